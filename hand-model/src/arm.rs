@@ -1,0 +1,119 @@
+//! The Kinova Gen3 arm, 7 joints: frames, limits and inertias of `data/gen3.toml`.
+
+use std::f64::consts::{FRAC_PI_2, PI};
+
+use nalgebra::{Isometry3, Matrix3, Point3, Vector3};
+use serde::Deserialize;
+
+use crate::ARM_JOINTS;
+use crate::hand::MassProperties;
+use crate::kinematics::{Joint, Tree, pose_from_xyz_rpy};
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct ArmFile {
+    #[allow(dead_code)]
+    version: u32,
+    #[allow(dead_code)]
+    name: String,
+    base_mass: f64,
+    tool_xyz: [f64; 3],
+    tool_rpy: [f64; 3],
+    joint: Vec<ArmJointFile>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct ArmJointFile {
+    name: String,
+    link: String,
+    xyz: [f64; 3],
+    rpy: [f64; 3],
+    continuous: bool,
+    #[serde(default)]
+    lower: f64,
+    #[serde(default)]
+    upper: f64,
+    velocity: f64,
+    effort: f64,
+    acceleration: f64,
+    mass: f64,
+    com: [f64; 3],
+    inertia: [f64; 6],
+}
+
+/// The arm; its root is `arm_base`.
+#[derive(Debug, Clone)]
+pub struct Arm {
+    /// Seven joints in a row.
+    pub tree: Tree,
+    /// Names of the seven links.
+    pub links: Vec<String>,
+    /// Speed limits, rad/s.
+    pub velocity_limits: [f64; ARM_JOINTS],
+    /// Acceleration limits, rad/s2.
+    pub acceleration_limits: [f64; ARM_JOINTS],
+    /// Continuous torque limits, N m.
+    pub effort_limits: [f64; ARM_JOINTS],
+    /// Mass properties of the seven moving links.
+    pub masses: Vec<MassProperties>,
+    /// Mass of the base, kg.
+    pub base_mass: f64,
+    /// Tool frame (where the hand is mounted) in the last link.
+    pub last_from_tool: Isometry3<f64>,
+}
+
+impl Arm {
+    /// The Gen3 as published.
+    ///
+    /// # Panics
+    /// Never in a tested build: the file is compiled in and a test reads it.
+    pub fn gen3() -> Self {
+        let file: ArmFile = toml::from_str(include_str!("../data/gen3.toml")).expect("the built-in arm is valid");
+        let joints = file
+            .joint
+            .iter()
+            .enumerate()
+            .map(|(i, joint)| Joint {
+                name: joint.name.clone(),
+                parent: i.checked_sub(1),
+                origin: pose_from_xyz_rpy(joint.xyz, joint.rpy),
+                axis: Vector3::z_axis(),
+                lower: if joint.continuous { f64::NEG_INFINITY } else { joint.lower },
+                upper: if joint.continuous { f64::INFINITY } else { joint.upper },
+            })
+            .collect();
+        let masses = file
+            .joint
+            .iter()
+            .map(|joint| {
+                let [xx, xy, xz, yy, yz, zz] = joint.inertia;
+                MassProperties {
+                    mass: joint.mass,
+                    com: Point3::from(Vector3::from(joint.com)),
+                    inertia: Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz),
+                }
+            })
+            .collect();
+        Self {
+            tree: Tree { joints },
+            links: file.joint.iter().map(|joint| joint.link.clone()).collect(),
+            velocity_limits: std::array::from_fn(|i| file.joint[i].velocity),
+            acceleration_limits: std::array::from_fn(|i| file.joint[i].acceleration),
+            effort_limits: std::array::from_fn(|i| file.joint[i].effort),
+            masses,
+            base_mass: file.base_mass,
+            last_from_tool: pose_from_xyz_rpy(file.tool_xyz, file.tool_rpy),
+        }
+    }
+
+    /// `base_from_tool` at joint angles `q` (rad).
+    pub fn tool_pose(&self, q: &[f64; ARM_JOINTS]) -> Isometry3<f64> {
+        self.tree.forward(q)[ARM_JOINTS - 1] * self.last_from_tool
+    }
+
+    /// The published "home" posture: tool horizontal, 0.43 m over the base plane.
+    pub fn home() -> [f64; ARM_JOINTS] {
+        [0.0, 0.26179939, PI, -2.26892803, 0.0, 0.95993109, FRAC_PI_2]
+    }
+}

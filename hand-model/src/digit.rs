@@ -1,0 +1,52 @@
+//! Digits and phalanges, in the order used everywhere: thumb, index, middle, ring, little; proximal to distal.
+
+use serde::{Deserialize, Serialize};
+
+/// One of the five digits. The discriminant is also the index of the digit's cable actuator.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Digit {
+    /// Thumb: CMC (opposition), PIP, DIP.
+    Thumb = 0,
+    /// Index finger.
+    Index = 1,
+    /// Middle finger.
+    Middle = 2,
+    /// Ring finger.
+    Ring = 3,
+    /// Little finger.
+    Little = 4,
+}
+
+impl Digit {
+    /// All digits in order.
+    pub const ALL: [Digit; 5] = [Digit::Thumb, Digit::Index, Digit::Middle, Digit::Ring, Digit::Little];
+
+    /// Index 0..5, which is also the index of the digit's cable.
+    pub fn index(self) -> usize {
+        self as usize
+    }
+
+    /// Indices of the digit's three joints in the hand's joint vector, proximal first.
+    pub fn joints(self) -> [usize; 3] {
+        let first = 3 * self.index();
+        [first, first + 1, first + 2]
+    }
+
+    /// Lower-case name as in the parameter file.
+    pub fn name(self) -> &'static str {
+        ["thumb", "index", "middle", "ring", "little"][self.index()]
+    }
+}
+
+/// A segment of a digit.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Phalanx {
+    /// First link (the thumb's metacarpal).
+    Proximal = 0,
+    /// Second link.
+    Middle = 1,
+    /// Third link, with the fingertip.
+    Distal = 2,
+}

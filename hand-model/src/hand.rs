@@ -1,0 +1,309 @@
+//! The hand built from its parameters: tree, covers, pads, cameras, transmission.
+
+use std::path::Path;
+
+use nalgebra::{Isometry3, Matrix3, Point3, Rotation3, Translation3, UnitQuaternion, Vector3};
+
+use crate::error::ModelError;
+use crate::kinematics::{Joint, Tree, pose_from_xyz_rpy};
+use crate::pads::{Camera, Pad};
+use crate::parameters::{Cover, Gel, HandParameters, Handedness, JointParameters, PadParameters};
+use crate::transmission::{CablePath, Guides, Transmission};
+
+/// A rounded box that stands for a link in contact.
+#[derive(Debug, Clone, Copy)]
+pub struct CoverShape {
+    /// `link_from_cover`.
+    pub link_from_cover: Isometry3<f64>,
+    /// Half extents with the rounding, m.
+    pub half: Vector3<f64>,
+    /// Rounding radius, m.
+    pub radius: f64,
+}
+
+/// Mass, centre of mass and inertia of a link.
+#[derive(Debug, Clone, Copy)]
+pub struct MassProperties {
+    /// kg.
+    pub mass: f64,
+    /// m, link frame.
+    pub com: Point3<f64>,
+    /// kg m2, about the centre of mass, link axes.
+    pub inertia: Matrix3<f64>,
+}
+
+/// The hand.
+#[derive(Debug, Clone)]
+pub struct Hand {
+    /// The parameters it was built from.
+    pub parameters: HandParameters,
+    /// 15 joints: thumb, index, middle, ring, little, proximal first. The root is the palm.
+    pub tree: Tree,
+    /// The palm's cover.
+    pub palm_cover: CoverShape,
+    /// A cover for each of the 15 links.
+    pub covers: Vec<CoverShape>,
+    /// Mass of the palm with the servo pack.
+    pub palm_mass: MassProperties,
+    /// Mass of each of the 15 links.
+    pub masses: Vec<MassProperties>,
+    /// The arm's tool frame in the palm frame.
+    pub palm_from_flange: Isometry3<f64>,
+    /// 17 pads.
+    pub pads: Vec<Pad>,
+    /// 18 cameras.
+    pub cameras: Vec<Camera>,
+    /// Cables, springs, opposition.
+    pub transmission: Transmission,
+}
+
+impl Hand {
+    /// The F-TAC Hand as shipped.
+    ///
+    /// # Panics
+    /// Never in a tested build: the parameter file is compiled in and a test reads it.
+    pub fn ftac() -> Self {
+        Self::parse(include_str!("../data/ftac_hand.toml"), Path::new("ftac_hand.toml")).expect("the built-in hand is valid")
+    }
+
+    /// Builds a hand from a parameter file's text; `path` is used in errors.
+    pub fn parse(text: &str, path: &Path) -> Result<Self, ModelError> {
+        Ok(Self::build(HandParameters::parse(text, path)?))
+    }
+
+    /// Reads a hand from a parameter file.
+    pub fn read(path: &Path) -> Result<Self, ModelError> {
+        Ok(Self::build(HandParameters::read(path)?))
+    }
+
+    fn build(mut parameters: HandParameters) -> Self {
+        if parameters.handedness == Handedness::Right {
+            mirror(&mut parameters);
+        }
+        let index = |name: &str| parameters.joint.iter().position(|joint| joint.name == name);
+        let joints: Vec<Joint> = parameters
+            .joint
+            .iter()
+            .map(|joint| Joint {
+                name: joint.name.clone(),
+                parent: index(&joint.parent),
+                origin: pose_from_xyz_rpy(joint.xyz, joint.rpy),
+                axis: Vector3::z_axis(),
+                lower: joint.lower,
+                upper: joint.upper,
+            })
+            .collect();
+        let guides = |joint: &JointParameters| Guides {
+            before: joint.guide_before.unwrap_or_default(),
+            after: joint.guide_after.unwrap_or_default(),
+        };
+        let cables = std::array::from_fn(|actuator| CablePath {
+            joints: parameters.actuator[actuator]
+                .cable
+                .iter()
+                .filter_map(|name| index(name))
+                .map(|joint| (joint, guides(&parameters.joint[joint])))
+                .collect(),
+        });
+        let opposition_joint = parameters.actuator[5].drives.as_deref().and_then(index).unwrap_or(0);
+        let (pads, cameras) = build_pads(&parameters);
+        let palm_body = box_mass(parameters.palm.mass, &parameters.palm.cover, Some(parameters.palm.com));
+        Self {
+            tree: Tree { joints },
+            palm_cover: cover_shape(&parameters.palm.cover),
+            covers: parameters.joint.iter().map(|joint| cover_shape(&joint.cover)).collect(),
+            palm_mass: with_point_mass(palm_body, parameters.palm.servo_pack_mass, parameters.palm.servo_pack_com),
+            masses: parameters.joint.iter().map(|joint| box_mass(joint.mass, &joint.cover, None)).collect(),
+            // The tool axis (z) runs along the fingers (y); the tool's y points out of the back of the hand.
+            palm_from_flange: Isometry3::from_parts(
+                Translation3::from(Vector3::from(parameters.palm.flange_xyz)),
+                UnitQuaternion::from_rotation_matrix(&Rotation3::from_basis_unchecked(&[
+                    -Vector3::x(),
+                    Vector3::z(),
+                    Vector3::y(),
+                ])),
+            ),
+            pads,
+            cameras,
+            transmission: Transmission {
+                cables,
+                opposition_joint,
+                springs: std::array::from_fn(|joint| parameters.joint[joint].spring),
+            },
+            parameters,
+        }
+    }
+
+    /// The elastomer of the pads.
+    pub fn gel(&self) -> Gel {
+        self.parameters.gel
+    }
+
+    /// `palm_from_pad` of all pads, given the link poses of [`Tree::forward`].
+    pub fn pad_poses(&self, links: &[Isometry3<f64>]) -> Vec<Isometry3<f64>> {
+        self.pads
+            .iter()
+            .map(|pad| pad.link.map_or(pad.link_from_pad, |link| links[link] * pad.link_from_pad))
+            .collect()
+    }
+
+    /// Index of the pad called `name`.
+    pub fn pad(&self, name: &str) -> Option<usize> {
+        self.pads.iter().position(|pad| pad.name == name)
+    }
+}
+
+fn cover_shape(cover: &Cover) -> CoverShape {
+    CoverShape {
+        link_from_cover: pose_from_xyz_rpy(cover.center, cover.rpy),
+        half: Vector3::from(cover.half),
+        radius: cover.radius,
+    }
+}
+
+/// Mass properties of a uniform box of the cover's size.
+fn box_mass(mass: f64, cover: &Cover, com: Option<[f64; 3]>) -> MassProperties {
+    let square: Vec<f64> = cover.half.iter().map(|half| half * half).collect();
+    let local = Matrix3::from_diagonal(&Vector3::new(square[1] + square[2], square[0] + square[2], square[0] + square[1])) * (mass / 3.0);
+    let rotation = pose_from_xyz_rpy(cover.center, cover.rpy).rotation.to_rotation_matrix();
+    MassProperties {
+        mass,
+        com: Point3::from(Vector3::from(com.unwrap_or(cover.center))),
+        inertia: rotation * local * rotation.transpose(),
+    }
+}
+
+/// Adds a point mass (parallel-axis theorem).
+fn with_point_mass(body: MassProperties, mass: f64, at: [f64; 3]) -> MassProperties {
+    let at = Vector3::from(at);
+    let total = body.mass + mass;
+    let com = (body.com.coords * body.mass + at * mass) / total;
+    let shifted = |m: f64, d: Vector3<f64>| (Matrix3::identity() * d.norm_squared() - d * d.transpose()) * m;
+    MassProperties {
+        mass: total,
+        com: Point3::from(com),
+        inertia: body.inertia + shifted(body.mass, body.com.coords - com) + shifted(mass, at - com),
+    }
+}
+
+fn build_pads(parameters: &HandParameters) -> (Vec<Pad>, Vec<Camera>) {
+    let mut pads = Vec::new();
+    let mut cameras = Vec::new();
+    for (index, pad) in parameters.pad.iter().enumerate() {
+        let configuration = parameters.configuration[&pad.configuration];
+        let link = parameters.joint.iter().position(|joint| joint.name == pad.link);
+        let cover = link.map_or(parameters.palm.cover, |link| parameters.joint[link].cover);
+        let first = cameras.len();
+        let h = configuration.h / configuration.cameras as f64;
+        for n in 0..configuration.cameras {
+            cameras.push(Camera {
+                name: if configuration.cameras == 1 { pad.name.clone() } else { format!("{}_{n}", pad.name) },
+                pad: index,
+                center_y: (n as f64 + 0.5) * h - 0.5 * configuration.h,
+                h,
+                w: configuration.w,
+            });
+        }
+        pads.push(Pad {
+            name: pad.name.clone(),
+            link,
+            configuration: pad.configuration.chars().next().unwrap_or('?'),
+            link_from_pad: pad_frame(pad),
+            h: configuration.h,
+            w: configuration.w,
+            edge_radius: cover.radius,
+            cameras: (first..cameras.len()).collect(),
+        });
+    }
+    (pads, cameras)
+}
+
+fn pad_frame(pad: &PadParameters) -> Isometry3<f64> {
+    let y = Vector3::from(pad.y).normalize();
+    let z = Vector3::from(pad.z);
+    let z = (z - y * z.dot(&y)).normalize();
+    Isometry3::from_parts(
+        Translation3::from(Vector3::from(pad.center)),
+        UnitQuaternion::from_rotation_matrix(&Rotation3::from_basis_unchecked(&[y.cross(&z), y, z])),
+    )
+}
+
+/// Mirrors every number in x of the palm frame. Link frames keep x along the phalanx and y palmar, so that only z (the axis)
+/// changes side: a rotation R becomes M R S with M = diag(-1, 1, 1) on the palm side and S = diag(1, 1, -1) on the link side.
+fn mirror(parameters: &mut HandParameters) {
+    let palm_side = Matrix3::from_diagonal(&Vector3::new(-1.0, 1.0, 1.0));
+    let link_side = Matrix3::from_diagonal(&Vector3::new(1.0, 1.0, -1.0));
+    let side = |name: &str| if name == "palm" { palm_side } else { link_side };
+    let flip = |m: &Matrix3<f64>, v: &mut [f64; 3]| *v = (m * Vector3::from(*v)).into();
+    flip(&palm_side, &mut parameters.palm.com);
+    flip(&palm_side, &mut parameters.palm.flange_xyz);
+    flip(&palm_side, &mut parameters.palm.servo_pack_com);
+    flip(&palm_side, &mut parameters.palm.cover.center);
+    for joint in &mut parameters.joint {
+        let parent = side(&joint.parent);
+        flip(&parent, &mut joint.xyz);
+        let rotation = Rotation3::from_euler_angles(joint.rpy[0], joint.rpy[1], joint.rpy[2]);
+        // A joint turning the other way about a mirrored axis is the same flexion, and link z is mirrored with it.
+        let mirrored = Rotation3::from_matrix_unchecked(parent * rotation.matrix() * link_side);
+        // The axis stays +z: mirror flips both the axis vector and the sense of rotation about it.
+        let (r, p, y) = mirrored.euler_angles();
+        joint.rpy = [r, p, y];
+        flip(&link_side, &mut joint.cover.center);
+        let cover = Rotation3::from_euler_angles(joint.cover.rpy[0], joint.cover.rpy[1], joint.cover.rpy[2]);
+        let (r, p, y) = Rotation3::from_matrix_unchecked(link_side * cover.matrix() * link_side).euler_angles();
+        joint.cover.rpy = [r, p, y];
+    }
+    for pad in &mut parameters.pad {
+        let m = side(&pad.link);
+        flip(&m, &mut pad.center);
+        flip(&m, &mut pad.y);
+        flip(&m, &mut pad.z);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn counts_of_the_paper() {
+        let hand = Hand::ftac();
+        assert_eq!((hand.tree.len(), hand.pads.len(), hand.cameras.len()), (15, 17, 18));
+        let area: f64 = hand.pads.iter().map(|pad| pad.h * pad.w).sum();
+        assert!((area * 1e4 - 155.0).abs() < 10.0, "155 cm2 of pads, found {} cm2", area * 1e4);
+    }
+
+    /// Every pad lies on its cover: the surface centre is on the cover's face to within 0.2 mm, normal outwards.
+    #[test]
+    fn pads_lie_on_covers() {
+        let hand = Hand::ftac();
+        for pad in &hand.pads {
+            let cover = pad.link.map_or(hand.palm_cover, |link| hand.covers[link]);
+            let center = cover.link_from_cover.inverse() * pad.link_from_pad * Point3::origin();
+            let normal = cover.link_from_cover.inverse() * pad.link_from_pad * Vector3::z();
+            let axis = normal.iamax();
+            assert!((center[axis] * normal[axis].signum() - cover.half[axis]).abs() < 2e-4, "{}: {center}", pad.name);
+        }
+    }
+
+    /// A right hand is the mirror image of the left one, at any posture.
+    #[test]
+    fn right_hand_mirrors_left() {
+        let text = include_str!("../data/ftac_hand.toml").replace("handedness = \"left\"", "handedness = \"right\"");
+        let right = Hand::parse(&text, Path::new("right.toml")).expect("valid");
+        let left = Hand::ftac();
+        let q: Vec<f64> = (0..15).map(|j| 0.1 + 0.07 * j as f64).collect();
+        let (l, r) = (left.tree.forward(&q), right.tree.forward(&q));
+        for (pad_left, pad_right) in left.pad_poses(&l).iter().zip(right.pad_poses(&r)) {
+            let (a, b) = (pad_left.translation.vector, pad_right.translation.vector);
+            assert!((Vector3::new(-a.x, a.y, a.z) - b).norm() < 1e-9, "{a} {b}");
+        }
+    }
+
+    #[test]
+    fn errors_name_file_element_and_field() {
+        let text = include_str!("../data/ftac_hand.toml").replacen("mass = 0.030207", "mass = 0.0", 1);
+        let error = Hand::parse(&text, Path::new("bad.toml")).expect_err("zero mass").to_string();
+        assert_eq!(error, "bad.toml: joint[thumb_1].mass: found 0, expected a positive mass in kg");
+    }
+}

@@ -1,0 +1,38 @@
+//! What the robot *is*: the F-TAC Hand's kinematic tree, cable transmission and tactile pads, the Kinova Gen3 arm, and the
+//! [`robot::Robot`] interface through which every controller drives every body.
+//!
+//! The story in order: [`parameters`] reads the one file with all numbers (`data/ftac_hand.toml`); [`hand`] turns it into a
+//! [`kinematics::Tree`] with covers, [`pads`] and a [`transmission`]; [`arm`] does the same for the Gen3; [`urdf`] writes both
+//! as URDF and reads any URDF back; [`robot`] says what a body measures and what it can be told.
+//!
+//! # Frames
+//! Right-handed, SI. `palm`: y towards the fingertips, x towards the thumb side, -z out of the palm. Link frames: x along the
+//! phalanx to the tip, y out of its palmar side, z the joint axis; a positive angle flexes. `pad/<name>`: origin in the
+//! centre of the sensing surface, y along the digit, z out of the surface. A pose `a_from_b` maps coordinates in b to a.
+
+pub mod arm;
+pub mod digit;
+pub mod error;
+pub mod hand;
+pub mod kinematics;
+pub mod pads;
+pub mod parameters;
+pub mod robot;
+pub mod transmission;
+pub mod urdf;
+
+pub use arm::Arm;
+pub use digit::{Digit, Phalanx};
+pub use error::ModelError;
+pub use hand::Hand;
+
+/// Number of arm joints (Kinova Gen3).
+pub const ARM_JOINTS: usize = 7;
+/// Number of finger joints.
+pub const HAND_JOINTS: usize = 15;
+/// Number of actuators: five cables and the thumb's opposition.
+pub const ACTUATORS: usize = 6;
+/// Number of tactile pads.
+pub const PADS: usize = 17;
+/// Number of tactile cameras: one a pad, two on the ulnar palm pad.
+pub const CAMERAS: usize = 18;

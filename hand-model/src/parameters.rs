@@ -1,0 +1,234 @@
+//! The parameter file: every number of the hand and the arm, as TOML, and the checks that make its errors helpful.
+
+use std::path::Path;
+
+use serde::Deserialize;
+
+use crate::error::ModelError;
+
+/// The whole of `ftac_hand.toml`. Field names are those of the file, which documents them.
+#[derive(Debug, Clone, Deserialize)]
+#[serde(deny_unknown_fields)]
+#[allow(missing_docs)]
+pub struct HandParameters {
+    pub version: u32,
+    pub name: String,
+    pub handedness: Handedness,
+    pub palm: Palm,
+    pub gel: Gel,
+    pub servo: Servo,
+    pub cable: Cable,
+    pub joint_defaults: JointDefaults,
+    pub joint: Vec<JointParameters>,
+    pub actuator: Vec<ActuatorParameters>,
+    pub configuration: std::collections::BTreeMap<String, Configuration>,
+    pub pad: Vec<PadParameters>,
+}
+
+/// Which hand it is; `Right` mirrors the model in x.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "lowercase")]
+#[allow(missing_docs)]
+pub enum Handedness {
+    Left,
+    Right,
+}
+
+/// A rounded box around a link: centre and half extents (m, the rounding included) in the link frame.
+#[derive(Debug, Clone, Copy, Deserialize)]
+#[serde(deny_unknown_fields)]
+#[allow(missing_docs)]
+pub struct Cover {
+    pub center: [f64; 3],
+    #[serde(default)]
+    pub rpy: [f64; 3],
+    pub half: [f64; 3],
+    pub radius: f64,
+}
+
+#[derive(Debug, Clone, Deserialize)]
+#[serde(deny_unknown_fields)]
+#[allow(missing_docs)]
+pub struct Palm {
+    pub mass: f64,
+    pub com: [f64; 3],
+    pub flange_xyz: [f64; 3],
+    pub servo_pack_mass: f64,
+    pub servo_pack_com: [f64; 3],
+    pub cover: Cover,
+}
+
+/// The elastomer of every pad.
+#[derive(Debug, Clone, Copy, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Gel {
+    /// Thickness, m.
+    pub thickness: f64,
+    /// Pressure per indentation (Winkler foundation), Pa/m.
+    pub stiffness: f64,
+}
+
+/// Servo figures at 11.1 V, output side.
+#[derive(Debug, Clone, Copy, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Servo {
+    /// Output torque per input current, N m/A.
+    pub torque_constant: f64,
+    /// N m.
+    pub stall_torque: f64,
+    /// rad/s.
+    pub no_load_speed: f64,
+    /// A.
+    pub current_limit: f64,
+    /// Encoder counts per turn.
+    pub encoder_counts: u32,
+    /// Rotor and gear inertia reflected to the output, kg m2.
+    pub rotor_inertia: f64,
+    /// Viscous loss at the output, N m s/rad.
+    pub damping: f64,
+    /// Servo turns per turn of the thumb's CMC joint.
+    pub gear_ratio_opposition: f64,
+}
+
+/// Cable and spool.
+#[derive(Debug, Clone, Copy, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Cable {
+    /// m.
+    pub spool_radius: f64,
+    /// Tension per stretch, N/m.
+    pub stiffness: f64,
+}
+
+#[derive(Debug, Clone, Copy, Deserialize)]
+#[serde(deny_unknown_fields)]
+#[allow(missing_docs)]
+pub struct JointDefaults {
+    pub damping: f64,
+    pub armature: f64,
+}
+
+#[derive(Debug, Clone, Deserialize)]
+#[serde(deny_unknown_fields)]
+#[allow(missing_docs)]
+pub struct JointParameters {
+    pub name: String,
+    pub parent: String,
+    pub xyz: [f64; 3],
+    pub rpy: [f64; 3],
+    pub lower: f64,
+    pub upper: f64,
+    pub mass: f64,
+    pub cover: Cover,
+    pub spring: f64,
+    pub guide_before: Option<[f64; 2]>,
+    pub guide_after: Option<[f64; 2]>,
+}
+
+#[derive(Debug, Clone, Deserialize)]
+#[serde(deny_unknown_fields)]
+#[allow(missing_docs)]
+pub struct ActuatorParameters {
+    pub name: String,
+    #[serde(default)]
+    pub cable: Vec<String>,
+    pub drives: Option<String>,
+}
+
+/// A sensor configuration of the paper's table.
+#[derive(Debug, Clone, Copy, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Configuration {
+    /// Size along the digit, m.
+    pub h: f64,
+    /// Size across, m.
+    pub w: f64,
+    /// Number of cameras behind the pad.
+    pub cameras: usize,
+}
+
+#[derive(Debug, Clone, Deserialize)]
+#[serde(deny_unknown_fields)]
+#[allow(missing_docs)]
+pub struct PadParameters {
+    pub name: String,
+    pub link: String,
+    pub configuration: String,
+    pub center: [f64; 3],
+    pub y: [f64; 3],
+    pub z: [f64; 3],
+}
+
+impl HandParameters {
+    /// Parses and checks a parameter file's text; `path` is only used in errors.
+    pub fn parse(text: &str, path: &Path) -> Result<Self, ModelError> {
+        let parameters: Self = toml::from_str(text)
+            .map_err(|error| ModelError::Syntax { path: path.into(), message: error.to_string() })?;
+        parameters.check(path)?;
+        Ok(parameters)
+    }
+
+    /// Reads and checks a parameter file.
+    pub fn read(path: &Path) -> Result<Self, ModelError> {
+        let text = std::fs::read_to_string(path).map_err(|source| ModelError::Io { path: path.into(), source })?;
+        Self::parse(&text, path)
+    }
+
+    fn check(&self, path: &Path) -> Result<(), ModelError> {
+        let fault = |element: String, field: &str, found: String, expected: &str| ModelError::Field {
+            path: path.into(),
+            element,
+            field: field.into(),
+            found,
+            expected: expected.into(),
+        };
+        if self.version != 1 {
+            return Err(fault("file".into(), "version", self.version.to_string(), "1"));
+        }
+        if self.joint.len() != crate::HAND_JOINTS {
+            return Err(fault("file".into(), "joint", format!("{} joints", self.joint.len()), "15 joints"));
+        }
+        if self.actuator.len() != crate::ACTUATORS {
+            return Err(fault("file".into(), "actuator", format!("{} actuators", self.actuator.len()), "6 actuators"));
+        }
+        if self.pad.len() != crate::PADS {
+            return Err(fault("file".into(), "pad", format!("{} pads", self.pad.len()), "17 pads"));
+        }
+        let mut known = vec!["palm"];
+        for joint in &self.joint {
+            let element = || format!("joint[{}]", joint.name);
+            if !known.contains(&joint.parent.as_str()) {
+                return Err(fault(element(), "parent", format!("`{}`", joint.parent), "the palm or a joint defined above"));
+            }
+            if joint.mass.is_nan() || joint.mass <= 0.0 {
+                return Err(fault(element(), "mass", joint.mass.to_string(), "a positive mass in kg"));
+            }
+            if joint.lower.is_nan() || joint.upper.is_nan() || joint.lower >= joint.upper {
+                return Err(fault(element(), "lower", joint.lower.to_string(), "less than `upper`"));
+            }
+            if joint.spring.is_nan() || joint.spring <= 0.0 {
+                return Err(fault(element(), "spring", joint.spring.to_string(), "a positive stiffness in N m/rad"));
+            }
+            known.push(&joint.name);
+        }
+        for actuator in &self.actuator {
+            for name in actuator.cable.iter().chain(&actuator.drives) {
+                let Some(joint) = self.joint.iter().find(|joint| &joint.name == name) else {
+                    return Err(fault(format!("actuator[{}]", actuator.name), "cable", format!("`{name}`"), "the name of a joint"));
+                };
+                if actuator.drives.is_none() && (joint.guide_before.is_none() || joint.guide_after.is_none()) {
+                    return Err(fault(format!("joint[{name}]"), "guide_before/guide_after", "none".into(), "two guide points, because a cable crosses this joint"));
+                }
+            }
+        }
+        for pad in &self.pad {
+            if !known.contains(&pad.link.as_str()) {
+                return Err(fault(format!("pad[{}]", pad.name), "link", format!("`{}`", pad.link), "the palm or a joint's link"));
+            }
+            if !self.configuration.contains_key(&pad.configuration) {
+                return Err(fault(format!("pad[{}]", pad.name), "configuration", format!("`{}`", pad.configuration), "one of the [configuration] table"));
+            }
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,221 @@
+//! URDF out and in: the hand's and the arm's URDF are generated from their parameters and checked in (`data/*.urdf`); any
+//! URDF can be read back into a [`Tree`] with errors that name file, element and field.
+
+use std::fmt::Write as _;
+use std::path::Path;
+
+use nalgebra::{Isometry3, Unit, Vector3};
+
+use crate::error::ModelError;
+use crate::hand::MassProperties;
+use crate::kinematics::{Joint, Tree, pose_from_xyz_rpy};
+use crate::{Arm, Hand};
+
+/// The hand as URDF text. The root link is `palm`; covers are boxes.
+pub fn hand_urdf(hand: &Hand) -> String {
+    let mut out = header(&hand.parameters.name);
+    link(&mut out, "palm", Some(&hand.palm_mass), Some((&hand.palm_cover.link_from_cover, hand.palm_cover.half)));
+    for (i, joint) in hand.tree.joints.iter().enumerate() {
+        let cover = &hand.covers[i];
+        link(&mut out, &joint.name, Some(&hand.masses[i]), Some((&cover.link_from_cover, cover.half)));
+        let parent = joint.parent.map_or("palm", |parent| hand.tree.joints[parent].name.as_str());
+        joint_element(&mut out, &format!("{}_joint", joint.name), joint, parent, &joint.name, (5.0, 6.8));
+    }
+    for pad in &hand.pads {
+        let parent = pad.link.map_or("palm", |link| hand.tree.joints[link].name.as_str());
+        link(&mut out, &format!("pad_{}", pad.name), None, None);
+        fixed(&mut out, &format!("pad_{}_joint", pad.name), &pad.link_from_pad, parent, &format!("pad_{}", pad.name));
+    }
+    out.push_str("</robot>\n");
+    out
+}
+
+/// The arm as URDF text. The root link is `base_link`, the tool frame `end_effector_link`.
+pub fn arm_urdf(arm: &Arm) -> String {
+    let mut out = header("gen3");
+    link(&mut out, "base_link", None, None);
+    for (i, joint) in arm.tree.joints.iter().enumerate() {
+        link(&mut out, &arm.links[i], Some(&arm.masses[i]), None);
+        let parent = i.checked_sub(1).map_or("base_link", |parent| arm.links[parent].as_str());
+        joint_element(&mut out, &joint.name, joint, parent, &arm.links[i], (arm.effort_limits[i], arm.velocity_limits[i]));
+    }
+    link(&mut out, "end_effector_link", None, None);
+    fixed(&mut out, "end_effector", &arm.last_from_tool, &arm.links[6], "end_effector_link");
+    out.push_str("</robot>\n");
+    out
+}
+
+fn header(name: &str) -> String {
+    format!("<?xml version=\"1.0\"?>\n<!-- Generated from the parameter file by `cargo test -p hand-model`; do not edit. -->\n<robot name=\"{name}\">\n")
+}
+
+fn origin(pose: &Isometry3<f64>) -> String {
+    let t = pose.translation.vector;
+    let (r, p, y) = pose.rotation.euler_angles();
+    format!("<origin xyz=\"{:.9} {:.9} {:.9}\" rpy=\"{r:.9} {p:.9} {y:.9}\"/>", t.x, t.y, t.z)
+}
+
+fn link(out: &mut String, name: &str, mass: Option<&MassProperties>, cover: Option<(&Isometry3<f64>, Vector3<f64>)>) {
+    let _ = writeln!(out, "  <link name=\"{name}\">");
+    if let Some(m) = mass {
+        let i = &m.inertia;
+        let _ = writeln!(
+            out,
+            "    <inertial><origin xyz=\"{:.9} {:.9} {:.9}\" rpy=\"0 0 0\"/><mass value=\"{:.9}\"/><inertia ixx=\"{:.6e}\" ixy=\"{:.6e}\" ixz=\"{:.6e}\" iyy=\"{:.6e}\" iyz=\"{:.6e}\" izz=\"{:.6e}\"/></inertial>",
+            m.com.x, m.com.y, m.com.z, m.mass, i[(0, 0)], i[(0, 1)], i[(0, 2)], i[(1, 1)], i[(1, 2)], i[(2, 2)]
+        );
+    }
+    if let Some((pose, half)) = cover {
+        for tag in ["visual", "collision"] {
+            let _ = writeln!(
+                out,
+                "    <{tag}>{}<geometry><box size=\"{:.6} {:.6} {:.6}\"/></geometry></{tag}>",
+                origin(pose),
+                2.0 * half.x,
+                2.0 * half.y,
+                2.0 * half.z
+            );
+        }
+    }
+    out.push_str("  </link>\n");
+}
+
+fn joint_element(out: &mut String, name: &str, joint: &Joint, parent: &str, child: &str, (effort, velocity): (f64, f64)) {
+    let continuous = joint.lower.is_infinite();
+    let kind = if continuous { "continuous" } else { "revolute" };
+    let range = if continuous { String::new() } else { format!("lower=\"{:.9}\" upper=\"{:.9}\" ", joint.lower, joint.upper) };
+    let _ = writeln!(
+        out,
+        "  <joint name=\"{name}\" type=\"{kind}\">{}<parent link=\"{parent}\"/><child link=\"{child}\"/><axis xyz=\"0 0 1\"/><limit {range}effort=\"{effort}\" velocity=\"{velocity}\"/></joint>",
+        origin(&joint.origin)
+    );
+}
+
+fn fixed(out: &mut String, name: &str, pose: &Isometry3<f64>, parent: &str, child: &str) {
+    let _ = writeln!(out, "  <joint name=\"{name}\" type=\"fixed\">{}<parent link=\"{parent}\"/><child link=\"{child}\"/></joint>", origin(pose));
+}
+
+/// Reads the movable joints of a URDF into a tree, fixed joints folded into the frames. `expected` names joints that must be
+/// there. Link inertias are checked: a moving link without mass breaks any dynamics engine.
+pub fn read_tree(path: &Path, expected: &[&str]) -> Result<Tree, ModelError> {
+    let text = std::fs::read_to_string(path).map_err(|source| ModelError::Io { path: path.into(), source })?;
+    parse_tree(&text, path, expected)
+}
+
+/// As [`read_tree`], from text.
+pub fn parse_tree(text: &str, path: &Path, expected: &[&str]) -> Result<Tree, ModelError> {
+    let robot = urdf_rs::read_from_string(text).map_err(|error| ModelError::Syntax { path: path.into(), message: error.to_string() })?;
+    let fault = |element: String, field: &str, found: String, expected: &str| ModelError::Field {
+        path: path.into(),
+        element,
+        field: field.into(),
+        found,
+        expected: expected.into(),
+    };
+    for name in expected {
+        if !robot.joints.iter().any(|joint| joint.name == *name) {
+            return Err(fault("robot".into(), "joint", format!("no joint `{name}`"), &format!("a joint named `{name}`")));
+        }
+    }
+    let linked = |name: &str| robot.links.iter().find(|link| link.name == name);
+    for joint in &robot.joints {
+        for (field, name) in [("parent", &joint.parent.link), ("child", &joint.child.link)] {
+            if linked(name).is_none() {
+                return Err(fault(format!("joint[{}]", joint.name), field, format!("`{name}`"), "the name of a <link> in this file"));
+            }
+        }
+        let moving = joint.joint_type != urdf_rs::JointType::Fixed;
+        if moving && linked(&joint.child.link).is_some_and(|link| link.inertial.mass.value <= 0.0) {
+            return Err(fault(format!("link[{}]", joint.child.link), "inertial.mass", "0".into(), "a positive mass in kg on a link that a joint moves"));
+        }
+    }
+    let mut roots = robot.links.iter().filter(|link| !robot.joints.iter().any(|joint| joint.child.link == link.name));
+    let Some(root) = roots.next() else {
+        return Err(fault("robot".into(), "joint", "a loop: every link is some joint's child".into(), "one root link"));
+    };
+    let mut joints = Vec::new();
+    // Breadth first from the root; each entry is (link, index of the last movable joint, pose of the link in that joint).
+    let mut open = std::collections::VecDeque::from([(root.name.clone(), None::<usize>, Isometry3::identity())]);
+    while let Some((name, parent, pose)) = open.pop_front() {
+        for joint in robot.joints.iter().filter(|joint| joint.parent.link == name) {
+            let origin = pose * pose_from_xyz_rpy(joint.origin.xyz.0, joint.origin.rpy.0);
+            match joint.joint_type {
+                urdf_rs::JointType::Fixed => open.push_back((joint.child.link.clone(), parent, origin)),
+                urdf_rs::JointType::Revolute | urdf_rs::JointType::Continuous => {
+                    let continuous = joint.joint_type == urdf_rs::JointType::Continuous;
+                    joints.push(Joint {
+                        name: joint.name.clone(),
+                        parent,
+                        origin,
+                        axis: Unit::new_normalize(Vector3::from(joint.axis.xyz.0)),
+                        lower: if continuous { f64::NEG_INFINITY } else { joint.limit.lower },
+                        upper: if continuous { f64::INFINITY } else { joint.limit.upper },
+                    });
+                    open.push_back((joint.child.link.clone(), Some(joints.len() - 1), Isometry3::identity()));
+                }
+                ref other => {
+                    return Err(fault(format!("joint[{}]", joint.name), "type", format!("{other:?}"), "revolute, continuous or fixed"));
+                }
+            }
+        }
+    }
+    let movable = robot.joints.iter().filter(|joint| joint.joint_type != urdf_rs::JointType::Fixed).count();
+    if joints.len() != movable {
+        return Err(fault("robot".into(), "joint", format!("{} of {movable} joints reachable from `{}`", joints.len(), root.name), "one connected tree without loops"));
+    }
+    Ok(Tree { joints })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn data(name: &str) -> std::path::PathBuf {
+        Path::new(env!("CARGO_MANIFEST_DIR")).join("data").join(name)
+    }
+
+    /// The checked-in URDFs are the generated ones. Run with `FTAC_UPDATE_URDF=1` to write them anew.
+    #[test]
+    fn checked_in_urdfs_are_current() {
+        for (name, text) in [("ftac_hand.urdf", hand_urdf(&Hand::ftac())), ("gen3.urdf", arm_urdf(&Arm::gen3()))] {
+            if std::env::var_os("FTAC_UPDATE_URDF").is_some() {
+                std::fs::write(data(name), &text).expect("write the URDF");
+            }
+            assert_eq!(std::fs::read_to_string(data(name)).expect("checked-in URDF"), text, "{name} is out of date");
+        }
+    }
+
+    /// Read back, both URDFs give the same forward kinematics as the parameter files.
+    #[test]
+    fn urdf_round_trip() {
+        let hand = Hand::ftac();
+        let read = read_tree(&data("ftac_hand.urdf"), &["thumb_1_joint", "little_3_joint"]).expect("readable");
+        assert_eq!(read.len(), 15);
+        let q: Vec<f64> = (0..15).map(|j| 0.05 + 0.09 * j as f64).collect();
+        // The file is walked breadth first: match the joints by name.
+        let by_name: Vec<usize> = read.joints.iter().map(|joint| hand.tree.find(joint.name.trim_end_matches("_joint")).expect("known joint")).collect();
+        let reordered: Vec<f64> = by_name.iter().map(|&j| q[j]).collect();
+        let (ours, theirs) = (hand.tree.forward(&q), read.forward(&reordered));
+        for (i, &j) in by_name.iter().enumerate() {
+            assert!((ours[j].translation.vector - theirs[i].translation.vector).norm() < 1e-7);
+        }
+        let arm = read_tree(&data("gen3.urdf"), &[]).expect("readable");
+        let home = Arm::home();
+        let difference = arm.forward(&home)[6].translation.vector - Arm::gen3().tree.forward(&home)[6].translation.vector;
+        assert!(difference.norm() < 1e-6);
+    }
+
+    #[test]
+    fn a_missing_joint_is_named() {
+        let text = hand_urdf(&Hand::ftac());
+        let error = parse_tree(&text, Path::new("hand.urdf"), &["sixth_finger"]).expect_err("missing").to_string();
+        assert_eq!(error, "hand.urdf: robot.joint: found no joint `sixth_finger`, expected a joint named `sixth_finger`");
+    }
+
+    #[test]
+    fn a_massless_link_is_named() {
+        let text = hand_urdf(&Hand::ftac()).replacen("<mass value=\"0.030207000\"/>", "<mass value=\"0\"/>", 1);
+        let error = parse_tree(&text, Path::new("hand.urdf"), &[]).expect_err("zero mass").to_string();
+        assert!(error.starts_with("hand.urdf: link[thumb_1].inertial.mass: found 0"), "{error}");
+    }
+}

@@ -1,0 +1,2 @@
+//! The `ftac` program.
+fn main() {}
