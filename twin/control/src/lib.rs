@@ -1,1 +1,13 @@
-//! Under construction.
+//! What moves the robot: arm servoing, Cartesian paths, and the geometric check of a planned motion.
+//!
+//! [`executive`] runs a trial tick by tick; [`inverse_kinematics`] turns palm poses into joint set-points that never jump and never leave the arm's limits;
+//! [`trajectory`] makes palm paths that hold Cartesian speed and acceleration limits; [`collision`] says how close the
+//! hand and what it holds come to what stands around them along such a path.
+
+pub mod collision;
+pub mod executive;
+pub mod inverse_kinematics;
+pub mod trajectory;
+
+/// A twist: linear velocity (m/s) of the moving frame's origin, then angular velocity (rad/s), both in world axes.
+pub type Twist = nalgebra::Vector6<f64>;

@@ -1,0 +1,248 @@
+//! Arm and hand as one reduced-coordinate multibody, and the generalized forces on it.
+//!
+//! Every force on a joint goes in as an implicit spring whose rest angle is shifted so that the force at the present angle is
+//! the wanted one: rest = q + tau / K. The arm's spring is its position controller (with gravity compensation and torque
+//! clamp), a finger's is its torsion spring stiffened by the cable's own elasticity.
+
+use hand_model::hand::{CoverShape, MassProperties};
+use hand_model::{ARM_JOINTS, Arm, HAND_JOINTS, Hand};
+use nalgebra::{Isometry3, Vector3};
+use rapier3d_f64::prelude::*;
+
+use crate::convert;
+use crate::engine::Engine;
+
+/// Arm joint stiffness N m/rad and damping N m s/rad of the low-level position control.
+const ARM_STIFFNESS: [f64; ARM_JOINTS] = [2000.0, 2000.0, 2000.0, 2000.0, 500.0, 500.0, 500.0];
+const ARM_DAMPING: [f64; ARM_JOINTS] = [100.0, 100.0, 100.0, 100.0, 50.0, 50.0, 50.0];
+/// Radius of the capsules that stand for the arm's wrist links against the table, m.
+const WRIST_RADIUS: f64 = 0.040;
+
+/// Collision groups: the hand, the arm's wrist, objects, table.
+pub mod groups {
+    use rapier3d_f64::prelude::Group;
+    /// Palm and phalanges.
+    pub const HAND: Group = Group::GROUP_1;
+    /// Wrist capsules of the arm.
+    pub const ARM: Group = Group::GROUP_2;
+    /// Objects.
+    pub const OBJECT: Group = Group::GROUP_3;
+    /// Table.
+    pub const TABLE: Group = Group::GROUP_4;
+}
+
+/// Handles of the multibody.
+#[derive(Clone)]
+pub struct RobotBody {
+    links: Vec<RigidBodyHandle>,
+    joints: Vec<MultibodyJointHandle>,
+    /// Palm cover, then the 15 link covers.
+    pub covers: Vec<ColliderHandle>,
+    masses: Vec<MassProperties>,
+    link_of_mass: Vec<usize>,
+}
+
+/// Joint angles and speeds, arm then hand.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct JointState {
+    /// Arm angles, rad.
+    pub arm: [f64; ARM_JOINTS],
+    /// Arm speeds, rad/s.
+    pub arm_speed: [f64; ARM_JOINTS],
+    /// Finger angles, rad.
+    pub hand: [f64; HAND_JOINTS],
+    /// Finger speeds, rad/s.
+    pub hand_speed: [f64; HAND_JOINTS],
+}
+
+fn revolute(origin: &Isometry3<f64>, limits: [f64; 2]) -> GenericJoint {
+    // rapier's revolute joints turn about the frame's x; ours about z.
+    let z_as_x = Rotation::from_rotation_arc(Vector::X, Vector::Z);
+    let frame1 = convert::pose(origin) * Pose::from_rotation(z_as_x);
+    let mut builder = GenericJointBuilder::new(JointAxesMask::LOCKED_REVOLUTE_AXES)
+        .local_frame1(frame1)
+        .local_frame2(Pose::from_rotation(z_as_x))
+        .contacts_enabled(false)
+        .softness(SpringCoefficients::new(240.0, 5.0));
+    if limits[0].is_finite() {
+        builder = builder.limits(JointAxis::AngX, limits);
+    }
+    builder.build()
+}
+
+fn cover_collider(cover: &CoverShape, friction: f64) -> ColliderBuilder {
+    let inner = cover.half.add_scalar(-cover.radius);
+    ColliderBuilder::round_cuboid(inner.x, inner.y, inner.z, cover.radius)
+        .position(convert::pose(&cover.link_from_cover))
+        .density(0.0)
+        .friction(friction)
+        .friction_combine_rule(CoefficientCombineRule::Max)
+        .collision_groups(InteractionGroups::all().with_memberships(groups::HAND).with_filter(groups::HAND | groups::OBJECT | groups::TABLE))
+}
+
+fn link_body(world: &Isometry3<f64>, mass: &MassProperties) -> RigidBodyBuilder {
+    RigidBodyBuilder::dynamic()
+        .pose(convert::pose(world))
+        .can_sleep(false)
+        .additional_mass_properties(rapier3d_f64::prelude::MassProperties::with_inertia_matrix(
+            convert::point(&mass.com),
+            mass.mass,
+            convert::matrix(&mass.inertia),
+        ))
+}
+
+impl RobotBody {
+    /// Adds arm (at `world_from_base`) and hand to the engine at the given angles.
+    pub fn insert(engine: &mut Engine, arm: &Arm, hand: &Hand, world_from_base: &Isometry3<f64>, arm_q: &[f64; ARM_JOINTS]) -> Self {
+        let friction = engine.settings.hand_friction;
+        let arm_poses = arm.tree.forward(arm_q);
+        let base = engine.bodies.insert(RigidBodyBuilder::fixed().pose(convert::pose(world_from_base)));
+        let mut links = Vec::new();
+        let mut joints = Vec::new();
+        let mut masses = Vec::new();
+        let last_from_palm = arm.last_from_tool * hand.palm_from_flange.inverse();
+        let mut parent = base;
+        for i in 0..ARM_JOINTS {
+            let mut mass = arm.masses[i];
+            if i == ARM_JOINTS - 1 {
+                // Bracelet, servo pack and palm are one rigid link.
+                mass = merge(&mass, &hand.palm_mass, &last_from_palm);
+            }
+            let body = engine.bodies.insert(link_body(&(world_from_base * arm_poses[i]), &mass));
+            let joint = &arm.tree.joints[i];
+            let handle = engine.multibodies.insert(parent, body, revolute(&joint.origin, [joint.lower, joint.upper]), true);
+            joints.extend(handle);
+            links.push(body);
+            masses.push(mass);
+            parent = body;
+        }
+        let palm_link = parent;
+        let mut palm_cover = hand.palm_cover;
+        palm_cover.link_from_cover = last_from_palm * palm_cover.link_from_cover;
+        let mut covers = vec![engine.colliders.insert_with_parent(cover_collider(&palm_cover, friction), palm_link, &mut engine.bodies)];
+        for (link, length) in [(4usize, 0.10593), (5, 0.10593), (6, 0.0615)] {
+            let capsule = ColliderBuilder::capsule_from_endpoints(Vector::ZERO, if link == 5 { Vector::new(0.0, -length, 0.0) } else { Vector::new(0.0, 0.0, -length) }, WRIST_RADIUS)
+                .density(0.0)
+                .collision_groups(InteractionGroups::all().with_memberships(groups::ARM).with_filter(groups::TABLE | groups::OBJECT));
+            engine.colliders.insert_with_parent(capsule, links[link], &mut engine.bodies);
+        }
+        let world_from_palm = world_from_base * arm_poses[ARM_JOINTS - 1] * last_from_palm;
+        let hand_poses = hand.tree.forward(&[0.0; HAND_JOINTS]);
+        let mut hand_links: Vec<RigidBodyHandle> = Vec::new();
+        for (i, joint) in hand.tree.joints.iter().enumerate() {
+            let body = engine.bodies.insert(link_body(&(world_from_palm * hand_poses[i]), &hand.masses[i]));
+            let (parent, origin) = match joint.parent {
+                Some(parent) => (hand_links[parent], joint.origin),
+                None => (palm_link, last_from_palm * joint.origin),
+            };
+            joints.extend(engine.multibodies.insert(parent, body, revolute(&origin, [joint.lower, joint.upper]), true));
+            covers.push(engine.colliders.insert_with_parent(cover_collider(&hand.covers[i], friction), body, &mut engine.bodies));
+            hand_links.push(body);
+            masses.push(hand.masses[i]);
+        }
+        links.extend(&hand_links);
+        let link_of_mass = (0..links.len()).collect();
+        let mut robot = Self { links, joints, covers, masses, link_of_mass };
+        robot.initialise(engine, hand, arm_q);
+        robot
+    }
+
+    fn initialise(&mut self, engine: &mut Engine, hand: &Hand, arm_q: &[f64; ARM_JOINTS]) {
+        let defaults = hand.parameters.joint_defaults;
+        let bodies = &engine.bodies;
+        let Some((multibody, _)) = engine.multibodies.get_mut(self.joints[0]) else { return };
+        multibody.set_self_contacts_enabled(true);
+        // A fixed root first appears as a free one; this settles the degrees of freedom.
+        multibody.forward_kinematics(bodies, true);
+        for (i, damping) in ARM_DAMPING.iter().enumerate() {
+            multibody.damping_mut()[i] = *damping;
+            multibody.armature_mut()[i] = 0.1;
+        }
+        for i in ARM_JOINTS..ARM_JOINTS + HAND_JOINTS {
+            multibody.damping_mut()[i] = defaults.damping;
+            multibody.armature_mut()[i] = defaults.armature;
+        }
+        let mut displacement = vec![0.0; ARM_JOINTS + HAND_JOINTS];
+        displacement[..ARM_JOINTS].copy_from_slice(arm_q);
+        multibody.apply_displacements(&displacement);
+        multibody.forward_kinematics(bodies, false);
+        multibody.update_rigid_bodies(&mut engine.bodies, true);
+    }
+
+    /// Joint angles and speeds as they are.
+    pub fn joint_state(&self, engine: &Engine) -> JointState {
+        let mut state = JointState { arm: [0.0; ARM_JOINTS], arm_speed: [0.0; ARM_JOINTS], hand: [0.0; HAND_JOINTS], hand_speed: [0.0; HAND_JOINTS] };
+        let Some((multibody, _)) = engine.multibodies.get(self.joints[0]) else { return state };
+        let speeds = multibody.generalized_velocity();
+        for (i, handle) in self.joints.iter().enumerate() {
+            let Some((_, link)) = engine.multibodies.get(*handle) else { continue };
+            let Some(link) = multibody.link(link) else { continue };
+            let angle = link.joint.coords()[3];
+            if i < ARM_JOINTS {
+                state.arm[i] = angle;
+                state.arm_speed[i] = speeds[i];
+            } else {
+                state.hand[i - ARM_JOINTS] = angle;
+                state.hand_speed[i - ARM_JOINTS] = speeds[i];
+            }
+        }
+        state
+    }
+
+    /// World poses of the 7 arm links and the 15 hand links.
+    pub fn link_poses(&self, engine: &Engine) -> Vec<Isometry3<f64>> {
+        self.links.iter().map(|link| convert::to_pose(engine.bodies[*link].position())).collect()
+    }
+
+    /// Torques that hold arm and hand (not what it carries) against gravity, N m.
+    pub fn gravity_torques(&self, poses: &[Isometry3<f64>]) -> [f64; ARM_JOINTS] {
+        let mut torques = [0.0; ARM_JOINTS];
+        for (mass, link) in self.masses.iter().zip(&self.link_of_mass) {
+            let com = poses[*link] * mass.com;
+            let weight = Vector3::new(0.0, 0.0, -9.81 * mass.mass);
+            for (joint, torque) in torques.iter_mut().enumerate().take((*link + 1).min(ARM_JOINTS)) {
+                let axis = poses[joint] * Vector3::z();
+                *torque -= axis.dot(&(com.coords - poses[joint].translation.vector).cross(&weight));
+            }
+        }
+        torques
+    }
+
+    /// Sets the arm's controller for the next step: position and speed set-points, gravity torques, clamped to `limits`.
+    /// Returns the commanded torques, N m.
+    pub fn drive_arm(&self, engine: &mut Engine, state: &JointState, goal: &[f64; ARM_JOINTS], goal_speed: &[f64; ARM_JOINTS], gravity: &[f64; ARM_JOINTS], limits: &[f64; ARM_JOINTS]) -> [f64; ARM_JOINTS] {
+        std::array::from_fn(|i| {
+            let (k, d) = (ARM_STIFFNESS[i], ARM_DAMPING[i]);
+            // Damping itself acts in the engine on the joint's speed; feed the wanted speed forward here.
+            let torque = (k * (goal[i] - state.arm[i]) + d * goal_speed[i] + gravity[i]).clamp(-limits[i], limits[i]);
+            self.set_torque(engine, i, state.arm[i], torque, k);
+            torque - d * state.arm_speed[i]
+        })
+    }
+
+    /// Sets a finger joint's torque for the next step, with an implicit stiffness.
+    pub fn drive_finger(&self, engine: &mut Engine, state: &JointState, joint: usize, torque: f64, stiffness: f64) {
+        self.set_torque(engine, ARM_JOINTS + joint, state.hand[joint], torque, stiffness);
+    }
+
+    fn set_torque(&self, engine: &mut Engine, index: usize, angle: f64, torque: f64, stiffness: f64) {
+        if let Some((multibody, link)) = engine.multibodies.get_mut(self.joints[index])
+            && let Some(link) = multibody.link_mut(link)
+        {
+            link.joint.set_spring(3, stiffness, angle + torque / stiffness);
+        }
+    }
+}
+
+fn merge(a: &MassProperties, b: &MassProperties, a_from_b: &Isometry3<f64>) -> MassProperties {
+    let rotation = a_from_b.rotation.to_rotation_matrix();
+    let com_b = a_from_b * b.com;
+    let mass = a.mass + b.mass;
+    let com = (a.com.coords * a.mass + com_b.coords * b.mass) / mass;
+    let shift = |m: f64, d: Vector3<f64>| (nalgebra::Matrix3::identity() * d.norm_squared() - d * d.transpose()) * m;
+    MassProperties {
+        mass,
+        com: com.into(),
+        inertia: a.inertia + shift(a.mass, a.com.coords - com) + rotation * b.inertia * rotation.transpose() + shift(b.mass, com_b.coords - com),
+    }
+}

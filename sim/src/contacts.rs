@@ -1,0 +1,45 @@
+//! Who touches whom, where and how hard, read from the solver's manifolds.
+
+use nalgebra::{Point3, Vector3};
+use rapier3d_f64::prelude::*;
+
+use crate::convert;
+use crate::engine::Engine;
+
+/// One contact point of a collider.
+#[derive(Debug, Clone, Copy)]
+pub struct ContactPoint {
+    /// The collider on the other side.
+    pub other: ColliderHandle,
+    /// World position, m.
+    pub point: Point3<f64>,
+    /// Unit normal from this collider to the other.
+    pub normal: Vector3<f64>,
+    /// Normal force, N.
+    pub force: f64,
+}
+
+/// All loaded contact points of `collider`.
+pub fn contacts_of(engine: &Engine, collider: ColliderHandle) -> Vec<ContactPoint> {
+    let dt = engine.settings.dt;
+    let mut found = Vec::new();
+    for pair in engine.narrow_phase.contact_pairs_with(collider) {
+        let first = pair.collider1 == collider;
+        let other = if first { pair.collider2 } else { pair.collider1 };
+        for manifold in pair.solver_manifolds() {
+            let normal = convert::to_vector(manifold.data.normal) * if first { 1.0 } else { -1.0 };
+            for contact in &manifold.data.solver_contacts {
+                let index = contact.contact_indices()[0] as usize;
+                let Some(point) = manifold.points.get(index) else { continue };
+                let force = point.data.impulse / dt;
+                if force <= 0.0 {
+                    continue;
+                }
+                let (a, b) = manifold.data.solver_contact_world_points(contact, &engine.bodies);
+                let middle = (convert::to_vector(a) + convert::to_vector(b)) * 0.5;
+                found.push(ContactPoint { other, point: middle.into(), normal, force });
+            }
+        }
+    }
+    found
+}

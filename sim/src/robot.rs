@@ -1,0 +1,375 @@
+//! The simulated body behind [`hand_model::robot::Robot`], and the side door to ground truth.
+
+use std::sync::Arc;
+
+use hand_model::robot::{ArmState, Command, Observation, Robot, Tick};
+use hand_model::{ACTUATORS, ARM_JOINTS, Arm, HAND_JOINTS, Hand};
+use nalgebra::{Isometry3, Vector3};
+use rapier3d_f64::prelude::*;
+use scenarios::geometry::Shape;
+use scenarios::objects::ObjectModel;
+
+use crate::body::{JointState, RobotBody, groups};
+use crate::contacts::contacts_of;
+use crate::convert;
+use crate::engine::{Engine, EngineSettings};
+use crate::servo::ServoModel;
+use crate::tactile::TactileBoard;
+
+/// Physics steps in one control tick (240 Hz / 2 = 120 Hz).
+const STEPS_PER_TICK: usize = 2;
+/// Stiffness of the shaft between the opposition servo and the thumb's CMC joint, N m/rad.
+const OPPOSITION_STIFFNESS: f64 = 8.0;
+/// Rolling resistance and air drag of loose objects, 1/s.
+const OBJECT_ANGULAR_DAMPING: f64 = 1.0;
+
+/// An object and where it stands at the start.
+#[derive(Debug, Clone)]
+pub struct ObjectPlacement {
+    /// The object.
+    pub model: Arc<ObjectModel>,
+    /// `world_from_object`.
+    pub pose: Isometry3<f64>,
+}
+
+/// Everything a scene starts from.
+#[derive(Debug, Clone)]
+pub struct SceneSetup {
+    /// Where the arm's base *really* is; the controller believes in its nominal place.
+    pub world_from_base: Isometry3<f64>,
+    /// Arm posture at the start, rad.
+    pub arm_start: [f64; ARM_JOINTS],
+    /// Objects on the table.
+    pub objects: Vec<ObjectPlacement>,
+    /// Engine settings.
+    pub engine: EngineSettings,
+}
+
+/// A contact of an object with the hand, for the referee and the recording.
+#[derive(Debug, Clone, Copy)]
+pub struct HandContact {
+    /// Object index.
+    pub object: usize,
+    /// Hand link (0..15) or `None` for the palm.
+    pub link: Option<usize>,
+    /// World point, m.
+    pub point: nalgebra::Point3<f64>,
+    /// Force on the object, N, world frame (normal part).
+    pub force: Vector3<f64>,
+}
+
+/// Ground truth of one tick. Only the referee and the recorder may see it.
+#[derive(Debug, Clone, Default)]
+pub struct Truth {
+    /// s.
+    pub time: f64,
+    /// `world_from_object`.
+    pub objects: Vec<Isometry3<f64>>,
+    /// Linear velocity of each object, m/s.
+    pub velocities: Vec<Vector3<f64>>,
+    /// `world_from_palm`.
+    pub palm: Isometry3<f64>,
+    /// World poses of arm links then hand links.
+    pub links: Vec<Isometry3<f64>>,
+    /// Finger angles, rad.
+    pub hand: Vec<f64>,
+    /// Cable tensions, N.
+    pub tensions: [f64; 5],
+    /// Contacts between hand and objects at the last step of the tick.
+    pub contacts: Vec<HandContact>,
+    /// For each object: links (bit i; bit 15 is the palm) that touched it at any step of the tick.
+    pub touched_by: Vec<u32>,
+    /// Pairs of objects that touched at any step of the tick.
+    pub object_pairs: Vec<(usize, usize)>,
+    /// Objects that touched the table at any step of the tick.
+    pub on_table: Vec<bool>,
+    /// Normal force on each pad, N.
+    pub pad_forces: Vec<f64>,
+}
+
+/// The simulated robot. Cloning it branches the run bit-exactly.
+#[derive(Clone)]
+pub struct SimulatedRobot {
+    hand: Arc<Hand>,
+    arm: Arc<Arm>,
+    engine: Engine,
+    body: RobotBody,
+    objects: Vec<(Arc<ObjectModel>, RigidBodyHandle, ColliderHandle)>,
+    table: ColliderHandle,
+    servos: [ServoModel; ACTUATORS],
+    state: JointState,
+    tensions: [f64; 5],
+    arm_torque: [f64; ARM_JOINTS],
+    goal: [f64; ARM_JOINTS],
+    previous_goal: [f64; ARM_JOINTS],
+    capture: bool,
+    time: f64,
+    sequence: u64,
+    touched_by: Vec<u32>,
+    object_pairs: Vec<(usize, usize)>,
+    on_table: Vec<bool>,
+    tactile: TactileBoard,
+    frames: Vec<hand_model::robot::TactileFrame>,
+}
+
+impl SimulatedRobot {
+    /// Builds the scene.
+    pub fn new(hand: Arc<Hand>, arm: Arc<Arm>, setup: &SceneSetup, tactile: TactileBoard) -> Self {
+        let mut engine = Engine::new(setup.engine);
+        let body = RobotBody::insert(&mut engine, &arm, &hand, &setup.world_from_base, &setup.arm_start);
+        let table_shape = ColliderBuilder::cuboid(0.8, 0.8, 0.05)
+            .position(Pose::from_translation(Vector::new(0.5, 0.0, -0.05)))
+            .friction(0.5)
+            .collision_groups(InteractionGroups::all().with_memberships(groups::TABLE));
+        let table = engine.colliders.insert(table_shape);
+        let objects: Vec<_> = setup.objects.iter().map(|placement| insert_object(&mut engine, placement)).collect();
+        let state = body.joint_state(&engine);
+        let count = objects.len();
+        Self {
+            servos: std::array::from_fn(|_| ServoModel::new(hand.parameters.servo)),
+            hand,
+            arm,
+            engine,
+            body,
+            objects,
+            table,
+            state,
+            tensions: [0.0; 5],
+            arm_torque: [0.0; ARM_JOINTS],
+            goal: setup.arm_start,
+            previous_goal: setup.arm_start,
+            capture: false,
+            time: 0.0,
+            sequence: 0,
+            touched_by: vec![0; count],
+            object_pairs: Vec::new(),
+            on_table: vec![false; count],
+            tactile,
+            frames: Vec::new(),
+        }
+    }
+
+    fn step(&mut self, goal: &[f64; ARM_JOINTS], goal_speed: &[f64; ARM_JOINTS]) {
+        let dt = self.engine.settings.dt;
+        let state = self.state;
+        let poses = self.body.link_poses(&self.engine);
+        let gravity = self.body.gravity_torques(&poses);
+        self.arm_torque = self.body.drive_arm(&mut self.engine, &state, goal, goal_speed, &gravity, &self.arm.effort_limits);
+        let cable = self.hand.parameters.cable;
+        let transmission = &self.hand.transmission;
+        for (n, path) in transmission.cables.iter().enumerate() {
+            let excursion = path.excursion(&state.hand);
+            let rate = path.excursion_rate(&state.hand, &state.hand_speed);
+            self.tensions[n] = self.servos[n].step_cable(&cable, excursion, rate, dt);
+        }
+        let torques = transmission.torques(&state.hand, &self.tensions);
+        let mut stiffness = transmission.springs;
+        for (path, tension) in transmission.cables.iter().zip(&self.tensions) {
+            if *tension > 0.0 {
+                for (joint, guides) in &path.joints {
+                    stiffness[*joint] += cable.stiffness * guides.moment_arm(state.hand[*joint]).powi(2);
+                }
+            }
+        }
+        for joint in 0..HAND_JOINTS {
+            if joint != transmission.opposition_joint {
+                self.body.drive_finger(&mut self.engine, &state, joint, torques[joint], stiffness[joint]);
+            }
+        }
+        self.step_opposition(&state, dt);
+        self.engine.step();
+        self.state = self.body.joint_state(&self.engine);
+        self.time += dt;
+    }
+
+    /// The sixth servo turns the thumb's CMC joint through a stiff shaft.
+    fn step_opposition(&mut self, state: &JointState, dt: f64) {
+        let joint = self.hand.transmission.opposition_joint;
+        let ratio = self.hand.parameters.servo.gear_ratio_opposition;
+        let servo = &mut self.servos[5];
+        let twist = servo.angle / ratio - state.hand[joint];
+        let torque = OPPOSITION_STIFFNESS * twist;
+        servo.step_shaft(torque / ratio, dt);
+        let spring = self.hand.transmission.springs[joint] * state.hand[joint];
+        self.body.drive_finger(&mut self.engine, state, joint, torque - spring, OPPOSITION_STIFFNESS);
+    }
+
+    fn note_contacts(&mut self) {
+        for (index, (_, _, collider)) in self.objects.iter().enumerate() {
+            for pair in self.engine.narrow_phase.contact_pairs_with(*collider) {
+                if !pair.solver_manifolds().iter().any(|m| m.points.iter().any(|p| p.data.impulse > 0.0)) {
+                    continue;
+                }
+                let other = if pair.collider1 == *collider { pair.collider2 } else { pair.collider1 };
+                if other == self.table {
+                    self.on_table[index] = true;
+                } else if let Some(cover) = self.body.covers.iter().position(|c| *c == other) {
+                    self.touched_by[index] |= if cover == 0 { 1 << 15 } else { 1 << (cover - 1) };
+                } else if let Some(second) = self.objects.iter().position(|(_, _, c)| *c == other)
+                    && index < second
+                    && !self.object_pairs.contains(&(index, second))
+                {
+                    self.object_pairs.push((index, second));
+                }
+            }
+        }
+    }
+
+    /// `world_from_palm` as it really is.
+    fn palm(&self, poses: &[Isometry3<f64>]) -> Isometry3<f64> {
+        poses[ARM_JOINTS - 1] * self.arm.last_from_tool * self.hand.palm_from_flange.inverse()
+    }
+
+    /// Ground truth, for the referee and the recording only.
+    pub fn truth(&self) -> Truth {
+        let links = self.body.link_poses(&self.engine);
+        let objects: Vec<_> = self.objects.iter().map(|(_, body, _)| convert::to_pose(self.engine.bodies[*body].position())).collect();
+        let velocities = self.objects.iter().map(|(_, body, _)| convert::to_vector(self.engine.bodies[*body].linvel())).collect();
+        let mut contacts = Vec::new();
+        let palm = self.palm(&links);
+        let mut pad_forces = vec![0.0; self.hand.pads.len()];
+        for (object, (_, _, collider)) in self.objects.iter().enumerate() {
+            for contact in contacts_of(&self.engine, *collider) {
+                let Some(cover) = self.body.covers.iter().position(|c| *c == contact.other) else { continue };
+                let link = cover.checked_sub(1);
+                contacts.push(HandContact { object, link, point: contact.point, force: -contact.normal * contact.force });
+                if let Some(pad) = self.pad_at(link, &contact.point, &contact.normal, &links, &palm) {
+                    pad_forces[pad] += contact.force;
+                }
+            }
+        }
+        Truth {
+            time: self.time,
+            objects,
+            velocities,
+            palm,
+            hand: self.state.hand.to_vec(),
+            tensions: self.tensions,
+            contacts,
+            touched_by: self.touched_by.clone(),
+            object_pairs: self.object_pairs.clone(),
+            on_table: self.on_table.clone(),
+            pad_forces,
+            links,
+        }
+    }
+
+    /// The pad of `link` on which a contact lies, if it lies on one and comes from outside. `normal` points from the object.
+    fn pad_at(&self, link: Option<usize>, point: &nalgebra::Point3<f64>, normal: &Vector3<f64>, links: &[Isometry3<f64>], palm: &Isometry3<f64>) -> Option<usize> {
+        self.hand.pads.iter().position(|pad| {
+            if pad.link != link {
+                return false;
+            }
+            let world = pad.link.map_or(*palm, |link| links[ARM_JOINTS + link]) * pad.link_from_pad;
+            let local = world.inverse_transform_point(point);
+            let inward = world.inverse_transform_vector(normal);
+            local.x.abs() < 0.5 * pad.w && local.y.abs() < 0.5 * pad.h && inward.z < -0.4
+        })
+    }
+
+    fn capture_tactile(&mut self) {
+        let truth = self.truth();
+        let pads: Vec<Isometry3<f64>> = self
+            .hand
+            .pads
+            .iter()
+            .map(|pad| pad.link.map_or(truth.palm, |link| truth.links[ARM_JOINTS + link]) * pad.link_from_pad)
+            .collect();
+        let objects: Vec<(&Shape, Isometry3<f64>)> = self.objects.iter().zip(&truth.objects).map(|((model, _, _), pose)| (&model.shape, *pose)).collect();
+        self.frames = self.tactile.capture(&self.hand, self.time, &pads, &truth.pad_forces, &objects);
+    }
+}
+
+fn insert_object(engine: &mut Engine, placement: &ObjectPlacement) -> (Arc<ObjectModel>, RigidBodyHandle, ColliderHandle) {
+    let model = &placement.model;
+    let (com, inertia) = model.shape.inertia(model.mass);
+    let body = RigidBodyBuilder::dynamic()
+        .pose(convert::pose(&placement.pose))
+        .can_sleep(false)
+        .angular_damping(OBJECT_ANGULAR_DAMPING)
+        .additional_mass_properties(MassProperties::with_inertia_matrix(convert::point(&com), model.mass, convert::matrix(&inertia)));
+    let handle = engine.bodies.insert(body);
+    let shape = match &model.shape {
+        Shape::Sphere { radius } => SharedShape::ball(*radius),
+        Shape::Cylinder { radius, half_height } => {
+            // parry's cylinder stands along y; a small rounding keeps its rim from chattering.
+            let border = 0.002;
+            SharedShape::compound(vec![(
+                Pose::from_rotation(Rotation::from_rotation_arc(Vector::Y, Vector::Z)),
+                SharedShape::round_cylinder(half_height - border, radius - border, border),
+            )])
+        }
+        Shape::Cuboid { half, radius } => SharedShape::round_cuboid(half.x - radius, half.y - radius, half.z - radius, *radius),
+        Shape::Mesh(_) => {
+            let parts: Vec<(Pose, SharedShape)> = model
+                .shape
+                .convex_parts()
+                .iter()
+                .filter_map(|points| {
+                    let points: Vec<Vector> = points.iter().map(convert::point).collect();
+                    Some((Pose::IDENTITY, SharedShape::convex_hull(&points)?))
+                })
+                .collect();
+            SharedShape::compound(parts)
+        }
+    };
+    let collider = ColliderBuilder::new(shape)
+        .density(0.0)
+        .friction(model.friction)
+        .collision_groups(InteractionGroups::all().with_memberships(groups::OBJECT));
+    let collider = engine.colliders.insert_with_parent(collider, handle, &mut engine.bodies);
+    (placement.model.clone(), handle, collider)
+}
+
+impl Robot for SimulatedRobot {
+    fn observe(&mut self) -> Observation {
+        Observation {
+            time: self.time,
+            sequence: self.sequence,
+            servos: std::array::from_fn(|n| self.servos[n].state()),
+            arm: ArmState { position: self.state.arm, velocity: self.state.arm_speed, torque: self.arm_torque },
+            tactile: std::mem::take(&mut self.frames),
+        }
+    }
+
+    fn send(&mut self, command: &Command) -> Command {
+        let mut sent = *command;
+        let tick = self.tick_length();
+        for (i, goal) in sent.arm.iter_mut().enumerate() {
+            // The low-level controller follows no faster than the joint's speed limit.
+            let reach = self.arm.velocity_limits[i] * tick;
+            *goal = goal.clamp(self.goal[i] - reach, self.goal[i] + reach).clamp(self.arm.tree.joints[i].lower, self.arm.tree.joints[i].upper);
+        }
+        for (servo, goal) in self.servos.iter_mut().zip(&sent.servos) {
+            servo.goal = *goal;
+        }
+        self.previous_goal = self.goal;
+        self.goal = sent.arm;
+        self.capture = sent.capture;
+        sent
+    }
+
+    fn wait_for_tick(&mut self) -> Tick {
+        self.touched_by.fill(0);
+        self.object_pairs.clear();
+        self.on_table.fill(false);
+        let tick = self.tick_length();
+        let speed: [f64; ARM_JOINTS] = std::array::from_fn(|i| (self.goal[i] - self.previous_goal[i]) / tick);
+        for n in 1..=STEPS_PER_TICK {
+            let part = n as f64 / STEPS_PER_TICK as f64;
+            let goal = std::array::from_fn(|i| self.previous_goal[i] + part * (self.goal[i] - self.previous_goal[i]));
+            self.step(&goal, &speed);
+            self.note_contacts();
+        }
+        self.previous_goal = self.goal;
+        self.sequence += 1;
+        if std::mem::take(&mut self.capture) {
+            self.capture_tactile();
+        }
+        Tick { time: self.time, lateness: 0.0 }
+    }
+
+    fn tick_length(&self) -> f64 {
+        STEPS_PER_TICK as f64 * self.engine.settings.dt
+    }
+}

@@ -1,0 +1,147 @@
+//! The XC330 as it winds a cable or turns the thumb: current limit, speed-torque line, rotor inertia, encoder.
+//!
+//! A servo in current control produces `torque_constant * current`; current-based position control is a PD law on the output
+//! angle whose current is clamped. Either way the torque is clamped by the stall torque's speed line
+//! `stall * (1 - |speed| / no_load)` when driving. The cable is a one-sided spring between spool and joints.
+
+use hand_model::parameters::{Cable, Servo as ServoParameters};
+use hand_model::robot::{ServoGoal, ServoState};
+
+/// Sub-steps of the motor within one physics step; the rotor on its cable rings at about 50 rad/s.
+const SUBSTEPS: usize = 8;
+/// Position gain, A/rad, and damping, A s/rad, of current-based position control.
+const POSITION_GAIN: f64 = 6.0;
+const POSITION_DAMPING: f64 = 0.25;
+
+/// State of one servo.
+#[derive(Debug, Clone)]
+pub struct ServoModel {
+    parameters: ServoParameters,
+    /// Output angle, rad.
+    pub angle: f64,
+    /// Output speed, rad/s.
+    pub speed: f64,
+    /// Input current, A.
+    pub current: f64,
+    /// What it was last asked for.
+    pub goal: ServoGoal,
+}
+
+impl ServoModel {
+    /// A servo at rest at angle 0.
+    pub fn new(parameters: ServoParameters) -> Self {
+        Self { parameters, angle: 0.0, speed: 0.0, current: 0.0, goal: ServoGoal::Current(0.0) }
+    }
+
+    fn motor_torque(&mut self) -> f64 {
+        let p = &self.parameters;
+        let (wanted, limit) = match self.goal {
+            ServoGoal::Current(current) => (current, p.current_limit),
+            ServoGoal::Position { angle, current_limit } => (
+                POSITION_GAIN * (angle - self.angle) - POSITION_DAMPING * self.speed,
+                current_limit.min(p.current_limit),
+            ),
+        };
+        let mut current = wanted.clamp(-limit, limit);
+        let available = p.stall_torque * (1.0 - self.speed.abs() / p.no_load_speed).max(0.0);
+        let driving = current * self.speed > 0.0;
+        if driving {
+            let cap = available / p.torque_constant;
+            current = current.clamp(-cap, cap);
+        }
+        self.current = current;
+        p.torque_constant * current
+    }
+
+    /// Advances the servo by `dt` with its cable on joints whose excursion is `excursion` (m), moving at `rate` (m/s).
+    /// Returns the mean cable tension, N.
+    pub fn step_cable(&mut self, cable: &Cable, excursion: f64, rate: f64, dt: f64) -> f64 {
+        let h = dt / SUBSTEPS as f64;
+        let mut total = 0.0;
+        for n in 0..SUBSTEPS {
+            let taken_up = excursion + rate * h * n as f64;
+            let tension = (cable.stiffness * (cable.spool_radius * self.angle - taken_up)).max(0.0);
+            self.advance(cable.spool_radius * tension, h);
+            total += tension;
+        }
+        // A slack cable stops the spool at its open mark.
+        if self.angle < 0.0 {
+            self.angle = 0.0;
+            self.speed = self.speed.max(0.0);
+        }
+        total / SUBSTEPS as f64
+    }
+
+    /// Advances a servo that turns a joint through a stiff shaft which takes `load` (N m) at the output.
+    pub fn step_shaft(&mut self, load: f64, dt: f64) {
+        let h = dt / SUBSTEPS as f64;
+        for _ in 0..SUBSTEPS {
+            self.advance(load, h);
+        }
+    }
+
+    fn advance(&mut self, load: f64, h: f64) {
+        let torque = self.motor_torque() - load - self.parameters.damping * self.speed;
+        self.speed += torque / self.parameters.rotor_inertia * h;
+        self.angle += self.speed * h;
+    }
+
+    /// What the servo reports: angle and speed quantised by the encoder, current in whole mA.
+    pub fn state(&self) -> ServoState {
+        let step = std::f64::consts::TAU / f64::from(self.parameters.encoder_counts);
+        ServoState {
+            position: (self.angle / step).round() * step,
+            velocity: self.speed,
+            current: (self.current * 1000.0).round() / 1000.0,
+            temperature: 30.0,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use hand_model::Hand;
+
+    fn servo() -> (ServoModel, Cable) {
+        let hand = Hand::ftac();
+        (ServoModel::new(hand.parameters.servo), hand.parameters.cable)
+    }
+
+    /// On a blocked cable the tension settles at torque over spool radius.
+    #[test]
+    fn stalled_tension() {
+        let (mut servo, cable) = servo();
+        servo.goal = ServoGoal::Current(0.15);
+        let mut tension = 0.0;
+        for _ in 0..480 {
+            tension = servo.step_cable(&cable, 0.0, 0.0, 1.0 / 240.0);
+        }
+        let expected = 0.15 * 0.96748 / cable.spool_radius;
+        assert!((tension - expected).abs() < 0.02 * expected, "{tension} {expected}");
+    }
+
+    /// Unloaded, the servo approaches but never exceeds its no-load speed.
+    #[test]
+    fn speed_limit() {
+        let (mut servo, cable) = servo();
+        servo.goal = ServoGoal::Current(0.9);
+        for _ in 0..240 {
+            servo.step_cable(&cable, 1.0, 0.0, 1.0 / 240.0);
+            assert!(servo.speed <= 6.85);
+        }
+        assert!(servo.speed > 5.0, "{}", servo.speed);
+    }
+
+    /// Position control reaches its goal and respects the current limit.
+    #[test]
+    fn position_control() {
+        let (mut servo, cable) = servo();
+        servo.goal = ServoGoal::Position { angle: 2.0, current_limit: 0.3 };
+        for _ in 0..480 {
+            servo.step_cable(&cable, 1.0, 0.0, 1.0 / 240.0);
+            assert!(servo.current.abs() <= 0.3 + 1e-12);
+        }
+        assert!((servo.angle - 2.0).abs() < 0.01, "{}", servo.angle);
+    }
+}

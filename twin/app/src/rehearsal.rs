@@ -1,0 +1,139 @@
+//! Rehearsals: proving a grasp by closing and holding it in physics, without noise or with a set aim error.
+//!
+//! A *first* grasp is proved alone: pick up, lift, hold. A *second* grasp is proved with an object already held by ring and
+//! little finger, from a snapshot of that hold, through the whole rest of the trial.
+
+use anyhow::Result;
+use control::executive::{Executive, Phase, Protocol};
+use grasping::Grasp;
+use hand_model::Digit;
+use nalgebra::{Isometry3, Vector3};
+use sim::robot::{ObjectPlacement, SceneSetup, SimulatedRobot, Truth};
+use sim::tactile::TactileBoard;
+
+use crate::world::{World, drive, perfect_percept, resting_pose};
+
+/// Where the first and the second object stand, m.
+pub const FIRST_PLACE: [f64; 2] = [0.62, 0.14];
+/// See [`FIRST_PLACE`].
+pub const SECOND_PLACE: [f64; 2] = [0.62, -0.14];
+
+/// How a rehearsal ended.
+#[derive(Debug, Clone)]
+pub struct Outcome {
+    /// Lifted, held to the end, off the table.
+    pub held: bool,
+    /// Object in the palm at the end.
+    pub palm_from_object: Isometry3<f64>,
+    /// How far it moved in the hand while held, m.
+    pub slip: f64,
+    /// Finger angles at the end, rad.
+    pub joints: Vec<f64>,
+}
+
+/// A snapshot: body and controller together.
+#[derive(Clone)]
+pub struct Snapshot {
+    /// The body.
+    pub robot: SimulatedRobot,
+    /// The controller.
+    pub executive: Executive,
+}
+
+/// Whether object `index` is in the hand: touched by it, off the table, near the palm.
+pub fn in_hand(truth: &Truth, index: usize) -> bool {
+    let distance = (truth.objects[index].translation.vector - truth.palm.translation.vector).norm();
+    truth.touched_by[index] != 0 && !truth.on_table[index] && distance < 0.16 && truth.objects[index].translation.z > 0.08
+}
+
+/// Aims `first` at its object (off by `aim`, m) and plays the trial up to the decision.
+pub fn rehearse_first(world: &World, protocol: &Protocol, first: &Grasp, second: &Grasp, aim: Vector3<f64>, board: &TactileBoard) -> Result<Option<(Snapshot, Outcome)>> {
+    let first_model = world.object(&first.object)?;
+    let second_model = world.object(&second.object)?;
+    let first_pose = resting_pose(&first_model, FIRST_PLACE[0], FIRST_PLACE[1], 0.0);
+    let second_pose = resting_pose(&second_model, SECOND_PLACE[0], SECOND_PLACE[1], 0.0);
+    let mut percept = perfect_percept(&first_pose, 0.0);
+    percept.position += aim;
+    let target = first.palm_pose(&percept.position, percept.yaw);
+    let start = first.pregrasp_pose(&target, 0.12);
+    let (Ok(start), Ok(_)) = (world.posture(&start, &world.ready), world.posture(&target, &world.ready)) else {
+        return Ok(None);
+    };
+    let setup = SceneSetup {
+        world_from_base: world.world_from_base,
+        arm_start: start,
+        objects: vec![
+            ObjectPlacement { model: first_model, pose: first_pose },
+            ObjectPlacement { model: second_model, pose: second_pose },
+        ],
+        engine: sim::engine::EngineSettings::default(),
+    };
+    let robot = SimulatedRobot::new(world.hand.clone(), world.arm.clone(), &setup, board.clone());
+    let tick = hand_model::robot::Robot::tick_length(&robot);
+    let executive = Executive::new(
+        world.hand.clone(),
+        world.arm_servo(start)?,
+        *protocol,
+        (first.clone(), percept),
+        (second.clone(), perfect_percept(&second_pose, 0.0)),
+        tick,
+    )?;
+    let mut snapshot = Snapshot { robot, executive };
+    drive(&mut snapshot.robot, &mut snapshot.executive, Phase::LiftFirst, |_, _| {})?;
+    if snapshot.robot.truth().touched_by[0] == 0 {
+        return Ok(None);
+    }
+    drive(&mut snapshot.robot, &mut snapshot.executive, Phase::Look, |_, _| {})?;
+    let before = snapshot.robot.truth();
+    drive(&mut snapshot.robot, &mut snapshot.executive, Phase::Decide, |_, _| {})?;
+    let after = snapshot.robot.truth();
+    let outcome = outcome(&before, &after, 0);
+    Ok(outcome.held.then_some((snapshot, outcome)))
+}
+
+/// From a hold of the first object, plays the rest of the trial with `second`.
+pub fn rehearse_second(snapshot: &Snapshot, second: &Grasp) -> Result<(bool, Outcome)> {
+    let Snapshot { mut robot, mut executive } = snapshot.clone();
+    executive.decide(second.clone())?;
+    let mut collided = false;
+    let holding = digit_bits(executive.first().0.role.digits());
+    drive(&mut robot, &mut executive, Phase::LiftSecond, |robot, executive| {
+        let truth = robot.truth();
+        if executive.phase() < Phase::LiftSecond && (!truth.object_pairs.is_empty() || truth.touched_by[1] & holding != 0) {
+            collided = true;
+        }
+    })?;
+    let mut result = (collided, outcome(&robot.truth(), &robot.truth(), 1));
+    if robot.truth().touched_by[1] == 0 {
+        result.1.held = false;
+        return Ok(result);
+    }
+    drive(&mut robot, &mut executive, Phase::Hold, |_, _| {})?;
+    let before = robot.truth();
+    if !in_hand(&before, 1) {
+        result.1.held = false;
+        return Ok(result);
+    }
+    drive(&mut robot, &mut executive, Phase::Done, |_, _| {})?;
+    let after = robot.truth();
+    let mut outcome = outcome(&before, &after, 1);
+    outcome.held &= in_hand(&after, 0);
+    Ok((collided, outcome))
+}
+
+/// Bits of the links of `digits` in [`Truth::touched_by`].
+pub fn digit_bits(digits: &[Digit]) -> u32 {
+    digits.iter().flat_map(|digit| digit.joints()).fold(0, |bits, link| bits | 1 << link)
+}
+
+fn outcome(before: &Truth, after: &Truth, index: usize) -> Outcome {
+    let inside = |truth: &Truth| truth.palm.inverse() * truth.objects[index];
+    let (a, b) = (inside(before), inside(after));
+    Outcome {
+        held: in_hand(after, index),
+        palm_from_object: b,
+        slip: (a.translation.vector - b.translation.vector).norm(),
+        joints: after.hand.clone(),
+    }
+}
+

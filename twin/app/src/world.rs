@@ -1,0 +1,92 @@
+//! What every command that moves the simulated robot shares: the hand, the arm, where the arm stands, the objects.
+
+use std::sync::Arc;
+
+use anyhow::{Context, Result, anyhow};
+use control::executive::{Executive, Percept, Phase};
+use control::inverse_kinematics::{ArmKinematics, ArmServo, IkSettings, Joints, Mount};
+use hand_model::robot::Robot;
+use hand_model::{ARM_JOINTS, Arm, Hand};
+use nalgebra::{Isometry3, Matrix3, Rotation3, Translation3, UnitQuaternion, Vector3};
+use scenarios::objects::{ObjectModel, ObjectSet};
+use sim::SimulatedRobot;
+
+/// Palm position from which a trial starts: level, above the table, m.
+const READY: [f64; 3] = [0.55, 0.0, 0.30];
+
+/// The shared parts.
+pub struct World {
+    /// The hand.
+    pub hand: Arc<Hand>,
+    /// The arm.
+    pub arm: Arc<Arm>,
+    /// All objects.
+    pub objects: ObjectSet,
+    /// Where the arm stands, nominally.
+    pub world_from_base: Isometry3<f64>,
+    /// Posture a trial starts from, rad.
+    pub ready: [f64; ARM_JOINTS],
+}
+
+impl World {
+    /// The standard world.
+    pub fn standard() -> Result<Self> {
+        let mut world = Self {
+            hand: Arc::new(Hand::ftac()),
+            arm: Arc::new(Arm::gen3()),
+            objects: ObjectSet::standard(),
+            world_from_base: Isometry3::identity(),
+            ready: Arm::home(),
+        };
+        let columns = Matrix3::from_columns(&[-Vector3::y(), Vector3::x(), Vector3::z()]);
+        let rotation = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(columns));
+        let palm = Isometry3::from_parts(Translation3::new(READY[0], READY[1], READY[2]), rotation);
+        world.ready = world.posture(&palm, &Arm::home()).context("the ready pose is out of the arm's reach")?;
+        Ok(world)
+    }
+
+    /// The nominal arm with the palm as the controlled frame.
+    pub fn kinematics(&self) -> ArmKinematics {
+        let mount = Mount { world_from_base: self.world_from_base, tool_from_palm: self.hand.palm_from_flange.inverse() };
+        ArmKinematics::new((*self.arm).clone(), mount)
+    }
+
+    /// Arm posture for a palm pose, or an error that says it is out of reach.
+    pub fn posture(&self, palm: &Isometry3<f64>, seed: &Joints) -> Result<Joints> {
+        self.kinematics().solve(palm, seed).ok_or_else(|| anyhow!("no arm posture reaches the palm at {:.3?}", palm.translation.vector.as_slice()))
+    }
+
+    /// An arm servo at rest in a posture.
+    pub fn arm_servo(&self, posture: Joints) -> Result<ArmServo> {
+        let settings = IkSettings { comfort: posture, ..IkSettings::default() };
+        Ok(ArmServo::new(self.kinematics(), settings, posture)?)
+    }
+
+    /// An object by name.
+    pub fn object(&self, name: &str) -> Result<Arc<ObjectModel>> {
+        self.objects.get(name).ok_or_else(|| anyhow!("no object is called `{name}`; known are: {}", self.objects.names().join(", ")))
+    }
+}
+
+/// Where an object stands: pose on the table at (x, y) with `yaw` about the vertical.
+pub fn resting_pose(object: &ObjectModel, x: f64, y: f64, yaw: f64) -> Isometry3<f64> {
+    let rotation = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), yaw) * object.rest;
+    Isometry3::from_parts(Translation3::new(x, y, object.rest_height()), rotation)
+}
+
+/// A percept without error.
+pub fn perfect_percept(pose: &Isometry3<f64>, yaw: f64) -> Percept {
+    Percept { position: pose.translation.vector.into(), rotation: pose.rotation, yaw }
+}
+
+/// Drives `robot` with `executive` until `phase` is reached; `watch` sees every tick.
+pub fn drive(robot: &mut SimulatedRobot, executive: &mut Executive, until: Phase, mut watch: impl FnMut(&SimulatedRobot, &Executive)) -> Result<()> {
+    while executive.phase() < until {
+        let observation = robot.observe();
+        let command = executive.tick(&observation)?;
+        robot.send(&command);
+        robot.wait_for_tick();
+        watch(robot, executive);
+    }
+    Ok(())
+}

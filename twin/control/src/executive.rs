@@ -1,0 +1,332 @@
+//! The executive: runs a two-object trial tick by tick on whatever body it is given.
+//!
+//! It sees what a robot measures and nothing else. Every tick it looks at the clock of the present phase, samples the palm's
+//! path, asks the arm servo for joint set-points and the digits for tensions. After the first object is lifted it looks at
+//! touch once and then waits for a decision ([`Executive::decide`]) on how to take the second. Cloning it, together with a
+//! clone of a simulated body, branches a trial.
+
+use std::sync::Arc;
+
+use grasping::Grasp;
+use hand_model::robot::{Command, Observation, ServoGoal, TactileFrame};
+use hand_model::{ACTUATORS, Digit, Hand};
+use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, Vector3};
+
+use crate::inverse_kinematics::{ArmServo, IkError, Joints};
+use crate::trajectory::{PathError, PathLimits, PosePath};
+
+/// How fast tensions change, N/s.
+const TENSION_RATE: f64 = 80.0;
+/// Time the digits are given to close, s.
+const CLOSING_TIME: f64 = 1.1;
+/// Distance from which the hand approaches a grasp, m.
+pub const APPROACH_DISTANCE: f64 = 0.09;
+/// Current limit of the opposition servo, A.
+const OPPOSITION_CURRENT: f64 = 0.6;
+/// Rest before the picture is taken and after it, s.
+const LOOK_TIME: f64 = 0.3;
+
+/// An object as prior perception (a camera over the table, say) reports it, error included.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Percept {
+    /// Centre, m, world.
+    pub position: Point3<f64>,
+    /// Orientation `world_from_object`.
+    pub rotation: UnitQuaternion<f64>,
+    /// Yaw of that orientation about the vertical, rad.
+    pub yaw: f64,
+}
+
+impl Percept {
+    /// `world_from_object`.
+    pub fn pose(&self) -> Isometry3<f64> {
+        Isometry3::from_parts(Translation3::from(self.position.coords), self.rotation)
+    }
+}
+
+/// Distances and times of a trial.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Protocol {
+    /// How far objects are lifted, m.
+    pub lift: f64,
+    /// How far they are carried sideways, m.
+    pub carry: f64,
+    /// How long they are held at the end, s.
+    pub hold: f64,
+    /// Cartesian limits of free motion.
+    pub limits: PathLimits,
+}
+
+/// Phases of a trial, in order.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Phase {
+    /// To the first object.
+    ApproachFirst,
+    /// Closing on it.
+    GraspFirst,
+    /// Up.
+    LiftFirst,
+    /// Still, taking tactile images.
+    Look,
+    /// Waiting for [`Executive::decide`].
+    Decide,
+    /// To the second object.
+    ApproachSecond,
+    /// Closing on it.
+    GraspSecond,
+    /// Up.
+    LiftSecond,
+    /// Sideways.
+    Carry,
+    /// Still.
+    Hold,
+    /// Over.
+    Done,
+}
+
+impl Phase {
+    /// Readable name.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::ApproachFirst => "approach first",
+            Self::GraspFirst => "grasp first",
+            Self::LiftFirst => "lift first",
+            Self::Look => "look",
+            Self::Decide => "decide",
+            Self::ApproachSecond => "approach second",
+            Self::GraspSecond => "grasp second",
+            Self::LiftSecond => "lift second",
+            Self::Carry => "carry",
+            Self::Hold => "hold",
+            Self::Done => "done",
+        }
+    }
+}
+
+/// Why a trial cannot go on.
+#[derive(Debug, thiserror::Error)]
+pub enum ExecutiveError {
+    /// A path could not be made.
+    #[error(transparent)]
+    Path(#[from] PathError),
+    /// The arm servo failed.
+    #[error(transparent)]
+    Ik(#[from] IkError),
+}
+
+/// The executive; see the module's page.
+#[derive(Clone)]
+pub struct Executive {
+    hand: Arc<Hand>,
+    protocol: Protocol,
+    servo: ArmServo,
+    first: (Grasp, Percept),
+    second: (Grasp, Percept),
+    phase: Phase,
+    clock: f64,
+    path: PosePath,
+    tension: [f64; 5],
+    opposition: f64,
+    images: Vec<TactileFrame>,
+    servos: [hand_model::robot::ServoState; ACTUATORS],
+    tick: f64,
+    worst_tracking: f64,
+}
+
+impl Executive {
+    /// An executive about to approach the first object with an arm at rest in `servo`'s posture.
+    pub fn new(
+        hand: Arc<Hand>,
+        servo: ArmServo,
+        protocol: Protocol,
+        first: (Grasp, Percept),
+        second: (Grasp, Percept),
+        tick: f64,
+    ) -> Result<Self, ExecutiveError> {
+        let palm = servo.palm_pose();
+        let mut executive = Self {
+            servo,
+            hand,
+            protocol,
+            first,
+            second,
+            phase: Phase::ApproachFirst,
+            clock: 0.0,
+            path: PosePath::new(vec![(0.0, palm)])?,
+            tension: [0.0; 5],
+            opposition: 0.0,
+            images: Vec::new(),
+            servos: Default::default(),
+            tick,
+            worst_tracking: 0.0,
+        };
+        executive.enter(Phase::ApproachFirst)?;
+        Ok(executive)
+    }
+
+    /// The present phase.
+    pub fn phase(&self) -> Phase {
+        self.phase
+    }
+
+    /// Tactile images taken during [`Phase::Look`].
+    pub fn images(&self) -> &[TactileFrame] {
+        &self.images
+    }
+
+    /// Newest servo readings.
+    pub fn servos(&self) -> &[hand_model::robot::ServoState; ACTUATORS] {
+        &self.servos
+    }
+
+    /// The second grasp as planned at present, with the percept it aims at.
+    pub fn second(&self) -> &(Grasp, Percept) {
+        &self.second
+    }
+
+    /// The first grasp and its percept.
+    pub fn first(&self) -> &(Grasp, Percept) {
+        &self.first
+    }
+
+    /// Largest distance between wanted and reached palm reference, m.
+    pub fn worst_tracking(&self) -> f64 {
+        self.worst_tracking
+    }
+
+    /// The arm's reference posture, rad.
+    pub fn posture(&self) -> &Joints {
+        self.servo.q()
+    }
+
+    /// `world_from_palm` that the executive wants at present.
+    pub fn palm(&self) -> Isometry3<f64> {
+        self.path.sample(self.clock).0
+    }
+
+    /// The path that would take the second object with `grasp`: from the present palm pose to where the digits close.
+    pub fn path_to_second(&self, grasp: &Grasp) -> Result<PosePath, ExecutiveError> {
+        self.approach(&self.path.end(), grasp, &self.second.1)
+    }
+
+    /// Leaves [`Phase::Decide`] with `second` as the grasp to use.
+    pub fn decide(&mut self, second: Grasp) -> Result<(), ExecutiveError> {
+        self.second.0 = second;
+        self.enter(Phase::ApproachSecond)
+    }
+
+    fn approach(&self, from: &Isometry3<f64>, grasp: &Grasp, percept: &Percept) -> Result<PosePath, ExecutiveError> {
+        let target = grasp.palm_pose(&percept.position, percept.yaw);
+        let before = grasp.pregrasp_pose(&target, APPROACH_DISTANCE);
+        let slow = self.protocol.limits.scaled(0.6);
+        let mut waypoints = vec![(0.0, *from)];
+        waypoints.push((duration(&self.protocol.limits, from, &before), before));
+        waypoints.push((duration(&slow, &before, &target), target));
+        Ok(PosePath::new(waypoints)?)
+    }
+
+    fn enter(&mut self, phase: Phase) -> Result<(), ExecutiveError> {
+        let here = self.path.end();
+        let up = |height: f64| Isometry3::from_parts(Translation3::from(here.translation.vector + Vector3::z() * height), here.rotation);
+        let limits = self.protocol.limits;
+        let rest = |time: f64| PosePath::new(vec![(0.0, here), (time, here)]);
+        self.path = match phase {
+            Phase::ApproachFirst => self.approach(&here, &self.first.0, &self.first.1)?,
+            Phase::ApproachSecond => self.approach(&here, &self.second.0, &self.second.1)?,
+            Phase::GraspFirst => PosePath::new(vec![(0.0, here), (CLOSING_TIME, up(self.first.0.raise))])?,
+            Phase::GraspSecond => PosePath::new(vec![(0.0, here), (CLOSING_TIME, up(self.second.0.raise))])?,
+            Phase::LiftFirst | Phase::LiftSecond => {
+                let target = up(self.protocol.lift);
+                PosePath::new(vec![(0.0, here), (duration(&limits.scaled(0.7), &here, &target), target)])?
+            }
+            Phase::Look => rest(LOOK_TIME)?,
+            Phase::Carry => {
+                let target = Isometry3::from_parts(Translation3::from(here.translation.vector + Vector3::y() * self.protocol.carry), here.rotation);
+                PosePath::new(vec![(0.0, here), (duration(&limits, &here, &target), target)])?
+            }
+            Phase::Hold => rest(self.protocol.hold)?,
+            Phase::Decide | Phase::Done => PosePath::new(vec![(0.0, here)])?,
+        };
+        self.phase = phase;
+        self.clock = 0.0;
+        Ok(())
+    }
+
+    fn next_phase(&self) -> Option<Phase> {
+        if self.clock + 1e-9 < self.path.duration() {
+            return None;
+        }
+        match self.phase {
+            Phase::ApproachFirst => Some(Phase::GraspFirst),
+            Phase::GraspFirst => Some(Phase::LiftFirst),
+            Phase::LiftFirst => Some(Phase::Look),
+            Phase::Look => (!self.images.is_empty() || self.clock > 2.0 * LOOK_TIME).then_some(Phase::Decide),
+            Phase::ApproachSecond => Some(Phase::GraspSecond),
+            Phase::GraspSecond => Some(Phase::LiftSecond),
+            Phase::LiftSecond => Some(Phase::Carry),
+            Phase::Carry => Some(Phase::Hold),
+            Phase::Hold => Some(Phase::Done),
+            Phase::Decide | Phase::Done => None,
+        }
+    }
+
+    /// Tensions wanted in the present phase, N.
+    fn wanted_tension(&self) -> [f64; 5] {
+        let (first, second) = (&self.first.0, &self.second.0);
+        let closing = |grasp: &Grasp, digit: usize| {
+            // The thumb may start later or earlier than the fingers.
+            let delay = if digit == Digit::Thumb.index() { grasp.thumb_delay.max(0.0) } else { (-grasp.thumb_delay).max(0.0) };
+            if self.clock >= delay { grasp.close_tension[digit] } else { grasp.pre_tension[digit] }
+        };
+        std::array::from_fn(|digit| match self.phase {
+            Phase::ApproachFirst => first.pre_tension[digit],
+            Phase::GraspFirst => closing(first, digit),
+            Phase::LiftFirst | Phase::Look | Phase::Decide => first.close_tension[digit],
+            Phase::ApproachSecond => first.close_tension[digit].max(second.pre_tension[digit]),
+            Phase::GraspSecond => first.close_tension[digit].max(closing(second, digit)),
+            Phase::LiftSecond | Phase::Carry | Phase::Hold | Phase::Done => first.close_tension[digit].max(second.close_tension[digit]),
+        })
+    }
+
+    /// One tick: takes what was measured, gives the command.
+    pub fn tick(&mut self, observation: &Observation) -> Result<Command, ExecutiveError> {
+        self.servos = observation.servos;
+        if self.phase == Phase::Look && !observation.tactile.is_empty() {
+            self.images = observation.tactile.clone();
+        }
+        if let Some(next) = self.next_phase() {
+            self.enter(next)?;
+        }
+        self.clock += self.tick;
+        let (palm, twist) = self.path.sample(self.clock);
+        let step = self.servo.step(&palm, &twist, self.tick)?;
+        self.worst_tracking = self.worst_tracking.max(step.position_error);
+        let wanted = self.wanted_tension();
+        for (now, wanted) in self.tension.iter_mut().zip(wanted) {
+            *now += (wanted - *now).clamp(-TENSION_RATE * self.tick, TENSION_RATE * self.tick);
+        }
+        self.opposition = match self.phase {
+            Phase::ApproachFirst | Phase::GraspFirst | Phase::LiftFirst | Phase::Look | Phase::Decide => self.first.0.opposition,
+            _ => self.second.0.opposition,
+        };
+        let servo = &self.hand.parameters.servo;
+        let to_current = self.hand.parameters.cable.spool_radius / servo.torque_constant;
+        Ok(Command {
+            arm: step.q,
+            servos: std::array::from_fn(|n| {
+                if n < 5 {
+                    ServoGoal::Current(self.tension[n] * to_current)
+                } else {
+                    ServoGoal::Position { angle: self.opposition * servo.gear_ratio_opposition, current_limit: OPPOSITION_CURRENT }
+                }
+            }),
+            capture: self.phase == Phase::Look && (self.clock - LOOK_TIME + self.tick).abs() < 0.6 * self.tick,
+        })
+    }
+}
+
+fn duration(limits: &PathLimits, from: &Isometry3<f64>, to: &Isometry3<f64>) -> f64 {
+    let length = (to.translation.vector - from.translation.vector).norm();
+    let angle = from.rotation.angle_to(&to.rotation);
+    limits.duration(length, angle).max(0.05)
+}

@@ -1,0 +1,135 @@
+//! One grasp: approach, digits, tensions, and where the object sits in the hand when the digits close.
+
+use hand_model::Digit;
+use nalgebra::{Isometry3, Matrix3, Point3, Rotation3, Translation3, UnitQuaternion, Vector3};
+use serde::{Deserialize, Serialize};
+
+/// What a grasp is for in a two-object trial.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Role {
+    /// Ring and little finger against the palm, which leaves thumb, index and middle free.
+    First,
+    /// Thumb, index and middle finger, while ring and little hold something.
+    Second,
+}
+
+impl Role {
+    /// Digits that close.
+    pub fn digits(self) -> &'static [Digit] {
+        match self {
+            Role::First => &[Digit::Ring, Digit::Little],
+            Role::Second => &[Digit::Thumb, Digit::Index, Digit::Middle],
+        }
+    }
+}
+
+/// A grasp. Angles in rad, lengths in m, tensions in N.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Grasp {
+    /// Number within the repertoire.
+    pub id: u32,
+    /// Name of the object.
+    pub object: String,
+    /// What it is for.
+    pub role: Role,
+    /// Rotation of the hand about the vertical, relative to the object's own yaw where it has one.
+    pub yaw: f64,
+    /// Fingers down is positive.
+    pub pitch: f64,
+    /// About the finger axis; negative turns the ulnar edge down.
+    pub roll: f64,
+    /// Centre of the object in the palm frame when the digits start to close.
+    pub center: [f64; 3],
+    /// Tensions of the five cables while approaching.
+    pub pre_tension: [f64; 5],
+    /// Tensions of the five cables when closed.
+    pub close_tension: [f64; 5],
+    /// Angle of the thumb's opposition.
+    pub opposition: f64,
+    /// How far the hand rises while the digits close.
+    pub raise: f64,
+    /// How long after the fingers the thumb closes (negative: before), s.
+    pub thumb_delay: f64,
+    /// Where the object ended up in the hand when the grasp was held in physics: `palm_from_object`.
+    pub held: Option<Isometry3<f64>>,
+    /// Finger joint angles when held.
+    pub held_joints: Option<Vec<f64>>,
+    /// Share of the proving runs (with placement errors) in which it held.
+    pub score: f64,
+}
+
+impl Grasp {
+    /// Rotation `world_from_palm` for an object whose yaw is `object_yaw`.
+    pub fn palm_rotation(&self, object_yaw: f64) -> UnitQuaternion<f64> {
+        let z = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), self.yaw + object_yaw);
+        let y = UnitQuaternion::from_axis_angle(&Vector3::y_axis(), self.pitch);
+        let x = UnitQuaternion::from_axis_angle(&Vector3::x_axis(), self.roll);
+        z * y * x * level()
+    }
+
+    /// `world_from_palm` that puts the object's centre, seen at `object` with `object_yaw`, at its place in the hand.
+    pub fn palm_pose(&self, object: &Point3<f64>, object_yaw: f64) -> Isometry3<f64> {
+        let rotation = self.palm_rotation(object_yaw);
+        let center = rotation * Vector3::from(self.center);
+        Isometry3::from_parts(Translation3::from(object.coords - center), rotation)
+    }
+
+    /// Where the hand comes from: the grasp pose backed off by `distance` out of the palm and up.
+    pub fn pregrasp_pose(&self, grasp: &Isometry3<f64>, distance: f64) -> Isometry3<f64> {
+        let away = grasp * Vector3::z() + Vector3::z() * 0.5;
+        Isometry3::from_parts(Translation3::from(grasp.translation.vector + away.normalize() * distance), grasp.rotation)
+    }
+}
+
+/// Palm level, facing down, fingers along world x: palm y is world x, palm z is world z.
+fn level() -> UnitQuaternion<f64> {
+    let columns = Matrix3::from_columns(&[-Vector3::y(), Vector3::x(), Vector3::z()]);
+    UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(columns))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn grasp() -> Grasp {
+        Grasp {
+            id: 0,
+            object: "ball".into(),
+            role: Role::First,
+            yaw: 0.3,
+            pitch: 0.2,
+            roll: -0.9,
+            center: [-0.03, -0.04, -0.02],
+            pre_tension: [0.0; 5],
+            close_tension: [0.0; 5],
+            opposition: 0.0,
+            raise: 0.0,
+            thumb_delay: 0.0,
+            held: None,
+            held_joints: None,
+            score: 0.0,
+        }
+    }
+
+    /// The object's centre lands where the grasp wants it in the hand.
+    #[test]
+    fn center_lands_in_the_hand() {
+        let object = Point3::new(0.5, 0.1, 0.02);
+        let pose = grasp().palm_pose(&object, 0.7);
+        assert!((pose.inverse_transform_point(&object).coords - Vector3::from(grasp().center)).norm() < 1e-12);
+    }
+
+    /// Level: fingers forward, palm down; negative roll puts the ulnar edge (palm -x) down, positive pitch the fingers.
+    #[test]
+    fn signs_of_the_angles() {
+        let mut g = Grasp { yaw: 0.0, pitch: 0.0, roll: 0.0, ..grasp() };
+        assert!((g.palm_rotation(0.0) * Vector3::y() - Vector3::x()).norm() < 1e-12);
+        assert!((g.palm_rotation(0.0) * -Vector3::z() + Vector3::z()).norm() < 1e-12);
+        g.roll = -1.0;
+        assert!((g.palm_rotation(0.0) * -Vector3::x()).z < -0.5);
+        g.roll = 0.0;
+        g.pitch = 0.5;
+        assert!((g.palm_rotation(0.0) * Vector3::y()).z < -0.3);
+    }
+}

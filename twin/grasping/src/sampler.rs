@@ -1,0 +1,142 @@
+//! Proposals: random grasps around the two ways in which this hand picks things up and still has digits left.
+//!
+//! The centres come from a probe in physics: ring and little finger take an object from the side, ulnar edge down, against
+//! the palm; thumb, index and middle take one from above with the thumb opposed. The spreads are wide on purpose; what holds
+//! is decided in physics.
+
+use hand_model::Digit;
+use nalgebra::Vector3;
+use rand::{Rng, RngExt};
+
+use crate::grasp::{Grasp, Role};
+
+/// What the sampler needs to know about an object.
+#[derive(Debug, Clone)]
+pub struct ObjectExtent {
+    /// Name.
+    pub name: String,
+    /// Half extents of the resting object in world axes at yaw 0, m.
+    pub half: Vector3<f64>,
+    /// Whether a rotation about the vertical changes anything.
+    pub yaw_matters: bool,
+}
+
+/// Height of the palm's face over the palm frame's origin plane along -z, m (the origin lies behind the face).
+const PALM_FACE: f64 = 0.0156;
+/// Distance from the wrist to the palm frame's origin along y, m.
+const WRIST: f64 = 0.1072;
+
+/// Draws one proposal.
+pub fn propose(object: &ObjectExtent, role: Role, id: u32, rng: &mut impl Rng) -> Grasp {
+    let mut uniform = |low: f64, high: f64| rng.random_range(low..high);
+    let deg = std::f64::consts::PI / 180.0;
+    let radius = 0.5 * (object.half.z + 0.5 * (object.half.x + object.half.y));
+    let mut pre = [0.0; 5];
+    let mut close = [0.0; 5];
+    let (yaw, pitch, roll, along, across, gap, opposition, raise, delay);
+    match role {
+        Role::First => {
+            roll = deg * uniform(-75.0, -30.0);
+            pitch = deg * uniform(-15.0, 10.0);
+            along = uniform(0.045, 0.085);
+            across = uniform(0.012, 0.036);
+            gap = uniform(0.004, 0.016);
+            opposition = deg * uniform(0.0, 20.0);
+            raise = uniform(0.0, 0.008);
+            delay = 0.0;
+            let tension = uniform(12.0, 24.0);
+            let before = uniform(1.0, 3.5);
+            for digit in [Digit::Ring, Digit::Little] {
+                pre[digit.index()] = before;
+                close[digit.index()] = tension;
+            }
+        }
+        Role::Second => {
+            roll = deg * uniform(-15.0, 25.0);
+            pitch = deg * uniform(5.0, 50.0);
+            along = uniform(0.085, 0.130);
+            across = uniform(-0.045, 0.002);
+            gap = uniform(0.004, 0.034);
+            opposition = deg * uniform(55.0, 90.0);
+            raise = uniform(0.004, 0.025);
+            delay = uniform(-0.25, 0.25);
+            let (fingers, thumb) = (uniform(14.0, 40.0), uniform(12.0, 36.0));
+            let (before, before_thumb) = (uniform(1.5, 4.0), uniform(1.5, 4.0));
+            for digit in [Digit::Index, Digit::Middle] {
+                pre[digit.index()] = before;
+                close[digit.index()] = fingers;
+            }
+            pre[Digit::Thumb.index()] = before_thumb;
+            close[Digit::Thumb.index()] = thumb;
+        }
+    }
+    yaw = if object.yaw_matters { uniform(-0.6, 0.6) } else { 0.0 };
+    Grasp {
+        id,
+        object: object.name.clone(),
+        role,
+        yaw,
+        pitch,
+        roll,
+        center: [-across, along - WRIST, PALM_FACE - gap - radius],
+        pre_tension: pre,
+        close_tension: close,
+        opposition,
+        raise,
+        thumb_delay: delay,
+        held: None,
+        held_joints: None,
+        score: 0.0,
+    }
+}
+
+/// A proposal near a grasp that worked: the same with every number moved a little.
+pub fn vary(grasp: &Grasp, id: u32, rng: &mut impl Rng) -> Grasp {
+    let mut near = |value: f64, spread: f64| value + spread * rng.random_range(-1.0..1.0);
+    let mut new = grasp.clone();
+    new.id = id;
+    new.pitch = near(grasp.pitch, 0.12);
+    new.roll = near(grasp.roll, 0.12);
+    for axis in 0..3 {
+        new.center[axis] = near(grasp.center[axis], 0.006);
+    }
+    new.opposition = near(grasp.opposition, 0.1).clamp(0.0, 1.57);
+    new.raise = near(grasp.raise, 0.004).max(0.0);
+    new.thumb_delay = near(grasp.thumb_delay, 0.05);
+    for n in 0..5 {
+        new.pre_tension[n] = near(grasp.pre_tension[n], 0.1 * grasp.pre_tension[n]);
+        new.close_tension[n] = near(grasp.close_tension[n], 0.1 * grasp.close_tension[n]);
+    }
+    new.held = None;
+    new.held_joints = None;
+    new.score = 0.0;
+    new
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rand::SeedableRng;
+    use rand_chacha::ChaCha8Rng;
+
+    #[test]
+    fn same_seed_same_proposals() {
+        let object = ObjectExtent { name: "ball".into(), half: Vector3::repeat(0.02), yaw_matters: true };
+        let draw = |seed| propose(&object, Role::Second, 1, &mut ChaCha8Rng::seed_from_u64(seed));
+        assert_eq!(draw(3), draw(3));
+        assert_ne!(draw(3), draw(4));
+    }
+
+    /// Only the digits of the role are ever pulled.
+    #[test]
+    fn role_digits_only() {
+        let object = ObjectExtent { name: "ball".into(), half: Vector3::repeat(0.02), yaw_matters: false };
+        let mut rng = ChaCha8Rng::seed_from_u64(1);
+        for role in [Role::First, Role::Second] {
+            let grasp = propose(&object, role, 0, &mut rng);
+            for digit in Digit::ALL {
+                assert_eq!(grasp.close_tension[digit.index()] > 0.0, role.digits().contains(&digit));
+            }
+        }
+    }
+}
