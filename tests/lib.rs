@@ -1,1 +1,58 @@
-//! End-to-end tests of `ftac`.
+//! End-to-end tests of `ftac`: they run the built program as a user would and look at what it prints and leaves behind.
+//!
+//! This library holds only what all of them need: the program, built once, and a run of it.
+
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+use std::sync::OnceLock;
+
+/// The workspace's root.
+pub fn root() -> &'static Path {
+    Path::new(env!("CARGO_MANIFEST_DIR")).parent().unwrap_or(Path::new("."))
+}
+
+/// The release build of `ftac`, built first if it is not up to date: Cargo builds no other package's binary for a test.
+///
+/// # Panics
+/// If it cannot be built; without it no test here can say anything.
+pub fn binary() -> &'static Path {
+    static BINARY: OnceLock<PathBuf> = OnceLock::new();
+    BINARY.get_or_init(|| {
+        let built = Command::new(env!("CARGO"))
+            .args(["build", "--release", "--quiet", "--package", "ftac", "--bin", "ftac", "--target-dir"])
+            .arg(target_dir())
+            .current_dir(root())
+            .status();
+        assert!(built.as_ref().is_ok_and(|status| status.success()), "ftac does not build: {built:?}");
+        target_dir().join("release/ftac")
+    })
+}
+
+/// The target folder of the build this test belongs to: the test is `<target>/release/deps/<name>`.
+fn target_dir() -> PathBuf {
+    let test = std::env::current_exe().unwrap_or_default();
+    test.ancestors().nth(3).map(Path::to_path_buf).unwrap_or_else(|| root().join("target"))
+}
+
+/// A command that runs `ftac` from the workspace's root.
+pub fn ftac(arguments: &[&str]) -> Command {
+    let mut command = Command::new(binary());
+    command.args(arguments).current_dir(root());
+    command
+}
+
+/// Runs `ftac` to its end.
+///
+/// # Panics
+/// If it cannot be started.
+pub fn run(arguments: &[&str]) -> Output {
+    match ftac(arguments).output() {
+        Ok(output) => output,
+        Err(error) => panic!("{}: {error}", binary().display()),
+    }
+}
+
+/// What a run wrote to stderr.
+pub fn stderr(output: &Output) -> String {
+    String::from_utf8_lossy(&output.stderr).into_owned()
+}

@@ -1,1 +1,20 @@
-//! Under construction.
+//! What is done and how it is judged.
+//!
+//! The story in order: [`objects`] are what is picked up, each with a [`geometry::Shape`]; a [`combination::Scenario`] says
+//! which of them come first and second, where they stand and how a trial goes, and [`combination::draw_combinations`] draws
+//! pairs; [`noise`] draws what goes wrong in a trial; the [`referee`] judges it from ground truth; a
+//! [`record::TrialRecord`] keeps the result, and [`statistics`] sums all of them up.
+
+pub mod combination;
+pub mod geometry;
+pub mod noise;
+pub mod objects;
+pub mod record;
+pub mod referee;
+pub mod statistics;
+
+pub use combination::{Combination, Scenario, draw_combinations};
+pub use geometry::Shape;
+pub use objects::{ObjectModel, ObjectSet, Symmetry};
+pub use record::{Condition, TrialRecord};
+pub use referee::{FailureCause, Phase, Referee, SceneTruth, Verdict};

@@ -6,7 +6,7 @@
 
 use hand_model::hand::{CoverShape, MassProperties};
 use hand_model::{ARM_JOINTS, Arm, HAND_JOINTS, Hand};
-use nalgebra::{Isometry3, Vector3};
+use nalgebra::{Isometry3, UnitQuaternion, Vector3};
 use rapier3d_f64::prelude::*;
 
 use crate::convert;
@@ -55,6 +55,11 @@ pub struct JointState {
     pub hand_speed: [f64; HAND_JOINTS],
 }
 
+/// The palm in the arm's last link, with the hand turned by `mount_error` on its flange.
+pub fn last_from_palm(arm: &Arm, hand: &Hand, mount_error: &UnitQuaternion<f64>) -> Isometry3<f64> {
+    arm.last_from_tool * *mount_error * hand.palm_from_flange.inverse()
+}
+
 fn revolute(origin: &Isometry3<f64>, limits: [f64; 2]) -> GenericJoint {
     // rapier's revolute joints turn about the frame's x; ours about z.
     let z_as_x = Rotation::from_rotation_arc(Vector::X, Vector::Z);
@@ -70,12 +75,13 @@ fn revolute(origin: &Isometry3<f64>, limits: [f64; 2]) -> GenericJoint {
     builder.build()
 }
 
-fn cover_collider(cover: &CoverShape, friction: f64) -> ColliderBuilder {
+fn cover_collider(cover: &CoverShape) -> ColliderBuilder {
     let inner = cover.half.add_scalar(-cover.radius);
     ColliderBuilder::round_cuboid(inner.x, inner.y, inner.z, cover.radius)
         .position(convert::pose(&cover.link_from_cover))
         .density(0.0)
-        .friction(friction)
+        .friction(0.0)
+        // An object's own coefficient is the one against the hand's elastomer; on the table it is capped.
         .friction_combine_rule(CoefficientCombineRule::Max)
         .collision_groups(InteractionGroups::all().with_memberships(groups::HAND).with_filter(groups::HAND | groups::OBJECT | groups::TABLE))
 }
@@ -92,15 +98,14 @@ fn link_body(world: &Isometry3<f64>, mass: &MassProperties) -> RigidBodyBuilder 
 }
 
 impl RobotBody {
-    /// Adds arm (at `world_from_base`) and hand to the engine at the given angles.
-    pub fn insert(engine: &mut Engine, arm: &Arm, hand: &Hand, world_from_base: &Isometry3<f64>, arm_q: &[f64; ARM_JOINTS]) -> Self {
-        let friction = engine.settings.hand_friction;
+    /// Adds arm (at `world_from_base`) and hand (turned by `mount_error` on its flange) to the engine at the given angles.
+    pub fn insert(engine: &mut Engine, arm: &Arm, hand: &Hand, world_from_base: &Isometry3<f64>, mount_error: &UnitQuaternion<f64>, arm_q: &[f64; ARM_JOINTS]) -> Self {
         let arm_poses = arm.tree.forward(arm_q);
         let base = engine.bodies.insert(RigidBodyBuilder::fixed().pose(convert::pose(world_from_base)));
         let mut links = Vec::new();
         let mut joints = Vec::new();
         let mut masses = Vec::new();
-        let last_from_palm = arm.last_from_tool * hand.palm_from_flange.inverse();
+        let last_from_palm = last_from_palm(arm, hand, mount_error);
         let mut parent = base;
         for i in 0..ARM_JOINTS {
             let mut mass = arm.masses[i];
@@ -119,7 +124,7 @@ impl RobotBody {
         let palm_link = parent;
         let mut palm_cover = hand.palm_cover;
         palm_cover.link_from_cover = last_from_palm * palm_cover.link_from_cover;
-        let mut covers = vec![engine.colliders.insert_with_parent(cover_collider(&palm_cover, friction), palm_link, &mut engine.bodies)];
+        let mut covers = vec![engine.colliders.insert_with_parent(cover_collider(&palm_cover), palm_link, &mut engine.bodies)];
         for (link, length) in [(4usize, 0.10593), (5, 0.10593), (6, 0.0615)] {
             let capsule = ColliderBuilder::capsule_from_endpoints(Vector::ZERO, if link == 5 { Vector::new(0.0, -length, 0.0) } else { Vector::new(0.0, 0.0, -length) }, WRIST_RADIUS)
                 .density(0.0)
@@ -136,7 +141,7 @@ impl RobotBody {
                 None => (palm_link, last_from_palm * joint.origin),
             };
             joints.extend(engine.multibodies.insert(parent, body, revolute(&origin, [joint.lower, joint.upper]), true));
-            covers.push(engine.colliders.insert_with_parent(cover_collider(&hand.covers[i], friction), body, &mut engine.bodies));
+            covers.push(engine.colliders.insert_with_parent(cover_collider(&hand.covers[i]), body, &mut engine.bodies));
             hand_links.push(body);
             masses.push(hand.masses[i]);
         }

@@ -16,8 +16,8 @@ pub struct EngineSettings {
     pub pgs_iterations: usize,
     /// Contact natural frequency (Hz); the damping ratio is 5. Half the frequency of contacts with fixed bodies.
     pub contact_frequency: f64,
-    /// Friction coefficient of the pads' silicone on anything.
-    pub hand_friction: f64,
+    /// Friction coefficient of the table; an object's own applies where it is smaller.
+    pub table_friction: f64,
 }
 
 impl Default for EngineSettings {
@@ -27,7 +27,7 @@ impl Default for EngineSettings {
             solver_iterations: 1,
             pgs_iterations: 8,
             contact_frequency: 240.0,
-            hand_friction: 0.8,
+            table_friction: 0.5,
         }
     }
 }

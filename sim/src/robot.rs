@@ -4,12 +4,12 @@ use std::sync::Arc;
 
 use hand_model::robot::{ArmState, Command, Observation, Robot, Tick};
 use hand_model::{ACTUATORS, ARM_JOINTS, Arm, HAND_JOINTS, Hand};
-use nalgebra::{Isometry3, Vector3};
+use nalgebra::{Isometry3, UnitQuaternion, Vector3};
 use rapier3d_f64::prelude::*;
 use scenarios::geometry::Shape;
 use scenarios::objects::ObjectModel;
 
-use crate::body::{JointState, RobotBody, groups};
+use crate::body::{JointState, RobotBody, groups, last_from_palm};
 use crate::contacts::contacts_of;
 use crate::convert;
 use crate::engine::{Engine, EngineSettings};
@@ -37,6 +37,8 @@ pub struct ObjectPlacement {
 pub struct SceneSetup {
     /// Where the arm's base *really* is; the controller believes in its nominal place.
     pub world_from_base: Isometry3<f64>,
+    /// By how much the hand is really turned on its flange (calibration error).
+    pub mount_error: UnitQuaternion<f64>,
     /// Arm posture at the start, rad.
     pub arm_start: [f64; ARM_JOINTS],
     /// Objects on the table.
@@ -92,6 +94,7 @@ pub struct Truth {
 pub struct SimulatedRobot {
     hand: Arc<Hand>,
     arm: Arc<Arm>,
+    last_from_palm: Isometry3<f64>,
     engine: Engine,
     body: RobotBody,
     objects: Vec<(Arc<ObjectModel>, RigidBodyHandle, ColliderHandle)>,
@@ -116,10 +119,11 @@ impl SimulatedRobot {
     /// Builds the scene.
     pub fn new(hand: Arc<Hand>, arm: Arc<Arm>, setup: &SceneSetup, tactile: TactileBoard) -> Self {
         let mut engine = Engine::new(setup.engine);
-        let body = RobotBody::insert(&mut engine, &arm, &hand, &setup.world_from_base, &setup.arm_start);
+        let body = RobotBody::insert(&mut engine, &arm, &hand, &setup.world_from_base, &setup.mount_error, &setup.arm_start);
         let table_shape = ColliderBuilder::cuboid(0.8, 0.8, 0.05)
             .position(Pose::from_translation(Vector::new(0.5, 0.0, -0.05)))
-            .friction(0.5)
+            .friction(setup.engine.table_friction)
+            .friction_combine_rule(CoefficientCombineRule::Min)
             .collision_groups(InteractionGroups::all().with_memberships(groups::TABLE));
         let table = engine.colliders.insert(table_shape);
         let objects: Vec<_> = setup.objects.iter().map(|placement| insert_object(&mut engine, placement)).collect();
@@ -127,6 +131,7 @@ impl SimulatedRobot {
         let count = objects.len();
         Self {
             servos: std::array::from_fn(|_| ServoModel::new(hand.parameters.servo)),
+            last_from_palm: last_from_palm(&arm, &hand, &setup.mount_error),
             hand,
             arm,
             engine,
@@ -217,7 +222,7 @@ impl SimulatedRobot {
 
     /// `world_from_palm` as it really is.
     fn palm(&self, poses: &[Isometry3<f64>]) -> Isometry3<f64> {
-        poses[ARM_JOINTS - 1] * self.arm.last_from_tool * self.hand.palm_from_flange.inverse()
+        poses[ARM_JOINTS - 1] * self.last_from_palm
     }
 
     /// Ground truth, for the referee and the recording only.

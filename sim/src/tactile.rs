@@ -1,17 +1,113 @@
 //! The simulated camera board: what presses into each pad, as images.
+//!
+//! For each pad the objects over it are sampled by rays along the pad's normal, pressed in until the gel bears the normal
+//! force that the engine reports for the cover (the engine's own penetration is meaningless as a depth), and rendered.
+
+use std::sync::Arc;
 
 use hand_model::Hand;
-use hand_model::robot::TactileFrame;
-use nalgebra::Isometry3;
+use hand_model::pads::Camera;
+use hand_model::robot::{TactileFrame, TactileImage};
+use nalgebra::{Isometry3, Point3, Unit, Vector3};
+use optics::{OpticsError, Sensor, press};
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
+use rayon::prelude::*;
 use scenarios::geometry::Shape;
 
-/// 18 cameras of one hand unit.
+/// Objects farther than this from a pad's centre (bounding spheres) are not looked at, m.
+const REACH: f64 = 0.005;
+/// Forces below this leave the pad idle, N.
+const LEAST_FORCE: f64 = 0.02;
+/// Rays start this deep under the pad's surface, m: deeper than any contact, inside the phalanx.
+const RAY_START: f64 = 0.006;
+
+/// 18 cameras of one hand unit; an empty board has its cameras off.
 #[derive(Clone)]
-pub struct TactileBoard {}
+pub struct TactileBoard {
+    sensors: Arc<Vec<Sensor>>,
+    noise_seed: u64,
+    sequence: u64,
+}
 
 impl TactileBoard {
-    /// One image of every camera.
-    pub fn capture(&mut self, _hand: &Hand, _time: f64, _pads: &[Isometry3<f64>], _forces: &[f64], _objects: &[(&Shape, Isometry3<f64>)]) -> Vec<TactileFrame> {
-        Vec::new()
+    /// A board whose cameras are off.
+    pub fn blank() -> Self {
+        Self { sensors: Arc::new(Vec::new()), noise_seed: 0, sequence: 0 }
+    }
+
+    /// The 18 cameras of hand unit number `serial`: each camera is a little different from the next.
+    pub fn unit(hand: &Hand, serial: u64) -> Self {
+        let sensors = hand
+            .cameras
+            .iter()
+            .enumerate()
+            .map(|(n, camera)| Sensor::unit(&hand.pads[camera.pad], camera, serial.wrapping_mul(1000).wrapping_add(n as u64)))
+            .collect();
+        Self { sensors: Arc::new(sensors), noise_seed: 0, sequence: 0 }
+    }
+
+    /// The same board with another stream of read-out noise.
+    pub fn with_noise(&self, seed: u64) -> Self {
+        Self { sensors: self.sensors.clone(), noise_seed: seed, sequence: 0 }
+    }
+
+    /// Images of the untouched pads, one a camera.
+    pub fn backgrounds(&self) -> Vec<Arc<TactileImage>> {
+        self.sensors.iter().map(|sensor| sensor.background().clone()).collect()
+    }
+
+    /// The sensors, one a camera.
+    pub fn sensors(&self) -> &[Sensor] {
+        &self.sensors
+    }
+
+    /// One image of every camera. `pads` are `world_from_pad`, `forces` the normal forces on them (N), `objects` everything
+    /// that may press (`world_from_object`).
+    pub fn capture(&mut self, hand: &Hand, time: f64, pads: &[Isometry3<f64>], forces: &[f64], objects: &[(&Shape, Isometry3<f64>)]) -> Vec<TactileFrame> {
+        self.sequence += 1;
+        if self.sensors.is_empty() {
+            return Vec::new();
+        }
+        let images: Vec<Vec<Arc<TactileImage>>> = hand.pads.par_iter().enumerate().map(|(n, _)| self.pad_images(hand, n, &pads[n], forces[n], objects)).collect();
+        let by_camera = hand.pads.iter().zip(images).flat_map(|(pad, images)| pad.cameras.iter().copied().zip(images));
+        let mut frames: Vec<TactileFrame> = by_camera.map(|(camera, image)| TactileFrame { camera, time, sequence: self.sequence, image }).collect();
+        frames.sort_by_key(|frame| frame.camera);
+        frames
+    }
+
+    fn pad_images(&self, hand: &Hand, index: usize, world_from_pad: &Isometry3<f64>, force: f64, objects: &[(&Shape, Isometry3<f64>)]) -> Vec<Arc<TactileImage>> {
+        let pad = &hand.pads[index];
+        let idle = || pad.cameras.iter().map(|camera| self.sensors[*camera].background().clone()).collect();
+        if force < LEAST_FORCE {
+            return idle();
+        }
+        let half = 0.5 * pad.h.hypot(pad.w);
+        let near: Vec<(&Shape, Isometry3<f64>)> = objects
+            .iter()
+            .map(|(shape, pose)| (*shape, pose.inverse() * world_from_pad))
+            .filter(|(shape, object_from_pad)| object_from_pad.translation.vector.norm() < shape.bounding_radius() + half + REACH)
+            .collect();
+        let lowest = |x: f64, y: f64| {
+            near.iter()
+                .filter_map(|(shape, object_from_pad)| {
+                    let origin = object_from_pad * Point3::new(x, y, -RAY_START);
+                    let direction = Unit::new_unchecked(object_from_pad * Vector3::z());
+                    shape.ray(&origin, &direction).map(|distance| distance - RAY_START)
+                })
+                .reduce(f64::min)
+        };
+        let cameras: Vec<&Camera> = pad.cameras.iter().map(|camera| &hand.cameras[*camera]).collect();
+        let pressed: Result<_, OpticsError> = press(pad, &cameras, &hand.gel(), force, lowest);
+        // Only a shape with a broken ray query can fail here; its pad shows nothing rather than something wrong.
+        let Ok(pressed) = pressed else { return idle() };
+        pad.cameras
+            .iter()
+            .zip(&pressed.maps)
+            .map(|(camera, map)| {
+                let mut rng = ChaCha8Rng::seed_from_u64(self.noise_seed ^ (self.sequence << 8) ^ *camera as u64);
+                Arc::new(self.sensors[*camera].render(map, &mut rng))
+            })
+            .collect()
     }
 }

@@ -7,16 +7,11 @@ use anyhow::Result;
 use control::executive::{Executive, Phase, Protocol};
 use grasping::Grasp;
 use hand_model::Digit;
-use nalgebra::{Isometry3, Vector3};
+use nalgebra::{Isometry3, UnitQuaternion, Vector3};
 use sim::robot::{ObjectPlacement, SceneSetup, SimulatedRobot, Truth};
 use sim::tactile::TactileBoard;
 
-use crate::world::{World, drive, perfect_percept, resting_pose};
-
-/// Where the first and the second object stand, m.
-pub const FIRST_PLACE: [f64; 2] = [0.62, 0.14];
-/// See [`FIRST_PLACE`].
-pub const SECOND_PLACE: [f64; 2] = [0.62, -0.14];
+use crate::world::{World, drive, percept};
 
 /// How a rehearsal ended.
 #[derive(Debug, Clone)]
@@ -50,21 +45,21 @@ pub fn in_hand(truth: &Truth, index: usize) -> bool {
 pub fn rehearse_first(world: &World, protocol: &Protocol, first: &Grasp, second: &Grasp, aim: Vector3<f64>, board: &TactileBoard) -> Result<Option<(Snapshot, Outcome)>> {
     let first_model = world.object(&first.object)?;
     let second_model = world.object(&second.object)?;
-    let first_pose = resting_pose(&first_model, FIRST_PLACE[0], FIRST_PLACE[1], 0.0);
-    let second_pose = resting_pose(&second_model, SECOND_PLACE[0], SECOND_PLACE[1], 0.0);
-    let mut percept = perfect_percept(&first_pose, 0.0);
-    percept.position += aim;
-    let target = first.palm_pose(&percept.position, percept.yaw);
+    let [first_pose, second_pose] = world.places(&first_model, &second_model);
+    let mut seen = percept(&first_model, &first_pose);
+    seen.position += aim;
+    let target = first.palm_pose(&seen.position, seen.yaw);
     let start = first.pregrasp_pose(&target, 0.12);
     let (Ok(start), Ok(_)) = (world.posture(&start, &world.ready), world.posture(&target, &world.ready)) else {
         return Ok(None);
     };
     let setup = SceneSetup {
         world_from_base: world.world_from_base,
+        mount_error: UnitQuaternion::identity(),
         arm_start: start,
         objects: vec![
             ObjectPlacement { model: first_model, pose: first_pose },
-            ObjectPlacement { model: second_model, pose: second_pose },
+            ObjectPlacement { model: second_model.clone(), pose: second_pose },
         ],
         engine: sim::engine::EngineSettings::default(),
     };
@@ -74,8 +69,8 @@ pub fn rehearse_first(world: &World, protocol: &Protocol, first: &Grasp, second:
         world.hand.clone(),
         world.arm_servo(start)?,
         *protocol,
-        (first.clone(), percept),
-        (second.clone(), perfect_percept(&second_pose, 0.0)),
+        (first.clone(), seen),
+        (second.clone(), percept(&second_model, &second_pose)),
         tick,
     )?;
     let mut snapshot = Snapshot { robot, executive };

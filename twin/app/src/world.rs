@@ -3,11 +3,13 @@
 use std::sync::Arc;
 
 use anyhow::{Context, Result, anyhow};
-use control::executive::{Executive, Percept, Phase};
+use control::executive::{Executive, Percept, Phase, Protocol};
 use control::inverse_kinematics::{ArmKinematics, ArmServo, IkSettings, Joints, Mount};
+use control::trajectory::PathLimits;
 use hand_model::robot::Robot;
 use hand_model::{ARM_JOINTS, Arm, Hand};
 use nalgebra::{Isometry3, Matrix3, Rotation3, Translation3, UnitQuaternion, Vector3};
+use scenarios::combination::Scenario;
 use scenarios::objects::{ObjectModel, ObjectSet};
 use sim::SimulatedRobot;
 
@@ -22,6 +24,8 @@ pub struct World {
     pub arm: Arc<Arm>,
     /// All objects.
     pub objects: ObjectSet,
+    /// What is done and how it is judged.
+    pub scenario: Scenario,
     /// Where the arm stands, nominally.
     pub world_from_base: Isometry3<f64>,
     /// Posture a trial starts from, rad.
@@ -29,12 +33,13 @@ pub struct World {
 }
 
 impl World {
-    /// The standard world.
-    pub fn standard() -> Result<Self> {
+    /// The standard robot and objects, for a scenario.
+    pub fn new(scenario: Scenario) -> Result<Self> {
         let mut world = Self {
             hand: Arc::new(Hand::ftac()),
             arm: Arc::new(Arm::gen3()),
             objects: ObjectSet::standard(),
+            scenario,
             world_from_base: Isometry3::identity(),
             ready: Arm::home(),
         };
@@ -62,21 +67,28 @@ impl World {
         Ok(ArmServo::new(self.kinematics(), settings, posture)?)
     }
 
+    /// Where the two objects of a trial stand by the scenario's layout, without its spread.
+    pub fn places(&self, first: &ObjectModel, second: &ObjectModel) -> [Isometry3<f64>; 2] {
+        [self.scenario.layout.first.pose(first), self.scenario.layout.second.pose(second)]
+    }
+
+    /// Distances and times of a trial for the executive.
+    pub fn protocol(&self) -> Protocol {
+        let p = &self.scenario.protocol;
+        Protocol { lift: p.lift_height, carry: p.carry_distance, hold: p.hold_time, limits: PathLimits::default() }
+    }
+
     /// An object by name.
     pub fn object(&self, name: &str) -> Result<Arc<ObjectModel>> {
-        self.objects.get(name).ok_or_else(|| anyhow!("no object is called `{name}`; known are: {}", self.objects.names().join(", ")))
+        self.objects.get(name).cloned().ok_or_else(|| anyhow!("no object is called `{name}`; known are: {}", self.objects.names().join(", ")))
     }
 }
 
-/// Where an object stands: pose on the table at (x, y) with `yaw` about the vertical.
-pub fn resting_pose(object: &ObjectModel, x: f64, y: f64, yaw: f64) -> Isometry3<f64> {
-    let rotation = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), yaw) * object.rest;
-    Isometry3::from_parts(Translation3::new(x, y, object.rest_height()), rotation)
-}
-
-/// A percept without error.
-pub fn perfect_percept(pose: &Isometry3<f64>, yaw: f64) -> Percept {
-    Percept { position: pose.translation.vector.into(), rotation: pose.rotation, yaw }
+/// What perception without error says of an object at `pose`: its yaw is the turn about the vertical from its rest pose.
+pub fn percept(object: &ObjectModel, pose: &Isometry3<f64>) -> Percept {
+    let turn = pose.rotation * object.rest.inverse();
+    let ahead = turn * Vector3::x();
+    Percept { position: pose.translation.vector.into(), rotation: pose.rotation, yaw: ahead.y.atan2(ahead.x) }
 }
 
 /// Drives `robot` with `executive` until `phase` is reached; `watch` sees every tick.

@@ -7,6 +7,8 @@
 pub mod collision;
 pub mod executive;
 pub mod inverse_kinematics;
+pub mod perception;
+pub mod strategy;
 pub mod trajectory;
 
 /// A twist: linear velocity (m/s) of the moving frame's origin, then angular velocity (rad/s), both in world axes.

@@ -248,8 +248,8 @@ mod tests {
         }
     }
 
-    /// Across the plane of three contacts only friction holds: the margin there is mu times the total normal force, and about
-    /// the axis through the centre (at the sphere's radius) the same; the worst direction lies in the plane or about it.
+    /// Across the plane of three contacts only friction holds, so the margin there is mu times the total normal force, and so
+    /// is the torque about the plane's axis divided by the radius.
     #[test]
     fn known_values_of_a_triangle() {
         let contacts = on_sphere(&triangle(), 0.03, 0.2);
@@ -257,7 +257,7 @@ mod tests {
         let about_z = resisted(&contacts, &Point3::origin(), 0.03, 10).expect("solved");
         assert!((along_z - 0.2).abs() < 1e-6, "{along_z}");
         assert!((about_z - 0.2).abs() < 1e-6, "{about_z}");
-        // Two contacts lifting, one pulled down: about x the arms are +-R sin 60, each carrying at most mu / 2.
+        // About x the longest arms are +-R sin 60, and all friction together is at most mu.
         let about_x = resisted(&contacts, &Point3::origin(), 0.03, 6).expect("solved");
         assert!(about_x < 0.2 * 3.0_f64.sqrt() / 2.0 + 1e-6, "{about_x}");
     }

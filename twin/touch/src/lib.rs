@@ -1,1 +1,34 @@
-//! Under construction.
+//! What the hand feels: tactile images become surface gradients, heights, contact patches and an in-hand object pose.
+//!
+//! The story in order: [`calibration`] learns from labelled presses how colour changes with slope; [`photometric_stereo`]
+//! applies it to an image; [`poisson`] integrates the slopes to a height map; [`contacts`] finds the patches where something
+//! presses; [`posture`] says what six servos tell about fifteen joints; [`pose`] registers patches, untouched pads and servo
+//! readings to the known shape of the object; [`pipeline`] runs all of it for the 18 cameras of the hand.
+//!
+//! This crate knows the hand model and nothing of simulators or hardware, and it never sees ground truth.
+//!
+//! # Conventions
+//! SI units. Indentation `h` is positive into the gel; its gradients are `gx = dh/dx` and `gy = dh/dy` in the pad frame.
+//! Images, gradient fields and height maps are row-major, [`IMAGE_SIZE`] squared, row 0 at the distal edge (largest y).
+
+pub mod calibration;
+pub mod contacts;
+pub mod error;
+pub mod photometric_stereo;
+pub mod pipeline;
+pub mod poisson;
+pub mod pose;
+pub mod posture;
+
+pub use calibration::{AngularError, Calibration, CalibrationPress, PhotometricModel};
+pub use contacts::{ContactOptions, Patch, SurfacePoint};
+pub use error::TouchError;
+pub use photometric_stereo::{Gradients, StereoOptions};
+pub use pipeline::{HeightMap, PadTouch, TouchPipeline};
+pub use pose::{KnownShape, PoseEstimate, PoseOptions, PosePrior, estimate_pose};
+pub use posture::Posture;
+
+pub use hand_model::pads::IMAGE_SIZE;
+
+/// Pixels of one tactile image.
+pub const PIXELS: usize = IMAGE_SIZE * IMAGE_SIZE;

@@ -1,0 +1,23 @@
+//! Dynamixel Protocol 2.0, the wire format of the servo bus.
+//!
+//! A packet is `FF FF FD 00 | id | length (2) | instruction | parameters | crc (2)`, little-endian; the length counts everything
+//! after itself. Inside, from instruction to last parameter, an `FD` is stuffed after every `FF FF FD`, so that the header never
+//! occurs in a packet; length and CRC are those of the stuffed bytes. A servo answers with a status packet, whose instruction
+//! is 0x55 and whose first parameter is an error byte.
+//!
+//! Four layers, each on the one before: [`crc`] and [`stuffing`] on bytes; [`packet`] for one packet; [`decoder`] for the
+//! stream in which packets come; [`instruction`] and [`status`] for what packets mean.
+//!
+//! Source: ROBOTIS e-Manual, "DYNAMIXEL Protocol 2.0"; its example packets are the tests' vectors.
+
+pub mod crc;
+pub mod decoder;
+pub mod instruction;
+pub mod packet;
+pub mod status;
+pub mod stuffing;
+
+pub use decoder::{Decoder, StreamError};
+pub use instruction::Instruction;
+pub use packet::{BROADCAST, Packet, PacketError};
+pub use status::{ReplyError, ServoError, Status, sync_read_replies};

@@ -1,0 +1,227 @@
+//! From the stream of bytes to packets, whatever happens on the wire.
+//!
+//! Bytes go in as they arrive, packets and errors come out in order. After anything wrong the decoder gives up only the header
+//! it was at and looks for the next one in the bytes it already has, so a stray or damaged byte costs the packet it hit and no
+//! other. A damaged *length* can make it wait for bytes that are not coming; whoever reads the port knows the deadline and
+//! calls [`Decoder::time_out`].
+
+use super::packet::{HEADER, PROLOGUE, Packet, PacketError, check_id, check_length};
+
+/// What can come out of a stream besides packets. Every one means that bytes were dropped; none ends the stream.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+pub enum StreamError {
+    /// Bytes that belong to no packet.
+    #[error("{0} bytes between packets")]
+    Garbage(usize),
+    /// A packet began, and was not one.
+    #[error(transparent)]
+    Packet(#[from] PacketError),
+    /// A packet began, and its rest did not come in time.
+    #[error("packet cut short: {found} bytes came, expected {expected}")]
+    CutShort {
+        /// Bytes there are, of this packet and whatever followed it.
+        found: usize,
+        /// Bytes the packet's length asks for; 0 if not even the length came.
+        expected: usize,
+    },
+}
+
+/// Finds packets in a stream of bytes.
+#[derive(Debug, Default)]
+pub struct Decoder {
+    buffer: Vec<u8>,
+    /// Whether the start of the buffer is the rest of a packet given up, whose bytes have been reported already.
+    in_wreck: bool,
+}
+
+impl Decoder {
+    /// Adds bytes as they come from the port.
+    pub fn push(&mut self, bytes: &[u8]) {
+        self.buffer.extend_from_slice(bytes);
+    }
+
+    /// The next packet or error; `None` when more bytes are needed.
+    pub fn next_packet(&mut self) -> Option<Result<Packet, StreamError>> {
+        let skipped = self.skip_to_header();
+        if skipped > 0 && !std::mem::take(&mut self.in_wreck) {
+            return Some(Err(StreamError::Garbage(skipped)));
+        }
+        let wire = match self.frame() {
+            Ok(length) => self.buffer.get(..length?)?,
+            Err(error) => return Some(Err(self.give_up(error.into()))),
+        };
+        match Packet::decode(wire) {
+            Ok(packet) => {
+                let length = wire.len();
+                self.buffer.drain(..length);
+                self.in_wreck = false;
+                Some(Ok(packet))
+            }
+            Err(error) => Some(Err(self.give_up(error.into()))),
+        }
+    }
+
+    /// Everything that is complete by now.
+    pub fn drain(&mut self) -> Vec<Result<Packet, StreamError>> {
+        std::iter::from_fn(|| self.next_packet()).collect()
+    }
+
+    /// To call when nothing more will come before the next request: reports a packet cut short and returns what can still be read from
+    /// the bytes after its header. Afterwards the decoder is empty.
+    pub fn time_out(&mut self) -> Vec<Result<Packet, StreamError>> {
+        let mut found = self.drain();
+        while !self.buffer.is_empty() {
+            let expected = self.frame().ok().flatten().unwrap_or(0);
+            let error = StreamError::CutShort { found: self.buffer.len(), expected };
+            found.push(Err(self.give_up(error)));
+            found.extend(self.drain());
+        }
+        self.in_wreck = false;
+        found
+    }
+
+    /// Drops what stands before the next header, or before what may become one, and says how much that was.
+    fn skip_to_header(&mut self) -> usize {
+        let start = (0..self.buffer.len())
+            .find(|start| self.buffer[*start..].iter().zip(HEADER).all(|(byte, expected)| *byte == expected))
+            .unwrap_or(self.buffer.len());
+        self.buffer.drain(..start);
+        start
+    }
+
+    /// Length of the packet at the start of the buffer, if enough of it is there to say.
+    fn frame(&self) -> Result<Option<usize>, PacketError> {
+        let [_, _, _, _, id, low, high, ..] = self.buffer[..] else { return Ok(None) };
+        let length = usize::from(u16::from_le_bytes([low, high]));
+        check_id(id)?;
+        check_length(length)?;
+        Ok(Some(PROLOGUE + length))
+    }
+
+    /// Drops one byte, which breaks the header at the start of the buffer.
+    fn give_up(&mut self, error: StreamError) -> StreamError {
+        self.buffer.remove(0);
+        self.in_wreck = true;
+        error
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::stuffing::tests::bytes;
+    use super::*;
+    use proptest::prelude::*;
+    use proptest::test_runner::RngSeed;
+
+    /// The e-Manual's answer to a read of present position: servo 1 stands at 166.
+    const ANSWER: [u8; 15] = [0xFF, 0xFF, 0xFD, 0, 1, 8, 0, 0x55, 0, 0xA6, 0, 0, 0, 0x8C, 0xC0];
+
+    fn decode(bytes: &[u8]) -> Vec<Result<Packet, StreamError>> {
+        let mut decoder = Decoder::default();
+        decoder.push(bytes);
+        decoder.time_out()
+    }
+
+    fn packets(bytes: &[u8]) -> Vec<Packet> {
+        decode(bytes).into_iter().flatten().collect()
+    }
+
+    #[test]
+    fn published_answer() {
+        let expected = Packet { id: 1, instruction: 0x55, parameters: vec![0, 0xA6, 0, 0, 0] };
+        assert_eq!(decode(&ANSWER), [Ok(expected)]);
+    }
+
+    /// All 15 x 255 ways of damaging one byte of it, with a good packet following.
+    #[test]
+    fn any_changed_byte_costs_one_packet_and_no_more() {
+        let good = packets(&ANSWER);
+        for position in 0..ANSWER.len() {
+            for change in 1..=255 {
+                let mut wire = ANSWER.to_vec();
+                wire[position] ^= change;
+                assert_eq!(packets(&wire), [], "byte {position} changed by {change:02x}");
+                wire.extend_from_slice(&ANSWER);
+                assert_eq!(packets(&wire), good, "byte {position} changed by {change:02x}");
+                assert!(decode(&wire).iter().any(Result::is_err), "not reported");
+            }
+        }
+    }
+
+    #[test]
+    fn errors_are_told_apart() {
+        assert_eq!(decode(&[1, 2, 3]), [Err(StreamError::Garbage(3))]);
+        assert_eq!(decode(&ANSWER[..12]), [Err(StreamError::CutShort { found: 12, expected: 15 })]);
+        let changed = |position: usize, value: u8| {
+            let mut wire = ANSWER;
+            wire[position] = value;
+            decode(&wire).first().cloned()
+        };
+        assert_eq!(changed(4, 0xFF), Some(Err(StreamError::Packet(PacketError::Id(0xFF)))));
+        assert_eq!(changed(6, 0x80), Some(Err(StreamError::Packet(PacketError::Length(0x8008)))));
+        assert_eq!(changed(13, 0x8D), Some(Err(StreamError::Packet(PacketError::Crc { found: 0xC08D, expected: 0xC08C }))));
+    }
+
+    /// A packet that arrives byte by byte is not mistaken for anything before it is whole.
+    #[test]
+    fn byte_by_byte() {
+        let mut decoder = Decoder::default();
+        for byte in &ANSWER[..14] {
+            decoder.push(&[*byte]);
+            assert_eq!(decoder.next_packet(), None);
+        }
+        decoder.push(&ANSWER[14..]);
+        assert!(matches!(decoder.next_packet(), Some(Ok(_))));
+        assert_eq!(decoder.next_packet(), None);
+    }
+
+    fn packet() -> impl Strategy<Value = Packet> {
+        (0..=252_u8, any::<u8>(), bytes(40)).prop_map(|(id, instruction, parameters)| Packet { id, instruction, parameters })
+    }
+
+    proptest! {
+        // A CRC of 16 bits lets one in 65,536 arbitrary strings pass, so properties over arbitrary bytes use fixed ones.
+        #![proptest_config(ProptestConfig { rng_seed: RngSeed::Fixed(20), ..ProptestConfig::with_cases(2000) })]
+
+        #[test]
+        fn round_trip(packet in packet()) {
+            prop_assert_eq!(decode(&packet.encode()?), [Ok(packet)]);
+        }
+
+        /// The CRC's promise: a changed byte is noticed wherever it is. (One in the length field moves the CRC itself, and
+        /// is noticed but for one in 65,536, which then has the wrong number of parameters.)
+        #[test]
+        fn a_changed_byte_is_noticed(packet in packet(), position in any::<prop::sample::Index>(), change in 1..=255_u8) {
+            let mut wire = packet.encode()?;
+            let position = position.index(wire.len());
+            wire[position] ^= change;
+            prop_assert_eq!(packets(&wire), []);
+        }
+
+        /// Garbage before, between and after packets costs none of them, in whatever pieces the bytes arrive. (Garbage that
+        /// holds a whole header may hide packets until the deadline, never longer.)
+        #[test]
+        fn finds_every_packet_in_garbage(
+            sent in prop::collection::vec((bytes(12), packet()), 1..6),
+            tail in bytes(12),
+            piece in 1..40_usize,
+        ) {
+            let mut wire = Vec::new();
+            for (garbage, packet) in &sent {
+                wire.extend_from_slice(garbage);
+                wire.extend(packet.encode()?);
+            }
+            wire.extend_from_slice(&tail);
+            let mut decoder = Decoder::default();
+            let mut found = Vec::new();
+            for piece in wire.chunks(piece) {
+                decoder.push(piece);
+                found.extend(decoder.drain());
+            }
+            found.extend(decoder.time_out());
+            let found: Vec<Packet> = found.into_iter().flatten().collect();
+            let sent: Vec<Packet> = sent.into_iter().map(|(_, packet)| packet).collect();
+            prop_assert_eq!(found, sent);
+        }
+    }
+}

@@ -1,0 +1,215 @@
+//! What the host asks of servos.
+
+use super::packet::{BROADCAST, Packet, PacketError};
+
+/// The instructions this bridge uses.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Instruction {
+    /// Who is there? Answered with model number and firmware version.
+    Ping,
+    /// Read `length` bytes from `address` on.
+    Read {
+        /// First register.
+        address: u16,
+        /// Number of bytes.
+        length: u16,
+    },
+    /// Write bytes from `address` on.
+    Write {
+        /// First register.
+        address: u16,
+        /// What to write.
+        data: Vec<u8>,
+    },
+    /// Restart; the only way out of a shutdown. Torque is off afterwards.
+    Reboot,
+    /// The same read from several servos, which answer one after the other in this order.
+    SyncRead {
+        /// First register.
+        address: u16,
+        /// Number of bytes from each.
+        length: u16,
+        /// Who answers.
+        ids: Vec<u8>,
+    },
+    /// Writes of the same registers in several servos at once. Not answered: a refused value is lost silently.
+    SyncWrite {
+        /// First register.
+        address: u16,
+        /// Number of bytes to each.
+        length: u16,
+        /// For each servo, exactly that many bytes.
+        data: Vec<(u8, Vec<u8>)>,
+    },
+}
+
+/// An instruction that cannot be sent or understood.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+pub enum InstructionError {
+    /// It does not fit a packet.
+    #[error(transparent)]
+    Packet(#[from] PacketError),
+    /// A sync write with data of different lengths.
+    #[error("sync write to servo {id}: found {found} bytes, expected {expected}")]
+    DataLength {
+        /// Whose data.
+        id: u8,
+        /// Its length.
+        found: usize,
+        /// That of all.
+        expected: usize,
+    },
+    /// A code this bridge does not use.
+    #[error("instruction: found {0:#04x}, expected one of 01 02 03 08 82 83")]
+    Unknown(u8),
+    /// Parameters that do not fit the instruction.
+    #[error("instruction {instruction:#04x}: found {found} parameters, which do not fit it")]
+    Parameters {
+        /// Its code.
+        instruction: u8,
+        /// Number of parameters.
+        found: usize,
+    },
+}
+
+const PING: u8 = 0x01;
+const READ: u8 = 0x02;
+const WRITE: u8 = 0x03;
+const REBOOT: u8 = 0x08;
+const SYNC_READ: u8 = 0x82;
+const SYNC_WRITE: u8 = 0x83;
+
+impl Instruction {
+    /// The bytes that go onto the wire. Sync instructions are sent to everybody, whatever `id` says.
+    pub fn encode(&self, id: u8) -> Result<Vec<u8>, InstructionError> {
+        let (instruction, parameters) = match self {
+            Self::Ping => (PING, Vec::new()),
+            Self::Reboot => (REBOOT, Vec::new()),
+            Self::Read { address, length } => (READ, words(&[*address, *length])),
+            Self::Write { address, data } => (WRITE, [words(&[*address]), data.clone()].concat()),
+            Self::SyncRead { address, length, ids } => (SYNC_READ, [words(&[*address, *length]), ids.clone()].concat()),
+            Self::SyncWrite { address, length, data } => {
+                let mut parameters = words(&[*address, *length]);
+                for (id, bytes) in data {
+                    if bytes.len() != usize::from(*length) {
+                        return Err(InstructionError::DataLength { id: *id, found: bytes.len(), expected: usize::from(*length) });
+                    }
+                    parameters.push(*id);
+                    parameters.extend_from_slice(bytes);
+                }
+                (SYNC_WRITE, parameters)
+            }
+        };
+        let id = if matches!(self, Self::SyncRead { .. } | Self::SyncWrite { .. }) { BROADCAST } else { id };
+        Ok(Packet { id, instruction, parameters }.encode()?)
+    }
+
+    /// What a packet asks: the servo's side of [`Instruction::encode`].
+    pub fn decode(packet: &Packet) -> Result<Self, InstructionError> {
+        let unfit = InstructionError::Parameters { instruction: packet.instruction, found: packet.parameters.len() };
+        let word = |low: u8, high: u8| u16::from_le_bytes([low, high]);
+        match (packet.instruction, &packet.parameters[..]) {
+            (PING, []) => Ok(Self::Ping),
+            (REBOOT, []) => Ok(Self::Reboot),
+            (READ, [a, b, c, d]) => Ok(Self::Read { address: word(*a, *b), length: word(*c, *d) }),
+            (WRITE, [a, b, data @ ..]) if !data.is_empty() => Ok(Self::Write { address: word(*a, *b), data: data.to_vec() }),
+            (SYNC_READ, [a, b, c, d, ids @ ..]) => {
+                Ok(Self::SyncRead { address: word(*a, *b), length: word(*c, *d), ids: ids.to_vec() })
+            }
+            (SYNC_WRITE, [a, b, c, d, rest @ ..]) if rest.len() % (1 + usize::from(word(*c, *d))) == 0 => {
+                let length = word(*c, *d);
+                let data = rest.chunks(1 + usize::from(length)).map(|one| (one[0], one[1..].to_vec())).collect();
+                Ok(Self::SyncWrite { address: word(*a, *b), length, data })
+            }
+            (PING | READ | WRITE | REBOOT | SYNC_READ | SYNC_WRITE, _) => Err(unfit),
+            (code, _) => Err(InstructionError::Unknown(code)),
+        }
+    }
+}
+
+fn words(values: &[u16]) -> Vec<u8> {
+    values.iter().flat_map(|value| value.to_le_bytes()).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::decoder::Decoder;
+    use super::super::stuffing::tests::bytes;
+    use super::*;
+    use proptest::prelude::*;
+
+    fn wire(hex: &str) -> Vec<u8> {
+        hex.split(' ').map(|byte| u8::from_str_radix(byte, 16).expect("hex")).collect()
+    }
+
+    /// The e-Manual's examples.
+    #[test]
+    fn published_packets() {
+        let position = |value: u32| value.to_le_bytes().to_vec();
+        let cases = [
+            (Instruction::Ping, 1, "FF FF FD 00 01 03 00 01 19 4E"),
+            (Instruction::Ping, BROADCAST, "FF FF FD 00 FE 03 00 01 31 42"),
+            (Instruction::Read { address: 132, length: 4 }, 1, "FF FF FD 00 01 07 00 02 84 00 04 00 1D 15"),
+            (Instruction::Write { address: 116, data: position(512) }, 1, "FF FF FD 00 01 09 00 03 74 00 00 02 00 00 CA 89"),
+            (Instruction::Reboot, 1, "FF FF FD 00 01 03 00 08 2F 4E"),
+            (
+                Instruction::SyncRead { address: 132, length: 4, ids: vec![1, 2] },
+                BROADCAST,
+                "FF FF FD 00 FE 09 00 82 84 00 04 00 01 02 CE FA",
+            ),
+            (
+                Instruction::SyncWrite { address: 116, length: 4, data: vec![(1, position(150)), (2, position(170))] },
+                BROADCAST,
+                "FF FF FD 00 FE 11 00 83 74 00 04 00 01 96 00 00 00 02 AA 00 00 00 82 87",
+            ),
+        ];
+        for (instruction, id, expected) in cases {
+            assert_eq!(instruction.encode(id), Ok(wire(expected)), "{instruction:?}");
+        }
+    }
+
+    #[test]
+    fn sync_write_of_unequal_lengths_is_refused() {
+        let unequal = Instruction::SyncWrite { address: 116, length: 4, data: vec![(1, vec![0; 4]), (2, vec![0; 3])] };
+        assert_eq!(unequal.encode(BROADCAST), Err(InstructionError::DataLength { id: 2, found: 3, expected: 4 }));
+    }
+
+    #[test]
+    fn unfit_packets_are_refused() {
+        let packet = |instruction, parameters| Packet { id: 1, instruction, parameters };
+        assert_eq!(Instruction::decode(&packet(0x77, vec![])), Err(InstructionError::Unknown(0x77)));
+        assert_eq!(
+            Instruction::decode(&packet(READ, vec![1, 0, 4])),
+            Err(InstructionError::Parameters { instruction: READ, found: 3 })
+        );
+    }
+
+    fn instruction() -> impl Strategy<Value = Instruction> {
+        prop_oneof![
+            Just(Instruction::Ping),
+            Just(Instruction::Reboot),
+            any::<(u16, u16)>().prop_map(|(address, length)| Instruction::Read { address, length }),
+            (any::<u16>(), any::<u8>(), bytes(30)).prop_map(|(address, first, rest)| Instruction::Write {
+                address,
+                data: [vec![first], rest].concat()
+            }),
+            (any::<u16>(), any::<u16>(), bytes(6)).prop_map(|(address, length, ids)| Instruction::SyncRead { address, length, ids }),
+            (any::<u16>(), prop::collection::vec((any::<u8>(), bytes(8)), 0..6)).prop_map(|(address, mut data)| {
+                let length = data.iter().map(|(_, bytes)| bytes.len()).max().unwrap_or(0);
+                data.iter_mut().for_each(|(_, bytes)| bytes.resize(length, 0xFF));
+                Instruction::SyncWrite { address, length: length as u16, data }
+            }),
+        ]
+    }
+
+    proptest! {
+        #[test]
+        fn round_trip(instruction in instruction(), id in 0..=252_u8) {
+            let mut decoder = Decoder::default();
+            decoder.push(&instruction.encode(id)?);
+            let packet = decoder.next_packet().expect("a whole packet")?;
+            prop_assert_eq!(Instruction::decode(&packet)?, instruction);
+            prop_assert!(decoder.time_out().is_empty());
+        }
+    }
+}

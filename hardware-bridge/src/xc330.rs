@@ -1,0 +1,328 @@
+//! The XC330-T288-T: its control table as data, and its counts in SI units.
+//!
+//! A [`Register`] knows where it is, how many bytes it has, whether it is signed, what it may hold and what one count means.
+//! [`Register::write`] goes from SI to bytes, with the range checked; [`Register::read`] the other way. The servo ignores its
+//! own position limits (48, 52) in current and current-based position mode: whoever sends goals clamps them.
+//!
+//! Source: ROBOTIS e-Manual, XC330-T288. Its indirect-data area is left out: the published descriptions contradict each other
+//! on its place, and the two blocks the control loop needs are contiguous without it ([`GOAL_BLOCK`], [`PRESENT_BLOCK`]).
+
+use std::f64::consts::TAU;
+use std::ops::Range;
+
+/// Answered to a ping.
+pub const MODEL: u16 = 1220;
+/// Encoder counts in a turn.
+pub const COUNTS_PER_TURN: f64 = 4096.0;
+/// Baud rates by the value of the baud rate register. The 330 series stops here (no 4.5 Mbaud).
+pub const BAUD_RATES: [u32; 7] = [9_600, 57_600, 115_200, 1_000_000, 2_000_000, 3_000_000, 4_000_000];
+/// Goal current to goal position: one contiguous write, 18 bytes.
+pub const GOAL_BLOCK: Range<u16> = 102..120;
+/// Present current, velocity and position: one contiguous read, 10 bytes.
+pub const PRESENT_BLOCK: Range<u16> = 126..136;
+/// The same up to present temperature, 21 bytes.
+pub const PRESENT_BLOCK_LONG: Range<u16> = 126..147;
+
+/// Who may change a register.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Access {
+    /// Only the servo.
+    Read,
+    /// The host while torque is off: kept without power.
+    Eeprom,
+    /// The host at any time: lost at power-off and reboot.
+    Ram,
+}
+
+/// What one count means.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Unit {
+    /// A number, code or mask; not converted.
+    Plain,
+    /// 1/4096 turn -> rad.
+    Angle,
+    /// 0.229 rev/min -> rad/s.
+    Velocity,
+    /// 214.577 rev/min^2 -> rad/s^2.
+    Acceleration,
+    /// 1 mA -> A; measured at the power input.
+    Current,
+    /// 0.1 V -> V.
+    Voltage,
+    /// Share of the full duty cycle, 885 counts = 1.
+    DutyCycle,
+    /// Degrees Celsius, not converted.
+    Celsius,
+    /// 2 us -> s.
+    ReturnDelay,
+    /// 1 ms -> s.
+    Millisecond,
+    /// 20 ms -> s.
+    Watchdog,
+}
+
+impl Unit {
+    /// SI (or degrees Celsius) per count.
+    pub fn per_count(self) -> f64 {
+        match self {
+            Self::Plain | Self::Celsius => 1.0,
+            Self::Angle => TAU / COUNTS_PER_TURN,
+            Self::Velocity => 0.229 * TAU / 60.0,
+            Self::Acceleration => 214.577 * TAU / 3600.0,
+            Self::Current | Self::Millisecond => 1e-3,
+            Self::Voltage => 0.1,
+            Self::DutyCycle => 1.0 / 885.0,
+            Self::ReturnDelay => 2e-6,
+            Self::Watchdog => 20e-3,
+        }
+    }
+}
+
+/// One entry of the control table.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Register {
+    /// Where it starts.
+    pub address: u16,
+    /// 1, 2 or 4 bytes, little-endian.
+    pub size: u8,
+    /// As the e-Manual calls it.
+    pub name: &'static str,
+    /// Who may change it.
+    pub access: Access,
+    /// Factory value in counts, where there is one.
+    pub default: Option<i64>,
+    /// What may be written, or what it shows, in counts, both ends included.
+    pub range: (i64, i64),
+    /// What a count means.
+    pub unit: Unit,
+}
+
+/// A value that does not fit a register.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum RegisterError {
+    /// Not a value it may hold.
+    #[error("{register}: found {found}, expected {low} to {high}")]
+    Range {
+        /// Which.
+        register: &'static str,
+        /// In SI.
+        found: f64,
+        /// In SI.
+        low: f64,
+        /// In SI.
+        high: f64,
+    },
+    /// Not for the host to write.
+    #[error("{0}: read-only")]
+    ReadOnly(&'static str),
+    /// Bytes that are not this register's.
+    #[error("{register}: found {found} bytes, expected {expected}")]
+    Length {
+        /// Which.
+        register: &'static str,
+        /// Bytes given.
+        found: usize,
+        /// Its size.
+        expected: usize,
+    },
+}
+
+impl Register {
+    /// Whether negative values exist (two's complement).
+    pub fn signed(&self) -> bool {
+        self.range.0 < 0
+    }
+
+    /// The bytes for a value in SI, rounded to the nearest count.
+    pub fn write(&self, si: f64) -> Result<Vec<u8>, RegisterError> {
+        if self.access == Access::Read {
+            return Err(RegisterError::ReadOnly(self.name));
+        }
+        let (low, high) = (self.range.0 as f64, self.range.1 as f64);
+        let counts = (si / self.unit.per_count()).round();
+        if !(low..=high).contains(&counts) {
+            let si_of = |counts: f64| counts * self.unit.per_count();
+            return Err(RegisterError::Range { register: self.name, found: si, low: si_of(low), high: si_of(high) });
+        }
+        Ok((counts as i64).to_le_bytes()[..usize::from(self.size)].to_vec())
+    }
+
+    /// The value in SI that the servo's bytes mean.
+    pub fn read(&self, bytes: &[u8]) -> Result<f64, RegisterError> {
+        let size = usize::from(self.size);
+        if bytes.len() != size {
+            return Err(RegisterError::Length { register: self.name, found: bytes.len(), expected: size });
+        }
+        let negative = self.signed() && bytes[size - 1] & 0x80 != 0;
+        let mut wide = [if negative { 0xFF } else { 0 }; 8];
+        wide[..size].copy_from_slice(bytes);
+        Ok(i64::from_le_bytes(wide) as f64 * self.unit.per_count())
+    }
+
+    /// The value in SI out of a block of registers that starts at `start`; `None` if the block does not hold all of it.
+    pub fn read_from(&self, block: &[u8], start: u16) -> Option<f64> {
+        let first = usize::from(self.address.checked_sub(start)?);
+        self.read(block.get(first..first + usize::from(self.size))?).ok()
+    }
+}
+
+/// Makes a constant of every line, and of all of them [`REGISTERS`].
+macro_rules! control_table {
+    ($($id:ident: $address:literal $size:literal $name:literal $access:ident $default:expr, ($low:expr, $high:expr) $unit:ident;)*) => {
+        $(
+            #[doc = concat!($name, ", address ", $address, ", ", $size, " bytes.")]
+            pub const $id: Register = Register {
+                address: $address, size: $size, name: $name, access: Access::$access, default: $default, range: ($low, $high), unit: Unit::$unit,
+            };
+        )*
+        /// The control table, by address.
+        pub const REGISTERS: &[Register] = &[$($id),*];
+    };
+}
+
+const I16: (i64, i64) = (i16::MIN as i64, i16::MAX as i64);
+const I32: (i64, i64) = (i32::MIN as i64, i32::MAX as i64);
+
+control_table! {
+    MODEL_NUMBER:            0 2 "Model Number"            Read   Some(1220), (0, 65_535) Plain;
+    MODEL_INFORMATION:       2 4 "Model Information"       Read   None, (0, 4_294_967_295) Plain;
+    FIRMWARE_VERSION:        6 1 "Firmware Version"        Read   None, (0, 255) Plain;
+    ID:                      7 1 "ID"                      Eeprom Some(1), (0, 252) Plain;
+    BAUD_RATE:               8 1 "Baud Rate"               Eeprom Some(1), (0, 6) Plain;
+    RETURN_DELAY_TIME:       9 1 "Return Delay Time"       Eeprom Some(250), (0, 254) ReturnDelay;
+    DRIVE_MODE:             10 1 "Drive Mode"              Eeprom Some(0), (0, 13) Plain;
+    OPERATING_MODE:         11 1 "Operating Mode"          Eeprom Some(3), (0, 16) Plain;
+    SECONDARY_ID:           12 1 "Secondary ID"            Eeprom Some(255), (0, 255) Plain;
+    PROTOCOL_TYPE:          13 1 "Protocol Type"           Eeprom Some(2), (2, 22) Plain;
+    HOMING_OFFSET:          20 4 "Homing Offset"           Eeprom Some(0), (-1_044_479, 1_044_479) Angle;
+    MOVING_THRESHOLD:       24 4 "Moving Threshold"        Eeprom Some(10), (0, 1023) Velocity;
+    TEMPERATURE_LIMIT:      31 1 "Temperature Limit"       Eeprom Some(70), (0, 100) Celsius;
+    MAX_VOLTAGE_LIMIT:      32 2 "Max Voltage Limit"       Eeprom Some(140), (55, 140) Voltage;
+    MIN_VOLTAGE_LIMIT:      34 2 "Min Voltage Limit"       Eeprom Some(55), (55, 140) Voltage;
+    PWM_LIMIT:              36 2 "PWM Limit"               Eeprom Some(885), (0, 885) DutyCycle;
+    CURRENT_LIMIT:          38 2 "Current Limit"           Eeprom Some(910), (0, 910) Current;
+    VELOCITY_LIMIT:         44 4 "Velocity Limit"          Eeprom Some(320), (0, 2047) Velocity;
+    MAX_POSITION_LIMIT:     48 4 "Max Position Limit"      Eeprom Some(4095), (0, 4095) Angle;
+    MIN_POSITION_LIMIT:     52 4 "Min Position Limit"      Eeprom Some(0), (0, 4095) Angle;
+    STARTUP_CONFIGURATION:  60 1 "Startup Configuration"   Eeprom Some(0), (0, 255) Plain;
+    PWM_SLOPE:              62 1 "PWM Slope"               Eeprom Some(255), (1, 255) Plain;
+    SHUTDOWN:               63 1 "Shutdown"                Eeprom Some(0x34), (0, 255) Plain;
+    TORQUE_ENABLE:          64 1 "Torque Enable"           Ram    Some(0), (0, 1) Plain;
+    LED:                    65 1 "LED"                     Ram    Some(0), (0, 1) Plain;
+    STATUS_RETURN_LEVEL:    68 1 "Status Return Level"     Ram    Some(2), (0, 2) Plain;
+    REGISTERED_INSTRUCTION: 69 1 "Registered Instruction"  Read   Some(0), (0, 1) Plain;
+    HARDWARE_ERROR_STATUS:  70 1 "Hardware Error Status"   Read   Some(0), (0, 255) Plain;
+    VELOCITY_I_GAIN:        76 2 "Velocity I Gain"         Ram    Some(1200), (0, 16_383) Plain;
+    VELOCITY_P_GAIN:        78 2 "Velocity P Gain"         Ram    Some(40), (0, 16_383) Plain;
+    POSITION_D_GAIN:        80 2 "Position D Gain"         Ram    Some(0), (0, 16_383) Plain;
+    POSITION_I_GAIN:        82 2 "Position I Gain"         Ram    Some(0), (0, 16_383) Plain;
+    POSITION_P_GAIN:        84 2 "Position P Gain"         Ram    Some(900), (0, 16_383) Plain;
+    FEEDFORWARD_2ND_GAIN:   88 2 "Feedforward 2nd Gain"    Ram    Some(0), (0, 16_383) Plain;
+    FEEDFORWARD_1ST_GAIN:   90 2 "Feedforward 1st Gain"    Ram    Some(0), (0, 16_383) Plain;
+    BUS_WATCHDOG:           98 1 "Bus Watchdog"            Ram    Some(0), (-1, 127) Watchdog;
+    GOAL_PWM:              100 2 "Goal PWM"                Ram    None, (-885, 885) DutyCycle;
+    GOAL_CURRENT:          102 2 "Goal Current"            Ram    None, (-910, 910) Current;
+    GOAL_VELOCITY:         104 4 "Goal Velocity"           Ram    None, (-2047, 2047) Velocity;
+    PROFILE_ACCELERATION:  108 4 "Profile Acceleration"    Ram    Some(0), (0, 32_767) Acceleration;
+    PROFILE_VELOCITY:      112 4 "Profile Velocity"        Ram    Some(0), (0, 32_767) Velocity;
+    GOAL_POSITION:         116 4 "Goal Position"           Ram    None, (-1_048_575, 1_048_575) Angle;
+    REALTIME_TICK:         120 2 "Realtime Tick"           Read   None, (0, 32_767) Millisecond;
+    MOVING:                122 1 "Moving"                  Read   Some(0), (0, 1) Plain;
+    MOVING_STATUS:         123 1 "Moving Status"           Read   Some(0), (0, 255) Plain;
+    PRESENT_PWM:           124 2 "Present PWM"             Read   None, (I16.0, I16.1) DutyCycle;
+    PRESENT_CURRENT:       126 2 "Present Current"         Read   None, (I16.0, I16.1) Current;
+    PRESENT_VELOCITY:      128 4 "Present Velocity"        Read   None, (I32.0, I32.1) Velocity;
+    PRESENT_POSITION:      132 4 "Present Position"        Read   None, (I32.0, I32.1) Angle;
+    VELOCITY_TRAJECTORY:   136 4 "Velocity Trajectory"     Read   None, (I32.0, I32.1) Velocity;
+    POSITION_TRAJECTORY:   140 4 "Position Trajectory"     Read   None, (I32.0, I32.1) Angle;
+    PRESENT_INPUT_VOLTAGE: 144 2 "Present Input Voltage"   Read   None, (0, 65_535) Voltage;
+    PRESENT_TEMPERATURE:   146 1 "Present Temperature"     Read   None, (0, 255) Celsius;
+    BACKUP_READY:          147 1 "Backup Ready"            Read   None, (0, 1) Plain;
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    #[test]
+    fn ordered_and_without_overlap() {
+        for pair in REGISTERS.windows(2) {
+            assert!(pair[0].address + u16::from(pair[0].size) <= pair[1].address, "{} and {}", pair[0].name, pair[1].name);
+        }
+    }
+
+    #[test]
+    fn defaults_and_ranges_fit() {
+        for register in REGISTERS {
+            let bits = 8 * u32::from(register.size);
+            let (low, high) = if register.signed() { (-(1_i64 << (bits - 1)), (1 << (bits - 1)) - 1) } else { (0, (1 << bits) - 1) };
+            assert!(low <= register.range.0 && register.range.1 <= high, "{}", register.name);
+            if let Some(default) = register.default {
+                assert!((register.range.0..=register.range.1).contains(&default), "{}", register.name);
+            }
+        }
+    }
+
+    /// Figures as the e-Manual words them, to half of their last digit.
+    #[test]
+    fn published_units() {
+        let si = |register: Register, counts: f64| counts * register.unit.per_count();
+        assert!((si(PRESENT_POSITION, 1.0).to_degrees() - 0.088).abs() < 5e-4);
+        assert!((si(RETURN_DELAY_TIME, 250.0) - 500e-6).abs() < 1e-12);
+        assert!((si(VELOCITY_LIMIT, 320.0) * 60.0 / TAU - 73.28).abs() < 1e-9);
+        assert!((si(PWM_LIMIT, 1.0) - 0.00113).abs() < 5e-6);
+        assert!((si(CURRENT_LIMIT, 910.0) - 0.91).abs() < 1e-12);
+        assert!((si(MAX_VOLTAGE_LIMIT, 140.0) - 14.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn blocks_hold_whole_registers() {
+        let size = |block: &Range<u16>| {
+            REGISTERS.iter().filter(|r| block.contains(&r.address)).map(|r| u16::from(r.size)).sum::<u16>()
+        };
+        for block in [GOAL_BLOCK, PRESENT_BLOCK, PRESENT_BLOCK_LONG] {
+            assert_eq!(size(&block), block.end - block.start, "{block:?} has holes");
+        }
+    }
+
+    #[test]
+    fn present_block_read_back() {
+        // -120 mA, -2 counts of velocity, position 4096.
+        let block = [0x88, 0xFF, 0xFE, 0xFF, 0xFF, 0xFF, 0x00, 0x10, 0x00, 0x00];
+        let value = |register: Register| register.read_from(&block, PRESENT_BLOCK.start).expect("in the block");
+        assert!((value(PRESENT_CURRENT) + 0.12).abs() < 1e-12);
+        assert!((value(PRESENT_VELOCITY) + 2.0 * 0.229 * TAU / 60.0).abs() < 1e-12);
+        assert!((value(PRESENT_POSITION) - TAU).abs() < 1e-12);
+        assert_eq!(PRESENT_TEMPERATURE.read_from(&block, PRESENT_BLOCK.start), None);
+        assert_eq!(GOAL_CURRENT.read_from(&block, PRESENT_BLOCK.start), None);
+    }
+
+    /// A tripped bus watchdog reads -1 (255 on the wire), which is no time of the 20 ms kind.
+    #[test]
+    fn tripped_watchdog_is_negative() {
+        assert!(BUS_WATCHDOG.read(&[255]).expect("one byte") < 0.0);
+    }
+
+    #[test]
+    fn refusals_are_named() {
+        let error = GOAL_CURRENT.write(1.2).expect_err("above the limit");
+        assert_eq!(error.to_string(), "Goal Current: found 1.2, expected -0.91 to 0.91");
+        assert!(GOAL_POSITION.write(f64::NAN).is_err());
+        assert_eq!(PRESENT_POSITION.write(0.0), Err(RegisterError::ReadOnly("Present Position")));
+        assert_eq!(GOAL_CURRENT.read(&[1]), Err(RegisterError::Length { register: "Goal Current", found: 1, expected: 2 }));
+    }
+
+    proptest! {
+        /// Whatever may be written is read back to within half a count.
+        #[test]
+        fn round_trip(register in prop::sample::select(REGISTERS), share in 0.0..=1.0_f64) {
+            prop_assume!(register.access != Access::Read);
+            let unit = register.unit.per_count();
+            let si = unit * (register.range.0 as f64 + share * (register.range.1 - register.range.0) as f64);
+            let bytes = register.write(si)?;
+            prop_assert_eq!(bytes.len(), usize::from(register.size));
+            prop_assert!((register.read(&bytes)? - si).abs() <= 0.500_001 * unit);
+        }
+    }
+}

@@ -1,0 +1,82 @@
+use std::collections::HashSet;
+
+use super::*;
+
+const TEXT: &str = include_str!("../../data/benchmark.toml");
+
+fn error(from: &str, to: &str) -> String {
+    assert!(TEXT.contains(from));
+    Scenario::parse(&TEXT.replacen(from, to, 1), Path::new("mine.toml")).unwrap_err().to_string()
+}
+
+#[test]
+fn the_benchmark_is_sound() {
+    let scenario = Scenario::benchmark();
+    scenario.check_objects(&ObjectSet::standard(), Path::new("benchmark.toml")).unwrap();
+    assert!(scenario.combinations() >= 60);
+}
+
+#[test]
+fn errors_name_the_place_and_what_is_wrong() {
+    let kind = error("position_sigma = 0.004", "position_sigma = \"4 mm\"");
+    assert!(kind.starts_with("mine.toml:32: `position_sigma = \"4 mm\""), "{kind}");
+    assert!(kind.contains("invalid type: string \"4 mm\", expected f64"), "{kind}");
+    let unknown = error("hold_time", "hold_tiem");
+    assert!(
+        unknown.starts_with("mine.toml:") && unknown.contains("unknown field `hold_tiem`, expected one of"),
+        "{unknown}"
+    );
+    let missing = error("carry_distance = 0.20", "");
+    assert!(missing.contains("[protocol]") && missing.contains("missing field `carry_distance`"), "{missing}");
+    let broken = error("version = 1", "version = = 1");
+    assert!(broken.starts_with("mine.toml:3:"), "{broken}");
+    assert_eq!(error("version = 1", "version = 2"), "mine.toml: version: found 2, expected 1");
+    let far = error("first = { x = 0.50", "first = { x = 0.90");
+    assert_eq!(
+        far,
+        "mine.toml: layout.first.x: found 0.9, expected within reach, 0.35 to 0.65 m, with the spread of 0 m"
+    );
+    let millimetres = error("xy_sigma = 0.004", "xy_sigma = 4");
+    assert!(millimetres.contains("noise.perception.xy_sigma: found 4, expected 0 to 1"), "{millimetres}");
+}
+
+#[test]
+fn objects_must_exist_and_stand_clear() {
+    let mut scenario = Scenario::benchmark();
+    let set = ObjectSet::standard();
+    scenario.layout.second.y = 0.06;
+    let close = scenario.check_objects(&set, Path::new("a.toml")).unwrap_err().to_string();
+    assert!(close.contains("0.060 m apart"), "{close}");
+    scenario.first[0] = "anvil".into();
+    let unknown = scenario.check_objects(&set, Path::new("a.toml")).unwrap_err().to_string();
+    assert!(unknown.contains("first: found \"anvil\", expected one of golf_ball"), "{unknown}");
+}
+
+#[test]
+fn draws_are_distinct_repeatable_and_nested() {
+    let scenario = Scenario::benchmark();
+    let long: Vec<_> = draw_combinations(&scenario, 60, 1).collect();
+    let short: Vec<_> = draw_combinations(&scenario, 10, 1).collect();
+    assert_eq!(long[..10], short);
+    let distinct: HashSet<_> = long.iter().map(|pair| (&pair.first, &pair.second)).collect();
+    assert_eq!(distinct.len(), 60);
+    assert_ne!(short, draw_combinations(&scenario, 10, 2).collect::<Vec<_>>());
+    assert_eq!(draw_combinations(&scenario, 100_000, 1).count(), scenario.combinations());
+}
+
+#[test]
+fn objects_are_placed_on_the_table() {
+    let mut scenario = Scenario::benchmark();
+    scenario.layout.spread_xy = 0.01;
+    scenario.layout.spread_yaw = 0.5;
+    let set = ObjectSet::standard();
+    for combination in draw_combinations(&scenario, 60, 3) {
+        let objects = [&combination.first, &combination.second].map(|name| set.get(name).unwrap().as_ref());
+        let poses = scenario.place(&combination, objects, 3);
+        assert_eq!(poses, scenario.place(&combination, objects, 3));
+        for (pose, object) in poses.iter().zip(objects) {
+            assert!((pose.translation.z + object.shape.lowest(&pose.rotation)).abs() < 1e-9);
+        }
+        assert!((poses[0].translation.x - 0.5).abs() <= 0.01);
+    }
+}

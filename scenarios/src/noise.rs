@@ -1,0 +1,177 @@
+//! What goes wrong: constant execution error of the arm and perception error of each object, drawn once a trial.
+//!
+//! A trial's generator depends on nothing but the seed, the combination and the trial: not on the thread, the order of the
+//! trials or the condition, so that `blind` and `touch` meet the same errors.
+
+use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
+use rand::{Rng, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use serde::{Deserialize, Serialize};
+
+/// Standard deviations of the arm's constant error.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ExecutionNoise {
+    /// m, each axis.
+    pub position_sigma: f64,
+    /// rad, each axis.
+    pub rotation_sigma: f64,
+}
+
+/// Standard deviations of an object's pose as vision gives it.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct PerceptionNoise {
+    /// m, each of x and y.
+    pub xy_sigma: f64,
+    /// m.
+    pub z_sigma: f64,
+    /// rad, about the vertical.
+    pub yaw_sigma: f64,
+}
+
+/// How much noise there is.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct NoiseLevels {
+    /// Of the arm.
+    pub execution: ExecutionNoise,
+    /// Of each object.
+    pub perception: PerceptionNoise,
+}
+
+/// Perceived minus true pose of one object.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct ObjectNoise {
+    /// m, world axes.
+    pub offset: Vector3<f64>,
+    /// rad, about the world's z through the object's origin.
+    pub yaw: f64,
+}
+
+impl ObjectNoise {
+    /// `world_from_object` as vision gives it.
+    pub fn perceived(&self, world_from_object: &Isometry3<f64>) -> Isometry3<f64> {
+        Isometry3::from_parts(
+            Translation3::from(world_from_object.translation.vector + self.offset),
+            UnitQuaternion::from_axis_angle(&Vector3::z_axis(), self.yaw) * world_from_object.rotation,
+        )
+    }
+}
+
+/// One trial's errors.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct TrialNoise {
+    /// Added to where the palm is sent, m, world axes.
+    pub position: Vector3<f64>,
+    /// Rotation vector by which the palm is turned, about its own origin, rad, world axes.
+    pub rotation: Vector3<f64>,
+    /// Of the first and the second object.
+    pub objects: [ObjectNoise; 2],
+}
+
+impl TrialNoise {
+    /// No errors: the condition `ideal`.
+    pub fn none() -> Self {
+        let object = ObjectNoise { offset: Vector3::zeros(), yaw: 0.0 };
+        Self { position: Vector3::zeros(), rotation: Vector3::zeros(), objects: [object; 2] }
+    }
+
+    /// Draws a trial's errors: Gaussian, cut at three standard deviations.
+    pub fn draw(levels: &NoiseLevels, rng: &mut ChaCha8Rng) -> Self {
+        let NoiseLevels { execution, perception } = levels;
+        let position = vector(rng, execution.position_sigma);
+        let rotation = vector(rng, execution.rotation_sigma);
+        let objects = [(); 2].map(|()| {
+            let [x, y] = [(); 2].map(|()| gaussian(rng) * perception.xy_sigma);
+            let z = gaussian(rng) * perception.z_sigma;
+            ObjectNoise { offset: Vector3::new(x, y, z), yaw: gaussian(rng) * perception.yaw_sigma }
+        });
+        Self { position, rotation, objects }
+    }
+
+    /// Where the palm really goes when it is sent to `world_from_palm`.
+    pub fn executed(&self, world_from_palm: &Isometry3<f64>) -> Isometry3<f64> {
+        Isometry3::from_parts(
+            Translation3::from(world_from_palm.translation.vector + self.position),
+            UnitQuaternion::from_scaled_axis(self.rotation) * world_from_palm.rotation,
+        )
+    }
+}
+
+/// The generator of one trial.
+pub fn trial_rng(seed: u64, combination: usize, trial: usize) -> ChaCha8Rng {
+    let mut state = seed;
+    for id in [combination as u64, trial as u64] {
+        state = split_mix(state ^ split_mix(id.wrapping_add(0x5851_f42d_4c95_7f2d)));
+    }
+    ChaCha8Rng::seed_from_u64(state)
+}
+
+/// One step of SplitMix64: a bijection that scatters neighbouring numbers.
+pub(crate) fn split_mix(state: u64) -> u64 {
+    let mut z = state.wrapping_add(0x9e37_79b9_7f4a_7c15);
+    z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+    z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+    z ^ (z >> 31)
+}
+
+/// Evenly from (0, 1), 53 bits.
+pub(crate) fn uniform(rng: &mut ChaCha8Rng) -> f64 {
+    ((rng.next_u64() >> 11) as f64 + 0.5) / (1_u64 << 53) as f64
+}
+
+fn gaussian(rng: &mut ChaCha8Rng) -> f64 {
+    loop {
+        let (radius, turn) = (uniform(rng), uniform(rng));
+        let value = (-2.0 * radius.ln()).sqrt() * (std::f64::consts::TAU * turn).cos();
+        if value.abs() <= 3.0 {
+            return value;
+        }
+    }
+}
+
+fn vector(rng: &mut ChaCha8Rng, sigma: f64) -> Vector3<f64> {
+    let [x, y, z] = [(); 3].map(|()| gaussian(rng) * sigma);
+    Vector3::new(x, y, z)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn levels() -> NoiseLevels {
+        NoiseLevels {
+            execution: ExecutionNoise { position_sigma: 0.004, rotation_sigma: 0.02 },
+            perception: PerceptionNoise { xy_sigma: 0.004, z_sigma: 0.002, yaw_sigma: 0.05 },
+        }
+    }
+
+    #[test]
+    fn a_trial_has_the_same_bits_on_every_thread() {
+        let draw = || TrialNoise::draw(&levels(), &mut trial_rng(7, 3, 5));
+        let elsewhere = std::thread::spawn(draw).join().unwrap();
+        assert_eq!(draw(), elsewhere);
+    }
+
+    #[test]
+    fn trials_differ() {
+        let mut seen = std::collections::HashSet::new();
+        for seed in 0..3 {
+            for combination in 0..20 {
+                for trial in 0..20 {
+                    assert!(seen.insert(trial_rng(seed, combination, trial).next_u64()));
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn deviations_are_as_asked() {
+        let xs: Vec<f64> = (0..4000).map(|n| TrialNoise::draw(&levels(), &mut trial_rng(1, n, 0)).position.x).collect();
+        let mean = xs.iter().sum::<f64>() / xs.len() as f64;
+        let sd = (xs.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / xs.len() as f64).sqrt();
+        assert!(mean.abs() < 3e-4 && (sd - 0.004).abs() < 2e-4, "{mean} {sd}");
+        assert!(xs.iter().all(|x| x.abs() <= 0.012));
+    }
+}

@@ -1,0 +1,186 @@
+//! What is kept of a trial, and `trials.csv`.
+
+use std::io::{Read, Write};
+
+use serde::{Deserialize, Serialize};
+
+use crate::referee::FailureCause;
+
+/// The conditions of the benchmark.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Condition {
+    /// No noise, policy `blind`.
+    Ideal,
+    /// Noise, policy `blind`.
+    Blind,
+    /// The same noise, policy `touch`.
+    Touch,
+}
+
+impl Condition {
+    /// All conditions in order.
+    pub const ALL: [Self; 3] = [Self::Ideal, Self::Blind, Self::Touch];
+
+    /// As files and the command line write it.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Ideal => "ideal",
+            Self::Blind => "blind",
+            Self::Touch => "touch",
+        }
+    }
+}
+
+impl std::fmt::Display for Condition {
+    fn fmt(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        formatter.pad(self.name())
+    }
+}
+
+/// One trial under one condition: a row of `trials.csv`, whose columns stand in this order. All but the last column are the
+/// same at every repetition.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct TrialRecord {
+    /// [`crate::Combination::id`].
+    pub combination: usize,
+    /// Number of the trial within its combination, from 0.
+    pub trial: usize,
+    /// Noise and policy.
+    pub condition: Condition,
+    /// Name of the first object.
+    pub first: String,
+    /// Name of the second object.
+    pub second: String,
+    /// Whether there was a collision.
+    pub collision: bool,
+    /// Whether the trial succeeded.
+    pub success: bool,
+    /// Why not; empty on success.
+    pub cause: Option<FailureCause>,
+    /// Whether the policy left the planned strategy.
+    pub switched: bool,
+    /// Why it did, or did not.
+    pub reason: String,
+    /// Distance between the estimated and the true position of the first object in the hand, mm.
+    pub pose_error_mm: Option<f64>,
+    /// Angle between the estimated and the true orientation, given the object's symmetry, deg.
+    pub pose_error_deg: Option<f64>,
+    /// The same distance for the plan's guess, before touch, mm.
+    pub prior_error_mm: Option<f64>,
+    /// Simulated (on hardware: real) time of the trial, s.
+    pub sim_seconds: f64,
+    /// Wall-clock time from the tactile images to the choice of a strategy, ms.
+    pub decision_ms: Option<f64>,
+}
+
+impl TrialRecord {
+    /// What `trials.csv` is sorted by: combination, trial, condition.
+    pub fn key(&self) -> (usize, usize, Condition) {
+        (self.combination, self.trial, self.condition)
+    }
+}
+
+/// What can be wrong with a table of trials.
+#[derive(Debug, thiserror::Error)]
+pub enum RecordError {
+    /// Not a table of trials; the message names the line and the field.
+    #[error("trials table: {0}")]
+    Table(#[from] csv::Error),
+    /// The rest of the medium failed.
+    #[error("trials table: {0}")]
+    Io(#[from] std::io::Error),
+}
+
+/// Writes a header and a row per record, sorted by [`TrialRecord::key`].
+pub fn write_trials(records: &[TrialRecord], to: impl Write) -> Result<(), RecordError> {
+    let mut sorted: Vec<&TrialRecord> = records.iter().collect();
+    sorted.sort_by_key(|record| record.key());
+    let mut writer = csv::Writer::from_writer(to);
+    if sorted.is_empty() {
+        writer.write_record(COLUMNS)?;
+    }
+    for record in sorted {
+        writer.serialize(record)?;
+    }
+    writer.flush()?;
+    Ok(())
+}
+
+/// Reads what [`write_trials`] wrote, in the file's order.
+pub fn read_trials(from: impl Read) -> Result<Vec<TrialRecord>, RecordError> {
+    Ok(csv::Reader::from_reader(from).into_deserialize().collect::<Result<_, _>>()?)
+}
+
+/// The header of `trials.csv`.
+pub const COLUMNS: [&str; 15] = [
+    "combination",
+    "trial",
+    "condition",
+    "first",
+    "second",
+    "collision",
+    "success",
+    "cause",
+    "switched",
+    "reason",
+    "pose_error_mm",
+    "pose_error_deg",
+    "prior_error_mm",
+    "sim_seconds",
+    "decision_ms",
+];
+
+#[cfg(test)]
+pub(crate) mod tests {
+    use super::*;
+
+    pub(crate) fn record(combination: usize, trial: usize, condition: Condition) -> TrialRecord {
+        TrialRecord {
+            combination,
+            trial,
+            condition,
+            first: "egg".into(),
+            second: "can_50".into(),
+            collision: false,
+            success: true,
+            cause: None,
+            switched: condition == Condition::Touch,
+            reason: "clear, \"quoted\", with commas".into(),
+            pose_error_mm: None,
+            pose_error_deg: None,
+            prior_error_mm: None,
+            sim_seconds: 0.1 + 0.2,
+            decision_ms: None,
+        }
+    }
+
+    #[test]
+    fn a_table_comes_back_sorted_and_bit_for_bit() {
+        let mut lost = record(1, 0, Condition::Blind);
+        lost.success = false;
+        lost.cause = Some(FailureCause::SecondNotPicked);
+        lost.pose_error_mm = Some(1.0 / 3.0);
+        lost.decision_ms = Some(42.5);
+        let records =
+            vec![lost, record(0, 1, Condition::Ideal), record(0, 0, Condition::Touch), record(0, 0, Condition::Blind)];
+        let mut file = Vec::new();
+        write_trials(&records, &mut file).unwrap();
+        let text = String::from_utf8(file.clone()).unwrap();
+        assert_eq!(text.lines().next().unwrap(), COLUMNS.join(","));
+        assert!(text.contains("second_not_picked"));
+        let mut sorted = records;
+        sorted.sort_by_key(TrialRecord::key);
+        assert_eq!(read_trials(file.as_slice()).unwrap(), sorted);
+    }
+
+    #[test]
+    fn an_empty_table_has_a_header_and_a_bad_one_a_reason() {
+        let mut file = Vec::new();
+        write_trials(&[], &mut file).unwrap();
+        assert_eq!(read_trials(file.as_slice()).unwrap(), []);
+        let text = String::from_utf8(file).unwrap() + "0,0,psychic,egg,egg,false,true,,false,,,,,1.0,\n";
+        let error = read_trials(text.as_bytes()).unwrap_err().to_string();
+        assert!(error.contains("line: 2") && error.contains("psychic"), "{error}");
+    }
+}

@@ -1,0 +1,271 @@
+//! Sums trials up: rates per combination, their mean and deviation, tests, percentiles, densities, `summary.json`.
+
+mod distribution;
+
+use std::collections::{BTreeMap, HashMap};
+
+use serde::{Deserialize, Serialize};
+use statrs::distribution::{ContinuousCDF, StudentsT};
+
+pub use distribution::{BoxPlot, box_plot, density, percentile, silverman_bandwidth};
+
+use crate::record::{Condition, TrialRecord};
+use crate::referee::FailureCause;
+
+/// Rates of one combination under one condition.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct CombinationRates {
+    /// [`crate::Combination::id`].
+    pub combination: usize,
+    /// Name of the first object.
+    pub first: String,
+    /// Name of the second object.
+    pub second: String,
+    /// Trials counted.
+    pub trials: usize,
+    /// Trials with a collision over all, 0 to 1.
+    pub collision_rate: f64,
+    /// Successful trials over all, 0 to 1.
+    pub success_rate: f64,
+}
+
+/// Rates of every combination under `condition`, by rising id.
+pub fn combination_rates(records: &[TrialRecord], condition: Condition) -> Vec<CombinationRates> {
+    let mut groups: BTreeMap<usize, Vec<&TrialRecord>> = BTreeMap::new();
+    for record in records.iter().filter(|record| record.condition == condition) {
+        groups.entry(record.combination).or_default().push(record);
+    }
+    groups
+        .into_iter()
+        .map(|(combination, group)| {
+            let rate = |count: usize| count as f64 / group.len() as f64;
+            CombinationRates {
+                combination,
+                first: group[0].first.clone(),
+                second: group[0].second.clone(),
+                trials: group.len(),
+                collision_rate: rate(group.iter().filter(|record| record.collision).count()),
+                success_rate: rate(group.iter().filter(|record| record.success).count()),
+            }
+        })
+        .collect()
+}
+
+/// Mean and sample standard deviation (n - 1).
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+pub struct MeanSd {
+    /// None of no values.
+    pub mean: Option<f64>,
+    /// None of fewer than two values.
+    pub sd: Option<f64>,
+}
+
+impl MeanSd {
+    /// Of a sample.
+    pub fn of(values: &[f64]) -> Self {
+        let n = values.len() as f64;
+        let mean = (!values.is_empty()).then(|| values.iter().sum::<f64>() / n);
+        let sd = mean
+            .filter(|_| values.len() > 1)
+            .map(|mean| (values.iter().map(|value| (value - mean).powi(2)).sum::<f64>() / (n - 1.0)).sqrt());
+        Self { mean, sd }
+    }
+}
+
+/// A paired, one-sided t-test.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+pub struct TTest {
+    /// None where it is not a number: fewer than two pairs, or differences that are all the same and not 0 (infinite).
+    pub t: Option<f64>,
+    /// Pairs less one.
+    pub df: usize,
+    /// Chance of a `t` at least this large if there were no difference; none of fewer than two pairs.
+    pub p: Option<f64>,
+}
+
+/// Tests whether the first of each pair is larger than the second in the mean. Differences that do not vary decide without
+/// doubt (p = 0 or 1), or, being all 0, say nothing (t = 0, p = 0.5).
+pub fn paired_t_test(pairs: &[(f64, f64)]) -> TTest {
+    let differences: Vec<f64> = pairs.iter().map(|(a, b)| a - b).collect();
+    let df = pairs.len().saturating_sub(1);
+    let MeanSd { mean: Some(mean), sd: Some(sd) } = MeanSd::of(&differences) else {
+        return TTest { t: None, df, p: None };
+    };
+    // Rates carry rounding errors: what varies by less than those does not vary.
+    if sd < 1e-12 {
+        let (t, p) = if mean.abs() < 1e-12 { (Some(0.0), 0.5) } else { (None, if mean > 0.0 { 0.0 } else { 1.0 }) };
+        return TTest { t, df, p: Some(p) };
+    }
+    let t = mean / (sd / (pairs.len() as f64).sqrt());
+    TTest { t: Some(t), df, p: StudentsT::new(0.0, 1.0, df as f64).ok().map(|students| students.sf(t)) }
+}
+
+/// The collision and success part of a condition in `summary.json`.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+pub struct ConditionSummary {
+    /// Trials run.
+    pub trials: usize,
+    /// Over combinations.
+    pub collision_rate: MeanSd,
+    /// Over combinations.
+    pub success_rate: MeanSd,
+    /// Trials in which the policy left the planned strategy.
+    pub switched: usize,
+    /// Failed trials by cause.
+    pub failures: BTreeMap<FailureCause, usize>,
+}
+
+/// One value per condition.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+pub struct PerCondition<T> {
+    /// No noise, policy `blind`.
+    pub ideal: T,
+    /// Noise, policy `blind`.
+    pub blind: T,
+    /// Noise, policy `touch`.
+    pub touch: T,
+}
+
+/// The two tests.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+pub struct Tests {
+    /// Do more collisions happen in `blind` than in `ideal`?
+    pub collision: TTest,
+    /// Do more trials succeed in `touch` than in `blind`?
+    pub success: TTest,
+}
+
+/// Decision latency, ms.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+pub struct DecisionTime {
+    /// Median.
+    pub p50: Option<f64>,
+    /// 99th percentile.
+    pub p99: Option<f64>,
+}
+
+/// Median and 95th percentile.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+pub struct MedianP95 {
+    /// Median.
+    pub median: Option<f64>,
+    /// 95th percentile.
+    pub p95: Option<f64>,
+}
+
+/// Error of the in-hand pose estimate.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+pub struct PoseError {
+    /// Position, mm.
+    pub mm: MedianP95,
+    /// Orientation, deg.
+    pub deg: MedianP95,
+    /// Position of the plan's guess before touch, mm.
+    pub prior_mm: MedianP95,
+}
+
+/// What a summary needs to know besides the records.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct RunInfo {
+    /// Of the benchmark.
+    pub seed: u64,
+    /// `sim`, `hardware` or `emulated`.
+    pub robot: String,
+    /// Wall-clock time of the run, s.
+    pub wall_s: f64,
+}
+
+/// `summary.json`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Summary {
+    /// Different combinations.
+    pub combos: usize,
+    /// Most trials of a combination under one condition.
+    pub trials_per_combo: usize,
+    /// Of the benchmark.
+    pub seed: u64,
+    /// `sim`, `hardware` or `emulated`.
+    pub robot: String,
+    /// Rates and failures.
+    pub conditions: PerCondition<ConditionSummary>,
+    /// Paired over combinations, one-sided.
+    pub t_test: Tests,
+    /// Over all trials that decided.
+    pub decision_ms: DecisionTime,
+    /// Over all trials that estimated.
+    pub pose_error: PoseError,
+    /// Simulated time over wall-clock time, all threads together; none of a run that took no time.
+    pub real_time_factor: Option<f64>,
+    /// Wall-clock time of the run, s.
+    pub wall_s: f64,
+}
+
+/// Sums records up.
+pub fn summarise(records: &[TrialRecord], run: &RunInfo) -> Summary {
+    let per_condition = Condition::ALL.map(|condition| combination_rates(records, condition));
+    let [ideal, blind, touch] = &per_condition;
+    let collision = |rates: &CombinationRates| rates.collision_rate;
+    let success = |rates: &CombinationRates| rates.success_rate;
+    let summary = |condition: Condition, rates: &[CombinationRates]| condition_summary(records, condition, rates);
+    let column = |pick: fn(&TrialRecord) -> Option<f64>| -> Vec<f64> { records.iter().filter_map(pick).collect() };
+    let spread = |values: Vec<f64>| MedianP95 { median: percentile(&values, 50.0), p95: percentile(&values, 95.0) };
+    let decisions = column(|record| record.decision_ms);
+    let combinations: std::collections::BTreeSet<usize> = records.iter().map(|record| record.combination).collect();
+    let sim_seconds: f64 = records.iter().map(|record| record.sim_seconds).sum();
+    Summary {
+        combos: combinations.len(),
+        trials_per_combo: per_condition.iter().flatten().map(|rates| rates.trials).max().unwrap_or(0),
+        seed: run.seed,
+        robot: run.robot.clone(),
+        conditions: PerCondition {
+            ideal: summary(Condition::Ideal, ideal),
+            blind: summary(Condition::Blind, blind),
+            touch: summary(Condition::Touch, touch),
+        },
+        t_test: Tests {
+            collision: paired_t_test(&pair_up(blind, ideal, collision)),
+            success: paired_t_test(&pair_up(touch, blind, success)),
+        },
+        decision_ms: DecisionTime { p50: percentile(&decisions, 50.0), p99: percentile(&decisions, 99.0) },
+        pose_error: PoseError {
+            mm: spread(column(|record| record.pose_error_mm)),
+            deg: spread(column(|record| record.pose_error_deg)),
+            prior_mm: spread(column(|record| record.prior_error_mm)),
+        },
+        real_time_factor: (run.wall_s > 0.0).then(|| sim_seconds / run.wall_s),
+        wall_s: run.wall_s,
+    }
+}
+
+fn condition_summary(records: &[TrialRecord], condition: Condition, rates: &[CombinationRates]) -> ConditionSummary {
+    let mut failures = BTreeMap::new();
+    let (mut trials, mut switched) = (0, 0);
+    for record in records.iter().filter(|record| record.condition == condition) {
+        trials += 1;
+        switched += usize::from(record.switched);
+        if let Some(cause) = record.cause {
+            *failures.entry(cause).or_default() += 1;
+        }
+    }
+    let over = |pick: fn(&CombinationRates) -> f64| MeanSd::of(&rates.iter().map(pick).collect::<Vec<f64>>());
+    ConditionSummary {
+        trials,
+        collision_rate: over(|rates| rates.collision_rate),
+        success_rate: over(|rates| rates.success_rate),
+        switched,
+        failures,
+    }
+}
+
+/// Pairs of `value` over the combinations that both conditions have.
+fn pair_up(
+    a: &[CombinationRates],
+    b: &[CombinationRates],
+    value: impl Fn(&CombinationRates) -> f64,
+) -> Vec<(f64, f64)> {
+    let others: HashMap<usize, f64> = b.iter().map(|rates| (rates.combination, value(rates))).collect();
+    a.iter().filter_map(|rates| others.get(&rates.combination).map(|&other| (value(rates), other))).collect()
+}
+
+#[cfg(test)]
+mod tests;

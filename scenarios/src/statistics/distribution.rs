@@ -1,0 +1,69 @@
+//! Percentiles, box plots and densities of samples.
+
+use serde::{Deserialize, Serialize};
+
+/// The `percent`-th percentile, between neighbours on a line (as NumPy's default); none of no values. NaNs are passed over.
+pub fn percentile(values: &[f64], percent: f64) -> Option<f64> {
+    percentile_of_sorted(&sorted(values), percent)
+}
+
+fn sorted(values: &[f64]) -> Vec<f64> {
+    let mut sorted: Vec<f64> = values.iter().copied().filter(|value| !value.is_nan()).collect();
+    sorted.sort_by(f64::total_cmp);
+    sorted
+}
+
+fn percentile_of_sorted(sorted: &[f64], percent: f64) -> Option<f64> {
+    let rank = (percent / 100.0).clamp(0.0, 1.0) * sorted.len().checked_sub(1)? as f64;
+    let below = rank.floor() as usize;
+    let above = (below + 1).min(sorted.len() - 1);
+    let part = rank - below as f64;
+    // Equal neighbours may be infinite: their difference is not asked for.
+    Some(if part == 0.0 { sorted[below] } else { sorted[below] + (sorted[above] - sorted[below]) * part })
+}
+
+/// Tukey's box plot.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct BoxPlot {
+    /// Lowest value within 1.5 interquartile ranges of the box.
+    pub low: f64,
+    /// First quartile.
+    pub q1: f64,
+    /// Median.
+    pub median: f64,
+    /// Third quartile.
+    pub q3: f64,
+    /// Highest value within 1.5 interquartile ranges of the box.
+    pub high: f64,
+    /// Values beyond the whiskers, rising.
+    pub outliers: Vec<f64>,
+}
+
+/// The box plot of a sample; none of no values.
+pub fn box_plot(values: &[f64]) -> Option<BoxPlot> {
+    let sorted = sorted(values);
+    let quartile = |percent: f64| percentile_of_sorted(&sorted, percent);
+    let (q1, median, q3) = (quartile(25.0)?, quartile(50.0)?, quartile(75.0)?);
+    let reach = 1.5 * (q3 - q1);
+    let (inside, outliers): (Vec<f64>, Vec<f64>) =
+        sorted.iter().partition(|&&value| value >= q1 - reach && value <= q3 + reach);
+    Some(BoxPlot { low: *inside.first()?, q1, median, q3, high: *inside.last()?, outliers })
+}
+
+/// Silverman's rule for the bandwidth of a Gaussian kernel, in the values' unit; at least `floor`, which samples that do not
+/// vary need.
+pub fn silverman_bandwidth(values: &[f64], floor: f64) -> f64 {
+    let sorted = sorted(values);
+    let sd = super::MeanSd::of(&sorted).sd.unwrap_or(0.0);
+    let quartile = |percent: f64| percentile_of_sorted(&sorted, percent).unwrap_or(0.0);
+    let range = (quartile(75.0) - quartile(25.0)) / 1.34;
+    let spread = if range > 0.0 { sd.min(range) } else { sd };
+    (0.9 * spread * (sorted.len().max(1) as f64).powf(-0.2)).max(floor)
+}
+
+/// Gaussian kernel density of a sample at each of `at`; its integral is 1. All zeros of no values.
+pub fn density(values: &[f64], bandwidth: f64, at: &[f64]) -> Vec<f64> {
+    let scale = (bandwidth * (std::f64::consts::TAU).sqrt() * values.len().max(1) as f64).recip();
+    let kernel = |x: f64, value: f64| (-0.5 * ((x - value) / bandwidth).powi(2)).exp();
+    at.iter().map(|&x| scale * values.iter().map(|&value| kernel(x, value)).sum::<f64>()).collect()
+}

@@ -1,0 +1,117 @@
+//! The camera behind the gel: where it looks from, and how light becomes grey levels.
+//!
+//! A pinhole parallel to the pad's plane sees that plane without distortion, so the image rectified to the camera's rectangle
+//! (`Camera::pixel_center`) is the pinhole's own image of the undeformed gel, and the camera's part in shading is the
+//! direction v to the viewer. The sideways shift of points pressed towards the camera is left to the rectification.
+//! The response is the paper's (Mitsunaga's): radiance `G(M)` is a third-order polynomial of the measured intensity M.
+
+use hand_model::pads::{Camera, IMAGE_SIZE};
+use nalgebra::{Matrix3, Point3, Vector3};
+use serde::{Deserialize, Serialize};
+
+/// A perspective camera that looks along the pad's +z.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Pinhole {
+    /// Centre of projection (m, pad frame), z negative.
+    pub position: Point3<f64>,
+}
+
+impl Pinhole {
+    /// Unit direction from a surface point to the camera (the paper's v).
+    pub fn viewer(&self, point: &Point3<f64>) -> Vector3<f64> {
+        (self.position - point).normalize()
+    }
+
+    /// The intrinsics K for which the undeformed plane z = 0 fills the image of `camera`. Camera frame: x, -y and z of the pad;
+    /// mirrored, because the rectified image shows the pad as seen from outside.
+    pub fn intrinsics(&self, camera: &Camera) -> Matrix3<f64> {
+        let ((dx, dy), (x0, y0)) = (camera.pixel_size(), camera.pixel_center(0, 0));
+        let depth = -self.position.z;
+        Matrix3::new(
+            depth / dx, 0.0, (self.position.x - x0) / dx, //
+            0.0, depth / dy, (y0 - self.position.y) / dy, //
+            0.0, 0.0, 1.0,
+        )
+    }
+
+    /// Column and row (fractional, pixel centres whole) at which a point of the pad frame appears: `x = K X / Z`.
+    pub fn project(&self, camera: &Camera, point: &Point3<f64>) -> (f64, f64) {
+        let v = point - self.position;
+        let image = self.intrinsics(camera) * Vector3::new(v.x, -v.y, v.z) / v.z;
+        (image.x, image.y)
+    }
+
+    /// True where the point is within the image.
+    pub fn sees(&self, camera: &Camera, point: &Point3<f64>) -> bool {
+        let (column, row) = self.project(camera, point);
+        let inside = -0.5..IMAGE_SIZE as f64 - 0.5;
+        inside.contains(&column) && inside.contains(&row)
+    }
+}
+
+/// Photometric response of one channel: `G(M) = g1 M + g2 M^2 + g3 M^3`, M in 0..1; G(1) = 1 is the full scale.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Response {
+    /// g1, g2, g3.
+    pub coefficients: [f64; 3],
+}
+
+impl Response {
+    /// The identity.
+    pub const LINEAR: Self = Self { coefficients: [1.0, 0.0, 0.0] };
+
+    /// G: from measured intensity to radiance.
+    pub fn radiance(&self, measured: f64) -> f64 {
+        let [g1, g2, g3] = self.coefficients;
+        measured * (g1 + measured * (g2 + measured * g3))
+    }
+
+    /// F, the inverse of G, by bisection; beyond full scale it goes on as a straight line.
+    pub fn measured(&self, radiance: f64) -> f64 {
+        let full = self.radiance(1.0);
+        if radiance >= full {
+            let [g1, g2, g3] = self.coefficients;
+            return 1.0 + (radiance - full) / (g1 + 2.0 * g2 + 3.0 * g3);
+        }
+        let (mut low, mut high) = (0.0, 1.0);
+        for _ in 0..50 {
+            let middle = 0.5 * (low + high);
+            if self.radiance(middle) < radiance { low = middle } else { high = middle }
+        }
+        0.5 * (low + high)
+    }
+
+    /// True if G rises everywhere on 0..1.
+    pub fn is_monotonic(&self) -> bool {
+        let [g1, g2, g3] = self.coefficients;
+        (0..=100).map(|i| f64::from(i) / 100.0).all(|m| g1 + 2.0 * g2 * m + 3.0 * g3 * m * m > 0.0)
+    }
+}
+
+/// F as a table, in grey levels (0 to 255 and beyond), for many pixels.
+#[derive(Debug, Clone)]
+pub(crate) struct ResponseTable {
+    grey: Vec<f32>,
+}
+
+impl ResponseTable {
+    const CELLS: usize = 1024;
+    /// Radiance at the end of the table.
+    const END: f64 = 4.0;
+
+    pub(crate) fn new(response: &Response) -> Self {
+        let value = |cell| 255.0 * response.measured(cell as f64 * Self::END / Self::CELLS as f64) as f32;
+        Self { grey: (0..=Self::CELLS + 1).map(value).collect() }
+    }
+
+    /// Grey level of a radiance, linear between the table's cells.
+    #[inline]
+    pub(crate) fn grey(&self, radiance: f32) -> f32 {
+        let at = (radiance * (Self::CELLS as f64 / Self::END) as f32).clamp(0.0, Self::CELLS as f32);
+        let cell = at as usize;
+        let part = at - cell as f32;
+        self.grey[cell] + part * (self.grey[cell + 1] - self.grey[cell])
+    }
+}

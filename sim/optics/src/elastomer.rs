@@ -1,0 +1,129 @@
+//! The gel around a contact: the paper's (and Taxim's) soft-body approximation.
+//!
+//! The gel touches the object inside the contact and leaves it gradually outside. The indentation is smoothed again and again
+//! with ever narrower kernels ("pyramid Gaussian kernels"), and after each pass the contact gets its own depths back.
+//! A kernel is three box filters in a row, a cubic B-spline of support 3 r to each side and standard deviation
+//! `sqrt(r (r + 1))` pixels: close to a Gaussian, exactly zero beyond its support, and as cheap at any width.
+
+use hand_model::pads::{Camera, IMAGE_SIZE};
+use serde::{Deserialize, Serialize};
+
+use crate::indentation::{IndentationMap, Rectangle};
+
+/// The smoothing of the gel.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Elastomer {
+    /// Standard deviations of the kernels (m), widest first.
+    pub kernels: Vec<f64>,
+}
+
+impl Default for Elastomer {
+    /// Kernels of about a third, a sixth, ... of the gel's 2.5 mm: the bulge dies out within a gel's thickness or two.
+    fn default() -> Self {
+        Self { kernels: vec![0.8e-3, 0.4e-3, 0.2e-3, 0.1e-3] }
+    }
+}
+
+/// The deformed gel over a rectangle of pixels; beyond it the gel is flat.
+#[derive(Debug, Clone, PartialEq)]
+pub struct DeformedGel {
+    /// Where.
+    pub rectangle: Rectangle,
+    /// Depth below the undeformed surface (m), row-major over the rectangle.
+    pub depth: Vec<f32>,
+}
+
+impl DeformedGel {
+    /// Depth of a pixel of the image, m.
+    pub fn depth(&self, column: usize, row: usize) -> f32 {
+        let r = &self.rectangle;
+        if (r.left..r.right).contains(&column) && (r.top..r.bottom).contains(&row) {
+            self.depth[(row - r.top) * r.width() + column - r.left]
+        } else {
+            0.0
+        }
+    }
+}
+
+impl Elastomer {
+    /// The deformed gel of an indentation map; `None` on an untouched pad.
+    pub fn deform(&self, camera: &Camera, map: &IndentationMap) -> Option<DeformedGel> {
+        let contact = map.contact()?;
+        let (dx, dy) = camera.pixel_size();
+        let radii: Vec<(usize, usize)> =
+            self.kernels.iter().map(|&deviation| (box_radius(deviation / dx), box_radius(deviation / dy))).collect();
+        let margin = radii.iter().fold((1, 1), |(x, y), &(rx, ry)| (x + 3 * rx, y + 3 * ry));
+        let rectangle = contact.grown(margin.0, margin.1);
+        let (width, height) = (rectangle.width(), rectangle.height());
+        let mut own = Vec::with_capacity(width * height);
+        for row in rectangle.top..rectangle.bottom {
+            own.extend((rectangle.left..rectangle.right).map(|column| map.depth(column, row)));
+        }
+        let mut depth = own.clone();
+        let mut other = vec![0.0; depth.len()];
+        for &(rx, ry) in &radii {
+            for _ in 0..3 {
+                box_filter(&depth, &mut other, width, height, ry);
+                std::mem::swap(&mut depth, &mut other);
+            }
+            if rx > 0 {
+                transpose(&depth, &mut other, width, height);
+                for _ in 0..3 {
+                    box_filter(&other, &mut depth, height, width, rx);
+                    std::mem::swap(&mut depth, &mut other);
+                }
+                transpose(&other, &mut depth, height, width);
+            }
+            for (value, &own) in depth.iter_mut().zip(&own) {
+                *value = if own > 0.0 { own } else { value.max(0.0) };
+            }
+        }
+        Some(DeformedGel { rectangle, depth })
+    }
+}
+
+/// Radius (pixels) of the box whose threefold application has the standard deviation nearest to `deviation` (pixels).
+fn box_radius(deviation: f64) -> usize {
+    let radius = (deviation * deviation + 0.25).sqrt() - 0.5;
+    if radius.is_finite() { (radius.round().max(0.0) as usize).min(IMAGE_SIZE / 4) } else { 0 }
+}
+
+/// Averages over `2 radius + 1` rows; beyond the border the border's row is repeated.
+fn box_filter(from: &[f32], to: &mut [f32], width: usize, height: usize, radius: usize) {
+    if radius == 0 {
+        to.copy_from_slice(from);
+        return;
+    }
+    let row = |index: isize| {
+        let index = index.clamp(0, height as isize - 1) as usize;
+        &from[index * width..(index + 1) * width]
+    };
+    let radius = radius as isize;
+    let scale = 1.0 / (2 * radius + 1) as f32;
+    let mut sum = vec![0.0f32; width];
+    for index in -radius..=radius {
+        sum.iter_mut().zip(row(index)).for_each(|(sum, value)| *sum += value);
+    }
+    for (index, line) in to.chunks_exact_mut(width).enumerate() {
+        let index = index as isize;
+        let (enters, leaves) = (row(index + radius + 1), row(index - radius));
+        for (((out, sum), enters), leaves) in line.iter_mut().zip(&mut sum).zip(enters).zip(leaves) {
+            *out = *sum * scale;
+            *sum += enters - leaves;
+        }
+    }
+}
+
+fn transpose(from: &[f32], to: &mut [f32], width: usize, height: usize) {
+    const TILE: usize = 8;
+    for top in (0..height).step_by(TILE) {
+        for left in (0..width).step_by(TILE) {
+            for column in left..(left + TILE).min(width) {
+                for row in top..(top + TILE).min(height) {
+                    to[column * height + row] = from[row * width + column];
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,50 @@
+//! What can be wrong with the input.
+
+/// An input that no image can be formed from.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum OpticsError {
+    /// A map has not one value for each pixel.
+    #[error("a map has {found} values; expected {expected} (240 x 240)")]
+    MapSize {
+        /// Values found.
+        found: usize,
+        /// Values expected.
+        expected: usize,
+    },
+    /// A map has a value that is not a number, or not allowed.
+    #[error("pixel (column {column}, row {row}) has the value {value}; expected {expected}")]
+    MapValue {
+        /// Column of the pixel.
+        column: usize,
+        /// Row of the pixel.
+        row: usize,
+        /// The value found.
+        value: f32,
+        /// What would have been right.
+        expected: &'static str,
+    },
+    /// The object's surface is at a height that is not a number.
+    #[error("the object's surface at ({x}, {y}) m is at {z} m; expected a number, or nothing")]
+    Surface {
+        /// Pad coordinate, m.
+        x: f64,
+        /// Pad coordinate, m.
+        y: f64,
+        /// The height found, m.
+        z: f64,
+    },
+    /// A force is negative or not finite.
+    #[error("normal force is {0} N; expected a finite force of at least 0 N")]
+    Force(f64),
+    /// A pad or a gel has a size, thickness or stiffness that is not positive.
+    #[error("{what} is {value}; expected a positive number")]
+    NotPositive {
+        /// The quantity.
+        what: &'static str,
+        /// The value found.
+        value: f64,
+    },
+    /// A calibration file is not well-formed or holds an impossible value.
+    #[error("sensor calibration: {0}")]
+    Calibration(String),
+}

@@ -1,0 +1,40 @@
+//! Near-field point lamps.
+//!
+//! The paper: a lamp k sends to a surface point, at distance |s| in the unit direction s from the point to the lamp,
+//! `kappa = eta * (-s . p)^mu / |s|^2`, with its principal direction p, strength eta and radiation exponent mu.
+
+use nalgebra::{Point3, Vector3};
+use serde::{Deserialize, Serialize};
+
+/// A light-emitting diode behind the gel, pad frame.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Lamp {
+    /// Where it is, m; z is negative, behind the surface.
+    pub position: Point3<f64>,
+    /// Principal direction p of its light, unit.
+    pub direction: Vector3<f64>,
+    /// Strength eta, in units of the nominal lamp.
+    pub eta: f64,
+    /// Exponent mu of the radiation pattern; 1 is a bare die, 3 to 6 has a lens.
+    pub mu: f64,
+    /// Share of the strength in red, green and blue.
+    pub color: [f64; 3],
+}
+
+impl Lamp {
+    /// A lamp aimed at a point (m, pad frame).
+    pub fn aimed(position: Point3<f64>, target: Point3<f64>, eta: f64, mu: f64, color: [f64; 3]) -> Self {
+        Self { position, direction: (target - position).normalize(), eta, mu, color }
+    }
+
+    /// Unit direction s from a surface point to the lamp, and kappa there (1/m2).
+    pub fn at(&self, point: &Point3<f64>) -> (Vector3<f64>, f64) {
+        let to_lamp = self.position - point;
+        let square = to_lamp.norm_squared();
+        let s = to_lamp / square.sqrt();
+        let along = -s.dot(&self.direction);
+        let kappa = if along > 0.0 { self.eta * along.powf(self.mu) / square } else { 0.0 };
+        (s, kappa)
+    }
+}

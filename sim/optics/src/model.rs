@@ -1,0 +1,191 @@
+//! Every calibrated number of one camera unit, its nominal values, and how units differ.
+
+use hand_model::pads::{Camera, Pad};
+use nalgebra::{Point3, Vector3};
+use rand_chacha::ChaCha8Rng;
+use rand_chacha::rand_core::SeedableRng;
+use serde::{Deserialize, Serialize};
+
+use crate::camera::{Pinhole, Response};
+use crate::elastomer::Elastomer;
+use crate::error::OpticsError;
+use crate::lamps::Lamp;
+use crate::noise::normal;
+use crate::reflectance::Reflectance;
+
+/// The image-formation model of one camera unit, pad frame; what a calibration finds.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SensorModel {
+    /// White-balance gain: radiance (model units, 1/m2) to the response's 0..1, each channel.
+    pub gain: [f64; 3],
+    /// Standard deviation of the read-out noise, grey levels of 255.
+    pub noise: f64,
+    /// Standard deviations of the background's blotches and grain, grey levels.
+    pub texture: [f64; 2],
+    /// The camera's place.
+    pub camera: Pinhole,
+    /// The coating.
+    pub reflectance: Reflectance,
+    /// Response of each channel.
+    pub response: [Response; 3],
+    /// The gel's smoothing.
+    pub elastomer: Elastomer,
+    /// The lamps.
+    pub lamps: Vec<Lamp>,
+}
+
+/// Mean grey level of an untouched nominal sensor's flat gel, each channel.
+pub const NOMINAL_GREY: f64 = 115.0;
+
+/// The lamps stand this far (m) outside the camera's rectangle, inside the housing.
+const RIM: f64 = 0.0015;
+
+impl SensorModel {
+    /// The design: red lamps along +x, green along -x, blue at +y, yellow at -y, and two white ones beside the camera.
+    ///
+    /// Red minus green then tells the slope across, blue against both tells the slope along, and no slope is dark in all
+    /// channels. Lamps have lenses and are aimed beyond the middle, so that the light of each falls off little over the pad. A pad with two cameras
+    /// has such a ring for each camera's rectangle.
+    pub fn nominal(_pad: &Pad, camera: &Camera) -> Self {
+        let (half_w, half_h, middle) = (0.5 * camera.w, 0.5 * camera.h, camera.center_y);
+        let depth = (0.3 * camera.w.max(camera.h)).clamp(0.010, 0.016);
+        let at = |x: f64, y: f64, z: f64| Point3::new(x, middle + y, z);
+        let mut lamps = Vec::new();
+        // Places of the lamps along a side, at most 25 mm apart.
+        let along = |length: f64| {
+            let count = (length / 0.025).ceil().max(1.0);
+            (0..count as usize).map(move |i| (((i as f64 + 0.5) / count - 0.5) * length, 1.0 / count))
+        };
+        for (sign, color) in [(1.0, [1.0, 0.05, 0.05]), (-1.0, [0.05, 1.0, 0.05])] {
+            for (y, share) in along(camera.h) {
+                let position = at(sign * (half_w + RIM), y, -depth);
+                lamps.push(Lamp::aimed(position, at(-sign * 0.55 * half_w, y, 0.0), share, 1.5, color));
+            }
+        }
+        let reach = 0.55 * camera.h / camera.w;
+        for (sign, color) in [(1.0, [0.05, 0.05, 1.0]), (-1.0, [0.8, 0.8, 0.05])] {
+            for (x, share) in along(camera.w) {
+                let position = at(x, sign * (half_h + RIM), -depth);
+                lamps.push(Lamp::aimed(position, at(x, -sign * 0.9 * half_h, 0.0), reach * share, 2.5, color));
+            }
+        }
+        for sign in [-1.0, 1.0] {
+            let position = at(0.0, sign * 0.55 * half_h, -depth - 0.004);
+            lamps.push(Lamp::aimed(position, at(0.0, sign * 0.6 * half_h, 0.0), 0.15, 1.0, [1.0; 3]));
+        }
+        let compressive = Response { coefficients: [0.75, 0.15, 0.10] };
+        let mut model = Self {
+            gain: [1.0; 3],
+            noise: 0.7,
+            texture: [0.0; 2],
+            camera: Pinhole { position: at(0.0, 0.0, -depth - 0.004) },
+            reflectance: Reflectance { albedo: [0.9; 3], roughness: 0.2 },
+            response: [compressive; 3],
+            elastomer: Elastomer::default(),
+            lamps,
+        };
+        model.balance(camera);
+        model
+    }
+
+    /// One unit of a series: lamps a little displaced (0.2 mm), turned (3 degrees), brighter or dimmer (5 %), the camera
+    /// (0.2 mm), coating (2 %) and gains (2 %) a little off, and a background with blotches and grain.
+    pub fn unit(pad: &Pad, camera: &Camera, seed: u64) -> Self {
+        let mut rng = ChaCha8Rng::seed_from_u64(seed);
+        let mut vary = |deviation: f64| deviation * normal(&mut rng);
+        let mut model = Self::nominal(pad, camera);
+        for lamp in &mut model.lamps {
+            lamp.position += Vector3::new(vary(0.2e-3), vary(0.2e-3), vary(0.2e-3));
+            lamp.direction = (lamp.direction + Vector3::new(vary(0.05), vary(0.05), vary(0.05))).normalize();
+            lamp.eta *= vary(0.05).exp();
+            lamp.mu = (lamp.mu * vary(0.02).exp()).max(0.0);
+        }
+        model.camera.position += Vector3::new(vary(0.2e-3), vary(0.2e-3), vary(0.2e-3));
+        for channel in 0..3 {
+            model.reflectance.albedo[channel] *= vary(0.02).exp();
+            model.gain[channel] *= vary(0.02).exp();
+        }
+        model.reflectance.roughness *= vary(0.05).exp();
+        model.texture = [2.0, 0.8];
+        model
+    }
+
+    /// Radiance of a surface point with slopes dz/dx, dz/dy under all lamps, after the gain: the reference, in double precision.
+    pub fn radiance(&self, point: &Point3<f64>, slope: [f64; 2]) -> [f64; 3] {
+        let normal = Vector3::new(slope[0], slope[1], -1.0).normalize();
+        let viewer = self.camera.viewer(point);
+        let mut sum = [0.0; 3];
+        for lamp in &self.lamps {
+            let (s, kappa) = lamp.at(point);
+            let radiance = self.reflectance.radiance(kappa, &normal, &s, &viewer);
+            for c in 0..3 {
+                sum[c] += self.gain[c] * lamp.color[c] * radiance[c];
+            }
+        }
+        sum
+    }
+
+    /// Grey levels (0 to 255 and beyond) of a surface point: response of the radiance.
+    pub fn grey(&self, point: &Point3<f64>, slope: [f64; 2]) -> [f64; 3] {
+        let radiance = self.radiance(point, slope);
+        std::array::from_fn(|c| 255.0 * self.response[c].measured(radiance[c]))
+    }
+
+    /// Sets the gains so that the flat gel's mean grey level is [`NOMINAL_GREY`] in each channel.
+    fn balance(&mut self, camera: &Camera) {
+        const POINTS: usize = 12;
+        let mut sum = [0.0; 3];
+        for i in 0..POINTS * POINTS {
+            let place = |k: usize| (k as f64 + 0.5) / POINTS as f64 - 0.5;
+            let point = Point3::new(place(i % POINTS) * camera.w, camera.center_y + place(i / POINTS) * camera.h, 0.0);
+            let radiance = self.radiance(&point, [0.0; 2]);
+            (0..3).for_each(|c| sum[c] += radiance[c]);
+        }
+        for c in 0..3 {
+            let mean = sum[c] / (POINTS * POINTS) as f64;
+            self.gain[c] *= self.response[c].radiance(NOMINAL_GREY / 255.0) / mean;
+        }
+    }
+
+    /// The model as TOML, the form in which calibrations are kept.
+    pub fn to_toml(&self) -> Result<String, OpticsError> {
+        toml::to_string(self).map_err(|error| OpticsError::Calibration(error.to_string()))
+    }
+
+    /// Reads and checks a calibration.
+    pub fn from_toml(text: &str) -> Result<Self, OpticsError> {
+        let model: Self = toml::from_str(text).map_err(|error| OpticsError::Calibration(error.to_string()))?;
+        model.check()?;
+        Ok(model)
+    }
+
+    /// Refuses impossible values, naming the field.
+    pub fn check(&self) -> Result<(), OpticsError> {
+        let fault = |what: String| Err(OpticsError::Calibration(what));
+        for (k, lamp) in self.lamps.iter().enumerate() {
+            if !(lamp.direction.norm() - 1.0).abs().le(&1e-3) {
+                return fault(format!("lamps[{k}].direction has length {}; expected 1", lamp.direction.norm()));
+            }
+            if !(lamp.eta >= 0.0 && lamp.mu >= 0.0 && lamp.eta.is_finite() && lamp.mu.is_finite()) {
+                return fault(format!("lamps[{k}]: eta {} and mu {} must be finite and at least 0", lamp.eta, lamp.mu));
+            }
+            if !lamp.position.z.lt(&-0.003) {
+                return fault(format!("lamps[{k}].position.z is {} m; expected it behind the gel (below -0.003)", lamp.position.z));
+            }
+        }
+        if !self.camera.position.z.lt(&-0.003) {
+            return fault(format!("camera.position.z is {} m; expected it behind the gel (below -0.003)", self.camera.position.z));
+        }
+        if !self.reflectance.roughness.ge(&0.0) {
+            return fault(format!("reflectance.roughness is {}; expected at least 0", self.reflectance.roughness));
+        }
+        if let Some(c) = self.response.iter().position(|response| !response.is_monotonic()) {
+            return fault(format!("response[{c}] does not rise everywhere between 0 and 1"));
+        }
+        if !(self.noise >= 0.0 && self.texture.iter().all(|deviation| *deviation >= 0.0)) {
+            return fault("noise and texture must be at least 0".into());
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,78 @@
+//! Random numbers of the sensor: read-out noise, the gel's texture, and how one unit differs from the next.
+
+use hand_model::pads::IMAGE_SIZE;
+use rand::Rng;
+use rand_chacha::ChaCha8Rng;
+use rand_chacha::rand_core::SeedableRng;
+
+use crate::indentation::PIXELS;
+
+/// A draw from the standard normal distribution (Box and Muller).
+pub(crate) fn normal(rng: &mut impl Rng) -> f64 {
+    let mut uniform = || (f64::from(rng.next_u32()) + 0.5) / 4_294_967_296.0;
+    let radius = (-2.0 * uniform().ln()).sqrt();
+    radius * (std::f64::consts::TAU * uniform()).cos()
+}
+
+/// Read-out noise: independent normal draws of one standard deviation, added to every value of an image.
+///
+/// Drawing 172,800 numbers for each image would cost more than the image. A table is drawn once; each row of an image
+/// starts at a random place in it. Rows of one image seldom overlap (about 2 % of pairs share draws), images practically never repeat.
+#[derive(Debug, Clone)]
+pub(crate) struct ReadOutNoise {
+    table: Vec<f32>,
+}
+
+impl ReadOutNoise {
+    const STARTS: usize = 1 << 16;
+
+    pub(crate) fn new(deviation: f64, seed: u64) -> Self {
+        let mut rng = ChaCha8Rng::seed_from_u64(seed);
+        let draws = Self::STARTS + 3 * IMAGE_SIZE;
+        Self { table: (0..draws).map(|_| (deviation * normal(&mut rng)) as f32).collect() }
+    }
+
+    /// Writes a row of grey levels with noise as bytes.
+    pub(crate) fn expose(&self, grey: &[f32], bytes: &mut [u8], rng: &mut impl Rng) {
+        let start = rng.next_u32() as usize % Self::STARTS;
+        let draws = &self.table[start..start + grey.len()];
+        for ((byte, grey), draw) in bytes.iter_mut().zip(grey).zip(draws) {
+            *byte = quantise(grey + draw);
+        }
+    }
+}
+
+/// Nearest of the 256 grey levels.
+#[inline]
+pub(crate) fn quantise(grey: f32) -> u8 {
+    (grey + 0.5).clamp(0.0, 255.0) as u8
+}
+
+/// Texture of a unit's background (grey levels, row-major RGB): blotches that vary over some millimetres, and a fine grain, both the
+/// same in all channels up to a little of their own.
+pub(crate) fn texture(blotches: f64, grain: f64, rng: &mut impl Rng) -> Vec<f32> {
+    const KNOTS: usize = 9;
+    let mut field = || -> Vec<f64> { (0..KNOTS * KNOTS).map(|_| blotches * normal(rng)).collect() };
+    let (common, own) = (field(), [field(), field(), field()]);
+    let mut texture = Vec::with_capacity(3 * PIXELS);
+    for row in 0..IMAGE_SIZE {
+        for column in 0..IMAGE_SIZE {
+            let place = |pixel: usize| {
+                let at = (pixel as f64 + 0.5) / IMAGE_SIZE as f64 * (KNOTS - 1) as f64;
+                let cell = (at as usize).min(KNOTS - 2);
+                let part = at - cell as f64;
+                (cell, part * part * (3.0 - 2.0 * part))
+            };
+            let ((i, u), (j, v)) = (place(column), place(row));
+            let value = |f: &[f64]| {
+                let knot = |j: usize, i: usize| f[j * KNOTS + i];
+                (1.0 - v) * ((1.0 - u) * knot(j, i) + u * knot(j, i + 1)) + v * ((1.0 - u) * knot(j + 1, i) + u * knot(j + 1, i + 1))
+            };
+            let shared = value(&common) + grain * normal(rng);
+            for own in &own {
+                texture.push((shared + 0.3 * value(own)) as f32);
+            }
+        }
+    }
+    texture
+}

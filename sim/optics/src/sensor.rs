@@ -1,0 +1,188 @@
+//! A camera unit that renders: caches of all that does not depend on the contact, and the way from an indentation to bytes.
+
+use std::sync::Arc;
+
+use hand_model::pads::{Camera, IMAGE_SIZE, Pad};
+use hand_model::robot::TactileImage;
+use rand::Rng;
+use rand_chacha::ChaCha8Rng;
+use rand_chacha::rand_core::SeedableRng;
+
+use crate::camera::ResponseTable;
+use crate::elastomer::DeformedGel;
+use crate::error::OpticsError;
+use crate::indentation::{IndentationMap, PIXELS};
+use crate::model::SensorModel;
+use crate::noise::{ReadOutNoise, quantise, texture};
+use crate::shading::{Shading, SurfaceRow};
+
+/// Depth (m) and slope below which the gel counts as flat and the background is shown.
+const FLAT_DEPTH: f32 = 1e-6;
+const FLAT_SLOPE: f32 = 2e-3;
+/// Steepest slope of the rest surface that the background shows: the clear body under the gel is moulded with softer edges.
+const REST_SLOPE: f64 = 0.6;
+
+/// One camera unit of a pad.
+#[derive(Debug, Clone)]
+pub struct Sensor {
+    model: SensorModel,
+    camera: Camera,
+    shading: Shading,
+    response: [ResponseTable; 3],
+    noise: ReadOutNoise,
+    background: Arc<TactileImage>,
+    /// Grey levels of the background before quantisation, row-major RGB.
+    background_grey: Vec<f32>,
+    /// Background less the model's flat gel, row-major RGB: added to the model's grey levels where the gel is deformed.
+    correction: Vec<f32>,
+}
+
+impl Sensor {
+    /// The sensor as designed: no variation, no texture, but read-out noise.
+    pub fn nominal(pad: &Pad, camera: &Camera) -> Self {
+        Self::build(pad, camera, SensorModel::nominal(pad, camera), 0)
+    }
+
+    /// One unit of a series; the seed is its serial number.
+    pub fn unit(pad: &Pad, camera: &Camera, seed: u64) -> Self {
+        Self::build(pad, camera, SensorModel::unit(pad, camera, seed), seed)
+    }
+
+    /// A sensor with a calibrated model; `seed` draws its background's texture.
+    pub fn with_model(pad: &Pad, camera: &Camera, model: SensorModel, seed: u64) -> Result<Self, OpticsError> {
+        model.check()?;
+        Ok(Self::build(pad, camera, model, seed))
+    }
+
+    fn build(pad: &Pad, camera: &Camera, model: SensorModel, seed: u64) -> Self {
+        let shading = Shading::new(&model.lamps, &model.reflectance, model.gain);
+        let response = model.response.each_ref().map(ResponseTable::new);
+        let mut rng = ChaCha8Rng::seed_from_u64(seed ^ 0x7465_7874_7572_6573);
+        let mut background_grey = texture(model.texture[0], model.texture[1], &mut rng);
+        let mut correction = Vec::with_capacity(3 * PIXELS);
+        let mut row = SurfaceRow::new();
+        let ((x0, _), (dx, dy)) = (camera.pixel_center(0, 0), camera.pixel_size());
+        for index in 0..IMAGE_SIZE {
+            let y = camera.pixel_center(0, index).1;
+            let mut rest = [[0.0f32; IMAGE_SIZE]; 3];
+            for column in 0..IMAGE_SIZE {
+                let x = camera.pixel_center(column, index).0;
+                let height = |x, y| pad.surface_height(x, y);
+                let zx = (height(x + 0.5 * dx, y) - height(x - 0.5 * dx, y)) / dx;
+                let zy = (height(x, y + 0.5 * dy) - height(x, y - 0.5 * dy)) / dy;
+                let softer = (REST_SLOPE / zx.hypot(zy).max(REST_SLOPE)) as f32;
+                rest[0][column] = height(x, y) as f32 * softer;
+                (rest[1][column], rest[2][column]) = (zx as f32 * softer, zy as f32 * softer);
+            }
+            let mut grey = |z: &[f32], slopes| {
+                row.set(&model.camera, x0, dx, y, z, slopes);
+                shading.shade(&mut row);
+                let value = |at: usize| response[at % 3].grey(row.radiance[at % 3][at / 3]);
+                (0..3 * IMAGE_SIZE).map(value).collect::<Vec<f32>>()
+            };
+            let zeros = [0.0; IMAGE_SIZE];
+            let curved = grey(&rest[0], [&rest[1], &rest[2]]);
+            let flat = grey(&zeros, [&zeros, &zeros]);
+            let line = &mut background_grey[3 * IMAGE_SIZE * index..3 * IMAGE_SIZE * (index + 1)];
+            for ((background, curved), flat) in line.iter_mut().zip(curved).zip(flat) {
+                *background = (*background + curved).clamp(0.0, 255.0);
+                correction.push(*background - flat);
+            }
+        }
+        let rgb = background_grey.iter().map(|&grey| quantise(grey)).collect();
+        Self {
+            noise: ReadOutNoise::new(model.noise, seed ^ 0x7265_6164_6f75_7400),
+            background: Arc::new(TactileImage { rgb }),
+            camera: camera.clone(),
+            model,
+            shading,
+            response,
+            background_grey,
+            correction,
+        }
+    }
+
+    /// The model it renders with.
+    pub fn model(&self) -> &SensorModel {
+        &self.model
+    }
+
+    /// The camera's rectangle.
+    pub fn camera(&self) -> &Camera {
+        &self.camera
+    }
+
+    /// Image of the untouched gel, without read-out noise. Shared: the cheapest image of an idle pad is a clone of this `Arc`.
+    pub fn background(&self) -> &Arc<TactileImage> {
+        &self.background
+    }
+
+    /// The tactile image of an indentation; `rng` draws the read-out noise (an idle pad shows the background, with noise).
+    pub fn render(&self, indentation: &IndentationMap, rng: &mut impl Rng) -> TactileImage {
+        match self.model.elastomer.deform(&self.camera, indentation) {
+            Some(gel) => self.render_gel(Some(&gel), rng),
+            None => self.render_gel(None, rng),
+        }
+    }
+
+    /// The tactile image of a gel that is already deformed.
+    ///
+    /// Where the gel is flat the pixel is the background's; elsewhere background + model(deformed) - model(flat).
+    pub fn render_gel(&self, gel: Option<&DeformedGel>, rng: &mut impl Rng) -> TactileImage {
+        let mut rgb = vec![0; 3 * PIXELS];
+        let mut row = SurfaceRow::new();
+        let mut grey = [0.0f32; 3 * IMAGE_SIZE];
+        for (index, bytes) in rgb.chunks_exact_mut(3 * IMAGE_SIZE).enumerate() {
+            let background = &self.background_grey[3 * IMAGE_SIZE * index..3 * IMAGE_SIZE * (index + 1)];
+            let span = gel.and_then(|gel| self.shade_row(gel, index, &mut row));
+            let Some((left, right)) = span else {
+                self.noise.expose(background, bytes, rng);
+                continue;
+            };
+            grey.copy_from_slice(background);
+            let correction = &self.correction[3 * (IMAGE_SIZE * index + left)..];
+            let [red, green, blue] = &row.radiance;
+            for (i, (pixel, correction)) in grey[3 * left..3 * right].chunks_exact_mut(3).zip(correction.chunks_exact(3)).enumerate() {
+                pixel[0] = self.response[0].grey(red[i]) + correction[0];
+                pixel[1] = self.response[1].grey(green[i]) + correction[1];
+                pixel[2] = self.response[2].grey(blue[i]) + correction[2];
+            }
+            self.noise.expose(&grey, bytes, rng);
+        }
+        TactileImage { rgb }
+    }
+
+    /// Shades the deformed part of an image row; gives its first and one past its last column.
+    fn shade_row(&self, gel: &DeformedGel, index: usize, row: &mut SurfaceRow) -> Option<(usize, usize)> {
+        let area = &gel.rectangle;
+        if index < area.top || index >= area.bottom {
+            return None;
+        }
+        let (width, (dx, dy)) = (area.width(), self.camera.pixel_size());
+        let line = |row: usize| &gel.depth[(row - area.top) * width..(row - area.top + 1) * width];
+        let (above, here, below) = (line(index.max(area.top + 1) - 1), line(index), line((index + 1).min(area.bottom - 1)));
+        let rows = if index == area.top || index + 1 == area.bottom { 1.0 } else { 2.0 };
+        let (per_x, per_y) = ((0.5 / dx) as f32, (1.0 / (rows * dy)) as f32);
+        let mut z = [0.0f32; IMAGE_SIZE];
+        let mut slopes = [[0.0f32; IMAGE_SIZE]; 2];
+        for i in 0..width {
+            z[i] = -here[i];
+            // Rows run against y; z is minus the depth.
+            slopes[1][i] = (below[i] - above[i]) * per_y;
+        }
+        for i in 1..width.max(1) - 1 {
+            slopes[0][i] = (here[i - 1] - here[i + 1]) * per_x;
+        }
+        if width > 1 {
+            slopes[0][0] = (here[0] - here[1]) * 2.0 * per_x;
+            slopes[0][width - 1] = (here[width - 2] - here[width - 1]) * 2.0 * per_x;
+        }
+        let deformed = |i: &usize| z[*i] < -FLAT_DEPTH || slopes[0][*i].abs() > FLAT_SLOPE || slopes[1][*i].abs() > FLAT_SLOPE;
+        let first = (0..width).find(deformed)?;
+        let last = (0..width).rev().find(deformed)? + 1;
+        let (x0, y) = self.camera.pixel_center(area.left + first, index);
+        row.set(&self.model.camera, x0, dx, y, &z[first..last], [&slopes[0][first..last], &slopes[1][first..last]]);
+        self.shading.shade(row);
+        Some((area.left + first, area.left + last))
+    }
+}

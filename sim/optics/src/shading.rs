@@ -1,0 +1,201 @@
+//! The radiance of a row of pixels under all lamps: the reflectance and lamp models of the paper, in single precision and laid
+//! out so that the compiler can work on several pixels at once. [`crate::lamps`] and [`crate::reflectance`] are the reference.
+
+use hand_model::pads::IMAGE_SIZE;
+
+use crate::camera::Pinhole;
+use crate::lamps::Lamp;
+use crate::reflectance::Reflectance;
+
+type Line = [f32; IMAGE_SIZE];
+
+/// The surface of one row of pixels as the shading needs it. Only the first `len` entries count.
+#[derive(Debug)]
+pub(crate) struct SurfaceRow {
+    len: usize,
+    x: Line,
+    y: f32,
+    z: Line,
+    /// Unit normal towards the camera.
+    normal: [Line; 3],
+    /// Unit direction to the viewer.
+    viewer: [Line; 3],
+    cos_r: Line,
+    /// Radiance, red, green and blue.
+    pub(crate) radiance: [Line; 3],
+}
+
+impl SurfaceRow {
+    pub(crate) fn new() -> Self {
+        let line = [0.0; IMAGE_SIZE];
+        Self { len: 0, x: line, y: 0.0, z: line, normal: [line; 3], viewer: [line; 3], cos_r: line, radiance: [line; 3] }
+    }
+
+    /// Sets the row: pixel i is at (`x0 + i dx`, `y`), at height `z[i]` with slopes dz/dx and dz/dy (m, pad frame).
+    pub(crate) fn set(&mut self, camera: &Pinhole, x0: f64, dx: f64, y: f64, z: &[f32], slopes: [&[f32]; 2]) {
+        let n = z.len().min(IMAGE_SIZE);
+        let (px, py, pz) = (camera.position.x as f32, camera.position.y as f32, camera.position.z as f32);
+        self.len = n;
+        self.y = y as f32;
+        let (zx, zy) = (&slopes[0][..n], &slopes[1][..n]);
+        for i in 0..n {
+            let x = x0 as f32 + i as f32 * dx as f32;
+            let inverse = 1.0 / (zx[i] * zx[i] + zy[i] * zy[i] + 1.0).sqrt();
+            let normal = [zx[i] * inverse, zy[i] * inverse, -inverse];
+            let v = [px - x, py - self.y, pz - z[i]];
+            let inverse = 1.0 / (v[0] * v[0] + v[1] * v[1] + v[2] * v[2]).sqrt();
+            let viewer = v.map(|v| v * inverse);
+            self.x[i] = x;
+            self.z[i] = z[i];
+            self.cos_r[i] = normal[0] * viewer[0] + normal[1] * viewer[1] + normal[2] * viewer[2];
+            for axis in 0..3 {
+                self.normal[axis][i] = normal[axis];
+                self.viewer[axis][i] = viewer[axis];
+            }
+        }
+    }
+}
+
+/// A lamp with everything constant worked out.
+#[derive(Debug, Clone)]
+struct ShadedLamp {
+    position: [f32; 3],
+    direction: [f32; 3],
+    mu: f32,
+    /// eta * color * albedo * gain / pi.
+    power: [f32; 3],
+}
+
+/// All lamps and the coating of one camera unit.
+#[derive(Debug, Clone)]
+pub(crate) struct Shading {
+    lamps: Vec<ShadedLamp>,
+    a: f32,
+    b: f32,
+}
+
+impl Shading {
+    pub(crate) fn new(lamps: &[Lamp], reflectance: &Reflectance, gain: [f64; 3]) -> Self {
+        let single = |v: &[f64]| -> [f32; 3] { std::array::from_fn(|i| v[i] as f32) };
+        let lamps = lamps
+            .iter()
+            .map(|lamp| ShadedLamp {
+                position: single(lamp.position.coords.as_slice()),
+                direction: single(lamp.direction.as_slice()),
+                mu: lamp.mu as f32,
+                power: std::array::from_fn(|c| {
+                    (lamp.eta * lamp.color[c] * reflectance.albedo[c] * gain[c] / std::f64::consts::PI) as f32
+                }),
+            })
+            .collect();
+        Self { lamps, a: reflectance.a() as f32, b: reflectance.b() as f32 }
+    }
+
+    /// Fills `row.radiance` with the sum over all lamps.
+    ///
+    /// **Cast shadows enter here**: this loop holds one lamp's light on the row (`light`) before it is added up, so
+    /// a visibility of that lamp, pixel by pixel, is a factor on `light`.
+    pub(crate) fn shade(&self, row: &mut SurfaceRow) {
+        row.radiance.iter_mut().for_each(|line| line[..row.len].fill(0.0));
+        let mut light = [0.0; IMAGE_SIZE];
+        for lamp in &self.lamps {
+            self.light_of(lamp, row, &mut light);
+            for (line, power) in row.radiance.iter_mut().zip(lamp.power) {
+                if power != 0.0 {
+                    line[..row.len].iter_mut().zip(&light).for_each(|(sum, light)| *sum += power * light);
+                }
+            }
+        }
+    }
+
+    /// `(-s . p)^mu / |s|^2 * max(0, cos theta_i) * f_r` of one lamp along the row.
+    fn light_of(&self, lamp: &ShadedLamp, row: &SurfaceRow, light: &mut Line) {
+        let n = row.len;
+        let (x, z, cos_r, light) = (&row.x[..n], &row.z[..n], &row.cos_r[..n], &mut light[..n]);
+        let [nx, ny, nz] = row.normal.each_ref().map(|line| &line[..n]);
+        let [vx, vy, vz] = row.viewer.each_ref().map(|line| &line[..n]);
+        let ([lx, ly, lz], [px, py, pz]) = (lamp.position, lamp.direction);
+        let sy = ly - row.y;
+        for i in 0..n {
+            let (sx, sz) = (lx - x[i], lz - z[i]);
+            let inverse_square = 1.0 / (sx * sx + sy * sy + sz * sz);
+            let inverse = inverse_square.sqrt();
+            let (sx, sy, sz) = (sx * inverse, sy * inverse, sz * inverse);
+            let along = -(sx * px + sy * py + sz * pz);
+            let kappa = power(along, lamp.mu) * inverse_square;
+            let cos_i = (nx[i] * sx + ny[i] * sy + nz[i] * sz).max(0.0);
+            let across = (sx * vx[i] + sy * vy[i] + sz * vz[i] - cos_i * cos_r[i]).max(0.0);
+            let larger = cos_i.max(cos_r[i]).max(1e-3);
+            light[i] = kappa * cos_i * (self.a + self.b * across / larger);
+        }
+    }
+}
+
+/// `base^exponent` for a base up to 1 (0 for a base of 0 or less), to about 1e-4, in plain arithmetic that vectorises.
+#[inline]
+fn power(base: f32, exponent: f32) -> f32 {
+    const ROUND: f32 = 12_582_912.0; // 1.5 * 2^23: adding it rounds to a whole number, left in the low bits.
+    let bits = base.max(1e-6).to_bits();
+    let whole = ((bits >> 23) as i32 - 127) as f32;
+    let m = f32::from_bits(bits & 0x007f_ffff | 0x3f80_0000);
+    // Minimax polynomial of log2(m) / (m - 1) on [1, 2).
+    let p = -0.034_436_006_f32;
+    let p = p * m + 0.318_213_37;
+    let p = p * m - 1.231_530_3;
+    let p = p * m + 2.598_845_2;
+    let p = p * m - 3.324_199;
+    let p = p * m + 3.115_789_9;
+    let y = (exponent * (whole + p * (m - 1.0))).max(-100.0);
+    let shifted = y + ROUND;
+    let f = y - (shifted - ROUND);
+    let two = f32::from_bits((shifted.to_bits().wrapping_sub(ROUND.to_bits()).wrapping_add(127)) << 23);
+    // Taylor series of 2^f on [-0.5, 0.5].
+    let q = 0.001_333_355_8_f32;
+    let q = q * f + 0.009_618_129;
+    let q = q * f + 0.055_504_11;
+    let q = q * f + 0.240_226_5;
+    let q = q * f + std::f32::consts::LN_2;
+    let q = q * f + 1.0;
+    if base > 0.0 { two * q } else { 0.0 }
+}
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::{Point3, Vector3};
+    use proptest::prelude::*;
+
+    use super::*;
+
+    #[test]
+    fn power_is_the_libraries() {
+        for exponent in [0.0f32, 0.5, 1.0, 1.2, 3.7, 6.0] {
+            for i in 1..=1000 {
+                let base = i as f32 / 1000.0;
+                let exact = base.powf(exponent);
+                assert!((power(base, exponent) - exact).abs() < 3e-4 * exact + 1e-9, "{base}^{exponent}");
+            }
+        }
+        assert_eq!(power(-0.1, 1.0), 0.0);
+    }
+
+    proptest! {
+        #[test]
+        fn fast_shading_is_the_reference(
+            x in -0.01..0.01, y in -0.02..0.02, z in -0.0025..0.0, zx in -1.2..1.2, zy in -1.2..1.2, roughness in 0.0..0.8, mu in 0.0..5.0,
+        ) {
+            let lamp = Lamp::aimed(Point3::new(0.012, 0.003, -0.01), Point3::new(-0.004, 0.0, 0.0), 1.3, mu, [1.0, 0.2, 0.5]);
+            let reflectance = Reflectance { albedo: [0.9, 0.8, 0.7], roughness };
+            let camera = Pinhole { position: Point3::new(0.0, 0.001, -0.016) };
+            let mut row = SurfaceRow::new();
+            row.set(&camera, x, 1e-4, y, &[z as f32], [&[zx as f32], &[zy as f32]]);
+            Shading::new(&[lamp], &reflectance, [1.0; 3]).shade(&mut row);
+            let point = Point3::new(x, y, z);
+            let (s, kappa) = lamp.at(&point);
+            let exact = reflectance.radiance(kappa, &Vector3::new(zx, zy, -1.0).normalize(), &s, &camera.viewer(&point));
+            for c in 0..3 {
+                let exact = exact[c] * lamp.color[c];
+                prop_assert!((f64::from(row.radiance[c][0]) - exact).abs() < 1e-3 * exact + 0.5, "{} {}", row.radiance[c][0], exact);
+            }
+        }
+    }
+}

@@ -1,0 +1,102 @@
+//! What a user gets wrong: each ends with exit code 2, a message that says where and what, and nothing left behind.
+
+use std::fs;
+use std::path::Path;
+
+use e2e::{root, run, stderr};
+use tempfile::tempdir;
+
+/// Runs `ftac` on bad input and checks the three promises; `named` are the words its message owes the user.
+fn refused(arguments: &[&str], named: &[&str]) {
+    let output = run(arguments);
+    let message = stderr(&output);
+    assert_eq!(output.status.code(), Some(2), "ftac {arguments:?} said: {message}");
+    for word in named {
+        assert!(message.contains(word), "ftac {arguments:?} does not name {word:?}: {message}");
+    }
+    assert!(!message.contains("panicked"), "{message}");
+    assert!(output.stdout.is_empty(), "errors go to stderr");
+}
+
+fn text(path: &Path) -> &str {
+    path.to_str().expect("a UTF-8 path")
+}
+
+#[test]
+fn no_combinations() {
+    let folder = tempdir().expect("a folder");
+    let out = folder.path().join("out");
+    refused(&["bench", "--combos", "0", "--out", text(&out)], &["--combos", "0"]);
+    assert!(!out.exists(), "left a result folder behind");
+}
+
+#[test]
+fn unknown_robot() {
+    let folder = tempdir().expect("a folder");
+    let out = folder.path().join("out");
+    refused(&["bench", "--robot", "teapot", "--out", text(&out)], &["--robot", "teapot", "sim"]);
+    assert!(!out.exists(), "left a result folder behind");
+}
+
+#[test]
+fn scenario_with_a_wrong_field() {
+    let folder = tempdir().expect("a folder");
+    let scenario = folder.path().join("scenario.toml");
+    let good = fs::read_to_string(root().join("scenarios/data/benchmark.toml")).expect("the benchmark's scenario");
+    fs::write(&scenario, format!("no_such_field = 3\n{good}")).expect("written");
+    let out = folder.path().join("out");
+    let arguments = ["bench", "--combos", "1", "--trials", "1", "--scenario", text(&scenario), "--out", text(&out)];
+    refused(&arguments, &["scenario.toml", "no_such_field", "expected"]);
+    assert!(!out.exists(), "left a result folder behind");
+}
+
+#[test]
+fn scenario_that_is_not_there() {
+    let folder = tempdir().expect("a folder");
+    let (scenario, out) = (folder.path().join("missing.toml"), folder.path().join("out"));
+    refused(&["bench", "--combos", "1", "--scenario", text(&scenario), "--out", text(&out)], &["missing.toml"]);
+    assert!(!out.exists(), "left a result folder behind");
+}
+
+#[test]
+fn unreadable_mesh() {
+    let folder = tempdir().expect("a folder");
+    let mesh = folder.path().join("thing.obj");
+    fs::write(&mesh, "v 0 0 0\nv 1 0 zero\nf 1 2 9\n").expect("written");
+    let out = folder.path().join("image.png");
+    refused(&["optics", "render", "--mesh", text(&mesh), "--out", text(&out)], &["thing.obj"]);
+    assert!(!out.exists(), "left an image behind");
+}
+
+#[test]
+fn urdf_with_a_missing_joint() {
+    let folder = tempdir().expect("a folder");
+    let good = fs::read_to_string(root().join("hand-model/data/ftac_hand.urdf")).expect("the hand's URDF");
+    let (start, name) = first_moving_joint(&good);
+    let end = start + good[start..].find("</joint>").expect("an end") + "</joint>".len();
+    let urdf = folder.path().join("hand.urdf");
+    fs::write(&urdf, format!("{}{}", &good[..start], &good[end..])).expect("written");
+    refused(&["hand", "check", "--urdf", text(&urdf)], &["hand.urdf", &name]);
+}
+
+/// Where the first joint that moves starts in a URDF, and its name.
+fn first_moving_joint(urdf: &str) -> (usize, String) {
+    urdf.match_indices("<joint ")
+        .find_map(|(start, _)| {
+            let tag = &urdf[start..start + urdf[start..].find('>')?];
+            let name = tag.split("name=\"").nth(1)?.split('"').next()?;
+            tag.contains("revolute").then(|| (start, name.to_owned()))
+        })
+        .expect("a revolute joint")
+}
+
+/// A path below a regular file: not even root can make a folder there.
+#[test]
+fn results_that_cannot_be_written() {
+    let folder = tempdir().expect("a folder");
+    let file = folder.path().join("file");
+    fs::write(&file, "mine").expect("written");
+    let out = file.join("out");
+    refused(&["bench", "--combos", "1", "--trials", "1", "--out", text(&out)], &[text(&out)]);
+    assert_eq!(fs::read_to_string(&file).expect("still there"), "mine");
+}

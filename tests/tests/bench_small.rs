@@ -1,0 +1,124 @@
+//! A small benchmark: same results whatever the number of jobs and however often it is killed, and a complete summary.
+//!
+//! Times are kept out of every comparison: the column `decision_ms` is wall-clock time.
+
+use std::fs;
+use std::path::Path;
+use std::process::Stdio;
+use std::sync::OnceLock;
+use std::time::{Duration, Instant};
+
+use e2e::{ftac, run, stderr};
+use serde_json::Value;
+use tempfile::{TempDir, tempdir};
+
+const SIZE: [&str; 6] = ["--combos", "2", "--trials", "2", "--seed", "7"];
+/// Rows of trials.csv: `ideal` once per combination, `blind` and `touch` in every trial.
+const ROWS: usize = 2 + 2 * 2 * 2;
+
+fn bench(extra: &[&str]) {
+    let output = run(&[&["bench", "--record", "none"], &SIZE[..], extra].concat());
+    // 1 would say that the rates fall short of the paper's, which four trials may well do.
+    assert!(matches!(output.status.code(), Some(0 | 1)), "{:?}: {}", output.status, stderr(&output));
+}
+
+/// The uninterrupted run with one job that the others are compared to.
+fn reference() -> &'static Path {
+    static FOLDER: OnceLock<TempDir> = OnceLock::new();
+    FOLDER
+        .get_or_init(|| {
+            let folder = tempdir().expect("a folder");
+            bench(&["--jobs", "1", "--out", text(folder.path())]);
+            folder
+        })
+        .path()
+}
+
+fn text(path: &Path) -> &str {
+    path.to_str().expect("a UTF-8 path")
+}
+
+/// trials.csv without the column that holds wall-clock times.
+fn trials(folder: &Path) -> Vec<Vec<String>> {
+    let file = fs::read_to_string(folder.join("trials.csv")).expect("trials.csv");
+    let mut rows: Vec<Vec<String>> = file.lines().map(|line| line.split(',').map(str::to_owned).collect()).collect();
+    let clock = rows[0].iter().position(|name| name == "decision_ms").expect("a column decision_ms");
+    for row in &mut rows {
+        assert_ne!(row.len(), 0);
+        row.remove(clock);
+    }
+    rows
+}
+
+#[test]
+fn jobs_change_nothing() {
+    let two = tempdir().expect("a folder");
+    bench(&["--jobs", "2", "--out", text(two.path())]);
+    let rows = trials(reference());
+    assert_eq!(rows.len(), 1 + ROWS, "header and a row per trial and condition");
+    assert_eq!(rows, trials(two.path()));
+}
+
+#[test]
+fn summary_is_complete() {
+    let file = fs::read_to_string(reference().join("summary.json")).expect("summary.json");
+    let summary: Value = serde_json::from_str(&file).expect("JSON");
+    let mut fields: Vec<String> = ["combos", "trials_per_combo", "seed", "robot", "real_time_factor", "wall_s"].map(String::from).into();
+    for condition in ["ideal", "blind", "touch"] {
+        for rate in ["collision_rate", "success_rate"] {
+            fields.extend(["mean", "sd"].map(|moment| format!("conditions/{condition}/{rate}/{moment}")));
+        }
+    }
+    for outcome in ["collision", "success"] {
+        fields.extend(["t", "df", "p"].map(|figure| format!("t_test/{outcome}/{figure}")));
+    }
+    fields.extend(["decision_ms/p50", "decision_ms/p99"].map(String::from));
+    for kind in ["mm", "deg"] {
+        fields.extend(["median", "p95"].map(|figure| format!("pose_error/{kind}/{figure}")));
+    }
+    // A figure that two combinations cannot give (a t without spread) may be null, but its field is there.
+    let missing: Vec<&String> = fields.iter().filter(|field| summary.pointer(&format!("/{field}")).is_none()).collect();
+    assert!(missing.is_empty(), "summary.json lacks {missing:?}");
+    assert_eq!(summary["combos"], 2);
+    assert_eq!(summary["trials_per_combo"], 2);
+    assert_eq!(summary["seed"], 7);
+    assert_eq!(summary["robot"], "sim");
+    for condition in ["ideal", "blind", "touch"] {
+        for rate in ["collision_rate", "success_rate"] {
+            let mean = summary["conditions"][condition][rate]["mean"].as_f64().expect("a mean");
+            assert!((0.0..=1.0).contains(&mean), "{condition} {rate}: {mean}");
+        }
+    }
+}
+
+/// Killed (SIGKILL) as soon as something has been written to the folder's files, then resumed.
+#[test]
+fn killed_and_resumed_is_as_if_nothing_had_happened() {
+    let folder = tempdir().expect("a folder");
+    let out = folder.path().join("out");
+    let size = [&["bench", "--record", "none"], &SIZE[..], &["--jobs", "1", "--out", text(&out)]].concat();
+    let began = Instant::now();
+    let mut child = ftac(&size).stdout(Stdio::null()).stderr(Stdio::null()).spawn().expect("starts");
+    let patience = Duration::from_secs(120);
+    // The journal of finished trials grows with each of them: two growths mean that one trial is done and another under way.
+    let (mut sizes, mut last) = (0, 0);
+    while sizes < 2 && began.elapsed() < patience && child.try_wait().expect("ours").is_none() {
+        let now = bytes_in(&out);
+        sizes += usize::from(now > last);
+        last = last.max(now);
+        std::thread::sleep(Duration::from_millis(20));
+    }
+    child.kill().expect("killed");
+    let status = child.wait().expect("ours");
+    assert_ne!(status.code(), Some(2), "refused to start");
+    assert!(!out.join("summary.json").exists(), "it had finished before it could be killed");
+
+    let output = run(&["bench", "--resume", text(&out), "--record", "none"]);
+    assert!(matches!(output.status.code(), Some(0 | 1)), "{:?}: {}", output.status, stderr(&output));
+    assert_eq!(trials(&out), trials(reference()));
+}
+
+/// Total size of the files in a folder, 0 if there is none yet.
+fn bytes_in(folder: &Path) -> u64 {
+    fs::read_dir(folder).into_iter().flatten().flatten().filter_map(|entry| entry.metadata().ok()).map(|metadata| metadata.len()).sum()
+}

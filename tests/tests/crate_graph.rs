@@ -1,0 +1,115 @@
+//! The arrows between the crates, held to the design: what thinks never knows what it drives.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::process::Command;
+
+use serde_json::Value;
+
+/// Normal and build dependencies by package name: dev-dependencies are not in the program.
+struct Graph {
+    arrows: BTreeMap<String, BTreeSet<String>>,
+    members: BTreeSet<String>,
+}
+
+impl Graph {
+    fn read() -> Self {
+        let output = Command::new(env!("CARGO"))
+            .args(["metadata", "--format-version", "1", "--locked", "--offline", "--filter-platform", &host()])
+            .current_dir(e2e::root())
+            .output()
+            .expect("cargo metadata runs");
+        assert!(output.status.success(), "{}", e2e::stderr(&output));
+        let metadata: Value = serde_json::from_slice(&output.stdout).expect("cargo metadata is JSON");
+        let list = |value: &Value| value.as_array().cloned().unwrap_or_default();
+        let text = |value: &Value| value.as_str().unwrap_or_default().to_owned();
+        let names: BTreeMap<String, String> = list(&metadata["packages"]).iter().map(|p| (text(&p["id"]), text(&p["name"]))).collect();
+        let members = list(&metadata["workspace_members"]).iter().map(|id| names[&text(id)].clone()).collect();
+        let mut arrows: BTreeMap<String, BTreeSet<String>> = BTreeMap::new();
+        for node in list(&metadata["resolve"]["nodes"]) {
+            let from = arrows.entry(names[&text(&node["id"])].clone()).or_default();
+            for dependency in list(&node["deps"]) {
+                if list(&dependency["dep_kinds"]).iter().any(|kind| kind["kind"] != "dev") {
+                    from.insert(names[&text(&dependency["pkg"])].clone());
+                }
+            }
+        }
+        Self { arrows, members }
+    }
+
+    fn direct(&self, from: &str) -> &BTreeSet<String> {
+        self.arrows.get(from).unwrap_or_else(|| panic!("no package {from}"))
+    }
+
+    /// Everything that ends up in a build of `from`.
+    fn reach(&self, from: &str) -> BTreeSet<String> {
+        let mut seen = BTreeSet::new();
+        let mut open = vec![from.to_owned()];
+        while let Some(next) = open.pop() {
+            for to in self.direct(&next) {
+                if seen.insert(to.clone()) {
+                    open.push(to.clone());
+                }
+            }
+        }
+        seen
+    }
+
+    /// Members that name `dependency` themselves.
+    fn users(&self, dependency: &str) -> Vec<&str> {
+        self.members.iter().filter(|member| self.direct(member).contains(dependency)).map(String::as_str).collect()
+    }
+}
+
+/// The platform we build on: only its packages are sure to have been downloaded.
+fn host() -> String {
+    let output = Command::new("rustc").arg("-vV").output().expect("rustc runs");
+    let text = String::from_utf8_lossy(&output.stdout);
+    text.lines().find_map(|line| line.strip_prefix("host: ")).expect("rustc names its host").to_owned()
+}
+
+/// "Same control stack" is true because this is.
+#[test]
+fn what_thinks_never_reaches_a_body() {
+    let graph = Graph::read();
+    for mind in ["control", "touch", "grasping"] {
+        let reach = graph.reach(mind);
+        for body in ["sim", "optics", "hardware-bridge", "rapier3d-f64"] {
+            assert!(!reach.contains(body), "{mind} reaches {body}");
+        }
+    }
+}
+
+#[test]
+fn only_one_crate_names_each_engine() {
+    let graph = Graph::read();
+    assert_eq!(graph.users("rerun"), ["stream"]);
+    assert_eq!(graph.users("rapier3d-f64"), ["sim"]);
+}
+
+/// Design, section 1: "Arrows, and no others".
+#[test]
+fn members_know_only_whom_they_may() {
+    let graph = Graph::read();
+    let allowed: BTreeMap<&str, &[&str]> = BTreeMap::from([
+        ("hand-model", &[][..]),
+        ("optics", &["hand-model"]),
+        ("touch", &["hand-model"]),
+        ("grasping", &["hand-model"]),
+        ("hardware-bridge", &["hand-model"]),
+        ("scenarios", &["hand-model"]),
+        ("sim", &["hand-model", "optics", "scenarios"]),
+        ("control", &["hand-model", "touch", "grasping", "scenarios"]),
+        ("e2e", &[]),
+    ]);
+    for (member, may) in allowed {
+        let knows: Vec<&String> = graph.direct(member).intersection(&graph.members).collect();
+        for known in knows {
+            assert!(may.contains(&known.as_str()), "{member} knows {known}");
+        }
+    }
+    // `stream` draws; it neither thinks nor simulates.
+    for stranger in ["sim", "control", "hardware-bridge", "ftac"] {
+        assert!(!graph.reach("stream").contains(stranger), "stream reaches {stranger}");
+    }
+    assert_eq!(graph.users("ftac"), Vec::<&str>::new());
+}

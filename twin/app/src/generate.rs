@@ -1,0 +1,225 @@
+//! `ftac grasps generate`: fills the repertoire. Random proposals are closed and held in physics, those that hold are tried
+//! again with aim errors and varied, and what is left is ranked by the share of tries that held.
+
+use anyhow::{Context, Result};
+use control::executive::Protocol;
+use grasping::repertoire::{Repertoire, VERSION};
+use grasping::sampler::{ObjectExtent, propose, vary};
+use grasping::{Grasp, Role};
+use indicatif::{ProgressBar, ProgressStyle};
+use nalgebra::Vector3;
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
+use rayon::prelude::*;
+use scenarios::objects::{ObjectModel, Symmetry};
+use sim::tactile::TactileBoard;
+
+use crate::rehearsal::{Snapshot, rehearse_first, rehearse_second};
+use crate::world::World;
+
+/// Aim errors of the robustness test, m: none, and 5 mm to each side.
+const AIM_ERRORS: [[f64; 2]; 5] = [[0.0, 0.0], [0.005, 0.0], [-0.005, 0.0], [0.0, 0.005], [0.0, -0.005]];
+/// A hold that slips more than this in the time it is watched is none, m.
+const SLIP_LIMIT: f64 = 0.004;
+
+/// How much work goes into each object and role.
+#[derive(Debug, Clone, Copy)]
+pub struct Effort {
+    /// Random proposals at most; fewer where enough hold.
+    pub proposals: u32,
+    /// Variations of proposals that held, at most.
+    pub variations: u32,
+    /// First grasps kept.
+    pub keep_first: usize,
+    /// Second grasps kept.
+    pub keep_second: usize,
+}
+
+/// What the sampler needs to know of an object.
+pub fn extent(object: &ObjectModel) -> ObjectExtent {
+    let reach = |axis: Vector3<f64>| {
+        let local = object.rest.inverse() * axis;
+        object.shape.support(&local).coords.dot(&local)
+    };
+    ObjectExtent {
+        name: object.name.clone(),
+        half: Vector3::new(reach(Vector3::x()), reach(Vector3::y()), object.rest_height()),
+        yaw_matters: !matches!(object.symmetry, Symmetry::Full),
+    }
+}
+
+fn stream(seed: u64, object: &str, role: Role, id: u32) -> ChaCha8Rng {
+    let mut hash = seed ^ 0x9e37_79b9_7f4a_7c15;
+    for byte in object.bytes().chain([role as u8]).chain(id.to_le_bytes()) {
+        hash = (hash ^ u64::from(byte)).wrapping_mul(0x0000_0100_0000_01b3);
+    }
+    ChaCha8Rng::seed_from_u64(hash)
+}
+
+/// Generates the repertoire of `names` into `repertoire`.
+pub fn generate(world: &World, protocol: &Protocol, names: &[String], effort: Effort, seed: u64, repertoire: &mut Repertoire, quiet: bool) -> Result<()> {
+    repertoire.version = VERSION;
+    repertoire.seed = seed;
+    let board = TactileBoard::blank();
+    let bar = if quiet { ProgressBar::hidden() } else { ProgressBar::new(2 * names.len() as u64) };
+    bar.set_style(ProgressStyle::with_template("{bar:30} {pos}/{len} {msg} [{elapsed} < {eta}]")?);
+    for name in names {
+        bar.set_message(format!("{name}: first"));
+        let firsts = find_first(world, protocol, name, effort, seed, &board)?;
+        repertoire.grasps.remove(name);
+        for grasp in firsts {
+            repertoire.insert(grasp);
+        }
+        bar.inc(1);
+    }
+    let reference = reference_hold(world, protocol, names, repertoire, &board)?;
+    for name in names {
+        bar.set_message(format!("{name}: second"));
+        for grasp in find_second(world, protocol, name, effort, seed, &reference, &board)? {
+            repertoire.insert(grasp);
+        }
+        bar.inc(1);
+    }
+    bar.finish_and_clear();
+    Ok(())
+}
+
+fn find_first(world: &World, protocol: &Protocol, name: &str, effort: Effort, seed: u64, board: &TactileBoard) -> Result<Vec<Grasp>> {
+    let object = world.object(name)?;
+    let extent = extent(&object);
+    let bystander = propose(&extent, Role::Second, 0, &mut stream(seed, name, Role::Second, 0));
+    let prove = |grasp: Grasp, aims: &[[f64; 2]]| -> Result<Option<Grasp>> {
+        let mut held = 0;
+        let mut proven = grasp.clone();
+        for (n, aim) in aims.iter().enumerate() {
+            let outcome = rehearse_first(world, protocol, &grasp, &bystander, Vector3::new(aim[0], aim[1], 0.0), board)?;
+            match outcome {
+                Some((_, outcome)) if outcome.slip < SLIP_LIMIT => {
+                    held += 1;
+                    if n == 0 {
+                        proven.held = Some(outcome.palm_from_object);
+                        proven.held_joints = Some(outcome.joints);
+                    }
+                }
+                _ if n == 0 => return Ok(None),
+                _ => {}
+            }
+        }
+        proven.score = f64::from(held) / aims.len() as f64;
+        Ok(Some(proven))
+    };
+    search(&extent, Role::First, effort, effort.keep_first, seed, prove)
+}
+
+fn find_second(world: &World, protocol: &Protocol, name: &str, effort: Effort, seed: u64, reference: &[Grasp], board: &TactileBoard) -> Result<Vec<Grasp>> {
+    let object = world.object(name)?;
+    let extent = extent(&object);
+    let bystander = propose(&extent, Role::Second, 0, &mut stream(seed, name, Role::Second, 0));
+    // A hold of the reference object with this object standing by, for each aim error of the second grasp.
+    let mut holds: Vec<Snapshot> = Vec::new();
+    for first in reference {
+        if let Some((snapshot, _)) = rehearse_first(world, protocol, first, &bystander, Vector3::zeros(), board)? {
+            holds.push(snapshot);
+            break;
+        }
+    }
+    let hold = holds.first().context("no reference hold could be made")?;
+    let prove = |grasp: Grasp, aims: &[[f64; 2]]| -> Result<Option<Grasp>> {
+        let mut held = 0;
+        let mut proven = grasp.clone();
+        for (n, aim) in aims.iter().enumerate() {
+            let mut aimed = grasp.clone();
+            // An aim error of the world is an error of the object's place in the hand.
+            let error = grasp.palm_rotation(0.0).inverse() * Vector3::new(aim[0], aim[1], 0.0);
+            for axis in 0..3 {
+                aimed.center[axis] += error[axis];
+            }
+            let (collided, outcome) = rehearse_second(hold, &aimed)?;
+            if outcome.held && !collided && outcome.slip < 2.0 * SLIP_LIMIT {
+                held += 1;
+                if n == 0 {
+                    proven.held = Some(outcome.palm_from_object);
+                    proven.held_joints = Some(outcome.joints);
+                }
+            } else if n == 0 {
+                return Ok(None);
+            }
+        }
+        proven.score = f64::from(held) / aims.len() as f64;
+        Ok(Some(proven))
+    };
+    search(&extent, Role::Second, effort, effort.keep_second, seed, prove)
+}
+
+/// Grasps tried at once; the search stops between batches, so that its result does not depend on the number of threads.
+const BATCH: u32 = 16;
+
+/// Proposals until enough hold, then variations of those while too few do; all that held are tried again with aim errors.
+fn search(
+    extent: &ObjectExtent,
+    role: Role,
+    effort: Effort,
+    keep: usize,
+    seed: u64,
+    prove: impl Fn(Grasp, &[[f64; 2]]) -> Result<Option<Grasp>> + Sync,
+) -> Result<Vec<Grasp>> {
+    let run = |grasps: Vec<Grasp>, aims: &[[f64; 2]]| -> Result<Vec<Grasp>> {
+        let proven: Vec<Result<Option<Grasp>>> = grasps.into_par_iter().map(|grasp| prove(grasp, aims)).collect();
+        proven.into_iter().filter_map(Result::transpose).collect()
+    };
+    let enough = keep + keep / 2;
+    let mut found: Vec<Grasp> = Vec::new();
+    let mut id = 0;
+    while id < effort.proposals && found.len() < enough {
+        let batch = (id..id + BATCH).map(|id| propose(extent, role, id, &mut stream(seed, &extent.name, role, id))).collect();
+        found.extend(run(batch, &AIM_ERRORS[..1])?);
+        id += BATCH;
+    }
+    let parents = found.clone();
+    let last = id + effort.variations;
+    while id < last && !parents.is_empty() && found.len() < enough {
+        let batch = (id..id + BATCH)
+            .map(|id| vary(&parents[id as usize % parents.len()], id, &mut stream(seed, &extent.name, role, id)))
+            .collect();
+        found.extend(run(batch, &AIM_ERRORS[..1])?);
+        id += BATCH;
+    }
+    let mut proven = run(spread(found, enough), &AIM_ERRORS)?;
+    rank(&mut proven);
+    proven.truncate(keep);
+    Ok(proven)
+}
+
+fn rank(grasps: &mut [Grasp]) {
+    grasps.sort_by(|a, b| b.score.total_cmp(&a.score).then(a.id.cmp(&b.id)));
+}
+
+/// Keeps the best of each neighbourhood: two grasps whose object sits within 4 mm and whose hand is turned by less than 0.1
+/// rad are the same.
+fn spread(grasps: Vec<Grasp>, keep: usize) -> Vec<Grasp> {
+    let mut kept: Vec<Grasp> = Vec::new();
+    for grasp in grasps {
+        let same = |other: &Grasp| {
+            let apart = (Vector3::from(grasp.center) - Vector3::from(other.center)).norm();
+            apart < 0.004 && grasp.palm_rotation(0.0).angle_to(&other.palm_rotation(0.0)) < 0.1
+        };
+        if kept.len() < keep && !kept.iter().any(same) {
+            kept.push(grasp);
+        }
+    }
+    kept
+}
+
+/// The first grasps that hold the smallest graspable object: what occupies ring and little finger while second grasps are proven.
+fn reference_hold(world: &World, protocol: &Protocol, names: &[String], repertoire: &Repertoire, board: &TactileBoard) -> Result<Vec<Grasp>> {
+    let _ = (protocol, board);
+    let mut candidates: Vec<(f64, Vec<Grasp>)> = Vec::new();
+    for name in names.iter().chain(repertoire.grasps.keys()) {
+        let grasps: Vec<Grasp> = repertoire.of(name, Role::First).cloned().collect();
+        if !grasps.is_empty() {
+            candidates.push((world.object(name)?.shape.bounding_radius(), grasps));
+        }
+    }
+    candidates.sort_by(|a, b| a.0.total_cmp(&b.0));
+    Ok(candidates.into_iter().next().context("no first grasp was found for any object")?.1)
+}

@@ -1,0 +1,141 @@
+//! Plans: for each combination a first grasp and the second grasps that may follow it, rehearsed without noise.
+//!
+//! The rule: all ordered pairs of the scenario's objects, shuffled by the seed, are rehearsed in order. A pair for which some
+//! first grasp can be followed by some second grasp without a collision becomes a combination; a pair for which nothing works
+//! is listed as rejected, and the rule's next takes its place. The plan is the second grasp with the best score among those
+//! that worked; the others are its alternatives.
+
+use std::path::Path;
+
+use anyhow::{Context, Result, bail};
+use control::strategy::Candidate;
+use grasping::{Grasp, Repertoire, Role};
+use indicatif::ProgressBar;
+use nalgebra::Vector3;
+use rayon::prelude::*;
+use scenarios::combination::{Combination, draw_combinations};
+use serde::{Deserialize, Serialize};
+use sim::tactile::TactileBoard;
+
+use crate::rehearsal::{rehearse_first, rehearse_second};
+use crate::world::World;
+
+/// Format version of plan files.
+const VERSION: u32 = 1;
+/// How much a grasp that failed in this pair's rehearsal is still worth against one that did not.
+const FAILED_WORTH: f64 = 0.3;
+
+/// One combination's plan.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+pub struct Plan {
+    /// First object.
+    pub first: String,
+    /// Second object.
+    pub second: String,
+    /// Number of the first grasp in its repertoire.
+    pub first_grasp: u32,
+    /// (number of the second grasp, worth in this combination), the plan first.
+    pub second_grasps: Vec<(u32, f64)>,
+}
+
+/// All plans of a scenario.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+pub struct Plans {
+    /// Format version.
+    pub version: u32,
+    /// Seed of the draw.
+    pub seed: u64,
+    /// Pairs for which nothing worked without noise, in the order in which they were drawn.
+    pub rejected: Vec<(String, String)>,
+    /// The combinations.
+    pub plans: Vec<Plan>,
+}
+
+impl Plans {
+    /// Parses a plan file's text.
+    pub fn parse(text: &str, path: &Path) -> Result<Self> {
+        let plans: Self = serde_json::from_str(text).with_context(|| path.display().to_string())?;
+        if plans.version != VERSION {
+            bail!("{}: version: found {}, expected {VERSION}", path.display(), plans.version);
+        }
+        Ok(plans)
+    }
+
+    /// Writes the file, whole or not at all.
+    pub fn write(&self, path: &Path) -> Result<()> {
+        let lines: Vec<String> = self.plans.iter().map(serde_json::to_string).collect::<Result<_, _>>()?;
+        let rejected = serde_json::to_string(&self.rejected)?;
+        let text = format!("{{\"version\":{VERSION},\"seed\":{},\"rejected\":{rejected},\n\"plans\":[\n{}\n]}}\n", self.seed, lines.join(",\n"));
+        let partial = path.with_extension("partial");
+        std::fs::write(&partial, text).with_context(|| partial.display().to_string())?;
+        std::fs::rename(&partial, path).with_context(|| path.display().to_string())
+    }
+}
+
+impl Plan {
+    /// The grasps behind the numbers.
+    pub fn grasps(&self, repertoire: &Repertoire) -> Result<(Grasp, Vec<Candidate>)> {
+        let find = |object: &str, role: Role, id: u32| {
+            repertoire.of(object, role).find(|grasp| grasp.id == id).cloned().with_context(|| format!("the plan names grasp {id} of {object}, which the repertoire lacks"))
+        };
+        let first = find(&self.first, Role::First, self.first_grasp)?;
+        let candidates = self
+            .second_grasps
+            .iter()
+            .map(|(id, worth)| Ok(Candidate { grasp: find(&self.second, Role::Second, *id)?, worth: *worth }))
+            .collect::<Result<Vec<_>>>()?;
+        Ok((first, candidates))
+    }
+}
+
+/// Rehearses pairs until `count` combinations stand.
+pub fn make_plans(world: &World, repertoire: &Repertoire, count: usize, seed: u64, quiet: bool) -> Result<Plans> {
+    let bar = if quiet { ProgressBar::hidden() } else { ProgressBar::new(count as u64) };
+    let mut plans = Plans { version: VERSION, seed, rejected: Vec::new(), plans: Vec::new() };
+    let pairs: Vec<Combination> = draw_combinations(&world.scenario, usize::MAX, seed).collect();
+    for batch in pairs.chunks(8) {
+        let made: Vec<Result<Option<Plan>>> = batch.par_iter().map(|pair| plan_pair(world, repertoire, pair)).collect();
+        for (pair, made) in batch.iter().zip(made) {
+            match made? {
+                Some(plan) if plans.plans.len() < count => {
+                    plans.plans.push(plan);
+                    bar.inc(1);
+                }
+                None if plans.plans.len() < count => plans.rejected.push((pair.first.clone(), pair.second.clone())),
+                _ => {}
+            }
+        }
+        if plans.plans.len() >= count {
+            break;
+        }
+    }
+    bar.finish_and_clear();
+    if plans.plans.len() < count {
+        bail!("only {} of the scenario's {} pairs can be done by this hand without noise; {count} were asked for", plans.plans.len(), pairs.len());
+    }
+    Ok(plans)
+}
+
+fn plan_pair(world: &World, repertoire: &Repertoire, pair: &Combination) -> Result<Option<Plan>> {
+    let board = TactileBoard::blank();
+    let seconds: Vec<&Grasp> = repertoire.of(&pair.second, Role::Second).collect();
+    let Some(any) = seconds.first() else { return Ok(None) };
+    for first in repertoire.of(&pair.first, Role::First) {
+        let Some((hold, _)) = rehearse_first(world, &world.protocol(), first, any, Vector3::zeros(), &board)? else { continue };
+        let mut worked = Vec::new();
+        let mut failed = Vec::new();
+        for second in &seconds {
+            let (collided, outcome) = rehearse_second(&hold, second)?;
+            if outcome.held && !collided {
+                worked.push((second.id, second.score));
+            } else {
+                failed.push((second.id, FAILED_WORTH * second.score));
+            }
+        }
+        if !worked.is_empty() {
+            worked.extend(failed);
+            return Ok(Some(Plan { first: pair.first.clone(), second: pair.second.clone(), first_grasp: first.id, second_grasps: worked }));
+        }
+    }
+    Ok(None)
+}

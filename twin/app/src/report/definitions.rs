@@ -1,0 +1,41 @@
+//! What every number on the page means.
+
+/// Terms and their meaning; no data in it.
+pub const SECTION: &str = "<h2 id=\"terms\">What the numbers mean</h2>
+<dl class=\"terms\">
+<dt>Trial</dt>
+<dd>Pick up the first object, look at it with the touch sensors, pick up the second object beside it, carry both, hold both.
+Trials of one combination differ in the drawn execution and perception errors; the blind and the touch trial of the same number
+meet the same errors and share the first grasp.</dd>
+<dt>Ideal, blind, touch</dt>
+<dd><em>Ideal</em> is the plan carried out without any error. <em>Blind</em> carries out the same plan with errors, whatever
+the sensors say. <em>Touch</em> meets the same errors, estimates from the tactile images how the first object really sits in the
+hand, and changes the second grasp when the planned one would collide.</dd>
+<dt>Collision</dt>
+<dd>Judged by the referee from the simulator&#39;s ground truth (on hardware by the operator), never by the controller: before the
+second grasp has closed, the first object or a digit holding it touches the second object; or the second object is knocked away
+before its grasp begins without a free digit having touched it. A collision does not end a trial, and a trial with a collision
+can succeed.</dd>
+<dt>Success</dt>
+<dd>At the end of the hold, which lasted its full time, both objects are in the hand (touched by it, off the table, near the
+palm), and neither has moved relative to the palm by more than the allowed slip since the carry began.</dd>
+<dt>Collision rate, success rate</dt>
+<dd>Share of a combination&#39;s trials. Mean and standard deviation are over combinations (sample standard deviation, n&minus;1), as
+in the paper; one combination is one independent replicate.</dd>
+<dt>Test</dt>
+<dd>Paired one-sided t-test over combinations: is the collision rate higher blind than ideal, is the success rate higher with
+touch than blind? No adjustment for multiple comparisons, as in the paper.</dd>
+<dt>Switched</dt>
+<dd>Share of touch trials in which the controller chose another second grasp than planned.</dd>
+<dt>Decision time</dt>
+<dd>Wall time from the last tactile image of the look to the decision: pose estimate, collision check, choice of strategy.</dd>
+<dt>Pose error</dt>
+<dd>Distance and angle between the pose of the held object as estimated by touch and as the simulator has it; turns that leave
+the object looking the same do not count.</dd>
+<dt>Real-time factor</dt>
+<dd>Seconds of trial simulated per second of wall time.</dd>
+</dl>
+<p>The paper judges a collision differently: it estimates the pose of the held object by touch and asks whether its geometry
+would overlap the next object&#39;s; a trial predicted to collide counts as failed without touch. In its figures success without
+touch is therefore one minus the collision rate. Here both are observed independently.</p>
+";

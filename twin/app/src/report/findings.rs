@@ -1,0 +1,189 @@
+//! What the records say beyond the summary: the figures' columns, every combination's line, collisions that did no harm.
+
+use std::collections::BTreeMap;
+
+use scenarios::statistics::{
+    CombinationRates, ConditionSummary, MeanSd, Summary, TTest, combination_rates, density, percentile, silverman_bandwidth,
+};
+use scenarios::{Condition, TrialRecord};
+
+use super::figure::{Figure, Group};
+use super::html::{number, probability};
+
+/// Kernels are at least this wide, as rates of ten trials come in tenths.
+const SMALLEST_BANDWIDTH: f64 = 0.02;
+/// Points along the rate at which the density is drawn.
+const DENSITY_POINTS: u32 = 101;
+
+/// Of the two rates, the one that is meant.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Rate {
+    /// Trials with a collision.
+    Collision,
+    /// Successful trials.
+    Success,
+}
+
+impl Rate {
+    /// Of one combination.
+    pub fn of(self, rates: &CombinationRates) -> f64 {
+        match self {
+            Self::Collision => rates.collision_rate,
+            Self::Success => rates.success_rate,
+        }
+    }
+
+    /// Over all combinations.
+    pub fn over_all(self, summary: &ConditionSummary) -> MeanSd {
+        match self {
+            Self::Collision => summary.collision_rate,
+            Self::Success => summary.success_rate,
+        }
+    }
+}
+
+/// The part of `summary` on `condition`.
+pub fn of_condition(summary: &Summary, condition: Condition) -> &ConditionSummary {
+    match condition {
+        Condition::Ideal => &summary.conditions.ideal,
+        Condition::Blind => &summary.conditions.blind,
+        Condition::Touch => &summary.conditions.touch,
+    }
+}
+
+/// The collision figure and the success figure.
+pub fn figures(summary: &Summary, records: &[TrialRecord]) -> [Figure; 2] {
+    let collision = figure(summary, records, Rate::Collision, (0, 1), &summary.t_test.collision);
+    let success = figure(summary, records, Rate::Success, (1, 2), &summary.t_test.success);
+    [collision, success]
+}
+
+fn figure(summary: &Summary, records: &[TrialRecord], rate: Rate, compared: (usize, usize), test: &TTest) -> Figure {
+    let noun = match rate {
+        Rate::Collision => "Collision rate",
+        Rate::Success => "Success rate",
+    };
+    let groups: Vec<Group> = Condition::ALL
+        .iter()
+        .map(|&condition| group(condition, rate.over_all(of_condition(summary, condition)), records, rate))
+        .collect();
+    let columns: Vec<String> = groups
+        .iter()
+        .map(|group| match (group.mean_sd, group.quartiles) {
+            (Some((mean, _)), Some([low, _, median, _, high])) => format!(
+                "{}: mean {}, median {}, from {} to {}",
+                group.name,
+                number(mean, 3),
+                number(median, 3),
+                number(low, 3),
+                number(high, 3)
+            ),
+            _ => format!("{}: no data", group.name),
+        })
+        .collect();
+    Figure {
+        title: format!("{noun} of each object combination"),
+        axis: noun.to_lowercase(),
+        description: format!("Box plots of the {} of each object combination. {}.", noun.to_lowercase(), columns.join("; ")),
+        groups,
+        bracket: outcome(test).map(|text| (compared.0, compared.1, text)),
+    }
+}
+
+/// A test's outcome as papers print it; none where there was nothing to test.
+pub fn outcome(test: &TTest) -> Option<String> {
+    let p = match test.p? {
+        0.0 if test.t.is_none() => "→ 0".to_string(),
+        p => match probability(p) {
+            text if text.starts_with('<') => text,
+            text => format!("= {text}"),
+        },
+    };
+    // no spread at all: t has no value, but the test an outcome
+    Some(match test.t {
+        Some(t) => format!("t({}) = {}, p {p}", test.df, number(t, 1)),
+        None => format!("all {} pairs differ alike, p {p}", test.df + 1),
+    })
+}
+
+fn group(condition: Condition, all: MeanSd, records: &[TrialRecord], rate: Rate) -> Group {
+    let combinations = combination_rates(records, condition);
+    let values: Vec<f64> = combinations.iter().map(|one| rate.of(one)).collect();
+    let [low, q1, median, q3, high] = [0.0, 25.0, 50.0, 75.0, 100.0].map(|percent| percentile(&values, percent));
+    let at: Vec<f64> = (0..DENSITY_POINTS).map(|n| f64::from(n) / f64::from(DENSITY_POINTS - 1)).collect();
+    let heights = if values.len() < 2 {
+        Vec::new()
+    } else {
+        density(&values, silverman_bandwidth(&values, SMALLEST_BANDWIDTH), &at)
+    };
+    Group {
+        name: condition.name().to_string(),
+        dots: combinations
+            .iter()
+            .map(|one| (rate.of(one), format!("{} {}, then {}", one.combination, one.first, one.second)))
+            .collect(),
+        quartiles: match (low, q1, median, q3, high) {
+            (Some(low), Some(q1), Some(median), Some(q3), Some(high)) => Some([low, q1, median, q3, high]),
+            _ => None,
+        },
+        mean_sd: all.mean.map(|mean| (mean, all.sd.unwrap_or(f64::NAN))),
+        shade: at.into_iter().zip(heights).collect(),
+    }
+}
+
+/// One combination under all conditions.
+#[derive(Debug, Clone)]
+pub struct CombinationLine {
+    /// Its id.
+    pub combination: usize,
+    /// Name of the first object.
+    pub first: String,
+    /// Name of the second object.
+    pub second: String,
+    /// By [`Condition::ALL`]; none of a condition it did not run under.
+    pub rates: [Option<CombinationRates>; 3],
+    /// Share of its touch trials that left the plan.
+    pub switched: Option<f64>,
+}
+
+/// All combinations, worst first: by success with touch, then by success blind, then by collisions blind.
+pub fn combination_lines(records: &[TrialRecord]) -> Vec<CombinationLine> {
+    let mut lines: BTreeMap<usize, CombinationLine> = BTreeMap::new();
+    for (index, condition) in Condition::ALL.into_iter().enumerate() {
+        for rates in combination_rates(records, condition) {
+            let line = lines.entry(rates.combination).or_insert_with(|| CombinationLine {
+                combination: rates.combination,
+                first: rates.first.clone(),
+                second: rates.second.clone(),
+                rates: [None, None, None],
+                switched: None,
+            });
+            line.rates[index] = Some(rates);
+        }
+    }
+    let mut touch: BTreeMap<usize, (usize, usize)> = BTreeMap::new();
+    for record in records.iter().filter(|record| record.condition == Condition::Touch) {
+        let (switched, trials) = touch.entry(record.combination).or_default();
+        *switched += usize::from(record.switched);
+        *trials += 1;
+    }
+    let mut lines: Vec<CombinationLine> = lines.into_values().collect();
+    for line in &mut lines {
+        line.switched = touch.get(&line.combination).map(|(switched, trials)| *switched as f64 / *trials as f64);
+    }
+    let rank = |line: &CombinationLine| {
+        let rate = |index: usize, rate: Rate| line.rates[index].as_ref().map_or(f64::INFINITY, |rates| rate.of(rates));
+        [rate(2, Rate::Success), rate(1, Rate::Success), -rate(1, Rate::Collision)]
+    };
+    lines.sort_by(|a, b| {
+        let (a, b) = (rank(a), rank(b));
+        (0..3).map(|n| a[n].total_cmp(&b[n])).find(|order| order.is_ne()).unwrap_or(std::cmp::Ordering::Equal)
+    });
+    lines
+}
+
+/// Trials with a collision, and how many of those succeeded all the same.
+pub fn harmless_collisions(records: &[TrialRecord], condition: Condition) -> (usize, usize) {
+    let collided = || records.iter().filter(move |record| record.condition == condition && record.collision);
+    (collided().count(), collided().filter(|record| record.success).count())
+}

@@ -1,0 +1,117 @@
+//! How the benchmark was run: whatever the program wrote down about it, in the order that serves a reader.
+
+use serde_json::Value;
+
+use super::html::{Column, Table, duration, escape, number};
+
+/// Keys shown first, in this order; what else there is follows in its own order.
+const FIRST: [&str; 6] = ["command", "seed", "robot", "versions", "version", "wall_s"];
+
+/// The section's HTML.
+pub fn section(run: &Value) -> String {
+    let mut html = String::from("<h2 id=\"run\">How it was run</h2>\n");
+    if let Some(command) = run.get("command").and_then(command_line) {
+        html += "<p>The same command with the same version gives the same trials:</p>\n";
+        html += &format!("<pre><code>{}</code></pre>\n", escape(&command));
+    }
+    let mut rows = Vec::new();
+    if let Value::Object(fields) = run {
+        for key in FIRST.iter().filter(|key| **key != "command") {
+            if let Some(value) = fields.get(*key) {
+                flatten(key, value, &mut rows);
+            }
+        }
+        for (key, value) in fields.iter().filter(|(key, _)| !FIRST.contains(&key.as_str())) {
+            flatten(key, value, &mut rows);
+        }
+    } else if !run.is_null() {
+        flatten("run", run, &mut rows);
+    }
+    let (long, short): (Vec<_>, Vec<_>) = rows.into_iter().partition(|(_, text)| text.contains('\n'));
+    if !short.is_empty() {
+        let mut table = Table::new("Settings and versions of the run", &[("what", Column::Words), ("value", Column::Words)]);
+        for (key, text) in &short {
+            table.row(&[key, text]);
+        }
+        html += &table.finish();
+    }
+    for (key, text) in &long {
+        html += &format!(
+            "<details><summary>{}</summary><pre><code>{}</code></pre></details>\n",
+            escape(key),
+            escape(text.trim_end())
+        );
+    }
+    html
+}
+
+/// The command as one line, whether written as text or as a list of words.
+fn command_line(value: &Value) -> Option<String> {
+    match value {
+        Value::String(text) => Some(text.clone()),
+        Value::Array(words) => {
+            let words: Vec<String> = words.iter().map(|word| quoted(&plain(word))).collect();
+            (!words.is_empty()).then(|| words.join(" "))
+        }
+        _ => None,
+    }
+}
+
+/// A word as a shell needs it.
+fn quoted(word: &str) -> String {
+    let safe = |c: char| c.is_ascii_alphanumeric() || "-_./=:,@%+".contains(c);
+    if !word.is_empty() && word.chars().all(safe) { word.to_string() } else { format!("'{}'", word.replace('\'', "'\\''")) }
+}
+
+/// Turns nested objects into rows with dotted keys.
+fn flatten(key: &str, value: &Value, rows: &mut Vec<(String, String)>) {
+    match value {
+        Value::Object(fields) => fields.iter().for_each(|(name, value)| flatten(&format!("{key}.{name}"), value, rows)),
+        Value::Null => {}
+        _ if key.rsplit('.').next().is_some_and(|name| name.ends_with("_s")) && value.is_number() => {
+            let name = key.strip_suffix("_s").unwrap_or(key);
+            rows.push((reading(name), duration(value.as_f64().unwrap_or(f64::NAN))));
+        }
+        _ => rows.push((reading(key), plain(value))),
+    }
+}
+
+/// A key as a reader sees it.
+fn reading(key: &str) -> String {
+    key.replace('_', " ")
+}
+
+/// A value without JSON's quotes.
+fn plain(value: &Value) -> String {
+    match value {
+        Value::String(text) => text.clone(),
+        Value::Array(items) => items.iter().map(plain).collect::<Vec<_>>().join(", "),
+        Value::Number(n) if n.is_f64() => number(n.as_f64().unwrap_or(f64::NAN), 3),
+        other => other.to_string(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use serde_json::json;
+
+    use super::*;
+
+    #[test]
+    fn everything_written_down_is_shown_and_escaped() {
+        let html = section(&json!({
+            "wall_s": 754.6, "command": ["ftac", "bench", "--out", "a b<c>"], "seed": 18446744073709551615_u64,
+            "versions": {"ftac": "0.1.0", "rapier3d": "0.36.1"}, "scenario": "line <1>\nline 2", "note": null,
+        }));
+        for part in ["ftac bench --out &#39;a b&lt;c&gt;&#39;", "18446744073709551615", "versions.rapier3d", "12 min 34 s", "line &lt;1&gt;\nline 2"] {
+            assert!(html.contains(part), "{part} is not in {html}");
+        }
+        assert!(!html.contains("note"));
+    }
+
+    #[test]
+    fn a_run_nobody_described_leaves_a_heading() {
+        assert!(section(&Value::Null).starts_with("<h2"));
+        assert!(section(&json!({"command": "ftac bench"})).contains("<code>ftac bench</code>"));
+    }
+}

@@ -1,0 +1,151 @@
+//! The report as a whole, on made-up records.
+
+use scenarios::statistics::{RunInfo, summarise};
+use scenarios::{Condition, FailureCause};
+use serde_json::json;
+
+use super::*;
+
+/// A made-up benchmark in which blind trials collide more the higher the combination's number is.
+pub(crate) fn made_up(combinations: usize, trials: usize) -> Vec<TrialRecord> {
+    const OBJECTS: [&str; 6] = ["egg", "can_50", "tennis_ball", "mug <small>", "box & lid", "bottle"];
+    let mut records = Vec::new();
+    for combination in 0..combinations {
+        for trial in 0..trials {
+            for condition in Condition::ALL {
+                if condition == Condition::Ideal && trial > 0 {
+                    continue;
+                }
+                let bad = (trial * 7 + combination * 3) % 10 < (combination * 37) % 11;
+                let collision = condition == Condition::Blind && bad;
+                let lost = condition == Condition::Touch && combination % 9 == 4 && trial == 3;
+                let success = !lost && (!collision || trial == 5);
+                records.push(TrialRecord {
+                    combination,
+                    trial,
+                    condition,
+                    first: OBJECTS[combination % 6].into(),
+                    second: OBJECTS[(combination * 5 + 1) % 6].into(),
+                    collision,
+                    success,
+                    cause: match () {
+                        () if success => None,
+                        () if lost => Some(FailureCause::Slipped),
+                        () if trial % 2 == 0 => Some(FailureCause::FirstDropped),
+                        () => Some(FailureCause::SecondNotPicked),
+                    },
+                    switched: condition == Condition::Touch && bad,
+                    reason: "made up".into(),
+                    pose_error_mm: (condition == Condition::Touch).then_some(0.5 + 0.31 * trial as f64),
+                    pose_error_deg: (condition == Condition::Touch).then_some(1.0 + 0.7 * trial as f64),
+                    prior_error_mm: (condition == Condition::Touch).then_some(7.5 + 0.8 * trial as f64),
+                    sim_seconds: 14.2,
+                    decision_ms: (condition == Condition::Touch).then_some(38.0 + 3.0 * trial as f64),
+                });
+            }
+        }
+    }
+    records
+}
+
+/// Writes the report of `records` into `folder` and reads it back: page, collision, success.
+fn report_in(folder: &Path, records: &[TrialRecord]) -> [String; 3] {
+    let summary = summarise(records, &RunInfo { seed: 42, robot: "sim".into(), wall_s: 754.6 });
+    let run = json!({
+        "command": ["ftac", "bench", "--out", "<here>"], "seed": 42, "robot": "sim",
+        "versions": {"ftac": "0.1.0", "rapier3d-f64": "0.36.1"}, "wall_s": 754.6, "jobs": 16,
+    });
+    write_report(folder, &summary, records, &run).unwrap();
+    ["report.html", "collision.svg", "success.svg"].map(|name| std::fs::read_to_string(folder.join(name)).unwrap())
+}
+
+fn report(records: &[TrialRecord]) -> [String; 3] {
+    let folder = tempfile::tempdir().unwrap();
+    let files = report_in(folder.path(), records);
+    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 3, "temporary files are left");
+    files
+}
+
+#[test]
+fn every_combination_is_a_dot_of_every_condition() {
+    let [page, collision, success] = report(&made_up(60, 10));
+    for svg in [&collision, &success] {
+        for condition in Condition::ALL {
+            let column = svg.split_once(&format!("<g class=\"{condition}\">")).unwrap().1.split_once("</g>").unwrap().0;
+            assert_eq!(column.matches("class=\"dot\"").count(), 60, "{condition}");
+        }
+    }
+    assert_eq!(page.matches("class=\"dot\"").count(), 360);
+}
+
+#[test]
+fn the_summarys_numbers_are_on_the_page() {
+    let records = made_up(60, 10);
+    let [page, ..] = report(&records);
+    let summary = summarise(&records, &RunInfo { seed: 42, robot: "sim".into(), wall_s: 754.6 });
+    let blind = &summary.conditions.blind;
+    let mut expected: Vec<String> =
+        [blind.collision_rate.mean, blind.collision_rate.sd, blind.success_rate.mean, blind.success_rate.sd]
+            .map(|value| format!("<td class=\"number\">{:.3}</td>", value.unwrap()))
+            .to_vec();
+    expected.push(format!("{:.2}</td><td class=\"number\">59</td>", summary.t_test.success.t.unwrap()));
+    expected.push(format!("{:.1} ms", summary.decision_ms.p99.unwrap()));
+    expected.push(format!("{:.2} mm", summary.pose_error.mm.p95.unwrap()));
+    expected.extend(["0.465 (0.306)", "0.535 (0.306)", "2.1×10⁻¹⁷", "12 min 34 s", "ftac bench --out"].map(String::from));
+    let dropped = blind.failures[&FailureCause::FirstDropped];
+    expected.push(format!("first dropped</th><td class=\"number\">0</td><td class=\"number\">{dropped}</td>"));
+    for part in expected {
+        assert!(page.contains(&part), "{part} is not on the page");
+    }
+    assert!(page.contains("Both of the paper’s findings hold here"));
+}
+
+#[test]
+fn the_worst_combination_comes_first() {
+    let lines = findings::combination_lines(&made_up(60, 10));
+    let touch: Vec<f64> = lines.iter().map(|line| line.rates[2].as_ref().unwrap().success_rate).collect();
+    assert_eq!(lines.len(), 60);
+    assert!(touch.is_sorted() && touch[0] < 1.0);
+}
+
+#[test]
+fn what_others_named_cannot_break_the_page() {
+    let [page, collision, _] = report(&made_up(12, 2));
+    assert!(page.contains("mug &lt;small&gt;") && !page.contains("<small>") && !page.contains("<here>"));
+    assert!(collision.contains("box &amp; lid") && !collision.contains("box & lid"));
+    for file in [&page, &collision] {
+        assert!(!file.contains("<script") && !file.contains("src=") && !file.contains("NaN"));
+    }
+}
+
+#[test]
+fn little_or_nothing_still_makes_a_report() {
+    let [page, ..] = report(&[]);
+    assert!(page.contains("No finished trial yet"));
+    for (combinations, trials) in [(1, 1), (1, 10), (2, 1)] {
+        let [page, svg, _] = report(&made_up(combinations, trials));
+        assert!(page.ends_with("</html>\n") && !page.contains("NaN") && !svg.contains("NaN"));
+    }
+    let one_condition: Vec<_> = made_up(3, 3).into_iter().filter(|r| r.condition == Condition::Touch).collect();
+    assert!(report(&one_condition)[0].contains("no data"));
+}
+
+#[test]
+fn a_report_replaces_the_one_before() {
+    let folder = tempfile::tempdir().unwrap();
+    let before = report_in(folder.path(), &made_up(2, 1));
+    let after = report_in(folder.path(), &made_up(3, 1));
+    assert_ne!(before[0], after[0]);
+    let missing = folder.path().join("missing");
+    let summary = summarise(&[], &RunInfo { seed: 1, robot: "sim".into(), wall_s: 0.0 });
+    let error = write_report(&missing, &summary, &[], &Value::Null).unwrap_err();
+    assert!(error.to_string().contains("collision.svg"), "{error}");
+}
+
+/// Leaves a report to look at in the folder that `FTAC_REPORT_SAMPLE` names.
+#[test]
+fn sample() {
+    if let Some(folder) = std::env::var_os("FTAC_REPORT_SAMPLE") {
+        report_in(Path::new(&folder), &made_up(60, 10));
+    }
+}

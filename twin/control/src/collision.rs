@@ -1,0 +1,293 @@
+//! How close a planned motion brings the hand, and what it holds, to what stands around it.
+//!
+//! The hand is its covers (rounded boxes) at given joint angles; all moving solids are rigid in the palm frame while the
+//! palm follows a [`PosePath`]. Distances are signed: negative is penetration depth. Meshes are surfaces, not solids: a
+//! solid wholly inside a closed mesh is at a positive distance from it, so give bodies as convex parts
+//! (`SharedShape::compound` of hulls) wherever they are to be solid.
+
+use std::cmp::Ordering;
+use std::collections::BinaryHeap;
+
+use hand_model::{Digit, Hand, hand::CoverShape};
+use nalgebra::{Isometry3, Vector3};
+use parry3d_f64::math::{Pose, Vector};
+use parry3d_f64::query;
+use parry3d_f64::shape::{Shape, SharedShape};
+use thiserror::Error;
+
+use crate::trajectory::PosePath;
+
+/// How far (m) the reported clearance may lie above the true minimum, where the number of steps allows it.
+pub const TOLERANCE: f64 = 2e-4;
+
+/// Why a clearance could not be computed.
+#[derive(Debug, Clone, PartialEq, Error)]
+pub enum CollisionError {
+    /// The geometry library has no distance between these two shapes.
+    #[error("no distance is defined between the shapes of {moving} and {fixed}")]
+    Unsupported {
+        /// Name of the moving solid.
+        moving: String,
+        /// Name of the fixed solid.
+        fixed: String,
+    },
+    /// A moving solid without bounds.
+    #[error("{0} is unbounded and cannot move")]
+    Unbounded(String),
+}
+
+/// A body for the check: a core shape, grown by a margin, at a pose.
+#[derive(Clone)]
+pub struct Solid {
+    /// What it is, for reports.
+    pub name: String,
+    /// Core shape.
+    pub shape: SharedShape,
+    /// Growth of the core on all sides, m: a rounding radius, plus a safety distance where one is wanted.
+    pub margin: f64,
+    /// `palm_from_solid` of a moving solid, `world_from_solid` of a fixed one.
+    pub pose: Isometry3<f64>,
+}
+
+impl Solid {
+    /// A solid with no margin.
+    pub fn new(name: impl Into<String>, shape: SharedShape, pose: Isometry3<f64>) -> Self {
+        Self { name: name.into(), shape, margin: 0.0, pose }
+    }
+
+    /// The same solid, grown by `margin` (m) on all sides.
+    pub fn grown(mut self, margin: f64) -> Self {
+        self.margin += margin;
+        self
+    }
+
+    /// A box with rounded edges; `half` extents (m) include the rounding `radius` (m).
+    pub fn rounded_box(name: impl Into<String>, half: Vector3<f64>, radius: f64, pose: Isometry3<f64>) -> Self {
+        let radius = radius.min(half.min() * 0.999);
+        let core = half.add_scalar(-radius);
+        Self::new(name, SharedShape::cuboid(core.x, core.y, core.z), pose).grown(radius)
+    }
+
+    /// The table: everything below z = `height` (m) of the world.
+    pub fn table(height: f64) -> Self {
+        Self::new("table", SharedShape::halfspace(Vector::Z), Isometry3::translation(0.0, 0.0, height))
+    }
+
+    fn cover(name: impl Into<String>, cover: &CoverShape, palm_from_link: &Isometry3<f64>) -> Self {
+        Self::rounded_box(name, cover.half, cover.radius, palm_from_link * cover.link_from_cover)
+    }
+}
+
+/// The covers of `digits` at 15 joint angles (rad), in the palm frame, and the palm's own if `palm`. Names are those of the
+/// links (`index_2`), and `palm`.
+///
+/// # Panics
+/// If `joint_angles` has another length than the hand has joints.
+pub fn hand_solids(hand: &Hand, joint_angles: &[f64], digits: &[Digit], palm: bool) -> Vec<Solid> {
+    let links = hand.tree.forward(joint_angles);
+    let fingers = hand.tree.joints.iter().enumerate().filter(|(_, joint)| {
+        digits.iter().any(|digit| joint.name.strip_prefix(digit.name()).is_some_and(|rest| rest.starts_with('_')))
+    });
+    palm.then(|| Solid::cover("palm", &hand.palm_cover, &Isometry3::identity()))
+        .into_iter()
+        .chain(fingers.map(|(i, joint)| Solid::cover(joint.name.clone(), &hand.covers[i], &links[i])))
+        .collect()
+}
+
+/// The closest approach.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Clearance {
+    /// Smallest distance, m; negative is penetration depth.
+    pub min_distance: f64,
+    /// Path time at which it occurs, s.
+    pub time: f64,
+    /// Name of the moving solid.
+    pub moving: String,
+    /// Name of the fixed solid.
+    pub fixed: String,
+    /// How many distances were computed.
+    pub queries: usize,
+}
+
+/// Smallest distance of the `moving` solids (in the palm frame) to the `fixed` ones (in the world) while the palm follows
+/// `path`; `None` if there is no pair.
+///
+/// Branch and bound over time: no point of a solid moves faster than the path's speed bound and its reach allow, so the
+/// distances at both ends of a stretch of time bound those in between from below. Stretches are halved, the most promising
+/// first, until none can hold anything lower than the best found less [`TOLERANCE`], or until they are shorter than
+/// duration / `steps`.
+pub fn clearance_along(
+    path: &PosePath,
+    moving: &[Solid],
+    fixed: &[Solid],
+    steps: usize,
+) -> Result<Option<Clearance>, CollisionError> {
+    let mut search = Search { path, queries: 0, best: None };
+    let end = path.duration();
+    let shortest = end / steps.max(1) as f64;
+    let mut stretches = BinaryHeap::new();
+    for a in moving {
+        let sphere = a.shape.compute_local_bounding_sphere();
+        // Farthest point of the solid from the palm's origin: turning moves nothing faster than rate x reach.
+        let center = a.pose.translation.vector.norm() + sphere.center.length();
+        let reach = center + sphere.radius + a.margin;
+        if !(reach.is_finite() && reach < 1e3) {
+            return Err(CollisionError::Unbounded(a.name.clone()));
+        }
+        for b in fixed {
+            let from = (0.0, search.distance(a, b, 0.0)?);
+            if end > 0.0 {
+                let to = (end, search.distance(a, b, end)?);
+                stretches.push(Stretch::new(path, Pair { a, b, reach }, from, to));
+            }
+        }
+    }
+    while let (Some(stretch), Some(best)) = (stretches.pop(), search.best.as_ref()) {
+        if stretch.bound >= best.0 - TOLERANCE {
+            break;
+        }
+        let (from, to) = (stretch.from, stretch.to);
+        if to.0 - from.0 <= shortest {
+            continue;
+        }
+        let time = 0.5 * (from.0 + to.0);
+        let middle = (time, search.distance(stretch.pair.a, stretch.pair.b, time)?);
+        stretches.push(Stretch::new(path, stretch.pair, from, middle));
+        stretches.push(Stretch::new(path, stretch.pair, middle, to));
+    }
+    Ok(search.best.map(|(min_distance, time, a, b)| Clearance {
+        min_distance,
+        time,
+        moving: a.name.clone(),
+        fixed: b.name.clone(),
+        queries: search.queries,
+    }))
+}
+
+/// The best so far, and the way to better it.
+struct Search<'a> {
+    path: &'a PosePath,
+    queries: usize,
+    best: Option<(f64, f64, &'a Solid, &'a Solid)>,
+}
+
+impl<'a> Search<'a> {
+    fn distance(&mut self, a: &'a Solid, b: &'a Solid, time: f64) -> Result<f64, CollisionError> {
+        let distance = signed_distance(a, &(self.path.sample(time).0 * a.pose), b)?;
+        self.queries += 1;
+        if self.best.is_none_or(|best| distance < best.0) {
+            self.best = Some((distance, time, a, b));
+        }
+        Ok(distance)
+    }
+}
+
+#[derive(Clone, Copy)]
+struct Pair<'a> {
+    a: &'a Solid,
+    b: &'a Solid,
+    /// m, from the palm's origin.
+    reach: f64,
+}
+
+/// A stretch of time of a pair: (s, m) at both ends, and the lower bound (m) of the distance within.
+struct Stretch<'a> {
+    pair: Pair<'a>,
+    from: (f64, f64),
+    to: (f64, f64),
+    bound: f64,
+}
+
+impl<'a> Stretch<'a> {
+    fn new(path: &PosePath, pair: Pair<'a>, from: (f64, f64), to: (f64, f64)) -> Self {
+        let mut moved = 0.0;
+        let mut time = from.0;
+        while time < to.0 {
+            let bound = path.speed_bound(time);
+            let until = bound.until.min(to.0);
+            moved += (bound.linear + bound.angular * pair.reach) * (until - time);
+            time = until;
+        }
+        Self { pair, from, to, bound: (0.5 * (from.1 + to.1 - moved)).min(from.1).min(to.1) }
+    }
+}
+
+/// The lowest bound comes first out of a max-heap; ties by time, so that the search is deterministic.
+impl Ord for Stretch<'_> {
+    fn cmp(&self, other: &Self) -> Ordering {
+        other.bound.total_cmp(&self.bound).then(other.from.0.total_cmp(&self.from.0))
+    }
+}
+
+impl PartialOrd for Stretch<'_> {
+    fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
+        Some(self.cmp(other))
+    }
+}
+
+impl PartialEq for Stretch<'_> {
+    fn eq(&self, other: &Self) -> bool {
+        self.cmp(other) == Ordering::Equal
+    }
+}
+
+impl Eq for Stretch<'_> {}
+
+/// Smallest distance with the palm resting at `world_from_palm`.
+pub fn clearance_at(
+    world_from_palm: &Isometry3<f64>,
+    moving: &[Solid],
+    fixed: &[Solid],
+) -> Result<Option<Clearance>, CollisionError> {
+    match PosePath::new(vec![(0.0, *world_from_palm)]) {
+        Ok(path) => clearance_along(&path, moving, fixed, 1),
+        Err(_) => Err(CollisionError::Unbounded("the palm".into())),
+    }
+}
+
+/// Signed distance of two solids, the first at `world_from_a`.
+fn signed_distance(a: &Solid, world_from_a: &Isometry3<f64>, b: &Solid) -> Result<f64, CollisionError> {
+    let (pose_a, pose_b) = (parry_pose(world_from_a), parry_pose(&b.pose));
+    let core = if let Some(plane) = b.shape.as_halfspace() {
+        over_plane(a.shape.as_ref(), &pose_b.inv_mul(&pose_a), plane.normal)
+    } else if let Some(plane) = a.shape.as_halfspace() {
+        over_plane(b.shape.as_ref(), &pose_a.inv_mul(&pose_b), plane.normal)
+    } else {
+        between(&pose_a, a.shape.as_ref(), &pose_b, b.shape.as_ref())
+    };
+    core.map(|distance| distance - a.margin - b.margin)
+        .ok_or_else(|| CollisionError::Unsupported { moving: a.name.clone(), fixed: b.name.clone() })
+}
+
+fn between(pose_a: &Pose, a: &dyn Shape, pose_b: &Pose, b: &dyn Shape) -> Option<f64> {
+    let distance = query::distance(pose_a, a, pose_b, b).ok()?.distance;
+    if distance > 0.0 {
+        return Some(distance);
+    }
+    let contact = query::contact(pose_a, a, pose_b, b, 0.0).ok()?;
+    Some(contact.map_or(0.0, |contact| contact.dist.min(0.0)))
+}
+
+/// Height of a shape's lowest point over the plane through the origin with this normal; exact, and signed.
+fn over_plane(shape: &dyn Shape, plane_from_shape: &Pose, normal: Vector) -> Option<f64> {
+    if let Some(support) = shape.as_support_map() {
+        return Some(support.support_point(plane_from_shape, -normal).dot(normal));
+    }
+    if let Some(mesh) = shape.as_trimesh() {
+        return mesh.vertices().iter().map(|v| plane_from_shape.transform_point(*v).dot(normal)).reduce(f64::min);
+    }
+    let mut lowest: Option<f64> = None;
+    for (pose, part) in shape.as_compound()?.shapes() {
+        let height = over_plane(part.as_ref(), &(*plane_from_shape * *pose), normal)?;
+        lowest = Some(lowest.map_or(height, |h| h.min(height)));
+    }
+    lowest
+}
+
+/// A pose in the geometry library's own type.
+pub fn parry_pose(pose: &Isometry3<f64>) -> Pose {
+    Pose::from_parts(pose.translation.into(), pose.rotation.into())
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,36 @@
+//! One box of joint speeds for a tick: speed, acceleration and position limits together.
+
+use hand_model::{ARM_JOINTS, Arm};
+
+use super::{IkSettings, Joints, Vector7};
+
+/// Lowest and highest speed of every joint, rad/s; never empty.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct SpeedBounds {
+    pub lower: Vector7,
+    pub upper: Vector7,
+}
+
+/// Bounds for a tick of `dt` (s) from `q` (rad), which was moving with `qd` (rad/s).
+///
+/// From a state within its limits, a joint that keeps to them is again in one: v dt + v^2 / 2a <= distance to the limit is
+/// kept by braking with a. From outside (another `dt`, limits changed) it brakes as hard as it may.
+pub(crate) fn speed_bounds(arm: &Arm, settings: &IkSettings, q: &Joints, qd: &Joints, dt: f64) -> SpeedBounds {
+    let mut bounds = SpeedBounds { lower: Vector7::zeros(), upper: Vector7::zeros() };
+    for i in 0..ARM_JOINTS {
+        let speed = arm.velocity_limits[i] * settings.joint_speed_share;
+        let change = arm.acceleration_limits[i] * settings.joint_acceleration_share * dt;
+        let joint = &arm.tree.joints[i];
+        let margin = settings.joint_margin;
+        // Greatest v with v dt + v^2 / 2a <= room.
+        let brakeable = |room: f64| {
+            if room <= 0.0 { 0.0 } else { -change + (change * change + 2.0 * change / dt * room).sqrt() }
+        };
+        let (least, most) = (qd[i] - change, qd[i] + change);
+        let upper = speed.min(brakeable(joint.upper - margin - q[i]));
+        let lower = -speed.min(brakeable(q[i] - joint.lower - margin));
+        bounds.upper[i] = upper.clamp(least, most);
+        bounds.lower[i] = lower.clamp(least, most).min(bounds.upper[i]);
+    }
+    bounds
+}

@@ -1,0 +1,102 @@
+//! Joint angles for a palm pose: damped least squares from several seeds. Deterministic.
+
+use std::f64::consts::{PI, TAU};
+
+use hand_model::{ARM_JOINTS, Arm};
+use nalgebra::{Isometry3, Matrix6, Vector6};
+
+use super::{ArmKinematics, Joints, wrap};
+use crate::trajectory::displacement;
+
+/// A pose is reached within these (m, rad).
+const POSITION_TOLERANCE: f64 = 1e-6;
+const ROTATION_TOLERANCE: f64 = 1e-5;
+/// Distance kept from position limits, rad.
+const MARGIN: f64 = 0.01;
+const ITERATIONS: usize = 80;
+/// Spread seeds tried after the given ones.
+const SPREAD_SEEDS: u32 = 40;
+/// Weight of a radian against a metre.
+const TURN: f64 = 0.25;
+
+impl ArmKinematics {
+    /// Joint angles (rad) that put the palm at `world_from_palm`, within limits; `None` if no seed leads there. The posture
+    /// that comes from `seed` is preferred; continuous joints are turned to within half a turn of it.
+    pub fn solve(&self, world_from_palm: &Isometry3<f64>, seed: &Joints) -> Option<Joints> {
+        self.seeds(seed).find_map(|start| self.descend(world_from_palm, start)).map(|q| self.near(q, seed))
+    }
+
+    /// All different postures (farther than 0.05 rad from each other) that the seeds lead to, that of `seed` first.
+    pub fn solutions(&self, world_from_palm: &Isometry3<f64>, seed: &Joints) -> Vec<Joints> {
+        let mut found: Vec<Joints> = Vec::new();
+        for q in self.seeds(seed).filter_map(|start| self.descend(world_from_palm, start)) {
+            let q = self.near(q, seed);
+            if found.iter().all(|other| (0..ARM_JOINTS).any(|i| wrap(q[i] - other[i]).abs() > 0.05)) {
+                found.push(q);
+            }
+        }
+        found
+    }
+
+    fn seeds(&self, seed: &Joints) -> impl Iterator<Item = Joints> + '_ {
+        const PRIMES: [u32; ARM_JOINTS] = [2, 3, 5, 7, 11, 13, 17];
+        let mirrored = {
+            let home = Arm::home();
+            [home[0], home[1], home[2], home[3], home[4] + PI, -home[5], home[6] + PI]
+        };
+        let spread = (1..=SPREAD_SEEDS).map(|n| {
+            std::array::from_fn(|i| {
+                let joint = &self.arm.tree.joints[i];
+                let (lower, upper) = if joint.lower.is_finite() { (joint.lower, joint.upper) } else { (-PI, PI) };
+                lower + (upper - lower) * (0.05 + 0.9 * halton(n, PRIMES[i]))
+            })
+        });
+        [*seed, Arm::home(), mirrored].into_iter().chain(spread)
+    }
+
+    /// Damped least squares with projection onto the limits.
+    fn descend(&self, target: &Isometry3<f64>, mut q: Joints) -> Option<Joints> {
+        let mut damping = 1e-3;
+        let mut last = f64::INFINITY;
+        for _ in 0..ITERATIONS {
+            let (palm, mut jacobian) = self.jacobian(&q);
+            let (shift, turn) = displacement(&palm, target);
+            if shift.norm() < POSITION_TOLERANCE && turn.norm() < ROTATION_TOLERANCE {
+                return self.within_limits(&q, 0.0).is_ok().then_some(q);
+            }
+            let error = Vector6::new(shift.x, shift.y, shift.z, turn.x * TURN, turn.y * TURN, turn.z * TURN);
+            jacobian.fixed_rows_mut::<3>(3).scale_mut(TURN);
+            damping = if error.norm() < last { (damping * 0.4f64).max(1e-9) } else { (damping * 4.0).min(1e-1) };
+            last = error.norm();
+            let square: Matrix6<f64> = jacobian * jacobian.transpose() + Matrix6::identity() * damping;
+            let step = jacobian.transpose() * square.cholesky()?.solve(&error);
+            let scale = 0.5 / step.amax().max(0.5);
+            for i in 0..ARM_JOINTS {
+                let joint = &self.arm.tree.joints[i];
+                q[i] = (q[i] + step[i] * scale).clamp(joint.lower + MARGIN, joint.upper - MARGIN);
+            }
+        }
+        None
+    }
+
+    /// Continuous joints turned to within half a turn of `seed`.
+    fn near(&self, mut q: Joints, seed: &Joints) -> Joints {
+        for i in 0..ARM_JOINTS {
+            if !self.arm.tree.joints[i].lower.is_finite() {
+                q[i] -= TAU * ((q[i] - seed[i]) / TAU).round();
+            }
+        }
+        q
+    }
+}
+
+/// Element `n` of the van der Corput sequence in `base`.
+fn halton(mut n: u32, base: u32) -> f64 {
+    let (mut value, mut digit) = (0.0, 1.0);
+    while n > 0 {
+        digit /= f64::from(base);
+        value += digit * f64::from(n % base);
+        n /= base;
+    }
+    value
+}

@@ -1,0 +1,203 @@
+//! The arm's reference and its step.
+
+use hand_model::ARM_JOINTS;
+use nalgebra::{Isometry3, Matrix6, Vector3, Vector6};
+
+use super::{ArmKinematics, IkError, IkSettings, Jacobian, Joints, QpPath, Vector7, bounds, program, wrap};
+use crate::Twist;
+use crate::trajectory::{PosePath, displacement};
+
+/// What a step came to.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct IkStep {
+    /// Set-points after the step, rad.
+    pub q: Joints,
+    /// Their speeds, rad/s.
+    pub qd: Joints,
+    /// Distance of the reference palm from the target after the step, m.
+    pub position_error: f64,
+    /// Angle between them, rad.
+    pub rotation_error: f64,
+    /// The share of the wanted twist that is carried out, 0 to 1.
+    pub speed_scale: f64,
+    /// Limits or a singularity keep the arm from the wanted twist: it lags, or the target is out of reach.
+    pub saturated: bool,
+    /// How the program was solved; [`QpPath::Failed`] means that the arm brakes.
+    pub solved: QpPath,
+}
+
+/// What following a whole path comes to.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Rehearsal {
+    /// Greatest distance from the path, m.
+    pub worst_position_error: f64,
+    /// Greatest angle from it, rad.
+    pub worst_rotation_error: f64,
+    /// Distance from the path's end at the end, m.
+    pub position_error: f64,
+    /// Angle from it, rad.
+    pub rotation_error: f64,
+    /// Ticks in which limits or a singularity held the arm back, of `ticks`.
+    pub saturated_ticks: usize,
+    /// Ticks in all.
+    pub ticks: usize,
+    /// Posture at the end, rad.
+    pub q: Joints,
+}
+
+/// The arm's reference, moved tick by tick towards palm poses; see the module's page. A clone is a full snapshot.
+#[derive(Debug, Clone)]
+pub struct ArmServo {
+    kinematics: ArmKinematics,
+    settings: IkSettings,
+    q_ref: Joints,
+    qd_ref: Joints,
+}
+
+impl ArmServo {
+    /// A servo at rest at `q` (rad), which must be within the joints' limits.
+    pub fn new(kinematics: ArmKinematics, settings: IkSettings, q: Joints) -> Result<Self, IkError> {
+        kinematics.within_limits(&q, 0.0)?;
+        Ok(Self { kinematics, settings, q_ref: q, qd_ref: [0.0; ARM_JOINTS] })
+    }
+
+    /// Reference posture, rad.
+    pub fn q(&self) -> &Joints {
+        &self.q_ref
+    }
+
+    /// Its speed, rad/s.
+    pub fn qd(&self) -> &Joints {
+        &self.qd_ref
+    }
+
+    /// `world_from_palm` of the reference.
+    pub fn palm_pose(&self) -> Isometry3<f64> {
+        self.kinematics.palm_pose(&self.q_ref)
+    }
+
+    /// Kinematics.
+    pub fn kinematics(&self) -> &ArmKinematics {
+        &self.kinematics
+    }
+
+    /// Settings.
+    pub fn settings(&self) -> &IkSettings {
+        &self.settings
+    }
+
+    /// Changes the comfortable posture (rad), for instance to a posture planned by [`ArmKinematics::solve`].
+    pub fn set_comfort(&mut self, comfort: Joints) {
+        self.settings.comfort = comfort;
+    }
+
+    /// Moves the reference by one tick of `dt` (s) towards `target` (`world_from_palm` at the end of the tick), which itself
+    /// moves with the twist `feedforward` (world axes, at the palm's origin).
+    pub fn step(&mut self, target: &Isometry3<f64>, feedforward: &Twist, dt: f64) -> Result<IkStep, IkError> {
+        if !(dt.is_finite() && dt > 0.0) {
+            return Err(IkError::TimeStep(dt));
+        }
+        if !(target.to_homogeneous().iter().all(|v| v.is_finite()) && feedforward.iter().all(|v| v.is_finite())) {
+            return Err(IkError::Target);
+        }
+        let (palm, jacobian) = self.kinematics.jacobian(&self.q_ref);
+        let wanted = self.wanted_twist(&palm, target, feedforward, dt);
+        let bounds = bounds::speed_bounds(self.kinematics.arm(), &self.settings, &self.q_ref, &self.qd_ref, dt);
+        let task = self.weighted_task(&jacobian, &wanted);
+        let solution = program::solve(&task, &bounds);
+        let residual = (task.jacobian * solution.qd - task.twist).norm();
+        for i in 0..ARM_JOINTS {
+            self.qd_ref[i] = solution.qd[i];
+            self.q_ref[i] += solution.qd[i] * dt;
+        }
+        let (shift, turn) = displacement(&self.palm_pose(), target);
+        Ok(IkStep {
+            q: self.q_ref,
+            qd: self.qd_ref,
+            position_error: shift.norm(),
+            rotation_error: turn.norm(),
+            speed_scale: solution.speed_scale,
+            saturated: residual > 0.2 * task.twist.norm() + 1e-3 || solution.path == QpPath::Failed,
+            solved: solution.path,
+        })
+    }
+
+    /// Follows `path` with a copy of this servo, in ticks of `dt` (s), and `settle` (s) beyond its end: what a motion will come
+    /// to before it is made. It takes some 40 us a tick where joint limits are active.
+    pub fn rehearse(&self, path: &PosePath, settle: f64, dt: f64) -> Result<Rehearsal, IkError> {
+        let mut servo = self.clone();
+        let mut out = Rehearsal { q: servo.q_ref, ..Rehearsal::default() };
+        let mut time = 0.0;
+        while time < path.duration() + settle {
+            time += dt;
+            let (target, twist) = path.sample(time);
+            let step = servo.step(&target, &twist, dt)?;
+            out.worst_position_error = out.worst_position_error.max(step.position_error);
+            out.worst_rotation_error = out.worst_rotation_error.max(step.rotation_error);
+            out.saturated_ticks += usize::from(step.saturated);
+            out.ticks += 1;
+            (out.position_error, out.rotation_error, out.q) = (step.position_error, step.rotation_error, step.q);
+        }
+        Ok(out)
+    }
+
+    /// Brakes all joints to rest, within their acceleration limits; call it until `qd` is zero.
+    pub fn brake(&mut self, dt: f64) -> Result<Joints, IkError> {
+        if !(dt.is_finite() && dt > 0.0) {
+            return Err(IkError::TimeStep(dt));
+        }
+        let bounds = bounds::speed_bounds(self.kinematics.arm(), &self.settings, &self.q_ref, &self.qd_ref, dt);
+        for i in 0..ARM_JOINTS {
+            self.qd_ref[i] = 0f64.clamp(bounds.lower[i], bounds.upper[i]);
+            self.q_ref[i] += self.qd_ref[i] * dt;
+        }
+        Ok(self.q_ref)
+    }
+
+    /// Feed-forward and feedback. Feedback slows down in time to stop at the target.
+    fn wanted_twist(&self, palm: &Isometry3<f64>, target: &Isometry3<f64>, feedforward: &Twist, dt: f64) -> Twist {
+        let s = &self.settings;
+        let gain = s.gain.min(0.5 / dt);
+        let (shift, turn) = displacement(palm, target);
+        // Error against where the target is now, a tick before `target`.
+        let shift = shift - feedforward.fixed_rows::<3>(0) * dt;
+        let turn = turn - feedforward.fixed_rows::<3>(3) * dt;
+        let toward = |error: Vector3<f64>, deceleration: f64| {
+            let length = error.norm();
+            if length < 1e-15 {
+                Vector3::zeros()
+            } else {
+                error * (gain * length).min((2.0 * deceleration * length).sqrt()) / length
+            }
+        };
+        let cap = |v: Vector3<f64>, limit: f64| v * (limit / v.norm().max(limit));
+        let v = cap(toward(shift, s.deceleration) + feedforward.fixed_rows::<3>(0), s.speed);
+        let w = cap(toward(turn, s.turn_deceleration) + feedforward.fixed_rows::<3>(3), s.turn_speed);
+        Twist::new(v.x, v.y, v.z, w.x, w.y, w.z)
+    }
+
+    fn weighted_task(&self, jacobian: &Jacobian, wanted: &Twist) -> program::Task {
+        let s = &self.settings;
+        let mut weighted = *jacobian;
+        weighted.fixed_rows_mut::<3>(3).scale_mut(s.turn_weight);
+        let w = s.turn_weight;
+        let twist = wanted.component_mul(&Vector6::new(1.0, 1.0, 1.0, w, w, w));
+        let square: Matrix6<f64> = weighted * weighted.transpose();
+        let smallest = square.symmetric_eigenvalues().min().max(0.0).sqrt();
+        let closeness = (1.0 - smallest / s.singular_value).max(0.0);
+        let damping = s.damping * s.damping + (s.singular_damping * closeness).powi(2);
+        // Comfort motion without its part that moves the palm.
+        let arm = self.kinematics.arm();
+        let pull = Vector7::from_fn(|i, _| {
+            let mut error = s.comfort[i] - self.q_ref[i];
+            if !arm.tree.joints[i].lower.is_finite() {
+                error = wrap(error);
+            }
+            (s.comfort_gain * error).clamp(-s.comfort_speed, s.comfort_speed)
+        });
+        let comfort = (square + Matrix6::identity() * damping)
+            .cholesky()
+            .map_or_else(Vector7::zeros, |factor| pull - weighted.transpose() * factor.solve(&(weighted * pull)));
+        program::Task { jacobian: weighted, twist, damping, comfort, slowdown: s.slowdown }
+    }
+}

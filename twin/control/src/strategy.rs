@@ -1,0 +1,170 @@
+//! Strategy: given where the held object really sits, which grasp takes the next object without a collision?
+//!
+//! For every candidate the union of the held object (with the digits holding it) and the target's geometry is checked along
+//! the whole planned motion: the approach, and the target's way into its place in the hand while the digits close. The
+//! candidate's worth is its proven score times the probability that this clearance, uncertain by the pose estimate and by the
+//! perception of the target, is really positive. The plan is kept unless another candidate is worth clearly more.
+
+use grasping::Grasp;
+use hand_model::{Digit, Hand};
+use nalgebra::{Isometry3, Translation3, Vector3};
+use parry3d_f64::shape::SharedShape;
+use scenarios::geometry::Shape;
+use scenarios::objects::ObjectModel;
+
+use crate::collision::{CollisionError, Solid, clearance_along, clearance_at, hand_solids};
+use crate::executive::{Executive, ExecutiveError};
+
+/// A candidate must be worth this much more than the plan to replace it.
+const SWITCH_GAIN: f64 = 1.10;
+/// Stages of the target's way into the hand that are checked.
+const CLOSING_STAGES: usize = 4;
+
+/// A grasp that might take the next object, and how sure it is known to work here.
+#[derive(Debug, Clone)]
+pub struct Candidate {
+    /// The grasp.
+    pub grasp: Grasp,
+    /// Probability of success in this combination when nothing is in the way.
+    pub worth: f64,
+}
+
+/// What is in the hand, as estimated.
+#[derive(Debug, Clone)]
+pub struct Held<'a> {
+    /// The object.
+    pub object: &'a ObjectModel,
+    /// `palm_from_object`.
+    pub pose: Isometry3<f64>,
+    /// Finger angles, rad.
+    pub joints: Vec<f64>,
+    /// Digits that hold it.
+    pub digits: &'a [Digit],
+    /// Standard deviation of its surface's position, m.
+    pub sigma: f64,
+}
+
+/// One candidate's assessment.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Assessment {
+    /// Smallest distance along the whole motion, m; negative is a collision.
+    pub clearance: f64,
+    /// Worth times the probability of no collision.
+    pub utility: f64,
+}
+
+/// What was decided, and why.
+#[derive(Debug, Clone)]
+pub struct Decision {
+    /// The grasp to use.
+    pub grasp: Grasp,
+    /// Whether it is another than planned.
+    pub switched: bool,
+    /// Assessment of the plan.
+    pub plan: Assessment,
+    /// Assessment of the chosen grasp.
+    pub chosen: Assessment,
+    /// The reason in words.
+    pub reason: String,
+}
+
+/// Why no decision could be made.
+#[derive(Debug, thiserror::Error)]
+pub enum StrategyError {
+    /// The geometric check failed.
+    #[error(transparent)]
+    Collision(#[from] CollisionError),
+    /// A path could not be planned.
+    #[error(transparent)]
+    Executive(#[from] ExecutiveError),
+}
+
+/// The solids of an object at `pose`.
+pub fn object_solids(object: &ObjectModel, pose: &Isometry3<f64>) -> Vec<Solid> {
+    match &object.shape {
+        Shape::Sphere { radius } => vec![Solid::new(object.name.clone(), SharedShape::ball(*radius), *pose)],
+        Shape::Cuboid { half, radius } => vec![Solid::rounded_box(object.name.clone(), *half, *radius, *pose)],
+        Shape::Cylinder { radius, half_height } => {
+            let upright = nalgebra::UnitQuaternion::from_axis_angle(&Vector3::x_axis(), std::f64::consts::FRAC_PI_2);
+            vec![Solid::new(object.name.clone(), SharedShape::cylinder(*half_height, *radius), pose * upright)]
+        }
+        Shape::Mesh(_) => object
+            .shape
+            .convex_parts()
+            .iter()
+            .filter_map(|points| {
+                let points: Vec<_> = points.iter().map(|p| parry3d_f64::math::Vector::new(p.x, p.y, p.z)).collect();
+                Some(Solid::new(object.name.clone(), SharedShape::convex_hull(&points)?, *pose))
+            })
+            .collect(),
+    }
+}
+
+/// Assesses `candidate` from the executive's present pose.
+pub fn assess(executive: &Executive, hand: &Hand, held: &Held, target: &ObjectModel, candidate: &Candidate, target_sigma: f64) -> Result<Assessment, StrategyError> {
+    let mut moving = object_solids(held.object, &held.pose);
+    moving.extend(hand_solids(hand, &held.joints, held.digits, false));
+    let percept = executive.second().1;
+    let path = executive.path_to_second(&candidate.grasp)?;
+    let fixed = object_solids(target, &percept.pose());
+    let mut clearance = clearance_along(&path, &moving, &fixed, 2000)?.map_or(f64::INFINITY, |found| found.min_distance);
+    let palm = path.end();
+    let before = palm.inverse() * percept.pose();
+    if let Some(after) = candidate.grasp.held {
+        for stage in 1..=CLOSING_STAGES {
+            let part = stage as f64 / CLOSING_STAGES as f64;
+            // Only the place matters for most targets; the turn into the hand is taken over at the end.
+            let place = before.translation.vector.lerp(&after.translation.vector, part);
+            let rotation = if stage == CLOSING_STAGES { after.rotation } else { before.rotation };
+            let there = Isometry3::from_parts(Translation3::from(place), rotation);
+            let found = clearance_at(&Isometry3::identity(), &moving, &object_solids(target, &there))?;
+            clearance = clearance.min(found.map_or(f64::INFINITY, |found| found.min_distance));
+        }
+    }
+    let sigma = held.sigma.hypot(target_sigma).max(1e-4);
+    Ok(Assessment { clearance, utility: candidate.worth * normal_cdf(clearance / sigma) })
+}
+
+/// Chooses among `candidates`; the first is the plan. `target_sigma` (m) is the known error of perceiving and reaching the
+/// target.
+pub fn choose(executive: &Executive, hand: &Hand, held: &Held, target: &ObjectModel, candidates: &[Candidate], target_sigma: f64) -> Result<Option<Decision>, StrategyError> {
+    let mut assessed = Vec::with_capacity(candidates.len());
+    for candidate in candidates {
+        assessed.push((candidate, assess(executive, hand, held, target, candidate, target_sigma)?));
+    }
+    let Some((planned, plan)) = assessed.first().copied() else { return Ok(None) };
+    let best = assessed.iter().copied().fold((planned, plan), |best, next| if next.1.utility > best.1.utility { next } else { best });
+    let switched = best.0.grasp.id != planned.grasp.id && best.1.utility > SWITCH_GAIN * plan.utility;
+    let (chosen, assessment) = if switched { best } else { (planned, plan) };
+    let mm = |clearance: f64| clearance * 1e3;
+    let reason = if switched {
+        format!(
+            "grasp {} would pass the held {} at {:.1} mm (worth {:.2}); grasp {} passes at {:.1} mm (worth {:.2})",
+            planned.grasp.id, held.object.name, mm(plan.clearance), plan.utility, chosen.grasp.id, mm(assessment.clearance), assessment.utility
+        )
+    } else {
+        format!("grasp {} as planned passes the held {} at {:.1} mm (worth {:.2})", planned.grasp.id, held.object.name, mm(plan.clearance), plan.utility)
+    };
+    Ok(Some(Decision { grasp: chosen.grasp.clone(), switched, plan, chosen: assessment, reason }))
+}
+
+/// Distribution function of the standard normal (Abramowitz and Stegun 7.1.26, error below 2e-7).
+fn normal_cdf(x: f64) -> f64 {
+    let z = x.abs() / std::f64::consts::SQRT_2;
+    let t = 1.0 / (1.0 + 0.3275911 * z);
+    let poly = t * (0.254829592 + t * (-0.284496736 + t * (1.421413741 + t * (-1.453152027 + t * 1.061405429))));
+    let erf = 1.0 - poly * (-z * z).exp();
+    0.5 * (1.0 + erf.copysign(x))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::normal_cdf;
+
+    #[test]
+    fn normal_distribution() {
+        for (x, p) in [(0.0, 0.5), (1.0, 0.841344746), (-1.959964, 0.025)] {
+            assert!((normal_cdf(x) - p).abs() < 1e-6, "{x}");
+        }
+    }
+}

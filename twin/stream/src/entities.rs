@@ -1,0 +1,120 @@
+//! All entity paths, in one place.
+//!
+//! `world/...` is what the 3D view shows, `tactile/...` and `heights/...` are the two maps of the hand, `signals/...` are
+//! plotted, `trial/...` is told in words. Names of objects and pads become one path part each.
+
+use hand_model::Hand;
+
+/// Root of the 3D view, the `world` frame.
+pub const WORLD: &str = "world";
+/// The table.
+pub const TABLE: &str = "world/table";
+/// The arm's base.
+pub const ARM_BASE: &str = "world/arm/base";
+/// The palm; the hand's links are below it, in the palm frame.
+pub const HAND: &str = "world/hand";
+/// Contact forces.
+pub const CONTACTS: &str = "world/contacts";
+/// Root of the tactile images.
+pub const TACTILE: &str = "tactile";
+/// Root of the height maps.
+pub const HEIGHTS: &str = "heights";
+/// Root of what is plotted.
+pub const SIGNALS: &str = "signals";
+/// Cable tensions, N.
+pub const TENSIONS: &str = "signals/tension";
+/// Servo currents, A.
+pub const CURRENTS: &str = "signals/current";
+/// Finger joint angles, degrees.
+pub const JOINT_ANGLES: &str = "signals/joint_angle";
+/// Arm joint angles, degrees.
+pub const ARM_ANGLES: &str = "signals/arm_angle";
+/// Force on each pad, N.
+pub const PAD_FORCES: &str = "signals/pad_force";
+/// Errors of the estimated object poses, mm.
+pub const POSE_ERROR_MM: &str = "signals/pose_error_mm";
+/// Errors of the estimated object poses, degrees.
+pub const POSE_ERROR_DEG: &str = "signals/pose_error_deg";
+/// The phase of the trial, a state.
+pub const PHASE: &str = "trial/phase";
+/// What happens, in words.
+pub const LOG: &str = "trial/log";
+/// The outcome of the trial.
+pub const OUTCOME: &str = "trial/outcome";
+
+/// Link `k` (0..7) of the arm.
+pub fn arm_link(k: usize) -> String {
+    format!("world/arm/link_{}", k + 1)
+}
+
+/// A link of the hand.
+pub fn hand_link(name: &str) -> String {
+    format!("{HAND}/{}", part(name))
+}
+
+/// A pad, below the link that carries it (`None`: the palm).
+pub fn pad(link: Option<&str>, name: &str) -> String {
+    match link {
+        Some(link) => format!("{}/pad_{}", hand_link(link), part(name)),
+        None => format!("{HAND}/pad_{}", part(name)),
+    }
+}
+
+/// An object as it is.
+pub fn object(name: &str) -> String {
+    format!("world/objects/{}", part(name))
+}
+
+/// An object as the robot believes it to be.
+pub fn estimate(name: &str) -> String {
+    format!("world/estimate/{}", part(name))
+}
+
+/// The image of a camera.
+pub fn tactile(camera: &str) -> String {
+    format!("{TACTILE}/{}", part(camera))
+}
+
+/// The height map of a camera.
+pub fn height(camera: &str) -> String {
+    format!("{HEIGHTS}/{}", part(camera))
+}
+
+/// Every path that a recording of `hand` with an arm of `arm_links` links and these objects can have.
+pub fn all(hand: &Hand, arm_links: usize, objects: &[&str]) -> Vec<String> {
+    let fixed = [
+        WORLD, TABLE, ARM_BASE, HAND, CONTACTS, TACTILE, HEIGHTS, SIGNALS, TENSIONS, CURRENTS, JOINT_ANGLES, ARM_ANGLES,
+        PAD_FORCES, POSE_ERROR_MM, POSE_ERROR_DEG, PHASE, LOG, OUTCOME,
+    ];
+    let mut paths: Vec<String> = fixed.iter().map(ToString::to_string).collect();
+    paths.extend((0..arm_links).map(arm_link));
+    paths.extend(hand.tree.joints.iter().map(|joint| hand_link(&joint.name)));
+    paths.extend(hand.pads.iter().map(|p| pad(p.link.map(|link| hand.tree.joints[link].name.as_str()), &p.name)));
+    paths.extend(hand.cameras.iter().flat_map(|camera| [tactile(&camera.name), height(&camera.name)]));
+    paths.extend(objects.iter().flat_map(|name| [object(name), estimate(name)]));
+    paths
+}
+
+/// A name as one part of a path: what is not a letter, digit, `-`, `_` or `.` becomes `_`.
+fn part(name: &str) -> String {
+    let keep = |c: char| c.is_alphanumeric() || matches!(c, '-' | '_' | '.');
+    name.chars().map(|c| if keep(c) { c } else { '_' }).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn paths_are_unique_and_valid() {
+        let paths = all(&Hand::ftac(), 7, &["ball", "water bottle", "cup/1"]);
+        let mut sorted = paths.clone();
+        sorted.sort();
+        sorted.dedup();
+        assert_eq!(sorted.len(), paths.len());
+        assert_eq!(paths.len(), 18 + 7 + 15 + 17 + 36 + 6);
+        for path in &paths {
+            assert_eq!(rerun::EntityPath::parse_strict(path).expect("strict path").to_string(), format!("/{path}"));
+        }
+    }
+}

@@ -1,0 +1,72 @@
+//! What can go wrong while recording or viewing.
+
+use std::path::PathBuf;
+
+/// An error of this crate.
+#[derive(Debug, thiserror::Error)]
+pub enum StreamError {
+    /// The recording's file cannot be created.
+    #[error("cannot write the recording {path}: {source}")]
+    Unwritable {
+        /// The file.
+        path: PathBuf,
+        /// Why.
+        source: std::io::Error,
+    },
+    /// What was logged could not be written to the end.
+    #[error("the recording is incomplete: {0}")]
+    Flush(#[from] rerun::sink::SinkFlushError),
+    /// Rerun refused.
+    #[error("rerun: {0}")]
+    Rerun(Box<rerun::RecordingStreamError>),
+    /// An address is not of the form `rerun+http://HOST:PORT/proxy` or `IP:PORT`.
+    #[error("{0}: not an address of a viewer (expected rerun+http://HOST:PORT/proxy)")]
+    Address(String),
+    /// An image has the wrong number of bytes or could not be encoded.
+    #[error("image of {what}: {reason}")]
+    Image {
+        /// Camera or pad.
+        what: String,
+        /// Why.
+        reason: String,
+    },
+    /// A name that was not announced when the recorder was created.
+    #[error("nothing called {0} was announced when the recorder was created")]
+    Unknown(String),
+    /// No viewer is installed.
+    #[error(
+        "no Rerun viewer found (looked at RERUN_BIN and PATH). Install it with\n    pip install rerun-sdk=={version}\nor\n    \
+         cargo install rerun-cli --version {version} --locked",
+        version = crate::RERUN_VERSION
+    )]
+    NoViewer,
+    /// There is nothing to open.
+    #[error("{0}: no recording (.rrd) there")]
+    NoRecording(PathBuf),
+    /// The viewer did not start.
+    #[error("cannot start {program}: {source}")]
+    Start {
+        /// The viewer.
+        program: PathBuf,
+        /// Why.
+        source: std::io::Error,
+    },
+}
+
+impl From<rerun::RecordingStreamError> for StreamError {
+    fn from(error: rerun::RecordingStreamError) -> Self {
+        match error {
+            rerun::RecordingStreamError::FileSink(error) => error.into(),
+            error => Self::Rerun(Box::new(error)),
+        }
+    }
+}
+
+impl From<rerun::sink::FileSinkError> for StreamError {
+    fn from(error: rerun::sink::FileSinkError) -> Self {
+        match error {
+            rerun::sink::FileSinkError::CreateFile { source, path } => Self::Unwritable { path, source },
+            error => Self::Rerun(Box::new(error.into())),
+        }
+    }
+}

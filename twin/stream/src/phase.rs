@@ -1,0 +1,77 @@
+//! What a trial says of itself: its properties, its phases, its log, its outcome.
+
+use rerun::{AnyValues, RecordingStream, StateChange, TextDocument, TextLog};
+
+use crate::entities;
+use crate::error::StreamError;
+
+/// How much a line of the log matters.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Level {
+    /// For the curious.
+    Debug,
+    /// What happens.
+    Info,
+    /// What should not happen.
+    Warn,
+    /// What must not happen.
+    Error,
+}
+
+impl Level {
+    fn name(self) -> &'static str {
+        match self {
+            Self::Debug => rerun::TextLogLevel::DEBUG,
+            Self::Info => rerun::TextLogLevel::INFO,
+            Self::Warn => rerun::TextLogLevel::WARN,
+            Self::Error => rerun::TextLogLevel::ERROR,
+        }
+    }
+}
+
+/// What identifies a trial; stored as properties of the recording.
+#[derive(Debug, Clone, Default)]
+pub struct TrialProperties {
+    /// The objects' combination.
+    pub combination: String,
+    /// Number of the trial.
+    pub trial: u64,
+    /// `ideal`, `blind` or `touch`.
+    pub condition: String,
+    /// `sim`, `hardware`, `emulated` or `replay`.
+    pub robot: String,
+    /// Seed of the session.
+    pub seed: u64,
+}
+
+/// Logs the properties; the recording's name is made of them.
+pub fn log_properties(rec: &RecordingStream, p: &TrialProperties) -> Result<(), StreamError> {
+    let text = |name: &str| [rerun::components::Text::from(name)];
+    let values = AnyValues::default()
+        .with_component::<rerun::components::Text>("combination", text(&p.combination))
+        .with_component::<rerun::components::Text>("trial", text(&p.trial.to_string()))
+        .with_component::<rerun::components::Text>("condition", text(&p.condition))
+        .with_component::<rerun::components::Text>("robot", text(&p.robot))
+        .with_component::<rerun::components::Text>("seed", text(&p.seed.to_string()));
+    rec.send_property("trial", &values)?;
+    Ok(rec.send_recording_name(format!("{} #{} {}", p.combination, p.trial, p.condition))?)
+}
+
+/// Logs a phase: a bar in the state view, a line in the log.
+pub fn log_phase(rec: &RecordingStream, phase: &str) -> Result<(), StreamError> {
+    rec.log(entities::PHASE, &StateChange::single(phase))?;
+    log_text(rec, Level::Info, &format!("phase: {phase}"))
+}
+
+/// Logs a line.
+pub fn log_text(rec: &RecordingStream, level: Level, text: &str) -> Result<(), StreamError> {
+    Ok(rec.log(entities::LOG, &TextLog::new(text).with_level(level.name()))?)
+}
+
+/// Logs the outcome: in the log, as a document, and as a property.
+pub fn log_outcome(rec: &RecordingStream, outcome: &str) -> Result<(), StreamError> {
+    log_text(rec, Level::Info, &format!("outcome: {outcome}"))?;
+    rec.log(entities::OUTCOME, &TextDocument::new(outcome))?;
+    let value = AnyValues::default().with_component::<rerun::components::Text>("outcome", [rerun::components::Text::from(outcome)]);
+    Ok(rec.send_property("result", &value)?)
+}

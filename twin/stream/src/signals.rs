@@ -1,0 +1,91 @@
+//! What is plotted: one entity for each quantity, with a line for each digit, joint or pad.
+
+use hand_model::{ARM_JOINTS, Arm, Hand, PADS};
+use rerun::{RecordingStream, Scalars, SeriesLines};
+
+use crate::entities;
+use crate::error::StreamError;
+use crate::mesh::DrawnObject;
+use crate::scene::{DIGIT_COLORS, PALM_COLOR, digit_name, link_color};
+
+/// Error of an estimated pose.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct PoseError {
+    /// Distance, mm.
+    pub mm: f64,
+    /// Angle, degrees.
+    pub deg: f64,
+}
+
+/// The numbers of one moment. What is unknown stays at `None` (or empty) and leaves a gap.
+#[derive(Debug, Clone, Default)]
+pub struct SignalFrame {
+    /// Cable tensions, N.
+    pub tensions: Option<[f64; 5]>,
+    /// Servo currents, A.
+    pub currents: Option<[f64; 6]>,
+    /// Finger joint angles, rad.
+    pub joint_angles: Option<[f64; 15]>,
+    /// Arm joint angles, rad.
+    pub arm_angles: Option<[f64; ARM_JOINTS]>,
+    /// Force on each pad, N.
+    pub pad_forces: Option<[f64; PADS]>,
+    /// Error of each object's estimated pose, in the order of the recorder's objects; NaN or `None` where there is none.
+    pub pose_errors: Vec<Option<PoseError>>,
+}
+
+/// A lighter or darker shade, so that three lines of a digit can be told apart.
+fn shade(color: [u8; 3], step: usize) -> [u8; 3] {
+    let factor = [1.0, 0.72, 0.5][step.min(2)];
+    color.map(|c| (f64::from(c) * factor) as u8)
+}
+
+fn lines(names: Vec<String>, colors: Vec<[u8; 3]>) -> SeriesLines {
+    SeriesLines::new().with_names(names).with_colors(colors).with_widths([1.6f32])
+}
+
+/// Logs, once, names and colours of the lines.
+pub fn log_static(rec: &RecordingStream, hand: &Hand, arm: &Arm, objects: &[DrawnObject]) -> Result<(), StreamError> {
+    let digits: Vec<String> = (0..5).map(|i| digit_name(i).to_owned()).collect();
+    rec.log_static(entities::TENSIONS, &lines(digits.clone(), DIGIT_COLORS.to_vec()))?;
+    let servos = digits.iter().cloned().chain(["opposition".to_owned()]).collect();
+    rec.log_static(entities::CURRENTS, &lines(servos, DIGIT_COLORS.into_iter().chain([PALM_COLOR]).collect()))?;
+    let joints = hand.tree.joints.iter().map(|joint| joint.name.replace('_', " ")).collect();
+    let colors = (0..hand.tree.len()).map(|i| shade(link_color(Some(i)), i % 3)).collect();
+    rec.log_static(entities::JOINT_ANGLES, &lines(joints, colors))?;
+    let palette = |i: usize| DIGIT_COLORS.get(i).copied().unwrap_or(shade(PALM_COLOR, i % 2));
+    let arm_joints = arm.tree.joints.iter().map(|joint| joint.name.replace('_', " ")).collect();
+    rec.log_static(entities::ARM_ANGLES, &lines(arm_joints, (0..arm.tree.len()).map(palette).collect()))?;
+    let pads = hand.pads.iter().map(|pad| pad.name.replace('_', " ")).collect();
+    let colors = hand.pads.iter().map(|pad| shade(link_color(pad.link), pad.link.map_or(0, |link| link % 3))).collect();
+    rec.log_static(entities::PAD_FORCES, &lines(pads, colors))?;
+    for (path, unit) in [(entities::POSE_ERROR_MM, "mm"), (entities::POSE_ERROR_DEG, "deg")] {
+        let names = objects.iter().map(|object| format!("{} ({unit})", object.name)).collect();
+        let step = if unit == "mm" { 0 } else { 1 };
+        rec.log_static(path, &lines(names, objects.iter().map(|object| shade(object.color, step)).collect()))?;
+    }
+    Ok(())
+}
+
+/// Logs one moment.
+pub fn log(rec: &RecordingStream, frame: &SignalFrame) -> Result<(), StreamError> {
+    let send = |path: &str, values: Option<&[f64]>, scale: f64| match values {
+        // Three digits are enough for a plot, and short numbers pack better.
+        Some(values) => rec.log(path, &Scalars::new(values.iter().map(|v| (v * scale * 1e3).round() * 1e-3))),
+        None => Ok(()),
+    };
+    let degrees = 1f64.to_degrees();
+    send(entities::TENSIONS, frame.tensions.as_ref().map(|v| &v[..]), 1.0)?;
+    send(entities::CURRENTS, frame.currents.as_ref().map(|v| &v[..]), 1.0)?;
+    send(entities::JOINT_ANGLES, frame.joint_angles.as_ref().map(|v| &v[..]), degrees)?;
+    send(entities::ARM_ANGLES, frame.arm_angles.as_ref().map(|v| &v[..]), degrees)?;
+    send(entities::PAD_FORCES, frame.pad_forces.as_ref().map(|v| &v[..]), 1.0)?;
+    if frame.pose_errors.iter().any(Option::is_some) {
+        let part = |pick: fn(&PoseError) -> f64| -> Vec<f64> {
+            frame.pose_errors.iter().map(|error| error.as_ref().map_or(f64::NAN, pick)).collect()
+        };
+        send(entities::POSE_ERROR_MM, Some(&part(|e| e.mm)), 1.0)?;
+        send(entities::POSE_ERROR_DEG, Some(&part(|e| e.deg)), 1.0)?;
+    }
+    Ok(())
+}

@@ -1,0 +1,81 @@
+//! Keeps a stream thin: at most so often, and not while nothing changes.
+
+use std::collections::HashMap;
+
+use nalgebra::Isometry3;
+
+/// Lets an event through at most at `rate` Hz per key.
+#[derive(Debug)]
+pub struct Pace {
+    interval: f64,
+    last: HashMap<usize, f64>,
+}
+
+impl Pace {
+    /// `rate` in Hz; infinite lets everything through.
+    pub fn new(rate: f64) -> Self {
+        Self { interval: if rate > 0.0 { rate.recip() } else { f64::INFINITY }, last: HashMap::new() }
+    }
+
+    /// Whether `key` is due at `time`; if so, it is taken as done. Time that runs backwards starts anew.
+    pub fn due(&mut self, key: usize, time: f64) -> bool {
+        // A tenth of the interval is forgiven, so that ticks which do not divide it evenly do not alias.
+        let due = self.last.get(&key).is_none_or(|last| time < *last || time - last >= 0.9 * self.interval);
+        if due {
+            self.last.insert(key, time);
+        }
+        due
+    }
+}
+
+/// Remembers poses and says which have moved.
+#[derive(Debug, Default)]
+pub struct Moved(HashMap<String, Isometry3<f64>>);
+
+impl Moved {
+    /// Whether `pose` differs from the last one of `path` by more than 20 um or 0.2 mrad; if so, it is the last one now.
+    pub fn check(&mut self, path: &str, pose: &Isometry3<f64>) -> bool {
+        if let Some(last) = self.0.get(path) {
+            let still = (last.translation.vector - pose.translation.vector).norm() < 2e-5
+                && last.rotation.angle_to(&pose.rotation) < 2e-4;
+            if still {
+                return false;
+            }
+        }
+        self.0.insert(path.to_owned(), *pose);
+        true
+    }
+
+    /// Forgets `path`; whether it was known.
+    pub fn forget(&mut self, path: &str) -> bool {
+        self.0.remove(path).is_some()
+    }
+
+    /// Whether `path` is known.
+    pub fn knows(&self, path: &str) -> bool {
+        self.0.contains_key(path)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn pace_holds_its_rate() {
+        let mut pace = Pace::new(30.0);
+        let passed = (0..500).filter(|i| pace.due(0, *i as f64 * 0.01)).count();
+        assert!((125..=170).contains(&passed), "5 s at 100 Hz thinned to {passed}");
+        assert!(pace.due(1, 4.99), "another key has its own clock");
+        assert!(pace.due(0, 0.0), "a new run starts anew");
+    }
+
+    #[test]
+    fn only_motion_passes() {
+        let mut moved = Moved::default();
+        assert!(moved.check("a", &Isometry3::translation(0.0, 0.0, 0.0)));
+        assert!(!moved.check("a", &Isometry3::translation(1e-5, 0.0, 0.0)));
+        assert!(moved.check("a", &Isometry3::translation(3e-5, 0.0, 0.0)));
+        assert!(moved.forget("a") && !moved.knows("a"));
+    }
+}

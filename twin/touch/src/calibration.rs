@@ -1,0 +1,284 @@
+//! The photometric model: how a change of colour at a place of the image tells the slope of the gel.
+//!
+//! A press of a body of known shape at a known place labels every pixel with the true slope. The model is linear in features
+//! of the relative colour change (up to third order) and of the place (up to second order), fitted by ridge regression. It
+//! predicts the x and y part of the unit normal, which a Lambertian surface's brightness is linear in and which stay bounded
+//! on steep flanks, and turns them into gradients. All features vanish with the colour change: an untouched pixel is level.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use hand_model::Hand;
+use hand_model::pads::IMAGE_SIZE as N;
+use hand_model::robot::TactileImage;
+use nalgebra::{DMatrix, DVector};
+use serde::{Deserialize, Serialize};
+
+use crate::PIXELS;
+use crate::error::TouchError;
+use crate::photometric_stereo::{Region, colour_change};
+
+/// Number of features of the colour change.
+pub const COLOUR_FEATURES: usize = 19;
+/// Number of features of the place: 1, u, v, u^2, uv, v^2.
+pub const PLACE_FEATURES: usize = 6;
+const FEATURES: usize = COLOUR_FEATURES * PLACE_FEATURES;
+const VERSION: u32 = 1;
+/// Steepest slope's sine that a model answers with.
+const STEEPEST: f32 = 0.95;
+
+/// A labelled press.
+#[derive(Debug, Clone)]
+pub struct CalibrationPress {
+    /// Index of the camera.
+    pub camera: usize,
+    /// The image under the press.
+    pub image: std::sync::Arc<TactileImage>,
+    /// The image of the untouched pad.
+    pub background: std::sync::Arc<TactileImage>,
+    /// Indentation of the gel's surface, m, [`PIXELS`] values as in the image.
+    pub indentation: Vec<f32>,
+}
+
+/// Colour change to slope, for one sensor configuration.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct PhotometricModel {
+    /// For each colour feature the weights of the place features, for the normal's x and y part.
+    weights: Vec<[[f32; 2]; PLACE_FEATURES]>,
+}
+
+/// The photometric models of a hand.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Calibration {
+    /// Version of the file format.
+    pub version: u32,
+    /// A model for each sensor configuration (letter a to f).
+    pub configurations: BTreeMap<char, PhotometricModel>,
+}
+
+/// Angle between predicted and true surface normals over contact pixels, degrees.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[allow(missing_docs)]
+pub struct AngularError {
+    pub mean: f64,
+    pub median: f64,
+    pub p95: f64,
+    pub pixels: usize,
+}
+
+/// Features of a colour change: first, second and third order.
+fn colour_features([r, g, b]: [f32; 3]) -> [f32; COLOUR_FEATURES] {
+    let (rr, gg, bb, rg, rb, gb) = (r * r, g * g, b * b, r * g, r * b, g * b);
+    [
+        r, g, b, rr, gg, bb, rg, rb, gb, rr * r, gg * g, bb * b, rr * g, rr * b, gg * r, gg * b, bb * r, bb * g, rg * b,
+    ]
+}
+
+/// Normalised place of a pixel, -1 to 1: u to the right (pad x), v up (pad y).
+fn place(column: usize, row: usize) -> (f32, f32) {
+    let half = 0.5 * N as f32;
+    ((column as f32 + 0.5) / half - 1.0, 1.0 - (row as f32 + 0.5) / half)
+}
+
+/// A model with the row's v folded in: quadratics in u.
+pub(crate) struct RowModel([[[f32; 2]; 3]; COLOUR_FEATURES]);
+
+impl RowModel {
+    /// Gradients (dh/dx, dh/dy) of the pixel in `column` with relative colour `change`.
+    pub(crate) fn gradient(&self, column: usize, change: [f32; 3]) -> (f32, f32) {
+        let (u, _) = place(column, 0);
+        let features = colour_features(change);
+        let (mut nx, mut ny) = (0.0f32, 0.0f32);
+        for (feature, [w0, w1, w2]) in features.iter().zip(&self.0) {
+            nx += feature * (w0[0] + u * (w1[0] + u * w2[0]));
+            ny += feature * (w0[1] + u * (w1[1] + u * w2[1]));
+        }
+        let sine = (nx * nx + ny * ny).sqrt();
+        if sine > STEEPEST {
+            nx *= STEEPEST / sine;
+            ny *= STEEPEST / sine;
+        }
+        let nz = (1.0 - nx * nx - ny * ny).sqrt();
+        (nx / nz, ny / nz)
+    }
+}
+
+impl PhotometricModel {
+    pub(crate) fn row(&self, row: usize) -> RowModel {
+        let (_, v) = place(0, row);
+        let mut folded = [[[0.0; 2]; 3]; COLOUR_FEATURES];
+        for (folded, w) in folded.iter_mut().zip(&self.weights) {
+            for axis in 0..2 {
+                folded[0][axis] = w[0][axis] + v * (w[2][axis] + v * w[5][axis]);
+                folded[1][axis] = w[1][axis] + v * w[4][axis];
+                folded[2][axis] = w[3][axis];
+            }
+        }
+        RowModel(folded)
+    }
+
+    /// Fits a model to presses that share a sensor configuration and a pixel size (dx, dy; m).
+    fn fit(configuration: char, presses: &[(&CalibrationPress, (f64, f64))]) -> Result<Self, TouchError> {
+        let mut normal = DMatrix::<f64>::zeros(FEATURES, FEATURES);
+        let mut right = DMatrix::<f64>::zeros(FEATURES, 2);
+        let mut samples = 0;
+        // Blocks of rows make the normal equations a matrix product.
+        const BLOCK: usize = 512;
+        let mut rows = DMatrix::<f64>::zeros(FEATURES, BLOCK);
+        let mut labels = DMatrix::<f64>::zeros(2, BLOCK);
+        let mut filled = 0;
+        let mut flush = |rows: &DMatrix<f64>, labels: &DMatrix<f64>, filled: usize| {
+            let (a, y) = (rows.columns(0, filled), labels.columns(0, filled));
+            normal += a * a.transpose();
+            right += a * y.transpose();
+        };
+        for (press, pixel) in presses {
+            let change = colour_change(&press.image, &press.background, Region::FULL);
+            for row in 1..N - 1 {
+                for column in 1..N - 1 {
+                    let i = row * N + column;
+                    let touched = press.indentation[i] > 0.0;
+                    // One pixel in 16 of the rest teaches what noise on a level surface looks like.
+                    if !touched && (row % 4 != 0 || column % 4 != 0) {
+                        continue;
+                    }
+                    samples += usize::from(touched);
+                    let (gx, gy) = slope(&press.indentation, i, *pixel);
+                    let nz = 1.0 / (1.0 + gx * gx + gy * gy).sqrt();
+                    let (u, v) = place(column, row);
+                    let place = [1.0, u, v, u * u, u * v, v * v];
+                    for (k, colour) in colour_features(change[i]).iter().enumerate() {
+                        for (l, place) in place.iter().enumerate() {
+                            rows[(k * PLACE_FEATURES + l, filled)] = f64::from(colour * place);
+                        }
+                    }
+                    labels[(0, filled)] = gx * nz;
+                    labels[(1, filled)] = gy * nz;
+                    filled += 1;
+                    if filled == BLOCK {
+                        flush(&rows, &labels, filled);
+                        filled = 0;
+                    }
+                }
+            }
+        }
+        flush(&rows, &labels, filled);
+        let needed = 20 * FEATURES;
+        if samples < needed {
+            return Err(TouchError::TooFewSamples { configuration, samples, needed });
+        }
+        // Ridge relative to each feature's own energy, so that small cubic features are not punished more.
+        for k in 0..FEATURES {
+            normal[(k, k)] += 1e-5 * normal[(k, k)] + 1e-9 * samples as f64 * 1e-3;
+        }
+        let solution = normal.cholesky().ok_or(TouchError::Singular("the photometric regression"))?.solve(&right);
+        let column = |axis: usize| -> DVector<f64> { solution.column(axis).into_owned() };
+        let (x, y) = (column(0), column(1));
+        let weights = (0..COLOUR_FEATURES)
+            .map(|k| std::array::from_fn(|l| [x[k * PLACE_FEATURES + l] as f32, y[k * PLACE_FEATURES + l] as f32]))
+            .collect();
+        Ok(Self { weights })
+    }
+}
+
+/// Central-difference gradient of an indentation map at pixel `i` (not on the border), pad frame.
+fn slope(indentation: &[f32], i: usize, (dx, dy): (f64, f64)) -> (f64, f64) {
+    (
+        f64::from(indentation[i + 1] - indentation[i - 1]) / (2.0 * dx),
+        f64::from(indentation[i - N] - indentation[i + N]) / (2.0 * dy),
+    )
+}
+
+impl Calibration {
+    /// Fits a model for every sensor configuration that occurs in `presses`.
+    pub fn fit(hand: &Hand, presses: &[CalibrationPress]) -> Result<Self, TouchError> {
+        let mut groups: BTreeMap<char, Vec<(&CalibrationPress, (f64, f64))>> = BTreeMap::new();
+        for press in presses {
+            check(hand, press)?;
+            let camera = &hand.cameras[press.camera];
+            groups.entry(hand.pads[camera.pad].configuration).or_default().push((press, camera.pixel_size()));
+        }
+        let configurations = groups
+            .into_iter()
+            .map(|(letter, group)| Ok((letter, PhotometricModel::fit(letter, &group)?)))
+            .collect::<Result<_, TouchError>>()?;
+        Ok(Self { version: VERSION, configurations })
+    }
+
+    /// The model of a sensor configuration.
+    pub fn model(&self, configuration: char) -> Result<&PhotometricModel, TouchError> {
+        self.configurations.get(&configuration).ok_or(TouchError::Uncalibrated(configuration))
+    }
+
+    /// Angular error of the predicted normals over the contact pixels (indentation > 0) of presses, best ones that were held
+    /// out of the fit.
+    pub fn evaluate(&self, hand: &Hand, presses: &[CalibrationPress]) -> Result<AngularError, TouchError> {
+        let mut errors: Vec<f64> = Vec::new();
+        for press in presses {
+            check(hand, press)?;
+            let camera = &hand.cameras[press.camera];
+            let model = self.model(hand.pads[camera.pad].configuration)?;
+            let change = colour_change(&press.image, &press.background, Region::FULL);
+            for row in 1..N - 1 {
+                let row_model = model.row(row);
+                for column in 1..N - 1 {
+                    let i = row * N + column;
+                    if press.indentation[i] <= 0.0 {
+                        continue;
+                    }
+                    let (gx, gy) = slope(&press.indentation, i, camera.pixel_size());
+                    let (px, py) = row_model.gradient(column, change[i]);
+                    let (px, py) = (f64::from(px), f64::from(py));
+                    let cross = ((gy - py).powi(2) + (px - gx).powi(2) + (gx * py - gy * px).powi(2)).sqrt();
+                    errors.push(cross.atan2(gx * px + gy * py + 1.0).to_degrees());
+                }
+            }
+        }
+        errors.sort_by(f64::total_cmp);
+        let at = |fraction: f64| errors.get((fraction * errors.len() as f64) as usize).copied().unwrap_or(f64::NAN);
+        Ok(AngularError {
+            mean: errors.iter().sum::<f64>() / errors.len() as f64,
+            median: at(0.5),
+            p95: at(0.95),
+            pixels: errors.len(),
+        })
+    }
+
+    /// Reads a calibration file (JSON).
+    pub fn read(path: &Path) -> Result<Self, TouchError> {
+        let text = std::fs::read_to_string(path).map_err(|source| TouchError::Io { path: path.into(), source })?;
+        let fault = |message: String| TouchError::Format { path: path.into(), message };
+        let calibration: Self = serde_json::from_str(&text).map_err(|error| fault(error.to_string()))?;
+        if calibration.version != VERSION {
+            return Err(fault(format!("version {}, expected {VERSION}", calibration.version)));
+        }
+        for (letter, model) in &calibration.configurations {
+            if model.weights.len() != COLOUR_FEATURES {
+                return Err(fault(format!("configuration {letter}: {} weights, expected {COLOUR_FEATURES}", model.weights.len())));
+            }
+        }
+        Ok(calibration)
+    }
+
+    /// Writes a calibration file (JSON).
+    pub fn write(&self, path: &Path) -> Result<(), TouchError> {
+        let text = serde_json::to_string(self).map_err(|error| TouchError::Format { path: path.into(), message: error.to_string() })?;
+        std::fs::write(path, text).map_err(|source| TouchError::Io { path: path.into(), source })
+    }
+}
+
+fn check(hand: &Hand, press: &CalibrationPress) -> Result<(), TouchError> {
+    if press.camera >= hand.cameras.len() {
+        return Err(TouchError::Size { what: "camera index of a press", found: press.camera, expected: hand.cameras.len() });
+    }
+    for (what, found, expected) in [
+        ("bytes of a press image", press.image.rgb.len(), 3 * PIXELS),
+        ("bytes of a press background", press.background.rgb.len(), 3 * PIXELS),
+        ("indentation values of a press", press.indentation.len(), PIXELS),
+    ] {
+        if found != expected {
+            return Err(TouchError::Size { what, found, expected });
+        }
+    }
+    Ok(())
+}

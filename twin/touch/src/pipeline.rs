@@ -1,0 +1,176 @@
+//! Eighteen images in, what each pad feels out.
+
+use std::sync::Arc;
+
+use hand_model::robot::{ServoState, TactileImage};
+use hand_model::{ACTUATORS, CAMERAS, Hand};
+use nalgebra::Point3;
+use rayon::prelude::*;
+
+use crate::calibration::Calibration;
+use crate::contacts::{ContactOptions, Patch, clear_points, find_contacts};
+use crate::error::TouchError;
+use crate::photometric_stereo::{Gradients, Region, StereoOptions, gradients};
+use crate::poisson::PoissonSolver;
+use crate::pose::{KnownShape, PoseEstimate, PoseOptions, PosePrior, estimate_pose};
+use crate::{IMAGE_SIZE as N, PIXELS};
+
+/// What one camera saw of a touched pad.
+#[derive(Debug, Clone, PartialEq)]
+pub struct HeightMap {
+    /// Index of the camera.
+    pub camera: usize,
+    /// Indentation, m, [`PIXELS`] values.
+    pub height: Vec<f32>,
+    /// Its slopes as photometric stereo gave them.
+    pub gradients: Gradients,
+}
+
+/// What one pad feels.
+#[derive(Debug, Clone, Default)]
+pub struct PadTouch {
+    /// Index of the pad.
+    pub pad: usize,
+    /// Contact patches of all its cameras.
+    pub patches: Vec<Patch>,
+    /// Sum of the patches' normal forces, N.
+    pub force: f64,
+    /// Height maps of the cameras whose image differs from the background.
+    pub heights: Vec<Arc<HeightMap>>,
+    /// Points of the surface that are felt to be free (m, pad frame).
+    pub clear: Vec<Point3<f64>>,
+}
+
+impl PadTouch {
+    /// Whether anything presses.
+    pub fn touched(&self) -> bool {
+        !self.patches.is_empty()
+    }
+}
+
+/// The whole way from images to touches, for one hand with one calibration.
+#[derive(Debug, Clone)]
+pub struct TouchPipeline {
+    hand: Hand,
+    calibration: Calibration,
+    backgrounds: Vec<Arc<TactileImage>>,
+    poisson: PoissonSolver,
+    /// When an image counts as changed.
+    pub stereo: StereoOptions,
+    /// What counts as a contact.
+    pub contacts: ContactOptions,
+    /// How a pose is estimated.
+    pub pose: PoseOptions,
+}
+
+impl TouchPipeline {
+    /// Prepares the pipeline; `backgrounds` holds an image of every untouched camera, in camera order.
+    pub fn new(hand: &Hand, calibration: Calibration, backgrounds: Vec<Arc<TactileImage>>) -> Result<Self, TouchError> {
+        check_images("background", &backgrounds)?;
+        for pad in &hand.pads {
+            calibration.model(pad.configuration)?;
+        }
+        Ok(Self {
+            hand: hand.clone(),
+            calibration,
+            backgrounds,
+            poisson: PoissonSolver::new(),
+            stereo: StereoOptions::default(),
+            contacts: ContactOptions::default(),
+            pose: PoseOptions::default(),
+        })
+    }
+
+    /// What the 17 pads feel, given the newest image of every camera. Cameras are worked on in parallel; the result does not
+    /// depend on how.
+    pub fn perceive(&self, images: &[Arc<TactileImage>]) -> Result<Vec<PadTouch>, TouchError> {
+        check_images("tactile image", images)?;
+        let maps: Vec<Option<HeightMap>> = (0..CAMERAS).into_par_iter().map(|camera| self.height(camera, &images[camera])).collect::<Result<_, _>>()?;
+        let mut touches: Vec<PadTouch> = (0..self.hand.pads.len()).map(|pad| PadTouch { pad, ..PadTouch::default() }).collect();
+        for (index, map) in maps.into_iter().enumerate() {
+            let camera = &self.hand.cameras[index];
+            let pad = &self.hand.pads[camera.pad];
+            let touch = &mut touches[camera.pad];
+            let height = map.as_ref().map(|map| map.height.as_slice());
+            if let Some(height) = height {
+                touch.patches.extend(find_contacts(pad, index, camera, self.hand.gel(), height, &self.contacts));
+            }
+            touch.clear.extend(clear_points(pad, camera, height, self.contacts.raised, 4, 6));
+            touch.heights.extend(map.map(Arc::new));
+        }
+        for touch in &mut touches {
+            touch.force = touch.patches.iter().map(|patch| patch.force).sum();
+        }
+        Ok(touches)
+    }
+
+    /// Height map of one camera; `None` where its pad is untouched.
+    pub fn height(&self, camera: usize, image: &Arc<TactileImage>) -> Result<Option<HeightMap>, TouchError> {
+        let background = &self.backgrounds[camera];
+        if Arc::ptr_eq(image, background) {
+            return Ok(None);
+        }
+        let model = self.calibration.model(self.hand.pads[self.hand.cameras[camera].pad].configuration)?;
+        let Some(gradients) = gradients(image, background, model, &self.stereo) else {
+            return Ok(None);
+        };
+        let mut height = self.poisson.solve(&gradients.gx, &gradients.gy, self.hand.cameras[camera].pixel_size());
+        let level = rest_level(&height, gradients.region);
+        for value in &mut height {
+            *value -= level;
+        }
+        Ok(Some(HeightMap { camera, height, gradients }))
+    }
+
+    /// In-hand pose of an object of known shape, from what the pads feel and the servos say.
+    pub fn estimate_pose(
+        &self,
+        touches: &[PadTouch],
+        servos: &[ServoState; ACTUATORS],
+        prior: &PosePrior,
+        shape: &dyn KnownShape,
+    ) -> Result<PoseEstimate, TouchError> {
+        estimate_pose(&self.hand, touches, servos, prior, shape, &self.pose)
+    }
+
+    /// Images of the untouched pads, in camera order.
+    pub fn backgrounds(&self) -> &[Arc<TactileImage>] {
+        &self.backgrounds
+    }
+
+    /// The hand.
+    pub fn hand(&self) -> &Hand {
+        &self.hand
+    }
+}
+
+/// Height of the gel that nothing presses on: a Poisson solution is free up to a constant. It is the median along the inside
+/// of the changed region's border where that does not run along the image's border, else a low quantile of the image border.
+fn rest_level(height: &[f32], region: Region) -> f32 {
+    let mut border: Vec<f32> = Vec::new();
+    for row in region.row_begin..region.row_end {
+        border.extend((region.column_begin > 0).then(|| height[row * N + region.column_begin]));
+        border.extend((region.column_end < N).then(|| height[row * N + region.column_end - 1]));
+    }
+    for column in region.column_begin..region.column_end {
+        border.extend((region.row_begin > 0).then(|| height[region.row_begin * N + column]));
+        border.extend((region.row_end < N).then(|| height[(region.row_end - 1) * N + column]));
+    }
+    let mut quantile = 0.5;
+    if border.len() < N / 4 {
+        quantile = 0.1;
+        border = (0..N).flat_map(|i| [height[i], height[(N - 1) * N + i], height[i * N], height[i * N + N - 1]]).collect();
+    }
+    let at = ((border.len() - 1) as f64 * quantile) as usize;
+    *border.select_nth_unstable_by(at, f32::total_cmp).1
+}
+
+fn check_images(what: &'static str, images: &[Arc<TactileImage>]) -> Result<(), TouchError> {
+    if images.len() != CAMERAS {
+        return Err(TouchError::Size { what, found: images.len(), expected: CAMERAS });
+    }
+    match images.iter().find(|image| image.rgb.len() != 3 * PIXELS) {
+        Some(image) => Err(TouchError::Size { what: "bytes of a tactile image", found: image.rgb.len(), expected: 3 * PIXELS }),
+        None => Ok(()),
+    }
+}

@@ -1,0 +1,348 @@
+//! The residuals of the pose estimate and their derivatives.
+//!
+//! A state is moved by a vector (rho, phi, dq): pose <- pose * exp(rho, phi) in the object's own axes, joints by addition.
+//! Felt points and normals are pulled into the object frame, so that p <- p - rho - phi x p and n <- n - phi x n.
+
+use hand_model::robot::ServoState;
+use hand_model::{ACTUATORS, HAND_JOINTS, Hand};
+use nalgebra::{DMatrix, DVector, Isometry3, Matrix3, Point3, Translation3, UnitQuaternion, Vector3};
+
+use super::system::{Cost, Kinematics, Normal, Sink, evenly};
+use super::{KnownShape, PoseOptions, PosePrior};
+use crate::pipeline::PadTouch;
+use crate::posture::{Posture, digit_of, excursion_residual, free_posture, spring_residuals};
+
+/// Points of a patch that are used.
+const POINTS: usize = 14;
+/// Normals of a patch that are used.
+const NORMALS: usize = 4;
+/// Points of a patch err together (posture, calibration): a patch counts as no more than so many independent points ...
+const INDEPENDENT_POINTS: f64 = 4.0;
+/// ... and normals.
+const INDEPENDENT_NORMALS: f64 = 2.0;
+/// Step for the curvature of the shape, m.
+const CURVATURE_STEP: f64 = 4e-4;
+
+/// Which evidence takes part.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Evidence {
+    /// Servos, springs and limits alone.
+    Joints,
+    /// Everything, but the object does not turn.
+    Translation,
+    /// Everything, felt points and normals trusted less and without Huber: a smoother landscape to start in.
+    Soft,
+    /// Everything.
+    All,
+}
+
+/// Pose and posture.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct State {
+    pub pose: Isometry3<f64>,
+    pub q: [f64; HAND_JOINTS],
+}
+
+/// A patch in the frame of the link that carries it (palm: the palm frame).
+struct LinkPatch {
+    link: Option<usize>,
+    points: Vec<Point3<f64>>,
+    normals: Vec<(Point3<f64>, Vector3<f64>)>,
+    centroid: Point3<f64>,
+    /// Force on the pad, N.
+    force: Vector3<f64>,
+}
+
+pub(super) struct Problem<'a> {
+    hand: &'a Hand,
+    shape: &'a dyn KnownShape,
+    prior: &'a PosePrior,
+    options: &'a PoseOptions,
+    pub posture: Posture,
+    patches: Vec<LinkPatch>,
+    clear: Vec<(Option<usize>, Vec<Point3<f64>>)>,
+    /// Cables of digits that touch.
+    cables: Vec<usize>,
+    /// Column of every joint; `None` where the joint is not estimated.
+    column: [Option<usize>; HAND_JOINTS],
+    columns: usize,
+    torque_sigma: [f64; HAND_JOINTS],
+}
+
+impl<'a> Problem<'a> {
+    pub fn new(
+        hand: &'a Hand,
+        touches: &[PadTouch],
+        servos: &[ServoState; ACTUATORS],
+        prior: &'a PosePrior,
+        shape: &'a dyn KnownShape,
+        options: &'a PoseOptions,
+    ) -> Self {
+        let (mut patches, mut clear, mut cables) = (Vec::new(), Vec::new(), Vec::new());
+        for touch in touches {
+            let pad = &hand.pads[touch.pad];
+            let place = pad.link_from_pad;
+            for patch in &touch.patches {
+                let felt = evenly(&patch.points, NORMALS);
+                patches.push(LinkPatch {
+                    link: pad.link,
+                    points: evenly(&patch.points, POINTS).iter().map(|p| place * p.point).collect(),
+                    normals: felt.iter().map(|p| (place * p.point, place * p.normal)).collect(),
+                    centroid: place * patch.centroid,
+                    force: place * (patch.normal * patch.force),
+                });
+            }
+            if touch.touched() {
+                cables.extend(digit_of(pad.link).map(|digit| digit.index()));
+            }
+            if options.use_clear && !touch.clear.is_empty() {
+                clear.push((pad.link, touch.clear.iter().map(|point| place * point).collect()));
+            }
+        }
+        cables.sort_unstable();
+        cables.dedup();
+        let mut column = [None; HAND_JOINTS];
+        let mut columns = 6;
+        for &cable in &cables {
+            for (joint, _) in &hand.transmission.cables[cable].joints {
+                column[*joint] = Some(columns);
+                columns += 1;
+            }
+        }
+        let posture = free_posture(hand, servos);
+        let torque_sigma = [options.sigma_torque; HAND_JOINTS];
+        let mut problem = Self { hand, shape, prior, options, posture, patches, clear, cables, column, columns, torque_sigma };
+        problem.settle_torque_sigmas(&posture.q);
+        problem
+    }
+
+    pub fn options(&self) -> &PoseOptions {
+        self.options
+    }
+
+    pub fn has_contact(&self) -> bool {
+        !self.patches.is_empty()
+    }
+
+    pub fn patch_count(&self) -> usize {
+        self.patches.len()
+    }
+
+    /// Sets how far each joint's torque balance is trusted, from the contact torques at `q`.
+    pub fn settle_torque_sigmas(&mut self, q: &[f64; HAND_JOINTS]) {
+        let kinematics = Kinematics::new(self.hand, q);
+        for joint in 0..HAND_JOINTS {
+            let torque: f64 = self.contact_torque(&kinematics, joint).0.abs();
+            self.torque_sigma[joint] = self.options.sigma_torque.hypot(self.options.contact_torque_fraction * torque);
+        }
+    }
+
+    /// Torque of the felt forces about `joint`, N m, and its derivatives by the joints further out.
+    fn contact_torque(&self, kinematics: &Kinematics, joint: usize) -> (f64, Vec<(usize, f64)>) {
+        let mut torque = 0.0;
+        let mut derivative: Vec<(usize, f64)> = Vec::new();
+        let (axis, origin) = (kinematics.axes[joint], kinematics.origin(joint));
+        for patch in &self.patches {
+            let chain = kinematics.chain(patch.link);
+            let Some(at) = chain.iter().position(|&other| other == joint) else { continue };
+            let pose = kinematics.pose(patch.link);
+            let (centroid, force) = ((pose * patch.centroid).coords, pose * patch.force);
+            torque += axis.dot(&(centroid - origin).cross(&force));
+            for &outer in &chain[at + 1..] {
+                let turn = kinematics.axes[outer];
+                let moved = turn.cross(&(centroid - kinematics.origin(outer)));
+                derivative.push((outer, axis.dot(&(moved.cross(&force) + (centroid - origin).cross(&turn.cross(&force))))));
+            }
+        }
+        (torque, derivative)
+    }
+
+    /// `state` moved by a step.
+    pub fn moved(&self, state: &State, step: &DVector<f64>) -> State {
+        let rho = Vector3::new(step[0], step[1], step[2]);
+        let phi = Vector3::new(step[3], step[4], step[5]);
+        let mut q = state.q;
+        for (angle, column) in q.iter_mut().zip(&self.column) {
+            if let Some(column) = column {
+                *angle += step[*column];
+            }
+        }
+        State { pose: state.pose * Isometry3::from_parts(Translation3::from(rho), UnitQuaternion::new(phi)), q }
+    }
+
+    /// Robust cost of a state.
+    pub fn cost(&self, state: &State, evidence: Evidence) -> f64 {
+        let mut sink = Cost(0.0);
+        self.residuals(state, evidence, &mut sink);
+        if sink.0.is_nan() { f64::INFINITY } else { sink.0 }
+    }
+
+    /// Gauss-Newton matrix and gradient of the cost.
+    pub fn linearise(&self, state: &State, evidence: Evidence) -> (DMatrix<f64>, DVector<f64>) {
+        let n = self.columns;
+        let held = match evidence {
+            Evidence::Joints => 0..6,
+            Evidence::Translation => 3..6,
+            Evidence::Soft | Evidence::All => 0..0,
+        };
+        let mut sink = Normal { hessian: DMatrix::zeros(n, n), gradient: DVector::zeros(n), row: vec![0.0; n], held: held.clone() };
+        self.residuals(state, evidence, &mut sink);
+        for k in held {
+            sink.hessian[(k, k)] = 1.0;
+        }
+        (sink.hessian, sink.gradient)
+    }
+
+    /// Root mean square distance of the felt points to the surface, m.
+    pub fn point_rms(&self, state: &State) -> f64 {
+        let kinematics = Kinematics::new(self.hand, &state.q);
+        let (mut sum, mut count) = (0.0, 0usize);
+        for patch in &self.patches {
+            let object_from_link = state.pose.inverse() * kinematics.pose(patch.link);
+            for point in &patch.points {
+                sum += self.shape.signed_distance(&(object_from_link * point)).0.powi(2);
+                count += 1;
+            }
+        }
+        (sum / count.max(1) as f64).sqrt()
+    }
+
+    fn residuals(&self, state: &State, evidence: Evidence, sink: &mut dyn Sink) {
+        let kinematics = Kinematics::new(self.hand, &state.q);
+        self.joint_residuals(state, &kinematics, sink);
+        if evidence != Evidence::Joints {
+            self.prior_residuals(state, sink);
+            self.contact_residuals(state, &kinematics, evidence, sink);
+            self.clear_residuals(state, &kinematics, sink);
+        }
+    }
+
+    fn joint_residuals(&self, state: &State, kinematics: &Kinematics, sink: &mut dyn Sink) {
+        let (options, column) = (self.options, &self.column);
+        for &cable in &self.cables {
+            let (residual, derivative) = excursion_residual(self.hand, cable, &state.q, self.posture.excursions[cable]);
+            let scale = 1.0 / options.sigma_excursion;
+            sink.add(residual * scale, None, &|row| {
+                for (joint, arm) in derivative {
+                    if let Some(&Some(column)) = column.get(joint) {
+                        row[column] += arm * scale;
+                    }
+                }
+            });
+            for (joint, residual, slope) in spring_residuals(self.hand, cable, &state.q, self.posture.tensions[cable]) {
+                let (torque, outer) = self.contact_torque(kinematics, joint);
+                let scale = 1.0 / self.torque_sigma[joint];
+                sink.add((residual - torque) * scale, Some(options.huber), &|row| {
+                    for (joint, value) in outer.iter().map(|(joint, value)| (*joint, -value)).chain([(joint, slope)]) {
+                        if let Some(column) = column[joint] {
+                            row[column] += value * scale;
+                        }
+                    }
+                });
+                let limits = &self.hand.tree.joints[joint];
+                let beyond = state.q[joint] - state.q[joint].clamp(limits.lower, limits.upper);
+                if let (true, Some(column)) = (beyond != 0.0, column[joint]) {
+                    sink.add(beyond / options.sigma_limit, None, &|row| row[column] = 1.0 / options.sigma_limit);
+                }
+            }
+        }
+    }
+
+    fn prior_residuals(&self, state: &State, sink: &mut dyn Sink) {
+        let deviation = self.prior.palm_from_object.inverse() * state.pose;
+        let turn = deviation.rotation.scaled_axis();
+        let rotation = deviation.rotation.to_rotation_matrix();
+        // d log(R exp phi) = (1 + [log R]/2 + ...) phi.
+        let jacobian = Matrix3::identity() + 0.5 * turn.cross_matrix();
+        for axis in 0..3 {
+            let scale = 1.0 / self.prior.sigma_translation;
+            sink.add(deviation.translation.vector[axis] * scale, None, &|row| {
+                (0..3).for_each(|k| row[k] = rotation[(axis, k)] * scale);
+            });
+            let scale = 1.0 / self.prior.sigma_rotation;
+            sink.add(turn[axis] * scale, None, &|row| (0..3).for_each(|k| row[3 + k] = jacobian[(axis, k)] * scale));
+        }
+    }
+
+    /// Writes `gradient` of a residual by a point `p` (object frame) that a link carries, times `scale`, into a row.
+    fn point_row(&self, state: &State, kinematics: &Kinematics, link: Option<usize>, p: &Point3<f64>, gradient: &Vector3<f64>, scale: f64, row: &mut [f64]) {
+        // p <- p - rho - phi x p, and g . (phi x p) = phi . (p x g).
+        let turning = p.coords.cross(gradient);
+        for k in 0..3 {
+            row[k] -= gradient[k] * scale;
+            row[3 + k] -= turning[k] * scale;
+        }
+        let (palm_point, palm_gradient) = ((state.pose * p).coords, state.pose * gradient);
+        for &joint in kinematics.chain(link) {
+            if let Some(column) = self.column[joint] {
+                row[column] += kinematics.axes[joint].cross(&(palm_point - kinematics.origin(joint))).dot(&palm_gradient) * scale;
+            }
+        }
+    }
+
+    fn contact_residuals(&self, state: &State, kinematics: &Kinematics, evidence: Evidence, sink: &mut dyn Sink) {
+        let soft = evidence == Evidence::Soft;
+        let (point_soft, normal_soft) = if soft { (1.0 / 8.0, 1.0 / 2.0) } else { (1.0, 1.0) };
+        let huber = (!soft).then_some(self.options.huber);
+        let object_from_palm = state.pose.inverse();
+        for patch in &self.patches {
+            let object_from_link = object_from_palm * kinematics.pose(patch.link);
+            let scale = (INDEPENDENT_POINTS / patch.points.len() as f64).min(1.0).sqrt() * point_soft / self.options.sigma_point;
+            for point in &patch.points {
+                let p = object_from_link * point;
+                let (distance, gradient) = self.shape.signed_distance(&p);
+                sink.add(distance * scale, huber, &|row| {
+                    self.point_row(state, kinematics, patch.link, &p, &gradient, scale, row);
+                });
+            }
+            let scale = (INDEPENDENT_NORMALS / patch.normals.len() as f64).min(1.0).sqrt() * normal_soft / self.options.sigma_normal;
+            for (point, normal) in &patch.normals {
+                let (p, n) = (object_from_link * point, object_from_link * normal);
+                let gradient = self.shape.signed_distance(&p).1;
+                let curvature = if sink.wants_rows() { self.curvature(&p, &gradient) } else { Matrix3::zeros() };
+                let palm_normal = state.pose * n;
+                for axis in 0..3 {
+                    sink.add((n[axis] - gradient[axis]) * scale, huber, &|row| {
+                        let bend = -curvature.row(axis).transpose();
+                        self.point_row(state, kinematics, patch.link, &p, &bend, scale, row);
+                        // n <- n - phi x n; component `axis` of phi x n is phi . (n x e). Taken at the shape's normal, so that
+                        // noise in n does not pose as knowledge of the rotation of a ball.
+                        let turning = gradient.cross(&Vector3::ith(axis, 1.0));
+                        (0..3).for_each(|k| row[3 + k] -= turning[k] * scale);
+                        let palm_axis = state.pose * Vector3::ith(axis, 1.0);
+                        for &joint in kinematics.chain(patch.link) {
+                            if let Some(column) = self.column[joint] {
+                                row[column] += kinematics.axes[joint].cross(&palm_normal).dot(&palm_axis) * scale;
+                            }
+                        }
+                    });
+                }
+            }
+        }
+    }
+
+    /// Derivative of the shape's normal by the point, 1/m.
+    fn curvature(&self, p: &Point3<f64>, gradient: &Vector3<f64>) -> Matrix3<f64> {
+        Matrix3::from_columns(&[0, 1, 2].map(|axis| {
+            let beside = p + Vector3::ith(axis, CURVATURE_STEP);
+            (self.shape.signed_distance(&beside).1 - gradient) / CURVATURE_STEP
+        }))
+    }
+
+    fn clear_residuals(&self, state: &State, kinematics: &Kinematics, sink: &mut dyn Sink) {
+        let object_from_palm = state.pose.inverse();
+        let scale = 1.0 / self.options.sigma_clear;
+        for (link, points) in &self.clear {
+            let object_from_link = object_from_palm * kinematics.pose(*link);
+            for point in points {
+                let p = object_from_link * point;
+                let (distance, gradient) = self.shape.signed_distance(&p);
+                if distance < 0.0 {
+                    sink.add(distance * scale, Some(self.options.huber), &|row| {
+                        self.point_row(state, kinematics, *link, &p, &gradient, scale, row);
+                    });
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,172 @@
+//! From rendered tactile images to heights, with a tiny Lambertian renderer of near lamps behind the gel.
+
+use std::sync::Arc;
+use std::time::Instant;
+
+use hand_model::Hand;
+use hand_model::robot::TactileImage;
+use nalgebra::Vector3;
+use touch::{Calibration, CalibrationPress, IMAGE_SIZE as N, PIXELS, TouchPipeline};
+
+struct Noise(u64);
+
+impl Noise {
+    /// Uniform in [0, 1).
+    fn uniform(&mut self) -> f64 {
+        self.0 = self.0.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
+        (self.0 >> 11) as f64 / (1u64 << 53) as f64
+    }
+    /// About normal, sd 1.
+    fn normal(&mut self) -> f64 {
+        (0..12).map(|_| self.uniform()).sum::<f64>() - 6.0
+    }
+}
+
+/// Indentation (m) by a ball of radius `r` pressed `depth` deep at (x, y), the gel smoothing its rim.
+fn ball(hand: &Hand, camera: usize, r: f64, x: f64, y: f64, depth: f64) -> Vec<f32> {
+    let view = &hand.cameras[camera];
+    let pad = &hand.pads[view.pad];
+    let mut h: Vec<f32> = (0..PIXELS)
+        .map(|i| {
+            let (px, py) = view.pixel_center(i % N, i / N);
+            let d2 = (px - x).powi(2) + (py - y).powi(2);
+            if d2 < r * r { (pad.surface_height(px, py) - (r - depth - (r * r - d2).sqrt())).max(0.0) as f32 } else { 0.0 }
+        })
+        .collect();
+    for _ in 0..2 {
+        for (step, along) in [(1, 0), (N, 1)] {
+            let from = h.clone();
+            for i in 0..PIXELS {
+                let k = if along == 0 { i % N } else { i / N };
+                if (2..N - 2).contains(&k) {
+                    h[i] = (from[i - 2 * step] + from[i - step] + from[i] + from[i + step] + from[i + 2 * step]) / 5.0;
+                }
+            }
+        }
+    }
+    h.iter_mut().for_each(|h| *h = if *h < 2e-6 { 0.0 } else { *h });
+    h
+}
+
+/// What the camera sees: six lamps (two a colour) around the view 9 mm behind the surface, gamma, noise of 1.5 counts.
+fn render(hand: &Hand, camera: usize, h: &[f32], noise: &mut Noise) -> Arc<TactileImage> {
+    let view = &hand.cameras[camera];
+    let pad = &hand.pads[view.pad];
+    let (dx, dy) = view.pixel_size();
+    let surface: Vec<f64> = (0..PIXELS)
+        .map(|i| {
+            let (x, y) = view.pixel_center(i % N, i / N);
+            pad.surface_height(x, y) - f64::from(h[i])
+        })
+        .collect();
+    let lamps: Vec<(usize, Vector3<f64>)> = (0..6)
+        .map(|k| {
+            let angle = (k as f64 * 60.0 + 20.0).to_radians();
+            let at = Vector3::new((0.5 * view.w + 0.004) * angle.cos(), view.center_y + (0.5 * view.h + 0.004) * angle.sin(), -0.009);
+            ((k / 2) % 3, at)
+        })
+        .collect();
+    let mut rgb = vec![0u8; 3 * PIXELS];
+    for row in 0..N {
+        for column in 0..N {
+            let i = row * N + column;
+            let (left, right) = (column.saturating_sub(1), (column + 1).min(N - 1));
+            let (up, down) = (row.saturating_sub(1), (row + 1).min(N - 1));
+            let zx = (surface[row * N + right] - surface[row * N + left]) / ((right - left) as f64 * dx);
+            let zy = (surface[up * N + column] - surface[down * N + column]) / ((down - up) as f64 * dy);
+            let normal = Vector3::new(zx, zy, -1.0).normalize();
+            let (x, y) = view.pixel_center(column, row);
+            let point = Vector3::new(x, y, surface[i]);
+            let mut light = [0.04f64; 3];
+            for (channel, lamp) in &lamps {
+                let d = lamp - point;
+                light[*channel] += 0.55 * (normal.dot(&d) / d.norm()).max(0.0) * (0.014 / d.norm()).powi(2);
+                // Colours leak into each other.
+                light[(channel + 1) % 3] += 0.08 * (normal.dot(&d) / d.norm()).max(0.0) * (0.014 / d.norm()).powi(2);
+            }
+            for channel in 0..3 {
+                rgb[3 * i + channel] = (255.0 * light[channel].powf(0.7) + 1.5 * noise.normal()).round().clamp(0.0, 255.0) as u8;
+            }
+        }
+    }
+    Arc::new(TactileImage { rgb })
+}
+
+fn press(hand: &Hand, camera: usize, r: f64, noise: &mut Noise, background: &Arc<TactileImage>) -> CalibrationPress {
+    let view = &hand.cameras[camera];
+    let x = (noise.uniform() - 0.5) * 0.6 * view.w;
+    let y = view.center_y + (noise.uniform() - 0.5) * 0.7 * view.h;
+    let indentation = ball(hand, camera, r, x, y, 0.0004 + 0.0008 * noise.uniform());
+    CalibrationPress { camera, image: render(hand, camera, &indentation, noise), background: background.clone(), indentation }
+}
+
+#[test]
+fn calibrates_perceives_and_is_quick() {
+    let hand = Hand::ftac();
+    let mut noise = Noise(7);
+    let level = vec![0.0; PIXELS];
+    let backgrounds: Vec<_> = (0..hand.cameras.len()).map(|camera| render(&hand, camera, &level, &mut noise)).collect();
+    let pads = ["index_distal", "index_middle", "index_proximal", "thumb_metacarpal", "palm_radial", "palm_ulnar"];
+    let cameras: Vec<usize> = pads.iter().map(|name| hand.pads[hand.pad(name).expect(name)].cameras[0]).collect();
+    let mut presses = Vec::new();
+    for &camera in &cameras {
+        for k in 0..24 {
+            presses.push(press(&hand, camera, [0.004, 0.008][k % 2], &mut noise, &backgrounds[camera]));
+        }
+    }
+    let start = Instant::now();
+    let calibration = Calibration::fit(&hand, &presses).expect("a fit");
+    println!("fit of {} presses: {:.2} s", presses.len(), start.elapsed().as_secs_f64());
+    let mut worst: f64 = 0.0;
+    for (name, &camera) in pads.iter().zip(&cameras) {
+        let held_out: Vec<_> = (0..4).map(|_| press(&hand, camera, 0.006, &mut noise, &backgrounds[camera])).collect();
+        let error = calibration.evaluate(&hand, &held_out).expect("errors");
+        println!("{name}: held-out angular error mean {:.2} median {:.2} p95 {:.2} deg", error.mean, error.median, error.p95);
+        worst = worst.max(error.mean);
+    }
+    assert!(worst < 4.0, "{worst} deg");
+
+    let file = std::env::temp_dir().join(format!("touch-calibration-{}.json", std::process::id()));
+    calibration.write(&file).expect("written");
+    assert_eq!(Calibration::read(&file).expect("read"), calibration);
+    std::fs::remove_file(&file).expect("removed");
+
+    // Presses of known depth on six pads: heights, force, and the time it takes.
+    let pipeline = TouchPipeline::new(&hand, calibration, backgrounds.clone()).expect("a pipeline");
+    let mut images: Vec<_> = (0..hand.cameras.len()).map(|camera| render(&hand, camera, &level, &mut noise)).collect();
+    let mut fine = true;
+    let mut truths = Vec::new();
+    for &camera in &cameras {
+        let truth = ball(&hand, camera, 0.007, 0.001, hand.cameras[camera].center_y - 0.003, 0.0009);
+        images[camera] = render(&hand, camera, &truth, &mut noise);
+        truths.push(truth);
+    }
+    let touches = pipeline.perceive(&images).expect("touches");
+    assert_eq!(touches.iter().filter(|touch| touch.touched()).count(), pads.len(), "noise must not count as touch");
+    for ((name, &camera), truth) in pads.iter().zip(&cameras).zip(&truths) {
+        let view = &hand.cameras[camera];
+        let touch = &touches[view.pad];
+        assert_eq!(touch.patches.len(), 1, "{name}");
+        let (dx, dy) = view.pixel_size();
+        let force = hand.gel().stiffness * truth.iter().map(|h| f64::from(*h)).sum::<f64>() * dx * dy;
+        let peak = truth.iter().fold(0.0f32, |a, &b| a.max(b));
+        let inside: Vec<usize> = (0..PIXELS).filter(|&i| truth[i] > 0.5 * peak).collect();
+        let rms = (inside.iter().map(|&i| f64::from(truth[i] - touch.heights[0].height[i]).powi(2)).sum::<f64>() / inside.len() as f64).sqrt();
+        let centroid = touch.patches[0].centroid;
+        let off = (centroid.x - 0.001).hypot(centroid.y - view.center_y + 0.003);
+        println!("{name}: height rms {:.0} um, force {:.2} of {force:.2} N, centroid off {:.0} um", rms * 1e6, touch.force, off * 1e6);
+        fine &= rms < 1.2e-4 && (touch.force / force - 1.0).abs() < 0.25 && off < 5e-4;
+    }
+    assert!(fine, "see the figures above");
+    let again = pipeline.perceive(&images).expect("touches");
+    assert!(again.iter().zip(&touches).all(|(a, b)| a.patches == b.patches), "deterministic");
+    let mut times: Vec<f64> = (0..20)
+        .map(|_| {
+            let start = Instant::now();
+            std::hint::black_box(pipeline.perceive(&images).expect("touches"));
+            start.elapsed().as_secs_f64() * 1e3
+        })
+        .collect();
+    times.sort_by(f64::total_cmp);
+    println!("perceive, 6 of 18 cameras touched: p50 {:.2} ms, worst {:.2} ms", times[10], times[19]);
+}
