@@ -248,7 +248,12 @@ mod tests {
     #[test]
     fn ordered_and_without_overlap() {
         for pair in REGISTERS.windows(2) {
-            assert!(pair[0].address + u16::from(pair[0].size) <= pair[1].address, "{} and {}", pair[0].name, pair[1].name);
+            assert!(
+                pair[0].address + u16::from(pair[0].size) <= pair[1].address,
+                "{} and {}",
+                pair[0].name,
+                pair[1].name
+            );
         }
     }
 
@@ -256,7 +261,8 @@ mod tests {
     fn defaults_and_ranges_fit() {
         for register in REGISTERS {
             let bits = 8 * u32::from(register.size);
-            let (low, high) = if register.signed() { (-(1_i64 << (bits - 1)), (1 << (bits - 1)) - 1) } else { (0, (1 << bits) - 1) };
+            let (low, high) =
+                if register.signed() { (-(1_i64 << (bits - 1)), (1 << (bits - 1)) - 1) } else { (0, (1 << bits) - 1) };
             assert!(low <= register.range.0 && register.range.1 <= high, "{}", register.name);
             if let Some(default) = register.default {
                 assert!((register.range.0..=register.range.1).contains(&default), "{}", register.name);
@@ -310,7 +316,10 @@ mod tests {
         assert_eq!(error.to_string(), "Goal Current: found 1.2, expected -0.91 to 0.91");
         assert!(GOAL_POSITION.write(f64::NAN).is_err());
         assert_eq!(PRESENT_POSITION.write(0.0), Err(RegisterError::ReadOnly("Present Position")));
-        assert_eq!(GOAL_CURRENT.read(&[1]), Err(RegisterError::Length { register: "Goal Current", found: 1, expected: 2 }));
+        assert_eq!(
+            GOAL_CURRENT.read(&[1]),
+            Err(RegisterError::Length { register: "Goal Current", found: 1, expected: 2 })
+        );
     }
 
     proptest! {

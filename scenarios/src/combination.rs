@@ -111,6 +111,9 @@ pub struct Protocol {
     pub time_limit: f64,
 }
 
+/// The text of the built-in benchmark, which is also its documentation.
+pub const BENCHMARK: &str = include_str!("../data/benchmark.toml");
+
 /// A benchmark: objects, layout, noise, protocol, rules.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -150,7 +153,7 @@ impl Scenario {
     /// # Panics
     /// Never in a tested build: the file is compiled in and a test reads it.
     pub fn benchmark() -> Self {
-        Self::parse(include_str!("../data/benchmark.toml"), Path::new("benchmark.toml"))
+        Self::parse(BENCHMARK, Path::new("benchmark.toml"))
             .expect("the built-in scenario is valid")
     }
 
@@ -204,6 +207,12 @@ impl Scenario {
             });
         }
         Ok(())
+    }
+
+    /// Names of all objects, first and second, each once, in alphabetical order.
+    pub fn objects(&self) -> Vec<String> {
+        let names: std::collections::BTreeSet<&String> = self.first.iter().chain(&self.second).collect();
+        names.into_iter().cloned().collect()
     }
 
     /// How many different combinations there are.

@@ -225,6 +225,12 @@ impl SimulatedRobot {
         poses[ARM_JOINTS - 1] * self.last_from_palm
     }
 
+    /// Whether, in the last tick, object `index` touched another object or one of the links in `links` (bits as in
+    /// [`Truth::touched_by`]): the quick part of [`SimulatedRobot::truth`].
+    pub fn touches(&self, index: usize, links: u32) -> bool {
+        self.touched_by[index] & links != 0 || self.object_pairs.iter().any(|pair| pair.0 == index || pair.1 == index)
+    }
+
     /// Ground truth, for the referee and the recording only.
     pub fn truth(&self) -> Truth {
         let links = self.body.link_poses(&self.engine);

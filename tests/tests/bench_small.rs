@@ -63,7 +63,8 @@ fn jobs_change_nothing() {
 fn summary_is_complete() {
     let file = fs::read_to_string(reference().join("summary.json")).expect("summary.json");
     let summary: Value = serde_json::from_str(&file).expect("JSON");
-    let mut fields: Vec<String> = ["combos", "trials_per_combo", "seed", "robot", "real_time_factor", "wall_s"].map(String::from).into();
+    let mut fields: Vec<String> =
+        ["combos", "trials_per_combo", "seed", "robot", "real_time_factor", "wall_s"].map(String::from).into();
     for condition in ["ideal", "blind", "touch"] {
         for rate in ["collision_rate", "success_rate"] {
             fields.extend(["mean", "sd"].map(|moment| format!("conditions/{condition}/{rate}/{moment}")));
@@ -120,5 +121,11 @@ fn killed_and_resumed_is_as_if_nothing_had_happened() {
 
 /// Total size of the files in a folder, 0 if there is none yet.
 fn bytes_in(folder: &Path) -> u64 {
-    fs::read_dir(folder).into_iter().flatten().flatten().filter_map(|entry| entry.metadata().ok()).map(|metadata| metadata.len()).sum()
+    fs::read_dir(folder)
+        .into_iter()
+        .flatten()
+        .flatten()
+        .filter_map(|entry| entry.metadata().ok())
+        .map(|metadata| metadata.len())
+        .sum()
 }

@@ -22,7 +22,8 @@ impl Graph {
         let metadata: Value = serde_json::from_slice(&output.stdout).expect("cargo metadata is JSON");
         let list = |value: &Value| value.as_array().cloned().unwrap_or_default();
         let text = |value: &Value| value.as_str().unwrap_or_default().to_owned();
-        let names: BTreeMap<String, String> = list(&metadata["packages"]).iter().map(|p| (text(&p["id"]), text(&p["name"]))).collect();
+        let names: BTreeMap<String, String> =
+            list(&metadata["packages"]).iter().map(|p| (text(&p["id"]), text(&p["name"]))).collect();
         let members = list(&metadata["workspace_members"]).iter().map(|id| names[&text(id)].clone()).collect();
         let mut arrows: BTreeMap<String, BTreeSet<String>> = BTreeMap::new();
         for node in list(&metadata["resolve"]["nodes"]) {

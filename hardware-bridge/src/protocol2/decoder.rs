@@ -159,7 +159,10 @@ mod tests {
         };
         assert_eq!(changed(4, 0xFF), Some(Err(StreamError::Packet(PacketError::Id(0xFF)))));
         assert_eq!(changed(6, 0x80), Some(Err(StreamError::Packet(PacketError::Length(0x8008)))));
-        assert_eq!(changed(13, 0x8D), Some(Err(StreamError::Packet(PacketError::Crc { found: 0xC08D, expected: 0xC08C }))));
+        assert_eq!(
+            changed(13, 0x8D),
+            Some(Err(StreamError::Packet(PacketError::Crc { found: 0xC08D, expected: 0xC08C })))
+        );
     }
 
     /// A packet that arrives byte by byte is not mistaken for anything before it is whole.
@@ -176,7 +179,11 @@ mod tests {
     }
 
     fn packet() -> impl Strategy<Value = Packet> {
-        (0..=252_u8, any::<u8>(), bytes(40)).prop_map(|(id, instruction, parameters)| Packet { id, instruction, parameters })
+        (0..=252_u8, any::<u8>(), bytes(40)).prop_map(|(id, instruction, parameters)| Packet {
+            id,
+            instruction,
+            parameters,
+        })
     }
 
     proptest! {

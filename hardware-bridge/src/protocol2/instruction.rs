@@ -92,7 +92,11 @@ impl Instruction {
                 let mut parameters = words(&[*address, *length]);
                 for (id, bytes) in data {
                     if bytes.len() != usize::from(*length) {
-                        return Err(InstructionError::DataLength { id: *id, found: bytes.len(), expected: usize::from(*length) });
+                        return Err(InstructionError::DataLength {
+                            id: *id,
+                            found: bytes.len(),
+                            expected: usize::from(*length),
+                        });
                     }
                     parameters.push(*id);
                     parameters.extend_from_slice(bytes);
@@ -112,7 +116,9 @@ impl Instruction {
             (PING, []) => Ok(Self::Ping),
             (REBOOT, []) => Ok(Self::Reboot),
             (READ, [a, b, c, d]) => Ok(Self::Read { address: word(*a, *b), length: word(*c, *d) }),
-            (WRITE, [a, b, data @ ..]) if !data.is_empty() => Ok(Self::Write { address: word(*a, *b), data: data.to_vec() }),
+            (WRITE, [a, b, data @ ..]) if !data.is_empty() => {
+                Ok(Self::Write { address: word(*a, *b), data: data.to_vec() })
+            }
             (SYNC_READ, [a, b, c, d, ids @ ..]) => {
                 Ok(Self::SyncRead { address: word(*a, *b), length: word(*c, *d), ids: ids.to_vec() })
             }
@@ -150,7 +156,11 @@ mod tests {
             (Instruction::Ping, 1, "FF FF FD 00 01 03 00 01 19 4E"),
             (Instruction::Ping, BROADCAST, "FF FF FD 00 FE 03 00 01 31 42"),
             (Instruction::Read { address: 132, length: 4 }, 1, "FF FF FD 00 01 07 00 02 84 00 04 00 1D 15"),
-            (Instruction::Write { address: 116, data: position(512) }, 1, "FF FF FD 00 01 09 00 03 74 00 00 02 00 00 CA 89"),
+            (
+                Instruction::Write { address: 116, data: position(512) },
+                1,
+                "FF FF FD 00 01 09 00 03 74 00 00 02 00 00 CA 89",
+            ),
             (Instruction::Reboot, 1, "FF FF FD 00 01 03 00 08 2F 4E"),
             (
                 Instruction::SyncRead { address: 132, length: 4, ids: vec![1, 2] },
@@ -189,11 +199,13 @@ mod tests {
             Just(Instruction::Ping),
             Just(Instruction::Reboot),
             any::<(u16, u16)>().prop_map(|(address, length)| Instruction::Read { address, length }),
-            (any::<u16>(), any::<u8>(), bytes(30)).prop_map(|(address, first, rest)| Instruction::Write {
+            (any::<u16>(), any::<u8>(), bytes(30))
+                .prop_map(|(address, first, rest)| Instruction::Write { address, data: [vec![first], rest].concat() }),
+            (any::<u16>(), any::<u16>(), bytes(6)).prop_map(|(address, length, ids)| Instruction::SyncRead {
                 address,
-                data: [vec![first], rest].concat()
+                length,
+                ids
             }),
-            (any::<u16>(), any::<u16>(), bytes(6)).prop_map(|(address, length, ids)| Instruction::SyncRead { address, length, ids }),
             (any::<u16>(), prop::collection::vec((any::<u8>(), bytes(8)), 0..6)).prop_map(|(address, mut data)| {
                 let length = data.iter().map(|(_, bytes)| bytes.len()).max().unwrap_or(0);
                 data.iter_mut().for_each(|(_, bytes)| bytes.resize(length, 0xFF));

@@ -197,14 +197,17 @@ mod tests {
         let mut decoder = Decoder::default();
         decoder.push(&wire);
         let replies = sync_read_replies(&ids, 10, decoder.time_out());
-        assert_eq!(replies, [
-            Ok(answer(1, &[1; 10])),
-            Err(ReplyError::Missing(2)),
-            Ok(answer(3, &[3; 10])),
-            Err(ReplyError::Refused { id: 4, error: ServoError::Access }),
-            Err(ReplyError::Length { id: 5, found: 4, expected: 10 }),
-            Ok(answer(6, &[6; 10])),
-        ]);
+        assert_eq!(
+            replies,
+            [
+                Ok(answer(1, &[1; 10])),
+                Err(ReplyError::Missing(2)),
+                Ok(answer(3, &[3; 10])),
+                Err(ReplyError::Refused { id: 4, error: ServoError::Access }),
+                Err(ReplyError::Length { id: 5, found: 4, expected: 10 }),
+                Ok(answer(6, &[6; 10])),
+            ]
+        );
     }
 
     proptest! {

@@ -35,7 +35,10 @@ pub(crate) mod tests {
 
     /// Bytes in which the pattern and its neighbours are common.
     pub(crate) fn bytes(longest: usize) -> impl Strategy<Value = Vec<u8>> {
-        prop::collection::vec(prop_oneof![4 => Just(0xFF), 3 => Just(0xFD), 1 => Just(0), 2 => any::<u8>()], 0..=longest)
+        prop::collection::vec(
+            prop_oneof![4 => Just(0xFF), 3 => Just(0xFD), 1 => Just(0), 2 => any::<u8>()],
+            0..=longest,
+        )
     }
 
     #[test]

@@ -22,7 +22,7 @@ fn ball(x: f64, y: f64) -> Option<f64> {
 fn cuboid(x: f64, y: f64) -> Option<f64> {
     let (sin, cos) = 0.4f64.sin_cos();
     let (u, v) = (cos * x + sin * y, cos * y - sin * x);
-    (u.abs() < 0.004 && v.abs() < 0.007).then(|| 0.04 * u)
+    (u.abs() < 0.004 && v.abs() < 0.007).then_some(0.04 * u)
 }
 
 /// A rod across the pad.

@@ -142,9 +142,9 @@ impl SensorModel {
             let radiance = self.radiance(&point, [0.0; 2]);
             (0..3).for_each(|c| sum[c] += radiance[c]);
         }
-        for c in 0..3 {
-            let mean = sum[c] / (POINTS * POINTS) as f64;
-            self.gain[c] *= self.response[c].radiance(NOMINAL_GREY / 255.0) / mean;
+        for ((gain, sum), response) in self.gain.iter_mut().zip(sum).zip(&self.response) {
+            let mean = sum / (POINTS * POINTS) as f64;
+            *gain *= response.radiance(NOMINAL_GREY / 255.0) / mean;
         }
     }
 

@@ -64,15 +64,15 @@ impl Sensor {
         let ((x0, _), (dx, dy)) = (camera.pixel_center(0, 0), camera.pixel_size());
         for index in 0..IMAGE_SIZE {
             let y = camera.pixel_center(0, index).1;
-            let mut rest = [[0.0f32; IMAGE_SIZE]; 3];
-            for column in 0..IMAGE_SIZE {
+            let [mut rest, mut rest_x, mut rest_y] = [[0.0f32; IMAGE_SIZE]; 3];
+            for (column, rest) in rest.iter_mut().enumerate() {
                 let x = camera.pixel_center(column, index).0;
                 let height = |x, y| pad.surface_height(x, y);
                 let zx = (height(x + 0.5 * dx, y) - height(x - 0.5 * dx, y)) / dx;
                 let zy = (height(x, y + 0.5 * dy) - height(x, y - 0.5 * dy)) / dy;
                 let softer = (REST_SLOPE / zx.hypot(zy).max(REST_SLOPE)) as f32;
-                rest[0][column] = height(x, y) as f32 * softer;
-                (rest[1][column], rest[2][column]) = (zx as f32 * softer, zy as f32 * softer);
+                *rest = height(x, y) as f32 * softer;
+                (rest_x[column], rest_y[column]) = (zx as f32 * softer, zy as f32 * softer);
             }
             let mut grey = |z: &[f32], slopes| {
                 row.set(&model.camera, x0, dx, y, z, slopes);
@@ -81,7 +81,7 @@ impl Sensor {
                 (0..3 * IMAGE_SIZE).map(value).collect::<Vec<f32>>()
             };
             let zeros = [0.0; IMAGE_SIZE];
-            let curved = grey(&rest[0], [&rest[1], &rest[2]]);
+            let curved = grey(&rest, [&rest_x, &rest_y]);
             let flat = grey(&zeros, [&zeros, &zeros]);
             let line = &mut background_grey[3 * IMAGE_SIZE * index..3 * IMAGE_SIZE * (index + 1)];
             for ((background, curved), flat) in line.iter_mut().zip(curved).zip(flat) {

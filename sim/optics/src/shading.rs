@@ -144,7 +144,7 @@ fn power(base: f32, exponent: f32) -> f32 {
     let p = p * m - 1.231_530_3;
     let p = p * m + 2.598_845_2;
     let p = p * m - 3.324_199;
-    let p = p * m + 3.115_789_9;
+    let p = p * m + 3.115_79;
     let y = (exponent * (whole + p * (m - 1.0))).max(-100.0);
     let shifted = y + ROUND;
     let f = y - (shifted - ROUND);

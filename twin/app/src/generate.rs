@@ -57,28 +57,31 @@ fn stream(seed: u64, object: &str, role: Role, id: u32) -> ChaCha8Rng {
 }
 
 /// Generates the repertoire of `names` into `repertoire`.
-pub fn generate(world: &World, protocol: &Protocol, names: &[String], effort: Effort, seed: u64, repertoire: &mut Repertoire, quiet: bool) -> Result<()> {
+pub fn generate(world: &World, protocol: &Protocol, names: &[String], roles: &[Role], effort: Effort, seed: u64, repertoire: &mut Repertoire, quiet: bool) -> Result<()> {
     repertoire.version = VERSION;
     repertoire.seed = seed;
     let board = TactileBoard::blank();
-    let bar = if quiet { ProgressBar::hidden() } else { ProgressBar::new(2 * names.len() as u64) };
+    let bar = if quiet { ProgressBar::hidden() } else { ProgressBar::new((roles.len() * names.len()) as u64) };
     bar.set_style(ProgressStyle::with_template("{bar:30} {pos}/{len} {msg} [{elapsed} < {eta}]")?);
-    for name in names {
-        bar.set_message(format!("{name}: first"));
-        let firsts = find_first(world, protocol, name, effort, seed, &board)?;
-        repertoire.grasps.remove(name);
-        for grasp in firsts {
-            repertoire.insert(grasp);
+    for role in [Role::First, Role::Second] {
+        if !roles.contains(&role) {
+            continue;
         }
-        bar.inc(1);
-    }
-    let reference = reference_hold(world, protocol, names, repertoire, &board)?;
-    for name in names {
-        bar.set_message(format!("{name}: second"));
-        for grasp in find_second(world, protocol, name, effort, seed, &reference, &board)? {
-            repertoire.insert(grasp);
+        let reference = if role == Role::Second { reference_hold(world, names, repertoire)? } else { Vec::new() };
+        for name in names {
+            bar.set_message(format!("{name}: {role:?}"));
+            let found = match role {
+                Role::First => find_first(world, protocol, name, effort, seed, &board)?,
+                Role::Second => find_second(world, protocol, name, effort, seed, &reference, &board)?,
+            };
+            if let Some(list) = repertoire.grasps.get_mut(name) {
+                list.retain(|grasp| grasp.role != role);
+            }
+            for grasp in found {
+                repertoire.insert(grasp);
+            }
+            bar.inc(1);
         }
-        bar.inc(1);
     }
     bar.finish_and_clear();
     Ok(())
@@ -115,15 +118,15 @@ fn find_second(world: &World, protocol: &Protocol, name: &str, effort: Effort, s
     let object = world.object(name)?;
     let extent = extent(&object);
     let bystander = propose(&extent, Role::Second, 0, &mut stream(seed, name, Role::Second, 0));
-    // A hold of the reference object with this object standing by, for each aim error of the second grasp.
-    let mut holds: Vec<Snapshot> = Vec::new();
+    // A hold of the reference object with this object standing by.
+    let mut hold: Option<Snapshot> = None;
     for first in reference {
-        if let Some((snapshot, _)) = rehearse_first(world, protocol, first, &bystander, Vector3::zeros(), board)? {
-            holds.push(snapshot);
+        hold = rehearse_first(world, protocol, first, &bystander, Vector3::zeros(), board)?.map(|(snapshot, _)| snapshot);
+        if hold.is_some() {
             break;
         }
     }
-    let hold = holds.first().context("no reference hold could be made")?;
+    let hold = &hold.context("no reference hold could be made")?;
     let prove = |grasp: Grasp, aims: &[[f64; 2]]| -> Result<Option<Grasp>> {
         let mut held = 0;
         let mut proven = grasp.clone();
@@ -151,6 +154,8 @@ fn find_second(world: &World, protocol: &Protocol, name: &str, effort: Effort, s
     search(&extent, Role::Second, effort, effort.keep_second, seed, prove)
 }
 
+/// Rounds of variation around the most robust grasps.
+const CLIMBS: usize = 3;
 /// Grasps tried at once; the search stops between batches, so that its result does not depend on the number of threads.
 const BATCH: u32 = 16;
 
@@ -186,8 +191,20 @@ fn search(
     }
     let mut proven = run(spread(found, enough), &AIM_ERRORS)?;
     rank(&mut proven);
-    proven.truncate(keep);
-    Ok(proven)
+    // Climb: variations of the most robust ones, as long as robustness can grow.
+    for _ in 0..CLIMBS {
+        let parents: Vec<Grasp> = proven.iter().take(6).cloned().collect();
+        if parents.is_empty() || parents.iter().all(|grasp| grasp.score >= 1.0) {
+            break;
+        }
+        let batch = (id..id + BATCH)
+            .map(|id| vary(&parents[id as usize % parents.len()], id, &mut stream(seed, &extent.name, role, id)))
+            .collect();
+        proven.extend(run(batch, &AIM_ERRORS)?);
+        rank(&mut proven);
+        id += BATCH;
+    }
+    Ok(spread(proven, keep))
 }
 
 fn rank(grasps: &mut [Grasp]) {
@@ -211,8 +228,7 @@ fn spread(grasps: Vec<Grasp>, keep: usize) -> Vec<Grasp> {
 }
 
 /// The first grasps that hold the smallest graspable object: what occupies ring and little finger while second grasps are proven.
-fn reference_hold(world: &World, protocol: &Protocol, names: &[String], repertoire: &Repertoire, board: &TactileBoard) -> Result<Vec<Grasp>> {
-    let _ = (protocol, board);
+fn reference_hold(world: &World, names: &[String], repertoire: &Repertoire) -> Result<Vec<Grasp>> {
     let mut candidates: Vec<(f64, Vec<Grasp>)> = Vec::new();
     for name in names.iter().chain(repertoire.grasps.keys()) {
         let grasps: Vec<Grasp> = repertoire.of(name, Role::First).cloned().collect();

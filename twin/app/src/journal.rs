@@ -71,28 +71,30 @@ impl Journal {
         Ok(Self { file, done: BTreeMap::new() })
     }
 
-    /// Opens the journal of an interrupted run; a last line cut off by the interruption is dropped.
-    pub fn resume(folder: &Path) -> Result<(Self, RunRequest)> {
+    /// Reads a run's journal without changing it; a last line cut off by an interruption is left out.
+    pub fn read(folder: &Path) -> Result<(BTreeMap<Unit, Entry>, RunRequest)> {
         let run = folder.join("run.json");
-        let text = std::fs::read_to_string(&run).with_context(|| format!("--resume: {} holds no run (cannot read {})", folder.display(), run.display()))?;
+        let text = std::fs::read_to_string(&run).with_context(|| format!("{} holds no run (cannot read {})", folder.display(), run.display()))?;
         let request: RunRequest = serde_json::from_str(&text).with_context(|| run.display().to_string())?;
         let journal = path(folder);
-        let text = std::fs::read_to_string(&journal).with_context(|| format!("--resume: cannot read {}", journal.display()))?;
-        let mut done = BTreeMap::new();
-        let mut kept = String::new();
-        for line in text.split_inclusive('\n') {
-            match serde_json::from_str::<Entry>(line.trim_end()) {
-                Ok(entry) if line.ends_with('\n') => {
-                    done.insert(entry.unit, entry);
-                    kept += line;
-                }
-                _ => break,
-            }
-        }
+        let text = std::fs::read_to_string(&journal).with_context(|| format!("cannot read {}", journal.display()))?;
+        let whole = text.split_inclusive('\n').filter(|line| line.ends_with('\n'));
+        let done = whole.map_while(|line| serde_json::from_str::<Entry>(line).ok()).map(|entry| (entry.unit, entry)).collect();
+        Ok((done, request))
+    }
+
+    /// Opens the journal of an interrupted run to go on with it.
+    pub fn resume(folder: &Path) -> Result<(Self, RunRequest)> {
+        let (done, request) = Self::read(folder).context("--resume")?;
         let partial = folder.join("journal.partial");
-        std::fs::write(&partial, kept)?;
-        std::fs::rename(&partial, &journal)?;
-        let file = OpenOptions::new().append(true).open(&journal)?;
+        let mut text = String::new();
+        for entry in done.values() {
+            text += &serde_json::to_string(entry)?;
+            text.push('\n');
+        }
+        std::fs::write(&partial, text)?;
+        std::fs::rename(&partial, path(folder))?;
+        let file = OpenOptions::new().append(true).open(path(folder))?;
         Ok((Self { file, done }, request))
     }
 

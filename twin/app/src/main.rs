@@ -1,2 +1,35 @@
-//! The `ftac` program.
-fn main() {}
+//! `ftac`: the program people run. Commands, sessions, results, reports.
+//!
+//! Exit codes: 0 done and good, 1 ran but the result falls short (named on stderr), 2 bad usage or bad input.
+
+mod bench;
+mod calibrate;
+mod cli;
+mod commands;
+mod generate;
+mod journal;
+mod plan;
+mod recording;
+mod rehearsal;
+mod report;
+mod trial;
+mod world;
+
+use std::process::ExitCode;
+
+use clap::Parser;
+
+fn main() -> ExitCode {
+    let cli = cli::Cli::parse();
+    match commands::run(&cli) {
+        Ok(None) => ExitCode::SUCCESS,
+        Ok(Some(shortfall)) => {
+            eprintln!("ftac: falls short: {shortfall}");
+            ExitCode::from(1)
+        }
+        Err(error) => {
+            eprintln!("ftac: {error:#}");
+            ExitCode::from(2)
+        }
+    }
+}

@@ -86,29 +86,28 @@ pub fn rehearse_first(world: &World, protocol: &Protocol, first: &Grasp, second:
     Ok(outcome.held.then_some((snapshot, outcome)))
 }
 
-/// From a hold of the first object, plays the rest of the trial with `second`.
+/// From a hold of the first object, plays the rest of the trial with `second`. Returns whether there was a collision before
+/// the digits had closed, and the outcome; what cannot succeed any more is not played to the end.
 pub fn rehearse_second(snapshot: &Snapshot, second: &Grasp) -> Result<(bool, Outcome)> {
     let Snapshot { mut robot, mut executive } = snapshot.clone();
     executive.decide(second.clone())?;
     let mut collided = false;
     let holding = digit_bits(executive.first().0.role.digits());
-    drive(&mut robot, &mut executive, Phase::LiftSecond, |robot, executive| {
+    for phase in [Phase::GraspSecond, Phase::LiftSecond, Phase::Carry, Phase::Hold] {
+        drive(&mut robot, &mut executive, phase, |robot, executive| {
+            collided |= executive.phase() < Phase::LiftSecond && robot.touches(1, holding);
+        })?;
         let truth = robot.truth();
-        if executive.phase() < Phase::LiftSecond && (!truth.object_pairs.is_empty() || truth.touched_by[1] & holding != 0) {
-            collided = true;
+        let lost = match phase {
+            Phase::LiftSecond => truth.touched_by[1] == 0,
+            Phase::Carry | Phase::Hold => !in_hand(&truth, 1),
+            _ => false,
+        };
+        if collided || lost {
+            return Ok((collided, Outcome { held: false, ..outcome(&truth, &truth, 1) }));
         }
-    })?;
-    let mut result = (collided, outcome(&robot.truth(), &robot.truth(), 1));
-    if robot.truth().touched_by[1] == 0 {
-        result.1.held = false;
-        return Ok(result);
     }
-    drive(&mut robot, &mut executive, Phase::Hold, |_, _| {})?;
     let before = robot.truth();
-    if !in_hand(&before, 1) {
-        result.1.held = false;
-        return Ok(result);
-    }
     drive(&mut robot, &mut executive, Phase::Done, |_, _| {})?;
     let after = robot.truth();
     let mut outcome = outcome(&before, &after, 1);

@@ -78,6 +78,11 @@ impl World {
         Protocol { lift: p.lift_height, carry: p.carry_distance, hold: p.hold_time, limits: PathLimits::default() }
     }
 
+    /// The protocol of rehearsals: the trial's own with a shorter hold.
+    pub fn rehearsal_protocol(&self) -> Protocol {
+        Protocol { hold: 1.0, ..self.protocol() }
+    }
+
     /// An object by name.
     pub fn object(&self, name: &str) -> Result<Arc<ObjectModel>> {
         self.objects.get(name).cloned().ok_or_else(|| anyhow!("no object is called `{name}`; known are: {}", self.objects.names().join(", ")))

@@ -15,7 +15,8 @@
 
 use clarabel::algebra::CscMatrix;
 use clarabel::solver::{
-    DefaultSettingsBuilder, DefaultSolver, IPSolver, NonnegativeConeT, SecondOrderConeT, SolverStatus, SupportedConeT, ZeroConeT,
+    DefaultSettingsBuilder, DefaultSolver, IPSolver, NonnegativeConeT, SecondOrderConeT, SolverStatus, SupportedConeT,
+    ZeroConeT,
 };
 use nalgebra::{Point3, UnitVector3, Vector3, Vector6};
 
@@ -127,7 +128,12 @@ fn check(contacts: &[Contact], length_scale: f64, max_normal_force: f64) -> Resu
 ///
 /// Unknowns: per contact its normal force and, with friction, two tangential forces; last t. In the solver's form
 /// A x + s = b, s in cones: 6 rows of balance, the total normal force, then one cone per contact.
-fn resisted(contacts: &[Contact], center: &Point3<f64>, length_scale: f64, direction: usize) -> Result<f64, ForceClosureError> {
+fn resisted(
+    contacts: &[Contact],
+    center: &Point3<f64>,
+    length_scale: f64,
+    direction: usize,
+) -> Result<f64, ForceClosureError> {
     let unknowns: usize = 1 + contacts.iter().map(|c| if c.friction > 0.0 { 3 } else { 1 }).sum::<usize>();
     let t = unknowns - 1;
     let (mut rows, mut columns, mut values) = (Vec::new(), Vec::new(), Vec::new());
@@ -164,7 +170,7 @@ fn resisted(contacts: &[Contact], center: &Point3<f64>, length_scale: f64, direc
             column += 1;
         }
     }
-    put(direction / 2, t, if direction % 2 == 0 { -1.0 } else { 1.0 });
+    put(direction / 2, t, if direction.is_multiple_of(2) { -1.0 } else { 1.0 });
 
     let a = CscMatrix::new_from_triplets(row, unknowns, rows, columns, values);
     let mut b = vec![0.0; row];
@@ -172,9 +178,11 @@ fn resisted(contacts: &[Contact], center: &Point3<f64>, length_scale: f64, direc
     let mut cost = vec![0.0; unknowns];
     cost[t] = -1.0;
     let failed = |status: String| ForceClosureError::Solver { direction, status };
-    let settings = DefaultSettingsBuilder::default().verbose(false).build().map_err(|error| failed(error.to_string()))?;
+    let settings =
+        DefaultSettingsBuilder::default().verbose(false).build().map_err(|error| failed(error.to_string()))?;
     let no_quadratic_cost = CscMatrix::zeros((unknowns, unknowns));
-    let mut solver = DefaultSolver::new(&no_quadratic_cost, &cost, &a, &b, &cones, settings).map_err(|error| failed(error.to_string()))?;
+    let mut solver = DefaultSolver::new(&no_quadratic_cost, &cost, &a, &b, &cones, settings)
+        .map_err(|error| failed(error.to_string()))?;
     solver.solve();
     match solver.solution.status {
         SolverStatus::Solved | SolverStatus::AlmostSolved => {
@@ -209,11 +217,19 @@ mod tests {
     }
 
     fn triangle() -> Vec<Vector3<f64>> {
-        (0..3).map(|n| f64::from(n) * std::f64::consts::TAU / 3.0).map(|a| Vector3::new(a.cos(), a.sin(), 0.0)).collect()
+        (0..3)
+            .map(|n| f64::from(n) * std::f64::consts::TAU / 3.0)
+            .map(|a| Vector3::new(a.cos(), a.sin(), 0.0))
+            .collect()
     }
 
     fn tetrahedron() -> Vec<Vector3<f64>> {
-        vec![Vector3::new(1.0, 1.0, 1.0), Vector3::new(1.0, -1.0, -1.0), Vector3::new(-1.0, 1.0, -1.0), Vector3::new(-1.0, -1.0, 1.0)]
+        vec![
+            Vector3::new(1.0, 1.0, 1.0),
+            Vector3::new(1.0, -1.0, -1.0),
+            Vector3::new(-1.0, 1.0, -1.0),
+            Vector3::new(-1.0, -1.0, 1.0),
+        ]
     }
 
     fn margin(contacts: &[Contact], force: f64) -> f64 {
@@ -264,7 +280,8 @@ mod tests {
 
     #[test]
     fn grows_with_friction() {
-        let margins: Vec<f64> = [0.1, 0.3, 0.6, 1.0].iter().map(|mu| margin(&on_sphere(&tetrahedron(), 0.03, *mu), 10.0)).collect();
+        let margins: Vec<f64> =
+            [0.1, 0.3, 0.6, 1.0].iter().map(|mu| margin(&on_sphere(&tetrahedron(), 0.03, *mu), 10.0)).collect();
         assert!(margins.windows(2).all(|pair| pair[1] > pair[0]), "{margins:?}");
     }
 
@@ -277,7 +294,8 @@ mod tests {
     #[test]
     fn same_for_any_size_when_the_length_scales_along() {
         let at = |scale: f64| {
-            wrench_margin(&on_sphere(&triangle(), 0.03 * scale, 0.5), &Point3::origin(), 0.03 * scale, 10.0).expect("solved")
+            wrench_margin(&on_sphere(&triangle(), 0.03 * scale, 0.5), &Point3::origin(), 0.03 * scale, 10.0)
+                .expect("solved")
         };
         assert!((at(1.0) - at(7.0)).abs() < 1e-6);
     }

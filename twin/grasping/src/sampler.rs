@@ -52,14 +52,14 @@ pub fn propose(object: &ObjectExtent, role: Role, id: u32, rng: &mut impl Rng) -
             }
         }
         Role::Second => {
-            roll = deg * uniform(-15.0, 25.0);
-            pitch = deg * uniform(5.0, 50.0);
-            along = uniform(0.085, 0.130);
-            across = uniform(-0.045, 0.002);
-            gap = uniform(0.004, 0.034);
-            opposition = deg * uniform(55.0, 90.0);
+            roll = deg * uniform(-8.0, 30.0);
+            pitch = deg * uniform(13.0, 36.0);
+            along = uniform(0.086, 0.134);
+            across = uniform(-0.045, 0.0);
+            gap = uniform(0.002, 0.030);
+            opposition = deg * uniform(50.0, 90.0);
             raise = uniform(0.004, 0.025);
-            delay = uniform(-0.25, 0.25);
+            delay = uniform(-0.25, 0.18);
             let (fingers, thumb) = (uniform(14.0, 40.0), uniform(12.0, 36.0));
             let (before, before_thumb) = (uniform(1.5, 4.0), uniform(1.5, 4.0));
             for digit in [Digit::Index, Digit::Middle] {

@@ -198,7 +198,7 @@ fn describe(
     let inner_count = pixels.iter().filter(inner).count();
     let mut stride = ((inner_count as f64 / options.most_points.max(1) as f64).sqrt().ceil() as usize).max(1);
     let on_grid = |stride: usize| {
-        let mut chosen: Vec<usize> = pixels.iter().filter(inner).copied().filter(|i| (i % N) % stride == 0 && (i / N) % stride == 0).collect();
+        let mut chosen: Vec<usize> = pixels.iter().filter(inner).copied().filter(|i| (i % N).is_multiple_of(stride) && (i / N).is_multiple_of(stride)).collect();
         chosen.sort_unstable();
         chosen
     };

@@ -97,6 +97,7 @@ pub fn changed_region(image: &TactileImage, background: &TactileImage, options: 
 
 /// Relative colour change of every pixel of `region` (others 0), smoothed by a 3 x 3 binomial filter: change over background
 /// brightness, which takes the unevenness of the lamps out; the floor keeps dark corners from shouting.
+#[allow(clippy::needless_range_loop)] // three arrays share the index
 pub(crate) fn colour_change(image: &TactileImage, background: &TactileImage, region: Region) -> Vec<[f32; 3]> {
     const FLOOR: f32 = 40.0;
     let scale: [f32; 256] = std::array::from_fn(|before| 1.0 / (before as f32 + FLOOR));

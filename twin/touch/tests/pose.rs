@@ -277,36 +277,34 @@ fn follows_the_touch_not_the_plan() {
     assert!(to_truth < 3.0 && to_plan > 14.0, "{to_truth} {to_plan}");
 }
 
-/// One finger's touch leaves an ellipsoid free to tilt about the contact; that its ends press on no other pad is evidence.
+/// A long box lies flat on the palm and beyond the wrist; half-closed fingers in front of it feel nothing. The felt points let it
+/// slide along; the plan has it among the fingers, and only what they do not feel says that it is not.
 #[test]
 fn untouched_pads_matter() {
     let hand = Hand::ftac();
     let mut noise = Noise(5);
-    let case = &cases()[2];
-    let tensions = [0.0, 0.0, 9.0, 0.0, 0.0];
-    let q = close(&hand, &*case.shape, &case.truth, &tensions, 0.2);
-    let (mut with, mut without) = ([0.0; 2], [0.0; 2]);
-    let trials = 12;
+    let shape = Block(Vector3::new(0.015, 0.05, 0.012));
+    let truth = at(-0.022, -0.09, 0.004, [0.0; 3]);
+    let tensions = [0.0, 7.0, 7.0, 7.0, 7.0];
+    let q = close(&hand, &shape, &truth, &tensions, 0.2);
+    let (mut with, mut without, trials) = (0.0, 0.0, 12);
     for trial in 0..trials {
-        let (touches, servos) = feel(&hand, &*case.shape, &case.truth, &q, &tensions, &mut noise);
+        let (touches, servos) = feel(&hand, &shape, &truth, &q, &tensions, &mut noise);
         if trial == 0 {
-            println!("one finger: {}", describe(&hand, &touches));
+            println!("on the palm: {}", describe(&hand, &touches));
         }
-        let tilt = if trial % 2 == 0 { 0.6 } else { -0.6 };
         let plan = Isometry3::from_parts(
-            Translation3::from(case.truth.translation.vector + noise.vector(0.003)),
-            UnitQuaternion::new(Vector3::y() * tilt + noise.vector(0.05)) * case.truth.rotation,
+            Translation3::from(truth.translation.vector + Vector3::new(0.0, 0.03, -0.003) + noise.vector(0.003)),
+            UnitQuaternion::new(noise.vector(0.1)),
         );
-        for (use_clear, errors) in [(true, &mut with), (false, &mut without)] {
+        for (use_clear, sum) in [(true, &mut with), (false, &mut without)] {
             let options = PoseOptions { use_clear, ..PoseOptions::default() };
-            let found = estimate_pose(&hand, &touches, &servos, &PosePrior::weak(plan), &*case.shape, &options).expect("a pose");
-            let (mm, deg) = error(&found.palm_from_object, &case.truth);
-            errors[0] += mm / trials as f64;
-            errors[1] += deg / trials as f64;
+            let found = estimate_pose(&hand, &touches, &servos, &PosePrior::weak(plan), &shape, &options).expect("a pose");
+            *sum += error(&found.palm_from_object, &truth).0 / trials as f64;
         }
     }
-    println!("untouched pads used: {:.2} mm {:.1} deg, ignored: {:.2} mm {:.1} deg", with[0], with[1], without[0], without[1]);
-    assert!(with[0] < 0.85 * without[0] && with[1] < 0.85 * without[1]);
+    println!("untouched pads used: {with:.2} mm, ignored: {without:.2} mm");
+    assert!(with < 0.85 * without);
 }
 
 #[test]

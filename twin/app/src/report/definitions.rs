@@ -8,7 +8,8 @@ pub const SECTION: &str = "<h2 id=\"terms\">What the numbers mean</h2>
 Trials of one combination differ in the drawn execution and perception errors; the blind and the touch trial of the same number
 meet the same errors and share the first grasp.</dd>
 <dt>Ideal, blind, touch</dt>
-<dd><em>Ideal</em> is the plan carried out without any error. <em>Blind</em> carries out the same plan with errors, whatever
+<dd><em>Ideal</em> is the plan carried out without any error; as nothing varies then, one trial of each combination is
+enough. <em>Blind</em> carries out the same plan with errors, whatever
 the sensors say. <em>Touch</em> meets the same errors, estimates from the tactile images how the first object really sits in the
 hand, and changes the second grasp when the planned one would collide.</dd>
 <dt>Collision</dt>

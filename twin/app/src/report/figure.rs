@@ -24,6 +24,8 @@ const DOT_RADIUS: f64 = 2.2;
 const DOT_PITCH: f64 = 4.9;
 /// Dots beside each other before another row is opened.
 const DOTS_PER_ROW: usize = 13;
+/// Densities below this share of the highest are not drawn.
+const FAINT: f64 = 0.004;
 
 /// One condition's column.
 #[derive(Debug, Clone)]
@@ -149,15 +151,17 @@ fn column(svg: &mut String, x: f64, pitch: f64, group: &Group) {
         let (x, y) = (x + 3.0, height(mean));
         let _ = writeln!(
             svg,
-            "<path class=\"mean\" d=\"M{x:.1} {:.1}l4.5 4.5l-4.5 4.5l-4.5 -4.5z\"><title>mean {}</title></path>",
-            y - 4.5,
+            "<path class=\"mean\" d=\"M{x:.1} {:.1}l3.5 3.5l-3.5 3.5l-3.5 -3.5z\"><title>mean {}</title></path>",
+            y - 3.5,
             number(mean, 3)
         );
     }
     dots(svg, x - 11.0, &group.dots);
     svg.push_str("</g>\n");
     let n = group.dots.len();
-    let mean = group.mean_sd.map_or_else(|| "no data".to_string(), |(mean, sd)| format!("{} ± {}", number(mean, 3), number(sd, 3)));
+    let mean = group
+        .mean_sd
+        .map_or_else(|| "no data".to_string(), |(mean, sd)| format!("{} ± {}", number(mean, 3), number(sd, 3)));
     let _ = writeln!(
         svg,
         "<text text-anchor=\"middle\" x=\"{x:.1}\" y=\"{:.1}\">{}</text>\
@@ -172,14 +176,16 @@ fn column(svg: &mut String, x: f64, pitch: f64, group: &Group) {
 
 /// The density's shading, its foot on the vertical at `x`, its highest point `reach` to the right of it.
 fn shade(svg: &mut String, x: f64, reach: f64, density: &[(f64, f64)]) {
-    let inside: Vec<_> = density.iter().filter(|(v, d)| v.is_finite() && d.is_finite() && (0.0..=1.0).contains(v)).collect();
+    let inside: Vec<_> =
+        density.iter().filter(|(v, d)| v.is_finite() && d.is_finite() && (0.0..=1.0).contains(v)).collect();
     let highest = inside.iter().map(|(_, d)| *d).fold(0.0, f64::max);
-    let (Some(first), Some(last)) = (inside.first(), inside.last()) else { return };
     if highest <= 0.0 {
         return;
     }
+    let drawn: Vec<_> = inside.into_iter().filter(|(_, density)| *density > FAINT * highest).collect();
+    let (Some(first), Some(last)) = (drawn.first(), drawn.last()) else { return };
     let mut path = format!("M{x:.1} {:.1}", height(first.0));
-    for (value, density) in &inside {
+    for (value, density) in &drawn {
         let _ = write!(path, "L{:.1} {:.1}", x + reach * density / highest, height(*value));
     }
     let _ = writeln!(svg, "<path class=\"shade\" d=\"{path}L{x:.1} {:.1}Z\"/>", height(last.0));
@@ -250,7 +256,8 @@ mod tests {
     #[test]
     fn every_combination_is_a_dot_inside_the_drawing() {
         let spread: Vec<f64> = (0..60).map(|i| f64::from(i % 11) / 10.0).collect();
-        let svg = figure(vec![group("ideal", &[0.0; 60]), group("blind", &spread), group("touch", &[1.0; 60])]).standalone();
+        let svg =
+            figure(vec![group("ideal", &[0.0; 60]), group("blind", &spread), group("touch", &[1.0; 60])]).standalone();
         assert_eq!(svg.matches("<circle class=\"dot\"").count(), 180);
         for piece in svg.split("<circle ").skip(1) {
             let at = |name: &str| -> f64 {

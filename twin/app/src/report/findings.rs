@@ -3,7 +3,8 @@
 use std::collections::BTreeMap;
 
 use scenarios::statistics::{
-    CombinationRates, ConditionSummary, MeanSd, Summary, TTest, combination_rates, density, percentile, silverman_bandwidth,
+    CombinationRates, ConditionSummary, MeanSd, Summary, TTest, combination_rates, density, percentile,
+    silverman_bandwidth,
 };
 use scenarios::{Condition, TrialRecord};
 
@@ -84,7 +85,11 @@ fn figure(summary: &Summary, records: &[TrialRecord], rate: Rate, compared: (usi
     Figure {
         title: format!("{noun} of each object combination"),
         axis: noun.to_lowercase(),
-        description: format!("Box plots of the {} of each object combination. {}.", noun.to_lowercase(), columns.join("; ")),
+        description: format!(
+            "Box plots of the {} of each object combination. {}.",
+            noun.to_lowercase(),
+            columns.join("; ")
+        ),
         groups,
         bracket: outcome(test).map(|text| (compared.0, compared.1, text)),
     }

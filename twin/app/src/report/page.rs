@@ -60,19 +60,26 @@ fn verdict(summary: &Summary, records: &[TrialRecord]) -> String {
     let tested = |test: &TTest| outcome(test).unwrap_or_else(|| "too few combinations to test".to_string());
     let (collision, success) = (&summary.t_test.collision, &summary.t_test.success);
     let finding = match (shown(collision), shown(success)) {
-        (true, true) => "Both of the paper’s findings hold here: disturbances cause collisions, and touch makes up for them.",
-        (true, false) => "Of the paper’s two findings one holds here: disturbances cause collisions, but that touch makes up for them is not shown.",
-        (false, true) => "Of the paper’s two findings one holds here: touch raises success, but that disturbances cause collisions is not shown.",
+        (true, true) => {
+            "Both of the paper’s findings hold here: disturbances cause collisions, and touch raises success."
+        }
+        (true, false) => {
+            "Of the paper’s two findings one holds here: disturbances cause collisions, but that touch raises success is not shown."
+        }
+        (false, true) => {
+            "Of the paper’s two findings one holds here: touch raises success, but that disturbances cause collisions is not shown."
+        }
         (false, false) => "Neither of the paper’s two findings is shown by this run.",
     };
     let short = if shown(collision) && shown(success) { "" } else { " short" };
     format!(
         "<p class=\"verdict{short}\"><strong>{finding}</strong> Without errors the plan collided in {} of trials; with errors, \
-         blind, in {} ({}; the paper: 0.0 % and 46.5 %). With the same errors, {} of trials succeeded blind and {} with touch \
+         blind, in {} ({}; the paper: 0.0 % and 46.5 %), with touch in {}. With the same errors, {} of trials succeeded blind and {} with touch \
          ({}; the paper: 53.5 % and 100 %).</p>\n",
         percent(conditions.ideal.collision_rate.mean),
         percent(conditions.blind.collision_rate.mean),
         escape(&tested(collision)),
+        percent(conditions.touch.collision_rate.mean),
         percent(conditions.blind.success_rate.mean),
         percent(conditions.touch.success_rate.mean),
         escape(&tested(success)),
@@ -99,8 +106,9 @@ fn rates(summary: &Summary, records: &[TrialRecord]) -> String {
         paper::TRIALS
     );
     let mut table = Table::new(&caption, &columns);
-    let published =
-        |rate: Option<(f64, f64)>| rate.map_or("–".to_string(), |(mean, sd)| format!("{} ({})", number(mean, 3), number(sd, 3)));
+    let published = |rate: Option<(f64, f64)>| {
+        rate.map_or("–".to_string(), |(mean, sd)| format!("{} ({})", number(mean, 3), number(sd, 3)))
+    };
     for condition in Condition::ALL {
         let ours = of_condition(summary, condition);
         let theirs = paper::rates(condition);
@@ -161,16 +169,14 @@ fn tests(summary: &Summary) -> String {
 }
 
 fn figure_section(figures: [&Figure; 2], summary: &Summary) -> String {
-    let captions = [
-        ("collision.svg", "ideal with blind"),
-        ("success.svg", "blind with touch"),
-    ];
+    let captions = [("collision.svg", "ideal with blind"), ("success.svg", "blind with touch")];
     let mut html = "<h2 id=\"figures\">Figures</h2>\n<div class=\"figures\">\n".to_string();
     for (figure, (file, compared)) in figures.into_iter().zip(captions) {
         html += &format!(
             "<figure>\n{}<figcaption>{}: a dot is one of {} (its name shows under the pointer); the box spans the 25th to the \
              75th percentile, the thick line is the median, the diamond the mean, whiskers reach from minimum to maximum; the \
-             shading is a kernel density estimate. The bracket compares {compared} (paired, one-sided). Also as \
+             shading is a kernel density estimate, each scaled to the same width. Dots of equal rate that fill a row go \
+             on above and below it. The bracket compares {compared} (paired, one-sided). Also as \
              <a href=\"{file}\">{file}</a>.</figcaption>\n</figure>\n",
             figure.inline(),
             escape(&figure.title),

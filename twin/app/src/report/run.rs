@@ -11,7 +11,6 @@ const FIRST: [&str; 6] = ["command", "seed", "robot", "versions", "version", "wa
 pub fn section(run: &Value) -> String {
     let mut html = String::from("<h2 id=\"run\">How it was run</h2>\n");
     if let Some(command) = run.get("command").and_then(command_line) {
-        html += "<p>The same command with the same version gives the same trials:</p>\n";
         html += &format!("<pre><code>{}</code></pre>\n", escape(&command));
     }
     let mut rows = Vec::new();
@@ -29,7 +28,8 @@ pub fn section(run: &Value) -> String {
     }
     let (long, short): (Vec<_>, Vec<_>) = rows.into_iter().partition(|(_, text)| text.contains('\n'));
     if !short.is_empty() {
-        let mut table = Table::new("Settings and versions of the run", &[("what", Column::Words), ("value", Column::Words)]);
+        let mut table =
+            Table::new("Settings and versions of the run", &[("what", Column::Words), ("value", Column::Words)]);
         for (key, text) in &short {
             table.row(&[key, text]);
         }
@@ -60,7 +60,11 @@ fn command_line(value: &Value) -> Option<String> {
 /// A word as a shell needs it.
 fn quoted(word: &str) -> String {
     let safe = |c: char| c.is_ascii_alphanumeric() || "-_./=:,@%+".contains(c);
-    if !word.is_empty() && word.chars().all(safe) { word.to_string() } else { format!("'{}'", word.replace('\'', "'\\''")) }
+    if !word.is_empty() && word.chars().all(safe) {
+        word.to_string()
+    } else {
+        format!("'{}'", word.replace('\'', "'\\''"))
+    }
 }
 
 /// Turns nested objects into rows with dotted keys.
@@ -103,7 +107,13 @@ mod tests {
             "wall_s": 754.6, "command": ["ftac", "bench", "--out", "a b<c>"], "seed": 18446744073709551615_u64,
             "versions": {"ftac": "0.1.0", "rapier3d": "0.36.1"}, "scenario": "line <1>\nline 2", "note": null,
         }));
-        for part in ["ftac bench --out &#39;a b&lt;c&gt;&#39;", "18446744073709551615", "versions.rapier3d", "12 min 34 s", "line &lt;1&gt;\nline 2"] {
+        for part in [
+            "ftac bench --out &#39;a b&lt;c&gt;&#39;",
+            "18446744073709551615",
+            "versions.rapier3d",
+            "12 min 34 s",
+            "line &lt;1&gt;\nline 2",
+        ] {
             assert!(html.contains(part), "{part} is not in {html}");
         }
         assert!(!html.contains("note"));

@@ -38,8 +38,10 @@ table{border-collapse:collapse;font-size:.94rem;min-width:50%}
 caption{text-align:left;color:var(--soft);padding:0 0 6px;font-size:.9rem}
 th,td{text-align:left;padding:5px 14px 5px 6px;border-bottom:1px solid var(--line);vertical-align:top}
 th{font-weight:600}tbody th{font-weight:500}
-thead th{border-bottom:2px solid var(--soft);vertical-align:bottom}
 .number{text-align:right;font-variant-numeric:tabular-nums;white-space:nowrap}
+thead th{border-bottom:2px solid var(--soft);vertical-align:bottom;white-space:normal}
+a{color:inherit}
+details{margin:10px 0}summary{cursor:pointer}
 tbody tr:hover{background:var(--tint)}
 .figures{display:grid;grid-template-columns:repeat(auto-fit,minmax(min(100%,460px),1fr));gap:20px}
 figure{margin:0}figure svg{width:100%;height:auto;display:block}

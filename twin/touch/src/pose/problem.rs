@@ -264,6 +264,7 @@ impl<'a> Problem<'a> {
         }
     }
 
+    #[allow(clippy::too_many_arguments)]
     /// Writes `gradient` of a residual by a point `p` (object frame) that a link carries, times `scale`, into a row.
     fn point_row(&self, state: &State, kinematics: &Kinematics, link: Option<usize>, p: &Point3<f64>, gradient: &Vector3<f64>, scale: f64, row: &mut [f64]) {
         // p <- p - rho - phi x p, and g . (phi x p) = phi . (p x g).

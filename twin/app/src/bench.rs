@@ -1,0 +1,166 @@
+//! `ftac bench`: the multi-object benchmark, in parallel, journaled, resumable.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::sync::Mutex;
+use std::time::{Duration, Instant};
+
+use anyhow::{Context, Result, bail};
+use indicatif::{ProgressBar, ProgressStyle};
+use rayon::prelude::*;
+use scenarios::record::{Condition, TrialRecord, write_trials};
+use scenarios::statistics::{RunInfo, Summary, summarise};
+
+use crate::journal::{Entry, Journal, RunRequest, Unit};
+use crate::recording::Recording;
+use crate::report;
+use crate::trial::{Bench, NoWatcher};
+
+/// Conditions of a noisy trial.
+const NOISY: [Condition; 2] = [Condition::Blind, Condition::Touch];
+
+/// Which trials are recorded.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+pub enum Record {
+    /// None.
+    None,
+    /// The first trial of every tenth combination.
+    Sample,
+    /// Every trial.
+    All,
+}
+
+/// How to run.
+pub struct Options {
+    /// Threads.
+    pub jobs: usize,
+    /// Which trials are recorded.
+    pub record: Record,
+    /// No progress bar.
+    pub quiet: bool,
+    /// Stream to a viewer instead of files.
+    pub live: bool,
+}
+
+/// Units of a request, in order.
+fn units(request: &RunRequest) -> Vec<Unit> {
+    let (shard, of) = request.shard;
+    (0..request.combos)
+        .filter(|combination| combination % of == shard - 1)
+        .flat_map(|combination| std::iter::once(None).chain((0..request.trials).map(Some)).map(move |trial| Unit { combination, trial }))
+        .collect()
+}
+
+fn recorded(record: Record, unit: Unit) -> bool {
+    match record {
+        Record::None => false,
+        Record::Sample => unit.trial == Some(0) && unit.combination % 10 == 0,
+        Record::All => true,
+    }
+}
+
+fn run_unit(bench: &Bench, unit: Unit, folder: &Path, options: &Options) -> Result<Vec<TrialRecord>> {
+    let record = options.live || recorded(options.record, unit);
+    let trial = unit.trial.unwrap_or(0);
+    let condition = if unit.trial.is_some() { Condition::Touch } else { Condition::Ideal };
+    if !record {
+        return match unit.trial {
+            Some(trial) => bench.trial(unit.combination, trial, &NOISY, &mut NoWatcher),
+            None => Ok(vec![bench.ideal(unit.combination, &mut NoWatcher)?]),
+        };
+    }
+    let name = format!("combination_{:02}_{}.rrd", unit.combination, unit.trial.map_or("ideal".to_owned(), |trial| format!("trial_{trial}")));
+    let file = folder.join("recordings").join(&name);
+    let partial = file.with_extension("partial.rrd");
+    let mut targets = vec![stream::Target::File(partial.clone())];
+    if options.live {
+        targets.push(stream::Target::Spawn);
+    }
+    let mut recording = Recording::open(&targets, bench, unit.combination, trial, condition)?;
+    let records = match unit.trial {
+        Some(trial) => bench.trial(unit.combination, trial, &NOISY, &mut recording)?,
+        None => vec![bench.ideal(unit.combination, &mut recording)?],
+    };
+    recording.finish()?;
+    std::fs::rename(&partial, &file).with_context(|| file.display().to_string())?;
+    Ok(records)
+}
+
+/// Runs what is left of `request`; the journal keeps every finished unit.
+pub fn run(bench: &Bench, request: &RunRequest, journal: Journal, folder: &Path, options: &Options) -> Result<Summary> {
+    let begun = Instant::now();
+    let all = units(request);
+    std::fs::create_dir_all(folder.join("recordings")).with_context(|| folder.display().to_string())?;
+    let open: Vec<Unit> = all.iter().copied().filter(|unit| !journal.done.contains_key(unit)).collect();
+    let bar = if options.quiet { ProgressBar::hidden() } else { ProgressBar::new(all.len() as u64) };
+    bar.set_style(ProgressStyle::with_template("{bar:28} {pos}/{len} {msg} [{elapsed} < {eta}]")?);
+    bar.set_position((all.len() - open.len()) as u64);
+    bar.enable_steady_tick(Duration::from_secs(1));
+    let journal = Mutex::new(journal);
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(options.jobs.max(1)).build()?;
+    let outcome: Result<()> = pool.install(|| {
+        open.par_iter().try_for_each(|unit| {
+            let start = Instant::now();
+            let records = run_unit(bench, *unit, folder, options).with_context(|| format!("combination {}, trial {:?}", unit.combination, unit.trial))?;
+            let entry = Entry { unit: *unit, records, wall_s: start.elapsed().as_secs_f64() };
+            let mut journal = journal.lock().map_err(|_| anyhow::anyhow!("a worker panicked"))?;
+            journal.append(entry)?;
+            bar.inc(1);
+            bar.set_message(rates(&journal, begun, open.len()));
+            Ok(())
+        })
+    });
+    bar.finish_and_clear();
+    outcome?;
+    let journal = journal.into_inner().map_err(|_| anyhow::anyhow!("a worker panicked"))?;
+    // Over resumptions the work done counts, not the pauses.
+    let worked = journal.done.values().map(|entry| entry.wall_s).sum::<f64>() / options.jobs.max(1) as f64;
+    finish(&journal.done, request, folder, begun.elapsed().as_secs_f64().max(worked))
+}
+
+fn rates(journal: &Journal, begun: Instant, open: usize) -> String {
+    let records: Vec<&TrialRecord> = journal.done.values().flat_map(|entry| &entry.records).collect();
+    let share = |condition: Condition, pick: fn(&TrialRecord) -> bool| {
+        let of: Vec<_> = records.iter().filter(|record| record.condition == condition).collect();
+        let hits = of.iter().filter(|record| pick(record)).count();
+        if of.is_empty() { "  -".to_owned() } else { format!("{:3.0}%", 100.0 * hits as f64 / of.len() as f64) }
+    };
+    let _ = open;
+    let minutes = begun.elapsed().as_secs_f64() / 60.0;
+    let trials = records.iter().filter(|record| record.condition == Condition::Touch).count();
+    format!(
+        "{:.0} trials/min  collisions blind {} touch {}  success blind {} touch {}",
+        trials as f64 / minutes.max(1e-9),
+        share(Condition::Blind, |r| r.collision),
+        share(Condition::Touch, |r| r.collision),
+        share(Condition::Blind, |r| r.success),
+        share(Condition::Touch, |r| r.success)
+    )
+}
+
+/// Writes `trials.csv`, `summary.json` and `report.html`, each whole or not at all.
+pub fn finish(done: &BTreeMap<Unit, Entry>, request: &RunRequest, folder: &Path, wall_s: f64) -> Result<Summary> {
+    let records: Vec<TrialRecord> = done.values().flat_map(|entry| entry.records.iter().cloned()).collect();
+    if records.is_empty() {
+        bail!("{}: no trial is finished", folder.display());
+    }
+    let summary = summarise(&records, &RunInfo { seed: request.seed, robot: request.robot.clone(), wall_s });
+    write_whole(&folder.join("trials.csv"), |file| Ok(write_trials(&records, file)?))?;
+    write_whole(&folder.join("summary.json"), |file| Ok(serde_json::to_writer_pretty(file, &summary)?))?;
+    let run = serde_json::json!({
+        "command": std::env::args().collect::<Vec<_>>().join(" "),
+        "seed": request.seed,
+        "robot": request.robot,
+        "version": env!("CARGO_PKG_VERSION"),
+        "wall_s": summary.wall_s,
+    });
+    report::write_report(folder, &summary, &records, &run)?;
+    Ok(summary)
+}
+
+fn write_whole(path: &Path, write: impl FnOnce(&mut std::fs::File) -> Result<()>) -> Result<()> {
+    let partial: PathBuf = path.with_extension("partial");
+    let mut file = std::fs::File::create(&partial).with_context(|| partial.display().to_string())?;
+    write(&mut file)?;
+    std::fs::rename(&partial, path).with_context(|| path.display().to_string())
+}

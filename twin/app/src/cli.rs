@@ -1,0 +1,240 @@
+//! The command line.
+
+use std::path::PathBuf;
+
+use clap::{Args, Parser, Subcommand, ValueEnum};
+use scenarios::record::Condition;
+
+use crate::bench::Record;
+
+/// Digital twin of the F-TAC Hand on a Kinova Gen3 arm.
+#[derive(Debug, Parser)]
+#[command(name = "ftac", version, about, long_about = None)]
+pub struct Cli {
+    /// Print one JSON object on stdout; everything else goes to stderr.
+    #[arg(long, global = true)]
+    pub json: bool,
+    /// Seed of everything random.
+    #[arg(long, global = true, default_value_t = 1)]
+    pub seed: u64,
+    /// Say more.
+    #[arg(short, long, global = true)]
+    pub verbose: bool,
+    /// Say nothing but results; no progress bars.
+    #[arg(short, long, global = true)]
+    pub quiet: bool,
+    /// What to do.
+    #[command(subcommand)]
+    pub command: Command,
+}
+
+/// Commands.
+#[derive(Debug, Subcommand)]
+pub enum Command {
+    /// Run the multi-object benchmark under all conditions.
+    Bench(BenchArgs),
+    /// Run one trial and record it.
+    Trial(TrialArgs),
+    /// Open a recording or a result folder in the Rerun viewer.
+    View {
+        /// An .rrd file, or a folder with recordings.
+        path: PathBuf,
+    },
+    /// Build report.html, trials.csv and summary.json again from result folders; several shards become one.
+    Report {
+        /// Result folders.
+        #[arg(required = true)]
+        folders: Vec<PathBuf>,
+        /// Where the merged result goes (needed with several folders).
+        #[arg(long)]
+        out: Option<PathBuf>,
+    },
+    /// The hand itself.
+    #[command(subcommand)]
+    Hand(HandCommand),
+    /// Grasps: repertoires and plans.
+    #[command(subcommand)]
+    Grasps(GraspsCommand),
+    /// Touch: calibration of photometric stereo.
+    #[command(subcommand)]
+    Touch(TouchCommand),
+    /// Tactile images.
+    #[command(subcommand)]
+    Optics(OpticsCommand),
+}
+
+/// Which body runs the trials.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum Body {
+    /// The simulated robot.
+    Sim,
+    /// The real robot (not built yet).
+    Hardware,
+    /// The hardware bridge on emulated devices (not built yet).
+    Emulated,
+}
+
+/// Arguments of `bench`.
+#[derive(Debug, Args)]
+pub struct BenchArgs {
+    /// Object combinations.
+    #[arg(long, default_value_t = 60)]
+    pub combos: usize,
+    /// Trials of each combination.
+    #[arg(long, default_value_t = 10)]
+    pub trials: usize,
+    /// Body.
+    #[arg(long, value_enum, default_value_t = Body::Sim)]
+    pub robot: Body,
+    /// Configuration of the hardware bridge.
+    #[arg(long)]
+    pub config: Option<PathBuf>,
+    /// Scenario file; default: the built-in benchmark.
+    #[arg(long)]
+    pub scenario: Option<PathBuf>,
+    /// Threads; default: all cores.
+    #[arg(long)]
+    pub jobs: Option<usize>,
+    /// Run only shard i of n, as `i/n`.
+    #[arg(long, default_value = "1/1")]
+    pub shard: String,
+    /// Result folder; default: recordings/bench-<n>, the next free one.
+    #[arg(long)]
+    pub out: Option<PathBuf>,
+    /// Which trials are recorded.
+    #[arg(long, value_enum, default_value_t = Record::Sample)]
+    pub record: Record,
+    /// Stream every trial to a Rerun viewer as well (one thread).
+    #[arg(long)]
+    pub live: bool,
+    /// Go on with the interrupted run in this folder.
+    #[arg(long, conflicts_with_all = ["out", "shard", "scenario"])]
+    pub resume: Option<PathBuf>,
+}
+
+/// Arguments of `trial`.
+#[derive(Debug, Args)]
+pub struct TrialArgs {
+    /// Number of the combination, from 0.
+    pub combination: usize,
+    /// Number of the trial, from 0.
+    #[arg(long, default_value_t = 0)]
+    pub trial: usize,
+    /// Policy; `ideal` runs without noise.
+    #[arg(long, value_enum, default_value_t = Policy::Touch)]
+    pub policy: Policy,
+    /// Stream to a Rerun viewer.
+    #[arg(long)]
+    pub live: bool,
+    /// Recording file; default: recordings/combination_<n>_trial_<k>_<policy>.rrd.
+    #[arg(long)]
+    pub out: Option<PathBuf>,
+}
+
+/// What decides the second grasp.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum Policy {
+    /// Without noise, as planned.
+    Ideal,
+    /// As planned.
+    Blind,
+    /// Adapts to what is felt.
+    Touch,
+}
+
+impl Policy {
+    /// The condition it stands for.
+    pub fn condition(self) -> Condition {
+        match self {
+            Self::Ideal => Condition::Ideal,
+            Self::Blind => Condition::Blind,
+            Self::Touch => Condition::Touch,
+        }
+    }
+}
+
+/// `hand` commands.
+#[derive(Debug, Subcommand)]
+pub enum HandCommand {
+    /// Check the hand model's figures against the paper's, or a URDF against the model.
+    Check {
+        /// A URDF to read instead of the built-in hand; it must have the hand's joints.
+        #[arg(long)]
+        urdf: Option<PathBuf>,
+    },
+}
+
+/// A grasp's role on the command line.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum RoleArg {
+    /// Ring and little finger against the palm.
+    First,
+    /// Thumb, index and middle finger.
+    Second,
+}
+
+/// `grasps` commands.
+#[derive(Debug, Subcommand)]
+pub enum GraspsCommand {
+    /// Find grasps for the scenario's objects by closing and holding them in physics.
+    Generate {
+        /// Objects; default: all of the scenario.
+        #[arg(long)]
+        object: Vec<String>,
+        /// Only this role; the other's grasps stay as they are.
+        #[arg(long, value_enum)]
+        role: Option<RoleArg>,
+        /// Random proposals at most, for each object and role.
+        #[arg(long, default_value_t = 128)]
+        n: u32,
+        /// The repertoire file to write (an existing one is extended).
+        #[arg(long)]
+        out: PathBuf,
+    },
+    /// Draw combinations by the rule and rehearse them without noise.
+    Plan {
+        /// Combinations.
+        #[arg(long, default_value_t = 60)]
+        combos: usize,
+        /// Repertoire; default: the built-in one.
+        #[arg(long)]
+        repertoire: Option<PathBuf>,
+        /// The plan file to write.
+        #[arg(long)]
+        out: PathBuf,
+    },
+}
+
+/// `touch` commands.
+#[derive(Debug, Subcommand)]
+pub enum TouchCommand {
+    /// Fit photometric stereo to presses of balls on a simulated calibration unit; evaluate on another unit.
+    Train {
+        /// Presses of each camera.
+        #[arg(long, default_value_t = 24)]
+        presses: usize,
+        /// The calibration file to write.
+        #[arg(long)]
+        out: PathBuf,
+    },
+}
+
+/// `optics` commands.
+#[derive(Debug, Subcommand)]
+pub enum OpticsCommand {
+    /// Render what a pad sees when a mesh is pressed into it along its normal.
+    Render {
+        /// The mesh, OBJ, in metres.
+        #[arg(long)]
+        mesh: PathBuf,
+        /// Pad.
+        #[arg(long, default_value = "index_distal")]
+        pad: String,
+        /// Normal force, N.
+        #[arg(long, default_value_t = 2.0)]
+        force: f64,
+        /// The PNG to write.
+        #[arg(long)]
+        out: PathBuf,
+    },
+}

@@ -1,0 +1,326 @@
+//! What each command does. `Ok(Some(text))` means: ran, but the result falls short as the text says.
+
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, Result, bail};
+use grasping::Role;
+use hand_model::Hand;
+use scenarios::combination::Scenario;
+use scenarios::statistics::Summary;
+use sim::tactile::TactileBoard;
+use touch::{Calibration, TouchPipeline};
+
+use crate::bench::{self, Options};
+use crate::cli::{BenchArgs, Body, Cli, Command, GraspsCommand, HandCommand, OpticsCommand, RoleArg, TouchCommand, TrialArgs};
+use crate::generate::Effort;
+use crate::journal::{Journal, RunRequest};
+use crate::plan::{self, Plans};
+use crate::recording::Recording;
+use crate::trial::Bench;
+use crate::world::World;
+use crate::{calibrate, generate};
+
+/// The hand unit that runs the trials, and the one that photometric stereo was calibrated on.
+const HAND_UNIT: u64 = 7;
+const CALIBRATION_UNIT: u64 = 1;
+
+type Outcome = Result<Option<String>>;
+
+/// Runs a command.
+pub fn run(cli: &Cli) -> Outcome {
+    match &cli.command {
+        Command::Bench(args) => benchmark(cli, args),
+        Command::Trial(args) => trial(cli, args),
+        Command::View { path } => view(path),
+        Command::Report { folders, out } => report(cli, folders, out.as_deref()),
+        Command::Hand(HandCommand::Check { urdf }) => hand_check(cli, urdf.as_deref()),
+        Command::Grasps(GraspsCommand::Generate { object, role, n, out }) => grasps_generate(cli, object, *role, *n, out),
+        Command::Grasps(GraspsCommand::Plan { combos, repertoire, out }) => grasps_plan(cli, *combos, repertoire.as_deref(), out),
+        Command::Touch(TouchCommand::Train { presses, out }) => touch_train(cli, *presses, out),
+        Command::Optics(OpticsCommand::Render { mesh, pad, force, out }) => optics_render(mesh, pad, *force, out),
+    }
+}
+
+fn repertoire() -> Result<grasping::Repertoire> {
+    Ok(grasping::Repertoire::parse(include_str!("../data/repertoire.json"), Path::new("data/repertoire.json"))?)
+}
+
+fn make_bench(scenario: Scenario, combos: usize, seed: u64, quiet: bool) -> Result<Bench> {
+    let builtin = scenario.first == Scenario::benchmark().first && scenario.second == Scenario::benchmark().second && scenario.layout == Scenario::benchmark().layout;
+    let world = World::new(scenario)?;
+    let repertoire = repertoire()?;
+    let mut plans = Plans::parse(include_str!("../data/plans.json"), Path::new("data/plans.json"))?;
+    if !builtin || combos > plans.plans.len() {
+        eprintln!("this scenario's combinations are not the built-in ones: rehearsing them first");
+        plans = plan::make_plans(&world, &repertoire, combos, seed, quiet)?;
+    }
+    plans.plans.truncate(combos);
+    let board = TactileBoard::unit(&world.hand, HAND_UNIT);
+    let calibration: Calibration = serde_json::from_str(include_str!("../data/calibration.json")).context("data/calibration.json")?;
+    let pipeline = TouchPipeline::new(&world.hand, calibration, board.backgrounds())?;
+    Ok(Bench { world, repertoire, plans, board, pipeline, seed })
+}
+
+fn read_scenario(text: &str, path: &Path) -> Result<Scenario> {
+    let scenario = Scenario::parse(text, path)?;
+    scenario.check_objects(&scenarios::objects::ObjectSet::standard(), path)?;
+    Ok(scenario)
+}
+
+fn only_simulated(robot: Body) -> Result<()> {
+    match robot {
+        Body::Sim => Ok(()),
+        Body::Hardware => bail!("--robot hardware: the hardware bridge does not drive a robot yet; use --robot sim"),
+        Body::Emulated => bail!("--robot emulated: the emulated devices are not built yet; use --robot sim"),
+    }
+}
+
+fn next_free_folder() -> PathBuf {
+    (1..).map(|n| PathBuf::from(format!("recordings/bench-{n}"))).find(|folder| !folder.exists()).unwrap_or_default()
+}
+
+fn benchmark(cli: &Cli, args: &BenchArgs) -> Outcome {
+    only_simulated(args.robot)?;
+    if let Some(config) = &args.config {
+        bail!("--config {}: only the hardware bridge has a configuration, and --robot is sim", config.display());
+    }
+    if args.combos == 0 || args.trials == 0 {
+        bail!("--combos and --trials: found {} and {}, expected at least 1 each", args.combos, args.trials);
+    }
+    let (journal, request, folder) = match &args.resume {
+        Some(folder) => {
+            let (journal, request) = Journal::resume(folder)?;
+            (journal, request, folder.clone())
+        }
+        None => {
+            let path = args.scenario.clone().unwrap_or_else(|| PathBuf::from("benchmark.toml"));
+            let text = match &args.scenario {
+                Some(path) => std::fs::read_to_string(path).with_context(|| format!("--scenario {}", path.display()))?,
+                None => scenarios::combination::BENCHMARK.to_owned(),
+            };
+            let scenario = read_scenario(&text, &path)?;
+            if args.combos > scenario.combinations() {
+                bail!("--combos: found {}, expected at most the scenario's {} pairs", args.combos, scenario.combinations());
+            }
+            let request = RunRequest { combos: args.combos, trials: args.trials, seed: cli.seed, robot: "sim".into(), shard: parse_shard(&args.shard)?, scenario: text };
+            let folder = args.out.clone().unwrap_or_else(next_free_folder);
+            (Journal::create(&folder, &request)?, request, folder)
+        }
+    };
+    let scenario = read_scenario(&request.scenario, &folder.join("run.json"))?;
+    let quiet = cli.quiet || cli.json;
+    let jobs = if args.live { 1 } else { args.jobs.unwrap_or_else(|| std::thread::available_parallelism().map_or(1, |n| n.get())) };
+    let bench = make_bench(scenario, request.combos, request.seed, quiet)?;
+    let options = Options { jobs, record: args.record, quiet, live: args.live };
+    let summary = bench::run(&bench, &request, journal, &folder, &options)?;
+    tell(cli, &summary, &folder)?;
+    Ok(shortfall(&summary))
+}
+
+fn parse_shard(text: &str) -> Result<(usize, usize)> {
+    let parts = text.split_once('/').and_then(|(i, n)| Some((i.parse().ok()?, n.parse().ok()?)));
+    match parts {
+        Some((i, n)) if (1..=n).contains(&i) => Ok((i, n)),
+        _ => bail!("--shard: found `{text}`, expected i/n with 1 <= i <= n, such as 1/2"),
+    }
+}
+
+fn shortfall(summary: &Summary) -> Option<String> {
+    let ideal = summary.conditions.ideal.collision_rate.mean.unwrap_or(0.0);
+    let (blind, touch) = (summary.conditions.blind.success_rate.mean, summary.conditions.touch.success_rate.mean);
+    if ideal > 0.0 {
+        return Some(format!("{:.1} % of the ideal runs collided, expected none", 100.0 * ideal));
+    }
+    match (blind, touch) {
+        (Some(blind), Some(touch)) if touch < blind => Some(format!("touch succeeded less often ({touch:.3}) than blind ({blind:.3})")),
+        _ => None,
+    }
+}
+
+fn tell(cli: &Cli, summary: &Summary, folder: &Path) -> Result<()> {
+    if cli.json {
+        println!("{}", serde_json::to_string(summary)?);
+        return Ok(());
+    }
+    let number = |value: Option<f64>, digits: usize| value.map_or("-".to_owned(), |value| format!("{value:.digits$}"));
+    println!("{:8} {:>7} {:>20} {:>20}", "", "trials", "collision M (SD)", "success M (SD)");
+    for (name, c) in [("ideal", &summary.conditions.ideal), ("blind", &summary.conditions.blind), ("touch", &summary.conditions.touch)] {
+        let pair = |m: &scenarios::statistics::MeanSd| format!("{} ({})", number(m.mean, 3), number(m.sd, 3));
+        println!("{name:8} {:>7} {:>20} {:>20}", c.trials, pair(&c.collision_rate), pair(&c.success_rate));
+    }
+    for (name, t) in [("collision: blind over ideal", &summary.t_test.collision), ("success: touch over blind", &summary.t_test.success)] {
+        println!("{name:28} t({}) = {}, p = {}", t.df, number(t.t, 2), t.p.map_or("-".into(), |p| format!("{p:.2e}")));
+    }
+    println!("decision {} ms p50, {} ms p99", number(summary.decision_ms.p50, 1), number(summary.decision_ms.p99, 1));
+    println!(
+        "pose error {} mm median, {} mm p95; {} deg median, {} deg p95",
+        number(summary.pose_error.mm.median, 2),
+        number(summary.pose_error.mm.p95, 2),
+        number(summary.pose_error.deg.median, 1),
+        number(summary.pose_error.deg.p95, 1)
+    );
+    println!("wall time {:.0} s, real-time factor {}", summary.wall_s, number(Some(summary.real_time_factor.unwrap_or(f64::NAN)), 1));
+    println!("results in {0}: report.html, summary.json, trials.csv; see a trial with `ftac view {0}`", folder.display());
+    Ok(())
+}
+
+fn trial(cli: &Cli, args: &TrialArgs) -> Outcome {
+    let scenario = Scenario::benchmark();
+    let bench = make_bench(scenario, args.combination.max(59) + 1, cli.seed, cli.quiet || cli.json)?;
+    if args.combination >= bench.plans.plans.len() {
+        bail!("COMBO: found {}, expected 0 to {}", args.combination, bench.plans.plans.len() - 1);
+    }
+    let condition = args.policy.condition();
+    let file = args.out.clone().unwrap_or_else(|| PathBuf::from(format!("recordings/combination_{}_trial_{}_{}.rrd", args.combination, args.trial, condition)));
+    if let Some(folder) = file.parent() {
+        std::fs::create_dir_all(folder).with_context(|| folder.display().to_string())?;
+    }
+    let mut targets = vec![stream::Target::File(file.clone())];
+    if args.live {
+        targets.push(stream::Target::Spawn);
+    }
+    let mut recording = Recording::open(&targets, &bench, args.combination, args.trial, condition)?;
+    let record = match condition {
+        scenarios::Condition::Ideal => bench.ideal(args.combination, &mut recording)?,
+        condition => bench.trial(args.combination, args.trial, &[condition], &mut recording)?.remove(0),
+    };
+    recording.finish()?;
+    if cli.json {
+        println!("{}", serde_json::to_string(&record)?);
+    } else {
+        println!("{} then {}, {condition}: success {}, collision {}", record.first, record.second, record.success, record.collision);
+        if !record.reason.is_empty() {
+            println!("{}", record.reason);
+        }
+        println!("recorded in {0}; see it with `ftac view {0}`", file.display());
+    }
+    Ok((!record.success).then(|| format!("the trial failed: {:?}", record.cause)))
+}
+
+fn view(path: &Path) -> Outcome {
+    let opened = stream::viewer::open(path)?;
+    eprintln!("opened {} recording(s)", opened.len());
+    Ok(None)
+}
+
+fn report(cli: &Cli, folders: &[PathBuf], out: Option<&Path>) -> Outcome {
+    let (mut journal, mut request) = Journal::read(&folders[0])?;
+    for folder in &folders[1..] {
+        let (other, its) = Journal::read(folder)?;
+        if (its.combos, its.trials, its.seed, &its.scenario) != (request.combos, request.trials, request.seed, &request.scenario) {
+            bail!("{}: its combos, trials, seed or scenario differ from those of {}; only shards of one run can be merged", folder.display(), folders[0].display());
+        }
+        journal.extend(other);
+    }
+    request.shard = (1, 1);
+    let target = match (out, folders) {
+        (Some(out), _) => out,
+        (None, [only]) => only,
+        _ => bail!("--out: several folders need a folder for the merged result"),
+    };
+    std::fs::create_dir_all(target).with_context(|| target.display().to_string())?;
+    let wall: f64 = journal.values().map(|entry| entry.wall_s).sum();
+    let summary = bench::finish(&journal, &request, target, wall)?;
+    tell(cli, &summary, target)?;
+    Ok(None)
+}
+
+fn hand_check(cli: &Cli, urdf: Option<&Path>) -> Outcome {
+    let hand = Hand::ftac();
+    if let Some(path) = urdf {
+        let names: Vec<String> = hand.tree.joints.iter().map(|joint| format!("{}_joint", joint.name)).collect();
+        let names: Vec<&str> = names.iter().map(String::as_str).collect();
+        let tree = hand_model::urdf::read_tree(path, &names)?;
+        eprintln!("{}: {} joints, all of the hand's joints are there", path.display(), tree.len());
+        return Ok(None);
+    }
+    let poses = hand.tree.forward(&[0.0; 15]);
+    let tip = hand.tree.find("middle_3").map_or(0.0, |link| (poses[link] * nalgebra::Point3::new(0.0325, 0.0, 0.0)).y);
+    let length = (tip - hand.palm_from_flange.translation.y) * 1e3;
+    let area: f64 = hand.pads.iter().map(|pad| pad.h * pad.w * 1e4).sum();
+    let rows = [
+        ("wrist to middle fingertip", format!("{length:.1} mm"), "194 mm", (length - 194.0).abs() < 0.5),
+        ("joints", hand.tree.len().to_string(), "15", hand.tree.len() == 15),
+        ("actuators", hand.parameters.actuator.len().to_string(), "6 (5 cables, opposition)", hand.parameters.actuator.len() == 6),
+        ("pads", hand.pads.len().to_string(), "17", hand.pads.len() == 17),
+        ("cameras", hand.cameras.len().to_string(), "18", hand.cameras.len() == 18),
+        ("configurations", hand.parameters.configuration.len().to_string(), "6", hand.parameters.configuration.len() == 6),
+        ("sensing area", format!("{area:.0} cm2"), "155 cm2 by its table", (area - 155.0).abs() < 10.0),
+    ];
+    if cli.json {
+        let rows: Vec<_> = rows.iter().map(|(what, ours, paper, ok)| serde_json::json!({"what": what, "ours": ours, "paper": paper, "ok": ok})).collect();
+        println!("{}", serde_json::json!({ "rows": rows }));
+    } else {
+        println!("{:28} {:>12}   {:26} ", "", "ours", "paper");
+        for (what, ours, paper, ok) in &rows {
+            println!("{what:28} {ours:>12}   {paper:26} {}", if *ok { "ok" } else { "DIFFERS" });
+        }
+    }
+    Ok(rows.iter().find(|row| !row.3).map(|row| format!("{}: {} instead of {}", row.0, row.1, row.2)))
+}
+
+fn grasps_generate(cli: &Cli, objects: &[String], role: Option<RoleArg>, n: u32, out: &Path) -> Outcome {
+    let roles = match role {
+        Some(RoleArg::First) => vec![Role::First],
+        Some(RoleArg::Second) => vec![Role::Second],
+        None => vec![Role::First, Role::Second],
+    };
+    let world = World::new(Scenario::benchmark())?;
+    let names = if objects.is_empty() { world.scenario.objects() } else { objects.to_vec() };
+    for name in &names {
+        world.object(name)?;
+    }
+    let mut repertoire = if out.exists() { grasping::Repertoire::read(out)? } else { grasping::Repertoire::default() };
+    repertoire.command = format!("ftac grasps generate --n {n} --seed {}", cli.seed);
+    let effort = Effort { proposals: n, variations: n / 2, keep_first: 4, keep_second: 14 };
+    generate::generate(&world, &world.rehearsal_protocol(), &names, &roles, effort, cli.seed, &mut repertoire, cli.quiet || cli.json)?;
+    repertoire.write(out)?;
+    for name in &names {
+        let count = |role| repertoire.of(name, role).count();
+        eprintln!("{name:16} {:3} first grasps, {:3} second grasps", count(Role::First), count(Role::Second));
+    }
+    Ok(None)
+}
+
+fn grasps_plan(cli: &Cli, combos: usize, file: Option<&Path>, out: &Path) -> Outcome {
+    let world = World::new(Scenario::benchmark())?;
+    let repertoire = match file {
+        Some(file) => grasping::Repertoire::read(file)?,
+        None => repertoire()?,
+    };
+    let plans = plan::make_plans(&world, &repertoire, combos, cli.seed, cli.quiet || cli.json)?;
+    plans.write(out)?;
+    eprintln!("{} combinations; {} pairs could not be done without noise and were replaced", plans.plans.len(), plans.rejected.len());
+    Ok(None)
+}
+
+fn touch_train(cli: &Cli, presses: usize, out: &Path) -> Outcome {
+    let hand = Hand::ftac();
+    let (calibration, error) = calibrate::train(&hand, CALIBRATION_UNIT, presses, cli.seed)?;
+    calibration.write(out)?;
+    if cli.json {
+        println!("{}", serde_json::json!({"mean_deg": error.mean, "median_deg": error.median, "p95_deg": error.p95, "pixels": error.pixels}));
+    } else {
+        println!("angular error on another unit's presses: mean {:.2} deg, median {:.2} deg, p95 {:.2} deg over {} pixels", error.mean, error.median, error.p95, error.pixels);
+    }
+    Ok(None)
+}
+
+fn optics_render(mesh: &Path, pad: &str, force: f64, out: &Path) -> Outcome {
+    let hand = Hand::ftac();
+    let mesh = scenarios::geometry::Mesh::read_obj(mesh)?;
+    let index = hand.pad(pad).with_context(|| format!("--pad: no pad is called `{pad}`; known are: {}", hand.pads.iter().map(|pad| pad.name.as_str()).collect::<Vec<_>>().join(", ")))?;
+    let shape = scenarios::Shape::Mesh(std::sync::Arc::new(mesh));
+    let mut board = TactileBoard::unit(&hand, HAND_UNIT);
+    let mut pads = vec![nalgebra::Isometry3::translation(0.0, 0.0, 10.0); hand.pads.len()];
+    let mut forces = vec![0.0; hand.pads.len()];
+    let (low, high) = shape.aabb();
+    // The mesh is centred over the pad and comes down along the pad's normal.
+    pads[index] = nalgebra::Isometry3::translation(0.5 * (low.x + high.x), 0.5 * (low.y + high.y), low.z);
+    forces[index] = force;
+    let frames = board.capture(&hand, 0.0, &pads, &forces, &[(&shape, nalgebra::Isometry3::identity())]);
+    let camera = hand.pads[index].cameras[0];
+    let frame = frames.iter().find(|frame| frame.camera == camera).context("the camera sent no image")?;
+    image::save_buffer(out, &frame.image.rgb, 240, 240, image::ColorType::Rgb8).with_context(|| format!("--out {}", out.display()))?;
+    Ok(None)
+}
