@@ -218,10 +218,11 @@ impl RobotBody {
     pub fn drive_arm(&self, engine: &mut Engine, state: &JointState, goal: &[f64; ARM_JOINTS], goal_speed: &[f64; ARM_JOINTS], gravity: &[f64; ARM_JOINTS], limits: &[f64; ARM_JOINTS]) -> [f64; ARM_JOINTS] {
         std::array::from_fn(|i| {
             let (k, d) = (ARM_STIFFNESS[i], ARM_DAMPING[i]);
-            // Damping itself acts in the engine on the joint's speed; feed the wanted speed forward here.
-            let torque = (k * (goal[i] - state.arm[i]) + d * goal_speed[i] + gravity[i]).clamp(-limits[i], limits[i]);
-            self.set_torque(engine, i, state.arm[i], torque, k);
-            torque - d * state.arm_speed[i]
+            // What the motor gives is clamped; the damping part of it acts in the engine, implicitly, on the joint's speed.
+            let motor = k * (goal[i] - state.arm[i]) + d * (goal_speed[i] - state.arm_speed[i]) + gravity[i];
+            let motor = motor.clamp(-limits[i], limits[i]);
+            self.set_torque(engine, i, state.arm[i], motor + d * state.arm_speed[i], k);
+            motor
         })
     }
 

@@ -166,7 +166,7 @@ fn tell(cli: &Cli, summary: &Summary, folder: &Path) -> Result<()> {
 
 fn trial(cli: &Cli, args: &TrialArgs) -> Outcome {
     let scenario = Scenario::benchmark();
-    let bench = make_bench(scenario, args.combination.max(59) + 1, cli.seed, cli.quiet || cli.json)?;
+    let bench = make_bench(scenario, (args.combination + 1).min(60), cli.seed, cli.quiet || cli.json)?;
     if args.combination >= bench.plans.plans.len() {
         bail!("COMBO: found {}, expected 0 to {}", args.combination, bench.plans.plans.len() - 1);
     }

@@ -243,6 +243,7 @@ fn watch(snapshot: &mut Snapshot, until: Phase, referee: &mut Referee, felt: Opt
     let mut failed = Ok(());
     drive(&mut snapshot.robot, &mut snapshot.executive, until, |robot, executive| {
         let truth = robot.truth();
+        if std::env::var_os("DBG").is_some() { let e = truth.palm.inverse() * executive.palm(); eprintln!("{:.2} {} track {:.4} err {:.1?}mm {:.3} obj0 {:.3?} palm {:.3?} touch {:b}", truth.time, executive.phase().name(), executive.worst_tracking(), (e.translation.vector*1e3).as_slice(), e.rotation.angle(), truth.objects[0].translation.vector.as_slice(), truth.palm.translation.vector.as_slice(), truth.touched_by[0]); }
         referee.see(&scene(&truth, executive.phase(), holding));
         if failed.is_ok() {
             failed = watcher.see(&Moment { truth: &truth, executive, felt, condition, note: None, robot });

@@ -39,7 +39,7 @@ caption{text-align:left;color:var(--soft);padding:0 0 6px;font-size:.9rem}
 th,td{text-align:left;padding:5px 14px 5px 6px;border-bottom:1px solid var(--line);vertical-align:top}
 th{font-weight:600}tbody th{font-weight:500}
 .number{text-align:right;font-variant-numeric:tabular-nums;white-space:nowrap}
-thead th{border-bottom:2px solid var(--soft);vertical-align:bottom;white-space:normal}
+thead th{border-bottom:2px solid var(--soft);vertical-align:bottom}thead th.number{white-space:normal}
 a{color:inherit}
 details{margin:10px 0}summary{cursor:pointer}
 tbody tr:hover{background:var(--tint)}
