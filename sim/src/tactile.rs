@@ -69,14 +69,14 @@ impl TactileBoard {
         if self.sensors.is_empty() {
             return Vec::new();
         }
-        let images: Vec<Vec<Arc<TactileImage>>> = hand.pads.par_iter().enumerate().map(|(n, _)| self.pad_images(hand, n, &pads[n], forces[n], objects)).collect();
+        let images: Vec<Vec<Arc<TactileImage>>> = hand.pads.par_iter().enumerate().map(|(n, _)| self.pad_images(hand, n, time, &pads[n], forces[n], objects)).collect();
         let by_camera = hand.pads.iter().zip(images).flat_map(|(pad, images)| pad.cameras.iter().copied().zip(images));
         let mut frames: Vec<TactileFrame> = by_camera.map(|(camera, image)| TactileFrame { camera, time, sequence: self.sequence, image }).collect();
         frames.sort_by_key(|frame| frame.camera);
         frames
     }
 
-    fn pad_images(&self, hand: &Hand, index: usize, world_from_pad: &Isometry3<f64>, force: f64, objects: &[(&Shape, Isometry3<f64>)]) -> Vec<Arc<TactileImage>> {
+    fn pad_images(&self, hand: &Hand, index: usize, time: f64, world_from_pad: &Isometry3<f64>, force: f64, objects: &[(&Shape, Isometry3<f64>)]) -> Vec<Arc<TactileImage>> {
         let pad = &hand.pads[index];
         let idle = || pad.cameras.iter().map(|camera| self.sensors[*camera].background().clone()).collect();
         if force < LEAST_FORCE {
@@ -105,7 +105,9 @@ impl TactileBoard {
             .iter()
             .zip(&pressed.maps)
             .map(|(camera, map)| {
-                let mut rng = ChaCha8Rng::seed_from_u64(self.noise_seed ^ (self.sequence << 8) ^ *camera as u64);
+                // By time, not by count: who else asked for images changes nothing.
+                let moment = (time * 1e4).round() as u64;
+                let mut rng = ChaCha8Rng::seed_from_u64(self.noise_seed ^ (moment << 8) ^ *camera as u64);
                 Arc::new(self.sensors[*camera].render(map, &mut rng))
             })
             .collect()

@@ -3,11 +3,11 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
+use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::{Duration, Instant};
 
 use anyhow::{Context, Result, bail};
 use indicatif::{ProgressBar, ProgressStyle};
-use rayon::prelude::*;
 use scenarios::record::{Condition, TrialRecord, write_trials};
 use scenarios::statistics::{RunInfo, Summary, summarise};
 
@@ -94,21 +94,29 @@ pub fn run(bench: &Bench, request: &RunRequest, journal: Journal, folder: &Path,
     let open: Vec<Unit> = all.iter().copied().filter(|unit| !journal.done.contains_key(unit)).collect();
     let bar = if options.quiet { ProgressBar::hidden() } else { ProgressBar::new(all.len() as u64) };
     bar.set_style(ProgressStyle::with_template("{bar:28} {pos}/{len} {msg} [{elapsed} < {eta}]")?);
-    bar.set_position((all.len() - open.len()) as u64);
+    let resumed = all.len() - open.len();
+    bar.set_position(resumed as u64);
     bar.enable_steady_tick(Duration::from_secs(1));
     let journal = Mutex::new(journal);
-    let pool = rayon::ThreadPoolBuilder::new().num_threads(options.jobs.max(1)).build()?;
-    let outcome: Result<()> = pool.install(|| {
-        open.par_iter().try_for_each(|unit| {
+    let next = AtomicUsize::new(0);
+    let work = || -> Result<()> {
+        while let Some(unit) = open.get(next.fetch_add(1, Ordering::Relaxed)) {
             let start = Instant::now();
-            let records = run_unit(bench, *unit, folder, options).with_context(|| format!("combination {}, trial {:?}", unit.combination, unit.trial))?;
+            let records = run_unit(bench, *unit, folder, options).with_context(|| format!("combination {}, trial {:?}", unit.combination, unit.trial));
+            // After a failure the other workers finish what they are at and stop.
+            let records = records.inspect_err(|_| next.store(open.len(), Ordering::Relaxed))?;
             let entry = Entry { unit: *unit, records, wall_s: start.elapsed().as_secs_f64() };
             let mut journal = journal.lock().map_err(|_| anyhow::anyhow!("a worker panicked"))?;
             journal.append(entry)?;
             bar.inc(1);
-            bar.set_message(rates(&journal, begun, open.len()));
-            Ok(())
-        })
+            bar.set_message(rates(&journal, begun, resumed));
+        }
+        Ok(())
+    };
+    // Plain threads, not a work-stealing pool: a worker that waits for its tactile images must not start another trial.
+    let outcome: Result<()> = std::thread::scope(|scope| {
+        let workers: Vec<_> = (0..options.jobs.max(1)).map(|_| scope.spawn(work)).collect();
+        workers.into_iter().try_for_each(|worker| worker.join().map_err(|_| anyhow::anyhow!("a worker panicked"))?)
     });
     bar.finish_and_clear();
     outcome?;
@@ -118,18 +126,17 @@ pub fn run(bench: &Bench, request: &RunRequest, journal: Journal, folder: &Path,
     finish(&journal.done, request, folder, begun.elapsed().as_secs_f64().max(worked))
 }
 
-fn rates(journal: &Journal, begun: Instant, open: usize) -> String {
+fn rates(journal: &Journal, begun: Instant, resumed: usize) -> String {
     let records: Vec<&TrialRecord> = journal.done.values().flat_map(|entry| &entry.records).collect();
     let share = |condition: Condition, pick: fn(&TrialRecord) -> bool| {
         let of: Vec<_> = records.iter().filter(|record| record.condition == condition).collect();
         let hits = of.iter().filter(|record| pick(record)).count();
         if of.is_empty() { "  -".to_owned() } else { format!("{:3.0}%", 100.0 * hits as f64 / of.len() as f64) }
     };
-    let _ = open;
     let minutes = begun.elapsed().as_secs_f64() / 60.0;
-    let trials = records.iter().filter(|record| record.condition == Condition::Touch).count();
+    let trials = journal.done.len().saturating_sub(resumed);
     format!(
-        "{:.0} trials/min  collisions blind {} touch {}  success blind {} touch {}",
+        "{:.0} units/min  collisions blind {} touch {}  success blind {} touch {}",
         trials as f64 / minutes.max(1e-9),
         share(Condition::Blind, |r| r.collision),
         share(Condition::Touch, |r| r.collision),

@@ -87,11 +87,8 @@ fn benchmark(cli: &Cli, args: &BenchArgs) -> Outcome {
     if args.combos == 0 || args.trials == 0 {
         bail!("--combos and --trials: found {} and {}, expected at least 1 each", args.combos, args.trials);
     }
-    let (journal, request, folder) = match &args.resume {
-        Some(folder) => {
-            let (journal, request) = Journal::resume(folder)?;
-            (journal, request, folder.clone())
-        }
+    let (request, folder) = match &args.resume {
+        Some(folder) => (Journal::read(folder).context("--resume")?.1, folder.clone()),
         None => {
             let path = args.scenario.clone().unwrap_or_else(|| PathBuf::from("benchmark.toml"));
             let text = match &args.scenario {
@@ -102,15 +99,20 @@ fn benchmark(cli: &Cli, args: &BenchArgs) -> Outcome {
             if args.combos > scenario.combinations() {
                 bail!("--combos: found {}, expected at most the scenario's {} pairs", args.combos, scenario.combinations());
             }
-            let request = RunRequest { combos: args.combos, trials: args.trials, seed: cli.seed, robot: "sim".into(), shard: parse_shard(&args.shard)?, scenario: text };
-            let folder = args.out.clone().unwrap_or_else(next_free_folder);
-            (Journal::create(&folder, &request)?, request, folder)
+            let shard = parse_shard(&args.shard)?;
+            let request = RunRequest { combos: args.combos, trials: args.trials, seed: cli.seed, robot: "sim".into(), shard, scenario: text };
+            (request, args.out.clone().unwrap_or_else(next_free_folder))
         }
     };
     let scenario = read_scenario(&request.scenario, &folder.join("run.json"))?;
     let quiet = cli.quiet || cli.json;
     let jobs = if args.live { 1 } else { args.jobs.unwrap_or_else(|| std::thread::available_parallelism().map_or(1, |n| n.get())) };
+    // Everything that can be wrong with the input has been found before anything is written.
     let bench = make_bench(scenario, request.combos, request.seed, quiet)?;
+    let journal = match &args.resume {
+        Some(folder) => Journal::resume(folder)?.0,
+        None => Journal::create(&folder, &request)?,
+    };
     let options = Options { jobs, record: args.record, quiet, live: args.live };
     let summary = bench::run(&bench, &request, journal, &folder, &options)?;
     tell(cli, &summary, &folder)?;

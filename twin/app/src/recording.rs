@@ -1,6 +1,5 @@
 //! A watcher that sends a trial to Rerun.
 
-use std::path::Path;
 use std::sync::Arc;
 
 use anyhow::Result;
@@ -39,7 +38,7 @@ impl Recording {
                 DrawnObject::from_mesh(name.clone(), &vertices, &triangles, object.color)
             })
             .collect();
-        let settings = Settings { eye: stream::blueprint::Eye { position: [1.05, -0.55, 0.45], target: [0.62, 0.0, 0.10] }, ..Settings::default() };
+        let settings = Settings { eye: stream::blueprint::Eye { position: [1.04, -0.36, 0.20], target: [0.60, 0.0, 0.12] }, ..Settings::default() };
         let mut recorder = Recorder::open(targets, settings, &bench.world.hand, &bench.world.arm, &drawn)?;
         recorder.log_properties(&TrialProperties {
             combination: format!("{combination}: {} then {}", plan.first, plan.second),
@@ -49,11 +48,6 @@ impl Recording {
             seed: bench.seed,
         })?;
         Ok(Self { recorder: Some(recorder), names, objects, condition, branch: None, phase: None, told: false })
-    }
-
-    /// Records to a file.
-    pub fn file(path: &Path, bench: &Bench, combination: usize, trial: usize, condition: Condition) -> Result<Self> {
-        Self::open(&[Target::File(path.to_owned())], bench, combination, trial, condition)
     }
 
     /// Flushes what is left.
@@ -117,7 +111,7 @@ impl Watcher for Recording {
         if let Some(note) = moment.note {
             recorder.log_text(Level::Info, note)?;
         }
-        for frame in moment.executive.images() {
+        for frame in moment.executive.newest_images() {
             recorder.log_tactile(frame.camera, &frame.image)?;
         }
         recorder.log_scalars(&SignalFrame {

@@ -21,6 +21,9 @@ use crate::plan::{Plan, Plans};
 use crate::rehearsal::{Snapshot, digit_bits};
 use crate::world::{World, drive, percept};
 
+/// How often a watched trial takes tactile images, s.
+const WATCH_PERIOD: f64 = 0.2;
+
 /// Everything trials share.
 pub struct Bench {
     /// Robot, objects, scenario.
@@ -49,13 +52,11 @@ pub struct Moment<'a> {
     pub condition: Option<Condition>,
     /// Text worth noting at this moment.
     pub note: Option<&'a str>,
-    /// The body.
-    pub robot: &'a SimulatedRobot,
 }
 
 /// A watcher: sees every tick of a trial.
 pub trait Watcher {
-    /// Whether it wants to see every branch, even one whose outcome is known.
+    /// Whether it looks at all: then every branch is played, even one whose outcome is known, and images are taken throughout.
     fn active(&self) -> bool;
     /// One tick.
     fn see(&mut self, moment: &Moment) -> Result<()>;
@@ -152,6 +153,9 @@ impl Bench {
         let planned = candidates[0].grasp.clone();
         let executive = Executive::new(world.hand.clone(), world.arm_servo(world.ready)?, world.protocol(), (first, percepts[0]), (planned, percepts[1]), tick)?;
         let mut snapshot = Snapshot { robot, executive };
+        if watcher.active() {
+            snapshot.executive.watch_images(WATCH_PERIOD);
+        }
         let mut referee = Referee::new(world.scenario.referee, world.scenario.protocol.hold_time);
         watch(&mut snapshot, Phase::Decide, &mut referee, None, None, watcher)?;
         Ok(Start { snapshot, referee, objects, candidates })
@@ -190,7 +194,7 @@ impl Bench {
         let felt = touch.map(|perceived| &perceived.felt);
         match snapshot.executive.decide(grasp) {
             Ok(()) => {
-                let first = Moment { truth: &snapshot.robot.truth(), executive: &snapshot.executive, felt, condition: Some(condition), note: Some(&note), robot: &snapshot.robot };
+                let first = Moment { truth: &snapshot.robot.truth(), executive: &snapshot.executive, felt, condition: Some(condition), note: Some(&note) };
                 watcher.see(&first)?;
                 watch(&mut snapshot, Phase::Done, &mut referee, felt, Some(condition), watcher)?;
             }
@@ -243,10 +247,9 @@ fn watch(snapshot: &mut Snapshot, until: Phase, referee: &mut Referee, felt: Opt
     let mut failed = Ok(());
     drive(&mut snapshot.robot, &mut snapshot.executive, until, |robot, executive| {
         let truth = robot.truth();
-        if std::env::var_os("DBG").is_some() { let e = truth.palm.inverse() * executive.palm(); eprintln!("{:.2} {} track {:.4} err {:.1?}mm {:.3} obj0 {:.3?} palm {:.3?} touch {:b}", truth.time, executive.phase().name(), executive.worst_tracking(), (e.translation.vector*1e3).as_slice(), e.rotation.angle(), truth.objects[0].translation.vector.as_slice(), truth.palm.translation.vector.as_slice(), truth.touched_by[0]); }
         referee.see(&scene(&truth, executive.phase(), holding));
         if failed.is_ok() {
-            failed = watcher.see(&Moment { truth: &truth, executive, felt, condition, note: None, robot });
+            failed = watcher.see(&Moment { truth: &truth, executive, felt, condition, note: None });
         }
     })?;
     failed

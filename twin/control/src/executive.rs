@@ -128,6 +128,9 @@ pub struct Executive {
     tension: [f64; 5],
     opposition: f64,
     images: Vec<TactileFrame>,
+    newest: Vec<TactileFrame>,
+    watch_period: Option<f64>,
+    last_watch: f64,
     servos: [hand_model::robot::ServoState; ACTUATORS],
     tick: f64,
     worst_tracking: f64,
@@ -156,6 +159,9 @@ impl Executive {
             tension: [0.0; 5],
             opposition: 0.0,
             images: Vec::new(),
+            newest: Vec::new(),
+            watch_period: None,
+            last_watch: f64::NEG_INFINITY,
             servos: Default::default(),
             tick,
             worst_tracking: 0.0,
@@ -172,6 +178,16 @@ impl Executive {
     /// Tactile images taken during [`Phase::Look`].
     pub fn images(&self) -> &[TactileFrame] {
         &self.images
+    }
+
+    /// Newest images of all cameras that arrived, in any phase.
+    pub fn newest_images(&self) -> &[TactileFrame] {
+        &self.newest
+    }
+
+    /// Asks for images every `period` (s) throughout, for whoever watches; decisions use those of [`Phase::Look`] alone.
+    pub fn watch_images(&mut self, period: f64) {
+        self.watch_period = Some(period);
     }
 
     /// Newest servo readings.
@@ -291,8 +307,12 @@ impl Executive {
     /// One tick: takes what was measured, gives the command.
     pub fn tick(&mut self, observation: &Observation) -> Result<Command, ExecutiveError> {
         self.servos = observation.servos;
-        if self.phase == Phase::Look && !observation.tactile.is_empty() {
-            self.images = observation.tactile.clone();
+        if !observation.tactile.is_empty() {
+            self.newest = observation.tactile.clone();
+            // The picture asked for at the end of the look, when everything rests.
+            if self.phase == Phase::Look && self.clock > LOOK_TIME - 1.5 * self.tick {
+                self.images = observation.tactile.clone();
+            }
         }
         if let Some(next) = self.next_phase() {
             self.enter(next)?;
@@ -309,6 +329,11 @@ impl Executive {
             Phase::ApproachFirst | Phase::GraspFirst | Phase::LiftFirst | Phase::Look | Phase::Decide => self.first.0.opposition,
             _ => self.second.0.opposition,
         };
+        let mut capture = self.phase == Phase::Look && (self.clock - LOOK_TIME + self.tick).abs() < 0.6 * self.tick;
+        if self.watch_period.is_some_and(|period| observation.time >= self.last_watch + period) {
+            self.last_watch = observation.time;
+            capture = true;
+        }
         let servo = &self.hand.parameters.servo;
         let to_current = self.hand.parameters.cable.spool_radius / servo.torque_constant;
         Ok(Command {
@@ -320,7 +345,7 @@ impl Executive {
                     ServoGoal::Position { angle: self.opposition * servo.gear_ratio_opposition, current_limit: OPPOSITION_CURRENT }
                 }
             }),
-            capture: self.phase == Phase::Look && (self.clock - LOOK_TIME + self.tick).abs() < 0.6 * self.tick,
+            capture,
         })
     }
 }
