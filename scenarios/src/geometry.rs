@@ -2,6 +2,7 @@
 //!
 //! A [`Shape`] lives in its own frame (`object/<name>`), metres. Primitives answer in closed form, meshes through parry.
 
+mod grid;
 mod mesh;
 mod obj;
 mod primitive;
@@ -12,6 +13,7 @@ use std::sync::Arc;
 
 use nalgebra::{Matrix3, Point3, Unit, UnitQuaternion, Vector3};
 
+pub use grid::DistanceGrid;
 pub use mesh::{GeometryError, MAX_EXTENT, Mesh};
 pub use revolution::{Profile, hull_mesh, revolve};
 pub use tessellation::Tessellation;

@@ -125,7 +125,8 @@ impl RobotBody {
         let mut palm_cover = hand.palm_cover;
         palm_cover.link_from_cover = last_from_palm * palm_cover.link_from_cover;
         let mut covers = vec![engine.colliders.insert_with_parent(cover_collider(&palm_cover), palm_link, &mut engine.bodies)];
-        for (link, length) in [(4usize, 0.10593), (5, 0.10593), (6, 0.0615)] {
+        // The bracelet ends flat at the flange, so its capsule's round end must stop a radius short of it.
+        for (link, length) in [(4usize, 0.10593), (5, 0.10593), (6, 0.0615 - WRIST_RADIUS)] {
             let capsule = ColliderBuilder::capsule_from_endpoints(Vector::ZERO, if link == 5 { Vector::new(0.0, -length, 0.0) } else { Vector::new(0.0, 0.0, -length) }, WRIST_RADIUS)
                 .density(0.0)
                 .collision_groups(InteractionGroups::all().with_memberships(groups::ARM).with_filter(groups::TABLE | groups::OBJECT));

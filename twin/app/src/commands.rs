@@ -1,8 +1,10 @@
 //! What each command does. `Ok(Some(text))` means: ran, but the result falls short as the text says.
 
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
+use control::perception::KnownObject;
 use grasping::Role;
 use hand_model::Hand;
 use scenarios::combination::Scenario;
@@ -58,7 +60,9 @@ fn make_bench(scenario: Scenario, combos: usize, seed: u64, quiet: bool) -> Resu
     let board = TactileBoard::unit(&world.hand, HAND_UNIT);
     let calibration: Calibration = serde_json::from_str(include_str!("../data/calibration.json")).context("data/calibration.json")?;
     let pipeline = TouchPipeline::new(&world.hand, calibration, board.backgrounds())?;
-    Ok(Bench { world, repertoire, plans, board, pipeline, seed })
+    let names: BTreeSet<&String> = plans.plans.iter().map(|plan| &plan.first).collect();
+    let known = names.into_iter().map(|name| Ok((name.clone(), KnownObject::new(world.object(name)?)))).collect::<Result<_>>()?;
+    Ok(Bench { world, repertoire, plans, board, pipeline, known, seed })
 }
 
 fn read_scenario(text: &str, path: &Path) -> Result<Scenario> {

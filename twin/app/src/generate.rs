@@ -14,7 +14,7 @@ use rayon::prelude::*;
 use scenarios::objects::{ObjectModel, Symmetry};
 use sim::tactile::TactileBoard;
 
-use crate::rehearsal::{Snapshot, rehearse_first, rehearse_second};
+use crate::rehearsal::{Snapshot, Start, rehearse_first, rehearse_second};
 use crate::world::World;
 
 /// Aim errors of the robustness test, m: none, and 5 mm to each side.
@@ -95,7 +95,7 @@ fn find_first(world: &World, protocol: &Protocol, name: &str, effort: Effort, se
         let mut held = 0;
         let mut proven = grasp.clone();
         for (n, aim) in aims.iter().enumerate() {
-            let outcome = rehearse_first(world, protocol, &grasp, &bystander, Vector3::new(aim[0], aim[1], 0.0), board)?;
+            let outcome = rehearse_first(world, protocol, Start::Near, &grasp, &bystander, Vector3::new(aim[0], aim[1], 0.0), board)?;
             match outcome {
                 Some((_, outcome)) if outcome.slip < SLIP_LIMIT => {
                     held += 1;
@@ -121,7 +121,7 @@ fn find_second(world: &World, protocol: &Protocol, name: &str, effort: Effort, s
     // A hold of the reference object with this object standing by.
     let mut hold: Option<Snapshot> = None;
     for first in reference {
-        hold = rehearse_first(world, protocol, first, &bystander, Vector3::zeros(), board)?.map(|(snapshot, _)| snapshot);
+        hold = rehearse_first(world, protocol, Start::Near, first, &bystander, Vector3::zeros(), board)?.map(|(snapshot, _)| snapshot);
         if hold.is_some() {
             break;
         }

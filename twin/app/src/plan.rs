@@ -17,7 +17,7 @@ use scenarios::combination::{Combination, draw_combinations};
 use serde::{Deserialize, Serialize};
 use sim::tactile::TactileBoard;
 
-use crate::rehearsal::{rehearse_first, rehearse_second};
+use crate::rehearsal::{Start, rehearse_first, rehearse_second};
 use crate::world::World;
 
 /// Format version of plan files.
@@ -121,7 +121,7 @@ fn plan_pair(world: &World, repertoire: &Repertoire, pair: &Combination) -> Resu
     let seconds: Vec<&Grasp> = repertoire.of(&pair.second, Role::Second).collect();
     let Some(any) = seconds.first() else { return Ok(None) };
     for first in repertoire.of(&pair.first, Role::First) {
-        let Some((hold, _)) = rehearse_first(world, &world.protocol(), first, any, Vector3::zeros(), &board)? else { continue };
+        let Some((hold, _)) = rehearse_first(world, &world.protocol(), Start::Ready, first, any, Vector3::zeros(), &board)? else { continue };
         let mut worked = Vec::new();
         let mut failed = Vec::new();
         for second in &seconds {

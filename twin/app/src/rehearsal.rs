@@ -41,18 +41,28 @@ pub fn in_hand(truth: &Truth, index: usize) -> bool {
     truth.touched_by[index] != 0 && !truth.on_table[index] && distance < 0.16 && truth.objects[index].translation.z > 0.08
 }
 
+/// Where the arm is when a rehearsal begins.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Start {
+    /// In the posture in which every trial starts: the rehearsal is then the trial's ideal run, bit by bit.
+    Ready,
+    /// Right before the grasp, which saves time.
+    Near,
+}
+
 /// Aims `first` at its object (off by `aim`, m) and plays the trial up to the decision.
-pub fn rehearse_first(world: &World, protocol: &Protocol, first: &Grasp, second: &Grasp, aim: Vector3<f64>, board: &TactileBoard) -> Result<Option<(Snapshot, Outcome)>> {
+pub fn rehearse_first(world: &World, protocol: &Protocol, start: Start, first: &Grasp, second: &Grasp, aim: Vector3<f64>, board: &TactileBoard) -> Result<Option<(Snapshot, Outcome)>> {
     let first_model = world.object(&first.object)?;
     let second_model = world.object(&second.object)?;
     let [first_pose, second_pose] = world.places(&first_model, &second_model);
     let mut seen = percept(&first_model, &first_pose);
     seen.position += aim;
     let target = first.palm_pose(&seen.position, seen.yaw);
-    let start = first.pregrasp_pose(&target, 0.12);
-    let (Ok(start), Ok(_)) = (world.posture(&start, &world.ready), world.posture(&target, &world.ready)) else {
+    let near = first.pregrasp_pose(&target, 0.12);
+    let (Ok(near), Ok(_)) = (world.posture(&near, &world.ready), world.posture(&target, &world.ready)) else {
         return Ok(None);
     };
+    let start = if start == Start::Near { near } else { world.ready };
     let setup = SceneSetup {
         world_from_base: world.world_from_base,
         mount_error: UnitQuaternion::identity(),

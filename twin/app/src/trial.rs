@@ -1,11 +1,12 @@
 //! One trial: the first grasp, the look, and from there the branches `blind` and `touch`.
 
+use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::time::Instant;
 
 use anyhow::Result;
 use control::executive::{Executive, Percept, Phase};
-use control::perception::{Felt, feel};
+use control::perception::{Felt, KnownObject, feel};
 use control::strategy::{Candidate, Decision, Held, choose};
 use grasping::{Grasp, Repertoire};
 use nalgebra::{Isometry3, UnitQuaternion};
@@ -36,6 +37,8 @@ pub struct Bench {
     pub board: TactileBoard,
     /// Perception.
     pub pipeline: TouchPipeline,
+    /// The first objects of all plans, ready to be registered.
+    pub known: BTreeMap<String, KnownObject>,
     /// Seed of everything.
     pub seed: u64,
 }
@@ -165,7 +168,7 @@ impl Bench {
     fn look(&self, start: &Start) -> Result<Perceived> {
         let begun = Instant::now();
         let executive = &start.snapshot.executive;
-        let felt = feel(&self.pipeline, executive, &start.objects[0])?;
+        let felt = feel(&self.pipeline, executive, &self.known[&start.objects[0].name])?;
         let held = Held {
             object: &start.objects[0],
             pose: felt.estimate.palm_from_object,
