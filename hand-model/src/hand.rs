@@ -63,7 +63,8 @@ impl Hand {
     /// # Panics
     /// Never in a tested build: the parameter file is compiled in and a test reads it.
     pub fn ftac() -> Self {
-        Self::parse(include_str!("../data/ftac_hand.toml"), Path::new("ftac_hand.toml")).expect("the built-in hand is valid")
+        Self::parse(include_str!("../data/ftac_hand.toml"), Path::new("ftac_hand.toml"))
+            .expect("the built-in hand is valid")
     }
 
     /// Builds a hand from a parameter file's text; `path` is used in errors.
@@ -141,10 +142,7 @@ impl Hand {
 
     /// `palm_from_pad` of all pads, given the link poses of [`Tree::forward`].
     pub fn pad_poses(&self, links: &[Isometry3<f64>]) -> Vec<Isometry3<f64>> {
-        self.pads
-            .iter()
-            .map(|pad| pad.link.map_or(pad.link_from_pad, |link| links[link] * pad.link_from_pad))
-            .collect()
+        self.pads.iter().map(|pad| pad.link.map_or(pad.link_from_pad, |link| links[link] * pad.link_from_pad)).collect()
     }
 
     /// Index of the pad called `name`.
@@ -164,7 +162,9 @@ fn cover_shape(cover: &Cover) -> CoverShape {
 /// Mass properties of a uniform box of the cover's size.
 fn box_mass(mass: f64, cover: &Cover, com: Option<[f64; 3]>) -> MassProperties {
     let square: Vec<f64> = cover.half.iter().map(|half| half * half).collect();
-    let local = Matrix3::from_diagonal(&Vector3::new(square[1] + square[2], square[0] + square[2], square[0] + square[1])) * (mass / 3.0);
+    let local =
+        Matrix3::from_diagonal(&Vector3::new(square[1] + square[2], square[0] + square[2], square[0] + square[1]))
+            * (mass / 3.0);
     let rotation = pose_from_xyz_rpy(cover.center, cover.rpy).rotation.to_rotation_matrix();
     MassProperties {
         mass,

@@ -50,10 +50,7 @@ impl Camera {
     /// Pad coordinates (m) of the centre of pixel (column, row). Row 0 is the distal edge (largest y).
     pub fn pixel_center(&self, column: usize, row: usize) -> (f64, f64) {
         let (dx, dy) = self.pixel_size();
-        (
-            (column as f64 + 0.5) * dx - 0.5 * self.w,
-            self.center_y + 0.5 * self.h - (row as f64 + 0.5) * dy,
-        )
+        ((column as f64 + 0.5) * dx - 0.5 * self.w, self.center_y + 0.5 * self.h - (row as f64 + 0.5) * dy)
     }
 }
 

@@ -198,7 +198,12 @@ impl HandParameters {
         for joint in &self.joint {
             let element = || format!("joint[{}]", joint.name);
             if !known.contains(&joint.parent.as_str()) {
-                return Err(fault(element(), "parent", format!("`{}`", joint.parent), "the palm or a joint defined above"));
+                return Err(fault(
+                    element(),
+                    "parent",
+                    format!("`{}`", joint.parent),
+                    "the palm or a joint defined above",
+                ));
             }
             if joint.mass.is_nan() || joint.mass <= 0.0 {
                 return Err(fault(element(), "mass", joint.mass.to_string(), "a positive mass in kg"));
@@ -214,19 +219,39 @@ impl HandParameters {
         for actuator in &self.actuator {
             for name in actuator.cable.iter().chain(&actuator.drives) {
                 let Some(joint) = self.joint.iter().find(|joint| &joint.name == name) else {
-                    return Err(fault(format!("actuator[{}]", actuator.name), "cable", format!("`{name}`"), "the name of a joint"));
+                    return Err(fault(
+                        format!("actuator[{}]", actuator.name),
+                        "cable",
+                        format!("`{name}`"),
+                        "the name of a joint",
+                    ));
                 };
                 if actuator.drives.is_none() && (joint.guide_before.is_none() || joint.guide_after.is_none()) {
-                    return Err(fault(format!("joint[{name}]"), "guide_before/guide_after", "none".into(), "two guide points, because a cable crosses this joint"));
+                    return Err(fault(
+                        format!("joint[{name}]"),
+                        "guide_before/guide_after",
+                        "none".into(),
+                        "two guide points, because a cable crosses this joint",
+                    ));
                 }
             }
         }
         for pad in &self.pad {
             if !known.contains(&pad.link.as_str()) {
-                return Err(fault(format!("pad[{}]", pad.name), "link", format!("`{}`", pad.link), "the palm or a joint's link"));
+                return Err(fault(
+                    format!("pad[{}]", pad.name),
+                    "link",
+                    format!("`{}`", pad.link),
+                    "the palm or a joint's link",
+                ));
             }
             if !self.configuration.contains_key(&pad.configuration) {
-                return Err(fault(format!("pad[{}]", pad.name), "configuration", format!("`{}`", pad.configuration), "one of the [configuration] table"));
+                return Err(fault(
+                    format!("pad[{}]", pad.name),
+                    "configuration",
+                    format!("`{}`", pad.configuration),
+                    "one of the [configuration] table",
+                ));
             }
         }
         Ok(())

@@ -164,7 +164,8 @@ mod tests {
     #[test]
     fn mean_moment_arms() {
         let hand = Hand::ftac();
-        let mean: Vec<f64> = hand.transmission.cables[1].joints.iter().map(|(_, g)| g.excursion(1.5708) / 1.5708).collect();
+        let mean: Vec<f64> =
+            hand.transmission.cables[1].joints.iter().map(|(_, g)| g.excursion(1.5708) / 1.5708).collect();
         for (got, want) in mean.iter().zip([0.009, 0.0075, 0.006]) {
             assert!((got - want).abs() < 0.0008, "{mean:?}");
         }

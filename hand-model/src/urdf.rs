@@ -37,7 +37,14 @@ pub fn arm_urdf(arm: &Arm) -> String {
     for (i, joint) in arm.tree.joints.iter().enumerate() {
         link(&mut out, &arm.links[i], Some(&arm.masses[i]), None);
         let parent = i.checked_sub(1).map_or("base_link", |parent| arm.links[parent].as_str());
-        joint_element(&mut out, &joint.name, joint, parent, &arm.links[i], (arm.effort_limits[i], arm.velocity_limits[i]));
+        joint_element(
+            &mut out,
+            &joint.name,
+            joint,
+            parent,
+            &arm.links[i],
+            (arm.effort_limits[i], arm.velocity_limits[i]),
+        );
     }
     link(&mut out, "end_effector_link", None, None);
     fixed(&mut out, "end_effector", &arm.last_from_tool, &arm.links[6], "end_effector_link");
@@ -46,7 +53,9 @@ pub fn arm_urdf(arm: &Arm) -> String {
 }
 
 fn header(name: &str) -> String {
-    format!("<?xml version=\"1.0\"?>\n<!-- Generated from the parameter file by `cargo test -p hand-model`; do not edit. -->\n<robot name=\"{name}\">\n")
+    format!(
+        "<?xml version=\"1.0\"?>\n<!-- Generated from the parameter file by `cargo test -p hand-model`; do not edit. -->\n<robot name=\"{name}\">\n"
+    )
 }
 
 fn origin(pose: &Isometry3<f64>) -> String {
@@ -62,7 +71,16 @@ fn link(out: &mut String, name: &str, mass: Option<&MassProperties>, cover: Opti
         let _ = writeln!(
             out,
             "    <inertial><origin xyz=\"{:.9} {:.9} {:.9}\" rpy=\"0 0 0\"/><mass value=\"{:.9}\"/><inertia ixx=\"{:.6e}\" ixy=\"{:.6e}\" ixz=\"{:.6e}\" iyy=\"{:.6e}\" iyz=\"{:.6e}\" izz=\"{:.6e}\"/></inertial>",
-            m.com.x, m.com.y, m.com.z, m.mass, i[(0, 0)], i[(0, 1)], i[(0, 2)], i[(1, 1)], i[(1, 2)], i[(2, 2)]
+            m.com.x,
+            m.com.y,
+            m.com.z,
+            m.mass,
+            i[(0, 0)],
+            i[(0, 1)],
+            i[(0, 2)],
+            i[(1, 1)],
+            i[(1, 2)],
+            i[(2, 2)]
         );
     }
     if let Some((pose, half)) = cover {
@@ -80,10 +98,18 @@ fn link(out: &mut String, name: &str, mass: Option<&MassProperties>, cover: Opti
     out.push_str("  </link>\n");
 }
 
-fn joint_element(out: &mut String, name: &str, joint: &Joint, parent: &str, child: &str, (effort, velocity): (f64, f64)) {
+fn joint_element(
+    out: &mut String,
+    name: &str,
+    joint: &Joint,
+    parent: &str,
+    child: &str,
+    (effort, velocity): (f64, f64),
+) {
     let continuous = joint.lower.is_infinite();
     let kind = if continuous { "continuous" } else { "revolute" };
-    let range = if continuous { String::new() } else { format!("lower=\"{:.9}\" upper=\"{:.9}\" ", joint.lower, joint.upper) };
+    let range =
+        if continuous { String::new() } else { format!("lower=\"{:.9}\" upper=\"{:.9}\" ", joint.lower, joint.upper) };
     let _ = writeln!(
         out,
         "  <joint name=\"{name}\" type=\"{kind}\">{}<parent link=\"{parent}\"/><child link=\"{child}\"/><axis xyz=\"0 0 1\"/><limit {range}effort=\"{effort}\" velocity=\"{velocity}\"/></joint>",
@@ -92,7 +118,11 @@ fn joint_element(out: &mut String, name: &str, joint: &Joint, parent: &str, chil
 }
 
 fn fixed(out: &mut String, name: &str, pose: &Isometry3<f64>, parent: &str, child: &str) {
-    let _ = writeln!(out, "  <joint name=\"{name}\" type=\"fixed\">{}<parent link=\"{parent}\"/><child link=\"{child}\"/></joint>", origin(pose));
+    let _ = writeln!(
+        out,
+        "  <joint name=\"{name}\" type=\"fixed\">{}<parent link=\"{parent}\"/><child link=\"{child}\"/></joint>",
+        origin(pose)
+    );
 }
 
 /// Reads the movable joints of a URDF into a tree, fixed joints folded into the frames. `expected` names joints that must be
@@ -104,7 +134,8 @@ pub fn read_tree(path: &Path, expected: &[&str]) -> Result<Tree, ModelError> {
 
 /// As [`read_tree`], from text.
 pub fn parse_tree(text: &str, path: &Path, expected: &[&str]) -> Result<Tree, ModelError> {
-    let robot = urdf_rs::read_from_string(text).map_err(|error| ModelError::Syntax { path: path.into(), message: error.to_string() })?;
+    let robot = urdf_rs::read_from_string(text)
+        .map_err(|error| ModelError::Syntax { path: path.into(), message: error.to_string() })?;
     let fault = |element: String, field: &str, found: String, expected: &str| ModelError::Field {
         path: path.into(),
         element,
@@ -114,19 +145,34 @@ pub fn parse_tree(text: &str, path: &Path, expected: &[&str]) -> Result<Tree, Mo
     };
     for name in expected {
         if !robot.joints.iter().any(|joint| joint.name == *name) {
-            return Err(fault("robot".into(), "joint", format!("no joint `{name}`"), &format!("a joint named `{name}`")));
+            return Err(fault(
+                "robot".into(),
+                "joint",
+                format!("no joint `{name}`"),
+                &format!("a joint named `{name}`"),
+            ));
         }
     }
     let linked = |name: &str| robot.links.iter().find(|link| link.name == name);
     for joint in &robot.joints {
         for (field, name) in [("parent", &joint.parent.link), ("child", &joint.child.link)] {
             if linked(name).is_none() {
-                return Err(fault(format!("joint[{}]", joint.name), field, format!("`{name}`"), "the name of a <link> in this file"));
+                return Err(fault(
+                    format!("joint[{}]", joint.name),
+                    field,
+                    format!("`{name}`"),
+                    "the name of a <link> in this file",
+                ));
             }
         }
         let moving = joint.joint_type != urdf_rs::JointType::Fixed;
         if moving && linked(&joint.child.link).is_some_and(|link| link.inertial.mass.value <= 0.0) {
-            return Err(fault(format!("link[{}]", joint.child.link), "inertial.mass", "0".into(), "a positive mass in kg on a link that a joint moves"));
+            return Err(fault(
+                format!("link[{}]", joint.child.link),
+                "inertial.mass",
+                "0".into(),
+                "a positive mass in kg on a link that a joint moves",
+            ));
         }
     }
     let mut roots = robot.links.iter().filter(|link| !robot.joints.iter().any(|joint| joint.child.link == link.name));
@@ -154,14 +200,24 @@ pub fn parse_tree(text: &str, path: &Path, expected: &[&str]) -> Result<Tree, Mo
                     open.push_back((joint.child.link.clone(), Some(joints.len() - 1), Isometry3::identity()));
                 }
                 ref other => {
-                    return Err(fault(format!("joint[{}]", joint.name), "type", format!("{other:?}"), "revolute, continuous or fixed"));
+                    return Err(fault(
+                        format!("joint[{}]", joint.name),
+                        "type",
+                        format!("{other:?}"),
+                        "revolute, continuous or fixed",
+                    ));
                 }
             }
         }
     }
     let movable = robot.joints.iter().filter(|joint| joint.joint_type != urdf_rs::JointType::Fixed).count();
     if joints.len() != movable {
-        return Err(fault("robot".into(), "joint", format!("{} of {movable} joints reachable from `{}`", joints.len(), root.name), "one connected tree without loops"));
+        return Err(fault(
+            "robot".into(),
+            "joint",
+            format!("{} of {movable} joints reachable from `{}`", joints.len(), root.name),
+            "one connected tree without loops",
+        ));
     }
     Ok(Tree { joints })
 }
@@ -193,7 +249,11 @@ mod tests {
         assert_eq!(read.len(), 15);
         let q: Vec<f64> = (0..15).map(|j| 0.05 + 0.09 * j as f64).collect();
         // The file is walked breadth first: match the joints by name.
-        let by_name: Vec<usize> = read.joints.iter().map(|joint| hand.tree.find(joint.name.trim_end_matches("_joint")).expect("known joint")).collect();
+        let by_name: Vec<usize> = read
+            .joints
+            .iter()
+            .map(|joint| hand.tree.find(joint.name.trim_end_matches("_joint")).expect("known joint"))
+            .collect();
         let reordered: Vec<f64> = by_name.iter().map(|&j| q[j]).collect();
         let (ours, theirs) = (hand.tree.forward(&q), read.forward(&reordered));
         for (i, &j) in by_name.iter().enumerate() {
@@ -201,7 +261,8 @@ mod tests {
         }
         let arm = read_tree(&data("gen3.urdf"), &[]).expect("readable");
         let home = Arm::home();
-        let difference = arm.forward(&home)[6].translation.vector - Arm::gen3().tree.forward(&home)[6].translation.vector;
+        let difference =
+            arm.forward(&home)[6].translation.vector - Arm::gen3().tree.forward(&home)[6].translation.vector;
         assert!(difference.norm() < 1e-6);
     }
 
@@ -209,7 +270,10 @@ mod tests {
     fn a_missing_joint_is_named() {
         let text = hand_urdf(&Hand::ftac());
         let error = parse_tree(&text, Path::new("hand.urdf"), &["sixth_finger"]).expect_err("missing").to_string();
-        assert_eq!(error, "hand.urdf: robot.joint: found no joint `sixth_finger`, expected a joint named `sixth_finger`");
+        assert_eq!(
+            error,
+            "hand.urdf: robot.joint: found no joint `sixth_finger`, expected a joint named `sixth_finger`"
+        );
     }
 
     #[test]

@@ -153,8 +153,7 @@ impl Scenario {
     /// # Panics
     /// Never in a tested build: the file is compiled in and a test reads it.
     pub fn benchmark() -> Self {
-        Self::parse(BENCHMARK, Path::new("benchmark.toml"))
-            .expect("the built-in scenario is valid")
+        Self::parse(BENCHMARK, Path::new("benchmark.toml")).expect("the built-in scenario is valid")
     }
 
     /// Reads and checks a scenario file's text; `path` is used in errors.

@@ -83,23 +83,33 @@ fn cover_collider(cover: &CoverShape) -> ColliderBuilder {
         .friction(0.0)
         // An object's own coefficient is the one against the hand's elastomer; on the table it is capped.
         .friction_combine_rule(CoefficientCombineRule::Max)
-        .collision_groups(InteractionGroups::all().with_memberships(groups::HAND).with_filter(groups::HAND | groups::OBJECT | groups::TABLE))
+        .collision_groups(
+            InteractionGroups::all()
+                .with_memberships(groups::HAND)
+                .with_filter(groups::HAND | groups::OBJECT | groups::TABLE),
+        )
 }
 
 fn link_body(world: &Isometry3<f64>, mass: &MassProperties) -> RigidBodyBuilder {
-    RigidBodyBuilder::dynamic()
-        .pose(convert::pose(world))
-        .can_sleep(false)
-        .additional_mass_properties(rapier3d_f64::prelude::MassProperties::with_inertia_matrix(
+    RigidBodyBuilder::dynamic().pose(convert::pose(world)).can_sleep(false).additional_mass_properties(
+        rapier3d_f64::prelude::MassProperties::with_inertia_matrix(
             convert::point(&mass.com),
             mass.mass,
             convert::matrix(&mass.inertia),
-        ))
+        ),
+    )
 }
 
 impl RobotBody {
     /// Adds arm (at `world_from_base`) and hand (turned by `mount_error` on its flange) to the engine at the given angles.
-    pub fn insert(engine: &mut Engine, arm: &Arm, hand: &Hand, world_from_base: &Isometry3<f64>, mount_error: &UnitQuaternion<f64>, arm_q: &[f64; ARM_JOINTS]) -> Self {
+    pub fn insert(
+        engine: &mut Engine,
+        arm: &Arm,
+        hand: &Hand,
+        world_from_base: &Isometry3<f64>,
+        mount_error: &UnitQuaternion<f64>,
+        arm_q: &[f64; ARM_JOINTS],
+    ) -> Self {
         let arm_poses = arm.tree.forward(arm_q);
         let base = engine.bodies.insert(RigidBodyBuilder::fixed().pose(convert::pose(world_from_base)));
         let mut links = Vec::new();
@@ -115,7 +125,8 @@ impl RobotBody {
             }
             let body = engine.bodies.insert(link_body(&(world_from_base * arm_poses[i]), &mass));
             let joint = &arm.tree.joints[i];
-            let handle = engine.multibodies.insert(parent, body, revolute(&joint.origin, [joint.lower, joint.upper]), true);
+            let handle =
+                engine.multibodies.insert(parent, body, revolute(&joint.origin, [joint.lower, joint.upper]), true);
             joints.extend(handle);
             links.push(body);
             masses.push(mass);
@@ -124,12 +135,19 @@ impl RobotBody {
         let palm_link = parent;
         let mut palm_cover = hand.palm_cover;
         palm_cover.link_from_cover = last_from_palm * palm_cover.link_from_cover;
-        let mut covers = vec![engine.colliders.insert_with_parent(cover_collider(&palm_cover), palm_link, &mut engine.bodies)];
+        let mut covers =
+            vec![engine.colliders.insert_with_parent(cover_collider(&palm_cover), palm_link, &mut engine.bodies)];
         // The bracelet ends flat at the flange, so its capsule's round end must stop a radius short of it.
         for (link, length) in [(4usize, 0.10593), (5, 0.10593), (6, 0.0615 - WRIST_RADIUS)] {
-            let capsule = ColliderBuilder::capsule_from_endpoints(Vector::ZERO, if link == 5 { Vector::new(0.0, -length, 0.0) } else { Vector::new(0.0, 0.0, -length) }, WRIST_RADIUS)
-                .density(0.0)
-                .collision_groups(InteractionGroups::all().with_memberships(groups::ARM).with_filter(groups::TABLE | groups::OBJECT));
+            let capsule = ColliderBuilder::capsule_from_endpoints(
+                Vector::ZERO,
+                if link == 5 { Vector::new(0.0, -length, 0.0) } else { Vector::new(0.0, 0.0, -length) },
+                WRIST_RADIUS,
+            )
+            .density(0.0)
+            .collision_groups(
+                InteractionGroups::all().with_memberships(groups::ARM).with_filter(groups::TABLE | groups::OBJECT),
+            );
             engine.colliders.insert_with_parent(capsule, links[link], &mut engine.bodies);
         }
         let world_from_palm = world_from_base * arm_poses[ARM_JOINTS - 1] * last_from_palm;
@@ -177,7 +195,12 @@ impl RobotBody {
 
     /// Joint angles and speeds as they are.
     pub fn joint_state(&self, engine: &Engine) -> JointState {
-        let mut state = JointState { arm: [0.0; ARM_JOINTS], arm_speed: [0.0; ARM_JOINTS], hand: [0.0; HAND_JOINTS], hand_speed: [0.0; HAND_JOINTS] };
+        let mut state = JointState {
+            arm: [0.0; ARM_JOINTS],
+            arm_speed: [0.0; ARM_JOINTS],
+            hand: [0.0; HAND_JOINTS],
+            hand_speed: [0.0; HAND_JOINTS],
+        };
         let Some((multibody, _)) = engine.multibodies.get(self.joints[0]) else { return state };
         let speeds = multibody.generalized_velocity();
         for (i, handle) in self.joints.iter().enumerate() {
@@ -216,7 +239,15 @@ impl RobotBody {
 
     /// Sets the arm's controller for the next step: position and speed set-points, gravity torques, clamped to `limits`.
     /// Returns the commanded torques, N m.
-    pub fn drive_arm(&self, engine: &mut Engine, state: &JointState, goal: &[f64; ARM_JOINTS], goal_speed: &[f64; ARM_JOINTS], gravity: &[f64; ARM_JOINTS], limits: &[f64; ARM_JOINTS]) -> [f64; ARM_JOINTS] {
+    pub fn drive_arm(
+        &self,
+        engine: &mut Engine,
+        state: &JointState,
+        goal: &[f64; ARM_JOINTS],
+        goal_speed: &[f64; ARM_JOINTS],
+        gravity: &[f64; ARM_JOINTS],
+        limits: &[f64; ARM_JOINTS],
+    ) -> [f64; ARM_JOINTS] {
         std::array::from_fn(|i| {
             let (k, d) = (ARM_STIFFNESS[i], ARM_DAMPING[i]);
             // What the motor gives is clamped; the damping part of it acts in the engine, implicitly, on the joint's speed.
@@ -250,6 +281,9 @@ fn merge(a: &MassProperties, b: &MassProperties, a_from_b: &Isometry3<f64>) -> M
     MassProperties {
         mass,
         com: com.into(),
-        inertia: a.inertia + shift(a.mass, a.com.coords - com) + rotation * b.inertia * rotation.transpose() + shift(b.mass, com_b.coords - com),
+        inertia: a.inertia
+            + shift(a.mass, a.com.coords - com)
+            + rotation * b.inertia * rotation.transpose()
+            + shift(b.mass, com_b.coords - com),
     }
 }

@@ -21,10 +21,7 @@ pub fn to_vector(v: Vector) -> Vector3<f64> {
 /// nalgebra pose to rapier.
 pub fn pose(p: &Isometry3<f64>) -> Pose {
     let q = p.rotation.quaternion();
-    Pose {
-        rotation: Rotation::from_xyzw(q.i, q.j, q.k, q.w),
-        translation: vector(&p.translation.vector),
-    }
+    Pose { rotation: Rotation::from_xyzw(q.i, q.j, q.k, q.w), translation: vector(&p.translation.vector) }
 }
 
 /// rapier pose to nalgebra.

@@ -22,13 +22,7 @@ pub struct EngineSettings {
 
 impl Default for EngineSettings {
     fn default() -> Self {
-        Self {
-            dt: 1.0 / 240.0,
-            solver_iterations: 1,
-            pgs_iterations: 8,
-            contact_frequency: 240.0,
-            table_friction: 0.5,
-        }
+        Self { dt: 1.0 / 240.0, solver_iterations: 1, pgs_iterations: 8, contact_frequency: 240.0, table_friction: 0.5 }
     }
 }
 

@@ -119,7 +119,8 @@ impl SimulatedRobot {
     /// Builds the scene.
     pub fn new(hand: Arc<Hand>, arm: Arc<Arm>, setup: &SceneSetup, tactile: TactileBoard) -> Self {
         let mut engine = Engine::new(setup.engine);
-        let body = RobotBody::insert(&mut engine, &arm, &hand, &setup.world_from_base, &setup.mount_error, &setup.arm_start);
+        let body =
+            RobotBody::insert(&mut engine, &arm, &hand, &setup.world_from_base, &setup.mount_error, &setup.arm_start);
         let table_shape = ColliderBuilder::cuboid(0.8, 0.8, 0.05)
             .position(Pose::from_translation(Vector::new(0.5, 0.0, -0.05)))
             .friction(setup.engine.table_friction)
@@ -159,7 +160,8 @@ impl SimulatedRobot {
         let state = self.state;
         let poses = self.body.link_poses(&self.engine);
         let gravity = self.body.gravity_torques(&poses);
-        self.arm_torque = self.body.drive_arm(&mut self.engine, &state, goal, goal_speed, &gravity, &self.arm.effort_limits);
+        self.arm_torque =
+            self.body.drive_arm(&mut self.engine, &state, goal, goal_speed, &gravity, &self.arm.effort_limits);
         let cable = self.hand.parameters.cable;
         let transmission = &self.hand.transmission;
         for (n, path) in transmission.cables.iter().enumerate() {
@@ -234,8 +236,10 @@ impl SimulatedRobot {
     /// Ground truth, for the referee and the recording only.
     pub fn truth(&self) -> Truth {
         let links = self.body.link_poses(&self.engine);
-        let objects: Vec<_> = self.objects.iter().map(|(_, body, _)| convert::to_pose(self.engine.bodies[*body].position())).collect();
-        let velocities = self.objects.iter().map(|(_, body, _)| convert::to_vector(self.engine.bodies[*body].linvel())).collect();
+        let objects: Vec<_> =
+            self.objects.iter().map(|(_, body, _)| convert::to_pose(self.engine.bodies[*body].position())).collect();
+        let velocities =
+            self.objects.iter().map(|(_, body, _)| convert::to_vector(self.engine.bodies[*body].linvel())).collect();
         let mut contacts = Vec::new();
         let palm = self.palm(&links);
         let mut pad_forces = vec![0.0; self.hand.pads.len()];
@@ -243,7 +247,12 @@ impl SimulatedRobot {
             for contact in contacts_of(&self.engine, *collider) {
                 let Some(cover) = self.body.covers.iter().position(|c| *c == contact.other) else { continue };
                 let link = cover.checked_sub(1);
-                contacts.push(HandContact { object, link, point: contact.point, force: -contact.normal * contact.force });
+                contacts.push(HandContact {
+                    object,
+                    link,
+                    point: contact.point,
+                    force: -contact.normal * contact.force,
+                });
                 if let Some(pad) = self.pad_at(link, &contact.point, &contact.normal, &links, &palm) {
                     pad_forces[pad] += contact.force;
                 }
@@ -266,7 +275,14 @@ impl SimulatedRobot {
     }
 
     /// The pad of `link` on which a contact lies, if it lies on one and comes from outside. `normal` points from the object.
-    fn pad_at(&self, link: Option<usize>, point: &nalgebra::Point3<f64>, normal: &Vector3<f64>, links: &[Isometry3<f64>], palm: &Isometry3<f64>) -> Option<usize> {
+    fn pad_at(
+        &self,
+        link: Option<usize>,
+        point: &nalgebra::Point3<f64>,
+        normal: &Vector3<f64>,
+        links: &[Isometry3<f64>],
+        palm: &Isometry3<f64>,
+    ) -> Option<usize> {
         self.hand.pads.iter().position(|pad| {
             if pad.link != link {
                 return false;
@@ -286,19 +302,27 @@ impl SimulatedRobot {
             .iter()
             .map(|pad| pad.link.map_or(truth.palm, |link| truth.links[ARM_JOINTS + link]) * pad.link_from_pad)
             .collect();
-        let objects: Vec<(&Shape, Isometry3<f64>)> = self.objects.iter().zip(&truth.objects).map(|((model, _, _), pose)| (&model.shape, *pose)).collect();
+        let objects: Vec<(&Shape, Isometry3<f64>)> =
+            self.objects.iter().zip(&truth.objects).map(|((model, _, _), pose)| (&model.shape, *pose)).collect();
         self.frames = self.tactile.capture(&self.hand, self.time, &pads, &truth.pad_forces, &objects);
     }
 }
 
-fn insert_object(engine: &mut Engine, placement: &ObjectPlacement) -> (Arc<ObjectModel>, RigidBodyHandle, ColliderHandle) {
+fn insert_object(
+    engine: &mut Engine,
+    placement: &ObjectPlacement,
+) -> (Arc<ObjectModel>, RigidBodyHandle, ColliderHandle) {
     let model = &placement.model;
     let (com, inertia) = model.shape.inertia(model.mass);
     let body = RigidBodyBuilder::dynamic()
         .pose(convert::pose(&placement.pose))
         .can_sleep(false)
         .angular_damping(OBJECT_ANGULAR_DAMPING)
-        .additional_mass_properties(MassProperties::with_inertia_matrix(convert::point(&com), model.mass, convert::matrix(&inertia)));
+        .additional_mass_properties(MassProperties::with_inertia_matrix(
+            convert::point(&com),
+            model.mass,
+            convert::matrix(&inertia),
+        ));
     let handle = engine.bodies.insert(body);
     let shape = match &model.shape {
         Shape::Sphere { radius } => SharedShape::ball(*radius),
@@ -310,7 +334,9 @@ fn insert_object(engine: &mut Engine, placement: &ObjectPlacement) -> (Arc<Objec
                 SharedShape::round_cylinder(half_height - border, radius - border, border),
             )])
         }
-        Shape::Cuboid { half, radius } => SharedShape::round_cuboid(half.x - radius, half.y - radius, half.z - radius, *radius),
+        Shape::Cuboid { half, radius } => {
+            SharedShape::round_cuboid(half.x - radius, half.y - radius, half.z - radius, *radius)
+        }
         Shape::Mesh(_) => {
             let parts: Vec<(Pose, SharedShape)> = model
                 .shape
@@ -349,7 +375,9 @@ impl Robot for SimulatedRobot {
         for (i, goal) in sent.arm.iter_mut().enumerate() {
             // The low-level controller follows no faster than the joint's speed limit.
             let reach = self.arm.velocity_limits[i] * tick;
-            *goal = goal.clamp(self.goal[i] - reach, self.goal[i] + reach).clamp(self.arm.tree.joints[i].lower, self.arm.tree.joints[i].upper);
+            *goal = goal
+                .clamp(self.goal[i] - reach, self.goal[i] + reach)
+                .clamp(self.arm.tree.joints[i].lower, self.arm.tree.joints[i].upper);
         }
         for (servo, goal) in self.servos.iter_mut().zip(&sent.servos) {
             servo.goal = *goal;

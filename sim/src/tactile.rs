@@ -42,7 +42,9 @@ impl TactileBoard {
             .cameras
             .iter()
             .enumerate()
-            .map(|(n, camera)| Sensor::unit(&hand.pads[camera.pad], camera, serial.wrapping_mul(1000).wrapping_add(n as u64)))
+            .map(|(n, camera)| {
+                Sensor::unit(&hand.pads[camera.pad], camera, serial.wrapping_mul(1000).wrapping_add(n as u64))
+            })
             .collect();
         Self { sensors: Arc::new(sensors), noise_seed: 0, sequence: 0 }
     }
@@ -64,19 +66,40 @@ impl TactileBoard {
 
     /// One image of every camera. `pads` are `world_from_pad`, `forces` the normal forces on them (N), `objects` everything
     /// that may press (`world_from_object`).
-    pub fn capture(&mut self, hand: &Hand, time: f64, pads: &[Isometry3<f64>], forces: &[f64], objects: &[(&Shape, Isometry3<f64>)]) -> Vec<TactileFrame> {
+    pub fn capture(
+        &mut self,
+        hand: &Hand,
+        time: f64,
+        pads: &[Isometry3<f64>],
+        forces: &[f64],
+        objects: &[(&Shape, Isometry3<f64>)],
+    ) -> Vec<TactileFrame> {
         self.sequence += 1;
         if self.sensors.is_empty() {
             return Vec::new();
         }
-        let images: Vec<Vec<Arc<TactileImage>>> = hand.pads.par_iter().enumerate().map(|(n, _)| self.pad_images(hand, n, time, &pads[n], forces[n], objects)).collect();
+        let images: Vec<Vec<Arc<TactileImage>>> = hand
+            .pads
+            .par_iter()
+            .enumerate()
+            .map(|(n, _)| self.pad_images(hand, n, time, &pads[n], forces[n], objects))
+            .collect();
         let by_camera = hand.pads.iter().zip(images).flat_map(|(pad, images)| pad.cameras.iter().copied().zip(images));
-        let mut frames: Vec<TactileFrame> = by_camera.map(|(camera, image)| TactileFrame { camera, time, sequence: self.sequence, image }).collect();
+        let mut frames: Vec<TactileFrame> =
+            by_camera.map(|(camera, image)| TactileFrame { camera, time, sequence: self.sequence, image }).collect();
         frames.sort_by_key(|frame| frame.camera);
         frames
     }
 
-    fn pad_images(&self, hand: &Hand, index: usize, time: f64, world_from_pad: &Isometry3<f64>, force: f64, objects: &[(&Shape, Isometry3<f64>)]) -> Vec<Arc<TactileImage>> {
+    fn pad_images(
+        &self,
+        hand: &Hand,
+        index: usize,
+        time: f64,
+        world_from_pad: &Isometry3<f64>,
+        force: f64,
+        objects: &[(&Shape, Isometry3<f64>)],
+    ) -> Vec<Arc<TactileImage>> {
         let pad = &hand.pads[index];
         let idle = || pad.cameras.iter().map(|camera| self.sensors[*camera].background().clone()).collect();
         if force < LEAST_FORCE {
@@ -86,7 +109,9 @@ impl TactileBoard {
         let near: Vec<(&Shape, Isometry3<f64>)> = objects
             .iter()
             .map(|(shape, pose)| (*shape, pose.inverse() * world_from_pad))
-            .filter(|(shape, object_from_pad)| object_from_pad.translation.vector.norm() < shape.bounding_radius() + half + REACH)
+            .filter(|(shape, object_from_pad)| {
+                object_from_pad.translation.vector.norm() < shape.bounding_radius() + half + REACH
+            })
             .collect();
         let lowest = |x: f64, y: f64| {
             near.iter()

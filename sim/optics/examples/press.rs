@@ -54,7 +54,12 @@ fn main() -> Result<(), Box<dyn Error>> {
         images.push(sensor.render(&off_middle.maps[0], &mut rng));
         for (row, TactileImage { rgb }) in images.into_iter().enumerate() {
             let picture = image::RgbImage::from_raw(size, size, rgb).ok_or("an image of the wrong size")?;
-            image::imageops::replace(&mut sheet, &picture, (column as u32 * (size + 4)).into(), (row as u32 * (size + 4)).into());
+            image::imageops::replace(
+                &mut sheet,
+                &picture,
+                (column as u32 * (size + 4)).into(),
+                (row as u32 * (size + 4)).into(),
+            );
         }
         for force in [0.5, 3.0] {
             let time = |work: &mut dyn FnMut()| {
@@ -67,7 +72,9 @@ fn main() -> Result<(), Box<dyn Error>> {
             let gel = time(&mut || drop(sensor.model().elastomer.deform(sensor.camera(), &pressed.maps[0])));
             let render = time(&mut || drop(sensor.render(&pressed.maps[0], &mut rng)));
             let pressing = time(&mut || drop(press(pad, &cameras, &hand.parameters.gel, force, ball)));
-            println!("  {force} N: press {pressing:.2} ms, render {render:.2} ms (of it gel {gel:.2}), idle {idle:.3} ms");
+            println!(
+                "  {force} N: press {pressing:.2} ms, render {render:.2} ms (of it gel {gel:.2}), idle {idle:.3} ms"
+            );
         }
     }
     sheet.save(path)?;

@@ -29,9 +29,15 @@ impl Pinhole {
         let ((dx, dy), (x0, y0)) = (camera.pixel_size(), camera.pixel_center(0, 0));
         let depth = -self.position.z;
         Matrix3::new(
-            depth / dx, 0.0, (self.position.x - x0) / dx, //
-            0.0, depth / dy, (y0 - self.position.y) / dy, //
-            0.0, 0.0, 1.0,
+            depth / dx,
+            0.0,
+            (self.position.x - x0) / dx, //
+            0.0,
+            depth / dy,
+            (y0 - self.position.y) / dy, //
+            0.0,
+            0.0,
+            1.0,
         )
     }
 

@@ -61,7 +61,11 @@ pub struct GapMap {
 
 impl GapMap {
     /// Evaluates every pixel. `z_object(x, y)` is the lowest point (m, pad frame) of the object along the pad's z.
-    pub fn sample(pad: &Pad, camera: &Camera, mut z_object: impl FnMut(f64, f64) -> Option<f64>) -> Result<Self, OpticsError> {
+    pub fn sample(
+        pad: &Pad,
+        camera: &Camera,
+        mut z_object: impl FnMut(f64, f64) -> Option<f64>,
+    ) -> Result<Self, OpticsError> {
         let mut penetration = Vec::with_capacity(PIXELS);
         for row in 0..IMAGE_SIZE {
             for column in 0..IMAGE_SIZE {
@@ -105,7 +109,12 @@ impl IndentationMap {
             let Some(left) = line.iter().position(|&depth| depth > 0.0) else { continue };
             let right = line.iter().rposition(|&depth| depth > 0.0).unwrap_or(left) + 1;
             let old = contact.unwrap_or(Rectangle { left, top: row, right, bottom: row });
-            contact = Some(Rectangle { left: old.left.min(left), top: old.top, right: old.right.max(right), bottom: row + 1 });
+            contact = Some(Rectangle {
+                left: old.left.min(left),
+                top: old.top,
+                right: old.right.max(right),
+                bottom: row + 1,
+            });
         }
         Ok(if contact.is_none() { Self::idle() } else { Self { depth, contact } })
     }
@@ -195,7 +204,8 @@ pub fn press(
                 }
                 seen[flag] = true;
                 for pixel in 0..BLOCK * BLOCK {
-                    let (column, row) = (block % BLOCKS * BLOCK + pixel % BLOCK, block / BLOCKS * BLOCK + pixel / BLOCK);
+                    let (column, row) =
+                        (block % BLOCKS * BLOCK + pixel % BLOCK, block / BLOCKS * BLOCK + pixel / BLOCK);
                     let (x, y) = camera.pixel_center(column, row);
                     gaps[index].penetration[row * IMAGE_SIZE + column] = penetration_at(pad, x, y, &mut z_object)?;
                 }
@@ -242,11 +252,16 @@ struct Balanced {
 }
 
 /// Solves the force balance by Newton's method inside a bracket; `None` where nothing is above the pad.
-fn balance<'a>(maps: impl Iterator<Item = (&'a [f32], f64)>, gel: &Gel, force: f64) -> Result<Option<Balanced>, OpticsError> {
+fn balance<'a>(
+    maps: impl Iterator<Item = (&'a [f32], f64)>,
+    gel: &Gel,
+    force: f64,
+) -> Result<Option<Balanced>, OpticsError> {
     positive("gel thickness", gel.thickness)?;
     positive("gel stiffness", gel.stiffness)?;
-    let maps: Vec<(Vec<f32>, f64)> =
-        maps.map(|(map, area)| (map.iter().copied().filter(|p| p.is_finite()).collect(), area * gel.stiffness)).collect();
+    let maps: Vec<(Vec<f32>, f64)> = maps
+        .map(|(map, area)| (map.iter().copied().filter(|p| p.is_finite()).collect(), area * gel.stiffness))
+        .collect();
     let all = || maps.iter().flat_map(|(map, _)| map);
     let (deepest, shallowest) =
         all().fold((f32::NEG_INFINITY, f32::INFINITY), |(most, least), &p| (most.max(p), least.min(p)));
@@ -278,7 +293,11 @@ fn balance<'a>(maps: impl Iterator<Item = (&'a [f32], f64)>, gel: &Gel, force: f
     let mut shift = 0.5 * (low + high);
     for _ in 0..60 {
         let (found, slope) = evaluate(shift);
-        if found > force { high = shift } else { low = shift }
+        if found > force {
+            high = shift
+        } else {
+            low = shift
+        }
         let newton = shift - (found - force) / slope;
         let next = if newton > low && newton < high { newton } else { 0.5 * (low + high) };
         let step = (next - shift).abs();
@@ -290,7 +309,12 @@ fn balance<'a>(maps: impl Iterator<Item = (&'a [f32], f64)>, gel: &Gel, force: f
     Ok(Some(Balanced { shift, force: evaluate(shift).0 }))
 }
 
-fn penetration_at(pad: &Pad, x: f64, y: f64, z_object: &mut impl FnMut(f64, f64) -> Option<f64>) -> Result<f32, OpticsError> {
+fn penetration_at(
+    pad: &Pad,
+    x: f64,
+    y: f64,
+    z_object: &mut impl FnMut(f64, f64) -> Option<f64>,
+) -> Result<f32, OpticsError> {
     let Some(z) = z_object(x, y) else { return Ok(f32::NEG_INFINITY) };
     let penetration = (pad.surface_height(x, y) - z) as f32;
     if penetration.is_nan() || penetration == f32::INFINITY {

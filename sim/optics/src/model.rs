@@ -171,11 +171,17 @@ impl SensorModel {
                 return fault(format!("lamps[{k}]: eta {} and mu {} must be finite and at least 0", lamp.eta, lamp.mu));
             }
             if !lamp.position.z.lt(&-0.003) {
-                return fault(format!("lamps[{k}].position.z is {} m; expected it behind the gel (below -0.003)", lamp.position.z));
+                return fault(format!(
+                    "lamps[{k}].position.z is {} m; expected it behind the gel (below -0.003)",
+                    lamp.position.z
+                ));
             }
         }
         if !self.camera.position.z.lt(&-0.003) {
-            return fault(format!("camera.position.z is {} m; expected it behind the gel (below -0.003)", self.camera.position.z));
+            return fault(format!(
+                "camera.position.z is {} m; expected it behind the gel (below -0.003)",
+                self.camera.position.z
+            ));
         }
         if !self.reflectance.roughness.ge(&0.0) {
             return fault(format!("reflectance.roughness is {}; expected at least 0", self.reflectance.roughness));

@@ -66,7 +66,8 @@ pub(crate) fn texture(blotches: f64, grain: f64, rng: &mut impl Rng) -> Vec<f32>
             let ((i, u), (j, v)) = (place(column), place(row));
             let value = |f: &[f64]| {
                 let knot = |j: usize, i: usize| f[j * KNOTS + i];
-                (1.0 - v) * ((1.0 - u) * knot(j, i) + u * knot(j, i + 1)) + v * ((1.0 - u) * knot(j + 1, i) + u * knot(j + 1, i + 1))
+                (1.0 - v) * ((1.0 - u) * knot(j, i) + u * knot(j, i + 1))
+                    + v * ((1.0 - u) * knot(j + 1, i) + u * knot(j + 1, i + 1))
             };
             let shared = value(&common) + grain * normal(rng);
             for own in &own {

@@ -142,7 +142,9 @@ impl Sensor {
             grey.copy_from_slice(background);
             let correction = &self.correction[3 * (IMAGE_SIZE * index + left)..];
             let [red, green, blue] = &row.radiance;
-            for (i, (pixel, correction)) in grey[3 * left..3 * right].chunks_exact_mut(3).zip(correction.chunks_exact(3)).enumerate() {
+            for (i, (pixel, correction)) in
+                grey[3 * left..3 * right].chunks_exact_mut(3).zip(correction.chunks_exact(3)).enumerate()
+            {
                 pixel[0] = self.response[0].grey(red[i]) + correction[0];
                 pixel[1] = self.response[1].grey(green[i]) + correction[1];
                 pixel[2] = self.response[2].grey(blue[i]) + correction[2];
@@ -160,7 +162,8 @@ impl Sensor {
         }
         let (width, (dx, dy)) = (area.width(), self.camera.pixel_size());
         let line = |row: usize| &gel.depth[(row - area.top) * width..(row - area.top + 1) * width];
-        let (above, here, below) = (line(index.max(area.top + 1) - 1), line(index), line((index + 1).min(area.bottom - 1)));
+        let (above, here, below) =
+            (line(index.max(area.top + 1) - 1), line(index), line((index + 1).min(area.bottom - 1)));
         let rows = if index == area.top || index + 1 == area.bottom { 1.0 } else { 2.0 };
         let (per_x, per_y) = ((0.5 / dx) as f32, (1.0 / (rows * dy)) as f32);
         let mut z = [0.0f32; IMAGE_SIZE];
@@ -177,7 +180,8 @@ impl Sensor {
             slopes[0][0] = (here[0] - here[1]) * 2.0 * per_x;
             slopes[0][width - 1] = (here[width - 2] - here[width - 1]) * 2.0 * per_x;
         }
-        let deformed = |i: &usize| z[*i] < -FLAT_DEPTH || slopes[0][*i].abs() > FLAT_SLOPE || slopes[1][*i].abs() > FLAT_SLOPE;
+        let deformed =
+            |i: &usize| z[*i] < -FLAT_DEPTH || slopes[0][*i].abs() > FLAT_SLOPE || slopes[1][*i].abs() > FLAT_SLOPE;
         let first = (0..width).find(deformed)?;
         let last = (0..width).rev().find(deformed)? + 1;
         let (x0, y) = self.camera.pixel_center(area.left + first, index);

@@ -28,7 +28,16 @@ pub(crate) struct SurfaceRow {
 impl SurfaceRow {
     pub(crate) fn new() -> Self {
         let line = [0.0; IMAGE_SIZE];
-        Self { len: 0, x: line, y: 0.0, z: line, normal: [line; 3], viewer: [line; 3], cos_r: line, radiance: [line; 3] }
+        Self {
+            len: 0,
+            x: line,
+            y: 0.0,
+            z: line,
+            normal: [line; 3],
+            viewer: [line; 3],
+            cos_r: line,
+            radiance: [line; 3],
+        }
     }
 
     /// Sets the row: pixel i is at (`x0 + i dx`, `y`), at height `z[i]` with slopes dz/dx and dz/dy (m, pad frame).

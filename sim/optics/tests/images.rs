@@ -168,7 +168,8 @@ fn a_tilted_plane_brightens_the_lamp_it_faces() {
     let (pad, camera) = flat_pad(&hand, "index_distal");
     let sensor = Sensor::unit(&pad, &camera, 3);
     // dz/dx, dz/dy of the pressed gel, and the channel whose lamp it then faces (and one that it turns away from).
-    for (slope, brighter, darker) in [([0.3, 0.0], 0, 1), ([-0.3, 0.0], 1, 0), ([0.0, 0.3], 2, 0), ([0.0, -0.3], 1, 2)] {
+    for (slope, brighter, darker) in [([0.3, 0.0], 0, 1), ([-0.3, 0.0], 1, 0), ([0.0, 0.3], 2, 0), ([0.0, -0.3], 1, 2)]
+    {
         let depth = (0..PIXELS).map(|i| {
             let (x, y) = camera.pixel_center(i % IMAGE_SIZE, i / IMAGE_SIZE);
             let near = x.abs() < 0.003 && y.abs() < 0.003;
@@ -179,7 +180,12 @@ fn a_tilted_plane_brightens_the_lamp_it_faces() {
             let part = |image| mean(image, channel, 110..130, 110..130);
             part(&image.rgb) - part(&sensor.background().rgb)
         };
-        assert!(change(brighter) > 5.0 && change(darker) < change(brighter) - 10.0, "{slope:?}: {} {}", change(brighter), change(darker));
+        assert!(
+            change(brighter) > 5.0 && change(darker) < change(brighter) - 10.0,
+            "{slope:?}: {} {}",
+            change(brighter),
+            change(darker)
+        );
     }
 }
 

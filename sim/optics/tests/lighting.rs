@@ -50,7 +50,11 @@ fn lighting_serves_photometric_stereo() {
             most.map(f64::round)
         );
         assert!(mean.iter().all(|mean| (100.0..140.0).contains(mean)), "{}: mean {mean:?}", camera.name);
-        assert!(least.iter().all(|&least| least > 30.0) && most.iter().all(|&most| most < 220.0), "{}: {least:?} {most:?}", camera.name);
+        assert!(
+            least.iter().all(|&least| least > 30.0) && most.iter().all(|&most| most < 220.0),
+            "{}: {least:?} {most:?}",
+            camera.name
+        );
         assert!(brightest < 255.0, "{}: {brightest}", camera.name);
         assert!(weakest > 28.0 && worst_ratio < 3.0, "{}: {weakest} {worst_ratio}", camera.name);
     }

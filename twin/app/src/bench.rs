@@ -47,7 +47,9 @@ fn units(request: &RunRequest) -> Vec<Unit> {
     let (shard, of) = request.shard;
     (0..request.combos)
         .filter(|combination| combination % of == shard - 1)
-        .flat_map(|combination| std::iter::once(None).chain((0..request.trials).map(Some)).map(move |trial| Unit { combination, trial }))
+        .flat_map(|combination| {
+            std::iter::once(None).chain((0..request.trials).map(Some)).map(move |trial| Unit { combination, trial })
+        })
         .collect()
 }
 
@@ -69,7 +71,11 @@ fn run_unit(bench: &Bench, unit: Unit, folder: &Path, options: &Options) -> Resu
             None => Ok(vec![bench.ideal(unit.combination, &mut NoWatcher)?]),
         };
     }
-    let name = format!("combination_{:02}_{}.rrd", unit.combination, unit.trial.map_or("ideal".to_owned(), |trial| format!("trial_{trial}")));
+    let name = format!(
+        "combination_{:02}_{}.rrd",
+        unit.combination,
+        unit.trial.map_or("ideal".to_owned(), |trial| format!("trial_{trial}"))
+    );
     let file = folder.join("recordings").join(&name);
     let partial = file.with_extension("partial.rrd");
     let mut targets = vec![stream::Target::File(partial.clone())];
@@ -102,7 +108,8 @@ pub fn run(bench: &Bench, request: &RunRequest, journal: Journal, folder: &Path,
     let work = || -> Result<()> {
         while let Some(unit) = open.get(next.fetch_add(1, Ordering::Relaxed)) {
             let start = Instant::now();
-            let records = run_unit(bench, *unit, folder, options).with_context(|| format!("combination {}, trial {:?}", unit.combination, unit.trial));
+            let records = run_unit(bench, *unit, folder, options)
+                .with_context(|| format!("combination {}, trial {:?}", unit.combination, unit.trial));
             // After a failure the other workers finish what they are at and stop.
             let records = records.inspect_err(|_| next.store(open.len(), Ordering::Relaxed))?;
             let entry = Entry { unit: *unit, records, wall_s: start.elapsed().as_secs_f64() };

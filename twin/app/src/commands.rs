@@ -13,7 +13,9 @@ use sim::tactile::TactileBoard;
 use touch::{Calibration, TouchPipeline};
 
 use crate::bench::{self, Options};
-use crate::cli::{BenchArgs, Body, Cli, Command, GraspsCommand, HandCommand, OpticsCommand, RoleArg, TouchCommand, TrialArgs};
+use crate::cli::{
+    BenchArgs, Body, Cli, Command, GraspsCommand, HandCommand, OpticsCommand, RoleArg, TouchCommand, TrialArgs,
+};
 use crate::generate::Effort;
 use crate::journal::{Journal, RunRequest};
 use crate::plan::{self, Plans};
@@ -36,8 +38,12 @@ pub fn run(cli: &Cli) -> Outcome {
         Command::View { path } => view(path),
         Command::Report { folders, out } => report(cli, folders, out.as_deref()),
         Command::Hand(HandCommand::Check { urdf }) => hand_check(cli, urdf.as_deref()),
-        Command::Grasps(GraspsCommand::Generate { object, role, n, out }) => grasps_generate(cli, object, *role, *n, out),
-        Command::Grasps(GraspsCommand::Plan { combos, repertoire, out }) => grasps_plan(cli, *combos, repertoire.as_deref(), out),
+        Command::Grasps(GraspsCommand::Generate { object, role, n, out }) => {
+            grasps_generate(cli, object, *role, *n, out)
+        }
+        Command::Grasps(GraspsCommand::Plan { combos, repertoire, out }) => {
+            grasps_plan(cli, *combos, repertoire.as_deref(), out)
+        }
         Command::Touch(TouchCommand::Train { presses, out }) => touch_train(cli, *presses, out),
         Command::Optics(OpticsCommand::Render { mesh, pad, force, out }) => optics_render(mesh, pad, *force, out),
     }
@@ -48,7 +54,9 @@ fn repertoire() -> Result<grasping::Repertoire> {
 }
 
 fn make_bench(scenario: Scenario, combos: usize, seed: u64, quiet: bool) -> Result<Bench> {
-    let builtin = scenario.first == Scenario::benchmark().first && scenario.second == Scenario::benchmark().second && scenario.layout == Scenario::benchmark().layout;
+    let builtin = scenario.first == Scenario::benchmark().first
+        && scenario.second == Scenario::benchmark().second
+        && scenario.layout == Scenario::benchmark().layout;
     let world = World::new(scenario)?;
     let repertoire = repertoire()?;
     let mut plans = Plans::parse(include_str!("../data/plans.json"), Path::new("data/plans.json"))?;
@@ -58,10 +66,14 @@ fn make_bench(scenario: Scenario, combos: usize, seed: u64, quiet: bool) -> Resu
     }
     plans.plans.truncate(combos);
     let board = TactileBoard::unit(&world.hand, HAND_UNIT);
-    let calibration: Calibration = serde_json::from_str(include_str!("../data/calibration.json")).context("data/calibration.json")?;
+    let calibration: Calibration =
+        serde_json::from_str(include_str!("../data/calibration.json")).context("data/calibration.json")?;
     let pipeline = TouchPipeline::new(&world.hand, calibration, board.backgrounds())?;
     let names: BTreeSet<&String> = plans.plans.iter().map(|plan| &plan.first).collect();
-    let known = names.into_iter().map(|name| Ok((name.clone(), KnownObject::new(world.object(name)?)))).collect::<Result<_>>()?;
+    let known = names
+        .into_iter()
+        .map(|name| Ok((name.clone(), KnownObject::new(world.object(name)?))))
+        .collect::<Result<_>>()?;
     Ok(Bench { world, repertoire, plans, board, pipeline, known, seed })
 }
 
@@ -96,21 +108,38 @@ fn benchmark(cli: &Cli, args: &BenchArgs) -> Outcome {
         None => {
             let path = args.scenario.clone().unwrap_or_else(|| PathBuf::from("benchmark.toml"));
             let text = match &args.scenario {
-                Some(path) => std::fs::read_to_string(path).with_context(|| format!("--scenario {}", path.display()))?,
+                Some(path) => {
+                    std::fs::read_to_string(path).with_context(|| format!("--scenario {}", path.display()))?
+                }
                 None => scenarios::combination::BENCHMARK.to_owned(),
             };
             let scenario = read_scenario(&text, &path)?;
             if args.combos > scenario.combinations() {
-                bail!("--combos: found {}, expected at most the scenario's {} pairs", args.combos, scenario.combinations());
+                bail!(
+                    "--combos: found {}, expected at most the scenario's {} pairs",
+                    args.combos,
+                    scenario.combinations()
+                );
             }
             let shard = parse_shard(&args.shard)?;
-            let request = RunRequest { combos: args.combos, trials: args.trials, seed: cli.seed, robot: "sim".into(), shard, scenario: text };
+            let request = RunRequest {
+                combos: args.combos,
+                trials: args.trials,
+                seed: cli.seed,
+                robot: "sim".into(),
+                shard,
+                scenario: text,
+            };
             (request, args.out.clone().unwrap_or_else(next_free_folder))
         }
     };
     let scenario = read_scenario(&request.scenario, &folder.join("run.json"))?;
     let quiet = cli.quiet || cli.json;
-    let jobs = if args.live { 1 } else { args.jobs.unwrap_or_else(|| std::thread::available_parallelism().map_or(1, |n| n.get())) };
+    let jobs = if args.live {
+        1
+    } else {
+        args.jobs.unwrap_or_else(|| std::thread::available_parallelism().map_or(1, |n| n.get()))
+    };
     // Everything that can be wrong with the input has been found before anything is written.
     let bench = make_bench(scenario, request.combos, request.seed, quiet)?;
     let journal = match &args.resume {
@@ -138,7 +167,9 @@ fn shortfall(summary: &Summary) -> Option<String> {
         return Some(format!("{:.1} % of the ideal runs collided, expected none", 100.0 * ideal));
     }
     match (blind, touch) {
-        (Some(blind), Some(touch)) if touch < blind => Some(format!("touch succeeded less often ({touch:.3}) than blind ({blind:.3})")),
+        (Some(blind), Some(touch)) if touch < blind => {
+            Some(format!("touch succeeded less often ({touch:.3}) than blind ({blind:.3})"))
+        }
         _ => None,
     }
 }
@@ -150,11 +181,18 @@ fn tell(cli: &Cli, summary: &Summary, folder: &Path) -> Result<()> {
     }
     let number = |value: Option<f64>, digits: usize| value.map_or("-".to_owned(), |value| format!("{value:.digits$}"));
     println!("{:8} {:>7} {:>20} {:>20}", "", "trials", "collision M (SD)", "success M (SD)");
-    for (name, c) in [("ideal", &summary.conditions.ideal), ("blind", &summary.conditions.blind), ("touch", &summary.conditions.touch)] {
+    for (name, c) in [
+        ("ideal", &summary.conditions.ideal),
+        ("blind", &summary.conditions.blind),
+        ("touch", &summary.conditions.touch),
+    ] {
         let pair = |m: &scenarios::statistics::MeanSd| format!("{} ({})", number(m.mean, 3), number(m.sd, 3));
         println!("{name:8} {:>7} {:>20} {:>20}", c.trials, pair(&c.collision_rate), pair(&c.success_rate));
     }
-    for (name, t) in [("collision: blind over ideal", &summary.t_test.collision), ("success: touch over blind", &summary.t_test.success)] {
+    for (name, t) in [
+        ("collision: blind over ideal", &summary.t_test.collision),
+        ("success: touch over blind", &summary.t_test.success),
+    ] {
         println!("{name:28} t({}) = {}, p = {}", t.df, number(t.t, 2), t.p.map_or("-".into(), |p| format!("{p:.2e}")));
     }
     println!("decision {} ms p50, {} ms p99", number(summary.decision_ms.p50, 1), number(summary.decision_ms.p99, 1));
@@ -165,8 +203,15 @@ fn tell(cli: &Cli, summary: &Summary, folder: &Path) -> Result<()> {
         number(summary.pose_error.deg.median, 1),
         number(summary.pose_error.deg.p95, 1)
     );
-    println!("wall time {:.0} s, real-time factor {}", summary.wall_s, number(Some(summary.real_time_factor.unwrap_or(f64::NAN)), 1));
-    println!("results in {0}: report.html, summary.json, trials.csv; see a trial with `ftac view {0}`", folder.display());
+    println!(
+        "wall time {:.0} s, real-time factor {}",
+        summary.wall_s,
+        number(Some(summary.real_time_factor.unwrap_or(f64::NAN)), 1)
+    );
+    println!(
+        "results in {0}: report.html, summary.json, trials.csv; see a trial with `ftac view {0}`",
+        folder.display()
+    );
     Ok(())
 }
 
@@ -177,7 +222,9 @@ fn trial(cli: &Cli, args: &TrialArgs) -> Outcome {
         bail!("COMBO: found {}, expected 0 to {}", args.combination, bench.plans.plans.len() - 1);
     }
     let condition = args.policy.condition();
-    let file = args.out.clone().unwrap_or_else(|| PathBuf::from(format!("recordings/combination_{}_trial_{}_{}.rrd", args.combination, args.trial, condition)));
+    let file = args.out.clone().unwrap_or_else(|| {
+        PathBuf::from(format!("recordings/combination_{}_trial_{}_{}.rrd", args.combination, args.trial, condition))
+    });
     if let Some(folder) = file.parent() {
         std::fs::create_dir_all(folder).with_context(|| folder.display().to_string())?;
     }
@@ -194,7 +241,10 @@ fn trial(cli: &Cli, args: &TrialArgs) -> Outcome {
     if cli.json {
         println!("{}", serde_json::to_string(&record)?);
     } else {
-        println!("{} then {}, {condition}: success {}, collision {}", record.first, record.second, record.success, record.collision);
+        println!(
+            "{} then {}, {condition}: success {}, collision {}",
+            record.first, record.second, record.success, record.collision
+        );
         if !record.reason.is_empty() {
             println!("{}", record.reason);
         }
@@ -213,8 +263,14 @@ fn report(cli: &Cli, folders: &[PathBuf], out: Option<&Path>) -> Outcome {
     let (mut journal, mut request) = Journal::read(&folders[0])?;
     for folder in &folders[1..] {
         let (other, its) = Journal::read(folder)?;
-        if (its.combos, its.trials, its.seed, &its.scenario) != (request.combos, request.trials, request.seed, &request.scenario) {
-            bail!("{}: its combos, trials, seed or scenario differ from those of {}; only shards of one run can be merged", folder.display(), folders[0].display());
+        if (its.combos, its.trials, its.seed, &its.scenario)
+            != (request.combos, request.trials, request.seed, &request.scenario)
+        {
+            bail!(
+                "{}: its combos, trials, seed or scenario differ from those of {}; only shards of one run can be merged",
+                folder.display(),
+                folders[0].display()
+            );
         }
         journal.extend(other);
     }
@@ -247,14 +303,27 @@ fn hand_check(cli: &Cli, urdf: Option<&Path>) -> Outcome {
     let rows = [
         ("wrist to middle fingertip", format!("{length:.1} mm"), "194 mm", (length - 194.0).abs() < 0.5),
         ("joints", hand.tree.len().to_string(), "15", hand.tree.len() == 15),
-        ("actuators", hand.parameters.actuator.len().to_string(), "6 (5 cables, opposition)", hand.parameters.actuator.len() == 6),
+        (
+            "actuators",
+            hand.parameters.actuator.len().to_string(),
+            "6 (5 cables, opposition)",
+            hand.parameters.actuator.len() == 6,
+        ),
         ("pads", hand.pads.len().to_string(), "17", hand.pads.len() == 17),
         ("cameras", hand.cameras.len().to_string(), "18", hand.cameras.len() == 18),
-        ("configurations", hand.parameters.configuration.len().to_string(), "6", hand.parameters.configuration.len() == 6),
+        (
+            "configurations",
+            hand.parameters.configuration.len().to_string(),
+            "6",
+            hand.parameters.configuration.len() == 6,
+        ),
         ("sensing area", format!("{area:.0} cm2"), "155 cm2 by its table", (area - 155.0).abs() < 10.0),
     ];
     if cli.json {
-        let rows: Vec<_> = rows.iter().map(|(what, ours, paper, ok)| serde_json::json!({"what": what, "ours": ours, "paper": paper, "ok": ok})).collect();
+        let rows: Vec<_> = rows
+            .iter()
+            .map(|(what, ours, paper, ok)| serde_json::json!({"what": what, "ours": ours, "paper": paper, "ok": ok}))
+            .collect();
         println!("{}", serde_json::json!({ "rows": rows }));
     } else {
         println!("{:28} {:>12}   {:26} ", "", "ours", "paper");
@@ -279,7 +348,16 @@ fn grasps_generate(cli: &Cli, objects: &[String], role: Option<RoleArg>, n: u32,
     let mut repertoire = if out.exists() { grasping::Repertoire::read(out)? } else { grasping::Repertoire::default() };
     repertoire.command = format!("ftac grasps generate --n {n} --seed {}", cli.seed);
     let effort = Effort { proposals: n, variations: n / 2, keep_first: 4, keep_second: 14 };
-    generate::generate(&world, &world.rehearsal_protocol(), &names, &roles, effort, cli.seed, &mut repertoire, cli.quiet || cli.json)?;
+    generate::generate(
+        &world,
+        &world.rehearsal_protocol(),
+        &names,
+        &roles,
+        effort,
+        cli.seed,
+        &mut repertoire,
+        cli.quiet || cli.json,
+    )?;
     repertoire.write(out)?;
     for name in &names {
         let count = |role| repertoire.of(name, role).count();
@@ -296,7 +374,11 @@ fn grasps_plan(cli: &Cli, combos: usize, file: Option<&Path>, out: &Path) -> Out
     };
     let plans = plan::make_plans(&world, &repertoire, combos, cli.seed, cli.quiet || cli.json)?;
     plans.write(out)?;
-    eprintln!("{} combinations; {} pairs could not be done without noise and were replaced", plans.plans.len(), plans.rejected.len());
+    eprintln!(
+        "{} combinations; {} pairs could not be done without noise and were replaced",
+        plans.plans.len(),
+        plans.rejected.len()
+    );
     Ok(None)
 }
 
@@ -305,9 +387,15 @@ fn touch_train(cli: &Cli, presses: usize, out: &Path) -> Outcome {
     let (calibration, error) = calibrate::train(&hand, CALIBRATION_UNIT, presses, cli.seed)?;
     calibration.write(out)?;
     if cli.json {
-        println!("{}", serde_json::json!({"mean_deg": error.mean, "median_deg": error.median, "p95_deg": error.p95, "pixels": error.pixels}));
+        println!(
+            "{}",
+            serde_json::json!({"mean_deg": error.mean, "median_deg": error.median, "p95_deg": error.p95, "pixels": error.pixels})
+        );
     } else {
-        println!("angular error on another unit's presses: mean {:.2} deg, median {:.2} deg, p95 {:.2} deg over {} pixels", error.mean, error.median, error.p95, error.pixels);
+        println!(
+            "angular error on another unit's presses: mean {:.2} deg, median {:.2} deg, p95 {:.2} deg over {} pixels",
+            error.mean, error.median, error.p95, error.pixels
+        );
     }
     Ok(None)
 }
@@ -315,7 +403,12 @@ fn touch_train(cli: &Cli, presses: usize, out: &Path) -> Outcome {
 fn optics_render(mesh: &Path, pad: &str, force: f64, out: &Path) -> Outcome {
     let hand = Hand::ftac();
     let mesh = scenarios::geometry::Mesh::read_obj(mesh)?;
-    let index = hand.pad(pad).with_context(|| format!("--pad: no pad is called `{pad}`; known are: {}", hand.pads.iter().map(|pad| pad.name.as_str()).collect::<Vec<_>>().join(", ")))?;
+    let index = hand.pad(pad).with_context(|| {
+        format!(
+            "--pad: no pad is called `{pad}`; known are: {}",
+            hand.pads.iter().map(|pad| pad.name.as_str()).collect::<Vec<_>>().join(", ")
+        )
+    })?;
     let shape = scenarios::Shape::Mesh(std::sync::Arc::new(mesh));
     let mut board = TactileBoard::unit(&hand, HAND_UNIT);
     let mut pads = vec![nalgebra::Isometry3::translation(0.0, 0.0, 10.0); hand.pads.len()];
@@ -327,6 +420,7 @@ fn optics_render(mesh: &Path, pad: &str, force: f64, out: &Path) -> Outcome {
     let frames = board.capture(&hand, 0.0, &pads, &forces, &[(&shape, nalgebra::Isometry3::identity())]);
     let camera = hand.pads[index].cameras[0];
     let frame = frames.iter().find(|frame| frame.camera == camera).context("the camera sent no image")?;
-    image::save_buffer(out, &frame.image.rgb, 240, 240, image::ColorType::Rgb8).with_context(|| format!("--out {}", out.display()))?;
+    image::save_buffer(out, &frame.image.rgb, 240, 240, image::ColorType::Rgb8)
+        .with_context(|| format!("--out {}", out.display()))?;
     Ok(None)
 }

@@ -14,7 +14,7 @@ use rayon::prelude::*;
 use scenarios::objects::{ObjectModel, Symmetry};
 use sim::tactile::TactileBoard;
 
-use crate::rehearsal::{Snapshot, Start, rehearse_first, rehearse_second};
+use crate::rehearsal::{Snapshot, Start, aimed, rehearse_first, rehearse_second};
 use crate::world::World;
 
 /// Aim errors of the robustness test, m: none, and 5 mm to each side.
@@ -57,7 +57,16 @@ fn stream(seed: u64, object: &str, role: Role, id: u32) -> ChaCha8Rng {
 }
 
 /// Generates the repertoire of `names` into `repertoire`.
-pub fn generate(world: &World, protocol: &Protocol, names: &[String], roles: &[Role], effort: Effort, seed: u64, repertoire: &mut Repertoire, quiet: bool) -> Result<()> {
+pub fn generate(
+    world: &World,
+    protocol: &Protocol,
+    names: &[String],
+    roles: &[Role],
+    effort: Effort,
+    seed: u64,
+    repertoire: &mut Repertoire,
+    quiet: bool,
+) -> Result<()> {
     repertoire.version = VERSION;
     repertoire.seed = seed;
     let board = TactileBoard::blank();
@@ -87,7 +96,14 @@ pub fn generate(world: &World, protocol: &Protocol, names: &[String], roles: &[R
     Ok(())
 }
 
-fn find_first(world: &World, protocol: &Protocol, name: &str, effort: Effort, seed: u64, board: &TactileBoard) -> Result<Vec<Grasp>> {
+fn find_first(
+    world: &World,
+    protocol: &Protocol,
+    name: &str,
+    effort: Effort,
+    seed: u64,
+    board: &TactileBoard,
+) -> Result<Vec<Grasp>> {
     let object = world.object(name)?;
     let extent = extent(&object);
     let bystander = propose(&extent, Role::Second, 0, &mut stream(seed, name, Role::Second, 0));
@@ -95,7 +111,15 @@ fn find_first(world: &World, protocol: &Protocol, name: &str, effort: Effort, se
         let mut held = 0;
         let mut proven = grasp.clone();
         for (n, aim) in aims.iter().enumerate() {
-            let outcome = rehearse_first(world, protocol, Start::Near, &grasp, &bystander, Vector3::new(aim[0], aim[1], 0.0), board)?;
+            let outcome = rehearse_first(
+                world,
+                protocol,
+                Start::Near,
+                &grasp,
+                &bystander,
+                Vector3::new(aim[0], aim[1], 0.0),
+                board,
+            )?;
             match outcome {
                 Some((_, outcome)) if outcome.slip < SLIP_LIMIT => {
                     held += 1;
@@ -114,14 +138,23 @@ fn find_first(world: &World, protocol: &Protocol, name: &str, effort: Effort, se
     search(&extent, Role::First, effort, effort.keep_first, seed, prove)
 }
 
-fn find_second(world: &World, protocol: &Protocol, name: &str, effort: Effort, seed: u64, reference: &[Grasp], board: &TactileBoard) -> Result<Vec<Grasp>> {
+fn find_second(
+    world: &World,
+    protocol: &Protocol,
+    name: &str,
+    effort: Effort,
+    seed: u64,
+    reference: &[Grasp],
+    board: &TactileBoard,
+) -> Result<Vec<Grasp>> {
     let object = world.object(name)?;
     let extent = extent(&object);
     let bystander = propose(&extent, Role::Second, 0, &mut stream(seed, name, Role::Second, 0));
     // A hold of the reference object with this object standing by.
     let mut hold: Option<Snapshot> = None;
     for first in reference {
-        hold = rehearse_first(world, protocol, Start::Near, first, &bystander, Vector3::zeros(), board)?.map(|(snapshot, _)| snapshot);
+        hold = rehearse_first(world, protocol, Start::Near, first, &bystander, Vector3::zeros(), board)?
+            .map(|(snapshot, _)| snapshot);
         if hold.is_some() {
             break;
         }
@@ -131,13 +164,7 @@ fn find_second(world: &World, protocol: &Protocol, name: &str, effort: Effort, s
         let mut held = 0;
         let mut proven = grasp.clone();
         for (n, aim) in aims.iter().enumerate() {
-            let mut aimed = grasp.clone();
-            // An aim error of the world is an error of the object's place in the hand.
-            let error = grasp.palm_rotation(0.0).inverse() * Vector3::new(aim[0], aim[1], 0.0);
-            for axis in 0..3 {
-                aimed.center[axis] += error[axis];
-            }
-            let (collided, outcome) = rehearse_second(hold, &aimed)?;
+            let (collided, outcome) = rehearse_second(hold, &aimed(&grasp, *aim))?;
             if outcome.held && !collided && outcome.slip < 2.0 * SLIP_LIMIT {
                 held += 1;
                 if n == 0 {
@@ -176,7 +203,8 @@ fn search(
     let mut found: Vec<Grasp> = Vec::new();
     let mut id = 0;
     while id < effort.proposals && found.len() < enough {
-        let batch = (id..id + BATCH).map(|id| propose(extent, role, id, &mut stream(seed, &extent.name, role, id))).collect();
+        let batch =
+            (id..id + BATCH).map(|id| propose(extent, role, id, &mut stream(seed, &extent.name, role, id))).collect();
         found.extend(run(batch, &AIM_ERRORS[..1])?);
         id += BATCH;
     }

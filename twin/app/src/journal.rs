@@ -61,25 +61,33 @@ fn path(folder: &Path) -> PathBuf {
 impl Journal {
     /// Starts a new journal in `folder`, which is created; refuses a folder that already holds a run.
     pub fn create(folder: &Path, request: &RunRequest) -> Result<Self> {
-        std::fs::create_dir_all(folder).with_context(|| format!("--out: cannot create the folder {}", folder.display()))?;
+        std::fs::create_dir_all(folder)
+            .with_context(|| format!("--out: cannot create the folder {}", folder.display()))?;
         if path(folder).exists() {
-            bail!("--out: {} already holds a run; continue it with --resume {0} or name another folder", folder.display());
+            bail!(
+                "--out: {} already holds a run; continue it with --resume {0} or name another folder",
+                folder.display()
+            );
         }
         let request = serde_json::to_string_pretty(request)?;
-        std::fs::write(folder.join("run.json"), request).with_context(|| format!("--out: cannot write into {}", folder.display()))?;
-        let file = File::create(path(folder)).with_context(|| format!("--out: cannot write into {}", folder.display()))?;
+        std::fs::write(folder.join("run.json"), request)
+            .with_context(|| format!("--out: cannot write into {}", folder.display()))?;
+        let file =
+            File::create(path(folder)).with_context(|| format!("--out: cannot write into {}", folder.display()))?;
         Ok(Self { file, done: BTreeMap::new() })
     }
 
     /// Reads a run's journal without changing it; a last line cut off by an interruption is left out.
     pub fn read(folder: &Path) -> Result<(BTreeMap<Unit, Entry>, RunRequest)> {
         let run = folder.join("run.json");
-        let text = std::fs::read_to_string(&run).with_context(|| format!("{} holds no run (cannot read {})", folder.display(), run.display()))?;
+        let text = std::fs::read_to_string(&run)
+            .with_context(|| format!("{} holds no run (cannot read {})", folder.display(), run.display()))?;
         let request: RunRequest = serde_json::from_str(&text).with_context(|| run.display().to_string())?;
         let journal = path(folder);
         let text = std::fs::read_to_string(&journal).with_context(|| format!("cannot read {}", journal.display()))?;
         let whole = text.split_inclusive('\n').filter(|line| line.ends_with('\n'));
-        let done = whole.map_while(|line| serde_json::from_str::<Entry>(line).ok()).map(|entry| (entry.unit, entry)).collect();
+        let done =
+            whole.map_while(|line| serde_json::from_str::<Entry>(line).ok()).map(|entry| (entry.unit, entry)).collect();
         Ok((done, request))
     }
 

@@ -2,8 +2,8 @@
 //!
 //! The rule: all ordered pairs of the scenario's objects, shuffled by the seed, are rehearsed in order. A pair for which some
 //! first grasp can be followed by some second grasp without a collision becomes a combination; a pair for which nothing works
-//! is listed as rejected, and the rule's next takes its place. The plan is the second grasp with the best score among those
-//! that worked; the others are its alternatives.
+//! is listed as rejected, and the rule's next takes its place. Those that worked are tried again with aim errors: the share
+//! that still works is a grasp's worth in this combination. The most worthy is the plan, the others are its alternatives.
 
 use std::path::Path;
 
@@ -17,13 +17,20 @@ use scenarios::combination::{Combination, draw_combinations};
 use serde::{Deserialize, Serialize};
 use sim::tactile::TactileBoard;
 
-use crate::rehearsal::{Start, rehearse_first, rehearse_second};
+use crate::rehearsal::{Snapshot, Start, aimed, rehearse_first, rehearse_second};
 use crate::world::World;
 
 /// Format version of plan files.
 const VERSION: u32 = 1;
 /// How much a grasp that failed in this pair's rehearsal is still worth against one that did not.
 const FAILED_WORTH: f64 = 0.3;
+
+/// How many of the grasps that worked are tried again with aim errors, and what the others count against their general score.
+const PROVEN: usize = 6;
+/// See [`PROVEN`].
+const UNPROVEN_WORTH: f64 = 0.6;
+/// Aim errors of the pair's robustness, m.
+const AIM_ERRORS: [[f64; 2]; 4] = [[0.004, 0.0], [-0.004, 0.0], [0.0, 0.004], [0.0, -0.004]];
 
 /// One combination's plan.
 #[derive(Debug, Clone, Serialize, Deserialize)]
@@ -65,7 +72,11 @@ impl Plans {
     pub fn write(&self, path: &Path) -> Result<()> {
         let lines: Vec<String> = self.plans.iter().map(serde_json::to_string).collect::<Result<_, _>>()?;
         let rejected = serde_json::to_string(&self.rejected)?;
-        let text = format!("{{\"version\":{VERSION},\"seed\":{},\"rejected\":{rejected},\n\"plans\":[\n{}\n]}}\n", self.seed, lines.join(",\n"));
+        let text = format!(
+            "{{\"version\":{VERSION},\"seed\":{},\"rejected\":{rejected},\n\"plans\":[\n{}\n]}}\n",
+            self.seed,
+            lines.join(",\n")
+        );
         let partial = path.with_extension("partial");
         std::fs::write(&partial, text).with_context(|| partial.display().to_string())?;
         std::fs::rename(&partial, path).with_context(|| path.display().to_string())
@@ -76,7 +87,11 @@ impl Plan {
     /// The grasps behind the numbers.
     pub fn grasps(&self, repertoire: &Repertoire) -> Result<(Grasp, Vec<Candidate>)> {
         let find = |object: &str, role: Role, id: u32| {
-            repertoire.of(object, role).find(|grasp| grasp.id == id).cloned().with_context(|| format!("the plan names grasp {id} of {object}, which the repertoire lacks"))
+            repertoire
+                .of(object, role)
+                .find(|grasp| grasp.id == id)
+                .cloned()
+                .with_context(|| format!("the plan names grasp {id} of {object}, which the repertoire lacks"))
         };
         let first = find(&self.first, Role::First, self.first_grasp)?;
         let candidates = self
@@ -88,13 +103,26 @@ impl Plan {
     }
 }
 
+/// Share of the aim errors under which `second` takes its object without a collision; without error it is known to.
+fn robustness(hold: &Snapshot, second: &Grasp) -> Result<f64> {
+    let mut held = 0;
+    for aim in &AIM_ERRORS {
+        let (collided, outcome) = rehearse_second(hold, &aimed(second, *aim))?;
+        held += usize::from(outcome.held && !collided);
+    }
+    Ok((1 + held) as f64 / (1 + AIM_ERRORS.len()) as f64)
+}
+
 /// Rehearses pairs until `count` combinations stand.
 pub fn make_plans(world: &World, repertoire: &Repertoire, count: usize, seed: u64, quiet: bool) -> Result<Plans> {
     let bar = if quiet { ProgressBar::hidden() } else { ProgressBar::new(count as u64) };
+    // With cameras, as in a trial: a look ends when its images have come.
+    let board = TactileBoard::unit(&world.hand, 0);
     let mut plans = Plans { version: VERSION, seed, rejected: Vec::new(), plans: Vec::new() };
     let pairs: Vec<Combination> = draw_combinations(&world.scenario, usize::MAX, seed).collect();
     for batch in pairs.chunks(8) {
-        let made: Vec<Result<Option<Plan>>> = batch.par_iter().map(|pair| plan_pair(world, repertoire, pair)).collect();
+        let made: Vec<Result<Option<Plan>>> =
+            batch.par_iter().map(|pair| plan_pair(world, repertoire, &board, pair)).collect();
         for (pair, made) in batch.iter().zip(made) {
             match made? {
                 Some(plan) if plans.plans.len() < count => {
@@ -111,31 +139,50 @@ pub fn make_plans(world: &World, repertoire: &Repertoire, count: usize, seed: u6
     }
     bar.finish_and_clear();
     if plans.plans.len() < count {
-        bail!("only {} of the scenario's {} pairs can be done by this hand without noise; {count} were asked for", plans.plans.len(), pairs.len());
+        bail!(
+            "only {} of the scenario's {} pairs can be done by this hand without noise; {count} were asked for",
+            plans.plans.len(),
+            pairs.len()
+        );
     }
     Ok(plans)
 }
 
-fn plan_pair(world: &World, repertoire: &Repertoire, pair: &Combination) -> Result<Option<Plan>> {
-    let board = TactileBoard::blank();
+fn plan_pair(world: &World, repertoire: &Repertoire, board: &TactileBoard, pair: &Combination) -> Result<Option<Plan>> {
     let seconds: Vec<&Grasp> = repertoire.of(&pair.second, Role::Second).collect();
     let Some(any) = seconds.first() else { return Ok(None) };
     for first in repertoire.of(&pair.first, Role::First) {
-        let Some((hold, _)) = rehearse_first(world, &world.protocol(), Start::Ready, first, any, Vector3::zeros(), &board)? else { continue };
-        let mut worked = Vec::new();
+        let Some((hold, _)) =
+            rehearse_first(world, &world.protocol(), Start::Ready, first, any, Vector3::zeros(), board)?
+        else {
+            continue;
+        };
+        let mut worked: Vec<&Grasp> = Vec::new();
         let mut failed = Vec::new();
         for second in &seconds {
             let (collided, outcome) = rehearse_second(&hold, second)?;
             if outcome.held && !collided {
-                worked.push((second.id, second.score));
+                worked.push(second);
             } else {
                 failed.push((second.id, FAILED_WORTH * second.score));
             }
         }
-        if !worked.is_empty() {
-            worked.extend(failed);
-            return Ok(Some(Plan { first: pair.first.clone(), second: pair.second.clone(), first_grasp: first.id, second_grasps: worked }));
+        if worked.is_empty() {
+            continue;
         }
+        let mut ranked = Vec::new();
+        for (n, second) in worked.iter().enumerate() {
+            let worth = if n < PROVEN { robustness(&hold, second)? } else { UNPROVEN_WORTH * second.score };
+            ranked.push((second.id, worth));
+        }
+        ranked.sort_by(|a, b| b.1.total_cmp(&a.1));
+        ranked.extend(failed);
+        return Ok(Some(Plan {
+            first: pair.first.clone(),
+            second: pair.second.clone(),
+            first_grasp: first.id,
+            second_grasps: ranked,
+        }));
     }
     Ok(None)
 }

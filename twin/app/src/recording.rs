@@ -26,7 +26,13 @@ pub struct Recording {
 
 impl Recording {
     /// Opens the targets for trial `trial` of `combination` and the branch of `condition`.
-    pub fn open(targets: &[Target], bench: &Bench, combination: usize, trial: usize, condition: Condition) -> Result<Self> {
+    pub fn open(
+        targets: &[Target],
+        bench: &Bench,
+        combination: usize,
+        trial: usize,
+        condition: Condition,
+    ) -> Result<Self> {
         let plan = &bench.plans.plans[combination];
         let objects = [bench.world.object(&plan.first)?, bench.world.object(&plan.second)?];
         let names = ["first", "second"].map(str::to_owned);
@@ -38,7 +44,10 @@ impl Recording {
                 DrawnObject::from_mesh(name.clone(), &vertices, &triangles, object.color)
             })
             .collect();
-        let settings = Settings { eye: stream::blueprint::Eye { position: [1.04, -0.36, 0.20], target: [0.60, 0.0, 0.12] }, ..Settings::default() };
+        let settings = Settings {
+            eye: stream::blueprint::Eye { position: [1.04, -0.36, 0.20], target: [0.60, 0.0, 0.12] },
+            ..Settings::default()
+        };
         let mut recorder = Recorder::open(targets, settings, &bench.world.hand, &bench.world.arm, &drawn)?;
         recorder.log_properties(&TrialProperties {
             combination: format!("{combination}: {} then {}", plan.first, plan.second),

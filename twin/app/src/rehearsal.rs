@@ -38,7 +38,10 @@ pub struct Snapshot {
 /// Whether object `index` is in the hand: touched by it, off the table, near the palm.
 pub fn in_hand(truth: &Truth, index: usize) -> bool {
     let distance = (truth.objects[index].translation.vector - truth.palm.translation.vector).norm();
-    truth.touched_by[index] != 0 && !truth.on_table[index] && distance < 0.16 && truth.objects[index].translation.z > 0.08
+    truth.touched_by[index] != 0
+        && !truth.on_table[index]
+        && distance < 0.16
+        && truth.objects[index].translation.z > 0.08
 }
 
 /// Where the arm is when a rehearsal begins.
@@ -51,7 +54,15 @@ pub enum Start {
 }
 
 /// Aims `first` at its object (off by `aim`, m) and plays the trial up to the decision.
-pub fn rehearse_first(world: &World, protocol: &Protocol, start: Start, first: &Grasp, second: &Grasp, aim: Vector3<f64>, board: &TactileBoard) -> Result<Option<(Snapshot, Outcome)>> {
+pub fn rehearse_first(
+    world: &World,
+    protocol: &Protocol,
+    start: Start,
+    first: &Grasp,
+    second: &Grasp,
+    aim: Vector3<f64>,
+    board: &TactileBoard,
+) -> Result<Option<(Snapshot, Outcome)>> {
     let first_model = world.object(&first.object)?;
     let second_model = world.object(&second.object)?;
     let [first_pose, second_pose] = world.places(&first_model, &second_model);
@@ -125,6 +136,16 @@ pub fn rehearse_second(snapshot: &Snapshot, second: &Grasp) -> Result<(bool, Out
     Ok((collided, outcome))
 }
 
+/// `grasp` aimed off by `error` (m, world x and y): an aim error of the world is an error of the object's place in the hand.
+pub fn aimed(grasp: &Grasp, error: [f64; 2]) -> Grasp {
+    let mut aimed = grasp.clone();
+    let shift = grasp.palm_rotation(0.0).inverse() * Vector3::new(error[0], error[1], 0.0);
+    for axis in 0..3 {
+        aimed.center[axis] += shift[axis];
+    }
+    aimed
+}
+
 /// Bits of the links of `digits` in [`Truth::touched_by`].
 pub fn digit_bits(digits: &[Digit]) -> u32 {
     digits.iter().flat_map(|digit| digit.joints()).fold(0, |bits, link| bits | 1 << link)
@@ -140,4 +161,3 @@ fn outcome(before: &Truth, after: &Truth, index: usize) -> Outcome {
         joints: after.hand.clone(),
     }
 }
-

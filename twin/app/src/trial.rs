@@ -108,7 +108,13 @@ impl Bench {
     }
 
     /// One trial: `blind` and `touch` from the same first grasp.
-    pub fn trial(&self, combination: usize, trial: usize, conditions: &[Condition], watcher: &mut dyn Watcher) -> Result<Vec<TrialRecord>> {
+    pub fn trial(
+        &self,
+        combination: usize,
+        trial: usize,
+        conditions: &[Condition],
+        watcher: &mut dyn Watcher,
+    ) -> Result<Vec<TrialRecord>> {
         let mut rng = trial_rng(self.seed, combination, trial);
         let noise = TrialNoise::draw(&self.world.scenario.noise, &mut rng);
         let start = self.first_half(combination, &noise, rand::RngExt::random(&mut rng), watcher)?;
@@ -137,24 +143,44 @@ impl Bench {
         &self.plans.plans[combination]
     }
 
-    fn first_half(&self, combination: usize, noise: &TrialNoise, camera_noise: u64, watcher: &mut dyn Watcher) -> Result<Start> {
+    fn first_half(
+        &self,
+        combination: usize,
+        noise: &TrialNoise,
+        camera_noise: u64,
+        watcher: &mut dyn Watcher,
+    ) -> Result<Start> {
         let world = &self.world;
         let plan = self.plan(combination);
         let (first, candidates) = plan.grasps(&self.repertoire)?;
         let objects = [world.object(&plan.first)?, world.object(&plan.second)?];
         let poses = world.places(&objects[0], &objects[1]);
-        let percepts: [Percept; 2] = std::array::from_fn(|n| percept(&objects[n], &noise.objects[n].perceived(&poses[n])));
+        let percepts: [Percept; 2] =
+            std::array::from_fn(|n| percept(&objects[n], &noise.objects[n].perceived(&poses[n])));
         let setup = SceneSetup {
-            world_from_base: Isometry3::from_parts(noise.position.into(), UnitQuaternion::identity()) * world.world_from_base,
+            world_from_base: Isometry3::from_parts(noise.position.into(), UnitQuaternion::identity())
+                * world.world_from_base,
             mount_error: UnitQuaternion::from_scaled_axis(noise.rotation),
             arm_start: world.ready,
-            objects: objects.iter().zip(&poses).map(|(model, pose)| ObjectPlacement { model: model.clone(), pose: *pose }).collect(),
+            objects: objects
+                .iter()
+                .zip(&poses)
+                .map(|(model, pose)| ObjectPlacement { model: model.clone(), pose: *pose })
+                .collect(),
             engine: sim::engine::EngineSettings::default(),
         };
-        let robot = SimulatedRobot::new(world.hand.clone(), world.arm.clone(), &setup, self.board.with_noise(camera_noise));
+        let robot =
+            SimulatedRobot::new(world.hand.clone(), world.arm.clone(), &setup, self.board.with_noise(camera_noise));
         let tick = hand_model::robot::Robot::tick_length(&robot);
         let planned = candidates[0].grasp.clone();
-        let executive = Executive::new(world.hand.clone(), world.arm_servo(world.ready)?, world.protocol(), (first, percepts[0]), (planned, percepts[1]), tick)?;
+        let executive = Executive::new(
+            world.hand.clone(),
+            world.arm_servo(world.ready)?,
+            world.protocol(),
+            (first, percepts[0]),
+            (planned, percepts[1]),
+            tick,
+        )?;
         let mut snapshot = Snapshot { robot, executive };
         if watcher.active() {
             snapshot.executive.watch_images(WATCH_PERIOD);
@@ -180,11 +206,20 @@ impl Bench {
         let sigma = noise.execution.position_sigma.hypot(noise.perception.xy_sigma);
         let decision = choose(executive, &self.world.hand, &held, &start.objects[1], &start.candidates, sigma)?;
         let milliseconds = begun.elapsed().as_secs_f64() * 1e3;
-        let decision = decision.ok_or_else(|| anyhow::anyhow!("the plan of {} has no second grasp", start.objects[1].name))?;
+        let decision =
+            decision.ok_or_else(|| anyhow::anyhow!("the plan of {} has no second grasp", start.objects[1].name))?;
         Ok(Perceived { decision, felt, milliseconds })
     }
 
-    fn second_half(&self, combination: usize, trial: usize, condition: Condition, start: &Start, perceived: Option<&Perceived>, watcher: &mut dyn Watcher) -> Result<TrialRecord> {
+    fn second_half(
+        &self,
+        combination: usize,
+        trial: usize,
+        condition: Condition,
+        start: &Start,
+        perceived: Option<&Perceived>,
+        watcher: &mut dyn Watcher,
+    ) -> Result<TrialRecord> {
         watcher.branch(condition)?;
         let mut snapshot = start.snapshot.clone();
         let mut referee = start.referee.clone();
@@ -197,7 +232,13 @@ impl Bench {
         let felt = touch.map(|perceived| &perceived.felt);
         match snapshot.executive.decide(grasp) {
             Ok(()) => {
-                let first = Moment { truth: &snapshot.robot.truth(), executive: &snapshot.executive, felt, condition: Some(condition), note: Some(&note) };
+                let first = Moment {
+                    truth: &snapshot.robot.truth(),
+                    executive: &snapshot.executive,
+                    felt,
+                    condition: Some(condition),
+                    note: Some(&note),
+                };
                 watcher.see(&first)?;
                 watch(&mut snapshot, Phase::Done, &mut referee, felt, Some(condition), watcher)?;
             }
@@ -245,7 +286,14 @@ impl Bench {
 }
 
 /// Drives to `until` while referee and watcher look on.
-fn watch(snapshot: &mut Snapshot, until: Phase, referee: &mut Referee, felt: Option<&Felt>, condition: Option<Condition>, watcher: &mut dyn Watcher) -> Result<()> {
+fn watch(
+    snapshot: &mut Snapshot,
+    until: Phase,
+    referee: &mut Referee,
+    felt: Option<&Felt>,
+    condition: Option<Condition>,
+    watcher: &mut dyn Watcher,
+) -> Result<()> {
     let holding = digit_bits(snapshot.executive.first().0.role.digits());
     let mut failed = Ok(());
     drive(&mut snapshot.robot, &mut snapshot.executive, until, |robot, executive| {

@@ -52,13 +52,16 @@ impl World {
 
     /// The nominal arm with the palm as the controlled frame.
     pub fn kinematics(&self) -> ArmKinematics {
-        let mount = Mount { world_from_base: self.world_from_base, tool_from_palm: self.hand.palm_from_flange.inverse() };
+        let mount =
+            Mount { world_from_base: self.world_from_base, tool_from_palm: self.hand.palm_from_flange.inverse() };
         ArmKinematics::new((*self.arm).clone(), mount)
     }
 
     /// Arm posture for a palm pose, or an error that says it is out of reach.
     pub fn posture(&self, palm: &Isometry3<f64>, seed: &Joints) -> Result<Joints> {
-        self.kinematics().solve(palm, seed).ok_or_else(|| anyhow!("no arm posture reaches the palm at {:.3?}", palm.translation.vector.as_slice()))
+        self.kinematics()
+            .solve(palm, seed)
+            .ok_or_else(|| anyhow!("no arm posture reaches the palm at {:.3?}", palm.translation.vector.as_slice()))
     }
 
     /// An arm servo at rest in a posture.
@@ -85,7 +88,10 @@ impl World {
 
     /// An object by name.
     pub fn object(&self, name: &str) -> Result<Arc<ObjectModel>> {
-        self.objects.get(name).cloned().ok_or_else(|| anyhow!("no object is called `{name}`; known are: {}", self.objects.names().join(", ")))
+        self.objects
+            .get(name)
+            .cloned()
+            .ok_or_else(|| anyhow!("no object is called `{name}`; known are: {}", self.objects.names().join(", ")))
     }
 }
 
@@ -97,7 +103,12 @@ pub fn percept(object: &ObjectModel, pose: &Isometry3<f64>) -> Percept {
 }
 
 /// Drives `robot` with `executive` until `phase` is reached; `watch` sees every tick.
-pub fn drive(robot: &mut SimulatedRobot, executive: &mut Executive, until: Phase, mut watch: impl FnMut(&SimulatedRobot, &Executive)) -> Result<()> {
+pub fn drive(
+    robot: &mut SimulatedRobot,
+    executive: &mut Executive,
+    until: Phase,
+    mut watch: impl FnMut(&SimulatedRobot, &Executive),
+) -> Result<()> {
     while executive.phase() < until {
         let observation = robot.observe();
         let command = executive.tick(&observation)?;

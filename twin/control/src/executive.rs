@@ -243,7 +243,9 @@ impl Executive {
 
     fn enter(&mut self, phase: Phase) -> Result<(), ExecutiveError> {
         let here = self.path.end();
-        let up = |height: f64| Isometry3::from_parts(Translation3::from(here.translation.vector + Vector3::z() * height), here.rotation);
+        let up = |height: f64| {
+            Isometry3::from_parts(Translation3::from(here.translation.vector + Vector3::z() * height), here.rotation)
+        };
         let limits = self.protocol.limits;
         let rest = |time: f64| PosePath::new(vec![(0.0, here), (time, here)]);
         self.path = match phase {
@@ -257,7 +259,10 @@ impl Executive {
             }
             Phase::Look => rest(LOOK_TIME)?,
             Phase::Carry => {
-                let target = Isometry3::from_parts(Translation3::from(here.translation.vector + Vector3::y() * self.protocol.carry), here.rotation);
+                let target = Isometry3::from_parts(
+                    Translation3::from(here.translation.vector + Vector3::y() * self.protocol.carry),
+                    here.rotation,
+                );
                 PosePath::new(vec![(0.0, here), (duration(&limits, &here, &target), target)])?
             }
             Phase::Hold => rest(self.protocol.hold)?,
@@ -291,7 +296,8 @@ impl Executive {
         let (first, second) = (&self.first.0, &self.second.0);
         let closing = |grasp: &Grasp, digit: usize| {
             // The thumb may start later or earlier than the fingers.
-            let delay = if digit == Digit::Thumb.index() { grasp.thumb_delay.max(0.0) } else { (-grasp.thumb_delay).max(0.0) };
+            let delay =
+                if digit == Digit::Thumb.index() { grasp.thumb_delay.max(0.0) } else { (-grasp.thumb_delay).max(0.0) };
             if self.clock >= delay { grasp.close_tension[digit] } else { grasp.pre_tension[digit] }
         };
         std::array::from_fn(|digit| match self.phase {
@@ -300,7 +306,9 @@ impl Executive {
             Phase::LiftFirst | Phase::Look | Phase::Decide => first.close_tension[digit],
             Phase::ApproachSecond => first.close_tension[digit].max(second.pre_tension[digit]),
             Phase::GraspSecond => first.close_tension[digit].max(closing(second, digit)),
-            Phase::LiftSecond | Phase::Carry | Phase::Hold | Phase::Done => first.close_tension[digit].max(second.close_tension[digit]),
+            Phase::LiftSecond | Phase::Carry | Phase::Hold | Phase::Done => {
+                first.close_tension[digit].max(second.close_tension[digit])
+            }
         })
     }
 
@@ -326,7 +334,9 @@ impl Executive {
             *now += (wanted - *now).clamp(-TENSION_RATE * self.tick, TENSION_RATE * self.tick);
         }
         self.opposition = match self.phase {
-            Phase::ApproachFirst | Phase::GraspFirst | Phase::LiftFirst | Phase::Look | Phase::Decide => self.first.0.opposition,
+            Phase::ApproachFirst | Phase::GraspFirst | Phase::LiftFirst | Phase::Look | Phase::Decide => {
+                self.first.0.opposition
+            }
             _ => self.second.0.opposition,
         };
         let mut capture = self.phase == Phase::Look && (self.clock - LOOK_TIME + self.tick).abs() < 0.6 * self.tick;
@@ -342,7 +352,10 @@ impl Executive {
                 if n < 5 {
                     ServoGoal::Current(self.tension[n] * to_current)
                 } else {
-                    ServoGoal::Position { angle: self.opposition * servo.gear_ratio_opposition, current_limit: OPPOSITION_CURRENT }
+                    ServoGoal::Position {
+                        angle: self.opposition * servo.gear_ratio_opposition,
+                        current_limit: OPPOSITION_CURRENT,
+                    }
                 }
             }),
             capture,

@@ -62,7 +62,8 @@ impl Felt {
 pub fn feel(pipeline: &TouchPipeline, executive: &Executive, object: &KnownObject) -> Result<Felt, TouchError> {
     let touches = pipeline.perceive(&by_camera(pipeline, executive.images()))?;
     let (grasp, percept) = executive.first();
-    let prior = grasp.held.unwrap_or_else(|| grasp.palm_pose(&percept.position, percept.yaw).inverse() * percept.pose());
+    let prior =
+        grasp.held.unwrap_or_else(|| grasp.palm_pose(&percept.position, percept.yaw).inverse() * percept.pose());
     let weak = PosePrior { palm_from_object: prior, sigma_translation: PRIOR_SIGMA.0, sigma_rotation: PRIOR_SIGMA.1 };
     let estimate = pipeline.estimate_pose(&touches, executive.servos(), &weak, object)?;
     Ok(Felt { touches, estimate, prior })

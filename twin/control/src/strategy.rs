@@ -7,7 +7,7 @@
 
 use grasping::Grasp;
 use hand_model::{Digit, Hand};
-use nalgebra::{Isometry3, Translation3, Vector3};
+use nalgebra::{Isometry3, Point3, Translation3, Vector3};
 use parry3d_f64::shape::SharedShape;
 use scenarios::geometry::Shape;
 use scenarios::objects::ObjectModel;
@@ -16,7 +16,9 @@ use crate::collision::{CollisionError, Solid, clearance_along, clearance_at, han
 use crate::executive::{Executive, ExecutiveError};
 
 /// A candidate must be worth this much more than the plan to replace it.
-const SWITCH_GAIN: f64 = 1.10;
+const SWITCH_GAIN: f64 = 1.30;
+/// Points kept of a convex part for distance queries, whose cost goes with their number.
+const HULL_POINTS: usize = 96;
 /// Stages of the target's way into the hand that are checked.
 const CLOSING_STAGES: usize = 4;
 
@@ -93,21 +95,46 @@ pub fn object_solids(object: &ObjectModel, pose: &Isometry3<f64>) -> Vec<Solid> 
             .convex_parts()
             .iter()
             .filter_map(|points| {
-                let points: Vec<_> = points.iter().map(|p| parry3d_f64::math::Vector::new(p.x, p.y, p.z)).collect();
+                let points = outline(points);
                 Some(Solid::new(object.name.clone(), SharedShape::convex_hull(&points)?, *pose))
             })
             .collect(),
     }
 }
 
+/// The extreme points of a convex part in evenly spread directions: within half a millimetre of the part at these sizes.
+fn outline(points: &[Point3<f64>]) -> Vec<parry3d_f64::math::Vector> {
+    let golden = std::f64::consts::PI * (3.0 - 5f64.sqrt());
+    let mut kept: Vec<usize> = (0..HULL_POINTS)
+        .filter_map(|n| {
+            let z = 1.0 - (2.0 * n as f64 + 1.0) / HULL_POINTS as f64;
+            let (sin, cos) = (golden * n as f64).sin_cos();
+            let direction = Vector3::new((1.0 - z * z).sqrt() * cos, (1.0 - z * z).sqrt() * sin, z);
+            let along = |point: &Point3<f64>| point.coords.dot(&direction);
+            (0..points.len()).max_by(|a, b| along(&points[*a]).total_cmp(&along(&points[*b])))
+        })
+        .collect();
+    kept.sort_unstable();
+    kept.dedup();
+    kept.iter().map(|n| parry3d_f64::math::Vector::new(points[*n].x, points[*n].y, points[*n].z)).collect()
+}
+
 /// Assesses `candidate` from the executive's present pose.
-pub fn assess(executive: &Executive, hand: &Hand, held: &Held, target: &ObjectModel, candidate: &Candidate, target_sigma: f64) -> Result<Assessment, StrategyError> {
+pub fn assess(
+    executive: &Executive,
+    hand: &Hand,
+    held: &Held,
+    target: &ObjectModel,
+    candidate: &Candidate,
+    target_sigma: f64,
+) -> Result<Assessment, StrategyError> {
     let mut moving = object_solids(held.object, &held.pose);
     moving.extend(hand_solids(hand, &held.joints, held.digits, false));
     let percept = executive.second().1;
     let path = executive.path_to_second(&candidate.grasp)?;
     let fixed = object_solids(target, &percept.pose());
-    let mut clearance = clearance_along(&path, &moving, &fixed, 2000)?.map_or(f64::INFINITY, |found| found.min_distance);
+    let mut clearance =
+        clearance_along(&path, &moving, &fixed, 2000)?.map_or(f64::INFINITY, |found| found.min_distance);
     let palm = path.end();
     let before = palm.inverse() * percept.pose();
     if let Some(after) = candidate.grasp.held {
@@ -127,23 +154,45 @@ pub fn assess(executive: &Executive, hand: &Hand, held: &Held, target: &ObjectMo
 
 /// Chooses among `candidates`; the first is the plan. `target_sigma` (m) is the known error of perceiving and reaching the
 /// target.
-pub fn choose(executive: &Executive, hand: &Hand, held: &Held, target: &ObjectModel, candidates: &[Candidate], target_sigma: f64) -> Result<Option<Decision>, StrategyError> {
+pub fn choose(
+    executive: &Executive,
+    hand: &Hand,
+    held: &Held,
+    target: &ObjectModel,
+    candidates: &[Candidate],
+    target_sigma: f64,
+) -> Result<Option<Decision>, StrategyError> {
     let mut assessed = Vec::with_capacity(candidates.len());
     for candidate in candidates {
         assessed.push((candidate, assess(executive, hand, held, target, candidate, target_sigma)?));
     }
     let Some((planned, plan)) = assessed.first().copied() else { return Ok(None) };
-    let best = assessed.iter().copied().fold((planned, plan), |best, next| if next.1.utility > best.1.utility { next } else { best });
+    let best = assessed
+        .iter()
+        .copied()
+        .fold((planned, plan), |best, next| if next.1.utility > best.1.utility { next } else { best });
     let switched = best.0.grasp.id != planned.grasp.id && best.1.utility > SWITCH_GAIN * plan.utility;
     let (chosen, assessment) = if switched { best } else { (planned, plan) };
     let mm = |clearance: f64| clearance * 1e3;
     let reason = if switched {
         format!(
             "grasp {} would pass the held {} at {:.1} mm (worth {:.2}); grasp {} passes at {:.1} mm (worth {:.2})",
-            planned.grasp.id, held.object.name, mm(plan.clearance), plan.utility, chosen.grasp.id, mm(assessment.clearance), assessment.utility
+            planned.grasp.id,
+            held.object.name,
+            mm(plan.clearance),
+            plan.utility,
+            chosen.grasp.id,
+            mm(assessment.clearance),
+            assessment.utility
         )
     } else {
-        format!("grasp {} as planned passes the held {} at {:.1} mm (worth {:.2})", planned.grasp.id, held.object.name, mm(plan.clearance), plan.utility)
+        format!(
+            "grasp {} as planned passes the held {} at {:.1} mm (worth {:.2})",
+            planned.grasp.id,
+            held.object.name,
+            mm(plan.clearance),
+            plan.utility
+        )
     };
     Ok(Some(Decision { grasp: chosen.grasp.clone(), switched, plan, chosen: assessment, reason }))
 }

@@ -78,7 +78,10 @@ impl Grasp {
     /// Where the hand comes from: the grasp pose backed off by `distance` out of the palm and up.
     pub fn pregrasp_pose(&self, grasp: &Isometry3<f64>, distance: f64) -> Isometry3<f64> {
         let away = grasp * Vector3::z() + Vector3::z() * 0.5;
-        Isometry3::from_parts(Translation3::from(grasp.translation.vector + away.normalize() * distance), grasp.rotation)
+        Isometry3::from_parts(
+            Translation3::from(grasp.translation.vector + away.normalize() * distance),
+            grasp.rotation,
+        )
     }
 }
 

@@ -55,7 +55,8 @@ pub struct Repertoire {
 impl Repertoire {
     /// Parses a file's text; `path` is used in errors.
     pub fn parse(text: &str, path: &Path) -> Result<Self, RepertoireError> {
-        let repertoire: Self = serde_json::from_str(text).map_err(|error| RepertoireError::Syntax { path: path.into(), message: error.to_string() })?;
+        let repertoire: Self = serde_json::from_str(text)
+            .map_err(|error| RepertoireError::Syntax { path: path.into(), message: error.to_string() })?;
         if repertoire.version != VERSION {
             return Err(RepertoireError::Version { path: path.into(), found: repertoire.version });
         }
@@ -79,7 +80,12 @@ impl Repertoire {
         );
         for (n, (object, grasps)) in self.grasps.iter().enumerate() {
             let lines: Vec<String> = grasps.iter().filter_map(|grasp| serde_json::to_string(grasp).ok()).collect();
-            text += &format!("{}: [\n{}\n]{}\n", serde_json::Value::from(object.clone()), lines.join(",\n"), if n + 1 < self.grasps.len() { "," } else { "" });
+            text += &format!(
+                "{}: [\n{}\n]{}\n",
+                serde_json::Value::from(object.clone()),
+                lines.join(",\n"),
+                if n + 1 < self.grasps.len() { "," } else { "" }
+            );
         }
         text += "}}\n";
         let partial = path.with_extension("partial");

@@ -36,7 +36,9 @@ fn image(depth: f64, place: [f64; 2]) -> (TactileImage, Vec<f32>) {
         let (dx, dy) = (x - place[0], y - place[1]);
         let bump = depth * (-(dx * dx + dy * dy) / 0.02).exp();
         let (gx, gy) = (bump * dx * 100.0, bump * dy * 100.0);
-        let light = |a: f64| (105.0 + 40.0 * (x * a.cos() + y * a.sin()) + 12.0 * (gx * a.cos() + gy * a.sin())).clamp(0.0, 255.0) as u8;
+        let light = |a: f64| {
+            (105.0 + 40.0 * (x * a.cos() + y * a.sin()) + 12.0 * (gx * a.cos() + gy * a.sin())).clamp(0.0, 255.0) as u8
+        };
         rgb.extend([light(0.0), light(TAU / 3.0), light(2.0 * TAU / 3.0)]);
         heights.push((bump * 1e-3) as f32);
     }
@@ -64,7 +66,9 @@ fn main() -> Result<(), Box<dyn Error>> {
         let t = tick as f64 * 0.01;
         let s = t / duration;
         recorder.set_time(t);
-        if let Some((start, name)) = phases.get(phase) && s >= *start {
+        if let Some((start, name)) = phases.get(phase)
+            && s >= *start
+        {
             recorder.log_phase(name)?;
             phase += 1;
         }
@@ -75,7 +79,8 @@ fn main() -> Result<(), Box<dyn Error>> {
         let lift = ((s - 0.45) / 0.35).clamp(0.0, 1.0);
         q[1] = 0.6 - 0.15 * lift;
         q[0] = 0.1 * (s * TAU).sin();
-        let angles: [f64; 15] = std::array::from_fn(|j| if j == 0 { 0.9 * close } else { (0.65 + 0.05 * (j % 3) as f64) * close });
+        let angles: [f64; 15] =
+            std::array::from_fn(|j| if j == 0 { 0.9 * close } else { (0.65 + 0.05 * (j % 3) as f64) * close });
         let arm_links = arm.tree.forward(&q);
         let palm = arm_links[6] * arm.last_from_tool * hand.palm_from_flange.inverse();
         let links = hand.tree.forward(&angles);
@@ -90,7 +95,9 @@ fn main() -> Result<(), Box<dyn Error>> {
         recorder.log_estimate("ball", known.then(|| held * off).as_ref())?;
         let pads = hand.pad_poses(&links);
         let touched: Vec<usize> = (0..hand.pads.len()).filter(|pad| pad % 3 == 1).collect();
-        let force = |pad: usize| if close > 0.6 && touched.contains(&pad) { (close - 0.6) * (1.0 + 0.2 * pad as f64) } else { 0.0 };
+        let force = |pad: usize| {
+            if close > 0.6 && touched.contains(&pad) { (close - 0.6) * (1.0 + 0.2 * pad as f64) } else { 0.0 }
+        };
         let on: Vec<usize> = touched.iter().copied().filter(|pad| force(*pad) > 0.0).collect();
         let points: Vec<_> = on.iter().map(|pad| palm * pads[*pad] * Point3::origin()).collect();
         let forces: Vec<_> = on.iter().map(|pad| palm * pads[*pad] * Vector3::z() * force(*pad)).collect();
@@ -110,7 +117,9 @@ fn main() -> Result<(), Box<dyn Error>> {
             joint_angles: Some(angles),
             arm_angles: Some(q),
             pad_forces: Some(std::array::from_fn(force)),
-            pose_errors: vec![known.then(|| PoseError { mm: 12.0 * (1.0 - close) + 4.0 + ripple(0), deg: 17.0 * (1.0 - close) })],
+            pose_errors: vec![
+                known.then(|| PoseError { mm: 12.0 * (1.0 - close) + 4.0 + ripple(0), deg: 17.0 * (1.0 - close) }),
+            ],
         })?;
     }
     recorder.log_outcome("success: ball held 3 s, lifted 0.15 m")?;

@@ -7,8 +7,8 @@
 //! below its path in the blueprint; [`send`] adds them to what the builder makes.
 
 use rerun::blueprint::{
-    Blueprint, BlueprintActivation, BlueprintPanel, ContainerLike, Horizontal, SelectionPanel, Spatial2DView, Spatial3DView,
-    StateTimelineView, Tabs, TextLogView, TimePanel, TimeSeriesView, Vertical, components::PanelState,
+    Blueprint, BlueprintActivation, BlueprintPanel, ContainerLike, Horizontal, SelectionPanel, Spatial2DView,
+    Spatial3DView, StateTimelineView, Tabs, TextLogView, TimePanel, TimeSeriesView, Vertical, components::PanelState,
 };
 use rerun::external::re_log_types::BlueprintActivationCommand;
 use rerun::external::re_sdk_types::blueprint::archetypes::{
@@ -74,10 +74,8 @@ impl Properties {
 
 fn layout(eye: Eye) -> (Blueprint, Properties) {
     let mut with = Properties::default();
-    let controls = EyeControls3D::new()
-        .with_position(eye.position)
-        .with_look_target(eye.target)
-        .with_eye_up([0.0f32, 0.0, 1.0]);
+    let controls =
+        EyeControls3D::new().with_position(eye.position).with_look_target(eye.target).with_eye_up([0.0f32, 0.0, 1.0]);
     let world = with.on(
         Spatial3DView::new("World").with_origin(entities::WORLD),
         vec![
@@ -144,6 +142,9 @@ pub fn send(rec: &RecordingStream, eye: Eye) -> Result<(), StreamError> {
         extra.log(path.clone(), value.as_ref())?;
     }
     messages.extend(storage.take().into_iter().filter(|msg| matches!(msg, LogMsg::ArrowMsg(..))));
-    rec.send_blueprint(messages, BlueprintActivationCommand { blueprint_id: id, make_active: true, make_default: true });
+    rec.send_blueprint(
+        messages,
+        BlueprintActivationCommand { blueprint_id: id, make_active: true, make_default: true },
+    );
     Ok(())
 }

@@ -83,8 +83,24 @@ pub fn height(camera: &str) -> String {
 /// Every path that a recording of `hand` with an arm of `arm_links` links and these objects can have.
 pub fn all(hand: &Hand, arm_links: usize, objects: &[&str]) -> Vec<String> {
     let fixed = [
-        WORLD, TABLE, ARM_BASE, HAND, CONTACTS, TACTILE, HEIGHTS, SIGNALS, TENSIONS, CURRENTS, JOINT_ANGLES, ARM_ANGLES,
-        PAD_FORCES, POSE_ERROR_MM, POSE_ERROR_DEG, PHASE, LOG, OUTCOME,
+        WORLD,
+        TABLE,
+        ARM_BASE,
+        HAND,
+        CONTACTS,
+        TACTILE,
+        HEIGHTS,
+        SIGNALS,
+        TENSIONS,
+        CURRENTS,
+        JOINT_ANGLES,
+        ARM_ANGLES,
+        PAD_FORCES,
+        POSE_ERROR_MM,
+        POSE_ERROR_DEG,
+        PHASE,
+        LOG,
+        OUTCOME,
     ];
     let mut paths: Vec<String> = fixed.iter().map(ToString::to_string).collect();
     paths.extend((0..arm_links).map(arm_link));

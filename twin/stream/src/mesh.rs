@@ -33,7 +33,12 @@ pub struct DrawnObject {
 
 impl DrawnObject {
     /// An object from a plain mesh: normals are made, smooth where faces meet at less than 40 degrees, sharp elsewhere.
-    pub fn from_mesh(name: impl Into<String>, vertices: &[Point3<f64>], triangles: &[[u32; 3]], color: [u8; 3]) -> Self {
+    pub fn from_mesh(
+        name: impl Into<String>,
+        vertices: &[Point3<f64>],
+        triangles: &[[u32; 3]],
+        color: [u8; 3],
+    ) -> Self {
         let Mesh { vertices, triangles, normals } = Mesh::with_normals(vertices, triangles);
         Self { name: name.into(), vertices, triangles, normals, color }
     }
@@ -68,8 +73,11 @@ impl Mesh {
             let unit = area.normalize();
             let corners = triangle.map(|index| {
                 let point = &vertices[index as usize];
-                let sum: Vector3<f64> =
-                    around[&place(point)].iter().map(|f| faces[*f].1).filter(|n| n.normalize().dot(&unit) > CREASE).sum();
+                let sum: Vector3<f64> = around[&place(point)]
+                    .iter()
+                    .map(|f| faces[*f].1)
+                    .filter(|n| n.normalize().dot(&unit) > CREASE)
+                    .sum();
                 let normal = sum.normalize();
                 let key = (place(point), [normal.x, normal.y, normal.z].map(|x| (x * 500.0).round() as i32));
                 *known.entry(key).or_insert_with(|| mesh.push(point.coords.cast(), normal.cast()))

@@ -72,6 +72,7 @@ pub fn log_text(rec: &RecordingStream, level: Level, text: &str) -> Result<(), S
 pub fn log_outcome(rec: &RecordingStream, outcome: &str) -> Result<(), StreamError> {
     log_text(rec, Level::Info, &format!("outcome: {outcome}"))?;
     rec.log(entities::OUTCOME, &TextDocument::new(outcome))?;
-    let value = AnyValues::default().with_component::<rerun::components::Text>("outcome", [rerun::components::Text::from(outcome)]);
+    let value = AnyValues::default()
+        .with_component::<rerun::components::Text>("outcome", [rerun::components::Text::from(outcome)]);
     Ok(rec.send_property("result", &value)?)
 }

@@ -99,13 +99,22 @@ pub struct Recorder {
 
 impl Recorder {
     /// Records into the file at `path`, with the usual settings.
-    pub fn create(path: impl AsRef<Path>, hand: &Hand, arm: &Arm, objects: &[DrawnObject]) -> Result<Self, StreamError> {
+    pub fn create(
+        path: impl AsRef<Path>,
+        hand: &Hand,
+        arm: &Arm,
+        objects: &[DrawnObject],
+    ) -> Result<Self, StreamError> {
         Self::open(&[Target::File(path.as_ref().to_owned())], Settings::default(), hand, arm, objects)
     }
 
     /// Records to `targets`; with none, everything is dropped.
     pub fn open(
-        targets: &[Target], settings: Settings, hand: &Hand, arm: &Arm, objects: &[DrawnObject],
+        targets: &[Target],
+        settings: Settings,
+        hand: &Hand,
+        arm: &Arm,
+        objects: &[DrawnObject],
     ) -> Result<Self, StreamError> {
         let sinks: Vec<Box<dyn LogSink>> = targets.iter().map(sink).collect::<Result<_, _>>()?;
         let live = targets.iter().any(|target| !matches!(target, Target::File(_)));
@@ -158,7 +167,10 @@ impl Recorder {
     /// The robot: `world_from_link` of the arm's links, `world_from_palm`, and `palm_from_link` of the hand's links (both
     /// lists as `Tree::forward` gives them).
     pub fn log_robot(
-        &mut self, arm_links: &[Isometry3<f64>], palm: &Isometry3<f64>, hand_links: &[Isometry3<f64>],
+        &mut self,
+        arm_links: &[Isometry3<f64>],
+        palm: &Isometry3<f64>,
+        hand_links: &[Isometry3<f64>],
     ) -> Result<(), StreamError> {
         if !self.poses.due(ROBOT, self.time) {
             return Ok(());
@@ -237,8 +249,9 @@ impl Recorder {
             return Ok(());
         }
         let range = self.settings.height_range;
-        let (bytes, place) = tactile::height_image(&self.hand, camera, heights, [w, h], range, self.settings.jpeg_quality)
-            .map_err(|reason| StreamError::Image { what: name.clone(), reason })?;
+        let (bytes, place) =
+            tactile::height_image(&self.hand, camera, heights, [w, h], range, self.settings.jpeg_quality)
+                .map_err(|reason| StreamError::Image { what: name.clone(), reason })?;
         let path = entities::height(&name);
         if last.is_none_or(|(size, _)| size != [w, h]) {
             self.rec.log_static(path.as_str(), &place)?;
@@ -300,7 +313,8 @@ fn sink(target: &Target) -> Result<Box<dyn LogSink>, StreamError> {
     match target {
         Target::File(path) => {
             if let Some(folder) = path.parent().filter(|folder| !folder.as_os_str().is_empty()) {
-                std::fs::create_dir_all(folder).map_err(|source| StreamError::Unwritable { path: path.clone(), source })?;
+                std::fs::create_dir_all(folder)
+                    .map_err(|source| StreamError::Unwritable { path: path.clone(), source })?;
             }
             let unwritable = |source| StreamError::Unwritable { path: path.clone(), source };
             match FileSink::new(path) {

@@ -69,7 +69,8 @@ fn log_arm(rec: &RecordingStream, arm: &Arm) -> Result<(), StreamError> {
     let joints = &arm.tree.joints;
     let to = |offset: &Isometry3<f64>| Point3::from(offset.translation.vector);
     if let Some(first) = joints.first() {
-        let foot = Mesh::rounded_box(&Vector3::new(0.075, 0.075, 0.012), 0.006, &Isometry3::translation(0.0, 0.0, 0.012));
+        let foot =
+            Mesh::rounded_box(&Vector3::new(0.075, 0.075, 0.012), 0.006, &Isometry3::translation(0.0, 0.0, 0.012));
         let base = Mesh::capsule(Point3::new(0.0, 0.0, 0.03), to(&first.origin), ARM_RADII[0]).and(foot);
         rec.log_static(entities::ARM_BASE, &drawn(&base, ARM_COLORS[1], 255))?;
     }

@@ -108,7 +108,12 @@ pub fn differ(a: &TactileImage, b: &TactileImage) -> bool {
 /// A height map (m, row-major, `w` by `h`) in colour: black at 0, over violet and orange to light yellow at `range` (m).
 /// Returns the JPEG and the transform that makes it fill the cell of `camera`.
 pub fn height_image(
-    hand: &Hand, camera: usize, heights: &[f32], [w, h]: [usize; 2], range: f32, quality: u8,
+    hand: &Hand,
+    camera: usize,
+    heights: &[f32],
+    [w, h]: [usize; 2],
+    range: f32,
+    quality: u8,
 ) -> Result<(Vec<u8>, impl AsComponents + use<>), String> {
     if w == 0 || h == 0 || heights.len() != w * h {
         return Err(format!("{} heights, expected {w} x {h}", heights.len()));
@@ -132,8 +137,14 @@ pub fn height_image(
 
 /// A colour scale from black to light yellow that grows evenly in lightness ("inferno", six support points).
 fn color(value: f32) -> [u8; 3] {
-    const SCALE: [[f32; 3]; 6] =
-        [[0.0, 0.0, 4.0], [66.0, 10.0, 104.0], [147.0, 38.0, 103.0], [221.0, 81.0, 58.0], [252.0, 165.0, 10.0], [252.0, 255.0, 164.0]];
+    const SCALE: [[f32; 3]; 6] = [
+        [0.0, 0.0, 4.0],
+        [66.0, 10.0, 104.0],
+        [147.0, 38.0, 103.0],
+        [221.0, 81.0, 58.0],
+        [252.0, 165.0, 10.0],
+        [252.0, 255.0, 164.0],
+    ];
     let x = if value.is_finite() { value.clamp(0.0, 1.0) * 5.0 } else { 0.0 };
     let below = (x as usize).min(4);
     let part = x - below as f32;

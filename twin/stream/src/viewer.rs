@@ -52,7 +52,9 @@ pub fn find() -> Option<Viewer> {
 
 /// The version in the answer to `rerun --version`, such as `rerun-cli 0.36.3 (base ...)`.
 fn version_of(text: &str) -> Option<String> {
-    text.split_whitespace().find(|word| word.starts_with(|c: char| c.is_ascii_digit()) && word.contains('.')).map(str::to_owned)
+    text.split_whitespace()
+        .find(|word| word.starts_with(|c: char| c.is_ascii_digit()) && word.contains('.'))
+        .map(str::to_owned)
 }
 
 /// Recordings at `path`: the file itself, or all `.rrd` in the folder, by name.

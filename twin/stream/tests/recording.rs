@@ -9,7 +9,8 @@ use nalgebra::{Isometry3, Point3, Vector3};
 use stream::{DrawnObject, Level, PoseError, Recorder, Settings, SignalFrame, StreamError, Target, TrialProperties};
 
 fn tetrahedron() -> DrawnObject {
-    let points = [Point3::origin(), Point3::new(0.05, 0.0, 0.0), Point3::new(0.0, 0.05, 0.0), Point3::new(0.0, 0.0, 0.05)];
+    let points =
+        [Point3::origin(), Point3::new(0.05, 0.0, 0.0), Point3::new(0.0, 0.05, 0.0), Point3::new(0.0, 0.0, 0.05)];
     DrawnObject::from_mesh("tetrahedron", &points, &[[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]], [200, 80, 40])
 }
 
@@ -34,7 +35,8 @@ fn a_short_run_is_small_and_complete() {
     let path = folder.path().join("new/run.rrd");
     let (hand, arm) = (Hand::ftac(), Arm::gen3());
     let mut recorder = Recorder::create(&path, &hand, &arm, &[tetrahedron()]).expect("opens");
-    let properties = TrialProperties { combination: "tetrahedron".into(), condition: "touch".into(), ..Default::default() };
+    let properties =
+        TrialProperties { combination: "tetrahedron".into(), condition: "touch".into(), ..Default::default() };
     recorder.log_properties(&properties).expect("logs");
     recorder.log_phase("approach").expect("logs");
     for tick in 0..200 {
@@ -59,7 +61,9 @@ fn a_short_run_is_small_and_complete() {
     }
     recorder.log_text(Level::Warn, "nothing held").expect("logs");
     recorder.log_outcome("failure").expect("logs");
-    assert!(matches!(recorder.log_object("cup", &Isometry3::identity()), Err(StreamError::Unknown(name)) if name == "cup"));
+    assert!(
+        matches!(recorder.log_object("cup", &Isometry3::identity()), Err(StreamError::Unknown(name)) if name == "cup")
+    );
     assert!(matches!(recorder.log_tactile(18, &noise_image(1)), Err(StreamError::Unknown(_))));
     assert!(matches!(recorder.log_height(0, &[0.0; 5], 2, 2), Err(StreamError::Image { .. })));
     recorder.finish().expect("writes");

@@ -69,9 +69,7 @@ pub struct AngularError {
 /// Features of a colour change: first, second and third order.
 fn colour_features([r, g, b]: [f32; 3]) -> [f32; COLOUR_FEATURES] {
     let (rr, gg, bb, rg, rb, gb) = (r * r, g * g, b * b, r * g, r * b, g * b);
-    [
-        r, g, b, rr, gg, bb, rg, rb, gb, rr * r, gg * g, bb * b, rr * g, rr * b, gg * r, gg * b, bb * r, bb * g, rg * b,
-    ]
+    [r, g, b, rr, gg, bb, rg, rb, gb, rr * r, gg * g, bb * b, rr * g, rr * b, gg * r, gg * b, bb * r, bb * g, rg * b]
 }
 
 /// Normalised place of a pixel, -1 to 1: u to the right (pad x), v up (pad y).
@@ -254,7 +252,10 @@ impl Calibration {
         }
         for (letter, model) in &calibration.configurations {
             if model.weights.len() != COLOUR_FEATURES {
-                return Err(fault(format!("configuration {letter}: {} weights, expected {COLOUR_FEATURES}", model.weights.len())));
+                return Err(fault(format!(
+                    "configuration {letter}: {} weights, expected {COLOUR_FEATURES}",
+                    model.weights.len()
+                )));
             }
         }
         Ok(calibration)
@@ -262,14 +263,19 @@ impl Calibration {
 
     /// Writes a calibration file (JSON).
     pub fn write(&self, path: &Path) -> Result<(), TouchError> {
-        let text = serde_json::to_string(self).map_err(|error| TouchError::Format { path: path.into(), message: error.to_string() })?;
+        let text = serde_json::to_string(self)
+            .map_err(|error| TouchError::Format { path: path.into(), message: error.to_string() })?;
         std::fs::write(path, text).map_err(|source| TouchError::Io { path: path.into(), source })
     }
 }
 
 fn check(hand: &Hand, press: &CalibrationPress) -> Result<(), TouchError> {
     if press.camera >= hand.cameras.len() {
-        return Err(TouchError::Size { what: "camera index of a press", found: press.camera, expected: hand.cameras.len() });
+        return Err(TouchError::Size {
+            what: "camera index of a press",
+            found: press.camera,
+            expected: hand.cameras.len(),
+        });
     }
     for (what, found, expected) in [
         ("bytes of a press image", press.image.rgb.len(), 3 * PIXELS),

@@ -28,7 +28,14 @@ pub struct ContactOptions {
 
 impl Default for ContactOptions {
     fn default() -> Self {
-        Self { raised: 4e-5, peak: 8e-5, contact_fraction: 0.35, inner_fraction: 0.5, least_pixels: 12, most_points: 60 }
+        Self {
+            raised: 4e-5,
+            peak: 8e-5,
+            contact_fraction: 0.35,
+            inner_fraction: 0.5,
+            least_pixels: 12,
+            most_points: 60,
+        }
     }
 }
 
@@ -88,7 +95,14 @@ fn surface_point(pad: &Pad, camera: &Camera, height: &[f32], column: usize, row:
 }
 
 /// Finds the contact patches in one camera's height map (m, `IMAGE_SIZE` squared), strongest first.
-pub fn find_contacts(pad: &Pad, camera_index: usize, camera: &Camera, gel: Gel, height: &[f32], options: &ContactOptions) -> Vec<Patch> {
+pub fn find_contacts(
+    pad: &Pad,
+    camera_index: usize,
+    camera: &Camera,
+    gel: Gel,
+    height: &[f32],
+    options: &ContactOptions,
+) -> Vec<Patch> {
     let mut label = vec![0u32; height.len()];
     let mut patches = Vec::new();
     let mut next = 1;
@@ -141,7 +155,14 @@ fn flood(height: &[f32], label: &mut [u32], start: usize, mark: u32, level: f32)
 }
 
 /// Connected parts of a hill above `level`.
-fn summits(height: &[f32], label: &mut [u32], next: &mut u32, hill: &[usize], level: f32, least: usize) -> Vec<Vec<usize>> {
+fn summits(
+    height: &[f32],
+    label: &mut [u32],
+    next: &mut u32,
+    hill: &[usize],
+    level: f32,
+    least: usize,
+) -> Vec<Vec<usize>> {
     let first = *next;
     let mut summits = Vec::new();
     for &start in hill {
@@ -198,7 +219,12 @@ fn describe(
     let inner_count = pixels.iter().filter(inner).count();
     let mut stride = ((inner_count as f64 / options.most_points.max(1) as f64).sqrt().ceil() as usize).max(1);
     let on_grid = |stride: usize| {
-        let mut chosen: Vec<usize> = pixels.iter().filter(inner).copied().filter(|i| (i % N).is_multiple_of(stride) && (i / N).is_multiple_of(stride)).collect();
+        let mut chosen: Vec<usize> = pixels
+            .iter()
+            .filter(inner)
+            .copied()
+            .filter(|i| (i % N).is_multiple_of(stride) && (i / N).is_multiple_of(stride))
+            .collect();
         chosen.sort_unstable();
         chosen
     };
@@ -225,7 +251,14 @@ fn describe(
 
 /// Points of the camera's view (pad frame) on an even grid of `nx` by `ny` where nothing presses; all of them if `height` is
 /// `None`. The object cannot be there.
-pub fn clear_points(pad: &Pad, camera: &Camera, height: Option<&[f32]>, raised: f32, nx: usize, ny: usize) -> Vec<Point3<f64>> {
+pub fn clear_points(
+    pad: &Pad,
+    camera: &Camera,
+    height: Option<&[f32]>,
+    raised: f32,
+    nx: usize,
+    ny: usize,
+) -> Vec<Point3<f64>> {
     let mut points = Vec::with_capacity(nx * ny);
     for j in 0..ny {
         for i in 0..nx {

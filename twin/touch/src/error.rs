@@ -25,7 +25,9 @@ pub enum TouchError {
     #[error("no photometric model for sensor configuration `{0}`: calibrate it first")]
     Uncalibrated(char),
     /// Too little contact in the presses to fit a model.
-    #[error("configuration `{configuration}`: {samples} labelled contact pixels, at least {needed} are needed: press more often or deeper")]
+    #[error(
+        "configuration `{configuration}`: {samples} labelled contact pixels, at least {needed} are needed: press more often or deeper"
+    )]
     TooFewSamples {
         /// Sensor configuration.
         configuration: char,

@@ -70,7 +70,8 @@ pub fn changed_region(image: &TactileImage, background: &TactileImage, options: 
         let mut sums = [[0i32; 3]; BLOCKS];
         for row in block_row * BLOCK..(block_row + 1) * BLOCK {
             let line = 3 * row * N..3 * (row + 1) * N;
-            let pairs = image.rgb[line.clone()].chunks_exact(3 * BLOCK).zip(background.rgb[line].chunks_exact(3 * BLOCK));
+            let pairs =
+                image.rgb[line.clone()].chunks_exact(3 * BLOCK).zip(background.rgb[line].chunks_exact(3 * BLOCK));
             for (sum, (now, before)) in sums.iter_mut().zip(pairs) {
                 for (a, b) in now.chunks_exact(3).zip(before.chunks_exact(3)) {
                     for channel in 0..3 {
@@ -107,7 +108,8 @@ pub(crate) fn colour_change(image: &TactileImage, background: &TactileImage, reg
         for i in row * N + region.column_begin..row * N + region.column_end {
             for channel in 0..3 {
                 let before = background.rgb[3 * i + channel];
-                raw[i][channel] = (f32::from(image.rgb[3 * i + channel]) - f32::from(before)) * scale[usize::from(before)];
+                raw[i][channel] =
+                    (f32::from(image.rgb[3 * i + channel]) - f32::from(before)) * scale[usize::from(before)];
             }
         }
     }
@@ -134,7 +136,12 @@ pub(crate) fn colour_change(image: &TactileImage, background: &TactileImage, reg
 }
 
 /// Slopes of the gel under a tactile image; `None` where the pad is untouched. Both images are `IMAGE_SIZE` squared RGB.
-pub fn gradients(image: &TactileImage, background: &TactileImage, model: &PhotometricModel, options: &StereoOptions) -> Option<Gradients> {
+pub fn gradients(
+    image: &TactileImage,
+    background: &TactileImage,
+    model: &PhotometricModel,
+    options: &StereoOptions,
+) -> Option<Gradients> {
     let region = changed_region(image, background, options)?;
     let change = colour_change(image, background, region);
     let (mut gx, mut gy) = (vec![0.0; PIXELS], vec![0.0; PIXELS]);

@@ -85,8 +85,12 @@ impl TouchPipeline {
     /// depend on how.
     pub fn perceive(&self, images: &[Arc<TactileImage>]) -> Result<Vec<PadTouch>, TouchError> {
         check_images("tactile image", images)?;
-        let maps: Vec<Option<HeightMap>> = (0..CAMERAS).into_par_iter().map(|camera| self.height(camera, &images[camera])).collect::<Result<_, _>>()?;
-        let mut touches: Vec<PadTouch> = (0..self.hand.pads.len()).map(|pad| PadTouch { pad, ..PadTouch::default() }).collect();
+        let maps: Vec<Option<HeightMap>> = (0..CAMERAS)
+            .into_par_iter()
+            .map(|camera| self.height(camera, &images[camera]))
+            .collect::<Result<_, _>>()?;
+        let mut touches: Vec<PadTouch> =
+            (0..self.hand.pads.len()).map(|pad| PadTouch { pad, ..PadTouch::default() }).collect();
         for (index, map) in maps.into_iter().enumerate() {
             let camera = &self.hand.cameras[index];
             let pad = &self.hand.pads[camera.pad];
@@ -159,7 +163,8 @@ fn rest_level(height: &[f32], region: Region) -> f32 {
     let mut quantile = 0.5;
     if border.len() < N / 4 {
         quantile = 0.1;
-        border = (0..N).flat_map(|i| [height[i], height[(N - 1) * N + i], height[i * N], height[i * N + N - 1]]).collect();
+        border =
+            (0..N).flat_map(|i| [height[i], height[(N - 1) * N + i], height[i * N], height[i * N + N - 1]]).collect();
     }
     let at = ((border.len() - 1) as f64 * quantile) as usize;
     *border.select_nth_unstable_by(at, f32::total_cmp).1
@@ -170,7 +175,9 @@ fn check_images(what: &'static str, images: &[Arc<TactileImage>]) -> Result<(), 
         return Err(TouchError::Size { what, found: images.len(), expected: CAMERAS });
     }
     match images.iter().find(|image| image.rgb.len() != 3 * PIXELS) {
-        Some(image) => Err(TouchError::Size { what: "bytes of a tactile image", found: image.rgb.len(), expected: 3 * PIXELS }),
+        Some(image) => {
+            Err(TouchError::Size { what: "bytes of a tactile image", found: image.rgb.len(), expected: 3 * PIXELS })
+        }
         None => Ok(()),
     }
 }

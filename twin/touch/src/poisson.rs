@@ -35,7 +35,9 @@ impl PoissonSolver {
     pub fn new() -> Self {
         Self {
             dct: DctPlanner::new().plan_dct2(N),
-            eigenvalues: (0..N).map(|k| (2.0 * (std::f64::consts::PI * k as f64 / N as f64).cos() - 2.0) as f32).collect(),
+            eigenvalues: (0..N)
+                .map(|k| (2.0 * (std::f64::consts::PI * k as f64 / N as f64).cos() - 2.0) as f32)
+                .collect(),
         }
     }
 
@@ -152,7 +154,8 @@ mod tests {
     #[test]
     fn recovers_tilted_paraboloid() {
         let k = 60.0;
-        let (error, range) = recover(|x, y| (k * x * x + 0.3 * k * y * y + 0.1 * x, 2.0 * k * x + 0.1, 0.6 * k * y), 0.029, 0.048);
+        let (error, range) =
+            recover(|x, y| (k * x * x + 0.3 * k * y * y + 0.1 * x, 2.0 * k * x + 0.1, 0.6 * k * y), 0.029, 0.048);
         assert!(error < 1e-3 * range, "{error} of {range}");
     }
 

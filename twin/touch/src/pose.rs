@@ -166,7 +166,8 @@ pub fn estimate_pose(
                 let turn = UnitQuaternion::new(axis * sign * options.start_rotation);
                 let rotation = turn * shifted.pose.rotation;
                 let translation = shifted.pose * center - rotation * center;
-                starts.push(State { pose: Isometry3::from_parts(Translation3::from(translation), rotation), q: rest.q });
+                starts
+                    .push(State { pose: Isometry3::from_parts(Translation3::from(translation), rotation), q: rest.q });
             }
         }
     }
@@ -179,7 +180,9 @@ pub fn estimate_pose(
         }
         let around = if round % 2 == 0 { shifted } else { best.1 };
         let starts = (0..6).map(|k| {
-            let turn = UnitQuaternion::new(direction(6 * round + k) * options.start_rotation * if k % 2 == 0 { 1.2 } else { 0.6 });
+            let turn = UnitQuaternion::new(
+                direction(6 * round + k) * options.start_rotation * if k % 2 == 0 { 1.2 } else { 0.6 },
+            );
             let shift = direction(6 * round + k + 17) * prior.sigma_translation * 0.6;
             let center = shape.center();
             let rotation = turn * around.pose.rotation;

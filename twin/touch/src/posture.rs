@@ -62,7 +62,11 @@ pub fn free_digit(hand: &Hand, cable: usize, excursion: f64) -> Vec<(usize, f64)
     }
     for _ in 0..40 {
         let middle = 0.5 * (low + high);
-        if taken_up(&hand.transmission.free_angles(cable, middle, upper)) < excursion { low = middle } else { high = middle }
+        if taken_up(&hand.transmission.free_angles(cable, middle, upper)) < excursion {
+            low = middle
+        } else {
+            high = middle
+        }
     }
     hand.transmission.free_angles(cable, 0.5 * (low + high), upper)
 }

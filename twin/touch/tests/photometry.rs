@@ -30,7 +30,11 @@ fn ball(hand: &Hand, camera: usize, r: f64, x: f64, y: f64, depth: f64) -> Vec<f
         .map(|i| {
             let (px, py) = view.pixel_center(i % N, i / N);
             let d2 = (px - x).powi(2) + (py - y).powi(2);
-            if d2 < r * r { (pad.surface_height(px, py) - (r - depth - (r * r - d2).sqrt())).max(0.0) as f32 } else { 0.0 }
+            if d2 < r * r {
+                (pad.surface_height(px, py) - (r - depth - (r * r - d2).sqrt())).max(0.0) as f32
+            } else {
+                0.0
+            }
         })
         .collect();
     for _ in 0..2 {
@@ -62,7 +66,11 @@ fn render(hand: &Hand, camera: usize, h: &[f32], noise: &mut Noise) -> Arc<Tacti
     let lamps: Vec<(usize, Vector3<f64>)> = (0..6)
         .map(|k| {
             let angle = (k as f64 * 60.0 + 20.0).to_radians();
-            let at = Vector3::new((0.5 * view.w + 0.004) * angle.cos(), view.center_y + (0.5 * view.h + 0.004) * angle.sin(), -0.009);
+            let at = Vector3::new(
+                (0.5 * view.w + 0.004) * angle.cos(),
+                view.center_y + (0.5 * view.h + 0.004) * angle.sin(),
+                -0.009,
+            );
             ((k / 2) % 3, at)
         })
         .collect();
@@ -85,7 +93,8 @@ fn render(hand: &Hand, camera: usize, h: &[f32], noise: &mut Noise) -> Arc<Tacti
                 light[(channel + 1) % 3] += 0.08 * (normal.dot(&d) / d.norm()).max(0.0) * (0.014 / d.norm()).powi(2);
             }
             for channel in 0..3 {
-                rgb[3 * i + channel] = (255.0 * light[channel].powf(0.7) + 1.5 * noise.normal()).round().clamp(0.0, 255.0) as u8;
+                rgb[3 * i + channel] =
+                    (255.0 * light[channel].powf(0.7) + 1.5 * noise.normal()).round().clamp(0.0, 255.0) as u8;
             }
         }
     }
@@ -97,7 +106,12 @@ fn press(hand: &Hand, camera: usize, r: f64, noise: &mut Noise, background: &Arc
     let x = (noise.uniform() - 0.5) * 0.6 * view.w;
     let y = view.center_y + (noise.uniform() - 0.5) * 0.7 * view.h;
     let indentation = ball(hand, camera, r, x, y, 0.0004 + 0.0008 * noise.uniform());
-    CalibrationPress { camera, image: render(hand, camera, &indentation, noise), background: background.clone(), indentation }
+    CalibrationPress {
+        camera,
+        image: render(hand, camera, &indentation, noise),
+        background: background.clone(),
+        indentation,
+    }
 }
 
 #[test]
@@ -121,7 +135,10 @@ fn calibrates_perceives_and_is_quick() {
     for (name, &camera) in pads.iter().zip(&cameras) {
         let held_out: Vec<_> = (0..4).map(|_| press(&hand, camera, 0.006, &mut noise, &backgrounds[camera])).collect();
         let error = calibration.evaluate(&hand, &held_out).expect("errors");
-        println!("{name}: held-out angular error mean {:.2} median {:.2} p95 {:.2} deg", error.mean, error.median, error.p95);
+        println!(
+            "{name}: held-out angular error mean {:.2} median {:.2} p95 {:.2} deg",
+            error.mean, error.median, error.p95
+        );
         worst = worst.max(error.mean);
     }
     assert!(worst < 4.0, "{worst} deg");
@@ -151,10 +168,17 @@ fn calibrates_perceives_and_is_quick() {
         let force = hand.gel().stiffness * truth.iter().map(|h| f64::from(*h)).sum::<f64>() * dx * dy;
         let peak = truth.iter().fold(0.0f32, |a, &b| a.max(b));
         let inside: Vec<usize> = (0..PIXELS).filter(|&i| truth[i] > 0.5 * peak).collect();
-        let rms = (inside.iter().map(|&i| f64::from(truth[i] - touch.heights[0].height[i]).powi(2)).sum::<f64>() / inside.len() as f64).sqrt();
+        let rms = (inside.iter().map(|&i| f64::from(truth[i] - touch.heights[0].height[i]).powi(2)).sum::<f64>()
+            / inside.len() as f64)
+            .sqrt();
         let centroid = touch.patches[0].centroid;
         let off = (centroid.x - 0.001).hypot(centroid.y - view.center_y + 0.003);
-        println!("{name}: height rms {:.0} um, force {:.2} of {force:.2} N, centroid off {:.0} um", rms * 1e6, touch.force, off * 1e6);
+        println!(
+            "{name}: height rms {:.0} um, force {:.2} of {force:.2} N, centroid off {:.0} um",
+            rms * 1e6,
+            touch.force,
+            off * 1e6
+        );
         fine &= rms < 1.2e-4 && (touch.force / force - 1.0).abs() < 0.25 && off < 5e-4;
     }
     assert!(fine, "see the figures above");

@@ -73,7 +73,13 @@ fn indentation(shape: &dyn KnownShape, object_from_pad: &Isometry3<f64>, surface
 }
 
 /// Posture in which springs, cable tensions and contact balance, reached by winding up the cables slowly.
-fn close(hand: &Hand, shape: &dyn KnownShape, pose: &Isometry3<f64>, tensions: &[f64; 5], opposition: f64) -> [f64; 15] {
+fn close(
+    hand: &Hand,
+    shape: &dyn KnownShape,
+    pose: &Isometry3<f64>,
+    tensions: &[f64; 5],
+    opposition: f64,
+) -> [f64; 15] {
     let mut q = [0.0; 15];
     q[0] = opposition;
     let samples: Vec<_> = hand.pads.iter().map(|pad| (pad.surface_samples(10, 16), pad.h * pad.w / 160.0)).collect();
@@ -84,7 +90,9 @@ fn close(hand: &Hand, shape: &dyn KnownShape, pose: &Isometry3<f64>, tensions: &
         all[cable] = tension;
         let torques = hand.transmission.torques(q, &all);
         let mut residual = Vector3::new(torques[3 * cable], torques[3 * cable + 1], torques[3 * cable + 2]);
-        for (index, pad) in hand.pads.iter().enumerate().filter(|(_, pad)| pad.link.is_some_and(|link| link / 3 == cable)) {
+        for (index, pad) in
+            hand.pads.iter().enumerate().filter(|(_, pad)| pad.link.is_some_and(|link| link / 3 == cable))
+        {
             let object_from_pad = pose.inverse() * poses[index];
             for point in &samples[index].0 {
                 let depth = indentation(shape, &object_from_pad, point);
@@ -120,7 +128,9 @@ fn close(hand: &Hand, shape: &dyn KnownShape, pose: &Isometry3<f64>, tensions: &
                 let normal = jacobian.transpose() * jacobian + Matrix3::identity() * damping;
                 let delta = -(normal.try_inverse().expect("invertible") * jacobian.transpose() * live(r));
                 let mut candidate = q;
-                (first..3).for_each(|k| candidate[3 * cable + k] = (q[3 * cable + k] + delta[k].clamp(-0.05, 0.05)).clamp(0.0, 1.57));
+                (first..3).for_each(|k| {
+                    candidate[3 * cable + k] = (q[3 * cable + k] + delta[k].clamp(-0.05, 0.05)).clamp(0.0, 1.57)
+                });
                 if live(balance(&candidate, cable, tension)).norm() < live(r).norm() {
                     q = candidate;
                     damping = f64::max(damping * 0.3, 1e-9);
@@ -137,7 +147,14 @@ fn close(hand: &Hand, shape: &dyn KnownShape, pose: &Isometry3<f64>, tensions: &
 }
 
 /// What pads and servos report, with noise: points 20 um, normals 3 deg, depths 10 % and a tilt, currents 3 %, cables 0.2 mm.
-fn feel(hand: &Hand, shape: &dyn KnownShape, pose: &Isometry3<f64>, q: &[f64; 15], tensions: &[f64; 5], noise: &mut Noise) -> (Vec<PadTouch>, [ServoState; 6]) {
+fn feel(
+    hand: &Hand,
+    shape: &dyn KnownShape,
+    pose: &Isometry3<f64>,
+    q: &[f64; 15],
+    tensions: &[f64; 5],
+    noise: &mut Noise,
+) -> (Vec<PadTouch>, [ServoState; 6]) {
     let poses = hand.pad_poses(&hand.tree.forward(q));
     let mut touches: Vec<PadTouch> = (0..17).map(|pad| PadTouch { pad, ..PadTouch::default() }).collect();
     for (index, camera) in hand.cameras.iter().enumerate() {
@@ -176,7 +193,10 @@ fn feel(hand: &Hand, shape: &dyn KnownShape, pose: &Isometry3<f64>, q: &[f64; 15
 
 /// Error in mm and, where it can be seen, degrees.
 fn error(estimate: &Isometry3<f64>, truth: &Isometry3<f64>) -> (f64, f64) {
-    ((estimate.translation.vector - truth.translation.vector).norm() * 1e3, estimate.rotation.angle_to(&truth.rotation).to_degrees())
+    (
+        (estimate.translation.vector - truth.translation.vector).norm() * 1e3,
+        estimate.rotation.angle_to(&truth.rotation).to_degrees(),
+    )
 }
 
 fn at(x: f64, y: f64, z: f64, turn: [f64; 3]) -> Isometry3<f64> {
@@ -192,9 +212,24 @@ struct Case {
 
 fn cases() -> Vec<Case> {
     vec![
-        Case { name: "ball", shape: Box::new(Ball(0.03)), truth: at(0.005, 0.0, -0.022, [0.0; 3]), tensions: [8.0, 9.0, 9.0, 9.0, 0.0] },
-        Case { name: "box", shape: Box::new(Block(Vector3::new(0.045, 0.022, 0.018))), truth: at(0.0, 0.008, -0.006, [0.05, 0.08, 0.1]), tensions: [8.0, 9.0, 9.0, 9.0, 9.0] },
-        Case { name: "ellipsoid", shape: Box::new(Ellipsoid(Vector3::new(0.042, 0.025, 0.02))), truth: at(0.002, 0.004, -0.01, [0.1, -0.1, 0.2]), tensions: [8.0, 9.0, 9.0, 9.0, 9.0] },
+        Case {
+            name: "ball",
+            shape: Box::new(Ball(0.03)),
+            truth: at(0.005, 0.0, -0.022, [0.0; 3]),
+            tensions: [8.0, 9.0, 9.0, 9.0, 0.0],
+        },
+        Case {
+            name: "box",
+            shape: Box::new(Block(Vector3::new(0.045, 0.022, 0.018))),
+            truth: at(0.0, 0.008, -0.006, [0.05, 0.08, 0.1]),
+            tensions: [8.0, 9.0, 9.0, 9.0, 9.0],
+        },
+        Case {
+            name: "ellipsoid",
+            shape: Box::new(Ellipsoid(Vector3::new(0.042, 0.025, 0.02))),
+            truth: at(0.002, 0.004, -0.01, [0.1, -0.1, 0.2]),
+            tensions: [8.0, 9.0, 9.0, 9.0, 9.0],
+        },
     ]
 }
 
@@ -228,11 +263,14 @@ fn poses_are_recovered_from_wrong_plans() {
                 UnitQuaternion::new(noise.vector(0.2)) * case.truth.rotation,
             );
             let start = Instant::now();
-            let found = estimate_pose(&hand, &touches, &servos, &PosePrior::weak(plan), shape, &PoseOptions::default()).expect("a pose");
+            let found = estimate_pose(&hand, &touches, &servos, &PosePrior::weak(plan), shape, &PoseOptions::default())
+                .expect("a pose");
             times.push(start.elapsed().as_secs_f64() * 1e3);
             let (a, b) = (error(&plan, &case.truth), error(&found.palm_from_object, &case.truth));
             // Nothing on a box's long faces tells where along them it is: that error is counted apart.
-            let offset = case.truth.inverse_transform_vector(&(found.palm_from_object.translation.vector - case.truth.translation.vector));
+            let offset = case
+                .truth
+                .inverse_transform_vector(&(found.palm_from_object.translation.vector - case.truth.translation.vector));
             along.push(offset.x.abs() * 1e3);
             let b = if case.name == "box" { (offset.y.hypot(offset.z) * 1e3, b.1) } else { b };
             before.0.push(a.0);
@@ -249,10 +287,18 @@ fn poses_are_recovered_from_wrong_plans() {
         }
         let last = last.expect("an estimate");
         let worst = after.0.iter().copied().fold(0.0, f64::max);
-        let (b_mm, b_deg, a_mm, a_deg) = (median(&mut before.0), median(&mut before.1), median(&mut after.0), median(&mut after.1));
+        let (b_mm, b_deg, a_mm, a_deg) =
+            (median(&mut before.0), median(&mut before.1), median(&mut after.0), median(&mut after.1));
         println!(
             "{}: (along x {:.1} mm) plan {b_mm:.1} mm {b_deg:.1} deg -> touch {a_mm:.2} mm (worst {worst:.2}) {a_deg:.1} deg; joints {:.2} deg; error/sigma {:.2}; {:.2} ms, {} steps; rms {:.2} mm; unobservable {}",
-            case.name, median(&mut along), median(&mut joints), median(&mut normalised), median(&mut times), last.steps, last.residual_rms * 1e3, last.unobservable.len(),
+            case.name,
+            median(&mut along),
+            median(&mut joints),
+            median(&mut normalised),
+            median(&mut times),
+            last.steps,
+            last.residual_rms * 1e3,
+            last.unobservable.len(),
         );
         let name = case.name;
         fine &= last.unobservable.len() == if name == "ball" { 3 } else { 0 } || name == "ellipsoid";
@@ -271,9 +317,13 @@ fn follows_the_touch_not_the_plan() {
     let plan = at(-0.012, 0.010, -0.022, [0.0; 3]);
     let q = close(&hand, &*case.shape, &case.truth, &case.tensions, 1.2);
     let (touches, servos) = feel(&hand, &*case.shape, &case.truth, &q, &case.tensions, &mut noise);
-    let found = estimate_pose(&hand, &touches, &servos, &PosePrior::weak(plan), &*case.shape, &PoseOptions::default()).expect("a pose");
+    let found = estimate_pose(&hand, &touches, &servos, &PosePrior::weak(plan), &*case.shape, &PoseOptions::default())
+        .expect("a pose");
     let (to_truth, to_plan) = (error(&found.palm_from_object, &case.truth).0, error(&found.palm_from_object, &plan).0);
-    println!("off plan by {:.1} mm: {to_truth:.2} mm from the truth, {to_plan:.2} mm from the plan", error(&plan, &case.truth).0);
+    println!(
+        "off plan by {:.1} mm: {to_truth:.2} mm from the truth, {to_plan:.2} mm from the plan",
+        error(&plan, &case.truth).0
+    );
     assert!(to_truth < 3.0 && to_plan > 14.0, "{to_truth} {to_plan}");
 }
 
@@ -299,7 +349,8 @@ fn untouched_pads_matter() {
         );
         for (use_clear, sum) in [(true, &mut with), (false, &mut without)] {
             let options = PoseOptions { use_clear, ..PoseOptions::default() };
-            let found = estimate_pose(&hand, &touches, &servos, &PosePrior::weak(plan), &shape, &options).expect("a pose");
+            let found =
+                estimate_pose(&hand, &touches, &servos, &PosePrior::weak(plan), &shape, &options).expect("a pose");
             *sum += error(&found.palm_from_object, &truth).0 / trials as f64;
         }
     }
@@ -313,6 +364,7 @@ fn bad_input_is_named() {
     let mut servos = [ServoState::default(); 6];
     servos[2].current = f64::NAN;
     let prior = PosePrior::weak(Isometry3::identity());
-    let error = estimate_pose(&hand, &[], &servos, &prior, &Ball(0.02), &PoseOptions::default()).expect_err("not a number");
+    let error =
+        estimate_pose(&hand, &[], &servos, &prior, &Ball(0.02), &PoseOptions::default()).expect_err("not a number");
     assert_eq!(error.to_string(), "a servo reading is not finite");
 }

@@ -111,7 +111,8 @@ impl<'a> Problem<'a> {
         }
         let posture = free_posture(hand, servos);
         let torque_sigma = [options.sigma_torque; HAND_JOINTS];
-        let mut problem = Self { hand, shape, prior, options, posture, patches, clear, cables, column, columns, torque_sigma };
+        let mut problem =
+            Self { hand, shape, prior, options, posture, patches, clear, cables, column, columns, torque_sigma };
         problem.settle_torque_sigmas(&posture.q);
         problem
     }
@@ -151,7 +152,8 @@ impl<'a> Problem<'a> {
             for &outer in &chain[at + 1..] {
                 let turn = kinematics.axes[outer];
                 let moved = turn.cross(&(centroid - kinematics.origin(outer)));
-                derivative.push((outer, axis.dot(&(moved.cross(&force) + (centroid - origin).cross(&turn.cross(&force))))));
+                derivative
+                    .push((outer, axis.dot(&(moved.cross(&force) + (centroid - origin).cross(&turn.cross(&force))))));
             }
         }
         (torque, derivative)
@@ -185,7 +187,12 @@ impl<'a> Problem<'a> {
             Evidence::Translation => 3..6,
             Evidence::Soft | Evidence::All => 0..0,
         };
-        let mut sink = Normal { hessian: DMatrix::zeros(n, n), gradient: DVector::zeros(n), row: vec![0.0; n], held: held.clone() };
+        let mut sink = Normal {
+            hessian: DMatrix::zeros(n, n),
+            gradient: DVector::zeros(n),
+            row: vec![0.0; n],
+            held: held.clone(),
+        };
         self.residuals(state, evidence, &mut sink);
         for k in held {
             sink.hessian[(k, k)] = 1.0;
@@ -266,7 +273,16 @@ impl<'a> Problem<'a> {
 
     #[allow(clippy::too_many_arguments)]
     /// Writes `gradient` of a residual by a point `p` (object frame) that a link carries, times `scale`, into a row.
-    fn point_row(&self, state: &State, kinematics: &Kinematics, link: Option<usize>, p: &Point3<f64>, gradient: &Vector3<f64>, scale: f64, row: &mut [f64]) {
+    fn point_row(
+        &self,
+        state: &State,
+        kinematics: &Kinematics,
+        link: Option<usize>,
+        p: &Point3<f64>,
+        gradient: &Vector3<f64>,
+        scale: f64,
+        row: &mut [f64],
+    ) {
         // p <- p - rho - phi x p, and g . (phi x p) = phi . (p x g).
         let turning = p.coords.cross(gradient);
         for k in 0..3 {
@@ -276,7 +292,8 @@ impl<'a> Problem<'a> {
         let (palm_point, palm_gradient) = ((state.pose * p).coords, state.pose * gradient);
         for &joint in kinematics.chain(link) {
             if let Some(column) = self.column[joint] {
-                row[column] += kinematics.axes[joint].cross(&(palm_point - kinematics.origin(joint))).dot(&palm_gradient) * scale;
+                row[column] +=
+                    kinematics.axes[joint].cross(&(palm_point - kinematics.origin(joint))).dot(&palm_gradient) * scale;
             }
         }
     }
@@ -288,7 +305,8 @@ impl<'a> Problem<'a> {
         let object_from_palm = state.pose.inverse();
         for patch in &self.patches {
             let object_from_link = object_from_palm * kinematics.pose(patch.link);
-            let scale = (INDEPENDENT_POINTS / patch.points.len() as f64).min(1.0).sqrt() * point_soft / self.options.sigma_point;
+            let scale = (INDEPENDENT_POINTS / patch.points.len() as f64).min(1.0).sqrt() * point_soft
+                / self.options.sigma_point;
             for point in &patch.points {
                 let p = object_from_link * point;
                 let (distance, gradient) = self.shape.signed_distance(&p);
@@ -296,7 +314,8 @@ impl<'a> Problem<'a> {
                     self.point_row(state, kinematics, patch.link, &p, &gradient, scale, row);
                 });
             }
-            let scale = (INDEPENDENT_NORMALS / patch.normals.len() as f64).min(1.0).sqrt() * normal_soft / self.options.sigma_normal;
+            let scale = (INDEPENDENT_NORMALS / patch.normals.len() as f64).min(1.0).sqrt() * normal_soft
+                / self.options.sigma_normal;
             for (point, normal) in &patch.normals {
                 let (p, n) = (object_from_link * point, object_from_link * normal);
                 let gradient = self.shape.signed_distance(&p).1;
