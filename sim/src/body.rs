@@ -117,14 +117,13 @@ impl RobotBody {
         let mut masses = Vec::new();
         let last_from_palm = last_from_palm(arm, hand, mount_error);
         let mut parent = base;
-        for i in 0..ARM_JOINTS {
+        for (i, joint) in arm.tree.joints.iter().enumerate() {
             let mut mass = arm.masses[i];
             if i == ARM_JOINTS - 1 {
                 // Bracelet, servo pack and palm are one rigid link.
                 mass = merge(&mass, &hand.palm_mass, &last_from_palm);
             }
             let body = engine.bodies.insert(link_body(&(world_from_base * arm_poses[i]), &mass));
-            let joint = &arm.tree.joints[i];
             let handle =
                 engine.multibodies.insert(parent, body, revolute(&joint.origin, [joint.lower, joint.upper]), true);
             joints.extend(handle);

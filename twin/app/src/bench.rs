@@ -56,7 +56,7 @@ fn units(request: &RunRequest) -> Vec<Unit> {
 fn recorded(record: Record, unit: Unit) -> bool {
     match record {
         Record::None => false,
-        Record::Sample => unit.trial == Some(0) && unit.combination % 10 == 0,
+        Record::Sample => unit.trial == Some(0) && unit.combination.is_multiple_of(10),
         Record::All => true,
     }
 }

@@ -347,6 +347,7 @@ fn grasps_generate(cli: &Cli, objects: &[String], role: Option<RoleArg>, n: u32,
     }
     let mut repertoire = if out.exists() { grasping::Repertoire::read(out)? } else { grasping::Repertoire::default() };
     repertoire.command = format!("ftac grasps generate --n {n} --seed {}", cli.seed);
+    repertoire.seed = cli.seed;
     let effort = Effort { proposals: n, variations: n / 2, keep_first: 4, keep_second: 14 };
     generate::generate(
         &world,
@@ -354,7 +355,6 @@ fn grasps_generate(cli: &Cli, objects: &[String], role: Option<RoleArg>, n: u32,
         &names,
         &roles,
         effort,
-        cli.seed,
         &mut repertoire,
         cli.quiet || cli.json,
     )?;

@@ -56,19 +56,18 @@ fn stream(seed: u64, object: &str, role: Role, id: u32) -> ChaCha8Rng {
     ChaCha8Rng::seed_from_u64(hash)
 }
 
-/// Generates the repertoire of `names` into `repertoire`.
+/// Generates the grasps of `names` for `roles` into `repertoire`, whose seed draws them.
 pub fn generate(
     world: &World,
     protocol: &Protocol,
     names: &[String],
     roles: &[Role],
     effort: Effort,
-    seed: u64,
     repertoire: &mut Repertoire,
     quiet: bool,
 ) -> Result<()> {
     repertoire.version = VERSION;
-    repertoire.seed = seed;
+    let seed = repertoire.seed;
     let board = TactileBoard::blank();
     let bar = if quiet { ProgressBar::hidden() } else { ProgressBar::new((roles.len() * names.len()) as u64) };
     bar.set_style(ProgressStyle::with_template("{bar:30} {pos}/{len} {msg} [{elapsed} < {eta}]")?);

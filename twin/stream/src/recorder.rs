@@ -179,9 +179,9 @@ impl Recorder {
             self.pose(&entities::arm_link(k), pose)?;
         }
         self.pose(entities::HAND, palm)?;
-        for k in 0..hand_links.len().min(self.hand.tree.len()) {
-            let path = entities::hand_link(&self.hand.tree.joints[k].name);
-            self.pose(&path, &hand_links[k])?;
+        let paths: Vec<_> = self.hand.tree.joints.iter().map(|joint| entities::hand_link(&joint.name)).collect();
+        for (path, link) in paths.iter().zip(hand_links) {
+            self.pose(path, link)?;
         }
         Ok(())
     }

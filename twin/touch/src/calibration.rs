@@ -190,7 +190,7 @@ fn slope(indentation: &[f32], i: usize, (dx, dy): (f64, f64)) -> (f64, f64) {
 impl Calibration {
     /// Fits a model for every sensor configuration that occurs in `presses`.
     pub fn fit(hand: &Hand, presses: &[CalibrationPress]) -> Result<Self, TouchError> {
-        let mut groups: BTreeMap<char, Vec<(&CalibrationPress, (f64, f64))>> = BTreeMap::new();
+        let mut groups: BTreeMap<char, Vec<_>> = BTreeMap::new();
         for press in presses {
             check(hand, press)?;
             let camera = &hand.cameras[press.camera];
