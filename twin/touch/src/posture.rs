@@ -106,17 +106,17 @@ mod tests {
     fn free_servos(hand: &Hand, tensions: [f64; 5], opposition: f64) -> ([ServoState; ACTUATORS], [f64; HAND_JOINTS]) {
         let mut q = [0.0; HAND_JOINTS];
         q[0] = opposition;
-        for cable in 0..5 {
-            for (joint, angle) in hand.transmission.free_angles(cable, tensions[cable], std::f64::consts::FRAC_PI_2) {
+        for (cable, tension) in tensions.iter().enumerate() {
+            for (joint, angle) in hand.transmission.free_angles(cable, *tension, std::f64::consts::FRAC_PI_2) {
                 q[joint] = angle;
             }
         }
         let (radius, servo) = (hand.parameters.cable.spool_radius, hand.parameters.servo);
         let mut servos = [ServoState::default(); ACTUATORS];
-        for cable in 0..5 {
-            let stretch = tensions[cable] / hand.parameters.cable.stiffness;
-            servos[cable].position = (hand.transmission.cables[cable].excursion(&q) + stretch) / radius;
-            servos[cable].current = tensions[cable] * radius / servo.torque_constant;
+        for ((state, path), tension) in servos.iter_mut().zip(&hand.transmission.cables).zip(&tensions) {
+            let stretch = tension / hand.parameters.cable.stiffness;
+            state.position = (path.excursion(&q) + stretch) / radius;
+            state.current = tension * radius / servo.torque_constant;
         }
         servos[5].position = opposition * servo.gear_ratio_opposition;
         (servos, q)
@@ -129,8 +129,8 @@ mod tests {
             let hand = Hand::ftac();
             let (servos, q) = free_servos(&hand, [tension, 0.8 * tension, 0.5 * tension, 0.2 * tension, 0.0], opposition);
             let posture = free_posture(&hand, &servos);
-            for joint in 0..HAND_JOINTS {
-                prop_assert!((posture.q[joint] - q[joint]).abs() < 1e-4, "joint {joint}: {} {}", posture.q[joint], q[joint]);
+            for (joint, (found, set)) in posture.q.iter().zip(&q).enumerate() {
+                prop_assert!((found - set).abs() < 1e-4, "joint {joint}: {found} {set}");
             }
             for cable in 0..5 {
                 prop_assert!(excursion_residual(&hand, cable, &posture.q, posture.excursions[cable]).0.abs() < 1e-6);
