@@ -81,11 +81,12 @@ pub enum StrategyError {
     Executive(#[from] ExecutiveError),
 }
 
-/// The solids of an object at `pose`.
-pub fn object_solids(object: &ObjectModel, pose: &Isometry3<f64>) -> Vec<Solid> {
+/// The solids of an object in its own frame.
+pub fn object_solids(object: &ObjectModel) -> Vec<Solid> {
+    let pose = Isometry3::identity();
     match &object.shape {
-        Shape::Sphere { radius } => vec![Solid::new(object.name.clone(), SharedShape::ball(*radius), *pose)],
-        Shape::Cuboid { half, radius } => vec![Solid::rounded_box(object.name.clone(), *half, *radius, *pose)],
+        Shape::Sphere { radius } => vec![Solid::new(object.name.clone(), SharedShape::ball(*radius), pose)],
+        Shape::Cuboid { half, radius } => vec![Solid::rounded_box(object.name.clone(), *half, *radius, pose)],
         Shape::Cylinder { radius, half_height } => {
             let upright = nalgebra::UnitQuaternion::from_axis_angle(&Vector3::x_axis(), std::f64::consts::FRAC_PI_2);
             vec![Solid::new(object.name.clone(), SharedShape::cylinder(*half_height, *radius), pose * upright)]
@@ -96,7 +97,7 @@ pub fn object_solids(object: &ObjectModel, pose: &Isometry3<f64>) -> Vec<Solid> 
             .iter()
             .filter_map(|points| {
                 let points = outline(points);
-                Some(Solid::new(object.name.clone(), SharedShape::convex_hull(&points)?, *pose))
+                Some(Solid::new(object.name.clone(), SharedShape::convex_hull(&points)?, pose))
             })
             .collect(),
     }
@@ -119,22 +120,25 @@ fn outline(points: &[Point3<f64>]) -> Vec<parry3d_f64::math::Vector> {
     kept.iter().map(|n| parry3d_f64::math::Vector::new(points[*n].x, points[*n].y, points[*n].z)).collect()
 }
 
+/// `solids` of an object that is at `pose`.
+fn placed(solids: &[Solid], pose: &Isometry3<f64>) -> Vec<Solid> {
+    solids.iter().map(|solid| Solid { pose: pose * solid.pose, ..solid.clone() }).collect()
+}
+
+/// The geometry of a decision: what moves with the palm (palm frame) and the target (its own frame).
+struct Scene {
+    moving: Vec<Solid>,
+    target: Vec<Solid>,
+    sigma: f64,
+}
+
 /// Assesses `candidate` from the executive's present pose.
-pub fn assess(
-    executive: &Executive,
-    hand: &Hand,
-    held: &Held,
-    target: &ObjectModel,
-    candidate: &Candidate,
-    target_sigma: f64,
-) -> Result<Assessment, StrategyError> {
-    let mut moving = object_solids(held.object, &held.pose);
-    moving.extend(hand_solids(hand, &held.joints, held.digits, false));
+fn assess(executive: &Executive, scene: &Scene, candidate: &Candidate) -> Result<Assessment, StrategyError> {
     let percept = executive.second().1;
     let path = executive.path_to_second(&candidate.grasp)?;
-    let fixed = object_solids(target, &percept.pose());
+    let fixed = placed(&scene.target, &percept.pose());
     let mut clearance =
-        clearance_along(&path, &moving, &fixed, 2000)?.map_or(f64::INFINITY, |found| found.min_distance);
+        clearance_along(&path, &scene.moving, &fixed, 2000)?.map_or(f64::INFINITY, |found| found.min_distance);
     let palm = path.end();
     let before = palm.inverse() * percept.pose();
     if let Some(after) = candidate.grasp.held {
@@ -144,12 +148,11 @@ pub fn assess(
             let place = before.translation.vector.lerp(&after.translation.vector, part);
             let rotation = if stage == CLOSING_STAGES { after.rotation } else { before.rotation };
             let there = Isometry3::from_parts(Translation3::from(place), rotation);
-            let found = clearance_at(&Isometry3::identity(), &moving, &object_solids(target, &there))?;
+            let found = clearance_at(&Isometry3::identity(), &scene.moving, &placed(&scene.target, &there))?;
             clearance = clearance.min(found.map_or(f64::INFINITY, |found| found.min_distance));
         }
     }
-    let sigma = held.sigma.hypot(target_sigma).max(1e-4);
-    Ok(Assessment { clearance, utility: candidate.worth * normal_cdf(clearance / sigma) })
+    Ok(Assessment { clearance, utility: candidate.worth * normal_cdf(clearance / scene.sigma) })
 }
 
 /// Chooses among `candidates`; the first is the plan. `target_sigma` (m) is the known error of perceiving and reaching the
@@ -162,9 +165,13 @@ pub fn choose(
     candidates: &[Candidate],
     target_sigma: f64,
 ) -> Result<Option<Decision>, StrategyError> {
+    let mut moving = placed(&object_solids(held.object), &held.pose);
+    moving.extend(hand_solids(hand, &held.joints, held.digits, false));
+    let sigma = held.sigma.hypot(target_sigma).max(1e-4);
+    let scene = Scene { moving, target: object_solids(target), sigma };
     let mut assessed = Vec::with_capacity(candidates.len());
     for candidate in candidates {
-        assessed.push((candidate, assess(executive, hand, held, target, candidate, target_sigma)?));
+        assessed.push((candidate, assess(executive, &scene, candidate)?));
     }
     let Some((planned, plan)) = assessed.first().copied() else { return Ok(None) };
     let best = assessed
