@@ -18,7 +18,7 @@ fn the_benchmark_is_sound() {
 
 #[test]
 fn errors_name_the_place_and_what_is_wrong() {
-    let kind = error("position_sigma = 0.004", "position_sigma = \"4 mm\"");
+    let kind = error("position_sigma = 0.003", "position_sigma = \"4 mm\"");
     assert!(kind.starts_with("mine.toml:32: `position_sigma = \"4 mm\""), "{kind}");
     assert!(kind.contains("invalid type: string \"4 mm\", expected f64"), "{kind}");
     let unknown = error("hold_time", "hold_tiem");
@@ -31,10 +31,10 @@ fn errors_name_the_place_and_what_is_wrong() {
     let broken = error("version = 1", "version = = 1");
     assert!(broken.starts_with("mine.toml:3:"), "{broken}");
     assert_eq!(error("version = 1", "version = 2"), "mine.toml: version: found 2, expected 1");
-    let far = error("first = { x = 0.50", "first = { x = 0.90");
+    let far = error("first = { x = 0.62", "first = { x = 0.90");
     assert_eq!(
         far,
-        "mine.toml: layout.first.x: found 0.9, expected within reach, 0.35 to 0.65 m, with the spread of 0 m"
+        "mine.toml: layout.first.x: found 0.9, expected within reach, 0.5 to 0.72 m, with the spread of 0 m"
     );
     let millimetres = error("xy_sigma = 0.004", "xy_sigma = 4");
     assert!(millimetres.contains("noise.perception.xy_sigma: found 4, expected 0 to 1"), "{millimetres}");
@@ -44,7 +44,7 @@ fn errors_name_the_place_and_what_is_wrong() {
 fn objects_must_exist_and_stand_clear() {
     let mut scenario = Scenario::benchmark();
     let set = ObjectSet::standard();
-    scenario.layout.second.y = 0.06;
+    scenario.layout.second.y = 0.08;
     let close = scenario.check_objects(&set, Path::new("a.toml")).unwrap_err().to_string();
     assert!(close.contains("0.060 m apart"), "{close}");
     scenario.first[0] = "anvil".into();
@@ -77,6 +77,6 @@ fn objects_are_placed_on_the_table() {
         for (pose, object) in poses.iter().zip(objects) {
             assert!((pose.translation.z + object.shape.lowest(&pose.rotation)).abs() < 1e-9);
         }
-        assert!((poses[0].translation.x - 0.5).abs() <= 0.01);
+        assert!((poses[0].translation.x - 0.62).abs() <= 0.01);
     }
 }

@@ -10,6 +10,7 @@ use control::perception::{Felt, KnownObject, feel};
 use control::strategy::{Candidate, Decision, Held, choose};
 use grasping::{Grasp, Repertoire};
 use nalgebra::{Isometry3, UnitQuaternion};
+use rand_chacha::ChaCha8Rng;
 use scenarios::noise::{TrialNoise, trial_rng};
 use scenarios::objects::ObjectModel;
 use scenarios::record::{Condition, TrialRecord};
@@ -87,6 +88,7 @@ impl Watcher for NoWatcher {
     }
 }
 
+#[derive(Clone)]
 struct Start {
     snapshot: Snapshot,
     referee: Referee,
@@ -119,24 +121,49 @@ impl Bench {
         let noise = TrialNoise::draw(&self.world.scenario.noise, &mut rng);
         let start = self.first_half(combination, &noise, rand::RngExt::random(&mut rng), watcher)?;
         let perceived = self.look(&start)?;
+        let again = match conditions.contains(&Condition::Touch) && !perceived.felt.anything() {
+            true => Some(self.retry(&start, &mut rng, watcher)?),
+            false => None,
+        };
         let mut records = Vec::new();
         let mut kept: Option<TrialRecord> = None;
         for &condition in conditions {
-            let switched = condition == Condition::Touch && perceived.decision.switched;
+            let (start, perceived) = match &again {
+                Some((start, perceived)) if condition == Condition::Touch => (start, perceived),
+                _ => (&start, &perceived),
+            };
+            let switched = condition == Condition::Touch && (perceived.decision.switched || again.is_some());
             let mut record = match &kept {
                 // Blind and touch send the very same commands from the same snapshot: the outcome is the same, bit by bit.
                 Some(same) if !switched && !watcher.active() => TrialRecord { condition, ..same.clone() },
-                _ => self.second_half(combination, trial, condition, &start, Some(&perceived), watcher)?,
+                _ => self.second_half(combination, trial, condition, start, Some(perceived), watcher)?,
             };
             if !switched {
                 kept = Some(record.clone());
             }
             if condition == Condition::Touch {
-                self.note_perception(&mut record, &start, &perceived);
+                self.note_perception(&mut record, start, perceived);
+                if again.is_some() {
+                    record.switched = true;
+                    record.reason = format!("nothing felt after the first grasp: tried it again; {}", record.reason);
+                }
             }
             records.push(record);
         }
         Ok(records)
+    }
+
+    /// Touch felt nothing in the hand: prior perception looks at the first object anew (with an error of its own), and the
+    /// first grasp is tried once more.
+    fn retry(&self, start: &Start, rng: &mut ChaCha8Rng, watcher: &mut dyn Watcher) -> Result<(Start, Perceived)> {
+        watcher.branch(Condition::Touch)?;
+        let noise = TrialNoise::draw(&self.world.scenario.noise, rng).objects[0];
+        let mut again = start.clone();
+        let seen = noise.perceived(&again.snapshot.robot.truth().objects[0]);
+        again.snapshot.executive.retry_first(percept(&again.objects[0], &seen))?;
+        watch(&mut again.snapshot, Phase::Decide, &mut again.referee, None, Some(Condition::Touch), watcher)?;
+        let perceived = self.look(&again)?;
+        Ok((again, perceived))
     }
 
     fn plan(&self, combination: usize) -> &Plan {

@@ -225,6 +225,13 @@ impl Executive {
         self.approach(&self.path.end(), grasp, &self.second.1)
     }
 
+    /// Leaves [`Phase::Decide`] to try the first object again, seen anew at `percept`: touch felt nothing in the hand.
+    pub fn retry_first(&mut self, percept: Percept) -> Result<(), ExecutiveError> {
+        self.first.1 = percept;
+        self.images.clear();
+        self.enter(Phase::ApproachFirst)
+    }
+
     /// Leaves [`Phase::Decide`] with `second` as the grasp to use.
     pub fn decide(&mut self, second: Grasp) -> Result<(), ExecutiveError> {
         self.second.0 = second;
