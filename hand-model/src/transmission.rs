@@ -127,6 +127,7 @@ impl Transmission {
 mod tests {
     use crate::Hand;
     use proptest::prelude::*;
+    use std::f64::consts::FRAC_PI_2;
 
     proptest! {
         #[test]
@@ -165,7 +166,7 @@ mod tests {
     fn mean_moment_arms() {
         let hand = Hand::ftac();
         let mean: Vec<f64> =
-            hand.transmission.cables[1].joints.iter().map(|(_, g)| g.excursion(1.5708) / 1.5708).collect();
+            hand.transmission.cables[1].joints.iter().map(|(_, g)| g.excursion(FRAC_PI_2) / FRAC_PI_2).collect();
         for (got, want) in mean.iter().zip([0.009, 0.0075, 0.006]) {
             assert!((got - want).abs() < 0.0008, "{mean:?}");
         }
