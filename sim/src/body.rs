@@ -39,7 +39,6 @@ pub struct RobotBody {
     /// Palm cover, then the 15 link covers.
     pub covers: Vec<ColliderHandle>,
     masses: Vec<MassProperties>,
-    link_of_mass: Vec<usize>,
 }
 
 /// Joint angles and speeds, arm then hand.
@@ -164,8 +163,7 @@ impl RobotBody {
             masses.push(hand.masses[i]);
         }
         links.extend(&hand_links);
-        let link_of_mass = (0..links.len()).collect();
-        let mut robot = Self { links, joints, covers, masses, link_of_mass };
+        let mut robot = Self { links, joints, covers, masses };
         robot.initialise(engine, hand, arm_q);
         robot
     }
@@ -225,10 +223,10 @@ impl RobotBody {
     /// Torques that hold arm and hand (not what it carries) against gravity, N m.
     pub fn gravity_torques(&self, poses: &[Isometry3<f64>]) -> [f64; ARM_JOINTS] {
         let mut torques = [0.0; ARM_JOINTS];
-        for (mass, link) in self.masses.iter().zip(&self.link_of_mass) {
-            let com = poses[*link] * mass.com;
+        for (link, mass) in self.masses.iter().enumerate() {
+            let com = poses[link] * mass.com;
             let weight = Vector3::new(0.0, 0.0, -9.81 * mass.mass);
-            for (joint, torque) in torques.iter_mut().enumerate().take((*link + 1).min(ARM_JOINTS)) {
+            for (joint, torque) in torques.iter_mut().enumerate().take((link + 1).min(ARM_JOINTS)) {
                 let axis = poses[joint] * Vector3::z();
                 *torque -= axis.dot(&(com.coords - poses[joint].translation.vector).cross(&weight));
             }

@@ -1,7 +1,7 @@
 //! `ftac bench`: the multi-object benchmark, in parallel, journaled, resumable.
 
 use std::collections::BTreeMap;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::{Duration, Instant};
@@ -159,8 +159,10 @@ pub fn finish(done: &BTreeMap<Unit, Entry>, request: &RunRequest, folder: &Path,
         bail!("{}: no trial is finished", folder.display());
     }
     let summary = summarise(&records, &RunInfo { seed: request.seed, robot: request.robot.clone(), wall_s });
-    write_whole(&folder.join("trials.csv"), |file| Ok(write_trials(&records, file)?))?;
-    write_whole(&folder.join("summary.json"), |file| Ok(serde_json::to_writer_pretty(file, &summary)?))?;
+    let mut table = Vec::new();
+    write_trials(&records, &mut table)?;
+    report::write_whole(&folder.join("trials.csv"), &table)?;
+    report::write_whole(&folder.join("summary.json"), &serde_json::to_vec_pretty(&summary)?)?;
     let run = serde_json::json!({
         "command": std::env::args().collect::<Vec<_>>().join(" "),
         "seed": request.seed,
@@ -170,11 +172,4 @@ pub fn finish(done: &BTreeMap<Unit, Entry>, request: &RunRequest, folder: &Path,
     });
     report::write_report(folder, &summary, &records, &run)?;
     Ok(summary)
-}
-
-fn write_whole(path: &Path, write: impl FnOnce(&mut std::fs::File) -> Result<()>) -> Result<()> {
-    let partial: PathBuf = path.with_extension("partial");
-    let mut file = std::fs::File::create(&partial).with_context(|| partial.display().to_string())?;
-    write(&mut file)?;
-    std::fs::rename(&partial, path).with_context(|| path.display().to_string())
 }

@@ -77,9 +77,7 @@ impl Plans {
             self.seed,
             lines.join(",\n")
         );
-        let partial = path.with_extension("partial");
-        std::fs::write(&partial, text).with_context(|| partial.display().to_string())?;
-        std::fs::rename(&partial, path).with_context(|| path.display().to_string())
+        crate::report::write_whole(path, text.as_bytes())
     }
 }
 

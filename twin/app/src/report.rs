@@ -27,20 +27,20 @@ use serde_json::Value;
 /// with dotted names, and numbers whose key ends in `_s` as times.
 pub fn write_report(folder: &Path, summary: &Summary, records: &[TrialRecord], run: &Value) -> Result<()> {
     let [collision, success] = findings::figures(summary, records);
-    write_whole(&folder.join("collision.svg"), &collision.standalone())?;
-    write_whole(&folder.join("success.svg"), &success.standalone())?;
+    write_whole(&folder.join("collision.svg"), collision.standalone().as_bytes())?;
+    write_whole(&folder.join("success.svg"), success.standalone().as_bytes())?;
     let page = page::render(summary, records, run, [&collision, &success]);
-    write_whole(&folder.join("report.html"), &page)
+    write_whole(&folder.join("report.html"), page.as_bytes())
 }
 
 /// Writes a file so that whoever opens it sees all of it or what was there before.
-fn write_whole(path: &Path, text: &str) -> Result<()> {
+pub fn write_whole(path: &Path, bytes: &[u8]) -> Result<()> {
     let mut partial = path.as_os_str().to_owned();
     partial.push(".partial");
     let partial = Path::new(&partial);
     let write = || -> std::io::Result<()> {
         let mut file = File::create(partial)?;
-        file.write_all(text.as_bytes())?;
+        file.write_all(bytes)?;
         file.sync_all()?;
         std::fs::rename(partial, path)
     };
