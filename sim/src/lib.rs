@@ -2,7 +2,7 @@
 //! into the pads.
 //!
 //! The story in order: [`engine`] holds the physics sets with the settings that make grasps hold; [`body`] puts arm and hand
-//! into it as one reduced-coordinate multibody; [`servo`] models the XC330s that wind the cables; [`contacts`] reads who
+//! into it as one reduced-coordinate multibody; [`hull`] makes objects stand firmly; [`servo`] models the XC330s that wind the cables; [`contacts`] reads who
 //! touches whom and how hard; [`tactile`] turns that into images through the `optics` crate; [`robot`] ties them together
 //! behind [`hand_model::robot::Robot`]. Ground truth leaves by [`robot::SimulatedRobot::truth`] alone, which is for the referee.
 
@@ -10,6 +10,7 @@ pub mod body;
 pub mod contacts;
 pub mod convert;
 pub mod engine;
+pub mod hull;
 pub mod robot;
 pub mod servo;
 pub mod tactile;

@@ -13,6 +13,7 @@ use crate::body::{JointState, RobotBody, groups, last_from_palm};
 use crate::contacts::contacts_of;
 use crate::convert;
 use crate::engine::{Engine, EngineSettings};
+use crate::hull::standing_hull;
 use crate::servo::ServoModel;
 use crate::tactile::TactileBoard;
 
@@ -338,15 +339,8 @@ fn insert_object(
             SharedShape::round_cuboid(half.x - radius, half.y - radius, half.z - radius, *radius)
         }
         Shape::Mesh(_) => {
-            let parts: Vec<(Pose, SharedShape)> = model
-                .shape
-                .convex_parts()
-                .iter()
-                .filter_map(|points| {
-                    let points: Vec<Vector> = points.iter().map(convert::point).collect();
-                    Some((Pose::IDENTITY, SharedShape::convex_hull(&points)?))
-                })
-                .collect();
+            let parts = model.shape.convex_parts();
+            let parts = parts.iter().filter_map(|points| Some((Pose::IDENTITY, standing_hull(points)?))).collect();
             SharedShape::compound(parts)
         }
     };

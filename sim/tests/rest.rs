@@ -1,0 +1,49 @@
+//! Objects left alone on the table come to rest and stay there.
+
+use std::sync::Arc;
+
+use hand_model::robot::Robot;
+use hand_model::{Arm, Hand};
+use nalgebra::{Isometry3, UnitQuaternion};
+use scenarios::objects::ObjectSet;
+use sim::engine::EngineSettings;
+use sim::tactile::TactileBoard;
+use sim::{ObjectPlacement, SceneSetup, SimulatedRobot};
+
+/// An object that lies on its side has facets: until one is down it may roll by half a facet, m.
+const SETTLES_WITHIN: f64 = 2e-3;
+/// s.
+const SETTLING: f64 = 3.0;
+/// Farther than this from then on an object creeps, m.
+const STAYS_WITHIN: f64 = 1e-4;
+/// s.
+const WATCHED: f64 = 8.0;
+
+#[test]
+fn objects_rest_where_they_are_put() {
+    let mut crept = Vec::new();
+    for model in ObjectSet::standard().iter() {
+        let pose = Isometry3::from_parts([0.62, 0.14, model.rest_height()].into(), model.rest);
+        let setup = SceneSetup {
+            world_from_base: Isometry3::identity(),
+            mount_error: UnitQuaternion::identity(),
+            arm_start: Arm::home(),
+            objects: vec![ObjectPlacement { model: model.clone(), pose }],
+            engine: EngineSettings::default(),
+        };
+        let (hand, arm) = (Arc::new(Hand::ftac()), Arc::new(Arm::gen3()));
+        let mut robot = SimulatedRobot::new(hand, arm, &setup, TactileBoard::blank());
+        let mut position_at = |time: f64| {
+            while robot.wait_for_tick().time < time {}
+            robot.truth().objects[0].translation.vector
+        };
+        let settled = position_at(SETTLING);
+        let rolled = (settled - pose.translation.vector).norm();
+        let moved = (position_at(WATCHED) - settled).norm();
+        println!("{:14} settled by {:.3} mm, then moved {:.4} mm", model.name, rolled * 1e3, moved * 1e3);
+        if rolled > SETTLES_WITHIN || moved > STAYS_WITHIN {
+            crept.push(model.name.clone());
+        }
+    }
+    assert!(crept.is_empty(), "these do not stay: {crept:?}");
+}
