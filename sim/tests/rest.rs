@@ -13,11 +13,11 @@ use sim::{ObjectPlacement, SceneSetup, SimulatedRobot};
 /// An object that lies on its side has facets: until one is down it may roll by half a facet, m.
 const SETTLES_WITHIN: f64 = 2e-3;
 /// s.
-const SETTLING: f64 = 3.0;
+const SETTLING: f64 = 8.0;
 /// Farther than this from then on an object creeps, m.
 const STAYS_WITHIN: f64 = 1e-4;
 /// s.
-const WATCHED: f64 = 8.0;
+const WATCHED: f64 = 12.0;
 
 #[test]
 fn objects_rest_where_they_are_put() {
