@@ -2,13 +2,14 @@
 //!
 //! The story in order: [`objects`] are what is picked up, each with a [`geometry::Shape`]; a [`combination::Scenario`] says
 //! which of them come first and second, where they stand and how a trial goes, and [`combination::draw_combinations`] draws
-//! pairs; [`noise`] draws what goes wrong in a trial; the [`referee`] judges it from ground truth; a
+//! pairs; [`noise`] draws what goes wrong in a trial, which goes through the stages of [`phase`]; the [`referee`] judges it from ground truth; a
 //! [`record::TrialRecord`] keeps the result, and [`statistics`] sums all of them up.
 
 pub mod combination;
 pub mod geometry;
 pub mod noise;
 pub mod objects;
+pub mod phase;
 pub mod record;
 pub mod referee;
 pub mod statistics;
@@ -16,5 +17,6 @@ pub mod statistics;
 pub use combination::{Combination, Scenario, draw_combinations};
 pub use geometry::Shape;
 pub use objects::{ObjectModel, ObjectSet, Symmetry};
+pub use phase::Phase;
 pub use record::{Condition, TrialRecord};
-pub use referee::{FailureCause, Phase, Referee, SceneTruth, Verdict};
+pub use referee::{FailureCause, Referee, SceneTruth, Verdict};

@@ -60,6 +60,8 @@ pub struct TrialRecord {
     pub cause: Option<FailureCause>,
     /// Whether the policy left the planned strategy.
     pub switched: bool,
+    /// How often a grasp was tried again.
+    pub retries: u32,
     /// Why it did, or did not.
     pub reason: String,
     /// Distance between the estimated and the true position of the first object in the hand, mm.
@@ -113,7 +115,7 @@ pub fn read_trials(from: impl Read) -> Result<Vec<TrialRecord>, RecordError> {
 }
 
 /// The header of `trials.csv`.
-pub const COLUMNS: [&str; 15] = [
+pub const COLUMNS: [&str; 16] = [
     "combination",
     "trial",
     "condition",
@@ -123,6 +125,7 @@ pub const COLUMNS: [&str; 15] = [
     "success",
     "cause",
     "switched",
+    "retries",
     "reason",
     "pose_error_mm",
     "pose_error_deg",
@@ -146,6 +149,7 @@ pub(crate) mod tests {
             success: true,
             cause: None,
             switched: condition == Condition::Touch,
+            retries: 1,
             reason: "clear, \"quoted\", with commas".into(),
             pose_error_mm: None,
             pose_error_deg: None,
@@ -179,7 +183,7 @@ pub(crate) mod tests {
         let mut file = Vec::new();
         write_trials(&[], &mut file).unwrap();
         assert_eq!(read_trials(file.as_slice()).unwrap(), []);
-        let text = String::from_utf8(file).unwrap() + "0,0,psychic,egg,egg,false,true,,false,,,,,1.0,\n";
+        let text = String::from_utf8(file).unwrap() + "0,0,psychic,egg,egg,false,true,,false,0,,,,,1.0,\n";
         let error = read_trials(text.as_bytes()).unwrap_err().to_string();
         assert!(error.contains("line: 2") && error.contains("psychic"), "{error}");
     }

@@ -14,64 +14,7 @@
 use nalgebra::{Isometry3, Point3};
 use serde::{Deserialize, Serialize};
 
-/// Stages of a trial, in order.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Phase {
-    /// To the first object.
-    ApproachFirst,
-    /// Closing on the first object.
-    GraspFirst,
-    /// Raising it.
-    LiftFirst,
-    /// Estimating where it sits in the hand and choosing what to do.
-    Look,
-    /// To the second object.
-    ApproachSecond,
-    /// Closing on the second object.
-    GraspSecond,
-    /// Raising both.
-    LiftSecond,
-    /// Carrying both.
-    Carry,
-    /// Holding both still.
-    Hold,
-    /// Over.
-    Done,
-}
-
-impl Phase {
-    /// All phases in order.
-    pub const ALL: [Self; 10] = [
-        Self::ApproachFirst,
-        Self::GraspFirst,
-        Self::LiftFirst,
-        Self::Look,
-        Self::ApproachSecond,
-        Self::GraspSecond,
-        Self::LiftSecond,
-        Self::Carry,
-        Self::Hold,
-        Self::Done,
-    ];
-}
-
-impl std::fmt::Display for Phase {
-    fn fmt(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        formatter.pad(match self {
-            Self::ApproachFirst => "approach first",
-            Self::GraspFirst => "grasp first",
-            Self::LiftFirst => "lift first",
-            Self::Look => "look",
-            Self::ApproachSecond => "approach second",
-            Self::GraspSecond => "grasp second",
-            Self::LiftSecond => "lift second",
-            Self::Carry => "carry",
-            Self::Hold => "hold",
-            Self::Done => "done",
-        })
-    }
-}
+use crate::phase::Phase;
 
 /// Thresholds.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]

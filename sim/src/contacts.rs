@@ -43,3 +43,10 @@ pub fn contacts_of(engine: &Engine, collider: ColliderHandle) -> Vec<ContactPoin
     }
     found
 }
+
+/// Sum of the normal forces between two colliders, N.
+pub fn normal_force(engine: &Engine, one: ColliderHandle, other: ColliderHandle) -> f64 {
+    let Some(pair) = engine.narrow_phase.contact_pair(one, other) else { return 0.0 };
+    let impulses = pair.solver_manifolds().iter().flat_map(|manifold| &manifold.points).map(|point| point.data.impulse);
+    impulses.sum::<f64>() / engine.settings.dt
+}

@@ -10,7 +10,7 @@ use scenarios::geometry::Shape;
 use scenarios::objects::ObjectModel;
 
 use crate::body::{JointState, RobotBody, groups, last_from_palm};
-use crate::contacts::contacts_of;
+use crate::contacts::{contacts_of, normal_force};
 use crate::convert;
 use crate::engine::{Engine, EngineSettings};
 use crate::hull::standing_hull;
@@ -21,7 +21,7 @@ use crate::tactile::TactileBoard;
 const STEPS_PER_TICK: usize = 2;
 /// Stiffness of the shaft between the opposition servo and the thumb's CMC joint, N m/rad.
 const OPPOSITION_STIFFNESS: f64 = 8.0;
-/// Rolling resistance and air drag of loose objects, 1/s.
+/// Damping of loose objects' spin, 1/s: what friction about the contacts' normals, which point contacts lack, would do.
 const OBJECT_ANGULAR_DAMPING: f64 = 1.0;
 
 /// An object and where it stands at the start.
@@ -186,6 +186,7 @@ impl SimulatedRobot {
         }
         self.step_opposition(&state, dt);
         self.engine.step();
+        self.resist_rolling();
         self.state = self.body.joint_state(&self.engine);
         self.time += dt;
     }
@@ -200,6 +201,23 @@ impl SimulatedRobot {
         servo.step_shaft(torque / ratio, dt);
         let spring = self.hand.transmission.springs[joint] * state.hand[joint];
         self.body.drive_finger(&mut self.engine, state, joint, torque - spring, OPPOSITION_STIFFNESS);
+    }
+
+    /// Slows objects that turn on the table, by a torque of the normal force times the rolling resistance's lever arm.
+    fn resist_rolling(&mut self) {
+        let EngineSettings { dt, rolling_resistance, .. } = self.engine.settings;
+        for (_, body, collider) in &self.objects {
+            let force = normal_force(&self.engine, *collider, self.table);
+            let body = &mut self.engine.bodies[*body];
+            let (spin, height) = (body.angvel(), body.center_of_mass().z.max(0.0));
+            let speed = spin.length();
+            if force <= 0.0 || speed <= 0.0 {
+                continue;
+            }
+            let inverse_inertia = body.mass_properties().effective_world_inv_inertia;
+            let slowed = (inverse_inertia * (spin / speed)).length() * rolling_resistance * force * height * dt;
+            body.set_angvel(spin * (1.0 - (slowed / speed).min(1.0)), false);
+        }
     }
 
     fn note_contacts(&mut self) {
@@ -232,6 +250,13 @@ impl SimulatedRobot {
     /// [`Truth::touched_by`]): the quick part of [`SimulatedRobot::truth`].
     pub fn touches(&self, index: usize, links: u32) -> bool {
         self.touched_by[index] & links != 0 || self.object_pairs.iter().any(|pair| pair.0 == index || pair.1 == index)
+    }
+
+    /// A push from outside: object `index` gets the additional velocity `change`, m/s. For disturbances and tests.
+    pub fn push(&mut self, index: usize, change: &Vector3<f64>) {
+        let body = &mut self.engine.bodies[self.objects[index].1];
+        let velocity = body.linvel() + convert::vector(change);
+        body.set_linvel(velocity, true);
     }
 
     /// Ground truth, for the referee and the recording only.

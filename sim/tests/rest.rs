@@ -1,4 +1,4 @@
-//! Objects left alone on the table come to rest and stay there.
+//! Objects left alone on the table come to rest and stay there; balls that roll are stopped by rolling resistance.
 
 use std::sync::Arc;
 
@@ -46,4 +46,38 @@ fn objects_rest_where_they_are_put() {
         }
     }
     assert!(crept.is_empty(), "these do not stay: {crept:?}");
+}
+
+/// A golf ball thrown over the table rolls as far as its energy lasts against the resistance: v^2 / (2 c g / 1.4), once slip
+/// has turned into rolling.
+#[test]
+fn a_rolling_ball_is_stopped() {
+    let objects = ObjectSet::standard();
+    let model = objects.get("golf_ball").unwrap();
+    let height = model.rest_height();
+    let law = |speed: f64| 1.4 * speed * speed / (2.0 * EngineSettings::default().rolling_resistance * 9.81);
+    let pose = Isometry3::from_parts([0.62, 0.14, height].into(), model.rest);
+    let setup = SceneSetup {
+        world_from_base: Isometry3::identity(),
+        mount_error: UnitQuaternion::identity(),
+        arm_start: Arm::home(),
+        objects: vec![ObjectPlacement { model: model.clone(), pose }],
+        engine: EngineSettings::default(),
+    };
+    let mut robot = SimulatedRobot::new(Arc::new(Hand::ftac()), Arc::new(Arm::gen3()), &setup, TactileBoard::blank());
+    let speed = 0.1;
+    robot.push(0, &nalgebra::Vector3::new(0.0, speed, 0.0));
+    let mut rolling = None;
+    while robot.wait_for_tick().time < 3.0 {
+        let truth = robot.truth();
+        // Slip ends when five sevenths of the speed are left.
+        if rolling.is_none() && truth.velocities[0].y < speed * 5.0 / 7.0 {
+            rolling = Some((truth.objects[0].translation.y, truth.velocities[0].y));
+        }
+    }
+    let truth = robot.truth();
+    let (start, speed) = rolling.expect("it slows down");
+    let rolled = truth.objects[0].translation.y - start;
+    assert!(truth.velocities[0].norm() < 1e-3, "it still rolls");
+    assert!((rolled / law(speed) - 1.0).abs() < 0.2, "rolled {rolled} m, expected {} m", law(speed));
 }

@@ -1,5 +1,5 @@
 //! `ftac grasps generate`: fills the repertoire. Random proposals are closed and held in physics, those that hold are tried
-//! again with aim errors and varied, and what is left is ranked by the share of tries that held.
+//! again under the scenario's noise and varied, and what is left is ranked by the share of tries that held.
 
 use anyhow::{Context, Result};
 use control::executive::Protocol;
@@ -11,14 +11,15 @@ use nalgebra::Vector3;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
+use scenarios::noise::TrialNoise;
 use scenarios::objects::{ObjectModel, Symmetry};
 use sim::tactile::TactileBoard;
 
-use crate::rehearsal::{Snapshot, Start, aimed, rehearse_first, rehearse_second};
+use crate::rehearsal::{Outcome, Snapshot, Start, misaimed, proving_errors, rehearse_first, rehearse_second};
 use crate::world::World;
 
-/// Aim errors of the robustness test, m: none, and 5 mm to each side.
-const AIM_ERRORS: [[f64; 2]; 5] = [[0.0, 0.0], [0.005, 0.0], [-0.005, 0.0], [0.0, 0.005], [0.0, -0.005]];
+/// Draws of the scenario's noise under which a grasp's robustness is measured, after a try without any.
+const ERRORS: usize = 9;
 /// A hold that slips more than this in the time it is watched is none, m.
 const SLIP_LIMIT: f64 = 0.004;
 
@@ -106,35 +107,11 @@ fn find_first(
     let object = world.object(name)?;
     let extent = extent(&object);
     let bystander = propose(&extent, Role::Second, 0, &mut stream(seed, name, Role::Second, 0));
-    let prove = |grasp: Grasp, aims: &[[f64; 2]]| -> Result<Option<Grasp>> {
-        let mut held = 0;
-        let mut proven = grasp.clone();
-        for (n, aim) in aims.iter().enumerate() {
-            let outcome = rehearse_first(
-                world,
-                protocol,
-                Start::Near,
-                &grasp,
-                &bystander,
-                Vector3::new(aim[0], aim[1], 0.0),
-                board,
-            )?;
-            match outcome {
-                Some((_, outcome)) if outcome.slip < SLIP_LIMIT => {
-                    held += 1;
-                    if n == 0 {
-                        proven.held = Some(outcome.palm_from_object);
-                        proven.held_joints = Some(outcome.joints);
-                    }
-                }
-                _ if n == 0 => return Ok(None),
-                _ => {}
-            }
-        }
-        proven.score = f64::from(held) / aims.len() as f64;
-        Ok(Some(proven))
+    let attempt = |grasp: &Grasp, noise: &TrialNoise| -> Result<Option<Outcome>> {
+        let outcome = rehearse_first(world, protocol, Start::Near, grasp, &bystander, noise, board)?;
+        Ok(outcome.map(|(_, outcome)| outcome).filter(|outcome| outcome.slip < SLIP_LIMIT))
     };
-    search(&extent, Role::First, effort, effort.keep_first, seed, prove)
+    search(&extent, Role::First, effort, effort.keep_first, seed, &proving_errors(world, ERRORS), attempt)
 }
 
 fn find_second(
@@ -152,82 +129,92 @@ fn find_second(
     // A hold of the reference object with this object standing by.
     let mut hold: Option<Snapshot> = None;
     for first in reference {
-        hold = rehearse_first(world, protocol, Start::Near, first, &bystander, Vector3::zeros(), board)?
+        hold = rehearse_first(world, protocol, Start::Near, first, &bystander, &TrialNoise::none(), board)?
             .map(|(snapshot, _)| snapshot);
         if hold.is_some() {
             break;
         }
     }
     let hold = &hold.context("no reference hold could be made")?;
-    let prove = |grasp: Grasp, aims: &[[f64; 2]]| -> Result<Option<Grasp>> {
-        let mut held = 0;
-        let mut proven = grasp.clone();
-        for (n, aim) in aims.iter().enumerate() {
-            let (collided, outcome) = rehearse_second(hold, &aimed(&grasp, *aim))?;
-            if outcome.held && !collided && outcome.slip < 2.0 * SLIP_LIMIT {
-                held += 1;
-                if n == 0 {
-                    proven.held = Some(outcome.palm_from_object);
-                    proven.held_joints = Some(outcome.joints);
-                }
-            } else if n == 0 {
-                return Ok(None);
-            }
-        }
-        proven.score = f64::from(held) / aims.len() as f64;
-        Ok(Some(proven))
+    let attempt = |grasp: &Grasp, noise: &TrialNoise| -> Result<Option<Outcome>> {
+        let (collided, outcome) = rehearse_second(hold, &misaimed(grasp, noise, 1))?;
+        Ok((outcome.held && !collided && outcome.slip < 2.0 * SLIP_LIMIT).then_some(outcome))
     };
-    search(&extent, Role::Second, effort, effort.keep_second, seed, prove)
+    search(&extent, Role::Second, effort, effort.keep_second, seed, &proving_errors(world, ERRORS), attempt)
 }
 
 /// Rounds of variation around the most robust grasps.
-const CLIMBS: usize = 3;
+const CLIMBS: usize = 4;
 /// Grasps tried at once; the search stops between batches, so that its result does not depend on the number of threads.
 const BATCH: u32 = 16;
+/// Grasps that climbs start from.
+const PARENTS: usize = 4;
 
-/// Proposals until enough hold, then variations of those while too few do; all that held are tried again with aim errors.
+/// Tries `grasp` without error and, if that holds, under `errors`; its score is the share that held. Gives up, with `None`, as
+/// soon as more than `failures` of them did not.
+fn prove(
+    grasp: Grasp,
+    errors: &[TrialNoise],
+    failures: usize,
+    attempt: &impl Fn(&Grasp, &TrialNoise) -> Result<Option<Outcome>>,
+) -> Result<Option<Grasp>> {
+    let Some(outcome) = attempt(&grasp, &TrialNoise::none())? else { return Ok(None) };
+    let mut failed = 0;
+    for noise in errors {
+        failed += usize::from(attempt(&grasp, noise)?.is_none());
+        if failed > failures {
+            return Ok(None);
+        }
+    }
+    let score = 1.0 - failed as f64 / (1 + errors.len()) as f64;
+    let (held, held_joints) = (Some(outcome.palm_from_object), Some(outcome.joints));
+    Ok(Some(Grasp { held, held_joints, score, ..grasp }))
+}
+
+/// Proposals until enough hold, then variations of those while too few do; all that held are tried again under noise, and
+/// variations of the most robust ones replace those that are less so.
 fn search(
     extent: &ObjectExtent,
     role: Role,
     effort: Effort,
     keep: usize,
     seed: u64,
-    prove: impl Fn(Grasp, &[[f64; 2]]) -> Result<Option<Grasp>> + Sync,
+    errors: &[TrialNoise],
+    attempt: impl Fn(&Grasp, &TrialNoise) -> Result<Option<Outcome>> + Sync,
 ) -> Result<Vec<Grasp>> {
-    let run = |grasps: Vec<Grasp>, aims: &[[f64; 2]]| -> Result<Vec<Grasp>> {
-        let proven: Vec<Result<Option<Grasp>>> = grasps.into_par_iter().map(|grasp| prove(grasp, aims)).collect();
+    let run = |grasps: Vec<Grasp>, errors: &[TrialNoise], failures: usize| -> Result<Vec<Grasp>> {
+        let proven: Vec<Result<Option<Grasp>>> =
+            grasps.into_par_iter().map(|grasp| prove(grasp, errors, failures, &attempt)).collect();
         proven.into_iter().filter_map(Result::transpose).collect()
     };
+    let random = |id: u32| stream(seed, &extent.name, role, id);
     let enough = keep + keep / 2;
     let mut found: Vec<Grasp> = Vec::new();
     let mut id = 0;
     while id < effort.proposals && found.len() < enough {
-        let batch =
-            (id..id + BATCH).map(|id| propose(extent, role, id, &mut stream(seed, &extent.name, role, id))).collect();
-        found.extend(run(batch, &AIM_ERRORS[..1])?);
+        let batch = (id..id + BATCH).map(|id| propose(extent, role, id, &mut random(id))).collect();
+        found.extend(run(batch, &[], 0)?);
         id += BATCH;
     }
     let parents = found.clone();
     let last = id + effort.variations;
     while id < last && !parents.is_empty() && found.len() < enough {
-        let batch = (id..id + BATCH)
-            .map(|id| vary(&parents[id as usize % parents.len()], id, &mut stream(seed, &extent.name, role, id)))
-            .collect();
-        found.extend(run(batch, &AIM_ERRORS[..1])?);
+        let vary_one = |id: u32| vary(&parents[id as usize % parents.len()], id, &mut random(id));
+        found.extend(run((id..id + BATCH).map(vary_one).collect(), &[], 0)?);
         id += BATCH;
     }
-    let mut proven = run(spread(found, enough), &AIM_ERRORS)?;
+    let mut proven = run(spread(found, enough), errors, errors.len())?;
     rank(&mut proven);
-    // Climb: variations of the most robust ones, as long as robustness can grow.
     for _ in 0..CLIMBS {
-        let parents: Vec<Grasp> = proven.iter().take(6).cloned().collect();
+        let parents: Vec<Grasp> = proven.iter().take(PARENTS).cloned().collect();
         if parents.is_empty() || parents.iter().all(|grasp| grasp.score >= 1.0) {
             break;
         }
-        let batch = (id..id + BATCH)
-            .map(|id| vary(&parents[id as usize % parents.len()], id, &mut stream(seed, &extent.name, role, id)))
-            .collect();
-        proven.extend(run(batch, &AIM_ERRORS)?);
+        // A variation is of use if it is better than the worst of the parents.
+        let worst = parents.iter().map(|grasp| grasp.score).fold(1.0, f64::min);
+        let failures = ((1.0 - worst) * (1 + errors.len()) as f64).round() as usize;
+        let vary_one = |id: u32| vary(&parents[id as usize % parents.len()], id, &mut random(id));
+        proven.extend(run((id..id + BATCH).map(vary_one).collect(), errors, failures.saturating_sub(1))?);
         rank(&mut proven);
         id += BATCH;
     }

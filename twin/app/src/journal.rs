@@ -94,14 +94,12 @@ impl Journal {
     /// Opens the journal of an interrupted run to go on with it.
     pub fn resume(folder: &Path) -> Result<(Self, RunRequest)> {
         let (done, request) = Self::read(folder).context("--resume")?;
-        let partial = folder.join("journal.partial");
         let mut text = String::new();
         for entry in done.values() {
             text += &serde_json::to_string(entry)?;
             text.push('\n');
         }
-        std::fs::write(&partial, text)?;
-        std::fs::rename(&partial, path(folder))?;
+        crate::report::write_whole(&path(folder), text.as_bytes())?;
         let file = OpenOptions::new().append(true).open(path(folder))?;
         Ok((Self { file, done }, request))
     }

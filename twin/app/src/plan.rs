@@ -2,7 +2,7 @@
 //!
 //! The rule: all ordered pairs of the scenario's objects, shuffled by the seed, are rehearsed in order. A pair for which some
 //! first grasp can be followed by some second grasp without a collision becomes a combination; a pair for which nothing works
-//! is listed as rejected, and the rule's next takes its place. Those that worked are tried again with aim errors: the share
+//! is listed as rejected, and the rule's next takes its place. Those that worked are tried again under draws of the noise: the share
 //! that still works is a grasp's worth in this combination. The most worthy is the plan, the others are its alternatives.
 
 use std::path::Path;
@@ -11,13 +11,13 @@ use anyhow::{Context, Result, bail};
 use control::strategy::Candidate;
 use grasping::{Grasp, Repertoire, Role};
 use indicatif::ProgressBar;
-use nalgebra::Vector3;
 use rayon::prelude::*;
 use scenarios::combination::{Combination, draw_combinations};
+use scenarios::noise::TrialNoise;
 use serde::{Deserialize, Serialize};
 use sim::tactile::TactileBoard;
 
-use crate::rehearsal::{Snapshot, Start, aimed, rehearse_first, rehearse_second};
+use crate::rehearsal::{Snapshot, Start, misaimed, proving_errors, rehearse_first, rehearse_second};
 use crate::world::World;
 
 /// Format version of plan files.
@@ -25,12 +25,12 @@ const VERSION: u32 = 1;
 /// How much a grasp that failed in this pair's rehearsal is still worth against one that did not.
 const FAILED_WORTH: f64 = 0.3;
 
-/// How many of the grasps that worked are tried again with aim errors, and what the others count against their general score.
+/// How many of the grasps that worked are tried again under noise, and what the others count against their general score.
 const PROVEN: usize = 6;
 /// See [`PROVEN`].
 const UNPROVEN_WORTH: f64 = 0.6;
-/// Aim errors of the pair's robustness, m.
-const AIM_ERRORS: [[f64; 2]; 4] = [[0.004, 0.0], [-0.004, 0.0], [0.0, 0.004], [0.0, -0.004]];
+/// Draws of the scenario's noise under which a pair is tried.
+const ERRORS: usize = 6;
 
 /// One combination's plan.
 #[derive(Debug, Clone, Serialize, Deserialize)]
@@ -101,14 +101,14 @@ impl Plan {
     }
 }
 
-/// Share of the aim errors under which `second` takes its object without a collision; without error it is known to.
-fn robustness(hold: &Snapshot, second: &Grasp) -> Result<f64> {
+/// Share of `errors` under which `second` takes its object without a collision; without error it is known to.
+fn robustness(hold: &Snapshot, second: &Grasp, errors: &[TrialNoise]) -> Result<f64> {
     let mut held = 0;
-    for aim in &AIM_ERRORS {
-        let (collided, outcome) = rehearse_second(hold, &aimed(second, *aim))?;
+    for noise in errors {
+        let (collided, outcome) = rehearse_second(hold, &misaimed(second, noise, 1))?;
         held += usize::from(outcome.held && !collided);
     }
-    Ok((1 + held) as f64 / (1 + AIM_ERRORS.len()) as f64)
+    Ok((1 + held) as f64 / (1 + errors.len()) as f64)
 }
 
 /// Rehearses pairs until `count` combinations stand.
@@ -149,9 +149,10 @@ pub fn make_plans(world: &World, repertoire: &Repertoire, count: usize, seed: u6
 fn plan_pair(world: &World, repertoire: &Repertoire, board: &TactileBoard, pair: &Combination) -> Result<Option<Plan>> {
     let seconds: Vec<&Grasp> = repertoire.of(&pair.second, Role::Second).collect();
     let Some(any) = seconds.first() else { return Ok(None) };
+    let errors = proving_errors(world, ERRORS);
     for first in repertoire.of(&pair.first, Role::First) {
         let Some((hold, _)) =
-            rehearse_first(world, &world.protocol(), Start::Ready, first, any, Vector3::zeros(), board)?
+            rehearse_first(world, &world.protocol(), Start::Ready, first, any, &TrialNoise::none(), board)?
         else {
             continue;
         };
@@ -170,7 +171,7 @@ fn plan_pair(world: &World, repertoire: &Repertoire, board: &TactileBoard, pair:
         }
         let mut ranked = Vec::new();
         for (n, second) in worked.iter().enumerate() {
-            let worth = if n < PROVEN { robustness(&hold, second)? } else { UNPROVEN_WORTH * second.score };
+            let worth = if n < PROVEN { robustness(&hold, second, &errors)? } else { UNPROVEN_WORTH * second.score };
             ranked.push((second.id, worth));
         }
         ranked.sort_by(|a, b| b.1.total_cmp(&a.1));

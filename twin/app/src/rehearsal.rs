@@ -1,4 +1,4 @@
-//! Rehearsals: proving a grasp by closing and holding it in physics, without noise or with a set aim error.
+//! Rehearsals: proving a grasp by closing and holding it in physics, without noise or with a set one.
 //!
 //! A *first* grasp is proved alone: pick up, lift, hold. A *second* grasp is proved with an object already held by ring and
 //! little finger, from a snapshot of that hold, through the whole rest of the trial.
@@ -7,11 +7,15 @@ use anyhow::Result;
 use control::executive::{Executive, Phase, Protocol};
 use grasping::Grasp;
 use hand_model::Digit;
-use nalgebra::{Isometry3, UnitQuaternion, Vector3};
-use sim::robot::{ObjectPlacement, SceneSetup, SimulatedRobot, Truth};
+use nalgebra::Isometry3;
+use scenarios::noise::{TrialNoise, trial_rng};
+use sim::robot::{SimulatedRobot, Truth};
 use sim::tactile::TactileBoard;
 
 use crate::world::{World, drive, percept};
+
+/// Seed of the errors under which grasps are proven; no trial of a benchmark draws them.
+const PROVING_SEED: u64 = 0x5eed_0f_9a05;
 
 /// How a rehearsal ended.
 #[derive(Debug, Clone)]
@@ -53,37 +57,26 @@ pub enum Start {
     Near,
 }
 
-/// Aims `first` at its object (off by `aim`, m) and plays the trial up to the decision.
+/// Takes the first object with `first` under the errors of `noise` and plays the trial up to the decision.
 pub fn rehearse_first(
     world: &World,
     protocol: &Protocol,
     start: Start,
     first: &Grasp,
     second: &Grasp,
-    aim: Vector3<f64>,
+    noise: &TrialNoise,
     board: &TactileBoard,
 ) -> Result<Option<(Snapshot, Outcome)>> {
-    let first_model = world.object(&first.object)?;
-    let second_model = world.object(&second.object)?;
-    let [first_pose, second_pose] = world.places(&first_model, &second_model);
-    let mut seen = percept(&first_model, &first_pose);
-    seen.position += aim;
+    let objects = [world.object(&first.object)?, world.object(&second.object)?];
+    let poses = world.places(&objects[0], &objects[1]);
+    let [seen, second_seen] = std::array::from_fn(|n| percept(&objects[n], &noise.objects[n].perceived(&poses[n])));
     let target = first.palm_pose(&seen.position, seen.yaw);
     let near = first.pregrasp_pose(&target, 0.12);
     let (Ok(near), Ok(_)) = (world.posture(&near, &world.ready), world.posture(&target, &world.ready)) else {
         return Ok(None);
     };
     let start = if start == Start::Near { near } else { world.ready };
-    let setup = SceneSetup {
-        world_from_base: world.world_from_base,
-        mount_error: UnitQuaternion::identity(),
-        arm_start: start,
-        objects: vec![
-            ObjectPlacement { model: first_model, pose: first_pose },
-            ObjectPlacement { model: second_model.clone(), pose: second_pose },
-        ],
-        engine: sim::engine::EngineSettings::default(),
-    };
+    let setup = world.scene(&objects, &poses, start, noise);
     let robot = SimulatedRobot::new(world.hand.clone(), world.arm.clone(), &setup, board.clone());
     let tick = hand_model::robot::Robot::tick_length(&robot);
     let executive = Executive::new(
@@ -91,7 +84,7 @@ pub fn rehearse_first(
         world.arm_servo(start)?,
         *protocol,
         (first.clone(), seen),
-        (second.clone(), percept(&second_model, &second_pose)),
+        (second.clone(), second_seen),
         tick,
     )?;
     let mut snapshot = Snapshot { robot, executive };
@@ -114,18 +107,21 @@ pub fn rehearse_second(snapshot: &Snapshot, second: &Grasp) -> Result<(bool, Out
     executive.decide(second.clone())?;
     let mut collided = false;
     let holding = digit_bits(executive.first().0.role.digits());
-    for phase in [Phase::GraspSecond, Phase::LiftSecond, Phase::Carry, Phase::Hold] {
+    for phase in [Phase::GraspSecond, Phase::LiftSecond, Phase::Confirm, Phase::Hold] {
         drive(&mut robot, &mut executive, phase, |robot, executive| {
             collided |= executive.phase() < Phase::LiftSecond && robot.touches(1, holding);
         })?;
         let truth = robot.truth();
         let lost = match phase {
             Phase::LiftSecond => truth.touched_by[1] == 0,
-            Phase::Carry | Phase::Hold => !in_hand(&truth, 1),
+            Phase::Confirm | Phase::Hold => !in_hand(&truth, 1),
             _ => false,
         };
         if collided || lost {
             return Ok((collided, Outcome { held: false, ..outcome(&truth, &truth, 1) }));
+        }
+        if phase == Phase::Confirm {
+            executive.confirm()?;
         }
     }
     let before = robot.truth();
@@ -136,14 +132,26 @@ pub fn rehearse_second(snapshot: &Snapshot, second: &Grasp) -> Result<(bool, Out
     Ok((collided, outcome))
 }
 
-/// `grasp` aimed off by `error` (m, world x and y): an aim error of the world is an error of the object's place in the hand.
-pub fn aimed(grasp: &Grasp, error: [f64; 2]) -> Grasp {
-    let mut aimed = grasp.clone();
-    let shift = grasp.palm_rotation(0.0).inverse() * Vector3::new(error[0], error[1], 0.0);
+/// `grasp` as it comes out under the errors of `noise` when it takes object `index`: an error of the world is an error of the
+/// object's place in the hand.
+pub fn misaimed(grasp: &Grasp, noise: &TrialNoise, index: usize) -> Grasp {
+    let mut misaimed = grasp.clone();
+    let seen = noise.objects[index];
+    let shift = grasp.palm_rotation(0.0).inverse() * (seen.offset + noise.position);
     for axis in 0..3 {
-        aimed.center[axis] += shift[axis];
+        misaimed.center[axis] -= shift[axis];
     }
-    aimed
+    // Small turns about the world's axes, which are those of roll, pitch and yaw while the hand points ahead.
+    misaimed.roll += noise.rotation.x;
+    misaimed.pitch += noise.rotation.y;
+    misaimed.yaw += noise.rotation.z + seen.yaw;
+    misaimed
+}
+
+/// `count` draws of the scenario's noise: under these, the same ones for every grasp, robustness is measured.
+pub fn proving_errors(world: &World, count: usize) -> Vec<TrialNoise> {
+    let mut rng = trial_rng(PROVING_SEED, 0, 0);
+    (0..count).map(|_| TrialNoise::draw(&world.scenario.noise, &mut rng)).collect()
 }
 
 /// Bits of the links of `digits` in [`Truth::touched_by`].

@@ -13,14 +13,16 @@ mod style;
 #[cfg(test)]
 mod tests;
 
-use std::fs::File;
+use std::fs::Permissions;
 use std::io::Write as _;
+use std::os::unix::fs::PermissionsExt as _;
 use std::path::Path;
 
 use anyhow::{Context as _, Result};
 use scenarios::TrialRecord;
 use scenarios::statistics::Summary;
 use serde_json::Value;
+use tempfile::Builder;
 
 /// Writes `collision.svg`, `success.svg` and `report.html` into `folder`, which is there already. `run` says how the records
 /// came about; of its keys `command` (text or a list of words) is shown as a command line, all others in a table, nested ones
@@ -35,14 +37,14 @@ pub fn write_report(folder: &Path, summary: &Summary, records: &[TrialRecord], r
 
 /// Writes a file so that whoever opens it sees all of it or what was there before.
 pub fn write_whole(path: &Path, bytes: &[u8]) -> Result<()> {
-    let mut partial = path.as_os_str().to_owned();
-    partial.push(".partial");
-    let partial = Path::new(&partial);
+    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
     let write = || -> std::io::Result<()> {
-        let mut file = File::create(partial)?;
+        // Readable by everyone, as an ordinary new file is; temporary ones are private otherwise.
+        let mut file = Builder::new().permissions(Permissions::from_mode(0o644)).tempfile_in(folder)?;
         file.write_all(bytes)?;
-        file.sync_all()?;
-        std::fs::rename(partial, path)
+        file.as_file().sync_all()?;
+        file.persist(path)?;
+        Ok(())
     };
     write().with_context(|| format!("cannot write {}", path.display()))
 }

@@ -10,8 +10,9 @@ use hand_model::robot::Robot;
 use hand_model::{ARM_JOINTS, Arm, Hand};
 use nalgebra::{Isometry3, Matrix3, Rotation3, Translation3, UnitQuaternion, Vector3};
 use scenarios::combination::Scenario;
+use scenarios::noise::TrialNoise;
 use scenarios::objects::{ObjectModel, ObjectSet};
-use sim::SimulatedRobot;
+use sim::{ObjectPlacement, SceneSetup, SimulatedRobot};
 
 /// Palm position from which a trial starts: level, above the table, m.
 const READY: [f64; 3] = [0.55, 0.0, 0.30];
@@ -73,6 +74,28 @@ impl World {
     /// Where the two objects of a trial stand by the scenario's layout, without its spread.
     pub fn places(&self, first: &ObjectModel, second: &ObjectModel) -> [Isometry3<f64>; 2] {
         [self.scenario.layout.first.pose(first), self.scenario.layout.second.pose(second)]
+    }
+
+    /// The scene of a trial: objects at `poses`, the arm in posture `start` and off by `noise`'s execution error.
+    pub fn scene(
+        &self,
+        objects: &[Arc<ObjectModel>; 2],
+        poses: &[Isometry3<f64>; 2],
+        start: [f64; ARM_JOINTS],
+        noise: &TrialNoise,
+    ) -> SceneSetup {
+        SceneSetup {
+            world_from_base: Isometry3::from_parts(noise.position.into(), UnitQuaternion::identity())
+                * self.world_from_base,
+            mount_error: UnitQuaternion::from_scaled_axis(noise.rotation),
+            arm_start: start,
+            objects: objects
+                .iter()
+                .zip(poses)
+                .map(|(model, pose)| ObjectPlacement { model: model.clone(), pose: *pose })
+                .collect(),
+            engine: sim::engine::EngineSettings::default(),
+        }
     }
 
     /// Distances and times of a trial for the executive.

@@ -1,9 +1,10 @@
 //! The executive: runs a two-object trial tick by tick on whatever body it is given.
 //!
 //! It sees what a robot measures and nothing else. Every tick it looks at the clock of the present phase, samples the palm's
-//! path, asks the arm servo for joint set-points and the digits for tensions. After the first object is lifted it looks at
-//! touch once and then waits for a decision ([`Executive::decide`]) on how to take the second. Cloning it, together with a
-//! clone of a simulated body, branches a trial.
+//! path, asks the arm servo for joint set-points and the digits for tensions. After each lift it takes tactile images and
+//! waits: in [`Phase::Decide`] for how to take the second object ([`Executive::decide`]), in [`Phase::Confirm`] for the word to
+//! carry both away ([`Executive::confirm`]), and in both for a new try of a grasp that failed. Cloning it, together with a clone
+//! of a simulated body, branches a trial.
 
 use std::sync::Arc;
 
@@ -11,6 +12,7 @@ use grasping::Grasp;
 use hand_model::robot::{Command, Observation, ServoGoal, TactileFrame};
 use hand_model::{ACTUATORS, Digit, Hand};
 use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, Vector3};
+pub use scenarios::phase::Phase;
 
 use crate::inverse_kinematics::{ArmServo, IkError, Joints};
 use crate::trajectory::{PathError, PathLimits, PosePath};
@@ -25,6 +27,8 @@ pub const APPROACH_DISTANCE: f64 = 0.09;
 const OPPOSITION_CURRENT: f64 = 0.6;
 /// Rest before the picture is taken and after it, s.
 const LOOK_TIME: f64 = 0.3;
+/// Time the digits are given to open when things are laid down, s.
+const OPENING_TIME: f64 = 0.7;
 
 /// An object as prior perception (a camera over the table, say) reports it, error included.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -57,52 +61,6 @@ pub struct Protocol {
     pub limits: PathLimits,
 }
 
-/// Phases of a trial, in order.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Phase {
-    /// To the first object.
-    ApproachFirst,
-    /// Closing on it.
-    GraspFirst,
-    /// Up.
-    LiftFirst,
-    /// Still, taking tactile images.
-    Look,
-    /// Waiting for [`Executive::decide`].
-    Decide,
-    /// To the second object.
-    ApproachSecond,
-    /// Closing on it.
-    GraspSecond,
-    /// Up.
-    LiftSecond,
-    /// Sideways.
-    Carry,
-    /// Still.
-    Hold,
-    /// Over.
-    Done,
-}
-
-impl Phase {
-    /// Readable name.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::ApproachFirst => "approach first",
-            Self::GraspFirst => "grasp first",
-            Self::LiftFirst => "lift first",
-            Self::Look => "look",
-            Self::Decide => "decide",
-            Self::ApproachSecond => "approach second",
-            Self::GraspSecond => "grasp second",
-            Self::LiftSecond => "lift second",
-            Self::Carry => "carry",
-            Self::Hold => "hold",
-            Self::Done => "done",
-        }
-    }
-}
-
 /// Why a trial cannot go on.
 #[derive(Debug, thiserror::Error)]
 pub enum ExecutiveError {
@@ -124,6 +82,7 @@ pub struct Executive {
     second: (Grasp, Percept),
     phase: Phase,
     clock: f64,
+    open_from: f64,
     path: PosePath,
     tension: [f64; 5],
     opposition: f64,
@@ -155,6 +114,7 @@ impl Executive {
             second,
             phase: Phase::ApproachFirst,
             clock: 0.0,
+            open_from: f64::INFINITY,
             path: PosePath::new(vec![(0.0, palm)])?,
             tension: [0.0; 5],
             opposition: 0.0,
@@ -175,7 +135,7 @@ impl Executive {
         self.phase
     }
 
-    /// Tactile images taken during [`Phase::Look`].
+    /// Tactile images taken during the last [`Phase::Look`] or [`Phase::Check`].
     pub fn images(&self) -> &[TactileFrame] {
         &self.images
     }
@@ -225,17 +185,32 @@ impl Executive {
         self.approach(&self.path.end(), grasp, &self.second.1)
     }
 
-    /// Leaves [`Phase::Decide`] to try the first object again, seen anew at `percept`: touch felt nothing in the hand.
-    pub fn retry_first(&mut self, percept: Percept) -> Result<(), ExecutiveError> {
-        self.first.1 = percept;
-        self.images.clear();
-        self.enter(Phase::ApproachFirst)
-    }
-
-    /// Leaves [`Phase::Decide`] with `second` as the grasp to use.
+    /// Leaves [`Phase::Decide`] with `second` as the grasp to use, or [`Phase::Confirm`] to try the second object again with it; the
+    /// first one is held.
     pub fn decide(&mut self, second: Grasp) -> Result<(), ExecutiveError> {
         self.second.0 = second;
         self.enter(Phase::ApproachSecond)
+    }
+
+    /// Leaves [`Phase::Confirm`]: both objects are taken to be in the hand and carried away.
+    pub fn confirm(&mut self) -> Result<(), ExecutiveError> {
+        self.enter(Phase::Carry)
+    }
+
+    /// Tries the first object again, seen anew at `percept`; the hand is empty.
+    pub fn retry_first(&mut self, percept: Percept) -> Result<(), ExecutiveError> {
+        self.first.1 = percept;
+        self.enter(Phase::ApproachFirst)
+    }
+
+    /// Takes note of where the second object is seen to be now.
+    pub fn see_second(&mut self, percept: Percept) {
+        self.second.1 = percept;
+    }
+
+    /// Lays down what is held, opens the hand and rises again; [`Phase::Decide`] follows.
+    pub fn put_down(&mut self) -> Result<(), ExecutiveError> {
+        self.enter(Phase::PutDown)
     }
 
     fn approach(&self, from: &Isometry3<f64>, grasp: &Grasp, percept: &Percept) -> Result<PosePath, ExecutiveError> {
@@ -264,7 +239,14 @@ impl Executive {
                 let target = up(self.protocol.lift);
                 PosePath::new(vec![(0.0, here), (duration(&limits.scaled(0.7), &here, &target), target)])?
             }
-            Phase::Look => rest(LOOK_TIME)?,
+            Phase::Look | Phase::Check => rest(LOOK_TIME)?,
+            Phase::PutDown => {
+                let down = up(-self.protocol.lift);
+                let time = duration(&limits.scaled(0.7), &here, &down);
+                self.open_from = time;
+                let opened = time + OPENING_TIME;
+                PosePath::new(vec![(0.0, here), (time, down), (opened, down), (opened + time, here)])?
+            }
             Phase::Carry => {
                 let target = Isometry3::from_parts(
                     Translation3::from(here.translation.vector + Vector3::y() * self.protocol.carry),
@@ -273,8 +255,11 @@ impl Executive {
                 PosePath::new(vec![(0.0, here), (duration(&limits, &here, &target), target)])?
             }
             Phase::Hold => rest(self.protocol.hold)?,
-            Phase::Decide | Phase::Done => PosePath::new(vec![(0.0, here)])?,
+            Phase::Decide | Phase::Confirm | Phase::Done => PosePath::new(vec![(0.0, here)])?,
         };
+        if matches!(phase, Phase::Look | Phase::Check) {
+            self.images.clear();
+        }
         self.phase = phase;
         self.clock = 0.0;
         Ok(())
@@ -288,14 +273,25 @@ impl Executive {
             Phase::ApproachFirst => Some(Phase::GraspFirst),
             Phase::GraspFirst => Some(Phase::LiftFirst),
             Phase::LiftFirst => Some(Phase::Look),
-            Phase::Look => (!self.images.is_empty() || self.clock > 2.0 * LOOK_TIME).then_some(Phase::Decide),
+            Phase::Look => self.looked().then_some(Phase::Decide),
+            Phase::Check => self.looked().then_some(Phase::Confirm),
+            Phase::PutDown => Some(Phase::Decide),
             Phase::ApproachSecond => Some(Phase::GraspSecond),
             Phase::GraspSecond => Some(Phase::LiftSecond),
-            Phase::LiftSecond => Some(Phase::Carry),
+            Phase::LiftSecond => Some(Phase::Check),
             Phase::Carry => Some(Phase::Hold),
             Phase::Hold => Some(Phase::Done),
-            Phase::Decide | Phase::Done => None,
+            Phase::Decide | Phase::Confirm | Phase::Done => None,
         }
+    }
+
+    fn looking(&self) -> bool {
+        matches!(self.phase, Phase::Look | Phase::Check)
+    }
+
+    /// Whether the images of a look have come, or will not come any more.
+    fn looked(&self) -> bool {
+        !self.images.is_empty() || self.clock > 2.0 * LOOK_TIME
     }
 
     /// Tensions wanted in the present phase, N.
@@ -313,9 +309,14 @@ impl Executive {
             Phase::LiftFirst | Phase::Look | Phase::Decide => first.close_tension[digit],
             Phase::ApproachSecond => first.close_tension[digit].max(second.pre_tension[digit]),
             Phase::GraspSecond => first.close_tension[digit].max(closing(second, digit)),
-            Phase::LiftSecond | Phase::Carry | Phase::Hold | Phase::Done => {
-                first.close_tension[digit].max(second.close_tension[digit])
-            }
+            Phase::PutDown if self.clock >= self.open_from => 0.0,
+            Phase::PutDown
+            | Phase::LiftSecond
+            | Phase::Check
+            | Phase::Confirm
+            | Phase::Carry
+            | Phase::Hold
+            | Phase::Done => first.close_tension[digit].max(second.close_tension[digit]),
         })
     }
 
@@ -325,7 +326,7 @@ impl Executive {
         if !observation.tactile.is_empty() {
             self.newest = observation.tactile.clone();
             // The picture asked for at the end of the look, when everything rests.
-            if self.phase == Phase::Look && self.clock > LOOK_TIME - 1.5 * self.tick {
+            if self.looking() && self.clock > LOOK_TIME - 1.5 * self.tick {
                 self.images = observation.tactile.clone();
             }
         }
@@ -346,7 +347,7 @@ impl Executive {
             }
             _ => self.second.0.opposition,
         };
-        let mut capture = self.phase == Phase::Look && (self.clock - LOOK_TIME + self.tick).abs() < 0.6 * self.tick;
+        let mut capture = self.looking() && (self.clock - LOOK_TIME + self.tick).abs() < 0.6 * self.tick;
         if self.watch_period.is_some_and(|period| observation.time >= self.last_watch + period) {
             self.last_watch = observation.time;
             capture = true;

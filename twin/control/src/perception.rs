@@ -1,12 +1,15 @@
-//! From tactile images to the held object: the touch pipeline with the scenario's known shapes.
+//! From tactile images to what is held: which objects are in the hand, and where the first one sits in it.
 
+use std::f64::consts::FRAC_PI_2;
 use std::sync::Arc;
 
-use hand_model::CAMERAS;
-use hand_model::robot::{TactileFrame, TactileImage};
+use grasping::Role;
+use hand_model::robot::{ServoState, TactileFrame, TactileImage};
+use hand_model::{ACTUATORS, CAMERAS, Digit, Hand};
 use nalgebra::{Isometry3, Point3, Vector3};
 use scenarios::geometry::{DistanceGrid, Shape};
 use scenarios::objects::ObjectModel;
+use touch::posture::cable_excursion;
 use touch::{KnownShape, PadTouch, PoseEstimate, PosePrior, TouchError, TouchPipeline};
 
 use crate::executive::Executive;
@@ -49,13 +52,45 @@ pub struct Felt {
     pub estimate: PoseEstimate,
     /// What the plan had expected: `palm_from_object`.
     pub prior: Isometry3<f64>,
+    /// What is held.
+    pub grip: Grip,
 }
 
-impl Felt {
-    /// Whether any pad feels anything.
-    pub fn anything(&self) -> bool {
-        self.touches.iter().any(PadTouch::touched)
+/// Which of the two objects is felt to be in the hand.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Grip {
+    /// The first object.
+    pub first: bool,
+    /// The second object.
+    pub second: bool,
+}
+
+/// A finger whose cable is taken up by less than this share of a full closing has something in its way.
+const BLOCKED_CLOSURE: f64 = 0.86;
+
+impl Grip {
+    /// An object counts as held when at least two of the parts that hold it feel something: ring, little and palm for the
+    /// first, thumb, index and middle finger for the second. Thumb and index finger often hold with their sides, where no pad
+    /// is; the second object is therefore also taken to be held when its cable says that a finger did not close.
+    pub fn of(hand: &Hand, touches: &[PadTouch], servos: &[ServoState; ACTUATORS]) -> Self {
+        let feels = |digit: Option<Digit>| {
+            touches.iter().any(|touch| touch.touched() && digit_of(hand.pads[touch.pad].link) == digit)
+        };
+        let count = |digits: &[Digit]| digits.iter().filter(|digit| feels(Some(**digit))).count();
+        let blocked = |digit: Digit| {
+            let full = hand.transmission.cables[digit.index()].full_excursion(FRAC_PI_2);
+            cable_excursion(hand, &servos[digit.index()]) < BLOCKED_CLOSURE * full
+        };
+        Self {
+            first: count(Role::First.digits()) + usize::from(feels(None)) >= 2,
+            second: count(Role::Second.digits()) >= 2 || blocked(Digit::Index) || blocked(Digit::Middle),
+        }
     }
+}
+
+/// The digit a link belongs to; `None` is the palm.
+fn digit_of(link: Option<usize>) -> Option<Digit> {
+    link.and_then(|link| Digit::ALL.into_iter().find(|digit| digit.joints().contains(&link)))
 }
 
 /// Interprets the images that the executive took of `object` in the hand.
@@ -66,7 +101,14 @@ pub fn feel(pipeline: &TouchPipeline, executive: &Executive, object: &KnownObjec
         grasp.held.unwrap_or_else(|| grasp.palm_pose(&percept.position, percept.yaw).inverse() * percept.pose());
     let weak = PosePrior { palm_from_object: prior, sigma_translation: PRIOR_SIGMA.0, sigma_rotation: PRIOR_SIGMA.1 };
     let estimate = pipeline.estimate_pose(&touches, executive.servos(), &weak, object)?;
-    Ok(Felt { touches, estimate, prior })
+    let grip = Grip::of(pipeline.hand(), &touches, executive.servos());
+    Ok(Felt { touches, estimate, prior, grip })
+}
+
+/// What the images that the executive took last say is in the hand.
+pub fn grip(pipeline: &TouchPipeline, executive: &Executive) -> Result<Grip, TouchError> {
+    let touches = pipeline.perceive(&by_camera(pipeline, executive.images()))?;
+    Ok(Grip::of(pipeline.hand(), &touches, executive.servos()))
 }
 
 /// One image a camera; a camera that sent nothing is taken as idle (its background).

@@ -1,0 +1,83 @@
+//! Stages of a trial: what the executive says it is doing, and what the referee judges by.
+
+use serde::{Deserialize, Serialize};
+
+/// Stages of a trial, in order. A trial that recovers from a failure goes back to an earlier one.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Phase {
+    /// Laying everything down, after a failure, to start again.
+    PutDown,
+    /// To the first object.
+    ApproachFirst,
+    /// Closing on it.
+    GraspFirst,
+    /// Raising it.
+    LiftFirst,
+    /// Still, taking tactile images of the first object.
+    Look,
+    /// Waiting for the decision how to go on.
+    Decide,
+    /// To the second object.
+    ApproachSecond,
+    /// Closing on it.
+    GraspSecond,
+    /// Raising both.
+    LiftSecond,
+    /// Still, taking tactile images of both objects.
+    Check,
+    /// Waiting for the word that both are there.
+    Confirm,
+    /// Carrying both.
+    Carry,
+    /// Holding both still.
+    Hold,
+    /// Over.
+    Done,
+}
+
+impl Phase {
+    /// All phases in order.
+    pub const ALL: [Self; 14] = [
+        Self::PutDown,
+        Self::ApproachFirst,
+        Self::GraspFirst,
+        Self::LiftFirst,
+        Self::Look,
+        Self::Decide,
+        Self::ApproachSecond,
+        Self::GraspSecond,
+        Self::LiftSecond,
+        Self::Check,
+        Self::Confirm,
+        Self::Carry,
+        Self::Hold,
+        Self::Done,
+    ];
+
+    /// In words.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::PutDown => "put down",
+            Self::ApproachFirst => "approach first",
+            Self::GraspFirst => "grasp first",
+            Self::LiftFirst => "lift first",
+            Self::Look => "look",
+            Self::Decide => "decide",
+            Self::ApproachSecond => "approach second",
+            Self::GraspSecond => "grasp second",
+            Self::LiftSecond => "lift second",
+            Self::Check => "check",
+            Self::Confirm => "confirm",
+            Self::Carry => "carry",
+            Self::Hold => "hold",
+            Self::Done => "done",
+        }
+    }
+}
+
+impl std::fmt::Display for Phase {
+    fn fmt(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        formatter.pad(self.name())
+    }
+}
