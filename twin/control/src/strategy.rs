@@ -9,7 +9,7 @@ use grasping::Grasp;
 use hand_model::{Digit, Hand};
 use nalgebra::{Isometry3, Point3, Translation3, Vector3};
 use parry3d_f64::shape::SharedShape;
-use scenarios::geometry::Shape;
+use scenarios::geometry::{Shape, hull_mesh};
 use scenarios::objects::ObjectModel;
 
 use crate::collision::{CollisionError, Solid, clearance_along, clearance_at, hand_solids};
@@ -19,6 +19,8 @@ use crate::executive::{Executive, ExecutiveError};
 const SWITCH_GAIN: f64 = 1.30;
 /// Points kept of a convex part for distance queries, whose cost goes with their number.
 const HULL_POINTS: usize = 96;
+/// A mesh counts as convex here while its hull has less than this many times its volume.
+const NEARLY_CONVEX: f64 = 1.03;
 /// Stages of the target's way into the hand that are checked.
 const CLOSING_STAGES: usize = 4;
 
@@ -91,15 +93,17 @@ pub fn object_solids(object: &ObjectModel) -> Vec<Solid> {
             let upright = nalgebra::UnitQuaternion::from_axis_angle(&Vector3::x_axis(), std::f64::consts::FRAC_PI_2);
             vec![Solid::new(object.name.clone(), SharedShape::cylinder(*half_height, *radius), pose * upright)]
         }
-        Shape::Mesh(_) => object
-            .shape
-            .convex_parts()
-            .iter()
-            .filter_map(|points| {
-                let points = outline(points);
-                Some(Solid::new(object.name.clone(), SharedShape::convex_hull(&points)?, pose))
-            })
-            .collect(),
+        Shape::Mesh(mesh) => {
+            let hull_of = |points: &[Point3<f64>]| {
+                Some(Solid::new(object.name.clone(), SharedShape::convex_hull(&outline(points))?, pose))
+            };
+            // Distances to one hull cost a fraction of those to many: slices of what is nearly convex are put together.
+            let whole = hull_mesh(mesh.vertices()).ok().filter(|hull| hull.volume() < NEARLY_CONVEX * mesh.volume());
+            match whole.and_then(|hull| hull_of(hull.vertices())) {
+                Some(hull) => vec![hull],
+                None => mesh.convex_parts().iter().filter_map(|points| hull_of(points)).collect(),
+            }
+        }
     }
 }
 
@@ -169,17 +173,20 @@ pub fn choose(
     moving.extend(hand_solids(hand, &held.joints, held.digits, false));
     let sigma = held.sigma.hypot(target_sigma).max(1e-4);
     let scene = Scene { moving, target: object_solids(target), sigma };
-    let mut assessed = Vec::with_capacity(candidates.len());
-    for candidate in candidates {
-        assessed.push((candidate, assess(executive, &scene, candidate)?));
+    let Some((planned, others)) = candidates.split_first() else { return Ok(None) };
+    let plan = assess(executive, &scene, planned)?;
+    // Only what is worth clearly more than the plan replaces it, and no candidate is worth more than without any obstacle:
+    // those that cannot win are not looked at.
+    let (mut chosen, mut assessment) = (planned, plan);
+    for candidate in others {
+        if candidate.worth > assessment.utility.max(SWITCH_GAIN * plan.utility) {
+            let assessed = assess(executive, &scene, candidate)?;
+            if assessed.utility > assessment.utility.max(SWITCH_GAIN * plan.utility) {
+                (chosen, assessment) = (candidate, assessed);
+            }
+        }
     }
-    let Some((planned, plan)) = assessed.first().copied() else { return Ok(None) };
-    let best = assessed
-        .iter()
-        .copied()
-        .fold((planned, plan), |best, next| if next.1.utility > best.1.utility { next } else { best });
-    let switched = best.0.grasp.id != planned.grasp.id && best.1.utility > SWITCH_GAIN * plan.utility;
-    let (chosen, assessment) = if switched { best } else { (planned, plan) };
+    let switched = chosen.grasp.id != planned.grasp.id;
     let mm = |clearance: f64| clearance * 1e3;
     let reason = if switched {
         format!(
