@@ -18,11 +18,20 @@ pub struct EngineSettings {
     pub contact_frequency: f64,
     /// Friction coefficient of the table; an object's own applies where it is smaller.
     pub table_friction: f64,
+    /// Gravity along -z, m/s2.
+    pub gravity: f64,
 }
 
 impl Default for EngineSettings {
     fn default() -> Self {
-        Self { dt: 1.0 / 240.0, solver_iterations: 1, pgs_iterations: 8, contact_frequency: 240.0, table_friction: 0.5 }
+        Self {
+            dt: 1.0 / 240.0,
+            solver_iterations: 1,
+            pgs_iterations: 8,
+            contact_frequency: 240.0,
+            table_friction: 0.5,
+            gravity: 9.81,
+        }
     }
 }
 
@@ -79,7 +88,7 @@ impl Engine {
     /// One time step under gravity.
     pub fn step(&mut self) {
         self.pipeline.step(
-            Vector::new(0.0, 0.0, -9.81),
+            Vector::new(0.0, 0.0, -self.settings.gravity),
             &self.parameters,
             &mut self.islands,
             &mut self.broad_phase,

@@ -19,7 +19,7 @@ use crate::tactile::TactileBoard;
 /// Physics steps in one control tick (240 Hz / 2 = 120 Hz).
 const STEPS_PER_TICK: usize = 2;
 /// Stiffness of the shaft between the opposition servo and the thumb's CMC joint, N m/rad.
-const OPPOSITION_STIFFNESS: f64 = 8.0;
+pub(crate) const OPPOSITION_STIFFNESS: f64 = 8.0;
 /// Rolling resistance and air drag of loose objects, 1/s.
 const OBJECT_ANGULAR_DAMPING: f64 = 1.0;
 
@@ -308,7 +308,7 @@ impl SimulatedRobot {
     }
 }
 
-fn insert_object(
+pub(crate) fn insert_object(
     engine: &mut Engine,
     placement: &ObjectPlacement,
 ) -> (Arc<ObjectModel>, RigidBodyHandle, ColliderHandle) {
