@@ -115,6 +115,21 @@ impl ObjectSet {
         Self::build().expect("the built-in objects are valid")
     }
 
+    /// The objects of the synthesized repertoire.
+    pub fn repertoire() -> Self {
+        let mut set = Self::standard();
+        set.insert(ObjectModel {
+            name: "ball".into(),
+            shape: Shape::Sphere { radius: 0.03 },
+            mass: 0.1,
+            friction: 0.8,
+            color: [220, 90, 60],
+            rest: UnitQuaternion::identity(),
+            symmetry: Symmetry::Full,
+        });
+        set
+    }
+
     /// Adds an object; one of the same name is replaced and given back.
     pub fn insert(&mut self, object: ObjectModel) -> Option<Arc<ObjectModel>> {
         let object = Arc::new(object);
