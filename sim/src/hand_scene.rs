@@ -116,6 +116,11 @@ impl HandScene {
         body.set_angular_damping(damping);
     }
 
+    /// Friction coefficient between hand and object.
+    pub fn set_friction(&mut self, friction: f64) {
+        self.engine.colliders[self.collider].set_friction(friction);
+    }
+
     /// One time step with the hand pulling and `force` (N, palm frame) on the object's centre of mass.
     pub fn step(&mut self, pull: &Pull, force: &Vector3<f64>) {
         let transmission = &self.hand.transmission;

@@ -21,11 +21,6 @@ use std::process::ExitCode;
 use clap::Parser;
 
 fn main() -> ExitCode {
-    if std::env::args().nth(1).as_deref() == Some("tune") {
-        let a: Vec<String> = std::env::args().collect();
-        synthesis::search::tune(&a[2], a[3].parse().unwrap(), a[4].parse().unwrap()).unwrap();
-        return ExitCode::SUCCESS;
-    }
     let cli = cli::Cli::parse();
     match commands::run(&cli) {
         Ok(None) => ExitCode::SUCCESS,

@@ -11,13 +11,12 @@ use grasping::synthesis::posture::{Opened, open_clear};
 use grasping::synthesis::surface::HandSurface;
 use hand_model::{Digit, Hand};
 use nalgebra::{Isometry3, Vector3};
-use scenarios::objects::ObjectModel;
 use sim::hand_scene::{HandScene, Pull, Touch, displacement};
 
 use super::subject::Subject;
 
 /// Tension of a digit that closes, N.
-pub const CLOSE_TENSION: f64 = 20.0;
+const CLOSE_TENSION: f64 = 30.0;
 /// The tension rises over this time, then there is time to come to rest, s.
 const RISE: f64 = 0.4;
 const SETTLE_DAMPED: f64 = 0.3;
@@ -54,7 +53,7 @@ pub enum NotClosed {
 }
 
 /// Digits that a sample's contact points are on.
-pub fn digits(surface: &HandSurface, contacts: &[usize]) -> Vec<Digit> {
+fn digits(surface: &HandSurface, contacts: &[usize]) -> Vec<Digit> {
     Digit::ALL
         .into_iter()
         .filter(|digit| {
@@ -63,22 +62,21 @@ pub fn digits(surface: &HandSurface, contacts: &[usize]) -> Vec<Digit> {
         .collect()
 }
 
-/// Closes `sample` on the object: the digits with contact points pull with `tension`, the others hold their open posture.
+/// Closes `sample` on the object: the digits with contact points pull, the others hold their open posture.
 pub fn close(
     hand: &Arc<Hand>,
     surface: &HandSurface,
     subject: &Subject,
-    model: &Arc<ObjectModel>,
     sample: &Sample,
-    tension: f64,
     frames: &mut Frames,
 ) -> Result<Closed, NotClosed> {
     let opened = open_clear(hand, surface, &subject.field, frames, &sample.state).ok_or(NotClosed::Blocked)?;
     let start = opened.state.object_from_palm.inverse();
-    let mut scene = HandScene::new(hand, model, &start, &opened.open.joints);
+    let mut scene = HandScene::new(hand, &subject.model, &start, &opened.open.joints);
     let before = opened.open.tensions;
     let used = digits(surface, &sample.contacts);
-    let after: [f64; 5] = std::array::from_fn(|n| if used.contains(&Digit::ALL[n]) { tension } else { before[n] });
+    let after: [f64; 5] =
+        std::array::from_fn(|n| if used.contains(&Digit::ALL[n]) { CLOSE_TENSION } else { before[n] });
     scene.set_object_damping(DAMPING);
     let steps = |time: f64| (time / scene.dt()).round() as usize;
     let (rise, damped, free) = (steps(RISE), steps(SETTLE_DAMPED), steps(SETTLE_FREE));

@@ -55,7 +55,8 @@ impl Subject {
             bail!("--mesh {}: found {} MB, expected at most {} MB", path.display(), size >> 20, LARGEST_FILE >> 20);
         }
         let mesh = Mesh::read_obj(path).context("--mesh")?;
-        let refuse = |found: String, expected: &str| bail!("--mesh {}: found {found}, expected {expected}", path.display());
+        let refuse =
+            |found: String, expected: &str| bail!("--mesh {}: found {found}, expected {expected}", path.display());
         if mesh.triangles().len() > MOST_TRIANGLES {
             return refuse(
                 format!("{} triangles", mesh.triangles().len()),

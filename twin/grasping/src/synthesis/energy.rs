@@ -51,14 +51,14 @@ pub struct Weights {
 impl Default for Weights {
     fn default() -> Self {
         Self {
-            balance: 2.0,
+            balance: 8.0,
             rank: 0.05,
-            distance: 100.0,
-            facing: 0.5,
-            penetration: 60.0,
+            distance: 40.0,
+            facing: 1.5,
+            penetration: 30.0,
             self_penetration: 60.0,
             limits: 10.0,
-            cable: 1.0,
+            cable: 3.0,
             table: 100.0,
         }
     }

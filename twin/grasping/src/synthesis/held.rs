@@ -94,7 +94,8 @@ impl HeldGrasp {
     /// The same with its numbers rounded as the file keeps them.
     pub fn rounded(mut self) -> Self {
         // A quotient by a whole number prints short.
-        let to = |values: &mut [f64], per_unit: f64| values.iter_mut().for_each(|x| *x = (*x * per_unit).round() / per_unit);
+        let to =
+            |values: &mut [f64], per_unit: f64| values.iter_mut().for_each(|x| *x = (*x * per_unit).round() / per_unit);
         for pose in [&mut self.palm_from_object, &mut self.start] {
             to(&mut pose[..3], 1e5);
             to(&mut pose[3..], 1e5);

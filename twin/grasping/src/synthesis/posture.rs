@@ -115,10 +115,8 @@ pub fn open_clear(
     let fixed = [0, hand.transmission.opposition_joint + 1];
     for retreat in 0.. {
         frames.place(&state);
-        let (depth, normal) = fixed
-            .iter()
-            .map(|link| clearance(frames, surface, field, *link))
-            .min_by(|a, b| a.0.total_cmp(&b.0))?;
+        let (depth, normal) =
+            fixed.iter().map(|link| clearance(frames, surface, field, *link)).min_by(|a, b| a.0.total_cmp(&b.0))?;
         if depth >= 0.0 {
             break;
         }
@@ -185,10 +183,8 @@ mod tests {
         let surface = HandSurface::new(&hand, 1000);
         let field = ball(0.03);
         let mut frames = Frames::new(&hand.tree);
-        let state = HandState {
-            object_from_palm: Isometry3::translation(0.0, 0.0, 0.035),
-            joints: vec![0.9; HAND_JOINTS],
-        };
+        let state =
+            HandState { object_from_palm: Isometry3::translation(0.0, 0.0, 0.035), joints: vec![0.9; HAND_JOINTS] };
         frames.place(&state);
         let deepest = |frames: &Frames| {
             (0..16).map(|link| clearance(frames, &surface, &field, link).0).fold(f64::INFINITY, f64::min)
