@@ -4,6 +4,7 @@
 //! ring and little finger measures 43 to 60 mm across, what is grasped second 43 to 66 mm.
 
 mod outlines;
+mod repertoire;
 
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 use std::sync::Arc;
@@ -113,21 +114,6 @@ impl ObjectSet {
     /// Never in a tested build: the shapes are compiled in and a test builds them.
     pub fn standard() -> Self {
         Self::build().expect("the built-in objects are valid")
-    }
-
-    /// The objects of the synthesized repertoire.
-    pub fn repertoire() -> Self {
-        let mut set = Self::standard();
-        set.insert(ObjectModel {
-            name: "ball".into(),
-            shape: Shape::Sphere { radius: 0.03 },
-            mass: 0.1,
-            friction: 0.8,
-            color: [220, 90, 60],
-            rest: UnitQuaternion::identity(),
-            symmetry: Symmetry::Full,
-        });
-        set
     }
 
     /// Adds an object; one of the same name is replaced and given back.

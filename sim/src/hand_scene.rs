@@ -12,11 +12,14 @@ use nalgebra::{Isometry3, Point3, UnitQuaternion, Vector3};
 use rapier3d_f64::prelude::*;
 use scenarios::objects::ObjectModel;
 
-use crate::body::{cover_collider, link_body, revolute};
+use crate::body::{cover_collider, groups, link_body, revolute};
 use crate::contacts::contacts_of;
 use crate::convert;
 use crate::engine::{Engine, EngineSettings};
 use crate::robot::{OPPOSITION_STIFFNESS, ObjectPlacement, insert_object};
+
+/// Collision group of the palm's cover.
+const PALM: Group = Group::GROUP_5;
 
 /// What the hand is told: tensions of the five cables (N) and the opposition angle (rad).
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -65,19 +68,29 @@ impl HandScene {
     ) -> Self {
         let mut engine = Engine::new(EngineSettings { gravity: 0.0, ..EngineSettings::default() });
         let palm = engine.bodies.insert(RigidBodyBuilder::fixed());
-        let cover = |engine: &mut Engine, shape: &CoverShape, body| {
-            engine.colliders.insert_with_parent(cover_collider(shape), body, &mut engine.bodies)
+        // Neighbouring links do not collide. The engine sees to that along a digit; between the palm's cover and the first
+        // links, which hang on roots of their own, groups do.
+        let links_only = groups::HAND | groups::OBJECT;
+        let cover = |engine: &mut Engine, shape: &CoverShape, body, member: Group, filter: Group| {
+            let collider = cover_collider(shape)
+                .collision_groups(InteractionGroups::all().with_memberships(member).with_filter(filter));
+            engine.colliders.insert_with_parent(collider, body, &mut engine.bodies)
         };
-        let mut covers = vec![cover(&mut engine, &hand.palm_cover, palm)];
+        let mut covers = vec![cover(&mut engine, &hand.palm_cover, palm, PALM, links_only)];
         let mut joints = Vec::with_capacity(HAND_JOINTS);
         let mut links: Vec<RigidBodyHandle> = Vec::with_capacity(HAND_JOINTS);
         let poses = hand.tree.forward(&[0.0; HAND_JOINTS]);
         for (i, joint) in hand.tree.joints.iter().enumerate() {
             let body = engine.bodies.insert(link_body(&poses[i], &hand.masses[i]));
-            let parent = joint.parent.map_or(palm, |parent| links[parent]);
+            // A root for each digit: digits that share one become one multibody of fifteen joints.
+            let parent = match joint.parent {
+                Some(parent) => links[parent],
+                None => engine.bodies.insert(RigidBodyBuilder::fixed()),
+            };
             let limits = [joint.lower, joint.upper];
             joints.extend(engine.multibodies.insert(parent, body, revolute(&joint.origin, limits), true));
-            covers.push(cover(&mut engine, &hand.covers[i], body));
+            let filter = if joint.parent.is_some() { links_only | PALM } else { links_only };
+            covers.push(cover(&mut engine, &hand.covers[i], body, groups::HAND, filter));
             links.push(body);
         }
         let placement = ObjectPlacement { model: object.clone(), pose: *palm_from_object };

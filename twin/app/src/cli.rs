@@ -200,6 +200,9 @@ pub enum GraspsCommand {
         /// Chains, each of which may leave one grasp.
         #[arg(long, default_value_t = 512)]
         n: u64,
+        /// Stop when so many different grasps are verified.
+        #[arg(long)]
+        keep: Option<usize>,
         /// File for the verified grasps, JSON lines; it grows while the search runs.
         #[arg(long)]
         out: Option<PathBuf>,

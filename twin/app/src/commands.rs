@@ -39,8 +39,8 @@ pub fn run(cli: &Cli) -> Outcome {
         Command::View { path } => view(path),
         Command::Report { folders, out } => report(cli, folders, out.as_deref()),
         Command::Hand(HandCommand::Check { urdf }) => hand_check(cli, urdf.as_deref()),
-        Command::Grasps(GraspsCommand::Generate { synthesis, n, out }) => {
-            synthesis::generate(cli, synthesis, *n, out.as_deref())
+        Command::Grasps(GraspsCommand::Generate { synthesis, n, keep, out }) => {
+            synthesis::generate(cli, synthesis, *n, *keep, out.as_deref())
         }
         Command::Grasps(GraspsCommand::Eval { synthesis, n }) => synthesis::eval(cli, synthesis, *n),
         Command::Grasps(GraspsCommand::Rehearse { object, role, n, out }) => {

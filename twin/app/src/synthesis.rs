@@ -20,7 +20,7 @@ use self::subject::Subject;
 use crate::cli::{Cli, SynthesisArgs};
 use crate::commands::Outcome;
 
-fn workshop(cli: &Cli, args: &SynthesisArgs, n: u64) -> Result<Workshop> {
+fn workshop(cli: &Cli, args: &SynthesisArgs, n: u64, enough: usize) -> Result<Workshop> {
     if n == 0 {
         bail!("--n: found 0, expected at least 1");
     }
@@ -30,22 +30,23 @@ fn workshop(cli: &Cli, args: &SynthesisArgs, n: u64) -> Result<Workshop> {
         (None, Some(path)) => Subject::from_mesh(path)?,
         (None, None) => bail!("--object: found none, expected an object's name or --mesh FILE"),
     };
-    Ok(Workshop::new(subject, Request { chains: n, contacts, seed: cli.seed, table: args.table }))
+    Ok(Workshop::new(subject, Request { chains: n, enough, contacts, seed: cli.seed, table: args.table }))
 }
 
 /// `ftac grasps generate`.
-pub fn generate(cli: &Cli, args: &SynthesisArgs, n: u64, out: Option<&Path>) -> Outcome {
+pub fn generate(cli: &Cli, args: &SynthesisArgs, n: u64, keep: Option<usize>, out: Option<&Path>) -> Outcome {
     if let Some(out) = out {
         search::check_writable(out)?;
     }
-    let workshop = workshop(cli, args, n)?;
+    let workshop = workshop(cli, args, n, keep.unwrap_or(usize::MAX))?;
     let what = match (&args.object, &args.mesh) {
         (Some(name), _) => format!("--object {name}"),
         (None, mesh) => format!("--mesh {}", mesh.as_deref().unwrap_or(Path::new("")).display()),
     };
-    let table = if args.table { " --table" } else { "" };
+    let mut options = keep.map_or(String::new(), |keep| format!(" --keep {keep}"));
+    options += if args.table { " --table" } else { "" };
     let command =
-        format!("ftac grasps generate {what} --n {n} --contacts {}{table} --seed {}", args.contacts, cli.seed);
+        format!("ftac grasps generate {what} --n {n} --contacts {}{options} --seed {}", args.contacts, cli.seed);
     let header = Header { version: VERSION, command, seed: cli.seed };
     let writer = out.map(|path| HeldWriter::create(path, &header)).transpose()?;
     let report = search::search(&workshop, writer, cli.quiet || cli.json)?;
@@ -63,7 +64,8 @@ pub fn generate(cli: &Cli, args: &SynthesisArgs, n: u64, out: Option<&Path>) -> 
         println!("(a) cone program  {}", share(report.verified.a));
         println!("(b) penetration   {}", share(report.verified.b));
         println!("(c) held          {}", share(report.verified.c));
-        println!("all three         {}, {} of them near duplicates", share(report.verified.all), report.duplicates);
+        println!("all three         {}", share(report.verified.all));
+        println!("kept              {:5}, without {} near duplicates", report.kept, report.duplicates);
         let digits: Vec<String> = report.digits.iter().map(|(name, count)| format!("{name} {count}")).collect();
         println!("digits            {}", digits.join(", "));
     }
@@ -72,7 +74,7 @@ pub fn generate(cli: &Cli, args: &SynthesisArgs, n: u64, out: Option<&Path>) -> 
 
 /// `ftac grasps eval`.
 pub fn eval(cli: &Cli, args: &SynthesisArgs, n: u64) -> Outcome {
-    let workshop = workshop(cli, args, n)?;
+    let workshop = workshop(cli, args, n, usize::MAX)?;
     let evaluation = evaluation::evaluate(&workshop, n)?;
     if cli.json {
         println!("{}", serde_json::to_string(&evaluation)?);

@@ -22,7 +22,8 @@ const RISE: f64 = 0.4;
 const SETTLE_DAMPED: f64 = 0.3;
 const SETTLE_FREE: f64 = 0.3;
 /// Damping of the object while the digits close, 1/s.
-const DAMPING: f64 = 30.0;
+const DAMPING: f64 = 100.0;
+
 /// An object that moves further than this while the digits close was pushed away, not grasped: m, rad.
 const PUSHED_AWAY: (f64, f64) = (0.03, 0.6);
 

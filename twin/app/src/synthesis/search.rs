@@ -28,8 +28,10 @@ const BATCH: u64 = 32;
 /// What to search for.
 #[derive(Debug, Clone, Copy)]
 pub struct Request {
-    /// Chains, each of which may leave one grasp.
+    /// Chains at most, each of which may leave one grasp.
     pub chains: u64,
+    /// Enough grasps: the search stops after the batch of chains that reaches it, and keeps no more.
+    pub enough: usize,
     /// Contact points of a chain: this many at least and at most, taken in turn.
     pub contacts: (usize, usize),
     /// Seed of all chains.
@@ -150,6 +152,7 @@ impl Workshop {
             approach: facing.into(),
             margin: checked.margin,
             penetration: checked.penetration,
+            moved: closed.moved.into(),
             energy: checked.sample.terms.total,
         }
         .rounded()
@@ -197,7 +200,7 @@ impl Verified {
 pub struct Report {
     /// Object.
     pub object: String,
-    /// Chains.
+    /// Chains run.
     pub requested: u64,
     /// Chains that ended in a closed grasp.
     pub found: u64,
@@ -209,6 +212,8 @@ pub struct Report {
     pub verified: Verified,
     /// Verified grasps that nearly equal an earlier one; they are not written.
     pub duplicates: u64,
+    /// Grasps kept and written.
+    pub kept: usize,
     /// Wall time, s.
     pub wall_s: f64,
     /// Iterations of the sampler per second and thread.
@@ -221,19 +226,22 @@ pub struct Report {
 pub fn search(workshop: &Workshop, mut writer: Option<HeldWriter>, quiet: bool) -> Result<Report> {
     let start = Instant::now();
     let request = workshop.request;
-    let mut report =
-        Report { object: workshop.subject.model.name.clone(), requested: request.chains, ..Report::default() };
+    let mut report = Report { object: workshop.subject.model.name.clone(), ..Report::default() };
     let bar = if quiet { ProgressBar::hidden() } else { ProgressBar::new(request.chains) };
     bar.set_style(ProgressStyle::with_template("{bar:30} {pos}/{len} chains, {msg} verified [{elapsed} < {eta}]")?);
     let (mut steps, mut sampling_s) = (0, 0.0);
     let mut kept: Vec<HeldGrasp> = Vec::new();
     for first in (0..request.chains).step_by(BATCH as usize) {
+        if kept.len() >= request.enough {
+            break;
+        }
         let chains = first..(first + BATCH).min(request.chains);
         let results: Vec<(u64, ChainResult)> =
             chains.into_par_iter().map(|chain| Ok((chain, workshop.run(chain)?))).collect::<Result<_>>()?;
         for (chain, result) in results {
             steps += result.steps;
             sampling_s += result.sampling_s;
+            report.requested += 1;
             bar.inc(1);
             let checked = match result.end {
                 Ok(checked) => checked,
@@ -259,14 +267,17 @@ pub fn search(workshop: &Workshop, mut writer: Option<HeldWriter>, quiet: bool) 
                 report.duplicates += 1;
                 continue;
             }
-            if let Some(writer) = &mut writer {
-                writer.add(&grasp)?;
+            if kept.len() < request.enough {
+                if let Some(writer) = &mut writer {
+                    writer.add(&grasp)?;
+                }
+                kept.push(grasp);
             }
-            kept.push(grasp);
         }
         bar.set_message(report.verified.all.to_string());
     }
     bar.finish_and_clear();
+    report.kept = kept.len();
     report.wall_s = start.elapsed().as_secs_f64();
     report.grasp_steps_per_s = steps as f64 / sampling_s;
     Ok(report)
@@ -300,7 +311,7 @@ mod tests {
     use super::*;
 
     fn verified(threads: usize) -> (Verified, Vec<String>) {
-        let request = Request { chains: 6, contacts: (5, 5), seed: 3, table: false };
+        let request = Request { chains: 6, enough: usize::MAX, contacts: (5, 5), seed: 3, table: false };
         let workshop = Workshop::new(Subject::named("ball").expect("the ball"), request);
         let folder = tempfile::tempdir().expect("a folder");
         let path = folder.path().join("held.jsonl");

@@ -3,7 +3,7 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use anyhow::{Context, Result, bail};
+use anyhow::{Context, Result, anyhow, bail};
 use grasping::synthesis::field::DistanceField;
 use nalgebra::{Point3, UnitQuaternion};
 use scenarios::geometry::{Mesh, Shape};
@@ -14,10 +14,10 @@ pub const TEST_MASS: f64 = 0.1;
 /// Friction coefficient in the holding test (DexGraspBench).
 pub const TEST_FRICTION: f64 = 0.6;
 /// Cells of the distance field: this small where the object allows, m; never more than this many along its longest side.
-const FINEST_CELL: f64 = 1.5e-3;
-const MOST_CELLS: f64 = 96.0;
+const FINEST_CELL: f64 = 2.0e-3;
+const MOST_CELLS: f64 = 80.0;
 /// The field reaches this far beyond the object, m.
-const MARGIN: f64 = 0.03;
+const MARGIN: f64 = 0.02;
 /// Points on the object's surface, for measuring penetration.
 const SURFACE_POINTS: usize = 800;
 /// A mesh with more triangles is refused, m: its field and its convex parts would take minutes.
@@ -54,7 +54,8 @@ impl Subject {
         if size > LARGEST_FILE {
             bail!("--mesh {}: found {} MB, expected at most {} MB", path.display(), size >> 20, LARGEST_FILE >> 20);
         }
-        let mesh = Mesh::read_obj(path).context("--mesh")?;
+        // The error's own text has its cause in it already.
+        let mesh = Mesh::read_obj(path).map_err(|error| anyhow!("--mesh: {error}"))?;
         let refuse =
             |found: String, expected: &str| bail!("--mesh {}: found {found}, expected {expected}", path.display());
         if mesh.triangles().len() > MOST_TRIANGLES {

@@ -50,7 +50,10 @@ pub struct DistanceField {
     origin: Vector3<f64>,
     cells_per_meter: f64,
     size: [usize; 3],
+    /// Distance and normal: for contact points, few a step.
     nodes: Vec<[f32; 4]>,
+    /// The distances once more: for surface points, hundreds a step, a quarter of the memory to go through.
+    distances: Vec<f32>,
     low: Point3<f64>,
     high: Point3<f64>,
     /// Centre of mass, m.
@@ -105,6 +108,7 @@ impl DistanceField {
             origin,
             cells_per_meter: 1.0 / cell,
             size,
+            distances: nodes.iter().map(|node| node[0]).collect(),
             nodes,
             low: *low,
             high: *high,
@@ -139,7 +143,7 @@ impl DistanceField {
     pub fn distance(&self, point: &Vector3<f64>) -> f64 {
         let Place { node, part: [x, y, z], beyond } = self.place(point);
         let (row, layer) = (self.size[0], self.size[0] * self.size[1]);
-        let at = |offset: usize| f64::from(self.nodes[node + offset][0]);
+        let at = |offset: usize| f64::from(self.distances[node + offset]);
         let edge = |offset: usize| {
             let a = at(offset);
             a + (at(offset + 1) - a) * x
@@ -157,7 +161,7 @@ impl DistanceField {
     pub fn distance_gradient(&self, point: &Vector3<f64>) -> (f64, Vector3<f64>) {
         let Place { node, part: [x, y, z], beyond } = self.place(point);
         let (row, layer) = (self.size[0], self.size[0] * self.size[1]);
-        let at = |offset: usize| f64::from(self.nodes[node + offset][0]);
+        let at = |offset: usize| f64::from(self.distances[node + offset]);
         // (value, slope along x) on the four edges, then across them.
         let edge = |offset: usize| {
             let a = at(offset);

@@ -28,8 +28,9 @@ pub struct Header {
     pub seed: u64,
 }
 
-/// A contact of a held grasp, palm frame.
+/// A contact of a held grasp, palm frame. In the file it is a list of its four fields.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(from = "ContactRow", into = "ContactRow")]
 pub struct HeldContact {
     /// Link (0..15 in joint order), none for the palm.
     pub link: Option<usize>,
@@ -39,6 +40,20 @@ pub struct HeldContact {
     pub normal: [f64; 3],
     /// Normal force, N.
     pub force: f64,
+}
+
+type ContactRow = (Option<usize>, [f64; 3], [f64; 3], f64);
+
+impl From<ContactRow> for HeldContact {
+    fn from((link, point, normal, force): ContactRow) -> Self {
+        Self { link, point, normal, force }
+    }
+}
+
+impl From<HeldContact> for ContactRow {
+    fn from(contact: HeldContact) -> Self {
+        (contact.link, contact.point, contact.normal, contact.force)
+    }
 }
 
 /// A grasp held in physics. Lengths in m, angles in rad, tensions and forces in N.
@@ -74,6 +89,8 @@ pub struct HeldGrasp {
     pub margin: f64,
     /// Deepest penetration.
     pub penetration: f64,
+    /// How far and by what angle closing moved the object.
+    pub moved: [f64; 2],
     /// Energy of the sample it came from.
     pub energy: f64,
 }
@@ -113,6 +130,7 @@ impl HeldGrasp {
         to(self.room.as_mut_slice(), 1e5);
         to(std::slice::from_mut(&mut self.margin), 1e3);
         to(std::slice::from_mut(&mut self.penetration), 1e6);
+        to(&mut self.moved, 1e4);
         to(std::slice::from_mut(&mut self.energy), 1e3);
         self
     }
@@ -220,6 +238,7 @@ mod tests {
             room: Some(0.012),
             margin: 1.234_567,
             penetration: 1e-4,
+            moved: [1e-3, 0.02],
             energy: 0.9,
         }
     }
