@@ -30,7 +30,7 @@ pub struct Schedule {
 
 impl Default for Schedule {
     fn default() -> Self {
-        Self { burn_in: 1600, steady: 400, hot: 2.0, cold: 0.02, contact_share: 0.3 }
+        Self { burn_in: 3000, steady: 400, hot: 2.0, cold: 0.02, contact_share: 0.3 }
     }
 }
 

@@ -51,7 +51,7 @@ pub struct Weights {
 impl Default for Weights {
     fn default() -> Self {
         Self {
-            balance: 8.0,
+            balance: 12.0,
             rank: 0.05,
             distance: 40.0,
             facing: 1.5,
