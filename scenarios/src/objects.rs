@@ -4,6 +4,7 @@
 //! ring and little finger measures 43 to 60 mm across, what is grasped second 43 to 66 mm.
 
 mod outlines;
+mod repertoire;
 
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 use std::sync::Arc;

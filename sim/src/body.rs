@@ -59,7 +59,7 @@ pub fn last_from_palm(arm: &Arm, hand: &Hand, mount_error: &UnitQuaternion<f64>)
     arm.last_from_tool * *mount_error * hand.palm_from_flange.inverse()
 }
 
-fn revolute(origin: &Isometry3<f64>, limits: [f64; 2]) -> GenericJoint {
+pub(crate) fn revolute(origin: &Isometry3<f64>, limits: [f64; 2]) -> GenericJoint {
     // rapier's revolute joints turn about the frame's x; ours about z.
     let z_as_x = Rotation::from_rotation_arc(Vector::X, Vector::Z);
     let frame1 = convert::pose(origin) * Pose::from_rotation(z_as_x);
@@ -74,7 +74,7 @@ fn revolute(origin: &Isometry3<f64>, limits: [f64; 2]) -> GenericJoint {
     builder.build()
 }
 
-fn cover_collider(cover: &CoverShape) -> ColliderBuilder {
+pub(crate) fn cover_collider(cover: &CoverShape) -> ColliderBuilder {
     let inner = cover.half.add_scalar(-cover.radius);
     ColliderBuilder::round_cuboid(inner.x, inner.y, inner.z, cover.radius)
         .position(convert::pose(&cover.link_from_cover))
@@ -89,7 +89,7 @@ fn cover_collider(cover: &CoverShape) -> ColliderBuilder {
         )
 }
 
-fn link_body(world: &Isometry3<f64>, mass: &MassProperties) -> RigidBodyBuilder {
+pub(crate) fn link_body(world: &Isometry3<f64>, mass: &MassProperties) -> RigidBodyBuilder {
     RigidBodyBuilder::dynamic().pose(convert::pose(world)).can_sleep(false).additional_mass_properties(
         rapier3d_f64::prelude::MassProperties::with_inertia_matrix(
             convert::point(&mass.com),

@@ -21,6 +21,8 @@ pub struct EngineSettings {
     /// Rolling resistance coefficient of objects on the table (lever arm of the normal force over the height of the centre of
     /// mass): balls on felt or a short carpet have 0.02 to 0.07. The engine has no rolling friction of its own.
     pub rolling_resistance: f64,
+    /// Gravity along -z, m/s2.
+    pub gravity: f64,
 }
 
 impl Default for EngineSettings {
@@ -32,6 +34,7 @@ impl Default for EngineSettings {
             contact_frequency: 240.0,
             table_friction: 0.5,
             rolling_resistance: 0.03,
+            gravity: 9.81,
         }
     }
 }
@@ -89,7 +92,7 @@ impl Engine {
     /// One time step under gravity.
     pub fn step(&mut self) {
         self.pipeline.step(
-            Vector::new(0.0, 0.0, -9.81),
+            Vector::new(0.0, 0.0, -self.settings.gravity),
             &self.parameters,
             &mut self.islands,
             &mut self.broad_phase,

@@ -20,7 +20,7 @@ use crate::tactile::TactileBoard;
 /// Physics steps in one control tick (240 Hz / 2 = 120 Hz).
 const STEPS_PER_TICK: usize = 2;
 /// Stiffness of the shaft between the opposition servo and the thumb's CMC joint, N m/rad.
-const OPPOSITION_STIFFNESS: f64 = 8.0;
+pub(crate) const OPPOSITION_STIFFNESS: f64 = 8.0;
 /// Damping of loose objects' spin, 1/s: what friction about the contacts' normals, which point contacts lack, would do.
 const OBJECT_ANGULAR_DAMPING: f64 = 1.0;
 
@@ -334,7 +334,7 @@ impl SimulatedRobot {
     }
 }
 
-fn insert_object(
+pub(crate) fn insert_object(
     engine: &mut Engine,
     placement: &ObjectPlacement,
 ) -> (Arc<ObjectModel>, RigidBodyHandle, ColliderHandle) {

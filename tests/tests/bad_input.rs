@@ -68,6 +68,42 @@ fn unreadable_mesh() {
     assert!(!out.exists(), "left an image behind");
 }
 
+/// A tetrahedron of edge `size`, with or without its last face.
+fn tetrahedron(size: f64, closed: bool) -> String {
+    let corners = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+    let vertices: String =
+        corners.iter().map(|[x, y, z]| format!("v {} {} {}\n", x * size, y * size, z * size)).collect();
+    let faces = "f 1 3 2\nf 1 2 4\nf 1 4 3\n";
+    format!("{vertices}{faces}{}", if closed { "f 2 3 4\n" } else { "" })
+}
+
+/// What cannot be grasped is refused with its reason, before anything is written.
+#[test]
+fn meshes_that_cannot_be_grasped() {
+    let folder = tempdir().expect("a folder");
+    let (mesh, out) = (folder.path().join("thing.obj"), folder.path().join("grasps.jsonl"));
+    let cases = [
+        (String::new(), "0 triangles"),
+        (tetrahedron(0.05, false), "3 triangles"),
+        (tetrahedron(0.002, true), "a largest extent of 2.00 mm"),
+        (tetrahedron(0.4, true), "a smallest extent of 400 mm"),
+        (tetrahedron(50.0, true), "millimetres"),
+    ];
+    for (content, reason) in cases {
+        fs::write(&mesh, content).expect("written");
+        let arguments = ["grasps", "generate", "--mesh", text(&mesh), "--n", "1", "--out", text(&out)];
+        refused(&arguments, &["--mesh", "thing.obj", reason]);
+        assert!(!out.exists(), "left a file behind");
+    }
+}
+
+#[test]
+fn grasps_of_nothing_known() {
+    refused(&["grasps", "generate", "--object", "teapot"], &["--object", "teapot", "golf_ball"]);
+    refused(&["grasps", "generate", "--object", "ball", "--contacts", "1"], &["--contacts", "`1`"]);
+    refused(&["grasps", "eval", "--object", "ball", "--n", "0"], &["--n", "at least 1"]);
+}
+
 #[test]
 fn urdf_with_a_missing_joint() {
     let folder = tempdir().expect("a folder");

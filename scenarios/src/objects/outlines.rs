@@ -126,3 +126,35 @@ pub fn gem() -> Vec<Point3<f64>> {
         })
         .collect()
 }
+
+/// A bulging vase with a narrow neck and a lip, 64 mm wide, 105 mm high.
+pub fn vase() -> Profile {
+    let outline = [
+        [18.0, 0.0],
+        [22.0, 6.0],
+        [29.0, 22.0],
+        [32.0, 40.0],
+        [28.0, 58.0],
+        [19.0, 74.0],
+        [15.0, 86.0],
+        [17.0, 98.0],
+        [21.0, 105.0],
+    ];
+    smooth(&outline, 3)
+}
+
+/// A small drinks bottle with a cap, 58 mm wide, 135 mm high.
+pub fn bottle() -> Profile {
+    let outline = [
+        [27.0, 0.0],
+        [29.0, 4.0],
+        [29.0, 40.0],
+        [29.0, 78.0],
+        [26.0, 92.0],
+        [18.0, 104.0],
+        [14.5, 114.0],
+        [15.0, 120.0],
+        [15.0, 135.0],
+    ];
+    smooth(&outline, 3)
+}

@@ -173,11 +173,50 @@ pub enum RoleArg {
     Second,
 }
 
+/// What grasps are synthesized for.
+#[derive(Debug, Args)]
+pub struct SynthesisArgs {
+    /// An object of the set.
+    #[arg(long, required_unless_present = "mesh", conflicts_with = "mesh")]
+    pub object: Option<String>,
+    /// A mesh of your own: watertight OBJ, in metres.
+    #[arg(long)]
+    pub mesh: Option<PathBuf>,
+    /// Contact points of a sample: a number, or a range taken in turn, such as 2-5.
+    #[arg(long, default_value = "5")]
+    pub contacts: String,
+    /// Keep the hand out of the table on which the object rests.
+    #[arg(long)]
+    pub table: bool,
+}
+
 /// `grasps` commands.
 #[derive(Debug, Subcommand)]
 pub enum GraspsCommand {
-    /// Find grasps for the scenario's objects by closing and holding them in physics.
+    /// Find grasps for an object by sampling; each is closed by its cables, verified and held in physics.
     Generate {
+        #[command(flatten)]
+        synthesis: SynthesisArgs,
+        /// Chains, each of which may leave one grasp.
+        #[arg(long, default_value_t = 512)]
+        n: u64,
+        /// Stop when so many different grasps are verified.
+        #[arg(long)]
+        keep: Option<usize>,
+        /// File for the verified grasps, JSON lines; it grows while the search runs.
+        #[arg(long)]
+        out: Option<PathBuf>,
+    },
+    /// Measure how well synthesis works: rates, negative controls, what predicts holding.
+    Eval {
+        #[command(flatten)]
+        synthesis: SynthesisArgs,
+        /// Chains.
+        #[arg(long, default_value_t = 128)]
+        n: u64,
+    },
+    /// Find the benchmark's repertoire of pick-ups for the scenario's objects by rehearsing them in physics.
+    Rehearse {
         /// Objects; default: all of the scenario.
         #[arg(long)]
         object: Vec<String>,

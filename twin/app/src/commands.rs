@@ -22,13 +22,14 @@ use crate::plan::{self, Plans};
 use crate::recording::Recording;
 use crate::trial::Bench;
 use crate::world::World;
-use crate::{calibrate, generate};
+use crate::{calibrate, generate, synthesis};
 
 /// The hand unit that runs the trials, and the one that photometric stereo was calibrated on.
 const HAND_UNIT: u64 = 7;
 const CALIBRATION_UNIT: u64 = 1;
 
-type Outcome = Result<Option<String>>;
+/// What a command came to: nothing to say, or in which respect its result falls short.
+pub type Outcome = Result<Option<String>>;
 
 /// Runs a command.
 pub fn run(cli: &Cli) -> Outcome {
@@ -38,8 +39,12 @@ pub fn run(cli: &Cli) -> Outcome {
         Command::View { path } => view(path),
         Command::Report { folders, out } => report(cli, folders, out.as_deref()),
         Command::Hand(HandCommand::Check { urdf }) => hand_check(cli, urdf.as_deref()),
-        Command::Grasps(GraspsCommand::Generate { object, role, n, out }) => {
-            grasps_generate(cli, object, *role, *n, out)
+        Command::Grasps(GraspsCommand::Generate { synthesis, n, keep, out }) => {
+            synthesis::generate(cli, synthesis, *n, *keep, out.as_deref())
+        }
+        Command::Grasps(GraspsCommand::Eval { synthesis, n }) => synthesis::eval(cli, synthesis, *n),
+        Command::Grasps(GraspsCommand::Rehearse { object, role, n, out }) => {
+            grasps_rehearse(cli, object, *role, *n, out)
         }
         Command::Grasps(GraspsCommand::Plan { combos, repertoire, out }) => {
             grasps_plan(cli, *combos, repertoire.as_deref(), out)
@@ -334,7 +339,7 @@ fn hand_check(cli: &Cli, urdf: Option<&Path>) -> Outcome {
     Ok(rows.iter().find(|row| !row.3).map(|row| format!("{}: {} instead of {}", row.0, row.1, row.2)))
 }
 
-fn grasps_generate(cli: &Cli, objects: &[String], role: Option<RoleArg>, n: u32, out: &Path) -> Outcome {
+fn grasps_rehearse(cli: &Cli, objects: &[String], role: Option<RoleArg>, n: u32, out: &Path) -> Outcome {
     let roles = match role {
         Some(RoleArg::First) => vec![Role::First],
         Some(RoleArg::Second) => vec![Role::Second],
@@ -346,7 +351,7 @@ fn grasps_generate(cli: &Cli, objects: &[String], role: Option<RoleArg>, n: u32,
         world.object(name)?;
     }
     let mut repertoire = if out.exists() { grasping::Repertoire::read(out)? } else { grasping::Repertoire::default() };
-    repertoire.command = format!("ftac grasps generate --n {n} --seed {}", cli.seed);
+    repertoire.command = format!("ftac grasps rehearse --n {n} --seed {}", cli.seed);
     repertoire.seed = cli.seed;
     let effort = Effort { proposals: n, variations: n / 2, keep_first: 4, keep_second: 14 };
     generate::generate(

@@ -1,4 +1,4 @@
-//! `ftac grasps generate`: fills the repertoire. Random proposals are closed and held in physics, those that hold are tried
+//! `ftac grasps rehearse`: fills the repertoire. Random proposals are closed and held in physics, those that hold are tried
 //! again under the scenario's noise and varied, and what is left is ranked by the share of tries that held.
 
 use anyhow::{Context, Result};

@@ -12,6 +12,7 @@ mod plan;
 mod recording;
 mod rehearsal;
 mod report;
+mod synthesis;
 mod trial;
 mod world;
 

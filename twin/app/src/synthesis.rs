@@ -1,0 +1,103 @@
+//! `ftac grasps generate` and `eval`: grasps for any object, sampled, closed by cables and held in physics.
+//!
+//! [`subject`] makes an object ready for sampling, [`closing`] takes a sampled posture to a closed grasp, [`checks`] verifies
+//! it, [`search`] runs chains and keeps what was found, [`evaluation`] measures how well all that works.
+
+mod checks;
+mod closing;
+mod evaluation;
+mod search;
+mod subject;
+
+use std::path::Path;
+
+use anyhow::{Result, bail};
+use grasping::synthesis::held::{Header, HeldWriter, VERSION};
+
+use self::evaluation::Rate;
+use self::search::{Request, Workshop};
+use self::subject::Subject;
+use crate::cli::{Cli, SynthesisArgs};
+use crate::commands::Outcome;
+
+fn workshop(cli: &Cli, args: &SynthesisArgs, n: u64, enough: usize) -> Result<Workshop> {
+    if n == 0 {
+        bail!("--n: found 0, expected at least 1");
+    }
+    let contacts = search::parse_contacts(&args.contacts)?;
+    let subject = match (&args.object, &args.mesh) {
+        (Some(name), _) => Subject::named(name)?,
+        (None, Some(path)) => Subject::from_mesh(path)?,
+        (None, None) => bail!("--object: found none, expected an object's name or --mesh FILE"),
+    };
+    Ok(Workshop::new(subject, Request { chains: n, enough, contacts, seed: cli.seed, table: args.table }))
+}
+
+/// `ftac grasps generate`.
+pub fn generate(cli: &Cli, args: &SynthesisArgs, n: u64, keep: Option<usize>, out: Option<&Path>) -> Outcome {
+    if let Some(out) = out {
+        search::check_writable(out)?;
+    }
+    let workshop = workshop(cli, args, n, keep.unwrap_or(usize::MAX))?;
+    let what = match (&args.object, &args.mesh) {
+        (Some(name), _) => format!("--object {name}"),
+        (None, mesh) => format!("--mesh {}", mesh.as_deref().unwrap_or(Path::new("")).display()),
+    };
+    let mut options = keep.map_or(String::new(), |keep| format!(" --keep {keep}"));
+    options += if args.table { " --table" } else { "" };
+    let command =
+        format!("ftac grasps generate {what} --n {n} --contacts {}{options} --seed {}", args.contacts, cli.seed);
+    let header = Header { version: VERSION, command, seed: cli.seed };
+    let writer = out.map(|path| HeldWriter::create(path, &header)).transpose()?;
+    let report = search::search(&workshop, writer, cli.quiet || cli.json)?;
+    if cli.json {
+        println!("{}", serde_json::to_string(&report)?);
+    } else {
+        let share = |count: u64| format!("{count:5} ({:.1} %)", 100.0 * count as f64 / report.requested as f64);
+        println!(
+            "{}: {} chains, {:.1} s, {:.0} grasp-steps/s per thread",
+            report.object, report.requested, report.wall_s, report.grasp_steps_per_s
+        );
+        println!("closed            {}", share(report.found));
+        println!("  blocked         {}", share(report.blocked));
+        println!("  pushed away     {}", share(report.pushed_away));
+        println!("(a) cone program  {}", share(report.verified.a));
+        println!("(b) penetration   {}", share(report.verified.b));
+        println!("(c) held          {}", share(report.verified.c));
+        println!("all three         {}", share(report.verified.all));
+        println!("kept              {:5}, without {} near duplicates", report.kept, report.duplicates);
+        let digits: Vec<String> = report.digits.iter().map(|(name, count)| format!("{name} {count}")).collect();
+        println!("digits            {}", digits.join(", "));
+    }
+    Ok((report.verified.all == 0).then(|| format!("no grasp of {} was verified in {n} chains", report.object)))
+}
+
+/// `ftac grasps eval`.
+pub fn eval(cli: &Cli, args: &SynthesisArgs, n: u64) -> Outcome {
+    let workshop = workshop(cli, args, n, usize::MAX)?;
+    let evaluation = evaluation::evaluate(&workshop, n)?;
+    if cli.json {
+        println!("{}", serde_json::to_string(&evaluation)?);
+    } else {
+        let row = |name: &str, rate: &Rate| match rate.rate {
+            Some(p) => {
+                let (p, low, high) = (100.0 * p, 100.0 * rate.low, 100.0 * rate.high);
+                println!("{name:24} {:5} of {:5} = {p:5.1} % [{low:.1}, {high:.1}]", rate.count, rate.of);
+            }
+            None => println!("{name:24} nothing to count"),
+        };
+        println!("{}: rates with Wilson 95 % intervals, {:.1} s", evaluation.object, evaluation.wall_s);
+        row("closed", &evaluation.found);
+        for (name, rate) in &evaluation.verified {
+            row(name, rate);
+        }
+        for (name, rate) in &evaluation.controls {
+            row(&format!("control {name}: held"), rate);
+        }
+        for (name, area) in &evaluation.roc_area {
+            println!("ROC area of {name:12} {}", area.map_or("-".into(), |area| format!("{area:.3}")));
+        }
+    }
+    let fooled = evaluation.controls.iter().find(|(_, rate)| rate.low > 0.5);
+    Ok(fooled.map(|(name, rate)| format!("the negative control {name} held {} of {}", rate.count, rate.of)))
+}

@@ -1,0 +1,101 @@
+//! What a closed grasp has to pass: (a) the friction-cone program, (b) penetration, (c) holding against forces in physics.
+
+use anyhow::Result;
+use grasping::force_closure::{Contact, wrench_margin};
+use grasping::synthesis::surface::HandSurface;
+use hand_model::Hand;
+use hand_model::hand::CoverShape;
+use nalgebra::{Isometry3, Point3, Vector3};
+use sim::hand_scene::{HandScene, Pull, displacement};
+
+use super::closing::Closed;
+use super::subject::{Subject, TEST_FRICTION, TEST_MASS};
+
+/// (a) The margin has to be at least the force of the holding test, N.
+pub const LEAST_MARGIN: f64 = 10.0 * TEST_MASS;
+/// Force limit of the friction-cone program: all normal forces together, N (the paper's total grasp force).
+pub const TOTAL_FORCE: f64 = 10.3;
+/// (b) m.
+pub const MOST_PENETRATION: f64 = 1e-3;
+/// (c) Time for each direction, s, and how far the object may move: m, rad.
+pub const HOLD_TIME: f64 = 2.0;
+const MOST_MOTION: (f64, f64) = (0.05, 15.0 * std::f64::consts::PI / 180.0);
+
+/// The wrench margin of the contacts that touch, N.
+pub fn margin(subject: &Subject, closed: &Closed) -> Result<f64> {
+    let contacts: Vec<Contact> = closed
+        .touches
+        .iter()
+        .map(|touch| Contact { point: touch.point, normal: touch.normal, friction: TEST_FRICTION })
+        .collect();
+    let center = closed.scene.object() * subject.field.center;
+    Ok(wrench_margin(&contacts, &center, subject.field.length, TOTAL_FORCE)?)
+}
+
+/// The deepest penetration of the closed grasp, m: points of the hand in the object, and points of the object in the hand.
+pub fn penetration(hand: &Hand, surface: &HandSurface, subject: &Subject, closed: &Closed) -> f64 {
+    let palm_from_object = closed.scene.object();
+    let object_from_palm = palm_from_object.inverse();
+    let links = hand.tree.forward(closed.scene.angles());
+    let pose = |link: usize| if link == 0 { Isometry3::identity() } else { links[link - 1] };
+    let mut deepest = 0.0_f64;
+    for (link, own) in surface.links.iter().enumerate() {
+        let object_from_link = object_from_palm * pose(link);
+        for p in &own.points {
+            let (rough, _) = subject.field.distance_gradient(&(object_from_link * Point3::from(*p)).coords);
+            // The grid is off by some hundredths of a millimetre on a face, by more at an edge: ask the shape itself.
+            if rough < 1e-3 {
+                let (distance, _) = subject.model.shape.signed_distance(&(object_from_link * Point3::from(*p)));
+                deepest = deepest.max(-distance);
+            }
+        }
+        let cover = if link == 0 { &hand.palm_cover } else { &hand.covers[link - 1] };
+        let cover_from_object = (pose(link) * cover.link_from_cover).inverse() * palm_from_object;
+        for p in &subject.surface {
+            deepest = deepest.max(-cover_distance(cover, &(cover_from_object * p)));
+        }
+    }
+    deepest
+}
+
+/// Signed distance to a rounded box in its own frame, m.
+fn cover_distance(cover: &CoverShape, p: &Point3<f64>) -> f64 {
+    let q = p.coords.abs() - cover.half.add_scalar(-cover.radius);
+    q.map(|x| x.max(0.0)).norm() + q.max().min(0.0) - cover.radius
+}
+
+/// How a holding test went.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Hold {
+    /// Within the limits in all six directions.
+    pub held: bool,
+    /// Largest motion, m.
+    pub distance: f64,
+    /// Largest turn, rad.
+    pub angle: f64,
+}
+
+/// (c) The DexGraspBench protocol: from the closed grasp, a force of 10 m N along each of the six axes for 2 s each, every time
+/// from the same state; stops at the first direction that fails. Motion counts from the closed grasp.
+pub fn hold(scene: &HandScene, pull: &Pull) -> Hold {
+    let start = scene.object();
+    let mut worst = Hold { held: true, distance: 0.0, angle: 0.0 };
+    for direction in 0..6 {
+        let sign = if direction % 2 == 0 { 1.0 } else { -1.0 };
+        let force = Vector3::ith(direction / 2, sign * 10.0 * TEST_MASS);
+        let mut scene = scene.clone();
+        let steps = (HOLD_TIME / scene.dt()).round() as usize;
+        for step in 1..=steps {
+            scene.step(pull, &force);
+            if step % 24 == 0 || step == steps {
+                let (distance, angle) = displacement(&start, &scene.object());
+                worst.distance = worst.distance.max(distance);
+                worst.angle = worst.angle.max(angle);
+                if distance > MOST_MOTION.0 || angle > MOST_MOTION.1 {
+                    return Hold { held: false, ..worst };
+                }
+            }
+        }
+    }
+    worst
+}

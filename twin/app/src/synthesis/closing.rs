@@ -1,0 +1,106 @@
+//! From a sampled posture to a closed grasp: open clear of the object, pull, and see what touches.
+//!
+//! The palm stands still and the object floats. While the digits close, the object's motion is damped, as a table or a slowly
+//! closing hand would; once they have, the damping goes and the grasp has to come to rest by itself.
+
+use std::sync::Arc;
+
+use grasping::synthesis::chain::Sample;
+use grasping::synthesis::frames::Frames;
+use grasping::synthesis::posture::{Opened, open_clear};
+use grasping::synthesis::surface::HandSurface;
+use hand_model::{Digit, Hand};
+use nalgebra::{Isometry3, Vector3};
+use sim::hand_scene::{HandScene, Pull, Touch, displacement};
+
+use super::subject::Subject;
+
+/// Tension of a digit that closes, N.
+const CLOSE_TENSION: f64 = 30.0;
+/// The tension rises over this time, then there is time to come to rest, s.
+const RISE: f64 = 0.4;
+const SETTLE_DAMPED: f64 = 0.3;
+const SETTLE_FREE: f64 = 0.3;
+/// Damping of the object while the digits close, 1/s.
+const DAMPING: f64 = 100.0;
+
+/// An object that moves further than this while the digits close was pushed away, not grasped: m, rad.
+const PUSHED_AWAY: (f64, f64) = (0.03, 0.6);
+
+/// A closed grasp, at rest.
+#[derive(Clone)]
+pub struct Closed {
+    /// Scene at rest; cloned for every test.
+    pub scene: HandScene,
+    /// What pulls.
+    pub pull: Pull,
+    /// Where it started.
+    pub opened: Opened,
+    /// `palm_from_object` before closing.
+    pub start: Isometry3<f64>,
+    /// How far the object moved while the digits closed: m, rad.
+    pub moved: (f64, f64),
+    /// What touches.
+    pub touches: Vec<Touch>,
+}
+
+/// Why a sample did not become a closed grasp.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum NotClosed {
+    /// Palm or a digit cannot be cleared of the object.
+    Blocked,
+    /// The closing digits pushed the object away.
+    PushedAway,
+}
+
+/// Digits that a sample's contact points are on.
+fn digits(surface: &HandSurface, contacts: &[usize]) -> Vec<Digit> {
+    Digit::ALL
+        .into_iter()
+        .filter(|digit| {
+            contacts.iter().any(|c| digit.joints().iter().any(|joint| joint + 1 == surface.candidates[*c].link))
+        })
+        .collect()
+}
+
+/// Closes `sample` on the object: the digits with contact points pull, the others hold their open posture.
+pub fn close(
+    hand: &Arc<Hand>,
+    surface: &HandSurface,
+    subject: &Subject,
+    sample: &Sample,
+    frames: &mut Frames,
+) -> Result<Closed, NotClosed> {
+    let opened = open_clear(hand, surface, &subject.field, frames, &sample.state).ok_or(NotClosed::Blocked)?;
+    let start = opened.state.object_from_palm.inverse();
+    let mut scene = HandScene::new(hand, &subject.model, &start, &opened.open.joints);
+    let before = opened.open.tensions;
+    let used = digits(surface, &sample.contacts);
+    let after: [f64; 5] =
+        std::array::from_fn(|n| if used.contains(&Digit::ALL[n]) { CLOSE_TENSION } else { before[n] });
+    scene.set_object_damping(DAMPING);
+    let steps = |time: f64| (time / scene.dt()).round() as usize;
+    let (rise, damped, free) = (steps(RISE), steps(SETTLE_DAMPED), steps(SETTLE_FREE));
+    let mut pull = Pull { tensions: before, opposition: opened.open.opposition };
+    for step in 0..rise + damped + free {
+        let part = (step as f64 / rise as f64).min(1.0);
+        pull.tensions = std::array::from_fn(|n| before[n] + part * (after[n] - before[n]));
+        if step == rise + damped {
+            scene.set_object_damping(0.0);
+        }
+        scene.step(&pull, &Vector3::zeros());
+        if step % 24 == 0 && pushed_away(displacement(&start, &scene.object())) {
+            return Err(NotClosed::PushedAway);
+        }
+    }
+    let moved = displacement(&start, &scene.object());
+    if pushed_away(moved) {
+        return Err(NotClosed::PushedAway);
+    }
+    let touches = scene.touches();
+    Ok(Closed { scene, pull, opened, start, moved, touches })
+}
+
+fn pushed_away(moved: (f64, f64)) -> bool {
+    moved.0 > PUSHED_AWAY.0 || moved.1 > PUSHED_AWAY.1
+}

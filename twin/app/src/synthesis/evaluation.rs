@@ -1,0 +1,158 @@
+//! `ftac grasps eval`: rates with intervals, negative controls, and how well each metric predicts that a grasp holds.
+//!
+//! Nothing is selected: every chain's one sample is closed if it can be, and every closed grasp takes every check.
+
+use std::collections::BTreeMap;
+use std::time::Instant;
+
+use anyhow::Result;
+use rayon::prelude::*;
+use serde::Serialize;
+use sim::hand_scene::Pull;
+
+use super::checks;
+use super::search::{ChainResult, Workshop};
+
+/// Friction coefficient of the slippery control.
+const SLIPPERY: f64 = 0.1;
+/// Standard normal quantile of a two-sided 95 % interval.
+const Z: f64 = 1.959_963_984_540_054;
+
+/// A rate with its Wilson 95 % interval.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Rate {
+    /// Successes.
+    pub count: u64,
+    /// Trials.
+    pub of: u64,
+    /// count / of; none without trials.
+    pub rate: Option<f64>,
+    /// Lower end.
+    pub low: f64,
+    /// Upper end.
+    pub high: f64,
+}
+
+impl Rate {
+    /// `count` successes in `of` trials.
+    pub fn new(count: u64, of: u64) -> Self {
+        if of == 0 {
+            return Self { count, of, rate: None, low: 0.0, high: 1.0 };
+        }
+        let (n, p) = (of as f64, count as f64 / of as f64);
+        let scale = 1.0 / (1.0 + Z * Z / n);
+        let center = scale * (p + Z * Z / (2.0 * n));
+        let half = scale * Z * (p * (1.0 - p) / n + Z * Z / (4.0 * n * n)).sqrt();
+        Self { count, of, rate: Some(p), low: (center - half).max(0.0), high: (center + half).min(1.0) }
+    }
+}
+
+/// Area under the ROC curve: the chance that a random success scores higher than a random failure, ties counting half. None
+/// without both.
+pub fn roc_area(scored: &[(f64, bool)]) -> Option<f64> {
+    let (mut pairs, mut wins) = (0u64, 0.0);
+    for (good, _) in scored.iter().filter(|(_, held)| *held) {
+        for (bad, _) in scored.iter().filter(|(_, held)| !*held) {
+            pairs += 1;
+            wins += match good.total_cmp(bad) {
+                std::cmp::Ordering::Greater => 1.0,
+                std::cmp::Ordering::Equal => 0.5,
+                std::cmp::Ordering::Less => 0.0,
+            };
+        }
+    }
+    (pairs > 0).then(|| wins / pairs as f64)
+}
+
+/// What `eval` prints.
+#[derive(Debug, Clone, Serialize)]
+pub struct Evaluation {
+    /// Object.
+    pub object: String,
+    /// Chains that ended in a closed grasp.
+    pub found: Rate,
+    /// (a), (b), (c) and all three, of all chains.
+    pub verified: BTreeMap<&'static str, Rate>,
+    /// The holding test on the grasps that passed it, without tension and with little friction: should fail.
+    pub controls: BTreeMap<&'static str, Rate>,
+    /// Area under the ROC curve of each metric for holding, over the closed grasps.
+    pub roc_area: BTreeMap<&'static str, Option<f64>>,
+    /// s.
+    pub wall_s: f64,
+}
+
+struct Row {
+    verdicts: [bool; 3],
+    metrics: [f64; 5],
+    controls: Option<[bool; 2]>,
+}
+
+/// Metric names, in the order of `Row::metrics`; all are higher for better grasps.
+const METRICS: [&str; 5] = ["margin", "energy", "balance", "total_force", "contacts"];
+
+fn row(result: ChainResult) -> Option<Row> {
+    let checked = result.end.ok()?;
+    let verdicts = checked.verdicts();
+    let terms = &checked.sample.terms;
+    let touches = &checked.closed.touches;
+    let controls = verdicts[2].then(|| {
+        let slack = Pull { tensions: [0.0; 5], ..checked.closed.pull };
+        let mut slippery = checked.closed.scene.clone();
+        slippery.set_friction(SLIPPERY);
+        [checks::hold(&checked.closed.scene, &slack).held, checks::hold(&slippery, &checked.closed.pull).held]
+    });
+    let force = touches.iter().map(|touch| touch.force).sum();
+    let metrics = [checked.margin, -terms.total, -terms.balance, force, touches.len() as f64];
+    Some(Row { verdicts, metrics, controls })
+}
+
+/// Runs `chains` chains and evaluates them.
+pub fn evaluate(workshop: &Workshop, chains: u64) -> Result<Evaluation> {
+    let start = Instant::now();
+    let rows: Vec<Option<Row>> =
+        (0..chains).into_par_iter().map(|chain| Ok(row(workshop.run(chain)?))).collect::<Result<_>>()?;
+    let closed: Vec<&Row> = rows.iter().flatten().collect();
+    let rate =
+        |passed: &dyn Fn(&Row) -> bool| Rate::new(closed.iter().filter(|row| passed(row)).count() as u64, chains);
+    let control = |n: usize| {
+        let tried: Vec<bool> = closed.iter().filter_map(|row| row.controls.map(|held| held[n])).collect();
+        Rate::new(tried.iter().filter(|held| **held).count() as u64, tried.len() as u64)
+    };
+    let area = |n: usize| roc_area(&closed.iter().map(|row| (row.metrics[n], row.verdicts[2])).collect::<Vec<_>>());
+    Ok(Evaluation {
+        object: workshop.subject.model.name.clone(),
+        found: Rate::new(closed.len() as u64, chains),
+        verified: BTreeMap::from([
+            ("a", rate(&|row| row.verdicts[0])),
+            ("b", rate(&|row| row.verdicts[1])),
+            ("c", rate(&|row| row.verdicts[2])),
+            ("all", rate(&|row| row.verdicts == [true; 3])),
+        ]),
+        controls: BTreeMap::from([("no_tension", control(0)), ("friction_0.1", control(1))]),
+        roc_area: METRICS.iter().enumerate().map(|(n, name)| (*name, area(n))).collect(),
+        wall_s: start.elapsed().as_secs_f64(),
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Known Wilson intervals (tables): 0 of 10, 5 of 10, 287 of 512.
+    #[test]
+    fn wilson_intervals() {
+        for (count, of, low, high) in [(0, 10, 0.0, 0.2775), (5, 10, 0.2366, 0.7634), (287, 512, 0.5173, 0.6029)] {
+            let rate = Rate::new(count, of);
+            assert!((rate.low - low).abs() < 5e-4 && (rate.high - high).abs() < 5e-4, "{rate:?}");
+        }
+        assert_eq!(Rate::new(0, 0).rate, None);
+    }
+
+    #[test]
+    fn areas_under_known_curves() {
+        let scored = [(0.1, false), (0.4, false), (0.35, true), (0.8, true)];
+        assert_eq!(roc_area(&scored), Some(0.75));
+        assert_eq!(roc_area(&[(1.0, true), (1.0, false)]), Some(0.5));
+        assert_eq!(roc_area(&[(1.0, true)]), None);
+    }
+}

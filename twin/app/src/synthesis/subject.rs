@@ -1,0 +1,105 @@
+//! An object made ready for sampling: its distance field, its surface, and its stand-in for the holding test.
+
+use std::path::Path;
+use std::sync::Arc;
+
+use anyhow::{Context, Result, anyhow, bail};
+use grasping::synthesis::field::DistanceField;
+use nalgebra::{Point3, UnitQuaternion};
+use scenarios::geometry::{Mesh, Shape};
+use scenarios::objects::{ObjectModel, ObjectSet, Symmetry};
+
+/// Mass in the holding test, kg (DexGraspBench).
+pub const TEST_MASS: f64 = 0.1;
+/// Friction coefficient in the holding test (DexGraspBench).
+pub const TEST_FRICTION: f64 = 0.6;
+/// Cells of the distance field: this small where the object allows, m; never more than this many along its longest side.
+const FINEST_CELL: f64 = 2.0e-3;
+const MOST_CELLS: f64 = 80.0;
+/// The field reaches this far beyond the object, m.
+const MARGIN: f64 = 0.02;
+/// Points on the object's surface, for measuring penetration.
+const SURFACE_POINTS: usize = 800;
+/// A mesh with more triangles is refused, m: its field and its convex parts would take minutes.
+const MOST_TRIANGLES: usize = 100_000;
+/// What the hand can take: the smallest extent is at most its opening, the largest at least a fingertip's width, m.
+const WIDEST: f64 = 0.11;
+const SMALLEST: f64 = 0.008;
+/// A mesh file may be this large, bytes.
+const LARGEST_FILE: u64 = 64 << 20;
+
+/// An object ready for sampling.
+pub struct Subject {
+    /// As it is tested: mass and friction of the protocol.
+    pub model: Arc<ObjectModel>,
+    /// Its distance field.
+    pub field: DistanceField,
+    /// Points on its surface.
+    pub surface: Vec<Point3<f64>>,
+}
+
+impl Subject {
+    /// An object of the set.
+    pub fn named(name: &str) -> Result<Self> {
+        let set = ObjectSet::repertoire();
+        let Some(object) = set.get(name) else {
+            bail!("--object: no object is called `{name}`; known are: {}", set.names().join(", "));
+        };
+        Self::new(ObjectModel { mass: TEST_MASS, friction: TEST_FRICTION, ..(**object).clone() })
+    }
+
+    /// A user's mesh, in metres, of the density that makes it weigh what the test wants.
+    pub fn from_mesh(path: &Path) -> Result<Self> {
+        let size = std::fs::metadata(path).with_context(|| format!("--mesh {}", path.display()))?.len();
+        if size > LARGEST_FILE {
+            bail!("--mesh {}: found {} MB, expected at most {} MB", path.display(), size >> 20, LARGEST_FILE >> 20);
+        }
+        // The error's own text has its cause in it already.
+        let mesh = Mesh::read_obj(path).map_err(|error| anyhow!("--mesh: {error}"))?;
+        let refuse =
+            |found: String, expected: &str| bail!("--mesh {}: found {found}, expected {expected}", path.display());
+        if mesh.triangles().len() > MOST_TRIANGLES {
+            return refuse(
+                format!("{} triangles", mesh.triangles().len()),
+                "at most 100000 (simplify it: grasps do not need more)",
+            );
+        }
+        let (low, high) = mesh.aabb();
+        let extent = high - low;
+        if extent.min() > WIDEST {
+            return refuse(
+                format!("a smallest extent of {:.0} mm", 1e3 * extent.min()),
+                "at most 110 mm: the hand does not open wider",
+            );
+        }
+        if extent.max() < SMALLEST {
+            return refuse(
+                format!("a largest extent of {:.2} mm", 1e3 * extent.max()),
+                "at least 8 mm: it would vanish between two fingertips (is the file in metres?)",
+            );
+        }
+        // The frame moves to the centre of mass, as it is for all objects.
+        let mesh = mesh.centered().with_context(|| format!("--mesh {}", path.display()))?;
+        let name = path.file_stem().map_or("mesh".into(), |stem| stem.to_string_lossy().into_owned());
+        Self::new(ObjectModel {
+            name,
+            shape: Shape::Mesh(Arc::new(mesh)),
+            mass: TEST_MASS,
+            friction: TEST_FRICTION,
+            color: [160, 160, 160],
+            rest: UnitQuaternion::identity(),
+            symmetry: Symmetry::None,
+        })
+    }
+
+    fn new(model: ObjectModel) -> Result<Self> {
+        let (low, high) = model.shape.aabb();
+        let cell = FINEST_CELL.max((high - low).max() / MOST_CELLS);
+        let (center, _) = model.shape.inertia(model.mass);
+        let field =
+            DistanceField::sample(&low, &high, &center, cell, MARGIN, |point| model.shape.signed_distance(point))
+                .with_context(|| format!("the distance field of {}", model.name))?;
+        let surface = model.shape.surface_samples(SURFACE_POINTS);
+        Ok(Self { model: Arc::new(model), field, surface })
+    }
+}

@@ -1,0 +1,17 @@
+//! New grasps for any object by sampling: the paper's grasp energy under a Metropolis-adjusted Langevin chain.
+//!
+//! The story in order: [`field`] is the object, sampled once as signed distance and normal; [`surface`] is the hand's skin and
+//! where it may touch; [`frames`] puts the skin on the object and brings forces back to pose and joints; [`closure_energy`]
+//! scores contact points for force closure and [`energy`] adds everything else a grasp must be; [`langevin`] is the sampler's
+//! kernel and [`chain`] runs it from a random start to a posture; [`posture`] projects that to what cables and springs can
+//! hold and opens it clear of the object. Closing it in physics is the program's part; [`held`] is what comes of it.
+
+pub mod chain;
+pub mod closure_energy;
+pub mod energy;
+pub mod field;
+pub mod frames;
+pub mod held;
+pub mod langevin;
+pub mod posture;
+pub mod surface;

@@ -1,0 +1,244 @@
+//! One chain: start on the object's outside, anneal, sample.
+//!
+//! An iteration either moves pose and joints by a Langevin proposal ([`super::langevin`]) or replaces one contact point by a
+//! uniform draw from the candidates, a symmetric proposal with a Metropolis decision of its own. While the temperature falls
+//! (burn-in) the chain learns its preconditioner and step; at the final temperature both are frozen and the chain samples
+//! exp(-E / T) proper. Nothing is shared between chains: a chain is its seed.
+
+use nalgebra::{Isometry3, Rotation3, Translation3, UnitQuaternion, Vector3};
+use rand::{Rng, RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+
+use super::energy::{GraspEnergy, Terms};
+use super::frames::{Frames, HandState};
+use super::langevin::{Langevin, normal};
+
+/// How a chain runs.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Schedule {
+    /// Iterations while the temperature falls.
+    pub burn_in: usize,
+    /// Iterations at the final temperature.
+    pub steady: usize,
+    /// Temperature at the start.
+    pub hot: f64,
+    /// Final temperature.
+    pub cold: f64,
+    /// Share of the iterations that replace a contact point.
+    pub contact_share: f64,
+}
+
+impl Default for Schedule {
+    fn default() -> Self {
+        Self { burn_in: 3000, steady: 400, hot: 2.0, cold: 0.02, contact_share: 0.3 }
+    }
+}
+
+/// Noise at step 1 is never wider than this: m, rad, rad.
+const WIDEST: [f64; 3] = [0.01, 0.15, 0.2];
+/// Face of the palm over the palm frame's origin, along z, m.
+const PALM_FACE: f64 = 0.0156;
+
+/// One sample.
+#[derive(Debug, Clone)]
+pub struct Sample {
+    /// Pose and joints.
+    pub state: HandState,
+    /// Contact candidates.
+    pub contacts: Vec<usize>,
+    /// Its energy.
+    pub terms: Terms,
+}
+
+/// What a chain leaves.
+#[derive(Debug, Clone)]
+pub struct ChainEnd {
+    /// Lowest energy at the final temperature.
+    pub best: Sample,
+    /// Share of accepted Langevin proposals at the final temperature.
+    pub acceptance: f64,
+    /// Iterations done.
+    pub steps: usize,
+}
+
+/// Generator of chain number `chain`.
+pub fn stream(seed: u64, chain: u64) -> ChaCha8Rng {
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    rng.set_stream(chain);
+    rng
+}
+
+/// A random start: the palm faces the object from a random side at a small distance, the object somewhere between wrist and
+/// fingertips, joints half open around a random mean.
+pub fn start(energy: &GraspEnergy, rng: &mut impl Rng) -> HandState {
+    let mut spare = None;
+    let away = Vector3::from_fn(|_, _| normal(rng, &mut spare)).normalize();
+    // The palm's z points away from the object; x and y are turned at random about it.
+    let facing = UnitQuaternion::rotation_between(&Vector3::z(), &away)
+        .unwrap_or_else(|| UnitQuaternion::from_axis_angle(&Vector3::x_axis(), std::f64::consts::PI));
+    let roll = Rotation3::from_axis_angle(&Vector3::z_axis(), rng.random_range(0.0..std::f64::consts::TAU));
+    let tilt = Vector3::from_fn(|_, _| 0.2 * normal(rng, &mut spare));
+    let rotation = UnitQuaternion::from_scaled_axis(tilt) * facing * UnitQuaternion::from_rotation_matrix(&roll);
+    let (low, high) = energy.field.extent();
+    let reach = support(&low.coords, &high.coords, &energy.field.center.coords, &away);
+    let center_in_palm = Vector3::new(
+        rng.random_range(-0.03..0.03),
+        rng.random_range(-0.06..0.05),
+        PALM_FACE - reach - rng.random_range(0.0..0.05),
+    );
+    let translation = energy.field.center.coords - rotation * center_in_palm;
+    let mean = rng.random_range(0.15..0.9);
+    let joints = energy
+        .limits()
+        .iter()
+        .map(|&(lower, upper)| {
+            let q = lower + (upper - lower) * mean + 0.1 * (upper - lower) * normal(rng, &mut spare);
+            q.clamp(lower, upper)
+        })
+        .collect();
+    HandState { object_from_palm: Isometry3::from_parts(Translation3::from(translation), rotation), joints }
+}
+
+/// How far a box reaches from `center` along `direction`.
+fn support(low: &Vector3<f64>, high: &Vector3<f64>, center: &Vector3<f64>, direction: &Vector3<f64>) -> f64 {
+    (0..3)
+        .map(|axis| {
+            let corner = if direction[axis] > 0.0 { high[axis] } else { low[axis] };
+            (corner - center[axis]) * direction[axis]
+        })
+        .sum()
+}
+
+/// Runs a chain from a random start with `contacts` contact points.
+///
+/// # Panics
+/// With more contacts than the energy takes, or none.
+pub fn run(
+    energy: &GraspEnergy,
+    frames: &mut Frames,
+    contacts: usize,
+    schedule: &Schedule,
+    rng: &mut impl Rng,
+) -> ChainEnd {
+    let candidates = energy.surface.candidates.len();
+    let mut state = start(energy, rng);
+    let mut held: Vec<usize> = (0..contacts).map(|_| rng.random_range(0..candidates)).collect();
+    let freedom = state.freedom();
+    let (mut gradient, mut there) = (vec![0.0; freedom], vec![0.0; freedom]);
+    let mut displacement = vec![0.0; freedom];
+    let mut next = state.clone();
+    let widest: Vec<f64> = (0..freedom).map(|n| WIDEST[(n / 3).min(2)]).collect();
+    let mut kernel = Langevin::new(0.5, &widest, schedule.hot);
+    let mut terms = energy.evaluate(&state, &held, frames, &mut gradient);
+    // Whether `frames` stands at `state` (a rejected proposal leaves it elsewhere).
+    let mut placed = true;
+    let mut best: Option<Sample> = None;
+    let (mut proposed, mut accepted) = (0usize, 0usize);
+    let cooling = (schedule.cold / schedule.hot).powf(1.0 / schedule.burn_in.max(1) as f64);
+    for step in 0..schedule.burn_in + schedule.steady {
+        let learning = step < schedule.burn_in;
+        let temperature = if learning { schedule.hot * cooling.powi(step as i32) } else { schedule.cold };
+        if rng.random::<f64>() < schedule.contact_share {
+            let (slot, candidate) = (rng.random_range(0..contacts), rng.random_range(0..candidates));
+            if !placed {
+                frames.place(&state);
+                placed = true;
+            }
+            let before = terms.closure + terms.distance + terms.facing;
+            let old = std::mem::replace(&mut held[slot], candidate);
+            let after = energy.contact_energy(&held, frames);
+            if rng.random::<f64>().ln() < (before - after) / temperature {
+                terms = energy.evaluate(&state, &held, frames, &mut gradient);
+            } else {
+                held[slot] = old;
+                placed = false;
+            }
+        } else {
+            kernel.propose(&gradient, temperature, rng, &mut displacement);
+            next.set_moved(&state, &displacement);
+            let reached = energy.evaluate(&next, &held, frames, &mut there);
+            let log = kernel.log_ratio((terms.total, &gradient), (reached.total, &there), &displacement, temperature);
+            placed = rng.random::<f64>().ln() < log;
+            if placed {
+                std::mem::swap(&mut state, &mut next);
+                std::mem::swap(&mut gradient, &mut there);
+                terms = reached;
+            }
+            if learning {
+                kernel.adapt(&gradient, log.exp().min(1.0), temperature);
+            } else {
+                proposed += 1;
+                accepted += usize::from(placed);
+            }
+        }
+        if !learning && best.as_ref().is_none_or(|best| terms.total < best.terms.total) {
+            best = Some(Sample { state: state.clone(), contacts: held.clone(), terms });
+        }
+    }
+    ChainEnd {
+        best: best.unwrap_or(Sample { state, contacts: held, terms }),
+        acceptance: accepted as f64 / proposed.max(1) as f64,
+        steps: schedule.burn_in + schedule.steady,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::energy::Weights;
+    use super::super::field::tests::ball;
+    use super::super::surface::HandSurface;
+    use super::*;
+    use hand_model::Hand;
+
+    fn ends(chains: u64, schedule: &Schedule) -> Vec<ChainEnd> {
+        let hand = Hand::ftac();
+        let surface = HandSurface::new(&hand, 1000);
+        let field = ball(0.03);
+        let energy = GraspEnergy::new(&hand, &surface, &field, Weights::default(), None);
+        let mut frames = Frames::new(&hand.tree);
+        (0..chains).map(|chain| run(&energy, &mut frames, 4, schedule, &mut stream(7, chain))).collect()
+    }
+
+    #[test]
+    fn same_seed_same_chain() {
+        let schedule = Schedule { burn_in: 100, steady: 50, ..Schedule::default() };
+        let (a, b) = (ends(3, &schedule), ends(3, &schedule));
+        for (a, b) in a.iter().zip(&b) {
+            assert_eq!(a.best.state, b.best.state);
+            assert_eq!(a.best.contacts, b.best.contacts);
+        }
+        assert_ne!(a[0].best.state, a[1].best.state);
+    }
+
+    /// Chains on a ball end with every contact point on its surface, little penetration and balanced pushes, mostly.
+    #[test]
+    fn chains_find_grasps_of_a_ball() {
+        let ends = ends(12, &Schedule::default());
+        let good = ends
+            .iter()
+            .filter(|end| {
+                let terms = &end.best.terms;
+                terms.farthest < 4e-3 && terms.deepest < 4e-3 && terms.balance < 0.25
+            })
+            .count();
+        for end in &ends {
+            println!("{:.3} {:?}", end.acceptance, end.best.terms);
+            assert!((0.02..0.98).contains(&end.acceptance), "acceptance {}", end.acceptance);
+        }
+        assert!(good >= 6, "{good} of 12");
+    }
+
+    #[test]
+    fn starts_face_the_object() {
+        let hand = Hand::ftac();
+        let surface = HandSurface::new(&hand, 300);
+        let field = ball(0.03);
+        let energy = GraspEnergy::new(&hand, &surface, &field, Weights::default(), None);
+        let mut rng = stream(1, 1);
+        for _ in 0..50 {
+            let state = start(&energy, &mut rng);
+            let center = state.object_from_palm.inverse_transform_point(&field.center);
+            assert!(center.z < -0.01, "in front of the palm: {center}");
+        }
+    }
+}

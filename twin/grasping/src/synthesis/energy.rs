@@ -1,0 +1,407 @@
+//! The grasp energy of the paper's Methods, with its gradient: E(T, q, x | O) for a pose T, joints q and contact points x.
+//!
+//! | term | what it asks |
+//! |---|---|
+//! | balance, rank | the contacts can close force ([`super::closure_energy`]) |
+//! | distance | every contact point lies on the object's surface |
+//! | facing | the pad looks against the surface it touches |
+//! | penetration | no point of the hand's surface is inside the object |
+//! | self-penetration | links keep clear of each other (balls that fill the covers) |
+//! | limits | joints stay in their range |
+//! | cable | a digit's joints stay near the line along which its cable and springs move them |
+//! | table | no point of the hand is below the table, where there is one |
+//!
+//! All are dimensionless after their weight. An evaluation allocates nothing and passes over everything out of reach: whole
+//! links, then patches, by the bound on the distance's slope.
+
+use hand_model::Hand;
+use nalgebra::{Unit, Vector3};
+
+use super::closure_energy::{Closure, closure_with_gradient};
+use super::field::{DistanceField, LIPSCHITZ};
+use super::frames::{Frames, HandState};
+use super::surface::HandSurface;
+
+/// Largest number of contact points.
+pub const MAX_CONTACTS: usize = 8;
+
+/// Weights of the terms.
+#[derive(Debug, Clone, Copy)]
+pub struct Weights {
+    /// Per unit of |G c| / n.
+    pub balance: f64,
+    /// Per unit of -log det.
+    pub rank: f64,
+    /// 1/m, per contact.
+    pub distance: f64,
+    /// Per contact: 1 + cos of the angle between pad and surface normal.
+    pub facing: f64,
+    /// 1/m, per surface point (for 2,000 points on the hand; fewer weigh more).
+    pub penetration: f64,
+    /// 1/m, per pair of balls.
+    pub self_penetration: f64,
+    /// 1/rad.
+    pub limits: f64,
+    /// 1/rad2.
+    pub cable: f64,
+    /// 1/m, per patch.
+    pub table: f64,
+}
+
+impl Default for Weights {
+    fn default() -> Self {
+        Self {
+            balance: 12.0,
+            rank: 0.05,
+            distance: 40.0,
+            facing: 1.5,
+            penetration: 30.0,
+            self_penetration: 60.0,
+            limits: 10.0,
+            cable: 3.0,
+            table: 100.0,
+        }
+    }
+}
+
+/// A half space the hand keeps out of: x . normal >= offset is free (object frame).
+#[derive(Debug, Clone, Copy)]
+pub struct Plane {
+    /// Up.
+    pub normal: Unit<Vector3<f64>>,
+    /// m.
+    pub offset: f64,
+}
+
+/// The terms, weighted, and what they were made of.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Terms {
+    /// All together.
+    pub total: f64,
+    /// Balance and rank.
+    pub closure: f64,
+    /// Contact distances.
+    pub distance: f64,
+    /// Pads against surfaces.
+    pub facing: f64,
+    /// Hand in object.
+    pub penetration: f64,
+    /// Hand in hand.
+    pub self_penetration: f64,
+    /// Limits, cable and table.
+    pub posture: f64,
+    /// |G c| / n.
+    pub balance: f64,
+    /// Largest distance of a contact point from the surface, m.
+    pub farthest: f64,
+    /// Deepest surface point, m.
+    pub deepest: f64,
+}
+
+/// A digit's cable: its joints and the share of each in their mean angle.
+#[derive(Debug, Clone)]
+struct CableLine {
+    joints: Vec<usize>,
+    share: Vec<f64>,
+}
+
+/// The energy of one hand on one object.
+#[derive(Debug, Clone)]
+pub struct GraspEnergy<'a> {
+    /// The object.
+    pub field: &'a DistanceField,
+    /// The hand's surface.
+    pub surface: &'a HandSurface,
+    /// Weights.
+    pub weights: Weights,
+    table: Option<Plane>,
+    limits: Vec<(f64, f64)>,
+    cables: Vec<CableLine>,
+    point_weight: f64,
+}
+
+impl<'a> GraspEnergy<'a> {
+    /// For `hand` with its `surface` on the object of `field`, over a `table` or in the air.
+    pub fn new(
+        hand: &Hand,
+        surface: &'a HandSurface,
+        field: &'a DistanceField,
+        weights: Weights,
+        table: Option<Plane>,
+    ) -> Self {
+        // The free posture at a middling tension gives the direction in which a cable moves its joints.
+        let cables = (0..hand.transmission.cables.len())
+            .map(|cable| {
+                let angles = hand.transmission.free_angles(cable, 5.0, std::f64::consts::FRAC_PI_2);
+                let mean = angles.iter().map(|(_, q)| q).sum::<f64>() / angles.len() as f64;
+                CableLine {
+                    joints: angles.iter().map(|(joint, _)| *joint).collect(),
+                    share: angles.iter().map(|(_, q)| q / mean).collect(),
+                }
+            })
+            .collect();
+        Self {
+            field,
+            surface,
+            weights,
+            table,
+            limits: hand.tree.joints.iter().map(|joint| (joint.lower, joint.upper)).collect(),
+            cables,
+            point_weight: weights.penetration * 2000.0 / surface.len() as f64,
+        }
+    }
+
+    /// Joint limits, rad.
+    pub fn limits(&self) -> &[(f64, f64)] {
+        &self.limits
+    }
+
+    /// The energy of `state` with the contact candidates `contacts`, and its gradient (overwritten): translation, rotation
+    /// about the pivot, joints. `frames` is working space of the same hand and left at `state`.
+    ///
+    /// # Panics
+    /// With more than [`MAX_CONTACTS`] contacts.
+    pub fn evaluate(&self, state: &HandState, contacts: &[usize], frames: &mut Frames, gradient: &mut [f64]) -> Terms {
+        gradient.fill(0.0);
+        frames.place(state);
+        let mut terms = Terms::default();
+        self.contacts(contacts, frames, &mut terms);
+        self.penetration(frames, &mut terms);
+        self.self_penetration(frames, &mut terms);
+        frames.collect(gradient);
+        self.posture(state, gradient, &mut terms);
+        terms.total =
+            terms.closure + terms.distance + terms.facing + terms.penetration + terms.self_penetration + terms.posture;
+        terms
+    }
+
+    /// The part of the energy that depends on the contact points, at the state where `frames` is. Wrenches are left dirty.
+    pub fn contact_energy(&self, contacts: &[usize], frames: &mut Frames) -> f64 {
+        let mut terms = Terms::default();
+        self.contacts(contacts, frames, &mut terms);
+        terms.closure + terms.distance + terms.facing
+    }
+
+    fn contacts(&self, contacts: &[usize], frames: &mut Frames, terms: &mut Terms) {
+        let n = contacts.len();
+        assert!(n <= MAX_CONTACTS, "{n} contacts, at most {MAX_CONTACTS}");
+        let zero = [Vector3::zeros(); MAX_CONTACTS];
+        let (mut points, mut arms, mut pushes) = (zero, zero, zero);
+        let (mut by_arms, mut by_pushes) = (zero, zero);
+        let mut samples = [None; MAX_CONTACTS];
+        for (i, &index) in contacts.iter().enumerate() {
+            let candidate = &self.surface.candidates[index];
+            points[i] = frames.point(candidate.link, &candidate.point);
+            let sample = self.field.at(&points[i]);
+            arms[i] = (points[i] - self.field.center.coords) / self.field.length;
+            pushes[i] = -sample.normal;
+            samples[i] = Some(sample);
+        }
+        let weights = &self.weights;
+        let Closure { balance, rank } = closure_with_gradient(
+            &arms[..n],
+            &pushes[..n],
+            (weights.balance, weights.rank),
+            &mut by_arms[..n],
+            &mut by_pushes[..n],
+        );
+        terms.balance = balance;
+        terms.closure = weights.balance * balance + weights.rank * rank;
+        for (i, &index) in contacts.iter().enumerate() {
+            let Some(sample) = samples[i] else { continue };
+            let candidate = &self.surface.candidates[index];
+            let outward = frames.rotation[candidate.link] * candidate.normal;
+            terms.distance += weights.distance * sample.distance.abs();
+            terms.facing += weights.facing * (1.0 + outward.dot(&sample.normal));
+            terms.farthest = terms.farthest.max(sample.distance.abs());
+            let by_normal = outward * weights.facing - by_pushes[i];
+            let force = by_arms[i] / self.field.length
+                + sample.gradient * weights.distance.copysign(sample.distance)
+                + sample.normal_jacobian.transpose() * by_normal;
+            frames.push(candidate.link, &points[i], &force);
+            frames.twist(candidate.link, &outward, &(sample.normal * weights.facing));
+        }
+    }
+
+    fn penetration(&self, frames: &mut Frames, terms: &mut Terms) {
+        for (link, surface) in self.surface.links.iter().enumerate() {
+            let center = frames.point(link, &surface.bound.center);
+            self.below_table(link, &center, surface.bound.radius, frames, terms);
+            if self.field.distance(&center) > LIPSCHITZ * surface.bound.radius {
+                continue;
+            }
+            let (rotation, translation) = (frames.rotation[link], frames.translation[link]);
+            let (mut force, mut torque, mut depth) = (Vector3::zeros(), Vector3::zeros(), 0.0);
+            for patch in &surface.patches {
+                let center = rotation * patch.bound.center + translation;
+                if self.field.distance(&center) > LIPSCHITZ * patch.bound.radius {
+                    continue;
+                }
+                for local in &surface.points[patch.range.clone()] {
+                    let x = rotation * local + translation;
+                    if self.field.distance(&x) < 0.0 {
+                        let (distance, slope) = self.field.distance_gradient(&x);
+                        depth -= distance;
+                        terms.deepest = terms.deepest.max(-distance);
+                        force -= slope;
+                        torque -= x.cross(&slope);
+                    }
+                }
+            }
+            terms.penetration += self.point_weight * depth;
+            frames.wrench[link].force += force * self.point_weight;
+            frames.wrench[link].torque += torque * self.point_weight;
+        }
+    }
+
+    fn below_table(&self, link: usize, center: &Vector3<f64>, radius: f64, frames: &mut Frames, terms: &mut Terms) {
+        let Some(table) = &self.table else { return };
+        if center.dot(&table.normal) - radius > table.offset {
+            return;
+        }
+        for patch in &self.surface.links[link].patches {
+            let x = frames.point(link, &patch.bound.center);
+            let below = table.offset - x.dot(&table.normal);
+            if below > 0.0 {
+                terms.posture += self.weights.table * below;
+                frames.push(link, &x, &(-table.normal.into_inner() * self.weights.table));
+            }
+        }
+    }
+
+    fn self_penetration(&self, frames: &mut Frames, terms: &mut Terms) {
+        let weight = self.weights.self_penetration;
+        for &(a, b) in &self.surface.pairs {
+            let (left, right) = (&self.surface.links[a], &self.surface.links[b]);
+            let apart = frames.point(a, &left.bound.center) - frames.point(b, &right.bound.center);
+            let reach = left.bound.radius + right.bound.radius;
+            if apart.norm_squared() > reach * reach {
+                continue;
+            }
+            for x in &left.balls {
+                let px = frames.point(a, &x.center);
+                // One ball against the other link first.
+                let away = (px - frames.point(b, &right.bound.center)).norm_squared();
+                let near = x.radius + right.bound.radius;
+                if away > near * near {
+                    continue;
+                }
+                for y in &right.balls {
+                    let py = frames.point(b, &y.center);
+                    let between = px - py;
+                    let touch = x.radius + y.radius;
+                    if between.norm_squared() >= touch * touch {
+                        continue;
+                    }
+                    let distance = between.norm().max(1e-9);
+                    terms.self_penetration += weight * (touch - distance);
+                    let force = between * (-weight / distance);
+                    frames.push(a, &px, &force);
+                    frames.push(b, &py, &-force);
+                }
+            }
+        }
+    }
+
+    fn posture(&self, state: &HandState, gradient: &mut [f64], terms: &mut Terms) {
+        for (joint, &(lower, upper)) in self.limits.iter().enumerate() {
+            let q = state.joints[joint];
+            if q > upper {
+                terms.posture += self.weights.limits * (q - upper);
+                gradient[6 + joint] += self.weights.limits;
+            } else if q < lower {
+                terms.posture += self.weights.limits * (lower - q);
+                gradient[6 + joint] -= self.weights.limits;
+            }
+        }
+        for line in &self.cables {
+            let n = line.joints.len() as f64;
+            let mean = line.joints.iter().map(|joint| state.joints[*joint]).sum::<f64>() / n;
+            let off = |k: usize| state.joints[line.joints[k]] - line.share[k] * mean;
+            let shared: f64 = (0..line.joints.len()).map(|k| off(k) * line.share[k]).sum::<f64>() / n;
+            for (k, joint) in line.joints.iter().enumerate() {
+                terms.posture += self.weights.cable * off(k) * off(k);
+                gradient[6 + joint] += 2.0 * self.weights.cable * (off(k) - shared);
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::field::tests::ball;
+    use super::*;
+    use nalgebra::{Isometry3, Translation3, UnitQuaternion};
+    use proptest::prelude::*;
+    use rand::{RngExt, SeedableRng};
+    use rand_chacha::ChaCha8Rng;
+
+    fn random_state(rng: &mut ChaCha8Rng) -> HandState {
+        let mut draw = |low: f64, high: f64| rng.random_range(low..high);
+        let rotation = UnitQuaternion::from_euler_angles(draw(-0.5, 0.5), draw(-0.5, 0.5), draw(-3.0, 3.0));
+        let place = Translation3::new(draw(-0.03, 0.03), draw(-0.05, 0.03), draw(0.01, 0.06));
+        HandState {
+            object_from_palm: Isometry3::from_parts(place, rotation),
+            joints: (0..15).map(|_| draw(-0.2, 1.7)).collect(),
+        }
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(40))]
+        /// All terms at once, in deep penetration, over a table, out of limits.
+        #[test]
+        fn gradient_is_finite_differences(seed in 0u64..10_000) {
+            let hand = Hand::ftac();
+            let surface = HandSurface::new(&hand, 800);
+            let field = ball(0.03);
+            let table = Plane { normal: Vector3::z_axis(), offset: -0.03 };
+            let energy = GraspEnergy::new(&hand, &surface, &field, Weights::default(), Some(table));
+            let mut rng = ChaCha8Rng::seed_from_u64(seed);
+            let state = random_state(&mut rng);
+            let contacts: Vec<usize> = (0..5).map(|_| rng.random_range(0..surface.candidates.len())).collect();
+            let mut frames = Frames::new(&hand.tree);
+            let (mut gradient, mut unused) = ([0.0; 21], [0.0; 21]);
+            let here = energy.evaluate(&state, &contacts, &mut frames, &mut gradient);
+            prop_assert!(here.total.is_finite());
+            let mut along = [0.0; 21];
+            for value in &mut along { *value = rng.random_range(-1.0..1.0) * 0.05; }
+            for value in &mut along[6..] { *value *= 4.0; }
+            // Kinks (a point entering the object, a cell's border) make one-sided slopes differ: the central difference over a
+            // tiny step must lie between them, and shrink to the analytic slope away from kinks.
+            let mut at = |h: f64| {
+                let by: Vec<f64> = along.iter().map(|x| x * h).collect();
+                energy.evaluate(&state.moved(&by), &contacts, &mut frames, &mut unused).total
+            };
+            let slope: f64 = gradient.iter().zip(&along).map(|(g, d)| g * d).sum();
+            let h = 1e-5;
+            let (forth, back) = ((at(h) - here.total) / h, (here.total - at(-h)) / h);
+            let tolerance = 0.01 * slope.abs().max(0.05) + (forth - back).abs();
+            prop_assert!((0.5 * (forth + back) - slope).abs() < tolerance, "{} {} {}", slope, forth, back);
+        }
+    }
+
+    /// Passing over far links and patches changes nothing: against every point looked up.
+    #[test]
+    fn early_out_is_exact() {
+        let hand = Hand::ftac();
+        let surface = HandSurface::new(&hand, 2000);
+        let field = ball(0.03);
+        let energy = GraspEnergy::new(&hand, &surface, &field, Weights::default(), None);
+        let mut rng = ChaCha8Rng::seed_from_u64(5);
+        let mut frames = Frames::new(&hand.tree);
+        let mut met = 0;
+        for _ in 0..40 {
+            let state = random_state(&mut rng);
+            let terms = energy.evaluate(&state, &[0, 1, 2], &mut frames, &mut [0.0; 21]);
+            let mut depth = 0.0;
+            for (link, own) in surface.links.iter().enumerate() {
+                for p in &own.points {
+                    depth += (-field.distance(&frames.point(link, p))).max(0.0);
+                }
+            }
+            met += usize::from(depth > 0.0);
+            assert!((terms.penetration - energy.point_weight * depth).abs() < 1e-9 * (1.0 + terms.penetration));
+        }
+        assert!(met > 20, "the test meets penetration");
+    }
+}

@@ -1,0 +1,271 @@
+//! A synthesized grasp as it was held in physics, and the file it is kept in.
+//!
+//! Beside [`crate::Grasp`], which is a recipe for picking up in the two-object benchmark, this is a *state*: where the object
+//! sits, where every joint is, what pulls, what touches. It knows what a strategy for several objects asks: which digits it
+//! uses, from where the hand comes, how much room it leaves, how much it resists.
+//!
+//! The file is JSON lines: a header, then a grasp a line, so that an interrupted run leaves whole grasps. Lengths are rounded to
+//! 0.01 mm, angles to 1e-4 rad, forces to 1 mN.
+
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+use hand_model::{Digit, HAND_JOINTS};
+use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion};
+use serde::{Deserialize, Serialize};
+
+/// Version of the file format.
+pub const VERSION: u32 = 1;
+
+/// First line of a file.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Header {
+    /// Format version.
+    pub version: u32,
+    /// Command that made it.
+    pub command: String,
+    /// Its seed.
+    pub seed: u64,
+}
+
+/// A contact of a held grasp, palm frame. In the file it is a list of its four fields.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(from = "ContactRow", into = "ContactRow")]
+pub struct HeldContact {
+    /// Link (0..15 in joint order), none for the palm.
+    pub link: Option<usize>,
+    /// m.
+    pub point: [f64; 3],
+    /// Unit normal into the object.
+    pub normal: [f64; 3],
+    /// Normal force, N.
+    pub force: f64,
+}
+
+type ContactRow = (Option<usize>, [f64; 3], [f64; 3], f64);
+
+impl From<ContactRow> for HeldContact {
+    fn from((link, point, normal, force): ContactRow) -> Self {
+        Self { link, point, normal, force }
+    }
+}
+
+impl From<HeldContact> for ContactRow {
+    fn from(contact: HeldContact) -> Self {
+        (contact.link, contact.point, contact.normal, contact.force)
+    }
+}
+
+/// A grasp held in physics. Lengths in m, angles in rad, tensions and forces in N.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct HeldGrasp {
+    /// Name of the object.
+    pub object: String,
+    /// Number of the chain that found it; with the header's seed it can be found again.
+    pub chain: u64,
+    /// `palm_from_object` when closed: x, y, z, then the quaternion's i, j, k, w.
+    pub palm_from_object: [f64; 7],
+    /// Joint angles when closed.
+    pub joints: [f64; HAND_JOINTS],
+    /// `palm_from_object` and joint angles with the hand open, before it closes.
+    pub start: [f64; 7],
+    /// See `start`.
+    pub open_joints: [f64; HAND_JOINTS],
+    /// Tensions of the five cables when closed.
+    pub tensions: [f64; 5],
+    /// Angle of the thumb's opposition.
+    pub opposition: f64,
+    /// What touches.
+    pub contacts: Vec<HeldContact>,
+    /// Digits that touch.
+    pub digits: Vec<Digit>,
+    /// Whether the palm touches.
+    pub palm: bool,
+    /// Direction in which the palm faces, object frame: the hand comes along it.
+    pub approach: [f64; 3],
+    /// Room it leaves: least distance of the digits that do not touch from the object (none if all do).
+    pub room: Option<f64>,
+    /// Wrench margin, N (see [`crate::force_closure::wrench_margin`]).
+    pub margin: f64,
+    /// Deepest penetration.
+    pub penetration: f64,
+    /// How far and by what angle closing moved the object.
+    pub moved: [f64; 2],
+    /// Energy of the sample it came from.
+    pub energy: f64,
+}
+
+/// A pose as seven numbers.
+pub fn pose_to_array(pose: &Isometry3<f64>) -> [f64; 7] {
+    let (t, q) = (pose.translation.vector, pose.rotation.quaternion());
+    [t.x, t.y, t.z, q.i, q.j, q.k, q.w]
+}
+
+/// Seven numbers as a pose.
+pub fn pose_from_array(a: &[f64; 7]) -> Isometry3<f64> {
+    let rotation = UnitQuaternion::from_quaternion(Quaternion::new(a[6], a[3], a[4], a[5]));
+    Isometry3::from_parts(Translation3::new(a[0], a[1], a[2]), rotation)
+}
+
+impl HeldGrasp {
+    /// The same with its numbers rounded as the file keeps them.
+    pub fn rounded(mut self) -> Self {
+        // A quotient by a whole number prints short.
+        let to =
+            |values: &mut [f64], per_unit: f64| values.iter_mut().for_each(|x| *x = (*x * per_unit).round() / per_unit);
+        for pose in [&mut self.palm_from_object, &mut self.start] {
+            to(&mut pose[..3], 1e5);
+            to(&mut pose[3..], 1e5);
+        }
+        to(&mut self.joints, 1e4);
+        to(&mut self.open_joints, 1e4);
+        to(&mut self.tensions, 1e3);
+        to(std::slice::from_mut(&mut self.opposition), 1e4);
+        for contact in &mut self.contacts {
+            to(&mut contact.point, 1e5);
+            to(&mut contact.normal, 1e4);
+            to(std::slice::from_mut(&mut contact.force), 1e3);
+        }
+        to(&mut self.approach, 1e4);
+        to(self.room.as_mut_slice(), 1e5);
+        to(std::slice::from_mut(&mut self.margin), 1e3);
+        to(std::slice::from_mut(&mut self.penetration), 1e6);
+        to(&mut self.moved, 1e4);
+        to(std::slice::from_mut(&mut self.energy), 1e3);
+        self
+    }
+
+    /// Whether two grasps of one object are the same to a user: nearly the same pose (5 mm, 0.15 rad) with the same digits.
+    pub fn nearly_equals(&self, other: &Self) -> bool {
+        let (a, b) = (pose_from_array(&self.palm_from_object), pose_from_array(&other.palm_from_object));
+        self.object == other.object
+            && self.digits == other.digits
+            && (a.translation.vector - b.translation.vector).norm() < 5e-3
+            && a.rotation.angle_to(&b.rotation) < 0.15
+    }
+}
+
+/// What can be wrong with a file of held grasps.
+#[derive(Debug, thiserror::Error)]
+pub enum HeldError {
+    /// Not readable or writable.
+    #[error("{path}: {source}")]
+    Io {
+        /// The file.
+        path: PathBuf,
+        /// The operating system's reason.
+        source: std::io::Error,
+    },
+    /// A line is not what it should be.
+    #[error("{path}:{line}: {message}")]
+    Line {
+        /// The file.
+        path: PathBuf,
+        /// From 1.
+        line: usize,
+        /// The parser's message, or what is wrong.
+        message: String,
+    },
+}
+
+/// A file that grows by whole lines.
+#[derive(Debug)]
+pub struct HeldWriter {
+    path: PathBuf,
+    file: std::fs::File,
+}
+
+impl HeldWriter {
+    /// Starts a file; one that is there is replaced.
+    pub fn create(path: &Path, header: &Header) -> Result<Self, HeldError> {
+        let io = |source| HeldError::Io { path: path.into(), source };
+        let file = std::fs::File::create(path).map_err(io)?;
+        let mut writer = Self { path: path.into(), file };
+        writer.line(header)?;
+        Ok(writer)
+    }
+
+    /// Adds a grasp.
+    pub fn add(&mut self, grasp: &HeldGrasp) -> Result<(), HeldError> {
+        self.line(grasp)
+    }
+
+    fn line(&mut self, value: &impl Serialize) -> Result<(), HeldError> {
+        let io = |source| HeldError::Io { path: self.path.clone(), source };
+        let mut text = serde_json::to_string(value).map_err(|error| io(error.into()))?;
+        text.push('\n');
+        self.file.write_all(text.as_bytes()).map_err(io)
+    }
+}
+
+/// Reads a file: header and grasps. A last line cut short by a kill is an error that names it.
+pub fn read(path: &Path) -> Result<(Header, Vec<HeldGrasp>), HeldError> {
+    let text = std::fs::read_to_string(path).map_err(|source| HeldError::Io { path: path.into(), source })?;
+    let fault = |line: usize, message: String| HeldError::Line { path: path.into(), line, message };
+    let mut lines = text.lines().enumerate();
+    let (_, first) = lines.next().ok_or_else(|| fault(1, "found nothing, expected a header".into()))?;
+    let header: Header = serde_json::from_str(first).map_err(|error| fault(1, error.to_string()))?;
+    if header.version != VERSION {
+        return Err(fault(1, format!("version: found {}, expected {VERSION}", header.version)));
+    }
+    let grasps = lines
+        .map(|(n, line)| serde_json::from_str(line).map_err(|error| fault(n + 1, error.to_string())))
+        .collect::<Result<_, _>>()?;
+    Ok((header, grasps))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn grasp() -> HeldGrasp {
+        HeldGrasp {
+            object: "ball".into(),
+            chain: 3,
+            palm_from_object: pose_to_array(&Isometry3::from_parts(
+                Translation3::new(0.012_345_678, 0.0, -0.04),
+                UnitQuaternion::from_euler_angles(0.1, 0.2, 0.3),
+            )),
+            joints: [0.123_456_789; HAND_JOINTS],
+            start: pose_to_array(&Isometry3::identity()),
+            open_joints: [0.1; HAND_JOINTS],
+            tensions: [10.0, 20.0, 0.0, 0.0, 0.0],
+            opposition: 1.2,
+            contacts: vec![HeldContact { link: Some(2), point: [0.01; 3], normal: [0.0, 0.0, 1.0], force: 1.5 }],
+            digits: vec![Digit::Thumb],
+            palm: false,
+            approach: [0.0, 0.0, -1.0],
+            room: Some(0.012),
+            margin: 1.234_567,
+            penetration: 1e-4,
+            moved: [1e-3, 0.02],
+            energy: 0.9,
+        }
+    }
+
+    #[test]
+    fn written_is_read() {
+        let path = std::env::temp_dir().join(format!("held-{}.jsonl", std::process::id()));
+        let header = Header { version: VERSION, command: "test".into(), seed: 5 };
+        let mut writer = HeldWriter::create(&path, &header).expect("created");
+        let grasp = grasp().rounded();
+        writer.add(&grasp).expect("written");
+        let (found, grasps) = read(&path).expect("read");
+        assert_eq!((found, grasps), (header, vec![grasp]));
+        std::fs::write(&path, "{\"version\":9,\"command\":\"\",\"seed\":1}\n").expect("written");
+        let error = read(&path).expect_err("another version").to_string();
+        assert!(error.ends_with(":1: version: found 9, expected 1"), "{error}");
+        std::fs::remove_file(&path).expect("removed");
+    }
+
+    #[test]
+    fn near_duplicates_are_known() {
+        let (a, mut b) = (grasp(), grasp());
+        b.palm_from_object[0] += 0.004;
+        assert!(a.nearly_equals(&b));
+        b.palm_from_object[0] += 0.004;
+        assert!(!a.nearly_equals(&b));
+        let c = HeldGrasp { digits: vec![Digit::Index], ..grasp() };
+        assert!(!a.nearly_equals(&c));
+    }
+}

@@ -1,0 +1,198 @@
+//! From a sampled posture to one that cables and springs can take: the sampler moves 15 joints, the hand has 6 actuators.
+//!
+//! A cable at a tension holds its joints, free of contact, on one curve; a posture is projected by taking the point with the
+//! same mean angle. From there a digit *opens* along its curve until it is clear of the object: that is how the hand comes, and
+//! tension closes it.
+
+use hand_model::{Digit, HAND_JOINTS, Hand};
+use nalgebra::Vector3;
+
+use super::field::DistanceField;
+use super::frames::{Frames, HandState};
+use super::surface::HandSurface;
+
+/// Tension beyond which a free digit is closed anyway, N.
+const FULL_TENSION: f64 = 40.0;
+/// A digit opens until it is this clear of the object, m.
+const CLEAR: f64 = 1.5e-3;
+/// Share of the mean angle that one step of opening takes away.
+const OPENING: f64 = 0.08;
+/// Tries to move the palm out of the object.
+const RETREATS: usize = 12;
+
+/// A posture the actuators can hold without contact.
+#[derive(Debug, Clone, PartialEq)]
+pub struct FreePosture {
+    /// Cable tensions, N.
+    pub tensions: [f64; 5],
+    /// Opposition angle, rad.
+    pub opposition: f64,
+    /// The joint angles that follow, rad.
+    pub joints: [f64; HAND_JOINTS],
+}
+
+/// Tension at which the mean angle of a free cable's joints is `mean` (rad): bisected, since more tension always closes more.
+fn tension_for_mean(hand: &Hand, cable: usize, mean: f64) -> f64 {
+    let at = |tension: f64| {
+        let angles = hand.transmission.free_angles(cable, tension, std::f64::consts::FRAC_PI_2);
+        angles.iter().map(|(_, q)| q).sum::<f64>() / angles.len() as f64
+    };
+    let (mut low, mut high) = (0.0, FULL_TENSION);
+    if mean <= 0.0 {
+        return 0.0;
+    }
+    if at(high) <= mean {
+        return high;
+    }
+    for _ in 0..24 {
+        let middle = 0.5 * (low + high);
+        if at(middle) < mean { low = middle } else { high = middle }
+    }
+    0.5 * (low + high)
+}
+
+fn mean_angle(hand: &Hand, cable: usize, joints: &[f64]) -> f64 {
+    let path = &hand.transmission.cables[cable].joints;
+    path.iter().map(|(joint, _)| joints[*joint]).sum::<f64>() / path.len() as f64
+}
+
+/// The free posture whose digits have the same mean angles as `joints`, and its opposition angle.
+pub fn project(hand: &Hand, joints: &[f64]) -> FreePosture {
+    let drive = hand.transmission.opposition_joint;
+    let opposition = joints[drive].clamp(hand.tree.joints[drive].lower, hand.tree.joints[drive].upper);
+    let mut posture = FreePosture { tensions: [0.0; 5], opposition, joints: [0.0; HAND_JOINTS] };
+    posture.joints[drive] = opposition;
+    for cable in 0..5 {
+        set_mean(hand, &mut posture, cable, mean_angle(hand, cable, joints));
+    }
+    posture
+}
+
+fn set_mean(hand: &Hand, posture: &mut FreePosture, cable: usize, mean: f64) {
+    posture.tensions[cable] = tension_for_mean(hand, cable, mean);
+    let angles = hand.transmission.free_angles(cable, posture.tensions[cable], std::f64::consts::FRAC_PI_2);
+    for (joint, angle) in angles {
+        posture.joints[joint] = angle;
+    }
+}
+
+/// Least distance (m) of a link's surface from the object, and the object's normal there.
+fn clearance(frames: &Frames, surface: &HandSurface, field: &DistanceField, link: usize) -> (f64, Vector3<f64>) {
+    let mut least = (f64::INFINITY, Vector3::zeros());
+    for local in &surface.links[link].points {
+        let x = frames.point(link, local);
+        let distance = field.distance(&x);
+        if distance < least.0 {
+            least = (distance, field.at(&x).normal);
+        }
+    }
+    least
+}
+
+/// A hand that is clear of the object and ready to close.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Opened {
+    /// Pose and joints, clear of the object.
+    pub state: HandState,
+    /// The open posture.
+    pub open: FreePosture,
+    /// The projected posture, before opening.
+    pub aimed: FreePosture,
+}
+
+/// Projects a sampled state, moves the palm out of the object where it is inside, and opens every digit until it is clear.
+/// `None` where a digit or the palm cannot be cleared.
+pub fn open_clear(
+    hand: &Hand,
+    surface: &HandSurface,
+    field: &DistanceField,
+    frames: &mut Frames,
+    state: &HandState,
+) -> Option<Opened> {
+    let aimed = project(hand, &state.joints);
+    let mut state = HandState { object_from_palm: state.object_from_palm, joints: aimed.joints.to_vec() };
+    // The palm and the thumb's first link are not moved by cables: they retreat with the hand.
+    let fixed = [0, hand.transmission.opposition_joint + 1];
+    for retreat in 0.. {
+        frames.place(&state);
+        let (depth, normal) =
+            fixed.iter().map(|link| clearance(frames, surface, field, *link)).min_by(|a, b| a.0.total_cmp(&b.0))?;
+        if depth >= 0.0 {
+            break;
+        }
+        if retreat == RETREATS {
+            return None;
+        }
+        state.object_from_palm.translation.vector += normal * (0.3e-3 - depth);
+    }
+    let mut open = aimed.clone();
+    for digit in Digit::ALL {
+        let cable = digit.index();
+        let links = digit.joints().map(|joint| joint + 1);
+        let mut mean = mean_angle(hand, cable, &open.joints);
+        loop {
+            state.joints.copy_from_slice(&open.joints);
+            frames.place(&state);
+            let moved = links.iter().filter(|link| **link != fixed[1]);
+            let least = moved.map(|link| clearance(frames, surface, field, *link).0).fold(f64::INFINITY, f64::min);
+            if least >= CLEAR {
+                break;
+            }
+            if mean <= 0.0 {
+                // Straight is as open as a digit goes; touching is allowed there, being inside is not.
+                if least >= 0.0 {
+                    break;
+                }
+                return None;
+            }
+            mean = (mean - OPENING).max(0.0);
+            set_mean(hand, &mut open, cable, mean);
+        }
+    }
+    Some(Opened { state, open, aimed })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::field::tests::ball;
+    use super::*;
+    use nalgebra::Isometry3;
+    use proptest::prelude::*;
+
+    proptest! {
+        /// A free posture is its own projection.
+        #[test]
+        fn projecting_twice_changes_nothing(joints in proptest::collection::vec(0.0..1.4_f64, HAND_JOINTS)) {
+            let hand = Hand::ftac();
+            let once = project(&hand, &joints);
+            let twice = project(&hand, &once.joints);
+            for (a, b) in once.joints.iter().zip(&twice.joints) {
+                prop_assert!((a - b).abs() < 1e-4, "{} {}", a, b);
+            }
+            for cable in 0..5 {
+                let wanted = mean_angle(&hand, cable, &joints);
+                prop_assert!((mean_angle(&hand, cable, &once.joints) - wanted).abs() < 1e-3);
+            }
+        }
+    }
+
+    /// A fist around a ball opens until every link is out of it.
+    #[test]
+    fn opens_out_of_the_object() {
+        let hand = Hand::ftac();
+        let surface = HandSurface::new(&hand, 1000);
+        let field = ball(0.03);
+        let mut frames = Frames::new(&hand.tree);
+        let state =
+            HandState { object_from_palm: Isometry3::translation(0.0, 0.0, 0.035), joints: vec![0.9; HAND_JOINTS] };
+        frames.place(&state);
+        let deepest = |frames: &Frames| {
+            (0..16).map(|link| clearance(frames, &surface, &field, link).0).fold(f64::INFINITY, f64::min)
+        };
+        assert!(deepest(&frames) < -3e-3, "the test starts inside");
+        let opened = open_clear(&hand, &surface, &field, &mut frames, &state).expect("can be opened");
+        frames.place(&opened.state);
+        assert!(deepest(&frames) >= 0.0);
+        assert!(opened.open.tensions.iter().zip(&opened.aimed.tensions).all(|(open, aimed)| open <= aimed));
+    }
+}

@@ -1,0 +1,254 @@
+//! The hand's surface as the sampler sees it, taken from the hand model: points all over the covers (against penetration),
+//! contact candidates on the palmar pads, and balls that fill the covers (against self-penetration).
+//!
+//! Points come in *patches*, tiles of a few neighbours with a bounding ball, so that a patch far from the object costs one
+//! look-up. Link 0 is the palm, link i + 1 the one that joint i moves.
+
+use hand_model::Hand;
+use hand_model::hand::CoverShape;
+use nalgebra::{Point3, Vector3};
+
+/// Points of a patch along each side.
+const TILE: usize = 3;
+/// Spacing of contact candidates on a pad, m.
+const CANDIDATE_SPACING: f64 = 0.003;
+/// A pad's rim that lies further than this off the cover is no contact candidate, m.
+const OFF_COVER: f64 = 1.0e-3;
+
+/// A ball.
+#[derive(Debug, Clone, Copy)]
+pub struct Ball {
+    /// m.
+    pub center: Vector3<f64>,
+    /// m.
+    pub radius: f64,
+}
+
+/// Neighbouring points with the ball around them.
+#[derive(Debug, Clone)]
+pub struct Patch {
+    /// Ball around the points.
+    pub bound: Ball,
+    /// Which of the link's points.
+    pub range: std::ops::Range<usize>,
+}
+
+/// The surface of one link, in its frame.
+#[derive(Debug, Clone)]
+pub struct LinkSurface {
+    /// Points, patch after patch, m.
+    pub points: Vec<Vector3<f64>>,
+    /// Patches.
+    pub patches: Vec<Patch>,
+    /// Ball around all points.
+    pub bound: Ball,
+    /// Balls that fill the cover.
+    pub balls: Vec<Ball>,
+}
+
+/// A place where the hand may touch.
+#[derive(Debug, Clone, Copy)]
+pub struct Candidate {
+    /// Link: 0 is the palm.
+    pub link: usize,
+    /// Index of the pad.
+    pub pad: usize,
+    /// In the link's frame, m.
+    pub point: Vector3<f64>,
+    /// Unit normal out of the hand, link frame.
+    pub normal: Vector3<f64>,
+}
+
+/// The surface of the whole hand.
+#[derive(Debug, Clone)]
+pub struct HandSurface {
+    /// Palm, then the links in joint order.
+    pub links: Vec<LinkSurface>,
+    /// Contact candidates on all pads.
+    pub candidates: Vec<Candidate>,
+    /// Pairs of links that may meet: not neighbours.
+    pub pairs: Vec<(usize, usize)>,
+}
+
+impl HandSurface {
+    /// At least `count` points (and few more) on the covers of `hand`, evenly spread, and the candidates of its pads.
+    pub fn new(hand: &Hand, count: usize) -> Self {
+        let covers: Vec<CoverShape> = std::iter::once(hand.palm_cover).chain(hand.covers.iter().copied()).collect();
+        let area: f64 =
+            covers.iter().map(|c| 8.0 * (c.half.x * c.half.y + c.half.y * c.half.z + c.half.z * c.half.x)).sum();
+        // Whole steps on every face round the number down: a little closer until there are enough.
+        let mut spacing = (area / count.max(1) as f64).sqrt();
+        let links = loop {
+            let links: Vec<LinkSurface> = covers.iter().map(|cover| link_surface(cover, spacing)).collect();
+            if links.iter().map(|link| link.points.len()).sum::<usize>() >= count {
+                break links;
+            }
+            spacing *= 0.99;
+        };
+        let parent = |link: usize| hand.tree.joints[link - 1].parent.map_or(0, |joint| joint + 1);
+        let pairs = (0..links.len())
+            .flat_map(|a| (a + 1..covers.len()).map(move |b| (a, b)))
+            .filter(|&(a, b)| parent(b) != a)
+            .collect();
+        Self { links, candidates: candidates(hand, &covers), pairs }
+    }
+
+    /// Number of surface points.
+    pub fn len(&self) -> usize {
+        self.links.iter().map(|link| link.points.len()).sum()
+    }
+
+    /// Whether there is no point.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+}
+
+/// Nearest point of a rounded box's surface and the outward normal there, box frame.
+fn nearest(cover: &CoverShape, p: &Vector3<f64>) -> (Vector3<f64>, Vector3<f64>) {
+    let inner = cover.half.add_scalar(-cover.radius);
+    let core = p.zip_map(&inner, |x, limit| x.clamp(-limit, limit));
+    let normal = match (p - core).try_normalize(1e-9) {
+        Some(normal) => normal,
+        None => {
+            let axis = (p.abs() - inner).imax();
+            Vector3::ith(axis, 1.0_f64.copysign(p[axis]))
+        }
+    };
+    // From inside the core the nearest face decides; elsewhere the rounding does.
+    let reach = if p == &core { (inner - p.abs()).min() } else { 0.0 };
+    (core + normal * (cover.radius + reach), normal)
+}
+
+fn link_surface(cover: &CoverShape, spacing: f64) -> LinkSurface {
+    let mut points = Vec::new();
+    let mut patches = Vec::new();
+    for axis in 0..3 {
+        let (u, v) = ((axis + 1) % 3, (axis + 2) % 3);
+        let steps = |a: usize| ((2.0 * cover.half[a] / spacing).round() as usize).max(1);
+        let (nu, nv) = (steps(u), steps(v));
+        for side in [-1.0, 1.0] {
+            for tile in 0..nu.div_ceil(TILE) * nv.div_ceil(TILE) {
+                let (first_u, first_v) = (TILE * (tile % nu.div_ceil(TILE)), TILE * (tile / nu.div_ceil(TILE)));
+                let start = points.len();
+                for i in first_u..(first_u + TILE).min(nu) {
+                    for j in first_v..(first_v + TILE).min(nv) {
+                        let mut p = Vector3::zeros();
+                        p[axis] = side * cover.half[axis];
+                        p[u] = ((i as f64 + 0.5) / nu as f64 * 2.0 - 1.0) * cover.half[u];
+                        p[v] = ((j as f64 + 0.5) / nv as f64 * 2.0 - 1.0) * cover.half[v];
+                        let (surface, _) = nearest(cover, &p);
+                        points.push((cover.link_from_cover * Point3::from(surface)).coords);
+                    }
+                }
+                patches.push(Patch { bound: around(&points[start..]), range: start..points.len() });
+            }
+        }
+    }
+    LinkSurface { bound: around(&points), balls: fill(cover), points, patches }
+}
+
+/// A ball around points: centred on their mean.
+fn around(points: &[Vector3<f64>]) -> Ball {
+    let center = points.iter().sum::<Vector3<f64>>() / points.len() as f64;
+    Ball { center, radius: points.iter().map(|p| (p - center).norm()).fold(0.0, f64::max) }
+}
+
+/// Balls as thick as the box is thin, at most a radius apart.
+fn fill(cover: &CoverShape) -> Vec<Ball> {
+    let radius = cover.half.min();
+    let room = cover.half.add_scalar(-radius);
+    let steps = [0, 1, 2].map(|axis| (2.0 * room[axis] / radius).ceil() as usize + 1);
+    let place = |axis: usize, n: usize| {
+        if steps[axis] == 1 { 0.0 } else { room[axis] * (2.0 * n as f64 / (steps[axis] - 1) as f64 - 1.0) }
+    };
+    let mut balls = Vec::new();
+    for i in 0..steps[0] {
+        for j in 0..steps[1] {
+            for k in 0..steps[2] {
+                let center = Point3::new(place(0, i), place(1, j), place(2, k));
+                balls.push(Ball { center: (cover.link_from_cover * center).coords, radius });
+            }
+        }
+    }
+    balls
+}
+
+fn candidates(hand: &Hand, covers: &[CoverShape]) -> Vec<Candidate> {
+    let mut found = Vec::new();
+    for (index, pad) in hand.pads.iter().enumerate() {
+        let link = pad.link.map_or(0, |link| link + 1);
+        let cover = &covers[link];
+        let steps = |size: f64| (size / CANDIDATE_SPACING).round() as usize;
+        for sample in pad.surface_samples(steps(pad.w), steps(pad.h)) {
+            let local = cover.link_from_cover.inverse_transform_point(&(pad.link_from_pad * sample)).coords;
+            let (surface, normal) = nearest(cover, &local);
+            if (surface - local).norm() < OFF_COVER {
+                found.push(Candidate {
+                    link,
+                    pad: index,
+                    point: (cover.link_from_cover * Point3::from(surface)).coords,
+                    normal: cover.link_from_cover * normal,
+                });
+            }
+        }
+    }
+    found
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn as_many_points_as_asked_and_every_pad_has_candidates() {
+        let hand = Hand::ftac();
+        let surface = HandSurface::new(&hand, 2000);
+        assert!((2000..2150).contains(&surface.len()), "{}", surface.len());
+        for (index, pad) in hand.pads.iter().enumerate() {
+            let own: Vec<_> = surface.candidates.iter().filter(|c| c.pad == index).collect();
+            assert!(own.len() > 30, "{}: {}", pad.name, own.len());
+            for candidate in own {
+                let local = pad.link_from_pad.inverse_transform_point(&candidate.point.into());
+                assert!(local.z.abs() < 7e-3 && local.x.abs() < 0.5 * pad.w + 1e-3, "{}: {local}", pad.name);
+                assert!((candidate.normal.norm() - 1.0).abs() < 1e-9);
+            }
+        }
+    }
+
+    /// Points lie on the surface of the rounded boxes, and inside their patch's and link's balls.
+    #[test]
+    fn points_lie_on_covers() {
+        let hand = Hand::ftac();
+        let surface = HandSurface::new(&hand, 2000);
+        for (link, cover) in surface.links[1..].iter().zip(&hand.covers) {
+            for patch in &link.patches {
+                for p in &link.points[patch.range.clone()] {
+                    let local = cover.link_from_cover.inverse_transform_point(&Point3::from(*p)).coords;
+                    let outside = (local.abs() - cover.half.add_scalar(-cover.radius)).map(|x| x.max(0.0));
+                    assert!((outside.norm() - cover.radius).abs() < 1e-9);
+                    assert!((p - patch.bound.center).norm() <= patch.bound.radius + 1e-12);
+                    assert!((p - link.bound.center).norm() <= link.bound.radius + 1e-12);
+                }
+            }
+        }
+    }
+
+    /// The open hand does not touch itself, by the balls that fill it.
+    #[test]
+    fn the_open_hand_is_free() {
+        let hand = Hand::ftac();
+        let surface = HandSurface::new(&hand, 500);
+        let poses = hand.tree.forward(&[0.0; 15]);
+        let at =
+            |link: usize, p: &Vector3<f64>| if link == 0 { *p } else { (poses[link - 1] * Point3::from(*p)).coords };
+        for &(a, b) in &surface.pairs {
+            for x in &surface.links[a].balls {
+                for y in &surface.links[b].balls {
+                    let gap = (at(a, &x.center) - at(b, &y.center)).norm() - x.radius - y.radius;
+                    assert!(gap > 0.0, "links {a} and {b} overlap by {gap}");
+                }
+            }
+        }
+    }
+}
