@@ -59,13 +59,13 @@ pub fn last_from_palm(arm: &Arm, hand: &Hand, mount_error: &UnitQuaternion<f64>)
     arm.last_from_tool * *mount_error * hand.palm_from_flange.inverse()
 }
 
-fn revolute(origin: &Isometry3<f64>, limits: [f64; 2]) -> GenericJoint {
-    // rapier's revolute joints turn about the frame's x; ours about z.
-    let z_as_x = Rotation::from_rotation_arc(Vector::X, Vector::Z);
-    let frame1 = convert::pose(origin) * Pose::from_rotation(z_as_x);
+pub(crate) fn revolute(origin: &Isometry3<f64>, axis: &Vector3<f64>, limits: [f64; 2]) -> GenericJoint {
+    // rapier's revolute joints turn about the frame's x.
+    let axis_as_x = Rotation::from_rotation_arc(Vector::X, convert::vector(axis));
+    let frame1 = convert::pose(origin) * Pose::from_rotation(axis_as_x);
     let mut builder = GenericJointBuilder::new(JointAxesMask::LOCKED_REVOLUTE_AXES)
         .local_frame1(frame1)
-        .local_frame2(Pose::from_rotation(z_as_x))
+        .local_frame2(Pose::from_rotation(axis_as_x))
         .contacts_enabled(false)
         .softness(SpringCoefficients::new(240.0, 5.0));
     if limits[0].is_finite() {
@@ -74,7 +74,7 @@ fn revolute(origin: &Isometry3<f64>, limits: [f64; 2]) -> GenericJoint {
     builder.build()
 }
 
-fn cover_collider(cover: &CoverShape) -> ColliderBuilder {
+pub(crate) fn cover_collider(cover: &CoverShape) -> ColliderBuilder {
     let inner = cover.half.add_scalar(-cover.radius);
     ColliderBuilder::round_cuboid(inner.x, inner.y, inner.z, cover.radius)
         .position(convert::pose(&cover.link_from_cover))
@@ -89,7 +89,7 @@ fn cover_collider(cover: &CoverShape) -> ColliderBuilder {
         )
 }
 
-fn link_body(world: &Isometry3<f64>, mass: &MassProperties) -> RigidBodyBuilder {
+pub(crate) fn link_body(world: &Isometry3<f64>, mass: &MassProperties) -> RigidBodyBuilder {
     RigidBodyBuilder::dynamic().pose(convert::pose(world)).can_sleep(false).additional_mass_properties(
         rapier3d_f64::prelude::MassProperties::with_inertia_matrix(
             convert::point(&mass.com),
@@ -123,8 +123,12 @@ impl RobotBody {
                 mass = merge(&mass, &hand.palm_mass, &last_from_palm);
             }
             let body = engine.bodies.insert(link_body(&(world_from_base * arm_poses[i]), &mass));
-            let handle =
-                engine.multibodies.insert(parent, body, revolute(&joint.origin, [joint.lower, joint.upper]), true);
+            let handle = engine.multibodies.insert(
+                parent,
+                body,
+                revolute(&joint.origin, &joint.axis, [joint.lower, joint.upper]),
+                true,
+            );
             joints.extend(handle);
             links.push(body);
             masses.push(mass);
@@ -157,7 +161,12 @@ impl RobotBody {
                 Some(parent) => (hand_links[parent], joint.origin),
                 None => (palm_link, last_from_palm * joint.origin),
             };
-            joints.extend(engine.multibodies.insert(parent, body, revolute(&origin, [joint.lower, joint.upper]), true));
+            joints.extend(engine.multibodies.insert(
+                parent,
+                body,
+                revolute(&origin, &joint.axis, [joint.lower, joint.upper]),
+                true,
+            ));
             covers.push(engine.colliders.insert_with_parent(cover_collider(&hand.covers[i]), body, &mut engine.bodies));
             hand_links.push(body);
             masses.push(hand.masses[i]);

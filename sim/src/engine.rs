@@ -30,6 +30,8 @@ impl Default for EngineSettings {
 pub struct Engine {
     /// Settings it was made with.
     pub settings: EngineSettings,
+    /// Gravity, m/s2.
+    pub gravity: Vector,
     parameters: IntegrationParameters,
     pipeline: PhysicsPipeline,
     islands: IslandManager,
@@ -62,6 +64,7 @@ impl Engine {
         parameters.static_contact_softness = SpringCoefficients::new(2.0 * settings.contact_frequency, 5.0);
         Self {
             settings,
+            gravity: Vector::new(0.0, 0.0, -9.81),
             parameters,
             pipeline: PhysicsPipeline::new(),
             islands: IslandManager::new(),
@@ -79,7 +82,7 @@ impl Engine {
     /// One time step under gravity.
     pub fn step(&mut self) {
         self.pipeline.step(
-            Vector::new(0.0, 0.0, -9.81),
+            self.gravity,
             &self.parameters,
             &mut self.islands,
             &mut self.broad_phase,
@@ -100,6 +103,7 @@ impl Clone for Engine {
     fn clone(&self) -> Self {
         Self {
             settings: self.settings,
+            gravity: self.gravity,
             parameters: self.parameters,
             // The pipeline is only workspace.
             pipeline: PhysicsPipeline::new(),
