@@ -156,12 +156,22 @@ impl Policy {
 /// `hand` commands.
 #[derive(Debug, Subcommand)]
 pub enum HandCommand {
-    /// Check the hand model's figures against the paper's, or a URDF against the model.
-    Check {
-        /// A URDF to read instead of the built-in hand; it must have the hand's joints.
-        #[arg(long)]
-        urdf: Option<PathBuf>,
-    },
+    /// Check the body's figures against the paper's, in physics where they are about motion.
+    Check(CheckArgs),
+}
+
+/// Arguments of `hand check`.
+#[derive(Debug, Args)]
+pub struct CheckArgs {
+    /// Only read this URDF; it must have the hand's joints.
+    #[arg(long)]
+    pub urdf: Option<PathBuf>,
+    /// Folder of the public model of this hand, to compare joint frames with.
+    #[arg(long, default_value = "../shared/data/hands/ftac_public")]
+    pub public_model: PathBuf,
+    /// Folder for pictures and check.json.
+    #[arg(long)]
+    pub out: Option<PathBuf>,
 }
 
 /// A grasp's role on the command line.
