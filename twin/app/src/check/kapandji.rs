@@ -2,7 +2,7 @@
 //!
 //! The points are those of Kapandji (1986). Each is a point on our covers (or, for the creases, on the palmar side of the
 //! joint). The commands are found by search: many random commands are looked at in static equilibrium, the nearest ones are
-//! run in physics on the stand, and the best of those is varied until the thumb is there.
+//! run in physics on the stand, and the best of those are varied until the thumb is there.
 
 use std::sync::Arc;
 
@@ -25,18 +25,22 @@ const REACHED: f64 = 0.003;
 /// Covers may overlap by this much, m: the engine's contacts give way a little.
 const OVERLAP: f64 = 5e-4;
 /// Good enough to stop the search, m.
-const ENOUGH: f64 = 0.001;
+const ENOUGH: f64 = 0.002;
 /// Random commands looked at in static equilibrium.
 const LOOKS: usize = 6000;
 /// Commands run in physics before variation, and variations.
-const STARTS: usize = 10;
-const VARIATIONS: usize = 50;
+const STARTS: usize = 20;
+const VARIATIONS: usize = 120;
+/// The best of those run so far, which are varied.
+const PARENTS: usize = 4;
 /// Largest cable tensions tried, N.
 const THUMB_TENSION: f64 = 30.0;
 const FINGER_TENSION: f64 = 20.0;
-/// How long the fingers, then the thumb move, s.
-const FINGERS: f64 = 0.7;
-const THUMB: f64 = 1.8;
+/// Largest opposition command, rad: a little past the joint's stop, because the shaft gives way under the spring.
+const OPPOSITION: f64 = 1.05 * std::f64::consts::FRAC_PI_2;
+/// How long the first to move is alone, and how long both move then, s.
+const FIRST: f64 = 0.7;
+const REST: f64 = 1.8;
 
 /// One of the ten points.
 struct Target {
@@ -47,8 +51,14 @@ struct Target {
     point: Point3<f64>,
 }
 
-/// A command: opposition angle (rad), thumb's and the target finger's tension (N).
-type Command = [f64; 3];
+/// A command: opposition angle (rad), thumb's and the target finger's tension (N), and who moves first.
+#[derive(Debug, Clone, Copy)]
+struct Command {
+    opposition: f64,
+    thumb: f64,
+    finger: f64,
+    thumb_first: bool,
+}
 
 struct Outcome {
     distance: f64,
@@ -125,9 +135,9 @@ fn distance(target: &Target, tip: &[Point3<f64>], links: &[Isometry3<f64>]) -> f
 
 fn tensions(target: &Target, command: &Command) -> [f64; 5] {
     let mut tensions = [0.0; 5];
-    tensions[0] = command[1];
+    tensions[0] = command.thumb;
     if let Some(link) = target.link {
-        tensions[link / 3] = command[2];
+        tensions[link / 3] = command.finger;
     }
     tensions
 }
@@ -136,16 +146,22 @@ fn draw(rng: &mut ChaCha8Rng) -> Command {
     // Small tensions move the joints most: draw them evenly in their square root.
     let mut tension = |most: f64| most * rng.random_range(0.0..1.0f64).powi(2);
     let (thumb, finger) = (tension(THUMB_TENSION), tension(FINGER_TENSION));
-    [rng.random_range(0.0..std::f64::consts::FRAC_PI_2), thumb, finger]
+    let opposition = rng.random_range(0.0..OPPOSITION);
+    Command { opposition, thumb, finger, thumb_first: rng.random_bool(0.3) }
 }
 
 fn run(hand: &Arc<Hand>, target: &Target, tip: &[Point3<f64>], command: Command) -> (Outcome, HandStand) {
     let mut stand = HandStand::new(hand.clone(), EngineSettings::default());
     let all = tensions(target, &command);
-    let mut fingers = all;
-    fingers[0] = 0.0;
-    stand.run(&tension_goals(hand, &fingers, 0.0), FINGERS);
-    stand.run(&tension_goals(hand, &all, command[0]), THUMB);
+    let mut first = all;
+    if command.thumb_first {
+        first[1..].fill(0.0);
+    } else {
+        first[0] = 0.0;
+    }
+    let turned = if command.thumb_first { command.opposition } else { 0.0 };
+    stand.run(&tension_goals(hand, &first, turned), FIRST);
+    stand.run(&tension_goals(hand, &all, command.opposition), REST);
     let outcome = Outcome {
         distance: distance(target, tip, &stand.links()),
         overlap: stand.self_penetration(),
@@ -159,7 +175,8 @@ fn search(hand: &Arc<Hand>, target: &Target, tip: &[Point3<f64>], rng: &mut ChaC
     let mut looks: Vec<(f64, Command)> = (0..LOOKS)
         .map(|_| {
             let command = draw(rng);
-            let angles = statics::free(hand, &tensions(target, &command), command[0]);
+            let angles =
+                statics::free(hand, &tensions(target, &command), command.opposition.min(std::f64::consts::FRAC_PI_2));
             (distance(target, tip, &hand.tree.forward(&angles)), command)
         })
         .collect();
@@ -167,39 +184,33 @@ fn search(hand: &Arc<Hand>, target: &Target, tip: &[Point3<f64>], rng: &mut ChaC
     // The best of each neighbourhood.
     let mut starts: Vec<Command> = Vec::new();
     for (_, command) in &looks {
-        let near =
-            |other: &Command| (command[0] - other[0]).abs() < 0.1 && (command[1] / other[1].max(0.1)).ln().abs() < 0.2;
+        let near = |other: &Command| {
+            (command.opposition - other.opposition).abs() < 0.1
+                && (command.thumb / other.thumb.max(0.1)).ln().abs() < 0.2
+                && command.thumb_first == other.thumb_first
+        };
         if starts.len() < STARTS && !starts.iter().any(near) {
             starts.push(*command);
         }
     }
-    let mut best: Option<Outcome> = None;
-    let keep = |best: &mut Option<Outcome>, outcome: Outcome| {
-        let better = best.as_ref().is_none_or(|b| outcome.cost() < b.cost());
-        if better {
-            *best = Some(outcome);
-        }
-        better
-    };
-    let mut spread = 0.15;
-    let mut tried = 0;
-    for command in starts {
-        keep(&mut best, run(hand, target, tip, command).0);
-    }
-    while let Some(found) = &best {
-        if found.cost() < ENOUGH || tried == VARIATIONS {
+    let mut found: Vec<Outcome> = starts.into_iter().map(|command| run(hand, target, tip, command).0).collect();
+    found.sort_by(|a, b| a.cost().total_cmp(&b.cost()));
+    for tried in 0..VARIATIONS {
+        if found[0].cost() < ENOUGH {
             break;
         }
-        let mut command = found.command;
-        command[0] = (command[0] + spread * rng.random_range(-1.0..1.0)).clamp(0.0, std::f64::consts::FRAC_PI_2);
-        command[1] = (command[1] * (1.5 * spread * rng.random_range(-1.0..1.0f64)).exp()).min(THUMB_TENSION);
-        command[2] = (command[2] * (1.5 * spread * rng.random_range(-1.0..1.0f64)).exp()).min(FINGER_TENSION);
-        if !keep(&mut best, run(hand, target, tip, command).0) {
-            spread = (0.96 * spread).max(0.02);
-        }
-        tried += 1;
+        found.truncate(PARENTS);
+        let spread = 0.25 * 0.985f64.powi(tried as i32);
+        let mut command = found[rng.random_range(0..found.len())].command;
+        let mut stretch = || (2.0 * spread * rng.random_range(-1.0..1.0f64)).exp();
+        command.thumb = (command.thumb * stretch()).min(THUMB_TENSION);
+        command.finger = (command.finger * stretch()).min(FINGER_TENSION);
+        let turn = spread * rng.random_range(-1.0..1.0);
+        command.opposition = (command.opposition + turn).clamp(0.0, OPPOSITION);
+        found.push(run(hand, target, tip, command).0);
+        found.sort_by(|a, b| a.cost().total_cmp(&b.cost()));
     }
-    best.unwrap_or_else(|| run(hand, target, tip, [0.0; 3]).0)
+    found.swap_remove(0)
 }
 
 /// The row, with a picture of all ten.
@@ -228,9 +239,10 @@ pub fn row(hand: &Arc<Hand>, options: &Options<'_>) -> Result<Row> {
                 "distance_mm": outcome.distance * 1e3,
                 "overlap_mm": outcome.overlap * 1e3,
                 "reached": good(outcome),
-                "opposition_deg": outcome.command[0].to_degrees(),
-                "thumb_tension_n": outcome.command[1],
-                "finger_tension_n": outcome.command[2],
+                "opposition_deg": outcome.command.opposition.to_degrees(),
+                "thumb_tension_n": outcome.command.thumb,
+                "finger_tension_n": outcome.command.finger,
+                "thumb_first": outcome.command.thumb_first,
                 "angles_deg": outcome.angles.iter().map(|q| q.to_degrees()).collect::<Vec<_>>(),
             })
         })

@@ -54,16 +54,6 @@ impl View {
         }
     }
 
-    /// From the little finger's side.
-    pub fn little_side() -> Self {
-        Self {
-            eye: Vector3::new(-1.0, 0.35, -0.25).normalize(),
-            up: Vector3::z(),
-            center: Point3::new(0.0, -0.01, -0.01),
-            width: 0.22,
-        }
-    }
-
     /// The same view, closer, around another centre.
     pub fn at(self, center: Point3<f64>, width: f64) -> Self {
         Self { center, width, ..self }
