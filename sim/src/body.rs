@@ -13,8 +13,8 @@ use crate::convert;
 use crate::engine::Engine;
 
 /// Arm joint stiffness N m/rad and damping N m s/rad of the low-level position control.
-const ARM_STIFFNESS: [f64; ARM_JOINTS] = [2000.0, 2000.0, 2000.0, 2000.0, 500.0, 500.0, 500.0];
-const ARM_DAMPING: [f64; ARM_JOINTS] = [100.0, 100.0, 100.0, 100.0, 50.0, 50.0, 50.0];
+pub(crate) const ARM_STIFFNESS: [f64; ARM_JOINTS] = [2000.0, 2000.0, 2000.0, 2000.0, 500.0, 500.0, 500.0];
+pub(crate) const ARM_DAMPING: [f64; ARM_JOINTS] = [100.0, 100.0, 100.0, 100.0, 50.0, 50.0, 50.0];
 /// Radius of the capsules that stand for the arm's wrist links against the table, m.
 const WRIST_RADIUS: f64 = 0.040;
 

@@ -7,13 +7,15 @@
 //! touches whom and how hard; [`tactile`] turns that into images through the `optics` crate; [`robot`] ties them together
 //! behind [`hand_model::robot::Robot`]. Ground truth leaves by [`robot::SimulatedRobot::truth`] alone, which is for the referee.
 //!
-//! [`stand`] is a test stand beside the story: the hand without the arm, its palm bolted down, things put into it by hand.
+//! [`stand`] is a test stand beside the story: the hand without the arm, its palm bolted down, things put into it by hand. [`mjcf`]
+//! writes such a scene for a second engine.
 
 pub mod body;
 pub mod contacts;
 pub mod convert;
 pub mod drive;
 pub mod engine;
+pub mod mjcf;
 pub mod robot;
 pub mod servo;
 pub mod stand;

@@ -2,7 +2,8 @@
 //!
 //! [`row`] is what a check says; [`figures`] counts and measures the model, [`public_model`] compares its frames to another
 //! group's model of this hand; [`kapandji`], [`closing_force`], [`dumbbell`] and [`flexion`] run the hand in physics on a
-//! test stand, moved by its six servos and nothing else. [`picture`] and [`plot`] draw what a person can judge.
+//! test stand, moved by its six servos and nothing else. [`second_engine`] writes scenes
+//! for another engine. [`picture`] and [`plot`] draw what a person can judge.
 
 pub mod closing_force;
 pub mod dumbbell;
@@ -13,6 +14,7 @@ pub mod picture;
 pub mod plot;
 pub mod public_model;
 pub mod row;
+pub mod second_engine;
 
 use std::path::Path;
 use std::sync::Arc;

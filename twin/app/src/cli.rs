@@ -158,6 +158,12 @@ impl Policy {
 pub enum HandCommand {
     /// Check the body's figures against the paper's, in physics where they are about motion.
     Check(CheckArgs),
+    /// Write scenes for a second engine, with the commands and what ours made of them.
+    Export {
+        /// Folder for the MJCF files and scenes.json.
+        #[arg(long)]
+        mjcf: PathBuf,
+    },
 }
 
 /// Arguments of `hand check`.

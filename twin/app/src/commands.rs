@@ -40,6 +40,14 @@ pub fn run(cli: &Cli) -> Outcome {
         Command::View { path } => view(path),
         Command::Report { folders, out } => report(cli, folders, out.as_deref()),
         Command::Hand(HandCommand::Check(args)) => hand_check(cli, args),
+        Command::Hand(HandCommand::Export { mjcf }) => {
+            check::second_engine::export(&Arc::new(Hand::ftac()), mjcf)?;
+            eprintln!(
+                "{0}: scenes.json and its MJCF files; `python3 tests/mujoco/compare.py {0}` runs them",
+                mjcf.display()
+            );
+            Ok(None)
+        }
         Command::Grasps(GraspsCommand::Generate { object, role, n, out }) => {
             grasps_generate(cli, object, *role, *n, out)
         }

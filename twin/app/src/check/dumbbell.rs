@@ -17,7 +17,7 @@ use super::row::{Row, Verdict};
 /// kg.
 const MASS: f64 = 2.5;
 /// Handle radius and length, weight radius and length, m.
-pub const SIZE: [f64; 4] = [0.016, 0.120, 0.045, 0.045];
+const SIZE: [f64; 4] = [0.016, 0.120, 0.045, 0.045];
 /// Slip below this is a hold, m.
 const SLIP: f64 = 0.002;
 /// s.
@@ -39,12 +39,17 @@ pub fn prop() -> Prop {
     Prop::dumbbell(SIZE[0], SIZE[1], SIZE[2], SIZE[3], MASS)
 }
 
+/// Tensions of the grip, N.
+pub fn tensions() -> [f64; 5] {
+    [0.0, TENSION, TENSION, TENSION, TENSION]
+}
+
 /// Closes on the held dumbbell, then lets go of it under gravity along `down` (palm frame).
 /// Returns the stand and the slip (m) of ten seconds after settling.
 fn hold(hand: &Arc<Hand>, down: &Vector3<f64>) -> (HandStand, f64) {
     let mut stand = HandStand::new(hand.clone(), EngineSettings::default());
     let bell = stand.put(prop(), &place(hand));
-    let goals = tension_goals(hand, &[0.0, TENSION, TENSION, TENSION, TENSION], 0.0);
+    let goals = tension_goals(hand, &tensions(), 0.0);
     stand.run(&goals, 1.5);
     stand.release(bell);
     stand.set_gravity(&(down * 9.81));

@@ -23,7 +23,7 @@ const TENSION: f64 = 18.0;
 const FREE_TENSION: f64 = 11.5;
 /// All joints are past this there, deg.
 const CLOSED: f64 = 70.0;
-const PULL: f64 = 6.0;
+const PULL: f64 = 24.0;
 /// Free closing follows the static path within this, deg.
 const STATIC_TOLERANCE: f64 = 3.0;
 /// A joint has gone on when it is this far beyond where it stood when the block was met, deg.
