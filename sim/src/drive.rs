@@ -6,7 +6,7 @@ use hand_model::{ACTUATORS, HAND_JOINTS, Hand};
 use crate::servo::ServoModel;
 
 /// Stiffness of the shaft between the opposition servo and the thumb's CMC joint, N m/rad.
-pub(crate) const OPPOSITION_STIFFNESS: f64 = 8.0;
+pub const OPPOSITION_STIFFNESS: f64 = 8.0;
 
 /// What acts on a finger joint during one physics step.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -22,34 +22,47 @@ except ImportError as error:
     sys.exit(77)
 
 SUBSTEPS = 8
-# Free motion may differ by this at any sampled moment and at rest, degrees.
-FREE_MOTION, FREE_REST = 6.0, 1.0
+POSITION_GAIN, POSITION_DAMPING = 6.0, 0.25
+# Free motion may differ by this at any sampled moment and at rest, degrees. Under way, at up to 400 deg/s, the engines treat
+# the stiff springs differently (ours implicitly); at rest nothing but the model counts.
+FREE_MOTION, FREE_REST = 25.0, 0.1
 
 
 class Servo:
-    """An XC330 in current control on a cable that can only pull."""
+    """An XC330 that winds a cable, which can only pull, or turns the thumb through a shaft."""
 
     def __init__(self, servo, cable):
         self.servo, self.cable = servo, cable
         self.angle = self.speed = 0.0
 
-    def step(self, current, excursion, rate, dt):
-        servo, cable = self.servo, self.cable
+    def advance(self, amps, load, h):
+        servo = self.servo
+        amps = min(max(amps, -servo["current_limit"]), servo["current_limit"])
+        if amps * self.speed > 0.0:
+            left = max(0.0, 1.0 - abs(self.speed) / servo["no_load_speed"])
+            cap = servo["stall_torque"] * left / servo["torque_constant"]
+            amps = min(max(amps, -cap), cap)
+        torque = servo["torque_constant"] * amps - load - servo["damping"] * self.speed
+        self.speed += torque / servo["rotor_inertia"] * h
+        self.angle += self.speed * h
+
+    def wind(self, current, excursion, rate, dt):
+        """Current control; returns the mean tension."""
+        cable = self.cable
         h, total = dt / SUBSTEPS, 0.0
         for n in range(SUBSTEPS):
-            amps = min(max(current, -servo["current_limit"]), servo["current_limit"])
-            if amps * self.speed > 0.0:
-                left = max(0.0, 1.0 - abs(self.speed) / servo["no_load_speed"])
-                cap = servo["stall_torque"] * left / servo["torque_constant"]
-                amps = min(max(amps, -cap), cap)
             tension = max(0.0, cable["stiffness"] * (cable["spool_radius"] * self.angle - excursion - rate * h * n))
-            torque = servo["torque_constant"] * amps - cable["spool_radius"] * tension - servo["damping"] * self.speed
-            self.speed += torque / servo["rotor_inertia"] * h
-            self.angle += self.speed * h
+            self.advance(current, cable["spool_radius"] * tension, h)
             total += tension
         if self.angle < 0.0:
             self.angle, self.speed = 0.0, max(0.0, self.speed)
         return total / SUBSTEPS
+
+    def turn(self, goal, load, dt):
+        """Position control against the shaft's torque."""
+        for _ in range(SUBSTEPS):
+            self.advance(POSITION_GAIN * (goal - self.angle) - POSITION_DAMPING * self.speed, load, dt / SUBSTEPS)
+        return self.angle
 
 
 class Run:
@@ -63,6 +76,7 @@ class Run:
         mujoco.mj_forward(self.model, self.data)
         self.setup = setup
         self.servos = [Servo(setup["servo"], setup["cable"]) for _ in setup["cables"]]
+        self.thumb = Servo(setup["servo"], setup["cable"])
         self.rest = self.data.ten_length.copy()
         self.joints = [self.model.joint(name).qposadr[0] for name in setup["joints"]]
         self.seconds = 0.0
@@ -84,8 +98,9 @@ class Run:
                 excursion = self.rest[index] - data.ten_length[index]
                 rate = -data.ten_velocity[index]
                 current = phase["tensions"][index] * per_newton
-                data.ctrl[index] = servo.step(current, excursion, rate, model.opt.timestep)
-            data.ctrl[5] = phase["opposition"]
+                data.ctrl[index] = servo.wind(current, excursion, rate, model.opt.timestep)
+            twist = self.thumb.angle - data.qpos[self.joints[0]]
+            data.ctrl[5] = self.thumb.turn(phase["opposition"], setup["shaft_stiffness"] * twist, model.opt.timestep)
             begin = time.perf_counter()
             mujoco.mj_step(model, data)
             self.seconds += time.perf_counter() - begin

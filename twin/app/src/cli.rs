@@ -175,6 +175,9 @@ pub struct CheckArgs {
     /// Folder of the public model of this hand, to compare joint frames with.
     #[arg(long, default_value = "../shared/data/hands/ftac_public")]
     pub public_model: PathBuf,
+    /// Sweep the engine's settings instead: slip, overlap, jitter and cost over time step and iterations.
+    #[arg(long)]
+    pub engine: bool,
     /// Folder for pictures and check.json.
     #[arg(long)]
     pub out: Option<PathBuf>,

@@ -306,6 +306,15 @@ fn hand_check(cli: &Cli, args: &CheckArgs) -> Outcome {
         eprintln!("{}: {} joints, all of the hand's joints are there", path.display(), tree.len());
         return Ok(None);
     }
+    if args.engine {
+        let found = check::engine::sweep(&hand)?;
+        if cli.json {
+            println!("{}", serde_json::json!({ "sweep": found }));
+        } else {
+            print!("{}", check::engine::table(&found));
+        }
+        return Ok(None);
+    }
     let options = check::Options { public_model: &args.public_model, out: args.out.as_deref(), seed: cli.seed };
     let rows = check::run(&hand, &options)?;
     let text = serde_json::json!({ "seed": cli.seed, "rows": rows });

@@ -235,6 +235,7 @@ pub fn export(hand: &Arc<Hand>, folder: &Path) -> Result<()> {
             "no_load_speed": servo.no_load_speed, "current_limit": servo.current_limit,
             "rotor_inertia": servo.rotor_inertia, "damping": servo.damping,
         },
+        "shaft_stiffness": sim::drive::OPPOSITION_STIFFNESS,
         "cable": { "spool_radius": cable.spool_radius, "stiffness": cable.stiffness },
         "scenes": scenes,
         "whole": whole(hand, folder)?,
