@@ -2,12 +2,14 @@
 //!
 //! [`row`] is what a check says; [`figures`] counts and measures the model, [`public_model`] compares its frames to another
 //! group's model of this hand; [`kapandji`], [`closing_force`], [`dumbbell`] and [`flexion`] run the hand in physics on a
-//! test stand, moved by its six servos and nothing else. [`engine`] sweeps the engine's settings; [`second_engine`] writes scenes
+//! test stand, moved by its six servos and nothing else. [`feix`] tries the 33 grasp
+//! types; [`engine`] sweeps the engine's settings; [`second_engine`] writes scenes
 //! for another engine. [`picture`] and [`plot`] draw what a person can judge.
 
 pub mod closing_force;
 pub mod dumbbell;
 pub mod engine;
+pub mod feix;
 pub mod figures;
 pub mod flexion;
 pub mod kapandji;

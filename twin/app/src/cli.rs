@@ -175,6 +175,12 @@ pub struct CheckArgs {
     /// Folder of the public model of this hand, to compare joint frames with.
     #[arg(long, default_value = "../shared/data/hands/ftac_public")]
     pub public_model: PathBuf,
+    /// Try the 33 grasp types of Feix instead.
+    #[arg(long, conflicts_with = "engine")]
+    pub grasps: bool,
+    /// Attempts at each grasp type at most.
+    #[arg(long, default_value_t = 60)]
+    pub tries: usize,
     /// Sweep the engine's settings instead: slip, overlap, jitter and cost over time step and iterations.
     #[arg(long)]
     pub engine: bool,

@@ -315,6 +315,9 @@ fn hand_check(cli: &Cli, args: &CheckArgs) -> Outcome {
         }
         return Ok(None);
     }
+    if args.grasps {
+        return hand_grasps(cli, args, &hand);
+    }
     let options = check::Options { public_model: &args.public_model, out: args.out.as_deref(), seed: cli.seed };
     let rows = check::run(&hand, &options)?;
     let text = serde_json::json!({ "seed": cli.seed, "rows": rows });
@@ -327,6 +330,22 @@ fn hand_check(cli: &Cli, args: &CheckArgs) -> Outcome {
         print!("{}", check::row::table(&rows));
     }
     Ok(check::shortfall(&rows))
+}
+
+fn hand_grasps(cli: &Cli, args: &CheckArgs, hand: &Arc<Hand>) -> Outcome {
+    let outcomes = check::feix::run(hand, cli.seed, args.tries);
+    let text = serde_json::json!({ "seed": cli.seed, "tries": args.tries, "types": outcomes });
+    if let Some(folder) = &args.out {
+        check::feix::draw(hand, &outcomes, folder)?;
+        crate::report::write_whole(&folder.join("grasps.json"), serde_json::to_string_pretty(&text)?.as_bytes())?;
+    }
+    if cli.json {
+        println!("{text}");
+    } else {
+        print!("{}", check::feix::table(&outcomes));
+    }
+    let held = outcomes.iter().filter(|outcome| outcome.held).count();
+    Ok((held < outcomes.len()).then(|| format!("{held} of the 33 grasp types are held")))
 }
 
 fn grasps_generate(cli: &Cli, objects: &[String], role: Option<RoleArg>, n: u32, out: &Path) -> Outcome {
