@@ -3,7 +3,7 @@
 //!
 //! The story in order: [`parameters`] reads the one file with all numbers (`data/ftac_hand.toml`); [`hand`] turns it into a
 //! [`kinematics::Tree`] with covers, [`pads`] and a [`transmission`]; [`arm`] does the same for the Gen3; [`urdf`] writes both
-//! as URDF and reads any URDF back; [`robot`] says what a body measures and what it can be told.
+//! as URDF and reads any URDF back; [`statics`] finds where the digits come to rest; [`robot`] says what a body measures and what it can be told.
 //!
 //! # Frames
 //! Right-handed, SI. `palm`: y towards the fingertips, x towards the thumb side, -z out of the palm. Link frames: x along the
@@ -18,6 +18,7 @@ pub mod kinematics;
 pub mod pads;
 pub mod parameters;
 pub mod robot;
+pub mod statics;
 pub mod transmission;
 pub mod urdf;
 

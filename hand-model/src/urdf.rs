@@ -134,15 +134,46 @@ pub fn read_tree(path: &Path, expected: &[&str]) -> Result<Tree, ModelError> {
 
 /// As [`read_tree`], from text.
 pub fn parse_tree(text: &str, path: &Path, expected: &[&str]) -> Result<Tree, ModelError> {
-    let robot = urdf_rs::read_from_string(text)
-        .map_err(|error| ModelError::Syntax { path: path.into(), message: error.to_string() })?;
-    let fault = |element: String, field: &str, found: String, expected: &str| ModelError::Field {
-        path: path.into(),
-        element,
-        field: field.into(),
-        found,
-        expected: expected.into(),
-    };
+    let robot = parse_robot(text, path)?;
+    check_masses(&robot, path)?;
+    frames(&robot, path, expected)
+}
+
+/// The joints' frames alone: for a look at a file whose links need no mass.
+pub fn read_frames(path: &Path, expected: &[&str]) -> Result<Tree, ModelError> {
+    let text = std::fs::read_to_string(path).map_err(|source| ModelError::Io { path: path.into(), source })?;
+    frames(&parse_robot(&text, path)?, path, expected)
+}
+
+pub(crate) fn parse_robot(text: &str, path: &Path) -> Result<urdf_rs::Robot, ModelError> {
+    urdf_rs::read_from_string(text)
+        .map_err(|error| ModelError::Syntax { path: path.into(), message: error.to_string() })
+}
+
+/// An error of `path` at an element's field.
+pub(crate) fn fault(path: &Path, element: String, field: &str, found: String, expected: &str) -> ModelError {
+    ModelError::Field { path: path.into(), element, field: field.into(), found, expected: expected.into() }
+}
+
+pub(crate) fn check_masses(robot: &urdf_rs::Robot, path: &Path) -> Result<(), ModelError> {
+    for joint in robot.joints.iter().filter(|joint| joint.joint_type != urdf_rs::JointType::Fixed) {
+        let link = robot.links.iter().find(|link| link.name == joint.child.link);
+        if link.is_some_and(|link| link.inertial.mass.value <= 0.0) {
+            return Err(fault(
+                path,
+                format!("link[{}]", joint.child.link),
+                "inertial.mass",
+                "0".into(),
+                "a positive mass in kg on a link that a joint moves",
+            ));
+        }
+    }
+    Ok(())
+}
+
+pub(crate) fn frames(robot: &urdf_rs::Robot, path: &Path, expected: &[&str]) -> Result<Tree, ModelError> {
+    let fault =
+        |element: String, field: &str, found: String, expected: &str| fault(path, element, field, found, expected);
     for name in expected {
         if !robot.joints.iter().any(|joint| joint.name == *name) {
             return Err(fault(
@@ -164,15 +195,6 @@ pub fn parse_tree(text: &str, path: &Path, expected: &[&str]) -> Result<Tree, Mo
                     "the name of a <link> in this file",
                 ));
             }
-        }
-        let moving = joint.joint_type != urdf_rs::JointType::Fixed;
-        if moving && linked(&joint.child.link).is_some_and(|link| link.inertial.mass.value <= 0.0) {
-            return Err(fault(
-                format!("link[{}]", joint.child.link),
-                "inertial.mass",
-                "0".into(),
-                "a positive mass in kg on a link that a joint moves",
-            ));
         }
     }
     let mut roots = robot.links.iter().filter(|link| !robot.joints.iter().any(|joint| joint.child.link == link.name));

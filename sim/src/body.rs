@@ -13,8 +13,8 @@ use crate::convert;
 use crate::engine::Engine;
 
 /// Arm joint stiffness N m/rad and damping N m s/rad of the low-level position control.
-const ARM_STIFFNESS: [f64; ARM_JOINTS] = [2000.0, 2000.0, 2000.0, 2000.0, 500.0, 500.0, 500.0];
-const ARM_DAMPING: [f64; ARM_JOINTS] = [100.0, 100.0, 100.0, 100.0, 50.0, 50.0, 50.0];
+pub(crate) const ARM_STIFFNESS: [f64; ARM_JOINTS] = [2000.0, 2000.0, 2000.0, 2000.0, 500.0, 500.0, 500.0];
+pub(crate) const ARM_DAMPING: [f64; ARM_JOINTS] = [100.0, 100.0, 100.0, 100.0, 50.0, 50.0, 50.0];
 /// Radius of the capsules that stand for the arm's wrist links against the table, m.
 const WRIST_RADIUS: f64 = 0.040;
 
@@ -59,13 +59,13 @@ pub fn last_from_palm(arm: &Arm, hand: &Hand, mount_error: &UnitQuaternion<f64>)
     arm.last_from_tool * *mount_error * hand.palm_from_flange.inverse()
 }
 
-pub(crate) fn revolute(origin: &Isometry3<f64>, limits: [f64; 2]) -> GenericJoint {
-    // rapier's revolute joints turn about the frame's x; ours about z.
-    let z_as_x = Rotation::from_rotation_arc(Vector::X, Vector::Z);
-    let frame1 = convert::pose(origin) * Pose::from_rotation(z_as_x);
+pub(crate) fn revolute(origin: &Isometry3<f64>, axis: &Vector3<f64>, limits: [f64; 2]) -> GenericJoint {
+    // rapier's revolute joints turn about the frame's x.
+    let axis_as_x = Rotation::from_rotation_arc(Vector::X, convert::vector(axis));
+    let frame1 = convert::pose(origin) * Pose::from_rotation(axis_as_x);
     let mut builder = GenericJointBuilder::new(JointAxesMask::LOCKED_REVOLUTE_AXES)
         .local_frame1(frame1)
-        .local_frame2(Pose::from_rotation(z_as_x))
+        .local_frame2(Pose::from_rotation(axis_as_x))
         .contacts_enabled(false)
         .softness(SpringCoefficients::new(240.0, 5.0));
     if limits[0].is_finite() {
@@ -123,8 +123,12 @@ impl RobotBody {
                 mass = merge(&mass, &hand.palm_mass, &last_from_palm);
             }
             let body = engine.bodies.insert(link_body(&(world_from_base * arm_poses[i]), &mass));
-            let handle =
-                engine.multibodies.insert(parent, body, revolute(&joint.origin, [joint.lower, joint.upper]), true);
+            let handle = engine.multibodies.insert(
+                parent,
+                body,
+                revolute(&joint.origin, &joint.axis, [joint.lower, joint.upper]),
+                true,
+            );
             joints.extend(handle);
             links.push(body);
             masses.push(mass);
@@ -157,7 +161,12 @@ impl RobotBody {
                 Some(parent) => (hand_links[parent], joint.origin),
                 None => (palm_link, last_from_palm * joint.origin),
             };
-            joints.extend(engine.multibodies.insert(parent, body, revolute(&origin, [joint.lower, joint.upper]), true));
+            joints.extend(engine.multibodies.insert(
+                parent,
+                body,
+                revolute(&origin, &joint.axis, [joint.lower, joint.upper]),
+                true,
+            ));
             covers.push(engine.colliders.insert_with_parent(cover_collider(&hand.covers[i]), body, &mut engine.bodies));
             hand_links.push(body);
             masses.push(hand.masses[i]);

@@ -21,8 +21,6 @@ pub struct EngineSettings {
     /// Rolling resistance coefficient of objects on the table (lever arm of the normal force over the height of the centre of
     /// mass): balls on felt or a short carpet have 0.02 to 0.07. The engine has no rolling friction of its own.
     pub rolling_resistance: f64,
-    /// Gravity along -z, m/s2.
-    pub gravity: f64,
 }
 
 impl Default for EngineSettings {
@@ -34,7 +32,6 @@ impl Default for EngineSettings {
             contact_frequency: 240.0,
             table_friction: 0.5,
             rolling_resistance: 0.03,
-            gravity: 9.81,
         }
     }
 }
@@ -43,6 +40,8 @@ impl Default for EngineSettings {
 pub struct Engine {
     /// Settings it was made with.
     pub settings: EngineSettings,
+    /// Gravity, m/s2.
+    pub gravity: Vector,
     parameters: IntegrationParameters,
     pipeline: PhysicsPipeline,
     islands: IslandManager,
@@ -75,6 +74,7 @@ impl Engine {
         parameters.static_contact_softness = SpringCoefficients::new(2.0 * settings.contact_frequency, 5.0);
         Self {
             settings,
+            gravity: Vector::new(0.0, 0.0, -9.81),
             parameters,
             pipeline: PhysicsPipeline::new(),
             islands: IslandManager::new(),
@@ -92,7 +92,7 @@ impl Engine {
     /// One time step under gravity.
     pub fn step(&mut self) {
         self.pipeline.step(
-            Vector::new(0.0, 0.0, -self.settings.gravity),
+            self.gravity,
             &self.parameters,
             &mut self.islands,
             &mut self.broad_phase,
@@ -113,6 +113,7 @@ impl Clone for Engine {
     fn clone(&self) -> Self {
         Self {
             settings: self.settings,
+            gravity: self.gravity,
             parameters: self.parameters,
             // The pipeline is only workspace.
             pipeline: PhysicsPipeline::new(),

@@ -16,7 +16,8 @@ use crate::body::{cover_collider, groups, link_body, revolute};
 use crate::contacts::contacts_of;
 use crate::convert;
 use crate::engine::{Engine, EngineSettings};
-use crate::robot::{OPPOSITION_STIFFNESS, ObjectPlacement, insert_object};
+use crate::drive::OPPOSITION_STIFFNESS;
+use crate::robot::{ObjectPlacement, insert_object};
 
 /// Collision group of the palm's cover.
 const PALM: Group = Group::GROUP_5;
@@ -66,7 +67,8 @@ impl HandScene {
         palm_from_object: &Isometry3<f64>,
         angles: &[f64; HAND_JOINTS],
     ) -> Self {
-        let mut engine = Engine::new(EngineSettings { gravity: 0.0, ..EngineSettings::default() });
+        let mut engine = Engine::new(EngineSettings::default());
+        engine.gravity = Vector::ZERO;
         let palm = engine.bodies.insert(RigidBodyBuilder::fixed());
         // Neighbouring links do not collide. The engine sees to that along a digit; between the palm's cover and the first
         // links, which hang on roots of their own, groups do.
@@ -88,7 +90,7 @@ impl HandScene {
                 None => engine.bodies.insert(RigidBodyBuilder::fixed()),
             };
             let limits = [joint.lower, joint.upper];
-            joints.extend(engine.multibodies.insert(parent, body, revolute(&joint.origin, limits), true));
+            joints.extend(engine.multibodies.insert(parent, body, revolute(&joint.origin, &joint.axis, limits), true));
             let filter = if joint.parent.is_some() { links_only | PALM } else { links_only };
             covers.push(cover(&mut engine, &hand.covers[i], body, groups::HAND, filter));
             links.push(body);

@@ -2,19 +2,26 @@
 //! into the pads.
 //!
 //! The story in order: [`engine`] holds the physics sets with the settings that make grasps hold; [`body`] puts arm and hand
-//! into it as one reduced-coordinate multibody; [`hull`] makes objects stand firmly; [`servo`] models the XC330s that wind the cables; [`contacts`] reads who
-//! touches whom and how hard; [`tactile`] turns that into images through the `optics` crate; [`robot`] ties them together
-//! behind [`hand_model::robot::Robot`]. Ground truth leaves by [`robot::SimulatedRobot::truth`] alone, which is for the referee.
-//! [`hand_scene`] is the hand alone with a floating object, for testing grasps.
+//! into it as one reduced-coordinate multibody; [`hull`] makes objects stand firmly; [`servo`] models the XC330s that wind the
+//! cables, [`drive`] puts six of them on the transmission; [`contacts`] reads who touches whom and how hard; [`tactile`] turns
+//! that into images through the `optics` crate; [`robot`] ties them together behind [`hand_model::robot::Robot`]. Ground truth
+//! leaves by [`robot::SimulatedRobot::truth`] alone, which is for the referee.
+//!
+//! Two scenes beside the story have no arm. [`stand`] is a test stand: the same hand with its servos, palm bolted down, things put
+//! into it by hand; [`mjcf`] writes such a scene for a second engine. [`hand_scene`] is made for proving thousands of grasps:
+//! five light multibodies pulled by given tensions, one floating object.
 
 pub mod body;
 pub mod contacts;
 pub mod convert;
+pub mod drive;
 pub mod engine;
 pub mod hand_scene;
 pub mod hull;
+pub mod mjcf;
 pub mod robot;
 pub mod servo;
+pub mod stand;
 pub mod tactile;
 
 pub use robot::{ObjectPlacement, SceneSetup, SimulatedRobot};

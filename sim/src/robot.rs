@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use hand_model::robot::{ArmState, Command, Observation, Robot, Tick};
-use hand_model::{ACTUATORS, ARM_JOINTS, Arm, HAND_JOINTS, Hand};
+use hand_model::{ARM_JOINTS, Arm, Hand};
 use nalgebra::{Isometry3, UnitQuaternion, Vector3};
 use rapier3d_f64::prelude::*;
 use scenarios::geometry::Shape;
@@ -12,15 +12,12 @@ use scenarios::objects::ObjectModel;
 use crate::body::{JointState, RobotBody, groups, last_from_palm};
 use crate::contacts::{contacts_of, normal_force};
 use crate::convert;
+use crate::drive::HandDrive;
 use crate::engine::{Engine, EngineSettings};
-use crate::hull::standing_hull;
-use crate::servo::ServoModel;
 use crate::tactile::TactileBoard;
 
 /// Physics steps in one control tick (240 Hz / 2 = 120 Hz).
 const STEPS_PER_TICK: usize = 2;
-/// Stiffness of the shaft between the opposition servo and the thumb's CMC joint, N m/rad.
-pub(crate) const OPPOSITION_STIFFNESS: f64 = 8.0;
 /// Damping of loose objects' spin, 1/s: what friction about the contacts' normals, which point contacts lack, would do.
 const OBJECT_ANGULAR_DAMPING: f64 = 1.0;
 
@@ -100,9 +97,8 @@ pub struct SimulatedRobot {
     body: RobotBody,
     objects: Vec<(Arc<ObjectModel>, RigidBodyHandle, ColliderHandle)>,
     table: ColliderHandle,
-    servos: [ServoModel; ACTUATORS],
+    drive: HandDrive,
     state: JointState,
-    tensions: [f64; 5],
     arm_torque: [f64; ARM_JOINTS],
     goal: [f64; ARM_JOINTS],
     previous_goal: [f64; ARM_JOINTS],
@@ -132,7 +128,7 @@ impl SimulatedRobot {
         let state = body.joint_state(&engine);
         let count = objects.len();
         Self {
-            servos: std::array::from_fn(|_| ServoModel::new(hand.parameters.servo)),
+            drive: HandDrive::new(&hand),
             last_from_palm: last_from_palm(&arm, &hand, &setup.mount_error),
             hand,
             arm,
@@ -141,7 +137,6 @@ impl SimulatedRobot {
             objects,
             table,
             state,
-            tensions: [0.0; 5],
             arm_torque: [0.0; ARM_JOINTS],
             goal: setup.arm_start,
             previous_goal: setup.arm_start,
@@ -163,44 +158,14 @@ impl SimulatedRobot {
         let gravity = self.body.gravity_torques(&poses);
         self.arm_torque =
             self.body.drive_arm(&mut self.engine, &state, goal, goal_speed, &gravity, &self.arm.effort_limits);
-        let cable = self.hand.parameters.cable;
-        let transmission = &self.hand.transmission;
-        for (n, path) in transmission.cables.iter().enumerate() {
-            let excursion = path.excursion(&state.hand);
-            let rate = path.excursion_rate(&state.hand, &state.hand_speed);
-            self.tensions[n] = self.servos[n].step_cable(&cable, excursion, rate, dt);
+        let efforts = self.drive.step(&self.hand, &state.hand, &state.hand_speed, dt);
+        for (joint, effort) in efforts.iter().enumerate() {
+            self.body.drive_finger(&mut self.engine, &state, joint, effort.torque, effort.stiffness);
         }
-        let torques = transmission.torques(&state.hand, &self.tensions);
-        let mut stiffness = transmission.springs;
-        for (path, tension) in transmission.cables.iter().zip(&self.tensions) {
-            if *tension > 0.0 {
-                for (joint, guides) in &path.joints {
-                    stiffness[*joint] += cable.stiffness * guides.moment_arm(state.hand[*joint]).powi(2);
-                }
-            }
-        }
-        for joint in 0..HAND_JOINTS {
-            if joint != transmission.opposition_joint {
-                self.body.drive_finger(&mut self.engine, &state, joint, torques[joint], stiffness[joint]);
-            }
-        }
-        self.step_opposition(&state, dt);
         self.engine.step();
         self.resist_rolling();
         self.state = self.body.joint_state(&self.engine);
         self.time += dt;
-    }
-
-    /// The sixth servo turns the thumb's CMC joint through a stiff shaft.
-    fn step_opposition(&mut self, state: &JointState, dt: f64) {
-        let joint = self.hand.transmission.opposition_joint;
-        let ratio = self.hand.parameters.servo.gear_ratio_opposition;
-        let servo = &mut self.servos[5];
-        let twist = servo.angle / ratio - state.hand[joint];
-        let torque = OPPOSITION_STIFFNESS * twist;
-        servo.step_shaft(torque / ratio, dt);
-        let spring = self.hand.transmission.springs[joint] * state.hand[joint];
-        self.body.drive_finger(&mut self.engine, state, joint, torque - spring, OPPOSITION_STIFFNESS);
     }
 
     /// Slows objects that turn on the table, by a torque of the normal force times the rolling resistance's lever arm.
@@ -290,7 +255,7 @@ impl SimulatedRobot {
             velocities,
             palm,
             hand: self.state.hand.to_vec(),
-            tensions: self.tensions,
+            tensions: self.drive.tensions,
             contacts,
             touched_by: self.touched_by.clone(),
             object_pairs: self.object_pairs.clone(),
@@ -350,25 +315,7 @@ pub(crate) fn insert_object(
             convert::matrix(&inertia),
         ));
     let handle = engine.bodies.insert(body);
-    let shape = match &model.shape {
-        Shape::Sphere { radius } => SharedShape::ball(*radius),
-        Shape::Cylinder { radius, half_height } => {
-            // parry's cylinder stands along y; a small rounding keeps its rim from chattering.
-            let border = 0.002;
-            SharedShape::compound(vec![(
-                Pose::from_rotation(Rotation::from_rotation_arc(Vector::Y, Vector::Z)),
-                SharedShape::round_cylinder(half_height - border, radius - border, border),
-            )])
-        }
-        Shape::Cuboid { half, radius } => {
-            SharedShape::round_cuboid(half.x - radius, half.y - radius, half.z - radius, *radius)
-        }
-        Shape::Mesh(_) => {
-            let parts = model.shape.convex_parts();
-            let parts = parts.iter().filter_map(|points| Some((Pose::IDENTITY, standing_hull(points)?))).collect();
-            SharedShape::compound(parts)
-        }
-    };
+    let shape = convert::shape(&model.shape);
     let collider = ColliderBuilder::new(shape)
         .density(0.0)
         .friction(model.friction)
@@ -382,7 +329,7 @@ impl Robot for SimulatedRobot {
         Observation {
             time: self.time,
             sequence: self.sequence,
-            servos: std::array::from_fn(|n| self.servos[n].state()),
+            servos: self.drive.states(),
             arm: ArmState { position: self.state.arm, velocity: self.state.arm_speed, torque: self.arm_torque },
             tactile: std::mem::take(&mut self.frames),
         }
@@ -398,9 +345,7 @@ impl Robot for SimulatedRobot {
                 .clamp(self.goal[i] - reach, self.goal[i] + reach)
                 .clamp(self.arm.tree.joints[i].lower, self.arm.tree.joints[i].upper);
         }
-        for (servo, goal) in self.servos.iter_mut().zip(&sent.servos) {
-            servo.goal = *goal;
-        }
+        self.drive.set_goals(&sent.servos);
         self.previous_goal = self.goal;
         self.goal = sent.arm;
         self.capture = sent.capture;

@@ -156,12 +156,37 @@ impl Policy {
 /// `hand` commands.
 #[derive(Debug, Subcommand)]
 pub enum HandCommand {
-    /// Check the hand model's figures against the paper's, or a URDF against the model.
-    Check {
-        /// A URDF to read instead of the built-in hand; it must have the hand's joints.
+    /// Check the body's figures against the paper's, in physics where they are about motion.
+    Check(CheckArgs),
+    /// Write scenes for a second engine, with the commands and what ours made of them.
+    Export {
+        /// Folder for the MJCF files and scenes.json.
         #[arg(long)]
-        urdf: Option<PathBuf>,
+        mjcf: PathBuf,
     },
+}
+
+/// Arguments of `hand check`.
+#[derive(Debug, Args)]
+pub struct CheckArgs {
+    /// Only read this URDF; it must have the hand's joints.
+    #[arg(long)]
+    pub urdf: Option<PathBuf>,
+    /// Folder of the public model of this hand, to compare joint frames with.
+    #[arg(long, default_value = "../shared/data/hands/ftac_public")]
+    pub public_model: PathBuf,
+    /// Try the 33 grasp types of Feix instead.
+    #[arg(long, conflicts_with = "engine")]
+    pub grasps: bool,
+    /// Attempts at each grasp type at most.
+    #[arg(long, default_value_t = 60)]
+    pub tries: usize,
+    /// Sweep the engine's settings instead: slip, overlap, jitter and cost over time step and iterations.
+    #[arg(long)]
+    pub engine: bool,
+    /// Folder for pictures and check.json.
+    #[arg(long)]
+    pub out: Option<PathBuf>,
 }
 
 /// A grasp's role on the command line.

@@ -2,6 +2,7 @@
 
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use anyhow::{Context, Result, bail};
 use control::perception::KnownObject;
@@ -14,7 +15,8 @@ use touch::{Calibration, TouchPipeline};
 
 use crate::bench::{self, Options};
 use crate::cli::{
-    BenchArgs, Body, Cli, Command, GraspsCommand, HandCommand, OpticsCommand, RoleArg, TouchCommand, TrialArgs,
+    BenchArgs, Body, CheckArgs, Cli, Command, GraspsCommand, HandCommand, OpticsCommand, RoleArg, TouchCommand,
+    TrialArgs,
 };
 use crate::generate::Effort;
 use crate::journal::{Journal, RunRequest};
@@ -22,7 +24,7 @@ use crate::plan::{self, Plans};
 use crate::recording::Recording;
 use crate::trial::Bench;
 use crate::world::World;
-use crate::{calibrate, generate, synthesis};
+use crate::{calibrate, check, generate, synthesis};
 
 /// The hand unit that runs the trials, and the one that photometric stereo was calibrated on.
 const HAND_UNIT: u64 = 7;
@@ -38,7 +40,15 @@ pub fn run(cli: &Cli) -> Outcome {
         Command::Trial(args) => trial(cli, args),
         Command::View { path } => view(path),
         Command::Report { folders, out } => report(cli, folders, out.as_deref()),
-        Command::Hand(HandCommand::Check { urdf }) => hand_check(cli, urdf.as_deref()),
+        Command::Hand(HandCommand::Check(args)) => hand_check(cli, args),
+        Command::Hand(HandCommand::Export { mjcf }) => {
+            check::second_engine::export(&Arc::new(Hand::ftac()), mjcf)?;
+            eprintln!(
+                "{0}: scenes.json and its MJCF files; `python3 tests/mujoco/compare.py {0}` runs them",
+                mjcf.display()
+            );
+            Ok(None)
+        }
         Command::Grasps(GraspsCommand::Generate { synthesis, n, keep, out }) => {
             synthesis::generate(cli, synthesis, *n, *keep, out.as_deref())
         }
@@ -292,51 +302,55 @@ fn report(cli: &Cli, folders: &[PathBuf], out: Option<&Path>) -> Outcome {
     Ok(None)
 }
 
-fn hand_check(cli: &Cli, urdf: Option<&Path>) -> Outcome {
-    let hand = Hand::ftac();
-    if let Some(path) = urdf {
+fn hand_check(cli: &Cli, args: &CheckArgs) -> Outcome {
+    let hand = Arc::new(Hand::ftac());
+    if let Some(path) = &args.urdf {
         let names: Vec<String> = hand.tree.joints.iter().map(|joint| format!("{}_joint", joint.name)).collect();
         let names: Vec<&str> = names.iter().map(String::as_str).collect();
         let tree = hand_model::urdf::read_tree(path, &names)?;
         eprintln!("{}: {} joints, all of the hand's joints are there", path.display(), tree.len());
         return Ok(None);
     }
-    let poses = hand.tree.forward(&[0.0; 15]);
-    let tip = hand.tree.find("middle_3").map_or(0.0, |link| (poses[link] * nalgebra::Point3::new(0.0325, 0.0, 0.0)).y);
-    let length = (tip - hand.palm_from_flange.translation.y) * 1e3;
-    let area: f64 = hand.pads.iter().map(|pad| pad.h * pad.w * 1e4).sum();
-    let rows = [
-        ("wrist to middle fingertip", format!("{length:.1} mm"), "194 mm", (length - 194.0).abs() < 0.5),
-        ("joints", hand.tree.len().to_string(), "15", hand.tree.len() == 15),
-        (
-            "actuators",
-            hand.parameters.actuator.len().to_string(),
-            "6 (5 cables, opposition)",
-            hand.parameters.actuator.len() == 6,
-        ),
-        ("pads", hand.pads.len().to_string(), "17", hand.pads.len() == 17),
-        ("cameras", hand.cameras.len().to_string(), "18", hand.cameras.len() == 18),
-        (
-            "configurations",
-            hand.parameters.configuration.len().to_string(),
-            "6",
-            hand.parameters.configuration.len() == 6,
-        ),
-        ("sensing area", format!("{area:.0} cm2"), "155 cm2 by its table", (area - 155.0).abs() < 10.0),
-    ];
-    if cli.json {
-        let rows: Vec<_> = rows
-            .iter()
-            .map(|(what, ours, paper, ok)| serde_json::json!({"what": what, "ours": ours, "paper": paper, "ok": ok}))
-            .collect();
-        println!("{}", serde_json::json!({ "rows": rows }));
-    } else {
-        println!("{:28} {:>12}   {:26} ", "", "ours", "paper");
-        for (what, ours, paper, ok) in &rows {
-            println!("{what:28} {ours:>12}   {paper:26} {}", if *ok { "ok" } else { "DIFFERS" });
+    if args.engine {
+        let found = check::engine::sweep(&hand)?;
+        if cli.json {
+            println!("{}", serde_json::json!({ "sweep": found }));
+        } else {
+            print!("{}", check::engine::table(&found));
         }
+        return Ok(None);
     }
-    Ok(rows.iter().find(|row| !row.3).map(|row| format!("{}: {} instead of {}", row.0, row.1, row.2)))
+    if args.grasps {
+        return hand_grasps(cli, args, &hand);
+    }
+    let options = check::Options { public_model: &args.public_model, out: args.out.as_deref(), seed: cli.seed };
+    let rows = check::run(&hand, &options)?;
+    let text = serde_json::json!({ "seed": cli.seed, "rows": rows });
+    if let Some(folder) = &args.out {
+        crate::report::write_whole(&folder.join("check.json"), serde_json::to_string_pretty(&text)?.as_bytes())?;
+    }
+    if cli.json {
+        println!("{text}");
+    } else {
+        print!("{}", check::row::table(&rows));
+    }
+    Ok(check::shortfall(&rows))
+}
+
+fn hand_grasps(cli: &Cli, args: &CheckArgs, hand: &Arc<Hand>) -> Outcome {
+    let outcomes = check::feix::run(hand, cli.seed, args.tries);
+    let text = serde_json::json!({ "seed": cli.seed, "tries": args.tries, "types": outcomes });
+    if let Some(folder) = &args.out {
+        check::feix::draw(hand, &outcomes, folder)?;
+        crate::report::write_whole(&folder.join("grasps.json"), serde_json::to_string_pretty(&text)?.as_bytes())?;
+    }
+    if cli.json {
+        println!("{text}");
+    } else {
+        print!("{}", check::feix::table(&outcomes));
+    }
+    let held = outcomes.iter().filter(|outcome| outcome.held).count();
+    Ok((held < outcomes.len()).then(|| format!("{held} of the 33 grasp types are held")))
 }
 
 fn grasps_rehearse(cli: &Cli, objects: &[String], role: Option<RoleArg>, n: u32, out: &Path) -> Outcome {

@@ -4,6 +4,7 @@
 
 mod bench;
 mod calibrate;
+mod check;
 mod cli;
 mod commands;
 mod generate;

@@ -1,0 +1,296 @@
+//! Static equilibrium of the cable-driven digits: from tensions to joint angles, free or against an obstacle.
+//!
+//! At rest the hand sits in a minimum of its potential energy
+//! U(q) = sum of K q^2 / 2 - sum of T e(q) + sum over the skin of k A d^2 / 2
+//! with springs K, tensions T, cable excursions e, and a skin of many small elements of area A, each pressed by its depth d
+//! in the obstacle under a foundation stiffness k (Pa/m). The gradient is the joint torque balance. Tension is raised from zero
+//! in steps and each step solved by a damped Newton method, so that the digits come to rest where closing leads them and not
+//! behind the obstacle. The obstacle does not move and has no friction. The opposition joint stands where it is told to.
+
+use nalgebra::{DMatrix, DVector, Point3, Vector3};
+
+use crate::hand::{Hand, SkinElement};
+use crate::{Digit, HAND_JOINTS};
+
+/// Size of a skin element's side, m.
+const ELEMENT: f64 = 0.002;
+/// Load steps from zero to full tension.
+const LOAD_STEPS: usize = 24;
+/// Newton iterations of a load step at most.
+const ITERATIONS: usize = 200;
+/// Torque balance at which a joint is at rest, N m.
+const TOLERANCE: f64 = 1e-7;
+/// Torques farther from balance than this are no equilibrium, N m.
+const FAILURE: f64 = 1e-4;
+/// Largest change of a joint in one iteration, rad.
+const LARGEST_STEP: f64 = 0.05;
+
+/// What is pushed where.
+#[derive(Debug, Clone, Copy)]
+pub struct Push {
+    /// The link that is pushed.
+    pub link: usize,
+    /// Centre of pressure, palm frame, m.
+    pub point: Point3<f64>,
+    /// Force of the obstacle on the link, palm frame, N.
+    pub force: Vector3<f64>,
+}
+
+/// A posture at rest.
+#[derive(Debug, Clone)]
+pub struct Equilibrium {
+    /// Joint angles, rad.
+    pub angles: [f64; HAND_JOINTS],
+    /// What presses on the links.
+    pub pushes: Vec<Push>,
+}
+
+/// No posture at rest was found.
+#[derive(Debug, thiserror::Error, PartialEq)]
+#[error(
+    "{digit}: no equilibrium at tension {tension} N: torque off balance by {found} N m, expected below {FAILURE} N m"
+)]
+pub struct NoEquilibrium {
+    /// The digit that does not come to rest.
+    pub digit: &'static str,
+    /// Its cable tension, N.
+    pub tension: f64,
+    /// What remains, N m.
+    pub found: f64,
+}
+
+/// Equilibrium without contact at cable `tensions` (N), the opposition joint at `opposition` (rad).
+pub fn free(hand: &Hand, tensions: &[f64; 5], opposition: f64) -> [f64; HAND_JOINTS] {
+    let mut angles = [0.0; HAND_JOINTS];
+    angles[hand.transmission.opposition_joint] = opposition;
+    for (cable, tension) in tensions.iter().enumerate() {
+        for (joint, angle) in hand.transmission.free_angles(cable, *tension, std::f64::consts::FRAC_PI_2) {
+            angles[joint] = angle.clamp(hand.tree.joints[joint].lower, hand.tree.joints[joint].upper);
+        }
+    }
+    angles
+}
+
+/// Equilibrium against an obstacle: `obstacle` gives the signed distance (m, negative inside) of a point in the palm frame and
+/// the outward direction there; `foundation` is the skin's stiffness, Pa/m.
+pub fn against(
+    hand: &Hand,
+    tensions: &[f64; 5],
+    opposition: f64,
+    foundation: f64,
+    obstacle: impl Fn(&Point3<f64>) -> (f64, Vector3<f64>),
+) -> Result<Equilibrium, NoEquilibrium> {
+    let mut angles = [0.0; HAND_JOINTS];
+    angles[hand.transmission.opposition_joint] = opposition;
+    let mut pushes = Vec::new();
+    for digit in Digit::ALL {
+        let skin = digit.joints().map(|link| hand.covers[link].skin(ELEMENT));
+        let problem = Problem { hand, digit, skin, foundation, obstacle: &obstacle };
+        let full = tensions[digit.index()];
+        for step in 1..=LOAD_STEPS {
+            let tension = full * step as f64 / LOAD_STEPS as f64;
+            let rest = problem.relax(&mut angles, tension);
+            if rest > FAILURE {
+                return Err(NoEquilibrium { digit: digit.name(), tension, found: rest });
+            }
+        }
+        pushes.extend(problem.pushes(&angles));
+    }
+    Ok(Equilibrium { angles, pushes })
+}
+
+struct Problem<'a, F> {
+    hand: &'a Hand,
+    digit: Digit,
+    skin: [Vec<SkinElement>; 3],
+    foundation: f64,
+    obstacle: &'a F,
+}
+
+impl<F: Fn(&Point3<f64>) -> (f64, Vector3<f64>)> Problem<'_, F> {
+    fn joints(&self) -> Vec<usize> {
+        self.hand.transmission.cables[self.digit.index()].joints.iter().map(|(joint, _)| *joint).collect()
+    }
+
+    /// Energy (J), its gradient (N m) and a positive approximation of its Hessian (N m/rad) over the cable's joints.
+    fn energy(&self, angles: &[f64; HAND_JOINTS], tension: f64) -> (f64, DVector<f64>, DMatrix<f64>) {
+        let path = &self.hand.transmission.cables[self.digit.index()];
+        let n = path.joints.len();
+        let (mut energy, mut gradient, mut hessian) = (0.0, DVector::zeros(n), DMatrix::zeros(n, n));
+        for (row, (joint, guides)) in path.joints.iter().enumerate() {
+            let (q, k) = (angles[*joint], self.hand.transmission.springs[*joint]);
+            energy += 0.5 * k * q * q - tension * guides.excursion(q);
+            gradient[row] = k * q - tension * guides.moment_arm(q);
+            let h = 1e-5;
+            let slope = (guides.moment_arm(q + h) - guides.moment_arm(q - h)) / (2.0 * h);
+            hessian[(row, row)] = (k - tension * slope).max(0.1 * k);
+        }
+        self.each_pressed(angles, |link, at, outward, depth, stiffness, poses| {
+            energy += 0.5 * stiffness * depth * depth;
+            let jacobian = self.hand.tree.jacobian(poses, link, &poses[link].inverse_transform_point(&at));
+            let lever: DVector<f64> = DVector::from_iterator(
+                n,
+                path.joints.iter().map(|(joint, _)| outward.dot(&jacobian.fixed_view::<3, 1>(0, *joint))),
+            );
+            gradient -= &lever * (stiffness * depth);
+            hessian += &lever * lever.transpose() * stiffness;
+        });
+        (energy, gradient, hessian)
+    }
+
+    /// Calls `found` for each skin element in the obstacle: link, place, outward direction, depth (m), stiffness (N/m), poses.
+    fn each_pressed(
+        &self,
+        angles: &[f64; HAND_JOINTS],
+        mut found: impl FnMut(usize, Point3<f64>, Vector3<f64>, f64, f64, &[nalgebra::Isometry3<f64>]),
+    ) {
+        let poses = self.hand.tree.forward(angles);
+        for (link, skin) in self.digit.joints().into_iter().zip(&self.skin) {
+            let center = poses[link] * self.hand.covers[link].link_from_cover * Point3::origin();
+            if (self.obstacle)(&center).0 > self.hand.covers[link].half.norm() {
+                continue;
+            }
+            for element in skin {
+                let at = poses[link] * element.point;
+                let (distance, outward) = (self.obstacle)(&at);
+                if distance < 0.0 {
+                    found(link, at, outward, -distance, self.foundation * element.area, &poses);
+                }
+            }
+        }
+    }
+
+    /// Moves the digit to rest at `tension`; returns the largest torque left, N m.
+    fn relax(&self, angles: &mut [f64; HAND_JOINTS], tension: f64) -> f64 {
+        let joints = self.joints();
+        let limits: Vec<(f64, f64)> =
+            joints.iter().map(|j| (self.hand.tree.joints[*j].lower, self.hand.tree.joints[*j].upper)).collect();
+        let mut damping = 0.0;
+        let (mut energy, mut gradient, mut hessian) = self.energy(angles, tension);
+        for _ in 0..ITERATIONS {
+            // A joint at its stop that is pushed against it takes no part.
+            let stopped = |row: usize, angles: &[f64; HAND_JOINTS], gradient: &DVector<f64>| {
+                let (q, (low, high)) = (angles[joints[row]], limits[row]);
+                (q <= low && gradient[row] > 0.0) || (q >= high && gradient[row] < 0.0)
+            };
+            let rest = (0..joints.len())
+                .filter(|row| !stopped(*row, angles, &gradient))
+                .fold(0.0, |most: f64, row| most.max(gradient[row].abs()));
+            if rest < TOLERANCE {
+                return rest;
+            }
+            let (mut system, mut right) = (hessian.clone(), -&gradient);
+            for row in 0..joints.len() {
+                system[(row, row)] += damping;
+                if stopped(row, angles, &gradient) {
+                    system.row_mut(row).fill(0.0);
+                    system.column_mut(row).fill(0.0);
+                    system[(row, row)] = 1.0;
+                    right[row] = 0.0;
+                }
+            }
+            let Some(factor) = system.cholesky() else { return rest };
+            let mut step = factor.solve(&right);
+            let longest = step.amax();
+            if longest > LARGEST_STEP {
+                step *= LARGEST_STEP / longest;
+            }
+            let mut trial = *angles;
+            for (row, joint) in joints.iter().enumerate() {
+                trial[*joint] = (trial[*joint] + step[row]).clamp(limits[row].0, limits[row].1);
+            }
+            let next = self.energy(&trial, tension);
+            if next.0 <= energy + 1e-15 {
+                *angles = trial;
+                (energy, gradient, hessian) = next;
+                damping *= 0.3;
+            } else {
+                damping = (4.0 * damping).max(1e-3);
+            }
+        }
+        (0..joints.len())
+            .filter(|row| {
+                let (q, (low, high)) = (angles[joints[*row]], limits[*row]);
+                q > low && q < high
+            })
+            .fold(0.0, |most: f64, row| most.max(gradient[row].abs()))
+    }
+
+    fn pushes(&self, angles: &[f64; HAND_JOINTS]) -> Vec<Push> {
+        let mut sums = [(0.0, Vector3::zeros(), Vector3::zeros()); HAND_JOINTS];
+        self.each_pressed(angles, |link, at, outward, depth, stiffness, _| {
+            let force = stiffness * depth;
+            sums[link].0 += force;
+            sums[link].1 += at.coords * force;
+            sums[link].2 += outward * force;
+        });
+        let loaded = sums.iter().enumerate().filter(|(_, sum)| sum.0 > 0.0);
+        loaded.map(|(link, sum)| Push { link, point: (sum.1 / sum.0).into(), force: sum.2 }).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    const NOTHING: fn(&Point3<f64>) -> (f64, Vector3<f64>) = |_| (1.0, Vector3::z());
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(24))]
+        /// With nothing in the way, the energy's minimum is the closed form's.
+        #[test]
+        fn free_is_the_limit_of_against(t in proptest::collection::vec(0.0f64..15.0, 5), opposition in 0.0f64..1.5) {
+            let hand = Hand::ftac();
+            let tensions = [t[0], t[1], t[2], t[3], t[4]];
+            let found = against(&hand, &tensions, opposition, 1e9, NOTHING).expect("at rest");
+            let expected = free(&hand, &tensions, opposition);
+            for joint in 0..HAND_JOINTS {
+                prop_assert!((found.angles[joint] - expected[joint]).abs() < 1e-4, "{joint}: {} {}", found.angles[joint], expected[joint]);
+            }
+        }
+
+        /// The gradient is the energy's derivative, contact included.
+        #[test]
+        fn gradient_is_finite_difference(q in proptest::collection::vec(0.1f64..1.4, 3), tension in 0.0f64..30.0) {
+            let hand = Hand::ftac();
+            let digit = Digit::Middle;
+            let wall = |p: &Point3<f64>| (p.z + 0.01, Vector3::z());
+            let skin = digit.joints().map(|link| hand.covers[link].skin(ELEMENT));
+            let problem = Problem { hand: &hand, digit, skin, foundation: 1e8, obstacle: &wall };
+            let mut angles = [0.0; HAND_JOINTS];
+            angles[6..9].copy_from_slice(&q);
+            let (_, gradient, _) = problem.energy(&angles, tension);
+            for row in 0..3 {
+                let h = 1e-7;
+                let at = |shift: f64| { let mut a = angles; a[6 + row] += shift; problem.energy(&a, tension).0 };
+                let difference = (at(h) - at(-h)) / (2.0 * h);
+                prop_assert!((difference - gradient[row]).abs() < 1e-4 * (1.0 + gradient[row].abs()), "{row}: {difference} {}", gradient[row]);
+            }
+        }
+    }
+
+    /// A wall that stops one finger: the torques of cable, springs and wall balance at every joint, the wall holds no other.
+    #[test]
+    fn balance_at_a_wall() {
+        let hand = Hand::ftac();
+        let wall = |p: &Point3<f64>| (p.z, Vector3::z());
+        let rest = against(&hand, &[0.0, 12.0, 0.0, 0.0, 0.0], 0.0, 1e9, wall).expect("at rest");
+        let torques = hand.transmission.torques(&rest.angles, &[0.0, 12.0, 0.0, 0.0, 0.0]);
+        let poses = hand.tree.forward(&rest.angles);
+        assert!(!rest.pushes.is_empty());
+        for joint in 3..6 {
+            let push: f64 = rest
+                .pushes
+                .iter()
+                .map(|push| {
+                    let local = poses[push.link].inverse_transform_point(&push.point);
+                    push.force.dot(&hand.tree.jacobian(&poses, push.link, &local).fixed_view::<3, 1>(0, joint))
+                })
+                .sum();
+            let (q, limits) = (rest.angles[joint], &hand.tree.joints[joint]);
+            let stop = q <= limits.lower || q >= limits.upper;
+            assert!(stop || (torques[joint] + push).abs() < 1e-4, "{joint}: {} {push}", torques[joint]);
+        }
+    }
+}

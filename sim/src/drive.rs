@@ -1,0 +1,87 @@
+//! Six servos on the cable transmission: from servo goals to the torque and the implicit stiffness of every finger joint.
+
+use hand_model::robot::{ServoGoal, ServoState};
+use hand_model::{ACTUATORS, HAND_JOINTS, Hand};
+
+use crate::servo::ServoModel;
+
+/// Stiffness of the shaft between the opposition servo and the thumb's CMC joint, N m/rad.
+pub const OPPOSITION_STIFFNESS: f64 = 8.0;
+
+/// What acts on a finger joint during one physics step.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct JointEffort {
+    /// Torque at the present angle, N m.
+    pub torque: f64,
+    /// Stiffness with which the torque falls as the joint moves on, N m/rad.
+    pub stiffness: f64,
+}
+
+/// The hand's six servos with their cables.
+#[derive(Debug, Clone)]
+pub struct HandDrive {
+    servos: [ServoModel; ACTUATORS],
+    /// Cable tensions of the last step, N.
+    pub tensions: [f64; 5],
+}
+
+impl HandDrive {
+    /// All cables slack, all servos at rest.
+    pub fn new(hand: &Hand) -> Self {
+        Self { servos: std::array::from_fn(|_| ServoModel::new(hand.parameters.servo)), tensions: [0.0; 5] }
+    }
+
+    /// Sets what each servo is asked for.
+    pub fn set_goals(&mut self, goals: &[ServoGoal; ACTUATORS]) {
+        for (servo, goal) in self.servos.iter_mut().zip(goals) {
+            servo.goal = *goal;
+        }
+    }
+
+    /// What the servos report.
+    pub fn states(&self) -> [ServoState; ACTUATORS] {
+        std::array::from_fn(|n| self.servos[n].state())
+    }
+
+    /// Advances the servos by `dt` (s) on joints at angles `q` (rad) that turn at `qd` (rad/s).
+    pub fn step(
+        &mut self,
+        hand: &Hand,
+        q: &[f64; HAND_JOINTS],
+        qd: &[f64; HAND_JOINTS],
+        dt: f64,
+    ) -> [JointEffort; HAND_JOINTS] {
+        let cable = hand.parameters.cable;
+        let transmission = &hand.transmission;
+        for (n, path) in transmission.cables.iter().enumerate() {
+            let excursion = path.excursion(q);
+            let rate = path.excursion_rate(q, qd);
+            self.tensions[n] = self.servos[n].step_cable(&cable, excursion, rate, dt);
+        }
+        let torques = transmission.torques(q, &self.tensions);
+        let mut stiffness = transmission.springs;
+        for (path, tension) in transmission.cables.iter().zip(&self.tensions) {
+            if *tension > 0.0 {
+                for (joint, guides) in &path.joints {
+                    stiffness[*joint] += cable.stiffness * guides.moment_arm(q[*joint]).powi(2);
+                }
+            }
+        }
+        let mut efforts: [JointEffort; HAND_JOINTS] =
+            std::array::from_fn(|joint| JointEffort { torque: torques[joint], stiffness: stiffness[joint] });
+        efforts[transmission.opposition_joint] = self.step_opposition(hand, q, dt);
+        efforts
+    }
+
+    /// The sixth servo turns the thumb's CMC joint through a stiff shaft.
+    fn step_opposition(&mut self, hand: &Hand, q: &[f64; HAND_JOINTS], dt: f64) -> JointEffort {
+        let joint = hand.transmission.opposition_joint;
+        let ratio = hand.parameters.servo.gear_ratio_opposition;
+        let servo = &mut self.servos[5];
+        let twist = servo.angle / ratio - q[joint];
+        let torque = OPPOSITION_STIFFNESS * twist;
+        servo.step_shaft(torque / ratio, dt);
+        let spring = hand.transmission.springs[joint] * q[joint];
+        JointEffort { torque: torque - spring, stiffness: OPPOSITION_STIFFNESS }
+    }
+}

@@ -1,0 +1,200 @@
+//! The test stand: a hand whose palm is bolted to the world, without the arm, and things that are put into it by hand.
+//!
+//! The world frame is the palm frame; which way is down is a choice. What is put into the hand can be held in place (fixed)
+//! while the digits close and let go of afterwards. [`Linkage`] is the mechanism alone, for any tree of revolute joints whose
+//! efforts come from outside; [`HandStand`] is the F-TAC Hand on it, driven by its six servos.
+
+mod linkage;
+mod prop;
+
+use std::sync::Arc;
+
+use hand_model::robot::{ServoGoal, ServoState};
+use hand_model::{ACTUATORS, HAND_JOINTS, Hand};
+use nalgebra::{Isometry3, Point3, Vector3};
+use rapier3d_f64::prelude::{ColliderHandle, RigidBodyHandle, RigidBodyType};
+
+pub use linkage::Linkage;
+pub use prop::Prop;
+
+use crate::body::cover_collider;
+use crate::contacts::contacts_of;
+use crate::convert;
+use crate::drive::HandDrive;
+use crate::engine::EngineSettings;
+
+/// A loaded contact between a prop and the hand.
+#[derive(Debug, Clone, Copy)]
+pub struct PropContact {
+    /// Index of the prop.
+    pub prop: usize,
+    /// Hand link, `None` for the palm.
+    pub link: Option<usize>,
+    /// Palm frame, m.
+    pub point: Point3<f64>,
+    /// Normal force on the prop, N, palm frame.
+    pub force: Vector3<f64>,
+}
+
+/// The F-TAC Hand on the stand. Cloning it branches the run bit-exactly.
+#[derive(Clone)]
+pub struct HandStand {
+    hand: Arc<Hand>,
+    linkage: Linkage,
+    drive: HandDrive,
+    props: Vec<(Prop, RigidBodyHandle, ColliderHandle)>,
+    time: f64,
+}
+
+impl HandStand {
+    /// The open hand without gravity.
+    pub fn new(hand: Arc<Hand>, settings: EngineSettings) -> Self {
+        let covers = std::iter::once((None, &hand.palm_cover))
+            .chain(hand.covers.iter().enumerate().map(|(link, cover)| (Some(link), cover)))
+            .map(|(link, cover)| (link, cover_collider(cover)))
+            .collect();
+        let defaults = hand.parameters.joint_defaults;
+        let mut linkage = Linkage::new(
+            settings,
+            &hand.tree,
+            &hand.masses,
+            covers,
+            &[0.0; HAND_JOINTS],
+            defaults.damping,
+            defaults.armature,
+        );
+        linkage.set_gravity(&Vector3::zeros());
+        Self { drive: HandDrive::new(&hand), hand, linkage, props: Vec::new(), time: 0.0 }
+    }
+
+    /// The hand.
+    pub fn hand(&self) -> &Arc<Hand> {
+        &self.hand
+    }
+
+    /// Sets gravity (m/s2, palm frame).
+    pub fn set_gravity(&mut self, gravity: &Vector3<f64>) {
+        self.linkage.set_gravity(gravity);
+    }
+
+    /// Puts a prop at `palm_from_prop`, held in place until [`Self::release`]. Returns its index.
+    pub fn put(&mut self, prop: Prop, palm_from_prop: &Isometry3<f64>) -> usize {
+        let (body, collider) = prop.insert(self.linkage.engine_mut(), palm_from_prop);
+        self.props.push((prop, body, collider));
+        self.props.len() - 1
+    }
+
+    /// Lets go of a prop.
+    pub fn release(&mut self, prop: usize) {
+        let body = self.props[prop].1;
+        self.linkage.engine_mut().bodies[body].set_body_type(RigidBodyType::Dynamic, true);
+    }
+
+    /// One physics step with these servo goals.
+    pub fn step(&mut self, goals: &[ServoGoal; ACTUATORS]) {
+        let dt = self.linkage.engine().settings.dt;
+        self.drive.set_goals(goals);
+        let (q, qd) = (self.angles(), std::array::from_fn(|joint| self.linkage.speeds()[joint]));
+        let efforts = self.drive.step(&self.hand, &q, &qd, dt);
+        self.linkage.step(&efforts);
+        self.time += dt;
+    }
+
+    /// Steps for `seconds` with these servo goals.
+    pub fn run(&mut self, goals: &[ServoGoal; ACTUATORS], seconds: f64) {
+        let steps = (seconds / self.linkage.engine().settings.dt).round() as usize;
+        for _ in 0..steps {
+            self.step(goals);
+        }
+    }
+
+    /// s since the stand was set up.
+    pub fn time(&self) -> f64 {
+        self.time
+    }
+
+    /// Joint angles, rad.
+    pub fn angles(&self) -> [f64; HAND_JOINTS] {
+        std::array::from_fn(|joint| self.linkage.angles()[joint])
+    }
+
+    /// Joint speeds, rad/s.
+    pub fn speeds(&self) -> &[f64] {
+        self.linkage.speeds()
+    }
+
+    /// Cable tensions, N.
+    pub fn tensions(&self) -> [f64; 5] {
+        self.drive.tensions
+    }
+
+    /// What the servos report.
+    pub fn servos(&self) -> [ServoState; ACTUATORS] {
+        self.drive.states()
+    }
+
+    /// `palm_from_link` of the 15 links.
+    pub fn links(&self) -> Vec<Isometry3<f64>> {
+        self.linkage.links()
+    }
+
+    /// The prop `index`.
+    pub fn prop(&self, index: usize) -> &Prop {
+        &self.props[index].0
+    }
+
+    /// Number of props.
+    pub fn props(&self) -> usize {
+        self.props.len()
+    }
+
+    /// `palm_from_prop`.
+    pub fn pose(&self, prop: usize) -> Isometry3<f64> {
+        convert::to_pose(self.linkage.engine().bodies[self.props[prop].1].position())
+    }
+
+    /// Speed of a prop's origin, m/s.
+    pub fn prop_velocity(&self, prop: usize) -> Vector3<f64> {
+        convert::to_vector(self.linkage.engine().bodies[self.props[prop].1].linvel())
+    }
+
+    /// All loaded contacts of props with the hand at the last step.
+    pub fn contacts(&self) -> Vec<PropContact> {
+        let mut found = Vec::new();
+        for (prop, (_, _, collider)) in self.props.iter().enumerate() {
+            for contact in contacts_of(self.linkage.engine(), *collider) {
+                if let Some(link) = self.linkage.cover_of(contact.other) {
+                    found.push(PropContact {
+                        prop,
+                        link,
+                        point: contact.point,
+                        force: -contact.normal * contact.force,
+                    });
+                }
+            }
+        }
+        found
+    }
+
+    /// How deep a prop and the hand's covers overlap at most, m; 0 where nothing touches.
+    pub fn prop_penetration(&self, prop: usize) -> f64 {
+        self.linkage.penetration(self.props[prop].2)
+    }
+
+    /// How deep any two covers of the hand that no joint connects overlap at most, m.
+    pub fn self_penetration(&self) -> f64 {
+        self.linkage.self_penetration(&self.hand.tree)
+    }
+}
+
+/// Servo goals for the five cable tensions (N, held by current) and the angle of the opposition joint (rad).
+pub fn tension_goals(hand: &Hand, tensions: &[f64; 5], opposition: f64) -> [ServoGoal; ACTUATORS] {
+    let servo = hand.parameters.servo;
+    let per_newton = hand.parameters.cable.spool_radius / servo.torque_constant;
+    std::array::from_fn(|n| match tensions.get(n) {
+        Some(tension) => ServoGoal::Current(tension * per_newton),
+        None => {
+            ServoGoal::Position { angle: opposition * servo.gear_ratio_opposition, current_limit: servo.current_limit }
+        }
+    })
+}

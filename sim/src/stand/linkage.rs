@@ -1,0 +1,174 @@
+//! A tree of revolute joints bolted to the world at its root: the mechanism under every hand on the stand.
+
+use hand_model::hand::MassProperties;
+use hand_model::kinematics::Tree;
+use nalgebra::{Isometry3, Vector3};
+use rapier3d_f64::parry::query;
+use rapier3d_f64::prelude::{ColliderBuilder, ColliderHandle, MultibodyJointHandle, RigidBodyBuilder, RigidBodyHandle};
+
+use crate::body::{link_body, revolute};
+use crate::convert;
+use crate::drive::JointEffort;
+use crate::engine::{Engine, EngineSettings};
+
+/// The mechanism in its own engine. The root frame is the world frame.
+#[derive(Clone)]
+pub struct Linkage {
+    engine: Engine,
+    links: Vec<RigidBodyHandle>,
+    joints: Vec<MultibodyJointHandle>,
+    covers: Vec<(Option<usize>, ColliderHandle)>,
+    angles: Vec<f64>,
+    speeds: Vec<f64>,
+}
+
+impl Linkage {
+    /// Builds the mechanism at joint angles `start` (rad). `covers` are collision shapes with their link (`None` is the
+    /// root); `damping` (N m s/rad) and `armature` (kg m2) hold for every joint.
+    pub fn new(
+        settings: EngineSettings,
+        tree: &Tree,
+        masses: &[MassProperties],
+        covers: Vec<(Option<usize>, ColliderBuilder)>,
+        start: &[f64],
+        damping: f64,
+        armature: f64,
+    ) -> Self {
+        let mut engine = Engine::new(settings);
+        let root = engine.bodies.insert(RigidBodyBuilder::fixed());
+        let poses = tree.forward(&vec![0.0; tree.len()]);
+        let mut links: Vec<RigidBodyHandle> = Vec::new();
+        let mut joints = Vec::new();
+        for (i, joint) in tree.joints.iter().enumerate() {
+            let body = engine.bodies.insert(link_body(&poses[i], &masses[i]));
+            let parent = joint.parent.map_or(root, |parent| links[parent]);
+            let hinge = revolute(&joint.origin, &joint.axis, [joint.lower, joint.upper]);
+            joints.extend(engine.multibodies.insert(parent, body, hinge, true));
+            links.push(body);
+        }
+        let covers = covers
+            .into_iter()
+            .map(|(link, collider)| {
+                let body = link.map_or(root, |link| links[link]);
+                (link, engine.colliders.insert_with_parent(collider, body, &mut engine.bodies))
+            })
+            .collect();
+        let mut linkage =
+            Self { engine, links, joints, covers, angles: start.to_vec(), speeds: vec![0.0; start.len()] };
+        linkage.settle(start, damping, armature);
+        linkage
+    }
+
+    fn settle(&mut self, start: &[f64], damping: f64, armature: f64) {
+        let Some(first) = self.joints.first() else { return };
+        let Some((multibody, _)) = self.engine.multibodies.get_mut(*first) else { return };
+        multibody.set_self_contacts_enabled(true);
+        // A fixed root first appears as a free one; this settles the degrees of freedom.
+        multibody.forward_kinematics(&self.engine.bodies, true);
+        multibody.damping_mut().fill(damping);
+        multibody.armature_mut().fill(armature);
+        multibody.apply_displacements(start);
+        multibody.forward_kinematics(&self.engine.bodies, false);
+        multibody.update_rigid_bodies(&mut self.engine.bodies, true);
+    }
+
+    /// One physics step under these efforts, one a joint.
+    pub fn step(&mut self, efforts: &[JointEffort]) {
+        for ((handle, effort), angle) in self.joints.iter().zip(efforts).zip(&self.angles) {
+            if let Some((multibody, link)) = self.engine.multibodies.get_mut(*handle)
+                && let Some(link) = multibody.link_mut(link)
+            {
+                // As in `body`: the rest angle is shifted so that the spring's torque is the wanted one here and now.
+                link.joint.set_spring(3, effort.stiffness, angle + effort.torque / effort.stiffness);
+            }
+        }
+        self.engine.step();
+        self.read();
+    }
+
+    fn read(&mut self) {
+        let Some(first) = self.joints.first() else { return };
+        let Some((multibody, _)) = self.engine.multibodies.get(*first) else { return };
+        let speeds = multibody.generalized_velocity();
+        for (i, handle) in self.joints.iter().enumerate() {
+            let Some((_, link)) = self.engine.multibodies.get(*handle) else { continue };
+            let Some(link) = multibody.link(link) else { continue };
+            self.angles[i] = link.joint.coords()[3];
+            self.speeds[i] = speeds[i];
+        }
+    }
+
+    /// Sets gravity (m/s2, root frame).
+    pub fn set_gravity(&mut self, gravity: &Vector3<f64>) {
+        self.engine.gravity = convert::vector(gravity);
+    }
+
+    /// Joint angles, rad.
+    pub fn angles(&self) -> &[f64] {
+        &self.angles
+    }
+
+    /// Joint speeds, rad/s.
+    pub fn speeds(&self) -> &[f64] {
+        &self.speeds
+    }
+
+    /// `root_from_link` of every link.
+    pub fn links(&self) -> Vec<Isometry3<f64>> {
+        self.links.iter().map(|link| convert::to_pose(self.engine.bodies[*link].position())).collect()
+    }
+
+    /// The engine, to put other things into it.
+    pub fn engine_mut(&mut self) -> &mut Engine {
+        &mut self.engine
+    }
+
+    /// The engine.
+    pub fn engine(&self) -> &Engine {
+        &self.engine
+    }
+
+    /// Which link the cover `collider` belongs to (`Some(None)` is the root), if it is one.
+    pub fn cover_of(&self, collider: ColliderHandle) -> Option<Option<usize>> {
+        self.covers.iter().find(|(_, cover)| *cover == collider).map(|(link, _)| *link)
+    }
+
+    /// How deep `collider` and the covers overlap at most, m; 0 where nothing does.
+    pub fn penetration(&self, collider: ColliderHandle) -> f64 {
+        self.covers.iter().map(|(_, cover)| self.overlap(*cover, collider)).fold(0.0, f64::max)
+    }
+
+    /// How deep any two covers whose links no joint connects overlap at most, m.
+    pub fn self_penetration(&self, tree: &Tree) -> f64 {
+        let joined = |a: Option<usize>, b: Option<usize>| {
+            let parent = |link: Option<usize>| link.and_then(|link| tree.joints[link].parent);
+            a == b || (a.is_some() && parent(a) == b) || (b.is_some() && parent(b) == a)
+        };
+        let mut deepest: f64 = 0.0;
+        for (i, (a, first)) in self.covers.iter().enumerate() {
+            for (b, second) in &self.covers[i + 1..] {
+                if !joined(*a, *b) {
+                    deepest = deepest.max(self.overlap(*first, *second));
+                }
+            }
+        }
+        deepest
+    }
+
+    fn overlap(&self, a: ColliderHandle, b: ColliderHandle) -> f64 {
+        let pose = |handle: ColliderHandle| {
+            let collider = &self.engine.colliders[handle];
+            // Through the body: a collider's own pose lags a step behind.
+            match (collider.parent(), collider.position_wrt_parent()) {
+                (Some(body), Some(local)) => *self.engine.bodies[body].position() * *local,
+                _ => *collider.position(),
+            }
+        };
+        let shape = |handle: ColliderHandle| self.engine.colliders[handle].shape();
+        match query::contact(&pose(a), shape(a), &pose(b), shape(b), 0.0) {
+            Ok(Some(contact)) => (-contact.dist).max(0.0),
+            // No contact, or a pair of shapes that parry cannot compare, which rounded boxes and hulls are not.
+            _ => 0.0,
+        }
+    }
+}

@@ -1,0 +1,70 @@
+//! The dynamic hand comes to rest where the static equilibrium says.
+
+use std::sync::Arc;
+
+use hand_model::{Hand, statics};
+use nalgebra::{Isometry3, UnitQuaternion, Vector3};
+use scenarios::Shape;
+use sim::engine::EngineSettings;
+use sim::stand::{HandStand, Prop, tension_goals};
+
+/// A rigid cover in the static problem: an element gives way by a few micrometres, Pa/m.
+const RIGID: f64 = 2.0e9;
+
+#[test]
+fn free_postures_agree() {
+    let hand = Arc::new(Hand::ftac());
+    for (tension, opposition) in [(2.0, 0.2), (5.0, 0.8), (8.0, 0.0)] {
+        let tensions = [0.7 * tension, tension, 0.5 * tension, tension, 0.8 * tension];
+        let mut stand = HandStand::new(hand.clone(), EngineSettings::default());
+        stand.run(&tension_goals(&hand, &tensions, opposition), 3.0);
+        let found = stand.angles();
+        let expected = statics::free(&hand, &tensions, found[0]);
+        println!("tensions {:?} of {tensions:?}", stand.tensions());
+        for joint in 0..15 {
+            let difference = (found[joint] - expected[joint]).to_degrees();
+            assert!(difference.abs() < 1.0, "joint {joint} at {tension} N: {} {}", found[joint], expected[joint]);
+        }
+    }
+}
+
+/// The four fingers around a rod without friction: angles within a degree, forces within a tenth.
+#[test]
+fn postures_on_a_rod_agree() {
+    let hand = Arc::new(Hand::ftac());
+    let rod = Prop::new("rod", Shape::Cylinder { radius: 0.025, half_height: 0.06 }, 0.2, 0.0);
+    let pose = Isometry3::from_parts(
+        Vector3::new(0.0, 0.005, -0.018).into(),
+        UnitQuaternion::from_axis_angle(&Vector3::y_axis(), std::f64::consts::FRAC_PI_2),
+    );
+    let tensions = [0.0, 10.0, 8.0, 10.0, 6.0];
+    let mut stand = HandStand::new(hand.clone(), EngineSettings::default());
+    stand.put(rod.clone(), &pose);
+    stand.run(&tension_goals(&hand, &tensions, 0.0), 4.0);
+    let rest = statics::against(&hand, &tensions, 0.0, RIGID, |point| {
+        let (distance, outward) = rod.signed_distance(&pose.inverse_transform_point(point));
+        (distance, pose * outward)
+    })
+    .expect("at rest");
+    let found = stand.angles();
+    for joint in 3..15 {
+        println!("joint {joint}: {:.2} {:.2} deg", found[joint].to_degrees(), rest.angles[joint].to_degrees());
+    }
+    let mut forces = [Vector3::zeros(); 15];
+    for contact in stand.contacts() {
+        if let Some(link) = contact.link {
+            forces[link] -= contact.force;
+        }
+    }
+    for push in &rest.pushes {
+        println!("link {}: {:?} {:?}", push.link, forces[push.link].as_slice(), push.force.as_slice());
+    }
+    assert!(rest.pushes.len() >= 8);
+    for joint in 3..15 {
+        assert!((found[joint] - rest.angles[joint]).abs().to_degrees() < 1.0, "joint {joint}");
+    }
+    for push in &rest.pushes {
+        let difference = (forces[push.link] - push.force).norm();
+        assert!(difference < 0.1 * push.force.norm() + 0.1, "link {}", push.link);
+    }
+}

@@ -1,0 +1,143 @@
+//! The 33 types of Feix et al. (2016) with a suitable object for each.
+
+use hand_model::Digit;
+use nalgebra::{Isometry3, Vector3};
+use scenarios::Shape;
+use sim::stand::Prop;
+
+/// Between which parts of the hand the object is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Opposition {
+    /// Palm and fingers.
+    Palm,
+    /// Pads.
+    Pad,
+    /// The thumb and the side of a finger, or two fingers' sides.
+    Side,
+}
+
+/// One type.
+pub struct GraspType {
+    /// 1 to 33.
+    pub number: usize,
+    /// Name in the taxonomy.
+    pub name: &'static str,
+    /// Opposition.
+    pub opposition: Opposition,
+    /// Digits that must touch, thumb first.
+    pub digits: &'static [Digit],
+    /// Digits that may touch besides.
+    pub helpers: &'static [Digit],
+    /// Whether the thumb is abducted.
+    pub abducted: bool,
+    /// What is held; its long axis is z, what the digits oppose across is x.
+    pub prop: Prop,
+    /// Half its size along x, m.
+    pub half: f64,
+    /// What is simplified, if anything.
+    pub note: &'static str,
+}
+
+use Digit::{Index as I, Little as L, Middle as M, Ring as R, Thumb as T};
+
+const FOUR: &[Digit] = &[I, M, R, L];
+const ALL: &[Digit] = &[T, I, M, R, L];
+const NONE: &[Digit] = &[];
+const THUMB: &[Digit] = &[T];
+
+fn rod(radius: f64, length: f64, mass: f64) -> (Prop, f64) {
+    (Prop::new("rod", Shape::Cylinder { radius, half_height: 0.5 * length }, mass, 0.8), radius)
+}
+
+fn ball(radius: f64, mass: f64) -> (Prop, f64) {
+    (Prop::new("ball", Shape::Sphere { radius }, mass, 0.8), radius)
+}
+
+fn slab(x: f64, y: f64, z: f64, mass: f64) -> (Prop, f64) {
+    let half = 0.5 * Vector3::new(x, y, z);
+    (Prop::new("slab", Shape::Cuboid { half, radius: 0.2 * half.min() }, mass, 0.8), half.x)
+}
+
+/// A disk whose flat sides face z and whose rim the digits oppose.
+fn disk(radius: f64, thickness: f64, mass: f64) -> (Prop, f64) {
+    (Prop::new("disk", Shape::Cylinder { radius, half_height: 0.5 * thickness }, mass, 0.8), radius)
+}
+
+/// Two parallel rods with a bridge: shanks of scissors, or sticks.
+fn pair(radius: f64, apart: f64, length: f64, mass: f64) -> (Prop, f64) {
+    let shank = Shape::Cylinder { radius, half_height: 0.5 * length };
+    let bridge = Shape::Cuboid { half: Vector3::new(0.5 * apart, 0.6 * radius, 0.003), radius: 0.001 };
+    let parts = vec![
+        (Isometry3::translation(0.5 * apart, 0.0, 0.0), shank.clone()),
+        (Isometry3::translation(-0.5 * apart, 0.0, 0.0), shank),
+        (Isometry3::translation(0.0, 0.0, 0.4 * length), bridge),
+    ];
+    (Prop { name: "pair".into(), parts, mass, friction: 0.8 }, 0.5 * apart + radius)
+}
+
+/// All 33, in order.
+pub fn all() -> Vec<GraspType> {
+    use Opposition::{Pad, Palm, Side};
+    let mut types: Vec<GraspType> = Vec::new();
+    let mut add = |name, opposition, digits, helpers, abducted, (prop, half): (Prop, f64), note| {
+        let number = types.len() + 1;
+        types.push(GraspType { number, name, opposition, digits, helpers, abducted, prop, half, note });
+    };
+    add("Large Diameter", Palm, FOUR, THUMB, true, rod(0.036, 0.12, 0.4), "");
+    add("Small Diameter", Palm, FOUR, THUMB, true, rod(0.012, 0.12, 0.1), "");
+    add("Medium Wrap", Palm, FOUR, THUMB, true, rod(0.024, 0.12, 0.3), "");
+    add("Adducted Thumb", Palm, ALL, NONE, false, rod(0.014, 0.14, 0.1), "");
+    add("Light Tool", Palm, FOUR, THUMB, false, rod(0.008, 0.14, 0.05), "");
+    add("Prismatic 4 Finger", Pad, ALL, NONE, true, rod(0.008, 0.12, 0.02), "");
+    add("Prismatic 3 Finger", Pad, &[T, I, M, R], NONE, true, rod(0.008, 0.10, 0.02), "");
+    add("Prismatic 2 Finger", Pad, &[T, I, M], NONE, true, rod(0.008, 0.07, 0.015), "");
+    add("Palmar Pinch", Pad, &[T, I], NONE, true, slab(0.010, 0.016, 0.016, 0.01), "");
+    add("Power Disk", Palm, FOUR, THUMB, true, disk(0.042, 0.024, 0.1), "");
+    add("Power Sphere", Palm, FOUR, THUMB, true, ball(0.034, 0.1), "");
+    add("Precision Disk", Pad, ALL, NONE, true, disk(0.042, 0.020, 0.08), "");
+    add("Precision Sphere", Pad, ALL, NONE, true, ball(0.034, 0.08), "");
+    add("Tripod", Pad, &[T, I, M], NONE, true, ball(0.016, 0.02), "");
+    add("Fixed Hook", Palm, FOUR, NONE, false, rod(0.011, 0.12, 0.1), "");
+    add("Lateral", Side, &[T, I], &[M, R, L], false, slab(0.004, 0.024, 0.05, 0.015), "");
+    add("Index Finger Extension", Palm, &[M, R, L, I], THUMB, false, rod(0.011, 0.16, 0.08), "");
+    add("Extension Type", Pad, ALL, NONE, true, slab(0.012, 0.05, 0.09, 0.06), "");
+    add("Distal Type", Pad, ALL, NONE, true, pair(0.005, 0.03, 0.10, 0.04), "scissors as two joined shanks");
+    add("Writing Tripod", Side, &[T, I, M], &[R], true, rod(0.005, 0.14, 0.012), "");
+    add(
+        "Tripod Variation",
+        Side,
+        &[T, I, M],
+        &[R],
+        true,
+        pair(0.0035, 0.018, 0.16, 0.02),
+        "chopsticks joined at one end",
+    );
+    add("Parallel Extension", Pad, ALL, NONE, false, slab(0.014, 0.05, 0.09, 0.06), "");
+    add("Adduction Grip", Side, &[I, M], NONE, true, rod(0.0035, 0.08, 0.003), "");
+    add("Tip Pinch", Pad, &[T, I], NONE, true, ball(0.005, 0.004), "");
+    add("Lateral Tripod", Side, &[T, I, M], &[R], false, rod(0.006, 0.12, 0.015), "");
+    add("Sphere 4 Finger", Pad, &[T, I, M, R], NONE, true, ball(0.030, 0.07), "");
+    add("Quadpod", Pad, &[T, I, M, R], NONE, true, ball(0.020, 0.03), "");
+    add("Sphere 3 Finger", Pad, &[T, I, M], NONE, true, ball(0.027, 0.06), "");
+    add("Stick", Side, &[T, I], &[M, R, L], false, rod(0.006, 0.10, 0.01), "");
+    add("Palmar", Palm, FOUR, NONE, false, slab(0.012, 0.06, 0.08, 0.06), "");
+    add("Ring", Pad, &[T, I], NONE, true, rod(0.018, 0.05, 0.05), "");
+    add("Ventral", Side, ALL, NONE, false, rod(0.007, 0.14, 0.02), "");
+    add("Inferior Pincer", Pad, &[T, I], NONE, true, ball(0.012, 0.01), "");
+    types
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The totals that the taxonomy states.
+    #[test]
+    fn totals_of_the_taxonomy() {
+        let types = all();
+        let count = |opposition| types.iter().filter(|kind| kind.opposition == opposition).count();
+        assert_eq!(types.len(), 33);
+        assert_eq!((count(Opposition::Palm), count(Opposition::Pad), count(Opposition::Side)), (10, 16, 7));
+        assert_eq!(types.iter().filter(|kind| kind.abducted).count(), 23);
+    }
+}

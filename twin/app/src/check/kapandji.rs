@@ -1,0 +1,284 @@
+//! The Kapandji test: the thumb's tip to ten points of the hand, reached by the six servos in physics.
+//!
+//! The points are those of Kapandji (1986). Each is a point on our covers (or, for the creases, on the palmar side of the
+//! joint). The commands are found by search: many random commands are looked at in static equilibrium, the nearest ones are
+//! run in physics on the stand, and the best of those are varied until the thumb is there.
+
+use std::sync::Arc;
+
+use anyhow::Result;
+use hand_model::{Digit, Hand, statics};
+use nalgebra::{Isometry3, Point3, Vector3};
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use rayon::prelude::*;
+use serde_json::json;
+use sim::engine::EngineSettings;
+use sim::stand::{HandStand, tension_goals};
+
+use super::Options;
+use super::picture::{Picture, View, save, tile};
+use super::row::{Row, Verdict};
+
+/// The thumb's tip is there within this, m.
+const REACHED: f64 = 0.003;
+/// Covers may overlap by this much, m: the engine's contacts give way a little.
+const OVERLAP: f64 = 5e-4;
+/// Good enough to stop the search, m.
+const ENOUGH: f64 = 0.002;
+/// Random commands looked at in static equilibrium.
+const LOOKS: usize = 6000;
+/// Commands run in physics before variation, and variations.
+const STARTS: usize = 20;
+const VARIATIONS: usize = 120;
+/// The best of those run so far, which are varied.
+const PARENTS: usize = 4;
+/// Largest cable tensions tried, N.
+const THUMB_TENSION: f64 = 30.0;
+const FINGER_TENSION: f64 = 20.0;
+/// Largest opposition command, rad: a little past the joint's stop, because the shaft gives way under the spring.
+const OPPOSITION: f64 = 1.05 * std::f64::consts::FRAC_PI_2;
+/// How long the first to move is alone, and how long both move then, s.
+const FIRST: f64 = 0.7;
+const REST: f64 = 1.8;
+
+/// One of the ten points.
+struct Target {
+    name: &'static str,
+    /// Link that carries it; `None` is the palm.
+    link: Option<usize>,
+    /// In the link's frame, m.
+    point: Point3<f64>,
+}
+
+/// A command: opposition angle (rad), thumb's and the target finger's tension (N), and who moves first.
+#[derive(Debug, Clone, Copy)]
+struct Command {
+    opposition: f64,
+    thumb: f64,
+    finger: f64,
+    thumb_first: bool,
+}
+
+struct Outcome {
+    distance: f64,
+    overlap: f64,
+    command: Command,
+    angles: Vec<f64>,
+}
+
+impl Outcome {
+    fn cost(&self) -> f64 {
+        self.distance + 10.0 * (self.overlap - OVERLAP).max(0.0)
+    }
+}
+
+fn targets(hand: &Hand) -> Vec<Target> {
+    let side = |link: usize| {
+        // Radial is the thumb's side: minus z of a finger's link.
+        let cover = &hand.covers[link];
+        cover.link_from_cover * Point3::new(0.0, 0.0, -cover.half.z)
+    };
+    // On the rounded edge between pad and end, half way round.
+    let tip = |link: usize| {
+        let cover = &hand.covers[link];
+        let inner = cover.half.add_scalar(-cover.radius);
+        let edge = Vector3::new(1.0, 1.0, 0.0).normalize() * cover.radius;
+        cover.link_from_cover * Point3::from(Vector3::new(inner.x, inner.y, 0.0) + edge)
+    };
+    let palmar = |link: usize| hand.covers[link].link_from_cover.translation.y + hand.covers[link].half.y;
+    let [i1, i2] = [Digit::Index.joints()[1], Digit::Index.joints()[2]];
+    let [l0, l1, l2] = Digit::Little.joints();
+    let mcp = hand.tree.joints[l0].origin.translation.vector;
+    let skin = hand.palm_cover.link_from_cover.translation.z - hand.palm_cover.half.z;
+    let web = hand.palm_cover.link_from_cover.translation.y + hand.palm_cover.half.y - hand.palm_cover.radius;
+    vec![
+        Target { name: "side of index, second phalanx", link: Some(i1), point: side(i1) },
+        Target { name: "side of index, third phalanx", link: Some(i2), point: side(i2) },
+        Target { name: "tip of index", link: Some(i2), point: tip(i2) },
+        Target { name: "tip of middle", link: Some(Digit::Middle.joints()[2]), point: tip(Digit::Middle.joints()[2]) },
+        Target { name: "tip of ring", link: Some(Digit::Ring.joints()[2]), point: tip(Digit::Ring.joints()[2]) },
+        Target { name: "tip of little", link: Some(l2), point: tip(l2) },
+        Target {
+            name: "DIP crease of little",
+            link: Some(l1),
+            point: Point3::new(hand.tree.joints[l2].origin.translation.x, palmar(l2), 0.0),
+        },
+        Target {
+            name: "PIP crease of little",
+            link: Some(l0),
+            point: Point3::new(hand.tree.joints[l1].origin.translation.x, 0.5 * (palmar(l0) + palmar(l1)), 0.0),
+        },
+        Target { name: "MCP crease of little", link: None, point: Point3::new(mcp.x, web, skin) },
+        Target { name: "distal palmar crease", link: None, point: Point3::new(mcp.x, mcp.y, skin) },
+    ]
+}
+
+/// The thumb's tip: the distal half of its last link's skin, palmar side and end, link frame.
+fn thumb_tip(hand: &Hand) -> Vec<Point3<f64>> {
+    let cover = &hand.covers[Digit::Thumb.joints()[2]];
+    let middle = cover.link_from_cover.translation.x;
+    let on_pad = |n: &Vector3<f64>| n.y >= 0.25 || n.x >= 0.5;
+    cover
+        .skin(0.001)
+        .into_iter()
+        .filter(|element| element.point.x >= middle && on_pad(&element.normal))
+        .map(|element| element.point)
+        .collect()
+}
+
+fn distance(target: &Target, tip: &[Point3<f64>], links: &[Isometry3<f64>]) -> f64 {
+    let at = target.link.map_or(Isometry3::identity(), |link| links[link]) * target.point;
+    let local = links[Digit::Thumb.joints()[2]].inverse_transform_point(&at);
+    tip.iter().map(|point| (point - local).norm()).fold(f64::INFINITY, f64::min)
+}
+
+fn tensions(target: &Target, command: &Command) -> [f64; 5] {
+    let mut tensions = [0.0; 5];
+    tensions[0] = command.thumb;
+    if let Some(link) = target.link {
+        tensions[link / 3] = command.finger;
+    }
+    tensions
+}
+
+fn draw(rng: &mut ChaCha8Rng) -> Command {
+    // Small tensions move the joints most: draw them evenly in their square root.
+    let mut tension = |most: f64| most * rng.random_range(0.0..1.0f64).powi(2);
+    let (thumb, finger) = (tension(THUMB_TENSION), tension(FINGER_TENSION));
+    let opposition = rng.random_range(0.0..OPPOSITION);
+    Command { opposition, thumb, finger, thumb_first: rng.random_bool(0.3) }
+}
+
+fn run(hand: &Arc<Hand>, target: &Target, tip: &[Point3<f64>], command: Command) -> (Outcome, HandStand) {
+    let mut stand = HandStand::new(hand.clone(), EngineSettings::default());
+    let all = tensions(target, &command);
+    let mut first = all;
+    if command.thumb_first {
+        first[1..].fill(0.0);
+    } else {
+        first[0] = 0.0;
+    }
+    let turned = if command.thumb_first { command.opposition } else { 0.0 };
+    stand.run(&tension_goals(hand, &first, turned), FIRST);
+    stand.run(&tension_goals(hand, &all, command.opposition), REST);
+    let outcome = Outcome {
+        distance: distance(target, tip, &stand.links()),
+        overlap: stand.self_penetration(),
+        command,
+        angles: stand.angles().to_vec(),
+    };
+    (outcome, stand)
+}
+
+fn search(hand: &Arc<Hand>, target: &Target, tip: &[Point3<f64>], rng: &mut ChaCha8Rng) -> Outcome {
+    let mut looks: Vec<(f64, Command)> = (0..LOOKS)
+        .map(|_| {
+            let command = draw(rng);
+            let angles =
+                statics::free(hand, &tensions(target, &command), command.opposition.min(std::f64::consts::FRAC_PI_2));
+            (distance(target, tip, &hand.tree.forward(&angles)), command)
+        })
+        .collect();
+    looks.sort_by(|a, b| a.0.total_cmp(&b.0));
+    // The best of each neighbourhood.
+    let mut starts: Vec<Command> = Vec::new();
+    for (_, command) in &looks {
+        let near = |other: &Command| {
+            (command.opposition - other.opposition).abs() < 0.1
+                && (command.thumb / other.thumb.max(0.1)).ln().abs() < 0.2
+                && command.thumb_first == other.thumb_first
+        };
+        if starts.len() < STARTS && !starts.iter().any(near) {
+            starts.push(*command);
+        }
+    }
+    let mut found: Vec<Outcome> = starts.into_iter().map(|command| run(hand, target, tip, command).0).collect();
+    found.sort_by(|a, b| a.cost().total_cmp(&b.cost()));
+    for tried in 0..VARIATIONS {
+        if found[0].cost() < ENOUGH {
+            break;
+        }
+        found.truncate(PARENTS);
+        let spread = 0.25 * 0.985f64.powi(tried as i32);
+        let mut command = found[rng.random_range(0..found.len())].command;
+        let mut stretch = || (2.0 * spread * rng.random_range(-1.0..1.0f64)).exp();
+        command.thumb = (command.thumb * stretch()).min(THUMB_TENSION);
+        command.finger = (command.finger * stretch()).min(FINGER_TENSION);
+        let turn = spread * rng.random_range(-1.0..1.0);
+        command.opposition = (command.opposition + turn).clamp(0.0, OPPOSITION);
+        found.push(run(hand, target, tip, command).0);
+        found.sort_by(|a, b| a.cost().total_cmp(&b.cost()));
+    }
+    found.swap_remove(0)
+}
+
+/// The row, with a picture of all ten.
+pub fn row(hand: &Arc<Hand>, options: &Options<'_>) -> Result<Row> {
+    let tip = thumb_tip(hand);
+    let targets = targets(hand);
+    let outcomes: Vec<Outcome> = targets
+        .par_iter()
+        .enumerate()
+        .map(|(n, target)| {
+            let mut rng = ChaCha8Rng::seed_from_u64(options.seed);
+            rng.set_stream(n as u64);
+            search(hand, target, &tip, &mut rng)
+        })
+        .collect();
+    let good = |outcome: &Outcome| outcome.distance <= REACHED && outcome.overlap <= OVERLAP;
+    let reached = outcomes.iter().filter(|outcome| good(outcome)).count();
+    let details: Vec<_> = targets
+        .iter()
+        .zip(&outcomes)
+        .enumerate()
+        .map(|(n, (target, outcome))| {
+            json!({
+                "point": n + 1,
+                "name": target.name,
+                "distance_mm": outcome.distance * 1e3,
+                "overlap_mm": outcome.overlap * 1e3,
+                "reached": good(outcome),
+                "opposition_deg": outcome.command.opposition.to_degrees(),
+                "thumb_tension_n": outcome.command.thumb,
+                "finger_tension_n": outcome.command.finger,
+                "thumb_first": outcome.command.thumb_first,
+                "angles_deg": outcome.angles.iter().map(|q| q.to_degrees()).collect::<Vec<_>>(),
+            })
+        })
+        .collect();
+    let mut row = Row::new(
+        "Kapandji test",
+        format!("{reached} of 10"),
+        "10 of 10",
+        "thumb tip (distal half of the last link's skin, palmar side and end) within 3 mm of each point, no covers overlapping by \
+         more than 0.5 mm, moved by the servos on the stand; commands by seeded search",
+        Verdict::of(reached == 10),
+    )
+    .with(json!(details));
+    if let Some(folder) = options.out {
+        let pictures: Vec<_> = targets
+            .iter()
+            .zip(&outcomes)
+            .enumerate()
+            .map(|(n, (target, outcome))| {
+                let links = hand.tree.forward(&outcome.angles);
+                let at = target.link.map_or(Isometry3::identity(), |link| links[link]) * target.point;
+                let mut picture = Picture::new(300, View::palm().at(Point3::new(0.01, -0.005, 0.0), 0.23));
+                picture.hand(hand, &outcome.angles);
+                picture.dot(&at, 0.0025, [220.0, 40.0, 40.0]);
+                let mark = if good(outcome) { "" } else { "  NOT REACHED" };
+                picture.finish(&format!(
+                    "{} {}\n{:.1} mm, overlap {:.2} mm{mark}",
+                    n + 1,
+                    target.name,
+                    outcome.distance * 1e3,
+                    outcome.overlap * 1e3
+                ))
+            })
+            .collect();
+        save(&tile(&pictures, 5), &folder.join("kapandji.png"))?;
+        row.picture = Some("kapandji.png".into());
+    }
+    Ok(row)
+}

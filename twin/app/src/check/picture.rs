@@ -1,0 +1,293 @@
+//! Pictures of the hand: an orthographic software renderer with a depth buffer, light from the eye and some from above.
+
+use std::path::Path;
+
+use anyhow::{Context, Result};
+use font8x8::UnicodeFonts;
+use hand_model::Hand;
+use image::{Rgb, RgbImage};
+use nalgebra::{Isometry3, Point3, Vector3};
+use sim::stand::{HandStand, Prop};
+use stream::mesh::Mesh;
+
+/// Each pixel is the mean of this many by this many.
+const OVERSAMPLE: u32 = 2;
+const PAPER: [f64; 3] = [250.0, 250.0, 248.0];
+const INK: [u8; 3] = [40, 42, 48];
+const COVER: [f64; 3] = [196.0, 199.0, 206.0];
+const PALM: [f64; 3] = [170.0, 174.0, 184.0];
+const PAD: [f64; 3] = [92.0, 120.0, 150.0];
+/// Colours of props, in turn.
+pub const PROPS: [[f64; 3]; 3] = [[226.0, 150.0, 70.0], [120.0, 176.0, 96.0], [190.0, 110.0, 150.0]];
+
+/// Where a picture is seen from.
+#[derive(Debug, Clone, Copy)]
+pub struct View {
+    /// Unit vector from the scene to the eye, palm frame.
+    pub eye: Vector3<f64>,
+    /// What points up in the picture.
+    pub up: Vector3<f64>,
+    /// What is in the middle, palm frame, m.
+    pub center: Point3<f64>,
+    /// Width of the picture, m.
+    pub width: f64,
+}
+
+impl View {
+    /// Onto the palm, a little from the side, fingers up.
+    pub fn palm() -> Self {
+        Self {
+            eye: Vector3::new(0.25, 0.1, -1.0).normalize(),
+            up: Vector3::y(),
+            center: Point3::new(0.01, -0.02, 0.0),
+            width: 0.22,
+        }
+    }
+
+    /// From the thumb's side, fingers to the left and the palm facing down.
+    pub fn thumb_side() -> Self {
+        Self {
+            eye: Vector3::new(1.0, 0.25, -0.15).normalize(),
+            up: Vector3::z(),
+            center: Point3::new(0.0, -0.01, -0.01),
+            width: 0.22,
+        }
+    }
+
+    /// The same view, closer, around another centre.
+    pub fn at(self, center: Point3<f64>, width: f64) -> Self {
+        Self { center, width, ..self }
+    }
+}
+
+/// One picture in the making.
+pub struct Picture {
+    size: u32,
+    right: Vector3<f64>,
+    up: Vector3<f64>,
+    view: View,
+    color: Vec<[f64; 3]>,
+    depth: Vec<f64>,
+}
+
+impl Picture {
+    /// An empty square picture of `size` pixels.
+    pub fn new(size: u32, view: View) -> Self {
+        let right = view.up.cross(&view.eye).normalize();
+        let count = (size * OVERSAMPLE).pow(2) as usize;
+        Self {
+            size: size * OVERSAMPLE,
+            right,
+            up: view.eye.cross(&right),
+            view,
+            color: vec![PAPER; count],
+            depth: vec![f64::NEG_INFINITY; count],
+        }
+    }
+
+    /// (column, row, nearness) of a point.
+    fn project(&self, point: &Point3<f64>) -> [f64; 3] {
+        let d = point - self.view.center;
+        let scale = f64::from(self.size) / self.view.width;
+        let half = 0.5 * f64::from(self.size);
+        [half + scale * d.dot(&self.right), half - scale * d.dot(&self.up), d.dot(&self.view.eye)]
+    }
+
+    /// Draws triangles (vertices in the frame `pose` maps to the palm).
+    pub fn triangles(
+        &mut self,
+        pose: &Isometry3<f64>,
+        vertices: &[Point3<f64>],
+        triangles: &[[u32; 3]],
+        normals: &[Vector3<f64>],
+        color: [f64; 3],
+    ) {
+        let placed: Vec<[f64; 3]> = vertices.iter().map(|vertex| self.project(&(pose * vertex))).collect();
+        let light = (self.view.eye + 0.6 * self.up - 0.3 * self.right).normalize();
+        let shade: Vec<f64> = normals
+            .iter()
+            .map(|normal| {
+                let normal = pose * normal;
+                0.35 + 0.45 * normal.dot(&light).max(0.0) + 0.25 * normal.dot(&self.view.eye).max(0.0)
+            })
+            .collect();
+        for corner in triangles {
+            let [a, b, c] = corner.map(|index| index as usize);
+            self.triangle([placed[a], placed[b], placed[c]], [shade[a], shade[b], shade[c]], color);
+        }
+    }
+
+    fn triangle(&mut self, [a, b, c]: [[f64; 3]; 3], shade: [f64; 3], color: [f64; 3]) {
+        let area = (b[0] - a[0]) * (c[1] - a[1]) - (c[0] - a[0]) * (b[1] - a[1]);
+        if area.abs() < 1e-9 {
+            return;
+        }
+        let limit = f64::from(self.size - 1);
+        let span = |axis: usize| {
+            let low = a[axis].min(b[axis]).min(c[axis]).ceil().clamp(0.0, limit);
+            let high = a[axis].max(b[axis]).max(c[axis]).floor().clamp(0.0, limit);
+            (low as u32, high as u32)
+        };
+        let ((x0, x1), (y0, y1)) = (span(0), span(1));
+        for y in y0..=y1 {
+            for x in x0..=x1 {
+                let (px, py) = (f64::from(x), f64::from(y));
+                let u = ((px - a[0]) * (c[1] - a[1]) - (c[0] - a[0]) * (py - a[1])) / area;
+                let v = ((b[0] - a[0]) * (py - a[1]) - (px - a[0]) * (b[1] - a[1])) / area;
+                let w = 1.0 - u - v;
+                if u < 0.0 || v < 0.0 || w < 0.0 {
+                    continue;
+                }
+                let near = w * a[2] + u * b[2] + v * c[2];
+                let index = (y * self.size + x) as usize;
+                if near > self.depth[index] {
+                    self.depth[index] = near;
+                    let light = w * shade[0] + u * shade[1] + v * shade[2];
+                    self.color[index] = color.map(|part| (part * light).min(255.0));
+                }
+            }
+        }
+    }
+
+    fn mesh(&mut self, pose: &Isometry3<f64>, mesh: &Mesh, color: [f64; 3]) {
+        let vertices: Vec<Point3<f64>> = mesh.vertices.iter().map(|v| Point3::from(*v).cast()).collect();
+        let normals: Vec<Vector3<f64>> = mesh.normals.iter().map(|n| Vector3::from(*n).cast()).collect();
+        self.triangles(pose, &vertices, &mesh.triangles, &normals, color);
+    }
+
+    /// The hand with its covers and pads at joint angles `q` (rad).
+    pub fn hand(&mut self, hand: &Hand, q: &[f64]) {
+        let links = hand.tree.forward(q);
+        let mut cover = |cover: &hand_model::hand::CoverShape, pose: &Isometry3<f64>, color| {
+            let mesh = Mesh::rounded_box(&cover.half, cover.radius, &cover.link_from_cover);
+            self.mesh(pose, &mesh, color);
+        };
+        cover(&hand.palm_cover, &Isometry3::identity(), PALM);
+        for (link, shape) in hand.covers.iter().enumerate() {
+            cover(shape, &links[link], COVER);
+        }
+        for (pad, pose) in hand.pads.iter().zip(hand.pad_poses(&links)) {
+            let sheet = Mesh::sheet(pad.w, pad.h, 9, 2.5e-4, |x, y| pad.surface_height(x, y));
+            self.mesh(&pose, &sheet, PAD);
+        }
+    }
+
+    /// A prop in its place.
+    pub fn prop(&mut self, prop: &Prop, palm_from_prop: &Isometry3<f64>, color: [f64; 3]) {
+        for (local, shape) in &prop.parts {
+            let (vertices, triangles, normals) = shape.triangles();
+            self.triangles(&(palm_from_prop * local), &vertices, &triangles, &normals, color);
+        }
+    }
+
+    /// The hand and all props as they are on a stand.
+    pub fn stand(&mut self, stand: &HandStand) {
+        self.hand(stand.hand(), &stand.angles());
+        for index in 0..stand.props() {
+            self.prop(stand.prop(index), &stand.pose(index), PROPS[index % PROPS.len()]);
+        }
+    }
+
+    /// A dot over everything, `radius` in m.
+    pub fn dot(&mut self, point: &Point3<f64>, radius: f64, color: [f64; 3]) {
+        let [x, y, _] = self.project(point);
+        let reach = radius * f64::from(self.size) / self.view.width;
+        for row in (y - reach) as i64..=(y + reach) as i64 {
+            for column in (x - reach) as i64..=(x + reach) as i64 {
+                let inside = (column as f64 - x).hypot(row as f64 - y) <= reach;
+                let fits = |value: i64| (0..i64::from(self.size)).contains(&value);
+                if inside && fits(row) && fits(column) {
+                    self.color[(row as u32 * self.size + column as u32) as usize] = color;
+                }
+            }
+        }
+    }
+
+    /// The finished picture with a caption.
+    pub fn finish(&self, caption: &str) -> RgbImage {
+        let mut image = RgbImage::new(self.size / OVERSAMPLE, self.size / OVERSAMPLE);
+        for (x, y, pixel) in image.enumerate_pixels_mut() {
+            let mut sum = [0.0; 3];
+            for (dx, dy) in (0..OVERSAMPLE).flat_map(|dx| (0..OVERSAMPLE).map(move |dy| (dx, dy))) {
+                let index = ((y * OVERSAMPLE + dy) * self.size + x * OVERSAMPLE + dx) as usize;
+                for (total, part) in sum.iter_mut().zip(self.color[index]) {
+                    *total += part / f64::from(OVERSAMPLE * OVERSAMPLE);
+                }
+            }
+            *pixel = Rgb(sum.map(|part| part as u8));
+        }
+        for (row, line) in caption.lines().enumerate() {
+            text(&mut image, 6, 6 + 11 * row as i64, line, INK);
+        }
+        image
+    }
+}
+
+/// Writes `line` with its upper left corner at (x, y).
+pub fn text(image: &mut RgbImage, x: i64, y: i64, line: &str, color: [u8; 3]) {
+    for (n, letter) in line.chars().enumerate() {
+        let Some(glyph) = font8x8::BASIC_FONTS.get(letter) else { continue };
+        for (row, bits) in glyph.iter().enumerate() {
+            for column in (0..8).filter(|column| bits >> column & 1 == 1) {
+                let (px, py) = (x + 8 * n as i64 + column, y + row as i64);
+                if let (Ok(px), Ok(py)) = (u32::try_from(px), u32::try_from(py))
+                    && px < image.width()
+                    && py < image.height()
+                {
+                    image.put_pixel(px, py, Rgb(color));
+                }
+            }
+        }
+    }
+}
+
+/// Pictures side by side, `columns` in a row.
+pub fn tile(pictures: &[RgbImage], columns: usize) -> RgbImage {
+    let (w, h) = pictures.iter().fold((0, 0), |(w, h), picture| (picture.width().max(w), picture.height().max(h)));
+    let columns = columns.min(pictures.len()).max(1);
+    let rows = pictures.len().div_ceil(columns);
+    let mut sheet = RgbImage::from_pixel(w * columns as u32, h * rows as u32, Rgb(PAPER.map(|part| part as u8)));
+    for (n, picture) in pictures.iter().enumerate() {
+        let (x, y) = ((n % columns) as i64 * i64::from(w), (n / columns) as i64 * i64::from(h));
+        image::imageops::replace(&mut sheet, picture, x, y);
+    }
+    sheet
+}
+
+/// Writes a PNG.
+pub fn save(image: &RgbImage, path: &Path) -> Result<()> {
+    image.save(path).with_context(|| path.display().to_string())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Of two balls on the line of sight the nearer one is seen.
+    #[test]
+    fn the_nearer_hides_the_farther() {
+        let view = View { eye: Vector3::z(), up: Vector3::y(), center: Point3::origin(), width: 0.1 };
+        let ball = Prop::new("ball", scenarios::Shape::Sphere { radius: 0.02 }, 1.0, 0.5);
+        for (near, far) in [(0.05, -0.05), (-0.05, 0.05)] {
+            let mut picture = Picture::new(64, view);
+            picture.prop(&ball, &Isometry3::translation(0.0, 0.0, near), [255.0, 0.0, 0.0]);
+            picture.prop(&ball, &Isometry3::translation(0.0, 0.0, far), [0.0, 0.0, 255.0]);
+            let Rgb([red, _, blue]) = *picture.finish("").get_pixel(32, 32);
+            assert_eq!(red > blue, near > far);
+        }
+    }
+
+    /// A ball of 40 mm covers the share of the picture it should.
+    #[test]
+    fn scale_is_true() {
+        let view = View { eye: Vector3::x(), up: Vector3::z(), center: Point3::origin(), width: 0.1 };
+        let mut picture = Picture::new(100, view);
+        picture.prop(
+            &Prop::new("ball", scenarios::Shape::Sphere { radius: 0.02 }, 1.0, 0.5),
+            &Isometry3::identity(),
+            [0.0, 0.0, 0.0],
+        );
+        let dark = picture.finish("").pixels().filter(|pixel| pixel.0[0] < 100).count() as f64;
+        assert!((dark / 1e4 - std::f64::consts::PI * 0.04).abs() < 0.004, "{dark}");
+    }
+}

@@ -1,0 +1,79 @@
+//! One line of the check: what, ours, the paper's, how, and whether it is good.
+
+use serde::Serialize;
+
+/// How a check came out.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Verdict {
+    /// Within the tolerance.
+    Good,
+    /// Not within it.
+    FallsShort,
+    /// Could not be looked at.
+    NotChecked,
+}
+
+impl Verdict {
+    /// Good or not.
+    pub fn of(good: bool) -> Self {
+        if good { Self::Good } else { Self::FallsShort }
+    }
+}
+
+/// A row of the table.
+#[derive(Debug, Clone, Serialize)]
+pub struct Row {
+    /// What is compared.
+    pub what: String,
+    /// Our figure.
+    pub ours: String,
+    /// The paper's.
+    pub paper: String,
+    /// How ours was found and what is still good.
+    pub method: String,
+    /// How it came out.
+    pub verdict: Verdict,
+    /// The picture's file name.
+    pub picture: Option<String>,
+    /// Figures behind the row.
+    pub details: serde_json::Value,
+}
+
+impl Row {
+    /// A row without picture and details.
+    pub fn new(what: &str, ours: String, paper: &str, method: &str, verdict: Verdict) -> Self {
+        Self {
+            what: what.into(),
+            ours,
+            paper: paper.into(),
+            method: method.into(),
+            verdict,
+            picture: None,
+            details: serde_json::Value::Null,
+        }
+    }
+
+    /// The same row with details.
+    pub fn with(self, details: serde_json::Value) -> Self {
+        Self { details, ..self }
+    }
+}
+
+/// The table as text.
+pub fn table(rows: &[Row]) -> String {
+    let mut text = String::new();
+    for row in rows {
+        let verdict = match row.verdict {
+            Verdict::Good => "ok",
+            Verdict::FallsShort => "FALLS SHORT",
+            Verdict::NotChecked => "NOT CHECKED",
+        };
+        text += &format!("{:34} {:>24}   paper: {:30} {verdict}\n", row.what, row.ours, row.paper);
+        text += &format!("    {}\n", row.method);
+        if let Some(picture) = &row.picture {
+            text += &format!("    picture: {picture}\n");
+        }
+    }
+    text
+}
