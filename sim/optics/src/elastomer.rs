@@ -1,7 +1,8 @@
 //! The gel around a contact: the paper's (and Taxim's) soft-body approximation.
 //!
 //! The gel touches the object inside the contact and leaves it gradually outside. The indentation is smoothed again and again
-//! with ever narrower kernels ("pyramid Gaussian kernels"), and after each pass the contact gets its own depths back.
+//! with ever narrower kernels ("pyramid Gaussian kernels"), and after each pass the gel is pushed out of the object again: it is
+//! nowhere less deep than the object, and leaves a round one where its own smoothness would lead it out.
 //! A kernel is three box filters in a row, a cubic B-spline of support 3 r to each side and standard deviation
 //! `sqrt(r (r + 1))` pixels: close to a Gaussian, exactly zero beyond its support, and as cheap at any width.
 
@@ -16,12 +17,15 @@ use crate::indentation::{IndentationMap, Rectangle};
 pub struct Elastomer {
     /// Standard deviations of the kernels (m), widest first.
     pub kernels: Vec<f64>,
+    /// Thickness (m) of the layer between the object and the surface that the camera sees: the object is grown by it.
+    #[serde(default)]
+    pub coating: f64,
 }
 
 impl Default for Elastomer {
     /// Kernels of about a third, a sixth, ... of the gel's 2.5 mm: the bulge dies out within a gel's thickness or two.
     fn default() -> Self {
-        Self { kernels: vec![0.8e-3, 0.4e-3, 0.2e-3, 0.1e-3] }
+        Self { kernels: vec![0.8e-3, 0.4e-3, 0.2e-3, 0.1e-3], coating: 0.0 }
     }
 }
 
@@ -76,7 +80,7 @@ impl Elastomer {
                 transpose(&other, &mut depth, height, width);
             }
             for (value, &own) in depth.iter_mut().zip(&own) {
-                *value = if own > 0.0 { own } else { value.max(0.0) };
+                *value = value.max(own);
             }
         }
         Some(DeformedGel { rectangle, depth })

@@ -55,7 +55,7 @@ impl Sensor {
     }
 
     fn build(pad: &Pad, camera: &Camera, model: SensorModel, seed: u64) -> Self {
-        let shading = Shading::new(&model.lamps, &model.reflectance, model.gain);
+        let shading = Shading::new(&model.lamps, &model.reflectance, model.gain, model.ambient);
         let response = model.response.each_ref().map(ResponseTable::new);
         let mut rng = ChaCha8Rng::seed_from_u64(seed ^ 0x7465_7874_7572_6573);
         let mut background_grey = texture(model.texture[0], model.texture[1], &mut rng);
