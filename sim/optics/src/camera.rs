@@ -74,19 +74,34 @@ impl Response {
         measured * (g1 + measured * (g2 + measured * g3))
     }
 
-    /// F, the inverse of G, by bisection; beyond full scale it goes on as a straight line.
+    /// F, the inverse of G, by Newton's method inside a bracket; beyond full scale it goes on as a straight line.
     pub fn measured(&self, radiance: f64) -> f64 {
+        let [g1, g2, g3] = self.coefficients;
         let full = self.radiance(1.0);
         if radiance >= full {
-            let [g1, g2, g3] = self.coefficients;
             return 1.0 + (radiance - full) / (g1 + 2.0 * g2 + 3.0 * g3);
         }
-        let (mut low, mut high) = (0.0, 1.0);
-        for _ in 0..50 {
-            let middle = 0.5 * (low + high);
-            if self.radiance(middle) < radiance { low = middle } else { high = middle }
+        if radiance <= 0.0 {
+            return 0.0;
         }
-        0.5 * (low + high)
+        let (mut low, mut high) = (0.0, 1.0);
+        let mut m = radiance / full;
+        for _ in 0..60 {
+            let over = self.radiance(m) - radiance;
+            if over > 0.0 {
+                high = m
+            } else {
+                low = m
+            }
+            let newton = m - over / (g1 + m * (2.0 * g2 + 3.0 * g3 * m));
+            let next = if newton > low && newton < high { newton } else { 0.5 * (low + high) };
+            let step = (next - m).abs();
+            m = next;
+            if step < 1e-14 {
+                break;
+            }
+        }
+        m
     }
 
     /// True if G rises everywhere on 0..1.

@@ -1,7 +1,8 @@
 //! The gel around a contact: the paper's (and Taxim's) soft-body approximation.
 //!
 //! The gel touches the object inside the contact and leaves it gradually outside. The indentation is smoothed again and again
-//! with ever narrower kernels ("pyramid Gaussian kernels"), and after each pass the contact gets its own depths back.
+//! with ever narrower kernels ("pyramid Gaussian kernels"), and after each pass the gel is pushed out of the object again: it is
+//! nowhere less deep than the object, and leaves a round one where its own smoothness would lead it out.
 //! A kernel is three box filters in a row, a cubic B-spline of support 3 r to each side and standard deviation
 //! `sqrt(r (r + 1))` pixels: close to a Gaussian, exactly zero beyond its support, and as cheap at any width.
 
@@ -16,12 +17,15 @@ use crate::indentation::{IndentationMap, Rectangle};
 pub struct Elastomer {
     /// Standard deviations of the kernels (m), widest first.
     pub kernels: Vec<f64>,
+    /// Thickness (m) of the layer between the object and the surface that the camera sees: the object is grown by it.
+    #[serde(default)]
+    pub coating: f64,
 }
 
 impl Default for Elastomer {
     /// Kernels of about a third, a sixth, ... of the gel's 2.5 mm: the bulge dies out within a gel's thickness or two.
     fn default() -> Self {
-        Self { kernels: vec![0.8e-3, 0.4e-3, 0.2e-3, 0.1e-3] }
+        Self { kernels: vec![0.8e-3, 0.4e-3, 0.2e-3, 0.1e-3], coating: 0.0 }
     }
 }
 
@@ -49,20 +53,38 @@ impl DeformedGel {
 impl Elastomer {
     /// The deformed gel of an indentation map; `None` on an untouched pad.
     pub fn deform(&self, camera: &Camera, map: &IndentationMap) -> Option<DeformedGel> {
+        self.deform_over(camera, map, 0.0)
+    }
+
+    /// As [`Self::deform`], over a rectangle that reaches at least `reach` (m) beyond the contact.
+    pub fn deform_over(&self, camera: &Camera, map: &IndentationMap, reach: f64) -> Option<DeformedGel> {
         let contact = map.contact()?;
         let (dx, dy) = camera.pixel_size();
-        let radii: Vec<(usize, usize)> =
-            self.kernels.iter().map(|&deviation| (box_radius(deviation / dx), box_radius(deviation / dy))).collect();
-        let margin = radii.iter().fold((1, 1), |(x, y), &(rx, ry)| (x + 3 * rx, y + 3 * ry));
-        let rectangle = contact.grown(margin.0, margin.1);
+        let least = ((reach / dx).ceil() as usize, (reach / dy).ceil() as usize);
+        let margin = self.margin((dx, dy));
+        let rectangle = contact.grown(margin.0.max(least.0), margin.1.max(least.1)).even();
         let (width, height) = (rectangle.width(), rectangle.height());
         let mut own = Vec::with_capacity(width * height);
         for row in rectangle.top..rectangle.bottom {
             own.extend((rectangle.left..rectangle.right).map(|column| map.depth(column, row)));
         }
+        Some(DeformedGel { rectangle, depth: self.smooth(own, width, height, (dx, dy)) })
+    }
+
+    /// How far the smoothing reaches beyond a contact: columns and rows of pixels of this size (m).
+    fn margin(&self, pixel: (f64, f64)) -> (usize, usize) {
+        self.radii(pixel).iter().fold((1, 1), |(x, y), &(rx, ry)| (x + 3 * rx, y + 3 * ry))
+    }
+
+    fn radii(&self, (dx, dy): (f64, f64)) -> Vec<(usize, usize)> {
+        self.kernels.iter().map(|&deviation| (box_radius(deviation / dx), box_radius(deviation / dy))).collect()
+    }
+
+    /// The gel over an object's own depths (m, row-major, 0 beside it), on pixels of this size (m).
+    pub fn smooth(&self, own: Vec<f32>, width: usize, height: usize, pixel: (f64, f64)) -> Vec<f32> {
         let mut depth = own.clone();
         let mut other = vec![0.0; depth.len()];
-        for &(rx, ry) in &radii {
+        for (rx, ry) in self.radii(pixel) {
             for _ in 0..3 {
                 box_filter(&depth, &mut other, width, height, ry);
                 std::mem::swap(&mut depth, &mut other);
@@ -76,17 +98,52 @@ impl Elastomer {
                 transpose(&other, &mut depth, height, width);
             }
             for (value, &own) in depth.iter_mut().zip(&own) {
-                *value = if own > 0.0 { own } else { value.max(0.0) };
+                *value = value.max(own);
             }
         }
-        Some(DeformedGel { rectangle, depth })
+        depth
+    }
+
+    /// Grows an object by the coating: its penetration (m, negative where it is above the surface, negative infinity
+    /// where there is none) becomes that of its offset surface, moved back by the coating's thickness.
+    pub fn grow(&self, penetration: &[f32], width: usize, height: usize, pixel: (f64, f64)) -> Vec<f32> {
+        let t = self.coating;
+        if t <= 0.0 {
+            return penetration.to_vec();
+        }
+        let reach = ((t / pixel.0) as isize, (t / pixel.1) as isize);
+        let mut cap = Vec::new();
+        for down in -reach.1..=reach.1 {
+            for across in -reach.0..=reach.0 {
+                let left = t * t - (across as f64 * pixel.0).powi(2) - (down as f64 * pixel.1).powi(2);
+                if left >= 0.0 {
+                    cap.push((across, down, (left.sqrt() - t) as f32));
+                }
+            }
+        }
+        let mut grown = vec![f32::NEG_INFINITY; penetration.len()];
+        for (at, &own) in penetration.iter().enumerate() {
+            // What is higher than the coating is thick touches nothing even when grown.
+            if own <= -(t as f32) {
+                continue;
+            }
+            let (column, row) = ((at % width) as isize, (at / width) as isize);
+            for &(across, down, lower) in &cap {
+                let (column, row) = (column + across, row + down);
+                if (0..width as isize).contains(&column) && (0..height as isize).contains(&row) {
+                    let slot = &mut grown[row as usize * width + column as usize];
+                    *slot = slot.max(own + lower);
+                }
+            }
+        }
+        grown
     }
 }
 
 /// Radius (pixels) of the box whose threefold application has the standard deviation nearest to `deviation` (pixels).
 fn box_radius(deviation: f64) -> usize {
     let radius = (deviation * deviation + 0.25).sqrt() - 0.5;
-    if radius.is_finite() { (radius.round().max(0.0) as usize).min(IMAGE_SIZE / 4) } else { 0 }
+    if radius.is_finite() { (radius.round().max(0.0) as usize).min(IMAGE_SIZE) } else { 0 }
 }
 
 /// Averages over `2 radius + 1` rows; beyond the border the border's row is repeated.

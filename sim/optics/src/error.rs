@@ -47,4 +47,12 @@ pub enum OpticsError {
     /// A calibration file is not well-formed or holds an impossible value.
     #[error("sensor calibration: {0}")]
     Calibration(String),
+    /// A file or folder cannot be used.
+    #[error("{path}: {what}")]
+    File {
+        /// The file or folder.
+        path: String,
+        /// What is wrong, found and expected.
+        what: String,
+    },
 }

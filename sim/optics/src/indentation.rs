@@ -2,13 +2,14 @@
 //!
 //! The penetration of a pixel is `Pad::surface_height(x, y) - z_object(x, y)`, pad frame, metres: positive where the object,
 //! left where it is, would lie below the undeformed surface. A rigid-body engine's own penetration means nothing, so the object
-//! is moved along the pad's z by the [`Press::shift`] for which the gel, a Winkler foundation, bears the given force:
-//! `stiffness * sum(min(thickness, max(0, penetration + shift))) * pixel_area = force`.
+//! is moved along the pad's z by the [`Press::shift`] for which the gel, a [`Foundation`], bears the given force: the
+//! sum of its pressures under `penetration + shift`, times the pixels' area. The hand's own gel is Winkler's.
 
 use hand_model::pads::{Camera, IMAGE_SIZE, Pad};
 use hand_model::parameters::Gel;
 
 use crate::error::OpticsError;
+use crate::foundation::Foundation;
 
 /// Pixels of an image.
 pub const PIXELS: usize = IMAGE_SIZE * IMAGE_SIZE;
@@ -38,6 +39,12 @@ impl Rectangle {
             right: (self.right + columns).min(IMAGE_SIZE),
             bottom: (self.bottom + rows).min(IMAGE_SIZE),
         }
+    }
+
+    /// The rectangle with its borders moved outwards to even columns and rows, so that cells of 2 x 2 pixels lie the same in every one.
+    pub(crate) fn even(&self) -> Self {
+        let up = |end: usize| end.next_multiple_of(2).min(IMAGE_SIZE);
+        Self { left: self.left & !1, top: self.top & !1, right: up(self.right), bottom: up(self.bottom) }
     }
 
     /// Columns.
@@ -165,6 +172,17 @@ pub fn press(
     cameras: &[&Camera],
     gel: &Gel,
     force: f64,
+    z_object: impl FnMut(f64, f64) -> Option<f64>,
+) -> Result<Press, OpticsError> {
+    press_on(pad, cameras, &Foundation::winkler(gel), force, z_object)
+}
+
+/// As [`press`], on a gel with any pressure law.
+pub fn press_on(
+    pad: &Pad,
+    cameras: &[&Camera],
+    gel: &Foundation,
+    force: f64,
     mut z_object: impl FnMut(f64, f64) -> Option<f64>,
 ) -> Result<Press, OpticsError> {
     check_force(force)?;
@@ -184,7 +202,7 @@ pub fn press(
     }
     let Some(estimate) = balance(coarse.iter().map(|(map, area)| (map.as_slice(), *area)), gel, force)? else {
         let gaps: Result<Vec<_>, _> = cameras.iter().map(|camera| GapMap::sample(pad, camera, &mut z_object)).collect();
-        return press_gaps(&gaps?, gel, force);
+        return press_gaps_on(&gaps?, gel, force);
     };
     let mut gaps: Vec<GapMap> = coarse
         .iter()
@@ -215,13 +233,18 @@ pub fn press(
         match found {
             Some(found) if found.shift > reach => reach = found.shift + 1e-5,
             Some(found) => return finish(&gaps, gel, found),
-            None => return press_gaps(&gaps, gel, force),
+            None => return press_gaps_on(&gaps, gel, force),
         }
     }
 }
 
 /// As [`press`], on maps made beforehand, one for each camera of the pad.
 pub fn press_gaps(gaps: &[GapMap], gel: &Gel, force: f64) -> Result<Press, OpticsError> {
+    press_gaps_on(gaps, &Foundation::winkler(gel), force)
+}
+
+/// As [`press_gaps`], on a gel with any pressure law.
+pub fn press_gaps_on(gaps: &[GapMap], gel: &Foundation, force: f64) -> Result<Press, OpticsError> {
     check_force(force)?;
     let found = balance(gaps.iter().map(|gap| (gap.penetration.as_slice(), gap.pixel_area)), gel, force)?;
     match found {
@@ -230,7 +253,7 @@ pub fn press_gaps(gaps: &[GapMap], gel: &Gel, force: f64) -> Result<Press, Optic
     }
 }
 
-fn finish(gaps: &[GapMap], gel: &Gel, balanced: Balanced) -> Result<Press, OpticsError> {
+fn finish(gaps: &[GapMap], gel: &Foundation, balanced: Balanced) -> Result<Press, OpticsError> {
     let (shift, limit) = (balanced.shift as f32, gel.thickness as f32);
     let maps: Result<Vec<_>, _> = gaps
         .iter()
@@ -246,6 +269,9 @@ fn near(map: &[f32], block: usize, threshold: f32) -> bool {
         .any(|r| (column.saturating_sub(1)..(column + 2).min(BLOCKS)).any(|c| map[r * BLOCKS + c] > threshold))
 }
 
+/// Difference of shift (m) over which a pressure law's slope is taken.
+const NUDGE: f64 = 1e-8;
+
 struct Balanced {
     shift: f64,
     force: f64,
@@ -254,14 +280,14 @@ struct Balanced {
 /// Solves the force balance by Newton's method inside a bracket; `None` where nothing is above the pad.
 fn balance<'a>(
     maps: impl Iterator<Item = (&'a [f32], f64)>,
-    gel: &Gel,
+    gel: &Foundation,
     force: f64,
 ) -> Result<Option<Balanced>, OpticsError> {
-    positive("gel thickness", gel.thickness)?;
-    positive("gel stiffness", gel.stiffness)?;
-    let maps: Vec<(Vec<f32>, f64)> = maps
-        .map(|(map, area)| (map.iter().copied().filter(|p| p.is_finite()).collect(), area * gel.stiffness))
-        .collect();
+    gel.check()?;
+    let winkler = gel.exponent == 1.0 && gel.hardening == 0.0;
+    let stiffness = gel.modulus / gel.thickness;
+    let maps: Vec<(Vec<f32>, f64)> =
+        maps.map(|(map, area)| (map.iter().copied().filter(|p| p.is_finite()).collect(), area)).collect();
     let all = || maps.iter().flat_map(|(map, _)| map);
     let (deepest, shallowest) =
         all().fold((f32::NEG_INFINITY, f32::INFINITY), |(most, least), &p| (most.max(p), least.min(p)));
@@ -271,7 +297,13 @@ fn balance<'a>(
     let limit = gel.thickness as f32;
     let evaluate = |shift: f64| {
         let shift = shift as f32;
-        maps.iter().fold((0.0, 0.0), |(force, slope), (map, weight)| {
+        maps.iter().fold((0.0, 0.0), |(force, slope), (map, area)| {
+            if !winkler {
+                let bears = |shift: f64| area * map.iter().map(|&p| gel.pressure(f64::from(p) + shift)).sum::<f64>();
+                let found = bears(f64::from(shift));
+                return (force + found, slope + (bears(f64::from(shift) + NUDGE) - found) / NUDGE);
+            }
+            let weight = area * stiffness;
             let (mut sum, mut active) = (0.0f64, 0u32);
             for p in map {
                 let depth = p + shift;

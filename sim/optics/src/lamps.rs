@@ -20,12 +20,20 @@ pub struct Lamp {
     pub mu: f64,
     /// Share of the strength in red, green and blue.
     pub color: [f64; 3],
+    /// Half of its extent (m): how soft the shadows are that it casts.
+    #[serde(default = "half_a_package")]
+    pub size: f64,
+}
+
+/// Half of a 2835 package, m.
+fn half_a_package() -> f64 {
+    1.4e-3
 }
 
 impl Lamp {
     /// A lamp aimed at a point (m, pad frame).
     pub fn aimed(position: Point3<f64>, target: Point3<f64>, eta: f64, mu: f64, color: [f64; 3]) -> Self {
-        Self { position, direction: (target - position).normalize(), eta, mu, color }
+        Self { position, direction: (target - position).normalize(), eta, mu, color, size: half_a_package() }
     }
 
     /// Unit direction s from a surface point to the lamp, and kappa there (1/m2).
@@ -36,5 +44,15 @@ impl Lamp {
         let along = -s.dot(&self.direction);
         let kappa = if along > 0.0 { self.eta * along.powf(self.mu) / square } else { 0.0 };
         (s, kappa)
+    }
+
+    /// Share of the lamp seen over a horizon. Horizon and lamp are given by their elevations over the pad's plane as seen
+    /// from the place (tangents), the lamp at `distance` (m) along the plane.
+    ///
+    /// The lamp is taken as `2 size` high; a smooth step leads from hidden to seen.
+    pub fn share_above(&self, horizon: f64, elevation: f64, distance: f64) -> f64 {
+        let over = ((elevation - horizon) * distance / self.size.max(1e-6)).clamp(-1.0, 1.0);
+        let part = 0.5 * (over + 1.0);
+        part * part * (3.0 - 2.0 * part)
     }
 }

@@ -36,9 +36,11 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
+pub mod calibration;
 pub mod camera;
 pub mod elastomer;
 pub mod error;
+pub mod foundation;
 pub mod indentation;
 pub mod lamps;
 pub mod model;
@@ -46,8 +48,10 @@ mod noise;
 pub mod reflectance;
 pub mod sensor;
 mod shading;
+pub mod shadows;
 
 pub use error::OpticsError;
+pub use foundation::Foundation;
 pub use indentation::{IndentationMap, Press, press};
 pub use model::SensorModel;
 pub use sensor::Sensor;

@@ -23,6 +23,9 @@ pub struct SensorModel {
     pub noise: f64,
     /// Standard deviations of the background's blotches and grain, grey levels.
     pub texture: [f64; 2],
+    /// Diffuse light on a level surface, red, green and blue, in units of the full scale: what comes from everywhere behind the gel.
+    #[serde(default)]
+    pub ambient: [f64; 3],
     /// The camera's place.
     pub camera: Pinhole,
     /// The coating.
@@ -79,6 +82,7 @@ impl SensorModel {
             gain: [1.0; 3],
             noise: 0.7,
             texture: [0.0; 2],
+            ambient: [0.0; 3],
             camera: Pinhole { position: at(0.0, 0.0, -depth - 0.004) },
             reflectance: Reflectance { albedo: [0.9; 3], roughness: 0.2 },
             response: [compressive; 3],
@@ -115,7 +119,8 @@ impl SensorModel {
     pub fn radiance(&self, point: &Point3<f64>, slope: [f64; 2]) -> [f64; 3] {
         let normal = Vector3::new(slope[0], slope[1], -1.0).normalize();
         let viewer = self.camera.viewer(point);
-        let mut sum = [0.0; 3];
+        // A tilted surface sees a smaller part of the half space that the diffuse light fills.
+        let mut sum = self.ambient.map(|ambient| ambient * 0.5 * (1.0 - normal.z));
         for lamp in &self.lamps {
             let (s, kappa) = lamp.at(point);
             let radiance = self.reflectance.radiance(kappa, &normal, &s, &viewer);

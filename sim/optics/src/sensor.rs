@@ -12,9 +12,11 @@ use crate::camera::ResponseTable;
 use crate::elastomer::DeformedGel;
 use crate::error::OpticsError;
 use crate::indentation::{IndentationMap, PIXELS};
+use crate::lamps::Lamp;
 use crate::model::SensorModel;
 use crate::noise::{ReadOutNoise, quantise, texture};
 use crate::shading::{Shading, SurfaceRow};
+use crate::shadows::{HeightField, Shadow};
 
 /// Depth (m) and slope below which the gel counts as flat and the background is shown.
 const FLAT_DEPTH: f32 = 1e-6;
@@ -33,7 +35,7 @@ pub struct Sensor {
     background: Arc<TactileImage>,
     /// Grey levels of the background before quantisation, row-major RGB.
     background_grey: Vec<f32>,
-    /// Background less the model's flat gel, row-major RGB: added to the model's grey levels where the gel is deformed.
+    /// Radiance of the background less that of the model's flat gel, row-major RGB: added to the model's where the gel is deformed.
     correction: Vec<f32>,
 }
 
@@ -55,7 +57,7 @@ impl Sensor {
     }
 
     fn build(pad: &Pad, camera: &Camera, model: SensorModel, seed: u64) -> Self {
-        let shading = Shading::new(&model.lamps, &model.reflectance, model.gain);
+        let shading = Shading::new(&model.lamps, &model.reflectance, model.gain, model.ambient);
         let response = model.response.each_ref().map(ResponseTable::new);
         let mut rng = ChaCha8Rng::seed_from_u64(seed ^ 0x7465_7874_7572_6573);
         let mut background_grey = texture(model.texture[0], model.texture[1], &mut rng);
@@ -74,19 +76,19 @@ impl Sensor {
                 *rest = height(x, y) as f32 * softer;
                 (rest_x[column], rest_y[column]) = (zx as f32 * softer, zy as f32 * softer);
             }
-            let mut grey = |z: &[f32], slopes| {
+            let mut radiance = |z: &[f32], slopes| {
                 row.set(&model.camera, x0, dx, y, z, slopes);
-                shading.shade(&mut row);
-                let value = |at: usize| response[at % 3].grey(row.radiance[at % 3][at / 3]);
-                (0..3 * IMAGE_SIZE).map(value).collect::<Vec<f32>>()
+                shading.shade(&mut row, &[], (0, 0));
+                (0..3 * IMAGE_SIZE).map(|at| row.radiance[at % 3][at / 3]).collect::<Vec<f32>>()
             };
             let zeros = [0.0; IMAGE_SIZE];
-            let curved = grey(&rest, [&rest_x, &rest_y]);
-            let flat = grey(&zeros, [&zeros, &zeros]);
+            let curved = radiance(&rest, [&rest_x, &rest_y]);
+            let flat = radiance(&zeros, [&zeros, &zeros]);
             let line = &mut background_grey[3 * IMAGE_SIZE * index..3 * IMAGE_SIZE * (index + 1)];
-            for ((background, curved), flat) in line.iter_mut().zip(curved).zip(flat) {
-                *background = (*background + curved).clamp(0.0, 255.0);
-                correction.push(*background - flat);
+            for (at, ((background, curved), flat)) in line.iter_mut().zip(curved).zip(flat).enumerate() {
+                *background = (*background + response[at % 3].grey(curved)).clamp(0.0, 255.0);
+                let seen = model.response[at % 3].radiance(f64::from(*background) / 255.0);
+                correction.push(seen as f32 - flat);
             }
         }
         let rgb = background_grey.iter().map(|&grey| quantise(grey)).collect();
@@ -119,22 +121,54 @@ impl Sensor {
 
     /// The tactile image of an indentation; `rng` draws the read-out noise (an idle pad shows the background, with noise).
     pub fn render(&self, indentation: &IndentationMap, rng: &mut impl Rng) -> TactileImage {
-        match self.model.elastomer.deform(&self.camera, indentation) {
-            Some(gel) => self.render_gel(Some(&gel), rng),
-            None => self.render_gel(None, rng),
-        }
+        let reach = self.shadow_reach(f64::from(indentation.deepest()));
+        let gel = self.model.elastomer.deform_over(&self.camera, indentation, reach);
+        self.render_gel(gel.as_ref(), rng)
+    }
+
+    /// The longest shadow (m) that a bump of this depth (m) can cast within the camera's rectangle.
+    fn shadow_reach(&self, depth: f64) -> f64 {
+        let longest = |lamp: &Lamp| {
+            let (x, y) = (lamp.position.x, lamp.position.y - self.camera.center_y);
+            let distance = (x.abs() + 0.5 * self.camera.w).hypot(y.abs() + 0.5 * self.camera.h);
+            distance * depth / (-lamp.position.z - depth).max(depth)
+        };
+        self.model.lamps.iter().map(longest).fold(0.0, f64::max)
     }
 
     /// The tactile image of a gel that is already deformed.
     ///
-    /// Where the gel is flat the pixel is the background's; elsewhere background + model(deformed) - model(flat).
+    /// Where the gel is flat and lit the pixel is the background's; elsewhere the radiance of model(deformed) - model(flat) is added to it.
     pub fn render_gel(&self, gel: Option<&DeformedGel>, rng: &mut impl Rng) -> TactileImage {
+        let shadows = gel.map_or_else(Vec::new, |gel| self.shadows(gel));
+        self.expose(gel, &shadows, rng)
+    }
+
+    /// As [`Self::render_gel`], without cast shadows.
+    pub fn render_unshadowed(&self, gel: Option<&DeformedGel>, rng: &mut impl Rng) -> TactileImage {
+        self.expose(gel, &[], rng)
+    }
+
+    /// The shadow of each lamp over the gel's rectangle; `None` where it casts none.
+    pub fn shadows(&self, gel: &DeformedGel) -> Vec<Option<Shadow>> {
+        let area = &gel.rectangle;
+        let field = HeightField {
+            width: area.width(),
+            height: area.height(),
+            first: self.camera.pixel_center(area.left, area.top),
+            pixel: self.camera.pixel_size(),
+            depth: &gel.depth,
+        };
+        self.model.lamps.iter().map(|lamp| field.shadow(lamp)).collect()
+    }
+
+    fn expose(&self, gel: Option<&DeformedGel>, shadows: &[Option<Shadow>], rng: &mut impl Rng) -> TactileImage {
         let mut rgb = vec![0; 3 * PIXELS];
         let mut row = SurfaceRow::new();
         let mut grey = [0.0f32; 3 * IMAGE_SIZE];
         for (index, bytes) in rgb.chunks_exact_mut(3 * IMAGE_SIZE).enumerate() {
             let background = &self.background_grey[3 * IMAGE_SIZE * index..3 * IMAGE_SIZE * (index + 1)];
-            let span = gel.and_then(|gel| self.shade_row(gel, index, &mut row));
+            let span = gel.and_then(|gel| self.shade_row(gel, shadows, index, &mut row));
             let Some((left, right)) = span else {
                 self.noise.expose(background, bytes, rng);
                 continue;
@@ -145,17 +179,23 @@ impl Sensor {
             for (i, (pixel, correction)) in
                 grey[3 * left..3 * right].chunks_exact_mut(3).zip(correction.chunks_exact(3)).enumerate()
             {
-                pixel[0] = self.response[0].grey(red[i]) + correction[0];
-                pixel[1] = self.response[1].grey(green[i]) + correction[1];
-                pixel[2] = self.response[2].grey(blue[i]) + correction[2];
+                pixel[0] = self.response[0].grey(red[i] + correction[0]);
+                pixel[1] = self.response[1].grey(green[i] + correction[1]);
+                pixel[2] = self.response[2].grey(blue[i] + correction[2]);
             }
             self.noise.expose(&grey, bytes, rng);
         }
         TactileImage { rgb }
     }
 
-    /// Shades the deformed part of an image row; gives its first and one past its last column.
-    fn shade_row(&self, gel: &DeformedGel, index: usize, row: &mut SurfaceRow) -> Option<(usize, usize)> {
+    /// Shades the deformed and the shadowed part of an image row; gives its first and one past its last column.
+    fn shade_row(
+        &self,
+        gel: &DeformedGel,
+        shadows: &[Option<Shadow>],
+        index: usize,
+        row: &mut SurfaceRow,
+    ) -> Option<(usize, usize)> {
         let area = &gel.rectangle;
         if index < area.top || index >= area.bottom {
             return None;
@@ -182,11 +222,17 @@ impl Sensor {
         }
         let deformed =
             |i: &usize| z[*i] < -FLAT_DEPTH || slopes[0][*i].abs() > FLAT_SLOPE || slopes[1][*i].abs() > FLAT_SLOPE;
-        let first = (0..width).find(deformed)?;
-        let last = (0..width).rev().find(deformed)? + 1;
+        let mut span = (0..width).find(deformed).zip((0..width).rfind(deformed));
+        for shadow in shadows.iter().flatten() {
+            span = match (span, shadow.extent(index - area.top)) {
+                (Some((first, last)), Some((left, right))) => Some((first.min(left), last.max(right))),
+                (span, extent) => span.or(extent),
+            };
+        }
+        let (first, last) = span.map(|(first, last)| (first, last.min(width - 1) + 1))?;
         let (x0, y) = self.camera.pixel_center(area.left + first, index);
         row.set(&self.model.camera, x0, dx, y, &z[first..last], [&slopes[0][first..last], &slopes[1][first..last]]);
-        self.shading.shade(row);
+        self.shading.shade(row, shadows, (first, index - area.top));
         Some((area.left + first, area.left + last))
     }
 }

@@ -6,6 +6,7 @@ use hand_model::pads::IMAGE_SIZE;
 use crate::camera::Pinhole;
 use crate::lamps::Lamp;
 use crate::reflectance::Reflectance;
+use crate::shadows::Shadow;
 
 type Line = [f32; IMAGE_SIZE];
 
@@ -79,12 +80,13 @@ struct ShadedLamp {
 #[derive(Debug, Clone)]
 pub(crate) struct Shading {
     lamps: Vec<ShadedLamp>,
+    ambient: [f32; 3],
     a: f32,
     b: f32,
 }
 
 impl Shading {
-    pub(crate) fn new(lamps: &[Lamp], reflectance: &Reflectance, gain: [f64; 3]) -> Self {
+    pub(crate) fn new(lamps: &[Lamp], reflectance: &Reflectance, gain: [f64; 3], ambient: [f64; 3]) -> Self {
         let single = |v: &[f64]| -> [f32; 3] { std::array::from_fn(|i| v[i] as f32) };
         let lamps = lamps
             .iter()
@@ -97,18 +99,23 @@ impl Shading {
                 }),
             })
             .collect();
-        Self { lamps, a: reflectance.a() as f32, b: reflectance.b() as f32 }
+        Self { lamps, ambient: single(&ambient), a: reflectance.a() as f32, b: reflectance.b() as f32 }
     }
 
-    /// Fills `row.radiance` with the sum over all lamps.
-    ///
-    /// **Cast shadows enter here**: this loop holds one lamp's light on the row (`light`) before it is added up, so
-    /// a visibility of that lamp, pixel by pixel, is a factor on `light`.
-    pub(crate) fn shade(&self, row: &mut SurfaceRow) {
-        row.radiance.iter_mut().for_each(|line| line[..row.len].fill(0.0));
+    /// Fills `row.radiance` with the sum over all lamps. `shadows` has one for each lamp that casts any (or is empty); the row is
+    /// row `place.1` of theirs, from column `place.0` on.
+    pub(crate) fn shade(&self, row: &mut SurfaceRow, shadows: &[Option<Shadow>], place: (usize, usize)) {
+        for (line, ambient) in row.radiance.iter_mut().zip(self.ambient) {
+            line[..row.len].iter_mut().zip(&row.normal[2]).for_each(|(sum, nz)| *sum = ambient * 0.5 * (1.0 - nz));
+        }
         let mut light = [0.0; IMAGE_SIZE];
-        for lamp in &self.lamps {
+        let mut share = [0.0; IMAGE_SIZE];
+        for (k, lamp) in self.lamps.iter().enumerate() {
             self.light_of(lamp, row, &mut light);
+            if let Some(shadow) = shadows.get(k).and_then(Option::as_ref) {
+                shadow.row(place.1, place.0, &mut share[..row.len]);
+                light[..row.len].iter_mut().zip(&share).for_each(|(light, share)| *light *= share);
+            }
             for (line, power) in row.radiance.iter_mut().zip(lamp.power) {
                 if power != 0.0 {
                     line[..row.len].iter_mut().zip(&light).for_each(|(sum, light)| *sum += power * light);
@@ -197,12 +204,13 @@ mod tests {
             let camera = Pinhole { position: Point3::new(0.0, 0.001, -0.016) };
             let mut row = SurfaceRow::new();
             row.set(&camera, x, 1e-4, y, &[z as f32], [&[zx as f32], &[zy as f32]]);
-            Shading::new(&[lamp], &reflectance, [1.0; 3]).shade(&mut row);
+            Shading::new(&[lamp], &reflectance, [1.0; 3], [40.0, 0.0, 200.0]).shade(&mut row, &[], (0, 0));
             let point = Point3::new(x, y, z);
             let (s, kappa) = lamp.at(&point);
             let exact = reflectance.radiance(kappa, &Vector3::new(zx, zy, -1.0).normalize(), &s, &camera.viewer(&point));
             for c in 0..3 {
-                let exact = exact[c] * lamp.color[c];
+                let open = 0.5 * (1.0 + 1.0 / (1.0 + zx * zx + zy * zy).sqrt());
+                let exact = exact[c] * lamp.color[c] + open * [40.0, 0.0, 200.0][c];
                 prop_assert!((f64::from(row.radiance[c][0]) - exact).abs() < 1e-3 * exact + 0.5, "{} {}", row.radiance[c][0], exact);
             }
         }

@@ -205,7 +205,8 @@ fn symmetric_lamps_give_a_symmetric_image() {
     for (index, value) in image.rgb.iter().enumerate() {
         let (row, column, channel) = (index / 3 / IMAGE_SIZE, index / 3 % IMAGE_SIZE, index % 3);
         for (row, column) in [(row, IMAGE_SIZE - 1 - column), (IMAGE_SIZE - 1 - row, column)] {
-            assert!(image.rgb[3 * (row * IMAGE_SIZE + column) + channel].abs_diff(*value) <= 1);
+            // A level more than rounding: lines to a lamp are followed in another order on its other side.
+            assert!(image.rgb[3 * (row * IMAGE_SIZE + column) + channel].abs_diff(*value) <= 2);
         }
     }
 }
@@ -266,7 +267,7 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(24))]
 
     #[test]
-    fn smoothing_keeps_the_contact_and_never_rises_over_it(
+    fn smoothing_never_enters_the_object_nor_goes_deeper_than_it(
         spots in proptest::collection::vec((0usize..240, 0usize..240, 1usize..40, 1e-5f32..2.5e-3), 1..5),
     ) {
         let hand = Hand::ftac();
@@ -283,7 +284,7 @@ proptest! {
         let gel = Elastomer::default().deform(&hand.cameras[0], &map).unwrap();
         for (index, own) in depth.into_iter().enumerate() {
             let smooth = gel.depth(index % IMAGE_SIZE, index / IMAGE_SIZE);
-            let good = if own > 0.0 { smooth == own } else { (0.0..=deepest * 1.001).contains(&smooth) };
+            let good = (own..=deepest * 1.001).contains(&smooth);
             prop_assert!(good, "{} became {}", own, smooth);
         }
     }

@@ -6,6 +6,7 @@ use clap::{Args, Parser, Subcommand, ValueEnum};
 use scenarios::record::Condition;
 
 use crate::bench::Record;
+use crate::optics_commands;
 
 /// Digital twin of the F-TAC Hand on a Kinova Gen3 arm.
 #[derive(Debug, Parser)]
@@ -286,6 +287,8 @@ pub enum TouchCommand {
 /// `optics` commands.
 #[derive(Debug, Subcommand)]
 pub enum OpticsCommand {
+    /// Fit a real sensor's image-formation model to presses of a ball, and render presses held out.
+    Calibrate(optics_commands::CalibrateArgs),
     /// Render what a pad sees when a mesh is pressed into it along its normal.
     Render {
         /// The mesh, OBJ, in metres.

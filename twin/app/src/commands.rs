@@ -24,7 +24,7 @@ use crate::plan::{self, Plans};
 use crate::recording::Recording;
 use crate::trial::Bench;
 use crate::world::World;
-use crate::{calibrate, check, generate, synthesis};
+use crate::{calibrate, check, generate, optics_commands, synthesis};
 
 /// The hand unit that runs the trials, and the one that photometric stereo was calibrated on.
 const HAND_UNIT: u64 = 7;
@@ -60,6 +60,7 @@ pub fn run(cli: &Cli) -> Outcome {
             grasps_plan(cli, *combos, repertoire.as_deref(), out)
         }
         Command::Touch(TouchCommand::Train { presses, out }) => touch_train(cli, *presses, out),
+        Command::Optics(OpticsCommand::Calibrate(args)) => optics_commands::calibrate(cli, args),
         Command::Optics(OpticsCommand::Render { mesh, pad, force, out }) => optics_render(mesh, pad, *force, out),
     }
 }

@@ -9,6 +9,7 @@ mod cli;
 mod commands;
 mod generate;
 mod journal;
+mod optics_commands;
 mod plan;
 mod recording;
 mod rehearsal;

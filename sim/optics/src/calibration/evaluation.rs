@@ -1,0 +1,96 @@
+//! How well a fitted sensor renders presses that it has not seen.
+
+use serde::{Deserialize, Serialize};
+
+use crate::calibration::fit::BallFit;
+use crate::calibration::folder::{BallPress, PressFolder};
+use crate::calibration::samples::{Mark, Samples};
+use crate::calibration::scene::Scene;
+use crate::calibration::similarity::{Similarity, compare};
+
+/// Similarity over whole images, and over a square of 1.5 visible radii to each side of the press.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Views {
+    /// Whole images.
+    pub full: Similarity,
+    /// Around the press.
+    pub crop: Similarity,
+}
+
+/// Means over presses.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct HeldOut {
+    /// The fitted model.
+    pub rendered: Views,
+    /// The folder's background image alone: doing nothing.
+    pub floor: Views,
+    /// Real against real: the background as the calibration presses show it against untouched pixels of the presses held out,
+    /// of the same sizes. No renderer on this background can be better.
+    pub ceiling: Views,
+}
+
+/// Half the side of a crop, visible radii.
+const CROP: f64 = 1.5;
+/// A press is rendered within this many visible radii; beyond, the image is the background.
+const RENDERED: f64 = 3.0;
+
+impl BallFit {
+    /// The image that the model expects of a press whose circle is known: row-major RGB, grey levels, whole numbers.
+    pub fn render_press(&self, press: &BallPress) -> Vec<f32> {
+        let mark = Mark { center: press.center, radius: press.radius, ball: 0.5 * press.diameter };
+        let samples = Samples::around(mark, self.size, &self.background, RENDERED);
+        let scene = Scene { samples: &samples, assumptions: &self.assumptions };
+        let mut image: Vec<f32> = self.background.iter().map(|grey| grey.round()).collect();
+        for (sample, grey) in samples.touched.iter().zip(scene.predict(self.vector())) {
+            let at = 3 * (sample.place[1] as usize * self.size[0] + sample.place[0] as usize);
+            for c in 0..3 {
+                image[at + c] = (255.0 * grey[c]).round().clamp(0.0, 255.0) as f32;
+            }
+        }
+        image
+    }
+
+    /// Compares rendered with real images; `None` without presses.
+    pub fn evaluate(&self, held_out: &PressFolder) -> Option<HeldOut> {
+        self.evaluate_with(held_out, |press| self.render_press(press))
+    }
+
+    /// As [`Self::evaluate`], with another renderer.
+    pub fn evaluate_with(&self, held_out: &PressFolder, render: impl Fn(&BallPress) -> Vec<f32>) -> Option<HeldOut> {
+        let single = |rgb: &[u8]| -> Vec<f32> { rgb.iter().map(|&value| f32::from(value)).collect() };
+        let nothing = single(&held_out.background.rgb);
+        let (mut rendered, mut floor, mut ceiling) = (Vec::new(), Vec::new(), Vec::new());
+        for press in &held_out.presses {
+            let real = single(&press.photo.rgb);
+            rendered.push(self.views(&render(press), &real, press.center, press.radius));
+            floor.push(self.views(&nothing, &real, press.center, press.radius));
+            // The press itself gives way to the background; a crop of the press' size is taken as far from it as possible.
+            let mut untouched = real.clone();
+            for (at, value) in untouched.iter_mut().enumerate() {
+                let (column, row) = ((at / 3 % self.size[0]) as f64, (at / 3 / self.size[0]) as f64);
+                if (column - press.center[0]).hypot(row - press.center[1]) < RENDERED * press.radius {
+                    *value = self.background[at];
+                }
+            }
+            let away: [f64; 2] = std::array::from_fn(|axis| {
+                let (size, margin) = (self.size[axis] as f64, CROP * press.radius + 1.0);
+                if press.center[axis] < 0.5 * size { size - margin } else { margin }
+            });
+            ceiling.push(self.views(&self.background, &untouched, away, press.radius));
+        }
+        let mean = |all: &[Views]| {
+            let part = |part: fn(&Views) -> Similarity| Similarity::mean(&all.iter().map(part).collect::<Vec<_>>());
+            Some(Views { full: part(|views| views.full)?, crop: part(|views| views.crop)? })
+        };
+        Some(HeldOut { rendered: mean(&rendered)?, floor: mean(&floor)?, ceiling: mean(&ceiling)? })
+    }
+
+    fn views(&self, a: &[f32], b: &[f32], center: [f64; 2], radius: f64) -> Views {
+        let [w, h] = self.size;
+        let range = |middle: f64, size: usize| {
+            let end = |value: f64| value.round().clamp(0.0, size as f64) as usize;
+            end(middle - CROP * radius)..end(middle + CROP * radius) + usize::from(middle + CROP * radius < size as f64)
+        };
+        Views { full: compare(a, b, w, 0..w, 0..h), crop: compare(a, b, w, range(center[0], w), range(center[1], h)) }
+    }
+}

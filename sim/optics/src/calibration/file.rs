@@ -1,0 +1,121 @@
+//! The product of a calibration: a commented TOML file, and the untouched gel as a PNG beside it.
+
+use std::fmt::Write as _;
+use std::path::Path;
+
+use serde::{Deserialize, Serialize};
+
+use crate::calibration::fit::BallFit;
+use crate::calibration::photo::Photo;
+use crate::error::OpticsError;
+use crate::model::SensorModel;
+
+/// Version of the format.
+pub const VERSION: u32 = 1;
+
+/// A sensor's calibration, as kept in a file.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct CalibrationFile {
+    /// Version of the format.
+    pub version: u32,
+    /// Columns of an image.
+    pub columns: usize,
+    /// Rows of an image.
+    pub rows: usize,
+    /// Size of a pixel on the gel, mm.
+    pub pixel_mm: f64,
+    /// Contact radius of a ball's press over its visible radius.
+    pub contact_over_visible: f64,
+    /// File name of the untouched gel's image, beside this file.
+    pub background: String,
+    /// The image-formation model, in the frame of the image: origin in its middle, x right, y up, z towards the object.
+    pub model: SensorModel,
+}
+
+#[derive(Deserialize)]
+struct Version {
+    version: Option<u32>,
+}
+
+impl CalibrationFile {
+    /// The file of a fit; `background` is the name of the image beside it.
+    pub fn new(fit: &BallFit, background: String) -> Self {
+        Self {
+            version: VERSION,
+            columns: fit.size[0],
+            rows: fit.size[1],
+            pixel_mm: 1e3 * fit.pixel,
+            contact_over_visible: fit.contact,
+            background,
+            model: fit.model.clone(),
+        }
+    }
+
+    /// Writes the file, with what is known about every parameter as comments, and the background beside it.
+    pub fn write(fit: &BallFit, path: &Path) -> Result<(), OpticsError> {
+        let background = path.with_extension("background.png");
+        let name = background.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
+        let file = Self::new(fit, name);
+        let rgb = fit.background.iter().map(|grey| grey.round() as u8).collect();
+        Photo { width: fit.size[0], height: fit.size[1], rgb }.write(&background)?;
+        let mut text = String::from(
+            "# Calibration of a camera-based tactile sensor, by `ftac optics calibrate`.\n\
+             #\n\
+             # Frame: origin in the image's middle on the untouched gel, x right, y up, z out of the gel; camera and lamps at\n\
+             # negative z. Lengths in metres unless the name says mm.\n\
+             # A grey level M (0 to 1) stands for the radiance G(M) = g1 M + g2 M^2 + g3 M^3 (`coefficients`).\n\
+             # A lamp gives a place at distance |s| the light eta color (cos of the angle to its direction)^mu / |s|^2.\n\
+             # `roughness` is that of Oren and Nayar, rad; `ambient` is diffuse light; `size` half a lamp's extent.\n\
+             # `coating` is what the camera's view of an object is grown by; `kernels` smooth the gel around a contact.\n\
+             #\n\
+             # What was fitted, with standard deviations (`bound`: stopped at a bound of the search; `?`: not determined by the presses):\n",
+        );
+        for parameter in &fit.parameters {
+            let certainty = match (parameter.deviation, parameter.on_bound) {
+                (_, true) => "bound".to_owned(),
+                (Some(deviation), _) => format!("+- {deviation:.2e}"),
+                (None, _) => "?".to_owned(),
+            };
+            // Writing to a string cannot fail.
+            let _ = writeln!(text, "#   {:34} {:>11.4e}  {certainty}", parameter.name, parameter.value);
+        }
+        text.push('\n');
+        text += &toml::to_string(&file).map_err(|error| OpticsError::Calibration(error.to_string()))?;
+        std::fs::write(path, text)
+            .map_err(|error| OpticsError::File { path: path.display().to_string(), what: error.to_string() })
+    }
+
+    /// Reads and checks a calibration; gives the background's grey levels (row-major RGB) as well.
+    pub fn read(path: &Path) -> Result<(Self, Vec<f32>), OpticsError> {
+        let fault = |what: String| OpticsError::File { path: path.display().to_string(), what };
+        let text = std::fs::read_to_string(path).map_err(|error| fault(error.to_string()))?;
+        let file = Self::parse(&text).map_err(|error| fault(error.to_string()))?;
+        let photo = Photo::read(&path.with_file_name(&file.background))?;
+        if (photo.width, photo.height) != (file.columns, file.rows) {
+            return Err(fault(format!(
+                "background: found {} x {} pixels; expected {} x {}",
+                photo.width, photo.height, file.columns, file.rows
+            )));
+        }
+        Ok((file, photo.rgb.iter().map(|&value| f32::from(value)).collect()))
+    }
+
+    /// Reads and checks the text of a calibration.
+    pub fn parse(text: &str) -> Result<Self, OpticsError> {
+        let fault = |what: String| OpticsError::Calibration(what);
+        let version: Version = toml::from_str(text).map_err(|error| fault(error.to_string()))?;
+        match version.version {
+            Some(VERSION) => {}
+            Some(other) => return Err(fault(format!("version: found {other}; expected {VERSION}"))),
+            None => return Err(fault(format!("version: found none; expected {VERSION}"))),
+        }
+        let file: Self = toml::from_str(text).map_err(|error| fault(error.to_string()))?;
+        crate::indentation::positive("pixel_mm", file.pixel_mm)?;
+        if file.columns == 0 || file.rows == 0 {
+            return Err(fault(format!("columns, rows: found {} x {}; expected at least 1", file.columns, file.rows)));
+        }
+        file.model.check()?;
+        Ok(file)
+    }
+}

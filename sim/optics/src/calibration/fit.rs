@@ -1,0 +1,233 @@
+//! From presses of a ball to a sensor's model.
+//!
+//! The search goes from simple to detailed: three lamps on a ring, first their colours alone, then everything; the best of several
+//! such starts goes on, its lamps are split in two, and everything is fitted once more.
+
+use crate::calibration::folder::PressFolder;
+use crate::calibration::least_squares::{Options, Problem, Solution};
+use crate::calibration::parameters::{self as at, PER_LAMP};
+use crate::calibration::samples::{Samples, background_of, noise_of};
+use crate::calibration::scene::Scene;
+use crate::error::OpticsError;
+use crate::model::SensorModel;
+
+/// What a fit takes for granted. The flags leave a part of the model out, which is what an ablation does.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Assumptions {
+    /// Size of a pixel on the gel (m); `None`: found with everything else. A ball's shading hardly tells its scale from
+    /// its steepness, so a pixel size that is known should be given; the coating's thickness is fitted only then.
+    pub pixel: Option<f64>,
+    /// The response is a cubic; otherwise linear.
+    pub response: bool,
+    /// The coating is rough (Oren and Nayar); otherwise Lambert's.
+    pub oren_nayar: bool,
+    /// Lamps are near; otherwise their light is parallel.
+    pub near_field: bool,
+    /// Lamps cast shadows.
+    pub shadows: bool,
+}
+
+impl Assumptions {
+    /// The whole model.
+    pub fn full(pixel: Option<f64>) -> Self {
+        Self { pixel, response: true, oren_nayar: true, near_field: true, shadows: true }
+    }
+
+    /// The whole model, and the model with one part left out, each with a name.
+    pub fn ablations(pixel: Option<f64>) -> [(&'static str, Self); 5] {
+        let full = Self::full(pixel);
+        [
+            ("full model", full),
+            ("linear response", Self { response: false, ..full }),
+            ("Lambert", Self { oren_nayar: false, ..full }),
+            ("far lamps", Self { near_field: false, ..full }),
+            ("no shadows", Self { shadows: false, ..full }),
+        ]
+    }
+}
+
+/// How much work a fit puts in.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Effort {
+    /// Pixels of each press.
+    pub per_press: usize,
+    /// Turns of the ring of lamps to start from.
+    pub starts: usize,
+    /// Steps of each start, and of the last search.
+    pub steps: [usize; 2],
+    /// True if the three lamps are split into six.
+    pub split: bool,
+}
+
+impl Default for Effort {
+    fn default() -> Self {
+        Self { per_press: 350, starts: 2, steps: [10, 20], split: true }
+    }
+}
+
+/// Scale of the robust loss, grey levels: beyond it a pixel counts as not understood by the model (dirt, a mark on the gel).
+const SCALE: f64 = 8.0;
+/// Pixels of the background in a fit.
+const FLAT: usize = 400;
+/// Samples lie within this many visible radii of a press.
+const AROUND: f64 = 2.5;
+/// Lamps of the first searches: one a side of a sensor lit in red, green and blue.
+const LAMPS: usize = 3;
+/// Pixel size that starts a fit which is not told one: the visible circle has this share of the ball's radius.
+const VISIBLE_SHARE: f64 = 0.7;
+
+/// One fitted parameter.
+#[derive(Debug, Clone, PartialEq, serde::Serialize)]
+pub struct Parameter {
+    /// What it is, with its unit.
+    pub name: String,
+    /// Its value.
+    pub value: f64,
+    /// Its standard deviation, which allows for errors that all pixels of a press share; none where it sits on a bound or is not determined.
+    pub deviation: Option<f64>,
+    /// True if it sits on a bound of the search.
+    pub on_bound: bool,
+}
+
+/// A fitted sensor.
+#[derive(Debug, Clone, PartialEq)]
+pub struct BallFit {
+    /// The model; its frame's origin is the image's middle.
+    pub model: SensorModel,
+    /// Size of a pixel, m.
+    pub pixel: f64,
+    /// Contact radius of a press over its visible radius.
+    pub contact: f64,
+    /// The untouched gel, row-major RGB, grey levels.
+    pub background: Vec<f32>,
+    /// Columns and rows of an image.
+    pub size: [usize; 2],
+    /// Every parameter.
+    pub parameters: Vec<Parameter>,
+    /// What was taken for granted.
+    pub assumptions: Assumptions,
+    /// Root mean square residual over the samples, grey levels.
+    pub residual: f64,
+    vector: Vec<f64>,
+}
+
+impl BallFit {
+    /// Fits all presses of a folder. `seed` draws the pixels that are looked at.
+    pub fn new(
+        folder: &PressFolder,
+        assumptions: Assumptions,
+        effort: &Effort,
+        seed: u64,
+    ) -> Result<Self, OpticsError> {
+        let background = background_of(folder);
+        let samples = Samples::draw(folder, &background, effort.per_press, FLAT, AROUND, seed);
+        let pixel = starting_pixel(folder, &assumptions)?;
+        let found = solve(&samples, &assumptions, pixel, effort);
+        let scene = Scene { samples: &samples, assumptions: &assumptions };
+        Ok(Self::describe(folder, background, &scene, found))
+    }
+
+    /// Fits again from where `self` ended, under other assumptions.
+    pub fn again(&self, folder: &PressFolder, assumptions: Assumptions, effort: &Effort, seed: u64) -> Self {
+        let samples = Samples::draw(folder, &self.background, effort.per_press, FLAT, AROUND, seed);
+        let scene = Scene { samples: &samples, assumptions: &assumptions };
+        let mut start = self.vector.clone();
+        if !assumptions.near_field && self.assumptions.near_field {
+            at::move_far(&mut start);
+        }
+        let lit = search(&scene, &start, true, 6);
+        let found = search(&scene, &lit.parameters, false, effort.steps[1]);
+        Self::describe(folder, self.background.clone(), &scene, found)
+    }
+
+    fn describe(folder: &PressFolder, background: Vec<f32>, scene: &Scene<'_>, found: Solution) -> Self {
+        let p = found.parameters;
+        let lamps = (p.len() - at::LAMPS) / PER_LAMP;
+        let bounds = at::bounds(scene.assumptions, lamps);
+        let parameters = at::names(lamps)
+            .into_iter()
+            .enumerate()
+            .map(|(i, name)| {
+                let near = 1e-6 * (bounds[i].1 - bounds[i].0);
+                let on_bound = p[i] <= bounds[i].0 + near || p[i] >= bounds[i].1 - near;
+                Parameter { name, value: p[i], deviation: found.deviations[i], on_bound }
+            })
+            .collect();
+        let residuals = scene.residuals(&p);
+        let touched = &residuals[..3 * scene.samples.touched.len()];
+        let residual = (touched.iter().map(|r| r * r).sum::<f64>() / touched.len().max(1) as f64).sqrt();
+        Self {
+            model: at::model(&p, scene.assumptions.near_field, noise_of(folder).unwrap_or(0.0)),
+            pixel: p[at::PIXEL],
+            contact: p[at::CONTACT],
+            background,
+            size: scene.samples.size,
+            parameters,
+            assumptions: *scene.assumptions,
+            residual,
+            vector: p,
+        }
+    }
+
+    pub(crate) fn vector(&self) -> &[f64] {
+        &self.vector
+    }
+}
+
+/// The search from its beginning to its end.
+pub(crate) fn solve(samples: &Samples, assumptions: &Assumptions, pixel: f64, effort: &Effort) -> Solution {
+    let scene = Scene { samples, assumptions };
+    let from = |turn: f64| {
+        let mut start = at::start(pixel, LAMPS, turn);
+        if !assumptions.near_field {
+            at::move_far(&mut start);
+        }
+        let lit = search(&scene, &start, true, 6);
+        search(&scene, &lit.parameters, false, effort.steps[0])
+    };
+    let mut best = from(0.0);
+    for turn in 1..effort.starts {
+        let found = from(turn as f64 / effort.starts as f64);
+        if found.cost < best.cost {
+            best = found;
+        }
+    }
+    let start = if effort.split { at::split_lamps(&best.parameters) } else { best.parameters };
+    search(&scene, &start, false, effort.steps[1])
+}
+
+/// The pixel size to start from; refuses folders that no fit can use.
+fn starting_pixel(folder: &PressFolder, assumptions: &Assumptions) -> Result<f64, OpticsError> {
+    let mut ratios: Vec<f64> = folder.presses.iter().map(|press| 0.5 * press.diameter / press.radius).collect();
+    ratios.sort_by(f64::total_cmp);
+    let Some(middle) = ratios.get(ratios.len() / 2) else {
+        return Err(OpticsError::NotPositive { what: "number of presses", value: 0.0 });
+    };
+    if let Some(pixel) = assumptions.pixel {
+        return crate::indentation::positive("pixel size", pixel).map(|()| pixel);
+    }
+    Ok((VISIBLE_SHARE * middle).clamp(10e-6, 200e-6))
+}
+
+/// Minimises over all parameters, or only over the colours and the diffuse light.
+fn search(scene: &Scene<'_>, start: &[f64], colors_only: bool, steps: usize) -> Solution {
+    let lamps = (start.len() - at::LAMPS) / PER_LAMP;
+    let mut bounds = at::bounds(scene.assumptions, lamps);
+    if colors_only {
+        for (i, bound) in bounds.iter_mut().enumerate() {
+            let color = i >= at::LAMPS && (i - at::LAMPS) % PER_LAMP >= at::COLOR;
+            if !color && !(at::AMBIENT..at::LAMPS).contains(&i) {
+                let value = start[i].clamp(bound.0, bound.1);
+                *bound = (value, value);
+            }
+        }
+    }
+    let limits = bounds.clone();
+    let problem = Problem {
+        residuals: |p: &[f64]| scene.residuals(p),
+        jacobian: |p: &[f64], r: &[f64]| scene.jacobian(p, r, &limits),
+        bounds,
+        groups: scene.groups(),
+    };
+    problem.minimise(start, &Options { steps, scale: SCALE, tolerance: if colors_only { 1e-3 } else { 2e-4 } })
+}

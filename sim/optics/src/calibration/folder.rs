@@ -1,0 +1,162 @@
+//! A folder of calibration images: `background.png`, presses of a ball, and perhaps `labels.csv`.
+//!
+//! Labels are a CSV file (`labels.csv`, else `labels_auto.csv`) with the columns `file`, `center_x_px`, `center_y_px`, `contact_radius_px` (or
+//! `visible_radius_px`) and, where several balls were used, `ball_diameter_mm`. Presses without a label are looked for in
+//! the image ([`circle`](super::circle)).
+
+use std::path::{Path, PathBuf};
+
+use crate::calibration::circle;
+use crate::calibration::photo::Photo;
+use crate::error::OpticsError;
+
+/// One press of a ball.
+#[derive(Debug, Clone, PartialEq)]
+pub struct BallPress {
+    /// File name.
+    pub name: String,
+    /// The image.
+    pub photo: Photo,
+    /// Middle of the visible circle: column and row, pixels (pixel centres are whole).
+    pub center: [f64; 2],
+    /// Radius of the visible circle, pixels.
+    pub radius: f64,
+    /// Diameter of the ball, m.
+    pub diameter: f64,
+    /// True if centre and radius come from a label file.
+    pub labelled: bool,
+}
+
+/// A background and presses, all of one size.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PressFolder {
+    /// Image of the untouched gel.
+    pub background: Photo,
+    /// The presses, by file name.
+    pub presses: Vec<BallPress>,
+}
+
+impl PressFolder {
+    /// Reads a folder. `diameter` (m) is that of every ball whose label has none of its own; presses are looked for in the
+    /// images if there are no labels, or if `ignore_labels`.
+    pub fn read(folder: &Path, diameter: f64, ignore_labels: bool) -> Result<Self, OpticsError> {
+        crate::indentation::positive("ball diameter", diameter)?;
+        let fault = |path: &Path, what: String| OpticsError::File { path: path.display().to_string(), what };
+        let entries = std::fs::read_dir(folder).map_err(|error| fault(folder, error.to_string()))?;
+        let mut files: Vec<PathBuf> =
+            entries.flatten().map(|entry| entry.path()).filter(|path| is_image(path)).collect();
+        files.sort();
+        let (background, files): (Vec<_>, Vec<_>) =
+            files.into_iter().partition(|path| path.file_stem().is_some_and(|stem| stem == "background"));
+        let background = match background.first() {
+            Some(path) => Photo::read(path)?,
+            None => {
+                let what = "no background image found; expected `background.png`, the untouched gel";
+                return Err(fault(folder, what.into()));
+            }
+        };
+        if files.is_empty() {
+            return Err(fault(
+                folder,
+                "no press images found; expected PNG or JPEG images beside the background".into(),
+            ));
+        }
+        let labels = if ignore_labels { Vec::new() } else { read_labels(folder)? };
+        let mut presses = Vec::with_capacity(files.len());
+        for path in files {
+            let photo = Photo::read(&path)?;
+            if (photo.width, photo.height) != (background.width, background.height) {
+                let what = format!(
+                    "found {} x {} pixels; expected the background's {} x {}",
+                    photo.width, photo.height, background.width, background.height
+                );
+                return Err(fault(&path, what));
+            }
+            let name = path.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
+            let label = labels.iter().find(|label| label.file == name);
+            if label.is_none() && !labels.is_empty() {
+                return Err(fault(&path, "found no row for this image in the label file; expected one".into()));
+            }
+            let (center, radius) = match label {
+                Some(label) => (label.center, label.radius),
+                None => {
+                    let found = circle::find(&photo, &background).map_err(|error| fault(&path, error.to_string()))?;
+                    (found.center, found.radius)
+                }
+            };
+            let diameter = label.and_then(|label| label.diameter).unwrap_or(diameter);
+            presses.push(BallPress { name, photo, center, radius, diameter, labelled: label.is_some() });
+        }
+        Ok(Self { background, presses })
+    }
+
+    /// The presses at even and at odd places, each with the background.
+    pub fn even_odd(&self) -> (Self, Self) {
+        self.split(|index, _| index % 2 == 0)
+    }
+
+    /// The presses for which `first` holds, and the others.
+    pub fn split(&self, first: impl Fn(usize, &BallPress) -> bool) -> (Self, Self) {
+        let part = |wanted: bool| {
+            let chosen = self.presses.iter().enumerate().filter(|(index, press)| first(*index, press) == wanted);
+            Self { background: self.background.clone(), presses: chosen.map(|(_, press)| press.clone()).collect() }
+        };
+        (part(true), part(false))
+    }
+}
+
+fn is_image(path: &Path) -> bool {
+    let extension = path.extension().map(|extension| extension.to_ascii_lowercase());
+    extension.is_some_and(|extension| ["png", "jpg", "jpeg"].iter().any(|known| extension == *known))
+}
+
+#[derive(Debug)]
+struct Label {
+    file: String,
+    center: [f64; 2],
+    radius: f64,
+    diameter: Option<f64>,
+}
+
+fn read_labels(folder: &Path) -> Result<Vec<Label>, OpticsError> {
+    let Some(path) =
+        ["labels.csv", "labels_auto.csv"].map(|name| folder.join(name)).into_iter().find(|path| path.exists())
+    else {
+        return Ok(Vec::new());
+    };
+    let fault = |what: String| OpticsError::File { path: path.display().to_string(), what };
+    let text = std::fs::read_to_string(&path).map_err(|error| fault(error.to_string()))?;
+    let mut lines = text.lines().enumerate().filter(|(_, line)| !line.trim().is_empty());
+    let header: Vec<&str> = lines.next().map(|(_, line)| line.split(',').map(str::trim).collect()).unwrap_or_default();
+    let column = |names: &[&str]| header.iter().position(|title| names.contains(title));
+    let needed = |names: &[&str]| {
+        column(names).ok_or_else(|| {
+            fault(format!("found the columns {header:?}; expected one called `{}`", names.join("` or `")))
+        })
+    };
+    let file = needed(&["file"])?;
+    let center = [needed(&["center_x_px"])?, needed(&["center_y_px"])?];
+    let radius = needed(&["contact_radius_px", "visible_radius_px"])?;
+    let diameter = column(&["ball_diameter_mm"]);
+    let mut labels = Vec::new();
+    for (index, line) in lines {
+        let cells: Vec<&str> = line.split(',').map(str::trim).collect();
+        let number = |column: usize| {
+            let cell = cells.get(column).copied().unwrap_or("");
+            cell.parse::<f64>().ok().filter(|value| value.is_finite() && *value >= 0.0).ok_or_else(|| {
+                fault(format!(
+                    "line {}, {}: found `{cell}`; expected a number of at least 0",
+                    index + 1,
+                    header[column]
+                ))
+            })
+        };
+        labels.push(Label {
+            file: cells.get(file).copied().unwrap_or("").to_owned(),
+            center: [number(center[0])?, number(center[1])?],
+            radius: number(radius)?,
+            diameter: diameter.map(|column| number(column).map(|mm| mm * 1e-3)).transpose()?,
+        });
+    }
+    Ok(labels)
+}

@@ -1,0 +1,168 @@
+//! Does a fit find what is known? Presses are made from a known model, with noise, and fitted as if they were real.
+
+use rand_chacha::ChaCha8Rng;
+use rand_chacha::rand_core::{Rng, SeedableRng};
+use serde::Serialize;
+
+use crate::calibration::fit::{Assumptions, Effort, solve};
+use crate::calibration::parameters::{self as at};
+use crate::calibration::samples::{Mark, Sample, Samples};
+use crate::calibration::scene::Scene;
+use crate::noise::normal;
+
+/// Errors of a fit to `presses` presses.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Recovery {
+    /// Presses fitted.
+    pub presses: usize,
+    /// Root mean square error on presses not fitted, against their noiseless images, grey levels.
+    pub held_out_grey: f64,
+    /// Mean angle between true and fitted directions from the middle of the gel to the lamps, degrees.
+    pub lamp_degrees: f64,
+    /// Mean distance between true and fitted lamps, mm.
+    pub lamp_mm: f64,
+    /// Error of the roughness, rad.
+    pub roughness: f64,
+    /// Root mean square error of the responses G over grey levels 40 to 220, share of full scale.
+    pub response: f64,
+    /// Relative error of the widest kernel.
+    pub kernel: f64,
+}
+
+/// The sensor that is to be found: 320 x 240 pixels of 0.06 mm, a ball of 6 mm.
+const SIZE: [usize; 2] = [320, 240];
+const PIXEL: f64 = 0.06e-3;
+const BALL: f64 = 3e-3;
+const VISIBLE: f64 = 28.0;
+const HELD_OUT: usize = 6;
+
+fn truth() -> Vec<f64> {
+    let mut p = at::start(PIXEL, 3, 0.1);
+    p[at::CONTACT] = 1.1;
+    p[at::KERNEL] = 1.0e-3;
+    p[at::KERNEL_RATIO] = 0.45;
+    p[at::COATING] = 0.2e-3;
+    (p[at::CAMERA_X], p[at::CAMERA_Y], p[at::CAMERA_Z]) = (0.5e-3, -0.4e-3, 22e-3);
+    p[at::ROUGHNESS] = 0.4;
+    for (k, (mu, color)) in
+        [(2.0, [1.3, 0.1, 0.05]), (1.5, [0.1, 1.2, 0.1]), (2.5, [0.05, 0.15, 1.5])].iter().enumerate()
+    {
+        let lamp = &mut p[at::LAMPS + at::PER_LAMP * k..at::LAMPS + at::PER_LAMP * (k + 1)];
+        lamp[0] *= 0.85 + 0.1 * k as f64;
+        lamp[2] = (5.0 + k as f64) * 1e-3;
+        lamp[5] = *mu;
+        lamp[at::COLOR..].copy_from_slice(color);
+    }
+    p
+}
+
+/// Presses at random places, as the model of `p` shows them with `noise` grey levels.
+fn presses(p: &[f64], assumptions: &Assumptions, count: usize, per_press: usize, noise: f64, seed: u64) -> Samples {
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    let mut uniform = |low: f64, high: f64| low + (high - low) * (f64::from(rng.next_u32()) + 0.5) / 4_294_967_296.0;
+    let [w, h] = SIZE.map(|size| size as f64);
+    let (mut marks, mut touched) = (Vec::new(), Vec::new());
+    for press in 0..count {
+        let radius = uniform(0.85, 1.1) * VISIBLE;
+        let center = [uniform(radius, w - radius), uniform(radius, h - radius)];
+        marks.push(Mark { center, radius, ball: BALL });
+        for _ in 0..per_press {
+            let place = center.map(|middle| (middle + uniform(-2.5, 2.5) * radius).round());
+            if (0.0..w).contains(&place[0]) && (0.0..h).contains(&place[1]) {
+                touched.push(Sample { press, place, seen: [0.0; 3], background: [0.0; 3] });
+            }
+        }
+    }
+    let more = (0..300).map(|_| Sample {
+        press: 0,
+        place: [uniform(0.0, w - 1.0).round(), uniform(0.0, h - 1.0).round()],
+        seen: [0.0; 3],
+        background: [0.0; 3],
+    });
+    let flat: Vec<Sample> = touched.iter().copied().chain(more).collect();
+    let mut samples = Samples { size: SIZE, marks, touched, flat };
+    let flat = Scene { samples: &samples, assumptions }.predict_flat(p);
+    let known = samples.touched.len();
+    samples.touched.iter_mut().zip(&flat).for_each(|(sample, grey)| sample.background = *grey);
+    samples.flat.iter_mut().zip(&flat).for_each(|(sample, grey)| sample.background = *grey);
+    samples.flat.drain(..known);
+    let seen = Scene { samples: &samples, assumptions }.predict(p);
+    for (sample, grey) in samples.touched.iter_mut().zip(seen) {
+        sample.seen = grey.map(|grey| grey + noise / 255.0 * normal(&mut rng));
+    }
+    samples
+}
+
+/// Fits `count` presses with `noise` grey levels of noise and says how far off the result is.
+pub fn recover(count: usize, noise: f64, effort: &Effort, seed: u64) -> Recovery {
+    let assumptions = Assumptions::full(Some(PIXEL));
+    let known = truth();
+    let samples = presses(&known, &assumptions, count, effort.per_press, noise, seed);
+    let found = solve(&samples, &assumptions, PIXEL, &Effort { split: false, ..*effort }).parameters;
+    let unseen = presses(&known, &assumptions, HELD_OUT, effort.per_press, 0.0, seed ^ 0x6865_6c64);
+    let residuals = Scene { samples: &unseen, assumptions: &assumptions }.residuals(&found);
+    let touched = &residuals[..3 * unseen.touched.len()];
+    let root = |sum: f64, count: usize| (sum / count.max(1) as f64).sqrt();
+    // A lamp's number means nothing: each true lamp is compared with the fitted one nearest in direction.
+    let lamps = |p: &[f64]| [0, 1, 2].map(|k| at::lamp(p, k, true).position.coords);
+    let (true_lamps, fitted) = (lamps(&known), lamps(&found));
+    let nearest = true_lamps.map(|a| {
+        let angle = |b: &nalgebra::Vector3<f64>| a.angle(b).to_degrees();
+        let best = fitted.iter().min_by(|b, c| angle(b).total_cmp(&angle(c))).unwrap_or(&a);
+        (angle(best), 1e3 * (a - best).norm())
+    });
+    let greys = 40..=220;
+    let response: f64 = (0..3)
+        .flat_map(|c| greys.clone().map(move |grey| (c, f64::from(grey) / 255.0)))
+        .map(|(c, m)| (at::response(&known, c).radiance(m) - at::response(&found, c).radiance(m)).powi(2))
+        .sum();
+    Recovery {
+        presses: count,
+        held_out_grey: root(touched.iter().map(|r| r * r).sum(), touched.len()),
+        lamp_degrees: nearest.iter().map(|(angle, _)| angle).sum::<f64>() / 3.0,
+        lamp_mm: nearest.iter().map(|(_, distance)| distance).sum::<f64>() / 3.0,
+        roughness: (known[at::ROUGHNESS] - found[at::ROUGHNESS]).abs(),
+        response: root(response, 3 * 181),
+        kernel: (found[at::KERNEL] / known[at::KERNEL] - 1.0).abs(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn four_presses_tell_the_sensor() {
+        let effort = Effort { per_press: 220, starts: 1, steps: [30, 20], split: false };
+        let found = recover(4, 1.0, &effort, 3);
+        println!("{found:?}");
+        assert!(found.held_out_grey < 0.8, "{found:?}");
+        assert!(found.lamp_degrees < 6.0 && found.lamp_mm < 4.0, "{found:?}");
+        assert!(found.response < 0.05, "{found:?}");
+    }
+
+    #[test]
+    fn the_start_is_not_the_answer() {
+        let assumptions = Assumptions::full(Some(PIXEL));
+        let unseen = presses(&truth(), &assumptions, 2, 200, 0.0, 1);
+        let scene = Scene { samples: &unseen, assumptions: &assumptions };
+        let residuals = scene.residuals(&at::start(PIXEL, 3, 0.0));
+        let rms = (residuals.iter().map(|r| r * r).sum::<f64>() / residuals.len() as f64).sqrt();
+        assert!(rms > 4.0, "{rms}");
+        assert!(scene.residuals(&truth())[..3 * unseen.touched.len()].iter().all(|r| r.abs() < 1e-9));
+    }
+
+    #[test]
+    fn the_jacobian_shares_lamps_but_is_that_of_the_residuals() {
+        let assumptions = Assumptions::full(Some(PIXEL));
+        let samples = presses(&truth(), &assumptions, 1, 60, 0.0, 2);
+        let scene = Scene { samples: &samples, assumptions: &assumptions };
+        let p = truth();
+        let bounds = at::bounds(&assumptions, 3);
+        let r = scene.residuals(&p);
+        let fast = scene.jacobian(&p, &r, &bounds);
+        let slow =
+            crate::calibration::least_squares::forward_differences(&p, &r, &bounds, 1e-6, |q, _| scene.residuals(q));
+        assert!((fast - slow).abs().max() < 1e-9);
+    }
+}

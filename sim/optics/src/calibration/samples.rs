@@ -1,0 +1,152 @@
+//! What a fit looks at: pixels in and around the presses, and pixels of the background.
+
+use rand::Rng;
+use rand_chacha::ChaCha8Rng;
+use rand_chacha::rand_core::SeedableRng;
+
+use crate::calibration::folder::PressFolder;
+
+/// A place in an image, with grey levels from 0 to 1.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Sample {
+    /// Which press.
+    pub(crate) press: usize,
+    /// Column and row.
+    pub(crate) place: [f64; 2],
+    /// What the image shows.
+    pub(crate) seen: [f64; 3],
+    /// What the background shows.
+    pub(crate) background: [f64; 3],
+}
+
+/// The visible circle of a press.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Mark {
+    pub(crate) center: [f64; 2],
+    pub(crate) radius: f64,
+    /// Radius of the ball, m.
+    pub(crate) ball: f64,
+}
+
+/// Everything a fit sees. Samples are in the order of the presses.
+#[derive(Debug, Clone)]
+pub(crate) struct Samples {
+    pub(crate) size: [usize; 2],
+    pub(crate) marks: Vec<Mark>,
+    pub(crate) touched: Vec<Sample>,
+    /// Pixels of the background (`press` and `seen` mean nothing).
+    pub(crate) flat: Vec<Sample>,
+}
+
+impl Samples {
+    /// Draws about `per_press` pixels from a square of `reach` visible radii around each press and `flat` of the background.
+    pub(crate) fn draw(
+        folder: &PressFolder,
+        background: &[f32],
+        per_press: usize,
+        flat: usize,
+        reach: f64,
+        seed: u64,
+    ) -> Self {
+        let (w, h) = (folder.background.width, folder.background.height);
+        let mut rng = ChaCha8Rng::seed_from_u64(seed);
+        let mut uniform = move || (f64::from(rng.next_u32()) + 0.5) / 4_294_967_296.0;
+        let grey = |place: [f64; 2]| -> [f64; 3] {
+            let at = 3 * (place[1] as usize * w + place[0] as usize);
+            std::array::from_fn(|c| f64::from(background[at + c]) / 255.0)
+        };
+        let (mut marks, mut touched) = (Vec::new(), Vec::new());
+        for (press, found) in folder.presses.iter().enumerate() {
+            marks.push(Mark { center: found.center, radius: found.radius, ball: 0.5 * found.diameter });
+            for _ in 0..per_press {
+                let mut draw = |middle: f64| (middle + (2.0 * uniform() - 1.0) * reach * found.radius).round();
+                let place = [draw(found.center[0]), draw(found.center[1])];
+                if (0.0..w as f64).contains(&place[0]) && (0.0..h as f64).contains(&place[1]) {
+                    let pixel = found.photo.pixel(place[0] as usize, place[1] as usize);
+                    let seen = pixel.map(|value| f64::from(value) / 255.0);
+                    touched.push(Sample { press, place, seen, background: grey(place) });
+                }
+            }
+        }
+        let flat = (0..flat)
+            .map(|_| [(uniform() * w as f64).floor(), (uniform() * h as f64).floor()])
+            .map(|place| Sample { press: 0, place, seen: [0.0; 3], background: grey(place) })
+            .collect();
+        Self { size: [w, h], marks, touched, flat }
+    }
+
+    /// Every pixel within `reach` visible radii of one press.
+    pub(crate) fn around(mark: Mark, size: [usize; 2], background: &[f32], reach: f64) -> Self {
+        let limit = reach * mark.radius;
+        let range = |middle: f64, end: usize| {
+            ((middle - limit).max(0.0) as usize).min(end)..((middle + limit + 1.0).max(0.0) as usize).min(end)
+        };
+        let mut touched = Vec::new();
+        for row in range(mark.center[1], size[1]) {
+            for column in range(mark.center[0], size[0]) {
+                let place = [column as f64, row as f64];
+                if (place[0] - mark.center[0]).hypot(place[1] - mark.center[1]) < limit {
+                    let at = 3 * (row * size[0] + column);
+                    let background = std::array::from_fn(|c| f64::from(background[at + c]) / 255.0);
+                    touched.push(Sample { press: 0, place, seen: [0.0; 3], background });
+                }
+            }
+        }
+        Self { size, marks: vec![mark], touched, flat: Vec::new() }
+    }
+}
+
+/// How far from a press (in visible radii) a pixel counts as untouched.
+const UNTOUCHED: f64 = 2.5;
+/// Presses that must leave a pixel untouched before their median stands for its background.
+const ENOUGH: usize = 3;
+
+/// The untouched gel as the presses show it: each pixel's median over those presses that are far from it, row-major RGB, grey levels.
+///
+/// It has less noise than a single frame, and knows the gel as it lies while something presses elsewhere. Pixels that too few
+/// presses leave untouched have the background image's value.
+pub fn background_of(folder: &PressFolder) -> Vec<f32> {
+    let width = folder.background.width;
+    let mut background = Vec::with_capacity(folder.background.rgb.len());
+    let mut far = Vec::new();
+    for pixel in 0..folder.background.rgb.len() / 3 {
+        let (column, row) = ((pixel % width) as f64, (pixel / width) as f64);
+        far.clear();
+        far.extend(
+            folder
+                .presses
+                .iter()
+                .filter(|press| (press.center[0] - column).hypot(press.center[1] - row) > UNTOUCHED * press.radius),
+        );
+        for at in 3 * pixel..3 * pixel + 3 {
+            if far.len() < ENOUGH {
+                background.push(f32::from(folder.background.rgb[at]));
+                continue;
+            }
+            let mut values: Vec<u8> = far.iter().map(|press| press.photo.rgb[at]).collect();
+            values.sort_unstable();
+            let (low, high) = (values[(values.len() - 1) / 2], values[values.len() / 2]);
+            background.push(0.5 * (f32::from(low) + f32::from(high)));
+        }
+    }
+    background
+}
+
+/// Standard deviation of one frame's noise (grey levels): of untouched pixels, from one press to the next.
+pub(crate) fn noise_of(folder: &PressFolder) -> Option<f64> {
+    let width = folder.background.width;
+    let (mut squares, mut count) = (0.0, 0.0);
+    for pair in folder.presses.windows(2) {
+        for pixel in (0..folder.background.rgb.len() / 3).step_by(7) {
+            let (column, row) = ((pixel % width) as f64, (pixel / width) as f64);
+            if pair.iter().all(|p| (p.center[0] - column).hypot(p.center[1] - row) > UNTOUCHED * p.radius) {
+                for at in 3 * pixel..3 * pixel + 3 {
+                    let difference = f64::from(pair[0].photo.rgb[at]) - f64::from(pair[1].photo.rgb[at]);
+                    squares += difference * difference;
+                    count += 1.0;
+                }
+            }
+        }
+    }
+    (count > 0.0).then(|| (0.5 * squares / count).sqrt())
+}

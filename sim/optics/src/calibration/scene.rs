@@ -1,0 +1,241 @@
+//! The fit's view of the presses: round profiles instead of height maps, so that a pixel costs a few operations.
+//!
+//! The image formation is the renderer's: a pixel's ray meets the gel where relief has moved it, lamps light the place unless
+//! the bump stands between, and `image = F(G(background) + L(deformed) - L(flat))`.
+
+use nalgebra::{DMatrix, Point3, Vector3};
+use rayon::prelude::*;
+
+use crate::calibration::fit::Assumptions;
+use crate::calibration::least_squares::forward_differences;
+use crate::calibration::parameters::{self as at, PER_LAMP};
+use crate::calibration::profile::{BallProfile, RoundSmoothing};
+use crate::calibration::samples::Samples;
+use crate::lamps::Lamp;
+
+/// Radius (m) up to which a press deforms the gel, and the profile's step.
+const REACH: f64 = 6e-3;
+const STEP: f64 = 0.04e-3;
+/// Weight of the background's own grey levels against those of the presses: they hold scratches and stray light.
+const FLAT_WEIGHT: f64 = 0.3;
+/// Places on the way to a lamp at which its light may be blocked.
+const MARCH: usize = 24;
+
+/// A place on the gel, with the slopes dz/dx and dz/dy there.
+#[derive(Debug, Clone, Copy)]
+struct Place {
+    point: Point3<f64>,
+    slope: [f64; 2],
+}
+
+/// Where every sample's ray meets the gel.
+#[derive(Debug)]
+pub(crate) struct Surface {
+    profiles: Vec<BallProfile>,
+    centers: Vec<[f64; 2]>,
+    deformed: Vec<Place>,
+    undeformed: Vec<Point3<f64>>,
+    flat: Vec<Point3<f64>>,
+}
+
+/// Light of one lamp of colour 1 at the samples: on the deformed gel, on the same pixels' flat gel, on the background's pixels.
+#[derive(Debug, Clone)]
+struct Light {
+    deformed: Vec<f64>,
+    undeformed: Vec<f64>,
+    flat: Vec<f64>,
+}
+
+/// Samples and what is assumed about them.
+#[derive(Debug)]
+pub(crate) struct Scene<'a> {
+    pub(crate) samples: &'a Samples,
+    pub(crate) assumptions: &'a Assumptions,
+}
+
+impl Scene<'_> {
+    /// Residuals in grey levels: three of each touched sample, then three of each of the background's.
+    pub(crate) fn residuals(&self, p: &[f64]) -> Vec<f64> {
+        let surface = self.surface(p);
+        let lights = self.lights(&surface, p);
+        self.compare(&surface, &lights.iter().collect::<Vec<_>>(), p)
+    }
+
+    /// Predicted grey levels (0 to 1) of the touched samples.
+    pub(crate) fn predict(&self, p: &[f64]) -> Vec<[f64; 3]> {
+        let surface = self.surface(p);
+        let lights = self.lights(&surface, p);
+        self.grey(&surface, &lights.iter().collect::<Vec<_>>(), p)
+    }
+
+    /// Derivatives of the residuals; a lamp's geometry changes that lamp's light only.
+    pub(crate) fn jacobian(&self, p: &[f64], residuals: &[f64], bounds: &[(f64, f64)]) -> DMatrix<f64> {
+        let surface = self.surface(p);
+        let lights = self.lights(&surface, p);
+        let all: Vec<&Light> = lights.iter().collect();
+        forward_differences(p, residuals, bounds, 1e-6, |q, j| {
+            if j < at::RESPONSE {
+                return self.residuals(q);
+            }
+            let (lamp, part) = ((j.max(at::LAMPS) - at::LAMPS) / PER_LAMP, (j.max(at::LAMPS) - at::LAMPS) % PER_LAMP);
+            if j < at::LAMPS || part >= at::COLOR {
+                return self.compare(&surface, &all, q);
+            }
+            let moved = self.light(&surface, q, lamp);
+            let mut some = all.clone();
+            some[lamp] = &moved;
+            self.compare(&surface, &some, q)
+        })
+    }
+
+    /// First residual of each press, and of the background.
+    pub(crate) fn groups(&self) -> Vec<usize> {
+        let touched = &self.samples.touched;
+        let mut starts: Vec<usize> =
+            (0..touched.len()).filter(|&i| i == 0 || touched[i].press != touched[i - 1].press).map(|i| 3 * i).collect();
+        if !self.samples.flat.is_empty() {
+            starts.push(3 * touched.len());
+        }
+        starts
+    }
+
+    fn surface(&self, p: &[f64]) -> Surface {
+        let (samples, pixel, camera) = (self.samples, p[at::PIXEL], at::camera(p).position);
+        let elastomer = at::elastomer(p);
+        let smoothing = RoundSmoothing::new(&elastomer.kernels, REACH, STEP);
+        let plane = |place: [f64; 2]| {
+            let [w, h] = samples.size.map(|size| 0.5 * (size as f64 - 1.0));
+            [(place[0] - w) * pixel, (h - place[1]) * pixel]
+        };
+        // A point at depth d on the ray through the plane's q.
+        let relief = |q: [f64; 2], depth: f64| {
+            let part = -depth / camera.z;
+            [q[0] + (camera.x - q[0]) * part, q[1] + (camera.y - q[1]) * part]
+        };
+        let mut known: Vec<(f64, f64, BallProfile)> = Vec::new();
+        let (mut profiles, mut centers) = (Vec::new(), Vec::new());
+        for mark in &samples.marks {
+            let old = known.iter().position(|(radius, ball, _)| *radius == mark.radius && *ball == mark.ball);
+            let index = old.unwrap_or_else(|| {
+                let contact = mark.radius * pixel * p[at::CONTACT];
+                known.push((mark.radius, mark.ball, smoothing.press(mark.ball + elastomer.coating, contact)));
+                known.len() - 1
+            });
+            let profile = known[index].2.clone();
+            // The visible circle lies on the bump, not on the plane.
+            centers.push(relief(plane(mark.center), profile.at(mark.radius * pixel).0));
+            profiles.push(profile);
+        }
+        let meet = |sample: &super::samples::Sample| {
+            let (q, c, profile) = (plane(sample.place), centers[sample.press], &profiles[sample.press]);
+            let (mut x, mut depth, mut per_metre) = (q, 0.0, 0.0);
+            for _ in 0..5 {
+                x = relief(q, depth);
+                let r = (x[0] - c[0]).hypot(x[1] - c[1]);
+                let (d, slope) = profile.at(r);
+                (depth, per_metre) = (d, if r > 1e-9 { slope / r } else { 0.0 });
+            }
+            let slope = [-per_metre * (x[0] - c[0]), -per_metre * (x[1] - c[1])];
+            Place { point: Point3::new(x[0], x[1], -depth), slope }
+        };
+        let on_plane = |sample: &super::samples::Sample| {
+            let q = plane(sample.place);
+            Point3::new(q[0], q[1], 0.0)
+        };
+        let deformed = samples.touched.iter().map(meet).collect();
+        let undeformed = samples.touched.iter().map(on_plane).collect();
+        let flat = samples.flat.iter().map(on_plane).collect();
+        Surface { profiles, centers, deformed, undeformed, flat }
+    }
+
+    fn lights(&self, surface: &Surface, p: &[f64]) -> Vec<Light> {
+        (0..(p.len() - at::LAMPS) / PER_LAMP).map(|k| self.light(surface, p, k)).collect()
+    }
+
+    fn light(&self, surface: &Surface, p: &[f64], k: usize) -> Light {
+        let (lamp, reflectance, camera) =
+            (at::lamp(p, k, self.assumptions.near_field), at::reflectance(p), at::camera(p));
+        let shade = |point: &Point3<f64>, slope: [f64; 2]| {
+            let (s, kappa) = lamp.at(point);
+            let normal = Vector3::new(slope[0], slope[1], -1.0).normalize();
+            kappa * reflectance.factor(&normal, &s, &camera.viewer(point))
+        };
+        let deformed = |(place, sample): (&Place, &super::samples::Sample)| {
+            let light = shade(&place.point, place.slope);
+            if light > 0.0 && self.assumptions.shadows {
+                light * visible(&surface.profiles[sample.press], surface.centers[sample.press], &place.point, &lamp)
+            } else {
+                light
+            }
+        };
+        Light {
+            deformed: surface.deformed.par_iter().zip(&self.samples.touched).with_min_len(512).map(deformed).collect(),
+            undeformed: surface.undeformed.iter().map(|point| shade(point, [0.0; 2])).collect(),
+            flat: surface.flat.iter().map(|point| shade(point, [0.0; 2])).collect(),
+        }
+    }
+
+    fn grey(&self, surface: &Surface, lights: &[&Light], p: &[f64]) -> Vec<[f64; 3]> {
+        let responses: [_; 3] = std::array::from_fn(|c| at::response(p, c));
+        let color = |k: usize, c: usize| p[at::LAMPS + PER_LAMP * k + at::COLOR + c];
+        let pixel = |i: usize| {
+            let [zx, zy] = surface.deformed[i].slope;
+            let open = 0.5 * (1.0 / (1.0 + zx * zx + zy * zy).sqrt() - 1.0);
+            std::array::from_fn(|c| {
+                let change = |(k, light): (usize, &&Light)| color(k, c) * (light.deformed[i] - light.undeformed[i]);
+                let change = lights.iter().enumerate().map(change).sum::<f64>() + open * p[at::AMBIENT + c];
+                responses[c].measured(responses[c].radiance(self.samples.touched[i].background[c]) + change)
+            })
+        };
+        (0..surface.deformed.len()).into_par_iter().with_min_len(512).map(pixel).collect()
+    }
+
+    /// Grey levels of the background's pixels, without knowledge of any background.
+    fn flat(&self, lights: &[&Light], p: &[f64]) -> Vec<[f64; 3]> {
+        let color = |k: usize, c: usize| p[at::LAMPS + PER_LAMP * k + at::COLOR + c];
+        let responses: [_; 3] = std::array::from_fn(|c| at::response(p, c));
+        let radiance = |i: usize, c: usize| {
+            lights.iter().enumerate().map(|(k, light)| color(k, c) * light.flat[i]).sum::<f64>() + p[at::AMBIENT + c]
+        };
+        (0..self.samples.flat.len()).map(|i| std::array::from_fn(|c| responses[c].measured(radiance(i, c)))).collect()
+    }
+
+    /// Predicted grey levels (0 to 1) of the background's pixels.
+    pub(crate) fn predict_flat(&self, p: &[f64]) -> Vec<[f64; 3]> {
+        let surface = self.surface(p);
+        self.flat(&self.lights(&surface, p).iter().collect::<Vec<_>>(), p)
+    }
+
+    fn compare(&self, surface: &Surface, lights: &[&Light], p: &[f64]) -> Vec<f64> {
+        let grey = self.grey(surface, lights, p);
+        let touched = self.samples.touched.iter().zip(&grey);
+        let mut residuals: Vec<f64> =
+            touched.flat_map(|(sample, grey)| (0..3).map(move |c| 255.0 * (grey[c] - sample.seen[c]))).collect();
+        for (sample, grey) in self.samples.flat.iter().zip(self.flat(lights, p)) {
+            residuals.extend((0..3).map(|c| FLAT_WEIGHT * 255.0 * (grey[c] - sample.background[c])));
+        }
+        residuals
+    }
+}
+
+/// Share of a lamp that a place on the gel sees over the bump around `center`.
+fn visible(profile: &BallProfile, center: [f64; 2], point: &Point3<f64>, lamp: &Lamp) -> f64 {
+    let (dx, dy) = (lamp.position.x - point.x, lamp.position.y - point.y);
+    let distance = dx.hypot(dy).max(1e-6);
+    let (x, y) = (point.x - center[0], point.y - center[1]);
+    let along = (x * dx + y * dy) / distance;
+    let across = x * x + y * y - along * along;
+    let reach = profile.reach();
+    let half = (reach * reach - across).max(0.0).sqrt();
+    let (enters, leaves) = ((-along - half).max(0.0), (half - along).min(distance));
+    if leaves <= enters {
+        return 1.0;
+    }
+    let mut horizon = 0.0f64;
+    for i in 0..MARCH {
+        let t = enters + (leaves - enters) * (i as f64 + 0.7) / MARCH as f64;
+        let depth = profile.at(((along + t) * (along + t) + across).sqrt()).0;
+        horizon = horizon.max((depth + point.z) / t);
+    }
+    lamp.share_above(horizon, (point.z - lamp.position.z) / distance, distance)
+}

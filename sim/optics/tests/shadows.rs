@@ -1,0 +1,174 @@
+//! Cast shadows against the paper's reference, hidden-point removal (Katz, Tal and Basri 2007), and against rays.
+//!
+//! Hidden-point removal: points are flipped about a large sphere around the lamp, `p -> p + 2 (R - |p|) p / |p|`; those on the convex
+//! hull of the flipped points and the lamp are seen from it, the others are hidden.
+
+#![allow(clippy::unwrap_used)]
+
+use std::collections::HashSet;
+
+use nalgebra::{Point3, Vector3};
+use optics::lamps::Lamp;
+use optics::shadows::{HeightField, Shadow};
+
+const SIDE: usize = 64;
+const PIXEL: f64 = 0.2e-3;
+
+/// Depth of the gel as a function of the place (m).
+fn field(depth: impl Fn(f64, f64) -> f64) -> Vec<f32> {
+    (0..SIDE * SIDE).map(place).map(|(x, y)| depth(x, y) as f32).collect()
+}
+
+fn place(at: usize) -> (f64, f64) {
+    let middle = 0.5 * (SIDE - 1) as f64;
+    (((at % SIDE) as f64 - middle) * PIXEL, (middle - (at / SIDE) as f64) * PIXEL)
+}
+
+fn shadow(depth: &[f32], lamp: &Lamp) -> Option<Shadow> {
+    HeightField { width: SIDE, height: SIDE, first: place(0), pixel: (PIXEL, PIXEL), depth }.shadow(lamp)
+}
+
+/// Pixels that hidden-point removal does not see from the lamp.
+fn hidden_points(depth: &[f32], lamp: &Lamp) -> Vec<bool> {
+    let from_lamp: Vec<Vector3<f64>> = (0..depth.len())
+        .map(|at| (place(at), f64::from(depth[at])))
+        .map(|((x, y), depth)| Point3::new(x, y, -depth) - lamp.position)
+        .collect();
+    let farthest = from_lamp.iter().map(Vector3::norm).fold(0.0, f64::max);
+    let radius = FLIP * farthest;
+    let mut points: Vec<Vector3<f64>> =
+        from_lamp.iter().map(|p| p + p.normalize() * (2.0 * (radius - p.norm()))).collect();
+    points.push(Vector3::zeros());
+    let on_hull = hull_vertices(&points);
+    on_hull[..depth.len()].iter().map(|seen| !seen).collect()
+}
+
+/// Radius of the flipping sphere, in distances of the farthest point.
+const FLIP: f64 = 100.0;
+
+/// Which points are corners of the convex hull: points are added one by one in a shuffled order, and each replaces the faces it sees.
+fn hull_vertices(points: &[Vector3<f64>]) -> Vec<bool> {
+    let farthest = |value: &dyn Fn(&Vector3<f64>) -> f64| {
+        (0..points.len()).max_by(|a, b| value(&points[*a]).total_cmp(&value(&points[*b]))).unwrap()
+    };
+    let a = points.len() - 1;
+    let b = farthest(&|p| (p - points[a]).norm());
+    let along = (points[b] - points[a]).normalize();
+    let c = farthest(&|p| (p - points[a]).cross(&along).norm());
+    let across = along.cross(&(points[c] - points[a]));
+    let d = farthest(&|p| (p - points[a]).dot(&across).abs());
+    let inside = (points[a] + points[b] + points[c] + points[d]) / 4.0;
+    let face = |corners: [usize; 3]| {
+        let [p, q, r] = corners.map(|corner| points[corner]);
+        let normal = (q - p).cross(&(r - p)).normalize();
+        (corners, normal, normal.dot(&p))
+    };
+    let outward = |corners: [usize; 3]| {
+        let (_, normal, offset) = face(corners);
+        if normal.dot(&inside) > offset { face([corners[0], corners[2], corners[1]]) } else { face(corners) }
+    };
+    let mut faces = vec![outward([a, b, c]), outward([a, b, d]), outward([a, c, d]), outward([b, c, d])];
+    let mut order: Vec<usize> = (0..points.len()).filter(|p| ![a, b, c, d].contains(p)).collect();
+    order.sort_by_key(|p| p.wrapping_mul(2_654_435_761) % 1_000_003);
+    let slack = 1e-13 * points.iter().map(Vector3::norm).fold(0.0, f64::max);
+    for p in order {
+        let sees = |face: &([usize; 3], Vector3<f64>, f64)| face.1.dot(&points[p]) > face.2 + slack;
+        let mut edges = HashSet::new();
+        for (corners, ..) in faces.iter().filter(|face| sees(face)) {
+            edges.extend((0..3).map(|i| (corners[i], corners[(i + 1) % 3])));
+        }
+        if edges.is_empty() {
+            continue;
+        }
+        faces.retain(|face| !sees(face));
+        faces.extend(edges.iter().filter(|(q, r)| !edges.contains(&(*r, *q))).map(|&(q, r)| face([q, r, p])));
+    }
+    let mut corner = vec![false; points.len()];
+    faces.iter().flat_map(|(corners, ..)| corners).for_each(|&at| corner[at] = true);
+    corner
+}
+
+#[test]
+fn the_hull_of_a_cube_is_its_corners() {
+    let mut points: Vec<Vector3<f64>> = (0..27)
+        .map(|i| Vector3::new(f64::from(i % 3) - 1.0, f64::from(i / 3 % 3) - 1.0, f64::from(i / 9) - 1.0) * 0.999)
+        .map(|p| if p.norm() > 1.7 { p / 0.999 } else { 0.9 * p })
+        .collect();
+    points.push(Vector3::new(0.0, 0.0, 3.0));
+    let corner = hull_vertices(&points);
+    for (p, corner) in points.iter().zip(corner) {
+        assert_eq!(corner, p.norm() > 1.7, "{p}");
+    }
+}
+
+/// Pixels from which a straight line to the lamp runs into the gel.
+fn blocked_rays(depth: &[f32], lamp: &Lamp) -> Vec<bool> {
+    let middle = 0.5 * (SIDE - 1) as f64;
+    let height = |x: f64, y: f64| {
+        let (column, row) = (x / PIXEL + middle, middle - y / PIXEL);
+        if !(0.0..(SIDE - 1) as f64).contains(&column) || !(0.0..(SIDE - 1) as f64).contains(&row) {
+            return 0.0;
+        }
+        let (c, r) = (column as usize, row as usize);
+        let (u, v) = (column - c as f64, row - r as f64);
+        let at = |r: usize, c: usize| f64::from(depth[r * SIDE + c]);
+        (1.0 - v) * ((1.0 - u) * at(r, c) + u * at(r, c + 1)) + v * ((1.0 - u) * at(r + 1, c) + u * at(r + 1, c + 1))
+    };
+    (0..depth.len())
+        .map(|at| {
+            let (x, y) = place(at);
+            let start = Point3::new(x, y, -f64::from(depth[at]));
+            let way = lamp.position - start;
+            (1..600).map(|i| f64::from(i) / 600.0).any(|t| {
+                let p = start + way * t;
+                height(p.x, p.y) > -p.z + 2e-6
+            })
+        })
+        .collect()
+}
+
+/// A ball's cap, and a ridge with a step: smooth and sharp borders.
+fn shapes() -> [(&'static str, Vec<f32>); 3] {
+    let ball = |x: f64, y: f64| ((2.5e-3f64.powi(2) - x * x - y * y).max(0.0).sqrt() - 1.3e-3).max(0.0);
+    let post = |x: f64, y: f64| if x.abs() < 1.2e-3 && (y - 0.3e-3).abs() < 0.9e-3 { 0.9e-3 } else { 0.0 };
+    let hills = |x: f64, y: f64| {
+        let hill = |a: f64, b: f64, h: f64| h * (-((x - a).powi(2) + (y - b).powi(2)) / 0.8e-6).exp();
+        hill(-2e-3, 1e-3, 1.1e-3) + hill(1.5e-3, -1.5e-3, 0.8e-3) + hill(2e-3, 2e-3, 0.6e-3)
+    };
+    [("ball", field(ball)), ("post", field(post)), ("hills", field(hills))]
+}
+
+fn lamps() -> [Lamp; 4] {
+    [(12e-3, 1e-3, 3e-3), (-5e-3, 11e-3, 4e-3), (-9e-3, -7e-3, 2.5e-3), (0.7e-3, -0.4e-3, 8e-3)].map(|(x, y, depth)| {
+        let position = Point3::new(x, y, -depth);
+        // Nearly a point, so that there is a border to compare.
+        Lamp { size: 0.05e-3, ..Lamp::aimed(position, Point3::origin(), 1.0, 1.0, [1.0; 3]) }
+    })
+}
+
+/// Share of pixels on which two masks agree, and how much of their union they share.
+fn agreement(a: &[bool], b: &[bool]) -> (f64, f64) {
+    let count = |test: fn(bool, bool) -> bool| a.iter().zip(b).filter(|(a, b)| test(**a, **b)).count() as f64;
+    let union = count(|a, b| a || b);
+    (count(|a, b| a == b) / a.len() as f64, if union > 0.0 { count(|a, b| a && b) / union } else { 1.0 })
+}
+
+#[test]
+fn shadows_are_where_hidden_point_removal_and_rays_have_them() {
+    for (name, depth) in shapes() {
+        for (k, lamp) in lamps().iter().enumerate() {
+            let shadow = shadow(&depth, lamp);
+            let fast: Vec<bool> = (0..SIDE * SIDE)
+                .map(|at| shadow.as_ref().is_some_and(|s| s.at((at % SIDE) as f64, (at / SIDE) as f64) < 0.5))
+                .collect();
+            let (hidden, blocked) = (hidden_points(&depth, lamp), blocked_rays(&depth, lamp));
+            let shaded = blocked.iter().filter(|blocked| **blocked).count();
+            let (with_hidden, with_rays) = (agreement(&fast, &hidden), agreement(&fast, &blocked));
+            let of_references = agreement(&hidden, &blocked);
+            println!(
+                "{name} lamp {k}: {shaded} px shaded; fast-hpr {:.4} {:.3}  fast-rays {:.4} {:.3}  hpr-rays {:.4} {:.3}",
+                with_hidden.0, with_hidden.1, with_rays.0, with_rays.1, of_references.0, of_references.1
+            );
+        }
+    }
+}
