@@ -1,7 +1,17 @@
 //! The real robot's side of the [`hand_model::robot::Robot`] interface.
+pub mod arm_link;
+pub mod calibration;
+pub mod config;
 pub mod emulator;
+pub mod hand_bus;
+pub mod hardware_robot;
+pub mod homing;
 pub mod protocol2;
+pub mod remote;
+pub mod safety;
 pub mod servo_bus;
+pub mod servo_cycle;
+pub mod setup;
 pub mod tactile_link;
 pub mod xc330;
 

@@ -118,7 +118,29 @@ impl ServoBus {
     /// Is there a servo `id`, and what is it?
     pub fn ping(&mut self, id: u8) -> Result<Pinged, BusError> {
         let status = self.ask_one(id, &Instruction::Ping, 3)?;
-        Ok(Pinged { id, model: u16::from_le_bytes([status.data[0], status.data[1]]), firmware: status.data[2] })
+        pinged(&status).ok_or(BusError::Reply(ReplyError::Missing(id)))
+    }
+
+    /// Who is there? Asks all at once and listens for `patience`; sorted by id.
+    pub fn scan(&mut self, patience: Duration) -> Result<Vec<Pinged>, BusError> {
+        let wire = Instruction::Ping.encode(BROADCAST)?;
+        let deadline = self.transmit(&wire)? + patience;
+        let mut received = Vec::new();
+        while Instant::now() < deadline {
+            self.receive(deadline, &mut received)?;
+        }
+        self.decoder.push(&received);
+        let packets = self.decoder.time_out();
+        self.statistics.note_stream(&packets);
+        let mut found: Vec<Pinged> =
+            packets.iter().flatten().filter_map(Status::decode).filter_map(|status| pinged(&status)).collect();
+        found.sort_by_key(|pinged| pinged.id);
+        Ok(found)
+    }
+
+    /// `length` bytes from `address` on of one servo.
+    pub fn read_block(&mut self, id: u8, address: u16, length: u16) -> Result<Status, BusError> {
+        self.ask_one(id, &Instruction::Read { address, length }, length.into())
     }
 
     /// A value in SI.
@@ -286,5 +308,12 @@ impl ServoBus {
 
     fn port_error(&self, source: std::io::Error) -> BusError {
         BusError::Port { port: self.path.clone(), source }
+    }
+}
+
+fn pinged(status: &Status) -> Option<Pinged> {
+    match status.data[..] {
+        [low, high, firmware] => Some(Pinged { id: status.id, model: u16::from_le_bytes([low, high]), firmware }),
+        _ => None,
     }
 }
