@@ -1,14 +1,23 @@
 //! The real robot's side of the [`hand_model::robot::Robot`] interface.
-//!
-//! # What is here
-//! - [`protocol2`]: the wire format of the servo bus (Dynamixel Protocol 2.0): packets, byte stuffing, CRC, a stream decoder that finds its
-//!   way back after garbage, synchronous reads and writes of several servos.
-//! - [`xc330`]: the XC330-T288-T's control table as data, and its counts in SI units both ways.
-//!
-//! # What is not here yet
-//! No serial port is opened and nothing moves: there is no bus master with deadlines, no tactile camera link, no arm, no safety
-//! supervisor, no emulators, and **no implementation of `Robot`**. `ftac --robot hardware` and `--robot emulated` therefore have nothing to
-//! drive. Nothing in this crate has been run against a servo; it is checked against the maker's published packets and tables.
-
+pub mod arm_link;
+pub mod calibration;
+pub mod config;
+pub mod emulator;
+pub mod hand_bus;
+pub mod hardware_robot;
+pub mod homing;
 pub mod protocol2;
+pub mod remote;
+pub mod safety;
+pub mod servo_bus;
+pub mod servo_cycle;
+pub mod setup;
+pub mod tactile_link;
 pub mod xc330;
+
+use std::sync::{Mutex, MutexGuard, PoisonError};
+
+/// The value behind a lock. A thread that panicked while it held the lock has said so; what it left is still the newest there is.
+fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}

@@ -6,12 +6,14 @@
 //! is 0x55 and whose first parameter is an error byte.
 //!
 //! Four layers, each on the one before: [`crc`] and [`stuffing`] on bytes; [`packet`] for one packet; [`decoder`] for the
-//! stream in which packets come; [`instruction`] and [`status`] for what packets mean.
+//! stream in which packets come; [`instruction`] and [`status`] for what packets mean. [`fast_sync`] is the one answer that is not a
+//! packet of its own.
 //!
 //! Source: ROBOTIS e-Manual, "DYNAMIXEL Protocol 2.0"; its example packets are the tests' vectors.
 
 pub mod crc;
 pub mod decoder;
+pub mod fast_sync;
 pub mod instruction;
 pub mod packet;
 pub mod status;

@@ -32,6 +32,15 @@ pub enum Instruction {
         /// Who answers.
         ids: Vec<u8>,
     },
+    /// The same, answered in one packet to which each servo adds its part ([`super::fast_sync`]). Firmware 46 and later.
+    FastSyncRead {
+        /// First register.
+        address: u16,
+        /// Number of bytes from each.
+        length: u16,
+        /// Who answers.
+        ids: Vec<u8>,
+    },
     /// Writes of the same registers in several servos at once. Not answered: a refused value is lost silently.
     SyncWrite {
         /// First register.
@@ -60,7 +69,7 @@ pub enum InstructionError {
         expected: usize,
     },
     /// A code this bridge does not use.
-    #[error("instruction: found {0:#04x}, expected one of 01 02 03 08 82 83")]
+    #[error("instruction: found {0:#04x}, expected one of 01 02 03 08 82 83 8a")]
     Unknown(u8),
     /// Parameters that do not fit the instruction.
     #[error("instruction {instruction:#04x}: found {found} parameters, which do not fit it")]
@@ -78,6 +87,7 @@ const WRITE: u8 = 0x03;
 const REBOOT: u8 = 0x08;
 const SYNC_READ: u8 = 0x82;
 const SYNC_WRITE: u8 = 0x83;
+const FAST_SYNC_READ: u8 = 0x8A;
 
 impl Instruction {
     /// The bytes that go onto the wire. Sync instructions are sent to everybody, whatever `id` says.
@@ -88,6 +98,9 @@ impl Instruction {
             Self::Read { address, length } => (READ, words(&[*address, *length])),
             Self::Write { address, data } => (WRITE, [words(&[*address]), data.clone()].concat()),
             Self::SyncRead { address, length, ids } => (SYNC_READ, [words(&[*address, *length]), ids.clone()].concat()),
+            Self::FastSyncRead { address, length, ids } => {
+                (FAST_SYNC_READ, [words(&[*address, *length]), ids.clone()].concat())
+            }
             Self::SyncWrite { address, length, data } => {
                 let mut parameters = words(&[*address, *length]);
                 for (id, bytes) in data {
@@ -104,7 +117,8 @@ impl Instruction {
                 (SYNC_WRITE, parameters)
             }
         };
-        let id = if matches!(self, Self::SyncRead { .. } | Self::SyncWrite { .. }) { BROADCAST } else { id };
+        let to_all = matches!(self, Self::SyncRead { .. } | Self::FastSyncRead { .. } | Self::SyncWrite { .. });
+        let id = if to_all { BROADCAST } else { id };
         Ok(Packet { id, instruction, parameters }.encode()?)
     }
 
@@ -122,12 +136,15 @@ impl Instruction {
             (SYNC_READ, [a, b, c, d, ids @ ..]) => {
                 Ok(Self::SyncRead { address: word(*a, *b), length: word(*c, *d), ids: ids.to_vec() })
             }
+            (FAST_SYNC_READ, [a, b, c, d, ids @ ..]) => {
+                Ok(Self::FastSyncRead { address: word(*a, *b), length: word(*c, *d), ids: ids.to_vec() })
+            }
             (SYNC_WRITE, [a, b, c, d, rest @ ..]) if rest.len() % (1 + usize::from(word(*c, *d))) == 0 => {
                 let length = word(*c, *d);
                 let data = rest.chunks(1 + usize::from(length)).map(|one| (one[0], one[1..].to_vec())).collect();
                 Ok(Self::SyncWrite { address: word(*a, *b), length, data })
             }
-            (PING | READ | WRITE | REBOOT | SYNC_READ | SYNC_WRITE, _) => Err(unfit),
+            (PING | READ | WRITE | REBOOT | SYNC_READ | SYNC_WRITE | FAST_SYNC_READ, _) => Err(unfit),
             (code, _) => Err(InstructionError::Unknown(code)),
         }
     }
@@ -202,6 +219,11 @@ mod tests {
             (any::<u16>(), any::<u8>(), bytes(30))
                 .prop_map(|(address, first, rest)| Instruction::Write { address, data: [vec![first], rest].concat() }),
             (any::<u16>(), any::<u16>(), bytes(6)).prop_map(|(address, length, ids)| Instruction::SyncRead {
+                address,
+                length,
+                ids
+            }),
+            (any::<u16>(), any::<u16>(), bytes(6)).prop_map(|(address, length, ids)| Instruction::FastSyncRead {
                 address,
                 length,
                 ids

@@ -3,7 +3,8 @@
 use super::decoder::StreamError;
 use super::packet::{Packet, PacketError};
 
-const STATUS: u8 = 0x55;
+/// Instruction code of every answer.
+pub(super) const STATUS: u8 = 0x55;
 const ALERT: u8 = 0x80;
 
 /// A servo's answer.
@@ -104,22 +105,25 @@ pub enum ReplyError {
 }
 
 impl Status {
+    /// The byte that tells refusal and alert.
+    pub(super) fn error_byte(&self) -> u8 {
+        self.error.map_or(0, ServoError::number) | if self.alert { ALERT } else { 0 }
+    }
+
+    pub(super) fn with_error_byte(id: u8, byte: u8, data: Vec<u8>) -> Self {
+        Self { id, alert: byte & ALERT != 0, error: ServoError::from_number(byte & !ALERT), data }
+    }
+
     /// The bytes that go onto the wire: the servo's side.
     pub fn encode(&self) -> Result<Vec<u8>, PacketError> {
-        let error = self.error.map_or(0, ServoError::number) | if self.alert { ALERT } else { 0 };
-        let parameters = std::iter::once(error).chain(self.data.iter().copied()).collect();
+        let parameters = std::iter::once(self.error_byte()).chain(self.data.iter().copied()).collect();
         Packet { id: self.id, instruction: STATUS, parameters }.encode()
     }
 
     /// The answer in a packet; `None` for a packet that is no answer, such as the echo of our own on a half-duplex line.
     pub fn decode(packet: &Packet) -> Option<Self> {
         match (packet.instruction, &packet.parameters[..]) {
-            (STATUS, [error, data @ ..]) => Some(Self {
-                id: packet.id,
-                alert: error & ALERT != 0,
-                error: ServoError::from_number(error & !ALERT),
-                data: data.to_vec(),
-            }),
+            (STATUS, [error, data @ ..]) => Some(Self::with_error_byte(packet.id, *error, data.to_vec())),
             _ => None,
         }
     }
@@ -213,7 +217,7 @@ mod tests {
     proptest! {
         #[test]
         fn round_trip(id in 0..=252_u8, error in any::<u8>(), data in bytes(40)) {
-            let status = Status { id, alert: error & ALERT != 0, error: ServoError::from_number(error & !ALERT), data };
+            let status = Status::with_error_byte(id, error, data);
             let mut decoder = Decoder::default();
             decoder.push(&status.encode()?);
             let packet = decoder.next_packet().expect("a whole packet")?;

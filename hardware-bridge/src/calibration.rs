@@ -1,0 +1,139 @@
+//! What was found out about this very hand: which servo is where, and where its open mark is.
+//!
+//! The servos' homing offsets are kept twice, in the servos' EEPROM and here. An offset is as good as a serial number, which the
+//! XC330 does not have: a servo that was exchanged or mounted anew does not have the one in the file, and is refused. The file ends with a
+//! CRC of its content, so that a hand-edited one is refused too.
+
+use std::f64::consts::TAU;
+use std::path::Path;
+
+use hand_model::ACTUATORS;
+use serde::{Deserialize, Serialize};
+
+use crate::config::ConfigError;
+use crate::tactile_link::frame::digest;
+
+/// Version of this format.
+const VERSION: u32 = 1;
+/// A shaft at power-up is taken to be between this share of a turn before the open mark and the rest after it.
+const BEFORE_MARK: f64 = 0.2;
+
+/// One servo.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ServoCalibration {
+    /// Id on the bus.
+    pub id: u8,
+    /// Model number.
+    pub model: u16,
+    /// Firmware version.
+    pub firmware: u8,
+    /// Homing offset written to the servo, encoder counts: with it the open mark reads 0.
+    pub homing_offset: i32,
+    /// From the open mark to the closed stop, rad.
+    pub travel: f64,
+}
+
+/// All of them.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Calibration {
+    version: u32,
+    /// Name of the hand model it was made for.
+    pub hand: String,
+    /// The servos, in actuator order.
+    pub servos: [ServoCalibration; ACTUATORS],
+    /// CRC-32C of the rest, in hexadecimal.
+    crc: String,
+}
+
+impl Calibration {
+    /// A calibration of these servos.
+    pub fn new(hand: &str, servos: [ServoCalibration; ACTUATORS]) -> Self {
+        let mut calibration = Self { version: VERSION, hand: hand.to_owned(), servos, crc: String::new() };
+        calibration.crc = calibration.hash();
+        calibration
+    }
+
+    /// The CRC of everything but itself: also what recordings note.
+    pub fn hash(&self) -> String {
+        let bare = Self { crc: String::new(), ..self.clone() };
+        // Numbers and strings always have a JSON form.
+        let text = serde_json::to_string(&bare).unwrap_or_default();
+        format!("{:08x}", digest(text.as_bytes()))
+    }
+
+    /// Travel of every servo, rad.
+    pub fn travel(&self) -> [f64; ACTUATORS] {
+        std::array::from_fn(|n| self.servos[n].travel)
+    }
+
+    /// Reads and checks a file.
+    pub fn read(path: &Path) -> Result<Self, ConfigError> {
+        let text = std::fs::read_to_string(path).map_err(|source| ConfigError::Io { path: path.to_owned(), source })?;
+        let calibration: Self = serde_json::from_str(&text)
+            .map_err(|error| ConfigError::Syntax { path: path.to_owned(), message: error.to_string() })?;
+        let field = |name: &str, found: String, expected: String| {
+            Err(ConfigError::Field { path: path.to_owned(), field: name.to_owned(), found, expected })
+        };
+        if calibration.version != VERSION {
+            return field("version", calibration.version.to_string(), VERSION.to_string());
+        }
+        if calibration.crc != calibration.hash() {
+            let expected = format!("{}; the file was changed: calibrate again", calibration.hash());
+            return field("crc", calibration.crc, expected);
+        }
+        for (n, servo) in calibration.servos.iter().enumerate() {
+            if !(0.5..(1.0 - BEFORE_MARK) * TAU).contains(&servo.travel) {
+                return field(&format!("servos[{n}].travel"), servo.travel.to_string(), "0.5 to 5.03 rad".into());
+            }
+        }
+        Ok(calibration)
+    }
+
+    /// Writes it.
+    pub fn write(&self, path: &Path) -> Result<(), ConfigError> {
+        let text = serde_json::to_string_pretty(self).unwrap_or_default();
+        std::fs::write(path, text + "\n").map_err(|source| ConfigError::Io { path: path.to_owned(), source })
+    }
+}
+
+/// Whole turns, rad, to take off a servo's reading so that it is an angle from the open mark: after power-up a servo knows its angle within one
+/// turn only. `reading` is what it says now, rad.
+pub fn turns_to_forget(reading: f64) -> f64 {
+    ((reading + BEFORE_MARK * TAU) / TAU).floor() * TAU
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn calibration() -> Calibration {
+        let servo = |id| ServoCalibration { id, model: 1220, firmware: 46, homing_offset: -700, travel: 4.0 };
+        Calibration::new("ftac", std::array::from_fn(|n| servo(n as u8 + 1)))
+    }
+
+    #[test]
+    fn file_round_trip_and_refusals() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let path = folder.path().join("calibration.json");
+        calibration().write(&path).expect("written");
+        assert_eq!(Calibration::read(&path).expect("its own words"), calibration());
+        let text = std::fs::read_to_string(&path).expect("text");
+        std::fs::write(&path, text.replacen("-700", "-701", 1)).expect("written");
+        let message = Calibration::read(&path).expect_err("changed").to_string();
+        assert!(message.contains("calibration.json: crc: found"), "{message}");
+        std::fs::write(&path, "{").expect("written");
+        assert!(matches!(Calibration::read(&path), Err(ConfigError::Syntax { .. })));
+    }
+
+    proptest! {
+        /// Whatever turn the servo woke up in, the angle from the open mark comes out.
+        #[test]
+        fn turns(angle in -1.2..5.0_f64, turns in -3..3_i32) {
+            let reading = angle + f64::from(turns) * TAU;
+            prop_assert!((reading - turns_to_forget(reading) - angle).abs() < 1e-9);
+        }
+    }
+}

@@ -1,0 +1,327 @@
+//! `bridge.toml`: where the devices are and what is allowed.
+//!
+//! ```toml
+//! version = 1
+//! calibration = "calibration.json"      # beside this file
+//! stop_socket = "/tmp/ftac-bridge.sock" # where `ftac bridge stop` knocks
+//!
+//! [servos]
+//! port = "/dev/serial/by-id/usb-FTDI_..."
+//! ids = [1, 2, 3, 4, 5, 6]              # thumb, index, middle, ring, little, opposition
+//!
+//! [cameras]
+//! port = "/dev/serial/by-id/usb-..."
+//!
+//! [arm]
+//! kind = "loopback"
+//!
+//! [limits]                              # all of it may be left out
+//! current = 0.6
+//! ```
+
+use std::path::{Path, PathBuf};
+
+use hand_model::{ACTUATORS, Arm};
+use serde::{Deserialize, Serialize};
+
+use crate::safety::limits::{ArmLimits, Limits, ServoLimits, Watchdogs};
+use crate::servo_bus::BusSettings;
+use crate::xc330;
+
+/// What is wrong with a configuration or calibration file.
+#[derive(Debug, thiserror::Error)]
+pub enum ConfigError {
+    /// It cannot be read or written.
+    #[error("{path}: {source}")]
+    Io {
+        /// The file.
+        path: PathBuf,
+        /// The operating system's reason.
+        source: std::io::Error,
+    },
+    /// It is not well-formed, or has fields it should not have.
+    #[error("{path}: {message}")]
+    Syntax {
+        /// The file.
+        path: PathBuf,
+        /// The parser's message, with its place.
+        message: String,
+    },
+    /// A field has a value that cannot be.
+    #[error("{path}: {field}: found {found}, expected {expected}")]
+    Field {
+        /// The file.
+        path: PathBuf,
+        /// Which field, such as `servos.ids`.
+        field: String,
+        /// What the file says.
+        found: String,
+        /// What would be right.
+        expected: String,
+    },
+}
+
+/// The configuration of a bridge.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct BridgeConfig {
+    /// Version of this format: 1.
+    pub version: u32,
+    /// Calibration file, relative to this file.
+    pub calibration: PathBuf,
+    /// Socket of the remote stop, relative to this file.
+    pub stop_socket: PathBuf,
+    /// The servo bus.
+    pub servos: ServoConfig,
+    /// The camera board; without it the robot has no touch.
+    pub cameras: Option<CameraConfig>,
+    /// The arm.
+    pub arm: ArmConfig,
+    /// What is allowed.
+    #[serde(default)]
+    pub limits: LimitConfig,
+}
+
+/// The servo bus.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ServoConfig {
+    /// Serial port; a path below `/dev/serial/by-id` survives replugging.
+    pub port: PathBuf,
+    /// Ids in actuator order: thumb, index, middle, ring, little, opposition.
+    pub ids: [u8; ACTUATORS],
+    /// Bits per second.
+    #[serde(default = "default_baud")]
+    pub baud: u32,
+    /// Cycles a second.
+    #[serde(default = "default_rate")]
+    pub rate: f64,
+    /// Whether reads are fast sync reads (firmware 46 and later).
+    #[serde(default)]
+    pub fast_sync_read: bool,
+    /// Waited for answers beyond their time on the line, s.
+    #[serde(default = "default_slack")]
+    pub slack: f64,
+}
+
+fn default_baud() -> u32 {
+    BusSettings::default().baud
+}
+
+fn default_rate() -> f64 {
+    200.0
+}
+
+fn default_slack() -> f64 {
+    BusSettings::default().slack
+}
+
+/// The camera board.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct CameraConfig {
+    /// Serial port.
+    pub port: PathBuf,
+}
+
+/// The arm.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(tag = "kind", rename_all = "lowercase", deny_unknown_fields)]
+pub enum ArmConfig {
+    /// No arm: set-points come back as measurements.
+    Loopback,
+}
+
+/// What is allowed, the same for every servo.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct LimitConfig {
+    /// Fastest change of a servo's goal, rad/s.
+    pub speed: f64,
+    /// Greatest goal current, A.
+    pub current: f64,
+    /// Greatest current while holding, A.
+    pub hold_current: f64,
+    /// Hottest servo, degrees Celsius.
+    pub temperature: f64,
+    /// Least and greatest supply, V.
+    pub voltage: [f64; 2],
+    /// Oldest servo measurement to act on, s.
+    pub staleness: f64,
+    /// The servos' own bus watchdog, s, in steps of 0.02.
+    pub servo_watchdog: f64,
+    /// Longest silence of the arm, s.
+    pub arm_watchdog: f64,
+    /// Longest silence of the controller, s.
+    pub host_watchdog: f64,
+    /// Time in which a release lets the current fade, s.
+    pub release_time: f64,
+}
+
+impl Default for LimitConfig {
+    fn default() -> Self {
+        Self {
+            speed: 6.0,
+            current: 0.6,
+            hold_current: 0.4,
+            temperature: 60.0,
+            voltage: [9.0, 12.6],
+            staleness: 0.05,
+            servo_watchdog: 0.1,
+            arm_watchdog: 0.1,
+            host_watchdog: 1.0,
+            release_time: 1.0,
+        }
+    }
+}
+
+impl BridgeConfig {
+    /// Reads and checks a configuration; relative paths in it become relative to its folder.
+    pub fn read(path: &Path) -> Result<Self, ConfigError> {
+        let text = std::fs::read_to_string(path).map_err(|source| ConfigError::Io { path: path.to_owned(), source })?;
+        Self::parse(&text, path)
+    }
+
+    /// Reads and checks a configuration's text; `path` is used in errors and for relative paths.
+    pub fn parse(text: &str, path: &Path) -> Result<Self, ConfigError> {
+        let mut config: Self = toml::from_str(text)
+            .map_err(|error| ConfigError::Syntax { path: path.to_owned(), message: error.to_string() })?;
+        config.check(path)?;
+        let folder = path.parent().unwrap_or(Path::new(""));
+        config.calibration = folder.join(&config.calibration);
+        config.stop_socket = folder.join(&config.stop_socket);
+        Ok(config)
+    }
+
+    /// As it would stand in a file.
+    pub fn to_toml(&self) -> String {
+        // Nothing in it is without a TOML form.
+        toml::to_string(self).unwrap_or_default()
+    }
+
+    /// How the servo bus is driven.
+    pub fn bus(&self) -> BusSettings {
+        BusSettings { baud: self.servos.baud, return_delay: 0.0, slack: self.servos.slack }
+    }
+
+    /// What is allowed, with the servos' travel (rad) from the calibration.
+    pub fn limits(&self, travel: &[f64; ACTUATORS], arm: &Arm) -> Limits {
+        let own = &self.limits;
+        let servos = travel.map(|travel| ServoLimits {
+            angle: (0.0, travel),
+            speed: own.speed,
+            current: own.current,
+            hold_current: own.hold_current,
+            temperature: own.temperature,
+        });
+        let arm = ArmLimits { angle: std::array::from_fn(|n| joint_range(arm, n)), speed: arm.velocity_limits };
+        Limits {
+            servos,
+            arm,
+            voltage: (own.voltage[0], own.voltage[1]),
+            staleness: own.staleness,
+            watchdogs: Watchdogs { servo_bus: own.servo_watchdog, arm: own.arm_watchdog, host: own.host_watchdog },
+            release_time: own.release_time,
+        }
+    }
+
+    fn check(&self, path: &Path) -> Result<(), ConfigError> {
+        let field = |name: &str, found: String, expected: String| {
+            Err(ConfigError::Field { path: path.to_owned(), field: name.to_owned(), found, expected })
+        };
+        if self.version != 1 {
+            return field("version", self.version.to_string(), "1".into());
+        }
+        let ids = &self.servos.ids;
+        let twice = ids.iter().enumerate().any(|(n, id)| ids[..n].contains(id));
+        if twice || ids.iter().any(|id| *id > 252) {
+            return field("servos.ids", format!("{ids:?}"), "six different ids from 0 to 252".into());
+        }
+        if !xc330::BAUD_RATES.contains(&self.servos.baud) {
+            return field("servos.baud", self.servos.baud.to_string(), format!("one of {:?}", xc330::BAUD_RATES));
+        }
+        let own = &self.limits;
+        let ranges = [
+            ("servos.rate", self.servos.rate, 20.0, 500.0),
+            ("servos.slack", self.servos.slack, 0.001, 1.0),
+            ("limits.speed", own.speed, 0.1, 10.0),
+            ("limits.current", own.current, 0.01, 0.91),
+            ("limits.hold_current", own.hold_current, 0.0, own.current),
+            ("limits.temperature", own.temperature, 30.0, 70.0),
+            ("limits.voltage[0]", own.voltage[0], 5.5, own.voltage[1]),
+            ("limits.voltage[1]", own.voltage[1], own.voltage[0], 14.0),
+            ("limits.staleness", own.staleness, 2.0 / self.servos.rate, 1.0),
+            ("limits.servo_watchdog", own.servo_watchdog, 0.04_f64.max(2.0 / self.servos.rate), 2.54),
+            ("limits.arm_watchdog", own.arm_watchdog, 0.01, 1.0),
+            ("limits.host_watchdog", own.host_watchdog, 0.02, 10.0),
+            ("limits.release_time", own.release_time, 0.1, 10.0),
+        ];
+        for (name, value, low, high) in ranges {
+            if !(low..=high).contains(&value) {
+                return field(name, value.to_string(), format!("{low} to {high}"));
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Limits of an arm joint; one that turns freely has none.
+fn joint_range(arm: &Arm, joint: usize) -> (f64, f64) {
+    (arm.tree.joints[joint].lower, arm.tree.joints[joint].upper)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const GOOD: &str = r#"
+        version = 1
+        calibration = "calibration.json"
+        stop_socket = "stop"
+        [servos]
+        port = "/dev/ttyUSB0"
+        ids = [1, 2, 3, 4, 5, 6]
+        [arm]
+        kind = "loopback"
+        [limits]
+        current = 0.5
+    "#;
+
+    fn error(from: &str, to: &str) -> String {
+        assert!(GOOD.contains(from));
+        BridgeConfig::parse(&GOOD.replace(from, to), Path::new("x/bridge.toml")).expect_err("bad").to_string()
+    }
+
+    #[test]
+    fn defaults_and_paths() {
+        let config = BridgeConfig::parse(GOOD, Path::new("x/bridge.toml")).expect("good");
+        assert_eq!((config.servos.baud, config.servos.rate, config.limits.current), (3_000_000, 200.0, 0.5));
+        assert_eq!(config.calibration, Path::new("x/calibration.json"));
+        let again = BridgeConfig::parse(&config.to_toml(), Path::new("bridge.toml")).expect("its own words");
+        assert_eq!(again, config);
+    }
+
+    #[test]
+    fn errors_name_file_field_found_and_expected() {
+        assert_eq!(error("version = 1", "version = 3"), "x/bridge.toml: version: found 3, expected 1");
+        assert_eq!(
+            error("[1, 2, 3, 4, 5, 6]", "[1, 2, 3, 4, 5, 5]"),
+            "x/bridge.toml: servos.ids: found [1, 2, 3, 4, 5, 5], expected six different ids from 0 to 252"
+        );
+        assert_eq!(error("0.5", "1.5"), "x/bridge.toml: limits.current: found 1.5, expected 0.01 to 0.91");
+        assert!(error("0.5", "nan").contains("limits.current: found NaN"));
+        assert!(error("loopback", "ur5").contains("ur5"));
+        let unknown = error("current", "curent");
+        assert!(unknown.contains("x/bridge.toml") && unknown.contains("curent"), "{unknown}");
+    }
+
+    /// The joints that turn freely stay free, the others have their limits.
+    #[test]
+    fn arm_limits_are_the_models() {
+        let config = BridgeConfig::parse(GOOD, Path::new("bridge.toml")).expect("good");
+        let arm = Arm::gen3();
+        let limits = config.limits(&[4.0; ACTUATORS], &arm);
+        assert_eq!(limits.arm.speed, arm.velocity_limits);
+        assert!(limits.arm.angle.iter().all(|(low, high)| low < high), "{:?}", limits.arm.angle);
+    }
+}

@@ -1,0 +1,147 @@
+//! The emulated camera board: the device's side of [`crate::tactile_link`].
+//!
+//! Its clock has an offset and a drift, as two quartzes have. Pictures are coded as the settings say; a pixel's last bit is noise, so that no two images
+//! of a live camera are equal. A frozen camera sends its last image again and again, with new numbers and times.
+
+use std::collections::BTreeMap;
+
+use hand_model::CAMERAS;
+use hand_model::robot::TactileFrame;
+use rand::{Rng, RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+
+use crate::tactile_link::deframer::Deframer;
+use crate::tactile_link::message::{CameraFault, Encoding, Image, Message, VERSION};
+use crate::tactile_link::{frame, image_data};
+
+/// What the board is like.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct BoardSettings {
+    /// Serial number.
+    pub serial: u32,
+    /// Its clock when ours shows 0, s.
+    pub clock_offset: f64,
+    /// By how much its clock is fast, 1.
+    pub clock_drift: f64,
+    /// How images are coded.
+    pub encoding: Encoding,
+    /// JPEG quality, 1 to 100.
+    pub quality: u8,
+}
+
+impl Default for BoardSettings {
+    /// JPEG at quality 70, a clock 1234 s ahead and 40 ppm fast.
+    fn default() -> Self {
+        Self { serial: 1, clock_offset: 1234.5, clock_drift: 40e-6, encoding: Encoding::Jpeg, quality: 70 }
+    }
+}
+
+/// What the board does about bytes from the host.
+#[derive(Debug, Default)]
+pub struct Reaction {
+    /// Its answer.
+    pub bytes: Vec<u8>,
+    /// Whether it takes an image with every camera now.
+    pub capture: bool,
+}
+
+/// The board.
+#[derive(Debug)]
+pub struct CameraBoard {
+    settings: BoardSettings,
+    jpeg_chance: f64,
+    deframer: Deframer,
+    sequence: u32,
+    /// Frozen cameras and the data they go on sending, once they have any.
+    frozen: BTreeMap<u8, Option<Vec<u8>>>,
+    rng: ChaCha8Rng,
+}
+
+impl CameraBoard {
+    /// A board that cuts a JPEG in half with `jpeg_chance`.
+    pub fn new(settings: BoardSettings, jpeg_chance: f64, seed: u64) -> Self {
+        Self {
+            settings,
+            jpeg_chance,
+            deframer: Deframer::default(),
+            sequence: 0,
+            frozen: BTreeMap::new(),
+            rng: ChaCha8Rng::seed_from_u64(seed),
+        }
+    }
+
+    /// Freezes a camera.
+    pub fn freeze(&mut self, camera: u8) {
+        self.frozen.entry(camera).or_default();
+    }
+
+    /// Takes bytes from the host at `now`, s.
+    pub fn receive(&mut self, bytes: &[u8], now: f64) -> Reaction {
+        let mut reaction = Reaction::default();
+        for message in self.deframer.push(bytes).into_iter().flatten() {
+            let answer = match message {
+                Message::Hello => {
+                    let serial = self.settings.serial;
+                    Message::Welcome { version: VERSION, serial, cameras: CAMERAS as u8 }
+                }
+                Message::WhatTime { host_us } => Message::Time { host_us, board_us: self.clock_us(now) },
+                Message::Capture => {
+                    reaction.capture = true;
+                    continue;
+                }
+                _ => continue,
+            };
+            reaction.bytes.extend(frame::encode(&answer));
+        }
+        reaction
+    }
+
+    /// The frames that carry these images, taken at `now`, s.
+    pub fn send_images(&mut self, frames: &[TactileFrame], now: f64) -> Vec<u8> {
+        self.sequence += 1;
+        frames.iter().flat_map(|picture| frame::encode(&self.image(picture, now))).collect()
+    }
+
+    fn clock_us(&self, now: f64) -> u64 {
+        ((self.settings.clock_offset + now * (1.0 + self.settings.clock_drift)) * 1e6) as u64
+    }
+
+    fn image(&mut self, picture: &TactileFrame, now: f64) -> Message {
+        let camera = picture.camera as u8;
+        let Some(mut data) = self.coded(camera, &picture.image.rgb) else {
+            return Message::CameraFault { camera, fault: CameraFault::Overrun };
+        };
+        if self.jpeg_chance > 0.0 && self.rng.random_bool(self.jpeg_chance) {
+            data.truncate(data.len() / 2);
+        }
+        Message::Image(Image {
+            camera,
+            sequence: self.sequence,
+            captured_us: self.clock_us(now),
+            width: 240,
+            height: 240,
+            encoding: self.settings.encoding,
+            data,
+        })
+    }
+
+    /// The coded picture, or what a frozen camera sends instead.
+    fn coded(&mut self, camera: u8, rgb: &[u8]) -> Option<Vec<u8>> {
+        if let Some(Some(data)) = self.frozen.get(&camera) {
+            return Some(data.clone());
+        }
+        let mut noisy = vec![0; rgb.len()];
+        self.rng.fill_bytes(&mut noisy);
+        for (value, pixel) in noisy.iter_mut().zip(rgb) {
+            *value = pixel ^ (*value & 1);
+        }
+        let data = match self.settings.encoding {
+            Encoding::Jpeg => image_data::encode_jpeg(&noisy, self.settings.quality).ok()?,
+            Encoding::Rgb565 => image_data::encode_rgb565(rgb),
+        };
+        if let Some(kept) = self.frozen.get_mut(&camera) {
+            *kept = Some(data.clone());
+        }
+        Some(data)
+    }
+}

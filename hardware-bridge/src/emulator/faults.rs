@@ -1,0 +1,125 @@
+//! What can be made to go wrong in the emulated hand, and how it is written on the command line.
+//!
+//! Chances are per answer (or per image) and drawn from a seeded generator; events happen at a time since the start:
+//! `noise=0.1`, `drop=0.02`, `corrupt=0.01`, `delay=0.05`, `jpeg=0.05`; `overload=3@5` (servo 3 after 5 s), `overheat=2@4`, `voltage=5.2@3`
+//! (the supply, V), `unplug=4@6`, `plug=4@8`, `freeze=7@2` (camera 7).
+
+use std::str::FromStr;
+
+/// How late a delayed answer is, s.
+pub const DELAY: f64 = 0.030;
+
+/// Chances of what goes wrong at random.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Chances {
+    /// One to three stray bytes before an answer.
+    pub noise: f64,
+    /// An answer is lost.
+    pub drop: f64,
+    /// A byte of an answer is changed.
+    pub corrupt: f64,
+    /// An answer comes [`DELAY`] late.
+    pub delay: f64,
+    /// An image's JPEG is cut in half before it is framed, as a camera that overruns its buffer does.
+    pub jpeg: f64,
+}
+
+/// Something that happens once.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Event {
+    /// The servo with this id reports overload and shuts down.
+    Overload(u8),
+    /// The servo with this id is heated beyond its limit.
+    Overheat(u8),
+    /// The supply of all servos becomes this, V.
+    Voltage(f64),
+    /// The servo with this id loses its plug.
+    Unplug(u8),
+    /// It is plugged in again.
+    Plug(u8),
+    /// This camera sends the same image for ever.
+    Freeze(u8),
+}
+
+/// Everything that will go wrong.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Faults {
+    /// At random.
+    pub chances: Chances,
+    /// At a time, s since the start.
+    pub events: Vec<(f64, Event)>,
+}
+
+/// A fault as it stands on the command line.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[error(
+    "fault: found `{0}`, expected noise|drop|corrupt|delay|jpeg=CHANCE, overload|overheat|unplug|plug|freeze=ID@SECONDS or voltage=VOLTS@SECONDS"
+)]
+pub struct FaultSyntax(String);
+
+impl Faults {
+    /// Reads a list of faults.
+    pub fn parse<'a>(texts: impl IntoIterator<Item = &'a str>) -> Result<Self, FaultSyntax> {
+        let mut faults = Self::default();
+        for text in texts {
+            faults.add(text).ok_or_else(|| FaultSyntax(text.to_owned()))?;
+        }
+        Ok(faults)
+    }
+
+    fn add(&mut self, text: &str) -> Option<()> {
+        let (name, value) = text.split_once('=')?;
+        let chances = &mut self.chances;
+        let chance = match name {
+            "noise" => &mut chances.noise,
+            "drop" => &mut chances.drop,
+            "corrupt" => &mut chances.corrupt,
+            "delay" => &mut chances.delay,
+            "jpeg" => &mut chances.jpeg,
+            _ => return self.add_event(name, value),
+        };
+        *chance = f64::from_str(value).ok().filter(|chance| (0.0..=1.0).contains(chance))?;
+        Some(())
+    }
+
+    fn add_event(&mut self, name: &str, value: &str) -> Option<()> {
+        let (what, at) = value.split_once('@')?;
+        let at = f64::from_str(at).ok().filter(|at| at.is_finite() && *at >= 0.0)?;
+        let event = match name {
+            "voltage" => Event::Voltage(what.parse().ok().filter(|volts| (0.0..20.0).contains(volts))?),
+            "overload" => Event::Overload(what.parse().ok()?),
+            "overheat" => Event::Overheat(what.parse().ok()?),
+            "unplug" => Event::Unplug(what.parse().ok()?),
+            "plug" => Event::Plug(what.parse().ok()?),
+            "freeze" => Event::Freeze(what.parse().ok()?),
+            _ => return None,
+        };
+        self.events.push((at, event));
+        Some(())
+    }
+
+    /// Takes out the events due at `now`.
+    pub fn due(&mut self, now: f64) -> Vec<Event> {
+        let (due, later) = self.events.iter().partition(|(at, _)| *at <= now);
+        self.events = later;
+        let due: Vec<(f64, Event)> = due;
+        due.into_iter().map(|(_, event)| event).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn syntax() {
+        let mut faults = Faults::parse(["noise=0.1", "overload=3@5", "voltage=5.2@0.5"]).expect("good");
+        assert_eq!(faults.chances, Chances { noise: 0.1, ..Chances::default() });
+        assert_eq!(faults.due(1.0), [Event::Voltage(5.2)]);
+        assert_eq!(faults.due(1.0), []);
+        assert_eq!(faults.due(5.0), [Event::Overload(3)]);
+        for bad in ["noise", "noise=2", "overload=3", "overload=x@1", "melt=1@1", "voltage=5@-1"] {
+            assert!(Faults::parse([bad]).expect_err("bad").to_string().contains(bad));
+        }
+    }
+}

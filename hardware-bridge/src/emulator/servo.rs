@@ -1,0 +1,378 @@
+//! One emulated XC330: its control table, its refusals, its shutdowns, its bus watchdog.
+//!
+//! Pure: time and shaft come in as arguments, goals go out. Where the e-Manual leaves something open, our reading is the harsher one for the
+//! host, and is marked "our reading".
+
+use hand_model::robot::{ServoGoal, ServoState};
+
+use crate::protocol2::ServoError;
+use crate::xc330::{self, Access, REGISTERS, Register};
+
+/// Bits of the hardware error status register.
+pub mod hardware_error {
+    /// Input voltage out of its limits.
+    pub const VOLTAGE: u8 = 1 << 0;
+    /// Too hot.
+    pub const OVERHEAT: u8 = 1 << 2;
+    /// Load beyond the maximum for too long.
+    pub const OVERLOAD: u8 = 1 << 5;
+}
+
+/// Operating modes we emulate; velocity (1) and PWM (16) are refused.
+pub mod mode {
+    /// Current control.
+    pub const CURRENT: i64 = 0;
+    /// Position control within one turn.
+    pub const POSITION: i64 = 3;
+    /// Multi-turn position control.
+    pub const EXTENDED: i64 = 4;
+    /// Multi-turn position control under a current limit.
+    pub const CURRENT_POSITION: i64 = 5;
+}
+
+/// Off the bus after a reboot, s.
+const REBOOT_TIME: f64 = 0.34;
+/// Below this supply a servo is off, V. Our reading.
+const BROWN_OUT: f64 = 5.0;
+/// A stalled servo above this current, A, for longer than [`OVERLOAD_TIME`], s, shuts down. Our reading.
+const OVERLOAD_CURRENT: f64 = 0.8;
+const OVERLOAD_TIME: f64 = 1.0;
+/// Degrees above ambient at 1 A in steady state, and the time constant, s. Our reading.
+const HEATING: f64 = 60.0;
+const THERMAL_TIME: f64 = 120.0;
+const AMBIENT: f64 = 28.0;
+/// Watchdog register after it tripped: -1.
+const TRIPPED: u8 = 0xFF;
+/// Firmware that knows fast sync read.
+const FIRMWARE: i64 = 46;
+
+/// An emulated servo.
+#[derive(Debug, Clone)]
+pub struct EmulatedServo {
+    memory: [u8; 256],
+    /// Encoder counts, over all turns, at shaft angle 0: how the horn was mounted.
+    zero: i64,
+    /// Whole turns that were forgotten at the last power-up, in counts.
+    forgotten: i64,
+    shaft: ServoState,
+    voltage: f64,
+    heat: f64,
+    overloaded_for: f64,
+    last_fed: f64,
+    silent_until: f64,
+    /// Goal held since the watchdog tripped, counts.
+    held: Option<i64>,
+    unplugged: bool,
+}
+
+impl EmulatedServo {
+    /// A servo as it leaves the factory, whose encoder shows `zero` counts at shaft angle 0.
+    pub fn factory(zero: i64) -> Self {
+        let mut servo = Self {
+            memory: [0; 256],
+            zero,
+            forgotten: 0,
+            shaft: ServoState::default(),
+            voltage: 11.1,
+            heat: 0.0,
+            overloaded_for: 0.0,
+            last_fed: 0.0,
+            silent_until: 0.0,
+            held: None,
+            unplugged: false,
+        };
+        for register in REGISTERS.iter().filter(|register| register.access != Access::Ram) {
+            servo.set(register, register.default.unwrap_or(0));
+        }
+        servo.set(&xc330::FIRMWARE_VERSION, FIRMWARE);
+        servo.power_up();
+        servo
+    }
+
+    /// A servo that has been provisioned: `id`, 3 Mbaud, no return delay, current-based position control.
+    pub fn provisioned(id: u8, zero: i64) -> Self {
+        let mut servo = Self::factory(zero);
+        servo.set(&xc330::ID, i64::from(id));
+        servo.set(&xc330::BAUD_RATE, 5);
+        servo.set(&xc330::RETURN_DELAY_TIME, 0);
+        servo.set(&xc330::OPERATING_MODE, mode::CURRENT_POSITION);
+        servo
+    }
+
+    /// Its id.
+    pub fn id(&self) -> u8 {
+        self.memory[usize::from(xc330::ID.address)]
+    }
+
+    /// Its baud rate, bits per second.
+    pub fn baud(&self) -> u32 {
+        xc330::BAUD_RATES[self.get(&xc330::BAUD_RATE) as usize]
+    }
+
+    /// Its return delay, s.
+    pub fn return_delay(&self) -> f64 {
+        self.get(&xc330::RETURN_DELAY_TIME) as f64 * xc330::Unit::ReturnDelay.per_count()
+    }
+
+    /// Whether it takes part in the bus at `now`.
+    pub fn listens(&self, now: f64) -> bool {
+        !self.unplugged && self.voltage >= BROWN_OUT && now >= self.silent_until
+    }
+
+    /// Whether the status byte of its answers carries the alert bit.
+    pub fn alert(&self) -> bool {
+        self.get(&xc330::HARDWARE_ERROR_STATUS) != 0
+    }
+
+    /// Which instructions it answers: 0 ping, 1 also reads, 2 all.
+    pub fn return_level(&self) -> i64 {
+        self.get(&xc330::STATUS_RETURN_LEVEL)
+    }
+
+    /// Any instruction packet on the bus feeds the bus watchdog.
+    pub fn feed_watchdog(&mut self, now: f64) {
+        self.last_fed = now;
+    }
+
+    /// What is in `length` bytes from `address` on.
+    pub fn read(&self, address: u16, length: u16) -> Result<Vec<u8>, ServoError> {
+        let (start, end) = (usize::from(address), usize::from(address) + usize::from(length));
+        if length == 0 {
+            return Err(ServoError::DataLength);
+        }
+        self.memory.get(start..end).map(<[u8]>::to_vec).ok_or(ServoError::Access)
+    }
+
+    /// Writes bytes from `address` on: all of them, or none and a reason.
+    pub fn write(&mut self, address: u16, data: &[u8]) -> Result<(), ServoError> {
+        let mut writes = Vec::new();
+        let (mut place, mut rest) = (address, data);
+        while !rest.is_empty() {
+            let register = REGISTERS.iter().find(|register| register.address == place).ok_or(ServoError::Access)?;
+            let size = usize::from(register.size);
+            let bytes = rest.get(..size).ok_or(ServoError::DataLength)?;
+            let value = decode(register, bytes);
+            self.check(register, value)?;
+            writes.push((register, value));
+            rest = &rest[size..];
+            place += u16::from(register.size);
+        }
+        for (register, value) in writes {
+            self.apply(register, value);
+        }
+        Ok(())
+    }
+
+    /// Restarts it.
+    pub fn reboot(&mut self, now: f64) {
+        self.power_up();
+        self.silent_until = now + REBOOT_TIME;
+    }
+
+    /// Lets `dt` pass with the shaft as the plant has it.
+    pub fn advance(&mut self, now: f64, dt: f64, shaft: ServoState) {
+        self.shaft = shaft;
+        self.heat += (HEATING * shaft.current.powi(2) - self.heat) * dt / THERMAL_TIME;
+        let stalled = shaft.current.abs() > OVERLOAD_CURRENT && shaft.velocity.abs() < 0.1;
+        self.overloaded_for = if stalled { self.overloaded_for + dt } else { 0.0 };
+        if self.overloaded_for > OVERLOAD_TIME {
+            self.raise(hardware_error::OVERLOAD);
+        }
+        if self.temperature() > self.get(&xc330::TEMPERATURE_LIMIT) as f64 {
+            self.raise(hardware_error::OVERHEAT);
+        }
+        let tenths = (self.voltage * 10.0).round() as i64;
+        let allowed = self.get(&xc330::MIN_VOLTAGE_LIMIT)..=self.get(&xc330::MAX_VOLTAGE_LIMIT);
+        if self.voltage >= BROWN_OUT && !allowed.contains(&tenths) {
+            self.raise(hardware_error::VOLTAGE);
+        }
+        let watchdog = self.get(&xc330::BUS_WATCHDOG);
+        if self.torque() && watchdog > 0 && now - self.last_fed > watchdog as f64 * xc330::Unit::Watchdog.per_count() {
+            self.memory[usize::from(xc330::BUS_WATCHDOG.address)] = TRIPPED;
+            self.held = Some(self.position());
+        }
+        self.show();
+    }
+
+    /// What it makes its shaft do.
+    pub fn drive(&self) -> ServoGoal {
+        let current_limit = self.get(&xc330::CURRENT_LIMIT) as f64 * 1e-3;
+        let goal_current = self.get(&xc330::GOAL_CURRENT) as f64 * 1e-3;
+        let position = self.held.unwrap_or_else(|| self.get(&xc330::GOAL_POSITION));
+        let toward = |current_limit: f64| ServoGoal::Position { angle: self.angle_of(position), current_limit };
+        if !self.torque() {
+            return ServoGoal::Current(0.0);
+        }
+        match self.get(&xc330::OPERATING_MODE) {
+            mode::CURRENT if self.held.is_some() => ServoGoal::Current(0.0),
+            mode::CURRENT => ServoGoal::Current(self.sign() * goal_current),
+            mode::CURRENT_POSITION => toward(goal_current.abs().min(current_limit)),
+            _ => toward(current_limit),
+        }
+    }
+
+    /// Supply voltage, V; below the brown-out voltage the servo is off, and starts anew when it comes back.
+    pub fn set_voltage(&mut self, volts: f64, now: f64) {
+        let was_on = self.voltage >= BROWN_OUT;
+        self.voltage = volts;
+        if was_on && volts < BROWN_OUT {
+            self.power_up();
+        } else if !was_on && volts >= BROWN_OUT {
+            self.reboot(now);
+        }
+    }
+
+    /// Makes it as hot as `celsius`.
+    pub fn set_temperature(&mut self, celsius: f64) {
+        self.heat = celsius - AMBIENT;
+    }
+
+    /// Pulls or puts back its plug; either way it starts anew.
+    pub fn set_unplugged(&mut self, unplugged: bool, now: f64) {
+        self.unplugged = unplugged;
+        self.reboot(now);
+    }
+
+    /// Sets bits of the hardware error status, and shuts down if the shutdown mask says so.
+    pub fn raise(&mut self, bits: u8) {
+        let status = self.get(&xc330::HARDWARE_ERROR_STATUS) as u8 | bits;
+        self.set(&xc330::HARDWARE_ERROR_STATUS, i64::from(status));
+        if self.shut_down() {
+            self.set(&xc330::TORQUE_ENABLE, 0);
+        }
+    }
+
+    fn shut_down(&self) -> bool {
+        self.get(&xc330::HARDWARE_ERROR_STATUS) & self.get(&xc330::SHUTDOWN) != 0
+    }
+
+    fn temperature(&self) -> f64 {
+        AMBIENT + self.heat
+    }
+
+    fn torque(&self) -> bool {
+        self.get(&xc330::TORQUE_ENABLE) != 0 && !self.unplugged && self.voltage >= BROWN_OUT
+    }
+
+    fn sign(&self) -> f64 {
+        if self.get(&xc330::DRIVE_MODE) & 1 == 0 { 1.0 } else { -1.0 }
+    }
+
+    /// Encoder counts over all turns.
+    fn encoder(&self) -> i64 {
+        self.zero + (self.shaft.position / xc330::Unit::Angle.per_count()).round() as i64
+    }
+
+    /// Present position, counts, as the host sees it.
+    fn position(&self) -> i64 {
+        self.sign() as i64 * (self.encoder() - self.forgotten) + self.get(&xc330::HOMING_OFFSET)
+    }
+
+    /// Shaft angle at which the present position would be `position`.
+    fn angle_of(&self, position: i64) -> f64 {
+        let encoder = self.sign() as i64 * (position - self.get(&xc330::HOMING_OFFSET)) + self.forgotten;
+        (encoder - self.zero) as f64 * xc330::Unit::Angle.per_count()
+    }
+
+    /// What power-up does: RAM is lost, whole turns are forgotten, torque is off.
+    fn power_up(&mut self) {
+        for register in REGISTERS.iter().filter(|register| register.access == Access::Ram) {
+            self.set(register, register.default.unwrap_or(0));
+        }
+        self.set(&xc330::HARDWARE_ERROR_STATUS, 0);
+        self.forgotten = self.encoder().div_euclid(4096) * 4096;
+        self.held = None;
+        self.overloaded_for = 0.0;
+        self.set(&xc330::GOAL_PWM, self.get(&xc330::PWM_LIMIT));
+        self.set(&xc330::GOAL_CURRENT, self.get(&xc330::CURRENT_LIMIT));
+        self.show();
+        self.set(&xc330::GOAL_POSITION, self.position());
+    }
+
+    fn check(&self, register: &Register, value: i64) -> Result<(), ServoError> {
+        let limited_by = |limit: &Register| {
+            if value.abs() > self.get(limit) { Err(ServoError::DataLimit) } else { Ok(()) }
+        };
+        if register.access == Access::Read || register.access == Access::Eeprom && self.torque() {
+            return Err(ServoError::Access);
+        }
+        if !(register.range.0..=register.range.1).contains(&value) {
+            return Err(ServoError::DataRange);
+        }
+        let is = |other: &Register| register.address == other.address;
+        let goal = (xc330::GOAL_PWM.address..=xc330::GOAL_POSITION.address).contains(&register.address);
+        if goal && self.memory[usize::from(xc330::BUS_WATCHDOG.address)] == TRIPPED {
+            return Err(ServoError::DataRange);
+        }
+        if is(&xc330::OPERATING_MODE) && !matches!(value, 0 | 3 | 4 | 5) || is(&xc330::BUS_WATCHDOG) && value < 0 {
+            return Err(ServoError::DataRange);
+        }
+        if is(&xc330::TORQUE_ENABLE) && value == 1 && self.shut_down() {
+            return Err(ServoError::ResultFail);
+        }
+        if is(&xc330::GOAL_CURRENT) {
+            return limited_by(&xc330::CURRENT_LIMIT);
+        }
+        if is(&xc330::GOAL_PWM) {
+            return limited_by(&xc330::PWM_LIMIT);
+        }
+        if is(&xc330::GOAL_VELOCITY) {
+            return limited_by(&xc330::VELOCITY_LIMIT);
+        }
+        let bounded = is(&xc330::GOAL_POSITION) && self.get(&xc330::OPERATING_MODE) == mode::POSITION;
+        let bounds = self.get(&xc330::MIN_POSITION_LIMIT)..=self.get(&xc330::MAX_POSITION_LIMIT);
+        if bounded && !bounds.contains(&value) { Err(ServoError::DataLimit) } else { Ok(()) }
+    }
+
+    fn apply(&mut self, register: &Register, value: i64) {
+        let turned_on = register.address == xc330::TORQUE_ENABLE.address && value == 1 && !self.torque();
+        if turned_on {
+            self.set(&xc330::GOAL_POSITION, self.position());
+        }
+        if register.address == xc330::BUS_WATCHDOG.address && value == 0 {
+            self.held = None;
+        }
+        self.set(register, value);
+        if register.address == xc330::OPERATING_MODE.address {
+            for reset in [&xc330::POSITION_P_GAIN, &xc330::POSITION_I_GAIN, &xc330::POSITION_D_GAIN] {
+                self.set(reset, reset.default.unwrap_or(0));
+            }
+            self.set(&xc330::PROFILE_ACCELERATION, 0);
+            self.set(&xc330::PROFILE_VELOCITY, 0);
+            self.set(&xc330::GOAL_PWM, self.get(&xc330::PWM_LIMIT));
+            self.set(&xc330::GOAL_CURRENT, self.get(&xc330::CURRENT_LIMIT));
+        }
+        self.show();
+    }
+
+    /// Brings the present block up to date.
+    fn show(&mut self) {
+        let velocity = self.sign() * self.shaft.velocity / xc330::Unit::Velocity.per_count();
+        self.set(&xc330::PRESENT_CURRENT, (self.sign() * self.shaft.current * 1e3).round() as i64);
+        self.set(&xc330::PRESENT_VELOCITY, velocity.round() as i64);
+        self.set(&xc330::PRESENT_POSITION, self.position());
+        self.set(&xc330::PRESENT_INPUT_VOLTAGE, (self.voltage * 10.0).round() as i64);
+        self.set(&xc330::PRESENT_TEMPERATURE, self.temperature().round() as i64);
+    }
+
+    fn get(&self, register: &Register) -> i64 {
+        let start = usize::from(register.address);
+        decode(register, &self.memory[start..start + usize::from(register.size)])
+    }
+
+    fn set(&mut self, register: &Register, value: i64) {
+        let (start, size) = (usize::from(register.address), usize::from(register.size));
+        self.memory[start..start + size].copy_from_slice(&value.to_le_bytes()[..size]);
+    }
+}
+
+fn decode(register: &Register, bytes: &[u8]) -> i64 {
+    let negative = register.signed() && bytes.last().is_some_and(|byte| byte & 0x80 != 0);
+    let mut wide = [if negative { 0xFF } else { 0 }; 8];
+    wide[..bytes.len()].copy_from_slice(bytes);
+    i64::from_le_bytes(wide)
+}
+
+#[cfg(test)]
+#[path = "servo_tests.rs"]
+mod tests;

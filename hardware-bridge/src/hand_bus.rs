@@ -1,0 +1,133 @@
+//! The six servos as one hand: readings in angles from the open mark, goals out, torque, watchdog, audit.
+
+use hand_model::ACTUATORS;
+use hand_model::robot::ServoState;
+
+use crate::calibration::{Calibration, turns_to_forget};
+use crate::protocol2::{ReplyError, Status};
+use crate::safety::checks::ServoReading;
+use crate::safety::limits::SafeGoal;
+use crate::safety::state::Cause;
+use crate::servo_bus::{BusError, ServoBus};
+use crate::xc330::{self, PRESENT_BLOCK_LONG, Register};
+
+/// From torque enable to bus watchdog: what an audit reads.
+const AUDIT_START: u16 = xc330::TORQUE_ENABLE.address;
+const AUDIT_LENGTH: u16 = xc330::BUS_WATCHDOG.address + 1 - AUDIT_START;
+
+/// The servos behind an open bus.
+#[derive(Debug)]
+pub struct HandBus {
+    /// The bus.
+    pub bus: ServoBus,
+    ids: [u8; ACTUATORS],
+    fast: bool,
+    /// Whole turns to take off each reading, rad, once known.
+    forget: [Option<f64>; ACTUATORS],
+}
+
+impl HandBus {
+    /// The servos `ids`, read with fast sync reads if `fast`.
+    pub fn new(bus: ServoBus, ids: [u8; ACTUATORS], fast: bool) -> Self {
+        Self { bus, ids, fast, forget: [None; ACTUATORS] }
+    }
+
+    /// The ids in actuator order.
+    pub fn ids(&self) -> &[u8; ACTUATORS] {
+        &self.ids
+    }
+
+    /// Compares the servos' homing offsets with the calibration's: the first that differs, (actuator, found, expected) in counts.
+    pub fn compare(&mut self, calibration: &Calibration) -> Result<Option<(usize, i64, i64)>, BusError> {
+        let per_count = xc330::HOMING_OFFSET.unit.per_count();
+        for (n, servo) in calibration.servos.iter().enumerate() {
+            let found = (self.bus.read(self.ids[n], &xc330::HOMING_OFFSET)? / per_count).round() as i64;
+            if found != i64::from(servo.homing_offset) {
+                return Ok(Some((n, found, servo.homing_offset.into())));
+            }
+        }
+        Ok(None)
+    }
+
+    /// The newest word of each servo at `now`, s; `None` for those that said nothing usable.
+    pub fn read(&mut self, now: f64) -> Result<[Option<ServoReading>; ACTUATORS], BusError> {
+        let (start, length) = (PRESENT_BLOCK_LONG.start, PRESENT_BLOCK_LONG.end - PRESENT_BLOCK_LONG.start);
+        let replies = if self.fast {
+            self.bus.fast_sync_read(&self.ids, start, length)?
+        } else {
+            self.bus.sync_read(&self.ids, start, length)?
+        };
+        Ok(std::array::from_fn(|n| self.reading(n, &replies[n], now)))
+    }
+
+    fn reading(&mut self, n: usize, reply: &Result<Status, ReplyError>, now: f64) -> Option<ServoReading> {
+        let status = reply.as_ref().ok()?;
+        let value = |register: Register| register.read_from(&status.data, PRESENT_BLOCK_LONG.start);
+        let raw = value(xc330::PRESENT_POSITION)?;
+        let forget = *self.forget[n].get_or_insert_with(|| turns_to_forget(raw));
+        let state = ServoState {
+            position: raw - forget,
+            velocity: value(xc330::PRESENT_VELOCITY)?,
+            current: value(xc330::PRESENT_CURRENT)?,
+            temperature: value(xc330::PRESENT_TEMPERATURE)?,
+        };
+        Some(ServoReading { at: now, state, voltage: value(xc330::PRESENT_INPUT_VOLTAGE)?, alert: status.alert })
+    }
+
+    /// Sends goals: the current first, so that a place is never sought with an older, greater current.
+    pub fn send(&mut self, goals: &[SafeGoal; ACTUATORS]) -> Result<(), BusError> {
+        self.sync_write(&xc330::GOAL_CURRENT, |n| goals[n].current)?;
+        let forget = self.forget;
+        self.sync_write(&xc330::GOAL_POSITION, |n| goals[n].angle + forget[n].unwrap_or(0.0))
+    }
+
+    /// Torque on without a jerk: no current, goals where the shafts are, watchdog off until all are on.
+    pub fn torque_on(&mut self, goals: &[SafeGoal; ACTUATORS], watchdog: f64) -> Result<(), BusError> {
+        self.set_watchdog(0.0)?;
+        self.send(&goals.map(|goal| SafeGoal { current: 0.0, ..goal }))?;
+        let ids = self.ids;
+        for result in self.bus.set_torque(&ids, true) {
+            result?;
+        }
+        self.send(goals)?;
+        self.set_watchdog(watchdog)
+    }
+
+    /// Torque off everywhere, whoever fails: the failures.
+    pub fn torque_off(&mut self) -> Vec<BusError> {
+        let ids = self.ids;
+        self.bus.set_torque(&ids, false).into_iter().filter_map(Result::err).collect()
+    }
+
+    /// Sets the servos' bus watchdog, s; 0 switches it off and clears one that tripped. Every servo is asked for its consent.
+    pub fn set_watchdog(&mut self, seconds: f64) -> Result<(), BusError> {
+        for id in self.ids {
+            self.bus.write(id, &xc330::BUS_WATCHDOG, seconds)?;
+        }
+        Ok(())
+    }
+
+    /// Looks whether servo `n`, whose torque should be on, still has it, and whether it is well: a sync write tells nothing.
+    pub fn audit(&mut self, n: usize) -> Result<Option<Cause>, BusError> {
+        let status = self.bus.read_block(self.ids[n], AUDIT_START, AUDIT_LENGTH)?;
+        let value = |register: Register| register.read_from(&status.data, AUDIT_START).unwrap_or(f64::NAN);
+        Ok(if value(xc330::HARDWARE_ERROR_STATUS) != 0.0 {
+            Some(Cause::ServoAlert(n))
+        } else if value(xc330::TORQUE_ENABLE) != 1.0 {
+            Some(Cause::TorqueLost(n))
+        } else if value(xc330::BUS_WATCHDOG) < 0.0 {
+            Some(Cause::WatchdogTripped(n))
+        } else {
+            None
+        })
+    }
+
+    fn sync_write(&mut self, register: &Register, value: impl Fn(usize) -> f64) -> Result<(), BusError> {
+        let mut data = Vec::with_capacity(ACTUATORS);
+        for (n, id) in self.ids.iter().enumerate() {
+            let bytes = register.write(value(n)).map_err(|source| BusError::Register { id: *id, source })?;
+            data.push((*id, bytes));
+        }
+        self.bus.sync_write(register.address, register.size.into(), data)
+    }
+}

@@ -1,0 +1,290 @@
+//! The real robot as a [`Robot`]: what a controller drives.
+//!
+//! [`HardwareRobot::connect`] opens and compares, [`HardwareRobot::check`] looks at every measurement, [`HardwareRobot::arm`] switches torque
+//! on; only then do commands move anything. Dropping the robot leaves it holding: to open the hand is always somebody's wish.
+
+use std::collections::VecDeque;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc;
+use std::sync::{Arc, Condvar, Mutex};
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
+
+use hand_model::robot::{Command, Observation, Robot, ServoGoal, Tick};
+use hand_model::{ACTUATORS, ARM_JOINTS, Arm};
+
+use crate::arm_link::ArmLink;
+use crate::calibration::Calibration;
+use crate::config::{BridgeConfig, ConfigError};
+use crate::hand_bus::HandBus;
+use crate::lock;
+use crate::remote::{RemoteDoor, RemoteError, Wish};
+use crate::safety::checks::Measured;
+use crate::safety::limits::SafeGoal;
+use crate::safety::state::State;
+use crate::safety::supervisor::{SafeCommand, Supervisor};
+use crate::servo_bus::{BusError, ServoBus};
+use crate::servo_cycle::{Board, CycleReport, DryLines, Order, ServoCycle, Shared};
+use crate::setup;
+use crate::tactile_link::TactileLink;
+use crate::tactile_link::link::LinkError;
+
+/// Length of a control tick, s: the simulated robot's.
+const TICK: f64 = 1.0 / 120.0;
+/// Longest wait for the cycle that uses a command, and for the answer to an order.
+const PATIENCE: Duration = Duration::from_secs(3);
+
+/// Why there is no robot.
+#[derive(Debug, thiserror::Error)]
+pub enum ConnectError {
+    /// The calibration.
+    #[error(transparent)]
+    Config(#[from] ConfigError),
+    /// The servo bus.
+    #[error(transparent)]
+    Bus(#[from] BusError),
+    /// The camera board.
+    #[error(transparent)]
+    Cameras(#[from] LinkError),
+    /// The remote stop.
+    #[error(transparent)]
+    Remote(#[from] RemoteError),
+    /// A servo is not set up as it should be.
+    #[error("{what}: found {found}, expected {expected}: see `ftac bridge doctor`")]
+    Setup {
+        /// What was looked at.
+        what: String,
+        /// What it is.
+        found: String,
+        /// What it should be.
+        expected: String,
+    },
+    /// Not the hand that was calibrated.
+    #[error(
+        "actuator {actuator}: found homing offset {found}, expected the calibration's {expected}: another servo, or mounted anew; calibrate"
+    )]
+    Mismatch {
+        /// Index of the actuator.
+        actuator: usize,
+        /// Counts in the servo.
+        found: i64,
+        /// Counts in the file.
+        expected: i64,
+    },
+    /// A thread could not be started.
+    #[error("thread: {0}")]
+    Thread(std::io::Error),
+}
+
+/// An order that was not carried out.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("{0}")]
+pub struct OrderError(pub String);
+
+/// The connected robot.
+pub struct HardwareRobot {
+    shared: Arc<Shared>,
+    tactile: Option<TactileLink>,
+    _door: RemoteDoor,
+    thread: Option<JoinHandle<()>>,
+    epoch: Instant,
+    next_tick: Instant,
+    sequence: u64,
+}
+
+impl HardwareRobot {
+    /// Opens the devices and makes sure that they are the calibrated ones; touches no torque. With `dry`, nothing will ever be written to
+    /// a device, and what would have been is told there.
+    pub fn connect(
+        config: &BridgeConfig,
+        arm: Box<dyn ArmLink>,
+        arm_model: &Arm,
+        dry: Option<DryLines>,
+    ) -> Result<Self, ConnectError> {
+        let calibration = Calibration::read(&config.calibration)?;
+        let epoch = Instant::now();
+        let mut bus = ServoBus::open(&config.servos.port, config.bus())?;
+        for (n, id) in config.servos.ids.iter().enumerate() {
+            let findings = setup::check(&mut bus, config, *id, &format!("actuator {n}"))?;
+            if let Some(bad) = findings.into_iter().find(|finding| !finding.good) {
+                return Err(ConnectError::Setup { what: bad.what, found: bad.found, expected: bad.expected });
+            }
+        }
+        let mut hand = HandBus::new(bus, config.servos.ids, config.servos.fast_sync_read);
+        if let Some((actuator, found, expected)) = hand.compare(&calibration)? {
+            return Err(ConnectError::Mismatch { actuator, found, expected });
+        }
+        let tactile = match &config.cameras {
+            Some(cameras) => Some(TactileLink::open(&cameras.port, epoch)?),
+            None => None,
+        };
+        let mut supervisor = Supervisor::new(config.limits(&calibration.travel(), arm_model));
+        // A new supervisor is disconnected, so this cannot be refused.
+        let _ = supervisor.connect();
+        let measured = Measured { servos: [None; ACTUATORS], arm: None, cameras: true };
+        let shared = Arc::new(Shared {
+            board: Mutex::new(Board {
+                asked: None,
+                asked_number: 0,
+                used_number: 0,
+                sent: SafeCommand { servos: [SafeGoal::default(); ACTUATORS], arm: [0.0; ARM_JOINTS] },
+                measured,
+                state: supervisor.state(),
+                orders: VecDeque::new(),
+                report: CycleReport::default(),
+                cameras: true,
+            }),
+            cycled: Condvar::new(),
+            stop: AtomicBool::new(false),
+        });
+        let for_door = shared.clone();
+        let door = RemoteDoor::open(&config.stop_socket, move |wish| give(&for_door, Order::Remote(wish)))?;
+        let cycle = ServoCycle {
+            shared: shared.clone(),
+            hand: Some(hand),
+            port: config.servos.port.clone(),
+            bus: config.bus(),
+            ids: config.servos.ids,
+            fast: config.servos.fast_sync_read,
+            arm,
+            supervisor,
+            period: Duration::from_secs_f64(1.0 / config.servos.rate),
+            epoch,
+            dry,
+            measured,
+            report: CycleReport::default(),
+            lost_at: epoch,
+            dry_told: 0.0,
+        };
+        let thread = std::thread::Builder::new()
+            .name("servo cycle".into())
+            .spawn(move || cycle.run())
+            .map_err(ConnectError::Thread)?;
+        Ok(Self { shared, tactile, _door: door, thread: Some(thread), epoch, next_tick: Instant::now(), sequence: 0 })
+    }
+
+    /// Looks at every newest measurement; the robot may then be armed.
+    pub fn check(&self) -> Result<(), OrderError> {
+        self.order(Order::Check)
+    }
+
+    /// Switches torque on, where everything stands and without force. Somebody must have said so.
+    pub fn arm(&self) -> Result<(), OrderError> {
+        self.order(Order::Arm)
+    }
+
+    /// Stops; what is held stays held.
+    pub fn hold(&self) -> Result<(), OrderError> {
+        self.order(Order::Remote(Wish::Hold))
+    }
+
+    /// Lets go, gently, and switches torque off.
+    pub fn release(&self) -> Result<(), OrderError> {
+        self.order(Order::Remote(Wish::Release))
+    }
+
+    /// Goes on after a hold.
+    pub fn resume(&self) -> Result<(), OrderError> {
+        self.order(Order::Remote(Wish::Resume))
+    }
+
+    /// The state.
+    pub fn state(&self) -> State {
+        lock(&self.shared.board).state
+    }
+
+    /// How the cycles went.
+    pub fn report(&self) -> CycleReport {
+        lock(&self.shared.board).report.clone()
+    }
+
+    /// The camera board's link, if there is one.
+    pub fn tactile(&self) -> Option<&TactileLink> {
+        self.tactile.as_ref()
+    }
+
+    fn order(&self, order: Order) -> Result<(), OrderError> {
+        give(&self.shared, order).map(drop).map_err(OrderError)
+    }
+
+    fn now(&self) -> f64 {
+        self.epoch.elapsed().as_secs_f64()
+    }
+}
+
+/// Hands an order to the cycle and waits for what becomes of it.
+fn give(shared: &Shared, order: Order) -> Result<String, String> {
+    let (answer, answered) = mpsc::channel();
+    lock(&shared.board).orders.push_back((order, answer));
+    answered.recv_timeout(PATIENCE).unwrap_or_else(|_| Err("the servo cycle does not answer".into()))
+}
+
+impl Robot for HardwareRobot {
+    fn observe(&mut self) -> Observation {
+        let tactile = self.tactile.as_ref().map(TactileLink::take).unwrap_or_default();
+        let mut board = lock(&self.shared.board);
+        board.cameras = self.tactile.as_ref().is_none_or(|link| link.lost_port().is_none());
+        Observation {
+            time: self.now(),
+            sequence: self.sequence,
+            servos: board.measured.servos.map(|servo| servo.map(|servo| servo.state).unwrap_or_default()),
+            arm: board.measured.arm.map(|arm| arm.state).unwrap_or_default(),
+            tactile,
+        }
+    }
+
+    fn send(&mut self, command: &Command) -> Command {
+        if let (true, Some(link)) = (command.capture, &self.tactile) {
+            // A port that is gone is noticed at the next observation.
+            let _ = link.request_capture();
+        }
+        let now = self.now();
+        let mut board = lock(&self.shared.board);
+        board.asked = Some((*command, now));
+        board.asked_number += 1;
+        let number = board.asked_number;
+        let waited = self.shared.cycled.wait_timeout_while(board, PATIENCE, |board| board.used_number < number);
+        let (board, _) = waited.unwrap_or_else(std::sync::PoisonError::into_inner);
+        sent_as(command, &board)
+    }
+
+    fn wait_for_tick(&mut self) -> Tick {
+        let tick = Duration::from_secs_f64(TICK);
+        self.next_tick += tick;
+        let now = Instant::now();
+        let lateness = now.saturating_duration_since(self.next_tick);
+        if lateness > tick {
+            self.next_tick = now;
+        }
+        std::thread::sleep(self.next_tick.saturating_duration_since(now));
+        self.sequence += 1;
+        Tick { time: self.now(), lateness: lateness.as_secs_f64() }
+    }
+
+    fn tick_length(&self) -> f64 {
+        TICK
+    }
+}
+
+/// What was sent, in the kind of goal that was asked for where the command was followed.
+fn sent_as(asked: &Command, board: &Board) -> Command {
+    let mut sent = board.sent.as_command(asked.capture);
+    if board.state == State::Running {
+        for (goal, asked) in sent.servos.iter_mut().zip(&asked.servos) {
+            if let (ServoGoal::Current(asked), ServoGoal::Position { current_limit, .. }) = (asked, *goal) {
+                *goal = ServoGoal::Current(current_limit.copysign(*asked));
+            }
+        }
+    }
+    sent
+}
+
+impl Drop for HardwareRobot {
+    fn drop(&mut self) {
+        self.shared.stop.store(true, Ordering::Relaxed);
+        if let Some(thread) = self.thread.take() {
+            // A thread that panicked has said so itself.
+            let _ = thread.join();
+        }
+    }
+}

@@ -1,0 +1,124 @@
+//! The answer to a fast sync read: one packet that several servos write together.
+//!
+//! The first servo sends the packet's head and its own block, each next one appends a block as soon as it has seen the one before.
+//! A block is `error | id | data | crc (2)`; its CRC is that of everything from the packet's first byte on, so every prefix that
+//! ends with a block can be trusted by itself. Blocks are not stuffed. A servo that is not there breaks the chain: it and those after it
+//! stay silent, while the length field has promised all.
+
+use super::crc::crc16;
+use super::packet::{BROADCAST, HEADER};
+use super::status::{ReplyError, STATUS, Status};
+
+/// Bytes of a block besides its data.
+pub const BLOCK_OVERHEAD: usize = 4;
+/// Bytes before the first block: header, id, length, instruction.
+pub const HEAD: usize = 8;
+
+/// Length of the whole answer of `servos` servos with `length` bytes of data each.
+pub fn answer_length(servos: usize, length: usize) -> usize {
+    HEAD + servos * (length + BLOCK_OVERHEAD)
+}
+
+/// The answer in which the first `statuses.len()` of `asked` servos took part: the servos' side.
+pub fn encode(asked: usize, length: usize, statuses: &[Status]) -> Vec<u8> {
+    if statuses.is_empty() {
+        return Vec::new();
+    }
+    let mut wire = HEADER.to_vec();
+    wire.push(BROADCAST);
+    wire.extend_from_slice(&((1 + asked * (length + BLOCK_OVERHEAD)) as u16).to_le_bytes());
+    wire.push(STATUS);
+    for status in statuses {
+        wire.push(status.error_byte());
+        wire.push(status.id);
+        wire.extend_from_slice(&status.data);
+        wire.extend_from_slice(&crc16(&wire).to_le_bytes());
+    }
+    wire
+}
+
+/// Sorts what came after a fast sync read: for each servo asked, in that order, its `length` bytes, or why there are none.
+///
+/// `received` is everything that came; the answer is looked for in it. Blocks up to the first damaged or absent one count.
+pub fn replies(ids: &[u8], length: usize, received: &[u8]) -> Vec<Result<Status, ReplyError>> {
+    let head = [HEADER.as_slice(), &[BROADCAST]].concat();
+    let best = (0..received.len())
+        .filter(|start| received[*start..].starts_with(&head))
+        .map(|start| blocks(ids, length, &received[start..]))
+        .max_by_key(|blocks| blocks.len())
+        .unwrap_or_default();
+    let mut blocks = best.into_iter();
+    ids.iter().map(|id| blocks.next().unwrap_or(Err(ReplyError::Missing(*id)))).collect()
+}
+
+/// The good blocks at the start of an answer that begins at `wire[0]`.
+fn blocks(ids: &[u8], length: usize, wire: &[u8]) -> Vec<Result<Status, ReplyError>> {
+    let mut found = Vec::new();
+    if wire.get(HEAD - 1) != Some(&STATUS) {
+        return found;
+    }
+    for (n, id) in ids.iter().enumerate() {
+        let start = HEAD + n * (length + BLOCK_OVERHEAD);
+        let end = start + length + 2;
+        let Some(&[low, high]) = wire.get(end..end + 2) else { break };
+        if u16::from_le_bytes([low, high]) != crc16(&wire[..end]) || wire[start + 1] != *id {
+            break;
+        }
+        let status = Status::with_error_byte(*id, wire[start], wire[start + 2..end].to_vec());
+        found.push(match status.error {
+            Some(error) => Err(ReplyError::Refused { id: *id, error }),
+            None => Ok(status),
+        });
+    }
+    found
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::stuffing::tests::bytes;
+    use super::*;
+    use proptest::prelude::*;
+
+    fn answers(data: &[Vec<u8>]) -> Vec<Status> {
+        data.iter().zip(1..).map(|(data, id)| Status { id, alert: false, error: None, data: data.clone() }).collect()
+    }
+
+    /// Sizes of the facts sheet: 8 + N (L + 4).
+    #[test]
+    fn size() {
+        let wire = encode(6, 10, &answers(&vec![vec![7; 10]; 6]));
+        assert_eq!((wire.len(), answer_length(6, 10)), (92, 92));
+        assert_eq!(usize::from(u16::from_le_bytes([wire[5], wire[6]])), wire.len() - 7);
+    }
+
+    /// Servo 4 of 6 is unplugged: three answers stand, three are missing.
+    #[test]
+    fn broken_chain() {
+        let all = answers(&vec![vec![7; 10]; 3]);
+        let found = replies(&[1, 2, 3, 4, 5, 6], 10, &encode(6, 10, &all));
+        assert_eq!(found[..3], all.into_iter().map(Ok).collect::<Vec<_>>());
+        assert_eq!(found[3..], [4, 5, 6].map(|id| Err(ReplyError::Missing(id))));
+    }
+
+    proptest! {
+        /// Whatever the data, garbage before and a broken byte: blocks before the break are read, no wrong one ever is.
+        #[test]
+        fn prefix_of_blocks(garbage in bytes(8), data in prop::collection::vec(prop::collection::vec(any::<u8>(), 6), 1..7), hit in any::<prop::sample::Index>(), change in any::<u8>()) {
+            let all = answers(&data);
+            let ids: Vec<u8> = all.iter().map(|status| status.id).collect();
+            let mut wire = encode(ids.len(), 6, &all);
+            let position = hit.index(wire.len());
+            wire[position] ^= change;
+            let good = if change == 0 { ids.len() } else { position.saturating_sub(HEAD) / (6 + BLOCK_OVERHEAD) };
+            let found = replies(&ids, 6, &[garbage, wire].concat());
+            for (n, reply) in found.iter().enumerate() {
+                // A damaged length is noticed by the CRC of the first block already.
+                if n < good && position >= HEAD || change == 0 {
+                    prop_assert_eq!(reply.as_ref(), Ok(&all[n]));
+                } else {
+                    prop_assert!(reply.is_err());
+                }
+            }
+        }
+    }
+}

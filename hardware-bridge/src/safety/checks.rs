@@ -1,0 +1,146 @@
+//! Whether what is measured is allowed.
+
+use hand_model::ACTUATORS;
+use hand_model::robot::{ArmState, Command, ServoGoal, ServoState};
+
+use super::limits::Limits;
+use super::state::Cause;
+
+/// A shaft may be this far outside its limits before that is an alarm, rad: cables stretch and encoders round.
+const ANGLE_MARGIN: f64 = 0.15;
+/// A current may be above its limit by this factor and this much, A: the servo's own control overshoots.
+const CURRENT_MARGIN: (f64, f64) = (1.2, 0.05);
+/// A shaft may be this much faster than its goal may move, as a factor: it catches up after a stall.
+const SPEED_MARGIN: f64 = 1.5;
+
+/// The newest word from one servo.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ServoReading {
+    /// When it came, s.
+    pub at: f64,
+    /// Its shaft.
+    pub state: ServoState,
+    /// Its supply, V.
+    pub voltage: f64,
+    /// Its alert bit.
+    pub alert: bool,
+}
+
+/// The newest word from the arm.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ArmReading {
+    /// When it came, s.
+    pub at: f64,
+    /// Its joints.
+    pub state: ArmState,
+    /// Whether it reports a fault.
+    pub fault: bool,
+}
+
+/// The newest word from everybody.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Measured {
+    /// The servos, in actuator order; `None` before the first word.
+    pub servos: [Option<ServoReading>; ACTUATORS],
+    /// The arm.
+    pub arm: Option<ArmReading>,
+    /// Whether the camera board's port works.
+    pub cameras: bool,
+}
+
+/// Whether a command holds numbers only, and no negative current limit.
+pub fn is_sound(command: &Command) -> bool {
+    let servo = |goal: &ServoGoal| match *goal {
+        ServoGoal::Current(current) => current.is_finite(),
+        ServoGoal::Position { angle, current_limit } => {
+            angle.is_finite() && current_limit.is_finite() && current_limit >= 0.0
+        }
+    };
+    command.arm.iter().all(|angle| angle.is_finite()) && command.servos.iter().all(servo)
+}
+
+/// What is wrong with what was measured at `now`, the worst first.
+pub fn alarm(measured: &Measured, limits: &Limits, now: f64) -> Option<Cause> {
+    if measured.arm.is_some_and(|arm| arm.fault) {
+        return Some(Cause::ArmFault);
+    }
+    let alerts = measured.servos.iter().position(|servo| servo.is_some_and(|servo| servo.alert));
+    if let Some(servo) = alerts {
+        return Some(Cause::ServoAlert(servo));
+    }
+    let age = |at: Option<f64>| at.map_or(f64::INFINITY, |at| now - at);
+    for (n, servo) in measured.servos.iter().enumerate() {
+        let silent = age(servo.map(|servo| servo.at));
+        if silent > limits.staleness {
+            return Some(Cause::ServoSilent(n, silent));
+        }
+        if let Some(cause) = servo.and_then(|servo| servo_alarm(n, &servo, limits)) {
+            return Some(cause);
+        }
+    }
+    let silent = age(measured.arm.map(|arm| arm.at));
+    if silent > limits.watchdogs.arm {
+        return Some(Cause::ArmSilent(silent));
+    }
+    (!measured.cameras).then_some(Cause::CamerasGone)
+}
+
+/// What is wrong with one servo's word. A figure that is not a number is outside every limit.
+fn servo_alarm(n: usize, reading: &ServoReading, limits: &Limits) -> Option<Cause> {
+    let own = &limits.servos[n];
+    let ServoState { position, velocity, current, temperature } = reading.state;
+    let angles = own.angle.0 - ANGLE_MARGIN..=own.angle.1 + ANGLE_MARGIN;
+    let most = CURRENT_MARGIN.0 * own.current + CURRENT_MARGIN.1;
+    if !angles.contains(&position) {
+        Some(Cause::Angle(n, position))
+    } else if !(0.0..=SPEED_MARGIN * own.speed).contains(&velocity.abs()) {
+        Some(Cause::Speed(n, velocity))
+    } else if !(0.0..=most).contains(&current.abs()) {
+        Some(Cause::Current(n, current))
+    } else if !(-20.0..=own.temperature).contains(&temperature) {
+        Some(Cause::Temperature(n, temperature))
+    } else if !(limits.voltage.0..=limits.voltage.1).contains(&reading.voltage) {
+        Some(Cause::Voltage(n, reading.voltage))
+    } else {
+        None
+    }
+}
+
+#[cfg(test)]
+pub(crate) mod tests {
+    use super::super::limits::tests::limits;
+    use super::*;
+
+    pub(crate) fn fine(now: f64) -> Measured {
+        let state = ServoState { position: 1.0, velocity: 0.0, current: 0.1, temperature: 30.0 };
+        let servo = ServoReading { at: now, state, voltage: 11.1, alert: false };
+        let arm = ArmReading { at: now, state: ArmState::default(), fault: false };
+        Measured { servos: [Some(servo); ACTUATORS], arm: Some(arm), cameras: true }
+    }
+
+    fn with(change: impl FnOnce(&mut ServoReading)) -> Option<Cause> {
+        let mut measured = fine(10.0);
+        change(measured.servos[2].as_mut().expect("there"));
+        alarm(&measured, &limits(), 10.01)
+    }
+
+    #[test]
+    fn each_alarm() {
+        assert_eq!(with(|_| ()), None);
+        assert_eq!(with(|servo| servo.state.position = 4.7), Some(Cause::Angle(2, 4.7)));
+        assert_eq!(with(|servo| servo.state.position = 4.6), None);
+        assert_eq!(with(|servo| servo.state.velocity = -20.0), Some(Cause::Speed(2, -20.0)));
+        assert_eq!(with(|servo| servo.state.current = 0.9), Some(Cause::Current(2, 0.9)));
+        assert_eq!(with(|servo| servo.state.temperature = 61.0), Some(Cause::Temperature(2, 61.0)));
+        assert_eq!(with(|servo| servo.voltage = 5.2), Some(Cause::Voltage(2, 5.2)));
+        assert_eq!(with(|servo| servo.alert = true), Some(Cause::ServoAlert(2)));
+        assert!(matches!(with(|servo| servo.at = 9.9), Some(Cause::ServoSilent(2, _))));
+        assert!(matches!(with(|servo| servo.state.current = f64::NAN), Some(Cause::Current(2, _))));
+        let mut measured = fine(10.0);
+        measured.arm = None;
+        assert!(matches!(alarm(&measured, &limits(), 10.0), Some(Cause::ArmSilent(_))));
+        measured = fine(10.0);
+        measured.cameras = false;
+        assert_eq!(alarm(&measured, &limits(), 10.0), Some(Cause::CamerasGone));
+    }
+}

@@ -1,0 +1,161 @@
+//! How far, how fast, how strong: the limits of a command, each against the command sent before.
+//!
+//! The step is taken against the previous *command*, not against the measured state: a state that lags behind would otherwise
+//! let a limited command creep past its limit.
+
+use hand_model::robot::ServoGoal;
+use hand_model::{ACTUATORS, ARM_JOINTS};
+
+/// How far ahead of the shaft the goal of a pure current command is put, rad: enough to saturate the servo's position control (P gain 900:
+/// full duty from 0.2 rad on), little enough to come back from quickly.
+pub const LEAD: f64 = 1.0;
+
+/// Limits of one servo.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ServoLimits {
+    /// Least and greatest output angle, rad.
+    pub angle: (f64, f64),
+    /// Fastest change of the goal, and fastest allowed shaft, rad/s.
+    pub speed: f64,
+    /// Greatest goal current, A.
+    pub current: f64,
+    /// Greatest current while holding, A.
+    pub hold_current: f64,
+    /// Hottest, degrees Celsius.
+    pub temperature: f64,
+}
+
+/// Limits of the arm's joints.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ArmLimits {
+    /// Least and greatest angle of each joint, rad; infinite where a joint turns freely.
+    pub angle: [(f64, f64); ARM_JOINTS],
+    /// Fastest change of each set-point, rad/s.
+    pub speed: [f64; ARM_JOINTS],
+}
+
+/// When silence is too long.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Watchdogs {
+    /// The servos' own bus watchdog, s.
+    pub servo_bus: f64,
+    /// Age of the newest word from the arm, s.
+    pub arm: f64,
+    /// Age of the controller's newest command, s.
+    pub host: f64,
+}
+
+/// Everything that is allowed.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Limits {
+    /// The servos, in actuator order.
+    pub servos: [ServoLimits; ACTUATORS],
+    /// The arm.
+    pub arm: ArmLimits,
+    /// Least and greatest supply, V.
+    pub voltage: (f64, f64),
+    /// Oldest servo measurement to act on, s.
+    pub staleness: f64,
+    /// When silence is too long.
+    pub watchdogs: Watchdogs,
+    /// Time in which a release lets the current fade, s.
+    pub release_time: f64,
+}
+
+/// What is sent to one servo: current-based position control.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct SafeGoal {
+    /// Output angle, rad.
+    pub angle: f64,
+    /// Greatest current, A, not negative.
+    pub current: f64,
+}
+
+impl ServoLimits {
+    /// What may be sent when `asked` comes, with the shaft at `measured` (rad), `previous` sent before, and `dt` (s) since.
+    ///
+    /// A current command becomes a goal [`LEAD`] ahead of the shaft in the wanted direction under that current, so that one operating mode serves
+    /// both kinds of command, and the angle limits bind in both.
+    pub fn limit(&self, asked: &ServoGoal, measured: f64, previous: SafeGoal, dt: f64) -> SafeGoal {
+        let (target, current) = match *asked {
+            ServoGoal::Current(current) if current == 0.0 => (measured, 0.0),
+            ServoGoal::Current(current) => (measured + LEAD * current.signum(), current.abs()),
+            ServoGoal::Position { angle, current_limit } => (angle, current_limit),
+        };
+        let reach = self.speed * dt;
+        SafeGoal {
+            angle: target.clamp(previous.angle - reach, previous.angle + reach).clamp(self.angle.0, self.angle.1),
+            current: current.clamp(0.0, self.current),
+        }
+    }
+
+    /// `previous` with the current capped for holding.
+    pub fn hold(&self, previous: SafeGoal) -> SafeGoal {
+        SafeGoal { current: previous.current.min(self.hold_current), ..previous }
+    }
+}
+
+impl ArmLimits {
+    /// The set-points that may be sent, `dt` (s) after `previous`.
+    pub fn limit(&self, asked: &[f64; ARM_JOINTS], previous: &[f64; ARM_JOINTS], dt: f64) -> [f64; ARM_JOINTS] {
+        std::array::from_fn(|joint| {
+            let reach = self.speed[joint] * dt;
+            let (low, high) = self.angle[joint];
+            asked[joint].clamp(previous[joint] - reach, previous[joint] + reach).clamp(low, high)
+        })
+    }
+}
+
+#[cfg(test)]
+pub(crate) mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    pub(crate) fn limits() -> Limits {
+        let servo = ServoLimits { angle: (0.0, 4.5), speed: 6.0, current: 0.6, hold_current: 0.4, temperature: 60.0 };
+        let arm = ArmLimits { angle: [(-2.0, 2.0); ARM_JOINTS], speed: [1.0; ARM_JOINTS] };
+        let watchdogs = Watchdogs { servo_bus: 0.1, arm: 0.1, host: 0.5 };
+        Limits { servos: [servo; ACTUATORS], arm, voltage: (9.0, 12.5), staleness: 0.05, watchdogs, release_time: 1.0 }
+    }
+
+    /// Winding: the goal runs ahead of the shaft by the lead and no further; opening starts from there, not from the end of the range.
+    #[test]
+    fn current_commands_lead_the_shaft() {
+        let servo = limits().servos[0];
+        let mut goal = SafeGoal::default();
+        for _ in 0..1000 {
+            goal = servo.limit(&ServoGoal::Current(0.2), 0.5, goal, 0.005);
+        }
+        assert_eq!(goal, SafeGoal { angle: 0.5 + LEAD, current: 0.2 });
+        let back = servo.limit(&ServoGoal::Current(-0.1), 0.5, goal, 0.005);
+        assert!((back.angle - (1.5 - 0.03)).abs() < 1e-12 && back.current == 0.1);
+        assert_eq!(servo.limit(&ServoGoal::Current(0.0), 0.5, goal, 10.0), SafeGoal { angle: 0.5, current: 0.0 });
+    }
+
+    #[test]
+    fn holding_keeps_the_goal_and_caps_the_current() {
+        let servo = limits().servos[0];
+        assert_eq!(servo.hold(SafeGoal { angle: 2.0, current: 0.2 }), SafeGoal { angle: 2.0, current: 0.2 });
+        assert_eq!(servo.hold(SafeGoal { angle: 2.0, current: 0.6 }).current, 0.4);
+    }
+
+    proptest! {
+        #[test]
+        fn never_outside(
+            asked in prop_oneof![
+                any::<f64>().prop_map(ServoGoal::Current),
+                any::<(f64, f64)>().prop_map(|(angle, current_limit)| ServoGoal::Position { angle, current_limit }),
+            ],
+            measured in -1.0..6.0_f64, angle in 0.0..=4.5_f64, current in 0.0..=0.6_f64, dt in 0.0..0.05_f64,
+        ) {
+            prop_assume!(match asked {
+                ServoGoal::Current(current) => current.is_finite(),
+                ServoGoal::Position { angle, current_limit } => angle.is_finite() && current_limit.is_finite(),
+            });
+            let servo = limits().servos[0];
+            let goal = servo.limit(&asked, measured, SafeGoal { angle, current }, dt);
+            prop_assert!((0.0..=4.5).contains(&goal.angle) && (0.0..=0.6).contains(&goal.current));
+            prop_assert!((goal.angle - angle).abs() <= 6.0 * dt + 1e-12);
+        }
+    }
+}

@@ -1,0 +1,127 @@
+//! The states a robot goes through, and why it stopped.
+
+use std::fmt;
+
+/// Where the robot is between being a box of parts and running.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum State {
+    /// No devices.
+    Disconnected,
+    /// Devices answer; nobody has touched their torque.
+    Connected,
+    /// Devices are the right ones, set up right, cool and supplied.
+    Checked,
+    /// Torque is on, nothing moves yet: somebody said so explicitly.
+    Armed,
+    /// Commands are followed.
+    Running,
+    /// Last goals kept, current capped. Torque stays on.
+    Hold(Cause),
+    /// The current fades; at its end the torque goes off and the state is [`State::Connected`].
+    Release {
+        /// When it began, s.
+        since: f64,
+    },
+    /// As hold, but a device needs somebody's attention before anything can run again.
+    Fault(Cause),
+}
+
+/// Why the robot does not follow commands.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Cause {
+    /// The operator said so.
+    Operator,
+    /// A command held something that is no number, or a negative current limit.
+    BadCommand,
+    /// No command for so long, s.
+    HostSilent(f64),
+    /// No measurement of this servo for so long, s.
+    ServoSilent(usize, f64),
+    /// No word from the arm for so long, s.
+    ArmSilent(f64),
+    /// The arm reports a fault.
+    ArmFault,
+    /// The camera board is gone.
+    CamerasGone,
+    /// This servo's angle, rad, is out of its limits.
+    Angle(usize, f64),
+    /// This servo's speed, rad/s.
+    Speed(usize, f64),
+    /// This servo's current, A.
+    Current(usize, f64),
+    /// This servo's temperature, degrees Celsius.
+    Temperature(usize, f64),
+    /// The supply at this servo, V.
+    Voltage(usize, f64),
+    /// This servo raised its alert bit: see its hardware error status.
+    ServoAlert(usize),
+    /// This servo has lost its torque without being asked: it restarted.
+    TorqueLost(usize),
+    /// This servo's bus watchdog has stopped it.
+    WatchdogTripped(usize),
+}
+
+impl Cause {
+    /// Whether somebody has to look after a device before going on.
+    pub fn is_fault(&self) -> bool {
+        matches!(self, Self::ServoAlert(_) | Self::TorqueLost(_) | Self::ArmFault)
+    }
+}
+
+impl fmt::Display for Cause {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Operator => write!(f, "the operator stopped it; resume when ready"),
+            Self::BadCommand => write!(f, "the controller sent a command that is not a number; this is a bug in it"),
+            Self::HostSilent(age) => write!(f, "no command for {:.0} ms; is the controller running?", 1e3 * age),
+            Self::ServoSilent(n, age) => {
+                write!(f, "actuator {n}: no answer for {:.0} ms; check its plug and the USB adapter", 1e3 * age)
+            }
+            Self::ArmSilent(age) => write!(f, "arm: no word for {:.0} ms; check the network cable", 1e3 * age),
+            Self::ArmFault => write!(f, "arm: it reports a fault; clear it in the arm's web page"),
+            Self::CamerasGone => write!(f, "camera board: its port is gone; check the USB cable"),
+            Self::Angle(n, angle) => write!(f, "actuator {n}: at {angle:.3} rad, out of its limits"),
+            Self::Speed(n, speed) => write!(f, "actuator {n}: {speed:.2} rad/s, above its limit; did a cable break?"),
+            Self::Current(n, current) => write!(f, "actuator {n}: {:.0} mA, above its limit", 1e3 * current),
+            Self::Temperature(n, celsius) => write!(f, "actuator {n}: {celsius:.0} C; let it cool"),
+            Self::Voltage(n, volts) => write!(f, "actuator {n}: {volts:.1} V at its plug; check the supply"),
+            Self::ServoAlert(n) => {
+                write!(f, "actuator {n}: the servo reports a hardware error; support what is held, then reboot it")
+            }
+            Self::TorqueLost(n) => {
+                write!(f, "actuator {n}: the servo restarted and has no torque; check its supply, support what is held")
+            }
+            Self::WatchdogTripped(n) => {
+                write!(
+                    f,
+                    "actuator {n}: the bus was silent for too long and the servo stopped itself; resume when ready"
+                )
+            }
+        }
+    }
+}
+
+impl fmt::Display for State {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Disconnected => write!(f, "disconnected"),
+            Self::Connected => write!(f, "connected"),
+            Self::Checked => write!(f, "checked"),
+            Self::Armed => write!(f, "armed"),
+            Self::Running => write!(f, "running"),
+            Self::Hold(cause) => write!(f, "hold: {cause}"),
+            Self::Release { .. } => write!(f, "releasing"),
+            Self::Fault(cause) => write!(f, "fault: {cause}"),
+        }
+    }
+}
+
+/// A step that the state does not allow.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[error("cannot {wish} while {state}")]
+pub struct Refused {
+    /// What was wished.
+    pub wish: &'static str,
+    /// The state it was wished in.
+    pub state: String,
+}

@@ -1,0 +1,229 @@
+//! The supervisor: one step a cycle, from what is asked and measured to what may be sent.
+
+use hand_model::robot::{Command, ServoGoal};
+use hand_model::{ACTUATORS, ARM_JOINTS};
+
+use super::checks::{self, Measured};
+use super::limits::{Limits, SafeGoal};
+use super::state::{Cause, Refused, State};
+
+/// Longest time between two steps that still counts for how far a goal may move, s: after a pause nothing may jump.
+const LONGEST_STEP: f64 = 0.02;
+
+/// What may be sent.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SafeCommand {
+    /// The servos, in actuator order.
+    pub servos: [SafeGoal; ACTUATORS],
+    /// Arm set-points, rad.
+    pub arm: [f64; ARM_JOINTS],
+}
+
+impl SafeCommand {
+    /// In the words of the robot interface.
+    pub fn as_command(&self, capture: bool) -> Command {
+        let servos = self.servos.map(|goal| ServoGoal::Position { angle: goal.angle, current_limit: goal.current });
+        Command { arm: self.arm, servos, capture }
+    }
+}
+
+/// What one step decides.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Step {
+    /// Send nothing.
+    Silent,
+    /// Send this.
+    Send(SafeCommand),
+    /// Take the torque away.
+    TorqueOff,
+}
+
+/// A command and when the controller gave it, s.
+#[derive(Debug, Clone, Copy)]
+pub struct Asked<'a> {
+    /// The command.
+    pub command: &'a Command,
+    /// s.
+    pub at: f64,
+}
+
+/// The supervisor.
+#[derive(Debug, Clone)]
+pub struct Supervisor {
+    limits: Limits,
+    state: State,
+    sent: SafeCommand,
+    stepped: f64,
+}
+
+impl Supervisor {
+    /// A supervisor of a robot that is not connected.
+    pub fn new(limits: Limits) -> Self {
+        let sent = SafeCommand { servos: [SafeGoal::default(); ACTUATORS], arm: [0.0; ARM_JOINTS] };
+        Self { limits, state: State::Disconnected, sent, stepped: 0.0 }
+    }
+
+    /// The state.
+    pub fn state(&self) -> State {
+        self.state
+    }
+
+    /// The limits.
+    pub fn limits(&self) -> &Limits {
+        &self.limits
+    }
+
+    /// The devices answer.
+    pub fn connect(&mut self) -> Result<(), Refused> {
+        self.go(State::Connected, "connect", |state| matches!(state, State::Disconnected))
+    }
+
+    /// The devices are gone or given up.
+    pub fn disconnect(&mut self) {
+        self.state = State::Disconnected;
+    }
+
+    /// The checks found nothing wrong; `measured` must agree.
+    pub fn check(&mut self, measured: &Measured, now: f64) -> Result<(), CheckFailed> {
+        if let Some(cause) = checks::alarm(measured, &self.limits, now) {
+            return Err(CheckFailed::Alarm(cause));
+        }
+        self.go(State::Checked, "be checked", |state| matches!(state, State::Connected))?;
+        Ok(())
+    }
+
+    /// Somebody wants the torque on. Goals start where the shafts and the arm are, without current.
+    pub fn arm(&mut self, measured: &Measured, now: f64) -> Result<SafeCommand, CheckFailed> {
+        if let Some(cause) = checks::alarm(measured, &self.limits, now) {
+            return Err(CheckFailed::Alarm(cause));
+        }
+        self.go(State::Armed, "arm", |state| matches!(state, State::Checked))?;
+        for (n, (goal, servo)) in self.sent.servos.iter_mut().zip(&measured.servos).enumerate() {
+            let (low, high) = self.limits.servos[n].angle;
+            // The alarm above made sure that everybody has spoken.
+            *goal = SafeGoal { angle: servo.map_or(0.0, |servo| servo.state.position).clamp(low, high), current: 0.0 };
+        }
+        for (joint, goal) in self.sent.arm.iter_mut().enumerate() {
+            let (low, high) = self.limits.arm.angle[joint];
+            *goal = measured.arm.map_or(0.0, |arm| arm.state.position[joint]).clamp(low, high);
+        }
+        self.stepped = now;
+        Ok(self.sent)
+    }
+
+    /// Stops and holds.
+    pub fn hold(&mut self, cause: Cause) {
+        if matches!(self.state, State::Armed | State::Running) {
+            self.state = if cause.is_fault() { State::Fault(cause) } else { State::Hold(cause) };
+        } else if matches!(self.state, State::Hold(_)) && cause.is_fault() {
+            self.state = State::Fault(cause);
+        }
+    }
+
+    /// Lets go: the hand opens. Possible whenever torque is on.
+    pub fn release(&mut self, now: f64) -> Result<(), Refused> {
+        self.go(State::Release { since: now }, "release", |state| {
+            matches!(state, State::Armed | State::Running | State::Hold(_) | State::Fault(_))
+        })
+    }
+
+    /// Goes on after a hold; `measured` must be in order.
+    pub fn resume(&mut self, measured: &Measured, now: f64) -> Result<(), CheckFailed> {
+        if let Some(cause) = checks::alarm(measured, &self.limits, now) {
+            return Err(CheckFailed::Alarm(cause));
+        }
+        self.go(State::Armed, "resume", |state| matches!(state, State::Hold(_)))?;
+        Ok(())
+    }
+
+    /// One cycle: what may be sent at `now`.
+    pub fn step(&mut self, now: f64, asked: Option<Asked>, measured: &Measured) -> Step {
+        let dt = (now - self.stepped).clamp(0.0, LONGEST_STEP);
+        self.stepped = now;
+        if matches!(self.state, State::Armed | State::Running | State::Hold(_)) {
+            if let Some(cause) = checks::alarm(measured, &self.limits, now) {
+                self.hold(cause);
+            }
+        }
+        if matches!(self.state, State::Armed | State::Running) {
+            self.listen(asked, now);
+        }
+        match self.state {
+            State::Disconnected | State::Connected | State::Checked => Step::Silent,
+            State::Running => {
+                if let Some(asked) = asked {
+                    self.follow(asked.command, measured, dt);
+                }
+                Step::Send(self.sent)
+            }
+            State::Armed => Step::Send(self.sent),
+            State::Hold(_) | State::Fault(_) => {
+                for (goal, limits) in self.sent.servos.iter_mut().zip(&self.limits.servos) {
+                    *goal = limits.hold(*goal);
+                }
+                Step::Send(self.sent)
+            }
+            State::Release { since } => self.fade(now - since, dt),
+        }
+    }
+
+    /// Takes note of whether the controller speaks, and speaks sense.
+    fn listen(&mut self, asked: Option<Asked>, now: f64) {
+        let Some(asked) = asked else { return };
+        let silent = now - asked.at;
+        if !checks::is_sound(asked.command) {
+            self.hold(Cause::BadCommand);
+        } else if silent > self.limits.watchdogs.host {
+            if self.state == State::Running {
+                self.hold(Cause::HostSilent(silent));
+            }
+        } else {
+            self.state = State::Running;
+        }
+    }
+
+    fn follow(&mut self, command: &Command, measured: &Measured, dt: f64) {
+        for n in 0..ACTUATORS {
+            let Some(servo) = measured.servos[n] else { continue };
+            let limits = &self.limits.servos[n];
+            self.sent.servos[n] = limits.limit(&command.servos[n], servo.state.position, self.sent.servos[n], dt);
+        }
+        self.sent.arm = self.limits.arm.limit(&command.arm, &self.sent.arm, dt);
+    }
+
+    /// The current falls to nothing in the release time, evenly from the limit, whatever it was before.
+    fn fade(&mut self, elapsed: f64, dt: f64) -> Step {
+        for (goal, limits) in self.sent.servos.iter_mut().zip(&self.limits.servos) {
+            let fall = limits.current * dt / self.limits.release_time;
+            goal.current = (goal.current.min(limits.current) - fall).max(0.0);
+        }
+        if elapsed >= self.limits.release_time {
+            self.state = State::Connected;
+            return Step::TorqueOff;
+        }
+        Step::Send(self.sent)
+    }
+
+    fn go(&mut self, to: State, wish: &'static str, from: impl Fn(&State) -> bool) -> Result<(), Refused> {
+        if !from(&self.state) {
+            return Err(Refused { wish, state: self.state.to_string() });
+        }
+        self.state = to;
+        Ok(())
+    }
+}
+
+/// Why the robot is not ready.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum CheckFailed {
+    /// A measurement is not as it should be.
+    #[error("{0}")]
+    Alarm(Cause),
+    /// Not the time for it.
+    #[error(transparent)]
+    Refused(#[from] Refused),
+}
+
+#[cfg(test)]
+#[path = "supervisor_tests.rs"]
+mod tests;

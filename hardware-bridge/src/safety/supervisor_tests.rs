@@ -1,0 +1,265 @@
+use super::super::checks::tests::fine;
+use super::super::limits::tests::limits;
+use super::*;
+use proptest::prelude::*;
+
+const DT: f64 = 0.005;
+
+fn armed(now: f64) -> Supervisor {
+    let mut supervisor = Supervisor::new(limits());
+    supervisor.connect().expect("from disconnected");
+    supervisor.check(&fine(now), now).expect("fine");
+    supervisor.arm(&fine(now), now).expect("checked");
+    supervisor
+}
+
+fn winding(current: f64) -> Command {
+    Command { arm: [0.5; ARM_JOINTS], servos: [ServoGoal::Current(current); ACTUATORS], capture: false }
+}
+
+fn asked(command: &Command, at: f64) -> Option<Asked<'_>> {
+    Some(Asked { command, at })
+}
+
+/// Runs `supervisor` with `command` for so many cycles from `now` on; gives back the last decision and the time.
+fn run(supervisor: &mut Supervisor, command: &Command, cycles: usize, mut now: f64) -> (Step, f64) {
+    let mut step = Step::Silent;
+    for _ in 0..cycles {
+        now += DT;
+        step = supervisor.step(now, asked(command, now), &fine(now));
+    }
+    (step, now)
+}
+
+fn sent(step: Step) -> SafeCommand {
+    match step {
+        Step::Send(command) => command,
+        other => panic!("{other:?}"),
+    }
+}
+
+#[test]
+fn the_way_up_is_in_order_only() {
+    let mut supervisor = Supervisor::new(limits());
+    assert!(supervisor.check(&fine(0.0), 0.0).is_err());
+    supervisor.connect().expect("connects");
+    assert_eq!(supervisor.connect().expect_err("twice").to_string(), "cannot connect while connected");
+    assert!(supervisor.arm(&fine(0.0), 0.0).is_err(), "not checked");
+    assert_eq!(supervisor.step(0.1, asked(&winding(0.2), 0.1), &fine(0.1)), Step::Silent, "torque is untouched");
+    supervisor.check(&fine(0.2), 0.2).expect("fine");
+    let mut hot = fine(0.3);
+    hot.servos[1].as_mut().expect("there").state.temperature = 80.0;
+    assert!(matches!(supervisor.arm(&hot, 0.3), Err(CheckFailed::Alarm(Cause::Temperature(1, _)))));
+    let first = supervisor.arm(&fine(0.4), 0.4).expect("armed");
+    assert_eq!(first.servos[0], SafeGoal { angle: 1.0, current: 0.0 }, "no motion, no force at first");
+    assert_eq!(supervisor.step(0.41, None, &fine(0.41)), Step::Send(first));
+    assert_eq!(supervisor.state(), State::Armed);
+}
+
+#[test]
+fn follows_within_speed_and_current() {
+    let mut supervisor = armed(0.0);
+    let step = supervisor.step(DT, asked(&winding(2.0), DT), &fine(DT));
+    let goal = sent(step).servos[0];
+    assert!((goal.angle - (1.0 + 6.0 * DT)).abs() < 1e-12 && goal.current == 0.6, "{goal:?}");
+    assert!((sent(step).arm[0] - DT).abs() < 1e-12);
+    assert_eq!(supervisor.state(), State::Running);
+}
+
+/// Each thing that can go wrong ends in hold, keeps the goals, and takes no new ones.
+#[test]
+fn hold_keeps_what_is_held() {
+    type Change = fn(&mut Measured);
+    let changes: [(Change, Cause); 5] = [
+        (|m| m.servos[3].as_mut().expect("there").at = -1.0, Cause::ServoSilent(3, 0.0)),
+        (|m| m.servos[0].as_mut().expect("there").state.temperature = 75.0, Cause::Temperature(0, 75.0)),
+        (|m| m.servos[5].as_mut().expect("there").voltage = 5.0, Cause::Voltage(5, 5.0)),
+        (|m| m.arm = None, Cause::ArmSilent(0.0)),
+        (|m| m.cameras = false, Cause::CamerasGone),
+    ];
+    for (change, cause) in changes {
+        let mut supervisor = armed(0.0);
+        let (before, now) = run(&mut supervisor, &winding(0.3), 100, 0.0);
+        let mut measured = fine(now + DT);
+        change(&mut measured);
+        let step = supervisor.step(now + DT, asked(&winding(-0.3), now + DT), &measured);
+        assert_eq!(sent(step), sent(before), "{cause}");
+        let State::Hold(found) = supervisor.state() else { panic!("{}", supervisor.state()) };
+        assert_eq!(std::mem::discriminant(&found), std::mem::discriminant(&cause));
+        let (later, _) = run(&mut supervisor, &winding(-0.3), 50, now + DT);
+        assert_eq!(sent(later), sent(before), "a hold ends only by a wish");
+    }
+}
+
+#[test]
+fn alerts_are_faults() {
+    let mut supervisor = armed(0.0);
+    let (before, now) = run(&mut supervisor, &winding(0.5), 100, 0.0);
+    let mut measured = fine(now + DT);
+    measured.servos[2].as_mut().expect("there").alert = true;
+    let step = supervisor.step(now + DT, asked(&winding(0.5), now + DT), &measured);
+    assert_eq!(supervisor.state(), State::Fault(Cause::ServoAlert(2)));
+    assert_eq!(sent(step).servos[0], SafeGoal { current: 0.4, ..sent(before).servos[0] }, "capped at the hold current");
+    assert!(supervisor.resume(&fine(now + DT), now + DT).is_err(), "a fault is not resumed from");
+}
+
+#[test]
+fn the_host_watchdog() {
+    let mut supervisor = armed(0.0);
+    let (_, now) = run(&mut supervisor, &winding(0.3), 10, 0.0);
+    let command = winding(0.3);
+    supervisor.step(now + 0.49, asked(&command, now), &fine(now + 0.49));
+    assert_eq!(supervisor.state(), State::Running);
+    supervisor.step(now + 0.51, asked(&command, now), &fine(now + 0.51));
+    assert!(matches!(supervisor.state(), State::Hold(Cause::HostSilent(_))), "{}", supervisor.state());
+}
+
+#[test]
+fn no_number_no_motion() {
+    for bad in [
+        Command { arm: [f64::NAN; ARM_JOINTS], ..winding(0.1) },
+        winding(f64::INFINITY),
+        Command { servos: [ServoGoal::Position { angle: 1.0, current_limit: -0.1 }; ACTUATORS], ..winding(0.0) },
+    ] {
+        let mut supervisor = armed(0.0);
+        let (before, now) = run(&mut supervisor, &winding(0.2), 20, 0.0);
+        let step = supervisor.step(now + DT, asked(&bad, now + DT), &fine(now + DT));
+        assert_eq!((step, supervisor.state()), (before, State::Hold(Cause::BadCommand)));
+    }
+}
+
+/// Resuming starts from the held goals; the next command moves from there.
+#[test]
+fn resume_goes_on_from_the_hold() {
+    let mut supervisor = armed(0.0);
+    let (before, now) = run(&mut supervisor, &winding(0.2), 100, 0.0);
+    supervisor.hold(Cause::Operator);
+    supervisor.resume(&fine(now), now).expect("all is well");
+    assert_eq!(supervisor.step(now + DT, None, &fine(now + DT)), before);
+    let (after, _) = run(&mut supervisor, &winding(0.2), 1, now + DT);
+    assert!((sent(after).servos[0].angle - sent(before).servos[0].angle).abs() <= 6.0 * DT + 1e-12);
+}
+
+/// Release: the current fades evenly, then the torque goes; afterwards nothing is sent.
+#[test]
+fn release_fades_and_ends_without_torque() {
+    let mut supervisor = armed(0.0);
+    let (_, mut now) = run(&mut supervisor, &winding(0.3), 100, 0.0);
+    supervisor.release(now).expect("torque is on");
+    let mut currents = vec![];
+    let end = loop {
+        now += DT;
+        match supervisor.step(now, asked(&winding(0.3), now), &fine(now)) {
+            Step::Send(command) => currents.push(command.servos[0].current),
+            other => break other,
+        }
+    };
+    assert_eq!((end, supervisor.state()), (Step::TorqueOff, State::Connected));
+    assert!(currents.windows(2).all(|pair| pair[1] <= pair[0] && pair[0] - pair[1] < 0.01), "{currents:?}");
+    assert_eq!(*currents.last().expect("some"), 0.0);
+    assert_eq!(supervisor.step(now + DT, asked(&winding(0.3), now), &fine(now + DT)), Step::Silent);
+}
+
+/// Anything a controller, a device or an operator may do.
+#[derive(Debug, Clone)]
+enum Move {
+    Ask(Command),
+    Disturb(usize, f64),
+    Silence(usize),
+    Alert(usize),
+    Wait(f64),
+    Hold,
+    Release,
+    Resume,
+    ReArm,
+}
+
+fn number() -> impl Strategy<Value = f64> {
+    prop_oneof![8 => -3.0..8.0_f64, 1 => any::<f64>(), 1 => Just(f64::NAN)]
+}
+
+fn servo_goal() -> impl Strategy<Value = ServoGoal> {
+    prop_oneof![
+        number().prop_map(ServoGoal::Current),
+        (number(), number()).prop_map(|(angle, current_limit)| ServoGoal::Position { angle, current_limit }),
+    ]
+}
+
+fn moves() -> impl Strategy<Value = Move> {
+    prop_oneof![
+        12 => (prop::array::uniform7(number()), prop::array::uniform6(servo_goal()))
+            .prop_map(|(arm, servos)| Move::Ask(Command { arm, servos, capture: false })),
+        12 => (-3.0..8.0_f64, 0.0..0.7_f64).prop_map(|(angle, current)| {
+            let servos = [ServoGoal::Position { angle, current_limit: current }; ACTUATORS];
+            Move::Ask(Command { arm: [angle; ARM_JOINTS], servos, capture: false })
+        }),
+        2 => (0..ACTUATORS, number()).prop_map(|(n, angle)| Move::Disturb(n, angle)),
+        1 => (0..ACTUATORS).prop_map(Move::Silence),
+        1 => (0..ACTUATORS).prop_map(Move::Alert),
+        2 => (0.0..1.0_f64).prop_map(Move::Wait),
+        1 => Just(Move::Hold),
+        1 => Just(Move::Release),
+        4 => Just(Move::Resume),
+        4 => Just(Move::ReArm),
+    ]
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(400))]
+
+    /// No command ever outside limits, no jump, no grip lost in a hold, whatever happens in whatever order.
+    #[test]
+    fn no_command_ever_outside_limits(moves in prop::collection::vec(moves(), 1..120)) {
+        let limits = limits();
+        let mut supervisor = armed(0.0);
+        let mut now = 0.0;
+        let mut last: Option<SafeCommand> = None;
+        let mut command = winding(0.1);
+        let mut spoken = 0.0;
+        for one in moves {
+            let mut measured = fine(now);
+            match one {
+                Move::Ask(asked) => (command, spoken) = (asked, now),
+                Move::Disturb(n, angle) => measured.servos[n].as_mut().expect("there").state.position = angle,
+                Move::Silence(n) => measured.servos[n] = None,
+                Move::Alert(n) => measured.servos[n].as_mut().expect("there").alert = true,
+                Move::Wait(time) => now += time,
+                Move::Hold => supervisor.hold(Cause::Operator),
+                Move::Release => drop(supervisor.release(now)),
+                Move::Resume => drop(supervisor.resume(&measured, now)),
+                Move::ReArm => {
+                    if supervisor.state() == State::Connected {
+                        supervisor.check(&measured, now).ok();
+                        if supervisor.arm(&measured, now).is_ok() {
+                            last = None;
+                        }
+                    }
+                }
+            }
+            now += DT;
+            let before = supervisor.state();
+            let step = supervisor.step(now, asked(&command, spoken), &measured);
+            let Step::Send(sent) = step else { continue };
+            for (n, goal) in sent.servos.iter().enumerate() {
+                let own = &limits.servos[n];
+                prop_assert!((own.angle.0..=own.angle.1).contains(&goal.angle), "{:?}", goal);
+                prop_assert!((0.0..=own.current).contains(&goal.current), "{:?}", goal);
+                if let Some(last) = last {
+                    prop_assert!((goal.angle - last.servos[n].angle).abs() <= own.speed * LONGEST_STEP + 1e-9);
+                    if matches!(before, State::Hold(_) | State::Fault(_)) && !matches!(supervisor.state(), State::Release { .. }) {
+                        prop_assert_eq!(goal.angle, last.servos[n].angle);
+                        prop_assert_eq!(goal.current, last.servos[n].current.min(own.hold_current));
+                    }
+                }
+            }
+            for (joint, goal) in sent.arm.iter().enumerate() {
+                let (low, high) = limits.arm.angle[joint];
+                prop_assert!((low..=high).contains(goal));
+                if let Some(last) = last {
+                    prop_assert!((goal - last.arm[joint]).abs() <= limits.arm.speed[joint] * LONGEST_STEP + 1e-9);
+                }
+            }
+            last = Some(sent);
+        }
+    }
+}

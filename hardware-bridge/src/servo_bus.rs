@@ -1,0 +1,319 @@
+//! The host's end of the servo bus: requests go out, answers come back before a deadline or are missing.
+//!
+//! A [`ServoBus`] owns the serial port. A call that concerns one servo answers with that servo's [`BusError`]; a call that concerns
+//! several answers for each of them ([`ReplyError`]), so that one servo that is silent never hides the others. Nothing is tried again here:
+//! the control loop's next cycle is the retry.
+//!
+//! [`timing`] says beforehand how long a cycle takes, [`statistics`] afterwards how long it took, [`latency_timer`] finds out whether the
+//! USB adapter holds bytes back.
+
+pub mod latency_timer;
+pub mod statistics;
+pub mod timing;
+
+use std::io::ErrorKind;
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+
+use serial2::SerialPort;
+
+use crate::protocol2::instruction::InstructionError;
+use crate::protocol2::{
+    BROADCAST, Decoder, Instruction, Packet, ReplyError, Status, StreamError, fast_sync, sync_read_replies,
+};
+use crate::xc330::{self, Register, RegisterError};
+use statistics::BusStatistics;
+use timing::LineTiming;
+
+/// Why the bus did not do what was asked.
+#[derive(Debug, thiserror::Error)]
+pub enum BusError {
+    /// The port cannot be opened, read or written.
+    #[error("{port}: {source}")]
+    Port {
+        /// Device path.
+        port: PathBuf,
+        /// The operating system's reason.
+        source: std::io::Error,
+    },
+    /// A request that does not fit a packet.
+    #[error(transparent)]
+    Request(#[from] InstructionError),
+    /// No usable answer.
+    #[error(transparent)]
+    Reply(#[from] ReplyError),
+    /// A value that does not fit its register.
+    #[error("servo {id}: {source}")]
+    Register {
+        /// Which servo.
+        id: u8,
+        /// What is wrong with the value.
+        source: RegisterError,
+    },
+}
+
+/// How a bus is driven.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct BusSettings {
+    /// Bits per second.
+    pub baud: u32,
+    /// Return delay set in the servos, s.
+    pub return_delay: f64,
+    /// Waited for an answer beyond its time on the line, s: latency of the USB adapter and of the operating system.
+    pub slack: f64,
+}
+
+impl Default for BusSettings {
+    /// 3 Mbaud, no return delay, and 20 ms, which covers an adapter left at its 16 ms latency timer.
+    fn default() -> Self {
+        Self { baud: 3_000_000, return_delay: 0.0, slack: 0.020 }
+    }
+}
+
+/// What a servo says when pinged.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Pinged {
+    /// Who.
+    pub id: u8,
+    /// [`xc330::MODEL`] for ours.
+    pub model: u16,
+    /// Firmware version.
+    pub firmware: u8,
+}
+
+/// An open servo bus.
+#[derive(Debug)]
+pub struct ServoBus {
+    port: SerialPort,
+    path: PathBuf,
+    settings: BusSettings,
+    decoder: Decoder,
+    statistics: BusStatistics,
+}
+
+impl ServoBus {
+    /// Opens the port raw, 8N1.
+    pub fn open(path: &Path, settings: BusSettings) -> Result<Self, BusError> {
+        let port =
+            SerialPort::open(path, settings.baud).map_err(|source| BusError::Port { port: path.to_owned(), source })?;
+        Ok(Self {
+            port,
+            path: path.to_owned(),
+            settings,
+            decoder: Decoder::default(),
+            statistics: BusStatistics::default(),
+        })
+    }
+
+    /// What has happened on the bus so far.
+    pub fn statistics(&self) -> &BusStatistics {
+        &self.statistics
+    }
+
+    /// How the bus is driven.
+    pub fn settings(&self) -> BusSettings {
+        self.settings
+    }
+
+    /// Is there a servo `id`, and what is it?
+    pub fn ping(&mut self, id: u8) -> Result<Pinged, BusError> {
+        let status = self.ask_one(id, &Instruction::Ping, 3)?;
+        pinged(&status).ok_or(BusError::Reply(ReplyError::Missing(id)))
+    }
+
+    /// Who is there? Asks all at once and listens for `patience`; sorted by id.
+    pub fn scan(&mut self, patience: Duration) -> Result<Vec<Pinged>, BusError> {
+        let wire = Instruction::Ping.encode(BROADCAST)?;
+        let deadline = self.transmit(&wire)? + patience;
+        let mut received = Vec::new();
+        while Instant::now() < deadline {
+            self.receive(deadline, &mut received)?;
+        }
+        self.decoder.push(&received);
+        let packets = self.decoder.time_out();
+        self.statistics.note_stream(&packets);
+        let mut found: Vec<Pinged> =
+            packets.iter().flatten().filter_map(Status::decode).filter_map(|status| pinged(&status)).collect();
+        found.sort_by_key(|pinged| pinged.id);
+        Ok(found)
+    }
+
+    /// `length` bytes from `address` on of one servo.
+    pub fn read_block(&mut self, id: u8, address: u16, length: u16) -> Result<Status, BusError> {
+        self.ask_one(id, &Instruction::Read { address, length }, length.into())
+    }
+
+    /// A value in SI.
+    pub fn read(&mut self, id: u8, register: &Register) -> Result<f64, BusError> {
+        let length = u16::from(register.size);
+        let status = self.ask_one(id, &Instruction::Read { address: register.address, length }, length.into())?;
+        register.read(&status.data).map_err(|source| BusError::Register { id, source })
+    }
+
+    /// Writes a value in SI and waits for the servo's consent.
+    pub fn write(&mut self, id: u8, register: &Register, si: f64) -> Result<(), BusError> {
+        let data = register.write(si).map_err(|source| BusError::Register { id, source })?;
+        self.ask_one(id, &Instruction::Write { address: register.address, data }, 0)?;
+        Ok(())
+    }
+
+    /// Restarts a servo: the way out of a shutdown, and the loss of its torque and of everything in its RAM. It is off the bus for
+    /// about a third of a second.
+    pub fn reboot(&mut self, id: u8) -> Result<(), BusError> {
+        self.ask_one(id, &Instruction::Reboot, 0)?;
+        Ok(())
+    }
+
+    /// Reads `length` bytes from `address` on from each of `ids`.
+    pub fn sync_read(
+        &mut self,
+        ids: &[u8],
+        address: u16,
+        length: u16,
+    ) -> Result<Vec<Result<Status, ReplyError>>, BusError> {
+        let request = Instruction::SyncRead { address, length, ids: ids.to_vec() };
+        let sizes = vec![usize::from(length); ids.len()];
+        let (received, took) = self.exchange(BROADCAST, &request, &sizes)?;
+        let replies = sync_read_replies(ids, length.into(), received);
+        self.statistics.note_round_trip(took, &replies);
+        Ok(replies)
+    }
+
+    /// The same in one packet; needs firmware 46 or later in all of them.
+    pub fn fast_sync_read(
+        &mut self,
+        ids: &[u8],
+        address: u16,
+        length: u16,
+    ) -> Result<Vec<Result<Status, ReplyError>>, BusError> {
+        let request = Instruction::FastSyncRead { address, length, ids: ids.to_vec() };
+        let expected = fast_sync::answer_length(ids.len(), length.into());
+        let wire = request.encode(BROADCAST)?;
+        let started = self.transmit(&wire)?;
+        let timing = self.timing();
+        let turns = ids.len() as f64 * (timing.return_delay + timing.turnaround);
+        let deadline = started + self.patience(timing.answers(wire.len(), &[expected]) + turns);
+        let mut received = Vec::with_capacity(expected);
+        let mut replies = Vec::new();
+        // An answer that is long enough may have garbage before it and still lack its end.
+        while self.receive(deadline, &mut received)? {
+            if received.len() >= expected {
+                replies = fast_sync::replies(ids, length.into(), &received);
+                if replies.iter().all(Result::is_ok) {
+                    break;
+                }
+            }
+        }
+        if replies.is_empty() {
+            replies = fast_sync::replies(ids, length.into(), &received);
+        }
+        self.statistics.note_round_trip(started.elapsed(), &replies);
+        Ok(replies)
+    }
+
+    /// Writes the same registers in several servos at once. Not answered: a refused value is lost silently.
+    pub fn sync_write(&mut self, address: u16, length: u16, data: Vec<(u8, Vec<u8>)>) -> Result<(), BusError> {
+        let wire = Instruction::SyncWrite { address, length, data }.encode(BROADCAST)?;
+        self.transmit(&wire)?;
+        self.statistics.sync_writes += 1;
+        Ok(())
+    }
+
+    /// One register in all of `ids`, the same value in SI. Not answered.
+    pub fn sync_write_register(&mut self, ids: &[u8], register: &Register, si: f64) -> Result<(), BusError> {
+        let bytes = register.write(si).map_err(|source| BusError::Register { id: BROADCAST, source })?;
+        let data = ids.iter().map(|id| (*id, bytes.clone())).collect();
+        self.sync_write(register.address, register.size.into(), data)
+    }
+
+    /// Torque on or off in all of `ids`, each asked by itself; every servo is tried, whatever the others say.
+    pub fn set_torque(&mut self, ids: &[u8], on: bool) -> Vec<Result<(), BusError>> {
+        let value = f64::from(u8::from(on));
+        ids.iter().map(|id| self.write(*id, &xc330::TORQUE_ENABLE, value)).collect()
+    }
+
+    /// What the line itself costs.
+    pub fn timing(&self) -> LineTiming {
+        LineTiming { baud: self.settings.baud, return_delay: self.settings.return_delay, ..LineTiming::default() }
+    }
+
+    fn ask_one(&mut self, id: u8, request: &Instruction, length: usize) -> Result<Status, BusError> {
+        let (received, took) = self.exchange(id, request, &[length])?;
+        let reply = sync_read_replies(&[id], length, received).pop().unwrap_or(Err(ReplyError::Missing(id)));
+        self.statistics.note_round_trip(took, std::slice::from_ref(&reply));
+        Ok(reply?)
+    }
+
+    /// Sends a request and gathers packets until as many answers of the given data sizes came as were asked for, or time is up.
+    fn exchange(
+        &mut self,
+        id: u8,
+        request: &Instruction,
+        sizes: &[usize],
+    ) -> Result<(Vec<Result<Packet, StreamError>>, Duration), BusError> {
+        let wire = request.encode(id)?;
+        let started = self.transmit(&wire)?;
+        let bytes: Vec<usize> = sizes.iter().map(|size| timing::STATUS_OVERHEAD + size).collect();
+        let deadline = started + self.patience(self.timing().answers(wire.len(), &bytes));
+        let mut packets: Vec<Result<Packet, StreamError>> = Vec::new();
+        let mut chunk = Vec::new();
+        loop {
+            let answers = packets.iter().flatten().filter(|packet| Status::decode(packet).is_some()).count();
+            if answers >= sizes.len() {
+                break;
+            }
+            chunk.clear();
+            if !self.receive(deadline, &mut chunk)? {
+                packets.extend(self.decoder.time_out());
+                break;
+            }
+            self.decoder.push(&chunk);
+            packets.extend(self.decoder.drain());
+        }
+        self.statistics.note_stream(&packets);
+        Ok((packets, started.elapsed()))
+    }
+
+    fn patience(&self, on_the_line: f64) -> Duration {
+        Duration::from_secs_f64(on_the_line + self.settings.slack)
+    }
+
+    /// Sends bytes after throwing away what came too late for its own request.
+    fn transmit(&mut self, wire: &[u8]) -> Result<Instant, BusError> {
+        let mut late = Vec::new();
+        self.receive(Instant::now(), &mut late)?;
+        self.statistics.late_bytes += late.len() as u64;
+        self.decoder = Decoder::default();
+        self.port.write_all(wire).map_err(|source| self.port_error(source))?;
+        Ok(Instant::now())
+    }
+
+    /// Appends what is there, waiting for it until `deadline`; whether anything came.
+    fn receive(&mut self, deadline: Instant, into: &mut Vec<u8>) -> Result<bool, BusError> {
+        let left = deadline.saturating_duration_since(Instant::now());
+        // The port waits in whole milliseconds.
+        let wait = if left.is_zero() { left } else { left.max(Duration::from_millis(1)) };
+        self.port.set_read_timeout(wait).map_err(|source| self.port_error(source))?;
+        let mut buffer = [0; 1024];
+        match self.port.read(&mut buffer) {
+            Ok(0) => Err(self.port_error(ErrorKind::UnexpectedEof.into())),
+            Ok(count) => {
+                into.extend_from_slice(&buffer[..count]);
+                Ok(true)
+            }
+            Err(error) if matches!(error.kind(), ErrorKind::TimedOut | ErrorKind::WouldBlock) => Ok(false),
+            Err(source) => Err(self.port_error(source)),
+        }
+    }
+
+    fn port_error(&self, source: std::io::Error) -> BusError {
+        BusError::Port { port: self.path.clone(), source }
+    }
+}
+
+fn pinged(status: &Status) -> Option<Pinged> {
+    match status.data[..] {
+        [low, high, firmware] => Some(Pinged { id: status.id, model: u16::from_le_bytes([low, high]), firmware }),
+        _ => None,
+    }
+}

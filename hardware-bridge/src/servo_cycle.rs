@@ -1,0 +1,320 @@
+//! The thread that owns bus, arm and supervisor, and turns the hand's wheel some 200 times a second.
+//!
+//! One cycle: read all servos, read the arm, let the supervisor decide, send. It goes on at its own pace while the controller thinks, which keeps the
+//! servos' watchdog fed; that the controller has fallen silent is the supervisor's to notice. When the whole process stops, so does this
+//! thread, and the servos stop by themselves.
+
+use std::collections::VecDeque;
+use std::path::PathBuf;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::Sender;
+use std::sync::{Arc, Condvar, Mutex};
+use std::time::{Duration, Instant};
+
+use hand_model::ACTUATORS;
+use hand_model::robot::Command;
+
+use crate::arm_link::ArmLink;
+use crate::hand_bus::HandBus;
+use crate::lock;
+use crate::remote::Wish;
+use crate::safety::checks::Measured;
+use crate::safety::state::{Cause, State};
+use crate::safety::supervisor::{Asked, SafeCommand, Step, Supervisor};
+use crate::servo_bus::statistics::BusStatistics;
+use crate::servo_bus::{BusSettings, ServoBus};
+
+/// Cycles between two audits of one servo each.
+const AUDIT_EVERY: u64 = 5;
+/// Between two tries to open a port that was lost.
+const REOPEN: Duration = Duration::from_millis(500);
+/// Between two lines of a dry run, s.
+const DRY_LINE: f64 = 0.5;
+
+/// What the thread is told besides commands.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Order {
+    Check,
+    Arm,
+    Remote(Wish),
+}
+
+/// How the cycles went.
+#[derive(Debug, Clone, Default)]
+pub struct CycleReport {
+    /// Cycles so far.
+    pub cycles: u64,
+    /// Cycles that began more than a period late.
+    pub late: u64,
+    /// The bus' books.
+    pub bus: BusStatistics,
+    /// Why the servo port is gone, if it is.
+    pub port_error: Option<String>,
+    /// The last thing the arm's client complained of.
+    pub arm_error: Option<String>,
+    /// Servos that could not be asked to take their torque off at the end of a release.
+    pub still_on: Vec<String>,
+}
+
+type Answer = Sender<Result<String, String>>;
+
+/// What the thread and the robot share.
+pub(crate) struct Board {
+    pub asked: Option<(Command, f64)>,
+    /// Number of the newest command, and of the newest one that a cycle has used.
+    pub asked_number: u64,
+    pub used_number: u64,
+    pub sent: SafeCommand,
+    pub measured: Measured,
+    pub state: State,
+    pub orders: VecDeque<(Order, Answer)>,
+    pub report: CycleReport,
+    pub cameras: bool,
+}
+
+pub(crate) struct Shared {
+    pub board: Mutex<Board>,
+    pub cycled: Condvar,
+    pub stop: AtomicBool,
+}
+
+/// Where lines of a dry run go.
+pub type DryLines = Box<dyn FnMut(String) + Send>;
+
+pub(crate) struct ServoCycle {
+    pub shared: Arc<Shared>,
+    pub hand: Option<HandBus>,
+    pub port: PathBuf,
+    pub bus: BusSettings,
+    pub ids: [u8; ACTUATORS],
+    pub fast: bool,
+    pub arm: Box<dyn ArmLink>,
+    pub supervisor: Supervisor,
+    pub period: Duration,
+    pub epoch: Instant,
+    /// `Some`: nothing is written to any device, and what would be is told here.
+    pub dry: Option<DryLines>,
+    pub measured: Measured,
+    pub report: CycleReport,
+    pub lost_at: Instant,
+    pub dry_told: f64,
+}
+
+impl ServoCycle {
+    pub fn run(mut self) {
+        let mut next = Instant::now();
+        while !self.shared.stop.load(Ordering::Relaxed) {
+            self.cycle();
+            next += self.period;
+            let now = Instant::now();
+            if now > next + self.period {
+                self.report.late += 1;
+                next = now;
+            }
+            std::thread::sleep(next.saturating_duration_since(now));
+        }
+        self.leave();
+    }
+
+    fn now(&self) -> f64 {
+        self.epoch.elapsed().as_secs_f64()
+    }
+
+    fn cycle(&mut self) {
+        self.measure();
+        self.take_orders();
+        let (asked, number) = {
+            let board = lock(&self.shared.board);
+            (board.asked, board.asked_number)
+        };
+        let now = self.now();
+        let asked = asked.as_ref().map(|(command, at)| Asked { command, at: *at });
+        let step = self.supervisor.step(now, asked, &self.measured);
+        match step {
+            Step::Silent => {}
+            Step::Send(command) => self.send(&command),
+            Step::TorqueOff => self.let_go(),
+        }
+        self.report.cycles += 1;
+        let mut board = lock(&self.shared.board);
+        if let Step::Send(command) = step {
+            board.sent = command;
+        }
+        board.used_number = number;
+        board.measured = self.measured;
+        board.state = self.supervisor.state();
+        board.report = self.report.clone();
+        drop(board);
+        self.shared.cycled.notify_all();
+    }
+
+    fn measure(&mut self) {
+        let now = self.now();
+        self.reopen();
+        if let Some(hand) = &mut self.hand {
+            match hand.read(now) {
+                Ok(readings) => {
+                    for (newest, reading) in self.measured.servos.iter_mut().zip(readings) {
+                        *newest = reading.or(*newest);
+                    }
+                    // Quantiles sort thousands of numbers: once in a while is enough.
+                    if self.report.cycles.is_multiple_of(50) {
+                        self.report.bus = hand.bus.statistics().clone();
+                    }
+                }
+                Err(error) => self.lose(error.to_string()),
+            }
+        }
+        self.audit();
+        match self.arm.read(now) {
+            Ok(reading) => self.measured.arm = Some(reading),
+            Err(error) => self.report.arm_error = Some(error.to_string()),
+        }
+        self.measured.cameras = lock(&self.shared.board).cameras;
+    }
+
+    /// While torque should be on, asks one servo after the other whether it is.
+    fn audit(&mut self) {
+        let on = matches!(self.supervisor.state(), State::Armed | State::Running | State::Hold(_));
+        if self.dry.is_some() || !on || !self.report.cycles.is_multiple_of(AUDIT_EVERY) {
+            return;
+        }
+        let n = (self.report.cycles / AUDIT_EVERY) as usize % ACTUATORS;
+        // A servo that says nothing now is noticed by the age of its readings.
+        if let Some(Ok(Some(cause))) = self.hand.as_mut().map(|hand| hand.audit(n)) {
+            self.supervisor.hold(cause);
+        }
+    }
+
+    fn send(&mut self, command: &SafeCommand) {
+        let now = self.now();
+        if let Some(tell) = &mut self.dry {
+            if now - self.dry_told >= DRY_LINE {
+                self.dry_told = now;
+                let goals = command.servos.map(|goal| format!("{:.2} rad {:.0} mA", goal.angle, 1e3 * goal.current));
+                tell(format!("{now:8.3} s, not sent: servos {}; arm {:.3?} rad", goals.join(", "), command.arm));
+            }
+            return;
+        }
+        if let Some(Err(error)) = self.hand.as_mut().map(|hand| hand.send(&command.servos)) {
+            self.lose(error.to_string());
+        }
+        if let Err(error) = self.arm.command(&command.arm) {
+            self.report.arm_error = Some(error.to_string());
+        }
+    }
+
+    /// The end of a release.
+    fn let_go(&mut self) {
+        if self.dry.is_some() {
+            return;
+        }
+        self.report.still_on = match &mut self.hand {
+            Some(hand) => hand.torque_off().iter().map(ToString::to_string).collect(),
+            None => vec!["all servos: their port is gone".to_owned()],
+        };
+        if let Err(error) = self.arm.disengage() {
+            self.report.arm_error = Some(error.to_string());
+        }
+        // Commands given before a release are over.
+        lock(&self.shared.board).asked = None;
+    }
+
+    /// The program ends in good order: the hand keeps hold, without a watchdog that nobody would feed any more.
+    fn leave(&mut self) {
+        let on = matches!(self.supervisor.state(), State::Armed | State::Running | State::Hold(_) | State::Fault(_));
+        if !on || self.dry.is_some() {
+            return;
+        }
+        self.supervisor.hold(Cause::Operator);
+        if let Step::Send(command) = self.supervisor.step(self.now(), None, &self.measured) {
+            self.send(&command);
+        }
+        if let Some(Err(error)) = self.hand.as_mut().map(|hand| hand.set_watchdog(0.0)) {
+            self.lose(error.to_string());
+        }
+        if let Err(error) = self.arm.disengage() {
+            self.report.arm_error = Some(error.to_string());
+        }
+    }
+
+    fn lose(&mut self, error: String) {
+        self.report.port_error = Some(error);
+        self.hand = None;
+        self.lost_at = Instant::now();
+    }
+
+    fn reopen(&mut self) {
+        if self.hand.is_some() || self.lost_at.elapsed() < REOPEN {
+            return;
+        }
+        self.lost_at = Instant::now();
+        match ServoBus::open(&self.port, self.bus) {
+            Ok(bus) => {
+                self.hand = Some(HandBus::new(bus, self.ids, self.fast));
+                self.report.port_error = None;
+            }
+            Err(error) => self.report.port_error = Some(error.to_string()),
+        }
+    }
+
+    fn take_orders(&mut self) {
+        let orders = std::mem::take(&mut lock(&self.shared.board).orders);
+        for (order, answer) in orders {
+            let result = self.obey(order).map(|()| self.supervisor.state().to_string());
+            // Whoever gave the order may be gone.
+            let _ = answer.send(result);
+        }
+    }
+
+    fn obey(&mut self, order: Order) -> Result<(), String> {
+        let now = self.now();
+        match order {
+            Order::Check => self.supervisor.check(&self.measured, now).map_err(|error| error.to_string()),
+            Order::Arm => self.arm_torque(now),
+            Order::Remote(Wish::State) => Ok(()),
+            Order::Remote(Wish::Hold) => {
+                self.supervisor.hold(Cause::Operator);
+                match self.supervisor.state() {
+                    State::Hold(_) | State::Fault(_) => Ok(()),
+                    state => Err(format!("cannot hold while {state}")),
+                }
+            }
+            Order::Remote(Wish::Release) => self.supervisor.release(now).map_err(|error| error.to_string()),
+            Order::Remote(Wish::Resume) => self.resume(now),
+        }
+    }
+
+    fn arm_torque(&mut self, now: f64) -> Result<(), String> {
+        let first = self.supervisor.arm(&self.measured, now).map_err(|error| error.to_string())?;
+        lock(&self.shared.board).asked = None;
+        if self.dry.is_some() {
+            return Ok(());
+        }
+        let watchdog = self.supervisor.limits().watchdogs.servo_bus;
+        let result = match &mut self.hand {
+            Some(hand) => hand.torque_on(&first.servos, watchdog).map_err(|error| error.to_string()),
+            None => Err("the servo port is gone".into()),
+        };
+        let result = result.and_then(|()| self.arm.engage().map_err(|error| error.to_string()));
+        if result.is_err() {
+            // Half a hand with torque is no state to be in.
+            self.let_go();
+            self.supervisor.disconnect();
+            self.supervisor.connect().map_err(|error| error.to_string())?;
+        }
+        result
+    }
+
+    fn resume(&mut self, now: f64) -> Result<(), String> {
+        if !matches!(self.supervisor.state(), State::Hold(_)) {
+            return Err(format!("cannot resume while {}", self.supervisor.state()));
+        }
+        if let (Some(hand), None) = (&mut self.hand, &self.dry) {
+            let watchdog = self.supervisor.limits().watchdogs.servo_bus;
+            hand.set_watchdog(0.0).and_then(|()| hand.set_watchdog(watchdog)).map_err(|error| error.to_string())?;
+        }
+        lock(&self.shared.board).asked = None;
+        self.supervisor.resume(&self.measured, now).map_err(|error| error.to_string())
+    }
+}

@@ -1,0 +1,129 @@
+//! How a servo has to be set up, whether it is, and how it gets there from the factory.
+
+use std::time::Duration;
+
+use crate::config::BridgeConfig;
+use crate::servo_bus::{BusError, BusSettings, Pinged, ServoBus};
+use crate::xc330::{self, Register};
+
+/// Operating mode 5, current-based position control: force and place in one mode, so that no mode is switched under load.
+const MODE: f64 = 5.0;
+/// How long a scan listens at each rate: six answers at 9600 baud and the factory's return delay take 90 ms.
+pub const SCAN_TIME: Duration = Duration::from_millis(120);
+/// What a servo needs to be back after its id or rate was changed.
+const SETTLE: Duration = Duration::from_millis(50);
+
+/// What a check found.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Finding {
+    /// What was looked at.
+    pub what: String,
+    /// What it is.
+    pub found: String,
+    /// What it should be.
+    pub expected: String,
+    /// Whether that is good enough.
+    pub good: bool,
+}
+
+impl Finding {
+    /// A finding.
+    pub fn new(what: impl Into<String>, found: impl ToString, expected: impl ToString, good: bool) -> Self {
+        Self { what: what.into(), found: found.to_string(), expected: expected.to_string(), good }
+    }
+}
+
+/// The registers that provisioning sets and every check compares, with their values in SI.
+pub fn wanted(config: &BridgeConfig) -> Vec<(Register, f64)> {
+    vec![
+        (xc330::OPERATING_MODE, MODE),
+        (xc330::RETURN_DELAY_TIME, 0.0),
+        (xc330::DRIVE_MODE, 0.0),
+        (xc330::STATUS_RETURN_LEVEL, 2.0),
+        (xc330::SHUTDOWN, f64::from(0x34)),
+        (xc330::TEMPERATURE_LIMIT, 70.0),
+        (xc330::CURRENT_LIMIT, config.limits.current),
+    ]
+}
+
+/// The value of the baud rate register for the configured rate.
+fn baud_code(baud: u32) -> f64 {
+    xc330::BAUD_RATES.iter().position(|rate| *rate == baud).map_or(f64::NAN, |code| code as f64)
+}
+
+/// Compares one servo with what it should be.
+pub fn check(bus: &mut ServoBus, config: &BridgeConfig, id: u8, name: &str) -> Result<Vec<Finding>, BusError> {
+    let pinged = bus.ping(id)?;
+    let what = |register: &str| format!("{name} ({id}): {register}");
+    let mut findings =
+        vec![Finding::new(what("Model Number"), pinged.model, xc330::MODEL, pinged.model == xc330::MODEL)];
+    for (register, value) in wanted(config) {
+        let found = bus.read(id, &register)?;
+        let good = (found - value).abs() <= 0.51 * register.unit.per_count();
+        findings.push(Finding::new(what(register.name), found, value, good));
+    }
+    let error = bus.read(id, &xc330::HARDWARE_ERROR_STATUS)?;
+    findings.push(Finding::new(what("Hardware Error Status"), error, "0", error == 0.0));
+    let volts = bus.read(id, &xc330::PRESENT_INPUT_VOLTAGE)?;
+    let [low, high] = config.limits.voltage;
+    let good = (low..=high).contains(&volts);
+    findings.push(Finding::new(what("voltage, V"), format!("{volts:.1}"), format!("{low} to {high}"), good));
+    let celsius = bus.read(id, &xc330::PRESENT_TEMPERATURE)?;
+    let limit = config.limits.temperature;
+    findings.push(Finding::new(what("temperature, C"), celsius, format!("up to {limit}"), celsius <= limit));
+    Ok(findings)
+}
+
+/// Everybody on the bus, at every rate: (bits per second, servo).
+pub fn scan(port: &std::path::Path) -> Result<Vec<(u32, Pinged)>, BusError> {
+    let mut found = Vec::new();
+    for baud in xc330::BAUD_RATES {
+        let mut bus = ServoBus::open(port, BusSettings { baud, ..BusSettings::default() })?;
+        found.extend(bus.scan(SCAN_TIME)?.into_iter().map(|pinged| (baud, pinged)));
+    }
+    Ok(found)
+}
+
+/// Why a servo was not provisioned.
+#[derive(Debug, thiserror::Error)]
+pub enum ProvisionError {
+    /// The bus failed.
+    #[error(transparent)]
+    Bus(#[from] BusError),
+    /// More or fewer than one servo is there.
+    #[error("found {0} servos ({1}), expected exactly one: connect them one after the other")]
+    Count(usize, String),
+    /// Somebody else's servo.
+    #[error("servo {id}: found model {found}, expected {expected}", expected = xc330::MODEL)]
+    Model {
+        /// Its id.
+        id: u8,
+        /// Its model number.
+        found: u16,
+    },
+}
+
+/// Gives the one servo on the bus the id `id` and the settings it needs; gives back what it was.
+pub fn provision(config: &BridgeConfig, id: u8) -> Result<(u32, Pinged), ProvisionError> {
+    let port = &config.servos.port;
+    let found = scan(port)?;
+    let [(baud, servo)] = found[..] else {
+        let names: Vec<String> = found.iter().map(|(baud, servo)| format!("{} at {baud}", servo.id)).collect();
+        return Err(ProvisionError::Count(found.len(), names.join(", ")));
+    };
+    if servo.model != xc330::MODEL {
+        return Err(ProvisionError::Model { id: servo.id, found: servo.model });
+    }
+    let mut bus = ServoBus::open(port, BusSettings { baud, ..BusSettings::default() })?;
+    bus.write(servo.id, &xc330::TORQUE_ENABLE, 0.0)?;
+    for (register, value) in wanted(config) {
+        bus.write(servo.id, &register, value)?;
+    }
+    bus.write(servo.id, &xc330::ID, f64::from(id))?;
+    std::thread::sleep(SETTLE);
+    bus.write(id, &xc330::BAUD_RATE, baud_code(config.servos.baud))?;
+    std::thread::sleep(SETTLE);
+    let mut bus = ServoBus::open(port, config.bus())?;
+    bus.ping(id)?;
+    Ok((baud, servo))
+}

@@ -1,0 +1,299 @@
+//! The open link: one thread reads and frames, one decodes, the control thread only takes finished images.
+
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{self, Receiver, SyncSender, TrySendError};
+use std::sync::{Arc, Mutex};
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
+
+use hand_model::CAMERAS;
+use hand_model::robot::TactileFrame;
+use serial2::SerialPort;
+
+use super::clock::BoardClock;
+use super::counters::CameraCounters;
+use super::deframer::Deframer;
+use super::message::{Image, Message, VERSION};
+use super::{frame, image_data};
+use crate::lock;
+
+/// A USB serial device ignores the rate; a real line at this one carries two images a second.
+const BAUD: u32 = 3_000_000;
+/// Waited for the board's first words, s.
+const PATIENCE: Duration = Duration::from_millis(1000);
+/// Between two questions for the board's time.
+const CLOCK_PERIOD: Duration = Duration::from_millis(1000);
+/// Images that may wait for decoding: two of every camera.
+const QUEUE: usize = 2 * CAMERAS;
+
+/// Why there is no link to the cameras.
+#[derive(Debug, thiserror::Error)]
+pub enum LinkError {
+    /// The port cannot be opened, read or written.
+    #[error("{port}: {source}")]
+    Port {
+        /// Device path.
+        port: PathBuf,
+        /// The operating system's reason.
+        source: std::io::Error,
+    },
+    /// Nobody who speaks this protocol is there.
+    #[error("{port}: no camera board answered within 1 s")]
+    Silent {
+        /// Device path.
+        port: PathBuf,
+    },
+    /// A board with other firmware.
+    #[error("{port}: camera board speaks version {found}, expected {VERSION}")]
+    Version {
+        /// Device path.
+        port: PathBuf,
+        /// The board's protocol version.
+        found: u16,
+    },
+    /// Not our board.
+    #[error("{port}: found {found} cameras, expected {CAMERAS}")]
+    Cameras {
+        /// Device path.
+        port: PathBuf,
+        /// Cameras that answer.
+        found: u8,
+    },
+}
+
+/// What the board said of itself.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Board {
+    /// Serial number.
+    pub serial: u32,
+    /// Cameras that answer.
+    pub cameras: u8,
+}
+
+/// What is wrong on the line, all cameras together.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct LineCounters {
+    /// Good frames.
+    pub frames: u64,
+    /// Damaged frames.
+    pub damaged: u64,
+    /// Images that name a camera the hand does not have.
+    pub strangers: u64,
+}
+
+#[derive(Default)]
+struct Books {
+    clock: BoardClock,
+    cameras: [CameraCounters; CAMERAS],
+    line: LineCounters,
+    ready: Vec<TactileFrame>,
+    lost_port: Option<String>,
+}
+
+/// An open link to the camera board.
+pub struct TactileLink {
+    port: SerialPort,
+    path: PathBuf,
+    board: Board,
+    books: Arc<Mutex<Books>>,
+    stop: Arc<AtomicBool>,
+    threads: Vec<JoinHandle<()>>,
+    epoch: Instant,
+}
+
+impl TactileLink {
+    /// Opens the port and greets the board. Times are s since `epoch`.
+    pub fn open(path: &Path, epoch: Instant) -> Result<Self, LinkError> {
+        let failed = |source| LinkError::Port { port: path.to_owned(), source };
+        let mut port = SerialPort::open(path, BAUD).map_err(failed)?;
+        port.set_read_timeout(Duration::from_millis(5)).map_err(failed)?;
+        port.discard_input_buffer().map_err(failed)?;
+        let board = greet(&port, path)?;
+        let books = Arc::new(Mutex::new(Books::default()));
+        let stop = Arc::new(AtomicBool::new(false));
+        let (images, queue) = mpsc::sync_channel(QUEUE);
+        let reader = Reader { port: port.try_clone().map_err(failed)?, books: books.clone(), images, epoch };
+        let for_decoder = books.clone();
+        let stopped = stop.clone();
+        let spawn = |name: &str, work: Box<dyn FnOnce() + Send>| {
+            std::thread::Builder::new().name(name.into()).spawn(work).map_err(failed)
+        };
+        let threads = vec![
+            spawn("tactile link", Box::new(move || reader.run(&stopped)))?,
+            spawn("image decoder", Box::new(move || decode_images(&queue, &for_decoder)))?,
+        ];
+        Ok(Self { port, path: path.to_owned(), board, books, stop, threads, epoch })
+    }
+
+    /// What the board said of itself.
+    pub fn board(&self) -> Board {
+        self.board
+    }
+
+    /// Asks for one image of every camera.
+    pub fn request_capture(&self) -> Result<(), LinkError> {
+        let wire = frame::encode(&Message::Capture);
+        self.port.write_all(&wire).map_err(|source| LinkError::Port { port: self.path.clone(), source })
+    }
+
+    /// The images finished since the last call.
+    pub fn take(&self) -> Vec<TactileFrame> {
+        std::mem::take(&mut lock(&self.books).ready)
+    }
+
+    /// The books of every camera.
+    pub fn cameras(&self) -> [CameraCounters; CAMERAS] {
+        lock(&self.books).cameras
+    }
+
+    /// The books of the line.
+    pub fn line(&self) -> LineCounters {
+        lock(&self.books).line
+    }
+
+    /// By how much capture times may be off, s.
+    pub fn clock_uncertainty(&self) -> Option<f64> {
+        lock(&self.books).clock.uncertainty()
+    }
+
+    /// Why the port stopped working, if it did.
+    pub fn lost_port(&self) -> Option<String> {
+        lock(&self.books).lost_port.clone()
+    }
+
+    /// Now, s since the epoch: the clock of capture times.
+    pub fn now(&self) -> f64 {
+        self.epoch.elapsed().as_secs_f64()
+    }
+}
+
+impl Drop for TactileLink {
+    fn drop(&mut self) {
+        self.stop.store(true, Ordering::Relaxed);
+        for thread in self.threads.drain(..) {
+            // A thread that panicked has said so itself.
+            let _ = thread.join();
+        }
+    }
+}
+
+fn greet(port: &SerialPort, path: &Path) -> Result<Board, LinkError> {
+    let failed = |source| LinkError::Port { port: path.to_owned(), source };
+    // A delimiter first ends whatever an earlier host left unfinished.
+    let hello = [vec![frame::DELIMITER], frame::encode(&Message::Hello)].concat();
+    port.write_all(&hello).map_err(failed)?;
+    let deadline = Instant::now() + PATIENCE;
+    let mut deframer = Deframer::default();
+    let mut buffer = [0; 4096];
+    while Instant::now() < deadline {
+        let Some(count) = read_some(port, &mut buffer).map_err(failed)? else { continue };
+        for message in deframer.push(&buffer[..count]).into_iter().flatten() {
+            if let Message::Welcome { version, serial, cameras } = message {
+                if version != VERSION {
+                    return Err(LinkError::Version { port: path.to_owned(), found: version });
+                }
+                if usize::from(cameras) != CAMERAS {
+                    return Err(LinkError::Cameras { port: path.to_owned(), found: cameras });
+                }
+                return Ok(Board { serial, cameras });
+            }
+        }
+    }
+    Err(LinkError::Silent { port: path.to_owned() })
+}
+
+/// Bytes that came within the port's timeout, if any.
+fn read_some(port: &SerialPort, buffer: &mut [u8]) -> std::io::Result<Option<usize>> {
+    match port.read(buffer) {
+        Ok(0) => Err(std::io::ErrorKind::UnexpectedEof.into()),
+        Ok(count) => Ok(Some(count)),
+        Err(error) if error.kind() == std::io::ErrorKind::TimedOut => Ok(None),
+        Err(error) => Err(error),
+    }
+}
+
+struct Reader {
+    port: SerialPort,
+    books: Arc<Mutex<Books>>,
+    images: SyncSender<(Image, f64)>,
+    epoch: Instant,
+}
+
+impl Reader {
+    fn run(self, stop: &AtomicBool) {
+        if let Err(error) = self.read_until(stop) {
+            lock(&self.books).lost_port = Some(error.to_string());
+        }
+    }
+
+    fn read_until(&self, stop: &AtomicBool) -> std::io::Result<()> {
+        let mut deframer = Deframer::default();
+        let mut buffer = vec![0; 65_536];
+        let mut next_question = Instant::now();
+        while !stop.load(Ordering::Relaxed) {
+            if Instant::now() >= next_question {
+                next_question = Instant::now() + CLOCK_PERIOD;
+                self.port.write_all(&frame::encode(&Message::WhatTime { host_us: self.now_us() }))?;
+            }
+            let Some(count) = read_some(&self.port, &mut buffer)? else { continue };
+            for message in deframer.push(&buffer[..count]) {
+                self.take_in(message);
+            }
+        }
+        Ok(())
+    }
+
+    fn now_us(&self) -> u64 {
+        self.epoch.elapsed().as_micros() as u64
+    }
+
+    fn take_in(&self, message: Result<Message, frame::FrameError>) {
+        let mut books = lock(&self.books);
+        let Ok(message) = message else {
+            books.line.damaged += 1;
+            return;
+        };
+        books.line.frames += 1;
+        match message {
+            Message::Time { host_us, board_us } => {
+                books.clock.note(host_us as f64 * 1e-6, self.now_us() as f64 * 1e-6, board_us as f64 * 1e-6);
+            }
+            Message::CameraFault { camera, .. } => match books.cameras.get_mut(usize::from(camera)) {
+                Some(camera) => camera.faults += 1,
+                None => books.line.strangers += 1,
+            },
+            Message::Image(image) => {
+                // Before the clock is known nobody can have asked for an image: the question went out first.
+                let captured = books.clock.host_time(image.captured_us as f64 * 1e-6);
+                let camera = usize::from(image.camera);
+                let (Some(captured), true) = (captured, camera < CAMERAS) else {
+                    books.line.strangers += 1;
+                    return;
+                };
+                books.cameras[camera].note_arrival(image.sequence, frame::digest(&image.data));
+                if let Err(TrySendError::Full(_)) = self.images.try_send((image, captured)) {
+                    books.cameras[camera].overrun += 1;
+                }
+            }
+            Message::Hello | Message::Welcome { .. } | Message::WhatTime { .. } | Message::Capture => {}
+        }
+    }
+}
+
+fn decode_images(queue: &Receiver<(Image, f64)>, books: &Mutex<Books>) {
+    // Ends when the reader, which holds the other end, does.
+    while let Ok((image, captured)) = queue.recv() {
+        let camera = usize::from(image.camera);
+        let decoded = image_data::decode(&image);
+        let mut books = lock(books);
+        match decoded {
+            Ok(pixels) => {
+                books.cameras[camera].note_good(captured);
+                let sequence = u64::from(image.sequence);
+                books.ready.push(TactileFrame { camera, time: captured, sequence, image: Arc::new(pixels) });
+            }
+            Err(_) => books.cameras[camera].undecodable += 1,
+        }
+    }
+}

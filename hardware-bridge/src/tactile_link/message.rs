@@ -1,0 +1,91 @@
+//! What host and camera board say to each other.
+//!
+//! The host asks, the board answers; the board sends nothing unasked. `Hello` opens a session and is answered with `Welcome`; `WhatTime` is
+//! answered at once with `Time`; `Capture` is answered with one `Image` of every camera, in camera order, each as soon as it has been
+//! read out, or with `CameraFault` in its place.
+//!
+//! postcard writes an enum as its variant's number (in the order below) and then the fields; integers above 8 bits as varints (7 bits a
+//! byte, low first), byte strings as their length and their bytes.
+
+use serde::{Deserialize, Serialize};
+
+/// Version of this protocol; a board with another is refused.
+pub const VERSION: u16 = 1;
+
+/// How an image's pixels are coded.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Encoding {
+    /// A baseline JPEG, from SOI to EOI.
+    Jpeg,
+    /// Two bytes a pixel, high byte first: RRRRRGGG GGGBBBBB.
+    Rgb565,
+}
+
+/// One image as it was taken.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Image {
+    /// Index of the camera, 0 to 17, in the hand model's order.
+    pub camera: u8,
+    /// Number of this camera's image, one more each time it takes one, sent or not.
+    pub sequence: u32,
+    /// Middle of the exposure, us, by the board's clock.
+    pub captured_us: u64,
+    /// Pixels in a row.
+    pub width: u16,
+    /// Rows.
+    pub height: u16,
+    /// How `data` is to be read.
+    pub encoding: Encoding,
+    /// The coded pixels.
+    pub data: Vec<u8>,
+}
+
+/// Why a camera gave no image.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub enum CameraFault {
+    /// It does not answer on its control bus.
+    Silent,
+    /// Its frame did not fit the board's buffer.
+    Overrun,
+    /// No frame came in time.
+    Timeout,
+}
+
+/// One message. The numbers of the variants are part of the protocol.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Message {
+    /// 0, host: who are you?
+    Hello,
+    /// 1, board: protocol version, serial number, number of cameras.
+    Welcome {
+        /// [`VERSION`].
+        version: u16,
+        /// Serial number of the board.
+        serial: u32,
+        /// Cameras that answer.
+        cameras: u8,
+    },
+    /// 2, host: what time is it?
+    WhatTime {
+        /// Host clock when this was sent, us.
+        host_us: u64,
+    },
+    /// 3, board: this, at once.
+    Time {
+        /// Copied from the question.
+        host_us: u64,
+        /// Board clock, us.
+        board_us: u64,
+    },
+    /// 4, host: one image of every camera.
+    Capture,
+    /// 5, board.
+    Image(Image),
+    /// 6, board: no image of this camera.
+    CameraFault {
+        /// Index of the camera.
+        camera: u8,
+        /// Why.
+        fault: CameraFault,
+    },
+}

@@ -1,0 +1,268 @@
+//! The robot on emulated devices: bring-up, driving, and the two stops.
+
+use std::path::Path;
+use std::sync::{Arc, Mutex};
+use std::time::{Duration, Instant};
+
+use hand_model::robot::{Command, Robot, ServoGoal, TactileFrame};
+use hand_model::{ACTUATORS, ARM_JOINTS, Arm, CAMERAS};
+use hardware_bridge::arm_link::LoopbackArm;
+use hardware_bridge::calibration::{Calibration, ServoCalibration};
+use hardware_bridge::config::BridgeConfig;
+use hardware_bridge::emulator::faults::{Event, Faults};
+use hardware_bridge::emulator::servo::EmulatedServo;
+use hardware_bridge::emulator::spring_hand::SpringHand;
+use hardware_bridge::emulator::{EmulatedHand, EmulatorSettings};
+use hardware_bridge::hardware_robot::{ConnectError, HardwareRobot};
+use hardware_bridge::homing::{HomingSettings, home};
+use hardware_bridge::remote::{self, Wish};
+use hardware_bridge::safety::state::{Cause, State};
+use hardware_bridge::servo_bus::ServoBus;
+use hardware_bridge::servo_cycle::DryLines;
+use hardware_bridge::xc330;
+use tempfile::TempDir;
+
+const TRAVEL: f64 = 4.0;
+
+struct Bench {
+    hand: EmulatedHand,
+    config: BridgeConfig,
+    _folder: TempDir,
+}
+
+/// An emulated hand, calibrated as it is, and a configuration patient enough for a busy machine.
+fn bench(faults: &[&str]) -> Bench {
+    let settings = EmulatorSettings {
+        faults: Faults::parse(faults.iter().copied()).expect("faults"),
+        ..EmulatorSettings::default()
+    };
+    let hand = EmulatedHand::start(Box::new(SpringHand::new([TRAVEL; ACTUATORS])), settings).expect("starts");
+    let folder = tempfile::tempdir().expect("a folder");
+    let text = format!(
+        r#"version = 1
+        calibration = "calibration.json"
+        stop_socket = "stop"
+        [servos]
+        port = {:?}
+        ids = [1, 2, 3, 4, 5, 6]
+        slack = 0.2
+        [cameras]
+        port = {:?}
+        [arm]
+        kind = "loopback"
+        [limits]
+        staleness = 0.6
+        servo_watchdog = 1.0
+        arm_watchdog = 1.0
+        host_watchdog = 2.0
+        release_time = 0.3"#,
+        hand.servo_port(),
+        hand.camera_port()
+    );
+    let config = BridgeConfig::parse(&text, &folder.path().join("bridge.toml")).expect("a configuration");
+    let mut bus = ServoBus::open(hand.servo_port(), config.bus()).expect("opens");
+    let servos = std::array::from_fn(|n| {
+        let id = n as u8 + 1;
+        let unit = xc330::HOMING_OFFSET.unit.per_count();
+        let offset = -(bus.read(id, &xc330::PRESENT_POSITION).expect("read") / unit).round() as i32;
+        bus.write(id, &xc330::HOMING_OFFSET, f64::from(offset) * unit).expect("written");
+        bus.write(id, &xc330::CURRENT_LIMIT, config.limits.current).expect("written");
+        ServoCalibration { id, model: xc330::MODEL, firmware: 46, homing_offset: offset, travel: TRAVEL }
+    });
+    Calibration::new("ftac", servos).write(&config.calibration).expect("written");
+    Bench { hand, config, _folder: folder }
+}
+
+fn connect(bench: &Bench, dry: Option<DryLines>) -> Result<HardwareRobot, ConnectError> {
+    HardwareRobot::connect(&bench.config, Box::new(LoopbackArm::default()), &Arm::gen3(), dry)
+}
+
+fn patiently(what: &str, mut done: impl FnMut() -> bool) {
+    let deadline = Instant::now() + Duration::from_secs(10);
+    while !done() {
+        assert!(Instant::now() < deadline, "{what}");
+        std::thread::sleep(Duration::from_millis(10));
+    }
+}
+
+fn armed(bench: &Bench) -> HardwareRobot {
+    let robot = connect(bench, None).expect("connects");
+    patiently("the checks pass", || robot.check().is_ok());
+    robot.arm().expect("arms");
+    robot
+}
+
+fn command(servo: ServoGoal) -> Command {
+    Command { arm: [0.1; ARM_JOINTS], servos: [servo; ACTUATORS], capture: false }
+}
+
+/// Drives until `done`.
+fn drive(robot: &mut HardwareRobot, goal: ServoGoal, mut done: impl FnMut(&mut HardwareRobot) -> bool) {
+    patiently("the robot gets there", || {
+        robot.send(&command(goal));
+        robot.wait_for_tick();
+        done(robot)
+    });
+}
+
+fn closed(robot: &mut HardwareRobot, angle: f64) -> bool {
+    robot.observe().servos.iter().all(|servo| (servo.position - angle).abs() < 0.1)
+}
+
+#[test]
+fn follows_positions_and_currents() {
+    let bench = bench(&[]);
+    let mut robot = armed(&bench);
+    let goal = ServoGoal::Position { angle: 1.5, current_limit: 0.4 };
+    drive(&mut robot, goal, |robot| closed(robot, 1.5));
+    let sent = robot.send(&command(ServoGoal::Current(5.0)));
+    assert_eq!(sent.servos[0], ServoGoal::Current(0.6), "what was sent, after limits");
+    assert!(sent.arm.iter().all(|angle| (0.0..=0.1).contains(angle)));
+    // 0.09 A balance the spring at (0.09 - 0.01) / 0.04 = 2 rad.
+    drive(&mut robot, ServoGoal::Current(0.09), |robot| closed(robot, 2.0));
+    assert_eq!(robot.state(), State::Running);
+    assert!(robot.report().cycles > 10);
+}
+
+/// A hold keeps the shafts where they are whatever the controller sends; a release opens the hand and ends without torque.
+#[test]
+fn hold_and_release_from_another_terminal() {
+    let bench = bench(&[]);
+    let mut robot = armed(&bench);
+    let goal = ServoGoal::Position { angle: 2.0, current_limit: 0.3 };
+    drive(&mut robot, goal, |robot| closed(robot, 2.0));
+    let socket = bench.config.stop_socket.clone();
+    let said = remote::ask(&socket, Wish::Hold).expect("obeyed");
+    assert!(said.starts_with("hold: the operator"), "{said}");
+    for _ in 0..60 {
+        robot.send(&command(ServoGoal::Position { angle: 0.0, current_limit: 0.3 }));
+        robot.wait_for_tick();
+    }
+    assert!(closed(&mut robot, 2.0), "{:?}", bench.hand.shafts());
+    remote::ask(&socket, Wish::Resume).expect("resumes");
+    drive(&mut robot, ServoGoal::Position { angle: 1.0, current_limit: 0.3 }, |robot| closed(robot, 1.0));
+    remote::ask(&socket, Wish::Release).expect("lets go");
+    patiently("the torque goes", || robot.state() == State::Connected);
+    patiently("the springs open the hand", || bench.hand.shafts().iter().all(|shaft| shaft.position < 0.3));
+    assert!(bench.hand.drives().iter().all(|drive| *drive == ServoGoal::Current(0.0)));
+    assert!(robot.report().still_on.is_empty());
+}
+
+#[test]
+fn an_unplugged_servo_ends_in_hold_and_an_overload_in_fault() {
+    let bench = bench(&[]);
+    let mut robot = armed(&bench);
+    let goal = ServoGoal::Position { angle: 2.0, current_limit: 0.3 };
+    drive(&mut robot, goal, |robot| closed(robot, 2.0));
+    bench.hand.inject(Event::Unplug(6));
+    drive(&mut robot, goal, |robot| matches!(robot.state(), State::Hold(Cause::ServoSilent(5, _))));
+    assert!(bench.hand.shafts()[..5].iter().all(|shaft| (shaft.position - 2.0).abs() < 0.1), "the others hold");
+    bench.hand.inject(Event::Overload(2));
+    patiently("the fault is seen", || robot.state() == State::Fault(Cause::ServoAlert(1)));
+    assert!(robot.resume().is_err());
+    assert!((bench.hand.shafts()[0].position - 2.0).abs() < 0.1);
+}
+
+/// When the robot is dropped, the hand keeps hold.
+#[test]
+fn dropping_the_robot_keeps_hold() {
+    let bench = bench(&[]);
+    let mut robot = armed(&bench);
+    drive(&mut robot, ServoGoal::Current(0.09), |robot| closed(robot, 2.0));
+    drop(robot);
+    std::thread::sleep(Duration::from_millis(1500));
+    assert!(bench.hand.shafts().iter().all(|shaft| shaft.position > 1.8), "{:?}", bench.hand.shafts());
+}
+
+#[test]
+fn dry_run_moves_nothing() {
+    let bench = bench(&[]);
+    let lines = Arc::new(Mutex::new(Vec::new()));
+    let told = lines.clone();
+    let tell: DryLines = Box::new(move |line| told.lock().expect("whole").push(line));
+    let mut robot = connect(&bench, Some(tell)).expect("connects");
+    patiently("the checks pass", || robot.check().is_ok());
+    robot.arm().expect("arms");
+    let told_enough = || lines.lock().expect("whole").len() > 1;
+    drive(&mut robot, ServoGoal::Current(0.3), |_| told_enough());
+    assert!(bench.hand.shafts().iter().all(|shaft| shaft.position == 0.0));
+    assert!(bench.hand.drives().iter().all(|drive| *drive == ServoGoal::Current(0.0)), "no torque");
+    assert!(lines.lock().expect("whole")[1].contains("300 mA"), "{lines:?}");
+}
+
+#[test]
+fn another_servo_is_refused() {
+    let bench = bench(&[]);
+    let mut bus = ServoBus::open(bench.hand.servo_port(), bench.config.bus()).expect("opens");
+    bus.write(4, &xc330::HOMING_OFFSET, 0.0).expect("written");
+    drop(bus);
+    let error = connect(&bench, None).err().expect("refused");
+    assert!(matches!(error, ConnectError::Mismatch { actuator: 3, found: 0, .. }), "{error}");
+    let missing = BridgeConfig { calibration: Path::new("/no/such/calibration.json").into(), ..bench.config.clone() };
+    let error = HardwareRobot::connect(&missing, Box::new(LoopbackArm::default()), &Arm::gen3(), None);
+    assert!(error.err().expect("refused").to_string().starts_with("/no/such/calibration.json: "));
+}
+
+/// From factory settings on a shaft that stands anywhere: homing finds the open mark and the travel.
+#[test]
+fn homing() {
+    let mut servos = EmulatorSettings::default().servos;
+    servos[0] = EmulatedServo::provisioned(1, 3900);
+    let settings = EmulatorSettings { servos, ..EmulatorSettings::default() };
+    let hand = EmulatedHand::start(Box::new(SpringHand::new([TRAVEL; ACTUATORS])), settings).expect("starts");
+    let bus_settings = hardware_bridge::servo_bus::BusSettings { slack: 0.2, ..Default::default() };
+    let mut bus = ServoBus::open(hand.servo_port(), bus_settings).expect("opens");
+    let quick = HomingSettings { still_for: 0.2, fade: 0.2, ..HomingSettings::default() };
+    let found = home(&mut bus, 1, &quick).expect("homes");
+    assert!((found.travel - TRAVEL).abs() < 0.01, "{found:?}");
+    assert_eq!(found.homing_offset, -3900);
+    patiently("the spring opens it", || hand.shafts()[0].position < 0.05);
+    let mark = bus.read(1, &xc330::PRESENT_POSITION).expect("read");
+    assert!(mark.abs() < 0.06, "{mark}");
+    assert_eq!(bus.read(1, &xc330::TORQUE_ENABLE).expect("read"), 0.0);
+}
+
+fn images(robot: &mut HardwareRobot, captures: usize) -> Vec<TactileFrame> {
+    let mut all = Vec::new();
+    for _ in 0..captures {
+        let still = Command { capture: true, ..command(ServoGoal::Current(0.0)) };
+        robot.send(&still);
+        let before = all.len();
+        let deadline = Instant::now() + Duration::from_secs(2);
+        while all.len() < before + CAMERAS && Instant::now() < deadline {
+            robot.wait_for_tick();
+            all.extend(robot.observe().tactile);
+        }
+    }
+    all
+}
+
+/// Images of all cameras arrive with times on our clock; cut JPEGs are noticed.
+#[test]
+fn tactile_images() {
+    let bench = bench(&["jpeg=0.1"]);
+    let mut robot = connect(&bench, None).expect("connects");
+    let before = robot.observe().time;
+    let all = images(&mut robot, 3);
+    let after = robot.observe().time;
+    let link = robot.tactile().expect("cameras");
+    let cameras = link.cameras();
+    let cut: u64 = cameras.iter().map(|camera| camera.undecodable).sum();
+    assert!(cut > 0 && cut < 20, "{cut} of 54");
+    assert_eq!(all.len() as u64 + cut, 54);
+    let slack = link.clock_uncertainty().expect("asked") + 1e-3;
+    assert!(all.iter().all(|frame| frame.time > before - slack && frame.time < after + slack));
+    assert!(cameras.iter().all(|camera| !camera.frozen() && camera.lost == 0));
+    assert_eq!(link.line().damaged, 0);
+}
+
+#[test]
+fn a_frozen_camera_is_noticed() {
+    let bench = bench(&[]);
+    let mut robot = connect(&bench, None).expect("connects");
+    bench.hand.inject(Event::Freeze(7));
+    images(&mut robot, 6);
+    let frozen: Vec<bool> = robot.tactile().expect("cameras").cameras().iter().map(|camera| camera.frozen()).collect();
+    assert_eq!(frozen.iter().position(|frozen| *frozen), Some(7));
+    assert_eq!(frozen.iter().filter(|frozen| **frozen).count(), 1);
+}

@@ -1,0 +1,166 @@
+//! The bus master against six emulated servos, through a pseudo-terminal.
+
+use std::time::Duration;
+
+use hand_model::ACTUATORS;
+use hardware_bridge::emulator::faults::{Chances, Event};
+use hardware_bridge::emulator::spring_hand::SpringHand;
+use hardware_bridge::emulator::{EmulatedHand, EmulatorSettings};
+use hardware_bridge::protocol2::{ReplyError, ServoError};
+use hardware_bridge::servo_bus::timing::Cycle;
+use hardware_bridge::servo_bus::{BusError, BusSettings, ServoBus};
+use hardware_bridge::xc330::{self, GOAL_BLOCK, PRESENT_BLOCK, PRESENT_BLOCK_LONG};
+
+const IDS: [u8; 6] = [1, 2, 3, 4, 5, 6];
+
+fn start() -> (EmulatedHand, ServoBus) {
+    let hand = EmulatedHand::start(Box::new(SpringHand::new([4.0; ACTUATORS])), EmulatorSettings::default());
+    let hand = hand.expect("the emulator starts");
+    // Other tests share the processor: patience long enough that only what was injected goes missing.
+    let settings = BusSettings { slack: 0.25, ..BusSettings::default() };
+    let bus = ServoBus::open(hand.servo_port(), settings).expect("the bus opens");
+    (hand, bus)
+}
+
+fn present(bus: &mut ServoBus) -> Vec<Result<Vec<u8>, ReplyError>> {
+    let length = PRESENT_BLOCK.end - PRESENT_BLOCK.start;
+    let replies = bus.sync_read(&IDS, PRESENT_BLOCK.start, length).expect("the port works");
+    replies.into_iter().map(|reply| reply.map(|status| status.data)).collect()
+}
+
+#[test]
+fn reads_writes_and_refusals() {
+    let (_hand, mut bus) = start();
+    for id in IDS {
+        assert_eq!(bus.ping(id).expect("there").model, xc330::MODEL);
+    }
+    assert!(matches!(bus.ping(9), Err(BusError::Reply(ReplyError::Missing(9)))));
+    assert!((bus.read(2, &xc330::PRESENT_INPUT_VOLTAGE).expect("read") - 11.1).abs() < 1e-9);
+    bus.write(2, &xc330::TORQUE_ENABLE, 1.0).expect("on");
+    let refused = bus.write(2, &xc330::ID, 8.0).expect_err("locked");
+    assert!(matches!(refused, BusError::Reply(ReplyError::Refused { id: 2, error: ServoError::Access })), "{refused}");
+    assert!(matches!(bus.write(2, &xc330::GOAL_CURRENT, 5.0), Err(BusError::Register { id: 2, .. })));
+    assert_eq!(present(&mut bus).iter().filter(|reply| reply.is_ok()).count(), 6);
+}
+
+/// Both kinds of sync read say the same of shafts that stand still.
+#[test]
+fn fast_sync_read_agrees() {
+    let (_hand, mut bus) = start();
+    let slow = bus.sync_read(&IDS, xc330::ID.address, 4).expect("read");
+    let fast = bus.fast_sync_read(&IDS, xc330::ID.address, 4).expect("read");
+    assert_eq!(slow, fast);
+    assert!(slow.iter().all(Result::is_ok));
+}
+
+/// A goal given by sync write moves the shaft; torque off lets the spring open it.
+#[test]
+fn closes_and_opens() {
+    let (hand, mut bus) = start();
+    assert!(bus.set_torque(&IDS, true).iter().all(Result::is_ok));
+    let start: Vec<f64> = IDS.iter().map(|id| bus.read(*id, &xc330::PRESENT_POSITION).expect("read")).collect();
+    let goals = IDS.iter().zip(&start);
+    let goals = goals.map(|(id, at)| (*id, xc330::GOAL_POSITION.write(at + 1.0).expect("fits"))).collect();
+    bus.sync_write_register(&IDS, &xc330::GOAL_CURRENT, 0.4).expect("written");
+    bus.sync_write(xc330::GOAL_POSITION.address, 4, goals).expect("written");
+    std::thread::sleep(Duration::from_millis(800));
+    assert!(hand.shafts().iter().all(|shaft| (0.8..1.1).contains(&shaft.position)), "{:?}", hand.shafts());
+    assert!(bus.set_torque(&IDS, false).iter().all(Result::is_ok));
+    std::thread::sleep(Duration::from_millis(4000));
+    assert!(hand.shafts().iter().all(|shaft| shaft.position < 0.2), "{:?}", hand.shafts());
+}
+
+/// On a bad line most answers come through, none is wrong, and the books say what happened.
+#[test]
+fn partial_results_on_a_bad_line() {
+    let (hand, mut bus) = start();
+    let expected = present(&mut bus);
+    assert!(expected.iter().all(Result::is_ok));
+    hand.set_chances(Chances { noise: 0.3, drop: 0.05, corrupt: 0.04, ..Chances::default() });
+    let cycles = 20;
+    let mut good = 0;
+    for _ in 0..cycles {
+        for (reply, expected) in present(&mut bus).iter().zip(&expected) {
+            if let Ok(data) = reply {
+                good += 1;
+                assert_eq!(Ok(data), expected.as_ref());
+            }
+        }
+    }
+    let share = f64::from(good) / f64::from(6 * cycles);
+    assert!((0.7..0.99).contains(&share), "{share}");
+    let statistics = bus.statistics();
+    assert!(statistics.missing > 0 && statistics.garbage_bytes > 0 && statistics.bad_crc > 0, "{statistics:?}");
+}
+
+#[test]
+fn overload_needs_a_reboot() {
+    let (hand, mut bus) = start();
+    bus.write(3, &xc330::TORQUE_ENABLE, 1.0).expect("on");
+    hand.inject(Event::Overload(3));
+    let replies = bus.sync_read(&IDS, PRESENT_BLOCK.start, 10).expect("read");
+    let alerts: Vec<bool> = replies.iter().map(|reply| reply.as_ref().is_ok_and(|status| status.alert)).collect();
+    assert_eq!(alerts, [false, false, true, false, false, false]);
+    assert!(bus.write(3, &xc330::TORQUE_ENABLE, 1.0).is_err());
+    bus.reboot(3).expect("obeys");
+    assert!(bus.ping(3).is_err(), "it is off the bus for a moment");
+    std::thread::sleep(Duration::from_millis(450));
+    bus.ping(3).expect("back");
+    bus.write(3, &xc330::TORQUE_ENABLE, 1.0).expect("on again");
+}
+
+/// The servos' watchdog stops them when the host falls silent, and goals are refused until it is cleared.
+#[test]
+fn servo_watchdog() {
+    let (hand, mut bus) = start();
+    bus.write(1, &xc330::TORQUE_ENABLE, 1.0).expect("on");
+    bus.write(1, &xc330::BUS_WATCHDOG, 0.1).expect("armed");
+    bus.write(1, &xc330::GOAL_CURRENT, 0.3).expect("set");
+    let at = bus.read(1, &xc330::PRESENT_POSITION).expect("read");
+    bus.write(1, &xc330::GOAL_POSITION, at + 3.5).expect("set");
+    std::thread::sleep(Duration::from_millis(400));
+    assert!(bus.read(1, &xc330::BUS_WATCHDOG).expect("read") < 0.0, "tripped");
+    let stopped = hand.shafts()[0].position;
+    assert!(stopped < 2.0, "{stopped}");
+    std::thread::sleep(Duration::from_millis(200));
+    assert!((hand.shafts()[0].position - stopped).abs() < 0.1, "it stands still");
+    assert!(bus.write(1, &xc330::GOAL_POSITION, at).is_err());
+    bus.write(1, &xc330::BUS_WATCHDOG, 0.0).expect("cleared");
+    bus.write(1, &xc330::GOAL_POSITION, at).expect("accepted");
+}
+
+#[test]
+fn a_port_that_is_not_there() {
+    let error = ServoBus::open("/dev/no-such-port".as_ref(), BusSettings::default()).expect_err("absent");
+    assert!(error.to_string().starts_with("/dev/no-such-port: "), "{error}");
+}
+
+/// Measures the control cycle on the emulator, which takes the calculated line time for its answers. Prints; asserts counts only.
+#[test]
+fn cycle_rate() {
+    let (_hand, mut bus) = start();
+    let (read, write) = (PRESENT_BLOCK_LONG, GOAL_BLOCK);
+    let length = read.end - read.start;
+    for fast in [false, true] {
+        let started = std::time::Instant::now();
+        let cycles = 200;
+        for _ in 0..cycles {
+            let replies = match fast {
+                true => bus.fast_sync_read(&IDS, read.start, length),
+                false => bus.sync_read(&IDS, read.start, length),
+            };
+            assert!(replies.expect("read").iter().all(Result::is_ok));
+            let goals = IDS.map(|id| (id, vec![0; 4])).to_vec();
+            bus.sync_write(xc330::GOAL_POSITION.address, 4, goals).expect("written");
+        }
+        let rate = f64::from(cycles) / started.elapsed().as_secs_f64();
+        let cycle = Cycle { servos: 6, read: length.into(), write: (write.end - write.start).into(), fast };
+        println!(
+            "fast {fast}: {rate:.0} cycles/s measured, {:.0} calculated; round trip p50 {:.2} ms, p99 {:.2} ms",
+            1.0 / bus.timing().cycle(cycle),
+            1e3 * bus.statistics().round_trip(0.5).expect("some"),
+            1e3 * bus.statistics().round_trip(0.99).expect("some"),
+        );
+    }
+    assert_eq!(bus.statistics().missing, 0);
+}
