@@ -10,5 +10,6 @@
 //! supervisor, no emulators, and **no implementation of `Robot`**. `ftac --robot hardware` and `--robot emulated` therefore have nothing to
 //! drive. Nothing in this crate has been run against a servo; it is checked against the maker's published packets and tables.
 
+pub mod kortex;
 pub mod protocol2;
 pub mod xc330;
