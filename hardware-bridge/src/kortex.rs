@@ -10,6 +10,7 @@
 //! - [`degrees`]: the wire's units, and joints that turn more than once.
 //! - [`base`]: the high-level side. [`cyclic`]: the exchange with its counters. [`arm`]: both.
 //! - [`servoing`]: joint commands with seeded entry, checks and clean exit.
+//! - [`servo_loop`]: the thousand cycles a second in a thread of their own, fed by a slower controller.
 //! - [`emulator`]: a Gen3 on loopback.
 //!
 //! # What holds on a real arm
@@ -22,13 +23,14 @@ pub mod base;
 pub mod call;
 pub mod cyclic;
 pub mod degrees;
-//EMU pub mod emulator;
+pub mod emulator;
 pub mod error;
 pub mod frame;
 pub mod link;
 pub mod message;
 pub mod refusal;
 pub mod safety_bank;
+pub mod servo_loop;
 pub mod servoing;
 pub mod session;
 pub mod tcp_framing;

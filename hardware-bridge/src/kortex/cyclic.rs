@@ -235,7 +235,7 @@ impl Cyclic {
 }
 
 /// Whether message number `a` was given out after `b`; numbers wrap at 65,536.
-fn is_younger(a: u16, b: u16) -> bool {
+pub(super) fn is_younger(a: u16, b: u16) -> bool {
     a != b && a.wrapping_sub(b) < 0x8000
 }
 

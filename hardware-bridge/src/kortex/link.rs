@@ -43,7 +43,7 @@ pub trait Link {
 }
 
 /// Waits until `socket` has something, or until `deadline`. (`set_read_timeout` rounds up to the kernel's tick, up to 4 ms.)
-fn wait(socket: &impl AsFd, deadline: Instant) -> io::Result<bool> {
+pub(super) fn wait(socket: &impl AsFd, deadline: Instant) -> io::Result<bool> {
     loop {
         let left = deadline.saturating_duration_since(Instant::now());
         let left = rustix::event::Timespec { tv_sec: left.as_secs() as i64, tv_nsec: left.subsec_nanos().into() };

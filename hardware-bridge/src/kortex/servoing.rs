@@ -25,6 +25,7 @@ use super::error::{CommandError, KortexError};
 use super::message::ArmState;
 use super::message::base::ServoingMode;
 use super::message::device::ControlMode;
+use super::refusal::Reason;
 
 /// What a command may be.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -58,6 +59,23 @@ impl Limits {
         }
     }
 
+    /// Whether `angles` are numbers within the joints' ranges.
+    ///
+    /// # Errors
+    /// [`CommandError::NotFinite`], [`CommandError::Range`].
+    pub fn check_range(&self, angles: &[f64; ARM_JOINTS]) -> Result<(), CommandError> {
+        for (i, &found) in angles.iter().enumerate() {
+            let (joint, lower, upper) = (i + 1, self.lower[i], self.upper[i]);
+            if !found.is_finite() {
+                return Err(CommandError::NotFinite { joint, found });
+            }
+            if !(lower..=upper).contains(&found) {
+                return Err(CommandError::Range { joint, found, lower, upper });
+            }
+        }
+        Ok(())
+    }
+
     /// Whether `command` may follow `previous` while the arm is at `measured`.
     ///
     /// # Errors
@@ -68,14 +86,9 @@ impl Limits {
         previous: &[f64; ARM_JOINTS],
         measured: &[f64; ARM_JOINTS],
     ) -> Result<(), CommandError> {
+        self.check_range(command)?;
         for (i, &found) in command.iter().enumerate() {
             let joint = i + 1;
-            if !found.is_finite() {
-                return Err(CommandError::NotFinite { joint, found });
-            }
-            if !(self.lower[i]..=self.upper[i]).contains(&found) {
-                return Err(CommandError::Range { joint, found, lower: self.lower[i], upper: self.upper[i] });
-            }
             let step = (found - previous[i]).abs();
             // The step of a command at exactly the top speed may round up.
             if step > self.step[i] * (1.0 + 1e-9) {
@@ -192,7 +205,15 @@ impl<'a> Servoing<'a> {
 
     fn exchange(&mut self, deadline: Instant) -> Result<bool, KortexError> {
         self.arm.base.keep_up()?;
-        let fresh = self.arm.cyclic.refresh(&self.command, deadline)?;
+        let fresh = match self.arm.cyclic.refresh(&self.command, deadline) {
+            // The arm left low-level servoing on its own. Why, stands in its faults.
+            Err(error) if error.reason() == Some(Reason::ServoingMode) => {
+                self.latest = self.arm.cyclic.feedback()?;
+                fault_of(&self.latest)?;
+                return Err(error);
+            }
+            result => result?,
+        };
         if let Some(feedback) = fresh {
             self.latest = feedback;
             self.silent = 0;
