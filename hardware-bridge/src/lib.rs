@@ -12,4 +12,5 @@
 
 pub mod kortex;
 pub mod protocol2;
+pub mod session_log;
 pub mod xc330;

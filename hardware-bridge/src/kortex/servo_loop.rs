@@ -7,7 +7,7 @@
 //! The thread also keeps the sessions alive. It ends with the first error and gives the arm back, out of low-level servoing.
 
 use std::sync::mpsc;
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
@@ -16,6 +16,7 @@ use hand_model::ARM_JOINTS;
 use super::arm::Arm;
 use super::cyclic::{Counters, Feedback};
 use super::error::{CommandError, KortexError};
+use super::lock;
 use super::servoing::{Limits, Servoing};
 
 /// How the loop and its controller keep time.
@@ -59,10 +60,6 @@ struct Shared {
     target: Option<Target>,
     snapshot: Snapshot,
     stop: bool,
-}
-
-fn lock(shared: &Mutex<Shared>) -> MutexGuard<'_, Shared> {
-    shared.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 /// The running loop. Dropping it stops it and leaves low-level servoing.

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::io::{self, Read, Write};
 use std::net::{Ipv4Addr, SocketAddr, TcpListener, TcpStream, UdpSocket};
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
@@ -15,6 +15,7 @@ use super::{Outgoing, Peer};
 use crate::kortex::arm::Address;
 use crate::kortex::frame::{Frame, LONGEST};
 use crate::kortex::link::wait;
+use crate::kortex::lock;
 use crate::kortex::tcp_framing::{self, Deframer};
 
 /// How often a waiting thread looks whether it is to end.
@@ -35,11 +36,6 @@ struct Shared {
     /// Where answers on a TCP connection go.
     writers: Mutex<BTreeMap<u64, TcpStream>>,
     stop: AtomicBool,
-}
-
-fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
-    // A thread that panicked has been seen by the test it ran in; what it left is still an arm.
-    mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 impl Shared {
