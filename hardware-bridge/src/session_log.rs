@@ -18,7 +18,7 @@
 //! Numbers keep all their bits. Messages are not gathered into chunks and not compressed, and the file is handed to the operating system at
 //! every tick: a program that is killed leaves everything up to its last whole tick ([`reader`] reads such a file).
 //!
-//! [`recorder::Recorder`] writes a session while it passes on to any robot; [`replay::Replay`] is a robot that gives a session
+//! [`tap::Tap`] copies the bytes of a link. [`recorder::Recorder`] writes a session while it passes on to any robot; [`replay::Replay`] is a robot that gives a session
 //! back and holds every command to the recorded one, bit by bit.
 
 pub mod error;
@@ -27,10 +27,12 @@ pub mod reader;
 pub mod recorder;
 pub mod replay;
 pub mod schema;
+pub mod tap;
 pub mod writer;
 
 pub use error::SessionLogError;
 pub use reader::{Event, Reader};
 pub use recorder::Recorder;
 pub use replay::Replay;
+pub use tap::{Packet, Tap};
 pub use writer::{Direction, Session, Writer};

@@ -1,6 +1,7 @@
 //! Both sides of one arm.
 
 use std::net::{IpAddr, SocketAddr};
+use std::sync::mpsc;
 
 use hand_model::ARM_JOINTS;
 use hand_model::arm::Arm as ArmModel;
@@ -10,6 +11,7 @@ use super::call;
 use super::cyclic::Cyclic;
 use super::error::KortexError;
 use super::session::{Credentials, Timeouts};
+use crate::session_log::{Packet, Tap};
 
 /// The arm's port for calls.
 pub const TCP_PORT: u16 = 10_000;
@@ -66,6 +68,12 @@ impl Arm {
         }
         let cyclic = Cyclic::connect(address.udp, credentials, timeouts, near)?;
         Ok(Self { base, cyclic })
+    }
+
+    /// Copies what goes over both links from now on, under the names `arm_tcp` and `arm_udp`.
+    pub fn tap(&mut self, packets: &mpsc::Sender<Packet>) {
+        self.base.tap(Tap::new("arm_tcp", packets.clone()));
+        self.cyclic.tap(Tap::new("arm_udp", packets.clone()));
     }
 
     /// Keeps both sessions alive without waiting; to be called every few milliseconds while not servoing.

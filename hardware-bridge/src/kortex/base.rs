@@ -18,6 +18,7 @@ use super::message::device::{
 };
 use super::message::{ArmState, Empty, NotificationHandle, NotificationOptions};
 use super::session::{Credentials, Session, Timeouts, decode};
+use crate::session_log::Tap;
 
 /// A device inside the arm.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -79,6 +80,11 @@ impl Base {
     /// The session.
     pub fn session(&self) -> &Session<TcpLink> {
         &self.session
+    }
+
+    /// Copies what goes over the connection from now on.
+    pub fn tap(&mut self, tap: Tap) {
+        self.session.tap(tap);
     }
 
     /// Keeps the session alive without waiting; to be called every few milliseconds.

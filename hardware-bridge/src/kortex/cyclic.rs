@@ -21,6 +21,7 @@ use super::message::{ArmState, Empty};
 use super::refusal::Refusal;
 use super::safety_bank::{Banks, Report};
 use super::session::{Credentials, Session, Timeouts, decode};
+use crate::session_log::Tap;
 
 /// Commands without an answer after which the oldest counts as lost.
 const OUTSTANDING: usize = 256;
@@ -103,6 +104,11 @@ impl Cyclic {
     /// The session.
     pub fn session(&self) -> &Session<UdpLink> {
         &self.session
+    }
+
+    /// Copies what goes over the connection from now on.
+    pub fn tap(&mut self, tap: Tap) {
+        self.session.tap(tap);
     }
 
     /// Keeps the session alive without waiting; not needed while commands flow.

@@ -9,6 +9,7 @@ use rustix::event::{PollFd, PollFlags, poll};
 
 use super::frame::{Frame, FrameError, LONGEST};
 use super::tcp_framing::{self, Deframer};
+use crate::session_log::{Direction, Tap};
 
 /// Why a link failed. All of these end it.
 #[derive(Debug, thiserror::Error)]
@@ -40,6 +41,9 @@ pub trait Link {
 
     /// Frames dropped because they were damaged.
     fn damaged(&self) -> u64;
+
+    /// Copies everything that goes over it from now on.
+    fn tap(&mut self, tap: Tap);
 }
 
 /// Waits until `socket` has something, or until `deadline`. (`set_read_timeout` rounds up to the kernel's tick, up to 4 ms.)
@@ -55,11 +59,18 @@ pub(super) fn wait(socket: &impl AsFd, deadline: Instant) -> io::Result<bool> {
     }
 }
 
+fn copy(tap: &Option<Tap>, direction: Direction, bytes: &[u8]) {
+    if let Some(tap) = tap {
+        tap.packet(direction, bytes);
+    }
+}
+
 /// A TCP connection.
 #[derive(Debug)]
 pub struct TcpLink {
     stream: TcpStream,
     deframer: Deframer,
+    tap: Option<Tap>,
 }
 
 impl TcpLink {
@@ -79,13 +90,15 @@ impl TcpLink {
         stream.set_nodelay(true)?;
         // A peer that takes nothing any more must not hold the sender for longer than this.
         stream.set_write_timeout(Some(Duration::from_millis(100)))?;
-        Ok(Self { stream, deframer: Deframer::default() })
+        Ok(Self { stream, deframer: Deframer::default(), tap: None })
     }
 }
 
 impl Link for TcpLink {
     fn send(&mut self, frame: &Frame) -> Result<(), LinkError> {
-        Ok(self.stream.write_all(&tcp_framing::encode(frame))?)
+        let bytes = tcp_framing::encode(frame);
+        copy(&self.tap, Direction::Sent, &bytes);
+        Ok(self.stream.write_all(&bytes)?)
     }
 
     fn receive(&mut self, deadline: Instant) -> Result<Option<Frame>, LinkError> {
@@ -99,13 +112,20 @@ impl Link for TcpLink {
             let mut bytes = [0; 4096];
             match self.stream.read(&mut bytes)? {
                 0 => return Err(LinkError::Closed),
-                length => self.deframer.push(&bytes[..length]),
+                length => {
+                    copy(&self.tap, Direction::Received, &bytes[..length]);
+                    self.deframer.push(&bytes[..length]);
+                }
             }
         }
     }
 
     fn damaged(&self) -> u64 {
         0
+    }
+
+    fn tap(&mut self, tap: Tap) {
+        self.tap = Some(tap);
     }
 }
 
@@ -118,6 +138,7 @@ pub struct UdpLink {
     socket: UdpSocket,
     buffer: Vec<u8>,
     damaged: u64,
+    tap: Option<Tap>,
 }
 
 impl UdpLink {
@@ -129,13 +150,15 @@ impl UdpLink {
         let any: SocketAddr = if address.is_ipv4() { ([0, 0, 0, 0], 0).into() } else { ([0; 16], 0).into() };
         let socket = UdpSocket::bind(any)?;
         socket.connect(address)?;
-        Ok(Self { socket, buffer: vec![0; LONGEST], damaged: 0 })
+        Ok(Self { socket, buffer: vec![0; LONGEST], damaged: 0, tap: None })
     }
 }
 
 impl Link for UdpLink {
     fn send(&mut self, frame: &Frame) -> Result<(), LinkError> {
-        self.socket.send(&frame.encode())?;
+        let bytes = frame.encode();
+        copy(&self.tap, Direction::Sent, &bytes);
+        self.socket.send(&bytes)?;
         Ok(())
     }
 
@@ -145,6 +168,7 @@ impl Link for UdpLink {
                 break;
             }
             let length = self.socket.recv(&mut self.buffer)?;
+            copy(&self.tap, Direction::Received, &self.buffer[..length]);
             match Frame::decode(&self.buffer[..length]) {
                 Ok(frame) => return Ok(Some(frame)),
                 Err(_) => self.damaged += 1,
@@ -155,5 +179,9 @@ impl Link for UdpLink {
 
     fn damaged(&self) -> u64 {
         self.damaged
+    }
+
+    fn tap(&mut self, tap: Tap) {
+        self.tap = Some(tap);
     }
 }

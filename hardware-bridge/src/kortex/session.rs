@@ -15,6 +15,7 @@ use super::link::Link;
 use super::message::Empty;
 use super::message::session::CreateSessionInfo;
 use super::refusal::Refusal;
+use crate::session_log::Tap;
 
 /// Who logs in.
 #[derive(Clone, PartialEq, Eq)]
@@ -108,6 +109,11 @@ impl<L: Link> Session<L> {
     /// Its deadlines.
     pub fn timeouts(&self) -> Timeouts {
         self.timeouts
+    }
+
+    /// Copies everything that goes over the link from now on, which is after the login.
+    pub fn tap(&mut self, tap: Tap) {
+        self.link.tap(tap);
     }
 
     /// Frames that answered nothing we wait for.

@@ -1,8 +1,11 @@
 //! A robot that writes down what passes through it.
 
+use std::sync::mpsc::Receiver;
+
 use hand_model::robot::{Command, Observation, Robot, Tick};
 
 use super::error::SessionLogError;
+use super::tap::Packet;
 use super::writer::Writer;
 
 /// Records the session of `R` while it is driven. A file that can no longer be written does not stop the robot: the first error is kept,
@@ -10,23 +13,24 @@ use super::writer::Writer;
 pub struct Recorder<R> {
     robot: R,
     writer: Writer,
+    packets: Option<Receiver<Packet>>,
     error: Option<SessionLogError>,
 }
 
 impl<R: Robot> Recorder<R> {
     /// Around `robot`, into `writer`.
     pub fn new(robot: R, writer: Writer) -> Self {
-        Self { robot, writer, error: None }
+        Self { robot, writer, packets: None, error: None }
+    }
+
+    /// Records the packets of tapped links too.
+    pub fn with_packets(self, packets: Receiver<Packet>) -> Self {
+        Self { packets: Some(packets), ..self }
     }
 
     /// The robot inside.
     pub fn robot(&mut self) -> &mut R {
         &mut self.robot
-    }
-
-    /// The file, for the raw bytes of the robot's links.
-    pub fn writer(&mut self) -> &mut Writer {
-        &mut self.writer
     }
 
     /// Why nothing is written any more, if so.
@@ -38,12 +42,19 @@ impl<R: Robot> Recorder<R> {
     ///
     /// # Errors
     /// The first error of writing; the robot is given back all the same.
-    pub fn finish(self) -> (R, Result<(), SessionLogError>) {
+    pub fn finish(mut self) -> (R, Result<(), SessionLogError>) {
+        self.write_packets();
         let finished = match self.error {
             Some(error) => Err(error),
             None => self.writer.finish(),
         };
         (self.robot, finished)
+    }
+
+    fn write_packets(&mut self) {
+        while let Some(packet) = self.packets.as_ref().and_then(|packets| packets.try_recv().ok()) {
+            self.write(|writer| writer.packet(&packet));
+        }
     }
 
     fn write(&mut self, write: impl FnOnce(&mut Writer) -> Result<(), SessionLogError>) {
@@ -69,6 +80,7 @@ impl<R: Robot> Robot for Recorder<R> {
 
     fn wait_for_tick(&mut self) -> Tick {
         let tick = self.robot.wait_for_tick();
+        self.write_packets();
         self.write(|writer| writer.tick(tick));
         tick
     }

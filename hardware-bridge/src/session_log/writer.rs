@@ -15,6 +15,7 @@ use sha2::{Digest, Sha256};
 use super::error::SessionLogError;
 use super::message::{Command, LastImages, Observation, Tick};
 use super::schema;
+use super::tap::Packet;
 
 /// Version of the layout described in [`super`].
 pub const FORMAT: &str = "1";
@@ -151,6 +152,15 @@ impl Writer {
             Direction::Received => "received",
         };
         self.write(&format!("raw/{link}/{way}"), None, host, nanoseconds(device), bytes)
+    }
+
+    /// A packet that a tap has copied, from a device without a clock of its own.
+    ///
+    /// # Errors
+    /// [`SessionLogError`].
+    pub fn packet(&mut self, packet: &Packet) -> Result<(), SessionLogError> {
+        let host = packet.at.saturating_duration_since(self.start);
+        self.raw(packet.link, packet.direction, host, host, &packet.bytes)
     }
 
     /// An observation, when it has been made.

@@ -41,7 +41,8 @@ pub fn emulator() -> Emulator {
 }
 
 pub fn host(emulator: &Emulator) -> Arm {
-    Arm::connect(emulator.address(), &credentials(), timeouts(), ArmModel::home()).expect("connects")
+    let near = emulator.status().motion.position;
+    Arm::connect(emulator.address(), &credentials(), timeouts(), near).expect("connects")
 }
 
 pub fn limits() -> Limits {
