@@ -1,0 +1,97 @@
+//! Both sides of one arm.
+
+use std::net::{IpAddr, SocketAddr};
+use std::sync::mpsc;
+
+use hand_model::ARM_JOINTS;
+use hand_model::arm::Arm as ArmModel;
+
+use super::base::Base;
+use super::call;
+use super::cyclic::Cyclic;
+use super::error::KortexError;
+use super::session::{Credentials, Timeouts};
+use crate::session_log::{Packet, Tap};
+
+/// The arm's port for calls.
+pub const TCP_PORT: u16 = 10_000;
+/// The arm's port for the cyclic exchange.
+pub const UDP_PORT: u16 = 10_001;
+
+/// Where an arm is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Address {
+    /// For calls.
+    pub tcp: SocketAddr,
+    /// For the cyclic exchange.
+    pub udp: SocketAddr,
+}
+
+impl Address {
+    /// An arm on its usual ports.
+    pub fn of(host: IpAddr) -> Self {
+        Self { tcp: (host, TCP_PORT).into(), udp: (host, UDP_PORT).into() }
+    }
+}
+
+/// An arm with a session on either side.
+#[derive(Debug)]
+pub struct Arm {
+    /// Calls.
+    pub base: Base,
+    /// The cyclic exchange.
+    pub cyclic: Cyclic,
+}
+
+impl Arm {
+    /// Logs in on both sides and checks that this is an arm of seven joints. Nothing moves and no mode changes. `near` (rad) says which turn the first angles
+    /// belong to, where the controller counts from.
+    ///
+    /// # Errors
+    /// The link's and the login's; [`KortexError::Answer`] for another arm.
+    pub fn connect(
+        address: Address,
+        credentials: &Credentials,
+        timeouts: Timeouts,
+        near: [f64; ARM_JOINTS],
+    ) -> Result<Self, KortexError> {
+        let speed_limits = ArmModel::gen3().velocity_limits;
+        let mut base = Base::connect(address.tcp, credentials, timeouts, speed_limits)?;
+        let count = base.actuator_count()?;
+        if count as usize != ARM_JOINTS {
+            return Err(KortexError::Answer {
+                call: call::GET_ACTUATOR_COUNT,
+                field: "number of actuators",
+                found: count.to_string(),
+                expected: ARM_JOINTS.to_string(),
+            });
+        }
+        let cyclic = Cyclic::connect(address.udp, credentials, timeouts, near)?;
+        Ok(Self { base, cyclic })
+    }
+
+    /// Copies what goes over both links from now on, under the names `arm_tcp` and `arm_udp`.
+    pub fn tap(&mut self, packets: &mpsc::Sender<Packet>) {
+        self.base.tap(Tap::new("arm_tcp", packets.clone()));
+        self.cyclic.tap(Tap::new("arm_udp", packets.clone()));
+    }
+
+    /// Keeps both sessions alive without waiting; to be called every few milliseconds while not servoing.
+    ///
+    /// # Errors
+    /// As [`super::session::Session::keep_up`].
+    pub fn keep_up(&mut self) -> Result<(), KortexError> {
+        self.base.keep_up()?;
+        self.cyclic.keep_up()
+    }
+
+    /// Logs out on both sides.
+    ///
+    /// # Errors
+    /// The first of the two that fails; both are tried.
+    pub fn close(self) -> Result<(), KortexError> {
+        let cyclic = self.cyclic.close();
+        self.base.close()?;
+        cyclic
+    }
+}

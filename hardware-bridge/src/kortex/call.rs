@@ -1,0 +1,105 @@
+//! The calls of the arm's services that this client makes.
+
+/// A function of a service.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub struct Call {
+    /// Which service.
+    pub service: u16,
+    /// Which of its functions.
+    pub function: u16,
+}
+
+impl Call {
+    /// `service << 16 | function`, as in the header.
+    pub fn id(self) -> u32 {
+        u32::from(self.service & 0xFFF) << 16 | u32::from(self.function)
+    }
+
+    /// The other way.
+    pub fn from_id(id: u32) -> Self {
+        Self { service: (id >> 16) as u16 & 0xFFF, function: id as u16 }
+    }
+
+    const fn new(service: u16, function: u16) -> Self {
+        Self { service, function }
+    }
+
+    /// Its name in the maker's interface, where this client knows the call.
+    pub fn name(self) -> Option<&'static str> {
+        KNOWN.iter().find(|(call, _)| *call == self).map(|(_, name)| *name)
+    }
+}
+
+impl std::fmt::Display for Call {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self.name() {
+            Some(name) => f.write_str(name),
+            None => write!(f, "{}.{}", self.service, self.function),
+        }
+    }
+}
+
+macro_rules! calls {
+    ($($constant:ident = $service:literal / $function:literal, $name:literal;)*) => {
+        $(#[doc = concat!("`", $name, "`")] pub const $constant: Call = Call::new($service, $function);)*
+        const KNOWN: &[(Call, &str)] = &[$(($constant, $name)),*];
+    };
+}
+
+calls! {
+    CREATE_SESSION = 1 / 1, "Session.Create";
+    CLOSE_SESSION = 1 / 2, "Session.Close";
+    KEEP_ALIVE = 1 / 3, "Session.KeepAlive";
+    UNSUBSCRIBE = 2 / 97, "Base.Unsubscribe";
+    STOP = 2 / 112, "Base.Stop";
+    GET_JOINT_ANGLES = 2 / 126, "Base.GetMeasuredJointAngles";
+    SEND_JOINT_SPEEDS = 2 / 132, "Base.SendJointSpeeds";
+    APPLY_EMERGENCY_STOP = 2 / 145, "Base.ApplyEmergencyStop";
+    CLEAR_FAULTS = 2 / 146, "Base.ClearFaults";
+    SET_SERVOING_MODE = 2 / 152, "Base.SetServoingMode";
+    GET_SERVOING_MODE = 2 / 153, "Base.GetServoingMode";
+    SERVOING_MODE_TOPIC = 2 / 154, "Base.ServoingModeTopic";
+    GET_ACTUATOR_COUNT = 2 / 171, "Base.GetActuatorCount";
+    GET_ARM_STATE = 2 / 175, "Base.GetArmState";
+    ARM_STATE_TOPIC = 2 / 176, "Base.ArmStateTopic";
+    REFRESH = 3 / 1, "BaseCyclic.Refresh";
+    REFRESH_FEEDBACK = 3 / 3, "BaseCyclic.RefreshFeedback";
+    GET_SERIAL_NUMBER = 9 / 8, "DeviceConfig.GetSerialNumber";
+    SAFETY_TOPIC = 9 / 28, "DeviceConfig.SafetyTopic";
+    GET_CONTROL_MODE = 10 / 6, "ActuatorConfig.GetControlMode";
+    READ_ALL_DEVICES = 23 / 1, "DeviceManager.ReadAllDevices";
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Every identifier observed on the wire, as the facts list them.
+    #[test]
+    fn identifiers() {
+        let observed = [
+            (CREATE_SESSION, 0x10001),
+            (CLOSE_SESSION, 0x10002),
+            (KEEP_ALIVE, 0x10003),
+            (REFRESH, 0x30001),
+            (REFRESH_FEEDBACK, 0x30003),
+            (SET_SERVOING_MODE, 0x20098),
+            (SEND_JOINT_SPEEDS, 0x20084),
+            (APPLY_EMERGENCY_STOP, 0x20091),
+            (CLEAR_FAULTS, 0x20092),
+            (STOP, 0x20070),
+            (GET_ACTUATOR_COUNT, 0x200AB),
+            (GET_ARM_STATE, 0x200AF),
+        ];
+        for (call, id) in observed {
+            assert_eq!(call.id(), id, "{call}");
+            assert_eq!(Call::from_id(id), call);
+        }
+    }
+
+    #[test]
+    fn unknown_calls_show_their_numbers() {
+        assert_eq!(Call::from_id(0x0012_0034).to_string(), "18.52");
+        assert_eq!(REFRESH.to_string(), "BaseCyclic.Refresh");
+    }
+}

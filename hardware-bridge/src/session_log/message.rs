@@ -1,0 +1,355 @@
+//! The messages in a session's file, and the way to and from the robot's types.
+//!
+//! A protobuf writer leaves out a number that equals 0, and -0 does. Here every number is in a list or optional, so that it is
+//! written whatever it is, and comes back with all its bits.
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+use hand_model::robot::{self, ServoGoal, ServoState, TactileImage};
+use hand_model::{ACTUATORS, ARM_JOINTS};
+
+/// [`robot::Observation`].
+#[derive(Clone, PartialEq, prost::Message)]
+pub struct Observation {
+    /// s.
+    #[prost(double, optional, tag = "1")]
+    pub time: Option<f64>,
+    /// Number of the tick.
+    #[prost(uint64, optional, tag = "2")]
+    pub sequence: Option<u64>,
+    /// rad, in actuator order.
+    #[prost(double, repeated, tag = "3")]
+    pub servo_position: Vec<f64>,
+    /// rad/s.
+    #[prost(double, repeated, tag = "4")]
+    pub servo_velocity: Vec<f64>,
+    /// A.
+    #[prost(double, repeated, tag = "5")]
+    pub servo_current: Vec<f64>,
+    /// Degrees Celsius.
+    #[prost(double, repeated, tag = "6")]
+    pub servo_temperature: Vec<f64>,
+    /// rad.
+    #[prost(double, repeated, tag = "7")]
+    pub arm_position: Vec<f64>,
+    /// rad/s.
+    #[prost(double, repeated, tag = "8")]
+    pub arm_velocity: Vec<f64>,
+    /// N m.
+    #[prost(double, repeated, tag = "9")]
+    pub arm_torque: Vec<f64>,
+    /// Images that arrived.
+    #[prost(message, repeated, tag = "10")]
+    pub tactile: Vec<TactileFrame>,
+}
+
+/// [`robot::TactileFrame`].
+#[derive(Clone, PartialEq, prost::Message)]
+pub struct TactileFrame {
+    /// Index of the camera.
+    #[prost(uint32, optional, tag = "1")]
+    pub camera: Option<u32>,
+    /// s.
+    #[prost(double, optional, tag = "2")]
+    pub time: Option<f64>,
+    /// Sequence number of this camera.
+    #[prost(uint64, optional, tag = "3")]
+    pub sequence: Option<u64>,
+    /// Pixels, row by row; absent when they are those of this camera's last frame.
+    #[prost(bytes = "vec", optional, tag = "4")]
+    pub rgb: Option<Vec<u8>>,
+}
+
+/// [`robot::Command`].
+#[derive(Clone, PartialEq, prost::Message)]
+pub struct Command {
+    /// rad.
+    #[prost(double, repeated, tag = "1")]
+    pub arm: Vec<f64>,
+    /// 0: current, 1: position under a current limit; in actuator order.
+    #[prost(uint32, repeated, tag = "2")]
+    pub servo_mode: Vec<u32>,
+    /// rad; 0 where the mode is current.
+    #[prost(double, repeated, tag = "3")]
+    pub servo_angle: Vec<f64>,
+    /// A; the goal or the limit.
+    #[prost(double, repeated, tag = "4")]
+    pub servo_current: Vec<f64>,
+    /// Whether images are asked for.
+    #[prost(bool, optional, tag = "5")]
+    pub capture: Option<bool>,
+}
+
+/// [`robot::Tick`].
+#[derive(Clone, Copy, PartialEq, prost::Message)]
+pub struct Tick {
+    /// s.
+    #[prost(double, optional, tag = "1")]
+    pub time: Option<f64>,
+    /// s.
+    #[prost(double, optional, tag = "2")]
+    pub lateness: Option<f64>,
+}
+
+/// The last image of every camera: what a frame without pixels stands for.
+pub type LastImages = BTreeMap<usize, Arc<TactileImage>>;
+
+/// A field that is not as it should be: name, what is there, what should be.
+pub type Wrong = (&'static str, String, String);
+
+fn list<const N: usize, T: Copy>(field: &'static str, values: &[T]) -> Result<[T; N], Wrong> {
+    values.try_into().map_err(|_| (field, format!("{} numbers", values.len()), format!("{N} numbers")))
+}
+
+fn given<T>(field: &'static str, value: Option<T>) -> Result<T, Wrong> {
+    value.ok_or_else(|| (field, "missing".to_owned(), "a value".to_owned()))
+}
+
+impl Observation {
+    /// For the file. `last` are the images written before, and is brought up to date.
+    pub fn new(observation: &robot::Observation, last: &mut LastImages) -> Self {
+        let servos = |value: fn(&ServoState) -> f64| observation.servos.iter().map(value).collect();
+        Self {
+            time: Some(observation.time),
+            sequence: Some(observation.sequence),
+            servo_position: servos(|servo| servo.position),
+            servo_velocity: servos(|servo| servo.velocity),
+            servo_current: servos(|servo| servo.current),
+            servo_temperature: servos(|servo| servo.temperature),
+            arm_position: observation.arm.position.to_vec(),
+            arm_velocity: observation.arm.velocity.to_vec(),
+            arm_torque: observation.arm.torque.to_vec(),
+            tactile: observation.tactile.iter().map(|frame| TactileFrame::new(frame, last)).collect(),
+        }
+    }
+
+    /// From the file. `last` are the images read before, and is brought up to date.
+    ///
+    /// # Errors
+    /// Names the field that is not as it should be.
+    pub fn read(self, last: &mut LastImages) -> Result<robot::Observation, Wrong> {
+        let position = list::<ACTUATORS, _>("servo_position", &self.servo_position)?;
+        let velocity = list::<ACTUATORS, _>("servo_velocity", &self.servo_velocity)?;
+        let current = list::<ACTUATORS, _>("servo_current", &self.servo_current)?;
+        let temperature = list::<ACTUATORS, _>("servo_temperature", &self.servo_temperature)?;
+        let servo = |i: usize| ServoState {
+            position: position[i],
+            velocity: velocity[i],
+            current: current[i],
+            temperature: temperature[i],
+        };
+        Ok(robot::Observation {
+            time: given("time", self.time)?,
+            sequence: given("sequence", self.sequence)?,
+            servos: std::array::from_fn(servo),
+            arm: robot::ArmState {
+                position: list::<ARM_JOINTS, _>("arm_position", &self.arm_position)?,
+                velocity: list::<ARM_JOINTS, _>("arm_velocity", &self.arm_velocity)?,
+                torque: list::<ARM_JOINTS, _>("arm_torque", &self.arm_torque)?,
+            },
+            tactile: self.tactile.into_iter().map(|frame| frame.read(last)).collect::<Result<_, _>>()?,
+        })
+    }
+}
+
+impl TactileFrame {
+    fn new(frame: &robot::TactileFrame, last: &mut LastImages) -> Self {
+        let before = last.insert(frame.camera, Arc::clone(&frame.image));
+        // An idle pad passes the same image on and on; a simulated one even the same memory.
+        let same = before.is_some_and(|before| Arc::ptr_eq(&before, &frame.image) || before == frame.image);
+        Self {
+            camera: Some(frame.camera as u32),
+            time: Some(frame.time),
+            sequence: Some(frame.sequence),
+            rgb: (!same).then(|| frame.image.rgb.clone()),
+        }
+    }
+
+    fn read(self, last: &mut LastImages) -> Result<robot::TactileFrame, Wrong> {
+        let camera = given("tactile.camera", self.camera)? as usize;
+        let image =
+            match self.rgb {
+                Some(rgb) => Arc::new(TactileImage { rgb }),
+                None => Arc::clone(last.get(&camera).ok_or_else(|| {
+                    ("tactile.rgb", "missing".to_owned(), format!("the first image of camera {camera}"))
+                })?),
+            };
+        last.insert(camera, Arc::clone(&image));
+        let (time, sequence) = (given("tactile.time", self.time)?, given("tactile.sequence", self.sequence)?);
+        Ok(robot::TactileFrame { camera, time, sequence, image })
+    }
+}
+
+impl From<&robot::Command> for Command {
+    fn from(command: &robot::Command) -> Self {
+        let columns = command.servos.map(|goal| match goal {
+            ServoGoal::Current(current) => (0, 0.0, current),
+            ServoGoal::Position { angle, current_limit } => (1, angle, current_limit),
+        });
+        Self {
+            arm: command.arm.to_vec(),
+            servo_mode: columns.iter().map(|column| column.0).collect(),
+            servo_angle: columns.iter().map(|column| column.1).collect(),
+            servo_current: columns.iter().map(|column| column.2).collect(),
+            capture: Some(command.capture),
+        }
+    }
+}
+
+impl Command {
+    /// From the file.
+    ///
+    /// # Errors
+    /// Names the field that is not as it should be.
+    pub fn read(&self) -> Result<robot::Command, Wrong> {
+        let mode = list::<ACTUATORS, _>("servo_mode", &self.servo_mode)?;
+        let angle = list::<ACTUATORS, _>("servo_angle", &self.servo_angle)?;
+        let current = list::<ACTUATORS, _>("servo_current", &self.servo_current)?;
+        let mut servos = [ServoGoal::Current(0.0); ACTUATORS];
+        for (i, goal) in servos.iter_mut().enumerate() {
+            *goal = match mode[i] {
+                0 => ServoGoal::Current(current[i]),
+                1 => ServoGoal::Position { angle: angle[i], current_limit: current[i] },
+                found => return Err(("servo_mode", found.to_string(), "0 or 1".to_owned())),
+            };
+        }
+        let arm = list::<ARM_JOINTS, _>("arm", &self.arm)?;
+        Ok(robot::Command { arm, servos, capture: given("capture", self.capture)? })
+    }
+}
+
+impl From<robot::Tick> for Tick {
+    fn from(tick: robot::Tick) -> Self {
+        Self { time: Some(tick.time), lateness: Some(tick.lateness) }
+    }
+}
+
+impl Tick {
+    /// From the file.
+    ///
+    /// # Errors
+    /// Names the field that is missing.
+    pub fn read(self) -> Result<robot::Tick, Wrong> {
+        Ok(robot::Tick { time: given("time", self.time)?, lateness: given("lateness", self.lateness)? })
+    }
+}
+
+/// Every number of `command` by its bits: equal lists are equal commands, NaN and -0 included.
+pub fn bits(command: &robot::Command) -> Vec<(String, u64)> {
+    let arm = (1..).zip(&command.arm).map(|(n, angle)| (format!("arm joint {n}"), angle.to_bits()));
+    let servos = (1..).zip(&command.servos).flat_map(|(n, goal)| match *goal {
+        ServoGoal::Current(current) => vec![(format!("servo {n} current"), current.to_bits())],
+        ServoGoal::Position { angle, current_limit } => vec![
+            (format!("servo {n} angle"), angle.to_bits()),
+            (format!("servo {n} current limit"), current_limit.to_bits()),
+        ],
+    });
+    arm.chain(servos).chain([("capture".to_owned(), u64::from(command.capture))]).collect()
+}
+
+#[cfg(test)]
+pub(super) mod tests {
+    use super::*;
+    use proptest::prelude::*;
+    use prost::Message;
+
+    fn any_bits() -> impl Strategy<Value = f64> {
+        prop_oneof![
+            4 => any::<u64>().prop_map(f64::from_bits),
+            1 => prop_oneof![Just(0.0), Just(-0.0), Just(f64::NAN), Just(f64::INFINITY)],
+        ]
+    }
+
+    pub(crate) fn command() -> impl Strategy<Value = robot::Command> {
+        let goal = prop_oneof![
+            any_bits().prop_map(ServoGoal::Current),
+            (any_bits(), any_bits()).prop_map(|(angle, current_limit)| ServoGoal::Position { angle, current_limit }),
+        ];
+        (prop::array::uniform7(any_bits()), prop::array::uniform6(goal), any::<bool>())
+            .prop_map(|(arm, servos, capture)| robot::Command { arm, servos, capture })
+    }
+
+    proptest! {
+        #[test]
+        fn commands_keep_every_bit(command in command()) {
+            let bytes = Command::from(&command).encode_to_vec();
+            let back = Command::decode(bytes.as_slice())?.read().expect("readable");
+            prop_assert_eq!(bits(&back), bits(&command));
+        }
+
+        #[test]
+        fn observations_keep_every_bit(values in prop::collection::vec(any_bits(), 46), sequence: u64) {
+            let mut values = values.into_iter();
+            let mut next = || values.next().expect("enough");
+            let observation = robot::Observation {
+                time: next(),
+                sequence,
+                servos: std::array::from_fn(|_| ServoState {
+                    position: next(),
+                    velocity: next(),
+                    current: next(),
+                    temperature: next(),
+                }),
+                arm: robot::ArmState {
+                    position: std::array::from_fn(|_| next()),
+                    velocity: std::array::from_fn(|_| next()),
+                    torque: std::array::from_fn(|_| next()),
+                },
+                tactile: vec![],
+            };
+            let written = Observation::new(&observation, &mut LastImages::new());
+            let back = Observation::decode(written.encode_to_vec().as_slice())?;
+            let back = back.read(&mut LastImages::new()).expect("readable");
+            // Written again, equal numbers are equal bytes.
+            let again = Observation::new(&back, &mut LastImages::new());
+            prop_assert_eq!(again.encode_to_vec(), written.encode_to_vec());
+            prop_assert_eq!(back.time.to_bits(), observation.time.to_bits());
+            prop_assert_eq!(back.servos[5].temperature.to_bits(), observation.servos[5].temperature.to_bits());
+            prop_assert_eq!(back.arm.torque[6].to_bits(), observation.arm.torque[6].to_bits());
+        }
+    }
+
+    /// The same pixels are written once, for each camera by itself, and are one image again when read.
+    #[test]
+    fn unchanged_images_are_not_repeated() {
+        let image = |value| Arc::new(TactileImage { rgb: vec![value; 12] });
+        let frame = |camera, sequence, image: &Arc<TactileImage>| robot::TactileFrame {
+            camera,
+            time: 0.5,
+            sequence,
+            image: Arc::clone(image),
+        };
+        let (dark, light) = (image(1), image(9));
+        let tactile = vec![
+            frame(0, 0, &dark),
+            frame(1, 0, &dark),
+            frame(0, 1, &dark),
+            frame(0, 2, &image(1)),
+            frame(0, 3, &light),
+            frame(1, 1, &dark),
+        ];
+        let observation = robot::Observation { tactile, ..Default::default() };
+        let written = Observation::new(&observation, &mut LastImages::new());
+        let has_pixels: Vec<bool> = written.tactile.iter().map(|frame| frame.rgb.is_some()).collect();
+        assert_eq!(has_pixels, [true, true, false, false, true, false]);
+        let back = written.read(&mut LastImages::new()).expect("readable");
+        for (found, expected) in back.tactile.iter().zip(&observation.tactile) {
+            assert_eq!((found.camera, found.sequence), (expected.camera, expected.sequence));
+            assert_eq!(found.image, expected.image);
+        }
+        assert!(Arc::ptr_eq(&back.tactile[0].image, &back.tactile[3].image));
+    }
+
+    #[test]
+    fn what_is_missing_is_named() {
+        let full = robot::Command { arm: [0.0; 7], servos: [ServoGoal::Current(0.0); 6], capture: false };
+        let command = Command { servo_mode: vec![0; 5], ..Command::from(&full) };
+        assert_eq!(command.read(), Err(("servo_mode", "5 numbers".to_owned(), "6 numbers".to_owned())));
+        let frame = TactileFrame { camera: Some(3), ..Default::default() };
+        let observation =
+            Observation { tactile: vec![frame], ..Observation::new(&Default::default(), &mut LastImages::new()) };
+        let wrong = observation.read(&mut LastImages::new()).expect_err("no image yet");
+        assert_eq!(wrong.0, "tactile.rgb");
+    }
+}
