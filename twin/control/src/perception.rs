@@ -119,3 +119,27 @@ fn by_camera(pipeline: &TouchPipeline, frames: &[TactileFrame]) -> Vec<Arc<Tacti
     }
     images
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Servos of a hand whose cables are taken up by `share` of a full closing, thumb first.
+    fn servos(hand: &Hand, share: [f64; 5]) -> [ServoState; ACTUATORS] {
+        std::array::from_fn(|n| {
+            let full = hand.transmission.cables.get(n).map_or(0.0, |cable| cable.full_excursion(FRAC_PI_2));
+            let position = share.get(n).unwrap_or(&0.0) * full / hand.parameters.cable.spool_radius;
+            ServoState { position, velocity: 0.0, current: 0.0, temperature: 25.0 }
+        })
+    }
+
+    /// Fingers that close all the way hold nothing; an index finger that stops half-way does.
+    #[test]
+    fn a_blocked_finger_holds_something() {
+        let hand = Hand::ftac();
+        let closed = Grip::of(&hand, &[], &servos(&hand, [1.0; 5]));
+        assert_eq!(closed, Grip { first: false, second: false });
+        let blocked = Grip::of(&hand, &[], &servos(&hand, [1.0, 0.5, 1.0, 1.0, 1.0]));
+        assert_eq!(blocked, Grip { first: false, second: true });
+    }
+}
