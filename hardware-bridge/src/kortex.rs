@@ -1,11 +1,13 @@
 //! The Kinova Gen3 arm, spoken to in Kortex, its own protocol, and an emulator of it.
 //!
-//! An arm has two sides. Over TCP (port 10000) the host calls functions and gets told of events; over UDP (port 10001) it exchanges
-//! one command and one answer a thousand times a second. Both carry the same frames, and on both a session is opened first.
+//! An arm has two sides. Over TCP (port 10000) the host calls functions and gets told of events; over UDP (port 10001)
+//! it exchanges one command and one answer a thousand times a second. Both carry the same frames, and on both a session
+//! is opened first.
 //!
 //! From the wire up:
-//! - [`frame`]: header and payload; [`tcp_framing`]: frames in a stream; [`call`]: which functions there are; [`message`]: their
-//!   arguments and results; [`refusal`] and [`safety_bank`]: what the arm answers when it will not or cannot.
+//! - [`frame`]: header and payload; [`tcp_framing`]: frames in a stream; [`call`]: which functions there are;
+//!   [`message`]: their arguments and results; [`refusal`] and [`safety_bank`]: what the arm answers when it will not
+//!   or cannot.
 //! - [`link`] and [`session`]: frames to and fro, calls with deadlines, keep-alives, notifications.
 //! - [`degrees`]: the wire's units, and joints that turn more than once.
 //! - [`base`]: the high-level side. [`cyclic`]: the exchange with its counters. [`arm`]: both.
@@ -14,9 +16,10 @@
 //! - [`emulator`]: a Gen3 on loopback.
 //!
 //! # What holds on a real arm
-//! The wire format was read from the maker's own client and its public message definitions. Nothing here has moved a real Gen3.
-//! Only the arm can show: what it does, and how fast, when commands stop; its following error's threshold; whether handles of
-//! notifications are counted as [`base::Base::subscribe`] assumes; its reaction to a session that times out in motion.
+//! The wire format was read from the maker's own client and its public message definitions. Nothing here has moved a
+//! real Gen3. Only the arm can show: what it does, and how fast, when commands stop; its following error's threshold;
+//! whether handles of notifications are counted as [`base::Base::subscribe`] assumes; its reaction to a session that
+//! times out in motion.
 
 pub mod arm;
 pub mod base;
@@ -41,7 +44,8 @@ pub use session::{Credentials, Timeouts};
 
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
-/// The value behind a lock. A thread that panicked while it held the lock has said so; what it left is still the newest there is.
+/// The value behind a lock. A thread that panicked while it held the lock has said so; what it left is still the newest
+/// there is.
 fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }

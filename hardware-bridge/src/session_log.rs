@@ -11,15 +11,16 @@
 //! | metadata `session` | robot, program, seed, tick length, SHA-256 of configuration and calibration |
 //! | `configuration`, `calibration` | both files, as they were |
 //!
-//! Every message has two times: MCAP's *log time* is the host's monotonic clock since the session began, its *publish time* the
-//! clock of the device or body it is about. All but the raw bytes are protobuf, described in the file ([`schema`]), so that
-//! other people's tools can read it.
+//! Every message has two times: MCAP's *log time* is the host's monotonic clock since the session began, its *publish
+//! time* the clock of the device or body it is about. All but the raw bytes are protobuf, described in the file
+//! ([`schema`]), so that other people's tools can read it.
 //!
-//! Numbers keep all their bits. Messages are not gathered into chunks and not compressed, and the file is handed to the operating system at
-//! every tick: a program that is killed leaves everything up to its last whole tick ([`reader`] reads such a file).
+//! Numbers keep all their bits. Messages are not gathered into chunks and not compressed, and the file is handed to the
+//! operating system at every tick: a program that is killed leaves everything up to its last whole tick ([`reader`]
+//! reads such a file).
 //!
-//! [`tap::Tap`] copies the bytes of a link. [`recorder::Recorder`] writes a session while it passes on to any robot; [`replay::Replay`] is a robot that gives a session
-//! back and holds every command to the recorded one, bit by bit.
+//! [`tap::Tap`] copies the bytes of a link. [`recorder::Recorder`] writes a session while it passes on to any robot;
+//! [`replay::Replay`] is a robot that gives a session back and holds every command to the recorded one, bit by bit.
 
 pub mod error;
 pub mod message;

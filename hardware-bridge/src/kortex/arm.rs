@@ -44,8 +44,8 @@ pub struct Arm {
 }
 
 impl Arm {
-    /// Logs in on both sides and checks that this is an arm of seven joints. Nothing moves and no mode changes. `near` (rad) says which turn the first angles
-    /// belong to, where the controller counts from.
+    /// Logs in on both sides and checks that this is an arm of seven joints. Nothing moves and no mode changes. `near`
+    /// (rad) says which turn the first angles belong to, where the controller counts from.
     ///
     /// # Errors
     /// The link's and the login's; [`KortexError::Answer`] for another arm.

@@ -123,8 +123,8 @@ impl Base {
         self.ask::<Empty>(call::STOP).map(|_| ())
     }
 
-    /// Stops the arm and leaves it in fault, in any mode. Asked twice, as the maker's ROS 2 driver does, because single calls
-    /// have been seen to do nothing; the second is asked even when the first fails.
+    /// Stops the arm and leaves it in fault, in any mode. Asked twice, as the maker's ROS 2 driver does, because single
+    /// calls have been seen to do nothing; the second is asked even when the first fails.
     ///
     /// # Errors
     /// The second call's.
@@ -187,8 +187,8 @@ impl Base {
         Err(KortexError::Answer { call, field: "joint angles", found, expected })
     }
 
-    /// Moves the joints with `speeds`, rad/s, **until the next command**: a host that dies leaves the arm moving until the session
-    /// times out. For motion that must stop with its host use [`super::servoing`].
+    /// Moves the joints with `speeds`, rad/s, **until the next command**: a host that dies leaves the arm moving until
+    /// the session times out. For motion that must stop with its host use [`super::servoing`].
     ///
     /// # Errors
     /// [`CommandError`] before anything is sent; as [`Session::call`].
@@ -258,7 +258,8 @@ impl Base {
         Ok(self.session.call::<ControlModeInformation>(call::GET_CONTROL_MODE, actuator, &Empty {})?.mode())
     }
 
-    /// Asks to be told of changes of the arm's state and servoing mode, and of every safety of the base and of `actuators`.
+    /// Asks to be told of changes of the arm's state and servoing mode, and of every safety of the base and of
+    /// `actuators`.
     ///
     /// # Errors
     /// As [`Session::call`].

@@ -1,8 +1,9 @@
 //! The cyclic exchange over UDP: one command to all joints, one answer, a thousand times a second.
 //!
-//! UDP loses, delays and reorders. A cycle that got no answer in time is *missed*; the answer may still come *late*, *out of
-//! order* (an answer to a younger command was there first, so this one is not used), or never (*lost*). All of these are counted,
-//! none is an error; only a long row of missed cycles is, and that is [`super::servoing`]'s to judge.
+//! UDP loses, delays and reorders. A cycle that got no answer in time is *missed*; the answer may still come *late*,
+//! *out of order* (an answer to a younger command was there first, so this one is not used), or never (*lost*). All of
+//! these are counted, none is an error; only a long row of missed cycles is, and that is [`super::servoing`]'s to
+//! judge.
 
 use std::collections::VecDeque;
 use std::net::SocketAddr;
@@ -136,8 +137,8 @@ impl Cyclic {
         self.read(&wire)
     }
 
-    /// Commands all joints to `angles` (rad) and waits for the answer until `deadline`. `None` when nothing new came; an answer to
-    /// an earlier command that came meanwhile is new.
+    /// Commands all joints to `angles` (rad) and waits for the answer until `deadline`. `None` when nothing new came;
+    /// an answer to an earlier command that came meanwhile is new.
     ///
     /// # Errors
     /// A refusal, a link's errors, a lost session, measurements that are none. Not a missing answer.

@@ -1,7 +1,8 @@
 //! Radians here, degrees on the wire: the only place where one becomes the other.
 //!
-//! The arm reports joint angles from 0 to 360 degrees and takes them so. A joint without end stops may stand several turns from
-//! where a controller counts from, so a measured angle is read as the one nearest to where the joint was last: [`Turns`].
+//! The arm reports joint angles from 0 to 360 degrees and takes them so. A joint without end stops may stand several
+//! turns from where a controller counts from, so a measured angle is read as the one nearest to where the joint was
+//! last: [`Turns`].
 
 use std::f64::consts::{PI, TAU};
 
@@ -48,8 +49,8 @@ impl Turns {
         Self { last: posture }
     }
 
-    /// Wire angles (degrees) in rad. Between two calls no joint may move half a turn; at 80 degrees per second and the feedback limit of
-    /// the servoing that is far away.
+    /// Wire angles (degrees) in rad. Between two calls no joint may move half a turn; at 80 degrees per second and the
+    /// feedback limit of the servoing that is far away.
     pub fn read(&mut self, degrees: [f32; ARM_JOINTS]) -> [f64; ARM_JOINTS] {
         self.last = std::array::from_fn(|i| nearest_turn(to_radians(degrees[i]), self.last[i]));
         self.last

@@ -16,8 +16,8 @@ use super::call::Call;
 /// Version of the header and of every service this client speaks.
 const VERSION: u32 = 1;
 
-/// The longest frame we take, bytes. The longest one an arm of seven joints sends is below 1.2 kB; a list of devices with names
-/// stays below 4 kB.
+/// The longest frame we take, bytes. The longest one an arm of seven joints sends is below 1.2 kB; a list of devices
+/// with names stays below 4 kB.
 pub const LONGEST: usize = 65_536;
 
 /// What a frame is for.
@@ -194,8 +194,8 @@ pub(crate) mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    /// A keep-alive, word by word from the layout: version 1, kind 1; session 0x1234, message 7; service 1, function 3; no payload
-    /// (a zero word is left out, as in every proto3 message).
+    /// A keep-alive, word by word from the layout: version 1, kind 1; session 0x1234, message 7; service 1, function 3;
+    /// no payload (a zero word is left out, as in every proto3 message).
     #[test]
     fn keep_alive_bytes() {
         let header = Header {
@@ -218,7 +218,8 @@ pub(crate) mod tests {
         assert_eq!(Frame::decode(&expected), Ok(frame));
     }
 
-    /// A refusal from actuator 3: kind 3, device 3, error class 3 (device), reason 75 (wrong servoing mode), and a payload.
+    /// A refusal from actuator 3: kind 3, device 3, error class 3 (device), reason 75 (wrong servoing mode), and a
+    /// payload.
     #[test]
     fn refusal_bytes() {
         let bytes = [

@@ -33,7 +33,8 @@ pub trait Link {
     /// [`LinkError`].
     fn send(&mut self, frame: &Frame) -> Result<(), LinkError>;
 
-    /// The next frame, waiting for it until `deadline`; `None` when none came. A deadline that has passed asks for what is there.
+    /// The next frame, waiting for it until `deadline`; `None` when none came. A deadline that has passed asks for what
+    /// is there.
     ///
     /// # Errors
     /// [`LinkError`].
@@ -46,7 +47,8 @@ pub trait Link {
     fn tap(&mut self, tap: Tap);
 }
 
-/// Waits until `socket` has something, or until `deadline`. (`set_read_timeout` rounds up to the kernel's tick, up to 4 ms.)
+/// Waits until `socket` has something, or until `deadline`. (`set_read_timeout` rounds up to the kernel's tick, up to 4
+/// ms.)
 pub(super) fn wait(socket: &impl AsFd, deadline: Instant) -> io::Result<bool> {
     loop {
         let left = deadline.saturating_duration_since(Instant::now());

@@ -1,7 +1,7 @@
 //! Fault and warning banks: 32 bits, each a safety of the base or of a joint.
 //!
-//! Source of the bits: `SafetyIdentifier` in the maker's `Base.proto`, `SafetyIdentifierBankA` in `ActuatorConfig.proto`. Of bank B
-//! no bit is named there; a set one is reported by its number.
+//! Source of the bits: `SafetyIdentifier` in the maker's `Base.proto`, `SafetyIdentifierBankA` in
+//! `ActuatorConfig.proto`. Of bank B no bit is named there; a set one is reported by its number.
 
 use std::fmt;
 

@@ -1,10 +1,12 @@
 //! The thousand cycles a second in a thread of their own, fed by a slower controller.
 //!
-//! The controller sets a target every tick of its own (say 10 ms). The loop goes there in equal steps over one such tick, never
-//! faster than the limits allow, so the arm sees a path without corners a millisecond long. When the controller is silent for
-//! longer than [`Pacing::host_deadline`] the loop stops where it is and says so: a target is a promise that somebody still looks.
+//! The controller sets a target every tick of its own (say 10 ms). The loop goes there in equal steps over one such
+//! tick, never faster than the limits allow, so the arm sees a path without corners a millisecond long. When the
+//! controller is silent for longer than [`Pacing::host_deadline`] the loop stops where it is and says so: a target is a
+//! promise that somebody still looks.
 //!
-//! The thread also keeps the sessions alive. It ends with the first error and gives the arm back, out of low-level servoing.
+//! The thread also keeps the sessions alive. It ends with the first error and gives the arm back, out of low-level
+//! servoing.
 
 use std::sync::mpsc;
 use std::sync::{Arc, Mutex};

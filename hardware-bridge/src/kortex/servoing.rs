@@ -1,17 +1,17 @@
 //! Low-level servoing: the host commands every joint's angle, a thousand times a second.
 //!
 //! # Entry
-//! Faults are cleared, every joint must be in position mode, then the mode is changed and the first commands are the measured
-//! angles themselves (*seeded entry*): the arm does not move before the controller says so.
+//! Faults are cleared, every joint must be in position mode, then the mode is changed and the first commands are the
+//! measured angles themselves (*seeded entry*): the arm does not move before the controller says so.
 //!
 //! # While it lasts
-//! A command is checked before it is sent: numbers only, within the joints' ranges, at most one cycle's step from the command
-//! before (not from the lagging measurement), and not so far ahead of the arm that it would trip over its following error. One bad
-//! joint refuses the whole command, and the caller sends [`Servoing::hold`] instead.
+//! A command is checked before it is sent: numbers only, within the joints' ranges, at most one cycle's step from the
+//! command before (not from the lagging measurement), and not so far ahead of the arm that it would trip over its
+//! following error. One bad joint refuses the whole command, and the caller sends [`Servoing::hold`] instead.
 //!
 //! # Exit
-//! [`Servoing::leave`] gives the arm back to its base. When the host just dies, commands stop and the arm's own watchdog has to
-//! stop it; what a real Gen3 does then, and how fast, is to be checked on the arm.
+//! [`Servoing::leave`] gives the arm back to its base. When the host just dies, commands stop and the arm's own
+//! watchdog has to stop it; what a real Gen3 does then, and how fast, is to be checked on the arm.
 
 use std::time::{Duration, Instant};
 
@@ -45,8 +45,8 @@ pub struct Limits {
 }
 
 impl Limits {
-    /// Of the published arm at 1 kHz: its joint ranges and speeds, 3 degrees of lead, 100 cycles of silence (loopback UDP has been
-    /// seen to stall for 92 ms).
+    /// Of the published arm at 1 kHz: its joint ranges and speeds, 3 degrees of lead, 100 cycles of silence (loopback
+    /// UDP has been seen to stall for 92 ms).
     pub fn gen3(arm: &ArmModel) -> Self {
         let cycle = Duration::from_millis(1);
         Self {
@@ -118,8 +118,8 @@ impl<'a> Servoing<'a> {
     /// Enters low-level servoing. The arm stands still, whatever it did before.
     ///
     /// # Errors
-    /// A refusal or fault; [`KortexError::ControlMode`]; [`KortexError::State`] if the arm does not follow the change of mode. The
-    /// arm is back in high-level mode then, unless that fails too.
+    /// A refusal or fault; [`KortexError::ControlMode`]; [`KortexError::State`] if the arm does not follow the change
+    /// of mode. The arm is back in high-level mode then, unless that fails too.
     pub fn enter(arm: &'a mut Arm, limits: Limits) -> Result<Self, KortexError> {
         arm.base.clear_faults()?;
         for (i, address) in arm.base.actuators()?.into_iter().enumerate() {
@@ -128,8 +128,7 @@ impl<'a> Servoing<'a> {
                 return Err(KortexError::ControlMode { joint: i + 1, found });
             }
         }
-        let before = arm.cyclic.feedback()?;
-        fault_of(&before)?;
+        let before = without_faults(arm)?;
         arm.base.set_servoing_mode(ServoingMode::LowLevel)?;
         let mut servoing =
             Self { arm, limits, command: before.motion.position, latest: before, silent: 0, left: false };
@@ -178,9 +177,9 @@ impl<'a> Servoing<'a> {
     /// Commands `angles` (rad) and waits for the arm's answer until `deadline`; says whether measurements came.
     ///
     /// # Errors
-    /// [`KortexError::Command`] before anything is sent: the caller then owes the arm a [`Servoing::hold`] in this cycle.
-    /// Otherwise a fault, an emergency stop, another state, a long row of cycles without feedback, a link's errors: servoing is
-    /// over, the arm has stopped or is about to stop by itself.
+    /// [`KortexError::Command`] before anything is sent: the caller then owes the arm a [`Servoing::hold`] in this
+    /// cycle. Otherwise a fault, an emergency stop, another state, a long row of cycles without feedback, a link's
+    /// errors: servoing is over, the arm has stopped or is about to stop by itself.
     pub fn command_angles(&mut self, angles: &[f64; ARM_JOINTS], deadline: Instant) -> Result<bool, KortexError> {
         self.limits.check(angles, &self.command, &self.latest.motion.position)?;
         self.command = *angles;
@@ -243,6 +242,20 @@ impl Drop for Servoing<'_> {
             // Whoever drops without leaving has an error in hand already; the arm's watchdog does the rest.
             drop(self.arm.base.set_servoing_mode(ServoingMode::SingleLevel));
         }
+    }
+}
+
+/// Waits for cleared faults to be gone, which a call's answer does not promise.
+fn without_faults(arm: &mut Arm) -> Result<Feedback, KortexError> {
+    let deadline = Instant::now() + arm.base.session().timeouts().call;
+    loop {
+        let feedback = arm.cyclic.feedback()?;
+        match fault_of(&feedback) {
+            Ok(()) => return Ok(feedback),
+            Err(error) if Instant::now() > deadline => return Err(error),
+            Err(_) => std::thread::sleep(Duration::from_millis(10)),
+        }
+        arm.keep_up()?;
     }
 }
 

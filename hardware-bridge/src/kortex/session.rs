@@ -1,7 +1,8 @@
 //! A session: calls with deadlines, keep-alives, notifications.
 //!
-//! There is no thread in here. Whoever owns a session calls it often enough ([`Session::keep_up`]), and a host that hangs is one
-//! whose keep-alives stop, so that the arm notices. A helper thread would keep the session of a dead controller alive.
+//! There is no thread in here. Whoever owns a session calls it often enough ([`Session::keep_up`]), and a host that
+//! hangs is one whose keep-alives stop, so that the arm notices. A helper thread would keep the session of a dead
+//! controller alive.
 
 use std::collections::VecDeque;
 use std::time::{Duration, Instant};
@@ -75,7 +76,8 @@ impl<L: Link> Session<L> {
     /// Logs in.
     ///
     /// # Errors
-    /// [`KortexError::Refused`] with [`super::refusal::Reason::Login`] for a wrong name or password; a link's errors; no answer.
+    /// [`KortexError::Refused`] with [`super::refusal::Reason::Login`] for a wrong name or password; a link's errors;
+    /// no answer.
     pub fn create(link: L, credentials: &Credentials, timeouts: Timeouts) -> Result<Self, KortexError> {
         let now = Instant::now();
         let next_keep_alive = now + timeouts.connection;
@@ -170,8 +172,8 @@ impl<L: Link> Session<L> {
         Ok(message)
     }
 
-    /// The next answer to anything but a keep-alive, waiting until `deadline`; notifications that come meanwhile are kept, and
-    /// keep-alives sent.
+    /// The next answer to anything but a keep-alive, waiting until `deadline`; notifications that come meanwhile are
+    /// kept, and keep-alives sent.
     ///
     /// # Errors
     /// The link's; [`KortexError::SessionLost`] when the arm refuses a keep-alive; [`KortexError::Silent`].
@@ -207,7 +209,8 @@ impl<L: Link> Session<L> {
         }
     }
 
-    /// Sends a keep-alive if one is due and takes in what has come, without waiting. To be called every few milliseconds.
+    /// Sends a keep-alive if one is due and takes in what has come, without waiting. To be called every few
+    /// milliseconds.
     ///
     /// # Errors
     /// As [`Session::next_response`].

@@ -1,7 +1,7 @@
 //! Frames in a TCP stream: eight bytes of preamble, the length as a big-endian word, the frame.
 //!
-//! TCP neither loses nor damages bytes, so a stream that is not where a frame starts is one whose sender and receiver no longer
-//! understand each other: an error that ends the connection, not a reason to search.
+//! TCP neither loses nor damages bytes, so a stream that is not where a frame starts is one whose sender and receiver
+//! no longer understand each other: an error that ends the connection, not a reason to search.
 
 use super::frame::{Frame, FrameError, LONGEST};
 

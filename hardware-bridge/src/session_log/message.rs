@@ -1,7 +1,7 @@
 //! The messages in a session's file, and the way to and from the robot's types.
 //!
-//! A protobuf writer leaves out a number that equals 0, and -0 does. Here every number is in a list or optional, so that it is
-//! written whatever it is, and comes back with all its bits.
+//! A protobuf writer leaves out a number that equals 0, and -0 does. Here every number is in a list or optional, so
+//! that it is written whatever it is, and comes back with all its bits.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;

@@ -18,7 +18,8 @@ use super::writer::{
     ASKED, CALIBRATION, CONFIGURATION, Direction, FORMAT, METADATA, OBSERVATION, SENT, Session, TICK, sha256,
 };
 
-/// The longest record taken, bytes: an observation with an image of every camera has 3.2 MB. A damaged length must not be believed.
+/// The longest record taken, bytes: an observation with an image of every camera has 3.2 MB. A damaged length must not
+/// be believed.
 const LONGEST: usize = 1 << 28;
 
 /// Bytes read at once, at most.
@@ -74,8 +75,8 @@ impl Reader {
     /// Opens a file and reads what session it is of.
     ///
     /// # Errors
-    /// [`SessionLogError`]: no such file, not MCAP, no session of ours, another format, a configuration or calibration that does not
-    /// have its hash.
+    /// [`SessionLogError`]: no such file, not MCAP, no session of ours, another format, a configuration or calibration
+    /// that does not have its hash.
     pub fn open(path: &Path) -> Result<Self, SessionLogError> {
         let file = BufReader::new(File::open(path).map_err(SessionLogError::io(path))?);
         // The checksum stands at the end of the data: a damaged file is noticed there, one cut short has none.

@@ -8,8 +8,8 @@ use super::error::SessionLogError;
 use super::tap::Packet;
 use super::writer::Writer;
 
-/// Records the session of `R` while it is driven. A file that can no longer be written does not stop the robot: the first error is kept,
-/// and [`Recorder::finish`] tells it.
+/// Records the session of `R` while it is driven. A file that can no longer be written does not stop the robot: the
+/// first error is kept, and [`Recorder::finish`] tells it.
 pub struct Recorder<R> {
     robot: R,
     writer: Writer,

@@ -1,8 +1,9 @@
 //! A robot that gives a recorded session back.
 //!
-//! The control stack is a function of what it observes. Driven by a replay it must ask for the recorded commands, in the recorded
-//! order, bit by bit; the first time it does not, the replay notes where and how. From there on, and after the recording's end,
-//! it repeats its last observation while time goes on, so that a controller that waits for something gives up by its own rules.
+//! The control stack is a function of what it observes. Driven by a replay it must ask for the recorded commands, in
+//! the recorded order, bit by bit; the first time it does not, the replay notes where and how. From there on, and after
+//! the recording's end, it repeats its last observation while time goes on, so that a controller that waits for
+//! something gives up by its own rules.
 
 use hand_model::robot::{Command, Observation, Robot, Tick};
 

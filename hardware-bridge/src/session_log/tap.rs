@@ -1,7 +1,7 @@
 //! From the links to the record: bytes as they go over a wire, from whatever thread that wire belongs to.
 //!
-//! A link that is tapped sends a copy of every packet down a channel and never waits; the recorder empties the channel at
-//! every tick. Tap a link after its login: a record is no place for a password.
+//! A link that is tapped sends a copy of every packet down a channel and never waits; the recorder empties the channel
+//! at every tick. Tap a link after its login: a record is no place for a password.
 
 use std::sync::mpsc;
 use std::time::Instant;

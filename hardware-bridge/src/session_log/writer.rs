@@ -134,7 +134,8 @@ impl Writer {
         self.start.elapsed()
     }
 
-    /// Bytes that went over `link` at `host` time (see [`Writer::host_time`]); `device` is the device's own clock, where it has one, else
+    /// Bytes that went over `link` at `host` time (see [`Writer::host_time`]); `device` is the device's own clock,
+    /// where it has one, else
     /// `host` again.
     ///
     /// # Errors

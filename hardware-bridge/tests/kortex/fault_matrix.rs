@@ -71,7 +71,8 @@ fn standstill(emulator: &Emulator, longest: u64) -> u64 {
         .unwrap_or(longest)
 }
 
-/// One motion with one fault in it; returns ms from the fault (for a silent host, from its last command) until the arm stands.
+/// One motion with one fault in it; returns ms from the fault (for a silent host, from its last command) until the arm
+/// stands.
 fn one(emulator: &Emulator, kind: Kind, random: &mut ChaCha8Rng) -> u64 {
     for heal in [Injection::EmergencyStop(false), Injection::Deaf(false), Injection::LoseReplies(0.0)] {
         emulator.inject(heal);
@@ -172,8 +173,9 @@ fn inject(faults: usize) {
     }
     for (kind, (count, worst)) in slowest {
         println!("{kind:?}: {count} faults, arm stands after {worst} ms at most");
-        // The emulated joints brake with a time constant of 20 ms: from 1 rad/s to a standstill of 1 mrad/s in 138 ms. A host that
-        // hears nothing goes on for 100 cycles before it stops the arm; an arm that hears nothing waits for 50.
+        // The emulated joints brake with a time constant of 20 ms: from 1 rad/s to a standstill of 1 mrad/s in 138 ms.
+        // A host that hears nothing goes on for 100 cycles before it stops the arm; an arm that hears nothing waits for
+        // 50.
         let allowed = if kind == Kind::RepliesLost { 250 } else { 200 };
         assert!(worst <= allowed, "{kind:?}: {worst} ms");
     }

@@ -1,11 +1,15 @@
 //! Every fault the arm can raise arrives as an error that names it.
 
+use std::time::Duration;
+
 use hand_model::ARM_JOINTS;
-use hardware_bridge::kortex::KortexError;
+use hand_model::arm::Arm as ArmModel;
 use hardware_bridge::kortex::emulator::Injection;
+use hardware_bridge::kortex::message::base::ServoingMode;
 use hardware_bridge::kortex::refusal::Reason;
 use hardware_bridge::kortex::safety_bank::{ACTUATOR, BASE, EMERGENCY_LINE, EMERGENCY_STOP, JOINT_FAULT};
 use hardware_bridge::kortex::servoing::Servoing;
+use hardware_bridge::kortex::{Arm, KortexError, Timeouts};
 
 use crate::support::*;
 
@@ -42,6 +46,20 @@ fn every_fault_of_the_base() {
         assert_eq!(matches!(error, KortexError::EmergencyStop(_)), is_stop, "{error}");
         assert!(error.to_string().contains(&format!("base: {name}")), "{error}");
     }
+}
+
+/// A fault whose cause stays is not waited for for ever, and the arm is not taken.
+#[test]
+fn a_fault_that_comes_back() {
+    let emulator = emulator();
+    let timeouts = Timeouts { call: Duration::from_millis(500), ..timeouts() };
+    let mut arm = Arm::connect(emulator.address(), &credentials(), timeouts, ArmModel::home()).expect("connects");
+    emulator.inject(Injection::LastingBaseFault(1 << 3));
+    let error = Servoing::enter(&mut arm, limits()).expect_err("still in fault");
+    assert_eq!(error.to_string(), "the arm is in fault: base: core temperature too high");
+    assert_eq!(emulator.status().mode, ServoingMode::SingleLevel);
+    emulator.inject(Injection::LastingBaseFault(0));
+    Servoing::enter(&mut arm, limits()).expect("cooled down").leave().expect("leaves");
 }
 
 /// The button: servoing ends with its own error, nothing starts while it is pressed, and letting go is not enough.

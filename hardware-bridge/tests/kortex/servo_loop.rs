@@ -46,7 +46,8 @@ fn targets_become_smooth_commands() {
     arm.close().expect("closes");
 }
 
-/// The controller hangs, the loop does not: it stops the arm on its way, stays, and goes on when the controller is back.
+/// The controller hangs, the loop does not: it stops the arm on its way, stays, and goes on when the controller is
+/// back.
 #[test]
 fn a_silent_controller_stops_the_arm() {
     let (emulator, servo_loop) = start(Duration::from_millis(100));

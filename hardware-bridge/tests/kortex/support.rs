@@ -28,7 +28,8 @@ pub fn emulator_at(posture: [f64; ARM_JOINTS], pace: Pace) -> Emulator {
     emulator_with(posture, pace, Settings::default().cyclic_deadline)
 }
 
-/// With a watchdog after `cyclic_deadline` ms. In real time a busy machine may hold up the host for longer than the usual 50.
+/// With a watchdog after `cyclic_deadline` ms. In real time a busy machine may hold up the host for longer than the
+/// usual 50.
 pub fn emulator_with(posture: [f64; ARM_JOINTS], pace: Pace, cyclic_deadline: u64) -> Emulator {
     let plant = FirstOrderJoints::new(posture, LAG, ArmModel::gen3().velocity_limits);
     let settings = Settings { cyclic_deadline, ..Settings::default() };

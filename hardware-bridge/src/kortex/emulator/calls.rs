@@ -18,7 +18,6 @@ use crate::kortex::message::cyclic::{ActuatorFeedback, BaseFeedback, Command, Fe
 use crate::kortex::message::device::{ControlModeInformation, DeviceHandle, DeviceHandles, DeviceType, SerialNumber};
 use crate::kortex::message::session::CreateSessionInfo;
 use crate::kortex::message::{ErrorMessage, NotificationHandle};
-use crate::kortex::safety_bank::Report;
 
 /// A refusal: class, reason, text.
 type No = (u8, u16, &'static str);
@@ -107,11 +106,7 @@ impl Controller {
                 if self.emergency_stop_pressed {
                     return Err(IN_EMERGENCY_STOP);
                 }
-                if !self.faults.is_empty() {
-                    self.faults = Report::default();
-                    self.log(Happening::Cleared);
-                    self.set_mode(ServoingMode::SingleLevel);
-                }
+                self.clear_faults();
                 Vec::new()
             }
             call::STOP => {

@@ -128,6 +128,7 @@ pub struct Controller {
     pub(super) drive: Drive,
     pub(super) faults: Report,
     pub(super) emergency_stop_pressed: bool,
+    lasting_faults: u32,
     pub(super) control_modes: [i32; ARM_JOINTS],
     pub(super) sessions: Sessions,
     pub(super) in_control: Option<u16>,
@@ -155,6 +156,7 @@ impl Controller {
             drive: Drive::Hold,
             faults: Report::default(),
             emergency_stop_pressed: false,
+            lasting_faults: 0,
             control_modes: [ControlMode::Position as i32; ARM_JOINTS],
             sessions: Sessions::default(),
             in_control: None,
@@ -242,6 +244,12 @@ impl Controller {
     pub fn inject(&mut self, injection: Injection) -> Vec<Outgoing> {
         match injection {
             Injection::BaseFault(bits) => self.raise(bits, [0; ARM_JOINTS]),
+            Injection::LastingBaseFault(bits) => {
+                self.lasting_faults = bits;
+                if bits != 0 {
+                    self.raise(bits, [0; ARM_JOINTS]);
+                }
+            }
             Injection::JointFault { joint, bits } => {
                 self.raise(0, std::array::from_fn(|i| if i == joint { bits } else { 0 }));
             }
@@ -263,6 +271,18 @@ impl Controller {
             Injection::ControlMode { joint, mode } => self.control_modes[joint] = mode,
         }
         self.announce()
+    }
+
+    pub(super) fn clear_faults(&mut self) {
+        if self.faults.is_empty() {
+            return;
+        }
+        self.faults = Report::default();
+        self.log(Happening::Cleared);
+        self.set_mode(ServoingMode::SingleLevel);
+        if self.lasting_faults != 0 {
+            self.raise(self.lasting_faults, [0; ARM_JOINTS]);
+        }
     }
 
     pub(super) fn emergency_stop(&mut self) {

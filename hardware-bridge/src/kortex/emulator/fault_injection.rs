@@ -7,6 +7,8 @@ use rand::{Rng, RngExt};
 pub enum Injection {
     /// The base raises the faults of these bits of its bank A.
     BaseFault(u32),
+    /// As [`Injection::BaseFault`], but its cause stays: it comes back when faults are cleared. 0 ends it.
+    LastingBaseFault(u32),
     /// A joint (from 0) raises the faults of these bits of its bank A.
     JointFault {
         /// From 0.

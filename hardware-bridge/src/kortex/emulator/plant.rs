@@ -24,8 +24,9 @@ pub trait Plant: Send {
 
 /// Joints that follow with a delay of first order and a top speed, and know no load.
 ///
-/// Under a position command the angle closes the gap as `exp(-t / lag)`; so a sine of angular frequency `w` and amplitude `A` is followed with
-/// an error of amplitude `A w lag / sqrt(1 + (w lag)^2)`. Under a speed command, and when stopping, the speed does the same.
+/// Under a position command the angle closes the gap as `exp(-t / lag)`; so a sine of angular frequency `w` and
+/// amplitude `A` is followed with an error of amplitude `A w lag / sqrt(1 + (w lag)^2)`. Under a speed command, and
+/// when stopping, the speed does the same.
 #[derive(Debug, Clone)]
 pub struct FirstOrderJoints {
     state: ArmState,

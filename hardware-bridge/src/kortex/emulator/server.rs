@@ -203,8 +203,9 @@ fn serve_connection(shared: &Shared, mut stream: TcpStream, number: u64) {
     }
 }
 
-/// Lets one emulated millisecond pass for every real one. A machine that stalls makes the arm's clock late, not the arm blind: time that
-/// was missed is not caught up, because the commands that belong to it are still waiting in the socket.
+/// Lets one emulated millisecond pass for every real one. A machine that stalls makes the arm's clock late, not the arm
+/// blind: time that was missed is not caught up, because the commands that belong to it are still waiting in the
+/// socket.
 fn keep_time(shared: &Shared) {
     let millisecond = Duration::from_millis(1);
     let mut next = Instant::now() + millisecond;
