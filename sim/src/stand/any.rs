@@ -19,7 +19,7 @@ use crate::engine::EngineSettings;
 pub struct AnyStand {
     hand: Arc<AnyHand>,
     linkage: Linkage,
-    props: Vec<ColliderHandle>,
+    props: Vec<(RigidBodyHandle, ColliderHandle)>,
 }
 
 impl AnyStand {
@@ -49,10 +49,16 @@ impl AnyStand {
         Self { hand, linkage, props: Vec::new() }
     }
 
-    /// Puts a prop at `root_from_prop`, held in place.
+    /// Puts a prop at `root_from_prop`, held in place until [`Self::release`].
     pub fn put(&mut self, prop: &Prop, root_from_prop: &Isometry3<f64>) {
-        let (_, collider) = prop.insert(self.linkage.engine_mut(), root_from_prop);
-        self.props.push(collider);
+        self.props.push(prop.insert(self.linkage.engine_mut(), root_from_prop));
+    }
+
+    /// Lets go of all props.
+    pub fn release(&mut self) {
+        for (body, _) in &self.props {
+            self.linkage.engine_mut().bodies[*body].set_body_type(RigidBodyType::Dynamic, true);
+        }
     }
 
     /// Steps for `seconds` with a tension (N) in each actuator's cable.
@@ -79,7 +85,7 @@ impl AnyStand {
     /// Normal force of each moving link on the props, N.
     pub fn forces(&self) -> Vec<f64> {
         let mut forces = vec![0.0; self.hand.tree.len()];
-        for contact in self.props.iter().flat_map(|prop| contacts_of(self.linkage.engine(), *prop)) {
+        for contact in self.props.iter().flat_map(|(_, prop)| contacts_of(self.linkage.engine(), *prop)) {
             if let Some(Some(link)) = self.linkage.cover_of(contact.other) {
                 forces[link] += contact.force;
             }
