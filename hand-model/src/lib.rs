@@ -3,13 +3,14 @@
 //!
 //! The story in order: [`parameters`] reads the one file with all numbers (`data/ftac_hand.toml`); [`hand`] turns it into a
 //! [`kinematics::Tree`] with covers, [`pads`] and a [`transmission`]; [`arm`] does the same for the Gen3; [`urdf`] writes both
-//! as URDF and reads any URDF back; [`statics`] finds where the digits come to rest; [`robot`] says what a body measures and what it can be told.
+//! as URDF and reads any URDF back, [`any_hand`] makes a hand of one; [`statics`] finds where the digits come to rest; [`robot`] says what a body measures and what it can be told.
 //!
 //! # Frames
 //! Right-handed, SI. `palm`: y towards the fingertips, x towards the thumb side, -z out of the palm. Link frames: x along the
 //! phalanx to the tip, y out of its palmar side, z the joint axis; a positive angle flexes. `pad/<name>`: origin in the
 //! centre of the sensing surface, y along the digit, z out of the surface. A pose `a_from_b` maps coordinates in b to a.
 
+pub mod any_hand;
 pub mod arm;
 pub mod digit;
 pub mod error;

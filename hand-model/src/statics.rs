@@ -245,8 +245,8 @@ mod tests {
             let tensions = [t[0], t[1], t[2], t[3], t[4]];
             let found = against(&hand, &tensions, opposition, 1e9, NOTHING).expect("at rest");
             let expected = free(&hand, &tensions, opposition);
-            for joint in 0..HAND_JOINTS {
-                prop_assert!((found.angles[joint] - expected[joint]).abs() < 1e-4, "{joint}: {} {}", found.angles[joint], expected[joint]);
+            for (ours, closed) in found.angles.iter().zip(&expected) {
+                prop_assert!((ours - closed).abs() < 1e-4, "{ours} {closed}");
             }
         }
 
@@ -279,7 +279,7 @@ mod tests {
         let torques = hand.transmission.torques(&rest.angles, &[0.0, 12.0, 0.0, 0.0, 0.0]);
         let poses = hand.tree.forward(&rest.angles);
         assert!(!rest.pushes.is_empty());
-        for joint in 3..6 {
+        for (joint, torque) in torques.iter().enumerate().take(6).skip(3) {
             let push: f64 = rest
                 .pushes
                 .iter()
@@ -290,7 +290,7 @@ mod tests {
                 .sum();
             let (q, limits) = (rest.angles[joint], &hand.tree.joints[joint]);
             let stop = q <= limits.lower || q >= limits.upper;
-            assert!(stop || (torques[joint] + push).abs() < 1e-4, "{joint}: {} {push}", torques[joint]);
+            assert!(stop || (torque + push).abs() < 1e-4, "{joint}: {torque} {push}");
         }
     }
 }

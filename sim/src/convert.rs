@@ -1,7 +1,7 @@
 //! Between nalgebra (our types) and glam (rapier's types).
 
-use nalgebra::{Isometry3, Matrix3, Point3, Quaternion, Translation3, UnitQuaternion, Vector3};
 use crate::hull::standing_hull;
+use nalgebra::{Isometry3, Matrix3, Point3, Quaternion, Translation3, UnitQuaternion, Vector3};
 use rapier3d_f64::geometry::SharedShape;
 use rapier3d_f64::math::{Matrix, Pose, Rotation, Vector};
 use scenarios::geometry::Shape;
@@ -72,10 +72,8 @@ pub fn convex_parts(shape: &Shape) -> Vec<(Pose, SharedShape)> {
             Pose::IDENTITY,
             SharedShape::round_cuboid(half.x - radius, half.y - radius, half.z - radius, *radius),
         )],
-        Shape::Mesh(_) => shape
-            .convex_parts()
-            .iter()
-            .filter_map(|points| Some((Pose::IDENTITY, standing_hull(points)?)))
-            .collect(),
+        Shape::Mesh(_) => {
+            shape.convex_parts().iter().filter_map(|points| Some((Pose::IDENTITY, standing_hull(points)?))).collect()
+        }
     }
 }

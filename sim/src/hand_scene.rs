@@ -15,8 +15,8 @@ use scenarios::objects::ObjectModel;
 use crate::body::{cover_collider, groups, link_body, revolute};
 use crate::contacts::contacts_of;
 use crate::convert;
-use crate::engine::{Engine, EngineSettings};
 use crate::drive::OPPOSITION_STIFFNESS;
+use crate::engine::{Engine, EngineSettings};
 use crate::robot::{ObjectPlacement, insert_object};
 
 /// Collision group of the palm's cover.

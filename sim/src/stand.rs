@@ -2,8 +2,10 @@
 //!
 //! The world frame is the palm frame; which way is down is a choice. What is put into the hand can be held in place (fixed)
 //! while the digits close and let go of afterwards. [`Linkage`] is the mechanism alone, for any tree of revolute joints whose
-//! efforts come from outside; [`HandStand`] is the F-TAC Hand on it, driven by its six servos.
+//! efforts come from outside; [`HandStand`] is the F-TAC Hand on it, driven by its six servos,
+//! [`AnyStand`] a hand read from files.
 
+mod any;
 mod linkage;
 mod prop;
 
@@ -14,6 +16,7 @@ use hand_model::{ACTUATORS, HAND_JOINTS, Hand};
 use nalgebra::{Isometry3, Point3, Vector3};
 use rapier3d_f64::prelude::{ColliderHandle, RigidBodyHandle, RigidBodyType};
 
+pub use any::AnyStand;
 pub use linkage::Linkage;
 pub use prop::Prop;
 

