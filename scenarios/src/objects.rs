@@ -95,6 +95,15 @@ pub struct ObjectModel {
 }
 
 impl ObjectModel {
+    /// Whether the object, oriented as `world_from_object`, looks the same from all sides: a ball, or what stands on its axis.
+    pub fn round_about_vertical(&self, rotation: &UnitQuaternion<f64>) -> bool {
+        match self.symmetry {
+            Symmetry::Full => true,
+            Symmetry::Axis { .. } => (rotation * Vector3::z()).z.abs() > 0.99,
+            Symmetry::Fold { .. } | Symmetry::Cube | Symmetry::None => false,
+        }
+    }
+
     /// Height of the frame's origin over the table when at rest, m.
     pub fn rest_height(&self) -> f64 {
         -self.shape.lowest(&self.rest)

@@ -197,9 +197,9 @@ impl Executive {
         self.enter(Phase::Carry)
     }
 
-    /// Tries the first object again, seen anew at `percept`; the hand is empty.
-    pub fn retry_first(&mut self, percept: Percept) -> Result<(), ExecutiveError> {
-        self.first.1 = percept;
+    /// Tries the first object again with `grasp`, seen anew at `percept`; the hand is empty.
+    pub fn retry_first(&mut self, grasp: Grasp, percept: Percept) -> Result<(), ExecutiveError> {
+        self.first = (grasp, percept);
         self.enter(Phase::ApproachFirst)
     }
 

@@ -2,13 +2,15 @@
 
 use std::time::Instant;
 
-use anyhow::Result;
+use anyhow::{Context as _, Result};
 use control::executive::{Percept, Phase};
 use control::perception::{Felt, feel, grip};
 use control::recovery::Next;
 use control::strategy::{Candidate, Decision, Held, choose};
+use grasping::Grasp;
 use rand_chacha::ChaCha8Rng;
 use scenarios::noise::TrialNoise;
+use scenarios::objects::ObjectModel;
 use scenarios::record::{Condition, TrialRecord};
 use scenarios::referee::FailureCause;
 
@@ -20,6 +22,9 @@ use crate::world::percept;
 const FAILED_WORTH: f64 = 0.5;
 /// Time that a trial needs from a new try of the first object to its end, s: none begins later.
 const TRY_TIME: f64 = 14.0;
+
+/// Turns about the vertical that are tried when an object is out of the planned grasp's reach, rad.
+const TURNS: [f64; 9] = [0.0, 0.2, -0.2, 0.4, -0.4, 0.6, -0.6, 0.8, -0.8];
 
 /// What the policy did in a trial, for its record.
 #[derive(Default)]
@@ -88,17 +93,17 @@ impl Bench {
                     } else {
                         held = Some(run.clone());
                     }
-                    let decision = self.choose(&run, start, &candidates, felt)?;
                     let seen = run.snapshot.executive.second().1;
+                    let within = self.within_reach(&candidates, &seen, &start.objects[1]);
+                    if within.is_empty() {
+                        run.referee.give_up(FailureCause::Unreachable);
+                        break;
+                    }
+                    let decision = self.choose(&run, start, &within, felt)?;
                     story.slowest_ms = story.slowest_ms.max(begun.elapsed().as_secs_f64() * 1e3);
                     story.switched |= decision.switched;
                     run.tell(&decision.reason, Some(felt), condition, watcher)?;
                     story.reasons.push(decision.reason);
-                    let target = decision.grasp.palm_pose(&seen.position, seen.yaw);
-                    if self.world.posture(&target, &self.world.ready).is_err() {
-                        run.referee.give_up(FailureCause::Unreachable);
-                        break;
-                    }
                     match planned.filter(|_| !story.switched && story.retries == 0) {
                         Some(planned) => {
                             run = planned.clone();
@@ -148,6 +153,25 @@ impl Bench {
             .ok_or_else(|| anyhow::anyhow!("the plan of {} has no second grasp", start.objects[1].name))
     }
 
+    /// The candidates whose grasp the arm reaches, if need be turned about the vertical.
+    fn within_reach(&self, candidates: &[Candidate], seen: &Percept, object: &ObjectModel) -> Vec<Candidate> {
+        let turned = |candidate: &Candidate| {
+            let grasp = self.turned_into_reach(&candidate.grasp, seen, object)?;
+            Some(Candidate { grasp, ..candidate.clone() })
+        };
+        candidates.iter().filter_map(turned).collect()
+    }
+
+    /// `grasp`, or one that comes from another side: what looks the same from there is grasped the same way. `None` if the arm
+    /// reaches none of them.
+    fn turned_into_reach(&self, grasp: &Grasp, seen: &Percept, object: &ObjectModel) -> Option<Grasp> {
+        let turns: &[f64] = if object.round_about_vertical(&seen.rotation) { &TURNS } else { &TURNS[..1] };
+        turns.iter().map(|turn| Grasp { yaw: grasp.yaw + turn, ..grasp.clone() }).find(|grasp| {
+            let target = grasp.palm_pose(&seen.position, seen.yaw);
+            self.world.posture(&target, &self.world.ready).is_ok()
+        })
+    }
+
     /// Prior perception looks at object `index` anew, with an error of its own.
     fn seen(&self, run: &Run, start: &Start, index: usize, rng: &mut ChaCha8Rng) -> Percept {
         let noise = TrialNoise::draw(&self.world.scenario.noise, rng).objects[index];
@@ -162,9 +186,11 @@ impl Bench {
     fn first_again(&self, run: &mut Run, start: &Start, rng: &mut ChaCha8Rng) -> Result<()> {
         let seen = self.seen(run, start, 0, rng);
         self.look_at_second(run, start, rng);
-        let target = run.snapshot.executive.first().0.palm_pose(&seen.position, seen.yaw);
-        self.world.posture(&target, &self.world.ready)?;
-        Ok(run.snapshot.executive.retry_first(seen)?)
+        let planned = &run.snapshot.executive.first().0;
+        let grasp = self
+            .turned_into_reach(planned, &seen, &start.objects[0])
+            .with_context(|| format!("{} lies out of reach", start.objects[0].name))?;
+        Ok(run.snapshot.executive.retry_first(grasp, seen)?)
     }
 }
 
