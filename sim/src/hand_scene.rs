@@ -8,7 +8,7 @@ use std::sync::Arc;
 
 use hand_model::hand::CoverShape;
 use hand_model::{HAND_JOINTS, Hand};
-use nalgebra::{Isometry3, Point3, UnitQuaternion, Vector3};
+use nalgebra::{Isometry3, Point3, UnitVector3, Vector3};
 use rapier3d_f64::prelude::*;
 use scenarios::objects::ObjectModel;
 
@@ -38,13 +38,10 @@ pub struct Touch {
     /// Palm frame, m.
     pub point: Point3<f64>,
     /// Unit normal into the object, palm frame.
-    pub normal: UnitVector,
+    pub normal: UnitVector3<f64>,
     /// Normal force, N.
     pub force: f64,
 }
-
-/// A unit vector.
-pub type UnitVector = nalgebra::UnitVector3<f64>;
 
 /// The scene. Cloning it branches the run bit-exactly.
 #[derive(Clone)]
@@ -195,7 +192,7 @@ impl HandScene {
                 Some(Touch {
                     link: cover.checked_sub(1),
                     point: contact.point,
-                    normal: UnitVector::new_normalize(-contact.normal),
+                    normal: UnitVector3::new_normalize(-contact.normal),
                     force: contact.force,
                 })
             })
@@ -205,8 +202,7 @@ impl HandScene {
 
 /// How far and by what angle `b` is from `a`: m, rad.
 pub fn displacement(a: &Isometry3<f64>, b: &Isometry3<f64>) -> (f64, f64) {
-    let turn: UnitQuaternion<f64> = a.rotation.rotation_to(&b.rotation);
-    ((a.translation.vector - b.translation.vector).norm(), turn.angle())
+    ((a.translation.vector - b.translation.vector).norm(), a.rotation.angle_to(&b.rotation))
 }
 
 #[cfg(test)]
