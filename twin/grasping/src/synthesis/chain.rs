@@ -224,22 +224,20 @@ mod tests {
         assert_ne!(a[0].best.state, a[1].best.state);
     }
 
-    /// Chains on a ball end with every contact point on its surface, little penetration and balanced pushes, mostly.
+    /// Chains on a ball end with balanced pushes, little penetration and contact points a few millimetres from the surface on
+    /// average, mostly: closing does the rest.
     #[test]
     fn chains_find_grasps_of_a_ball() {
         let ends = ends(12, &Schedule::default());
-        let good = ends
-            .iter()
-            .filter(|end| {
-                let terms = &end.best.terms;
-                terms.farthest < 4e-3 && terms.deepest < 4e-3 && terms.balance < 0.25
-            })
-            .count();
+        let weight = Weights::default().distance;
+        let good = ends.iter().filter(|end| {
+            let terms = &end.best.terms;
+            terms.distance / (4.0 * weight) < 6e-3 && terms.deepest < 4e-3 && terms.balance < 0.1
+        });
         for end in &ends {
-            println!("{:.3} {:?}", end.acceptance, end.best.terms);
             assert!((0.02..0.98).contains(&end.acceptance), "acceptance {}", end.acceptance);
         }
-        assert!(good >= 6, "{good} of 12");
+        assert!(good.count() >= 8, "{:?}", ends.iter().map(|end| end.best.terms).collect::<Vec<_>>());
     }
 
     /// Two contacts on five candidates, the hand standing still: the 25 pairs come up as often as exp(-E / T) says.
