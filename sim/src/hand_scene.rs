@@ -135,13 +135,13 @@ impl HandScene {
     pub fn step(&mut self, pull: &Pull, force: &Vector3<f64>) {
         let transmission = &self.hand.transmission;
         let torques = transmission.torques(&self.angles, &pull.tensions);
-        for joint in 0..HAND_JOINTS {
+        for (joint, free) in torques.into_iter().enumerate() {
             let (torque, stiffness) = if joint == transmission.opposition_joint {
                 let limit = self.hand.parameters.servo.stall_torque * self.hand.parameters.servo.gear_ratio_opposition;
                 let servo = (OPPOSITION_STIFFNESS * (pull.opposition - self.angles[joint])).clamp(-limit, limit);
                 (servo - transmission.springs[joint] * self.angles[joint], OPPOSITION_STIFFNESS)
             } else {
-                (torques[joint], transmission.springs[joint])
+                (free, transmission.springs[joint])
             };
             if let Some((multibody, link)) = self.engine.multibodies.get_mut(self.joints[joint])
                 && let Some(link) = multibody.link_mut(link)
