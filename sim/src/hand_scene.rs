@@ -8,7 +8,7 @@ use std::sync::Arc;
 
 use hand_model::hand::CoverShape;
 use hand_model::{HAND_JOINTS, Hand};
-use nalgebra::{Isometry3, Point3, UnitQuaternion, Vector3};
+use nalgebra::{Isometry3, Point3, UnitVector3, Vector3};
 use rapier3d_f64::prelude::*;
 use scenarios::objects::ObjectModel;
 
@@ -39,13 +39,10 @@ pub struct Touch {
     /// Palm frame, m.
     pub point: Point3<f64>,
     /// Unit normal into the object, palm frame.
-    pub normal: UnitVector,
+    pub normal: UnitVector3<f64>,
     /// Normal force, N.
     pub force: f64,
 }
-
-/// A unit vector.
-pub type UnitVector = nalgebra::UnitVector3<f64>;
 
 /// The scene. Cloning it branches the run bit-exactly.
 #[derive(Clone)]
@@ -140,13 +137,13 @@ impl HandScene {
     pub fn step(&mut self, pull: &Pull, force: &Vector3<f64>) {
         let transmission = &self.hand.transmission;
         let torques = transmission.torques(&self.angles, &pull.tensions);
-        for joint in 0..HAND_JOINTS {
+        for (joint, free) in torques.into_iter().enumerate() {
             let (torque, stiffness) = if joint == transmission.opposition_joint {
                 let limit = self.hand.parameters.servo.stall_torque * self.hand.parameters.servo.gear_ratio_opposition;
                 let servo = (OPPOSITION_STIFFNESS * (pull.opposition - self.angles[joint])).clamp(-limit, limit);
                 (servo - transmission.springs[joint] * self.angles[joint], OPPOSITION_STIFFNESS)
             } else {
-                (torques[joint], transmission.springs[joint])
+                (free, transmission.springs[joint])
             };
             if let Some((multibody, link)) = self.engine.multibodies.get_mut(self.joints[joint])
                 && let Some(link) = multibody.link_mut(link)
@@ -197,7 +194,7 @@ impl HandScene {
                 Some(Touch {
                     link: cover.checked_sub(1),
                     point: contact.point,
-                    normal: UnitVector::new_normalize(-contact.normal),
+                    normal: UnitVector3::new_normalize(-contact.normal),
                     force: contact.force,
                 })
             })
@@ -207,8 +204,7 @@ impl HandScene {
 
 /// How far and by what angle `b` is from `a`: m, rad.
 pub fn displacement(a: &Isometry3<f64>, b: &Isometry3<f64>) -> (f64, f64) {
-    let turn: UnitQuaternion<f64> = a.rotation.rotation_to(&b.rotation);
-    ((a.translation.vector - b.translation.vector).norm(), turn.angle())
+    ((a.translation.vector - b.translation.vector).norm(), a.rotation.angle_to(&b.rotation))
 }
 
 #[cfg(test)]

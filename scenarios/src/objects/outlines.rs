@@ -143,18 +143,22 @@ pub fn vase() -> Profile {
     smooth(&outline, 3)
 }
 
-/// A small drinks bottle with a cap, 58 mm wide, 135 mm high.
+/// A small drinks bottle with a cap, 58 mm wide, 135 mm high. Points are close where the outline turns, so that the curve through
+/// them never runs back down.
 pub fn bottle() -> Profile {
     let outline = [
-        [27.0, 0.0],
-        [29.0, 4.0],
-        [29.0, 40.0],
-        [29.0, 78.0],
+        [26.0, 0.0],
+        [28.0, 2.0],
+        [29.0, 6.0],
+        [29.0, 14.0],
+        [29.0, 30.0],
+        [29.0, 54.0],
+        [29.0, 76.0],
         [26.0, 92.0],
         [18.0, 104.0],
         [14.5, 114.0],
-        [15.0, 120.0],
-        [15.0, 135.0],
+        [14.5, 124.0],
+        [14.5, 135.0],
     ];
     smooth(&outline, 3)
 }

@@ -99,3 +99,32 @@ pub fn hold(scene: &HandScene, pull: &Pull) -> Hold {
     }
     worst
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use hand_model::HAND_JOINTS;
+    use std::sync::Arc;
+
+    #[test]
+    fn distance_to_a_rounded_box() {
+        let half = Vector3::new(0.02, 0.01, 0.01);
+        let cover = CoverShape { link_from_cover: Isometry3::identity(), half, radius: 0.005 };
+        let at = |x: f64, y: f64, z: f64| cover_distance(&cover, &Point3::new(x, y, z));
+        assert!((at(0.03, 0.0, 0.0) - 0.01).abs() < 1e-12, "over a face");
+        assert!((at(0.0, 0.0, 0.004) + 0.006).abs() < 1e-12, "inside");
+        let corner = 0.005 * (3.0_f64.sqrt() - 1.0);
+        assert!((at(0.02, 0.01, 0.01) - corner).abs() < 1e-12, "the corner is rounded off");
+    }
+
+    /// An object that nothing touches flies off: the test can fail.
+    #[test]
+    fn a_floating_object_is_not_held() {
+        let hand = Arc::new(Hand::ftac());
+        let subject = Subject::named("ball").expect("the ball");
+        let away = Isometry3::translation(0.0, 0.0, -0.5);
+        let scene = HandScene::new(&hand, &subject.model, &away, &[0.0; HAND_JOINTS]);
+        let hold = hold(&scene, &Pull { tensions: [0.0; 5], opposition: 0.0 });
+        assert!(!hold.held && hold.distance > 0.05, "{hold:?}");
+    }
+}

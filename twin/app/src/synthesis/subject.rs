@@ -20,7 +20,7 @@ const MOST_CELLS: f64 = 80.0;
 const MARGIN: f64 = 0.02;
 /// Points on the object's surface, for measuring penetration.
 const SURFACE_POINTS: usize = 800;
-/// A mesh with more triangles is refused, m: its field and its convex parts would take minutes.
+/// A mesh with more triangles is refused: its field and its convex parts would take minutes.
 const MOST_TRIANGLES: usize = 100_000;
 /// What the hand can take: the smallest extent is at most its opening, the largest at least a fingertip's width, m.
 const WIDEST: f64 = 0.11;

@@ -46,8 +46,8 @@ impl Langevin {
     /// Draws a displacement from a place with `gradient`.
     pub fn propose(&self, gradient: &[f64], temperature: f64, rng: &mut impl Rng, displacement: &mut [f64]) {
         let mut spare = None;
-        for n in 0..gradient.len() {
-            let (width, drift) = self.kernel(n, gradient[n], temperature);
+        for (n, slope) in gradient.iter().enumerate() {
+            let (width, drift) = self.kernel(n, *slope, temperature);
             displacement[n] = drift + width * normal(rng, &mut spare);
         }
     }
@@ -67,9 +67,9 @@ impl Langevin {
     /// One step of adaptation from the gradient where the chain is and the acceptance probability of its last proposal. Only
     /// for burn-in: a kernel that learns from its own past is no longer reversible.
     pub fn adapt(&mut self, gradient: &[f64], acceptance: f64, temperature: f64) {
-        for n in 0..gradient.len() {
+        for (n, slope) in gradient.iter().enumerate() {
             // In a quadratic bowl of curvature h the mean squared gradient is h T.
-            let seen = gradient[n] * gradient[n] / temperature;
+            let seen = slope * slope / temperature;
             let flattest = temperature / (self.widest[n] * self.widest[n]);
             self.curvature[n] = (MEMORY * self.curvature[n] + (1.0 - MEMORY) * seen).max(flattest);
         }

@@ -1,0 +1,75 @@
+use super::super::field::tests::ball;
+use super::*;
+use nalgebra::{Isometry3, Translation3, UnitQuaternion};
+use proptest::prelude::*;
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+
+fn random_state(rng: &mut ChaCha8Rng) -> HandState {
+    let mut draw = |low: f64, high: f64| rng.random_range(low..high);
+    let rotation = UnitQuaternion::from_euler_angles(draw(-0.5, 0.5), draw(-0.5, 0.5), draw(-3.0, 3.0));
+    let place = Translation3::new(draw(-0.03, 0.03), draw(-0.05, 0.03), draw(0.01, 0.06));
+    HandState {
+        object_from_palm: Isometry3::from_parts(place, rotation),
+        joints: (0..15).map(|_| draw(-0.2, 1.7)).collect(),
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(40))]
+    /// All terms at once, in deep penetration, over a table, out of limits.
+    #[test]
+    fn gradient_is_finite_differences(seed in 0u64..10_000) {
+        let hand = Hand::ftac();
+        let surface = HandSurface::new(&hand, 800);
+        let field = ball(0.03);
+        let table = Plane { normal: Vector3::z_axis(), offset: -0.03 };
+        let energy = GraspEnergy::new(&hand, &surface, &field, Weights::default(), Some(table));
+        let mut rng = ChaCha8Rng::seed_from_u64(seed);
+        let state = random_state(&mut rng);
+        let contacts: Vec<usize> = (0..5).map(|_| rng.random_range(0..surface.candidates.len())).collect();
+        let mut frames = Frames::new(&hand.tree);
+        let (mut gradient, mut unused) = ([0.0; 21], [0.0; 21]);
+        let here = energy.evaluate(&state, &contacts, &mut frames, &mut gradient);
+        prop_assert!(here.total.is_finite());
+        let mut along = [0.0; 21];
+        for value in &mut along { *value = rng.random_range(-1.0..1.0) * 0.05; }
+        for value in &mut along[6..] { *value *= 4.0; }
+        // Kinks (a point entering the object, a cell's border) make one-sided slopes differ: the central difference over a
+        // tiny step must lie between them, and shrink to the analytic slope away from kinks.
+        let mut at = |h: f64| {
+            let by: Vec<f64> = along.iter().map(|x| x * h).collect();
+            energy.evaluate(&state.moved(&by), &contacts, &mut frames, &mut unused).total
+        };
+        let slope: f64 = gradient.iter().zip(&along).map(|(g, d)| g * d).sum();
+        let h = 1e-5;
+        let (forth, back) = ((at(h) - here.total) / h, (here.total - at(-h)) / h);
+        let tolerance = 0.01 * slope.abs().max(0.05) + (forth - back).abs();
+        prop_assert!((0.5 * (forth + back) - slope).abs() < tolerance, "{} {} {}", slope, forth, back);
+    }
+}
+
+/// Passing over far links and patches changes nothing: against every point looked up.
+#[test]
+fn early_out_is_exact() {
+    let hand = Hand::ftac();
+    let surface = HandSurface::new(&hand, 2000);
+    let field = ball(0.03);
+    let energy = GraspEnergy::new(&hand, &surface, &field, Weights::default(), None);
+    let mut rng = ChaCha8Rng::seed_from_u64(5);
+    let mut frames = Frames::new(&hand.tree);
+    let mut met = 0;
+    for _ in 0..40 {
+        let state = random_state(&mut rng);
+        let terms = energy.evaluate(&state, &[0, 1, 2], &mut frames, &mut [0.0; 21]);
+        let mut depth = 0.0;
+        for (link, own) in surface.links.iter().enumerate() {
+            for p in &own.points {
+                depth += (-field.distance(&frames.point(link, p))).max(0.0);
+            }
+        }
+        met += usize::from(depth > 0.0);
+        assert!((terms.penetration - energy.point_weight * depth).abs() < 1e-9 * (1.0 + terms.penetration));
+    }
+    assert!(met > 20, "the test meets penetration");
+}
