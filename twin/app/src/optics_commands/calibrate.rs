@@ -68,10 +68,10 @@ pub fn calibrate(cli: &Cli, args: &CalibrateArgs) -> Outcome {
         eprintln!("fitting {} presses, holding out {}", fitted.presses.len(), held_out.presses.len());
     }
     let fit = BallFit::new(&fitted, assumptions, &effort, cli.seed)?;
-    let by_fit = fit.evaluate(&held_out);
-    // What users get is the renderer on an image grid; the fit's own, on round profiles, is the check on it.
+    let held = fit.evaluate(&held_out);
+    // The fit renders with round profiles; the renderer that other objects need works on the image's grid. Both are reported.
     let sensor = CalibratedSensor::new(CalibrationFile::new(&fit, String::new()), fit.background.clone())?;
-    let held = fit.evaluate_with(&held_out, |press| sensor.render_ball(press.center, press.radius, press.diameter));
+    let on_grid = fit.evaluate_with(&held_out, |press| sensor.render_ball(press.center, press.radius, press.diameter));
     let single: Vec<f32> = fitted.background.rgb.iter().map(|&value| f32::from(value)).collect();
     let on_single = fit.on_background(single).evaluate(&held_out);
     let mut table = Vec::new();
@@ -93,10 +93,10 @@ pub fn calibrate(cli: &Cli, args: &CalibrateArgs) -> Outcome {
     if cli.json {
         println!(
             "{}",
-            as_json(&fit, &fitted, &held_out, held.as_ref(), &table, [by_fit.as_ref(), on_single.as_ref()], wall)?
+            as_json(&fit, &fitted, &held_out, held.as_ref(), &table, [on_grid.as_ref(), on_single.as_ref()], wall)?
         );
     } else {
-        tell(&fit, held.as_ref(), &table, [by_fit.as_ref(), on_single.as_ref()], wall);
+        tell(&fit, held.as_ref(), &table, [on_grid.as_ref(), on_single.as_ref()], wall);
     }
     let worse = held.is_some_and(|held| held.rendered.crop.psnr <= held.floor.crop.psnr);
     Ok(worse.then(|| "the model renders the held-out presses no better than the background alone does".to_owned()))
@@ -123,7 +123,7 @@ fn as_json(
         "presses": {"fitted": fitted.presses.len(), "held_out": held_out.presses.len(), "found_without_label": found},
         "held_out": held.map(|held| held.rendered),
         "floor": held.map(|held| held.floor),
-        "held_out_by_fit": others[0].map(|held| held.rendered),
+        "held_out_on_grid": others[0].map(|held| held.rendered),
         "held_out_on_single_background": others[1].map(|held| held.rendered),
         "ceiling": held.map(|held| held.ceiling),
         "residual_grey": fit.residual,
@@ -157,7 +157,7 @@ fn tell(fit: &BallFit, held: Option<&HeldOut>, table: &Table, others: [Option<&H
         row("held out", &held.rendered);
         row("ceiling", &held.ceiling);
     }
-    for (name, held) in ["  by the fit", "  single frame"].iter().zip(others) {
+    for (name, held) in ["  on the grid", "  single frame"].iter().zip(others) {
         if let Some(held) = held {
             row(name, &held.rendered);
         }
