@@ -175,9 +175,12 @@ fn shadows_are_where_hidden_point_removal_and_rays_have_them() {
             let shaded = blocked.iter().filter(|blocked| **blocked).count();
             let (with_hidden, with_rays) = (agreement(&fast, &hidden), agreement(&fast, &blocked));
             let of_references = agreement(&hidden, &blocked);
-            println!(
-                "{name} lamp {k}: {shaded} px shaded; fast-hpr {:.4} {:.3}  fast-rays {:.4} {:.3}  hpr-rays {:.4} {:.3}",
-                with_hidden.0, with_hidden.1, with_rays.0, with_rays.1, of_references.0, of_references.1
+            // Measured: at least 0.949 and 0.65 with rays, 0.842 with hidden-point removal, which itself agrees with rays to
+            // 0.875: it hides points at grazing light that a straight line reaches.
+            assert!(with_rays.0 > 0.94 && with_rays.1 > 0.6, "{name} lamp {k}, {shaded} px: rays {with_rays:?}");
+            assert!(
+                with_hidden.0 > 0.83 && with_hidden.0 > of_references.0 - 0.06,
+                "{name} lamp {k}, {shaded} px: hidden points {with_hidden:?}, them with rays {of_references:?}"
             );
         }
     }

@@ -50,7 +50,7 @@ pub struct ShapesArgs {
     #[arg(long, default_value = "index_distal")]
     pub pad: String,
     /// Normal force, N.
-    #[arg(long, default_value_t = 6.0)]
+    #[arg(long, default_value_t = 1.5)]
     pub force: f64,
     /// Serial number of the hand.
     #[arg(long, default_value_t = 7)]
