@@ -64,7 +64,7 @@ fn unreadable_mesh() {
     let mesh = folder.path().join("thing.obj");
     fs::write(&mesh, "v 0 0 0\nv 1 0 zero\nf 1 2 9\n").expect("written");
     let out = folder.path().join("image.png");
-    refused(&["optics", "render", "--mesh", text(&mesh), "--out", text(&out)], &["thing.obj"]);
+    refused(&["optics", "render", text(&mesh), "--out", text(&out)], &["thing.obj"]);
     assert!(!out.exists(), "left an image behind");
 }
 

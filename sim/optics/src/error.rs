@@ -11,6 +11,14 @@ pub enum OpticsError {
         /// Values expected.
         expected: usize,
     },
+    /// An image or a map of a calibrated sensor has not one value for each of its pixels.
+    #[error("found {found} values; expected {expected}, by the calibration's image size")]
+    ImageSize {
+        /// Values found.
+        found: usize,
+        /// Values expected.
+        expected: usize,
+    },
     /// A map has a value that is not a number, or not allowed.
     #[error("pixel (column {column}, row {row}) has the value {value}; expected {expected}")]
     MapValue {

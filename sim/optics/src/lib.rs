@@ -2,14 +2,45 @@
 //!
 //! The story in order, as the paper tells it ("Details of image formation model"): the shape above the pad and the normal force
 //! give an [`indentation`]; the [`elastomer`] rounds it off where the gel leaves the object; near-field [`lamps`] shine on
-//! the gel's coating, whose [`reflectance`] sends the light to the [`camera`], which turns it into grey levels. A [`sensor`] is all
+//! the gel's coating, each with its cast [`shadows`], whose [`reflectance`] sends the light to the [`camera`], which turns it into grey levels. A [`sensor`] is all
 //! of that for one camera unit, and a [`model`] all its numbers: nominal, of one unit, or found by a calibration.
 //!
-//! An image is `background + (model(deformed gel) - model(flat gel))`, and the background itself where the gel is flat.
+//! Where the gel is deformed or a lamp's light is cut off ([`shadows`]), a pixel's radiance is that of the background's pixel plus
+//! `model(deformed gel) - model(flat gel)`; elsewhere the pixel is the background's. How much force an indentation takes is the
+//! [`foundation`]'s part, and [`shapes`] has twenty things to press.
+//!
+//! [`calibration`] finds a real sensor's model from presses of a ball, and renders for that sensor at its own image size.
+//!
+//! What is left out: light from one part of the gel to another; the sideways shift of points pressed towards the camera
+//! in a pad's images (the calibrated sensor's renderer has it); lens distortion (images are taken as rectified); and pads'
+//! rounded edges count as rest shape in the background alone, not in the relief that casts shadows.
 //!
 //! # Frames
 //! Everything is in the pad's frame, metres: z out of the surface, camera and lamps at negative z. Maps are row-major, 240 x 240; row 0
 //! is the distal edge (largest y), column 0 the smallest x.
+//!
+//! # For the owner of a GelSight Mini
+//! Take a picture of the untouched gel (`background.png`) and a dozen or two of a steel ball pressed in here and there, all
+//! in one folder. If you know where the balls are, say so in `labels.csv` (see [`calibration::folder`]); otherwise they are found. Then
+//! ```sh
+//! ftac optics calibrate FOLDER --ball-diameter-mm 6.31 --pixel-mm 0.0634 --out mini.toml
+//! ```
+//! fits the model to every second press and renders the others; it prints how alike rendered and real images are, beside
+//! what the background alone reaches (`floor`) and what the noise allows (`ceiling`). From then on the sensor renders anything:
+//! ```no_run
+//! use optics::calibration::CalibratedSensor;
+//!
+//! let sensor = CalibratedSensor::read("mini.toml".as_ref())?;
+//! let (columns, rows) = sensor.size();
+//! // A rod of 2 mm radius along y, pressed in by 0.4 mm: how far it lies below the untouched gel, pixel by pixel.
+//! let penetration: Vec<f32> = (0..columns * rows)
+//!     .map(|at| sensor.pixel_center((at % columns) as f64, (at / columns) as f64))
+//!     .map(|(x, _)| 0.002_f64.powi(2) - x * x)
+//!     .map(|inside| if inside > 0.0 { (inside.sqrt() - 0.002 + 0.0004) as f32 } else { f32::NEG_INFINITY })
+//!     .collect();
+//! sensor.render(&penetration)?.write("rod.png".as_ref())?;
+//! # Ok::<(), optics::OpticsError>(())
+//! ```
 //!
 //! # Example
 //! A ball of 20 mm diameter, pressed with 2 N onto the middle of the index finger's distal pad:
@@ -49,6 +80,7 @@ pub mod reflectance;
 pub mod sensor;
 mod shading;
 pub mod shadows;
+pub mod shapes;
 
 pub use error::OpticsError;
 pub use foundation::Foundation;

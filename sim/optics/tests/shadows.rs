@@ -11,8 +11,8 @@ use nalgebra::{Point3, Vector3};
 use optics::lamps::Lamp;
 use optics::shadows::{HeightField, Shadow};
 
-const SIDE: usize = 64;
-const PIXEL: f64 = 0.2e-3;
+const SIDE: usize = 48;
+const PIXEL: f64 = 0.25e-3;
 
 /// Depth of the gel as a function of the place (m).
 fn field(depth: impl Fn(f64, f64) -> f64) -> Vec<f32> {
@@ -33,6 +33,9 @@ fn hidden_points(depth: &[f32], lamp: &Lamp) -> Vec<bool> {
     let from_lamp: Vec<Vector3<f64>> = (0..depth.len())
         .map(|at| (place(at), f64::from(depth[at])))
         .map(|((x, y), depth)| Point3::new(x, y, -depth) - lamp.position)
+        .enumerate()
+        // A row of the grid and the lamp lie in one plane; a hull wants its points in general position.
+        .map(|(n, p)| p + 1e-10 * Vector3::new(jitter(3 * n), jitter(3 * n + 1), jitter(3 * n + 2)))
         .collect();
     let farthest = from_lamp.iter().map(Vector3::norm).fold(0.0, f64::max);
     let radius = FLIP * farthest;
@@ -41,6 +44,11 @@ fn hidden_points(depth: &[f32], lamp: &Lamp) -> Vec<bool> {
     points.push(Vector3::zeros());
     let on_hull = hull_vertices(&points);
     on_hull[..depth.len()].iter().map(|seen| !seen).collect()
+}
+
+/// A number from -1 to 1 that looks random.
+fn jitter(n: usize) -> f64 {
+    (n as f64 * 12.9898 + 4.1414).sin() * 43_758.545_3 % 1.0
 }
 
 /// Radius of the flipping sphere, in distances of the farthest point.
@@ -80,6 +88,8 @@ fn hull_vertices(points: &[Vector3<f64>]) -> Vec<bool> {
         if edges.is_empty() {
             continue;
         }
+        // Euler: a closed surface of triangles has fewer than two faces a corner.
+        assert!(faces.len() < 2 * points.len(), "the hull has come apart");
         faces.retain(|face| !sees(face));
         faces.extend(edges.iter().filter(|(q, r)| !edges.contains(&(*r, *q))).map(|&(q, r)| face([q, r, p])));
     }
@@ -165,9 +175,12 @@ fn shadows_are_where_hidden_point_removal_and_rays_have_them() {
             let shaded = blocked.iter().filter(|blocked| **blocked).count();
             let (with_hidden, with_rays) = (agreement(&fast, &hidden), agreement(&fast, &blocked));
             let of_references = agreement(&hidden, &blocked);
-            println!(
-                "{name} lamp {k}: {shaded} px shaded; fast-hpr {:.4} {:.3}  fast-rays {:.4} {:.3}  hpr-rays {:.4} {:.3}",
-                with_hidden.0, with_hidden.1, with_rays.0, with_rays.1, of_references.0, of_references.1
+            // Measured: at least 0.949 and 0.65 with rays, 0.842 with hidden-point removal, which itself agrees with rays to
+            // 0.875: it hides points at grazing light that a straight line reaches.
+            assert!(with_rays.0 > 0.94 && with_rays.1 > 0.6, "{name} lamp {k}, {shaded} px: rays {with_rays:?}");
+            assert!(
+                with_hidden.0 > 0.83 && with_hidden.0 > of_references.0 - 0.06,
+                "{name} lamp {k}, {shaded} px: hidden points {with_hidden:?}, them with rays {of_references:?}"
             );
         }
     }

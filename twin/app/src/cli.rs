@@ -289,19 +289,10 @@ pub enum TouchCommand {
 pub enum OpticsCommand {
     /// Fit a real sensor's image-formation model to presses of a ball, and render presses held out.
     Calibrate(optics_commands::CalibrateArgs),
+    /// Evaluate a calibration, the gel's pressure law, or the fit itself.
+    Eval(optics_commands::EvalArgs),
     /// Render what a pad sees when a mesh is pressed into it along its normal.
-    Render {
-        /// The mesh, OBJ, in metres.
-        #[arg(long)]
-        mesh: PathBuf,
-        /// Pad.
-        #[arg(long, default_value = "index_distal")]
-        pad: String,
-        /// Normal force, N.
-        #[arg(long, default_value_t = 2.0)]
-        force: f64,
-        /// The PNG to write.
-        #[arg(long)]
-        out: PathBuf,
-    },
+    Render(optics_commands::RenderArgs),
+    /// Render twenty known shapes onto a contact sheet.
+    Shapes(optics_commands::ShapesArgs),
 }

@@ -61,7 +61,9 @@ pub fn run(cli: &Cli) -> Outcome {
         }
         Command::Touch(TouchCommand::Train { presses, out }) => touch_train(cli, *presses, out),
         Command::Optics(OpticsCommand::Calibrate(args)) => optics_commands::calibrate(cli, args),
-        Command::Optics(OpticsCommand::Render { mesh, pad, force, out }) => optics_render(mesh, pad, *force, out),
+        Command::Optics(OpticsCommand::Eval(args)) => optics_commands::eval(cli, args),
+        Command::Optics(OpticsCommand::Render(args)) => optics_commands::render(cli, args),
+        Command::Optics(OpticsCommand::Shapes(args)) => optics_commands::shapes(cli, args),
     }
 }
 
@@ -417,30 +419,5 @@ fn touch_train(cli: &Cli, presses: usize, out: &Path) -> Outcome {
             error.mean, error.median, error.p95, error.pixels
         );
     }
-    Ok(None)
-}
-
-fn optics_render(mesh: &Path, pad: &str, force: f64, out: &Path) -> Outcome {
-    let hand = Hand::ftac();
-    let mesh = scenarios::geometry::Mesh::read_obj(mesh)?;
-    let index = hand.pad(pad).with_context(|| {
-        format!(
-            "--pad: no pad is called `{pad}`; known are: {}",
-            hand.pads.iter().map(|pad| pad.name.as_str()).collect::<Vec<_>>().join(", ")
-        )
-    })?;
-    let shape = scenarios::Shape::Mesh(std::sync::Arc::new(mesh));
-    let mut board = TactileBoard::unit(&hand, HAND_UNIT);
-    let mut pads = vec![nalgebra::Isometry3::translation(0.0, 0.0, 10.0); hand.pads.len()];
-    let mut forces = vec![0.0; hand.pads.len()];
-    let (low, high) = shape.aabb();
-    // The mesh is centred over the pad and comes down along the pad's normal.
-    pads[index] = nalgebra::Isometry3::translation(0.5 * (low.x + high.x), 0.5 * (low.y + high.y), low.z);
-    forces[index] = force;
-    let frames = board.capture(&hand, 0.0, &pads, &forces, &[(&shape, nalgebra::Isometry3::identity())]);
-    let camera = hand.pads[index].cameras[0];
-    let frame = frames.iter().find(|frame| frame.camera == camera).context("the camera sent no image")?;
-    image::save_buffer(out, &frame.image.rgb, 240, 240, image::ColorType::Rgb8)
-        .with_context(|| format!("--out {}", out.display()))?;
     Ok(None)
 }

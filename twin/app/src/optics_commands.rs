@@ -1,8 +1,13 @@
-//! `ftac optics`: tactile images, their calibration, and how good they are.
+//! `ftac optics`: tactile images, calibration to real sensors, and how good both are.
 
 mod calibrate;
+mod eval;
+mod npy;
+mod render;
 
 pub use calibrate::{CalibrateArgs, calibrate};
+pub use eval::{EvalArgs, eval};
+pub use render::{RenderArgs, ShapesArgs, render, shapes};
 
 /// What a command gives back: nothing, or in what it falls short.
 pub type Outcome = anyhow::Result<Option<String>>;

@@ -169,6 +169,11 @@ impl BallFit {
         }
     }
 
+    /// The same fit on another image of the untouched gel (row-major RGB, grey levels).
+    pub fn on_background(&self, background: Vec<f32>) -> Self {
+        Self { background, ..self.clone() }
+    }
+
     pub(crate) fn vector(&self) -> &[f64] {
         &self.vector
     }

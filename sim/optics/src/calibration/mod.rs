@@ -16,6 +16,7 @@ mod profile;
 pub mod recovery;
 pub mod samples;
 mod scene;
+pub mod sensor;
 pub mod similarity;
 
 pub use evaluation::{HeldOut, Views};
@@ -23,4 +24,5 @@ pub use file::CalibrationFile;
 pub use fit::{Assumptions, BallFit, Effort};
 pub use folder::{BallPress, PressFolder};
 pub use photo::Photo;
+pub use sensor::CalibratedSensor;
 pub use similarity::Similarity;

@@ -5,7 +5,9 @@ use std::time::Instant;
 
 use anyhow::{Result, bail};
 use clap::{Args, ValueEnum};
-use optics::calibration::{Assumptions, BallFit, CalibrationFile, Effort, HeldOut, PressFolder, Views};
+use optics::calibration::{
+    Assumptions, BallFit, CalibratedSensor, CalibrationFile, Effort, HeldOut, PressFolder, Views,
+};
 use serde_json::{Value, json};
 
 use crate::cli::Cli;
@@ -67,6 +69,11 @@ pub fn calibrate(cli: &Cli, args: &CalibrateArgs) -> Outcome {
     }
     let fit = BallFit::new(&fitted, assumptions, &effort, cli.seed)?;
     let held = fit.evaluate(&held_out);
+    // The fit renders with round profiles; the renderer that other objects need works on the image's grid. Both are reported.
+    let sensor = CalibratedSensor::new(CalibrationFile::new(&fit, String::new()), fit.background.clone())?;
+    let on_grid = fit.evaluate_with(&held_out, |press| sensor.render_ball(press.center, press.radius, press.diameter));
+    let single: Vec<f32> = fitted.background.rgb.iter().map(|&value| f32::from(value)).collect();
+    let on_single = fit.on_background(single).evaluate(&held_out);
     let mut table = Vec::new();
     if args.ablation {
         for (name, assumptions) in Assumptions::ablations(assumptions.pixel) {
@@ -84,9 +91,12 @@ pub fn calibrate(cli: &Cli, args: &CalibrateArgs) -> Outcome {
     }
     let wall = started.elapsed().as_secs_f64();
     if cli.json {
-        println!("{}", as_json(&fit, &fitted, &held_out, held.as_ref(), &table, wall)?);
+        println!(
+            "{}",
+            as_json(&fit, &fitted, &held_out, held.as_ref(), &table, [on_grid.as_ref(), on_single.as_ref()], wall)?
+        );
     } else {
-        tell(&fit, held.as_ref(), &table, wall);
+        tell(&fit, held.as_ref(), &table, [on_grid.as_ref(), on_single.as_ref()], wall);
     }
     let worse = held.is_some_and(|held| held.rendered.crop.psnr <= held.floor.crop.psnr);
     Ok(worse.then(|| "the model renders the held-out presses no better than the background alone does".to_owned()))
@@ -100,6 +110,7 @@ fn as_json(
     held_out: &PressFolder,
     held: Option<&HeldOut>,
     table: &Table,
+    others: [Option<&HeldOut>; 2],
     wall: f64,
 ) -> Result<Value> {
     let found = fitted.presses.iter().chain(&held_out.presses).filter(|press| !press.labelled).count();
@@ -112,6 +123,8 @@ fn as_json(
         "presses": {"fitted": fitted.presses.len(), "held_out": held_out.presses.len(), "found_without_label": found},
         "held_out": held.map(|held| held.rendered),
         "floor": held.map(|held| held.floor),
+        "held_out_on_grid": others[0].map(|held| held.rendered),
+        "held_out_on_single_background": others[1].map(|held| held.rendered),
         "ceiling": held.map(|held| held.ceiling),
         "residual_grey": fit.residual,
         "pixel_mm": 1e3 * fit.pixel,
@@ -123,7 +136,7 @@ fn as_json(
     }))
 }
 
-fn tell(fit: &BallFit, held: Option<&HeldOut>, table: &Table, wall: f64) {
+fn tell(fit: &BallFit, held: Option<&HeldOut>, table: &Table, others: [Option<&HeldOut>; 2], wall: f64) {
     println!("{:34} {:>12}  {:>10}", "parameter", "value", "deviation");
     for parameter in &fit.parameters {
         let certainty = match (parameter.deviation, parameter.on_bound) {
@@ -143,6 +156,11 @@ fn tell(fit: &BallFit, held: Option<&HeldOut>, table: &Table, wall: f64) {
         row("floor", &held.floor);
         row("held out", &held.rendered);
         row("ceiling", &held.ceiling);
+    }
+    for (name, held) in ["  on the grid", "  single frame"].iter().zip(others) {
+        if let Some(held) = held {
+            row(name, &held.rendered);
+        }
     }
     for (name, _, views) in table {
         if let Some(views) = views {

@@ -1,0 +1,182 @@
+//! A real sensor, once calibrated: renders what it would show of any object pressed into it, at its own image size.
+
+use std::path::Path;
+
+use nalgebra::{Point3, Vector3};
+
+use crate::calibration::file::CalibrationFile;
+use crate::calibration::photo::Photo;
+use crate::calibration::profile::RoundSmoothing;
+use crate::error::OpticsError;
+use crate::shadows::{HeightField, Shadow};
+
+/// A calibrated sensor with its untouched image. Frame: origin in the image's middle on the untouched gel, x right, y up,
+/// z towards the object.
+#[derive(Debug, Clone, PartialEq)]
+pub struct CalibratedSensor {
+    file: CalibrationFile,
+    /// Row-major RGB, grey levels.
+    background: Vec<f32>,
+}
+
+/// A pixel that sees more than this of every lamp, on flat gel, shows the background.
+const LIT: f64 = 0.995;
+const FLAT_DEPTH: f64 = 1e-6;
+const FLAT_SLOPE: f64 = 2e-3;
+
+impl CalibratedSensor {
+    /// Reads a calibration file and the image beside it.
+    pub fn read(path: &Path) -> Result<Self, OpticsError> {
+        let (file, background) = CalibrationFile::read(path)?;
+        Ok(Self { file, background })
+    }
+
+    /// A sensor of a calibration and an untouched image (row-major RGB, grey levels) of the calibration's size.
+    pub fn new(file: CalibrationFile, background: Vec<f32>) -> Result<Self, OpticsError> {
+        let expected = 3 * file.columns * file.rows;
+        if background.len() != expected {
+            return Err(OpticsError::ImageSize { found: background.len(), expected });
+        }
+        Ok(Self { file, background })
+    }
+
+    /// Columns and rows of its images.
+    pub fn size(&self) -> (usize, usize) {
+        (self.file.columns, self.file.rows)
+    }
+
+    /// Place of a pixel's centre on the untouched gel, m.
+    pub fn pixel_center(&self, column: f64, row: f64) -> (f64, f64) {
+        let (pixel, (w, h)) = (1e-3 * self.file.pixel_mm, self.size());
+        ((column - 0.5 * (w as f64 - 1.0)) * pixel, (0.5 * (h as f64 - 1.0) - row) * pixel)
+    }
+
+    /// The gel's depth (m, row-major) under an object whose penetration is given: for each pixel how far the object lies below the
+    /// untouched surface (m; negative above it, negative infinity where there is none).
+    pub fn gel(&self, penetration: &[f32]) -> Result<Vec<f32>, OpticsError> {
+        let (w, h) = self.size();
+        if penetration.len() != w * h {
+            return Err(OpticsError::ImageSize { found: penetration.len(), expected: w * h });
+        }
+        if let Some(at) = penetration.iter().position(|value| value.is_nan() || *value == f32::INFINITY) {
+            let expected = "a number below infinity";
+            return Err(OpticsError::MapValue { column: at % w, row: at / w, value: penetration[at], expected });
+        }
+        Ok(self.gel_unchecked(penetration))
+    }
+
+    fn gel_unchecked(&self, penetration: &[f32]) -> Vec<f32> {
+        let (w, h) = self.size();
+        let pixel = (1e-3 * self.file.pixel_mm, 1e-3 * self.file.pixel_mm);
+        let elastomer = &self.file.model.elastomer;
+        let grown = elastomer.grow(penetration, w, h, pixel);
+        elastomer.smooth(grown.iter().map(|depth| depth.max(0.0)).collect(), w, h, pixel)
+    }
+
+    /// The image of an object (see [`Self::gel`] for `penetration`), without noise.
+    pub fn render(&self, penetration: &[f32]) -> Result<Photo, OpticsError> {
+        let gel = self.gel(penetration)?;
+        let grey = self.shade(&gel);
+        let (width, height) = self.size();
+        Ok(Photo { width, height, rgb: grey.into_iter().map(|grey| (grey + 0.5).clamp(0.0, 255.0) as u8).collect() })
+    }
+
+    /// Grey levels (whole numbers, row-major RGB) of a ball's press: [`Self::ball`], rendered.
+    pub fn render_ball(&self, center: [f64; 2], radius: f64, diameter: f64) -> Vec<f32> {
+        // A ball's penetration is never refused: it has this sensor's size and no NaN.
+        let penetration = self.ball(center, radius, diameter);
+        let gel = self.gel_unchecked(&penetration);
+        self.shade(&gel).into_iter().map(|grey| grey.round().clamp(0.0, 255.0)).collect()
+    }
+
+    /// Penetration of a ball (diameter in m) whose press looks like this circle (pixels).
+    pub fn ball(&self, center: [f64; 2], radius: f64, diameter: f64) -> Vec<f32> {
+        let (pixel, model) = (1e-3 * self.file.pixel_mm, &self.file.model);
+        let (ball, grown) = (0.5 * diameter, 0.5 * diameter + model.elastomer.coating);
+        let contact = (radius * pixel * self.file.contact_over_visible).min(0.999 * grown);
+        let deepest = grown - (grown * grown - contact * contact).sqrt();
+        // The circle lies on the bump's flank, which relief has moved away from the camera's foot.
+        let profile = RoundSmoothing::new(&model.elastomer.kernels, 3.0 * grown, 0.02 * grown).press(grown, contact);
+        let part = -profile.at(radius * pixel).0 / model.camera.position.z;
+        let (x, y) = self.pixel_center(center[0], center[1]);
+        let middle = (x + (model.camera.position.x - x) * part, y + (model.camera.position.y - y) * part);
+        let (w, h) = self.size();
+        (0..w * h)
+            .map(|at| {
+                let (x, y) = self.pixel_center((at % w) as f64, (at / w) as f64);
+                let inside = ball * ball - (x - middle.0).powi(2) - (y - middle.1).powi(2);
+                if inside > 0.0 { (inside.sqrt() - ball + deepest) as f32 } else { f32::NEG_INFINITY }
+            })
+            .collect()
+    }
+
+    /// Grey levels, row-major RGB, of a gel of this depth.
+    fn shade(&self, gel: &[f32]) -> Vec<f32> {
+        let (w, h) = self.size();
+        let (pixel, model) = (1e-3 * self.file.pixel_mm, &self.file.model);
+        let field =
+            HeightField { width: w, height: h, first: self.pixel_center(0.0, 0.0), pixel: (pixel, pixel), depth: gel };
+        let shadows: Vec<Option<Shadow>> = model.lamps.iter().map(|lamp| field.shadow(lamp)).collect();
+        let camera = model.camera.position;
+        // Depth at a fractional pixel.
+        let depth = |column: f64, row: f64| {
+            let (column, row) = (column.clamp(0.0, (w - 1) as f64), row.clamp(0.0, (h - 1) as f64));
+            let (c, r) = ((column as usize).min(w.max(2) - 2), (row as usize).min(h.max(2) - 2));
+            let (u, v) = (column - c as f64, row - r as f64);
+            let at = |r: usize, c: usize| f64::from(gel[r.min(h - 1) * w + c.min(w - 1)]);
+            (1.0 - v) * ((1.0 - u) * at(r, c) + u * at(r, c + 1))
+                + v * ((1.0 - u) * at(r + 1, c) + u * at(r + 1, c + 1))
+        };
+        let foot = (camera.x / pixel + 0.5 * (w - 1) as f64, 0.5 * (h - 1) as f64 - camera.y / pixel);
+        let mut grey = self.background.clone();
+        for (at, grey) in grey.chunks_exact_mut(3).enumerate() {
+            let (column, row) = ((at % w) as f64, (at / w) as f64);
+            let (mut seen, mut deep) = ((column, row), 0.0);
+            for _ in 0..5 {
+                deep = depth(seen.0, seen.1);
+                if deep < FLAT_DEPTH && seen == (column, row) {
+                    break;
+                }
+                let part = -deep / camera.z;
+                seen = (column + (foot.0 - column) * part, row + (foot.1 - row) * part);
+            }
+            let slope = [
+                (depth(seen.0 - 1.0, seen.1) - depth(seen.0 + 1.0, seen.1)) / (2.0 * pixel),
+                (depth(seen.0, seen.1 + 1.0) - depth(seen.0, seen.1 - 1.0)) / (2.0 * pixel),
+            ];
+            let shares: Vec<f64> =
+                shadows.iter().map(|shadow| shadow.as_ref().map_or(1.0, |shadow| shadow.at(seen.0, seen.1))).collect();
+            let deformed = deep > FLAT_DEPTH || slope[0].abs() > FLAT_SLOPE || slope[1].abs() > FLAT_SLOPE;
+            if !deformed && shares.iter().all(|&share| share > LIT) {
+                continue;
+            }
+            let (x, y) = self.pixel_center(seen.0, seen.1);
+            let (flat_x, flat_y) = self.pixel_center(column, row);
+            let change = self.change(&Point3::new(x, y, -deep), slope, &shares, &Point3::new(flat_x, flat_y, 0.0));
+            for c in 0..3 {
+                let response = &model.response[c];
+                let radiance = response.radiance(f64::from(grey[c]) / 255.0) + change[c];
+                grey[c] = (255.0 * response.measured(radiance)) as f32;
+            }
+        }
+        grey
+    }
+
+    /// Radiance of a place on the deformed gel, with the share of each lamp that it sees, less that of a place on the flat gel.
+    fn change(&self, point: &Point3<f64>, slope: [f64; 2], shares: &[f64], flat: &Point3<f64>) -> [f64; 3] {
+        let model = &self.file.model;
+        let normal = Vector3::new(slope[0], slope[1], -1.0).normalize();
+        let mut change = model.ambient.map(|ambient| -ambient * 0.5 * (1.0 + normal.z));
+        for (lamp, share) in model.lamps.iter().zip(shares) {
+            let light = |point: &Point3<f64>, normal: &Vector3<f64>| {
+                let (s, kappa) = lamp.at(point);
+                kappa * model.reflectance.factor(normal, &s, &model.camera.viewer(point))
+            };
+            let difference = share * light(point, &normal) - light(flat, &-Vector3::z());
+            for (c, change) in change.iter_mut().enumerate() {
+                *change += model.gain[c] * lamp.color[c] * model.reflectance.albedo[c] * difference;
+            }
+        }
+        change
+    }
+}

@@ -1,0 +1,165 @@
+//! Folders, files and the two ways in which a fitted sensor renders.
+
+#![allow(clippy::unwrap_used)]
+
+use std::fs;
+use std::path::PathBuf;
+
+use hand_model::Hand;
+use nalgebra::Point3;
+use optics::SensorModel;
+use optics::calibration::{
+    Assumptions, BallFit, CalibratedSensor, CalibrationFile, Effort, Photo, PressFolder, similarity,
+};
+use optics::camera::Pinhole;
+use optics::elastomer::Elastomer;
+use optics::lamps::Lamp;
+use optics::reflectance::Reflectance;
+
+const SIZE: (usize, usize) = (200, 150);
+const PIXEL_MM: f64 = 0.08;
+const BALL: f64 = 6e-3;
+
+/// A folder of its own for each test, emptied first.
+fn folder(name: &str) -> PathBuf {
+    let folder = std::env::temp_dir().join(format!("ftac-optics-{}-{name}", std::process::id()));
+    let _ = fs::remove_dir_all(&folder);
+    fs::create_dir_all(&folder).unwrap();
+    folder
+}
+
+/// A made sensor: red, green and blue lamps around an image of 16 x 12 mm.
+fn made() -> CalibratedSensor {
+    let hand = Hand::ftac();
+    let lamp = |x: f64, y: f64, color| Lamp::aimed(Point3::new(x, y, -6e-3), Point3::origin(), 1e-4, 1.5, color);
+    let model = SensorModel {
+        gain: [1.0; 3],
+        noise: 0.0,
+        ambient: [0.15; 3],
+        camera: Pinhole { position: Point3::new(0.0, 0.0, -22e-3) },
+        reflectance: Reflectance { albedo: [1.0; 3], roughness: 0.3 },
+        elastomer: Elastomer { coating: 0.1e-3, ..Elastomer::default() },
+        lamps: vec![
+            lamp(13e-3, 0.0, [1.2, 0.1, 0.1]),
+            lamp(-7e-3, 11e-3, [0.1, 1.2, 0.1]),
+            lamp(-7e-3, -11e-3, [0.1, 0.1, 1.2]),
+        ],
+        ..SensorModel::nominal(&hand.pads[0], &hand.cameras[hand.pads[0].cameras[0]])
+    };
+    let (columns, rows) = SIZE;
+    let file = CalibrationFile {
+        version: 1,
+        columns,
+        rows,
+        pixel_mm: PIXEL_MM,
+        contact_over_visible: 1.0,
+        background: String::new(),
+        model,
+    };
+    let (w, h) = SIZE;
+    let grey = |at: usize| {
+        let (x, y) = ((at % w) as f64 - 0.5 * (w - 1) as f64, 0.5 * (h - 1) as f64 - (at / w) as f64);
+        let point = Point3::new(1e-3 * PIXEL_MM * x, 1e-3 * PIXEL_MM * y, 0.0);
+        file.model.grey(&point, [0.0; 2]).map(|grey| grey as f32)
+    };
+    let background = (0..w * h).flat_map(grey).collect();
+    CalibratedSensor::new(file, background).unwrap()
+}
+
+/// Writes a folder of presses of the made sensor; gives their circles.
+fn write_presses(path: &std::path::Path, labels: bool) -> Vec<([f64; 2], f64)> {
+    let sensor = made();
+    let nothing = vec![f32::NEG_INFINITY; SIZE.0 * SIZE.1];
+    sensor.render(&nothing).unwrap().write(&path.join("background.png")).unwrap();
+    let mut marks = Vec::new();
+    let mut csv = String::from("file,center_x_px,center_y_px,contact_radius_px\n");
+    for (n, (x, y)) in [(60.0, 50.0), (140.0, 52.0), (100.0, 75.0), (62.0, 100.0), (141.0, 98.0), (100.0, 40.0)]
+        .into_iter()
+        .enumerate()
+    {
+        let radius = 19.0 + n as f64 % 3.0;
+        sensor.render(&sensor.ball([x, y], radius, BALL)).unwrap().write(&path.join(format!("{n:02}.png"))).unwrap();
+        csv += &format!("{n:02}.png,{x},{y},{radius}\n");
+        marks.push(([x, y], radius));
+    }
+    if labels {
+        fs::write(path.join("labels.csv"), csv).unwrap();
+    }
+    marks
+}
+
+#[test]
+fn fitted_presses_are_rendered_alike_by_the_fit_and_by_the_renderer() {
+    let path = folder("fit");
+    write_presses(&path, true);
+    let all = PressFolder::read(&path, BALL, false).unwrap();
+    let (fitted, held_out) = all.even_odd();
+    let effort = Effort { per_press: 200, starts: 1, steps: [15, 10], split: false };
+    let fit = BallFit::new(&fitted, Assumptions::full(Some(1e-3 * PIXEL_MM)), &effort, 1).unwrap();
+    let held = fit.evaluate(&held_out).unwrap();
+    assert!(held.rendered.crop.psnr > held.floor.crop.psnr + 10.0 && held.rendered.crop.psnr > 32.0, "{held:?}");
+    let file = path.join("made.toml");
+    CalibrationFile::write(&fit, &file).unwrap();
+    let sensor = CalibratedSensor::read(&file).unwrap();
+    let mut worst = f64::INFINITY;
+    for press in &held_out.presses {
+        let (by_fit, by_grid) =
+            (fit.render_press(press), sensor.render_ball(press.center, press.radius, press.diameter));
+        worst = worst.min(similarity::compare(&by_fit, &by_grid, SIZE.0, 0..SIZE.0, 0..SIZE.1).psnr);
+    }
+    assert!(worst > 38.0, "{worst} dB between the two");
+    fs::remove_dir_all(&path).unwrap();
+}
+
+#[test]
+fn circles_of_made_presses_are_found() {
+    let path = folder("circles");
+    let marks = write_presses(&path, false);
+    let found = PressFolder::read(&path, BALL, false).unwrap();
+    for (press, (center, radius)) in found.presses.iter().zip(marks) {
+        let off = (press.center[0] - center[0]).hypot(press.center[1] - center[1]);
+        assert!(
+            !press.labelled && off < 5.0 && (0.75..1.5).contains(&(press.radius / radius)),
+            "{off} {}",
+            press.radius
+        );
+    }
+    fs::remove_dir_all(&path).unwrap();
+}
+
+#[test]
+fn bad_folders_are_refused_by_name() {
+    let path = folder("bad");
+    let refusal = |expected: &[&str]| {
+        let text = PressFolder::read(&path, BALL, false).unwrap_err().to_string();
+        assert!(expected.iter().all(|part| text.contains(part)), "{text}");
+    };
+    let photo = |w: usize, h: usize, grey: u8| Photo { width: w, height: h, rgb: vec![grey; 3 * w * h] };
+    refusal(&["no background image"]);
+    photo(60, 40, 100).write(&path.join("background.png")).unwrap();
+    refusal(&["no press images"]);
+    photo(60, 41, 100).write(&path.join("a.png")).unwrap();
+    refusal(&["a.png", "60 x 41", "60 x 40"]);
+    photo(60, 40, 101).write(&path.join("a.png")).unwrap();
+    refusal(&["a.png", "no contact found"]);
+    fs::write(path.join("labels.csv"), "file,center_x_px,center_y_px\n").unwrap();
+    refusal(&["labels.csv", "contact_radius_px"]);
+    fs::write(path.join("labels.csv"), "file,center_x_px,center_y_px,contact_radius_px\na.png,1,x,3\n").unwrap();
+    refusal(&["labels.csv", "line 2", "center_y_px", "`x`"]);
+    fs::write(path.join("labels.csv"), "file,center_x_px,center_y_px,contact_radius_px\nb.png,1,2,3\n").unwrap();
+    refusal(&["a.png", "no row"]);
+    assert!(PressFolder::read(&path, f64::NAN, false).is_err());
+    fs::remove_dir_all(&path).unwrap();
+}
+
+#[test]
+fn another_version_and_bad_maps_are_refused() {
+    let text = CalibrationFile::parse("version = 3\n").unwrap_err().to_string();
+    assert!(text.contains("found 3") && text.contains("expected 1"), "{text}");
+    assert!(CalibrationFile::parse("columns = 3\n").unwrap_err().to_string().contains("version: found none"));
+    let sensor = made();
+    let mut map = vec![0.0f32; SIZE.0 * SIZE.1];
+    assert!(sensor.render(&map[1..]).unwrap_err().to_string().contains("expected 30000"));
+    map[203] = f32::NAN;
+    assert!(sensor.render(&map).unwrap_err().to_string().contains("column 3, row 1"));
+}

@@ -1,0 +1,136 @@
+//! `ftac optics eval`: a calibration on presses it has not seen, the gel's response to the paper's probe, and whether
+//! fits find a sensor that is known.
+
+use std::path::PathBuf;
+
+use anyhow::{Context, bail};
+use clap::Args;
+use hand_model::Hand;
+use optics::Foundation;
+use optics::calibration::recovery::{Recovery, recover};
+use optics::calibration::{CalibratedSensor, CalibrationFile, Effort, PressFolder, Similarity, similarity};
+use optics::foundation::{Sensitivity, probe_response, sensitivity};
+use serde_json::{Map, Value, json};
+
+use crate::cli::Cli;
+use crate::optics_commands::Outcome;
+
+/// Presses of the recovery table's rows.
+const RECOVERY_ROWS: [usize; 5] = [1, 2, 4, 8, 16];
+/// Noise of its images, grey levels.
+const RECOVERY_NOISE: f64 = 1.0;
+
+/// Arguments of `optics eval`.
+#[derive(Debug, Args)]
+pub struct EvalArgs {
+    /// Folder of presses to render and compare (needs --calibration and --ball-diameter-mm).
+    #[arg(requires = "calibration", requires = "ball_diameter_mm")]
+    pub folder: Option<PathBuf>,
+    /// The calibration file.
+    #[arg(long)]
+    pub calibration: Option<PathBuf>,
+    /// Diameter of the ball, mm (where the labels do not say it).
+    #[arg(long)]
+    pub ball_diameter_mm: Option<f64>,
+    /// The gel's response to the paper's probe.
+    #[arg(long)]
+    pub force: bool,
+    /// Errors of fits to made presses of a known sensor, against the number of presses.
+    #[arg(long)]
+    pub recovery: bool,
+}
+
+/// Runs the command.
+pub fn eval(cli: &Cli, args: &EvalArgs) -> Outcome {
+    if args.folder.is_none() && !args.force && !args.recovery {
+        bail!("found nothing to evaluate; expected a FOLDER with --calibration, or --force, or --recovery");
+    }
+    let mut result = Map::new();
+    let mut short = None;
+    if args.force {
+        let (value, fault) = response(cli);
+        result.insert("force".into(), value);
+        short = fault;
+    }
+    if args.recovery {
+        let rows: Vec<Recovery> = RECOVERY_ROWS
+            .iter()
+            .map(|&presses| {
+                recover(presses, RECOVERY_NOISE, &Effort { steps: [25, 25], ..Effort::default() }, cli.seed)
+            })
+            .collect();
+        if !cli.json {
+            println!("presses  held-out grey  lamp deg  lamp mm  roughness  response  kernel");
+            for row in &rows {
+                println!(
+                    "{:7}  {:13.3}  {:8.2}  {:7.2}  {:9.3}  {:8.4}  {:5.1} %",
+                    row.presses,
+                    row.held_out_grey,
+                    row.lamp_degrees,
+                    row.lamp_mm,
+                    row.roughness,
+                    row.response,
+                    100.0 * row.kernel
+                );
+            }
+        }
+        result.insert("recovery".into(), serde_json::to_value(rows)?);
+    }
+    if let (Some(folder), Some(file), Some(diameter)) = (&args.folder, &args.calibration, args.ball_diameter_mm) {
+        let (calibration, background) = CalibrationFile::read(file)?;
+        let size = (calibration.columns, calibration.rows);
+        let sensor = CalibratedSensor::new(calibration, background)?;
+        let presses = PressFolder::read(folder, 1e-3 * diameter, false)?;
+        if (presses.background.width, presses.background.height) != size {
+            bail!(
+                "{}: found images of {} x {} pixels; expected {} x {}, by the calibration",
+                folder.display(),
+                presses.background.width,
+                presses.background.height,
+                size.0,
+                size.1
+            );
+        }
+        let mut all = Vec::new();
+        for press in &presses.presses {
+            let image = sensor.render(&sensor.ball(press.center, press.radius, press.diameter))?;
+            let single = |rgb: &[u8]| rgb.iter().map(|&value| f32::from(value)).collect::<Vec<f32>>();
+            all.push(similarity::compare(&single(&image.rgb), &single(&press.photo.rgb), size.0, 0..size.0, 0..size.1));
+        }
+        let mean = Similarity::mean(&all).context("no presses")?;
+        if !cli.json {
+            println!("{} presses: L1 {:.4}, SSIM {:.4}, PSNR {:.2} dB", all.len(), mean.l1, mean.ssim, mean.psnr);
+        }
+        result.insert("full".into(), serde_json::to_value(mean)?);
+    }
+    if cli.json {
+        println!("{}", Value::Object(result));
+    }
+    Ok(short)
+}
+
+/// The paper's probe on its gel and on the hand's: sensitivities below 50 kPa and up to 160 kPa.
+fn response(cli: &Cli) -> (Value, Option<String>) {
+    let gel = Hand::ftac().gel();
+    let mut rows = Vec::new();
+    let mut fault = None;
+    for (name, foundation) in
+        [("paper's law", Foundation::paper(gel.thickness)), ("hand's Winkler gel", Foundation::winkler(&gel))]
+    {
+        let points = probe_response(&foundation, 160.0, 161);
+        let (low, all) = (sensitivity(&points, 50.0), sensitivity(&points, 160.0));
+        let good = |s: Sensitivity, slope: f64, r: f64| (s.per_kpa / slope - 1.0).abs() < 0.05 && s.r_squared >= r;
+        if name.starts_with("paper") && !(good(low, 0.48, 0.973) && good(all, 0.30, 0.967)) {
+            fault = Some("the gel's law does not reproduce the paper's probe".to_owned());
+        }
+        if !cli.json {
+            println!(
+                "{name:20} below 50 kPa {:.3} /kPa (R2 {:.3}), to 160 kPa {:.3} /kPa (R2 {:.3}); paper 0.48 (0.973), 0.30 (0.967)",
+                low.per_kpa, low.r_squared, all.per_kpa, all.r_squared
+            );
+        }
+        let some: Vec<_> = points.iter().step_by(10).collect();
+        rows.push(json!({"gel": name, "below_50_kpa": low, "to_160_kpa": all, "points": some}));
+    }
+    (Value::Array(rows), fault)
+}
