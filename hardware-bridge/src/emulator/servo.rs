@@ -129,6 +129,11 @@ impl EmulatedServo {
         self.get(&xc330::STATUS_RETURN_LEVEL)
     }
 
+    /// Whether its bus watchdog has stopped it.
+    pub fn watchdog_tripped(&self) -> bool {
+        self.memory[usize::from(xc330::BUS_WATCHDOG.address)] == TRIPPED
+    }
+
     /// Any instruction packet on the bus feeds the bus watchdog.
     pub fn feed_watchdog(&mut self, now: f64) {
         self.last_fed = now;
@@ -301,7 +306,7 @@ impl EmulatedServo {
         }
         let is = |other: &Register| register.address == other.address;
         let goal = (xc330::GOAL_PWM.address..=xc330::GOAL_POSITION.address).contains(&register.address);
-        if goal && self.memory[usize::from(xc330::BUS_WATCHDOG.address)] == TRIPPED {
+        if goal && self.watchdog_tripped() {
             return Err(ServoError::DataRange);
         }
         if is(&xc330::OPERATING_MODE) && !matches!(value, 0 | 3 | 4 | 5) || is(&xc330::BUS_WATCHDOG) && value < 0 {
