@@ -5,6 +5,7 @@
 
 use hand_model::robot::{ServoGoal, ServoState};
 
+use crate::config::LimitConfig;
 use crate::protocol2::ServoError;
 use crate::xc330::{self, Access, REGISTERS, Register};
 
@@ -89,13 +90,15 @@ impl EmulatedServo {
         servo
     }
 
-    /// A servo that has been provisioned: `id`, 3 Mbaud, no return delay, current-based position control.
+    /// A servo that has been provisioned: `id`, 3 Mbaud, no return delay, current-based position control, the usual current limit.
     pub fn provisioned(id: u8, zero: i64) -> Self {
         let mut servo = Self::factory(zero);
         servo.set(&xc330::ID, i64::from(id));
         servo.set(&xc330::BAUD_RATE, 5);
         servo.set(&xc330::RETURN_DELAY_TIME, 0);
         servo.set(&xc330::OPERATING_MODE, mode::CURRENT_POSITION);
+        servo.set(&xc330::CURRENT_LIMIT, (LimitConfig::default().current * 1e3) as i64);
+        servo.power_up();
         servo
     }
 

@@ -50,7 +50,7 @@ pub fn bench(faults: &[&str]) -> Bench {
         staleness = 0.6
         servo_watchdog = 1.0
         arm_watchdog = 1.0
-        host_watchdog = 2.0
+        host_watchdog = 1.5
         release_time = 0.3"#,
         hand.servo_port(),
         hand.camera_port()
@@ -62,7 +62,6 @@ pub fn bench(faults: &[&str]) -> Bench {
         let unit = xc330::HOMING_OFFSET.unit.per_count();
         let offset = -(bus.read(id, &xc330::PRESENT_POSITION).expect("read") / unit).round() as i32;
         bus.write(id, &xc330::HOMING_OFFSET, f64::from(offset) * unit).expect("written");
-        bus.write(id, &xc330::CURRENT_LIMIT, config.limits.current).expect("written");
         ServoCalibration { id, model: xc330::MODEL, firmware: 46, homing_offset: offset, travel: TRAVEL }
     });
     Calibration::new("ftac", servos).write(&config.calibration).expect("written");

@@ -46,6 +46,7 @@ pub fn run(cli: &Cli) -> Outcome {
         }
         Command::Touch(TouchCommand::Train { presses, out }) => touch_train(cli, *presses, out),
         Command::Optics(OpticsCommand::Render { mesh, pad, force, out }) => optics_render(mesh, pad, *force, out),
+        Command::Bridge(command) => crate::bridge::run(cli, command),
     }
 }
 
@@ -86,8 +87,10 @@ fn read_scenario(text: &str, path: &Path) -> Result<Scenario> {
 fn only_simulated(robot: Body) -> Result<()> {
     match robot {
         Body::Sim => Ok(()),
-        Body::Hardware => bail!("--robot hardware: the hardware bridge does not drive a robot yet; use --robot sim"),
-        Body::Emulated => bail!("--robot emulated: the emulated devices are not built yet; use --robot sim"),
+        Body::Hardware => bail!("--robot hardware: the benchmark is not wired to the bridge yet; use --robot sim"),
+        Body::Emulated => {
+            bail!("--robot emulated: the benchmark is not wired to the emulated devices yet; use --robot sim")
+        }
     }
 }
 
