@@ -4,7 +4,7 @@ mod common;
 
 use std::path::Path;
 use std::sync::{Arc, Mutex};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use common::{TRAVEL, armed, bench, closed, command, connect, drive, patiently};
 use hand_model::robot::{Command, Robot, ServoGoal, TactileFrame};
@@ -136,17 +136,18 @@ fn homing() {
     assert_eq!(bus.read(1, &xc330::TORQUE_ENABLE).expect("read"), 0.0);
 }
 
+/// Takes so many images with every camera; those that can be decoded.
 fn images(robot: &mut HardwareRobot, captures: usize) -> Vec<TactileFrame> {
+    let arrived = |robot: &HardwareRobot| -> u64 {
+        let cameras = robot.tactile().expect("cameras").cameras();
+        cameras.iter().map(|camera| camera.good + camera.undecodable).sum()
+    };
     let mut all = Vec::new();
     for _ in 0..captures {
-        let still = Command { capture: true, ..command(ServoGoal::Current(0.0)) };
-        robot.send(&still);
-        let before = all.len();
-        let deadline = Instant::now() + Duration::from_secs(1);
-        while all.len() < before + CAMERAS && Instant::now() < deadline {
-            robot.wait_for_tick();
-            all.extend(robot.observe().tactile);
-        }
+        let before = arrived(robot);
+        robot.send(&Command { capture: true, ..command(ServoGoal::Current(0.0)) });
+        patiently("an image of every camera", || arrived(robot) == before + CAMERAS as u64);
+        all.extend(robot.observe().tactile);
     }
     all
 }
