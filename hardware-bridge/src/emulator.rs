@@ -173,6 +173,11 @@ impl EmulatedHand {
         lock(&self.shared.chain).drives()
     }
 
+    /// How many servos have been stopped by their bus watchdog.
+    pub fn watchdogs_tripped(&self) -> usize {
+        lock(&self.shared.chain).watchdogs_tripped()
+    }
+
     /// Arm set-points for the plant, rad: for an emulated arm controller.
     pub fn set_arm_goal(&self, goal: [f64; ARM_JOINTS]) {
         *lock(&self.shared.arm_goal) = goal;

@@ -41,11 +41,3 @@ pub mod tcp_framing;
 pub use arm::{Address, Arm};
 pub use error::{CommandError, KortexError};
 pub use session::{Credentials, Timeouts};
-
-use std::sync::{Mutex, MutexGuard, PoisonError};
-
-/// The value behind a lock. A thread that panicked while it held the lock has said so; what it left is still the newest
-/// there is.
-fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
-    mutex.lock().unwrap_or_else(PoisonError::into_inner)
-}

@@ -1,4 +1,24 @@
-//! The real robot's side of the [`hand_model::robot::Robot`] interface.
+//! The real robot's side of the [`hand_model::robot::Robot`] interface. `README.md` takes a person from a box of parts to the first motion.
+//!
+//! # From the wire to the robot
+//! - [`protocol2`]: the wire format of the servo bus (Dynamixel Protocol 2.0); [`xc330`]: the servo's control table as data; [`servo_bus`]: requests and
+//!   answers with deadlines; [`hand_bus`]: six servos as one hand.
+//! - [`tactile_link`]: the camera board's protocol, and its images on threads of their own.
+//! - [`arm_link`]: what is wanted of an arm's controller; [`kortex`]: the Gen3's own protocol, client and emulator. The two are not joined yet.
+//! - [`safety`]: what stands between a controller and the motors.
+//! - [`servo_cycle`]: the thread in which all of these meet, 200 times a second; [`hardware_robot`]: what a controller holds of it; [`remote`]: what
+//!   another terminal holds of it.
+//!
+//! # On record
+//! [`session_log`]: a session as an MCAP file, and its replay bit by bit.
+//!
+//! # Bring-up
+//! [`config`] is `bridge.toml`, [`setup`] how a servo must be set up, [`homing`] finds its open mark, [`calibration`] remembers it.
+//!
+//! # Without the hardware
+//! [`emulator`]: the devices on pseudo-terminals, for any host and any plant. Nothing in this crate has been run against a real servo or camera board; other
+//! people's hosts (dynamixel-sdk, dynamixel2, rustypot) drive the emulated servos in `other-hosts/`, a workspace of its own.
+
 pub mod arm_link;
 pub mod calibration;
 pub mod config;

@@ -3,6 +3,7 @@
 import sys
 import time
 
+import dynamixel_sdk.port_handler
 from dynamixel_sdk import (
     COMM_SUCCESS,
     DXL_HIBYTE,
@@ -14,6 +15,9 @@ from dynamixel_sdk import (
     PacketHandler,
     PortHandler,
 )
+
+# Twice this, in ms, is how long the SDK waits for an answer: the emulator may share its processor with other tests.
+dynamixel_sdk.port_handler.LATENCY_TIMER = 250
 
 IDS = [1, 2, 3, 4, 5, 6]
 OPERATING_MODE, TORQUE_ENABLE, GOAL_CURRENT, GOAL_POSITION, PRESENT_POSITION = 11, 64, 102, 116, 132

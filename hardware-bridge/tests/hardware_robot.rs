@@ -1,15 +1,17 @@
 //! The robot on emulated devices: bring-up, driving, and the two stops.
 
+mod common;
+
 use std::path::Path;
 use std::sync::{Arc, Mutex};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
+use common::{TRAVEL, armed, bench, closed, command, connect, drive, patiently};
 use hand_model::robot::{Command, Robot, ServoGoal, TactileFrame};
-use hand_model::{ACTUATORS, ARM_JOINTS, Arm, CAMERAS};
+use hand_model::{ACTUATORS, Arm, CAMERAS};
 use hardware_bridge::arm_link::LoopbackArm;
-use hardware_bridge::calibration::{Calibration, ServoCalibration};
 use hardware_bridge::config::BridgeConfig;
-use hardware_bridge::emulator::faults::{Event, Faults};
+use hardware_bridge::emulator::faults::Event;
 use hardware_bridge::emulator::servo::EmulatedServo;
 use hardware_bridge::emulator::spring_hand::SpringHand;
 use hardware_bridge::emulator::{EmulatedHand, EmulatorSettings};
@@ -20,94 +22,6 @@ use hardware_bridge::safety::state::{Cause, State};
 use hardware_bridge::servo_bus::ServoBus;
 use hardware_bridge::servo_cycle::DryLines;
 use hardware_bridge::xc330;
-use tempfile::TempDir;
-
-const TRAVEL: f64 = 4.0;
-
-struct Bench {
-    hand: EmulatedHand,
-    config: BridgeConfig,
-    _folder: TempDir,
-}
-
-/// An emulated hand, calibrated as it is, and a configuration patient enough for a busy machine.
-fn bench(faults: &[&str]) -> Bench {
-    let settings = EmulatorSettings {
-        faults: Faults::parse(faults.iter().copied()).expect("faults"),
-        ..EmulatorSettings::default()
-    };
-    let hand = EmulatedHand::start(Box::new(SpringHand::new([TRAVEL; ACTUATORS])), settings).expect("starts");
-    let folder = tempfile::tempdir().expect("a folder");
-    let text = format!(
-        r#"version = 1
-        calibration = "calibration.json"
-        stop_socket = "stop"
-        [servos]
-        port = {:?}
-        ids = [1, 2, 3, 4, 5, 6]
-        slack = 0.2
-        [cameras]
-        port = {:?}
-        [arm]
-        kind = "loopback"
-        [limits]
-        staleness = 0.6
-        servo_watchdog = 1.0
-        arm_watchdog = 1.0
-        host_watchdog = 2.0
-        release_time = 0.3"#,
-        hand.servo_port(),
-        hand.camera_port()
-    );
-    let config = BridgeConfig::parse(&text, &folder.path().join("bridge.toml")).expect("a configuration");
-    let mut bus = ServoBus::open(hand.servo_port(), config.bus()).expect("opens");
-    let servos = std::array::from_fn(|n| {
-        let id = n as u8 + 1;
-        let unit = xc330::HOMING_OFFSET.unit.per_count();
-        let offset = -(bus.read(id, &xc330::PRESENT_POSITION).expect("read") / unit).round() as i32;
-        bus.write(id, &xc330::HOMING_OFFSET, f64::from(offset) * unit).expect("written");
-        bus.write(id, &xc330::CURRENT_LIMIT, config.limits.current).expect("written");
-        ServoCalibration { id, model: xc330::MODEL, firmware: 46, homing_offset: offset, travel: TRAVEL }
-    });
-    Calibration::new("ftac", servos).write(&config.calibration).expect("written");
-    Bench { hand, config, _folder: folder }
-}
-
-fn connect(bench: &Bench, dry: Option<DryLines>) -> Result<HardwareRobot, ConnectError> {
-    HardwareRobot::connect(&bench.config, Box::new(LoopbackArm::default()), &Arm::gen3(), dry)
-}
-
-fn patiently(what: &str, mut done: impl FnMut() -> bool) {
-    let deadline = Instant::now() + Duration::from_secs(10);
-    while !done() {
-        assert!(Instant::now() < deadline, "{what}");
-        std::thread::sleep(Duration::from_millis(10));
-    }
-}
-
-fn armed(bench: &Bench) -> HardwareRobot {
-    let robot = connect(bench, None).expect("connects");
-    patiently("the checks pass", || robot.check().is_ok());
-    robot.arm().expect("arms");
-    robot
-}
-
-fn command(servo: ServoGoal) -> Command {
-    Command { arm: [0.1; ARM_JOINTS], servos: [servo; ACTUATORS], capture: false }
-}
-
-/// Drives until `done`.
-fn drive(robot: &mut HardwareRobot, goal: ServoGoal, mut done: impl FnMut(&mut HardwareRobot) -> bool) {
-    patiently("the robot gets there", || {
-        robot.send(&command(goal));
-        robot.wait_for_tick();
-        done(robot)
-    });
-}
-
-fn closed(robot: &mut HardwareRobot, angle: f64) -> bool {
-    robot.observe().servos.iter().all(|servo| (servo.position - angle).abs() < 0.1)
-}
 
 #[test]
 fn follows_positions_and_currents() {
@@ -222,17 +136,18 @@ fn homing() {
     assert_eq!(bus.read(1, &xc330::TORQUE_ENABLE).expect("read"), 0.0);
 }
 
+/// Takes so many images with every camera; those that can be decoded.
 fn images(robot: &mut HardwareRobot, captures: usize) -> Vec<TactileFrame> {
+    let arrived = |robot: &HardwareRobot| -> u64 {
+        let cameras = robot.tactile().expect("cameras").cameras();
+        cameras.iter().map(|camera| camera.good + camera.undecodable).sum()
+    };
     let mut all = Vec::new();
     for _ in 0..captures {
-        let still = Command { capture: true, ..command(ServoGoal::Current(0.0)) };
-        robot.send(&still);
-        let before = all.len();
-        let deadline = Instant::now() + Duration::from_secs(2);
-        while all.len() < before + CAMERAS && Instant::now() < deadline {
-            robot.wait_for_tick();
-            all.extend(robot.observe().tactile);
-        }
+        let before = arrived(robot);
+        robot.send(&Command { capture: true, ..command(ServoGoal::Current(0.0)) });
+        patiently("an image of every camera", || arrived(robot) == before + CAMERAS as u64);
+        all.extend(robot.observe().tactile);
     }
     all
 }

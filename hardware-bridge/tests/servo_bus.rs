@@ -9,7 +9,7 @@ use hardware_bridge::emulator::{EmulatedHand, EmulatorSettings};
 use hardware_bridge::protocol2::{ReplyError, ServoError};
 use hardware_bridge::servo_bus::timing::Cycle;
 use hardware_bridge::servo_bus::{BusError, BusSettings, ServoBus};
-use hardware_bridge::xc330::{self, GOAL_BLOCK, PRESENT_BLOCK, PRESENT_BLOCK_LONG};
+use hardware_bridge::xc330::{self, PRESENT_BLOCK, PRESENT_BLOCK_LONG};
 
 const IDS: [u8; 6] = [1, 2, 3, 4, 5, 6];
 
@@ -139,7 +139,7 @@ fn a_port_that_is_not_there() {
 #[test]
 fn cycle_rate() {
     let (_hand, mut bus) = start();
-    let (read, write) = (PRESENT_BLOCK_LONG, GOAL_BLOCK);
+    let read = PRESENT_BLOCK_LONG;
     let length = read.end - read.start;
     for fast in [false, true] {
         let started = std::time::Instant::now();
@@ -150,11 +150,12 @@ fn cycle_rate() {
                 false => bus.sync_read(&IDS, read.start, length),
             };
             assert!(replies.expect("read").iter().all(Result::is_ok));
-            let goals = IDS.map(|id| (id, vec![0; 4])).to_vec();
-            bus.sync_write(xc330::GOAL_POSITION.address, 4, goals).expect("written");
+            for register in [xc330::GOAL_CURRENT, xc330::GOAL_POSITION] {
+                bus.sync_write_register(&IDS, &register, 0.0).expect("written");
+            }
         }
         let rate = f64::from(cycles) / started.elapsed().as_secs_f64();
-        let cycle = Cycle { servos: 6, read: length.into(), write: (write.end - write.start).into(), fast };
+        let cycle = Cycle { servos: 6, read: length.into(), writes: &[2, 4], fast };
         println!(
             "fast {fast}: {rate:.0} cycles/s measured, {:.0} calculated; round trip p50 {:.2} ms, p99 {:.2} ms",
             1.0 / bus.timing().cycle(cycle),

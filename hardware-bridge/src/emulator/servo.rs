@@ -5,6 +5,7 @@
 
 use hand_model::robot::{ServoGoal, ServoState};
 
+use crate::config::LimitConfig;
 use crate::protocol2::ServoError;
 use crate::xc330::{self, Access, REGISTERS, Register};
 
@@ -89,13 +90,15 @@ impl EmulatedServo {
         servo
     }
 
-    /// A servo that has been provisioned: `id`, 3 Mbaud, no return delay, current-based position control.
+    /// A servo that has been provisioned: `id`, 3 Mbaud, no return delay, current-based position control, the usual current limit.
     pub fn provisioned(id: u8, zero: i64) -> Self {
         let mut servo = Self::factory(zero);
         servo.set(&xc330::ID, i64::from(id));
         servo.set(&xc330::BAUD_RATE, 5);
         servo.set(&xc330::RETURN_DELAY_TIME, 0);
         servo.set(&xc330::OPERATING_MODE, mode::CURRENT_POSITION);
+        servo.set(&xc330::CURRENT_LIMIT, (LimitConfig::default().current * 1e3) as i64);
+        servo.power_up();
         servo
     }
 
@@ -127,6 +130,11 @@ impl EmulatedServo {
     /// Which instructions it answers: 0 ping, 1 also reads, 2 all.
     pub fn return_level(&self) -> i64 {
         self.get(&xc330::STATUS_RETURN_LEVEL)
+    }
+
+    /// Whether its bus watchdog has stopped it.
+    pub fn watchdog_tripped(&self) -> bool {
+        self.memory[usize::from(xc330::BUS_WATCHDOG.address)] == TRIPPED
     }
 
     /// Any instruction packet on the bus feeds the bus watchdog.
@@ -301,7 +309,7 @@ impl EmulatedServo {
         }
         let is = |other: &Register| register.address == other.address;
         let goal = (xc330::GOAL_PWM.address..=xc330::GOAL_POSITION.address).contains(&register.address);
-        if goal && self.memory[usize::from(xc330::BUS_WATCHDOG.address)] == TRIPPED {
+        if goal && self.watchdog_tripped() {
             return Err(ServoError::DataRange);
         }
         if is(&xc330::OPERATING_MODE) && !matches!(value, 0 | 3 | 4 | 5) || is(&xc330::BUS_WATCHDOG) && value < 0 {

@@ -43,6 +43,11 @@ impl ServoChain {
         self.servos.iter().map(EmulatedServo::drive).collect()
     }
 
+    /// How many servos have been stopped by their bus watchdog.
+    pub fn watchdogs_tripped(&self) -> usize {
+        self.servos.iter().filter(|servo| servo.watchdog_tripped()).count()
+    }
+
     /// Lets `dt` pass with the shafts as the plant has them, and faults that are due happen. Returns events for other devices.
     pub fn advance(&mut self, now: f64, dt: f64, shafts: &[ServoState]) -> Vec<Event> {
         let mut others = Vec::new();

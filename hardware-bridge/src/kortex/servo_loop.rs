@@ -18,8 +18,8 @@ use hand_model::ARM_JOINTS;
 use super::arm::Arm;
 use super::cyclic::{Counters, Feedback};
 use super::error::{CommandError, KortexError};
-use super::lock;
 use super::servoing::{Limits, Servoing};
+use crate::lock;
 
 /// How the loop and its controller keep time.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

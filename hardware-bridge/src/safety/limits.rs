@@ -78,7 +78,7 @@ impl ServoLimits {
     /// both kinds of command, and the angle limits bind in both.
     pub fn limit(&self, asked: &ServoGoal, measured: f64, previous: SafeGoal, dt: f64) -> SafeGoal {
         let (target, current) = match *asked {
-            ServoGoal::Current(current) if current == 0.0 => (measured, 0.0),
+            ServoGoal::Current(0.0) => (measured, 0.0),
             ServoGoal::Current(current) => (measured + LEAD * current.signum(), current.abs()),
             ServoGoal::Position { angle, current_limit } => (angle, current_limit),
         };

@@ -140,10 +140,9 @@ impl Supervisor {
     pub fn step(&mut self, now: f64, asked: Option<Asked>, measured: &Measured) -> Step {
         let dt = (now - self.stepped).clamp(0.0, LONGEST_STEP);
         self.stepped = now;
-        if matches!(self.state, State::Armed | State::Running | State::Hold(_)) {
-            if let Some(cause) = checks::alarm(measured, &self.limits, now) {
-                self.hold(cause);
-            }
+        let on = matches!(self.state, State::Armed | State::Running | State::Hold(_));
+        if let Some(cause) = checks::alarm(measured, &self.limits, now).filter(|_| on) {
+            self.hold(cause);
         }
         if matches!(self.state, State::Armed | State::Running) {
             self.listen(asked, now);

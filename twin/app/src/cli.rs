@@ -6,6 +6,7 @@ use clap::{Args, Parser, Subcommand, ValueEnum};
 use scenarios::record::Condition;
 
 use crate::bench::Record;
+use crate::bridge::BridgeCommand;
 use crate::optics_commands;
 
 /// Digital twin of the F-TAC Hand on a Kinova Gen3 arm.
@@ -62,6 +63,9 @@ pub enum Command {
     /// Tactile images.
     #[command(subcommand)]
     Optics(OpticsCommand),
+    /// The real robot's devices, and their emulator.
+    #[command(subcommand)]
+    Bridge(BridgeCommand),
 }
 
 /// Which body runs the trials.
@@ -69,9 +73,9 @@ pub enum Command {
 pub enum Body {
     /// The simulated robot.
     Sim,
-    /// The real robot (not built yet).
+    /// The real robot (not wired yet).
     Hardware,
-    /// The hardware bridge on emulated devices (not built yet).
+    /// The hardware bridge on emulated devices (not wired yet).
     Emulated,
 }
 

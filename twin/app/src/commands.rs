@@ -64,6 +64,7 @@ pub fn run(cli: &Cli) -> Outcome {
         Command::Optics(OpticsCommand::Eval(args)) => optics_commands::eval(cli, args),
         Command::Optics(OpticsCommand::Render(args)) => optics_commands::render(cli, args),
         Command::Optics(OpticsCommand::Shapes(args)) => optics_commands::shapes(cli, args),
+        Command::Bridge(command) => crate::bridge::run(cli, command),
     }
 }
 
@@ -104,8 +105,10 @@ fn read_scenario(text: &str, path: &Path) -> Result<Scenario> {
 fn only_simulated(robot: Body) -> Result<()> {
     match robot {
         Body::Sim => Ok(()),
-        Body::Hardware => bail!("--robot hardware: the hardware bridge does not drive a robot yet; use --robot sim"),
-        Body::Emulated => bail!("--robot emulated: the emulated devices are not built yet; use --robot sim"),
+        Body::Hardware => bail!("--robot hardware: the benchmark is not wired to the bridge yet; use --robot sim"),
+        Body::Emulated => {
+            bail!("--robot emulated: the benchmark is not wired to the emulated devices yet; use --robot sim")
+        }
     }
 }
 

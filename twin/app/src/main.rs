@@ -3,6 +3,7 @@
 //! Exit codes: 0 done and good, 1 ran but the result falls short (named on stderr), 2 bad usage or bad input.
 
 mod bench;
+mod bridge;
 mod calibrate;
 mod check;
 mod cli;

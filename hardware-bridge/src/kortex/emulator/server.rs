@@ -15,8 +15,8 @@ use super::{Outgoing, Peer};
 use crate::kortex::arm::Address;
 use crate::kortex::frame::{Frame, LONGEST};
 use crate::kortex::link::wait;
-use crate::kortex::lock;
 use crate::kortex::tcp_framing::{self, Deframer};
+use crate::lock;
 
 /// How often a waiting thread looks whether it is to end.
 const PATIENCE: Duration = Duration::from_millis(20);

@@ -1,0 +1,105 @@
+//! An emulated hand, calibrated, and a robot on it.
+
+#![allow(dead_code, reason = "each test file uses its own part")]
+
+use std::time::{Duration, Instant};
+
+use hand_model::robot::{Command, Robot, ServoGoal};
+use hand_model::{ACTUATORS, ARM_JOINTS, Arm};
+use hardware_bridge::arm_link::LoopbackArm;
+use hardware_bridge::calibration::{Calibration, ServoCalibration};
+use hardware_bridge::config::BridgeConfig;
+use hardware_bridge::emulator::faults::Faults;
+use hardware_bridge::emulator::spring_hand::SpringHand;
+use hardware_bridge::emulator::{EmulatedHand, EmulatorSettings};
+use hardware_bridge::hardware_robot::{ConnectError, HardwareRobot};
+use hardware_bridge::servo_bus::ServoBus;
+use hardware_bridge::servo_cycle::DryLines;
+use hardware_bridge::xc330;
+use tempfile::TempDir;
+
+pub const TRAVEL: f64 = 4.0;
+
+pub struct Bench {
+    pub hand: EmulatedHand,
+    pub config: BridgeConfig,
+    pub folder: TempDir,
+}
+
+/// An emulated hand, calibrated as it is, and a configuration patient enough for a busy machine.
+pub fn bench(faults: &[&str]) -> Bench {
+    let settings = EmulatorSettings {
+        faults: Faults::parse(faults.iter().copied()).expect("faults"),
+        ..EmulatorSettings::default()
+    };
+    let hand = EmulatedHand::start(Box::new(SpringHand::new([TRAVEL; ACTUATORS])), settings).expect("starts");
+    let folder = tempfile::tempdir().expect("a folder");
+    let text = format!(
+        r#"version = 1
+        calibration = "calibration.json"
+        stop_socket = "stop"
+        [servos]
+        port = {:?}
+        ids = [1, 2, 3, 4, 5, 6]
+        slack = 0.2
+        [cameras]
+        port = {:?}
+        [arm]
+        kind = "loopback"
+        [limits]
+        staleness = 0.6
+        servo_watchdog = 1.0
+        arm_watchdog = 1.0
+        host_watchdog = 1.5
+        release_time = 0.3"#,
+        hand.servo_port(),
+        hand.camera_port()
+    );
+    let config = BridgeConfig::parse(&text, &folder.path().join("bridge.toml")).expect("a configuration");
+    let mut bus = ServoBus::open(hand.servo_port(), config.bus()).expect("opens");
+    let servos = std::array::from_fn(|n| {
+        let id = n as u8 + 1;
+        let unit = xc330::HOMING_OFFSET.unit.per_count();
+        let offset = -(bus.read(id, &xc330::PRESENT_POSITION).expect("read") / unit).round() as i32;
+        bus.write(id, &xc330::HOMING_OFFSET, f64::from(offset) * unit).expect("written");
+        ServoCalibration { id, model: xc330::MODEL, firmware: 46, homing_offset: offset, travel: TRAVEL }
+    });
+    Calibration::new("ftac", servos).write(&config.calibration).expect("written");
+    Bench { hand, config, folder }
+}
+
+pub fn connect(bench: &Bench, dry: Option<DryLines>) -> Result<HardwareRobot, ConnectError> {
+    HardwareRobot::connect(&bench.config, Box::new(LoopbackArm::default()), &Arm::gen3(), dry)
+}
+
+pub fn patiently(what: &str, mut done: impl FnMut() -> bool) {
+    let deadline = Instant::now() + Duration::from_secs(10);
+    while !done() {
+        assert!(Instant::now() < deadline, "{what}");
+        std::thread::sleep(Duration::from_millis(10));
+    }
+}
+
+pub fn armed(bench: &Bench) -> HardwareRobot {
+    let robot = connect(bench, None).expect("connects");
+    patiently("the checks pass", || robot.check().is_ok());
+    robot.arm().expect("arms");
+    robot
+}
+
+pub fn command(servo: ServoGoal) -> Command {
+    Command { arm: [0.1; ARM_JOINTS], servos: [servo; ACTUATORS], capture: false }
+}
+
+/// Drives until `done`.
+pub fn drive(robot: &mut HardwareRobot, goal: ServoGoal, mut done: impl FnMut(&mut HardwareRobot) -> bool) {
+    patiently("the robot gets there", || {
+        robot.send(&command(goal));
+        robot.wait_for_tick();
+        done(robot)
+    });
+}
+
+pub fn closed(robot: &mut HardwareRobot, angle: f64) -> bool {
+    robot.observe().servos.iter().all(|servo| (servo.position - angle).abs() < 0.1)
+}
