@@ -1,9 +1,11 @@
 //! A watcher that sends a trial to Rerun.
 
+use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use anyhow::Result;
 use control::executive::Phase;
+use hand_model::robot::TactileImage;
 use hand_model::{ACTUATORS, ARM_JOINTS};
 use nalgebra::Isometry3;
 use scenarios::objects::ObjectModel;
@@ -22,6 +24,7 @@ pub struct Recording {
     branch: Option<Condition>,
     phase: Option<Phase>,
     told: bool,
+    shown: BTreeMap<usize, Arc<TactileImage>>,
 }
 
 impl Recording {
@@ -56,7 +59,16 @@ impl Recording {
             robot: "sim".to_owned(),
             seed: bench.seed,
         })?;
-        Ok(Self { recorder: Some(recorder), names, objects, condition, branch: None, phase: None, told: false })
+        Ok(Self {
+            recorder: Some(recorder),
+            names,
+            objects,
+            condition,
+            branch: None,
+            phase: None,
+            told: false,
+            shown: BTreeMap::new(),
+        })
     }
 
     /// Flushes what is left.
@@ -121,7 +133,11 @@ impl Watcher for Recording {
             recorder.log_text(Level::Info, note)?;
         }
         for frame in moment.executive.newest_images() {
-            recorder.log_tactile(frame.camera, &frame.image)?;
+            // An image stays the newest one for many ticks.
+            let known = self.shown.insert(frame.camera, frame.image.clone());
+            if known.is_none_or(|known| !Arc::ptr_eq(&known, &frame.image)) {
+                recorder.log_tactile(frame.camera, &frame.image)?;
+            }
         }
         recorder.log_scalars(&SignalFrame {
             tensions: Some(truth.tensions),

@@ -38,8 +38,10 @@ impl KnownObject {
 
 impl KnownShape for KnownObject {
     fn signed_distance(&self, point: &Point3<f64>) -> (f64, Vector3<f64>) {
-        let quick = self.grid.as_ref().and_then(|grid| grid.signed_distance(point));
-        quick.unwrap_or_else(|| self.model.shape.signed_distance(point))
+        match &self.grid {
+            Some(grid) => grid.signed_distance(point),
+            None => self.model.shape.signed_distance(point),
+        }
     }
 }
 
