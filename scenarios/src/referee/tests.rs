@@ -24,12 +24,15 @@ fn perfect(phase: Phase, time: f64) -> SceneTruth {
     }
 }
 
-/// Runs a whole trial, each phase 4 s, with the scene altered by `change`.
+/// How long each phase takes, s.
+const PHASE_TIME: f64 = 4.0;
+
+/// Runs a whole trial with the scene altered by `change`.
 fn run(change: impl Fn(&mut SceneTruth)) -> Verdict {
     let mut referee = Referee::new(RULES, 3.0);
     let mut time = 0.0;
     for phase in Phase::ALL {
-        for _ in 0..960 {
+        for _ in 0..(PHASE_TIME / TICK).round() as usize {
             let mut truth = perfect(phase, time);
             change(&mut truth);
             referee.see(&truth);
@@ -69,7 +72,8 @@ fn touch_by_the_held_object_is_a_collision_until_the_grasp_has_closed() {
     }
     let verdict = run(|truth| truth.first_touches_second = truth.phase >= Phase::ApproachSecond);
     assert_eq!(verdict.collision_with, Some(CollisionWith::HeldObject));
-    assert!((verdict.collision_time.unwrap() - 16.0).abs() < 1e-6);
+    let before = Phase::ALL.iter().filter(|phase| **phase < Phase::ApproachSecond).count();
+    assert!((verdict.collision_time.unwrap() - PHASE_TIME * before as f64).abs() < 1e-6);
 }
 
 #[test]
@@ -119,8 +123,10 @@ fn failures_are_told_apart() {
 
 #[test]
 fn an_object_lost_while_it_is_lifted_was_not_picked() {
+    let before = Phase::ALL.iter().filter(|phase| **phase < Phase::LiftSecond).count();
+    let middle = PHASE_TIME * (before as f64 + 0.5);
     let late = cause(|truth| {
-        if truth.phase > Phase::LiftSecond || (truth.phase == Phase::LiftSecond && truth.time > 26.0) {
+        if truth.phase > Phase::LiftSecond || (truth.phase == Phase::LiftSecond && truth.time > middle) {
             fall(truth, 1);
         }
     });
