@@ -40,8 +40,10 @@ fn text(path: &Path) -> &str {
 
 /// trials.csv without the column that holds wall-clock times.
 fn trials(folder: &Path) -> Vec<Vec<String>> {
-    let file = fs::read_to_string(folder.join("trials.csv")).expect("trials.csv");
-    let mut rows: Vec<Vec<String>> = file.lines().map(|line| line.split(',').map(str::to_owned).collect()).collect();
+    let mut reader =
+        csv::ReaderBuilder::new().has_headers(false).from_path(folder.join("trials.csv")).expect("trials.csv");
+    let mut rows: Vec<Vec<String>> =
+        reader.records().map(|row| row.expect("a row").iter().map(str::to_owned).collect()).collect();
     let clock = rows[0].iter().position(|name| name == "decision_ms").expect("a column decision_ms");
     for row in &mut rows {
         assert_ne!(row.len(), 0);

@@ -275,7 +275,9 @@ fn trial(cli: &Cli, args: &TrialArgs) -> Outcome {
 }
 
 fn view(path: &Path) -> Outcome {
-    let opened = stream::viewer::open(path)?;
+    // A benchmark's recordings lie in a folder of their own within its results.
+    let inside = path.join("recordings");
+    let opened = stream::viewer::open(if inside.is_dir() { &inside } else { path })?;
     eprintln!("opened {} recording(s)", opened.len());
     Ok(None)
 }
