@@ -6,13 +6,13 @@
 use anyhow::Result;
 use control::executive::{Executive, Phase, Protocol};
 use grasping::Grasp;
-use hand_model::Digit;
+use hand_model::{ARM_JOINTS, Digit};
 use nalgebra::Isometry3;
 use scenarios::noise::{TrialNoise, trial_rng};
 use sim::robot::{SimulatedRobot, Truth};
 use sim::tactile::TactileBoard;
 
-use crate::world::{World, drive, percept};
+use crate::world::{World, drive};
 
 /// Seed of the errors under which grasps are proven; no trial of a benchmark draws them.
 const PROVING_SEED: u64 = 0x005e_ed0f_9a05;
@@ -37,6 +37,28 @@ pub struct Snapshot {
     pub robot: SimulatedRobot,
     /// The controller.
     pub executive: Executive,
+}
+
+impl Snapshot {
+    /// A trial about to begin: the objects of the two `grasps` stand in their places and are seen as `noise` lets them be, and
+    /// the arm is in posture `start`.
+    pub fn begin(
+        world: &World,
+        protocol: Protocol,
+        grasps: [&Grasp; 2],
+        noise: &TrialNoise,
+        start: [f64; ARM_JOINTS],
+        board: TactileBoard,
+    ) -> Result<Self> {
+        let objects = [world.object(&grasps[0].object)?, world.object(&grasps[1].object)?];
+        let seen = world.percepts(&objects, noise);
+        let robot =
+            SimulatedRobot::new(world.hand.clone(), world.arm.clone(), &world.scene(&objects, start, noise), board);
+        let tick = hand_model::robot::Robot::tick_length(&robot);
+        let [first, second] = std::array::from_fn(|n| (grasps[n].clone(), seen[n]));
+        let executive = Executive::new(world.hand.clone(), world.arm_servo(start)?, protocol, first, second, tick)?;
+        Ok(Self { robot, executive })
+    }
 }
 
 /// Whether object `index` is in the hand: touched by it, off the table, near the palm.
@@ -68,26 +90,14 @@ pub fn rehearse_first(
     board: &TactileBoard,
 ) -> Result<Option<(Snapshot, Outcome)>> {
     let objects = [world.object(&first.object)?, world.object(&second.object)?];
-    let poses = world.places(&objects[0], &objects[1]);
-    let [seen, second_seen] = std::array::from_fn(|n| percept(&objects[n], &noise.objects[n].perceived(&poses[n])));
+    let [seen, _] = world.percepts(&objects, noise);
     let target = first.palm_pose(&seen.position, seen.yaw);
     let near = first.pregrasp_pose(&target, 0.12);
     let (Ok(near), Ok(_)) = (world.posture(&near, &world.ready), world.posture(&target, &world.ready)) else {
         return Ok(None);
     };
     let start = if start == Start::Near { near } else { world.ready };
-    let setup = world.scene(&objects, &poses, start, noise);
-    let robot = SimulatedRobot::new(world.hand.clone(), world.arm.clone(), &setup, board.clone());
-    let tick = hand_model::robot::Robot::tick_length(&robot);
-    let executive = Executive::new(
-        world.hand.clone(),
-        world.arm_servo(start)?,
-        *protocol,
-        (first.clone(), seen),
-        (second.clone(), second_seen),
-        tick,
-    )?;
-    let mut snapshot = Snapshot { robot, executive };
+    let mut snapshot = Snapshot::begin(world, *protocol, [first, second], noise, start, board.clone())?;
     drive(&mut snapshot.robot, &mut snapshot.executive, Phase::LiftFirst, |_, _| {})?;
     if snapshot.robot.truth().touched_by[0] == 0 {
         return Ok(None);

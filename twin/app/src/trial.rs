@@ -6,7 +6,7 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use anyhow::Result;
-use control::executive::{Executive, Percept, Phase};
+use control::executive::{Executive, Phase};
 use control::perception::{Felt, KnownObject};
 use control::strategy::Candidate;
 use grasping::Repertoire;
@@ -14,13 +14,13 @@ use scenarios::noise::{TrialNoise, trial_rng};
 use scenarios::objects::ObjectModel;
 use scenarios::record::{Condition, TrialRecord};
 use scenarios::referee::{FailureCause, Referee, SceneTruth};
-use sim::robot::{SimulatedRobot, Truth};
+use sim::robot::Truth;
 use sim::tactile::TactileBoard;
 use touch::TouchPipeline;
 
 use crate::plan::{Plan, Plans};
 use crate::rehearsal::{Snapshot, digit_bits};
-use crate::world::{World, drive, percept};
+use crate::world::{World, drive};
 
 /// How often a watched trial takes tactile images, s.
 const WATCH_PERIOD: f64 = 0.2;
@@ -153,23 +153,9 @@ impl Bench {
         let plan = self.plan(combination);
         let (first, candidates) = plan.grasps(&self.repertoire)?;
         let objects = [world.object(&plan.first)?, world.object(&plan.second)?];
-        let poses = world.places(&objects[0], &objects[1]);
-        let percepts: [Percept; 2] =
-            std::array::from_fn(|n| percept(&objects[n], &noise.objects[n].perceived(&poses[n])));
-        let setup = world.scene(&objects, &poses, world.ready, noise);
-        let robot =
-            SimulatedRobot::new(world.hand.clone(), world.arm.clone(), &setup, self.board.with_noise(camera_noise));
-        let tick = hand_model::robot::Robot::tick_length(&robot);
-        let planned = candidates[0].grasp.clone();
-        let executive = Executive::new(
-            world.hand.clone(),
-            world.arm_servo(world.ready)?,
-            world.protocol(),
-            (first, percepts[0]),
-            (planned, percepts[1]),
-            tick,
-        )?;
-        let mut snapshot = Snapshot { robot, executive };
+        let grasps = [&first, &candidates[0].grasp];
+        let board = self.board.with_noise(camera_noise);
+        let mut snapshot = Snapshot::begin(world, world.protocol(), grasps, noise, world.ready, board)?;
         if watcher.active() {
             snapshot.executive.watch_images(WATCH_PERIOD);
         }

@@ -76,14 +76,14 @@ impl World {
         [self.scenario.layout.first.pose(first), self.scenario.layout.second.pose(second)]
     }
 
-    /// The scene of a trial: objects at `poses`, the arm in posture `start` and off by `noise`'s execution error.
-    pub fn scene(
-        &self,
-        objects: &[Arc<ObjectModel>; 2],
-        poses: &[Isometry3<f64>; 2],
-        start: [f64; ARM_JOINTS],
-        noise: &TrialNoise,
-    ) -> SceneSetup {
+    /// The objects in their places as prior perception reports them under `noise`.
+    pub fn percepts(&self, objects: &[Arc<ObjectModel>; 2], noise: &TrialNoise) -> [Percept; 2] {
+        let poses = self.places(&objects[0], &objects[1]);
+        std::array::from_fn(|n| percept(&objects[n], &noise.objects[n].perceived(&poses[n])))
+    }
+
+    /// The scene of a trial: objects in their places, the arm in posture `start` and off by `noise`'s execution error.
+    pub fn scene(&self, objects: &[Arc<ObjectModel>; 2], start: [f64; ARM_JOINTS], noise: &TrialNoise) -> SceneSetup {
         SceneSetup {
             world_from_base: Isometry3::from_parts(noise.position.into(), UnitQuaternion::identity())
                 * self.world_from_base,
@@ -91,8 +91,8 @@ impl World {
             arm_start: start,
             objects: objects
                 .iter()
-                .zip(poses)
-                .map(|(model, pose)| ObjectPlacement { model: model.clone(), pose: *pose })
+                .zip(self.places(&objects[0], &objects[1]))
+                .map(|(model, pose)| ObjectPlacement { model: model.clone(), pose })
                 .collect(),
             engine: sim::engine::EngineSettings::default(),
         }

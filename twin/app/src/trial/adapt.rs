@@ -13,6 +13,7 @@ use scenarios::noise::TrialNoise;
 use scenarios::objects::ObjectModel;
 use scenarios::record::{Condition, TrialRecord};
 use scenarios::referee::FailureCause;
+use sim::robot::Truth;
 
 use super::{Bench, Run, Start, Watcher};
 use crate::rehearsal::in_hand;
@@ -53,7 +54,7 @@ impl Bench {
         let mut story = Story::default();
         let mut candidates = start.candidates.clone();
         let mut felt: Option<Felt> = None;
-        let mut held: Option<Run> = None;
+        let mut held: Option<Truth> = None;
         loop {
             let phase = run.snapshot.executive.phase();
             let begun = Instant::now();
@@ -91,7 +92,7 @@ impl Bench {
                             candidate.worth *= FAILED_WORTH;
                         }
                     } else {
-                        held = Some(run.clone());
+                        held = Some(run.snapshot.robot.truth());
                     }
                     let seen = run.snapshot.executive.second().1;
                     let within = self.within_reach(&candidates, &seen, &start.objects[1]);
@@ -195,10 +196,9 @@ impl Bench {
 }
 
 /// What the referee knows about the estimate, for the record only.
-fn note_pose(record: &mut TrialRecord, held: &Run, start: &Start, felt: &Felt) {
-    let truth = held.snapshot.robot.truth();
+fn note_pose(record: &mut TrialRecord, truth: &Truth, start: &Start, felt: &Felt) {
     // A dropped object has no place in the hand that could be estimated.
-    if !in_hand(&truth, 0) {
+    if !in_hand(truth, 0) {
         return;
     }
     let real = truth.palm.inverse() * truth.objects[0];
