@@ -3,6 +3,7 @@
 //! Every frame sits in the object's centre of volume, which is its centre of mass. Sizes suit the hand: what is to be held by
 //! ring and little finger measures 43 to 60 mm across, what is grasped second 43 to 66 mm.
 
+mod fallen;
 mod outlines;
 mod repertoire;
 
@@ -75,6 +76,11 @@ impl Symmetry {
     }
 }
 
+/// Tilt from which an object no longer stands as at rest, rad.
+const LEANING: f64 = 0.15;
+/// Height of a unit axis's end from which the axis counts as vertical.
+const UPRIGHT: f64 = 0.99;
+
 /// One object.
 #[derive(Debug, Clone)]
 pub struct ObjectModel {
@@ -99,9 +105,34 @@ impl ObjectModel {
     pub fn round_about_vertical(&self, rotation: &UnitQuaternion<f64>) -> bool {
         match self.symmetry {
             Symmetry::Full => true,
-            Symmetry::Axis { .. } => (rotation * Vector3::z()).z.abs() > 0.99,
+            Symmetry::Axis { .. } => (rotation * Vector3::z()).z.abs() > UPRIGHT,
             Symmetry::Fold { .. } | Symmetry::Cube | Symmetry::None => false,
         }
+    }
+
+    /// The turn about the vertical by which the object, oriented as `world_from_object`, differs from its rest pose, rad; of
+    /// turns that leave it looking the same the smallest. `None` if it lies otherwise than at rest.
+    pub fn standing_yaw(&self, rotation: &UnitQuaternion<f64>) -> Option<f64> {
+        let candidate = |turn: &UnitQuaternion<f64>| match self.symmetry {
+            Symmetry::Full => (0.0, 0.0),
+            Symmetry::Axis { .. } => {
+                let (now, rest) = (rotation * turn * Vector3::z(), self.rest * Vector3::z());
+                let azimuth = |axis: &Vector3<f64>| if axis.z.abs() > UPRIGHT { 0.0 } else { axis.y.atan2(axis.x) };
+                let yaw = azimuth(&now) - azimuth(&rest);
+                ((now.z.acos() - rest.z.acos()).abs(), yaw - TAU * (yaw / TAU).round())
+            }
+            Symmetry::Fold { .. } | Symmetry::Cube | Symmetry::None => {
+                let moved = rotation * turn * self.rest.inverse();
+                let ahead = moved * Vector3::x();
+                ((moved * Vector3::z()).angle(&Vector3::z()), ahead.y.atan2(ahead.x))
+            }
+        };
+        let mut turns = self.symmetry.turns();
+        if self.symmetry == (Symmetry::Axis { flip: true }) {
+            turns.push(UnitQuaternion::from_axis_angle(&Vector3::x_axis(), PI));
+        }
+        let standing = turns.iter().map(candidate).filter(|(tilt, _)| *tilt < LEANING);
+        standing.map(|(_, yaw)| yaw).min_by(|a, b| a.abs().total_cmp(&b.abs()))
     }
 
     /// Height of the frame's origin over the table when at rest, m.
@@ -276,6 +307,32 @@ mod tests {
                 assert!(object.shape.signed_distance(point).0 < 3e-4);
             }
             assert!(parts.len() <= 10 && parts.iter().map(Vec::len).max().unwrap() <= 500, "{}", object.name);
+        }
+    }
+
+    /// What looks the same stands the same; what fell over does not stand.
+    #[test]
+    fn standing_and_lying() {
+        let set = ObjectSet::standard();
+        let yaw = |name: &str, turn: UnitQuaternion<f64>| {
+            let object = set.get(name).unwrap();
+            object.standing_yaw(&(turn * object.rest))
+        };
+        let about = |axis: Unit<Vector3<f64>>, angle: f64| UnitQuaternion::from_axis_angle(&axis, angle);
+        let (x, y, z) = (Vector3::x_axis(), Vector3::y_axis(), Vector3::z_axis());
+        for object in set.iter() {
+            let turned = yaw(&object.name, about(z, 0.3)).unwrap();
+            let wanted = if object.round_about_vertical(&object.rest) { 0.0 } else { 0.3 };
+            assert!((turned - wanted).abs() < 1e-6, "{}: {turned}", object.name);
+        }
+        let near = |found: Option<f64>, wanted: f64| (found.unwrap() - wanted).abs() < 1e-6;
+        assert!(near(yaw("golf_ball", about(x, 1.9)), 0.0));
+        assert!(near(yaw("cube_45", about(z, 0.2) * about(y, FRAC_PI_2)), 0.2));
+        assert!(near(yaw("cube_45", about(z, 1.4)), 1.4 - FRAC_PI_2));
+        assert!(near(yaw("can_50", about(x, PI)), 0.0));
+        for (name, turn) in [("can_50", about(x, FRAC_PI_2)), ("pear", about(y, 2.0)), ("box_60", about(x, FRAC_PI_2))]
+        {
+            assert_eq!(yaw(name, turn), None, "{name}");
         }
     }
 

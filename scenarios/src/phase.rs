@@ -32,13 +32,15 @@ pub enum Phase {
     Carry,
     /// Holding both still.
     Hold,
-    /// Over.
+    /// Still, taking tactile images of both objects once more.
+    Verify,
+    /// Over, unless the last images show that something was lost.
     Done,
 }
 
 impl Phase {
     /// All phases in order.
-    pub const ALL: [Self; 14] = [
+    pub const ALL: [Self; 15] = [
         Self::PutDown,
         Self::ApproachFirst,
         Self::GraspFirst,
@@ -52,6 +54,7 @@ impl Phase {
         Self::Confirm,
         Self::Carry,
         Self::Hold,
+        Self::Verify,
         Self::Done,
     ];
 
@@ -71,6 +74,7 @@ impl Phase {
             Self::Confirm => "confirm",
             Self::Carry => "carry",
             Self::Hold => "hold",
+            Self::Verify => "verify",
             Self::Done => "done",
         }
     }

@@ -7,7 +7,7 @@
 //! - **In the hand**: the object touches the hand, does not touch the table, and its origin is within `palm_distance` of the
 //!   palm's.
 //! - **Success**: at the end of the hold, which lasted its full time, both objects are in the hand, and neither has moved
-//!   relative to the palm by more than `slip` since the carry began.
+//!   relative to the palm by more than `slip` since the carry began. A trial that carries again is judged by its last carry.
 //!
 //! A collision does not end a trial, and a trial with a collision can succeed.
 
@@ -170,7 +170,10 @@ impl Referee {
                 self.picked[object] = self.in_hand(truth, object);
             }
         }
-        if truth.phase >= Phase::Carry {
+        if truth.phase < Phase::Carry {
+            // What was carried and lost is tried again: the carry and the hold that count are the last ones.
+            (self.carry_start, self.hold_start, self.slipped) = (None, None, false);
+        } else {
             let now = in_palm(truth);
             let start = *self.carry_start.get_or_insert(now);
             self.slipped |= (0..2).any(|object| (now[object] - start[object]).norm() > self.rules.slip);

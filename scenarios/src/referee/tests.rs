@@ -137,7 +137,7 @@ fn an_object_lost_while_it_is_lifted_was_not_picked() {
 fn each_part_of_in_the_hand_counts() {
     let end = |change: fn(&mut SceneTruth)| {
         cause(move |truth| {
-            if truth.phase == Phase::Hold {
+            if truth.phase >= Phase::Hold {
                 change(truth)
             }
         })

@@ -94,6 +94,15 @@ struct Run {
     referee: Referee,
 }
 
+/// A branch that carried out the plan: what touch shares with it for as long as it does the very same.
+struct Planned {
+    /// After the second lift.
+    confirm: Run,
+    /// At the end.
+    done: Run,
+    record: TrialRecord,
+}
+
 /// A trial after its first grasp.
 struct Start {
     run: Run,
@@ -105,8 +114,7 @@ impl Bench {
     /// The ideal run of a combination: no noise, blind.
     pub fn ideal(&self, combination: usize, watcher: &mut dyn Watcher) -> Result<TrialRecord> {
         let start = self.first_half(combination, &TrialNoise::none(), 0, watcher)?;
-        let run = self.take_planned(&start, Condition::Ideal, watcher)?;
-        self.carry(run, &start, (combination, 0, Condition::Ideal), None, watcher)
+        Ok(self.take_planned(&start, (combination, 0, Condition::Ideal), watcher)?.record)
     }
 
     /// One trial: `blind` and `touch` from the same first grasp.
@@ -121,17 +129,17 @@ impl Bench {
         let noise = TrialNoise::draw(&self.world.scenario.noise, &mut rng);
         let start = self.first_half(combination, &noise, rand::RngExt::random(&mut rng), watcher)?;
         let mut records = Vec::new();
-        // Where blind stands after the second lift: touch is there as well while it does the very same.
-        let mut planned: Option<Run> = None;
+        let mut planned: Option<Planned> = None;
         for &condition in conditions {
             let id = (combination, trial, condition);
             let record = if condition == Condition::Touch {
                 let shared = planned.as_ref().filter(|_| !watcher.active());
-                self.adapt(&start, id, shared, records.last(), &mut rng, watcher)?
+                self.adapt(&start, id, shared, &mut rng, watcher)?
             } else {
-                let run = self.take_planned(&start, condition, watcher)?;
-                planned = Some(run.clone());
-                self.carry(run, &start, id, None, watcher)?
+                let branch = self.take_planned(&start, id, watcher)?;
+                let record = branch.record.clone();
+                planned = Some(branch);
+                record
             };
             records.push(record);
         }
@@ -165,8 +173,9 @@ impl Bench {
         Ok(Start { run, objects, candidates })
     }
 
-    /// The second grasp as planned, unseen, up to the second lift.
-    fn take_planned(&self, start: &Start, condition: Condition, watcher: &mut dyn Watcher) -> Result<Run> {
+    /// The second grasp as planned, unseen, and all that follows.
+    fn take_planned(&self, start: &Start, id: (usize, usize, Condition), watcher: &mut dyn Watcher) -> Result<Planned> {
+        let condition = id.2;
         watcher.branch(condition)?;
         let mut run = start.run.clone();
         match run.snapshot.executive.decide(start.candidates[0].grasp.clone()) {
@@ -176,24 +185,22 @@ impl Bench {
             }
             Err(_) => run.referee.give_up(FailureCause::Unreachable),
         }
-        Ok(run)
-    }
-
-    /// From the second lift to the end, and the referee's word.
-    fn carry(
-        &self,
-        mut run: Run,
-        start: &Start,
-        (combination, trial, condition): (usize, usize, Condition),
-        felt: Option<&Felt>,
-        watcher: &mut dyn Watcher,
-    ) -> Result<TrialRecord> {
+        let confirm = run.clone();
         if run.snapshot.executive.phase() == Phase::Confirm {
             run.snapshot.executive.confirm()?;
-            run.watch(Phase::Done, felt, Some(condition), watcher)?;
+            run.watch(Phase::Done, None, Some(condition), watcher)?;
         }
-        let verdict = run.referee.verdict();
-        let record = TrialRecord {
+        let record = run.record(start, id);
+        watcher.outcome(&record)?;
+        Ok(Planned { confirm, done: run, record })
+    }
+}
+
+impl Run {
+    /// The referee's word on what was done so far.
+    fn record(&self, start: &Start, (combination, trial, condition): (usize, usize, Condition)) -> TrialRecord {
+        let verdict = self.referee.verdict();
+        TrialRecord {
             combination,
             trial,
             condition,
@@ -208,15 +215,11 @@ impl Bench {
             pose_error_mm: None,
             pose_error_deg: None,
             prior_error_mm: None,
-            sim_seconds: run.snapshot.robot.truth().time,
+            sim_seconds: self.snapshot.robot.truth().time,
             decision_ms: None,
-        };
-        watcher.outcome(&record)?;
-        Ok(record)
+        }
     }
-}
 
-impl Run {
     /// Drives to `until` while referee and watcher look on.
     fn watch(
         &mut self,

@@ -23,7 +23,7 @@ pub struct World {
     pub hand: Arc<Hand>,
     /// The arm.
     pub arm: Arc<Arm>,
-    /// All objects.
+    /// All objects, in every way in which they can lie.
     pub objects: ObjectSet,
     /// What is done and how it is judged.
     pub scenario: Scenario,
@@ -39,7 +39,7 @@ impl World {
         let mut world = Self {
             hand: Arc::new(Hand::ftac()),
             arm: Arc::new(Arm::gen3()),
-            objects: ObjectSet::standard(),
+            objects: ObjectSet::standard().with_fallen(),
             scenario,
             world_from_base: Isometry3::identity(),
             ready: Arm::home(),
@@ -118,11 +118,11 @@ impl World {
     }
 }
 
-/// What perception without error says of an object at `pose`: its yaw is the turn about the vertical from its rest pose.
+/// What perception without error says of an object at `pose`: its yaw is the turn about the vertical from its rest pose,
+/// or 0 if it lies otherwise.
 pub fn percept(object: &ObjectModel, pose: &Isometry3<f64>) -> Percept {
-    let turn = pose.rotation * object.rest.inverse();
-    let ahead = turn * Vector3::x();
-    Percept { position: pose.translation.vector.into(), rotation: pose.rotation, yaw: ahead.y.atan2(ahead.x) }
+    let yaw = object.standing_yaw(&pose.rotation).unwrap_or(0.0);
+    Percept { position: pose.translation.vector.into(), rotation: pose.rotation, yaw }
 }
 
 /// Drives `robot` with `executive` until `phase` is reached; `watch` sees every tick.

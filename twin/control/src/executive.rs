@@ -3,7 +3,8 @@
 //! It sees what a robot measures and nothing else. Every tick it looks at the clock of the present phase, samples the palm's
 //! path, asks the arm servo for joint set-points and the digits for tensions. After each lift it takes tactile images and
 //! waits: in [`Phase::Decide`] for how to take the second object ([`Executive::decide`]), in [`Phase::Confirm`] for the word to
-//! carry both away ([`Executive::confirm`]), and in both for a new try of a grasp that failed. Cloning it, together with a clone
+//! carry both away ([`Executive::confirm`]), and in both for a new try of a grasp that failed. A last look ends the hold: what is
+//! lost by then can be tried again from [`Phase::Done`]. Cloning it, together with a clone
 //! of a simulated body, branches a trial.
 
 use std::sync::Arc;
@@ -135,7 +136,7 @@ impl Executive {
         self.phase
     }
 
-    /// Tactile images taken during the last [`Phase::Look`] or [`Phase::Check`].
+    /// Tactile images taken during the last [`Phase::Look`], [`Phase::Check`] or [`Phase::Verify`].
     pub fn images(&self) -> &[TactileFrame] {
         &self.images
     }
@@ -185,8 +186,8 @@ impl Executive {
         self.approach(&self.path.end(), grasp, &self.second.1)
     }
 
-    /// Leaves [`Phase::Decide`] with `second` as the grasp to use, or [`Phase::Confirm`] to try the second object again with it; the
-    /// first one is held.
+    /// Leaves [`Phase::Decide`] with `second` as the grasp to use, or [`Phase::Confirm`] or [`Phase::Done`] to try the second object
+    /// again with it; the first one is held.
     pub fn decide(&mut self, second: Grasp) -> Result<(), ExecutiveError> {
         self.second.0 = second;
         self.enter(Phase::ApproachSecond)
@@ -239,7 +240,7 @@ impl Executive {
                 let target = up(self.protocol.lift);
                 PosePath::new(vec![(0.0, here), (duration(&limits.scaled(0.7), &here, &target), target)])?
             }
-            Phase::Look | Phase::Check => rest(LOOK_TIME)?,
+            Phase::Look | Phase::Check | Phase::Verify => rest(LOOK_TIME)?,
             Phase::PutDown => {
                 let down = up(-self.protocol.lift);
                 let time = duration(&limits.scaled(0.7), &here, &down);
@@ -257,7 +258,7 @@ impl Executive {
             Phase::Hold => rest(self.protocol.hold)?,
             Phase::Decide | Phase::Confirm | Phase::Done => PosePath::new(vec![(0.0, here)])?,
         };
-        if matches!(phase, Phase::Look | Phase::Check) {
+        if matches!(phase, Phase::Look | Phase::Check | Phase::Verify) {
             self.images.clear();
         }
         self.phase = phase;
@@ -280,13 +281,14 @@ impl Executive {
             Phase::GraspSecond => Some(Phase::LiftSecond),
             Phase::LiftSecond => Some(Phase::Check),
             Phase::Carry => Some(Phase::Hold),
-            Phase::Hold => Some(Phase::Done),
+            Phase::Hold => Some(Phase::Verify),
+            Phase::Verify => self.looked().then_some(Phase::Done),
             Phase::Decide | Phase::Confirm | Phase::Done => None,
         }
     }
 
     fn looking(&self) -> bool {
-        matches!(self.phase, Phase::Look | Phase::Check)
+        matches!(self.phase, Phase::Look | Phase::Check | Phase::Verify)
     }
 
     /// Whether the images of a look have come, or will not come any more.
@@ -316,6 +318,7 @@ impl Executive {
             | Phase::Confirm
             | Phase::Carry
             | Phase::Hold
+            | Phase::Verify
             | Phase::Done => first.close_tension[digit].max(second.close_tension[digit]),
         })
     }

@@ -18,11 +18,11 @@ pub enum Next {
 }
 
 impl Next {
-    /// After the look that ends in `phase`, [`Phase::Decide`] or [`Phase::Confirm`].
+    /// After the look that ends in `phase`: [`Phase::Decide`], [`Phase::Confirm`] or [`Phase::Done`].
     pub fn after(phase: Phase, grip: Grip) -> Self {
         match (phase, grip.first, grip.second) {
-            (Phase::Confirm, true, false) => Self::SecondAgain,
-            (Phase::Confirm, false, true) => Self::StartOver,
+            (Phase::Confirm | Phase::Done, true, false) => Self::SecondAgain,
+            (Phase::Confirm | Phase::Done, false, true) => Self::StartOver,
             (_, false, _) => Self::FirstAgain,
             _ => Self::GoOn,
         }
@@ -54,5 +54,9 @@ mod tests {
         assert_eq!(Next::after(Phase::Confirm, grip(true, false)), Next::SecondAgain);
         assert_eq!(Next::after(Phase::Confirm, grip(false, false)), Next::FirstAgain);
         assert_eq!(Next::after(Phase::Confirm, grip(false, true)), Next::StartOver);
+        assert_eq!(Next::after(Phase::Done, grip(true, true)), Next::GoOn);
+        assert_eq!(Next::after(Phase::Done, grip(true, false)), Next::SecondAgain);
+        assert_eq!(Next::after(Phase::Done, grip(false, true)), Next::StartOver);
+        assert_eq!(Next::after(Phase::Done, grip(false, false)), Next::FirstAgain);
     }
 }

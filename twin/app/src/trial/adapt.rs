@@ -1,13 +1,16 @@
 //! The policy `touch`: decides by what is felt, and tries again what touch says has failed.
 
+use std::collections::BTreeMap;
 use std::time::Instant;
 
-use anyhow::{Context as _, Result};
+use anyhow::{Result, anyhow};
 use control::executive::{Percept, Phase};
 use control::perception::{Felt, feel, grip};
 use control::recovery::Next;
+use control::stand_in::stand_ins;
 use control::strategy::{Candidate, Decision, Held, choose};
-use grasping::Grasp;
+use grasping::{Grasp, Role};
+use nalgebra::{Point3, Vector3};
 use rand_chacha::ChaCha8Rng;
 use scenarios::noise::TrialNoise;
 use scenarios::objects::ObjectModel;
@@ -15,17 +18,19 @@ use scenarios::record::{Condition, TrialRecord};
 use scenarios::referee::FailureCause;
 use sim::robot::Truth;
 
-use super::{Bench, Run, Start, Watcher};
+use super::{Bench, Planned, Run, Start, Watcher};
 use crate::rehearsal::in_hand;
 use crate::world::percept;
 
-/// What a second grasp that failed in this very trial is still worth.
+/// What a grasp that failed in this very trial is still worth.
 const FAILED_WORTH: f64 = 0.5;
+/// What a first grasp other than the planned one counts against its score: it was not rehearsed with the second object.
+const UNPLANNED_WORTH: f64 = 0.9;
 /// Time that a trial needs from a new try of the first object to its end, s: none begins later.
 const TRY_TIME: f64 = 14.0;
 
 /// Turns about the vertical that are tried when an object is out of the planned grasp's reach, rad.
-const TURNS: [f64; 9] = [0.0, 0.2, -0.2, 0.4, -0.4, 0.6, -0.6, 0.8, -0.8];
+const TURNS: [f64; 15] = [0.0, 0.2, -0.2, 0.4, -0.4, 0.6, -0.6, 0.8, -0.8, 1.0, -1.0, 1.2, -1.2, 1.4, -1.4];
 
 /// What the policy did in a trial, for its record.
 #[derive(Default)]
@@ -36,106 +41,152 @@ struct Story {
     slowest_ms: f64,
 }
 
+impl Story {
+    /// Whether everything so far is what the plan says.
+    fn as_planned(&self) -> bool {
+        self.retries == 0 && !self.switched
+    }
+}
+
+/// What the policy knows while a trial goes on.
+struct Adaptation<'a> {
+    start: &'a Start,
+    run: Run,
+    story: Story,
+    /// Grasps for the first and for the second object, while they stand as the plan expects them.
+    candidates: [Vec<Candidate>; 2],
+    /// How often each grasp of the first and of the second object, by its number, has failed.
+    failures: [BTreeMap<u32, i32>; 2],
+    felt: Option<Felt>,
+    /// Where everything was when the first object's pose was estimated last.
+    held: Option<Truth>,
+}
+
 impl Bench {
-    /// The branch `touch`. `planned` is where the blind plan stands after the second lift and `blind` how that ended: what touch
-    /// does not do otherwise has the same outcome, bit by bit.
+    /// The branch `touch`. `planned` is what blind did: as long as touch does nothing else, it is where blind was, bit by bit.
     pub(super) fn adapt(
         &self,
         start: &Start,
         id: (usize, usize, Condition),
-        planned: Option<&Run>,
-        blind: Option<&TrialRecord>,
+        planned: Option<&Planned>,
         rng: &mut ChaCha8Rng,
         watcher: &mut dyn Watcher,
     ) -> Result<TrialRecord> {
         let condition = id.2;
         watcher.branch(condition)?;
-        let mut run = start.run.clone();
-        let mut story = Story::default();
-        let mut candidates = start.candidates.clone();
-        let mut felt: Option<Felt> = None;
-        let mut held: Option<Truth> = None;
+        let mut now = Adaptation {
+            start,
+            run: start.run.clone(),
+            story: Story::default(),
+            candidates: [self.first_candidates(start), start.candidates.clone()],
+            failures: Default::default(),
+            felt: None,
+            held: None,
+        };
         loop {
-            let phase = run.snapshot.executive.phase();
+            let phase = now.run.snapshot.executive.phase();
             let begun = Instant::now();
-            let (now, grip) = match phase {
+            let grip = match phase {
                 Phase::Decide => {
-                    let now = feel(&self.pipeline, &run.snapshot.executive, &self.known[&start.objects[0].name])?;
-                    let grip = now.grip;
-                    (Some(now), grip)
+                    let felt = feel(&self.pipeline, &now.run.snapshot.executive, &self.known[&start.objects[0].name])?;
+                    let grip = felt.grip;
+                    now.felt = Some(felt);
+                    grip
                 }
-                _ => (None, grip(&self.pipeline, &run.snapshot.executive)?),
+                _ => grip(&self.pipeline, &now.run.snapshot.executive)?,
             };
-            let late = run.snapshot.robot.truth().time + TRY_TIME > self.world.scenario.protocol.time_limit;
+            let late = now.run.snapshot.robot.truth().time + TRY_TIME > self.world.scenario.protocol.time_limit;
             let next = if late { Next::GoOn } else { Next::after(phase, grip) };
-            if next == Next::GoOn && now.is_none() {
-                break;
-            }
-            felt = now.or(felt);
-            if next != Next::GoOn {
-                story.retries += 1;
-                story.reasons.push(next.reason().to_owned());
-                run.tell(next.reason(), felt.as_ref(), condition, watcher)?;
-            }
-            let begun_to_move = match (next, &felt) {
-                (Next::FirstAgain, _) => self.first_again(&mut run, start, rng),
-                (Next::StartOver, _) => {
-                    run.snapshot.executive.put_down()?;
-                    run.watch(Phase::Decide, None, Some(condition), watcher)?;
-                    self.first_again(&mut run, start, rng)
-                }
-                (Next::GoOn | Next::SecondAgain, Some(felt)) => {
-                    if next == Next::SecondAgain {
-                        self.look_at_second(&mut run, start, rng);
-                        let failed = run.snapshot.executive.second().0.id;
-                        for candidate in candidates.iter_mut().filter(|candidate| candidate.grasp.id == failed) {
-                            candidate.worth *= FAILED_WORTH;
+            match (phase, next) {
+                (Phase::Done, Next::GoOn) => break,
+                (Phase::Confirm, Next::GoOn) => {
+                    match planned.filter(|_| now.story.as_planned()) {
+                        Some(planned) => now.run = planned.done.clone(),
+                        None => {
+                            now.run.snapshot.executive.confirm()?;
+                            now.run.watch(Phase::Done, now.felt.as_ref(), Some(condition), watcher)?;
                         }
+                    }
+                    continue;
+                }
+                _ => {}
+            }
+            if next != Next::GoOn {
+                now.story.retries += 1;
+                now.story.reasons.push(next.reason().to_owned());
+                now.run.tell(next.reason(), now.felt.as_ref(), condition, watcher)?;
+                now.mark_down(next);
+            }
+            let begun_to_move = match next {
+                Next::FirstAgain => self.first_again(&mut now, rng),
+                Next::StartOver => {
+                    now.run.snapshot.executive.put_down()?;
+                    now.run.watch(Phase::Decide, None, Some(condition), watcher)?;
+                    self.first_again(&mut now, rng)
+                }
+                Next::GoOn | Next::SecondAgain => {
+                    if next == Next::SecondAgain {
+                        self.look_at_second(&mut now.run, start, rng);
                     } else {
-                        held = Some(run.snapshot.robot.truth());
+                        now.held = Some(now.run.snapshot.robot.truth());
                     }
-                    let seen = run.snapshot.executive.second().1;
-                    let within = self.within_reach(&candidates, &seen, &start.objects[1]);
-                    if within.is_empty() {
-                        run.referee.give_up(FailureCause::Unreachable);
-                        break;
-                    }
-                    let decision = self.choose(&run, start, &within, felt)?;
-                    story.slowest_ms = story.slowest_ms.max(begun.elapsed().as_secs_f64() * 1e3);
-                    story.switched |= decision.switched;
-                    run.tell(&decision.reason, Some(felt), condition, watcher)?;
-                    story.reasons.push(decision.reason);
-                    match planned.filter(|_| !story.switched && story.retries == 0) {
-                        Some(planned) => {
-                            run = planned.clone();
+                    let decision = self.take_second(&mut now, planned)?;
+                    now.story.slowest_ms = now.story.slowest_ms.max(begun.elapsed().as_secs_f64() * 1e3);
+                    match decision {
+                        Some(reason) => {
+                            now.run.tell(&reason, now.felt.as_ref(), condition, watcher)?;
+                            now.story.reasons.push(reason);
                             Ok(())
                         }
-                        None => run.snapshot.executive.decide(decision.grasp).map_err(Into::into),
+                        None => Err(out_of_reach(&start.objects[1], &now.run.snapshot.executive.second().1)),
                     }
                 }
-                // The second object is only tried with the first one felt.
-                (Next::GoOn | Next::SecondAgain, None) => break,
             };
-            if begun_to_move.is_err() {
-                run.referee.give_up(FailureCause::Unreachable);
+            if let Err(error) = begun_to_move {
+                now.story.reasons.push(error.to_string());
+                now.run.referee.give_up(FailureCause::Unreachable);
                 break;
             }
-            let until = if run.snapshot.executive.phase() < Phase::Decide { Phase::Decide } else { Phase::Confirm };
-            run.watch(until, felt.as_ref().filter(|_| until == Phase::Confirm), Some(condition), watcher)?;
+            let executive = &now.run.snapshot.executive;
+            let until = if executive.phase() < Phase::Decide { Phase::Decide } else { Phase::Confirm };
+            let felt = now.felt.as_ref().filter(|_| until == Phase::Confirm);
+            now.run.watch(until, felt, Some(condition), watcher)?;
         }
-        let alike = blind.filter(|_| planned.is_some() && story.retries == 0 && !story.switched);
-        let mut record = match alike {
-            Some(blind) => TrialRecord { condition, ..blind.clone() },
-            None => self.carry(run, start, id, felt.as_ref(), watcher)?,
+        let mut record = match planned.filter(|_| now.story.as_planned()) {
+            Some(planned) => TrialRecord { condition, ..planned.record.clone() },
+            None => now.run.record(start, id),
         };
-        record.switched = story.switched || story.retries > 0;
-        record.retries = story.retries;
-        record.reason = story.reasons.join("; ");
-        record.decision_ms = (story.slowest_ms > 0.0).then_some(story.slowest_ms);
-        if let (Some(held), Some(felt)) = (&held, &felt) {
+        record.switched = !now.story.as_planned();
+        record.retries = now.story.retries;
+        record.reason = now.story.reasons.join("; ");
+        record.decision_ms = (now.story.slowest_ms > 0.0).then_some(now.story.slowest_ms);
+        if let (Some(held), Some(felt)) = (&now.held, &now.felt) {
             note_pose(&mut record, held, start, felt);
         }
+        watcher.outcome(&record)?;
         Ok(record)
+    }
+
+    /// Decides how to take the second object and begins; the reason, or nothing if none of its grasps is in reach.
+    fn take_second(&self, now: &mut Adaptation, planned: Option<&Planned>) -> Result<Option<String>> {
+        let seen = now.run.snapshot.executive.second().1;
+        let within = self.within_reach(now, Role::Second, &seen);
+        let Some(felt) = now.felt.as_ref().filter(|_| !within.is_empty()) else { return Ok(None) };
+        let decision = self.choose(&now.run, now.start, &within, felt)?;
+        now.story.switched |= decision.switched;
+        match planned.filter(|_| now.story.as_planned()) {
+            Some(planned) => now.run = planned.confirm.clone(),
+            None => now.run.snapshot.executive.decide(decision.grasp)?,
+        }
+        Ok(Some(decision.reason))
+    }
+
+    /// The grasps of the first object, the planned one first.
+    fn first_candidates(&self, start: &Start) -> Vec<Candidate> {
+        let planned = start.run.snapshot.executive.first().0.clone();
+        let others = self.repertoire.of(&start.objects[0].name, Role::First).filter(|grasp| grasp.id != planned.id);
+        let others = others.map(|grasp| Candidate { worth: UNPLANNED_WORTH * grasp.score, grasp: grasp.clone() });
+        std::iter::once(Candidate { worth: planned.score, grasp: planned.clone() }).chain(others).collect()
     }
 
     /// The grasp for the second object, given what is felt of the first.
@@ -151,16 +202,27 @@ impl Bench {
         let noise = &self.world.scenario.noise;
         let sigma = noise.execution.position_sigma.hypot(noise.perception.xy_sigma);
         choose(executive, &self.world.hand, &held, &start.objects[1], candidates, sigma)?
-            .ok_or_else(|| anyhow::anyhow!("the plan of {} has no second grasp", start.objects[1].name))
+            .ok_or_else(|| anyhow!("the plan of {} has no second grasp", start.objects[1].name))
     }
 
-    /// The candidates whose grasp the arm reaches, if need be turned about the vertical.
-    fn within_reach(&self, candidates: &[Candidate], seen: &Percept, object: &ObjectModel) -> Vec<Candidate> {
+    /// The candidates whose grasp the arm reaches, if need be turned about the vertical; for an object that fell over, grasps of
+    /// what lies like it.
+    fn within_reach(&self, now: &Adaptation, role: Role, seen: &Percept) -> Vec<Candidate> {
+        let index = usize::from(role == Role::Second);
+        let object = &*now.start.objects[index];
         let turned = |candidate: &Candidate| {
             let grasp = self.turned_into_reach(&candidate.grasp, seen, object)?;
-            Some(Candidate { grasp, ..candidate.clone() })
+            let failures = now.failures[index].get(&grasp.id).copied().unwrap_or(0);
+            Some(Candidate { worth: candidate.worth * FAILED_WORTH.powi(failures), grasp })
         };
-        candidates.iter().filter_map(turned).collect()
+        let own: Vec<Candidate> = match object.standing_yaw(&seen.rotation) {
+            Some(_) => now.candidates[index].iter().filter_map(turned).collect(),
+            None => Vec::new(),
+        };
+        if !own.is_empty() {
+            return own;
+        }
+        stand_ins(&self.world.objects, &self.repertoire, object, seen, role).iter().filter_map(turned).collect()
     }
 
     /// `grasp`, or one that comes from another side: what looks the same from there is grasped the same way. `None` if the arm
@@ -184,15 +246,43 @@ impl Bench {
         run.snapshot.executive.see_second(seen);
     }
 
-    fn first_again(&self, run: &mut Run, start: &Start, rng: &mut ChaCha8Rng) -> Result<()> {
-        let seen = self.seen(run, start, 0, rng);
-        self.look_at_second(run, start, rng);
-        let planned = &run.snapshot.executive.first().0;
-        let grasp = self
-            .turned_into_reach(planned, &seen, &start.objects[0])
-            .with_context(|| format!("{} lies out of reach", start.objects[0].name))?;
-        Ok(run.snapshot.executive.retry_first(grasp, seen)?)
+    fn first_again(&self, now: &mut Adaptation, rng: &mut ChaCha8Rng) -> Result<()> {
+        let object = &now.start.objects[0];
+        let seen = self.seen(&now.run, now.start, 0, rng);
+        self.look_at_second(&mut now.run, now.start, rng);
+        let best = self
+            .within_reach(now, Role::First, &seen)
+            .into_iter()
+            .reduce(|best, other| if other.worth > best.worth { other } else { best });
+        let grasp = best.ok_or_else(|| out_of_reach(object, &seen))?.grasp;
+        Ok(now.run.snapshot.executive.retry_first(grasp, seen)?)
     }
+}
+
+impl Adaptation<'_> {
+    /// A grasp that just failed is worth less for the rest of the trial.
+    fn mark_down(&mut self, next: Next) {
+        let executive = &self.run.snapshot.executive;
+        let (object, failed) = match next {
+            Next::GoOn => return,
+            Next::FirstAgain | Next::StartOver => (0, executive.first().0.id),
+            Next::SecondAgain => (1, executive.second().0.id),
+        };
+        *self.failures[object].entry(failed).or_default() += 1;
+    }
+}
+
+/// Why an object cannot be grasped where it is seen.
+fn out_of_reach(object: &ObjectModel, seen: &Percept) -> anyhow::Error {
+    let tilt = (seen.rotation * object.rest.inverse() * Vector3::z()).angle(&Vector3::z()).to_degrees();
+    let Point3 { coords } = seen.position;
+    anyhow!(
+        "no grasp of {} is in reach at ({:.2}, {:.2}, {:.2}) m, tilted by {tilt:.0} deg",
+        object.name,
+        coords.x,
+        coords.y,
+        coords.z
+    )
 }
 
 /// What the referee knows about the estimate, for the record only.

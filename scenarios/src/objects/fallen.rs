@@ -1,0 +1,124 @@
+//! How else an object can lie on a table: the directions, seen from the object, in which its outline has the least height
+//! over its centre of mass. Each is a thing of its own for whoever grasps it.
+
+use nalgebra::{UnitQuaternion, Vector3};
+
+use super::{ObjectModel, ObjectSet, Symmetry};
+
+/// Directions that are looked at first, evenly spread.
+const DIRECTIONS: usize = 1500;
+/// Half angle of the neighbourhood in which a way to lie must be the lowest, rad.
+const NEIGHBOURHOOD: f64 = 0.15;
+/// Ways to lie that are kept, the lowest ones.
+const KEPT: usize = 3;
+/// Steps of the refinement, rad.
+const STEPS: [f64; 4] = [0.02, 0.004, 0.0008, 0.0002];
+
+impl ObjectModel {
+    /// The object in each other way in which it can lie still, called `<name>_fallen`, `<name>_fallen_2`, ..., the lowest first.
+    /// Balls lie in one way only.
+    pub fn fallen(&self) -> Vec<Self> {
+        if self.symmetry == Symmetry::Full {
+            return Vec::new();
+        }
+        let height = |down: &Vector3<f64>| self.shape.support(down).coords.dot(down);
+        let spread: Vec<(Vector3<f64>, f64)> = fibonacci(DIRECTIONS).map(|down| (down, height(&down))).collect();
+        let mut lowest: Vec<(Vector3<f64>, f64)> = spread
+            .iter()
+            .filter(|(down, at)| {
+                let beside = |other: &Vector3<f64>| other.dot(down) > NEIGHBOURHOOD.cos();
+                spread.iter().all(|(other, there)| !beside(other) || there >= at)
+            })
+            .map(|(down, _)| refine(*down, &height))
+            .collect();
+        lowest.sort_by(|a, b| a.1.total_cmp(&b.1));
+        let mut found: Vec<Self> = Vec::new();
+        for (down, _) in lowest {
+            let rest = UnitQuaternion::rotation_between(&down, &-Vector3::z())
+                .unwrap_or_else(|| UnitQuaternion::from_axis_angle(&Vector3::x_axis(), std::f64::consts::PI));
+            let known = std::iter::once(self).chain(&found).any(|pose| pose.standing_yaw(&rest).is_some());
+            if !known && found.len() < KEPT {
+                let number = if found.is_empty() { String::new() } else { format!("_{}", found.len() + 1) };
+                found.push(Self { name: format!("{}_fallen{number}", self.name), rest, ..self.clone() });
+            }
+        }
+        found
+    }
+}
+
+impl ObjectSet {
+    /// This set and every other way in which one of its objects can lie.
+    #[must_use]
+    pub fn with_fallen(mut self) -> Self {
+        let fallen: Vec<ObjectModel> = self.iter().flat_map(|object| object.fallen()).collect();
+        for object in fallen {
+            self.insert(object);
+        }
+        self
+    }
+
+    /// The ways in which `object` can lie other than at rest, as far as this set has them.
+    pub fn fallen_of<'a>(&'a self, object: &'a ObjectModel) -> impl Iterator<Item = &'a ObjectModel> {
+        let prefix = format!("{}_fallen", object.name);
+        self.iter().filter(move |other| other.name.starts_with(&prefix)).map(|other| &**other)
+    }
+}
+
+/// Evenly spread unit vectors.
+fn fibonacci(count: usize) -> impl Iterator<Item = Vector3<f64>> {
+    let golden = std::f64::consts::PI * (3.0 - 5f64.sqrt());
+    (0..count).map(move |n| {
+        let z = 1.0 - (2.0 * n as f64 + 1.0) / count as f64;
+        let (sin, cos) = (golden * n as f64).sin_cos();
+        let radius = (1.0 - z * z).sqrt();
+        Vector3::new(radius * cos, radius * sin, z)
+    })
+}
+
+/// Goes downhill from `down` by ever smaller turns.
+fn refine(down: Vector3<f64>, height: &impl Fn(&Vector3<f64>) -> f64) -> (Vector3<f64>, f64) {
+    let mut best = (down, height(&down));
+    for step in STEPS {
+        loop {
+            let (at, before) = best;
+            for axis in [Vector3::x_axis(), Vector3::y_axis(), Vector3::z_axis()] {
+                for angle in [step, -step] {
+                    let turned = UnitQuaternion::from_axis_angle(&axis, angle) * at;
+                    let there = height(&turned);
+                    if there < best.1 - 1e-9 {
+                        best = (turned, there);
+                    }
+                }
+            }
+            if best.1 >= before {
+                break;
+            }
+        }
+    }
+    best
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn ways_to_lie() {
+        let set = ObjectSet::standard().with_fallen();
+        let fallen = |name: &str| set.fallen_of(set.get(name).unwrap()).map(|o| o.rest_height()).collect::<Vec<_>>();
+        // A can lies on its side; a ball and a cube lie as they always do; a box lies on its longer sides.
+        assert!(matches!(fallen("can_50")[..], [height] if (height - 0.025).abs() < 1e-4));
+        assert!(fallen("golf_ball").is_empty() && fallen("cube_45").is_empty());
+        assert!(matches!(fallen("box_60")[..], [height] if (height - 0.0225).abs() < 1e-4));
+        assert!(!fallen("pear").is_empty() && !fallen("pawn").is_empty() && !fallen("polyhedron").is_empty());
+        for object in set.iter().filter(|object| object.name.contains("_fallen")) {
+            let tipped = |axis, angle| UnitQuaternion::from_axis_angle(&axis, angle) * object.rest;
+            for axis in [Vector3::x_axis(), Vector3::y_axis()] {
+                for angle in [0.03, -0.03] {
+                    let rise = -object.shape.lowest(&tipped(axis, angle)) - object.rest_height();
+                    assert!(rise > -5e-5, "{} does not lie still: {rise}", object.name);
+                }
+            }
+        }
+    }
+}

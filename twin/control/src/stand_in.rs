@@ -1,0 +1,155 @@
+//! Stand-ins: grasps for an object that fell over and now lies as none of its own grasps expects it.
+//!
+//! For many of them the repertoire has grasps: a fallen can is a thing of its own there. What it has none for
+//! is grasped like the thing in the repertoire that is most like it from above: round things like a ball
+//! whose centre is as high over the table, things with flat sides like a box as high. A rod is grasped across: fingers and
+//! thumb close at right angles to its axis.
+
+use std::f64::consts::{FRAC_PI_2, PI};
+
+use grasping::{Grasp, Repertoire, Role};
+use nalgebra::{Isometry3, Translation3, Vector3};
+use scenarios::objects::{ObjectModel, ObjectSet, Symmetry};
+
+use crate::executive::Percept;
+use crate::strategy::Candidate;
+
+/// What a grasp found for the object as it lies counts against its score: it was not rehearsed with the other object.
+const FALLEN_WORTH: f64 = 0.9;
+/// What a grasp of something else counts against its own score.
+const STAND_IN_WORTH: f64 = 0.5;
+/// How many grasps of the thing most alike are taken over.
+const TAKEN_OVER: usize = 6;
+/// Stand-ins' numbers begin here, so that they are not mistaken for the object's own grasps.
+const NUMBERS_FROM: u32 = 1000;
+/// Turns tried with something that has no axis, rad.
+const ANY_SIDE: [f64; 5] = [0.0, 0.5, -0.5, 1.0, -1.0];
+
+/// Grasps in `role` for `object`, seen at `percept`, none of whose own grasps fits the way it lies.
+pub fn stand_ins(
+    objects: &ObjectSet,
+    repertoire: &Repertoire,
+    object: &ObjectModel,
+    percept: &Percept,
+    role: Role,
+) -> Vec<Candidate> {
+    let mut candidates = Vec::new();
+    for model in objects.fallen_of(object) {
+        let Some(yaw) = model.standing_yaw(&percept.rotation) else { continue };
+        for grasp in repertoire.of(&model.name, role) {
+            candidates.push((grasp.clone(), yaw + grasp.yaw, FALLEN_WORTH));
+        }
+    }
+    let flat = is_flat(object);
+    let grasps_of =
+        |model: &ObjectModel| -> Vec<Grasp> { repertoire.of(&model.name, role).take(TAKEN_OVER).cloned().collect() };
+    let unlike = |model: &ObjectModel| (model.rest_height() - percept.position.z).abs();
+    let alike = objects
+        .iter()
+        .filter(|model| if flat { is_flat(model) } else { model.symmetry == Symmetry::Full })
+        .map(|model| (unlike(model), grasps_of(model)))
+        .filter(|(_, grasps)| !grasps.is_empty())
+        .min_by(|a, b| a.0.total_cmp(&b.0));
+    for grasp in alike.map(|(_, grasps)| grasps).unwrap_or_default() {
+        for yaw in sides(object, percept) {
+            candidates.push((grasp.clone(), yaw, STAND_IN_WORTH));
+        }
+    }
+    let numbered = (NUMBERS_FROM..).zip(candidates);
+    numbered
+        .map(|(number, (grasp, yaw, worth))| Candidate {
+            worth: worth * grasp.score,
+            grasp: taken_over(&grasp, object, percept, yaw - percept.yaw, number),
+        })
+        .collect()
+}
+
+fn is_flat(object: &ObjectModel) -> bool {
+    matches!(object.symmetry, Symmetry::Cube | Symmetry::Fold { .. })
+}
+
+/// Yaws of the hand that suit the way the object lies, the smallest turn first, rad.
+fn sides(object: &ObjectModel, percept: &Percept) -> Vec<f64> {
+    let azimuth = |axis: Vector3<f64>| axis.y.atan2(axis.x);
+    let turned = |yaw: f64, step: f64| yaw - step * (yaw / step).round();
+    match object.symmetry {
+        Symmetry::Axis { .. } => {
+            let across = turned(azimuth(percept.rotation * Vector3::z()) + FRAC_PI_2, PI);
+            vec![across, across - PI.copysign(across)]
+        }
+        Symmetry::Cube | Symmetry::Fold { .. } => {
+            let level = [Vector3::x(), Vector3::y(), Vector3::z()].map(|axis| percept.rotation * axis);
+            let level = level.into_iter().min_by(|a, b| a.z.abs().total_cmp(&b.z.abs())).unwrap_or_default();
+            let along = turned(azimuth(level), FRAC_PI_2);
+            vec![along, along - FRAC_PI_2.copysign(along)]
+        }
+        Symmetry::Full | Symmetry::None => ANY_SIDE.to_vec(),
+    }
+}
+
+/// `grasp` of another thing made one of `object`: it will sit in the hand where that other thing would, turned as it lies now.
+fn taken_over(grasp: &Grasp, object: &ObjectModel, percept: &Percept, yaw: f64, id: u32) -> Grasp {
+    let mut taken = Grasp { id, object: object.name.clone(), yaw, held_joints: None, ..grasp.clone() };
+    let rotation = taken.palm_rotation(percept.yaw).inverse() * percept.rotation;
+    let place = grasp.held.map_or(Vector3::from(grasp.center), |held| held.translation.vector);
+    taken.held = Some(Isometry3::from_parts(Translation3::from(place), rotation));
+    taken
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use nalgebra::{Point3, UnitQuaternion};
+
+    fn lying(rotation: UnitQuaternion<f64>) -> Percept {
+        Percept { position: Point3::new(0.6, 0.1, 0.0225), rotation, yaw: 0.4 }
+    }
+
+    /// A rod that points ahead is grasped with the hand turned by a quarter; one that lies crosswise with the hand ahead.
+    #[test]
+    fn rods_are_grasped_across() {
+        let set = ObjectSet::standard();
+        let rod = set.get("cylinder_45").unwrap();
+        let ahead = UnitQuaternion::from_axis_angle(&Vector3::y_axis(), FRAC_PI_2);
+        let crosswise = UnitQuaternion::from_axis_angle(&Vector3::x_axis(), FRAC_PI_2);
+        assert!(sides(rod, &lying(ahead)).iter().all(|yaw| (yaw.abs() - FRAC_PI_2).abs() < 1e-9));
+        assert!(sides(rod, &lying(crosswise))[0].abs() < 1e-9);
+    }
+
+    /// The grasp of the ball that is as high is taken over, and the hand comes from the wanted side whatever the percept's yaw.
+    #[test]
+    fn a_lying_can_is_grasped_like_the_ball_as_high() {
+        let set = ObjectSet::standard();
+        let ball = |object: &str, id: u32| Grasp {
+            id,
+            object: object.into(),
+            role: Role::Second,
+            yaw: 0.0,
+            pitch: 0.2,
+            roll: -0.3,
+            center: [0.01 * f64::from(id), -0.04, -0.02],
+            pre_tension: [0.0; 5],
+            close_tension: [10.0; 5],
+            opposition: 0.5,
+            raise: 0.0,
+            thumb_delay: 0.0,
+            held: None,
+            held_joints: None,
+            score: 1.0,
+        };
+        let mut repertoire = Repertoire::default();
+        for (name, id) in [("golf_ball", 1), ("tennis_ball", 2)] {
+            repertoire.grasps.insert(name.into(), vec![ball(name, id)]);
+        }
+        let crosswise = lying(UnitQuaternion::from_axis_angle(&Vector3::x_axis(), FRAC_PI_2));
+        let rod = set.get("cylinder_45").unwrap();
+        let found = stand_ins(&set, &repertoire, rod, &crosswise, Role::Second);
+        assert_eq!(found.len(), 2);
+        assert!(found.iter().all(|candidate| candidate.grasp.center[0] == 0.01 && candidate.grasp.object == rod.name));
+        let pose = found[0].grasp.palm_pose(&crosswise.position, crosswise.yaw);
+        assert!((pose.rotation.angle_to(&ball("golf_ball", 1).palm_rotation(0.0))) < 1e-9);
+        let held = found[0].grasp.held.unwrap();
+        assert!((pose * held).rotation.angle_to(&crosswise.rotation) < 1e-9);
+        assert!(stand_ins(&set, &repertoire, rod, &crosswise, Role::First).is_empty());
+    }
+}
