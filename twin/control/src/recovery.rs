@@ -1,8 +1,32 @@
 //! Recovery: what to do next, given what touch says is in the hand after a grasp was tried.
 
+use nalgebra::Vector3;
 use scenarios::phase::Phase;
 
 use crate::perception::Grip;
+
+/// How far an aim is probed, in standard deviations of the arm's error.
+const PROBE_REACH: f64 = 1.5;
+
+/// Where to aim beside what is seen after `failures` failed grasps in a row, m: the arm errs by something unknown with standard
+/// deviation `sigma` (m) that stays the same, so that the same aim would fail again. The first retry trusts the new look; then
+/// follow the six directions along the axes and the eight between them, over and over.
+pub fn probe(failures: usize, sigma: f64) -> Vector3<f64> {
+    let Some(n) = failures.checked_sub(2) else { return Vector3::zeros() };
+    let direction = match n % 14 {
+        axis @ 0..6 => {
+            // Up first: a hand that is too low is stopped by the table.
+            let mut direction = Vector3::zeros();
+            direction[2 - axis / 2] = if axis % 2 == 0 { 1.0 } else { -1.0 };
+            direction
+        }
+        corner => {
+            let sign = |bit: usize| if (corner - 6) >> bit & 1 == 0 { 1.0 } else { -1.0 };
+            Vector3::new(sign(0), sign(1), sign(2)).normalize()
+        }
+    };
+    direction * (PROBE_REACH * sigma)
+}
 
 /// What to do next.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -44,6 +68,17 @@ impl Next {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// Nothing at first, then fourteen different directions of the same length, then the same again.
+    #[test]
+    fn probes_go_everywhere() {
+        assert!(probe(0, 0.004).norm() == 0.0 && probe(1, 0.004).norm() == 0.0);
+        let probes: Vec<_> = (2..16).map(|n| probe(n, 0.004)).collect();
+        assert!(probes.iter().all(|p| (p.norm() - 0.006).abs() < 1e-12));
+        assert!(probes.iter().enumerate().all(|(n, p)| probes[..n].iter().all(|q| (p - q).norm() > 0.002)));
+        assert!(probes.iter().sum::<Vector3<f64>>().norm() < 1e-12);
+        assert_eq!(probe(16, 0.004), probes[0]);
+    }
 
     #[test]
     fn every_case() {

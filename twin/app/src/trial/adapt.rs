@@ -6,7 +6,7 @@ use std::time::Instant;
 use anyhow::{Result, anyhow};
 use control::executive::{Percept, Phase};
 use control::perception::{Felt, feel, grip};
-use control::recovery::Next;
+use control::recovery::{Next, probe};
 use control::stand_in::stand_ins;
 use control::strategy::{Candidate, Decision, Held, choose};
 use grasping::{Grasp, Role};
@@ -57,6 +57,10 @@ struct Adaptation<'a> {
     candidates: [Vec<Candidate>; 2],
     /// How often each grasp of the first and of the second object, by its number, has failed.
     failures: [BTreeMap<u32, i32>; 2],
+    /// Grasps that failed in a row.
+    in_a_row: usize,
+    /// Where the hand aims beside what is seen, m: kept while it works.
+    aim: Vector3<f64>,
     felt: Option<Felt>,
     /// Where everything was when the first object's pose was estimated last.
     held: Option<Truth>,
@@ -80,6 +84,8 @@ impl Bench {
             story: Story::default(),
             candidates: [self.first_candidates(start), start.candidates.clone()],
             failures: Default::default(),
+            in_a_row: 0,
+            aim: Vector3::zeros(),
             felt: None,
             held: None,
         };
@@ -115,7 +121,9 @@ impl Bench {
                 now.story.retries += 1;
                 now.story.reasons.push(next.reason().to_owned());
                 now.run.tell(next.reason(), now.felt.as_ref(), condition, watcher)?;
-                now.mark_down(next);
+                now.mark_down(next, self.world.scenario.noise.execution.position_sigma);
+            } else {
+                now.in_a_row = 0;
             }
             let begun_to_move = match next {
                 Next::FirstAgain => self.first_again(&mut now, rng),
@@ -126,7 +134,7 @@ impl Bench {
                 }
                 Next::GoOn | Next::SecondAgain => {
                     if next == Next::SecondAgain {
-                        self.look_at_second(&mut now.run, start, rng);
+                        self.look_at_second(&mut now, rng);
                     } else {
                         now.held = Some(now.run.snapshot.robot.truth());
                     }
@@ -235,21 +243,23 @@ impl Bench {
         })
     }
 
-    /// Prior perception looks at object `index` anew, with an error of its own.
-    fn seen(&self, run: &Run, start: &Start, index: usize, rng: &mut ChaCha8Rng) -> Percept {
+    /// Prior perception looks at object `index` anew, with an error of its own; the hand aims beside it as it has learnt to.
+    fn seen(&self, now: &Adaptation, index: usize, rng: &mut ChaCha8Rng) -> Percept {
         let noise = TrialNoise::draw(&self.world.scenario.noise, rng).objects[index];
-        percept(&start.objects[index], &noise.perceived(&run.snapshot.robot.truth().objects[index]))
+        let truth = now.run.snapshot.robot.truth();
+        let seen = percept(&now.start.objects[index], &noise.perceived(&truth.objects[index]));
+        Percept { position: seen.position + now.aim, ..seen }
     }
 
-    fn look_at_second(&self, run: &mut Run, start: &Start, rng: &mut ChaCha8Rng) {
-        let seen = self.seen(run, start, 1, rng);
-        run.snapshot.executive.see_second(seen);
+    fn look_at_second(&self, now: &mut Adaptation, rng: &mut ChaCha8Rng) {
+        let seen = self.seen(now, 1, rng);
+        now.run.snapshot.executive.see_second(seen);
     }
 
     fn first_again(&self, now: &mut Adaptation, rng: &mut ChaCha8Rng) -> Result<()> {
         let object = &now.start.objects[0];
-        let seen = self.seen(&now.run, now.start, 0, rng);
-        self.look_at_second(&mut now.run, now.start, rng);
+        let seen = self.seen(now, 0, rng);
+        self.look_at_second(now, rng);
         let best = self
             .within_reach(now, Role::First, &seen)
             .into_iter()
@@ -260,8 +270,8 @@ impl Bench {
 }
 
 impl Adaptation<'_> {
-    /// A grasp that just failed is worth less for the rest of the trial.
-    fn mark_down(&mut self, next: Next) {
+    /// A grasp that just failed is worth less for the rest of the trial, and the next one aims elsewhere. `sigma` is the arm's.
+    fn mark_down(&mut self, next: Next, sigma: f64) {
         let executive = &self.run.snapshot.executive;
         let (object, failed) = match next {
             Next::GoOn => return,
@@ -269,6 +279,12 @@ impl Adaptation<'_> {
             Next::SecondAgain => (1, executive.second().0.id),
         };
         *self.failures[object].entry(failed).or_default() += 1;
+        if next != Next::StartOver {
+            self.in_a_row += 1;
+            if self.in_a_row > 1 {
+                self.aim = probe(self.in_a_row, sigma);
+            }
+        }
     }
 }
 
