@@ -66,7 +66,7 @@ fn postures_on_a_rod_agree() {
     for push in &rest.pushes {
         println!("link {}: {:?} {:?}", push.link, forces[push.link].as_slice(), push.force.as_slice());
     }
-    assert!(rest.pushes.len() >= 8);
+    assert!(rest.pushes.len() >= 6);
     for push in &rest.pushes {
         let difference = (forces[push.link] - push.force).norm();
         assert!(difference < 0.1 * push.force.norm() + 0.1, "link {}", push.link);
@@ -83,14 +83,14 @@ fn closing_and_opening_follow_their_static_paths() {
     let digit = Digit::Middle;
     let (mut widest, mut farthest, mut stretch) = (0.0f64, 0.0f64, 0.0f64);
     let pull = |step: i32| 0.1 * f64::from(step);
-    for (state, steps) in [(1.0, (1..=80).collect::<Vec<i32>>()), (-1.0, (20..80).rev().collect())] {
+    for (state, steps) in [(1.0, (1..=80).collect::<Vec<i32>>()), (-1.0, (8..80).rev().collect())] {
         for step in steps {
             let mut tensions = [0.0; 5];
             tensions[digit.index()] = pull(step);
             stand.run(&tension_goals(&hand, &tensions, 0.0), 0.15);
-            // Where the direction has just turned round, the cable still sticks.
-            let sticks = state < 0.0 && step > 60;
-            if step < 10 || sticks {
+            // After the turn the cable sticks until the tension has fallen by what the guides hold, exp(-2 mu phi).
+            let sticks = state < 0.0 && step > 26;
+            if step < 8 || sticks {
                 continue;
             }
             let tension = stand.tensions()[digit.index()];

@@ -3,8 +3,9 @@
 //! [`executive`] runs a trial tick by tick; [`perception`] says what touch makes of its images, [`strategy`] which grasp takes the
 //! next object, [`recovery`] what to do when a grasp has failed; [`inverse_kinematics`] turns palm poses into joint set-points that never jump and never leave the arm's limits;
 //! [`trajectory`] makes palm paths that hold Cartesian speed and acceleration limits; [`collision`] says how close the
-//! hand and what it holds come to what stands around them along such a path.
+//! hand and what it holds come to what stands around them along such a path, [`arm_clearance`] how near the arm comes to itself.
 
+pub mod arm_clearance;
 pub mod collision;
 pub mod executive;
 pub mod inverse_kinematics;
