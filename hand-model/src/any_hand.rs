@@ -14,7 +14,7 @@
 //! ```
 //!
 //! Links on fixed joints become part of the link that carries them. A joint that mimics another follows it. Collision meshes
-//! stand for the convex hull of their points, so that it does not matter whether they are watertight.
+//! stand for the convex hull of their points, so that they need not be watertight; [`AnyHand::notes`] names those that are not.
 
 mod points;
 
@@ -97,6 +97,8 @@ pub struct AnyHand {
     pub damping: f64,
     /// Armature of every joint, kg m2.
     pub armature: f64,
+    /// What was taken otherwise than the files say, a line each.
+    pub notes: Vec<String>,
 }
 
 #[derive(Deserialize)]
@@ -130,16 +132,18 @@ impl AnyHand {
         check_masses(&robot, urdf_path)?;
         let tree = frames(&robot, urdf_path, &[])?;
         let carried = carriers(&robot, &tree);
+        let mut notes = Vec::new();
         let mut hand = Self {
             name: robot.name.clone(),
             masses: masses(&robot, &tree, &carried, urdf_path)?,
-            solids: solids(&robot, &carried, urdf_path)?,
+            solids: solids(&robot, &carried, urdf_path, &mut notes)?,
             followers: followers(&robot, &tree, urdf_path)?,
             tree,
             pulls: Vec::new(),
             spring: 0.0,
             damping: 0.0,
             armature: 0.0,
+            notes,
         };
         hand.read_pulls(pulls, pulls_path)?;
         Ok(hand)
@@ -260,6 +264,7 @@ fn solids(
     robot: &Robot,
     carried: &BTreeMap<String, (Option<usize>, Isometry3<f64>)>,
     path: &Path,
+    notes: &mut Vec<String>,
 ) -> Result<Vec<Solid>, ModelError> {
     let mut solids = Vec::new();
     for link in &robot.links {
@@ -272,7 +277,14 @@ fn solids(
                 Geometry::Cylinder { radius, length } => SolidShape::Cylinder(*radius, 0.5 * length),
                 Geometry::Mesh { filename, scale } => {
                     let scale = scale.as_ref().map_or(Vector3::repeat(1.0), |scale| Vector3::from(scale.0));
-                    SolidShape::Hull(points::read(filename, &scale, path, &element)?)
+                    let points = points::read(filename, &scale, path, &element)?;
+                    if points.open_edges > 0 {
+                        let (file, open) = (path.display(), points.open_edges);
+                        notes.push(format!(
+                            "{file}: {element}.mesh: `{filename}` is not watertight ({open} open edges); its convex hull stands for it"
+                        ));
+                    }
+                    SolidShape::Hull(points.vertices)
                 }
                 other => {
                     let expected = "box, sphere, cylinder or mesh";
@@ -363,6 +375,14 @@ mod tests {
                 URDF.replace("<parent link=\"jaw\"/>", "<parent link=\"jam\"/>"),
                 PULLS.into(),
                 "clamp.urdf: joint[weld].parent: found `jam`",
+            ),
+            (
+                URDF.replace(
+                    "<parent link=\"base\"/><child link=\"other\"/>",
+                    "<parent link=\"base\"/><child link=\"tip\"/>",
+                ),
+                PULLS.into(),
+                "clamp.urdf: joint[second].child: found `tip`",
             ),
             (
                 URDF.into(),

@@ -5,6 +5,8 @@ use std::path::Path;
 use serde::Deserialize;
 
 use crate::error::ModelError;
+use crate::transmission::SPANS;
+use crate::transmission::friction::CableFriction;
 
 /// The whole of `ftac_hand.toml`. Field names are those of the file, which documents them.
 #[derive(Debug, Clone, Deserialize)]
@@ -98,6 +100,8 @@ pub struct Cable {
     pub spool_radius: f64,
     /// Tension per stretch, N/m.
     pub stiffness: f64,
+    /// Friction in the guides.
+    pub friction: CableFriction,
 }
 
 #[derive(Debug, Clone, Copy, Deserialize)]
@@ -193,6 +197,31 @@ impl HandParameters {
         }
         if self.pad.len() != crate::PADS {
             return Err(fault("file".into(), "pad", format!("{} pads", self.pad.len()), "17 pads"));
+        }
+        let positive = [
+            ("spool_radius", self.cable.spool_radius),
+            ("stiffness", self.cable.stiffness),
+            ("friction.presliding", self.cable.friction.presliding),
+        ];
+        for (field, value) in positive {
+            if !(value.is_finite() && value > 0.0) {
+                return Err(fault("cable".into(), field, value.to_string(), "a positive number"));
+            }
+        }
+        let least = [
+            ("friction.coefficient", self.cable.friction.coefficient),
+            ("friction.routing", self.cable.friction.routing),
+        ];
+        for (field, value) in least {
+            if !(value.is_finite() && value >= 0.0) {
+                return Err(fault("cable".into(), field, value.to_string(), "zero or a positive number"));
+            }
+        }
+        for actuator in &self.actuator {
+            if actuator.cable.len() > SPANS {
+                let found = format!("{} joints", actuator.cable.len());
+                return Err(fault(format!("actuator[{}]", actuator.name), "cable", found, "at most 3 joints"));
+            }
         }
         let mut known = vec!["palm"];
         for joint in &self.joint {

@@ -6,10 +6,15 @@
 //! in the obstacle under a foundation stiffness k (Pa/m). The gradient is the joint torque balance. Tension is raised from zero
 //! in steps and each step solved by a damped Newton method, so that the digits come to rest where closing leads them and not
 //! behind the obstacle. The obstacle does not move and has no friction. The opposition joint stands where it is told to.
+//!
+//! With friction in the guides every span has its own tension ([`crate::transmission::friction`]), which is frozen at the
+//! posture a load step starts from and found anew until it no longer changes.
 
 use nalgebra::{DMatrix, DVector, Point3, Vector3};
 
 use crate::hand::{Hand, SkinElement};
+use crate::transmission::SPANS;
+use crate::transmission::friction::CableFriction;
 use crate::{Digit, HAND_JOINTS};
 
 /// Size of a skin element's side, m.
@@ -22,8 +27,25 @@ const ITERATIONS: usize = 200;
 const TOLERANCE: f64 = 1e-7;
 /// Torques farther from balance than this are no equilibrium, N m.
 const FAILURE: f64 = 1e-4;
+/// Rounds in which the spans' tensions are found anew at most, and the change of an angle at which they stand, rad.
+const ROUNDS: usize = 30;
+const STANDS: f64 = 1e-6;
 /// Largest change of a joint in one iteration, rad.
 const LARGEST_STEP: f64 = 0.05;
+
+/// The cables' friction with all guides in the same state: 1 when the digits have closed, -1 when they have opened.
+#[derive(Debug, Clone, Copy)]
+pub struct Slid {
+    /// Friction in the guides.
+    pub friction: CableFriction,
+    /// State of all guides, -1 to 1.
+    pub state: f64,
+}
+
+impl Slid {
+    /// Guides that take nothing.
+    pub const NOTHING: Self = Self { friction: CableFriction::NONE, state: 0.0 };
+}
 
 /// What is pushed where.
 #[derive(Debug, Clone, Copy)]
@@ -61,10 +83,17 @@ pub struct NoEquilibrium {
 
 /// Equilibrium without contact at cable `tensions` (N), the opposition joint at `opposition` (rad).
 pub fn free(hand: &Hand, tensions: &[f64; 5], opposition: f64) -> [f64; HAND_JOINTS] {
+    free_sliding(hand, tensions, opposition, &Slid::NOTHING)
+}
+
+/// As [`free`], for cables that rub in their guides.
+pub fn free_sliding(hand: &Hand, tensions: &[f64; 5], opposition: f64, slid: &Slid) -> [f64; HAND_JOINTS] {
     let mut angles = [0.0; HAND_JOINTS];
     angles[hand.transmission.opposition_joint] = opposition;
     for (cable, tension) in tensions.iter().enumerate() {
-        for (joint, angle) in hand.transmission.free_angles(cable, *tension, std::f64::consts::FRAC_PI_2) {
+        let upper = std::f64::consts::FRAC_PI_2;
+        let found = hand.transmission.free_angles_sliding(cable, *tension, upper, &slid.friction, slid.state);
+        for (joint, angle) in found {
             angles[joint] = angle.clamp(hand.tree.joints[joint].lower, hand.tree.joints[joint].upper);
         }
     }
@@ -77,6 +106,7 @@ pub fn against(
     hand: &Hand,
     tensions: &[f64; 5],
     opposition: f64,
+    slid: &Slid,
     foundation: f64,
     obstacle: impl Fn(&Point3<f64>) -> (f64, Vector3<f64>),
 ) -> Result<Equilibrium, NoEquilibrium> {
@@ -89,9 +119,18 @@ pub fn against(
         let full = tensions[digit.index()];
         for step in 1..=LOAD_STEPS {
             let tension = full * step as f64 / LOAD_STEPS as f64;
-            let rest = problem.relax(&mut angles, tension);
-            if rest > FAILURE {
-                return Err(NoEquilibrium { digit: digit.name(), tension, found: rest });
+            for _ in 0..ROUNDS {
+                let before = angles;
+                let path = &hand.transmission.cables[digit.index()];
+                let spans = path.span_tensions(&angles, tension, &slid.friction, &[slid.state; SPANS]);
+                let rest = problem.relax(&mut angles, &spans);
+                if rest > FAILURE {
+                    return Err(NoEquilibrium { digit: digit.name(), tension, found: rest });
+                }
+                let changed = angles.iter().zip(&before).fold(0.0, |most: f64, (a, b)| most.max((a - b).abs()));
+                if slid.friction.coefficient == 0.0 || changed < STANDS {
+                    break;
+                }
             }
         }
         pushes.extend(problem.pushes(&angles));
@@ -113,12 +152,13 @@ impl<F: Fn(&Point3<f64>) -> (f64, Vector3<f64>)> Problem<'_, F> {
     }
 
     /// Energy (J), its gradient (N m) and a positive approximation of its Hessian (N m/rad) over the cable's joints.
-    fn energy(&self, angles: &[f64; HAND_JOINTS], tension: f64) -> (f64, DVector<f64>, DMatrix<f64>) {
+    fn energy(&self, angles: &[f64; HAND_JOINTS], spans: &[f64; SPANS]) -> (f64, DVector<f64>, DMatrix<f64>) {
         let path = &self.hand.transmission.cables[self.digit.index()];
         let n = path.joints.len();
         let (mut energy, mut gradient, mut hessian) = (0.0, DVector::zeros(n), DMatrix::zeros(n, n));
         for (row, (joint, guides)) in path.joints.iter().enumerate() {
             let (q, k) = (angles[*joint], self.hand.transmission.springs[*joint]);
+            let tension = spans[row];
             energy += 0.5 * k * q * q - tension * guides.excursion(q);
             gradient[row] = k * q - tension * guides.moment_arm(q);
             let h = 1e-5;
@@ -160,13 +200,13 @@ impl<F: Fn(&Point3<f64>) -> (f64, Vector3<f64>)> Problem<'_, F> {
         }
     }
 
-    /// Moves the digit to rest at `tension`; returns the largest torque left, N m.
-    fn relax(&self, angles: &mut [f64; HAND_JOINTS], tension: f64) -> f64 {
+    /// Moves the digit to rest at its spans' tensions; returns the largest torque left, N m.
+    fn relax(&self, angles: &mut [f64; HAND_JOINTS], spans: &[f64; SPANS]) -> f64 {
         let joints = self.joints();
         let limits: Vec<(f64, f64)> =
             joints.iter().map(|j| (self.hand.tree.joints[*j].lower, self.hand.tree.joints[*j].upper)).collect();
         let mut damping = 0.0;
-        let (mut energy, mut gradient, mut hessian) = self.energy(angles, tension);
+        let (mut energy, mut gradient, mut hessian) = self.energy(angles, spans);
         for _ in 0..ITERATIONS {
             // A joint at its stop that is pushed against it takes no part.
             let stopped = |row: usize, angles: &[f64; HAND_JOINTS], gradient: &DVector<f64>| {
@@ -199,7 +239,7 @@ impl<F: Fn(&Point3<f64>) -> (f64, Vector3<f64>)> Problem<'_, F> {
             for (row, joint) in joints.iter().enumerate() {
                 trial[*joint] = (trial[*joint] + step[row]).clamp(limits[row].0, limits[row].1);
             }
-            let next = self.energy(&trial, tension);
+            let next = self.energy(&trial, spans);
             if next.0 <= energy + 1e-15 {
                 *angles = trial;
                 (energy, gradient, hessian) = next;
@@ -243,11 +283,29 @@ mod tests {
         fn free_is_the_limit_of_against(t in proptest::collection::vec(0.0f64..15.0, 5), opposition in 0.0f64..1.5) {
             let hand = Hand::ftac();
             let tensions = [t[0], t[1], t[2], t[3], t[4]];
-            let found = against(&hand, &tensions, opposition, 1e9, NOTHING).expect("at rest");
+            let found = against(&hand, &tensions, opposition, &Slid::NOTHING, 1e9, NOTHING).expect("at rest");
             let expected = free(&hand, &tensions, opposition);
             for (ours, closed) in found.angles.iter().zip(&expected) {
                 prop_assert!((ours - closed).abs() < 1e-4, "{ours} {closed}");
             }
+        }
+
+        /// The same with rubbing cables, closed and opened; closing less far than opening.
+        #[test]
+        fn free_is_the_limit_of_against_with_friction(tension in 0.5f64..10.0, opposition in 0.0f64..1.5) {
+            let hand = Hand::ftac();
+            let (tensions, friction) = ([tension; 5], hand.parameters.cable.friction);
+            let [closed, opened] = [1.0, -1.0].map(|state| {
+                let slid = Slid { friction, state };
+                let found = against(&hand, &tensions, opposition, &slid, 1e9, NOTHING).expect("at rest");
+                (found.angles, free_sliding(&hand, &tensions, opposition, &slid))
+            });
+            for (found, expected) in [&closed, &opened] {
+                for (ours, exact) in found.iter().zip(expected) {
+                    prop_assert!((ours - exact).abs() < 1e-4, "{ours} {exact}");
+                }
+            }
+            prop_assert!(closed.1[3] < opened.1[3] && closed.1[5] < opened.1[5]);
         }
 
         /// The gradient is the energy's derivative, contact included.
@@ -260,10 +318,10 @@ mod tests {
             let problem = Problem { hand: &hand, digit, skin, foundation: 1e8, obstacle: &wall };
             let mut angles = [0.0; HAND_JOINTS];
             angles[6..9].copy_from_slice(&q);
-            let (_, gradient, _) = problem.energy(&angles, tension);
+            let (_, gradient, _) = problem.energy(&angles, &[tension, 0.9 * tension, 0.7 * tension]);
             for row in 0..3 {
                 let h = 1e-7;
-                let at = |shift: f64| { let mut a = angles; a[6 + row] += shift; problem.energy(&a, tension).0 };
+                let at = |shift: f64| { let mut a = angles; a[6 + row] += shift; problem.energy(&a, &[tension, 0.9 * tension, 0.7 * tension]).0 };
                 let difference = (at(h) - at(-h)) / (2.0 * h);
                 prop_assert!((difference - gradient[row]).abs() < 1e-4 * (1.0 + gradient[row].abs()), "{row}: {difference} {}", gradient[row]);
             }
@@ -275,7 +333,7 @@ mod tests {
     fn balance_at_a_wall() {
         let hand = Hand::ftac();
         let wall = |p: &Point3<f64>| (p.z, Vector3::z());
-        let rest = against(&hand, &[0.0, 12.0, 0.0, 0.0, 0.0], 0.0, 1e9, wall).expect("at rest");
+        let rest = against(&hand, &[0.0, 12.0, 0.0, 0.0, 0.0], 0.0, &Slid::NOTHING, 1e9, wall).expect("at rest");
         let torques = hand.transmission.torques(&rest.angles, &[0.0, 12.0, 0.0, 0.0, 0.0]);
         let poses = hand.tree.forward(&rest.angles);
         assert!(!rest.pushes.is_empty());

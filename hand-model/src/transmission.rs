@@ -6,6 +6,17 @@
 //! the cable acts on a **moment arm** r(q) = -dl/dq. A torsion spring K with rest at 0 opens the joint. In equilibrium without
 //! contact K q = r(q) T. Virtual work makes the map from tension to torque the transpose of the map from joint speeds to
 //! excursion rate; a test holds it to that.
+//!
+//! With [`friction`] in the guides the tension differs from span to span: the cable turns by the spans' angle at each guide,
+//! and a joint feels the tension T_i of its own span, r_i(q) T_i. The work that is then missing at the joints is what the
+//! guides take. Cable stretch (`[cable] stiffness`) is between spool and first span, where the servo winds.
+
+pub mod friction;
+
+use friction::CableFriction;
+
+/// Joints that one cable crosses at most.
+pub const SPANS: usize = 3;
 
 /// The pair of guide points at one joint, in the plane across its axis at angle zero: (along the link, towards the palm side).
 #[derive(Debug, Clone, Copy)]
@@ -36,6 +47,13 @@ impl Guides {
         self.length(0.0) - self.length(q)
     }
 
+    /// Turns (rad) of the cable at the guides before and after the joint. Beside the joint it runs along the link.
+    pub fn wraps(&self, q: f64) -> [f64; 2] {
+        let [x, y] = self.rotated(q);
+        let slope = (y - self.before[1]).atan2(x - self.before[0]);
+        [slope.abs(), (q - slope).abs()]
+    }
+
     fn rotated(&self, q: f64) -> [f64; 2] {
         let (sin, cos) = q.sin_cos();
         let [x, y] = self.after;
@@ -61,6 +79,36 @@ impl CablePath {
         self.joints.iter().map(|(joint, guides)| guides.moment_arm(q[*joint]) * qd[*joint]).sum()
     }
 
+    /// How fast the cable slides over the guides before each span, m/s: as fast as all spans from there on shorten.
+    pub fn sliding(&self, q: &[f64], qd: &[f64]) -> [f64; SPANS] {
+        let mut speeds = [0.0; SPANS];
+        let mut sum = 0.0;
+        for (n, (joint, guides)) in self.joints.iter().enumerate().rev() {
+            sum += guides.moment_arm(q[*joint]) * qd[*joint];
+            speeds[n] = sum;
+        }
+        speeds
+    }
+
+    /// Tension of each span (N) for `tension` at the spool and guides in the given states of friction.
+    pub fn span_tensions(
+        &self,
+        q: &[f64],
+        tension: f64,
+        friction: &CableFriction,
+        states: &[f64; SPANS],
+    ) -> [f64; SPANS] {
+        let mut spans = [0.0; SPANS];
+        let (mut carried, mut turned) = (tension, friction.routing);
+        for (n, (joint, guides)) in self.joints.iter().enumerate() {
+            let [before, after] = guides.wraps(q[*joint]);
+            carried *= friction.ratio(states[n], turned + before);
+            spans[n] = carried;
+            turned = after;
+        }
+        spans
+    }
+
     /// Excursion with every crossed joint at `angle`, m.
     pub fn full_excursion(&self, angle: f64) -> f64 {
         self.joints.iter().map(|(_, guides)| guides.excursion(angle)).sum()
@@ -81,9 +129,14 @@ pub struct Transmission {
 impl Transmission {
     /// Joint torques (N m) of cable `tensions` (N) and springs at `q` (rad), opposition drive excluded.
     pub fn torques(&self, q: &[f64], tensions: &[f64; 5]) -> [f64; crate::HAND_JOINTS] {
+        self.span_torques(q, &tensions.map(|tension| [tension; SPANS]))
+    }
+
+    /// As [`Self::torques`], with the tension (N) of each cable's spans.
+    pub fn span_torques(&self, q: &[f64], spans: &[[f64; SPANS]; 5]) -> [f64; crate::HAND_JOINTS] {
         let mut torques: [f64; crate::HAND_JOINTS] = std::array::from_fn(|joint| -self.springs[joint] * q[joint]);
-        for (cable, tension) in self.cables.iter().zip(tensions) {
-            for (joint, guides) in &cable.joints {
+        for (cable, tensions) in self.cables.iter().zip(spans) {
+            for ((joint, guides), tension) in cable.joints.iter().zip(tensions) {
                 torques[*joint] += guides.moment_arm(q[*joint]) * tension;
             }
         }
@@ -103,28 +156,45 @@ impl Transmission {
 
     /// Angles (rad) of the joints on `cable` in static equilibrium at `tension` (N) without contact, within [0, `upper`].
     pub fn free_angles(&self, cable: usize, tension: f64, upper: f64) -> Vec<(usize, f64)> {
-        self.cables[cable]
-            .joints
-            .iter()
-            .map(|(joint, guides)| {
-                // K q - r(q) T is increasing wherever springs dominate the growth of r: bisect, which never diverges.
-                let residual = |q: f64| self.springs[*joint] * q - guides.moment_arm(q) * tension;
-                let (mut low, mut high) = (0.0, upper);
-                if residual(upper) <= 0.0 {
-                    return (*joint, upper);
-                }
+        self.free_angles_sliding(cable, tension, upper, &CableFriction::NONE, 0.0)
+    }
+
+    /// As [`Self::free_angles`], with all guides in the same `state` of friction: 1 after closing, -1 after opening.
+    pub fn free_angles_sliding(
+        &self,
+        cable: usize,
+        tension: f64,
+        upper: f64,
+        friction: &CableFriction,
+        state: f64,
+    ) -> Vec<(usize, f64)> {
+        let (mut carried, mut turned) = (tension, friction.routing);
+        let mut angles = Vec::with_capacity(SPANS);
+        for (joint, guides) in &self.cables[cable].joints {
+            let span = |q: f64| carried * friction.ratio(state, turned + guides.wraps(q)[0]);
+            // K q - r(q) T is increasing wherever springs dominate the growth of r: bisect, which never diverges.
+            let residual = |q: f64| self.springs[*joint] * q - guides.moment_arm(q) * span(q);
+            let (mut low, mut high) = (0.0, upper);
+            let angle = if residual(upper) <= 0.0 {
+                upper
+            } else {
                 for _ in 0..60 {
                     let middle = 0.5 * (low + high);
                     if residual(middle) < 0.0 { low = middle } else { high = middle }
                 }
-                (*joint, 0.5 * (low + high))
-            })
-            .collect()
+                0.5 * (low + high)
+            };
+            carried = span(angle);
+            turned = guides.wraps(angle)[1];
+            angles.push((*joint, angle));
+        }
+        angles
     }
 }
 
 #[cfg(test)]
 mod tests {
+    use super::*;
     use crate::Hand;
     use proptest::prelude::*;
     use std::f64::consts::FRAC_PI_2;
@@ -149,6 +219,30 @@ mod tests {
             let joint_power: f64 = (0..15).map(|j| (torques[j] + hand.transmission.springs[j] * q[j]) * qd[j]).sum();
             let cable_power: f64 = hand.transmission.cables.iter().zip(&tensions).map(|(c, t)| t * c.excursion_rate(&q, &qd)).sum();
             prop_assert!((joint_power - cable_power).abs() < 1e-9);
+        }
+
+        /// With friction the joints get less work than the spool gives, by what the sliding guides take.
+        #[test]
+        fn guides_take_the_missing_work(q in proptest::collection::vec(0.0f64..1.57, 15), qd in proptest::collection::vec(0.0f64..3.0, 15), tension in 0.0f64..40.0, cable in 0usize..5, closing: bool) {
+            let hand = Hand::ftac();
+            let path = &hand.transmission.cables[cable];
+            let friction = hand.parameters.cable.friction;
+            let (state, qd) = if closing { (1.0, qd) } else { (-1.0, qd.iter().map(|v| -v).collect()) };
+            let spans = path.span_tensions(&q, tension, &friction, &[state; SPANS]);
+            let given = tension * path.excursion_rate(&q, &qd);
+            let got: f64 = path.joints.iter().zip(spans).map(|((j, g), t)| g.moment_arm(q[*j]) * t * qd[*j]).sum();
+            let sliding = path.sliding(&q, &qd);
+            let taken: f64 = (0..path.joints.len()).map(|n| (if n == 0 { tension } else { spans[n - 1] } - spans[n]) * sliding[n]).sum();
+            prop_assert!(taken >= 0.0);
+            prop_assert!((given - got - taken).abs() < 1e-9, "{given} {got} {taken}");
+        }
+
+        /// A cable between symmetric guides turns by the joint's angle, half of it at each.
+        #[test]
+        fn turns_add_up_to_the_joint_angle(q in 0.0f64..1.57) {
+            let hand = Hand::ftac();
+            let [before, after] = hand.transmission.cables[1].joints[0].1.wraps(q);
+            prop_assert!((before + after - q).abs() < 1e-12 && (before - after).abs() < 1e-12);
         }
 
         #[test]

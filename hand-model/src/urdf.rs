@@ -197,6 +197,18 @@ pub(crate) fn frames(robot: &urdf_rs::Robot, path: &Path, expected: &[&str]) -> 
             }
         }
     }
+    for (n, joint) in robot.joints.iter().enumerate() {
+        let child = &joint.child.link;
+        if let Some(first) = robot.joints[..n].iter().find(|other| other.child.link == *child) {
+            let found = format!("`{child}`, which joint `{}` carries already", first.name);
+            return Err(fault(
+                format!("joint[{}]", joint.name),
+                "child",
+                found,
+                "a link of its own: a tree without loops",
+            ));
+        }
+    }
     let mut roots = robot.links.iter().filter(|link| !robot.joints.iter().any(|joint| joint.child.link == link.name));
     let Some(root) = roots.next() else {
         return Err(fault("robot".into(), "joint", "a loop: every link is some joint's child".into(), "one root link"));

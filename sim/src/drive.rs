@@ -1,6 +1,8 @@
 //! Six servos on the cable transmission: from servo goals to the torque and the implicit stiffness of every finger joint.
 
 use hand_model::robot::{ServoGoal, ServoState};
+use hand_model::transmission::SPANS;
+use hand_model::transmission::friction::CableFriction;
 use hand_model::{ACTUATORS, HAND_JOINTS, Hand};
 
 use crate::servo::ServoModel;
@@ -21,14 +23,21 @@ pub struct JointEffort {
 #[derive(Debug, Clone)]
 pub struct HandDrive {
     servos: [ServoModel; ACTUATORS],
-    /// Cable tensions of the last step, N.
+    friction: CableFriction,
+    slides: [[f64; SPANS]; 5],
+    /// Cable tensions at the spools in the last step, N.
     pub tensions: [f64; 5],
 }
 
 impl HandDrive {
-    /// All cables slack, all servos at rest.
-    pub fn new(hand: &Hand) -> Self {
-        Self { servos: std::array::from_fn(|_| ServoModel::new(hand.parameters.servo)), tensions: [0.0; 5] }
+    /// All cables slack, all servos at rest, guides with this friction.
+    pub fn new(hand: &Hand, friction: CableFriction) -> Self {
+        Self {
+            servos: std::array::from_fn(|_| ServoModel::new(hand.parameters.servo)),
+            friction,
+            slides: [[0.0; SPANS]; 5],
+            tensions: [0.0; 5],
+        }
     }
 
     /// Sets what each servo is asked for.
@@ -58,7 +67,8 @@ impl HandDrive {
             let rate = path.excursion_rate(q, qd);
             self.tensions[n] = self.servos[n].step_cable(&cable, excursion, rate, dt);
         }
-        let torques = transmission.torques(q, &self.tensions);
+        let spans = self.span_tensions(hand, q, qd, dt);
+        let torques = transmission.span_torques(q, &spans);
         let mut stiffness = transmission.springs;
         for (path, tension) in transmission.cables.iter().zip(&self.tensions) {
             if *tension > 0.0 {
@@ -71,6 +81,26 @@ impl HandDrive {
             std::array::from_fn(|joint| JointEffort { torque: torques[joint], stiffness: stiffness[joint] });
         efforts[transmission.opposition_joint] = self.step_opposition(hand, q, dt);
         efforts
+    }
+
+    /// Tension of every span, N, after the guides' friction has followed the cables' motion.
+    fn span_tensions(
+        &mut self,
+        hand: &Hand,
+        q: &[f64; HAND_JOINTS],
+        qd: &[f64; HAND_JOINTS],
+        dt: f64,
+    ) -> [[f64; SPANS]; 5] {
+        if self.friction.coefficient == 0.0 {
+            return self.tensions.map(|tension| [tension; SPANS]);
+        }
+        std::array::from_fn(|n| {
+            let path = &hand.transmission.cables[n];
+            for (state, speed) in self.slides[n].iter_mut().zip(path.sliding(q, qd)) {
+                *state = self.friction.slid(*state, speed * dt);
+            }
+            path.span_tensions(q, self.tensions[n], &self.friction, &self.slides[n])
+        })
     }
 
     /// The sixth servo turns the thumb's CMC joint through a stiff shaft.

@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use hand_model::robot::{ArmState, Command, Observation, Robot, Tick};
+use hand_model::transmission::friction::CableFriction;
 use hand_model::{ARM_JOINTS, Arm, Hand};
 use nalgebra::{Isometry3, UnitQuaternion, Vector3};
 use rapier3d_f64::prelude::*;
@@ -41,6 +42,8 @@ pub struct SceneSetup {
     pub arm_start: [f64; ARM_JOINTS],
     /// Objects on the table.
     pub objects: Vec<ObjectPlacement>,
+    /// Friction of the cables in their guides.
+    pub cable_friction: CableFriction,
     /// Engine settings.
     pub engine: EngineSettings,
 }
@@ -128,7 +131,7 @@ impl SimulatedRobot {
         let state = body.joint_state(&engine);
         let count = objects.len();
         Self {
-            drive: HandDrive::new(&hand),
+            drive: HandDrive::new(&hand, setup.cable_friction),
             last_from_palm: last_from_palm(&arm, &hand, &setup.mount_error),
             hand,
             arm,

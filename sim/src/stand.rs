@@ -12,6 +12,7 @@ mod prop;
 use std::sync::Arc;
 
 use hand_model::robot::{ServoGoal, ServoState};
+use hand_model::transmission::friction::CableFriction;
 use hand_model::{ACTUATORS, HAND_JOINTS, Hand};
 use nalgebra::{Isometry3, Point3, Vector3};
 use rapier3d_f64::prelude::{ColliderHandle, RigidBodyHandle, RigidBodyType};
@@ -50,8 +51,14 @@ pub struct HandStand {
 }
 
 impl HandStand {
-    /// The open hand without gravity.
+    /// The open hand without gravity; its cables rub in their guides as its parameters say.
     pub fn new(hand: Arc<Hand>, settings: EngineSettings) -> Self {
+        let friction = hand.parameters.cable.friction;
+        Self::with_friction(hand, settings, friction)
+    }
+
+    /// As [`Self::new`], with another friction of the cables in their guides.
+    pub fn with_friction(hand: Arc<Hand>, settings: EngineSettings, friction: CableFriction) -> Self {
         let covers = std::iter::once((None, &hand.palm_cover))
             .chain(hand.covers.iter().enumerate().map(|(link, cover)| (Some(link), cover)))
             .map(|(link, cover)| (link, cover_collider(cover)))
@@ -67,7 +74,7 @@ impl HandStand {
             defaults.armature,
         );
         linkage.set_gravity(&Vector3::zeros());
-        Self { drive: HandDrive::new(&hand), hand, linkage, props: Vec::new(), time: 0.0 }
+        Self { drive: HandDrive::new(&hand, friction), hand, linkage, props: Vec::new(), time: 0.0 }
     }
 
     /// The hand.

@@ -19,7 +19,7 @@ fn hand(urdf: &str, pulls: &str) -> Option<Arc<AnyHand>> {
         eprintln!("NOT CHECKED: {} is not there", path.display());
         return None;
     }
-    let hand = AnyHand::read(&path, &crate_folder.join("tests/data").join(pulls)).expect("loads");
+    let hand = AnyHand::read(&path, &crate_folder.join("../hand-model/data/hands").join(pulls)).expect("loads");
     Some(Arc::new(hand))
 }
 

@@ -1,8 +1,9 @@
-//! Vertices of mesh files: Wavefront OBJ and STL, binary or text.
+//! Vertices of mesh files: Wavefront OBJ and STL, binary or text, and whether their faces close.
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-use nalgebra::{Point3, Vector3};
+use nalgebra::{Matrix3, Point3, Vector3};
 
 use crate::error::ModelError;
 use crate::urdf::fault;
@@ -10,29 +11,92 @@ use crate::urdf::fault;
 /// A link that is longer than this is probably in millimetres, m.
 const LARGEST: f64 = 2.0;
 
-/// The vertices of the mesh `filename` that `element` of the URDF at `urdf` names, scaled, m.
-pub fn read(filename: &str, scale: &Vector3<f64>, urdf: &Path, element: &str) -> Result<Vec<Point3<f64>>, ModelError> {
+/// Thinner than this, points span no volume, m.
+const FLAT: f64 = 1e-6;
+
+/// A mesh file as a cloud of points.
+#[derive(Debug)]
+pub struct Points {
+    /// Vertices, scaled, m.
+    pub vertices: Vec<Point3<f64>>,
+    /// Edges that do not have exactly two faces: 0 if the mesh is watertight.
+    pub open_edges: usize,
+}
+
+/// The mesh `filename` that `element` of the URDF at `urdf` names.
+pub fn read(filename: &str, scale: &Vector3<f64>, urdf: &Path, element: &str) -> Result<Points, ModelError> {
     let file = locate(filename, urdf);
     let wrong =
         |field: &str, found: String, expected: &str| fault(urdf, format!("{element}.mesh"), field, found, expected);
     let bytes = std::fs::read(&file)
         .map_err(|error| wrong("filename", format!("{}: {error}", file.display()), "a mesh file beside the URDF"))?;
     let extension = file.extension().and_then(|end| end.to_str()).unwrap_or_default().to_lowercase();
+    if scale.iter().any(|part| !part.is_finite() || *part == 0.0) {
+        return Err(wrong("scale", format!("{:?}", scale.as_slice()), "three finite numbers, none of them zero"));
+    }
     let vertices = match extension.as_str() {
         "obj" => text_vertices(&bytes, "v"),
         "stl" => binary_stl(&bytes).or_else(|| text_vertices(&bytes, "vertex")),
         _ => return Err(wrong("filename", format!("`{filename}`"), "an .obj or .stl file")),
     };
+    let faces = if extension == "obj" { obj_faces(&bytes) } else { triples(vertices.as_ref().map_or(0, Vec::len)) };
     let Some(vertices) = vertices.filter(|vertices| vertices.len() >= 4) else {
         return Err(wrong("filename", format!("no readable vertices in {}", file.display()), "at least four vertices"));
     };
+    let open_edges = open_edges(&vertices, &faces);
     let vertices: Vec<Point3<f64>> = vertices.iter().map(|v| Point3::from(v.component_mul(scale))).collect();
     let reach = vertices.iter().map(|vertex| vertex.coords.norm()).fold(0.0, f64::max);
     if reach > LARGEST {
         let expected = "metres: a mesh in millimetres needs scale=\"0.001 0.001 0.001\"";
         return Err(wrong("scale", format!("vertices up to {reach:.1} m from the origin"), expected));
     }
-    Ok(vertices)
+    let middle: Vector3<f64> =
+        vertices.iter().map(|vertex| vertex.coords).sum::<Vector3<f64>>() / vertices.len() as f64;
+    let spread: Matrix3<f64> =
+        vertices.iter().map(|vertex| (vertex.coords - middle) * (vertex.coords - middle).transpose()).sum();
+    let thinnest = (spread.symmetric_eigenvalues().min().max(0.0) / vertices.len() as f64).sqrt();
+    if thinnest < FLAT {
+        return Err(wrong("filename", "points in one plane".into(), "points that span a volume"));
+    }
+    Ok(Points { vertices, open_edges })
+}
+
+/// Faces of an STL: its vertices three by three.
+fn triples(vertices: usize) -> Vec<Vec<usize>> {
+    (0..vertices / 3).map(|n| vec![3 * n, 3 * n + 1, 3 * n + 2]).collect()
+}
+
+/// Vertex indices of an OBJ's faces, from 0; what cannot be read as an index is left out.
+fn obj_faces(bytes: &[u8]) -> Vec<Vec<usize>> {
+    let text = String::from_utf8_lossy(bytes);
+    let corner = |word: &str| word.split('/').next()?.parse::<usize>().ok()?.checked_sub(1);
+    text.lines()
+        .filter_map(|line| line.trim_start().strip_prefix("f "))
+        .map(|rest| rest.split_whitespace().filter_map(corner).collect())
+        .collect()
+}
+
+/// Edges without exactly two faces. Vertices at the same place are the same.
+fn open_edges(vertices: &[Vector3<f64>], faces: &[Vec<usize>]) -> usize {
+    let mut places: BTreeMap<[u64; 3], usize> = BTreeMap::new();
+    // Adding zero makes -0 and 0 the same place.
+    let place: Vec<usize> = vertices
+        .iter()
+        .map(|v| {
+            let next = places.len();
+            *places.entry([v.x, v.y, v.z].map(|part| (part + 0.0).to_bits())).or_insert(next)
+        })
+        .collect();
+    let mut edges: BTreeMap<(usize, usize), usize> = BTreeMap::new();
+    for face in faces {
+        for (n, corner) in face.iter().enumerate() {
+            let (Some(a), Some(b)) = (place.get(*corner), place.get(face[(n + 1) % face.len()])) else { continue };
+            if a != b {
+                *edges.entry((*a.min(b), *a.max(b))).or_insert(0) += 1;
+            }
+        }
+    }
+    edges.values().filter(|count| **count != 2).count()
 }
 
 /// A path relative to the URDF; of a package path, the part behind the package's name, from the URDF's folder upwards.
@@ -74,6 +138,17 @@ fn binary_stl(bytes: &[u8]) -> Option<Vec<Vector3<f64>>> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// A tetrahedron is closed; without one face the three edges around the hole are open.
+    #[test]
+    fn open_edges_are_counted() {
+        let corners = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]].map(Vector3::from);
+        let faces = obj_faces(b"f 1 3 2\nf 1/1 2/2 4/4\nf 1//1 4//1 3//1\nf 2 3 4\n");
+        assert_eq!(open_edges(&corners, &faces), 0);
+        assert_eq!(open_edges(&corners, &faces[..3]), 3);
+        let soup: Vec<Vector3<f64>> = faces.iter().flatten().map(|corner| corners[*corner]).collect();
+        assert_eq!(open_edges(&soup, &triples(12)), 0);
+    }
 
     #[test]
     fn both_kinds_of_stl_and_obj_agree() {

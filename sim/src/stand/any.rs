@@ -3,7 +3,8 @@
 use std::sync::Arc;
 
 use hand_model::any_hand::{AnyHand, SolidShape};
-use nalgebra::{Isometry3, Vector3};
+use nalgebra::{Isometry3, Point3, Vector3};
+use rapier3d_f64::geometry::ConvexPolyhedron;
 use rapier3d_f64::prelude::*;
 
 use super::{Linkage, Prop};
@@ -72,6 +73,31 @@ impl AnyStand {
         }
     }
 
+    /// Sets gravity (m/s2, root frame).
+    pub fn set_gravity(&mut self, gravity: &Vector3<f64>) {
+        self.linkage.set_gravity(gravity);
+    }
+
+    /// `root_from_prop` of the props, in the order in which they were put.
+    pub fn poses(&self) -> Vec<Isometry3<f64>> {
+        let bodies = &self.linkage.engine().bodies;
+        self.props.iter().map(|(body, _)| convert::to_pose(bodies[*body].position())).collect()
+    }
+
+    /// The collision shapes as triangles in the root frame, three points a triangle: for pictures.
+    pub fn triangles(&self) -> Vec<[Point3<f64>; 3]> {
+        let links = self.links();
+        let mut triangles = Vec::new();
+        for solid in &self.hand.solids {
+            let pose = solid.link.map_or(Isometry3::identity(), |link| links[link]) * solid.link_from_solid;
+            for (vertices, indices) in surface(&solid.shape) {
+                let place = |index: u32| pose * Point3::from(convert::to_vector(vertices[index as usize]));
+                triangles.extend(indices.iter().map(|corners| corners.map(place)));
+            }
+        }
+        triangles
+    }
+
     /// Joint angles, rad.
     pub fn angles(&self) -> &[f64] {
         self.linkage.angles()
@@ -91,6 +117,24 @@ impl AnyStand {
             }
         }
         forces
+    }
+}
+
+/// Vertices and triangles of a shape's surface.
+fn surface(shape: &SolidShape) -> Vec<(Vec<Vector>, Vec<[u32; 3]>)> {
+    const ROUND: u32 = 20;
+    match shape {
+        SolidShape::Cuboid(half) => vec![Cuboid::new(convert::vector(half)).to_trimesh()],
+        SolidShape::Sphere(radius) => vec![Ball::new(*radius).to_trimesh(ROUND, ROUND)],
+        SolidShape::Cylinder(radius, half) => {
+            let (vertices, triangles) = Cylinder::new(*half, *radius).to_trimesh(ROUND);
+            let upright = Rotation::from_rotation_arc(Vector::Y, Vector::Z);
+            vec![(vertices.into_iter().map(|vertex| upright * vertex).collect(), triangles)]
+        }
+        SolidShape::Hull(points) => {
+            let points: Vec<Vector> = points.iter().map(convert::point).collect();
+            ConvexPolyhedron::from_convex_hull(&points).map(|hull| hull.to_trimesh()).into_iter().collect()
+        }
     }
 }
 

@@ -57,7 +57,7 @@ pub fn shortfall(rows: &[Row]) -> Option<String> {
     let bad: Vec<String> = rows
         .iter()
         .filter(|row| row.verdict != Verdict::Good)
-        .map(|row| format!("{}: {} (paper: {})", row.what, row.ours, row.paper))
+        .map(|row| format!("{}: {} (beside: {})", row.what, row.ours, row.paper))
         .collect();
     (!bad.is_empty()).then(|| bad.join("; "))
 }

@@ -54,6 +54,9 @@ pub enum Command {
     /// The hand itself.
     #[command(subcommand)]
     Hand(HandCommand),
+    /// The arm that carries it.
+    #[command(subcommand)]
+    Arm(ArmCommand),
     /// Grasps: repertoires and plans.
     #[command(subcommand)]
     Grasps(GraspsCommand),
@@ -163,6 +166,8 @@ impl Policy {
 pub enum HandCommand {
     /// Check the body's figures against the paper's, in physics where they are about motion.
     Check(CheckArgs),
+    /// Close any hand on a ball: a URDF and a file that says what pulls on its joints.
+    Close(CloseArgs),
     /// Write scenes for a second engine, with the commands and what ours made of them.
     Export {
         /// Folder for the MJCF files and scenes.json.
@@ -192,6 +197,40 @@ pub struct CheckArgs {
     /// Folder for pictures and check.json.
     #[arg(long)]
     pub out: Option<PathBuf>,
+}
+
+/// Arguments of `hand close`.
+#[derive(Debug, Args)]
+pub struct CloseArgs {
+    /// The hand: URDF with collision boxes, spheres, cylinders or OBJ/STL meshes.
+    #[arg(long)]
+    pub urdf: PathBuf,
+    /// What pulls on its joints (TOML; hand-model/data/hands has two to start from).
+    #[arg(long)]
+    pub transmission: PathBuf,
+    /// Where the ball's centre is held while the hand closes, in the root link's frame, m: x,y,z.
+    #[arg(long, required = true, value_delimiter = ',', allow_hyphen_values = true)]
+    pub at: Vec<f64>,
+    /// The ball's diameter, mm.
+    #[arg(long, default_value_t = 60.0)]
+    pub ball_diameter_mm: f64,
+    /// Tension of each actuator, N: one for all, or one each in the file's order.
+    #[arg(long, value_delimiter = ',', default_value = "12", allow_hyphen_values = true)]
+    pub tensions: Vec<f64>,
+    /// Picture to write (PNG).
+    #[arg(long)]
+    pub out: Option<PathBuf>,
+}
+
+/// `arm` commands.
+#[derive(Debug, Subcommand)]
+pub enum ArmCommand {
+    /// Check the arm: limits, gravity compensation, inverse kinematics, reach, and what it does where it cannot follow.
+    Check {
+        /// Folder for pictures and check.json.
+        #[arg(long)]
+        out: Option<PathBuf>,
+    },
 }
 
 /// A grasp's role on the command line.

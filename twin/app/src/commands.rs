@@ -15,8 +15,8 @@ use touch::{Calibration, TouchPipeline};
 
 use crate::bench::{self, Options};
 use crate::cli::{
-    BenchArgs, Body, CheckArgs, Cli, Command, GraspsCommand, HandCommand, OpticsCommand, RoleArg, TouchCommand,
-    TrialArgs,
+    ArmCommand, BenchArgs, Body, CheckArgs, Cli, Command, GraspsCommand, HandCommand, OpticsCommand, RoleArg,
+    TouchCommand, TrialArgs,
 };
 use crate::generate::Effort;
 use crate::journal::{Journal, RunRequest};
@@ -24,7 +24,7 @@ use crate::plan::{self, Plans};
 use crate::recording::Recording;
 use crate::trial::Bench;
 use crate::world::World;
-use crate::{calibrate, check, generate, optics_commands, synthesis};
+use crate::{arm_check, calibrate, check, generate, hand_close, optics_commands, synthesis};
 
 /// The hand unit that runs the trials, and the one that photometric stereo was calibrated on.
 const HAND_UNIT: u64 = 7;
@@ -41,6 +41,11 @@ pub fn run(cli: &Cli) -> Outcome {
         Command::View { path } => view(path),
         Command::Report { folders, out } => report(cli, folders, out.as_deref()),
         Command::Hand(HandCommand::Check(args)) => hand_check(cli, args),
+        Command::Hand(HandCommand::Close(args)) => hand_close::run(cli, args),
+        Command::Arm(ArmCommand::Check { out }) => {
+            let rows = arm_check::run(cli.seed, out.as_deref(), cli.quiet)?;
+            show_rows(cli, &rows, out.as_deref())
+        }
         Command::Hand(HandCommand::Export { mjcf }) => {
             check::second_engine::export(&Arc::new(Hand::ftac()), mjcf)?;
             eprintln!(
@@ -333,16 +338,21 @@ fn hand_check(cli: &Cli, args: &CheckArgs) -> Outcome {
     }
     let options = check::Options { public_model: &args.public_model, out: args.out.as_deref(), seed: cli.seed };
     let rows = check::run(&hand, &options)?;
+    show_rows(cli, &rows, args.out.as_deref())
+}
+
+/// Prints the rows of a check and keeps them in `folder`.
+fn show_rows(cli: &Cli, rows: &[check::Row], folder: Option<&Path>) -> Outcome {
     let text = serde_json::json!({ "seed": cli.seed, "rows": rows });
-    if let Some(folder) = &args.out {
+    if let Some(folder) = folder {
         crate::report::write_whole(&folder.join("check.json"), serde_json::to_string_pretty(&text)?.as_bytes())?;
     }
     if cli.json {
         println!("{text}");
     } else {
-        print!("{}", check::row::table(&rows));
+        print!("{}", check::row::table(rows));
     }
-    Ok(check::shortfall(&rows))
+    Ok(check::shortfall(rows))
 }
 
 fn hand_grasps(cli: &Cli, args: &CheckArgs, hand: &Arc<Hand>) -> Outcome {

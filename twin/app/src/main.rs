@@ -2,6 +2,7 @@
 //!
 //! Exit codes: 0 done and good, 1 ran but the result falls short (named on stderr), 2 bad usage or bad input.
 
+mod arm_check;
 mod bench;
 mod bridge;
 mod calibrate;
@@ -9,6 +10,7 @@ mod check;
 mod cli;
 mod commands;
 mod generate;
+mod hand_close;
 mod journal;
 mod optics_commands;
 mod plan;

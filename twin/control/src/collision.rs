@@ -246,7 +246,7 @@ pub fn clearance_at(
 }
 
 /// Signed distance of two solids, the first at `world_from_a`.
-fn signed_distance(a: &Solid, world_from_a: &Isometry3<f64>, b: &Solid) -> Result<f64, CollisionError> {
+pub(crate) fn signed_distance(a: &Solid, world_from_a: &Isometry3<f64>, b: &Solid) -> Result<f64, CollisionError> {
     let (pose_a, pose_b) = (parry_pose(world_from_a), parry_pose(&b.pose));
     let core = if let Some(plane) = b.shape.as_halfspace() {
         over_plane(a.shape.as_ref(), &pose_b.inv_mul(&pose_a), plane.normal)

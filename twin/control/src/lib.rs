@@ -4,8 +4,9 @@
 //! next object, [`recovery`] what to do when a grasp has failed, [`stand_in`] how to take what fell over;
 //! [`inverse_kinematics`] turns palm poses into joint set-points that never jump and never leave the arm's limits;
 //! [`trajectory`] makes palm paths that hold Cartesian speed and acceleration limits; [`collision`] says how close the
-//! hand and what it holds come to what stands around them along such a path.
+//! hand and what it holds come to what stands around them along such a path, [`arm_clearance`] how near the arm comes to itself.
 
+pub mod arm_clearance;
 pub mod collision;
 pub mod executive;
 pub mod inverse_kinematics;

@@ -69,7 +69,7 @@ pub fn table(rows: &[Row]) -> String {
             Verdict::FallsShort => "FALLS SHORT",
             Verdict::NotChecked => "NOT CHECKED",
         };
-        text += &format!("{:34} {:>24}   paper: {:30} {verdict}\n", row.what, row.ours, row.paper);
+        text += &format!("{:34} {:>24}   beside: {:30} {verdict}\n", row.what, row.ours, row.paper);
         text += &format!("    {}\n", row.method);
         if let Some(picture) = &row.picture {
             text += &format!("    picture: {picture}\n");

@@ -8,6 +8,7 @@ use std::time::Instant;
 
 use anyhow::{Context, Result};
 use hand_model::robot::{Command, Robot, ServoGoal};
+use hand_model::transmission::friction::CableFriction;
 use hand_model::{ARM_JOINTS, Arm, Hand};
 use nalgebra::{Isometry3, UnitQuaternion, Vector3};
 use scenarios::objects::ObjectSet;
@@ -101,7 +102,8 @@ fn trials(hand: &Hand) -> Vec<Trial> {
 /// Runs a trial in our engine. Returns what the second engine needs and what ours found.
 fn run(hand: &Arc<Hand>, trial: &Trial) -> Value {
     let settings = EngineSettings::default();
-    let mut stand = HandStand::new(hand.clone(), settings);
+    // MuJoCo's tendons have the same tension all along.
+    let mut stand = HandStand::with_friction(hand.clone(), settings, CableFriction::NONE);
     let prop = trial.prop.as_ref().map(|(prop, pose)| stand.put(prop.clone(), pose));
     if prop.is_none() {
         stand.set_gravity(&trial.gravity);
@@ -189,6 +191,7 @@ fn whole(hand: &Arc<Hand>, folder: &Path) -> Result<Value> {
         mount_error: UnitQuaternion::identity(),
         arm_start: start,
         objects: placed.into_iter().map(|(model, pose)| ObjectPlacement { model, pose }).collect(),
+        cable_friction: CableFriction::NONE,
         engine: settings,
     };
     let mut robot = SimulatedRobot::new(hand.clone(), arm, &setup, TactileBoard::blank());

@@ -1,0 +1,143 @@
+//! How near the arm comes to itself and to the hand it carries: self-collision.
+//!
+//! Each link is a capsule from its joint to the next one's, the hand its palm and a box around the open digits. Links that a
+//! joint connects are not compared, nor the wrist with the palm it carries.
+
+use hand_model::{ARM_JOINTS, Digit, Hand};
+use nalgebra::{Isometry3, Point3, Vector3};
+use parry3d_f64::math::Vector;
+use parry3d_f64::shape::SharedShape;
+
+use crate::collision::{CollisionError, Solid, hand_solids, signed_distance};
+use crate::inverse_kinematics::{ArmKinematics, Joints};
+
+/// Radii of the tubes of base, shoulder, upper arm and forearm, and of the wrist, m: outer sizes of the Gen3.
+const TUBE: f64 = 0.046;
+const WRIST: f64 = 0.040;
+/// First of the wrist's links.
+const WRIST_FROM: usize = 4;
+
+/// The bodies of arm and hand, each in its link's frame.
+#[derive(Clone)]
+pub struct ArmBodies {
+    /// Base, then the seven links.
+    links: Vec<Solid>,
+    /// Palm and digits, palm frame.
+    hand: Vec<Solid>,
+}
+
+/// The nearest two bodies.
+#[derive(Debug, Clone, PartialEq)]
+pub struct SelfClearance {
+    /// Distance, m; negative where they overlap.
+    pub distance: f64,
+    /// Names of the two.
+    pub between: [String; 2],
+}
+
+impl ArmBodies {
+    /// Bodies of the arm of `kinematics` with `hand` open.
+    pub fn new(kinematics: &ArmKinematics, hand: &Hand) -> Self {
+        let arm = kinematics.arm();
+        let end = |link: usize| match arm.tree.joints.get(link) {
+            Some(next) => next.origin.translation.vector,
+            None => arm.last_from_tool.translation.vector,
+        };
+        let links = (0..=ARM_JOINTS)
+            .map(|n| {
+                let name = n.checked_sub(1).map_or("base", |link| arm.links[link].as_str());
+                let radius = if n > WRIST_FROM { WRIST } else { TUBE };
+                let to = end(n);
+                let tip = Vector::new(to.x, to.y, to.z);
+                Solid::new(name, SharedShape::segment(Vector::ZERO, tip), Isometry3::identity()).grown(radius)
+            })
+            .collect();
+        Self { links, hand: hand_solids(hand, &vec![0.0; hand.tree.len()], &Digit::ALL, true) }
+    }
+
+    /// The nearest two bodies that could touch, at joint angles `q` (rad).
+    pub fn clearance(&self, kinematics: &ArmKinematics, q: &Joints) -> Result<SelfClearance, CollisionError> {
+        let mut poses = vec![kinematics.mount().world_from_base];
+        poses.extend(kinematics.link_poses(q));
+        let palm = kinematics.palm_pose(q);
+        let placed: Vec<Solid> =
+            self.links.iter().zip(&poses).map(|(link, pose)| Solid { pose: *pose, ..link.clone() }).collect();
+        let mut nearest = SelfClearance { distance: f64::INFINITY, between: [String::new(), String::new()] };
+        let mut compare = |a: &Solid, pose: &Isometry3<f64>, b: &Solid| -> Result<(), CollisionError> {
+            let distance = signed_distance(a, pose, b)?;
+            if distance < nearest.distance {
+                nearest = SelfClearance { distance, between: [a.name.clone(), b.name.clone()] };
+            }
+            Ok(())
+        };
+        for (n, first) in placed.iter().enumerate() {
+            for second in placed.iter().skip(n + 2) {
+                compare(first, &first.pose, second)?;
+            }
+        }
+        // The last three links are the wrist that carries the hand.
+        for body in &self.hand {
+            for link in placed.iter().take(placed.len() - 3) {
+                compare(body, &(palm * body.pose), link)?;
+            }
+        }
+        Ok(nearest)
+    }
+
+    /// The lowest point of the links from the elbow on and of the hand over the plane z = 0 of the world, m.
+    pub fn height(&self, kinematics: &ArmKinematics, q: &Joints) -> Result<f64, CollisionError> {
+        let table = Solid::table(0.0);
+        let palm = kinematics.palm_pose(q);
+        let mut lowest = f64::INFINITY;
+        for (link, pose) in self.links.iter().skip(3).zip(kinematics.link_poses(q).iter().skip(2)) {
+            let tip = link.shape.as_segment().map_or(Vector3::zeros(), |s| Vector3::new(s.b.x, s.b.y, s.b.z));
+            let ends = [Point3::origin(), Point3::from(tip)].map(|end| (pose * end).z);
+            lowest = lowest.min(ends[0].min(ends[1]) - link.margin);
+        }
+        for body in &self.hand {
+            lowest = lowest.min(signed_distance(body, &(palm * body.pose), &table)?);
+        }
+        Ok(lowest)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::inverse_kinematics::Mount;
+    use hand_model::Arm;
+
+    fn arm() -> (ArmKinematics, ArmBodies) {
+        let hand = Hand::ftac();
+        let kinematics = ArmKinematics::new(Arm::gen3(), Mount::of_hand(&hand, 0.0));
+        let bodies = ArmBodies::new(&kinematics, &hand);
+        (kinematics, bodies)
+    }
+
+    #[test]
+    fn upright_and_home_are_free() {
+        let (kinematics, bodies) = arm();
+        for q in [[0.0; ARM_JOINTS], Arm::home()] {
+            let clearance = bodies.clearance(&kinematics, &q).expect("comparable");
+            assert!(clearance.distance > 0.0, "{clearance:?}");
+        }
+    }
+
+    /// Folded at the elbow as far as it goes, the wrist turned in, the hand runs into the upper arm.
+    #[test]
+    fn folded_in_it_runs_into_itself() {
+        let (kinematics, bodies) = arm();
+        let q = [0.0, 0.0, 0.0, 2.5, 0.0, 2.0, 0.0];
+        let clearance = bodies.clearance(&kinematics, &q).expect("comparable");
+        assert!(clearance.distance < 0.0, "{clearance:?}");
+    }
+
+    /// Upright, the lowest body above the elbow is the tube that begins at the third joint.
+    #[test]
+    fn height_is_the_geometry_s() {
+        let (kinematics, bodies) = arm();
+        let links = kinematics.link_poses(&[0.0; ARM_JOINTS]);
+        let lowest = bodies.height(&kinematics, &[0.0; ARM_JOINTS]).expect("comparable");
+        assert!((lowest - (links[2].translation.z - TUBE)).abs() < 1e-9, "{lowest}");
+    }
+}
