@@ -16,6 +16,7 @@ mod recording;
 mod rehearsal;
 mod report;
 mod synthesis;
+mod touch_commands;
 mod trial;
 mod world;
 
