@@ -9,7 +9,7 @@ use hand_model::Hand;
 use hand_model::pads::Camera;
 use hand_model::robot::{TactileFrame, TactileImage};
 use nalgebra::{Isometry3, Point3, Unit, Vector3};
-use optics::{OpticsError, Sensor, press};
+use optics::{OpticsError, Sensor, SensorModel, press};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
@@ -21,6 +21,11 @@ const REACH: f64 = 0.005;
 const LEAST_FORCE: f64 = 0.02;
 /// Rays start this deep under the pad's surface, m: deeper than any contact, inside the phalanx.
 const RAY_START: f64 = 0.006;
+
+/// Serial number of camera `n` of hand unit `serial`.
+fn unit_seed(serial: u64, n: usize) -> u64 {
+    serial.wrapping_mul(1000).wrapping_add(n as u64)
+}
 
 /// 18 cameras of one hand unit; an empty board has its cameras off.
 #[derive(Clone)]
@@ -42,11 +47,21 @@ impl TactileBoard {
             .cameras
             .iter()
             .enumerate()
-            .map(|(n, camera)| {
-                Sensor::unit(&hand.pads[camera.pad], camera, serial.wrapping_mul(1000).wrapping_add(n as u64))
-            })
+            .map(|(n, camera)| Sensor::unit(&hand.pads[camera.pad], camera, unit_seed(serial, n)))
             .collect();
         Self { sensors: Arc::new(sensors), noise_seed: 0, sequence: 0 }
+    }
+
+    /// Hand unit `serial` with the model of each camera (by index) changed.
+    pub fn changed(hand: &Hand, serial: u64, change: impl Fn(usize, &mut SensorModel)) -> Result<Self, OpticsError> {
+        let sensor = |(n, camera): (usize, &Camera)| {
+            let (pad, seed) = (&hand.pads[camera.pad], unit_seed(serial, n));
+            let mut model = SensorModel::unit(pad, camera, seed);
+            change(n, &mut model);
+            Sensor::with_model(pad, camera, model, seed)
+        };
+        let sensors: Result<Vec<_>, _> = hand.cameras.iter().enumerate().map(sensor).collect();
+        Ok(Self { sensors: Arc::new(sensors?), noise_seed: 0, sequence: 0 })
     }
 
     /// The same board with another stream of read-out noise.

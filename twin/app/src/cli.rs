@@ -7,7 +7,7 @@ use scenarios::record::Condition;
 
 use crate::bench::Record;
 use crate::bridge::BridgeCommand;
-use crate::optics_commands;
+use crate::{optics_commands, touch_commands};
 
 /// Digital twin of the F-TAC Hand on a Kinova Gen3 arm.
 #[derive(Debug, Parser)]
@@ -325,6 +325,8 @@ pub enum TouchCommand {
         #[arg(long)]
         out: PathBuf,
     },
+    /// Measure touch on simulated grasps and presses.
+    Eval(touch_commands::EvalArgs),
 }
 
 /// `optics` commands.

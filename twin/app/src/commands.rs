@@ -24,11 +24,12 @@ use crate::plan::{self, Plans};
 use crate::recording::Recording;
 use crate::trial::Bench;
 use crate::world::World;
-use crate::{arm_check, calibrate, check, generate, hand_close, optics_commands, synthesis};
+use crate::{arm_check, calibrate, check, generate, hand_close, optics_commands, synthesis, touch_commands};
 
-/// The hand unit that runs the trials, and the one that photometric stereo was calibrated on.
-const HAND_UNIT: u64 = 7;
-const CALIBRATION_UNIT: u64 = 1;
+/// The hand unit that runs the trials ...
+pub const HAND_UNIT: u64 = 7;
+/// ... and the one that photometric stereo was calibrated on.
+pub const CALIBRATION_UNIT: u64 = 1;
 
 /// What a command came to: nothing to say, or in which respect its result falls short.
 pub type Outcome = Result<Option<String>>;
@@ -65,6 +66,7 @@ pub fn run(cli: &Cli) -> Outcome {
             grasps_plan(cli, *combos, repertoire.as_deref(), out)
         }
         Command::Touch(TouchCommand::Train { presses, out }) => touch_train(cli, *presses, out),
+        Command::Touch(TouchCommand::Eval(args)) => touch_commands::eval(cli, args),
         Command::Optics(OpticsCommand::Calibrate(args)) => optics_commands::calibrate(cli, args),
         Command::Optics(OpticsCommand::Eval(args)) => optics_commands::eval(cli, args),
         Command::Optics(OpticsCommand::Render(args)) => optics_commands::render(cli, args),
@@ -77,7 +79,13 @@ fn repertoire() -> Result<grasping::Repertoire> {
     Ok(grasping::Repertoire::parse(include_str!("../data/repertoire.json"), Path::new("data/repertoire.json"))?)
 }
 
-fn make_bench(scenario: Scenario, combos: usize, seed: u64, quiet: bool) -> Result<Bench> {
+/// The built-in photometric calibration.
+pub fn calibration() -> Result<Calibration> {
+    serde_json::from_str(include_str!("../data/calibration.json")).context("data/calibration.json")
+}
+
+/// Everything that trials of a scenario's first `combos` combinations share.
+pub fn make_bench(scenario: Scenario, combos: usize, seed: u64, quiet: bool) -> Result<Bench> {
     let builtin = scenario.first == Scenario::benchmark().first
         && scenario.second == Scenario::benchmark().second
         && scenario.layout == Scenario::benchmark().layout;
@@ -90,9 +98,7 @@ fn make_bench(scenario: Scenario, combos: usize, seed: u64, quiet: bool) -> Resu
     }
     plans.plans.truncate(combos);
     let board = TactileBoard::unit(&world.hand, HAND_UNIT);
-    let calibration: Calibration =
-        serde_json::from_str(include_str!("../data/calibration.json")).context("data/calibration.json")?;
-    let pipeline = TouchPipeline::new(&world.hand, calibration, board.backgrounds())?;
+    let pipeline = TouchPipeline::new(&world.hand, calibration()?, board.backgrounds())?;
     let names: BTreeSet<&String> = plans.plans.iter().map(|plan| &plan.first).collect();
     let known = names
         .into_iter()

@@ -18,6 +18,7 @@ mod recording;
 mod rehearsal;
 mod report;
 mod synthesis;
+mod touch_commands;
 mod trial;
 mod world;
 

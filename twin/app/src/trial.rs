@@ -1,6 +1,7 @@
 //! One trial: the first grasp, the look, and from there the branches `blind` and `touch`.
 
 mod adapt;
+mod held;
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -10,6 +11,7 @@ use control::executive::{Executive, Phase};
 use control::perception::{Felt, KnownObject};
 use control::strategy::Candidate;
 use grasping::Repertoire;
+use rand_chacha::ChaCha8Rng;
 use scenarios::noise::{TrialNoise, trial_rng};
 use scenarios::objects::ObjectModel;
 use scenarios::record::{Condition, TrialRecord};
@@ -21,6 +23,8 @@ use touch::TouchPipeline;
 use crate::plan::{Plan, Plans};
 use crate::rehearsal::{Snapshot, digit_bits};
 use crate::world::{World, drive};
+
+pub use held::HeldGrasp;
 
 /// How often a watched trial takes tactile images, s.
 const WATCH_PERIOD: f64 = 0.2;
@@ -125,9 +129,7 @@ impl Bench {
         conditions: &[Condition],
         watcher: &mut dyn Watcher,
     ) -> Result<Vec<TrialRecord>> {
-        let mut rng = trial_rng(self.seed, combination, trial);
-        let noise = TrialNoise::draw(&self.world.scenario.noise, &mut rng);
-        let start = self.first_half(combination, &noise, rand::RngExt::random(&mut rng), watcher)?;
+        let (start, mut rng) = self.begin(combination, trial, watcher)?;
         let mut records = Vec::new();
         let mut planned: Option<Planned> = None;
         for &condition in conditions {
@@ -144,6 +146,14 @@ impl Bench {
             records.push(record);
         }
         Ok(records)
+    }
+
+    /// The noisy first half of a trial, and the generator as that leaves it.
+    fn begin(&self, combination: usize, trial: usize, watcher: &mut dyn Watcher) -> Result<(Start, ChaCha8Rng)> {
+        let mut rng = trial_rng(self.seed, combination, trial);
+        let noise = TrialNoise::draw(&self.world.scenario.noise, &mut rng);
+        let start = self.first_half(combination, &noise, rand::RngExt::random(&mut rng), watcher)?;
+        Ok((start, rng))
     }
 
     fn plan(&self, combination: usize) -> &Plan {

@@ -98,13 +98,21 @@ fn digit_of(link: Option<usize>) -> Option<Digit> {
 /// Interprets the images that the executive took of `object` in the hand.
 pub fn feel(pipeline: &TouchPipeline, executive: &Executive, object: &KnownObject) -> Result<Felt, TouchError> {
     let touches = pipeline.perceive(&by_camera(pipeline, executive.images()))?;
-    let (grasp, percept) = executive.first();
-    let prior =
-        grasp.held.unwrap_or_else(|| grasp.palm_pose(&percept.position, percept.yaw).inverse() * percept.pose());
-    let weak = PosePrior { palm_from_object: prior, sigma_translation: PRIOR_SIGMA.0, sigma_rotation: PRIOR_SIGMA.1 };
-    let estimate = pipeline.estimate_pose(&touches, executive.servos(), &weak, object)?;
+    let prior = trusted(expected(executive));
+    let estimate = pipeline.estimate_pose(&touches, executive.servos(), &prior, object)?;
     let grip = Grip::of(pipeline.hand(), &touches, executive.servos());
-    Ok(Felt { touches, estimate, prior, grip })
+    Ok(Felt { touches, estimate, prior: prior.palm_from_object, grip })
+}
+
+/// Where the plan has the first object in the hand: `palm_from_object`.
+pub fn expected(executive: &Executive) -> Isometry3<f64> {
+    let (grasp, percept) = executive.first();
+    grasp.held.unwrap_or_else(|| grasp.palm_pose(&percept.position, percept.yaw).inverse() * percept.pose())
+}
+
+/// The plan's idea of where an object is in the hand, with how far it is trusted.
+pub fn trusted(palm_from_object: Isometry3<f64>) -> PosePrior {
+    PosePrior { palm_from_object, sigma_translation: PRIOR_SIGMA.0, sigma_rotation: PRIOR_SIGMA.1 }
 }
 
 /// What the images that the executive took last say is in the hand.

@@ -1,0 +1,214 @@
+//! `ftac touch eval`: how exact touch is, from images to poses, and how long it takes.
+
+use std::collections::BTreeSet;
+use std::path::PathBuf;
+
+use anyhow::{Result, bail};
+use clap::Args;
+use indicatif::{ProgressBar, ProgressStyle};
+use scenarios::combination::Scenario;
+use scenarios::statistics::percentile;
+use serde::Serialize;
+use serde_json::{Map, Value, json};
+use touch::TouchPipeline;
+
+use super::Outcome;
+use super::grasps::{Played, grasps};
+use super::images::{Change, Eyes};
+use super::poses::{Class, Felt, Source, Spread, feel, spread};
+use crate::cli::Cli;
+use crate::commands::{HAND_UNIT, calibration, make_bench};
+use crate::trial::{Bench, HeldGrasp};
+
+/// Most of the position error of objects without symmetry that counts as good: median and 95th percentile, mm.
+const GOOD: [f64; 2] = [0.5, 2.0];
+
+/// Arguments of `touch eval`.
+#[derive(Debug, Args)]
+pub struct EvalArgs {
+    /// Combinations whose first grasps are felt.
+    #[arg(long, default_value_t = 60)]
+    pub combos: usize,
+    /// Trials of each combination.
+    #[arg(long, default_value_t = 10)]
+    pub trials: usize,
+    /// Keep the simulated grasps in this file, and use them again from there.
+    #[arg(long)]
+    pub grasps: Option<PathBuf>,
+    /// Grasps that are felt again under each change of the optics that touch was not trained on; 0 leaves them out.
+    #[arg(long, default_value_t = 120)]
+    pub changed: usize,
+}
+
+/// Runs the command.
+pub fn eval(cli: &Cli, args: &EvalArgs) -> Outcome {
+    let quiet = cli.quiet || cli.json;
+    let scenario = Scenario::benchmark();
+    if args.combos == 0 || args.trials == 0 || args.combos > scenario.combinations() {
+        bail!(
+            "--combos and --trials: found {} and {}, expected 1 to {} and at least 1",
+            args.combos,
+            args.trials,
+            scenario.combinations()
+        );
+    }
+    let bench = make_bench(scenario, args.combos, cli.seed, quiet)?;
+    let played = Played { combos: args.combos, trials: args.trials, seed: cli.seed };
+    let grasps = grasps(&bench, played, args.grasps.as_deref(), quiet)?;
+    let bar = if quiet { ProgressBar::hidden() } else { ProgressBar::new(grasps.len() as u64) };
+    bar.set_style(ProgressStyle::with_template("{bar:28} {pos}/{len} felt [{elapsed} < {eta}]")?);
+    let eyes = Eyes::new(&bench.world.hand, HAND_UNIT, &Change::NONE)?;
+    let felt = feel(&bench, &eyes, &bench.pipeline, &grasps, || bar.inc(1))?;
+    bar.finish_and_clear();
+    let changed = under_changes(&bench, &grasps, args.changed)?;
+    let mut result = Map::new();
+    result.insert("seed".into(), json!(cli.seed));
+    result.insert("grasps".into(), json!(felt.len()));
+    result.insert("pose".into(), pose_json(&felt)?);
+    let ratios: Vec<f64> = felt.iter().map(|felt| felt.ratio).collect();
+    result.insert(
+        "error_over_sigma".into(),
+        json!({"median": percentile(&ratios, 50.0), "p95": percentile(&ratios, 95.0)}),
+    );
+    result.insert("latency_ms".into(), latency_json(&felt));
+    result.insert("changed".into(), serde_json::to_value(&changed)?);
+    if cli.json {
+        println!("{}", Value::Object(result));
+    } else {
+        print!("{}\n{}\n{}", pose_table(&felt), changed_table(&changed), latency_table(&felt));
+    }
+    Ok(shortfall(&felt))
+}
+
+/// How poses are under a change of the optics.
+#[derive(Serialize)]
+struct Changed {
+    change: &'static str,
+    #[serde(flatten)]
+    spread: Spread,
+}
+
+/// Feels `count` grasps, evenly spread, as built and under every change. The untouched pads are seen under it too, as a hand
+/// that is switched on sees them.
+fn under_changes(bench: &Bench, grasps: &[HeldGrasp], count: usize) -> Result<Vec<Changed>> {
+    if count == 0 {
+        return Ok(Vec::new());
+    }
+    let some: Vec<HeldGrasp> = grasps.iter().step_by(grasps.len().div_ceil(count).max(1)).cloned().collect();
+    std::iter::once(&Change::NONE)
+        .chain(&Change::ALL)
+        .map(|change| {
+            let eyes = Eyes::new(&bench.world.hand, HAND_UNIT, change)?;
+            let pipeline = TouchPipeline::new(&bench.world.hand, calibration()?, eyes.backgrounds())?;
+            let felt = feel(bench, &eyes, &pipeline, &some, || {})?;
+            Ok(Changed { change: change.name, spread: spread(&felt, Source::Touch, |_| true) })
+        })
+        .collect()
+}
+
+fn changed_table(rows: &[Changed]) -> String {
+    let mut text = String::new();
+    for Changed { change, spread: Spread { grasps, mm, deg } } in rows {
+        let number = |value: Option<f64>| value.unwrap_or(f64::NAN);
+        text += &format!(
+            "{change:20} {grasps:5} grasps {:6.2} mm median {:6.2} p95 {:6.2} deg median {:6.2} p95\n",
+            number(mm.median),
+            number(mm.p95),
+            number(deg.median),
+            number(deg.p95)
+        );
+    }
+    text
+}
+
+const SOURCES: [Source; 3] = [Source::Plan, Source::Points, Source::Touch];
+
+fn pose_json(felt: &[Felt]) -> Result<Value> {
+    let all = |pick: &dyn Fn(&Felt) -> bool| -> Result<Value> {
+        let touch = serde_json::to_value(spread(felt, Source::Touch, pick))?;
+        let Value::Object(mut row) = touch else { bail!("a row is an object") };
+        row.insert("plan".into(), serde_json::to_value(spread(felt, Source::Plan, pick))?);
+        row.insert("points_only".into(), serde_json::to_value(spread(felt, Source::Points, pick))?);
+        Ok(Value::Object(row))
+    };
+    let mut rows = Map::new();
+    rows.insert("all".into(), all(&|_| true)?);
+    for class in Class::ALL {
+        rows.insert(class.name().into(), all(&|felt| felt.class == class)?);
+    }
+    let objects: BTreeSet<&str> = felt.iter().map(|felt| felt.object.as_str()).collect();
+    let objects: Result<Map<_, _>> =
+        objects.into_iter().map(|name| Ok((name.to_owned(), all(&|felt| felt.object == name)?))).collect();
+    rows.insert("objects".into(), Value::Object(objects?));
+    Ok(Value::Object(rows))
+}
+
+fn pose_table(felt: &[Felt]) -> String {
+    let mut text = format!(
+        "{:16} {:>6}   {:^27}   {:^27}   {:^27}\n{:16} {:>6}",
+        "in-hand pose", "", "plan", "felt points alone", "touch", "", "grasps"
+    );
+    for _ in SOURCES {
+        text += &format!("   {:>6} {:>6} {:>6} {:>6}", "mm", "p95", "deg", "p95");
+    }
+    text.push('\n');
+    let mut row = |name: &str, pick: &dyn Fn(&Felt) -> bool| {
+        let spreads: Vec<Spread> = SOURCES.iter().map(|source| spread(felt, *source, pick)).collect();
+        text += &format!("{name:16} {:>6}", spreads[0].grasps);
+        for Spread { mm, deg, .. } in spreads {
+            for value in [mm.median, mm.p95, deg.median, deg.p95] {
+                text += if value == mm.median { "   " } else { " " };
+                text += &value.map_or_else(|| format!("{:>6}", "-"), |value| format!("{value:6.2}"));
+            }
+        }
+        text.push('\n');
+    };
+    row("all", &|_| true);
+    for class in Class::ALL {
+        row(class.name(), &|felt| felt.class == class);
+        let objects: BTreeSet<&str> =
+            felt.iter().filter(|felt| felt.class == class).map(|felt| felt.object.as_str()).collect();
+        for name in objects {
+            row(&format!("  {name}"), &|felt| felt.object == name);
+        }
+    }
+    text
+}
+
+/// Stages and what they take of a [`Felt`], ms.
+fn stages(felt: &[Felt]) -> [(&'static str, Vec<f64>); 3] {
+    let of = |pick: &dyn Fn(&Felt) -> f64| felt.iter().map(pick).collect();
+    [
+        ("images", of(&|felt| felt.millis[0])),
+        ("pose", of(&|felt| felt.millis[1])),
+        ("chain", of(&|felt| felt.millis.iter().sum())),
+    ]
+}
+
+fn latency_json(felt: &[Felt]) -> Value {
+    let rows = stages(felt).map(|(name, times)| {
+        (name.to_owned(), json!({"p50": percentile(&times, 50.0), "p99": percentile(&times, 99.0)}))
+    });
+    Value::Object(rows.into_iter().collect())
+}
+
+fn latency_table(felt: &[Felt]) -> String {
+    let mut text = String::new();
+    for (name, times) in stages(felt) {
+        let at = |percent| percentile(&times, percent).unwrap_or(f64::NAN);
+        text += &format!("{name:8} {:7.2} ms p50 {:7.2} ms p99\n", at(50.0), at(99.0));
+    }
+    text
+}
+
+/// In which respect poses fall short.
+fn shortfall(felt: &[Felt]) -> Option<String> {
+    let found = spread(felt, Source::Touch, |felt| felt.class == Class::Irregular).mm;
+    let (median, p95) = (found.median?, found.p95?);
+    (median > GOOD[0] || p95 > GOOD[1]).then(|| {
+        format!(
+            "objects without symmetry are {median:.2} mm off in the median and {p95:.2} mm in the 95th percentile, aim {} and {}",
+            GOOD[0], GOOD[1]
+        )
+    })
+}

@@ -1,0 +1,157 @@
+//! In-hand poses of simulated grasps: how far off they are, by kind of object, beside the plan and beside felt points alone.
+
+use std::time::Instant;
+
+use anyhow::Result;
+use control::perception::{KnownObject, trusted};
+use nalgebra::Isometry3;
+use scenarios::objects::{ObjectModel, Symmetry};
+use scenarios::statistics::percentile;
+use serde::Serialize;
+use touch::{PoseOptions, TouchPipeline};
+
+use super::images::Eyes;
+use crate::trial::{Bench, HeldGrasp};
+
+/// What a pose is made from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Source {
+    /// Where the plan has the object.
+    Plan,
+    /// Servos and felt points: no normals, no absence of touch.
+    Points,
+    /// All that is felt and not felt.
+    Touch,
+}
+
+/// A grasp as it was felt.
+pub struct Felt {
+    /// What was held.
+    pub object: String,
+    /// Kind of object.
+    pub class: Class,
+    /// Error of the plan, of felt points alone, of touch: mm and degrees.
+    pub errors: [[f64; 2]; 3],
+    /// Error over the stated standard deviation, position.
+    pub ratio: f64,
+    /// Time from raw images to touches, and from touches to the pose, ms.
+    pub millis: [f64; 2],
+}
+
+/// Kinds of objects by their symmetry.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Class {
+    /// Every turn looks the same.
+    Ball,
+    /// Round about an axis.
+    Round,
+    /// Some turns look the same.
+    Box,
+    /// No turn looks the same.
+    Irregular,
+}
+
+impl Class {
+    /// All, in the order of tables.
+    pub const ALL: [Self; 4] = [Self::Ball, Self::Round, Self::Box, Self::Irregular];
+
+    fn of(object: &ObjectModel) -> Self {
+        match object.symmetry {
+            Symmetry::Full => Self::Ball,
+            Symmetry::Axis { .. } => Self::Round,
+            Symmetry::Fold { .. } | Symmetry::Cube => Self::Box,
+            Symmetry::None => Self::Irregular,
+        }
+    }
+
+    /// In words; the key in JSON.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Ball => "ball",
+            Self::Round => "round",
+            Self::Box => "box",
+            Self::Irregular => "irregular",
+        }
+    }
+}
+
+/// Distance (mm) and angle (degrees, given the object's symmetry) of two poses.
+pub fn apart(object: &ObjectModel, pose: &Isometry3<f64>, truth: &Isometry3<f64>) -> [f64; 2] {
+    [
+        1e3 * (pose.translation.vector - truth.translation.vector).norm(),
+        object.symmetry.angle(&truth.rotation, &pose.rotation).to_degrees(),
+    ]
+}
+
+/// Feels every grasp once.
+pub fn feel(
+    bench: &Bench,
+    eyes: &Eyes,
+    pipeline: &TouchPipeline,
+    grasps: &[HeldGrasp],
+    mut seen: impl FnMut(),
+) -> Result<Vec<Felt>> {
+    let mut points_only = pipeline.clone();
+    points_only.pose = PoseOptions { use_clear: false, sigma_normal: f64::INFINITY, ..pipeline.pose };
+    grasps
+        .iter()
+        .enumerate()
+        .map(|(n, grasp)| {
+            let known: &KnownObject = &bench.known[&grasp.object];
+            let object = &known.model;
+            let images = eyes.look(grasp, &object.shape, bench.seed ^ (n as u64) << 20);
+            let (prior, servos) = (trusted(grasp.expected), grasp.servos());
+            let begun = Instant::now();
+            let touches = pipeline.perceive(&images)?;
+            let perceived = begun.elapsed();
+            let estimate = pipeline.estimate_pose(&touches, &servos, &prior, known)?;
+            let estimated = begun.elapsed() - perceived;
+            let points = points_only.estimate_pose(&touches, &servos, &prior, known)?;
+            seen();
+            let poses = [grasp.expected, points.palm_from_object, estimate.palm_from_object];
+            let errors = poses.map(|pose| apart(object, &pose, &grasp.truth));
+            Ok(Felt {
+                object: object.name.clone(),
+                class: Class::of(object),
+                errors,
+                ratio: 1e-3 * errors[2][0] / (3f64.sqrt() * estimate.sigma().0),
+                millis: [perceived, estimated].map(|time| 1e3 * time.as_secs_f64()),
+            })
+        })
+        .collect()
+}
+
+/// Median and 95th percentile of position (mm) and rotation (degrees).
+#[derive(Debug, Clone, Copy, Serialize)]
+pub struct Spread {
+    /// Grasps.
+    pub grasps: usize,
+    /// Position, mm.
+    pub mm: MedianP95,
+    /// Rotation, degrees.
+    pub deg: MedianP95,
+}
+
+/// A median and a 95th percentile.
+#[derive(Debug, Clone, Copy, Serialize)]
+#[allow(missing_docs)]
+pub struct MedianP95 {
+    pub median: Option<f64>,
+    pub p95: Option<f64>,
+}
+
+impl MedianP95 {
+    fn of(values: &[f64]) -> Self {
+        Self { median: percentile(values, 50.0), p95: percentile(values, 95.0) }
+    }
+}
+
+/// Spread of the errors of `source` among the grasps that `pick` takes.
+pub fn spread(felt: &[Felt], source: Source, pick: impl Fn(&Felt) -> bool) -> Spread {
+    let picked: Vec<[f64; 2]> =
+        felt.iter().filter(|felt| pick(felt)).map(|felt| felt.errors[source as usize]).collect();
+    let part = |axis: usize| MedianP95::of(&picked.iter().map(|error| error[axis]).collect::<Vec<_>>());
+    Spread { grasps: picked.len(), mm: part(0), deg: part(1) }
+}
