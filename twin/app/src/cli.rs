@@ -249,6 +249,25 @@ pub struct RepertoireArgs {
     pub out: PathBuf,
 }
 
+/// Arguments of `grasps show`.
+#[derive(Debug, Args)]
+pub struct ShowArgs {
+    /// Object; without one, a table of all.
+    pub object: Option<String>,
+    /// File of grasps, from `repertoire` or `generate`; default: the built-in repertoire.
+    #[arg(long)]
+    pub grasps: Option<PathBuf>,
+    /// Kinds at most, the most frequent first.
+    #[arg(long, default_value_t = 12)]
+    pub kinds: usize,
+    /// Recording file; default: recordings/grasps_<object>.rrd, which is then opened in the Rerun viewer.
+    #[arg(long)]
+    pub out: Option<PathBuf>,
+    /// Folder for grasps.html with pictures of objects and grasps, instead of a recording.
+    #[arg(long, conflicts_with = "out")]
+    pub report: Option<PathBuf>,
+}
+
 /// `grasps` commands.
 #[derive(Debug, Subcommand)]
 pub enum GraspsCommand {
@@ -276,6 +295,8 @@ pub enum GraspsCommand {
     },
     /// Make the repertoire of synthesized grasps of all objects; an interrupted run goes on where it was.
     Repertoire(RepertoireArgs),
+    /// Show the best grasp of each kind: digits, contact points and friction cones, room, approach.
+    Show(ShowArgs),
     /// Find the benchmark's repertoire of pick-ups for the scenario's objects by rehearsing them in physics.
     Rehearse {
         /// Objects; default: all of the scenario.

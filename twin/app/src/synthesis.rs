@@ -2,13 +2,14 @@
 //!
 //! [`subject`] makes an object ready for sampling, [`closing`] takes a sampled posture to a closed grasp, [`checks`] verifies
 //! it, [`workshop`] does all that for a chain, [`search`] runs chains and keeps what was found, [`evaluation`] measures how well all that works,
-//! [`repertoire`] makes the checked-in file.
+//! [`repertoire`] makes the checked-in file and [`show`] shows it.
 
 mod checks;
 mod closing;
 mod evaluation;
 pub mod repertoire;
 mod search;
+pub mod show;
 mod subject;
 mod workshop;
 

@@ -4,12 +4,13 @@
 //! grasp is found. The same command goes on where an interrupted one was; the grasps are the same either way, because a
 //! chain is its number and grasps are taken in the order of their chains.
 
+use std::path::Path;
 use std::time::Instant;
 
 use anyhow::{Context, Result, bail};
 use grasping::synthesis::collection::{self, Collection, ObjectGrasps, Summary};
 use grasping::synthesis::diversity::{self, Diversity};
-use grasping::synthesis::held::{self, HeldWriter};
+use grasping::synthesis::held::{self, HeldGrasp, HeldWriter};
 use scenarios::objects::ObjectSet;
 use serde::Serialize;
 
@@ -197,4 +198,29 @@ pub fn table(collection: &Collection) -> String {
     let chains = collection.objects.iter().map(|entry| entry.summary.chains).sum();
     line("all", chains, &diversity::describe(collection.grasps()));
     text
+}
+
+/// The grasps that one search left, as a repertoire.
+pub fn of_one_search(header: &held::Header, grasps: Vec<HeldGrasp>) -> Collection {
+    let mut objects: Vec<ObjectGrasps> = Vec::new();
+    for grasp in grasps {
+        let object = grasp.object.clone();
+        let place = objects.iter().position(|entry| entry.summary.object == object).unwrap_or_else(|| {
+            let summary = Summary { object, wanted: 0, kept: 0, chains: 0, short: None };
+            objects.push(ObjectGrasps { summary, grasps: Vec::new() });
+            objects.len() - 1
+        });
+        let entry = &mut objects[place];
+        entry.summary.kept += 1;
+        entry.summary.wanted += 1;
+        entry.summary.chains = entry.summary.chains.max(grasp.chain + 1);
+        entry.grasps.push(grasp);
+    }
+    let (command, seed) = (header.command.clone(), header.seed);
+    Collection { header: collection::Header { version: collection::VERSION, command, seed }, objects }
+}
+
+/// The repertoire that is checked in.
+pub fn built_in() -> Result<Collection> {
+    Ok(Collection::parse(include_str!("../../data/synthesized.jsonl"), Path::new("data/synthesized.jsonl"))?)
 }
