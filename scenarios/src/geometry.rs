@@ -1,13 +1,16 @@
 //! Shapes of objects and the questions asked of them: signed distance, ray, volume, inertia, tessellation.
 //!
 //! A [`Shape`] lives in its own frame (`object/<name>`), metres. Primitives answer in closed form, meshes through parry.
+//! [`Mesh::mended`] makes a watertight mesh from triangles that are not, by their winding number ([`Winding`]).
 
 mod grid;
+mod mend;
 mod mesh;
 mod obj;
 mod primitive;
 mod revolution;
 mod tessellation;
+mod winding;
 
 use std::sync::Arc;
 
@@ -15,8 +18,10 @@ use nalgebra::{Matrix3, Point3, Unit, UnitQuaternion, Vector3};
 
 pub use grid::DistanceGrid;
 pub use mesh::{GeometryError, MAX_EXTENT, Mesh};
+pub use obj::read_triangles;
 pub use revolution::{Profile, hull_mesh, revolve};
 pub use tessellation::Tessellation;
+pub use winding::Winding;
 
 /// The shape of an object, in the object's frame, m.
 #[derive(Debug, Clone)]

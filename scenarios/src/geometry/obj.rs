@@ -15,41 +15,55 @@ impl Mesh {
 
     /// The same from text; `path` is used in errors.
     pub fn parse_obj(text: &str, path: &Path) -> Result<Self, GeometryError> {
-        let (mut vertices, mut triangles) = (Vec::new(), Vec::new());
-        for (number, line) in text.lines().enumerate() {
-            let fault = |found: String, expected: &str| GeometryError::Line {
-                path: path.into(),
-                line: number + 1,
-                found,
-                expected: expected.into(),
-            };
-            let mut words = line.split('#').next().unwrap_or_default().split_whitespace();
-            match words.next() {
-                Some("v") => {
-                    let numbers: Option<Vec<f64>> = words.map(|word| word.parse().ok()).collect();
-                    match numbers.as_deref() {
-                        Some([x, y, z, ..]) => vertices.push(Point3::new(*x, *y, *z)),
-                        _ => return Err(fault(format!("{line:?}"), "three numbers after v")),
-                    }
-                }
-                Some("f") => {
-                    let mut corners = Vec::new();
-                    for word in words {
-                        corners.push(corner(word, vertices.len()).ok_or_else(|| {
-                            fault(format!("corner {word:?}"), &format!("a vertex number from 1 to {}", vertices.len()))
-                        })?);
-                    }
-                    if corners.len() < 3 {
-                        return Err(fault(format!("{} corners", corners.len()), "at least 3 after f"));
-                    }
-                    triangles.extend((2..corners.len()).map(|n| [corners[0], corners[n - 1], corners[n]]));
-                }
-                _ => {}
-            }
-        }
+        let (vertices, triangles) = parse_triangles(text, path)?;
         Self::new(vertices, triangles)
             .map_err(|source| GeometryError::File { path: path.into(), source: Box::new(source) })
     }
+}
+
+/// Vertices (m) and triangles.
+type Triangles = (Vec<Point3<f64>>, Vec<[u32; 3]>);
+
+/// The vertices and triangles of an OBJ file, whether or not they close a surface.
+pub fn read_triangles(path: &Path) -> Result<Triangles, GeometryError> {
+    let text = std::fs::read_to_string(path).map_err(|source| GeometryError::Io { path: path.into(), source })?;
+    parse_triangles(&text, path)
+}
+
+fn parse_triangles(text: &str, path: &Path) -> Result<Triangles, GeometryError> {
+    let (mut vertices, mut triangles) = (Vec::new(), Vec::new());
+    for (number, line) in text.lines().enumerate() {
+        let fault = |found: String, expected: &str| GeometryError::Line {
+            path: path.into(),
+            line: number + 1,
+            found,
+            expected: expected.into(),
+        };
+        let mut words = line.split('#').next().unwrap_or_default().split_whitespace();
+        match words.next() {
+            Some("v") => {
+                let numbers: Option<Vec<f64>> = words.map(|word| word.parse().ok()).collect();
+                match numbers.as_deref() {
+                    Some([x, y, z, ..]) => vertices.push(Point3::new(*x, *y, *z)),
+                    _ => return Err(fault(format!("{line:?}"), "three numbers after v")),
+                }
+            }
+            Some("f") => {
+                let mut corners = Vec::new();
+                for word in words {
+                    corners.push(corner(word, vertices.len()).ok_or_else(|| {
+                        fault(format!("corner {word:?}"), &format!("a vertex number from 1 to {}", vertices.len()))
+                    })?);
+                }
+                if corners.len() < 3 {
+                    return Err(fault(format!("{} corners", corners.len()), "at least 3 after f"));
+                }
+                triangles.extend((2..corners.len()).map(|n| [corners[0], corners[n - 1], corners[n]]));
+            }
+            _ => {}
+        }
+    }
+    Ok((vertices, triangles))
 }
 
 /// Index of a corner written `7`, `7/1`, `7//3` or, counted from the end, `-1`.

@@ -3,16 +3,17 @@
 use std::sync::Arc;
 
 use hand_model::any_hand::{AnyHand, SolidShape};
-use nalgebra::{Isometry3, Point3, Vector3};
+use nalgebra::{Isometry3, Point3, UnitVector3, Vector3};
 use rapier3d_f64::geometry::ConvexPolyhedron;
 use rapier3d_f64::prelude::*;
 
 use super::{Linkage, Prop};
 use crate::body::groups;
-use crate::contacts::contacts_of;
+use crate::contacts::{ContactPoint, contacts_of};
 use crate::convert;
 use crate::drive::JointEffort;
 use crate::engine::EngineSettings;
+use crate::hand_scene::Touch;
 
 /// The hand with what has been put into it. Its own links do not touch each other: the collision boxes of published models
 /// overlap at their joints.
@@ -27,6 +28,11 @@ impl AnyStand {
     /// The hand at joint angles 0, or the nearest within the limits, without gravity.
     pub fn new(hand: Arc<AnyHand>, settings: EngineSettings) -> Self {
         let start: Vec<f64> = hand.tree.joints.iter().map(|joint| 0f64.clamp(joint.lower, joint.upper)).collect();
+        Self::at(hand, settings, &start)
+    }
+
+    /// The hand at joint angles `start` (rad), without gravity.
+    pub fn at(hand: Arc<AnyHand>, settings: EngineSettings, start: &[f64]) -> Self {
         let covers = hand
             .solids
             .iter()
@@ -42,7 +48,7 @@ impl AnyStand {
                 Some((solid.link, collider))
             })
             .collect();
-        let mut linkage = Linkage::new(settings, &hand.tree, &hand.masses, covers, &start, hand.damping, hand.armature);
+        let mut linkage = Linkage::new(settings, &hand.tree, &hand.masses, covers, start, hand.damping, hand.armature);
         linkage.set_gravity(&Vector3::zeros());
         for follower in &hand.followers {
             linkage.couple(follower.leader, follower.joint, follower.multiplier, follower.offset);
@@ -64,12 +70,9 @@ impl AnyStand {
 
     /// Steps for `seconds` with a tension (N) in each actuator's cable.
     pub fn run(&mut self, tensions: &[f64], seconds: f64) {
-        let steps = (seconds / self.linkage.engine().settings.dt).round() as usize;
+        let steps = (seconds / self.dt()).round() as usize;
         for _ in 0..steps {
-            let torques = self.hand.torques(self.linkage.angles(), tensions);
-            let efforts: Vec<JointEffort> =
-                torques.into_iter().map(|torque| JointEffort { torque, stiffness: self.hand.spring }).collect();
-            self.linkage.step(&efforts);
+            self.step(tensions, &Vector3::zeros());
         }
     }
 
@@ -78,7 +81,41 @@ impl AnyStand {
         self.linkage.set_gravity(gravity);
     }
 
-    /// `root_from_prop` of the props, in the order in which they were put.
+    /// One step with a tension (N) in each actuator's cable and a `force` (N, root frame) on every prop's centre of mass.
+    pub fn step(&mut self, tensions: &[f64], force: &Vector3<f64>) {
+        for (body, _) in &self.props {
+            let body = &mut self.linkage.engine_mut().bodies[*body];
+            body.reset_forces(true);
+            body.add_force(convert::vector(force), true);
+        }
+        let torques = self.hand.torques(self.linkage.angles(), tensions);
+        let efforts: Vec<JointEffort> =
+            torques.into_iter().map(|torque| JointEffort { torque, stiffness: self.hand.spring }).collect();
+        self.linkage.step(&efforts);
+    }
+
+    /// Length of a step, s.
+    pub fn dt(&self) -> f64 {
+        self.linkage.engine().settings.dt
+    }
+
+    /// Damping of the props' motion, 1/s, linear and angular.
+    pub fn set_prop_damping(&mut self, damping: f64) {
+        for (body, _) in &self.props {
+            let body = &mut self.linkage.engine_mut().bodies[*body];
+            body.set_linear_damping(damping);
+            body.set_angular_damping(damping);
+        }
+    }
+
+    /// Friction coefficient between hand and props.
+    pub fn set_friction(&mut self, friction: f64) {
+        for (_, collider) in &self.props {
+            self.linkage.engine_mut().colliders[*collider].set_friction(friction);
+        }
+    }
+
+    /// `root_from_prop` of every prop.
     pub fn poses(&self) -> Vec<Isometry3<f64>> {
         let bodies = &self.linkage.engine().bodies;
         self.props.iter().map(|(body, _)| convert::to_pose(bodies[*body].position())).collect()
@@ -96,6 +133,25 @@ impl AnyStand {
             }
         }
         triangles
+    }
+
+    /// Loaded contacts between hand and props, root frame.
+    pub fn touches(&self) -> Vec<Touch> {
+        let contacts = self.props.iter().flat_map(|(_, prop)| contacts_of(self.linkage.engine(), *prop));
+        let touch = |contact: ContactPoint| {
+            Some(Touch {
+                link: self.linkage.cover_of(contact.other)?,
+                point: contact.point,
+                normal: UnitVector3::new_normalize(-contact.normal),
+                force: contact.force,
+            })
+        };
+        contacts.filter_map(touch).collect()
+    }
+
+    /// How deep hand and props overlap at most, m.
+    pub fn penetration(&self) -> f64 {
+        self.props.iter().map(|(_, prop)| self.linkage.penetration(*prop)).fold(0.0, f64::max)
     }
 
     /// Joint angles, rad.

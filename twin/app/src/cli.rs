@@ -257,6 +257,54 @@ pub struct SynthesisArgs {
     /// Keep the hand out of the table on which the object rests.
     #[arg(long)]
     pub table: bool,
+    /// Closings tried on each chain's posture until one is verified: the plain one, then varied tensions and small offsets.
+    #[arg(long, default_value_t = 8)]
+    pub closings: usize,
+}
+
+/// Arguments of `grasps repertoire`.
+#[derive(Debug, Args)]
+pub struct RepertoireArgs {
+    /// Objects; default: all 23.
+    #[arg(long)]
+    pub object: Vec<String>,
+    /// Verified, different grasps of each object.
+    #[arg(long, default_value_t = 150)]
+    pub each: usize,
+    /// Contact points of a sample, taken in turn.
+    #[arg(long, default_value = "2-5")]
+    pub contacts: String,
+    /// Closings tried on each chain's posture.
+    #[arg(long, default_value_t = 8)]
+    pub closings: usize,
+    /// Chains at most for each object.
+    #[arg(long, default_value_t = 3000)]
+    pub chains: u64,
+    /// Folder of the parts, one file an object; they grow while the search runs, and the same command goes on from them.
+    #[arg(long, default_value = "recordings/synthesis")]
+    pub parts: PathBuf,
+    /// The file to write when all are done.
+    #[arg(long)]
+    pub out: PathBuf,
+}
+
+/// Arguments of `grasps show`.
+#[derive(Debug, Args)]
+pub struct ShowArgs {
+    /// Object; without one, a table of all.
+    pub object: Option<String>,
+    /// File of grasps, from `repertoire` or `generate`; default: the built-in repertoire.
+    #[arg(long)]
+    pub grasps: Option<PathBuf>,
+    /// Kinds at most, the most frequent first.
+    #[arg(long, default_value_t = 12)]
+    pub kinds: usize,
+    /// Recording file; default: recordings/grasps_<object>.rrd, which is then opened in the Rerun viewer.
+    #[arg(long)]
+    pub out: Option<PathBuf>,
+    /// Folder for grasps.html with pictures of objects and grasps, instead of a recording.
+    #[arg(long, conflicts_with = "out")]
+    pub report: Option<PathBuf>,
 }
 
 /// `grasps` commands.
@@ -284,6 +332,10 @@ pub enum GraspsCommand {
         #[arg(long, default_value_t = 128)]
         n: u64,
     },
+    /// Make the repertoire of synthesized grasps of all objects; an interrupted run goes on where it was.
+    Repertoire(RepertoireArgs),
+    /// Show the best grasp of each kind: digits, contact points and friction cones, room, approach.
+    Show(ShowArgs),
     /// Find the benchmark's repertoire of pick-ups for the scenario's objects by rehearsing them in physics.
     Rehearse {
         /// Objects; default: all of the scenario.

@@ -59,6 +59,8 @@ pub fn run(cli: &Cli) -> Outcome {
             synthesis::generate(cli, synthesis, *n, *keep, out.as_deref())
         }
         Command::Grasps(GraspsCommand::Eval { synthesis, n }) => synthesis::eval(cli, synthesis, *n),
+        Command::Grasps(GraspsCommand::Repertoire(args)) => synthesis::repertoire::make(cli, args),
+        Command::Grasps(GraspsCommand::Show(args)) => synthesis::show::show(cli, args),
         Command::Grasps(GraspsCommand::Rehearse { object, role, n, out }) => {
             grasps_rehearse(cli, object, *role, *n, out)
         }

@@ -1,13 +1,17 @@
 //! `ftac grasps generate` and `eval`: grasps for any object, sampled, closed by cables and held in physics.
 //!
 //! [`subject`] makes an object ready for sampling, [`closing`] takes a sampled posture to a closed grasp, [`checks`] verifies
-//! it, [`search`] runs chains and keeps what was found, [`evaluation`] measures how well all that works.
+//! it, [`workshop`] does all that for a chain, [`search`] runs chains and keeps what was found, [`evaluation`] measures how well all that works,
+//! [`repertoire`] makes the checked-in file and [`show`] shows it.
 
 mod checks;
 mod closing;
 mod evaluation;
+pub mod repertoire;
 mod search;
+pub mod show;
 mod subject;
+mod workshop;
 
 use std::path::Path;
 
@@ -15,8 +19,9 @@ use anyhow::{Result, bail};
 use grasping::synthesis::held::{Header, HeldWriter, VERSION};
 
 use self::evaluation::Rate;
-use self::search::{Request, Workshop};
+use self::search::Start;
 use self::subject::Subject;
+use self::workshop::{Request, Workshop};
 use crate::cli::{Cli, SynthesisArgs};
 use crate::commands::Outcome;
 
@@ -27,10 +32,20 @@ fn workshop(cli: &Cli, args: &SynthesisArgs, n: u64, enough: usize) -> Result<Wo
     let contacts = search::parse_contacts(&args.contacts)?;
     let subject = match (&args.object, &args.mesh) {
         (Some(name), _) => Subject::named(name)?,
-        (None, Some(path)) => Subject::from_mesh(path)?,
+        (None, Some(path)) => {
+            let (subject, note) = Subject::from_mesh(path)?;
+            if let Some(note) = note {
+                eprintln!("{}: {note}", path.display());
+            }
+            subject
+        }
         (None, None) => bail!("--object: found none, expected an object's name or --mesh FILE"),
     };
-    Ok(Workshop::new(subject, Request { chains: n, enough, contacts, seed: cli.seed, table: args.table }))
+    if args.closings == 0 {
+        bail!("--closings: found 0, expected at least 1");
+    }
+    let request = Request { chains: n, enough, contacts, closings: args.closings, seed: cli.seed, table: args.table };
+    Ok(Workshop::new(subject, request))
 }
 
 /// `ftac grasps generate`.
@@ -45,11 +60,12 @@ pub fn generate(cli: &Cli, args: &SynthesisArgs, n: u64, keep: Option<usize>, ou
     };
     let mut options = keep.map_or(String::new(), |keep| format!(" --keep {keep}"));
     options += if args.table { " --table" } else { "" };
+    options += &format!(" --closings {}", args.closings);
     let command =
         format!("ftac grasps generate {what} --n {n} --contacts {}{options} --seed {}", args.contacts, cli.seed);
     let header = Header { version: VERSION, command, seed: cli.seed };
     let writer = out.map(|path| HeldWriter::create(path, &header)).transpose()?;
-    let report = search::search(&workshop, writer, cli.quiet || cli.json)?;
+    let (report, _) = search::search(&workshop, Start::default(), writer, cli.quiet || cli.json)?;
     if cli.json {
         println!("{}", serde_json::to_string(&report)?);
     } else {
@@ -65,6 +81,7 @@ pub fn generate(cli: &Cli, args: &SynthesisArgs, n: u64, keep: Option<usize>, ou
         println!("(b) penetration   {}", share(report.verified.b));
         println!("(c) held          {}", share(report.verified.c));
         println!("all three         {}", share(report.verified.all));
+        println!("  at first closing{}; {} closings in all", share(report.plain), report.closings);
         println!("kept              {:5}, without {} near duplicates", report.kept, report.duplicates);
         let digits: Vec<String> = report.digits.iter().map(|(name, count)| format!("{name} {count}")).collect();
         println!("digits            {}", digits.join(", "));

@@ -8,7 +8,8 @@
 
 use rerun::blueprint::{
     Blueprint, BlueprintActivation, BlueprintPanel, ContainerLike, Horizontal, SelectionPanel, Spatial2DView,
-    Spatial3DView, StateTimelineView, Tabs, TextLogView, TimePanel, TimeSeriesView, Vertical, components::PanelState,
+    Spatial3DView, StateTimelineView, Tabs, TextDocumentView, TextLogView, TimePanel, TimeSeriesView, Vertical,
+    components::PanelState,
 };
 use rerun::external::re_log_types::BlueprintActivationCommand;
 use rerun::external::re_sdk_types::blueprint::archetypes::{
@@ -127,7 +128,33 @@ fn background(color: [u8; 3]) -> Background {
 
 /// Sends the layout into a recording.
 pub fn send(rec: &RecordingStream, eye: Eye) -> Result<(), StreamError> {
-    let (blueprint, properties) = layout(eye);
+    deliver(rec, layout(eye))
+}
+
+/// Sends the layout of a gallery of grasps: the hands, and beside them what there is to say.
+pub fn send_gallery(rec: &RecordingStream, eye: Eye) -> Result<(), StreamError> {
+    let mut with = Properties::default();
+    let controls =
+        EyeControls3D::new().with_position(eye.position).with_look_target(eye.target).with_eye_up([0.0f32, 1.0, 0.0]);
+    let hands = with.on(
+        Spatial3DView::new("Grasps").with_origin(entities::GALLERY),
+        vec![
+            ("EyeControls3D", Box::new(controls)),
+            ("Background", Box::new(background([34, 37, 43]))),
+            ("LineGrid3D", Box::new(LineGrid3D::new().with_visible(false))),
+        ],
+    );
+    let text = TextDocumentView::new("Grasps in words").with_origin(entities::GALLERY_TEXT);
+    let blueprint = Blueprint::new(Horizontal::new([hands, text.into()]).with_column_shares([0.75, 0.25]))
+        .with_auto_views(false)
+        .with_auto_layout(false)
+        .with_blueprint_panel(BlueprintPanel::from_state(PanelState::Collapsed))
+        .with_selection_panel(SelectionPanel::from_state(PanelState::Collapsed))
+        .with_time_panel(TimePanel::new().with_state(PanelState::Hidden));
+    deliver(rec, (blueprint, with))
+}
+
+fn deliver(rec: &RecordingStream, (blueprint, properties): (Blueprint, Properties)) -> Result<(), StreamError> {
     // The builder's messages are only to be had from a recording, so they take a turn through memory.
     let (scratch, storage) = RecordingStreamBuilder::new(APPLICATION).enabled(true).memory()?;
     blueprint.send(&scratch, BlueprintActivation::default())?;

@@ -42,6 +42,16 @@ pub const LOG: &str = "trial/log";
 /// The outcome of the trial.
 pub const OUTCOME: &str = "trial/outcome";
 
+/// Root of a gallery of grasps.
+pub const GALLERY: &str = "grasps";
+/// What a gallery says in words.
+pub const GALLERY_TEXT: &str = "grasps_text";
+
+/// Grasp number `n` of a gallery.
+pub fn gallery(n: usize, name: &str) -> String {
+    format!("{GALLERY}/{:02}_{}", n + 1, part(name))
+}
+
 /// Link `k` (0..7) of the arm.
 pub fn arm_link(k: usize) -> String {
     format!("world/arm/link_{}", k + 1)

@@ -305,7 +305,7 @@ impl Recorder {
     }
 }
 
-fn sink(target: &Target) -> Result<Box<dyn LogSink>, StreamError> {
+pub(crate) fn sink(target: &Target) -> Result<Box<dyn LogSink>, StreamError> {
     let grpc = |address: &str| -> Result<Box<dyn LogSink>, StreamError> {
         let uri = address.parse().map_err(|_| StreamError::Address(address.to_owned()))?;
         Ok(Box::new(GrpcSink::new(uri)))

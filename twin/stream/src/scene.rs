@@ -43,7 +43,7 @@ pub fn transform(pose: &Isometry3<f64>) -> Transform3D {
     Transform3D::from_translation_rotation(t, rerun::Quaternion::from_xyzw([q.x, q.y, q.z, q.w]))
 }
 
-fn drawn(mesh: &Mesh, [r, g, b]: [u8; 3], alpha: u8) -> Mesh3D {
+pub(crate) fn drawn(mesh: &Mesh, [r, g, b]: [u8; 3], alpha: u8) -> Mesh3D {
     Mesh3D::new(mesh.vertices.iter().copied())
         .with_vertex_normals(mesh.normals.iter().copied())
         .with_triangle_indices(mesh.triangles.iter().copied())
@@ -83,10 +83,31 @@ fn log_arm(rec: &RecordingStream, arm: &Arm) -> Result<(), StreamError> {
     Ok(())
 }
 
+fn cover(shape: &hand_model::hand::CoverShape) -> Mesh3D {
+    drawn(&Mesh::rounded_box(&shape.half, shape.radius, &shape.link_from_cover), COVER_COLOR, 255)
+}
+
+/// The hand alone below `root`, with its joints at `angles` (rad), for good.
+pub(crate) fn log_hand_at(rec: &RecordingStream, root: &str, hand: &Hand, angles: &[f64]) -> Result<(), StreamError> {
+    let links = hand.tree.forward(angles);
+    rec.log_static(root, &cover(&hand.palm_cover))?;
+    let path = |link: usize| format!("{root}/{}", hand.tree.joints[link].name);
+    for (link, shape) in hand.covers.iter().enumerate() {
+        let (mesh, pose) = (cover(shape), transform(&links[link]));
+        let both: [&dyn AsComponents; 2] = [&mesh, &pose];
+        rec.log_static(path(link), &both)?;
+    }
+    for pad in &hand.pads {
+        let sheet = Mesh::sheet(pad.w, pad.h, 7, 2.5e-4, |x, y| pad.surface_height(x, y));
+        let mesh = drawn(&sheet, link_color(pad.link), 255);
+        let pose = transform(&pad.link_from_pad);
+        let both: [&dyn AsComponents; 2] = [&mesh, &pose];
+        rec.log_static(format!("{}/{}", pad.link.map_or(root.to_owned(), path), pad.name), &both)?;
+    }
+    Ok(())
+}
+
 fn log_hand(rec: &RecordingStream, hand: &Hand) -> Result<(), StreamError> {
-    let cover = |shape: &hand_model::hand::CoverShape| {
-        drawn(&Mesh::rounded_box(&shape.half, shape.radius, &shape.link_from_cover), COVER_COLOR, 255)
-    };
     // The servo pack fills the room between flange and palm.
     let pack = Isometry3::from(Vector3::from(hand.parameters.palm.servo_pack_com));
     let pack = drawn(&Mesh::rounded_box(&Vector3::new(0.036, 0.018, 0.028), 0.008, &pack), [52, 54, 60], 255);

@@ -117,7 +117,21 @@ impl Picture {
         }
     }
 
-    fn triangle(&mut self, [a, b, c]: [[f64; 3]; 3], shade: [f64; 3], color: [f64; 3]) {
+    fn triangle(&mut self, corners: [[f64; 3]; 3], shade: [f64; 3], color: [f64; 3]) {
+        let (mut depth, mut colors) = (std::mem::take(&mut self.depth), std::mem::take(&mut self.color));
+        self.cover(corners, |index, [w, u, v]| {
+            let near = w * corners[0][2] + u * corners[1][2] + v * corners[2][2];
+            if near > depth[index] {
+                depth[index] = near;
+                let light = w * shade[0] + u * shade[1] + v * shade[2];
+                colors[index] = color.map(|part| (part * light).min(255.0));
+            }
+        });
+        (self.depth, self.color) = (depth, colors);
+    }
+
+    /// Calls `draw` with every pixel of a triangle and the weights of its corners there.
+    fn cover(&self, [a, b, c]: [[f64; 3]; 3], mut draw: impl FnMut(usize, [f64; 3])) {
         let area = (b[0] - a[0]) * (c[1] - a[1]) - (c[0] - a[0]) * (b[1] - a[1]);
         if area.abs() < 1e-9 {
             return;
@@ -135,15 +149,8 @@ impl Picture {
                 let u = ((px - a[0]) * (c[1] - a[1]) - (c[0] - a[0]) * (py - a[1])) / area;
                 let v = ((b[0] - a[0]) * (py - a[1]) - (px - a[0]) * (b[1] - a[1])) / area;
                 let w = 1.0 - u - v;
-                if u < 0.0 || v < 0.0 || w < 0.0 {
-                    continue;
-                }
-                let near = w * a[2] + u * b[2] + v * c[2];
-                let index = (y * self.size + x) as usize;
-                if near > self.depth[index] {
-                    self.depth[index] = near;
-                    let light = w * shade[0] + u * shade[1] + v * shade[2];
-                    self.color[index] = color.map(|part| (part * light).min(255.0));
+                if u >= 0.0 && v >= 0.0 && w >= 0.0 {
+                    draw((y * self.size + x) as usize, [w, u, v]);
                 }
             }
         }
@@ -185,6 +192,21 @@ impl Picture {
         self.hand(stand.hand(), &stand.angles());
         for index in 0..stand.props() {
             self.prop(stand.prop(index), &stand.pose(index), PROPS[index % PROPS.len()]);
+        }
+    }
+
+    /// Lays triangles over everything that is there already, covering it by the share `covers`.
+    pub fn veil(&mut self, vertices: &[Point3<f64>], triangles: &[[u32; 3]], color: [f64; 3], covers: f64) {
+        let placed: Vec<[f64; 3]> = vertices.iter().map(|vertex| self.project(vertex)).collect();
+        let mut over = vec![false; self.color.len()];
+        for corners in triangles {
+            let [a, b, c] = corners.map(|index| placed[index as usize]);
+            self.cover([a, b, c], |index, _| over[index] = true);
+        }
+        for (pixel, _) in self.color.iter_mut().zip(over).filter(|(_, over)| *over) {
+            for (part, own) in pixel.iter_mut().zip(color) {
+                *part += (own - *part) * covers;
+            }
         }
     }
 

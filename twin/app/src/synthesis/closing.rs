@@ -2,21 +2,32 @@
 //!
 //! The palm stands still and the object floats. While the digits close, the object's motion is damped, as a table or a slowly
 //! closing hand would; once they have, the damping goes and the grasp has to come to rest by itself.
+//!
+//! What a sample does not say is how hard each digit has to pull so that the object stays between them. A closing costs a
+//! thirtieth of a chain, so that several [`Aim`]s are tried: the plain one first, then ones with other tensions, helpers and
+//! a little offset.
 
 use std::sync::Arc;
 
 use grasping::synthesis::chain::Sample;
 use grasping::synthesis::frames::Frames;
+use grasping::synthesis::langevin::normal;
 use grasping::synthesis::posture::{Opened, open_clear};
 use grasping::synthesis::surface::HandSurface;
 use hand_model::{Digit, Hand};
 use nalgebra::{Isometry3, Vector3};
+use rand::{Rng, RngExt};
 use sim::hand_scene::{HandScene, Pull, Touch, displacement};
 
 use super::subject::Subject;
 
-/// Tension of a digit that closes, N.
+/// Tension of a digit that closes, N: the plain one, and the range of others.
 const CLOSE_TENSION: f64 = 30.0;
+const TENSIONS: (f64, f64) = (6.0, 40.0);
+/// Chance that a digit without a contact point helps.
+const HELPS: f64 = 0.25;
+/// Standard deviation of an offset of the hand: m, rad.
+const OFFSET: (f64, f64) = (3e-3, 0.06);
 /// The tension rises over this time, then there is time to come to rest, s.
 const RISE: f64 = 0.4;
 const SETTLE_DAMPED: f64 = 0.3;
@@ -53,8 +64,36 @@ pub enum NotClosed {
     PushedAway,
 }
 
+/// One way to close on a sample.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Aim {
+    /// What each digit pulls with, N; the others hold their open posture.
+    pub tensions: [Option<f64>; 5],
+    /// Displacement of the hand from the sample: m, rad.
+    pub offset: [f64; 6],
+}
+
+impl Aim {
+    /// Every digit with a contact point pulls alike, where the sample is.
+    pub fn plain(used: &[Digit]) -> Self {
+        Self { tensions: Digit::ALL.map(|digit| used.contains(&digit).then_some(CLOSE_TENSION)), offset: [0.0; 6] }
+    }
+
+    /// Random tensions, now and then a helper, a small offset.
+    pub fn varied(used: &[Digit], rng: &mut impl Rng) -> Self {
+        let mut spare = None;
+        let tensions = Digit::ALL.map(|digit| {
+            let pulls = used.contains(&digit) || rng.random::<f64>() < HELPS;
+            let tension = TENSIONS.0 * (TENSIONS.1 / TENSIONS.0).powf(rng.random());
+            pulls.then_some(tension)
+        });
+        let offset = std::array::from_fn(|n| if n < 3 { OFFSET.0 } else { OFFSET.1 } * normal(rng, &mut spare));
+        Self { tensions, offset }
+    }
+}
+
 /// Digits that a sample's contact points are on.
-fn digits(surface: &HandSurface, contacts: &[usize]) -> Vec<Digit> {
+pub fn digits(surface: &HandSurface, contacts: &[usize]) -> Vec<Digit> {
     Digit::ALL
         .into_iter()
         .filter(|digit| {
@@ -63,21 +102,23 @@ fn digits(surface: &HandSurface, contacts: &[usize]) -> Vec<Digit> {
         .collect()
 }
 
-/// Closes `sample` on the object: the digits with contact points pull, the others hold their open posture.
+/// Closes `sample` on the object as `aim` says.
 pub fn close(
     hand: &Arc<Hand>,
     surface: &HandSurface,
     subject: &Subject,
     sample: &Sample,
     frames: &mut Frames,
+    aim: &Aim,
 ) -> Result<Closed, NotClosed> {
-    let opened = open_clear(hand, surface, &subject.field, frames, &sample.state).ok_or(NotClosed::Blocked)?;
+    let mut by = vec![0.0; sample.state.freedom()];
+    by[..6].copy_from_slice(&aim.offset);
+    let state = sample.state.moved(&by);
+    let opened = open_clear(hand, surface, &subject.field, frames, &state).ok_or(NotClosed::Blocked)?;
     let start = opened.state.object_from_palm.inverse();
     let mut scene = HandScene::new(hand, &subject.model, &start, &opened.open.joints);
     let before = opened.open.tensions;
-    let used = digits(surface, &sample.contacts);
-    let after: [f64; 5] =
-        std::array::from_fn(|n| if used.contains(&Digit::ALL[n]) { CLOSE_TENSION } else { before[n] });
+    let after: [f64; 5] = std::array::from_fn(|n| aim.tensions[n].unwrap_or(before[n]));
     scene.set_object_damping(DAMPING);
     let steps = |time: f64| (time / scene.dt()).round() as usize;
     let (rise, damped, free) = (steps(RISE), steps(SETTLE_DAMPED), steps(SETTLE_FREE));

@@ -5,8 +5,8 @@ use std::sync::Arc;
 
 use anyhow::{Context, Result, anyhow, bail};
 use grasping::synthesis::field::DistanceField;
-use nalgebra::{Point3, UnitQuaternion};
-use scenarios::geometry::{Mesh, Shape};
+use nalgebra::{Point3, UnitQuaternion, Vector3};
+use scenarios::geometry::{GeometryError, MAX_EXTENT, Mesh, Shape, read_triangles};
 use scenarios::objects::{ObjectModel, ObjectSet, Symmetry};
 
 /// Mass in the holding test, kg (DexGraspBench).
@@ -20,13 +20,13 @@ const MOST_CELLS: f64 = 80.0;
 const MARGIN: f64 = 0.02;
 /// Points on the object's surface, for measuring penetration.
 const SURFACE_POINTS: usize = 800;
-/// A mesh with more triangles is refused: its field and its convex parts would take minutes.
-const MOST_TRIANGLES: usize = 100_000;
+/// A mesh with more triangles is rebuilt on a grid: its field and its convex parts would take minutes.
+const MOST_TRIANGLES: usize = 40_000;
 /// What the hand can take: the smallest extent is at most its opening, the largest at least a fingertip's width, m.
 const WIDEST: f64 = 0.11;
 const SMALLEST: f64 = 0.008;
 /// A mesh file may be this large, bytes.
-const LARGEST_FILE: u64 = 64 << 20;
+const LARGEST_FILE: u64 = 256 << 20;
 
 /// An object ready for sampling.
 pub struct Subject {
@@ -48,24 +48,30 @@ impl Subject {
         Self::new(ObjectModel { mass: TEST_MASS, friction: TEST_FRICTION, ..(**object).clone() })
     }
 
-    /// A user's mesh, in metres, of the density that makes it weigh what the test wants.
-    pub fn from_mesh(path: &Path) -> Result<Self> {
+    /// A user's mesh, in metres, of the density that makes it weigh what the test wants. One that is not watertight, or has
+    /// very many triangles, is rebuilt around its winding number; the second answer says so.
+    pub fn from_mesh(path: &Path) -> Result<(Self, Option<String>)> {
         let size = std::fs::metadata(path).with_context(|| format!("--mesh {}", path.display()))?.len();
         if size > LARGEST_FILE {
             bail!("--mesh {}: found {} MB, expected at most {} MB", path.display(), size >> 20, LARGEST_FILE >> 20);
         }
-        // The error's own text has its cause in it already.
-        let mesh = Mesh::read_obj(path).map_err(|error| anyhow!("--mesh: {error}"))?;
+        // The errors' own text has their cause in it already.
+        let (vertices, triangles) = read_triangles(path).map_err(|error| anyhow!("--mesh: {error}"))?;
         let refuse =
             |found: String, expected: &str| bail!("--mesh {}: found {found}, expected {expected}", path.display());
-        if mesh.triangles().len() > MOST_TRIANGLES {
-            return refuse(
-                format!("{} triangles", mesh.triangles().len()),
-                "at most 100000 (simplify it: grasps do not need more)",
-            );
-        }
-        let (low, high) = mesh.aabb();
+        let used = triangles.iter().flatten().filter_map(|index| vertices.get(*index as usize));
+        let (low, high) = used
+            .fold((Vector3::repeat(f64::INFINITY), Vector3::repeat(f64::NEG_INFINITY)), |(low, high), vertex| {
+                (low.inf(&vertex.coords), high.sup(&vertex.coords))
+            });
         let extent = high - low;
+        if triangles.is_empty() {
+            return refuse("0 triangles".into(), "a surface");
+        }
+        if extent.max() > MAX_EXTENT {
+            let error = GeometryError::Units { found: extent.max() };
+            bail!("--mesh: {}: {error}", path.display());
+        }
         if extent.min() > WIDEST {
             return refuse(
                 format!("a smallest extent of {:.0} mm", 1e3 * extent.min()),
@@ -78,10 +84,12 @@ impl Subject {
                 "at least 8 mm: it would vanish between two fingertips (is the file in metres?)",
             );
         }
+        let (mesh, note) =
+            watertight(vertices, triangles).map_err(|error| anyhow!("--mesh: {}: {error}", path.display()))?;
         // The frame moves to the centre of mass, as it is for all objects.
         let mesh = mesh.centered().with_context(|| format!("--mesh {}", path.display()))?;
         let name = path.file_stem().map_or("mesh".into(), |stem| stem.to_string_lossy().into_owned());
-        Self::new(ObjectModel {
+        let subject = Self::new(ObjectModel {
             name,
             shape: Shape::Mesh(Arc::new(mesh)),
             mass: TEST_MASS,
@@ -89,7 +97,8 @@ impl Subject {
             color: [160, 160, 160],
             rest: UnitQuaternion::identity(),
             symmetry: Symmetry::None,
-        })
+        })?;
+        Ok((subject, note))
     }
 
     fn new(model: ObjectModel) -> Result<Self> {
@@ -102,4 +111,20 @@ impl Subject {
         let surface = model.shape.surface_samples(SURFACE_POINTS);
         Ok(Self { model: Arc::new(model), field, surface })
     }
+}
+
+/// The triangles as a watertight mesh, and what had to be done to them.
+fn watertight(vertices: Vec<Point3<f64>>, triangles: Vec<[u32; 3]>) -> Result<(Mesh, Option<String>), GeometryError> {
+    let count = triangles.len();
+    let reason = if count > MOST_TRIANGLES {
+        format!("{count} triangles")
+    } else {
+        match Mesh::new(vertices.clone(), triangles.clone()) {
+            Ok(mesh) => return Ok((mesh, None)),
+            Err(fault) => fault.to_string(),
+        }
+    };
+    let (mesh, cell) = Mesh::mended(&vertices, &triangles)?;
+    let (after, cell) = (mesh.triangles().len(), 1e3 * cell);
+    Ok((mesh, Some(format!("{reason}: rebuilt with the winding number's sign, {after} triangles, {cell:.1} mm cells"))))
 }

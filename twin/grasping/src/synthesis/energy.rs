@@ -20,6 +20,7 @@ use nalgebra::{Unit, Vector3};
 use super::closure_energy::{Closure, closure_with_gradient};
 use super::field::{DistanceField, LIPSCHITZ};
 use super::frames::{Frames, HandState};
+use super::mechanism::Mechanism;
 use super::surface::HandSurface;
 
 /// Largest number of contact points.
@@ -98,13 +99,6 @@ pub struct Terms {
     pub deepest: f64,
 }
 
-/// A digit's cable: its joints and the share of each in their mean angle.
-#[derive(Debug, Clone)]
-struct CableLine {
-    joints: Vec<usize>,
-    share: Vec<f64>,
-}
-
 /// The energy of one hand on one object.
 #[derive(Debug, Clone)]
 pub struct GraspEnergy<'a> {
@@ -115,8 +109,7 @@ pub struct GraspEnergy<'a> {
     /// Weights.
     pub weights: Weights,
     table: Option<Plane>,
-    limits: Vec<(f64, f64)>,
-    cables: Vec<CableLine>,
+    mechanism: Mechanism,
     point_weight: f64,
 }
 
@@ -129,31 +122,30 @@ impl<'a> GraspEnergy<'a> {
         weights: Weights,
         table: Option<Plane>,
     ) -> Self {
-        // The free posture at a middling tension gives the direction in which a cable moves its joints.
-        let cables = (0..hand.transmission.cables.len())
-            .map(|cable| {
-                let angles = hand.transmission.free_angles(cable, 5.0, std::f64::consts::FRAC_PI_2);
-                let mean = angles.iter().map(|(_, q)| q).sum::<f64>() / angles.len() as f64;
-                CableLine {
-                    joints: angles.iter().map(|(joint, _)| *joint).collect(),
-                    share: angles.iter().map(|(_, q)| q / mean).collect(),
-                }
-            })
-            .collect();
+        Self::of_mechanism(Mechanism::of(hand), surface, field, weights, table)
+    }
+
+    /// For any mechanism whose links have this `surface`.
+    pub fn of_mechanism(
+        mechanism: Mechanism,
+        surface: &'a HandSurface,
+        field: &'a DistanceField,
+        weights: Weights,
+        table: Option<Plane>,
+    ) -> Self {
         Self {
             field,
             surface,
             weights,
             table,
-            limits: hand.tree.joints.iter().map(|joint| (joint.lower, joint.upper)).collect(),
-            cables,
+            mechanism,
             point_weight: weights.penetration * 2000.0 / surface.len() as f64,
         }
     }
 
     /// Joint limits, rad.
     pub fn limits(&self) -> &[(f64, f64)] {
-        &self.limits
+        &self.mechanism.limits
     }
 
     /// The energy of `state` with the contact candidates `contacts`, and its gradient (overwritten): translation, rotation
@@ -304,7 +296,7 @@ impl<'a> GraspEnergy<'a> {
     }
 
     fn posture(&self, state: &HandState, gradient: &mut [f64], terms: &mut Terms) {
-        for (joint, &(lower, upper)) in self.limits.iter().enumerate() {
+        for (joint, &(lower, upper)) in self.mechanism.limits.iter().enumerate() {
             let q = state.joints[joint];
             if q > upper {
                 terms.posture += self.weights.limits * (q - upper);
@@ -314,14 +306,16 @@ impl<'a> GraspEnergy<'a> {
                 gradient[6 + joint] -= self.weights.limits;
             }
         }
-        for line in &self.cables {
+        for line in &self.mechanism.lines {
             let n = line.joints.len() as f64;
-            let mean = line.joints.iter().map(|joint| state.joints[*joint]).sum::<f64>() / n;
+            // The amount along the line; where all joints turn the same way it is their mean.
+            let along = |k: usize| line.share[k].signum() * state.joints[line.joints[k]];
+            let mean = (0..line.joints.len()).map(along).sum::<f64>() / n;
             let off = |k: usize| state.joints[line.joints[k]] - line.share[k] * mean;
             let shared: f64 = (0..line.joints.len()).map(|k| off(k) * line.share[k]).sum::<f64>() / n;
             for (k, joint) in line.joints.iter().enumerate() {
                 terms.posture += self.weights.cable * off(k) * off(k);
-                gradient[6 + joint] += 2.0 * self.weights.cable * (off(k) - shared);
+                gradient[6 + joint] += 2.0 * self.weights.cable * (off(k) - line.share[k].signum() * shared);
             }
         }
     }

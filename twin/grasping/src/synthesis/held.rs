@@ -114,35 +114,59 @@ impl HeldGrasp {
         let to =
             |values: &mut [f64], per_unit: f64| values.iter_mut().for_each(|x| *x = (*x * per_unit).round() / per_unit);
         for pose in [&mut self.palm_from_object, &mut self.start] {
-            to(&mut pose[..3], 1e5);
-            to(&mut pose[3..], 1e5);
+            to(pose, per_unit::POSE);
         }
-        to(&mut self.joints, 1e4);
-        to(&mut self.open_joints, 1e4);
-        to(&mut self.tensions, 1e3);
-        to(std::slice::from_mut(&mut self.opposition), 1e4);
+        to(&mut self.joints, per_unit::ANGLE);
+        to(&mut self.open_joints, per_unit::ANGLE);
+        to(&mut self.tensions, per_unit::FORCE);
+        to(std::slice::from_mut(&mut self.opposition), per_unit::ANGLE);
         for contact in &mut self.contacts {
-            to(&mut contact.point, 1e5);
-            to(&mut contact.normal, 1e4);
-            to(std::slice::from_mut(&mut contact.force), 1e3);
+            to(&mut contact.point, per_unit::POSE);
+            to(&mut contact.normal, per_unit::DIRECTION);
+            to(std::slice::from_mut(&mut contact.force), per_unit::FORCE);
         }
-        to(&mut self.approach, 1e4);
-        to(self.room.as_mut_slice(), 1e5);
-        to(std::slice::from_mut(&mut self.margin), 1e3);
-        to(std::slice::from_mut(&mut self.penetration), 1e6);
-        to(&mut self.moved, 1e4);
-        to(std::slice::from_mut(&mut self.energy), 1e3);
+        to(&mut self.approach, per_unit::DIRECTION);
+        to(self.room.as_mut_slice(), per_unit::POSE);
+        to(std::slice::from_mut(&mut self.margin), per_unit::FORCE);
+        to(std::slice::from_mut(&mut self.penetration), per_unit::DEPTH);
+        to(&mut self.moved, per_unit::MOTION);
+        to(std::slice::from_mut(&mut self.energy), per_unit::ENERGY);
         self
     }
 
-    /// Whether two grasps of one object are the same to a user: nearly the same pose (5 mm, 0.15 rad) with the same digits.
-    pub fn nearly_equals(&self, other: &Self) -> bool {
+    /// Whether two grasps of one object are the same to a user: the same digits, the object at nearly the same place in the
+    /// hand (5 mm), turned by nearly nothing (0.15 rad), every joint nearly where it was (0.2 rad). `turn` is the angle between
+    /// two orientations of the object, for which its symmetry counts.
+    pub fn nearly_equals(
+        &self,
+        other: &Self,
+        turn: impl Fn(&UnitQuaternion<f64>, &UnitQuaternion<f64>) -> f64,
+    ) -> bool {
         let (a, b) = (pose_from_array(&self.palm_from_object), pose_from_array(&other.palm_from_object));
         self.object == other.object
             && self.digits == other.digits
             && (a.translation.vector - b.translation.vector).norm() < 5e-3
-            && a.rotation.angle_to(&b.rotation) < 0.15
+            && self.joints.iter().zip(&other.joints).all(|(p, q)| (p - q).abs() < 0.2)
+            && turn(&a.rotation, &b.rotation) < 0.15
     }
+}
+
+/// How many steps of the file make a unit: what the numbers are rounded to.
+pub(super) mod per_unit {
+    /// Lengths (m) and quaternions.
+    pub const POSE: f64 = 1e5;
+    /// rad.
+    pub const ANGLE: f64 = 1e4;
+    /// N.
+    pub const FORCE: f64 = 1e3;
+    /// Unit vectors.
+    pub const DIRECTION: f64 = 1e4;
+    /// Penetration, m.
+    pub const DEPTH: f64 = 1e6;
+    /// Motion of the object, m and rad.
+    pub const MOTION: f64 = 1e4;
+    /// Energies.
+    pub const ENERGY: f64 = 1e3;
 }
 
 /// What can be wrong with a file of held grasps.
@@ -185,6 +209,26 @@ impl HeldWriter {
         Ok(writer)
     }
 
+    /// Goes on with a file that an interrupted run of the same command left: gives back its grasps. A last line that was cut
+    /// short is taken off.
+    pub fn resume(path: &Path, header: &Header) -> Result<(Self, Vec<HeldGrasp>), HeldError> {
+        let io = |source| HeldError::Io { path: path.into(), source };
+        let mut text = std::fs::read_to_string(path).map_err(io)?;
+        let whole = text.rfind('\n').map_or(0, |end| end + 1);
+        if whole == 0 {
+            return Ok((Self::create(path, header)?, Vec::new()));
+        }
+        text.truncate(whole);
+        let (found, grasps) = parse(&text, path)?;
+        if found != *header {
+            let message = format!("command: found `{}`, expected `{}`", found.command, header.command);
+            return Err(HeldError::Line { path: path.into(), line: 1, message });
+        }
+        let file = std::fs::OpenOptions::new().append(true).open(path).map_err(io)?;
+        file.set_len(whole as u64).map_err(io)?;
+        Ok((Self { path: path.into(), file }, grasps))
+    }
+
     /// Adds a grasp.
     pub fn add(&mut self, grasp: &HeldGrasp) -> Result<(), HeldError> {
         self.line(grasp)
@@ -201,6 +245,10 @@ impl HeldWriter {
 /// Reads a file: header and grasps. A last line cut short by a kill is an error that names it.
 pub fn read(path: &Path) -> Result<(Header, Vec<HeldGrasp>), HeldError> {
     let text = std::fs::read_to_string(path).map_err(|source| HeldError::Io { path: path.into(), source })?;
+    parse(&text, path)
+}
+
+fn parse(text: &str, path: &Path) -> Result<(Header, Vec<HeldGrasp>), HeldError> {
     let fault = |line: usize, message: String| HeldError::Line { path: path.into(), line, message };
     let mut lines = text.lines().enumerate();
     let (_, first) = lines.next().ok_or_else(|| fault(1, "found nothing, expected a header".into()))?;
@@ -215,10 +263,10 @@ pub fn read(path: &Path) -> Result<(Header, Vec<HeldGrasp>), HeldError> {
 }
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use super::*;
 
-    fn grasp() -> HeldGrasp {
+    pub(in super::super) fn grasp() -> HeldGrasp {
         HeldGrasp {
             object: "ball".into(),
             chain: 3,
@@ -258,14 +306,43 @@ mod tests {
         std::fs::remove_file(&path).expect("removed");
     }
 
+    /// A run killed in the middle of a line goes on behind the last whole one; another command's file is not touched.
+    #[test]
+    fn an_interrupted_file_goes_on() {
+        let path = std::env::temp_dir().join(format!("resumed-{}.jsonl", std::process::id()));
+        let header = Header { version: VERSION, command: "test".into(), seed: 5 };
+        let (first, second) = (grasp().rounded(), HeldGrasp { chain: 9, ..grasp() }.rounded());
+        let mut writer = HeldWriter::create(&path, &header).expect("created");
+        writer.add(&first).expect("written");
+        let whole = std::fs::read_to_string(&path).expect("read");
+        std::fs::write(&path, format!("{whole}{{\"object\":\"ba")).expect("written");
+        let (mut writer, kept) = HeldWriter::resume(&path, &header).expect("resumed");
+        assert_eq!(kept, [first.clone()]);
+        writer.add(&second).expect("written");
+        assert_eq!(read(&path).expect("read").1, [first, second]);
+        let other = Header { seed: 6, command: "another".into(), ..header };
+        let error = HeldWriter::resume(&path, &other).expect_err("another run").to_string();
+        assert!(error.ends_with(":1: command: found `test`, expected `another`"), "{error}");
+        std::fs::remove_file(&path).expect("removed");
+    }
+
     #[test]
     fn near_duplicates_are_known() {
+        let angle = |p: &UnitQuaternion<f64>, q: &UnitQuaternion<f64>| p.angle_to(q);
         let (a, mut b) = (grasp(), grasp());
         b.palm_from_object[0] += 0.004;
-        assert!(a.nearly_equals(&b));
+        assert!(a.nearly_equals(&b, angle));
         b.palm_from_object[0] += 0.004;
-        assert!(!a.nearly_equals(&b));
+        assert!(!a.nearly_equals(&b, angle));
         let c = HeldGrasp { digits: vec![Digit::Index], ..grasp() };
-        assert!(!a.nearly_equals(&c));
+        assert!(!a.nearly_equals(&c, angle));
+        let mut bent = grasp();
+        bent.joints[7] += 0.3;
+        assert!(!a.nearly_equals(&bent, angle));
+        let mut turned = grasp();
+        let pose = pose_from_array(&turned.palm_from_object);
+        turned.palm_from_object = pose_to_array(&(pose * UnitQuaternion::from_euler_angles(0.0, 0.0, 1.0)));
+        assert!(!a.nearly_equals(&turned, angle));
+        assert!(a.nearly_equals(&turned, |_, _| 0.0), "a ball's turn is no difference");
     }
 }

@@ -93,6 +93,22 @@ impl HandSurface {
         Self { links, candidates: candidates(hand, &covers), pairs }
     }
 
+    /// Of links given as points on their surface and balls that fill them (link frames, m), the palm first.
+    pub fn of_points(
+        links: Vec<(Vec<Vector3<f64>>, Vec<Ball>)>,
+        candidates: Vec<Candidate>,
+        pairs: Vec<(usize, usize)>,
+    ) -> Self {
+        let links = links.into_iter().map(|(mut points, balls)| {
+            let mut patches = Vec::new();
+            tiles(&mut points, 0, &mut patches);
+            let bound =
+                if points.is_empty() { Ball { center: Vector3::zeros(), radius: 0.0 } } else { around(&points) };
+            LinkSurface { bound, points, patches, balls }
+        });
+        Self { links: links.collect(), candidates, pairs }
+    }
+
     /// Number of surface points.
     pub fn len(&self) -> usize {
         self.links.iter().map(|link| link.points.len()).sum()
@@ -152,6 +168,26 @@ fn link_surface(cover: &CoverShape, spacing: f64) -> LinkSurface {
 fn around(points: &[Vector3<f64>]) -> Ball {
     let center = points.iter().sum::<Vector3<f64>>() / points.len() as f64;
     Ball { center, radius: points.iter().map(|p| (p - center).norm()).fold(0.0, f64::max) }
+}
+
+/// Sorts points into patches of neighbours by halving them along their longest side. `first` is the index of the first.
+fn tiles(points: &mut [Vector3<f64>], first: usize, patches: &mut Vec<Patch>) {
+    if points.len() <= TILE * TILE {
+        if !points.is_empty() {
+            patches.push(Patch { bound: around(points), range: first..first + points.len() });
+        }
+        return;
+    }
+    let (low, high) =
+        points.iter().fold((Vector3::repeat(f64::INFINITY), Vector3::repeat(f64::NEG_INFINITY)), |(low, high), p| {
+            (low.inf(p), high.sup(p))
+        });
+    let axis = (high - low).imax();
+    let half = points.len() / 2;
+    points.select_nth_unstable_by(half, |a, b| a[axis].total_cmp(&b[axis]));
+    let (left, right) = points.split_at_mut(half);
+    tiles(left, first, patches);
+    tiles(right, first + half, patches);
 }
 
 /// Balls as thick as the box is thin, at most a radius apart.
@@ -232,6 +268,25 @@ mod tests {
                 }
             }
         }
+    }
+
+    /// Every point of a cloud is in exactly one patch, and inside its ball.
+    #[test]
+    fn clouds_are_tiled() {
+        let turn = |n: usize| Vector3::new((0.7 * n as f64).sin(), (1.9 * n as f64).cos(), 0.01 * n as f64);
+        let points: Vec<Vector3<f64>> = (0..100).map(turn).collect();
+        let surface =
+            HandSurface::of_points(vec![(points, Vec::new()), (Vec::new(), Vec::new())], Vec::new(), Vec::new());
+        let link = &surface.links[0];
+        let mut next = 0;
+        for patch in &link.patches {
+            assert_eq!(patch.range.start, next);
+            next = patch.range.end;
+            assert!(patch.range.len() <= TILE * TILE);
+            let inside = |p: &Vector3<f64>| (p - patch.bound.center).norm() <= patch.bound.radius + 1e-12;
+            assert!(link.points[patch.range.clone()].iter().all(inside));
+        }
+        assert_eq!((next, surface.len()), (100, 100));
     }
 
     /// The open hand does not touch itself, by the balls that fill it.

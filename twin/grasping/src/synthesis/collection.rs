@@ -1,0 +1,279 @@
+//! The repertoire of synthesized grasps as one compact file: what is checked in, and what others read.
+//!
+//! JSON lines. The first is the header: version, command, seed. Then, object by object, a line that says how the search went
+//! and a line for each of its grasps: an array of whole numbers, in the order of [`Row`], each so many steps of its unit
+//! (lengths 0.01 mm, angles 1e-4 rad, forces 1 mN; the palm is link -1). What follows from the rest, the digits and whether the
+//! palm touches, is not written. A grasp comes back bit for bit as [`HeldGrasp::rounded`] left it.
+
+use std::fmt::Write as _;
+use std::path::Path;
+
+use hand_model::{Digit, HAND_JOINTS};
+use serde::{Deserialize, Serialize};
+
+use super::held::{HeldContact, HeldError, HeldGrasp, per_unit};
+
+/// Version of the file format.
+pub const VERSION: u32 = 1;
+
+/// First line.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Header {
+    /// Format version.
+    pub version: u32,
+    /// Command that made it.
+    pub command: String,
+    /// Its seed.
+    pub seed: u64,
+}
+
+/// How the search for one object went.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Summary {
+    /// Its name.
+    pub object: String,
+    /// Grasps asked for.
+    pub wanted: usize,
+    /// Grasps kept: lines that follow.
+    pub kept: usize,
+    /// Chains run for them.
+    pub chains: u64,
+    /// Why there are fewer than asked for, where there are.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub short: Option<String>,
+}
+
+/// The grasps of one object.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ObjectGrasps {
+    /// How they were found.
+    pub summary: Summary,
+    /// In the order of their chains.
+    pub grasps: Vec<HeldGrasp>,
+}
+
+/// A repertoire of synthesized grasps.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Collection {
+    /// Where it comes from.
+    pub header: Header,
+    /// Object by object.
+    pub objects: Vec<ObjectGrasps>,
+}
+
+/// Link (-1 is the palm), point, normal, force.
+type ContactRow = (i64, [i64; 3], [i64; 3], i64);
+
+/// Chain; palm_from_object; joints; start; open joints; tensions; opposition; contacts; approach; room; margin, penetration;
+/// moved; energy.
+type Row = (
+    u64,
+    [i64; 7],
+    [i64; HAND_JOINTS],
+    [i64; 7],
+    [i64; HAND_JOINTS],
+    [i64; 5],
+    i64,
+    Vec<ContactRow>,
+    [i64; 3],
+    Option<i64>,
+    [i64; 2],
+    [i64; 2],
+    i64,
+);
+
+fn steps<const N: usize>(values: &[f64; N], per_unit: f64) -> [i64; N] {
+    values.map(|x| (x * per_unit).round() as i64)
+}
+
+fn values<const N: usize>(steps: &[i64; N], per_unit: f64) -> [f64; N] {
+    steps.map(|n| n as f64 / per_unit)
+}
+
+fn row(grasp: &HeldGrasp) -> Row {
+    let one = |value: f64, per_unit: f64| (value * per_unit).round() as i64;
+    let contacts = grasp.contacts.iter().map(|contact| {
+        let link = contact.link.map_or(-1, |link| link as i64);
+        let (point, normal) = (steps(&contact.point, per_unit::POSE), steps(&contact.normal, per_unit::DIRECTION));
+        (link, point, normal, one(contact.force, per_unit::FORCE))
+    });
+    (
+        grasp.chain,
+        steps(&grasp.palm_from_object, per_unit::POSE),
+        steps(&grasp.joints, per_unit::ANGLE),
+        steps(&grasp.start, per_unit::POSE),
+        steps(&grasp.open_joints, per_unit::ANGLE),
+        steps(&grasp.tensions, per_unit::FORCE),
+        one(grasp.opposition, per_unit::ANGLE),
+        contacts.collect(),
+        steps(&grasp.approach, per_unit::DIRECTION),
+        grasp.room.map(|room| one(room, per_unit::POSE)),
+        [one(grasp.margin, per_unit::FORCE), one(grasp.penetration, per_unit::DEPTH)],
+        steps(&grasp.moved, per_unit::MOTION),
+        one(grasp.energy, per_unit::ENERGY),
+    )
+}
+
+/// The grasp of a row, or which field is wrong, what was found and what was expected.
+fn grasp(object: &str, row: Row) -> Result<HeldGrasp, String> {
+    let (chain, pose, joints, start, open, tensions, opposition, rows, approach, room, checks, moved, energy) = row;
+    let mut contacts = Vec::with_capacity(rows.len());
+    for (n, (link, point, normal, force)) in rows.into_iter().enumerate() {
+        let link = match usize::try_from(link) {
+            Ok(link) if link < HAND_JOINTS => Some(link),
+            Err(_) if link == -1 => None,
+            _ => return Err(format!("contacts[{n}].link: found {link}, expected -1 to {}", HAND_JOINTS - 1)),
+        };
+        contacts.push(HeldContact {
+            link,
+            point: values(&point, per_unit::POSE),
+            normal: values(&normal, per_unit::DIRECTION),
+            force: force as f64 / per_unit::FORCE,
+        });
+    }
+    if contacts.is_empty() {
+        return Err("contacts: found none, expected at least one".into());
+    }
+    for (field, pose) in [("palm_from_object", &pose), ("start", &start)] {
+        let length = values(pose, per_unit::POSE)[3..].iter().map(|x| x * x).sum::<f64>().sqrt();
+        if (length - 1.0).abs() > 1e-3 {
+            return Err(format!("{field}: found a quaternion of length {length:.4}, expected 1"));
+        }
+    }
+    let touches = |link: Option<usize>| contacts.iter().any(|contact| contact.link == link);
+    let digits = Digit::ALL.into_iter().filter(|digit| digit.joints().into_iter().any(|link| touches(Some(link))));
+    Ok(HeldGrasp {
+        object: object.into(),
+        chain,
+        palm_from_object: values(&pose, per_unit::POSE),
+        joints: values(&joints, per_unit::ANGLE),
+        start: values(&start, per_unit::POSE),
+        open_joints: values(&open, per_unit::ANGLE),
+        tensions: values(&tensions, per_unit::FORCE),
+        opposition: opposition as f64 / per_unit::ANGLE,
+        digits: digits.collect(),
+        palm: touches(None),
+        contacts,
+        approach: values(&approach, per_unit::DIRECTION),
+        room: room.map(|room| room as f64 / per_unit::POSE),
+        margin: checks[0] as f64 / per_unit::FORCE,
+        penetration: checks[1] as f64 / per_unit::DEPTH,
+        moved: values(&moved, per_unit::MOTION),
+        energy: energy as f64 / per_unit::ENERGY,
+    })
+}
+
+impl Collection {
+    /// The grasps of an object.
+    pub fn of(&self, object: &str) -> Option<&ObjectGrasps> {
+        self.objects.iter().find(|entry| entry.summary.object == object)
+    }
+
+    /// All grasps.
+    pub fn grasps(&self) -> impl Iterator<Item = &HeldGrasp> {
+        self.objects.iter().flat_map(|entry| &entry.grasps)
+    }
+
+    /// The file's text.
+    pub fn to_text(&self) -> Result<String, serde_json::Error> {
+        let mut text = serde_json::to_string(&self.header)? + "\n";
+        for entry in &self.objects {
+            text += &(serde_json::to_string(&entry.summary)? + "\n");
+            for grasp in &entry.grasps {
+                // Writing to a string cannot fail.
+                let _ = writeln!(text, "{}", serde_json::to_string(&row(grasp))?);
+            }
+        }
+        Ok(text)
+    }
+
+    /// Reads a file.
+    pub fn read(path: &Path) -> Result<Self, HeldError> {
+        let text = std::fs::read_to_string(path).map_err(|source| HeldError::Io { path: path.into(), source })?;
+        Self::parse(&text, path)
+    }
+
+    /// As [`Self::read`], from text; `path` is used in errors.
+    pub fn parse(text: &str, path: &Path) -> Result<Self, HeldError> {
+        let fault = |line: usize, message: String| HeldError::Line { path: path.into(), line: line + 1, message };
+        let mut lines = text.lines().enumerate();
+        let (_, first) = lines.next().ok_or_else(|| fault(0, "found nothing, expected a header".into()))?;
+        let header: Header = serde_json::from_str(first).map_err(|error| fault(0, error.to_string()))?;
+        if header.version != VERSION {
+            return Err(fault(0, format!("version: found {}, expected {VERSION}", header.version)));
+        }
+        let mut objects: Vec<ObjectGrasps> = Vec::new();
+        while let Some((at, line)) = lines.next() {
+            let summary: Summary = serde_json::from_str(line).map_err(|error| fault(at, error.to_string()))?;
+            if objects.iter().any(|entry| entry.summary.object == summary.object) {
+                return Err(fault(at, format!("object: found {} again, expected it once", summary.object)));
+            }
+            let mut grasps = Vec::with_capacity(summary.kept);
+            for n in 0..summary.kept {
+                let (at, line) = lines.next().ok_or_else(|| {
+                    fault(at, format!("{}: found {n} grasps, expected {}", summary.object, summary.kept))
+                })?;
+                let row: Row = serde_json::from_str(line).map_err(|error| fault(at, error.to_string()))?;
+                grasps.push(grasp(&summary.object, row).map_err(|message| fault(at, message))?);
+            }
+            objects.push(ObjectGrasps { summary, grasps });
+        }
+        Ok(Self { header, objects })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::held::tests::grasp as example;
+    use super::*;
+
+    fn collection() -> Collection {
+        let grasps: Vec<HeldGrasp> = (0..3)
+            .map(|n| {
+                let mut grasp = example();
+                grasp.chain = n;
+                grasp.joints[4] = 0.1 * n as f64 + 0.01234;
+                grasp.contacts.push(HeldContact { link: None, ..grasp.contacts[0] });
+                grasp.palm = true;
+                grasp.room = (n > 0).then_some(0.0123);
+                grasp.rounded()
+            })
+            .collect();
+        let summary = Summary { object: "ball".into(), wanted: 5, kept: 3, chains: 7, short: Some("slippery".into()) };
+        let header = Header { version: VERSION, command: "test".into(), seed: 4 };
+        Collection { header, objects: vec![ObjectGrasps { summary, grasps }] }
+    }
+
+    #[test]
+    fn written_is_read_bit_for_bit() {
+        let collection = collection();
+        let text = collection.to_text().expect("text");
+        let back = Collection::parse(&text, Path::new("x")).expect("read");
+        assert_eq!(back, collection);
+        assert_eq!(back.to_text().expect("text"), text);
+        assert_eq!(back.of("ball").map(|entry| entry.grasps.len()), Some(3));
+        assert!(back.of("pawn").is_none());
+    }
+
+    /// Every kind of damage is named with its line.
+    #[test]
+    fn damage_is_named() {
+        let text = collection().to_text().expect("text");
+        let lines: Vec<&str> = text.lines().collect();
+        let cases = [
+            (text.replace("\"version\":1", "\"version\":2"), ":1: version: found 2, expected 1"),
+            (lines[..4].join("\n"), ":2: ball: found 2 grasps, expected 3"),
+            (text.replace("[[2,", "[[15,"), ":3: contacts[0].link: found 15, expected -1 to 14"),
+            (text.clone() + lines[1], ":6: object: found ball again, expected it once"),
+            (text.replacen("98334]", "50000]", 1), ":3: palm_from_object: found a quaternion of length"),
+            (text[..text.len() - 9].into(), ":5: "),
+            (String::new(), ":1: found nothing, expected a header"),
+        ];
+        for (damaged, expected) in cases {
+            let error = Collection::parse(&damaged, Path::new("x")).expect_err(expected).to_string();
+            assert!(error.contains(expected), "{error}\n{expected}");
+        }
+    }
+}

@@ -1,0 +1,179 @@
+//! Grasps side by side: hands in rows, each with the object it holds, its contact points and their friction cones.
+
+use hand_model::Hand;
+use nalgebra::{Isometry3, Point3, UnitVector3, Vector3};
+use rerun::log::ChunkBatcherConfig;
+use rerun::sink::{LogSink, MultiSink};
+use rerun::{Arrows3D, Points3D, RecordingStream, RecordingStreamBuilder, TextDocument};
+
+use crate::blueprint::{self, Eye};
+use crate::error::StreamError;
+use crate::mesh::{DrawnObject, Mesh};
+use crate::recorder::{Settings, Target, sink};
+use crate::scene::{drawn, link_color, log_hand_at, transform};
+use crate::{APPLICATION, entities};
+
+/// Distance between neighbours, m.
+const PITCH: f64 = 0.26;
+/// Height of a friction cone, m.
+const CONE: f64 = 0.012;
+/// Sides of a cone.
+const SIDES: u32 = 20;
+/// How opaque objects and cones are, of 255.
+const VEIL: (u8, u8) = (150, 120);
+const ARROW_COLOR: [u8; 3] = [255, 214, 10];
+/// Length of the arrow of a force of 1 N, m.
+const METRES_PER_NEWTON: f64 = 0.004;
+
+/// A contact to be shown, palm frame.
+#[derive(Debug, Clone, Copy)]
+pub struct ShownContact {
+    /// Link of the hand, none for the palm.
+    pub link: Option<usize>,
+    /// m.
+    pub point: Point3<f64>,
+    /// Into the object.
+    pub normal: UnitVector3<f64>,
+    /// Normal force, N.
+    pub force: f64,
+}
+
+/// A grasp to be shown.
+#[derive(Debug, Clone)]
+pub struct ShownGrasp {
+    /// A word for it; also part of the entity path.
+    pub name: String,
+    /// What there is to say about it, Markdown.
+    pub text: String,
+    /// Joint angles, rad.
+    pub joints: Vec<f64>,
+    /// Pose of the object.
+    pub palm_from_object: Isometry3<f64>,
+    /// Contacts.
+    pub contacts: Vec<ShownContact>,
+}
+
+/// The cone of forces that friction `mu` allows at a contact: its tip on the contact, opening along the normal.
+pub fn friction_cone(contact: &ShownContact, mu: f64) -> Mesh {
+    let axis = contact.normal.into_inner();
+    let x = axis.cross(&if axis.x.abs() < 0.7 { Vector3::x() } else { Vector3::y() }).normalize();
+    let y = axis.cross(&x);
+    let mut mesh = Mesh::default();
+    for side in 0..SIDES {
+        let (sin, cos) = (std::f64::consts::TAU * f64::from(side) / f64::from(SIDES)).sin_cos();
+        let out = x * cos + y * sin;
+        let rim = contact.point.coords + (axis + out * mu) * CONE;
+        let normal = (out - axis * mu).normalize();
+        for (place, normal) in [(contact.point.coords, normal), (rim, normal)] {
+            mesh.vertices.push(place.cast::<f32>().into());
+            mesh.normals.push(normal.cast::<f32>().into());
+        }
+        let next = (side + 1) % SIDES;
+        mesh.triangles.push([2 * side, 2 * next + 1, 2 * side + 1]);
+    }
+    mesh
+}
+
+/// Writes `grasps` of one object to `targets`; `mu` is the friction the cones are drawn for.
+pub fn write(
+    targets: &[Target],
+    hand: &Hand,
+    object: &DrawnObject,
+    mu: f64,
+    grasps: &[ShownGrasp],
+) -> Result<(), StreamError> {
+    let sinks: Vec<Box<dyn LogSink>> = targets.iter().map(sink).collect::<Result<_, _>>()?;
+    let rec = RecordingStreamBuilder::new(APPLICATION)
+        .enabled(!sinks.is_empty())
+        .batcher_config(ChunkBatcherConfig::DEFAULT)
+        .buffered()?;
+    rec.set_log_time_enabled(false);
+    rec.set_log_tick_enabled(false);
+    rec.set_sink(Box::new(MultiSink::new(sinks)));
+    let columns = (grasps.len() as f64).sqrt().ceil().max(1.0) as usize;
+    let rows = grasps.len().div_ceil(columns);
+    let center = Vector3::new(0.5 * PITCH * (columns - 1) as f64, -0.5 * PITCH * rows.saturating_sub(1) as f64, -0.02);
+    let away = 0.25 + 0.9 * PITCH * columns.max(rows) as f64;
+    let eye = center + Vector3::new(0.2, 0.15, -1.0).normalize() * away;
+    let eye = Eye { position: eye.cast::<f32>().into(), target: center.cast::<f32>().into() };
+    blueprint::send_gallery(&rec, eye)?;
+    rec.log_static(entities::GALLERY, &rerun::ViewCoordinates::RIGHT_HAND_Y_UP())?;
+    let mut story = format!("# {}: {} grasps\n", object.name, grasps.len());
+    for (n, grasp) in grasps.iter().enumerate() {
+        let place = Isometry3::translation(PITCH * (n % columns) as f64, -PITCH * (n / columns) as f64, 0.0);
+        let root = entities::gallery(n, &grasp.name);
+        show(&rec, &root, &place, hand, object, mu, grasp)?;
+        story += &format!("\n## {}. {}\n\n{}\n", n + 1, grasp.name, grasp.text);
+    }
+    rec.log_static(entities::GALLERY_TEXT, &TextDocument::from_markdown(story))?;
+    rec.flush_with_timeout(Settings::default().flush_timeout)?;
+    rec.finalize_deferred_sinks();
+    Ok(())
+}
+
+fn show(
+    rec: &RecordingStream,
+    root: &str,
+    place: &Isometry3<f64>,
+    hand: &Hand,
+    object: &DrawnObject,
+    mu: f64,
+    grasp: &ShownGrasp,
+) -> Result<(), StreamError> {
+    rec.log_static(root, &transform(place))?;
+    log_hand_at(rec, &format!("{root}/hand"), hand, &grasp.joints)?;
+    let name = format!("{root}/object");
+    rec.log_static(name.as_str(), &transform(&grasp.palm_from_object))?;
+    rec.log_static(name.as_str(), &drawn(&object.mesh(), object.color, VEIL.0))?;
+    let at = |contact: &ShownContact| <[f32; 3]>::from(contact.point.coords.cast::<f32>());
+    let color = |contact: &ShownContact| link_color(contact.link);
+    let points = Points3D::new(grasp.contacts.iter().map(at)).with_radii([0.0018f32]);
+    rec.log_static(format!("{root}/contacts"), &points.with_colors(grasp.contacts.iter().map(color)))?;
+    let forces = grasp.contacts.iter().map(|contact| {
+        <[f32; 3]>::from((contact.normal.into_inner() * contact.force * METRES_PER_NEWTON).cast::<f32>())
+    });
+    let arrows = Arrows3D::from_vectors(forces).with_origins(grasp.contacts.iter().map(at));
+    rec.log_static(format!("{root}/forces"), &arrows.with_radii([0.0008f32]).with_colors([ARROW_COLOR]))?;
+    for (n, contact) in grasp.contacts.iter().enumerate() {
+        let cone = drawn(&friction_cone(contact, mu), color(contact), VEIL.1);
+        rec.log_static(format!("{root}/cones/{n}"), &cone)?;
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Every edge of a cone makes the friction angle with the normal, and its tip is on the contact.
+    #[test]
+    fn cones_open_by_the_friction_angle() {
+        let normal = UnitVector3::new_normalize(Vector3::new(0.3, -0.5, 0.8));
+        let contact = ShownContact { link: None, point: Point3::new(0.01, 0.02, 0.03), normal, force: 1.0 };
+        let cone = friction_cone(&contact, 0.6);
+        for pair in cone.vertices.chunks(2) {
+            let [tip, rim] = [pair[0], pair[1]].map(|v| Vector3::from(v).cast::<f64>());
+            assert!((tip - contact.point.coords).norm() < 1e-6);
+            assert!(((rim - tip).angle(&normal) - 0.6f64.atan()).abs() < 1e-4);
+        }
+        assert_eq!(cone.triangles.len(), SIDES as usize);
+    }
+
+    #[test]
+    fn a_gallery_becomes_a_file() {
+        let folder = tempfile::tempdir().expect("folder");
+        let file = folder.path().join("grasps.rrd");
+        let hand = Hand::ftac();
+        let object = DrawnObject { name: "thing".into(), ..DrawnObject::default() };
+        let contact = ShownContact { link: Some(2), point: Point3::origin(), normal: Vector3::z_axis(), force: 2.0 };
+        let grasp = ShownGrasp {
+            name: "one".into(),
+            text: "holds".into(),
+            joints: vec![0.3; hand.tree.len()],
+            palm_from_object: Isometry3::identity(),
+            contacts: vec![contact],
+        };
+        write(&[Target::File(file.clone())], &hand, &object, 0.6, &[grasp.clone(), grasp]).expect("written");
+        assert!(std::fs::metadata(&file).expect("there").len() > 10_000);
+    }
+}
