@@ -24,7 +24,7 @@ use crate::plan::{self, Plans};
 use crate::recording::Recording;
 use crate::trial::Bench;
 use crate::world::World;
-use crate::{calibrate, check, generate, optics_commands, synthesis};
+use crate::{calibrate, check, generate, optics_commands, study, synthesis};
 
 /// The hand unit that runs the trials, and the one that photometric stereo was calibrated on.
 const HAND_UNIT: u64 = 7;
@@ -53,6 +53,8 @@ pub fn run(cli: &Cli) -> Outcome {
             synthesis::generate(cli, synthesis, *n, *keep, out.as_deref())
         }
         Command::Grasps(GraspsCommand::Eval { synthesis, n }) => synthesis::eval(cli, synthesis, *n),
+        Command::Grasps(GraspsCommand::Classify(args)) => study::classify::run(cli, args),
+        Command::Grasps(GraspsCommand::Annotate(args)) => study::annotate::run(cli, args),
         Command::Grasps(GraspsCommand::Rehearse { object, role, n, out }) => {
             grasps_rehearse(cli, object, *role, *n, out)
         }

@@ -15,6 +15,7 @@ mod plan;
 mod recording;
 mod rehearsal;
 mod report;
+mod study;
 mod synthesis;
 mod trial;
 mod world;
