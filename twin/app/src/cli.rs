@@ -7,7 +7,7 @@ use scenarios::record::Condition;
 
 use crate::bench::Record;
 use crate::bridge::BridgeCommand;
-use crate::{optics_commands, touch_commands};
+use crate::{optics_commands, study, touch_commands};
 
 /// Digital twin of the F-TAC Hand on a Kinova Gen3 arm.
 #[derive(Debug, Parser)]
@@ -336,6 +336,10 @@ pub enum GraspsCommand {
     Repertoire(RepertoireArgs),
     /// Show the best grasp of each kind: digits, contact points and friction cones, room, approach.
     Show(ShowArgs),
+    /// Give every verified grasp one of the paper's 19 types, by rules with reasons; compare with people's labels.
+    Classify(study::ClassifyArgs),
+    /// Write a page, usable offline, on which people give grasps their types.
+    Annotate(study::AnnotateArgs),
     /// Find the benchmark's repertoire of pick-ups for the scenario's objects by rehearsing them in physics.
     Rehearse {
         /// Objects; default: all of the scenario.

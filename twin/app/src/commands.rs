@@ -24,7 +24,7 @@ use crate::plan::{self, Plans};
 use crate::recording::Recording;
 use crate::trial::Bench;
 use crate::world::World;
-use crate::{arm_check, calibrate, check, generate, hand_close, optics_commands, synthesis, touch_commands};
+use crate::{arm_check, calibrate, check, generate, hand_close, optics_commands, study, synthesis, touch_commands};
 
 /// The hand unit that runs the trials ...
 pub const HAND_UNIT: u64 = 7;
@@ -61,6 +61,8 @@ pub fn run(cli: &Cli) -> Outcome {
         Command::Grasps(GraspsCommand::Eval { synthesis, n }) => synthesis::eval(cli, synthesis, *n),
         Command::Grasps(GraspsCommand::Repertoire(args)) => synthesis::repertoire::make(cli, args),
         Command::Grasps(GraspsCommand::Show(args)) => synthesis::show::show(cli, args),
+        Command::Grasps(GraspsCommand::Classify(args)) => study::classify::run(cli, args),
+        Command::Grasps(GraspsCommand::Annotate(args)) => study::annotate::run(cli, args),
         Command::Grasps(GraspsCommand::Rehearse { object, role, n, out }) => {
             grasps_rehearse(cli, object, *role, *n, out)
         }

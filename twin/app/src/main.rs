@@ -17,6 +17,7 @@ mod plan;
 mod recording;
 mod rehearsal;
 mod report;
+mod study;
 mod synthesis;
 mod touch_commands;
 mod trial;

@@ -1,0 +1,100 @@
+//! Contact maps: how near every part of the hand is to the object, as one vector a grasp (supplement, "2D cluster map").
+//!
+//! Omega = log(eps1 + min(D, eps2)) at 2,170 points all around the hand, with D the distance to the object's surface in metres.
+//! The logarithm spreads what is nearly touching; eps2 hides what is far.
+
+use grasping::synthesis::held::{HeldGrasp, pose_from_array};
+use grasping::synthesis::surface::HandSurface;
+use hand_model::Hand;
+use nalgebra::{Isometry3, Point3};
+
+/// Points around the hand.
+pub const POINTS: usize = 2170;
+/// Keeps the logarithm finite, m.
+pub const EPSILON_1: f64 = 1e-4;
+/// Distances are cut here, m.
+pub const EPSILON_2: f64 = 0.05;
+
+/// A point fixed to a link: 0 is the palm, i + 1 the link that joint i moves; m, link frame.
+pub type HandPoint = (usize, Point3<f64>);
+
+/// [`POINTS`] points spread evenly over the covers of `hand`.
+pub fn hand_points(hand: &Hand) -> Vec<HandPoint> {
+    let surface = HandSurface::new(hand, POINTS);
+    let all: Vec<HandPoint> = surface
+        .links
+        .iter()
+        .enumerate()
+        .flat_map(|(link, own)| own.points.iter().map(move |point| (link, Point3::from(*point))))
+        .collect();
+    // The surface has a few more than asked: leave out evenly.
+    (0..POINTS).map(|n| all[n * all.len() / POINTS]).collect()
+}
+
+/// Omega of one distance (m; inside counts as far from the surface as it is).
+pub fn omega(distance: f64) -> f64 {
+    (EPSILON_1 + distance.abs().min(EPSILON_2)).ln()
+}
+
+/// The contact map of `grasp`: Omega at each of `points`. `distance` is the object's signed distance, m, object frame.
+pub fn contact_map(
+    hand: &Hand,
+    points: &[HandPoint],
+    grasp: &HeldGrasp,
+    distance: impl Fn(&Point3<f64>) -> f64,
+) -> Vec<f64> {
+    let object_from_palm = pose_from_array(&grasp.palm_from_object).inverse();
+    let mut links = vec![Isometry3::identity()];
+    links.extend(hand.tree.forward(&grasp.joints));
+    let placed: Vec<Isometry3<f64>> = links.iter().map(|link| object_from_palm * link).collect();
+    points.iter().map(|(link, point)| omega(distance(&(placed[*link] * point)))).collect()
+}
+
+/// Shifts and scales every point's values to mean 0 and variance 1 over all maps; what never changes becomes 0.
+pub fn normalize(maps: &mut [Vec<f64>]) {
+    let n = maps.len() as f64;
+    for point in 0..maps.first().map_or(0, Vec::len) {
+        let mean = maps.iter().map(|map| map[point]).sum::<f64>() / n;
+        let variance = maps.iter().map(|map| (map[point] - mean).powi(2)).sum::<f64>() / n;
+        let scale = if variance > 1e-18 { variance.sqrt().recip() } else { 0.0 };
+        maps.iter_mut().for_each(|map| map[point] = (map[point] - mean) * scale);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::attributes::tests::grasp;
+
+    #[test]
+    fn omega_at_its_ends() {
+        assert!((omega(0.0) - 1e-4_f64.ln()).abs() < 1e-12);
+        assert!((omega(1.0) - 0.0501_f64.ln()).abs() < 1e-12 && omega(1.0) == omega(0.05));
+        assert_eq!(omega(-0.003), omega(0.003));
+    }
+
+    /// A ball 40 mm before the palm's middle: the nearest point of the palm reads what geometry says, the wrist is far.
+    #[test]
+    fn map_of_a_ball() {
+        let hand = Hand::ftac();
+        let points = hand_points(&hand);
+        assert_eq!(points.len(), POINTS);
+        let held = grasp(0.0, &[]);
+        let map = contact_map(&hand, &points, &held, |p| p.coords.norm() - 0.02);
+        let center = Point3::new(0.0, 0.0, -0.04);
+        for ((link, point), found) in points.iter().zip(&map).filter(|((link, _), _)| *link == 0) {
+            assert_eq!(*link, 0);
+            assert!((found - omega((point - center).norm() - 0.02)).abs() < 1e-9);
+        }
+        assert!(map.iter().any(|value| (value - omega(1.0)).abs() < 1e-12), "something is far");
+    }
+
+    #[test]
+    fn normalized_values_have_mean_0_and_variance_1() {
+        let mut maps = vec![vec![1.0, 5.0], vec![3.0, 5.0], vec![8.0, 5.0]];
+        normalize(&mut maps);
+        let (mean, square): (f64, f64) = maps.iter().fold((0.0, 0.0), |(m, s), map| (m + map[0], s + map[0] * map[0]));
+        assert!(mean.abs() < 1e-12 && (square / 3.0 - 1.0).abs() < 1e-12);
+        assert!(maps.iter().all(|map| map[1] == 0.0));
+    }
+}

@@ -1,0 +1,109 @@
+//! Attraction and diffusion: a chain on E(x) + pull d(x, X*) either comes to X* or stops getting closer.
+
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
+use serde::{Deserialize, Serialize};
+
+use super::Landscape;
+
+/// How chains are drawn.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Attraction {
+    /// Weight of the distance in the energy, energy over distance.
+    pub pull: f64,
+    /// Temperature, energy.
+    pub temperature: f64,
+    /// A chain has arrived within this distance.
+    pub near: f64,
+    /// Improvement limit: steps without a new closest distance after which it is given up.
+    pub patience: usize,
+    /// Chains each way.
+    pub chains: usize,
+}
+
+/// The highest energy on the way of one chain from `from` to `to`, the ends included; none where it does not arrive.
+pub fn attract<L: Landscape>(
+    landscape: &L,
+    from: &L::State,
+    to: &L::State,
+    settings: &Attraction,
+    rng: &mut ChaCha8Rng,
+) -> Option<f64> {
+    let mut walker = landscape.enter(from);
+    let mut closest = landscape.distance(from, to);
+    let mut barrier = landscape.energy(from).max(landscape.energy(to));
+    let mut waited = 0;
+    while closest > settings.near {
+        let (energy, distance) = landscape.step(&mut walker, to, settings.pull, settings.temperature, rng);
+        barrier = barrier.max(energy);
+        if distance < closest {
+            closest = distance;
+            waited = 0;
+        } else {
+            waited += 1;
+            if waited == settings.patience {
+                return None;
+            }
+        }
+    }
+    Some(barrier)
+}
+
+/// A generator of its own for every question: nothing depends on the order in which they are asked.
+pub fn stream(seed: u64, question: [u64; 4]) -> ChaCha8Rng {
+    let mut key = [0u8; 32];
+    for (n, word) in question.into_iter().enumerate() {
+        key[8 * n..8 * n + 8].copy_from_slice(&word.to_le_bytes());
+    }
+    let mut rng = ChaCha8Rng::from_seed(key);
+    rng.set_stream(seed);
+    rng
+}
+
+/// Chains both ways between two states: the lowest barrier of those that arrive.
+pub fn both_ways<L: Landscape>(
+    landscape: &L,
+    a: &L::State,
+    b: &L::State,
+    settings: &Attraction,
+    seed: u64,
+    question: [u64; 2],
+) -> Option<f64> {
+    let mut lowest: Option<f64> = None;
+    for chain in 0..settings.chains as u64 {
+        for (way, (from, to)) in [(a, b), (b, a)].into_iter().enumerate() {
+            let mut rng = stream(seed, [question[0], question[1], chain, way as u64]);
+            let found = attract(landscape, from, to, settings, &mut rng);
+            lowest = found.into_iter().chain(lowest).min_by(f64::total_cmp);
+        }
+    }
+    lowest
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::multi_well::MultiWell;
+    use super::*;
+
+    const SETTINGS: Attraction = Attraction { pull: 2.0, temperature: 0.05, near: 0.1, patience: 200, chains: 4 };
+
+    /// Pulled hard enough a chain crosses, and its barrier is the saddle's energy or a little more; pulled too weakly it does not.
+    #[test]
+    fn crosses_when_pulled_and_only_then() {
+        let wells = MultiWell::uneven();
+        let [a, b] = [[-1.0, -1.0], [1.0, -1.0]];
+        let exact = wells.barrier(a, b);
+        let found = both_ways(&wells, &a, &b, &SETTINGS, 1, [0, 0]).expect("arrives");
+        assert!(found > exact - 0.03 && found < exact + 0.2, "{found} {exact}");
+        let weak = Attraction { pull: 0.2, ..SETTINGS };
+        assert_eq!(both_ways(&wells, &a, &b, &weak, 1, [0, 0]), None);
+    }
+
+    #[test]
+    fn who_is_there_has_arrived() {
+        let wells = MultiWell::uneven();
+        let found = both_ways(&wells, &[1.0, 1.0], &[1.0, 1.0], &SETTINGS, 1, [0, 0]);
+        assert_eq!(found, Some(wells.energy(&[1.0, 1.0])));
+    }
+}

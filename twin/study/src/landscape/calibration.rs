@@ -1,0 +1,84 @@
+//! The metastability threshold: the pull below which chains between two minima no longer arrive.
+//!
+//! Start with a pull that surely suffices, lower it by steps until none of a number of trials arrives: coarse steps first, then 3 %
+//! steps from the last pull that sufficed. A landscape's own threshold is the median over pairs of its minima.
+
+use rayon::prelude::*;
+
+use super::Landscape;
+use super::attraction::{Attraction, attract, stream};
+
+const COARSE: f64 = 0.7;
+const FINE: f64 = 0.97;
+/// Below this share of the start there is no barrier worth the name.
+const LEAST: f64 = 1e-3;
+
+/// The threshold of one pair: none if chains do not even arrive at `settings.pull`, where the search starts.
+pub fn threshold<L: Landscape>(
+    landscape: &L,
+    a: &L::State,
+    b: &L::State,
+    settings: &Attraction,
+    trials: usize,
+    seed: u64,
+    pair: u64,
+) -> Option<f64> {
+    let mut round = 0;
+    let mut arrives = |pull: f64| {
+        round += 1;
+        let settings = Attraction { pull, ..*settings };
+        (0..trials).any(|trial| {
+            let mut rng = stream(seed, [pair, round, trial as u64, 2]);
+            let (from, to) = if trial % 2 == 0 { (a, b) } else { (b, a) };
+            attract(landscape, from, to, &settings, &mut rng).is_some()
+        })
+    };
+    let mut pull = settings.pull;
+    if !arrives(pull) {
+        return None;
+    }
+    for factor in [COARSE, FINE] {
+        while pull > LEAST * settings.pull && arrives(pull * factor) {
+            pull *= factor;
+        }
+    }
+    Some(pull)
+}
+
+/// Thresholds of `pairs` of states, sorted; pairs out of reach are left out.
+pub fn thresholds<L: Landscape>(
+    landscape: &L,
+    pairs: &[(L::State, L::State)],
+    settings: &Attraction,
+    trials: usize,
+    seed: u64,
+) -> Vec<f64> {
+    let mut found: Vec<f64> = pairs
+        .par_iter()
+        .enumerate()
+        .filter_map(|(n, (a, b))| threshold(landscape, a, b, settings, trials, seed, n as u64))
+        .collect();
+    found.sort_by(f64::total_cmp);
+    found
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::multi_well::MultiWell;
+    use super::*;
+
+    /// At low temperature a chain gets over the pass where the pull beats the steepest slope on the way, max |W'|. From the
+    /// higher side that is less, and heat helps, so that the threshold lies below the slope but not far.
+    #[test]
+    fn threshold_is_near_the_steepest_slope() {
+        let wells = MultiWell::uneven();
+        let settings = Attraction { pull: 8.0, temperature: 0.005, near: 0.1, patience: 300, chains: 1 };
+        let found = threshold(&wells, &[-1.0, -1.0], &[1.0, -1.0], &settings, 20, 1, 0).expect("8 suffices");
+        let slope = |t: f64| (t * t - 1.0) * (4.0 * t - 0.3);
+        let (up, down) = (-100..=100)
+            .map(|k| slope(f64::from(k) / 100.0))
+            .fold((0.0_f64, 0.0_f64), |(a, b), s| (a.max(s), b.max(-s)));
+        let steepest = up.min(down);
+        assert!(found < steepest && found > 0.5 * steepest, "{found} {steepest}");
+    }
+}

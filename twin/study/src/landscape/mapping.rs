@@ -1,0 +1,348 @@
+//! The ADELM loop: every sampled minimum joins the basin that it reaches over the lowest barrier, or founds a new one; then the
+//! barriers between basins are measured with a harder pull.
+//!
+//! What is found goes to a journal as it is found, one line a minimum and one a basin's barriers. A run that goes on from a
+//! journal ends as if it had not been interrupted: every question has a generator of its own.
+
+use std::collections::BTreeMap;
+use std::fs::{File, OpenOptions};
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+use rayon::prelude::*;
+use serde::de::DeserializeOwned;
+use serde::{Deserialize, Serialize};
+
+use super::Landscape;
+use super::attraction::{Attraction, both_ways};
+
+/// How a landscape is mapped.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Plan {
+    /// Chains that sort minima into basins.
+    pub attraction: Attraction,
+    /// Barriers between basins are asked with the pull doubled up to so many times.
+    pub doublings: u32,
+    /// Barriers are asked between each basin and so many nearest ones.
+    pub neighbors: usize,
+    /// Seed.
+    pub seed: u64,
+    /// What is mapped, in words: a journal of something else is refused.
+    pub subject: String,
+}
+
+/// A basin.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Basin<S> {
+    /// Its lowest minimum.
+    pub minimum: S,
+    /// Energy there.
+    pub energy: f64,
+    /// Numbers of the samples in it.
+    pub members: Vec<usize>,
+}
+
+/// A line of the journal.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+enum Line<S> {
+    /// First line.
+    Plan(Plan),
+    /// Sample `n` with its minimum, and the basins it reaches over which barriers.
+    Minimum { n: usize, state: S, reached: Vec<(usize, f64)> },
+    /// Barriers from basin `n`.
+    Barriers { n: usize, found: Vec<(usize, f64)> },
+}
+
+/// What can be wrong with a journal.
+#[derive(Debug, thiserror::Error)]
+pub enum JournalError {
+    /// Not readable or writable.
+    #[error("{path}: {source}")]
+    Io {
+        /// The file.
+        path: PathBuf,
+        /// The operating system's reason.
+        source: std::io::Error,
+    },
+    /// A line is not what it should be.
+    #[error("{path}:{line}: {message}")]
+    Line {
+        /// The file.
+        path: PathBuf,
+        /// From 1.
+        line: usize,
+        /// What is wrong.
+        message: String,
+    },
+    /// Of another run.
+    #[error("{path}: found a journal of {found}, expected {expected}; give another folder or remove it")]
+    OtherRun {
+        /// The file.
+        path: PathBuf,
+        /// Its plan.
+        found: String,
+        /// This run's.
+        expected: String,
+    },
+}
+
+/// A map in the making.
+#[derive(Debug)]
+pub struct Mapping<S> {
+    /// How.
+    pub plan: Plan,
+    /// Basins in the order in which they were founded.
+    pub basins: Vec<Basin<S>>,
+    /// Lowest barrier seen between two basins, the smaller number first.
+    pub barriers: BTreeMap<(usize, usize), f64>,
+    /// Samples sorted so far.
+    pub sorted: usize,
+    /// Basins whose barriers were measured.
+    measured: usize,
+    journal: Option<(PathBuf, File)>,
+}
+
+impl<S: Clone + Send + Sync + Serialize + DeserializeOwned> Mapping<S> {
+    /// An empty map that keeps no journal.
+    pub fn new(plan: Plan) -> Self {
+        Self { plan, basins: Vec::new(), barriers: BTreeMap::new(), sorted: 0, measured: 0, journal: None }
+    }
+
+    /// Goes on from the journal at `path`, or starts one. A last line that was cut short is dropped. `energy` gives the energy of
+    /// a state.
+    pub fn resume(plan: Plan, path: &Path, energy: impl Fn(&S) -> f64) -> Result<Self, JournalError> {
+        let io = |source| JournalError::Io { path: path.into(), source };
+        let mut mapping = Self::new(plan);
+        let text = match std::fs::read_to_string(path) {
+            Ok(text) => text,
+            Err(error) if error.kind() == std::io::ErrorKind::NotFound => String::new(),
+            Err(error) => return Err(io(error)),
+        };
+        // Only lines that end were written whole.
+        let whole = text.rfind('\n').map_or("", |end| &text[..=end]);
+        for (number, line) in whole.lines().enumerate() {
+            let fault = |message: String| JournalError::Line { path: path.into(), line: number + 1, message };
+            match serde_json::from_str(line).map_err(|error| fault(error.to_string()))? {
+                Line::Plan(plan) if number == 0 && plan == mapping.plan => {}
+                Line::Plan(plan) if number == 0 => {
+                    return Err(JournalError::OtherRun {
+                        path: path.into(),
+                        found: format!("{plan:?}"),
+                        expected: format!("{:?}", mapping.plan),
+                    });
+                }
+                Line::Minimum { n, state, reached } if number > 0 && n == mapping.sorted => {
+                    if reached.iter().any(|(basin, _)| *basin >= mapping.basins.len()) {
+                        return Err(fault("reached: found a basin that is not there yet, expected a known one".into()));
+                    }
+                    let energy = energy(&state);
+                    mapping.sort_in(state, energy, &reached);
+                }
+                Line::Barriers { n, found } if n == mapping.measured && n < mapping.basins.len() => {
+                    if found.iter().any(|(basin, _)| *basin >= mapping.basins.len()) {
+                        return Err(fault("found: found a basin that is not there, expected a known one".into()));
+                    }
+                    mapping.measure_in(n, &found);
+                }
+                _ => return Err(fault("found a line out of turn, expected the next sample or basin".into())),
+            }
+        }
+        let mut file = OpenOptions::new().create(true).append(true).open(path).map_err(io)?;
+        file.set_len(whole.len() as u64).map_err(io)?;
+        if whole.is_empty() {
+            write_line(&mut file, &Line::<S>::Plan(mapping.plan.clone())).map_err(io)?;
+        }
+        mapping.journal = Some((path.into(), file));
+        Ok(mapping)
+    }
+
+    fn note(&mut self, line: &Line<S>) -> Result<(), JournalError> {
+        match &mut self.journal {
+            Some((path, file)) => {
+                write_line(file, line).map_err(|source| JournalError::Io { path: path.clone(), source })
+            }
+            None => Ok(()),
+        }
+    }
+
+    /// Sorts the next sample's `minimum` in.
+    pub fn sort<L: Landscape<State = S>>(&mut self, landscape: &L, minimum: S) -> Result<(), JournalError> {
+        let (n, plan) = (self.sorted, &self.plan);
+        let reached: Vec<(usize, f64)> = self
+            .basins
+            .par_iter()
+            .enumerate()
+            .filter_map(|(k, basin)| {
+                let question = [n as u64, k as u64];
+                let found = both_ways(landscape, &minimum, &basin.minimum, &plan.attraction, plan.seed, question);
+                found.map(|barrier| (k, barrier))
+            })
+            .collect();
+        self.note(&Line::Minimum { n, state: minimum.clone(), reached: reached.clone() })?;
+        let energy = landscape.energy(&minimum);
+        self.sort_in(minimum, energy, &reached);
+        Ok(())
+    }
+
+    fn sort_in(&mut self, minimum: S, energy: f64, reached: &[(usize, f64)]) {
+        let n = self.sorted;
+        self.sorted += 1;
+        match reached.iter().min_by(|a, b| a.1.total_cmp(&b.1)) {
+            None => self.basins.push(Basin { minimum, energy, members: vec![n] }),
+            Some(&(home, _)) => {
+                let basin = &mut self.basins[home];
+                basin.members.push(n);
+                if energy < basin.energy {
+                    (basin.minimum, basin.energy) = (minimum, energy);
+                }
+            }
+        }
+        // Who reaches two basins is a way between them.
+        for (k, &(a, first)) in reached.iter().enumerate() {
+            for &(b, second) in &reached[k + 1..] {
+                self.lower(a, b, first.max(second));
+            }
+        }
+    }
+
+    fn lower(&mut self, a: usize, b: usize, barrier: f64) {
+        let known = self.barriers.entry((a.min(b), a.max(b))).or_insert(barrier);
+        *known = known.min(barrier);
+    }
+
+    /// Measures the barriers from the next basin to its nearest ones, the pull doubled until a chain arrives; false when all are
+    /// done.
+    pub fn measure<L: Landscape<State = S>>(&mut self, landscape: &L) -> Result<bool, JournalError> {
+        let (n, plan) = (self.measured, &self.plan);
+        if n == self.basins.len() {
+            return Ok(false);
+        }
+        let own = &self.basins[n].minimum;
+        let mut others: Vec<(f64, usize)> = (0..self.basins.len())
+            .filter(|k| *k != n)
+            .map(|k| (landscape.distance(own, &self.basins[k].minimum), k))
+            .collect();
+        others.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+        others.truncate(plan.neighbors);
+        let found: Vec<(usize, f64)> = others
+            .par_iter()
+            .filter_map(|&(_, k)| {
+                (1..=plan.doublings).find_map(|doubling| {
+                    let pull = plan.attraction.pull * f64::from(1u32 << doubling);
+                    let settings = Attraction { pull, ..plan.attraction };
+                    // Beyond all samples' questions.
+                    let question = [u64::MAX - n as u64, (k as u64) << 8 | u64::from(doubling)];
+                    let barrier = both_ways(landscape, own, &self.basins[k].minimum, &settings, plan.seed, question);
+                    barrier.map(|barrier| (k, barrier))
+                })
+            })
+            .collect();
+        self.note(&Line::Barriers { n, found: found.clone() })?;
+        self.measure_in(n, &found);
+        Ok(true)
+    }
+
+    fn measure_in(&mut self, n: usize, found: &[(usize, f64)]) {
+        for &(k, barrier) in found {
+            self.lower(n, k, barrier);
+        }
+        self.measured += 1;
+    }
+
+    /// Basins whose barriers were measured.
+    pub fn measured(&self) -> usize {
+        self.measured
+    }
+
+    /// Barriers as a list; never below the two minima.
+    pub fn edges(&self) -> Vec<(usize, usize, f64)> {
+        let above = |a: usize, b: usize| self.basins[a].energy.max(self.basins[b].energy);
+        self.barriers.iter().map(|(&(a, b), &barrier)| (a, b, barrier.max(above(a, b)))).collect()
+    }
+}
+
+fn write_line<S: Serialize>(file: &mut File, line: &Line<S>) -> std::io::Result<()> {
+    let mut text = serde_json::to_string(line)?;
+    text.push('\n');
+    file.write_all(text.as_bytes())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::disconnectivity::tree;
+    use super::super::multi_well::{MultiWell, samples};
+    use super::*;
+    use rand::SeedableRng;
+    use rand_chacha::ChaCha8Rng;
+
+    fn plan(pull: f64) -> Plan {
+        Plan {
+            attraction: Attraction { pull, temperature: 0.03, near: 0.1, patience: 150, chains: 4 },
+            doublings: 4,
+            neighbors: 3,
+            seed: 7,
+            subject: "wells".into(),
+        }
+    }
+
+    fn finish(mut map: Mapping<[f64; 2]>, wells: &MultiWell) -> Mapping<[f64; 2]> {
+        let all = samples(wells, 40, &mut ChaCha8Rng::seed_from_u64(5));
+        for sample in &all[map.sorted..] {
+            map.sort(wells, *sample).expect("no journal to fail");
+        }
+        while map.measure(wells).expect("no journal to fail") {}
+        map
+    }
+
+    /// Four basins are found, with all samples of a well in one, and the tree joins them at the exact barriers.
+    #[test]
+    fn four_wells_and_their_exact_tree() {
+        let wells = MultiWell::uneven();
+        let map = finish(Mapping::new(plan(0.6)), &wells);
+        assert_eq!(map.basins.len(), 4);
+        assert_eq!(map.basins.iter().map(|basin| basin.members.len()).sum::<usize>(), 40);
+        let energies: Vec<f64> = map.basins.iter().map(|basin| basin.energy).collect();
+        let found = tree(&energies, &map.edges());
+        let at = |k: usize| map.basins[k].minimum.map(f64::round);
+        for (a, b) in (0..4).flat_map(|a| (0..a).map(move |b| (a, b))) {
+            let (joined, exact) = (found.minimax(a, b).expect("joined"), wells.barrier(at(a), at(b)));
+            // A warm chain passes a little above the pass, and cannot pass below it by more than its last step's length.
+            assert!(joined > exact - 0.03 && joined < exact + 0.15, "{:?} {:?}: {joined} {exact}", at(a), at(b));
+            assert!((energies[a] - wells.energy(&at(a))).abs() < 0.01);
+        }
+    }
+
+    /// A pull that flattens the landscape leaves one basin; hardly any pull leaves as many as there are wells at least.
+    #[test]
+    fn basins_over_pull() {
+        let wells = MultiWell::uneven();
+        assert_eq!(finish(Mapping::new(plan(8.0)), &wells).basins.len(), 1);
+        assert_eq!(finish(Mapping::new(plan(0.4)), &wells).basins.len(), 4);
+    }
+
+    /// Interrupted anywhere, even within a line, a run goes on to the same end.
+    #[test]
+    fn an_interrupted_run_loses_nothing() {
+        let wells = MultiWell::uneven();
+        let folder = std::env::temp_dir().join(format!("study-journal-{}", std::process::id()));
+        std::fs::create_dir_all(&folder).expect("a folder");
+        let path = folder.join("journal.jsonl");
+        let _ = std::fs::remove_file(&path);
+        let open = |plan| Mapping::resume(plan, &path, |state| wells.energy(state));
+        let whole = finish(open(plan(0.6)).expect("new"), &wells);
+        let text = std::fs::read_to_string(&path).expect("written");
+        for cut in [text.len() / 3, text.len() / 2 + 7, text.len() - 3] {
+            std::fs::write(&path, &text[..cut]).expect("cut");
+            let again = finish(open(plan(0.6)).expect("goes on"), &wells);
+            assert_eq!((&again.basins, &again.barriers), (&whole.basins, &whole.barriers), "cut at {cut}");
+            assert_eq!(std::fs::read_to_string(&path).expect("written"), text);
+        }
+        let other = open(plan(0.7)).expect_err("another plan").to_string();
+        assert!(other.contains("journal.jsonl") && other.contains("0.7"), "{other}");
+        std::fs::write(&path, text.replacen("\"reached\":[]", "\"reached\":[[9,1.0]]", 1)).expect("spoilt");
+        let spoilt = open(plan(0.6)).expect_err("no such basin").to_string();
+        assert!(spoilt.contains("journal.jsonl:2"), "{spoilt}");
+        std::fs::remove_dir_all(&folder).expect("removed");
+    }
+}

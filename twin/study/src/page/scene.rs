@@ -1,0 +1,159 @@
+//! Hand, objects and grasps as a page draws them: the hand's links once, then a few numbers a grasp.
+
+use grasping::synthesis::held::HeldGrasp;
+use hand_model::Hand;
+use hand_model::hand::CoverShape;
+use nalgebra::{Isometry3, Point3, Vector3};
+use serde::Serialize;
+
+/// Triangles in their own frame. Coordinates are in 0.1 mm: whole numbers are short.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Mesh {
+    /// x, y, z of each vertex, 0.1 mm.
+    pub v: Vec<i32>,
+    /// Three vertices a triangle.
+    pub f: Vec<u32>,
+}
+
+impl Mesh {
+    /// From points in m.
+    pub fn new(points: &[Point3<f64>], triangles: &[[u32; 3]]) -> Self {
+        Self {
+            v: points.iter().flat_map(|p| [p.x, p.y, p.z].map(|x| (x * 1e4).round() as i32)).collect(),
+            f: triangles.iter().flatten().copied().collect(),
+        }
+    }
+
+    /// A rounded box, with one step around each rounding.
+    fn cover(cover: &CoverShape) -> Self {
+        let inner = cover.half.add_scalar(-cover.radius);
+        let (mut points, mut triangles) = (Vec::new(), Vec::new());
+        for axis in 0..3 {
+            let (u, v) = ((axis + 1) % 3, (axis + 2) % 3);
+            for side in [-1.0, 1.0] {
+                let base = points.len() as u32;
+                for j in 0..4 {
+                    for i in 0..4 {
+                        let at = |n: usize, a: usize| [-cover.half[a], -inner[a], inner[a], cover.half[a]][n];
+                        let mut p = Vector3::zeros();
+                        (p[axis], p[u], p[v]) = (side * cover.half[axis], at(i, u), at(j, v));
+                        let core = p.zip_map(&inner, |x, limit| x.clamp(-limit, limit));
+                        let surface = core + (p - core).normalize() * cover.radius;
+                        points.push(cover.link_from_cover * Point3::from(surface));
+                    }
+                }
+                for (i, j) in (0..3).flat_map(|j| (0..3).map(move |i| (i, j))) {
+                    let corner = base + 4 * j + i;
+                    let quad = [corner, corner + 1, corner + 5, corner + 4];
+                    let [a, b, c, d] = if side > 0.0 { quad } else { [quad[0], quad[3], quad[2], quad[1]] };
+                    triangles.extend([[a, b, c], [a, c, d]]);
+                }
+            }
+        }
+        Self::new(&points, &triangles)
+    }
+}
+
+/// A joint: its parent (-1 is the palm), rotation by rows and place (m) in it.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+struct JointFrame {
+    p: i32,
+    r: [f64; 9],
+    t: [f64; 3],
+}
+
+/// An object.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct DrawnObject {
+    /// Name.
+    pub name: String,
+    /// Its surface.
+    pub mesh: Mesh,
+}
+
+/// A grasp: which object, where, which joint angles, and where it touches (point and normal, palm frame).
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct DrawnGrasp {
+    /// Name of the grasp.
+    pub id: String,
+    /// Index of the object.
+    pub o: usize,
+    /// `palm_from_object`: x, y, z, i, j, k, w.
+    pub p: [f64; 7],
+    /// Joint angles, rad.
+    pub q: Vec<f64>,
+    /// Contacts: x, y, z, and the normal into the object.
+    pub c: Vec<[f64; 6]>,
+}
+
+impl DrawnGrasp {
+    /// From a held grasp of object number `object`. Contacts of one link within 3 mm are drawn once.
+    pub fn new(id: String, object: usize, grasp: &HeldGrasp) -> Self {
+        let mut seen: Vec<(Option<usize>, [f64; 3])> = Vec::new();
+        let mut c = Vec::new();
+        for contact in &grasp.contacts {
+            let near = |p: &[f64; 3]| p.iter().zip(&contact.point).all(|(a, b)| (a - b).abs() < 3e-3);
+            if !seen.iter().any(|(link, point)| *link == contact.link && near(point)) {
+                seen.push((contact.link, contact.point));
+                let ([x, y, z], [a, b, n]) = (contact.point, contact.normal);
+                c.push([x, y, z, a, b, n]);
+            }
+        }
+        Self { id, o: object, p: grasp.palm_from_object, q: grasp.joints.to_vec(), c }
+    }
+}
+
+/// Everything that is drawn.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Scene {
+    joints: Vec<JointFrame>,
+    links: Vec<Mesh>,
+    objects: Vec<DrawnObject>,
+    grasps: Vec<DrawnGrasp>,
+}
+
+impl Scene {
+    /// Of `hand`.
+    pub fn new(hand: &Hand, objects: Vec<DrawnObject>, grasps: Vec<DrawnGrasp>) -> Self {
+        let frame = |parent: Option<usize>, origin: &Isometry3<f64>| JointFrame {
+            p: parent.map_or(-1, |parent| parent as i32),
+            r: std::array::from_fn(|n| (origin.rotation.to_rotation_matrix()[(n / 3, n % 3)] * 1e7).round() / 1e7),
+            t: [origin.translation.x, origin.translation.y, origin.translation.z],
+        };
+        Self {
+            joints: hand.tree.joints.iter().map(|joint| frame(joint.parent, &joint.origin)).collect(),
+            links: std::iter::once(&hand.palm_cover).chain(&hand.covers).map(Mesh::cover).collect(),
+            objects,
+            grasps,
+        }
+    }
+
+    /// Number of grasps.
+    pub fn grasps(&self) -> usize {
+        self.grasps.len()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A cover's drawn surface is closed (every edge is used once in each direction, up to shared corners) and faces outwards.
+    #[test]
+    fn covers_face_outwards() {
+        let hand = Hand::ftac();
+        for cover in &hand.covers {
+            let mesh = Mesh::cover(cover);
+            let at = |n: u32| Vector3::from_fn(|k, _| f64::from(mesh.v[3 * n as usize + k]));
+            let center = cover.link_from_cover.translation.vector * 1e4;
+            let volume: f64 = mesh
+                .f
+                .chunks(3)
+                .map(|f| (at(f[0]) - center).dot(&(at(f[1]) - center).cross(&(at(f[2]) - center))) / 6.0)
+                .sum();
+            let half = cover.half * 1e4;
+            let full = 8.0 * half.x * half.y * half.z;
+            assert!(volume > 0.8 * full && volume < full, "{volume} {full}");
+        }
+    }
+}

@@ -1,0 +1,389 @@
+//! The rules that give a grasp its type. They are data (`data/rules.toml`): each names a type, an attribute, bounds and a reason.
+//!
+//! A condition's *margin* is by how many of its own widths its attribute lies inside the bounds, at most 1, negative outside.
+//! A rule fits as well as its worst condition, so that every rule gives each grasp a number from a long way below 0 up to 1.
+//! The best rule decides; where it fits badly (its margin is below [`Rules::clear`]) or another type fits nearly as well
+//! (within [`Rules::clear`]), the grasp is *ambiguous*, and both types are named.
+
+use std::collections::BTreeSet;
+use std::path::Path;
+
+use serde::{Deserialize, Serialize};
+
+use crate::attributes::{ATTRIBUTES, Attributes};
+use crate::taxonomy::{Category, DataError, Taxonomy};
+
+/// One condition of a rule.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Condition {
+    /// Name of an attribute.
+    pub attribute: String,
+    /// Lower bound, in the attribute's unit.
+    pub at_least: Option<f64>,
+    /// Upper bound.
+    pub at_most: Option<f64>,
+    /// How far inside a bound the condition is clearly met.
+    pub width: f64,
+    /// Why the type asks for it.
+    pub reason: String,
+}
+
+impl Condition {
+    /// By how many widths `value` lies inside the bounds, at most 1.
+    fn margin(&self, value: f64) -> f64 {
+        let above = self.at_least.map_or(f64::INFINITY, |bound| value - bound);
+        let below = self.at_most.map_or(f64::INFINITY, |bound| bound - value);
+        (above.min(below) / self.width).min(1.0)
+    }
+
+    /// The bounds in words.
+    fn bounds(&self) -> String {
+        match (self.at_least, self.at_most) {
+            (Some(low), Some(high)) => format!("{low} to {high}"),
+            (Some(low), None) => format!("at least {low}"),
+            (None, Some(high)) => format!("at most {high}"),
+            (None, None) => "anything".into(),
+        }
+    }
+}
+
+/// One rule: a type and what it asks. A type may have several rules.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Rule {
+    /// Name of the type.
+    #[serde(rename = "type")]
+    pub kind: String,
+    /// What must hold.
+    pub when: Vec<Condition>,
+    /// More special types: where one of them fits, this one does not.
+    #[serde(default)]
+    pub unless: Vec<String>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct File {
+    clear: f64,
+    rule: Vec<Rule>,
+}
+
+/// All rules.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Rules {
+    /// A margin below this is not clear.
+    pub clear: f64,
+    rules: Vec<Rule>,
+    resolved: Vec<Resolved>,
+}
+
+/// A rule's names as indices.
+#[derive(Debug, Clone, PartialEq)]
+struct Resolved {
+    kind: usize,
+    attributes: Vec<usize>,
+    unless: Vec<usize>,
+}
+
+/// How one condition came out.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Checked {
+    /// Attribute.
+    pub attribute: String,
+    /// What it means.
+    pub meaning: &'static str,
+    /// Its value.
+    pub value: f64,
+    /// What was asked.
+    pub bounds: String,
+    /// Margin in widths, at most 1.
+    pub margin: f64,
+    /// Why.
+    pub reason: String,
+}
+
+/// The decision on one grasp.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Decision {
+    /// Best type, an index of the taxonomy.
+    pub kind: usize,
+    /// Its margin.
+    pub margin: f64,
+    /// Second best type and its margin.
+    pub second: (usize, f64),
+    /// Whether the decision is not clear.
+    pub ambiguous: bool,
+}
+
+impl Rules {
+    /// The rules as shipped, for the paper's types.
+    ///
+    /// # Panics
+    /// Never in a tested build: the file is compiled in and a test reads it.
+    pub fn shipped(taxonomy: &Taxonomy) -> Self {
+        let path = Path::new("rules.toml");
+        Self::parse(include_str!("../data/rules.toml"), path, taxonomy).expect("the built-in rules are valid")
+    }
+
+    /// Reads rules from text; every type of `taxonomy` needs one. `path` is used in errors.
+    pub fn parse(text: &str, path: &Path, taxonomy: &Taxonomy) -> Result<Self, DataError> {
+        let File { clear, rule: rules } = toml::from_str(text)
+            .map_err(|error| DataError::Format { path: path.into(), message: error.to_string() })?;
+        let fault = |field: String, found: String, expected: String| DataError::Field {
+            path: path.into(),
+            field,
+            found,
+            expected,
+        };
+        if !(0.0..=1.0).contains(&clear) {
+            return Err(fault("clear".into(), clear.to_string(), "0 to 1".into()));
+        }
+        let mut resolved = Vec::new();
+        for (n, rule) in rules.iter().enumerate() {
+            let kind = taxonomy.find(&rule.kind).ok_or_else(|| {
+                fault(format!("rule[{n}].type"), format!("{:?}", rule.kind), "one of the types' names".into())
+            })?;
+            let mut attributes = Vec::new();
+            for (m, condition) in rule.when.iter().enumerate() {
+                let field = |name: &str| format!("rule[{n}].when[{m}].{name}");
+                attributes.push(Attributes::index(&condition.attribute).ok_or_else(|| {
+                    let known: Vec<&str> = ATTRIBUTES.iter().map(|(name, _)| *name).collect();
+                    fault(field("attribute"), format!("{:?}", condition.attribute), known.join(", "))
+                })?);
+                if !(condition.width.is_finite() && condition.width > 0.0) {
+                    return Err(fault(field("width"), condition.width.to_string(), "a positive number".into()));
+                }
+                if condition.at_least.is_none() && condition.at_most.is_none() {
+                    return Err(fault(field("at_least"), "no bound".into(), "at_least or at_most".into()));
+                }
+            }
+            if attributes.is_empty() {
+                return Err(fault(format!("rule[{n}].when"), "no condition".into(), "at least one".into()));
+            }
+            let unless = rule.unless.iter().map(|name| {
+                let known = taxonomy.find(name).filter(|other| *other != kind);
+                known.ok_or_else(|| {
+                    fault(format!("rule[{n}].unless"), format!("{name:?}"), "another of the types' names".into())
+                })
+            });
+            resolved.push(Resolved { kind, attributes, unless: unless.collect::<Result<_, _>>()? });
+        }
+        let ruled: BTreeSet<usize> = resolved.iter().map(|rule| rule.kind).collect();
+        if let Some(missing) = (0..taxonomy.types.len()).find(|kind| !ruled.contains(kind)) {
+            return Err(fault(
+                "rule".into(),
+                format!("none for {:?}", taxonomy.types[missing].name),
+                "one a type".into(),
+            ));
+        }
+        Ok(Self { clear, rules, resolved })
+    }
+
+    /// The margin of a rule's own conditions.
+    fn own(&self, rule: usize, attributes: &Attributes) -> f64 {
+        let conditions = self.rules[rule].when.iter().zip(&self.resolved[rule].attributes);
+        conditions.map(|(condition, index)| condition.margin(attributes.0[*index])).fold(1.0, f64::min)
+    }
+
+    /// How well the best rule for type `kind` fits by its own conditions.
+    fn fits(&self, kind: usize, attributes: &Attributes) -> f64 {
+        let own = (0..self.rules.len()).filter(|rule| self.resolved[*rule].kind == kind);
+        own.map(|rule| self.own(rule, attributes)).fold(f64::NEG_INFINITY, f64::max)
+    }
+
+    /// The margin of a rule: its own, and as far below 0 as a more special type fits.
+    fn margin(&self, rule: usize, attributes: &Attributes) -> f64 {
+        let unless = self.resolved[rule].unless.iter().map(|kind| -self.fits(*kind, attributes));
+        unless.fold(self.own(rule, attributes), f64::min)
+    }
+
+    /// The best margin of every type.
+    pub fn margins(&self, types: usize, attributes: &Attributes) -> Vec<f64> {
+        let mut margins = vec![f64::NEG_INFINITY; types];
+        for (rule, resolved) in self.resolved.iter().enumerate() {
+            margins[resolved.kind] = margins[resolved.kind].max(self.margin(rule, attributes));
+        }
+        margins
+    }
+
+    /// Decides on one grasp. Of equal margins the type that comes first in the table wins, and the grasp is ambiguous.
+    pub fn decide(&self, taxonomy: &Taxonomy, attributes: &Attributes) -> Decision {
+        let mut order: Vec<(usize, f64)> =
+            self.margins(taxonomy.types.len(), attributes).into_iter().enumerate().collect();
+        order.sort_by(|a, b| b.1.total_cmp(&a.1).then(a.0.cmp(&b.0)));
+        let (best, second) = (order[0], order.get(1).copied().unwrap_or(order[0]));
+        let ambiguous = best.1 < self.clear || best.1 - second.1 < self.clear;
+        Decision { kind: best.0, margin: best.1, second, ambiguous }
+    }
+
+    /// Why: every condition of the best rule for type `kind`.
+    pub fn explain(&self, kind: usize, attributes: &Attributes) -> Vec<Checked> {
+        let own = (0..self.rules.len()).filter(|rule| self.resolved[*rule].kind == kind);
+        let best = own.max_by(|a, b| self.margin(*a, attributes).total_cmp(&self.margin(*b, attributes)));
+        let Some(rule) = best else { return Vec::new() };
+        let conditions = self.rules[rule].when.iter().zip(&self.resolved[rule].attributes);
+        let own = conditions.map(|(condition, &index)| Checked {
+            attribute: condition.attribute.clone(),
+            meaning: ATTRIBUTES[index].1,
+            value: attributes.0[index],
+            bounds: condition.bounds(),
+            margin: condition.margin(attributes.0[index]),
+            reason: condition.reason.clone(),
+        });
+        let unless = self.rules[rule].unless.iter().zip(&self.resolved[rule].unless).map(|(name, &kind)| Checked {
+            attribute: "unless".into(),
+            meaning: "how well a more special type fits",
+            value: self.fits(kind, attributes),
+            bounds: "at most 0".into(),
+            margin: -self.fits(kind, attributes),
+            reason: format!("it is no {name}"),
+        });
+        own.chain(unless).collect()
+    }
+}
+
+/// How many grasps of each object have each type: `counts[object][type]`, and how many of them are ambiguous.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Distribution {
+    /// Objects in order of first appearance.
+    pub objects: Vec<String>,
+    /// By object, then by type.
+    pub counts: Vec<Vec<usize>>,
+    /// By object.
+    pub ambiguous: Vec<usize>,
+}
+
+impl Distribution {
+    /// Counts decisions; `objects` names each decision's object.
+    pub fn of<'a>(taxonomy: &Taxonomy, decisions: impl Iterator<Item = (&'a str, &'a Decision)>) -> Self {
+        let mut found = Self { objects: Vec::new(), counts: Vec::new(), ambiguous: Vec::new() };
+        for (object, decision) in decisions {
+            let n = found.objects.iter().position(|known| known == object).unwrap_or_else(|| {
+                found.objects.push(object.to_owned());
+                found.counts.push(vec![0; taxonomy.types.len()]);
+                found.ambiguous.push(0);
+                found.objects.len() - 1
+            });
+            found.counts[n][decision.kind] += 1;
+            found.ambiguous[n] += usize::from(decision.ambiguous);
+        }
+        found
+    }
+
+    /// Grasps of each type over all objects.
+    pub fn totals(&self) -> Vec<usize> {
+        let types = self.counts.first().map_or(0, Vec::len);
+        (0..types).map(|kind| self.counts.iter().map(|row| row[kind]).sum()).collect()
+    }
+
+    /// Grasps of each category over all objects.
+    pub fn categories(&self, taxonomy: &Taxonomy) -> [usize; 3] {
+        let totals = self.totals();
+        Category::ALL.map(|category| {
+            taxonomy.types.iter().zip(&totals).filter(|(kind, _)| kind.category == category).map(|(_, n)| n).sum()
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const TYPES: &str = r#"
+        [[type]]
+        name = "A"
+        includes = []
+        category = "power"
+        definition = ""
+        [[type]]
+        name = "B"
+        includes = []
+        category = "precision"
+        definition = ""
+    "#;
+    const RULES: &str = r#"
+        clear = 0.2
+        [[rule]]
+        type = "A"
+        when = [{ attribute = "palm", at_least = 0.3, width = 0.1, reason = "palm" }]
+        [[rule]]
+        type = "B"
+        when = [
+            { attribute = "palm", at_most = 0.3, width = 0.1, reason = "no palm" },
+            { attribute = "tips", at_least = 0.5, width = 0.2, reason = "tips" },
+        ]
+    "#;
+
+    fn with(palm: f64, tips: f64) -> Attributes {
+        let mut values = [0.0; ATTRIBUTES.len()];
+        values[Attributes::index("palm").expect("known")] = palm;
+        values[Attributes::index("tips").expect("known")] = tips;
+        Attributes(values)
+    }
+
+    fn small() -> (Taxonomy, Rules) {
+        let taxonomy = Taxonomy::parse(TYPES, Path::new("t.toml")).expect("valid");
+        let rules = Rules::parse(RULES, Path::new("r.toml"), &taxonomy).expect("valid");
+        (taxonomy, rules)
+    }
+
+    #[test]
+    fn clear_cases_ambiguous_ones_and_those_that_fit_nothing() {
+        let (taxonomy, rules) = small();
+        let decide = |palm, tips| rules.decide(&taxonomy, &with(palm, tips));
+        let clear = decide(0.6, 0.1);
+        assert!(clear.kind == 0 && !clear.ambiguous && clear.margin == 1.0);
+        assert!(decide(0.0, 1.0).kind == 1 && !decide(0.0, 1.0).ambiguous);
+        let between = decide(0.295, 0.9);
+        assert!(between.kind == 1 && between.ambiguous && between.second.0 == 0, "{between:?}");
+        let neither = decide(0.0, 0.0);
+        assert!(neither.ambiguous && neither.margin < 0.0, "{neither:?}");
+    }
+
+    /// The more special type takes the grasp from the general one where it fits, and only there.
+    #[test]
+    fn unless_a_more_special_type_fits() {
+        let (taxonomy, _) = small();
+        let text = RULES
+            .replace("{ attribute = \"palm\", at_most = 0.3, width = 0.1, reason = \"no palm\" },", "")
+            .replace("type = \"A\"", "type = \"A\"\nunless = [\"B\"]");
+        let rules = Rules::parse(&text, Path::new("r.toml"), &taxonomy).expect("valid");
+        let special = rules.decide(&taxonomy, &with(0.6, 0.9));
+        assert!(special.kind == 1 && !special.ambiguous && special.second == (0, -1.0), "{special:?}");
+        let general = rules.decide(&taxonomy, &with(0.6, 0.1));
+        assert!(general.kind == 0 && !general.ambiguous, "{general:?}");
+    }
+
+    #[test]
+    fn explanation_names_value_bound_and_reason() {
+        let (_, rules) = small();
+        let why = rules.explain(1, &with(0.25, 0.9));
+        assert_eq!(why.len(), 2);
+        assert!((why[0].margin - 0.5).abs() < 1e-9 && why[0].bounds == "at most 0.3" && why[0].reason == "no palm");
+        assert_eq!(why[1].margin, 1.0);
+    }
+
+    #[test]
+    fn shipped_rules_cover_all_types() {
+        let rules = Rules::shipped(&Taxonomy::paper());
+        assert!(rules.rules.iter().flat_map(|rule| &rule.when).all(|condition| !condition.reason.is_empty()));
+    }
+
+    #[test]
+    fn errors_name_the_field() {
+        let (taxonomy, _) = small();
+        for (from, to, named) in [
+            ("\"tips\", at_least", "\"tops\", at_least", "rule[1].when[1].attribute"),
+            ("width = 0.2", "width = 0.0", "rule[1].when[1].width"),
+            ("type = \"B\"", "type = \"C\"", "rule[1].type"),
+            ("type = \"B\"", "type = \"A\"", "none for \"B\""),
+            ("at_least = 0.3, ", "", "rule[0].when[0].at_least"),
+            ("type = \"B\"", "unless = [\"C\"]\ntype = \"B\"", "rule[1].unless"),
+            ("clear = 0.2", "clear = 2.0", "clear"),
+        ] {
+            let error = Rules::parse(&RULES.replace(from, to), Path::new("r.toml"), &taxonomy).expect_err("bad");
+            assert!(error.to_string().contains(named) && error.to_string().contains("r.toml"), "{error}");
+        }
+    }
+}

@@ -1,0 +1,151 @@
+//! The paper's 19 grasp types: Feix's 33, merged where hand and opposition are the same. The table is data (`data/types.toml`).
+
+use std::path::{Path, PathBuf};
+
+use serde::{Deserialize, Serialize};
+
+/// What the hand does with the object, in Feix's three broad kinds.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Category {
+    /// Held rigidly: only the arm moves the object.
+    Power,
+    /// Both at once.
+    Intermediate,
+    /// Held between fingertips, which can move it.
+    Precision,
+}
+
+impl Category {
+    /// In the order of the paper's table.
+    pub const ALL: [Category; 3] = [Category::Power, Category::Intermediate, Category::Precision];
+
+    /// Lower-case name.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Power => "power",
+            Self::Intermediate => "intermediate",
+            Self::Precision => "precision",
+        }
+    }
+}
+
+/// One of the 19.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct GraspType {
+    /// Name in the paper's table.
+    pub name: String,
+    /// Feix's types that it takes in.
+    pub includes: Vec<String>,
+    /// Broad kind.
+    pub category: Category,
+    /// In a sentence.
+    pub definition: String,
+}
+
+/// What can be wrong with a data file of the study.
+#[derive(Debug, thiserror::Error)]
+pub enum DataError {
+    /// Not readable.
+    #[error("{path}: {source}")]
+    Io {
+        /// The file.
+        path: PathBuf,
+        /// The operating system's reason.
+        source: std::io::Error,
+    },
+    /// Not in the file's format.
+    #[error("{path}: {message}")]
+    Format {
+        /// The file.
+        path: PathBuf,
+        /// The parser's message, with line and field.
+        message: String,
+    },
+    /// A field's value makes no sense.
+    #[error("{path}: {field}: found {found}, expected {expected}")]
+    Field {
+        /// The file.
+        path: PathBuf,
+        /// Where in it.
+        field: String,
+        /// What stands there.
+        found: String,
+        /// What would be right.
+        expected: String,
+    },
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct File {
+    #[serde(rename = "type")]
+    types: Vec<GraspType>,
+}
+
+/// The table of types.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Taxonomy {
+    /// In the table's order.
+    pub types: Vec<GraspType>,
+}
+
+impl Taxonomy {
+    /// The paper's 19 types.
+    ///
+    /// # Panics
+    /// Never in a tested build: the file is compiled in and a test reads it.
+    pub fn paper() -> Self {
+        Self::parse(include_str!("../data/types.toml"), Path::new("types.toml")).expect("the built-in types are valid")
+    }
+
+    /// Reads a table from text; `path` is used in errors.
+    pub fn parse(text: &str, path: &Path) -> Result<Self, DataError> {
+        let File { types } = toml::from_str(text)
+            .map_err(|error| DataError::Format { path: path.into(), message: error.to_string() })?;
+        for (n, kind) in types.iter().enumerate() {
+            if types[..n].iter().any(|other| other.name == kind.name) {
+                return Err(DataError::Field {
+                    path: path.into(),
+                    field: format!("type[{n}].name"),
+                    found: format!("{:?} twice", kind.name),
+                    expected: "unique names".into(),
+                });
+            }
+        }
+        Ok(Self { types })
+    }
+
+    /// Index of the type called `name`.
+    pub fn find(&self, name: &str) -> Option<usize> {
+        self.types.iter().position(|kind| kind.name == name)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The totals of the paper's table: 19 types from 31 of Feix's 33 (it leaves out Tripod Variation and Adduction Grip, and
+    /// splits none), 10 power, 3 intermediate, 6 precision.
+    #[test]
+    fn totals_of_the_table() {
+        let taxonomy = Taxonomy::paper();
+        let count = |category| taxonomy.types.iter().filter(|kind| kind.category == category).count();
+        assert_eq!(taxonomy.types.len(), 19);
+        assert_eq!(Category::ALL.map(count), [10, 3, 6]);
+        let mut included: Vec<&String> = taxonomy.types.iter().flat_map(|kind| &kind.includes).collect();
+        assert_eq!(included.len(), 31);
+        included.sort();
+        included.dedup();
+        assert_eq!(included.len(), 31, "no type is in two");
+    }
+
+    #[test]
+    fn a_name_twice_is_refused() {
+        let text = include_str!("../data/types.toml").replace("name = \"Ring\"", "name = \"Palmar\"");
+        let error = Taxonomy::parse(&text, Path::new("t.toml")).expect_err("twice").to_string();
+        assert!(error.contains("t.toml") && error.contains("Palmar") && error.contains("unique"), "{error}");
+    }
+}
