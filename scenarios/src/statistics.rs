@@ -1,6 +1,7 @@
 //! Sums trials up: rates per combination, their mean and deviation, tests, percentiles, densities, `summary.json`.
 
 mod distribution;
+mod paired;
 
 use std::collections::{BTreeMap, HashMap};
 
@@ -8,6 +9,7 @@ use serde::{Deserialize, Serialize};
 use statrs::distribution::{ContinuousCDF, StudentsT};
 
 pub use distribution::{BoxPlot, box_plot, density, percentile, silverman_bandwidth};
+pub use paired::{Effect, Interval, McNemar};
 
 use crate::record::{Condition, TrialRecord};
 use crate::referee::FailureCause;
@@ -135,6 +137,17 @@ pub struct Tests {
     pub success: TTest,
 }
 
+/// What the paper does not report of its two comparisons.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+pub struct Effects {
+    /// Collisions, `blind` less `ideal`, over combinations.
+    pub collision: Effect,
+    /// Success, `touch` less `blind`, over combinations.
+    pub success: Effect,
+    /// Success of `touch` against `blind`, trial by trial.
+    pub mcnemar: McNemar,
+}
+
 /// Decision latency, ms.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub struct DecisionTime {
@@ -190,6 +203,9 @@ pub struct Summary {
     pub conditions: PerCondition<ConditionSummary>,
     /// Paired over combinations, one-sided.
     pub t_test: Tests,
+    /// Effect sizes with intervals, the exact test by trials, power for fewer combinations.
+    #[serde(default)]
+    pub effects: Effects,
     /// Over all trials that decided.
     pub decision_ms: DecisionTime,
     /// Over all trials that estimated.
@@ -225,6 +241,11 @@ pub fn summarise(records: &[TrialRecord], run: &RunInfo) -> Summary {
         t_test: Tests {
             collision: paired_t_test(&pair_up(blind, ideal, collision)),
             success: paired_t_test(&pair_up(touch, blind, success)),
+        },
+        effects: Effects {
+            collision: Effect::of(&pair_up(blind, ideal, collision)),
+            success: Effect::of(&pair_up(touch, blind, success)),
+            mcnemar: McNemar::of_success(records, Condition::Touch, Condition::Blind),
         },
         decision_ms: DecisionTime { p50: percentile(&decisions, 50.0), p99: percentile(&decisions, 99.0) },
         pose_error: PoseError {

@@ -1,5 +1,5 @@
 //! `ftac grasps rehearse`: fills the repertoire. Random proposals are closed and held in physics, those that hold are tried
-//! again under the scenario's noise and varied, and what is left is ranked by the share of tries that held.
+//! again under the noise a planner expects and varied, and what is left is ranked by the share of tries that held.
 
 use anyhow::{Context, Result};
 use control::executive::Protocol;
@@ -18,7 +18,7 @@ use sim::tactile::TactileBoard;
 use crate::rehearsal::{Outcome, Snapshot, Start, misaimed, proving_errors, rehearse_first, rehearse_second};
 use crate::world::World;
 
-/// Draws of the scenario's noise under which a grasp's robustness is measured, after a try without any.
+/// Draws of the expected noise under which a grasp's robustness is measured, after a try without any.
 const ERRORS: usize = 9;
 /// A hold that slips more than this in the time it is watched is none, m.
 const SLIP_LIMIT: f64 = 0.004;
@@ -111,7 +111,7 @@ fn find_first(
         let outcome = rehearse_first(world, protocol, Start::Near, grasp, &bystander, noise, board)?;
         Ok(outcome.map(|(_, outcome)| outcome).filter(|outcome| outcome.slip < SLIP_LIMIT))
     };
-    search(&extent, Role::First, effort, effort.keep_first, seed, &proving_errors(world, ERRORS), attempt)
+    search(&extent, Role::First, effort, effort.keep_first, seed, &proving_errors(ERRORS), attempt)
 }
 
 fn find_second(
@@ -140,7 +140,7 @@ fn find_second(
         let (collided, outcome) = rehearse_second(hold, &misaimed(grasp, noise, 1))?;
         Ok((outcome.held && !collided && outcome.slip < 2.0 * SLIP_LIMIT).then_some(outcome))
     };
-    search(&extent, Role::Second, effort, effort.keep_second, seed, &proving_errors(world, ERRORS), attempt)
+    search(&extent, Role::Second, effort, effort.keep_second, seed, &proving_errors(ERRORS), attempt)
 }
 
 /// Rounds of variation around the most robust grasps.

@@ -29,7 +29,7 @@ const FAILED_WORTH: f64 = 0.3;
 const PROVEN: usize = 6;
 /// See [`PROVEN`].
 const UNPROVEN_WORTH: f64 = 0.6;
-/// Draws of the scenario's noise under which a pair is tried.
+/// Draws of the expected noise under which a pair is tried.
 const ERRORS: usize = 6;
 
 /// One combination's plan.
@@ -149,7 +149,7 @@ pub fn make_plans(world: &World, repertoire: &Repertoire, count: usize, seed: u6
 fn plan_pair(world: &World, repertoire: &Repertoire, board: &TactileBoard, pair: &Combination) -> Result<Option<Plan>> {
     let seconds: Vec<&Grasp> = repertoire.of(&pair.second, Role::Second).collect();
     let Some(any) = seconds.first() else { return Ok(None) };
-    let errors = proving_errors(world, ERRORS);
+    let errors = proving_errors(ERRORS);
     for first in repertoire.of(&pair.first, Role::First) {
         let Some((hold, _)) =
             rehearse_first(world, &world.protocol(), Start::Ready, first, any, &TrialNoise::none(), board)?

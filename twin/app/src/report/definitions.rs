@@ -11,7 +11,8 @@ meet the same errors and share the first grasp.</dd>
 <dd><em>Ideal</em> is the plan carried out without any error; as nothing varies then, one trial of each combination is
 enough. <em>Blind</em> carries out the same plan with errors, whatever
 the sensors say. <em>Touch</em> meets the same errors, estimates from the tactile images how the first object really sits in the
-hand, and changes the second grasp when the planned one would collide.</dd>
+hand, changes the second grasp when the planned one would collide, feels after each lift and after the hold whether both objects
+are there, and tries again what failed, as long as the time allows.</dd>
 <dt>Collision</dt>
 <dd>Judged by the referee from the simulator&#39;s ground truth (on hardware by the operator), never by the controller: before the
 second grasp has closed, the first object or a digit holding it touches the second object; or the second object is knocked away
@@ -26,8 +27,12 @@ in the paper; one combination is one independent replicate.</dd>
 <dt>Test</dt>
 <dd>Paired one-sided t-test over combinations: is the collision rate higher blind than ideal, is the success rate higher with
 touch than blind? No adjustment for multiple comparisons, as in the paper.</dd>
+<dt>Effect size, power, McNemar</dt>
+<dd>d_z is the mean of the paired differences over their standard deviation; intervals are percentiles over 10,000 resamples of
+the combinations. Power is the share of 2,000 resamples of so many combinations in which the t-test stays below 0.05. McNemar&#39;s
+test looks only at trials of the same errors that ended differently.</dd>
 <dt>Switched</dt>
-<dd>Share of touch trials in which the controller chose another second grasp than planned.</dd>
+<dd>Share of touch trials in which the controller left the plan: another second grasp, or a new try.</dd>
 <dt>Decision time</dt>
 <dd>Wall time from the last tactile image of the look to the decision: pose estimate, collision check, choice of strategy.</dd>
 <dt>Pose error</dt>

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeSet;
 
-use scenarios::statistics::{MeanSd, Summary, TTest, combination_rates};
+use scenarios::statistics::{Interval, MeanSd, Summary, TTest, combination_rates};
 use scenarios::{Condition, FailureCause, TrialRecord};
 use serde_json::Value;
 
@@ -165,7 +165,41 @@ fn tests(summary: &Summary) -> String {
             published.clone(),
         ]);
     }
-    table.finish()
+    table.finish() + &effects(summary)
+}
+
+/// Beyond the paper: how large the differences are, and how few combinations would have shown them.
+fn effects(summary: &Summary) -> String {
+    let head = [
+        ("difference", Column::Words),
+        ("mean [95 %]", Column::Numbers),
+        ("effect size d_z [95 %]", Column::Numbers),
+        ("power with fewer combinations", Column::Words),
+    ];
+    let mut table = Table::new("Paired differences over combinations, with bootstrap intervals", &head);
+    let interval = |of: &Interval, decimals: usize| {
+        format!("{} [{}, {}]", maybe(of.value, decimals), maybe(of.low, decimals), maybe(of.high, decimals))
+    };
+    let rows = [
+        ("collisions, blind less ideal", &summary.effects.collision),
+        ("success, touch less blind", &summary.effects.success),
+    ];
+    for (name, effect) in rows {
+        let power: Vec<String> = effect.power.iter().map(|(n, power)| format!("{n}: {}", number(*power, 2))).collect();
+        let cells = [interval(&effect.difference, 3), interval(&effect.d_z, 2), power.join(", ")];
+        table.row(&[name.to_string(), cells[0].clone(), cells[1].clone(), cells[2].clone()]);
+    }
+    let counts = &summary.effects.mcnemar;
+    let trials = format!(
+        "<p>Trial by trial: {} succeeded both blind and with touch, {} only with touch, {} only blind, {} neither way \
+         (McNemar’s exact test, one-sided: p {}).</p>\n",
+        counts.both,
+        counts.first_only,
+        counts.second_only,
+        counts.neither,
+        probability(counts.p.unwrap_or(f64::NAN)),
+    );
+    table.finish() + &trials
 }
 
 fn figure_section(figures: [&Figure; 2], summary: &Summary) -> String {

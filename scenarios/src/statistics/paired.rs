@@ -1,0 +1,184 @@
+//! How large a paired difference is, how sure that is, and how few pairs would have shown it.
+
+use rand::{RngExt as _, SeedableRng as _};
+use rand_chacha::ChaCha8Rng;
+use serde::{Deserialize, Serialize};
+use statrs::distribution::{Binomial, DiscreteCDF};
+
+use super::{MeanSd, paired_t_test, percentile};
+use crate::record::{Condition, TrialRecord};
+
+/// Samples drawn with replacement for an interval.
+const RESAMPLES: usize = 10_000;
+/// Samples drawn with replacement for a power.
+const POWER_RESAMPLES: usize = 2_000;
+/// Seed of the resampling: the same records give the same intervals.
+const SEED: u64 = 0x0b00_7574_4a90;
+/// A difference counts as shown below this chance of its being none.
+const LEVEL: f64 = 0.05;
+/// Numbers of pairs whose power is stated.
+const SMALLER: [usize; 5] = [5, 10, 20, 30, 60];
+
+/// A value and its 95 % bootstrap interval (percentile method).
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+pub struct Interval {
+    /// Of the sample itself.
+    pub value: Option<f64>,
+    /// 2.5th percentile over resamples.
+    pub low: Option<f64>,
+    /// 97.5th percentile over resamples.
+    pub high: Option<f64>,
+}
+
+/// A paired comparison beyond its t-test.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+pub struct Effect {
+    /// Mean of the differences.
+    pub difference: Interval,
+    /// Cohen's d of paired samples: the mean of the differences over their standard deviation. None where they do not vary.
+    pub d_z: Interval,
+    /// (pairs, chance that so many pairs, drawn from these, show the difference at the 5 % level in the one-sided t-test).
+    pub power: Vec<(usize, f64)>,
+}
+
+impl Effect {
+    /// Of `pairs` (first, second): differences are first less second.
+    pub fn of(pairs: &[(f64, f64)]) -> Self {
+        let differences: Vec<f64> = pairs.iter().map(|(a, b)| a - b).collect();
+        if differences.is_empty() {
+            return Self::default();
+        }
+        let mut rng = ChaCha8Rng::seed_from_u64(SEED);
+        let (mut means, mut ds) = (Vec::with_capacity(RESAMPLES), Vec::with_capacity(RESAMPLES));
+        for _ in 0..RESAMPLES {
+            let sample = MeanSd::of(&resample(&differences, differences.len(), &mut rng));
+            means.extend(sample.mean);
+            ds.extend(d_z(sample));
+        }
+        let all = MeanSd::of(&differences);
+        let interval = |value: Option<f64>, resampled: &[f64]| Interval {
+            value,
+            low: percentile(resampled, 2.5).filter(|_| value.is_some()),
+            high: percentile(resampled, 97.5).filter(|_| value.is_some()),
+        };
+        let power = SMALLER
+            .into_iter()
+            .filter(|n| *n <= pairs.len())
+            .map(|n| {
+                let shown = (0..POWER_RESAMPLES).filter(|_| {
+                    let sample: Vec<(f64, f64)> =
+                        resample(&differences, n, &mut rng).into_iter().map(|difference| (difference, 0.0)).collect();
+                    paired_t_test(&sample).p.is_some_and(|p| p < LEVEL)
+                });
+                (n, shown.count() as f64 / POWER_RESAMPLES as f64)
+            })
+            .collect();
+        Self { difference: interval(all.mean, &means), d_z: interval(d_z(all), &ds), power }
+    }
+}
+
+fn d_z(sample: MeanSd) -> Option<f64> {
+    let (mean, sd) = (sample.mean?, sample.sd?);
+    // Rates carry rounding errors: what varies by less than those does not vary.
+    (sd > 1e-12).then(|| mean / sd)
+}
+
+fn resample(values: &[f64], n: usize, rng: &mut ChaCha8Rng) -> Vec<f64> {
+    (0..n).map(|_| values[rng.random_range(0..values.len())]).collect()
+}
+
+/// McNemar's exact test on trials that met the same errors under two conditions.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+pub struct McNemar {
+    /// Trials that succeeded under both.
+    pub both: usize,
+    /// Under the first only.
+    pub first_only: usize,
+    /// Under the second only.
+    pub second_only: usize,
+    /// Under neither.
+    pub neither: usize,
+    /// One-sided chance of so few trials won by the second only, were either as likely; none without a trial that differs.
+    pub p: Option<f64>,
+}
+
+impl McNemar {
+    /// Of success under `first` against `second`, trial by trial.
+    pub fn of_success(records: &[TrialRecord], first: Condition, second: Condition) -> Self {
+        let id = |record: &TrialRecord| (record.combination, record.trial);
+        let seconds: std::collections::HashMap<_, _> = records
+            .iter()
+            .filter(|record| record.condition == second)
+            .map(|record| (id(record), record.success))
+            .collect();
+        let mut table = Self::default();
+        for record in records.iter().filter(|record| record.condition == first) {
+            match (record.success, seconds.get(&id(record))) {
+                (true, Some(true)) => table.both += 1,
+                (true, Some(false)) => table.first_only += 1,
+                (false, Some(true)) => table.second_only += 1,
+                (false, Some(false)) => table.neither += 1,
+                (_, None) => {}
+            }
+        }
+        let differ = (table.first_only + table.second_only) as u64;
+        let either = (differ > 0).then(|| Binomial::new(0.5, differ).ok()).flatten();
+        table.p = either.map(|either| either.cdf(table.second_only as u64));
+        table
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::record::tests::record;
+
+    /// Ten trials differ, nine of them one way: (1 + 10) / 1024.
+    #[test]
+    fn mcnemar_counts_the_trials_that_differ() {
+        let mut records = Vec::new();
+        for trial in 0..20 {
+            let mut blind = record(0, trial, Condition::Blind);
+            let mut touch = record(0, trial, Condition::Touch);
+            (touch.success, blind.success) = match trial {
+                0..9 => (true, false),
+                9 => (false, true),
+                10..15 => (true, true),
+                _ => (false, false),
+            };
+            records.extend([blind, touch]);
+        }
+        records.push(record(1, 0, Condition::Touch));
+        let table = McNemar::of_success(&records, Condition::Touch, Condition::Blind);
+        assert_eq!((table.both, table.first_only, table.second_only, table.neither), (5, 9, 1, 5));
+        assert!((table.p.unwrap() - 11.0 / 1024.0).abs() < 1e-12);
+        let same = McNemar::of_success(&records[..0], Condition::Touch, Condition::Blind);
+        assert_eq!(same.p, None);
+    }
+
+    #[test]
+    fn effects_have_intervals_around_them() {
+        let pairs: Vec<(f64, f64)> = (0..60).map(|n| (0.1 * f64::from(n % 5), 0.1)).collect();
+        let effect = Effect::of(&pairs);
+        assert!((effect.difference.value.unwrap() - 0.1).abs() < 1e-12);
+        // The standard error is sd / sqrt(60); the interval reaches 1.96 of them to both sides.
+        let sd = MeanSd::of(&pairs.iter().map(|(a, b)| a - b).collect::<Vec<_>>()).sd.unwrap();
+        let reach = 1.96 * sd / 60f64.sqrt();
+        assert!((effect.difference.low.unwrap() - (0.1 - reach)).abs() < 0.1 * reach);
+        assert!((effect.difference.high.unwrap() - (0.1 + reach)).abs() < 0.1 * reach);
+        assert!((effect.d_z.value.unwrap() - 0.1 / sd).abs() < 1e-12);
+        let powers: Vec<f64> = effect.power.iter().map(|(_, power)| *power).collect();
+        assert!(powers.windows(2).all(|pair| pair[0] <= pair[1]) && powers[4] > 0.99, "{powers:?}");
+        assert_eq!(effect, Effect::of(&pairs));
+    }
+
+    /// No effect: the power is the level of the test, roughly.
+    #[test]
+    fn without_an_effect_there_is_no_power() {
+        let pairs: Vec<(f64, f64)> = (0..60).map(|n| (if n % 2 == 0 { 0.1 } else { -0.1 }, 0.0)).collect();
+        let effect = Effect::of(&pairs);
+        assert!(effect.power.iter().all(|(n, power)| *n < 10 || *power < 0.09), "{:?}", effect.power);
+        assert_eq!(Effect::of(&[]), Effect::default());
+        assert_eq!(Effect::of(&[(1.0, 0.0); 6]).d_z.value, None);
+    }
+}
