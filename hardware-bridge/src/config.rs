@@ -13,17 +13,22 @@
 //! port = "/dev/serial/by-id/usb-..."
 //!
 //! [arm]
-//! kind = "loopback"
+//! kind = "kortex"                       # or "loopback": no arm
+//! host = "192.168.1.10"
+//! user = "admin"
+//! password = "admin"
 //!
 //! [limits]                              # all of it may be left out
 //! current = 0.6
 //! ```
 
+use std::net::IpAddr;
 use std::path::{Path, PathBuf};
 
 use hand_model::{ACTUATORS, Arm};
 use serde::{Deserialize, Serialize};
 
+use crate::kortex::arm::{TCP_PORT, UDP_PORT};
 use crate::safety::limits::{ArmLimits, Limits, ServoLimits, Watchdogs};
 use crate::servo_bus::BusSettings;
 use crate::xc330;
@@ -130,6 +135,29 @@ pub struct CameraConfig {
 pub enum ArmConfig {
     /// No arm: set-points come back as measurements.
     Loopback,
+    /// A Kinova Gen3.
+    Kortex {
+        /// Its address.
+        host: IpAddr,
+        /// Its port for calls.
+        #[serde(default = "default_tcp")]
+        tcp_port: u16,
+        /// Its port for the cyclic exchange.
+        #[serde(default = "default_udp")]
+        udp_port: u16,
+        /// Who logs in.
+        user: String,
+        /// With which password. Whoever reads this file knows it: arms have a user of their own for such a host.
+        password: String,
+    },
+}
+
+fn default_tcp() -> u16 {
+    TCP_PORT
+}
+
+fn default_udp() -> u16 {
+    UDP_PORT
 }
 
 /// What is allowed, the same for every servo.

@@ -21,6 +21,7 @@
 
 pub mod arm_link;
 pub mod calibration;
+pub mod clock;
 pub mod config;
 pub mod emulator;
 pub mod hand_bus;

@@ -9,12 +9,15 @@ mod scan;
 mod stop;
 
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 
-use anyhow::Result;
+use anyhow::{Context as _, Result};
 use clap::{Args, Subcommand};
-use hand_model::Hand;
+use hand_model::{ARM_JOINTS, Hand};
 use hardware_bridge::arm_link::{ArmLink, LoopbackArm};
 use hardware_bridge::config::{ArmConfig, BridgeConfig};
+use hardware_bridge::kortex::joint_link::KortexLink;
+use hardware_bridge::kortex::{self, Address, Credentials, Timeouts};
 use hardware_bridge::setup::Finding;
 
 use crate::cli::Cli;
@@ -97,10 +100,18 @@ fn actuator_names() -> Vec<String> {
     Hand::ftac().parameters.actuator.into_iter().map(|actuator| actuator.name).collect()
 }
 
-/// The client of the configured arm.
-fn arm_link(config: &BridgeConfig) -> Box<dyn ArmLink> {
-    match config.arm {
-        ArmConfig::Loopback => Box::new(LoopbackArm::default()),
+/// The client of the configured arm, connected. `near` is the posture it is expected in, rad.
+pub(crate) fn arm_link(config: &BridgeConfig, near: [f64; ARM_JOINTS]) -> Result<Box<dyn ArmLink>> {
+    match &config.arm {
+        ArmConfig::Loopback => Ok(Box::new(LoopbackArm::at(near))),
+        ArmConfig::Kortex { host, tcp_port, udp_port, user, password } => {
+            let address = Address { tcp: (*host, *tcp_port).into(), udp: (*host, *udp_port).into() };
+            let credentials = Credentials { user: user.clone(), password: password.clone() };
+            let arm = kortex::Arm::connect(address, &credentials, Timeouts::default(), near)
+                .with_context(|| format!("arm at {host}"))?;
+            let tick = Duration::from_secs_f64(1.0 / config.servos.rate);
+            Ok(Box::new(KortexLink::new(arm, tick, Duration::from_secs_f64(config.limits.arm_watchdog))))
+        }
     }
 }
 
@@ -127,7 +138,7 @@ fn tell(cli: &Cli, findings: &[Finding]) -> Option<String> {
 }
 
 /// Whether the operator agrees, asked in the terminal.
-fn agreed(question: &str) -> Result<bool> {
+pub(crate) fn agreed(question: &str) -> Result<bool> {
     eprint!("{question} [yes/no] ");
     let mut line = String::new();
     std::io::stdin().read_line(&mut line)?;

@@ -3,6 +3,7 @@
 //! Exit codes: 0 done and good, 1 ran but the result falls short (named on stderr), 2 bad usage or bad input.
 
 mod bench;
+mod body;
 mod bridge;
 mod calibrate;
 mod check;
@@ -14,6 +15,7 @@ mod optics_commands;
 mod plan;
 mod recording;
 mod rehearsal;
+mod replay;
 mod report;
 mod synthesis;
 mod trial;

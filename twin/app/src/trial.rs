@@ -5,25 +5,31 @@ mod adapt;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use anyhow::Result;
+use anyhow::{Context as _, Result, bail};
 use control::executive::{Executive, Phase};
 use control::perception::{Felt, KnownObject};
 use control::strategy::Candidate;
 use grasping::Repertoire;
+use hand_model::CAMERAS;
+use hand_model::robot::{Robot, TactileFrame, TactileImage};
 use scenarios::noise::{TrialNoise, trial_rng};
 use scenarios::objects::ObjectModel;
 use scenarios::record::{Condition, TrialRecord};
 use scenarios::referee::{FailureCause, Referee, SceneTruth};
+use sim::SimulatedRobot;
 use sim::robot::Truth;
 use sim::tactile::TactileBoard;
 use touch::TouchPipeline;
 
+use crate::body::{Body, Setting, Stopped, Task, Venue};
 use crate::plan::{Plan, Plans};
 use crate::rehearsal::{Snapshot, digit_bits};
-use crate::world::{World, drive};
+use crate::world::World;
 
 /// How often a watched trial takes tactile images, s.
 const WATCH_PERIOD: f64 = 0.2;
+/// A period that no trial outlasts: one look at the untouched pads, s.
+const ONCE: f64 = 1e6;
 
 /// Everything trials share.
 pub struct Bench {
@@ -90,7 +96,7 @@ impl Watcher for NoWatcher {
 /// A trial in progress: body, controller and referee, which branch together.
 #[derive(Clone)]
 struct Run {
-    snapshot: Snapshot,
+    snapshot: Snapshot<Body>,
     referee: Referee,
 }
 
@@ -99,12 +105,46 @@ struct Start {
     run: Run,
     objects: [Arc<ObjectModel>; 2],
     candidates: Vec<Candidate>,
+    /// Perception with the backgrounds that the body itself has shown; the bench's own where the body is simulated.
+    pipeline: Option<TouchPipeline>,
 }
 
+/// Where a trial is played: on branching simulated bodies, or on one body of a venue.
+type Place<'a> = Option<(&'a mut dyn Venue, &'a Task)>;
+
 impl Bench {
+    /// One trial under one condition on a body from `venue`.
+    pub fn play(&self, task: &Task, venue: &mut dyn Venue, watcher: &mut dyn Watcher) -> Result<TrialRecord> {
+        let mut rng = trial_rng(self.seed, task.combination, task.trial);
+        let mut noise = TrialNoise::draw(&self.world.scenario.noise, &mut rng);
+        let mut camera_noise: u64 = rand::RngExt::random(&mut rng);
+        if task.condition == Condition::Ideal {
+            (noise, camera_noise) = (TrialNoise::none(), 0);
+        }
+        if venue.is_real() {
+            // Reality brings its own.
+            noise = TrialNoise::none();
+        }
+        let id = (task.combination, task.trial, task.condition);
+        let start = self.first_half(task.combination, &noise, camera_noise, Some((venue, task)), watcher)?;
+        let mut body = start.run.snapshot.robot.clone();
+        let played = match task.condition {
+            Condition::Touch => self.adapt(&start, id, None, None, &mut rng, watcher),
+            condition => {
+                self.take_planned(&start, condition, watcher).and_then(|run| self.carry(run, &start, id, None, watcher))
+            }
+        };
+        // Whatever happened, its recording is finished.
+        let why = played.as_ref().err().map(|error| format!("{error:#}"));
+        let finished = body.finish(played.as_ref().ok(), why.as_deref());
+        let record = played?;
+        finished?;
+        Ok(record)
+    }
+
     /// The ideal run of a combination: no noise, blind.
     pub fn ideal(&self, combination: usize, watcher: &mut dyn Watcher) -> Result<TrialRecord> {
-        let start = self.first_half(combination, &TrialNoise::none(), 0, watcher)?;
+        let start = self.first_half(combination, &TrialNoise::none(), 0, None, watcher)?;
         let run = self.take_planned(&start, Condition::Ideal, watcher)?;
         self.carry(run, &start, (combination, 0, Condition::Ideal), None, watcher)
     }
@@ -119,7 +159,7 @@ impl Bench {
     ) -> Result<Vec<TrialRecord>> {
         let mut rng = trial_rng(self.seed, combination, trial);
         let noise = TrialNoise::draw(&self.world.scenario.noise, &mut rng);
-        let start = self.first_half(combination, &noise, rand::RngExt::random(&mut rng), watcher)?;
+        let start = self.first_half(combination, &noise, rand::RngExt::random(&mut rng), None, watcher)?;
         let mut records = Vec::new();
         // Where blind stands after the second lift: touch is there as well while it does the very same.
         let mut planned: Option<Run> = None;
@@ -138,6 +178,14 @@ impl Bench {
         Ok(records)
     }
 
+    /// The simulated robot about to begin the ideal run of a combination.
+    pub fn scene(&self, combination: usize) -> Result<SimulatedRobot> {
+        let plan = self.plan(combination);
+        let objects = [self.world.object(&plan.first)?, self.world.object(&plan.second)?];
+        let scene = self.world.scene(&objects, self.world.ready, &TrialNoise::none());
+        Ok(SimulatedRobot::new(self.world.hand.clone(), self.world.arm.clone(), &scene, self.board.with_noise(0)))
+    }
+
     fn plan(&self, combination: usize) -> &Plan {
         &self.plans.plans[combination]
     }
@@ -147,6 +195,7 @@ impl Bench {
         combination: usize,
         noise: &TrialNoise,
         camera_noise: u64,
+        place: Place,
         watcher: &mut dyn Watcher,
     ) -> Result<Start> {
         let world = &self.world;
@@ -155,14 +204,49 @@ impl Bench {
         let objects = [world.object(&plan.first)?, world.object(&plan.second)?];
         let grasps = [&first, &candidates[0].grasp];
         let board = self.board.with_noise(camera_noise);
-        let mut snapshot = Snapshot::begin(world, world.protocol(), grasps, noise, world.ready, board)?;
+        let Snapshot { robot, executive } =
+            Snapshot::begin(world, world.protocol(), grasps, noise, world.ready, board)?;
+        let robot = match place {
+            None => Body::Simulated(Box::new(robot)),
+            Some((venue, task)) => {
+                let places = world.places(&objects[0], &objects[1]);
+                let named = std::array::from_fn(|n| (objects[n].name.as_str(), places[n]));
+                Body::enter(venue, &Setting { task, objects: named }, robot, env!("CARGO_PKG_VERSION"))?
+            }
+        };
+        let mut snapshot = Snapshot { robot, executive };
         if watcher.active() {
             snapshot.executive.watch_images(WATCH_PERIOD);
+        } else if !snapshot.robot.branches() {
+            snapshot.executive.watch_images(ONCE);
         }
         let mut run =
             Run { snapshot, referee: Referee::new(world.scenario.referee, world.scenario.protocol.hold_time) };
+        let pipeline = match self.begin(&mut run, watcher) {
+            Ok(pipeline) => pipeline,
+            Err(error) => {
+                // Whatever happened, its recording is finished; the first error is the one to tell.
+                let _ = run.snapshot.robot.finish(None, Some(&format!("{error:#}")));
+                return Err(error);
+            }
+        };
+        Ok(Start { run, objects, candidates, pipeline })
+    }
+
+    /// Up to the decision. A body that is not simulated shows its untouched pads on the way to the first object.
+    fn begin(&self, run: &mut Run, watcher: &mut dyn Watcher) -> Result<Option<TouchPipeline>> {
+        let mut pipeline = None;
+        if !run.snapshot.robot.branches() {
+            run.watch(Phase::GraspFirst, None, None, watcher)?;
+            pipeline = Some(self.pipeline.with_backgrounds(backgrounds(run.snapshot.executive.newest_images())?)?);
+        }
         run.watch(Phase::Decide, None, None, watcher)?;
-        Ok(Start { run, objects, candidates })
+        Ok(pipeline)
+    }
+
+    /// The perception of a trial.
+    fn pipeline_of<'a>(&'a self, start: &'a Start) -> &'a TouchPipeline {
+        start.pipeline.as_ref().unwrap_or(&self.pipeline)
     }
 
     /// The second grasp as planned, unseen, up to the second lift.
@@ -192,7 +276,10 @@ impl Bench {
             run.snapshot.executive.confirm()?;
             run.watch(Phase::Done, felt, Some(condition), watcher)?;
         }
-        let verdict = run.referee.verdict();
+        let verdict = match run.snapshot.robot.judge()? {
+            Some(verdict) => verdict,
+            None => run.referee.verdict(),
+        };
         let record = TrialRecord {
             combination,
             trial,
@@ -208,7 +295,7 @@ impl Bench {
             pose_error_mm: None,
             pose_error_deg: None,
             prior_error_mm: None,
-            sim_seconds: run.snapshot.robot.truth().time,
+            sim_seconds: run.snapshot.robot.time(),
             decision_ms: None,
         };
         watcher.outcome(&record)?;
@@ -227,27 +314,46 @@ impl Run {
     ) -> Result<()> {
         let Self { snapshot, referee } = self;
         let holding = digit_bits(snapshot.executive.first().0.role.digits());
-        let mut failed = Ok(());
-        drive(&mut snapshot.robot, &mut snapshot.executive, until, |robot, executive| {
-            let truth = robot.truth();
-            referee.see(&scene(&truth, executive.phase(), holding));
-            if failed.is_ok() {
-                failed = watcher.see(&Moment { truth: &truth, executive, felt, condition, note: None });
+        let Snapshot { robot, executive } = snapshot;
+        while executive.phase() < until {
+            let observation = robot.observe();
+            let command = executive.tick(&observation)?;
+            robot.send(&command);
+            robot.wait_for_tick();
+            if let Some(truth) = robot.truth() {
+                referee.see(&scene(&truth, executive.phase(), holding));
+                watcher.see(&Moment { truth: &truth, executive, felt, condition, note: None })?;
             }
-        })?;
-        failed
+            // The last tick of a recording may also be the last of a trial.
+            if let Some(why) = robot.stopped().filter(|_| executive.phase() < Phase::Done) {
+                bail!(Stopped(format!("{} while {}", why, executive.phase().name())));
+            }
+        }
+        Ok(())
     }
 
     /// Tells the watcher what is about to be done, and why.
     fn tell(&self, note: &str, felt: Option<&Felt>, condition: Condition, watcher: &mut dyn Watcher) -> Result<()> {
+        let Some(truth) = self.snapshot.robot.truth() else { return Ok(()) };
         watcher.see(&Moment {
-            truth: &self.snapshot.robot.truth(),
+            truth: &truth,
             executive: &self.snapshot.executive,
             felt,
             condition: Some(condition),
             note: Some(note),
         })
     }
+}
+
+/// One image a camera, of untouched pads.
+fn backgrounds(frames: &[TactileFrame]) -> Result<Vec<Arc<TactileImage>>> {
+    let image = |camera: usize| {
+        let frame = frames.iter().rev().find(|frame| frame.camera == camera);
+        frame.map(|frame| frame.image.clone()).with_context(|| {
+            format!("camera {camera}: found no image of its untouched pad, expected one on the way to the first object")
+        })
+    };
+    (0..CAMERAS).map(image).collect()
 }
 
 /// The referee's view of the scene.

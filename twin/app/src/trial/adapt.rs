@@ -60,13 +60,13 @@ impl Bench {
             let begun = Instant::now();
             let (now, grip) = match phase {
                 Phase::Decide => {
-                    let now = feel(&self.pipeline, &run.snapshot.executive, &self.known[&start.objects[0].name])?;
+                    let now = feel(self.pipeline_of(start), &run.snapshot.executive, &self.known[&start.objects[0].name])?;
                     let grip = now.grip;
                     (Some(now), grip)
                 }
-                _ => (None, grip(&self.pipeline, &run.snapshot.executive)?),
+                _ => (None, grip(self.pipeline_of(start), &run.snapshot.executive)?),
             };
-            let late = run.snapshot.robot.truth().time + TRY_TIME > self.world.scenario.protocol.time_limit;
+            let late = run.snapshot.robot.time() + TRY_TIME > self.world.scenario.protocol.time_limit;
             let next = if late { Next::GoOn } else { Next::after(phase, grip) };
             if next == Next::GoOn && now.is_none() {
                 break;
@@ -86,13 +86,13 @@ impl Bench {
                 }
                 (Next::GoOn | Next::SecondAgain, Some(felt)) => {
                     if next == Next::SecondAgain {
-                        self.look_at_second(&mut run, start, rng);
+                        self.look_at_second(&mut run, start, rng)?;
                         let failed = run.snapshot.executive.second().0.id;
                         for candidate in candidates.iter_mut().filter(|candidate| candidate.grasp.id == failed) {
                             candidate.worth *= FAILED_WORTH;
                         }
                     } else {
-                        held = Some(run.snapshot.robot.truth());
+                        held = run.snapshot.robot.truth();
                     }
                     let seen = run.snapshot.executive.second().1;
                     let within = self.within_reach(&candidates, &seen, &start.objects[1]);
@@ -174,19 +174,20 @@ impl Bench {
     }
 
     /// Prior perception looks at object `index` anew, with an error of its own.
-    fn seen(&self, run: &Run, start: &Start, index: usize, rng: &mut ChaCha8Rng) -> Percept {
+    fn seen(&self, run: &mut Run, start: &Start, index: usize, rng: &mut ChaCha8Rng) -> Result<Percept> {
         let noise = TrialNoise::draw(&self.world.scenario.noise, rng).objects[index];
-        percept(&start.objects[index], &noise.perceived(&run.snapshot.robot.truth().objects[index]))
+        Ok(percept(&start.objects[index], &run.snapshot.robot.look(index, &noise)?))
     }
 
-    fn look_at_second(&self, run: &mut Run, start: &Start, rng: &mut ChaCha8Rng) {
-        let seen = self.seen(run, start, 1, rng);
+    fn look_at_second(&self, run: &mut Run, start: &Start, rng: &mut ChaCha8Rng) -> Result<()> {
+        let seen = self.seen(run, start, 1, rng)?;
         run.snapshot.executive.see_second(seen);
+        Ok(())
     }
 
     fn first_again(&self, run: &mut Run, start: &Start, rng: &mut ChaCha8Rng) -> Result<()> {
-        let seen = self.seen(run, start, 0, rng);
-        self.look_at_second(run, start, rng);
+        let seen = self.seen(run, start, 0, rng)?;
+        self.look_at_second(run, start, rng)?;
         let planned = &run.snapshot.executive.first().0;
         let grasp = self
             .turned_into_reach(planned, &seen, &start.objects[0])
