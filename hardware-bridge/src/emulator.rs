@@ -242,6 +242,11 @@ impl EmulatedHand {
         lock(&self.shared.chain).set_chances(chances);
     }
 
+    /// Changes the chance that an image's JPEG is cut in half.
+    pub fn set_jpeg_chance(&self, chance: f64) {
+        lock(&self.shared.board).set_jpeg_chance(chance);
+    }
+
     /// Where the shafts really are: for tests and displays, not for hosts.
     pub fn shafts(&self) -> [ServoState; ACTUATORS] {
         *lock(&self.shared.shafts)

@@ -22,6 +22,8 @@ use crate::session_log::Packet;
 
 /// Longest wait for an answer on loopback, on however busy a machine.
 const PATIENCE: Duration = Duration::from_secs(20);
+/// Longest wait for a call's answer.
+const CALL: Duration = Duration::from_secs(2);
 /// Longest wait once answers are made to get lost: what comes at all comes at once.
 const IMPATIENCE: Duration = Duration::from_millis(3);
 
@@ -79,7 +81,7 @@ impl LockstepArm {
         let emulator = Arc::new(emulator);
         // An emulated session's seconds pass between two of the host's.
         let hour = Duration::from_secs(3600);
-        let timeouts = Timeouts { call: PATIENCE, session: hour, connection: hour, ..Timeouts::default() };
+        let timeouts = Timeouts { call: CALL, session: hour, connection: hour, ..Timeouts::default() };
         let mut arm = Arm::connect(emulator.address(), &credentials, timeouts, near)?;
         if let Some(packets) = packets {
             arm.tap(packets);

@@ -79,6 +79,7 @@ fn run_unit(
         combination: unit.combination,
         trial: unit.trial.unwrap_or(0),
         condition,
+        watched: false,
         combos: request.combos,
         scenario: request.scenario.clone(),
     };

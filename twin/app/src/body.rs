@@ -92,6 +92,8 @@ pub struct Task {
     pub trial: usize,
     /// Condition.
     pub condition: Condition,
+    /// Whether images were taken throughout for a watcher: commands ask for them.
+    pub watched: bool,
     /// Combinations that were drawn.
     pub combos: usize,
     /// The scenario's text.

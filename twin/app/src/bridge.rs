@@ -4,6 +4,7 @@ mod calibrate;
 mod doctor;
 mod emulate;
 mod exercise;
+mod faults;
 mod provision;
 mod scan;
 mod stop;
@@ -53,6 +54,8 @@ pub enum BridgeCommand {
     },
     /// Emulate servos and camera board on pseudo-terminals until interrupted.
     Emulate(emulate::EmulateArgs),
+    /// Inject every fault into every phase of a trial on the emulated robot, and say what came of it.
+    Faults(faults::FaultArgs),
     /// Close and open the hand gently: the first motion of a new hand.
     Exercise(exercise::ExerciseArgs),
     /// Stop the robot that runs in another terminal: it holds what it holds.
@@ -89,6 +92,7 @@ pub fn run(cli: &Cli, command: &BridgeCommand) -> Result<Option<String>> {
         BridgeCommand::Provision { actuator, config } => provision::run(cli, actuator, &config.read()?),
         BridgeCommand::Calibrate { config, yes } => calibrate::run(cli, &config.read()?, *yes),
         BridgeCommand::Emulate(args) => emulate::run(cli, args),
+        BridgeCommand::Faults(args) => faults::run(cli, args),
         BridgeCommand::Exercise(args) => exercise::run(cli, args),
         BridgeCommand::Stop { config, release } => stop::stop(cli, &config.read()?, *release),
         BridgeCommand::Resume(config) => stop::resume(cli, &config.read()?),

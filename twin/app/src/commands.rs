@@ -78,7 +78,8 @@ fn repertoire() -> Result<grasping::Repertoire> {
     Ok(grasping::Repertoire::parse(include_str!("../data/repertoire.json"), Path::new("data/repertoire.json"))?)
 }
 
-fn make_bench(scenario: Scenario, combos: usize, seed: u64, quiet: bool) -> Result<Bench> {
+/// Everything trials share, for the first `combos` combinations of a scenario.
+pub fn make_bench(scenario: Scenario, combos: usize, seed: u64, quiet: bool) -> Result<Bench> {
     let builtin = scenario.first == Scenario::benchmark().first
         && scenario.second == Scenario::benchmark().second
         && scenario.layout == Scenario::benchmark().layout;
@@ -305,6 +306,7 @@ fn trial(cli: &Cli, args: &TrialArgs) -> Outcome {
         combination: args.combination,
         trial: args.trial,
         condition,
+        watched: args.robot != Body::Hardware,
         combos,
         scenario: scenarios::combination::BENCHMARK.to_owned(),
     };

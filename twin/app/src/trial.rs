@@ -9,7 +9,7 @@ use anyhow::{Context as _, Result, bail};
 use control::executive::{Executive, Phase};
 use control::perception::{Felt, KnownObject};
 use control::strategy::Candidate;
-use grasping::Repertoire;
+use grasping::{Grasp, Repertoire};
 use hand_model::CAMERAS;
 use hand_model::robot::{Robot, TactileFrame, TactileImage};
 use scenarios::noise::{TrialNoise, trial_rng};
@@ -178,12 +178,19 @@ impl Bench {
         Ok(records)
     }
 
+    /// Body and controller about to begin the ideal run of a combination, and its planned second grasp.
+    pub fn ideal_start(&self, combination: usize) -> Result<(Snapshot, Grasp)> {
+        let (first, candidates) = self.plan(combination).grasps(&self.repertoire)?;
+        let (world, second) = (&self.world, candidates[0].grasp.clone());
+        let board = self.board.with_noise(0);
+        let noise = TrialNoise::none();
+        let snapshot = Snapshot::begin(world, world.protocol(), [&first, &second], &noise, world.ready, board)?;
+        Ok((snapshot, second))
+    }
+
     /// The simulated robot about to begin the ideal run of a combination.
     pub fn scene(&self, combination: usize) -> Result<SimulatedRobot> {
-        let plan = self.plan(combination);
-        let objects = [self.world.object(&plan.first)?, self.world.object(&plan.second)?];
-        let scene = self.world.scene(&objects, self.world.ready, &TrialNoise::none());
-        Ok(SimulatedRobot::new(self.world.hand.clone(), self.world.arm.clone(), &scene, self.board.with_noise(0)))
+        Ok(self.ideal_start(combination)?.0.robot)
     }
 
     fn plan(&self, combination: usize) -> &Plan {
@@ -204,6 +211,7 @@ impl Bench {
         let objects = [world.object(&plan.first)?, world.object(&plan.second)?];
         let grasps = [&first, &candidates[0].grasp];
         let board = self.board.with_noise(camera_noise);
+        let watched = place.as_ref().map_or(watcher.active(), |(_, task)| task.watched);
         let Snapshot { robot, executive } =
             Snapshot::begin(world, world.protocol(), grasps, noise, world.ready, board)?;
         let robot = match place {
@@ -215,7 +223,7 @@ impl Bench {
             }
         };
         let mut snapshot = Snapshot { robot, executive };
-        if watcher.active() {
+        if watched {
             snapshot.executive.watch_images(WATCH_PERIOD);
         } else if !snapshot.robot.branches() {
             snapshot.executive.watch_images(ONCE);
