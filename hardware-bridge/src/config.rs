@@ -203,6 +203,29 @@ impl Default for LimitConfig {
     }
 }
 
+impl LimitConfig {
+    /// All limits, for servos with this travel (rad) and for this arm.
+    pub fn limits(&self, travel: &[f64; ACTUATORS], arm: &Arm) -> Limits {
+        let own = self;
+        let servos = travel.map(|travel| ServoLimits {
+            angle: (0.0, travel),
+            speed: own.speed,
+            current: own.current,
+            hold_current: own.hold_current,
+            temperature: own.temperature,
+        });
+        let arm = ArmLimits { angle: std::array::from_fn(|n| joint_range(arm, n)), speed: arm.velocity_limits };
+        Limits {
+            servos,
+            arm,
+            voltage: (own.voltage[0], own.voltage[1]),
+            staleness: own.staleness,
+            watchdogs: Watchdogs { servo_bus: own.servo_watchdog, arm: own.arm_watchdog, host: own.host_watchdog },
+            release_time: own.release_time,
+        }
+    }
+}
+
 impl BridgeConfig {
     /// Reads and checks a configuration; relative paths in it become relative to its folder.
     pub fn read(path: &Path) -> Result<Self, ConfigError> {
@@ -234,23 +257,7 @@ impl BridgeConfig {
 
     /// What is allowed, with the servos' travel (rad) from the calibration.
     pub fn limits(&self, travel: &[f64; ACTUATORS], arm: &Arm) -> Limits {
-        let own = &self.limits;
-        let servos = travel.map(|travel| ServoLimits {
-            angle: (0.0, travel),
-            speed: own.speed,
-            current: own.current,
-            hold_current: own.hold_current,
-            temperature: own.temperature,
-        });
-        let arm = ArmLimits { angle: std::array::from_fn(|n| joint_range(arm, n)), speed: arm.velocity_limits };
-        Limits {
-            servos,
-            arm,
-            voltage: (own.voltage[0], own.voltage[1]),
-            staleness: own.staleness,
-            watchdogs: Watchdogs { servo_bus: own.servo_watchdog, arm: own.arm_watchdog, host: own.host_watchdog },
-            release_time: own.release_time,
-        }
+        self.limits.limits(travel, arm)
     }
 
     fn check(&self, path: &Path) -> Result<(), ConfigError> {

@@ -28,14 +28,14 @@ use std::sync::{Arc, Mutex};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-use hand_model::robot::{Command, Robot, ServoGoal, ServoState, TactileFrame};
 use hand_model::ACTUATORS;
+use hand_model::robot::{Command, Robot, ServoGoal, ServoState, TactileFrame};
 use serial2::SerialPort;
 
+use crate::calibration::Calibration;
 use crate::clock::Clock;
 use crate::lock;
 use crate::protocol2::Decoder;
-use crate::calibration::Calibration;
 use camera_board::{BoardSettings, CameraBoard};
 use faults::{Event, Faults};
 use plant_arm::SharedArm;

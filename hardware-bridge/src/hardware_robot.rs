@@ -26,8 +26,8 @@ use crate::safety::state::State;
 use crate::safety::supervisor::{SafeCommand, Supervisor};
 use crate::servo_bus::{BusError, ServoBus};
 use crate::servo_cycle::{Board, CycleReport, DryLines, Order, ServoCycle, Shared};
-use crate::setup;
 use crate::session_log::{Packet, Tap};
+use crate::setup;
 use crate::tactile_link::TactileLink;
 use crate::tactile_link::link::LinkError;
 

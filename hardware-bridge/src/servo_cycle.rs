@@ -22,9 +22,9 @@ use crate::remote::Wish;
 use crate::safety::checks::Measured;
 use crate::safety::state::{Cause, State};
 use crate::safety::supervisor::{Asked, SafeCommand, Step, Supervisor};
-use crate::session_log::Tap;
 use crate::servo_bus::statistics::BusStatistics;
 use crate::servo_bus::{BusSettings, ServoBus};
+use crate::session_log::Tap;
 
 /// Between two tries to open a port that was lost.
 const REOPEN: Duration = Duration::from_millis(500);

@@ -109,19 +109,8 @@ impl LockstepRobot {
         let cycle = servo_cycle(&config, &calibration, hand, Box::new(arm.link()), arm_model, clock.clone());
         let cycle = ServoCycle { audit_every: 1, ..cycle };
         let (sequence, capture, host_alive) = (0, false, true);
-        let mut robot = Self {
-            cycle,
-            tactile,
-            devices,
-            arm,
-            clock,
-            tick,
-            sequence,
-            capture,
-            host_alive,
-            config,
-            calibration,
-        };
+        let mut robot =
+            Self { cycle, tactile, devices, arm, clock, tick, sequence, capture, host_alive, config, calibration };
         robot.cycle.measure();
         robot.cycle.supervisor.check(&robot.cycle.measured, robot.clock.now())?;
         robot.cycle.arm_torque(robot.clock.now()).map_err(LockstepError::Arming)?;

@@ -205,13 +205,7 @@ impl ArmLink for LockstepLink {
 }
 
 /// The client's thread: owns the arm, enters and leaves low-level servoing, cycles.
-fn serve(
-    mut arm: Arm,
-    emulator: &Emulator,
-    orders: &Receiver<Order>,
-    answers: &Sender<Answer>,
-    waited: &AtomicU64,
-) {
+fn serve(mut arm: Arm, emulator: &Emulator, orders: &Receiver<Order>, answers: &Sender<Answer>, waited: &AtomicU64) {
     let limits = Limits::gen3(&ArmModel::gen3());
     while let Ok(order) = orders.recv() {
         let answer = match order {
@@ -253,7 +247,9 @@ fn follow(
                 let state = servoing.latest().motion;
                 return servoing.leave().map(|()| (state, true)).map_err(|error| error.to_string());
             }
-            Order::Go(milliseconds, target, lossy) => go(&mut servoing, emulator, (milliseconds, target, lossy), waited),
+            Order::Go(milliseconds, target, lossy) => {
+                go(&mut servoing, emulator, (milliseconds, target, lossy), waited)
+            }
         };
         match answer {
             Ok(answer) if answers.send(Ok(answer)).is_err() => return over(),

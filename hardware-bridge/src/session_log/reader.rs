@@ -231,9 +231,9 @@ impl Reader {
             OBSERVATION => decode(data).and_then(|message: Observation| message.read(images)).map(Event::Observation),
             ASKED => decode(data).and_then(|message: Command| message.read()).map(Event::Asked),
             SENT => decode(data).and_then(|message: Command| message.read()).map(Event::Sent),
-            SEEN => decode(data)
-                .and_then(|message: Seen| message.read())
-                .map(|(object, pose)| Event::Seen(object, pose)),
+            SEEN => {
+                decode(data).and_then(|message: Seen| message.read()).map(|(object, pose)| Event::Seen(object, pose))
+            }
             OUTCOME => Ok(Event::Outcome(data.to_owned())),
             TICK => decode(data).and_then(Tick::read).map(Event::Tick),
             _ => match raw_topic(topic) {

@@ -164,7 +164,8 @@ impl Replay {
             _ => None,
         })?;
         if recorded != object {
-            let (recorded, found) = (["object 0", "object 1"][recorded.min(1)], ["object 0", "object 1"][object.min(1)]);
+            let (recorded, found) =
+                (["object 0", "object 1"][recorded.min(1)], ["object 0", "object 1"][object.min(1)]);
             self.divergence = Some(Divergence::Order { tick: self.progress.ticks, recorded, found });
             return None;
         }

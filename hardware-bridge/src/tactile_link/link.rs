@@ -12,13 +12,13 @@ use hand_model::robot::TactileFrame;
 use serial2::SerialPort;
 
 use super::clock::BoardClock;
-use crate::clock::Clock;
-use crate::session_log::{Direction, Tap};
 use super::counters::CameraCounters;
 use super::deframer::Deframer;
 use super::message::{Image, Message, VERSION};
 use super::{frame, image_data};
+use crate::clock::Clock;
 use crate::lock;
+use crate::session_log::{Direction, Tap};
 
 /// A USB serial device ignores the rate; a real line at this one carries two images a second.
 const BAUD: u32 = 3_000_000;
@@ -116,7 +116,8 @@ impl TactileLink {
         let books = Arc::new(Mutex::new(Books::default()));
         let stop = Arc::new(AtomicBool::new(false));
         let (images, queue) = mpsc::sync_channel(QUEUE);
-        let reader = Reader { port: port.try_clone().map_err(failed)?, books: books.clone(), images, clock: clock.clone() };
+        let reader =
+            Reader { port: port.try_clone().map_err(failed)?, books: books.clone(), images, clock: clock.clone() };
         let for_decoder = books.clone();
         let stopped = stop.clone();
         let spawn = |name: &str, work: Box<dyn FnOnce() + Send>| {

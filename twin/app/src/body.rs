@@ -10,6 +10,7 @@
 pub mod emulated;
 pub mod hardware;
 pub mod replayed;
+pub mod rounded;
 
 use std::cell::RefCell;
 use std::path::PathBuf;

@@ -82,6 +82,8 @@ pub enum Body {
     Hardware,
     /// The hardware bridge on emulated devices whose plant is the simulated robot, in lock-step.
     Emulated,
+    /// The simulated robot under commands rounded as the bridge sends them, to tell what of `emulated` is the devices' resolution.
+    Rounded,
 }
 
 impl Body {
@@ -91,6 +93,7 @@ impl Body {
             Self::Sim => "sim",
             Self::Hardware => "hardware",
             Self::Emulated => "emulated",
+            Self::Rounded => "rounded",
         }
     }
 }

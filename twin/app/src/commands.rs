@@ -18,6 +18,7 @@ use touch::{Calibration, TouchPipeline};
 use crate::bench::{self, Options};
 use crate::body::emulated::{EmulatedVenue, SimulatedVenue};
 use crate::body::hardware::HardwareVenue;
+use crate::body::rounded::RoundedVenue;
 use crate::body::{Task, Venue};
 use crate::cli::{
     BenchArgs, Body, CheckArgs, Cli, Command, GraspsCommand, HandCommand, OpticsCommand, RoleArg, TouchCommand,
@@ -122,7 +123,7 @@ fn read_scenario(text: &str, path: &Path) -> Result<Scenario> {
 fn check_body(robot: Body, config: Option<&Path>) -> Result<()> {
     match (robot, config) {
         (Body::Hardware, None) => bail!("--robot hardware: found no --config, expected the bridge's configuration"),
-        (Body::Sim | Body::Emulated, Some(config)) => bail!(
+        (Body::Sim | Body::Emulated | Body::Rounded, Some(config)) => bail!(
             "--config {}: only the real robot has a configuration, and --robot is {}",
             config.display(),
             robot.name()
@@ -132,13 +133,21 @@ fn check_body(robot: Body, config: Option<&Path>) -> Result<()> {
 }
 
 /// Where bodies for trials come from; `None` for simulated ones without a recorded session.
-fn venue(bench: &Bench, robot: Body, config: Option<&Path>, sessions: Option<PathBuf>) -> Result<Option<Box<dyn Venue>>> {
+fn venue(
+    bench: &Bench,
+    robot: Body,
+    config: Option<&Path>,
+    sessions: Option<PathBuf>,
+) -> Result<Option<Box<dyn Venue>>> {
     let world = &bench.world;
     Ok(match (robot, sessions) {
         (Body::Sim, None) => None,
         (Body::Sim, Some(sessions)) => Some(Box::new(SimulatedVenue { sessions })),
         (Body::Emulated, sessions) => {
             Some(Box::new(EmulatedVenue::new(world.hand.clone(), world.arm.clone(), sessions)))
+        }
+        (Body::Rounded, sessions) => {
+            Some(Box::new(RoundedVenue { hand: world.hand.clone(), arm: world.arm.clone(), sessions }))
         }
         (Body::Hardware, sessions) => {
             let config = config.context("--config")?;

@@ -33,6 +33,11 @@ fn main() -> ExitCode {
             eprintln!("ftac: falls short: {shortfall}");
             ExitCode::from(1)
         }
+        // The robot stopped in mid-trial: it ran, and fell short.
+        Err(error) if error.chain().any(|cause| cause.is::<body::Stopped>()) => {
+            eprintln!("ftac: falls short: {error:#}");
+            ExitCode::from(1)
+        }
         Err(error) => {
             eprintln!("ftac: {error:#}");
             ExitCode::from(2)

@@ -30,11 +30,7 @@ pub struct Recording {
 
 impl Recording {
     /// Opens the targets for a trial and the branch of its condition.
-    pub fn open(
-        targets: &[Target],
-        bench: &Bench,
-        task: &Task,
-    ) -> Result<Self> {
+    pub fn open(targets: &[Target], bench: &Bench, task: &Task) -> Result<Self> {
         let Task { combination, trial, condition, .. } = *task;
         let plan = &bench.plans.plans[combination];
         let objects = [bench.world.object(&plan.first)?, bench.world.object(&plan.second)?];

@@ -15,7 +15,10 @@ use crate::trial::{Bench, NoWatcher};
 pub fn task(path: &Path) -> Result<Task> {
     let reader = Reader::open(path)?;
     serde_json::from_slice(&reader.session().task).with_context(|| {
-        format!("{}: task: found no trial, expected one recorded by `ftac trial --session` or `ftac bench`", path.display())
+        format!(
+            "{}: task: found no trial, expected one recorded by `ftac trial --session` or `ftac bench`",
+            path.display()
+        )
     })
 }
 
@@ -49,9 +52,13 @@ pub fn run(cli: &Cli, bench: &Bench, task: &Task, path: &Path) -> Result<Option<
         println!("{} trial {} of combination {}, {}", task.robot, task.trial, task.combination, task.condition);
         println!("{} ticks, {} commands identical bit by bit", progress.ticks, progress.commands);
         match (&outcome, same) {
-            (Some(record), Some(true)) if !record.reason.is_empty() => println!("the same decisions: {}", record.reason),
+            (Some(record), Some(true)) if !record.reason.is_empty() => {
+                println!("the same decisions: {}", record.reason)
+            }
             (Some(_), Some(true)) => println!("the same decisions"),
-            (None, _) => println!("the recording ends before the trial does{}", if whole { "" } else { ", in mid-write" }),
+            (None, _) => {
+                println!("the recording ends before the trial does{}", if whole { "" } else { ", in mid-write" })
+            }
             _ => {}
         }
     }

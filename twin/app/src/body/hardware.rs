@@ -44,7 +44,11 @@ impl Stage for Hardware {
     /// Nobody looks but the operator, who puts the object where it belongs.
     fn look(&mut self, object: usize, _: &ObjectNoise) -> Result<Isometry3<f64>> {
         let place = self.places[object];
-        let question = format!("Is {} at {}? Put it there if it can be reached safely, and press Enter.", self.names[object], shown(&place));
+        let question = format!(
+            "Is {} at {}? Put it there if it can be reached safely, and press Enter.",
+            self.names[object],
+            shown(&place)
+        );
         ask(&question)?;
         Ok(place)
     }
@@ -57,7 +61,9 @@ impl Stage for Hardware {
     }
 
     fn judge(&mut self) -> Result<Option<Verdict>> {
-        let collision = yes("Did the held object or the fingers that hold it knock the second one before it was grasped? [yes/no]")?;
+        let collision = yes(
+            "Did the held object or the fingers that hold it knock the second one before it was grasped? [yes/no]",
+        )?;
         let success = yes("Were both objects in the hand to the end? [yes/no]")?;
         let cause = match success {
             true => None,
@@ -72,7 +78,8 @@ impl Stage for Hardware {
             eprintln!("STOPPED: {why}");
             eprintln!("The hand keeps hold of what it holds, the arm stands.");
         }
-        let answer = ask("Hold your hands under the objects; `release` opens the hand, anything else leaves it holding.")?;
+        let answer =
+            ask("Hold your hands under the objects; `release` opens the hand, anything else leaves it holding.")?;
         if answer != "release" {
             eprintln!("left holding; switch the servos' supply off to open the hand");
             return Ok(());
@@ -124,11 +131,8 @@ impl HardwareVenue {
     pub fn new(path: &std::path::Path, arm: Arc<Arm>, ready: [f64; ARM_JOINTS], sessions: PathBuf) -> Result<Self> {
         let config = BridgeConfig::read(path)?;
         let bytes = |path: &std::path::Path| std::fs::read(path).with_context(|| path.display().to_string());
-        let about = Session {
-            configuration: bytes(path)?,
-            calibration: bytes(&config.calibration)?,
-            ..Session::default()
-        };
+        let about =
+            Session { configuration: bytes(path)?, calibration: bytes(&config.calibration)?, ..Session::default() };
         Ok(Self { config, about, arm, ready, sessions, packets: None })
     }
 }
@@ -200,7 +204,10 @@ fn go_to(hardware: &mut Hardware, posture: &[f64; ARM_JOINTS]) -> Result<()> {
             return Ok(());
         }
         if left == 0 {
-            bail!("the arm does not reach its ready posture: found {:.3?} rad, expected {posture:.3?}", observation.arm.position);
+            bail!(
+                "the arm does not reach its ready posture: found {:.3?} rad, expected {posture:.3?}",
+                observation.arm.position
+            );
         }
     }
 }
@@ -224,9 +231,10 @@ fn ask(question: &str) -> Result<String> {
 
 /// What went wrong, by number.
 fn why_not() -> Result<FailureCause> {
-    use FailureCause::{BothDropped, FirstDropped, FirstNotPicked, SecondDropped, SecondNotPicked, Slipped, Unreachable};
-    let causes =
-        [FirstNotPicked, FirstDropped, SecondNotPicked, SecondDropped, BothDropped, Slipped, Unreachable];
+    use FailureCause::{
+        BothDropped, FirstDropped, FirstNotPicked, SecondDropped, SecondNotPicked, Slipped, Unreachable,
+    };
+    let causes = [FirstNotPicked, FirstDropped, SecondNotPicked, SecondDropped, BothDropped, Slipped, Unreachable];
     let list: Vec<String> = (1..).zip(&causes).map(|(n, cause)| format!("{n} {cause}")).collect();
     loop {
         let answer = ask(&format!("Why not? [{}]", list.join(", ")))?;

@@ -50,7 +50,7 @@ pub struct EmulateArgs {
     /// One servo as it leaves the factory instead of six provisioned ones, for `bridge provision`.
     #[arg(long)]
     factory: bool,
-    /// End after so many seconds; default: when interrupted, or when standard input ends.
+    /// End after so many seconds; default: when interrupted.
     #[arg(long)]
     seconds: Option<f64>,
 }
@@ -134,9 +134,14 @@ fn tell(cli: &Cli, hand: &EmulatedHand, arm: Option<&Status>) {
         Some((watchdog.saturating_sub(arm.commands.last), still.saturating_sub(arm.commands.last)))
     });
     if cli.json {
-        let servos: Vec<_> = trips.iter().map(|(id, _, after)| serde_json::json!({"id": id, "after_ms": 1e3 * after})).collect();
-        let arm = stopped.map(|(watchdog, still)| serde_json::json!({"watchdog_after_ms": watchdog, "stands_after_ms": still}));
-        println!("{}", serde_json::json!({"ticks": ticks, "late_ticks": late, "servos_stopped": servos, "arm_stopped": arm}));
+        let servos: Vec<_> =
+            trips.iter().map(|(id, _, after)| serde_json::json!({"id": id, "after_ms": 1e3 * after})).collect();
+        let arm = stopped
+            .map(|(watchdog, still)| serde_json::json!({"watchdog_after_ms": watchdog, "stands_after_ms": still}));
+        println!(
+            "{}",
+            serde_json::json!({"ticks": ticks, "late_ticks": late, "servos_stopped": servos, "arm_stopped": arm})
+        );
         return;
     }
     eprintln!("{ticks} plant ticks, {late} late");
@@ -174,7 +179,9 @@ fn mishaps(texts: &[String]) -> Result<(Vec<(f64, Mishap)>, Texts<'_>)> {
         });
         match parsed {
             Some(mishap) => mishaps.push(mishap),
-            None => bail!("fault: found `{text}`, expected usb=servos|cameras@SECONDS or arm=stop|fault|deaf|lossy@SECONDS"),
+            None => {
+                bail!("fault: found `{text}`, expected usb=servos|cameras@SECONDS or arm=stop|fault|deaf|lossy@SECONDS")
+            }
         }
     }
     Ok((mishaps, rest))

@@ -81,7 +81,8 @@ pub struct Outcome {
     as_expected: bool,
     /// From the fault to the safe state, ms; `None` where the robot rightly went on, or never got there.
     safe_ms: Option<f64>,
-    /// Commands outside their limits.
+    /// Goals held to their limits, and those outside them.
+    checked: u64,
     outside: u64,
     /// Objects in the hand before, and lost after.
     held: usize,
@@ -240,6 +241,7 @@ fn suffer(bench: &Bench, kind: Kind, phase: Phase, moment: &Snapshot, file: &Pat
         state: state.to_string(),
         as_expected,
         safe_ms: safe,
+        checked: watch.checked,
         outside,
         held: held.len(),
         lost,
@@ -266,13 +268,14 @@ struct Watch {
     limits: LimitConfig,
     arm: Limits,
     before: Option<Vec<f64>>,
+    checked: u64,
     outside: u64,
 }
 
 impl Watch {
     fn new(travel: [f64; 6]) -> Self {
         let arm = Limits::gen3(&hand_model::Arm::gen3());
-        Self { travel, limits: LimitConfig::default(), arm, before: None, outside: 0 }
+        Self { travel, limits: LimitConfig::default(), arm, before: None, checked: 0, outside: 0 }
     }
 
     fn see(&mut self, robot: &mut LockstepRobot) {
@@ -299,6 +302,7 @@ impl Watch {
             let step = self.before.as_ref().map_or(0.0, |before| (angles[n] - before[n]).abs());
             self.outside += u64::from(!within || (step > reach && !held));
         }
+        self.checked += (angles.len() + ARM_JOINTS) as u64;
         self.before = Some(angles);
         let status = robot.arm().status();
         let steps = status.commands.largest_step;

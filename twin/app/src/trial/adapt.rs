@@ -60,7 +60,8 @@ impl Bench {
             let begun = Instant::now();
             let (now, grip) = match phase {
                 Phase::Decide => {
-                    let now = feel(self.pipeline_of(start), &run.snapshot.executive, &self.known[&start.objects[0].name])?;
+                    let now =
+                        feel(self.pipeline_of(start), &run.snapshot.executive, &self.known[&start.objects[0].name])?;
                     let grip = now.grip;
                     (Some(now), grip)
                 }

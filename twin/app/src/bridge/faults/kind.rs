@@ -3,8 +3,8 @@
 use anyhow::Result;
 use control::executive::Executive;
 use hand_model::robot::{Robot, ServoGoal};
-use hardware_bridge::emulator::faults::{Chances, Event};
 use hardware_bridge::emulator::Plug;
+use hardware_bridge::emulator::faults::{Chances, Event};
 use hardware_bridge::emulator::lockstep::LockstepRobot;
 use hardware_bridge::kortex::emulator::Injection;
 use hardware_bridge::kortex::safety_bank::FOLLOWING_ERROR;
@@ -131,7 +131,7 @@ impl Kind {
         match self {
             Self::Noise | Self::Dropped | Self::Delayed | Self::Corrupt => Expected::GoesOn,
             Self::CameraFrozen | Self::JpegCut | Self::UdpLossy | Self::UdpSlow => Expected::GoesOn,
-            Self::Overload | Self::Overheat | Self::ArmFault | Self::EmergencyStop => Expected::Faults,
+            Self::Overload | Self::ArmFault | Self::EmergencyStop => Expected::Faults,
             Self::HostKilled => Expected::StopsItself,
             _ => Expected::Holds,
         }

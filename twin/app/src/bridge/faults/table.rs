@@ -33,8 +33,12 @@ pub fn tell(cli: &Cli, kinds: &[Kind], outcomes: &[Outcome]) -> Option<String> {
         }));
     }
     let wrong: Vec<String> = outcomes.iter().filter_map(complaint).collect();
+    let checked: u64 = outcomes.iter().map(|outcome| outcome.checked).sum();
     if cli.json {
-        println!("{}", serde_json::json!({ "injected": outcomes.len(), "phases": PHASES.len(), "rows": rows, "wrong": wrong }));
+        println!(
+            "{}",
+            serde_json::json!({ "injected": outcomes.len(), "phases": PHASES.len(), "goals_checked": checked, "rows": rows, "wrong": wrong })
+        );
     } else {
         println!(
             "{:34} {:>12} {:>8} {:>8} {:>18} {:>8} {:>12} {:>7}",
@@ -42,26 +46,34 @@ pub fn tell(cli: &Cli, kinds: &[Kind], outcomes: &[Outcome]) -> Option<String> {
         );
         for row in &rows {
             let ms = |name: &str| row[name].as_f64().map_or("-".to_owned(), |ms| format!("{ms:.0}"));
-            let lost = format!("{} of {}{}", row["lost"], row["held"], if row["takes_torque"] == true { "*" } else { "" });
+            let lost =
+                format!("{} of {}{}", row["lost"], row["held"], if row["takes_torque"] == true { "*" } else { "" });
+            let number = |name: &str| row[name].to_string();
             println!(
                 "{:34} {:>12} {:>8} {:>8} {:>18} {:>8} {:>12} {:>7}",
                 row["fault"].as_str().unwrap_or_default(),
                 row["expected"].as_str().unwrap_or_default(),
-                row["injected"],
-                row["as_expected"],
+                number("injected"),
+                number("as_expected"),
                 format!("{} ({})", ms("safe_ms_median"), ms("safe_ms_max")),
-                row["outside_limits"],
+                number("outside_limits"),
                 lost,
-                row["recordings_intact"],
+                number("recordings_intact"),
             );
         }
         println!("* the fault itself takes a servo's torque: what that digit held may fall, whatever the others hold");
-        println!("{} faults in {} phases; times on the emulated clock, to the arm's standstill", outcomes.len(), PHASES.len());
+        println!(
+            "{} faults in {} phases, {checked} goals of servos and joints held to their limits; times on the emulated clock, to the arm's standstill",
+            outcomes.len(),
+            PHASES.len()
+        );
         for complaint in wrong.iter().take(10) {
             eprintln!("{complaint}");
         }
     }
-    wrong.first().map(|first| format!("{first}{}", if wrong.len() > 1 { format!(" (and {} more)", wrong.len() - 1) } else { String::new() }))
+    wrong.first().map(|first| {
+        format!("{first}{}", if wrong.len() > 1 { format!(" (and {} more)", wrong.len() - 1) } else { String::new() })
+    })
 }
 
 /// What should not have come of a fault.
