@@ -7,6 +7,7 @@
 //! [`Body`] is what the trial loop holds. The controller gets no more of it than [`Robot`]; what a trial needs beside (the referee's truth, prior
 //! perception, the operator) is in [`Stage`], for the program alone.
 
+pub mod choice;
 pub mod emulated;
 pub mod hardware;
 pub mod replayed;

@@ -16,10 +16,8 @@ use sim::tactile::TactileBoard;
 use touch::{Calibration, TouchPipeline};
 
 use crate::bench::{self, Options};
-use crate::body::emulated::{EmulatedVenue, SimulatedVenue};
-use crate::body::hardware::HardwareVenue;
-use crate::body::rounded::RoundedVenue;
-use crate::body::{Task, Venue};
+use crate::body::Task;
+use crate::body::choice::{check_body, venue};
 use crate::cli::{
     BenchArgs, Body, CheckArgs, Cli, Command, GraspsCommand, HandCommand, OpticsCommand, RoleArg, TouchCommand,
     TrialArgs,
@@ -44,7 +42,7 @@ pub fn run(cli: &Cli) -> Outcome {
     match &cli.command {
         Command::Bench(args) => benchmark(cli, args),
         Command::Trial(args) => trial(cli, args),
-        Command::Replay { recording } => replay(cli, recording),
+        Command::Replay { recording } => crate::replay::command(cli, recording),
         Command::View { path } => view(path),
         Command::Report { folders, out } => report(cli, folders, out.as_deref()),
         Command::Hand(HandCommand::Check(args)) => hand_check(cli, args),
@@ -113,63 +111,11 @@ pub fn trial_scene(combination: usize, seed: u64, quiet: bool) -> Result<(Arc<Ha
     Ok((bench.world.hand.clone(), bench.scene(combination)?))
 }
 
-fn read_scenario(text: &str, path: &Path) -> Result<Scenario> {
+/// A scenario whose objects exist.
+pub fn read_scenario(text: &str, path: &Path) -> Result<Scenario> {
     let scenario = Scenario::parse(text, path)?;
     scenario.check_objects(&scenarios::objects::ObjectSet::standard(), path)?;
     Ok(scenario)
-}
-
-/// Whether body and configuration go together.
-fn check_body(robot: Body, config: Option<&Path>) -> Result<()> {
-    match (robot, config) {
-        (Body::Hardware, None) => bail!("--robot hardware: found no --config, expected the bridge's configuration"),
-        (Body::Sim | Body::Emulated | Body::Rounded, Some(config)) => bail!(
-            "--config {}: only the real robot has a configuration, and --robot is {}",
-            config.display(),
-            robot.name()
-        ),
-        _ => Ok(()),
-    }
-}
-
-/// Where bodies for trials come from; `None` for simulated ones without a recorded session.
-fn venue(
-    bench: &Bench,
-    robot: Body,
-    config: Option<&Path>,
-    sessions: Option<PathBuf>,
-) -> Result<Option<Box<dyn Venue>>> {
-    let world = &bench.world;
-    Ok(match (robot, sessions) {
-        (Body::Sim, None) => None,
-        (Body::Sim, Some(sessions)) => Some(Box::new(SimulatedVenue { sessions })),
-        (Body::Emulated, sessions) => {
-            Some(Box::new(EmulatedVenue::new(world.hand.clone(), world.arm.clone(), sessions)))
-        }
-        (Body::Rounded, sessions) => {
-            Some(Box::new(RoundedVenue { hand: world.hand.clone(), arm: world.arm.clone(), sessions }))
-        }
-        (Body::Hardware, sessions) => {
-            let config = config.context("--config")?;
-            let sessions = sessions.unwrap_or_else(|| PathBuf::from("recordings/sessions"));
-            Some(Box::new(HardwareVenue::new(config, world.arm.clone(), world.ready, sessions)?))
-        }
-    })
-}
-
-fn replay(cli: &Cli, recording: &Path) -> Outcome {
-    let task = crate::replay::task(recording)?;
-    let scenario = read_scenario(&task.scenario, recording)?;
-    let bench = make_bench(scenario, task.combos, task.seed, cli.quiet || cli.json)?;
-    if task.combination >= bench.plans.plans.len() {
-        bail!(
-            "{}: combination: found {}, expected 0 to {}",
-            recording.display(),
-            task.combination,
-            bench.plans.plans.len() - 1
-        );
-    }
-    crate::replay::run(cli, &bench, &task, recording)
 }
 
 fn next_free_folder() -> PathBuf {
@@ -223,7 +169,8 @@ fn benchmark(cli: &Cli, args: &BenchArgs) -> Outcome {
     // Everything that can be wrong with the input has been found before anything is written.
     let bench = make_bench(scenario, request.combos, request.seed, quiet)?;
     let sessions = |record: bool| (record || robot == Body::Hardware).then(|| folder.join("sessions"));
-    let place = |record: bool| venue(&bench, robot, args.config.as_deref(), sessions(record && robot != Body::Sim));
+    let place =
+        |record: bool| venue(&bench.world, robot, args.config.as_deref(), sessions(record && robot != Body::Sim));
     // A configuration that is wrong is found before anything is written.
     drop(place(false)?);
     let journal = match &args.resume {
@@ -308,7 +255,7 @@ fn trial(cli: &Cli, args: &TrialArgs) -> Outcome {
         bail!("COMBO: found {}, expected 0 to {}", args.combination, bench.plans.plans.len() - 1);
     }
     let condition = args.policy.condition();
-    let place = venue(&bench, args.robot, args.config.as_deref(), args.session.clone())?;
+    let place = venue(&bench.world, args.robot, args.config.as_deref(), args.session.clone())?;
     let task = Task {
         robot: args.robot.name().to_owned(),
         seed: cli.seed,

@@ -2,17 +2,34 @@
 
 use std::path::Path;
 
-use anyhow::{Context as _, Result};
+use anyhow::{Context as _, Result, bail};
 use hardware_bridge::session_log::{Event, Reader, Replay};
 use scenarios::record::TrialRecord;
 
 use crate::body::replayed::ReplayVenue;
 use crate::body::{Stopped, Task};
 use crate::cli::Cli;
+use crate::commands::{make_bench, read_scenario};
 use crate::trial::{Bench, NoWatcher};
 
+/// The command.
+pub fn command(cli: &Cli, recording: &Path) -> Result<Option<String>> {
+    let task = task(recording)?;
+    let scenario = read_scenario(&task.scenario, recording)?;
+    let bench = make_bench(scenario, task.combos, task.seed, cli.quiet || cli.json)?;
+    if task.combination >= bench.plans.plans.len() {
+        bail!(
+            "{}: combination: found {}, expected 0 to {}",
+            recording.display(),
+            task.combination,
+            bench.plans.plans.len() - 1
+        );
+    }
+    run(cli, &bench, &task, recording)
+}
+
 /// What the file says of itself.
-pub fn task(path: &Path) -> Result<Task> {
+fn task(path: &Path) -> Result<Task> {
     let reader = Reader::open(path)?;
     serde_json::from_slice(&reader.session().task).with_context(|| {
         format!(
@@ -23,7 +40,7 @@ pub fn task(path: &Path) -> Result<Task> {
 }
 
 /// Runs it; the shortfall is where it left the recording.
-pub fn run(cli: &Cli, bench: &Bench, task: &Task, path: &Path) -> Result<Option<String>> {
+fn run(cli: &Cli, bench: &Bench, task: &Task, path: &Path) -> Result<Option<String>> {
     let (outcome, whole) = outcome(path)?;
     let (mut venue, report) = ReplayVenue::new(Replay::new(Reader::open(path)?)?, task.robot == "hardware");
     let played = bench.play(task, &mut venue, &mut NoWatcher);
