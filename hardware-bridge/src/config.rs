@@ -13,17 +13,22 @@
 //! port = "/dev/serial/by-id/usb-..."
 //!
 //! [arm]
-//! kind = "loopback"
+//! kind = "kortex"                       # or "loopback": no arm
+//! host = "192.168.1.10"
+//! user = "admin"
+//! password = "admin"
 //!
 //! [limits]                              # all of it may be left out
 //! current = 0.6
 //! ```
 
+use std::net::IpAddr;
 use std::path::{Path, PathBuf};
 
 use hand_model::{ACTUATORS, Arm};
 use serde::{Deserialize, Serialize};
 
+use crate::kortex::arm::{TCP_PORT, UDP_PORT};
 use crate::safety::limits::{ArmLimits, Limits, ServoLimits, Watchdogs};
 use crate::servo_bus::BusSettings;
 use crate::xc330;
@@ -130,6 +135,29 @@ pub struct CameraConfig {
 pub enum ArmConfig {
     /// No arm: set-points come back as measurements.
     Loopback,
+    /// A Kinova Gen3.
+    Kortex {
+        /// Its address.
+        host: IpAddr,
+        /// Its port for calls.
+        #[serde(default = "default_tcp")]
+        tcp_port: u16,
+        /// Its port for the cyclic exchange.
+        #[serde(default = "default_udp")]
+        udp_port: u16,
+        /// Who logs in.
+        user: String,
+        /// With which password. Whoever reads this file knows it: arms have a user of their own for such a host.
+        password: String,
+    },
+}
+
+fn default_tcp() -> u16 {
+    TCP_PORT
+}
+
+fn default_udp() -> u16 {
+    UDP_PORT
 }
 
 /// What is allowed, the same for every servo.
@@ -175,6 +203,29 @@ impl Default for LimitConfig {
     }
 }
 
+impl LimitConfig {
+    /// All limits, for servos with this travel (rad) and for this arm.
+    pub fn limits(&self, travel: &[f64; ACTUATORS], arm: &Arm) -> Limits {
+        let own = self;
+        let servos = travel.map(|travel| ServoLimits {
+            angle: (0.0, travel),
+            speed: own.speed,
+            current: own.current,
+            hold_current: own.hold_current,
+            temperature: own.temperature,
+        });
+        let arm = ArmLimits { angle: std::array::from_fn(|n| joint_range(arm, n)), speed: arm.velocity_limits };
+        Limits {
+            servos,
+            arm,
+            voltage: (own.voltage[0], own.voltage[1]),
+            staleness: own.staleness,
+            watchdogs: Watchdogs { servo_bus: own.servo_watchdog, arm: own.arm_watchdog, host: own.host_watchdog },
+            release_time: own.release_time,
+        }
+    }
+}
+
 impl BridgeConfig {
     /// Reads and checks a configuration; relative paths in it become relative to its folder.
     pub fn read(path: &Path) -> Result<Self, ConfigError> {
@@ -206,23 +257,7 @@ impl BridgeConfig {
 
     /// What is allowed, with the servos' travel (rad) from the calibration.
     pub fn limits(&self, travel: &[f64; ACTUATORS], arm: &Arm) -> Limits {
-        let own = &self.limits;
-        let servos = travel.map(|travel| ServoLimits {
-            angle: (0.0, travel),
-            speed: own.speed,
-            current: own.current,
-            hold_current: own.hold_current,
-            temperature: own.temperature,
-        });
-        let arm = ArmLimits { angle: std::array::from_fn(|n| joint_range(arm, n)), speed: arm.velocity_limits };
-        Limits {
-            servos,
-            arm,
-            voltage: (own.voltage[0], own.voltage[1]),
-            staleness: own.staleness,
-            watchdogs: Watchdogs { servo_bus: own.servo_watchdog, arm: own.arm_watchdog, host: own.host_watchdog },
-            release_time: own.release_time,
-        }
+        self.limits.limits(travel, arm)
     }
 
     fn check(&self, path: &Path) -> Result<(), ConfigError> {

@@ -4,31 +4,41 @@
 //! it in real time: goals from the servos' registers go in, shafts and images come out. A thread a device talks the device's protocol and
 //! knows nothing of the plant. Any program that opens serial ports can be the host.
 //!
+//! Started by [`EmulatedHand::start_stepped`] there is no plant thread: time is an emulated clock's, and the plant moves by
+//! [`EmulatedHand::step`] alone. Then no answer waits for its time on the line, and one that is delayed comes after the host's next
+//! request. [`lockstep`] is a robot on such devices.
+//!
 //! [`servo`] is one servo, [`servo_chain`] six on a line, [`camera_board`] the board, [`faults`] what can be made to go wrong, [`pty`]
 //! the pseudo-terminal.
 
 pub mod camera_board;
 pub mod faults;
+pub mod lockstep;
+pub mod lockstep_arm;
+pub mod plant_arm;
 pub mod pty;
 pub mod servo;
 pub mod servo_chain;
 pub mod spring_hand;
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::mpsc::{self, Sender};
 use std::sync::{Arc, Mutex};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-use hand_model::robot::{ArmState, Command, Robot, ServoGoal, ServoState, TactileFrame};
-use hand_model::{ACTUATORS, ARM_JOINTS};
+use hand_model::ACTUATORS;
+use hand_model::robot::{Command, Robot, ServoGoal, ServoState, TactileFrame};
 use serial2::SerialPort;
 
+use crate::calibration::Calibration;
+use crate::clock::Clock;
 use crate::lock;
 use crate::protocol2::Decoder;
 use camera_board::{BoardSettings, CameraBoard};
 use faults::{Event, Faults};
+use plant_arm::SharedArm;
 use pty::{Pty, PtyError};
 use servo::EmulatedServo;
 use servo_chain::ServoChain;
@@ -47,8 +57,6 @@ pub struct EmulatorSettings {
     pub faults: Faults,
     /// What the USB adapter adds to every answer, s.
     pub usb_latency: f64,
-    /// Arm posture until somebody sets another, rad.
-    pub arm: [f64; ARM_JOINTS],
     /// Seed of random faults and of the cameras' noise.
     pub seed: u64,
 }
@@ -61,28 +69,41 @@ impl Default for EmulatorSettings {
             board: BoardSettings::default(),
             faults: Faults::default(),
             usb_latency: 1e-3,
-            arm: [0.0; ARM_JOINTS],
             seed: 1,
         }
     }
 }
 
+/// A USB plug at the host.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Plug {
+    /// The adapter of the servo bus.
+    Servos,
+    /// The camera board.
+    Cameras,
+}
+
 struct Shared {
+    servos_gone: AtomicBool,
+    cameras_gone: AtomicBool,
     chain: Mutex<ServoChain>,
     board: Mutex<CameraBoard>,
     shafts: Mutex<[ServoState; ACTUATORS]>,
-    arm_goal: Mutex<[f64; ARM_JOINTS]>,
-    arm: Mutex<ArmState>,
+    arm: SharedArm,
     capture: AtomicBool,
     stop: AtomicBool,
     ticks: AtomicU64,
     late_ticks: AtomicU64,
-    started: Instant,
+    clock: Clock,
 }
 
 impl Shared {
     fn now(&self) -> f64 {
-        self.started.elapsed().as_secs_f64()
+        self.clock.now()
+    }
+
+    fn stepped(&self) -> bool {
+        matches!(self.clock, Clock::Emulated(_))
     }
 
     fn running(&self) -> bool {
@@ -93,61 +114,119 @@ impl Shared {
 /// The running emulator; it ends when dropped.
 pub struct EmulatedHand {
     shared: Arc<Shared>,
-    servo_pty: Pty,
-    board_pty: Pty,
+    servo_pty: Option<Pty>,
+    board_pty: Option<Pty>,
+    paths: [PathBuf; 2],
     threads: Vec<JoinHandle<()>>,
+    /// The plant, where it moves by [`EmulatedHand::step`], and where its images go.
+    stepped: Option<Plant>,
 }
 
 impl EmulatedHand {
     /// Starts the devices on their pseudo-terminals, and the plant.
     pub fn start(plant: Box<dyn Robot + Send>, settings: EmulatorSettings) -> Result<Self, PtyError> {
+        Self::open(plant, settings, Clock::wall())
+    }
+
+    /// The same with `clock` for a clock, which must be an emulated one: nothing moves but by [`EmulatedHand::step`].
+    pub fn start_stepped(
+        plant: Box<dyn Robot + Send>,
+        settings: EmulatorSettings,
+        clock: Clock,
+    ) -> Result<Self, PtyError> {
+        Self::open(plant, settings, clock)
+    }
+
+    fn open(mut plant: Box<dyn Robot + Send>, settings: EmulatorSettings, clock: Clock) -> Result<Self, PtyError> {
         let (servo_pty, board_pty) = (Pty::open()?, Pty::open()?);
         let port_of = |pty: &Pty| pty.device.try_clone().map_err(PtyError::Open);
         let (servo_port, board_port) = (port_of(&servo_pty)?, port_of(&board_pty)?);
         let jpeg_chance = settings.faults.chances.jpeg;
+        let observation = plant.observe();
+        let shafts = observation.servos;
+        let mut chain = ServoChain::new(settings.servos, settings.faults, settings.usb_latency, settings.seed);
+        chain.advance(clock.now(), 0.0, &shafts);
         let shared = Arc::new(Shared {
-            chain: Mutex::new(ServoChain::new(settings.servos, settings.faults, settings.usb_latency, settings.seed)),
+            servos_gone: AtomicBool::new(false),
+            cameras_gone: AtomicBool::new(false),
+            chain: Mutex::new(chain),
             board: Mutex::new(CameraBoard::new(settings.board, jpeg_chance, settings.seed)),
-            shafts: Mutex::new([ServoState::default(); ACTUATORS]),
-            arm_goal: Mutex::new(settings.arm),
-            arm: Mutex::new(ArmState { position: settings.arm, ..ArmState::default() }),
+            shafts: Mutex::new(shafts),
+            arm: SharedArm::at(observation.arm.position),
             capture: AtomicBool::new(false),
             stop: AtomicBool::new(false),
             ticks: AtomicU64::new(0),
             late_ticks: AtomicU64::new(0),
-            started: Instant::now(),
+            clock,
         });
         let (images, arrived) = mpsc::channel();
         let spawn = |name: &str, work: Box<dyn FnOnce() + Send>| {
             std::thread::Builder::new().name(name.into()).spawn(work).map_err(PtyError::Open)
         };
         let (for_plant, for_servos, for_board) = (shared.clone(), shared.clone(), shared.clone());
-        let threads = vec![
-            spawn("plant", Box::new(move || run_plant(plant, &for_plant, &images)))?,
+        let mut threads = vec![
             spawn("servos", Box::new(move || run_servos(servo_port, &for_servos)))?,
             spawn("cameras", Box::new(move || run_board(board_port, &for_board, &arrived)))?,
         ];
-        Ok(Self { shared, servo_pty, board_pty, threads })
+        let plant = Plant { robot: plant, images };
+        let stepped = if shared.stepped() {
+            Some(plant)
+        } else {
+            threads.push(spawn("plant", Box::new(move || run_plant(plant, &for_plant)))?);
+            None
+        };
+        let paths = [servo_pty.path().to_owned(), board_pty.path().to_owned()];
+        Ok(Self { shared, servo_pty: Some(servo_pty), board_pty: Some(board_pty), paths, threads, stepped })
     }
 
-    /// What a host opens to talk to the servos.
-    pub fn servos(&self) -> &Pty {
-        &self.servo_pty
+    /// Moves the plant by one of its ticks, and the clock with it; gives back the tick's length, s. 0 where the plant moves by itself.
+    pub fn step(&mut self) -> f64 {
+        let Some(plant) = &mut self.stepped else { return 0.0 };
+        let tick = plant.robot.tick_length();
+        self.shared.clock.advance(tick);
+        // Without anybody who takes images there is nothing more to do with them.
+        let _ = tick_plant(plant, &self.shared, tick);
+        tick
     }
 
-    /// What a host opens to talk to the camera board.
-    pub fn cameras(&self) -> &Pty {
-        &self.board_pty
+    /// Whether the host has asked for images that the plant has not taken yet.
+    pub fn capture_pending(&self) -> bool {
+        self.shared.capture.load(Ordering::Acquire)
+    }
+
+    /// When each servo was stopped by its bus watchdog and how long after the last packet that it heard, s.
+    pub fn watchdog_trips(&self) -> Vec<(u8, f64, f64)> {
+        lock(&self.shared.chain).watchdog_trips()
     }
 
     /// The path of the servos' port.
     pub fn servo_port(&self) -> &Path {
-        self.servo_pty.path()
+        &self.paths[0]
     }
 
     /// The path of the camera board's port.
     pub fn camera_port(&self) -> &Path {
-        self.board_pty.path()
+        &self.paths[1]
+    }
+
+    /// Makes `link` point to the servos' port.
+    pub fn link_servos(&self, link: &Path) -> Result<(), PtyError> {
+        self.servo_pty.as_ref().map_or(Ok(()), |pty| pty.link(link))
+    }
+
+    /// Makes `link` point to the camera board's port.
+    pub fn link_cameras(&self, link: &Path) -> Result<(), PtyError> {
+        self.board_pty.as_ref().map_or(Ok(()), |pty| pty.link(link))
+    }
+
+    /// Pulls a USB plug: the port is gone for good.
+    pub fn unplug(&mut self, plug: Plug) {
+        let (gone, pty) = match plug {
+            Plug::Servos => (&self.shared.servos_gone, &mut self.servo_pty),
+            Plug::Cameras => (&self.shared.cameras_gone, &mut self.board_pty),
+        };
+        gone.store(true, Ordering::Relaxed);
+        *pty = None;
     }
 
     /// Makes something go wrong now.
@@ -161,6 +240,11 @@ impl EmulatedHand {
     /// Changes the chances of random line faults of the servos.
     pub fn set_chances(&self, chances: faults::Chances) {
         lock(&self.shared.chain).set_chances(chances);
+    }
+
+    /// Changes the chance that an image's JPEG is cut in half.
+    pub fn set_jpeg_chance(&self, chance: f64) {
+        lock(&self.shared.board).set_jpeg_chance(chance);
     }
 
     /// Where the shafts really are: for tests and displays, not for hosts.
@@ -178,14 +262,14 @@ impl EmulatedHand {
         lock(&self.shared.chain).watchdogs_tripped()
     }
 
-    /// Arm set-points for the plant, rad: for an emulated arm controller.
-    pub fn set_arm_goal(&self, goal: [f64; ARM_JOINTS]) {
-        *lock(&self.shared.arm_goal) = goal;
+    /// The plant's arm, for an emulated arm controller.
+    pub fn arm_joints(&self) -> SharedArm {
+        self.shared.arm.clone()
     }
 
-    /// The plant's arm.
-    pub fn arm(&self) -> ArmState {
-        *lock(&self.shared.arm)
+    /// Writes the servos' homing offsets into their memory, as a calibration does over the bus.
+    pub fn home(&self, calibration: &Calibration) {
+        lock(&self.shared.chain).home(calibration);
     }
 
     /// Plant ticks so far, and how many of them began late because the plant is slower than real time.
@@ -204,30 +288,41 @@ impl Drop for EmulatedHand {
     }
 }
 
-fn run_plant(mut plant: Box<dyn Robot + Send>, shared: &Shared, images: &Sender<Vec<TactileFrame>>) {
-    let tick = plant.tick_length();
+/// What the devices move, and where its images go.
+struct Plant {
+    robot: Box<dyn Robot + Send>,
+    images: Sender<Vec<TactileFrame>>,
+}
+
+/// One tick of the plant; whether anybody still takes its images.
+fn tick_plant(plant: &mut Plant, shared: &Shared, tick: f64) -> bool {
+    let mut servos = [ServoGoal::Current(0.0); ACTUATORS];
+    for (goal, drive) in servos.iter_mut().zip(lock(&shared.chain).drives()) {
+        *goal = drive;
+    }
+    let capture = shared.capture.swap(false, Ordering::AcqRel);
+    plant.robot.send(&Command { arm: shared.arm.goal(), servos, capture });
+    plant.robot.wait_for_tick();
+    let observation = plant.robot.observe();
+    *lock(&shared.shafts) = observation.servos;
+    shared.arm.set_state(observation.arm);
+    let others = lock(&shared.chain).advance(shared.now(), tick, &observation.servos);
+    for event in others {
+        if let Event::Freeze(camera) = event {
+            lock(&shared.board).freeze(camera);
+        }
+    }
+    shared.ticks.fetch_add(1, Ordering::Relaxed);
+    observation.tactile.is_empty() || plant.images.send(observation.tactile).is_ok()
+}
+
+fn run_plant(mut plant: Plant, shared: &Shared) {
+    let tick = plant.robot.tick_length();
     let mut next = Instant::now();
     while shared.running() {
-        let mut servos = [ServoGoal::Current(0.0); ACTUATORS];
-        for (goal, drive) in servos.iter_mut().zip(lock(&shared.chain).drives()) {
-            *goal = drive;
-        }
-        let capture = shared.capture.swap(false, Ordering::Relaxed);
-        plant.send(&Command { arm: *lock(&shared.arm_goal), servos, capture });
-        plant.wait_for_tick();
-        let observation = plant.observe();
-        *lock(&shared.shafts) = observation.servos;
-        *lock(&shared.arm) = observation.arm;
-        let others = lock(&shared.chain).advance(shared.now(), tick, &observation.servos);
-        for event in others {
-            if let Event::Freeze(camera) = event {
-                lock(&shared.board).freeze(camera);
-            }
-        }
-        if !observation.tactile.is_empty() && images.send(observation.tactile).is_err() {
+        if !tick_plant(&mut plant, shared, tick) {
             return;
         }
-        shared.ticks.fetch_add(1, Ordering::Relaxed);
         next += Duration::from_secs_f64(tick);
         let now = Instant::now();
         if next > now {
@@ -242,11 +337,12 @@ fn run_plant(mut plant: Box<dyn Robot + Send>, shared: &Shared, images: &Sender<
 
 fn run_servos(mut port: SerialPort, shared: &Shared) {
     let mut decoder = Decoder::default();
+    let mut held_back: Vec<Vec<u8>> = Vec::new();
     let mut buffer = [0; 4096];
     if port.set_read_timeout(WAIT).is_err() {
         return;
     }
-    while shared.running() {
+    while shared.running() && !shared.servos_gone.load(Ordering::Relaxed) {
         let Ok(count) = port.read(&mut buffer) else { continue };
         let arrived = Instant::now();
         let baud = port.get_configuration().and_then(|settings| settings.get_baud_rate()).unwrap_or(0);
@@ -254,7 +350,18 @@ fn run_servos(mut port: SerialPort, shared: &Shared) {
         for packet in decoder.drain().into_iter().flatten() {
             let length = packet.encode().map_or(0, |wire| wire.len());
             let answers = lock(&shared.chain).handle(&packet, length, baud, shared.now());
+            for late in held_back.drain(..) {
+                let _ = port.write_all(&late);
+            }
             for answer in answers {
+                if shared.stepped() && answer.delayed {
+                    held_back.push(answer.bytes);
+                    continue;
+                }
+                if shared.stepped() {
+                    let _ = port.write_all(&answer.bytes);
+                    continue;
+                }
                 let due = arrived + Duration::from_secs_f64(answer.after);
                 std::thread::sleep(due.saturating_duration_since(Instant::now()));
                 // A host that does not read loses answers, as on a real line.
@@ -269,12 +376,12 @@ fn run_board(mut port: SerialPort, shared: &Shared, images: &mpsc::Receiver<Vec<
     if port.set_read_timeout(Duration::from_millis(2)).is_err() {
         return;
     }
-    while shared.running() {
+    while shared.running() && !shared.cameras_gone.load(Ordering::Relaxed) {
         let mut out = Vec::new();
         if let Ok(count) = port.read(&mut buffer) {
             let reaction = lock(&shared.board).receive(&buffer[..count], shared.now());
             if reaction.capture {
-                shared.capture.store(true, Ordering::Relaxed);
+                shared.capture.store(true, Ordering::Release);
             }
             out.extend(reaction.bytes);
         }

@@ -15,6 +15,7 @@ use hand_model::{ACTUATORS, ARM_JOINTS, Arm};
 
 use crate::arm_link::ArmLink;
 use crate::calibration::Calibration;
+use crate::clock::Clock;
 use crate::config::{BridgeConfig, ConfigError};
 use crate::hand_bus::HandBus;
 use crate::lock;
@@ -25,12 +26,15 @@ use crate::safety::state::State;
 use crate::safety::supervisor::{SafeCommand, Supervisor};
 use crate::servo_bus::{BusError, ServoBus};
 use crate::servo_cycle::{Board, CycleReport, DryLines, Order, ServoCycle, Shared};
+use crate::session_log::{Packet, Tap};
 use crate::setup;
 use crate::tactile_link::TactileLink;
 use crate::tactile_link::link::LinkError;
 
 /// Length of a control tick, s: the simulated robot's.
 const TICK: f64 = 1.0 / 120.0;
+/// Cycles between two audits of one servo each.
+const AUDIT_EVERY: u64 = 5;
 /// Longest wait for the cycle that uses a command, and for the answer to an order.
 const PATIENCE: Duration = Duration::from_secs(3);
 
@@ -87,7 +91,7 @@ pub struct HardwareRobot {
     tactile: Option<TactileLink>,
     _door: RemoteDoor,
     thread: Option<JoinHandle<()>>,
-    epoch: Instant,
+    clock: Clock,
     next_tick: Instant,
     sequence: u64,
 }
@@ -102,65 +106,18 @@ impl HardwareRobot {
         dry: Option<DryLines>,
     ) -> Result<Self, ConnectError> {
         let calibration = Calibration::read(&config.calibration)?;
-        let epoch = Instant::now();
-        let mut bus = ServoBus::open(&config.servos.port, config.bus())?;
-        for (n, id) in config.servos.ids.iter().enumerate() {
-            let findings = setup::check(&mut bus, config, *id, &format!("actuator {n}"))?;
-            if let Some(bad) = findings.into_iter().find(|finding| !finding.good) {
-                return Err(ConnectError::Setup { what: bad.what, found: bad.found, expected: bad.expected });
-            }
-        }
-        let mut hand = HandBus::new(bus, config.servos.ids, config.servos.fast_sync_read);
-        if let Some((actuator, found, expected)) = hand.compare(&calibration)? {
-            return Err(ConnectError::Mismatch { actuator, found, expected });
-        }
-        let tactile = match &config.cameras {
-            Some(cameras) => Some(TactileLink::open(&cameras.port, epoch)?),
-            None => None,
-        };
-        let mut supervisor = Supervisor::new(config.limits(&calibration.travel(), arm_model));
-        // A new supervisor is disconnected, so this cannot be refused.
-        let _ = supervisor.connect();
-        let measured = Measured { servos: [None; ACTUATORS], arm: None, cameras: true };
-        let shared = Arc::new(Shared {
-            board: Mutex::new(Board {
-                asked: None,
-                asked_number: 0,
-                used_number: 0,
-                sent: SafeCommand { servos: [SafeGoal::default(); ACTUATORS], arm: [0.0; ARM_JOINTS] },
-                measured,
-                state: supervisor.state(),
-                orders: VecDeque::new(),
-                report: CycleReport::default(),
-                cameras: true,
-            }),
-            cycled: Condvar::new(),
-            stop: AtomicBool::new(false),
-        });
+        let clock = Clock::wall();
+        let (hand, tactile) = open_devices(config, &calibration, &clock)?;
+        let cycle = servo_cycle(config, &calibration, hand, arm, arm_model, clock.clone());
+        let cycle = ServoCycle { dry, ..cycle };
+        let shared = cycle.shared.clone();
         let for_door = shared.clone();
         let door = RemoteDoor::open(&config.stop_socket, move |wish| give(&for_door, Order::Remote(wish)))?;
-        let cycle = ServoCycle {
-            shared: shared.clone(),
-            hand: Some(hand),
-            port: config.servos.port.clone(),
-            bus: config.bus(),
-            ids: config.servos.ids,
-            fast: config.servos.fast_sync_read,
-            arm,
-            supervisor,
-            period: Duration::from_secs_f64(1.0 / config.servos.rate),
-            epoch,
-            dry,
-            measured,
-            report: CycleReport::default(),
-            lost_at: epoch,
-            dry_told: 0.0,
-        };
         let thread = std::thread::Builder::new()
             .name("servo cycle".into())
             .spawn(move || cycle.run())
             .map_err(ConnectError::Thread)?;
-        Ok(Self { shared, tactile, _door: door, thread: Some(thread), epoch, next_tick: Instant::now(), sequence: 0 })
+        Ok(Self { shared, tactile, _door: door, thread: Some(thread), clock, next_tick: Instant::now(), sequence: 0 })
     }
 
     /// Looks at every newest measurement; the robot may then be armed.
@@ -198,6 +155,11 @@ impl HardwareRobot {
         lock(&self.shared.board).report.clone()
     }
 
+    /// Copies what goes over the servo bus from the next cycle on, under the name `servos`.
+    pub fn tap(&self, packets: &mpsc::Sender<Packet>) {
+        *lock(&self.shared.tap) = Some(Tap::new("servos", packets.clone()));
+    }
+
     /// The camera board's link, if there is one.
     pub fn tactile(&self) -> Option<&TactileLink> {
         self.tactile.as_ref()
@@ -208,7 +170,80 @@ impl HardwareRobot {
     }
 
     fn now(&self) -> f64 {
-        self.epoch.elapsed().as_secs_f64()
+        self.clock.now()
+    }
+}
+
+/// Opens servo bus and camera board, and makes sure that the servos are the calibrated ones.
+pub(crate) fn open_devices(
+    config: &BridgeConfig,
+    calibration: &Calibration,
+    clock: &Clock,
+) -> Result<(HandBus, Option<TactileLink>), ConnectError> {
+    let mut bus = ServoBus::open(&config.servos.port, config.bus())?;
+    for (n, id) in config.servos.ids.iter().enumerate() {
+        let findings = setup::check(&mut bus, config, *id, &format!("actuator {n}"))?;
+        if let Some(bad) = findings.into_iter().find(|finding| !finding.good) {
+            return Err(ConnectError::Setup { what: bad.what, found: bad.found, expected: bad.expected });
+        }
+    }
+    let mut hand = HandBus::new(bus, config.servos.ids, config.servos.fast_sync_read);
+    if let Some((actuator, found, expected)) = hand.compare(calibration)? {
+        return Err(ConnectError::Mismatch { actuator, found, expected });
+    }
+    let tactile = match &config.cameras {
+        Some(cameras) => Some(TactileLink::open(&cameras.port, clock.clone())?),
+        None => None,
+    };
+    Ok((hand, tactile))
+}
+
+/// The wheel that turns `hand` and `arm`, connected, with nobody's torque touched.
+pub(crate) fn servo_cycle(
+    config: &BridgeConfig,
+    calibration: &Calibration,
+    hand: HandBus,
+    arm: Box<dyn ArmLink>,
+    arm_model: &Arm,
+    clock: Clock,
+) -> ServoCycle {
+    let mut supervisor = Supervisor::new(config.limits(&calibration.travel(), arm_model));
+    // A new supervisor is disconnected, so this cannot be refused.
+    let _ = supervisor.connect();
+    let measured = Measured { servos: [None; ACTUATORS], arm: None, cameras: true };
+    let shared = Arc::new(Shared {
+        tap: Mutex::new(None),
+        board: Mutex::new(Board {
+            asked: None,
+            asked_number: 0,
+            used_number: 0,
+            sent: SafeCommand { servos: [SafeGoal::default(); ACTUATORS], arm: [0.0; ARM_JOINTS] },
+            measured,
+            state: supervisor.state(),
+            orders: VecDeque::new(),
+            report: CycleReport::default(),
+            cameras: true,
+        }),
+        cycled: Condvar::new(),
+        stop: AtomicBool::new(false),
+    });
+    ServoCycle {
+        shared,
+        hand: Some(hand),
+        port: config.servos.port.clone(),
+        bus: config.bus(),
+        ids: config.servos.ids,
+        fast: config.servos.fast_sync_read,
+        arm,
+        supervisor,
+        period: Duration::from_secs_f64(1.0 / config.servos.rate),
+        clock,
+        audit_every: AUDIT_EVERY,
+        dry: None,
+        measured,
+        report: CycleReport::default(),
+        lost_at: Instant::now(),
+        dry_told: 0.0,
     }
 }
 
@@ -221,16 +256,7 @@ fn give(shared: &Shared, order: Order) -> Result<String, String> {
 
 impl Robot for HardwareRobot {
     fn observe(&mut self) -> Observation {
-        let tactile = self.tactile.as_ref().map(TactileLink::take).unwrap_or_default();
-        let mut board = lock(&self.shared.board);
-        board.cameras = self.tactile.as_ref().is_none_or(|link| link.lost_port().is_none());
-        Observation {
-            time: self.now(),
-            sequence: self.sequence,
-            servos: board.measured.servos.map(|servo| servo.map(|servo| servo.state).unwrap_or_default()),
-            arm: board.measured.arm.map(|arm| arm.state).unwrap_or_default(),
-            tactile,
-        }
+        newest(&self.shared, self.tactile.as_ref(), self.now(), self.sequence)
     }
 
     fn send(&mut self, command: &Command) -> Command {
@@ -266,8 +292,22 @@ impl Robot for HardwareRobot {
     }
 }
 
+/// The newest measurements that have arrived.
+pub(crate) fn newest(shared: &Shared, tactile: Option<&TactileLink>, time: f64, sequence: u64) -> Observation {
+    let frames = tactile.map(TactileLink::take).unwrap_or_default();
+    let mut board = lock(&shared.board);
+    board.cameras = tactile.is_none_or(|link| link.lost_port().is_none());
+    Observation {
+        time,
+        sequence,
+        servos: board.measured.servos.map(|servo| servo.map(|servo| servo.state).unwrap_or_default()),
+        arm: board.measured.arm.map(|arm| arm.state).unwrap_or_default(),
+        tactile: frames,
+    }
+}
+
 /// What was sent, in the kind of goal that was asked for where the command was followed.
-fn sent_as(asked: &Command, board: &Board) -> Command {
+pub(crate) fn sent_as(asked: &Command, board: &Board) -> Command {
     let mut sent = board.sent.as_command(asked.capture);
     if board.state == State::Running {
         for (goal, asked) in sent.servos.iter_mut().zip(&asked.servos) {

@@ -13,6 +13,7 @@
 //! - [`base`]: the high-level side. [`cyclic`]: the exchange with its counters. [`arm`]: both.
 //! - [`servoing`]: joint commands with seeded entry, checks and clean exit.
 //! - [`servo_loop`]: the thousand cycles a second in a thread of their own, fed by a slower controller.
+//! - [`joint_link`]: all of it as the arm of the bridge.
 //! - [`emulator`]: a Gen3 on loopback.
 //!
 //! # What holds on a real arm
@@ -29,6 +30,7 @@ pub mod degrees;
 pub mod emulator;
 pub mod error;
 pub mod frame;
+pub mod joint_link;
 pub mod link;
 pub mod message;
 pub mod refusal;

@@ -4,7 +4,7 @@
 //! - [`protocol2`]: the wire format of the servo bus (Dynamixel Protocol 2.0); [`xc330`]: the servo's control table as data; [`servo_bus`]: requests and
 //!   answers with deadlines; [`hand_bus`]: six servos as one hand.
 //! - [`tactile_link`]: the camera board's protocol, and its images on threads of their own.
-//! - [`arm_link`]: what is wanted of an arm's controller; [`kortex`]: the Gen3's own protocol, client and emulator. The two are not joined yet.
+//! - [`arm_link`]: what is wanted of an arm's controller; [`kortex`]: the Gen3's own protocol, client and emulator; [`kortex::joint_link`] joins the two.
 //! - [`safety`]: what stands between a controller and the motors.
 //! - [`servo_cycle`]: the thread in which all of these meet, 200 times a second; [`hardware_robot`]: what a controller holds of it; [`remote`]: what
 //!   another terminal holds of it.
@@ -16,11 +16,12 @@
 //! [`config`] is `bridge.toml`, [`setup`] how a servo must be set up, [`homing`] finds its open mark, [`calibration`] remembers it.
 //!
 //! # Without the hardware
-//! [`emulator`]: the devices on pseudo-terminals, for any host and any plant. Nothing in this crate has been run against a real servo or camera board; other
+//! [`emulator`]: the devices on pseudo-terminals, for any host and any plant; [`emulator::lockstep`]: a robot of such devices and the whole bridge, on one [`clock`]. Nothing in this crate has been run against a real servo or camera board; other
 //! people's hosts (dynamixel-sdk, dynamixel2, rustypot) drive the emulated servos in `other-hosts/`, a workspace of its own.
 
 pub mod arm_link;
 pub mod calibration;
+pub mod clock;
 pub mod config;
 pub mod emulator;
 pub mod hand_bus;

@@ -21,6 +21,7 @@ use crate::protocol2::instruction::InstructionError;
 use crate::protocol2::{
     BROADCAST, Decoder, Instruction, Packet, ReplyError, Status, StreamError, fast_sync, sync_read_replies,
 };
+use crate::session_log::{Direction, Tap};
 use crate::xc330::{self, Register, RegisterError};
 use statistics::BusStatistics;
 use timing::LineTiming;
@@ -89,6 +90,7 @@ pub struct ServoBus {
     settings: BusSettings,
     decoder: Decoder,
     statistics: BusStatistics,
+    tap: Option<Tap>,
 }
 
 impl ServoBus {
@@ -102,7 +104,13 @@ impl ServoBus {
             settings,
             decoder: Decoder::default(),
             statistics: BusStatistics::default(),
+            tap: None,
         })
+    }
+
+    /// Copies every byte that goes over the bus from now on.
+    pub fn tap(&mut self, tap: Tap) {
+        self.tap = Some(tap);
     }
 
     /// What has happened on the bus so far.
@@ -285,6 +293,9 @@ impl ServoBus {
         self.statistics.late_bytes += late.len() as u64;
         self.decoder = Decoder::default();
         self.port.write_all(wire).map_err(|source| self.port_error(source))?;
+        if let Some(tap) = &self.tap {
+            tap.packet(Direction::Sent, wire);
+        }
         Ok(Instant::now())
     }
 
@@ -299,6 +310,9 @@ impl ServoBus {
             Ok(0) => Err(self.port_error(ErrorKind::UnexpectedEof.into())),
             Ok(count) => {
                 into.extend_from_slice(&buffer[..count]);
+                if let Some(tap) = &self.tap {
+                    tap.packet(Direction::Received, &buffer[..count]);
+                }
                 Ok(true)
             }
             Err(error) if matches!(error.kind(), ErrorKind::TimedOut | ErrorKind::WouldBlock) => Ok(false),

@@ -15,6 +15,7 @@ use hand_model::ACTUATORS;
 use hand_model::robot::Command;
 
 use crate::arm_link::ArmLink;
+use crate::clock::Clock;
 use crate::hand_bus::HandBus;
 use crate::lock;
 use crate::remote::Wish;
@@ -23,9 +24,8 @@ use crate::safety::state::{Cause, State};
 use crate::safety::supervisor::{Asked, SafeCommand, Step, Supervisor};
 use crate::servo_bus::statistics::BusStatistics;
 use crate::servo_bus::{BusSettings, ServoBus};
+use crate::session_log::Tap;
 
-/// Cycles between two audits of one servo each.
-const AUDIT_EVERY: u64 = 5;
 /// Between two tries to open a port that was lost.
 const REOPEN: Duration = Duration::from_millis(500);
 /// Between two lines of a dry run, s.
@@ -73,6 +73,8 @@ pub(crate) struct Board {
 }
 
 pub(crate) struct Shared {
+    /// What the bus copies its bytes into, once somebody wants them.
+    pub tap: Mutex<Option<Tap>>,
     pub board: Mutex<Board>,
     pub cycled: Condvar,
     pub stop: AtomicBool,
@@ -91,7 +93,9 @@ pub(crate) struct ServoCycle {
     pub arm: Box<dyn ArmLink>,
     pub supervisor: Supervisor,
     pub period: Duration,
-    pub epoch: Instant,
+    pub clock: Clock,
+    /// Cycles between two audits of one servo each.
+    pub audit_every: u64,
     /// `Some`: nothing is written to any device, and what would be is told here.
     pub dry: Option<DryLines>,
     pub measured: Measured,
@@ -117,11 +121,17 @@ impl ServoCycle {
     }
 
     fn now(&self) -> f64 {
-        self.epoch.elapsed().as_secs_f64()
+        self.clock.now()
     }
 
-    fn cycle(&mut self) {
+    /// One cycle.
+    pub fn cycle(&mut self) {
         self.measure();
+        self.decide();
+    }
+
+    /// The second half of a cycle: orders, the supervisor's decision, and what is sent.
+    pub fn decide(&mut self) {
         self.take_orders();
         let (asked, number) = {
             let board = lock(&self.shared.board);
@@ -135,22 +145,26 @@ impl ServoCycle {
             Step::Send(command) => self.send(&command),
             Step::TorqueOff => self.let_go(),
         }
+        self.audit();
         self.report.cycles += 1;
         let mut board = lock(&self.shared.board);
         if let Step::Send(command) = step {
             board.sent = command;
         }
         board.used_number = number;
-        board.measured = self.measured;
         board.state = self.supervisor.state();
         board.report = self.report.clone();
         drop(board);
         self.shared.cycled.notify_all();
     }
 
-    fn measure(&mut self) {
+    /// The first half of a cycle: the newest word from everybody.
+    pub fn measure(&mut self) {
         let now = self.now();
         self.reopen();
+        if let (Some(hand), Some(tap)) = (&mut self.hand, lock(&self.shared.tap).take()) {
+            hand.bus.tap(tap);
+        }
         if let Some(hand) = &mut self.hand {
             match hand.read(now) {
                 Ok(readings) => {
@@ -165,21 +179,22 @@ impl ServoCycle {
                 Err(error) => self.lose(error.to_string()),
             }
         }
-        self.audit();
         match self.arm.read(now) {
             Ok(reading) => self.measured.arm = Some(reading),
             Err(error) => self.report.arm_error = Some(error.to_string()),
         }
-        self.measured.cameras = lock(&self.shared.board).cameras;
+        let mut board = lock(&self.shared.board);
+        self.measured.cameras = board.cameras;
+        board.measured = self.measured;
     }
 
     /// While torque should be on, asks one servo after the other whether it is.
     fn audit(&mut self) {
         let on = matches!(self.supervisor.state(), State::Armed | State::Running | State::Hold(_));
-        if self.dry.is_some() || !on || !self.report.cycles.is_multiple_of(AUDIT_EVERY) {
+        if self.dry.is_some() || !on || !self.report.cycles.is_multiple_of(self.audit_every) {
             return;
         }
-        let n = (self.report.cycles / AUDIT_EVERY) as usize % ACTUATORS;
+        let n = (self.report.cycles / self.audit_every) as usize % ACTUATORS;
         // A servo that says nothing now is noticed by the age of its readings.
         if let Some(Ok(Some(cause))) = self.hand.as_mut().map(|hand| hand.audit(n)) {
             self.supervisor.hold(cause);
@@ -221,7 +236,7 @@ impl ServoCycle {
     }
 
     /// The program ends in good order: the hand keeps hold, without a watchdog that nobody would feed any more.
-    fn leave(&mut self) {
+    pub fn leave(&mut self) {
         let on = matches!(self.supervisor.state(), State::Armed | State::Running | State::Hold(_) | State::Fault(_));
         if !on || self.dry.is_some() {
             return;
@@ -285,18 +300,19 @@ impl ServoCycle {
         }
     }
 
-    fn arm_torque(&mut self, now: f64) -> Result<(), String> {
+    /// Switches torque on, where everything stands and without force.
+    pub fn arm_torque(&mut self, now: f64) -> Result<(), String> {
         let first = self.supervisor.arm(&self.measured, now).map_err(|error| error.to_string())?;
         lock(&self.shared.board).asked = None;
         if self.dry.is_some() {
             return Ok(());
         }
         let watchdog = self.supervisor.limits().watchdogs.servo_bus;
-        let result = match &mut self.hand {
+        // The arm first: it takes its time, and the servos' watchdog does not wait.
+        let result = self.arm.engage().map_err(|error| error.to_string()).and_then(|()| match &mut self.hand {
             Some(hand) => hand.torque_on(&first.servos, watchdog).map_err(|error| error.to_string()),
             None => Err("the servo port is gone".into()),
-        };
-        let result = result.and_then(|()| self.arm.engage().map_err(|error| error.to_string()));
+        });
         if result.is_err() {
             // Half a hand with torque is no state to be in.
             self.let_go();

@@ -6,10 +6,12 @@
 //! |---|---|
 //! | `observation` | what [`Robot::observe`](hand_model::robot::Robot::observe) gave, images included |
 //! | `command/asked`, `command/sent` | what the controller wanted, and what was sent after limits |
+//! | `seen` | what prior perception says of an object: an input of the controller beside the robot's own |
 //! | `tick` | the end of a control tick |
+//! | `outcome` | what came of it |
 //! | `raw/<link>/sent`, `raw/<link>/received` | bytes of a link as they were on the wire |
 //! | metadata `session` | robot, program, seed, tick length, SHA-256 of configuration and calibration |
-//! | `configuration`, `calibration` | both files, as they were |
+//! | `configuration`, `calibration`, `task` | both files, as they were, and what was to be done |
 //!
 //! Every message has two times: MCAP's *log time* is the host's monotonic clock since the session began, its *publish
 //! time* the clock of the device or body it is about. All but the raw bytes are protobuf, described in the file

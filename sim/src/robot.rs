@@ -227,6 +227,11 @@ impl SimulatedRobot {
         body.set_linvel(velocity, true);
     }
 
+    /// Time since the robot was started, s.
+    pub fn time(&self) -> f64 {
+        self.time
+    }
+
     /// Ground truth, for the referee and the recording only.
     pub fn truth(&self) -> Truth {
         let links = self.body.link_poses(&self.engine);

@@ -75,6 +75,18 @@ fn pypi_dynamixel_sdk() {
     assert!(hand.shafts()[..5].iter().all(|shaft| shaft.position > 0.3), "the hand closed: {:?}", hand.shafts());
 }
 
+/// The ORCA hand's own client on the same servos.
+#[test]
+fn pypi_orca_core() {
+    let Some(python) = python_with("orca_core==0.12.0") else { return };
+    let hand = emulator();
+    let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/orca_core_client.py");
+    let output = run(Command::new(python).arg(script).arg(hand.servo_port()));
+    let told = String::from_utf8_lossy(&output.stdout);
+    assert!(output.status.success(), "{told}\n{}", String::from_utf8_lossy(&output.stderr));
+    assert!(told.ends_with("all good\n"), "{told}");
+}
+
 fn run(command: &mut Command) -> Output {
     command.output().unwrap_or_else(|error| panic!("{command:?}: {error}"))
 }

@@ -70,6 +70,11 @@ impl CameraBoard {
         }
     }
 
+    /// Changes the chance that a JPEG is cut in half.
+    pub fn set_jpeg_chance(&mut self, chance: f64) {
+        self.jpeg_chance = chance;
+    }
+
     /// Freezes a camera.
     pub fn freeze(&mut self, camera: u8) {
         self.frozen.entry(camera).or_default();

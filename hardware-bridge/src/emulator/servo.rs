@@ -63,6 +63,8 @@ pub struct EmulatedServo {
     silent_until: f64,
     /// Goal held since the watchdog tripped, counts.
     held: Option<i64>,
+    /// When the watchdog tripped last, and how long after the last packet it heard, s.
+    tripped_at: Option<(f64, f64)>,
     unplugged: bool,
 }
 
@@ -80,6 +82,7 @@ impl EmulatedServo {
             last_fed: 0.0,
             silent_until: 0.0,
             held: None,
+            tripped_at: None,
             unplugged: false,
         };
         for register in REGISTERS.iter().filter(|register| register.access != Access::Ram) {
@@ -100,6 +103,18 @@ impl EmulatedServo {
         servo.set(&xc330::CURRENT_LIMIT, (LimitConfig::default().current * 1e3) as i64);
         servo.power_up();
         servo
+    }
+
+    /// What its encoder shows at shaft angle 0, counts over all turns.
+    pub fn zero(&self) -> i64 {
+        self.zero
+    }
+
+    /// Sets the homing offset, counts, as if it had been written before power-up.
+    pub fn set_homing_offset(&mut self, counts: i32) {
+        self.set(&xc330::HOMING_OFFSET, counts.into());
+        self.show();
+        self.set(&xc330::GOAL_POSITION, self.position());
     }
 
     /// Its id.
@@ -135,6 +150,11 @@ impl EmulatedServo {
     /// Whether its bus watchdog has stopped it.
     pub fn watchdog_tripped(&self) -> bool {
         self.memory[usize::from(xc330::BUS_WATCHDOG.address)] == TRIPPED
+    }
+
+    /// When its bus watchdog stopped it last and how long after the last packet that it heard, s.
+    pub fn tripped_at(&self) -> Option<(f64, f64)> {
+        self.tripped_at
     }
 
     /// Any instruction packet on the bus feeds the bus watchdog.
@@ -197,6 +217,7 @@ impl EmulatedServo {
         let watchdog = self.get(&xc330::BUS_WATCHDOG);
         if self.torque() && watchdog > 0 && now - self.last_fed > watchdog as f64 * xc330::Unit::Watchdog.per_count() {
             self.memory[usize::from(xc330::BUS_WATCHDOG.address)] = TRIPPED;
+            self.tripped_at = Some((now, now - self.last_fed));
             self.held = Some(self.position());
         }
         self.show();

@@ -10,6 +10,7 @@ use rand_chacha::ChaCha8Rng;
 
 use super::faults::{Chances, DELAY, Event, Faults};
 use super::servo::{EmulatedServo, hardware_error};
+use crate::calibration::Calibration;
 use crate::protocol2::{BROADCAST, Instruction, Packet, ServoError, Status, fast_sync};
 use crate::servo_bus::timing::LineTiming;
 use crate::xc330;
@@ -21,6 +22,8 @@ pub struct Answer {
     pub after: f64,
     /// What arrives.
     pub bytes: Vec<u8>,
+    /// Whether a fault made it late.
+    pub delayed: bool,
 }
 
 /// The emulated servos and what is wrong with their line.
@@ -38,6 +41,13 @@ impl ServoChain {
         Self { servos, faults, rng: ChaCha8Rng::seed_from_u64(seed), usb_latency }
     }
 
+    /// Writes homing offsets into the servos' memory, as a calibration does over the bus; torque must be off.
+    pub fn home(&mut self, calibration: &Calibration) {
+        for (servo, known) in self.servos.iter_mut().zip(&calibration.servos) {
+            servo.set_homing_offset(known.homing_offset);
+        }
+    }
+
     /// What each servo makes its shaft do.
     pub fn drives(&self) -> Vec<ServoGoal> {
         self.servos.iter().map(EmulatedServo::drive).collect()
@@ -46,6 +56,11 @@ impl ServoChain {
     /// How many servos have been stopped by their bus watchdog.
     pub fn watchdogs_tripped(&self) -> usize {
         self.servos.iter().filter(|servo| servo.watchdog_tripped()).count()
+    }
+
+    /// Servos stopped by their bus watchdog: id, when (s), and how long after the last packet that it heard, s.
+    pub fn watchdog_trips(&self) -> Vec<(u8, f64, f64)> {
+        self.servos.iter().filter_map(|servo| servo.tripped_at().map(|(at, after)| (servo.id(), at, after))).collect()
     }
 
     /// Lets `dt` pass with the shafts as the plant has them, and faults that are due happen. Returns events for other devices.
@@ -153,8 +168,8 @@ impl ServoChain {
                 let noise: Vec<u8> = (0..self.rng.random_range(1..=3)).map(|_| self.rng.random()).collect();
                 bytes.splice(0..0, noise);
             }
-            let late = if self.strikes(chances.delay) { DELAY } else { 0.0 };
-            answers.push(Answer { after: after + late, bytes });
+            let delayed = self.strikes(chances.delay);
+            answers.push(Answer { after: after + if delayed { DELAY } else { 0.0 }, bytes, delayed });
         }
         answers.sort_by(|a, b| a.after.total_cmp(&b.after));
         answers

@@ -10,8 +10,9 @@ use super::state::Cause;
 const ANGLE_MARGIN: f64 = 0.15;
 /// A current may be above its limit by this factor and this much, A: the servo's own control overshoots.
 const CURRENT_MARGIN: (f64, f64) = (1.2, 0.05);
-/// A shaft may be this much faster than its goal may move, as a factor: it catches up after a stall.
-const SPEED_MARGIN: f64 = 1.5;
+/// A shaft may be this much faster than its goal may move, as a factor: winding, it catches up after a stall; unwinding, springs that are let go
+/// of throw it open.
+const SPEED_MARGIN: (f64, f64) = (1.5, 2.5);
 
 /// The newest word from one servo.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -93,7 +94,7 @@ fn servo_alarm(n: usize, reading: &ServoReading, limits: &Limits) -> Option<Caus
     let most = CURRENT_MARGIN.0 * own.current + CURRENT_MARGIN.1;
     if !angles.contains(&position) {
         Some(Cause::Angle(n, position))
-    } else if !(0.0..=SPEED_MARGIN * own.speed).contains(&velocity.abs()) {
+    } else if !(-SPEED_MARGIN.1 * own.speed..=SPEED_MARGIN.0 * own.speed).contains(&velocity) {
         Some(Cause::Speed(n, velocity))
     } else if !(0.0..=most).contains(&current.abs()) {
         Some(Cause::Current(n, current))
@@ -130,6 +131,8 @@ pub(crate) mod tests {
         assert_eq!(with(|servo| servo.state.position = 4.7), Some(Cause::Angle(2, 4.7)));
         assert_eq!(with(|servo| servo.state.position = 4.6), None);
         assert_eq!(with(|servo| servo.state.velocity = -20.0), Some(Cause::Speed(2, -20.0)));
+        assert_eq!(with(|servo| servo.state.velocity = -12.0), None);
+        assert_eq!(with(|servo| servo.state.velocity = 12.0), Some(Cause::Speed(2, 12.0)));
         assert_eq!(with(|servo| servo.state.current = 0.9), Some(Cause::Current(2, 0.9)));
         assert_eq!(with(|servo| servo.state.temperature = 61.0), Some(Cause::Temperature(2, 61.0)));
         assert_eq!(with(|servo| servo.voltage = 5.2), Some(Cause::Voltage(2, 5.2)));

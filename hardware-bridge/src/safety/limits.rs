@@ -10,6 +10,10 @@ use hand_model::{ACTUATORS, ARM_JOINTS};
 /// full duty from 0.2 rad on), little enough to come back from quickly.
 pub const LEAD: f64 = 1.0;
 
+/// How far beyond the closed stop the goal of a pure current command may be, rad: at the stop the cable is to be pulled as hard as
+/// before it, and the shaft cannot follow. A shaft that does follow has lost its cable, which its angle tells ([`super::checks`]).
+pub const BEYOND: f64 = 0.5;
+
 /// Limits of one servo.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ServoLimits {
@@ -75,16 +79,19 @@ impl ServoLimits {
     /// What may be sent when `asked` comes, with the shaft at `measured` (rad), `previous` sent before, and `dt` (s) since.
     ///
     /// A current command becomes a goal [`LEAD`] ahead of the shaft in the wanted direction under that current, so that one operating mode serves
-    /// both kinds of command, and the angle limits bind in both.
+    /// both kinds of command, and the angle limits bind in both, but for [`BEYOND`].
     pub fn limit(&self, asked: &ServoGoal, measured: f64, previous: SafeGoal, dt: f64) -> SafeGoal {
-        let (target, current) = match *asked {
-            ServoGoal::Current(0.0) => (measured, 0.0),
-            ServoGoal::Current(current) => (measured + LEAD * current.signum(), current.abs()),
-            ServoGoal::Position { angle, current_limit } => (angle, current_limit),
+        let (low, high) = self.angle;
+        let (target, current, high) = match *asked {
+            ServoGoal::Current(0.0) => (measured, 0.0, high + BEYOND),
+            ServoGoal::Current(current) => (measured + LEAD * current.signum(), current.abs(), high + BEYOND),
+            ServoGoal::Position { angle, current_limit } => (angle, current_limit, high),
         };
         let reach = self.speed * dt;
+        let reached = target.clamp(previous.angle - reach, previous.angle + reach);
         SafeGoal {
-            angle: target.clamp(previous.angle - reach, previous.angle + reach).clamp(self.angle.0, self.angle.1),
+            // Coming back from beyond the stop takes its time too.
+            angle: reached.clamp(low, high.max(previous.angle - reach).max(low)),
             current: current.clamp(0.0, self.current),
         }
     }
@@ -146,7 +153,7 @@ pub(crate) mod tests {
                 any::<f64>().prop_map(ServoGoal::Current),
                 any::<(f64, f64)>().prop_map(|(angle, current_limit)| ServoGoal::Position { angle, current_limit }),
             ],
-            measured in -1.0..6.0_f64, angle in 0.0..=4.5_f64, current in 0.0..=0.6_f64, dt in 0.0..0.05_f64,
+            measured in -1.0..6.0_f64, angle in 0.0..=4.5 + BEYOND, current in 0.0..=0.6_f64, dt in 0.0..0.05_f64,
         ) {
             prop_assume!(match asked {
                 ServoGoal::Current(current) => current.is_finite(),
@@ -154,8 +161,11 @@ pub(crate) mod tests {
             });
             let servo = limits().servos[0];
             let goal = servo.limit(&asked, measured, SafeGoal { angle, current }, dt);
-            prop_assert!((0.0..=4.5).contains(&goal.angle) && (0.0..=0.6).contains(&goal.current));
+            prop_assert!((0.0..=4.5 + BEYOND).contains(&goal.angle) && (0.0..=0.6).contains(&goal.current));
             prop_assert!((goal.angle - angle).abs() <= 6.0 * dt + 1e-12);
+            if matches!(asked, ServoGoal::Position { .. }) {
+                prop_assert!(goal.angle <= f64::max(4.5, angle - 6.0 * dt) + 1e-12, "only back within its limits");
+            }
         }
     }
 }

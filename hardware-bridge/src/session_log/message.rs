@@ -92,6 +92,32 @@ pub struct Tick {
     pub lateness: Option<f64>,
 }
 
+/// What prior perception (a camera over the table, or the operator) says of an object: an input of the controller beside the robot's own.
+#[derive(Clone, PartialEq, prost::Message)]
+pub struct Seen {
+    /// Index of the object.
+    #[prost(uint32, optional, tag = "1")]
+    pub object: Option<u32>,
+    /// World: x, y, z in m, then the quaternion's i, j, k, w.
+    #[prost(double, repeated, tag = "2")]
+    pub pose: Vec<f64>,
+}
+
+impl Seen {
+    /// For the file.
+    pub fn new(object: usize, pose: &[f64; 7]) -> Self {
+        Self { object: Some(object as u32), pose: pose.to_vec() }
+    }
+
+    /// From the file: which object, and its pose.
+    ///
+    /// # Errors
+    /// Names the field that is not as it should be.
+    pub fn read(&self) -> Result<(usize, [f64; 7]), Wrong> {
+        Ok((given("object", self.object)? as usize, list::<7, _>("pose", &self.pose)?))
+    }
+}
+
 /// The last image of every camera: what a frame without pixels stands for.
 pub type LastImages = BTreeMap<usize, Arc<TactileImage>>;
 

@@ -13,9 +13,10 @@ use mcap::sans_io::{LinearReadEvent, LinearReader, LinearReaderOptions};
 use prost::Message;
 
 use super::error::SessionLogError;
-use super::message::{Command, LastImages, Observation, Tick, Wrong};
+use super::message::{Command, LastImages, Observation, Seen, Tick, Wrong};
 use super::writer::{
-    ASKED, CALIBRATION, CONFIGURATION, Direction, FORMAT, METADATA, OBSERVATION, SENT, Session, TICK, sha256,
+    ASKED, CALIBRATION, CONFIGURATION, Direction, FORMAT, METADATA, OBSERVATION, OUTCOME, SEEN, SENT, Session, TASK,
+    TICK, sha256,
 };
 
 /// The longest record taken, bytes: an observation with an image of every camera has 3.2 MB. A damaged length must not
@@ -39,6 +40,10 @@ pub enum Event {
     Sent(robot::Command),
     /// The end of a tick.
     Tick(robot::Tick),
+    /// What prior perception says: which object, and its pose ([`Seen`]).
+    Seen(usize, [f64; 7]),
+    /// What came of it, in the controller's words.
+    Outcome(Vec<u8>),
     /// Bytes on a link.
     Raw {
         /// Name of the link.
@@ -112,10 +117,10 @@ impl Reader {
         SessionLogError::field(&self.path, field, found, expected)
     }
 
-    /// The file begins with metadata, configuration and calibration.
+    /// The file begins with metadata, configuration, calibration and task.
     fn read_head(&mut self) -> Result<(), SessionLogError> {
-        let mut hashes: Option<[String; 2]> = None;
-        let mut files: [Option<Vec<u8>>; 2] = [None, None];
+        let mut hashes: Option<[String; 3]> = None;
+        let mut files: [Option<Vec<u8>>; 3] = [None, None, None];
         while files.iter().any(Option::is_none) {
             match self.next_record()? {
                 Some(Record::Metadata(metadata)) if metadata.name == METADATA => {
@@ -132,32 +137,35 @@ impl Reader {
                         tick_length: tick.parse().map_err(|_| self.field("tick_length_s", &tick, "a number"))?,
                         ..Session::default()
                     };
-                    hashes = Some([get("configuration_sha256"), get("calibration_sha256")]);
+                    hashes = Some([get("configuration_sha256"), get("calibration_sha256"), get("task_sha256")]);
                 }
                 Some(Record::Channel(channel)) => self.announce(channel),
                 Some(Record::Message { header, data }) => match self.topics.get(&header.channel_id).map(String::as_str)
                 {
                     Some(CONFIGURATION) => files[0] = Some(data.into_owned()),
                     Some(CALIBRATION) => files[1] = Some(data.into_owned()),
-                    _ => return Err(self.field("beginning", "something else", "configuration and calibration")),
+                    Some(TASK) => files[2] = Some(data.into_owned()),
+                    _ => return Err(self.field("beginning", "something else", "configuration, calibration and task")),
                 },
                 Some(_) => {}
-                None => return Err(self.field("beginning", "cut short", "configuration and calibration")),
+                None => return Err(self.field("beginning", "cut short", "configuration, calibration and task")),
             }
         }
         let Some(hashes) = hashes else {
             return Err(self.field("metadata `session`", "missing", "that of a session"));
         };
-        let [configuration, calibration] = files.map(Option::unwrap_or_default);
-        for (name, data, expected) in
-            [(CONFIGURATION, &configuration, &hashes[0]), (CALIBRATION, &calibration, &hashes[1])]
-        {
+        let [configuration, calibration, task] = files.map(Option::unwrap_or_default);
+        for (name, data, expected) in [
+            (CONFIGURATION, &configuration, &hashes[0]),
+            (CALIBRATION, &calibration, &hashes[1]),
+            (TASK, &task, &hashes[2]),
+        ] {
             let found = sha256(data);
             if found != *expected {
                 return Err(self.field(&format!("SHA-256 of the {name}"), &found, expected));
             }
         }
-        (self.session.configuration, self.session.calibration) = (configuration, calibration);
+        (self.session.configuration, self.session.calibration, self.session.task) = (configuration, calibration, task);
         Ok(())
     }
 
@@ -223,6 +231,10 @@ impl Reader {
             OBSERVATION => decode(data).and_then(|message: Observation| message.read(images)).map(Event::Observation),
             ASKED => decode(data).and_then(|message: Command| message.read()).map(Event::Asked),
             SENT => decode(data).and_then(|message: Command| message.read()).map(Event::Sent),
+            SEEN => {
+                decode(data).and_then(|message: Seen| message.read()).map(|(object, pose)| Event::Seen(object, pose))
+            }
+            OUTCOME => Ok(Event::Outcome(data.to_owned())),
             TICK => decode(data).and_then(Tick::read).map(Event::Tick),
             _ => match raw_topic(topic) {
                 Some((link, direction)) => Ok(Event::Raw { link: link.to_owned(), direction, bytes: data.to_owned() }),

@@ -33,6 +33,16 @@ impl<R: Robot> Recorder<R> {
         &mut self.robot
     }
 
+    /// Notes what prior perception says of an object.
+    pub fn seen(&mut self, object: usize, pose: &[f64; 7]) {
+        self.write(|writer| writer.seen(object, pose));
+    }
+
+    /// Notes what came of it.
+    pub fn outcome(&mut self, text: &[u8]) {
+        self.write(|writer| writer.outcome(text));
+    }
+
     /// Why nothing is written any more, if so.
     pub fn error(&self) -> Option<&SessionLogError> {
         self.error.as_ref()

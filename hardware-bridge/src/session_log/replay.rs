@@ -55,6 +55,8 @@ pub struct Replay {
     tick: Tick,
     progress: Progress,
     divergence: Option<Divergence>,
+    /// Whether the controller went on after the recording's end.
+    outlasted: bool,
     error: Option<SessionLogError>,
 }
 
@@ -71,6 +73,7 @@ impl Replay {
             tick: Tick::default(),
             progress: Progress::default(),
             divergence: None,
+            outlasted: false,
             error: None,
         };
         replay.read_next();
@@ -95,6 +98,11 @@ impl Replay {
         self.next.is_none() || self.divergence.is_some()
     }
 
+    /// Whether the controller has left the recording, or goes on after its end.
+    pub fn is_left(&self) -> bool {
+        self.divergence.is_some() || self.outlasted
+    }
+
     /// How the controller left the recording, if it did.
     pub fn divergence(&self) -> Option<&Divergence> {
         self.divergence.as_ref()
@@ -115,7 +123,7 @@ impl Replay {
     fn read_next(&mut self) {
         self.next = loop {
             match self.reader.next_event() {
-                Ok(Some((_, Event::Raw { .. }))) => {}
+                Ok(Some((_, Event::Raw { .. } | Event::Outcome(_)))) => {}
                 Ok(event) => break event.map(|(_, event)| event),
                 Err(error) => {
                     self.error = Some(error);
@@ -128,6 +136,7 @@ impl Replay {
     /// Takes the next event if `pick` knows it; otherwise the controller, which does `found`, has left the recording.
     fn take<T>(&mut self, found: &'static str, pick: fn(&Event) -> Option<T>) -> Option<T> {
         if self.is_over() {
+            self.outlasted = true;
             return None;
         }
         let event = self.next.as_ref()?;
@@ -139,11 +148,28 @@ impl Replay {
                 Event::Observation(_) => "an observation",
                 Event::Asked(_) | Event::Sent(_) => "a command",
                 Event::Tick(_) => "a tick",
+                Event::Seen(..) => "a look at an object",
                 Event::Raw { .. } => "bytes",
+                Event::Outcome(_) => "the outcome",
             };
             self.divergence = Some(Divergence::Order { tick: self.progress.ticks, recorded, found });
         }
         taken
+    }
+
+    /// What prior perception said of `object` at this point of the recording; `None` once the recording is left.
+    pub fn seen(&mut self, object: usize) -> Option<[f64; 7]> {
+        let (recorded, pose) = self.take("a look at an object", |event| match event {
+            Event::Seen(object, pose) => Some((*object, *pose)),
+            _ => None,
+        })?;
+        if recorded != object {
+            let (recorded, found) =
+                (["object 0", "object 1"][recorded.min(1)], ["object 0", "object 1"][object.min(1)]);
+            self.divergence = Some(Divergence::Order { tick: self.progress.ticks, recorded, found });
+            return None;
+        }
+        Some(pose)
     }
 
     fn compare(&mut self, recorded: &Command, found: &Command) {

@@ -60,6 +60,7 @@ const MESSAGES: &[(&str, Fields)] = &[
             ("capture", One(Type::Bool)),
         ],
     ),
+    ("Seen", &[("object", One(Type::Uint32)), ("pose", List(Type::Double))]),
     ("Tick", &[("time", One(Type::Double)), ("lateness", One(Type::Double))]),
 ];
 
@@ -99,7 +100,7 @@ fn field(number: i32, name: &str, shape: &Shape) -> FieldDescriptorProto {
 
 #[cfg(test)]
 mod tests {
-    use super::super::message::{Command, LastImages, Observation, Tick};
+    use super::super::message::{Command, LastImages, Observation, Seen, Tick};
     use super::*;
     use hand_model::robot;
     use prost_reflect::{DescriptorPool, DynamicMessage, Value};
@@ -136,6 +137,10 @@ mod tests {
         let message = read("Command", &Command::from(&command).encode_to_vec());
         assert_eq!(numbers(&message, "servo_angle"), [0.25; 6]);
         assert_eq!(message.get_field_by_name("capture").as_deref(), Some(&Value::Bool(true)));
+        assert_eq!(message.unknown_fields().count(), 0);
+
+        let message = read("Seen", &Seen::new(1, &[0.5; 7]).encode_to_vec());
+        assert_eq!(numbers(&message, "pose"), [0.5; 7]);
         assert_eq!(message.unknown_fields().count(), 0);
 
         let tick = Tick::from(robot::Tick { time: 2.0, lateness: 0.0 });

@@ -13,12 +13,12 @@ use prost::Message;
 use sha2::{Digest, Sha256};
 
 use super::error::SessionLogError;
-use super::message::{Command, LastImages, Observation, Tick};
+use super::message::{Command, LastImages, Observation, Seen, Tick};
 use super::schema;
 use super::tap::Packet;
 
 /// Version of the layout described in [`super`].
-pub const FORMAT: &str = "1";
+pub const FORMAT: &str = "2";
 /// Topic of observations.
 pub const OBSERVATION: &str = "observation";
 /// Topic of commands as the controller wanted them.
@@ -33,6 +33,12 @@ pub const METADATA: &str = "session";
 pub const CONFIGURATION: &str = "configuration";
 /// Topic of the calibration file.
 pub const CALIBRATION: &str = "calibration";
+/// Topic of what was to be done.
+pub const TASK: &str = "task";
+/// Topic of what prior perception says.
+pub const SEEN: &str = "seen";
+/// Topic of what came of it.
+pub const OUTCOME: &str = "outcome";
 
 /// What a session was.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -49,6 +55,8 @@ pub struct Session {
     pub configuration: Vec<u8>,
     /// The calibration file, as it was; empty if there was none.
     pub calibration: Vec<u8>,
+    /// What was to be done, in the controller's words: all that a replay needs to set it up again; empty if nobody said.
+    pub task: Vec<u8>,
 }
 
 /// Which way bytes went.
@@ -121,12 +129,14 @@ impl Writer {
             ("tick_length_s", format!("{:?}", session.tick_length)),
             ("configuration_sha256", sha256(&session.configuration)),
             ("calibration_sha256", sha256(&session.calibration)),
+            ("task_sha256", sha256(&session.task)),
             ("begun_unix_ns", nanoseconds(unix).to_string()),
         ];
         let metadata = entries.into_iter().map(|(name, value)| (name.to_owned(), value)).collect();
         self.mcap.write_metadata(&Metadata { name: METADATA.to_owned(), metadata })?;
         self.append(CONFIGURATION, None, Duration::ZERO, 0, &session.configuration)?;
-        self.append(CALIBRATION, None, Duration::ZERO, 0, &session.calibration)
+        self.append(CALIBRATION, None, Duration::ZERO, 0, &session.calibration)?;
+        self.append(TASK, None, Duration::ZERO, 0, &session.task)
     }
 
     /// Time on the host's clock since the session began, as it goes into the file.
@@ -188,6 +198,23 @@ impl Writer {
     /// [`SessionLogError`].
     pub fn sent(&mut self, command: &robot::Command) -> Result<(), SessionLogError> {
         self.message(SENT, "Command", &Command::from(command))
+    }
+
+    /// What prior perception says of an object: see [`Seen`].
+    ///
+    /// # Errors
+    /// [`SessionLogError`].
+    pub fn seen(&mut self, object: usize, pose: &[f64; 7]) -> Result<(), SessionLogError> {
+        self.message(SEEN, "Seen", &Seen::new(object, pose))
+    }
+
+    /// What came of it, in the controller's words.
+    ///
+    /// # Errors
+    /// [`SessionLogError`].
+    pub fn outcome(&mut self, text: &[u8]) -> Result<(), SessionLogError> {
+        let (host, body) = (self.host_time(), body_time(self.time));
+        self.write(OUTCOME, None, host, body, text)
     }
 
     /// The end of a tick. Everything up to here survives the program's death (though not the power's).

@@ -16,7 +16,9 @@ use super::counters::CameraCounters;
 use super::deframer::Deframer;
 use super::message::{Image, Message, VERSION};
 use super::{frame, image_data};
+use crate::clock::Clock;
 use crate::lock;
+use crate::session_log::{Direction, Tap};
 
 /// A USB serial device ignores the rate; a real line at this one carries two images a second.
 const BAUD: u32 = 3_000_000;
@@ -89,6 +91,7 @@ struct Books {
     line: LineCounters,
     ready: Vec<TactileFrame>,
     lost_port: Option<String>,
+    tap: Option<Tap>,
 }
 
 /// An open link to the camera board.
@@ -99,12 +102,12 @@ pub struct TactileLink {
     books: Arc<Mutex<Books>>,
     stop: Arc<AtomicBool>,
     threads: Vec<JoinHandle<()>>,
-    epoch: Instant,
+    clock: Clock,
 }
 
 impl TactileLink {
-    /// Opens the port and greets the board. Times are s since `epoch`.
-    pub fn open(path: &Path, epoch: Instant) -> Result<Self, LinkError> {
+    /// Opens the port and greets the board. Times are those of `clock`.
+    pub fn open(path: &Path, clock: Clock) -> Result<Self, LinkError> {
         let failed = |source| LinkError::Port { port: path.to_owned(), source };
         let mut port = SerialPort::open(path, BAUD).map_err(failed)?;
         port.set_read_timeout(Duration::from_millis(5)).map_err(failed)?;
@@ -113,7 +116,8 @@ impl TactileLink {
         let books = Arc::new(Mutex::new(Books::default()));
         let stop = Arc::new(AtomicBool::new(false));
         let (images, queue) = mpsc::sync_channel(QUEUE);
-        let reader = Reader { port: port.try_clone().map_err(failed)?, books: books.clone(), images, epoch };
+        let reader =
+            Reader { port: port.try_clone().map_err(failed)?, books: books.clone(), images, clock: clock.clone() };
         let for_decoder = books.clone();
         let stopped = stop.clone();
         let spawn = |name: &str, work: Box<dyn FnOnce() + Send>| {
@@ -123,7 +127,12 @@ impl TactileLink {
             spawn("tactile link", Box::new(move || reader.run(&stopped)))?,
             spawn("image decoder", Box::new(move || decode_images(&queue, &for_decoder)))?,
         ];
-        Ok(Self { port, path: path.to_owned(), board, books, stop, threads, epoch })
+        Ok(Self { port, path: path.to_owned(), board, books, stop, threads, clock })
+    }
+
+    /// Copies every byte that goes over the link from now on.
+    pub fn tap(&self, tap: Tap) {
+        lock(&self.books).tap = Some(tap);
     }
 
     /// What the board said of itself.
@@ -134,6 +143,9 @@ impl TactileLink {
     /// Asks for one image of every camera.
     pub fn request_capture(&self) -> Result<(), LinkError> {
         let wire = frame::encode(&Message::Capture);
+        if let Some(tap) = &lock(&self.books).tap {
+            tap.packet(Direction::Sent, &wire);
+        }
         self.port.write_all(&wire).map_err(|source| LinkError::Port { port: self.path.clone(), source })
     }
 
@@ -162,9 +174,9 @@ impl TactileLink {
         lock(&self.books).lost_port.clone()
     }
 
-    /// Now, s since the epoch: the clock of capture times.
+    /// Now, s: the clock of capture times.
     pub fn now(&self) -> f64 {
-        self.epoch.elapsed().as_secs_f64()
+        self.clock.now()
     }
 }
 
@@ -217,7 +229,7 @@ struct Reader {
     port: SerialPort,
     books: Arc<Mutex<Books>>,
     images: SyncSender<(Image, f64)>,
-    epoch: Instant,
+    clock: Clock,
 }
 
 impl Reader {
@@ -237,6 +249,9 @@ impl Reader {
                 self.port.write_all(&frame::encode(&Message::WhatTime { host_us: self.now_us() }))?;
             }
             let Some(count) = read_some(&self.port, &mut buffer)? else { continue };
+            if let Some(tap) = &lock(&self.books).tap {
+                tap.packet(Direction::Received, &buffer[..count]);
+            }
             for message in deframer.push(&buffer[..count]) {
                 self.take_in(message);
             }
@@ -245,7 +260,7 @@ impl Reader {
     }
 
     fn now_us(&self) -> u64 {
-        self.epoch.elapsed().as_micros() as u64
+        (self.clock.now() * 1e6) as u64
     }
 
     fn take_in(&self, message: Result<Message, frame::FrameError>) {

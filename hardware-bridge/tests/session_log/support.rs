@@ -100,6 +100,7 @@ pub fn session() -> Session {
         tick_length: 0.01,
         configuration: b"[arm]\nhost = \"192.168.1.10\"\n".to_vec(),
         calibration: vec![],
+        task: b"{}".to_vec(),
     }
 }
 

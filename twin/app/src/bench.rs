@@ -11,6 +11,7 @@ use indicatif::{ProgressBar, ProgressStyle};
 use scenarios::record::{Condition, TrialRecord, write_trials};
 use scenarios::statistics::{RunInfo, Summary, summarise};
 
+use crate::body::{Task, Venue};
 use crate::journal::{Entry, Journal, RunRequest, Unit};
 use crate::recording::Recording;
 use crate::report;
@@ -31,7 +32,7 @@ pub enum Record {
 }
 
 /// How to run.
-pub struct Options {
+pub struct Options<'a> {
     /// Threads.
     pub jobs: usize,
     /// Which trials are recorded.
@@ -40,6 +41,8 @@ pub struct Options {
     pub quiet: bool,
     /// Stream to a viewer instead of files.
     pub live: bool,
+    /// Where bodies that are there once come from, for a unit that is recorded or not; `None` for simulated ones.
+    pub place: &'a (dyn Fn(bool) -> Result<Option<Box<dyn Venue>>> + Sync),
 }
 
 /// Units of a request, in order.
@@ -61,10 +64,32 @@ fn recorded(record: Record, unit: Unit) -> bool {
     }
 }
 
-fn run_unit(bench: &Bench, unit: Unit, folder: &Path, options: &Options) -> Result<Vec<TrialRecord>> {
+fn run_unit(
+    bench: &Bench,
+    request: &RunRequest,
+    unit: Unit,
+    folder: &Path,
+    options: &Options,
+) -> Result<Vec<TrialRecord>> {
     let record = options.live || recorded(options.record, unit);
-    let trial = unit.trial.unwrap_or(0);
     let condition = if unit.trial.is_some() { Condition::Touch } else { Condition::Ideal };
+    let task = |condition| Task {
+        robot: request.robot.clone(),
+        seed: request.seed,
+        combination: unit.combination,
+        trial: unit.trial.unwrap_or(0),
+        condition,
+        watched: false,
+        combos: request.combos,
+        scenario: request.scenario.clone(),
+    };
+    if let Some(mut place) = (options.place)(record)? {
+        let conditions = if unit.trial.is_some() { &NOISY[..] } else { &[Condition::Ideal] };
+        return conditions
+            .iter()
+            .map(|condition| bench.play(&task(*condition), place.as_mut(), &mut NoWatcher))
+            .collect();
+    }
     if !record {
         return match unit.trial {
             Some(trial) => bench.trial(unit.combination, trial, &NOISY, &mut NoWatcher),
@@ -82,7 +107,7 @@ fn run_unit(bench: &Bench, unit: Unit, folder: &Path, options: &Options) -> Resu
     if options.live {
         targets.push(stream::Target::Spawn);
     }
-    let mut recording = Recording::open(&targets, bench, unit.combination, trial, condition)?;
+    let mut recording = Recording::open(&targets, bench, &task(condition))?;
     let records = match unit.trial {
         Some(trial) => bench.trial(unit.combination, trial, &NOISY, &mut recording)?,
         None => vec![bench.ideal(unit.combination, &mut recording)?],
@@ -108,7 +133,7 @@ pub fn run(bench: &Bench, request: &RunRequest, journal: Journal, folder: &Path,
     let work = || -> Result<()> {
         while let Some(unit) = open.get(next.fetch_add(1, Ordering::Relaxed)) {
             let start = Instant::now();
-            let records = run_unit(bench, *unit, folder, options)
+            let records = run_unit(bench, request, *unit, folder, options)
                 .with_context(|| format!("combination {}, trial {:?}", unit.combination, unit.trial));
             // After a failure the other workers finish what they are at and stop.
             let records = records.inspect_err(|_| next.store(open.len(), Ordering::Relaxed))?;

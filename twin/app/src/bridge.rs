@@ -4,17 +4,21 @@ mod calibrate;
 mod doctor;
 mod emulate;
 mod exercise;
+mod faults;
 mod provision;
 mod scan;
 mod stop;
 
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 
-use anyhow::Result;
+use anyhow::{Context as _, Result};
 use clap::{Args, Subcommand};
-use hand_model::Hand;
+use hand_model::{ARM_JOINTS, Hand};
 use hardware_bridge::arm_link::{ArmLink, LoopbackArm};
 use hardware_bridge::config::{ArmConfig, BridgeConfig};
+use hardware_bridge::kortex::joint_link::KortexLink;
+use hardware_bridge::kortex::{self, Address, Credentials, Timeouts};
 use hardware_bridge::setup::Finding;
 
 use crate::cli::Cli;
@@ -50,6 +54,8 @@ pub enum BridgeCommand {
     },
     /// Emulate servos and camera board on pseudo-terminals until interrupted.
     Emulate(emulate::EmulateArgs),
+    /// Inject every fault into every phase of a trial on the emulated robot, and say what came of it.
+    Faults(faults::FaultArgs),
     /// Close and open the hand gently: the first motion of a new hand.
     Exercise(exercise::ExerciseArgs),
     /// Stop the robot that runs in another terminal: it holds what it holds.
@@ -86,6 +92,7 @@ pub fn run(cli: &Cli, command: &BridgeCommand) -> Result<Option<String>> {
         BridgeCommand::Provision { actuator, config } => provision::run(cli, actuator, &config.read()?),
         BridgeCommand::Calibrate { config, yes } => calibrate::run(cli, &config.read()?, *yes),
         BridgeCommand::Emulate(args) => emulate::run(cli, args),
+        BridgeCommand::Faults(args) => faults::run(cli, args),
         BridgeCommand::Exercise(args) => exercise::run(cli, args),
         BridgeCommand::Stop { config, release } => stop::stop(cli, &config.read()?, *release),
         BridgeCommand::Resume(config) => stop::resume(cli, &config.read()?),
@@ -97,10 +104,18 @@ fn actuator_names() -> Vec<String> {
     Hand::ftac().parameters.actuator.into_iter().map(|actuator| actuator.name).collect()
 }
 
-/// The client of the configured arm.
-fn arm_link(config: &BridgeConfig) -> Box<dyn ArmLink> {
-    match config.arm {
-        ArmConfig::Loopback => Box::new(LoopbackArm::default()),
+/// The client of the configured arm, connected. `near` is the posture it is expected in, rad.
+pub(crate) fn arm_link(config: &BridgeConfig, near: [f64; ARM_JOINTS]) -> Result<Box<dyn ArmLink>> {
+    match &config.arm {
+        ArmConfig::Loopback => Ok(Box::new(LoopbackArm::at(near))),
+        ArmConfig::Kortex { host, tcp_port, udp_port, user, password } => {
+            let address = Address { tcp: (*host, *tcp_port).into(), udp: (*host, *udp_port).into() };
+            let credentials = Credentials { user: user.clone(), password: password.clone() };
+            let arm = kortex::Arm::connect(address, &credentials, Timeouts::default(), near)
+                .with_context(|| format!("arm at {host}"))?;
+            let tick = Duration::from_secs_f64(1.0 / config.servos.rate);
+            Ok(Box::new(KortexLink::new(arm, tick, Duration::from_secs_f64(config.limits.arm_watchdog))))
+        }
     }
 }
 
@@ -127,7 +142,7 @@ fn tell(cli: &Cli, findings: &[Finding]) -> Option<String> {
 }
 
 /// Whether the operator agrees, asked in the terminal.
-fn agreed(question: &str) -> Result<bool> {
+pub(crate) fn agreed(question: &str) -> Result<bool> {
     eprint!("{question} [yes/no] ");
     let mut line = String::new();
     std::io::stdin().read_line(&mut line)?;

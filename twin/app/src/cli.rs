@@ -42,6 +42,11 @@ pub enum Command {
         /// An .rrd file, or a folder with recordings.
         path: PathBuf,
     },
+    /// Run the control stack on a recorded session (MCAP) and say whether every command comes out identical.
+    Replay {
+        /// The session's file, from `trial --session DIR` or `bench --robot emulated|hardware`.
+        recording: PathBuf,
+    },
     /// Build report.html, trials.csv and summary.json again from result folders; several shards become one.
     Report {
         /// Result folders.
@@ -76,10 +81,24 @@ pub enum Command {
 pub enum Body {
     /// The simulated robot.
     Sim,
-    /// The real robot (not wired yet).
+    /// The real robot, under --config; the operator is asked for the verdict.
     Hardware,
-    /// The hardware bridge on emulated devices (not wired yet).
+    /// The hardware bridge on emulated devices whose plant is the simulated robot, in lock-step.
     Emulated,
+    /// The simulated robot under commands rounded as the bridge sends them, to tell what of `emulated` is the devices' resolution.
+    Rounded,
+}
+
+impl Body {
+    /// As results and recordings write it.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Sim => "sim",
+            Self::Hardware => "hardware",
+            Self::Emulated => "emulated",
+            Self::Rounded => "rounded",
+        }
+    }
 }
 
 /// Arguments of `bench`.
@@ -94,7 +113,7 @@ pub struct BenchArgs {
     /// Body.
     #[arg(long, value_enum, default_value_t = Body::Sim)]
     pub robot: Body,
-    /// Configuration of the hardware bridge.
+    /// Configuration of the hardware bridge, for --robot hardware.
     #[arg(long)]
     pub config: Option<PathBuf>,
     /// Scenario file; default: the built-in benchmark.
@@ -131,6 +150,15 @@ pub struct TrialArgs {
     /// Policy; `ideal` runs without noise.
     #[arg(long, value_enum, default_value_t = Policy::Touch)]
     pub policy: Policy,
+    /// Body.
+    #[arg(long, value_enum, default_value_t = Body::Sim)]
+    pub robot: Body,
+    /// Configuration of the hardware bridge, for --robot hardware.
+    #[arg(long)]
+    pub config: Option<PathBuf>,
+    /// Folder for the session's MCAP file, for `ftac replay`; hardware always records, into recordings/sessions by default.
+    #[arg(long)]
+    pub session: Option<PathBuf>,
     /// Stream to a Rerun viewer.
     #[arg(long)]
     pub live: bool,

@@ -9,11 +9,15 @@ use control::perception::KnownObject;
 use grasping::Role;
 use hand_model::Hand;
 use scenarios::combination::Scenario;
+use scenarios::record::TrialRecord;
 use scenarios::statistics::Summary;
+use sim::SimulatedRobot;
 use sim::tactile::TactileBoard;
 use touch::{Calibration, TouchPipeline};
 
 use crate::bench::{self, Options};
+use crate::body::Task;
+use crate::body::choice::{check_body, venue};
 use crate::cli::{
     ArmCommand, BenchArgs, Body, CheckArgs, Cli, Command, GraspsCommand, HandCommand, OpticsCommand, RoleArg,
     TouchCommand, TrialArgs,
@@ -22,7 +26,7 @@ use crate::generate::Effort;
 use crate::journal::{Journal, RunRequest};
 use crate::plan::{self, Plans};
 use crate::recording::Recording;
-use crate::trial::Bench;
+use crate::trial::{Bench, NoWatcher};
 use crate::world::World;
 use crate::{arm_check, calibrate, check, generate, hand_close, optics_commands, study, synthesis, touch_commands};
 
@@ -39,6 +43,7 @@ pub fn run(cli: &Cli) -> Outcome {
     match &cli.command {
         Command::Bench(args) => benchmark(cli, args),
         Command::Trial(args) => trial(cli, args),
+        Command::Replay { recording } => crate::replay::command(cli, recording),
         Command::View { path } => view(path),
         Command::Report { folders, out } => report(cli, folders, out.as_deref()),
         Command::Hand(HandCommand::Check(args)) => hand_check(cli, args),
@@ -111,20 +116,20 @@ pub fn make_bench(scenario: Scenario, combos: usize, seed: u64, quiet: bool) -> 
     Ok(Bench { world, repertoire, plans, board, pipeline, known, seed })
 }
 
-fn read_scenario(text: &str, path: &Path) -> Result<Scenario> {
+/// The hand, and the simulated robot about to begin the ideal run of a combination of the benchmark.
+pub fn trial_scene(combination: usize, seed: u64, quiet: bool) -> Result<(Arc<Hand>, SimulatedRobot)> {
+    let bench = make_bench(Scenario::benchmark(), (combination + 1).min(60), seed, quiet)?;
+    if combination >= bench.plans.plans.len() {
+        bail!("--combo: found {combination}, expected 0 to {}", bench.plans.plans.len() - 1);
+    }
+    Ok((bench.world.hand.clone(), bench.scene(combination)?))
+}
+
+/// A scenario whose objects exist.
+pub fn read_scenario(text: &str, path: &Path) -> Result<Scenario> {
     let scenario = Scenario::parse(text, path)?;
     scenario.check_objects(&scenarios::objects::ObjectSet::standard(), path)?;
     Ok(scenario)
-}
-
-fn only_simulated(robot: Body) -> Result<()> {
-    match robot {
-        Body::Sim => Ok(()),
-        Body::Hardware => bail!("--robot hardware: the benchmark is not wired to the bridge yet; use --robot sim"),
-        Body::Emulated => {
-            bail!("--robot emulated: the benchmark is not wired to the emulated devices yet; use --robot sim")
-        }
-    }
 }
 
 fn next_free_folder() -> PathBuf {
@@ -132,10 +137,6 @@ fn next_free_folder() -> PathBuf {
 }
 
 fn benchmark(cli: &Cli, args: &BenchArgs) -> Outcome {
-    only_simulated(args.robot)?;
-    if let Some(config) = &args.config {
-        bail!("--config {}: only the hardware bridge has a configuration, and --robot is sim", config.display());
-    }
     if args.combos == 0 || args.trials == 0 {
         bail!("--combos and --trials: found {} and {}, expected at least 1 each", args.combos, args.trials);
     }
@@ -162,27 +163,35 @@ fn benchmark(cli: &Cli, args: &BenchArgs) -> Outcome {
                 combos: args.combos,
                 trials: args.trials,
                 seed: cli.seed,
-                robot: "sim".into(),
+                robot: args.robot.name().into(),
                 shard,
                 scenario: text,
             };
             (request, args.out.clone().unwrap_or_else(next_free_folder))
         }
     };
+    let robot = <Body as clap::ValueEnum>::from_str(&request.robot, false)
+        .map_err(|_| anyhow::anyhow!("{}: robot: found {}, expected a known body", folder.display(), request.robot))?;
+    check_body(robot, args.config.as_deref())?;
     let scenario = read_scenario(&request.scenario, &folder.join("run.json"))?;
     let quiet = cli.quiet || cli.json;
-    let jobs = if args.live {
+    let jobs = if args.live || robot == Body::Hardware {
         1
     } else {
         args.jobs.unwrap_or_else(|| std::thread::available_parallelism().map_or(1, |n| n.get()))
     };
     // Everything that can be wrong with the input has been found before anything is written.
     let bench = make_bench(scenario, request.combos, request.seed, quiet)?;
+    let sessions = |record: bool| (record || robot == Body::Hardware).then(|| folder.join("sessions"));
+    let place =
+        |record: bool| venue(&bench.world, robot, args.config.as_deref(), sessions(record && robot != Body::Sim));
+    // A configuration that is wrong is found before anything is written.
+    drop(place(false)?);
     let journal = match &args.resume {
         Some(folder) => Journal::resume(folder)?.0,
         None => Journal::create(&folder, &request)?,
     };
-    let options = Options { jobs, record: args.record, quiet, live: args.live };
+    let options = Options { jobs, record: args.record, quiet, live: args.live, place: &place };
     let summary = bench::run(&bench, &request, journal, &folder, &options)?;
     tell(cli, &summary, &folder)?;
     Ok(shortfall(&summary))
@@ -252,12 +261,33 @@ fn tell(cli: &Cli, summary: &Summary, folder: &Path) -> Result<()> {
 }
 
 fn trial(cli: &Cli, args: &TrialArgs) -> Outcome {
+    check_body(args.robot, args.config.as_deref())?;
     let scenario = Scenario::benchmark();
-    let bench = make_bench(scenario, (args.combination + 1).min(60), cli.seed, cli.quiet || cli.json)?;
+    let combos = (args.combination + 1).min(60);
+    let bench = make_bench(scenario, combos, cli.seed, cli.quiet || cli.json)?;
     if args.combination >= bench.plans.plans.len() {
         bail!("COMBO: found {}, expected 0 to {}", args.combination, bench.plans.plans.len() - 1);
     }
     let condition = args.policy.condition();
+    let place = venue(&bench.world, args.robot, args.config.as_deref(), args.session.clone())?;
+    let task = Task {
+        robot: args.robot.name().to_owned(),
+        seed: cli.seed,
+        combination: args.combination,
+        trial: args.trial,
+        condition,
+        watched: args.robot != Body::Hardware,
+        combos,
+        scenario: scenarios::combination::BENCHMARK.to_owned(),
+    };
+    if args.robot == Body::Hardware {
+        let record = match place {
+            Some(mut place) => bench.play(&task, place.as_mut(), &mut NoWatcher)?,
+            None => bail!("--robot hardware: found no robot"),
+        };
+        tell_trial(cli, &record)?;
+        return Ok((!record.success).then(|| format!("the trial failed: {:?}", record.cause)));
+    }
     let file = args.out.clone().unwrap_or_else(|| {
         PathBuf::from(format!("recordings/combination_{}_trial_{}_{}.rrd", args.combination, args.trial, condition))
     });
@@ -268,25 +298,33 @@ fn trial(cli: &Cli, args: &TrialArgs) -> Outcome {
     if args.live {
         targets.push(stream::Target::Spawn);
     }
-    let mut recording = Recording::open(&targets, &bench, args.combination, args.trial, condition)?;
-    let record = match condition {
-        scenarios::Condition::Ideal => bench.ideal(args.combination, &mut recording)?,
-        condition => bench.trial(args.combination, args.trial, &[condition], &mut recording)?.remove(0),
+    let mut recording = Recording::open(&targets, &bench, &task)?;
+    let record = match (place, condition) {
+        (Some(mut place), _) => bench.play(&task, place.as_mut(), &mut recording)?,
+        (None, scenarios::Condition::Ideal) => bench.ideal(args.combination, &mut recording)?,
+        (None, condition) => bench.trial(args.combination, args.trial, &[condition], &mut recording)?.remove(0),
     };
     recording.finish()?;
-    if cli.json {
-        println!("{}", serde_json::to_string(&record)?);
-    } else {
-        println!(
-            "{} then {}, {condition}: success {}, collision {}",
-            record.first, record.second, record.success, record.collision
-        );
-        if !record.reason.is_empty() {
-            println!("{}", record.reason);
-        }
+    tell_trial(cli, &record)?;
+    if !cli.json {
         println!("recorded in {0}; see it with `ftac view {0}`", file.display());
     }
     Ok((!record.success).then(|| format!("the trial failed: {:?}", record.cause)))
+}
+
+fn tell_trial(cli: &Cli, record: &TrialRecord) -> Result<()> {
+    if cli.json {
+        println!("{}", serde_json::to_string(record)?);
+        return Ok(());
+    }
+    println!(
+        "{} then {}, {}: success {}, collision {}",
+        record.first, record.second, record.condition, record.success, record.collision
+    );
+    if !record.reason.is_empty() {
+        println!("{}", record.reason);
+    }
+    Ok(())
 }
 
 fn view(path: &Path) -> Outcome {

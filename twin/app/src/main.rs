@@ -4,6 +4,7 @@
 
 mod arm_check;
 mod bench;
+mod body;
 mod bridge;
 mod calibrate;
 mod check;
@@ -16,6 +17,7 @@ mod optics_commands;
 mod plan;
 mod recording;
 mod rehearsal;
+mod replay;
 mod report;
 mod study;
 mod synthesis;
@@ -33,6 +35,11 @@ fn main() -> ExitCode {
         Ok(None) => ExitCode::SUCCESS,
         Ok(Some(shortfall)) => {
             eprintln!("ftac: falls short: {shortfall}");
+            ExitCode::from(1)
+        }
+        // The robot stopped in mid-trial: it ran, and fell short.
+        Err(error) if error.chain().any(|cause| cause.is::<body::Stopped>()) => {
+            eprintln!("ftac: falls short: {error:#}");
             ExitCode::from(1)
         }
         Err(error) => {

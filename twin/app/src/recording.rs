@@ -13,6 +13,7 @@ use scenarios::record::{Condition, TrialRecord};
 use stream::recorder::{Recorder, Settings, Target};
 use stream::{DrawnObject, Level, PoseError, SignalFrame, TrialProperties};
 
+use crate::body::Task;
 use crate::trial::{Bench, Moment, Watcher};
 
 /// Records the part that all conditions share and the branch of one condition.
@@ -28,14 +29,9 @@ pub struct Recording {
 }
 
 impl Recording {
-    /// Opens the targets for trial `trial` of `combination` and the branch of `condition`.
-    pub fn open(
-        targets: &[Target],
-        bench: &Bench,
-        combination: usize,
-        trial: usize,
-        condition: Condition,
-    ) -> Result<Self> {
+    /// Opens the targets for a trial and the branch of its condition.
+    pub fn open(targets: &[Target], bench: &Bench, task: &Task) -> Result<Self> {
+        let Task { combination, trial, condition, .. } = *task;
         let plan = &bench.plans.plans[combination];
         let objects = [bench.world.object(&plan.first)?, bench.world.object(&plan.second)?];
         let names = ["first", "second"].map(str::to_owned);
@@ -56,7 +52,7 @@ impl Recording {
             combination: format!("{combination}: {} then {}", plan.first, plan.second),
             trial: trial as u64,
             condition: condition.name().to_owned(),
-            robot: "sim".to_owned(),
+            robot: task.robot.clone(),
             seed: bench.seed,
         })?;
         Ok(Self {

@@ -32,9 +32,9 @@ pub struct Outcome {
 
 /// A snapshot: body and controller together.
 #[derive(Clone)]
-pub struct Snapshot {
+pub struct Snapshot<R = SimulatedRobot> {
     /// The body.
-    pub robot: SimulatedRobot,
+    pub robot: R,
     /// The controller.
     pub executive: Executive,
 }

@@ -6,28 +6,34 @@ mod held;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use anyhow::Result;
+use anyhow::{Context as _, Result, bail};
 use control::executive::{Executive, Phase};
 use control::perception::{Felt, KnownObject};
 use control::strategy::Candidate;
-use grasping::Repertoire;
+use grasping::{Grasp, Repertoire};
+use hand_model::CAMERAS;
+use hand_model::robot::{Robot, TactileFrame, TactileImage};
 use rand_chacha::ChaCha8Rng;
 use scenarios::noise::{TrialNoise, trial_rng};
 use scenarios::objects::ObjectModel;
 use scenarios::record::{Condition, TrialRecord};
 use scenarios::referee::{FailureCause, Referee, SceneTruth};
+use sim::SimulatedRobot;
 use sim::robot::Truth;
 use sim::tactile::TactileBoard;
 use touch::TouchPipeline;
 
+use crate::body::{Body, Setting, Stopped, Task, Venue};
 use crate::plan::{Plan, Plans};
 use crate::rehearsal::{Snapshot, digit_bits};
-use crate::world::{World, drive};
+use crate::world::World;
 
 pub use held::HeldGrasp;
 
 /// How often a watched trial takes tactile images, s.
 const WATCH_PERIOD: f64 = 0.2;
+/// A period that no trial outlasts: one look at the untouched pads, s.
+const ONCE: f64 = 1e6;
 
 /// Everything trials share.
 pub struct Bench {
@@ -94,7 +100,7 @@ impl Watcher for NoWatcher {
 /// A trial in progress: body, controller and referee, which branch together.
 #[derive(Clone)]
 struct Run {
-    snapshot: Snapshot,
+    snapshot: Snapshot<Body>,
     referee: Referee,
 }
 
@@ -112,12 +118,44 @@ struct Start {
     run: Run,
     objects: [Arc<ObjectModel>; 2],
     candidates: Vec<Candidate>,
+    /// Perception with the backgrounds that the body itself has shown; the bench's own where the body is simulated.
+    pipeline: Option<TouchPipeline>,
 }
 
+/// Where a trial is played: on branching simulated bodies, or on one body of a venue.
+type Place<'a> = Option<(&'a mut dyn Venue, &'a Task)>;
+
 impl Bench {
+    /// One trial under one condition on a body from `venue`.
+    pub fn play(&self, task: &Task, venue: &mut dyn Venue, watcher: &mut dyn Watcher) -> Result<TrialRecord> {
+        let mut rng = trial_rng(self.seed, task.combination, task.trial);
+        let mut noise = TrialNoise::draw(&self.world.scenario.noise, &mut rng);
+        let mut camera_noise: u64 = rand::RngExt::random(&mut rng);
+        if task.condition == Condition::Ideal {
+            (noise, camera_noise) = (TrialNoise::none(), 0);
+        }
+        if venue.is_real() {
+            // Reality brings its own.
+            noise = TrialNoise::none();
+        }
+        let id = (task.combination, task.trial, task.condition);
+        let start = self.first_half(task.combination, &noise, camera_noise, Some((venue, task)), watcher)?;
+        let mut body = start.run.snapshot.robot.clone();
+        let played = match task.condition {
+            Condition::Touch => self.adapt(&start, id, None, &mut rng, watcher),
+            _ => self.take_planned(&start, id, watcher).map(|planned| planned.record),
+        };
+        // Whatever happened, its recording is finished.
+        let why = played.as_ref().err().map(|error| format!("{error:#}"));
+        let finished = body.finish(played.as_ref().ok(), why.as_deref());
+        let record = played?;
+        finished?;
+        Ok(record)
+    }
+
     /// The ideal run of a combination: no noise, blind.
     pub fn ideal(&self, combination: usize, watcher: &mut dyn Watcher) -> Result<TrialRecord> {
-        let start = self.first_half(combination, &TrialNoise::none(), 0, watcher)?;
+        let start = self.first_half(combination, &TrialNoise::none(), 0, None, watcher)?;
         Ok(self.take_planned(&start, (combination, 0, Condition::Ideal), watcher)?.record)
     }
 
@@ -152,8 +190,23 @@ impl Bench {
     fn begin(&self, combination: usize, trial: usize, watcher: &mut dyn Watcher) -> Result<(Start, ChaCha8Rng)> {
         let mut rng = trial_rng(self.seed, combination, trial);
         let noise = TrialNoise::draw(&self.world.scenario.noise, &mut rng);
-        let start = self.first_half(combination, &noise, rand::RngExt::random(&mut rng), watcher)?;
+        let start = self.first_half(combination, &noise, rand::RngExt::random(&mut rng), None, watcher)?;
         Ok((start, rng))
+    }
+
+    /// Body and controller about to begin the ideal run of a combination, and its planned second grasp.
+    pub fn ideal_start(&self, combination: usize) -> Result<(Snapshot, Grasp)> {
+        let (first, candidates) = self.plan(combination).grasps(&self.repertoire)?;
+        let (world, second) = (&self.world, candidates[0].grasp.clone());
+        let board = self.board.with_noise(0);
+        let noise = TrialNoise::none();
+        let snapshot = Snapshot::begin(world, world.protocol(), [&first, &second], &noise, world.ready, board)?;
+        Ok((snapshot, second))
+    }
+
+    /// The simulated robot about to begin the ideal run of a combination.
+    pub fn scene(&self, combination: usize) -> Result<SimulatedRobot> {
+        Ok(self.ideal_start(combination)?.0.robot)
     }
 
     fn plan(&self, combination: usize) -> &Plan {
@@ -165,6 +218,7 @@ impl Bench {
         combination: usize,
         noise: &TrialNoise,
         camera_noise: u64,
+        place: Place,
         watcher: &mut dyn Watcher,
     ) -> Result<Start> {
         let world = &self.world;
@@ -173,14 +227,50 @@ impl Bench {
         let objects = [world.object(&plan.first)?, world.object(&plan.second)?];
         let grasps = [&first, &candidates[0].grasp];
         let board = self.board.with_noise(camera_noise);
-        let mut snapshot = Snapshot::begin(world, world.protocol(), grasps, noise, world.ready, board)?;
-        if watcher.active() {
+        let watched = place.as_ref().map_or(watcher.active(), |(_, task)| task.watched);
+        let Snapshot { robot, executive } =
+            Snapshot::begin(world, world.protocol(), grasps, noise, world.ready, board)?;
+        let robot = match place {
+            None => Body::Simulated(Box::new(robot)),
+            Some((venue, task)) => {
+                let places = world.places(&objects[0], &objects[1]);
+                let named = std::array::from_fn(|n| (objects[n].name.as_str(), places[n]));
+                Body::enter(venue, &Setting { task, objects: named }, robot, env!("CARGO_PKG_VERSION"))?
+            }
+        };
+        let mut snapshot = Snapshot { robot, executive };
+        if watched {
             snapshot.executive.watch_images(WATCH_PERIOD);
+        } else if !snapshot.robot.branches() {
+            snapshot.executive.watch_images(ONCE);
         }
         let mut run =
             Run { snapshot, referee: Referee::new(world.scenario.referee, world.scenario.protocol.hold_time) };
+        let pipeline = match self.to_decision(&mut run, watcher) {
+            Ok(pipeline) => pipeline,
+            Err(error) => {
+                // Whatever happened, its recording is finished; the first error is the one to tell.
+                let _ = run.snapshot.robot.finish(None, Some(&format!("{error:#}")));
+                return Err(error);
+            }
+        };
+        Ok(Start { run, objects, candidates, pipeline })
+    }
+
+    /// Up to the decision. A body that is not simulated shows its untouched pads on the way to the first object.
+    fn to_decision(&self, run: &mut Run, watcher: &mut dyn Watcher) -> Result<Option<TouchPipeline>> {
+        let mut pipeline = None;
+        if !run.snapshot.robot.branches() {
+            run.watch(Phase::GraspFirst, None, None, watcher)?;
+            pipeline = Some(self.pipeline.with_backgrounds(backgrounds(run.snapshot.executive.newest_images())?)?);
+        }
         run.watch(Phase::Decide, None, None, watcher)?;
-        Ok(Start { run, objects, candidates })
+        Ok(pipeline)
+    }
+
+    /// The perception of a trial.
+    fn pipeline_of<'a>(&'a self, start: &'a Start) -> &'a TouchPipeline {
+        start.pipeline.as_ref().unwrap_or(&self.pipeline)
     }
 
     /// The second grasp as planned, unseen, and all that follows.
@@ -200,17 +290,24 @@ impl Bench {
             run.snapshot.executive.confirm()?;
             run.watch(Phase::Done, None, Some(condition), watcher)?;
         }
-        let record = run.record(start, id);
+        let record = run.record(start, id)?;
         watcher.outcome(&record)?;
         Ok(Planned { confirm, done: run, record })
     }
 }
 
 impl Run {
-    /// The referee's word on what was done so far.
-    fn record(&self, start: &Start, (combination, trial, condition): (usize, usize, Condition)) -> TrialRecord {
-        let verdict = self.referee.verdict();
-        TrialRecord {
+    /// The word of the referee, or of whoever judges instead, on what was done so far.
+    fn record(
+        &mut self,
+        start: &Start,
+        (combination, trial, condition): (usize, usize, Condition),
+    ) -> Result<TrialRecord> {
+        let verdict = match self.snapshot.robot.judge()? {
+            Some(verdict) => verdict,
+            None => self.referee.verdict(),
+        };
+        Ok(TrialRecord {
             combination,
             trial,
             condition,
@@ -225,9 +322,9 @@ impl Run {
             pose_error_mm: None,
             pose_error_deg: None,
             prior_error_mm: None,
-            sim_seconds: self.snapshot.robot.truth().time,
+            sim_seconds: self.snapshot.robot.time(),
             decision_ms: None,
-        }
+        })
     }
 
     /// Drives to `until` while referee and watcher look on.
@@ -240,27 +337,46 @@ impl Run {
     ) -> Result<()> {
         let Self { snapshot, referee } = self;
         let holding = digit_bits(snapshot.executive.first().0.role.digits());
-        let mut failed = Ok(());
-        drive(&mut snapshot.robot, &mut snapshot.executive, until, |robot, executive| {
-            let truth = robot.truth();
-            referee.see(&scene(&truth, executive.phase(), holding));
-            if failed.is_ok() {
-                failed = watcher.see(&Moment { truth: &truth, executive, felt, condition, note: None });
+        let Snapshot { robot, executive } = snapshot;
+        while executive.phase() < until {
+            let observation = robot.observe();
+            let command = executive.tick(&observation)?;
+            robot.send(&command);
+            robot.wait_for_tick();
+            if let Some(truth) = robot.truth() {
+                referee.see(&scene(&truth, executive.phase(), holding));
+                watcher.see(&Moment { truth: &truth, executive, felt, condition, note: None })?;
             }
-        })?;
-        failed
+            // The last tick of a recording may also be the last of a trial.
+            if let Some(why) = robot.stopped().filter(|_| executive.phase() < Phase::Done) {
+                bail!(Stopped(format!("{} while {}", why, executive.phase().name())));
+            }
+        }
+        Ok(())
     }
 
     /// Tells the watcher what is about to be done, and why.
     fn tell(&self, note: &str, felt: Option<&Felt>, condition: Condition, watcher: &mut dyn Watcher) -> Result<()> {
+        let Some(truth) = self.snapshot.robot.truth() else { return Ok(()) };
         watcher.see(&Moment {
-            truth: &self.snapshot.robot.truth(),
+            truth: &truth,
             executive: &self.snapshot.executive,
             felt,
             condition: Some(condition),
             note: Some(note),
         })
     }
+}
+
+/// One image a camera, of untouched pads.
+fn backgrounds(frames: &[TactileFrame]) -> Result<Vec<Arc<TactileImage>>> {
+    let image = |camera: usize| {
+        let frame = frames.iter().rev().find(|frame| frame.camera == camera);
+        frame.map(|frame| frame.image.clone()).with_context(|| {
+            format!("camera {camera}: found no image of its untouched pad, expected one on the way to the first object")
+        })
+    };
+    (0..CAMERAS).map(image).collect()
 }
 
 /// The referee's view of the scene.

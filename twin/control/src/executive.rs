@@ -293,7 +293,7 @@ impl Executive {
 
     /// Whether the images of a look have come, or will not come any more.
     fn looked(&self) -> bool {
-        !self.images.is_empty() || self.clock > 2.0 * LOOK_TIME
+        self.images.len() >= self.hand.cameras.len() || self.clock > 2.0 * LOOK_TIME
     }
 
     /// Tensions wanted in the present phase, N.
@@ -326,12 +326,10 @@ impl Executive {
     /// One tick: takes what was measured, gives the command.
     pub fn tick(&mut self, observation: &Observation) -> Result<Command, ExecutiveError> {
         self.servos = observation.servos;
-        if !observation.tactile.is_empty() {
-            self.newest = observation.tactile.clone();
-            // The picture asked for at the end of the look, when everything rests.
-            if self.looking() && self.clock > LOOK_TIME - 1.5 * self.tick {
-                self.images = observation.tactile.clone();
-            }
+        keep_newest(&mut self.newest, &observation.tactile);
+        // The picture asked for at the end of the look, when everything rests.
+        if self.looking() && self.clock > LOOK_TIME - 1.5 * self.tick {
+            keep_newest(&mut self.images, &observation.tactile);
         }
         if let Some(next) = self.next_phase() {
             self.enter(next)?;
@@ -371,6 +369,16 @@ impl Executive {
             }),
             capture,
         })
+    }
+}
+
+/// Puts each camera's frame in the place of its older one: a real board's images come one after the other.
+fn keep_newest(kept: &mut Vec<TactileFrame>, arrived: &[TactileFrame]) {
+    for frame in arrived {
+        match kept.iter_mut().find(|known| known.camera == frame.camera) {
+            Some(known) => *known = frame.clone(),
+            None => kept.push(frame.clone()),
+        }
     }
 }
 

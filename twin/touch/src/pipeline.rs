@@ -81,6 +81,12 @@ impl TouchPipeline {
         })
     }
 
+    /// The same pipeline for cameras whose untouched pads look like `backgrounds`, one a camera.
+    pub fn with_backgrounds(&self, backgrounds: Vec<Arc<TactileImage>>) -> Result<Self, TouchError> {
+        check_images("background", &backgrounds)?;
+        Ok(Self { backgrounds, ..self.clone() })
+    }
+
     /// What the 17 pads feel, given the newest image of every camera. Cameras are worked on in parallel; the result does not
     /// depend on how.
     pub fn perceive(&self, images: &[Arc<TactileImage>]) -> Result<Vec<PadTouch>, TouchError> {

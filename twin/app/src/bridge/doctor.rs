@@ -4,8 +4,9 @@ use std::path::Path;
 use std::time::{Duration, Instant};
 
 use anyhow::Result;
-use hand_model::CAMERAS;
+use hand_model::{Arm, CAMERAS};
 use hardware_bridge::calibration::Calibration;
+use hardware_bridge::clock::Clock;
 use hardware_bridge::config::BridgeConfig;
 use hardware_bridge::hand_bus::HandBus;
 use hardware_bridge::servo_bus::latency_timer::{self, LatencyTimer};
@@ -28,8 +29,11 @@ pub fn run(cli: &Cli, config: &BridgeConfig) -> Result<Option<String>> {
         Err(error) => findings.push(Finding::new("servo bus", error, "an open port", false)),
     }
     cameras(config, &mut findings);
-    match arm_link(config).read(0.0) {
-        Ok(reading) => findings.push(Finding::new("arm", format!("{:?}", config.arm), "no fault", !reading.fault)),
+    match arm_link(config, Arm::home()).and_then(|mut arm| Ok(arm.read(0.0)?)) {
+        Ok(reading) => {
+            let found = if reading.fault { "a fault" } else { "an answer" };
+            findings.push(Finding::new("arm", found, "no fault", !reading.fault));
+        }
         Err(error) => findings.push(Finding::new("arm", error, "an answer", false)),
     }
     Ok(tell(cli, &findings))
@@ -98,7 +102,7 @@ fn cameras(config: &BridgeConfig, findings: &mut Vec<Finding>) {
         findings.push(Finding::new("camera board", "not configured", "anything", true));
         return;
     };
-    let link = match TactileLink::open(&cameras.port, Instant::now()) {
+    let link = match TactileLink::open(&cameras.port, Clock::wall()) {
         Ok(link) => link,
         Err(error) => {
             findings.push(Finding::new("camera board", error, "an answer", false));

@@ -60,7 +60,7 @@ pub fn run(cli: &Cli, args: &ExerciseArgs) -> Result<Option<String>> {
     }
     let travel = Calibration::read(&config.calibration)?.travel();
     let dry = args.dry_run.then(|| Box::new(|line: String| eprintln!("{line}")) as DryLines);
-    let mut robot = HardwareRobot::connect(&config, arm_link(&config), &Arm::gen3(), dry)?;
+    let mut robot = HardwareRobot::connect(&config, arm_link(&config, Arm::home())?, &Arm::gen3(), dry)?;
     let started = Instant::now();
     while let Err(error) = robot.check() {
         if started.elapsed() > PATIENCE {

@@ -94,14 +94,18 @@ impl Bench {
             let begun = Instant::now();
             let grip = match phase {
                 Phase::Decide => {
-                    let felt = feel(&self.pipeline, &now.run.snapshot.executive, &self.known[&start.objects[0].name])?;
+                    let felt = feel(
+                        self.pipeline_of(start),
+                        &now.run.snapshot.executive,
+                        &self.known[&start.objects[0].name],
+                    )?;
                     let grip = felt.grip;
                     now.felt = Some(felt);
                     grip
                 }
-                _ => grip(&self.pipeline, &now.run.snapshot.executive)?,
+                _ => grip(self.pipeline_of(start), &now.run.snapshot.executive)?,
             };
-            let late = now.run.snapshot.robot.truth().time + TRY_TIME > self.world.scenario.protocol.time_limit;
+            let late = now.run.snapshot.robot.time() + TRY_TIME > self.world.scenario.protocol.time_limit;
             let next = if late { Next::GoOn } else { Next::after(phase, grip) };
             match (phase, next) {
                 (Phase::Done, Next::GoOn) => break,
@@ -134,9 +138,9 @@ impl Bench {
                 }
                 Next::GoOn | Next::SecondAgain => {
                     if next == Next::SecondAgain {
-                        self.look_at_second(&mut now, rng);
+                        self.look_at_second(&mut now, rng)?;
                     } else {
-                        now.held = Some(now.run.snapshot.robot.truth());
+                        now.held = now.run.snapshot.robot.truth();
                     }
                     let decision = self.take_second(&mut now, planned)?;
                     now.story.slowest_ms = now.story.slowest_ms.max(begun.elapsed().as_secs_f64() * 1e3);
@@ -162,7 +166,7 @@ impl Bench {
         }
         let mut record = match planned.filter(|_| now.story.as_planned()) {
             Some(planned) => TrialRecord { condition, ..planned.record.clone() },
-            None => now.run.record(start, id),
+            None => now.run.record(start, id)?,
         };
         record.switched = !now.story.as_planned();
         record.retries = now.story.retries;
@@ -244,22 +248,22 @@ impl Bench {
     }
 
     /// Prior perception looks at object `index` anew, with an error of its own; the hand aims beside it as it has learnt to.
-    fn seen(&self, now: &Adaptation, index: usize, rng: &mut ChaCha8Rng) -> Percept {
+    fn seen(&self, now: &mut Adaptation, index: usize, rng: &mut ChaCha8Rng) -> Result<Percept> {
         let noise = TrialNoise::draw(&self.world.scenario.noise, rng).objects[index];
-        let truth = now.run.snapshot.robot.truth();
-        let seen = percept(&now.start.objects[index], &noise.perceived(&truth.objects[index]));
-        Percept { position: seen.position + now.aim, ..seen }
+        let seen = percept(&now.start.objects[index], &now.run.snapshot.robot.look(index, &noise)?);
+        Ok(Percept { position: seen.position + now.aim, ..seen })
     }
 
-    fn look_at_second(&self, now: &mut Adaptation, rng: &mut ChaCha8Rng) {
-        let seen = self.seen(now, 1, rng);
+    fn look_at_second(&self, now: &mut Adaptation, rng: &mut ChaCha8Rng) -> Result<()> {
+        let seen = self.seen(now, 1, rng)?;
         now.run.snapshot.executive.see_second(seen);
+        Ok(())
     }
 
     fn first_again(&self, now: &mut Adaptation, rng: &mut ChaCha8Rng) -> Result<()> {
         let object = &now.start.objects[0];
-        let seen = self.seen(now, 0, rng);
-        self.look_at_second(now, rng);
+        let seen = self.seen(now, 0, rng)?;
+        self.look_at_second(now, rng)?;
         let best = self
             .within_reach(now, Role::First, &seen)
             .into_iter()

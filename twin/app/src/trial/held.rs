@@ -45,10 +45,7 @@ impl Bench {
     pub fn held(&self, combination: usize, trial: usize) -> Result<Option<HeldGrasp>> {
         let (start, _) = self.begin(combination, trial, &mut NoWatcher)?;
         let snapshot = &start.run.snapshot;
-        let truth = snapshot.robot.truth();
-        if !in_hand(&truth, 0) {
-            return Ok(None);
-        }
+        let Some(truth) = snapshot.robot.truth().filter(|truth| in_hand(truth, 0)) else { return Ok(None) };
         let palm = truth.palm.inverse();
         let links: Vec<Isometry3<f64>> = truth.links[ARM_JOINTS..].iter().map(|link| palm * link).collect();
         Ok(Some(HeldGrasp {

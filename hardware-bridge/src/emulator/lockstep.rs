@@ -1,0 +1,275 @@
+//! A robot whose host and devices share one emulated clock: the whole bridge, with its real bytes on pseudo-terminals and loopback sockets, and a
+//! plant that waits for it.
+//!
+//! A control tick is one servo cycle: read all servos, let the supervisor decide, write goals, look at one servo (whose answer says that the goals
+//! have arrived); then the arm's milliseconds, each with a command and an answer over UDP; then one tick of the plant. Nothing depends on how
+//! busy the machine is, so that a trial comes out the same every time, and as the simulated robot's where the protocols lose nothing. What real
+//! time does to the bridge is the business of the devices in real time ([`super::EmulatedHand::start`]).
+
+use std::path::Path;
+use std::sync::mpsc::Sender;
+use std::time::{Duration, Instant};
+
+use hand_model::robot::{Command, Observation, Robot, Tick};
+use hand_model::{ACTUATORS, Arm, CAMERAS};
+
+use super::lockstep_arm::LockstepArm;
+use super::pty::PtyError;
+use super::servo::EmulatedServo;
+use super::{EmulatedHand, EmulatorSettings};
+use crate::calibration::{Calibration, ServoCalibration};
+use crate::clock::Clock;
+use crate::config::{ArmConfig, BridgeConfig, CameraConfig, LimitConfig, ServoConfig};
+use crate::hardware_robot::{ConnectError, newest, open_devices, sent_as, servo_cycle};
+use crate::kortex::KortexError;
+use crate::lock;
+use crate::safety::state::State;
+use crate::safety::supervisor::CheckFailed;
+use crate::servo_cycle::{CycleReport, ServoCycle};
+use crate::session_log::{Packet, Tap};
+use crate::tactile_link::TactileLink;
+use crate::xc330;
+
+/// Longest wait for bytes to cross, on however busy a machine.
+const PATIENCE: Duration = Duration::from_secs(20);
+/// Between two looks for them.
+const LOOK: Duration = Duration::from_micros(50);
+
+/// Why there is no such robot.
+#[derive(Debug, thiserror::Error)]
+pub enum LockstepError {
+    /// A pseudo-terminal.
+    #[error(transparent)]
+    Pty(#[from] PtyError),
+    /// The emulated arm.
+    #[error(transparent)]
+    Arm(#[from] KortexError),
+    /// The host's side.
+    #[error(transparent)]
+    Connect(#[from] ConnectError),
+    /// The checks.
+    #[error(transparent)]
+    Check(#[from] CheckFailed),
+    /// Arming.
+    #[error("arming: {0}")]
+    Arming(String),
+}
+
+/// What such a robot is made of.
+#[derive(Debug, Clone)]
+pub struct LockstepSettings {
+    /// The devices.
+    pub devices: EmulatorSettings,
+    /// Travel of every shaft, rad, for the calibration.
+    pub travel: [f64; ACTUATORS],
+    /// What is allowed.
+    pub limits: LimitConfig,
+    /// Waited for an answer of the servos, s of real time: enough that a busy machine loses none, or little where answers are to get lost.
+    pub slack: f64,
+}
+
+/// The robot.
+pub struct LockstepRobot {
+    cycle: ServoCycle,
+    tactile: Option<TactileLink>,
+    devices: EmulatedHand,
+    arm: LockstepArm,
+    clock: Clock,
+    tick: f64,
+    sequence: u64,
+    capture: bool,
+    host_alive: bool,
+    config: BridgeConfig,
+    calibration: Calibration,
+}
+
+impl LockstepRobot {
+    /// Switches devices on around `plant`, connects to them, checks and arms. Packets that cross are copied to `packets`.
+    pub fn start(
+        plant: Box<dyn Robot + Send>,
+        settings: LockstepSettings,
+        arm_model: &Arm,
+        packets: Option<&Sender<Packet>>,
+    ) -> Result<Self, LockstepError> {
+        let clock = Clock::emulated();
+        let tick = plant.tick_length();
+        let (seed, zeros) = (settings.devices.seed, settings.devices.servos.clone());
+        let devices = EmulatedHand::start_stepped(plant, settings.devices, clock.clone())?;
+        let arm = LockstepArm::start(devices.arm_joints(), seed, packets)?;
+        let config = configuration(devices.servo_port(), devices.camera_port(), tick, settings.limits, settings.slack);
+        let calibration = calibrated(&zeros, &settings.travel);
+        devices.home(&calibration);
+        let (mut hand, tactile) = open_devices(&config, &calibration, &clock)?;
+        if let Some(packets) = packets {
+            hand.bus.tap(Tap::new("servos", packets.clone()));
+            if let Some(tactile) = &tactile {
+                tactile.tap(Tap::new("cameras", packets.clone()));
+            }
+        }
+        let cycle = servo_cycle(&config, &calibration, hand, Box::new(arm.link()), arm_model, clock.clone());
+        let cycle = ServoCycle { audit_every: 1, ..cycle };
+        let (sequence, capture, host_alive) = (0, false, true);
+        let mut robot =
+            Self { cycle, tactile, devices, arm, clock, tick, sequence, capture, host_alive, config, calibration };
+        robot.cycle.measure();
+        robot.cycle.supervisor.check(&robot.cycle.measured, robot.clock.now())?;
+        robot.cycle.arm_torque(robot.clock.now()).map_err(LockstepError::Arming)?;
+        Ok(robot)
+    }
+
+    /// The supervisor's state.
+    pub fn state(&self) -> State {
+        self.cycle.supervisor.state()
+    }
+
+    /// How the cycles went.
+    pub fn report(&self) -> CycleReport {
+        self.cycle.report.clone()
+    }
+
+    /// The configuration it runs under.
+    pub fn config(&self) -> &BridgeConfig {
+        &self.config
+    }
+
+    /// The calibration of its servos.
+    pub fn calibration(&self) -> &Calibration {
+        &self.calibration
+    }
+
+    /// The devices, to make something go wrong.
+    pub fn devices(&mut self) -> &mut EmulatedHand {
+        &mut self.devices
+    }
+
+    /// The arm, to make something go wrong.
+    pub fn arm(&mut self) -> &mut LockstepArm {
+        &mut self.arm
+    }
+
+    /// The camera board's link.
+    pub fn tactile(&self) -> Option<&TactileLink> {
+        self.tactile.as_ref()
+    }
+
+    /// Stops, as `ftac bridge stop` does.
+    pub fn hold(&mut self) {
+        self.cycle.supervisor.hold(crate::safety::state::Cause::Operator);
+    }
+
+    /// From now on the host does nothing any more, as one that was killed or frozen; the devices and the plant go on.
+    pub fn kill_host(&mut self) {
+        self.host_alive = false;
+    }
+
+    /// One servo cycle without a new command, as while the controller is silent.
+    pub fn idle_cycle(&mut self) {
+        if self.host_alive {
+            self.cycle.decide();
+        }
+    }
+
+    /// Waits for bytes to cross; whether they did.
+    fn patiently(&self, done: impl Fn(&Self) -> bool) -> bool {
+        let deadline = Instant::now() + PATIENCE;
+        while !done(self) {
+            if Instant::now() > deadline || self.tactile.as_ref().is_none_or(|link| link.lost_port().is_some()) {
+                return false;
+            }
+            std::thread::sleep(LOOK);
+        }
+        true
+    }
+
+    /// Images, faults and losses so far, of all cameras.
+    fn image_events(&self) -> u64 {
+        let count = |link: &TactileLink| {
+            let cameras = link.cameras().iter().map(|c| c.good + c.undecodable + c.overrun + c.faults).sum::<u64>();
+            cameras + link.line().damaged
+        };
+        self.tactile.as_ref().map_or(0, count)
+    }
+}
+
+impl Robot for LockstepRobot {
+    fn observe(&mut self) -> Observation {
+        newest(&self.cycle.shared, self.tactile.as_ref(), self.clock.now(), self.sequence)
+    }
+
+    fn send(&mut self, command: &Command) -> Command {
+        if !self.host_alive {
+            return *command;
+        }
+        if let (true, Some(link)) = (command.capture, &self.tactile) {
+            // A port that is gone is noticed at the next observation.
+            let asked = link.request_capture().is_ok();
+            self.capture = asked && self.patiently(|robot| robot.devices.capture_pending());
+        }
+        {
+            let mut board = lock(&self.cycle.shared.board);
+            board.asked = Some((*command, self.clock.now()));
+            board.asked_number += 1;
+        }
+        self.cycle.decide();
+        sent_as(command, &lock(&self.cycle.shared.board))
+    }
+
+    fn wait_for_tick(&mut self) -> Tick {
+        self.arm.pass(self.tick, self.clock.now() + self.tick, self.host_alive);
+        let before = self.image_events();
+        self.devices.step();
+        if std::mem::take(&mut self.capture) {
+            self.patiently(|robot| robot.image_events() >= before + CAMERAS as u64);
+        }
+        // Readings must not look older than they are: the next are taken at this very moment.
+        if self.host_alive {
+            self.cycle.measure();
+        }
+        self.sequence += 1;
+        Tick { time: self.clock.now(), lateness: 0.0 }
+    }
+
+    fn tick_length(&self) -> f64 {
+        self.tick
+    }
+}
+
+impl Drop for LockstepRobot {
+    fn drop(&mut self) {
+        if self.host_alive {
+            self.cycle.leave();
+        }
+    }
+}
+
+/// The configuration of a lock-step robot: one servo cycle a tick.
+fn configuration(servos: &Path, cameras: &Path, tick: f64, limits: LimitConfig, slack: f64) -> BridgeConfig {
+    BridgeConfig {
+        version: 1,
+        calibration: "calibration.json".into(),
+        stop_socket: "stop".into(),
+        servos: ServoConfig {
+            port: servos.to_owned(),
+            ids: [1, 2, 3, 4, 5, 6],
+            baud: 3_000_000,
+            rate: 1.0 / tick,
+            fast_sync_read: false,
+            slack,
+        },
+        cameras: Some(CameraConfig { port: cameras.to_owned() }),
+        arm: ArmConfig::Loopback,
+        limits,
+    }
+}
+
+/// The calibration that homing would have found: the open mark of each servo is where its encoder shows its `zero`.
+fn calibrated(servos: &[EmulatedServo], travel: &[f64; ACTUATORS]) -> Calibration {
+    let servos = std::array::from_fn(|n| ServoCalibration {
+        id: n as u8 + 1,
+        model: xc330::MODEL,
+        firmware: 46,
+        homing_offset: servos.get(n).map_or(0, |servo| -(servo.zero().rem_euclid(4096) as i32)),
+        travel: travel[n],
+    });
+    Calibration::new("ftac", servos)
+}

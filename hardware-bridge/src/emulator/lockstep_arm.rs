@@ -1,0 +1,292 @@
+//! The Kortex client and the emulated Gen3 in lock-step: every emulated millisecond one command and one answer cross the loopback, and the next
+//! millisecond begins when they have.
+
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::mpsc::{self, Receiver, Sender};
+use std::sync::{Arc, Mutex, Weak};
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
+
+use hand_model::ARM_JOINTS;
+use hand_model::arm::Arm as ArmModel;
+use hand_model::robot::ArmState;
+
+use super::plant_arm::SharedArm;
+use crate::arm_link::{ArmLink, ArmLinkError};
+use crate::kortex::emulator::{Emulator, Injection, Pace, Settings, Status};
+use crate::kortex::servoing::{Limits, Servoing};
+use crate::kortex::{Arm, CommandError, KortexError, Timeouts};
+use crate::lock;
+use crate::safety::checks::ArmReading;
+use crate::session_log::Packet;
+
+/// Longest wait for an answer on loopback, on however busy a machine.
+const PATIENCE: Duration = Duration::from_secs(20);
+/// Longest wait for a call's answer.
+const CALL: Duration = Duration::from_secs(2);
+/// Longest wait once answers are made to get lost: what comes at all comes at once.
+const IMPATIENCE: Duration = Duration::from_millis(3);
+
+enum Order {
+    Engage,
+    /// Milliseconds to spend on the way to these set-points, rad; whether answers may be missing.
+    Go(u64, [f64; ARM_JOINTS], bool),
+    Disengage,
+}
+
+/// The newest measurements, and whether they are new; or why it is over.
+type Answer = Result<(ArmState, bool), String>;
+
+/// The client's thread.
+struct Client {
+    orders: Sender<Order>,
+    answers: Receiver<Answer>,
+    engaged: bool,
+    target: Option<[f64; ARM_JOINTS]>,
+    state: ArmState,
+    at: f64,
+    fault: Option<String>,
+}
+
+impl Client {
+    fn ask(&mut self, order: Order) -> Answer {
+        let gone = || "its client is gone".to_owned();
+        self.orders.send(order).map_err(|_| gone())?;
+        self.answers.recv().map_err(|_| gone())?
+    }
+}
+
+/// An emulated arm and its client, which only move together.
+pub struct LockstepArm {
+    emulator: Arc<Emulator>,
+    client: Option<Arc<Mutex<Client>>>,
+    thread: Option<JoinHandle<()>>,
+    /// Part of a millisecond that is still to pass, s.
+    rest: f64,
+    lossy: bool,
+    waited: Arc<AtomicU64>,
+}
+
+impl LockstepArm {
+    /// Switches the arm on and logs in. Packets that cross after the login are copied to `packets`.
+    ///
+    /// # Errors
+    /// No free port; the client's.
+    pub fn start(joints: SharedArm, seed: u64, packets: Option<&Sender<Packet>>) -> Result<Self, KortexError> {
+        let near = joints.state().position;
+        let settings = Settings { seed, ..Settings::default() };
+        let credentials = settings.credentials.clone();
+        let emulator = Emulator::start(settings, Box::new(joints), Pace::Stepped)
+            .map_err(|error| KortexError::Link(error.into()))?;
+        let emulator = Arc::new(emulator);
+        // An emulated session's seconds pass between two of the host's.
+        let hour = Duration::from_secs(3600);
+        let timeouts = Timeouts { call: CALL, session: hour, connection: hour, ..Timeouts::default() };
+        let mut arm = Arm::connect(emulator.address(), &credentials, timeouts, near)?;
+        if let Some(packets) = packets {
+            arm.tap(packets);
+        }
+        let state = arm.cyclic.feedback()?.motion;
+        let (orders, inbox) = mpsc::channel();
+        let (outbox, answers) = mpsc::channel();
+        let waited = Arc::new(AtomicU64::new(0));
+        let (for_thread, counter) = (emulator.clone(), waited.clone());
+        let thread = std::thread::spawn(move || serve(arm, &for_thread, &inbox, &outbox, &counter));
+        let client = Client { orders, answers, engaged: false, target: None, state, at: 0.0, fault: None };
+        let client = Some(Arc::new(Mutex::new(client)));
+        Ok(Self { emulator, client, thread: Some(thread), rest: 0.0, lossy: false, waited })
+    }
+
+    /// The bridge's end.
+    pub fn link(&self) -> LockstepLink {
+        LockstepLink { client: self.client.as_ref().map(Arc::downgrade).unwrap_or_default() }
+    }
+
+    /// How the emulated arm stands.
+    pub fn status(&self) -> Status {
+        self.emulator.status()
+    }
+
+    /// Makes something go wrong with the arm or its network.
+    pub fn inject(&mut self, injection: Injection) {
+        let lossy = matches!(injection, Injection::Deaf(_) | Injection::LoseReplies(_) | Injection::LoseCommands(_));
+        self.lossy |= lossy || matches!(injection, Injection::DelayReplies(_));
+        self.emulator.inject(injection);
+    }
+
+    /// Cycles in which the arm was too far behind to be led on.
+    pub fn waited(&self) -> u64 {
+        self.waited.load(Ordering::Relaxed)
+    }
+
+    /// Lets `seconds` pass until `now`. With a dead host the arm is left to itself.
+    pub fn pass(&mut self, seconds: f64, now: f64, host_alive: bool) {
+        self.rest += seconds;
+        let milliseconds = (self.rest * 1e3 + 1e-9).floor();
+        self.rest -= milliseconds * 1e-3;
+        let milliseconds = milliseconds as u64;
+        let Some(client) = self.client.as_ref().filter(|_| host_alive) else {
+            self.emulator.step(milliseconds);
+            return;
+        };
+        let mut client = lock(client);
+        match client.target.filter(|_| client.engaged && client.fault.is_none()) {
+            Some(target) => match client.ask(Order::Go(milliseconds, target, self.lossy)) {
+                Ok((state, fresh)) => {
+                    client.state = state;
+                    client.at = if fresh { now } else { client.at };
+                }
+                Err(error) => client.fault = Some(error),
+            },
+            None => {
+                self.emulator.step(milliseconds);
+                if !client.engaged {
+                    client.at = now;
+                }
+            }
+        }
+    }
+}
+
+impl Drop for LockstepArm {
+    fn drop(&mut self) {
+        // Or the client would wait for the answer to its farewell.
+        self.emulator.inject(Injection::Deaf(false));
+        self.client = None;
+        if let Some(thread) = self.thread.take() {
+            // A thread that panicked has said so itself.
+            let _ = thread.join();
+        }
+    }
+}
+
+/// The lock-step arm as the bridge sees it.
+pub struct LockstepLink {
+    client: Weak<Mutex<Client>>,
+}
+
+impl LockstepLink {
+    fn client(&self) -> Result<Arc<Mutex<Client>>, ArmLinkError> {
+        self.client.upgrade().ok_or_else(|| ArmLinkError("the emulated arm is switched off".into()))
+    }
+}
+
+impl ArmLink for LockstepLink {
+    fn read(&mut self, _now: f64) -> Result<ArmReading, ArmLinkError> {
+        let client = self.client()?;
+        let client = lock(&client);
+        Ok(ArmReading { at: client.at, state: client.state, fault: client.fault.is_some() })
+    }
+
+    fn engage(&mut self) -> Result<(), ArmLinkError> {
+        let client = self.client()?;
+        let mut client = lock(&client);
+        let (state, _) = client.ask(Order::Engage).map_err(ArmLinkError)?;
+        (client.state, client.engaged, client.target) = (state, true, None);
+        Ok(())
+    }
+
+    fn command(&mut self, set_points: &[f64; ARM_JOINTS]) -> Result<(), ArmLinkError> {
+        let client = self.client()?;
+        let mut client = lock(&client);
+        if let Some(fault) = &client.fault {
+            return Err(ArmLinkError(fault.clone()));
+        }
+        client.target = Some(*set_points);
+        Ok(())
+    }
+
+    fn disengage(&mut self) -> Result<(), ArmLinkError> {
+        let client = self.client()?;
+        let mut client = lock(&client);
+        client.engaged = false;
+        client.ask(Order::Disengage).map(drop).map_err(ArmLinkError)
+    }
+}
+
+/// The client's thread: owns the arm, enters and leaves low-level servoing, cycles.
+fn serve(mut arm: Arm, emulator: &Emulator, orders: &Receiver<Order>, answers: &Sender<Answer>, waited: &AtomicU64) {
+    let limits = Limits::gen3(&ArmModel::gen3());
+    while let Ok(order) = orders.recv() {
+        let answer = match order {
+            Order::Engage => match Servoing::enter(&mut arm, limits) {
+                Ok(servoing) => {
+                    if answers.send(Ok((servoing.latest().motion, true))).is_err() {
+                        return;
+                    }
+                    follow(servoing, emulator, orders, answers, waited)
+                }
+                Err(error) => Err(error.to_string()),
+            },
+            Order::Go(milliseconds, ..) => {
+                emulator.step(milliseconds);
+                Err("found a set-point, expected engage() first".to_owned())
+            }
+            Order::Disengage => Ok((ArmState::default(), false)),
+        };
+        if answers.send(answer).is_err() {
+            return;
+        }
+    }
+}
+
+/// Until servoing is over; the last answer.
+fn follow(
+    mut servoing: Servoing<'_>,
+    emulator: &Emulator,
+    orders: &Receiver<Order>,
+    answers: &Sender<Answer>,
+    waited: &AtomicU64,
+) -> Answer {
+    let over = || Err("servoing is over".to_owned());
+    loop {
+        let Ok(order) = orders.recv() else { return over() };
+        let answer = match order {
+            Order::Engage => Ok((servoing.latest().motion, true)),
+            Order::Disengage => {
+                let state = servoing.latest().motion;
+                return servoing.leave().map(|()| (state, true)).map_err(|error| error.to_string());
+            }
+            Order::Go(milliseconds, target, lossy) => {
+                go(&mut servoing, emulator, (milliseconds, target, lossy), waited)
+            }
+        };
+        match answer {
+            Ok(answer) if answers.send(Ok(answer)).is_err() => return over(),
+            Ok(_) => {}
+            Err(error) => return Err(error.to_string()),
+        }
+    }
+}
+
+/// Equal steps to the target, one a millisecond.
+fn go(
+    servoing: &mut Servoing<'_>,
+    emulator: &Emulator,
+    (milliseconds, target, lossy): (u64, [f64; ARM_JOINTS], bool),
+    waited: &AtomicU64,
+) -> Result<(ArmState, bool), KortexError> {
+    let mut fresh = false;
+    for n in 0..milliseconds {
+        let (from, most) = (*servoing.command(), servoing.limits().step);
+        let left = (milliseconds - n) as f64;
+        let next = std::array::from_fn(|i| from[i] + ((target[i] - from[i]) / left).clamp(-most[i], most[i]));
+        let deadline = Instant::now() + if lossy { IMPATIENCE } else { PATIENCE };
+        let result = match servoing.command_angles(&next, deadline) {
+            Err(KortexError::Command(CommandError::Lead { .. })) => {
+                waited.fetch_add(1, Ordering::Relaxed);
+                servoing.hold(deadline)
+            }
+            result => result,
+        };
+        emulator.step(1);
+        match result {
+            Ok(new) => fresh |= new,
+            Err(error) => {
+                emulator.step(milliseconds - n - 1);
+                return Err(error);
+            }
+        }
+    }
+    Ok((servoing.latest().motion, fresh))
+}

@@ -1,0 +1,226 @@
+//! The hardware bridge end to end: trials on emulated devices, sessions replayed, faults, and a host that dies.
+//!
+//! Emulated devices in lock-step depend on no clock. Those in real time are given configurations patient enough for a busy machine, and nothing here
+//! asserts how long anything took.
+
+use std::fs;
+use std::io::{BufRead, BufReader, Read, Write};
+use std::path::{Path, PathBuf};
+use std::process::{Child, Stdio};
+
+use e2e::{ftac, run, stderr};
+use serde_json::Value;
+use tempfile::tempdir;
+
+fn text(path: &Path) -> &str {
+    path.to_str().expect("a UTF-8 path")
+}
+
+/// The only file in a folder.
+fn only_file(folder: &Path) -> PathBuf {
+    let files: Vec<PathBuf> =
+        fs::read_dir(folder).expect("a folder").map(|entry| entry.expect("an entry").path()).collect();
+    assert_eq!(files.len(), 1, "{files:?}");
+    files[0].clone()
+}
+
+fn json(bytes: &[u8]) -> Value {
+    serde_json::from_slice(bytes).unwrap_or_else(|error| panic!("{error}: {}", String::from_utf8_lossy(bytes)))
+}
+
+/// Replays a session.
+fn replay(file: &Path) -> (Option<i32>, Value) {
+    let output = run(&["replay", text(file), "--json"]);
+    assert!(matches!(output.status.code(), Some(0 | 1)), "{}", stderr(&output));
+    (output.status.code(), json(&output.stdout))
+}
+
+/// The run without noise comes out the same on all bodies, and each session replays to the last bit.
+#[test]
+fn the_same_trial_on_three_bodies() {
+    let folder = tempdir().expect("a folder");
+    let mut records = Vec::new();
+    for robot in ["sim", "rounded", "emulated"] {
+        let sessions = folder.path().join(robot);
+        let out = folder.path().join("trial.rrd");
+        let arguments = [
+            "trial",
+            "0",
+            "--policy",
+            "ideal",
+            "--robot",
+            robot,
+            "--session",
+            text(&sessions),
+            "--out",
+            text(&out),
+            "--json",
+        ];
+        let output = run(&arguments);
+        assert_eq!(output.status.code(), Some(0), "{robot}: {}", stderr(&output));
+        let record = json(&output.stdout);
+        let decided =
+            ["first", "second", "success", "collision", "switched", "retries"].map(|name| record[name].clone());
+        records.push(decided);
+        let (code, replayed) = replay(&only_file(&sessions));
+        assert_eq!(
+            (code, &replayed["divergence"], &replayed["same_decisions"]),
+            (Some(0), &Value::Null, &Value::Bool(true))
+        );
+        assert_eq!(replayed["ticks"], replayed["identical_commands"], "{robot}");
+        assert_eq!(replayed["robot"], robot);
+    }
+    assert!(records.windows(2).all(|pair| pair[0] == pair[1]), "{records:?}");
+}
+
+/// A trial with touch and noise: what it decides on the emulated devices is decided again on the recording; a changed bit is found.
+#[test]
+fn a_session_is_held_to_every_bit() {
+    let folder = tempdir().expect("a folder");
+    let sessions = folder.path().join("sessions");
+    let out = folder.path().join("out");
+    let bench =
+        ["bench", "--combos", "1", "--trials", "1", "--robot", "emulated", "--record", "all", "--out", text(&out)];
+    let output = run(&bench);
+    assert!(matches!(output.status.code(), Some(0 | 1)), "{}", stderr(&output));
+    fs::rename(out.join("sessions"), &sessions).expect("recorded");
+    let files: Vec<PathBuf> =
+        fs::read_dir(&sessions).expect("a folder").map(|entry| entry.expect("an entry").path()).collect();
+    assert_eq!(files.len(), 3, "{files:?}");
+    for file in &files {
+        let (code, replayed) = replay(file);
+        assert_eq!(
+            (code, &replayed["divergence"], &replayed["whole"]),
+            (Some(0), &Value::Null, &Value::Bool(true)),
+            "{file:?}"
+        );
+    }
+    // Cut in the middle, as by a power failure: everything up to there is identical.
+    let file = &files[0];
+    let bytes = fs::read(file).expect("readable");
+    fs::write(file, &bytes[..bytes.len() / 2]).expect("written");
+    let (code, replayed) = replay(file);
+    assert_eq!((code, &replayed["whole"], &replayed["divergence"]), (Some(0), &Value::Bool(false), &Value::Null));
+    assert!(replayed["ticks"].as_u64().is_some_and(|ticks| ticks > 100));
+    // One bit anywhere in the body is a damaged file, or another session.
+    let touched = files.iter().find(|file| text(file).contains("touch")).expect("a touch trial");
+    let mut bytes = fs::read(touched).expect("readable");
+    let middle = bytes.len() / 3;
+    bytes[middle] ^= 1;
+    fs::write(touched, bytes).expect("written");
+    assert_ne!(run(&["replay", text(touched), "--json"]).status.code(), Some(0));
+}
+
+/// A few faults of the matrix, in all phases.
+#[test]
+fn faults_end_as_they_should() {
+    for fault in ["emergency stop", "host killed", "JPEGs", "camera board"] {
+        let output = run(&["bridge", "faults", "--rounds", "1", "--only", fault, "--json"]);
+        let matrix = json(&output.stdout);
+        assert_eq!(output.status.code(), Some(0), "{fault}: {} {}", matrix["wrong"], stderr(&output));
+        assert_eq!(matrix["injected"], 10, "{fault} in every phase");
+        assert_eq!(matrix["rows"][0]["recordings_intact"], 10);
+    }
+}
+
+/// A running emulator in real time.
+struct Devices {
+    child: Child,
+    config: PathBuf,
+}
+
+impl Devices {
+    /// With these arguments more.
+    fn start(folder: &Path, extra: &[&str]) -> Self {
+        let dir = folder.join("devices");
+        let arguments = [&["bridge", "emulate", "--calibrated", "--json", "--dir", text(&dir)], extra].concat();
+        let mut child = ftac(&arguments).stdout(Stdio::piped()).stderr(Stdio::null()).spawn().expect("starts");
+        let mut line = String::new();
+        BufReader::new(child.stdout.as_mut().expect("piped")).read_line(&mut line).expect("says where it is");
+        assert!(json(line.as_bytes())["servos"].is_string(), "{line}");
+        Self { child, config: dir.join("bridge.toml") }
+    }
+
+    /// What it says at its end.
+    fn end(mut self) -> Value {
+        let mut rest = String::new();
+        self.child.stdout.take().expect("piped").read_to_string(&mut rest).expect("read");
+        self.child.wait().expect("ours");
+        json(rest.lines().last().unwrap_or_default().as_bytes())
+    }
+}
+
+impl Drop for Devices {
+    fn drop(&mut self) {
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+}
+
+/// A host under `--robot hardware` that is killed in mid-trial: servos and arm stop by their own watchdogs, and its recording replays to the last tick.
+#[test]
+fn a_killed_host_leaves_everything_standing() {
+    let folder = tempdir().expect("a folder");
+    let devices = Devices::start(folder.path(), &["--seconds", "40"]);
+    let sessions = folder.path().join("sessions");
+    let arguments = [
+        "trial",
+        "0",
+        "--policy",
+        "blind",
+        "--robot",
+        "hardware",
+        "--config",
+        text(&devices.config),
+        "--session",
+        text(&sessions),
+    ];
+    let mut host =
+        ftac(&arguments).stdin(Stdio::piped()).stdout(Stdio::null()).stderr(Stdio::null()).spawn().expect("starts");
+    host.stdin.as_mut().expect("piped").write_all(b"\n").expect("the operator says go");
+    let began = std::time::Instant::now();
+    // The session's file grows with every tick: a few hundred are on their way to the first object.
+    while fs::read_dir(&sessions)
+        .map_or(0, |files| files.flatten().map(|f| f.metadata().map_or(0, |m| m.len())).sum::<u64>())
+        < 1_500_000
+    {
+        assert!(began.elapsed().as_secs() < 30, "the trial does not begin");
+        std::thread::sleep(std::time::Duration::from_millis(20));
+    }
+    host.kill().expect("killed");
+    host.wait().expect("ours");
+    let end = devices.end();
+    assert_eq!(end["servos_stopped"].as_array().map(Vec::len), Some(6), "{end}");
+    assert!(end["arm_stopped"]["watchdog_after_ms"].is_u64(), "{end}");
+    let (code, replayed) = replay(&only_file(&sessions));
+    assert_eq!((code, &replayed["divergence"]), (Some(0), &Value::Null));
+    assert!(replayed["ticks"].as_u64().is_some_and(|ticks| ticks > 50), "{replayed}");
+}
+
+/// The camera board's plug is pulled in mid-trial: the robot holds and says what to do.
+#[test]
+fn an_unplugged_camera_board_ends_in_hold() {
+    let folder = tempdir().expect("a folder");
+    let devices = Devices::start(folder.path(), &["--seconds", "60", "--fault", "usb=cameras@12"]);
+    let sessions = folder.path().join("sessions");
+    let arguments = [
+        "trial",
+        "0",
+        "--policy",
+        "blind",
+        "--robot",
+        "hardware",
+        "--config",
+        text(&devices.config),
+        "--session",
+        text(&sessions),
+    ];
+    let mut host =
+        ftac(&arguments).stdin(Stdio::piped()).stdout(Stdio::null()).stderr(Stdio::piped()).spawn().expect("starts");
+    host.stdin.take().expect("piped").write_all(b"\nrelease\n").expect("the operator answers");
+    let output = host.wait_with_output().expect("ends");
+    let message = stderr(&output);
+    assert_eq!(output.status.code(), Some(1), "{message}");
+    assert!(message.contains("hold: camera board: its port is gone; check the USB cable"), "{message}");
+    assert!(message.contains("keeps hold of what it holds"), "{message}");
+}

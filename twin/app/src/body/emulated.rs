@@ -1,0 +1,198 @@
+//! The hardware bridge on emulated devices whose plant is the simulated robot, in lock-step; and the simulated robot with its session recorded.
+
+use std::path::PathBuf;
+use std::sync::mpsc::{self, Receiver};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+use anyhow::{Context as _, Result};
+use hand_model::robot::{Command, Observation, Robot, Tick};
+use hand_model::{ACTUATORS, Arm, Hand};
+use hardware_bridge::config::LimitConfig;
+use hardware_bridge::emulator::EmulatorSettings;
+use hardware_bridge::emulator::camera_board::BoardSettings;
+use hardware_bridge::emulator::lockstep::{LockstepRobot, LockstepSettings};
+use hardware_bridge::safety::state::State;
+use hardware_bridge::session_log::{Packet, Session};
+use nalgebra::Isometry3;
+use scenarios::noise::ObjectNoise;
+use sim::SimulatedRobot;
+use sim::robot::Truth;
+
+use super::{Setting, Stage, Task, Venue};
+
+/// What the spool takes up beyond the geometric closing when the cable stretches under the strongest pull, rad.
+const STRETCH: f64 = 0.35;
+/// JPEG quality of the emulated board: what a firmware with room on its USB line would take.
+const QUALITY: u8 = 95;
+/// Waited for an answer of the servos, s of real time.
+const SLACK: f64 = 20.0;
+
+/// The simulated robot as a plant that somebody else looks at too.
+#[derive(Clone)]
+pub struct SharedPlant(Arc<Mutex<SimulatedRobot>>);
+
+impl SharedPlant {
+    /// Around a robot in its scene.
+    pub fn new(robot: SimulatedRobot) -> Self {
+        Self(Arc::new(Mutex::new(robot)))
+    }
+
+    /// The robot.
+    pub fn lock(&self) -> MutexGuard<'_, SimulatedRobot> {
+        // Whoever panicked with it has said so.
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+impl Robot for SharedPlant {
+    fn observe(&mut self) -> Observation {
+        self.lock().observe()
+    }
+
+    fn send(&mut self, command: &Command) -> Command {
+        self.lock().send(command)
+    }
+
+    fn wait_for_tick(&mut self) -> Tick {
+        self.lock().wait_for_tick()
+    }
+
+    fn tick_length(&self) -> f64 {
+        self.lock().tick_length()
+    }
+}
+
+/// Travel of every shaft of a hand, rad: the closing of all joints, and the cable's stretch.
+pub fn travel(hand: &Hand) -> [f64; ACTUATORS] {
+    let parameters = &hand.parameters;
+    std::array::from_fn(|n| match hand.transmission.cables.get(n) {
+        Some(cable) => cable.full_excursion(std::f64::consts::FRAC_PI_2) / parameters.cable.spool_radius + STRETCH,
+        None => std::f64::consts::FRAC_PI_2 * parameters.servo.gear_ratio_opposition + STRETCH,
+    })
+}
+
+/// The usual lock-step robot around a plant.
+pub fn settings(hand: &Hand, seed: u64, slack: f64) -> LockstepSettings {
+    let board = BoardSettings { quality: QUALITY, ..BoardSettings::default() };
+    LockstepSettings {
+        devices: EmulatorSettings { board, seed, ..EmulatorSettings::default() },
+        travel: travel(hand),
+        limits: LimitConfig::default(),
+        slack,
+    }
+}
+
+/// The emulated robot on its stage.
+pub struct Emulated {
+    robot: LockstepRobot,
+    plant: SharedPlant,
+}
+
+impl Stage for Emulated {
+    fn truth(&self) -> Option<Truth> {
+        Some(self.plant.lock().truth())
+    }
+
+    fn look(&mut self, object: usize, noise: &ObjectNoise) -> Result<Isometry3<f64>> {
+        Ok(noise.perceived(&self.plant.lock().truth().objects[object]))
+    }
+
+    fn stopped(&self) -> Option<String> {
+        match self.robot.state() {
+            State::Running | State::Armed => None,
+            state => Some(state.to_string()),
+        }
+    }
+}
+
+impl Robot for Emulated {
+    fn observe(&mut self) -> Observation {
+        self.robot.observe()
+    }
+
+    fn send(&mut self, command: &Command) -> Command {
+        self.robot.send(command)
+    }
+
+    fn wait_for_tick(&mut self) -> Tick {
+        self.robot.wait_for_tick()
+    }
+
+    fn tick_length(&self) -> f64 {
+        self.robot.tick_length()
+    }
+}
+
+/// Where emulated robots come from.
+pub struct EmulatedVenue {
+    hand: Arc<Hand>,
+    arm: Arc<Arm>,
+    /// Folder of the sessions' files, if they are recorded.
+    sessions: Option<PathBuf>,
+    packets: Option<Receiver<Packet>>,
+    about: Option<Session>,
+}
+
+impl EmulatedVenue {
+    /// With this hand and arm.
+    pub fn new(hand: Arc<Hand>, arm: Arc<Arm>, sessions: Option<PathBuf>) -> Self {
+        Self { hand, arm, sessions, packets: None, about: None }
+    }
+}
+
+impl Venue for EmulatedVenue {
+    fn enter(&mut self, setting: &Setting, scene: SimulatedRobot) -> Result<Box<dyn Stage>> {
+        let plant = SharedPlant::new(scene);
+        let (sender, receiver) = mpsc::channel();
+        let tapped = self.sessions.is_some().then_some(&sender);
+        let settings = settings(&self.hand, setting.task.seed, SLACK);
+        let robot = LockstepRobot::start(Box::new(plant.clone()), settings, &self.arm, tapped)?;
+        self.packets = self.sessions.is_some().then_some(receiver);
+        self.about = Some(Session {
+            configuration: robot.config().to_toml().into_bytes(),
+            calibration: serde_json::to_vec(robot.calibration())?,
+            ..Session::default()
+        });
+        Ok(Box::new(Emulated { robot, plant }))
+    }
+
+    fn session(&self, task: &Task) -> Result<Option<(PathBuf, Session)>> {
+        Ok(session_file(self.sessions.as_deref(), task)?.zip(self.about.clone()))
+    }
+
+    fn packets(&mut self) -> Option<Receiver<Packet>> {
+        self.packets.take()
+    }
+}
+
+/// Simulated robots whose sessions are recorded.
+pub struct SimulatedVenue {
+    /// Folder of the sessions' files.
+    pub sessions: PathBuf,
+}
+
+impl Venue for SimulatedVenue {
+    fn enter(&mut self, _: &Setting, scene: SimulatedRobot) -> Result<Box<dyn Stage>> {
+        Ok(Box::new(scene))
+    }
+
+    fn session(&self, task: &Task) -> Result<Option<(PathBuf, Session)>> {
+        Ok(session_file(Some(&self.sessions), task)?.map(|path| (path, Session::default())))
+    }
+}
+
+/// The file of a trial's session in `folder`; an unfinished one of an earlier run is moved out of the way.
+pub fn session_file(folder: Option<&std::path::Path>, task: &Task) -> Result<Option<PathBuf>> {
+    let Some(folder) = folder else { return Ok(None) };
+    std::fs::create_dir_all(folder).with_context(|| folder.display().to_string())?;
+    let Task { robot, combination, trial, condition, .. } = task;
+    let name = format!("combination_{combination:02}_trial_{trial}_{condition}_{robot}");
+    let path = folder.join(format!("{name}.mcap"));
+    if path.exists() {
+        let earlier = (1..).map(|n| folder.join(format!("{name}.{n}.mcap"))).find(|path| !path.exists());
+        if let Some(earlier) = earlier {
+            std::fs::rename(&path, &earlier).with_context(|| path.display().to_string())?;
+        }
+    }
+    Ok(Some(path))
+}

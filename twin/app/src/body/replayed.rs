@@ -1,0 +1,94 @@
+//! A recorded session as a body: the control stack runs on it again.
+
+use std::cell::Cell;
+use std::path::PathBuf;
+use std::rc::Rc;
+
+use anyhow::{Result, anyhow};
+use hand_model::robot::{Command, Observation, Robot, Tick};
+use hardware_bridge::session_log::replay::{Divergence, Progress};
+use hardware_bridge::session_log::{Replay, Session};
+use nalgebra::Isometry3;
+use scenarios::noise::ObjectNoise;
+use sim::SimulatedRobot;
+use sim::robot::Truth;
+
+use super::{Setting, Stage, Stopped, Task, Venue, pose};
+
+/// How far a replay came, and how it left the recording if it did.
+pub type Report = Rc<Cell<Option<(Progress, Option<Divergence>)>>>;
+
+/// A recording on its stage; reports when dropped.
+pub struct Replayed {
+    replay: Replay,
+    report: Report,
+}
+
+impl Stage for Replayed {
+    fn truth(&self) -> Option<Truth> {
+        None
+    }
+
+    fn look(&mut self, object: usize, _: &ObjectNoise) -> Result<Isometry3<f64>> {
+        let seen = self.replay.seen(object);
+        seen.map(|numbers| pose(&numbers)).ok_or_else(|| anyhow!(Stopped("the recording says nothing of it".into())))
+    }
+
+    fn stopped(&self) -> Option<String> {
+        self.replay.is_left().then(|| "the recording ends here".to_owned())
+    }
+}
+
+impl Robot for Replayed {
+    fn observe(&mut self) -> Observation {
+        self.replay.observe()
+    }
+
+    fn send(&mut self, command: &Command) -> Command {
+        self.replay.send(command)
+    }
+
+    fn wait_for_tick(&mut self) -> Tick {
+        self.replay.wait_for_tick()
+    }
+
+    fn tick_length(&self) -> f64 {
+        self.replay.tick_length()
+    }
+}
+
+impl Drop for Replayed {
+    fn drop(&mut self) {
+        self.report.set(Some((self.replay.progress(), self.replay.divergence().cloned())));
+    }
+}
+
+/// The place of one replay.
+pub struct ReplayVenue {
+    replay: Option<Replay>,
+    report: Report,
+    real: bool,
+}
+
+impl ReplayVenue {
+    /// For `replay`, of a real robot or not; the report is there once the trial is over.
+    pub fn new(replay: Replay, real: bool) -> (Self, Report) {
+        let report = Report::default();
+        (Self { replay: Some(replay), report: report.clone(), real }, report)
+    }
+}
+
+impl Venue for ReplayVenue {
+    fn enter(&mut self, _: &Setting, _: SimulatedRobot) -> Result<Box<dyn Stage>> {
+        let replay = self.replay.take().ok_or_else(|| anyhow!("a recording is one trial"))?;
+        Ok(Box::new(Replayed { replay, report: self.report.clone() }))
+    }
+
+    fn session(&self, _: &Task) -> Result<Option<(PathBuf, Session)>> {
+        Ok(None)
+    }
+
+    fn is_real(&self) -> bool {
+        self.real
+    }
+}

@@ -1,0 +1,330 @@
+//! `ftac bridge faults`: every fault in every phase of a trial, on the emulated robot in lock-step, and what comes of it.
+//!
+//! A trial without noise is played in simulation; in each of its phases body and controller are copied, the emulated devices are put around the
+//! copy, the controller goes on through the whole bridge, and a moment later something breaks. All times are the emulated clock's.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+use anyhow::{Context as _, Result, bail};
+use clap::Args;
+use control::executive::{Executive, Phase};
+use hand_model::ARM_JOINTS;
+use hand_model::robot::{Robot, ServoGoal};
+use hardware_bridge::config::LimitConfig;
+use hardware_bridge::emulator::lockstep::LockstepRobot;
+use hardware_bridge::kortex::emulator::{Happening, Injection};
+use hardware_bridge::kortex::servoing::Limits;
+use hardware_bridge::safety::limits::BEYOND;
+use hardware_bridge::safety::state::State;
+use hardware_bridge::session_log::{Event, Reader, Recorder, Session, Writer};
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use scenarios::combination::Scenario;
+
+use self::kind::{ALL, Expected, Kind};
+use crate::body::emulated::{SharedPlant, settings, travel};
+use crate::cli::Cli;
+use crate::commands::make_bench;
+use crate::rehearsal::{Snapshot, in_hand};
+use crate::trial::Bench;
+
+mod kind;
+mod table;
+
+/// Waited for an answer of the servos, s of real time: what comes at all comes sooner.
+const SLACK: f64 = 0.04;
+/// Ticks through the bridge before the fault, and after the safe state.
+const BEFORE: usize = 10;
+const AFTER: usize = 60;
+/// Longest wait for a safe state, ticks.
+const LONGEST: usize = 180;
+/// A joint slower than this stands, rad/s.
+const STANDS: f64 = 0.02;
+/// Phases with a beginning and an end.
+const PHASES: [Phase; 10] = [
+    Phase::ApproachFirst,
+    Phase::GraspFirst,
+    Phase::LiftFirst,
+    Phase::Look,
+    Phase::ApproachSecond,
+    Phase::GraspSecond,
+    Phase::LiftSecond,
+    Phase::Check,
+    Phase::Carry,
+    Phase::Hold,
+];
+
+/// Arguments of `bridge faults`.
+#[derive(Debug, Args)]
+pub struct FaultArgs {
+    /// Times every fault is injected into every phase, each time in another combination.
+    #[arg(long, default_value_t = 3)]
+    rounds: usize,
+    /// Only faults whose name contains this.
+    #[arg(long)]
+    only: Option<String>,
+    /// Threads; default: all cores.
+    #[arg(long)]
+    jobs: Option<usize>,
+}
+
+/// What came of one injection.
+#[derive(Debug, Clone)]
+pub struct Outcome {
+    kind: Kind,
+    phase: Phase,
+    /// In the words of the supervisor.
+    state: String,
+    as_expected: bool,
+    /// From the fault to the safe state, ms; `None` where the robot rightly went on, or never got there.
+    safe_ms: Option<f64>,
+    /// Goals held to their limits, and those outside them.
+    checked: u64,
+    outside: u64,
+    /// Objects in the hand before, and lost after.
+    held: usize,
+    lost: usize,
+    /// Whether the recording could be read to its last tick.
+    intact: bool,
+}
+
+pub fn run(cli: &Cli, args: &FaultArgs) -> Result<Option<String>> {
+    let kinds: Vec<Kind> =
+        ALL.into_iter().filter(|kind| args.only.as_ref().is_none_or(|only| kind.name().contains(only))).collect();
+    if kinds.is_empty() || args.rounds == 0 {
+        let names: Vec<&str> = ALL.iter().map(|kind| kind.name()).collect();
+        bail!("--only, --rounds: found no fault to inject, expected some of: {}", names.join(", "));
+    }
+    let quiet = cli.quiet || cli.json;
+    let bench = make_bench(Scenario::benchmark(), args.rounds.min(60), cli.seed, quiet)?;
+    let mut jobs = Vec::new();
+    for round in 0..args.rounds {
+        let moments = moments(&bench, round % bench.plans.plans.len(), cli.seed ^ round as u64)?;
+        for (phase, snapshot) in moments {
+            jobs.extend(kinds.iter().map(|kind| (*kind, phase, snapshot.clone(), round)));
+        }
+    }
+    let bar = if quiet { indicatif::ProgressBar::hidden() } else { indicatif::ProgressBar::new(jobs.len() as u64) };
+    let (next, outcomes) = (AtomicUsize::new(0), Mutex::new(BTreeMap::new()));
+    let folder = tempfile::tempdir().context("a folder for recordings")?;
+    let work = || -> Result<()> {
+        loop {
+            let n = next.fetch_add(1, Ordering::Relaxed);
+            let Some((kind, phase, snapshot, round)) = jobs.get(n) else { return Ok(()) };
+            let file = folder.path().join(format!("{n}.mcap"));
+            let seed = cli.seed.wrapping_add(n as u64);
+            let outcome = suffer(&bench, *kind, *phase, snapshot, &file, seed)
+                .with_context(|| format!("{} in {}, round {round}", kind.name(), phase.name()))?;
+            outcomes.lock().map_err(|_| anyhow::anyhow!("a worker panicked"))?.insert(n, outcome);
+            bar.inc(1);
+        }
+    };
+    let threads = args.jobs.unwrap_or_else(|| std::thread::available_parallelism().map_or(1, |n| n.get()));
+    let worked: Result<()> = std::thread::scope(|scope| {
+        let workers: Vec<_> = (0..threads.max(1)).map(|_| scope.spawn(work)).collect();
+        workers.into_iter().try_for_each(|worker| worker.join().map_err(|_| anyhow::anyhow!("a worker panicked"))?)
+    });
+    bar.finish_and_clear();
+    worked?;
+    let outcomes: Vec<Outcome> = outcomes.into_inner().unwrap_or_default().into_values().collect();
+    Ok(table::tell(cli, &kinds, &outcomes))
+}
+
+/// Body and controller in each phase of a combination's ideal run, at a drawn moment.
+fn moments(bench: &Bench, combination: usize, seed: u64) -> Result<Vec<(Phase, Snapshot)>> {
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    let mut lengths: BTreeMap<Phase, usize> = BTreeMap::new();
+    play(bench, combination, |snapshot| *lengths.entry(snapshot.executive.phase()).or_default() += 1)?;
+    // Not in the last ticks: the fault shall strike in the phase.
+    let drawn: BTreeMap<Phase, usize> = lengths
+        .into_iter()
+        .map(|(phase, length)| (phase, rng.random_range(1..=length.saturating_sub(BEFORE + 5).max(1))))
+        .collect();
+    let (mut moments, mut counts) = (Vec::new(), BTreeMap::<Phase, usize>::new());
+    play(bench, combination, |snapshot| {
+        let phase = snapshot.executive.phase();
+        let count = counts.entry(phase).or_default();
+        *count += 1;
+        if PHASES.contains(&phase) && drawn.get(&phase) == Some(count) {
+            moments.push((phase, snapshot.clone()));
+        }
+    })?;
+    Ok(moments)
+}
+
+/// Plays the ideal run of a combination in simulation; `see` is shown every tick.
+fn play(bench: &Bench, combination: usize, mut see: impl FnMut(&Snapshot)) -> Result<()> {
+    let (mut snapshot, second) = bench.ideal_start(combination)?;
+    while snapshot.executive.phase() < Phase::Done {
+        match snapshot.executive.phase() {
+            Phase::Decide => snapshot.executive.decide(second.clone())?,
+            Phase::Confirm => snapshot.executive.confirm()?,
+            _ => {}
+        }
+        tick(&mut snapshot.robot, &mut snapshot.executive)?;
+        see(&snapshot);
+    }
+    Ok(())
+}
+
+fn tick(robot: &mut impl Robot, executive: &mut Executive) -> Result<()> {
+    let observation = robot.observe();
+    let command = executive.tick(&observation)?;
+    robot.send(&command);
+    robot.wait_for_tick();
+    Ok(())
+}
+
+/// One injection.
+fn suffer(bench: &Bench, kind: Kind, phase: Phase, moment: &Snapshot, file: &Path, seed: u64) -> Result<Outcome> {
+    let Snapshot { robot, mut executive } = moment.clone();
+    let (hand, arm) = (&bench.world.hand, &bench.world.arm);
+    let plant = SharedPlant::new(robot);
+    let robot = LockstepRobot::start(Box::new(plant.clone()), settings(hand, seed, SLACK), arm, None)?;
+    let session = Session { robot: "emulated".into(), seed, tick_length: robot.tick_length(), ..Session::default() };
+    let mut recorder = Recorder::new(robot, Writer::create(file, &session)?);
+    let mut watch = Watch::new(travel(hand));
+    for _ in 0..BEFORE {
+        tick(&mut recorder, &mut executive)?;
+        watch.see(recorder.robot());
+    }
+    if recorder.robot().state() != State::Running {
+        bail!("found the robot in state `{}` before the fault, expected running", recorder.robot().state());
+    }
+    let mut truth = plant.lock().truth();
+    let held: Vec<usize> = (0..2).filter(|object| in_hand(&truth, *object)).collect();
+    kind.strike(recorder.robot());
+    let struck = truth.time;
+    let (mut safe, mut ticks, mut alive) = (None, BEFORE as u64, true);
+    let patience = if kind.expected() == Expected::GoesOn { AFTER } else { LONGEST };
+    for _ in 0..patience {
+        alive = kind.drive(&mut recorder, &mut executive)? && alive;
+        ticks += u64::from(alive);
+        watch.see(recorder.robot());
+        truth = plant.lock().truth();
+        if is_safe(kind, recorder.robot()) {
+            safe = Some(1e3 * (truth.time - struck));
+            break;
+        }
+    }
+    for _ in 0..if safe.is_some() { AFTER } else { 0 } {
+        alive = kind.drive(&mut recorder, &mut executive)? && alive;
+        ticks += u64::from(alive);
+        watch.see(recorder.robot());
+    }
+    truth = plant.lock().truth();
+    let lost = held.iter().filter(|object| !in_hand(&truth, **object)).count();
+    let state = recorder.robot().state();
+    let intact = if kind.kills_the_host() {
+        // What the operating system has of the file when the program is gone.
+        let copy = file.with_extension("killed.mcap");
+        std::fs::copy(file, &copy)?;
+        let read = ticks_in(&copy)?;
+        std::fs::remove_file(&copy)?;
+        drop(recorder);
+        read == (ticks, false)
+    } else {
+        let (robot, written) = recorder.finish();
+        drop(robot);
+        written?;
+        ticks_in(file)? == (ticks, true)
+    };
+    std::fs::remove_file(file)?;
+    let as_expected = kind.expected().fits(&state, safe.is_some());
+    let outside = watch.outside;
+    Ok(Outcome {
+        kind,
+        phase,
+        state: state.to_string(),
+        as_expected,
+        safe_ms: safe,
+        checked: watch.checked,
+        outside,
+        held: held.len(),
+        lost,
+        intact,
+    })
+}
+
+/// Whether nothing moves the robot any more: the supervisor holds, or where there is none left, the servos hold by themselves; the arm stands.
+fn is_safe(kind: Kind, robot: &mut LockstepRobot) -> bool {
+    let arm = robot.arm().status();
+    let stands = arm.motion.velocity.iter().all(|speed| speed.abs() < STANDS);
+    let stopped = if kind.kills_the_host() {
+        let by_itself = arm.events.iter().any(|event| event.what == Happening::Watchdog);
+        robot.devices().watchdogs_tripped() == 6 && by_itself
+    } else {
+        matches!(robot.state(), State::Hold(_) | State::Fault(_))
+    };
+    stopped && stands
+}
+
+/// Holds every command that reaches the devices to the limits.
+struct Watch {
+    travel: [f64; 6],
+    limits: LimitConfig,
+    arm: Limits,
+    before: Option<Vec<f64>>,
+    checked: u64,
+    outside: u64,
+}
+
+impl Watch {
+    fn new(travel: [f64; 6]) -> Self {
+        let arm = Limits::gen3(&hand_model::Arm::gen3());
+        Self { travel, limits: LimitConfig::default(), arm, before: None, checked: 0, outside: 0 }
+    }
+
+    fn see(&mut self, robot: &mut LockstepRobot) {
+        // A goal is rounded to the servo's units.
+        let (count, milliampere) = (std::f64::consts::TAU / 4096.0, 1e-3);
+        let reach = self.limits.speed * robot.tick_length() + 2.0 * count;
+        let held = robot.devices().watchdogs_tripped() > 0;
+        let drives = robot.devices().drives();
+        let angles: Vec<f64> = drives
+            .iter()
+            .map(|drive| match drive {
+                ServoGoal::Position { angle, .. } => *angle,
+                ServoGoal::Current(_) => f64::NAN,
+            })
+            .collect();
+        for (n, drive) in drives.iter().enumerate() {
+            let (angle, current) = match *drive {
+                ServoGoal::Position { angle, current_limit } => (angle, current_limit),
+                ServoGoal::Current(current) => (0.0, current),
+            };
+            let within = (-count..=self.travel[n] + BEYOND + count).contains(&angle)
+                && (0.0..=self.limits.current + milliampere).contains(&current);
+            // A servo that was off, or that its watchdog stopped, starts from where it stands.
+            let step = self.before.as_ref().map_or(0.0, |before| (angles[n] - before[n]).abs());
+            self.outside += u64::from(!within || (step > reach && !held));
+        }
+        self.checked += (angles.len() + ARM_JOINTS) as u64;
+        self.before = Some(angles);
+        let status = robot.arm().status();
+        let steps = status.commands.largest_step;
+        self.outside += (0..ARM_JOINTS).filter(|i| steps[*i] > self.arm.step[*i] + 1e-6).count() as u64;
+        let goal = robot.devices().arm_joints().goal();
+        self.outside += (0..ARM_JOINTS)
+            .filter(|i| !(self.arm.lower[*i] - 1e-6..=self.arm.upper[*i] + 1e-6).contains(&goal[*i]))
+            .count() as u64;
+    }
+}
+
+/// Ticks in a recording, and whether it was finished.
+fn ticks_in(file: &Path) -> Result<(u64, bool)> {
+    let mut reader = Reader::open(file)?;
+    let mut ticks = 0;
+    while let Some((_, event)) = reader.next_event()? {
+        ticks += u64::from(matches!(event, Event::Tick(_)));
+    }
+    Ok((ticks, reader.is_whole()))
+}
+
+/// Injections of the arm that a kind stands for.
+fn arm(robot: &mut LockstepRobot, injection: Injection) {
+    robot.arm().inject(injection);
+}

@@ -1,0 +1,208 @@
+//! What can break, how it is made to, and what must come of it.
+
+use anyhow::Result;
+use control::executive::Executive;
+use hand_model::robot::{Robot, ServoGoal};
+use hardware_bridge::emulator::Plug;
+use hardware_bridge::emulator::faults::{Chances, Event};
+use hardware_bridge::emulator::lockstep::LockstepRobot;
+use hardware_bridge::kortex::emulator::Injection;
+use hardware_bridge::kortex::safety_bank::FOLLOWING_ERROR;
+use hardware_bridge::safety::state::State;
+use hardware_bridge::session_log::Recorder;
+
+use super::{arm, tick};
+
+/// A servo that breaks: the index finger's.
+const SERVO: u8 = 2;
+
+/// What breaks.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Kind {
+    Noise,
+    Dropped,
+    AllDropped,
+    Delayed,
+    Corrupt,
+    Overload,
+    Overheat,
+    Dip,
+    BrownOut,
+    ServoUnplugged,
+    AdapterUnplugged,
+    CamerasUnplugged,
+    CameraFrozen,
+    JpegCut,
+    UdpLossy,
+    UdpSlow,
+    ArmDeaf,
+    ArmFault,
+    EmergencyStop,
+    NotANumber,
+    ControllerSilent,
+    OperatorStop,
+    HostKilled,
+}
+
+/// All of them.
+pub const ALL: [Kind; 23] = [
+    Kind::Noise,
+    Kind::Dropped,
+    Kind::AllDropped,
+    Kind::Delayed,
+    Kind::Corrupt,
+    Kind::Overload,
+    Kind::Overheat,
+    Kind::Dip,
+    Kind::BrownOut,
+    Kind::ServoUnplugged,
+    Kind::AdapterUnplugged,
+    Kind::CamerasUnplugged,
+    Kind::CameraFrozen,
+    Kind::JpegCut,
+    Kind::UdpLossy,
+    Kind::UdpSlow,
+    Kind::ArmDeaf,
+    Kind::ArmFault,
+    Kind::EmergencyStop,
+    Kind::NotANumber,
+    Kind::ControllerSilent,
+    Kind::OperatorStop,
+    Kind::HostKilled,
+];
+
+/// What must come of a fault.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Expected {
+    /// The robot goes on, or holds if too much is lost at once.
+    GoesOn,
+    /// It holds.
+    Holds,
+    /// It holds and somebody must look after a device.
+    Faults,
+    /// Devices stop by themselves.
+    StopsItself,
+}
+
+impl Expected {
+    /// Whether the end fits.
+    pub fn fits(self, state: &State, safe: bool) -> bool {
+        match self {
+            Self::GoesOn => safe || matches!(state, State::Running),
+            Self::Holds => safe && matches!(state, State::Hold(_) | State::Fault(_)),
+            Self::Faults => safe && matches!(state, State::Fault(_)),
+            Self::StopsItself => safe,
+        }
+    }
+}
+
+impl Kind {
+    /// In words.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Noise => "noise before 30 % of the answers",
+            Self::Dropped => "5 % of the answers dropped",
+            Self::AllDropped => "all servo answers dropped",
+            Self::Delayed => "5 % of the answers late",
+            Self::Corrupt => "5 % of the answers corrupt",
+            Self::Overload => "servo shut down by overload",
+            Self::Overheat => "servo overheated",
+            Self::Dip => "supply dips to 8 V",
+            Self::BrownOut => "supply gone",
+            Self::ServoUnplugged => "servo unplugged",
+            Self::AdapterUnplugged => "servo adapter unplugged",
+            Self::CamerasUnplugged => "camera board unplugged",
+            Self::CameraFrozen => "camera frozen",
+            Self::JpegCut => "JPEGs cut in half",
+            Self::UdpLossy => "30 % of UDP answers lost",
+            Self::UdpSlow => "UDP answers up to 5 ms late",
+            Self::ArmDeaf => "arm's network gone",
+            Self::ArmFault => "arm fault",
+            Self::EmergencyStop => "emergency stop",
+            Self::NotANumber => "controller sends NaN",
+            Self::ControllerSilent => "controller silent",
+            Self::OperatorStop => "bridge stop",
+            Self::HostKilled => "host killed or frozen",
+        }
+    }
+
+    /// What must come of it.
+    pub fn expected(self) -> Expected {
+        match self {
+            Self::Noise | Self::Dropped | Self::Delayed | Self::Corrupt => Expected::GoesOn,
+            Self::CameraFrozen | Self::JpegCut | Self::UdpLossy | Self::UdpSlow => Expected::GoesOn,
+            Self::Overload | Self::ArmFault | Self::EmergencyStop => Expected::Faults,
+            Self::HostKilled => Expected::StopsItself,
+            _ => Expected::Holds,
+        }
+    }
+
+    /// Whether it takes a servo's torque, so that what that servo held may fall whatever the bridge does.
+    pub fn takes_torque(self) -> bool {
+        matches!(self, Self::Overload | Self::Overheat | Self::BrownOut | Self::ServoUnplugged)
+    }
+
+    /// Whether nothing of the host is left.
+    pub fn kills_the_host(self) -> bool {
+        self == Self::HostKilled
+    }
+
+    /// Makes it happen.
+    pub fn strike(self, robot: &mut LockstepRobot) {
+        let chances = |chances: Chances| Some(chances);
+        let chances = match self {
+            Self::Noise => chances(Chances { noise: 0.3, ..Chances::default() }),
+            Self::Dropped => chances(Chances { drop: 0.05, ..Chances::default() }),
+            Self::AllDropped => chances(Chances { drop: 1.0, ..Chances::default() }),
+            Self::Delayed => chances(Chances { delay: 0.05, ..Chances::default() }),
+            Self::Corrupt => chances(Chances { corrupt: 0.05, ..Chances::default() }),
+            _ => None,
+        };
+        if let Some(chances) = chances {
+            robot.devices().set_chances(chances);
+        }
+        match self {
+            Self::Overload => robot.devices().inject(Event::Overload(SERVO)),
+            Self::Overheat => robot.devices().inject(Event::Overheat(SERVO)),
+            Self::Dip => robot.devices().inject(Event::Voltage(8.0)),
+            Self::BrownOut => robot.devices().inject(Event::Voltage(0.0)),
+            Self::ServoUnplugged => robot.devices().inject(Event::Unplug(SERVO)),
+            Self::AdapterUnplugged => robot.devices().unplug(Plug::Servos),
+            Self::CamerasUnplugged => robot.devices().unplug(Plug::Cameras),
+            Self::CameraFrozen => robot.devices().inject(Event::Freeze(3)),
+            Self::JpegCut => robot.devices().set_jpeg_chance(1.0),
+            Self::UdpLossy => arm(robot, Injection::LoseReplies(0.3)),
+            Self::UdpSlow => arm(robot, Injection::DelayReplies(5)),
+            Self::ArmDeaf => arm(robot, Injection::Deaf(true)),
+            Self::ArmFault => arm(robot, Injection::JointFault { joint: 3, bits: FOLLOWING_ERROR }),
+            Self::EmergencyStop => arm(robot, Injection::EmergencyStop(true)),
+            Self::OperatorStop => robot.hold(),
+            Self::HostKilled => robot.kill_host(),
+            _ => {}
+        }
+    }
+
+    /// One tick afterwards; whether the host still took part in it.
+    pub fn drive(self, recorder: &mut Recorder<LockstepRobot>, executive: &mut Executive) -> Result<bool> {
+        match self {
+            Self::HostKilled => {
+                // Past the recorder, which died with the host.
+                recorder.robot().wait_for_tick();
+                return Ok(false);
+            }
+            Self::ControllerSilent => {
+                recorder.robot().idle_cycle();
+                recorder.wait_for_tick();
+            }
+            Self::NotANumber => {
+                let observation = recorder.observe();
+                let mut command = executive.tick(&observation)?;
+                command.servos[0] = ServoGoal::Current(f64::NAN);
+                recorder.send(&command);
+                recorder.wait_for_tick();
+            }
+            _ => tick(recorder, executive)?,
+        }
+        Ok(true)
+    }
+}

@@ -1,0 +1,94 @@
+//! The fault matrix as a table.
+
+use super::kind::{Expected, Kind};
+use super::{Outcome, PHASES};
+use crate::cli::Cli;
+
+/// Prints what came of it all; the shortfall is the first thing that should not have.
+pub fn tell(cli: &Cli, kinds: &[Kind], outcomes: &[Outcome]) -> Option<String> {
+    let mut rows = Vec::new();
+    for kind in kinds {
+        let of: Vec<&Outcome> = outcomes.iter().filter(|outcome| outcome.kind == *kind).collect();
+        let mut times: Vec<f64> = of.iter().filter_map(|outcome| outcome.safe_ms).collect();
+        times.sort_by(f64::total_cmp);
+        let sum = |value: fn(&Outcome) -> usize| of.iter().map(|outcome| value(outcome)).sum::<usize>();
+        rows.push(serde_json::json!({
+            "fault": kind.name(),
+            "expected": match kind.expected() {
+                Expected::GoesOn => "goes on",
+                Expected::Holds => "hold",
+                Expected::Faults => "fault",
+                Expected::StopsItself => "stops itself",
+            },
+            "injected": of.len(),
+            "as_expected": sum(|outcome| usize::from(outcome.as_expected)),
+            "stopped": times.len(),
+            "safe_ms_median": times.get(times.len() / 2),
+            "safe_ms_max": times.last(),
+            "outside_limits": of.iter().map(|outcome| outcome.outside).sum::<u64>(),
+            "held": sum(|outcome| outcome.held),
+            "lost": sum(|outcome| outcome.lost),
+            "takes_torque": kind.takes_torque(),
+            "recordings_intact": sum(|outcome| usize::from(outcome.intact)),
+        }));
+    }
+    let wrong: Vec<String> = outcomes.iter().filter_map(complaint).collect();
+    let checked: u64 = outcomes.iter().map(|outcome| outcome.checked).sum();
+    if cli.json {
+        println!(
+            "{}",
+            serde_json::json!({ "injected": outcomes.len(), "phases": PHASES.len(), "goals_checked": checked, "rows": rows, "wrong": wrong })
+        );
+    } else {
+        println!(
+            "{:34} {:>12} {:>8} {:>8} {:>18} {:>8} {:>12} {:>7}",
+            "fault", "expected", "injected", "so", "ms to safe (max)", "outside", "lost of held", "intact"
+        );
+        for row in &rows {
+            let ms = |name: &str| row[name].as_f64().map_or("-".to_owned(), |ms| format!("{ms:.0}"));
+            let lost =
+                format!("{} of {}{}", row["lost"], row["held"], if row["takes_torque"] == true { "*" } else { "" });
+            let number = |name: &str| row[name].to_string();
+            println!(
+                "{:34} {:>12} {:>8} {:>8} {:>18} {:>8} {:>12} {:>7}",
+                row["fault"].as_str().unwrap_or_default(),
+                row["expected"].as_str().unwrap_or_default(),
+                number("injected"),
+                number("as_expected"),
+                format!("{} ({})", ms("safe_ms_median"), ms("safe_ms_max")),
+                number("outside_limits"),
+                lost,
+                number("recordings_intact"),
+            );
+        }
+        println!("* the fault itself takes a servo's torque: what that digit held may fall, whatever the others hold");
+        println!(
+            "{} faults in {} phases, {checked} goals of servos and joints held to their limits; times on the emulated clock, to the arm's standstill",
+            outcomes.len(),
+            PHASES.len()
+        );
+        for complaint in wrong.iter().take(10) {
+            eprintln!("{complaint}");
+        }
+    }
+    wrong.first().map(|first| {
+        format!("{first}{}", if wrong.len() > 1 { format!(" (and {} more)", wrong.len() - 1) } else { String::new() })
+    })
+}
+
+/// What should not have come of a fault.
+fn complaint(outcome: &Outcome) -> Option<String> {
+    let Outcome { kind, phase, state, .. } = outcome;
+    let what = if !outcome.as_expected {
+        format!("ended in `{state}`")
+    } else if outcome.outside > 0 {
+        format!("{} commands outside their limits", outcome.outside)
+    } else if outcome.lost > 0 && !kind.takes_torque() && kind.expected() != Expected::GoesOn {
+        format!("{} of {} held objects lost in `{state}`", outcome.lost, outcome.held)
+    } else if !outcome.intact {
+        "the recording is not intact".to_owned()
+    } else {
+        return None;
+    };
+    Some(format!("{} in {}: {what}", kind.name(), phase.name()))
+}
