@@ -123,3 +123,45 @@ fn free_fall() {
     // Semi-implicit Euler is ahead by half a step's way.
     assert!((fallen - 0.5 * 9.81 * 0.25).abs() < 0.012, "{fallen}");
 }
+
+/// Two balls that meet off centre, with friction: what one loses the other gains, in motion and in spin.
+#[test]
+fn a_collision_keeps_momentum() {
+    use rapier3d_f64::prelude::*;
+    // A push acts on both at points a contact's gap apart, which shrinks with the step.
+    let settings = EngineSettings { dt: 1.0 / 2000.0, ..EngineSettings::default() };
+    let mut engine = sim::engine::Engine::new(settings);
+    engine.gravity = Vector::ZERO;
+    let mut ball = |x: f64, y: f64, speed: Vector, mass: f64, radius: f64| {
+        let spread = Matrix::from_diagonal(Vector::splat(0.4 * mass * radius * radius));
+        let inertia = MassProperties::with_inertia_matrix(Vector::ZERO, mass, spread);
+        let place = Pose::from_translation(Vector::new(x, y, 0.0));
+        let body = RigidBodyBuilder::dynamic().pose(place).linvel(speed).additional_mass_properties(inertia);
+        let body = engine.bodies.insert(body.can_sleep(false));
+        let collider = ColliderBuilder::ball(radius).density(0.0).friction(0.6);
+        engine.colliders.insert_with_parent(collider, body, &mut engine.bodies);
+        (body, mass, 0.4 * mass * radius * radius)
+    };
+    let balls = [
+        ball(-0.06, 0.0, Vector::new(0.4, 0.0, 0.0), 0.1, 0.02),
+        ball(0.0, 0.012, Vector::new(-0.1, 0.05, 0.02), 0.3, 0.03),
+    ];
+    let momenta = |engine: &sim::engine::Engine| {
+        let mut sum = (Vector::ZERO, Vector::ZERO);
+        for (handle, mass, inertia) in balls {
+            let body = &engine.bodies[handle];
+            sum.0 += body.linvel() * mass;
+            sum.1 += body.translation().cross(body.linvel() * mass) + body.angvel() * inertia;
+        }
+        sum
+    };
+    let before = momenta(&engine);
+    for _ in 0..1000 {
+        engine.step();
+    }
+    let after = momenta(&engine);
+    let first = engine.bodies[balls[0].0].linvel();
+    assert!((first - Vector::new(0.4, 0.0, 0.0)).length() > 0.1, "they met: {first}");
+    assert!((after.0 - before.0).length() < 1e-12, "{} {}", before.0, after.0);
+    assert!((after.1 - before.1).length() < 0.02 * before.1.length(), "{} {}", before.1, after.1);
+}

@@ -6,6 +6,10 @@
 Needs MuJoCo from PyPI, for this comparison only. Exit code 0: compared; 77: skipped, MuJoCo is not there; 1: a figure is
 outside its tolerance. The cables are MuJoCo's own spatial tendons; the servo that winds them is ours, stepped here as in
 `sim/src/servo.rs`, because MuJoCo has no one-sided cable on a spool.
+
+MuJoCo runs at its own time step: at ours its contacts are soft enough for a finger to sink 0.7 mm into a light ball. A prop that
+is held in place is given the inertia of a wall, not only put back after each step: put back alone, a light one gives way within
+the step, and the fingers close into other grasps than on a fixed one.
 """
 
 import argparse
@@ -23,6 +27,11 @@ except ImportError as error:
 
 SUBSTEPS = 8
 POSITION_GAIN, POSITION_DAMPING = 6.0, 0.25
+# MuJoCo's steps a second, and the time constant of its contacts, s: two steps, the stiffest it allows.
+RATE = 960.0
+CONTACT = 2.0 / RATE
+# Added inertia of a prop that is held in place, kg and kg m2.
+WALL = 1e6
 # Free motion may differ by this at any sampled moment and at rest, degrees. Under way, at up to 400 deg/s, the engines treat
 # the stiff springs differently (ours implicitly); at rest nothing but the model counts.
 FREE_MOTION, FREE_REST = 25.0, 0.1
@@ -70,6 +79,8 @@ class Run:
 
     def __init__(self, folder, scene, setup):
         self.model = mujoco.MjModel.from_xml_path(str(folder / scene["model"]))
+        self.model.opt.timestep = 1.0 / RATE
+        self.model.geom_solref[:, 0] = CONTACT
         self.data = mujoco.MjData(self.model)
         if self.model.nkey:
             mujoco.mj_resetDataKeyframe(self.model, self.data, 0)
@@ -87,6 +98,12 @@ class Run:
         """Keeps the free body `name` where it is until let go."""
         joint = self.model.joint(name)
         self.held = (joint.qposadr[0], joint.dofadr[0], self.data.qpos[joint.qposadr[0] :][:7].copy())
+        self.model.dof_armature[joint.dofadr[0] :][:6] = WALL
+
+    def let_go(self):
+        """Lets go of what is held."""
+        self.model.dof_armature[self.held[1] :][:6] = 0.0
+        self.held = None
 
     def advance(self, phase, seconds, angles=None):
         model, data, setup = self.model, self.data, self.setup
@@ -136,14 +153,22 @@ def compare(folder, scene, setup):
     closed = len(angles)
     row = {"name": scene["name"], "ours": dict(scene["ours"]["result"]), "mujoco": {}}
     ours, theirs = np.degrees(scene["ours"]["angles"][:closed]), np.degrees(angles)
+    fine = np.degrees(scene["fine"]["angles"][closed - 1])
+    row["fine"] = dict(scene["fine"]["result"])
     row["angle_deg"] = {
+        "fine_rest": float(np.abs(fine - theirs[-1]).max()),
+        "fine_mean": float(np.abs(fine - theirs[-1]).mean()),
+        "fine": [round(float(angle), 2) for angle in fine],
         "most": float(np.abs(ours - theirs).max()),
         "rest": float(np.abs(ours[-1] - theirs[-1]).max()),
         "rest_mean": float(np.abs(ours[-1] - theirs[-1]).mean()),
+        "ours": [round(float(angle), 2) for angle in ours[-1]],
+        "mujoco": [round(float(angle), 2) for angle in theirs[-1]],
     }
     if prop:
         row["mujoco"]["closing_force_n"] = run.force_sum(prop)[0]
-        run.held = None
+    if prop and scene["let_go"]:
+        run.let_go()
         run.model.opt.gravity[:] = scene["gravity"]
         last = scene["phases"][-1]
         run.advance(last, scene["settle"])
@@ -153,9 +178,14 @@ def compare(folder, scene, setup):
         slip = float(np.linalg.norm(run.data.xpos[body] - before) * 1e3)
         total, deepest = run.force_sum(prop)
         row["mujoco"].update(holding_force_n=total, slip_mm=slip, held=slip < 20.0, penetration_mm=deepest * 1e3)
-    row["ours"]["step_us"] = scene["ours"]["step_us"]
-    row["mujoco"]["step_us"] = run.seconds / run.steps * 1e6
+    row["ours"].update(speed(scene["ours"]["step_us"], setup["rate"]))
+    row["mujoco"].update(speed(run.seconds / run.steps * 1e6, RATE))
     return row
+
+
+def speed(step_us, rate):
+    """Cost of a step, and simulated over wall time."""
+    return {"step_us": step_us, "real_time": 1e6 / (step_us * rate)}
 
 
 def whole(folder, scene, setup):
@@ -165,9 +195,10 @@ def whole(folder, scene, setup):
     apart = float(np.abs(theirs - np.degrees(scene["ours"]["angles"])).max())
     return {
         "name": "whole",
-        "angle_deg": {"most": apart, "rest": apart, "rest_mean": apart},
-        "ours": {"step_us": scene["ours"]["step_us"]},
-        "mujoco": {"step_us": run.seconds / run.steps * 1e6},
+        "angle_deg": {"most": apart, "rest": apart, "rest_mean": apart, "fine_rest": None, "fine_mean": None},
+        "fine": {},
+        "ours": speed(scene["ours"]["step_us"], setup["rate"]),
+        "mujoco": speed(run.seconds / run.steps * 1e6, RATE),
     }
 
 
@@ -183,14 +214,16 @@ def main():
     setup = json.loads((arguments.folder / "scenes.json").read_text())
     rows = [compare(arguments.folder, scene, setup) for scene in setup["scenes"]]
     rows.append(whole(arguments.folder, setup["whole"], setup))
-    print(f"MuJoCo {mujoco.__version__}; each cell ours / MuJoCo")
-    print(f"{'scene':10} {'angles most, rest':>18} {'closing N':>15} {'holding N':>15} {'slip 5 s mm':>17} {'overlap mm':>13} {'us/step':>13}")
+    print(f"MuJoCo {mujoco.__version__} at {RATE:.0f} Hz; each cell ours / MuJoCo, the first three ours / ours with four outer iterations / MuJoCo")
+    print("angles: difference at rest, most and mean, ours as in trials; the same with four outer iterations")
+    print(f"{'scene':18} {'angles deg':>23} {'closing N':>21} {'holding N':>21} {'slip 5 s mm':>21} {'overlap mm':>13} {'us/step':>13} {'x real time':>15}")
     for row in rows:
         pair = lambda key, digits=1: f"{number(row['ours'].get(key), digits)} / {number(row['mujoco'].get(key), digits)}"
+        three = lambda key, digits=1: " / ".join(number(row[who].get(key), digits) for who in ("ours", "fine", "mujoco"))
         angle = row["angle_deg"]
         print(
-            f"{row['name']:10} {angle['most']:8.2f}, {angle['rest']:5.2f} dg {pair('closing_force_n'):>15} "
-            f"{pair('holding_force_n'):>15} {pair('slip_mm', 2):>17} {pair('penetration_mm', 2):>13} {pair('step_us', 0):>13}"
+            f"{row['name']:18} {number(angle['rest']):>5} {number(angle['rest_mean']):>5}; {number(angle['fine_rest']):>4} {number(angle['fine_mean']):>4} "
+            f"{three('closing_force_n'):>21} {three('holding_force_n'):>21} {three('slip_mm', 2):>21} {pair('penetration_mm', 2):>13} {pair('step_us', 0):>13} {pair('real_time'):>15}"
         )
     if arguments.json:
         arguments.json.write_text(json.dumps(rows, indent=1))

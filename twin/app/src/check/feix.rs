@@ -3,8 +3,9 @@
 //! The object is held in place while the digits close and let go of afterwards. A type is *formed* when the digits of its
 //! virtual fingers touch the object, the palm touches where the type opposes to the palm and does not where it opposes pads,
 //! no digit touches that the type does not name, and the thumb is abducted or adducted as it says. It is *held* when, formed,
-//! the object stays within a centimetre under gravity from each of six directions. Placement and commands are found by
-//! seeded random search; nothing about a type is relaxed to make it pass.
+//! the object stays within a centimetre under gravity from each of six directions. Placement and commands are found by a
+//! seeded search: fresh proposals, and steps away from the best so far that grow with success and shrink with failure, led by how far
+//! the missing digits are from the object and how far it moves under gravity. Nothing about a type is relaxed to make it pass.
 
 mod aim;
 pub mod types;
@@ -39,6 +40,16 @@ const STILL: f64 = 0.01;
 const ABDUCTED: f64 = 0.6;
 /// Forces below this are no touch, N.
 const TOUCH: f64 = 0.01;
+/// The object may start this deep in the open hand, m; proposals drawn at most until one does not.
+const BURIED: f64 = 1e-3;
+const DRAWS: usize = 24;
+/// A fault costs this, a digit that does not touch its distance over this, m, besides.
+const FAULT: f64 = 10.0;
+const MISSING: f64 = 0.005;
+/// Share of the tries that are fresh, at the beginning, and one in so many afterwards.
+const FRESH: usize = 4;
+/// Least and greatest step from the best attempt, in units of the usual one.
+const STEPS: (f64, f64) = (0.15, 1.6);
 
 /// How a type came out.
 #[derive(Debug, Clone, Serialize)]
@@ -64,14 +75,7 @@ pub struct Outcome {
     #[serde(skip)]
     place: Isometry3<f64>,
     #[serde(skip)]
-    faults: usize,
-}
-
-impl Outcome {
-    /// More is better.
-    fn score(&self) -> i64 {
-        if self.formed { self.directions as i64 } else { -(self.faults as i64) }
-    }
+    cost: f64,
 }
 
 /// Tries every type `tries` times.
@@ -82,28 +86,56 @@ pub fn run(hand: &Arc<Hand>, seed: u64, tries: usize) -> Vec<Outcome> {
 fn search(hand: &Arc<Hand>, kind: &GraspType, seed: u64, tries: usize) -> Outcome {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     rng.set_stream(kind.number as u64);
-    let mut best: Option<Outcome> = None;
-    for n in 0..tries.max(1) {
-        let attempt = match &best {
-            // Half of the tries vary the best so far.
-            Some(best) if n % 2 == 1 && n > 8 => vary(&best.attempt, &mut rng),
-            _ => propose(hand, kind, &mut rng),
-        };
-        let outcome = try_it(hand, kind, attempt);
-        if best.as_ref().is_none_or(|best| outcome.score() > best.score()) {
-            best = Some(outcome);
-        }
-        if best.as_ref().is_some_and(|best| best.held) {
+    let mut best = try_it(hand, kind, fresh(hand, kind, &mut rng));
+    let mut step = 1.0;
+    for n in 1..tries {
+        if best.held {
             break;
         }
+        let away = n > tries / FRESH && n % FRESH != 0;
+        let attempt = if away { vary(&best.attempt, step, &mut rng) } else { fresh(hand, kind, &mut rng) };
+        let outcome = try_it(hand, kind, attempt);
+        let better = outcome.cost < best.cost;
+        if away {
+            step = (step * if better { 1.6 } else { 0.93f64 }).clamp(STEPS.0, STEPS.1);
+        }
+        if better {
+            best = outcome;
+        }
     }
-    best.unwrap_or_else(|| try_it(hand, kind, propose(hand, kind, &mut rng)))
+    best
+}
+
+/// A proposal whose object does not start inside the open hand, if one is drawn in time.
+fn fresh(hand: &Arc<Hand>, kind: &GraspType, rng: &mut ChaCha8Rng) -> Attempt {
+    let mut attempt = propose(hand, kind, rng);
+    for _ in 1..DRAWS {
+        let mut stand = HandStand::new(hand.clone(), EngineSettings::default());
+        let prop = stand.put(kind.prop.clone(), &attempt.place());
+        if stand.prop_penetration(prop) <= BURIED {
+            break;
+        }
+        attempt = propose(hand, kind, rng);
+    }
+    attempt
+}
+
+/// How far a digit's skin is from the object, m.
+fn gap(stand: &HandStand, digit: Digit) -> f64 {
+    let (links, pose) = (stand.links(), stand.pose(0));
+    let skin = digit
+        .joints()
+        .into_iter()
+        .flat_map(|link| stand.hand().covers[link].skin(0.004).into_iter().map(move |element| (link, element.point)));
+    skin.map(|(link, point)| stand.prop(0).signed_distance(&pose.inverse_transform_point(&(links[link] * point))).0)
+        .fold(f64::INFINITY, f64::min)
+        .max(0.0)
 }
 
 fn try_it(hand: &Arc<Hand>, kind: &GraspType, attempt: Attempt) -> Outcome {
     let mut stand = HandStand::new(hand.clone(), EngineSettings::default());
     let prop = stand.put(kind.prop.clone(), &attempt.place());
-    let buried = stand.prop_penetration(prop) > 1e-3;
+    let buried = stand.prop_penetration(prop) > BURIED;
     stand.run(&tension_goals(hand, &[0.0; 5], attempt.opposition), TURN);
     let goals = tension_goals(hand, &attempt.tensions, attempt.opposition);
     stand.run(&goals, CLOSE);
@@ -117,7 +149,10 @@ fn try_it(hand: &Arc<Hand>, kind: &GraspType, attempt: Attempt) -> Outcome {
     let place = stand.pose(prop);
     let formed = faults.is_empty();
     let mut lost = Vec::new();
+    let missing: f64 = kind.digits.iter().map(|digit| gap(&stand, *digit)).sum();
+    let mut cost = FAULT * faults.len() as f64 + (missing / MISSING).min(FAULT - 1.0);
     if formed {
+        cost = -FAULT;
         for (way, name) in [
             (Vector3::x(), "thumb side"),
             (-Vector3::x(), "little side"),
@@ -130,6 +165,7 @@ fn try_it(hand: &Arc<Hand>, kind: &GraspType, attempt: Attempt) -> Outcome {
             branch.set_gravity(&(way * 9.81));
             branch.run(&goals, PULL);
             let moved = (branch.pose(prop).translation.vector - place.translation.vector).norm();
+            cost += (moved / STAYS).min(1.5);
             if moved > STAYS || branch.prop_velocity(prop).norm() > STILL {
                 lost.push(name);
             }
@@ -151,7 +187,7 @@ fn try_it(hand: &Arc<Hand>, kind: &GraspType, attempt: Attempt) -> Outcome {
         attempt,
         angles,
         place,
-        faults: faults.len(),
+        cost,
     }
 }
 

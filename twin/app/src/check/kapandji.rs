@@ -1,7 +1,10 @@
 //! The Kapandji test: the thumb's tip to ten points of the hand, reached by the six servos in physics.
 //!
-//! The points are those of Kapandji (1986). Each is a point on our covers (or, for the creases, on the palmar side of the
-//! joint). The commands are found by search: many random commands are looked at in static equilibrium, the nearest ones are
+//! The points are those of Kapandji (1986), each on our covers. Where a crease lies from its joint is measured on 53 hands by
+//! Bugbee and Botte (Clin Orthop 296, 1993): the distal digital crease 7 to 8 mm and the middle one 2 to 3 mm on the wrist's side
+//! of their joints, the proximal one 14 to 20 mm on the fingertip's side of the MCP joint (ours ends with the palm's cover, at
+//! 14.5 mm), the distal palmar crease 6.8 to 10.3 mm on the wrist's side of the MCP joints, from the ulnar edge to the
+//! middle finger. The commands are found by search: many random commands are looked at in static equilibrium, the nearest ones are
 //! run in physics on the stand, and the best of those are varied until the thumb is there.
 
 use std::sync::Arc;
@@ -42,13 +45,20 @@ const OPPOSITION: f64 = 1.05 * std::f64::consts::FRAC_PI_2;
 const FIRST: f64 = 0.7;
 const REST: f64 = 1.8;
 
+/// Creases from their joints, the middle of what was measured, m: DIP, PIP, distal palmar crease from the MCP joints.
+const DIP_CREASE: f64 = 0.0075;
+const PIP_CREASE: f64 = 0.0025;
+const PALMAR_CREASE: f64 = 0.0085;
+/// Points of a crease that runs across the palm.
+const ALONG: usize = 24;
+
 /// One of the ten points.
 struct Target {
     name: &'static str,
     /// Link that carries it; `None` is the palm.
     link: Option<usize>,
-    /// In the link's frame, m.
-    point: Point3<f64>,
+    /// In the link's frame, m; a crease across the palm is many points, any of which will do.
+    points: Vec<Point3<f64>>,
 }
 
 /// A command: opposition angle (rad), thumb's and the target finger's tension (N), and who moves first.
@@ -89,28 +99,35 @@ fn targets(hand: &Hand) -> Vec<Target> {
     let palmar = |link: usize| hand.covers[link].link_from_cover.translation.y + hand.covers[link].half.y;
     let [i1, i2] = [Digit::Index.joints()[1], Digit::Index.joints()[2]];
     let [l0, l1, l2] = Digit::Little.joints();
-    let mcp = hand.tree.joints[l0].origin.translation.vector;
-    let skin = hand.palm_cover.link_from_cover.translation.z - hand.palm_cover.half.z;
-    let web = hand.palm_cover.link_from_cover.translation.y + hand.palm_cover.half.y - hand.palm_cover.radius;
+    let mcp = |digit: Digit| hand.tree.joints[digit.joints()[0]].origin.translation.vector;
+    let palm = &hand.palm_cover;
+    let (skin, end) =
+        (palm.link_from_cover.translation.z - palm.half.z, palm.link_from_cover.translation.y + palm.half.y);
+    let on =
+        |name: &'static str, link: usize, point: Point3<f64>| Target { name, link: Some(link), points: vec![point] };
+    let [dip, pip] = [l2, l1].map(|link| hand.tree.joints[link].origin.translation.x);
+    // Across the palm through the MCP joints of little, ring and middle finger, from the flat part's ulnar edge on.
+    let knuckles = [Digit::Little, Digit::Ring, Digit::Middle].map(mcp);
+    let edge = palm.link_from_cover.translation.x - palm.half.x + palm.radius;
+    let palmar_crease = (0..ALONG)
+        .map(|n| {
+            let x = edge + (knuckles[2].x - edge) * n as f64 / (ALONG - 1) as f64;
+            let [a, b] = if x < knuckles[1].x { [knuckles[0], knuckles[1]] } else { [knuckles[1], knuckles[2]] };
+            let y = a.y + (b.y - a.y) * ((x - a.x) / (b.x - a.x)).max(0.0);
+            Point3::new(x, y - PALMAR_CREASE, skin)
+        })
+        .collect();
     vec![
-        Target { name: "side of index, second phalanx", link: Some(i1), point: side(i1) },
-        Target { name: "side of index, third phalanx", link: Some(i2), point: side(i2) },
-        Target { name: "tip of index", link: Some(i2), point: tip(i2) },
-        Target { name: "tip of middle", link: Some(Digit::Middle.joints()[2]), point: tip(Digit::Middle.joints()[2]) },
-        Target { name: "tip of ring", link: Some(Digit::Ring.joints()[2]), point: tip(Digit::Ring.joints()[2]) },
-        Target { name: "tip of little", link: Some(l2), point: tip(l2) },
-        Target {
-            name: "DIP crease of little",
-            link: Some(l1),
-            point: Point3::new(hand.tree.joints[l2].origin.translation.x, palmar(l2), 0.0),
-        },
-        Target {
-            name: "PIP crease of little",
-            link: Some(l0),
-            point: Point3::new(hand.tree.joints[l1].origin.translation.x, 0.5 * (palmar(l0) + palmar(l1)), 0.0),
-        },
-        Target { name: "MCP crease of little", link: None, point: Point3::new(mcp.x, web, skin) },
-        Target { name: "distal palmar crease", link: None, point: Point3::new(mcp.x, mcp.y, skin) },
+        on("side of index, second phalanx", i1, side(i1)),
+        on("side of index, third phalanx", i2, side(i2)),
+        on("tip of index", i2, tip(i2)),
+        on("tip of middle", Digit::Middle.joints()[2], tip(Digit::Middle.joints()[2])),
+        on("tip of ring", Digit::Ring.joints()[2], tip(Digit::Ring.joints()[2])),
+        on("tip of little", l2, tip(l2)),
+        on("DIP crease of little", l1, Point3::new(dip - DIP_CREASE, palmar(l1), 0.0)),
+        on("PIP crease of little", l0, Point3::new(pip - PIP_CREASE, 0.5 * (palmar(l0) + palmar(l1)), 0.0)),
+        on("proximal crease of little", l0, Point3::new(end - mcp(Digit::Little).y, palmar(l0), 0.0)),
+        Target { name: "distal palmar crease", link: None, points: palmar_crease },
     ]
 }
 
@@ -128,9 +145,21 @@ fn thumb_tip(hand: &Hand) -> Vec<Point3<f64>> {
 }
 
 fn distance(target: &Target, tip: &[Point3<f64>], links: &[Isometry3<f64>]) -> f64 {
-    let at = target.link.map_or(Isometry3::identity(), |link| links[link]) * target.point;
-    let local = links[Digit::Thumb.joints()[2]].inverse_transform_point(&at);
-    tip.iter().map(|point| (point - local).norm()).fold(f64::INFINITY, f64::min)
+    nearest(target, tip, links).0
+}
+
+/// The smallest distance (m) of the thumb's tip from the target, and the target's place there, palm frame.
+fn nearest(target: &Target, tip: &[Point3<f64>], links: &[Isometry3<f64>]) -> (f64, Point3<f64>) {
+    let carrier = target.link.map_or(Isometry3::identity(), |link| links[link]);
+    let mut best = (f64::INFINITY, Point3::origin());
+    for place in target.points.iter().map(|point| carrier * point) {
+        let local = links[Digit::Thumb.joints()[2]].inverse_transform_point(&place);
+        let distance = tip.iter().map(|point| (point - local).norm()).fold(f64::INFINITY, f64::min);
+        if distance < best.0 {
+            best = (distance, place);
+        }
+    }
+    best
 }
 
 fn tensions(target: &Target, command: &Command) -> [f64; 5] {
@@ -263,7 +292,7 @@ pub fn row(hand: &Arc<Hand>, options: &Options<'_>) -> Result<Row> {
             .enumerate()
             .map(|(n, (target, outcome))| {
                 let links = hand.tree.forward(&outcome.angles);
-                let at = target.link.map_or(Isometry3::identity(), |link| links[link]) * target.point;
+                let (_, at) = nearest(target, &tip, &links);
                 let mut picture = Picture::new(300, View::palm().at(Point3::new(0.01, -0.005, 0.0), 0.23));
                 picture.hand(hand, &outcome.angles);
                 picture.dot(&at, 0.0025, [220.0, 40.0, 40.0]);

@@ -10,6 +10,8 @@ use super::types::{GraspType, Opposition};
 
 /// Postures looked at for one proposal.
 const LOOKS: usize = 400;
+/// No cable is pulled harder, N.
+const STRONGEST: f64 = 90.0;
 /// Ranges of the thumb's opposition, rad.
 const ABDUCTED: (f64, f64) = (0.7, 1.65);
 const ADDUCTED: (f64, f64) = (0.0, 0.5);
@@ -64,6 +66,8 @@ fn jitter(rng: &mut ChaCha8Rng, size: f64) -> Vector3<f64> {
 /// A fresh attempt.
 pub fn propose(hand: &Hand, kind: &GraspType, rng: &mut ChaCha8Rng) -> Attempt {
     match kind.opposition {
+        // Where all digits take part, the object also runs along the palm under the fingers.
+        Opposition::Side if kind.digits.len() == 5 && rng.random_bool(0.5) => at_palm(hand, kind, rng),
         Opposition::Palm => at_palm(hand, kind, rng),
         Opposition::Pad => between(hand, kind, false, rng),
         Opposition::Side if kind.digits[0] == Digit::Thumb => between(hand, kind, true, rng),
@@ -71,13 +75,13 @@ pub fn propose(hand: &Hand, kind: &GraspType, rng: &mut ChaCha8Rng) -> Attempt {
     }
 }
 
-/// A neighbour of an attempt.
-pub fn vary(attempt: &Attempt, rng: &mut ChaCha8Rng) -> Attempt {
+/// A neighbour of an attempt, `step` times the usual way from it.
+pub fn vary(attempt: &Attempt, step: f64, rng: &mut ChaCha8Rng) -> Attempt {
     let mut place = attempt.place();
-    place.translation.vector += jitter(rng, 0.004);
-    place.rotation = UnitQuaternion::from_scaled_axis(jitter(rng, 0.12)) * place.rotation;
-    let tensions = attempt.tensions.map(|tension| tension * within(rng, (-0.25, 0.25)).exp());
-    let opposition = (attempt.opposition + 0.1 * rng.random_range(-1.0..1.0)).clamp(0.0, ABDUCTED.1);
+    place.translation.vector += jitter(rng, 0.005 * step);
+    place.rotation = UnitQuaternion::from_scaled_axis(jitter(rng, 0.15 * step)) * place.rotation;
+    let tensions = attempt.tensions.map(|tension| (tension * (step * within(rng, (-0.35, 0.35))).exp()).min(STRONGEST));
+    let opposition = (attempt.opposition + 0.12 * step * rng.random_range(-1.0..1.0)).clamp(0.0, ABDUCTED.1);
     Attempt::new(&place, tensions, opposition)
 }
 
@@ -89,7 +93,9 @@ fn opposition(kind: &GraspType, rng: &mut ChaCha8Rng) -> f64 {
 fn at_palm(hand: &Hand, kind: &GraspType, rng: &mut ChaCha8Rng) -> Attempt {
     let skin = hand.palm_cover.link_from_cover.translation.z - hand.palm_cover.half.z;
     let flat = kind.prop.name == "disk";
-    let slant = rng.random_range(-0.5..0.5f64);
+    // A tool that the index finger lies along runs up its length; everything else lies across the fingers.
+    let along_index = kind.digits.contains(&Digit::Index) && kind.digits[0] == Digit::Middle;
+    let slant = within(rng, if along_index { (0.5, 1.3) } else { (-0.5, 0.5) });
     let across = Vector3::new(slant.cos(), slant.sin(), 0.0);
     // A disk lies flat on the palm, everything else on its side.
     let rotation = if flat { UnitQuaternion::identity() } else { turn(&Vector3::z(), &across) };
@@ -104,7 +110,7 @@ fn at_palm(hand: &Hand, kind: &GraspType, rng: &mut ChaCha8Rng) -> Attempt {
     for digit in kind.digits.iter().chain(kind.helpers) {
         tensions[digit.index()] = strength * within(rng, (-0.4, 0.4)).exp();
     }
-    if kind.digits.contains(&Digit::Index) && kind.digits[0] == Digit::Middle {
+    if along_index {
         // The index finger lies along the object nearly stretched.
         tensions[Digit::Index.index()] = tension(rng, 0.5, 6.0);
     }
