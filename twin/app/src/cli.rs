@@ -267,6 +267,9 @@ pub struct RepertoireArgs {
     /// Folder of the parts, one file an object; they grow while the search runs, and the same command goes on from them.
     #[arg(long, default_value = "recordings/synthesis")]
     pub parts: PathBuf,
+    /// Search no further: write what the parts hold.
+    #[arg(long)]
+    pub pack: bool,
     /// The file to write when all are done.
     #[arg(long)]
     pub out: PathBuf,

@@ -28,6 +28,9 @@ use super::workshop::Request;
 use crate::cli::Cli;
 use crate::commands::Outcome;
 
+/// Link (none for the root), point, unit normal into the object, normal force.
+type AnyContact = (Option<usize>, [f64; 3], [f64; 3], f64);
+
 /// A verified grasp of any hand. m, rad, N, root frame.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct AnyHeld {
@@ -43,8 +46,8 @@ pub struct AnyHeld {
     pub joints: Vec<(String, f64)>,
     /// Tensions of the actuators, by name.
     pub tensions: Vec<(String, f64)>,
-    /// Contacts: link (none for the root), point, normal into the object, force.
-    pub contacts: Vec<(Option<usize>, [f64; 3], [f64; 3], f64)>,
+    /// Contacts.
+    pub contacts: Vec<AnyContact>,
     /// Wrench margin.
     pub margin: f64,
     /// Deepest overlap.

@@ -102,13 +102,18 @@ fn one(name: &str, request: Request, args: &RepertoireArgs, quiet: bool) -> Resu
     let path = args.parts.join(format!("{name}.jsonl"));
     let header =
         held::Header { version: held::VERSION, command: part_command(name, &request, args), seed: request.seed };
+    if args.pack && !path.exists() {
+        let short = Some("not searched yet".into());
+        let summary = Summary { object: name.into(), wanted: request.enough, kept: 0, chains: 0, short };
+        return Ok(ObjectGrasps { summary, grasps: Vec::new() });
+    }
     let (writer, kept) = if path.exists() {
         HeldWriter::resume(&path, &header)?
     } else {
         (HeldWriter::create(&path, &header)?, Vec::new())
     };
     let chain = kept.last().map_or(0, |grasp| grasp.chain + 1);
-    let (report, grasps) = if kept.len() < request.enough {
+    let (report, grasps) = if kept.len() < request.enough && !args.pack {
         let workshop = Workshop::new(Subject::named(name)?, request);
         search::search(&workshop, Start { chain, kept }, Some(writer), quiet)?
     } else {
@@ -116,8 +121,11 @@ fn one(name: &str, request: Request, args: &RepertoireArgs, quiet: bool) -> Resu
     };
     let full = grasps.len() >= request.enough;
     let last = grasps.last().map_or(0, |grasp| grasp.chain + 1);
-    let chains = if full { last } else { request.chains };
+    let chains = if full || args.pack { last } else { request.chains };
     let short = (!full).then(|| {
+        if args.pack {
+            return "the search is not finished".to_owned();
+        }
         format!(
             "{} chains from number {chain} on: {} blocked, {} pushed away, {} closed but not verified, {} near duplicates",
             report.requested,
