@@ -16,7 +16,7 @@ use super::winding::Winding;
 /// Cells along the longest side.
 const CELLS: f64 = 56.0;
 /// No finer than this, m.
-const FINEST: f64 = 1e-3;
+const FINEST: f64 = 1.5e-3;
 /// Surface vertices keep off the ends of their edge by this share of it: no slivers.
 const OFF_ENDS: f64 = 0.05;
 /// Inside is where the surface winds around more than this.
@@ -44,7 +44,7 @@ impl Grid {
 }
 
 impl Mesh {
-    /// A watertight mesh that follows `triangles` to about half a grid cell (a 56th of the longest side, 1 mm at least), which
+    /// A watertight mesh that follows `triangles` to about half a grid cell (a 56th of the longest side, 1.5 mm at least), which
     /// may have holes, overlap, or be a million. Gives the mesh and the cell, m.
     pub fn mended(vertices: &[Point3<f64>], triangles: &[[u32; 3]]) -> Result<(Self, f64), GeometryError> {
         let fault = |found: String, expected: &str| GeometryError::Element {
@@ -185,7 +185,7 @@ mod tests {
         for keep in [1.0, 0.98] {
             triangles.truncate((triangles.len() as f64 * keep) as usize);
             let (mesh, cell) = Mesh::mended(&points, &triangles).expect("mended");
-            assert!((cell - 0.06 / CELLS).abs() < 1e-5, "{cell}");
+            assert!((cell - FINEST).abs() < 1e-12, "{cell}");
             let volume = 4.0 / 3.0 * std::f64::consts::PI * 0.03f64.powi(3);
             assert!((mesh.volume() / volume - 1.0).abs() < 0.03, "{} {volume}", mesh.volume());
             let off = mesh.vertices().iter().map(|p| (p.coords.norm() - 0.03).abs()).fold(0.0, f64::max);

@@ -276,7 +276,7 @@ pub struct SynthesisArgs {
     /// An object of the set.
     #[arg(long, required_unless_present = "mesh", conflicts_with = "mesh")]
     pub object: Option<String>,
-    /// A mesh of your own: watertight OBJ, in metres.
+    /// A mesh of your own: OBJ, in metres; one that is not watertight is rebuilt.
     #[arg(long)]
     pub mesh: Option<PathBuf>,
     /// Contact points of a sample: a number, or a range taken in turn, such as 2-5.
@@ -288,6 +288,29 @@ pub struct SynthesisArgs {
     /// Closings tried on each chain's posture until one is verified: the plain one, then varied tensions and small offsets.
     #[arg(long, default_value_t = 8)]
     pub closings: usize,
+}
+
+/// Arguments of `grasps generate`.
+#[derive(Debug, Args)]
+pub struct GenerateArgs {
+    /// What for.
+    #[command(flatten)]
+    pub synthesis: SynthesisArgs,
+    /// Chains, each of which may leave one grasp.
+    #[arg(long, default_value_t = 512)]
+    pub n: u64,
+    /// Stop when so many different grasps are verified.
+    #[arg(long, conflicts_with = "hand")]
+    pub keep: Option<usize>,
+    /// File for the verified grasps, JSON lines; it grows while the search runs.
+    #[arg(long)]
+    pub out: Option<PathBuf>,
+    /// Another hand: its URDF.
+    #[arg(long, requires = "pulls", conflicts_with = "table")]
+    pub hand: Option<PathBuf>,
+    /// What pulls on that hand's joints: actuators and their moment arms, TOML.
+    #[arg(long, requires = "hand")]
+    pub pulls: Option<PathBuf>,
 }
 
 /// Arguments of `grasps repertoire`.
@@ -311,6 +334,9 @@ pub struct RepertoireArgs {
     /// Folder of the parts, one file an object; they grow while the search runs, and the same command goes on from them.
     #[arg(long, default_value = "recordings/synthesis")]
     pub parts: PathBuf,
+    /// Search no further: write what the parts hold.
+    #[arg(long)]
+    pub pack: bool,
     /// The file to write when all are done.
     #[arg(long)]
     pub out: PathBuf,
@@ -339,19 +365,7 @@ pub struct ShowArgs {
 #[derive(Debug, Subcommand)]
 pub enum GraspsCommand {
     /// Find grasps for an object by sampling; each is closed by its cables, verified and held in physics.
-    Generate {
-        #[command(flatten)]
-        synthesis: SynthesisArgs,
-        /// Chains, each of which may leave one grasp.
-        #[arg(long, default_value_t = 512)]
-        n: u64,
-        /// Stop when so many different grasps are verified.
-        #[arg(long)]
-        keep: Option<usize>,
-        /// File for the verified grasps, JSON lines; it grows while the search runs.
-        #[arg(long)]
-        out: Option<PathBuf>,
-    },
+    Generate(GenerateArgs),
     /// Measure how well synthesis works: rates, negative controls, what predicts holding.
     Eval {
         #[command(flatten)]

@@ -60,9 +60,7 @@ pub fn run(cli: &Cli) -> Outcome {
             );
             Ok(None)
         }
-        Command::Grasps(GraspsCommand::Generate { synthesis, n, keep, out }) => {
-            synthesis::generate(cli, synthesis, *n, *keep, out.as_deref())
-        }
+        Command::Grasps(GraspsCommand::Generate(args)) => synthesis::generate(cli, args),
         Command::Grasps(GraspsCommand::Eval { synthesis, n }) => synthesis::eval(cli, synthesis, *n),
         Command::Grasps(GraspsCommand::Repertoire(args)) => synthesis::repertoire::make(cli, args),
         Command::Grasps(GraspsCommand::Show(args)) => synthesis::show::show(cli, args),

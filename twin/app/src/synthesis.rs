@@ -2,8 +2,9 @@
 //!
 //! [`subject`] makes an object ready for sampling, [`closing`] takes a sampled posture to a closed grasp, [`checks`] verifies
 //! it, [`workshop`] does all that for a chain, [`search`] runs chains and keeps what was found, [`evaluation`] measures how well all that works,
-//! [`repertoire`] makes the checked-in file and [`show`] shows it.
+//! [`repertoire`] makes the checked-in file and [`show`] shows it. [`any`] does it all for other hands.
 
+mod any;
 mod checks;
 mod closing;
 mod evaluation;
@@ -22,10 +23,10 @@ use self::evaluation::Rate;
 use self::search::Start;
 use self::subject::Subject;
 use self::workshop::{Request, Workshop};
-use crate::cli::{Cli, SynthesisArgs};
+use crate::cli::{Cli, GenerateArgs, SynthesisArgs};
 use crate::commands::Outcome;
 
-fn workshop(cli: &Cli, args: &SynthesisArgs, n: u64, enough: usize) -> Result<Workshop> {
+fn request(cli: &Cli, args: &SynthesisArgs, n: u64, enough: usize) -> Result<(Subject, Request)> {
     if n == 0 {
         bail!("--n: found 0, expected at least 1");
     }
@@ -45,15 +46,21 @@ fn workshop(cli: &Cli, args: &SynthesisArgs, n: u64, enough: usize) -> Result<Wo
         bail!("--closings: found 0, expected at least 1");
     }
     let request = Request { chains: n, enough, contacts, closings: args.closings, seed: cli.seed, table: args.table };
-    Ok(Workshop::new(subject, request))
+    Ok((subject, request))
 }
 
 /// `ftac grasps generate`.
-pub fn generate(cli: &Cli, args: &SynthesisArgs, n: u64, keep: Option<usize>, out: Option<&Path>) -> Outcome {
+pub fn generate(cli: &Cli, args: &GenerateArgs) -> Outcome {
+    let GenerateArgs { synthesis: args, n, keep, out, hand, pulls } = args;
+    let (n, keep) = (*n, *keep);
     if let Some(out) = out {
         search::check_writable(out)?;
     }
-    let workshop = workshop(cli, args, n, keep.unwrap_or(usize::MAX))?;
+    let (subject, request) = request(cli, args, n, keep.unwrap_or(usize::MAX))?;
+    if let (Some(hand), Some(pulls)) = (hand, pulls) {
+        return any::generate(cli, (hand, pulls), &subject, &request, out.as_ref());
+    }
+    let workshop = Workshop::new(subject, request);
     let what = match (&args.object, &args.mesh) {
         (Some(name), _) => format!("--object {name}"),
         (None, mesh) => format!("--mesh {}", mesh.as_deref().unwrap_or(Path::new("")).display()),
@@ -64,7 +71,7 @@ pub fn generate(cli: &Cli, args: &SynthesisArgs, n: u64, keep: Option<usize>, ou
     let command =
         format!("ftac grasps generate {what} --n {n} --contacts {}{options} --seed {}", args.contacts, cli.seed);
     let header = Header { version: VERSION, command, seed: cli.seed };
-    let writer = out.map(|path| HeldWriter::create(path, &header)).transpose()?;
+    let writer = out.as_ref().map(|path| HeldWriter::create(path, &header)).transpose()?;
     let (report, _) = search::search(&workshop, Start::default(), writer, cli.quiet || cli.json)?;
     if cli.json {
         println!("{}", serde_json::to_string(&report)?);
@@ -91,7 +98,8 @@ pub fn generate(cli: &Cli, args: &SynthesisArgs, n: u64, keep: Option<usize>, ou
 
 /// `ftac grasps eval`.
 pub fn eval(cli: &Cli, args: &SynthesisArgs, n: u64) -> Outcome {
-    let workshop = workshop(cli, args, n, usize::MAX)?;
+    let (subject, request) = request(cli, args, n, usize::MAX)?;
+    let workshop = Workshop::new(subject, request);
     let evaluation = evaluation::evaluate(&workshop, n)?;
     if cli.json {
         println!("{}", serde_json::to_string(&evaluation)?);

@@ -78,17 +78,29 @@ pub struct Hold {
 /// (c) The DexGraspBench protocol: from the closed grasp, a force of 10 m N along each of the six axes for 2 s each, every time
 /// from the same state; stops at the first direction that fails. Motion counts from the closed grasp.
 pub fn hold(scene: &HandScene, pull: &Pull) -> Hold {
-    let start = scene.object();
+    hold_by(scene.dt(), &scene.object(), |force, steps| {
+        let (mut scene, pull, force) = (scene.clone(), *pull, *force);
+        (0..steps).map(move |_| {
+            scene.step(&pull, &force);
+            scene.object()
+        })
+    })
+}
+
+/// The same for anything that answers, for a force and a number of steps of `dt` (s), with the object's pose after each step.
+pub fn hold_by<Run: Iterator<Item = Isometry3<f64>>>(
+    dt: f64,
+    start: &Isometry3<f64>,
+    run: impl Fn(&Vector3<f64>, usize) -> Run,
+) -> Hold {
     let mut worst = Hold { held: true, distance: 0.0, angle: 0.0 };
+    let steps = (HOLD_TIME / dt).round() as usize;
     for direction in 0..6 {
         let sign = if direction % 2 == 0 { 1.0 } else { -1.0 };
         let force = Vector3::ith(direction / 2, sign * 10.0 * TEST_MASS);
-        let mut scene = scene.clone();
-        let steps = (HOLD_TIME / scene.dt()).round() as usize;
-        for step in 1..=steps {
-            scene.step(pull, &force);
-            if step % 24 == 0 || step == steps {
-                let (distance, angle) = displacement(&start, &scene.object());
+        for (step, object) in run(&force, steps).enumerate() {
+            if (step + 1) % 24 == 0 || step + 1 == steps {
+                let (distance, angle) = displacement(start, &object);
                 worst.distance = worst.distance.max(distance);
                 worst.angle = worst.angle.max(angle);
                 if distance > MOST_MOTION.0 || angle > MOST_MOTION.1 {

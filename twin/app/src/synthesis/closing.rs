@@ -27,13 +27,15 @@ const TENSIONS: (f64, f64) = (6.0, 40.0);
 /// Chance that a digit without a contact point helps.
 const HELPS: f64 = 0.25;
 /// Standard deviation of an offset of the hand: m, rad.
-const OFFSET: (f64, f64) = (3e-3, 0.06);
-/// The tension rises over this time, then there is time to come to rest, s.
-const RISE: f64 = 0.4;
-const SETTLE_DAMPED: f64 = 0.3;
-const SETTLE_FREE: f64 = 0.3;
+pub const OFFSET: (f64, f64) = (3e-3, 0.06);
+/// The tension rises over this time, s.
+pub const RISE: f64 = 0.4;
+/// Then the damped object has time to come to rest, and the free one, s.
+pub const SETTLE_DAMPED: f64 = 0.3;
+/// See [`SETTLE_DAMPED`].
+pub const SETTLE_FREE: f64 = 0.3;
 /// Damping of the object while the digits close, 1/s.
-const DAMPING: f64 = 100.0;
+pub const DAMPING: f64 = 100.0;
 
 /// An object that moves further than this while the digits close was pushed away, not grasped: m, rad.
 const PUSHED_AWAY: (f64, f64) = (0.03, 0.6);
@@ -142,6 +144,7 @@ pub fn close(
     Ok(Closed { scene, pull, opened, start, moved, touches })
 }
 
-fn pushed_away(moved: (f64, f64)) -> bool {
+/// Whether an object that moved so far (m, rad) was pushed away.
+pub fn pushed_away(moved: (f64, f64)) -> bool {
     moved.0 > PUSHED_AWAY.0 || moved.1 > PUSHED_AWAY.1
 }

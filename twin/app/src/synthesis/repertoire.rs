@@ -2,7 +2,7 @@
 //!
 //! Objects are searched one after the other, each into a file of its own in the folder of parts, which grows by a line as each
 //! grasp is found. The same command goes on where an interrupted one was; the grasps are the same either way, because a
-//! chain is its number and grasps are taken in the order of their chains.
+//! chain is its number and grasps are taken in the order of their chains. A run that wants more goes on from one that wanted fewer.
 
 use std::path::Path;
 use std::time::Instant;
@@ -76,18 +76,24 @@ pub fn make(cli: &Cli, args: &RepertoireArgs) -> Outcome {
         }
         objects.push(entry);
     }
-    let command = command(None, &request, args);
+    let command = command(&request, args);
     let header = collection::Header { version: collection::VERSION, command, seed: cli.seed };
     let collection = Collection { header, objects };
     write_whole(&args.out, collection.to_text()?.as_bytes())?;
     tell(cli, &collection, start.elapsed().as_secs_f64())
 }
 
-/// The command that makes the whole, or the part of one object.
-fn command(object: Option<&str>, request: &Request, args: &RepertoireArgs) -> String {
-    let object = object.map_or(String::new(), |name| format!(" --object {name}"));
+/// What decides the grasps of an object; how many of them are wanted does not.
+fn part_command(object: &str, request: &Request, args: &RepertoireArgs) -> String {
+    let Request { closings, seed, .. } = request;
+    format!("ftac grasps repertoire --object {object} --contacts {} --closings {closings} --seed {seed}", args.contacts)
+}
+
+/// The command that makes the whole.
+fn command(request: &Request, args: &RepertoireArgs) -> String {
+    let objects: String = args.object.iter().map(|name| format!(" --object {name}")).collect();
     format!(
-        "ftac grasps repertoire{object} --each {} --contacts {} --closings {} --chains {} --seed {}",
+        "ftac grasps repertoire{objects} --each {} --contacts {} --closings {} --chains {} --seed {}",
         args.each, args.contacts, request.closings, request.chains, request.seed
     )
 }
@@ -95,23 +101,31 @@ fn command(object: Option<&str>, request: &Request, args: &RepertoireArgs) -> St
 fn one(name: &str, request: Request, args: &RepertoireArgs, quiet: bool) -> Result<ObjectGrasps> {
     let path = args.parts.join(format!("{name}.jsonl"));
     let header =
-        held::Header { version: held::VERSION, command: command(Some(name), &request, args), seed: request.seed };
+        held::Header { version: held::VERSION, command: part_command(name, &request, args), seed: request.seed };
+    if args.pack && !path.exists() {
+        let short = Some("not searched yet".into());
+        let summary = Summary { object: name.into(), wanted: request.enough, kept: 0, chains: 0, short };
+        return Ok(ObjectGrasps { summary, grasps: Vec::new() });
+    }
     let (writer, kept) = if path.exists() {
         HeldWriter::resume(&path, &header)?
     } else {
         (HeldWriter::create(&path, &header)?, Vec::new())
     };
     let chain = kept.last().map_or(0, |grasp| grasp.chain + 1);
-    let (report, grasps) = if kept.len() < request.enough {
+    let (report, grasps) = if kept.len() < request.enough && !args.pack {
         let workshop = Workshop::new(Subject::named(name)?, request);
         search::search(&workshop, Start { chain, kept }, Some(writer), quiet)?
     } else {
-        (Report::default(), kept)
+        (Report::default(), kept.into_iter().take(request.enough).collect())
     };
     let full = grasps.len() >= request.enough;
     let last = grasps.last().map_or(0, |grasp| grasp.chain + 1);
-    let chains = if full { last } else { request.chains };
+    let chains = if full || args.pack { last } else { request.chains };
     let short = (!full).then(|| {
+        if args.pack {
+            return "the search is not finished".to_owned();
+        }
         format!(
             "{} chains from number {chain} on: {} blocked, {} pushed away, {} closed but not verified, {} near duplicates",
             report.requested,

@@ -209,7 +209,8 @@ fn object_picture(model: &ObjectModel, line: &str) -> RgbImage {
 /// A picture of a grasp: hand, object, contact points and cones.
 fn grasp_picture(hand: &Hand, model: &ObjectModel, kind: &Kind<'_>) -> RgbImage {
     let shown = shown(kind);
-    let center = Point3::from(shown.palm_from_object.translation.vector * 0.5);
+    // Between object and palm, and a little higher: the caption takes the top.
+    let center = Point3::from(shown.palm_from_object.translation.vector * 0.5 + Vector3::y() * 0.02);
     let mut picture = Picture::new(GRASP_PICTURE, View::palm().at(center, GRASP_WIDTH));
     picture.hand(hand, &shown.joints);
     let (vertices, triangles, normals) = model.shape.triangles();

@@ -36,6 +36,14 @@ pub struct Request {
     pub table: bool,
 }
 
+impl Request {
+    /// Contact points of chain number `chain`.
+    pub fn contacts_of(&self, chain: u64) -> usize {
+        let (fewest, most) = self.contacts;
+        fewest + (chain as usize) % (most - fewest + 1)
+    }
+}
+
 /// Everything that chains share.
 pub struct Workshop {
     /// The hand.
@@ -121,7 +129,7 @@ impl Workshop {
         let mut frames = Frames::new(&self.hand.tree);
         let mut rng = chain::stream(self.request.seed, chain);
         let start = Instant::now();
-        let end = chain::run(&energy, &mut frames, self.contacts(chain), &self.schedule, &mut rng);
+        let end = chain::run(&energy, &mut frames, self.request.contacts_of(chain), &self.schedule, &mut rng);
         let sampling_s = start.elapsed().as_secs_f64();
         let used = closing::digits(&self.surface, &end.best.contacts);
         let mut close =
@@ -149,12 +157,6 @@ impl Workshop {
             }
         }
         Ok(ChainResult { steps: end.steps, sampling_s, plain, other, closings })
-    }
-
-    /// Contact points of chain number `chain`.
-    pub fn contacts(&self, chain: u64) -> usize {
-        let (fewest, most) = self.request.contacts;
-        fewest + (chain as usize) % (most - fewest + 1)
     }
 
     /// Wrench margin (N) and penetration (m) of a closed grasp.

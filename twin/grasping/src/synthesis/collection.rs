@@ -267,7 +267,7 @@ mod tests {
             (lines[..4].join("\n"), ":2: ball: found 2 grasps, expected 3"),
             (text.replace("[[2,", "[[15,"), ":3: contacts[0].link: found 15, expected -1 to 14"),
             (text.clone() + lines[1], ":6: object: found ball again, expected it once"),
-            (text.replacen("98334]", "50000]", 1), ":3: palm_from_object: found a quaternion of length"),
+            (text.replacen("98335]", "50000]", 1), ":3: palm_from_object: found a quaternion of length"),
             (text[..text.len() - 9].into(), ":5: "),
             (String::new(), ":1: found nothing, expected a header"),
         ];

@@ -317,7 +317,7 @@ pub(super) mod tests {
         let whole = std::fs::read_to_string(&path).expect("read");
         std::fs::write(&path, format!("{whole}{{\"object\":\"ba")).expect("written");
         let (mut writer, kept) = HeldWriter::resume(&path, &header).expect("resumed");
-        assert_eq!(kept, [first.clone()]);
+        assert_eq!(kept, std::slice::from_ref(&first));
         writer.add(&second).expect("written");
         assert_eq!(read(&path).expect("read").1, [first, second]);
         let other = Header { seed: 6, command: "another".into(), ..header };

@@ -65,7 +65,10 @@ fn describe(hand: AnyHand) -> Result<Described> {
     let links = skins.len();
     for (link, skin) in skins.iter().enumerate() {
         if skin.is_empty() {
-            story.push(format!("WARNING {}: no collision shape, it can neither touch nor be kept clear", name(&hand, link)));
+            story.push(format!(
+                "WARNING {}: no collision shape, it can neither touch nor be kept clear",
+                name(&hand, link)
+            ));
         }
     }
     let swing = swing(&hand, &mechanism);
@@ -83,7 +86,9 @@ fn describe(hand: AnyHand) -> Result<Described> {
         story.push(format!("{:32} {:5} points, {:4} candidates", name(&hand, link), skin.len(), faces.len()));
     }
     if !candidates.iter().any(|candidate| candidate.link > 0) {
-        bail!("contacts: found no point of a moving link that faces its closing motion, expected some: do the arms' signs close the hand?");
+        bail!(
+            "contacts: found no point of a moving link that faces its closing motion, expected some: do the arms' signs close the hand?"
+        );
     }
     let every = candidates.len().div_ceil(MOST_CANDIDATES);
     candidates = candidates.into_iter().step_by(every.max(1)).collect();
@@ -257,8 +262,12 @@ fn palm_frame(shapes: &LinkShapes, place: &Point3<f64>, story: &mut Vec<String>)
     let (distance, facing) = match nearest {
         Some((distance, facing)) if distance > 0.0 => (distance, facing),
         _ => {
-            let facing = place.coords.try_normalize(1e-6).context("root: found no shape and no direction to the fingers")?;
-            story.push("WARNING root: no collision shape behind the fingers, they are taken to face away from its origin".into());
+            let facing =
+                place.coords.try_normalize(1e-6).context("root: found no shape and no direction to the fingers")?;
+            story.push(
+                "WARNING root: no collision shape behind the fingers, they are taken to face away from its origin"
+                    .into(),
+            );
             (place.coords.norm(), facing)
         }
     };
@@ -301,7 +310,9 @@ fn fill(hand: &AnyHand, shapes: &LinkShapes, link: usize) -> Vec<Ball> {
         let depth = |p: &Point3<f64>| -shape.signed_distance(p).0;
         let count = |axis: usize| ((high[axis] - low[axis]) / step).floor() as usize;
         let mut inside: Vec<(Point3<f64>, f64)> = Vec::new();
-        for (i, j, k) in (0..=count(0)).flat_map(|i| (0..=count(1)).flat_map(move |j| (0..=count(2)).map(move |k| (i, j, k)))) {
+        for (i, j, k) in
+            (0..=count(0)).flat_map(|i| (0..=count(1)).flat_map(move |j| (0..=count(2)).map(move |k| (i, j, k))))
+        {
             let at = low + Vector3::new(i as f64, j as f64, k as f64) * step;
             inside.push((at, depth(&at)));
         }
@@ -327,9 +338,8 @@ fn pairs(hand: &AnyHand, balls: &[Vec<Ball>], story: &mut Vec<String>) -> Vec<(u
     let (mut kept, mut overlap) = (Vec::new(), Vec::new());
     for b in 1..placed.len() {
         for a in (0..b).filter(|a| *a != parent(b)) {
-            let meet = placed[a].iter().any(|x| {
-                placed[b].iter().any(|y| (x.center - y.center).norm() < x.radius + y.radius)
-            });
+            let meet =
+                placed[a].iter().any(|x| placed[b].iter().any(|y| (x.center - y.center).norm() < x.radius + y.radius));
             if meet {
                 overlap.push(format!("{}+{}", name(hand, a), name(hand, b)));
             } else {
@@ -370,7 +380,9 @@ mod tests {
             joint("a", "left", 0.04, (-1.0, 0.0), ""),
             joint("b", "right", -0.04, (0.0, 1.0), r#"<mimic joint="a" multiplier="-1"/>"#)
         );
-        let pulls = format!("version = 1\ndamping = 0.02\narmature = 1e-4\nspring = 0.02\n[[actuator]]\nname = \"close\"\narms = {arms}\n");
+        let pulls = format!(
+            "version = 1\ndamping = 0.02\narmature = 1e-4\nspring = 0.02\n[[actuator]]\nname = \"close\"\narms = {arms}\n"
+        );
         describe(AnyHand::parse(&urdf, Path::new("clamp.urdf"), &pulls, Path::new("clamp.toml"))?)
     }
 

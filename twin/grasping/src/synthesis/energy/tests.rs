@@ -73,3 +73,35 @@ fn early_out_is_exact() {
     }
     assert!(met > 20, "the test meets penetration");
 }
+
+/// Joints that turn opposite ways on one line, as a gripper's: the slope of the posture term is that of finite differences, and
+/// joints on their line cost nothing.
+#[test]
+fn lines_of_mixed_sense() {
+    use super::super::mechanism::ActuatorLine;
+    let hand = Hand::ftac();
+    let surface = HandSurface::new(&hand, 300);
+    let field = ball(0.03);
+    let line = ActuatorLine { joints: vec![0, 3, 7], share: vec![1.0, -0.5, 1.5] };
+    let mechanism = Mechanism { limits: vec![(-2.0, 2.0); 15], lines: vec![line] };
+    let energy = GraspEnergy::of_mechanism(mechanism, &surface, &field, Weights::default(), None);
+    let at = |joints: &[f64], gradient: &mut [f64]| {
+        let state = HandState { object_from_palm: Isometry3::identity(), joints: joints.to_vec() };
+        let mut terms = Terms::default();
+        energy.posture(&state, gradient, &mut terms);
+        terms.posture
+    };
+    let mut joints = [0.1; 15];
+    let (mut gradient, mut unused) = ([0.0; 21], [0.0; 21]);
+    at(&joints, &mut gradient);
+    for joint in [0, 3, 7] {
+        let h = 1e-6;
+        let (mut forth, mut back) = (joints, joints);
+        forth[joint] += h;
+        back[joint] -= h;
+        let slope = (at(&forth, &mut unused) - at(&back, &mut unused)) / (2.0 * h);
+        assert!((slope - gradient[6 + joint]).abs() < 1e-6, "{joint}: {slope} {}", gradient[6 + joint]);
+    }
+    (joints[0], joints[3], joints[7]) = (0.2, -0.1, 0.3);
+    assert!(at(&joints, &mut unused) < 1e-12);
+}

@@ -1,0 +1,157 @@
+//! Grasp synthesis as a user meets it: a repertoire that goes on after a kill, grasps shown, broken and huge meshes.
+
+use std::fs;
+use std::path::Path;
+
+use e2e::{root, run, stderr};
+use serde_json::Value;
+use tempfile::tempdir;
+
+fn text(path: &Path) -> &str {
+    path.to_str().expect("a UTF-8 path")
+}
+
+fn make(parts: &Path, out: &Path, each: &str) -> Value {
+    let arguments = [
+        "grasps",
+        "repertoire",
+        "--object",
+        "ball",
+        "--each",
+        each,
+        "--chains",
+        "64",
+        "--seed",
+        "3",
+        "--json",
+        "--parts",
+        text(parts),
+        "--out",
+        text(out),
+    ];
+    let output = run(&arguments);
+    assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+    serde_json::from_slice(&output.stdout).expect("JSON")
+}
+
+/// A part cut off in the middle of a line, as by a kill, is gone on with; the file is the one an undisturbed run makes.
+#[test]
+fn an_interrupted_repertoire_goes_on() {
+    let folder = tempdir().expect("a folder");
+    let (whole, cut) = (folder.path().join("whole"), folder.path().join("cut"));
+    let answer = make(&whole, &folder.path().join("whole.jsonl"), "4");
+    assert_eq!((answer["grasps"].as_u64(), answer["wanted"].as_u64()), (Some(4), Some(4)), "{answer}");
+    fs::create_dir(&cut).expect("a folder");
+    let part = fs::read(whole.join("ball.jsonl")).expect("a part");
+    fs::write(cut.join("ball.jsonl"), &part[..part.len() * 3 / 5]).expect("written");
+    make(&cut, &folder.path().join("cut.jsonl"), "4");
+    let read = |name: &str| fs::read_to_string(folder.path().join(name)).expect("written");
+    assert_eq!(read("whole.jsonl"), read("cut.jsonl"));
+    // Fewer wanted: the same ones, fewer of them.
+    make(&cut, &folder.path().join("two.jsonl"), "2");
+    let (two, four) = (read("two.jsonl"), read("whole.jsonl"));
+    assert_eq!(two.lines().skip(2).collect::<Vec<_>>(), four.lines().skip(2).take(2).collect::<Vec<_>>());
+}
+
+/// The built-in repertoire is shown as a table, a recording and pictures.
+#[test]
+fn grasps_are_shown() {
+    let folder = tempdir().expect("a folder");
+    let (file, pictures) = (folder.path().join("pawn.rrd"), folder.path().join("report"));
+    let output = run(&["grasps", "show", "pawn", "--out", text(&file)]);
+    assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+    assert!(fs::metadata(&file).expect("a recording").len() > 100_000);
+    let output = run(&["grasps", "show", "pawn", "--report", text(&pictures)]);
+    assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+    for name in ["grasps.html", "objects.png", "best.png", "pawn.png"] {
+        assert!(fs::metadata(pictures.join(name)).expect(name).len() > 1000, "{name}");
+    }
+    let output = run(&["grasps", "show", "--json"]);
+    let answer: Value = serde_json::from_slice(&output.stdout).expect("JSON");
+    assert_eq!(answer["objects"].as_array().map(Vec::len), Some(23));
+}
+
+/// A ball of `rings` by twice as many facets, radius 25 mm, in OBJ; the facets of the last `left_out` rings are missing.
+fn ball(rings: usize, left_out: usize) -> String {
+    let mut content = String::new();
+    let around = 2 * rings;
+    for ring in 0..=rings {
+        let tilt = std::f64::consts::PI * ring as f64 / rings as f64;
+        for k in 0..around {
+            let turn = std::f64::consts::TAU * k as f64 / around as f64;
+            let (x, y) = (tilt.sin() * turn.cos(), tilt.sin() * turn.sin());
+            content += &format!("v {:.6} {:.6} {:.6}\n", 0.025 * x, 0.025 * y, 0.025 * tilt.cos());
+        }
+    }
+    for ring in 0..rings - left_out {
+        for k in 0..around {
+            let (a, b) = (ring * around + k + 1, ring * around + (k + 1) % around + 1);
+            // At the poles one of the two has no area.
+            if ring + 1 < rings {
+                content += &format!("f {a} {} {}\n", a + around, b + around);
+            }
+            if ring > 0 {
+                content += &format!("f {a} {} {b}\n", b + around);
+            }
+        }
+    }
+    content
+}
+
+/// An open mesh and one of a million triangles are rebuilt, which is said, and grasped; a flat one is refused.
+#[test]
+fn broken_and_huge_meshes() {
+    let folder = tempdir().expect("a folder");
+    let mesh = folder.path().join("thing.obj");
+    for (content, reason) in [(ball(24, 1), "not watertight"), (ball(501, 0), "1002000 triangles")] {
+        fs::write(&mesh, content).expect("written");
+        let output = run(&["grasps", "generate", "--mesh", text(&mesh), "--n", "8", "--seed", "3", "--json"]);
+        let said = stderr(&output);
+        assert!(said.contains("winding number") && said.contains(reason), "{said}");
+        let answer: Value = serde_json::from_slice(&output.stdout).expect("JSON");
+        assert!(answer["verified"]["all"].as_u64() > Some(0), "{answer}");
+    }
+    let sheet: String = "v 0 0 0\nv 0.05 0 0\nv 0.05 0.05 0\nv 0 0.05 0\nv 0.02 0.02 0\n\
+                         f 1 2 5\nf 2 3 5\nf 3 4 5\nf 4 1 5\n"
+        .into();
+    fs::write(&mesh, sheet).expect("written");
+    let output = run(&["grasps", "generate", "--mesh", text(&mesh), "--n", "1"]);
+    assert_eq!(output.status.code(), Some(2));
+    assert!(stderr(&output).contains("wind around no volume"), "{}", stderr(&output));
+}
+
+/// Hands of others, from their URDF alone. Their models are not part of this repository: without them this says so and ends.
+#[test]
+fn other_hands_grasp() {
+    let hands = std::env::var_os("FTAC_HANDS").map_or_else(|| root().join("../shared/data/hands"), Into::into);
+    for (urdf, pulls) in [
+        ("allegro/allegro_hand_right.urdf", "allegro.toml"),
+        ("ezgripper_gen2/urdf/ezgripper_dual_gen2_expanded.urdf", "ezgripper.toml"),
+    ] {
+        let urdf = hands.join(urdf);
+        if !urdf.exists() {
+            eprintln!("NOT CHECKED: {} is not there", urdf.display());
+            continue;
+        }
+        let pulls = root().join("sim/tests/data").join(pulls);
+        let arguments = [
+            "grasps",
+            "generate",
+            "--hand",
+            text(&urdf),
+            "--pulls",
+            text(&pulls),
+            "--object",
+            "ball",
+            "--n",
+            "24",
+            "--contacts",
+            "4",
+            "--json",
+        ];
+        let output = run(&arguments);
+        let answer: Value = serde_json::from_slice(&output.stdout).expect("JSON");
+        assert!(answer["verified"]["all"].as_u64() > Some(0), "{answer}");
+        assert!(answer["story"].as_array().is_some_and(|story| story.len() > 4), "{answer}");
+    }
+}

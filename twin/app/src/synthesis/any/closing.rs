@@ -1,0 +1,185 @@
+//! From a sampled posture of any hand to a closed grasp, moved by nothing but its own actuators, and the checks on it.
+
+use anyhow::Result;
+use grasping::force_closure::{Contact, wrench_margin};
+use grasping::synthesis::chain::Sample;
+use grasping::synthesis::field::DistanceField;
+use grasping::synthesis::frames::{Frames, HandState};
+use grasping::synthesis::langevin::normal;
+use nalgebra::{Isometry3, Vector3};
+use rand::{Rng, RngExt};
+use sim::engine::EngineSettings;
+use sim::hand_scene::{Touch, displacement};
+use sim::stand::{AnyStand, Prop};
+
+use super::describe::Described;
+use crate::synthesis::checks::{self, Hold};
+use crate::synthesis::closing::{DAMPING, NotClosed, OFFSET, RISE, SETTLE_DAMPED, SETTLE_FREE, pushed_away};
+use crate::synthesis::subject::{Subject, TEST_FRICTION, TEST_MASS};
+
+/// Range of an actuator's tension, N, and the plain one.
+const TENSIONS: (f64, f64) = (8.0, 60.0);
+const CLOSE_TENSION: f64 = 30.0;
+/// A link opens until it is this clear of the object, m.
+const CLEAR: f64 = 1.5e-3;
+/// How far one step opens an actuator, rad, and how many steps and retreats there are at most.
+const OPENING: f64 = 0.06;
+const MOST_STEPS: usize = 60;
+
+/// A closed grasp of any hand, at rest.
+pub struct AnyClosed {
+    /// At rest; cloned for every test.
+    pub stand: AnyStand,
+    /// N, one an actuator.
+    pub tensions: Vec<f64>,
+    /// What touches, root frame.
+    pub touches: Vec<Touch>,
+}
+
+/// Tensions and an offset of the hand.
+pub struct AnyAim {
+    tensions: Vec<f64>,
+    offset: [f64; 6],
+}
+
+impl AnyAim {
+    /// Every actuator alike, where the sample is.
+    pub fn plain(actuators: usize) -> Self {
+        Self { tensions: vec![CLOSE_TENSION; actuators], offset: [0.0; 6] }
+    }
+
+    /// Random tensions, a small offset.
+    pub fn varied(actuators: usize, rng: &mut impl Rng) -> Self {
+        let mut spare = None;
+        let draw = |rng: &mut _| TENSIONS.0 * (TENSIONS.1 / TENSIONS.0).powf(RngExt::random::<f64>(rng));
+        let tensions = (0..actuators).map(|_| draw(rng)).collect();
+        Self {
+            tensions,
+            offset: std::array::from_fn(|n| if n < 3 { OFFSET.0 } else { OFFSET.1 } * normal(rng, &mut spare)),
+        }
+    }
+}
+
+/// Projects a sample onto the actuators' lines and opens it until it is clear of the object; the amounts on the lines as well.
+fn open_clear(
+    hand: &Described,
+    field: &DistanceField,
+    frames: &mut Frames,
+    sample: &HandState,
+) -> Option<(HandState, Vec<f64>)> {
+    let mechanism = &hand.mechanism;
+    let mut state = sample.clone();
+    let mut amounts: Vec<f64> = (0..mechanism.lines.len()).map(|line| mechanism.amount(line, &state.joints)).collect();
+    let start: Vec<f64> =
+        state.joints.iter().zip(&mechanism.limits).map(|(q, (low, high))| q.clamp(*low, *high)).collect();
+    state.joints = start;
+    for _ in 0..MOST_STEPS {
+        for (line, amount) in amounts.iter().enumerate() {
+            mechanism.set_amount(line, *amount, &mut state.joints);
+        }
+        frames.place(&state);
+        let mut clear = true;
+        for (link, surface) in hand.surface.links.iter().enumerate() {
+            let mut least = (f64::INFINITY, Vector3::zeros());
+            for local in &surface.points {
+                let x = frames.point(link, local);
+                let distance = field.distance(&x);
+                if distance < least.0 {
+                    least = (distance, x);
+                }
+            }
+            let movers: Vec<usize> = (0..amounts.len()).filter(|line| moves(hand, *line, link)).collect();
+            let can_open = movers.iter().any(|line| amounts[*line] > 0.0);
+            if least.0 < 0.0 && !can_open {
+                state.object_from_palm.translation.vector += field.at(&least.1).normal * (0.3e-3 - least.0);
+                clear = false;
+            } else if least.0 < CLEAR && can_open {
+                movers.iter().for_each(|line| amounts[*line] = (amounts[*line] - OPENING).max(0.0));
+                clear = false;
+            }
+        }
+        if clear {
+            return Some((state, amounts));
+        }
+    }
+    None
+}
+
+/// Whether an actuator moves a link (0 is the root).
+fn moves(hand: &Described, line: usize, link: usize) -> bool {
+    link > 0 && hand.tree.chain(link - 1).iter().any(|joint| hand.mechanism.lines[line].joints.contains(joint))
+}
+
+/// The tension that holds an actuator `amount` along its line, free of contact, N.
+fn holding(hand: &Described, line: usize, amount: f64) -> f64 {
+    let arms = &hand.hand.pulls[line].arms;
+    let (joint, arm) = arms[0];
+    let own = &hand.mechanism.lines[line];
+    let share = own.joints.iter().position(|own| *own == joint).map_or(1.0, |n| own.share[n]);
+    (hand.hand.spring * amount * share / arm).max(0.0)
+}
+
+/// Closes a sample.
+pub fn close(
+    hand: &Described,
+    subject: &Subject,
+    sample: &Sample,
+    frames: &mut Frames,
+    aim: &AnyAim,
+) -> Result<AnyClosed, NotClosed> {
+    let mut by = vec![0.0; sample.state.freedom()];
+    by[..6].copy_from_slice(&aim.offset);
+    let (state, amounts) =
+        open_clear(hand, &subject.field, frames, &sample.state.moved(&by)).ok_or(NotClosed::Blocked)?;
+    let start = hand.palm_from_root.inverse() * state.object_from_palm.inverse();
+    let mut stand = AnyStand::at(hand.hand.clone(), EngineSettings::default(), &state.joints);
+    stand.put(&Prop::new(&subject.model.name, subject.model.shape.clone(), TEST_MASS, TEST_FRICTION), &start);
+    stand.release();
+    stand.set_prop_damping(DAMPING);
+    let before: Vec<f64> = amounts.iter().enumerate().map(|(line, amount)| holding(hand, line, *amount)).collect();
+    let steps = |time: f64| (time / stand.dt()).round() as usize;
+    let (rise, damped, free) = (steps(RISE), steps(SETTLE_DAMPED), steps(SETTLE_FREE));
+    for step in 0..rise + damped + free {
+        let part = (step as f64 / rise as f64).min(1.0);
+        let tensions: Vec<f64> = before.iter().zip(&aim.tensions).map(|(a, b)| a + part * (b - a)).collect();
+        if step == rise + damped {
+            stand.set_prop_damping(0.0);
+        }
+        stand.step(&tensions, &Vector3::zeros());
+        if step % 24 == 0 && pushed_away(displacement(&start, &object(&stand))) {
+            return Err(NotClosed::PushedAway);
+        }
+    }
+    if pushed_away(displacement(&start, &object(&stand))) {
+        return Err(NotClosed::PushedAway);
+    }
+    let touches = stand.touches();
+    Ok(AnyClosed { stand, tensions: aim.tensions.clone(), touches })
+}
+
+/// `root_from_object`.
+pub fn object(stand: &AnyStand) -> Isometry3<f64> {
+    stand.prop_poses().first().copied().unwrap_or_else(Isometry3::identity)
+}
+
+/// Wrench margin, N.
+pub fn margin(subject: &Subject, closed: &AnyClosed) -> Result<f64> {
+    let contact = |touch: &Touch| Contact { point: touch.point, normal: touch.normal, friction: TEST_FRICTION };
+    let contacts: Vec<Contact> = closed.touches.iter().map(contact).collect();
+    let center = object(&closed.stand) * subject.field.center;
+    Ok(wrench_margin(&contacts, &center, subject.field.length, checks::TOTAL_FORCE)?)
+}
+
+/// The holding test, under other tensions than the closed ones where the control wants it.
+pub fn hold(closed: &AnyClosed, tensions: &[f64]) -> Hold {
+    let start = object(&closed.stand);
+    checks::hold_by(closed.stand.dt(), &start, |force, dt_steps| {
+        let mut stand = closed.stand.clone();
+        let tensions = tensions.to_vec();
+        let force = *force;
+        (0..dt_steps).map(move |_| {
+            stand.step(&tensions, &force);
+            object(&stand)
+        })
+    })
+}
