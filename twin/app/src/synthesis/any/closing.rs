@@ -159,7 +159,7 @@ pub fn close(
 
 /// `root_from_object`.
 pub fn object(stand: &AnyStand) -> Isometry3<f64> {
-    stand.prop_poses().first().copied().unwrap_or_else(Isometry3::identity)
+    stand.poses().first().copied().unwrap_or_else(Isometry3::identity)
 }
 
 /// Wrench margin, N.
