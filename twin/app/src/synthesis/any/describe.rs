@@ -23,8 +23,10 @@ const POINTS: usize = 2000;
 const MOST_CANDIDATES: usize = 700;
 /// Cosine between a point's motion and its normal from which on it is a candidate.
 const FACES_MOTION: f64 = 0.5;
-/// The same for the palm's points and the place on which the fingers close.
+/// Cosine between a palm point's normal and the way to the place on which the fingers close.
 const FACES_PLACE: f64 = 0.7;
+/// How far a point has to move in the middle quarter of the closing motion, m: not one beside its own hinge.
+const LEAST_MOTION: f64 = 2e-3;
 /// Steps of the closing motion that are looked at.
 const STEPS: usize = 8;
 
@@ -297,7 +299,7 @@ fn may_touch(hand: &AnyHand, swing: &[Vec<f64>], place: &Point3<f64>, link: usiz
     let point = Point3::from(skin.point);
     let motion = after * point - before * point;
     let normal = pose(hand, &swing[half], link) * skin.normal;
-    motion.norm() > 1e-4 && normal.dot(&motion) > FACES_MOTION * motion.norm()
+    motion.norm() > LEAST_MOTION && normal.dot(&motion) > FACES_MOTION * motion.norm()
 }
 
 /// Balls inside a link's shapes: grid points that are nearly as deep as any.
