@@ -268,6 +268,8 @@ struct Watch {
     limits: LimitConfig,
     arm: Limits,
     before: Option<Vec<f64>>,
+    /// Ticks since each goal last changed: a write that arrives late has had longer for its step.
+    unchanged: [u32; 6],
     checked: u64,
     outside: u64,
 }
@@ -275,7 +277,7 @@ struct Watch {
 impl Watch {
     fn new(travel: [f64; 6]) -> Self {
         let arm = Limits::gen3(&hand_model::Arm::gen3());
-        Self { travel, limits: LimitConfig::default(), arm, before: None, checked: 0, outside: 0 }
+        Self { travel, limits: LimitConfig::default(), arm, before: None, unchanged: [1; 6], checked: 0, outside: 0 }
     }
 
     fn see(&mut self, robot: &mut LockstepRobot) {
@@ -300,7 +302,9 @@ impl Watch {
                 && (0.0..=self.limits.current + milliampere).contains(&current);
             // A servo that was off, or that its watchdog stopped, starts from where it stands.
             let step = self.before.as_ref().map_or(0.0, |before| (angles[n] - before[n]).abs());
-            self.outside += u64::from(!within || (step > reach && !held));
+            let allowed = reach * f64::from(self.unchanged[n]);
+            self.outside += u64::from(!within || (step > allowed && !held));
+            self.unchanged[n] = if step == 0.0 { self.unchanged[n] + 1 } else { 1 };
         }
         self.checked += (angles.len() + ARM_JOINTS) as u64;
         self.before = Some(angles);
