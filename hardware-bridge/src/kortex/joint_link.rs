@@ -19,7 +19,7 @@ enum Hands {
     /// Nobody: it stands under its own base.
     Idle(Box<Arm>),
     /// The loop.
-    Servoing(ServoLoop),
+    Servoing(Box<ServoLoop>),
     /// It was lost in a change of hands.
     Lost,
 }
@@ -106,7 +106,7 @@ impl ArmLink for KortexLink {
                 let limits = Limits::gen3(&ArmModel::gen3());
                 let servo_loop = ServoLoop::start(*arm, limits, self.pacing).map_err(failed)?;
                 self.answered = 0;
-                self.hands = Hands::Servoing(servo_loop);
+                self.hands = Hands::Servoing(Box::new(servo_loop));
                 Ok(())
             }
             _ => Err(failed("it was lost in a change of hands")),
