@@ -39,7 +39,12 @@ pub fn run(cli: &Cli) -> Outcome {
         Command::Bench(args) => benchmark(cli, args),
         Command::Trial(args) => trial(cli, args),
         Command::View { path } => view(path),
-        Command::Report { folders, out } => report(cli, folders, out.as_deref()),
+        Command::Report { folders, study: true, .. } => match folders.as_slice() {
+            [] => study::report::run(cli, Path::new("recordings/study")),
+            [folder] => study::report::run(cli, folder),
+            _ => bail!("--study: found {} folders, expected one", folders.len()),
+        },
+        Command::Report { folders, out, .. } => report(cli, folders, out.as_deref()),
         Command::Hand(HandCommand::Check(args)) => hand_check(cli, args),
         Command::Hand(HandCommand::Export { mjcf }) => {
             check::second_engine::export(&Arc::new(Hand::ftac()), mjcf)?;
@@ -55,6 +60,8 @@ pub fn run(cli: &Cli) -> Outcome {
         Command::Grasps(GraspsCommand::Eval { synthesis, n }) => synthesis::eval(cli, synthesis, *n),
         Command::Grasps(GraspsCommand::Classify(args)) => study::classify::run(cli, args),
         Command::Grasps(GraspsCommand::Annotate(args)) => study::annotate::run(cli, args),
+        Command::Grasps(GraspsCommand::Map(args)) => study::map::run(cli, args),
+        Command::Grasps(GraspsCommand::Landscape(args)) => study::landscape::run(cli, args),
         Command::Grasps(GraspsCommand::Rehearse { object, role, n, out }) => {
             grasps_rehearse(cli, object, *role, *n, out)
         }

@@ -5,11 +5,11 @@
 mod definitions;
 mod figure;
 mod findings;
-mod html;
+pub mod html;
 mod page;
 mod paper;
 mod run;
-mod style;
+pub mod style;
 #[cfg(test)]
 mod tests;
 

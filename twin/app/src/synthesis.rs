@@ -7,7 +7,7 @@ mod checks;
 mod closing;
 mod evaluation;
 mod search;
-mod subject;
+pub mod subject;
 
 use std::path::Path;
 

@@ -236,10 +236,17 @@ pub(crate) mod tests {
     #[test]
     fn shares() {
         let hand = Hand::ftac();
-        let held = grasp(0.5, &[(None, [0.0, 0.0, -1.0], 6.0), (Some(5), [0.0, 0.0, 1.0], 3.0), (Some(9), [0.0, 0.0, 1.0], 1.0)]);
+        let held = grasp(
+            0.5,
+            &[(None, [0.0, 0.0, -1.0], 6.0), (Some(5), [0.0, 0.0, 1.0], 3.0), (Some(9), [0.0, 0.0, 1.0], 1.0)],
+        );
         let found = Attributes::of(&hand, &rod(), &held);
         let get = |name| found.get(name).expect("known");
-        assert!((get("palm") - 0.6).abs() < 1e-12 && (get("index") - 0.3).abs() < 1e-12 && (get("ring") - 0.1).abs() < 1e-12);
+        assert!(
+            (get("palm") - 0.6).abs() < 1e-12
+                && (get("index") - 0.3).abs() < 1e-12
+                && (get("ring") - 0.1).abs() < 1e-12
+        );
         assert!((get("tips") - 0.75).abs() < 1e-12 && (get("roots") - 0.25).abs() < 1e-12);
         assert_eq!(get("fingers"), 2.0);
         assert!((get("to_palm") - 1.0).abs() < 1e-12 && (get("curl") - 0.5).abs() < 1e-12);
@@ -255,9 +262,8 @@ pub(crate) mod tests {
         let across = [(None, [0.0, 0.0, -1.0], 1.0), (Some(4), [0.0, s, c], 1.0), (Some(2), [0.0, -s, c], 1.0)];
         let found = Attributes::of(&hand, &rod(), &grasp(0.5, &across));
         assert!(found.get("line_across").expect("known") > 0.999 && found.get("rounded").expect("known") < 1e-9);
-        let all: Vec<_> = (0..3)
-            .flat_map(|axis| [1.0, -1.0].map(|sign| (Some(5), Vector3::ith(axis, sign).into(), 1.0)))
-            .collect();
+        let all: Vec<_> =
+            (0..3).flat_map(|axis| [1.0, -1.0].map(|sign| (Some(5), Vector3::ith(axis, sign).into(), 1.0))).collect();
         let found = Attributes::of(&hand, &rod(), &grasp(0.5, &all));
         assert!((found.get("rounded").expect("known") - 1.0 / 3.0).abs() < 1e-9);
     }

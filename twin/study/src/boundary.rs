@@ -92,12 +92,7 @@ pub struct HeldOut {
 
 /// Leaves out each object in turn, fits to the others and counts right answers on it. Objects are resampled for the interval,
 /// because grasps of one object are alike.
-pub fn held_out(
-    points: &[Vec<f64>],
-    power: &[bool],
-    objects: &[&str],
-    seed: u64,
-) -> Result<HeldOut, BoundaryError> {
+pub fn held_out(points: &[Vec<f64>], power: &[bool], objects: &[&str], seed: u64) -> Result<HeldOut, BoundaryError> {
     let mut names: Vec<&str> = objects.to_vec();
     names.sort_unstable();
     names.dedup();

@@ -151,7 +151,9 @@ mod tests {
 
     fn cloud(n: usize, width: usize, seed: u64) -> Vec<Vec<f64>> {
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
-        (0..n).map(|_| (0..width).map(|k| rng.random_range(-1.0..1.0) * (1.0 + 3.0 / (k + 1) as f64)).collect()).collect()
+        (0..n)
+            .map(|_| (0..width).map(|k| rng.random_range(-1.0..1.0) * (1.0 + 3.0 / (k + 1) as f64)).collect())
+            .collect()
     }
 
     /// Subspace iteration finds what a full singular value decomposition finds.

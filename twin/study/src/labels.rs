@@ -24,12 +24,7 @@ pub struct Labels {
 
 impl Labels {
     /// Reads an export. Every label must be a type of `taxonomy`, for a grasp of `known`.
-    pub fn parse(
-        text: &str,
-        path: &Path,
-        taxonomy: &Taxonomy,
-        known: &BTreeSet<&str>,
-    ) -> Result<Self, DataError> {
+    pub fn parse(text: &str, path: &Path, taxonomy: &Taxonomy, known: &BTreeSet<&str>) -> Result<Self, DataError> {
         let labels: Self = serde_json::from_str(text)
             .map_err(|error| DataError::Format { path: path.into(), message: error.to_string() })?;
         let fault = |field: &str, found: String, expected: &str| {

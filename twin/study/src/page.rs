@@ -1,10 +1,14 @@
 //! Pages that need nothing else: style, program and data in one file, no server, no network.
 //!
 //! [`scene`] is what a page knows of hand, objects and grasps; `data/page/viewer.js` draws it with a depth buffer of its own, so
-//! that it looks the same in every browser and needs no graphics adapter. [`annotation`] is the page on which people label.
+//! that it looks the same in every browser and needs no graphics adapter. [`annotation`] is the page on which people label;
+//! [`hover`] shows grasps on the parts of a picture, of a [`tree`] or of a [`map`].
 
 pub mod annotation;
+pub mod hover;
+pub mod map;
 pub mod scene;
+pub mod tree;
 
 use serde::Serialize;
 
@@ -13,7 +17,10 @@ const VIEWER: &str = include_str!("../data/page/viewer.js");
 
 /// JSON that may stand inside a script element.
 fn embedded(value: &impl Serialize) -> Result<String, serde_json::Error> {
-    Ok(serde_json::to_string(value)?.replace("</", "<\\/").replace('\u{2028}', "\\u2028").replace('\u{2029}', "\\u2029"))
+    Ok(serde_json::to_string(value)?
+        .replace("</", "<\\/")
+        .replace('\u{2028}', "\\u2028")
+        .replace('\u{2029}', "\\u2029"))
 }
 
 /// Text with the characters replaced that mean something to HTML.

@@ -128,8 +128,8 @@ impl Rules {
 
     /// Reads rules from text; every type of `taxonomy` needs one. `path` is used in errors.
     pub fn parse(text: &str, path: &Path, taxonomy: &Taxonomy) -> Result<Self, DataError> {
-        let File { clear, rule: rules } =
-            toml::from_str(text).map_err(|error| DataError::Format { path: path.into(), message: error.to_string() })?;
+        let File { clear, rule: rules } = toml::from_str(text)
+            .map_err(|error| DataError::Format { path: path.into(), message: error.to_string() })?;
         let fault = |field: String, found: String, expected: String| DataError::Field {
             path: path.into(),
             field,
@@ -171,7 +171,11 @@ impl Rules {
         }
         let ruled: BTreeSet<usize> = resolved.iter().map(|rule| rule.kind).collect();
         if let Some(missing) = (0..taxonomy.types.len()).find(|kind| !ruled.contains(kind)) {
-            return Err(fault("rule".into(), format!("none for {:?}", taxonomy.types[missing].name), "one a type".into()));
+            return Err(fault(
+                "rule".into(),
+                format!("none for {:?}", taxonomy.types[missing].name),
+                "one a type".into(),
+            ));
         }
         Ok(Self { clear, rules, resolved })
     }
@@ -220,13 +224,13 @@ impl Rules {
         let Some(rule) = best else { return Vec::new() };
         let conditions = self.rules[rule].when.iter().zip(&self.resolved[rule].attributes);
         let own = conditions.map(|(condition, &index)| Checked {
-                attribute: condition.attribute.clone(),
-                meaning: ATTRIBUTES[index].1,
-                value: attributes.0[index],
-                bounds: condition.bounds(),
-                margin: condition.margin(attributes.0[index]),
-                reason: condition.reason.clone(),
-            });
+            attribute: condition.attribute.clone(),
+            meaning: ATTRIBUTES[index].1,
+            value: attributes.0[index],
+            bounds: condition.bounds(),
+            margin: condition.margin(attributes.0[index]),
+            reason: condition.reason.clone(),
+        });
         let unless = self.rules[rule].unless.iter().zip(&self.resolved[rule].unless).map(|(name, &kind)| Checked {
             attribute: "unless".into(),
             meaning: "how well a more special type fits",

@@ -102,8 +102,8 @@ impl Taxonomy {
 
     /// Reads a table from text; `path` is used in errors.
     pub fn parse(text: &str, path: &Path) -> Result<Self, DataError> {
-        let File { types } =
-            toml::from_str(text).map_err(|error| DataError::Format { path: path.into(), message: error.to_string() })?;
+        let File { types } = toml::from_str(text)
+            .map_err(|error| DataError::Format { path: path.into(), message: error.to_string() })?;
         for (n, kind) in types.iter().enumerate() {
             if types[..n].iter().any(|other| other.name == kind.name) {
                 return Err(DataError::Field {

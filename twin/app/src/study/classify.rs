@@ -46,7 +46,9 @@ pub fn run(cli: &Cli, args: &ClassifyArgs) -> Outcome {
         .types
         .iter()
         .enumerate()
-        .map(|(n, kind)| json!({ "name": kind.name, "category": kind.category, "grasps": totals[n], "clear": clear(n) }))
+        .map(
+            |(n, kind)| json!({ "name": kind.name, "category": kind.category, "grasps": totals[n], "clear": clear(n) }),
+        )
         .collect();
     let grasps: Vec<_> = source
         .entries
@@ -134,7 +136,13 @@ fn explain(cli: &Cli, source: &Source, id: &str) -> Outcome {
             println!("next best: {} (margin {:.2})", types[kind].name, decision.second.1);
         }
         for check in why(kind) {
-            let mark = if check.margin < 0.0 { "no " } else if check.margin < source.rules.clear { "bare" } else { "yes" };
+            let mark = if check.margin < 0.0 {
+                "no "
+            } else if check.margin < source.rules.clear {
+                "bare"
+            } else {
+                "yes"
+            };
             println!(
                 "  {mark:4} {:16} {:6.2}, asked {:12} margin {:5.2}  {}",
                 check.attribute, check.value, check.bounds, check.margin, check.reason

@@ -34,7 +34,8 @@ pub fn svg(taxonomy: &Taxonomy, found: &Distribution) -> String {
     for (n, object) in found.objects.iter().enumerate() {
         let y = top + row * n as f64;
         let of: usize = found.counts[n].iter().sum();
-        let _ = write!(svg, "<text x=\"{}\" y=\"{}\" text-anchor=\"end\">{}</text>", left - 6.0, y + 14.0, escape(object));
+        let _ =
+            write!(svg, "<text x=\"{}\" y=\"{}\" text-anchor=\"end\">{}</text>", left - 6.0, y + 14.0, escape(object));
         let mut x = left;
         for (kind, count) in found.counts[n].iter().enumerate().filter(|(_, count)| **count > 0) {
             let part = width * *count as f64 / of as f64;

@@ -75,7 +75,9 @@ mod tests {
         let settings = Attraction { pull: 8.0, temperature: 0.005, near: 0.1, patience: 300, chains: 1 };
         let found = threshold(&wells, &[-1.0, -1.0], &[1.0, -1.0], &settings, 20, 1, 0).expect("8 suffices");
         let slope = |t: f64| (t * t - 1.0) * (4.0 * t - 0.3);
-        let (up, down) = (-100..=100).map(|k| slope(f64::from(k) / 100.0)).fold((0.0_f64, 0.0_f64), |(a, b), s| (a.max(s), b.max(-s)));
+        let (up, down) = (-100..=100)
+            .map(|k| slope(f64::from(k) / 100.0))
+            .fold((0.0_f64, 0.0_f64), |(a, b), s| (a.max(s), b.max(-s)));
         let steepest = up.min(down);
         assert!(found < steepest && found > 0.5 * steepest, "{found} {steepest}");
     }

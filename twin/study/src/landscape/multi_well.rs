@@ -178,7 +178,12 @@ mod tests {
             for &next in &order {
                 wet[next] = true;
                 let (x, y) = (next % n, next / n);
-                for other in [(x > 0).then(|| next - 1), (x + 1 < n).then(|| next + 1), (y > 0).then(|| next - n), (y + 1 < n).then(|| next + n)] {
+                for other in [
+                    (x > 0).then(|| next - 1),
+                    (x + 1 < n).then(|| next + 1),
+                    (y > 0).then(|| next - n),
+                    (y + 1 < n).then(|| next + n),
+                ] {
                     if let Some(other) = other.filter(|other| wet[*other]) {
                         let (p, q) = (root(&mut group, next), root(&mut group, other));
                         group[p] = q;

@@ -117,9 +117,7 @@ impl Scene {
     pub fn new(hand: &Hand, objects: Vec<DrawnObject>, grasps: Vec<DrawnGrasp>) -> Self {
         let frame = |parent: Option<usize>, origin: &Isometry3<f64>| JointFrame {
             p: parent.map_or(-1, |parent| parent as i32),
-            r: std::array::from_fn(|n| {
-                (origin.rotation.to_rotation_matrix()[(n / 3, n % 3)] * 1e7).round() / 1e7
-            }),
+            r: std::array::from_fn(|n| (origin.rotation.to_rotation_matrix()[(n / 3, n % 3)] * 1e7).round() / 1e7),
             t: [origin.translation.x, origin.translation.y, origin.translation.z],
         };
         Self {
