@@ -223,7 +223,8 @@ fn the_annotation_page_works_in_a_browser() {
     let seen = &first["seen"];
     let count = |what: &str, k: usize| seen[what][k].as_u64().expect("a count");
     assert!(count("all", 0) > 500 && count("all", 1) > 5000, "object and hand are drawn: {seen}");
-    assert!(count("no_object", 0) < 50 && count("no_hand", 1) < 50, "{seen}");
+    // Green contacts, which show through, are a little blue.
+    assert!(5 * count("no_object", 0) < count("all", 0) && count("no_hand", 1) < 50, "{seen}");
     assert_eq!((&seen["turned"], &seen["types"]), (&json!(true), &json!(10)));
     let exported = &first["exported"];
     let labels = exported["labels"].as_object().expect("labels");

@@ -120,7 +120,7 @@ fn lines(
             "power/precision boundary, training accuracy",
             "81.54 %",
             training,
-            "ours has far fewer precision grasps, so that always saying power scores high too: see the next rows",
+            "both classes weigh the same here, because few of our grasps are precision; see also the next rows",
         );
         for (what, space) in
             [("the same, objects left out, on the map", "map"), ("the same, on six components", "components")]
