@@ -50,8 +50,12 @@ pub enum Command {
     /// Build report.html, trials.csv and summary.json again from result folders; several shards become one.
     Report {
         /// Result folders.
-        #[arg(required = true)]
+        #[arg(required_unless_present = "study")]
         folders: Vec<PathBuf>,
+        /// The grasp study instead: one page from what `grasps classify`, `map` and `landscape` left in the folder (default:
+        /// recordings/study).
+        #[arg(long, conflicts_with = "out")]
+        study: bool,
         /// Where the merged result goes (needed with several folders).
         #[arg(long)]
         out: Option<PathBuf>,
@@ -382,6 +386,10 @@ pub enum GraspsCommand {
     Classify(study::ClassifyArgs),
     /// Write a page, usable offline, on which people give grasps their types.
     Annotate(study::AnnotateArgs),
+    /// Put contact maps on a sheet, with the boundary between power and precision grasps.
+    Map(study::MapArgs),
+    /// Map the energy landscape of grasps: basins, barriers and their tree. An interrupted run goes on.
+    Landscape(study::LandscapeArgs),
     /// Find the benchmark's repertoire of pick-ups for the scenario's objects by rehearsing them in physics.
     Rehearse {
         /// Objects; default: all of the scenario.

@@ -45,7 +45,12 @@ pub fn run(cli: &Cli) -> Outcome {
         Command::Trial(args) => trial(cli, args),
         Command::Replay { recording } => crate::replay::command(cli, recording),
         Command::View { path } => view(path),
-        Command::Report { folders, out } => report(cli, folders, out.as_deref()),
+        Command::Report { folders, study: true, .. } => match folders.as_slice() {
+            [] => study::report::run(cli, Path::new("recordings/study")),
+            [folder] => study::report::run(cli, folder),
+            _ => bail!("--study: found {} folders, expected one", folders.len()),
+        },
+        Command::Report { folders, out, .. } => report(cli, folders, out.as_deref()),
         Command::Hand(HandCommand::Check(args)) => hand_check(cli, args),
         Command::Hand(HandCommand::Close(args)) => hand_close::run(cli, args),
         Command::Arm(ArmCommand::Check { out }) => {
@@ -66,6 +71,8 @@ pub fn run(cli: &Cli) -> Outcome {
         Command::Grasps(GraspsCommand::Show(args)) => synthesis::show::show(cli, args),
         Command::Grasps(GraspsCommand::Classify(args)) => study::classify::run(cli, args),
         Command::Grasps(GraspsCommand::Annotate(args)) => study::annotate::run(cli, args),
+        Command::Grasps(GraspsCommand::Map(args)) => study::map::run(cli, args),
+        Command::Grasps(GraspsCommand::Landscape(args)) => study::landscape::run(cli, args),
         Command::Grasps(GraspsCommand::Rehearse { object, role, n, out }) => {
             grasps_rehearse(cli, object, *role, *n, out)
         }

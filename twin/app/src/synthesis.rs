@@ -11,7 +11,7 @@ mod evaluation;
 pub mod repertoire;
 mod search;
 pub mod show;
-mod subject;
+pub mod subject;
 mod workshop;
 
 use std::path::Path;

@@ -1,10 +1,14 @@
 //! Pages that need nothing else: style, program and data in one file, no server, no network.
 //!
 //! [`scene`] is what a page knows of hand, objects and grasps; `data/page/viewer.js` draws it with a depth buffer of its own, so
-//! that it looks the same in every browser and needs no graphics adapter. [`annotation`] is the page on which people label.
+//! that it looks the same in every browser and needs no graphics adapter. [`annotation`] is the page on which people label;
+//! [`hover`] shows grasps on the parts of a picture, of a [`tree`] or of a [`map`].
 
 pub mod annotation;
+pub mod hover;
+pub mod map;
 pub mod scene;
+pub mod tree;
 
 use serde::Serialize;
 

@@ -64,7 +64,8 @@ function choose(name) {
     text.firstChild.textContent = `${KEYS[n]}  ${kind.name}`;
     text.lastChild.textContent = kind.definition + (kind.includes.length > 1 ? ` (${kind.includes.join(', ')})` : '');
     b.append(picture, text); b.classList.toggle('on', kind.name === label); b.onclick = () => label_as(kind.name);
-    new Viewer(picture, DATA.scene).show(example(kind.name));
+    const small = new Viewer(picture, DATA.scene);
+    small.zoom = 1.3; small.rotate(-0.7, 0.25); small.show(example(kind.name));
     return b;
   }));
 }

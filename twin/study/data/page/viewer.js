@@ -89,17 +89,17 @@ const Viewer = (() => {
       for (let n = 0; n < mesh.f.length; n += 3) this.triangle(points[mesh.f[n]], points[mesh.f[n + 1]], points[mesh.f[n + 2]], color, 0);
     }
 
-    // A contact: a disc of 4 mm radius that shows through 6 mm of what covers it.
+    // A contact: a disc of 5 mm radius that shows through 15 mm of what covers it.
     disc(c) {
       const { width, height } = this.canvas, middle = at(this.view, 0.01, -0.015, -0.015);
       const p = at(this.view, c[0], c[1], c[2]).map((x, k) => x - middle[k]), n = at(this.view, c[3], c[4], c[5]);
       const u = unit(cross(n, Math.abs(n[0]) < 0.9 ? [1, 0, 0] : [0, 1, 0])), w = cross(n, u), rim = [];
       for (let k = 0; k <= 12; k++) {
-        const a = k * Math.PI / 6, q = p.map((x, m) => x + 0.004 * (Math.cos(a) * u[m] + Math.sin(a) * w[m]));
+        const a = k * Math.PI / 6, q = p.map((x, m) => x + 0.005 * (Math.cos(a) * u[m] + Math.sin(a) * w[m]));
         rim.push([width / 2 + this.scale * q[0], height / 2 - this.scale * q[1], this.scale * q[2]]);
       }
       const center = [width / 2 + this.scale * p[0], height / 2 - this.scale * p[1], this.scale * p[2]];
-      for (let k = 0; k < 12; k++) this.triangle(center, rim[k], rim[k + 1], COLORS.contact, 0.006 * this.scale);
+      for (let k = 0; k < 12; k++) this.triangle(center, rim[k], rim[k + 1], COLORS.contact, 0.015 * this.scale);
     }
 
     triangle(a, b, c, color, bias) {

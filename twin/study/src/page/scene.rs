@@ -153,7 +153,8 @@ mod tests {
                 .sum();
             let half = cover.half * 1e4;
             let full = 8.0 * half.x * half.y * half.z;
-            assert!(volume > 0.8 * full && volume < full, "{volume} {full}");
+            // Rounded edges and corners take up to a quarter of a thin box.
+            assert!(volume > 0.7 * full && volume < full, "{volume} {full}");
         }
     }
 }
