@@ -8,6 +8,7 @@ use scenarios::record::Condition;
 use crate::bench::Record;
 use crate::bridge::BridgeCommand;
 use crate::optics_commands;
+use crate::tactile_backend::TactileBackend;
 
 /// Digital twin of the F-TAC Hand on a Kinova Gen3 arm.
 #[derive(Debug, Parser)]
@@ -112,6 +113,9 @@ pub struct BenchArgs {
     /// Stream every trial to a Rerun viewer as well (one thread).
     #[arg(long)]
     pub live: bool,
+    /// Where tactile images are rendered.
+    #[arg(long, value_enum, default_value_t = TactileBackend::Cpu)]
+    pub tactile: TactileBackend,
     /// Go on with the interrupted run in this folder.
     #[arg(long, conflicts_with_all = ["out", "shard", "scenario"])]
     pub resume: Option<PathBuf>,
@@ -131,6 +135,9 @@ pub struct TrialArgs {
     /// Stream to a Rerun viewer.
     #[arg(long)]
     pub live: bool,
+    /// Where tactile images are rendered.
+    #[arg(long, value_enum, default_value_t = TactileBackend::Cpu)]
+    pub tactile: TactileBackend,
     /// Recording file; default: recordings/combination_<n>_trial_<k>_<policy>.rrd.
     #[arg(long)]
     pub out: Option<PathBuf>,

@@ -162,7 +162,8 @@ fn benchmark(cli: &Cli, args: &BenchArgs) -> Outcome {
         args.jobs.unwrap_or_else(|| std::thread::available_parallelism().map_or(1, |n| n.get()))
     };
     // Everything that can be wrong with the input has been found before anything is written.
-    let bench = make_bench(scenario, request.combos, request.seed, quiet)?;
+    let mut bench = make_bench(scenario, request.combos, request.seed, quiet)?;
+    bench.board = args.tactile.board(bench.board);
     let journal = match &args.resume {
         Some(folder) => Journal::resume(folder)?.0,
         None => Journal::create(&folder, &request)?,
@@ -238,7 +239,8 @@ fn tell(cli: &Cli, summary: &Summary, folder: &Path) -> Result<()> {
 
 fn trial(cli: &Cli, args: &TrialArgs) -> Outcome {
     let scenario = Scenario::benchmark();
-    let bench = make_bench(scenario, (args.combination + 1).min(60), cli.seed, cli.quiet || cli.json)?;
+    let mut bench = make_bench(scenario, (args.combination + 1).min(60), cli.seed, cli.quiet || cli.json)?;
+    bench.board = args.tactile.board(bench.board);
     if args.combination >= bench.plans.plans.len() {
         bail!("COMBO: found {}, expected 0 to {}", args.combination, bench.plans.plans.len() - 1);
     }

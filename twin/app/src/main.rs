@@ -16,6 +16,7 @@ mod recording;
 mod rehearsal;
 mod report;
 mod synthesis;
+mod tactile_backend;
 mod trial;
 mod world;
 

@@ -116,7 +116,7 @@ impl CalibratedSensor {
         let (pixel, model) = (1e-3 * self.file.pixel_mm, &self.file.model);
         let field =
             HeightField { width: w, height: h, first: self.pixel_center(0.0, 0.0), pixel: (pixel, pixel), depth: gel };
-        let shadows: Vec<Option<Shadow>> = model.lamps.iter().map(|lamp| field.shadow(lamp)).collect();
+        let shadows: Vec<Option<Shadow>> = field.shadows(&model.lamps);
         let camera = model.camera.position;
         // Depth at a fractional pixel.
         let depth = |column: f64, row: f64| {
