@@ -14,8 +14,8 @@
 //! [`calibration`] finds a real sensor's model from presses of a ball, and renders for that sensor at its own image size.
 //!
 //! What is left out: light from one part of the gel to another; the sideways shift of points pressed towards the camera
-//! in a pad's images (the calibrated sensor's renderer has it); lens distortion (images are taken as rectified); and pads'
-//! rounded edges count as rest shape in the background alone, not in the relief that casts shadows.
+//! in a pad's images (the calibrated sensor's renderer has it); distortion in the pads' images, which are rectified (a calibrated sensor
+//! may have a [`lens`](calibration::lens)); and pads' rounded edges count as rest shape in the background alone, not in the relief that casts shadows.
 //!
 //! # Frames
 //! Everything is in the pad's frame, metres: z out of the surface, camera and lamps at negative z. Maps are row-major, 240 x 240; row 0

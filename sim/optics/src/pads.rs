@@ -86,7 +86,8 @@ impl PadCalibration {
         for (camera, serial) in unit.camera.iter_mut().zip(serial..) {
             camera.model = camera.model.varied(&self.variation, serial);
         }
-        let none = Variation { lamp_place: 0.0, lamp_turn: 0.0, lamp_strength: 0.0, lamp_pattern: 0.0, ..self.variation };
+        let none =
+            Variation { lamp_place: 0.0, lamp_turn: 0.0, lamp_strength: 0.0, lamp_pattern: 0.0, ..self.variation };
         unit.variation = Variation { camera_place: 0.0, albedo: 0.0, gain: 0.0, roughness: 0.0, ..none };
         unit
     }
@@ -96,7 +97,11 @@ impl PadCalibration {
         let body = toml::to_string(self).map_err(|error| OpticsError::Calibration(error.to_string()))?;
         let mut text = String::new();
         // Writing to a string cannot fail.
-        let _ = writeln!(text, "# Optics of pad `{}`, configuration {}; see sim/optics/src/pads.rs.", self.pad, self.configuration);
+        let _ = writeln!(
+            text,
+            "# Optics of pad `{}`, configuration {}; see sim/optics/src/pads.rs.",
+            self.pad, self.configuration
+        );
         Ok(text + COMMENT + "\n" + &body)
     }
 
@@ -121,7 +126,12 @@ impl PadCalibration {
         if !self.fits(pad) {
             return Err(OpticsError::Calibration(format!(
                 "found pad `{}` of {:.1} x {:.1} mm; expected `{}` of {:.1} x {:.1} mm",
-                self.pad, self.height_mm, self.width_mm, pad.name, 1e3 * pad.h, 1e3 * pad.w
+                self.pad,
+                self.height_mm,
+                self.width_mm,
+                pad.name,
+                1e3 * pad.h,
+                1e3 * pad.w
             )));
         }
         let model = |&index: &usize| {
@@ -140,7 +150,25 @@ impl PadCalibration {
 }
 
 /// The shipped files' texts.
-const SHIPPED: &[&str] = &[];
+const SHIPPED: [&str; 17] = [
+    include_str!("../data/pads/index_distal.toml"),
+    include_str!("../data/pads/index_middle.toml"),
+    include_str!("../data/pads/index_proximal.toml"),
+    include_str!("../data/pads/little_distal.toml"),
+    include_str!("../data/pads/little_middle.toml"),
+    include_str!("../data/pads/little_proximal.toml"),
+    include_str!("../data/pads/middle_distal.toml"),
+    include_str!("../data/pads/middle_middle.toml"),
+    include_str!("../data/pads/middle_proximal.toml"),
+    include_str!("../data/pads/palm_radial.toml"),
+    include_str!("../data/pads/palm_ulnar.toml"),
+    include_str!("../data/pads/ring_distal.toml"),
+    include_str!("../data/pads/ring_middle.toml"),
+    include_str!("../data/pads/ring_proximal.toml"),
+    include_str!("../data/pads/thumb_distal.toml"),
+    include_str!("../data/pads/thumb_metacarpal.toml"),
+    include_str!("../data/pads/thumb_proximal.toml"),
+];
 
 /// The shipped calibrations. A test reads every file, so that none is missing here.
 pub fn shipped() -> &'static [PadCalibration] {
@@ -151,7 +179,8 @@ pub fn shipped() -> &'static [PadCalibration] {
 /// A camera's model as designed and how units differ: as shipped, or worked out for a pad that is not shipped.
 pub fn design(pad: &Pad, camera: &Camera) -> (SensorModel, Variation) {
     let known = shipped().iter().find(|calibration| calibration.fits(pad));
-    let model = known.and_then(|known| known.camera.iter().find(|other| other.name == camera.name).map(|own| (own, known)));
+    let model =
+        known.and_then(|known| known.camera.iter().find(|other| other.name == camera.name).map(|own| (own, known)));
     match model {
         Some((own, known)) => (own.model.clone(), known.variation),
         None => (SensorModel::nominal(pad, camera), Variation::default()),
@@ -168,7 +197,11 @@ mod tests {
         assert_eq!(shipped().len(), hand.pads.len());
         for pad in &hand.pads {
             let found = shipped().iter().find(|calibration| calibration.pad == pad.name).unwrap();
-            assert_eq!(*found, PadCalibration::nominal(&hand, pad), "run `ftac optics pads --out sim/optics/data/pads`");
+            assert_eq!(
+                *found,
+                PadCalibration::nominal(&hand, pad),
+                "run `ftac optics pads --out sim/optics/data/pads`"
+            );
             assert_eq!(found.models(&hand, pad).unwrap().len(), pad.cameras.len());
         }
     }

@@ -306,4 +306,6 @@ pub enum OpticsCommand {
     Render(optics_commands::RenderArgs),
     /// Render twenty known shapes onto a contact sheet.
     Shapes(optics_commands::ShapesArgs),
+    /// Write the calibration files of the hand's 17 pads.
+    Pads(optics_commands::PadsArgs),
 }

@@ -64,6 +64,7 @@ pub fn run(cli: &Cli) -> Outcome {
         Command::Optics(OpticsCommand::Eval(args)) => optics_commands::eval(cli, args),
         Command::Optics(OpticsCommand::Render(args)) => optics_commands::render(cli, args),
         Command::Optics(OpticsCommand::Shapes(args)) => optics_commands::shapes(cli, args),
+        Command::Optics(OpticsCommand::Pads(args)) => optics_commands::pads(cli, args),
         Command::Bridge(command) => crate::bridge::run(cli, command),
     }
 }

@@ -81,6 +81,12 @@ impl CalibratedSensor {
         Ok(Photo { width, height, rgb: grey.into_iter().map(|grey| (grey + 0.5).clamp(0.0, 255.0) as u8).collect() })
     }
 
+    /// As [`Self::render`], as the camera's own lens shows it: not rectified. The same image where the calibration knows no lens.
+    pub fn render_raw(&self, penetration: &[f32]) -> Result<Photo, OpticsError> {
+        let rectified = self.render(penetration)?;
+        Ok(self.file.lens.map_or_else(|| rectified.clone(), |lens| lens.distort(&rectified)))
+    }
+
     /// Grey levels (whole numbers, row-major RGB) of a ball's press: [`Self::ball`], rendered.
     pub fn render_ball(&self, center: [f64; 2], radius: f64, diameter: f64) -> Vec<f32> {
         // A ball's penetration is never refused: it has this sensor's size and no NaN.
