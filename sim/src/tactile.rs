@@ -9,7 +9,7 @@ use hand_model::Hand;
 use hand_model::pads::Camera;
 use hand_model::robot::{TactileFrame, TactileImage};
 use nalgebra::{Isometry3, Point3, Unit, Vector3};
-use optics::{OpticsError, Sensor, SensorModel, press};
+use optics::{CpuRenderer, IndentationMap, Job, OpticsError, Renderer, Sensor, SensorModel, press};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
@@ -30,7 +30,7 @@ fn unit_seed(serial: u64, n: usize) -> u64 {
 /// 18 cameras of one hand unit; an empty board has its cameras off.
 #[derive(Clone)]
 pub struct TactileBoard {
-    sensors: Arc<Vec<Sensor>>,
+    renderer: Arc<dyn Renderer>,
     noise_seed: u64,
     sequence: u64,
 }
@@ -38,18 +38,23 @@ pub struct TactileBoard {
 impl TactileBoard {
     /// A board whose cameras are off.
     pub fn blank() -> Self {
-        Self { sensors: Arc::new(Vec::new()), noise_seed: 0, sequence: 0 }
+        Self::with_renderer(Arc::new(CpuRenderer::new(Arc::new(Vec::new()))))
+    }
+
+    /// A board of any renderer's sensors, one a camera.
+    pub fn with_renderer(renderer: Arc<dyn Renderer>) -> Self {
+        Self { renderer, noise_seed: 0, sequence: 0 }
     }
 
     /// The 18 cameras of hand unit number `serial`: each camera is a little different from the next.
     pub fn unit(hand: &Hand, serial: u64) -> Self {
-        let sensors = hand
+        let sensors: Vec<Sensor> = hand
             .cameras
             .iter()
             .enumerate()
             .map(|(n, camera)| Sensor::unit(&hand.pads[camera.pad], camera, unit_seed(serial, n)))
             .collect();
-        Self { sensors: Arc::new(sensors), noise_seed: 0, sequence: 0 }
+        Self::with_renderer(Arc::new(CpuRenderer::new(Arc::new(sensors))))
     }
 
     /// Hand unit `serial` with the model of each camera (by index) changed.
@@ -61,22 +66,22 @@ impl TactileBoard {
             Sensor::with_model(pad, camera, model, seed)
         };
         let sensors: Result<Vec<_>, _> = hand.cameras.iter().enumerate().map(sensor).collect();
-        Ok(Self { sensors: Arc::new(sensors?), noise_seed: 0, sequence: 0 })
+        Ok(Self::with_renderer(Arc::new(CpuRenderer::new(Arc::new(sensors?)))))
     }
 
     /// The same board with another stream of read-out noise.
     pub fn with_noise(&self, seed: u64) -> Self {
-        Self { sensors: self.sensors.clone(), noise_seed: seed, sequence: 0 }
+        Self { renderer: self.renderer.clone(), noise_seed: seed, sequence: 0 }
     }
 
     /// Images of the untouched pads, one a camera.
     pub fn backgrounds(&self) -> Vec<Arc<TactileImage>> {
-        self.sensors.iter().map(|sensor| sensor.background().clone()).collect()
+        self.sensors().iter().map(|sensor| sensor.background().clone()).collect()
     }
 
     /// The sensors, one a camera.
     pub fn sensors(&self) -> &[Sensor] {
-        &self.sensors
+        self.renderer.sensors()
     }
 
     /// One image of every camera. `pads` are `world_from_pad`, `forces` the normal forces on them (N), `objects` everything
@@ -90,66 +95,75 @@ impl TactileBoard {
         objects: &[(&Shape, Isometry3<f64>)],
     ) -> Vec<TactileFrame> {
         self.sequence += 1;
-        if self.sensors.is_empty() {
+        if self.sensors().is_empty() {
             return Vec::new();
         }
-        let images: Vec<Vec<Arc<TactileImage>>> = hand
-            .pads
-            .par_iter()
-            .enumerate()
-            .map(|(n, _)| self.pad_images(hand, n, time, &pads[n], forces[n], objects))
-            .collect();
-        let by_camera = hand.pads.iter().zip(images).flat_map(|(pad, images)| pad.cameras.iter().copied().zip(images));
-        let mut frames: Vec<TactileFrame> =
-            by_camera.map(|(camera, image)| TactileFrame { camera, time, sequence: self.sequence, image }).collect();
+        let pressed: Vec<Option<Vec<IndentationMap>>> =
+            hand.pads.par_iter().enumerate().map(|(n, _)| press_pad(hand, n, &pads[n], forces[n], objects)).collect();
+        // By time, not by count: who else asked for images changes nothing.
+        let moment = (time * 1e4).round() as u64;
+        let (mut jobs, mut frames) = (Vec::new(), Vec::new());
+        let frame = |camera: usize, image| TactileFrame { camera, time, sequence: self.sequence, image };
+        for (pad, maps) in hand.pads.iter().zip(&pressed) {
+            for (n, &camera) in pad.cameras.iter().enumerate() {
+                match maps {
+                    Some(maps) => {
+                        let noise = self.noise_seed ^ (moment << 8) ^ camera as u64;
+                        jobs.push(Job { sensor: camera, indentation: &maps[n], noise });
+                    }
+                    None => frames.push(frame(camera, self.sensors()[camera].background().clone())),
+                }
+            }
+        }
+        let images = self.images(&jobs).into_iter().zip(&jobs);
+        frames.extend(images.map(|(image, job)| frame(job.sensor, Arc::new(image))));
         frames.sort_by_key(|frame| frame.camera);
         frames
     }
 
-    fn pad_images(
-        &self,
-        hand: &Hand,
-        index: usize,
-        time: f64,
-        world_from_pad: &Isometry3<f64>,
-        force: f64,
-        objects: &[(&Shape, Isometry3<f64>)],
-    ) -> Vec<Arc<TactileImage>> {
-        let pad = &hand.pads[index];
-        let idle = || pad.cameras.iter().map(|camera| self.sensors[*camera].background().clone()).collect();
-        if force < LEAST_FORCE {
-            return idle();
-        }
-        let half = 0.5 * pad.h.hypot(pad.w);
-        let near: Vec<(&Shape, Isometry3<f64>)> = objects
-            .iter()
-            .map(|(shape, pose)| (*shape, pose.inverse() * world_from_pad))
-            .filter(|(shape, object_from_pad)| {
-                object_from_pad.translation.vector.norm() < shape.bounding_radius() + half + REACH
-            })
-            .collect();
-        let lowest = |x: f64, y: f64| {
-            near.iter()
-                .filter_map(|(shape, object_from_pad)| {
-                    let origin = object_from_pad * Point3::new(x, y, -RAY_START);
-                    let direction = Unit::new_unchecked(object_from_pad * Vector3::z());
-                    shape.ray(&origin, &direction).map(|distance| distance - RAY_START)
-                })
-                .reduce(f64::min)
+    /// Renders; a GPU that fails is said so, and the CPU makes the images.
+    fn images(&self, jobs: &[Job<'_>]) -> Vec<TactileImage> {
+        let on_cpu = |error: OpticsError| {
+            eprintln!("{error}; these tactile images come from the CPU");
+            let image = |job: &Job<'_>| {
+                self.sensors()[job.sensor].render(job.indentation, &mut ChaCha8Rng::seed_from_u64(job.noise))
+            };
+            jobs.par_iter().map(image).collect()
         };
-        let cameras: Vec<&Camera> = pad.cameras.iter().map(|camera| &hand.cameras[*camera]).collect();
-        let pressed: Result<_, OpticsError> = press(pad, &cameras, &hand.gel(), force, lowest);
-        // Only a shape with a broken ray query can fail here; its pad shows nothing rather than something wrong.
-        let Ok(pressed) = pressed else { return idle() };
-        pad.cameras
-            .iter()
-            .zip(&pressed.maps)
-            .map(|(camera, map)| {
-                // By time, not by count: who else asked for images changes nothing.
-                let moment = (time * 1e4).round() as u64;
-                let mut rng = ChaCha8Rng::seed_from_u64(self.noise_seed ^ (moment << 8) ^ *camera as u64);
-                Arc::new(self.sensors[*camera].render(map, &mut rng))
-            })
-            .collect()
+        self.renderer.render(jobs).unwrap_or_else(on_cpu)
     }
+}
+
+/// What presses into a pad, one map a camera; `None` where nothing does.
+fn press_pad(
+    hand: &Hand,
+    index: usize,
+    world_from_pad: &Isometry3<f64>,
+    force: f64,
+    objects: &[(&Shape, Isometry3<f64>)],
+) -> Option<Vec<IndentationMap>> {
+    let pad = &hand.pads[index];
+    if force < LEAST_FORCE {
+        return None;
+    }
+    let half = 0.5 * pad.h.hypot(pad.w);
+    let near: Vec<(&Shape, Isometry3<f64>)> = objects
+        .iter()
+        .map(|(shape, pose)| (*shape, pose.inverse() * world_from_pad))
+        .filter(|(shape, object_from_pad)| {
+            object_from_pad.translation.vector.norm() < shape.bounding_radius() + half + REACH
+        })
+        .collect();
+    let lowest = |x: f64, y: f64| {
+        near.iter()
+            .filter_map(|(shape, object_from_pad)| {
+                let origin = object_from_pad * Point3::new(x, y, -RAY_START);
+                let direction = Unit::new_unchecked(object_from_pad * Vector3::z());
+                shape.ray(&origin, &direction).map(|distance| distance - RAY_START)
+            })
+            .reduce(f64::min)
+    };
+    let cameras: Vec<&Camera> = pad.cameras.iter().map(|camera| &hand.cameras[*camera]).collect();
+    // Only a shape with a broken ray query can fail here; its pad shows nothing rather than something wrong.
+    press(pad, &cameras, &hand.gel(), force, lowest).ok().map(|pressed| pressed.maps)
 }

@@ -1,9 +1,10 @@
-//! Images a second: `cargo bench -p optics`. Idle, a ball and a bumpy shape; with and without cast shadows; one pad and all 17; one
-//! and two threads. What is timed starts at an indentation map and ends at an image's bytes. A plain program: means over half a second.
+//! Images: `cargo bench -p optics`, with `--features gpu` on a GPU as well. Idle, a ball and a bumpy shape at 2 N; with and without
+//! cast shadows; one sensor and all 17; one and two threads. What is timed starts at indentation maps and ends at images' bytes; the
+//! throughput is in images.
 
-use std::error::Error;
-use std::time::Instant;
+use std::hint::black_box;
 
+use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use hand_model::Hand;
 use hand_model::pads::Camera;
 use optics::shapes::SHAPES;
@@ -12,60 +13,108 @@ use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 use rayon::prelude::*;
 
-/// Seconds that a row is measured for.
-const SECONDS: f64 = 0.5;
 /// Force on each pad, N.
 const FORCE: f64 = 2.0;
 
-fn main() -> Result<(), Box<dyn Error>> {
-    let hand = Hand::ftac();
-    let first: Vec<(usize, &Camera)> =
-        hand.pads.iter().map(|pad| (pad.cameras[0], &hand.cameras[pad.cameras[0]])).collect();
-    let sensors: Vec<Sensor> =
-        first.iter().map(|(n, camera)| Sensor::unit(&hand.pads[camera.pad], camera, *n as u64)).collect();
+/// The first camera of each pad.
+fn sensors(hand: &Hand) -> Vec<Sensor> {
+    let cameras = hand.pads.iter().map(|pad| &hand.cameras[pad.cameras[0]]);
+    cameras.zip(0..).map(|(camera, serial)| Sensor::unit(&hand.pads[camera.pad], camera, serial)).collect()
+}
+
+type Scenes = Vec<(&'static str, Vec<IndentationMap>)>;
+
+fn scenes(hand: &Hand) -> Scenes {
     let ball = |x: f64, y: f64| {
         let inside = 0.02f64.powi(2) - x * x - y * y;
         (inside > 0.0).then(|| 0.02 - inside.sqrt())
     };
-    let bumpy = SHAPES.iter().find(|(name, _)| *name == "random").ok_or("no such shape")?.1;
-    let maps = |shape: &dyn Fn(f64, f64) -> Option<f64>| -> Result<Vec<IndentationMap>, Box<dyn Error>> {
-        let one = |(_, camera): &(usize, &Camera)| {
+    let bumpy = SHAPES.iter().find(|(name, _)| *name == "random").map(|(_, shape)| *shape);
+    let maps = |shape: &dyn Fn(f64, f64) -> Option<f64>| -> Vec<IndentationMap> {
+        let one = |pad: &hand_model::pads::Pad| {
+            let camera: &Camera = &hand.cameras[pad.cameras[0]];
             let moved = |x: f64, y: f64| shape(x, y - camera.center_y);
-            Ok(press(&hand.pads[camera.pad], &[camera], &hand.gel(), FORCE, moved)?.maps.remove(0))
+            press(pad, &[camera], &hand.gel(), FORCE, moved).map(|mut pressed| pressed.maps.remove(0))
         };
-        first.iter().map(one).collect()
+        hand.pads.iter().map(one).collect::<Result<_, _>>().unwrap_or_default()
     };
-    let scenes =
-        [("idle", vec![IndentationMap::idle(); first.len()]), ("ball", maps(&ball)?), ("bumpy", maps(&bumpy)?)];
-    println!(
-        "{:6} {:>7} {:>7} {:>8} {:>12} {:>12}",
-        "scene", "shadows", "sensors", "threads", "images/s", "ms an image"
-    );
-    for (name, maps) in &scenes {
+    let idle = vec![IndentationMap::idle(); hand.pads.len()];
+    let bumpy = bumpy.map(|shape| maps(&shape)).unwrap_or_default();
+    vec![("idle", idle), ("ball", maps(&ball)), ("bumpy", bumpy)]
+}
+
+fn on_cpu(criterion: &mut Criterion) {
+    let hand = Hand::ftac();
+    let sensors = sensors(&hand);
+    for (name, maps) in scenes(&hand) {
+        assert_eq!(maps.len(), sensors.len(), "{name} presses into every pad");
         for shadows in [true, false] {
-            for count in [1, sensors.len()] {
-                for threads in [1, 2] {
-                    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build()?;
-                    let image = |n: usize| {
-                        let (sensor, mut rng) = (&sensors[n], ChaCha8Rng::seed_from_u64(n as u64));
-                        if shadows {
-                            return sensor.render(&maps[n], &mut rng);
-                        }
-                        let gel = sensor.model().elastomer.deform(sensor.camera(), &maps[n]);
-                        sensor.render_unshadowed(gel.as_ref(), &mut rng)
-                    };
-                    let started = Instant::now();
-                    let mut images = 0;
-                    while started.elapsed().as_secs_f64() < SECONDS {
-                        let bytes: usize =
-                            pool.install(|| (0..count).into_par_iter().map(|n| image(n).rgb.len()).sum());
-                        images += usize::from(bytes > 0) * count;
-                    }
-                    let rate = images as f64 / started.elapsed().as_secs_f64();
-                    println!("{name:6} {shadows:>7} {count:>7} {threads:>8} {rate:>12.0} {:>12.3}", 1e3 / rate);
-                }
+            if name == "idle" && !shadows {
+                continue;
             }
+            let mut group = criterion.benchmark_group(format!("{name}{}", if shadows { "" } else { ", no shadows" }));
+            for (count, threads) in [(1, 1), (17, 1), (17, 2)] {
+                let image = |n: usize| {
+                    let (sensor, mut rng) = (&sensors[n], ChaCha8Rng::seed_from_u64(n as u64));
+                    if shadows {
+                        return sensor.render(&maps[n], &mut rng);
+                    }
+                    let gel = sensor.model().elastomer.deform(sensor.camera(), &maps[n]);
+                    sensor.render_unshadowed(gel.as_ref(), &mut rng)
+                };
+                let Ok(pool) = rayon::ThreadPoolBuilder::new().num_threads(threads).build() else { continue };
+                group.throughput(Throughput::Elements(count as u64));
+                group.bench_function(format!("{count} sensors, {threads} threads"), |bencher| {
+                    bencher.iter(|| {
+                        pool.install(|| (0..count).into_par_iter().for_each(|n| drop(black_box(image(black_box(n))))))
+                    });
+                });
+            }
+            group.finish();
         }
     }
-    Ok(())
 }
+
+/// One hand, and 256 hands at once, on a GPU; says so where there is none.
+#[cfg(feature = "gpu")]
+fn on_gpu(criterion: &mut Criterion) {
+    use std::sync::Arc;
+
+    use optics::{GpuRenderer, Job, Renderer};
+    let hand = Hand::ftac();
+    let gpu = match GpuRenderer::new(Arc::new(sensors(&hand))) {
+        Ok(gpu) => gpu,
+        Err(error) => {
+            eprintln!("no figures for a GPU: {error}");
+            return;
+        }
+    };
+    for (name, maps) in scenes(&hand) {
+        let mut group = criterion.benchmark_group(format!("{name} on {}", gpu.device()));
+        for hands in [1, 256] {
+            let jobs: Vec<Job<'_>> = (0..hands)
+                .flat_map(|hand| maps.iter().enumerate().map(move |map| (hand, map)))
+                .map(|(hand, (sensor, indentation))| Job { sensor, indentation, noise: hand })
+                .collect();
+            group.sample_size(10).throughput(Throughput::Elements(jobs.len() as u64));
+            group.bench_function(format!("17 x {hands}"), |bencher| bencher.iter(|| black_box(gpu.render(&jobs))));
+        }
+        group.finish();
+    }
+}
+
+#[cfg(not(feature = "gpu"))]
+fn on_gpu(_: &mut Criterion) {
+    eprintln!("no figures for a GPU: built without the feature `gpu`");
+}
+
+fn short() -> Criterion {
+    use std::time::Duration;
+    Criterion::default()
+        .sample_size(20)
+        .warm_up_time(Duration::from_millis(300))
+        .measurement_time(Duration::from_secs(2))
+}
+
+criterion_group! { name = images; config = short(); targets = on_cpu, on_gpu }
+criterion_main!(images);

@@ -127,8 +127,14 @@ impl ResponseTable {
         Self { grey: (0..=Self::CELLS + 1).map(value).collect() }
     }
 
+    /// Grey levels at the table's cells.
+    #[cfg(feature = "gpu")]
+    pub(crate) fn values(&self) -> &[f32] {
+        &self.grey
+    }
+
     /// Grey level of a radiance, linear between the table's cells.
-    #[inline]
+    #[inline(always)]
     pub(crate) fn grey(&self, radiance: f32) -> f32 {
         let at = (radiance * (Self::CELLS as f64 / Self::END) as f32).clamp(0.0, Self::CELLS as f32);
         let cell = at as usize;

@@ -10,6 +10,7 @@ use hand_model::pads::{Camera, IMAGE_SIZE};
 use serde::{Deserialize, Serialize};
 
 use crate::indentation::{IndentationMap, Rectangle};
+use crate::wide::widest;
 
 /// The smoothing of the gel.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -58,17 +59,17 @@ impl Elastomer {
 
     /// As [`Self::deform`], over a rectangle that reaches at least `reach` (m) beyond the contact.
     pub fn deform_over(&self, camera: &Camera, map: &IndentationMap, reach: f64) -> Option<DeformedGel> {
-        let contact = map.contact()?;
+        let rectangle = self.rectangle(camera, map, reach)?;
+        let depth = self.smooth(map.cut(&rectangle), rectangle.width(), rectangle.height(), camera.pixel_size());
+        Some(DeformedGel { rectangle, depth })
+    }
+
+    /// Where [`Self::deform_over`] deforms the gel; `None` on an untouched pad.
+    pub(crate) fn rectangle(&self, camera: &Camera, map: &IndentationMap, reach: f64) -> Option<Rectangle> {
         let (dx, dy) = camera.pixel_size();
         let least = ((reach / dx).ceil() as usize, (reach / dy).ceil() as usize);
         let margin = self.margin((dx, dy));
-        let rectangle = contact.grown(margin.0.max(least.0), margin.1.max(least.1)).even();
-        let (width, height) = (rectangle.width(), rectangle.height());
-        let mut own = Vec::with_capacity(width * height);
-        for row in rectangle.top..rectangle.bottom {
-            own.extend((rectangle.left..rectangle.right).map(|column| map.depth(column, row)));
-        }
-        Some(DeformedGel { rectangle, depth: self.smooth(own, width, height, (dx, dy)) })
+        Some(map.contact()?.grown(margin.0.max(least.0), margin.1.max(least.1)).even())
     }
 
     /// How far the smoothing reaches beyond a contact: columns and rows of pixels of this size (m).
@@ -76,12 +77,21 @@ impl Elastomer {
         self.radii(pixel).iter().fold((1, 1), |(x, y), &(rx, ry)| (x + 3 * rx, y + 3 * ry))
     }
 
-    fn radii(&self, (dx, dy): (f64, f64)) -> Vec<(usize, usize)> {
+    /// Box radii (columns, rows) of each kernel on pixels of this size (m).
+    pub(crate) fn radii(&self, (dx, dy): (f64, f64)) -> Vec<(usize, usize)> {
         self.kernels.iter().map(|&deviation| (box_radius(deviation / dx), box_radius(deviation / dy))).collect()
     }
 
     /// The gel over an object's own depths (m, row-major, 0 beside it), on pixels of this size (m).
     pub fn smooth(&self, own: Vec<f32>, width: usize, height: usize, pixel: (f64, f64)) -> Vec<f32> {
+        widest(
+            #[inline(always)]
+            || self.passes(own, width, height, pixel),
+        )
+    }
+
+    #[inline(always)]
+    fn passes(&self, own: Vec<f32>, width: usize, height: usize, pixel: (f64, f64)) -> Vec<f32> {
         let mut depth = own.clone();
         let mut other = vec![0.0; depth.len()];
         for (rx, ry) in self.radii(pixel) {
@@ -147,6 +157,7 @@ fn box_radius(deviation: f64) -> usize {
 }
 
 /// Averages over `2 radius + 1` rows; beyond the border the border's row is repeated.
+#[inline(always)]
 fn box_filter(from: &[f32], to: &mut [f32], width: usize, height: usize, radius: usize) {
     if radius == 0 {
         to.copy_from_slice(from);
@@ -172,6 +183,7 @@ fn box_filter(from: &[f32], to: &mut [f32], width: usize, height: usize, radius:
     }
 }
 
+#[inline(always)]
 fn transpose(from: &[f32], to: &mut [f32], width: usize, height: usize) {
     const TILE: usize = 8;
     for top in (0..height).step_by(TILE) {

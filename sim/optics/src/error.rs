@@ -55,6 +55,17 @@ pub enum OpticsError {
     /// A calibration file is not well-formed or holds an impossible value.
     #[error("sensor calibration: {0}")]
     Calibration(String),
+    /// A job names a sensor that the renderer has not.
+    #[error("a job names sensor {found}; expected one below {count}")]
+    NoSensor {
+        /// The index found.
+        found: usize,
+        /// Sensors there are.
+        count: usize,
+    },
+    /// There is no adapter to render on, or it failed.
+    #[error("GPU: {0}")]
+    Gpu(String),
     /// A file or folder cannot be used.
     #[error("{path}: {what}")]
     File {

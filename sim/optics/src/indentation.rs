@@ -136,6 +136,15 @@ impl IndentationMap {
         self.depth.get(row * IMAGE_SIZE + column).copied().unwrap_or(0.0)
     }
 
+    /// The depths of a rectangle, row-major.
+    pub(crate) fn cut(&self, rectangle: &Rectangle) -> Vec<f32> {
+        if self.depth.is_empty() {
+            return vec![0.0; rectangle.width() * rectangle.height()];
+        }
+        let rows = self.depth.chunks_exact(IMAGE_SIZE).take(rectangle.bottom).skip(rectangle.top);
+        rows.flat_map(|row| &row[rectangle.left..rectangle.right]).copied().collect()
+    }
+
     /// Largest depth, m.
     pub fn deepest(&self) -> f32 {
         self.depth.iter().copied().fold(0.0, f32::max)

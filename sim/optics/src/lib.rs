@@ -9,11 +9,13 @@
 //! `model(deformed gel) - model(flat gel)`; elsewhere the pixel is the background's. How much force an indentation takes is the
 //! [`foundation`]'s part, and [`shapes`] has twenty things to press.
 //!
+//! The hand's 17 pads ship with a calibration file each ([`pads`]); many images at once are a [`renderer`]'s part, on the CPU or a GPU.
+//!
 //! [`calibration`] finds a real sensor's model from presses of a ball, and renders for that sensor at its own image size.
 //!
 //! What is left out: light from one part of the gel to another; the sideways shift of points pressed towards the camera
-//! in a pad's images (the calibrated sensor's renderer has it); lens distortion (images are taken as rectified); and pads'
-//! rounded edges count as rest shape in the background alone, not in the relief that casts shadows.
+//! in a pad's images (the calibrated sensor's renderer has it); distortion in the pads' images, which are rectified (a calibrated sensor
+//! may have a [`lens`](calibration::lens)); and pads' rounded edges count as rest shape in the background alone, not in the relief that casts shadows.
 //!
 //! # Frames
 //! Everything is in the pad's frame, metres: z out of the surface, camera and lamps at negative z. Maps are row-major, 240 x 240; row 0
@@ -72,18 +74,26 @@ pub mod camera;
 pub mod elastomer;
 pub mod error;
 pub mod foundation;
+#[cfg(feature = "gpu")]
+pub mod gpu;
 pub mod indentation;
 pub mod lamps;
 pub mod model;
 mod noise;
+pub mod pads;
 pub mod reflectance;
+pub mod renderer;
 pub mod sensor;
 mod shading;
 pub mod shadows;
 pub mod shapes;
+mod wide;
 
 pub use error::OpticsError;
 pub use foundation::Foundation;
+#[cfg(feature = "gpu")]
+pub use gpu::GpuRenderer;
 pub use indentation::{IndentationMap, Press, press};
-pub use model::SensorModel;
+pub use model::{SensorModel, Variation};
+pub use renderer::{CpuRenderer, Job, Renderer};
 pub use sensor::Sensor;

@@ -38,6 +38,47 @@ pub struct SensorModel {
     pub lamps: Vec<Lamp>,
 }
 
+/// How units of a series differ: standard deviations, relative ones where no unit is named.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Variation {
+    /// Lamps' places, each axis, m.
+    pub lamp_place: f64,
+    /// Lamps' directions, each axis, rad.
+    pub lamp_turn: f64,
+    /// Lamps' strengths.
+    pub lamp_strength: f64,
+    /// Exponents of the lamps' radiation patterns.
+    pub lamp_pattern: f64,
+    /// The camera's place, each axis, m.
+    pub camera_place: f64,
+    /// The coating's albedo, each channel.
+    pub albedo: f64,
+    /// Gains, each channel.
+    pub gain: f64,
+    /// The coating's roughness.
+    pub roughness: f64,
+    /// Blotches and grain of a unit's background, grey levels.
+    pub texture: [f64; 2],
+}
+
+impl Default for Variation {
+    /// What hand-assembled units show: lamps within 0.2 mm and 3 degrees, 5 % of their strength.
+    fn default() -> Self {
+        Self {
+            lamp_place: 0.2e-3,
+            lamp_turn: 0.05,
+            lamp_strength: 0.05,
+            lamp_pattern: 0.02,
+            camera_place: 0.2e-3,
+            albedo: 0.02,
+            gain: 0.02,
+            roughness: 0.05,
+            texture: [2.0, 0.8],
+        }
+    }
+}
+
 /// Mean grey level of an untouched nominal sensor's flat gel, each channel.
 pub const NOMINAL_GREY: f64 = 115.0;
 
@@ -93,25 +134,31 @@ impl SensorModel {
         model
     }
 
-    /// One unit of a series: lamps a little displaced (0.2 mm), turned (3 degrees), brighter or dimmer (5 %), the camera
-    /// (0.2 mm), coating (2 %) and gains (2 %) a little off, and a background with blotches and grain.
+    /// One unit of a series: the design as shipped ([`crate::pads`]), varied by the usual [`Variation`].
     pub fn unit(pad: &Pad, camera: &Camera, seed: u64) -> Self {
+        let (design, variation) = crate::pads::design(pad, camera);
+        design.varied(&variation, seed)
+    }
+
+    /// This model as one unit of a series has it; `seed` is the unit's serial number.
+    pub fn varied(&self, by: &Variation, seed: u64) -> Self {
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
         let mut vary = |deviation: f64| deviation * normal(&mut rng);
-        let mut model = Self::nominal(pad, camera);
+        let mut model = self.clone();
         for lamp in &mut model.lamps {
-            lamp.position += Vector3::new(vary(0.2e-3), vary(0.2e-3), vary(0.2e-3));
-            lamp.direction = (lamp.direction + Vector3::new(vary(0.05), vary(0.05), vary(0.05))).normalize();
-            lamp.eta *= vary(0.05).exp();
-            lamp.mu = (lamp.mu * vary(0.02).exp()).max(0.0);
+            lamp.position += Vector3::new(vary(by.lamp_place), vary(by.lamp_place), vary(by.lamp_place));
+            let turn = Vector3::new(vary(by.lamp_turn), vary(by.lamp_turn), vary(by.lamp_turn));
+            lamp.direction = (lamp.direction + turn).normalize();
+            lamp.eta *= vary(by.lamp_strength).exp();
+            lamp.mu = (lamp.mu * vary(by.lamp_pattern).exp()).max(0.0);
         }
-        model.camera.position += Vector3::new(vary(0.2e-3), vary(0.2e-3), vary(0.2e-3));
+        model.camera.position += Vector3::new(vary(by.camera_place), vary(by.camera_place), vary(by.camera_place));
         for channel in 0..3 {
-            model.reflectance.albedo[channel] *= vary(0.02).exp();
-            model.gain[channel] *= vary(0.02).exp();
+            model.reflectance.albedo[channel] *= vary(by.albedo).exp();
+            model.gain[channel] *= vary(by.gain).exp();
         }
-        model.reflectance.roughness *= vary(0.05).exp();
-        model.texture = [2.0, 0.8];
+        model.reflectance.roughness *= vary(by.roughness).exp();
+        model.texture = by.texture;
         model
     }
 

@@ -25,16 +25,29 @@ pub(crate) struct ReadOutNoise {
 
 impl ReadOutNoise {
     const STARTS: usize = 1 << 16;
+    /// Draws in the table.
+    pub(crate) const DRAWS: usize = Self::STARTS + 3 * IMAGE_SIZE;
 
     pub(crate) fn new(deviation: f64, seed: u64) -> Self {
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
-        let draws = Self::STARTS + 3 * IMAGE_SIZE;
-        Self { table: (0..draws).map(|_| (deviation * normal(&mut rng)) as f32).collect() }
+        Self { table: (0..Self::DRAWS).map(|_| (deviation * normal(&mut rng)) as f32).collect() }
+    }
+
+    /// All draws.
+    #[cfg(feature = "gpu")]
+    pub(crate) fn table(&self) -> &[f32] {
+        &self.table
+    }
+
+    /// Where in the table an image's next row starts.
+    pub(crate) fn start(rng: &mut impl Rng) -> usize {
+        rng.next_u32() as usize % Self::STARTS
     }
 
     /// Writes a row of grey levels with noise as bytes.
+    #[inline(always)]
     pub(crate) fn expose(&self, grey: &[f32], bytes: &mut [u8], rng: &mut impl Rng) {
-        let start = rng.next_u32() as usize % Self::STARTS;
+        let start = Self::start(rng);
         let draws = &self.table[start..start + grey.len()];
         for ((byte, grey), draw) in bytes.iter_mut().zip(grey).zip(draws) {
             *byte = quantise(grey + draw);
@@ -43,7 +56,7 @@ impl ReadOutNoise {
 }
 
 /// Nearest of the 256 grey levels.
-#[inline]
+#[inline(always)]
 pub(crate) fn quantise(grey: f32) -> u8 {
     (grey + 0.5).clamp(0.0, 255.0) as u8
 }

@@ -11,12 +11,15 @@ use rand_chacha::rand_core::SeedableRng;
 use crate::camera::ResponseTable;
 use crate::elastomer::DeformedGel;
 use crate::error::OpticsError;
+#[cfg(feature = "gpu")]
+use crate::indentation::Rectangle;
 use crate::indentation::{IndentationMap, PIXELS};
 use crate::lamps::Lamp;
 use crate::model::SensorModel;
 use crate::noise::{ReadOutNoise, quantise, texture};
 use crate::shading::{Shading, SurfaceRow};
 use crate::shadows::{HeightField, Shadow};
+use crate::wide::widest;
 
 /// Depth (m) and slope below which the gel counts as flat and the background is shown.
 const FLAT_DEPTH: f32 = 1e-6;
@@ -42,7 +45,7 @@ pub struct Sensor {
 impl Sensor {
     /// The sensor as designed: no variation, no texture, but read-out noise.
     pub fn nominal(pad: &Pad, camera: &Camera) -> Self {
-        Self::build(pad, camera, SensorModel::nominal(pad, camera), 0)
+        Self::build(pad, camera, crate::pads::design(pad, camera).0, 0)
     }
 
     /// One unit of a series; the seed is its serial number.
@@ -119,6 +122,39 @@ impl Sensor {
         &self.background
     }
 
+    /// Where an indentation changes the image: the deformed gel and its shadows; `None` on an untouched pad.
+    #[cfg(feature = "gpu")]
+    pub(crate) fn gel_rectangle(&self, indentation: &IndentationMap) -> Option<Rectangle> {
+        let reach = self.shadow_reach(f64::from(indentation.deepest()));
+        self.model.elastomer.rectangle(&self.camera, indentation, reach)
+    }
+
+    /// What a GPU needs beside the model: each lamp's power in each channel.
+    #[cfg(feature = "gpu")]
+    pub(crate) fn lamp_powers(&self) -> impl Iterator<Item = [f32; 3]> {
+        self.shading.powers()
+    }
+
+    #[cfg(feature = "gpu")]
+    pub(crate) fn responses(&self) -> &[ResponseTable; 3] {
+        &self.response
+    }
+
+    #[cfg(feature = "gpu")]
+    pub(crate) fn noise_table(&self) -> &[f32] {
+        self.noise.table()
+    }
+
+    #[cfg(feature = "gpu")]
+    pub(crate) fn background_grey(&self) -> &[f32] {
+        &self.background_grey
+    }
+
+    #[cfg(feature = "gpu")]
+    pub(crate) fn correction(&self) -> &[f32] {
+        &self.correction
+    }
+
     /// The tactile image of an indentation; `rng` draws the read-out noise (an idle pad shows the background, with noise).
     pub fn render(&self, indentation: &IndentationMap, rng: &mut impl Rng) -> TactileImage {
         let reach = self.shadow_reach(f64::from(indentation.deepest()));
@@ -159,10 +195,18 @@ impl Sensor {
             pixel: self.camera.pixel_size(),
             depth: &gel.depth,
         };
-        self.model.lamps.iter().map(|lamp| field.shadow(lamp)).collect()
+        field.shadows(&self.model.lamps)
     }
 
     fn expose(&self, gel: Option<&DeformedGel>, shadows: &[Option<Shadow>], rng: &mut impl Rng) -> TactileImage {
+        widest(
+            #[inline(always)]
+            || self.rows(gel, shadows, rng),
+        )
+    }
+
+    #[inline(always)]
+    fn rows(&self, gel: Option<&DeformedGel>, shadows: &[Option<Shadow>], rng: &mut impl Rng) -> TactileImage {
         let mut rgb = vec![0; 3 * PIXELS];
         let mut row = SurfaceRow::new();
         let mut grey = [0.0f32; 3 * IMAGE_SIZE];
@@ -189,6 +233,7 @@ impl Sensor {
     }
 
     /// Shades the deformed and the shadowed part of an image row; gives its first and one past its last column.
+    #[inline(always)]
     fn shade_row(
         &self,
         gel: &DeformedGel,

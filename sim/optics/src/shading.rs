@@ -42,6 +42,7 @@ impl SurfaceRow {
     }
 
     /// Sets the row: pixel i is at (`x0 + i dx`, `y`), at height `z[i]` with slopes dz/dx and dz/dy (m, pad frame).
+    #[inline(always)]
     pub(crate) fn set(&mut self, camera: &Pinhole, x0: f64, dx: f64, y: f64, z: &[f32], slopes: [&[f32]; 2]) {
         let n = z.len().min(IMAGE_SIZE);
         let (px, py, pz) = (camera.position.x as f32, camera.position.y as f32, camera.position.z as f32);
@@ -102,8 +103,15 @@ impl Shading {
         Self { lamps, ambient: single(&ambient), a: reflectance.a() as f32, b: reflectance.b() as f32 }
     }
 
+    /// Each lamp's power in each channel.
+    #[cfg(feature = "gpu")]
+    pub(crate) fn powers(&self) -> impl Iterator<Item = [f32; 3]> {
+        self.lamps.iter().map(|lamp| lamp.power)
+    }
+
     /// Fills `row.radiance` with the sum over all lamps. `shadows` has one for each lamp that casts any (or is empty); the row is
     /// row `place.1` of theirs, from column `place.0` on.
+    #[inline(always)]
     pub(crate) fn shade(&self, row: &mut SurfaceRow, shadows: &[Option<Shadow>], place: (usize, usize)) {
         for (line, ambient) in row.radiance.iter_mut().zip(self.ambient) {
             line[..row.len].iter_mut().zip(&row.normal[2]).for_each(|(sum, nz)| *sum = ambient * 0.5 * (1.0 - nz));
@@ -124,31 +132,41 @@ impl Shading {
         }
     }
 
-    /// `(-s . p)^mu / |s|^2 * max(0, cos theta_i) * f_r` of one lamp along the row.
+    /// `(-s . p)^mu / |s|^2 * max(0, cos theta_i) * f_r` of one lamp along the row, some pixels at once: what is worked out
+    /// beyond the row's end is not looked at.
+    #[inline(always)]
     fn light_of(&self, lamp: &ShadedLamp, row: &SurfaceRow, light: &mut Line) {
-        let n = row.len;
-        let (x, z, cos_r, light) = (&row.x[..n], &row.z[..n], &row.cos_r[..n], &mut light[..n]);
-        let [nx, ny, nz] = row.normal.each_ref().map(|line| &line[..n]);
-        let [vx, vy, vz] = row.viewer.each_ref().map(|line| &line[..n]);
         let ([lx, ly, lz], [px, py, pz]) = (lamp.position, lamp.direction);
         let sy = ly - row.y;
-        for i in 0..n {
-            let (sx, sz) = (lx - x[i], lz - z[i]);
-            let inverse_square = 1.0 / (sx * sx + sy * sy + sz * sz);
-            let inverse = inverse_square.sqrt();
-            let (sx, sy, sz) = (sx * inverse, sy * inverse, sz * inverse);
-            let along = -(sx * px + sy * py + sz * pz);
-            let kappa = power(along, lamp.mu) * inverse_square;
-            let cos_i = (nx[i] * sx + ny[i] * sy + nz[i] * sz).max(0.0);
-            let across = (sx * vx[i] + sy * vy[i] + sz * vz[i] - cos_i * cos_r[i]).max(0.0);
-            let larger = cos_i.max(cos_r[i]).max(1e-3);
-            light[i] = kappa * cos_i * (self.a + self.b * across / larger);
+        let lanes = |line: &Line, k: usize| line.as_chunks::<LANES>().0[k];
+        for (k, light) in light.as_chunks_mut::<LANES>().0.iter_mut().enumerate().take(row.len.div_ceil(LANES)) {
+            let (x, z, cos_r) = (lanes(&row.x, k), lanes(&row.z, k), lanes(&row.cos_r, k));
+            let [nx, ny, nz] = row.normal.each_ref().map(|line| lanes(line, k));
+            let [vx, vy, vz] = row.viewer.each_ref().map(|line| lanes(line, k));
+            let mut out = [0.0; LANES];
+            for i in 0..LANES {
+                let (sx, sz) = (lx - x[i], lz - z[i]);
+                let inverse_square = 1.0 / (sx * sx + sy * sy + sz * sz);
+                let inverse = inverse_square.sqrt();
+                let (sx, sy, sz) = (sx * inverse, sy * inverse, sz * inverse);
+                let along = -(sx * px + sy * py + sz * pz);
+                let kappa = power(along, lamp.mu) * inverse_square;
+                let cos_i = (nx[i] * sx + ny[i] * sy + nz[i] * sz).max(0.0);
+                let across = (sx * vx[i] + sy * vy[i] + sz * vz[i] - cos_i * cos_r[i]).max(0.0);
+                let larger = cos_i.max(cos_r[i]).max(1e-3);
+                out[i] = kappa * cos_i * (self.a + self.b * across / larger);
+            }
+            *light = out;
         }
     }
 }
 
+/// Pixels that are worked on at once.
+const LANES: usize = 16;
+const _: () = assert!(IMAGE_SIZE.is_multiple_of(LANES));
+
 /// `base^exponent` for a base up to 1 (0 for a base of 0 or less), to about 1e-4, in plain arithmetic that vectorises.
-#[inline]
+#[inline(always)]
 fn power(base: f32, exponent: f32) -> f32 {
     const ROUND: f32 = 12_582_912.0; // 1.5 * 2^23: adding it rounds to a whole number, left in the low bits.
     let bits = base.max(1e-6).to_bits();
@@ -172,7 +190,9 @@ fn power(base: f32, exponent: f32) -> f32 {
     let q = q * f + 0.240_226_5;
     let q = q * f + std::f32::consts::LN_2;
     let q = q * f + 1.0;
-    if base > 0.0 { two * q } else { 0.0 }
+    // A mask, because the compiler would make a jump of a choice and then work on one pixel at a time.
+    let mask = if base > 0.0 { u32::MAX } else { 0 };
+    f32::from_bits((two * q).to_bits() & mask)
 }
 
 #[cfg(test)]

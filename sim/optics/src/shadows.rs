@@ -3,12 +3,15 @@
 //! Seen from the lamp, the gel is a height field. Along a line away from the lamp, a place at depth h and distance D
 //! appears at the tangent `m = (h - lamp's depth) / D`, and what comes later is hidden where its m is below the largest m so far. That running
 //! maximum, and where it was met, is handed from cell to cell outwards from the lamp, mixed from the two cells that the line runs
-//! between: a few operations a cell, however long the shadow. Lamps have a size, so that shadows have soft borders
+//! between: a few operations a cell, however long the shadow. A lamp that stands too high for the gel's slopes is not looked at. Lamps have a size, so that shadows have soft borders
 //! ([`Lamp::share_above`]). Cells are 2 x 2 pixels; shadows are smooth enough for that.
 //!
 //! The paper's way, hidden-point removal (Katz et al.), is what the tests compare with.
 
+mod trace;
+
 use crate::lamps::Lamp;
+use crate::shadows::trace::{Axes, Grid, trace};
 
 /// Pixels along a cell's side.
 const CELL: usize = 2;
@@ -37,107 +40,122 @@ pub struct Shadow {
     width: usize,
     height: usize,
     share: Vec<f32>,
+    /// First and last shaded column around each row of cells.
+    shaded: Vec<Option<(usize, usize)>>,
 }
 
-/// What is handed on along a line from the lamp: the largest tangent so far, and its distance from the lamp.
-#[derive(Debug, Clone, Copy)]
-struct Edge {
-    tangent: f32,
-    distance: f32,
+/// Mean depths of the cells, row-major, and what bounds their shadows.
+#[derive(Debug)]
+struct Cells {
+    width: usize,
+    height: usize,
+    depth: Vec<f32>,
+    deepest: f32,
+    /// No two places differ in depth by more than this times their distance.
+    steepest: f32,
 }
+
+/// By how much a lamp must stand higher than the gel's steepest slope needs: slopes are those between cells, tangents are mixed.
+const CLEARANCE: f32 = 1.25;
 
 impl HeightField<'_> {
     /// The shadow of this lamp; `None` where it casts none.
     pub fn shadow(&self, lamp: &Lamp) -> Option<Shadow> {
-        let (cells, (width, height)) = self.cells();
-        let size = ((CELL as f64 * self.pixel.0) as f32, (CELL as f64 * self.pixel.1) as f32);
-        let middle = 0.5 * (CELL - 1) as f64;
-        let first = (self.first.0 + middle * self.pixel.0, self.first.1 - middle * self.pixel.1);
-        // The lamp's place, in cells.
-        let lamp_x = ((lamp.position.x - first.0) as f32) / size.0;
-        let lamp_y = ((first.1 - lamp.position.y) as f32) / size.1;
-        let lamp_depth = -lamp.position.z as f32;
-        let soft = 1.0 / lamp.size.max(1e-6) as f32;
-        let mut edges = vec![Edge { tangent: 0.0, distance: 0.0 }; width * height];
-        let mut share = vec![1.0f32; width * height];
-        let mut darkest = 1.0f32;
-        for row in outwards(lamp_y, height) {
-            for column in outwards(lamp_x, width) {
-                let (across, down) = (lamp_x - column as f32, lamp_y - row as f32);
-                let (x, y) = (across * size.0, down * size.1);
-                let distance = (x * x + y * y).max(1e-14).sqrt();
-                let at = row * width + column;
-                let own = (cells[at] - lamp_depth) / distance;
-                // One step of the longer side's length towards the lamp.
-                let steps = across.abs().max(down.abs());
-                edges[at] = Edge { tangent: own, distance };
-                if steps <= 1.0 {
-                    continue;
-                }
-                let inverse = 1.0 / steps;
-                let (dx, dy) = (across * inverse, down * inverse);
-                let near = distance * (1.0 - inverse);
-                let look = |column: isize, row: isize| {
-                    let inside = (0..width as isize).contains(&column) && (0..height as isize).contains(&row);
-                    if inside {
-                        edges[row as usize * width + column as usize]
-                    } else {
-                        Edge { tangent: -lamp_depth / near, distance: near }
-                    }
-                };
-                let (column, row) = (column as isize, row as isize);
-                let (a, b, part) = if across.abs() >= down.abs() {
-                    let next = column + dx.signum() as isize;
-                    // Between the lamp's own two rows, neither comes before the other: straight on.
-                    let part = if down.abs() < 1.0 { 0.0 } else { dy.abs() };
-                    (look(next, row), look(next, row + dy.signum() as isize), part)
-                } else {
-                    let next = row + dy.signum() as isize;
-                    (look(column, next), look(column + dx.signum() as isize, next), dx.abs())
-                };
-                let tangent = a.tangent + part * (b.tangent - a.tangent);
-                let met = (a.distance + part * (b.distance - a.distance)).min(near);
-                // `over` is (own - tangent) distance met / (distance - met) / size, and only matters below 1.
-                let (reach, gap) = ((own - tangent) * distance * met * soft, distance - met);
-                if reach < gap {
-                    let seen = 0.5 * ((reach / gap).max(-1.0) + 1.0);
-                    let seen = seen * seen * (3.0 - 2.0 * seen);
-                    share[at] = seen;
-                    darkest = darkest.min(seen);
-                }
-                if own < tangent {
-                    edges[at] = Edge { tangent, distance: met };
-                }
-            }
-        }
-        (darkest < UNSHADED).then_some(Shadow { width, height, share })
+        self.shadow_on(&self.cells(), lamp)
     }
 
-    /// Mean depth of each cell.
-    fn cells(&self) -> (Vec<f32>, (usize, usize)) {
+    /// The shadows of several lamps.
+    pub fn shadows(&self, lamps: &[Lamp]) -> Vec<Option<Shadow>> {
+        let cells = self.cells();
+        lamps.iter().map(|lamp| self.shadow_on(&cells, lamp)).collect()
+    }
+
+    fn shadow_on(&self, cells: &Cells, lamp: &Lamp) -> Option<Shadow> {
+        if self.cannot_shade(cells, lamp) {
+            return None;
+        }
+        let (width, height) = (cells.width, cells.height);
+        let (first, size) = self.grid();
+        // The lamp's place, in cells.
+        let place = (((lamp.position.x - first.0) as f32) / size.0, ((first.1 - lamp.position.y) as f32) / size.1);
+        let grid = Grid {
+            lamp_depth: -lamp.position.z as f32,
+            soft: 1.0 / lamp.size.max(1e-6) as f32,
+            rows: Axes { outer: (height, place.1, size.1), inner: (width, place.0, size.0) },
+        };
+        let share = trace(&grid, &cells.depth);
+        if !share.iter().any(|&share| share < UNSHADED) {
+            return None;
+        }
+        let own: Vec<Option<(usize, usize)>> = share
+            .chunks_exact(width)
+            .map(|row| {
+                let shaded = |share: &f32| *share < UNSHADED;
+                row.iter().position(shaded).zip(row.iter().rposition(shaded))
+            })
+            .collect();
+        // A pixel is mixed from the cells around it.
+        let shaded = (0..height)
+            .map(|row| {
+                let around = own[row.saturating_sub(1)..(row + 2).min(height)].iter().flatten();
+                around.copied().reduce(|a, b| (a.0.min(b.0), a.1.max(b.1)))
+            })
+            .collect();
+        Some(Shadow { width, height, share, shaded })
+    }
+
+    /// True if no place can be hidden, not even in part. A bump at distance `met` hides a place beyond it if the gel falls
+    /// from one to the other by more than `(lamp's depth - lamp's size - bump's depth) / met`. Within a cell or two of a lamp's foot
+    /// tangents are too curved for that, so only lamps beside the field are judged.
+    fn cannot_shade(&self, cells: &Cells, lamp: &Lamp) -> bool {
+        let ((x0, y0), (dx, dy)) = (self.first, self.pixel);
+        let (x, y) = (lamp.position.x - x0, y0 - lamp.position.y);
+        let (w, h) = (self.width as f64 * dx, self.height as f64 * dy);
+        let beside = !(-dx..w).contains(&x) || !(-dy..h).contains(&y);
+        let farthest = x.abs().max((w - x).abs()).hypot(y.abs().max((h - y).abs())) as f32;
+        let clear = (-lamp.position.z - lamp.size) as f32 - cells.deepest;
+        beside && clear > CLEARANCE * cells.steepest * farthest
+    }
+
+    /// Middle of the first cell, and a cell's size.
+    fn grid(&self) -> ((f64, f64), (f32, f32)) {
+        let size = ((CELL as f64 * self.pixel.0) as f32, (CELL as f64 * self.pixel.1) as f32);
+        let middle = 0.5 * (CELL - 1) as f64;
+        ((self.first.0 + middle * self.pixel.0, self.first.1 - middle * self.pixel.1), size)
+    }
+
+    fn cells(&self) -> Cells {
         let (width, height) = (self.width.div_ceil(CELL), self.height.div_ceil(CELL));
-        let mut cells = Vec::with_capacity(width * height);
+        let mut depth = Vec::with_capacity(width * height);
         for row in 0..height {
             let rows = [CELL * row, (CELL * row + 1).min(self.height - 1)];
             let lines = rows.map(|row| &self.depth[row * self.width..(row + 1) * self.width]);
             for column in 0..width {
                 let (left, right) = (CELL * column, (CELL * column + 1).min(self.width - 1));
-                cells.push(0.25 * lines.iter().map(|line| line[left] + line[right]).sum::<f32>());
+                depth.push(0.25 * lines.iter().map(|line| line[left] + line[right]).sum::<f32>());
             }
         }
-        (cells, (width, height))
+        let largest =
+            |pairs: &mut dyn Iterator<Item = (&f32, &f32)>| pairs.map(|(a, b)| (a - b).abs()).fold(0.0f32, f32::max);
+        let across = largest(&mut depth.chunks_exact(width).flat_map(|row| row.iter().zip(&row[1..])));
+        let down = largest(&mut depth.iter().zip(depth.get(width..).unwrap_or_default()));
+        // Beyond the border the gel is untouched: what sticks out there counts as a step.
+        let border = |(at, depth): (usize, &f32)| {
+            let (column, row) = (at % width, at / width);
+            if column == 0 || row == 0 || column + 1 == width || row + 1 == height { *depth } else { 0.0 }
+        };
+        let border = depth.iter().enumerate().map(border).fold(0.0f32, f32::max);
+        let (_, size) = self.grid();
+        let steepest = (across.max(border) / size.0).hypot(down.max(border) / size.1);
+        let deepest = depth.iter().copied().fold(0.0, f32::max);
+        Cells { width, height, depth, deepest, steepest }
     }
-}
-
-/// Indices outwards from a place: first those below it from high to low, then those above it.
-fn outwards(place: f32, count: usize) -> impl Iterator<Item = usize> {
-    let start = (place.max(0.0).ceil() as usize).min(count);
-    (0..start).rev().chain(start..count)
 }
 
 impl Shadow {
     /// Share of the lamp that a row's pixels see, from column `first` on, linear between the cells' middles.
-    pub fn row(&self, row: usize, first: usize, out: &mut [f32]) {
+    #[inline(always)]
+    pub(crate) fn row(&self, row: usize, first: usize, out: &mut [f32]) {
         let place = |pixel: usize, count: usize| {
             let at = ((pixel as f32 - 0.5 * (CELL - 1) as f32) / CELL as f32).clamp(0.0, (count - 1) as f32);
             let cell = (at as usize).min(count.max(2) - 2);
@@ -146,21 +164,33 @@ impl Shadow {
         let (above, below, down) = place(row, self.height);
         let line = |row: usize| &self.share[row * self.width..(row + 1) * self.width];
         let (above, below) = (line(above), line(below));
-        for (i, out) in out.iter_mut().enumerate() {
-            let (left, right, across) = place(first + i, self.width);
+        let mix = |left: usize, right: usize, across: f32| {
             let top = above[left] + across * (above[right] - above[left]);
             let bottom = below[left] + across * (below[right] - below[left]);
-            *out = top + down * (bottom - top);
+            top + down * (bottom - top)
+        };
+        let single = |i: usize| {
+            let (left, right, across) = place(first + i, self.width);
+            mix(left, right, across)
+        };
+        // Two pixels lie between each two cells' middles; what is left over at both ends is done one by one.
+        let start = usize::from(first % CELL == 0).min(out.len());
+        let cell = (first + start) / CELL;
+        let pairs = ((out.len() - start) / CELL).min((self.width - 1).saturating_sub(cell));
+        (0..start).for_each(|i| out[i] = single(i));
+        let lines = above[cell..].iter().zip(&above[cell..][1..]).zip(below[cell..].iter().zip(&below[cell..][1..]));
+        for (pair, ((a, b), (c, d))) in out[start..start + CELL * pairs].chunks_exact_mut(CELL).zip(lines) {
+            for (slot, across) in pair.iter_mut().zip([0.25, 0.75]) {
+                let (top, bottom) = (a + across * (b - a), c + across * (d - c));
+                *slot = top + down * (bottom - top);
+            }
         }
+        (start + CELL * pairs..out.len()).for_each(|i| out[i] = single(i));
     }
 
     /// First and last column of a row that see notably less than the whole lamp.
     pub fn extent(&self, row: usize) -> Option<(usize, usize)> {
-        // A pixel is mixed from the cells around it.
-        let cell = (row / CELL).min(self.height - 1);
-        let rows = cell.saturating_sub(1)..(cell + 2).min(self.height);
-        let shaded = |column: &usize| rows.clone().any(|row| self.share[row * self.width + column] < UNSHADED);
-        let (first, last) = ((0..self.width).find(shaded)?, (0..self.width).rfind(shaded)?);
+        let (first, last) = self.shaded[(row / CELL).min(self.height - 1)]?;
         Some((CELL * first.saturating_sub(1), CELL * (last + 1) + CELL - 1))
     }
 
@@ -176,5 +206,56 @@ impl Shadow {
         let top = share(above, left) + across * (share(above, right) - share(above, left));
         let bottom = share(below, left) + across * (share(below, right) - share(below, left));
         top + down * (bottom - top)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use nalgebra::Point3;
+    use proptest::prelude::*;
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(64))]
+
+        #[test]
+        fn a_lamp_that_is_not_looked_at_casts_no_shadow(
+            bumps in proptest::collection::vec((0.0..10e-3f64, 0.0..10e-3f64, 0.4e-3..4e-3f64, 0.1e-3..2e-3f64), 1..4),
+            x in -25e-3..25e-3f64, y in -25e-3..25e-3f64, high in 3e-3..20e-3f64, size in 0.1e-3..2e-3f64,
+        ) {
+            const SIDE: usize = 80;
+            let pixel = 0.125e-3;
+            let depth: Vec<f32> = (0..SIDE * SIDE)
+                .map(|at| ((at % SIDE) as f64 * pixel, (at / SIDE) as f64 * pixel))
+                .map(|(x, y)| bumps.iter().map(|(a, b, wide, h)| h * (-((x - a).powi(2) + (y - b).powi(2)) / wide / wide).exp()).fold(0.0, f64::max) as f32)
+                .collect();
+            let field = HeightField { width: SIDE, height: SIDE, first: (-5e-3, 5e-3), pixel: (pixel, pixel), depth: &depth };
+            let position = Point3::new(x, y, -high);
+            let lamp = Lamp { size, ..Lamp::aimed(position, Point3::new(x, y, 0.0), 1.0, 1.0, [1.0; 3]) };
+            let cells = field.cells();
+            if field.cannot_shade(&cells, &lamp) {
+                let (first, size) = field.grid();
+                let place = (((lamp.position.x - first.0) as f32) / size.0, ((first.1 - lamp.position.y) as f32) / size.1);
+                let rows = Axes { outer: (cells.height, place.1, size.1), inner: (cells.width, place.0, size.0) };
+                let grid = Grid { lamp_depth: high as f32, soft: (1.0 / lamp.size) as f32, rows };
+                prop_assert!(trace(&grid, &cells.depth).iter().all(|&share| share >= UNSHADED));
+            }
+        }
+    }
+
+    #[test]
+    fn rows_are_mixed_from_cells_as_single_places_are() {
+        let share: Vec<f32> = (0..35).map(|i| (i * 37 % 17) as f32 / 17.0).collect();
+        let shadow = Shadow { width: 7, height: 5, share, shaded: vec![None; 5] };
+        for row in 0..10 {
+            for first in 0..5 {
+                let mut out = vec![0.0; 14 - first - row % 3];
+                shadow.row(row, first, &mut out);
+                for (i, found) in out.iter().enumerate() {
+                    let exact = shadow.at((first + i) as f64, row as f64);
+                    assert!((f64::from(*found) - exact).abs() < 1e-6, "{row} {first} {i}");
+                }
+            }
+        }
     }
 }

@@ -9,7 +9,7 @@ use hand_model::Hand;
 use nalgebra::Point3;
 use optics::SensorModel;
 use optics::calibration::{
-    Assumptions, BallFit, CalibratedSensor, CalibrationFile, Effort, Photo, PressFolder, similarity,
+    Assumptions, BallFit, CalibratedSensor, CalibrationFile, Effort, Lens, Photo, PressFolder, similarity,
 };
 use optics::camera::Pinhole;
 use optics::elastomer::Elastomer;
@@ -54,6 +54,7 @@ fn made() -> CalibratedSensor {
         pixel_mm: PIXEL_MM,
         contact_over_visible: 1.0,
         background: String::new(),
+        lens: None,
         model,
     };
     let (w, h) = SIZE;
@@ -162,4 +163,38 @@ fn another_version_and_bad_maps_are_refused() {
     assert!(sensor.render(&map[1..]).unwrap_err().to_string().contains("expected 30000"));
     map[203] = f32::NAN;
     assert!(sensor.render(&map).unwrap_err().to_string().contains("column 3, row 1"));
+}
+
+#[test]
+fn raw_presses_are_rectified_and_a_calibration_renders_raw() {
+    let path = folder("lens");
+    let marks = write_presses(&path, true);
+    let lens = Lens { focal: [190.0, 190.0], center: [99.5, 74.5], radial: [-0.15, 0.02, 0.0], tangential: [0.0; 2] };
+    // The folder as the lens would have shown it.
+    let mut csv = String::from("file,center_x_px,center_y_px,contact_radius_px\n");
+    for entry in fs::read_dir(&path).unwrap().map(|entry| entry.unwrap().path()) {
+        if entry.extension().is_some_and(|extension| extension == "png") {
+            lens.distort(&Photo::read(&entry).unwrap()).write(&entry).unwrap();
+        }
+    }
+    for (n, (center, radius)) in marks.iter().enumerate() {
+        let [x, y] = lens.distorted(*center);
+        csv += &format!("{n:02}.png,{x},{y},{radius}\n");
+    }
+    fs::write(path.join("labels.csv"), csv).unwrap();
+    let raw = PressFolder::read(&path, BALL, false).unwrap();
+    let rectified = raw.rectified(&lens).unwrap();
+    let sensor = made();
+    let single = |photo: &Photo| photo.rgb.iter().map(|&grey| f32::from(grey)).collect::<Vec<f32>>();
+    for ((press, raw), (center, radius)) in rectified.presses.iter().zip(&raw.presses).zip(&marks) {
+        assert!((press.center[0] - center[0]).hypot(press.center[1] - center[1]) < 1e-3);
+        let truth = sensor.render(&sensor.ball(*center, *radius, BALL)).unwrap();
+        let psnr = |photo: &Photo| {
+            similarity::compare(&single(photo), &single(&truth), SIZE.0, 30..SIZE.0 - 30, 25..SIZE.1 - 25).psnr
+        };
+        assert!(psnr(&press.photo) > psnr(&raw.photo) + 6.0, "{} {}", psnr(&press.photo), psnr(&raw.photo));
+    }
+    let folded = Lens { radial: [-3.0, 0.0, 0.0], ..lens };
+    assert!(raw.rectified(&folded).unwrap_err().to_string().contains("lens.radial"));
+    fs::remove_dir_all(&path).unwrap();
 }

@@ -7,6 +7,7 @@ use scenarios::record::Condition;
 
 use crate::bench::Record;
 use crate::bridge::BridgeCommand;
+use crate::tactile_backend::TactileBackend;
 use crate::{optics_commands, study, touch_commands};
 
 /// Digital twin of the F-TAC Hand on a Kinova Gen3 arm.
@@ -138,6 +139,9 @@ pub struct BenchArgs {
     /// Stream every trial to a Rerun viewer as well (one thread).
     #[arg(long)]
     pub live: bool,
+    /// Where tactile images are rendered.
+    #[arg(long, value_enum, default_value_t = TactileBackend::Cpu)]
+    pub tactile: TactileBackend,
     /// Go on with the interrupted run in this folder.
     #[arg(long, conflicts_with_all = ["out", "shard", "scenario"])]
     pub resume: Option<PathBuf>,
@@ -166,6 +170,9 @@ pub struct TrialArgs {
     /// Stream to a Rerun viewer.
     #[arg(long)]
     pub live: bool,
+    /// Where tactile images are rendered.
+    #[arg(long, value_enum, default_value_t = TactileBackend::Cpu)]
+    pub tactile: TactileBackend,
     /// Recording file; default: recordings/combination_<n>_trial_<k>_<policy>.rrd.
     #[arg(long)]
     pub out: Option<PathBuf>,
@@ -446,4 +453,6 @@ pub enum OpticsCommand {
     Render(optics_commands::RenderArgs),
     /// Render twenty known shapes onto a contact sheet.
     Shapes(optics_commands::ShapesArgs),
+    /// Write the calibration files of the hand's 17 pads.
+    Pads(optics_commands::PadsArgs),
 }

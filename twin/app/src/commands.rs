@@ -85,6 +85,7 @@ pub fn run(cli: &Cli) -> Outcome {
         Command::Optics(OpticsCommand::Eval(args)) => optics_commands::eval(cli, args),
         Command::Optics(OpticsCommand::Render(args)) => optics_commands::render(cli, args),
         Command::Optics(OpticsCommand::Shapes(args)) => optics_commands::shapes(cli, args),
+        Command::Optics(OpticsCommand::Pads(args)) => optics_commands::pads(cli, args),
         Command::Bridge(command) => crate::bridge::run(cli, command),
     }
 }
@@ -186,7 +187,8 @@ fn benchmark(cli: &Cli, args: &BenchArgs) -> Outcome {
         args.jobs.unwrap_or_else(|| std::thread::available_parallelism().map_or(1, |n| n.get()))
     };
     // Everything that can be wrong with the input has been found before anything is written.
-    let bench = make_bench(scenario, request.combos, request.seed, quiet)?;
+    let mut bench = make_bench(scenario, request.combos, request.seed, quiet)?;
+    bench.board = args.tactile.board(bench.board);
     let sessions = |record: bool| (record || robot == Body::Hardware).then(|| folder.join("sessions"));
     let place =
         |record: bool| venue(&bench.world, robot, args.config.as_deref(), sessions(record && robot != Body::Sim));
@@ -269,7 +271,8 @@ fn trial(cli: &Cli, args: &TrialArgs) -> Outcome {
     check_body(args.robot, args.config.as_deref())?;
     let scenario = Scenario::benchmark();
     let combos = (args.combination + 1).min(60);
-    let bench = make_bench(scenario, combos, cli.seed, cli.quiet || cli.json)?;
+    let mut bench = make_bench(scenario, combos, cli.seed, cli.quiet || cli.json)?;
+    bench.board = args.tactile.board(bench.board);
     if args.combination >= bench.plans.plans.len() {
         bail!("COMBO: found {}, expected 0 to {}", args.combination, bench.plans.plans.len() - 1);
     }

@@ -21,6 +21,7 @@ mod replay;
 mod report;
 mod study;
 mod synthesis;
+mod tactile_backend;
 mod touch_commands;
 mod trial;
 mod world;

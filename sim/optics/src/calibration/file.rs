@@ -6,6 +6,7 @@ use std::path::Path;
 use serde::{Deserialize, Serialize};
 
 use crate::calibration::fit::BallFit;
+use crate::calibration::lens::Lens;
 use crate::calibration::photo::Photo;
 use crate::error::OpticsError;
 use crate::model::SensorModel;
@@ -29,6 +30,9 @@ pub struct CalibrationFile {
     pub contact_over_visible: f64,
     /// File name of the untouched gel's image, beside this file.
     pub background: String,
+    /// The camera's lens, where images are rectified before all else.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub lens: Option<Lens>,
     /// The image-formation model, in the frame of the image: origin in its middle, x right, y up, z towards the object.
     pub model: SensorModel,
 }
@@ -48,6 +52,7 @@ impl CalibrationFile {
             pixel_mm: 1e3 * fit.pixel,
             contact_over_visible: fit.contact,
             background,
+            lens: fit.lens,
             model: fit.model.clone(),
         }
     }
@@ -114,6 +119,9 @@ impl CalibrationFile {
         crate::indentation::positive("pixel_mm", file.pixel_mm)?;
         if file.columns == 0 || file.rows == 0 {
             return Err(fault(format!("columns, rows: found {} x {}; expected at least 1", file.columns, file.rows)));
+        }
+        if let Some(lens) = &file.lens {
+            lens.check(file.columns, file.rows)?;
         }
         file.model.check()?;
         Ok(file)

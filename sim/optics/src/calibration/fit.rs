@@ -5,6 +5,7 @@
 
 use crate::calibration::folder::PressFolder;
 use crate::calibration::least_squares::{Options, Problem, Solution};
+use crate::calibration::lens::Lens;
 use crate::calibration::parameters::{self as at, PER_LAMP};
 use crate::calibration::samples::{Samples, background_of, noise_of};
 use crate::calibration::scene::Scene;
@@ -102,6 +103,8 @@ pub struct BallFit {
     pub background: Vec<f32>,
     /// Columns and rows of an image.
     pub size: [usize; 2],
+    /// The lens by which the presses were rectified; it goes into the calibration file.
+    pub lens: Option<Lens>,
     /// Every parameter.
     pub parameters: Vec<Parameter>,
     /// What was taken for granted.
@@ -162,6 +165,7 @@ impl BallFit {
             contact: p[at::CONTACT],
             background,
             size: scene.samples.size,
+            lens: None,
             parameters,
             assumptions: *scene.assumptions,
             residual,

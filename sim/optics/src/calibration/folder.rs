@@ -7,6 +7,7 @@
 use std::path::{Path, PathBuf};
 
 use crate::calibration::circle;
+use crate::calibration::lens::Lens;
 use crate::calibration::photo::Photo;
 use crate::error::OpticsError;
 
@@ -88,6 +89,21 @@ impl PressFolder {
             presses.push(BallPress { name, photo, center, radius, diameter, labelled: label.is_some() });
         }
         Ok(Self { background, presses })
+    }
+
+    /// The same presses as the camera with this lens shows them once rectified.
+    pub fn rectified(&self, lens: &Lens) -> Result<Self, OpticsError> {
+        lens.check(self.background.width, self.background.height)?;
+        let press = |press: &BallPress| {
+            let center = lens.rectified(press.center);
+            // The circle stays one nearly enough: its radius is the mean of what four of its points say.
+            let [x, y] = press.center;
+            let rim = [[1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0]]
+                .map(|[dx, dy]| lens.rectified([x + dx * press.radius, y + dy * press.radius]));
+            let radius = 0.25 * rim.iter().map(|p| (p[0] - center[0]).hypot(p[1] - center[1])).sum::<f64>();
+            BallPress { photo: lens.rectify(&press.photo), center, radius, ..press.clone() }
+        };
+        Ok(Self { background: lens.rectify(&self.background), presses: self.presses.iter().map(press).collect() })
     }
 
     /// The presses at even and at odd places, each with the background.

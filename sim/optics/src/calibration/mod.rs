@@ -1,6 +1,6 @@
 //! Calibration to a real sensor: presses of a ball of known size become the numbers of a [`SensorModel`](crate::SensorModel).
 //!
-//! In order: a [`folder`] of images is read, presses without labels are found as a [`circle`]; [`samples`] picks pixels;
+//! In order: a [`folder`] of images is read (and rectified, if its camera's [`lens`] is known), presses without labels are found as a [`circle`]; [`samples`] picks pixels;
 //! [`fit`] adjusts lamps, reflectance, response, camera and gel to them by [`least_squares`]; [`evaluation`] renders presses that were held
 //! out and measures their [`similarity`] to the real images; [`recovery`] asks whether a fit finds a sensor that is known.
 
@@ -10,6 +10,7 @@ pub mod file;
 pub mod fit;
 pub mod folder;
 pub mod least_squares;
+pub mod lens;
 mod parameters;
 pub mod photo;
 mod profile;
@@ -23,6 +24,7 @@ pub use evaluation::{HeldOut, Views};
 pub use file::CalibrationFile;
 pub use fit::{Assumptions, BallFit, Effort};
 pub use folder::{BallPress, PressFolder};
+pub use lens::Lens;
 pub use photo::Photo;
 pub use sensor::CalibratedSensor;
 pub use similarity::Similarity;

@@ -81,6 +81,12 @@ impl CalibratedSensor {
         Ok(Photo { width, height, rgb: grey.into_iter().map(|grey| (grey + 0.5).clamp(0.0, 255.0) as u8).collect() })
     }
 
+    /// As [`Self::render`], as the camera's own lens shows it: not rectified. The same image where the calibration knows no lens.
+    pub fn render_raw(&self, penetration: &[f32]) -> Result<Photo, OpticsError> {
+        let rectified = self.render(penetration)?;
+        Ok(self.file.lens.map_or_else(|| rectified.clone(), |lens| lens.distort(&rectified)))
+    }
+
     /// Grey levels (whole numbers, row-major RGB) of a ball's press: [`Self::ball`], rendered.
     pub fn render_ball(&self, center: [f64; 2], radius: f64, diameter: f64) -> Vec<f32> {
         // A ball's penetration is never refused: it has this sensor's size and no NaN.
@@ -116,7 +122,7 @@ impl CalibratedSensor {
         let (pixel, model) = (1e-3 * self.file.pixel_mm, &self.file.model);
         let field =
             HeightField { width: w, height: h, first: self.pixel_center(0.0, 0.0), pixel: (pixel, pixel), depth: gel };
-        let shadows: Vec<Option<Shadow>> = model.lamps.iter().map(|lamp| field.shadow(lamp)).collect();
+        let shadows: Vec<Option<Shadow>> = field.shadows(&model.lamps);
         let camera = model.camera.position;
         // Depth at a fractional pixel.
         let depth = |column: f64, row: f64| {

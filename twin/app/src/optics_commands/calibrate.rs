@@ -3,10 +3,10 @@
 use std::path::PathBuf;
 use std::time::Instant;
 
-use anyhow::{Result, bail};
+use anyhow::{Context, Result, bail};
 use clap::{Args, ValueEnum};
 use optics::calibration::{
-    Assumptions, BallFit, CalibratedSensor, CalibrationFile, Effort, HeldOut, PressFolder, Views,
+    Assumptions, BallFit, CalibratedSensor, CalibrationFile, Effort, HeldOut, Lens, PressFolder, Views,
 };
 use serde_json::{Value, json};
 
@@ -38,6 +38,9 @@ pub struct CalibrateArgs {
     /// Which presses are held out.
     #[arg(long, value_enum, default_value_t = Split::EvenOdd)]
     pub split: Split,
+    /// The camera's lens (TOML: focal, center, radial, tangential), if the images are not rectified yet.
+    #[arg(long)]
+    pub lens: Option<PathBuf>,
     /// Find the presses in the images even if there are labels.
     #[arg(long)]
     pub ignore_labels: bool,
@@ -52,7 +55,11 @@ pub struct CalibrateArgs {
 /// Runs the command.
 pub fn calibrate(cli: &Cli, args: &CalibrateArgs) -> Outcome {
     let started = Instant::now();
-    let folder = PressFolder::read(&args.folder, 1e-3 * args.ball_diameter_mm, args.ignore_labels)?;
+    let mut folder = PressFolder::read(&args.folder, 1e-3 * args.ball_diameter_mm, args.ignore_labels)?;
+    let lens = args.lens.as_deref().map(Lens::read).transpose().context("--lens")?;
+    if let Some(lens) = &lens {
+        folder = folder.rectified(lens).context("--lens")?;
+    }
     let smallest = folder.presses.iter().map(|press| press.diameter).fold(f64::INFINITY, f64::min);
     let (fitted, held_out) = match args.split {
         Split::EvenOdd => folder.even_odd(),
@@ -67,7 +74,8 @@ pub fn calibrate(cli: &Cli, args: &CalibrateArgs) -> Outcome {
     if !cli.quiet && !cli.json {
         eprintln!("fitting {} presses, holding out {}", fitted.presses.len(), held_out.presses.len());
     }
-    let fit = BallFit::new(&fitted, assumptions, &effort, cli.seed)?;
+    let mut fit = BallFit::new(&fitted, assumptions, &effort, cli.seed)?;
+    fit.lens = lens;
     let held = fit.evaluate(&held_out);
     // The fit renders with round profiles; the renderer that other objects need works on the image's grid. Both are reported.
     let sensor = CalibratedSensor::new(CalibrationFile::new(&fit, String::new()), fit.background.clone())?;
@@ -126,6 +134,7 @@ fn as_json(
         "held_out_on_grid": others[0].map(|held| held.rendered),
         "held_out_on_single_background": others[1].map(|held| held.rendered),
         "ceiling": held.map(|held| held.ceiling),
+        "ceiling_of_single_frames": others[1].map(|held| held.ceiling),
         "residual_grey": fit.residual,
         "pixel_mm": 1e3 * fit.pixel,
         "pixel_given": fit.assumptions.pixel.is_some(),

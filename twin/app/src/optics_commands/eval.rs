@@ -13,7 +13,7 @@ use optics::foundation::{Sensitivity, probe_response, sensitivity};
 use serde_json::{Map, Value, json};
 
 use crate::cli::Cli;
-use crate::optics_commands::Outcome;
+use crate::optics_commands::{Outcome, pad_forces};
 
 /// Presses of the recovery table's rows.
 const RECOVERY_ROWS: [usize; 5] = [1, 2, 4, 8, 16];
@@ -35,6 +35,9 @@ pub struct EvalArgs {
     /// The gel's response to the paper's probe.
     #[arg(long)]
     pub force: bool,
+    /// Normal force of each pad by its image, beside the physics engine's, in simulated grips.
+    #[arg(long)]
+    pub pads: bool,
     /// Errors of fits to made presses of a known sensor, against the number of presses.
     #[arg(long)]
     pub recovery: bool,
@@ -42,8 +45,8 @@ pub struct EvalArgs {
 
 /// Runs the command.
 pub fn eval(cli: &Cli, args: &EvalArgs) -> Outcome {
-    if args.folder.is_none() && !args.force && !args.recovery {
-        bail!("found nothing to evaluate; expected a FOLDER with --calibration, or --force, or --recovery");
+    if args.folder.is_none() && !args.force && !args.recovery && !args.pads {
+        bail!("found nothing to evaluate; expected a FOLDER with --calibration, or --force, --pads or --recovery");
     }
     let mut result = Map::new();
     let mut short = None;
@@ -51,6 +54,25 @@ pub fn eval(cli: &Cli, args: &EvalArgs) -> Outcome {
         let (value, fault) = response(cli);
         result.insert("force".into(), value);
         short = fault;
+    }
+    if args.pads {
+        let rows = pad_forces::rows()?;
+        let all = pad_forces::agreement(&rows).context("--pads: no pad is loaded")?;
+        if !cli.json {
+            println!("{:12} {:>9} {:20} {:>9} {:>9}", "object", "tension N", "pad", "engine N", "image N");
+            for row in &rows {
+                println!("{:12} {:9.0} {:20} {:9.2} {:9.2}", row.object, row.tension, row.pad, row.engine, row.image);
+            }
+            println!(
+                "{} loaded pads, {} feel nothing; image over engine {:.2} (median), error {:.0} % (median), correlation {:.3}",
+                all.pads,
+                all.unfelt,
+                all.median_ratio,
+                100.0 * all.median_relative_error,
+                all.correlation
+            );
+        }
+        result.insert("pads".into(), json!({"rows": rows, "agreement": all}));
     }
     if args.recovery {
         let rows: Vec<Recovery> = RECOVERY_ROWS
@@ -79,8 +101,9 @@ pub fn eval(cli: &Cli, args: &EvalArgs) -> Outcome {
     if let (Some(folder), Some(file), Some(diameter)) = (&args.folder, &args.calibration, args.ball_diameter_mm) {
         let (calibration, background) = CalibrationFile::read(file)?;
         let size = (calibration.columns, calibration.rows);
+        let lens = calibration.lens;
         let sensor = CalibratedSensor::new(calibration, background)?;
-        let presses = PressFolder::read(folder, 1e-3 * diameter, false)?;
+        let mut presses = PressFolder::read(folder, 1e-3 * diameter, false)?;
         if (presses.background.width, presses.background.height) != size {
             bail!(
                 "{}: found images of {} x {} pixels; expected {} x {}, by the calibration",
@@ -90,6 +113,9 @@ pub fn eval(cli: &Cli, args: &EvalArgs) -> Outcome {
                 size.0,
                 size.1
             );
+        }
+        if let Some(lens) = &lens {
+            presses = presses.rectified(lens)?;
         }
         let mut all = Vec::new();
         for press in &presses.presses {

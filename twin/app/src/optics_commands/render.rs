@@ -8,14 +8,15 @@ use hand_model::Hand;
 use hand_model::pads::{Camera, IMAGE_SIZE};
 use nalgebra::{Isometry3, Point3, Translation3, Unit, UnitQuaternion, Vector3};
 use optics::elastomer::DeformedGel;
-use optics::{Press, Sensor, press};
+use optics::pads::PadCalibration;
+use optics::{IndentationMap, Sensor, press};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use scenarios::geometry::Mesh;
 use serde_json::json;
 
 use crate::cli::Cli;
-use crate::optics_commands::{Outcome, npy};
+use crate::optics_commands::{Outcome, exr, npy};
 
 /// Where rays start, m under the pad's plane: below everything, since the mesh's lowest point is put on the plane.
 const RAY_START: f64 = 1e-3;
@@ -38,7 +39,10 @@ pub struct RenderArgs {
     /// Serial number of the hand.
     #[arg(long, default_value_t = 7)]
     pub unit: u64,
-    /// The PNG to write; height map and normals go beside it, as PNG and as NPY.
+    /// Calibration file of the pad (see `optics pads`) instead of the hand's own units.
+    #[arg(long, conflicts_with = "unit")]
+    pub calibration: Option<PathBuf>,
+    /// The PNG to write; image, height map (m) and normals go beside it, as PNG, EXR and NPY.
     #[arg(long)]
     pub out: PathBuf,
 }
@@ -73,6 +77,7 @@ pub fn render(cli: &Cli, args: &RenderArgs) -> Outcome {
     };
     let pad = &hand.pads[pad_index];
     let cameras: Vec<&Camera> = pad.cameras.iter().map(|&camera| &hand.cameras[camera]).collect();
+    let sensors = sensors(&hand, pad_index, &cameras, args, cli.seed)?;
     let pressed = press(pad, &cameras, &hand.gel(), args.force, lowest)?;
     if pressed.maps.iter().all(|map| map.contact().is_none()) {
         bail!("--pose: nothing touches pad `{}`; expected the mesh over it and a force above 0", args.pad);
@@ -80,7 +85,7 @@ pub fn render(cli: &Cli, args: &RenderArgs) -> Outcome {
     let mut rows = Vec::new();
     for (n, camera) in cameras.iter().enumerate() {
         let out = if cameras.len() == 1 { args.out.clone() } else { beside(&args.out, &format!("{n}.png")) };
-        let gel = write_views(&hand, pad_index, camera, &pressed, n, args, cli.seed, &out)?;
+        let gel = write_views(&hand, &sensors[n], &pressed.maps[n], cli.seed, &out)?;
         rows.push(json!({
             "camera": camera.name,
             "image": out,
@@ -167,20 +172,28 @@ fn beside(path: &Path, ending: &str) -> PathBuf {
     path.with_extension(ending)
 }
 
-/// Writes image, height (mm below the surface) and normals (pad frame, out of the gel) of one camera.
-#[expect(clippy::too_many_arguments, reason = "one call; a struct for it would only rename the arguments")]
+/// The pad's sensors: of the calibration file given, or the hand's own units.
+fn sensors(hand: &Hand, pad: usize, cameras: &[&Camera], args: &RenderArgs, seed: u64) -> Result<Vec<Sensor>> {
+    let pad = &hand.pads[pad];
+    let Some(path) = &args.calibration else {
+        return Ok(cameras.iter().map(|camera| Sensor::unit(pad, camera, serial(hand, args.unit, camera))).collect());
+    };
+    let name = || format!("--calibration {}", path.display());
+    let text = std::fs::read_to_string(path).with_context(name)?;
+    let models = PadCalibration::parse(&text).and_then(|file| file.models(hand, pad)).with_context(name)?;
+    let sensor = |(camera, model)| Sensor::with_model(pad, camera, model, seed).with_context(name);
+    cameras.iter().copied().zip(models).map(sensor).collect()
+}
+
+/// Writes image, height (m below the surface) and normals (pad frame, out of the gel) of one camera.
 fn write_views(
     hand: &Hand,
-    pad: usize,
-    camera: &Camera,
-    pressed: &Press,
-    n: usize,
-    args: &RenderArgs,
+    sensor: &Sensor,
+    map: &IndentationMap,
     seed: u64,
     out: &Path,
 ) -> Result<Option<DeformedGel>> {
-    let sensor = Sensor::unit(&hand.pads[pad], camera, serial(hand, args.unit, camera));
-    let map = &pressed.maps[n];
+    let camera = sensor.camera();
     let image = sensor.render(map, &mut ChaCha8Rng::seed_from_u64(seed));
     let side = IMAGE_SIZE as u32;
     let save = |path: &Path, bytes: &[u8], color| {
@@ -206,6 +219,13 @@ fn write_views(
     npy::write(&beside(out, "height.npy"), &depths, &[IMAGE_SIZE, IMAGE_SIZE])?;
     let flat: Vec<f32> = normals.iter().flat_map(|normal| [normal.x, normal.y, normal.z]).collect();
     npy::write(&beside(out, "normals.npy"), &flat, &[IMAGE_SIZE, IMAGE_SIZE, 3])?;
+    let greys: Vec<f32> = image.rgb.iter().map(|&value| f32::from(value) / 255.0).collect();
+    npy::write(&beside(out, "npy"), &greys, &[IMAGE_SIZE, IMAGE_SIZE, 3])?;
+    let channel = |values: &[f32], c: usize| values.iter().skip(c).step_by(3).copied().collect::<Vec<f32>>();
+    let colors = |values: &[f32]| [("R", channel(values, 0)), ("G", channel(values, 1)), ("B", channel(values, 2))];
+    exr::write(&beside(out, "exr"), IMAGE_SIZE, &colors(&greys))?;
+    exr::write(&beside(out, "normals.exr"), IMAGE_SIZE, &colors(&flat))?;
+    exr::write(&beside(out, "height.exr"), IMAGE_SIZE, &[("Y", depths.clone())])?;
     let thickness = hand.gel().thickness as f32;
     let grey: Vec<u8> = depths.iter().map(|depth| (255.0 * depth / thickness).clamp(0.0, 255.0) as u8).collect();
     save(&beside(out, "height.png"), &grey, image::ColorType::L8)?;

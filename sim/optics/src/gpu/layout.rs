@@ -1,0 +1,111 @@
+//! How sensors and jobs lie in the GPU's buffers. `optics.wgsl` reads what is written here; its constants are the same.
+
+use hand_model::pads::IMAGE_SIZE;
+use rand_chacha::ChaCha8Rng;
+use rand_chacha::rand_core::SeedableRng;
+
+use crate::error::OpticsError;
+use crate::indentation::PIXELS;
+use crate::noise::ReadOutNoise;
+use crate::renderer::{Job, sensor_of};
+use crate::sensor::Sensor;
+
+/// Words of one job: 16, then each row's start in the noise table.
+pub(super) const JOB: usize = 256;
+const STARTS: usize = 16;
+/// Floats of a sensor's header and of a lamp.
+const HEADER: usize = 32;
+const LAMP: usize = 12;
+/// Pixels along a shadow cell's side.
+const CELL: usize = 2;
+
+/// All sensors' numbers, and where each sensor's begin.
+pub(super) fn sensors(sensors: &[Sensor]) -> (Vec<f32>, Vec<usize>) {
+    let mut all = Vec::new();
+    let mut starts = Vec::with_capacity(sensors.len());
+    for sensor in sensors {
+        starts.push(all.len());
+        let (model, camera) = (sensor.model(), sensor.camera());
+        let ((x0, y0), (dx, dy)) = (camera.pixel_center(0, 0), camera.pixel_size());
+        let mut header = [0.0f32; HEADER];
+        let position = model.camera.position;
+        let geometry =
+            [position.x, position.y, position.z, dx, dy, x0, y0, model.reflectance.a(), model.reflectance.b()];
+        header.iter_mut().zip(geometry).for_each(|(slot, value)| *slot = value as f32);
+        header.iter_mut().skip(9).zip(model.ambient).for_each(|(slot, value)| *slot = value as f32);
+        header[12] = model.lamps.len() as f32;
+        header[13] = model.elastomer.kernels.len() as f32;
+        let radii = model.elastomer.radii((dx, dy)).into_iter().flat_map(|(rx, ry)| [rx, ry]);
+        header.iter_mut().skip(14).zip(radii).for_each(|(slot, radius)| *slot = radius as f32);
+        all.extend(header);
+        for (lamp, power) in model.lamps.iter().zip(sensor.lamp_powers()) {
+            let (p, d) = (lamp.position, lamp.direction);
+            let geometry = [p.x, p.y, p.z, d.x, d.y, d.z, lamp.mu].map(|value| value as f32);
+            let mut words = [0.0f32; LAMP];
+            words.iter_mut().zip(geometry.into_iter().chain(power)).for_each(|(slot, value)| *slot = value);
+            words[10] = lamp.size as f32;
+            all.extend(words);
+        }
+        for table in sensor.responses() {
+            all.extend(table.values());
+        }
+        all.extend(sensor.noise_table());
+        all.extend(sensor.background_grey());
+        all.extend(sensor.correction());
+    }
+    (all, starts)
+}
+
+/// What goes to the GPU for one round of jobs.
+#[derive(Debug, Default)]
+pub(super) struct Batch {
+    pub(super) jobs: Vec<u32>,
+    /// The objects' own depths, every job's rectangle one after the other.
+    pub(super) own: Vec<f32>,
+    /// Floats that the shadows need.
+    pub(super) share: usize,
+    /// Jobs.
+    pub(super) count: usize,
+    /// Largest width and height of a rectangle, and most lamps of a sensor.
+    pub(super) most: [usize; 3],
+}
+
+impl Batch {
+    /// Packs as many of the jobs as fit into buffers of `limit` bytes; at least one fits into any GPU's.
+    pub(super) fn pack(
+        jobs: &[Job<'_>],
+        sensors: &[Sensor],
+        starts: &[usize],
+        shadows: bool,
+        limit: usize,
+    ) -> Result<Self, OpticsError> {
+        let mut batch = Self::default();
+        let most_jobs = (limit / (3 * PIXELS)).clamp(1, 65_535);
+        for job in jobs.iter().take(most_jobs) {
+            let sensor = sensor_of(sensors, job)?;
+            let rectangle = sensor.gel_rectangle(job.indentation);
+            let lamps = sensor.model().lamps.len();
+            let (width, height) = rectangle.map_or((0, 0), |area| (area.width(), area.height()));
+            let share = lamps * width.div_ceil(CELL) * height.div_ceil(CELL);
+            let full = 4 * (batch.own.len() + width * height).max(batch.share + share) > limit;
+            if full && batch.count > 0 {
+                break;
+            }
+            let mut words = [0u32; JOB];
+            let (left, top) = rectangle.map_or((0, 0), |area| (area.left, area.top));
+            let header = [starts[job.sensor], left, top, width, height, batch.own.len(), batch.share, lamps];
+            words.iter_mut().zip(header).for_each(|(slot, value)| *slot = value as u32);
+            words[8] = u32::from(shadows);
+            let mut rng = ChaCha8Rng::seed_from_u64(job.noise);
+            words[STARTS..STARTS + IMAGE_SIZE].fill_with(|| ReadOutNoise::start(&mut rng) as u32);
+            batch.jobs.extend(words);
+            if let Some(area) = rectangle {
+                batch.own.extend(job.indentation.cut(&area));
+            }
+            batch.share += share;
+            batch.count += 1;
+            batch.most = [batch.most[0].max(width), batch.most[1].max(height), batch.most[2].max(lamps)];
+        }
+        Ok(batch)
+    }
+}

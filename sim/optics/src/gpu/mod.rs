@@ -1,0 +1,217 @@
+//! The second backend: image formation as compute shaders, all pads of many hands at once.
+//!
+//! Each stage (smoothing along columns and rows for every kernel, cast shadows, exposure) is one dispatch over all images of a round;
+//! a round is as many images as the GPU's buffers take. Maps are only as large as the contact and its shadows need. What does not
+//! depend on the contact (lamps, response tables, backgrounds, noise) is uploaded once.
+
+mod device;
+mod layout;
+
+use std::sync::{Arc, Mutex, PoisonError};
+
+use hand_model::robot::TactileImage;
+use wgpu::{Buffer, BufferUsages, ComputePass, ComputePipeline};
+
+use crate::error::OpticsError;
+use crate::gpu::device::Gpu;
+use crate::gpu::layout::{Batch, JOB};
+use crate::indentation::PIXELS;
+use crate::renderer::{Job, Renderer};
+use crate::sensor::Sensor;
+
+/// Bytes of an image.
+const IMAGE: usize = 3 * PIXELS;
+/// Lines that a workgroup of the smoothing takes.
+const LINES: usize = 8;
+/// Largest buffer that a round asks for, bytes.
+const ROUND: u64 = 512 << 20;
+
+/// Renders on a GPU.
+#[derive(Debug)]
+pub struct GpuRenderer {
+    gpu: Gpu,
+    sensors: Arc<Vec<Sensor>>,
+    /// Where each sensor's numbers begin.
+    starts: Vec<usize>,
+    constants: Buffer,
+    shadows: bool,
+    /// Grown as rounds need them, kept between calls.
+    buffers: Mutex<Option<Buffers>>,
+}
+
+/// What a round works on.
+#[derive(Debug)]
+struct Buffers {
+    jobs: Buffer,
+    own: Buffer,
+    depth: Buffer,
+    share: Buffer,
+    bytes: Buffer,
+    read: Buffer,
+}
+
+impl GpuRenderer {
+    /// A renderer of these sensors on the best GPU; an error that says what was found where there is none.
+    pub fn new(sensors: Arc<Vec<Sensor>>) -> Result<Self, OpticsError> {
+        Self::open(sensors, false)
+    }
+
+    /// As [`Self::new`], on a software adapter: for tests of the shaders, slower than the CPU backend.
+    pub fn on_software(sensors: Arc<Vec<Sensor>>) -> Result<Self, OpticsError> {
+        Self::open(sensors, true)
+    }
+
+    fn open(sensors: Arc<Vec<Sensor>>, software: bool) -> Result<Self, OpticsError> {
+        let kernels = sensors.iter().map(|sensor| sensor.model().elastomer.kernels.len()).max().unwrap_or(0);
+        let gpu = Gpu::open(software, kernels)?;
+        let (numbers, starts) = layout::sensors(&sensors);
+        let limit = gpu.device.limits().max_storage_buffer_binding_size;
+        let size = 4 * numbers.len().max(1) as u64;
+        if size > limit {
+            return Err(OpticsError::Gpu(format!(
+                "{}: {} sensors need {} MB; it binds at most {} MB",
+                gpu.name,
+                sensors.len(),
+                size >> 20,
+                limit >> 20
+            )));
+        }
+        let constants = gpu.device.create_buffer(&wgpu::BufferDescriptor {
+            label: Some("sensors"),
+            size,
+            usage: BufferUsages::STORAGE | BufferUsages::COPY_DST,
+            mapped_at_creation: false,
+        });
+        gpu.queue.write_buffer(&constants, 0, bytemuck::cast_slice(&numbers));
+        Ok(Self { gpu, sensors, starts, constants, shadows: true, buffers: Mutex::new(None) })
+    }
+
+    /// The same renderer without cast shadows.
+    pub fn without_shadows(self) -> Self {
+        Self { shadows: false, ..self }
+    }
+
+    /// Renders one round and gives its images.
+    fn round(&self, batch: &Batch, buffers: &mut Option<Buffers>) -> Result<Vec<TactileImage>, OpticsError> {
+        let fault = |what: String| OpticsError::Gpu(format!("{}: {what}", self.gpu.name));
+        let (device, queue) = (&self.gpu.device, &self.gpu.queue);
+        let memory = device.push_error_scope(wgpu::ErrorFilter::OutOfMemory);
+        let buffers = self.room(batch, buffers);
+        if let Some(error) = pollster::block_on(memory.pop()) {
+            return Err(fault(error.to_string()));
+        }
+        let scope = device.push_error_scope(wgpu::ErrorFilter::Validation);
+        queue.write_buffer(&buffers.jobs, 0, bytemuck::cast_slice(&batch.jobs));
+        queue.write_buffer(&buffers.own, 0, bytemuck::cast_slice(&batch.own));
+        let bound = [&self.constants, &buffers.jobs, &buffers.own, &buffers.depth, &buffers.share, &buffers.bytes];
+        let entries: Vec<wgpu::BindGroupEntry<'_>> = (0..)
+            .zip(bound)
+            .map(|(binding, buffer)| wgpu::BindGroupEntry { binding, resource: buffer.as_entire_binding() })
+            .collect();
+        let group = device.create_bind_group(&wgpu::BindGroupDescriptor {
+            label: Some("round"),
+            layout: &self.gpu.layout,
+            entries: &entries,
+        });
+        let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("round") });
+        if !batch.own.is_empty() {
+            encoder.copy_buffer_to_buffer(&buffers.own, 0, &buffers.depth, 0, 4 * batch.own.len() as u64);
+        }
+        {
+            let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
+            pass.set_bind_group(0, &group, &[]);
+            let count = batch.count as u32;
+            let stage = |pass: &mut ComputePass<'_>, pipeline: &ComputePipeline, across: usize| {
+                if across > 0 {
+                    pass.set_pipeline(pipeline);
+                    pass.dispatch_workgroups(across as u32, count, 1);
+                }
+            };
+            let [width, height, lamps] = batch.most;
+            for (columns, rows) in self.gpu.smooth_columns.iter().zip(&self.gpu.smooth_rows) {
+                stage(&mut pass, columns, width.div_ceil(LINES));
+                stage(&mut pass, rows, height.div_ceil(LINES));
+            }
+            if self.shadows && width > 0 {
+                stage(&mut pass, &self.gpu.cast_shadows, lamps);
+            }
+            stage(&mut pass, &self.gpu.expose, hand_model::pads::IMAGE_SIZE);
+        }
+        let size = (batch.count * IMAGE) as u64;
+        encoder.copy_buffer_to_buffer(&buffers.bytes, 0, &buffers.read, 0, size);
+        queue.submit([encoder.finish()]);
+        let (sender, receiver) = std::sync::mpsc::channel();
+        buffers.read.map_async(wgpu::MapMode::Read, 0..size, move |result| {
+            // The receiver outlives the wait below.
+            let _ = sender.send(result);
+        });
+        device.poll(wgpu::PollType::wait_indefinitely()).map_err(|error| fault(error.to_string()))?;
+        if let Some(error) = pollster::block_on(scope.pop()) {
+            return Err(fault(error.to_string()));
+        }
+        receiver.recv().map_err(|error| fault(error.to_string()))?.map_err(|error| fault(error.to_string()))?;
+        let images = {
+            let view = buffers.read.get_mapped_range(0..size).map_err(|error| fault(error.to_string()))?;
+            view.chunks_exact(IMAGE).map(|rgb| TactileImage { rgb: rgb.to_vec() }).collect()
+        };
+        buffers.read.unmap();
+        Ok(images)
+    }
+
+    /// Buffers that are large enough for a round; those of the last one where they are.
+    fn room<'a>(&self, batch: &Batch, old: &'a mut Option<Buffers>) -> &'a Buffers {
+        let needs = [4 * JOB * batch.count, 4 * batch.own.len(), 4 * batch.share, IMAGE * batch.count];
+        let [jobs, own, share, bytes] = needs.map(|bytes| bytes.max(16) as u64);
+        let small = |buffers: &Buffers| {
+            buffers.jobs.size() < jobs
+                || buffers.own.size() < own
+                || buffers.share.size() < share
+                || buffers.bytes.size() < bytes
+        };
+        if old.as_ref().is_some_and(small) {
+            *old = None;
+        }
+        old.get_or_insert_with(|| {
+            let make = |label: &str, size: u64, usage: BufferUsages| {
+                self.gpu.device.create_buffer(&wgpu::BufferDescriptor {
+                    label: Some(label),
+                    size,
+                    usage,
+                    mapped_at_creation: false,
+                })
+            };
+            let (storage, to, from) = (BufferUsages::STORAGE, BufferUsages::COPY_DST, BufferUsages::COPY_SRC);
+            Buffers {
+                jobs: make("jobs", jobs, storage | to),
+                own: make("own", own, storage | to | from),
+                depth: make("depth", own, storage | to),
+                share: make("share", share, storage),
+                bytes: make("bytes", bytes, storage | from),
+                read: make("read", bytes, BufferUsages::MAP_READ | to),
+            }
+        })
+    }
+}
+
+impl Renderer for GpuRenderer {
+    fn device(&self) -> String {
+        self.gpu.name.clone()
+    }
+
+    fn sensors(&self) -> &[Sensor] {
+        &self.sensors
+    }
+
+    fn render(&self, jobs: &[Job<'_>]) -> Result<Vec<TactileImage>, OpticsError> {
+        let limits = self.gpu.device.limits();
+        let limit = limits.max_storage_buffer_binding_size.min(limits.max_buffer_size).min(ROUND) as usize;
+        // A panic elsewhere cannot leave the buffers half made.
+        let mut buffers = self.buffers.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut images = Vec::with_capacity(jobs.len());
+        while images.len() < jobs.len() {
+            let batch = Batch::pack(&jobs[images.len()..], &self.sensors, &self.starts, self.shadows, limit)?;
+            images.extend(self.round(&batch, &mut buffers)?);
+        }
+        Ok(images)
+    }
+}

@@ -1,0 +1,238 @@
+//! The hand's 17 pads: one calibration file each, of six configurations.
+//!
+//! A file (`data/pads/<pad>.toml`) holds the image-formation model of each of a pad's cameras as designed, and how much units differ.
+//! The simulator renders with these files; a hand's serial number draws its units from them. `ftac optics pads --out DIR` writes them
+//! again, or those of one unit; a pad that is not among them (another hand's) gets [`SensorModel::nominal`].
+
+use std::fmt::Write as _;
+use std::sync::OnceLock;
+
+use hand_model::Hand;
+use hand_model::pads::{Camera, Pad};
+use serde::{Deserialize, Serialize};
+
+use crate::error::OpticsError;
+use crate::model::{SensorModel, Variation};
+
+/// Version of the format.
+pub const VERSION: u32 = 1;
+
+/// One camera of a pad.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct CameraCalibration {
+    /// The camera's name.
+    pub name: String,
+    /// Its image-formation model, pad frame.
+    pub model: SensorModel,
+}
+
+/// A pad's calibration, as kept in a file.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct PadCalibration {
+    /// Version of the format.
+    pub version: u32,
+    /// The pad's name.
+    pub pad: String,
+    /// Its configuration, `a` to `f`.
+    pub configuration: char,
+    /// Size across, mm.
+    pub width_mm: f64,
+    /// Size along the digit, mm.
+    pub height_mm: f64,
+    /// How units differ from the models below.
+    pub variation: Variation,
+    /// The pad's cameras, in order.
+    pub camera: Vec<CameraCalibration>,
+}
+
+#[derive(Deserialize)]
+struct Version {
+    version: Option<u32>,
+}
+
+const COMMENT: &str = "\
+# Frame: the pad's, origin in the middle of its surface, x across, y along the digit, z out of the gel; lamps and camera at negative z.
+# Lengths in metres unless the name says mm.
+# [variation]: standard deviations from unit to unit; lamp_turn in rad, texture in grey levels, those without a unit relative.
+# A grey level M (0 to 1) stands for the radiance G(M) = g1 M + g2 M^2 + g3 M^3 (`coefficients`), after the channel's `gain`.
+# A lamp gives a place at distance |s| the light eta color (cos of the angle to its direction)^mu / |s|^2; `size` is half its extent.
+# `albedo` is rho of each channel, `roughness` that of Oren and Nayar (rad); `ambient` is diffuse light; `noise` the read-out's, grey levels.
+# `kernels` (standard deviations) smooth the gel around a contact; an object is grown by `coating`.
+";
+
+impl PadCalibration {
+    /// The calibration of a pad as designed.
+    pub fn nominal(hand: &Hand, pad: &Pad) -> Self {
+        let camera = |&index: &usize| {
+            let camera = &hand.cameras[index];
+            CameraCalibration { name: camera.name.clone(), model: SensorModel::nominal(pad, camera) }
+        };
+        Self {
+            version: VERSION,
+            pad: pad.name.clone(),
+            configuration: pad.configuration,
+            width_mm: 1e3 * pad.w,
+            height_mm: 1e3 * pad.h,
+            variation: Variation::default(),
+            camera: pad.cameras.iter().map(camera).collect(),
+        }
+    }
+
+    /// The calibration of one unit of the series, whose cameras' serial numbers start at `serial`: it varies no more.
+    pub fn unit(&self, serial: u64) -> Self {
+        let mut unit = self.clone();
+        for (camera, serial) in unit.camera.iter_mut().zip(serial..) {
+            camera.model = camera.model.varied(&self.variation, serial);
+        }
+        let none =
+            Variation { lamp_place: 0.0, lamp_turn: 0.0, lamp_strength: 0.0, lamp_pattern: 0.0, ..self.variation };
+        unit.variation = Variation { camera_place: 0.0, albedo: 0.0, gain: 0.0, roughness: 0.0, ..none };
+        unit
+    }
+
+    /// The file's text, with comments.
+    pub fn to_toml(&self) -> Result<String, OpticsError> {
+        let body = toml::to_string(self).map_err(|error| OpticsError::Calibration(error.to_string()))?;
+        let mut text = String::new();
+        // Writing to a string cannot fail.
+        let _ = writeln!(
+            text,
+            "# Optics of pad `{}`, configuration {}; see sim/optics/src/pads.rs.",
+            self.pad, self.configuration
+        );
+        Ok(text + COMMENT + "\n" + &body)
+    }
+
+    /// Reads and checks a file's text.
+    pub fn parse(text: &str) -> Result<Self, OpticsError> {
+        let fault = OpticsError::Calibration;
+        let version: Version = toml::from_str(text).map_err(|error| fault(error.to_string()))?;
+        match version.version {
+            Some(VERSION) => {}
+            Some(other) => return Err(fault(format!("version: found {other}; expected {VERSION}"))),
+            None => return Err(fault(format!("version: found none; expected {VERSION}"))),
+        }
+        let found: Self = toml::from_str(text).map_err(|error| fault(error.to_string()))?;
+        for camera in &found.camera {
+            camera.model.check().map_err(|error| fault(format!("camera `{}`: {error}", camera.name)))?;
+        }
+        Ok(found)
+    }
+
+    /// The models for a pad's cameras, in order; refuses a file of another pad.
+    pub fn models(&self, hand: &Hand, pad: &Pad) -> Result<Vec<SensorModel>, OpticsError> {
+        if !self.fits(pad) {
+            return Err(OpticsError::Calibration(format!(
+                "found pad `{}` of {:.1} x {:.1} mm; expected `{}` of {:.1} x {:.1} mm",
+                self.pad,
+                self.height_mm,
+                self.width_mm,
+                pad.name,
+                1e3 * pad.h,
+                1e3 * pad.w
+            )));
+        }
+        let model = |&index: &usize| {
+            let name = &hand.cameras[index].name;
+            let known = self.camera.iter().find(|camera| camera.name == *name);
+            let missing = || OpticsError::Calibration(format!("found no camera `{name}`; expected one"));
+            known.map(|camera| camera.model.clone()).ok_or_else(missing)
+        };
+        pad.cameras.iter().map(model).collect()
+    }
+
+    fn fits(&self, pad: &Pad) -> bool {
+        let same = |mm: f64, m: f64| (mm - 1e3 * m).abs() < 1e-6;
+        self.pad == pad.name && same(self.width_mm, pad.w) && same(self.height_mm, pad.h)
+    }
+}
+
+/// The shipped files' texts.
+const SHIPPED: [&str; 17] = [
+    include_str!("../data/pads/index_distal.toml"),
+    include_str!("../data/pads/index_middle.toml"),
+    include_str!("../data/pads/index_proximal.toml"),
+    include_str!("../data/pads/little_distal.toml"),
+    include_str!("../data/pads/little_middle.toml"),
+    include_str!("../data/pads/little_proximal.toml"),
+    include_str!("../data/pads/middle_distal.toml"),
+    include_str!("../data/pads/middle_middle.toml"),
+    include_str!("../data/pads/middle_proximal.toml"),
+    include_str!("../data/pads/palm_radial.toml"),
+    include_str!("../data/pads/palm_ulnar.toml"),
+    include_str!("../data/pads/ring_distal.toml"),
+    include_str!("../data/pads/ring_middle.toml"),
+    include_str!("../data/pads/ring_proximal.toml"),
+    include_str!("../data/pads/thumb_distal.toml"),
+    include_str!("../data/pads/thumb_metacarpal.toml"),
+    include_str!("../data/pads/thumb_proximal.toml"),
+];
+
+/// The shipped calibrations. A test reads every file, so that none is missing here.
+pub fn shipped() -> &'static [PadCalibration] {
+    static ALL: OnceLock<Vec<PadCalibration>> = OnceLock::new();
+    ALL.get_or_init(|| SHIPPED.iter().flat_map(|text| PadCalibration::parse(text)).collect())
+}
+
+/// A camera's model as designed and how units differ: as shipped, or worked out for a pad that is not shipped.
+pub fn design(pad: &Pad, camera: &Camera) -> (SensorModel, Variation) {
+    let known = shipped().iter().find(|calibration| calibration.fits(pad));
+    let model =
+        known.and_then(|known| known.camera.iter().find(|other| other.name == camera.name).map(|own| (own, known)));
+    match model {
+        Some((own, known)) => (own.model.clone(), known.variation),
+        None => (SensorModel::nominal(pad, camera), Variation::default()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_shipped_files_are_the_design() {
+        let hand = Hand::ftac();
+        assert_eq!(shipped().len(), hand.pads.len());
+        for pad in &hand.pads {
+            let found = shipped().iter().find(|calibration| calibration.pad == pad.name).unwrap();
+            assert_eq!(
+                *found,
+                PadCalibration::nominal(&hand, pad),
+                "run `ftac optics pads --out sim/optics/data/pads`"
+            );
+            assert_eq!(found.models(&hand, pad).unwrap().len(), pad.cameras.len());
+        }
+    }
+
+    #[test]
+    fn bad_files_are_refused_by_field() {
+        let hand = Hand::ftac();
+        let good = PadCalibration::nominal(&hand, &hand.pads[0]);
+        let text = good.to_toml().unwrap();
+        assert_eq!(PadCalibration::parse(&text).unwrap(), good);
+        let refusal = |text: String, parts: &[&str]| {
+            let error = PadCalibration::parse(&text).unwrap_err().to_string();
+            assert!(parts.iter().all(|part| error.contains(part)), "{error}");
+        };
+        refusal(text.replace("version = 1", "version = 2"), &["version", "found 2", "expected 1"]);
+        refusal(text.replace("version = 1\n", ""), &["version", "found none"]);
+        refusal(text.replace("roughness = 0.2", "roughness = -0.2"), &[&good.camera[0].name, "roughness", "-0.2"]);
+        refusal(text.replace("lamp_turn", "lamp_burn"), &["lamp_burn"]);
+        let error = good.models(&hand, &hand.pads[16]).unwrap_err().to_string();
+        assert!(error.contains(&good.pad) && error.contains(&hand.pads[16].name), "{error}");
+    }
+
+    #[test]
+    fn a_unit_varies_once() {
+        let hand = Hand::ftac();
+        let design = PadCalibration::nominal(&hand, &hand.pads[2]);
+        let unit = design.unit(7);
+        assert_ne!(unit.camera, design.camera);
+        assert_eq!(unit.camera[0].model, SensorModel::unit(&hand.pads[2], &hand.cameras[hand.pads[2].cameras[0]], 7));
+        let again = unit.unit(8);
+        let (a, b) = (&unit.camera[0].model, &again.camera[0].model);
+        assert!(a.lamps.iter().zip(&b.lamps).all(|(a, b)| (a.position - b.position).norm() < 1e-12));
+    }
+}

@@ -1,0 +1,256 @@
+//! Handing the horizon on from cell to cell, outwards from a lamp.
+//!
+//! A cell looks one step of its longer side towards the lamp, between two cells that are nearer to it. Cells are visited line by
+//! line outwards, so that both have been visited; a line's cells whose longer side leads across the lines do not depend on each
+//! other and are worked on several at once. Lines are rows, or columns where the lamp stands beside the grid and that suits
+//! more cells. The arithmetic of a cell is the same either way.
+
+use crate::wide::widest;
+
+/// Number of cells along an axis, the lamp's place on it (in cells), and a cell's size (m).
+pub(super) type Axis = (usize, f32, f32);
+
+/// Lines follow each other along `outer`; a line's cells along `inner`.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Axes {
+    pub(super) outer: Axis,
+    pub(super) inner: Axis,
+}
+
+/// What is looked at: cells with rows as lines, and a lamp.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Grid {
+    /// Depth of the lamp behind the untouched gel, m.
+    pub(super) lamp_depth: f32,
+    /// One over the lamp's half extent, 1/m.
+    pub(super) soft: f32,
+    pub(super) rows: Axes,
+}
+
+/// What is handed on along a line from the lamp: the largest tangent so far, and its distance from the lamp.
+#[derive(Debug, Clone, Copy)]
+struct Edge {
+    tangent: f32,
+    distance: f32,
+}
+
+/// All edges and shares, line by line.
+struct Field<'a> {
+    grid: &'a Grid,
+    axes: Axes,
+    /// True if lines are columns.
+    columns: bool,
+    depth: &'a [f32],
+    tangent: Vec<f32>,
+    distance: Vec<f32>,
+    share: Vec<f32>,
+}
+
+/// Share of the lamp that each cell sees, row-major.
+pub(super) fn trace(grid: &Grid, depth: &[f32]) -> Vec<f32> {
+    let Axes { outer: (height, lamp_y, _), inner: (width, lamp_x, _) } = grid.rows;
+    let beside = lamp_x <= 0.0 || lamp_x > (width - 1) as f32;
+    let (across, down) = (lamp_x - 0.5 * width as f32, lamp_y - 0.5 * height as f32);
+    if beside && across.abs() > down.abs() {
+        let turned = turn(depth, width);
+        let axes = Axes { outer: grid.rows.inner, inner: grid.rows.outer };
+        return turn(&Field::new(grid, axes, true, &turned).trace(), height);
+    }
+    Field::new(grid, grid.rows, false, depth).trace()
+}
+
+/// Rows become columns.
+fn turn(values: &[f32], width: usize) -> Vec<f32> {
+    let height = values.len() / width;
+    (0..width).flat_map(|column| (0..height).map(move |row| values[row * width + column])).collect()
+}
+
+/// Indices outwards from a place: first those below it from high to low, then those above it.
+fn outwards(place: f32, count: usize) -> impl Iterator<Item = usize> {
+    let start = (place.max(0.0).ceil() as usize).min(count);
+    (0..start).rev().chain(start..count)
+}
+
+impl<'a> Field<'a> {
+    fn new(grid: &'a Grid, axes: Axes, columns: bool, depth: &'a [f32]) -> Self {
+        let count = depth.len();
+        Self {
+            grid,
+            axes,
+            columns,
+            depth,
+            tangent: vec![0.0; count],
+            distance: vec![0.0; count],
+            share: vec![1.0; count],
+        }
+    }
+
+    fn trace(mut self) -> Vec<f32> {
+        let (lines, lamp, _) = self.axes.outer;
+        let count = self.axes.inner.0;
+        // Own tangent, distance and one over the steps to the lamp of a line's cells.
+        let mut own = [vec![0.0; count], vec![0.0; count], vec![0.0; count]];
+        for line in outwards(lamp, lines) {
+            widest(
+                #[inline(always)]
+                || self.own(line, &mut own),
+            );
+            self.line(line, &own);
+        }
+        self.share
+    }
+
+    #[inline(always)]
+    fn own(&self, line: usize, own: &mut [Vec<f32>; 3]) {
+        let ((_, lamp_u, size_u), (count, lamp_v, size_v)) = (self.axes.outer, self.axes.inner);
+        let u = lamp_u - line as f32;
+        let square = (u * size_u) * (u * size_u);
+        let depth = &self.depth[line * count..(line + 1) * count];
+        let [tangent, distance, inverse] = own;
+        let slots = tangent.iter_mut().zip(distance.iter_mut()).zip(inverse.iter_mut());
+        for (i, (((tangent, distance), inverse), depth)) in slots.zip(depth).enumerate() {
+            let v = lamp_v - i as f32;
+            let away = (v * size_v * (v * size_v) + square).max(1e-14).sqrt();
+            *tangent = (depth - self.grid.lamp_depth) / away;
+            *distance = away;
+            *inverse = 1.0 / u.abs().max(v.abs());
+        }
+    }
+
+    /// Visits a line's cells: those that look across the lines several at once, the others from the lamp outwards.
+    fn line(&mut self, line: usize, own: &[Vec<f32>; 3]) {
+        let ((lines, lamp_u, _), (count, lamp_v, _)) = (self.axes.outer, self.axes.inner);
+        let u = lamp_u - line as f32;
+        let next = line as isize + u.signum() as isize;
+        let inside = (0..lines as isize).contains(&next);
+        let looks_across = |i: usize| {
+            let v = (lamp_v - i as f32).abs();
+            if self.columns { u.abs() >= v } else { u.abs() > v }
+        };
+        let (first, last) = match (0..count).find(|&i| looks_across(i)) {
+            Some(first) => (first, (first..count).rfind(|&i| looks_across(i)).map_or(first, |last| last + 1)),
+            None => (0, 0),
+        };
+        let quick = inside && u.abs() > 1.0;
+        if quick {
+            // Cells before the lamp mix with the one after them, those beyond it with the one before; the border has none.
+            let turn = ((lamp_v.floor() + 1.0).clamp(first as f32, last as f32)) as usize;
+            let next = next as usize;
+            widest(
+                #[inline(always)]
+                || {
+                    self.across(line, next, first..turn.min(count - 1), 1, own);
+                    self.across(line, next, turn.max(1)..last, -1, own);
+                },
+            );
+            if turn == count && turn > first {
+                self.cell(line, count - 1, own);
+            }
+            if turn == 0 && last > 0 {
+                self.cell(line, 0, own);
+            }
+        }
+        for i in outwards(lamp_v, count) {
+            if !(quick && (first..last).contains(&i)) {
+                self.cell(line, i, own);
+            }
+        }
+    }
+
+    /// Cells of a line that look at the line `next`, between their own place there and the one `side` of it.
+    #[inline(always)]
+    fn across(&mut self, line: usize, next: usize, cells: std::ops::Range<usize>, side: isize, own: &[Vec<f32>; 3]) {
+        if cells.is_empty() {
+            return;
+        }
+        let (count, lamp_v, _) = self.axes.inner;
+        let (soft, columns) = (self.grid.soft, self.columns);
+        let beside = cells.start.wrapping_add_signed(side)..cells.end.wrapping_add_signed(side);
+        // The two lines lie in one array; only one of them is written.
+        let (tangent_from, tangent) = two_lines(&mut self.tangent, next, line, count);
+        let (distance_from, distance) = two_lines(&mut self.distance, next, line, count);
+        let (a_tangent, b_tangent) = (&tangent_from[cells.clone()], &tangent_from[beside.clone()]);
+        let (a_distance, b_distance) = (&distance_from[cells.clone()], &distance_from[beside]);
+        let (tangent, distance) = (&mut tangent[cells.clone()], &mut distance[cells.clone()]);
+        let share = &mut self.share[line * count..][cells.clone()];
+        let [own, away, inverse] = own.each_ref().map(|line| &line[cells.clone()]);
+        let n = share.len();
+        let (a_tangent, b_tangent, a_distance, b_distance) =
+            (&a_tangent[..n], &b_tangent[..n], &a_distance[..n], &b_distance[..n]);
+        let (tangent, distance) = (&mut tangent[..n], &mut distance[..n]);
+        let (own, away, inverse) = (&own[..n], &away[..n], &inverse[..n]);
+        for i in 0..n {
+            let v = lamp_v - (cells.start + i) as f32;
+            let part = (v * inverse[i]).abs();
+            // Between the lamp's own two rows, neither comes before the other: straight on.
+            let part = if columns && v.abs() < 1.0 { 0.0 } else { part };
+            let highest = a_tangent[i] + part * (b_tangent[i] - a_tangent[i]);
+            let near = away[i] * (1.0 - inverse[i]);
+            let met = (a_distance[i] + part * (b_distance[i] - a_distance[i])).min(near);
+            share[i] = seen(own[i], highest, away[i], met, soft);
+            let hidden = own[i] < highest;
+            tangent[i] = if hidden { highest } else { own[i] };
+            distance[i] = if hidden { met } else { away[i] };
+        }
+    }
+
+    /// Any one cell.
+    fn cell(&mut self, line: usize, i: usize, own: &[Vec<f32>; 3]) {
+        let ((lines, lamp_u, _), (count, lamp_v, _)) = (self.axes.outer, self.axes.inner);
+        let (u, v) = (lamp_u - line as f32, lamp_v - i as f32);
+        let (own, away, inverse) = (own[0][i], own[1][i], own[2][i]);
+        let at = line * count + i;
+        (self.tangent[at], self.distance[at]) = (own, away);
+        if u.abs().max(v.abs()) <= 1.0 {
+            return;
+        }
+        let near = away * (1.0 - inverse);
+        let look = |line: isize, i: isize| {
+            if (0..lines as isize).contains(&line) && (0..count as isize).contains(&i) {
+                let at = line as usize * count + i as usize;
+                Edge { tangent: self.tangent[at], distance: self.distance[at] }
+            } else {
+                Edge { tangent: -self.grid.lamp_depth / near, distance: near }
+            }
+        };
+        let (next_line, next) = (line as isize + u.signum() as isize, i as isize + v.signum() as isize);
+        let (across, down) = if self.columns { (u, v) } else { (v, u) };
+        let along_row = across.abs() >= down.abs();
+        // Between the lamp's own two rows, neither comes before the other: straight on.
+        let part = match along_row {
+            true if down.abs() < 1.0 => 0.0,
+            true => (down * inverse).abs(),
+            false => (across * inverse).abs(),
+        };
+        let looks_across = along_row == self.columns;
+        let a = if looks_across { look(next_line, i as isize) } else { look(line as isize, next) };
+        let b = look(next_line, next);
+        let highest = a.tangent + part * (b.tangent - a.tangent);
+        let met = (a.distance + part * (b.distance - a.distance)).min(near);
+        self.share[at] = seen(own, highest, away, met, self.grid.soft);
+        if own < highest {
+            (self.tangent[at], self.distance[at]) = (highest, met);
+        }
+    }
+}
+
+/// Share of the lamp seen over the highest tangent on the way, met at distance `met`, by a place at distance `away`.
+#[inline(always)]
+fn seen(own: f32, highest: f32, away: f32, met: f32, soft: f32) -> f32 {
+    // The lamp's part over the edge is (own - highest) away met / (away - met) / size, and only matters below 1.
+    let (reach, gap) = ((own - highest) * away * met * soft, away - met);
+    let seen = 0.5 * ((reach / gap).max(-1.0) + 1.0);
+    if reach < gap { seen * seen * (3.0 - 2.0 * seen) } else { 1.0 }
+}
+
+/// A line to read and another one to write.
+#[inline(always)]
+fn two_lines(all: &mut [f32], from: usize, to: usize, count: usize) -> (&[f32], &mut [f32]) {
+    if from < to {
+        let (low, high) = all.split_at_mut(to * count);
+        (&low[from * count..(from + 1) * count], &mut high[..count])
+    } else {
+        let (low, high) = all.split_at_mut(from * count);
+        (&high[..count], &mut low[to * count..(to + 1) * count])
+    }
+}
