@@ -6,9 +6,14 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 use std::sync::OnceLock;
 
-/// The workspace's root.
+/// The workspace's root: where Cargo says that it is now, because a test may have been compiled for another clone that shares
+/// the target folder.
 pub fn root() -> &'static Path {
-    Path::new(env!("CARGO_MANIFEST_DIR")).parent().unwrap_or(Path::new("."))
+    static ROOT: OnceLock<PathBuf> = OnceLock::new();
+    ROOT.get_or_init(|| {
+        let package = std::env::var_os("CARGO_MANIFEST_DIR").unwrap_or_else(|| env!("CARGO_MANIFEST_DIR").into());
+        Path::new(&package).parent().map_or_else(|| PathBuf::from("."), Path::to_path_buf)
+    })
 }
 
 /// The release build of `ftac`, built first if it is not up to date: Cargo builds no other package's binary for a test.

@@ -70,7 +70,7 @@ fn pypi_mcap_reads_a_session() {
         assert_eq!(topics[topic], 50, "{topics}");
     }
     assert_eq!((&topics["raw/arm_udp/received"], &found["raw"][0]), (&Value::from(1), &Value::from("dead00")));
-    assert_eq!((found["statistics"].as_u64(), found["sorted"].as_bool()), (Some(203), Some(true)));
+    assert_eq!((found["statistics"].as_u64(), found["sorted"].as_bool()), (Some(204), Some(true)));
     assert_eq!(found["session"]["seed"], "7");
     assert_eq!(found["session"]["configuration_sha256"], found["files"]["configuration"]);
     let pixels: Vec<u64> = found["images"].as_array().expect("a list").iter().filter_map(Value::as_u64).collect();

@@ -21,7 +21,7 @@ with open(path, "rb") as file:
         for schema, channel, message in reader.iter_messages(log_time_order=False):
             topics[channel.topic] = topics.get(channel.topic, 0) + 1
             log_times.append(message.log_time)
-            if channel.topic in ("configuration", "calibration"):
+            if channel.topic in ("configuration", "calibration", "task"):
                 files[channel.topic] = hashlib.sha256(message.data).hexdigest()
                 continue
             if schema is None:

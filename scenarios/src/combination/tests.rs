@@ -18,7 +18,7 @@ fn the_benchmark_is_sound() {
 
 #[test]
 fn errors_name_the_place_and_what_is_wrong() {
-    let kind = error("position_sigma = 0.003", "position_sigma = \"4 mm\"");
+    let kind = error("position_sigma = 0.005", "position_sigma = \"4 mm\"");
     assert!(kind.starts_with("mine.toml:32: `position_sigma = \"4 mm\""), "{kind}");
     assert!(kind.contains("invalid type: string \"4 mm\", expected f64"), "{kind}");
     let unknown = error("hold_time", "hold_tiem");
@@ -36,7 +36,7 @@ fn errors_name_the_place_and_what_is_wrong() {
         far,
         "mine.toml: layout.first.x: found 0.9, expected within reach, 0.5 to 0.72 m, with the spread of 0 m"
     );
-    let millimetres = error("xy_sigma = 0.004", "xy_sigma = 4");
+    let millimetres = error("xy_sigma = 0.0065", "xy_sigma = 4");
     assert!(millimetres.contains("noise.perception.xy_sigma: found 4, expected 0 to 1"), "{millimetres}");
 }
 
