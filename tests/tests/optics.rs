@@ -89,6 +89,6 @@ fn calibration_folders_that_cannot_be_used() {
     };
     let no_background = calibrate("4");
     assert!(no_background.contains("background.png"), "{no_background}");
-    let no_diameter = calibrate("-4");
+    let no_diameter = calibrate("0");
     assert!(no_diameter.contains("ball diameter"), "{no_diameter}");
 }

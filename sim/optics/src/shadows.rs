@@ -174,7 +174,7 @@ impl Shadow {
             mix(left, right, across)
         };
         // Two pixels lie between each two cells' middles; what is left over at both ends is done one by one.
-        let start = usize::from(first % CELL == 0).min(out.len());
+        let start = usize::from(first.is_multiple_of(CELL)).min(out.len());
         let cell = (first + start) / CELL;
         let pairs = ((out.len() - start) / CELL).min((self.width - 1).saturating_sub(cell));
         (0..start).for_each(|i| out[i] = single(i));

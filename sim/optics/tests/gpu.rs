@@ -25,7 +25,8 @@ fn any_adapter(sensors: &Arc<Vec<Sensor>>) -> Option<GpuRenderer> {
     match GpuRenderer::new(sensors.clone()) {
         Ok(renderer) => Some(renderer),
         Err(error) => {
-            writeln!(std::io::stderr(), "SKIPPED: the GPU backend is not tested here: {software}; {error}").unwrap();
+            let mut terminal = std::io::stderr();
+            writeln!(terminal, "SKIPPED: the GPU backend is not tested here: {software}; {error}").unwrap();
             None
         }
     }
