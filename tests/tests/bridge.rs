@@ -182,7 +182,7 @@ fn a_killed_host_leaves_everything_standing() {
     // The session's file grows with every tick: a few hundred are on their way to the first object.
     while fs::read_dir(&sessions)
         .map_or(0, |files| files.flatten().map(|f| f.metadata().map_or(0, |m| m.len())).sum::<u64>())
-        < 1_500_000
+        < 6_000_000
     {
         assert!(began.elapsed().as_secs() < 30, "the trial does not begin");
         std::thread::sleep(std::time::Duration::from_millis(20));

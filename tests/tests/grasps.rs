@@ -133,7 +133,7 @@ fn other_hands_grasp() {
             eprintln!("NOT CHECKED: {} is not there", urdf.display());
             continue;
         }
-        let pulls = root().join("sim/tests/data").join(pulls);
+        let pulls = root().join("hand-model/data/hands").join(pulls);
         let arguments = [
             "grasps",
             "generate",
