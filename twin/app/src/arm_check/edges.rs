@@ -7,7 +7,6 @@ use anyhow::Result;
 use control::Twist;
 use control::inverse_kinematics::{ArmServo, QpPath};
 use control::trajectory::{PathLimits, PosePath};
-use hand_model::ARM_JOINTS;
 use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 use serde_json::json;
 
@@ -100,9 +99,9 @@ fn lead(world: &World, edge: &Edge) -> Result<Seen> {
         let before = *servo.qd();
         let step = servo.step(&target, &twist, TICK)?;
         let mut used = 0.0f64;
-        for i in 0..ARM_JOINTS {
+        for (i, before) in before.iter().enumerate() {
             used = used.max(step.qd[i].abs() / arm.velocity_limits[i]);
-            let change = (step.qd[i] - before[i]).abs() / TICK / arm.acceleration_limits[i];
+            let change = (step.qd[i] - before).abs() / TICK / arm.acceleration_limits[i];
             seen.acceleration = seen.acceleration.max(change);
             let joint = &arm.tree.joints[i];
             seen.room = seen.room.min(joint.upper - step.q[i]).min(step.q[i] - joint.lower);

@@ -25,7 +25,7 @@ const HOLD: f64 = 1.5;
 /// A held joint may stand off its set-point by this, rad, and the torque off the weight's by this, N m.
 const SAG: f64 = 2e-3;
 const TORQUE: f64 = 0.2;
-/// Postures keep this away from themselves and from the table, m.
+/// Postures keep this away from the table, m; from themselves they stay free, as the tubes next but one are never far apart.
 const CLEAR: f64 = 0.03;
 /// By how far all joints are asked to jump, rad, and what they may be past the goal, rad.
 const JUMP: f64 = 0.6;
@@ -83,7 +83,7 @@ fn postures(world: &World, seed: u64) -> Result<Vec<Joints>> {
             let reach = if joint.upper.is_finite() { joint.upper - 0.1 } else { std::f64::consts::PI };
             rng.random_range(-reach..reach)
         });
-        let free = bodies.clearance(&kinematics, &q)?.distance > CLEAR && bodies.height(&kinematics, &q)? > CLEAR;
+        let free = bodies.clearance(&kinematics, &q)?.distance > 0.0 && bodies.height(&kinematics, &q)? > CLEAR;
         if free {
             found.push(q);
         }
