@@ -198,7 +198,7 @@ mod tests {
     #[test]
     fn few_against_many() {
         let (points, power) = ring(400, 5);
-        let keep = |n: &usize| !power[*n] || n % 20 == 0;
+        let keep = |n: &usize| !power[*n] || n.is_multiple_of(20);
         let few: Vec<Vec<f64>> = (0..400).filter(keep).map(|n| vec![0.5 * points[n][0], 0.5 * points[n][1]]).collect();
         let classes: Vec<bool> = (0..400).filter(keep).map(|n| power[n]).collect();
         let boundary = Boundary::fit(&few, &classes).expect("two classes");
