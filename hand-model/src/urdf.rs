@@ -260,8 +260,9 @@ pub(crate) fn frames(robot: &urdf_rs::Robot, path: &Path, expected: &[&str]) -> 
 mod tests {
     use super::*;
 
+    /// A checked-in file: Cargo runs a crate's tests in the crate's folder.
     fn data(name: &str) -> std::path::PathBuf {
-        Path::new(env!("CARGO_MANIFEST_DIR")).join("data").join(name)
+        Path::new("data").join(name)
     }
 
     /// The checked-in URDFs are the generated ones. Run with `FTAC_UPDATE_URDF=1` to write them anew.

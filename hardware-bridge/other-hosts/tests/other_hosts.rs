@@ -66,7 +66,7 @@ fn crate_rustypot() {
 fn pypi_dynamixel_sdk() {
     let Some(python) = python_with("dynamixel-sdk==4.1.0") else { return };
     let hand = emulator();
-    let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/dynamixel_sdk_client.py");
+    let script = Path::new("tests/dynamixel_sdk_client.py");
     let output = run(Command::new(python).arg(script).arg(hand.servo_port()));
     let told = String::from_utf8_lossy(&output.stdout);
     assert!(output.status.success(), "{told}\n{}", String::from_utf8_lossy(&output.stderr));
@@ -80,7 +80,7 @@ fn pypi_dynamixel_sdk() {
 fn pypi_orca_core() {
     let Some(python) = python_with("orca_core==0.12.0") else { return };
     let hand = emulator();
-    let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/orca_core_client.py");
+    let script = Path::new("tests/orca_core_client.py");
     let output = run(Command::new(python).arg(script).arg(hand.servo_port()));
     let told = String::from_utf8_lossy(&output.stdout);
     assert!(output.status.success(), "{told}\n{}", String::from_utf8_lossy(&output.stderr));

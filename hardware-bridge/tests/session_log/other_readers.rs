@@ -36,7 +36,7 @@ fn python() -> Option<PathBuf> {
 }
 
 fn read_by(python: &Path, path: &Path, how: &str) -> Value {
-    let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/session_log/read_mcap.py");
+    let script = Path::new("tests/session_log/read_mcap.py");
     let output = Command::new(python).arg(script).arg(path).arg(how).output().expect("runs");
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     serde_json::from_slice(&output.stdout).expect("JSON")
