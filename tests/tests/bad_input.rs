@@ -136,3 +136,21 @@ fn results_that_cannot_be_written() {
     refused(&["bench", "--combos", "1", "--trials", "1", "--out", text(&out)], &[text(&out)]);
     assert_eq!(fs::read_to_string(&file).expect("still there"), "mine");
 }
+
+#[test]
+fn nothing_to_feel() {
+    refused(&["touch", "eval", "--combos", "0"], &["--combos", "found 0", "expected 1 to"]);
+}
+
+#[test]
+fn grasps_of_another_run() {
+    let folder = tempdir().expect("a folder");
+    let file = folder.path().join("grasps.json");
+    let other = r#"{"played": {"combos": 9, "trials": 9, "seed": 9}, "grasps": []}"#;
+    fs::write(&file, other).expect("written");
+    let arguments = ["touch", "eval", "--combos", "1", "--trials", "1", "--grasps", text(&file)];
+    refused(&arguments, &["grasps.json", "combos: 9", "combos: 1"]);
+    fs::write(&file, "no grasps").expect("written");
+    refused(&arguments, &["grasps.json", "not a file of grasps"]);
+    assert_eq!(fs::read_to_string(&file).expect("still there"), "no grasps");
+}

@@ -8,6 +8,7 @@ use anyhow::{Context, Result, bail};
 use control::perception::KnownObject;
 use grasping::Role;
 use hand_model::Hand;
+use hand_model::robot::TactileImage;
 use scenarios::combination::Scenario;
 use scenarios::record::TrialRecord;
 use scenarios::statistics::Summary;
@@ -94,9 +95,14 @@ fn repertoire() -> Result<grasping::Repertoire> {
     Ok(grasping::Repertoire::parse(include_str!("../data/repertoire.json"), Path::new("data/repertoire.json"))?)
 }
 
-/// The built-in photometric calibration.
-pub fn calibration() -> Result<Calibration> {
-    serde_json::from_str(include_str!("../data/calibration.json")).context("data/calibration.json")
+/// Touch of a simulated hand with the built-in calibration, given images of its untouched pads.
+pub fn simulated_touch(hand: &Hand, backgrounds: Vec<Arc<TactileImage>>) -> Result<TouchPipeline> {
+    let calibration: Calibration =
+        serde_json::from_str(include_str!("../data/calibration.json")).context("data/calibration.json")?;
+    let mut pipeline = TouchPipeline::new(hand, calibration, backgrounds)?;
+    // The engine's covers are rigid, and images are made from its forces: an object shows as pressed in where it only lies on.
+    pipeline.pose.sinking = 0.0;
+    Ok(pipeline)
 }
 
 /// Everything that trials of a scenario's first `combos` combinations share.
@@ -113,7 +119,7 @@ pub fn make_bench(scenario: Scenario, combos: usize, seed: u64, quiet: bool) -> 
     }
     plans.plans.truncate(combos);
     let board = TactileBoard::unit(&world.hand, HAND_UNIT);
-    let pipeline = TouchPipeline::new(&world.hand, calibration()?, board.backgrounds())?;
+    let pipeline = simulated_touch(&world.hand, board.backgrounds())?;
     let names: BTreeSet<&String> = plans.plans.iter().map(|plan| &plan.first).collect();
     let known = names
         .into_iter()

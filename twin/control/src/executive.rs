@@ -11,7 +11,7 @@ use std::sync::Arc;
 
 use grasping::Grasp;
 use hand_model::robot::{Command, Observation, ServoGoal, TactileFrame};
-use hand_model::{ACTUATORS, Digit, Hand};
+use hand_model::{ACTUATORS, CAMERAS, Digit, Hand};
 use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, Vector3};
 pub use scenarios::phase::Phase;
 
@@ -89,6 +89,7 @@ pub struct Executive {
     opposition: f64,
     images: Vec<TactileFrame>,
     newest: Vec<TactileFrame>,
+    before: [Option<u64>; CAMERAS],
     watch_period: Option<f64>,
     last_watch: f64,
     servos: [hand_model::robot::ServoState; ACTUATORS],
@@ -121,6 +122,7 @@ impl Executive {
             opposition: 0.0,
             images: Vec::new(),
             newest: Vec::new(),
+            before: [None; CAMERAS],
             watch_period: None,
             last_watch: f64::NEG_INFINITY,
             servos: Default::default(),
@@ -139,6 +141,11 @@ impl Executive {
     /// Tactile images taken during the last [`Phase::Look`], [`Phase::Check`] or [`Phase::Verify`].
     pub fn images(&self) -> &[TactileFrame] {
         &self.images
+    }
+
+    /// Sequence number that each camera had sent before the images of [`Self::images`] were asked for.
+    pub fn sequences_before(&self) -> &[Option<u64>; CAMERAS] {
+        &self.before
     }
 
     /// Newest images of all cameras that arrived, in any phase.
@@ -260,6 +267,9 @@ impl Executive {
         };
         if matches!(phase, Phase::Look | Phase::Check | Phase::Verify) {
             self.images.clear();
+            for frame in self.newest.iter().filter(|frame| frame.camera < CAMERAS) {
+                self.before[frame.camera] = Some(frame.sequence);
+            }
         }
         self.phase = phase;
         self.clock = 0.0;

@@ -4,13 +4,13 @@ use std::f64::consts::FRAC_PI_2;
 use std::sync::Arc;
 
 use grasping::Role;
-use hand_model::robot::{ServoState, TactileFrame, TactileImage};
-use hand_model::{ACTUATORS, CAMERAS, Digit, Hand};
+use hand_model::robot::ServoState;
+use hand_model::{ACTUATORS, Digit, Hand};
 use nalgebra::{Isometry3, Point3, Vector3};
 use scenarios::geometry::{DistanceGrid, Shape};
 use scenarios::objects::ObjectModel;
 use touch::posture::cable_excursion;
-use touch::{KnownShape, PadTouch, PoseEstimate, PosePrior, TouchError, TouchPipeline};
+use touch::{CameraFault, KnownShape, PadTouch, Perceived, PoseEstimate, PosePrior, TouchError, TouchPipeline};
 
 use crate::executive::Executive;
 
@@ -50,6 +50,8 @@ impl KnownShape for KnownObject {
 pub struct Felt {
     /// One entry a pad.
     pub touches: Vec<PadTouch>,
+    /// Cameras that had no say, and why.
+    pub faults: Vec<CameraFault>,
     /// Estimate of the held object's pose.
     pub estimate: PoseEstimate,
     /// What the plan had expected: `palm_from_object`.
@@ -97,11 +99,11 @@ fn digit_of(link: Option<usize>) -> Option<Digit> {
 
 /// Interprets the images that the executive took of `object` in the hand.
 pub fn feel(pipeline: &TouchPipeline, executive: &Executive, object: &KnownObject) -> Result<Felt, TouchError> {
-    let touches = pipeline.perceive(&by_camera(pipeline, executive.images()))?;
+    let Perceived { touches, faults } = pipeline.perceive_frames(executive.images(), executive.sequences_before())?;
     let prior = trusted(expected(executive));
     let estimate = pipeline.estimate_pose(&touches, executive.servos(), &prior, object)?;
     let grip = Grip::of(pipeline.hand(), &touches, executive.servos());
-    Ok(Felt { touches, estimate, prior: prior.palm_from_object, grip })
+    Ok(Felt { touches, faults, estimate, prior: prior.palm_from_object, grip })
 }
 
 /// Where the plan has the first object in the hand: `palm_from_object`.
@@ -117,17 +119,8 @@ pub fn trusted(palm_from_object: Isometry3<f64>) -> PosePrior {
 
 /// What the images that the executive took last say is in the hand.
 pub fn grip(pipeline: &TouchPipeline, executive: &Executive) -> Result<Grip, TouchError> {
-    let touches = pipeline.perceive(&by_camera(pipeline, executive.images()))?;
+    let Perceived { touches, .. } = pipeline.perceive_frames(executive.images(), executive.sequences_before())?;
     Ok(Grip::of(pipeline.hand(), &touches, executive.servos()))
-}
-
-/// One image a camera; a camera that sent nothing is taken as idle (its background).
-fn by_camera(pipeline: &TouchPipeline, frames: &[TactileFrame]) -> Vec<Arc<TactileImage>> {
-    let mut images = pipeline.backgrounds().to_vec();
-    for frame in frames.iter().filter(|frame| frame.camera < CAMERAS) {
-        images[frame.camera] = frame.image.clone();
-    }
-    images
 }
 
 #[cfg(test)]

@@ -1,8 +1,8 @@
 //! What the hand feels: tactile images become surface gradients, heights, contact patches and an in-hand object pose.
 //!
-//! The story in order: [`calibration`] learns from labelled presses how colour changes with slope; [`photometric_stereo`]
+//! The story in order: [`frames`] says which images can be believed; [`calibration`] learns from labelled presses how colour changes with slope; [`photometric_stereo`]
 //! applies it to an image; [`poisson`] integrates the slopes to a height map; [`contacts`] finds the patches where something
-//! presses; [`posture`] says what six servos tell about fifteen joints; [`pose`] registers patches, untouched pads and servo
+//! presses, and [`slip`] how they move; [`posture`] says what six servos tell about fifteen joints; [`pose`] registers patches, untouched pads and servo
 //! readings to the known shape of the object; [`pipeline`] runs all of it for the 18 cameras of the hand.
 //!
 //! This crate knows the hand model and nothing of simulators or hardware, and it never sees ground truth.
@@ -14,19 +14,23 @@
 pub mod calibration;
 pub mod contacts;
 pub mod error;
+pub mod frames;
 pub mod photometric_stereo;
 pub mod pipeline;
 pub mod poisson;
 pub mod pose;
 pub mod posture;
+pub mod slip;
 
 pub use calibration::{AngularError, Calibration, CalibrationPress, PhotometricModel};
 pub use contacts::{ContactOptions, Patch, SurfacePoint};
 pub use error::TouchError;
+pub use frames::{CameraFault, Fault};
 pub use photometric_stereo::{Gradients, StereoOptions};
-pub use pipeline::{HeightMap, PadTouch, TouchPipeline};
+pub use pipeline::{HeightMap, PadTouch, Perceived, TouchPipeline};
 pub use pose::{KnownShape, PoseEstimate, PoseOptions, PosePrior, estimate_pose};
 pub use posture::Posture;
+pub use slip::Slip;
 
 pub use hand_model::pads::IMAGE_SIZE;
 

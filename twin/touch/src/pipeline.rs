@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use hand_model::robot::{ServoState, TactileImage};
+use hand_model::robot::{ServoState, TactileFrame, TactileImage};
 use hand_model::{ACTUATORS, CAMERAS, Hand};
 use nalgebra::Point3;
 use rayon::prelude::*;
@@ -10,6 +10,7 @@ use rayon::prelude::*;
 use crate::calibration::Calibration;
 use crate::contacts::{ContactOptions, Patch, clear_points, find_contacts};
 use crate::error::TouchError;
+use crate::frames::{CameraFault, Fault, believable};
 use crate::photometric_stereo::{Gradients, Region, StereoOptions, gradients};
 use crate::poisson::PoissonSolver;
 use crate::pose::{KnownShape, PoseEstimate, PoseOptions, PosePrior, estimate_pose};
@@ -39,6 +40,8 @@ pub struct PadTouch {
     pub heights: Vec<Arc<HeightMap>>,
     /// Points of the surface that are felt to be free (m, pad frame).
     pub clear: Vec<Point3<f64>>,
+    /// A camera of the pad is left out: what presses there is not known.
+    pub blind: bool,
 }
 
 impl PadTouch {
@@ -46,6 +49,15 @@ impl PadTouch {
     pub fn touched(&self) -> bool {
         !self.patches.is_empty()
     }
+}
+
+/// What the pads feel, and which cameras had no say.
+#[derive(Debug, Clone, Default)]
+pub struct Perceived {
+    /// One entry a pad.
+    pub touches: Vec<PadTouch>,
+    /// Cameras that are left out, and why.
+    pub faults: Vec<CameraFault>,
 }
 
 /// The whole way from images to touches, for one hand with one calibration.
@@ -64,12 +76,10 @@ pub struct TouchPipeline {
 }
 
 impl TouchPipeline {
-    /// Prepares the pipeline; `backgrounds` holds an image of every untouched camera, in camera order.
+    /// Prepares the pipeline; `backgrounds` holds an image of every untouched camera, in camera order. Pads that `calibration`
+    /// does not cover are blind.
     pub fn new(hand: &Hand, calibration: Calibration, backgrounds: Vec<Arc<TactileImage>>) -> Result<Self, TouchError> {
         check_images("background", &backgrounds)?;
-        for pad in &hand.pads {
-            calibration.model(pad.configuration)?;
-        }
         Ok(Self {
             hand: hand.clone(),
             calibration,
@@ -87,13 +97,38 @@ impl TouchPipeline {
         Ok(Self { backgrounds, ..self.clone() })
     }
 
-    /// What the 17 pads feel, given the newest image of every camera. Cameras are worked on in parallel; the result does not
-    /// depend on how.
+    /// What the 17 pads feel, given an image of every camera. Cameras are worked on in parallel; the result does not depend
+    /// on how. An image that cannot be believed is an error here: see [`Self::perceive_frames`].
     pub fn perceive(&self, images: &[Arc<TactileImage>]) -> Result<Vec<PadTouch>, TouchError> {
         check_images("tactile image", images)?;
+        self.touches(&images.iter().cloned().map(Some).collect::<Vec<_>>())
+    }
+
+    /// What the 17 pads feel, given what the camera board sent. A camera whose image is missing, of the wrong size, frozen
+    /// (`before` holds the sequence numbers of earlier images), black or saturated, or whose pad is not calibrated, is left
+    /// out and named; its pad is blind.
+    pub fn perceive_frames(
+        &self,
+        frames: &[TactileFrame],
+        before: &[Option<u64>; CAMERAS],
+    ) -> Result<Perceived, TouchError> {
+        let (mut images, mut faults) = believable(&self.hand, frames, before);
+        for (camera, image) in images.iter_mut().enumerate().filter(|(_, image)| image.is_some()) {
+            let view = &self.hand.cameras[camera];
+            let configuration = self.hand.pads[view.pad].configuration;
+            if self.calibration.model(configuration).is_err() {
+                *image = None;
+                let fault = Fault::Uncalibrated(configuration);
+                faults.push(CameraFault { camera, name: view.name.clone(), fault });
+            }
+        }
+        Ok(Perceived { touches: self.touches(&images)?, faults })
+    }
+
+    fn touches(&self, images: &[Option<Arc<TactileImage>>]) -> Result<Vec<PadTouch>, TouchError> {
         let maps: Vec<Option<HeightMap>> = (0..CAMERAS)
             .into_par_iter()
-            .map(|camera| self.height(camera, &images[camera]))
+            .map(|camera| images[camera].as_ref().map_or(Ok(None), |image| self.height(camera, image)))
             .collect::<Result<_, _>>()?;
         let mut touches: Vec<PadTouch> =
             (0..self.hand.pads.len()).map(|pad| PadTouch { pad, ..PadTouch::default() }).collect();
@@ -101,6 +136,10 @@ impl TouchPipeline {
             let camera = &self.hand.cameras[index];
             let pad = &self.hand.pads[camera.pad];
             let touch = &mut touches[camera.pad];
+            if images[index].is_none() {
+                touch.blind = true;
+                continue;
+            }
             let height = map.as_ref().map(|map| map.height.as_slice());
             if let Some(height) = height {
                 touch.patches.extend(find_contacts(pad, index, camera, self.hand.gel(), height, &self.contacts));

@@ -3,18 +3,22 @@
 //! Unknown are the object's pose in the palm frame and the joint angles of every digit that touches. The evidence: surface
 //! points of the patches lie on the object; their normals are the object's; points that feel nothing lie outside it; the cable
 //! excursions are as measured; springs, cable tensions and contact torques balance at each joint; joints keep their limits;
-//! and the plan said roughly where the object would be. Levenberg-Marquardt from several starts, Huber loss, best one wins.
+//! and the plan said roughly where the object would be. Many orientations are screened, Levenberg-Marquardt goes on from the best
+//! ones with a Huber loss, and the best wins.
 
+mod evidence;
 mod problem;
+mod screen;
 mod system;
 
 use hand_model::robot::ServoState;
 use hand_model::{ACTUATORS, HAND_JOINTS, Hand};
-use nalgebra::{DMatrix, Isometry3, Matrix3, Matrix6, Point3, Translation3, UnitQuaternion, Vector3};
+use nalgebra::{DMatrix, Isometry3, Matrix3, Matrix6, Point3, Vector3};
 
 use crate::error::TouchError;
 use crate::pipeline::PadTouch;
 use problem::{Evidence, Problem, State};
+use screen::screen;
 
 /// A shape known in advance, in its own frame.
 pub trait KnownShape: Sync {
@@ -64,18 +68,20 @@ pub struct PoseOptions {
     pub sigma_limit: f64,
     /// Huber threshold, in standard deviations.
     pub huber: f64,
+    /// Share of a felt indentation by which the object really comes closer to the link under the pad. On a gel that yields it
+    /// is 1. A body whose covers are rigid, with images made from forces, has 0: the deepest point is then on the pad's
+    /// untouched surface.
+    pub sinking: f64,
     /// Whether the evidence of untouched surface is used.
     pub use_clear: bool,
-    /// Angle (rad) by which the extra starts are turned about the three palm axes, both ways.
-    pub start_rotation: f64,
+    /// Orientations kept of the many that are tried about the plan's.
+    pub starts: usize,
     /// Steps of every start.
     pub coarse_steps: usize,
-    /// Steps of the best two.
+    /// Steps of the best three.
     pub fine_steps: usize,
-    /// Cost per patch below which a solution explains what is felt ...
+    /// Cost per patch above which a solution does not explain what is felt, so that more are looked for around it.
     pub good_cost: f64,
-    /// ... and how many times six more starts are tried while there is none.
-    pub extra_rounds: usize,
 }
 
 impl Default for PoseOptions {
@@ -89,12 +95,12 @@ impl Default for PoseOptions {
             sigma_clear: 1e-3,
             sigma_limit: 0.02,
             huber: 2.5,
+            sinking: 1.0,
             use_clear: true,
-            start_rotation: 0.45,
+            starts: 5,
             coarse_steps: 8,
             fine_steps: 30,
             good_cost: 1.7,
-            extra_rounds: 4,
         }
     }
 }
@@ -114,6 +120,11 @@ pub struct PoseEstimate {
     pub cost: f64,
     /// Number of patches that were registered.
     pub patches: usize,
+    /// Number of pads that had no say.
+    pub blind: usize,
+    /// Other poses that explain what is felt about as well, with the cost of each above the best one's: a symmetry, or too
+    /// little touch to tell. The covariance is that of the best pose alone.
+    pub alternatives: Vec<(Isometry3<f64>, f64)>,
     /// Rotation axes (palm frame, unit) about which the evidence adds nothing worth naming to the prior: a symmetric object,
     /// or too few contacts.
     pub unobservable: Vec<Vector3<f64>>,
@@ -159,39 +170,16 @@ pub fn estimate_pose(
     let mut shifted = State { pose: prior.palm_from_object, ..rest };
     steps += minimise(&problem, &mut shifted, Evidence::Translation, 6);
     let mut starts = vec![rest, shifted];
-    if problem.has_contact() {
-        let center = shape.center();
-        for axis in [Vector3::x(), Vector3::y(), Vector3::z()] {
-            for sign in [-1.0, 1.0] {
-                let turn = UnitQuaternion::new(axis * sign * options.start_rotation);
-                let rotation = turn * shifted.pose.rotation;
-                let translation = shifted.pose * center - rotation * center;
-                starts
-                    .push(State { pose: Isometry3::from_parts(Translation3::from(translation), rotation), q: rest.q });
-            }
-        }
+    starts.extend(screen(&problem, prior, &shifted, options.starts));
+    let mut found = descend(&problem, starts, &mut steps);
+    let bad = |cost: f64| cost > options.good_cost * problem.patch_count() as f64;
+    if problem.has_contact() && found.first().is_some_and(|best| bad(best.0)) {
+        // A solution that leaves its patches unexplained is a wrong one (a box's other face, say): look around it.
+        let around = State { q: found[0].1.q, ..found[0].1 };
+        found.extend(descend(&problem, screen(&problem, prior, &around, options.starts), &mut steps));
+        found.sort_by(|a, b| a.0.total_cmp(&b.0));
     }
-    let mut best = descend(&problem, starts, &mut steps).ok_or(TouchError::Singular("the pose estimate"))?;
-    // A solution that leaves its patches unexplained is a wrong one (a box's other face, say): look around the prior and the
-    // best so far, a fixed pattern of shifts and turns.
-    for round in 0..options.extra_rounds {
-        if !problem.has_contact() || best.0 < options.good_cost * problem.patch_count() as f64 {
-            break;
-        }
-        let around = if round % 2 == 0 { shifted } else { best.1 };
-        let starts = (0..6).map(|k| {
-            let turn = UnitQuaternion::new(
-                direction(6 * round + k) * options.start_rotation * if k % 2 == 0 { 1.2 } else { 0.6 },
-            );
-            let shift = direction(6 * round + k + 17) * prior.sigma_translation * 0.6;
-            let center = shape.center();
-            let rotation = turn * around.pose.rotation;
-            let translation = around.pose * center + shift - rotation * center;
-            State { pose: Isometry3::from_parts(Translation3::from(translation), rotation), q: rest.q }
-        });
-        let found = descend(&problem, starts.collect(), &mut steps);
-        best = found.filter(|found| found.0 < best.0).unwrap_or(best);
-    }
+    let best = *found.first().ok_or(TouchError::Singular("the pose estimate"))?;
     let (cost, state) = best;
 
     let covariance = palm_covariance(&problem, &state).ok_or(TouchError::Singular("the pose estimate"))?;
@@ -203,6 +191,8 @@ pub fn estimate_pose(
         residual_rms: problem.point_rms(&state),
         cost,
         patches: problem.patch_count(),
+        blind: touches.iter().filter(|touch| touch.blind).count(),
+        alternatives: alternatives(&found),
         steps,
     })
 }
@@ -215,8 +205,26 @@ fn direction(k: usize) -> Vector3<f64> {
     Vector3::new(r * angle.cos(), r * angle.sin(), z)
 }
 
-/// Descends from every start, softly first; finishes the best two and returns the better one with its cost.
-fn descend(problem: &Problem, starts: Vec<State>, steps: &mut usize) -> Option<(f64, State)> {
+/// Solutions besides the best that cost little more and are elsewhere; each once.
+fn alternatives(found: &[(f64, State)]) -> Vec<(Isometry3<f64>, f64)> {
+    const LITTLE: f64 = 2.0;
+    const ELSEWHERE: (f64, f64) = (3e-3, 0.17);
+    let mut kept: Vec<(Isometry3<f64>, f64)> = Vec::new();
+    for (cost, state) in found {
+        let apart = |pose: &Isometry3<f64>| {
+            let between = pose.inverse() * state.pose;
+            between.translation.vector.norm() > ELSEWHERE.0 || between.rotation.angle() > ELSEWHERE.1
+        };
+        if cost - found[0].0 < LITTLE && kept.iter().all(|(pose, _)| apart(pose)) {
+            kept.push((state.pose, cost - found[0].0));
+        }
+    }
+    kept.into_iter().skip(1).collect()
+}
+
+/// Descends from every start, softly first; finishes the best three. All with their costs, best first.
+fn descend(problem: &Problem, starts: Vec<State>, steps: &mut usize) -> Vec<(f64, State)> {
+    const FINISHED: usize = 3;
     let mut ranked: Vec<(f64, State)> = Vec::with_capacity(starts.len());
     for mut start in starts {
         *steps += minimise(problem, &mut start, Evidence::Soft, problem.options().coarse_steps);
@@ -224,12 +232,13 @@ fn descend(problem: &Problem, starts: Vec<State>, steps: &mut usize) -> Option<(
         ranked.push((problem.cost(&start, Evidence::All), start));
     }
     ranked.sort_by(|a, b| a.0.total_cmp(&b.0));
-    ranked.truncate(2);
+    ranked.truncate(FINISHED);
     for (cost, state) in &mut ranked {
         *steps += minimise(problem, state, Evidence::All, problem.options().fine_steps);
         *cost = problem.cost(state, Evidence::All);
     }
-    ranked.into_iter().min_by(|a, b| a.0.total_cmp(&b.0))
+    ranked.sort_by(|a, b| a.0.total_cmp(&b.0));
+    ranked
 }
 
 /// Levenberg-Marquardt in place; returns the number of steps tried.

@@ -3,8 +3,9 @@
 use std::sync::Arc;
 use std::time::Instant;
 
+use hand_model::CAMERAS;
 use hand_model::Hand;
-use hand_model::robot::TactileImage;
+use hand_model::robot::{TactileFrame, TactileImage};
 use nalgebra::Vector3;
 use touch::{Calibration, CalibrationPress, IMAGE_SIZE as N, PIXELS, TouchPipeline};
 
@@ -149,6 +150,9 @@ fn calibrates_perceives_and_is_quick() {
     std::fs::remove_file(&file).expect("removed");
 
     // Presses of known depth on six pads: heights, force, and the time it takes.
+    let mut partial = calibration.clone();
+    partial.configurations.remove(&'a');
+    let partial = TouchPipeline::new(&hand, partial, backgrounds.clone()).expect("a pipeline");
     let pipeline = TouchPipeline::new(&hand, calibration, backgrounds.clone()).expect("a pipeline");
     let mut images: Vec<_> = (0..hand.cameras.len()).map(|camera| render(&hand, camera, &level, &mut noise)).collect();
     let mut fine = true;
@@ -184,6 +188,29 @@ fn calibrates_perceives_and_is_quick() {
     assert!(fine, "see the figures above");
     let again = pipeline.perceive(&images).expect("touches");
     assert!(again.iter().zip(&touches).all(|(a, b)| a.patches == b.patches), "deterministic");
+
+    // A dead camera is named and its pad blind; all others feel what they felt.
+    let frame = |(camera, image): (usize, &Arc<TactileImage>)| TactileFrame {
+        camera,
+        time: 0.0,
+        sequence: 3,
+        image: image.clone(),
+    };
+    let mut frames: Vec<TactileFrame> = images.iter().enumerate().map(frame).collect();
+    frames[cameras[0]].image = Arc::new(TactileImage { rgb: vec![0; 3 * PIXELS] });
+    let seen = pipeline.perceive_frames(&frames, &[None; CAMERAS]).expect("touches");
+    assert_eq!(seen.faults.len(), 1);
+    assert!(seen.faults[0].to_string().contains("index_distal: its image is black"), "{}", seen.faults[0]);
+    for (now, before) in seen.touches.iter().zip(&touches) {
+        let dead = now.pad == hand.cameras[cameras[0]].pad;
+        assert_eq!((now.blind, now.touched()), (dead, before.touched() && !dead));
+        assert!(dead && now.clear.is_empty() || now.patches == before.patches);
+    }
+    // So is a pad whose configuration was never calibrated.
+    let seen = partial.perceive_frames(&frames, &[None; CAMERAS]).expect("touches");
+    assert_eq!(seen.faults.iter().filter(|fault| fault.fault == touch::Fault::Uncalibrated('a')).count(), 4);
+    assert_eq!(seen.touches.iter().filter(|touch| touch.blind).count(), 5);
+
     let mut times: Vec<f64> = (0..20)
         .map(|_| {
             let start = Instant::now();

@@ -358,6 +358,27 @@ fn untouched_pads_matter() {
     assert!(with < 0.85 * without);
 }
 
+/// The pad that feels most goes blind: the estimate stays sane and says that it knows less.
+#[test]
+fn a_blind_pad_lowers_the_confidence() {
+    let hand = Hand::ftac();
+    let case = &cases()[2];
+    let q = close(&hand, &*case.shape, &case.truth, &case.tensions, 1.2);
+    let (mut touches, servos) = feel(&hand, &*case.shape, &case.truth, &q, &case.tensions, &mut Noise(21));
+    let prior = PosePrior::weak(case.truth * at(0.004, -0.003, 0.002, [0.0, 0.1, 0.0]));
+    let estimate = |touches: &[PadTouch]| {
+        estimate_pose(&hand, touches, &servos, &prior, &*case.shape, &PoseOptions::default()).expect("a pose")
+    };
+    let all = estimate(&touches);
+    let strongest = touches.iter_mut().max_by(|a, b| a.force.total_cmp(&b.force)).expect("a touch");
+    *strongest = PadTouch { pad: strongest.pad, blind: true, ..PadTouch::default() };
+    let fewer = estimate(&touches);
+    assert_eq!(fewer.blind, 1);
+    assert!(fewer.sigma().0 > 1.02 * all.sigma().0, "{:?} {:?}", fewer.sigma(), all.sigma());
+    let off = error(&fewer.palm_from_object, &case.truth).0;
+    assert!(off < 6.0, "{off} mm");
+}
+
 #[test]
 fn bad_input_is_named() {
     let hand = Hand::ftac();

@@ -10,14 +10,13 @@ use scenarios::combination::Scenario;
 use scenarios::statistics::percentile;
 use serde::Serialize;
 use serde_json::{Map, Value, json};
-use touch::TouchPipeline;
 
 use super::Outcome;
 use super::grasps::{Played, grasps};
 use super::images::{Change, Eyes};
 use super::poses::{Class, Felt, Source, Spread, feel, spread};
 use crate::cli::Cli;
-use crate::commands::{HAND_UNIT, calibration, make_bench};
+use crate::commands::{HAND_UNIT, make_bench, simulated_touch};
 use crate::trial::{Bench, HeldGrasp};
 
 /// Most of the position error of objects without symmetry that counts as good: median and 95th percentile, mm.
@@ -99,7 +98,7 @@ fn under_changes(bench: &Bench, grasps: &[HeldGrasp], count: usize) -> Result<Ve
         .chain(&Change::ALL)
         .map(|change| {
             let eyes = Eyes::new(&bench.world.hand, HAND_UNIT, change)?;
-            let pipeline = TouchPipeline::new(&bench.world.hand, calibration()?, eyes.backgrounds())?;
+            let pipeline = simulated_touch(&bench.world.hand, eyes.backgrounds())?;
             let felt = feel(bench, &eyes, &pipeline, &some, || {})?;
             Ok(Changed { change: change.name, spread: spread(&felt, Source::Touch, |_| true) })
         })

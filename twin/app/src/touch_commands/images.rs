@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use hand_model::Hand;
-use hand_model::robot::TactileImage;
+use hand_model::robot::{TactileFrame, TactileImage};
 use nalgebra::Isometry3;
 use optics::{IndentationMap, SensorModel};
 use rand::{RngExt, SeedableRng};
@@ -74,7 +74,7 @@ impl Eyes {
     }
 
     /// What the cameras see of a grasp; `seed` draws the noise.
-    pub fn look(&self, grasp: &HeldGrasp, shape: &Shape, seed: u64) -> Vec<Arc<TactileImage>> {
+    pub fn look(&self, grasp: &HeldGrasp, shape: &Shape, seed: u64) -> Vec<TactileFrame> {
         let mut board = self.board.with_noise(seed);
         let objects: [(&Shape, Isometry3<f64>); 1] = [(shape, grasp.truth)];
         let frames = board.capture(&self.hand, 0.0, &grasp.pads, &grasp.forces, &objects);
@@ -82,12 +82,11 @@ impl Eyes {
         frames
             .into_iter()
             .zip(board.sensors())
-            .map(|(frame, sensor)| {
+            .map(|(mut frame, sensor)| {
                 if Arc::ptr_eq(&frame.image, sensor.background()) {
-                    Arc::new(sensor.render(&IndentationMap::idle(), &mut rng))
-                } else {
-                    frame.image
+                    frame.image = Arc::new(sensor.render(&IndentationMap::idle(), &mut rng));
                 }
+                frame
             })
             .collect()
     }

@@ -4,6 +4,7 @@ use std::time::Instant;
 
 use anyhow::Result;
 use control::perception::{KnownObject, trusted};
+use hand_model::CAMERAS;
 use nalgebra::Isometry3;
 use scenarios::objects::{ObjectModel, Symmetry};
 use scenarios::statistics::percentile;
@@ -101,10 +102,10 @@ pub fn feel(
         .map(|(n, grasp)| {
             let known: &KnownObject = &bench.known[&grasp.object];
             let object = &known.model;
-            let images = eyes.look(grasp, &object.shape, bench.seed ^ (n as u64) << 20);
+            let frames = eyes.look(grasp, &object.shape, bench.seed ^ (n as u64) << 20);
             let (prior, servos) = (trusted(grasp.expected), grasp.servos());
             let begun = Instant::now();
-            let touches = pipeline.perceive(&images)?;
+            let touches = pipeline.perceive_frames(&frames, &[None; CAMERAS])?.touches;
             let perceived = begun.elapsed();
             let estimate = pipeline.estimate_pose(&touches, &servos, &prior, known)?;
             let estimated = begun.elapsed() - perceived;

@@ -100,6 +100,7 @@ impl Bench {
                         &self.known[&start.objects[0].name],
                     )?;
                     let grip = felt.grip;
+                    now.story.reasons.extend(felt.faults.iter().map(|fault| format!("left out: {fault}")));
                     now.felt = Some(felt);
                     grip
                 }

@@ -7,19 +7,19 @@ use hand_model::robot::ServoState;
 use hand_model::{ACTUATORS, HAND_JOINTS, Hand};
 use nalgebra::{DMatrix, DVector, Isometry3, Matrix3, Point3, Translation3, UnitQuaternion, Vector3};
 
+use super::evidence::{ClearPad, LinkPatch, held_up};
+use super::screen::FeltPoint;
 use super::system::{Cost, Kinematics, Normal, Sink, evenly};
 use super::{KnownShape, PoseOptions, PosePrior};
 use crate::pipeline::PadTouch;
 use crate::posture::{Posture, digit_of, excursion_residual, free_posture, spring_residuals};
 
-/// Points of a patch that are used.
-const POINTS: usize = 14;
-/// Normals of a patch that are used.
-const NORMALS: usize = 4;
 /// Points of a patch err together (posture, calibration): a patch counts as no more than so many independent points ...
 const INDEPENDENT_POINTS: f64 = 4.0;
 /// ... and normals.
 const INDEPENDENT_NORMALS: f64 = 2.0;
+/// Torque that a contact on a blind pad may have about a joint, N m.
+const UNFELT_TORQUE: f64 = 0.2;
 /// Step for the curvature of the shape, m.
 const CURVATURE_STEP: f64 = 4e-4;
 
@@ -43,16 +43,6 @@ pub(super) struct State {
     pub q: [f64; HAND_JOINTS],
 }
 
-/// A patch in the frame of the link that carries it (palm: the palm frame).
-struct LinkPatch {
-    link: Option<usize>,
-    points: Vec<Point3<f64>>,
-    normals: Vec<(Point3<f64>, Vector3<f64>)>,
-    centroid: Point3<f64>,
-    /// Force on the pad, N.
-    force: Vector3<f64>,
-}
-
 pub(super) struct Problem<'a> {
     hand: &'a Hand,
     shape: &'a dyn KnownShape,
@@ -60,9 +50,11 @@ pub(super) struct Problem<'a> {
     options: &'a PoseOptions,
     pub posture: Posture,
     patches: Vec<LinkPatch>,
-    clear: Vec<(Option<usize>, Vec<Point3<f64>>)>,
+    clear: Vec<ClearPad>,
     /// Cables of digits that touch.
     cables: Vec<usize>,
+    /// Links with a pad that may be pressed without being felt.
+    blind: Vec<usize>,
     /// Column of every joint; `None` where the joint is not estimated.
     column: [Option<usize>; HAND_JOINTS],
     columns: usize,
@@ -78,27 +70,25 @@ impl<'a> Problem<'a> {
         shape: &'a dyn KnownShape,
         options: &'a PoseOptions,
     ) -> Self {
-        let (mut patches, mut clear, mut cables) = (Vec::new(), Vec::new(), Vec::new());
+        let (mut patches, mut clear, mut cables, mut blind) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
         for touch in touches {
             let pad = &hand.pads[touch.pad];
             let place = pad.link_from_pad;
+            let peak = touch.patches.iter().map(|patch| patch.peak).fold(0.0, f64::max);
+            let lift = Vector3::z() * (1.0 - options.sinking) * peak;
             for patch in &touch.patches {
-                let felt = evenly(&patch.points, NORMALS);
-                patches.push(LinkPatch {
-                    link: pad.link,
-                    points: evenly(&patch.points, POINTS).iter().map(|p| place * p.point).collect(),
-                    normals: felt.iter().map(|p| (place * p.point, place * p.normal)).collect(),
-                    centroid: place * patch.centroid,
-                    force: place * (patch.normal * patch.force),
-                });
+                patches.push(LinkPatch::new(pad.link, &place, patch, &lift));
             }
-            if touch.touched() {
+            if touch.touched() || touch.blind {
                 cables.extend(digit_of(pad.link).map(|digit| digit.index()));
             }
+            blind.extend(pad.link.filter(|_| touch.blind));
             if options.use_clear && !touch.clear.is_empty() {
-                clear.push((pad.link, touch.clear.iter().map(|point| place * point).collect()));
+                let points: Vec<Point3<f64>> = touch.clear.iter().map(|point| place * point).collect();
+                clear.push(ClearPad::new(pad.link, points));
             }
         }
+        let posture = free_posture(hand, servos);
         cables.sort_unstable();
         cables.dedup();
         let mut column = [None; HAND_JOINTS];
@@ -109,10 +99,14 @@ impl<'a> Problem<'a> {
                 columns += 1;
             }
         }
-        let posture = free_posture(hand, servos);
+        // A digit that is held up by what no pad feels is not where a free one would be: what it does not feel is not told.
+        clear.retain(|pad| {
+            let digit = digit_of(pad.link).map(|digit| digit.index());
+            digit.is_none_or(|digit| cables.contains(&digit) || !held_up(hand, &posture, digit))
+        });
         let torque_sigma = [options.sigma_torque; HAND_JOINTS];
         let mut problem =
-            Self { hand, shape, prior, options, posture, patches, clear, cables, column, columns, torque_sigma };
+            Self { hand, shape, prior, options, posture, patches, clear, cables, blind, column, columns, torque_sigma };
         problem.settle_torque_sigmas(&posture.q);
         problem
     }
@@ -125,6 +119,25 @@ impl<'a> Problem<'a> {
         !self.patches.is_empty()
     }
 
+    pub fn shape(&self) -> &dyn KnownShape {
+        self.shape
+    }
+
+    /// At most `most` felt points of each patch with normals (palm frame) and weights, at a posture.
+    pub fn felt(&self, state: &State, most: usize) -> Vec<FeltPoint> {
+        let kinematics = Kinematics::new(self.hand, &state.q);
+        let mut felt = Vec::new();
+        for patch in &self.patches {
+            let pose = kinematics.pose(patch.link);
+            let chosen = evenly(&patch.normals, most);
+            let share = patch.weight / chosen.len().max(1) as f64;
+            felt.extend(
+                chosen.iter().map(|(point, normal, trust)| (pose * point, pose * normal, share * trust * trust)),
+            );
+        }
+        felt
+    }
+
     pub fn patch_count(&self) -> usize {
         self.patches.len()
     }
@@ -134,7 +147,10 @@ impl<'a> Problem<'a> {
         let kinematics = Kinematics::new(self.hand, q);
         for joint in 0..HAND_JOINTS {
             let torque: f64 = self.contact_torque(&kinematics, joint).0.abs();
-            self.torque_sigma[joint] = self.options.sigma_torque.hypot(self.options.contact_torque_fraction * torque);
+            // What presses on a blind pad turns all joints below it.
+            let unfelt = self.blind.iter().any(|&link| kinematics.chain(Some(link)).contains(&joint));
+            let felt = self.options.sigma_torque.hypot(self.options.contact_torque_fraction * torque);
+            self.torque_sigma[joint] = if unfelt { felt.hypot(UNFELT_TORQUE) } else { felt };
         }
     }
 
@@ -206,7 +222,7 @@ impl<'a> Problem<'a> {
         let (mut sum, mut count) = (0.0, 0usize);
         for patch in &self.patches {
             let object_from_link = state.pose.inverse() * kinematics.pose(patch.link);
-            for point in &patch.points {
+            for (point, _) in &patch.points {
                 sum += self.shape.signed_distance(&(object_from_link * point)).0.powi(2);
                 count += 1;
             }
@@ -305,18 +321,19 @@ impl<'a> Problem<'a> {
         let object_from_palm = state.pose.inverse();
         for patch in &self.patches {
             let object_from_link = object_from_palm * kinematics.pose(patch.link);
-            let scale = (INDEPENDENT_POINTS / patch.points.len() as f64).min(1.0).sqrt() * point_soft
-                / self.options.sigma_point;
-            for point in &patch.points {
+            let share = |independent: f64, count: usize| (patch.weight * independent / count as f64).min(1.0).sqrt();
+            let each = share(INDEPENDENT_POINTS, patch.points.len()) * point_soft / self.options.sigma_point;
+            for (point, trust) in &patch.points {
                 let p = object_from_link * point;
                 let (distance, gradient) = self.shape.signed_distance(&p);
+                let scale = each * trust;
                 sink.add(distance * scale, huber, &|row| {
                     self.point_row(state, kinematics, patch.link, &p, &gradient, scale, row);
                 });
             }
-            let scale = (INDEPENDENT_NORMALS / patch.normals.len() as f64).min(1.0).sqrt() * normal_soft
-                / self.options.sigma_normal;
-            for (point, normal) in &patch.normals {
+            let each = share(INDEPENDENT_NORMALS, patch.normals.len()) * normal_soft / self.options.sigma_normal;
+            for (point, normal, trust) in &patch.normals {
+                let scale = each * trust;
                 let (p, n) = (object_from_link * point, object_from_link * normal);
                 let gradient = self.shape.signed_distance(&p).1;
                 let curvature = if sink.wants_rows() { self.curvature(&p, &gradient) } else { Matrix3::zeros() };
@@ -352,8 +369,11 @@ impl<'a> Problem<'a> {
     fn clear_residuals(&self, state: &State, kinematics: &Kinematics, sink: &mut dyn Sink) {
         let object_from_palm = state.pose.inverse();
         let scale = 1.0 / self.options.sigma_clear;
-        for (link, points) in &self.clear {
+        for ClearPad { link, points, middle, radius } in &self.clear {
             let object_from_link = object_from_palm * kinematics.pose(*link);
+            if self.shape.signed_distance(&(object_from_link * middle)).0 > 1.1 * radius + 1e-3 {
+                continue;
+            }
             for point in points {
                 let p = object_from_link * point;
                 let (distance, gradient) = self.shape.signed_distance(&p);

@@ -1,0 +1,161 @@
+//! Which of the camera board's frames can be believed.
+//!
+//! A camera that is dead, stuck or blinded must not read as "nothing touches here": its image is left out, the fault has a
+//! name, and its pad counts as [blind](crate::PadTouch::blind) from then on down to the pose.
+
+use std::sync::Arc;
+
+use hand_model::robot::{TactileFrame, TactileImage};
+use hand_model::{CAMERAS, Hand};
+
+use crate::PIXELS;
+
+/// Mean grey level under which an image is black.
+const BLACK: f64 = 8.0;
+/// A value from here on is saturated ...
+const SATURATED: u8 = 250;
+/// ... and an image of which this share is saturated tells nothing.
+const SATURATED_SHARE: f64 = 0.25;
+/// Every so-manyth value is looked at.
+const STRIDE: usize = 31;
+
+/// Why a camera is left out.
+#[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
+pub enum Fault {
+    /// It sent nothing.
+    #[error("no image arrived")]
+    Missing,
+    /// Its image has the wrong number of bytes.
+    #[error("its image has {found} bytes, expected {expected}")]
+    Size {
+        /// Bytes found.
+        found: usize,
+        /// Bytes expected.
+        expected: usize,
+    },
+    /// Its image is the one it had sent before.
+    #[error("its image is frozen at sequence number {sequence}")]
+    Frozen {
+        /// The number that came again.
+        sequence: u64,
+    },
+    /// Its image is black.
+    #[error("its image is black (mean grey level {mean:.1}, expected at least {BLACK})")]
+    Black {
+        /// Mean of all values.
+        mean: f64,
+    },
+    /// Its image is saturated.
+    #[error("{share:.2} of its image is saturated, expected at most {SATURATED_SHARE}")]
+    Saturated {
+        /// Share of the values at the upper end.
+        share: f64,
+    },
+    /// There is no photometric model for its pad.
+    #[error("sensor configuration `{0}` is missing from the calibration")]
+    Uncalibrated(char),
+}
+
+/// A camera that is left out.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[error("camera {name}: {fault}")]
+pub struct CameraFault {
+    /// Index of the camera.
+    pub camera: usize,
+    /// Its name.
+    pub name: String,
+    /// Why.
+    pub fault: Fault,
+}
+
+/// What is wrong with an image by itself.
+pub fn fault_of(image: &TactileImage) -> Option<Fault> {
+    if image.rgb.len() != 3 * PIXELS {
+        return Some(Fault::Size { found: image.rgb.len(), expected: 3 * PIXELS });
+    }
+    let (mut sum, mut high, mut count) = (0u64, 0usize, 0usize);
+    for &value in image.rgb.iter().step_by(STRIDE) {
+        sum += u64::from(value);
+        high += usize::from(value >= SATURATED);
+        count += 1;
+    }
+    let (mean, share) = (sum as f64 / count as f64, high as f64 / count as f64);
+    if mean < BLACK {
+        return Some(Fault::Black { mean });
+    }
+    (share > SATURATED_SHARE).then_some(Fault::Saturated { share })
+}
+
+/// The newest image of every camera that can be believed, in camera order, and the others with their faults. `before` holds
+/// the sequence number that each camera had sent before the images were asked for.
+pub fn believable(
+    hand: &Hand,
+    frames: &[TactileFrame],
+    before: &[Option<u64>; CAMERAS],
+) -> (Vec<Option<Arc<TactileImage>>>, Vec<CameraFault>) {
+    let mut faults = Vec::new();
+    let images = (0..CAMERAS)
+        .map(|camera| {
+            let newest = frames.iter().filter(|frame| frame.camera == camera).max_by_key(|frame| frame.sequence);
+            let fault = match newest {
+                None => Fault::Missing,
+                Some(frame) if before[camera].is_some_and(|sequence| frame.sequence <= sequence) => {
+                    Fault::Frozen { sequence: frame.sequence }
+                }
+                Some(frame) => match fault_of(&frame.image) {
+                    None => return Some(frame.image.clone()),
+                    Some(fault) => fault,
+                },
+            };
+            faults.push(CameraFault { camera, name: hand.cameras[camera].name.clone(), fault });
+            None
+        })
+        .collect();
+    (images, faults)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn frames(hand: &Hand, sequence: u64) -> Vec<TactileFrame> {
+        let image = Arc::new(TactileImage { rgb: vec![115; 3 * PIXELS] });
+        (0..hand.cameras.len())
+            .map(|camera| TactileFrame { camera, time: 1.0, sequence, image: image.clone() })
+            .collect()
+    }
+
+    #[test]
+    fn each_fault_is_named_and_only_its_camera_left_out() {
+        let hand = Hand::ftac();
+        let mut sent = frames(&hand, 5);
+        let with = |value: u8, count: usize| Arc::new(TactileImage { rgb: vec![value; count] });
+        sent[1].image = with(115, 7);
+        sent[2].image = with(0, 3 * PIXELS);
+        sent[3].image = with(255, 3 * PIXELS);
+        sent[4].sequence = 4;
+        sent.remove(9);
+        let mut before = [None; CAMERAS];
+        before[4] = Some(4);
+        let (images, faults) = believable(&hand, &sent, &before);
+        let found: Vec<(usize, Fault)> = faults.iter().map(|fault| (fault.camera, fault.fault)).collect();
+        let expected = [
+            (1, Fault::Size { found: 7, expected: 3 * PIXELS }),
+            (2, Fault::Black { mean: 0.0 }),
+            (3, Fault::Saturated { share: 1.0 }),
+            (4, Fault::Frozen { sequence: 4 }),
+            (9, Fault::Missing),
+        ];
+        assert_eq!(found, expected);
+        assert_eq!(images.iter().filter(|image| image.is_none()).count(), 5);
+        let text = faults[0].to_string();
+        assert!(text.contains(&hand.cameras[1].name) && text.contains("7 bytes, expected 172800"), "{text}");
+    }
+
+    #[test]
+    fn a_board_in_order_has_no_faults() {
+        let hand = Hand::ftac();
+        let (images, faults) = believable(&hand, &frames(&hand, 2), &[Some(1); CAMERAS]);
+        assert!(faults.is_empty() && images.iter().all(Option::is_some));
+    }
+}

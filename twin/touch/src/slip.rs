@@ -1,0 +1,106 @@
+//! A hint of slip: how the patches of a camera moved between two images.
+//!
+//! A contact that rolls or is pressed harder changes its size; one that slides keeps its size and moves. The hint is the
+//! shift of a patch's centre along the pad less what its growth explains, and it counts as slip beyond a threshold.
+
+use nalgebra::Vector2;
+
+use crate::contacts::Patch;
+
+/// Farther than this (m) a patch of the next image is another contact.
+const SAME_CONTACT: f64 = 4e-3;
+
+/// How a patch moved.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Slip {
+    /// Index of the patch in the earlier and in the later list.
+    pub patches: [usize; 2],
+    /// Shift of its centre in the pad's plane, m.
+    pub shift: Vector2<f64>,
+    /// Part of the shift's length that the change of its size does not explain, m.
+    pub unexplained: f64,
+    /// Change of the normal force, N.
+    pub force: f64,
+}
+
+impl Slip {
+    /// Whether the contact seems to slide: it moved by more than `threshold` (m) beyond what its growth explains.
+    pub fn slides(&self, threshold: f64) -> bool {
+        self.unexplained > threshold
+    }
+}
+
+/// Patches of `before` found again in `now` (each at most once, nearest pairs first), of the same camera.
+pub fn slips(before: &[Patch], now: &[Patch]) -> Vec<Slip> {
+    let mut pairs: Vec<(f64, usize, usize)> = Vec::new();
+    for (i, old) in before.iter().enumerate() {
+        for (j, new) in now.iter().enumerate().filter(|(_, new)| new.camera == old.camera) {
+            let distance = (new.centroid.xy() - old.centroid.xy()).norm();
+            if distance < SAME_CONTACT {
+                pairs.push((distance, i, j));
+            }
+        }
+    }
+    pairs.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let (mut used_before, mut used_now) = (vec![false; before.len()], vec![false; now.len()]);
+    let mut slips = Vec::new();
+    for (distance, i, j) in pairs {
+        if used_before[i] || used_now[j] {
+            continue;
+        }
+        (used_before[i], used_now[j]) = (true, true);
+        let (old, new) = (&before[i], &now[j]);
+        // A contact that grows on one side only moves its centre by up to the change of its radius.
+        let radius = |patch: &Patch| (patch.area / std::f64::consts::PI).sqrt();
+        slips.push(Slip {
+            patches: [i, j],
+            shift: new.centroid.xy() - old.centroid.xy(),
+            unexplained: (distance - (radius(new) - radius(old)).abs()).max(0.0),
+            force: new.force - old.force,
+        });
+    }
+    slips.sort_by_key(|slip| slip.patches[0]);
+    slips
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::contacts::{ContactOptions, find_contacts};
+    use crate::{IMAGE_SIZE as N, PIXELS};
+    use hand_model::Hand;
+
+    /// Patches of a ball of 8 mm radius pressed `depth` deep at `x` on the middle of the palm's pad.
+    fn ball(hand: &Hand, x: f64, depth: f64) -> Vec<Patch> {
+        let index = hand.pad("index_distal").expect("pad");
+        let pad = &hand.pads[index];
+        let camera = &hand.cameras[pad.cameras[0]];
+        let r: f64 = 0.008;
+        let height: Vec<f32> = (0..PIXELS)
+            .map(|i| {
+                let (px, py) = camera.pixel_center(i % N, i / N);
+                let inside = r * r - (px - x).powi(2) - (py + 0.002).powi(2);
+                if inside > 0.0 { (inside.sqrt() - r + depth).max(0.0) as f32 } else { 0.0 }
+            })
+            .collect();
+        find_contacts(pad, pad.cameras[0], camera, hand.gel(), &height, &ContactOptions::default())
+    }
+
+    #[test]
+    fn sliding_and_pressing_differ() {
+        let hand = Hand::ftac();
+        let start = ball(&hand, -0.001, 6e-4);
+        let slid = slips(&start, &ball(&hand, 0.0, 6e-4));
+        assert_eq!(slid.len(), 1);
+        assert!((slid[0].shift - Vector2::new(1e-3, 0.0)).norm() < 5e-5, "{:?}", slid[0]);
+        assert!(slid[0].slides(5e-4) && slid[0].force.abs() < 0.02 * start[0].force);
+        let pressed = slips(&start, &ball(&hand, -0.001, 9e-4));
+        assert!(!pressed[0].slides(1e-4) && pressed[0].force > 0.5 * start[0].force, "{:?}", pressed[0]);
+    }
+
+    #[test]
+    fn another_contact_is_not_a_slip() {
+        let hand = Hand::ftac();
+        assert!(slips(&ball(&hand, -0.005, 6e-4), &ball(&hand, 0.004, 6e-4)).is_empty());
+    }
+}
