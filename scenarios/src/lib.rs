@@ -3,7 +3,7 @@
 //! The story in order: [`objects`] are what is picked up, each with a [`geometry::Shape`]; a [`combination::Scenario`] says
 //! which of them come first and second, where they stand and how a trial goes, and [`combination::draw_combinations`] draws
 //! pairs; [`noise`] draws what goes wrong in a trial, which goes through the stages of [`phase`]; the [`referee`] judges it from ground truth; a
-//! [`record::TrialRecord`] keeps the result, and [`statistics`] sums all of them up.
+//! [`record::TrialRecord`] keeps the result, with less of the senses ([`sensing`]) an [`record::AblatedTrial`], and [`statistics`] sums all of them up.
 
 pub mod combination;
 pub mod geometry;
@@ -12,11 +12,13 @@ pub mod objects;
 pub mod phase;
 pub mod record;
 pub mod referee;
+pub mod sensing;
 pub mod statistics;
 
 pub use combination::{Combination, Scenario, draw_combinations};
 pub use geometry::Shape;
 pub use objects::{ObjectModel, ObjectSet, Symmetry};
 pub use phase::Phase;
-pub use record::{Condition, TrialRecord};
+pub use record::{AblatedTrial, Condition, TrialRecord};
 pub use referee::{FailureCause, Referee, SceneTruth, Verdict};
+pub use sensing::Sensing;

@@ -5,6 +5,7 @@ use std::io::{Read, Write};
 use serde::{Deserialize, Serialize};
 
 use crate::referee::FailureCause;
+use crate::sensing::Sensing;
 
 /// The conditions of the benchmark.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
@@ -83,6 +84,15 @@ impl TrialRecord {
     }
 }
 
+/// A trial of the policy `touch` with less of the senses: a row of `ablations.csv`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct AblatedTrial {
+    /// What was left.
+    pub sensing: Sensing,
+    /// How it went.
+    pub record: TrialRecord,
+}
+
 /// What can be wrong with a table of trials.
 #[derive(Debug, thiserror::Error)]
 pub enum RecordError {
@@ -104,6 +114,19 @@ pub fn write_trials(records: &[TrialRecord], to: impl Write) -> Result<(), Recor
     }
     for record in sorted {
         writer.serialize(record)?;
+    }
+    writer.flush()?;
+    Ok(())
+}
+
+/// Writes a header and a row per trial: what was left of the senses, and then the columns of `trials.csv`.
+pub fn write_ablated(trials: &[AblatedTrial], to: impl Write) -> Result<(), RecordError> {
+    let mut sorted: Vec<&AblatedTrial> = trials.iter().collect();
+    sorted.sort_by_key(|trial| (trial.sensing, trial.record.key()));
+    let mut writer = csv::WriterBuilder::new().has_headers(false).from_writer(to);
+    writer.write_record(std::iter::once("sensing").chain(COLUMNS))?;
+    for trial in sorted {
+        writer.serialize((trial.sensing, &trial.record))?;
     }
     writer.flush()?;
     Ok(())

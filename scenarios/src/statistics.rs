@@ -1,5 +1,6 @@
 //! Sums trials up: rates per combination, their mean and deviation, tests, percentiles, densities, `summary.json`.
 
+mod ablation;
 mod distribution;
 mod paired;
 
@@ -8,10 +9,11 @@ use std::collections::{BTreeMap, HashMap};
 use serde::{Deserialize, Serialize};
 use statrs::distribution::{ContinuousCDF, StudentsT};
 
+pub use ablation::Ablation;
 pub use distribution::{BoxPlot, box_plot, density, percentile, silverman_bandwidth};
 pub use paired::{Effect, Interval, McNemar};
 
-use crate::record::{Condition, TrialRecord};
+use crate::record::{AblatedTrial, Condition, TrialRecord};
 use crate::referee::FailureCause;
 
 /// Rates of one combination under one condition.
@@ -206,6 +208,9 @@ pub struct Summary {
     /// Effect sizes with intervals, the exact test by trials, power for fewer combinations.
     #[serde(default)]
     pub effects: Effects,
+    /// The policy `touch` with less of the senses, where that was run.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub ablations: Vec<Ablation>,
     /// Over all trials that decided.
     pub decision_ms: DecisionTime,
     /// Over all trials that estimated.
@@ -216,8 +221,8 @@ pub struct Summary {
     pub wall_s: f64,
 }
 
-/// Sums records up.
-pub fn summarise(records: &[TrialRecord], run: &RunInfo) -> Summary {
+/// Sums records up; `ablated` are trials with less of the senses, if any.
+pub fn summarise(records: &[TrialRecord], ablated: &[AblatedTrial], run: &RunInfo) -> Summary {
     let per_condition = Condition::ALL.map(|condition| combination_rates(records, condition));
     let [ideal, blind, touch] = &per_condition;
     let collision = |rates: &CombinationRates| rates.collision_rate;
@@ -227,7 +232,8 @@ pub fn summarise(records: &[TrialRecord], run: &RunInfo) -> Summary {
     let spread = |values: Vec<f64>| MedianP95 { median: percentile(&values, 50.0), p95: percentile(&values, 95.0) };
     let decisions = column(|record| record.decision_ms);
     let combinations: std::collections::BTreeSet<usize> = records.iter().map(|record| record.combination).collect();
-    let sim_seconds: f64 = records.iter().map(|record| record.sim_seconds).sum();
+    let all = records.iter().chain(ablated.iter().map(|trial| &trial.record));
+    let sim_seconds: f64 = all.map(|record| record.sim_seconds).sum();
     Summary {
         combos: combinations.len(),
         trials_per_combo: per_condition.iter().flatten().map(|rates| rates.trials).max().unwrap_or(0),
@@ -247,6 +253,7 @@ pub fn summarise(records: &[TrialRecord], run: &RunInfo) -> Summary {
             success: Effect::of(&pair_up(touch, blind, success)),
             mcnemar: McNemar::of_success(records, Condition::Touch, Condition::Blind),
         },
+        ablations: Ablation::all(records, ablated),
         decision_ms: DecisionTime { p50: percentile(&decisions, 50.0), p99: percentile(&decisions, 99.0) },
         pose_error: PoseError {
             mm: spread(column(|record| record.pose_error_mm)),

@@ -83,7 +83,7 @@ fn a_summary_has_what_the_design_demands() {
             records.push(touch);
         }
     }
-    let summary = summarise(&records, &RunInfo { seed: 9, robot: "sim".into(), wall_s: 6.0 });
+    let summary = summarise(&records, &[], &RunInfo { seed: 9, robot: "sim".into(), wall_s: 6.0 });
     assert_eq!((summary.combos, summary.trials_per_combo, summary.seed), (4, 10, 9));
     close(summary.conditions.blind.collision_rate.mean.unwrap(), 0.3, 1e-12);
     close(summary.conditions.blind.collision_rate.sd.unwrap(), (0.2_f64 / 3.0).sqrt(), 1e-12);
@@ -100,7 +100,7 @@ fn a_summary_has_what_the_design_demands() {
 
 #[test]
 fn a_summary_of_nothing_is_empty() {
-    let summary = summarise(&[], &RunInfo { seed: 0, robot: "sim".into(), wall_s: 0.0 });
+    let summary = summarise(&[], &[], &RunInfo { seed: 0, robot: "sim".into(), wall_s: 0.0 });
     assert_eq!((summary.combos, summary.trials_per_combo, summary.real_time_factor), (0, 0, None));
     assert_eq!(summary.conditions.ideal.collision_rate, MeanSd { mean: None, sd: None });
 }

@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 
 use anyhow::{Context, Result, bail};
 use indicatif::{ProgressBar, ProgressStyle};
-use scenarios::record::{Condition, TrialRecord, write_trials};
+use scenarios::record::{AblatedTrial, Condition, TrialRecord, write_ablated, write_trials};
 use scenarios::statistics::{RunInfo, Summary, summarise};
 
 use crate::body::{Task, Venue};
@@ -70,7 +70,7 @@ fn run_unit(
     unit: Unit,
     folder: &Path,
     options: &Options,
-) -> Result<Vec<TrialRecord>> {
+) -> Result<(Vec<TrialRecord>, Vec<AblatedTrial>)> {
     let record = options.live || recorded(options.record, unit);
     let condition = if unit.trial.is_some() { Condition::Touch } else { Condition::Ideal };
     let task = |condition| Task {
@@ -85,15 +85,13 @@ fn run_unit(
     };
     if let Some(mut place) = (options.place)(record)? {
         let conditions = if unit.trial.is_some() { &NOISY[..] } else { &[Condition::Ideal] };
-        return conditions
-            .iter()
-            .map(|condition| bench.play(&task(*condition), place.as_mut(), &mut NoWatcher))
-            .collect();
+        let mut play = |condition: &Condition| bench.play(&task(*condition), place.as_mut(), &mut NoWatcher);
+        return Ok((conditions.iter().map(&mut play).collect::<Result<_>>()?, Vec::new()));
     }
     if !record {
         return match unit.trial {
-            Some(trial) => bench.trial(unit.combination, trial, &NOISY, &mut NoWatcher),
-            None => Ok(vec![bench.ideal(unit.combination, &mut NoWatcher)?]),
+            Some(trial) => bench.trial(unit.combination, trial, &NOISY, &request.ablations, &mut NoWatcher),
+            None => Ok((vec![bench.ideal(unit.combination, &mut NoWatcher)?], Vec::new())),
         };
     }
     let name = format!(
@@ -109,8 +107,8 @@ fn run_unit(
     }
     let mut recording = Recording::open(&targets, bench, &task(condition))?;
     let records = match unit.trial {
-        Some(trial) => bench.trial(unit.combination, trial, &NOISY, &mut recording)?,
-        None => vec![bench.ideal(unit.combination, &mut recording)?],
+        Some(trial) => bench.trial(unit.combination, trial, &NOISY, &request.ablations, &mut recording)?,
+        None => (vec![bench.ideal(unit.combination, &mut recording)?], Vec::new()),
     };
     recording.finish()?;
     std::fs::rename(&partial, &file).with_context(|| file.display().to_string())?;
@@ -136,8 +134,8 @@ pub fn run(bench: &Bench, request: &RunRequest, journal: Journal, folder: &Path,
             let records = run_unit(bench, request, *unit, folder, options)
                 .with_context(|| format!("combination {}, trial {:?}", unit.combination, unit.trial));
             // After a failure the other workers finish what they are at and stop.
-            let records = records.inspect_err(|_| next.store(open.len(), Ordering::Relaxed))?;
-            let entry = Entry { unit: *unit, records, wall_s: start.elapsed().as_secs_f64() };
+            let (records, ablated) = records.inspect_err(|_| next.store(open.len(), Ordering::Relaxed))?;
+            let entry = Entry { unit: *unit, records, ablated, wall_s: start.elapsed().as_secs_f64() };
             let mut journal = journal.lock().map_err(|_| anyhow::anyhow!("a worker panicked"))?;
             journal.append(entry)?;
             bar.inc(1);
@@ -177,16 +175,22 @@ fn rates(journal: &Journal, begun: Instant, resumed: usize) -> String {
     )
 }
 
-/// Writes `trials.csv`, `summary.json` and `report.html`, each whole or not at all.
+/// Writes `trials.csv`, `ablations.csv` where there are any, `summary.json` and `report.html`, each whole or not at all.
 pub fn finish(done: &BTreeMap<Unit, Entry>, request: &RunRequest, folder: &Path, wall_s: f64) -> Result<Summary> {
     let records: Vec<TrialRecord> = done.values().flat_map(|entry| entry.records.iter().cloned()).collect();
     if records.is_empty() {
         bail!("{}: no trial is finished", folder.display());
     }
-    let summary = summarise(&records, &RunInfo { seed: request.seed, robot: request.robot.clone(), wall_s });
+    let ablated: Vec<AblatedTrial> = done.values().flat_map(|entry| entry.ablated.iter().cloned()).collect();
+    let summary = summarise(&records, &ablated, &RunInfo { seed: request.seed, robot: request.robot.clone(), wall_s });
     let mut table = Vec::new();
     write_trials(&records, &mut table)?;
     report::write_whole(&folder.join("trials.csv"), &table)?;
+    if !ablated.is_empty() {
+        let mut table = Vec::new();
+        write_ablated(&ablated, &mut table)?;
+        report::write_whole(&folder.join("ablations.csv"), &table)?;
+    }
     report::write_whole(&folder.join("summary.json"), &serde_json::to_vec_pretty(&summary)?)?;
     let run = serde_json::json!({
         "command": std::env::args().collect::<Vec<_>>().join(" "),

@@ -136,6 +136,10 @@ pub struct BenchArgs {
     /// Which trials are recorded.
     #[arg(long, value_enum, default_value_t = Record::Sample)]
     pub record: Record,
+    /// Also run touch with less of the senses, all kinds or those named: servos_only, palm_only, fingertips, quarter_of_pads,
+    /// coarse_images, points_only, true_pose.
+    #[arg(long, num_args = 0.., value_delimiter = ',', value_name = "NAMES")]
+    pub ablations: Option<Vec<String>>,
     /// Stream every trial to a Rerun viewer as well (one thread).
     #[arg(long)]
     pub live: bool,

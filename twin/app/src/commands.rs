@@ -9,6 +9,7 @@ use control::perception::KnownObject;
 use grasping::Role;
 use hand_model::Hand;
 use hand_model::robot::TactileImage;
+use scenarios::Sensing;
 use scenarios::combination::Scenario;
 use scenarios::record::TrialRecord;
 use scenarios::statistics::Summary;
@@ -177,6 +178,7 @@ fn benchmark(cli: &Cli, args: &BenchArgs) -> Outcome {
                 seed: cli.seed,
                 robot: args.robot.name().into(),
                 shard,
+                ablations: ablations(args)?,
                 scenario: text,
             };
             (request, args.out.clone().unwrap_or_else(next_free_folder))
@@ -208,6 +210,19 @@ fn benchmark(cli: &Cli, args: &BenchArgs) -> Outcome {
     let summary = bench::run(&bench, &request, journal, &folder, &options)?;
     tell(cli, &summary, &folder)?;
     Ok(shortfall(&summary))
+}
+
+/// What `--ablations` asks for: without names all of them.
+fn ablations(args: &BenchArgs) -> Result<Vec<Sensing>> {
+    let Some(names) = &args.ablations else { return Ok(Vec::new()) };
+    if args.robot != Body::Sim {
+        bail!("--ablations: found --robot {}, expected the simulated robot, which can go back", args.robot.name());
+    }
+    if names.is_empty() {
+        return Ok(Sensing::ABLATIONS.to_vec());
+    }
+    let wanted: BTreeSet<Sensing> = names.iter().map(|name| name.parse()).collect::<Result<_, _>>()?;
+    Ok(wanted.into_iter().collect())
 }
 
 fn parse_shard(text: &str) -> Result<(usize, usize)> {
@@ -252,6 +267,16 @@ fn tell(cli: &Cli, summary: &Summary, folder: &Path) -> Result<()> {
         ("success: touch over blind", &summary.t_test.success),
     ] {
         println!("{name:28} t({}) = {}, p = {}", t.df, number(t.t, 2), t.p.map_or("-".into(), |p| format!("{p:.2e}")));
+    }
+    for ablation in &summary.ablations {
+        println!(
+            "{:34} success {} [{}, {}], {:+.3} against the whole hand",
+            ablation.sensing.label(),
+            number(ablation.success.value, 3),
+            number(ablation.success.low, 3),
+            number(ablation.success.high, 3),
+            ablation.against_full.value.unwrap_or(f64::NAN)
+        );
     }
     println!("decision {} ms p50, {} ms p99", number(summary.decision_ms.p50, 1), number(summary.decision_ms.p99, 1));
     println!(
@@ -316,7 +341,7 @@ fn trial(cli: &Cli, args: &TrialArgs) -> Outcome {
     let record = match (place, condition) {
         (Some(mut place), _) => bench.play(&task, place.as_mut(), &mut recording)?,
         (None, scenarios::Condition::Ideal) => bench.ideal(args.combination, &mut recording)?,
-        (None, condition) => bench.trial(args.combination, args.trial, &[condition], &mut recording)?.remove(0),
+        (None, condition) => bench.trial(args.combination, args.trial, &[condition], &[], &mut recording)?.0.remove(0),
     };
     recording.finish()?;
     tell_trial(cli, &record)?;

@@ -7,7 +7,8 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
-use scenarios::record::TrialRecord;
+use scenarios::Sensing;
+use scenarios::record::{AblatedTrial, TrialRecord};
 use serde::{Deserialize, Serialize};
 
 /// What a run was asked for; a resumed run must be asked for the same.
@@ -23,6 +24,9 @@ pub struct RunRequest {
     pub robot: String,
     /// Shard `i` of `n`, counted from 1.
     pub shard: (usize, usize),
+    /// Less of the senses that touch is run with too.
+    #[serde(default)]
+    pub ablations: Vec<Sensing>,
     /// The scenario's text.
     pub scenario: String,
 }
@@ -43,6 +47,9 @@ pub struct Entry {
     pub unit: Unit,
     /// Its records.
     pub records: Vec<TrialRecord>,
+    /// The same trial with less of the senses.
+    #[serde(default)]
+    pub ablated: Vec<AblatedTrial>,
     /// Wall time it took, s.
     pub wall_s: f64,
 }

@@ -14,9 +14,10 @@ use grasping::{Grasp, Repertoire};
 use hand_model::CAMERAS;
 use hand_model::robot::{Robot, TactileFrame, TactileImage};
 use rand_chacha::ChaCha8Rng;
+use scenarios::Sensing;
 use scenarios::noise::{TrialNoise, trial_rng};
 use scenarios::objects::ObjectModel;
-use scenarios::record::{Condition, TrialRecord};
+use scenarios::record::{AblatedTrial, Condition, TrialRecord};
 use scenarios::referee::{FailureCause, Referee, SceneTruth};
 use sim::SimulatedRobot;
 use sim::robot::Truth;
@@ -142,7 +143,7 @@ impl Bench {
         let start = self.first_half(task.combination, &noise, camera_noise, Some((venue, task)), watcher)?;
         let mut body = start.run.snapshot.robot.clone();
         let played = match task.condition {
-            Condition::Touch => self.adapt(&start, id, None, &mut rng, watcher),
+            Condition::Touch => self.adapt(&start, id, Sensing::Full, None, &mut rng, watcher),
             _ => self.take_planned(&start, id, watcher).map(|planned| planned.record),
         };
         // Whatever happened, its recording is finished.
@@ -159,22 +160,23 @@ impl Bench {
         Ok(self.take_planned(&start, (combination, 0, Condition::Ideal), watcher)?.record)
     }
 
-    /// One trial: `blind` and `touch` from the same first grasp.
+    /// One trial: `blind` and `touch` from the same first grasp, and from there, unwatched, `touch` with less of the senses.
     pub fn trial(
         &self,
         combination: usize,
         trial: usize,
         conditions: &[Condition],
+        ablations: &[Sensing],
         watcher: &mut dyn Watcher,
-    ) -> Result<Vec<TrialRecord>> {
-        let (start, mut rng) = self.begin(combination, trial, watcher)?;
+    ) -> Result<(Vec<TrialRecord>, Vec<AblatedTrial>)> {
+        let (start, rng) = self.begin(combination, trial, watcher)?;
         let mut records = Vec::new();
         let mut planned: Option<Planned> = None;
         for &condition in conditions {
             let id = (combination, trial, condition);
             let record = if condition == Condition::Touch {
                 let shared = planned.as_ref().filter(|_| !watcher.active());
-                self.adapt(&start, id, shared, &mut rng, watcher)?
+                self.adapt(&start, id, Sensing::Full, shared, &mut rng.clone(), watcher)?
             } else {
                 let branch = self.take_planned(&start, id, watcher)?;
                 let record = branch.record.clone();
@@ -183,7 +185,18 @@ impl Bench {
             };
             records.push(record);
         }
-        Ok(records)
+        let ablated = ablations
+            .iter()
+            .map(|&sensing| {
+                let id = (combination, trial, Condition::Touch);
+                let (shared, watcher) = (planned.as_ref(), &mut NoWatcher);
+                Ok(AblatedTrial {
+                    sensing,
+                    record: self.adapt(&start, id, sensing, shared, &mut rng.clone(), watcher)?,
+                })
+            })
+            .collect::<Result<_>>()?;
+        Ok((records, ablated))
     }
 
     /// The noisy first half of a trial, and the generator as that leaves it.

@@ -10,9 +10,10 @@ use nalgebra::{Isometry3, Point3, Vector3};
 use scenarios::geometry::{DistanceGrid, Shape};
 use scenarios::objects::ObjectModel;
 use touch::posture::cable_excursion;
-use touch::{CameraFault, KnownShape, PadTouch, Perceived, PoseEstimate, PosePrior, TouchError, TouchPipeline};
+use touch::{CameraFault, KnownShape, PadTouch, Perceived, PoseEstimate, PosePrior, TouchError};
 
 use crate::executive::Executive;
+use crate::sensing::Senses;
 
 /// Error of the plan's idea of where the object will sit in the hand: standard deviations, m and rad.
 const PRIOR_SIGMA: (f64, f64) = (0.012, 0.35);
@@ -75,16 +76,19 @@ const BLOCKED_CLOSURE: f64 = 0.86;
 impl Grip {
     /// An object counts as held when at least two of the parts that hold it feel something: ring, little and palm for the
     /// first, thumb, index and middle finger for the second. Thumb and index finger often hold with their sides, where no pad
-    /// is; the second object is therefore also taken to be held when its cable says that a finger did not close.
+    /// is; the second object is therefore also taken to be held when its cable says that a finger did not close. So is the first
+    /// by a finger all of whose pads are blind.
     pub fn of(hand: &Hand, touches: &[PadTouch], servos: &[ServoState; ACTUATORS]) -> Self {
-        let feels = |digit: Option<Digit>| {
-            touches.iter().any(|touch| touch.touched() && digit_of(hand.pads[touch.pad].link) == digit)
-        };
-        let count = |digits: &[Digit]| digits.iter().filter(|digit| feels(Some(**digit))).count();
+        let of =
+            |digit: Option<Digit>| touches.iter().filter(move |touch| digit_of(hand.pads[touch.pad].link) == digit);
+        let feels = |digit: Option<Digit>| of(digit).any(PadTouch::touched);
+        let blind = |digit: Digit| of(Some(digit)).next().is_some() && of(Some(digit)).all(|touch| touch.blind);
         let blocked = |digit: Digit| {
             let full = hand.transmission.cables[digit.index()].full_excursion(FRAC_PI_2);
             cable_excursion(hand, &servos[digit.index()]) < BLOCKED_CLOSURE * full
         };
+        let holds = |digit: &&Digit| feels(Some(**digit)) || blind(**digit) && blocked(**digit);
+        let count = |digits: &[Digit]| digits.iter().filter(holds).count();
         Self {
             first: count(Role::First.digits()) + usize::from(feels(None)) >= 2,
             second: count(Role::Second.digits()) >= 2 || blocked(Digit::Index) || blocked(Digit::Middle),
@@ -98,8 +102,9 @@ fn digit_of(link: Option<usize>) -> Option<Digit> {
 }
 
 /// Interprets the images that the executive took of `object` in the hand.
-pub fn feel(pipeline: &TouchPipeline, executive: &Executive, object: &KnownObject) -> Result<Felt, TouchError> {
-    let Perceived { touches, faults } = pipeline.perceive_frames(executive.images(), executive.sequences_before())?;
+pub fn feel(senses: &Senses, executive: &Executive, object: &KnownObject) -> Result<Felt, TouchError> {
+    let pipeline = senses.pipeline();
+    let Perceived { touches, faults } = senses.perceive(executive)?;
     let prior = trusted(expected(executive));
     let estimate = pipeline.estimate_pose(&touches, executive.servos(), &prior, object)?;
     let grip = Grip::of(pipeline.hand(), &touches, executive.servos());
@@ -118,9 +123,9 @@ pub fn trusted(palm_from_object: Isometry3<f64>) -> PosePrior {
 }
 
 /// What the images that the executive took last say is in the hand.
-pub fn grip(pipeline: &TouchPipeline, executive: &Executive) -> Result<Grip, TouchError> {
-    let Perceived { touches, .. } = pipeline.perceive_frames(executive.images(), executive.sequences_before())?;
-    Ok(Grip::of(pipeline.hand(), &touches, executive.servos()))
+pub fn grip(senses: &Senses, executive: &Executive) -> Result<Grip, TouchError> {
+    let Perceived { touches, .. } = senses.perceive(executive)?;
+    Ok(Grip::of(senses.pipeline().hand(), &touches, executive.servos()))
 }
 
 #[cfg(test)]

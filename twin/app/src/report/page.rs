@@ -9,7 +9,7 @@ use serde_json::Value;
 use super::figure::Figure;
 use super::findings::{Rate, combination_lines, harmless_collisions, of_condition, outcome};
 use super::html::{Column, Table, counted, duration, escape, number, probability};
-use super::{definitions, paper, run, style};
+use super::{ablation, definitions, paper, run, style};
 
 /// A difference counts as shown below this chance of its being none.
 const LEVEL: f64 = 0.05;
@@ -32,6 +32,7 @@ pub fn render(summary: &Summary, records: &[TrialRecord], run: &Value, figures: 
     html += &rates(summary, records);
     html += &tests(summary);
     html += &figure_section(figures, summary);
+    html += &ablation::section(summary, records);
     html += &facts(summary);
     html += &failures(summary, records);
     html += &combinations(records);

@@ -51,7 +51,7 @@ pub(crate) fn made_up(combinations: usize, trials: usize) -> Vec<TrialRecord> {
 
 /// Writes the report of `records` into `folder` and reads it back: page, collision, success.
 fn report_in(folder: &Path, records: &[TrialRecord]) -> [String; 3] {
-    let summary = summarise(records, &RunInfo { seed: 42, robot: "sim".into(), wall_s: 754.6 });
+    let summary = summarise(records, &[], &RunInfo { seed: 42, robot: "sim".into(), wall_s: 754.6 });
     let run = json!({
         "command": ["ftac", "bench", "--out", "<here>"], "seed": 42, "robot": "sim",
         "versions": {"ftac": "0.1.0", "rapier3d-f64": "0.36.1"}, "wall_s": 754.6, "jobs": 16,
@@ -83,7 +83,7 @@ fn every_combination_is_a_dot_of_every_condition() {
 fn the_summarys_numbers_are_on_the_page() {
     let records = made_up(60, 10);
     let [page, ..] = report(&records);
-    let summary = summarise(&records, &RunInfo { seed: 42, robot: "sim".into(), wall_s: 754.6 });
+    let summary = summarise(&records, &[], &RunInfo { seed: 42, robot: "sim".into(), wall_s: 754.6 });
     let blind = &summary.conditions.blind;
     let mut expected: Vec<String> =
         [blind.collision_rate.mean, blind.collision_rate.sd, blind.success_rate.mean, blind.success_rate.sd]
@@ -139,7 +139,7 @@ fn a_report_replaces_the_one_before() {
     let after = report_in(folder.path(), &made_up(3, 1));
     assert_ne!(before[0], after[0]);
     let missing = folder.path().join("missing");
-    let summary = summarise(&[], &RunInfo { seed: 1, robot: "sim".into(), wall_s: 0.0 });
+    let summary = summarise(&[], &[], &RunInfo { seed: 1, robot: "sim".into(), wall_s: 0.0 });
     let error = write_report(&missing, &summary, &[], &Value::Null).unwrap_err();
     assert!(error.to_string().contains("collision.svg"), "{error}");
 }

@@ -5,13 +5,15 @@ use std::time::Instant;
 
 use anyhow::{Result, anyhow};
 use control::executive::{Percept, Phase};
-use control::perception::{Felt, feel, grip};
+use control::perception::{Felt, Grip, feel, grip};
 use control::recovery::{Next, probe};
+use control::sensing::Senses;
 use control::stand_in::stand_ins;
 use control::strategy::{Candidate, Decision, Held, choose};
 use grasping::{Grasp, Role};
 use nalgebra::{Point3, Vector3};
 use rand_chacha::ChaCha8Rng;
+use scenarios::Sensing;
 use scenarios::noise::TrialNoise;
 use scenarios::objects::ObjectModel;
 use scenarios::record::{Condition, TrialRecord};
@@ -51,6 +53,7 @@ impl Story {
 /// What the policy knows while a trial goes on.
 struct Adaptation<'a> {
     start: &'a Start,
+    senses: Senses,
     run: Run,
     story: Story,
     /// Grasps for the first and for the second object, while they stand as the plan expects them.
@@ -67,11 +70,13 @@ struct Adaptation<'a> {
 }
 
 impl Bench {
-    /// The branch `touch`. `planned` is what blind did: as long as touch does nothing else, it is where blind was, bit by bit.
+    /// The branch `touch`, with what `sensing` leaves of the senses. `planned` is what blind did: as long as touch does nothing
+    /// else, it is where blind was, bit by bit.
     pub(super) fn adapt(
         &self,
         start: &Start,
         id: (usize, usize, Condition),
+        sensing: Sensing,
         planned: Option<&Planned>,
         rng: &mut ChaCha8Rng,
         watcher: &mut dyn Watcher,
@@ -80,6 +85,7 @@ impl Bench {
         watcher.branch(condition)?;
         let mut now = Adaptation {
             start,
+            senses: Senses::new(self.pipeline_of(start), sensing)?,
             run: start.run.clone(),
             story: Story::default(),
             candidates: [self.first_candidates(start), start.candidates.clone()],
@@ -94,17 +100,16 @@ impl Bench {
             let begun = Instant::now();
             let grip = match phase {
                 Phase::Decide => {
-                    let felt = feel(
-                        self.pipeline_of(start),
-                        &now.run.snapshot.executive,
-                        &self.known[&start.objects[0].name],
-                    )?;
-                    let grip = felt.grip;
+                    let felt = self.feel(&now, sensing)?;
                     now.story.reasons.extend(felt.faults.iter().map(|fault| format!("left out: {fault}")));
+                    let grip = felt.grip;
                     now.felt = Some(felt);
                     grip
                 }
-                _ => grip(self.pipeline_of(start), &now.run.snapshot.executive)?,
+                _ => match now.run.snapshot.robot.truth().filter(|_| sensing == Sensing::TruePose) {
+                    Some(truth) => grip_of(&truth),
+                    None => grip(&now.senses, &now.run.snapshot.executive)?,
+                },
             };
             let late = now.run.snapshot.robot.time() + TRY_TIME > self.world.scenario.protocol.time_limit;
             let next = if late { Next::GoOn } else { Next::after(phase, grip) };
@@ -178,6 +183,18 @@ impl Bench {
         }
         watcher.outcome(&record)?;
         Ok(record)
+    }
+
+    /// What the look tells. The upper bound of all sensing is told the truth, by the referee's side door.
+    fn feel(&self, now: &Adaptation, sensing: Sensing) -> Result<Felt> {
+        let executive = &now.run.snapshot.executive;
+        let mut felt = feel(&now.senses, executive, &self.known[&now.start.objects[0].name])?;
+        if let (Sensing::TruePose, Some(truth)) = (sensing, now.run.snapshot.robot.truth()) {
+            felt.estimate.palm_from_object = truth.palm.inverse() * truth.objects[0];
+            felt.estimate.covariance.fill(0.0);
+            felt.grip = grip_of(&truth);
+        }
+        Ok(felt)
     }
 
     /// Decides how to take the second object and begins; the reason, or nothing if none of its grasps is in reach.
@@ -291,6 +308,11 @@ impl Adaptation<'_> {
             }
         }
     }
+}
+
+/// What is truly in the hand.
+fn grip_of(truth: &Truth) -> Grip {
+    Grip { first: in_hand(truth, 0), second: in_hand(truth, 1) }
 }
 
 /// Why an object cannot be grasped where it is seen.

@@ -1,0 +1,142 @@
+//! Perception with as much of the senses as an ablation leaves.
+
+use std::borrow::Cow;
+use std::sync::Arc;
+
+use hand_model::pads::IMAGE_SIZE;
+use hand_model::robot::{TactileFrame, TactileImage};
+use hand_model::{Digit, Hand};
+use scenarios::Sensing;
+use touch::{Perceived, PoseOptions, TouchError, TouchPipeline};
+
+use crate::executive::Executive;
+
+/// Pixels along each side that a coarse image makes one.
+const BLOCK: usize = 10;
+/// Of so many pads one is left in [`Sensing::QuarterOfPads`].
+const EVERY: usize = 4;
+
+/// A hand's perception and what it may use.
+#[derive(Debug, Clone)]
+pub struct Senses {
+    pipeline: TouchPipeline,
+    sensing: Sensing,
+}
+
+impl Senses {
+    /// What `sensing` leaves of `pipeline`.
+    pub fn new(pipeline: &TouchPipeline, sensing: Sensing) -> Result<Self, TouchError> {
+        let mut pipeline = pipeline.clone();
+        match sensing {
+            Sensing::CoarseImages => {
+                let coarse: Vec<_> = pipeline.backgrounds().iter().map(|image| Arc::new(coarsen(image))).collect();
+                pipeline = pipeline.with_backgrounds(coarse)?;
+            }
+            Sensing::PointsOnly => {
+                pipeline.pose = PoseOptions { use_clear: false, sigma_normal: f64::INFINITY, ..pipeline.pose };
+            }
+            _ => {}
+        }
+        Ok(Self { pipeline, sensing })
+    }
+
+    /// The perception itself.
+    pub fn pipeline(&self) -> &TouchPipeline {
+        &self.pipeline
+    }
+
+    /// What the pads feel in the images that the executive took last. Cameras that may not be used are not counted as faults.
+    pub fn perceive(&self, executive: &Executive) -> Result<Perceived, TouchError> {
+        let hand = self.pipeline.hand();
+        let frames = self.left(executive.images());
+        let mut perceived = self.pipeline.perceive_frames(&frames, executive.sequences_before())?;
+        perceived.faults.retain(|fault| self.uses(hand, hand.cameras[fault.camera].pad));
+        Ok(perceived)
+    }
+
+    fn uses(&self, hand: &Hand, pad: usize) -> bool {
+        let link = hand.pads[pad].link;
+        match self.sensing {
+            Sensing::ServosOnly => false,
+            Sensing::PalmOnly => link.is_none(),
+            Sensing::Fingertips => Digit::ALL.iter().any(|digit| link == digit.joints().last().copied()),
+            Sensing::QuarterOfPads => pad % EVERY == 0,
+            _ => true,
+        }
+    }
+
+    fn left<'a>(&self, frames: &'a [TactileFrame]) -> Cow<'a, [TactileFrame]> {
+        let hand = self.pipeline.hand();
+        match self.sensing {
+            Sensing::Full | Sensing::PointsOnly | Sensing::TruePose => Cow::Borrowed(frames),
+            Sensing::CoarseImages => frames
+                .iter()
+                .map(|frame| TactileFrame { image: Arc::new(coarsen(&frame.image)), ..frame.clone() })
+                .collect(),
+            _ => {
+                let used = |frame: &&TactileFrame| {
+                    hand.cameras.get(frame.camera).is_some_and(|camera| self.uses(hand, camera.pad))
+                };
+                frames.iter().filter(used).cloned().collect()
+            }
+        }
+    }
+}
+
+/// The image with every block of [`BLOCK`] x [`BLOCK`] pixels at its mean; one of another size stays as it is, to be refused.
+fn coarsen(image: &TactileImage) -> TactileImage {
+    const N: usize = IMAGE_SIZE;
+    let mut rgb = image.rgb.clone();
+    if rgb.len() != 3 * N * N {
+        return TactileImage { rgb };
+    }
+    for block in 0..(N / BLOCK) * (N / BLOCK) {
+        let (top, left) = (block / (N / BLOCK) * BLOCK, block % (N / BLOCK) * BLOCK);
+        let inside = || (0..BLOCK * BLOCK).map(|n| (top + n / BLOCK) * N + left + n % BLOCK);
+        for channel in 0..3 {
+            let sum: u32 = inside().map(|pixel| u32::from(image.rgb[3 * pixel + channel])).sum();
+            let mean = (sum + (BLOCK * BLOCK / 2) as u32) / (BLOCK * BLOCK) as u32;
+            inside().for_each(|pixel| rgb[3 * pixel + channel] = mean as u8);
+        }
+    }
+    TactileImage { rgb }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_coarse_image_keeps_the_means_of_its_blocks() {
+        let rgb: Vec<u8> = (0..3 * IMAGE_SIZE * IMAGE_SIZE).map(|n| (n * 7 % 251) as u8).collect();
+        let coarse = coarsen(&TactileImage { rgb: rgb.clone() });
+        let mean = |image: &[u8], channel: usize| {
+            let sum: u32 =
+                (0..100).map(|n| u32::from(image[3 * ((20 + n / 10) * IMAGE_SIZE + 50 + n % 10) + channel])).sum();
+            f64::from(sum) / 100.0
+        };
+        for channel in 0..3 {
+            assert!((mean(&coarse.rgb, channel) - mean(&rgb, channel)).abs() <= 0.5);
+        }
+        // Constant inside a block, and done once: again changes nothing.
+        assert_eq!(coarse.rgb[0], coarse.rgb[3 * (IMAGE_SIZE * 9 + 9)]);
+        assert_eq!(coarsen(&coarse), coarse);
+    }
+
+    #[test]
+    fn each_ablation_leaves_its_pads() {
+        let hand = Hand::ftac();
+        let image = Arc::new(TactileImage { rgb: vec![100; 3 * IMAGE_SIZE * IMAGE_SIZE] });
+        let calibration = touch::Calibration { version: 1, configurations: Default::default() };
+        let pipeline = TouchPipeline::new(&hand, calibration, vec![image; hand.cameras.len()]).expect("made");
+        let pads = |sensing| {
+            let senses = Senses::new(&pipeline, sensing).expect("made");
+            (0..hand.pads.len()).filter(|pad| senses.uses(&hand, *pad)).count()
+        };
+        assert_eq!(pads(Sensing::Full), 17);
+        assert_eq!(pads(Sensing::ServosOnly), 0);
+        assert_eq!(pads(Sensing::Fingertips), 5);
+        assert_eq!(pads(Sensing::QuarterOfPads), 5);
+        assert_eq!(pads(Sensing::PalmOnly), hand.pads.iter().filter(|pad| pad.link.is_none()).count());
+    }
+}
