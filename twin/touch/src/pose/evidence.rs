@@ -17,7 +17,7 @@ const FULL_FORCE: f64 = 0.5;
 const LEAST_WEIGHT: f64 = 0.05;
 /// Tilt of a felt normal at which a point is trusted half as much, rad: photometric stereo errs on steep flanks, and at the
 /// rounded edges of a pad, part of the object presses where no camera looks.
-const STEEP: f64 = 0.4;
+const STEEP: f64 = 0.7;
 /// A cable that pulls harder than a free digit at its excursion needs by this much (N) and this share is held up by something.
 const HELD_UP: (f64, f64) = (0.8, 0.35);
 
