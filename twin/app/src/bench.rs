@@ -8,6 +8,7 @@ use std::time::{Duration, Instant};
 
 use anyhow::{Context, Result, bail};
 use indicatif::{ProgressBar, ProgressStyle};
+use scenarios::FailureCause;
 use scenarios::record::{AblatedTrial, Condition, TrialRecord, write_ablated, write_trials};
 use scenarios::statistics::{RunInfo, Summary, summarise};
 
@@ -15,7 +16,7 @@ use crate::body::{Task, Venue};
 use crate::journal::{Entry, Journal, RunRequest, Unit};
 use crate::recording::Recording;
 use crate::report;
-use crate::trial::{Bench, NoWatcher};
+use crate::trial::{Bench, NoWatcher, Part};
 
 /// Conditions of a noisy trial.
 const NOISY: [Condition; 2] = [Condition::Blind, Condition::Touch];
@@ -27,11 +28,14 @@ pub enum Record {
     None,
     /// The first trial of every tenth combination.
     Sample,
+    /// Of each condition the first trial for each cause of failure, played again after the run.
+    Causes,
     /// Every trial.
     All,
 }
 
 /// How to run.
+#[derive(Clone, Copy)]
 pub struct Options<'a> {
     /// Threads.
     pub jobs: usize,
@@ -58,7 +62,7 @@ fn units(request: &RunRequest) -> Vec<Unit> {
 
 fn recorded(record: Record, unit: Unit) -> bool {
     match record {
-        Record::None => false,
+        Record::None | Record::Causes => false,
         Record::Sample => unit.trial == Some(0) && unit.combination.is_multiple_of(10),
         Record::All => true,
     }
@@ -153,7 +157,46 @@ pub fn run(bench: &Bench, request: &RunRequest, journal: Journal, folder: &Path,
     let journal = journal.into_inner().map_err(|_| anyhow::anyhow!("a worker panicked"))?;
     // Over resumptions the work done counts, not the pauses.
     let worked = journal.done.values().map(|entry| entry.wall_s).sum::<f64>() / options.jobs.max(1) as f64;
-    finish(&journal.done, request, folder, begun.elapsed().as_secs_f64().max(worked))
+    let wall_s = begun.elapsed().as_secs_f64().max(worked);
+    // What a resumed run spent before is not known.
+    let spent = (resumed == 0).then(|| bench.spent.seconds());
+    if let Some(spent) = spent.as_ref().filter(|_| !options.quiet) {
+        let all: f64 = spent.iter().map(|(_, seconds)| seconds).sum();
+        let parts: Vec<String> =
+            spent.iter().map(|(part, seconds)| format!("{} {:.1} %", part.name(), 100.0 * seconds / all)).collect();
+        eprintln!("time of all threads: {}", parts.join(", "));
+    }
+    if options.record == Record::Causes {
+        record_causes(bench, request, &journal.done, folder, options)?;
+    }
+    finish(&journal.done, request, folder, wall_s, spent.as_deref())
+}
+
+/// Plays again, recorded, the first trial of each cause of failure under each condition.
+fn record_causes(
+    bench: &Bench,
+    request: &RunRequest,
+    done: &BTreeMap<Unit, Entry>,
+    folder: &Path,
+    options: &Options,
+) -> Result<()> {
+    let mut examples: BTreeMap<(Condition, FailureCause), Unit> = BTreeMap::new();
+    for (unit, record) in done.values().flat_map(|entry| entry.records.iter().map(|record| (entry.unit, record))) {
+        if let Some(cause) = record.cause {
+            examples.entry((record.condition, cause)).or_insert(unit);
+        }
+    }
+    let again = Options { record: Record::All, ..*options };
+    let request = RunRequest { ablations: Vec::new(), ..request.clone() };
+    for unit in examples.values().copied().collect::<std::collections::BTreeSet<_>>() {
+        run_unit(bench, &request, unit, folder, &again)?;
+    }
+    let lines = examples.iter().map(|((condition, cause), unit)| {
+        let trial = unit.trial.map_or("ideal".to_owned(), |trial| format!("trial_{trial}"));
+        format!("{condition},{cause},recordings/combination_{:02}_{trial}.rrd\n", unit.combination)
+    });
+    let table: String = std::iter::once("condition,cause,recording\n".to_owned()).chain(lines).collect();
+    report::write_whole(&folder.join("causes.csv"), table.as_bytes())
 }
 
 fn rates(journal: &Journal, begun: Instant, resumed: usize) -> String {
@@ -175,8 +218,14 @@ fn rates(journal: &Journal, begun: Instant, resumed: usize) -> String {
     )
 }
 
-/// Writes `trials.csv`, `ablations.csv` where there are any, `summary.json` and `report.html`, each whole or not at all.
-pub fn finish(done: &BTreeMap<Unit, Entry>, request: &RunRequest, folder: &Path, wall_s: f64) -> Result<Summary> {
+/// `spent` is where the time went, if that is known. Writes `trials.csv`, `ablations.csv` where there are any, `summary.json` and `report.html`, each whole or not at all.
+pub fn finish(
+    done: &BTreeMap<Unit, Entry>,
+    request: &RunRequest,
+    folder: &Path,
+    wall_s: f64,
+    spent: Option<&[(Part, f64)]>,
+) -> Result<Summary> {
     let records: Vec<TrialRecord> = done.values().flat_map(|entry| entry.records.iter().cloned()).collect();
     if records.is_empty() {
         bail!("{}: no trial is finished", folder.display());
@@ -192,13 +241,16 @@ pub fn finish(done: &BTreeMap<Unit, Entry>, request: &RunRequest, folder: &Path,
         report::write_whole(&folder.join("ablations.csv"), &table)?;
     }
     report::write_whole(&folder.join("summary.json"), &serde_json::to_vec_pretty(&summary)?)?;
-    let run = serde_json::json!({
+    let mut run = serde_json::json!({
         "command": std::env::args().collect::<Vec<_>>().join(" "),
         "seed": request.seed,
         "robot": request.robot,
         "version": env!("CARGO_PKG_VERSION"),
         "wall_s": summary.wall_s,
     });
+    for (part, seconds) in spent.into_iter().flatten() {
+        run["threads' time on"][format!("{}_s", part.name())] = (*seconds).into();
+    }
     report::write_report(folder, &summary, &records, &run)?;
     Ok(summary)
 }

@@ -126,7 +126,7 @@ pub fn make_bench(scenario: Scenario, combos: usize, seed: u64, quiet: bool) -> 
         .into_iter()
         .map(|name| Ok((name.clone(), KnownObject::new(world.object(name)?))))
         .collect::<Result<_>>()?;
-    Ok(Bench { world, repertoire, plans, board, pipeline, known, seed })
+    Ok(Bench { world, repertoire, plans, board, pipeline, known, seed, spent: Arc::default() })
 }
 
 /// The hand, and the simulated robot about to begin the ideal run of a combination of the benchmark.
@@ -397,7 +397,7 @@ fn report(cli: &Cli, folders: &[PathBuf], out: Option<&Path>) -> Outcome {
     };
     std::fs::create_dir_all(target).with_context(|| target.display().to_string())?;
     let wall: f64 = journal.values().map(|entry| entry.wall_s).sum();
-    let summary = bench::finish(&journal, &request, target, wall)?;
+    let summary = bench::finish(&journal, &request, target, wall, None)?;
     tell(cli, &summary, target)?;
     Ok(None)
 }

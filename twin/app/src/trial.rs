@@ -2,6 +2,7 @@
 
 mod adapt;
 mod held;
+mod spent;
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -30,6 +31,7 @@ use crate::rehearsal::{Snapshot, digit_bits};
 use crate::world::World;
 
 pub use held::HeldGrasp;
+pub use spent::{Part, Spent};
 
 /// How often a watched trial takes tactile images, s.
 const WATCH_PERIOD: f64 = 0.2;
@@ -52,6 +54,8 @@ pub struct Bench {
     pub known: BTreeMap<String, KnownObject>,
     /// Seed of everything.
     pub seed: u64,
+    /// Where the time went.
+    pub spent: Arc<Spent>,
 }
 
 /// What a watcher of a trial sees each tick.
@@ -103,6 +107,7 @@ impl Watcher for NoWatcher {
 struct Run {
     snapshot: Snapshot<Body>,
     referee: Referee,
+    spent: Arc<Spent>,
 }
 
 /// A branch that carried out the plan: what touch shares with it for as long as it does the very same.
@@ -257,8 +262,8 @@ impl Bench {
         } else if !snapshot.robot.branches() {
             snapshot.executive.watch_images(ONCE);
         }
-        let mut run =
-            Run { snapshot, referee: Referee::new(world.scenario.referee, world.scenario.protocol.hold_time) };
+        let referee = Referee::new(world.scenario.referee, world.scenario.protocol.hold_time);
+        let mut run = Run { snapshot, referee, spent: self.spent.clone() };
         let pipeline = match self.to_decision(&mut run, watcher) {
             Ok(pipeline) => pipeline,
             Err(error) => {
@@ -348,18 +353,20 @@ impl Run {
         condition: Option<Condition>,
         watcher: &mut dyn Watcher,
     ) -> Result<()> {
-        let Self { snapshot, referee } = self;
+        let Self { snapshot, referee, spent } = self;
         let holding = digit_bits(snapshot.executive.first().0.role.digits());
         let Snapshot { robot, executive } = snapshot;
         while executive.phase() < until {
             let observation = robot.observe();
-            let command = executive.tick(&observation)?;
+            let command = spent.on(Part::Control, || executive.tick(&observation))?;
             robot.send(&command);
-            robot.wait_for_tick();
-            if let Some(truth) = robot.truth() {
+            let part = if command.capture { Part::Images } else { Part::Physics };
+            spent.on(part, || robot.wait_for_tick());
+            spent.on(Part::Referee, || {
+                let Some(truth) = robot.truth() else { return Ok(()) };
                 referee.see(&scene(&truth, executive.phase(), holding));
-                watcher.see(&Moment { truth: &truth, executive, felt, condition, note: None })?;
-            }
+                watcher.see(&Moment { truth: &truth, executive, felt, condition, note: None })
+            })?;
             // The last tick of a recording may also be the last of a trial.
             if let Some(why) = robot.stopped().filter(|_| executive.phase() < Phase::Done) {
                 bail!(Stopped(format!("{} while {}", why, executive.phase().name())));

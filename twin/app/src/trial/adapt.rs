@@ -20,7 +20,7 @@ use scenarios::record::{Condition, TrialRecord};
 use scenarios::referee::FailureCause;
 use sim::robot::Truth;
 
-use super::{Bench, Planned, Run, Start, Watcher};
+use super::{Bench, Part, Planned, Run, Start, Watcher};
 use crate::rehearsal::in_hand;
 use crate::world::percept;
 
@@ -100,7 +100,7 @@ impl Bench {
             let begun = Instant::now();
             let grip = match phase {
                 Phase::Decide => {
-                    let felt = self.feel(&now, sensing)?;
+                    let felt = self.spent.on(Part::Perception, || self.feel(&now, sensing))?;
                     now.story.reasons.extend(felt.faults.iter().map(|fault| format!("left out: {fault}")));
                     let grip = felt.grip;
                     now.felt = Some(felt);
@@ -108,7 +108,7 @@ impl Bench {
                 }
                 _ => match now.run.snapshot.robot.truth().filter(|_| sensing == Sensing::TruePose) {
                     Some(truth) => grip_of(&truth),
-                    None => grip(&now.senses, &now.run.snapshot.executive)?,
+                    None => self.spent.on(Part::Perception, || grip(&now.senses, &now.run.snapshot.executive))?,
                 },
             };
             let late = now.run.snapshot.robot.time() + TRY_TIME > self.world.scenario.protocol.time_limit;
@@ -200,9 +200,9 @@ impl Bench {
     /// Decides how to take the second object and begins; the reason, or nothing if none of its grasps is in reach.
     fn take_second(&self, now: &mut Adaptation, planned: Option<&Planned>) -> Result<Option<String>> {
         let seen = now.run.snapshot.executive.second().1;
-        let within = self.within_reach(now, Role::Second, &seen);
+        let within = self.spent.on(Part::Choice, || self.within_reach(now, Role::Second, &seen));
         let Some(felt) = now.felt.as_ref().filter(|_| !within.is_empty()) else { return Ok(None) };
-        let decision = self.choose(&now.run, now.start, &within, felt)?;
+        let decision = self.spent.on(Part::Choice, || self.choose(&now.run, now.start, &within, felt))?;
         now.story.switched |= decision.switched;
         match planned.filter(|_| now.story.as_planned()) {
             Some(planned) => now.run = planned.confirm.clone(),
@@ -282,10 +282,8 @@ impl Bench {
         let object = &now.start.objects[0];
         let seen = self.seen(now, 0, rng)?;
         self.look_at_second(now, rng)?;
-        let best = self
-            .within_reach(now, Role::First, &seen)
-            .into_iter()
-            .reduce(|best, other| if other.worth > best.worth { other } else { best });
+        let within = self.spent.on(Part::Choice, || self.within_reach(now, Role::First, &seen));
+        let best = within.into_iter().reduce(|best, other| if other.worth > best.worth { other } else { best });
         let grasp = best.ok_or_else(|| out_of_reach(object, &seen))?.grasp;
         Ok(now.run.snapshot.executive.retry_first(grasp, seen)?)
     }
