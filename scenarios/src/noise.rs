@@ -40,6 +40,25 @@ pub struct NoiseLevels {
     pub perception: PerceptionNoise,
 }
 
+impl NoiseLevels {
+    /// All standard deviations times `factor`.
+    #[must_use]
+    pub fn scaled(self, factor: f64) -> Self {
+        let Self { execution, perception } = self;
+        Self {
+            execution: ExecutionNoise {
+                position_sigma: factor * execution.position_sigma,
+                rotation_sigma: factor * execution.rotation_sigma,
+            },
+            perception: PerceptionNoise {
+                xy_sigma: factor * perception.xy_sigma,
+                z_sigma: factor * perception.z_sigma,
+                yaw_sigma: factor * perception.yaw_sigma,
+            },
+        }
+    }
+}
+
 /// Perceived minus true pose of one object.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct ObjectNoise {

@@ -31,6 +31,17 @@ fn no_combinations() {
 }
 
 #[test]
+fn unknown_ablation() {
+    let folder = tempdir().expect("a folder");
+    let out = folder.path().join("out");
+    refused(&["bench", "--ablations", "thumbs", "--out", text(&out)], &["thumbs", "servos_only", "true_pose"]);
+    let emulated = ["bench", "--robot", "emulated", "--ablations", "palm_only", "--out", text(&out)];
+    refused(&emulated, &["--ablations", "emulated", "simulated"]);
+    refused(&["bench", "--noise-scale", "nan", "--out", text(&out)], &["--noise-scale", "NaN", "0 to 10"]);
+    assert!(!out.exists(), "left a result folder behind");
+}
+
+#[test]
 fn unknown_robot() {
     let folder = tempdir().expect("a folder");
     let out = folder.path().join("out");

@@ -2,6 +2,7 @@
 //!
 //! Times are kept out of every comparison: the column `decision_ms` is wall-clock time.
 
+use std::collections::BTreeSet;
 use std::fs;
 use std::path::Path;
 use std::process::Stdio;
@@ -17,7 +18,8 @@ const SIZE: [&str; 6] = ["--combos", "2", "--trials", "2", "--seed", "7"];
 const ROWS: usize = 2 + 2 * 2 * 2;
 
 fn bench(extra: &[&str]) {
-    let output = run(&[&["bench", "--record", "none"], &SIZE[..], extra].concat());
+    let record = if extra.contains(&"--record") { &[][..] } else { &["--record", "none"] };
+    let output = run(&[&["bench"], record, &SIZE[..], extra].concat());
     // 1 would say that the rates fall short of the paper's, which four trials may well do.
     assert!(matches!(output.status.code(), Some(0 | 1)), "{:?}: {}", output.status, stderr(&output));
 }
@@ -59,6 +61,39 @@ fn jobs_change_nothing() {
     let rows = trials(reference());
     assert_eq!(rows.len(), 1 + ROWS, "header and a row per trial and condition");
     assert_eq!(rows, trials(two.path()));
+}
+
+/// Trials with less of the senses stand beside the others and change nothing about them; a recording shows each cause of failure.
+#[test]
+fn ablations_and_causes() {
+    let folder = tempdir().expect("a folder");
+    bench(&["--record", "causes", "--ablations", "servos_only,true_pose", "--out", text(folder.path())]);
+    assert_eq!(trials(folder.path()), trials(reference()));
+    let ablated = fs::read_to_string(folder.path().join("ablations.csv")).expect("ablations.csv");
+    let of = |name: &str| ablated.lines().filter(|line| line.starts_with(name)).count();
+    assert_eq!((ablated.lines().count(), of("servos_only,"), of("true_pose,")), (1 + 2 * 4, 4, 4));
+    let figure = fs::read_to_string(folder.path().join("ablations.svg")).expect("ablations.svg");
+    assert!(figure.contains("no images: encoders and currents") && figure.contains("whole hand"));
+    let page = fs::read_to_string(folder.path().join("report.html")).expect("report.html");
+    assert!(page.contains("What full-hand touch buys"));
+
+    let causes = fs::read_to_string(folder.path().join("causes.csv")).expect("causes.csv");
+    let failed: BTreeSet<(String, String)> = trials(reference())
+        .iter()
+        .skip(1)
+        .filter(|row| row[6] == "false")
+        .map(|row| (row[2].clone(), row[7].replace('_', " ")))
+        .collect();
+    let shown: BTreeSet<(String, String)> = causes
+        .lines()
+        .skip(1)
+        .map(|line| {
+            let fields: Vec<&str> = line.split(',').collect();
+            assert!(folder.path().join(fields[2]).is_file(), "{line}");
+            (fields[0].to_owned(), fields[1].to_owned())
+        })
+        .collect();
+    assert_eq!(shown, failed);
 }
 
 #[test]

@@ -136,6 +136,9 @@ pub struct BenchArgs {
     /// Which trials are recorded.
     #[arg(long, value_enum, default_value_t = Record::Sample)]
     pub record: Record,
+    /// Factor of all of the scenario's noise, for a curve of rates over noise.
+    #[arg(long, default_value_t = 1.0)]
+    pub noise_scale: f64,
     /// Also run touch with less of the senses, all kinds or those named: servos_only, palm_only, fingertips, quarter_of_pads,
     /// coarse_images, points_only, true_pose.
     #[arg(long, num_args = 0.., value_delimiter = ',', value_name = "NAMES")]

@@ -153,6 +153,16 @@ fn benchmark(cli: &Cli, args: &BenchArgs) -> Outcome {
     if args.combos == 0 || args.trials == 0 {
         bail!("--combos and --trials: found {} and {}, expected at least 1 each", args.combos, args.trials);
     }
+    if !(0.0..=10.0).contains(&args.noise_scale) {
+        bail!("--noise-scale: found {}, expected 0 to 10", args.noise_scale);
+    }
+    if args.noise_scale != 1.0 && args.robot != Body::Sim {
+        bail!(
+            "--noise-scale: found {} with --robot {}, expected it with the simulated robot",
+            args.noise_scale,
+            args.robot.name()
+        );
+    }
     let (request, folder) = match &args.resume {
         Some(folder) => (Journal::read(folder).context("--resume")?.1, folder.clone()),
         None => {
@@ -179,6 +189,7 @@ fn benchmark(cli: &Cli, args: &BenchArgs) -> Outcome {
                 robot: args.robot.name().into(),
                 shard,
                 ablations: ablations(args)?,
+                noise_scale: args.noise_scale,
                 scenario: text,
             };
             (request, args.out.clone().unwrap_or_else(next_free_folder))
@@ -187,7 +198,8 @@ fn benchmark(cli: &Cli, args: &BenchArgs) -> Outcome {
     let robot = <Body as clap::ValueEnum>::from_str(&request.robot, false)
         .map_err(|_| anyhow::anyhow!("{}: robot: found {}, expected a known body", folder.display(), request.robot))?;
     check_body(robot, args.config.as_deref())?;
-    let scenario = read_scenario(&request.scenario, &folder.join("run.json"))?;
+    let mut scenario = read_scenario(&request.scenario, &folder.join("run.json"))?;
+    scenario.noise = scenario.noise.scaled(request.noise_scale);
     let quiet = cli.quiet || cli.json;
     let jobs = if args.live || robot == Body::Hardware {
         1

@@ -12,7 +12,7 @@ use scenarios::record::{AblatedTrial, TrialRecord};
 use serde::{Deserialize, Serialize};
 
 /// What a run was asked for; a resumed run must be asked for the same.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct RunRequest {
     /// Number of combinations.
     pub combos: usize,
@@ -27,8 +27,15 @@ pub struct RunRequest {
     /// Less of the senses that touch is run with too.
     #[serde(default)]
     pub ablations: Vec<Sensing>,
+    /// Factor of the scenario's noise.
+    #[serde(default = "unscaled")]
+    pub noise_scale: f64,
     /// The scenario's text.
     pub scenario: String,
+}
+
+fn unscaled() -> f64 {
+    1.0
 }
 
 /// A unit of work: the ideal run of a combination, or one trial (blind and touch from the same first grasp).
