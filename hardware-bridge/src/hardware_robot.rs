@@ -271,7 +271,7 @@ impl Robot for HardwareRobot {
         let number = board.asked_number;
         let waited = self.shared.cycled.wait_timeout_while(board, PATIENCE, |board| board.used_number < number);
         let (board, _) = waited.unwrap_or_else(std::sync::PoisonError::into_inner);
-        sent_as(command, &board)
+        sent_as(command, &board.sent, board.state)
     }
 
     fn wait_for_tick(&mut self) -> Tick {
@@ -307,9 +307,9 @@ pub(crate) fn newest(shared: &Shared, tactile: Option<&TactileLink>, time: f64, 
 }
 
 /// What was sent, in the kind of goal that was asked for where the command was followed.
-pub(crate) fn sent_as(asked: &Command, board: &Board) -> Command {
-    let mut sent = board.sent.as_command(asked.capture);
-    if board.state == State::Running {
+pub(crate) fn sent_as(asked: &Command, sent: &SafeCommand, state: State) -> Command {
+    let mut sent = sent.as_command(asked.capture);
+    if state == State::Running {
         for (goal, asked) in sent.servos.iter_mut().zip(&asked.servos) {
             if let (ServoGoal::Current(asked), ServoGoal::Position { current_limit, .. }) = (asked, *goal) {
                 *goal = ServoGoal::Current(current_limit.copysign(*asked));

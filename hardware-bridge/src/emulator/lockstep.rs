@@ -2,7 +2,7 @@
 //! plant that waits for it.
 //!
 //! A control tick is one servo cycle: read all servos, let the supervisor decide, write goals, look at one servo (whose answer says that the goals
-//! have arrived); then the arm's milliseconds, each with a command and an answer over UDP; then one tick of the plant. Nothing depends on how
+//! have arrived); then the arm's milliseconds, each with a command and an answer over UDP; then one tick of the plant; then everybody is measured. Nothing depends on how
 //! busy the machine is, so that a trial comes out the same every time, and as the simulated robot's where the protocols lose nothing. What real
 //! time does to the bridge is the business of the devices in real time ([`super::EmulatedHand::start`]).
 
@@ -211,13 +211,17 @@ impl Robot for LockstepRobot {
             board.asked_number += 1;
         }
         self.cycle.decide();
-        sent_as(command, &lock(&self.cycle.shared.board))
+        let board = lock(&self.cycle.shared.board);
+        sent_as(command, &board.sent, board.state)
     }
 
     fn wait_for_tick(&mut self) -> Tick {
         self.arm.pass(self.tick, self.clock.now() + self.tick, self.host_alive);
         let before = self.image_events();
         self.devices.step();
+        if self.host_alive {
+            self.arm.look(self.clock.now());
+        }
         if std::mem::take(&mut self.capture) {
             self.patiently(|robot| robot.image_events() >= before + CAMERAS as u64);
         }
@@ -263,7 +267,7 @@ fn configuration(servos: &Path, cameras: &Path, tick: f64, limits: LimitConfig, 
 }
 
 /// The calibration that homing would have found: the open mark of each servo is where its encoder shows its `zero`.
-fn calibrated(servos: &[EmulatedServo], travel: &[f64; ACTUATORS]) -> Calibration {
+pub(super) fn calibrated(servos: &[EmulatedServo], travel: &[f64; ACTUATORS]) -> Calibration {
     let servos = std::array::from_fn(|n| ServoCalibration {
         id: n as u8 + 1,
         model: xc330::MODEL,
