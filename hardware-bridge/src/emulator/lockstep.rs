@@ -18,9 +18,10 @@ use super::pty::PtyError;
 use super::servo::EmulatedServo;
 use super::{EmulatedHand, EmulatorSettings};
 use crate::calibration::{Calibration, ServoCalibration};
+use crate::cameras::Cameras;
 use crate::clock::Clock;
 use crate::config::{ArmConfig, BridgeConfig, CameraConfig, LimitConfig, ServoConfig};
-use crate::hardware_robot::{ConnectError, newest, open_devices, sent_as, servo_cycle};
+use crate::hardware_robot::{ConnectError, newest, open_hand, sent_as, servo_cycle};
 use crate::kortex::KortexError;
 use crate::lock;
 use crate::safety::state::State;
@@ -71,7 +72,7 @@ pub struct LockstepSettings {
 /// The robot.
 pub struct LockstepRobot {
     cycle: ServoCycle,
-    tactile: Option<TactileLink>,
+    cameras: Option<Cameras>,
     devices: EmulatedHand,
     arm: LockstepArm,
     clock: Clock,
@@ -99,10 +100,11 @@ impl LockstepRobot {
         let config = configuration(devices.servo_port(), devices.camera_port(), tick, settings.limits, settings.slack);
         let calibration = calibrated(&zeros, &settings.travel);
         devices.home(&calibration);
-        let (mut hand, tactile) = open_devices(&config, &calibration, &clock)?;
+        let mut hand = open_hand(&config, &calibration)?;
+        let cameras = Cameras::open(&config, &clock).map_err(ConnectError::from)?;
         if let Some(packets) = packets {
             hand.bus.tap(Tap::new("servos", packets.clone()));
-            if let Some(tactile) = &tactile {
+            if let Some(tactile) = cameras.as_ref().and_then(Cameras::board) {
                 tactile.tap(Tap::new("cameras", packets.clone()));
             }
         }
@@ -110,7 +112,7 @@ impl LockstepRobot {
         let cycle = ServoCycle { audit_every: 1, ..cycle };
         let (sequence, capture, host_alive) = (0, false, true);
         let mut robot =
-            Self { cycle, tactile, devices, arm, clock, tick, sequence, capture, host_alive, config, calibration };
+            Self { cycle, cameras, devices, arm, clock, tick, sequence, capture, host_alive, config, calibration };
         robot.cycle.measure();
         robot.cycle.supervisor.check(&robot.cycle.measured, robot.clock.now())?;
         robot.cycle.arm_torque(robot.clock.now()).map_err(LockstepError::Arming)?;
@@ -149,7 +151,7 @@ impl LockstepRobot {
 
     /// The camera board's link.
     pub fn tactile(&self) -> Option<&TactileLink> {
-        self.tactile.as_ref()
+        self.cameras.as_ref().and_then(Cameras::board)
     }
 
     /// Stops, as `ftac bridge stop` does.
@@ -173,7 +175,7 @@ impl LockstepRobot {
     fn patiently(&self, done: impl Fn(&Self) -> bool) -> bool {
         let deadline = Instant::now() + PATIENCE;
         while !done(self) {
-            if Instant::now() > deadline || self.tactile.as_ref().is_none_or(|link| link.lost_port().is_some()) {
+            if Instant::now() > deadline || self.tactile().is_none_or(|link| link.lost_port().is_some()) {
                 return false;
             }
             std::thread::sleep(LOOK);
@@ -187,20 +189,20 @@ impl LockstepRobot {
             let cameras = link.cameras().iter().map(|c| c.good + c.undecodable + c.overrun + c.faults).sum::<u64>();
             cameras + link.line().damaged
         };
-        self.tactile.as_ref().map_or(0, count)
+        self.tactile().map_or(0, count)
     }
 }
 
 impl Robot for LockstepRobot {
     fn observe(&mut self) -> Observation {
-        newest(&self.cycle.shared, self.tactile.as_ref(), self.clock.now(), self.sequence)
+        newest(&self.cycle.shared, self.cameras.as_ref(), self.clock.now(), self.sequence)
     }
 
     fn send(&mut self, command: &Command) -> Command {
         if !self.host_alive {
             return *command;
         }
-        if let (true, Some(link)) = (command.capture, &self.tactile) {
+        if let (true, Some(link)) = (command.capture, self.tactile()) {
             // A port that is gone is noticed at the next observation.
             let asked = link.request_capture().is_ok();
             self.capture = asked && self.patiently(|robot| robot.devices.capture_pending());
@@ -261,6 +263,7 @@ fn configuration(servos: &Path, cameras: &Path, tick: f64, limits: LimitConfig, 
             slack,
         },
         cameras: Some(CameraConfig { port: cameras.to_owned() }),
+        uvc: Vec::new(),
         arm: ArmConfig::Loopback,
         limits,
     }
