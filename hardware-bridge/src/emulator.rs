@@ -6,12 +6,14 @@
 //!
 //! Started by [`EmulatedHand::start_stepped`] there is no plant thread: time is an emulated clock's, and the plant moves by
 //! [`EmulatedHand::step`] alone. Then no answer waits for its time on the line, and one that is delayed comes after the host's next
-//! request. [`lockstep`] is a robot on such devices.
+//! request. [`lockstep`] is a robot on such devices, [`direct`] one on the same devices without any wire.
 //!
 //! [`servo`] is one servo, [`servo_chain`] six on a line, [`camera_board`] the board, [`faults`] what can be made to go wrong, [`pty`]
 //! the pseudo-terminal.
 
 pub mod camera_board;
+pub mod direct;
+mod direct_arm;
 pub mod faults;
 pub mod lockstep;
 pub mod lockstep_arm;
@@ -152,7 +154,7 @@ impl EmulatedHand {
             chain: Mutex::new(chain),
             board: Mutex::new(CameraBoard::new(settings.board, jpeg_chance, settings.seed)),
             shafts: Mutex::new(shafts),
-            arm: SharedArm::at(observation.arm.position),
+            arm: SharedArm::at(observation.arm),
             capture: AtomicBool::new(false),
             stop: AtomicBool::new(false),
             ticks: AtomicU64::new(0),

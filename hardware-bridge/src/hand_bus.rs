@@ -57,21 +57,11 @@ impl HandBus {
         } else {
             self.bus.sync_read(&self.ids, start, length)?
         };
-        Ok(std::array::from_fn(|n| self.reading(n, &replies[n], now)))
-    }
-
-    fn reading(&mut self, n: usize, reply: &Result<Status, ReplyError>, now: f64) -> Option<ServoReading> {
-        let status = reply.as_ref().ok()?;
-        let value = |register: Register| register.read_from(&status.data, PRESENT_BLOCK_LONG.start);
-        let raw = value(xc330::PRESENT_POSITION)?;
-        let forget = *self.forget[n].get_or_insert_with(|| turns_to_forget(raw));
-        let state = ServoState {
-            position: raw - forget,
-            velocity: value(xc330::PRESENT_VELOCITY)?,
-            current: value(xc330::PRESENT_CURRENT)?,
-            temperature: value(xc330::PRESENT_TEMPERATURE)?,
+        let mut read = |n: usize, reply: &Result<Status, ReplyError>| {
+            let Status { data, alert, .. } = reply.as_ref().ok()?;
+            reading(data, *alert, &mut self.forget[n], now)
         };
-        Some(ServoReading { at: now, state, voltage: value(xc330::PRESENT_INPUT_VOLTAGE)?, alert: status.alert })
+        Ok(std::array::from_fn(|n| read(n, &replies[n])))
     }
 
     /// Sends goals: the current first, so that a place is never sought with an older, greater current.
@@ -130,4 +120,18 @@ impl HandBus {
         }
         self.bus.sync_write(register.address, register.size.into(), data)
     }
+}
+
+/// What a servo's present block and alert bit mean at `now`, s. Its first word also tells the whole turns to forget.
+pub(crate) fn reading(block: &[u8], alert: bool, forget: &mut Option<f64>, now: f64) -> Option<ServoReading> {
+    let value = |register: Register| register.read_from(block, PRESENT_BLOCK_LONG.start);
+    let raw = value(xc330::PRESENT_POSITION)?;
+    let forget = *forget.get_or_insert_with(|| turns_to_forget(raw));
+    let state = ServoState {
+        position: raw - forget,
+        velocity: value(xc330::PRESENT_VELOCITY)?,
+        current: value(xc330::PRESENT_CURRENT)?,
+        temperature: value(xc330::PRESENT_TEMPERATURE)?,
+    };
+    Some(ServoReading { at: now, state, voltage: value(xc330::PRESENT_INPUT_VOLTAGE)?, alert })
 }

@@ -15,6 +15,7 @@ use hand_model::{ACTUATORS, ARM_JOINTS, Arm};
 
 use crate::arm_link::ArmLink;
 use crate::calibration::Calibration;
+use crate::cameras::{Cameras, CamerasError};
 use crate::clock::Clock;
 use crate::config::{BridgeConfig, ConfigError};
 use crate::hand_bus::HandBus;
@@ -29,7 +30,6 @@ use crate::servo_cycle::{Board, CycleReport, DryLines, Order, ServoCycle, Shared
 use crate::session_log::{Packet, Tap};
 use crate::setup;
 use crate::tactile_link::TactileLink;
-use crate::tactile_link::link::LinkError;
 
 /// Length of a control tick, s: the simulated robot's.
 const TICK: f64 = 1.0 / 120.0;
@@ -47,9 +47,9 @@ pub enum ConnectError {
     /// The servo bus.
     #[error(transparent)]
     Bus(#[from] BusError),
-    /// The camera board.
+    /// The cameras.
     #[error(transparent)]
-    Cameras(#[from] LinkError),
+    Cameras(#[from] CamerasError),
     /// The remote stop.
     #[error(transparent)]
     Remote(#[from] RemoteError),
@@ -88,7 +88,7 @@ pub struct OrderError(pub String);
 /// The connected robot.
 pub struct HardwareRobot {
     shared: Arc<Shared>,
-    tactile: Option<TactileLink>,
+    cameras: Option<Cameras>,
     _door: RemoteDoor,
     thread: Option<JoinHandle<()>>,
     clock: Clock,
@@ -107,7 +107,8 @@ impl HardwareRobot {
     ) -> Result<Self, ConnectError> {
         let calibration = Calibration::read(&config.calibration)?;
         let clock = Clock::wall();
-        let (hand, tactile) = open_devices(config, &calibration, &clock)?;
+        let hand = open_hand(config, &calibration)?;
+        let cameras = Cameras::open(config, &clock)?;
         let cycle = servo_cycle(config, &calibration, hand, arm, arm_model, clock.clone());
         let cycle = ServoCycle { dry, ..cycle };
         let shared = cycle.shared.clone();
@@ -117,7 +118,7 @@ impl HardwareRobot {
             .name("servo cycle".into())
             .spawn(move || cycle.run())
             .map_err(ConnectError::Thread)?;
-        Ok(Self { shared, tactile, _door: door, thread: Some(thread), clock, next_tick: Instant::now(), sequence: 0 })
+        Ok(Self { shared, cameras, _door: door, thread: Some(thread), clock, next_tick: Instant::now(), sequence: 0 })
     }
 
     /// Looks at every newest measurement; the robot may then be armed.
@@ -162,7 +163,12 @@ impl HardwareRobot {
 
     /// The camera board's link, if there is one.
     pub fn tactile(&self) -> Option<&TactileLink> {
-        self.tactile.as_ref()
+        self.cameras.as_ref().and_then(Cameras::board)
+    }
+
+    /// The cameras, if there are any.
+    pub fn cameras(&self) -> Option<&Cameras> {
+        self.cameras.as_ref()
     }
 
     fn order(&self, order: Order) -> Result<(), OrderError> {
@@ -174,12 +180,8 @@ impl HardwareRobot {
     }
 }
 
-/// Opens servo bus and camera board, and makes sure that the servos are the calibrated ones.
-pub(crate) fn open_devices(
-    config: &BridgeConfig,
-    calibration: &Calibration,
-    clock: &Clock,
-) -> Result<(HandBus, Option<TactileLink>), ConnectError> {
+/// Opens the servo bus and makes sure that the servos are the calibrated ones.
+pub(crate) fn open_hand(config: &BridgeConfig, calibration: &Calibration) -> Result<HandBus, ConnectError> {
     let mut bus = ServoBus::open(&config.servos.port, config.bus())?;
     for (n, id) in config.servos.ids.iter().enumerate() {
         let findings = setup::check(&mut bus, config, *id, &format!("actuator {n}"))?;
@@ -191,11 +193,7 @@ pub(crate) fn open_devices(
     if let Some((actuator, found, expected)) = hand.compare(calibration)? {
         return Err(ConnectError::Mismatch { actuator, found, expected });
     }
-    let tactile = match &config.cameras {
-        Some(cameras) => Some(TactileLink::open(&cameras.port, clock.clone())?),
-        None => None,
-    };
-    Ok((hand, tactile))
+    Ok(hand)
 }
 
 /// The wheel that turns `hand` and `arm`, connected, with nobody's torque touched.
@@ -256,13 +254,13 @@ fn give(shared: &Shared, order: Order) -> Result<String, String> {
 
 impl Robot for HardwareRobot {
     fn observe(&mut self) -> Observation {
-        newest(&self.shared, self.tactile.as_ref(), self.now(), self.sequence)
+        newest(&self.shared, self.cameras.as_ref(), self.now(), self.sequence)
     }
 
     fn send(&mut self, command: &Command) -> Command {
-        if let (true, Some(link)) = (command.capture, &self.tactile) {
+        if let (true, Some(cameras)) = (command.capture, &self.cameras) {
             // A port that is gone is noticed at the next observation.
-            let _ = link.request_capture();
+            let _ = cameras.request_capture();
         }
         let now = self.now();
         let mut board = lock(&self.shared.board);
@@ -271,7 +269,7 @@ impl Robot for HardwareRobot {
         let number = board.asked_number;
         let waited = self.shared.cycled.wait_timeout_while(board, PATIENCE, |board| board.used_number < number);
         let (board, _) = waited.unwrap_or_else(std::sync::PoisonError::into_inner);
-        sent_as(command, &board)
+        sent_as(command, &board.sent, board.state)
     }
 
     fn wait_for_tick(&mut self) -> Tick {
@@ -293,10 +291,10 @@ impl Robot for HardwareRobot {
 }
 
 /// The newest measurements that have arrived.
-pub(crate) fn newest(shared: &Shared, tactile: Option<&TactileLink>, time: f64, sequence: u64) -> Observation {
-    let frames = tactile.map(TactileLink::take).unwrap_or_default();
+pub(crate) fn newest(shared: &Shared, cameras: Option<&Cameras>, time: f64, sequence: u64) -> Observation {
+    let frames = cameras.map(Cameras::take).unwrap_or_default();
     let mut board = lock(&shared.board);
-    board.cameras = tactile.is_none_or(|link| link.lost_port().is_none());
+    board.cameras = cameras.is_none_or(|cameras| cameras.lost().is_none());
     Observation {
         time,
         sequence,
@@ -307,9 +305,9 @@ pub(crate) fn newest(shared: &Shared, tactile: Option<&TactileLink>, time: f64, 
 }
 
 /// What was sent, in the kind of goal that was asked for where the command was followed.
-pub(crate) fn sent_as(asked: &Command, board: &Board) -> Command {
-    let mut sent = board.sent.as_command(asked.capture);
-    if board.state == State::Running {
+pub(crate) fn sent_as(asked: &Command, sent: &SafeCommand, state: State) -> Command {
+    let mut sent = sent.as_command(asked.capture);
+    if state == State::Running {
         for (goal, asked) in sent.servos.iter_mut().zip(&asked.servos) {
             if let (ServoGoal::Current(asked), ServoGoal::Position { current_limit, .. }) = (asked, *goal) {
                 *goal = ServoGoal::Current(current_limit.copysign(*asked));

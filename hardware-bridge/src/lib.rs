@@ -3,7 +3,7 @@
 //! # From the wire to the robot
 //! - [`protocol2`]: the wire format of the servo bus (Dynamixel Protocol 2.0); [`xc330`]: the servo's control table as data; [`servo_bus`]: requests and
 //!   answers with deadlines; [`hand_bus`]: six servos as one hand.
-//! - [`tactile_link`]: the camera board's protocol, and its images on threads of their own.
+//! - [`tactile_link`]: the camera board's protocol, and its images on threads of their own; [`uvc`]: webcams in its place; [`cameras`]: either.
 //! - [`arm_link`]: what is wanted of an arm's controller; [`kortex`]: the Gen3's own protocol, client and emulator; [`kortex::joint_link`] joins the two.
 //! - [`safety`]: what stands between a controller and the motors.
 //! - [`servo_cycle`]: the thread in which all of these meet, 200 times a second; [`hardware_robot`]: what a controller holds of it; [`remote`]: what
@@ -21,6 +21,7 @@
 
 pub mod arm_link;
 pub mod calibration;
+pub mod cameras;
 pub mod clock;
 pub mod config;
 pub mod emulator;
@@ -36,6 +37,7 @@ pub mod servo_cycle;
 pub mod session_log;
 pub mod setup;
 pub mod tactile_link;
+pub mod uvc;
 pub mod xc330;
 
 use std::sync::{Mutex, MutexGuard, PoisonError};

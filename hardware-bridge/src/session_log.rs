@@ -22,8 +22,10 @@
 //! reads such a file).
 //!
 //! [`tap::Tap`] copies the bytes of a link. [`recorder::Recorder`] writes a session while it passes on to any robot;
-//! [`replay::Replay`] is a robot that gives a session back and holds every command to the recorded one, bit by bit.
+//! [`replay::Replay`] is a robot that gives a session back and holds every command to the recorded one, bit by bit; [`comparison`] lays two sessions
+//! side by side.
 
+pub mod comparison;
 pub mod error;
 pub mod message;
 pub mod reader;

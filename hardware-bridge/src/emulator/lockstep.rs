@@ -2,7 +2,7 @@
 //! plant that waits for it.
 //!
 //! A control tick is one servo cycle: read all servos, let the supervisor decide, write goals, look at one servo (whose answer says that the goals
-//! have arrived); then the arm's milliseconds, each with a command and an answer over UDP; then one tick of the plant. Nothing depends on how
+//! have arrived); then the arm's milliseconds, each with a command and an answer over UDP; then one tick of the plant; then everybody is measured. Nothing depends on how
 //! busy the machine is, so that a trial comes out the same every time, and as the simulated robot's where the protocols lose nothing. What real
 //! time does to the bridge is the business of the devices in real time ([`super::EmulatedHand::start`]).
 
@@ -18,9 +18,10 @@ use super::pty::PtyError;
 use super::servo::EmulatedServo;
 use super::{EmulatedHand, EmulatorSettings};
 use crate::calibration::{Calibration, ServoCalibration};
+use crate::cameras::Cameras;
 use crate::clock::Clock;
 use crate::config::{ArmConfig, BridgeConfig, CameraConfig, LimitConfig, ServoConfig};
-use crate::hardware_robot::{ConnectError, newest, open_devices, sent_as, servo_cycle};
+use crate::hardware_robot::{ConnectError, newest, open_hand, sent_as, servo_cycle};
 use crate::kortex::KortexError;
 use crate::lock;
 use crate::safety::state::State;
@@ -71,7 +72,7 @@ pub struct LockstepSettings {
 /// The robot.
 pub struct LockstepRobot {
     cycle: ServoCycle,
-    tactile: Option<TactileLink>,
+    cameras: Option<Cameras>,
     devices: EmulatedHand,
     arm: LockstepArm,
     clock: Clock,
@@ -99,10 +100,11 @@ impl LockstepRobot {
         let config = configuration(devices.servo_port(), devices.camera_port(), tick, settings.limits, settings.slack);
         let calibration = calibrated(&zeros, &settings.travel);
         devices.home(&calibration);
-        let (mut hand, tactile) = open_devices(&config, &calibration, &clock)?;
+        let mut hand = open_hand(&config, &calibration)?;
+        let cameras = Cameras::open(&config, &clock).map_err(ConnectError::from)?;
         if let Some(packets) = packets {
             hand.bus.tap(Tap::new("servos", packets.clone()));
-            if let Some(tactile) = &tactile {
+            if let Some(tactile) = cameras.as_ref().and_then(Cameras::board) {
                 tactile.tap(Tap::new("cameras", packets.clone()));
             }
         }
@@ -110,7 +112,7 @@ impl LockstepRobot {
         let cycle = ServoCycle { audit_every: 1, ..cycle };
         let (sequence, capture, host_alive) = (0, false, true);
         let mut robot =
-            Self { cycle, tactile, devices, arm, clock, tick, sequence, capture, host_alive, config, calibration };
+            Self { cycle, cameras, devices, arm, clock, tick, sequence, capture, host_alive, config, calibration };
         robot.cycle.measure();
         robot.cycle.supervisor.check(&robot.cycle.measured, robot.clock.now())?;
         robot.cycle.arm_torque(robot.clock.now()).map_err(LockstepError::Arming)?;
@@ -149,7 +151,7 @@ impl LockstepRobot {
 
     /// The camera board's link.
     pub fn tactile(&self) -> Option<&TactileLink> {
-        self.tactile.as_ref()
+        self.cameras.as_ref().and_then(Cameras::board)
     }
 
     /// Stops, as `ftac bridge stop` does.
@@ -173,7 +175,7 @@ impl LockstepRobot {
     fn patiently(&self, done: impl Fn(&Self) -> bool) -> bool {
         let deadline = Instant::now() + PATIENCE;
         while !done(self) {
-            if Instant::now() > deadline || self.tactile.as_ref().is_none_or(|link| link.lost_port().is_some()) {
+            if Instant::now() > deadline || self.tactile().is_none_or(|link| link.lost_port().is_some()) {
                 return false;
             }
             std::thread::sleep(LOOK);
@@ -187,20 +189,20 @@ impl LockstepRobot {
             let cameras = link.cameras().iter().map(|c| c.good + c.undecodable + c.overrun + c.faults).sum::<u64>();
             cameras + link.line().damaged
         };
-        self.tactile.as_ref().map_or(0, count)
+        self.tactile().map_or(0, count)
     }
 }
 
 impl Robot for LockstepRobot {
     fn observe(&mut self) -> Observation {
-        newest(&self.cycle.shared, self.tactile.as_ref(), self.clock.now(), self.sequence)
+        newest(&self.cycle.shared, self.cameras.as_ref(), self.clock.now(), self.sequence)
     }
 
     fn send(&mut self, command: &Command) -> Command {
         if !self.host_alive {
             return *command;
         }
-        if let (true, Some(link)) = (command.capture, &self.tactile) {
+        if let (true, Some(link)) = (command.capture, self.tactile()) {
             // A port that is gone is noticed at the next observation.
             let asked = link.request_capture().is_ok();
             self.capture = asked && self.patiently(|robot| robot.devices.capture_pending());
@@ -211,13 +213,17 @@ impl Robot for LockstepRobot {
             board.asked_number += 1;
         }
         self.cycle.decide();
-        sent_as(command, &lock(&self.cycle.shared.board))
+        let board = lock(&self.cycle.shared.board);
+        sent_as(command, &board.sent, board.state)
     }
 
     fn wait_for_tick(&mut self) -> Tick {
         self.arm.pass(self.tick, self.clock.now() + self.tick, self.host_alive);
         let before = self.image_events();
         self.devices.step();
+        if self.host_alive {
+            self.arm.look(self.clock.now());
+        }
         if std::mem::take(&mut self.capture) {
             self.patiently(|robot| robot.image_events() >= before + CAMERAS as u64);
         }
@@ -257,13 +263,14 @@ fn configuration(servos: &Path, cameras: &Path, tick: f64, limits: LimitConfig, 
             slack,
         },
         cameras: Some(CameraConfig { port: cameras.to_owned() }),
+        uvc: Vec::new(),
         arm: ArmConfig::Loopback,
         limits,
     }
 }
 
 /// The calibration that homing would have found: the open mark of each servo is where its encoder shows its `zero`.
-fn calibrated(servos: &[EmulatedServo], travel: &[f64; ACTUATORS]) -> Calibration {
+pub(super) fn calibrated(servos: &[EmulatedServo], travel: &[f64; ACTUATORS]) -> Calibration {
     let servos = std::array::from_fn(|n| ServoCalibration {
         id: n as u8 + 1,
         model: xc330::MODEL,

@@ -31,6 +31,8 @@ enum Order {
     Engage,
     /// Milliseconds to spend on the way to these set-points, rad; whether answers may be missing.
     Go(u64, [f64; ARM_JOINTS], bool),
+    /// Measure, no time passes; whether the answer may be missing.
+    Look(bool),
     Disengage,
 }
 
@@ -53,6 +55,16 @@ impl Client {
         let gone = || "its client is gone".to_owned();
         self.orders.send(order).map_err(|_| gone())?;
         self.answers.recv().map_err(|_| gone())?
+    }
+
+    fn ask_and_note(&mut self, order: Order, now: f64) {
+        match self.ask(order) {
+            Ok((state, fresh)) => {
+                self.state = state;
+                self.at = if fresh { now } else { self.at };
+            }
+            Err(error) => self.fault = Some(error),
+        }
     }
 }
 
@@ -121,29 +133,29 @@ impl LockstepArm {
 
     /// Lets `seconds` pass until `now`. With a dead host the arm is left to itself.
     pub fn pass(&mut self, seconds: f64, now: f64, host_alive: bool) {
-        self.rest += seconds;
-        let milliseconds = (self.rest * 1e3 + 1e-9).floor();
-        self.rest -= milliseconds * 1e-3;
-        let milliseconds = milliseconds as u64;
+        let milliseconds = whole_milliseconds(&mut self.rest, seconds);
         let Some(client) = self.client.as_ref().filter(|_| host_alive) else {
             self.emulator.step(milliseconds);
             return;
         };
         let mut client = lock(client);
         match client.target.filter(|_| client.engaged && client.fault.is_none()) {
-            Some(target) => match client.ask(Order::Go(milliseconds, target, self.lossy)) {
-                Ok((state, fresh)) => {
-                    client.state = state;
-                    client.at = if fresh { now } else { client.at };
-                }
-                Err(error) => client.fault = Some(error),
-            },
+            Some(target) => client.ask_and_note(Order::Go(milliseconds, target, self.lossy), now),
             None => {
                 self.emulator.step(milliseconds);
                 if !client.engaged {
                     client.at = now;
                 }
             }
+        }
+    }
+
+    /// Measures the arm at `now`: the plant has moved since its last command.
+    pub fn look(&mut self, now: f64) {
+        let Some(client) = &self.client else { return };
+        let mut client = lock(client);
+        if client.engaged && client.fault.is_none() {
+            client.ask_and_note(Order::Look(self.lossy), now);
         }
     }
 }
@@ -222,6 +234,7 @@ fn serve(mut arm: Arm, emulator: &Emulator, orders: &Receiver<Order>, answers: &
                 emulator.step(milliseconds);
                 Err("found a set-point, expected engage() first".to_owned())
             }
+            Order::Look(_) => Err("found a look, expected engage() first".to_owned()),
             Order::Disengage => Ok((ArmState::default(), false)),
         };
         if answers.send(answer).is_err() {
@@ -250,6 +263,7 @@ fn follow(
             Order::Go(milliseconds, target, lossy) => {
                 go(&mut servoing, emulator, (milliseconds, target, lossy), waited)
             }
+            Order::Look(lossy) => servoing.hold(deadline(lossy)).map(|fresh| (servoing.latest().motion, fresh)),
         };
         match answer {
             Ok(answer) if answers.send(Ok(answer)).is_err() => return over(),
@@ -257,6 +271,29 @@ fn follow(
             Err(error) => return Err(error.to_string()),
         }
     }
+}
+
+/// Until when an answer is waited for.
+fn deadline(lossy: bool) -> Instant {
+    Instant::now() + if lossy { IMPATIENCE } else { PATIENCE }
+}
+
+/// Whole milliseconds in `seconds` and what was left over before; `rest` (s) is what is left over now.
+pub(super) fn whole_milliseconds(rest: &mut f64, seconds: f64) -> u64 {
+    *rest += seconds;
+    let milliseconds = (*rest * 1e3 + 1e-9).floor();
+    *rest -= milliseconds * 1e-3;
+    milliseconds as u64
+}
+
+/// The next of `left` equal steps from `from` to `target`, none longer than `most`, rad.
+pub(super) fn step_towards(
+    target: &[f64; ARM_JOINTS],
+    from: &[f64; ARM_JOINTS],
+    left: u64,
+    most: &[f64; ARM_JOINTS],
+) -> [f64; ARM_JOINTS] {
+    std::array::from_fn(|i| from[i] + ((target[i] - from[i]) / left as f64).clamp(-most[i], most[i]))
 }
 
 /// Equal steps to the target, one a millisecond.
@@ -268,10 +305,8 @@ fn go(
 ) -> Result<(ArmState, bool), KortexError> {
     let mut fresh = false;
     for n in 0..milliseconds {
-        let (from, most) = (*servoing.command(), servoing.limits().step);
-        let left = (milliseconds - n) as f64;
-        let next = std::array::from_fn(|i| from[i] + ((target[i] - from[i]) / left).clamp(-most[i], most[i]));
-        let deadline = Instant::now() + if lossy { IMPATIENCE } else { PATIENCE };
+        let next = step_towards(&target, servoing.command(), milliseconds - n, &servoing.limits().step);
+        let deadline = deadline(lossy);
         let result = match servoing.command_angles(&next, deadline) {
             Err(KortexError::Command(CommandError::Lead { .. })) => {
                 waited.fetch_add(1, Ordering::Relaxed);

@@ -14,9 +14,9 @@ use crate::lock;
 pub struct SharedArm(Arc<Mutex<(ArmState, [f64; ARM_JOINTS])>>);
 
 impl SharedArm {
-    /// An arm that stands at `posture`, rad.
-    pub fn at(posture: [f64; ARM_JOINTS]) -> Self {
-        Self(Arc::new(Mutex::new((ArmState { position: posture, ..ArmState::default() }, posture))))
+    /// An arm in this state, which is to stay where it is.
+    pub fn at(state: ArmState) -> Self {
+        Self(Arc::new(Mutex::new((state, state.position))))
     }
 
     /// Where the controller wants the joints, rad.

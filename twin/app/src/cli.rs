@@ -47,6 +47,9 @@ pub enum Command {
     Replay {
         /// The session's file, from `trial --session DIR` or `bench --robot emulated|hardware`.
         recording: PathBuf,
+        /// Instead of running anything, lay this session beside it: the first observation or command that differs by a bit.
+        #[arg(long)]
+        against: Option<PathBuf>,
     },
     /// Build report.html, trials.csv and summary.json again from result folders; several shards become one.
     Report {
@@ -90,7 +93,7 @@ pub enum Body {
     Hardware,
     /// The hardware bridge on emulated devices whose plant is the simulated robot, in lock-step.
     Emulated,
-    /// The simulated robot under commands rounded as the bridge sends them, to tell what of `emulated` is the devices' resolution.
+    /// The simulated robot behind all that `emulated` does to commands, measurements and images, but without wires: to tell what is the devices' doing.
     Rounded,
 }
 

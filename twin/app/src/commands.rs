@@ -45,7 +45,8 @@ pub fn run(cli: &Cli) -> Outcome {
     match &cli.command {
         Command::Bench(args) => benchmark(cli, args),
         Command::Trial(args) => trial(cli, args),
-        Command::Replay { recording } => crate::replay::command(cli, recording),
+        Command::Replay { recording, against: None } => crate::replay::command(cli, recording),
+        Command::Replay { recording, against: Some(other) } => crate::replay::against(cli, recording, other),
         Command::View { path } => view(path),
         Command::Report { folders, study: true, .. } => match folders.as_slice() {
             [] => study::report::run(cli, Path::new("recordings/study")),

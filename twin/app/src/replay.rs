@@ -1,8 +1,9 @@
-//! `ftac replay`: the control stack on a recorded session, held to every command bit by bit.
+//! `ftac replay`: the control stack on a recorded session, held to every command bit by bit; or two sessions side by side.
 
 use std::path::Path;
 
 use anyhow::{Context as _, Result, bail};
+use hardware_bridge::session_log::comparison::compare;
 use hardware_bridge::session_log::{Event, Reader, Replay};
 use scenarios::record::TrialRecord;
 
@@ -26,6 +27,27 @@ pub fn command(cli: &Cli, recording: &Path) -> Result<Option<String>> {
         );
     }
     run(cli, &bench, &task, recording)
+}
+
+/// `--against`: two sessions, observation by observation and command by command; the shortfall is the first bit that differs.
+pub fn against(cli: &Cli, recording: &Path, other: &Path) -> Result<Option<String>> {
+    let compared = compare(&mut Reader::open(recording)?, &mut Reader::open(other)?)?;
+    let difference = compared.difference.as_ref().map(ToString::to_string);
+    if cli.json {
+        println!(
+            "{}",
+            serde_json::json!({
+                "identical_ticks": compared.ticks, "identical_values": compared.values,
+                "identical_images": compared.images, "difference": difference,
+            })
+        );
+    } else {
+        println!(
+            "{} ticks, {} numbers and {} images identical bit by bit",
+            compared.ticks, compared.values, compared.images
+        );
+    }
+    Ok(difference)
 }
 
 /// What the file says of itself.

@@ -1,77 +1,39 @@
-//! The simulated robot under the commands that the bridge would send: limited by its supervisor, rounded to whole milliamperes, encoder counts and the
-//! arm's single-precision degrees, without any wire.
+//! The simulated robot behind the bridge's devices, without any wire: everything that the lock-step emulated robot applies to a command, a measurement
+//! or an image, applied by function calls ([`DirectRobot`]).
 //!
-//! It stands between `sim` and `emulated`: what differs from `sim` here is the devices' resolution; what `emulated` differs by from here is
-//! the doing of wires, devices and coded images.
+//! It stands between `sim` and `emulated`. What differs from `sim` here is the doing of limits, registers, single-precision degrees and coded images;
+//! from `emulated` nothing may differ, because all that is left are wires.
 
 use std::path::PathBuf;
+use std::sync::Arc;
 
 use anyhow::{Result, anyhow};
-use hand_model::robot::{Command, Observation, Robot, ServoGoal, Tick};
+use hand_model::robot::{Command, Observation, Robot, Tick};
 use hand_model::{Arm, Hand};
-use hardware_bridge::config::LimitConfig;
-use hardware_bridge::kortex::degrees::{nearest_turn, to_radians, to_wire_angle};
-use hardware_bridge::safety::checks::{ArmReading, Measured, ServoReading};
-use hardware_bridge::safety::supervisor::{Asked, Step, Supervisor};
+use hardware_bridge::emulator::direct::DirectRobot;
+use hardware_bridge::safety::state::State;
 use hardware_bridge::session_log::Session;
-use hardware_bridge::xc330;
 use nalgebra::Isometry3;
 use scenarios::noise::ObjectNoise;
 use sim::SimulatedRobot;
 use sim::robot::Truth;
 
-use super::emulated::{session_file, travel};
+use super::emulated::{SharedPlant, session_file, settings};
 use super::{Setting, Stage, Task, Venue};
 
-/// Supply of the servos that are not there, V.
-const SUPPLY: f64 = 11.1;
-
-/// The robot and its supervisor.
+/// The robot and the simulated one that it moves.
 pub struct Rounded {
-    robot: SimulatedRobot,
-    supervisor: Supervisor,
-    newest: Observation,
-}
-
-impl Rounded {
-    fn new(mut robot: SimulatedRobot, hand: &Hand, arm: &Arm) -> Result<Self> {
-        let mut supervisor = Supervisor::new(LimitConfig::default().limits(&travel(hand), arm));
-        let newest = robot.observe();
-        let measured = measured(&newest);
-        supervisor.connect()?;
-        supervisor.check(&measured, newest.time).map_err(|error| anyhow!("{error}"))?;
-        supervisor.arm(&measured, newest.time).map_err(|error| anyhow!("{error}"))?;
-        Ok(Self { robot, supervisor, newest })
-    }
-}
-
-fn measured(seen: &Observation) -> Measured {
-    let servo = |n: usize| Some(ServoReading { at: seen.time, state: seen.servos[n], voltage: SUPPLY, alert: false });
-    let arm = ArmReading { at: seen.time, state: seen.arm, fault: false };
-    Measured { servos: std::array::from_fn(servo), arm: Some(arm), cameras: true }
-}
-
-/// A number as the register holds it.
-fn rounded(value: f64, per_count: f64) -> f64 {
-    (value / per_count).round() * per_count
+    robot: DirectRobot,
+    plant: SharedPlant,
 }
 
 impl Robot for Rounded {
     fn observe(&mut self) -> Observation {
-        self.newest = self.robot.observe();
-        self.newest.clone()
+        self.robot.observe()
     }
 
     fn send(&mut self, command: &Command) -> Command {
-        let now = self.newest.time;
-        let step = self.supervisor.step(now, Some(Asked { command, at: now }), &measured(&self.newest));
-        let Step::Send(safe) = step else { return *command };
-        let servos = safe.servos.map(|goal| ServoGoal::Position {
-            angle: rounded(goal.angle, xc330::GOAL_POSITION.unit.per_count()),
-            current_limit: rounded(goal.current, xc330::GOAL_CURRENT.unit.per_count()),
-        });
-        let arm = safe.arm.map(|angle| nearest_turn(to_radians(to_wire_angle(angle)), angle));
-        self.robot.send(&Command { arm, servos, capture: command.capture })
+        self.robot.send(command)
     }
 
     fn wait_for_tick(&mut self) -> Tick {
@@ -85,16 +47,15 @@ impl Robot for Rounded {
 
 impl Stage for Rounded {
     fn truth(&self) -> Option<Truth> {
-        Some(self.robot.truth())
+        Some(self.plant.lock().truth())
     }
 
     fn look(&mut self, object: usize, noise: &ObjectNoise) -> Result<Isometry3<f64>> {
-        Stage::look(&mut self.robot, object, noise)
+        Stage::look(&mut *self.plant.lock(), object, noise)
     }
 
     fn stopped(&self) -> Option<String> {
-        use hardware_bridge::safety::state::State;
-        match self.supervisor.state() {
+        match self.robot.state() {
             State::Running | State::Armed => None,
             state => Some(state.to_string()),
         }
@@ -104,16 +65,21 @@ impl Stage for Rounded {
 /// Where such robots come from.
 pub struct RoundedVenue {
     /// The hand.
-    pub hand: std::sync::Arc<Hand>,
+    pub hand: Arc<Hand>,
     /// The arm.
-    pub arm: std::sync::Arc<Arm>,
+    pub arm: Arc<Arm>,
     /// Folder of the sessions' files, if they are recorded.
     pub sessions: Option<PathBuf>,
 }
 
 impl Venue for RoundedVenue {
-    fn enter(&mut self, _: &Setting, scene: SimulatedRobot) -> Result<Box<dyn Stage>> {
-        Ok(Box::new(Rounded::new(scene, &self.hand, &self.arm)?))
+    fn enter(&mut self, setting: &Setting, scene: SimulatedRobot) -> Result<Box<dyn Stage>> {
+        let plant = SharedPlant::new(scene);
+        // Nobody waits for an answer here.
+        let settings = settings(&self.hand, setting.task.seed, 0.0);
+        let robot =
+            DirectRobot::start(Box::new(plant.clone()), settings, &self.arm).map_err(|error| anyhow!("{error}"))?;
+        Ok(Box::new(Rounded { robot, plant }))
     }
 
     fn session(&self, task: &Task) -> Result<Option<(PathBuf, Session)>> {

@@ -6,13 +6,13 @@ use std::time::{Duration, Instant};
 use anyhow::Result;
 use hand_model::{Arm, CAMERAS};
 use hardware_bridge::calibration::Calibration;
+use hardware_bridge::cameras::Cameras;
 use hardware_bridge::clock::Clock;
 use hardware_bridge::config::BridgeConfig;
 use hardware_bridge::hand_bus::HandBus;
 use hardware_bridge::servo_bus::latency_timer::{self, LatencyTimer};
 use hardware_bridge::servo_bus::{BusError, ServoBus};
 use hardware_bridge::setup::{self, Finding};
-use hardware_bridge::tactile_link::TactileLink;
 
 use super::{actuator_names, arm_link, tell};
 use crate::cli::Cli;
@@ -98,19 +98,23 @@ fn calibration(config: &BridgeConfig, hand: &mut HandBus, findings: &mut Vec<Fin
 }
 
 fn cameras(config: &BridgeConfig, findings: &mut Vec<Finding>) {
-    let Some(cameras) = &config.cameras else {
-        findings.push(Finding::new("camera board", "not configured", "anything", true));
-        return;
-    };
-    let link = match TactileLink::open(&cameras.port, Clock::wall()) {
-        Ok(link) => link,
+    let link = match Cameras::open(config, &Clock::wall()) {
+        Ok(Some(link)) => link,
+        Ok(None) => {
+            findings.push(Finding::new("cameras", "not configured", "anything", true));
+            return;
+        }
         Err(error) => {
-            findings.push(Finding::new("camera board", error, "an answer", false));
+            findings.push(Finding::new("cameras", error, "an answer", false));
             return;
         }
     };
-    let serial = link.board().serial;
-    findings.push(Finding::new("camera board", format!("serial number {serial}"), "an answer", true));
+    findings.push(match link.board() {
+        Some(board) => {
+            Finding::new("camera board", format!("serial number {}", board.board().serial), "an answer", true)
+        }
+        None => Finding::new("UVC devices", config.uvc.len(), "any number", true),
+    });
     if let Err(error) = link.request_capture() {
         findings.push(Finding::new("images", error, "one of every camera", false));
         return;
@@ -122,7 +126,11 @@ fn cameras(config: &BridgeConfig, findings: &mut Vec<Finding>) {
     }
     let took = format!("{} in {:.0} ms", good(), 1e3 * started.elapsed().as_secs_f64());
     findings.push(Finding::new("cameras with an image", took, CAMERAS, good() == CAMERAS));
-    let uncertainty = link.clock_uncertainty();
+    if let Some(error) = link.lost() {
+        findings.push(Finding::new("cameras, after that", error, "still there", false));
+    }
+    let Some(board) = link.board() else { return };
+    let uncertainty = board.clock_uncertainty();
     let ms = uncertainty.map_or("unknown".into(), |seconds| format!("{:.2}", 1e3 * seconds));
     let good = uncertainty.is_some_and(|seconds| seconds < 5e-3);
     findings.push(Finding::new("board clock known to, ms", ms, "below 5", good));

@@ -228,6 +228,7 @@ fn write_config(args: &EmulateArgs, hand: &EmulatedHand, arm: Option<&Emulator>)
             slack: 0.020,
         },
         cameras: Some(CameraConfig { port: cameras }),
+        uvc: Vec::new(),
         arm,
         // A pseudo-terminal has no real time behind it: a busy machine may be late by more than a real line ever is. A decision takes the
         // controller up to a second or two.

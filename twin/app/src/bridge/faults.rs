@@ -44,7 +44,7 @@ const LONGEST: usize = 180;
 /// A joint slower than this stands, rad/s.
 const STANDS: f64 = 0.02;
 /// Phases with a beginning and an end.
-const PHASES: [Phase; 10] = [
+const PHASES: [Phase; 12] = [
     Phase::ApproachFirst,
     Phase::GraspFirst,
     Phase::LiftFirst,
@@ -55,6 +55,8 @@ const PHASES: [Phase; 10] = [
     Phase::Check,
     Phase::Carry,
     Phase::Hold,
+    Phase::Verify,
+    Phase::PutDown,
 ];
 
 /// Arguments of `bridge faults`.
@@ -79,8 +81,12 @@ pub struct Outcome {
     /// In the words of the supervisor.
     state: String,
     as_expected: bool,
-    /// From the fault to the safe state, ms; `None` where the robot rightly went on, or never got there.
+    /// From the fault to the last command that the devices were given or followed, ms; `None` where the robot rightly went on.
+    stopped_ms: Option<f64>,
+    /// From the fault until the arm stands as well, ms; `None` also where it never did.
     safe_ms: Option<f64>,
+    /// The fastest joint of the arm when no command moved it any more, rad/s.
+    speed: f64,
     /// Goals held to their limits, and those outside them.
     checked: u64,
     outside: u64,
@@ -137,26 +143,30 @@ pub fn run(cli: &Cli, args: &FaultArgs) -> Result<Option<String>> {
 fn moments(bench: &Bench, combination: usize, seed: u64) -> Result<Vec<(Phase, Snapshot)>> {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let mut lengths: BTreeMap<Phase, usize> = BTreeMap::new();
-    play(bench, combination, |snapshot| *lengths.entry(snapshot.executive.phase()).or_default() += 1)?;
+    let mut count = |snapshot: &Snapshot| *lengths.entry(snapshot.executive.phase()).or_default() += 1;
+    play(bench, combination, &mut count)?;
+    put_down(bench, combination, &mut count)?;
     // Not in the last ticks: the fault shall strike in the phase.
     let drawn: BTreeMap<Phase, usize> = lengths
         .into_iter()
         .map(|(phase, length)| (phase, rng.random_range(1..=length.saturating_sub(BEFORE + 5).max(1))))
         .collect();
     let (mut moments, mut counts) = (Vec::new(), BTreeMap::<Phase, usize>::new());
-    play(bench, combination, |snapshot| {
+    let mut take = |snapshot: &Snapshot| {
         let phase = snapshot.executive.phase();
         let count = counts.entry(phase).or_default();
         *count += 1;
         if PHASES.contains(&phase) && drawn.get(&phase) == Some(count) {
             moments.push((phase, snapshot.clone()));
         }
-    })?;
+    };
+    play(bench, combination, &mut take)?;
+    put_down(bench, combination, &mut take)?;
     Ok(moments)
 }
 
 /// Plays the ideal run of a combination in simulation; `see` is shown every tick.
-fn play(bench: &Bench, combination: usize, mut see: impl FnMut(&Snapshot)) -> Result<()> {
+fn play(bench: &Bench, combination: usize, see: &mut impl FnMut(&Snapshot)) -> Result<()> {
     let (mut snapshot, second) = bench.ideal_start(combination)?;
     while snapshot.executive.phase() < Phase::Done {
         match snapshot.executive.phase() {
@@ -166,6 +176,22 @@ fn play(bench: &Bench, combination: usize, mut see: impl FnMut(&Snapshot)) -> Re
         }
         tick(&mut snapshot.robot, &mut snapshot.executive)?;
         see(&snapshot);
+    }
+    Ok(())
+}
+
+/// Plays to the decision and lays the first object down again, as touch does when it has lost its hold; `see` is shown the laying down.
+fn put_down(bench: &Bench, combination: usize, see: &mut impl FnMut(&Snapshot)) -> Result<()> {
+    let (mut snapshot, _) = bench.ideal_start(combination)?;
+    while snapshot.executive.phase() < Phase::Decide {
+        tick(&mut snapshot.robot, &mut snapshot.executive)?;
+    }
+    snapshot.executive.put_down()?;
+    while snapshot.executive.phase() == Phase::PutDown {
+        tick(&mut snapshot.robot, &mut snapshot.executive)?;
+        if snapshot.executive.phase() == Phase::PutDown {
+            see(&snapshot);
+        }
     }
     Ok(())
 }
@@ -198,16 +224,24 @@ fn suffer(bench: &Bench, kind: Kind, phase: Phase, moment: &Snapshot, file: &Pat
     let held: Vec<usize> = (0..2).filter(|object| in_hand(&truth, *object)).collect();
     kind.strike(recorder.robot());
     let struck = truth.time;
-    let (mut safe, mut ticks, mut alive) = (None, BEFORE as u64, true);
+    let (mut stopped, mut safe, mut speed) = (None, None, 0.0);
+    let (mut ticks, mut alive) = (BEFORE as u64, true);
     let patience = if kind.expected() == Expected::GoesOn { AFTER } else { LONGEST };
     for _ in 0..patience {
         alive = kind.drive(&mut recorder, &mut executive)? && alive;
         ticks += u64::from(alive);
         watch.see(recorder.robot());
         truth = plant.lock().truth();
-        if is_safe(kind, recorder.robot()) {
-            safe = Some(1e3 * (truth.time - struck));
-            break;
+        if is_stopped(kind, recorder.robot()) {
+            let now = 1e3 * (truth.time - struck);
+            let fastest = fastest_joint(recorder.robot());
+            if stopped.is_none() {
+                (stopped, speed) = (Some(now), fastest);
+            }
+            if fastest < STANDS {
+                safe = Some(now);
+                break;
+            }
         }
     }
     for _ in 0..if safe.is_some() { AFTER } else { 0 } {
@@ -240,7 +274,9 @@ fn suffer(bench: &Bench, kind: Kind, phase: Phase, moment: &Snapshot, file: &Pat
         phase,
         state: state.to_string(),
         as_expected,
+        stopped_ms: stopped,
         safe_ms: safe,
+        speed,
         checked: watch.checked,
         outside,
         held: held.len(),
@@ -249,17 +285,19 @@ fn suffer(bench: &Bench, kind: Kind, phase: Phase, moment: &Snapshot, file: &Pat
     })
 }
 
-/// Whether nothing moves the robot any more: the supervisor holds, or where there is none left, the servos hold by themselves; the arm stands.
-fn is_safe(kind: Kind, robot: &mut LockstepRobot) -> bool {
-    let arm = robot.arm().status();
-    let stands = arm.motion.velocity.iter().all(|speed| speed.abs() < STANDS);
-    let stopped = if kind.kills_the_host() {
-        let by_itself = arm.events.iter().any(|event| event.what == Happening::Watchdog);
+/// Whether no command moves the robot any more: the supervisor holds, or where there is none left, servos and arm have stopped by themselves.
+fn is_stopped(kind: Kind, robot: &mut LockstepRobot) -> bool {
+    if kind.kills_the_host() {
+        let by_itself = robot.arm().status().events.iter().any(|event| event.what == Happening::Watchdog);
         robot.devices().watchdogs_tripped() == 6 && by_itself
     } else {
         matches!(robot.state(), State::Hold(_) | State::Fault(_))
-    };
-    stopped && stands
+    }
+}
+
+/// Speed of the arm's fastest joint, rad/s.
+fn fastest_joint(robot: &mut LockstepRobot) -> f64 {
+    robot.arm().status().motion.velocity.iter().map(|speed| speed.abs()).fold(0.0, f64::max)
 }
 
 /// Holds every command that reaches the devices to the limits.

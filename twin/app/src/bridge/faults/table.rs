@@ -9,8 +9,16 @@ pub fn tell(cli: &Cli, kinds: &[Kind], outcomes: &[Outcome]) -> Option<String> {
     let mut rows = Vec::new();
     for kind in kinds {
         let of: Vec<&Outcome> = outcomes.iter().filter(|outcome| outcome.kind == *kind).collect();
-        let mut times: Vec<f64> = of.iter().filter_map(|outcome| outcome.safe_ms).collect();
-        times.sort_by(f64::total_cmp);
+        let sorted = |value: fn(&Outcome) -> Option<f64>| {
+            let mut times: Vec<f64> = of.iter().filter_map(|outcome| value(outcome)).collect();
+            times.sort_by(f64::total_cmp);
+            times
+        };
+        let (stops, times) = (sorted(|outcome| outcome.stopped_ms), sorted(|outcome| outcome.safe_ms));
+        let slowest = of.iter().filter(|outcome| outcome.safe_ms.is_some()).max_by(|a, b| {
+            let time = |outcome: &Outcome| outcome.safe_ms.unwrap_or(0.0);
+            time(a).total_cmp(&time(b))
+        });
         let sum = |value: fn(&Outcome) -> usize| of.iter().map(|outcome| value(outcome)).sum::<usize>();
         rows.push(serde_json::json!({
             "fault": kind.name(),
@@ -23,6 +31,10 @@ pub fn tell(cli: &Cli, kinds: &[Kind], outcomes: &[Outcome]) -> Option<String> {
             "injected": of.len(),
             "as_expected": sum(|outcome| usize::from(outcome.as_expected)),
             "stopped": times.len(),
+            "stopped_ms_median": stops.get(stops.len() / 2),
+            "stopped_ms_max": stops.last(),
+            "slowest_in": slowest.map(|outcome| outcome.phase.name()),
+            "slowest_began_at_rad_s": slowest.map(|outcome| outcome.speed),
             "safe_ms_median": times.get(times.len() / 2),
             "safe_ms_max": times.last(),
             "outside_limits": of.iter().map(|outcome| outcome.outside).sum::<u64>(),
@@ -41,8 +53,16 @@ pub fn tell(cli: &Cli, kinds: &[Kind], outcomes: &[Outcome]) -> Option<String> {
         );
     } else {
         println!(
-            "{:34} {:>12} {:>8} {:>8} {:>18} {:>8} {:>12} {:>7}",
-            "fault", "expected", "injected", "so", "ms to safe (max)", "outside", "lost of held", "intact"
+            "{:34} {:>12} {:>8} {:>8} {:>18} {:>18} {:>8} {:>12} {:>7}",
+            "fault",
+            "expected",
+            "injected",
+            "so",
+            "ms to stop (max)",
+            "arm stands (max)",
+            "outside",
+            "lost of held",
+            "intact"
         );
         for row in &rows {
             let ms = |name: &str| row[name].as_f64().map_or("-".to_owned(), |ms| format!("{ms:.0}"));
@@ -50,11 +70,12 @@ pub fn tell(cli: &Cli, kinds: &[Kind], outcomes: &[Outcome]) -> Option<String> {
                 format!("{} of {}{}", row["lost"], row["held"], if row["takes_torque"] == true { "*" } else { "" });
             let number = |name: &str| row[name].to_string();
             println!(
-                "{:34} {:>12} {:>8} {:>8} {:>18} {:>8} {:>12} {:>7}",
+                "{:34} {:>12} {:>8} {:>8} {:>18} {:>18} {:>8} {:>12} {:>7}",
                 row["fault"].as_str().unwrap_or_default(),
                 row["expected"].as_str().unwrap_or_default(),
                 number("injected"),
                 number("as_expected"),
+                format!("{} ({})", ms("stopped_ms_median"), ms("stopped_ms_max")),
                 format!("{} ({})", ms("safe_ms_median"), ms("safe_ms_max")),
                 number("outside_limits"),
                 lost,
@@ -63,7 +84,7 @@ pub fn tell(cli: &Cli, kinds: &[Kind], outcomes: &[Outcome]) -> Option<String> {
         }
         println!("* the fault itself takes a servo's torque: what that digit held may fall, whatever the others hold");
         println!(
-            "{} faults in {} phases, {checked} goals of servos and joints held to their limits; times on the emulated clock, to the arm's standstill",
+            "{} faults in {} phases, {checked} goals of servos and joints held to their limits; times on the emulated clock: until nothing is commanded any more, and until the arm stands",
             outcomes.len(),
             PHASES.len()
         );

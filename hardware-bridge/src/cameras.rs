@@ -1,0 +1,104 @@
+//! The tactile cameras, however they are connected.
+
+use hand_model::CAMERAS;
+use hand_model::robot::TactileFrame;
+
+use crate::clock::Clock;
+use crate::config::BridgeConfig;
+use crate::tactile_link::TactileLink;
+use crate::tactile_link::counters::CameraCounters;
+use crate::tactile_link::link::LinkError;
+
+/// Why there are no cameras.
+#[derive(Debug, thiserror::Error)]
+pub enum CamerasError {
+    /// The board.
+    #[error(transparent)]
+    Board(#[from] LinkError),
+    /// UVC devices.
+    #[cfg(feature = "uvc")]
+    #[error(transparent)]
+    Uvc(#[from] crate::uvc::device::UvcError),
+    /// A program that knows no UVC devices.
+    #[error("uvc: found {0} devices, expected none: this program was built without the feature `uvc`")]
+    NoUvc(usize),
+}
+
+/// Open cameras.
+pub enum Cameras {
+    /// Behind the camera board.
+    Board(TactileLink),
+    /// UVC devices.
+    #[cfg(feature = "uvc")]
+    Uvc(crate::uvc::UvcCameras),
+}
+
+impl Cameras {
+    /// Those of a configuration, if it has any.
+    ///
+    /// # Errors
+    /// [`CamerasError`].
+    pub fn open(config: &BridgeConfig, clock: &Clock) -> Result<Option<Self>, CamerasError> {
+        if let Some(board) = &config.cameras {
+            return Ok(Some(Self::Board(TactileLink::open(&board.port, clock.clone())?)));
+        }
+        if config.uvc.is_empty() {
+            return Ok(None);
+        }
+        #[cfg(feature = "uvc")]
+        return Ok(Some(Self::Uvc(crate::uvc::UvcCameras::open(&config.uvc, clock)?)));
+        #[cfg(not(feature = "uvc"))]
+        Err(CamerasError::NoUvc(config.uvc.len()))
+    }
+
+    /// The board's link, where it is one.
+    pub fn board(&self) -> Option<&TactileLink> {
+        match self {
+            Self::Board(link) => Some(link),
+            #[cfg(feature = "uvc")]
+            Self::Uvc(_) => None,
+        }
+    }
+
+    /// Asks for one image of every camera.
+    ///
+    /// # Errors
+    /// The board's port.
+    pub fn request_capture(&self) -> Result<(), LinkError> {
+        match self {
+            Self::Board(link) => link.request_capture(),
+            #[cfg(feature = "uvc")]
+            Self::Uvc(cameras) => {
+                cameras.request_capture();
+                Ok(())
+            }
+        }
+    }
+
+    /// The images finished since the last call.
+    pub fn take(&self) -> Vec<TactileFrame> {
+        match self {
+            Self::Board(link) => link.take(),
+            #[cfg(feature = "uvc")]
+            Self::Uvc(cameras) => cameras.take(),
+        }
+    }
+
+    /// The books of every camera.
+    pub fn cameras(&self) -> [CameraCounters; CAMERAS] {
+        match self {
+            Self::Board(link) => link.cameras(),
+            #[cfg(feature = "uvc")]
+            Self::Uvc(cameras) => cameras.cameras(),
+        }
+    }
+
+    /// Why they stopped working, if they did.
+    pub fn lost(&self) -> Option<String> {
+        match self {
+            Self::Board(link) => link.lost_port(),
+            #[cfg(feature = "uvc")]
+            Self::Uvc(cameras) => cameras.lost(),
+        }
+    }
+}

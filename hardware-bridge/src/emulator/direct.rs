@@ -1,0 +1,181 @@
+//! The emulated devices without wires: the same servos, camera board, supervisor and arm arithmetic as in [`super::lockstep`], called as functions.
+//!
+//! A goal still passes the supervisor's limits and the servo's registers, a set-point single-precision degrees, an image the board's noise and its
+//! JPEG. What is missing are pseudo-terminals, sockets, packets, threads, deadlines and the device side of sessions. So a trial on this robot and one on
+//! the lock-step robot must be the same to the last bit, and any difference is the doing of a wire.
+
+use hand_model::robot::{Command, Observation, Robot, TactileFrame, Tick};
+use hand_model::{ACTUATORS, Arm};
+use std::sync::Arc;
+
+use super::camera_board::CameraBoard;
+use super::direct_arm::DirectArm;
+use super::lockstep::{LockstepSettings, calibrated};
+use super::servo::EmulatedServo;
+use crate::hand_bus::reading;
+use crate::hardware_robot::sent_as;
+use crate::safety::checks::{ArmReading, Measured};
+use crate::safety::limits::SafeGoal;
+use crate::safety::state::State;
+use crate::safety::supervisor::{Asked, CheckFailed, SafeCommand, Step, Supervisor};
+use crate::tactile_link::deframer::Deframer;
+use crate::tactile_link::image_data;
+use crate::tactile_link::message::Message;
+use crate::xc330::{self, PRESENT_BLOCK_LONG, Register};
+
+/// The robot.
+pub struct DirectRobot {
+    plant: Box<dyn Robot + Send>,
+    servos: Vec<EmulatedServo>,
+    /// Whole turns to take off each servo's reading, rad.
+    forget: [Option<f64>; ACTUATORS],
+    board: CameraBoard,
+    images: Vec<TactileFrame>,
+    arm: DirectArm,
+    supervisor: Supervisor,
+    sent: SafeCommand,
+    measured: Measured,
+    capture: bool,
+    time: f64,
+    sequence: u64,
+}
+
+impl DirectRobot {
+    /// Switches devices on around `plant`, checks and arms.
+    ///
+    /// # Errors
+    /// What the checks found.
+    pub fn start(
+        mut plant: Box<dyn Robot + Send>,
+        settings: LockstepSettings,
+        arm_model: &Arm,
+    ) -> Result<Self, CheckFailed> {
+        let devices = settings.devices;
+        let observation = plant.observe();
+        let calibration = calibrated(&devices.servos, &settings.travel);
+        let mut supervisor = Supervisor::new(settings.limits.limits(&settings.travel, arm_model));
+        supervisor.connect()?;
+        let mut robot = Self {
+            plant,
+            servos: devices.servos,
+            forget: [None; ACTUATORS],
+            board: CameraBoard::new(devices.board, devices.faults.chances.jpeg, devices.seed),
+            images: Vec::new(),
+            arm: DirectArm::new(observation.arm),
+            supervisor,
+            sent: SafeCommand { servos: [SafeGoal::default(); ACTUATORS], arm: observation.arm.position },
+            measured: Measured { servos: [None; ACTUATORS], arm: None, cameras: true },
+            capture: false,
+            time: 0.0,
+            sequence: 0,
+        };
+        for (n, servo) in robot.servos.iter_mut().enumerate() {
+            servo.advance(0.0, 0.0, observation.servos[n]);
+            servo.set_homing_offset(calibration.servos[n].homing_offset);
+        }
+        robot.measure(&observation);
+        robot.supervisor.check(&robot.measured, 0.0)?;
+        robot.sent = robot.supervisor.arm(&robot.measured, 0.0)?;
+        robot.write(&xc330::TORQUE_ENABLE, |_| 1.0);
+        robot.write_goals();
+        let watchdog = robot.supervisor.limits().watchdogs.servo_bus;
+        robot.write(&xc330::BUS_WATCHDOG, |_| watchdog);
+        Ok(robot)
+    }
+
+    /// The supervisor's state.
+    pub fn state(&self) -> State {
+        self.supervisor.state()
+    }
+
+    /// Writes a register of every servo. What a servo refuses is lost, as in a sync write.
+    fn write(&mut self, register: &Register, value: impl Fn(usize) -> f64) {
+        for (n, servo) in self.servos.iter_mut().enumerate() {
+            servo.feed_watchdog(self.time);
+            // The supervisor's limits lie within what a register can hold.
+            if let Ok(bytes) = register.write(value(n)) {
+                let _ = servo.write(register.address, &bytes);
+            }
+        }
+    }
+
+    /// Current before place, as [`crate::hand_bus::HandBus::send`].
+    fn write_goals(&mut self) {
+        let (goals, forget) = (self.sent.servos, self.forget);
+        self.write(&xc330::GOAL_CURRENT, |n| goals[n].current);
+        self.write(&xc330::GOAL_POSITION, |n| goals[n].angle + forget[n].unwrap_or(0.0));
+    }
+
+    /// What the bridge measures when the plant is as in `seen`.
+    fn measure(&mut self, seen: &Observation) {
+        let (start, length) = (PRESENT_BLOCK_LONG.start, PRESENT_BLOCK_LONG.end - PRESENT_BLOCK_LONG.start);
+        for (n, servo) in self.servos.iter_mut().enumerate() {
+            servo.feed_watchdog(self.time);
+            let block = servo.read(start, length).unwrap_or_default();
+            self.measured.servos[n] = reading(&block, servo.alert(), &mut self.forget[n], self.time);
+        }
+        let state = self.arm.look(seen.arm);
+        self.measured.arm = Some(ArmReading { at: self.time, state, fault: self.arm.fault });
+    }
+
+    /// Images as they come out of the board's coding.
+    fn code(&mut self, frames: &[TactileFrame]) {
+        let wire = self.board.send_images(frames, self.time);
+        for message in Deframer::default().push(&wire).into_iter().flatten() {
+            if let Message::Image(image) = message
+                && let Ok(pixels) = image_data::decode(&image)
+            {
+                let (camera, sequence) = (usize::from(image.camera), u64::from(image.sequence));
+                self.images.push(TactileFrame { camera, time: self.time, sequence, image: Arc::new(pixels) });
+            }
+        }
+    }
+}
+
+impl Robot for DirectRobot {
+    fn observe(&mut self) -> Observation {
+        Observation {
+            time: self.time,
+            sequence: self.sequence,
+            servos: self.measured.servos.map(|servo| servo.map(|servo| servo.state).unwrap_or_default()),
+            arm: self.measured.arm.map(|arm| arm.state).unwrap_or_default(),
+            tactile: std::mem::take(&mut self.images),
+        }
+    }
+
+    fn send(&mut self, command: &Command) -> Command {
+        self.capture = command.capture;
+        if let Step::Send(safe) =
+            self.supervisor.step(self.time, Some(Asked { command, at: self.time }), &self.measured)
+        {
+            self.sent = safe;
+            self.arm.target = Some(safe.arm);
+            self.write_goals();
+        }
+        sent_as(command, &self.sent, self.supervisor.state())
+    }
+
+    fn wait_for_tick(&mut self) -> Tick {
+        let tick = self.plant.tick_length();
+        self.arm.pass(tick);
+        self.time += tick;
+        let servos = std::array::from_fn(|n| self.servos[n].drive());
+        let capture = std::mem::take(&mut self.capture);
+        self.plant.send(&Command { arm: self.arm.goal, servos, capture });
+        self.plant.wait_for_tick();
+        let seen = self.plant.observe();
+        for (servo, shaft) in self.servos.iter_mut().zip(&seen.servos) {
+            servo.advance(self.time, tick, *shaft);
+        }
+        if !seen.tactile.is_empty() {
+            self.code(&seen.tactile);
+        }
+        self.measure(&seen);
+        self.sequence += 1;
+        Tick { time: self.time, lateness: 0.0 }
+    }
+
+    fn tick_length(&self) -> f64 {
+        self.plant.tick_length()
+    }
+}

@@ -1,0 +1,119 @@
+//! The arm of [`super::direct`]: what client and emulated Gen3 make of set-points and measurements, in arithmetic alone.
+
+use hand_model::ARM_JOINTS;
+use hand_model::arm::Arm as ArmModel;
+use hand_model::robot::ArmState;
+
+use super::lockstep_arm::{step_towards, whole_milliseconds};
+use crate::kortex::CommandError;
+use crate::kortex::degrees::{Turns, nearest_turn, to_degrees, to_radians, to_wire_angle};
+use crate::kortex::emulator::Settings;
+use crate::kortex::servoing::Limits;
+
+/// An arm that is commanded a thousand times a second, and its client.
+pub(super) struct DirectArm {
+    limits: Limits,
+    following_error: f64,
+    turns: Turns,
+    /// Part of a millisecond that is still to pass, s.
+    rest: f64,
+    /// The newest command, rad, before it went through single-precision degrees.
+    command: [f64; ARM_JOINTS],
+    /// The plant's arm, and what the client has measured of it.
+    real: ArmState,
+    seen: ArmState,
+    /// Where the controller wants the joints of the plant, rad.
+    pub goal: [f64; ARM_JOINTS],
+    /// Where the supervisor wants them, rad.
+    pub target: Option<[f64; ARM_JOINTS]>,
+    /// Whether it has stopped for good.
+    pub fault: bool,
+}
+
+impl DirectArm {
+    /// An arm in state `real`, engaged.
+    pub fn new(real: ArmState) -> Self {
+        let mut arm = Self {
+            limits: Limits::gen3(&ArmModel::gen3()),
+            following_error: Settings::default().following_error,
+            turns: Turns::near(real.position),
+            rest: 0.0,
+            command: real.position,
+            real,
+            seen: real,
+            goal: real.position,
+            target: None,
+            fault: false,
+        };
+        // The first command is what was measured.
+        arm.command = arm.look(real).position;
+        arm
+    }
+
+    /// The plant's arm is now `real`; what the client sees of that.
+    pub fn look(&mut self, real: ArmState) -> ArmState {
+        self.real = real;
+        self.seen = ArmState {
+            position: self.turns.read(real.position.map(to_wire_angle)),
+            velocity: real.velocity.map(|speed| to_radians(to_degrees(speed))),
+            torque: real.torque.map(|torque| f64::from(torque as f32)),
+        };
+        self.seen
+    }
+
+    /// The milliseconds of a tick of `seconds`: equal steps towards the target, each checked, rounded and followed.
+    pub fn pass(&mut self, seconds: f64) {
+        let milliseconds = whole_milliseconds(&mut self.rest, seconds);
+        for n in 0..milliseconds {
+            if self.fault {
+                return;
+            }
+            let target = self.target.unwrap_or(self.command);
+            let next = step_towards(&target, &self.command, milliseconds - n, &self.limits.step);
+            match self.limits.check(&next, &self.command, &self.seen.position) {
+                Ok(()) => self.command = next,
+                // The client waits for an arm that is too far behind.
+                Err(CommandError::Lead { .. }) => {}
+                Err(_) => self.fault = true,
+            }
+            let position = self.real.position;
+            self.goal = std::array::from_fn(|i| nearest_turn(to_radians(to_wire_angle(self.command[i])), position[i]));
+            self.fault |= (0..ARM_JOINTS).any(|i| (self.goal[i] - position[i]).abs() > self.following_error);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn arm() -> DirectArm {
+        DirectArm::new(ArmState { position: [0.3; ARM_JOINTS], ..ArmState::default() })
+    }
+
+    /// Ticks of 1/120 s are 8 or 9 ms, 25 of them in three ticks; the goal is the target to a float's resolution.
+    #[test]
+    fn a_target_is_reached_in_its_tick() {
+        let mut arm = arm();
+        arm.target = Some([0.301; ARM_JOINTS]);
+        arm.pass(1.0 / 120.0);
+        assert!((arm.goal[0] - 0.301).abs() < 3e-7 && arm.goal[0] != 0.301, "{}", arm.goal[0]);
+        assert!(!arm.fault);
+    }
+
+    /// An arm that does not follow is waited for at 3 degrees; one that is thrown further than 5 degrees is at fault.
+    #[test]
+    fn an_arm_that_lags() {
+        let mut arm = arm();
+        arm.target = Some([0.5; ARM_JOINTS]);
+        for _ in 0..100 {
+            arm.pass(1.0 / 120.0);
+        }
+        let lead = arm.goal[2] - 0.3;
+        assert!(lead > 2.9_f64.to_radians() && lead <= 3_f64.to_radians() + 1e-6, "{lead}");
+        assert!(!arm.fault);
+        arm.look(ArmState { position: [0.2; ARM_JOINTS], ..ArmState::default() });
+        arm.pass(1.0 / 120.0);
+        assert!(arm.fault);
+    }
+}

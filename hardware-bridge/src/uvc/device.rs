@@ -1,0 +1,305 @@
+//! Open UVC devices: one thread each takes its pictures, and cuts and keeps those that were asked for.
+
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex};
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
+
+use hand_model::CAMERAS;
+use hand_model::robot::TactileFrame;
+use linuxvideo::format::{PixFormat, PixelFormat};
+use linuxvideo::stream::ReadStream;
+use linuxvideo::{CapabilityFlags, Device, Fract};
+
+use super::picture::Picture;
+use crate::clock::Clock;
+use crate::config::{UvcConfig, UvcFormat};
+use crate::lock;
+use crate::tactile_link::counters::CameraCounters;
+use crate::tactile_link::frame::digest;
+
+/// Where the system keeps names of cameras that survive replugging.
+const BY_ID: &str = "/dev/v4l/by-id";
+/// Between two looks for a picture.
+const LOOK: Duration = Duration::from_millis(1);
+/// A device that sends nothing for so long is taken to be gone.
+const SILENCE: Duration = Duration::from_secs(2);
+/// Pictures a second that are asked for.
+const RATE: u32 = 30;
+
+/// Why there are no cameras.
+#[derive(Debug, thiserror::Error)]
+pub enum UvcError {
+    /// No device, or several, of this name.
+    #[error(
+        "uvc device `{wanted}`: found {found}, expected one: a path, a part of a name below {BY_ID} (it has the serial number), or the card's name"
+    )]
+    Which {
+        /// What the configuration says.
+        wanted: String,
+        /// What there is.
+        found: String,
+    },
+    /// The kernel's reason.
+    #[error("{device}: {source}")]
+    Device {
+        /// Which.
+        device: String,
+        /// Why.
+        source: std::io::Error,
+    },
+    /// The device offers something else.
+    #[error("{device}: found {found}, expected {expected}")]
+    Format {
+        /// Which.
+        device: String,
+        /// Size and pixel format it offers.
+        found: String,
+        /// What the configuration says.
+        expected: String,
+    },
+}
+
+#[derive(Default)]
+struct Books {
+    cameras: [CameraCounters; CAMERAS],
+    ready: Vec<TactileFrame>,
+    lost: Option<String>,
+}
+
+/// Open cameras.
+pub struct UvcCameras {
+    books: Arc<Mutex<Books>>,
+    /// For each device, whether a picture of it is wanted.
+    wanted: Vec<Arc<AtomicBool>>,
+    stop: Arc<AtomicBool>,
+    threads: Vec<JoinHandle<()>>,
+}
+
+impl UvcCameras {
+    /// Opens every device and starts its pictures. Times are those of `clock`.
+    ///
+    /// # Errors
+    /// [`UvcError`] names the first device that is not as configured.
+    pub fn open(devices: &[UvcConfig], clock: &Clock) -> Result<Self, UvcError> {
+        let books = Arc::new(Mutex::new(Books::default()));
+        let stop = Arc::new(AtomicBool::new(false));
+        let mut cameras = Self { books, wanted: Vec::new(), stop, threads: Vec::new() };
+        for config in devices {
+            let name = config.device.clone();
+            let failed = |source| UvcError::Device { device: name.clone(), source };
+            let (stream, interval) = start(config)?;
+            let wanted = Arc::new(AtomicBool::new(false));
+            let watcher = Watcher {
+                stream,
+                interval,
+                config: config.clone(),
+                books: cameras.books.clone(),
+                wanted: wanted.clone(),
+                stop: cameras.stop.clone(),
+                clock: clock.clone(),
+            };
+            let thread = std::thread::Builder::new().name("uvc camera".into()).spawn(move || watcher.run());
+            cameras.threads.push(thread.map_err(failed)?);
+            cameras.wanted.push(wanted);
+        }
+        Ok(cameras)
+    }
+
+    /// Asks for one image of every camera: of the next picture of each device.
+    pub fn request_capture(&self) {
+        self.wanted.iter().for_each(|wanted| wanted.store(true, Ordering::Release));
+    }
+
+    /// The images finished since the last call.
+    pub fn take(&self) -> Vec<TactileFrame> {
+        std::mem::take(&mut lock(&self.books).ready)
+    }
+
+    /// The books of every camera. Lost ones are reckoned from the time between two pictures.
+    pub fn cameras(&self) -> [CameraCounters; CAMERAS] {
+        lock(&self.books).cameras
+    }
+
+    /// Which device stopped working and why, if one did.
+    pub fn lost(&self) -> Option<String> {
+        lock(&self.books).lost.clone()
+    }
+}
+
+impl Drop for UvcCameras {
+    fn drop(&mut self) {
+        self.stop.store(true, Ordering::Relaxed);
+        for thread in self.threads.drain(..) {
+            // A thread that panicked has said so itself.
+            let _ = thread.join();
+        }
+    }
+}
+
+/// The device of this name, streaming, and the time between its pictures, s.
+fn start(config: &UvcConfig) -> Result<(ReadStream, f64), UvcError> {
+    let name = config.device.clone();
+    let failed = |source| UvcError::Device { device: name.clone(), source };
+    let device = Device::open(find(&name)?).map_err(failed)?;
+    let pixels = match config.format {
+        UvcFormat::Mjpeg => PixelFormat::MJPG,
+        UvcFormat::Yuyv => PixelFormat::YUYV,
+    };
+    let [width, height] = config.size;
+    let capture = device.video_capture(PixFormat::new(width, height, pixels)).map_err(failed)?;
+    let shown = |width, height, pixels: PixelFormat| format!("{width} x {height} {pixels:?}");
+    let (offered, asked) = (capture.format(), shown(width, height, pixels));
+    let found = shown(offered.width(), offered.height(), offered.pixel_format());
+    if found != asked {
+        return Err(UvcError::Format { device: config.device.clone(), found, expected: asked });
+    }
+    // Some drivers have one rate only and refuse to be asked.
+    let interval = capture.set_frame_interval(Fract::new(1, RATE)).unwrap_or(Fract::new(1, RATE));
+    let seconds = f64::from(interval.numerator()) / f64::from(interval.denominator().max(1));
+    Ok((capture.into_stream().map_err(failed)?, seconds.max(1e-3)))
+}
+
+/// The device file that `wanted` names.
+fn find(wanted: &str) -> Result<PathBuf, UvcError> {
+    if wanted.starts_with('/') {
+        return Ok(PathBuf::from(wanted));
+    }
+    let which = |found: String| UvcError::Which { wanted: wanted.to_owned(), found };
+    let named = match std::fs::read_dir(BY_ID) {
+        Ok(entries) => entries
+            .flatten()
+            .map(|entry| entry.path())
+            // A camera has further indices for what are no pictures.
+            .filter(|path| name_of(path).contains(wanted) && name_of(path).ends_with("index0"))
+            .collect(),
+        Err(_) => Vec::new(),
+    };
+    let found = if named.is_empty() { of_card(wanted) } else { named };
+    match &found[..] {
+        [one] => Ok(one.clone()),
+        [] => Err(which("none".to_owned())),
+        several => Err(which(several.iter().map(|path| path.display().to_string()).collect::<Vec<_>>().join(", "))),
+    }
+}
+
+fn name_of(path: &Path) -> String {
+    path.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default()
+}
+
+/// Devices whose card has this name. One that cannot be asked is not it.
+fn of_card(wanted: &str) -> Vec<PathBuf> {
+    let Ok(devices) = linuxvideo::list() else { return Vec::new() };
+    let is_it = |device: &Device| {
+        device.capabilities().is_ok_and(|found| {
+            found.card() == wanted && found.device_capabilities().contains(CapabilityFlags::VIDEO_CAPTURE)
+        })
+    };
+    devices.flatten().filter(is_it).filter_map(|device| device.path().ok()).collect()
+}
+
+/// A device's thread.
+struct Watcher {
+    stream: ReadStream,
+    interval: f64,
+    config: UvcConfig,
+    books: Arc<Mutex<Books>>,
+    wanted: Arc<AtomicBool>,
+    stop: Arc<AtomicBool>,
+    clock: Clock,
+}
+
+impl Watcher {
+    fn run(mut self) {
+        if let Err(error) = self.watch() {
+            lock(&self.books).lost = Some(format!("{}: {error}", self.config.device));
+        }
+    }
+
+    fn watch(&mut self) -> std::io::Result<()> {
+        let (mut last, mut sequence) = (Instant::now(), 0_u32);
+        while !self.stop.load(Ordering::Relaxed) {
+            if self.stream.will_block()? {
+                if last.elapsed() > SILENCE {
+                    return Err(std::io::ErrorKind::TimedOut.into());
+                }
+                std::thread::sleep(LOOK);
+                continue;
+            }
+            // A picture that was already there when one was asked for is an old one: the request is looked at after the picture is taken out.
+            let asked = self.wanted.load(Ordering::Acquire);
+            let (data, damaged) = self.stream.dequeue(|view| Ok((view.to_vec(), view.is_error())))?;
+            let now = self.clock.now();
+            let passed = (std::mem::replace(&mut last, Instant::now()).elapsed().as_secs_f64() / self.interval).round();
+            sequence = sequence.wrapping_add((passed as u32).max(1));
+            self.note(&data, damaged, sequence);
+            if asked && !damaged && self.deliver(&data, sequence, now) {
+                self.wanted.store(false, Ordering::Release);
+            }
+        }
+        Ok(())
+    }
+
+    fn note(&self, data: &[u8], damaged: bool, sequence: u32) {
+        let (mut books, digest) = (lock(&self.books), digest(data));
+        for square in &self.config.squares {
+            let camera = &mut books.cameras[square.camera];
+            camera.note_arrival(sequence, digest);
+            camera.faults += u64::from(damaged);
+        }
+    }
+
+    /// Cuts the picture; whether all its squares became images.
+    fn deliver(&self, data: &[u8], sequence: u32, now: f64) -> bool {
+        let size = (self.config.size[0], self.config.size[1]);
+        let picture = match self.config.format {
+            UvcFormat::Mjpeg => Picture::from_mjpeg(data, size),
+            UvcFormat::Yuyv => Picture::from_yuyv(data, size),
+        };
+        let mut books = lock(&self.books);
+        let mut whole = true;
+        for square in &self.config.squares {
+            match picture.as_ref().map(|picture| picture.square((square.x, square.y))) {
+                Ok(Ok(image)) => {
+                    books.cameras[square.camera].note_good(now);
+                    let (camera, sequence) = (square.camera, u64::from(sequence));
+                    books.ready.push(TactileFrame { camera, time: now, sequence, image: Arc::new(image) });
+                }
+                _ => {
+                    books.cameras[square.camera].undecodable += 1;
+                    whole = false;
+                }
+            }
+        }
+        whole
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::config::UvcSquare;
+
+    /// A machine without such a device says so, and which one it looked for.
+    #[test]
+    fn no_such_device() {
+        let squares = vec![UvcSquare { camera: 0, x: 0, y: 0 }];
+        let open = |device: &str| {
+            let config = UvcConfig {
+                device: device.into(),
+                size: [640, 480],
+                format: UvcFormat::Mjpeg,
+                squares: squares.clone(),
+            };
+            UvcCameras::open(&[config], &Clock::wall()).err().map(|error| error.to_string()).expect("no such device")
+        };
+        assert!(open("/dev/no-such-video").contains("/dev/no-such-video"));
+        let message = open("no such serial");
+        assert!(message.contains("no such serial") && message.contains("found none, expected one"), "{message}");
+        // A file that is no camera.
+        let file = tempfile::NamedTempFile::new().expect("a file");
+        let path = file.path().to_str().expect("UTF-8");
+        assert!(open(path).contains(path));
+    }
+}

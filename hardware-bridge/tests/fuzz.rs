@@ -1,0 +1,239 @@
+//! More than a million damaged streams, drawn with a seed, for every decoder that listens to a wire: none may panic, pass a damaged packet for a good
+//! one, or lose more than what the damage hit.
+//!
+//! A checksum of 16 bits cannot keep that promise against any damage: it lets one alien in 65,536 pass. So aliens of the servo bus are counted
+//! against that rate, and none is allowed where the mathematics forbids it (bursts of up to 16 bits that leave the length alone). The session reader is
+//! fuzzed in `session_log/damage.rs`.
+
+use hardware_bridge::kortex::frame::Frame;
+use hardware_bridge::kortex::tcp_framing;
+use hardware_bridge::protocol2::{Decoder, Instruction, Packet, Status};
+use hardware_bridge::tactile_link::deframer::Deframer;
+use hardware_bridge::tactile_link::frame;
+use hardware_bridge::tactile_link::image_data;
+use hardware_bridge::tactile_link::message::{CameraFault, Encoding, Image, Message};
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+
+const STREAMS: usize = 400_000;
+
+/// What happens to a packet's bytes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Damage {
+    /// Up to 16 bits in a row, of which the first and the last are changed.
+    Burst,
+    Overwritten,
+    Inserted,
+    Deleted,
+    Cut,
+}
+
+const DAMAGES: [Damage; 5] = [Damage::Burst, Damage::Overwritten, Damage::Inserted, Damage::Deleted, Damage::Cut];
+
+fn some_bytes(rng: &mut ChaCha8Rng, longest: usize) -> Vec<u8> {
+    // Bytes that mean something to a framing come often.
+    let byte = |rng: &mut ChaCha8Rng| match rng.random_range(0..4) {
+        0 => [0x00, 0xFF, 0xFD, 0x55][rng.random_range(0..4)],
+        _ => rng.random(),
+    };
+    (0..rng.random_range(0..=longest)).map(|_| byte(rng)).collect()
+}
+
+/// Damages `wire` from byte `first` on.
+fn damage(rng: &mut ChaCha8Rng, wire: &mut Vec<u8>, first: usize, kind: Damage) {
+    let place = rng.random_range(first..wire.len());
+    match kind {
+        Damage::Burst => {
+            let bits = 8 * (wire.len() - first);
+            let length = rng.random_range(1..=16).min(bits);
+            let start = 8 * first + rng.random_range(0..=bits - length);
+            for n in 0..length {
+                if n == 0 || n == length - 1 || rng.random_bool(0.5) {
+                    // Bit by bit as on the line of the servos: high bits of a byte belong to the CRC's earlier powers.
+                    wire[(start + n) / 8] ^= 0x80 >> ((start + n) % 8);
+                }
+            }
+        }
+        Damage::Overwritten => {
+            for byte in wire[place..].iter_mut().take(rng.random_range(1..8)) {
+                *byte = rng.random();
+            }
+        }
+        Damage::Inserted => {
+            let bytes = some_bytes(rng, 12);
+            wire.splice(place..place, bytes);
+        }
+        Damage::Deleted => drop(wire.drain(place..(place + rng.random_range(1..6)).min(wire.len()))),
+        Damage::Cut => wire.truncate(place),
+    }
+}
+
+fn servo_packet(rng: &mut ChaCha8Rng) -> Packet {
+    let instruction = [0x01, 0x02, 0x03, 0x55, 0x82, 0x83, 0x8A][rng.random_range(0..7)];
+    Packet { id: rng.random_range(0..=252), instruction, parameters: some_bytes(rng, 30) }
+}
+
+#[test]
+fn servo_bus() {
+    let mut rng = ChaCha8Rng::seed_from_u64(1);
+    let (mut aliens, mut costly, mut understood) = (0, 0, 0);
+    for n in 0..STREAMS {
+        let sent: Vec<Packet> = (0..rng.random_range(1..=3)).map(|_| servo_packet(&mut rng)).collect();
+        let hit = rng.random_range(0..sent.len());
+        let kind = DAMAGES[n % DAMAGES.len()];
+        // A burst spares header and length, so that the checksum is taken over the bytes that it belongs to.
+        let first = if kind == Damage::Burst { 7 } else { 0 };
+        let mut stream = Vec::new();
+        let mut spared = false;
+        for (place, packet) in sent.iter().enumerate() {
+            let mut wire = packet.encode().expect("fits");
+            if place == hit {
+                let whole = wire.clone();
+                damage(&mut rng, &mut wire, first, kind);
+                spared = wire.windows(whole.len()).any(|part| part == whole);
+            }
+            stream.extend(wire);
+        }
+        let mut decoder = Decoder::default();
+        let mut found = Vec::new();
+        let piece = rng.random_range(1..=40);
+        for piece in stream.chunks(piece) {
+            decoder.push(piece);
+            found.extend(decoder.drain());
+        }
+        found.extend(decoder.time_out());
+        let found: Vec<Packet> = found.into_iter().flatten().collect();
+        for packet in &found {
+            // What is made of a packet may be an error, never a panic.
+            understood += usize::from(Status::decode(packet).is_some());
+            understood += usize::from(Instruction::decode(packet).is_ok());
+        }
+        let expected = sent.iter().enumerate().filter(|(place, _)| *place != hit || spared).map(|(_, packet)| packet);
+        if !found.iter().eq(expected) {
+            let alien = found.iter().any(|packet| !sent.contains(packet));
+            assert!(alien || kind != Damage::Burst, "stream {n}, {kind:?}: {found:?} of {sent:?}");
+            assert!(!alien || kind != Damage::Burst, "stream {n}: a burst that a CRC-16 cannot miss got through");
+            (aliens, costly) = (aliens + usize::from(alien), costly + usize::from(!alien));
+        }
+    }
+    // Fewer than one damaged packet a stream is offered to the CRC; three times the mean rate leaves room for chance.
+    assert!(aliens * 65_536 <= 3 * STREAMS, "{aliens} aliens");
+    assert_eq!(costly, 0, "streams in which an unhurt packet was lost");
+    assert!(understood > STREAMS, "{understood}");
+}
+
+fn message(rng: &mut ChaCha8Rng) -> Message {
+    match rng.random_range(0..7) {
+        0 => Message::Hello,
+        1 => Message::Welcome { version: rng.random(), serial: rng.random(), cameras: rng.random() },
+        2 => Message::WhatTime { host_us: rng.random() },
+        3 => Message::Time { host_us: rng.random(), board_us: rng.random() },
+        4 => Message::Capture,
+        5 => Message::CameraFault { camera: rng.random(), fault: CameraFault::Timeout },
+        _ => Message::Image(Image {
+            camera: rng.random_range(0..18),
+            sequence: rng.random(),
+            captured_us: rng.random(),
+            width: 240,
+            height: 240,
+            encoding: if rng.random() { Encoding::Jpeg } else { Encoding::Rgb565 },
+            data: some_bytes(rng, 300),
+        }),
+    }
+}
+
+#[test]
+fn tactile_link() {
+    let mut rng = ChaCha8Rng::seed_from_u64(2);
+    let mut images = 0;
+    for n in 0..STREAMS {
+        let sent: Vec<Message> = (0..rng.random_range(1..=4)).map(|_| message(&mut rng)).collect();
+        let hit = rng.random_range(0..sent.len());
+        let kind = DAMAGES[n % DAMAGES.len()];
+        let mut stream = Vec::new();
+        for (place, message) in sent.iter().enumerate() {
+            let mut wire = frame::encode(message);
+            if place == hit {
+                damage(&mut rng, &mut wire, 0, kind);
+            }
+            stream.extend(wire);
+        }
+        let mut deframer = Deframer::default();
+        let piece = rng.random_range(1..=100);
+        let found: Vec<Message> = stream.chunks(piece).flat_map(|piece| deframer.push(piece)).flatten().collect();
+        for message in &found {
+            if let Message::Image(image) = message {
+                // Random bytes are no picture; that must be said, not panicked about.
+                images += usize::from(image_data::decode(image).is_err());
+            }
+        }
+        // Damage at a delimiter joins a frame with the next one: those two may be missing, in order is all the rest.
+        let mut rest = found.iter().peekable();
+        for (place, message) in sent.iter().enumerate() {
+            if rest.next_if_eq(&message).is_none() {
+                assert!(place == hit || place == hit + 1, "stream {n}, {kind:?}: message {place} of {sent:?} is lost");
+            }
+        }
+        assert_eq!(rest.next(), None, "stream {n}, {kind:?}: an alien among {sent:?}");
+    }
+    assert!(images > STREAMS / 10, "{images} images judged");
+}
+
+fn arm_frame(rng: &mut ChaCha8Rng) -> Frame {
+    use hardware_bridge::kortex::call;
+    use hardware_bridge::kortex::frame::{Header, Kind};
+    let kind = [Kind::Request, Kind::Response, Kind::Notification][rng.random_range(0..3)];
+    let call = [call::REFRESH, call::REFRESH_FEEDBACK, call::KEEP_ALIVE][rng.random_range(0..3)];
+    let (error, sub_error) = (rng.random_range(0..16), rng.random_range(0..4096));
+    let header =
+        Header { kind, device: rng.random(), error, sub_error, session: rng.random(), message: rng.random(), call };
+    Frame { header, payload: some_bytes(rng, 80) }
+}
+
+/// Kortex frames carry no checksum: UDP and TCP have theirs. What is held here is that no bytes panic, that whatever is taken for a frame comes back the
+/// same when sent again, and that frames before the damage in a stream come out.
+#[test]
+fn arm_protocol() {
+    let mut rng = ChaCha8Rng::seed_from_u64(3);
+    let (mut taken, mut refused) = (0, 0);
+    for n in 0..STREAMS {
+        let sent: Vec<Frame> = (0..rng.random_range(1..=3)).map(|_| arm_frame(&mut rng)).collect();
+        let hit = rng.random_range(0..sent.len());
+        let kind = DAMAGES[n % DAMAGES.len()];
+        let mut datagram = sent[hit].encode();
+        damage(&mut rng, &mut datagram, 0, kind);
+        for bytes in [datagram, some_bytes(&mut rng, 60)] {
+            match Frame::decode(&bytes) {
+                Ok(frame) => {
+                    taken += 1;
+                    assert_eq!(Frame::decode(&frame.encode()), Ok(frame), "stream {n}");
+                }
+                Err(_) => refused += 1,
+            }
+        }
+        let mut stream = Vec::new();
+        for (place, frame) in sent.iter().enumerate() {
+            let mut wire = tcp_framing::encode(frame);
+            if place == hit {
+                damage(&mut rng, &mut wire, 0, kind);
+            }
+            stream.extend(wire);
+        }
+        let mut deframer = tcp_framing::Deframer::default();
+        let mut found = Vec::new();
+        let piece = rng.random_range(1..=50);
+        'stream: for piece in stream.chunks(piece) {
+            deframer.push(piece);
+            loop {
+                match deframer.next_frame() {
+                    Ok(Some(frame)) => found.push(frame),
+                    Ok(None) => break,
+                    // The connection is given up.
+                    Err(_) => break 'stream,
+                }
+            }
+        }
+        assert!(found.starts_with(&sent[..hit]), "stream {n}, {kind:?}: {found:?} of {sent:?}");
+    }
+    assert!(taken > STREAMS / 20 && refused > STREAMS / 2, "{taken} taken, {refused} refused");
+}
