@@ -19,8 +19,9 @@ use clap::Args;
 /// Where the grasps come from.
 #[derive(Debug, Args)]
 pub struct GraspsArgs {
-    /// Verified grasps: a file of `grasps generate`, or a folder of such files (repeatable).
-    #[arg(long = "grasps", default_value = "recordings/synthesis")]
+    /// Verified grasps: a file of `grasps repertoire` or `generate`, or a folder of such files (repeatable); default: the
+    /// built-in repertoire.
+    #[arg(long = "grasps", value_name = "PATH")]
     pub paths: Vec<PathBuf>,
 }
 
