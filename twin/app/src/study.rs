@@ -2,10 +2,11 @@
 //!
 //! [`source`] reads the grasps and knows their objects; [`classify`] gives each its type, [`annotate`] writes the page on which
 //! people do; [`map`] puts contact maps on a sheet and [`landscape`] basins and barriers on a tree; [`report`] puts all of it beside
-//! the paper. The mathematics is in the crate `study`.
+//! the paper, row by row as [`comparison`] has it. The mathematics is in the crate `study`.
 
 pub mod annotate;
 pub mod classify;
+mod comparison;
 mod distribution;
 pub mod landscape;
 pub mod map;

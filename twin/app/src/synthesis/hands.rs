@@ -19,12 +19,12 @@ use serde::{Deserialize, Serialize};
 use serde_json::json;
 use sha2::{Digest as _, Sha256};
 
+use super::any;
 use super::any::describe::{self, Described};
 use super::evaluation::Rate;
 use super::search::{self, Start, Verified};
 use super::subject::Subject;
 use super::workshop::{Request, Workshop};
-use super::any;
 use crate::cli::Cli;
 use crate::commands::Outcome;
 use crate::report::write_whole;
@@ -122,14 +122,8 @@ pub fn run(cli: &Cli, args: &HandsArgs) -> Outcome {
         ensure!(set.get(name).is_some(), "--objects: found `{name}`, expected one of {}", set.names().join(", "));
         ensure!(!args.objects[..n].contains(name), "--objects: found `{name}` twice, expected each once");
     }
-    let request = Request {
-        chains: args.n,
-        enough: usize::MAX,
-        contacts,
-        closings: args.closings,
-        seed: cli.seed,
-        table: false,
-    };
+    let request =
+        Request { chains: args.n, enough: usize::MAX, contacts, closings: args.closings, seed: cli.seed, table: false };
     let mut makers = vec![(Maker::Ours, String::new())];
     for (urdf, pulls) in args.hand.iter().zip(&args.pulls) {
         let hand = Maker::Any(Box::new(describe::read(urdf, pulls)?));
@@ -140,8 +134,7 @@ pub fn run(cli: &Cli, args: &HandsArgs) -> Outcome {
     let folder = args.out.join("hands");
     std::fs::create_dir_all(&folder).with_context(|| format!("--out {}", folder.display()))?;
     let quiet = cli.quiet || cli.json;
-    let bar =
-        if quiet { ProgressBar::hidden() } else { ProgressBar::new((makers.len() * args.objects.len()) as u64) };
+    let bar = if quiet { ProgressBar::hidden() } else { ProgressBar::new((makers.len() * args.objects.len()) as u64) };
     bar.set_style(ProgressStyle::with_template("{bar:30} {pos}/{len} {msg} [{elapsed} < {eta}]")?);
     let mut cells = Vec::new();
     for (maker, files) in &makers {
