@@ -251,9 +251,11 @@ fn the_study_on_one_page() {
     let out = text(folder.path());
     answer(GRASPS, &["grasps", "classify", "--out", out]);
     let found = answer(GRASPS, &["report", "--study", out]);
-    assert_eq!(found["missing"], json!(["grasps map", "grasps landscape"]));
+    assert_eq!(found["missing"], json!(["grasps map", "grasps landscape", "grasps hands"]));
     let rows = found["rows"].as_array().expect("rows");
-    assert!(rows.iter().all(|row| ["what", "paper", "ours", "why"].iter().all(|key| row[key].is_string())));
+    assert!(
+        rows.iter().all(|row| ["what", "paper", "ours", "difference", "why"].iter().all(|key| row[key].is_string()))
+    );
     let page = fs::read_to_string(folder.path().join("study.html")).expect("a page");
     for word in ["10000 taxels/cm2", "of 19", "Sundaram", "<svg"] {
         assert!(page.contains(word), "{word}");

@@ -21,8 +21,11 @@ const STEEL: [f64; 3] = [176.0, 182.0, 192.0];
 const CONTACT: [f64; 3] = [200.0, 30.0, 60.0];
 /// Radius of a contact point, m.
 const DOT: f64 = 2.5e-3;
-/// Room around what is drawn; more above, for the caption.
-const MARGIN: f64 = 1.25;
+/// Width of a picture, as a multiple of what is drawn, and how far of it that moves down to leave room for the caption.
+const MARGIN: f64 = 1.35;
+const CAPTION: f64 = 0.07;
+/// Two corners around our hand: x and y in the palm frame, m.
+const OUR_SPAN: [[f64; 2]; 2] = [[-0.06, -0.10], [0.07, 0.10]];
 
 /// Draws the sheet; `cells` are in the order of `hands`.
 pub fn write(hands: &[&Maker], cells: &[Cell], path: &Path) -> Result<()> {
@@ -50,7 +53,7 @@ fn picture(hand: &Maker, ours: &Hand, model: &ObjectModel, cell: &Cell) -> RgbIm
             stand.triangles().into_iter().map(|triangle| triangle.map(|point| hand.palm_from_root * point)).collect()
         }
     };
-    let mut picture = Picture::new(SIZE, view(&skin, best));
+    let mut picture = Picture::new(SIZE, view(&skin, model, best));
     match hand {
         Maker::Ours => picture.hand(ours, &best.joints),
         Maker::Any(_) => {
@@ -67,17 +70,21 @@ fn picture(hand: &Maker, ours: &Hand, model: &ObjectModel, cell: &Cell) -> RgbIm
     picture.finish(&format!("{caption}, {:.1} N", best.margin))
 }
 
-/// Onto the palm, around hand and object.
-fn view(skin: &[[Point3<f64>; 3]], best: &Shown) -> View {
-    if skin.is_empty() {
-        let center = pose_from_array(&best.palm_from_object).translation.vector * 0.5 + Vector3::y() * 0.02;
-        return View::palm().at(Point3::from(center), 0.26);
-    }
-    let object = Point3::from(pose_from_array(&best.palm_from_object).translation.vector);
-    let points = skin.iter().flatten().chain(std::iter::once(&object));
-    let (low, high) = points.fold((Vector3::repeat(f64::INFINITY), Vector3::repeat(f64::NEG_INFINITY)), |(l, h), p| {
-        (l.inf(&p.coords), h.sup(&p.coords))
-    });
-    let size = high - low;
-    View::palm().at(Point3::from(0.5 * (low + high)), MARGIN * size.x.max(size.y))
+/// Onto the palm, around hand and object; of our hand around the palm's middle and the object.
+fn view(skin: &[[Point3<f64>; 3]], model: &ObjectModel, best: &Shown) -> View {
+    let palm_from_object = pose_from_array(&best.palm_from_object);
+    let (a, b) = model.shape.aabb();
+    let corner = |n: usize, axis: usize| if n >> axis & 1 == 1 { b[axis] } else { a[axis] };
+    let corners = (0..8).map(|n| palm_from_object * Point3::new(corner(n, 0), corner(n, 1), corner(n, 2)));
+    let ours = OUR_SPAN.map(|[x, y]| Point3::new(x, y, 0.0));
+    let hand: Vec<Point3<f64>> = if skin.is_empty() { ours.to_vec() } else { skin.iter().flatten().copied().collect() };
+    let (low, high) = hand
+        .into_iter()
+        .chain(corners)
+        .fold((Vector3::repeat(f64::INFINITY), Vector3::repeat(f64::NEG_INFINITY)), |(low, high), point| {
+            (low.inf(&point.coords), high.sup(&point.coords))
+        });
+    let (size, middle) = (high - low, 0.5 * (low + high));
+    let width = MARGIN * size.x.max(size.y);
+    View::palm().at(Point3::from(middle + Vector3::y() * CAPTION * width), width)
 }
