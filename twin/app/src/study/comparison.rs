@@ -187,10 +187,11 @@ fn sensing(sensors: &Array, coverage: &str, response: f64, lines: &mut Vec<Line>
         what: "palmar coverage",
         theirs: "70 %",
         ours: coverage.into(),
+        // The figure is the first word: `77.6 % of 153 cm2`.
         difference: coverage
-            .trim_end_matches('%')
-            .trim()
-            .parse::<f64>()
+            .split_whitespace()
+            .next()
+            .and_then(|word| word.parse::<f64>().ok())
             .map_or("-".into(), |ours| format!("{:+.1} points", ours - 70.0)),
         why: "by method: the pads' sizes are the paper's, the covers around them are this project's".into(),
     });
