@@ -72,7 +72,7 @@ fn host() -> String {
 #[test]
 fn what_thinks_never_reaches_a_body() {
     let graph = Graph::read();
-    for mind in ["control", "touch", "grasping"] {
+    for mind in ["control", "touch", "grasping", "study"] {
         let reach = graph.reach(mind);
         for body in ["sim", "optics", "hardware-bridge", "rapier3d-f64"] {
             assert!(!reach.contains(body), "{mind} reaches {body}");
@@ -100,6 +100,7 @@ fn members_know_only_whom_they_may() {
         ("scenarios", &["hand-model"]),
         ("sim", &["hand-model", "optics", "scenarios"]),
         ("control", &["hand-model", "touch", "grasping", "scenarios"]),
+        ("study", &["hand-model", "grasping"]),
         ("e2e", &[]),
     ]);
     for (member, may) in allowed {

@@ -251,12 +251,66 @@ fn the_study_on_one_page() {
     let out = text(folder.path());
     answer(GRASPS, &["grasps", "classify", "--out", out]);
     let found = answer(GRASPS, &["report", "--study", out]);
-    assert_eq!(found["missing"], json!(["grasps map", "grasps landscape"]));
+    assert_eq!(found["missing"], json!(["grasps map", "grasps landscape", "grasps hands"]));
     let rows = found["rows"].as_array().expect("rows");
-    assert!(rows.iter().all(|row| ["what", "paper", "ours", "why"].iter().all(|key| row[key].is_string())));
+    assert!(
+        rows.iter().all(|row| ["what", "paper", "ours", "difference", "why"].iter().all(|key| row[key].is_string()))
+    );
     let page = fs::read_to_string(folder.path().join("study.html")).expect("a page");
     for word in ["10000 taxels/cm2", "of 19", "Sundaram", "<svg"] {
         assert!(page.contains(word), "{word}");
     }
     refused(&["report", "--study", "no/such/folder"], &["no/such/folder"]);
+}
+
+/// Without `--grasps` the study works on the built-in repertoire: every object with its 150 grasps, all types present.
+#[test]
+fn the_built_in_repertoire_is_the_default() {
+    let output = run(&["--json", "grasps", "classify"]);
+    assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+    let found: Value = serde_json::from_slice(&output.stdout).expect("JSON on stdout");
+    assert_eq!((&found["grasps"], &found["objects"], &found["types_present"]), (&json!(3450), &json!(23), &json!(19)));
+    let fit = |kind: &Value| kind["fit"].as_u64().expect("a count") <= kind["grasps"].as_u64().expect("a count");
+    assert!(found["types"].as_array().expect("a list").iter().all(fit));
+    refused(&["grasps", "classify", "--explain", "ball/999999"], &["--explain", "ball/999999", "golf_ball/0"]);
+}
+
+/// A table of hands goes on after its last cell, is the same again, and refuses what cannot be meant.
+#[test]
+fn hands_side_by_side() {
+    let folder = tempdir().expect("a folder");
+    let out = text(folder.path());
+    let arguments =
+        ["--json", "grasps", "hands", "--objects", "golf_ball,ball_50", "--n", "4", "--closings", "2", "--out", out];
+    let table = || {
+        let output = run(&arguments);
+        assert!(matches!(output.status.code(), Some(0 | 1)), "{}", stderr(&output));
+        fs::read(folder.path().join("hands.json")).expect("hands.json")
+    };
+    let whole = table();
+    let found: Value = serde_json::from_slice(&whole).expect("JSON");
+    let rows = found["rows"].as_array().expect("rows");
+    assert_eq!(rows.len(), 2);
+    for row in rows {
+        assert_eq!((&row["hand"], &row["of"]), (&json!("F-TAC"), &json!(4)));
+        let [low, high] = ["low", "high"].map(|end| row[end].as_f64().expect("an end"));
+        let rate = row["verified"].as_f64().expect("a count") / 4.0;
+        assert!(low <= rate && rate <= high, "{row}");
+    }
+    assert!(folder.path().join("hands.png").exists());
+    let cells = folder.path().join("hands");
+    let last = cells.join("F_TAC-ball_50.json");
+    let before = fs::read(&last).expect("a cell");
+    fs::remove_file(&last).expect("removed");
+    assert_eq!(table(), whole, "goes on to the same table");
+    assert_eq!(fs::read(&last).expect("a cell"), before);
+    refused(
+        &["grasps", "hands", "--objects", "golf_ball", "--n", "5", "--out", out],
+        &["golf_ball.json", "chains: 4", "chains: 5"],
+    );
+    refused(&["grasps", "hands", "--objects", "teapot", "--out", out], &["--objects", "teapot", "pawn"]);
+    refused(&["grasps", "hands", "--n", "0", "--out", out], &["--n", "0"]);
+    refused(&["grasps", "hands", "--hand", "a.urdf", "--out", out], &["--pulls", "0 for 1"]);
+    fs::write(&last, "{").expect("spoilt");
+    refused(&arguments[1..], &["F_TAC-ball_50.json"]);
 }

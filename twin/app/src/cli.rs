@@ -56,7 +56,7 @@ pub enum Command {
         /// Result folders.
         #[arg(required_unless_present = "study")]
         folders: Vec<PathBuf>,
-        /// The grasp study instead: one page from what `grasps classify`, `map` and `landscape` left in the folder (default:
+        /// The grasp study instead: one page from what `grasps classify`, `map`, `landscape` and `hands` left in the folder (default:
         /// recordings/study).
         #[arg(long, conflicts_with = "out")]
         study: bool,
@@ -399,6 +399,8 @@ pub enum GraspsCommand {
     Repertoire(RepertoireArgs),
     /// Show the best grasp of each kind: digits, contact points and friction cones, room, approach.
     Show(ShowArgs),
+    /// Set hands side by side on the same objects: how often each finds a grasp that holds, with a picture sheet.
+    Hands(crate::synthesis::hands::HandsArgs),
     /// Give every verified grasp one of the paper's 19 types, by rules with reasons; compare with people's labels.
     Classify(study::ClassifyArgs),
     /// Write a page, usable offline, on which people give grasps their types.

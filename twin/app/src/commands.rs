@@ -72,6 +72,7 @@ pub fn run(cli: &Cli) -> Outcome {
         Command::Grasps(GraspsCommand::Eval { synthesis, n }) => synthesis::eval(cli, synthesis, *n),
         Command::Grasps(GraspsCommand::Repertoire(args)) => synthesis::repertoire::make(cli, args),
         Command::Grasps(GraspsCommand::Show(args)) => synthesis::show::show(cli, args),
+        Command::Grasps(GraspsCommand::Hands(args)) => synthesis::hands::run(cli, args),
         Command::Grasps(GraspsCommand::Classify(args)) => study::classify::run(cli, args),
         Command::Grasps(GraspsCommand::Annotate(args)) => study::annotate::run(cli, args),
         Command::Grasps(GraspsCommand::Map(args)) => study::map::run(cli, args),

@@ -2,10 +2,11 @@
 //!
 //! [`source`] reads the grasps and knows their objects; [`classify`] gives each its type, [`annotate`] writes the page on which
 //! people do; [`map`] puts contact maps on a sheet and [`landscape`] basins and barriers on a tree; [`report`] puts all of it beside
-//! the paper. The mathematics is in the crate `study`.
+//! the paper, row by row as [`comparison`] has it. The mathematics is in the crate `study`.
 
 pub mod annotate;
 pub mod classify;
+mod comparison;
 mod distribution;
 pub mod landscape;
 pub mod map;
@@ -19,8 +20,9 @@ use clap::Args;
 /// Where the grasps come from.
 #[derive(Debug, Args)]
 pub struct GraspsArgs {
-    /// Verified grasps: a file of `grasps generate`, or a folder of such files (repeatable).
-    #[arg(long = "grasps", default_value = "recordings/synthesis")]
+    /// Verified grasps: a file of `grasps repertoire` or `generate`, or a folder of such files (repeatable); default: the
+    /// built-in repertoire.
+    #[arg(long = "grasps", value_name = "PATH")]
     pub paths: Vec<PathBuf>,
 }
 

@@ -2,12 +2,14 @@
 //!
 //! [`subject`] makes an object ready for sampling, [`closing`] takes a sampled posture to a closed grasp, [`checks`] verifies
 //! it, [`workshop`] does all that for a chain, [`search`] runs chains and keeps what was found, [`evaluation`] measures how well all that works,
-//! [`repertoire`] makes the checked-in file and [`show`] shows it. [`any`] does it all for other hands.
+//! [`repertoire`] makes the checked-in file and [`show`] shows it. [`any`] does it all for other hands, [`hands`]
+//! sets hands side by side.
 
 mod any;
 mod checks;
 mod closing;
 mod evaluation;
+pub mod hands;
 pub mod repertoire;
 mod search;
 pub mod show;

@@ -39,15 +39,20 @@ pub fn run(cli: &Cli, args: &ClassifyArgs) -> Outcome {
     let clear = |kind: usize| {
         source.entries.iter().filter(|entry| entry.decision.kind == kind && !entry.decision.ambiguous).count()
     };
+    let fits = |kind: usize| {
+        source.entries.iter().filter(|entry| entry.decision.kind == kind && entry.decision.margin >= 0.0).count()
+    };
     let unfit = source.entries.iter().filter(|entry| entry.decision.margin < 0.0).count();
     let present = totals.iter().filter(|count| **count > 0).count();
+    let some = |of: &dyn Fn(usize) -> usize| (0..source.taxonomy.types.len()).filter(|kind| of(*kind) > 0).count();
+    let (fitted, clearly) = (some(&fits), some(&clear));
     let types: Vec<_> = source
         .taxonomy
         .types
         .iter()
         .enumerate()
         .map(
-            |(n, kind)| json!({ "name": kind.name, "category": kind.category, "grasps": totals[n], "clear": clear(n) }),
+            |(n, kind)| json!({ "name": kind.name, "category": kind.category, "grasps": totals[n], "fit": fits(n), "clear": clear(n) }),
         )
         .collect();
     let grasps: Vec<_> = source
@@ -65,6 +70,7 @@ pub fn run(cli: &Cli, args: &ClassifyArgs) -> Outcome {
         .collect();
     let answer = json!({
         "grasps": source.entries.len(), "objects": found.objects.len(), "types_present": present,
+        "types_fitted": fitted, "types_clear": clearly,
         "ambiguous": ambiguous, "fit_no_type": unfit,
         "categories": { "power": categories[0], "intermediate": categories[1], "precision": categories[2] },
         "types": types, "by_object": found, "agreement": pairs, "decisions": grasps,
@@ -78,10 +84,13 @@ pub fn run(cli: &Cli, args: &ClassifyArgs) -> Outcome {
         println!("{answer}");
     } else {
         let of = source.entries.len();
-        println!("{of} grasps of {} objects: {present} of 19 types present", found.objects.len());
-        println!("{:24} {:13} {:>7} {:>7}", "type", "category", "grasps", "clear");
+        println!(
+            "{of} grasps of {} objects: {present} of 19 types present, {fitted} by grasps that meet all conditions, {clearly} by clear ones",
+            found.objects.len()
+        );
+        println!("{:24} {:13} {:>7} {:>7} {:>7}", "type", "category", "grasps", "fit", "clear");
         for (n, kind) in source.taxonomy.types.iter().enumerate() {
-            println!("{:24} {:13} {:>7} {:>7}", kind.name, kind.category.name(), totals[n], clear(n));
+            println!("{:24} {:13} {:>7} {:>7} {:>7}", kind.name, kind.category.name(), totals[n], fits(n), clear(n));
         }
         let share = |count: usize| 100.0 * count as f64 / of as f64;
         for (category, count) in Category::ALL.iter().zip(categories) {

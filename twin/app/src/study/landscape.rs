@@ -249,6 +249,15 @@ fn majority(source: &Source, entries: &[&Entry]) -> Category {
     best.copied().unwrap_or(Category::Power)
 }
 
+/// Basins after the first grasps, their number doubling: objects take turns, so that each has its share at any time.
+fn growth(map: &Mapping<GraspState>) -> Vec<serde_json::Value> {
+    let mut counts: Vec<usize> = (0..).map(|k| map.sorted >> k).take_while(|n| *n > 5).collect();
+    counts.reverse();
+    // A basin's first member founded it.
+    let founded = |n: usize| map.basins.iter().filter(|basin| basin.members.first().is_some_and(|m| *m < n)).count();
+    counts.into_iter().map(|n| json!({ "grasps": n, "basins": founded(n) })).collect()
+}
+
 fn describe(
     source: &Source,
     minima: &[(usize, GraspState)],
@@ -277,8 +286,9 @@ fn describe(
         };
         map.basins.iter().filter(of).count()
     };
+    let singles = map.basins.iter().filter(|basin| basin.members.len() == 1).count();
     json!({
-        "grasps": minima.len(), "basins": map.basins.len(), "basins_with_several_objects": shared,
+        "grasps": minima.len(), "basins": map.basins.len(), "growth": growth(map), "basins_of_one": singles, "basins_with_several_objects": shared,
         "power": count(Category::Power), "intermediate": count(Category::Intermediate),
         "precision": count(Category::Precision), "trees": found.roots.len(),
         "pull": map.plan.attraction.pull, "temperature": map.plan.attraction.temperature,
@@ -352,6 +362,10 @@ fn tell(answer: &serde_json::Value, args: &LandscapeArgs) {
         "pull {}, temperature {}; trees without a known way between them: {}",
         answer["pull"], answer["temperature"], answer["trees"]
     );
+    if let Some(rows) = answer["growth"].as_array() {
+        let told: Vec<String> = rows.iter().map(|row| format!("{} of {}", row["basins"], row["grasps"])).collect();
+        println!("basins of the first grasps: {}; of one grasp only: {}", told.join(", "), answer["basins_of_one"]);
+    }
     if let Some(grid) = answer["sweep"]["grid"].as_array() {
         println!("basins of {} minima:", answer["sweep"]["minima"]);
         println!("{:>12} {:>10} {:>7}", "temperature", "pull", "basins");

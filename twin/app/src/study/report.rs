@@ -10,19 +10,12 @@ use serde_json::{Value, json};
 use study::page::escape;
 use study::sensors::{Array, OTHERS, array};
 
+use super::comparison::{Line, Parts, lines};
 use crate::check::figures;
 use crate::cli::Cli;
 use crate::commands::Outcome;
 use crate::report::html::{Column, Table, number};
 use crate::report::{style, write_whole};
-
-/// A line of the comparison.
-struct Line {
-    what: &'static str,
-    theirs: &'static str,
-    ours: String,
-    why: String,
-}
 
 /// A part of the study that a command leaves in the folder.
 fn part(folder: &Path, file: &str) -> Result<Option<Value>> {
@@ -42,136 +35,42 @@ pub fn run(cli: &Cli, folder: &Path) -> Outcome {
             folder.display()
         );
     }
-    let classes = part(folder, "classes.json")?;
-    let map = part(folder, "map.json")?;
-    let landscape = part(folder, "landscape/landscape.json")?;
-    let hands = part(folder, "hands.json")?;
+    let parts = Parts {
+        classes: part(folder, "classes.json")?,
+        map: part(folder, "map.json")?,
+        landscape: part(folder, "landscape/landscape.json")?,
+        hands: part(folder, "hands.json")?,
+    };
     let hand = Hand::ftac();
     let sensors = array(&hand);
     let coverage = figures::coverage(&hand, None)?.ours;
     let gel = Foundation::paper(hand.gel().thickness);
     let response = sensitivity(&probe_response(&gel, 160.0, 161), 50.0).per_kpa;
-    let lines = lines(classes.as_ref(), map.as_ref(), landscape.as_ref(), &sensors, &coverage, response);
+    let lines = lines(&parts, &sensors, &coverage, response);
     let missing: Vec<&str> = [
-        (classes.is_none(), "grasps classify"),
-        (map.is_none(), "grasps map"),
-        (landscape.is_none(), "grasps landscape"),
+        (parts.classes.is_none(), "grasps classify"),
+        (parts.map.is_none(), "grasps map"),
+        (parts.landscape.is_none(), "grasps landscape"),
+        (parts.hands.is_none(), "grasps hands"),
     ]
     .into_iter()
     .filter_map(|(missing, command)| missing.then_some(command))
     .collect();
-    let page = page(folder, &lines, hands.as_ref(), &sensors, response, &coverage)?;
+    let page = page(folder, &lines, parts.hands.as_ref(), &sensors, response, &coverage)?;
     write_whole(&folder.join("study.html"), page.as_bytes())?;
     if cli.json {
         let rows: Vec<Value> = lines
             .iter()
-            .map(|line| json!({ "what": line.what, "paper": line.theirs, "ours": line.ours, "why": line.why }))
+            .map(|line| json!({ "what": line.what, "paper": line.theirs, "ours": line.ours, "difference": line.difference, "why": line.why }))
             .collect();
         println!("{}", json!({ "rows": rows, "sensors": sensors, "missing": missing }));
     } else {
         for line in &lines {
-            println!("{:44} {:>22} {:>34}  {}", line.what, line.theirs, line.ours, line.why);
+            println!("{:48} {:>18} {:>36} {:>13}  {}", line.what, line.theirs, line.ours, line.difference, line.why);
         }
         println!("{}/study.html", folder.display());
     }
     Ok((!missing.is_empty()).then(|| format!("parts are missing: run `ftac {}`", missing.join("`, `ftac "))))
-}
-
-fn lines(
-    classes: Option<&Value>,
-    map: Option<&Value>,
-    landscape: Option<&Value>,
-    sensors: &Array,
-    coverage: &str,
-    response: f64,
-) -> Vec<Line> {
-    let percent = |value: &Value| value.as_f64().map_or("-".into(), |x| format!("{:.2} %", 100.0 * x));
-    let mut lines = Vec::new();
-    let mut add = |what, theirs, ours: String, why: &str| lines.push(Line { what, theirs, ours, why: why.into() });
-    if let Some(found) = classes {
-        let objects = format!("{} of {} objects", found["grasps"], found["objects"]);
-        add(
-            "verified grasps",
-            "3450 of 23 objects",
-            objects,
-            "each closed by its cables and held in physics; theirs by energy",
-        );
-        let unclear = format!("{} (of all; {} ambiguous)", found["types_present"], found["ambiguous"]);
-        add(
-            "grasp types present, of 19",
-            "19",
-            unclear,
-            "rules on contacts and posture here, annotators' eyes there; nothing forced",
-        );
-        let kinds = &found["categories"];
-        let shares = format!("{} / {} / {}", kinds["power"], kinds["intermediate"], kinds["precision"]);
-        add(
-            "power / intermediate / precision",
-            "not given",
-            shares,
-            "cables close until the object stops them: palm and inner phalanges come to touch more often",
-        );
-    }
-    if let Some(found) = map {
-        let first = &found["seeds"][0];
-        let (low, high) = (&found["training_over_seeds"][0], &found["training_over_seeds"][1]);
-        let training = format!("{} ({} to {})", percent(&first["map"]["training"]), percent(low), percent(high));
-        add(
-            "power/precision boundary, training accuracy",
-            "81.54 %",
-            training,
-            "both classes weigh the same here, because few of our grasps are precision; see also the next rows",
-        );
-        for (what, space) in
-            [("the same, objects left out, on the map", "map"), ("the same, on six components", "components")]
-        {
-            let out = &first[space]["held_out"];
-            let ours = format!(
-                "{} [{}, {}]",
-                percent(&out["accuracy"]),
-                percent(&out["interval"][0]),
-                percent(&out["interval"][1])
-            );
-            let why = format!(
-                "stricter than the paper; balanced {}, the larger class alone {}",
-                percent(&out["balanced"]),
-                percent(&out["majority"])
-            );
-            add(what, "not given", ours, &why);
-        }
-    }
-    if let Some(found) = landscape {
-        let ours = format!("{} of {} grasps", found["basins"], found["grasps"]);
-        let why = format!(
-            "the count depends on pull and temperature (ours {} and {}, calibrated); the paper does not give its own",
-            found["pull"].as_f64().map_or("-".into(), |pull| format!("{pull:.2}")),
-            found["temperature"]
-        );
-        add("basins over six objects", "79", ours, &why);
-        let kinds = format!("{} / {} / {}", found["power"], found["intermediate"], found["precision"]);
-        add("basins by majority: power / interm. / precision", "not given", kinds, "see above");
-        let shared = found["basins_with_several_objects"].to_string();
-        add(
-            "basins that hold several objects",
-            "most (in pictures)",
-            shared,
-            "the distance is between postures, not objects",
-        );
-    }
-    let density = format!("{:.0} taxels/cm2", sensors.taxels_per_cm2);
-    let pitch = format!(
-        "240 x 240 pixels a camera on its share of the pad: {:.3} mm a pixel on average, the paper rounds to 0.1 mm",
-        sensors.pitch_mm
-    );
-    add("tactile resolution", "10000 taxels/cm2", density, &pitch);
-    add("palmar coverage", "70 %", coverage.into(), "covers are ours; the pads are the paper's");
-    add(
-        "sensitivity below 50 kPa",
-        "0.48 /kPa",
-        format!("{response:.2} /kPa"),
-        "the gel's law, pressed by the paper's probe",
-    );
-    lines
 }
 
 fn page(
@@ -185,9 +84,9 @@ fn page(
     let words = Column::Words;
     let mut table = Table::new(
         "The paper beside this project",
-        &[("figure", words), ("paper", words), ("ours", words), ("where the difference comes from", words)],
+        &[("figure", words), ("paper", words), ("ours", words), ("difference", words), ("why", words)],
     );
-    lines.iter().for_each(|line| table.row(&[line.what, line.theirs, &line.ours, &line.why]));
+    lines.iter().for_each(|line| table.row(&[line.what, line.theirs, &line.ours, &line.difference, &line.why]));
     let mut body = table.finish();
     let picture = |file: &str| std::fs::read_to_string(folder.join(file)).ok();
     for (title, file, more) in [
@@ -202,7 +101,7 @@ fn page(
             }
         }
     }
-    body += &hand_table(hands);
+    body += &hand_table(folder, hands);
     body += &sensor_tables(sensors, response, coverage);
     Ok(format!(
         "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n<title>The grasp study</title>\n<style>{}{}</style>\n\
@@ -213,24 +112,41 @@ fn page(
     ))
 }
 
-/// Success by hand and object, as `hands.json` has it: rows with hand, object, verified, of.
-fn hand_table(hands: Option<&Value>) -> String {
+/// Success by object and hand, as `hands.json` has it, and its picture sheet.
+fn hand_table(folder: &Path, hands: Option<&Value>) -> String {
     let mut html = "<h2>Other hands</h2>\n".to_owned();
     let Some(rows) = hands.and_then(|hands| hands["rows"].as_array()) else {
-        return html + "<p>Not made: there is no hands.json in this folder.</p>\n";
+        return html + "<p>Not made: <code>ftac grasps hands</code> leaves it in this folder.</p>\n";
     };
-    let mut table = Table::new(
-        "Verified grasps by hand and object",
-        &[
-            ("hand", Column::Words),
-            ("object", Column::Words),
-            ("verified", Column::Numbers),
-            ("of chains", Column::Numbers),
-        ],
-    );
-    let text = |value: &Value| value.as_str().map_or_else(|| value.to_string(), str::to_owned);
-    rows.iter().for_each(|row| table.row(&["hand", "object", "verified", "of"].map(|key| text(&row[key]))));
+    let distinct = |key: &str| {
+        let mut found: Vec<&str> = Vec::new();
+        for name in rows.iter().filter_map(|row| row[key].as_str()) {
+            if !found.contains(&name) {
+                found.push(name);
+            }
+        }
+        found
+    };
+    let (names, objects) = (distinct("hand"), distinct("object"));
+    let mut head = vec![("object", Column::Words)];
+    head.extend(names.iter().map(|name| (*name, Column::Words)));
+    let mut table = Table::new("Grasps that pass all three checks, of chains, with Wilson 95 % intervals", &head);
+    let cell = |row: &Value| {
+        let percent = |key: &str| row[key].as_f64().map_or("-".into(), |x| format!("{:.0}", 100.0 * x));
+        format!("{} of {} [{}, {}] %", row["verified"], row["of"], percent("low"), percent("high"))
+    };
+    for object in objects {
+        let of = |name: &&str| rows.iter().find(|row| row["hand"] == **name && row["object"] == object).map(cell);
+        let mut cells = vec![object.to_owned()];
+        cells.extend(names.iter().map(|name| of(name).unwrap_or_else(|| "-".into())));
+        table.row(&cells);
+    }
     html += &table.finish();
+    html += "<p>The paper shows pictures for its hands on eight objects that it does not name, and no rates: there is nothing to set \
+             beside these figures. The objects here are eight of this project's 23.</p>\n";
+    if folder.join("hands.png").exists() {
+        html += "<figure><img src=\"hands.png\" alt=\"a held grasp of each hand on each object\" style=\"max-width:100%\"></figure>\n";
+    }
     html
 }
 

@@ -4,13 +4,16 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use anyhow::{Context, Result, bail};
-use grasping::synthesis::held::{self, HeldGrasp};
+use grasping::synthesis::collection::Collection;
+use grasping::synthesis::held::HeldGrasp;
 use hand_model::Hand;
 use scenarios::objects::{ObjectModel, ObjectSet};
 use study::attributes::{Attributes, ObjectForm};
 use study::page::scene::{DrawnGrasp, DrawnObject, Mesh, Scene};
 use study::rules::{Decision, Rules};
 use study::taxonomy::Taxonomy;
+
+use crate::synthesis::repertoire;
 
 /// Points on an object's surface from which its form is read.
 const FORM_POINTS: usize = 1500;
@@ -64,17 +67,19 @@ fn files(paths: &[PathBuf]) -> Result<Vec<PathBuf>> {
 }
 
 impl Source {
-    /// Reads and classifies the grasps of `paths`.
+    /// Reads and classifies the grasps of `paths`; without any, those of the built-in repertoire.
     pub fn read(paths: &[PathBuf]) -> Result<Self> {
         let set = ObjectSet::repertoire();
         let mut grasps: Vec<(HeldGrasp, PathBuf)> = Vec::new();
-        for file in files(paths)? {
-            let (_, own) = held::read(&file).context("--grasps")?;
-            grasps.extend(own.into_iter().map(|grasp| (grasp, file.clone())));
+        let mut take = |collection: Collection, from: &Path| {
+            let own = collection.objects.into_iter().flat_map(|entry| entry.grasps);
+            grasps.extend(own.map(|grasp| (grasp, from.to_owned())));
+        };
+        if paths.is_empty() {
+            take(repertoire::built_in()?, Path::new("built in"));
         }
-        if grasps.is_empty() {
-            let named: Vec<String> = paths.iter().map(|path| path.display().to_string()).collect();
-            bail!("--grasps {}: found no grasp, expected at least one", named.join(", "));
+        for file in files(paths)? {
+            take(repertoire::read(&file)?, &file);
         }
         if let Some((grasp, file)) = grasps.iter().find(|(grasp, _)| set.get(&grasp.object).is_none()) {
             bail!(

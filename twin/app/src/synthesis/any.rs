@@ -4,7 +4,7 @@
 //! hand; [`closing`] closes in physics with the hand's own actuators.
 
 mod closing;
-mod describe;
+pub mod describe;
 
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
@@ -22,7 +22,7 @@ use self::closing::{AnyAim, AnyClosed};
 use self::describe::Described;
 use super::checks::{self, Hold};
 use super::closing::NotClosed;
-use super::search::{self, Verified};
+use super::search::{self as ours, Verified};
 use super::subject::Subject;
 use super::workshop::Request;
 use crate::cli::Cli;
@@ -56,18 +56,20 @@ pub struct AnyHeld {
 
 /// What a search came to.
 #[derive(Debug, Clone, Default, Serialize)]
-struct AnyReport {
+pub struct AnyReport {
     hand: String,
     object: String,
     candidates: usize,
     surface_points: usize,
     requested: u64,
-    found: u64,
+    /// Chains that ended in a closed grasp.
+    pub found: u64,
     blocked: u64,
     pushed_away: u64,
-    verified: Verified,
+    /// Checks passed.
+    pub verified: Verified,
     /// Verified grasps that still held when nothing pulled: has to be few.
-    held_without_tension: u64,
+    pub held_without_tension: u64,
     wall_s: f64,
     story: Vec<String>,
 }
@@ -91,12 +93,28 @@ pub fn generate(
         hand.story.iter().for_each(|line| eprintln!("{line}"));
     }
     if let Some(out) = out {
-        search::check_writable(out)?;
+        ours::check_writable(out)?;
     }
+    let (report, held) = search(&hand, subject, request)?;
+    if let Some(out) = out {
+        let mut lines = Vec::new();
+        for grasp in &held {
+            serde_json::to_writer(&mut lines, grasp)?;
+            lines.write_all(b"\n")?;
+        }
+        crate::report::write_whole(out, &lines)?;
+    }
+    tell(cli, &report)?;
+    let nothing = format!("no grasp of {} was verified in {} chains", report.object, report.requested);
+    Ok((report.verified.all == 0).then_some(nothing))
+}
+
+/// Runs all chains that are asked for; the verified grasps in the order of their chains.
+pub fn search(hand: &Described, subject: &Subject, request: &Request) -> Result<(AnyReport, Vec<AnyHeld>)> {
     let start = Instant::now();
-    let ends: Vec<(u64, Result<End, NotClosed>)> = (0..request.chains)
+    let ends: Vec<Result<End, NotClosed>> = (0..request.chains)
         .into_par_iter()
-        .map(|chain| Ok((chain, run(&hand, subject, request, chain).with_context(|| format!("chain {chain}"))?)))
+        .map(|chain| run(hand, subject, request, chain).with_context(|| format!("chain {chain}")))
         .collect::<Result<_>>()?;
     let mut report = AnyReport {
         hand: hand.hand.name.clone(),
@@ -107,8 +125,8 @@ pub fn generate(
         story: hand.story.clone(),
         ..AnyReport::default()
     };
-    let mut lines = Vec::new();
-    for (_, end) in ends {
+    let mut verified = Vec::new();
+    for end in ends {
         match end {
             Err(NotClosed::Blocked) => report.blocked += 1,
             Err(NotClosed::PushedAway) => report.pushed_away += 1,
@@ -117,19 +135,13 @@ pub fn generate(
                 report.verified.add(end.verdicts);
                 if let Some((held, slack)) = end.held {
                     report.held_without_tension += u64::from(slack);
-                    serde_json::to_writer(&mut lines, &held)?;
-                    lines.write_all(b"\n")?;
+                    verified.push(held);
                 }
             }
         }
     }
     report.wall_s = start.elapsed().as_secs_f64();
-    if let Some(out) = out {
-        crate::report::write_whole(out, &lines)?;
-    }
-    tell(cli, &report)?;
-    let nothing = format!("no grasp of {} was verified in {} chains", report.object, report.requested);
-    Ok((report.verified.all == 0).then_some(nothing))
+    Ok((report, verified))
 }
 
 fn run(hand: &Described, subject: &Subject, request: &Request, number: u64) -> Result<Result<End, NotClosed>> {

@@ -10,7 +10,7 @@ use std::time::Instant;
 use anyhow::{Context, Result, bail};
 use grasping::synthesis::collection::{self, Collection, ObjectGrasps, Summary};
 use grasping::synthesis::diversity::{self, Diversity};
-use grasping::synthesis::held::{self, HeldGrasp, HeldWriter};
+use grasping::synthesis::held::{self, HeldError, HeldGrasp, HeldWriter};
 use scenarios::objects::ObjectSet;
 use serde::Serialize;
 
@@ -215,7 +215,7 @@ pub fn table(collection: &Collection) -> String {
 }
 
 /// The grasps that one search left, as a repertoire.
-pub fn of_one_search(header: &held::Header, grasps: Vec<HeldGrasp>) -> Collection {
+fn of_one_search(header: &held::Header, grasps: Vec<HeldGrasp>) -> Collection {
     let mut objects: Vec<ObjectGrasps> = Vec::new();
     for grasp in grasps {
         let object = grasp.object.clone();
@@ -232,6 +232,22 @@ pub fn of_one_search(header: &held::Header, grasps: Vec<HeldGrasp>) -> Collectio
     }
     let (command, seed) = (header.command.clone(), header.seed);
     Collection { header: collection::Header { version: collection::VERSION, command, seed }, objects }
+}
+
+/// Reads a repertoire, or the file of one search; which it is shows in the line after the header.
+pub fn read(path: &Path) -> Result<Collection> {
+    let line = |error: &HeldError| if let HeldError::Line { line, .. } = error { *line } else { 0 };
+    let found = match (Collection::read(path), held::read(path)) {
+        (Ok(collection), _) if !collection.objects.is_empty() => collection,
+        (_, Ok((header, grasps))) => of_one_search(&header, grasps),
+        // The reader that got further is the one that was meant.
+        (Err(compact), Err(single)) if line(&compact) >= line(&single) => Err(compact).context("--grasps")?,
+        (_, Err(error)) => Err(error).context("--grasps")?,
+    };
+    if found.grasps().next().is_none() {
+        bail!("--grasps {}: found no grasp, expected at least one", path.display());
+    }
+    Ok(found)
 }
 
 /// The repertoire that is checked in.

@@ -7,7 +7,7 @@ use anyhow::Result;
 use grasping::synthesis::held::{HeldGrasp, HeldWriter};
 use indicatif::{ProgressBar, ProgressStyle};
 use rayon::prelude::*;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use super::closing::NotClosed;
 use super::workshop::{ChainResult, Checked, Workshop};
@@ -16,7 +16,7 @@ use super::workshop::{ChainResult, Checked, Workshop};
 const BATCH: u64 = 32;
 
 /// Counts of passed checks.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Verified {
     /// Friction-cone margin.
     pub a: u64,

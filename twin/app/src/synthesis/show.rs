@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, Result, bail};
 use grasping::synthesis::collection::Collection;
 use grasping::synthesis::diversity::{self, digit_set, opposition};
-use grasping::synthesis::held::{self, HeldGrasp, pose_from_array};
+use grasping::synthesis::held::{HeldGrasp, pose_from_array};
 use hand_model::Hand;
 use image::RgbImage;
 use nalgebra::{Isometry3, Point3, UnitVector3, Vector3};
@@ -94,7 +94,7 @@ fn shown(kind: &Kind<'_>) -> ShownGrasp {
 /// `ftac grasps show`.
 pub fn show(cli: &Cli, args: &ShowArgs) -> Outcome {
     let collection = match &args.grasps {
-        Some(path) => read_any(path)?,
+        Some(path) => repertoire::read(path)?,
         None => repertoire::built_in()?,
     };
     if let Some(name) = &args.object
@@ -146,22 +146,6 @@ fn print_kinds(collection: &Collection, name: &str) {
         let (margin, moved) = (kind.best.margin, 1e3 * kind.best.moved[0]);
         println!("{:18} {:5} {margin:8.2} {room:>8} {moved:8.1}", kind.name, kind.count);
     }
-}
-
-/// A repertoire, or the file of one search.
-fn read_any(path: &Path) -> Result<Collection> {
-    let compact = match Collection::read(path) {
-        Ok(collection) if !collection.objects.is_empty() => return Ok(collection),
-        Ok(_) => None,
-        Err(error) => Some(error),
-    };
-    let Ok((header, grasps)) = held::read(path) else {
-        return match compact {
-            Some(error) => Err(error).context("--grasps"),
-            None => bail!("--grasps {}: found no grasp, expected at least one", path.display()),
-        };
-    };
-    Ok(repertoire::of_one_search(&header, grasps))
 }
 
 fn object_of(set: &ObjectSet, name: &str) -> Result<ObjectModel> {
