@@ -38,7 +38,7 @@ pub struct EvalArgs {
     /// Normal force of each pad by its image, beside the physics engine's, in simulated grips.
     #[arg(long)]
     pub pads: bool,
-    /// Errors of fits to made presses of a known sensor, against the number of presses.
+    /// Errors of fits to made presses of a known sensor, against the number of presses, without and with images of single lamps.
     #[arg(long)]
     pub recovery: bool,
 }
@@ -75,18 +75,19 @@ pub fn eval(cli: &Cli, args: &EvalArgs) -> Outcome {
         result.insert("pads".into(), json!({"rows": rows, "agreement": all}));
     }
     if args.recovery {
+        let effort = Effort { steps: [25, 25], ..Effort::default() };
         let rows: Vec<Recovery> = RECOVERY_ROWS
             .iter()
-            .map(|&presses| {
-                recover(presses, RECOVERY_NOISE, &Effort { steps: [25, 25], ..Effort::default() }, cli.seed)
-            })
+            .flat_map(|&presses| [(presses, false), (presses, true)])
+            .map(|(presses, single_lamps)| recover(presses, single_lamps, RECOVERY_NOISE, &effort, cli.seed))
             .collect();
         if !cli.json {
-            println!("presses  held-out grey  lamp deg  lamp mm  roughness  response  kernel");
+            println!("presses  single lamps  held-out grey  lamp deg  lamp mm  roughness  response  kernel");
             for row in &rows {
                 println!(
-                    "{:7}  {:13.3}  {:8.2}  {:7.2}  {:9.3}  {:8.4}  {:5.1} %",
+                    "{:7}  {:12}  {:13.3}  {:8.2}  {:7.2}  {:9.3}  {:8.4}  {:5.1} %",
                     row.presses,
+                    if row.single_lamps { "too" } else { "-" },
                     row.held_out_grey,
                     row.lamp_degrees,
                     row.lamp_mm,
