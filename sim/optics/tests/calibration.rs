@@ -112,6 +112,64 @@ fn fitted_presses_are_rendered_alike_by_the_fit_and_by_the_renderer() {
     fs::remove_dir_all(&path).unwrap();
 }
 
+/// The untouched gel of the made sensor under each of its lamps alone, which scatter equal parts of the diffuse light.
+fn write_lamps(path: &std::path::Path) {
+    let sensor = made();
+    let model = sensor.model();
+    let (w, h) = SIZE;
+    fs::create_dir_all(path).unwrap();
+    for (k, lamp) in model.lamps.iter().enumerate() {
+        let alone = SensorModel { lamps: vec![*lamp], ambient: model.ambient.map(|all| all / 3.0), ..model.clone() };
+        let grey = |at: usize| {
+            let (x, y) = sensor.pixel_center((at % w) as f64, (at / w) as f64);
+            alone.grey(&Point3::new(x, y, 0.0), [0.0; 2]).map(|grey| grey.round().clamp(0.0, 255.0) as u8)
+        };
+        let photo = Photo { width: w, height: h, rgb: (0..w * h).flat_map(grey).collect() };
+        photo.write(&path.join(format!("{k}.png"))).unwrap();
+    }
+}
+
+#[test]
+fn images_of_single_lamps_find_the_lamps_from_a_single_press() {
+    let path = folder("lamps");
+    write_presses(&path, true);
+    write_lamps(&path.join("lamps"));
+    let all = PressFolder::read(&path, BALL, false).unwrap();
+    assert_eq!(all.lamps.len(), 3);
+    let (fitted, held_out) = all.split(|index, _| index == 2);
+    let effort = Effort { per_press: 200, starts: 1, steps: [15, 10], split: false };
+    let assumptions = Assumptions::full(Some(1e-3 * PIXEL_MM));
+    let error = |folder: &PressFolder| {
+        let fit = BallFit::new(folder, assumptions, &effort, 1).unwrap();
+        let truth = made().model().lamps.clone();
+        let nearest = |lamp: &Lamp| {
+            let off = |other: &Lamp| (other.position - lamp.position).norm();
+            fit.model.lamps.iter().map(off).fold(f64::INFINITY, f64::min)
+        };
+        let worst = truth.iter().map(nearest).fold(0.0, f64::max);
+        (1e3 * worst, fit.evaluate(&held_out).unwrap().rendered.crop.psnr)
+    };
+    let with = error(&fitted);
+    let without = error(&PressFolder { lamps: Vec::new(), ..fitted.clone() });
+    println!("worst lamp (mm), crop PSNR: with {with:?}, without {without:?}");
+    assert!(with.0 < 3.0 && with.0 < 0.7 * without.0, "{with:?} {without:?}");
+    assert!(with.1 > without.1 - 0.5 && with.1 > 30.0, "{with:?} {without:?}");
+    // What is wrong with such a folder is told with the file's name.
+    let refusal = |named: &[&str]| {
+        let text = PressFolder::read(&path, BALL, false).unwrap_err().to_string();
+        assert!(named.iter().all(|part| text.contains(part)), "{text}");
+    };
+    let blank = |w: usize, grey: u8| Photo { width: w, height: SIZE.1, rgb: vec![grey; 3 * w * SIZE.1] };
+    blank(SIZE.0, 250).write(&path.join("lamps/1.png")).unwrap();
+    refusal(&["1.png", "mean grey level of 250", "all lamps"]);
+    blank(SIZE.0 - 1, 50).write(&path.join("lamps/1.png")).unwrap();
+    refusal(&["1.png", "199 x 150", "200 x 150"]);
+    fs::remove_file(path.join("lamps/1.png")).unwrap();
+    fs::remove_file(path.join("lamps/2.png")).unwrap();
+    refusal(&["lamps", "found 1 images", "at least 2"]);
+    fs::remove_dir_all(&path).unwrap();
+}
+
 #[test]
 fn circles_of_made_presses_are_found() {
     let path = folder("circles");

@@ -145,8 +145,11 @@ fn blocked_rays(side: usize, depth: &[f32], lamp: &Lamp) -> Vec<bool> {
         .collect()
 }
 
+/// Depth of the gel (m) by place (m).
+type Shape = Box<dyn Fn(f64, f64) -> f64>;
+
 /// A ball's cap, and a ridge with a step: smooth and sharp borders.
-fn shapes() -> [(&'static str, Box<dyn Fn(f64, f64) -> f64>); 3] {
+fn shapes() -> [(&'static str, Shape); 3] {
     let ball = |x: f64, y: f64| ((2.5e-3f64.powi(2) - x * x - y * y).max(0.0).sqrt() - 1.3e-3).max(0.0);
     let post = |x: f64, y: f64| if x.abs() < 1.2e-3 && (y - 0.3e-3).abs() < 0.9e-3 { 0.9e-3 } else { 0.0 };
     let hills = |x: f64, y: f64| {

@@ -218,7 +218,7 @@ fn pose(k: &Matrix3<f64>, homography: &Matrix3<f64>) -> Option<Isometry3<f64>> {
     // The board is in front of the camera.
     let scale = 2.0 / (h.column(0).norm() + h.column(1).norm()) * h[(2, 2)].signum();
     let (r1, r2, t) = (scale * h.column(0), scale * h.column(1), scale * h.column(2));
-    let rotation = Rotation3::from_matrix(&Matrix3::from_columns(&[r1.into(), r2.into(), r1.cross(&r2)]));
+    let rotation = Rotation3::from_matrix(&Matrix3::from_columns(&[r1, r2, r1.cross(&r2)]));
     let good = t.iter().chain(rotation.matrix().iter()).all(|value| value.is_finite());
     good.then(|| {
         Isometry3::from_parts(Translation3::from(Vector3::from(t)), UnitQuaternion::from_rotation_matrix(&rotation))
@@ -292,6 +292,35 @@ mod tests {
             let told = rms(&|f| f.parameters[i].deviation.unwrap());
             assert!((0.4..2.5).contains(&(error / told)), "{}: {error} told {told}", NAMES[i]);
         }
+    }
+
+    #[test]
+    fn folders_that_tell_no_lens_are_refused_by_name() {
+        let folder = std::env::temp_dir().join(format!("ftac-optics-{}-boards", std::process::id()));
+        let _ = std::fs::remove_dir_all(&folder);
+        std::fs::create_dir_all(&folder).unwrap();
+        let refusal = |named: &[&str]| {
+            let text = read(&folder, [320, 240]).unwrap_err().to_string();
+            assert!(named.iter().all(|part| text.contains(part)), "{text}");
+        };
+        refusal(&["board.toml", "columns"]);
+        let board = |text: &str| std::fs::write(folder.join("board.toml"), text).unwrap();
+        board("columns = 7\nrows = 5\nsquare = 3\n");
+        refusal(&["board.toml", "square"]);
+        board("columns = 7\nrows = 2\n");
+        refusal(&["board.toml", "7 x 2", "3 x 3"]);
+        board("columns = 7\nrows = 5\n");
+        for (n, pose) in poses().iter().take(3).enumerate() {
+            refusal(&["found", &n.to_string(), "pictures", "at least 3"]);
+            picture(BOARD, &LENS, pose, [320, 240]).write(&folder.join(format!("{n}.png"))).unwrap();
+        }
+        assert_eq!(read(&folder, [320, 240]).unwrap().pictures, 3);
+        let blank = |w: usize, h: usize| Photo { width: w, height: h, rgb: vec![99; 3 * w * h] };
+        blank(320, 240).write(&folder.join("blank.png")).unwrap();
+        refusal(&["blank.png", "found 0 corners", "7 x 5"]);
+        blank(320, 200).write(&folder.join("blank.png")).unwrap();
+        refusal(&["blank.png", "320 x 200", "320 x 240"]);
+        std::fs::remove_dir_all(&folder).unwrap();
     }
 
     #[test]
