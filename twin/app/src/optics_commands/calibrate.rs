@@ -6,7 +6,7 @@ use std::time::Instant;
 use anyhow::{Context, Result, bail};
 use clap::{Args, ValueEnum};
 use optics::calibration::{
-    Assumptions, BallFit, CalibratedSensor, CalibrationFile, Effort, HeldOut, Lens, LensFit, PressFolder, Views, zhang,
+    Assumptions, BallFit, CalibratedSensor, CalibrationFile, Effort, HeldOut, Lens, PressFolder, Views, zhang,
 };
 use serde_json::{Value, json};
 
@@ -116,19 +116,11 @@ pub fn calibrate(cli: &Cli, args: &CalibrateArgs) -> Outcome {
     }
     let wall = started.elapsed().as_secs_f64();
     if cli.json {
-        println!(
-            "{}",
-            as_json(
-                &fit,
-                &fitted,
-                &held_out,
-                held.as_ref(),
-                &table,
-                [on_grid.as_ref(), on_single.as_ref()],
-                from_boards.as_ref(),
-                wall
-            )?
-        );
+        let mut value =
+            as_json(&fit, &fitted, &held_out, held.as_ref(), &table, [on_grid.as_ref(), on_single.as_ref()], wall)?;
+        value["checkerboards"] =
+            json!(from_boards.map(|found| json!({"pictures": found.pictures, "residual_px": found.residual})));
+        println!("{value}");
     } else {
         if let Some(found) = &from_boards {
             println!("lens: {} checkerboards, residual {:.3} px", found.pictures, found.residual);
@@ -148,7 +140,6 @@ fn as_json(
     held: Option<&HeldOut>,
     table: &Table,
     others: [Option<&HeldOut>; 2],
-    boards: Option<&LensFit>,
     wall: f64,
 ) -> Result<Value> {
     let found = fitted.presses.iter().chain(&held_out.presses).filter(|press| !press.labelled).count();
@@ -160,7 +151,6 @@ fn as_json(
     Ok(json!({
         "presses": {"fitted": fitted.presses.len(), "held_out": held_out.presses.len(), "found_without_label": found},
         "single_lamp_images": fitted.lamps.len(),
-        "checkerboards": boards.map(|found| json!({"pictures": found.pictures, "residual_px": found.residual})),
         "held_out": held.map(|held| held.rendered),
         "floor": held.map(|held| held.floor),
         "held_out_on_grid": others[0].map(|held| held.rendered),
