@@ -52,6 +52,14 @@ pub enum OpticsError {
         /// The value found.
         value: f64,
     },
+    /// A pad is too wide for its cover's cylinder.
+    #[error("cover: the pad is {found} m wide; expected at most {most} m, 0.8 of the cylinder's diameter")]
+    CoverWidth {
+        /// The pad's width, m.
+        found: f64,
+        /// The widest that fits, m.
+        most: f64,
+    },
     /// A calibration file is not well-formed or holds an impossible value.
     #[error("sensor calibration: {0}")]
     Calibration(String),

@@ -377,7 +377,7 @@ fn check(map: &[f32], expected: &'static str, good: impl Fn(f32) -> bool) -> Res
     }
 }
 
-fn check_force(force: f64) -> Result<(), OpticsError> {
+pub(crate) fn check_force(force: f64) -> Result<(), OpticsError> {
     if force.is_finite() && force >= 0.0 { Ok(()) } else { Err(OpticsError::Force(force)) }
 }
 

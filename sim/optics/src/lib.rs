@@ -9,6 +9,8 @@
 //! `model(deformed gel) - model(flat gel)`; elsewhere the pixel is the background's. How much force an indentation takes is the
 //! [`foundation`]'s part, and [`shapes`] has twenty things to press.
 //!
+//! All of the hand's pads are flat; other sensors' pads may be part of a cylinder ([`cover`], [`CurvedSensor`]).
+//!
 //! The hand's 17 pads ship with a calibration file each ([`pads`]); many images at once are a [`renderer`]'s part, on the CPU or a GPU.
 //!
 //! [`calibration`] finds a real sensor's model from presses of a ball, and renders for that sensor at its own image size.
@@ -71,6 +73,7 @@
 
 pub mod calibration;
 pub mod camera;
+pub mod cover;
 pub mod elastomer;
 pub mod error;
 pub mod foundation;
@@ -89,6 +92,7 @@ pub mod shadows;
 pub mod shapes;
 mod wide;
 
+pub use cover::Cover;
 pub use error::OpticsError;
 pub use foundation::Foundation;
 #[cfg(feature = "gpu")]
@@ -96,4 +100,4 @@ pub use gpu::GpuRenderer;
 pub use indentation::{IndentationMap, Press, press};
 pub use model::{SensorModel, Variation};
 pub use renderer::{CpuRenderer, Job, Renderer};
-pub use sensor::Sensor;
+pub use sensor::{CurvedSensor, Sensor};

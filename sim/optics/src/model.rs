@@ -164,12 +164,18 @@ impl SensorModel {
 
     /// Radiance of a surface point with slopes dz/dx, dz/dy under all lamps, after the gain: the reference, in double precision.
     pub fn radiance(&self, point: &Point3<f64>, slope: [f64; 2]) -> [f64; 3] {
+        self.radiance_past(point, slope, |_| 1.0)
+    }
+
+    /// As [`Self::radiance`], of a point that sees only a share of each lamp.
+    pub fn radiance_past(&self, point: &Point3<f64>, slope: [f64; 2], share: impl Fn(usize) -> f64) -> [f64; 3] {
         let normal = Vector3::new(slope[0], slope[1], -1.0).normalize();
         let viewer = self.camera.viewer(point);
         // A tilted surface sees a smaller part of the half space that the diffuse light fills.
         let mut sum = self.ambient.map(|ambient| ambient * 0.5 * (1.0 - normal.z));
-        for lamp in &self.lamps {
+        for (k, lamp) in self.lamps.iter().enumerate() {
             let (s, kappa) = lamp.at(point);
+            let kappa = share(k) * kappa;
             let radiance = self.reflectance.radiance(kappa, &normal, &s, &viewer);
             for c in 0..3 {
                 sum[c] += self.gain[c] * lamp.color[c] * radiance[c];

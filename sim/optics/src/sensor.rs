@@ -1,5 +1,7 @@
 //! A camera unit that renders: caches of all that does not depend on the contact, and the way from an indentation to bytes.
 
+mod curved;
+
 use std::sync::Arc;
 
 use hand_model::pads::{Camera, IMAGE_SIZE, Pad};
@@ -20,6 +22,8 @@ use crate::noise::{ReadOutNoise, quantise, texture};
 use crate::shading::{Shading, SurfaceRow};
 use crate::shadows::{HeightField, Shadow};
 use crate::wide::widest;
+
+pub use curved::CurvedSensor;
 
 /// Depth (m) and slope below which the gel counts as flat and the background is shown.
 const FLAT_DEPTH: f32 = 1e-6;

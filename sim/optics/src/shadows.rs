@@ -6,7 +6,19 @@
 //! between: a few operations a cell, however long the shadow. A lamp that stands too high for the gel's slopes is not looked at. Lamps have a size, so that shadows have soft borders
 //! ([`Lamp::share_above`]). Cells are 2 x 2 pixels; shadows are smooth enough for that.
 //!
-//! The paper's way, hidden-point removal (Katz et al.), is what the tests compare with.
+//! The paper's way, hidden-point removal (Katz et al.), is what the tests compare with, and rays are what both are judged by: share
+//! of pixels on which two ways agree, least and mean over the lamps that cast a shadow (`cargo test -p optics --test shadows`).
+//!
+//! | shape (3 low lamps each) | fast, rays | hidden points, rays | fast, hidden points | fast, rays, on 120 px |
+//! |---|---|---|---|---|
+//! | ball | 97.9, 98.1 % | 92.4, 94.2 % | 91.1, 93.0 % | 99.3, 99.4 % |
+//! | post (a step) | 94.9, 96.3 % | 89.9, 93.3 % | 87.3, 90.4 % | 98.7, 99.0 % |
+//! | three hills | 94.9, 96.4 % | 87.5, 88.7 % | 84.2, 86.5 % | 98.2, 98.6 % |
+//!
+//! The first three columns are on 48 x 48 pixels of 0.25 mm, where a hull is still quick; the last on 0.1 mm, as pads' images are. So
+//! hidden-point removal is the less exact one: it hides points at grazing light that a straight line reaches. What fast
+//! shadows get wrong is a border of about a cell, which shrinks with the pixels. One flaw is known: a lamp that stands over the
+//! gel may dim the one cell beside its foot, by up to half of that lamp.
 
 mod trace;
 

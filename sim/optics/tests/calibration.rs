@@ -112,6 +112,59 @@ fn fitted_presses_are_rendered_alike_by_the_fit_and_by_the_renderer() {
     fs::remove_dir_all(&path).unwrap();
 }
 
+/// The untouched gel of the made sensor under each of its lamps alone; of a channel's diffuse light a lamp scatters what it has of the colour.
+fn write_lamps(path: &std::path::Path) {
+    let sensor = made();
+    let model = sensor.model();
+    let (w, h) = SIZE;
+    fs::create_dir_all(path).unwrap();
+    let all: [f64; 3] = std::array::from_fn(|c| model.lamps.iter().map(|lamp| lamp.color[c]).sum());
+    for (k, lamp) in model.lamps.iter().enumerate() {
+        let ambient = std::array::from_fn(|c| model.ambient[c] * lamp.color[c] / all[c]);
+        let alone = SensorModel { lamps: vec![*lamp], ambient, ..model.clone() };
+        let grey = |at: usize| {
+            let (x, y) = sensor.pixel_center((at % w) as f64, (at / w) as f64);
+            alone.grey(&Point3::new(x, y, 0.0), [0.0; 2]).map(|grey| grey.round().clamp(0.0, 255.0) as u8)
+        };
+        let photo = Photo { width: w, height: h, rgb: (0..w * h).flat_map(grey).collect() };
+        photo.write(&path.join(format!("{k}.png"))).unwrap();
+    }
+}
+
+#[test]
+fn images_of_single_lamps_find_the_lamps_from_a_single_press() {
+    let path = folder("lamps");
+    write_presses(&path, true);
+    write_lamps(&path.join("lamps"));
+    let all = PressFolder::read(&path, BALL, false).unwrap();
+    assert_eq!(all.lamps.len(), 3);
+    let (fitted, held_out) = all.split(|index, _| index == 2);
+    let effort = Effort { per_press: 200, starts: 1, steps: [15, 10], split: false };
+    let assumptions = Assumptions::full(Some(1e-3 * PIXEL_MM));
+    let fit = BallFit::new(&fitted, assumptions, &effort, 1).unwrap();
+    // Lamps are fitted in the order of their images.
+    let sensor = made();
+    let off = fit.model.lamps.iter().zip(&sensor.model().lamps).map(|(a, b)| 1e3 * (a.position - b.position).norm());
+    let worst = off.fold(0.0, f64::max);
+    let psnr = fit.evaluate(&held_out).unwrap().rendered.crop.psnr;
+    println!("worst lamp {worst} mm, {psnr} dB");
+    assert!(fit.model.lamps.len() == 3 && worst < 1.0 && psnr > 45.0, "{worst} mm, {psnr} dB");
+    // What is wrong with such a folder is told with the file's name.
+    let refusal = |named: &[&str]| {
+        let text = PressFolder::read(&path, BALL, false).unwrap_err().to_string();
+        assert!(named.iter().all(|part| text.contains(part)), "{text}");
+    };
+    let blank = |w: usize, grey: u8| Photo { width: w, height: SIZE.1, rgb: vec![grey; 3 * w * SIZE.1] };
+    blank(SIZE.0, 250).write(&path.join("lamps/1.png")).unwrap();
+    refusal(&["1.png", "mean grey level of 250", "all lamps"]);
+    blank(SIZE.0 - 1, 50).write(&path.join("lamps/1.png")).unwrap();
+    refusal(&["1.png", "199 x 150", "200 x 150"]);
+    fs::remove_file(path.join("lamps/1.png")).unwrap();
+    fs::remove_file(path.join("lamps/2.png")).unwrap();
+    refusal(&["lamps", "found 1 images", "at least 2"]);
+    fs::remove_dir_all(&path).unwrap();
+}
+
 #[test]
 fn circles_of_made_presses_are_found() {
     let path = folder("circles");

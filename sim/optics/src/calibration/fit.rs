@@ -1,7 +1,9 @@
 //! From presses of a ball to a sensor's model.
 //!
 //! The search goes from simple to detailed: three lamps on a ring, first their colours alone, then everything; the best of several
-//! such starts goes on, its lamps are split in two, and everything is fitted once more.
+//! such starts goes on, its lamps are split in two, and everything is fitted once more. Where there are images of single lamps, the
+//! search starts with as many lamps in the directions that these images show, and fits the images as well: as light adds
+//! up, they tell the response apart from the lamps.
 
 use crate::calibration::folder::PressFolder;
 use crate::calibration::least_squares::{Options, Problem, Solution};
@@ -187,7 +189,10 @@ impl BallFit {
 pub(crate) fn solve(samples: &Samples, assumptions: &Assumptions, pixel: f64, effort: &Effort) -> Solution {
     let scene = Scene { samples, assumptions };
     let from = |turn: f64| {
-        let mut start = at::start(pixel, LAMPS, turn);
+        let mut start = match directions(samples) {
+            directions if directions.is_empty() => at::start(pixel, LAMPS, turn),
+            directions => at::start_towards(pixel, &directions),
+        };
         if !assumptions.near_field {
             at::move_far(&mut start);
         }
@@ -195,14 +200,30 @@ pub(crate) fn solve(samples: &Samples, assumptions: &Assumptions, pixel: f64, ef
         search(&scene, &lit.parameters, false, effort.steps[0])
     };
     let mut best = from(0.0);
-    for turn in 1..effort.starts {
-        let found = from(turn as f64 / effort.starts as f64);
+    // Where images say which way the lamps are there is nothing to try.
+    let starts = if samples.alone.is_empty() { effort.starts } else { 1 };
+    for turn in 1..starts {
+        let found = from(turn as f64 / starts as f64);
         if found.cost < best.cost {
             best = found;
         }
     }
     let start = if effort.split { at::split_lamps(&best.parameters) } else { best.parameters };
     search(&scene, &start, false, effort.steps[1])
+}
+
+/// Which way each lamp is whose image there is (rad): the gel is brighter towards it.
+fn directions(samples: &Samples) -> Vec<f64> {
+    let middle = samples.size.map(|size| 0.5 * (size as f64 - 1.0));
+    let towards = |seen: &Vec<[f64; 3]>| {
+        let mean = seen.iter().flatten().sum::<f64>() / (3 * seen.len()).max(1) as f64;
+        let pull = samples.flat.iter().zip(seen).fold([0.0; 2], |[x, y], (sample, seen)| {
+            let brighter = seen.iter().sum::<f64>() / 3.0 - mean;
+            [x + brighter * (sample.place[0] - middle[0]), y + brighter * (middle[1] - sample.place[1])]
+        });
+        pull[1].atan2(pull[0])
+    };
+    samples.alone.iter().map(towards).collect()
 }
 
 /// The pixel size to start from; refuses folders that no fit can use.

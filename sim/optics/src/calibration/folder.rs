@@ -1,4 +1,14 @@
-//! A folder of calibration images: `background.png`, presses of a ball, and perhaps `labels.csv`.
+//! A folder of calibration images.
+//!
+//! ```text
+//! FOLDER/background.png          the untouched gel under all lamps (or .jpg)
+//! FOLDER/*.png, *.jpg            presses of a ball, one an image
+//! FOLDER/labels.csv              optional: where the presses are
+//! FOLDER/lamps/*.png             optional: the untouched gel under each lamp alone, exposed as the background is
+//! FOLDER/checkerboards/*.png     optional: at least three pictures of a checkerboard, tilted differently, by the same camera
+//! FOLDER/checkerboards/board.toml    its inner corners: `columns = 9` and `rows = 6`
+//! ```
+//! All images have one size. Lamps' images are in any order; each is one or more lamps that are switched together.
 //!
 //! Labels are a CSV file (`labels.csv`, else `labels_auto.csv`) with the columns `file`, `center_x_px`, `center_y_px`, `contact_radius_px` (or
 //! `visible_radius_px`) and, where several balls were used, `ball_diameter_mm`. Presses without a label are looked for in
@@ -35,6 +45,8 @@ pub struct PressFolder {
     pub background: Photo,
     /// The presses, by file name.
     pub presses: Vec<BallPress>,
+    /// The untouched gel under each lamp alone, by file name; empty if there are no such images.
+    pub lamps: Vec<Photo>,
 }
 
 impl PressFolder {
@@ -43,12 +55,8 @@ impl PressFolder {
     pub fn read(folder: &Path, diameter: f64, ignore_labels: bool) -> Result<Self, OpticsError> {
         crate::indentation::positive("ball diameter", diameter)?;
         let fault = |path: &Path, what: String| OpticsError::File { path: path.display().to_string(), what };
-        let entries = std::fs::read_dir(folder).map_err(|error| fault(folder, error.to_string()))?;
-        let mut files: Vec<PathBuf> =
-            entries.flatten().map(|entry| entry.path()).filter(|path| is_image(path)).collect();
-        files.sort();
         let (background, files): (Vec<_>, Vec<_>) =
-            files.into_iter().partition(|path| path.file_stem().is_some_and(|stem| stem == "background"));
+            images_of(folder)?.into_iter().partition(|path| path.file_stem().is_some_and(|stem| stem == "background"));
         let background = match background.first() {
             Some(path) => Photo::read(path)?,
             None => {
@@ -66,13 +74,7 @@ impl PressFolder {
         let mut presses = Vec::with_capacity(files.len());
         for path in files {
             let photo = Photo::read(&path)?;
-            if (photo.width, photo.height) != (background.width, background.height) {
-                let what = format!(
-                    "found {} x {} pixels; expected the background's {} x {}",
-                    photo.width, photo.height, background.width, background.height
-                );
-                return Err(fault(&path, what));
-            }
+            photo.expect_size([background.width, background.height], &path)?;
             let name = path.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
             let label = labels.iter().find(|label| label.file == name);
             if label.is_none() && !labels.is_empty() {
@@ -88,7 +90,8 @@ impl PressFolder {
             let diameter = label.and_then(|label| label.diameter).unwrap_or(diameter);
             presses.push(BallPress { name, photo, center, radius, diameter, labelled: label.is_some() });
         }
-        Ok(Self { background, presses })
+        let lamps = read_lamps(&folder.join("lamps"), &background)?;
+        Ok(Self { background, presses, lamps })
     }
 
     /// The same presses as the camera with this lens shows them once rectified.
@@ -103,7 +106,11 @@ impl PressFolder {
             let radius = 0.25 * rim.iter().map(|p| (p[0] - center[0]).hypot(p[1] - center[1])).sum::<f64>();
             BallPress { photo: lens.rectify(&press.photo), center, radius, ..press.clone() }
         };
-        Ok(Self { background: lens.rectify(&self.background), presses: self.presses.iter().map(press).collect() })
+        Ok(Self {
+            background: lens.rectify(&self.background),
+            presses: self.presses.iter().map(press).collect(),
+            lamps: self.lamps.iter().map(|photo| lens.rectify(photo)).collect(),
+        })
     }
 
     /// The presses at even and at odd places, each with the background.
@@ -115,10 +122,47 @@ impl PressFolder {
     pub fn split(&self, first: impl Fn(usize, &BallPress) -> bool) -> (Self, Self) {
         let part = |wanted: bool| {
             let chosen = self.presses.iter().enumerate().filter(|(index, press)| first(*index, press) == wanted);
-            Self { background: self.background.clone(), presses: chosen.map(|(_, press)| press.clone()).collect() }
+            let presses = chosen.map(|(_, press)| press.clone()).collect();
+            Self { background: self.background.clone(), presses, lamps: self.lamps.clone() }
         };
         (part(true), part(false))
     }
+}
+
+/// The images in a folder, by name.
+pub(crate) fn images_of(folder: &Path) -> Result<Vec<PathBuf>, OpticsError> {
+    let entries = std::fs::read_dir(folder)
+        .map_err(|error| OpticsError::File { path: folder.display().to_string(), what: error.to_string() })?;
+    let mut files: Vec<PathBuf> = entries.flatten().map(|entry| entry.path()).filter(|path| is_image(path)).collect();
+    files.sort();
+    Ok(files)
+}
+
+/// The images of single lamps; none where there is no such folder.
+fn read_lamps(folder: &Path, background: &Photo) -> Result<Vec<Photo>, OpticsError> {
+    if !folder.exists() {
+        return Ok(Vec::new());
+    }
+    let fault = |path: &Path, what: String| OpticsError::File { path: path.display().to_string(), what };
+    let files = images_of(folder)?;
+    if files.len() < 2 {
+        let what = format!("found {} images of single lamps; expected one for each lamp, at least 2", files.len());
+        return Err(fault(folder, what));
+    }
+    let mut lamps = Vec::with_capacity(files.len());
+    for path in files {
+        let photo = Photo::read(&path)?;
+        photo.expect_size([background.width, background.height], &path)?;
+        let (found, all) = (photo.mean(), background.mean());
+        if found >= all {
+            let what = format!(
+                "found a mean grey level of {found:.1}; expected less than the background's {all:.1}, which has all lamps"
+            );
+            return Err(fault(&path, what));
+        }
+        lamps.push(photo);
+    }
+    Ok(lamps)
 }
 
 fn is_image(path: &Path) -> bool {

@@ -93,12 +93,18 @@ pub(crate) fn names(lamps: usize) -> Vec<String> {
     names
 }
 
-/// A start: `lamps` lamps on a ring of 14 mm, the first one at `turn` of the distance to the next; sRGB-like response.
+/// A start: `lamps` lamps on a ring, the first one at `turn` of the distance to the next.
 pub(crate) fn start(pixel: f64, lamps: usize, turn: f64) -> Vec<f64> {
+    let angle = |k: usize| (k as f64 + turn) / lamps as f64 * std::f64::consts::TAU;
+    start_towards(pixel, &(0..lamps).map(angle).collect::<Vec<f64>>())
+}
+
+/// A start: lamps in these directions (rad) on a ring of 14 mm; sRGB-like response.
+pub(crate) fn start_towards(pixel: f64, directions: &[f64]) -> Vec<f64> {
     let mut p = vec![pixel, 1.0, 0.8e-3, 0.5, 0.1e-3, 0.0, 0.0, 25e-3, 0.2];
     p.extend([0.03, 0.25, 0.03, 0.25, 0.03, 0.25, 0.2, 0.2, 0.2]);
-    for k in 0..lamps {
-        let (sin, cos) = ((k as f64 + turn) / lamps as f64 * std::f64::consts::TAU).sin_cos();
+    for direction in directions {
+        let (sin, cos) = direction.sin_cos();
         p.extend([14e-3 * cos, 14e-3 * sin, 6e-3, 0.0, 0.0, 1.0, 2e-3, 0.5, 0.5, 0.5]);
     }
     p

@@ -30,6 +30,21 @@ impl Photo {
             .map_err(|error| OpticsError::File { path: path.display().to_string(), what: error.to_string() })
     }
 
+    /// Refuses an image of another size (columns, rows), naming its file.
+    pub(crate) fn expect_size(&self, [columns, rows]: [usize; 2], file: &Path) -> Result<(), OpticsError> {
+        if (self.width, self.height) == (columns, rows) {
+            return Ok(());
+        }
+        let what =
+            format!("found {} x {} pixels; expected the background's {columns} x {rows}", self.width, self.height);
+        Err(OpticsError::File { path: file.display().to_string(), what })
+    }
+
+    /// Mean grey level.
+    pub(crate) fn mean(&self) -> f64 {
+        self.rgb.iter().map(|&grey| f64::from(grey)).sum::<f64>() / self.rgb.len().max(1) as f64
+    }
+
     /// Grey levels of a pixel.
     #[inline]
     pub fn pixel(&self, column: usize, row: usize) -> [u8; 3] {

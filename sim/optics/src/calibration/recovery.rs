@@ -15,6 +15,8 @@ use crate::noise::normal;
 pub struct Recovery {
     /// Presses fitted.
     pub presses: usize,
+    /// True if an image of each lamp alone was fitted too.
+    pub single_lamps: bool,
     /// Root mean square error on presses not fitted, against their noiseless images, grey levels.
     pub held_out_grey: f64,
     /// Mean angle between true and fitted directions from the middle of the gel to the lamps, degrees.
@@ -56,8 +58,19 @@ fn truth() -> Vec<f64> {
     p
 }
 
-/// Presses at random places, as the model of `p` shows them with `noise` grey levels.
-fn presses(p: &[f64], assumptions: &Assumptions, count: usize, per_press: usize, noise: f64, seed: u64) -> Samples {
+/// What is made.
+struct Work<'a> {
+    assumptions: &'a Assumptions,
+    count: usize,
+    per_press: usize,
+    noise: f64,
+    single_lamps: bool,
+    seed: u64,
+}
+
+/// Presses at random places, as the model of `p` shows them with `noise` grey levels, and perhaps an image of each lamp alone.
+fn presses(p: &[f64], work: &Work) -> Samples {
+    let Work { assumptions, count, per_press, noise, single_lamps, seed } = *work;
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let mut uniform = |low: f64, high: f64| low + (high - low) * (f64::from(rng.next_u32()) + 0.5) / 4_294_967_296.0;
     let [w, h] = SIZE.map(|size| size as f64);
@@ -80,7 +93,7 @@ fn presses(p: &[f64], assumptions: &Assumptions, count: usize, per_press: usize,
         background: [0.0; 3],
     });
     let flat: Vec<Sample> = touched.iter().copied().chain(more).collect();
-    let mut samples = Samples { size: SIZE, marks, touched, flat };
+    let mut samples = Samples { size: SIZE, marks, touched, flat, alone: Vec::new() };
     let flat = Scene { samples: &samples, assumptions }.predict_flat(p);
     let known = samples.touched.len();
     samples.touched.iter_mut().zip(&flat).for_each(|(sample, grey)| sample.background = *grey);
@@ -90,16 +103,23 @@ fn presses(p: &[f64], assumptions: &Assumptions, count: usize, per_press: usize,
     for (sample, grey) in samples.touched.iter_mut().zip(seen) {
         sample.seen = grey.map(|grey| grey + noise / 255.0 * normal(&mut rng));
     }
+    if single_lamps {
+        let mut alone = Scene { samples: &samples, assumptions }.predict_alone(p, 3);
+        alone.iter_mut().flatten().flatten().for_each(|grey| *grey += noise / 255.0 * normal(&mut rng));
+        samples.alone = alone;
+    }
     samples
 }
 
-/// Fits `count` presses with `noise` grey levels of noise and says how far off the result is.
-pub fn recover(count: usize, noise: f64, effort: &Effort, seed: u64) -> Recovery {
+/// Fits `count` presses (and images of `single_lamps`) with `noise` grey levels of noise and says how far off the result is.
+pub fn recover(count: usize, single_lamps: bool, noise: f64, effort: &Effort, seed: u64) -> Recovery {
     let assumptions = Assumptions::full(Some(PIXEL));
     let known = truth();
-    let samples = presses(&known, &assumptions, count, effort.per_press, noise, seed);
+    let work = Work { assumptions: &assumptions, count, per_press: effort.per_press, noise, single_lamps, seed };
+    let samples = presses(&known, &work);
     let found = solve(&samples, &assumptions, PIXEL, &Effort { split: false, ..*effort }).parameters;
-    let unseen = presses(&known, &assumptions, HELD_OUT, effort.per_press, 0.0, seed ^ 0x6865_6c64);
+    let seed = seed ^ 0x6865_6c64;
+    let unseen = presses(&known, &Work { count: HELD_OUT, noise: 0.0, single_lamps: false, seed, ..work });
     let residuals = Scene { samples: &unseen, assumptions: &assumptions }.residuals(&found);
     let touched = &residuals[..3 * unseen.touched.len()];
     let root = |sum: f64, count: usize| (sum / count.max(1) as f64).sqrt();
@@ -118,6 +138,7 @@ pub fn recover(count: usize, noise: f64, effort: &Effort, seed: u64) -> Recovery
         .sum();
     Recovery {
         presses: count,
+        single_lamps,
         held_out_grey: root(touched.iter().map(|r| r * r).sum(), touched.len()),
         lamp_degrees: nearest.iter().map(|(angle, _)| angle).sum::<f64>() / 3.0,
         lamp_mm: nearest.iter().map(|(_, distance)| distance).sum::<f64>() / 3.0,
@@ -131,10 +152,24 @@ pub fn recover(count: usize, noise: f64, effort: &Effort, seed: u64) -> Recovery
 mod tests {
     use super::*;
 
+    fn made(assumptions: &Assumptions, count: usize, per_press: usize, single_lamps: bool, seed: u64) -> Work<'_> {
+        Work { assumptions, count, per_press, noise: 0.0, single_lamps, seed }
+    }
+
+    #[test]
+    fn images_of_single_lamps_make_up_for_presses() {
+        let effort = Effort { per_press: 220, starts: 1, steps: [30, 20], split: false };
+        let [without, with] = [false, true].map(|single_lamps| recover(1, single_lamps, 1.0, &effort, 5));
+        println!("{without:?}\n{with:?}");
+        assert!(with.response < 0.5 * without.response && with.response < 0.02, "{with:?} {without:?}");
+        assert!(with.lamp_degrees < 2.0 && with.lamp_mm < without.lamp_mm, "{with:?} {without:?}");
+        assert!(with.held_out_grey < without.held_out_grey, "{with:?} {without:?}");
+    }
+
     #[test]
     fn four_presses_tell_the_sensor() {
         let effort = Effort { per_press: 220, starts: 1, steps: [30, 20], split: false };
-        let found = recover(4, 1.0, &effort, 3);
+        let found = recover(4, false, 1.0, &effort, 3);
         println!("{found:?}");
         assert!(found.held_out_grey < 0.8, "{found:?}");
         assert!(found.lamp_degrees < 6.0 && found.lamp_mm < 4.0, "{found:?}");
@@ -144,7 +179,7 @@ mod tests {
     #[test]
     fn the_start_is_not_the_answer() {
         let assumptions = Assumptions::full(Some(PIXEL));
-        let unseen = presses(&truth(), &assumptions, 2, 200, 0.0, 1);
+        let unseen = presses(&truth(), &made(&assumptions, 2, 200, false, 1));
         let scene = Scene { samples: &unseen, assumptions: &assumptions };
         let residuals = scene.residuals(&at::start(PIXEL, 3, 0.0));
         let rms = (residuals.iter().map(|r| r * r).sum::<f64>() / residuals.len() as f64).sqrt();
@@ -155,7 +190,7 @@ mod tests {
     #[test]
     fn the_jacobian_shares_lamps_but_is_that_of_the_residuals() {
         let assumptions = Assumptions::full(Some(PIXEL));
-        let samples = presses(&truth(), &assumptions, 1, 60, 0.0, 2);
+        let samples = presses(&truth(), &made(&assumptions, 1, 60, true, 2));
         let scene = Scene { samples: &samples, assumptions: &assumptions };
         let p = truth();
         let bounds = at::bounds(&assumptions, 3);

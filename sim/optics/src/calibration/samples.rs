@@ -5,6 +5,7 @@ use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 
 use crate::calibration::folder::PressFolder;
+use crate::calibration::photo::Photo;
 
 /// A place in an image, with grey levels from 0 to 1.
 #[derive(Debug, Clone, Copy)]
@@ -36,6 +37,8 @@ pub(crate) struct Samples {
     pub(crate) touched: Vec<Sample>,
     /// Pixels of the background (`press` and `seen` mean nothing).
     pub(crate) flat: Vec<Sample>,
+    /// For each image of a single lamp what it shows at these pixels, grey levels from 0 to 1.
+    pub(crate) alone: Vec<Vec<[f64; 3]>>,
 }
 
 impl Samples {
@@ -68,11 +71,18 @@ impl Samples {
                 }
             }
         }
-        let flat = (0..flat)
+        let flat: Vec<Sample> = (0..flat)
             .map(|_| [(uniform() * w as f64).floor(), (uniform() * h as f64).floor()])
             .map(|place| Sample { press: 0, place, seen: [0.0; 3], background: grey(place) })
             .collect();
-        Self { size: [w, h], marks, touched, flat }
+        let shown = |photo: &Photo| -> Vec<[f64; 3]> {
+            let places = flat.iter().map(|sample| sample.place);
+            places
+                .map(|[column, row]| photo.pixel(column as usize, row as usize).map(|grey| f64::from(grey) / 255.0))
+                .collect()
+        };
+        let alone = folder.lamps.iter().map(shown).collect();
+        Self { size: [w, h], marks, touched, flat, alone }
     }
 
     /// Every pixel within `reach` visible radii of one press.
@@ -92,7 +102,7 @@ impl Samples {
                 }
             }
         }
-        Self { size, marks: vec![mark], touched, flat: Vec::new() }
+        Self { size, marks: vec![mark], touched, flat: Vec::new(), alone: Vec::new() }
     }
 }
 

@@ -54,7 +54,8 @@ pub(crate) struct Scene<'a> {
 }
 
 impl Scene<'_> {
-    /// Residuals in grey levels: three of each touched sample, then three of each of the background's.
+    /// Residuals in grey levels: three of each touched sample, then three of each of the background's, then three of each of
+    /// those under each lamp alone.
     pub(crate) fn residuals(&self, p: &[f64]) -> Vec<f64> {
         let surface = self.surface(p);
         let lights = self.lights(&surface, p);
@@ -94,7 +95,8 @@ impl Scene<'_> {
         let mut starts: Vec<usize> =
             (0..touched.len()).filter(|&i| i == 0 || touched[i].press != touched[i - 1].press).map(|i| 3 * i).collect();
         if !self.samples.flat.is_empty() {
-            starts.push(3 * touched.len());
+            let flat = 3 * self.samples.flat.len();
+            starts.extend((0..=self.samples.alone.len()).map(|image| 3 * touched.len() + flat * image));
         }
         starts
     }
@@ -200,6 +202,28 @@ impl Scene<'_> {
         (0..self.samples.flat.len()).map(|i| std::array::from_fn(|c| responses[c].measured(radiance(i, c)))).collect()
     }
 
+    /// Grey levels of the background's pixels under one of `images` lamps alone. Lamps follow each other in the images' order,
+    /// as many for each. Diffuse light is scattered light of the lamps: of each channel's, a lamp gives what it has of the colour.
+    fn alone(&self, lights: &[&Light], p: &[f64], image: usize, images: usize) -> Vec<[f64; 3]> {
+        let color = |k: usize, c: usize| p[at::LAMPS + PER_LAMP * k + at::COLOR + c];
+        let responses: [_; 3] = std::array::from_fn(|c| at::response(p, c));
+        let own = || (0..lights.len()).filter(|k| k * images / lights.len() == image);
+        let diffuse: [f64; 3] = std::array::from_fn(|c| {
+            let all: f64 = (0..lights.len()).map(|k| color(k, c)).sum();
+            p[at::AMBIENT + c] * own().map(|k| color(k, c)).sum::<f64>() / all.max(f64::MIN_POSITIVE)
+        });
+        let radiance = |i: usize, c: usize| diffuse[c] + own().map(|k| color(k, c) * lights[k].flat[i]).sum::<f64>();
+        (0..self.samples.flat.len()).map(|i| std::array::from_fn(|c| responses[c].measured(radiance(i, c)))).collect()
+    }
+
+    /// Predicted grey levels (0 to 1) of the background's pixels under each of `images` lamps alone.
+    pub(crate) fn predict_alone(&self, p: &[f64], images: usize) -> Vec<Vec<[f64; 3]>> {
+        let surface = self.surface(p);
+        let lights = self.lights(&surface, p);
+        let lights: Vec<&Light> = lights.iter().collect();
+        (0..images).map(|image| self.alone(&lights, p, image, images)).collect()
+    }
+
     /// Predicted grey levels (0 to 1) of the background's pixels.
     pub(crate) fn predict_flat(&self, p: &[f64]) -> Vec<[f64; 3]> {
         let surface = self.surface(p);
@@ -213,6 +237,12 @@ impl Scene<'_> {
             touched.flat_map(|(sample, grey)| (0..3).map(move |c| 255.0 * (grey[c] - sample.seen[c]))).collect();
         for (sample, grey) in self.samples.flat.iter().zip(self.flat(lights, p)) {
             residuals.extend((0..3).map(|c| FLAT_WEIGHT * 255.0 * (grey[c] - sample.background[c])));
+        }
+        let images = self.samples.alone.len();
+        for (image, seen) in self.samples.alone.iter().enumerate() {
+            for (seen, grey) in seen.iter().zip(self.alone(lights, p, image, images)) {
+                residuals.extend((0..3).map(|c| FLAT_WEIGHT * 255.0 * (grey[c] - seen[c])));
+            }
         }
         residuals
     }

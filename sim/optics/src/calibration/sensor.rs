@@ -40,6 +40,11 @@ impl CalibratedSensor {
         Ok(Self { file, background })
     }
 
+    /// The model it renders with.
+    pub fn model(&self) -> &crate::model::SensorModel {
+        &self.file.model
+    }
+
     /// Columns and rows of its images.
     pub fn size(&self) -> (usize, usize) {
         (self.file.columns, self.file.rows)

@@ -6,7 +6,7 @@ use std::time::Instant;
 use anyhow::{Context, Result, bail};
 use clap::{Args, ValueEnum};
 use optics::calibration::{
-    Assumptions, BallFit, CalibratedSensor, CalibrationFile, Effort, HeldOut, Lens, PressFolder, Views,
+    Assumptions, BallFit, CalibratedSensor, CalibrationFile, Effort, HeldOut, Lens, PressFolder, Views, zhang,
 };
 use serde_json::{Value, json};
 
@@ -27,7 +27,8 @@ pub enum Split {
 /// Arguments of `optics calibrate`.
 #[derive(Debug, Args)]
 pub struct CalibrateArgs {
-    /// Folder with `background.png`, press images, and perhaps `labels.csv`.
+    /// Folder with `background.png`, press images and perhaps `labels.csv`; perhaps `lamps/` (the untouched gel under each
+    /// lamp alone) and `checkerboards/` (three or more pictures and `board.toml` with `columns` and `rows`, its inner corners).
     pub folder: PathBuf,
     /// Diameter of the ball, mm (where the labels do not say it).
     #[arg(long)]
@@ -38,7 +39,8 @@ pub struct CalibrateArgs {
     /// Which presses are held out.
     #[arg(long, value_enum, default_value_t = Split::EvenOdd)]
     pub split: Split,
-    /// The camera's lens (TOML: focal, center, radial, tangential), if the images are not rectified yet.
+    /// The camera's lens (TOML: focal, center, radial, tangential), if the images are not rectified yet and there are no
+    /// checkerboards.
     #[arg(long)]
     pub lens: Option<PathBuf>,
     /// Find the presses in the images even if there are labels.
@@ -56,9 +58,19 @@ pub struct CalibrateArgs {
 pub fn calibrate(cli: &Cli, args: &CalibrateArgs) -> Outcome {
     let started = Instant::now();
     let mut folder = PressFolder::read(&args.folder, 1e-3 * args.ball_diameter_mm, args.ignore_labels)?;
+    let boards = args.folder.join("checkerboards");
+    if args.lens.is_some() && boards.exists() {
+        bail!("--lens: found {} as well; expected one of the two", boards.display());
+    }
     let lens = args.lens.as_deref().map(Lens::read).transpose().context("--lens")?;
+    let from_boards = if boards.exists() {
+        Some(zhang::read(&boards, [folder.background.width, folder.background.height])?)
+    } else {
+        None
+    };
+    let lens = lens.or(from_boards.as_ref().map(|found| found.lens));
     if let Some(lens) = &lens {
-        folder = folder.rectified(lens).context("--lens")?;
+        folder = folder.rectified(lens).context("the camera's lens")?;
     }
     let smallest = folder.presses.iter().map(|press| press.diameter).fold(f64::INFINITY, f64::min);
     let (fitted, held_out) = match args.split {
@@ -72,10 +84,15 @@ pub fn calibrate(cli: &Cli, args: &CalibrateArgs) -> Outcome {
     let effort = Effort::default();
     let assumptions = Assumptions::full(args.pixel_mm.map(|mm| 1e-3 * mm));
     if !cli.quiet && !cli.json {
-        eprintln!("fitting {} presses, holding out {}", fitted.presses.len(), held_out.presses.len());
+        let lamps = match fitted.lamps.len() {
+            0 => String::new(),
+            count => format!(" and {count} images of single lamps"),
+        };
+        eprintln!("fitting {} presses{lamps}, holding out {}", fitted.presses.len(), held_out.presses.len());
     }
     let mut fit = BallFit::new(&fitted, assumptions, &effort, cli.seed)?;
     fit.lens = lens;
+    fit.parameters.extend(from_boards.iter().flat_map(|found| found.parameters.clone()));
     let held = fit.evaluate(&held_out);
     // The fit renders with round profiles; the renderer that other objects need works on the image's grid. Both are reported.
     let sensor = CalibratedSensor::new(CalibrationFile::new(&fit, String::new()), fit.background.clone())?;
@@ -99,11 +116,15 @@ pub fn calibrate(cli: &Cli, args: &CalibrateArgs) -> Outcome {
     }
     let wall = started.elapsed().as_secs_f64();
     if cli.json {
-        println!(
-            "{}",
-            as_json(&fit, &fitted, &held_out, held.as_ref(), &table, [on_grid.as_ref(), on_single.as_ref()], wall)?
-        );
+        let mut value =
+            as_json(&fit, &fitted, &held_out, held.as_ref(), &table, [on_grid.as_ref(), on_single.as_ref()], wall)?;
+        value["checkerboards"] =
+            json!(from_boards.map(|found| json!({"pictures": found.pictures, "residual_px": found.residual})));
+        println!("{value}");
     } else {
+        if let Some(found) = &from_boards {
+            println!("lens: {} checkerboards, residual {:.3} px", found.pictures, found.residual);
+        }
         tell(&fit, held.as_ref(), &table, [on_grid.as_ref(), on_single.as_ref()], wall);
     }
     let worse = held.is_some_and(|held| held.rendered.crop.psnr <= held.floor.crop.psnr);
@@ -129,6 +150,7 @@ fn as_json(
     let file = CalibrationFile::new(fit, String::new());
     Ok(json!({
         "presses": {"fitted": fitted.presses.len(), "held_out": held_out.presses.len(), "found_without_label": found},
+        "single_lamp_images": fitted.lamps.len(),
         "held_out": held.map(|held| held.rendered),
         "floor": held.map(|held| held.floor),
         "held_out_on_grid": others[0].map(|held| held.rendered),
@@ -139,6 +161,7 @@ fn as_json(
         "pixel_mm": 1e3 * fit.pixel,
         "pixel_given": fit.assumptions.pixel.is_some(),
         "parameters": fit.parameters,
+        "lens": file.lens,
         "model": file.model,
         "ablation": ablation,
         "wall_s": wall,

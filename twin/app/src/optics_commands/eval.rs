@@ -9,7 +9,7 @@ use hand_model::Hand;
 use optics::Foundation;
 use optics::calibration::recovery::{Recovery, recover};
 use optics::calibration::{CalibratedSensor, CalibrationFile, Effort, PressFolder, Similarity, similarity};
-use optics::foundation::{Sensitivity, probe_response, sensitivity};
+use optics::foundation::{PROBE_RADIUS, Sensitivity, WINKLER_LIKE_PAPER, bonded_layer_force, response_to, sensitivity};
 use serde_json::{Map, Value, json};
 
 use crate::cli::Cli;
@@ -38,7 +38,7 @@ pub struct EvalArgs {
     /// Normal force of each pad by its image, beside the physics engine's, in simulated grips.
     #[arg(long)]
     pub pads: bool,
-    /// Errors of fits to made presses of a known sensor, against the number of presses.
+    /// Errors of fits to made presses of a known sensor, against the number of presses, without and with images of single lamps.
     #[arg(long)]
     pub recovery: bool,
 }
@@ -75,18 +75,19 @@ pub fn eval(cli: &Cli, args: &EvalArgs) -> Outcome {
         result.insert("pads".into(), json!({"rows": rows, "agreement": all}));
     }
     if args.recovery {
+        let effort = Effort { steps: [25, 25], ..Effort::default() };
         let rows: Vec<Recovery> = RECOVERY_ROWS
             .iter()
-            .map(|&presses| {
-                recover(presses, RECOVERY_NOISE, &Effort { steps: [25, 25], ..Effort::default() }, cli.seed)
-            })
+            .flat_map(|&presses| [(presses, false), (presses, true)])
+            .map(|(presses, single_lamps)| recover(presses, single_lamps, RECOVERY_NOISE, &effort, cli.seed))
             .collect();
         if !cli.json {
-            println!("presses  held-out grey  lamp deg  lamp mm  roughness  response  kernel");
+            println!("presses  single lamps  held-out grey  lamp deg  lamp mm  roughness  response  kernel");
             for row in &rows {
                 println!(
-                    "{:7}  {:13.3}  {:8.2}  {:7.2}  {:9.3}  {:8.4}  {:5.1} %",
+                    "{:7}  {:12}  {:13.3}  {:8.2}  {:7.2}  {:9.3}  {:8.4}  {:5.1} %",
                     row.presses,
+                    if row.single_lamps { "too" } else { "-" },
                     row.held_out_grey,
                     row.lamp_degrees,
                     row.lamp_mm,
@@ -135,15 +136,24 @@ pub fn eval(cli: &Cli, args: &EvalArgs) -> Outcome {
     Ok(short)
 }
 
-/// The paper's probe on its gel and on the hand's: sensitivities below 50 kPa and up to 160 kPa.
+/// The paper's probe on its gel, on the hand's, and on what explains their difference: sensitivities below 50 kPa and up to 160 kPa.
 fn response(cli: &Cli) -> (Value, Option<String>) {
     let gel = Hand::ftac().gel();
     let mut rows = Vec::new();
     let mut fault = None;
-    for (name, foundation) in
-        [("paper's law", Foundation::paper(gel.thickness)), ("hand's Winkler gel", Foundation::winkler(&gel))]
-    {
-        let points = probe_response(&foundation, 160.0, 161);
+    let winkler = Foundation::winkler(&gel);
+    let stiff = Foundation { modulus: WINKLER_LIKE_PAPER, ..winkler };
+    let on =
+        |gel: Foundation| -> Box<dyn Fn(f64) -> f64> { Box::new(move |depth| gel.ball_force(PROBE_RADIUS, depth)) };
+    let (modulus, thickness) = (winkler.modulus, winkler.thickness);
+    let bonded = move |depth: f64| bonded_layer_force(modulus, thickness, PROBE_RADIUS, depth);
+    for (name, force) in [
+        ("paper's law", on(Foundation::paper(thickness))),
+        ("hand's Winkler gel", on(winkler)),
+        ("same E, bonded layer", Box::new(bonded)),
+        ("Winkler, 0.42 MPa", on(stiff)),
+    ] {
+        let points = response_to(thickness, force, 160.0, 161);
         let (low, all) = (sensitivity(&points, 50.0), sensitivity(&points, 160.0));
         let good = |s: Sensitivity, slope: f64, r: f64| (s.per_kpa / slope - 1.0).abs() < 0.05 && s.r_squared >= r;
         if name.starts_with("paper") && !(good(low, 0.48, 0.973) && good(all, 0.30, 0.967)) {

@@ -7,9 +7,8 @@ use clap::Args;
 use hand_model::Hand;
 use hand_model::pads::{Camera, IMAGE_SIZE};
 use nalgebra::{Isometry3, Point3, Translation3, Unit, UnitQuaternion, Vector3};
-use optics::elastomer::DeformedGel;
 use optics::pads::PadCalibration;
-use optics::{IndentationMap, Sensor, press};
+use optics::{Cover, CurvedSensor, Foundation, IndentationMap, Sensor, SensorModel, press};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use scenarios::geometry::Mesh;
@@ -42,7 +41,10 @@ pub struct RenderArgs {
     /// Calibration file of the pad (see `optics pads`) instead of the hand's own units.
     #[arg(long, conflicts_with = "unit")]
     pub calibration: Option<PathBuf>,
-    /// The PNG to write; image, height map (m) and normals go beside it, as PNG, EXR and NPY.
+    /// Radius of the pad's cover across the digit, mm, for a pad that is part of a cylinder; default: flat.
+    #[arg(long)]
+    pub cover_radius_mm: Option<f64>,
+    /// The PNG to write; image, height map (m, along the cover's normals) and normals go beside it, as PNG, EXR and NPY.
     #[arg(long)]
     pub out: PathBuf,
 }
@@ -77,15 +79,21 @@ pub fn render(cli: &Cli, args: &RenderArgs) -> Outcome {
     };
     let pad = &hand.pads[pad_index];
     let cameras: Vec<&Camera> = pad.cameras.iter().map(|&camera| &hand.cameras[camera]).collect();
-    let sensors = sensors(&hand, pad_index, &cameras, args, cli.seed)?;
-    let pressed = press(pad, &cameras, &hand.gel(), args.force, lowest)?;
+    let cover = match args.cover_radius_mm {
+        Some(mm) => Cover::cylinder(1e-3 * mm).and_then(|cover| cover.check(pad).map(|()| cover)),
+        None => Ok(Cover::FLAT),
+    };
+    let cover = cover.context("--cover-radius-mm")?;
+    let sensors = sensors(&hand, pad_index, &cameras, cover, args, cli.seed)?;
+    let pressed = cover.press(pad, &cameras, &Foundation::winkler(&hand.gel()), args.force, lowest)?;
     if pressed.maps.iter().all(|map| map.contact().is_none()) {
         bail!("--pose: nothing touches pad `{}`; expected the mesh over it and a force above 0", args.pad);
     }
     let mut rows = Vec::new();
     for (n, camera) in cameras.iter().enumerate() {
         let out = if cameras.len() == 1 { args.out.clone() } else { beside(&args.out, &format!("{n}.png")) };
-        let gel = write_views(&hand, &sensors[n], &pressed.maps[n], cli.seed, &out)?;
+        write_views(&hand, &sensors[n], &pressed.maps[n], cli.seed, &out)?;
+        let gel = sensors[n].flat().model().elastomer.deform(camera, &pressed.maps[n]);
         rows.push(json!({
             "camera": camera.name,
             "image": out,
@@ -173,37 +181,42 @@ fn beside(path: &Path, ending: &str) -> PathBuf {
 }
 
 /// The pad's sensors: of the calibration file given, or the hand's own units.
-fn sensors(hand: &Hand, pad: usize, cameras: &[&Camera], args: &RenderArgs, seed: u64) -> Result<Vec<Sensor>> {
+fn sensors(
+    hand: &Hand,
+    pad: usize,
+    cameras: &[&Camera],
+    cover: Cover,
+    args: &RenderArgs,
+    seed: u64,
+) -> Result<Vec<CurvedSensor>> {
     let pad = &hand.pads[pad];
     let Some(path) = &args.calibration else {
-        return Ok(cameras.iter().map(|camera| Sensor::unit(pad, camera, serial(hand, args.unit, camera))).collect());
+        let unit = |camera: &&Camera| {
+            let serial = serial(hand, args.unit, camera);
+            CurvedSensor::new(pad, camera, SensorModel::unit(pad, camera, serial), cover, serial)
+        };
+        return Ok(cameras.iter().map(unit).collect::<Result<_, _>>()?);
     };
     let name = || format!("--calibration {}", path.display());
     let text = std::fs::read_to_string(path).with_context(name)?;
     let models = PadCalibration::parse(&text).and_then(|file| file.models(hand, pad)).with_context(name)?;
-    let sensor = |(camera, model)| Sensor::with_model(pad, camera, model, seed).with_context(name);
+    let sensor = |(camera, model)| CurvedSensor::new(pad, camera, model, cover, seed).with_context(name);
     cameras.iter().copied().zip(models).map(sensor).collect()
 }
 
-/// Writes image, height (m below the surface) and normals (pad frame, out of the gel) of one camera.
-fn write_views(
-    hand: &Hand,
-    sensor: &Sensor,
-    map: &IndentationMap,
-    seed: u64,
-    out: &Path,
-) -> Result<Option<DeformedGel>> {
-    let camera = sensor.camera();
+/// Writes image, height (m below the surface, along its normals) and normals (pad frame, out of the gel) of one camera.
+fn write_views(hand: &Hand, sensor: &CurvedSensor, map: &IndentationMap, seed: u64, out: &Path) -> Result<()> {
+    let camera = sensor.flat().camera();
     let image = sensor.render(map, &mut ChaCha8Rng::seed_from_u64(seed));
     let side = IMAGE_SIZE as u32;
     let save = |path: &Path, bytes: &[u8], color| {
         image::save_buffer(path, bytes, side, side, color).with_context(|| format!("--out {}", path.display()))
     };
     save(out, &image.rgb, image::ColorType::Rgb8)?;
-    let gel = sensor.model().elastomer.deform(camera, map);
-    let depth = |column: usize, row: usize| gel.as_ref().map_or(0.0, |gel| gel.depth(column, row));
+    let depths = sensor.gel(map);
+    let relief = sensor.relief(&depths);
+    let depth = |column: usize, row: usize| relief[row * IMAGE_SIZE + column];
     let pixels = || (0..IMAGE_SIZE * IMAGE_SIZE).map(|at| (at % IMAGE_SIZE, at / IMAGE_SIZE));
-    let depths: Vec<f32> = pixels().map(|(column, row)| depth(column, row)).collect();
     let (dx, dy) = camera.pixel_size();
     let last = IMAGE_SIZE - 1;
     let normals: Vec<Vector3<f32>> = pixels()
@@ -230,6 +243,5 @@ fn write_views(
     let grey: Vec<u8> = depths.iter().map(|depth| (255.0 * depth / thickness).clamp(0.0, 255.0) as u8).collect();
     save(&beside(out, "height.png"), &grey, image::ColorType::L8)?;
     let color: Vec<u8> = flat.iter().map(|value| (127.5 * (value + 1.0)) as u8).collect();
-    save(&beside(out, "normals.png"), &color, image::ColorType::Rgb8)?;
-    Ok(gel)
+    save(&beside(out, "normals.png"), &color, image::ColorType::Rgb8)
 }

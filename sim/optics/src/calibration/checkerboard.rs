@@ -1,0 +1,339 @@
+//! The inner corners of a checkerboard in an image.
+//!
+//! Where four squares meet, brightness is a saddle: it rises along one diagonal and falls along the other, so the Hessian's
+//! determinant is strongly negative. Round a true corner brightness crosses its mean four times, in the directions of the two
+//! lines that cross there, so each corner knows where to look for its neighbours and the board is walked from corner to corner.
+//! A corner's place is the one that every edge nearby points to: gradients are at right angles to the way from it (Foerstner).
+
+use std::collections::{HashMap, VecDeque};
+
+use nalgebra::{Matrix2, Vector2};
+use serde::Deserialize;
+
+use crate::calibration::photo::Photo;
+
+/// A board, by its inner corners: one fewer than squares each way.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Board {
+    /// Inner corners along one side.
+    pub columns: usize,
+    /// Inner corners along the other.
+    pub rows: usize,
+}
+
+/// Standard deviation of the smoothing before corners are looked for, pixels.
+const BLUR: f64 = 1.5;
+/// Radius of the ring on which a corner's four edges are found, pixels, and places on it.
+const RING: f64 = 5.0;
+const AROUND: usize = 48;
+/// Nearest two corners may be, pixels.
+const APART: isize = 5;
+/// A saddle this much weaker than the board's typical corner is none.
+const WEAKEST: f32 = 0.12;
+/// How far a neighbour may be off the direction of the edge that leads to it, rad.
+const ASIDE: f64 = 0.22;
+
+/// A corner on its own: where, and in which four directions (rad, rising, rows down) its edges lead.
+#[derive(Debug, Clone, Copy)]
+struct Corner {
+    place: Vector2<f64>,
+    edges: [f64; 4],
+}
+
+impl Board {
+    /// The corners (column and row in pixels), line by line of the board. Which corner is first, and which way lines run, is
+    /// the image's choice: a board looks the same from two sides. The text says what was found instead.
+    pub fn find(&self, photo: &Photo) -> Result<Vec<[f64; 2]>, String> {
+        let grey = Grey::new(photo);
+        let corners = corners(&grey, self.columns * self.rows);
+        let mut largest: HashMap<(i32, i32), usize> = HashMap::new();
+        let mut seen = vec![false; corners.len()];
+        for seed in 0..corners.len() {
+            if !seen[seed] {
+                let grid = walk(&corners, seed);
+                grid.values().for_each(|&corner| seen[corner] = true);
+                if grid.len() > largest.len() {
+                    largest = grid;
+                }
+            }
+        }
+        let found = |count: usize| {
+            format!("found {count} corners of a checkerboard; expected {} x {} inner corners", self.columns, self.rows)
+        };
+        let range = |axis: fn(&(i32, i32)) -> i32| {
+            let (low, high) =
+                largest.keys().fold((i32::MAX, i32::MIN), |(low, high), at| (low.min(axis(at)), high.max(axis(at))));
+            (low, (i64::from(high) - i64::from(low) + 1).max(0) as usize)
+        };
+        let ((left, wide), (top, tall)) = (range(|at| at.0), range(|at| at.1));
+        let upright = (wide, tall) == (self.columns, self.rows);
+        if largest.len() != self.columns * self.rows || !(upright || (tall, wide) == (self.columns, self.rows)) {
+            return Err(found(largest.len()));
+        }
+        let mut places = Vec::with_capacity(largest.len());
+        for row in 0..self.rows as i32 {
+            for column in 0..self.columns as i32 {
+                let at = if upright { (left + column, top + row) } else { (left + row, top + column) };
+                let corner = largest.get(&at).ok_or_else(|| found(largest.len()))?;
+                places.push(grey.refine(corners[*corner].place).into());
+            }
+        }
+        Ok(places)
+    }
+}
+
+/// Brightness, smoothed.
+struct Grey {
+    width: usize,
+    height: usize,
+    value: Vec<f32>,
+}
+
+impl Grey {
+    fn new(photo: &Photo) -> Self {
+        let value: Vec<f32> =
+            photo.rgb.chunks_exact(3).map(|rgb| rgb.iter().map(|&v| f32::from(v)).sum::<f32>() / 3.0).collect();
+        let (width, height) = (photo.width, photo.height);
+        let reach = (3.0 * BLUR).ceil() as isize;
+        let weights: Vec<f32> = (-reach..=reach).map(|i| (-0.5 * (i as f64 / BLUR).powi(2)).exp() as f32).collect();
+        let total: f32 = weights.iter().sum();
+        let pass = |from: &[f32], across: bool| -> Vec<f32> {
+            (0..from.len())
+                .map(|at| {
+                    let (column, row) = ((at % width) as isize, (at / width) as isize);
+                    let near = |i: isize| {
+                        let (c, r) = if across { (column + i, row) } else { (column, row + i) };
+                        from[r.clamp(0, height as isize - 1) as usize * width + c.clamp(0, width as isize - 1) as usize]
+                    };
+                    weights.iter().zip(-reach..).map(|(weight, i)| weight * near(i)).sum::<f32>() / total
+                })
+                .collect()
+        };
+        let once: Vec<f32> = pass(&value, true);
+        Self { width, height, value: pass(&once, false) }
+    }
+
+    fn get(&self, column: isize, row: isize) -> f32 {
+        let (c, r) = (column.clamp(0, self.width as isize - 1), row.clamp(0, self.height as isize - 1));
+        self.value[r as usize * self.width + c as usize]
+    }
+
+    fn at(&self, place: Vector2<f64>) -> f64 {
+        let (c, r) = (place.x.floor(), place.y.floor());
+        let (u, v, c, r) = (place.x - c, place.y - r, c as isize, r as isize);
+        let line = |row: isize| (1.0 - u) * f64::from(self.get(c, row)) + u * f64::from(self.get(c + 1, row));
+        (1.0 - v) * line(r) + v * line(r + 1)
+    }
+
+    /// How much of a saddle every pixel is: minus the Hessian's determinant.
+    fn saddles(&self) -> Vec<f32> {
+        (0..self.value.len())
+            .map(|at| {
+                let (c, r) = ((at % self.width) as isize, (at / self.width) as isize);
+                let g = |dc, dr| self.get(c + dc, r + dr);
+                let (xx, yy) = (g(1, 0) + g(-1, 0) - 2.0 * g(0, 0), g(0, 1) + g(0, -1) - 2.0 * g(0, 0));
+                let xy = 0.25 * (g(1, 1) + g(-1, -1) - g(1, -1) - g(-1, 1));
+                xy * xy - xx * yy
+            })
+            .collect()
+    }
+
+    /// Directions in which brightness crosses its mean on a ring: four around a corner.
+    fn edges(&self, place: Vector2<f64>) -> Option<[f64; 4]> {
+        let angle = |i: usize| i as f64 * std::f64::consts::TAU / AROUND as f64;
+        let values: Vec<f64> =
+            (0..AROUND).map(|i| self.at(place + RING * Vector2::new(angle(i).cos(), angle(i).sin()))).collect();
+        let mean = values.iter().sum::<f64>() / AROUND as f64;
+        let crossings: Vec<f64> = (0..AROUND)
+            .filter_map(|i| {
+                let (here, next) = (values[i] - mean, values[(i + 1) % AROUND] - mean);
+                ((here < 0.0) != (next < 0.0)).then(|| angle(i) + (angle(1)) * here / (here - next))
+            })
+            .collect();
+        crossings.try_into().ok()
+    }
+
+    /// The place nearby that all gradients are at right angles to.
+    fn refine(&self, start: Vector2<f64>) -> Vector2<f64> {
+        const REACH: isize = 5;
+        let mut place = start;
+        for _ in 0..20 {
+            let (mut matrix, mut right) = (Matrix2::zeros(), Vector2::zeros());
+            for down in -REACH..=REACH {
+                for across in -REACH..=REACH {
+                    let away = Vector2::new(across as f64, down as f64);
+                    let at = place + away;
+                    let (dx, dy) = (Vector2::new(0.5, 0.0), Vector2::new(0.0, 0.5));
+                    let slope = Vector2::new(self.at(at + dx) - self.at(at - dx), self.at(at + dy) - self.at(at - dy));
+                    let weight = (-away.norm_squared() / (0.5 * (REACH * REACH) as f64)).exp();
+                    let outer = weight * slope * slope.transpose();
+                    matrix += outer;
+                    right += outer * at;
+                }
+            }
+            let Some(next) = matrix.try_inverse().map(|inverse| inverse * right) else { return start };
+            let step = (next - place).norm();
+            place = next;
+            if step < 1e-3 {
+                break;
+            }
+        }
+        if (place - start).norm() < 2.0 { place } else { start }
+    }
+}
+
+/// All corners that stand out among the `expected` strongest.
+fn corners(grey: &Grey, expected: usize) -> Vec<Corner> {
+    let saddles = grey.saddles();
+    let (w, h) = (grey.width as isize, grey.height as isize);
+    let margin = RING.ceil() as isize + 1;
+    let mut peaks: Vec<(f32, Vector2<f64>)> = Vec::new();
+    for row in margin..h - margin {
+        for column in margin..w - margin {
+            let here = saddles[(row * w + column) as usize];
+            let near = (-APART..=APART).flat_map(|dr| (-APART..=APART).map(move |dc| (dc, dr)));
+            let first = |(dc, dr): (isize, isize)| {
+                let (c, r) = ((column + dc).clamp(0, w - 1), (row + dr).clamp(0, h - 1));
+                let other = saddles[(r * w + c) as usize];
+                // Of two equal ones the first is taken.
+                if (dr, dc) < (0, 0) { other < here } else { other <= here }
+            };
+            if here > 0.0 && near.filter(|&d| d != (0, 0)).all(first) {
+                peaks.push((here, Vector2::new(column as f64, row as f64)));
+            }
+        }
+    }
+    peaks.sort_by(|a, b| b.0.total_cmp(&a.0));
+    let typical = peaks.get(expected.min(peaks.len()) / 2).map_or(0.0, |peak| peak.0);
+    let strong = peaks.into_iter().filter(|peak| peak.0 >= WEAKEST * typical);
+    strong.filter_map(|(_, place)| grey.edges(place).map(|edges| Corner { place, edges })).collect()
+}
+
+/// Angle between two directions, rad.
+fn between(a: f64, b: f64) -> f64 {
+    let off = (a - b).rem_euclid(std::f64::consts::TAU);
+    off.min(std::f64::consts::TAU - off)
+}
+
+/// The corner that an edge leads to.
+fn neighbour(corners: &[Corner], from: usize, edge: f64) -> Option<usize> {
+    let mut best: Option<(f64, usize)> = None;
+    for (at, other) in corners.iter().enumerate().filter(|(at, _)| *at != from) {
+        let way = other.place - corners[from].place;
+        let distance = way.norm();
+        if between(way.y.atan2(way.x), edge) < ASIDE && best.is_none_or(|(least, _)| distance < least) {
+            best = Some((distance, at));
+        }
+    }
+    best.map(|(_, at)| at)
+}
+
+/// Walks from corner to corner; gives each one's place on the board, relative to the first's.
+fn walk(corners: &[Corner], seed: usize) -> HashMap<(i32, i32), usize> {
+    const STEPS: [(i32, i32); 4] = [(1, 0), (0, 1), (-1, 0), (0, -1)];
+    let mut grid = HashMap::from([((0, 0), seed)]);
+    let mut known = vec![false; corners.len()];
+    known[seed] = true;
+    // A corner, its place, and which of its edges leads along the first step.
+    let mut queue = VecDeque::from([(seed, (0, 0), 0usize)]);
+    while let Some((corner, (i, j), first)) = queue.pop_front() {
+        for (step, (di, dj)) in STEPS.iter().enumerate() {
+            let edge = corners[corner].edges[(first + step) % 4];
+            let Some(next) = neighbour(corners, corner, edge) else { continue };
+            let place = (i + di, j + dj);
+            if known[next] || grid.contains_key(&place) {
+                continue;
+            }
+            // Its edge that goes on in the same direction, and one that leads back here.
+            let off = |k: usize| between(corners[next].edges[k], edge);
+            let Some(on) = (0..4).min_by(|&a, &b| off(a).total_cmp(&off(b))) else { continue };
+            if off(on) > 2.0 * ASIDE || neighbour(corners, next, corners[next].edges[(on + 2) % 4]) != Some(corner) {
+                continue;
+            }
+            known[next] = true;
+            grid.insert(place, next);
+            queue.push_back((next, place, (on + 4 - step) % 4));
+        }
+    }
+    grid
+}
+
+#[cfg(test)]
+pub(crate) mod tests {
+    use nalgebra::{Isometry3, Vector3};
+
+    use super::*;
+    use crate::calibration::lens::Lens;
+
+    /// A board of squares of side 1, white around, as this lens shows it; its middle is at the pose's origin.
+    pub(crate) fn picture(board: Board, lens: &Lens, pose: &Isometry3<f64>, size: [usize; 2]) -> Photo {
+        const PARTS: usize = 4;
+        let [width, height] = size;
+        let (right, down) = (pose * Vector3::x(), pose * Vector3::y());
+        let normal = right.cross(&down);
+        let origin = pose.translation.vector;
+        let squares = [board.columns + 1, board.rows + 1].map(|n| n as f64);
+        let shade = |column: f64, row: f64| {
+            let [u, v] = lens.rectified([column, row]);
+            let ray = Vector3::new((u - lens.center[0]) / lens.focal[0], (v - lens.center[1]) / lens.focal[1], 1.0);
+            let point = ray * (normal.dot(&origin) / normal.dot(&ray)) - origin;
+            let (x, y) = (point.dot(&right) + 0.5 * squares[0], point.dot(&down) + 0.5 * squares[1]);
+            if !(0.0..squares[0]).contains(&x) || !(0.0..squares[1]).contains(&y) {
+                200.0
+            } else if (x as usize + y as usize).is_multiple_of(2) {
+                40.0
+            } else {
+                200.0
+            }
+        };
+        let mut rgb = Vec::with_capacity(3 * width * height);
+        for at in 0..width * height {
+            let sum: f64 = (0..PARTS * PARTS)
+                .map(|part| {
+                    let inside = |k: usize| (k as f64 + 0.5) / PARTS as f64 - 0.5;
+                    shade((at % width) as f64 + inside(part % PARTS), (at / width) as f64 + inside(part / PARTS))
+                })
+                .sum();
+            rgb.extend([(sum / (PARTS * PARTS) as f64).round() as u8; 3]);
+        }
+        Photo { width, height, rgb }
+    }
+
+    pub(crate) const BOARD: Board = Board { columns: 7, rows: 5 };
+    pub(crate) const LENS: Lens =
+        Lens { focal: [262.0, 258.0], center: [163.0, 117.0], radial: [-0.22, 0.05, 0.0], tangential: [0.002, -0.001] };
+
+    #[test]
+    fn corners_are_found_to_a_tenth_of_a_pixel() {
+        let pose = Isometry3::new(Vector3::new(0.2, -0.1, 9.5), Vector3::new(0.35, -0.3, 0.5));
+        let photo = picture(BOARD, &LENS, &pose, [320, 240]);
+        let found = BOARD.find(&photo).unwrap();
+        let mut worst = 0.0f64;
+        for j in 0..BOARD.rows {
+            for i in 0..BOARD.columns {
+                let place = |k: usize, n: usize| k as f64 - 0.5 * (n as f64 - 1.0);
+                let at = pose.rotation * Vector3::new(place(i, BOARD.columns), place(j, BOARD.rows), 0.0)
+                    + pose.translation.vector;
+                let flat = [0, 1].map(|axis| LENS.center[axis] + LENS.focal[axis] * at[axis] / at.z);
+                let [u, v] = LENS.distorted(flat);
+                let nearest = found.iter().map(|[x, y]| (x - u).hypot(y - v)).fold(f64::INFINITY, f64::min);
+                worst = worst.max(nearest);
+            }
+        }
+        assert!(worst < 0.1, "{worst} px");
+        // Neighbours in the list are neighbours on the board.
+        let step = |a: [f64; 2], b: [f64; 2]| (a[0] - b[0]).hypot(a[1] - b[1]);
+        assert!(found.chunks_exact(BOARD.columns).all(|line| line.windows(2).all(|w| step(w[0], w[1]) < 40.0)));
+    }
+
+    #[test]
+    fn another_board_and_no_board_are_told() {
+        let pose = Isometry3::new(Vector3::new(0.0, 0.0, 9.5), Vector3::new(0.2, 0.1, 0.0));
+        let photo = picture(BOARD, &LENS, &pose, [320, 240]);
+        let text = Board { columns: 8, rows: 5 }.find(&photo).unwrap_err();
+        assert!(text.contains("found 35 corners") && text.contains("8 x 5"), "{text}");
+        let nothing = Photo { width: 60, height: 40, rgb: vec![90; 7200] };
+        assert!(BOARD.find(&nothing).unwrap_err().contains("found 0 corners"));
+    }
+}

@@ -1,0 +1,269 @@
+//! Curved pads: a cover that is part of a cylinder along the digit.
+//!
+//! A point of the cover is named by its place (x, y) in the pad's plane; it is at `z = sqrt(R^2 - x^2) - R`, and the gel's height map
+//! there is measured along its own normal. An object that presses along the pad's z indents the gel along these normals, by
+//! the distance from the cover to the object's surface; the gel's pressure acts against the normal, and its part along z on
+//! a patch is the pressure times the patch's shadow on the plane, whatever its tilt. A cover of curvature 0 is the flat pad.
+
+use hand_model::pads::{Camera, IMAGE_SIZE, Pad};
+use nalgebra::{Point3, Vector3};
+
+use crate::error::OpticsError;
+use crate::foundation::Foundation;
+use crate::indentation::{IndentationMap, PIXELS, Press, check_force, positive, press_on};
+
+/// Shape of a pad's surface.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Cover {
+    /// One over the cylinder's radius, 1/m; 0 is flat.
+    curvature: f64,
+}
+
+/// Half a pad's width may be this much of the radius: beyond, the cover is steeper than its camera and lamps can look at.
+const WIDEST: f64 = 0.8;
+/// Spacing of the first pass of [`Cover::press`], pixels.
+const COARSE: usize = 4;
+/// Steps along a normal, and when the object is met, m.
+const STEPS: usize = 12;
+const MET: f64 = 1e-8;
+
+impl Cover {
+    /// The flat pad.
+    pub const FLAT: Self = Self { curvature: 0.0 };
+
+    /// Part of a cylinder of this radius (m), its axis along y behind the pad.
+    pub fn cylinder(radius: f64) -> Result<Self, OpticsError> {
+        positive("cover radius", radius)?;
+        Ok(Self { curvature: 1.0 / radius })
+    }
+
+    /// True for the flat pad.
+    pub fn is_flat(&self) -> bool {
+        self.curvature == 0.0
+    }
+
+    /// Refuses a pad that is too wide for the cylinder.
+    pub fn check(&self, pad: &Pad) -> Result<(), OpticsError> {
+        let most = 2.0 * WIDEST / self.curvature;
+        if pad.w <= most { Ok(()) } else { Err(OpticsError::CoverWidth { found: pad.w, most }) }
+    }
+
+    /// Height (m, never positive) over the pad's plane.
+    pub fn height(&self, x: f64) -> f64 {
+        let part = (self.curvature * x).clamp(-1.0, 1.0);
+        // The same as sqrt(R^2 - x^2) - R, without its cancellation and at any curvature.
+        -self.curvature * x * x / (1.0 + (1.0 - part * part).sqrt())
+    }
+
+    /// Unit normal, out of the gel.
+    pub fn normal(&self, x: f64) -> Vector3<f64> {
+        let part = (self.curvature * x).clamp(-1.0, 1.0);
+        Vector3::new(part, 0.0, (1.0 - part * part).sqrt())
+    }
+
+    /// How far (m) an object lies below the cover at (x, y), along the normal: negative where it is above, `None` where there is none.
+    pub fn penetration(
+        &self,
+        pad: &Pad,
+        (x, y): (f64, f64),
+        shift: f64,
+        z_object: &mut impl FnMut(f64, f64) -> Option<f64>,
+    ) -> Result<Option<f64>, OpticsError> {
+        let normal = self.normal(x);
+        let start = Point3::new(x, y, self.height(x) + pad.surface_height(x, y));
+        // How far a place on the normal is inside the object, along z.
+        let mut inside = |depth: f64| -> Result<Option<f64>, OpticsError> {
+            let place = start - depth * normal;
+            let Some(z) = z_object(place.x, place.y) else { return Ok(None) };
+            if !z.is_finite() {
+                return Err(OpticsError::Surface { x: place.x, y: place.y, z });
+            }
+            Ok(Some(place.z - z + shift))
+        };
+        let Some(mut before) = inside(0.0)? else { return Ok(None) };
+        let (mut last, mut depth) = (0.0, before / normal.z);
+        for _ in 0..STEPS {
+            let Some(here) = inside(depth)? else { return Ok(None) };
+            if here.abs() < MET || here == before {
+                break;
+            }
+            let next = depth - here * (depth - last) / (here - before);
+            (last, before, depth) = (depth, here, next);
+        }
+        Ok(depth.is_finite().then_some(depth))
+    }
+
+    /// As [`crate::indentation::press_on`], on this cover: the maps are along its normals.
+    pub fn press(
+        &self,
+        pad: &Pad,
+        cameras: &[&Camera],
+        gel: &Foundation,
+        force: f64,
+        mut z_object: impl FnMut(f64, f64) -> Option<f64>,
+    ) -> Result<Press, OpticsError> {
+        if self.is_flat() {
+            return press_on(pad, cameras, gel, force, z_object);
+        }
+        check_force(force)?;
+        gel.check()?;
+        self.check(pad)?;
+        let idle = || vec![IndentationMap::idle(); cameras.len()];
+        if force == 0.0 {
+            return Ok(Press { shift: 0.0, force: 0.0, maps: idle() });
+        }
+        let mut maps = |shift: f64, spacing: usize| -> Result<(f64, Vec<Vec<f32>>), OpticsError> {
+            let (mut sum, mut all) = (0.0, Vec::with_capacity(cameras.len()));
+            for camera in cameras {
+                let (dx, dy) = camera.pixel_size();
+                positive("camera width", dx)?;
+                positive("camera height", dy)?;
+                let mut depths = Vec::new();
+                for row in (spacing / 2..IMAGE_SIZE).step_by(spacing) {
+                    for column in (spacing / 2..IMAGE_SIZE).step_by(spacing) {
+                        let place = camera.pixel_center(column, row);
+                        let found = self.penetration(pad, place, shift, &mut z_object)?;
+                        let depth = found.map_or(0.0, |depth| depth.clamp(0.0, gel.thickness));
+                        sum += gel.pressure(depth) * dx * dy * (spacing * spacing) as f64;
+                        depths.push(depth as f32);
+                    }
+                }
+                all.push(depths);
+            }
+            Ok((sum, all))
+        };
+        // The object's lowest place is unknown: first outwards until it lets go, then inwards until it is borne.
+        let (mut low, mut high) = (-gel.thickness, gel.thickness);
+        for _ in 0..STEPS {
+            if maps(low, COARSE)?.0 <= force {
+                break;
+            }
+            (low, high) = (2.0 * low, low);
+        }
+        let mut most = maps(high, COARSE)?.0;
+        for _ in 0..STEPS {
+            if most >= force {
+                break;
+            }
+            let next = maps(2.0 * high, COARSE)?.0;
+            if next <= most && most > 0.0 {
+                break;
+            }
+            (low, high, most) = (high, 2.0 * high, next);
+        }
+        if most == 0.0 {
+            return Ok(Press { shift: 0.0, force: 0.0, maps: idle() });
+        }
+        while high - low > 1e-7 {
+            let middle = 0.5 * (low + high);
+            if maps(middle, COARSE)?.0 < force { low = middle } else { high = middle }
+        }
+        // All pixels bear nearly what every fourth one does: the secant through two such sums.
+        let (mut shift, mut last) = (high, None);
+        let mut found = maps(shift, 1)?;
+        for _ in 0..STEPS {
+            if (found.0 - force).abs() < 1e-6 * force {
+                break;
+            }
+            let slope = match last {
+                Some((shift_before, force_before)) => (found.0 - force_before) / (shift - shift_before),
+                None => (maps(shift + 1e-6, 1)?.0 - found.0) / 1e-6,
+            };
+            let step = (force - found.0) / slope;
+            if !step.is_finite() || step.abs() > gel.thickness {
+                break;
+            }
+            last = Some((shift, found.0));
+            shift += step;
+            found = maps(shift, 1)?;
+        }
+        debug_assert!(found.1.iter().all(|map| map.len() == PIXELS));
+        let maps: Result<Vec<_>, _> = found.1.into_iter().map(IndentationMap::from_depth).collect();
+        Ok(Press { shift, force: found.0, maps: maps? })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use hand_model::Hand;
+
+    use super::*;
+
+    /// A phalanx pad with sharp edges, so that only the cover is curved.
+    fn pad() -> (Pad, Camera) {
+        let hand = Hand::ftac();
+        let pad = hand.pads.iter().find(|pad| pad.name == "index_distal").unwrap();
+        (Pad { edge_radius: 0.0, ..pad.clone() }, hand.cameras[pad.cameras[0]].clone())
+    }
+
+    const GEL: Foundation = Foundation { thickness: 0.0025, modulus: 1.5e5, exponent: 1.0, hardening: 0.0 };
+
+    #[test]
+    fn a_plate_on_a_cylinder_touches_a_stripe_of_the_analytic_width_and_force() {
+        let (pad, camera) = pad();
+        for (radius, force) in [(0.02, 1.0), (0.03, 4.0), (0.05, 8.0)] {
+            let cover = Cover::cylinder(radius).unwrap();
+            let press = cover.press(&pad, &[&camera], &GEL, force, |_, _| Some(0.0)).unwrap();
+            let deep = press.shift;
+            // Chord of the circle at this depth.
+            let half = (2.0 * radius * deep - deep * deep).sqrt();
+            // k times the integral of (z + deep) / n_z over the stripe.
+            let per_length = 2.0 * (radius * half - radius * (radius - deep) * (half / radius).asin());
+            let exact = GEL.modulus / GEL.thickness * per_length * camera.h;
+            assert!(
+                (press.force / force - 1.0).abs() < 1e-5 && (exact / force - 1.0).abs() < 5e-3,
+                "{exact} {press:?}"
+            );
+            let contact = press.maps[0].contact().unwrap();
+            let (dx, _) = camera.pixel_size();
+            assert_eq!(contact.height(), IMAGE_SIZE, "a line along the digit");
+            assert!((contact.width() as f64 * dx - 2.0 * half).abs() < 1.01 * dx, "{} {half}", contact.width());
+            assert!((f64::from(press.maps[0].deepest()) - deep).abs() < 1e-6);
+        }
+    }
+
+    #[test]
+    fn an_object_of_the_covers_shape_is_met_everywhere_alike() {
+        let (pad, camera) = pad();
+        let radius = 0.025;
+        let cover = Cover::cylinder(radius).unwrap();
+        // A hollow of a larger cylinder about the same axis, 0.3 mm inside the gel: the distance along every normal.
+        let inner: f64 = radius - 0.3e-3;
+        let hollow = |x: f64, _: f64| Some((inner * inner - x * x).max(0.0).sqrt() - radius);
+        for column in [0, 60, 120, 239] {
+            let place = camera.pixel_center(column, 100);
+            let found = cover.penetration(&pad, place, 0.0, &mut { hollow }).unwrap().unwrap();
+            assert!((found - 0.3e-3).abs() < 1e-7, "{column} {found}");
+        }
+    }
+
+    #[test]
+    fn a_flat_cover_is_the_flat_pad_to_the_bit() {
+        let hand = Hand::ftac();
+        let pad = &hand.pads[5];
+        let cameras: Vec<&Camera> = pad.cameras.iter().map(|&camera| &hand.cameras[camera]).collect();
+        let ball = |x: f64, y: f64| {
+            let inside = 1e-4 - x * x - y * y;
+            (inside > 0.0).then(|| 0.01 - inside.sqrt())
+        };
+        let gel = Foundation::winkler(&hand.parameters.gel);
+        let flat = press_on(pad, &cameras, &gel, 1.3, ball).unwrap();
+        assert_eq!(Cover::FLAT.press(pad, &cameras, &gel, 1.3, ball).unwrap(), flat);
+        // A cylinder of 100 m is flat but for rounding.
+        let nearly = Cover::cylinder(100.0).unwrap().press(pad, &cameras, &gel, 1.3, ball).unwrap();
+        assert!((nearly.shift - flat.shift).abs() < 1e-6, "{} {}", nearly.shift, flat.shift);
+    }
+
+    #[test]
+    fn impossible_covers_are_refused() {
+        let (pad, camera) = pad();
+        assert!(Cover::cylinder(0.0).is_err() && Cover::cylinder(f64::NAN).is_err());
+        let narrow = Cover::cylinder(0.4 * pad.w).unwrap();
+        let text = narrow.press(&pad, &[&camera], &GEL, 1.0, |_, _| Some(0.0)).unwrap_err().to_string();
+        assert!(text.contains("cover") && text.contains("expected"), "{text}");
+        let cover = Cover::cylinder(0.03).unwrap();
+        assert!(cover.press(&pad, &[&camera], &GEL, 1.0, |_, _| Some(f64::NAN)).is_err());
+        let nothing = cover.press(&pad, &[&camera], &GEL, 1.0, |_, _| None).unwrap();
+        assert!(nothing.maps[0].contact().is_none() && nothing.force == 0.0);
+    }
+}

@@ -1,0 +1,187 @@
+//! The image of a curved pad.
+//!
+//! The gel's surface under the cover, pressed in along the cover's normals, becomes a relief over the pad's plane; every pixel's ray,
+//! from the pinhole through the pixel's place in that plane, is followed to it (so relief is shifted sideways, as it is in a real image),
+//! and lamps light what is met there, past whatever relief stands between. As on a flat pad the image is the background where
+//! nothing has changed; elsewhere what the model says changes is added to the background's radiance.
+
+use hand_model::pads::{Camera, IMAGE_SIZE, Pad};
+use hand_model::robot::TactileImage;
+use nalgebra::Point3;
+use rand::Rng;
+use rayon::prelude::*;
+
+use crate::cover::Cover;
+use crate::error::OpticsError;
+use crate::indentation::{IndentationMap, PIXELS};
+use crate::model::SensorModel;
+use crate::noise::quantise;
+use crate::sensor::Sensor;
+use crate::shadows::{HeightField, Shadow};
+
+/// One camera unit of a pad with any cover. With [`Cover::FLAT`] it is the [`Sensor`], bit by bit.
+#[derive(Debug, Clone)]
+pub struct CurvedSensor {
+    sensor: Sensor,
+    cover: Cover,
+    /// Radiance of the untouched gel by the model, row-major RGB.
+    untouched: Vec<f32>,
+    /// Grey levels of the untouched gel.
+    background: Vec<f32>,
+}
+
+/// Steps of the search for what a ray meets.
+const STEPS: usize = 8;
+/// Share of the full scale by which radiance must change for a pixel to be shaded anew.
+const CHANGE: f32 = 1e-4;
+
+impl CurvedSensor {
+    /// A camera unit of this model; `seed` draws its texture, as [`Sensor::with_model`] does.
+    pub fn new(pad: &Pad, camera: &Camera, model: SensorModel, cover: Cover, seed: u64) -> Result<Self, OpticsError> {
+        cover.check(pad)?;
+        Ok(Self::of(Sensor::with_model(pad, camera, model, seed)?, cover))
+    }
+
+    /// The sensor's model under a cover.
+    fn of(sensor: Sensor, cover: Cover) -> Self {
+        if cover.is_flat() {
+            return Self { sensor, cover, untouched: Vec::new(), background: Vec::new() };
+        }
+        let mut curved = Self { sensor, cover, untouched: Vec::new(), background: Vec::new() };
+        curved.untouched = curved.radiance(&vec![0.0; PIXELS]);
+        curved.background = (0..3 * PIXELS).map(|at| curved.grey(at, curved.untouched[at])).collect();
+        curved
+    }
+
+    /// The flat pad's unit it was made of.
+    pub fn flat(&self) -> &Sensor {
+        &self.sensor
+    }
+
+    /// The image of the untouched gel, without read-out noise.
+    pub fn background(&self) -> TactileImage {
+        if self.cover.is_flat() {
+            return (**self.sensor.background()).clone();
+        }
+        TactileImage { rgb: self.background.iter().map(|&grey| quantise(grey)).collect() }
+    }
+
+    /// The deformed gel (m along the cover's normals, row-major) of an indentation.
+    pub fn gel(&self, indentation: &IndentationMap) -> Vec<f32> {
+        let gel = self.sensor.model.elastomer.deform(&self.sensor.camera, indentation);
+        let depth = |at: usize| gel.as_ref().map_or(0.0, |gel| gel.depth(at % IMAGE_SIZE, at / IMAGE_SIZE));
+        (0..PIXELS).map(depth).collect()
+    }
+
+    /// The surface's depth (m, row-major) under the pad's plane, for a gel given along the cover's normals.
+    pub fn relief(&self, gel: &[f32]) -> Vec<f32> {
+        if self.cover.is_flat() {
+            return gel.to_vec();
+        }
+        let camera = &self.sensor.camera;
+        let (dx, _) = camera.pixel_size();
+        (0..PIXELS)
+            .map(|at| {
+                let (column, row) = (at % IMAGE_SIZE, at / IMAGE_SIZE);
+                let (x, _) = camera.pixel_center(column, row);
+                let line = &gel[row * IMAGE_SIZE..(row + 1) * IMAGE_SIZE];
+                // The place on the cover whose point is pressed to above this one.
+                let (mut from, mut deep) = (x, 0.0);
+                for _ in 0..STEPS {
+                    deep = between(line, column as f64 + (from - x) / dx);
+                    let next = x + deep * self.cover.normal(from).x;
+                    if (next - from).abs() < 1e-7 {
+                        break;
+                    }
+                    from = next;
+                }
+                (deep * self.cover.normal(from).z - self.cover.height(from)) as f32
+            })
+            .collect()
+    }
+
+    /// The tactile image of an indentation along the cover's normals (see [`Cover::press`]); `rng` draws the read-out noise.
+    pub fn render(&self, indentation: &IndentationMap, rng: &mut impl Rng) -> TactileImage {
+        if self.cover.is_flat() {
+            return self.sensor.render(indentation, rng);
+        }
+        let mut grey = self.background.clone();
+        if indentation.contact().is_some() {
+            let pressed = self.radiance(&self.gel(indentation));
+            for (at, (grey, radiance)) in grey.iter_mut().zip(pressed).enumerate() {
+                if (radiance - self.untouched[at]).abs() > CHANGE {
+                    *grey = self.grey(at, radiance);
+                }
+            }
+        }
+        let mut rgb = vec![0; 3 * PIXELS];
+        for (bytes, grey) in rgb.chunks_exact_mut(3 * IMAGE_SIZE).zip(grey.chunks_exact(3 * IMAGE_SIZE)) {
+            self.sensor.noise.expose(grey, bytes, rng);
+        }
+        TactileImage { rgb }
+    }
+
+    /// Grey level that a value of the image has at this radiance of the model.
+    fn grey(&self, at: usize, radiance: f32) -> f32 {
+        self.sensor.response[at % 3].grey(radiance + self.sensor.correction[at])
+    }
+
+    /// The model's radiance of every pixel, row-major RGB.
+    fn radiance(&self, gel: &[f32]) -> Vec<f32> {
+        let (camera, model) = (&self.sensor.camera, &self.sensor.model);
+        let (dx, dy) = camera.pixel_size();
+        let relief = self.relief(gel);
+        let side = IMAGE_SIZE;
+        let first = camera.pixel_center(0, 0);
+        let field = HeightField { width: side, height: side, first, pixel: (dx, dy), depth: &relief };
+        let shadows: Vec<Option<Shadow>> = field.shadows(&model.lamps);
+        let depth = |column: f64, row: f64| {
+            let last = (side - 1) as f64;
+            let (column, row) = (column.clamp(0.0, last), row.clamp(0.0, last));
+            let above = (row as usize).min(side - 2);
+            let line = |row: usize| between(&relief[row * side..(row + 1) * side], column);
+            let part = row - above as f64;
+            (1.0 - part) * line(above) + part * line(above + 1)
+        };
+        // Mean slope over a pixel to either side, of what is inside the image.
+        let slope = |low: f64, high: f64, at: &dyn Fn(f64) -> f64, pixel: f64| {
+            let (low, high) = (low.max(0.0), high.min((side - 1) as f64));
+            (at(low) - at(high)) / ((high - low) * pixel)
+        };
+        let eye = model.camera.position;
+        let foot = ((eye.x - first.0) / dx, (first.1 - eye.y) / dy);
+        let mut radiance = vec![0.0; 3 * PIXELS];
+        radiance.par_chunks_exact_mut(3 * side).enumerate().for_each(|(row, line)| {
+            for (column, pixel) in line.chunks_exact_mut(3).enumerate() {
+                let place = (column as f64, row as f64);
+                let (mut seen, mut deep) = (place, 0.0);
+                for _ in 0..STEPS {
+                    let next = depth(seen.0, seen.1);
+                    if next == deep {
+                        break;
+                    }
+                    deep = next;
+                    let part = -deep / eye.z;
+                    seen = (place.0 + (foot.0 - place.0) * part, place.1 + (foot.1 - place.1) * part);
+                }
+                let zx = slope(seen.0 - 1.0, seen.0 + 1.0, &|column| depth(column, seen.1), dx);
+                let zy = -slope(seen.1 - 1.0, seen.1 + 1.0, &|row| depth(seen.0, row), dy);
+                let point = Point3::new(first.0 + seen.0 * dx, first.1 - seen.1 * dy, -deep);
+                let share =
+                    |k: usize| shadows.get(k).and_then(Option::as_ref).map_or(1.0, |shadow| shadow.at(seen.0, seen.1));
+                for (value, radiance) in pixel.iter_mut().zip(model.radiance_past(&point, [zx, zy], share)) {
+                    *value = radiance as f32;
+                }
+            }
+        });
+        radiance
+    }
+}
+
+/// The value at a fractional place of a row, linear between pixels; beyond its ends they go on.
+fn between(line: &[f32], column: f64) -> f64 {
+    let column = column.clamp(0.0, (line.len() - 1) as f64);
+    let left = (column as usize).min(line.len() - 2);
+    let part = column - left as f64;
+    (1.0 - part) * f64::from(line[left]) + part * f64::from(line[left + 1])
+}
