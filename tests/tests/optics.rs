@@ -122,7 +122,8 @@ fn calibration_images_that_cannot_be_used_are_told_by_name() {
     refused(&["press.png", "240 x 240"]);
     fs::copy(&image, here("press.png")).expect("copied");
     refused(&["press.png", "no contact"]);
-    fs::write(here("labels.csv"), "file,center_x_px,center_y_px,contact_radius_px\npress.png,120,120,20\n").expect("written");
+    fs::write(here("labels.csv"), "file,center_x_px,center_y_px,contact_radius_px\npress.png,120,120,20\n")
+        .expect("written");
     fs::create_dir(here("lamps")).expect("a folder");
     fs::copy(&image, here("lamps/red.png")).expect("copied");
     refused(&["lamps", "found 1 images", "at least 2"]);
@@ -159,15 +160,19 @@ fn a_curved_pad_is_pressed_along_its_normals() {
     assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
     let value: serde_json::Value = serde_json::from_slice(&output.stdout).expect("JSON");
     let shift = value["shift_mm"].as_f64().expect("a number");
-    // The stripe is the chord of the cylinder at this depth, over all rows that are not rounded off at the ends.
+    // The stripe is the chord of the cylinder at this depth, but for the rows at the ends, where the cover is rounded off.
     let chord = 2.0 * (2.0 * 20.0 * shift - shift * shift).sqrt();
     let columns = value["cameras"][0]["contact_pixels"].as_f64().expect("a number") / 240.0;
     let found = columns * 20.0 / 240.0;
-    assert!(found < chord + 0.1 && found > 0.8 * chord, "{found} mm, chord {chord} mm: {value}");
+    assert!(found < chord && found > 0.65 * chord, "{found} mm, chord {chord} mm: {value}");
     fs::remove_file(&out).expect("an image");
     for radius in ["0", "-3", "5"] {
         let output = render(radius);
-        assert!(output.status.code() == Some(2) && stderr(&output).contains("--cover-radius-mm"), "{}", stderr(&output));
+        assert!(
+            output.status.code() == Some(2) && stderr(&output).contains("--cover-radius-mm"),
+            "{}",
+            stderr(&output)
+        );
         assert!(!out.exists(), "left an image behind");
     }
 }
