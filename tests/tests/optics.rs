@@ -92,3 +92,87 @@ fn calibration_folders_that_cannot_be_used() {
     let no_diameter = calibrate("0");
     assert!(no_diameter.contains("ball diameter"), "{no_diameter}");
 }
+
+#[test]
+fn calibration_images_that_cannot_be_used_are_told_by_name() {
+    let folder = tempdir().expect("a folder");
+    let here = |name: &str| folder.path().join(name);
+    fs::write(here("thing.obj"), pyramid(0.01)).expect("written");
+    // Any two images of two sizes.
+    let image = here("background.png");
+    let render = run(&["optics", "render", text(&here("thing.obj")), "--out", text(&image)]);
+    assert_eq!(render.status.code(), Some(0), "{}", stderr(&render));
+    for more in ["height.png", "normals.png"] {
+        fs::remove_file(image.with_extension(more)).expect("a view");
+    }
+    let sheet = here("sheet");
+    fs::create_dir(&sheet).expect("a folder");
+    let sheet = sheet.join("sheet.png");
+    assert_eq!(run(&["optics", "shapes", "--out", text(&sheet)]).status.code(), Some(0));
+    let out = here("made.toml");
+    let refused = |named: &[&str]| {
+        let arguments = ["optics", "calibrate", text(folder.path()), "--ball-diameter-mm", "4", "--out", text(&out)];
+        let output = run(&arguments);
+        assert_eq!(output.status.code(), Some(2));
+        assert!(named.iter().all(|part| stderr(&output).contains(part)), "{}", stderr(&output));
+        assert!(!out.exists(), "left a file behind");
+    };
+    refused(&["no press images"]);
+    fs::copy(&sheet, here("press.png")).expect("copied");
+    refused(&["press.png", "240 x 240"]);
+    fs::copy(&image, here("press.png")).expect("copied");
+    refused(&["press.png", "no contact"]);
+    fs::write(here("labels.csv"), "file,center_x_px,center_y_px,contact_radius_px\npress.png,120,120,20\n")
+        .expect("written");
+    fs::create_dir(here("lamps")).expect("a folder");
+    fs::copy(&image, here("lamps/red.png")).expect("copied");
+    refused(&["lamps", "found 1 images", "at least 2"]);
+    fs::copy(&image, here("lamps/blue.png")).expect("copied");
+    refused(&["blue.png", "all lamps"]);
+    fs::remove_dir_all(here("lamps")).expect("removed");
+    fs::create_dir(here("checkerboards")).expect("a folder");
+    refused(&["board.toml", "columns"]);
+    fs::write(here("checkerboards/board.toml"), "columns = 9\nrows = 6\n").expect("written");
+    for name in ["a", "b", "c"] {
+        fs::copy(&image, here("checkerboards").join(name).with_extension("png")).expect("copied");
+    }
+    refused(&["a.png", "9 x 6 inner corners"]);
+    fs::write(here("lens.toml"), "").expect("written");
+    let (lens, folder) = (here("lens.toml"), folder.path());
+    let both = run(&["optics", "calibrate", text(folder), "--ball-diameter-mm", "4", "--lens", text(&lens)]);
+    assert!(both.status.code() == Some(2) && stderr(&both).contains("checkerboards"), "{}", stderr(&both));
+}
+
+#[test]
+fn a_curved_pad_is_pressed_along_its_normals() {
+    let folder = tempdir().expect("a folder");
+    let (mesh, out) = (folder.path().join("thing.obj"), folder.path().join("image.png"));
+    // A plate larger than the pad.
+    let plate = "v -0.05 -0.05 0\nv 0.05 -0.05 0\nv 0.05 0.05 0\nv -0.05 0.05 0\n\
+                 v -0.05 -0.05 0.01\nv 0.05 -0.05 0.01\nv 0.05 0.05 0.01\nv -0.05 0.05 0.01\n\
+                 f 1 3 2\nf 1 4 3\nf 5 6 7\nf 5 7 8\nf 1 2 6\nf 1 6 5\nf 2 3 7\nf 2 7 6\nf 3 4 8\nf 3 8 7\nf 4 1 5\nf 4 5 8\n";
+    fs::write(&mesh, plate).expect("written");
+    let render = |radius: &str| {
+        let arguments = ["optics", "render", text(&mesh), "--cover-radius-mm", radius, "--out", text(&out), "--json"];
+        run(&arguments)
+    };
+    let output = render("20");
+    assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+    let value: serde_json::Value = serde_json::from_slice(&output.stdout).expect("JSON");
+    let shift = value["shift_mm"].as_f64().expect("a number");
+    // The stripe is the chord of the cylinder at this depth, but for the rows at the ends, where the cover is rounded off.
+    let chord = 2.0 * (2.0 * 20.0 * shift - shift * shift).sqrt();
+    let columns = value["cameras"][0]["contact_pixels"].as_f64().expect("a number") / 240.0;
+    let found = columns * 20.0 / 240.0;
+    assert!(found < chord && found > 0.65 * chord, "{found} mm, chord {chord} mm: {value}");
+    fs::remove_file(&out).expect("an image");
+    for radius in ["0", "-3", "5"] {
+        let output = render(radius);
+        assert!(
+            output.status.code() == Some(2) && stderr(&output).contains("--cover-radius-mm"),
+            "{}",
+            stderr(&output)
+        );
+        assert!(!out.exists(), "left an image behind");
+    }
+}

@@ -25,25 +25,59 @@
 //!
 //! # For the owner of a GelSight Mini
 //! Take a picture of the untouched gel (`background.png`) and a dozen or two of a steel ball pressed in here and there, all
-//! in one folder. If you know where the balls are, say so in `labels.csv` (see [`calibration::folder`]); otherwise they are found. Then
+//! in one folder. If you know where the balls are, say so in `labels.csv` (see [`calibration::folder`]); otherwise they are found.
+//! Pictures of a checkerboard tell the lens, pictures under each lamp alone the lamps; both are optional. Then
 //! ```sh
 //! ftac optics calibrate FOLDER --ball-diameter-mm 6.31 --pixel-mm 0.0634 --out mini.toml
 //! ```
 //! fits the model to every second press and renders the others; it prints how alike rendered and real images are, beside
-//! what the background alone reaches (`floor`) and what the noise allows (`ceiling`). From then on the sensor renders anything:
-//! ```no_run
-//! use optics::calibration::CalibratedSensor;
+//! what the background alone reaches (`floor`) and what the noise allows (`ceiling`). From then on the sensor renders anything.
+//! The same by code (here the folder is made first, with a sensor that is known):
+//! ```
+//! use optics::calibration::{Assumptions, BallFit, CalibratedSensor, CalibrationFile, Effort, PressFolder};
 //!
-//! let sensor = CalibratedSensor::read("mini.toml".as_ref())?;
-//! let (columns, rows) = sensor.size();
+//! # let folder = std::env::temp_dir().join(format!("optics-example-{}", std::process::id()));
+//! # std::fs::create_dir_all(&folder)?;
+//! # let hand = hand_model::Hand::ftac();
+//! # let camera = &hand.cameras[hand.pads[0].cameras[0]];
+//! # let (columns, rows) = (96, 72);
+//! # let model = optics::SensorModel { noise: 0.0, ..optics::SensorModel::nominal(&hand.pads[0], camera) };
+//! # let grey = |at: usize| {
+//! #     let (x, y) = ((at % columns) as f64 - 47.5, 35.5 - (at / columns) as f64);
+//! #     model.grey(&nalgebra::Point3::new(0.2e-3 * x, 0.2e-3 * y, 0.0), [0.0; 2]).map(|grey| grey as f32)
+//! # };
+//! # let background: Vec<f32> = (0..columns * rows).flat_map(grey).collect();
+//! # let file = CalibrationFile {
+//! #     version: 1, columns, rows, pixel_mm: 0.2, contact_over_visible: 1.0, background: String::new(), lens: None, model,
+//! # };
+//! # let known = CalibratedSensor::new(file, background)?;
+//! # known.render(&vec![f32::NEG_INFINITY; columns * rows])?.write(&folder.join("background.png"))?;
+//! # let mut labels = String::from("file,center_x_px,center_y_px,contact_radius_px\n");
+//! # for (n, [x, y]) in [[30.0, 25.0], [62.0, 30.0], [40.0, 48.0], [66.0, 50.0]].into_iter().enumerate() {
+//! #     known.render(&known.ball([x, y], 9.0, 6.31e-3))?.write(&folder.join(format!("{n}.png")))?;
+//! #     labels += &format!("{n}.png,{x},{y},9\n");
+//! # }
+//! # std::fs::write(folder.join("labels.csv"), labels)?;
+//! # let pixel = 0.2e-3;
+//! # let effort = Effort { per_press: 120, ..Effort::default() };
+//! // Balls of 6.31 mm. For a Mini: `let pixel = 0.0634e-3;` (metres) and `let effort = Effort::default();`.
+//! let (fitted, held_out) = PressFolder::read(&folder, 6.31e-3, false)?.even_odd();
+//! let fit = BallFit::new(&fitted, Assumptions::full(Some(pixel)), &effort, 1)?;
+//! let quality = fit.evaluate(&held_out).ok_or("nothing was held out")?;
+//! assert!(quality.rendered.crop.psnr > quality.floor.crop.psnr + 6.0);
+//! CalibrationFile::write(&fit, &folder.join("mini.toml"))?;
+//!
 //! // A rod of 2 mm radius along y, pressed in by 0.4 mm: how far it lies below the untouched gel, pixel by pixel.
+//! let sensor = CalibratedSensor::read(&folder.join("mini.toml"))?;
+//! let (columns, rows) = sensor.size();
 //! let penetration: Vec<f32> = (0..columns * rows)
 //!     .map(|at| sensor.pixel_center((at % columns) as f64, (at / columns) as f64))
 //!     .map(|(x, _)| 0.002_f64.powi(2) - x * x)
 //!     .map(|inside| if inside > 0.0 { (inside.sqrt() - 0.002 + 0.0004) as f32 } else { f32::NEG_INFINITY })
 //!     .collect();
-//! sensor.render(&penetration)?.write("rod.png".as_ref())?;
-//! # Ok::<(), optics::OpticsError>(())
+//! sensor.render(&penetration)?.write(&folder.join("rod.png"))?;
+//! # std::fs::remove_dir_all(&folder)?;
+//! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 //!
 //! # Example

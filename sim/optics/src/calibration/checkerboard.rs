@@ -58,27 +58,38 @@ impl Board {
                 }
             }
         }
-        let found = |count: usize| {
-            format!("found {count} corners of a checkerboard; expected {} x {} inner corners", self.columns, self.rows)
-        };
-        let range = |axis: fn(&(i32, i32)) -> i32| {
-            let (low, high) =
-                largest.keys().fold((i32::MAX, i32::MIN), |(low, high), at| (low.min(axis(at)), high.max(axis(at))));
-            (low, (i64::from(high) - i64::from(low) + 1).max(0) as usize)
-        };
-        let ((left, wide), (top, tall)) = (range(|at| at.0), range(|at| at.1));
-        let upright = (wide, tall) == (self.columns, self.rows);
-        if largest.len() != self.columns * self.rows || !(upright || (tall, wide) == (self.columns, self.rows)) {
-            return Err(found(largest.len()));
+        // Something beside the board may pass for one more corner: the board is the one place where all of its corners are.
+        let [mut left, mut top] = [i32::MAX; 2];
+        let [mut right, mut bottom] = [i32::MIN; 2];
+        for &(i, j) in largest.keys() {
+            (left, right, top, bottom) = (left.min(i), right.max(i), top.min(j), bottom.max(j));
         }
-        let mut places = Vec::with_capacity(largest.len());
-        for row in 0..self.rows as i32 {
-            for column in 0..self.columns as i32 {
-                let at = if upright { (left + column, top + row) } else { (left + row, top + column) };
-                let corner = largest.get(&at).ok_or_else(|| found(largest.len()))?;
-                places.push(grey.refine(corners[*corner].place).into());
+        let mut boards = Vec::new();
+        for upright in [true, false] {
+            let line = |i: i32, j: i32| {
+                move |at: (i32, i32)| if upright { (i + at.0, j + at.1) } else { (i + at.1, j + at.0) }
+            };
+            for j in top..=bottom {
+                for i in left..=right {
+                    let all =
+                        (0..self.rows as i32).flat_map(|row| (0..self.columns as i32).map(move |column| (column, row)));
+                    let board: Option<Vec<usize>> = all.map(line(i, j)).map(|at| largest.get(&at).copied()).collect();
+                    boards.extend(board);
+                }
+            }
+            if self.columns == self.rows {
+                break;
             }
         }
+        let [board] = boards.as_slice() else {
+            return Err(format!(
+                "found {} corners of a checkerboard; expected {} x {} inner corners",
+                largest.len(),
+                self.columns,
+                self.rows
+            ));
+        };
+        let places = board.iter().map(|&corner| grey.refine(corners[corner].place).into()).collect();
         Ok(places)
     }
 }
@@ -333,6 +344,8 @@ pub(crate) mod tests {
         let photo = picture(BOARD, &LENS, &pose, [320, 240]);
         let text = Board { columns: 8, rows: 5 }.find(&photo).unwrap_err();
         assert!(text.contains("found 35 corners") && text.contains("8 x 5"), "{text}");
+        // A smaller board could be anywhere on it.
+        assert!(Board { columns: 6, rows: 5 }.find(&photo).unwrap_err().contains("found 35 corners"));
         let nothing = Photo { width: 60, height: 40, rgb: vec![90; 7200] };
         assert!(BOARD.find(&nothing).unwrap_err().contains("found 0 corners"));
     }
