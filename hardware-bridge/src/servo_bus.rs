@@ -123,6 +123,11 @@ impl ServoBus {
         self.settings
     }
 
+    /// Changes how long an answer is waited for beyond its time on the line, s.
+    pub fn set_slack(&mut self, seconds: f64) {
+        self.settings.slack = seconds;
+    }
+
     /// Is there a servo `id`, and what is it?
     pub fn ping(&mut self, id: u8) -> Result<Pinged, BusError> {
         let status = self.ask_one(id, &Instruction::Ping, 3)?;

@@ -65,7 +65,7 @@ pub struct LockstepSettings {
     pub travel: [f64; ACTUATORS],
     /// What is allowed.
     pub limits: LimitConfig,
-    /// Waited for an answer of the servos, s of real time: enough that a busy machine loses none, or little where answers are to get lost.
+    /// Waited for an answer of the servos, s of real time: enough that a busy machine loses none.
     pub slack: f64,
 }
 
@@ -137,6 +137,14 @@ impl LockstepRobot {
     /// The calibration of its servos.
     pub fn calibration(&self) -> &Calibration {
         &self.calibration
+    }
+
+    /// Changes how long an answer of the servos is waited for, s of real time: less once some are to get lost.
+    pub fn set_slack(&mut self, seconds: f64) {
+        self.cycle.bus.slack = seconds;
+        if let Some(hand) = &mut self.cycle.hand {
+            hand.bus.set_slack(seconds);
+        }
     }
 
     /// The devices, to make something go wrong.

@@ -72,13 +72,13 @@ pub fn travel(hand: &Hand) -> [f64; ACTUATORS] {
 }
 
 /// The usual lock-step robot around a plant.
-pub fn settings(hand: &Hand, seed: u64, slack: f64) -> LockstepSettings {
+pub fn settings(hand: &Hand, seed: u64) -> LockstepSettings {
     let board = BoardSettings { quality: QUALITY, ..BoardSettings::default() };
     LockstepSettings {
         devices: EmulatorSettings { board, seed, ..EmulatorSettings::default() },
         travel: travel(hand),
         limits: LimitConfig::default(),
-        slack,
+        slack: SLACK,
     }
 }
 
@@ -145,7 +145,7 @@ impl Venue for EmulatedVenue {
         let plant = SharedPlant::new(scene);
         let (sender, receiver) = mpsc::channel();
         let tapped = self.sessions.is_some().then_some(&sender);
-        let settings = settings(&self.hand, setting.task.seed, SLACK);
+        let settings = settings(&self.hand, setting.task.seed);
         let robot = LockstepRobot::start(Box::new(plant.clone()), settings, &self.arm, tapped)?;
         self.packets = self.sessions.is_some().then_some(receiver);
         self.about = Some(Session {

@@ -75,8 +75,7 @@ pub struct RoundedVenue {
 impl Venue for RoundedVenue {
     fn enter(&mut self, setting: &Setting, scene: SimulatedRobot) -> Result<Box<dyn Stage>> {
         let plant = SharedPlant::new(scene);
-        // Nobody waits for an answer here.
-        let settings = settings(&self.hand, setting.task.seed, 0.0);
+        let settings = settings(&self.hand, setting.task.seed);
         let robot =
             DirectRobot::start(Box::new(plant.clone()), settings, &self.arm).map_err(|error| anyhow!("{error}"))?;
         Ok(Box::new(Rounded { robot, plant }))

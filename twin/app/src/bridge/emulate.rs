@@ -69,7 +69,7 @@ pub fn run(cli: &Cli, args: &EmulateArgs) -> Result<Option<String>> {
         (Box::new(SpringHand::new([TRAVEL; ACTUATORS])), [TRAVEL; ACTUATORS], EmulatorSettings::default())
     } else {
         let (hand, robot) = trial_scene(args.combo, cli.seed, cli.quiet || cli.json)?;
-        let usual = settings(&hand, cli.seed, 0.0);
+        let usual = settings(&hand, cli.seed);
         (Box::new(SharedPlant::new(robot)), usual.travel, usual.devices)
     };
     let mut settings = EmulatorSettings { faults, seed: cli.seed, ..usual };

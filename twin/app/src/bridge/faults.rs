@@ -34,7 +34,7 @@ use crate::trial::Bench;
 mod kind;
 mod table;
 
-/// Waited for an answer of the servos, s of real time: what comes at all comes sooner.
+/// Waited for an answer of the servos from the fault on, s of real time: what comes at all comes sooner.
 const SLACK: f64 = 0.04;
 /// Ticks through the bridge before the fault, and after the safe state.
 const BEFORE: usize = 10;
@@ -209,7 +209,7 @@ fn suffer(bench: &Bench, kind: Kind, phase: Phase, moment: &Snapshot, file: &Pat
     let Snapshot { robot, mut executive } = moment.clone();
     let (hand, arm) = (&bench.world.hand, &bench.world.arm);
     let plant = SharedPlant::new(robot);
-    let robot = LockstepRobot::start(Box::new(plant.clone()), settings(hand, seed, SLACK), arm, None)?;
+    let robot = LockstepRobot::start(Box::new(plant.clone()), settings(hand, seed), arm, None)?;
     let session = Session { robot: "emulated".into(), seed, tick_length: robot.tick_length(), ..Session::default() };
     let mut recorder = Recorder::new(robot, Writer::create(file, &session)?);
     let mut watch = Watch::new(travel(hand));
@@ -222,6 +222,7 @@ fn suffer(bench: &Bench, kind: Kind, phase: Phase, moment: &Snapshot, file: &Pat
     }
     let mut truth = plant.lock().truth();
     let held: Vec<usize> = (0..2).filter(|object| in_hand(&truth, *object)).collect();
+    recorder.robot().set_slack(SLACK);
     kind.strike(recorder.robot());
     let struck = truth.time;
     let (mut stopped, mut safe, mut speed) = (None, None, 0.0);

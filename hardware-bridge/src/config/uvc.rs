@@ -1,0 +1,97 @@
+//! The sections `[[uvc]]` of `bridge.toml`: webcams in the camera board's place.
+
+use hand_model::CAMERAS;
+use hand_model::pads::IMAGE_SIZE;
+use serde::{Deserialize, Serialize};
+
+/// A UVC device.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct UvcConfig {
+    /// Path, part of a name below `/dev/v4l/by-id`, or the card's name.
+    pub device: String,
+    /// Columns and rows of its pictures.
+    pub size: [u32; 2],
+    /// How it sends them.
+    pub format: UvcFormat,
+    /// The hand's cameras that it shows.
+    pub squares: Vec<UvcSquare>,
+}
+
+/// How a UVC device sends pictures.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum UvcFormat {
+    /// A JPEG each.
+    Mjpeg,
+    /// Two bytes a pixel.
+    Yuyv,
+}
+
+/// A camera of the hand on a UVC device's picture: 240 x 240 pixels.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct UvcSquare {
+    /// Index of the camera, 0 to 17.
+    pub camera: usize,
+    /// First column.
+    pub x: u32,
+    /// First row.
+    pub y: u32,
+}
+
+/// What is wrong with the squares of UVC devices, if there are any: together they are every camera once, each within its picture.
+pub(super) fn wrong_squares(devices: &[UvcConfig]) -> Option<(String, String, String)> {
+    let mut shown = [0; CAMERAS];
+    for (n, device) in devices.iter().enumerate() {
+        for (m, square) in device.squares.iter().enumerate() {
+            let name = format!("uvc[{n}].squares[{m}]");
+            let Some(count) = shown.get_mut(square.camera) else {
+                return Some((name + ".camera", square.camera.to_string(), format!("0 to {}", CAMERAS - 1)));
+            };
+            *count += 1;
+            let within = |start: u32, length: u32| u64::from(start) + IMAGE_SIZE as u64 <= u64::from(length);
+            if !within(square.x, device.size[0]) || !within(square.y, device.size[1]) {
+                let expected =
+                    format!("{IMAGE_SIZE} x {IMAGE_SIZE} pixels within {} x {}", device.size[0], device.size[1]);
+                return Some((name, format!("({}, {})", square.x, square.y), expected));
+            }
+        }
+    }
+    let wrong = shown.iter().position(|count| *count != 1).filter(|_| !devices.is_empty())?;
+    Some(("uvc".into(), format!("camera {wrong} {} times", shown[wrong]), "every camera once".into()))
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use super::super::BridgeConfig;
+    use super::super::tests::GOOD;
+
+    /// A board's place is taken by devices that show every camera once.
+    #[test]
+    fn webcams_show_every_camera_once() {
+        let device = |cameras: std::ops::Range<usize>| {
+            let squares: Vec<String> = cameras
+                .map(|n| format!("{{ camera = {n}, x = {}, y = {} }}", 240 * (n % 3), 240 * (n / 3 % 3)))
+                .collect();
+            format!(
+                "[[uvc]]\ndevice = \"X\"\nsize = [720, 720]\nformat = \"mjpeg\"\nsquares = [{}]\n",
+                squares.join(", ")
+            )
+        };
+        let parse = |text: &str| BridgeConfig::parse(&format!("{GOOD}\n{text}"), Path::new("bridge.toml"));
+        let error = |text: &str| parse(text).expect_err("bad").to_string();
+        let both = device(0..9) + &device(9..18);
+        let config = parse(&both).expect("good");
+        assert_eq!((config.uvc.len(), config.uvc[1].squares[8].camera), (2, 17));
+        assert_eq!(BridgeConfig::parse(&config.to_toml(), Path::new("bridge.toml")).expect("its own words"), config);
+        assert!(error(&device(0..9)).contains("uvc: found camera 9 0 times, expected every camera once"));
+        assert!(error(&both.replace("camera = 17", "camera = 3")).contains("camera 3 2 times"));
+        assert!(error(&both.replace("camera = 17", "camera = 18")).contains("uvc[1].squares[8].camera: found 18"));
+        let outside = error(&both.replace("[720, 720]", "[700, 720]"));
+        assert!(outside.contains("uvc[0].squares[2]: found (480, 0), expected 240 x 240"), "{outside}");
+        assert!(error(&(both + "[cameras]\nport = \"/dev/x\"")).contains("one or the other"));
+    }
+}
