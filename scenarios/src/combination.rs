@@ -13,9 +13,13 @@ use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
 
+use crate::disturbance::Disturbances;
+use crate::geometry::Shape;
 use crate::noise::{NoiseLevels, split_mix, trial_rng, uniform};
 use crate::objects::{ObjectModel, ObjectSet};
 use crate::referee::RefereeRules;
+
+mod file;
 
 /// The version of scenario files this crate reads.
 pub const VERSION: u32 = 1;
@@ -114,9 +118,8 @@ pub struct Protocol {
 /// The text of the built-in benchmark, which is also its documentation.
 pub const BENCHMARK: &str = include_str!("../data/benchmark.toml");
 
-/// A benchmark: objects, layout, noise, protocol, rules.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
+/// A benchmark: objects, layout, noise, protocol, rules, disturbances.
+#[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Scenario {
     /// [`VERSION`].
     pub version: u32,
@@ -134,6 +137,8 @@ pub struct Scenario {
     pub protocol: Protocol,
     /// How it is judged.
     pub referee: RefereeRules,
+    /// What happens beside noise.
+    pub disturbance: Disturbances,
 }
 
 /// Two objects in the order in which they are to be picked up.
@@ -158,7 +163,7 @@ impl Scenario {
 
     /// Reads and checks a scenario file's text; `path` is used in errors.
     pub fn parse(text: &str, path: &Path) -> Result<Self, ScenarioError> {
-        let scenario: Self = toml::from_str(text).map_err(|error| {
+        let file: file::ScenarioFile = toml::from_str(text).map_err(|error| {
             let at = error.span().map_or(0, |span| span.start).min(text.len());
             let line = text.get(..at).unwrap_or_default().matches('\n').count();
             ScenarioError::Syntax {
@@ -168,6 +173,7 @@ impl Scenario {
                 message: error.message().into(),
             }
         })?;
+        let scenario = file.complete(path)?;
         scenario.check(path)?;
         Ok(scenario)
     }
@@ -197,6 +203,7 @@ impl Scenario {
         let layout = &self.layout;
         let apart = (layout.first.x - layout.second.x).hypot(layout.first.y - layout.second.y)
             - 2.0 * std::f64::consts::SQRT_2 * layout.spread_xy;
+        self.check_sweep(set, path)?;
         if apart < needed {
             return Err(ScenarioError::Field {
                 path: path.into(),
@@ -206,6 +213,22 @@ impl Scenario {
             });
         }
         Ok(())
+    }
+
+    /// Only balls can have any diameter.
+    fn check_sweep(&self, set: &ObjectSet, path: &Path) -> Result<(), ScenarioError> {
+        let Some(sweep) = &self.disturbance.size_sweep else { return Ok(()) };
+        let (field, names) = [("first", &self.first), ("second", &self.second)][sweep.object.index()];
+        let ball = |name: &&String| set.get(name).is_some_and(|object| matches!(object.shape, Shape::Sphere { .. }));
+        match names.iter().find(|name| !ball(name)) {
+            None => Ok(()),
+            Some(name) => Err(ScenarioError::Field {
+                path: path.into(),
+                field: field.into(),
+                found: format!("{name:?}"),
+                expected: "balls only, because disturbance.size_sweep changes their diameter".into(),
+            }),
+        }
     }
 
     /// Names of all objects, first and second, each once, in alphabetical order.
@@ -239,6 +262,9 @@ impl Scenario {
         };
         if self.version != VERSION {
             return fault("version", self.version.to_string(), "1");
+        }
+        if let Err((field, found, expected)) = self.disturbance.check() {
+            return fault(&field, found, &expected);
         }
         for (field, names) in [("first", &self.first), ("second", &self.second)] {
             if names.is_empty() {

@@ -50,6 +50,18 @@ pub enum Shape {
 }
 
 impl Shape {
+    /// The same shape `factor` times as large, about the frame's origin.
+    pub fn scaled(&self, factor: f64) -> Result<Self, GeometryError> {
+        Ok(match self {
+            Self::Sphere { radius } => Self::Sphere { radius: radius * factor },
+            Self::Cylinder { radius, half_height } => {
+                Self::Cylinder { radius: radius * factor, half_height: half_height * factor }
+            }
+            Self::Cuboid { half, radius } => Self::Cuboid { half: half * factor, radius: radius * factor },
+            Self::Mesh(mesh) => Self::Mesh(Arc::new(mesh.scaled(factor)?)),
+        })
+    }
+
     /// Distance from `point` to the surface, m, negative inside, and its gradient: the unit outward direction.
     pub fn signed_distance(&self, point: &Point3<f64>) -> (f64, Vector3<f64>) {
         match self {

@@ -2,10 +2,12 @@
 //!
 //! The story in order: [`objects`] are what is picked up, each with a [`geometry::Shape`]; a [`combination::Scenario`] says
 //! which of them come first and second, where they stand and how a trial goes, and [`combination::draw_combinations`] draws
-//! pairs; [`noise`] draws what goes wrong in a trial, which goes through the stages of [`phase`]; the [`referee`] judges it from ground truth; a
-//! [`record::TrialRecord`] keeps the result, with less of the senses ([`sensing`]) an [`record::AblatedTrial`], and [`statistics`] sums all of them up.
+//! pairs; [`noise`] draws what goes wrong in a trial, [`disturbance`] says what is done to it on purpose, and it goes through the
+//! stages of [`phase`]; the [`referee`] judges it from ground truth; a [`record::TrialRecord`] keeps the result, with less of the
+//! senses ([`sensing`]) an [`record::AblatedTrial`], and [`statistics`] sums all of them up.
 
 pub mod combination;
+pub mod disturbance;
 pub mod geometry;
 pub mod noise;
 pub mod objects;

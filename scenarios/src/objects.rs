@@ -101,6 +101,11 @@ pub struct ObjectModel {
 }
 
 impl ObjectModel {
+    /// The same thing of the same stuff, `factor` times as large.
+    pub fn scaled(&self, factor: f64) -> Result<Self, GeometryError> {
+        Ok(Self { shape: self.shape.scaled(factor)?, mass: self.mass * factor.powi(3), ..self.clone() })
+    }
+
     /// Whether the object, oriented as `world_from_object`, looks the same from all sides: a ball, or what stands on its axis.
     pub fn round_about_vertical(&self, rotation: &UnitQuaternion<f64>) -> bool {
         match self.symmetry {

@@ -65,6 +65,9 @@ pub struct TrialRecord {
     pub retries: u32,
     /// Why it did, or did not.
     pub reason: String,
+    /// What was done to the trial beside noise; tables from before disturbances lack it.
+    #[serde(default)]
+    pub disturbance: String,
     /// Distance between the estimated and the true position of the first object in the hand, mm.
     pub pose_error_mm: Option<f64>,
     /// Angle between the estimated and the true orientation, given the object's symmetry, deg.
@@ -138,7 +141,7 @@ pub fn read_trials(from: impl Read) -> Result<Vec<TrialRecord>, RecordError> {
 }
 
 /// The header of `trials.csv`.
-pub const COLUMNS: [&str; 16] = [
+pub const COLUMNS: [&str; 17] = [
     "combination",
     "trial",
     "condition",
@@ -150,6 +153,7 @@ pub const COLUMNS: [&str; 16] = [
     "switched",
     "retries",
     "reason",
+    "disturbance",
     "pose_error_mm",
     "pose_error_deg",
     "prior_error_mm",
@@ -174,6 +178,7 @@ pub(crate) mod tests {
             switched: condition == Condition::Touch,
             retries: 1,
             reason: "clear, \"quoted\", with commas".into(),
+            disturbance: "pushed".into(),
             pose_error_mm: None,
             pose_error_deg: None,
             prior_error_mm: None,
@@ -206,7 +211,7 @@ pub(crate) mod tests {
         let mut file = Vec::new();
         write_trials(&[], &mut file).unwrap();
         assert_eq!(read_trials(file.as_slice()).unwrap(), []);
-        let text = String::from_utf8(file).unwrap() + "0,0,psychic,egg,egg,false,true,,false,0,,,,,1.0,\n";
+        let text = String::from_utf8(file).unwrap() + "0,0,psychic,egg,egg,false,true,,false,0,,,,,,1.0,\n";
         let error = read_trials(text.as_bytes()).unwrap_err().to_string();
         assert!(error.contains("line: 2") && error.contains("psychic"), "{error}");
     }

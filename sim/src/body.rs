@@ -224,6 +224,11 @@ impl RobotBody {
         state
     }
 
+    /// The arm's last link, of which the palm is a part.
+    pub(crate) fn palm_link(&self) -> RigidBodyHandle {
+        self.links[ARM_JOINTS - 1]
+    }
+
     /// World poses of the 7 arm links and the 15 hand links.
     pub fn link_poses(&self, engine: &Engine) -> Vec<Isometry3<f64>> {
         self.links.iter().map(|link| convert::to_pose(engine.bodies[*link].position())).collect()

@@ -1,5 +1,7 @@
 //! The simulated body behind [`hand_model::robot::Robot`], and the side door to ground truth.
 
+mod outside;
+
 use std::sync::Arc;
 
 use hand_model::robot::{ArmState, Command, Observation, Robot, Tick};
@@ -113,6 +115,7 @@ pub struct SimulatedRobot {
     on_table: Vec<bool>,
     tactile: TactileBoard,
     frames: Vec<hand_model::robot::TactileFrame>,
+    outside: outside::Outside,
 }
 
 impl SimulatedRobot {
@@ -151,6 +154,7 @@ impl SimulatedRobot {
             on_table: vec![false; count],
             tactile,
             frames: Vec::new(),
+            outside: outside::Outside::default(),
         }
     }
 
@@ -304,6 +308,7 @@ impl SimulatedRobot {
         let objects: Vec<(&Shape, Isometry3<f64>)> =
             self.objects.iter().zip(&truth.objects).map(|((model, _, _), pose)| (&model.shape, *pose)).collect();
         self.frames = self.tactile.capture(&self.hand, self.time, &pads, &truth.pad_forces, &objects);
+        self.drop_failed_frames();
     }
 }
 
@@ -353,6 +358,7 @@ impl Robot for SimulatedRobot {
                 .clamp(self.goal[i] - reach, self.goal[i] + reach)
                 .clamp(self.arm.tree.joints[i].lower, self.arm.tree.joints[i].upper);
         }
+        self.without_power(&mut sent);
         self.drive.set_goals(&sent.servos);
         self.previous_goal = self.goal;
         self.goal = sent.arm;
@@ -366,12 +372,14 @@ impl Robot for SimulatedRobot {
         self.on_table.fill(false);
         let tick = self.tick_length();
         let speed: [f64; ARM_JOINTS] = std::array::from_fn(|i| (self.goal[i] - self.previous_goal[i]) / tick);
+        self.begin_forces();
         for n in 1..=STEPS_PER_TICK {
             let part = n as f64 / STEPS_PER_TICK as f64;
             let goal = std::array::from_fn(|i| self.previous_goal[i] + part * (self.goal[i] - self.previous_goal[i]));
             self.step(&goal, &speed);
             self.note_contacts();
         }
+        self.end_forces();
         self.previous_goal = self.goal;
         self.sequence += 1;
         if std::mem::take(&mut self.capture) {

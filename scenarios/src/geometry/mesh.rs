@@ -163,6 +163,16 @@ impl Mesh {
         })
     }
 
+    /// The same mesh `factor` times as large.
+    pub fn scaled(&self, factor: f64) -> Result<Self, GeometryError> {
+        let larger = |point: &Point3<f64>| point * factor;
+        let mesh = Self::new(self.vertices.iter().map(larger).collect(), self.triangles.clone())?;
+        Ok(match self.parts.get() {
+            Some(parts) => mesh.with_parts(parts.iter().map(|part| part.iter().map(larger).collect()).collect()),
+            None => mesh,
+        })
+    }
+
     /// m.
     pub fn vertices(&self) -> &[Point3<f64>] {
         &self.vertices

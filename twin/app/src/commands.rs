@@ -1,6 +1,6 @@
 //! What each command does. `Ok(Some(text))` means: ran, but the result falls short as the text says.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -28,6 +28,7 @@ use crate::generate::Effort;
 use crate::journal::{Journal, RunRequest};
 use crate::plan::{self, Plans};
 use crate::recording::Recording;
+use crate::trial::ball_sizes;
 use crate::trial::{Bench, NoWatcher};
 use crate::world::World;
 use crate::{arm_check, calibrate, check, generate, hand_close, optics_commands, study, synthesis, touch_commands};
@@ -113,8 +114,8 @@ pub fn make_bench(scenario: Scenario, combos: usize, seed: u64, quiet: bool) -> 
     let builtin = scenario.first == Scenario::benchmark().first
         && scenario.second == Scenario::benchmark().second
         && scenario.layout == Scenario::benchmark().layout;
-    let world = World::new(scenario)?;
-    let repertoire = repertoire()?;
+    let mut world = World::new(scenario)?;
+    let mut repertoire = repertoire()?;
     let mut plans = Plans::parse(include_str!("../data/plans.json"), Path::new("data/plans.json"))?;
     if !builtin || combos > plans.plans.len() {
         eprintln!("this scenario's combinations are not the built-in ones: rehearsing them first");
@@ -124,11 +125,21 @@ pub fn make_bench(scenario: Scenario, combos: usize, seed: u64, quiet: bool) -> 
     let board = TactileBoard::unit(&world.hand, HAND_UNIT);
     let pipeline = simulated_touch(&world.hand, board.backgrounds())?;
     let names: BTreeSet<&String> = plans.plans.iter().map(|plan| &plan.first).collect();
-    let known = names
+    let mut known = names
         .into_iter()
         .map(|name| Ok((name.clone(), KnownObject::new(world.object(name)?))))
-        .collect::<Result<_>>()?;
-    Ok(Bench { world, repertoire, plans, board, pipeline, known, seed, spent: Arc::default() })
+        .collect::<Result<BTreeMap<_, _>>>()?;
+    let disturbance = world.scenario.disturbance.clone();
+    if let Some(sweep) = &disturbance.size_sweep {
+        let balls = ball_sizes::add(sweep, &mut world, &mut repertoire)?;
+        known.extend(balls.into_iter().map(|ball| (ball.name.clone(), KnownObject::new(ball))));
+    }
+    let mut bench =
+        Bench { world, repertoire, plans, board, pipeline, known, seed, spent: Arc::default(), intact: None };
+    if !disturbance.disabled().is_empty() {
+        bench.do_without(disturbance.disabled())?;
+    }
+    Ok(bench)
 }
 
 /// The hand, and the simulated robot about to begin the ideal run of a combination of the benchmark.
@@ -202,6 +213,15 @@ fn benchmark(cli: &Cli, args: &BenchArgs) -> Outcome {
     check_body(robot, args.config.as_deref())?;
     let mut scenario = read_scenario(&request.scenario, &folder.join("run.json"))?;
     scenario.noise = scenario.noise.scaled(request.noise_scale);
+    if robot != Body::Sim && !scenario.disturbance.is_none() {
+        bail!(
+            "--robot {}: the scenario has a [disturbance], which can be done to the simulated robot (sim) only",
+            robot.name()
+        );
+    }
+    if !request.ablations.is_empty() && !scenario.disturbance.disabled().is_empty() {
+        bail!("--ablations: the scenario has disabled_digits, found both, expected one of them");
+    }
     let quiet = cli.quiet || cli.json;
     let jobs = if args.live || robot == Body::Hardware {
         1

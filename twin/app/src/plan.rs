@@ -5,6 +5,8 @@
 //! is listed as rejected, and the rule's next takes its place. Those that worked are tried again under draws of the noise: the share
 //! that still works is a grasp's worth in this combination. The most worthy is the plan, the others are its alternatives.
 
+pub mod without;
+
 use std::path::Path;
 
 use anyhow::{Context, Result, bail};

@@ -3,12 +3,15 @@
 //! A *first* grasp is proved alone: pick up, lift, hold. A *second* grasp is proved with an object already held by ring and
 //! little finger, from a snapshot of that hold, through the whole rest of the trial.
 
+use std::sync::Arc;
+
 use anyhow::Result;
 use control::executive::{Executive, Phase, Protocol};
 use grasping::Grasp;
 use hand_model::{ARM_JOINTS, Digit};
 use nalgebra::Isometry3;
 use scenarios::noise::{ExecutionNoise, NoiseLevels, PerceptionNoise, TrialNoise, trial_rng};
+use scenarios::objects::ObjectModel;
 use sim::robot::{SimulatedRobot, Truth};
 use sim::tactile::TactileBoard;
 
@@ -51,9 +54,22 @@ impl Snapshot {
         board: TactileBoard,
     ) -> Result<Self> {
         let objects = [world.object(&grasps[0].object)?, world.object(&grasps[1].object)?];
-        let seen = world.percepts(&objects, noise);
+        Self::begin_with(world, protocol, &objects, grasps, noise, start, board)
+    }
+
+    /// The same with `objects` as they really are in the places of those that the grasps are for.
+    pub fn begin_with(
+        world: &World,
+        protocol: Protocol,
+        objects: &[Arc<ObjectModel>; 2],
+        grasps: [&Grasp; 2],
+        noise: &TrialNoise,
+        start: [f64; ARM_JOINTS],
+        board: TactileBoard,
+    ) -> Result<Self> {
+        let seen = world.percepts(objects, noise);
         let robot =
-            SimulatedRobot::new(world.hand.clone(), world.arm.clone(), &world.scene(&objects, start, noise), board);
+            SimulatedRobot::new(world.hand.clone(), world.arm.clone(), &world.scene(objects, start, noise), board);
         let tick = hand_model::robot::Robot::tick_length(&robot);
         let [first, second] = std::array::from_fn(|n| (grasps[n].clone(), seen[n]));
         let executive = Executive::new(world.hand.clone(), world.arm_servo(start)?, protocol, first, second, tick)?;

@@ -1,7 +1,10 @@
 //! One trial: the first grasp, the look, and from there the branches `blind` and `touch`.
 
 mod adapt;
+pub mod ball_sizes;
+mod disturbance;
 mod held;
+mod opening;
 mod spent;
 
 use std::collections::BTreeMap;
@@ -12,11 +15,13 @@ use control::executive::{Executive, Phase};
 use control::perception::{Felt, KnownObject};
 use control::strategy::Candidate;
 use grasping::{Grasp, Repertoire};
-use hand_model::CAMERAS;
 use hand_model::robot::{Robot, TactileFrame, TactileImage};
+use hand_model::{CAMERAS, Digit};
+use nalgebra::Isometry3;
 use rand_chacha::ChaCha8Rng;
 use scenarios::Sensing;
-use scenarios::noise::{TrialNoise, trial_rng};
+use scenarios::disturbance::Disturbances;
+use scenarios::noise::{ObjectNoise, TrialNoise, trial_rng};
 use scenarios::objects::ObjectModel;
 use scenarios::record::{AblatedTrial, Condition, TrialRecord};
 use scenarios::referee::{FailureCause, Referee, SceneTruth};
@@ -26,11 +31,14 @@ use sim::tactile::TactileBoard;
 use touch::TouchPipeline;
 
 use crate::body::{Body, Setting, Stopped, Task, Venue};
+use crate::plan::without::plan_without;
 use crate::plan::{Plan, Plans};
 use crate::rehearsal::{Snapshot, digit_bits};
 use crate::world::World;
 
+use disturbance::Disturber;
 pub use held::HeldGrasp;
+pub use opening::Intact;
 pub use spent::{Part, Spent};
 
 /// How often a watched trial takes tactile images, s.
@@ -56,6 +64,8 @@ pub struct Bench {
     pub seed: u64,
     /// Where the time went.
     pub spent: Arc<Spent>,
+    /// What was planned while all digits had power, where some have none: `ideal` and `blind` know no other.
+    pub intact: Option<Intact>,
 }
 
 /// What a watcher of a trial sees each tick.
@@ -108,6 +118,7 @@ struct Run {
     snapshot: Snapshot<Body>,
     referee: Referee,
     spent: Arc<Spent>,
+    disturber: Disturber,
 }
 
 /// A branch that carried out the plan: what touch shares with it for as long as it does the very same.
@@ -145,7 +156,8 @@ impl Bench {
             noise = TrialNoise::none();
         }
         let id = (task.combination, task.trial, task.condition);
-        let start = self.first_half(task.combination, &noise, camera_noise, Some((venue, task)), watcher)?;
+        let opening = self.opening(task.combination, noise, camera_noise);
+        let start = self.first_half(&opening, Some((venue, task)), watcher)?;
         let mut body = start.run.snapshot.robot.clone();
         let played = match task.condition {
             Condition::Touch => self.adapt(&start, id, Sensing::Full, None, &mut rng, watcher),
@@ -161,7 +173,7 @@ impl Bench {
 
     /// The ideal run of a combination: no noise, blind.
     pub fn ideal(&self, combination: usize, watcher: &mut dyn Watcher) -> Result<TrialRecord> {
-        let start = self.first_half(combination, &TrialNoise::none(), 0, None, watcher)?;
+        let start = self.first_half(&self.opening(combination, TrialNoise::none(), 0), None, watcher)?;
         Ok(self.take_planned(&start, (combination, 0, Condition::Ideal), watcher)?.record)
     }
 
@@ -174,13 +186,29 @@ impl Bench {
         ablations: &[Sensing],
         watcher: &mut dyn Watcher,
     ) -> Result<(Vec<TrialRecord>, Vec<AblatedTrial>)> {
-        let (start, rng) = self.begin(combination, trial, watcher)?;
+        let (opening, rng) = self.noisy_opening(combination, trial)?;
+        let what = &self.world.scenario.disturbance;
+        let mut start = self.first_half(&opening, None, watcher)?;
+        let reacts = what.slip.is_some_and(|slip| slip.reaction);
+        // Touch goes ways of its own from the beginning, or in the middle of what blind does.
+        let parts = reacts || self.intact.is_some();
         let mut records = Vec::new();
         let mut planned: Option<Planned> = None;
         for &condition in conditions {
             let id = (combination, trial, condition);
             let record = if condition == Condition::Touch {
-                let shared = planned.as_ref().filter(|_| !watcher.active());
+                if let Some(intact) = &self.intact {
+                    let own = self.without_digits(&opening, combination);
+                    if let Some(why) = intact.impossible.get(&combination) {
+                        records.push(self.give_up(&own, id, why, watcher)?);
+                        continue;
+                    }
+                    start = self.first_half(&own, None, watcher)?;
+                }
+                if reacts {
+                    start.run.snapshot.executive.react_to_slip();
+                }
+                let shared = planned.as_ref().filter(|_| !watcher.active() && !parts);
                 self.adapt(&start, id, Sensing::Full, shared, &mut rng.clone(), watcher)?
             } else {
                 let branch = self.take_planned(&start, id, watcher)?;
@@ -190,6 +218,7 @@ impl Bench {
             };
             records.push(record);
         }
+        let planned = planned.filter(|_| !parts);
         let ablated = ablations
             .iter()
             .map(|&sensing| {
@@ -206,10 +235,8 @@ impl Bench {
 
     /// The noisy first half of a trial, and the generator as that leaves it.
     fn begin(&self, combination: usize, trial: usize, watcher: &mut dyn Watcher) -> Result<(Start, ChaCha8Rng)> {
-        let mut rng = trial_rng(self.seed, combination, trial);
-        let noise = TrialNoise::draw(&self.world.scenario.noise, &mut rng);
-        let start = self.first_half(combination, &noise, rand::RngExt::random(&mut rng), None, watcher)?;
-        Ok((start, rng))
+        let (opening, rng) = self.noisy_opening(combination, trial)?;
+        Ok((self.first_half(&opening, None, watcher)?, rng))
     }
 
     /// Body and controller about to begin the ideal run of a combination, and its planned second grasp.
@@ -229,50 +256,6 @@ impl Bench {
 
     fn plan(&self, combination: usize) -> &Plan {
         &self.plans.plans[combination]
-    }
-
-    fn first_half(
-        &self,
-        combination: usize,
-        noise: &TrialNoise,
-        camera_noise: u64,
-        place: Place,
-        watcher: &mut dyn Watcher,
-    ) -> Result<Start> {
-        let world = &self.world;
-        let plan = self.plan(combination);
-        let (first, candidates) = plan.grasps(&self.repertoire)?;
-        let objects = [world.object(&plan.first)?, world.object(&plan.second)?];
-        let grasps = [&first, &candidates[0].grasp];
-        let board = self.board.with_noise(camera_noise);
-        let watched = place.as_ref().map_or(watcher.active(), |(_, task)| task.watched);
-        let Snapshot { robot, executive } =
-            Snapshot::begin(world, world.protocol(), grasps, noise, world.ready, board)?;
-        let robot = match place {
-            None => Body::Simulated(Box::new(robot)),
-            Some((venue, task)) => {
-                let places = world.places(&objects[0], &objects[1]);
-                let named = std::array::from_fn(|n| (objects[n].name.as_str(), places[n]));
-                Body::enter(venue, &Setting { task, objects: named }, robot, env!("CARGO_PKG_VERSION"))?
-            }
-        };
-        let mut snapshot = Snapshot { robot, executive };
-        if watched {
-            snapshot.executive.watch_images(WATCH_PERIOD);
-        } else if !snapshot.robot.branches() {
-            snapshot.executive.watch_images(ONCE);
-        }
-        let referee = Referee::new(world.scenario.referee, world.scenario.protocol.hold_time);
-        let mut run = Run { snapshot, referee, spent: self.spent.clone() };
-        let pipeline = match self.to_decision(&mut run, watcher) {
-            Ok(pipeline) => pipeline,
-            Err(error) => {
-                // Whatever happened, its recording is finished; the first error is the one to tell.
-                let _ = run.snapshot.robot.finish(None, Some(&format!("{error:#}")));
-                return Err(error);
-            }
-        };
-        Ok(Start { run, objects, candidates, pipeline })
     }
 
     /// Up to the decision. A body that is not simulated shows its untouched pads on the way to the first object.
@@ -337,6 +320,7 @@ impl Run {
             switched: false,
             retries: 0,
             reason: String::new(),
+            disturbance: self.disturber.log(),
             pose_error_mm: None,
             pose_error_deg: None,
             prior_error_mm: None,
@@ -353,19 +337,24 @@ impl Run {
         condition: Option<Condition>,
         watcher: &mut dyn Watcher,
     ) -> Result<()> {
-        let Self { snapshot, referee, spent } = self;
+        let Self { snapshot, referee, disturber, spent } = self;
         let holding = digit_bits(snapshot.executive.first().0.role.digits());
         let Snapshot { robot, executive } = snapshot;
         while executive.phase() < until {
             let observation = robot.observe();
             let command = spent.on(Part::Control, || executive.tick(&observation))?;
             robot.send(&command);
+            let note = match robot {
+                Body::Simulated(robot) => disturber.act(robot, executive),
+                Body::Sole(_) => None,
+            };
             let part = if command.capture { Part::Images } else { Part::Physics };
             spent.on(part, || robot.wait_for_tick());
             spent.on(Part::Referee, || {
                 let Some(truth) = robot.truth() else { return Ok(()) };
                 referee.see(&scene(&truth, executive.phase(), holding));
-                watcher.see(&Moment { truth: &truth, executive, felt, condition, note: None })
+                disturber.see(&truth);
+                watcher.see(&Moment { truth: &truth, executive, felt, condition, note: note.as_deref() })
             })?;
             // The last tick of a recording may also be the last of a trial.
             if let Some(why) = robot.stopped().filter(|_| executive.phase() < Phase::Done) {
@@ -373,6 +362,22 @@ impl Run {
             }
         }
         Ok(())
+    }
+
+    /// What the reaction to slip did, in words.
+    fn slips(&self) -> Option<String> {
+        let [first, second] = self.snapshot.executive.slips();
+        (first + second > 0).then(|| {
+            format!(
+                "while carrying, slip was felt {first} times in the first grip and {second} in the second: held harder"
+            )
+        })
+    }
+
+    /// What prior perception says of object `index` now, errors of its own and of the scenario's included.
+    fn look(&mut self, index: usize, noise: &ObjectNoise) -> Result<Isometry3<f64>> {
+        let misled = self.disturber.misled(index, noise);
+        self.snapshot.robot.look(index, &misled)
     }
 
     /// Tells the watcher what is about to be done, and why.

@@ -7,6 +7,8 @@
 //! lost by then can be tried again from [`Phase::Done`]. Cloning it, together with a clone
 //! of a simulated body, branches a trial.
 
+mod holding;
+
 use std::sync::Arc;
 
 use grasping::Grasp;
@@ -16,6 +18,7 @@ use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, Vector3};
 pub use scenarios::phase::Phase;
 
 use crate::inverse_kinematics::{ArmServo, IkError, Joints};
+use crate::slip::{self, SlipWatch};
 use crate::trajectory::{PathError, PathLimits, PosePath};
 
 /// How fast tensions change, N/s.
@@ -92,6 +95,7 @@ pub struct Executive {
     before: [Option<u64>; CAMERAS],
     watch_period: Option<f64>,
     last_watch: f64,
+    slip: Option<SlipWatch>,
     servos: [hand_model::robot::ServoState; ACTUATORS],
     tick: f64,
     worst_tracking: f64,
@@ -125,6 +129,7 @@ impl Executive {
             before: [None; CAMERAS],
             watch_period: None,
             last_watch: f64::NEG_INFINITY,
+            slip: None,
             servos: Default::default(),
             tick,
             worst_tracking: 0.0,
@@ -156,6 +161,12 @@ impl Executive {
     /// Asks for images every `period` (s) throughout, for whoever watches; decisions use those of [`Phase::Look`] alone.
     pub fn watch_images(&mut self, period: f64) {
         self.watch_period = Some(period);
+    }
+
+    /// Part of the present phase that is over, 0 to 1.
+    pub fn progress(&self) -> f64 {
+        let whole = self.path.duration();
+        if whole > 0.0 { (self.clock / whole).min(1.0) } else { 1.0 }
     }
 
     /// Newest servo readings.
@@ -306,33 +317,6 @@ impl Executive {
         self.images.len() >= self.hand.cameras.len() || self.clock > 2.0 * LOOK_TIME
     }
 
-    /// Tensions wanted in the present phase, N.
-    fn wanted_tension(&self) -> [f64; 5] {
-        let (first, second) = (&self.first.0, &self.second.0);
-        let closing = |grasp: &Grasp, digit: usize| {
-            // The thumb may start later or earlier than the fingers.
-            let delay =
-                if digit == Digit::Thumb.index() { grasp.thumb_delay.max(0.0) } else { (-grasp.thumb_delay).max(0.0) };
-            if self.clock >= delay { grasp.close_tension[digit] } else { grasp.pre_tension[digit] }
-        };
-        std::array::from_fn(|digit| match self.phase {
-            Phase::ApproachFirst => first.pre_tension[digit],
-            Phase::GraspFirst => closing(first, digit),
-            Phase::LiftFirst | Phase::Look | Phase::Decide => first.close_tension[digit],
-            Phase::ApproachSecond => first.close_tension[digit].max(second.pre_tension[digit]),
-            Phase::GraspSecond => first.close_tension[digit].max(closing(second, digit)),
-            Phase::PutDown if self.clock >= self.open_from => 0.0,
-            Phase::PutDown
-            | Phase::LiftSecond
-            | Phase::Check
-            | Phase::Confirm
-            | Phase::Carry
-            | Phase::Hold
-            | Phase::Verify
-            | Phase::Done => first.close_tension[digit].max(second.close_tension[digit]),
-        })
-    }
-
     /// One tick: takes what was measured, gives the command.
     pub fn tick(&mut self, observation: &Observation) -> Result<Command, ExecutiveError> {
         self.servos = observation.servos;
@@ -348,7 +332,7 @@ impl Executive {
         let (palm, twist) = self.path.sample(self.clock);
         let step = self.servo.step(&palm, &twist, self.tick)?;
         self.worst_tracking = self.worst_tracking.max(step.position_error);
-        let wanted = self.wanted_tension();
+        let wanted = self.held_tension(observation);
         for (now, wanted) in self.tension.iter_mut().zip(wanted) {
             *now += (wanted - *now).clamp(-TENSION_RATE * self.tick, TENSION_RATE * self.tick);
         }
@@ -359,7 +343,8 @@ impl Executive {
             _ => self.second.0.opposition,
         };
         let mut capture = self.looking() && (self.clock - LOOK_TIME + self.tick).abs() < 0.6 * self.tick;
-        if self.watch_period.is_some_and(|period| observation.time >= self.last_watch + period) {
+        let period = if self.slip.is_some() && self.carrying() { Some(slip::LOOK_PERIOD) } else { self.watch_period };
+        if period.is_some_and(|period| observation.time >= self.last_watch + period) {
             self.last_watch = observation.time;
             capture = true;
         }

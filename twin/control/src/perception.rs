@@ -77,12 +77,12 @@ impl Grip {
     /// An object counts as held when at least two of the parts that hold it feel something: ring, little and palm for the
     /// first, thumb, index and middle finger for the second. Thumb and index finger often hold with their sides, where no pad
     /// is; the second object is therefore also taken to be held when its cable says that a finger did not close. So is the first
-    /// by a finger all of whose pads are blind.
+    /// by a finger with a blind pad.
     pub fn of(hand: &Hand, touches: &[PadTouch], servos: &[ServoState; ACTUATORS]) -> Self {
         let of =
             |digit: Option<Digit>| touches.iter().filter(move |touch| digit_of(hand.pads[touch.pad].link) == digit);
         let feels = |digit: Option<Digit>| of(digit).any(PadTouch::touched);
-        let blind = |digit: Digit| of(Some(digit)).next().is_some() && of(Some(digit)).all(|touch| touch.blind);
+        let blind = |digit: Digit| of(Some(digit)).any(|touch| touch.blind);
         let blocked = |digit: Digit| {
             let full = hand.transmission.cables[digit.index()].full_excursion(FRAC_PI_2);
             cable_excursion(hand, &servos[digit.index()]) < BLOCKED_CLOSURE * full

@@ -36,6 +36,7 @@ pub(crate) fn made_up(combinations: usize, trials: usize) -> Vec<TrialRecord> {
                     },
                     switched: condition == Condition::Touch && bad,
                     retries: 0,
+                    disturbance: String::new(),
                     reason: "made up".into(),
                     pose_error_mm: (condition == Condition::Touch).then_some(0.5 + 0.31 * trial as f64),
                     pose_error_deg: (condition == Condition::Touch).then_some(1.0 + 0.7 * trial as f64),

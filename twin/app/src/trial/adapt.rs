@@ -170,6 +170,7 @@ impl Bench {
             let felt = now.felt.as_ref().filter(|_| until == Phase::Confirm);
             now.run.watch(until, felt, Some(condition), watcher)?;
         }
+        now.story.reasons.extend(now.run.slips());
         let mut record = match planned.filter(|_| now.story.as_planned()) {
             Some(planned) => TrialRecord { condition, ..planned.record.clone() },
             None => now.run.record(start, id)?,
@@ -268,7 +269,7 @@ impl Bench {
     /// Prior perception looks at object `index` anew, with an error of its own; the hand aims beside it as it has learnt to.
     fn seen(&self, now: &mut Adaptation, index: usize, rng: &mut ChaCha8Rng) -> Result<Percept> {
         let noise = TrialNoise::draw(&self.world.scenario.noise, rng).objects[index];
-        let seen = percept(&now.start.objects[index], &now.run.snapshot.robot.look(index, &noise)?);
+        let seen = percept(&now.start.objects[index], &now.run.look(index, &noise)?);
         Ok(Percept { position: seen.position + now.aim, ..seen })
     }
 

@@ -1,0 +1,100 @@
+use std::path::Path;
+
+use super::*;
+use crate::combination::{Scenario, ScenarioError};
+use crate::objects::ObjectSet;
+
+const HEAD: &str = "version = 1\nname = \"mine\"\nextends = \"benchmark\"\n";
+
+fn parse(tables: &str) -> Result<Scenario, ScenarioError> {
+    Scenario::parse(&format!("{HEAD}{tables}"), Path::new("mine.toml"))
+}
+
+fn error(tables: &str) -> String {
+    parse(tables).unwrap_err().to_string()
+}
+
+/// Every file that comes with the program is one that it takes, and disturbs what its name says.
+#[test]
+fn the_files_are_sound() {
+    let set = ObjectSet::standard();
+    let mut kinds = Vec::new();
+    for entry in std::fs::read_dir("data").unwrap() {
+        let path = entry.unwrap().path();
+        let scenario = Scenario::read(&path).unwrap();
+        scenario.check_objects(&set, &path).unwrap();
+        let name = path.file_stem().unwrap().to_str().unwrap().to_owned();
+        assert_eq!(scenario.disturbance.is_none(), name == "benchmark", "{name}");
+        kinds.push(name);
+    }
+    for kind in ["push", "slip", "wrong_position", "wrong_size", "disabled_digits", "blind_pads", "size_sweep"] {
+        assert!(kinds.iter().any(|name| name.starts_with(kind)), "no file {kind}.toml");
+    }
+}
+
+/// What a file does not say is the benchmark's; without a base it has to say everything.
+#[test]
+fn a_file_extends_the_benchmark() {
+    let mine = parse("").unwrap();
+    let benchmark = Scenario::benchmark();
+    assert_eq!(mine, Scenario { name: "mine".into(), ..benchmark });
+    let alone = Scenario::parse("version = 1\nname = \"mine\"\n", Path::new("mine.toml")).unwrap_err().to_string();
+    assert!(alone.contains("mine.toml: first: found nothing, expected a value, or extends"), "{alone}");
+    let unknown = error("extends_more = 1\n");
+    assert!(unknown.contains("mine.toml:4: `extends_more = 1`") && unknown.contains("unknown field"), "{unknown}");
+}
+
+#[test]
+fn errors_name_line_and_field() {
+    let push = "[disturbance.push]\non = \"first\"\nforce = [0.0, 3.0, 0.0]\nphase = \"grasp_first\"\nat = 0.5\nduration = 0.2\n";
+    assert!(parse(push).is_ok());
+    let unknown = error(&push.replace("duration", "durration"));
+    assert!(unknown.starts_with("mine.toml:9: `durration = 0.2`"), "{unknown}");
+    assert!(unknown.contains("unknown field `durration`, expected one of"), "{unknown}");
+    let kind = error("[disturbance.earthquake]\nforce = 1\n");
+    assert!(kind.contains("mine.toml:4:") && kind.contains("earthquake") && kind.contains("`push`"), "{kind}");
+    let phase = error(&push.replace("grasp_first", "grasp_third"));
+    assert!(phase.starts_with("mine.toml:7:") && phase.contains("grasp_third"), "{phase}");
+    let timeless = error(&push.replace("grasp_first", "decide"));
+    assert!(timeless.contains("disturbance.push.phase: found \"decide\", expected a phase"), "{timeless}");
+    let late = error(&push.replace("at = 0.5", "at = 50"));
+    assert!(late.contains("disturbance.push.at: found 50.0, expected 0 to 1"), "{late}");
+    let weak = error(&push.replace("3.0", "0.0"));
+    assert!(weak.contains("disturbance.push.force: found [0.0, 0.0, 0.0], expected a force"), "{weak}");
+    let digits = error("[disturbance.disabled_digits]\ndigits = [\"index\", \"index\"]\n");
+    assert!(digits.contains("disturbance.disabled_digits.digits: found [Index, Index]"), "{digits}");
+    let toe = error("[disturbance.disabled_digits]\ndigits = [\"toe\"]\n");
+    assert!(toe.starts_with("mine.toml:5:") && toe.contains("unknown variant `toe`"), "{toe}");
+    let pad = error("[disturbance.blind_pads]\npads = [\"elbow\"]\nframes = \"black\"\n");
+    assert!(pad.contains("found \"elbow\", expected one of palm_ulnar"), "{pad}");
+    let size = error("[disturbance.wrong_size]\nobject = \"first\"\nfactor = 20\n");
+    assert!(size.contains("disturbance.wrong_size.factor: found 20.0, expected 0.5 to 2"), "{size}");
+}
+
+#[test]
+fn only_balls_have_any_size() {
+    let sweep = "[disturbance.size_sweep]\nobject = \"first\"\ndiameters = [0.04, 0.05]\n";
+    let wrong = parse(sweep).unwrap().check_objects(&ObjectSet::standard(), Path::new("mine.toml")).unwrap_err();
+    assert!(wrong.to_string().contains("first: found \"cube_45\", expected balls only"), "{wrong}");
+    let mut scenario = parse(sweep).unwrap();
+    scenario.first = vec!["golf_ball".into()];
+    scenario.check_objects(&ObjectSet::standard(), Path::new("mine.toml")).unwrap();
+}
+
+/// A sweep goes round; what is scaled has the size that is asked for and the mass that goes with it.
+#[test]
+fn sizes_go_round() {
+    let sweep = SizeSweep { object: Which::First, diameters: vec![0.04, 0.05] };
+    assert_eq!([0, 1, 2].map(|trial| sweep.diameter(trial)), [0.04, 0.05, 0.04]);
+    let wrong = WrongSize { object: Which::Second, factor: 1.2 };
+    let sizes = Disturbances { wrong_size: Some(wrong), ..Disturbances::default() }.sizes();
+    assert_eq!(sizes, [1.0, 1.2]);
+    let set = ObjectSet::standard();
+    for object in set.iter() {
+        let larger = object.scaled(1.2).unwrap();
+        let ratio = larger.shape.volume() / object.shape.volume();
+        assert!((ratio - 1.2_f64.powi(3)).abs() < 1e-9, "{}: {ratio}", object.name);
+        assert!((larger.mass / object.mass - ratio).abs() < 1e-9, "{}", object.name);
+        assert!((larger.rest_height() / object.rest_height() - 1.2).abs() < 1e-9, "{}", object.name);
+    }
+}

@@ -1,0 +1,138 @@
+//! Every kind of disturbance, as a user would run its file: it happened, the table of trials says so, and touch copes where it can
+//! be told beforehand.
+
+use std::fs;
+use std::path::Path;
+
+use e2e::{root, run, stderr};
+use tempfile::{TempDir, tempdir};
+
+/// `trials.csv` of a short run of a scenario file, its text changed by `edit`; rows by column name.
+struct Run {
+    rows: Vec<csv::StringRecord>,
+    header: csv::StringRecord,
+    _folder: TempDir,
+}
+
+impl Run {
+    fn of(name: &str, edit: impl Fn(String) -> String, size: &[&str]) -> Self {
+        let folder = tempdir().expect("a folder");
+        let text = fs::read_to_string(root().join("scenarios/data").join(format!("{name}.toml"))).expect("a scenario");
+        let (scenario, out) = (folder.path().join("mine.toml"), folder.path().join("out"));
+        fs::write(&scenario, edit(text)).expect("written");
+        let fixed = ["bench", "--record", "none", "--seed", "1", "--scenario", utf8(&scenario), "--out", utf8(&out)];
+        let output = run(&[&fixed[..], size].concat());
+        // 1 says that the rates fall short, which a disturbance may well make them do.
+        assert!(matches!(output.status.code(), Some(0 | 1)), "{name}: {:?}: {}", output.status, stderr(&output));
+        let mut table = csv::Reader::from_path(out.join("trials.csv")).expect("trials.csv");
+        let rows = table.records().map(|row| row.expect("a row")).collect();
+        Self { rows, header: table.headers().expect("a header").clone(), _folder: folder }
+    }
+
+    fn short(name: &str) -> Self {
+        Self::of(name, |text| text, &["--combos", "1", "--trials", "1"])
+    }
+
+    /// Values of `column` in the rows of `condition`, in order.
+    fn values(&self, condition: &str, column: &str) -> Vec<&str> {
+        let at = |name: &str| self.header.iter().position(|title| title == name).expect("a column");
+        let (which, what) = (at("condition"), at(column));
+        self.rows.iter().filter(|row| &row[which] == condition).map(|row| &row[what]).collect()
+    }
+
+    /// The ideal run is undisturbed; `happened` is in what was done to every other one.
+    fn disturbed(&self, happened: &str) {
+        assert!(self.values("ideal", "disturbance").iter().all(|what| what.is_empty()), "ideal is disturbed");
+        for condition in ["blind", "touch"] {
+            let what = self.values(condition, "disturbance");
+            assert!(!what.is_empty() && what.iter().all(|what| what.contains(happened)), "{condition}: {what:?}");
+        }
+    }
+}
+
+fn utf8(path: &Path) -> &str {
+    path.to_str().expect("a UTF-8 path")
+}
+
+#[test]
+fn a_push_during_the_first_grasp() {
+    let pushed = Run::short("push");
+    pushed.disturbed("N on the first object at ");
+    // The same seed, the same bits.
+    let again = Run::short("push");
+    let of = |run: &Run| ["blind", "touch"].map(|c| run.values(c, "sim_seconds").concat());
+    assert_eq!(of(&pushed), of(&again));
+}
+
+#[test]
+fn slipping_while_carried() {
+    Run::short("slip").disturbed("the first object becomes slippery");
+}
+
+#[test]
+fn an_object_that_is_not_where_it_is_seen() {
+    Run::short("wrong_position").disturbed("beside its place until it is touched");
+    // Far from where it is seen the blind hand closes on nothing.
+    let far = Run::of("wrong_position", |text| text.replace("0.010, 0.011", "0.0, 0.090"), &["--combos", "1", "--trials", "1"]);
+    assert_eq!(far.values("blind", "success"), ["false"]);
+    assert_eq!(far.values("ideal", "success"), ["true"]);
+}
+
+#[test]
+fn an_object_of_another_size() {
+    Run::short("wrong_size").disturbed("1.150 times as large as its model");
+}
+
+#[test]
+fn balls_of_other_sizes() {
+    let one_pair = |text: String| {
+        let text = text.replace("first = [\"golf_ball\", \"ball_50\"]", "first = [\"golf_ball\"]");
+        text.replace("second = [\"golf_ball\", \"ball_50\", \"tennis_ball\"]", "second = [\"golf_ball\"]")
+    };
+    let sweep = Run::of("size_sweep", one_pair, &["--combos", "1", "--trials", "2"]);
+    assert_eq!(sweep.values("touch", "first"), ["golf_ball_as_36.0_mm", "golf_ball_as_39.0_mm"]);
+    assert_eq!(sweep.values("ideal", "first"), ["golf_ball"]);
+}
+
+#[test]
+fn failed_cameras() {
+    Run::short("blind_pads").disturbed("cameras failed: ring_distal, little_distal");
+    let black = |text: String| text.replace("frames = \"missing\"", "frames = \"black\"");
+    Run::of("blind_pads", black, &["--combos", "1", "--trials", "1"]).disturbed("cameras failed");
+}
+
+/// Without ring and little finger nothing holds the first object: touch says so in words and does not begin. Blind closes on it
+/// as planned, with digits that do not move.
+#[test]
+fn digits_without_power() {
+    let both = |text: String| text.replace("[\"index\"]", "[\"ring\", \"little\"]");
+    let run = Run::of("disabled_digits", both, &["--combos", "1", "--trials", "1"]);
+    run.disturbed("no power: ring, little");
+    assert_eq!(run.values("touch", "cause"), ["no_strategy"]);
+    let why = run.values("touch", "reason").concat();
+    assert!(why.starts_with("no grasp holds") && why.ends_with("without ring and little"), "{why}");
+    assert_eq!(run.values("blind", "cause"), ["first_not_picked"]);
+    assert_eq!(run.values("ideal", "success"), ["true"]);
+}
+
+/// What cannot be run is refused with file, line and field, and leaves nothing behind.
+#[test]
+fn a_wrong_disturbance_is_refused() {
+    let folder = tempdir().expect("a folder");
+    let (scenario, out) = (folder.path().join("mine.toml"), folder.path().join("out"));
+    let good = fs::read_to_string(root().join("scenarios/data/push.toml")).expect("a scenario");
+    let bench = |text: &str, extra: &[&str]| {
+        fs::write(&scenario, text).expect("written");
+        let fixed = ["bench", "--combos", "1", "--trials", "1", "--scenario", utf8(&scenario), "--out", utf8(&out)];
+        let output = run(&[&fixed[..], extra].concat());
+        assert_eq!(output.status.code(), Some(2), "{}", stderr(&output));
+        assert!(!out.exists(), "left a result folder behind");
+        stderr(&output)
+    };
+    let unknown = bench(&good.replace("duration =", "for_so_long ="), &[]);
+    assert!(unknown.contains("mine.toml:") && unknown.contains("for_so_long"), "{unknown}");
+    let strong = bench(&good.replace("-6.0", "-6000.0"), &[]);
+    assert!(strong.contains("disturbance.push.force") && strong.contains("at most 100 N"), "{strong}");
+    let body = bench(&good, &["--robot", "rounded"]);
+    assert!(body.contains("--robot rounded") && body.contains("[disturbance]"), "{body}");
+}

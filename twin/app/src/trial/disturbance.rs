@@ -1,0 +1,173 @@
+//! Disturbances as they happen: what a scenario asks for, done to the simulated body at its moment.
+//!
+//! It reaches the body by the simulator's side door and the controller not at all: prior perception that errs, objects of another
+//! size, forces and failed cameras are things a controller has to find out. It does know which of its digits are without power.
+
+use std::sync::Arc;
+
+use anyhow::Result;
+use control::executive::Executive;
+use nalgebra::Vector3;
+use scenarios::disturbance::{Disturbances, Moment, Target, Which};
+use scenarios::noise::{ObjectNoise, TrialNoise};
+use scenarios::objects::ObjectModel;
+use sim::SimulatedRobot;
+use sim::robot::Truth;
+
+/// Something that begins at a moment of a trial and ends some time later.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+enum Spell {
+    /// Not yet.
+    #[default]
+    Ahead,
+    /// Since this time, s.
+    Since(f64),
+    /// It is over.
+    Over,
+}
+
+/// What changed with this tick.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Change {
+    Begins,
+    Lasts,
+    Ends,
+    Nothing,
+}
+
+impl Spell {
+    fn advance(&mut self, moment: &Moment, executive: &Executive, time: f64) -> Change {
+        match *self {
+            Self::Ahead if executive.phase() == moment.phase && executive.progress() >= moment.at => {
+                *self = Self::Since(time);
+                Change::Begins
+            }
+            Self::Since(start) if time - start >= moment.duration => {
+                *self = Self::Over;
+                Change::Ends
+            }
+            Self::Since(_) => Change::Lasts,
+            Self::Ahead | Self::Over => Change::Nothing,
+        }
+    }
+}
+
+/// The disturbances of a trial in progress; it branches with the trial.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Disturber {
+    what: Disturbances,
+    push: Spell,
+    slip: Spell,
+    /// Objects that the hand has touched.
+    touched: [bool; 2],
+    log: Vec<String>,
+}
+
+impl Disturber {
+    /// What the scenario asks for in a trial with `objects`.
+    pub(super) fn new(what: &Disturbances, objects: &[Arc<ObjectModel>; 2]) -> Self {
+        let mut log = Vec::new();
+        for (object, size) in objects.iter().zip(what.sizes()).filter(|(_, size)| *size != 1.0) {
+            log.push(format!("the {} is {size:.3} times as large as its model", object.name));
+        }
+        if let Some(wrong) = &what.wrong_position {
+            let [x, y, z] = wrong.offset.map(|metres| metres * 1e3);
+            let name = &objects[wrong.object.index()].name;
+            log.push(format!("the {name} is seen ({x:.0}, {y:.0}, {z:.0}) mm beside its place until it is touched"));
+        }
+        if !what.disabled().is_empty() {
+            let names: Vec<&str> = what.disabled().iter().map(|digit| digit.name()).collect();
+            log.push(format!("no power: {}", names.join(", ")));
+        }
+        if let Some(blind) = &what.blind_pads {
+            log.push(format!("cameras failed: {}", blind.pads.join(", ")));
+        }
+        Self { what: what.clone(), log, ..Self::default() }
+    }
+
+    /// What is wrong with the body from the beginning.
+    pub(super) fn prepare(&self, robot: &mut SimulatedRobot) {
+        robot.cut_power(self.what.disabled());
+        if let Some(blind) = &self.what.blind_pads {
+            robot.fail_cameras(&blind.pads, blind.frames);
+        }
+    }
+
+    /// What happens in the coming tick; the words if it begins now.
+    pub(super) fn act(&mut self, robot: &mut SimulatedRobot, executive: &Executive) -> Option<String> {
+        let time = robot.time();
+        let mut began = None;
+        let name = |target: Target| match target {
+            Target::First => "first object",
+            Target::Second => "second object",
+            Target::Hand => "hand",
+        };
+        if let Some(push) = &self.what.push {
+            let change = self.push.advance(&push.moment(), executive, time);
+            if matches!(change, Change::Begins | Change::Lasts) {
+                robot.pull(push.on.object(), Vector3::from(push.force));
+            }
+            if change == Change::Begins {
+                let force = Vector3::from(push.force).norm();
+                began = Some(format!("push of {force:.1} N on the {} at {time:.2} s", name(push.on)));
+            }
+        }
+        if let Some(slip) = &self.what.slip {
+            let change = self.slip.advance(&slip.moment(), executive, time);
+            let object = slip.object.index();
+            match change {
+                Change::Begins => robot.set_friction(object, slip.friction),
+                Change::Ends => robot.set_friction(object, 1.0),
+                Change::Lasts | Change::Nothing => {}
+            }
+            if matches!(change, Change::Begins | Change::Lasts) {
+                robot.pull(Some(object), Vector3::from(slip.force));
+            }
+            if change == Change::Begins {
+                let which = name(if slip.object == Which::First { Target::First } else { Target::Second });
+                let force = Vector3::from(slip.force).norm();
+                began = Some(format!(
+                    "the {which} becomes slippery (friction times {:.2}, tug of {force:.1} N) at {time:.2} s",
+                    slip.friction
+                ));
+            }
+        }
+        self.log.extend(began.clone());
+        began
+    }
+
+    /// Takes note of what the hand has touched.
+    pub(super) fn see(&mut self, truth: &Truth) {
+        for (touched, by) in self.touched.iter_mut().zip(&truth.touched_by) {
+            *touched |= *by != 0;
+        }
+    }
+
+    /// `noise` of a look at object `index`, with what perception is wrong about until the hand has touched it.
+    pub(super) fn misled(&self, index: usize, noise: &ObjectNoise) -> ObjectNoise {
+        match &self.what.wrong_position {
+            Some(wrong) if wrong.object.index() == index && !self.touched[index] => {
+                ObjectNoise { offset: noise.offset + Vector3::from(wrong.offset), ..*noise }
+            }
+            _ => *noise,
+        }
+    }
+
+    /// The same for the first look at both.
+    pub(super) fn misled_at_first(&self, noise: &TrialNoise) -> TrialNoise {
+        TrialNoise { objects: [0, 1].map(|index| self.misled(index, &noise.objects[index])), ..*noise }
+    }
+
+    /// What was done so far, in words.
+    pub(super) fn log(&self) -> String {
+        self.log.join("; ")
+    }
+}
+
+/// The objects as they really are: `models` at these sizes.
+pub(super) fn resized(models: &[Arc<ObjectModel>; 2], sizes: [f64; 2]) -> Result<[Arc<ObjectModel>; 2]> {
+    let resize = |n: usize| -> Result<Arc<ObjectModel>> {
+        if sizes[n] == 1.0 { Ok(models[n].clone()) } else { Ok(Arc::new(models[n].scaled(sizes[n])?)) }
+    };
+    Ok([resize(0)?, resize(1)?])
+}
