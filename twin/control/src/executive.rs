@@ -13,7 +13,7 @@ use std::sync::Arc;
 
 use grasping::Grasp;
 use hand_model::robot::{Command, Observation, ServoGoal, TactileFrame};
-use hand_model::{ACTUATORS, CAMERAS, Digit, Hand};
+use hand_model::{ACTUATORS, CAMERAS, Hand};
 use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, Vector3};
 pub use scenarios::phase::Phase;
 
