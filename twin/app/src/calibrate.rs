@@ -3,13 +3,13 @@
 
 use anyhow::{Context, Result};
 use hand_model::Hand;
-use hand_model::pads::IMAGE_SIZE;
-use optics::press;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use sim::tactile::TactileBoard;
 use touch::calibration::AngularError;
 use touch::{Calibration, CalibrationPress};
+
+use crate::touch_commands::shapes::{Place, Relief, ball, press_into};
 
 /// Radii of the calibration balls, m.
 const BALL_RADII: [f64; 3] = [0.004, 0.010, 0.022];
@@ -19,30 +19,15 @@ pub fn presses(hand: &Hand, board: &TactileBoard, per_camera: usize, seed: u64) 
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let mut presses = Vec::new();
     for (index, camera) in hand.cameras.iter().enumerate() {
-        let pad = &hand.pads[camera.pad];
         let sensor = &board.sensors()[index];
         for n in 0..per_camera {
             let radius = BALL_RADII[n % BALL_RADII.len()];
-            let x0 = rng.random_range(-0.38..0.38) * camera.w;
-            let y0 = camera.center_y + rng.random_range(-0.38..0.38) * camera.h;
+            let at =
+                [rng.random_range(-0.38..0.38) * camera.w, camera.center_y + rng.random_range(-0.38..0.38) * camera.h];
             let force = rng.random_range(0.5..4.0);
-            let top = pad.surface_height(x0, y0);
-            let ball = |x: f64, y: f64| {
-                let inside = radius * radius - (x - x0).powi(2) - (y - y0).powi(2);
-                (inside > 0.0).then(|| top + radius - inside.sqrt())
-            };
-            let pressed = press(pad, &[camera], &hand.gel(), force, ball)?;
-            let map = &pressed.maps[0];
-            // What touch should see is the gel's surface, bulge included.
-            let gel = sensor.model().elastomer.deform(camera, map);
-            let pixels = (0..IMAGE_SIZE).flat_map(|row| (0..IMAGE_SIZE).map(move |column| (column, row)));
-            let label = pixels.map(|(column, row)| gel.as_ref().map_or(0.0, |gel| gel.depth(column, row))).collect();
-            presses.push(CalibrationPress {
-                camera: index,
-                image: std::sync::Arc::new(sensor.render(map, &mut rng)),
-                background: sensor.background().clone(),
-                indentation: label,
-            });
+            let relief: Relief = Box::new(move |x, y| ball(radius, x, y));
+            let place = Place { at, turn: 0.0 };
+            presses.push(press_into(hand, (index, sensor), (&relief, &place), force, &mut rng)?);
         }
     }
     Ok(presses)

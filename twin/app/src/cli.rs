@@ -450,6 +450,8 @@ pub enum TouchCommand {
         #[arg(long)]
         out: PathBuf,
     },
+    /// Train the network of photometric stereo on rendered presses of known shapes.
+    TrainNetwork(touch_commands::TrainNetworkArgs),
     /// Measure touch on simulated grasps and presses.
     Eval(touch_commands::EvalArgs),
 }

@@ -28,6 +28,7 @@ use crate::generate::Effort;
 use crate::journal::{Journal, RunRequest};
 use crate::plan::{self, Plans};
 use crate::recording::Recording;
+use crate::touch_commands::normals::{IN_USE, Networks};
 use crate::trial::ball_sizes;
 use crate::trial::{Bench, NoWatcher};
 use crate::world::World;
@@ -85,6 +86,7 @@ pub fn run(cli: &Cli) -> Outcome {
             grasps_plan(cli, *combos, repertoire.as_deref(), out)
         }
         Command::Touch(TouchCommand::Train { presses, out }) => touch_train(cli, *presses, out),
+        Command::Touch(TouchCommand::TrainNetwork(args)) => touch_commands::train_network(cli, args),
         Command::Touch(TouchCommand::Eval(args)) => touch_commands::eval(cli, args),
         Command::Optics(OpticsCommand::Calibrate(args)) => optics_commands::calibrate(cli, args),
         Command::Optics(OpticsCommand::Eval(args)) => optics_commands::eval(cli, args),
@@ -99,11 +101,19 @@ fn repertoire() -> Result<grasping::Repertoire> {
     Ok(grasping::Repertoire::parse(include_str!("../data/repertoire.json"), Path::new("data/repertoire.json"))?)
 }
 
-/// Touch of a simulated hand with the built-in calibration, given images of its untouched pads.
+/// The photometric models that come with the program.
+pub fn builtin_calibration() -> Result<Calibration> {
+    serde_json::from_str(include_str!("../data/calibration.json")).context("data/calibration.json")
+}
+
+/// Touch of a simulated hand with what comes with the program, given images of its untouched pads.
 pub fn simulated_touch(hand: &Hand, backgrounds: Vec<Arc<TactileImage>>) -> Result<TouchPipeline> {
-    let calibration: Calibration =
-        serde_json::from_str(include_str!("../data/calibration.json")).context("data/calibration.json")?;
-    let mut pipeline = TouchPipeline::new(hand, calibration, backgrounds)?;
+    Ok(Networks::builtin()?.pipeline(&look_up_touch(hand, backgrounds)?, IN_USE))
+}
+
+/// The same with slopes from the built-in calibration alone.
+pub fn look_up_touch(hand: &Hand, backgrounds: Vec<Arc<TactileImage>>) -> Result<TouchPipeline> {
+    let mut pipeline = TouchPipeline::new(hand, builtin_calibration()?, backgrounds)?;
     // The engine's covers are rigid, and images are made from its forces: an object shows as pressed in where it only lies on.
     pipeline.pose.sinking = 0.0;
     Ok(pipeline)

@@ -3,9 +3,15 @@
 mod eval;
 mod grasps;
 mod images;
+pub mod normals;
+mod pictures;
 mod poses;
+mod real;
+pub mod shapes;
+mod train_network;
 
 pub use eval::{EvalArgs, eval};
+pub use train_network::{TrainNetworkArgs, train_network};
 
 /// What a command gives back: nothing, or in what it falls short.
 pub type Outcome = anyhow::Result<Option<String>>;

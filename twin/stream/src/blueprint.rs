@@ -154,6 +154,32 @@ pub fn send_gallery(rec: &RecordingStream, eye: Eye) -> Result<(), StreamError> 
     deliver(rec, (blueprint, with))
 }
 
+/// Sends the layout of a held object as it is felt: the hand, and beside it images and words.
+pub fn send_felt(rec: &RecordingStream, eye: Eye) -> Result<(), StreamError> {
+    let mut with = Properties::default();
+    let controls =
+        EyeControls3D::new().with_position(eye.position).with_look_target(eye.target).with_eye_up([0.0f32, 1.0, 0.0]);
+    let hand = with.on(
+        Spatial3DView::new("Felt on the hand").with_origin(entities::GALLERY),
+        vec![
+            ("EyeControls3D", Box::new(controls)),
+            ("Background", Box::new(background([34, 37, 43]))),
+            ("LineGrid3D", Box::new(LineGrid3D::new().with_visible(false))),
+        ],
+    );
+    let sheet = Spatial2DView::new("Image, normals, height and patches").with_origin(entities::SHEET);
+    let text = TextDocumentView::new("In words").with_origin(entities::GALLERY_TEXT);
+    let left = Vertical::new([hand, text.into()]).with_row_shares([0.75, 0.25]);
+    let blueprint =
+        Blueprint::new(Horizontal::new([ContainerLike::from(left), sheet.into()]).with_column_shares([0.5, 0.5]))
+            .with_auto_views(false)
+            .with_auto_layout(false)
+            .with_blueprint_panel(BlueprintPanel::from_state(PanelState::Collapsed))
+            .with_selection_panel(SelectionPanel::from_state(PanelState::Collapsed))
+            .with_time_panel(TimePanel::new().with_state(PanelState::Hidden));
+    deliver(rec, (blueprint, with))
+}
+
 fn deliver(rec: &RecordingStream, (blueprint, properties): (Blueprint, Properties)) -> Result<(), StreamError> {
     // The builder's messages are only to be had from a recording, so they take a turn through memory.
     let (scratch, storage) = RecordingStreamBuilder::new(APPLICATION).enabled(true).memory()?;

@@ -47,6 +47,9 @@ pub const GALLERY: &str = "grasps";
 /// What a gallery says in words.
 pub const GALLERY_TEXT: &str = "grasps_text";
 
+/// Sheet of images beside a held object.
+pub const SHEET: &str = "felt_sheet";
+
 /// Grasp number `n` of a gallery.
 pub fn gallery(n: usize, name: &str) -> String {
     format!("{GALLERY}/{:02}_{}", n + 1, part(name))

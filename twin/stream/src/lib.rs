@@ -6,13 +6,14 @@
 //!
 //! The story in order: [`entities`] names every path; [`mesh`] and [`scene`] make the robot visible; [`tactile`] packs images,
 //! [`signals`] numbers, [`phase`] words; [`recorder`] offers them as one object; [`viewer`] opens what was recorded.
-//! [`gallery`] is another kind of recording: grasps side by side.
+//! [`gallery`] is another kind of recording: grasps side by side; [`felt`] is one held object as touch sees it.
 //!
 //! Time lines: `sim_time` (s) and `tick` (control ticks). Wall time is not recorded.
 
 pub mod blueprint;
 pub mod entities;
 pub mod error;
+pub mod felt;
 pub mod gallery;
 pub mod mesh;
 pub mod phase;

@@ -25,7 +25,7 @@ pub const PLACE_FEATURES: usize = 6;
 const FEATURES: usize = COLOUR_FEATURES * PLACE_FEATURES;
 const VERSION: u32 = 1;
 /// Steepest slope's sine that a model answers with.
-const STEEPEST: f32 = 0.95;
+pub(crate) const STEEPEST: f32 = 0.95;
 
 /// A labelled press.
 #[derive(Debug, Clone)]
@@ -66,6 +66,34 @@ pub struct AngularError {
     pub pixels: usize,
 }
 
+impl AngularError {
+    /// Of single angles, degrees.
+    pub fn of(mut errors: Vec<f64>) -> Self {
+        errors.sort_by(f64::total_cmp);
+        let at = |fraction: f64| errors.get((fraction * errors.len() as f64) as usize).copied().unwrap_or(f64::NAN);
+        Self {
+            mean: errors.iter().sum::<f64>() / errors.len() as f64,
+            median: at(0.5),
+            p95: at(0.95),
+            pixels: errors.len(),
+        }
+    }
+}
+
+/// Pixels of a press where something presses, borders excluded.
+pub fn contact_pixels(press: &CalibrationPress) -> impl Iterator<Item = usize> {
+    let inside = |i: &usize| (1..N - 1).contains(&(i % N)) && (1..N - 1).contains(&(i / N));
+    (0..PIXELS).filter(inside).filter(|&i| press.indentation[i] > 0.0)
+}
+
+/// Angle (degrees) at pixel `i` of a press between the true normal and that of a surface with slopes `found`; `pixel` is the
+/// pixels' size (dx, dy; m).
+pub fn angle(press: &CalibrationPress, i: usize, pixel: (f64, f64), [px, py]: [f64; 2]) -> f64 {
+    let (gx, gy) = slope(&press.indentation, i, pixel);
+    let cross = ((gy - py).powi(2) + (px - gx).powi(2) + (gx * py - gy * px).powi(2)).sqrt();
+    cross.atan2(gx * px + gy * py + 1.0).to_degrees()
+}
+
 /// Features of a colour change: first, second and third order.
 fn colour_features([r, g, b]: [f32; 3]) -> [f32; COLOUR_FEATURES] {
     let (rr, gg, bb, rg, rb, gb) = (r * r, g * g, b * b, r * g, r * b, g * b);
@@ -82,8 +110,8 @@ fn place(column: usize, row: usize) -> (f32, f32) {
 pub(crate) struct RowModel([[[f32; 2]; 3]; COLOUR_FEATURES]);
 
 impl RowModel {
-    /// Gradients (dh/dx, dh/dy) of the pixel in `column` with relative colour `change`.
-    pub(crate) fn gradient(&self, column: usize, change: [f32; 3]) -> (f32, f32) {
+    /// The x and y part of the normal of the pixel in `column` with relative colour `change`, no steeper than the limit.
+    pub(crate) fn normal(&self, column: usize, change: [f32; 3]) -> [f32; 2] {
         let (u, _) = place(column, 0);
         let features = colour_features(change);
         let (mut nx, mut ny) = (0.0f32, 0.0f32);
@@ -91,14 +119,27 @@ impl RowModel {
             nx += feature * (w0[0] + u * (w1[0] + u * w2[0]));
             ny += feature * (w0[1] + u * (w1[1] + u * w2[1]));
         }
-        let sine = (nx * nx + ny * ny).sqrt();
-        if sine > STEEPEST {
-            nx *= STEEPEST / sine;
-            ny *= STEEPEST / sine;
-        }
-        let nz = (1.0 - nx * nx - ny * ny).sqrt();
-        (nx / nz, ny / nz)
+        bounded([nx, ny])
     }
+
+    /// Gradients (dh/dx, dh/dy) of that pixel.
+    pub(crate) fn gradient(&self, column: usize, change: [f32; 3]) -> (f32, f32) {
+        let [gx, gy] = gradient_of(self.normal(column, change));
+        (gx, gy)
+    }
+}
+
+/// The x and y part of a normal, cut where it is steeper than models answer with.
+pub(crate) fn bounded([nx, ny]: [f32; 2]) -> [f32; 2] {
+    let sine = (nx * nx + ny * ny).sqrt();
+    let scale = if sine > STEEPEST { STEEPEST / sine } else { 1.0 };
+    [nx * scale, ny * scale]
+}
+
+/// Gradients (dh/dx, dh/dy) of a surface whose unit normal has this x and y part.
+pub(crate) fn gradient_of([nx, ny]: [f32; 2]) -> [f32; 2] {
+    let nz = (1.0 - nx * nx - ny * ny).sqrt();
+    [nx / nz, ny / nz]
 }
 
 impl PhotometricModel {
@@ -115,8 +156,8 @@ impl PhotometricModel {
         RowModel(folded)
     }
 
-    /// Fits a model to presses that share a sensor configuration and a pixel size (dx, dy; m).
-    fn fit(configuration: char, presses: &[(&CalibrationPress, (f64, f64))]) -> Result<Self, TouchError> {
+    /// Fits a model to presses that share a sensor configuration, each with its pixel size (dx, dy; m).
+    pub fn fit(configuration: char, presses: &[(&CalibrationPress, (f64, f64))]) -> Result<Self, TouchError> {
         let mut normal = DMatrix::<f64>::zeros(FEATURES, FEATURES);
         let mut right = DMatrix::<f64>::zeros(FEATURES, 2);
         let mut samples = 0;
@@ -180,7 +221,7 @@ impl PhotometricModel {
 }
 
 /// Central-difference gradient of an indentation map at pixel `i` (not on the border), pad frame.
-fn slope(indentation: &[f32], i: usize, (dx, dy): (f64, f64)) -> (f64, f64) {
+pub(crate) fn slope(indentation: &[f32], i: usize, (dx, dy): (f64, f64)) -> (f64, f64) {
     (
         f64::from(indentation[i + 1] - indentation[i - 1]) / (2.0 * dx),
         f64::from(indentation[i - N] - indentation[i + N]) / (2.0 * dy),
@@ -217,29 +258,13 @@ impl Calibration {
             let camera = &hand.cameras[press.camera];
             let model = self.model(hand.pads[camera.pad].configuration)?;
             let change = colour_change(&press.image, &press.background, Region::FULL);
-            for row in 1..N - 1 {
-                let row_model = model.row(row);
-                for column in 1..N - 1 {
-                    let i = row * N + column;
-                    if press.indentation[i] <= 0.0 {
-                        continue;
-                    }
-                    let (gx, gy) = slope(&press.indentation, i, camera.pixel_size());
-                    let (px, py) = row_model.gradient(column, change[i]);
-                    let (px, py) = (f64::from(px), f64::from(py));
-                    let cross = ((gy - py).powi(2) + (px - gx).powi(2) + (gx * py - gy * px).powi(2)).sqrt();
-                    errors.push(cross.atan2(gx * px + gy * py + 1.0).to_degrees());
-                }
-            }
+            let slopes = |i: usize| {
+                let (gx, gy) = model.row(i / N).gradient(i % N, change[i]);
+                [f64::from(gx), f64::from(gy)]
+            };
+            errors.extend(contact_pixels(press).map(|i| angle(press, i, camera.pixel_size(), slopes(i))));
         }
-        errors.sort_by(f64::total_cmp);
-        let at = |fraction: f64| errors.get((fraction * errors.len() as f64) as usize).copied().unwrap_or(f64::NAN);
-        Ok(AngularError {
-            mean: errors.iter().sum::<f64>() / errors.len() as f64,
-            median: at(0.5),
-            p95: at(0.95),
-            pixels: errors.len(),
-        })
+        Ok(AngularError::of(errors))
     }
 
     /// Reads a calibration file (JSON).

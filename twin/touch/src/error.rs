@@ -21,6 +21,22 @@ pub enum TouchError {
         /// What was found.
         message: String,
     },
+    /// A network file is not what it should be.
+    #[error("{path}: not a network: {message}")]
+    NetworkFormat {
+        /// The file.
+        path: PathBuf,
+        /// What was found.
+        message: String,
+    },
+    /// A kept training was made by another schedule.
+    #[error("a kept training: found {found}, expected {expected}")]
+    Schedule {
+        /// Its schedule.
+        found: String,
+        /// The schedule asked for.
+        expected: String,
+    },
     /// There is no photometric model for a sensor configuration.
     #[error("no photometric model for sensor configuration `{0}`: calibrate it first")]
     Uncalibrated(char),

@@ -1,7 +1,7 @@
 //! What the hand feels: tactile images become surface gradients, heights, contact patches and an in-hand object pose.
 //!
 //! The story in order: [`frames`] says which images can be believed; [`calibration`] learns from labelled presses how colour changes with slope; [`photometric_stereo`]
-//! applies it to an image; [`poisson`] integrates the slopes to a height map; [`contacts`] finds the patches where something
+//! applies it to an image, pixel by pixel, and [`network`] with its surroundings; [`poisson`] integrates the slopes to a height map; [`contacts`] finds the patches where something
 //! presses, and [`slip`] how they move; [`posture`] says what six servos tell about fifteen joints; [`pose`] registers patches, untouched pads and servo
 //! readings to the known shape of the object; [`pipeline`] runs all of it for the 18 cameras of the hand.
 //!
@@ -15,6 +15,7 @@ pub mod calibration;
 pub mod contacts;
 pub mod error;
 pub mod frames;
+pub mod network;
 pub mod photometric_stereo;
 pub mod pipeline;
 pub mod poisson;
@@ -26,6 +27,7 @@ pub use calibration::{AngularError, Calibration, CalibrationPress, PhotometricMo
 pub use contacts::{ContactOptions, Patch, SurfacePoint};
 pub use error::TouchError;
 pub use frames::{CameraFault, Fault};
+pub use network::{Network, PreparedNetwork};
 pub use photometric_stereo::{Gradients, StereoOptions};
 pub use pipeline::{HeightMap, PadTouch, Perceived, TouchPipeline};
 pub use pose::{KnownShape, PoseEstimate, PoseOptions, PosePrior, estimate_pose};

@@ -11,6 +11,7 @@ use crate::calibration::Calibration;
 use crate::contacts::{ContactOptions, Patch, clear_points, find_contacts};
 use crate::error::TouchError;
 use crate::frames::{CameraFault, Fault, believable};
+use crate::network::{Network, PreparedNetwork};
 use crate::photometric_stereo::{Gradients, Region, StereoOptions, gradients};
 use crate::poisson::PoissonSolver;
 use crate::pose::{KnownShape, PoseEstimate, PoseOptions, PosePrior, estimate_pose};
@@ -67,6 +68,7 @@ pub struct TouchPipeline {
     calibration: Calibration,
     backgrounds: Vec<Arc<TactileImage>>,
     poisson: PoissonSolver,
+    network: Option<PreparedNetwork>,
     /// When an image counts as changed.
     pub stereo: StereoOptions,
     /// What counts as a contact.
@@ -85,10 +87,16 @@ impl TouchPipeline {
             calibration,
             backgrounds,
             poisson: PoissonSolver::new(),
+            network: None,
             stereo: StereoOptions::default(),
             contacts: ContactOptions::default(),
             pose: PoseOptions::default(),
         })
+    }
+
+    /// The same pipeline with slopes from a network instead of from the calibration alone.
+    pub fn with_network(&self, network: &Network) -> Self {
+        Self { network: Some(network.prepare()), ..self.clone() }
     }
 
     /// The same pipeline for cameras whose untouched pads look like `backgrounds`, one a camera.
@@ -159,10 +167,13 @@ impl TouchPipeline {
         if Arc::ptr_eq(image, background) {
             return Ok(None);
         }
-        let model = self.calibration.model(self.hand.pads[self.hand.cameras[camera].pad].configuration)?;
-        let Some(gradients) = gradients(image, background, model, &self.stereo) else {
-            return Ok(None);
+        let configuration = self.hand.pads[self.hand.cameras[camera].pad].configuration;
+        let model = self.calibration.model(configuration)?;
+        let found = match &self.network {
+            Some(network) => network.gradients(image, background, (configuration, model), &self.stereo),
+            None => gradients(image, background, model, &self.stereo),
         };
+        let Some(gradients) = found else { return Ok(None) };
         let mut height = self.poisson.solve(&gradients.gx, &gradients.gy, self.hand.cameras[camera].pixel_size());
         let level = rest_level(&height, gradients.region);
         for value in &mut height {

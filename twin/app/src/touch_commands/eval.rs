@@ -14,9 +14,11 @@ use serde_json::{Map, Value, json};
 use super::Outcome;
 use super::grasps::{Played, grasps};
 use super::images::{Change, Eyes};
+use super::normals::{IN_USE, Measured, Method, Networks, RealRow, Sampled, measure, real, unseen};
+use super::pictures;
 use super::poses::{Class, Felt, Source, Spread, feel, spread};
 use crate::cli::Cli;
-use crate::commands::{HAND_UNIT, make_bench, simulated_touch};
+use crate::commands::{HAND_UNIT, look_up_touch, make_bench};
 use crate::trial::{Bench, HeldGrasp};
 
 /// Most of the position error of objects without symmetry that counts as good: median and 95th percentile, mm.
@@ -37,7 +39,20 @@ pub struct EvalArgs {
     /// Grasps that are felt again under each change of the optics that touch was not trained on; 0 leaves them out.
     #[arg(long, default_value_t = 120)]
     pub changed: usize,
+    /// Measure the networks in this folder instead of those that come with the program.
+    #[arg(long)]
+    pub networks: Option<PathBuf>,
+    /// Presses of a 4 mm ball into a real GelSight, as `optics calibrate` reads them, 0.0295 mm a pixel; left out where they
+    /// are not at hand.
+    #[arg(long)]
+    pub real: Option<PathBuf>,
+    /// Folder for a recording and a sheet of images of the first grasp of each object.
+    #[arg(long)]
+    pub out: Option<PathBuf>,
 }
+
+/// Where the real presses lie beside a checkout.
+const REAL: &str = "../shared/data/real-gelsight/taxim_gelsight";
 
 /// Runs the command.
 pub fn eval(cli: &Cli, args: &EvalArgs) -> Outcome {
@@ -51,6 +66,12 @@ pub fn eval(cli: &Cli, args: &EvalArgs) -> Outcome {
             scenario.combinations()
         );
     }
+    let networks = args.networks.as_deref().map_or_else(Networks::builtin, Networks::read)?;
+    let presses = match &args.real {
+        Some(folder) => Some(folder.clone()),
+        None => Some(PathBuf::from(REAL)).filter(|folder| folder.exists()),
+    };
+    let real = presses.as_deref().map(|folder| real(folder, &networks)).transpose()?;
     let bench = make_bench(scenario, args.combos, cli.seed, quiet)?;
     let played = Played { combos: args.combos, trials: args.trials, seed: cli.seed };
     let grasps = grasps(&bench, played, args.grasps.as_deref(), quiet)?;
@@ -59,10 +80,19 @@ pub fn eval(cli: &Cli, args: &EvalArgs) -> Outcome {
     let eyes = Eyes::new(&bench.world.hand, HAND_UNIT, &Change::NONE)?;
     let felt = feel(&bench, &eyes, &bench.pipeline, &grasps, || bar.inc(1))?;
     bar.finish_and_clear();
-    let changed = under_changes(&bench, &grasps, args.changed)?;
+    if let Some(folder) = &args.out {
+        let objects = pictures::write(&bench, &eyes, &grasps, folder)?;
+        if !quiet {
+            eprintln!("{}: recordings and sheets of {objects} objects; see one with `ftac view`", folder.display());
+        }
+    }
+    let changed = under_changes(&bench, &networks, &grasps, args.changed)?;
     let mut result = Map::new();
     result.insert("seed".into(), json!(cli.seed));
     result.insert("grasps".into(), json!(felt.len()));
+    let rows = &changed[0].normals;
+    result.insert("normals".into(), normals_json(rows, real.as_deref()));
+    result.insert("height_rms_um".into(), json!(of_method(rows, IN_USE).and_then(|row| row.height_rms_um)));
     result.insert("pose".into(), pose_json(&felt)?);
     let ratios: Vec<f64> = felt.iter().map(|felt| felt.ratio).collect();
     result.insert(
@@ -74,48 +104,119 @@ pub fn eval(cli: &Cli, args: &EvalArgs) -> Outcome {
     if cli.json {
         println!("{}", Value::Object(result));
     } else {
-        print!("{}\n{}\n{}", pose_table(&felt), changed_table(&changed), latency_table(&felt));
+        let normals = normals_table(rows, real.as_deref());
+        print!("{normals}\n{}\n{}\n{}", pose_table(&felt), changed_table(&changed), latency_table(&felt));
     }
     Ok(shortfall(&felt))
 }
 
-/// How poses are under a change of the optics.
+/// Normals and poses under a change of the optics.
 #[derive(Serialize)]
 struct Changed {
     change: &'static str,
-    #[serde(flatten)]
-    spread: Spread,
+    /// On the unseen shapes, by method.
+    normals: Vec<(Method, Measured)>,
+    /// Poses by method: that of trials alone, but for the optics as built.
+    poses: Vec<(Method, Spread)>,
 }
 
-/// Feels `count` grasps, evenly spread, as built and under every change. The untouched pads are seen under it too, as a hand
-/// that is switched on sees them.
-fn under_changes(bench: &Bench, grasps: &[HeldGrasp], count: usize) -> Result<Vec<Changed>> {
-    if count == 0 {
-        return Ok(Vec::new());
-    }
-    let some: Vec<HeldGrasp> = grasps.iter().step_by(grasps.len().div_ceil(count).max(1)).cloned().collect();
+fn of_method(rows: &[(Method, Measured)], method: Method) -> Option<Measured> {
+    rows.iter().find(|row| row.0 == method).map(|row| row.1)
+}
+
+/// Presses unseen shapes, and feels `count` grasps, evenly spread, as built and under every change. The untouched pads are
+/// seen under it too, as a hand that is switched on sees them.
+fn under_changes(bench: &Bench, networks: &Networks, grasps: &[HeldGrasp], count: usize) -> Result<Vec<Changed>> {
+    let some: Vec<HeldGrasp> = match count {
+        0 => Vec::new(),
+        _ => grasps.iter().step_by(grasps.len().div_ceil(count).max(1)).cloned().collect(),
+    };
+    let changes = if count == 0 { &[][..] } else { &Change::ALL };
     std::iter::once(&Change::NONE)
-        .chain(&Change::ALL)
+        .chain(changes)
         .map(|change| {
-            let eyes = Eyes::new(&bench.world.hand, HAND_UNIT, change)?;
-            let pipeline = simulated_touch(&bench.world.hand, eyes.backgrounds())?;
-            let felt = feel(bench, &eyes, &pipeline, &some, || {})?;
-            Ok(Changed { change: change.name, spread: spread(&felt, Source::Touch, |_| true) })
+            let hand = &bench.world.hand;
+            let eyes = [Eyes::new(hand, HAND_UNIT, change)?, Eyes::new(hand, HAND_UNIT + 1, change)?];
+            let look_up = look_up_touch(hand, eyes[0].backgrounds())?;
+            let sampled: Vec<Sampled> = unseen(&eyes, bench.seed)?;
+            let normals = Method::ALL
+                .map(|method| Ok((method, measure(&sampled, &eyes, &networks.pipeline(&look_up, method))?)))
+                .into_iter()
+                .collect::<Result<_>>()?;
+            let poses = Method::ALL
+                .into_iter()
+                .filter(|method| !some.is_empty() && (*method == IN_USE || *change == Change::NONE))
+                .map(|method| {
+                    let felt = feel(bench, &eyes[0], &networks.pipeline(&look_up, method), &some, || {})?;
+                    Ok((method, spread(&felt, Source::Touch, |_| true)))
+                })
+                .collect::<Result<_>>()?;
+            Ok(Changed { change: change.name, normals, poses })
         })
         .collect()
 }
 
 fn changed_table(rows: &[Changed]) -> String {
-    let mut text = String::new();
-    for Changed { change, spread: Spread { grasps, mm, deg } } in rows {
+    let mut text = format!("{:20}", "normals, mean deg");
+    for method in Method::ALL {
+        text += &format!(" {:>20}", method.name());
+    }
+    text.push('\n');
+    for Changed { change, normals, .. } in rows {
+        text += &format!("{change:20}");
+        for (_, measured) in normals {
+            text += &format!(" {:20.2}", measured.mean_deg);
+        }
+        text.push('\n');
+    }
+    text.push('\n');
+    for (change, (method, Spread { grasps, mm, deg })) in
+        rows.iter().flat_map(|row| row.poses.iter().map(|pose| (row.change, pose)))
+    {
         let number = |value: Option<f64>| value.unwrap_or(f64::NAN);
         text += &format!(
-            "{change:20} {grasps:5} grasps {:6.2} mm median {:6.2} p95 {:6.2} deg median {:6.2} p95\n",
+            "{change:20} {:20} {grasps:5} grasps {:6.2} mm median {:6.2} p95 {:6.2} deg median {:6.2} p95\n",
+            method.name(),
             number(mm.median),
             number(mm.p95),
             number(deg.median),
             number(deg.p95)
         );
+    }
+    text
+}
+
+fn normals_json(rows: &[(Method, Measured)], real: Option<&[RealRow]>) -> Value {
+    let best = real.and_then(|real| real.iter().find(|row| row.method == IN_USE && !row.simulated));
+    let methods: Map<String, Value> =
+        rows.iter().map(|(method, measured)| (method.name().into(), json!(measured))).collect();
+    json!({
+        "method": IN_USE,
+        "unseen_shapes": of_method(rows, IN_USE),
+        "real": best.map(|row| row.error),
+        "unseen_shapes_by_method": methods,
+        "real_by_method": real,
+    })
+}
+
+fn normals_table(rows: &[(Method, Measured)], real: Option<&[RealRow]>) -> String {
+    let mut text =
+        format!("{:52} {:>9} {:>9} {:>9}   {:>9}\n", "angular error, deg", "mean", "median", "p95", "samples");
+    let mut row = |name: String, measured: &Measured| {
+        text += &format!(
+            "{name:52} {:9.2} {:9.2} {:9.2}   {:9}",
+            measured.mean_deg, measured.median_deg, measured.p95_deg, measured.samples
+        );
+        text += &measured.height_rms_um.map_or_else(String::new, |rms| format!("   height {rms:.1} um RMS"));
+        text.push('\n');
+    };
+    for (method, measured) in rows {
+        let used = if *method == IN_USE { " (used in trials)" } else { "" };
+        row(format!("unseen shapes, {}{used}", method.name()), measured);
+    }
+    for RealRow { method, simulated, error } in real.unwrap_or_default() {
+        let from = if *simulated { "renders of the sensor" } else { "even-numbered presses" };
+        row(format!("real GelSight, {} from {from}", method.name()), error);
     }
     text
 }

@@ -68,6 +68,16 @@ impl Eyes {
         Ok(Self { hand, board })
     }
 
+    /// The hand, with the gel that the change leaves it.
+    pub fn hand(&self) -> &Hand {
+        &self.hand
+    }
+
+    /// Its cameras.
+    pub fn board(&self) -> &TactileBoard {
+        &self.board
+    }
+
     /// Images of the untouched pads.
     pub fn backgrounds(&self) -> Vec<Arc<TactileImage>> {
         self.board.backgrounds()

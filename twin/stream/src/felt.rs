@@ -1,0 +1,105 @@
+//! One held object as touch sees it: what the pads felt on the hand, the object where it is thought to be and where it is,
+//! and beside them a sheet of raw images, normals and heights.
+
+use hand_model::Hand;
+use image::{ExtendedColorType, ImageEncoder, RgbImage, codecs::png::PngEncoder};
+use nalgebra::{Isometry3, Point3, Vector3};
+use rerun::log::ChunkBatcherConfig;
+use rerun::sink::{LogSink, MultiSink};
+use rerun::{Arrows3D, EncodedImage, Points3D, RecordingStreamBuilder, TextDocument};
+
+use crate::blueprint::{self, Eye};
+use crate::error::StreamError;
+use crate::mesh::DrawnObject;
+use crate::recorder::{Settings, Target, sink};
+use crate::scene::{drawn, ghost, link_color, log_hand_at, transform};
+use crate::{APPLICATION, entities};
+
+/// How opaque the true object is, of 255.
+const VEIL: u8 = 70;
+/// Length of a felt normal, m.
+const NORMAL: f32 = 0.006;
+
+/// What is shown. Palm frame.
+#[derive(Debug, Clone)]
+pub struct FeltScene {
+    /// What there is to say about it, Markdown.
+    pub text: String,
+    /// Estimated joint angles, rad.
+    pub joints: Vec<f64>,
+    /// The object.
+    pub object: DrawnObject,
+    /// Where it is thought to be.
+    pub estimate: Isometry3<f64>,
+    /// Where it is.
+    pub truth: Isometry3<f64>,
+    /// Felt surface points with the object's outward normals, each by the link whose pad felt it (none: the palm).
+    pub points: Vec<(Option<usize>, Point3<f64>, Vector3<f64>)>,
+    /// Images, normals and heights of the touched pads.
+    pub sheet: RgbImage,
+}
+
+/// Writes a scene to `targets`.
+pub fn write(targets: &[Target], hand: &Hand, scene: &FeltScene) -> Result<(), StreamError> {
+    let sinks: Vec<Box<dyn LogSink>> = targets.iter().map(sink).collect::<Result<_, _>>()?;
+    let rec = RecordingStreamBuilder::new(APPLICATION)
+        .enabled(!sinks.is_empty())
+        .batcher_config(ChunkBatcherConfig::DEFAULT)
+        .buffered()?;
+    rec.set_log_time_enabled(false);
+    rec.set_log_tick_enabled(false);
+    rec.set_sink(Box::new(MultiSink::new(sinks)));
+    let target = scene.estimate.translation.vector;
+    let eye = target + Vector3::new(0.13, 0.06, -0.2);
+    blueprint::send_felt(&rec, Eye { position: eye.cast::<f32>().into(), target: target.cast::<f32>().into() })?;
+    rec.log_static(entities::GALLERY, &rerun::ViewCoordinates::RIGHT_HAND_Y_UP())?;
+    log_hand_at(&rec, &format!("{}/hand", entities::GALLERY), hand, &scene.joints)?;
+    for (name, pose, mesh) in [
+        ("estimated", &scene.estimate, ghost(&scene.object)),
+        ("true", &scene.truth, drawn(&scene.object.mesh(), scene.object.color, VEIL)),
+    ] {
+        let path = format!("{}/{name}", entities::GALLERY);
+        rec.log_static(path.as_str(), &transform(pose))?;
+        rec.log_static(path.as_str(), &mesh)?;
+    }
+    let at = |p: &Point3<f64>| <[f32; 3]>::from(p.coords.cast::<f32>());
+    let places = || scene.points.iter().map(|(_, point, _)| at(point));
+    let colors = || scene.points.iter().map(|(link, _, _)| link_color(*link));
+    let cloud = Points3D::new(places()).with_radii([0.0011f32]).with_colors(colors());
+    rec.log_static(format!("{}/felt", entities::GALLERY), &cloud)?;
+    let normals = scene.points.iter().map(|(_, _, normal)| <[f32; 3]>::from(normal.cast::<f32>() * NORMAL));
+    let arrows = Arrows3D::from_vectors(normals).with_origins(places()).with_colors(colors());
+    rec.log_static(format!("{}/normals", entities::GALLERY), &arrows.with_radii([0.0003f32]))?;
+    let mut png = Vec::new();
+    PngEncoder::new(&mut png)
+        .write_image(scene.sheet.as_raw(), scene.sheet.width(), scene.sheet.height(), ExtendedColorType::Rgb8)
+        .map_err(|error| StreamError::Image { what: "the sheet".into(), reason: error.to_string() })?;
+    rec.log_static(entities::SHEET, &EncodedImage::new(png).with_media_type(rerun::MediaType::PNG))?;
+    rec.log_static(entities::GALLERY_TEXT, &TextDocument::from_markdown(scene.text.clone()))?;
+    rec.flush_with_timeout(Settings::default().flush_timeout)?;
+    rec.finalize_deferred_sinks();
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_scene_becomes_a_file() {
+        let folder = tempfile::tempdir().expect("folder");
+        let file = folder.path().join("felt.rrd");
+        let hand = Hand::ftac();
+        let scene = FeltScene {
+            text: "felt".into(),
+            joints: vec![0.3; hand.tree.len()],
+            object: DrawnObject { name: "thing".into(), ..DrawnObject::default() },
+            estimate: Isometry3::identity(),
+            truth: Isometry3::translation(0.001, 0.0, 0.0),
+            points: vec![(Some(2), Point3::origin(), Vector3::z())],
+            sheet: RgbImage::new(48, 16),
+        };
+        write(&[Target::File(file.clone())], &hand, &scene).expect("written");
+        assert!(std::fs::metadata(&file).expect("there").len() > 10_000);
+    }
+}
