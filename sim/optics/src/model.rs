@@ -82,6 +82,9 @@ impl Default for Variation {
 /// Mean grey level of an untouched nominal sensor's flat gel, each channel.
 pub const NOMINAL_GREY: f64 = 115.0;
 
+/// The nearest to the gel (m) that a lamp may be, in a file as in a fit.
+pub(crate) const NEAREST_LAMP: f64 = 1e-3;
+
 /// The lamps stand this far (m) outside the camera's rectangle, inside the housing.
 const RIM: f64 = 0.0015;
 
@@ -228,9 +231,9 @@ impl SensorModel {
             if !(lamp.eta >= 0.0 && lamp.mu >= 0.0 && lamp.eta.is_finite() && lamp.mu.is_finite()) {
                 return fault(format!("lamps[{k}]: eta {} and mu {} must be finite and at least 0", lamp.eta, lamp.mu));
             }
-            if !lamp.position.z.lt(&-0.003) {
+            if !lamp.position.z.le(&-NEAREST_LAMP) {
                 return fault(format!(
-                    "lamps[{k}].position.z is {} m; expected it behind the gel (below -0.003)",
+                    "lamps[{k}].position.z is {} m; expected it behind the gel (at most -{NEAREST_LAMP})",
                     lamp.position.z
                 ));
             }

@@ -9,7 +9,7 @@ use crate::calibration::fit::Assumptions;
 use crate::camera::{Pinhole, Response};
 use crate::elastomer::Elastomer;
 use crate::lamps::Lamp;
-use crate::model::SensorModel;
+use crate::model::{NEAREST_LAMP, SensorModel};
 use crate::reflectance::Reflectance;
 
 /// Places in the parameter vector. First what moves the surface, then what changes only grey levels, then the lamps.
@@ -57,7 +57,7 @@ pub(crate) fn bounds(assumptions: &Assumptions, lamps: usize) -> Vec<(f64, f64)>
     for _ in 0..lamps {
         // Inside the housing: 25 mm to each side, 1 to 30 mm behind the gel.
         let far = if assumptions.near_field { 1.0 } else { FAR };
-        all.extend([(-25e-3 * far, 25e-3 * far), (-25e-3 * far, 25e-3 * far), (1e-3 * far, 30e-3 * far)]);
+        all.extend([(-25e-3 * far, 25e-3 * far), (-25e-3 * far, 25e-3 * far), (NEAREST_LAMP * far, 30e-3 * far)]);
         all.extend([(-20e-3, 20e-3); 2]);
         all.push(if assumptions.near_field { (0.0, 12.0) } else { fixed(0.0) });
         all.push((0.1e-3 * far, 6e-3 * far));
