@@ -73,7 +73,11 @@ fn slipping_while_carried() {
 fn an_object_that_is_not_where_it_is_seen() {
     Run::short("wrong_position").disturbed("beside its place until it is touched");
     // Far from where it is seen the blind hand closes on nothing.
-    let far = Run::of("wrong_position", |text| text.replace("0.010, 0.011", "0.0, 0.090"), &["--combos", "1", "--trials", "1"]);
+    let far = Run::of(
+        "wrong_position",
+        |text| text.replace("0.010, 0.011", "0.0, 0.090"),
+        &["--combos", "1", "--trials", "1"],
+    );
     assert_eq!(far.values("blind", "success"), ["false"]);
     assert_eq!(far.values("ideal", "success"), ["true"]);
 }
