@@ -1,6 +1,7 @@
 //! The simulated body behind [`hand_model::robot::Robot`], and the side door to ground truth.
 
 mod outside;
+mod set_points;
 
 use std::sync::Arc;
 
@@ -18,6 +19,7 @@ use crate::convert;
 use crate::drive::HandDrive;
 use crate::engine::{Engine, EngineSettings};
 use crate::tactile::TactileBoard;
+use set_points::{Limits, SetPoint};
 
 /// Physics steps in one control tick (240 Hz / 2 = 120 Hz).
 const STEPS_PER_TICK: usize = 2;
@@ -107,6 +109,7 @@ pub struct SimulatedRobot {
     arm_torque: [f64; ARM_JOINTS],
     goal: [f64; ARM_JOINTS],
     previous_goal: [f64; ARM_JOINTS],
+    set_points: [SetPoint; ARM_JOINTS],
     capture: bool,
     time: f64,
     sequence: u64,
@@ -146,6 +149,7 @@ impl SimulatedRobot {
             arm_torque: [0.0; ARM_JOINTS],
             goal: setup.arm_start,
             previous_goal: setup.arm_start,
+            set_points: setup.arm_start.map(SetPoint::new),
             capture: false,
             time: 0.0,
             sequence: 0,
@@ -352,11 +356,9 @@ impl Robot for SimulatedRobot {
         let mut sent = *command;
         let tick = self.tick_length();
         for (i, goal) in sent.arm.iter_mut().enumerate() {
-            // The low-level controller follows no faster than the joint's speed limit.
-            let reach = self.arm.velocity_limits[i] * tick;
-            *goal = goal
-                .clamp(self.goal[i] - reach, self.goal[i] + reach)
-                .clamp(self.arm.tree.joints[i].lower, self.arm.tree.joints[i].upper);
+            let joint = &self.arm.tree.joints[i];
+            let limits = Limits { speed: self.arm.velocity_limits[i], acceleration: self.arm.acceleration_limits[i] };
+            *goal = self.set_points[i].follow(goal.clamp(joint.lower, joint.upper), limits, tick);
         }
         self.without_power(&mut sent);
         self.drive.set_goals(&sent.servos);

@@ -59,20 +59,7 @@ impl HandStand {
 
     /// As [`Self::new`], with another friction of the cables in their guides.
     pub fn with_friction(hand: Arc<Hand>, settings: EngineSettings, friction: CableFriction) -> Self {
-        let covers = std::iter::once((None, &hand.palm_cover))
-            .chain(hand.covers.iter().enumerate().map(|(link, cover)| (Some(link), cover)))
-            .map(|(link, cover)| (link, cover_collider(cover)))
-            .collect();
-        let defaults = hand.parameters.joint_defaults;
-        let mut linkage = Linkage::new(
-            settings,
-            &hand.tree,
-            &hand.masses,
-            covers,
-            &[0.0; HAND_JOINTS],
-            defaults.damping,
-            defaults.armature,
-        );
+        let mut linkage = hand_linkage(&hand, settings, &[0.0; HAND_JOINTS]);
         linkage.set_gravity(&Vector3::zeros());
         Self { drive: HandDrive::new(&hand, friction), hand, linkage, props: Vec::new(), time: 0.0 }
     }
@@ -195,6 +182,21 @@ impl HandStand {
     pub fn self_penetration(&self) -> f64 {
         self.linkage.self_penetration(&self.hand.tree)
     }
+}
+
+/// The hand's mechanism at joint angles `start` (rad), with its covers.
+fn hand_linkage(hand: &Hand, settings: EngineSettings, start: &[f64; HAND_JOINTS]) -> Linkage {
+    let covers = std::iter::once((None, &hand.palm_cover))
+        .chain(hand.covers.iter().enumerate().map(|(link, cover)| (Some(link), cover)))
+        .map(|(link, cover)| (link, cover_collider(cover)))
+        .collect();
+    let defaults = hand.parameters.joint_defaults;
+    Linkage::new(settings, &hand.tree, &hand.masses, covers, start, defaults.damping, defaults.armature)
+}
+
+/// How deep any two covers of the hand that no joint connects overlap at most with its joints at `angles` (rad), m.
+pub fn self_penetration_at(hand: &Hand, angles: &[f64; HAND_JOINTS]) -> f64 {
+    hand_linkage(hand, EngineSettings::default(), angles).self_penetration(&hand.tree)
 }
 
 /// Servo goals for the five cable tensions (N, held by current) and the angle of the opposition joint (rad).

@@ -231,7 +231,8 @@ pub struct CheckArgs {
     /// Only read this URDF; it must have the hand's joints.
     #[arg(long)]
     pub urdf: Option<PathBuf>,
-    /// Folder of the public model of this hand, to compare joint frames with.
+    /// Folder of the public model of this hand (holds urdf/f_tac_hand.urdf), to compare joint frames with; the default is seen from
+    /// the folder ftac is started in.
     #[arg(long, default_value = "../shared/data/hands/ftac_public")]
     pub public_model: PathBuf,
     /// Try the 33 grasp types of Feix instead.

@@ -7,6 +7,8 @@
 //! middle finger. The commands are found by search: many random commands are looked at in static equilibrium, the nearest ones are
 //! run in physics on the stand, and the best of those are varied until the thumb is there.
 
+mod reach;
+
 use std::sync::Arc;
 
 use anyhow::Result;
@@ -19,6 +21,7 @@ use serde_json::json;
 use sim::engine::EngineSettings;
 use sim::stand::{HandStand, tension_goals};
 
+use self::reach::{Reach, reach};
 use super::Options;
 use super::picture::{Picture, View, save, tile};
 use super::row::{Row, Verdict};
@@ -242,6 +245,33 @@ fn search(hand: &Arc<Hand>, target: &Target, tip: &[Point3<f64>], rng: &mut ChaC
     found.swap_remove(0)
 }
 
+/// Each point that is not reached: how near the servos come, and how near the joints could.
+fn missed(targets: &[Target], outcomes: &[Outcome], reaches: &[Reach]) -> String {
+    let lines: Vec<String> = targets
+        .iter()
+        .zip(outcomes.iter().zip(reaches))
+        .enumerate()
+        .filter(|(_, (_, (outcome, _)))| outcome.distance > REACHED || outcome.overlap > OVERLAP)
+        .map(|(n, (target, (outcome, reach)))| {
+            let why = if reach.any > REACHED {
+                "out of the joints' reach"
+            } else if reach.clear > REACHED {
+                "covers are in the way"
+            } else {
+                "one cable a finger does not take it there"
+            };
+            let [by_servos, any, clear] = [outcome.distance, reach.any, reach.clear].map(|distance| distance * 1e3);
+            format!(
+                "\n    missed: {:2} {:26} {by_servos:5.1} mm by servos; {any:5.1} mm with any joint angles, {clear:5.1} mm of those \
+                 without overlap: {why}",
+                n + 1,
+                target.name,
+            )
+        })
+        .collect();
+    lines.concat()
+}
+
 /// The row, with a picture of all ten.
 pub fn row(hand: &Arc<Hand>, options: &Options<'_>) -> Result<Row> {
     let tip = thumb_tip(hand);
@@ -255,17 +285,28 @@ pub fn row(hand: &Arc<Hand>, options: &Options<'_>) -> Result<Row> {
             search(hand, target, &tip, &mut rng)
         })
         .collect();
+    let reaches: Vec<Reach> = targets
+        .par_iter()
+        .enumerate()
+        .map(|(n, target)| {
+            let mut rng = ChaCha8Rng::seed_from_u64(options.seed);
+            rng.set_stream((targets.len() + n) as u64);
+            reach(hand, target, &tip, &mut rng)
+        })
+        .collect();
     let good = |outcome: &Outcome| outcome.distance <= REACHED && outcome.overlap <= OVERLAP;
     let reached = outcomes.iter().filter(|outcome| good(outcome)).count();
     let details: Vec<_> = targets
         .iter()
-        .zip(&outcomes)
+        .zip(outcomes.iter().zip(&reaches))
         .enumerate()
-        .map(|(n, (target, outcome))| {
+        .map(|(n, (target, (outcome, reach)))| {
             json!({
                 "point": n + 1,
                 "name": target.name,
                 "distance_mm": outcome.distance * 1e3,
+                "kinematic_mm": reach.any * 1e3,
+                "kinematic_clear_mm": reach.clear * 1e3,
                 "overlap_mm": outcome.overlap * 1e3,
                 "reached": good(outcome),
                 "opposition_deg": outcome.command.opposition.to_degrees(),
@@ -280,8 +321,11 @@ pub fn row(hand: &Arc<Hand>, options: &Options<'_>) -> Result<Row> {
         "Kapandji test",
         format!("{reached} of 10"),
         "10 of 10",
-        "thumb tip (distal half of the last link's skin, palmar side and end) within 3 mm of each point, no covers overlapping by \
-         more than 0.5 mm, moved by the servos on the stand; commands by seeded search",
+        &format!(
+            "thumb tip (distal half of the last link's skin, palmar side and end) within 3 mm of each point, no covers overlapping by \
+             more than 0.5 mm, moved by the servos on the stand; commands by seeded search.{}",
+            missed(&targets, &outcomes, &reaches)
+        ),
         Verdict::of(reached == 10),
     )
     .with(json!(details));

@@ -21,7 +21,11 @@ pub fn row(hand: &Hand, folder: &Path, seed: u64) -> Result<Row> {
     let paper = "Taccel's model of this hand";
     let path = folder.join("urdf/f_tac_hand.urdf");
     if !path.exists() {
-        let missing = format!("{}: no such file; give the model's folder with --public-model", path.display());
+        let missing = format!(
+            "{}: no such file from the folder ftac was started in; give the model's folder with --public-model FOLDER, which holds \
+             urdf/f_tac_hand.urdf",
+            path.display()
+        );
         return Ok(Row::new(what, "not checked".into(), paper, &missing, Verdict::NotChecked));
     }
     let names: Vec<&str> = hand.tree.joints.iter().map(|joint| joint.name.as_str()).collect();

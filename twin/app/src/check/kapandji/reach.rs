@@ -1,0 +1,117 @@
+//! How near the thumb's tip could come to a point if every joint stood where one likes: what the hand's geometry allows, whatever
+//! its cables, springs and servos do.
+//!
+//! Random postures within the joints' limits, the best of which are improved by random steps that shrink.
+
+use hand_model::{Digit, HAND_JOINTS, Hand};
+use nalgebra::Point3;
+use rand::RngExt;
+use rand_chacha::ChaCha8Rng;
+use sim::stand::self_penetration_at;
+
+use super::{OVERLAP, Target, distance};
+
+/// Random postures, those of them that are looked at for overlap, and those that are improved.
+const LOOKS: usize = 4000;
+const NEAR: usize = 120;
+const STARTS: usize = 6;
+/// Steps of improvement, the first step's size (rad) and what is left of it after each that brings nothing.
+const STEPS: usize = 250;
+const STEP: f64 = 0.25;
+const SHRINK: f64 = 0.97;
+/// An overlap counts this many times against a distance.
+const PENALTY: f64 = 10.0;
+
+/// Least distances of the thumb's tip from a point, m.
+#[derive(Debug, Clone, Copy)]
+pub struct Reach {
+    /// Over all postures within the joints' limits, covers through each other or not.
+    pub any: f64,
+    /// Over those in which covers overlap no more than the check allows.
+    pub clear: f64,
+}
+
+/// Searches both. Joints that neither belong to the thumb nor to the target's finger stay at 0.
+pub fn reach(hand: &Hand, target: &Target, tip: &[Point3<f64>], rng: &mut ChaCha8Rng) -> Reach {
+    let mut joints = Digit::Thumb.joints().to_vec();
+    joints.extend(target.link.into_iter().flat_map(|link| Digit::ALL[link / 3].joints()));
+    let away = |angles: &[f64; HAND_JOINTS]| distance(target, tip, &hand.tree.forward(angles));
+    let clear =
+        |angles: &[f64; HAND_JOINTS]| away(angles) + PENALTY * (self_penetration_at(hand, angles) - OVERLAP).max(0.0);
+    let mut looks: Vec<(f64, [f64; HAND_JOINTS])> = (0..LOOKS)
+        .map(|_| {
+            let mut angles = [0.0; HAND_JOINTS];
+            for &joint in &joints {
+                angles[joint] = rng.random_range(hand.tree.joints[joint].lower..hand.tree.joints[joint].upper);
+            }
+            (away(&angles), angles)
+        })
+        .collect();
+    looks.sort_by(|a, b| a.0.total_cmp(&b.0));
+    looks.truncate(NEAR);
+    let any = improve(hand, &joints, &looks, away, rng);
+    for (cost, angles) in &mut looks {
+        *cost = clear(angles);
+    }
+    looks.sort_by(|a, b| a.0.total_cmp(&b.0));
+    Reach { any, clear: improve(hand, &joints, &looks, clear, rng) }
+}
+
+/// The least cost found from the first of `starts` (sorted by cost) on.
+fn improve(
+    hand: &Hand,
+    joints: &[usize],
+    starts: &[(f64, [f64; HAND_JOINTS])],
+    cost: impl Fn(&[f64; HAND_JOINTS]) -> f64,
+    rng: &mut ChaCha8Rng,
+) -> f64 {
+    let mut least = f64::INFINITY;
+    for (start, angles) in starts.iter().take(STARTS) {
+        let (mut best, mut at, mut step) = (*start, *angles, STEP);
+        for _ in 0..STEPS {
+            let mut tried = at;
+            for &joint in joints {
+                let limits = &hand.tree.joints[joint];
+                tried[joint] = (at[joint] + step * rng.random_range(-1.0..1.0)).clamp(limits.lower, limits.upper);
+            }
+            let found = cost(&tried);
+            if found < best {
+                (best, at) = (found, tried);
+            } else {
+                step *= SHRINK;
+            }
+        }
+        least = least.min(best);
+    }
+    least
+}
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::Vector3;
+    use rand::SeedableRng;
+
+    use super::super::thumb_tip;
+    use super::*;
+
+    fn target(point: Point3<f64>) -> Target {
+        Target { name: "test", link: None, points: vec![point] }
+    }
+
+    /// A point that the tip touches in a known posture is found to be reached, one far from the hand is as far as it is.
+    #[test]
+    fn known_points() {
+        let hand = Hand::ftac();
+        let tip = thumb_tip(&hand);
+        let mut angles = [0.0; HAND_JOINTS];
+        for (joint, angle) in Digit::Thumb.joints().into_iter().zip([0.9, 0.4, 0.3]) {
+            angles[joint] = angle;
+        }
+        let link = hand.tree.forward(&angles)[Digit::Thumb.joints()[2]];
+        let mut rng = ChaCha8Rng::seed_from_u64(3);
+        let near = reach(&hand, &target(link * tip[0]), &tip, &mut rng);
+        assert!(near.any < 1e-3 && near.clear < 1.5e-3, "{near:?}");
+        let far = reach(&hand, &target(Point3::from(Vector3::new(0.0, -1.0, 0.0))), &tip, &mut rng);
+        assert!(far.any > 0.8 && far.clear >= far.any - 1e-3, "{far:?}");
+    }
+}
