@@ -60,7 +60,7 @@ impl Senses {
             Sensing::ServosOnly => false,
             Sensing::PalmOnly => link.is_none(),
             Sensing::Fingertips => Digit::ALL.iter().any(|digit| link == digit.joints().last().copied()),
-            Sensing::QuarterOfPads => pad % EVERY == 0,
+            Sensing::QuarterOfPads => pad.is_multiple_of(EVERY),
             _ => true,
         }
     }

@@ -42,7 +42,7 @@ pub struct Without {
 pub fn plan_without(world: &World, repertoire: &Repertoire, plans: &Plans, digits: &[Digit]) -> Result<Without> {
     let slack = masked(repertoire, digits);
     let board = TactileBoard::unit(&world.hand, 0);
-    let made: Vec<Result<(Vec<Grasp>, Result<Plan, String>)>> =
+    let made: Vec<Result<Planned>> =
         plans.plans.par_iter().map(|plan| plan_one(world, &slack, plan, digits, &board)).collect();
     let mut without = Without { repertoire: slack.clone(), plans: plans.clone(), impossible: Default::default() };
     for list in without.repertoire.grasps.values_mut() {
@@ -67,13 +67,9 @@ pub fn plan_without(world: &World, repertoire: &Repertoire, plans: &Plans, digit
 }
 
 /// The proven first grasps of a combination and its plan, or why there is none.
-fn plan_one(
-    world: &World,
-    slack: &Repertoire,
-    plan: &Plan,
-    digits: &[Digit],
-    board: &TactileBoard,
-) -> Result<(Vec<Grasp>, Result<Plan, String>)> {
+type Planned = (Vec<Grasp>, Result<Plan, String>);
+
+fn plan_one(world: &World, slack: &Repertoire, plan: &Plan, digits: &[Digit], board: &TactileBoard) -> Result<Planned> {
     let names = digits.iter().map(|digit| digit.name()).collect::<Vec<_>>().join(" and ");
     let firsts: Vec<&Grasp> = slack.of(&plan.first, Role::First).collect();
     let seconds = slack.of(&plan.second, Role::Second).count().min(SECONDS);
