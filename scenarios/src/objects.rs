@@ -118,6 +118,11 @@ impl ObjectModel {
     /// The turn about the vertical by which the object, oriented as `world_from_object`, differs from its rest pose, rad; of
     /// turns that leave it looking the same the smallest. `None` if it lies otherwise than at rest.
     pub fn standing_yaw(&self, rotation: &UnitQuaternion<f64>) -> Option<f64> {
+        self.standing_yaws(rotation).into_iter().min_by(|a, b| a.abs().total_cmp(&b.abs()))
+    }
+
+    /// All those turns; none if it lies otherwise than at rest.
+    pub fn standing_yaws(&self, rotation: &UnitQuaternion<f64>) -> Vec<f64> {
         let candidate = |turn: &UnitQuaternion<f64>| match self.symmetry {
             Symmetry::Full => (0.0, 0.0),
             Symmetry::Axis { .. } => {
@@ -137,7 +142,7 @@ impl ObjectModel {
             turns.push(UnitQuaternion::from_axis_angle(&Vector3::x_axis(), PI));
         }
         let standing = turns.iter().map(candidate).filter(|(tilt, _)| *tilt < LEANING);
-        standing.map(|(_, yaw)| yaw).min_by(|a, b| a.abs().total_cmp(&b.abs()))
+        standing.map(|(_, yaw)| yaw).collect()
     }
 
     /// Height of the frame's origin over the table when at rest, m.

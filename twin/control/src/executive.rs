@@ -8,6 +8,7 @@
 //! of a simulated body, branches a trial.
 
 mod holding;
+mod way;
 
 use std::sync::Arc;
 
@@ -82,6 +83,7 @@ pub struct Executive {
     hand: Arc<Hand>,
     protocol: Protocol,
     servo: ArmServo,
+    home: Isometry3<f64>,
     first: (Grasp, Percept),
     second: (Grasp, Percept),
     phase: Phase,
@@ -114,6 +116,7 @@ impl Executive {
         let palm = servo.palm_pose();
         let mut executive = Self {
             servo,
+            home: palm,
             hand,
             protocol,
             first,
@@ -201,7 +204,7 @@ impl Executive {
 
     /// The path that would take the second object with `grasp`: from the present palm pose to where the digits close.
     pub fn path_to_second(&self, grasp: &Grasp) -> Result<PosePath, ExecutiveError> {
-        self.approach(&self.path.end(), grasp, &self.second.1)
+        self.approach(&[self.path.end()], grasp, &self.second.1, 1.0)
     }
 
     /// Leaves [`Phase::Decide`] with `second` as the grasp to use, or [`Phase::Confirm`] or [`Phase::Done`] to try the second object
@@ -232,16 +235,6 @@ impl Executive {
         self.enter(Phase::PutDown)
     }
 
-    fn approach(&self, from: &Isometry3<f64>, grasp: &Grasp, percept: &Percept) -> Result<PosePath, ExecutiveError> {
-        let target = grasp.palm_pose(&percept.position, percept.yaw);
-        let before = grasp.pregrasp_pose(&target, APPROACH_DISTANCE);
-        let slow = self.protocol.limits.scaled(0.6);
-        let mut waypoints = vec![(0.0, *from)];
-        waypoints.push((duration(&self.protocol.limits, from, &before), before));
-        waypoints.push((duration(&slow, &before, &target), target));
-        Ok(PosePath::new(waypoints)?)
-    }
-
     fn enter(&mut self, phase: Phase) -> Result<(), ExecutiveError> {
         let here = self.path.end();
         let up = |height: f64| {
@@ -250,8 +243,8 @@ impl Executive {
         let limits = self.protocol.limits;
         let rest = |time: f64| PosePath::new(vec![(0.0, here), (time, here)]);
         self.path = match phase {
-            Phase::ApproachFirst => self.approach(&here, &self.first.0, &self.first.1)?,
-            Phase::ApproachSecond => self.approach(&here, &self.second.0, &self.second.1)?,
+            Phase::ApproachFirst => self.approach(&[here], &self.first.0, &self.first.1, 1.0)?,
+            Phase::ApproachSecond => self.approach(&[here], &self.second.0, &self.second.1, 1.0)?,
             Phase::GraspFirst => PosePath::new(vec![(0.0, here), (CLOSING_TIME, up(self.first.0.raise))])?,
             Phase::GraspSecond => PosePath::new(vec![(0.0, here), (CLOSING_TIME, up(self.second.0.raise))])?,
             Phase::LiftFirst | Phase::LiftSecond => {

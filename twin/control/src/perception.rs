@@ -72,26 +72,41 @@ pub struct Grip {
 
 /// A finger whose cable is taken up by less than this share of a full closing has something in its way.
 const BLOCKED_CLOSURE: f64 = 0.86;
+/// A finger that closes further than this share when its grasp holds has no part in holding.
+const IDLE_CLOSURE: f64 = 0.9;
+/// A finger that stops this much later than when its grasp holds, as a share of a full closing, is stopped by something else: the
+/// thumb, most often.
+const LATE: f64 = 0.25;
 
 impl Grip {
     /// An object counts as held when at least two of the parts that hold it feel something: ring, little and palm for the
     /// first, thumb, index and middle finger for the second. Thumb and index finger often hold with their sides, where no pad
     /// is; the second object is therefore also taken to be held when its cable says that a finger did not close. So is the first
     /// by a finger with a blind pad.
-    pub fn of(hand: &Hand, touches: &[PadTouch], servos: &[ServoState; ACTUATORS]) -> Self {
+    ///
+    /// `held` is where the joints are (rad) when the second grasp holds, if that is known. A finger that has no part in it, or is
+    /// stopped much later, has met the thumb and not the object.
+    pub fn of(hand: &Hand, touches: &[PadTouch], servos: &[ServoState; ACTUATORS], held: Option<&[f64]>) -> Self {
         let of =
             |digit: Option<Digit>| touches.iter().filter(move |touch| digit_of(hand.pads[touch.pad].link) == digit);
         let feels = |digit: Option<Digit>| of(digit).any(PadTouch::touched);
         let blind = |digit: Digit| of(Some(digit)).any(|touch| touch.blind);
-        let blocked = |digit: Digit| {
-            let full = hand.transmission.cables[digit.index()].full_excursion(FRAC_PI_2);
-            cable_excursion(hand, &servos[digit.index()]) < BLOCKED_CLOSURE * full
+        let full = |digit: Digit| hand.transmission.cables[digit.index()].full_excursion(FRAC_PI_2);
+        let closure = |digit: Digit| cable_excursion(hand, &servos[digit.index()]) / full(digit);
+        let expected =
+            |digit: Digit| held.map(|joints| hand.transmission.cables[digit.index()].excursion(joints) / full(digit));
+        let blocked = |digit: Digit| closure(digit) < BLOCKED_CLOSURE;
+        let takes_part =
+            |digit: Digit| digit == Digit::Thumb || expected(digit).is_none_or(|share| share < IDLE_CLOSURE);
+        let stopped = |digit: Digit| {
+            blocked(digit) && takes_part(digit) && expected(digit).is_none_or(|share| closure(digit) < share + LATE)
         };
-        let holds = |digit: &&Digit| feels(Some(**digit)) || blind(**digit) && blocked(**digit);
-        let count = |digits: &[Digit]| digits.iter().filter(holds).count();
+        let holds = |digit: &Digit| feels(Some(*digit)) || blind(*digit) && blocked(*digit);
+        let count = |digits: &[Digit]| digits.iter().filter(|digit| holds(digit)).count();
+        let parts: Vec<Digit> = Role::Second.digits().iter().copied().filter(|digit| takes_part(*digit)).collect();
         Self {
             first: count(Role::First.digits()) + usize::from(feels(None)) >= 2,
-            second: count(Role::Second.digits()) >= 2 || blocked(Digit::Index) || blocked(Digit::Middle),
+            second: count(&parts) >= 2 || stopped(Digit::Index) || stopped(Digit::Middle),
         }
     }
 }
@@ -107,7 +122,7 @@ pub fn feel(senses: &Senses, executive: &Executive, object: &KnownObject) -> Res
     let Perceived { touches, faults } = senses.perceive(executive)?;
     let prior = trusted(expected(executive));
     let estimate = pipeline.estimate_pose(&touches, executive.servos(), &prior, object)?;
-    let grip = Grip::of(pipeline.hand(), &touches, executive.servos());
+    let grip = Grip::of(pipeline.hand(), &touches, executive.servos(), when_held(executive));
     Ok(Felt { touches, faults, estimate, prior: prior.palm_from_object, grip })
 }
 
@@ -122,14 +137,21 @@ pub fn trusted(palm_from_object: Isometry3<f64>) -> PosePrior {
     PosePrior { palm_from_object, sigma_translation: PRIOR_SIGMA.0, sigma_rotation: PRIOR_SIGMA.1 }
 }
 
+/// Joint angles of the second grasp where it holds, rad.
+fn when_held(executive: &Executive) -> Option<&[f64]> {
+    executive.second().0.held_joints.as_deref()
+}
+
 /// What the images that the executive took last say is in the hand.
 pub fn grip(senses: &Senses, executive: &Executive) -> Result<Grip, TouchError> {
     let Perceived { touches, .. } = senses.perceive(executive)?;
-    Ok(Grip::of(senses.pipeline().hand(), &touches, executive.servos()))
+    Ok(Grip::of(senses.pipeline().hand(), &touches, executive.servos(), when_held(executive)))
 }
 
 #[cfg(test)]
 mod tests {
+    use hand_model::HAND_JOINTS;
+
     use super::*;
 
     /// Servos of a hand whose cables are taken up by `share` of a full closing, thumb first.
@@ -145,9 +167,29 @@ mod tests {
     #[test]
     fn a_blocked_finger_holds_something() {
         let hand = Hand::ftac();
-        let closed = Grip::of(&hand, &[], &servos(&hand, [1.0; 5]));
+        let closed = Grip::of(&hand, &[], &servos(&hand, [1.0; 5]), None);
         assert_eq!(closed, Grip { first: false, second: false });
-        let blocked = Grip::of(&hand, &[], &servos(&hand, [1.0, 0.5, 1.0, 1.0, 1.0]));
+        let blocked = Grip::of(&hand, &[], &servos(&hand, [1.0, 0.5, 1.0, 1.0, 1.0]), None);
         assert_eq!(blocked, Grip { first: false, second: true });
+    }
+
+    /// A middle finger that stops later than where the grasp holds has met the thumb; so has one that takes no part in it.
+    #[test]
+    fn a_finger_that_met_the_thumb_holds_nothing() {
+        let hand = Hand::ftac();
+        let held = |middle: f64| {
+            let mut joints = [0.0; HAND_JOINTS];
+            for joint in Digit::Index.joints() {
+                joints[joint] = 0.6;
+            }
+            for joint in Digit::Middle.joints() {
+                joints[joint] = middle;
+            }
+            joints
+        };
+        let stopped = servos(&hand, [0.7, 1.0, 0.7, 1.0, 1.0]);
+        let second = |middle: f64| Grip::of(&hand, &[], &stopped, Some(&held(middle))).second;
+        assert!(second(1.0));
+        assert!(!second(0.4) && !second(1.55));
     }
 }

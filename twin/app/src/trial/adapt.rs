@@ -10,6 +10,7 @@ use control::recovery::{Next, probe};
 use control::sensing::Senses;
 use control::stand_in::stand_ins;
 use control::strategy::{Candidate, Decision, Held, choose};
+use control::trajectory::PosePath;
 use grasping::{Grasp, Role};
 use nalgebra::{Point3, Vector3};
 use rand_chacha::ChaCha8Rng;
@@ -201,15 +202,25 @@ impl Bench {
     /// Decides how to take the second object and begins; the reason, or nothing if none of its grasps is in reach.
     fn take_second(&self, now: &mut Adaptation, planned: Option<&Planned>) -> Result<Option<String>> {
         let seen = now.run.snapshot.executive.second().1;
-        let within = self.spent.on(Part::Choice, || self.within_reach(now, Role::Second, &seen));
-        let Some(felt) = now.felt.as_ref().filter(|_| !within.is_empty()) else { return Ok(None) };
-        let decision = self.spent.on(Part::Choice, || self.choose(&now.run, now.start, &within, felt))?;
-        now.story.switched |= decision.switched;
-        match planned.filter(|_| now.story.as_planned()) {
-            Some(planned) => now.run = planned.confirm.clone(),
-            None => now.run.snapshot.executive.decide(decision.grasp)?,
+        let mut within = self.spent.on(Part::Choice, || self.within_reach(now, Role::Second, &seen));
+        loop {
+            let Some(felt) = now.felt.as_ref().filter(|_| !within.is_empty()) else { return Ok(None) };
+            let decision = self.spent.on(Part::Choice, || self.choose(&now.run, now.start, &within, felt))?;
+            // What was rehearsed before the trial needs no rehearsal.
+            if let Some(planned) = planned.filter(|_| now.story.as_planned() && !decision.switched) {
+                now.run = planned.confirm.clone();
+                return Ok(Some(decision.reason));
+            }
+            let executive = &mut now.run.snapshot.executive;
+            let Some(way) = self.spent.on(Part::Choice, || executive.way(&decision.grasp, &seen)) else {
+                within.retain(|candidate| candidate.grasp.id != decision.grasp.id);
+                continue;
+            };
+            now.story.switched |= decision.switched;
+            executive.decide(decision.grasp)?;
+            executive.go(way);
+            return Ok(Some(decision.reason));
         }
-        Ok(Some(decision.reason))
     }
 
     /// The grasps of the first object, the planned one first.
@@ -242,7 +253,7 @@ impl Bench {
         let index = usize::from(role == Role::Second);
         let object = &*now.start.objects[index];
         let turned = |candidate: &Candidate| {
-            let grasp = self.turned_into_reach(&candidate.grasp, seen, object)?;
+            let grasp = self.turned(&candidate.grasp, seen, object).next()?;
             let failures = now.failures[index].get(&grasp.id).copied().unwrap_or(0);
             Some(Candidate { worth: candidate.worth * FAILED_WORTH.powi(failures), grasp })
         };
@@ -256,13 +267,33 @@ impl Bench {
         stand_ins(&self.world.objects, &self.repertoire, object, seen, role).iter().filter_map(turned).collect()
     }
 
-    /// `grasp`, or one that comes from another side: what looks the same from there is grasped the same way. `None` if the arm
-    /// reaches none of them.
-    fn turned_into_reach(&self, grasp: &Grasp, seen: &Percept, object: &ObjectModel) -> Option<Grasp> {
-        let turns: &[f64] = if object.round_about_vertical(&seen.rotation) { &TURNS } else { &TURNS[..1] };
-        turns.iter().map(|turn| Grasp { yaw: grasp.yaw + turn, ..grasp.clone() }).find(|grasp| {
+    /// `grasp` from all sides from which the object looks the same, as far as the arm has a posture for it: unturned first.
+    fn turned<'a>(
+        &'a self,
+        grasp: &'a Grasp,
+        seen: &'a Percept,
+        object: &ObjectModel,
+    ) -> impl Iterator<Item = Grasp> + use<'a> {
+        let turns = if object.round_about_vertical(&seen.rotation) {
+            TURNS.to_vec()
+        } else {
+            let others = object.standing_yaws(&seen.rotation).into_iter().map(|yaw| yaw - seen.yaw);
+            std::iter::once(0.0).chain(others.filter(|turn| turn.abs() > 1e-6)).collect()
+        };
+        turns.into_iter().map(|turn| Grasp { yaw: grasp.yaw + turn, ..grasp.clone() }).filter(|grasp| {
             let target = grasp.palm_pose(&seen.position, seen.yaw);
             self.world.posture(&target, &self.world.ready).is_ok()
+        })
+    }
+
+    /// The best of `candidates` that the arm gets to from where it is, and how.
+    fn best_way(&self, now: &Adaptation, mut candidates: Vec<Candidate>, seen: &Percept) -> Option<(Grasp, PosePath)> {
+        candidates.sort_by(|a, b| b.worth.total_cmp(&a.worth));
+        let object = &now.start.objects[0];
+        let executive = &now.run.snapshot.executive;
+        candidates.iter().find_map(|candidate| {
+            self.turned(&candidate.grasp, seen, object)
+                .find_map(|grasp| executive.way(&grasp, seen).map(|way| (grasp, way)))
         })
     }
 
@@ -284,9 +315,12 @@ impl Bench {
         let seen = self.seen(now, 0, rng)?;
         self.look_at_second(now, rng)?;
         let within = self.spent.on(Part::Choice, || self.within_reach(now, Role::First, &seen));
-        let best = within.into_iter().reduce(|best, other| if other.worth > best.worth { other } else { best });
-        let grasp = best.ok_or_else(|| out_of_reach(object, &seen))?.grasp;
-        Ok(now.run.snapshot.executive.retry_first(grasp, seen)?)
+        let best = self.spent.on(Part::Choice, || self.best_way(now, within, &seen));
+        let (grasp, way) = best.ok_or_else(|| out_of_reach(object, &seen))?;
+        let executive = &mut now.run.snapshot.executive;
+        executive.retry_first(grasp, seen)?;
+        executive.go(way);
+        Ok(())
     }
 }
 
