@@ -201,7 +201,8 @@ mod tests {
         let small = grid.averaged(&ramp, 1);
         for i in [0, 239, 1234, N * N - 1] {
             let (column, row) = grid.center(i);
-            assert!((f64::from(small[i]) - column - 10.0 * row).abs() < 2e-2, "{i}");
+            // A photo's pixel that is covered in part counts with its own place.
+            assert!((f64::from(small[i]) - column - 10.0 * row).abs() < 0.1, "{i}: {} {column} {row}", small[i]);
         }
         let (dx, dy) = grid.pixel(0.0295e-3);
         assert!((dx / dy - 4.0 / 3.0).abs() < 1e-12);
