@@ -101,7 +101,9 @@ fn digits_without_power_stay_open() {
     let truth = robot.truth();
     assert_eq!((truth.tensions[0], truth.tensions[3]), (0.0, 0.0));
     let bent = |digit: Digit| digit.joints().iter().map(|joint| truth.hand[*joint]).sum::<f64>();
-    assert!(bent(Digit::Index) > 0.5 && bent(Digit::Ring) < 0.2, "{} {}", bent(Digit::Index), bent(Digit::Ring));
+    // Gravity alone bends a slack finger a little.
+    let (index, ring) = (bent(Digit::Index), bent(Digit::Ring));
+    assert!(index > 1.0 && ring < 0.2 * index, "{index} {ring}");
 }
 
 /// A failed camera sends nothing, or black; all others send what they did.
