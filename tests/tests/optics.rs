@@ -153,8 +153,8 @@ fn a_curved_pad_is_pressed_along_its_normals() {
                  f 1 3 2\nf 1 4 3\nf 5 6 7\nf 5 7 8\nf 1 2 6\nf 1 6 5\nf 2 3 7\nf 2 7 6\nf 3 4 8\nf 3 8 7\nf 4 1 5\nf 4 5 8\n";
     fs::write(&mesh, plate).expect("written");
     let render = |radius: &str| {
-        let arguments = ["optics", "render", text(&mesh), "--cover-radius-mm", radius, "--out", text(&out), "--json"];
-        run(&arguments)
+        let radius = format!("--cover-radius-mm={radius}");
+        run(&["optics", "render", text(&mesh), &radius, "--out", text(&out), "--json"])
     };
     let output = render("20");
     assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));

@@ -196,11 +196,11 @@ impl Bench {
             let id = (combination, trial, condition);
             let record = if condition == Condition::Touch {
                 if let Some(intact) = &self.intact {
-                    let own = self.without_digits(&opening, combination);
                     if let Some(why) = intact.impossible.get(&combination) {
-                        records.push(self.give_up(&own, id, why, watcher)?);
+                        records.push(self.give_up(&opening, id, why, watcher)?);
                         continue;
                     }
+                    let own = self.without_digits(&opening, combination);
                     start = self.first_half(&own, None, watcher)?;
                 }
                 if reacts {
