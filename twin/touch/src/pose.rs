@@ -14,6 +14,7 @@ mod system;
 use hand_model::robot::ServoState;
 use hand_model::{ACTUATORS, HAND_JOINTS, Hand};
 use nalgebra::{DMatrix, Isometry3, Matrix3, Matrix6, Point3, Vector3};
+use rayon::prelude::*;
 
 use crate::error::TouchError;
 use crate::pipeline::PadTouch;
@@ -222,23 +223,27 @@ fn alternatives(found: &[(f64, State)]) -> Vec<(Isometry3<f64>, f64)> {
     kept.into_iter().skip(1).collect()
 }
 
-/// Descends from every start, softly first; finishes the best three. All with their costs, best first.
+/// Descends from every start, softly first; finishes the best three. All with their costs, best first. Starts are worked on
+/// in parallel; the result does not depend on how.
 fn descend(problem: &Problem, starts: Vec<State>, steps: &mut usize) -> Vec<(f64, State)> {
     const FINISHED: usize = 3;
-    let mut ranked: Vec<(f64, State)> = Vec::with_capacity(starts.len());
-    for mut start in starts {
-        *steps += minimise(problem, &mut start, Evidence::Soft, problem.options().coarse_steps);
-        *steps += minimise(problem, &mut start, Evidence::All, problem.options().coarse_steps);
-        ranked.push((problem.cost(&start, Evidence::All), start));
-    }
+    let options = problem.options();
+    let finished = |mut state: State, first: usize, stages: &[(Evidence, usize)]| {
+        let steps: usize = stages.iter().map(|(evidence, most)| minimise(problem, &mut state, *evidence, *most)).sum();
+        (problem.cost(&state, Evidence::All), state, first + steps)
+    };
+    let coarse = [(Evidence::Soft, options.coarse_steps), (Evidence::All, options.coarse_steps)];
+    let mut ranked: Vec<(f64, State, usize)> =
+        starts.into_par_iter().with_max_len(1).map(|start| finished(start, 0, &coarse)).collect();
     ranked.sort_by(|a, b| a.0.total_cmp(&b.0));
+    *steps += ranked.iter().skip(FINISHED).map(|(_, _, steps)| steps).sum::<usize>();
     ranked.truncate(FINISHED);
-    for (cost, state) in &mut ranked {
-        *steps += minimise(problem, state, Evidence::All, problem.options().fine_steps);
-        *cost = problem.cost(state, Evidence::All);
-    }
+    let fine = [(Evidence::All, options.fine_steps)];
+    ranked =
+        ranked.into_par_iter().with_max_len(1).map(|(_, state, steps)| finished(state, steps, &fine)).collect();
     ranked.sort_by(|a, b| a.0.total_cmp(&b.0));
-    ranked
+    *steps += ranked.iter().map(|(_, _, steps)| steps).sum::<usize>();
+    ranked.into_iter().map(|(cost, state, _)| (cost, state)).collect()
 }
 
 /// Levenberg-Marquardt in place; returns the number of steps tried.
