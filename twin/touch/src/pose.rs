@@ -77,9 +77,13 @@ pub struct PoseOptions {
     pub use_clear: bool,
     /// Orientations kept of the many that are tried about the plan's.
     pub starts: usize,
-    /// Steps of every start.
+    /// Steps of every start, and of those kept.
     pub coarse_steps: usize,
-    /// Steps of the best three.
+    /// Starts that are kept after their first steps.
+    pub kept: usize,
+    /// Solutions that are finished ...
+    pub finished: usize,
+    /// ... in so many steps.
     pub fine_steps: usize,
     /// Cost per patch above which a solution does not explain what is felt, so that more are looked for around it.
     pub good_cost: f64,
@@ -98,10 +102,12 @@ impl Default for PoseOptions {
             huber: 2.5,
             sinking: 1.0,
             use_clear: true,
-            starts: 7,
+            starts: 24,
             coarse_steps: 8,
+            kept: 10,
+            finished: 3,
             fine_steps: 30,
-            good_cost: 1.7,
+            good_cost: 1.0,
         }
     }
 }
@@ -223,27 +229,30 @@ fn alternatives(found: &[(f64, State)]) -> Vec<(Isometry3<f64>, f64)> {
     kept.into_iter().skip(1).collect()
 }
 
-/// Descends from every start, softly first; finishes the best three. All with their costs, best first. Starts are worked on
-/// in parallel; the result does not depend on how.
+/// Descends from every start, softly first, and goes on with the best ones only. All that were finished with their costs, best
+/// first. Starts are worked on in parallel; the result does not depend on how.
 fn descend(problem: &Problem, starts: Vec<State>, steps: &mut usize) -> Vec<(f64, State)> {
-    const FINISHED: usize = 3;
     let options = problem.options();
-    let finished = |mut state: State, first: usize, stages: &[(Evidence, usize)]| {
-        let steps: usize = stages.iter().map(|(evidence, most)| minimise(problem, &mut state, *evidence, *most)).sum();
-        (problem.cost(&state, Evidence::All), state, first + steps)
-    };
-    let coarse = [(Evidence::Soft, options.coarse_steps), (Evidence::All, options.coarse_steps)];
-    let mut ranked: Vec<(f64, State, usize)> =
-        starts.into_par_iter().with_max_len(1).map(|start| finished(start, 0, &coarse)).collect();
-    ranked.sort_by(|a, b| a.0.total_cmp(&b.0));
-    *steps += ranked.iter().skip(FINISHED).map(|(_, _, steps)| steps).sum::<usize>();
-    ranked.truncate(FINISHED);
-    let fine = [(Evidence::All, options.fine_steps)];
-    ranked =
-        ranked.into_par_iter().with_max_len(1).map(|(_, state, steps)| finished(state, steps, &fine)).collect();
-    ranked.sort_by(|a, b| a.0.total_cmp(&b.0));
-    *steps += ranked.iter().map(|(_, _, steps)| steps).sum::<usize>();
-    ranked.into_iter().map(|(cost, state, _)| (cost, state)).collect()
+    let mut ranked: Vec<(f64, State)> = starts.into_iter().map(|start| (0.0, start)).collect();
+    for (evidence, most, kept) in [
+        (Evidence::Soft, options.coarse_steps, options.kept),
+        (Evidence::All, options.coarse_steps, options.finished),
+        (Evidence::All, options.fine_steps, options.finished),
+    ] {
+        let gone_on: Vec<(usize, f64, State)> = ranked
+            .into_par_iter()
+            .with_max_len(1)
+            .map(|(_, mut state)| {
+                let steps = minimise(problem, &mut state, evidence, most);
+                (steps, problem.cost(&state, evidence), state)
+            })
+            .collect();
+        *steps += gone_on.iter().map(|(steps, _, _)| steps).sum::<usize>();
+        ranked = gone_on.into_iter().map(|(_, cost, state)| (cost, state)).collect();
+        ranked.sort_by(|a, b| a.0.total_cmp(&b.0));
+        ranked.truncate(kept);
+    }
+    ranked
 }
 
 /// Levenberg-Marquardt in place; returns the number of steps tried.
