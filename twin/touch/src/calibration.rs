@@ -121,7 +121,8 @@ impl RowModel {
         for (chunk, changes) in changes.chunks(LANES).enumerate() {
             let at = |lane: usize| changes.get(lane).copied().unwrap_or_default();
             let u: [f32; LANES] = std::array::from_fn(|lane| place(column + chunk * LANES + lane, 0).0);
-            let features = colour_features::<LANES>([0, 1, 2].map(|channel| std::array::from_fn(|lane| at(lane)[channel])));
+            let features =
+                colour_features::<LANES>([0, 1, 2].map(|channel| std::array::from_fn(|lane| at(lane)[channel])));
             let (mut nx, mut ny) = ([0.0f32; LANES], [0.0f32; LANES]);
             for (feature, [w0, w1, w2]) in features.iter().zip(&self.0) {
                 for lane in 0..LANES {
