@@ -94,10 +94,16 @@ pub fn angle(press: &CalibrationPress, i: usize, pixel: (f64, f64), [px, py]: [f
     cross.atan2(gx * px + gy * py + 1.0).to_degrees()
 }
 
-/// Features of a colour change: first, second and third order.
-fn colour_features([r, g, b]: [f32; 3]) -> [f32; COLOUR_FEATURES] {
-    let (rr, gg, bb, rg, rb, gb) = (r * r, g * g, b * b, r * g, r * b, g * b);
-    [r, g, b, rr, gg, bb, rg, rb, gb, rr * r, gg * g, bb * b, rr * g, rr * b, gg * r, gg * b, bb * r, bb * g, rg * b]
+/// Pixels that are worked on together.
+const LANES: usize = 8;
+
+/// Features of colour changes, pixel by pixel: first, second and third order.
+fn colour_features<const M: usize>([r, g, b]: [[f32; M]; 3]) -> [[f32; M]; COLOUR_FEATURES] {
+    let times = |a: [f32; M], b: [f32; M]| -> [f32; M] { std::array::from_fn(|k| a[k] * b[k]) };
+    let (rr, gg, bb, rg, rb, gb) = (times(r, r), times(g, g), times(b, b), times(r, g), times(r, b), times(g, b));
+    let third = [(rr, r), (gg, g), (bb, b), (rr, g), (rr, b), (gg, r), (gg, b), (bb, r), (bb, g), (rg, b)];
+    let [rrr, ggg, bbb, rrg, rrb, ggr, ggb, bbr, bbg, rgb] = third.map(|(a, b)| times(a, b));
+    [r, g, b, rr, gg, bb, rg, rb, gb, rrr, ggg, bbb, rrg, rrb, ggr, ggb, bbr, bbg, rgb]
 }
 
 /// Normalised place of a pixel, -1 to 1: u to the right (pad x), v up (pad y).
@@ -110,22 +116,29 @@ fn place(column: usize, row: usize) -> (f32, f32) {
 pub(crate) struct RowModel([[[f32; 2]; 3]; COLOUR_FEATURES]);
 
 impl RowModel {
-    /// The x and y part of the normal of the pixel in `column` with relative colour `change`, no steeper than the limit.
-    pub(crate) fn normal(&self, column: usize, change: [f32; 3]) -> [f32; 2] {
-        let (u, _) = place(column, 0);
-        let features = colour_features(change);
-        let (mut nx, mut ny) = (0.0f32, 0.0f32);
-        for (feature, [w0, w1, w2]) in features.iter().zip(&self.0) {
-            nx += feature * (w0[0] + u * (w1[0] + u * w2[0]));
-            ny += feature * (w0[1] + u * (w1[1] + u * w2[1]));
+    /// The x and y part of the normals of pixels from `column` on with these relative colour changes, no steeper than the limit.
+    pub(crate) fn normals(&self, column: usize, changes: &[[f32; 3]], mut found: impl FnMut(usize, [f32; 2])) {
+        for (chunk, changes) in changes.chunks(LANES).enumerate() {
+            let at = |lane: usize| changes.get(lane).copied().unwrap_or_default();
+            let u: [f32; LANES] = std::array::from_fn(|lane| place(column + chunk * LANES + lane, 0).0);
+            let features =
+                colour_features::<LANES>([0, 1, 2].map(|channel| std::array::from_fn(|lane| at(lane)[channel])));
+            let (mut nx, mut ny) = ([0.0f32; LANES], [0.0f32; LANES]);
+            for (feature, [w0, w1, w2]) in features.iter().zip(&self.0) {
+                for lane in 0..LANES {
+                    nx[lane] += feature[lane] * (w0[0] + u[lane] * (w1[0] + u[lane] * w2[0]));
+                    ny[lane] += feature[lane] * (w0[1] + u[lane] * (w1[1] + u[lane] * w2[1]));
+                }
+            }
+            for lane in 0..changes.len() {
+                found(chunk * LANES + lane, bounded([nx[lane], ny[lane]]));
+            }
         }
-        bounded([nx, ny])
     }
 
-    /// Gradients (dh/dx, dh/dy) of that pixel.
-    pub(crate) fn gradient(&self, column: usize, change: [f32; 3]) -> (f32, f32) {
-        let [gx, gy] = gradient_of(self.normal(column, change));
-        (gx, gy)
+    /// Gradients (dh/dx, dh/dy) of those pixels.
+    pub(crate) fn gradients(&self, column: usize, changes: &[[f32; 3]], gx: &mut [f32], gy: &mut [f32]) {
+        self.normals(column, changes, |i, normal| [gx[i], gy[i]] = gradient_of(normal));
     }
 }
 
@@ -186,7 +199,7 @@ impl PhotometricModel {
                     let nz = 1.0 / (1.0 + gx * gx + gy * gy).sqrt();
                     let (u, v) = place(column, row);
                     let place = [1.0, u, v, u * u, u * v, v * v];
-                    for (k, colour) in colour_features(change[i]).iter().enumerate() {
+                    for (k, [colour]) in colour_features(change[i].map(|value| [value])).iter().enumerate() {
                         for (l, place) in place.iter().enumerate() {
                             rows[(k * PLACE_FEATURES + l, filled)] = f64::from(colour * place);
                         }
@@ -259,8 +272,9 @@ impl Calibration {
             let model = self.model(hand.pads[camera.pad].configuration)?;
             let change = colour_change(&press.image, &press.background, Region::FULL);
             let slopes = |i: usize| {
-                let (gx, gy) = model.row(i / N).gradient(i % N, change[i]);
-                [f64::from(gx), f64::from(gy)]
+                let (mut gx, mut gy) = ([0.0], [0.0]);
+                model.row(i / N).gradients(i % N, &change[i..=i], &mut gx, &mut gy);
+                [f64::from(gx[0]), f64::from(gy[0])]
             };
             errors.extend(contact_pixels(press).map(|i| angle(press, i, camera.pixel_size(), slopes(i))));
         }

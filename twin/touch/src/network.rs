@@ -234,10 +234,8 @@ impl PreparedNetwork {
 pub(crate) fn model_normals(change: &[[f32; 3]], model: &PhotometricModel, region: Region) -> Vec<[f32; 2]> {
     let mut normals = Vec::new();
     for row in region.row_begin..region.row_end {
-        let row_model = model.row(row);
-        for column in region.column_begin..region.column_end {
-            normals.push(row_model.normal(column, change[row * N + column]));
-        }
+        let line = &change[row * N + region.column_begin..row * N + region.column_end];
+        model.row(row).normals(region.column_begin, line, |_, normal| normals.push(normal));
     }
     normals
 }

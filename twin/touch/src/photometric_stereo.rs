@@ -66,22 +66,18 @@ pub fn changed_region(image: &TactileImage, background: &TactileImage, options: 
     }
     let limit = (options.block_threshold * (BLOCK * BLOCK) as f32) as i32;
     let (mut count, mut low, mut high) = (0, (BLOCKS, BLOCKS), (0, 0));
-    for block_row in 0..BLOCKS {
-        let mut sums = [[0i32; 3]; BLOCKS];
-        for row in block_row * BLOCK..(block_row + 1) * BLOCK {
-            let line = 3 * row * N..3 * (row + 1) * N;
-            let pairs =
-                image.rgb[line.clone()].chunks_exact(3 * BLOCK).zip(background.rgb[line].chunks_exact(3 * BLOCK));
-            for (sum, (now, before)) in sums.iter_mut().zip(pairs) {
-                for (a, b) in now.chunks_exact(3).zip(before.chunks_exact(3)) {
-                    for channel in 0..3 {
-                        sum[channel] += i32::from(a[channel]) - i32::from(b[channel]);
-                    }
-                }
+    const STRIP: usize = 3 * N * BLOCK;
+    let strips = image.rgb.chunks_exact(STRIP).zip(background.rgb.chunks_exact(STRIP));
+    for (block_row, (now, before)) in strips.enumerate() {
+        let mut sums = [0i16; 3 * N];
+        for (now, before) in now.chunks_exact(3 * N).zip(before.chunks_exact(3 * N)) {
+            for (sum, (now, before)) in sums.iter_mut().zip(now.iter().zip(before)) {
+                *sum += i16::from(*now) - i16::from(*before);
             }
         }
-        for (block_column, sum) in sums.iter().enumerate() {
-            if sum.iter().any(|sum| sum.abs() > limit) {
+        for (block_column, sums) in sums.chunks_exact(3 * BLOCK).enumerate() {
+            let of = |channel: usize| sums[channel..].iter().step_by(3).map(|sum| i32::from(*sum)).sum::<i32>();
+            if (0..3).any(|channel| of(channel).abs() > limit) {
                 count += 1;
                 low = (low.0.min(block_column), low.1.min(block_row));
                 high = (high.0.max(block_column), high.1.max(block_row));
@@ -147,10 +143,8 @@ pub fn gradients(
     let (mut gx, mut gy) = (vec![0.0; PIXELS], vec![0.0; PIXELS]);
     for row in region.row_begin..region.row_end {
         let row_model = model.row(row);
-        for column in region.column_begin..region.column_end {
-            let i = row * N + column;
-            (gx[i], gy[i]) = row_model.gradient(column, change[i]);
-        }
+        let line = row * N + region.column_begin..row * N + region.column_end;
+        row_model.gradients(region.column_begin, &change[line.clone()], &mut gx[line.clone()], &mut gy[line]);
     }
     Some(Gradients { gx, gy, region })
 }

@@ -136,6 +136,7 @@ impl TouchPipeline {
     fn touches(&self, images: &[Option<Arc<TactileImage>>]) -> Result<Vec<PadTouch>, TouchError> {
         let maps: Vec<Option<HeightMap>> = (0..CAMERAS)
             .into_par_iter()
+            .with_max_len(1)
             .map(|camera| images[camera].as_ref().map_or(Ok(None), |image| self.height(camera, image)))
             .collect::<Result<_, _>>()?;
         let mut touches: Vec<PadTouch> =

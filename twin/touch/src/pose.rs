@@ -14,6 +14,7 @@ mod system;
 use hand_model::robot::ServoState;
 use hand_model::{ACTUATORS, HAND_JOINTS, Hand};
 use nalgebra::{DMatrix, Isometry3, Matrix3, Matrix6, Point3, Vector3};
+use rayon::prelude::*;
 
 use crate::error::TouchError;
 use crate::pipeline::PadTouch;
@@ -76,9 +77,13 @@ pub struct PoseOptions {
     pub use_clear: bool,
     /// Orientations kept of the many that are tried about the plan's.
     pub starts: usize,
-    /// Steps of every start.
+    /// Steps of every start, and of those kept.
     pub coarse_steps: usize,
-    /// Steps of the best three.
+    /// Starts that are kept after their first steps.
+    pub kept: usize,
+    /// Solutions that are finished ...
+    pub finished: usize,
+    /// ... in so many steps.
     pub fine_steps: usize,
     /// Cost per patch above which a solution does not explain what is felt, so that more are looked for around it.
     pub good_cost: f64,
@@ -97,10 +102,12 @@ impl Default for PoseOptions {
             huber: 2.5,
             sinking: 1.0,
             use_clear: true,
-            starts: 7,
+            starts: 24,
             coarse_steps: 8,
+            kept: 10,
+            finished: 3,
             fine_steps: 30,
-            good_cost: 1.7,
+            good_cost: 1.0,
         }
     }
 }
@@ -222,22 +229,29 @@ fn alternatives(found: &[(f64, State)]) -> Vec<(Isometry3<f64>, f64)> {
     kept.into_iter().skip(1).collect()
 }
 
-/// Descends from every start, softly first; finishes the best three. All with their costs, best first.
+/// Descends from every start, softly first, and goes on with the best ones only. All that were finished with their costs, best
+/// first. Starts are worked on in parallel; the result does not depend on how.
 fn descend(problem: &Problem, starts: Vec<State>, steps: &mut usize) -> Vec<(f64, State)> {
-    const FINISHED: usize = 3;
-    let mut ranked: Vec<(f64, State)> = Vec::with_capacity(starts.len());
-    for mut start in starts {
-        *steps += minimise(problem, &mut start, Evidence::Soft, problem.options().coarse_steps);
-        *steps += minimise(problem, &mut start, Evidence::All, problem.options().coarse_steps);
-        ranked.push((problem.cost(&start, Evidence::All), start));
+    let options = problem.options();
+    let mut ranked: Vec<(f64, State)> = starts.into_iter().map(|start| (0.0, start)).collect();
+    for (evidence, most, kept) in [
+        (Evidence::Soft, options.coarse_steps, options.kept),
+        (Evidence::All, options.coarse_steps, options.finished),
+        (Evidence::All, options.fine_steps, options.finished),
+    ] {
+        let gone_on: Vec<(usize, f64, State)> = ranked
+            .into_par_iter()
+            .with_max_len(1)
+            .map(|(_, mut state)| {
+                let steps = minimise(problem, &mut state, evidence, most);
+                (steps, problem.cost(&state, evidence), state)
+            })
+            .collect();
+        *steps += gone_on.iter().map(|(steps, _, _)| steps).sum::<usize>();
+        ranked = gone_on.into_iter().map(|(_, cost, state)| (cost, state)).collect();
+        ranked.sort_by(|a, b| a.0.total_cmp(&b.0));
+        ranked.truncate(kept);
     }
-    ranked.sort_by(|a, b| a.0.total_cmp(&b.0));
-    ranked.truncate(FINISHED);
-    for (cost, state) in &mut ranked {
-        *steps += minimise(problem, state, Evidence::All, problem.options().fine_steps);
-        *cost = problem.cost(state, Evidence::All);
-    }
-    ranked.sort_by(|a, b| a.0.total_cmp(&b.0));
     ranked
 }
 

@@ -379,6 +379,21 @@ fn a_blind_pad_lowers_the_confidence() {
     assert!(off < 6.0, "{off} mm");
 }
 
+/// Starts go on in parallel: the result must not show on how many threads.
+#[test]
+fn threads_change_no_bit() {
+    let hand = Hand::ftac();
+    let case = &cases()[1];
+    let q = close(&hand, &*case.shape, &case.truth, &case.tensions, 1.2);
+    let (touches, servos) = feel(&hand, &*case.shape, &case.truth, &q, &case.tensions, &mut Noise(3));
+    let prior = PosePrior::weak(case.truth * at(0.006, -0.004, 0.003, [0.1, 0.2, -0.1]));
+    let estimate = |threads: usize| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads");
+        pool.install(|| estimate_pose(&hand, &touches, &servos, &prior, &*case.shape, &PoseOptions::default()))
+    };
+    assert_eq!(estimate(1).expect("a pose"), estimate(3).expect("a pose"));
+}
+
 #[test]
 fn bad_input_is_named() {
     let hand = Hand::ftac();

@@ -58,6 +58,10 @@ pub(super) struct Problem<'a> {
     /// Column of every joint; `None` where the joint is not estimated.
     column: [Option<usize>; HAND_JOINTS],
     columns: usize,
+    /// Joints from the palm to each link.
+    chains: Vec<Vec<usize>>,
+    /// Columns that a point on each link depends on, ascending; the palm's last.
+    reach: Vec<Vec<usize>>,
     torque_sigma: [f64; HAND_JOINTS],
 }
 
@@ -104,9 +108,29 @@ impl<'a> Problem<'a> {
             let digit = digit_of(pad.link).map(|digit| digit.index());
             digit.is_none_or(|digit| cables.contains(&digit) || !held_up(hand, &posture, digit))
         });
-        let torque_sigma = [options.sigma_torque; HAND_JOINTS];
-        let mut problem =
-            Self { hand, shape, prior, options, posture, patches, clear, cables, blind, column, columns, torque_sigma };
+        let chains: Vec<Vec<usize>> = (0..hand.tree.len()).map(|link| hand.tree.chain(link)).collect();
+        let reach = chains.iter().map(Vec::as_slice).chain([&[][..]]).map(|chain| {
+            let mut reach: Vec<usize> = (0..6).chain(chain.iter().filter_map(|&joint| column[joint])).collect();
+            reach.sort_unstable();
+            reach
+        });
+        let (reach, torque_sigma) = (reach.collect(), [options.sigma_torque; HAND_JOINTS]);
+        let mut problem = Self {
+            hand,
+            shape,
+            prior,
+            options,
+            posture,
+            patches,
+            clear,
+            cables,
+            blind,
+            column,
+            columns,
+            chains,
+            reach,
+            torque_sigma,
+        };
         problem.settle_torque_sigmas(&posture.q);
         problem
     }
@@ -125,7 +149,7 @@ impl<'a> Problem<'a> {
 
     /// At most `most` felt points of each patch with normals (palm frame) and weights, at a posture.
     pub fn felt(&self, state: &State, most: usize) -> Vec<FeltPoint> {
-        let kinematics = Kinematics::new(self.hand, &state.q);
+        let kinematics = Kinematics::new(self.hand, &self.chains, &state.q);
         let mut felt = Vec::new();
         for patch in &self.patches {
             let pose = kinematics.pose(patch.link);
@@ -144,9 +168,9 @@ impl<'a> Problem<'a> {
 
     /// Sets how far each joint's torque balance is trusted, from the contact torques at `q`.
     pub fn settle_torque_sigmas(&mut self, q: &[f64; HAND_JOINTS]) {
-        let kinematics = Kinematics::new(self.hand, q);
+        let kinematics = Kinematics::new(self.hand, &self.chains, q);
         for joint in 0..HAND_JOINTS {
-            let torque: f64 = self.contact_torque(&kinematics, joint).0.abs();
+            let torque = self.contact_torque(&kinematics, joint).abs();
             // What presses on a blind pad turns all joints below it.
             let unfelt = self.blind.iter().any(|&link| kinematics.chain(Some(link)).contains(&joint));
             let felt = self.options.sigma_torque.hypot(self.options.contact_torque_fraction * torque);
@@ -154,25 +178,38 @@ impl<'a> Problem<'a> {
         }
     }
 
-    /// Torque of the felt forces about `joint`, N m, and its derivatives by the joints further out.
-    fn contact_torque(&self, kinematics: &Kinematics, joint: usize) -> (f64, Vec<(usize, f64)>) {
-        let mut torque = 0.0;
-        let mut derivative: Vec<(usize, f64)> = Vec::new();
+    /// Torque of the felt forces about `joint`, N m.
+    fn contact_torque(&self, kinematics: &Kinematics, joint: usize) -> f64 {
+        let (axis, origin) = (kinematics.axes[joint], kinematics.origin(joint));
+        let about = |patch: &&LinkPatch| kinematics.chain(patch.link).contains(&joint);
+        let torque = |patch: &LinkPatch| {
+            let pose = kinematics.pose(patch.link);
+            axis.dot(&((pose * patch.centroid).coords - origin).cross(&(pose * patch.force)))
+        };
+        self.patches.iter().filter(about).map(torque).sum()
+    }
+
+    /// Adds the derivatives of [`Self::contact_torque`] by the joints further out, times `scale`, to a row.
+    fn contact_torque_row(&self, kinematics: &Kinematics, joint: usize, scale: f64, row: &mut [f64]) {
         let (axis, origin) = (kinematics.axes[joint], kinematics.origin(joint));
         for patch in &self.patches {
             let chain = kinematics.chain(patch.link);
             let Some(at) = chain.iter().position(|&other| other == joint) else { continue };
             let pose = kinematics.pose(patch.link);
             let (centroid, force) = ((pose * patch.centroid).coords, pose * patch.force);
-            torque += axis.dot(&(centroid - origin).cross(&force));
             for &outer in &chain[at + 1..] {
+                let Some(column) = self.column[outer] else { continue };
                 let turn = kinematics.axes[outer];
                 let moved = turn.cross(&(centroid - kinematics.origin(outer)));
-                derivative
-                    .push((outer, axis.dot(&(moved.cross(&force) + (centroid - origin).cross(&turn.cross(&force))))));
+                let change = moved.cross(&force) + (centroid - origin).cross(&turn.cross(&force));
+                row[column] += axis.dot(&change) * scale;
             }
         }
-        (torque, derivative)
+    }
+
+    /// Columns that a point on `link` depends on.
+    fn reach(&self, link: Option<usize>) -> &[usize] {
+        &self.reach[link.unwrap_or(self.chains.len())]
     }
 
     /// `state` moved by a step.
@@ -203,12 +240,7 @@ impl<'a> Problem<'a> {
             Evidence::Translation => 3..6,
             Evidence::Soft | Evidence::All => 0..0,
         };
-        let mut sink = Normal {
-            hessian: DMatrix::zeros(n, n),
-            gradient: DVector::zeros(n),
-            row: vec![0.0; n],
-            held: held.clone(),
-        };
+        let mut sink = Normal::new(n, held.clone());
         self.residuals(state, evidence, &mut sink);
         for k in held {
             sink.hessian[(k, k)] = 1.0;
@@ -218,7 +250,7 @@ impl<'a> Problem<'a> {
 
     /// Root mean square distance of the felt points to the surface, m.
     pub fn point_rms(&self, state: &State) -> f64 {
-        let kinematics = Kinematics::new(self.hand, &state.q);
+        let kinematics = Kinematics::new(self.hand, &self.chains, &state.q);
         let (mut sum, mut count) = (0.0, 0usize);
         for patch in &self.patches {
             let object_from_link = state.pose.inverse() * kinematics.pose(patch.link);
@@ -231,7 +263,7 @@ impl<'a> Problem<'a> {
     }
 
     fn residuals(&self, state: &State, evidence: Evidence, sink: &mut dyn Sink) {
-        let kinematics = Kinematics::new(self.hand, &state.q);
+        let kinematics = Kinematics::new(self.hand, &self.chains, &state.q);
         self.joint_residuals(state, &kinematics, sink);
         if evidence != Evidence::Joints {
             self.prior_residuals(state, sink);
@@ -243,9 +275,12 @@ impl<'a> Problem<'a> {
     fn joint_residuals(&self, state: &State, kinematics: &Kinematics, sink: &mut dyn Sink) {
         let (options, column) = (self.options, &self.column);
         for &cable in &self.cables {
+            // A cable's joints are estimated together: their columns are those of the outermost one's link.
+            let outermost = self.hand.transmission.cables[cable].joints.last().map(|(joint, _)| *joint);
+            let columns = self.reach(outermost);
             let (residual, derivative) = excursion_residual(self.hand, cable, &state.q, self.posture.excursions[cable]);
             let scale = 1.0 / options.sigma_excursion;
-            sink.add(residual * scale, None, &|row| {
+            sink.add(residual * scale, None, columns, &|row| {
                 for (joint, arm) in derivative {
                     if let Some(&Some(column)) = column.get(joint) {
                         row[column] += arm * scale;
@@ -253,19 +288,20 @@ impl<'a> Problem<'a> {
                 }
             });
             for (joint, residual, slope) in spring_residuals(self.hand, cable, &state.q, self.posture.tensions[cable]) {
-                let (torque, outer) = self.contact_torque(kinematics, joint);
+                let torque = self.contact_torque(kinematics, joint);
                 let scale = 1.0 / self.torque_sigma[joint];
-                sink.add((residual - torque) * scale, Some(options.huber), &|row| {
-                    for (joint, value) in outer.iter().map(|(joint, value)| (*joint, -value)).chain([(joint, slope)]) {
-                        if let Some(column) = column[joint] {
-                            row[column] += value * scale;
-                        }
+                sink.add((residual - torque) * scale, Some(options.huber), columns, &|row| {
+                    self.contact_torque_row(kinematics, joint, -scale, row);
+                    if let Some(column) = column[joint] {
+                        row[column] += slope * scale;
                     }
                 });
                 let limits = &self.hand.tree.joints[joint];
                 let beyond = state.q[joint] - state.q[joint].clamp(limits.lower, limits.upper);
                 if let (true, Some(column)) = (beyond != 0.0, column[joint]) {
-                    sink.add(beyond / options.sigma_limit, None, &|row| row[column] = 1.0 / options.sigma_limit);
+                    sink.add(beyond / options.sigma_limit, None, &[column], &|row| {
+                        row[column] = 1.0 / options.sigma_limit;
+                    });
                 }
             }
         }
@@ -279,11 +315,13 @@ impl<'a> Problem<'a> {
         let jacobian = Matrix3::identity() + 0.5 * turn.cross_matrix();
         for axis in 0..3 {
             let scale = 1.0 / self.prior.sigma_translation;
-            sink.add(deviation.translation.vector[axis] * scale, None, &|row| {
+            sink.add(deviation.translation.vector[axis] * scale, None, self.reach(None), &|row| {
                 (0..3).for_each(|k| row[k] = rotation[(axis, k)] * scale);
             });
             let scale = 1.0 / self.prior.sigma_rotation;
-            sink.add(turn[axis] * scale, None, &|row| (0..3).for_each(|k| row[3 + k] = jacobian[(axis, k)] * scale));
+            sink.add(turn[axis] * scale, None, self.reach(None), &|row| {
+                (0..3).for_each(|k| row[3 + k] = jacobian[(axis, k)] * scale);
+            });
         }
     }
 
@@ -321,13 +359,14 @@ impl<'a> Problem<'a> {
         let object_from_palm = state.pose.inverse();
         for patch in &self.patches {
             let object_from_link = object_from_palm * kinematics.pose(patch.link);
+            let columns = self.reach(patch.link);
             let share = |independent: f64, count: usize| (patch.weight * independent / count as f64).min(1.0).sqrt();
             let each = share(INDEPENDENT_POINTS, patch.points.len()) * point_soft / self.options.sigma_point;
             for (point, trust) in &patch.points {
                 let p = object_from_link * point;
                 let (distance, gradient) = self.shape.signed_distance(&p);
                 let scale = each * trust;
-                sink.add(distance * scale, huber, &|row| {
+                sink.add(distance * scale, huber, columns, &|row| {
                     self.point_row(state, kinematics, patch.link, &p, &gradient, scale, row);
                 });
             }
@@ -339,7 +378,7 @@ impl<'a> Problem<'a> {
                 let curvature = if sink.wants_rows() { self.curvature(&p, &gradient) } else { Matrix3::zeros() };
                 let palm_normal = state.pose * n;
                 for axis in 0..3 {
-                    sink.add((n[axis] - gradient[axis]) * scale, huber, &|row| {
+                    sink.add((n[axis] - gradient[axis]) * scale, huber, columns, &|row| {
                         let bend = -curvature.row(axis).transpose();
                         self.point_row(state, kinematics, patch.link, &p, &bend, scale, row);
                         // n <- n - phi x n; component `axis` of phi x n is phi . (n x e). Taken at the shape's normal, so that
@@ -378,7 +417,7 @@ impl<'a> Problem<'a> {
                 let p = object_from_link * point;
                 let (distance, gradient) = self.shape.signed_distance(&p);
                 if distance < 0.0 {
-                    sink.add(distance * scale, Some(self.options.huber), &|row| {
+                    sink.add(distance * scale, Some(self.options.huber), self.reach(*link), &|row| {
                         self.point_row(state, kinematics, *link, &p, &gradient, scale, row);
                     });
                 }

@@ -3,9 +3,10 @@
 use hand_model::Hand;
 use nalgebra::{DMatrix, DVector, Isometry3, Vector3};
 
-/// Receives residuals: scaled residual, Huber or not, and a closure that writes the derivative row.
+/// Receives residuals: scaled residual, Huber or not, the columns in which its derivative may differ from 0 (ascending), and a
+/// closure that adds the derivative to a row.
 pub(super) trait Sink {
-    fn add(&mut self, residual: f64, huber: Option<f64>, row: &dyn Fn(&mut [f64]));
+    fn add(&mut self, residual: f64, huber: Option<f64>, columns: &[usize], row: &dyn Fn(&mut [f64]));
     fn wants_rows(&self) -> bool;
 }
 
@@ -13,7 +14,7 @@ pub(super) trait Sink {
 pub(super) struct Cost(pub f64);
 
 impl Sink for Cost {
-    fn add(&mut self, residual: f64, huber: Option<f64>, _: &dyn Fn(&mut [f64])) {
+    fn add(&mut self, residual: f64, huber: Option<f64>, _: &[usize], _: &dyn Fn(&mut [f64])) {
         self.0 += match huber {
             Some(k) if residual.abs() > k => k * (residual.abs() - 0.5 * k),
             _ => 0.5 * residual * residual,
@@ -26,27 +27,44 @@ impl Sink for Cost {
 
 /// Builds the normal equations.
 pub(super) struct Normal {
+    /// Its lower triangle, which is all that a Cholesky factorisation reads.
     pub hessian: DMatrix<f64>,
     pub gradient: DVector<f64>,
-    pub row: Vec<f64>,
+    row: Vec<f64>,
     /// Columns that are held.
-    pub held: std::ops::Range<usize>,
+    held: std::ops::Range<usize>,
+}
+
+impl Normal {
+    pub fn new(columns: usize, held: std::ops::Range<usize>) -> Self {
+        Self {
+            hessian: DMatrix::zeros(columns, columns),
+            gradient: DVector::zeros(columns),
+            row: vec![0.0; columns],
+            held,
+        }
+    }
 }
 
 impl Sink for Normal {
-    fn add(&mut self, residual: f64, huber: Option<f64>, row: &dyn Fn(&mut [f64])) {
-        self.row.fill(0.0);
+    fn add(&mut self, residual: f64, huber: Option<f64>, columns: &[usize], row: &dyn Fn(&mut [f64])) {
+        let size = self.row.len();
         row(&mut self.row);
-        self.row[self.held.clone()].fill(0.0);
         let weight = huber.map_or(1.0, |k| (k / residual.abs()).min(1.0));
-        for (i, &a) in self.row.iter().enumerate() {
-            if a == 0.0 {
+        let hessian = self.hessian.as_mut_slice();
+        for (n, &i) in columns.iter().enumerate() {
+            if self.held.contains(&i) {
                 continue;
             }
-            self.gradient[i] += weight * a * residual;
-            for (j, &b) in self.row.iter().enumerate() {
-                self.hessian[(i, j)] += weight * a * b;
+            let a = weight * self.row[i];
+            self.gradient[i] += a * residual;
+            let below = &mut hessian[i * size..(i + 1) * size];
+            for &j in &columns[n..] {
+                below[j] += if self.held.contains(&j) { 0.0 } else { a * self.row[j] };
             }
+        }
+        for &i in columns {
+            self.row[i] = 0.0;
         }
     }
     fn wants_rows(&self) -> bool {
@@ -55,22 +73,23 @@ impl Sink for Normal {
 }
 
 /// Link poses and joint axes at a posture, palm frame.
-pub(super) struct Kinematics {
+pub(super) struct Kinematics<'a> {
     pub links: Vec<Isometry3<f64>>,
     pub axes: Vec<Vector3<f64>>,
-    pub chains: Vec<Vec<usize>>,
+    chains: &'a [Vec<usize>],
 }
 
-impl Kinematics {
-    pub fn new(hand: &Hand, q: &[f64]) -> Self {
+impl<'a> Kinematics<'a> {
+    /// `chains` holds the joints from the palm to each link.
+    pub fn new(hand: &Hand, chains: &'a [Vec<usize>], q: &[f64]) -> Self {
         let links = hand.tree.forward(q);
         let axes = links.iter().zip(&hand.tree.joints).map(|(link, joint)| link * joint.axis.into_inner()).collect();
-        Self { links, axes, chains: (0..hand.tree.len()).map(|link| hand.tree.chain(link)).collect() }
+        Self { links, axes, chains }
     }
     pub fn pose(&self, link: Option<usize>) -> Isometry3<f64> {
         link.map_or(Isometry3::identity(), |link| self.links[link])
     }
-    pub fn chain(&self, link: Option<usize>) -> &[usize] {
+    pub fn chain(&self, link: Option<usize>) -> &'a [usize] {
         link.map_or(&[], |link| &self.chains[link])
     }
     pub fn origin(&self, joint: usize) -> Vector3<f64> {
