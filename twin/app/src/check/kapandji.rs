@@ -12,7 +12,8 @@ mod reach;
 use std::sync::Arc;
 
 use anyhow::Result;
-use hand_model::{Digit, Hand, statics};
+use hand_model::statics::{self, Slid};
+use hand_model::{Digit, Hand};
 use nalgebra::{Isometry3, Point3, Vector3};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -47,6 +48,9 @@ const OPPOSITION: f64 = 1.05 * std::f64::consts::FRAC_PI_2;
 /// How long the first to move is alone, and how long both move then, s.
 const FIRST: f64 = 0.7;
 const REST: f64 = 1.8;
+/// Cables that are eased are pulled this many times as hard before, for so long, s.
+const HARDER: f64 = 2.0;
+const HARD: f64 = 0.5;
 
 /// Creases from their joints, the middle of what was measured, m: DIP, PIP, distal palmar crease from the MCP joints.
 const DIP_CREASE: f64 = 0.0075;
@@ -64,13 +68,15 @@ struct Target {
     points: Vec<Point3<f64>>,
 }
 
-/// A command: opposition angle (rad), thumb's and the target finger's tension (N), and who moves first.
+/// A command: opposition angle (rad), thumb's and the target finger's tension (N), who moves first, and whether the cables are
+/// pulled harder first and eased then: friction in the guides leaves the far joints more tension so.
 #[derive(Debug, Clone, Copy)]
 struct Command {
     opposition: f64,
     thumb: f64,
     finger: f64,
     thumb_first: bool,
+    eased: bool,
 }
 
 struct Outcome {
@@ -179,7 +185,7 @@ fn draw(rng: &mut ChaCha8Rng) -> Command {
     let mut tension = |most: f64| most * rng.random_range(0.0..1.0f64).powi(2);
     let (thumb, finger) = (tension(THUMB_TENSION), tension(FINGER_TENSION));
     let opposition = rng.random_range(0.0..OPPOSITION);
-    Command { opposition, thumb, finger, thumb_first: rng.random_bool(0.3) }
+    Command { opposition, thumb, finger, thumb_first: rng.random_bool(0.3), eased: rng.random_bool(0.5) }
 }
 
 fn run(hand: &Arc<Hand>, target: &Target, tip: &[Point3<f64>], command: Command) -> (Outcome, HandStand) {
@@ -193,6 +199,9 @@ fn run(hand: &Arc<Hand>, target: &Target, tip: &[Point3<f64>], command: Command)
     }
     let turned = if command.thumb_first { command.opposition } else { 0.0 };
     stand.run(&tension_goals(hand, &first, turned), FIRST);
+    if command.eased {
+        stand.run(&tension_goals(hand, &all.map(|tension| tension * HARDER), command.opposition), HARD);
+    }
     stand.run(&tension_goals(hand, &all, command.opposition), REST);
     let outcome = Outcome {
         distance: distance(target, tip, &stand.links()),
@@ -207,8 +216,9 @@ fn search(hand: &Arc<Hand>, target: &Target, tip: &[Point3<f64>], rng: &mut ChaC
     let mut looks: Vec<(f64, Command)> = (0..LOOKS)
         .map(|_| {
             let command = draw(rng);
-            let angles =
-                statics::free(hand, &tensions(target, &command), command.opposition.min(std::f64::consts::FRAC_PI_2));
+            let opposition = command.opposition.min(std::f64::consts::FRAC_PI_2);
+            let slid = Slid { friction: hand.parameters.cable.friction, state: if command.eased { -1.0 } else { 1.0 } };
+            let angles = statics::free_sliding(hand, &tensions(target, &command), opposition, &slid);
             (distance(target, tip, &hand.tree.forward(&angles)), command)
         })
         .collect();
@@ -220,6 +230,7 @@ fn search(hand: &Arc<Hand>, target: &Target, tip: &[Point3<f64>], rng: &mut ChaC
             (command.opposition - other.opposition).abs() < 0.1
                 && (command.thumb / other.thumb.max(0.1)).ln().abs() < 0.2
                 && command.thumb_first == other.thumb_first
+                && command.eased == other.eased
         };
         if starts.len() < STARTS && !starts.iter().any(near) {
             starts.push(*command);
@@ -313,6 +324,7 @@ pub fn row(hand: &Arc<Hand>, options: &Options<'_>) -> Result<Row> {
                 "thumb_tension_n": outcome.command.thumb,
                 "finger_tension_n": outcome.command.finger,
                 "thumb_first": outcome.command.thumb_first,
+                "eased": outcome.command.eased,
                 "angles_deg": outcome.angles.iter().map(|q| q.to_degrees()).collect::<Vec<_>>(),
             })
         })
