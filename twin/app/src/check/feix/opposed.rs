@@ -149,24 +149,24 @@ fn fit(kind: &GraspType, skin: &[Skin], lean: &Vector3<f64>) -> (f64, Isometry3<
     let across = facing.try_normalize(1e-6).unwrap_or(Vector3::x());
     let outs: Matrix3<f64> = skin.iter().map(|s| s.out * s.out.transpose()).sum();
     let spread: Matrix3<f64> = middles.iter().map(|m| (m - centre) * (m - centre).transpose()).sum();
-    let about = |of: &dyn Fn(&Vector3<f64>, &Skin) -> (f64, f64)| {
-        let parts = middles.iter().zip(skin).map(|(middle, s)| of(&(middle - centre), s));
-        parts.fold((0.0, 0.0), |sum, (misfit, turned)| (sum.0 + misfit, sum.1 + turned))
-    };
-    let ((misfit, turned), rotation) = match kind.prop.name.as_str() {
-        "ball" => (about(&|off, _| (off.norm(), 0.0)), turn(&across, lean)),
+    let onto = |axis: &Vector3<f64>| axis * axis.transpose();
+    // What of a middle's way from the centre, and of a skin's direction, is amiss.
+    let (off, askew, rotation) = match kind.prop.name.as_str() {
+        "ball" => (Matrix3::identity(), Matrix3::zeros(), turn(&across, lean)),
         "disk" => {
             let z = axis(outs + spread / (kind.half * kind.half), false);
-            (about(&|off, s| (off.norm(), s.out.dot(&z).abs())), turn(&across, &z))
+            (Matrix3::identity(), onto(&z), turn(&across, &z))
         }
         "rod" => {
-            let z = axis(spread / (SPREAD * SPREAD) - outs + 0.1 * lean * lean.transpose(), true);
-            (about(&|off, s| ((off - z * off.dot(&z)).norm(), s.out.dot(&z).abs())), turn(&across, &z))
+            let z = axis(spread / (SPREAD * SPREAD) - outs + 0.1 * onto(lean), true);
+            (Matrix3::identity() - onto(&z), onto(&z), turn(&across, &z))
         }
         // A slab, or two rods side by side.
-        _ => (about(&|off, s| (off.dot(&across).abs(), 1.0 - s.out.dot(&across).abs())), turn(&across, lean)),
+        _ => (onto(&across), Matrix3::identity() - onto(&across), turn(&across, lean)),
     };
     let count = skin.len() as f64;
+    let misfit: f64 = middles.iter().map(|middle| (off * (middle - centre)).norm()).sum();
+    let turned: f64 = skin.iter().map(|s| (askew * s.out).norm()).sum();
     (misfit / count / MISFIT + turned / count + missed, Isometry3::from_parts(centre.into(), rotation))
 }
 
