@@ -2,7 +2,7 @@
 //!
 //! Each digit shall touch with a point of its pad (or of its side), whose skin looks in a known direction. The object's middle lies
 //! half its size in front of each such point: for a ball these middles coincide, for a rod they lie on one line, for a slab in one
-//! plane, and thumb and fingers look at each other. The posture with the least misfit is looked for among random commands, and
+//! plane, and thumb and fingers look at each other; no other skin is inside the object. The posture with the least misfit is looked for among random commands, and
 //! improved by random steps.
 
 use hand_model::{Digit, Hand};
@@ -104,9 +104,16 @@ impl Guess {
         next
     }
 
-    fn skin(&self, hand: &Hand, curls: &Curls) -> Vec<Skin> {
-        let angles = curls.posture(hand, &self.tensions, self.opposition.min(std::f64::consts::FRAC_PI_2));
-        let links = hand.tree.forward(&angles);
+    /// The links where the command leads them without the object, palm frame; fingers that take no part stay open.
+    fn links(&self, hand: &Hand, curls: &Curls, kind: &GraspType) -> Vec<Isometry3<f64>> {
+        let mut tensions = [0.0; 5];
+        for digit in kind.digits.iter().chain(kind.helpers) {
+            tensions[digit.index()] = self.tensions[digit.index()];
+        }
+        hand.tree.forward(&curls.posture(hand, &tensions, self.opposition.min(std::f64::consts::FRAC_PI_2)))
+    }
+
+    fn skin(&self, hand: &Hand, links: &[Isometry3<f64>]) -> Vec<Skin> {
         let touch = |(digit, part): &(Digit, Part)| {
             let (phalanx, along) = match part {
                 Part::Pad(along) => (2, *along),
@@ -174,20 +181,27 @@ fn fit(kind: &GraspType, skin: &[Skin], lean: &Vector3<f64>) -> (f64, Isometry3<
 pub fn propose(hand: &Hand, curls: &Curls, kind: &GraspType, rng: &mut ChaCha8Rng) -> Attempt {
     let side = kind.opposition == Opposition::Side;
     let lean = if side { jitter(rng, 1.0) } else { Vector3::x() + jitter(rng, 0.3) };
-    let score = |guess: &Guess| fit(kind, &guess.skin(hand, curls), &lean);
+    let score = |guess: &Guess, enough: f64| {
+        let links = guess.links(hand, curls, kind);
+        let (mut misfit, place) = fit(kind, &guess.skin(hand, &links), &lean);
+        if misfit < enough {
+            misfit += curls.buried(&links, &kind.prop, &place) / MISFIT;
+        }
+        (misfit, place)
+    };
     let mut best = Guess::draw(kind, rng);
-    let mut least = score(&best).0;
+    let mut least = score(&best, f64::INFINITY).0;
     let mut step = STEP;
     for n in 1..LOOKS + STEPS {
         let guess = if n < LOOKS { Guess::draw(kind, rng) } else { best.vary(kind, step, rng) };
-        let found = score(&guess).0;
+        let found = score(&guess, least).0;
         if found < least {
             (best, least) = (guess, found);
         } else if n >= LOOKS {
             step *= SHRINK;
         }
     }
-    let mut place = score(&best).1;
+    let mut place = score(&best, 0.0).1;
     place.translation.vector += jitter(rng, 0.002);
     place.rotation = UnitQuaternion::from_scaled_axis(jitter(rng, 0.1)) * place.rotation;
     // What is pulled beyond the tension of meeting presses; the thumb presses against all fingers together.
