@@ -169,6 +169,8 @@ def compare(folder, scene, setup):
         row["mujoco"]["closing_force_n"] = run.force_sum(prop)[0]
     if prop and scene["let_go"]:
         run.let_go()
+        for phase in scene["gripping"]:
+            run.advance(phase, phase["seconds"])
         run.model.opt.gravity[:] = scene["gravity"]
         last = scene["phases"][-1]
         run.advance(last, scene["settle"])

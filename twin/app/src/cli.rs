@@ -238,6 +238,9 @@ pub struct CheckArgs {
     /// Try the 33 grasp types of Feix instead.
     #[arg(long, conflicts_with = "engine")]
     pub grasps: bool,
+    /// Only these of the 33, by number.
+    #[arg(long, value_delimiter = ',', requires = "grasps", value_parser = clap::value_parser!(u8).range(1..=33))]
+    pub types: Vec<u8>,
     /// Attempts at each grasp type at most.
     #[arg(long, default_value_t = 60)]
     pub tries: usize,

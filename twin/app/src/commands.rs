@@ -487,7 +487,8 @@ fn show_rows(cli: &Cli, rows: &[check::Row], folder: Option<&Path>) -> Outcome {
 }
 
 fn hand_grasps(cli: &Cli, args: &CheckArgs, hand: &Arc<Hand>) -> Outcome {
-    let outcomes = check::feix::run(hand, cli.seed, args.tries);
+    let numbers: Vec<usize> = args.types.iter().map(|number| usize::from(*number)).collect();
+    let outcomes = check::feix::run(hand, cli.seed, args.tries, &numbers);
     let text = serde_json::json!({ "seed": cli.seed, "tries": args.tries, "types": outcomes });
     if let Some(folder) = &args.out {
         check::feix::draw(hand, &outcomes, folder)?;
@@ -499,7 +500,7 @@ fn hand_grasps(cli: &Cli, args: &CheckArgs, hand: &Arc<Hand>) -> Outcome {
         print!("{}", check::feix::table(&outcomes));
     }
     let held = outcomes.iter().filter(|outcome| outcome.held).count();
-    Ok((held < outcomes.len()).then(|| format!("{held} of the 33 grasp types are held")))
+    Ok((held < outcomes.len()).then(|| format!("{held} of {} grasp types are held", outcomes.len())))
 }
 
 fn grasps_rehearse(cli: &Cli, objects: &[String], role: Option<RoleArg>, n: u32, out: &Path) -> Outcome {

@@ -110,7 +110,8 @@ fn hold(world: &World, q: &Joints) -> (f64, f64) {
 /// All joints asked to jump at once: greatest share of a joint's speed limit, overshoot (rad) and time to within 0.01 rad, s.
 fn jump(world: &World) -> (f64, f64, f64) {
     let start = world.ready;
-    let goal: Joints = std::array::from_fn(|i| start[i] + if i % 2 == 0 { JUMP } else { -0.5 * JUMP });
+    // Towards the middle of each joint's range, so that no limit keeps a joint from its goal.
+    let goal: Joints = std::array::from_fn(|i| start[i] + if start[i] > 0.0 { -JUMP } else { JUMP });
     let mut robot = robot(world, &start);
     let servos = tension_goals(&world.hand, &[0.0; 5], 0.0);
     let (mut fastest, mut past, mut there) = (0.0f64, 0.0f64, 0.0);

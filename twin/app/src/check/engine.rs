@@ -45,6 +45,8 @@ struct Scene {
     prop: Prop,
     place: Isometry3<f64>,
     tensions: [f64; 5],
+    /// Tensions with their times once the prop is let go of, before its weight comes, N and s.
+    gripping: Vec<([f64; 5], f64)>,
     opposition: f64,
     gravity: Vector3<f64>,
 }
@@ -60,6 +62,7 @@ fn scenes(hand: &Hand) -> Vec<Scene> {
             prop: Prop::new("cylinder", Shape::Cylinder { radius: 0.025, half_height: 0.06 }, 0.3, 0.8),
             place: place(-0.005, 0.025),
             tensions: [20.0; 5],
+            gripping: vec![([20.0; 5], 1.0)],
             opposition: 1.0,
             gravity: down,
         },
@@ -68,6 +71,7 @@ fn scenes(hand: &Hand) -> Vec<Scene> {
             prop: Prop::new("ball", Shape::Sphere { radius: 0.03 }, 0.06, 0.8),
             place: place(0.0, 0.03),
             tensions: [15.0; 5],
+            gripping: vec![([15.0; 5], 1.0)],
             opposition: 1.1,
             gravity: down,
         },
@@ -76,6 +80,7 @@ fn scenes(hand: &Hand) -> Vec<Scene> {
             prop: dumbbell::prop(),
             place: dumbbell::place(hand),
             tensions: dumbbell::tensions(),
+            gripping: dumbbell::gripping(),
             opposition: 0.0,
             gravity: Vector3::new(0.0, 9.81, 0.0),
         },
@@ -92,6 +97,9 @@ fn run(hand: &Arc<Hand>, scene: &Scene, rate: f64, (outer, inner): (usize, usize
     stand.run(&tension_goals(hand, &[0.0; 5], scene.opposition), 0.6);
     stand.run(&goals, 2.0);
     stand.release(prop);
+    for (tensions, seconds) in &scene.gripping {
+        stand.run(&tension_goals(hand, tensions, scene.opposition), *seconds);
+    }
     stand.set_gravity(&scene.gravity);
     stand.run(&goals, 1.0);
     let before = stand.pose(prop).translation.vector;

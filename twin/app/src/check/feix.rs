@@ -8,6 +8,8 @@
 //! the missing digits are from the object and how far it moves under gravity. Nothing about a type is relaxed to make it pass.
 
 mod aim;
+mod curl;
+mod opposed;
 pub mod types;
 
 use std::path::Path;
@@ -24,13 +26,14 @@ use sim::engine::EngineSettings;
 use sim::stand::{HandStand, tension_goals};
 
 use self::aim::{Attempt, propose, vary};
+use self::curl::Curls;
 use self::types::{GraspType, Opposition};
 use super::picture::{Picture, View, save, tile};
 
 /// Times to turn the thumb, close, and let the object settle after release, s.
 const TURN: f64 = 0.4;
 const CLOSE: f64 = 1.4;
-const SETTLE: f64 = 0.4;
+const SETTLE: f64 = 0.8;
 /// Gravity from each direction for this long, s.
 const PULL: f64 = 0.8;
 /// The object is held if it moves less than this, m, and is slower than that in the end, m/s.
@@ -78,22 +81,25 @@ pub struct Outcome {
     cost: f64,
 }
 
-/// Tries every type `tries` times.
-pub fn run(hand: &Arc<Hand>, seed: u64, tries: usize) -> Vec<Outcome> {
-    types::all().par_iter().map(|kind| search(hand, kind, seed, tries)).collect()
+/// Tries types `tries` times: those with these numbers, or all where none is named.
+pub fn run(hand: &Arc<Hand>, seed: u64, tries: usize, numbers: &[usize]) -> Vec<Outcome> {
+    let curls = Curls::new(hand);
+    let kinds: Vec<GraspType> =
+        types::all().into_iter().filter(|kind| numbers.is_empty() || numbers.contains(&kind.number)).collect();
+    kinds.par_iter().map(|kind| search(hand, &curls, kind, seed, tries)).collect()
 }
 
-fn search(hand: &Arc<Hand>, kind: &GraspType, seed: u64, tries: usize) -> Outcome {
+fn search(hand: &Arc<Hand>, curls: &Curls, kind: &GraspType, seed: u64, tries: usize) -> Outcome {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     rng.set_stream(kind.number as u64);
-    let mut best = try_it(hand, kind, fresh(hand, kind, &mut rng));
+    let mut best = try_it(hand, kind, fresh(hand, curls, kind, &mut rng));
     let mut step = 1.0;
     for n in 1..tries {
         if best.held {
             break;
         }
         let away = n > tries / FRESH && n % FRESH != 0;
-        let attempt = if away { vary(&best.attempt, step, &mut rng) } else { fresh(hand, kind, &mut rng) };
+        let attempt = if away { vary(&best.attempt, step, &mut rng) } else { fresh(hand, curls, kind, &mut rng) };
         let outcome = try_it(hand, kind, attempt);
         let better = outcome.cost < best.cost;
         if away {
@@ -107,15 +113,15 @@ fn search(hand: &Arc<Hand>, kind: &GraspType, seed: u64, tries: usize) -> Outcom
 }
 
 /// A proposal whose object does not start inside the open hand, if one is drawn in time.
-fn fresh(hand: &Arc<Hand>, kind: &GraspType, rng: &mut ChaCha8Rng) -> Attempt {
-    let mut attempt = propose(hand, kind, rng);
+fn fresh(hand: &Arc<Hand>, curls: &Curls, kind: &GraspType, rng: &mut ChaCha8Rng) -> Attempt {
+    let mut attempt = propose(hand, curls, kind, rng);
     for _ in 1..DRAWS {
         let mut stand = HandStand::new(hand.clone(), EngineSettings::default());
         let prop = stand.put(kind.prop.clone(), &attempt.place());
         if stand.prop_penetration(prop) <= BURIED {
             break;
         }
-        attempt = propose(hand, kind, rng);
+        attempt = propose(hand, curls, kind, rng);
     }
     attempt
 }
@@ -249,8 +255,8 @@ pub fn draw(hand: &Arc<Hand>, outcomes: &[Outcome], folder: &Path) -> Result<()>
     let types = types::all();
     let pictures: Vec<_> = outcomes
         .iter()
-        .zip(&types)
-        .map(|(outcome, kind)| {
+        .map(|outcome| {
+            let kind = &types[outcome.number - 1];
             let mut picture = Picture::new(300, View::palm().at(Point3::new(0.01, -0.005, 0.0), 0.23));
             picture.hand(hand, &outcome.angles);
             picture.prop(&kind.prop, &outcome.place, super::picture::PROPS[0]);
@@ -284,6 +290,7 @@ pub fn table(outcomes: &[Outcome]) -> String {
         text.push('\n');
     }
     let count = |test: fn(&Outcome) -> bool| outcomes.iter().filter(|outcome| test(outcome)).count();
-    text += &format!("{} of 33 held, {} formed\n", count(|outcome| outcome.held), count(|outcome| outcome.formed));
+    let (held, formed) = (count(|outcome| outcome.held), count(|outcome| outcome.formed));
+    text += &format!("{held} of {} held, {formed} formed\n", outcomes.len());
     text
 }

@@ -12,7 +12,8 @@ mod reach;
 use std::sync::Arc;
 
 use anyhow::Result;
-use hand_model::{Digit, Hand, statics};
+use hand_model::statics::{self, Slid};
+use hand_model::{Digit, HAND_JOINTS, Hand};
 use nalgebra::{Isometry3, Point3, Vector3};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -35,8 +36,8 @@ const ENOUGH: f64 = 0.002;
 /// Random commands looked at in static equilibrium.
 const LOOKS: usize = 6000;
 /// Commands run in physics before variation, and variations.
-const STARTS: usize = 20;
-const VARIATIONS: usize = 120;
+const STARTS: usize = 30;
+const VARIATIONS: usize = 200;
 /// The best of those run so far, which are varied.
 const PARENTS: usize = 4;
 /// Largest cable tensions tried, N.
@@ -47,6 +48,11 @@ const OPPOSITION: f64 = 1.05 * std::f64::consts::FRAC_PI_2;
 /// How long the first to move is alone, and how long both move then, s.
 const FIRST: f64 = 0.7;
 const REST: f64 = 1.8;
+/// Cables that are eased are pulled up to this many times as hard before, for so long, s. From the second factor on all their
+/// guides have turned round.
+const HARDER: f64 = 3.0;
+const TURNED: f64 = 1.3;
+const HARD: f64 = 0.5;
 
 /// Creases from their joints, the middle of what was measured, m: DIP, PIP, distal palmar crease from the MCP joints.
 const DIP_CREASE: f64 = 0.0075;
@@ -64,13 +70,15 @@ struct Target {
     points: Vec<Point3<f64>>,
 }
 
-/// A command: opposition angle (rad), thumb's and the target finger's tension (N), and who moves first.
+/// A command: opposition angle (rad), thumb's and the target finger's tension (N), who moves first, and how many times as hard the
+/// two cables are pulled before they are eased to that: friction in the guides leaves the far joints more tension so.
 #[derive(Debug, Clone, Copy)]
 struct Command {
     opposition: f64,
     thumb: f64,
     finger: f64,
     thumb_first: bool,
+    harder: [f64; 2],
 }
 
 struct Outcome {
@@ -179,7 +187,9 @@ fn draw(rng: &mut ChaCha8Rng) -> Command {
     let mut tension = |most: f64| most * rng.random_range(0.0..1.0f64).powi(2);
     let (thumb, finger) = (tension(THUMB_TENSION), tension(FINGER_TENSION));
     let opposition = rng.random_range(0.0..OPPOSITION);
-    Command { opposition, thumb, finger, thumb_first: rng.random_bool(0.3) }
+    let mut harder = || if rng.random_bool(0.5) { 1.0 } else { rng.random_range(1.0..HARDER) };
+    let harder = [harder(), harder()];
+    Command { opposition, thumb, finger, thumb_first: rng.random_bool(0.3), harder }
 }
 
 fn run(hand: &Arc<Hand>, target: &Target, tip: &[Point3<f64>], command: Command) -> (Outcome, HandStand) {
@@ -193,6 +203,11 @@ fn run(hand: &Arc<Hand>, target: &Target, tip: &[Point3<f64>], command: Command)
     }
     let turned = if command.thumb_first { command.opposition } else { 0.0 };
     stand.run(&tension_goals(hand, &first, turned), FIRST);
+    if command.harder != [1.0, 1.0] {
+        let factor = |cable: usize| command.harder[usize::from(cable > 0)];
+        let hard = std::array::from_fn(|cable| all[cable] * factor(cable));
+        stand.run(&tension_goals(hand, &hard, command.opposition), HARD);
+    }
     stand.run(&tension_goals(hand, &all, command.opposition), REST);
     let outcome = Outcome {
         distance: distance(target, tip, &stand.links()),
@@ -203,13 +218,23 @@ fn run(hand: &Arc<Hand>, target: &Target, tip: &[Point3<f64>], command: Command)
     (outcome, stand)
 }
 
+/// Joint angles (rad) that a command leads to where nothing is in the way.
+fn expected(hand: &Hand, target: &Target, command: &Command) -> [f64; HAND_JOINTS] {
+    let opposition = command.opposition.min(std::f64::consts::FRAC_PI_2);
+    let [mut thumb, finger] = command.harder.map(|harder| {
+        let state = if harder > TURNED { -1.0 } else { 1.0 };
+        let slid = Slid { friction: hand.parameters.cable.friction, state };
+        statics::free_sliding(hand, &tensions(target, command), opposition, &slid)
+    });
+    thumb[Digit::Thumb.joints().len()..].copy_from_slice(&finger[Digit::Thumb.joints().len()..]);
+    thumb
+}
+
 fn search(hand: &Arc<Hand>, target: &Target, tip: &[Point3<f64>], rng: &mut ChaCha8Rng) -> Outcome {
     let mut looks: Vec<(f64, Command)> = (0..LOOKS)
         .map(|_| {
             let command = draw(rng);
-            let angles =
-                statics::free(hand, &tensions(target, &command), command.opposition.min(std::f64::consts::FRAC_PI_2));
-            (distance(target, tip, &hand.tree.forward(&angles)), command)
+            (distance(target, tip, &hand.tree.forward(&expected(hand, target, &command))), command)
         })
         .collect();
     looks.sort_by(|a, b| a.0.total_cmp(&b.0));
@@ -220,6 +245,7 @@ fn search(hand: &Arc<Hand>, target: &Target, tip: &[Point3<f64>], rng: &mut ChaC
             (command.opposition - other.opposition).abs() < 0.1
                 && (command.thumb / other.thumb.max(0.1)).ln().abs() < 0.2
                 && command.thumb_first == other.thumb_first
+                && command.harder.map(|harder| harder > TURNED) == other.harder.map(|harder| harder > TURNED)
         };
         if starts.len() < STARTS && !starts.iter().any(near) {
             starts.push(*command);
@@ -237,6 +263,7 @@ fn search(hand: &Arc<Hand>, target: &Target, tip: &[Point3<f64>], rng: &mut ChaC
         let mut stretch = || (2.0 * spread * rng.random_range(-1.0..1.0f64)).exp();
         command.thumb = (command.thumb * stretch()).min(THUMB_TENSION);
         command.finger = (command.finger * stretch()).min(FINGER_TENSION);
+        command.harder = command.harder.map(|harder| (harder * stretch()).clamp(1.0, HARDER));
         let turn = spread * rng.random_range(-1.0..1.0);
         command.opposition = (command.opposition + turn).clamp(0.0, OPPOSITION);
         found.push(run(hand, target, tip, command).0);
@@ -313,6 +340,7 @@ pub fn row(hand: &Arc<Hand>, options: &Options<'_>) -> Result<Row> {
                 "thumb_tension_n": outcome.command.thumb,
                 "finger_tension_n": outcome.command.finger,
                 "thumb_first": outcome.command.thumb_first,
+                "harder_before": outcome.command.harder,
                 "angles_deg": outcome.angles.iter().map(|q| q.to_degrees()).collect::<Vec<_>>(),
             })
         })

@@ -44,6 +44,8 @@ struct Trial {
     name: &'static str,
     prop: Option<(Prop, Isometry3<f64>)>,
     phases: Vec<Phase>,
+    /// Once the prop is let go of, before its weight comes; none where it is not let go of.
+    gripping: Vec<Phase>,
     /// Gravity once the prop is let go of, palm frame, m/s2.
     gravity: Vector3<f64>,
     /// Whether it is let go of.
@@ -62,6 +64,8 @@ fn trials(hand: &Hand) -> Vec<Trial> {
             Phase { seconds: 2.4, tensions: [tension; 5], opposition },
         ]
     };
+    let grip = |tension: f64, opposition: f64| vec![Phase { seconds: 1.0, tensions: [tension; 5], opposition }];
+    let gripping = dumbbell::gripping().into_iter();
     let ball = Prop::new("ball", Shape::Sphere { radius: 0.03 }, 0.06, 0.8);
     let cylinder = Prop::new("cylinder", Shape::Cylinder { radius: 0.025, half_height: 0.06 }, 0.3, 0.8);
     let half = Vector3::new(0.045, 0.022, 0.022);
@@ -79,6 +83,7 @@ fn trials(hand: &Hand) -> Vec<Trial> {
                 Phase { seconds: 1.5, tensions: [5.0, 7.0, 3.0, 8.0, 1.0], opposition: 0.9 },
                 Phase { seconds: 1.5, tensions: [0.0; 5], opposition: 0.0 },
             ],
+            gripping: Vec::new(),
             gravity: down,
             let_go: true,
         },
@@ -86,6 +91,7 @@ fn trials(hand: &Hand) -> Vec<Trial> {
             name: "ball",
             prop: Some((ball, under(0.0, 0.0, 0.03, UnitQuaternion::identity()))),
             phases: close(15.0, 1.1),
+            gripping: grip(15.0, 1.1),
             gravity: down,
             let_go: true,
         },
@@ -93,6 +99,7 @@ fn trials(hand: &Hand) -> Vec<Trial> {
             name: "cylinder",
             prop: Some((cylinder, under(0.0, -0.005, 0.025, across))),
             phases: close(20.0, 1.0),
+            gripping: grip(20.0, 1.0),
             gravity: down,
             let_go: true,
         },
@@ -100,6 +107,7 @@ fn trials(hand: &Hand) -> Vec<Trial> {
             name: "box",
             prop: Some((block, under(0.0, -0.003, 0.022, UnitQuaternion::identity()))),
             phases: close(20.0, 1.0),
+            gripping: grip(20.0, 1.0),
             gravity: down,
             let_go: true,
         },
@@ -107,6 +115,7 @@ fn trials(hand: &Hand) -> Vec<Trial> {
             name: "dumbbell",
             prop: Some((dumbbell::prop(), dumbbell::place(hand))),
             phases: vec![Phase { seconds: 2.0, tensions: dumbbell::tensions(), opposition: 0.0 }],
+            gripping: gripping.map(|(tensions, seconds)| Phase { seconds, tensions, opposition: 0.0 }).collect(),
             gravity: Vector3::new(0.0, 9.81, 0.0),
             let_go: true,
         },
@@ -114,6 +123,7 @@ fn trials(hand: &Hand) -> Vec<Trial> {
             name: "slick cylinder",
             prop: Some((slick_cylinder, under(0.0, -0.005, 0.025, across))),
             phases: close(20.0, 1.0),
+            gripping: Vec::new(),
             gravity: Vector3::zeros(),
             let_go: false,
         },
@@ -121,6 +131,7 @@ fn trials(hand: &Hand) -> Vec<Trial> {
             name: "slick box",
             prop: Some((slick_box, under(0.0, -0.003, 0.022, UnitQuaternion::identity()))),
             phases: close(20.0, 1.0),
+            gripping: Vec::new(),
             gravity: Vector3::zeros(),
             let_go: false,
         },
@@ -158,6 +169,9 @@ fn ours(hand: &Arc<Hand>, trial: &Trial, settings: EngineSettings) -> Value {
     let mut result = json!({ "closing_force_n": closed });
     if let (true, Some(prop), Some(last)) = (trial.let_go, prop, trial.phases.last()) {
         stand.release(prop);
+        for phase in &trial.gripping {
+            advance(&mut stand, phase, phase.seconds);
+        }
         stand.set_gravity(&trial.gravity);
         advance(&mut stand, last, SETTLE);
         let before = stand.pose(prop).translation.vector;
@@ -180,6 +194,8 @@ fn ours(hand: &Arc<Hand>, trial: &Trial, settings: EngineSettings) -> Value {
 /// What the second engine needs to run a trial, and what ours found: with the settings of trials, and with [`FINE`] ones.
 fn run(hand: &Arc<Hand>, trial: &Trial) -> Value {
     let settings = EngineSettings::default();
+    let told =
+        |phase: &Phase| json!({ "seconds": phase.seconds, "tensions": phase.tensions, "opposition": phase.opposition });
     json!({
         "name": trial.name,
         "model": file(trial.name),
@@ -187,9 +203,8 @@ fn run(hand: &Arc<Hand>, trial: &Trial) -> Value {
         "prop_mass": trial.prop.as_ref().map(|(prop, _)| prop.mass),
         "gravity": trial.gravity.as_slice(),
         "let_go": trial.let_go,
-        "phases": trial.phases.iter().map(|phase| json!({
-            "seconds": phase.seconds, "tensions": phase.tensions, "opposition": phase.opposition,
-        })).collect::<Vec<_>>(),
+        "phases": trial.phases.iter().map(told).collect::<Vec<_>>(),
+        "gripping": trial.gripping.iter().map(told).collect::<Vec<_>>(),
         "settle": SETTLE,
         "hold": HOLD,
         "ours": ours(hand, trial, settings),

@@ -1,17 +1,17 @@
 //! Where the object is put and how the digits close: proposals for the search.
 
-use hand_model::{Digit, Hand, statics};
-use nalgebra::{Isometry3, Matrix3, Point3, Rotation3, UnitQuaternion, Vector3};
+use hand_model::{Digit, Hand};
+use nalgebra::{Isometry3, Matrix3, Rotation3, UnitQuaternion, Vector3};
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use serde::Serialize;
 
+use super::curl::Curls;
+use super::opposed;
 use super::types::{GraspType, Opposition};
 
-/// Postures looked at for one proposal.
-const LOOKS: usize = 400;
 /// No cable is pulled harder, N.
-const STRONGEST: f64 = 90.0;
+pub const STRONGEST: f64 = 90.0;
 /// Ranges of the thumb's opposition, rad.
 const ABDUCTED: (f64, f64) = (0.7, 1.65);
 const ADDUCTED: (f64, f64) = (0.0, 0.5);
@@ -30,7 +30,7 @@ pub struct Attempt {
 }
 
 impl Attempt {
-    fn new(place: &Isometry3<f64>, tensions: [f64; 5], opposition: f64) -> Self {
+    pub fn new(place: &Isometry3<f64>, tensions: [f64; 5], opposition: f64) -> Self {
         let (position, rotation) = (place.translation.vector.into(), place.rotation.scaled_axis().into());
         Self { position, rotation, tensions, opposition }
     }
@@ -41,17 +41,18 @@ impl Attempt {
     }
 }
 
-fn within(rng: &mut ChaCha8Rng, (low, high): (f64, f64)) -> f64 {
+/// Evenly within a range.
+pub fn within(rng: &mut ChaCha8Rng, (low, high): (f64, f64)) -> f64 {
     rng.random_range(low..high)
 }
 
 /// Evenly in the logarithm.
-fn tension(rng: &mut ChaCha8Rng, low: f64, high: f64) -> f64 {
+pub fn tension(rng: &mut ChaCha8Rng, low: f64, high: f64) -> f64 {
     within(rng, (low.ln(), high.ln())).exp()
 }
 
 /// A rotation that brings the object's x to `across` and its z as near to `along` as it goes.
-fn turn(across: &Vector3<f64>, along: &Vector3<f64>) -> UnitQuaternion<f64> {
+pub fn turn(across: &Vector3<f64>, along: &Vector3<f64>) -> UnitQuaternion<f64> {
     let x = across.normalize();
     let rest = along - x * x.dot(along);
     let z = rest.try_normalize(1e-6).unwrap_or_else(|| x.cross(&Vector3::new(0.3, 0.5, 0.8)).normalize());
@@ -59,34 +60,47 @@ fn turn(across: &Vector3<f64>, along: &Vector3<f64>) -> UnitQuaternion<f64> {
     UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(axes))
 }
 
-fn jitter(rng: &mut ChaCha8Rng, size: f64) -> Vector3<f64> {
+/// Evenly within a cube of this half size.
+pub fn jitter(rng: &mut ChaCha8Rng, size: f64) -> Vector3<f64> {
     Vector3::from_fn(|_, _| size * rng.random_range(-1.0..1.0))
 }
 
 /// A fresh attempt.
-pub fn propose(hand: &Hand, kind: &GraspType, rng: &mut ChaCha8Rng) -> Attempt {
+pub fn propose(hand: &Hand, curls: &Curls, kind: &GraspType, rng: &mut ChaCha8Rng) -> Attempt {
     match kind.opposition {
         // Where all digits take part, the object also runs along the palm under the fingers.
         Opposition::Side if kind.digits.len() == 5 && rng.random_bool(0.5) => at_palm(hand, kind, rng),
         Opposition::Palm => at_palm(hand, kind, rng),
-        Opposition::Pad => between(hand, kind, false, rng),
-        Opposition::Side if kind.digits[0] == Digit::Thumb => between(hand, kind, true, rng),
+        Opposition::Pad => opposed::propose(hand, curls, kind, rng),
+        Opposition::Side if kind.digits[0] == Digit::Thumb => opposed::propose(hand, curls, kind, rng),
         Opposition::Side => between_fingers(hand, kind, rng),
     }
 }
 
 /// A neighbour of an attempt, `step` times the usual way from it.
 pub fn vary(attempt: &Attempt, step: f64, rng: &mut ChaCha8Rng) -> Attempt {
-    let mut place = attempt.place();
-    place.translation.vector += jitter(rng, 0.005 * step);
-    place.rotation = UnitQuaternion::from_scaled_axis(jitter(rng, 0.15 * step)) * place.rotation;
-    let tensions = attempt.tensions.map(|tension| (tension * (step * within(rng, (-0.35, 0.35))).exp()).min(STRONGEST));
-    let opposition = (attempt.opposition + 0.12 * step * rng.random_range(-1.0..1.0)).clamp(0.0, ABDUCTED.1);
+    let (mut place, mut tensions, mut opposition) = (attempt.place(), attempt.tensions, attempt.opposition);
+    // The place, the commands, or both.
+    let what = rng.random_range(0..3);
+    if what != 0 {
+        place.translation.vector += jitter(rng, 0.005 * step);
+        place.rotation = UnitQuaternion::from_scaled_axis(jitter(rng, 0.15 * step)) * place.rotation;
+    }
+    if what != 1 {
+        tensions = tensions.map(|tension| (tension * (step * within(rng, (-0.35, 0.35))).exp()).min(STRONGEST));
+        opposition = (opposition + 0.12 * step * rng.random_range(-1.0..1.0)).clamp(0.0, ABDUCTED.1);
+    }
     Attempt::new(&place, tensions, opposition)
 }
 
-fn opposition(kind: &GraspType, rng: &mut ChaCha8Rng) -> f64 {
-    within(rng, if kind.abducted { ABDUCTED } else { ADDUCTED })
+/// The thumb's opposition as the type has it: the range of the command, rad.
+pub fn opposition_range(kind: &GraspType) -> (f64, f64) {
+    if kind.abducted { ABDUCTED } else { ADDUCTED }
+}
+
+/// A command within that range, rad.
+pub fn opposition(kind: &GraspType, rng: &mut ChaCha8Rng) -> f64 {
+    within(rng, opposition_range(kind))
 }
 
 /// Against the palm: the object's x faces the palm, its z lies across the fingers, more or less.
@@ -100,15 +114,19 @@ fn at_palm(hand: &Hand, kind: &GraspType, rng: &mut ChaCha8Rng) -> Attempt {
     // A disk lies flat on the palm, everything else on its side.
     let rotation = if flat { UnitQuaternion::identity() } else { turn(&Vector3::z(), &across) };
     let height = if flat { 0.012 } else { kind.half };
-    let at = Vector3::new(
-        within(rng, (-0.012, 0.012)),
-        within(rng, (-0.03, 0.02)),
-        skin - height - within(rng, (2e-4, 3e-3)),
-    );
-    let strength = tension(rng, 8.0, 50.0);
+    let depth = skin - height - within(rng, (2e-4, 3e-3));
+    let at = if along_index {
+        // Its line passes under the index finger between the first and the last joint; how far it is pushed through is free.
+        let knuckle = hand.tree.joints[Digit::Index.joints()[0]].origin.translation.vector;
+        let under = Vector3::new(knuckle.x, knuckle.y + within(rng, (0.0, 0.07)), depth);
+        under - across * within(rng, (0.02, 0.07))
+    } else {
+        Vector3::new(within(rng, (-0.012, 0.012)), within(rng, (-0.03, 0.02)), depth)
+    };
+    let strength = tension(rng, 10.0, 80.0);
     let mut tensions = [0.0; 5];
     for digit in kind.digits.iter().chain(kind.helpers) {
-        tensions[digit.index()] = strength * within(rng, (-0.4, 0.4)).exp();
+        tensions[digit.index()] = (strength * within(rng, (-0.4, 0.4)).exp()).min(STRONGEST);
     }
     if along_index {
         // The index finger lies along the object nearly stretched.
@@ -118,73 +136,6 @@ fn at_palm(hand: &Hand, kind: &GraspType, rng: &mut ChaCha8Rng) -> Attempt {
         tensions[0] = 0.0;
     }
     Attempt::new(&Isometry3::from_parts(at.into(), rotation), tensions, opposition(kind, rng))
-}
-
-/// Between thumb pad and finger pads (or a finger's side): of many postures, the one in which they face each other best with
-/// the object's size between them.
-fn between(hand: &Hand, kind: &GraspType, side: bool, rng: &mut ChaCha8Rng) -> Attempt {
-    let fingers: Vec<Digit> = kind.digits.iter().copied().filter(|digit| *digit != Digit::Thumb).collect();
-    let size = 2.0 * kind.half;
-    let mut best: Option<(f64, Attempt)> = None;
-    for _ in 0..LOOKS {
-        let turned = opposition(kind, rng);
-        let mut tensions = [0.0; 5];
-        tensions[0] = tension(rng, 1.0, 14.0);
-        let common = tension(rng, 1.0, 14.0);
-        for digit in &fingers {
-            tensions[digit.index()] = common;
-        }
-        let angles = statics::free(hand, &tensions, turned.min(std::f64::consts::FRAC_PI_2));
-        let links = hand.tree.forward(&angles);
-        let pad = |digit: Digit, along: f64| {
-            let link = digit.joints()[2];
-            let cover = &hand.covers[link];
-            let at = cover.link_from_cover * Point3::new(along * cover.half.x, cover.half.y, 0.0);
-            (links[link] * at, links[link] * Vector3::y())
-        };
-        let flank = |digit: Digit, phalanx: usize| {
-            let link = digit.joints()[phalanx];
-            let cover = &hand.covers[link];
-            (links[link] * cover.link_from_cover * Point3::new(0.0, 0.0, -cover.half.z), links[link] * -Vector3::z())
-        };
-        let (thumb, thumb_out) = pad(Digit::Thumb, within(rng, (0.0, 0.8)));
-        let (mut finger, mut finger_out) = (Vector3::zeros(), Vector3::zeros());
-        let along = within(rng, (0.0, 0.8));
-        let phalanx = if rng.random_bool(0.6) { 1 } else { 2 };
-        for digit in &fingers {
-            let (at, out) = if side { flank(*digit, phalanx) } else { pad(*digit, along) };
-            finger += at.coords;
-            finger_out += out;
-            if side {
-                break;
-            }
-        }
-        let finger = if side { finger } else { finger / fingers.len() as f64 };
-        let gap = finger - thumb.coords;
-        let across = gap.normalize();
-        let facing = thumb_out.dot(&across) - finger_out.normalize().dot(&across);
-        // A little wider than the object: closing does the rest.
-        let misfit = (gap.norm() - 1.1 * size - 0.002).abs() / 0.01;
-        let cost = misfit - facing + 0.3 * rng.random_range(0.0..1.0);
-        if best.as_ref().is_none_or(|best| cost < best.0) {
-            let along =
-                if side { finger_out.cross(&Vector3::z()) + jitter(rng, 0.8) } else { Vector3::x() + jitter(rng, 0.3) };
-            let flat = kind.prop.name == "disk";
-            let rotation = if flat { turn(&across, &across.cross(&Vector3::x())) } else { turn(&across, &along) };
-            let middle = 0.5 * (thumb.coords + finger) + jitter(rng, 0.002);
-            let stronger = tension(rng, 1.2, 4.0);
-            let mut strong = tensions.map(|tension| tension * stronger * within(rng, (-0.2, 0.2)).exp());
-            for digit in kind.helpers {
-                strong[digit.index()] = strong[Digit::Index.index()];
-            }
-            best = Some((cost, Attempt::new(&Isometry3::from_parts(middle.into(), rotation), strong, turned)));
-        }
-    }
-    match best {
-        Some((_, attempt)) => attempt,
-        // Never: there is at least one look.
-        None => at_palm(hand, kind, rng),
-    }
 }
 
 /// Between the sides of two neighbouring fingers.

@@ -1,0 +1,220 @@
+//! Between opposed digits: a posture whose skin meets the object where the type says, and the object's place in it.
+//!
+//! Each digit shall touch with a point of its pad (or of its side), whose skin looks in a known direction. The object's middle lies
+//! half its size in front of each such point: for a ball these middles coincide, for a rod they lie on one line, for a slab in one
+//! plane, and thumb and fingers look at each other; no other skin is inside the object. The posture with the least misfit is looked for among random commands, and
+//! improved by random steps.
+
+use hand_model::{Digit, Hand};
+use nalgebra::{Isometry3, Matrix3, Point3, UnitQuaternion, Vector3};
+use rand::RngExt;
+use rand_chacha::ChaCha8Rng;
+
+use super::aim::{Attempt, STRONGEST, jitter, opposition, tension, turn, within};
+use super::curl::Curls;
+use super::types::{GraspType, Opposition};
+
+/// Random commands looked at for a proposal, and the steps that improve the best one.
+const LOOKS: usize = 150;
+const STEPS: usize = 150;
+/// The first step's size and what is left of it after each that brings nothing.
+const STEP: f64 = 0.35;
+const SHRINK: f64 = 0.98;
+/// Tensions at which a digit meets the object, N.
+const MEETING: (f64, f64) = (0.7, 14.0);
+/// A misfit of this counts as much as looking past each other at a right angle, m.
+const MISFIT: f64 = 0.003;
+/// How far along the pad it may touch: 1 is the end of its flat part, 2 the fingertip.
+const ALONG_PAD: (f64, f64) = (-0.4, 1.3);
+/// What a finger is pulled beyond that, N.
+const PRESS: (f64, f64) = (1.5, 30.0);
+/// Size of spread that tells a rod's direction, m.
+const SPREAD: f64 = 0.01;
+
+/// What of a digit shall touch.
+#[derive(Debug, Clone, Copy)]
+enum Part {
+    /// Its pad, this far along.
+    Pad(f64),
+    /// The side that looks towards the thumb, on this phalanx, this far along.
+    Flank(usize, f64),
+}
+
+/// Where digits touch, and the command that brings them there.
+#[derive(Debug, Clone)]
+struct Guess {
+    opposition: f64,
+    tensions: [f64; 5],
+    parts: Vec<(Digit, Part)>,
+}
+
+/// A point of the skin and the way it looks, palm frame, m.
+struct Skin {
+    at: Vector3<f64>,
+    out: Vector3<f64>,
+}
+
+impl Guess {
+    fn draw(kind: &GraspType, rng: &mut ChaCha8Rng) -> Self {
+        let common = tension(rng, MEETING.0, MEETING.1);
+        let mut tensions = [0.0; 5];
+        for digit in Digit::ALL {
+            tensions[digit.index()] = common * within(rng, (-0.5, 0.5)).exp();
+        }
+        tensions[0] = tension(rng, MEETING.0, MEETING.1);
+        let along = within(rng, ALONG_PAD);
+        let mut parts = vec![(Digit::Thumb, Part::Pad(within(rng, ALONG_PAD)))];
+        let fingers = || kind.digits.iter().copied().filter(|digit| *digit != Digit::Thumb);
+        if kind.opposition == Opposition::Side {
+            let flank = Part::Flank(rng.random_range(1..3), within(rng, (-0.8, 0.8)));
+            match kind.digits {
+                // On the middle finger's side with the index finger's pad on top, or between the index finger and the middle one.
+                [Digit::Thumb, index, middle] if rng.random_bool(0.6) => {
+                    parts.extend([(*index, Part::Pad(along)), (*middle, flank)]);
+                }
+                // At the index finger's side, around it the others where they take part.
+                [Digit::Thumb, index, others @ ..] => {
+                    parts.push((*index, flank));
+                    if others.len() > 1 {
+                        parts.extend(others.iter().map(|digit| (*digit, Part::Pad(along))));
+                    }
+                }
+                _ => {}
+            }
+        } else {
+            parts.extend(fingers().map(|digit| (digit, Part::Pad(along + within(rng, (-0.1, 0.1))))));
+        }
+        Self { opposition: opposition(kind, rng), tensions, parts }
+    }
+
+    /// A neighbour, `step` away.
+    fn vary(&self, kind: &GraspType, step: f64, rng: &mut ChaCha8Rng) -> Self {
+        let mut next = self.clone();
+        for tension in &mut next.tensions {
+            *tension = (*tension * (step * within(rng, (-1.0, 1.0))).exp()).clamp(MEETING.0, MEETING.1);
+        }
+        for (_, part) in &mut next.parts {
+            match part {
+                Part::Pad(along) => *along = (*along + step * within(rng, (-1.0, 1.0))).clamp(ALONG_PAD.0, ALONG_PAD.1),
+                Part::Flank(_, along) => *along = (*along + step * within(rng, (-1.0, 1.0))).clamp(-0.9, 0.9),
+            }
+        }
+        let (low, high) = super::aim::opposition_range(kind);
+        next.opposition = (next.opposition + step * within(rng, (-1.0, 1.0))).clamp(low, high);
+        next
+    }
+
+    /// The links where the command leads them without the object, palm frame; fingers that take no part stay open.
+    fn links(&self, hand: &Hand, curls: &Curls, kind: &GraspType) -> Vec<Isometry3<f64>> {
+        let mut tensions = [0.0; 5];
+        for digit in kind.digits.iter().chain(kind.helpers) {
+            tensions[digit.index()] = self.tensions[digit.index()];
+        }
+        hand.tree.forward(&curls.posture(hand, &tensions, self.opposition.min(std::f64::consts::FRAC_PI_2)))
+    }
+
+    fn skin(&self, hand: &Hand, links: &[Isometry3<f64>]) -> Vec<Skin> {
+        let touch = |(digit, part): &(Digit, Part)| {
+            let (phalanx, along) = match part {
+                Part::Pad(along) => (2, *along),
+                Part::Flank(phalanx, along) => (*phalanx, *along),
+            };
+            let link = digit.joints()[phalanx];
+            let cover = &hand.covers[link];
+            let inner = cover.half.add_scalar(-cover.radius);
+            let (at, out) = match part {
+                Part::Flank(..) => (Vector3::new(along * inner.x, 0.0, -cover.half.z), -Vector3::z()),
+                // Past the flat part, round the edge between pad and fingertip.
+                Part::Pad(_) => {
+                    let (sin, cos) = ((along - 1.0).max(0.0) * std::f64::consts::FRAC_PI_2).sin_cos();
+                    let out = Vector3::new(sin, cos, 0.0);
+                    (Vector3::new(along.min(1.0) * inner.x, inner.y, 0.0) + out * cover.radius, out)
+                }
+            };
+            let frame = links[link] * cover.link_from_cover;
+            Skin { at: (frame * Point3::from(at)).coords, out: frame * out }
+        };
+        self.parts.iter().map(touch).collect()
+    }
+}
+
+/// The eigenvector of the greatest (`true`) or least eigenvalue.
+fn axis(matrix: Matrix3<f64>, greatest: bool) -> Vector3<f64> {
+    let eigen = matrix.symmetric_eigen();
+    let value = |n: &usize| if greatest { eigen.eigenvalues[*n] } else { -eigen.eigenvalues[*n] };
+    let found = (0..3).max_by(|a, b| value(a).total_cmp(&value(b))).unwrap_or(0);
+    eigen.eigenvectors.column(found).into()
+}
+
+/// How badly the object fits between these places, and where it fits best. `lean` breaks ties in how it is turned.
+fn fit(kind: &GraspType, skin: &[Skin], lean: &Vector3<f64>) -> (f64, Isometry3<f64>) {
+    let fingers = (skin.len() - 1) as f64;
+    let middles: Vec<Vector3<f64>> = skin.iter().map(|s| s.at + s.out * kind.half).collect();
+    let centre = 0.5 * (middles[0] + middles[1..].iter().sum::<Vector3<f64>>() / fingers);
+    let facing = skin[0].out - skin[1..].iter().map(|s| s.out).sum::<Vector3<f64>>() / fingers;
+    let missed = (skin[0].out + skin[1..].iter().map(|s| s.out).sum::<Vector3<f64>>() / fingers).norm();
+    let across = facing.try_normalize(1e-6).unwrap_or(Vector3::x());
+    let outs: Matrix3<f64> = skin.iter().map(|s| s.out * s.out.transpose()).sum();
+    let spread: Matrix3<f64> = middles.iter().map(|m| (m - centre) * (m - centre).transpose()).sum();
+    let onto = |axis: &Vector3<f64>| axis * axis.transpose();
+    // What of a middle's way from the centre, and of a skin's direction, is amiss.
+    let (off, askew, rotation) = match kind.prop.name.as_str() {
+        "ball" => (Matrix3::identity(), Matrix3::zeros(), turn(&across, lean)),
+        "disk" => {
+            let z = axis(outs + spread / (kind.half * kind.half), false);
+            (Matrix3::identity(), onto(&z), turn(&across, &z))
+        }
+        "rod" => {
+            let z = axis(spread / (SPREAD * SPREAD) - outs + 0.1 * onto(lean), true);
+            (Matrix3::identity() - onto(&z), onto(&z), turn(&across, &z))
+        }
+        // A slab, or two rods side by side.
+        _ => (onto(&across), Matrix3::identity() - onto(&across), turn(&across, lean)),
+    };
+    let count = skin.len() as f64;
+    let misfit: f64 = middles.iter().map(|middle| (off * (middle - centre)).norm()).sum();
+    let turned: f64 = skin.iter().map(|s| (askew * s.out).norm()).sum();
+    (misfit / count / MISFIT + turned / count + missed, Isometry3::from_parts(centre.into(), rotation))
+}
+
+/// A fresh attempt.
+pub fn propose(hand: &Hand, curls: &Curls, kind: &GraspType, rng: &mut ChaCha8Rng) -> Attempt {
+    let side = kind.opposition == Opposition::Side;
+    let lean = if side { jitter(rng, 1.0) } else { Vector3::x() + jitter(rng, 0.3) };
+    let score = |guess: &Guess, enough: f64| {
+        let links = guess.links(hand, curls, kind);
+        let (mut misfit, place) = fit(kind, &guess.skin(hand, &links), &lean);
+        if misfit < enough {
+            misfit += curls.buried(&links, &kind.prop, &place) / MISFIT;
+        }
+        (misfit, place)
+    };
+    let mut best = Guess::draw(kind, rng);
+    let mut least = score(&best, f64::INFINITY).0;
+    let mut step = STEP;
+    for n in 1..LOOKS + STEPS {
+        let guess = if n < LOOKS { Guess::draw(kind, rng) } else { best.vary(kind, step, rng) };
+        let found = score(&guess, least).0;
+        if found < least {
+            (best, least) = (guess, found);
+        } else if n >= LOOKS {
+            step *= SHRINK;
+        }
+    }
+    let mut place = score(&best, 0.0).1;
+    place.translation.vector += jitter(rng, 0.002);
+    place.rotation = UnitQuaternion::from_scaled_axis(jitter(rng, 0.1)) * place.rotation;
+    // What is pulled beyond the tension of meeting presses; the thumb presses against all fingers together.
+    let press = tension(rng, PRESS.0, PRESS.1);
+    let fingers = kind.digits.iter().filter(|digit| **digit != Digit::Thumb).count() as f64;
+    let mut strong = [0.0; 5];
+    for digit in kind.digits {
+        let share = if *digit == Digit::Thumb && !side { fingers } else { 1.0 };
+        let pressed = press * share * within(rng, (-0.4, 0.4)).exp();
+        strong[digit.index()] = (best.tensions[digit.index()] + pressed).min(STRONGEST);
+    }
+    for digit in kind.helpers {
+        strong[digit.index()] = strong[Digit::Index.index()];
+    }
+    Attempt::new(&place, strong, best.opposition)
+}
