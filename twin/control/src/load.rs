@@ -5,9 +5,12 @@
 //! hand has five digits. After each pick touch says which digits hold something, and what follows is planned anew.
 
 use grasping::Grasp;
-use hand_model::{Digit, Hand};
+use hand_model::robot::ServoState;
+use hand_model::{ACTUATORS, Digit, Hand};
 use touch::PadTouch;
 use touch::posture::digit_of;
+
+use crate::perception::blocked;
 
 /// What a pick that was not proven with these digits occupied is worth against one that was.
 const UNPROVEN_WORTH: f64 = 0.5;
@@ -142,21 +145,26 @@ pub fn listed(digits: &[Digit]) -> String {
     }
 }
 
-/// Which of `pulled`, the digits that close on something, feel anything with their pads. A blind pad's digit is taken to.
-pub fn feeling(hand: &Hand, touches: &[PadTouch], pulled: &[Digit]) -> Vec<Digit> {
-    let feels = |digit: &Digit| {
-        touches
-            .iter()
-            .filter(|touch| digit_of(hand.pads[touch.pad].link) == Some(*digit))
-            .any(|touch| touch.touched() || touch.blind)
+/// Which of `pulled`, digits that close on one thing, have it. A finger does if its pads feel something, if a blind pad hides what
+/// they would, or if its cable says that something stops it: fingers often hold with their sides, where no pad is. The thumb
+/// closes against fingers, so that only they tell whether it holds something; alone it holds nothing.
+pub fn feeling(hand: &Hand, touches: &[PadTouch], servos: &[ServoState; ACTUATORS], pulled: &[Digit]) -> Vec<Digit> {
+    let felt = |digit: Digit| {
+        let of = |touch: &&PadTouch| digit_of(hand.pads[touch.pad].link) == Some(digit);
+        touches.iter().filter(of).any(|touch| touch.touched() || touch.blind)
     };
-    pulled.iter().copied().filter(feels).collect()
+    let holds = |digit: Digit| digit != Digit::Thumb && (felt(digit) || blocked(hand, servos, digit));
+    if !pulled.iter().any(|digit| holds(*digit)) {
+        return Vec::new();
+    }
+    pulled.iter().copied().filter(|digit| *digit == Digit::Thumb || holds(*digit)).collect()
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
     use grasping::Role;
+    use std::f64::consts::FRAC_PI_2;
 
     fn skill(object: &str, digits: &[Digit], beside: &[Digit], score: f64) -> Skill {
         let mut close_tension = [0.0; 5];
@@ -232,12 +240,26 @@ mod tests {
         assert!(plan(&skills, &ready[2..], &[Digit::Ring], 1).picks.is_empty());
     }
 
+    /// Servos of a hand whose cables are taken up by `share` of a full closing, thumb first.
+    fn servos(hand: &Hand, share: [f64; 5]) -> [ServoState; ACTUATORS] {
+        std::array::from_fn(|n| {
+            let full = hand.transmission.cables.get(n).map_or(0.0, |cable| cable.full_excursion(FRAC_PI_2));
+            let position = share.get(n).unwrap_or(&0.0) * full / hand.parameters.cable.spool_radius;
+            ServoState { position, velocity: 0.0, current: 0.0, temperature: 25.0 }
+        })
+    }
+
+    /// A pad that cannot tell, or a finger that is stopped, holds; a thumb holds with fingers only, and what does not close nothing.
     #[test]
-    fn only_digits_that_close_and_feel_something_hold() {
+    fn only_digits_that_close_and_are_stopped_hold() {
         let hand = Hand::ftac();
+        let closed = servos(&hand, [1.0; 5]);
         let pad = hand.pads.iter().position(|pad| digit_of(pad.link) == Some(Digit::Ring)).unwrap();
-        let touches = [PadTouch { pad, blind: true, ..PadTouch::default() }];
-        assert_eq!(feeling(&hand, &touches, &Digit::ALL), [Digit::Ring]);
-        assert!(feeling(&hand, &touches, &[Digit::Little]).is_empty());
+        let blind = [PadTouch { pad, blind: true, ..PadTouch::default() }];
+        assert_eq!(feeling(&hand, &blind, &closed, &[Digit::Ring, Digit::Little]), [Digit::Ring]);
+        assert!(feeling(&hand, &blind, &closed, &[Digit::Little]).is_empty());
+        assert!(feeling(&hand, &[], &servos(&hand, [0.5, 1.0, 1.0, 1.0, 1.0]), &THREE).is_empty());
+        let stopped = servos(&hand, [1.0, 0.5, 1.0, 1.0, 1.0]);
+        assert_eq!(feeling(&hand, &[], &stopped, &THREE), [Digit::Thumb, Digit::Index]);
     }
 }

@@ -83,10 +83,7 @@ impl Grip {
             |digit: Option<Digit>| touches.iter().filter(move |touch| digit_of(hand.pads[touch.pad].link) == digit);
         let feels = |digit: Option<Digit>| of(digit).any(PadTouch::touched);
         let blind = |digit: Digit| of(Some(digit)).any(|touch| touch.blind);
-        let blocked = |digit: Digit| {
-            let full = hand.transmission.cables[digit.index()].full_excursion(FRAC_PI_2);
-            cable_excursion(hand, &servos[digit.index()]) < BLOCKED_CLOSURE * full
-        };
+        let blocked = |digit: Digit| blocked(hand, servos, digit);
         let holds = |digit: &&Digit| feels(Some(**digit)) || blind(**digit) && blocked(**digit);
         let count = |digits: &[Digit]| digits.iter().filter(holds).count();
         Self {
@@ -94,6 +91,12 @@ impl Grip {
             second: count(Role::Second.digits()) >= 2 || blocked(Digit::Index) || blocked(Digit::Middle),
         }
     }
+}
+
+/// Whether something is in a closing digit's way: its cable is taken up by less than a full closing.
+pub fn blocked(hand: &Hand, servos: &[ServoState; ACTUATORS], digit: Digit) -> bool {
+    let full = hand.transmission.cables[digit.index()].full_excursion(FRAC_PI_2);
+    cable_excursion(hand, &servos[digit.index()]) < BLOCKED_CLOSURE * full
 }
 
 /// The digit a link belongs to; `None` is the palm.

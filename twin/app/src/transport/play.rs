@@ -280,9 +280,10 @@ impl Going<'_> {
         }
         let carrier = &self.branch.carrier;
         let perceived = self.site.pipeline.perceive_frames(carrier.images(), carrier.sequences_before())?;
-        let felt = feeling(self.site.pipeline.hand(), &perceived.touches, &carrier.holding());
+        let (hand, servos) = (self.site.pipeline.hand(), carrier.servos());
+        let feels = |digits: &[Digit]| feeling(hand, &perceived.touches, servos, digits);
+        let new = feels(&skill.grasp.digits());
         let name = &self.site.transport.ball[pick.object].name;
-        let new: Vec<Digit> = skill.grasp.digits().into_iter().filter(|digit| felt.contains(digit)).collect();
         let mut told = Vec::new();
         if new.is_empty() {
             told.push(format!("nothing felt of {name}: not picked up"));
@@ -293,7 +294,7 @@ impl Going<'_> {
             self.left.retain(|ball| *ball != pick.object);
         }
         for had in &mut self.had {
-            had.digits.retain(|digit| felt.contains(digit));
+            had.digits = feels(&had.digits);
             if had.digits.is_empty() {
                 told.push(format!("{} is no longer felt", self.site.transport.ball[had.ball].name));
                 self.left.push(had.ball);
