@@ -29,8 +29,8 @@ fn more_than_one_at_once() {
     let story = result["transports"][1]["story"].to_string();
     assert!(story.contains("plan: ball_") && story.contains("is felt by") && story.contains("trip 1:"), "{story}");
     assert!(folder.path().join("touch.rrd").is_file() && folder.path().join("one_by_one.rrd").is_file());
-    let kept: Value = serde_json::from_str(&fs::read_to_string(folder.path().join("transports.json")).expect("kept"))
-        .expect("JSON");
+    let kept: Value =
+        serde_json::from_str(&fs::read_to_string(folder.path().join("transports.json")).expect("kept")).expect("JSON");
     assert_eq!(kept, result);
 }
 

@@ -115,7 +115,7 @@ fn read_skills(path: &Path) -> Result<SkillFile> {
 fn search(cli: &Cli, args: &TransportArgs, site: &Site, file: &Path) -> Outcome {
     let sequence: Vec<Wanted> = args.pick.iter().map(|pick| pick.in_site(site)).collect::<Result<_>>()?;
     let mut skills = if file.exists() { read_skills(file).context("--rehearse")?.skills } else { Vec::new() };
-    let searched = rehearse::rehearse(site, &sequence, args.n)?;
+    let searched = rehearse::rehearse(site, &sequence, args.n, cli.quiet)?;
     for pick in &searched {
         // Numbers are unique in a file.
         for skill in &pick.skills {

@@ -271,6 +271,11 @@ impl Going<'_> {
         let skill = &self.site.skills[pick.skill];
         let turn = self.site.turn(pick.skill, percept).unwrap_or(0.0);
         let grasp = grasping::Grasp { yaw: skill.grasp.yaw + turn, ..skill.grasp.clone() };
+        // A digit that is felt to have nothing may still keep a ball from rolling out: it opens where it is needed, no earlier.
+        let holding = self.holding();
+        let needed = |digit: &Digit| skill.grasp.digits().contains(digit) && !holding.contains(digit);
+        let kept: Vec<Digit> = self.branch.carrier.holding().into_iter().filter(|digit| !needed(digit)).collect();
+        self.branch.carrier.keep_only(&kept);
         self.branch.carrier.take(grasp, percept)?;
         self.play_on(witness)?;
         if self.policy == Policy::Blind {
@@ -302,11 +307,19 @@ impl Going<'_> {
         }
         self.had.retain(|had| !had.digits.is_empty());
         if !new.is_empty() {
-            self.had.push(Had { ball: pick.object, digits: new });
+            self.had.push(Had { ball: pick.object, digits: new.clone() });
         }
         self.left.sort_unstable();
-        let holding = self.holding();
-        self.branch.carrier.keep_only(&holding);
+        if new.is_empty() {
+            let kept: Vec<Digit> = self
+                .branch
+                .carrier
+                .holding()
+                .into_iter()
+                .filter(|digit| !skill.grasp.digits().contains(digit))
+                .collect();
+            self.branch.carrier.keep_only(&kept);
+        }
         for text in told {
             self.say(text);
         }

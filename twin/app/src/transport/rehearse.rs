@@ -30,6 +30,8 @@ const ERRORS: usize = 5;
 const BASES: usize = 4;
 /// Skills kept of each pick.
 const KEPT: usize = 6;
+/// A skill with this score mostly holds.
+const LIKELY: f64 = 0.6;
 /// A held ball that slips more than this in the hand on its way to the goal is not held, m.
 const SLIP_LIMIT: f64 = 0.012;
 
@@ -66,6 +68,9 @@ struct Base {
     had: Vec<usize>,
     holding: Vec<Digit>,
 }
+
+/// What holds, and the hold that it gives.
+type Found = (Proven, Base);
 
 /// How far a try came.
 enum Came {
@@ -110,7 +115,7 @@ impl WantedText {
 }
 
 /// Searches the picks of a sequence one after the other with `n` proposals each; ends where nothing holds.
-pub fn rehearse(site: &Site, sequence: &[Wanted], n: u32) -> Result<Vec<Searched>> {
+pub fn rehearse(site: &Site, sequence: &[Wanted], n: u32, quiet: bool) -> Result<Vec<Searched>> {
     let balls: Vec<_> = site.transport.ball.iter().map(|ball| (Arc::new(ball.model()), ball.pose())).collect();
     let empty = Branch::begin(&site.world, site.protocol(), &balls, &TrialNoise::none(), TactileBoard::blank())?;
     let mut bases = vec![Base { branch: empty, had: Vec::new(), holding: Vec::new() }];
@@ -128,9 +133,20 @@ pub fn rehearse(site: &Site, sequence: &[Wanted], n: u32) -> Result<Vec<Searched
             let vary = |id: u32| vary(&parents[id as usize % parents.len()], id, &mut random(id));
             found.extend(search(site, &bases, wanted, (n..n + n / 2).map(vary).collect(), &mut searched)?);
         }
-        found.sort_by(|a, b| b.0.grasp.score.total_cmp(&a.0.grasp.score).then(a.0.grasp.id.cmp(&b.0.grasp.id)));
+        // Of what mostly holds, the one that leaves more digits free is worth more to the next pick.
+        let rank = |skill: &Proven| (skill.grasp.score < LIKELY, skill.keeps.len());
+        found.sort_by(|(a, _), (b, _)| {
+            rank(a).cmp(&rank(b)).then(b.grasp.score.total_cmp(&a.grasp.score)).then(a.grasp.id.cmp(&b.grasp.id))
+        });
         searched.skills = found.iter().take(KEPT).map(|(skill, _)| skill.clone()).collect();
         all.push(searched);
+        if !quiet {
+            let best = all
+                .last()
+                .and_then(|searched: &Searched| searched.skills.first())
+                .map_or(0.0, |skill| skill.grasp.score);
+            eprintln!("{}: {} holds found, best {best:.2}", site.transport.ball[wanted.ball].name, found.len());
+        }
         bases = found.into_iter().take(BASES).map(|(_, base)| base).collect();
         if bases.is_empty() {
             break;
@@ -146,9 +162,9 @@ fn search(
     wanted: &Wanted,
     grasps: Vec<Grasp>,
     searched: &mut Searched,
-) -> Result<Vec<(Proven, Base)>> {
+) -> Result<Vec<Found>> {
     let errors = proving_errors(ERRORS);
-    let one = |grasp: Grasp| -> Result<(Came, Option<(Proven, Base)>)> {
+    let one = |grasp: Grasp| -> Result<(Came, Option<Found>)> {
         let base = &bases[grasp.id as usize % bases.len()];
         if wanted.digits.iter().any(|digit| base.holding.contains(digit)) || base.had.contains(&wanted.ball) {
             return Ok((Came::OutOfReach, None));
@@ -181,7 +197,7 @@ fn search(
         };
         Ok((came, Some((proven, base))))
     };
-    let tried: Vec<Result<(Came, Option<(Proven, Base)>)>> = grasps.into_par_iter().map(one).collect();
+    let tried: Vec<Result<_>> = grasps.into_par_iter().map(one).collect();
     let mut found = Vec::new();
     for tried in tried {
         let (came, proven) = tried?;
