@@ -80,7 +80,19 @@ pub struct Times {
     pub tries: usize,
 }
 
-/// A push on a ball, once, while the hand closes on what it takes first.
+/// When somebody pushes: during which part of the first pick.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum PushStage {
+    /// On the way to the first ball.
+    Approach,
+    /// While the digits close on it.
+    Close,
+    /// While it is raised.
+    Lift,
+}
+
+/// A push on a ball, once, during the first pick.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct BallPush {
@@ -88,7 +100,9 @@ pub struct BallPush {
     pub ball: String,
     /// N, world axes.
     pub force: [f64; 3],
-    /// Part of the approach to the first ball that is over when it begins, 0 to 1.
+    /// During this part of the first pick ...
+    pub stage: PushStage,
+    /// ... of which this part is over when it begins, 0 to 1.
     pub at: f64,
     /// s.
     pub duration: f64,

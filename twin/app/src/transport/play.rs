@@ -10,7 +10,7 @@ use hand_model::Digit;
 use nalgebra::Vector3;
 use rand_chacha::ChaCha8Rng;
 use scenarios::noise::{TrialNoise, trial_rng};
-use scenarios::transport::Transport;
+use scenarios::transport::{PushStage, Transport};
 use serde::{Deserialize, Serialize};
 use sim::robot::Truth;
 use sim::tactile::TactileBoard;
@@ -293,6 +293,7 @@ impl Going<'_> {
         if new.is_empty() {
             told.push(format!("nothing felt of {name}: not picked up"));
             self.failures.push((pick.object, pick.skill));
+            self.planned.clear();
         } else {
             let as_planned = if new == skill.keeps { "as planned" } else { "not as planned" };
             told.push(format!("{name} is felt by {}, {as_planned} ({})", listed(&new), listed(&skill.keeps)));
@@ -359,7 +360,12 @@ impl Going<'_> {
         let first = record.picks == 1;
         branch.play(|robot, carrier| {
             if let Some(push) = site.transport.push.as_ref().filter(|_| first) {
-                let due = carrier.stage() == Stage::Approach && carrier.progress() >= push.at;
+                let stage = match push.stage {
+                    PushStage::Approach => Stage::Approach,
+                    PushStage::Close => Stage::Close,
+                    PushStage::Lift => Stage::Lift,
+                };
+                let due = carrier.stage() == stage && carrier.progress() >= push.at;
                 if due && pushed.is_none() {
                     *pushed = Some(robot.time());
                     let text = format!("push of {:.2} N on {}", Vector3::from(push.force).norm(), push.ball);
