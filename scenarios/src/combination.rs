@@ -152,6 +152,20 @@ pub struct Combination {
     pub second: String,
 }
 
+/// The value of a TOML text; `path` is used in errors, which name line and field.
+pub(crate) fn parse_toml<T: serde::de::DeserializeOwned>(text: &str, path: &Path) -> Result<T, ScenarioError> {
+    toml::from_str(text).map_err(|error| {
+        let at = error.span().map_or(0, |span| span.start).min(text.len());
+        let line = text.get(..at).unwrap_or_default().matches('\n').count();
+        ScenarioError::Syntax {
+            path: path.into(),
+            line: line + 1,
+            found: text.lines().nth(line).unwrap_or_default().trim().into(),
+            message: error.message().into(),
+        }
+    })
+}
+
 impl Scenario {
     /// The built-in benchmark, `scenarios/data/benchmark.toml`.
     ///
@@ -163,16 +177,7 @@ impl Scenario {
 
     /// Reads and checks a scenario file's text; `path` is used in errors.
     pub fn parse(text: &str, path: &Path) -> Result<Self, ScenarioError> {
-        let file: file::ScenarioFile = toml::from_str(text).map_err(|error| {
-            let at = error.span().map_or(0, |span| span.start).min(text.len());
-            let line = text.get(..at).unwrap_or_default().matches('\n').count();
-            ScenarioError::Syntax {
-                path: path.into(),
-                line: line + 1,
-                found: text.lines().nth(line).unwrap_or_default().trim().into(),
-                message: error.message().into(),
-            }
-        })?;
+        let file: file::ScenarioFile = parse_toml(text, path)?;
         let scenario = file.complete(path)?;
         scenario.check(path)?;
         Ok(scenario)

@@ -4,7 +4,8 @@
 //! which of them come first and second, where they stand and how a trial goes, and [`combination::draw_combinations`] draws
 //! pairs; [`noise`] draws what goes wrong in a trial, [`disturbance`] says what is done to it on purpose, and it goes through the
 //! stages of [`phase`]; the [`referee`] judges it from ground truth; a [`record::TrialRecord`] keeps the result, with less of the
-//! senses ([`sensing`]) an [`record::AblatedTrial`], and [`statistics`] sums all of them up.
+//! senses ([`sensing`]) an [`record::AblatedTrial`], and [`statistics`] sums all of them up. [`transport`] says which balls are to be
+//! carried, as many as fit at once.
 
 pub mod combination;
 pub mod disturbance;
@@ -16,6 +17,7 @@ pub mod record;
 pub mod referee;
 pub mod sensing;
 pub mod statistics;
+pub mod transport;
 
 pub use combination::{Combination, Scenario, draw_combinations};
 pub use geometry::Shape;

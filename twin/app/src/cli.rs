@@ -8,6 +8,7 @@ use scenarios::record::Condition;
 use crate::bench::Record;
 use crate::bridge::BridgeCommand;
 use crate::tactile_backend::TactileBackend;
+use crate::transport::TransportArgs;
 use crate::{optics_commands, study, touch_commands};
 
 /// Digital twin of the F-TAC Hand on a Kinova Gen3 arm.
@@ -38,6 +39,8 @@ pub enum Command {
     Bench(BenchArgs),
     /// Run one trial and record it.
     Trial(TrialArgs),
+    /// Carry balls to one place, as many at once as the hand holds, beside one by one.
+    Transport(TransportArgs),
     /// Open a recording or a result folder in the Rerun viewer.
     View {
         /// An .rrd file, or a folder with recordings.

@@ -49,6 +49,7 @@ pub fn run(cli: &Cli) -> Outcome {
         Command::Trial(args) => trial(cli, args),
         Command::Replay { recording, against: None } => crate::replay::command(cli, recording),
         Command::Replay { recording, against: Some(other) } => crate::replay::against(cli, recording, other),
+        Command::Transport(args) => crate::transport::run(cli, args),
         Command::View { path } => view(path),
         Command::Report { folders, study: true, .. } => match folders.as_slice() {
             [] => study::report::run(cli, Path::new("recordings/study")),

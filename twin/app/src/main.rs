@@ -23,6 +23,7 @@ mod study;
 mod synthesis;
 mod tactile_backend;
 mod touch_commands;
+mod transport;
 mod trial;
 mod world;
 

@@ -1,6 +1,6 @@
 //! One trial: the first grasp, the look, and from there the branches `blind` and `touch`.
 
-mod adapt;
+pub mod adapt;
 pub mod ball_sizes;
 mod disturbance;
 mod held;

@@ -86,15 +86,23 @@ impl World {
     /// The scene of a trial: objects in their places, the arm in posture `start` and off by `noise`'s execution error.
     pub fn scene(&self, objects: &[Arc<ObjectModel>; 2], start: [f64; ARM_JOINTS], noise: &TrialNoise) -> SceneSetup {
         SceneSetup {
-            world_from_base: Isometry3::from_parts(noise.position.into(), UnitQuaternion::identity())
-                * self.world_from_base,
-            mount_error: UnitQuaternion::from_scaled_axis(noise.rotation),
-            arm_start: start,
             objects: objects
                 .iter()
                 .zip(self.places(&objects[0], &objects[1]))
                 .map(|(model, pose)| ObjectPlacement { model: model.clone(), pose })
                 .collect(),
+            ..self.bare_scene(start, noise)
+        }
+    }
+
+    /// The same without any object.
+    pub fn bare_scene(&self, start: [f64; ARM_JOINTS], noise: &TrialNoise) -> SceneSetup {
+        SceneSetup {
+            world_from_base: Isometry3::from_parts(noise.position.into(), UnitQuaternion::identity())
+                * self.world_from_base,
+            mount_error: UnitQuaternion::from_scaled_axis(noise.rotation),
+            arm_start: start,
+            objects: Vec::new(),
             // The repertoire was proven with guides that take nothing; `ftac hand check` has them rub.
             cable_friction: CableFriction::NONE,
             engine: sim::engine::EngineSettings::default(),

@@ -8,7 +8,7 @@
 //! of a simulated body, branches a trial.
 
 mod holding;
-mod way;
+pub(crate) mod way;
 
 use std::sync::Arc;
 
@@ -23,17 +23,17 @@ use crate::slip::{self, SlipWatch};
 use crate::trajectory::{PathError, PathLimits, PosePath};
 
 /// How fast tensions change, N/s.
-const TENSION_RATE: f64 = 80.0;
+pub(crate) const TENSION_RATE: f64 = 80.0;
 /// Time the digits are given to close, s.
-const CLOSING_TIME: f64 = 1.1;
+pub(crate) const CLOSING_TIME: f64 = 1.1;
 /// Distance from which the hand approaches a grasp, m.
 pub const APPROACH_DISTANCE: f64 = 0.09;
 /// Current limit of the opposition servo, A.
-const OPPOSITION_CURRENT: f64 = 0.6;
+pub(crate) const OPPOSITION_CURRENT: f64 = 0.6;
 /// Rest before the picture is taken and after it, s.
-const LOOK_TIME: f64 = 0.3;
+pub(crate) const LOOK_TIME: f64 = 0.3;
 /// Time the digits are given to open when things are laid down, s.
-const OPENING_TIME: f64 = 0.7;
+pub(crate) const OPENING_TIME: f64 = 0.7;
 
 /// An object as prior perception (a camera over the table, say) reports it, error included.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -361,7 +361,7 @@ impl Executive {
 }
 
 /// Puts each camera's frame in the place of its older one: a real board's images come one after the other.
-fn keep_newest(kept: &mut Vec<TactileFrame>, arrived: &[TactileFrame]) {
+pub(crate) fn keep_newest(kept: &mut Vec<TactileFrame>, arrived: &[TactileFrame]) {
     for frame in arrived {
         match kept.iter_mut().find(|known| known.camera == frame.camera) {
             Some(known) => *known = frame.clone(),
@@ -370,7 +370,8 @@ fn keep_newest(kept: &mut Vec<TactileFrame>, arrived: &[TactileFrame]) {
     }
 }
 
-fn duration(limits: &PathLimits, from: &Isometry3<f64>, to: &Isometry3<f64>) -> f64 {
+/// Time for a motion between two poses within limits, s.
+pub(crate) fn duration(limits: &PathLimits, from: &Isometry3<f64>, to: &Isometry3<f64>) -> f64 {
     let length = (to.translation.vector - from.translation.vector).norm();
     let angle = from.rotation.angle_to(&to.rotation);
     limits.duration(length, angle).max(0.05)

@@ -8,9 +8,11 @@
 //! hand and what it holds come to what stands around them along such a path, [`arm_clearance`] how near the arm comes to itself.
 
 pub mod arm_clearance;
+pub mod carrier;
 pub mod collision;
 pub mod executive;
 pub mod inverse_kinematics;
+pub mod load;
 pub mod perception;
 pub mod recovery;
 pub mod sensing;

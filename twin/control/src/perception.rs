@@ -91,15 +91,16 @@ impl Grip {
             |digit: Option<Digit>| touches.iter().filter(move |touch| digit_of(hand.pads[touch.pad].link) == digit);
         let feels = |digit: Option<Digit>| of(digit).any(PadTouch::touched);
         let blind = |digit: Digit| of(Some(digit)).any(|touch| touch.blind);
-        let full = |digit: Digit| hand.transmission.cables[digit.index()].full_excursion(FRAC_PI_2);
-        let closure = |digit: Digit| cable_excursion(hand, &servos[digit.index()]) / full(digit);
-        let expected =
-            |digit: Digit| held.map(|joints| hand.transmission.cables[digit.index()].excursion(joints) / full(digit));
-        let blocked = |digit: Digit| closure(digit) < BLOCKED_CLOSURE;
+        let expected = |digit: Digit| {
+            held.map(|joints| hand.transmission.cables[digit.index()].excursion(joints) / full_excursion(hand, digit))
+        };
+        let blocked = |digit: Digit| blocked(hand, servos, digit);
         let takes_part =
             |digit: Digit| digit == Digit::Thumb || expected(digit).is_none_or(|share| share < IDLE_CLOSURE);
         let stopped = |digit: Digit| {
-            blocked(digit) && takes_part(digit) && expected(digit).is_none_or(|share| closure(digit) < share + LATE)
+            blocked(digit)
+                && takes_part(digit)
+                && expected(digit).is_none_or(|share| closure(hand, servos, digit) < share + LATE)
         };
         let holds = |digit: &Digit| feels(Some(*digit)) || blind(*digit) && blocked(*digit);
         let count = |digits: &[Digit]| digits.iter().filter(|digit| holds(digit)).count();
@@ -109,6 +110,20 @@ impl Grip {
             second: count(&parts) >= 2 || stopped(Digit::Index) || stopped(Digit::Middle),
         }
     }
+}
+
+/// Whether something is in a closing digit's way: its cable is taken up by less than a full closing.
+pub fn blocked(hand: &Hand, servos: &[ServoState; ACTUATORS], digit: Digit) -> bool {
+    closure(hand, servos, digit) < BLOCKED_CLOSURE
+}
+
+/// How far a digit has closed, as a share of a full closing.
+fn closure(hand: &Hand, servos: &[ServoState; ACTUATORS], digit: Digit) -> f64 {
+    cable_excursion(hand, &servos[digit.index()]) / full_excursion(hand, digit)
+}
+
+fn full_excursion(hand: &Hand, digit: Digit) -> f64 {
+    hand.transmission.cables[digit.index()].full_excursion(FRAC_PI_2)
 }
 
 /// The digit a link belongs to; `None` is the palm.

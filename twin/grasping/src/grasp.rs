@@ -60,6 +60,11 @@ pub struct Grasp {
 }
 
 impl Grasp {
+    /// The digits that close: those whose cables are pulled.
+    pub fn digits(&self) -> Vec<Digit> {
+        Digit::ALL.into_iter().filter(|digit| self.close_tension[digit.index()] > 0.0).collect()
+    }
+
     /// Rotation `world_from_palm` for an object whose yaw is `object_yaw`.
     pub fn palm_rotation(&self, object_yaw: f64) -> UnitQuaternion<f64> {
         let z = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), self.yaw + object_yaw);

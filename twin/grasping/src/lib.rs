@@ -7,6 +7,7 @@
 //!
 //! [`synthesis`] finds postures for any object from its signed distance alone: the paper's grasp energy, sampled.
 
+pub mod digit_sets;
 pub mod force_closure;
 pub mod grasp;
 pub mod repertoire;

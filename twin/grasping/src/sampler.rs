@@ -22,9 +22,9 @@ pub struct ObjectExtent {
 }
 
 /// Height of the palm's face over the palm frame's origin plane along -z, m (the origin lies behind the face).
-const PALM_FACE: f64 = 0.0156;
+pub(crate) const PALM_FACE: f64 = 0.0156;
 /// Distance from the wrist to the palm frame's origin along y, m.
-const WRIST: f64 = 0.1072;
+pub(crate) const WRIST: f64 = 0.1072;
 
 /// Draws one proposal.
 pub fn propose(object: &ObjectExtent, role: Role, id: u32, rng: &mut impl Rng) -> Grasp {

@@ -33,7 +33,7 @@ const UNPLANNED_WORTH: f64 = 0.9;
 const TRY_TIME: f64 = 14.0;
 
 /// Turns about the vertical that are tried when an object is out of the planned grasp's reach, rad.
-const TURNS: [f64; 15] = [0.0, 0.2, -0.2, 0.4, -0.4, 0.6, -0.6, 0.8, -0.8, 1.0, -1.0, 1.2, -1.2, 1.4, -1.4];
+pub const TURNS: [f64; 15] = [0.0, 0.2, -0.2, 0.4, -0.4, 0.6, -0.6, 0.8, -0.8, 1.0, -1.0, 1.2, -1.2, 1.4, -1.4];
 
 /// What the policy did in a trial, for its record.
 #[derive(Default)]

@@ -51,7 +51,7 @@ fn name(ball: &str, diameter: f64) -> String {
 
 /// `grasp` for a ball whose radius is larger by `growth` (m): its centre is that much farther from the palm, whose normal points
 /// to it along -z.
-fn resized(grasp: &Grasp, object: &str, growth: f64) -> Grasp {
+pub fn resized(grasp: &Grasp, object: &str, growth: f64) -> Grasp {
     let mut other = Grasp { object: object.to_owned(), ..grasp.clone() };
     other.center[2] -= growth;
     if let Some(held) = &mut other.held {

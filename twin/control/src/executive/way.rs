@@ -7,7 +7,7 @@
 use nalgebra::Isometry3;
 
 use super::{APPROACH_DISTANCE, Executive, ExecutiveError, Grasp, Percept, duration};
-use crate::trajectory::PosePath;
+use crate::trajectory::{PathLimits, PosePath};
 
 /// How far the palm may be from a path, m. Where every way is worse, the arm lags behind the first that ends well.
 const OFF_PATH: f64 = 0.02;
@@ -42,7 +42,7 @@ impl Executive {
         self.path = way;
     }
 
-    /// From the first of `stops` past the others to a grasp of what is seen at `percept`, at a share `speed` of the trial's.
+    /// As [`approach`], at a share `speed` of the trial's.
     pub(super) fn approach(
         &self,
         stops: &[Isometry3<f64>],
@@ -50,16 +50,7 @@ impl Executive {
         percept: &Percept,
         speed: f64,
     ) -> Result<PosePath, ExecutiveError> {
-        let target = grasp.palm_pose(&percept.position, percept.yaw);
-        let before = grasp.pregrasp_pose(&target, APPROACH_DISTANCE);
-        let limits = self.protocol.limits.scaled(speed);
-        let mut waypoints: Vec<(f64, Isometry3<f64>)> = Vec::with_capacity(stops.len() + 2);
-        for pose in stops.iter().chain([&before]) {
-            let time = waypoints.last().map_or(0.0, |(_, last)| duration(&limits, last, pose));
-            waypoints.push((time, *pose));
-        }
-        waypoints.push((duration(&limits.scaled(0.6), &before, &target), target));
-        Ok(PosePath::new(waypoints)?)
+        approach(&self.protocol.limits.scaled(speed), stops, grasp, percept)
     }
 
     /// How far the arm would get from `path` under way, m; `None` if it would not get to its end.
@@ -69,4 +60,23 @@ impl Executive {
         let there = done.position_error < OFF_END.0 && done.rotation_error < OFF_END.1;
         there.then_some(done.worst_position_error)
     }
+}
+
+/// The path from the first of `stops` past the others to where the digits of `grasp` close on what is seen at `percept`, by way of
+/// a place before it.
+pub(crate) fn approach(
+    limits: &PathLimits,
+    stops: &[Isometry3<f64>],
+    grasp: &Grasp,
+    percept: &Percept,
+) -> Result<PosePath, ExecutiveError> {
+    let target = grasp.palm_pose(&percept.position, percept.yaw);
+    let before = grasp.pregrasp_pose(&target, APPROACH_DISTANCE);
+    let mut waypoints: Vec<(f64, Isometry3<f64>)> = Vec::with_capacity(stops.len() + 2);
+    for pose in stops.iter().chain([&before]) {
+        let time = waypoints.last().map_or(0.0, |(_, last)| duration(limits, last, pose));
+        waypoints.push((time, *pose));
+    }
+    waypoints.push((duration(&limits.scaled(0.6), &before, &target), target));
+    Ok(PosePath::new(waypoints)?)
 }

@@ -1,0 +1,265 @@
+//! The load: which objects to take into the hand, in which order and with which digits, so that as much as possible is carried.
+//!
+//! Every [`Skill`] closes digits that are still free and keeps those that hold; the others open again. A plan's worth is the sum over its picks of the object's volume times the
+//! probability that this pick and all before it hold; the best plan is found by trying every order, which is quick because a
+//! hand has five digits. After each pick touch says which digits hold something, and what follows is planned anew.
+
+use grasping::Grasp;
+use hand_model::robot::ServoState;
+use hand_model::{ACTUATORS, Digit, Hand};
+use touch::PadTouch;
+use touch::posture::digit_of;
+
+use crate::perception::blocked;
+
+/// What a pick that was not proven with these digits occupied is worth against one that was.
+const UNPROVEN_WORTH: f64 = 0.5;
+/// What a grasp that failed in this transport is still worth.
+const FAILED_WORTH: f64 = 0.5;
+/// A plan goes on only with picks that are at least this likely to hold: a failed one may lose what is held.
+const LEAST_SCORE: f64 = 0.25;
+/// In cubic centimetres.
+const TO_CM3: f64 = 1e6;
+
+/// A way to pick something up while other digits hold something.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Skill {
+    /// The grasp; its object is the kind of thing it is for, its score the share of tries that held.
+    pub grasp: Grasp,
+    /// Digits that held something when it was proven.
+    pub beside: Vec<Digit>,
+    /// Of the digits that close, those that have the object then.
+    pub keeps: Vec<Digit>,
+}
+
+/// Something that stands ready to be taken.
+#[derive(Debug, Clone)]
+pub struct Ready {
+    /// Its number among all objects.
+    pub object: usize,
+    /// m3.
+    pub volume: f64,
+    /// Numbers of the skills that suit it and are within the arm's reach, with how often each has failed.
+    pub skills: Vec<(usize, i32)>,
+}
+
+/// One pick of a plan.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Pick {
+    /// Number of the object.
+    pub object: usize,
+    /// Number of the skill.
+    pub skill: usize,
+    /// Probability that it holds, given that those before it do.
+    pub score: f64,
+}
+
+/// What to take, in order.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct LoadPlan {
+    /// The picks.
+    pub picks: Vec<Pick>,
+    /// Expected volume, m3.
+    pub volume: f64,
+}
+
+/// The plan worth most for a hand whose digits `holding` are taken, of at most `most` picks.
+pub fn plan(skills: &[Skill], ready: &[Ready], holding: &[Digit], most: usize) -> LoadPlan {
+    if most == 0 {
+        return LoadPlan::default();
+    }
+    let mut best = LoadPlan::default();
+    for thing in ready {
+        for pick in distinct(skills, thing, holding) {
+            let digits = &skills[pick.skill].keeps;
+            let rest: Vec<Ready> = ready.iter().filter(|other| other.object != thing.object).cloned().collect();
+            let then = plan(skills, &rest, &[holding, digits].concat(), most - 1);
+            let volume = pick.score * (thing.volume + then.volume);
+            if volume > best.volume {
+                best = LoadPlan { picks: std::iter::once(pick).chain(then.picks).collect(), volume };
+            }
+        }
+    }
+    best
+}
+
+/// The best skill for `thing` for each set of free digits that will hold it.
+fn distinct(skills: &[Skill], thing: &Ready, holding: &[Digit]) -> Vec<Pick> {
+    let mut picks: Vec<Pick> = Vec::new();
+    for &(number, failures) in &thing.skills {
+        let skill = &skills[number];
+        if skill.grasp.digits().iter().any(|digit| holding.contains(digit)) {
+            continue;
+        }
+        let proven = skill.beside.len() == holding.len() && skill.beside.iter().all(|digit| holding.contains(digit));
+        let score = skill.grasp.score * if proven { 1.0 } else { UNPROVEN_WORTH } * FAILED_WORTH.powi(failures);
+        if score < LEAST_SCORE {
+            continue;
+        }
+        let pick = Pick { object: thing.object, skill: number, score };
+        match picks.iter_mut().find(|other| skills[other.skill].keeps == skill.keeps) {
+            Some(other) if other.score < score => *other = pick,
+            Some(_) => {}
+            None => picks.push(pick),
+        }
+    }
+    picks
+}
+
+/// The plan in words; `names` are those of all objects.
+pub fn in_words(plan: &LoadPlan, skills: &[Skill], names: &[String]) -> String {
+    let one = |pick: &Pick| {
+        let digits = listed(&skills[pick.skill].keeps);
+        format!("{} with {digits} (holds {:.2} of times)", names[pick.object], pick.score)
+    };
+    let picks: Vec<String> = plan.picks.iter().map(one).collect();
+    format!("{}, {:.0} cm3 expected", picks.join(", then "), plan.volume * TO_CM3)
+}
+
+/// Why `planned`, which was to go on with digits that are held now, is given up for `now`; `None` where it stands.
+pub fn why_not(
+    planned: &[Pick],
+    now: &LoadPlan,
+    skills: &[Skill],
+    holding: &[Digit],
+    names: &[String],
+) -> Option<String> {
+    let was = planned.first()?;
+    if now.picks.first().is_some_and(|pick| pick.object == was.object) {
+        return None;
+    }
+    let needs = skills[was.skill].grasp.digits();
+    let taken: Vec<Digit> = needs.iter().copied().filter(|digit| holding.contains(digit)).collect();
+    let because = match taken.as_slice() {
+        [] => "is worth less now".to_owned(),
+        taken => format!("needs {}, of which {} holds something already", listed(&needs), listed(taken)),
+    };
+    Some(format!("{} as planned {because}", names[was.object]))
+}
+
+/// Names of digits.
+pub fn listed(digits: &[Digit]) -> String {
+    match digits {
+        [] => "no digit".to_owned(),
+        digits => digits.iter().map(|digit| digit.name()).collect::<Vec<_>>().join("+"),
+    }
+}
+
+/// Which of `pulled`, digits that close on one thing, have it. A finger does if its pads feel something, if a blind pad hides what
+/// they would, or if its cable says that something stops it: fingers often hold with their sides, where no pad is. The thumb
+/// closes against fingers, so that only they tell whether it holds something; alone it holds nothing.
+pub fn feeling(hand: &Hand, touches: &[PadTouch], servos: &[ServoState; ACTUATORS], pulled: &[Digit]) -> Vec<Digit> {
+    let felt = |digit: Digit| {
+        let of = |touch: &&PadTouch| digit_of(hand.pads[touch.pad].link) == Some(digit);
+        touches.iter().filter(of).any(|touch| touch.touched() || touch.blind)
+    };
+    let holds = |digit: Digit| digit != Digit::Thumb && (felt(digit) || blocked(hand, servos, digit));
+    if !pulled.iter().any(|digit| holds(*digit)) {
+        return Vec::new();
+    }
+    pulled.iter().copied().filter(|digit| *digit == Digit::Thumb || holds(*digit)).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use grasping::Role;
+    use std::f64::consts::FRAC_PI_2;
+
+    fn skill(object: &str, digits: &[Digit], beside: &[Digit], score: f64) -> Skill {
+        let mut close_tension = [0.0; 5];
+        for digit in digits {
+            close_tension[digit.index()] = 10.0;
+        }
+        let grasp = Grasp {
+            id: 0,
+            object: object.into(),
+            role: Role::First,
+            yaw: 0.0,
+            pitch: 0.0,
+            roll: 0.0,
+            center: [0.0; 3],
+            pre_tension: [0.0; 5],
+            close_tension,
+            opposition: 0.0,
+            raise: 0.0,
+            thumb_delay: 0.0,
+            held: None,
+            held_joints: None,
+            score,
+        };
+        Skill { grasp, beside: beside.to_vec(), keeps: digits.to_vec() }
+    }
+
+    const REST: [Digit; 4] = [Digit::Thumb, Digit::Index, Digit::Middle, Digit::Ring];
+    const THREE: [Digit; 3] = [Digit::Thumb, Digit::Index, Digit::Middle];
+
+    /// The paper's story: golf ball with the little finger, softball with the rest; with another finger on the golf ball the
+    /// softball's grasp is out, and a smaller ball is taken.
+    fn story() -> (Vec<Skill>, Vec<Ready>, Vec<String>) {
+        let skills = vec![
+            skill("golf", &[Digit::Little], &[], 0.9),
+            skill("soft", &REST, &[Digit::Little], 0.8),
+            skill("yoga", &THREE, &[Digit::Ring], 0.9),
+        ];
+        let ready = |object: usize, volume: f64| Ready { object, volume, skills: vec![(object, 0)] };
+        let names = ["golf", "soft", "yoga"].map(str::to_owned).to_vec();
+        (skills, vec![ready(0, 40e-6), ready(1, 480e-6), ready(2, 180e-6)], names)
+    }
+
+    #[test]
+    fn the_largest_load_is_planned() {
+        let (skills, ready, names) = story();
+        let best = plan(&skills, &ready, &[], 2);
+        assert_eq!(best.picks.iter().map(|pick| pick.object).collect::<Vec<_>>(), [0, 1]);
+        assert!((best.volume - 0.9 * (40e-6 + 0.8 * 480e-6)).abs() < 1e-12);
+        assert!(in_words(&best, &skills, &names).starts_with("golf with little (holds 0.90 of times), then soft"));
+        assert_eq!(plan(&skills, &ready, &[], 0), LoadPlan::default());
+    }
+
+    #[test]
+    fn another_object_where_a_digit_is_taken() {
+        let (skills, ready, names) = story();
+        let planned = plan(&skills, &ready, &[], 2);
+        let now = plan(&skills, &ready[1..], &[Digit::Ring], 2);
+        assert_eq!(now.picks.iter().map(|pick| pick.object).collect::<Vec<_>>(), [2]);
+        let why = why_not(&planned.picks[1..], &now, &skills, &[Digit::Ring], &names).unwrap();
+        assert_eq!(why, "soft as planned needs thumb+index+middle+ring, of which ring holds something already");
+        // With the little finger on it everything stays as it was.
+        let as_planned = plan(&skills, &ready[1..], &[Digit::Little], 2);
+        assert!(why_not(&planned.picks[1..], &as_planned, &skills, &[Digit::Little], &names).is_none());
+    }
+
+    /// What has failed or was never tried beside these digits counts less, and what is unlikely is not tried at all.
+    #[test]
+    fn doubts_count() {
+        let (skills, mut ready, _) = story();
+        ready[2].skills = vec![(2, 1)];
+        assert!((plan(&skills, &ready[2..], &[Digit::Ring], 1).volume - 0.45 * 180e-6).abs() < 1e-12);
+        ready[2].skills = vec![(2, 2)];
+        assert!(plan(&skills, &ready[2..], &[Digit::Ring], 1).picks.is_empty());
+    }
+
+    /// Servos of a hand whose cables are taken up by `share` of a full closing, thumb first.
+    fn servos(hand: &Hand, share: [f64; 5]) -> [ServoState; ACTUATORS] {
+        std::array::from_fn(|n| {
+            let full = hand.transmission.cables.get(n).map_or(0.0, |cable| cable.full_excursion(FRAC_PI_2));
+            let position = share.get(n).unwrap_or(&0.0) * full / hand.parameters.cable.spool_radius;
+            ServoState { position, velocity: 0.0, current: 0.0, temperature: 25.0 }
+        })
+    }
+
+    /// A pad that cannot tell, or a finger that is stopped, holds; a thumb holds with fingers only, and what does not close nothing.
+    #[test]
+    fn only_digits_that_close_and_are_stopped_hold() {
+        let hand = Hand::ftac();
+        let closed = servos(&hand, [1.0; 5]);
+        let pad = hand.pads.iter().position(|pad| digit_of(pad.link) == Some(Digit::Ring)).unwrap();
+        let blind = [PadTouch { pad, blind: true, ..PadTouch::default() }];
+        assert_eq!(feeling(&hand, &blind, &closed, &[Digit::Ring, Digit::Little]), [Digit::Ring]);
+        assert!(feeling(&hand, &blind, &closed, &[Digit::Little]).is_empty());
+        assert!(feeling(&hand, &[], &servos(&hand, [0.5, 1.0, 1.0, 1.0, 1.0]), &THREE).is_empty());
+        let stopped = servos(&hand, [1.0, 0.5, 1.0, 1.0, 1.0]);
+        assert_eq!(feeling(&hand, &[], &stopped, &THREE), [Digit::Thumb, Digit::Index]);
+    }
+}
