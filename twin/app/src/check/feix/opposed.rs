@@ -1,9 +1,9 @@
 //! Between opposed digits: a posture whose skin meets the object where the type says, and the object's place in it.
 //!
-//! Each digit shall touch with a point of its pad (or of its side), whose skin looks in a known direction. The object's middle lies
-//! half its size in front of each such point: for a ball these middles coincide, for a rod they lie on one line, for a slab in one
-//! plane, and thumb and fingers look at each other; no other skin is inside the object. The posture with the least misfit is looked for among random commands, and
-//! improved by random steps.
+//! Each digit shall touch with a point of its pad (or of its side), whose skin looks in a known direction. The
+//! object's middle lies half its size in front of each such point: for a ball these middles coincide, for a rod they
+//! lie on one line, for a slab in one plane, and thumb and fingers look at each other; no other skin is inside the
+//! object. The posture with the least misfit is looked for among random commands, and improved by random steps.
 
 use hand_model::{Digit, Hand};
 use nalgebra::{Isometry3, Matrix3, Point3, UnitQuaternion, Vector3};
@@ -68,7 +68,7 @@ impl Guess {
         if kind.opposition == Opposition::Side {
             let flank = Part::Flank(rng.random_range(1..3), within(rng, (-0.8, 0.8)));
             match kind.digits {
-                // On the middle finger's side with the index finger's pad on top, or between the index finger and the middle one.
+                // On the middle finger's side with the index finger's pad on top.
                 [Digit::Thumb, index, middle] if rng.random_bool(0.6) => {
                     parts.extend([(*index, Part::Pad(along)), (*middle, flank)]);
                 }
@@ -224,7 +224,7 @@ mod tests {
     use super::super::types;
     use super::*;
 
-    /// Thumb from one side, fingers from the other at `apart` from each other along y, all on the surface of a thing of this half size.
+    /// Thumb from one side, fingers from the other at `apart` along y, all on the surface of a thing of this half size.
     fn around(centre: &Vector3<f64>, half: f64, apart: &[f64]) -> Vec<Skin> {
         let x = Vector3::x();
         let thumb = Skin { at: centre - x * half, out: x };
