@@ -27,8 +27,8 @@ const PALM: f64 = 5e-3;
 const SOLVE: f64 = 1e-3;
 /// The circle's radius, m; its speed grows and shrinks smoothly.
 const RADIUS: f64 = 0.10;
-/// Time for a turn, s. At the circle's top, with the palm level, joint 5 turns fastest: it allows a turn in 9 s. Twice as fast it
-/// does not, and the reference has to cut the corner.
+/// Time for a turn, s. At the circle's top, with the palm level, joint 5 turns fastest: it allows a turn in 8 s. In half the time
+/// it does not, and the reference has to cut the corner.
 const TURN: f64 = 10.0;
 const HASTY_TURN: f64 = 5.0;
 

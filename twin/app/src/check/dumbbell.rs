@@ -1,8 +1,9 @@
 //! A dumbbell of 2.5 kg held for ten seconds.
 //!
-//! It is taken as one takes it from a rack: the fingers close on the bar, and while the rack still carries the weight the hand
-//! grips hard a few times. Each time the bar and the phalanges come nearer to where cables, joint stops and friction let them rest;
-//! without that they get there under load, and what is measured as slip is the bar's way into the hand.
+//! It is taken as one takes it from a rack: the fingers close on the bar, and while the rack still carries the weight
+//! the hand grips hard a few times. Each time the bar and the phalanges come nearer to where cables, joint stops and
+//! friction let them rest; without that they get there under load, and what is measured as slip is the bar's way into
+//! the hand.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -30,7 +31,8 @@ const HOLD: f64 = 10.0;
 const SETTLE: f64 = 1.0;
 /// Tension of the four fingers' cables, N; the thumb stays open, clear of the weights.
 const TENSION: f64 = 60.0;
-/// Tension while gripping hard, N (0.83 A of the 0.91 A that a servo may draw), how often, and for how long as for the pause after, s.
+/// Tension while gripping hard, N (0.83 A of the 0.91 A that a servo may draw), how often, and for how long, s; the pause after
+/// it is as long.
 const HARD: f64 = 100.0;
 const TIMES: usize = 6;
 const BEAT: f64 = 0.5;
@@ -112,8 +114,8 @@ pub fn row(hand: &Arc<Hand>, out: Option<&Path>) -> Result<Row> {
         format!("slip {}", text(main)),
         "holds a 2.5 kg dumbbell",
         &format!(
-            "on a rack, four fingers closed with {TENSION} N in each cable, gripped {TIMES} times with {HARD} N, then the weight, fingers \
-             down; slip after 1 s of settling; below 2 mm. Of six directions of gravity {count} hold so well: {}",
+            "on a rack, four fingers closed with {TENSION} N in each cable, gripped {TIMES} times with {HARD} N, then the weight, \
+             fingers down; slip after 1 s of settling; below 2 mm. Of six directions of gravity {count} hold so well: {}",
             ways.iter().zip(&held).map(|((name, _), (_, slip))| format!("{name} {}", text(*slip))).collect::<Vec<_>>().join(", ")
         ),
         Verdict::of(main < SLIP),

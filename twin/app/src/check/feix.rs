@@ -1,11 +1,12 @@
 //! The 33 grasp types: a suitable object for each, closed on by the servos, held against gravity in six directions.
 //!
-//! The object is held in place while the digits close and let go of afterwards. A type is *formed* when the digits of its
-//! virtual fingers touch the object, the palm touches where the type opposes to the palm and does not where it opposes pads,
-//! no digit touches that the type does not name, and the thumb is abducted or adducted as it says. It is *held* when, formed,
-//! the object stays within a centimetre under gravity from each of six directions. Placement and commands are found by a
-//! seeded search: fresh proposals, and steps away from the best so far that grow with success and shrink with failure, led by how far
-//! the missing digits are from the object and how far it moves under gravity. Nothing about a type is relaxed to make it pass.
+//! The thumb is turned, then the object is put into the open hand, held in place while the digits close, and let go
+//! of. A type is *formed* when the digits of its virtual fingers touch the object, the palm touches where the type
+//! opposes to the palm and does not where it opposes pads, no digit touches that the type does not name, and the
+//! thumb is abducted or adducted as it says. It is *held* when, formed, the object stays within a centimetre under
+//! gravity from each of six directions. Placement and commands are found by a seeded search: fresh proposals, and
+//! steps away from the best so far that grow with success and shrink with failure, led by how far the missing digits
+//! are from the object and how far it moves under gravity. Nothing about a type is relaxed to make it pass.
 
 mod aim;
 mod curl;
@@ -16,7 +17,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use anyhow::Result;
-use hand_model::{Digit, Hand};
+use hand_model::{Digit, HAND_JOINTS, Hand};
 use nalgebra::{Isometry3, Point3, Vector3};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
@@ -116,9 +117,9 @@ fn search(hand: &Arc<Hand>, curls: &Curls, kind: &GraspType, seed: u64, tries: u
 fn fresh(hand: &Arc<Hand>, curls: &Curls, kind: &GraspType, rng: &mut ChaCha8Rng) -> Attempt {
     let mut attempt = propose(hand, curls, kind, rng);
     for _ in 1..DRAWS {
-        let mut stand = HandStand::new(hand.clone(), EngineSettings::default());
-        let prop = stand.put(kind.prop.clone(), &attempt.place());
-        if stand.prop_penetration(prop) <= BURIED {
+        let mut angles = [0.0; HAND_JOINTS];
+        angles[hand.transmission.opposition_joint] = attempt.opposition;
+        if curls.buried(&hand.tree.forward(&angles), &kind.prop, &attempt.place()) <= BURIED {
             break;
         }
         attempt = propose(hand, curls, kind, rng);
@@ -140,9 +141,9 @@ fn gap(stand: &HandStand, digit: Digit) -> f64 {
 
 fn try_it(hand: &Arc<Hand>, kind: &GraspType, attempt: Attempt) -> Outcome {
     let mut stand = HandStand::new(hand.clone(), EngineSettings::default());
+    stand.run(&tension_goals(hand, &[0.0; 5], attempt.opposition), TURN);
     let prop = stand.put(kind.prop.clone(), &attempt.place());
     let buried = stand.prop_penetration(prop) > BURIED;
-    stand.run(&tension_goals(hand, &[0.0; 5], attempt.opposition), TURN);
     let goals = tension_goals(hand, &attempt.tensions, attempt.opposition);
     stand.run(&goals, CLOSE);
     stand.release(prop);

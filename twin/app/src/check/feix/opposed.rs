@@ -1,9 +1,9 @@
 //! Between opposed digits: a posture whose skin meets the object where the type says, and the object's place in it.
 //!
-//! Each digit shall touch with a point of its pad (or of its side), whose skin looks in a known direction. The object's middle lies
-//! half its size in front of each such point: for a ball these middles coincide, for a rod they lie on one line, for a slab in one
-//! plane, and thumb and fingers look at each other; no other skin is inside the object. The posture with the least misfit is looked for among random commands, and
-//! improved by random steps.
+//! Each digit shall touch with a point of its pad (or of its side), whose skin looks in a known direction. The
+//! object's middle lies half its size in front of each such point: for a ball these middles coincide, for a rod they
+//! lie on one line, for a slab in one plane, and thumb and fingers look at each other; no other skin is inside the
+//! object. The posture with the least misfit is looked for among random commands, and improved by random steps.
 
 use hand_model::{Digit, Hand};
 use nalgebra::{Isometry3, Matrix3, Point3, UnitQuaternion, Vector3};
@@ -68,7 +68,7 @@ impl Guess {
         if kind.opposition == Opposition::Side {
             let flank = Part::Flank(rng.random_range(1..3), within(rng, (-0.8, 0.8)));
             match kind.digits {
-                // On the middle finger's side with the index finger's pad on top, or between the index finger and the middle one.
+                // On the middle finger's side with the index finger's pad on top.
                 [Digit::Thumb, index, middle] if rng.random_bool(0.6) => {
                     parts.extend([(*index, Part::Pad(along)), (*middle, flank)]);
                 }
@@ -217,4 +217,53 @@ pub fn propose(hand: &Hand, curls: &Curls, kind: &GraspType, rng: &mut ChaCha8Rn
         strong[digit.index()] = strong[Digit::Index.index()];
     }
     Attempt::new(&place, strong, best.opposition)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::types;
+    use super::*;
+
+    /// Thumb from one side, fingers from the other at `apart` along y, all on the surface of a thing of this half size.
+    fn around(centre: &Vector3<f64>, half: f64, apart: &[f64]) -> Vec<Skin> {
+        let x = Vector3::x();
+        let thumb = Skin { at: centre - x * half, out: x };
+        let fingers = apart.iter().map(|y| Skin { at: centre + x * half + Vector3::y() * *y, out: -x });
+        std::iter::once(thumb).chain(fingers).collect()
+    }
+
+    /// What lies between skins as it should fits without misfit, and one finger that is off by MISFIT costs its share.
+    #[test]
+    fn a_rod_and_a_ball_between_opposed_skins() {
+        let kinds = types::all();
+        let centre = Vector3::new(0.02, -0.01, -0.05);
+        let (rod, ball) = (&kinds[6], &kinds[13]);
+        assert_eq!((rod.prop.name.as_str(), ball.prop.name.as_str()), ("rod", "ball"));
+        let (cost, place) = fit(rod, &around(&centre, rod.half, &[-0.02, 0.0, 0.02]), &Vector3::x());
+        assert!(cost < 1e-9 && (place.translation.vector - centre).norm() < 1e-9, "{cost} {place}");
+        assert!((place * Vector3::z()).y.abs() > 1.0 - 1e-9, "the rod lies along the fingers' row: {place}");
+        let (cost, place) = fit(ball, &around(&centre, ball.half, &[0.0, 0.0]), &Vector3::x());
+        assert!(cost < 1e-9 && (place.translation.vector - centre).norm() < 1e-9, "{cost} {place}");
+        let mut skins = around(&centre, ball.half, &[0.0]);
+        skins[1].at.z += MISFIT;
+        let (cost, _) = fit(ball, &skins, &Vector3::x());
+        assert!((cost - 0.5).abs() < 1e-9, "both middles are half of it off: {cost}");
+    }
+
+    /// Proposals are within what a type allows and the same for the same seed.
+    #[test]
+    fn proposals_keep_to_the_type() {
+        use rand::SeedableRng;
+        let hand = Hand::ftac();
+        let curls = Curls::new(&hand);
+        let tripod = &types::all()[13];
+        let propose = |seed| super::propose(&hand, &curls, tripod, &mut ChaCha8Rng::seed_from_u64(seed));
+        let (one, same, other) = (propose(1), propose(1), propose(2));
+        assert_eq!(one.position, same.position);
+        assert_ne!(one.position, other.position);
+        let (low, high) = super::super::aim::opposition_range(tripod);
+        assert!((low..=high).contains(&one.opposition));
+        assert!(one.tensions[..3].iter().all(|tension| (MEETING.0..=STRONGEST).contains(tension)));
+        assert_eq!(one.tensions[3..], [0.0, 0.0]);
+    }
 }
