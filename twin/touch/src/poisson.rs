@@ -124,7 +124,7 @@ impl Cosines {
         Self {
             fft: planner.plan_fft_forward(N),
             back: planner.plan_fft_inverse(N),
-            turns: (0..N).map(|k| turn(k)).map(|turn| Complex::new(turn.re as f32, turn.im as f32)).collect(),
+            turns: (0..N).map(turn).map(|turn| Complex::new(turn.re as f32, turn.im as f32)).collect(),
         }
     }
 
