@@ -21,6 +21,10 @@ fn the_files_are_sound() {
     let mut kinds = Vec::new();
     for entry in std::fs::read_dir("data").unwrap() {
         let path = entry.unwrap().path();
+        // Transports are of another kind, with a test of their own.
+        if path.is_dir() {
+            continue;
+        }
         let scenario = Scenario::read(&path).unwrap();
         scenario.check_objects(&set, &path).unwrap();
         let name = path.file_stem().unwrap().to_str().unwrap().to_owned();
