@@ -270,8 +270,11 @@ impl ServoBus {
         let deadline = started + self.patience(self.timing().answers(wire.len(), &bytes));
         let mut packets: Vec<Result<Packet, StreamError>> = Vec::new();
         let mut chunk = Vec::new();
+        // An answer of another size is one to an earlier request that came when this one was already out.
+        let answers_this = |status: &Status| status.error.is_some() || sizes.contains(&status.data.len());
         loop {
-            let answers = packets.iter().flatten().filter(|packet| Status::decode(packet).is_some()).count();
+            let statuses = packets.iter().flatten().filter_map(Status::decode);
+            let answers = statuses.filter(answers_this).count();
             if answers >= sizes.len() {
                 break;
             }

@@ -4,9 +4,10 @@ use std::time::Duration;
 
 use hand_model::ACTUATORS;
 use hardware_bridge::emulator::faults::{Chances, Event};
+use hardware_bridge::emulator::pty::Pty;
 use hardware_bridge::emulator::spring_hand::SpringHand;
 use hardware_bridge::emulator::{EmulatedHand, EmulatorSettings};
-use hardware_bridge::protocol2::{ReplyError, ServoError};
+use hardware_bridge::protocol2::{ReplyError, ServoError, Status};
 use hardware_bridge::servo_bus::timing::Cycle;
 use hardware_bridge::servo_bus::{BusError, BusSettings, ServoBus};
 use hardware_bridge::xc330::{self, PRESENT_BLOCK, PRESENT_BLOCK_LONG};
@@ -164,4 +165,27 @@ fn cycle_rate() {
         );
     }
     assert_eq!(bus.statistics().missing, 0);
+}
+
+/// An answer that comes when the next question is already out is not taken for the answer to that one.
+#[test]
+fn a_late_answer_is_not_mistaken() {
+    let pty = Pty::open().expect("a pty");
+    let settings = BusSettings { slack: 2.0, ..BusSettings::default() };
+    let mut bus = ServoBus::open(pty.path(), settings).expect("the bus opens");
+    let answer = |data: &[u8]| {
+        let status = Status { id: 6, alert: false, error: None, data: data.to_vec() };
+        status.encode().expect("a packet")
+    };
+    let (late, own) = (answer(&[7; 21]), answer(&[1]));
+    let servo = std::thread::spawn(move || {
+        let mut question = [0; 64];
+        pty.device.read(&mut question).expect("a question");
+        pty.device.write_all(&late).expect("written");
+        std::thread::sleep(Duration::from_millis(50));
+        pty.device.write_all(&own).expect("written");
+        pty
+    });
+    assert_eq!(bus.read_block(6, xc330::TORQUE_ENABLE.address, 1).expect("an answer").data, [1]);
+    servo.join().expect("the servo");
 }
