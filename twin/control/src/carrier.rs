@@ -7,14 +7,14 @@
 use std::sync::Arc;
 
 use grasping::Grasp;
-use hand_model::robot::{Command, Observation, ServoGoal, ServoState, TactileFrame};
+use hand_model::robot::{Command, Observation, ServoState, TactileFrame};
 use hand_model::{ACTUATORS, CAMERAS, Digit, Hand};
 use nalgebra::{Isometry3, Translation3, Vector3};
 
+use crate::executive::holding::servo_goals;
 use crate::executive::way::approach;
 use crate::executive::{
-    CLOSING_TIME, ExecutiveError, LOOK_TIME, OPENING_TIME, OPPOSITION_CURRENT, Percept, Protocol, TENSION_RATE,
-    duration, keep_newest,
+    CLOSING_TIME, ExecutiveError, LOOK_TIME, OPENING_TIME, Percept, Protocol, TENSION_RATE, duration, keep_newest,
 };
 use crate::inverse_kinematics::{ArmServo, Joints};
 use crate::trajectory::PosePath;
@@ -247,20 +247,9 @@ impl Carrier {
             self.opposition = grasp.opposition;
         }
         let looking = self.stage == Stage::Look;
-        let servo = &self.hand.parameters.servo;
-        let to_current = self.hand.parameters.cable.spool_radius / servo.torque_constant;
         Ok(Command {
             arm: step.q,
-            servos: std::array::from_fn(|n| {
-                if n < 5 {
-                    ServoGoal::Current(self.tension[n] * to_current)
-                } else {
-                    ServoGoal::Position {
-                        angle: self.opposition * servo.gear_ratio_opposition,
-                        current_limit: OPPOSITION_CURRENT,
-                    }
-                }
-            }),
+            servos: servo_goals(&self.hand, &self.tension, self.opposition),
             capture: looking && (self.clock - LOOK_TIME + self.tick).abs() < 0.6 * self.tick,
         })
     }

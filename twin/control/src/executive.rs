@@ -7,17 +7,18 @@
 //! lost by then can be tried again from [`Phase::Done`]. Cloning it, together with a clone
 //! of a simulated body, branches a trial.
 
-mod holding;
+pub(crate) mod holding;
 pub(crate) mod way;
 
 use std::sync::Arc;
 
 use grasping::Grasp;
-use hand_model::robot::{Command, Observation, ServoGoal, TactileFrame};
+use hand_model::robot::{Command, Observation, TactileFrame};
 use hand_model::{ACTUATORS, CAMERAS, Hand};
 use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, Vector3};
 pub use scenarios::phase::Phase;
 
+use self::holding::servo_goals;
 use crate::inverse_kinematics::{ArmServo, IkError, Joints};
 use crate::slip::{self, SlipWatch};
 use crate::trajectory::{PathError, PathLimits, PosePath};
@@ -28,8 +29,6 @@ pub(crate) const TENSION_RATE: f64 = 80.0;
 pub(crate) const CLOSING_TIME: f64 = 1.1;
 /// Distance from which the hand approaches a grasp, m.
 pub const APPROACH_DISTANCE: f64 = 0.09;
-/// Current limit of the opposition servo, A.
-pub(crate) const OPPOSITION_CURRENT: f64 = 0.6;
 /// Rest before the picture is taken and after it, s.
 pub(crate) const LOOK_TIME: f64 = 0.3;
 /// Time the digits are given to open when things are laid down, s.
@@ -341,22 +340,7 @@ impl Executive {
             self.last_watch = observation.time;
             capture = true;
         }
-        let servo = &self.hand.parameters.servo;
-        let to_current = self.hand.parameters.cable.spool_radius / servo.torque_constant;
-        Ok(Command {
-            arm: step.q,
-            servos: std::array::from_fn(|n| {
-                if n < 5 {
-                    ServoGoal::Current(self.tension[n] * to_current)
-                } else {
-                    ServoGoal::Position {
-                        angle: self.opposition * servo.gear_ratio_opposition,
-                        current_limit: OPPOSITION_CURRENT,
-                    }
-                }
-            }),
-            capture,
-        })
+        Ok(Command { arm: step.q, servos: servo_goals(&self.hand, &self.tension, self.opposition), capture })
     }
 }
 

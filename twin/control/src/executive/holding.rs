@@ -1,10 +1,25 @@
 //! How hard the digits pull: as the grasps say, and harder where something slips.
 
-use hand_model::Digit;
-use hand_model::robot::Observation;
+use hand_model::robot::{Observation, ServoGoal};
+use hand_model::{ACTUATORS, Digit, Hand};
 
 use super::{Executive, Grasp, Phase};
 use crate::slip::{self, SlipWatch};
+
+/// Current limit of the opposition servo, A.
+const OPPOSITION_CURRENT: f64 = 0.6;
+
+/// What the servos are asked for five cable tensions (N) and the angle of the opposition joint (rad).
+pub(crate) fn servo_goals(hand: &Hand, tension: &[f64; 5], opposition: f64) -> [ServoGoal; ACTUATORS] {
+    let servo = &hand.parameters.servo;
+    let to_current = hand.parameters.cable.spool_radius / servo.torque_constant;
+    std::array::from_fn(|n| match tension.get(n) {
+        Some(tension) => ServoGoal::Current(tension * to_current),
+        None => {
+            ServoGoal::Position { angle: opposition * servo.gear_ratio_opposition, current_limit: OPPOSITION_CURRENT }
+        }
+    })
+}
 
 impl Executive {
     /// From now on holds harder what slips while it is carried; pads are looked at for that.
