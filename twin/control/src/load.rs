@@ -163,9 +163,8 @@ pub fn feeling(hand: &Hand, touches: &[PadTouch], servos: &[ServoState; ACTUATOR
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::perception::tests::servos;
     use grasping::Role;
-    use std::f64::consts::FRAC_PI_2;
-
     fn skill(object: &str, digits: &[Digit], beside: &[Digit], score: f64) -> Skill {
         let mut close_tension = [0.0; 5];
         for digit in digits {
@@ -238,15 +237,6 @@ mod tests {
         assert!((plan(&skills, &ready[2..], &[Digit::Ring], 1).volume - 0.45 * 180e-6).abs() < 1e-12);
         ready[2].skills = vec![(2, 2)];
         assert!(plan(&skills, &ready[2..], &[Digit::Ring], 1).picks.is_empty());
-    }
-
-    /// Servos of a hand whose cables are taken up by `share` of a full closing, thumb first.
-    fn servos(hand: &Hand, share: [f64; 5]) -> [ServoState; ACTUATORS] {
-        std::array::from_fn(|n| {
-            let full = hand.transmission.cables.get(n).map_or(0.0, |cable| cable.full_excursion(FRAC_PI_2));
-            let position = share.get(n).unwrap_or(&0.0) * full / hand.parameters.cable.spool_radius;
-            ServoState { position, velocity: 0.0, current: 0.0, temperature: 25.0 }
-        })
     }
 
     /// A pad that cannot tell, or a finger that is stopped, holds; a thumb holds with fingers only, and what does not close nothing.

@@ -9,7 +9,7 @@ use hand_model::{ACTUATORS, Digit, Hand};
 use nalgebra::{Isometry3, Point3, Vector3};
 use scenarios::geometry::{DistanceGrid, Shape};
 use scenarios::objects::ObjectModel;
-use touch::posture::cable_excursion;
+use touch::posture::{cable_excursion, cable_tension};
 use touch::{CameraFault, KnownShape, PadTouch, Perceived, PoseEstimate, PosePrior, TouchError};
 
 use crate::executive::Executive;
@@ -72,6 +72,8 @@ pub struct Grip {
 
 /// A finger whose cable is taken up by less than this share of a full closing has something in its way.
 const BLOCKED_CLOSURE: f64 = 0.86;
+/// Tension from which a cable counts as pulled, N.
+const PULLED: f64 = 1.0;
 /// A finger that closes further than this share when its grasp holds has no part in holding.
 const IDLE_CLOSURE: f64 = 0.9;
 /// A finger that stops this much later than when its grasp holds, as a share of a full closing, is stopped by something else: the
@@ -112,9 +114,11 @@ impl Grip {
     }
 }
 
-/// Whether something is in a closing digit's way: its cable is taken up by less than a full closing.
+/// Whether something is in a closing digit's way: its cable is taken up by less than a full closing. A digit that is not pulled
+/// tells nothing.
 pub fn blocked(hand: &Hand, servos: &[ServoState; ACTUATORS], digit: Digit) -> bool {
-    closure(hand, servos, digit) < BLOCKED_CLOSURE
+    let pulled = cable_tension(hand, &servos[digit.index()]) > PULLED;
+    pulled && closure(hand, servos, digit) < BLOCKED_CLOSURE
 }
 
 /// How far a digit has closed, as a share of a full closing.
@@ -164,18 +168,32 @@ pub fn grip(senses: &Senses, executive: &Executive) -> Result<Grip, TouchError> 
 }
 
 #[cfg(test)]
-mod tests {
+pub(crate) mod tests {
     use hand_model::HAND_JOINTS;
 
     use super::*;
 
-    /// Servos of a hand whose cables are taken up by `share` of a full closing, thumb first.
-    fn servos(hand: &Hand, share: [f64; 5]) -> [ServoState; ACTUATORS] {
+    /// Servos of a hand whose cables are pulled with `tension` (N) and taken up by `share` of a full closing, thumb first.
+    fn pulled(hand: &Hand, share: [f64; 5], tension: f64) -> [ServoState; ACTUATORS] {
+        let cable = &hand.parameters.cable;
         std::array::from_fn(|n| {
             let full = hand.transmission.cables.get(n).map_or(0.0, |cable| cable.full_excursion(FRAC_PI_2));
-            let position = share.get(n).unwrap_or(&0.0) * full / hand.parameters.cable.spool_radius;
-            ServoState { position, velocity: 0.0, current: 0.0, temperature: 25.0 }
+            let wound = share.get(n).unwrap_or(&0.0) * full + tension / cable.stiffness;
+            let current = tension * cable.spool_radius / hand.parameters.servo.torque_constant;
+            ServoState { position: wound / cable.spool_radius, velocity: 0.0, current, temperature: 25.0 }
         })
+    }
+
+    pub(crate) fn servos(hand: &Hand, share: [f64; 5]) -> [ServoState; ACTUATORS] {
+        pulled(hand, share, 10.0)
+    }
+
+    /// A digit without power stays open; that is no object.
+    #[test]
+    fn a_slack_finger_holds_nothing() {
+        let hand = Hand::ftac();
+        let slack = Grip::of(&hand, &[], &pulled(&hand, [0.0; 5], 0.0), None);
+        assert_eq!(slack, Grip { first: false, second: false });
     }
 
     /// Fingers that close all the way hold nothing; an index finger that stops half-way does.
