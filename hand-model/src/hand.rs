@@ -4,10 +4,12 @@ use std::path::Path;
 
 use nalgebra::{Isometry3, Matrix3, Point3, Rotation3, Translation3, UnitQuaternion, Vector3};
 
+use crate::ACTUATORS;
 use crate::error::ModelError;
 use crate::kinematics::{Joint, Tree, pose_from_xyz_rpy};
 use crate::pads::{Camera, Pad};
 use crate::parameters::{Cover, Gel, HandParameters, Handedness, JointParameters, PadParameters};
+use crate::robot::ServoGoal;
 use crate::transmission::{CablePath, Guides, Transmission};
 
 /// A rounded box that stands for a link in contact.
@@ -126,6 +128,17 @@ impl Hand {
     /// Reads a hand from a parameter file.
     pub fn read(path: &Path) -> Result<Self, ModelError> {
         Ok(Self::build(HandParameters::read(path)?))
+    }
+
+    /// What the servos are asked for five cable tensions (N, held by current) and the angle of the opposition joint (rad), which
+    /// takes `current_limit` (A) at most.
+    pub fn servo_goals(&self, tensions: &[f64; 5], opposition: f64, current_limit: f64) -> [ServoGoal; ACTUATORS] {
+        let servo = &self.parameters.servo;
+        let to_current = self.parameters.cable.spool_radius / servo.torque_constant;
+        std::array::from_fn(|n| match tensions.get(n) {
+            Some(tension) => ServoGoal::Current(tension * to_current),
+            None => ServoGoal::Position { angle: opposition * servo.gear_ratio_opposition, current_limit },
+        })
     }
 
     fn build(mut parameters: HandParameters) -> Self {

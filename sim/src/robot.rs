@@ -107,7 +107,6 @@ pub struct SimulatedRobot {
     drive: HandDrive,
     state: JointState,
     arm_torque: [f64; ARM_JOINTS],
-    goal: [f64; ARM_JOINTS],
     previous_goal: [f64; ARM_JOINTS],
     set_points: [SetPoint; ARM_JOINTS],
     capture: bool,
@@ -147,7 +146,6 @@ impl SimulatedRobot {
             table,
             state,
             arm_torque: [0.0; ARM_JOINTS],
-            goal: setup.arm_start,
             previous_goal: setup.arm_start,
             set_points: setup.arm_start.map(SetPoint::new),
             capture: false,
@@ -160,6 +158,11 @@ impl SimulatedRobot {
             frames: Vec::new(),
             outside: outside::Outside::default(),
         }
+    }
+
+    /// Where the arm is to be at the end of the tick, rad.
+    fn goal(&self) -> [f64; ARM_JOINTS] {
+        self.set_points.map(|joint| joint.at)
     }
 
     fn step(&mut self, goal: &[f64; ARM_JOINTS], goal_speed: &[f64; ARM_JOINTS]) {
@@ -355,6 +358,7 @@ impl Robot for SimulatedRobot {
     fn send(&mut self, command: &Command) -> Command {
         let mut sent = *command;
         let tick = self.tick_length();
+        self.previous_goal = self.goal();
         for (i, goal) in sent.arm.iter_mut().enumerate() {
             let joint = &self.arm.tree.joints[i];
             let limits = Limits { speed: self.arm.velocity_limits[i], acceleration: self.arm.acceleration_limits[i] };
@@ -362,8 +366,6 @@ impl Robot for SimulatedRobot {
         }
         self.without_power(&mut sent);
         self.drive.set_goals(&sent.servos);
-        self.previous_goal = self.goal;
-        self.goal = sent.arm;
         self.capture = sent.capture;
         sent
     }
@@ -372,17 +374,17 @@ impl Robot for SimulatedRobot {
         self.touched_by.fill(0);
         self.object_pairs.clear();
         self.on_table.fill(false);
-        let tick = self.tick_length();
-        let speed: [f64; ARM_JOINTS] = std::array::from_fn(|i| (self.goal[i] - self.previous_goal[i]) / tick);
+        let (tick, goal) = (self.tick_length(), self.goal());
+        let speed: [f64; ARM_JOINTS] = std::array::from_fn(|i| (goal[i] - self.previous_goal[i]) / tick);
         self.begin_forces();
         for n in 1..=STEPS_PER_TICK {
             let part = n as f64 / STEPS_PER_TICK as f64;
-            let goal = std::array::from_fn(|i| self.previous_goal[i] + part * (self.goal[i] - self.previous_goal[i]));
-            self.step(&goal, &speed);
+            let now = std::array::from_fn(|i| self.previous_goal[i] + part * (goal[i] - self.previous_goal[i]));
+            self.step(&now, &speed);
             self.note_contacts();
         }
         self.end_forces();
-        self.previous_goal = self.goal;
+        self.previous_goal = goal;
         self.sequence += 1;
         if std::mem::take(&mut self.capture) {
             self.capture_tactile();

@@ -201,12 +201,5 @@ pub fn self_penetration_at(hand: &Hand, angles: &[f64; HAND_JOINTS]) -> f64 {
 
 /// Servo goals for the five cable tensions (N, held by current) and the angle of the opposition joint (rad).
 pub fn tension_goals(hand: &Hand, tensions: &[f64; 5], opposition: f64) -> [ServoGoal; ACTUATORS] {
-    let servo = hand.parameters.servo;
-    let per_newton = hand.parameters.cable.spool_radius / servo.torque_constant;
-    std::array::from_fn(|n| match tensions.get(n) {
-        Some(tension) => ServoGoal::Current(tension * per_newton),
-        None => {
-            ServoGoal::Position { angle: opposition * servo.gear_ratio_opposition, current_limit: servo.current_limit }
-        }
-    })
+    hand.servo_goals(tensions, opposition, hand.parameters.servo.current_limit)
 }

@@ -5,16 +5,81 @@ use std::sync::Arc;
 
 use anyhow::Result;
 use control::executive::Phase;
-use hand_model::robot::TactileImage;
+use hand_model::robot::{ServoState, TactileFrame, TactileImage};
 use hand_model::{ACTUATORS, ARM_JOINTS};
 use nalgebra::Isometry3;
 use scenarios::objects::ObjectModel;
 use scenarios::record::{Condition, TrialRecord};
+use sim::robot::Truth;
 use stream::recorder::{Recorder, Settings, Target};
 use stream::{DrawnObject, Level, PoseError, SignalFrame, TrialProperties};
 
 use crate::body::Task;
 use crate::trial::{Bench, Moment, Watcher};
+
+/// How recordings of the scene begin: seen from the side of the table.
+pub fn settings() -> Settings {
+    let eye = stream::blueprint::Eye { position: [1.04, -0.36, 0.20], target: [0.60, 0.0, 0.12] };
+    Settings { eye, ..Settings::default() }
+}
+
+/// `object` as it is drawn, under `name`.
+pub fn drawn(object: &ObjectModel, name: &str) -> DrawnObject {
+    let (vertices, triangles, _) = object.shape.triangles();
+    DrawnObject::from_mesh(name, &vertices, &triangles, object.color)
+}
+
+/// Where everything is, by `names` of the objects, and what touches.
+pub fn log_scene(recorder: &mut Recorder, truth: &Truth, names: &[String]) -> Result<()> {
+    recorder.set_time(truth.time);
+    let (arm, hand) = truth.links.split_at(ARM_JOINTS);
+    let inverse = truth.palm.inverse();
+    let hand: Vec<Isometry3<f64>> = hand.iter().map(|link| inverse * link).collect();
+    recorder.log_robot(arm, &truth.palm, &hand)?;
+    for (name, pose) in names.iter().zip(&truth.objects) {
+        recorder.log_object(name, pose)?;
+    }
+    let points: Vec<_> = truth.contacts.iter().map(|contact| contact.point).collect();
+    let forces: Vec<_> = truth.contacts.iter().map(|contact| contact.force).collect();
+    recorder.log_contacts(&points, &forces)?;
+    Ok(())
+}
+
+/// The signals of a moment; `posture` is the arm's reference, rad.
+pub fn log_signals(
+    recorder: &mut Recorder,
+    truth: &Truth,
+    servos: &[ServoState; ACTUATORS],
+    posture: &[f64; ARM_JOINTS],
+    pose_errors: Vec<Option<PoseError>>,
+) -> Result<()> {
+    recorder.log_scalars(&SignalFrame {
+        tensions: Some(truth.tensions),
+        currents: Some(servos.map(|servo| servo.current)),
+        joint_angles: truth.hand.clone().try_into().ok(),
+        arm_angles: Some(*posture),
+        pad_forces: truth.pad_forces.clone().try_into().ok(),
+        pose_errors,
+    })?;
+    Ok(())
+}
+
+/// The tactile images that were recorded last: one stays the newest for many ticks.
+#[derive(Default)]
+pub struct Shown(BTreeMap<usize, Arc<TactileImage>>);
+
+impl Shown {
+    /// Records those of `newest` that are new.
+    pub fn log(&mut self, recorder: &mut Recorder, newest: &[TactileFrame]) -> Result<()> {
+        for frame in newest {
+            let known = self.0.insert(frame.camera, frame.image.clone());
+            if known.is_none_or(|known| !Arc::ptr_eq(&known, &frame.image)) {
+                recorder.log_tactile(frame.camera, &frame.image)?;
+            }
+        }
+        Ok(())
+    }
+}
 
 /// Records the part that all conditions share and the branch of one condition.
 pub struct Recording {
@@ -25,7 +90,7 @@ pub struct Recording {
     branch: Option<Condition>,
     phase: Option<Phase>,
     told: bool,
-    shown: BTreeMap<usize, Arc<TactileImage>>,
+    shown: Shown,
 }
 
 impl Recording {
@@ -35,19 +100,8 @@ impl Recording {
         let plan = &bench.plans.plans[combination];
         let objects = [bench.world.object(&plan.first)?, bench.world.object(&plan.second)?];
         let names = ["first", "second"].map(str::to_owned);
-        let drawn: Vec<DrawnObject> = objects
-            .iter()
-            .zip(&names)
-            .map(|(object, name)| {
-                let (vertices, triangles, _) = object.shape.triangles();
-                DrawnObject::from_mesh(name.clone(), &vertices, &triangles, object.color)
-            })
-            .collect();
-        let settings = Settings {
-            eye: stream::blueprint::Eye { position: [1.04, -0.36, 0.20], target: [0.60, 0.0, 0.12] },
-            ..Settings::default()
-        };
-        let mut recorder = Recorder::open(targets, settings, &bench.world.hand, &bench.world.arm, &drawn)?;
+        let drawn: Vec<DrawnObject> = objects.iter().zip(&names).map(|(object, name)| drawn(object, name)).collect();
+        let mut recorder = Recorder::open(targets, settings(), &bench.world.hand, &bench.world.arm, &drawn)?;
         recorder.log_properties(&TrialProperties {
             combination: format!("{combination}: {} then {}", plan.first, plan.second),
             trial: trial as u64,
@@ -63,7 +117,7 @@ impl Recording {
             branch: None,
             phase: None,
             told: false,
-            shown: BTreeMap::new(),
+            shown: Shown::default(),
         })
     }
 
@@ -92,28 +146,17 @@ impl Watcher for Recording {
         }
         let Some(recorder) = self.recorder.as_mut() else { return Ok(()) };
         let truth = moment.truth;
-        recorder.set_time(truth.time);
-        let (arm, hand) = truth.links.split_at(ARM_JOINTS);
-        let inverse = truth.palm.inverse();
-        let hand: Vec<Isometry3<f64>> = hand.iter().map(|link| inverse * link).collect();
-        recorder.log_robot(arm, &truth.palm, &hand)?;
-        for (name, pose) in self.names.iter().zip(&truth.objects) {
-            recorder.log_object(name, pose)?;
-        }
+        log_scene(recorder, truth, &self.names)?;
         let phase = moment.executive.phase();
         if self.phase != Some(phase) {
             self.phase = Some(phase);
             recorder.log_phase(phase.name())?;
         }
-        let points: Vec<_> = truth.contacts.iter().map(|contact| contact.point).collect();
-        let forces: Vec<_> = truth.contacts.iter().map(|contact| contact.force).collect();
-        recorder.log_contacts(&points, &forces)?;
-        let servos = moment.executive.servos();
         let mut errors = vec![None, None];
         if let Some(felt) = moment.felt {
             let estimate = felt.estimate.palm_from_object;
             recorder.log_estimate(&self.names[0], Some(&(truth.palm * estimate)))?;
-            let real = inverse * truth.objects[0];
+            let real = truth.palm.inverse() * truth.objects[0];
             errors[0] = Some(PoseError {
                 mm: (real.translation.vector - estimate.translation.vector).norm() * 1e3,
                 deg: self.objects[0].symmetry.angle(&real.rotation, &estimate.rotation).to_degrees(),
@@ -128,22 +171,9 @@ impl Watcher for Recording {
         if let Some(note) = moment.note {
             recorder.log_text(Level::Info, note)?;
         }
-        for frame in moment.executive.newest_images() {
-            // An image stays the newest one for many ticks.
-            let known = self.shown.insert(frame.camera, frame.image.clone());
-            if known.is_none_or(|known| !Arc::ptr_eq(&known, &frame.image)) {
-                recorder.log_tactile(frame.camera, &frame.image)?;
-            }
-        }
-        recorder.log_scalars(&SignalFrame {
-            tensions: Some(truth.tensions),
-            currents: Some(std::array::from_fn::<f64, ACTUATORS, _>(|n| servos[n].current)),
-            joint_angles: truth.hand.clone().try_into().ok(),
-            arm_angles: Some(*moment.executive.posture()),
-            pad_forces: truth.pad_forces.clone().try_into().ok(),
-            pose_errors: errors,
-        })?;
-        Ok(())
+        let executive = moment.executive;
+        self.shown.log(recorder, executive.newest_images())?;
+        log_signals(recorder, truth, executive.servos(), executive.posture(), errors)
     }
 
     fn outcome(&mut self, record: &TrialRecord) -> Result<()> {

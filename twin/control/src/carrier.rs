@@ -11,10 +11,10 @@ use hand_model::robot::{Command, Observation, ServoState, TactileFrame};
 use hand_model::{ACTUATORS, CAMERAS, Digit, Hand};
 use nalgebra::{Isometry3, Translation3, Vector3};
 
-use crate::executive::holding::servo_goals;
+use crate::executive::holding::{approach_tension, closing_tension, servo_goals};
 use crate::executive::way::approach;
 use crate::executive::{
-    CLOSING_TIME, ExecutiveError, LOOK_TIME, OPENING_TIME, Percept, Protocol, TENSION_RATE, duration, keep_newest,
+    CLOSING_TIME, ExecutiveError, LOOK_TIME, OPENING_TIME, Percept, Protocol, duration, keep_newest,
 };
 use crate::inverse_kinematics::{ArmServo, Joints};
 use crate::trajectory::PosePath;
@@ -239,9 +239,7 @@ impl Carrier {
         let (palm, twist) = self.path.sample(self.clock);
         let step = self.servo.step(&palm, &twist, self.tick)?;
         let wanted = self.wanted_tension();
-        for (now, wanted) in self.tension.iter_mut().zip(wanted) {
-            *now += (wanted - *now).clamp(-TENSION_RATE * self.tick, TENSION_RATE * self.tick);
-        }
+        approach_tension(&mut self.tension, &wanted, self.tick);
         // A thumb that holds something stays opposed as it is.
         if let Some(grasp) = self.grasp.as_ref().filter(|_| self.kept[Digit::Thumb.index()] == 0.0) {
             self.opposition = grasp.opposition;
@@ -256,14 +254,9 @@ impl Carrier {
 
     fn wanted_tension(&self) -> [f64; 5] {
         let Some(grasp) = &self.grasp else { return self.kept };
-        let delay = |digit: usize| {
-            let thumb = digit == Digit::Thumb.index();
-            if thumb { grasp.thumb_delay.max(0.0) } else { (-grasp.thumb_delay).max(0.0) }
-        };
         std::array::from_fn(|digit| match self.stage {
             Stage::Approach => self.kept[digit].max(grasp.pre_tension[digit]),
-            Stage::Close if self.clock < delay(digit) => self.kept[digit].max(grasp.pre_tension[digit]),
-            Stage::Close => self.kept[digit].max(grasp.close_tension[digit]),
+            Stage::Close => self.kept[digit].max(closing_tension(grasp, digit, self.clock)),
             _ => self.kept[digit],
         })
     }

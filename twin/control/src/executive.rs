@@ -18,13 +18,11 @@ use hand_model::{ACTUATORS, CAMERAS, Hand};
 use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, Vector3};
 pub use scenarios::phase::Phase;
 
-use self::holding::servo_goals;
+use self::holding::{approach_tension, servo_goals};
 use crate::inverse_kinematics::{ArmServo, IkError, Joints};
 use crate::slip::{self, SlipWatch};
 use crate::trajectory::{PathError, PathLimits, PosePath};
 
-/// How fast tensions change, N/s.
-pub(crate) const TENSION_RATE: f64 = 80.0;
 /// Time the digits are given to close, s.
 pub(crate) const CLOSING_TIME: f64 = 1.1;
 /// Distance from which the hand approaches a grasp, m.
@@ -325,9 +323,7 @@ impl Executive {
         let step = self.servo.step(&palm, &twist, self.tick)?;
         self.worst_tracking = self.worst_tracking.max(step.position_error);
         let wanted = self.held_tension(observation);
-        for (now, wanted) in self.tension.iter_mut().zip(wanted) {
-            *now += (wanted - *now).clamp(-TENSION_RATE * self.tick, TENSION_RATE * self.tick);
-        }
+        approach_tension(&mut self.tension, &wanted, self.tick);
         self.opposition = match self.phase {
             Phase::ApproachFirst | Phase::GraspFirst | Phase::LiftFirst | Phase::Look | Phase::Decide => {
                 self.first.0.opposition

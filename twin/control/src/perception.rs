@@ -9,7 +9,7 @@ use hand_model::{ACTUATORS, Digit, Hand};
 use nalgebra::{Isometry3, Point3, Vector3};
 use scenarios::geometry::{DistanceGrid, Shape};
 use scenarios::objects::ObjectModel;
-use touch::posture::{cable_excursion, cable_tension};
+use touch::posture::{cable_excursion, cable_tension, digit_of};
 use touch::{CameraFault, KnownShape, PadTouch, Perceived, PoseEstimate, PosePrior, TouchError};
 
 use crate::executive::Executive;
@@ -128,11 +128,6 @@ fn closure(hand: &Hand, servos: &[ServoState; ACTUATORS], digit: Digit) -> f64 {
 
 fn full_excursion(hand: &Hand, digit: Digit) -> f64 {
     hand.transmission.cables[digit.index()].full_excursion(FRAC_PI_2)
-}
-
-/// The digit a link belongs to; `None` is the palm.
-fn digit_of(link: Option<usize>) -> Option<Digit> {
-    link.and_then(|link| Digit::ALL.into_iter().find(|digit| digit.joints().contains(&link)))
 }
 
 /// Interprets the images that the executive took of `object` in the hand.

@@ -18,22 +18,23 @@ const EVERY: usize = 4;
 
 /// A hand's perception and what it may use.
 #[derive(Debug, Clone)]
-pub struct Senses {
-    pipeline: TouchPipeline,
+pub struct Senses<'a> {
+    pipeline: Cow<'a, TouchPipeline>,
     sensing: Sensing,
 }
 
-impl Senses {
+impl<'a> Senses<'a> {
     /// What `sensing` leaves of `pipeline`.
-    pub fn new(pipeline: &TouchPipeline, sensing: Sensing) -> Result<Self, TouchError> {
-        let mut pipeline = pipeline.clone();
+    pub fn new(pipeline: &'a TouchPipeline, sensing: Sensing) -> Result<Self, TouchError> {
+        let mut pipeline = Cow::Borrowed(pipeline);
         match sensing {
             Sensing::CoarseImages => {
                 let coarse: Vec<_> = pipeline.backgrounds().iter().map(|image| Arc::new(coarsen(image))).collect();
-                pipeline = pipeline.with_backgrounds(coarse)?;
+                pipeline = Cow::Owned(pipeline.into_owned().with_backgrounds(coarse)?);
             }
             Sensing::PointsOnly => {
-                pipeline.pose = PoseOptions { use_clear: false, sigma_normal: f64::INFINITY, ..pipeline.pose };
+                let pose = PoseOptions { use_clear: false, sigma_normal: f64::INFINITY, ..pipeline.pose };
+                pipeline.to_mut().pose = pose;
             }
             _ => {}
         }
@@ -65,7 +66,7 @@ impl Senses {
         }
     }
 
-    fn left<'a>(&self, frames: &'a [TactileFrame]) -> Cow<'a, [TactileFrame]> {
+    fn left<'f>(&self, frames: &'f [TactileFrame]) -> Cow<'f, [TactileFrame]> {
         let hand = self.pipeline.hand();
         match self.sensing {
             Sensing::Full | Sensing::PointsOnly | Sensing::TruePose => Cow::Borrowed(frames),

@@ -10,6 +10,7 @@ use std::sync::Arc;
 use grasping::Role;
 use hand_model::robot::{ServoState, TactileFrame, TactileImage};
 use hand_model::{ACTUATORS, Digit, Hand};
+use touch::posture::digit_of;
 
 /// How often pads are looked at while carrying, s.
 pub const LOOK_PERIOD: f64 = 0.1;
@@ -145,7 +146,7 @@ impl GripWatch {
 /// Whose pads a camera looks through: the palm's belong to the first grip, which leans on it.
 fn role_of(hand: &Hand, camera: usize) -> Role {
     let link = hand.pads[hand.cameras[camera].pad].link;
-    let second = link.is_some_and(|link| Role::Second.digits().iter().any(|digit| digit.joints().contains(&link)));
+    let second = digit_of(link).is_some_and(|digit| Role::Second.digits().contains(&digit));
     if second { Role::Second } else { Role::First }
 }
 

@@ -53,6 +53,19 @@ impl Properties {
         view
     }
 
+    /// A view of things in space, seen from `eye` with `up` upward.
+    fn scene(&mut self, name: &str, origin: &str, eye: Eye, up: [f32; 3]) -> ContainerLike {
+        let controls = EyeControls3D::new().with_position(eye.position).with_look_target(eye.target).with_eye_up(up);
+        self.on(
+            Spatial3DView::new(name).with_origin(origin),
+            vec![
+                ("EyeControls3D", Box::new(controls)),
+                ("Background", Box::new(background([34, 37, 43]))),
+                ("LineGrid3D", Box::new(LineGrid3D::new().with_visible(false))),
+            ],
+        )
+    }
+
     fn plot(&mut self, name: &str, contents: &[&str], legend: bool) -> ContainerLike {
         let view = TimeSeriesView::new(name)
             .with_origin(entities::SIGNALS)
@@ -75,16 +88,7 @@ impl Properties {
 
 fn layout(eye: Eye) -> (Blueprint, Properties) {
     let mut with = Properties::default();
-    let controls =
-        EyeControls3D::new().with_position(eye.position).with_look_target(eye.target).with_eye_up([0.0f32, 0.0, 1.0]);
-    let world = with.on(
-        Spatial3DView::new("World").with_origin(entities::WORLD),
-        vec![
-            ("EyeControls3D", Box::new(controls)),
-            ("Background", Box::new(background([34, 37, 43]))),
-            ("LineGrid3D", Box::new(LineGrid3D::new().with_visible(false))),
-        ],
-    );
+    let world = with.scene("World", entities::WORLD, eye, [0.0, 0.0, 1.0]);
     let plots = Vertical::new([
         Horizontal::new([
             with.plot("Cable tensions (N)", &[entities::TENSIONS], true),
@@ -134,50 +138,32 @@ pub fn send(rec: &RecordingStream, eye: Eye) -> Result<(), StreamError> {
 /// Sends the layout of a gallery of grasps: the hands, and beside them what there is to say.
 pub fn send_gallery(rec: &RecordingStream, eye: Eye) -> Result<(), StreamError> {
     let mut with = Properties::default();
-    let controls =
-        EyeControls3D::new().with_position(eye.position).with_look_target(eye.target).with_eye_up([0.0f32, 1.0, 0.0]);
-    let hands = with.on(
-        Spatial3DView::new("Grasps").with_origin(entities::GALLERY),
-        vec![
-            ("EyeControls3D", Box::new(controls)),
-            ("Background", Box::new(background([34, 37, 43]))),
-            ("LineGrid3D", Box::new(LineGrid3D::new().with_visible(false))),
-        ],
-    );
+    let hands = with.scene("Grasps", entities::GALLERY, eye, [0.0, 1.0, 0.0]);
     let text = TextDocumentView::new("Grasps in words").with_origin(entities::GALLERY_TEXT);
-    let blueprint = Blueprint::new(Horizontal::new([hands, text.into()]).with_column_shares([0.75, 0.25]))
-        .with_auto_views(false)
-        .with_auto_layout(false)
-        .with_blueprint_panel(BlueprintPanel::from_state(PanelState::Collapsed))
-        .with_selection_panel(SelectionPanel::from_state(PanelState::Collapsed))
-        .with_time_panel(TimePanel::new().with_state(PanelState::Hidden));
-    deliver(rec, (blueprint, with))
+    let blueprint = Blueprint::new(Horizontal::new([hands, text.into()]).with_column_shares([0.75, 0.25]));
+    deliver(rec, (still(blueprint), with))
 }
 
 /// Sends the layout of a held object as it is felt: the hand, and beside it images and words.
 pub fn send_felt(rec: &RecordingStream, eye: Eye) -> Result<(), StreamError> {
     let mut with = Properties::default();
-    let controls =
-        EyeControls3D::new().with_position(eye.position).with_look_target(eye.target).with_eye_up([0.0f32, 1.0, 0.0]);
-    let hand = with.on(
-        Spatial3DView::new("Felt on the hand").with_origin(entities::GALLERY),
-        vec![
-            ("EyeControls3D", Box::new(controls)),
-            ("Background", Box::new(background([34, 37, 43]))),
-            ("LineGrid3D", Box::new(LineGrid3D::new().with_visible(false))),
-        ],
-    );
+    let hand = with.scene("Felt on the hand", entities::GALLERY, eye, [0.0, 1.0, 0.0]);
     let sheet = Spatial2DView::new("Image, normals, height and patches").with_origin(entities::SHEET);
     let text = TextDocumentView::new("In words").with_origin(entities::GALLERY_TEXT);
     let left = Vertical::new([hand, text.into()]).with_row_shares([0.75, 0.25]);
     let blueprint =
-        Blueprint::new(Horizontal::new([ContainerLike::from(left), sheet.into()]).with_column_shares([0.5, 0.5]))
-            .with_auto_views(false)
-            .with_auto_layout(false)
-            .with_blueprint_panel(BlueprintPanel::from_state(PanelState::Collapsed))
-            .with_selection_panel(SelectionPanel::from_state(PanelState::Collapsed))
-            .with_time_panel(TimePanel::new().with_state(PanelState::Hidden));
-    deliver(rec, (blueprint, with))
+        Blueprint::new(Horizontal::new([ContainerLike::from(left), sheet.into()]).with_column_shares([0.5, 0.5]));
+    deliver(rec, (still(blueprint), with))
+}
+
+/// The layout as it is, for what stands still: no panels, no time.
+fn still(blueprint: Blueprint) -> Blueprint {
+    blueprint
+        .with_auto_views(false)
+        .with_auto_layout(false)
+        .with_blueprint_panel(BlueprintPanel::from_state(PanelState::Collapsed))
+        .with_selection_panel(SelectionPanel::from_state(PanelState::Collapsed))
+        .with_time_panel(TimePanel::new().with_state(PanelState::Hidden))
 }
 
 fn deliver(rec: &RecordingStream, (blueprint, properties): (Blueprint, Properties)) -> Result<(), StreamError> {

@@ -5,15 +5,14 @@ use hand_model::Hand;
 use image::{ExtendedColorType, ImageEncoder, RgbImage, codecs::png::PngEncoder};
 use nalgebra::{Isometry3, Point3, Vector3};
 use rerun::log::ChunkBatcherConfig;
-use rerun::sink::{LogSink, MultiSink};
-use rerun::{Arrows3D, EncodedImage, Points3D, RecordingStreamBuilder, TextDocument};
+use rerun::{Arrows3D, EncodedImage, Points3D, TextDocument};
 
 use crate::blueprint::{self, Eye};
+use crate::entities;
 use crate::error::StreamError;
 use crate::mesh::DrawnObject;
-use crate::recorder::{Settings, Target, sink};
+use crate::recorder::{self, Settings, Target};
 use crate::scene::{drawn, ghost, link_color, log_hand_at, transform};
-use crate::{APPLICATION, entities};
 
 /// How opaque the true object is, of 255.
 const VEIL: u8 = 70;
@@ -41,14 +40,7 @@ pub struct FeltScene {
 
 /// Writes a scene to `targets`.
 pub fn write(targets: &[Target], hand: &Hand, scene: &FeltScene) -> Result<(), StreamError> {
-    let sinks: Vec<Box<dyn LogSink>> = targets.iter().map(sink).collect::<Result<_, _>>()?;
-    let rec = RecordingStreamBuilder::new(APPLICATION)
-        .enabled(!sinks.is_empty())
-        .batcher_config(ChunkBatcherConfig::DEFAULT)
-        .buffered()?;
-    rec.set_log_time_enabled(false);
-    rec.set_log_tick_enabled(false);
-    rec.set_sink(Box::new(MultiSink::new(sinks)));
+    let rec = recorder::open(targets, ChunkBatcherConfig::DEFAULT)?;
     let target = scene.estimate.translation.vector;
     let eye = target + Vector3::new(0.13, 0.06, -0.2);
     blueprint::send_felt(&rec, Eye { position: eye.cast::<f32>().into(), target: target.cast::<f32>().into() })?;

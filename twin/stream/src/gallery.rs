@@ -3,15 +3,14 @@
 use hand_model::Hand;
 use nalgebra::{Isometry3, Point3, UnitVector3, Vector3};
 use rerun::log::ChunkBatcherConfig;
-use rerun::sink::{LogSink, MultiSink};
-use rerun::{Arrows3D, Points3D, RecordingStream, RecordingStreamBuilder, TextDocument};
+use rerun::{Arrows3D, Points3D, RecordingStream, TextDocument};
 
 use crate::blueprint::{self, Eye};
+use crate::entities;
 use crate::error::StreamError;
 use crate::mesh::{DrawnObject, Mesh};
-use crate::recorder::{Settings, Target, sink};
+use crate::recorder::{self, Settings, Target};
 use crate::scene::{drawn, link_color, log_hand_at, transform};
-use crate::{APPLICATION, entities};
 
 /// Distance between neighbours, m.
 const PITCH: f64 = 0.26;
@@ -82,14 +81,7 @@ pub fn write(
     mu: f64,
     grasps: &[ShownGrasp],
 ) -> Result<(), StreamError> {
-    let sinks: Vec<Box<dyn LogSink>> = targets.iter().map(sink).collect::<Result<_, _>>()?;
-    let rec = RecordingStreamBuilder::new(APPLICATION)
-        .enabled(!sinks.is_empty())
-        .batcher_config(ChunkBatcherConfig::DEFAULT)
-        .buffered()?;
-    rec.set_log_time_enabled(false);
-    rec.set_log_tick_enabled(false);
-    rec.set_sink(Box::new(MultiSink::new(sinks)));
+    let rec = recorder::open(targets, ChunkBatcherConfig::DEFAULT)?;
     let columns = (grasps.len() as f64).sqrt().ceil().max(1.0) as usize;
     let rows = grasps.len().div_ceil(columns);
     let center = Vector3::new(0.5 * PITCH * (columns - 1) as f64, -0.5 * PITCH * rows.saturating_sub(1) as f64, -0.02);

@@ -116,17 +116,10 @@ impl Recorder {
         arm: &Arm,
         objects: &[DrawnObject],
     ) -> Result<Self, StreamError> {
-        let sinks: Vec<Box<dyn LogSink>> = targets.iter().map(sink).collect::<Result<_, _>>()?;
         let live = targets.iter().any(|target| !matches!(target, Target::File(_)));
         // Long batches make small files; a live view wants short ones.
         let flush_tick = Duration::from_millis(if live { 50 } else { 2000 });
-        let rec = RecordingStreamBuilder::new(APPLICATION)
-            .enabled(!sinks.is_empty())
-            .batcher_config(ChunkBatcherConfig { flush_tick, ..ChunkBatcherConfig::DEFAULT })
-            .buffered()?;
-        rec.set_log_time_enabled(false);
-        rec.set_log_tick_enabled(false);
-        rec.set_sink(Box::new(MultiSink::new(sinks)));
+        let rec = open(targets, ChunkBatcherConfig { flush_tick, ..ChunkBatcherConfig::DEFAULT })?;
         blueprint::send(&rec, settings.eye)?;
         scene::log_static(&rec, hand, arm, objects)?;
         tactile::log_static(&rec, hand, settings.image_side)?;
@@ -305,7 +298,17 @@ impl Recorder {
     }
 }
 
-pub(crate) fn sink(target: &Target) -> Result<Box<dyn LogSink>, StreamError> {
+/// A recording into all of `targets`, without the clocks that Rerun adds; without targets it takes nothing.
+pub(crate) fn open(targets: &[Target], batches: ChunkBatcherConfig) -> Result<RecordingStream, StreamError> {
+    let sinks: Vec<Box<dyn LogSink>> = targets.iter().map(sink).collect::<Result<_, _>>()?;
+    let rec = RecordingStreamBuilder::new(APPLICATION).enabled(!sinks.is_empty()).batcher_config(batches).buffered()?;
+    rec.set_log_time_enabled(false);
+    rec.set_log_tick_enabled(false);
+    rec.set_sink(Box::new(MultiSink::new(sinks)));
+    Ok(rec)
+}
+
+fn sink(target: &Target) -> Result<Box<dyn LogSink>, StreamError> {
     let grpc = |address: &str| -> Result<Box<dyn LogSink>, StreamError> {
         let uri = address.parse().map_err(|_| StreamError::Address(address.to_owned()))?;
         Ok(Box::new(GrpcSink::new(uri)))

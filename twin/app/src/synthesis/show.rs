@@ -13,14 +13,15 @@ use hand_model::Hand;
 use image::RgbImage;
 use nalgebra::{Isometry3, Point3, UnitVector3, Vector3};
 use scenarios::objects::{ObjectModel, ObjectSet};
+use stream::Target;
 use stream::gallery::{self, ShownContact, ShownGrasp};
-use stream::{DrawnObject, Target};
 
 use super::repertoire;
 use super::subject::TEST_FRICTION;
 use crate::check::picture::{self, Picture, View};
 use crate::cli::{Cli, ShowArgs};
 use crate::commands::Outcome;
+use crate::recording::drawn;
 use crate::report::{html::escape, write_whole};
 
 /// Sizes of a picture: an object's, a grasp's, pixels.
@@ -161,8 +162,7 @@ fn record(cli: &Cli, args: &ShowArgs, collection: &Collection, name: &str, set: 
     kinds.truncate(args.kinds);
     let grasps: Vec<ShownGrasp> = kinds.iter().map(shown).collect();
     let model = object_of(set, name)?;
-    let (vertices, triangles, _) = model.shape.triangles();
-    let drawn = DrawnObject::from_mesh(name, &vertices, &triangles, model.color);
+    let drawn = drawn(&model, name);
     let file = args.out.clone().unwrap_or_else(|| PathBuf::from(format!("recordings/grasps_{name}.rrd")));
     gallery::write(&[Target::File(file.clone())], hand, &drawn, TEST_FRICTION, &grasps)?;
     if !cli.quiet {

@@ -8,14 +8,15 @@ use hand_model::pads::{Camera, IMAGE_SIZE as N};
 use hand_model::{CAMERAS, Hand};
 use image::imageops::{self, FilterType};
 use image::{Rgb, RgbImage};
+use stream::Target;
 use stream::felt::FeltScene;
-use stream::{DrawnObject, Target};
 use touch::{HeightMap, PadTouch, Patch};
 
 use super::images::Eyes;
 use super::normals::normal_picture;
 use super::poses::apart;
 use crate::check::picture::text;
+use crate::recording::drawn;
 use crate::trial::{Bench, HeldGrasp};
 
 /// Side of a picture on the sheet, pixels, and the room for its name.
@@ -49,7 +50,6 @@ pub fn write(bench: &Bench, eyes: &Eyes, grasps: &[HeldGrasp], folder: &Path) ->
         let [mm, deg] = apart(&known.model, &estimate.palm_from_object, &grasp.truth);
         let [plan_mm, plan_deg] = apart(&known.model, &grasp.expected, &grasp.truth);
         let (sigma, turn) = estimate.sigma();
-        let (vertices, triangles, _) = known.model.shape.triangles();
         let scene = FeltScene {
             text: format!(
                 "# {}\nCombination {}, trial {}. Blue: where touch has it; in its own colour: where it is.\n\n\
@@ -66,7 +66,7 @@ pub fn write(bench: &Bench, eyes: &Eyes, grasps: &[HeldGrasp], folder: &Path) ->
                 estimate.unobservable.len()
             ),
             joints: estimate.q.to_vec(),
-            object: DrawnObject::from_mesh(&grasp.object, &vertices, &triangles, known.model.color),
+            object: drawn(&known.model, &grasp.object),
             estimate: estimate.palm_from_object,
             truth: grasp.truth,
             points: points(hand, &touches, &estimate.q),

@@ -54,7 +54,7 @@ impl Story {
 /// What the policy knows while a trial goes on.
 struct Adaptation<'a> {
     start: &'a Start,
-    senses: Senses,
+    senses: Senses<'a>,
     run: Run,
     story: Story,
     /// Grasps for the first and for the second object, while they stand as the plan expects them.

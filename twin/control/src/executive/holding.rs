@@ -8,17 +8,25 @@ use crate::slip::{self, SlipWatch};
 
 /// Current limit of the opposition servo, A.
 const OPPOSITION_CURRENT: f64 = 0.6;
+/// How fast tensions change, N/s.
+const TENSION_RATE: f64 = 80.0;
 
 /// What the servos are asked for five cable tensions (N) and the angle of the opposition joint (rad).
 pub(crate) fn servo_goals(hand: &Hand, tension: &[f64; 5], opposition: f64) -> [ServoGoal; ACTUATORS] {
-    let servo = &hand.parameters.servo;
-    let to_current = hand.parameters.cable.spool_radius / servo.torque_constant;
-    std::array::from_fn(|n| match tension.get(n) {
-        Some(tension) => ServoGoal::Current(tension * to_current),
-        None => {
-            ServoGoal::Position { angle: opposition * servo.gear_ratio_opposition, current_limit: OPPOSITION_CURRENT }
-        }
-    })
+    hand.servo_goals(tension, opposition, OPPOSITION_CURRENT)
+}
+
+/// Changes the tensions of `now` towards those `wanted` (N) for a tick (s).
+pub(crate) fn approach_tension(now: &mut [f64; 5], wanted: &[f64; 5], tick: f64) {
+    for (now, wanted) in now.iter_mut().zip(wanted) {
+        *now += (wanted - *now).clamp(-TENSION_RATE * tick, TENSION_RATE * tick);
+    }
+}
+
+/// Tension of a digit (N) when `grasp` has been closing for `time` (s): the thumb may start later or earlier than the fingers.
+pub(crate) fn closing_tension(grasp: &Grasp, digit: usize, time: f64) -> f64 {
+    let delay = if digit == Digit::Thumb.index() { grasp.thumb_delay.max(0.0) } else { (-grasp.thumb_delay).max(0.0) };
+    if time >= delay { grasp.close_tension[digit] } else { grasp.pre_tension[digit] }
 }
 
 impl Executive {
@@ -53,12 +61,7 @@ impl Executive {
     /// Tensions wanted in the present phase, N.
     fn wanted_tension(&self) -> [f64; 5] {
         let (first, second) = (&self.first.0, &self.second.0);
-        let closing = |grasp: &Grasp, digit: usize| {
-            // The thumb may start later or earlier than the fingers.
-            let delay =
-                if digit == Digit::Thumb.index() { grasp.thumb_delay.max(0.0) } else { (-grasp.thumb_delay).max(0.0) };
-            if self.clock >= delay { grasp.close_tension[digit] } else { grasp.pre_tension[digit] }
-        };
+        let closing = |grasp: &Grasp, digit: usize| closing_tension(grasp, digit, self.clock);
         std::array::from_fn(|digit| match self.phase {
             Phase::ApproachFirst => first.pre_tension[digit],
             Phase::GraspFirst => closing(first, digit),
