@@ -15,6 +15,8 @@ pub const STRONGEST: f64 = 90.0;
 /// Ranges of the thumb's opposition, rad.
 const ABDUCTED: (f64, f64) = (0.7, 1.65);
 const ADDUCTED: (f64, f64) = (0.0, 0.5);
+/// Chance that a neighbour's servos lock where these do not, or the other way round.
+const OTHERWISE: f64 = 0.1;
 
 /// One placement with its commands.
 #[derive(Debug, Clone, Serialize)]
@@ -23,16 +25,21 @@ pub struct Attempt {
     pub position: [f64; 3],
     /// Its rotation vector, palm frame, rad.
     pub rotation: [f64; 3],
-    /// Cable tensions, N.
+    /// Cable tensions before the object is put there, N: the hand's shape then.
+    pub before: [f64; 5],
+    /// Cable tensions that close on it, N.
     pub tensions: [f64; 5],
     /// Opposition command, rad.
     pub opposition: f64,
+    /// Whether the servos, once closed, keep their angle instead of their current.
+    pub locked: bool,
 }
 
 impl Attempt {
-    pub fn new(place: &Isometry3<f64>, tensions: [f64; 5], opposition: f64) -> Self {
+    /// Closing from the open hand, servos then locked or not.
+    pub fn new(place: &Isometry3<f64>, tensions: [f64; 5], opposition: f64, locked: bool) -> Self {
         let (position, rotation) = (place.translation.vector.into(), place.rotation.scaled_axis().into());
-        Self { position, rotation, tensions, opposition }
+        Self { position, rotation, before: [0.0; 5], tensions, opposition, locked }
     }
 
     /// `palm_from_object`.
@@ -71,26 +78,29 @@ pub fn propose(hand: &Hand, curls: &Curls, kind: &GraspType, rng: &mut ChaCha8Rn
         // Where all digits take part, the object also runs along the palm under the fingers.
         Opposition::Side if kind.digits.len() == 5 && rng.random_bool(0.5) => at_palm(hand, kind, rng),
         Opposition::Palm => at_palm(hand, kind, rng),
-        Opposition::Pad => opposed::propose(hand, curls, kind, rng),
-        Opposition::Side if kind.digits[0] == Digit::Thumb => opposed::propose(hand, curls, kind, rng),
-        Opposition::Side => between_fingers(hand, kind, rng),
+        Opposition::Pad | Opposition::Side => opposed::propose(hand, curls, kind, rng),
     }
 }
 
 /// A neighbour of an attempt, `step` times the usual way from it.
 pub fn vary(attempt: &Attempt, step: f64, rng: &mut ChaCha8Rng) -> Attempt {
-    let (mut place, mut tensions, mut opposition) = (attempt.place(), attempt.tensions, attempt.opposition);
+    let mut next = attempt.clone();
     // The place, the commands, or both.
     let what = rng.random_range(0..3);
     if what != 0 {
-        place.translation.vector += jitter(rng, 0.005 * step);
-        place.rotation = UnitQuaternion::from_scaled_axis(jitter(rng, 0.15 * step)) * place.rotation;
+        let place = attempt.place();
+        next.position = (place.translation.vector + jitter(rng, 0.005 * step)).into();
+        let turned = UnitQuaternion::from_scaled_axis(jitter(rng, 0.15 * step)) * place.rotation;
+        next.rotation = turned.scaled_axis().into();
     }
     if what != 1 {
-        tensions = tensions.map(|tension| (tension * (step * within(rng, (-0.35, 0.35))).exp()).min(STRONGEST));
-        opposition = (opposition + 0.12 * step * rng.random_range(-1.0..1.0)).clamp(0.0, ABDUCTED.1);
+        next.tensions =
+            next.tensions.map(|tension| (tension * (step * within(rng, (-0.35, 0.35))).exp()).min(STRONGEST));
+        next.before = next.before.map(|tension| tension * (step * within(rng, (-0.2, 0.2))).exp());
+        next.opposition = (next.opposition + 0.12 * step * rng.random_range(-1.0..1.0)).clamp(0.0, ABDUCTED.1);
+        next.locked ^= rng.random_bool(OTHERWISE);
     }
-    Attempt::new(&place, tensions, opposition)
+    next
 }
 
 /// The thumb's opposition as the type has it: the range of the command, rad.
@@ -109,7 +119,9 @@ fn at_palm(hand: &Hand, kind: &GraspType, rng: &mut ChaCha8Rng) -> Attempt {
     let flat = kind.prop.name == "disk";
     // A tool that the index finger lies along runs up its length; everything else lies across the fingers.
     let along_index = kind.digits.contains(&Digit::Index) && kind.digits[0] == Digit::Middle;
-    let slant = within(rng, if along_index { (0.5, 1.3) } else { (-0.5, 0.5) });
+    // What a finger shall touch with its side crosses the palm.
+    let crosses = along_index || kind.opposition == Opposition::Side;
+    let slant = within(rng, if crosses { (0.5, 1.3) } else { (-0.5, 0.5) });
     let across = Vector3::new(slant.cos(), slant.sin(), 0.0);
     // A disk lies flat on the palm, everything else on its side.
     let rotation = if flat { UnitQuaternion::identity() } else { turn(&Vector3::z(), &across) };
@@ -135,18 +147,5 @@ fn at_palm(hand: &Hand, kind: &GraspType, rng: &mut ChaCha8Rng) -> Attempt {
     if !kind.digits.contains(&Digit::Thumb) && rng.random_bool(0.5) {
         tensions[0] = 0.0;
     }
-    Attempt::new(&Isometry3::from_parts(at.into(), rotation), tensions, opposition(kind, rng))
-}
-
-/// Between the sides of two neighbouring fingers.
-fn between_fingers(hand: &Hand, kind: &GraspType, rng: &mut ChaCha8Rng) -> Attempt {
-    let links = hand.tree.forward(&[0.0; 15]);
-    let [a, b] = [kind.digits[0], kind.digits[1]].map(|digit| links[digit.joints()[1]].translation.vector);
-    let at = 0.5 * (a + b) + Vector3::new(0.0, within(rng, (0.0, 0.04)), within(rng, (-0.01, 0.0)));
-    let mut tensions = [0.0; 5];
-    for digit in kind.digits {
-        tensions[digit.index()] = tension(rng, 0.3, 12.0);
-    }
-    let rotation = turn(&(a - b), &(Vector3::z() + jitter(rng, 0.5)));
-    Attempt::new(&Isometry3::from_parts(at.into(), rotation), tensions, opposition(kind, rng))
+    Attempt::new(&Isometry3::from_parts(at.into(), rotation), tensions, opposition(kind, rng), rng.random_bool(0.5))
 }

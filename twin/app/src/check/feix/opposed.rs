@@ -24,10 +24,15 @@ const SHRINK: f64 = 0.98;
 const MEETING: (f64, f64) = (0.7, 14.0);
 /// A misfit of this counts as much as looking past each other at a right angle, m.
 const MISFIT: f64 = 0.003;
-/// How far along the pad it may touch: 1 is the end of its flat part, 2 the fingertip.
-const ALONG_PAD: (f64, f64) = (-0.4, 1.3);
+/// How far along a flank, and how far round from its middle towards pad or back, rad.
+const ALONG_FLANK: (f64, f64) = (-0.9, 0.9);
+const ROUND: (f64, f64) = (-0.9, 0.9);
+/// The flat part of a flank is passed within this, rad.
+const ROUND_EDGE: f64 = 0.1;
 /// What a finger is pulled beyond that, N.
 const PRESS: (f64, f64) = (1.5, 30.0);
+/// What is left of the tension of meeting in a finger that presses by its springs.
+const GIVING_WAY: (f64, f64) = (0.0, 0.7);
 /// Size of spread that tells a rod's direction, m.
 const SPREAD: f64 = 0.01;
 
@@ -36,8 +41,25 @@ const SPREAD: f64 = 0.01;
 enum Part {
     /// Its pad, this far along.
     Pad(f64),
-    /// The side that looks towards the thumb, on this phalanx, this far along.
-    Flank(usize, f64),
+    /// A side.
+    Flank(Flank),
+}
+
+/// A place at the side of a finger.
+#[derive(Debug, Clone, Copy)]
+struct Flank {
+    phalanx: usize,
+    /// How far along, and how far round towards the pad, rad.
+    along: f64,
+    round: f64,
+    /// -1 looks towards the thumb, 1 away from it.
+    side: f64,
+}
+
+impl Flank {
+    fn draw(side: f64, rng: &mut ChaCha8Rng) -> Self {
+        Self { phalanx: rng.random_range(1..3), along: within(rng, ALONG_FLANK), round: within(rng, ROUND), side }
+    }
 }
 
 /// Where digits touch, and the command that brings them there.
@@ -62,28 +84,31 @@ impl Guess {
             tensions[digit.index()] = common * within(rng, (-0.5, 0.5)).exp();
         }
         tensions[0] = tension(rng, MEETING.0, MEETING.1);
-        let along = within(rng, ALONG_PAD);
-        let mut parts = vec![(Digit::Thumb, Part::Pad(within(rng, ALONG_PAD)))];
-        let fingers = || kind.digits.iter().copied().filter(|digit| *digit != Digit::Thumb);
-        if kind.opposition == Opposition::Side {
-            let flank = Part::Flank(rng.random_range(1..3), within(rng, (-0.8, 0.8)));
-            match kind.digits {
-                // On the middle finger's side with the index finger's pad on top.
-                [Digit::Thumb, index, middle] if rng.random_bool(0.6) => {
-                    parts.extend([(*index, Part::Pad(along)), (*middle, flank)]);
-                }
-                // At the index finger's side, around it the others where they take part.
-                [Digit::Thumb, index, others @ ..] => {
-                    parts.push((*index, flank));
-                    if others.len() > 1 {
-                        parts.extend(others.iter().map(|digit| (*digit, Part::Pad(along))));
-                    }
-                }
-                _ => {}
+        let along = within(rng, kind.along);
+        let thumb = (Digit::Thumb, Part::Pad(within(rng, kind.along)));
+        let pad = |digit: &Digit| (*digit, Part::Pad(along));
+        let parts = match (kind.opposition, kind.digits) {
+            // On the middle finger's side with the index finger's pad on top.
+            (Opposition::Side, [Digit::Thumb, index, middle]) if rng.random_bool(0.85) => {
+                vec![thumb, pad(index), (*middle, Part::Flank(Flank::draw(-1.0, rng)))]
             }
-        } else {
-            parts.extend(fingers().map(|digit| (digit, Part::Pad(along + within(rng, (-0.1, 0.1))))));
-        }
+            // At the index finger's side, around it the others where they take part.
+            (Opposition::Side, [Digit::Thumb, index, others @ ..]) => {
+                let flank = (*index, Part::Flank(Flank::draw(-1.0, rng)));
+                let around = if others.len() > 1 { others } else { &[] };
+                [thumb, flank].into_iter().chain(around.iter().map(pad)).collect()
+            }
+            // Between two fingers.
+            (Opposition::Side, fingers) => {
+                let sides = fingers.iter().zip([1.0, -1.0]);
+                sides.map(|(digit, side)| (*digit, Part::Flank(Flank::draw(side, rng)))).collect()
+            }
+            (_, digits) => {
+                let fingers = digits.iter().filter(|digit| **digit != Digit::Thumb);
+                let pads = fingers.map(|digit| (*digit, Part::Pad(along + within(rng, (-0.1, 0.1)))));
+                std::iter::once(thumb).chain(pads).collect()
+            }
+        };
         Self { opposition: opposition(kind, rng), tensions, parts }
     }
 
@@ -95,8 +120,13 @@ impl Guess {
         }
         for (_, part) in &mut next.parts {
             match part {
-                Part::Pad(along) => *along = (*along + step * within(rng, (-1.0, 1.0))).clamp(ALONG_PAD.0, ALONG_PAD.1),
-                Part::Flank(_, along) => *along = (*along + step * within(rng, (-1.0, 1.0))).clamp(-0.9, 0.9),
+                Part::Pad(along) => {
+                    *along = (*along + step * within(rng, (-1.0, 1.0))).clamp(kind.along.0, kind.along.1)
+                }
+                Part::Flank(flank) => {
+                    flank.along = (flank.along + step * within(rng, (-1.0, 1.0))).clamp(ALONG_FLANK.0, ALONG_FLANK.1);
+                    flank.round = (flank.round + step * within(rng, (-1.0, 1.0))).clamp(ROUND.0, ROUND.1);
+                }
             }
         }
         let (low, high) = super::aim::opposition_range(kind);
@@ -115,22 +145,24 @@ impl Guess {
 
     fn skin(&self, hand: &Hand, links: &[Isometry3<f64>]) -> Vec<Skin> {
         let touch = |(digit, part): &(Digit, Part)| {
-            let (phalanx, along) = match part {
-                Part::Pad(along) => (2, *along),
-                Part::Flank(phalanx, along) => (*phalanx, *along),
-            };
+            let phalanx = if let Part::Flank(flank) = part { flank.phalanx } else { 2 };
             let link = digit.joints()[phalanx];
             let cover = &hand.covers[link];
             let inner = cover.half.add_scalar(-cover.radius);
-            let (at, out) = match part {
-                Part::Flank(..) => (Vector3::new(along * inner.x, 0.0, -cover.half.z), -Vector3::z()),
+            // The middle of the rounding, and the way out of it.
+            let (core, out) = match part {
+                Part::Flank(Flank { along, round, side, .. }) => {
+                    let (sin, cos) = round.sin_cos();
+                    let edge = inner.y * (round / ROUND_EDGE).clamp(-1.0, 1.0);
+                    (Vector3::new(along * inner.x, edge, side * inner.z), Vector3::new(0.0, sin, side * cos))
+                }
                 // Past the flat part, round the edge between pad and fingertip.
-                Part::Pad(_) => {
+                Part::Pad(along) => {
                     let (sin, cos) = ((along - 1.0).max(0.0) * std::f64::consts::FRAC_PI_2).sin_cos();
-                    let out = Vector3::new(sin, cos, 0.0);
-                    (Vector3::new(along.min(1.0) * inner.x, inner.y, 0.0) + out * cover.radius, out)
+                    (Vector3::new(along.min(1.0) * inner.x, inner.y, 0.0), Vector3::new(sin, cos, 0.0))
                 }
             };
+            let at = core + out * cover.radius;
             let frame = links[link] * cover.link_from_cover;
             Skin { at: (frame * Point3::from(at)).coords, out: frame * out }
         };
@@ -216,7 +248,19 @@ pub fn propose(hand: &Hand, curls: &Curls, kind: &GraspType, rng: &mut ChaCha8Rn
     for digit in kind.helpers {
         strong[digit.index()] = strong[Digit::Index.index()];
     }
-    Attempt::new(&place, strong, best.opposition)
+    let mut attempt = Attempt::new(&place, strong, best.opposition, rng.random_bool(0.5));
+    if kind.digits[0] != Digit::Thumb {
+        let skins = best.skin(hand, &best.links(hand, curls, kind));
+        for (digit, skin) in kind.digits.iter().zip(skins) {
+            let n = digit.index();
+            attempt.before[n] = best.tensions[n];
+            // What lies on a finger's back is pressed by its springs, when its cable gives way.
+            if skin.out.z > 0.0 {
+                attempt.tensions[n] = best.tensions[n] * within(rng, GIVING_WAY);
+            }
+        }
+    }
+    attempt
 }
 
 #[cfg(test)]

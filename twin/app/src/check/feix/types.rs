@@ -34,6 +34,8 @@ pub struct GraspType {
     pub prop: Prop,
     /// Half its size along x, m.
     pub half: f64,
+    /// How far along the pads it is taken: from -1 to 1 on their flat part, 2 is the fingertip.
+    pub along: (f64, f64),
     /// What is simplified, if anything.
     pub note: &'static str,
 }
@@ -44,6 +46,12 @@ const FOUR: &[Digit] = &[I, M, R, L];
 const ALL: &[Digit] = &[T, I, M, R, L];
 const NONE: &[Digit] = &[];
 const THUMB: &[Digit] = &[T];
+
+/// With the pad anywhere, and with the fingertip.
+const PAD: (f64, f64) = (-0.4, 1.3);
+const TIP: (f64, f64) = (0.9, 1.7);
+/// With the pad's base, so that more than the last phalanx goes round.
+const BASE: (f64, f64) = (-1.0, 0.0);
 
 fn rod(radius: f64, length: f64, mass: f64) -> (Prop, f64) {
     (Prop::new("rod", Shape::Cylinder { radius, half_height: 0.5 * length }, mass, 0.8), radius)
@@ -81,7 +89,12 @@ pub fn all() -> Vec<GraspType> {
     let mut types: Vec<GraspType> = Vec::new();
     let mut add = |name, opposition, digits, helpers, abducted, (prop, half): (Prop, f64), note| {
         let number = types.len() + 1;
-        types.push(GraspType { number, name, opposition, digits, helpers, abducted, prop, half, note });
+        let along = match name {
+            "Tip Pinch" => TIP,
+            "Ring" => BASE,
+            _ => PAD,
+        };
+        types.push(GraspType { number, name, opposition, digits, helpers, abducted, prop, half, along, note });
     };
     add("Large Diameter", Palm, FOUR, THUMB, true, rod(0.036, 0.12, 0.4), "");
     add("Small Diameter", Palm, FOUR, THUMB, true, rod(0.012, 0.12, 0.1), "");
@@ -114,15 +127,15 @@ pub fn all() -> Vec<GraspType> {
     );
     add("Parallel Extension", Pad, ALL, NONE, false, slab(0.014, 0.05, 0.09, 0.06), "");
     add("Adduction Grip", Side, &[I, M], NONE, true, rod(0.0035, 0.08, 0.003), "");
-    add("Tip Pinch", Pad, &[T, I], NONE, true, ball(0.005, 0.004), "");
-    add("Lateral Tripod", Side, &[T, I, M], &[R], false, rod(0.006, 0.12, 0.015), "");
+    add("Tip Pinch", Pad, &[T, I], NONE, true, slab(0.008, 0.012, 0.012, 0.004), "");
+    add("Lateral Tripod", Side, &[T, I, M], &[R], false, rod(0.006, 0.10, 0.01), "");
     add("Sphere 4 Finger", Pad, &[T, I, M, R], NONE, true, ball(0.030, 0.07), "");
     add("Quadpod", Pad, &[T, I, M, R], NONE, true, ball(0.020, 0.03), "");
     add("Sphere 3 Finger", Pad, &[T, I, M], NONE, true, ball(0.027, 0.06), "");
-    add("Stick", Side, &[T, I], &[M, R, L], false, rod(0.006, 0.10, 0.01), "");
+    add("Stick", Side, &[T, I], &[M, R, L], false, slab(0.010, 0.010, 0.10, 0.01), "");
     add("Palmar", Palm, FOUR, NONE, false, slab(0.012, 0.06, 0.08, 0.06), "");
-    add("Ring", Pad, &[T, I], NONE, true, rod(0.018, 0.05, 0.05), "");
-    add("Ventral", Side, ALL, NONE, false, rod(0.007, 0.14, 0.02), "");
+    add("Ring", Pad, &[T, I], NONE, true, rod(0.018, 0.05, 0.03), "");
+    add("Ventral", Side, ALL, NONE, false, rod(0.011, 0.14, 0.04), "");
     add("Inferior Pincer", Pad, &[T, I], NONE, true, ball(0.012, 0.01), "");
     types
 }

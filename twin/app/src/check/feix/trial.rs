@@ -1,0 +1,200 @@
+//! One attempt in physics: what touches the object, and whether it stays under gravity from six directions.
+
+use std::sync::Arc;
+
+use hand_model::robot::ServoGoal;
+use hand_model::{ACTUATORS, Digit, HAND_JOINTS, Hand};
+use nalgebra::{Isometry3, Vector3};
+use sim::engine::EngineSettings;
+use sim::stand::{HandStand, tension_goals};
+
+use super::aim::Attempt;
+use super::types::{GraspType, Opposition};
+
+/// Times to turn the thumb, close, and let the object settle after release, s.
+const TURN: f64 = 0.4;
+const CLOSE: f64 = 1.4;
+const SETTLE: f64 = 0.8;
+/// Gravity from each direction for this long, looked at so often, s.
+const PULL: f64 = 0.8;
+const LOOK: f64 = 0.1;
+/// The object is held if it moves less than this, m, and is slower than that in the end, m/s.
+const STAYS: f64 = 0.01;
+const STILL: f64 = 0.01;
+/// An abducted thumb opposes by more than this, an adducted one by less, rad.
+const ABDUCTED: f64 = 0.6;
+/// Forces below this are no touch, N.
+const TOUCH: f64 = 0.01;
+/// The object may start this deep in the open hand, m.
+pub const BURIED: f64 = 1e-3;
+/// A fault costs this, a digit that does not touch its distance over this, m, besides.
+const FAULT: f64 = 10.0;
+const MISSING: f64 = 0.005;
+/// Directions of gravity with their names.
+const WAYS: [(Vector3<f64>, &str); 6] = [
+    (Vector3::new(1.0, 0.0, 0.0), "thumb side"),
+    (Vector3::new(-1.0, 0.0, 0.0), "little side"),
+    (Vector3::new(0.0, 1.0, 0.0), "fingers"),
+    (Vector3::new(0.0, -1.0, 0.0), "wrist"),
+    (Vector3::new(0.0, 0.0, 1.0), "back"),
+    (Vector3::new(0.0, 0.0, -1.0), "palm"),
+];
+
+/// What came of an attempt.
+#[derive(Debug, Clone)]
+pub struct Trial {
+    /// What keeps the posture from being of its type, in words.
+    pub faults: Vec<String>,
+    /// Directions of gravity in which the object is lost; none are tried where the posture is not of the type.
+    pub lost: Vec<&'static str>,
+    /// Joint angles after settling, rad.
+    pub angles: [f64; HAND_JOINTS],
+    /// `palm_from_object` after settling.
+    pub place: Isometry3<f64>,
+    /// What the search makes smaller.
+    pub cost: f64,
+}
+
+impl Trial {
+    /// All virtual fingers touch and nothing else does.
+    pub fn formed(&self) -> bool {
+        self.faults.is_empty()
+    }
+
+    /// Formed, and held in all six directions.
+    pub fn held(&self) -> bool {
+        self.formed() && self.lost.is_empty()
+    }
+}
+
+/// Makes the attempt. `None` if its cost is above `enough`, which is found out as early as possible.
+pub fn run(hand: &Arc<Hand>, kind: &GraspType, attempt: &Attempt, enough: f64) -> Option<Trial> {
+    let mut stand = HandStand::new(hand.clone(), EngineSettings::default());
+    stand.run(&tension_goals(hand, &attempt.before, attempt.opposition), TURN);
+    let prop = stand.put(kind.prop.clone(), &attempt.place());
+    let buried = stand.prop_penetration(prop) > BURIED;
+    if buried && enough < FAULT {
+        return None;
+    }
+    let mut goals = tension_goals(hand, &attempt.tensions, attempt.opposition);
+    stand.run(&goals, CLOSE);
+    if attempt.locked {
+        goals = lock(&stand, goals);
+    }
+    stand.release(prop);
+    stand.run(&goals, SETTLE);
+    let mut faults = faults(kind, &stand);
+    if buried {
+        faults.push("the object starts inside the hand".into());
+    }
+    let (angles, place) = (stand.angles(), stand.pose(prop));
+    let mut lost = Vec::new();
+    let missing: f64 = kind.digits.iter().map(|digit| gap(&stand, *digit)).sum();
+    let mut cost = FAULT * faults.len() as f64 + (missing / MISSING).min(FAULT - 1.0);
+    if faults.is_empty() {
+        cost = -FAULT;
+        for (way, name) in WAYS {
+            if cost > enough {
+                return None;
+            }
+            let (stays, amiss) = pull(stand.clone(), &goals, &way);
+            cost += amiss;
+            if !stays {
+                lost.push(name);
+            }
+        }
+    }
+    (cost <= enough).then_some(Trial { faults, lost, angles, place, cost })
+}
+
+/// Whether the object stays under gravity along `way`, and the cost: what it moves over [`STAYS`], or 1 and the share of
+/// the time that was left when it was lost.
+fn pull(mut stand: HandStand, goals: &[ServoGoal; ACTUATORS], way: &Vector3<f64>) -> (bool, f64) {
+    let from = stand.pose(0).translation.vector;
+    stand.set_gravity(&(way * 9.81));
+    let mut moved = 0.0;
+    let looks = (PULL / LOOK).round() as usize;
+    for look in 1..=looks {
+        stand.run(goals, LOOK);
+        moved = (stand.pose(0).translation.vector - from).norm();
+        if moved > STAYS {
+            return (false, 1.0 + (looks - look) as f64 / looks as f64);
+        }
+    }
+    (stand.prop_velocity(0).norm() <= STILL, moved / STAYS)
+}
+
+/// The servos that pull a cable keep the angle they stand at instead of their current.
+fn lock(stand: &HandStand, mut goals: [ServoGoal; ACTUATORS]) -> [ServoGoal; ACTUATORS] {
+    let current_limit = stand.hand().parameters.servo.current_limit;
+    for (goal, servo) in goals.iter_mut().zip(stand.servos()) {
+        if matches!(goal, ServoGoal::Current(current) if *current > 0.0) {
+            *goal = ServoGoal::Position { angle: servo.position, current_limit };
+        }
+    }
+    goals
+}
+
+/// How far a digit's skin is from the object, m.
+fn gap(stand: &HandStand, digit: Digit) -> f64 {
+    let (links, pose) = (stand.links(), stand.pose(0));
+    let skin = digit
+        .joints()
+        .into_iter()
+        .flat_map(|link| stand.hand().covers[link].skin(0.004).into_iter().map(move |element| (link, element.point)));
+    skin.map(|(link, point)| stand.prop(0).signed_distance(&pose.inverse_transform_point(&(links[link] * point))).0)
+        .fold(f64::INFINITY, f64::min)
+        .max(0.0)
+}
+
+/// What keeps the posture from being of its type.
+fn faults(kind: &GraspType, stand: &HandStand) -> Vec<String> {
+    let mut forces = [0.0; 6];
+    let mut sideways = [0.0; 6];
+    let links = stand.links();
+    for contact in stand.contacts() {
+        let part = contact.link.map_or(5, |link| link / 3);
+        forces[part] += contact.force.norm();
+        if let Some(link) = contact.link {
+            sideways[part] += (links[link].inverse_transform_vector(&contact.force)).z.abs();
+        }
+    }
+    let mut faults = Vec::new();
+    for digit in Digit::ALL {
+        let touches = forces[digit.index()] > TOUCH;
+        let named = kind.digits.contains(&digit);
+        if named && !touches {
+            faults.push(format!("{} does not touch", digit.name()));
+        }
+        if !named && touches && !kind.helpers.contains(&digit) {
+            faults.push(format!("{} touches", digit.name()));
+        }
+    }
+    let palm = forces[5] > TOUCH;
+    match kind.opposition {
+        Opposition::Palm if !palm => faults.push("the palm does not touch".into()),
+        Opposition::Pad if palm => faults.push("the palm touches".into()),
+        Opposition::Side => {
+            // The finger next to the thumb (or both fingers, where there is no thumb) takes part with its side.
+            let of_side = |digit: Digit| sideways[digit.index()] > 0.5 * forces[digit.index()];
+            let sided = match kind.digits {
+                [Digit::Thumb, rest @ ..] => rest.iter().any(|digit| of_side(*digit)),
+                fingers => fingers.iter().all(|digit| of_side(*digit)),
+            };
+            if !sided {
+                faults.push("no finger touches with its side".into());
+            }
+        }
+        _ => {}
+    }
+    let opposed = stand.angles()[stand.hand().transmission.opposition_joint];
+    if kind.digits.contains(&Digit::Thumb) || kind.helpers.contains(&Digit::Thumb) {
+        if kind.abducted && opposed < ABDUCTED {
+            faults.push("the thumb is not abducted".into());
+        }
+        if !kind.abducted && opposed > ABDUCTED {
+            faults.push("the thumb is not adducted".into());
+        }
+    }
+    faults
+}
