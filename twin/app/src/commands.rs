@@ -489,7 +489,7 @@ fn show_rows(cli: &Cli, rows: &[check::Row], folder: Option<&Path>) -> Outcome {
 
 fn hand_grasps(cli: &Cli, args: &CheckArgs, hand: &Arc<Hand>) -> Outcome {
     let numbers: Vec<usize> = args.types.iter().map(|number| usize::from(*number)).collect();
-    let outcomes = check::feix::run(hand, cli.seed, args.tries, &numbers);
+    let outcomes = check::feix::run(hand, cli.seed, args.tries as usize, &numbers);
     let text = serde_json::json!({ "seed": cli.seed, "tries": args.tries, "types": outcomes });
     if let Some(folder) = &args.out {
         check::feix::draw(hand, &outcomes, folder)?;

@@ -29,6 +29,8 @@ const ALONG_FLANK: (f64, f64) = (-0.9, 0.9);
 const ROUND: (f64, f64) = (-0.9, 0.9);
 /// The flat part of a flank is passed within this, rad.
 const ROUND_EDGE: f64 = 0.1;
+/// How often three digits from the side take the object on the middle finger's flank.
+const ON_FLANK: f64 = 0.85;
 /// What a finger is pulled beyond that, N.
 const PRESS: (f64, f64) = (1.5, 30.0);
 /// What is left of the tension of meeting in a finger that presses by its springs.
@@ -89,7 +91,7 @@ impl Guess {
         let pad = |digit: &Digit| (*digit, Part::Pad(along));
         let parts = match (kind.opposition, kind.digits) {
             // On the middle finger's side with the index finger's pad on top.
-            (Opposition::Side, [Digit::Thumb, index, middle]) if rng.random_bool(0.85) => {
+            (Opposition::Side, [Digit::Thumb, index, middle]) if rng.random_bool(ON_FLANK) => {
                 vec![thumb, pad(index), (*middle, Part::Flank(Flank::draw(-1.0, rng)))]
             }
             // At the index finger's side, around it the others where they take part.
@@ -309,5 +311,39 @@ mod tests {
         assert!((low..=high).contains(&one.opposition));
         assert!(one.tensions[..3].iter().all(|tension| (MEETING.0..=STRONGEST).contains(tension)));
         assert_eq!(one.tensions[3..], [0.0, 0.0]);
+    }
+
+    /// Whatever a guess shall touch with lies on the digit's cover, but for the turn of a flank's flat part.
+    #[test]
+    fn places_lie_on_covers() {
+        use rand::SeedableRng;
+        let hand = Hand::ftac();
+        let curls = Curls::new(&hand);
+        let mut rng = ChaCha8Rng::seed_from_u64(5);
+        for kind in types::all().iter().filter(|kind| kind.opposition != Opposition::Palm) {
+            let guess = Guess::draw(kind, &mut rng);
+            let links = guess.links(&hand, &curls, kind);
+            for ((digit, part), skin) in guess.parts.iter().zip(guess.skin(&hand, &links)) {
+                let phalanx = if let Part::Flank(flank) = part { flank.phalanx } else { 2 };
+                let link = digit.joints()[phalanx];
+                let cover = hand.covers[link];
+                let at = (links[link] * cover.link_from_cover).inverse() * Point3::from(skin.at);
+                let core = at.coords.zip_map(&cover.half.add_scalar(-cover.radius), |a, b| a.clamp(-b, b));
+                assert!(((at.coords - core).norm() - cover.radius).abs() < 4e-5, "{}: {part:?}", kind.name);
+            }
+        }
+    }
+
+    /// Between two fingers: shaped before, then one pulls harder and the other gives way.
+    #[test]
+    fn two_fingers_press_against_each_other() {
+        use rand::SeedableRng;
+        let hand = Hand::ftac();
+        let curls = Curls::new(&hand);
+        let adduction = &types::all()[22];
+        let attempt = propose(&hand, &curls, adduction, &mut ChaCha8Rng::seed_from_u64(4));
+        let [index, middle] = [1, 2].map(|n| attempt.tensions[n] / attempt.before[n]);
+        assert!(index.min(middle) < GIVING_WAY.1 && index.max(middle) > 1.0, "{attempt:?}");
+        assert!(attempt.before[0] == 0.0 && attempt.tensions[3..] == [0.0, 0.0]);
     }
 }

@@ -110,3 +110,24 @@ fn outside(
     }
     attempt
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::run;
+    use super::*;
+
+    /// The same seed finds the same attempts, however many threads look for them.
+    #[test]
+    fn threads_change_nothing() {
+        let hand = Arc::new(Hand::ftac());
+        let found = |threads| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("a pool");
+            let outcomes = pool.install(|| run(&hand, 3, 5, &[8, 23]));
+            let told =
+                |outcome: &super::super::Outcome| (outcome.tries, outcome.attempt.clone(), outcome.angles.clone());
+            serde_json::to_string(&outcomes.iter().map(told).collect::<Vec<_>>()).expect("text")
+        };
+        let (one, two) = (found(1), found(2));
+        assert!(one.contains("tensions") && one == two, "{one} {two}");
+    }
+}

@@ -164,7 +164,7 @@ fn faults(kind: &GraspType, stand: &HandStand) -> Vec<String> {
         let touches = forces[digit.index()] > TOUCH;
         let named = kind.digits.contains(&digit);
         if named && !touches {
-            faults.push(format!("{} does not touch", digit.name()));
+            faults.push(format!("{} does not touch, {:.1} mm off", digit.name(), gap(stand, digit) * 1e3));
         }
         if !named && touches && !kind.helpers.contains(&digit) {
             faults.push(format!("{} touches", digit.name()));
@@ -197,4 +197,56 @@ fn faults(kind: &GraspType, stand: &HandStand) -> Vec<String> {
         }
     }
     faults
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::types;
+    use super::*;
+
+    fn hook(tension: f64) -> (GraspType, Attempt) {
+        let kind = types::all().swap_remove(14);
+        let hand = Hand::ftac();
+        let skin = hand.palm_cover.link_from_cover.translation.z - hand.palm_cover.half.z;
+        let across = nalgebra::UnitQuaternion::from_axis_angle(&Vector3::y_axis(), std::f64::consts::FRAC_PI_2);
+        let place = Isometry3::from_parts(Vector3::new(0.003, 0.0, skin - kind.half - 1e-3).into(), across);
+        let fingers = [0.0, tension, tension, tension, tension];
+        (kind, Attempt::new(&place, fingers, 0.0, false))
+    }
+
+    /// Four fingers around a rod at the palm keep it in the palm; open, each is said to be off, and by how much.
+    #[test]
+    fn a_hook_is_formed_and_an_open_hand_is_not() {
+        let hand = Arc::new(Hand::ftac());
+        let (kind, closed) = hook(18.0);
+        let trial = run(&hand, &kind, &closed, f64::INFINITY).expect("no bound");
+        assert!(trial.formed() && !trial.lost.contains(&"palm") && trial.cost < 0.0, "{trial:?}");
+        let (kind, open) = hook(0.0);
+        let trial = run(&hand, &kind, &open, f64::INFINITY).expect("no bound");
+        let off: Vec<&String> = trial.faults.iter().filter(|fault| fault.contains("mm off")).collect();
+        assert!(!trial.formed() && off.len() == 4, "{trial:?}");
+    }
+
+    /// A bound above the cost changes nothing, one below ends the attempt.
+    #[test]
+    fn bounds_only_save_time() {
+        let hand = Arc::new(Hand::ftac());
+        let (kind, attempt) = hook(18.0);
+        let whole = run(&hand, &kind, &attempt, f64::INFINITY).expect("no bound");
+        let bounded = run(&hand, &kind, &attempt, whole.cost).expect("not above the bound");
+        assert_eq!((whole.cost, whole.angles), (bounded.cost, bounded.angles));
+        assert!(run(&hand, &kind, &attempt, whole.cost - 1e-6).is_none());
+    }
+
+    /// A locked servo keeps its angle; one that pulls no cable stays slack.
+    #[test]
+    fn only_pulled_cables_lock() {
+        let hand = Arc::new(Hand::ftac());
+        let mut stand = HandStand::new(hand.clone(), EngineSettings::default());
+        let goals = tension_goals(&hand, &[0.0, 8.0, 0.0, 0.0, 0.0], 0.3);
+        stand.run(&goals, CLOSE);
+        let locked = lock(&stand, goals);
+        assert!(matches!(locked[1], ServoGoal::Position { angle, .. } if angle == stand.servos()[1].position));
+        assert!(locked[0] == goals[0] && locked[2..] == goals[2..]);
+    }
 }
