@@ -1,13 +1,13 @@
 //! The 33 grasp types: a suitable object for each, closed on by the servos, held against gravity in six directions.
 //!
 //! The thumb is turned (and where two fingers take the object between them, they are bent), then the object is put into
-//! the hand, held in place while the digits close, and let go of; the servos then go on pulling as they do, or keep the
-//! angle they stand at. A type is *formed* when the digits of its virtual fingers touch the object, the palm touches
-//! where the type opposes to the palm and does not where it opposes pads, no digit touches that the type does not name,
-//! and the thumb is abducted or adducted as it says. It is *held* when, formed, the object stays within a centimetre
-//! under gravity from each of six directions. Placement and commands are found by a seeded search ([`search`]) over
-//! attempts in physics ([`trial`]), led by how far the missing digits are from the object, how far it moves under
-//! gravity, and how soon it is lost. Nothing about a type is relaxed to make it pass; the objects are ours to choose.
+//! the hand, held in place while the digits close, and let go of. A type is *formed* when the digits of its virtual
+//! fingers touch the object, the palm touches where the type opposes to the palm and does not where it opposes pads, no
+//! digit touches that the type does not name, and the thumb is abducted or adducted as it says. It is *held* when,
+//! formed, the object stays within a centimetre under gravity from each of six directions. Placement and commands are
+//! found by a seeded search ([`search`]) over attempts in physics ([`trial`]), led by how far the missing digits are
+//! from the object, how far it moves under gravity, and how soon it is lost. Nothing about a type is relaxed to make it
+//! pass; the objects are ours to choose.
 
 mod aim;
 mod curl;

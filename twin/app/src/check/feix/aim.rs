@@ -15,8 +15,6 @@ pub const STRONGEST: f64 = 90.0;
 /// Ranges of the thumb's opposition, rad.
 const ABDUCTED: (f64, f64) = (0.7, 1.65);
 const ADDUCTED: (f64, f64) = (0.0, 0.5);
-/// Chance that a neighbour's servos lock where these do not, or the other way round.
-const OTHERWISE: f64 = 0.1;
 
 /// One placement with its commands.
 #[derive(Debug, Clone, Serialize)]
@@ -31,15 +29,13 @@ pub struct Attempt {
     pub tensions: [f64; 5],
     /// Opposition command, rad.
     pub opposition: f64,
-    /// Whether the servos, once closed, keep their angle instead of their current.
-    pub locked: bool,
 }
 
 impl Attempt {
-    /// Closing from the open hand, servos then locked or not.
-    pub fn new(place: &Isometry3<f64>, tensions: [f64; 5], opposition: f64, locked: bool) -> Self {
+    /// Closing from the open hand.
+    pub fn new(place: &Isometry3<f64>, tensions: [f64; 5], opposition: f64) -> Self {
         let (position, rotation) = (place.translation.vector.into(), place.rotation.scaled_axis().into());
-        Self { position, rotation, before: [0.0; 5], tensions, opposition, locked }
+        Self { position, rotation, before: [0.0; 5], tensions, opposition }
     }
 
     /// `palm_from_object`.
@@ -98,7 +94,6 @@ pub fn vary(attempt: &Attempt, step: f64, rng: &mut ChaCha8Rng) -> Attempt {
             next.tensions.map(|tension| (tension * (step * within(rng, (-0.35, 0.35))).exp()).min(STRONGEST));
         next.before = next.before.map(|tension| tension * (step * within(rng, (-0.2, 0.2))).exp());
         next.opposition = (next.opposition + 0.12 * step * rng.random_range(-1.0..1.0)).clamp(0.0, ABDUCTED.1);
-        next.locked ^= rng.random_bool(OTHERWISE);
     }
     next
 }
@@ -147,5 +142,5 @@ fn at_palm(hand: &Hand, kind: &GraspType, rng: &mut ChaCha8Rng) -> Attempt {
     if !kind.digits.contains(&Digit::Thumb) && rng.random_bool(0.5) {
         tensions[0] = 0.0;
     }
-    Attempt::new(&Isometry3::from_parts(at.into(), rotation), tensions, opposition(kind, rng), rng.random_bool(0.5))
+    Attempt::new(&Isometry3::from_parts(at.into(), rotation), tensions, opposition(kind, rng))
 }

@@ -33,6 +33,8 @@ const ROUND_EDGE: f64 = 0.1;
 const ON_FLANK: f64 = 0.85;
 /// What a finger is pulled beyond that, N.
 const PRESS: (f64, f64) = (1.5, 30.0);
+/// Two digits, which hold light things, press so much less.
+const LIGHT: f64 = 0.3;
 /// What is left of the tension of meeting in a finger that presses by its springs.
 const GIVING_WAY: (f64, f64) = (0.0, 0.7);
 /// Size of spread that tells a rod's direction, m.
@@ -239,7 +241,8 @@ pub fn propose(hand: &Hand, curls: &Curls, kind: &GraspType, rng: &mut ChaCha8Rn
     place.translation.vector += jitter(rng, 0.002);
     place.rotation = UnitQuaternion::from_scaled_axis(jitter(rng, 0.1)) * place.rotation;
     // What is pulled beyond the tension of meeting presses; the thumb presses against all fingers together.
-    let press = tension(rng, PRESS.0, PRESS.1);
+    let light = if kind.digits.len() == 2 { LIGHT } else { 1.0 };
+    let press = tension(rng, PRESS.0 * light, PRESS.1 * light);
     let fingers = kind.digits.iter().filter(|digit| **digit != Digit::Thumb).count() as f64;
     let mut strong = [0.0; 5];
     for digit in kind.digits {
@@ -250,7 +253,7 @@ pub fn propose(hand: &Hand, curls: &Curls, kind: &GraspType, rng: &mut ChaCha8Rn
     for digit in kind.helpers {
         strong[digit.index()] = strong[Digit::Index.index()];
     }
-    let mut attempt = Attempt::new(&place, strong, best.opposition, rng.random_bool(0.5));
+    let mut attempt = Attempt::new(&place, strong, best.opposition);
     if kind.digits[0] != Digit::Thumb {
         let skins = best.skin(hand, &best.links(hand, curls, kind));
         for (digit, skin) in kind.digits.iter().zip(skins) {

@@ -76,11 +76,8 @@ pub fn run(hand: &Arc<Hand>, kind: &GraspType, attempt: &Attempt, enough: f64) -
     if buried && enough < FAULT {
         return None;
     }
-    let mut goals = tension_goals(hand, &attempt.tensions, attempt.opposition);
+    let goals = tension_goals(hand, &attempt.tensions, attempt.opposition);
     stand.run(&goals, CLOSE);
-    if attempt.locked {
-        goals = lock(&stand, goals);
-    }
     stand.release(prop);
     stand.run(&goals, SETTLE);
     let mut faults = faults(kind, &stand);
@@ -122,17 +119,6 @@ fn pull(mut stand: HandStand, goals: &[ServoGoal; ACTUATORS], way: &Vector3<f64>
         }
     }
     (stand.prop_velocity(0).norm() <= STILL, moved / STAYS)
-}
-
-/// The servos that pull a cable keep the angle they stand at instead of their current.
-fn lock(stand: &HandStand, mut goals: [ServoGoal; ACTUATORS]) -> [ServoGoal; ACTUATORS] {
-    let current_limit = stand.hand().parameters.servo.current_limit;
-    for (goal, servo) in goals.iter_mut().zip(stand.servos()) {
-        if matches!(goal, ServoGoal::Current(current) if *current > 0.0) {
-            *goal = ServoGoal::Position { angle: servo.position, current_limit };
-        }
-    }
-    goals
 }
 
 /// How far a digit's skin is from the object, m.
@@ -211,7 +197,7 @@ mod tests {
         let across = nalgebra::UnitQuaternion::from_axis_angle(&Vector3::y_axis(), std::f64::consts::FRAC_PI_2);
         let place = Isometry3::from_parts(Vector3::new(0.003, 0.0, skin - kind.half - 1e-3).into(), across);
         let fingers = [0.0, tension, tension, tension, tension];
-        (kind, Attempt::new(&place, fingers, 0.0, false))
+        (kind, Attempt::new(&place, fingers, 0.0))
     }
 
     /// Four fingers around a rod at the palm keep it in the palm; open, each is said to be off, and by how much.
@@ -236,17 +222,5 @@ mod tests {
         let bounded = run(&hand, &kind, &attempt, whole.cost).expect("not above the bound");
         assert_eq!((whole.cost, whole.angles), (bounded.cost, bounded.angles));
         assert!(run(&hand, &kind, &attempt, whole.cost - 1e-6).is_none());
-    }
-
-    /// A locked servo keeps its angle; one that pulls no cable stays slack.
-    #[test]
-    fn only_pulled_cables_lock() {
-        let hand = Arc::new(Hand::ftac());
-        let mut stand = HandStand::new(hand.clone(), EngineSettings::default());
-        let goals = tension_goals(&hand, &[0.0, 8.0, 0.0, 0.0, 0.0], 0.3);
-        stand.run(&goals, CLOSE);
-        let locked = lock(&stand, goals);
-        assert!(matches!(locked[1], ServoGoal::Position { angle, .. } if angle == stand.servos()[1].position));
-        assert!(locked[0] == goals[0] && locked[2..] == goals[2..]);
     }
 }

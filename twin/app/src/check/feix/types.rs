@@ -104,7 +104,7 @@ pub fn all() -> Vec<GraspType> {
     add("Prismatic 4 Finger", Pad, ALL, NONE, true, rod(0.008, 0.12, 0.02), "");
     add("Prismatic 3 Finger", Pad, &[T, I, M, R], NONE, true, rod(0.008, 0.10, 0.02), "");
     add("Prismatic 2 Finger", Pad, &[T, I, M], NONE, true, rod(0.008, 0.07, 0.015), "");
-    add("Palmar Pinch", Pad, &[T, I], NONE, true, slab(0.010, 0.016, 0.016, 0.01), "");
+    add("Palmar Pinch", Pad, &[T, I], NONE, true, slab(0.010, 0.016, 0.016, 0.005), "");
     add("Power Disk", Palm, FOUR, THUMB, true, disk(0.042, 0.024, 0.1), "");
     add("Power Sphere", Palm, FOUR, THUMB, true, ball(0.034, 0.1), "");
     add("Precision Disk", Pad, ALL, NONE, true, disk(0.042, 0.020, 0.08), "");
@@ -127,16 +127,16 @@ pub fn all() -> Vec<GraspType> {
     );
     add("Parallel Extension", Pad, ALL, NONE, false, slab(0.014, 0.05, 0.09, 0.06), "");
     add("Adduction Grip", Side, &[I, M], NONE, true, rod(0.0035, 0.08, 0.003), "");
-    add("Tip Pinch", Pad, &[T, I], NONE, true, slab(0.008, 0.012, 0.012, 0.004), "");
+    add("Tip Pinch", Pad, &[T, I], NONE, true, slab(0.008, 0.012, 0.012, 0.002), "");
     add("Lateral Tripod", Side, &[T, I, M], &[R], false, rod(0.006, 0.10, 0.01), "");
     add("Sphere 4 Finger", Pad, &[T, I, M, R], NONE, true, ball(0.030, 0.07), "");
     add("Quadpod", Pad, &[T, I, M, R], NONE, true, ball(0.020, 0.03), "");
     add("Sphere 3 Finger", Pad, &[T, I, M], NONE, true, ball(0.027, 0.06), "");
     add("Stick", Side, &[T, I], &[M, R, L], false, slab(0.010, 0.010, 0.10, 0.01), "");
     add("Palmar", Palm, FOUR, NONE, false, slab(0.012, 0.06, 0.08, 0.06), "");
-    add("Ring", Pad, &[T, I], NONE, true, rod(0.018, 0.05, 0.03), "");
+    add("Ring", Pad, &[T, I], NONE, true, rod(0.018, 0.05, 0.02), "");
     add("Ventral", Side, ALL, NONE, false, rod(0.011, 0.14, 0.04), "");
-    add("Inferior Pincer", Pad, &[T, I], NONE, true, ball(0.012, 0.01), "");
+    add("Inferior Pincer", Pad, &[T, I], NONE, true, ball(0.010, 0.004), "");
     types
 }
 
