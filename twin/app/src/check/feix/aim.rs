@@ -29,13 +29,15 @@ pub struct Attempt {
     pub tensions: [f64; 5],
     /// Opposition command, rad.
     pub opposition: f64,
+    /// Whether the servos, once closed, keep their angle instead of their current.
+    pub locked: bool,
 }
 
 impl Attempt {
-    /// Closing from the open hand.
+    /// Closing from the open hand, pulling on.
     pub fn new(place: &Isometry3<f64>, tensions: [f64; 5], opposition: f64) -> Self {
         let (position, rotation) = (place.translation.vector.into(), place.rotation.scaled_axis().into());
-        Self { position, rotation, before: [0.0; 5], tensions, opposition }
+        Self { position, rotation, before: [0.0; 5], tensions, opposition, locked: false }
     }
 
     /// `palm_from_object`.

@@ -255,6 +255,8 @@ pub fn propose(hand: &Hand, curls: &Curls, kind: &GraspType, rng: &mut ChaCha8Rn
     }
     let mut attempt = Attempt::new(&place, strong, best.opposition);
     if kind.digits[0] != Digit::Thumb {
+        // One finger presses by its springs alone and would be pushed out of the way; cables that are held do not give.
+        attempt.locked = true;
         let skins = best.skin(hand, &best.links(hand, curls, kind));
         for (digit, skin) in kind.digits.iter().zip(skins) {
             let n = digit.index();

@@ -76,8 +76,11 @@ pub fn run(hand: &Arc<Hand>, kind: &GraspType, attempt: &Attempt, enough: f64) -
     if buried && enough < FAULT {
         return None;
     }
-    let goals = tension_goals(hand, &attempt.tensions, attempt.opposition);
+    let mut goals = tension_goals(hand, &attempt.tensions, attempt.opposition);
     stand.run(&goals, CLOSE);
+    if attempt.locked {
+        goals = lock(&stand, goals);
+    }
     stand.release(prop);
     stand.run(&goals, SETTLE);
     let mut faults = faults(kind, &stand);
@@ -119,6 +122,17 @@ fn pull(mut stand: HandStand, goals: &[ServoGoal; ACTUATORS], way: &Vector3<f64>
         }
     }
     (stand.prop_velocity(0).norm() <= STILL, moved / STAYS)
+}
+
+/// The servos that pull a cable keep the angle they stand at instead of their current.
+fn lock(stand: &HandStand, mut goals: [ServoGoal; ACTUATORS]) -> [ServoGoal; ACTUATORS] {
+    let current_limit = stand.hand().parameters.servo.current_limit;
+    for (goal, servo) in goals.iter_mut().zip(stand.servos()) {
+        if matches!(goal, ServoGoal::Current(current) if *current > 0.0) {
+            *goal = ServoGoal::Position { angle: servo.position, current_limit };
+        }
+    }
+    goals
 }
 
 /// How far a digit's skin is from the object, m.
@@ -222,5 +236,17 @@ mod tests {
         let bounded = run(&hand, &kind, &attempt, whole.cost).expect("not above the bound");
         assert_eq!((whole.cost, whole.angles), (bounded.cost, bounded.angles));
         assert!(run(&hand, &kind, &attempt, whole.cost - 1e-6).is_none());
+    }
+
+    /// A locked servo keeps its angle; one that pulls no cable stays slack.
+    #[test]
+    fn only_pulled_cables_lock() {
+        let hand = Arc::new(Hand::ftac());
+        let mut stand = HandStand::new(hand.clone(), EngineSettings::default());
+        let goals = tension_goals(&hand, &[0.0, 8.0, 0.0, 0.0, 0.0], 0.3);
+        stand.run(&goals, CLOSE);
+        let locked = lock(&stand, goals);
+        assert!(matches!(locked[1], ServoGoal::Position { angle, .. } if angle == stand.servos()[1].position));
+        assert!(locked[0] == goals[0] && locked[2..] == goals[2..]);
     }
 }
