@@ -124,8 +124,10 @@ pub fn table(outcomes: &[Outcome]) -> String {
         } else {
             "not formed".to_string()
         };
-        text +=
-            &format!("{:>2} {:24} {verdict:12} {:>4} {}", outcome.number, outcome.name, outcome.tries, outcome.reason);
+        text += &format!(
+            "{:>2} {:24} {verdict:12} {:>4} tries {}",
+            outcome.number, outcome.name, outcome.tries, outcome.reason
+        );
         if !outcome.note.is_empty() {
             text += &format!(" ({})", outcome.note);
         }
