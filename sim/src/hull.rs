@@ -2,7 +2,7 @@
 //!
 //! parry makes contacts with a hull's face from the face's first four vertices only. On a round foot these lie side by side,
 //! so that the object rests on a sliver and rocks. [`standing_hull`] leaves each many-sided face the four vertices that span
-//! the largest area and sets the others back by [`SET_BACK`]: the face becomes a quadrilateral, contacts span it, and the
+//! the largest area and sets the others back by 50 um: the face becomes a quadrilateral, contacts span it, and the
 //! hull changes by less than touch can see.
 
 use nalgebra::Point3;

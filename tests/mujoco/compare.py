@@ -27,9 +27,12 @@ except ImportError as error:
 
 SUBSTEPS = 8
 POSITION_GAIN, POSITION_DAMPING = 6.0, 0.25
-# MuJoCo's steps a second, and the time constant of its contacts, s: two steps, the stiffest it allows.
+# MuJoCo's steps a second. The time constant of its contacts is two steps, the stiffest it allows.
 RATE = 960.0
-CONTACT = 2.0 / RATE
+# Steps a second among which the lowest is looked for at which MuJoCo holds a thing as still as ours does.
+RATES = (240.0, 480.0, 960.0, 1920.0)
+# Slips below this count as none, mm.
+NO_SLIP = 0.05
 # Added inertia of a prop that is held in place, kg and kg m2.
 WALL = 1e6
 # Free motion may differ by this at any sampled moment and at rest, degrees. Under way, at up to 400 deg/s, the engines treat
@@ -77,10 +80,10 @@ class Servo:
 class Run:
     """One MJCF model with its five cable servos and the opposition servo."""
 
-    def __init__(self, folder, scene, setup):
+    def __init__(self, folder, scene, setup, rate=RATE):
         self.model = mujoco.MjModel.from_xml_path(str(folder / scene["model"]))
-        self.model.opt.timestep = 1.0 / RATE
-        self.model.geom_solref[:, 0] = CONTACT
+        self.model.opt.timestep = 1.0 / rate
+        self.model.geom_solref[:, 0] = 2.0 / rate
         self.data = mujoco.MjData(self.model)
         if self.model.nkey:
             mujoco.mj_resetDataKeyframe(self.model, self.data, 0)
@@ -142,8 +145,8 @@ class Run:
         return total, deepest
 
 
-def compare(folder, scene, setup):
-    run = Run(folder, scene, setup)
+def compare(folder, scene, setup, rate=RATE):
+    run = Run(folder, scene, setup, rate)
     prop = scene["prop"]
     angles = [[0.0] * len(setup["joints"])]
     if prop:
@@ -181,8 +184,18 @@ def compare(folder, scene, setup):
         total, deepest = run.force_sum(prop)
         row["mujoco"].update(holding_force_n=total, slip_mm=slip, held=slip < 20.0, penetration_mm=deepest * 1e3)
     row["ours"].update(speed(scene["ours"]["step_us"], setup["rate"]))
-    row["mujoco"].update(speed(run.seconds / run.steps * 1e6, RATE))
+    row["mujoco"].update(speed(run.seconds / run.steps * 1e6, rate))
     return row
+
+
+def equal_slip(folder, scene, setup):
+    """The coarsest steps with which MuJoCo lets the thing slip no more than ours does, and its speed with them."""
+    for rate in RATES:
+        row = compare(folder, scene, setup, rate)
+        ours, theirs = row["ours"], row["mujoco"]
+        if theirs["held"] and theirs["slip_mm"] <= max(ours["slip_mm"], NO_SLIP):
+            return {"name": scene["name"], "rate": rate, "ours": ours, "mujoco": theirs}
+    return {"name": scene["name"], "rate": None, "ours": ours, "mujoco": theirs}
 
 
 def speed(step_us, rate):
@@ -227,8 +240,18 @@ def main():
             f"{row['name']:18} {number(angle['rest']):>5} {number(angle['rest_mean']):>5}; {number(angle['fine_rest']):>4} {number(angle['fine_mean']):>4} "
             f"{three('closing_force_n'):>21} {three('holding_force_n'):>21} {three('slip_mm', 2):>21} {pair('penetration_mm', 2):>13} {pair('step_us', 0):>13} {pair('real_time'):>15}"
         )
+    equal = [equal_slip(arguments.folder, scene, setup) for scene in setup["scenes"] if scene["prop"] and scene["let_go"]]
+    print(f"\nMuJoCo at the lowest of {', '.join(f'{rate:.0f}' for rate in RATES)} Hz at which it slips no more than ours (below {NO_SLIP} mm: not at all)")
+    print(f"{'scene':18} {'ours mm':>8} {'MuJoCo mm':>10} {'MuJoCo Hz':>10} {'ours x real':>12} {'MuJoCo x real':>14} {'ratio':>6}")
+    for row in equal:
+        ours, theirs = row["ours"], row["mujoco"]
+        found = f"{row['rate']:10.0f}" if row["rate"] else f"{'none':>10}"
+        ratio = ours["real_time"] / theirs["real_time"]
+        print(
+            f"{row['name']:18} {ours['slip_mm']:8.2f} {theirs['slip_mm']:10.2f} {found} {ours['real_time']:12.1f} {theirs['real_time']:14.1f} {ratio:6.2f}"
+        )
     if arguments.json:
-        arguments.json.write_text(json.dumps(rows, indent=1))
+        arguments.json.write_text(json.dumps({"scenes": rows, "equal_slip": equal}, indent=1))
     free = rows[0]["angle_deg"]
     if free["most"] > FREE_MOTION or free["rest"] > FREE_REST:
         print(f"free motion differs: found {free}, expected at most {FREE_MOTION} and {FREE_REST} deg", file=sys.stderr)

@@ -6,6 +6,7 @@ mod arm_check;
 mod bench;
 mod body;
 mod bridge;
+mod builtin;
 mod calibrate;
 mod check;
 mod cli;

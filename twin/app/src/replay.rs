@@ -9,8 +9,8 @@ use scenarios::record::TrialRecord;
 
 use crate::body::replayed::ReplayVenue;
 use crate::body::{Stopped, Task};
+use crate::builtin::{make_bench, read_scenario};
 use crate::cli::Cli;
-use crate::commands::{make_bench, read_scenario};
 use crate::trial::{Bench, NoWatcher};
 
 /// The command.

@@ -26,8 +26,9 @@ use self::play::{Nobody, Policy, Site, TransportRecord};
 use self::recorded::Recorded;
 use self::rehearse::{Searched, Wanted, WantedText};
 use self::skills::{SkillFile, for_sizes, of_repertoire};
+use crate::builtin::{HAND_UNIT, simulated_touch};
 use crate::cli::Cli;
-use crate::commands::{HAND_UNIT, Outcome, simulated_touch};
+use crate::commands::Outcome;
 use crate::world::World;
 
 /// Arguments of `transport`.

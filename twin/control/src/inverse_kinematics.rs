@@ -122,7 +122,7 @@ impl Default for IkSettings {
             turn_deceleration: 4.0,
             turn_weight: 0.25,
             slowdown: 0.05,
-            damping: 0.01,
+            damping: 0.004,
             singular_damping: 0.1,
             singular_value: 0.04,
             comfort_gain: 1.0,

@@ -20,8 +20,8 @@ use hardware_bridge::xc330;
 
 use super::shown;
 use crate::body::emulated::{SharedPlant, settings};
+use crate::builtin::trial_scene;
 use crate::cli::Cli;
-use crate::commands::trial_scene;
 
 /// Travel of the shafts of [`SpringHand`], rad.
 const TRAVEL: f64 = 4.0;

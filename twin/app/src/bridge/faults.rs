@@ -26,8 +26,8 @@ use scenarios::combination::Scenario;
 
 use self::kind::{ALL, Expected, Kind};
 use crate::body::emulated::{SharedPlant, settings, travel};
+use crate::builtin::make_bench;
 use crate::cli::Cli;
-use crate::commands::make_bench;
 use crate::rehearsal::{Snapshot, in_hand};
 use crate::trial::Bench;
 

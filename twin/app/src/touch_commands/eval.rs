@@ -17,8 +17,8 @@ use super::images::{Change, Eyes};
 use super::normals::{IN_USE, Measured, Method, Networks, RealRow, Sampled, measure, real, unseen};
 use super::pictures;
 use super::poses::{Class, Felt, Source, Spread, feel, spread};
+use crate::builtin::{HAND_UNIT, look_up_touch, make_bench};
 use crate::cli::Cli;
-use crate::commands::{HAND_UNIT, look_up_touch, make_bench};
 use crate::trial::{Bench, HeldGrasp};
 
 /// Most of the position error of objects without symmetry that counts as good: median and 95th percentile, mm.

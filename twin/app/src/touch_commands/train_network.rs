@@ -18,9 +18,9 @@ use touch::{CalibrationPress, PhotometricModel};
 use super::Outcome;
 use super::real::{CONFIGURATION, Likeness, RealPresses};
 use super::shapes::{drawn_press, each, seen};
+use crate::builtin::builtin_calibration;
 use crate::check::plot::Plot;
 use crate::cli::Cli;
-use crate::commands::builtin_calibration;
 use crate::report::write_whole;
 
 /// The first of the hand units that networks learn from, and how many there are.
