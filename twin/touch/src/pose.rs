@@ -194,9 +194,10 @@ pub fn estimate_pose(
     })
 }
 
-/// Cost of an object that is at `pose` (palm frame), as [`PoseEstimate::cost`] counts it, with the joints where that fits best: for
-/// those who know the true pose and ask whether an estimate that is off explains what is felt better than the truth.
-pub fn cost_of_pose(
+/// Cost of an object that is at `pose` (palm frame), as [`PoseEstimate::cost`] counts it, with the joints where that fits best, and
+/// the least cost that is reached downhill from there: for those who know the true pose and ask whether an estimate that is off
+/// explains what is felt better than the truth, or the search missed it.
+pub fn costs_from_pose(
     hand: &Hand,
     touches: &[PadTouch],
     servos: &[ServoState; ACTUATORS],
@@ -204,11 +205,14 @@ pub fn cost_of_pose(
     shape: &dyn KnownShape,
     options: &PoseOptions,
     pose: &Isometry3<f64>,
-) -> Result<f64, TouchError> {
+) -> Result<[f64; 2], TouchError> {
     let (problem, rest, _) = prepared(hand, touches, servos, prior, shape, options)?;
     let mut state = State { pose: *pose, ..rest };
-    minimise(&problem, &mut state, Evidence::Posture, options.fine_steps);
-    Ok(problem.cost(&state, Evidence::All))
+    let mut after = |evidence| {
+        minimise(&problem, &mut state, evidence, options.fine_steps);
+        problem.cost(&state, Evidence::All)
+    };
+    Ok([after(Evidence::Posture), after(Evidence::All)])
 }
 
 /// The problem with its state of rest (joints as servos and contact forces have them without the object, the object as

@@ -9,7 +9,7 @@ use nalgebra::{Isometry3, Matrix3, UnitQuaternion};
 use scenarios::objects::{ObjectModel, Symmetry};
 use scenarios::statistics::percentile;
 use serde::Serialize;
-use touch::{PoseEstimate, PoseOptions, TouchPipeline, cost_of_pose};
+use touch::{PoseEstimate, PoseOptions, TouchPipeline, costs_from_pose};
 
 use super::images::Eyes;
 use crate::trial::{Bench, HeldGrasp};
@@ -38,16 +38,18 @@ pub struct Felt {
     pub ratio: f64,
     /// Whether the position lies in the stated ellipsoid of 95 %.
     pub covered: bool,
-    /// Whether the truth explains what is felt worse than the estimate does, by more than [`CLEARLY`]: the evidence is at fault. ...
-    pub misled: bool,
-    /// ... Whether it does so better: the search is.
+    /// Whether a pose downhill from the truth explains what is felt better than the estimate does: the search is at fault. ...
     pub missed: bool,
+    /// ... If not, whether the truth itself explains it clearly worse: the evidence is.
+    pub misled: bool,
     /// Time from raw images to touches, and from touches to the pose, ms.
     pub millis: [f64; 2],
 }
 
-/// Difference of costs (log-likelihood) that counts.
+/// Difference of costs (log-likelihood) from which a pose explains what is felt clearly worse ...
 const CLEARLY: f64 = 3.0;
+/// ... and from which it explains it better.
+const BETTER: f64 = 0.3;
 /// 95 % of the squared, scaled errors of three numbers are below this (chi-squared, three degrees of freedom).
 const COVERED: f64 = 7.815;
 
@@ -137,7 +139,7 @@ pub fn feel(
             let estimated = begun.elapsed() - perceived;
             let truth = looking_alike(object, &grasp.truth, &estimate.palm_from_object);
             let hand = pipeline.hand();
-            let true_cost = cost_of_pose(hand, &touches, &servos, &prior, known, &pipeline.pose, &truth)?;
+            let [there, below] = costs_from_pose(hand, &touches, &servos, &prior, known, &pipeline.pose, &truth)?;
             let points = points_only.estimate_pose(&touches, &servos, &prior, known)?;
             seen();
             let poses = [grasp.expected, points.palm_from_object, estimate.palm_from_object];
@@ -148,8 +150,8 @@ pub fn feel(
                 errors,
                 ratio: 1e-3 * errors[2][0] / (3f64.sqrt() * estimate.sigma().0),
                 covered: squared(&estimate, &grasp.truth).is_some_and(|squared| squared < COVERED),
-                misled: true_cost > estimate.cost + CLEARLY,
-                missed: true_cost < estimate.cost,
+                missed: below < estimate.cost - BETTER,
+                misled: below >= estimate.cost - BETTER && there > estimate.cost + CLEARLY,
                 millis: [perceived, estimated].map(|time| 1e3 * time.as_secs_f64()),
             })
         })
@@ -176,7 +178,7 @@ pub struct Causes {
     pub far: f64,
     /// Of all, those so far off whose truth explains what is felt clearly worse than the estimate: the evidence misleads. ...
     pub misled: f64,
-    /// ... Better: the search missed it. The others are about as good: nothing tells.
+    /// ... Near which something explains it better: the search missed it. For the others nothing tells.
     pub missed: f64,
 }
 
