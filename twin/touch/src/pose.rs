@@ -110,7 +110,7 @@ impl Default for PoseOptions {
             sinking: 1.0,
             use_clear: true,
             starts: 48,
-            coarse_steps: 8,
+            coarse_steps: 6,
             kept: 16,
             finished: 6,
             fine_steps: 30,

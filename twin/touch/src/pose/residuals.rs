@@ -26,7 +26,7 @@ const MIDDLE: (f64, f64) = (4e-4, 6e-4);
 /// The plan's orientation is at times far off, for objects roll as the hand closes: from so many standard deviations on, more costs
 /// no more than in proportion.
 const TURNED: f64 = 2.0;
-/// In the first stage every so-manyth point of a patch will do.
+/// In the first stage every so-manyth point of a patch and of free surface will do.
 const SOFT_STEP: usize = 3;
 /// An object that presses less deeply than this may go unnoticed, m.
 const SHALLOW: f64 = 1.5e-4;
@@ -39,7 +39,7 @@ impl Problem<'_> {
         if evidence != Evidence::Joints {
             self.prior_residuals(state, sink);
             self.contact_residuals(state, &kinematics, evidence, sink);
-            self.clear_residuals(state, &kinematics, sink);
+            self.clear_residuals(state, &kinematics, evidence, sink);
         }
     }
 
@@ -209,7 +209,8 @@ impl Problem<'_> {
         }))
     }
 
-    fn clear_residuals(&self, state: &State, kinematics: &Kinematics, sink: &mut dyn Sink) {
+    fn clear_residuals(&self, state: &State, kinematics: &Kinematics, evidence: Evidence, sink: &mut dyn Sink) {
+        let every = if evidence == Evidence::Soft { SOFT_STEP } else { 1 };
         let object_from_palm = state.pose.inverse();
         let scale = 1.0 / self.options.sigma_clear;
         for ClearSpot { link, pressed, points, middle, radius } in &self.clear {
@@ -220,7 +221,7 @@ impl Problem<'_> {
                 continue;
             }
             let columns = pressed.map_or_else(|| self.reach(*link), |n| &self.pressed_reach[n]);
-            for point in points {
+            for point in points.iter().step_by(every) {
                 let p = object_from_link * (point + lift);
                 let (distance, gradient) = self.shape.signed_distance(&p);
                 if distance < 0.0 {
