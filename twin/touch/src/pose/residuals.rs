@@ -259,3 +259,95 @@ impl Pull {
         Self { gradient: self.gradient * factor, moment: self.moment * factor }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use hand_model::Hand;
+    use hand_model::robot::ServoState;
+    use nalgebra::{DVector, Isometry3, UnitQuaternion, Vector2};
+    use proptest::prelude::*;
+
+    use super::super::{KnownShape, PoseOptions, PosePrior};
+    use super::*;
+    use crate::contacts::{Patch, SurfacePoint};
+    use crate::pipeline::PadTouch;
+
+    struct Ellipsoid(Vector3<f64>);
+    impl KnownShape for Ellipsoid {
+        /// A function with the ellipsoid as its zero, and its true gradient: all that derivatives need.
+        fn signed_distance(&self, p: &Point3<f64>) -> (f64, Vector3<f64>) {
+            let inner = p.coords.component_div(&self.0);
+            let (norm, least) = (inner.norm(), self.0.min());
+            (least * (norm - 1.0), least * inner.component_div(&self.0) / norm)
+        }
+    }
+
+    /// A touch of pad `name` in the middle with free surface around, and what it was made for.
+    fn touch(hand: &Hand, name: &str, peak: f64) -> PadTouch {
+        let pad = hand.pad(name).expect("a pad");
+        let surface = |x: f64, y: f64, z: f64| SurfacePoint {
+            point: Point3::new(x * 1e-3, y * 1e-3, -z * peak),
+            normal: Vector3::new(0.1 * x, 0.1 * y, -1.0).normalize(),
+        };
+        let points = vec![
+            surface(0.0, 0.0, 1.0),
+            surface(1.0, 0.3, 0.8),
+            surface(-1.0, 0.6, 0.7),
+            surface(0.4, 1.1, 0.9),
+            surface(-0.2, -1.3, 0.6),
+        ];
+        let patch = Patch {
+            camera: hand.pads[pad].cameras[0],
+            area: 2e-5,
+            centroid: points[0].point,
+            axes: [Vector2::x(), Vector2::y()],
+            extent: [1e-3, 1e-3],
+            normal: -Vector3::z(),
+            force: 1.2,
+            peak,
+            points,
+        };
+        let clear = (-3..=3).flat_map(|x| (-4..=4).map(move |y| Point3::new(2e-3 * x as f64, 2e-3 * y as f64, 0.0)));
+        PadTouch { pad, patches: vec![patch], force: 1.2, clear: clear.collect(), ..PadTouch::default() }
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(24))]
+
+        /// The gradient of the cost is that of finite differences, for the pose, the joints and the lifts, at states where
+        /// every kind of evidence takes part. (Normals are left out: their derivative is taken at the shape's normal on purpose.)
+        #[test]
+        fn the_gradient_is_that_of_the_cost(
+            shift in prop::array::uniform3(-2e-3..2e-3f64), turn in prop::array::uniform3(-0.1..0.1f64),
+            bend in 0.2..0.9f64, lift in 0.2e-3..1.5e-3f64, sinking in 0.0..1.0f64,
+        ) {
+            let hand = Hand::ftac();
+            let touches = [touch(&hand, "palm_ulnar", 8e-4), touch(&hand, "ring_distal", 6e-4)];
+            let shape = Ellipsoid(Vector3::new(0.03, 0.024, 0.026));
+            let options = PoseOptions { sinking, sigma_normal: f64::INFINITY, ..PoseOptions::default() };
+            let servos = [ServoState { position: 1.0, current: 0.1, ..ServoState::default() }; 6];
+            let palm = hand.pad_poses(&hand.tree.forward(&[bend; 15]));
+            // On the palm pad, somewhat in it: points are off, and free ones are inside.
+            let middle = palm[hand.pad("palm_ulnar").expect("a pad")] * Point3::new(0.0, 0.0, 0.024);
+            let pose = Isometry3::from_parts((middle.coords + Vector3::from(shift)).into(), UnitQuaternion::identity());
+            let prior = PosePrior::weak(pose * Isometry3::new(Vector3::new(4e-3, -6e-3, 2e-3), Vector3::from(turn) * 0.3));
+            let problem = Problem::new(&hand, &touches, &servos, &prior, &shape, &options);
+            let mut state = State { q: [bend; 15], ..problem.start(pose) };
+            state.lift[..2].fill(lift);
+            for evidence in [Evidence::Soft, Evidence::Middle, Evidence::All] {
+                let (_, gradient) = problem.linearise(&state, evidence);
+                for k in 0..gradient.len() {
+                    let step = if (3..gradient.len() - 2).contains(&k) { 1e-7 } else { 1e-9 };
+                    let cost = |sign: f64| {
+                        let mut by = DVector::zeros(gradient.len());
+                        by[k] = sign * step;
+                        problem.cost(&problem.moved(&state, &by), evidence)
+                    };
+                    let slope = (cost(1.0) - cost(-1.0)) / (2.0 * step);
+                    let size = gradient.amax().max(1.0);
+                    prop_assert!((slope - gradient[k]).abs() < 5e-3 * gradient[k].abs() + 1e-3 * size, "{k}: {slope} {}", gradient[k]);
+                }
+            }
+        }
+    }
+}
