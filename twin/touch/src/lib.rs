@@ -30,7 +30,7 @@ pub use frames::{CameraFault, Fault};
 pub use network::{Network, PreparedNetwork};
 pub use photometric_stereo::{Gradients, StereoOptions};
 pub use pipeline::{HeightMap, PadTouch, Perceived, TouchPipeline};
-pub use pose::{KnownShape, PoseEstimate, PoseOptions, PosePrior, estimate_pose};
+pub use pose::{KnownShape, PoseEstimate, PoseOptions, PosePrior, costs_from_pose, estimate_pose};
 pub use posture::Posture;
 pub use slip::Slip;
 

@@ -17,6 +17,11 @@ use crate::poisson::PoissonSolver;
 use crate::pose::{KnownShape, PoseEstimate, PoseOptions, PosePrior, estimate_pose};
 use crate::{IMAGE_SIZE as N, PIXELS};
 
+/// Columns and rows of the points of an untouched pad that are asked whether the object is there ...
+const CLEAR: (usize, usize) = (4, 6);
+/// ... and of a pad that is touched elsewhere, for what the object does not cover there tells where it ends.
+const CLEAR_BESIDE: (usize, usize) = (10, 14);
+
 /// What one camera saw of a touched pad.
 #[derive(Debug, Clone, PartialEq)]
 pub struct HeightMap {
@@ -153,7 +158,8 @@ impl TouchPipeline {
             if let Some(height) = height {
                 touch.patches.extend(find_contacts(pad, index, camera, self.hand.gel(), height, &self.contacts));
             }
-            touch.clear.extend(clear_points(pad, camera, height, self.contacts.raised, 4, 6));
+            let (columns, rows) = if height.is_some() { CLEAR_BESIDE } else { CLEAR };
+            touch.clear.extend(clear_points(pad, camera, height, self.contacts.raised, columns, rows));
             touch.heights.extend(map.map(Arc::new));
         }
         for touch in &mut touches {

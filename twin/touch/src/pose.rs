@@ -1,25 +1,29 @@
 //! In-hand object pose by registering what is felt, and what is not, to a known shape.
 //!
-//! Unknown are the object's pose in the palm frame and the joint angles of every digit that touches. The evidence: surface
-//! points of the patches lie on the object; their normals are the object's; points that feel nothing lie outside it; the cable
-//! excursions are as measured; springs, cable tensions and contact torques balance at each joint; joints keep their limits;
-//! and the plan said roughly where the object would be. Many orientations are screened, Levenberg-Marquardt goes on from the best
-//! ones with a Huber loss, and the best wins.
+//! Unknown are the object's pose in the palm frame, the joint angles of every digit that touches, and how far the object stands out of
+//! every pressed pad against what its heights say. The evidence: surface points of the patches lie on the object; their normals
+//! are the object's; points that feel nothing lie outside it; the cable excursions are as measured; springs, cable tensions and
+//! contact torques balance at each joint; joints keep their limits; and the plan said roughly where the object would be. Many
+//! orientations are screened, Levenberg-Marquardt goes on from those that differ, softly first, later with a Huber loss and all
+//! the exactness that heights have, and the best wins.
 
 mod evidence;
 mod problem;
+mod residuals;
 mod screen;
 mod system;
+mod uncertainty;
 
 use hand_model::robot::ServoState;
 use hand_model::{ACTUATORS, HAND_JOINTS, Hand};
-use nalgebra::{DMatrix, Isometry3, Matrix3, Matrix6, Point3, Vector3};
+use nalgebra::{DMatrix, Isometry3, Matrix6, Point3, Vector3};
 use rayon::prelude::*;
 
 use crate::error::TouchError;
 use crate::pipeline::PadTouch;
 use problem::{Evidence, Problem, State};
 use screen::screen;
+use uncertainty::{alternatives, mixed_covariance, unobservable};
 
 /// A shape known in advance, in its own frame.
 pub trait KnownShape: Sync {
@@ -53,8 +57,10 @@ impl PosePrior {
 /// Standard deviations of the evidence, and how hard to try.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PoseOptions {
-    /// Distance of a felt point to the object's surface, m.
-    pub sigma_point: f64,
+    /// Heights of a broad patch, all together, m; those of a narrow one are known less well.
+    pub sigma_height: f64,
+    /// How far the deepest point of a pressed pad may be from where `sinking` has it, m.
+    pub sigma_lift: f64,
     /// Each component of a felt normal, rad.
     pub sigma_normal: f64,
     /// Cable excursion, m.
@@ -92,22 +98,23 @@ pub struct PoseOptions {
 impl Default for PoseOptions {
     fn default() -> Self {
         Self {
-            sigma_point: 4e-4,
+            sigma_height: 8e-5,
+            sigma_lift: 1e-4,
             sigma_normal: 8f64.to_radians(),
-            sigma_excursion: 5e-4,
-            sigma_torque: 0.05,
+            sigma_excursion: 1.5e-4,
+            sigma_torque: 0.03,
             contact_torque_fraction: 0.25,
-            sigma_clear: 1e-3,
+            sigma_clear: 2.5e-4,
             sigma_limit: 0.02,
             huber: 2.5,
             sinking: 1.0,
             use_clear: true,
-            starts: 24,
-            coarse_steps: 8,
-            kept: 10,
-            finished: 3,
+            starts: 48,
+            coarse_steps: 6,
+            kept: 16,
+            finished: 6,
             fine_steps: 30,
-            good_cost: 1.0,
+            good_cost: 2.0,
         }
     }
 }
@@ -130,7 +137,7 @@ pub struct PoseEstimate {
     /// Number of pads that had no say.
     pub blind: usize,
     /// Other poses that explain what is felt about as well, with the cost of each above the best one's: a symmetry, or too
-    /// little touch to tell. The covariance is that of the best pose alone.
+    /// little touch to tell. The covariance allows for them.
     pub alternatives: Vec<(Isometry3<f64>, f64)>,
     /// Rotation axes (palm frame, unit) about which the evidence adds nothing worth naming to the prior: a symmetric object,
     /// or too few contacts.
@@ -157,23 +164,7 @@ pub fn estimate_pose(
     shape: &dyn KnownShape,
     options: &PoseOptions,
 ) -> Result<PoseEstimate, TouchError> {
-    if let Some(touch) = touches.iter().find(|touch| touch.pad >= hand.pads.len()) {
-        return Err(TouchError::Size { what: "pad index of a touch", found: touch.pad, expected: hand.pads.len() });
-    }
-    if !prior.palm_from_object.to_homogeneous().iter().all(|value| value.is_finite()) {
-        return Err(TouchError::NotFinite("the prior pose"));
-    }
-    if !servos.iter().all(|servo| servo.position.is_finite() && servo.current.is_finite()) {
-        return Err(TouchError::NotFinite("a servo reading"));
-    }
-    let mut problem = Problem::new(hand, touches, servos, prior, shape, options);
-    let mut steps = 0;
-
-    // Joints first: what servos and contact forces say without the object.
-    let mut rest = State { pose: prior.palm_from_object, q: problem.posture.q };
-    steps += minimise(&problem, &mut rest, Evidence::Joints, 10);
-    problem.settle_torque_sigmas(&rest.q);
-
+    let (problem, rest, mut steps) = prepared(hand, touches, servos, prior, shape, options)?;
     let mut shifted = State { pose: prior.palm_from_object, ..rest };
     steps += minimise(&problem, &mut shifted, Evidence::Translation, 6);
     let mut starts = vec![rest, shifted];
@@ -182,14 +173,13 @@ pub fn estimate_pose(
     let bad = |cost: f64| cost > options.good_cost * problem.patch_count() as f64;
     if problem.has_contact() && found.first().is_some_and(|best| bad(best.0)) {
         // A solution that leaves its patches unexplained is a wrong one (a box's other face, say): look around it.
-        let around = State { q: found[0].1.q, ..found[0].1 };
+        let around = found[0].1;
         found.extend(descend(&problem, screen(&problem, prior, &around, options.starts), &mut steps));
         found.sort_by(|a, b| a.0.total_cmp(&b.0));
     }
-    let best = *found.first().ok_or(TouchError::Singular("the pose estimate"))?;
-    let (cost, state) = best;
+    let (cost, state) = *found.first().ok_or(TouchError::Singular("the pose estimate"))?;
 
-    let covariance = palm_covariance(&problem, &state).ok_or(TouchError::Singular("the pose estimate"))?;
+    let covariance = mixed_covariance(&problem, &found).ok_or(TouchError::Singular("the pose estimate"))?;
     Ok(PoseEstimate {
         palm_from_object: state.pose,
         unobservable: unobservable(&covariance, prior.sigma_rotation),
@@ -204,29 +194,62 @@ pub fn estimate_pose(
     })
 }
 
+/// Cost of an object that is at `pose` (palm frame), as [`PoseEstimate::cost`] counts it, with the joints where that fits best, and
+/// the least cost that is reached downhill from there: for those who know the true pose and ask whether an estimate that is off
+/// explains what is felt better than the truth, or the search missed it.
+pub fn costs_from_pose(
+    hand: &Hand,
+    touches: &[PadTouch],
+    servos: &[ServoState; ACTUATORS],
+    prior: &PosePrior,
+    shape: &dyn KnownShape,
+    options: &PoseOptions,
+    pose: &Isometry3<f64>,
+) -> Result<[f64; 2], TouchError> {
+    let (problem, rest, _) = prepared(hand, touches, servos, prior, shape, options)?;
+    let mut state = State { pose: *pose, ..rest };
+    let mut after = |evidence| {
+        minimise(&problem, &mut state, evidence, options.fine_steps);
+        problem.cost(&state, Evidence::All)
+    };
+    Ok([after(Evidence::Posture), after(Evidence::All)])
+}
+
+/// The problem with its state of rest (joints as servos and contact forces have them without the object, the object as
+/// planned), and the steps that took.
+fn prepared<'a>(
+    hand: &'a Hand,
+    touches: &[PadTouch],
+    servos: &[ServoState; ACTUATORS],
+    prior: &'a PosePrior,
+    shape: &'a dyn KnownShape,
+    options: &'a PoseOptions,
+) -> Result<(Problem<'a>, State, usize), TouchError> {
+    if let Some(touch) = touches.iter().find(|touch| touch.pad >= hand.pads.len()) {
+        return Err(TouchError::Size { what: "pad index of a touch", found: touch.pad, expected: hand.pads.len() });
+    }
+    if touches.len() > hand.pads.len() {
+        return Err(TouchError::Size { what: "number of touches", found: touches.len(), expected: hand.pads.len() });
+    }
+    if !prior.palm_from_object.to_homogeneous().iter().all(|value| value.is_finite()) {
+        return Err(TouchError::NotFinite("the prior pose"));
+    }
+    if !servos.iter().all(|servo| servo.position.is_finite() && servo.current.is_finite()) {
+        return Err(TouchError::NotFinite("a servo reading"));
+    }
+    let mut problem = Problem::new(hand, touches, servos, prior, shape, options);
+    let mut rest = problem.start(prior.palm_from_object);
+    let steps = minimise(&problem, &mut rest, Evidence::Joints, 10);
+    problem.settle_torque_sigmas(&rest.q);
+    Ok((problem, rest, steps))
+}
+
 /// Unit vectors that fill the sphere evenly (a golden spiral of 36).
 fn direction(k: usize) -> Vector3<f64> {
     let z = 1.0 - (2 * ((k * 11) % 36) + 1) as f64 / 36.0;
     let angle = k as f64 * 2.399963;
     let r = (1.0 - z * z).sqrt();
     Vector3::new(r * angle.cos(), r * angle.sin(), z)
-}
-
-/// Solutions besides the best that cost little more and are elsewhere; each once.
-fn alternatives(found: &[(f64, State)]) -> Vec<(Isometry3<f64>, f64)> {
-    const LITTLE: f64 = 2.0;
-    const ELSEWHERE: (f64, f64) = (3e-3, 0.17);
-    let mut kept: Vec<(Isometry3<f64>, f64)> = Vec::new();
-    for (cost, state) in found {
-        let apart = |pose: &Isometry3<f64>| {
-            let between = pose.inverse() * state.pose;
-            between.translation.vector.norm() > ELSEWHERE.0 || between.rotation.angle() > ELSEWHERE.1
-        };
-        if cost - found[0].0 < LITTLE && kept.iter().all(|(pose, _)| apart(pose)) {
-            kept.push((state.pose, cost - found[0].0));
-        }
-    }
-    kept.into_iter().skip(1).collect()
 }
 
 /// Descends from every start, softly first, and goes on with the best ones only. All that were finished with their costs, best
@@ -236,7 +259,7 @@ fn descend(problem: &Problem, starts: Vec<State>, steps: &mut usize) -> Vec<(f64
     let mut ranked: Vec<(f64, State)> = starts.into_iter().map(|start| (0.0, start)).collect();
     for (evidence, most, kept) in [
         (Evidence::Soft, options.coarse_steps, options.kept),
-        (Evidence::All, options.coarse_steps, options.finished),
+        (Evidence::Middle, options.coarse_steps, options.finished),
         (Evidence::All, options.fine_steps, options.finished),
     ] {
         let gone_on: Vec<(usize, f64, State)> = ranked
@@ -250,9 +273,30 @@ fn descend(problem: &Problem, starts: Vec<State>, steps: &mut usize) -> Vec<(f64
         *steps += gone_on.iter().map(|(steps, _, _)| steps).sum::<usize>();
         ranked = gone_on.into_iter().map(|(_, cost, state)| (cost, state)).collect();
         ranked.sort_by(|a, b| a.0.total_cmp(&b.0));
-        ranked.truncate(kept);
+        ranked = different(ranked, problem.shape(), kept);
     }
     ranked
+}
+
+/// The first `most` solutions that are not where a better one is, or its mirror: ways from many starts run together, and a symmetric
+/// object looks the same from several sides.
+fn different(ranked: Vec<(f64, State)>, shape: &dyn KnownShape, most: usize) -> Vec<(f64, State)> {
+    const NEAR: (f64, f64) = (3e-4, 0.03);
+    const ALIKE: (f64, f64) = (2e-4, 0.01);
+    let center = shape.center();
+    let mut kept: Vec<(f64, State)> = Vec::with_capacity(most);
+    for (cost, state) in ranked {
+        let new = |(other_cost, other): &(f64, State)| {
+            let away = (other.pose * center - state.pose * center).norm();
+            let turned = other.pose.rotation.angle_to(&state.pose.rotation);
+            let near = away < NEAR.0 && turned < NEAR.1;
+            !near && (away > ALIKE.0 || cost - other_cost > ALIKE.1 * cost)
+        };
+        if kept.len() < most && kept.iter().all(new) {
+            kept.push((cost, state));
+        }
+    }
+    kept
 }
 
 /// Levenberg-Marquardt in place; returns the number of steps tried.
@@ -291,29 +335,4 @@ fn minimise(problem: &Problem, state: &mut State, evidence: Evidence, most: usiz
         }
     }
     steps
-}
-
-/// Marginal covariance of the pose, joints integrated out, in palm axes.
-fn palm_covariance(problem: &Problem, state: &State) -> Option<Matrix6<f64>> {
-    let (mut hessian, _) = problem.linearise(state, Evidence::All);
-    for k in 0..hessian.nrows() {
-        hessian[(k, k)] += 1e-9;
-    }
-    let inverse = hessian.cholesky()?.inverse();
-    let local: Matrix6<f64> = inverse.fixed_view::<6, 6>(0, 0).into_owned();
-    let rotation = state.pose.rotation.to_rotation_matrix();
-    let mut turn = Matrix6::zeros();
-    turn.fixed_view_mut::<3, 3>(0, 0).copy_from(rotation.matrix());
-    turn.fixed_view_mut::<3, 3>(3, 3).copy_from(rotation.matrix());
-    Some(turn * local * turn.transpose())
-}
-
-/// Axes about which the rotation is hardly better known than before.
-fn unobservable(covariance: &Matrix6<f64>, sigma_rotation: f64) -> Vec<Vector3<f64>> {
-    let block: Matrix3<f64> = covariance.fixed_view::<3, 3>(3, 3).into_owned();
-    let eigen = block.symmetric_eigen();
-    (0..3)
-        .filter(|&i| eigen.eigenvalues[i] > (0.8 * sigma_rotation).powi(2))
-        .map(|i| eigen.eigenvectors.column(i).into_owned())
-        .collect()
 }

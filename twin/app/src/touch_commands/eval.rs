@@ -16,7 +16,7 @@ use super::grasps::{Played, grasps};
 use super::images::{Change, Eyes};
 use super::normals::{IN_USE, Measured, Method, Networks, RealRow, Sampled, measure, real, unseen};
 use super::pictures;
-use super::poses::{Class, Felt, Source, Spread, feel, spread};
+use super::poses::{Causes, Class, FAR, Felt, Source, Spread, causes, feel, spread};
 use crate::builtin::{HAND_UNIT, look_up_touch, make_bench};
 use crate::cli::Cli;
 use crate::trial::{Bench, HeldGrasp};
@@ -105,7 +105,8 @@ pub fn eval(cli: &Cli, args: &EvalArgs) -> Outcome {
         println!("{}", Value::Object(result));
     } else {
         let normals = normals_table(rows, real.as_deref());
-        print!("{normals}\n{}\n{}\n{}", pose_table(&felt), changed_table(&changed), latency_table(&felt));
+        let poses = [pose_table(&felt), causes_table(&felt)].join("\n");
+        print!("{normals}\n{poses}\n{}\n{}", changed_table(&changed), latency_table(&felt));
     }
     Ok(shortfall(&felt))
 }
@@ -227,6 +228,7 @@ fn pose_json(felt: &[Felt]) -> Result<Value> {
     let all = |pick: &dyn Fn(&Felt) -> bool| -> Result<Value> {
         let touch = serde_json::to_value(spread(felt, Source::Touch, pick))?;
         let Value::Object(mut row) = touch else { bail!("a row is an object") };
+        row.insert("causes".into(), serde_json::to_value(causes(felt, pick))?);
         row.insert("plan".into(), serde_json::to_value(spread(felt, Source::Plan, pick))?);
         row.insert("points_only".into(), serde_json::to_value(spread(felt, Source::Points, pick))?);
         Ok(Value::Object(row))
@@ -271,6 +273,30 @@ fn pose_table(felt: &[Felt]) -> String {
         for name in objects {
             row(&format!("  {name}"), &|felt| felt.object == name);
         }
+    }
+    text
+}
+
+/// Why poses are off, by kind of object.
+fn causes_table(felt: &[Felt]) -> String {
+    let mut text = format!(
+        "{:16} {:>9} {:>11} {:>12} {:>12} {:>12}\n",
+        "share, %",
+        "in 95 %",
+        format!("over {FAR} mm"),
+        "misled",
+        "missed",
+        "untold"
+    );
+    let mut row = |name: &str, pick: &dyn Fn(&Felt) -> bool| {
+        let Causes { covered, far, misled, missed } = causes(felt, pick);
+        let [covered, far, misled, missed] = [covered, far, misled, missed].map(|share| 100.0 * share);
+        let untold = far - misled - missed;
+        text += &format!("{name:16} {covered:9.1} {far:11.1} {misled:12.1} {missed:12.1} {untold:12.1}\n");
+    };
+    row("all", &|_| true);
+    for class in Class::ALL {
+        row(class.name(), &|felt| felt.class == class);
     }
     text
 }

@@ -1,10 +1,15 @@
 //! What the pads say, in the frames of the links that carry them, and how far each part of it is trusted.
 
+use std::collections::BTreeMap;
+use std::f64::consts::TAU;
+
 use hand_model::Hand;
 use nalgebra::{Isometry3, Point3, Vector3};
 
+use super::PoseOptions;
 use super::system::evenly;
 use crate::contacts::{Patch, SurfacePoint};
+use crate::pipeline::PadTouch;
 use crate::posture::Posture;
 
 /// Points of a patch that are used.
@@ -18,53 +23,112 @@ const LEAST_WEIGHT: f64 = 0.05;
 /// Tilt of a felt normal at which a point is trusted half as much, rad: photometric stereo errs on steep flanks, and at the
 /// rounded edges of a pad, part of the object presses where no camera looks.
 const STEEP: f64 = 0.7;
+/// Side of the squares of a pad whose free points are asked together, m.
+const SPOT: f64 = 8e-3;
 /// A cable that pulls harder than a free digit at its excursion needs by this much (N) and this share is held up by something.
 const HELD_UP: (f64, f64) = (0.8, 0.35);
+
+/// How well the heights of a patch are known: a narrow one stands on steep flanks, where photometric stereo errs. Product of
+/// the standard deviation of its heights and the radius of the ball that would press as far and as wide, m2.
+const NARROW: f64 = 3e-7;
+/// No patch's height counts as less well known than this, m.
+const WORST: f64 = 1.5e-3;
 
 /// A patch in the frame of the link that carries it (palm: the palm frame).
 pub(super) struct LinkPatch {
     pub link: Option<usize>,
+    /// Index of the pad among those that are pressed.
+    pub pressed: usize,
     /// Points, each with its trust: 1 where the gel is pressed squarely, less on flanks.
     pub points: Vec<(Point3<f64>, f64)>,
     pub normals: Vec<(Point3<f64>, Vector3<f64>, f64)>,
     /// Share of a full patch's say.
     pub weight: f64,
+    /// Standard deviation of its heights, all together, m.
+    pub sigma: f64,
     pub centroid: Point3<f64>,
     /// Force on the pad, N.
     pub force: Vector3<f64>,
 }
 
 impl LinkPatch {
-    /// A patch on a pad that sits at `place` on its link, its points moved by `lift` (m, pad frame).
-    pub fn new(link: Option<usize>, place: &Isometry3<f64>, patch: &Patch, lift: &Vector3<f64>) -> Self {
-        let point = |p: &SurfacePoint| place * (p.point + lift);
+    /// A patch on a pad that sits at `place` on its link; its heights are known to within `sigma` (m) at best.
+    pub fn new(link: Option<usize>, pressed: usize, place: &Isometry3<f64>, patch: &Patch, sigma: f64) -> Self {
+        let point = |p: &SurfacePoint| place * p.point;
         let points = evenly(&patch.points, POINTS);
         let normals = evenly(&patch.points, NORMALS);
         Self {
             link,
+            pressed,
             points: points.iter().map(|p| (point(p), trust(&p.normal))).collect(),
             normals: normals.iter().map(|p| (point(p), place * p.normal, trust(&p.normal))).collect(),
             weight: (patch.force / FULL_FORCE).clamp(LEAST_WEIGHT, 1.0),
+            sigma: height_sigma(patch, sigma),
             centroid: place * patch.centroid,
             force: place * (patch.normal * patch.force),
         }
     }
 }
 
-/// Points of a pad that feel nothing, in the frame of the link that carries it.
-pub(super) struct ClearPad {
+/// Standard deviation of a patch's heights, m.
+fn height_sigma(patch: &Patch, sigma: f64) -> f64 {
+    let radius = patch.area / (TAU * patch.peak.max(1e-6));
+    sigma.hypot(NARROW / radius.max(1e-6)).min(WORST)
+}
+
+/// A pad that is pressed.
+pub(super) struct PressedPad {
+    /// Normal of the pad in the frame of the link that carries it.
+    pub normal: Vector3<f64>,
+    /// By how much the object stands farther out than its patches say, m: see [`super::PoseOptions::sinking`].
+    pub lift: f64,
+    /// How well that is known, m.
+    pub sigma: f64,
+}
+
+impl PressedPad {
+    /// The pad at `place` on its link. Of its patches the deepest that is seen well is taken to lie on the pad.
+    pub fn new(place: &Isometry3<f64>, touch: &PadTouch, options: &PoseOptions) -> Self {
+        let sigma = |patch: &&Patch| height_sigma(patch, options.sigma_height);
+        let best = touch.patches.iter().map(|patch| sigma(&patch)).fold(f64::INFINITY, f64::min);
+        let deepest =
+            touch.patches.iter().filter(|patch| sigma(patch) < 2.0 * best).max_by(|a, b| a.peak.total_cmp(&b.peak));
+        let (peak, height) = deepest.map_or((0.0, 0.0), |patch| (patch.peak, sigma(&patch)));
+        let stiff = 1.0 - options.sinking;
+        Self { normal: place * Vector3::z(), lift: stiff * peak, sigma: options.sigma_lift.hypot(stiff * height) }
+    }
+}
+
+/// Points close together on a pad that feel nothing, in the frame of the link that carries it.
+pub(super) struct ClearSpot {
     pub link: Option<usize>,
+    /// Index of the pad among those that are pressed, elsewhere.
+    pub pressed: Option<usize>,
     pub points: Vec<Point3<f64>>,
     /// A ball around them: an object farther away need not be asked point by point.
     pub middle: Point3<f64>,
     pub radius: f64,
 }
 
-impl ClearPad {
-    pub fn new(link: Option<usize>, points: Vec<Point3<f64>>) -> Self {
-        let middle = Point3::from(points.iter().map(|p| p.coords).sum::<Vector3<f64>>() / points.len().max(1) as f64);
-        let radius = points.iter().map(|p| (p - middle).norm()).fold(0.0, f64::max);
-        Self { link, points, middle, radius }
+impl ClearSpot {
+    /// The spots of a pad that sits at `place` on its link, from all of its free points (pad frame).
+    pub fn of_pad(
+        link: Option<usize>,
+        pressed: Option<usize>,
+        place: &Isometry3<f64>,
+        points: &[Point3<f64>],
+    ) -> impl Iterator<Item = Self> {
+        let mut tiles: BTreeMap<[i64; 2], Vec<Point3<f64>>> = BTreeMap::new();
+        for point in points {
+            let tile = [point.x, point.y].map(|at| (at / SPOT).floor() as i64);
+            tiles.entry(tile).or_default().push(place * point);
+        }
+        tiles.into_values().map(move |points| {
+            let sum: Vector3<f64> = points.iter().map(|p| p.coords).sum();
+            let middle = Point3::from(sum / points.len() as f64);
+            let radius = points.iter().map(|p| (p - middle).norm()).fold(0.0, f64::max);
+            Self { link, pressed, points, middle, radius }
+        })
     }
 }
 

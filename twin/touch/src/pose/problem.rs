@@ -1,37 +1,35 @@
-//! The residuals of the pose estimate and their derivatives.
+//! What is known, what is sought, and the cost of a state; its parts are in [`super::residuals`].
 //!
-//! A state is moved by a vector (rho, phi, dq): pose <- pose * exp(rho, phi) in the object's own axes, joints by addition.
-//! Felt points and normals are pulled into the object frame, so that p <- p - rho - phi x p and n <- n - phi x n.
+//! A state is moved by a vector (rho, phi, dq, ds): pose <- pose * exp(rho, phi) in the object's own axes, joints and lifts of
+//! pressed pads by addition.
 
 use hand_model::robot::ServoState;
-use hand_model::{ACTUATORS, HAND_JOINTS, Hand};
-use nalgebra::{DMatrix, DVector, Isometry3, Matrix3, Point3, Translation3, UnitQuaternion, Vector3};
+use hand_model::{ACTUATORS, HAND_JOINTS, Hand, PADS};
+use nalgebra::{DMatrix, DVector, Isometry3, Translation3, UnitQuaternion, Vector3};
 
-use super::evidence::{ClearPad, LinkPatch, held_up};
+use super::evidence::{ClearSpot, LinkPatch, PressedPad, held_up};
 use super::screen::FeltPoint;
-use super::system::{Cost, Kinematics, Normal, Sink, evenly};
+use super::system::{Cost, Kinematics, Normal, evenly};
 use super::{KnownShape, PoseOptions, PosePrior};
 use crate::pipeline::PadTouch;
-use crate::posture::{Posture, digit_of, excursion_residual, free_posture, spring_residuals};
+use crate::posture::{Posture, digit_of, free_posture};
 
-/// Points of a patch err together (posture, calibration): a patch counts as no more than so many independent points ...
-const INDEPENDENT_POINTS: f64 = 4.0;
-/// ... and normals.
-const INDEPENDENT_NORMALS: f64 = 2.0;
 /// Torque that a contact on a blind pad may have about a joint, N m.
 const UNFELT_TORQUE: f64 = 0.2;
-/// Step for the curvature of the shape, m.
-const CURVATURE_STEP: f64 = 4e-4;
 
 /// Which evidence takes part.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Evidence {
     /// Servos, springs and limits alone.
     Joints,
+    /// Everything, but the object stays where it is.
+    Posture,
     /// Everything, but the object does not turn.
     Translation,
     /// Everything, felt points and normals trusted less and without Huber: a smoother landscape to start in.
     Soft,
+    /// Everything, felt points trusted less.
+    Middle,
     /// Everything.
     All,
 }
@@ -41,28 +39,33 @@ pub(super) enum Evidence {
 pub(super) struct State {
     pub pose: Isometry3<f64>,
     pub q: [f64; HAND_JOINTS],
+    /// By how much the object stands farther out of each pressed pad than its patches say, m.
+    pub lift: [f64; PADS],
 }
 
 pub(super) struct Problem<'a> {
-    hand: &'a Hand,
-    shape: &'a dyn KnownShape,
-    prior: &'a PosePrior,
-    options: &'a PoseOptions,
-    pub posture: Posture,
-    patches: Vec<LinkPatch>,
-    clear: Vec<ClearPad>,
+    pub(super) hand: &'a Hand,
+    pub(super) shape: &'a dyn KnownShape,
+    pub(super) prior: &'a PosePrior,
+    pub(super) options: &'a PoseOptions,
+    pub(super) posture: Posture,
+    pub(super) patches: Vec<LinkPatch>,
+    pub(super) pressed: Vec<PressedPad>,
+    pub(super) clear: Vec<ClearSpot>,
     /// Cables of digits that touch.
-    cables: Vec<usize>,
+    pub(super) cables: Vec<usize>,
     /// Links with a pad that may be pressed without being felt.
-    blind: Vec<usize>,
+    pub(super) blind: Vec<usize>,
     /// Column of every joint; `None` where the joint is not estimated.
-    column: [Option<usize>; HAND_JOINTS],
-    columns: usize,
+    pub(super) column: [Option<usize>; HAND_JOINTS],
+    pub(super) columns: usize,
     /// Joints from the palm to each link.
-    chains: Vec<Vec<usize>>,
+    pub(super) chains: Vec<Vec<usize>>,
     /// Columns that a point on each link depends on, ascending; the palm's last.
-    reach: Vec<Vec<usize>>,
-    torque_sigma: [f64; HAND_JOINTS],
+    pub(super) reach: Vec<Vec<usize>>,
+    /// The same for a point of each pressed pad: with its lift, whose column comes last.
+    pub(super) pressed_reach: Vec<Vec<usize>>,
+    pub(super) torque_sigma: [f64; HAND_JOINTS],
 }
 
 impl<'a> Problem<'a> {
@@ -75,21 +78,24 @@ impl<'a> Problem<'a> {
         options: &'a PoseOptions,
     ) -> Self {
         let (mut patches, mut clear, mut cables, mut blind) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
+        let (mut pressed, mut links) = (Vec::new(), Vec::new());
         for touch in touches {
             let pad = &hand.pads[touch.pad];
             let place = pad.link_from_pad;
-            let peak = touch.patches.iter().map(|patch| patch.peak).fold(0.0, f64::max);
-            let lift = Vector3::z() * (1.0 - options.sinking) * peak;
             for patch in &touch.patches {
-                patches.push(LinkPatch::new(pad.link, &place, patch, &lift));
+                patches.push(LinkPatch::new(pad.link, pressed.len(), &place, patch, options.sigma_height));
+            }
+            let at = touch.touched().then_some(pressed.len());
+            if touch.touched() {
+                pressed.push(PressedPad::new(&place, touch, options));
+                links.push(pad.link);
             }
             if touch.touched() || touch.blind {
                 cables.extend(digit_of(pad.link).map(|digit| digit.index()));
             }
             blind.extend(pad.link.filter(|_| touch.blind));
             if options.use_clear && !touch.clear.is_empty() {
-                let points: Vec<Point3<f64>> = touch.clear.iter().map(|point| place * point).collect();
-                clear.push(ClearPad::new(pad.link, points));
+                clear.extend(ClearSpot::of_pad(pad.link, at, &place, &touch.clear));
             }
         }
         let posture = free_posture(hand, servos);
@@ -114,7 +120,12 @@ impl<'a> Problem<'a> {
             reach.sort_unstable();
             reach
         });
-        let (reach, torque_sigma) = (reach.collect(), [options.sigma_torque; HAND_JOINTS]);
+        let (reach, torque_sigma): (Vec<Vec<usize>>, _) = (reach.collect(), [options.sigma_torque; HAND_JOINTS]);
+        let pressed_reach = links.iter().enumerate().map(|(n, link)| {
+            let of_link = &reach[link.unwrap_or(chains.len())];
+            of_link.iter().copied().chain([columns + n]).collect()
+        });
+        let pressed_reach = pressed_reach.collect();
         let mut problem = Self {
             hand,
             shape,
@@ -122,13 +133,15 @@ impl<'a> Problem<'a> {
             options,
             posture,
             patches,
+            columns: columns + pressed.len(),
+            pressed,
             clear,
             cables,
             blind,
             column,
-            columns,
             chains,
             reach,
+            pressed_reach,
             torque_sigma,
         };
         problem.settle_torque_sigmas(&posture.q);
@@ -137,6 +150,13 @@ impl<'a> Problem<'a> {
 
     pub fn options(&self) -> &PoseOptions {
         self.options
+    }
+
+    /// Where the search begins: the servos' posture with the object at `pose`.
+    pub fn start(&self, pose: Isometry3<f64>) -> State {
+        let mut lift = [0.0; PADS];
+        lift.iter_mut().zip(&self.pressed).for_each(|(lift, pad)| *lift = pad.lift);
+        State { pose, q: self.posture.q, lift }
     }
 
     pub fn has_contact(&self) -> bool {
@@ -153,10 +173,13 @@ impl<'a> Problem<'a> {
         let mut felt = Vec::new();
         for patch in &self.patches {
             let pose = kinematics.pose(patch.link);
+            let lift = self.lift(state, patch.pressed);
             let chosen = evenly(&patch.normals, most);
             let share = patch.weight / chosen.len().max(1) as f64;
             felt.extend(
-                chosen.iter().map(|(point, normal, trust)| (pose * point, pose * normal, share * trust * trust)),
+                chosen
+                    .iter()
+                    .map(|(point, normal, trust)| (pose * (point + lift), pose * normal, share * trust * trust)),
             );
         }
         felt
@@ -179,7 +202,7 @@ impl<'a> Problem<'a> {
     }
 
     /// Torque of the felt forces about `joint`, N m.
-    fn contact_torque(&self, kinematics: &Kinematics, joint: usize) -> f64 {
+    pub(super) fn contact_torque(&self, kinematics: &Kinematics, joint: usize) -> f64 {
         let (axis, origin) = (kinematics.axes[joint], kinematics.origin(joint));
         let about = |patch: &&LinkPatch| kinematics.chain(patch.link).contains(&joint);
         let torque = |patch: &LinkPatch| {
@@ -190,7 +213,7 @@ impl<'a> Problem<'a> {
     }
 
     /// Adds the derivatives of [`Self::contact_torque`] by the joints further out, times `scale`, to a row.
-    fn contact_torque_row(&self, kinematics: &Kinematics, joint: usize, scale: f64, row: &mut [f64]) {
+    pub(super) fn contact_torque_row(&self, kinematics: &Kinematics, joint: usize, scale: f64, row: &mut [f64]) {
         let (axis, origin) = (kinematics.axes[joint], kinematics.origin(joint));
         for patch in &self.patches {
             let chain = kinematics.chain(patch.link);
@@ -207,8 +230,13 @@ impl<'a> Problem<'a> {
         }
     }
 
+    /// How a pressed pad's points are moved, frame of its link, m.
+    pub(super) fn lift(&self, state: &State, pressed: usize) -> Vector3<f64> {
+        self.pressed[pressed].normal * state.lift[pressed]
+    }
+
     /// Columns that a point on `link` depends on.
-    fn reach(&self, link: Option<usize>) -> &[usize] {
+    pub(super) fn reach(&self, link: Option<usize>) -> &[usize] {
         &self.reach[link.unwrap_or(self.chains.len())]
     }
 
@@ -216,13 +244,15 @@ impl<'a> Problem<'a> {
     pub fn moved(&self, state: &State, step: &DVector<f64>) -> State {
         let rho = Vector3::new(step[0], step[1], step[2]);
         let phi = Vector3::new(step[3], step[4], step[5]);
-        let mut q = state.q;
+        let (mut q, mut lift) = (state.q, state.lift);
+        let first = self.columns - self.pressed.len();
+        lift.iter_mut().zip(step.iter().skip(first)).for_each(|(lift, step)| *lift += step);
         for (angle, column) in q.iter_mut().zip(&self.column) {
             if let Some(column) = column {
                 *angle += step[*column];
             }
         }
-        State { pose: state.pose * Isometry3::from_parts(Translation3::from(rho), UnitQuaternion::new(phi)), q }
+        State { pose: state.pose * Isometry3::from_parts(Translation3::from(rho), UnitQuaternion::new(phi)), q, lift }
     }
 
     /// Robust cost of a state.
@@ -236,9 +266,9 @@ impl<'a> Problem<'a> {
     pub fn linearise(&self, state: &State, evidence: Evidence) -> (DMatrix<f64>, DVector<f64>) {
         let n = self.columns;
         let held = match evidence {
-            Evidence::Joints => 0..6,
+            Evidence::Joints | Evidence::Posture => 0..6,
             Evidence::Translation => 3..6,
-            Evidence::Soft | Evidence::All => 0..0,
+            Evidence::Soft | Evidence::Middle | Evidence::All => 0..0,
         };
         let mut sink = Normal::new(n, held.clone());
         self.residuals(state, evidence, &mut sink);
@@ -254,174 +284,13 @@ impl<'a> Problem<'a> {
         let (mut sum, mut count) = (0.0, 0usize);
         for patch in &self.patches {
             let object_from_link = state.pose.inverse() * kinematics.pose(patch.link);
+            let lift = self.lift(state, patch.pressed);
             for (point, _) in &patch.points {
+                let point = point + lift;
                 sum += self.shape.signed_distance(&(object_from_link * point)).0.powi(2);
                 count += 1;
             }
         }
         (sum / count.max(1) as f64).sqrt()
-    }
-
-    fn residuals(&self, state: &State, evidence: Evidence, sink: &mut dyn Sink) {
-        let kinematics = Kinematics::new(self.hand, &self.chains, &state.q);
-        self.joint_residuals(state, &kinematics, sink);
-        if evidence != Evidence::Joints {
-            self.prior_residuals(state, sink);
-            self.contact_residuals(state, &kinematics, evidence, sink);
-            self.clear_residuals(state, &kinematics, sink);
-        }
-    }
-
-    fn joint_residuals(&self, state: &State, kinematics: &Kinematics, sink: &mut dyn Sink) {
-        let (options, column) = (self.options, &self.column);
-        for &cable in &self.cables {
-            // A cable's joints are estimated together: their columns are those of the outermost one's link.
-            let outermost = self.hand.transmission.cables[cable].joints.last().map(|(joint, _)| *joint);
-            let columns = self.reach(outermost);
-            let (residual, derivative) = excursion_residual(self.hand, cable, &state.q, self.posture.excursions[cable]);
-            let scale = 1.0 / options.sigma_excursion;
-            sink.add(residual * scale, None, columns, &|row| {
-                for (joint, arm) in derivative {
-                    if let Some(&Some(column)) = column.get(joint) {
-                        row[column] += arm * scale;
-                    }
-                }
-            });
-            for (joint, residual, slope) in spring_residuals(self.hand, cable, &state.q, self.posture.tensions[cable]) {
-                let torque = self.contact_torque(kinematics, joint);
-                let scale = 1.0 / self.torque_sigma[joint];
-                sink.add((residual - torque) * scale, Some(options.huber), columns, &|row| {
-                    self.contact_torque_row(kinematics, joint, -scale, row);
-                    if let Some(column) = column[joint] {
-                        row[column] += slope * scale;
-                    }
-                });
-                let limits = &self.hand.tree.joints[joint];
-                let beyond = state.q[joint] - state.q[joint].clamp(limits.lower, limits.upper);
-                if let (true, Some(column)) = (beyond != 0.0, column[joint]) {
-                    sink.add(beyond / options.sigma_limit, None, &[column], &|row| {
-                        row[column] = 1.0 / options.sigma_limit;
-                    });
-                }
-            }
-        }
-    }
-
-    fn prior_residuals(&self, state: &State, sink: &mut dyn Sink) {
-        let deviation = self.prior.palm_from_object.inverse() * state.pose;
-        let turn = deviation.rotation.scaled_axis();
-        let rotation = deviation.rotation.to_rotation_matrix();
-        // d log(R exp phi) = (1 + [log R]/2 + ...) phi.
-        let jacobian = Matrix3::identity() + 0.5 * turn.cross_matrix();
-        for axis in 0..3 {
-            let scale = 1.0 / self.prior.sigma_translation;
-            sink.add(deviation.translation.vector[axis] * scale, None, self.reach(None), &|row| {
-                (0..3).for_each(|k| row[k] = rotation[(axis, k)] * scale);
-            });
-            let scale = 1.0 / self.prior.sigma_rotation;
-            sink.add(turn[axis] * scale, None, self.reach(None), &|row| {
-                (0..3).for_each(|k| row[3 + k] = jacobian[(axis, k)] * scale);
-            });
-        }
-    }
-
-    #[allow(clippy::too_many_arguments)]
-    /// Writes `gradient` of a residual by a point `p` (object frame) that a link carries, times `scale`, into a row.
-    fn point_row(
-        &self,
-        state: &State,
-        kinematics: &Kinematics,
-        link: Option<usize>,
-        p: &Point3<f64>,
-        gradient: &Vector3<f64>,
-        scale: f64,
-        row: &mut [f64],
-    ) {
-        // p <- p - rho - phi x p, and g . (phi x p) = phi . (p x g).
-        let turning = p.coords.cross(gradient);
-        for k in 0..3 {
-            row[k] -= gradient[k] * scale;
-            row[3 + k] -= turning[k] * scale;
-        }
-        let (palm_point, palm_gradient) = ((state.pose * p).coords, state.pose * gradient);
-        for &joint in kinematics.chain(link) {
-            if let Some(column) = self.column[joint] {
-                row[column] +=
-                    kinematics.axes[joint].cross(&(palm_point - kinematics.origin(joint))).dot(&palm_gradient) * scale;
-            }
-        }
-    }
-
-    fn contact_residuals(&self, state: &State, kinematics: &Kinematics, evidence: Evidence, sink: &mut dyn Sink) {
-        let soft = evidence == Evidence::Soft;
-        let (point_soft, normal_soft) = if soft { (1.0 / 8.0, 1.0 / 2.0) } else { (1.0, 1.0) };
-        let huber = (!soft).then_some(self.options.huber);
-        let object_from_palm = state.pose.inverse();
-        for patch in &self.patches {
-            let object_from_link = object_from_palm * kinematics.pose(patch.link);
-            let columns = self.reach(patch.link);
-            let share = |independent: f64, count: usize| (patch.weight * independent / count as f64).min(1.0).sqrt();
-            let each = share(INDEPENDENT_POINTS, patch.points.len()) * point_soft / self.options.sigma_point;
-            for (point, trust) in &patch.points {
-                let p = object_from_link * point;
-                let (distance, gradient) = self.shape.signed_distance(&p);
-                let scale = each * trust;
-                sink.add(distance * scale, huber, columns, &|row| {
-                    self.point_row(state, kinematics, patch.link, &p, &gradient, scale, row);
-                });
-            }
-            let each = share(INDEPENDENT_NORMALS, patch.normals.len()) * normal_soft / self.options.sigma_normal;
-            for (point, normal, trust) in &patch.normals {
-                let scale = each * trust;
-                let (p, n) = (object_from_link * point, object_from_link * normal);
-                let gradient = self.shape.signed_distance(&p).1;
-                let curvature = if sink.wants_rows() { self.curvature(&p, &gradient) } else { Matrix3::zeros() };
-                let palm_normal = state.pose * n;
-                for axis in 0..3 {
-                    sink.add((n[axis] - gradient[axis]) * scale, huber, columns, &|row| {
-                        let bend = -curvature.row(axis).transpose();
-                        self.point_row(state, kinematics, patch.link, &p, &bend, scale, row);
-                        // n <- n - phi x n; component `axis` of phi x n is phi . (n x e). Taken at the shape's normal, so that
-                        // noise in n does not pose as knowledge of the rotation of a ball.
-                        let turning = gradient.cross(&Vector3::ith(axis, 1.0));
-                        (0..3).for_each(|k| row[3 + k] -= turning[k] * scale);
-                        let palm_axis = state.pose * Vector3::ith(axis, 1.0);
-                        for &joint in kinematics.chain(patch.link) {
-                            if let Some(column) = self.column[joint] {
-                                row[column] += kinematics.axes[joint].cross(&palm_normal).dot(&palm_axis) * scale;
-                            }
-                        }
-                    });
-                }
-            }
-        }
-    }
-
-    /// Derivative of the shape's normal by the point, 1/m.
-    fn curvature(&self, p: &Point3<f64>, gradient: &Vector3<f64>) -> Matrix3<f64> {
-        Matrix3::from_columns(&[0, 1, 2].map(|axis| {
-            let beside = p + Vector3::ith(axis, CURVATURE_STEP);
-            (self.shape.signed_distance(&beside).1 - gradient) / CURVATURE_STEP
-        }))
-    }
-
-    fn clear_residuals(&self, state: &State, kinematics: &Kinematics, sink: &mut dyn Sink) {
-        let object_from_palm = state.pose.inverse();
-        let scale = 1.0 / self.options.sigma_clear;
-        for ClearPad { link, points, middle, radius } in &self.clear {
-            let object_from_link = object_from_palm * kinematics.pose(*link);
-            if self.shape.signed_distance(&(object_from_link * middle)).0 > 1.1 * radius + 1e-3 {
-                continue;
-            }
-            for point in points {
-                let p = object_from_link * point;
-                let (distance, gradient) = self.shape.signed_distance(&p);
-                if distance < 0.0 {
-                    sink.add(distance * scale, Some(self.options.huber), self.reach(*link), &|row| {
-                        self.point_row(state, kinematics, *link, &p, &gradient, scale, row);
-                    });
-                }
-            }
-        }
     }
 }

@@ -18,6 +18,9 @@ const SIGMA: (f64, f64) = (2e-3, 0.3);
 const CUT: f64 = 3.0;
 /// Kept starts differ by at least this angle, rad.
 const APART: f64 = 0.15;
+/// Of starts whose middles are as close as this (m) and whose costs differ by this share or less, one is kept: a symmetric object
+/// looks the same.
+const ALIKE: (f64, f64) = (1e-3, 0.02);
 
 /// The best `keep` starts of all tried, best first, about `state`.
 pub(super) fn screen(problem: &Problem, prior: &PosePrior, state: &State, keep: usize) -> Vec<State> {
@@ -38,13 +41,17 @@ pub(super) fn screen(problem: &Problem, prior: &PosePrior, state: &State, keep: 
         ranked.push((cost(shape, prior, &felt, &pose), pose));
     }
     ranked.sort_by(|a, b| a.0.total_cmp(&b.0));
-    let mut kept: Vec<Isometry3<f64>> = Vec::with_capacity(keep);
-    for (_, pose) in ranked {
-        if kept.len() < keep && kept.iter().all(|other| other.rotation.angle_to(&pose.rotation) > APART) {
-            kept.push(pose);
+    let mut kept: Vec<(f64, Isometry3<f64>)> = Vec::with_capacity(keep);
+    for (cost, pose) in ranked {
+        let other = |(other_cost, other): &(f64, Isometry3<f64>)| {
+            let far = (other * center - pose * center).norm() > ALIKE.0 || cost - other_cost > ALIKE.1 * cost;
+            far && other.rotation.angle_to(&pose.rotation) > APART
+        };
+        if kept.len() < keep && kept.iter().all(other) {
+            kept.push((cost, pose));
         }
     }
-    kept.into_iter().map(|pose| State { pose, q: state.q }).collect()
+    kept.into_iter().map(|(_, pose)| State { pose, ..*state }).collect()
 }
 
 /// A felt point with its normal (palm frame) and weight.

@@ -3,10 +3,36 @@
 use hand_model::Hand;
 use nalgebra::{DMatrix, DVector, Isometry3, Vector3};
 
-/// Receives residuals: scaled residual, Huber or not, the columns in which its derivative may differ from 0 (ascending), and a
+/// What a residual (in standard deviations) costs.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) enum Loss {
+    /// Half its square.
+    Square,
+    /// The same up to this many, then a straight line (Huber).
+    Huber(f64),
+}
+
+impl Loss {
+    fn cost(self, residual: f64) -> f64 {
+        match self {
+            Self::Huber(k) if residual.abs() > k => k * (residual.abs() - 0.5 * k),
+            Self::Square | Self::Huber(_) => 0.5 * residual * residual,
+        }
+    }
+
+    /// Weight of the residual's square that has the same slope.
+    fn weight(self, residual: f64) -> f64 {
+        match self {
+            Self::Square => 1.0,
+            Self::Huber(k) => (k / residual.abs()).min(1.0),
+        }
+    }
+}
+
+/// Receives residuals: scaled residual, its loss, the columns in which its derivative may differ from 0 (ascending), and a
 /// closure that adds the derivative to a row.
 pub(super) trait Sink {
-    fn add(&mut self, residual: f64, huber: Option<f64>, columns: &[usize], row: &dyn Fn(&mut [f64]));
+    fn add(&mut self, residual: f64, loss: Loss, columns: &[usize], row: &dyn Fn(&mut [f64]));
     fn wants_rows(&self) -> bool;
 }
 
@@ -14,11 +40,8 @@ pub(super) trait Sink {
 pub(super) struct Cost(pub f64);
 
 impl Sink for Cost {
-    fn add(&mut self, residual: f64, huber: Option<f64>, _: &[usize], _: &dyn Fn(&mut [f64])) {
-        self.0 += match huber {
-            Some(k) if residual.abs() > k => k * (residual.abs() - 0.5 * k),
-            _ => 0.5 * residual * residual,
-        };
+    fn add(&mut self, residual: f64, loss: Loss, _: &[usize], _: &dyn Fn(&mut [f64])) {
+        self.0 += loss.cost(residual);
     }
     fn wants_rows(&self) -> bool {
         false
@@ -47,10 +70,10 @@ impl Normal {
 }
 
 impl Sink for Normal {
-    fn add(&mut self, residual: f64, huber: Option<f64>, columns: &[usize], row: &dyn Fn(&mut [f64])) {
+    fn add(&mut self, residual: f64, loss: Loss, columns: &[usize], row: &dyn Fn(&mut [f64])) {
         let size = self.row.len();
         row(&mut self.row);
-        let weight = huber.map_or(1.0, |k| (k / residual.abs()).min(1.0));
+        let weight = loss.weight(residual);
         let hessian = self.hessian.as_mut_slice();
         for (n, &i) in columns.iter().enumerate() {
             if self.held.contains(&i) {

@@ -1,0 +1,353 @@
+//! The residuals of the pose estimate and their derivatives, one kind of evidence after another.
+//!
+//! Felt points and normals are pulled into the object frame, so that p <- p - rho - phi x p and n <- n - phi x n when a state is
+//! moved. Heights of a patch err together (a pad's calibration, the level of its surface) more than each by itself, which is why a
+//! patch gives one residual for the mean of its points and one for each point's deviation from it.
+
+use nalgebra::{Matrix3, Point3, Vector3};
+
+use super::evidence::ClearSpot;
+use super::problem::{Evidence, Problem, State};
+use super::system::{Kinematics, Loss, Sink};
+use crate::posture::{excursion_residual, spring_residuals};
+
+/// Besides their common error, points of a patch err by this share of it and at least by so much (m) ...
+const RELIEF: (f64, f64) = (0.5, 5e-5);
+/// ... and count as no more than so many independent points ...
+const INDEPENDENT_POINTS: f64 = 6.0;
+/// ... and normals.
+const INDEPENDENT_NORMALS: f64 = 2.0;
+/// Step for the curvature of the shape, m.
+const CURVATURE_STEP: f64 = 4e-4;
+/// In the first and the second stage of the search, heights are trusted no more than this: of a patch together, and of each
+/// point besides, m.
+const SOFT: (f64, f64) = (1.6e-3, 4e-3);
+const MIDDLE: (f64, f64) = (4e-4, 6e-4);
+/// The plan's orientation is at times far off, for objects roll as the hand closes: from so many standard deviations on, more costs
+/// no more than in proportion.
+const TURNED: f64 = 2.0;
+/// In the first stage every so-manyth point of a patch and of free surface will do.
+const SOFT_STEP: usize = 3;
+/// An object that presses less deeply than this may go unnoticed, m.
+const SHALLOW: f64 = 1.5e-4;
+
+impl Problem<'_> {
+    /// Pours every residual that takes part into `sink`.
+    pub(super) fn residuals(&self, state: &State, evidence: Evidence, sink: &mut dyn Sink) {
+        let kinematics = Kinematics::new(self.hand, &self.chains, &state.q);
+        self.joint_residuals(state, &kinematics, sink);
+        if evidence != Evidence::Joints {
+            self.prior_residuals(state, sink);
+            self.contact_residuals(state, &kinematics, evidence, sink);
+            self.clear_residuals(state, &kinematics, evidence, sink);
+        }
+    }
+
+    fn joint_residuals(&self, state: &State, kinematics: &Kinematics, sink: &mut dyn Sink) {
+        let (options, column) = (self.options, &self.column);
+        for &cable in &self.cables {
+            // A cable's joints are estimated together: their columns are those of the outermost one's link.
+            let outermost = self.hand.transmission.cables[cable].joints.last().map(|(joint, _)| *joint);
+            let columns = self.reach(outermost);
+            let (residual, derivative) = excursion_residual(self.hand, cable, &state.q, self.posture.excursions[cable]);
+            let scale = 1.0 / options.sigma_excursion;
+            sink.add(residual * scale, Loss::Square, columns, &|row| {
+                for (joint, arm) in derivative {
+                    if let Some(&Some(column)) = column.get(joint) {
+                        row[column] += arm * scale;
+                    }
+                }
+            });
+            for (joint, residual, slope) in spring_residuals(self.hand, cable, &state.q, self.posture.tensions[cable]) {
+                let torque = self.contact_torque(kinematics, joint);
+                let scale = 1.0 / self.torque_sigma[joint];
+                sink.add((residual - torque) * scale, Loss::Huber(options.huber), columns, &|row| {
+                    self.contact_torque_row(kinematics, joint, -scale, row);
+                    if let Some(column) = column[joint] {
+                        row[column] += slope * scale;
+                    }
+                });
+                let limits = &self.hand.tree.joints[joint];
+                let beyond = state.q[joint] - state.q[joint].clamp(limits.lower, limits.upper);
+                if let (true, Some(column)) = (beyond != 0.0, column[joint]) {
+                    sink.add(beyond / options.sigma_limit, Loss::Square, &[column], &|row| {
+                        row[column] = 1.0 / options.sigma_limit;
+                    });
+                }
+            }
+        }
+    }
+
+    fn prior_residuals(&self, state: &State, sink: &mut dyn Sink) {
+        let deviation = self.prior.palm_from_object.inverse() * state.pose;
+        let turn = deviation.rotation.scaled_axis();
+        let rotation = deviation.rotation.to_rotation_matrix();
+        // d log(R exp phi) = (1 + [log R]/2 + ...) phi.
+        let jacobian = Matrix3::identity() + 0.5 * turn.cross_matrix();
+        for axis in 0..3 {
+            let scale = 1.0 / self.prior.sigma_translation;
+            sink.add(deviation.translation.vector[axis] * scale, Loss::Square, self.reach(None), &|row| {
+                (0..3).for_each(|k| row[k] = rotation[(axis, k)] * scale);
+            });
+            let scale = 1.0 / self.prior.sigma_rotation;
+            sink.add(turn[axis] * scale, Loss::Huber(TURNED), self.reach(None), &|row| {
+                (0..3).for_each(|k| row[3 + k] = jacobian[(axis, k)] * scale);
+            });
+        }
+    }
+
+    /// Writes what `pull` does to a residual, times `scale`, into a row.
+    fn pull_row(
+        &self,
+        state: &State,
+        kinematics: &Kinematics,
+        link: Option<usize>,
+        pull: &Pull,
+        scale: f64,
+        row: &mut [f64],
+    ) {
+        for k in 0..3 {
+            row[k] -= pull.gradient[k] * scale;
+            row[3 + k] -= pull.moment[k] * scale;
+        }
+        let gradient = state.pose * pull.gradient;
+        let moment = state.pose * pull.moment + state.pose.translation.vector.cross(&gradient);
+        for &joint in kinematics.chain(link) {
+            if let Some(column) = self.column[joint] {
+                let turning = moment - kinematics.origin(joint).cross(&gradient);
+                row[column] += kinematics.axes[joint].dot(&turning) * scale;
+            }
+        }
+    }
+
+    fn contact_residuals(&self, state: &State, kinematics: &Kinematics, evidence: Evidence, sink: &mut dyn Sink) {
+        // Standard deviations at least: of a patch's heights together, of each besides, of normals.
+        let (least, least_relief, normal_soft) = match evidence {
+            Evidence::Soft => (SOFT.0, SOFT.1, 0.5),
+            Evidence::Middle => (MIDDLE.0, MIDDLE.1, 1.0),
+            _ => (0.0, 0.0, 1.0),
+        };
+        let soft = evidence == Evidence::Soft;
+        let loss = if soft { Loss::Square } else { Loss::Huber(self.options.huber) };
+        let every = if soft { SOFT_STEP } else { 1 };
+        for (n, pad) in self.pressed.iter().enumerate() {
+            let column = self.columns - self.pressed.len() + n;
+            sink.add((state.lift[n] - pad.lift) / pad.sigma, loss, &[column], &|row| row[column] = 1.0 / pad.sigma);
+        }
+        let object_from_palm = state.pose.inverse();
+        let mut pulls: Vec<(f64, f64, Pull)> = Vec::with_capacity(16);
+        for patch in &self.patches {
+            let object_from_link = object_from_palm * kinematics.pose(patch.link);
+            let columns: &[usize] = &self.pressed_reach[patch.pressed];
+            let lift_column = columns[columns.len() - 1];
+            let out = object_from_link * self.pressed[patch.pressed].normal;
+            let lift = self.lift(state, patch.pressed);
+            pulls.clear();
+            let (mut whole, mut mean, mut common) = (0.0, 0.0, Pull::ZERO);
+            for (point, trust) in patch.points.iter().step_by(every) {
+                let p = object_from_link * (point + lift);
+                let (distance, gradient) = self.shape.signed_distance(&p);
+                let pull = Pull { gradient, moment: p.coords.cross(&gradient) };
+                let weight = trust * trust;
+                whole += weight;
+                mean += weight * distance;
+                common.add(&pull, weight);
+                pulls.push((distance, *trust, pull));
+            }
+            mean /= whole;
+            let common = common.times(1.0 / whole);
+            let scale = patch.weight.sqrt() / patch.sigma.max(least);
+            sink.add(mean * scale, loss, columns, &|row| {
+                self.pull_row(state, kinematics, patch.link, &common, scale, row);
+                row[lift_column] += common.gradient.dot(&out) * scale;
+            });
+            let share = |independent: f64, count: usize| (patch.weight * independent / count as f64).min(1.0).sqrt();
+            let relief = RELIEF.1.hypot(RELIEF.0 * patch.sigma).max(least_relief);
+            let each = share(INDEPENDENT_POINTS, pulls.len()) / relief;
+            for (distance, trust, pull) in &pulls {
+                let scale = each * trust;
+                sink.add((distance - mean) * scale, loss, columns, &|row| {
+                    let mut own = pull.clone();
+                    own.add(&common, -1.0);
+                    self.pull_row(state, kinematics, patch.link, &own, scale, row);
+                    row[lift_column] += own.gradient.dot(&out) * scale;
+                });
+            }
+            let each = share(INDEPENDENT_NORMALS, patch.normals.len()) * normal_soft / self.options.sigma_normal;
+            for (point, normal, trust) in &patch.normals {
+                let scale = each * trust;
+                let (p, n) = (object_from_link * (point + lift), object_from_link * normal);
+                let gradient = self.shape.signed_distance(&p).1;
+                let curvature = if sink.wants_rows() { self.curvature(&p, &gradient) } else { Matrix3::zeros() };
+                let palm_normal = state.pose * n;
+                for axis in 0..3 {
+                    sink.add((n[axis] - gradient[axis]) * scale, loss, columns, &|row| {
+                        let bend: Vector3<f64> = -curvature.row(axis).transpose();
+                        let pull = Pull { gradient: bend, moment: p.coords.cross(&bend) };
+                        self.pull_row(state, kinematics, patch.link, &pull, scale, row);
+                        // n <- n - phi x n; component `axis` of phi x n is phi . (n x e). Taken at the shape's normal, so that
+                        // noise in n does not pose as knowledge of the rotation of a ball.
+                        let turning = gradient.cross(&Vector3::ith(axis, 1.0));
+                        (0..3).for_each(|k| row[3 + k] -= turning[k] * scale);
+                        let palm_axis = state.pose * Vector3::ith(axis, 1.0);
+                        for &joint in kinematics.chain(patch.link) {
+                            if let Some(column) = self.column[joint] {
+                                row[column] += kinematics.axes[joint].cross(&palm_normal).dot(&palm_axis) * scale;
+                            }
+                        }
+                    });
+                }
+            }
+        }
+    }
+
+    /// Derivative of the shape's normal by the point, 1/m.
+    fn curvature(&self, p: &Point3<f64>, gradient: &Vector3<f64>) -> Matrix3<f64> {
+        Matrix3::from_columns(&[0, 1, 2].map(|axis| {
+            let beside = p + Vector3::ith(axis, CURVATURE_STEP);
+            (self.shape.signed_distance(&beside).1 - gradient) / CURVATURE_STEP
+        }))
+    }
+
+    fn clear_residuals(&self, state: &State, kinematics: &Kinematics, evidence: Evidence, sink: &mut dyn Sink) {
+        let every = if evidence == Evidence::Soft { SOFT_STEP } else { 1 };
+        let object_from_palm = state.pose.inverse();
+        let scale = 1.0 / self.options.sigma_clear;
+        for ClearSpot { link, pressed, points, middle, radius } in &self.clear {
+            let object_from_link = object_from_palm * kinematics.pose(*link);
+            let lift =
+                pressed.map_or(Vector3::zeros(), |n| self.pressed[n].normal * (state.lift[n] - SHALLOW).max(0.0));
+            if self.shape.signed_distance(&(object_from_link * (middle + lift))).0 > radius + 5e-4 {
+                continue;
+            }
+            let columns = pressed.map_or_else(|| self.reach(*link), |n| &self.pressed_reach[n]);
+            for point in points.iter().step_by(every) {
+                let p = object_from_link * (point + lift);
+                let (distance, gradient) = self.shape.signed_distance(&p);
+                if distance < 0.0 {
+                    sink.add(distance * scale, Loss::Huber(self.options.huber), columns, &|row| {
+                        let pull = Pull { gradient, moment: p.coords.cross(&gradient) };
+                        self.pull_row(state, kinematics, *link, &pull, scale, row);
+                        if let Some(n) = pressed {
+                            let out = object_from_link * self.pressed[*n].normal;
+                            row[columns[columns.len() - 1]] += gradient.dot(&out) * scale;
+                        }
+                    });
+                }
+            }
+        }
+    }
+}
+
+/// How a residual follows a point that is moved: its gradient and that one's moment about the object's origin, object frame.
+/// p <- p - rho - phi x p, and g . (phi x p) = phi . (p x g).
+#[derive(Clone)]
+struct Pull {
+    gradient: Vector3<f64>,
+    moment: Vector3<f64>,
+}
+
+impl Pull {
+    const ZERO: Self = Self { gradient: Vector3::new(0.0, 0.0, 0.0), moment: Vector3::new(0.0, 0.0, 0.0) };
+
+    fn add(&mut self, other: &Self, weight: f64) {
+        self.gradient += other.gradient * weight;
+        self.moment += other.moment * weight;
+    }
+
+    fn times(&self, factor: f64) -> Self {
+        Self { gradient: self.gradient * factor, moment: self.moment * factor }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use hand_model::Hand;
+    use hand_model::robot::ServoState;
+    use nalgebra::{DVector, Isometry3, UnitQuaternion, Vector2};
+    use proptest::prelude::*;
+
+    use super::super::{KnownShape, PoseOptions, PosePrior};
+    use super::*;
+    use crate::contacts::{Patch, SurfacePoint};
+    use crate::pipeline::PadTouch;
+
+    struct Ellipsoid(Vector3<f64>);
+    impl KnownShape for Ellipsoid {
+        /// A function with the ellipsoid as its zero, and its true gradient: all that derivatives need.
+        fn signed_distance(&self, p: &Point3<f64>) -> (f64, Vector3<f64>) {
+            let inner = p.coords.component_div(&self.0);
+            let (norm, least) = (inner.norm(), self.0.min());
+            (least * (norm - 1.0), least * inner.component_div(&self.0) / norm)
+        }
+    }
+
+    /// A touch of pad `name` in the middle with free surface around, and what it was made for.
+    fn touch(hand: &Hand, name: &str, peak: f64) -> PadTouch {
+        let pad = hand.pad(name).expect("a pad");
+        let surface = |x: f64, y: f64, z: f64| SurfacePoint {
+            point: Point3::new(x * 1e-3, y * 1e-3, -z * peak),
+            normal: Vector3::new(0.1 * x, 0.1 * y, -1.0).normalize(),
+        };
+        let points = vec![
+            surface(0.0, 0.0, 1.0),
+            surface(1.0, 0.3, 0.8),
+            surface(-1.0, 0.6, 0.7),
+            surface(0.4, 1.1, 0.9),
+            surface(-0.2, -1.3, 0.6),
+        ];
+        let patch = Patch {
+            camera: hand.pads[pad].cameras[0],
+            area: 2e-5,
+            centroid: points[0].point,
+            axes: [Vector2::x(), Vector2::y()],
+            extent: [1e-3, 1e-3],
+            normal: -Vector3::z(),
+            force: 1.2,
+            peak,
+            points,
+        };
+        let clear = (-3..=3).flat_map(|x| (-4..=4).map(move |y| Point3::new(2e-3 * x as f64, 2e-3 * y as f64, 0.0)));
+        PadTouch { pad, patches: vec![patch], force: 1.2, clear: clear.collect(), ..PadTouch::default() }
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(24))]
+
+        /// The gradient of the cost is that of finite differences, for the pose, the joints and the lifts, at states where
+        /// every kind of evidence takes part. (Normals are left out: their derivative is taken at the shape's normal on purpose.)
+        #[test]
+        fn the_gradient_is_that_of_the_cost(
+            shift in prop::array::uniform3(-2e-3..2e-3f64), turn in prop::array::uniform3(-0.1..0.1f64),
+            bend in 0.2..0.9f64, lift in 0.2e-3..1.5e-3f64, sinking in 0.0..1.0f64,
+        ) {
+            let hand = Hand::ftac();
+            let touches = [touch(&hand, "palm_ulnar", 8e-4), touch(&hand, "ring_distal", 6e-4)];
+            let shape = Ellipsoid(Vector3::new(0.03, 0.024, 0.026));
+            let options = PoseOptions { sinking, sigma_normal: f64::INFINITY, ..PoseOptions::default() };
+            let servos = [ServoState { position: 1.0, current: 0.1, ..ServoState::default() }; 6];
+            let palm = hand.pad_poses(&hand.tree.forward(&[bend; 15]));
+            // On the palm pad, somewhat in it: points are off, and free ones are inside.
+            let middle = palm[hand.pad("palm_ulnar").expect("a pad")] * Point3::new(0.0, 0.0, 0.024);
+            let pose = Isometry3::from_parts((middle.coords + Vector3::from(shift)).into(), UnitQuaternion::identity());
+            let prior = PosePrior::weak(pose * Isometry3::new(Vector3::new(4e-3, -6e-3, 2e-3), Vector3::from(turn) * 0.3));
+            let problem = Problem::new(&hand, &touches, &servos, &prior, &shape, &options);
+            let mut state = State { q: [bend; 15], ..problem.start(pose) };
+            state.lift[..2].fill(lift);
+            for evidence in [Evidence::Soft, Evidence::Middle, Evidence::All] {
+                let (_, gradient) = problem.linearise(&state, evidence);
+                for k in 0..gradient.len() {
+                    let step = if (3..gradient.len() - 2).contains(&k) { 1e-7 } else { 1e-9 };
+                    let cost = |sign: f64| {
+                        let mut by = DVector::zeros(gradient.len());
+                        by[k] = sign * step;
+                        problem.cost(&problem.moved(&state, &by), evidence)
+                    };
+                    let slope = (cost(1.0) - cost(-1.0)) / (2.0 * step);
+                    let size = gradient.amax().max(1.0);
+                    prop_assert!((slope - gradient[k]).abs() < 5e-3 * gradient[k].abs() + 1e-3 * size, "{k}: {slope} {}", gradient[k]);
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,73 @@
+//! How far an estimate may be off: its covariance, other poses that explain as much, axes that nothing is known about.
+
+use nalgebra::{Isometry3, Matrix3, Matrix6, Vector3, Vector6};
+
+use super::problem::{Evidence, Problem, State};
+
+/// A solution counts as less likely by the factor e when it costs so much more.
+const DOUBT: f64 = 2.0;
+/// Factor of a solution's covariance for what its evidence leaves out, so that errors of simulated grasps lie within it as often as
+/// it says.
+const UNMODELLED: f64 = 1.5;
+
+/// Solutions besides the best that cost little more and are elsewhere; each once.
+pub(super) fn alternatives(found: &[(f64, State)]) -> Vec<(Isometry3<f64>, f64)> {
+    const LITTLE: f64 = 2.0;
+    const ELSEWHERE: (f64, f64) = (3e-3, 0.17);
+    let mut kept: Vec<(Isometry3<f64>, f64)> = Vec::new();
+    for (cost, state) in found {
+        let apart = |pose: &Isometry3<f64>| {
+            let between = pose.inverse() * state.pose;
+            between.translation.vector.norm() > ELSEWHERE.0 || between.rotation.angle() > ELSEWHERE.1
+        };
+        if cost - found[0].0 < LITTLE && kept.iter().all(|(pose, _)| apart(pose)) {
+            kept.push((state.pose, cost - found[0].0));
+        }
+    }
+    kept.into_iter().skip(1).collect()
+}
+
+/// Covariance of the best solution's error, given that one of the others may be right: the second moment about it of what all of
+/// them say, each with its own [`palm_covariance`], weighted by how well it explains what is felt.
+pub(super) fn mixed_covariance(problem: &Problem, found: &[(f64, State)]) -> Option<Matrix6<f64>> {
+    let (least, best) = found.first()?;
+    let (mut sum, mut whole) = (Matrix6::zeros(), 0.0);
+    for (cost, state) in found {
+        let weight = ((least - cost) / DOUBT).exp();
+        if weight < 1e-4 {
+            break;
+        }
+        let Some(own) = palm_covariance(problem, state) else { continue };
+        let shift = state.pose.translation.vector - best.pose.translation.vector;
+        let turn = (state.pose.rotation * best.pose.rotation.inverse()).scaled_axis();
+        let away = Vector6::new(shift.x, shift.y, shift.z, turn.x, turn.y, turn.z);
+        sum += (own * UNMODELLED + away * away.transpose()) * weight;
+        whole += weight;
+    }
+    (whole > 0.0).then(|| sum / whole)
+}
+
+/// Marginal covariance of the pose, joints integrated out, in palm axes.
+fn palm_covariance(problem: &Problem, state: &State) -> Option<Matrix6<f64>> {
+    let (mut hessian, _) = problem.linearise(state, Evidence::All);
+    for k in 0..hessian.nrows() {
+        hessian[(k, k)] += 1e-9;
+    }
+    let inverse = hessian.cholesky()?.inverse();
+    let local: Matrix6<f64> = inverse.fixed_view::<6, 6>(0, 0).into_owned();
+    let rotation = state.pose.rotation.to_rotation_matrix();
+    let mut turn = Matrix6::zeros();
+    turn.fixed_view_mut::<3, 3>(0, 0).copy_from(rotation.matrix());
+    turn.fixed_view_mut::<3, 3>(3, 3).copy_from(rotation.matrix());
+    Some(turn * local * turn.transpose())
+}
+
+/// Axes about which the rotation is hardly better known than before.
+pub(super) fn unobservable(covariance: &Matrix6<f64>, sigma_rotation: f64) -> Vec<Vector3<f64>> {
+    let block: Matrix3<f64> = covariance.fixed_view::<3, 3>(3, 3).into_owned();
+    let eigen = block.symmetric_eigen();
+    (0..3)
+        .filter(|&i| eigen.eigenvalues[i] > (0.8 * sigma_rotation).powi(2))
+        .map(|i| eigen.eigenvectors.column(i).into_owned())
+        .collect()
+}
