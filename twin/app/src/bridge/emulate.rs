@@ -230,13 +230,12 @@ fn write_config(args: &EmulateArgs, hand: &EmulatedHand, arm: Option<&Emulator>)
         cameras: Some(CameraConfig { port: cameras }),
         uvc: Vec::new(),
         arm,
-        // A pseudo-terminal has no real time behind it: a busy machine may be late by more than a real line ever is. A decision takes the
-        // controller up to a second or two.
+        // A pseudo-terminal has no real time behind it: a busy machine may be late by more than a real line ever is.
         limits: LimitConfig {
             staleness: 0.3,
             servo_watchdog: 0.16,
             arm_watchdog: 0.5,
-            host_watchdog: 5.0,
+            host_watchdog: 1.0,
             ..LimitConfig::default()
         },
     };
