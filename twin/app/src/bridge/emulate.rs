@@ -18,6 +18,7 @@ use hardware_bridge::kortex::emulator::{Emulator, Happening, Injection, Pace, Se
 use hardware_bridge::kortex::safety_bank::FOLLOWING_ERROR;
 use hardware_bridge::xc330;
 
+use super::faults::STANDS;
 use super::shown;
 use crate::body::emulated::{SharedPlant, settings};
 use crate::cli::Cli;
@@ -82,7 +83,7 @@ pub fn run(cli: &Cli, args: &EmulateArgs) -> Result<Option<String>> {
     let arm = match args.springs {
         true => None,
         false => {
-            let settings = Settings { seed: cli.seed, ..Settings::default() };
+            let settings = Settings { seed: cli.seed, standstill: STANDS, ..Settings::default() };
             Some(Emulator::start(settings, Box::new(hand.arm_joints()), Pace::RealTime).context("the emulated arm")?)
         }
     };

@@ -41,8 +41,8 @@ const BEFORE: usize = 10;
 const AFTER: usize = 60;
 /// Longest wait for a safe state, ticks.
 const LONGEST: usize = 180;
-/// A joint slower than this stands, rad/s.
-const STANDS: f64 = 0.02;
+/// A joint of the sprung arm that is slower than this stands, rad/s: about a degree a second, of which 2 mrad are left to go.
+pub const STANDS: f64 = 0.02;
 /// An object whose centre is nearer to the palm's than this, and touched by the hand, is held, m.
 const NEAR: f64 = 0.16;
 /// An object that moved further than this in the palm is lost, m.
