@@ -194,8 +194,10 @@ pub struct LimitConfig {
     pub servo_watchdog: f64,
     /// Longest silence of the arm, s.
     pub arm_watchdog: f64,
-    /// Longest silence of the controller, s.
+    /// Longest silence of the controller, s, while it moves the robot.
     pub host_watchdog: f64,
+    /// Longest silence that the controller announces because it has to think, s.
+    pub pause: f64,
     /// Time in which a release lets the current fade, s.
     pub release_time: f64,
 }
@@ -211,7 +213,8 @@ impl Default for LimitConfig {
             staleness: 0.05,
             servo_watchdog: 0.1,
             arm_watchdog: 0.1,
-            host_watchdog: 1.0,
+            host_watchdog: 0.3,
+            pause: 5.0,
             release_time: 1.0,
         }
     }
@@ -228,10 +231,9 @@ impl LimitConfig {
             hold_current: own.hold_current,
             temperature: own.temperature,
         });
-        let arm = ArmLimits { angle: std::array::from_fn(|n| joint_range(arm, n)), speed: arm.velocity_limits };
         Limits {
             servos,
-            arm,
+            arm: ArmLimits::of(arm),
             voltage: (own.voltage[0], own.voltage[1]),
             staleness: own.staleness,
             watchdogs: Watchdogs { servo_bus: own.servo_watchdog, arm: own.arm_watchdog, host: own.host_watchdog },
@@ -309,6 +311,7 @@ impl BridgeConfig {
             ("limits.servo_watchdog", own.servo_watchdog, 0.04_f64.max(2.0 / self.servos.rate), 2.54),
             ("limits.arm_watchdog", own.arm_watchdog, 0.01, 1.0),
             ("limits.host_watchdog", own.host_watchdog, 0.02, 10.0),
+            ("limits.pause", own.pause, own.host_watchdog, 60.0),
             ("limits.release_time", own.release_time, 0.1, 10.0),
         ];
         for (name, value, low, high) in ranges {
@@ -318,11 +321,6 @@ impl BridgeConfig {
         }
         Ok(())
     }
-}
-
-/// Limits of an arm joint; one that turns freely has none.
-fn joint_range(arm: &Arm, joint: usize) -> (f64, f64) {
-    (arm.tree.joints[joint].lower, arm.tree.joints[joint].upper)
 }
 
 #[cfg(test)]

@@ -8,8 +8,7 @@
 //! [`EmulatedHand::step`] alone. Then no answer waits for its time on the line, and one that is delayed comes after the host's next
 //! request. [`lockstep`] is a robot on such devices, [`direct`] one on the same devices without any wire.
 //!
-//! [`servo`] is one servo, [`servo_chain`] six on a line, [`camera_board`] the board, [`faults`] what can be made to go wrong, [`pty`]
-//! the pseudo-terminal.
+//! [`servo`] is one servo, [`servo_chain`] six on a line, [`camera_board`] the board, [`faults`] what can go wrong, [`pty`] a port.
 
 pub mod camera_board;
 pub mod direct;
@@ -119,6 +118,8 @@ pub struct EmulatedHand {
     servo_pty: Option<Pty>,
     board_pty: Option<Pty>,
     paths: [PathBuf; 2],
+    /// What is left of ports whose plug was pulled.
+    gone: Vec<SerialPort>,
     threads: Vec<JoinHandle<()>>,
     /// The plant, where it moves by [`EmulatedHand::step`], and where its images go.
     stepped: Option<Plant>,
@@ -178,7 +179,8 @@ impl EmulatedHand {
             None
         };
         let paths = [servo_pty.path().to_owned(), board_pty.path().to_owned()];
-        Ok(Self { shared, servo_pty: Some(servo_pty), board_pty: Some(board_pty), paths, threads, stepped })
+        let (servo_pty, board_pty) = (Some(servo_pty), Some(board_pty));
+        Ok(Self { shared, servo_pty, board_pty, paths, gone: Vec::new(), threads, stepped })
     }
 
     /// Moves the plant by one of its ticks, and the clock with it; gives back the tick's length, s. 0 where the plant moves by itself.
@@ -228,7 +230,7 @@ impl EmulatedHand {
             Plug::Cameras => (&self.shared.cameras_gone, &mut self.board_pty),
         };
         gone.store(true, Ordering::Relaxed);
-        *pty = None;
+        self.gone.extend(pty.take().map(Pty::hang_up));
     }
 
     /// Makes something go wrong now.

@@ -146,6 +146,12 @@ impl HardwareRobot {
         self.order(Order::Remote(Wish::Resume))
     }
 
+    /// Announces that no command will come for up to `seconds`: the robot stands, the hand pulls as it was told last, and no watchdog of the
+    /// controller minds. The next command ends it.
+    pub fn pause(&self, seconds: f64) {
+        lock(&self.shared.board).quiet_until = self.now() + seconds;
+    }
+
     /// The state.
     pub fn state(&self) -> State {
         lock(&self.shared.board).state
@@ -215,6 +221,7 @@ pub(crate) fn servo_cycle(
             asked: None,
             asked_number: 0,
             used_number: 0,
+            quiet_until: 0.0,
             sent: SafeCommand { servos: [SafeGoal::default(); ACTUATORS], arm: [0.0; ARM_JOINTS] },
             measured,
             state: supervisor.state(),
@@ -265,6 +272,7 @@ impl Robot for HardwareRobot {
         let now = self.now();
         let mut board = lock(&self.shared.board);
         board.asked = Some((*command, now));
+        board.quiet_until = 0.0;
         board.asked_number += 1;
         let number = board.asked_number;
         let waited = self.shared.cycled.wait_timeout_while(board, PATIENCE, |board| board.used_number < number);

@@ -46,6 +46,8 @@ pub struct CycleReport {
     pub cycles: u64,
     /// Cycles that began more than a period late.
     pub late: u64,
+    /// Longest silence of the controller that was not announced, s.
+    pub longest_silence: f64,
     /// The bus' books.
     pub bus: BusStatistics,
     /// Why the servo port is gone, if it is.
@@ -64,6 +66,8 @@ pub(crate) struct Board {
     /// Number of the newest command, and of the newest one that a cycle has used.
     pub asked_number: u64,
     pub used_number: u64,
+    /// Until when the controller has said that it will be silent, s on the bridge's clock.
+    pub quiet_until: f64,
     pub sent: SafeCommand,
     pub measured: Measured,
     pub state: State,
@@ -133,12 +137,16 @@ impl ServoCycle {
     /// The second half of a cycle: orders, the supervisor's decision, and what is sent.
     pub fn decide(&mut self) {
         self.take_orders();
-        let (asked, number) = {
+        let (asked, number, quiet_until) = {
             let board = lock(&self.shared.board);
-            (board.asked, board.asked_number)
+            (board.asked, board.asked_number, board.quiet_until)
         };
         let now = self.now();
-        let asked = asked.as_ref().map(|(command, at)| Asked { command, at: *at });
+        // Silence counts from the end of a pause that was announced.
+        let asked = asked.as_ref().map(|(command, at)| Asked { command, at: at.max(quiet_until.min(now)) });
+        if let (State::Running, Some(asked)) = (self.supervisor.state(), asked) {
+            self.report.longest_silence = self.report.longest_silence.max(now - asked.at);
+        }
         let step = self.supervisor.step(now, asked, &self.measured);
         match step {
             Step::Silent => {}

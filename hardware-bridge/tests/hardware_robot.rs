@@ -77,6 +77,22 @@ fn an_unplugged_servo_ends_in_hold_and_an_overload_in_fault() {
     assert!((bench.hand.shafts()[0].position - 2.0).abs() < 0.1);
 }
 
+/// A controller that says that it will think may be silent; its next command ends that, and silence counts again.
+#[test]
+fn an_announced_pause_is_no_silence() {
+    let mut bench = bench(&[]);
+    bench.config.limits.host_watchdog = 0.5;
+    let mut robot = armed(&bench);
+    drive(&mut robot, ServoGoal::Current(0.09), |robot| closed(robot, 2.0));
+    robot.pause(60.0);
+    std::thread::sleep(Duration::from_millis(1000));
+    assert_eq!(robot.state(), State::Running);
+    robot.send(&command(ServoGoal::Current(0.09)));
+    patiently("the silence is noticed", || matches!(robot.state(), State::Hold(Cause::HostSilent(_))));
+    assert!(closed(&mut robot, 2.0), "{:?}", bench.hand.shafts());
+    assert!(robot.report().longest_silence > 0.5);
+}
+
 /// When the robot is dropped, the hand keeps hold.
 #[test]
 fn dropping_the_robot_keeps_hold() {

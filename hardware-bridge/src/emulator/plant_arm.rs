@@ -3,54 +3,112 @@
 
 use std::sync::{Arc, Mutex};
 
-use hand_model::ARM_JOINTS;
 use hand_model::robot::ArmState;
+use hand_model::{ARM_JOINTS, Arm};
 
 use crate::kortex::emulator::{Drive, Plant};
 use crate::lock;
+use crate::safety::limits::ArmLimits;
+
+#[derive(Debug)]
+struct Joints {
+    state: ArmState,
+    /// Time since that was measured, s.
+    age: f64,
+    goal: [f64; ARM_JOINTS],
+    /// Speeds that are left since the arm was told to stop, rad/s.
+    braking: Option<[f64; ARM_JOINTS]>,
+    limits: ArmLimits,
+}
 
 /// Between the arm's controller and the plant.
 #[derive(Debug, Clone)]
-pub struct SharedArm(Arc<Mutex<(ArmState, [f64; ARM_JOINTS])>>);
+pub struct SharedArm(Arc<Mutex<Joints>>);
 
 impl SharedArm {
     /// An arm in this state, which is to stay where it is.
     pub fn at(state: ArmState) -> Self {
-        Self(Arc::new(Mutex::new((state, state.position))))
+        let limits = ArmLimits::of(&Arm::gen3());
+        Self(Arc::new(Mutex::new(Joints { state, age: 0.0, goal: state.position, braking: None, limits })))
     }
 
     /// Where the controller wants the joints, rad.
     pub fn goal(&self) -> [f64; ARM_JOINTS] {
-        lock(&self.0).1
+        lock(&self.0).goal
     }
 
     /// The plant's arm.
     pub fn state(&self) -> ArmState {
-        lock(&self.0).0
+        lock(&self.0).state
     }
 
     /// What the plant's arm does now.
     pub fn set_state(&self, state: ArmState) {
-        lock(&self.0).0 = state;
+        let mut joints = lock(&self.0);
+        (joints.state, joints.age) = (state, 0.0);
     }
 }
 
 impl Plant for SharedArm {
     fn advance(&mut self, drive: &Drive, seconds: f64) {
-        let mut shared = lock(&self.0);
+        let joints = &mut *lock(&self.0);
+        if *drive != Drive::Hold {
+            joints.braking = None;
+        }
         match drive {
-            Drive::Position(target) => shared.1 = *target,
+            Drive::Position(target) => joints.goal = *target,
             Drive::Velocity(speed) => {
-                for (goal, speed) in shared.1.iter_mut().zip(speed) {
+                for (goal, speed) in joints.goal.iter_mut().zip(speed) {
                     *goal += speed * seconds;
                 }
             }
-            // Where it was last sent: a joint that is held goes no further.
-            Drive::Hold => {}
+            // From where the joints are, as fast as they move, and they stay where that ends: nothing draws them back to a command of before.
+            Drive::Hold => {
+                let ArmState { position, velocity, .. } = joints.state;
+                let (from, speed) = match joints.braking {
+                    Some(speed) => (joints.goal, speed),
+                    None => (std::array::from_fn(|i| position[i] + velocity[i] * joints.age), velocity),
+                };
+                let (goal, slower) = joints.limits.brake(&from, &speed, seconds);
+                (joints.goal, joints.braking) = (goal, Some(slower));
+            }
         }
+        joints.age += seconds;
     }
 
     fn state(&self) -> ArmState {
-        lock(&self.0).0
+        lock(&self.0).state
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn moving(speed: f64) -> ArmState {
+        ArmState { position: [0.3; ARM_JOINTS], velocity: [speed; ARM_JOINTS], ..ArmState::default() }
+    }
+
+    /// An arm at rest stays to the last bit; commands are passed on as they are.
+    #[test]
+    fn rest_and_commands() {
+        let mut arm = SharedArm::at(moving(0.0));
+        arm.advance(&Drive::Hold, 1e-3);
+        assert_eq!(arm.goal(), [0.3; ARM_JOINTS]);
+        arm.advance(&Drive::Position([0.31; ARM_JOINTS]), 1e-3);
+        assert_eq!(arm.goal(), [0.31; ARM_JOINTS]);
+    }
+
+    /// Told to stop, it runs out by v^2 / 2a from where it is, not from where it was sent.
+    #[test]
+    fn stops_from_where_it_is() {
+        let mut arm = SharedArm::at(moving(0.0));
+        arm.advance(&Drive::Position([0.35; ARM_JOINTS]), 1e-3);
+        arm.set_state(moving(0.86));
+        for _ in 0..200 {
+            arm.advance(&Drive::Hold, 1e-3);
+        }
+        let way = arm.goal()[4] - 0.3;
+        assert!((way - 0.86 * 0.86 / (2.0 * 8.6)).abs() < 1e-3, "{way}");
     }
 }

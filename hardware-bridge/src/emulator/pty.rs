@@ -11,7 +11,7 @@ pub struct Pty {
     /// The device's end.
     pub device: SerialPort,
     /// The host's end, kept open so that the device's end survives when a host closes it.
-    _host: SerialPort,
+    host: SerialPort,
     path: PathBuf,
 }
 
@@ -37,12 +37,18 @@ impl Pty {
         let (device, host) = SerialPort::pair().map_err(PtyError::Open)?;
         // The kernel's own list of our open files says what the host's end is called.
         let path = std::fs::read_link(format!("/proc/self/fd/{}", host.as_raw_fd())).map_err(PtyError::Open)?;
-        Ok(Self { device, _host: host, path })
+        Ok(Self { device, host, path })
     }
 
     /// What a host opens.
     pub fn path(&self) -> &Path {
         &self.path
+    }
+
+    /// The device goes away, and its path with it. As long as what is given back lives, the system gives no other pseudo-terminal that path: a
+    /// host that looks for its device again must not find a stranger's.
+    pub fn hang_up(self) -> SerialPort {
+        self.host
     }
 
     /// Makes `link` point to the host's end, in place of an older link.
@@ -75,5 +81,16 @@ mod tests {
         assert_eq!(buffer, [0, 1, 0xFF, 13, 10]);
         let settings = pty.device.get_configuration().expect("settings");
         assert_eq!(settings.get_baud_rate().expect("a rate"), 3_000_000);
+    }
+
+    #[test]
+    fn a_path_that_is_gone_is_nobody_elses() {
+        let pty = Pty::open().expect("a pty");
+        let path = pty.path().to_owned();
+        let kept = pty.hang_up();
+        assert!(SerialPort::open(&path, 3_000_000).is_err());
+        let others: Vec<Pty> = (0..8).map(|_| Pty::open().expect("a pty")).collect();
+        assert!(others.iter().all(|other| other.path() != path));
+        drop(kept);
     }
 }

@@ -64,9 +64,13 @@ fn failed(error: impl ToString) -> ArmLinkError {
 
 impl ArmLink for KortexLink {
     fn read(&mut self, now: f64) -> Result<ArmReading, ArmLinkError> {
-        let ended = matches!(&self.hands, Hands::Servoing(servo_loop) if servo_loop.snapshot().ended);
-        if ended {
-            self.fault = self.take_back().or(Some("servoing ended".to_owned()));
+        if let Hands::Servoing(servo_loop) = &self.hands
+            && servo_loop.snapshot().ended
+        {
+            // The farewell to a dead network takes a second, and the servos' watchdogs do not wait.
+            let over = servo_loop.is_over();
+            let reason = if over { self.take_back() } else { None };
+            self.fault = reason.or(self.fault.take()).or(Some("servoing ended".to_owned()));
         }
         match &mut self.hands {
             Hands::Servoing(servo_loop) => {

@@ -119,6 +119,11 @@ impl ServoLoop {
         lock(&self.shared).snapshot
     }
 
+    /// Whether [`ServoLoop::finish`] would not have to wait: a loop that has ended still takes its leave of an arm that may not answer.
+    pub fn is_over(&self) -> bool {
+        self.thread.as_ref().is_none_or(JoinHandle::is_finished)
+    }
+
     /// Stops the loop and gives the arm back, with the error that ended the loop if one did.
     pub fn finish(mut self) -> (Arm, Result<(), KortexError>) {
         lock(&self.shared).stop = true;

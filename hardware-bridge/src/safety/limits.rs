@@ -4,7 +4,7 @@
 //! let a limited command creep past its limit.
 
 use hand_model::robot::ServoGoal;
-use hand_model::{ACTUATORS, ARM_JOINTS};
+use hand_model::{ACTUATORS, ARM_JOINTS, Arm};
 
 /// How far ahead of the shaft the goal of a pure current command is put, rad: enough to saturate the servo's position control (P gain 900:
 /// full duty from 0.2 rad on), little enough to come back from quickly.
@@ -36,6 +36,8 @@ pub struct ArmLimits {
     pub angle: [(f64, f64); ARM_JOINTS],
     /// Fastest change of each set-point, rad/s.
     pub speed: [f64; ARM_JOINTS],
+    /// How fast each set-point slows down when the arm is stopped, rad/s2.
+    pub deceleration: [f64; ARM_JOINTS],
 }
 
 /// When silence is too long.
@@ -103,6 +105,15 @@ impl ServoLimits {
 }
 
 impl ArmLimits {
+    /// Those of the arm's model; a joint that turns freely has no range.
+    pub fn of(arm: &Arm) -> Self {
+        Self {
+            angle: std::array::from_fn(|joint| (arm.tree.joints[joint].lower, arm.tree.joints[joint].upper)),
+            speed: arm.velocity_limits,
+            deceleration: arm.acceleration_limits,
+        }
+    }
+
     /// The set-points that may be sent, `dt` (s) after `previous`.
     pub fn limit(&self, asked: &[f64; ARM_JOINTS], previous: &[f64; ARM_JOINTS], dt: f64) -> [f64; ARM_JOINTS] {
         std::array::from_fn(|joint| {
@@ -110,6 +121,27 @@ impl ArmLimits {
             let (low, high) = self.angle[joint];
             asked[joint].clamp(previous[joint] - reach, previous[joint] + reach).clamp(low, high)
         })
+    }
+
+    /// The set-points `dt` (s) after `previous` of an arm that is to stop, and the speeds that are left of `speed` (rad/s).
+    ///
+    /// A set-point that stops from one cycle to the next asks for more torque than a joint has: the arm runs past it, and swings back. So it
+    /// goes on by `v dt`, with `v` smaller by the deceleration each cycle.
+    pub fn brake(
+        &self,
+        previous: &[f64; ARM_JOINTS],
+        speed: &[f64; ARM_JOINTS],
+        dt: f64,
+    ) -> ([f64; ARM_JOINTS], [f64; ARM_JOINTS]) {
+        let slower = std::array::from_fn(|joint| {
+            let top = speed[joint].clamp(-self.speed[joint], self.speed[joint]);
+            top.signum() * (top.abs() - self.deceleration[joint] * dt).max(0.0)
+        });
+        let on = std::array::from_fn(|joint| {
+            let (low, high) = self.angle[joint];
+            (previous[joint] + slower[joint] * dt).clamp(low, high)
+        });
+        (on, slower)
     }
 }
 
@@ -120,7 +152,8 @@ pub(crate) mod tests {
 
     pub(crate) fn limits() -> Limits {
         let servo = ServoLimits { angle: (0.0, 4.5), speed: 6.0, current: 0.6, hold_current: 0.4, temperature: 60.0 };
-        let arm = ArmLimits { angle: [(-2.0, 2.0); ARM_JOINTS], speed: [1.0; ARM_JOINTS] };
+        let arm =
+            ArmLimits { angle: [(-2.0, 2.0); ARM_JOINTS], speed: [1.0; ARM_JOINTS], deceleration: [8.0; ARM_JOINTS] };
         let watchdogs = Watchdogs { servo_bus: 0.1, arm: 0.1, host: 0.5 };
         Limits { servos: [servo; ACTUATORS], arm, voltage: (9.0, 12.5), staleness: 0.05, watchdogs, release_time: 1.0 }
     }
@@ -144,6 +177,19 @@ pub(crate) mod tests {
         let servo = limits().servos[0];
         assert_eq!(servo.hold(SafeGoal { angle: 2.0, current: 0.2 }), SafeGoal { angle: 2.0, current: 0.2 });
         assert_eq!(servo.hold(SafeGoal { angle: 2.0, current: 0.6 }).current, 0.4);
+    }
+
+    /// From 0.8 rad/s with 8 rad/s2 an arm stands after 0.1 s and v^2 / 2a = 40 mrad; it does not leave its range for that.
+    #[test]
+    fn an_arm_brakes() {
+        let arm = limits().arm;
+        let (mut at, mut speed) = ([0.0, 1.99, 0.0, 0.0, 0.0, 0.0, 0.0], [0.8, 0.8, -0.8, 0.0, 5.0, 0.0, 0.0]);
+        for _ in 0..100 {
+            (at, speed) = arm.brake(&at, &speed, 0.001);
+        }
+        assert!(speed[0].abs() < 1e-9 && (at[0] - 0.04).abs() < 5e-4, "{at:?} {speed:?}");
+        assert!((at[1], at[2], at[3]) == (2.0, -at[0], 0.0), "{at:?}");
+        assert!(at[4] < 0.1, "never faster than its top speed: {}", at[4]);
     }
 
     proptest! {

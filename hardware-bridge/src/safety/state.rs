@@ -2,6 +2,8 @@
 
 use std::fmt;
 
+use hand_model::Digit;
+
 /// Where the robot is between being a box of parts and running.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum State {
@@ -68,34 +70,52 @@ impl Cause {
     }
 }
 
+/// An actuator in words.
+struct Servo(usize);
+
+impl fmt::Display for Servo {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{} servo", Digit::ALL.get(self.0).map_or("opposition", |digit| digit.name()))
+    }
+}
+
 impl fmt::Display for Cause {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let ms = |age: &f64| format!("{:.0} ms", 1e3 * age);
         match self {
             Self::Operator => write!(f, "the operator stopped it; resume when ready"),
             Self::BadCommand => write!(f, "the controller sent a command that is not a number; this is a bug in it"),
-            Self::HostSilent(age) => write!(f, "no command for {:.0} ms; is the controller running?", 1e3 * age),
+            Self::HostSilent(age) => write!(f, "no command for {}; is the controller running?", ms(age)),
             Self::ServoSilent(n, age) => {
-                write!(f, "actuator {n}: no answer for {:.0} ms; check its plug and the USB adapter", 1e3 * age)
+                write!(f, "{}: no answer for {}; check its plug, the USB adapter and the supply", Servo(*n), ms(age))
             }
-            Self::ArmSilent(age) => write!(f, "arm: no word for {:.0} ms; check the network cable", 1e3 * age),
-            Self::ArmFault => write!(f, "arm: it reports a fault; clear it in the arm's web page"),
-            Self::CamerasGone => write!(f, "camera board: its port is gone; check the USB cable"),
-            Self::Angle(n, angle) => write!(f, "actuator {n}: at {angle:.3} rad, out of its limits"),
-            Self::Speed(n, speed) => write!(f, "actuator {n}: {speed:.2} rad/s, above its limit; did a cable break?"),
-            Self::Current(n, current) => write!(f, "actuator {n}: {:.0} mA, above its limit", 1e3 * current),
-            Self::Temperature(n, celsius) => write!(f, "actuator {n}: {celsius:.0} C; let it cool"),
-            Self::Voltage(n, volts) => write!(f, "actuator {n}: {volts:.1} V at its plug; check the supply"),
-            Self::ServoAlert(n) => {
-                write!(f, "actuator {n}: the servo reports a hardware error; support what is held, then reboot it")
-            }
-            Self::TorqueLost(n) => {
-                write!(f, "actuator {n}: the servo restarted and has no torque; check its supply, support what is held")
-            }
-            Self::WatchdogTripped(n) => {
+            Self::ArmSilent(age) => write!(f, "arm: no word for {}; check the network cable", ms(age)),
+            Self::ArmFault => {
                 write!(
                     f,
-                    "actuator {n}: the bus was silent for too long and the servo stopped itself; resume when ready"
+                    "arm: in fault, or gone from the network; check the cable, then clear it in the arm's web page"
                 )
+            }
+            Self::CamerasGone => write!(f, "camera board: its port is gone; check the USB cable"),
+            Self::Angle(n, angle) => {
+                write!(f, "{}: at {angle:.3} rad, out of its limits; look at its spool and cable", Servo(*n))
+            }
+            Self::Speed(n, speed) => {
+                write!(f, "{}: {speed:.2} rad/s, above its limit; did its cable break?", Servo(*n))
+            }
+            Self::Current(n, current) => {
+                write!(f, "{}: {:.0} mA, above its limit; what blocks it?", Servo(*n), 1e3 * current)
+            }
+            Self::Temperature(n, celsius) => write!(f, "{}: {celsius:.0} C; let it cool", Servo(*n)),
+            Self::Voltage(n, volts) => write!(f, "{}: {volts:.1} V at its plug; check the supply", Servo(*n)),
+            Self::ServoAlert(n) => {
+                write!(f, "{}: it reports a hardware error; support what is held, then reboot it", Servo(*n))
+            }
+            Self::TorqueLost(n) => {
+                write!(f, "{}: it restarted and has no torque; check the supply, support what is held", Servo(*n))
+            }
+            Self::WatchdogTripped(n) => {
+                write!(f, "{}: it heard nothing for too long and stopped itself; resume when ready", Servo(*n))
             }
         }
     }

@@ -53,6 +53,8 @@ pub struct Supervisor {
     limits: Limits,
     state: State,
     sent: SafeCommand,
+    /// Speeds that are left of the arm's set-points since it was stopped, rad/s.
+    braking: Option<[f64; ARM_JOINTS]>,
     stepped: f64,
 }
 
@@ -60,7 +62,7 @@ impl Supervisor {
     /// A supervisor of a robot that is not connected.
     pub fn new(limits: Limits) -> Self {
         let sent = SafeCommand { servos: [SafeGoal::default(); ACTUATORS], arm: [0.0; ARM_JOINTS] };
-        Self { limits, state: State::Disconnected, sent, stepped: 0.0 }
+        Self { limits, state: State::Disconnected, sent, braking: None, stepped: 0.0 }
     }
 
     /// The state.
@@ -133,6 +135,7 @@ impl Supervisor {
             return Err(CheckFailed::Alarm(cause));
         }
         self.go(State::Armed, "resume", |state| matches!(state, State::Hold(_)))?;
+        self.braking = None;
         Ok(())
     }
 
@@ -150,6 +153,7 @@ impl Supervisor {
         match self.state {
             State::Disconnected | State::Connected | State::Checked => Step::Silent,
             State::Running => {
+                self.braking = None;
                 if let Some(asked) = asked {
                     self.follow(asked.command, measured, dt);
                 }
@@ -157,13 +161,26 @@ impl Supervisor {
             }
             State::Armed => Step::Send(self.sent),
             State::Hold(_) | State::Fault(_) => {
+                self.brake(measured, dt);
                 for (goal, limits) in self.sent.servos.iter_mut().zip(&self.limits.servos) {
                     *goal = limits.hold(*goal);
                 }
                 Step::Send(self.sent)
             }
-            State::Release { since } => self.fade(now - since, dt),
+            State::Release { since } => {
+                self.brake(measured, dt);
+                self.fade(now - since, dt)
+            }
         }
+    }
+
+    /// Lets the arm come to a stand, beginning with the speed at which it moves.
+    fn brake(&mut self, measured: &Measured, dt: f64) {
+        let moving = || measured.arm.map_or([0.0; ARM_JOINTS], |arm| arm.state.velocity);
+        let speed = self.braking.unwrap_or_else(moving);
+        let (arm, slower) = self.limits.arm.brake(&self.sent.arm, &speed, dt);
+        self.sent.arm = arm;
+        self.braking = Some(slower);
     }
 
     /// Takes note of whether the controller speaks, and speaks sense.

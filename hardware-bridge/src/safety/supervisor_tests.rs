@@ -91,6 +91,31 @@ fn hold_keeps_what_is_held() {
     }
 }
 
+/// A hold lets the arm run out from the speed at which it was met, whoever asks for it; a joint that stood stays where it was sent.
+#[test]
+fn a_hold_brakes_the_arm() {
+    let mut supervisor = armed(0.0);
+    let (before, mut now) = run(&mut supervisor, &winding(0.3), 100, 0.0);
+    let mut measured = fine(now);
+    measured.arm.as_mut().expect("there").state.velocity[0] = 0.8;
+    supervisor.hold(Cause::Operator);
+    let mut steps = Vec::new();
+    let mut at = sent(before).arm;
+    for _ in 0..40 {
+        now += DT;
+        let command = winding(-0.3);
+        measured.servos = fine(now).servos;
+        measured.arm.as_mut().expect("there").at = now;
+        let next = sent(supervisor.step(now, asked(&command, now), &measured)).arm;
+        steps.push((next[0] - at[0]) / DT);
+        at = next;
+    }
+    // 8 rad/s2 for 5 ms is 0.04 rad/s, measured speeds after the first do not count.
+    assert!((steps[0] - 0.76).abs() < 1e-9 && (steps[1] - 0.72).abs() < 1e-9, "{steps:?}");
+    assert!(steps[20..].iter().all(|speed| *speed == 0.0), "{steps:?}");
+    assert_eq!(at[1], sent(before).arm[1]);
+}
+
 #[test]
 fn alerts_are_faults() {
     let mut supervisor = armed(0.0);

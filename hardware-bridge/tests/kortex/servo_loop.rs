@@ -4,11 +4,13 @@ use std::time::{Duration, Instant};
 
 use hand_model::ARM_JOINTS;
 use hand_model::arm::Arm as ArmModel;
+use hardware_bridge::arm_link::ArmLink as _;
 use hardware_bridge::kortex::emulator::{Emulator, Injection, Pace};
+use hardware_bridge::kortex::joint_link::KortexLink;
 use hardware_bridge::kortex::message::ArmState;
 use hardware_bridge::kortex::message::base::ServoingMode;
 use hardware_bridge::kortex::servo_loop::{Pacing, ServoLoop};
-use hardware_bridge::kortex::{CommandError, KortexError};
+use hardware_bridge::kortex::{Arm, CommandError, KortexError, Timeouts};
 
 use crate::support::*;
 
@@ -88,6 +90,25 @@ fn a_fault_ends_the_loop() {
     let (mut arm, result) = servo_loop.finish();
     assert!(matches!(result, Err(KortexError::EmergencyStop(_))), "{result:?}");
     assert_eq!(arm.base.arm_state().expect("still connected"), ArmState::InFault);
+}
+
+/// The network goes, and the arm's client tells it by a fault at once: it does not wait for the farewell, which nobody answers.
+#[test]
+fn a_link_without_network_does_not_keep_its_caller_waiting() {
+    let emulator = emulator_with(ArmModel::home(), Pace::RealTime, 2000);
+    let impatient = Timeouts { call: Duration::from_secs(2), ..timeouts() };
+    let arm = Arm::connect(emulator.address(), &credentials(), impatient, ArmModel::home()).expect("connects");
+    let mut link = KortexLink::new(arm, Duration::from_millis(10), PATIENCE);
+    link.engage().expect("engages");
+    until("the first word", || link.read(0.0).is_ok());
+    emulator.inject(Injection::Deaf(true));
+    let mut told = Vec::new();
+    until("the reason", || {
+        told.extend(link.read(0.0).err().map(|error| error.to_string()));
+        let fault = link.read(0.0).is_ok_and(|reading| reading.fault);
+        fault && link.command(&ArmModel::home()).is_err_and(|error| !error.to_string().contains("servoing ended"))
+    });
+    assert_eq!(told, ["arm: servoing ended"], "told once, before the farewell was over");
 }
 
 #[test]

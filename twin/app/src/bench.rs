@@ -135,8 +135,10 @@ pub fn run(bench: &Bench, request: &RunRequest, journal: Journal, folder: &Path,
     let work = || -> Result<()> {
         while let Some(unit) = open.get(next.fetch_add(1, Ordering::Relaxed)) {
             let start = Instant::now();
-            let records = run_unit(bench, request, *unit, folder, options)
-                .with_context(|| format!("combination {}, trial {:?}", unit.combination, unit.trial));
+            let records = run_unit(bench, request, *unit, folder, options).with_context(|| {
+                let trial = unit.trial.map_or("ideal run".to_owned(), |trial| format!("trial {trial}"));
+                format!("combination {}, {trial}", unit.combination)
+            });
             // After a failure the other workers finish what they are at and stop.
             let (records, ablated) = records.inspect_err(|_| next.store(open.len(), Ordering::Relaxed))?;
             let entry = Entry { unit: *unit, records, ablated, wall_s: start.elapsed().as_secs_f64() };

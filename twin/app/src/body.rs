@@ -43,6 +43,8 @@ pub trait Stage: Robot {
     fn stopped(&self) -> Option<String> {
         None
     }
+    /// The controller is about to think: no command comes until it has done so.
+    fn pause(&mut self) {}
     /// The trial is over, or was stopped for this reason: whatever is to be done with what the hand holds.
     fn part(&mut self, _why: Option<&str>) -> Result<()> {
         Ok(())
@@ -212,6 +214,15 @@ impl Body {
         match self {
             Self::Simulated(_) => None,
             Self::Sole(sole) => sole.borrow_mut().stage().and_then(|stage| stage.stopped()),
+        }
+    }
+
+    /// See [`Stage::pause`].
+    pub fn pause(&mut self) {
+        if let Self::Sole(sole) = self
+            && let Some(stage) = sole.borrow_mut().stage()
+        {
+            stage.pause();
         }
     }
 

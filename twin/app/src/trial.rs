@@ -359,6 +359,8 @@ impl Run {
                 bail!(Stopped(format!("{} while {}", why, executive.phase().name())));
             }
         }
+        // What comes next is to be decided first.
+        robot.pause();
         Ok(())
     }
 

@@ -18,8 +18,6 @@ use crate::kortex::safety_bank::{self, Report};
 use crate::kortex::session::Credentials;
 use prost::Message;
 
-/// Slower than this (rad/s), a joint stands still.
-const STANDSTILL: f64 = 1e-3;
 /// Length of a tick, s.
 const TICK: f64 = 1e-3;
 
@@ -32,6 +30,8 @@ pub struct Settings {
     pub cyclic_deadline: u64,
     /// Distance between command and joint that raises a following error, rad.
     pub following_error: f64,
+    /// A joint slower than this stands still, rad/s.
+    pub standstill: f64,
     /// Seed of what is drawn: lost and delayed datagrams.
     pub seed: u64,
 }
@@ -42,6 +42,7 @@ impl Default for Settings {
             credentials: Credentials { user: "admin".to_owned(), password: "admin".to_owned() },
             cyclic_deadline: 50,
             following_error: 5_f64.to_radians(),
+            standstill: 1e-3,
             seed: 1,
         }
     }
@@ -340,7 +341,7 @@ impl Controller {
     }
 
     fn watch_standstill(&mut self) {
-        let moves = self.motion().velocity.iter().any(|speed| speed.abs() > STANDSTILL);
+        let moves = self.motion().velocity.iter().any(|speed| speed.abs() > self.settings.standstill);
         if self.moving && !moves {
             self.log(Happening::StandsStill);
         }

@@ -26,6 +26,8 @@ use crate::bridge::arm_link;
 const PATIENCE: Duration = Duration::from_secs(5);
 /// How fast the arm's joints go to the posture in which trials begin, rad/s.
 const SPEED: f64 = 0.3;
+/// Longest wait for an operator who was asked something, s; after that the robot holds.
+const OPERATOR: f64 = 600.0;
 /// How close to it is there, rad.
 const THERE: f64 = 0.01;
 
@@ -34,6 +36,8 @@ pub struct Hardware {
     robot: HardwareRobot,
     places: [Isometry3<f64>; 2],
     names: [String; 2],
+    /// Longest time to think, s.
+    pause: f64,
 }
 
 impl Stage for Hardware {
@@ -44,13 +48,20 @@ impl Stage for Hardware {
     /// Nobody looks but the operator, who puts the object where it belongs.
     fn look(&mut self, object: usize, _: &ObjectNoise) -> Result<Isometry3<f64>> {
         let place = self.places[object];
+        self.robot.pause(OPERATOR);
         let question = format!(
             "Is {} at {}? Put it there if it can be reached safely, and press Enter.",
             self.names[object],
             shown(&place)
         );
         ask(&question)?;
+        // With the answer the controller goes on thinking.
+        self.pause();
         Ok(place)
+    }
+
+    fn pause(&mut self) {
+        self.robot.pause(self.pause);
     }
 
     fn stopped(&self) -> Option<String> {
@@ -61,6 +72,7 @@ impl Stage for Hardware {
     }
 
     fn judge(&mut self) -> Result<Option<Verdict>> {
+        self.robot.pause(OPERATOR);
         let collision = yes(
             "Did the held object or the fingers that hold it knock the second one before it was grasped? [yes/no]",
         )?;
@@ -78,6 +90,12 @@ impl Stage for Hardware {
             eprintln!("STOPPED: {why}");
             eprintln!("The hand keeps hold of what it holds, the arm stands.");
         }
+        let report = self.robot.report();
+        let silence = 1e3 * report.longest_silence;
+        eprintln!(
+            "{} servo cycles, {} late; no command for {silence:.0} ms at the longest",
+            report.cycles, report.late
+        );
         let answer =
             ask("Hold your hands under the objects; `release` opens the hand, anything else leaves it holding.")?;
         if answer != "release" {
@@ -163,7 +181,8 @@ impl Venue for HardwareVenue {
         self.packets = Some(receiver);
         robot.arm()?;
         let names = setting.objects.map(|(name, _)| name.to_owned());
-        let mut hardware = Hardware { robot, places: setting.objects.map(|(_, place)| place), names };
+        let pause = self.config.limits.pause;
+        let mut hardware = Hardware { robot, places: setting.objects.map(|(_, place)| place), names, pause };
         go_to(&mut hardware, &self.ready)?;
         Ok(Box::new(hardware))
     }

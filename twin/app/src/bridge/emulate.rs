@@ -18,6 +18,7 @@ use hardware_bridge::kortex::emulator::{Emulator, Happening, Injection, Pace, Se
 use hardware_bridge::kortex::safety_bank::FOLLOWING_ERROR;
 use hardware_bridge::xc330;
 
+use super::faults::STANDS;
 use super::shown;
 use crate::body::emulated::{SharedPlant, settings};
 use crate::builtin::trial_scene;
@@ -82,7 +83,7 @@ pub fn run(cli: &Cli, args: &EmulateArgs) -> Result<Option<String>> {
     let arm = match args.springs {
         true => None,
         false => {
-            let settings = Settings { seed: cli.seed, ..Settings::default() };
+            let settings = Settings { seed: cli.seed, standstill: STANDS, ..Settings::default() };
             Some(Emulator::start(settings, Box::new(hand.arm_joints()), Pace::RealTime).context("the emulated arm")?)
         }
     };
@@ -230,13 +231,12 @@ fn write_config(args: &EmulateArgs, hand: &EmulatedHand, arm: Option<&Emulator>)
         cameras: Some(CameraConfig { port: cameras }),
         uvc: Vec::new(),
         arm,
-        // A pseudo-terminal has no real time behind it: a busy machine may be late by more than a real line ever is. A decision takes the
-        // controller up to a second or two.
+        // A pseudo-terminal has no real time behind it: a busy machine may be late by more than a real line ever is.
         limits: LimitConfig {
             staleness: 0.3,
             servo_watchdog: 0.16,
             arm_watchdog: 0.5,
-            host_watchdog: 5.0,
+            host_watchdog: 1.0,
             ..LimitConfig::default()
         },
     };

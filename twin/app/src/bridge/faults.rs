@@ -11,28 +11,28 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use anyhow::{Context as _, Result, bail};
 use clap::Args;
 use control::executive::{Executive, Phase};
-use hand_model::ARM_JOINTS;
-use hand_model::robot::{Robot, ServoGoal};
-use hardware_bridge::config::LimitConfig;
+use hand_model::robot::Robot;
 use hardware_bridge::emulator::lockstep::LockstepRobot;
 use hardware_bridge::kortex::emulator::{Happening, Injection};
-use hardware_bridge::kortex::servoing::Limits;
-use hardware_bridge::safety::limits::BEYOND;
 use hardware_bridge::safety::state::State;
 use hardware_bridge::session_log::{Event, Reader, Recorder, Session, Writer};
+use nalgebra::Isometry3;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use scenarios::combination::Scenario;
+use sim::robot::Truth;
 
 use self::kind::{ALL, Expected, Kind};
+use self::watch::Watch;
 use crate::body::emulated::{SharedPlant, settings, travel};
 use crate::builtin::make_bench;
 use crate::cli::Cli;
-use crate::rehearsal::{Snapshot, in_hand};
+use crate::rehearsal::Snapshot;
 use crate::trial::Bench;
 
 mod kind;
 mod table;
+mod watch;
 
 /// Waited for an answer of the servos from the fault on, s of real time: what comes at all comes sooner.
 const SLACK: f64 = 0.04;
@@ -41,8 +41,12 @@ const BEFORE: usize = 10;
 const AFTER: usize = 60;
 /// Longest wait for a safe state, ticks.
 const LONGEST: usize = 180;
-/// A joint slower than this stands, rad/s.
-const STANDS: f64 = 0.02;
+/// A joint of the sprung arm that is slower than this stands, rad/s: about a degree a second, of which 2 mrad are left to go.
+pub const STANDS: f64 = 0.02;
+/// An object whose centre is nearer to the palm's than this, and touched by the hand, is held, m.
+const NEAR: f64 = 0.16;
+/// An object that moved further than this in the palm is lost, m.
+const SLIPPED: f64 = 0.02;
 /// Phases with a beginning and an end.
 const PHASES: [Phase; 12] = [
     Phase::ApproachFirst,
@@ -68,6 +72,9 @@ pub struct FaultArgs {
     /// Only faults whose name contains this.
     #[arg(long)]
     only: Option<String>,
+    /// Only phases whose name contains this.
+    #[arg(long)]
+    phase: Option<String>,
     /// Threads; default: all cores.
     #[arg(long)]
     jobs: Option<usize>,
@@ -78,14 +85,15 @@ pub struct FaultArgs {
 pub struct Outcome {
     kind: Kind,
     phase: Phase,
+    round: usize,
     /// In the words of the supervisor.
     state: String,
     as_expected: bool,
-    /// From the fault to the last command that the devices were given or followed, ms; `None` where the robot rightly went on.
+    /// From the fault until the supervisor holds, or until servos and arm have stopped by themselves, ms; `None` where the robot rightly went on.
     stopped_ms: Option<f64>,
     /// From the fault until the arm stands as well, ms; `None` also where it never did.
     safe_ms: Option<f64>,
-    /// The fastest joint of the arm when no command moved it any more, rad/s.
+    /// The fastest joint of the arm at that first moment, rad/s.
     speed: f64,
     /// Goals held to their limits, and those outside them.
     checked: u64,
@@ -93,6 +101,8 @@ pub struct Outcome {
     /// Objects in the hand before, and lost after.
     held: usize,
     lost: usize,
+    /// How far those that were not lost have moved in it at the most, mm.
+    moved: f64,
     /// Whether the recording could be read to its last tick.
     intact: bool,
 }
@@ -104,12 +114,18 @@ pub fn run(cli: &Cli, args: &FaultArgs) -> Result<Option<String>> {
         let names: Vec<&str> = ALL.iter().map(|kind| kind.name()).collect();
         bail!("--only, --rounds: found no fault to inject, expected some of: {}", names.join(", "));
     }
+    let wanted = |phase: &Phase| args.phase.as_ref().is_none_or(|only| phase.name().contains(only));
+    let phases: Vec<Phase> = PHASES.into_iter().filter(wanted).collect();
+    if phases.is_empty() {
+        let names = PHASES.map(Phase::name);
+        bail!("--phase: found no phase to inject into, expected part of one of: {}", names.join(", "));
+    }
     let quiet = cli.quiet || cli.json;
     let bench = make_bench(Scenario::benchmark(), args.rounds.min(60), cli.seed, quiet)?;
     let mut jobs = Vec::new();
     for round in 0..args.rounds {
         let moments = moments(&bench, round % bench.plans.plans.len(), cli.seed ^ round as u64)?;
-        for (phase, snapshot) in moments {
+        for (phase, snapshot) in moments.into_iter().filter(|(phase, _)| phases.contains(phase)) {
             jobs.extend(kinds.iter().map(|kind| (*kind, phase, snapshot.clone(), round)));
         }
     }
@@ -122,7 +138,7 @@ pub fn run(cli: &Cli, args: &FaultArgs) -> Result<Option<String>> {
             let Some((kind, phase, snapshot, round)) = jobs.get(n) else { return Ok(()) };
             let file = folder.path().join(format!("{n}.mcap"));
             let seed = cli.seed.wrapping_add(n as u64);
-            let outcome = suffer(&bench, *kind, *phase, snapshot, &file, seed)
+            let outcome = suffer(&bench, (*kind, *phase, *round), snapshot, &file, seed)
                 .with_context(|| format!("{} in {}, round {round}", kind.name(), phase.name()))?;
             outcomes.lock().map_err(|_| anyhow::anyhow!("a worker panicked"))?.insert(n, outcome);
             bar.inc(1);
@@ -205,7 +221,13 @@ fn tick(robot: &mut impl Robot, executive: &mut Executive) -> Result<()> {
 }
 
 /// One injection.
-fn suffer(bench: &Bench, kind: Kind, phase: Phase, moment: &Snapshot, file: &Path, seed: u64) -> Result<Outcome> {
+fn suffer(
+    bench: &Bench,
+    (kind, phase, round): (Kind, Phase, usize),
+    moment: &Snapshot,
+    file: &Path,
+    seed: u64,
+) -> Result<Outcome> {
     let Snapshot { robot, mut executive } = moment.clone();
     let (hand, arm) = (&bench.world.hand, &bench.world.arm);
     let plant = SharedPlant::new(robot);
@@ -221,7 +243,8 @@ fn suffer(bench: &Bench, kind: Kind, phase: Phase, moment: &Snapshot, file: &Pat
         bail!("found the robot in state `{}` before the fault, expected running", recorder.robot().state());
     }
     let mut truth = plant.lock().truth();
-    let held: Vec<usize> = (0..2).filter(|object| in_hand(&truth, *object)).collect();
+    let held: Vec<(usize, Isometry3<f64>)> =
+        (0..2).filter(|object| in_grip(&truth, *object)).map(|object| (object, in_palm(&truth, object))).collect();
     recorder.robot().set_slack(SLACK);
     kind.strike(recorder.robot());
     let struck = truth.time;
@@ -251,7 +274,13 @@ fn suffer(bench: &Bench, kind: Kind, phase: Phase, moment: &Snapshot, file: &Pat
         watch.see(recorder.robot());
     }
     truth = plant.lock().truth();
-    let lost = held.iter().filter(|object| !in_hand(&truth, **object)).count();
+    // Where the robot goes on it may let go on purpose.
+    let after = held.iter().filter(|_| safe.is_some()).map(|(object, before)| {
+        let way = (in_palm(&truth, *object).translation.vector - before.translation.vector).norm();
+        (truth.touched_by[*object] != 0).then_some(way).filter(|way| *way < SLIPPED)
+    });
+    let lost = after.clone().filter(Option::is_none).count();
+    let moved = 1e3 * after.flatten().fold(0.0, f64::max);
     let state = recorder.robot().state();
     let intact = if kind.kills_the_host() {
         // What the operating system has of the file when the program is gone.
@@ -273,6 +302,7 @@ fn suffer(bench: &Bench, kind: Kind, phase: Phase, moment: &Snapshot, file: &Pat
     Ok(Outcome {
         kind,
         phase,
+        round,
         state: state.to_string(),
         as_expected,
         stopped_ms: stopped,
@@ -282,6 +312,7 @@ fn suffer(bench: &Bench, kind: Kind, phase: Phase, moment: &Snapshot, file: &Pat
         outside,
         held: held.len(),
         lost,
+        moved,
         intact,
     })
 }
@@ -296,65 +327,20 @@ fn is_stopped(kind: Kind, robot: &mut LockstepRobot) -> bool {
     }
 }
 
+/// Where object `index` is in the palm.
+fn in_palm(truth: &Truth, index: usize) -> Isometry3<f64> {
+    truth.palm.inverse() * truth.objects[index]
+}
+
+/// Whether object `index` hangs in the hand, however low: the hand goes down to the second object with the first in it.
+fn in_grip(truth: &Truth, index: usize) -> bool {
+    let near = in_palm(truth, index).translation.vector.norm() < NEAR;
+    truth.touched_by[index] != 0 && !truth.on_table[index] && near
+}
+
 /// Speed of the arm's fastest joint, rad/s.
 fn fastest_joint(robot: &mut LockstepRobot) -> f64 {
     robot.arm().status().motion.velocity.iter().map(|speed| speed.abs()).fold(0.0, f64::max)
-}
-
-/// Holds every command that reaches the devices to the limits.
-struct Watch {
-    travel: [f64; 6],
-    limits: LimitConfig,
-    arm: Limits,
-    before: Option<Vec<f64>>,
-    /// Ticks since each goal last changed: a write that arrives late has had longer for its step.
-    unchanged: [u32; 6],
-    checked: u64,
-    outside: u64,
-}
-
-impl Watch {
-    fn new(travel: [f64; 6]) -> Self {
-        let arm = Limits::gen3(&hand_model::Arm::gen3());
-        Self { travel, limits: LimitConfig::default(), arm, before: None, unchanged: [1; 6], checked: 0, outside: 0 }
-    }
-
-    fn see(&mut self, robot: &mut LockstepRobot) {
-        // A goal is rounded to the servo's units.
-        let (count, milliampere) = (std::f64::consts::TAU / 4096.0, 1e-3);
-        let reach = self.limits.speed * robot.tick_length() + 2.0 * count;
-        let held = robot.devices().watchdogs_tripped() > 0;
-        let drives = robot.devices().drives();
-        let angles: Vec<f64> = drives
-            .iter()
-            .map(|drive| match drive {
-                ServoGoal::Position { angle, .. } => *angle,
-                ServoGoal::Current(_) => f64::NAN,
-            })
-            .collect();
-        for (n, drive) in drives.iter().enumerate() {
-            let (angle, current) = match *drive {
-                ServoGoal::Position { angle, current_limit } => (angle, current_limit),
-                ServoGoal::Current(current) => (0.0, current),
-            };
-            let within = (-count..=self.travel[n] + BEYOND + count).contains(&angle)
-                && (0.0..=self.limits.current + milliampere).contains(&current);
-            // A servo that was off, or that its watchdog stopped, starts from where it stands.
-            let step = self.before.as_ref().map_or(0.0, |before| (angles[n] - before[n]).abs());
-            let allowed = reach * f64::from(self.unchanged[n]);
-            self.outside += u64::from(!within || (step > allowed && !held));
-            self.unchanged[n] = if step == 0.0 { self.unchanged[n] + 1 } else { 1 };
-        }
-        self.checked += (angles.len() + ARM_JOINTS) as u64;
-        self.before = Some(angles);
-        let status = robot.arm().status();
-        let steps = status.commands.largest_step;
-        self.outside += (0..ARM_JOINTS).filter(|i| steps[*i] > self.arm.step[*i] + 1e-6).count() as u64;
-        let goal = robot.devices().arm_joints().goal();
-        self.outside += (0..ARM_JOINTS)
-            .filter(|i| !(self.arm.lower[*i] - 1e-6..=self.arm.upper[*i] + 1e-6).contains(&goal[*i]))
-            .count() as u64;
-    }
 }
 
 /// Ticks in a recording, and whether it was finished.

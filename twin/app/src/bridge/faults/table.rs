@@ -1,7 +1,9 @@
 //! The fault matrix as a table.
 
+use std::collections::BTreeSet;
+
+use super::Outcome;
 use super::kind::{Expected, Kind};
-use super::{Outcome, PHASES};
 use crate::cli::Cli;
 
 /// Prints what came of it all; the shortfall is the first thing that should not have.
@@ -40,28 +42,31 @@ pub fn tell(cli: &Cli, kinds: &[Kind], outcomes: &[Outcome]) -> Option<String> {
             "outside_limits": of.iter().map(|outcome| outcome.outside).sum::<u64>(),
             "held": sum(|outcome| outcome.held),
             "lost": sum(|outcome| outcome.lost),
+            "moved_mm_max": of.iter().map(|outcome| outcome.moved).fold(0.0, f64::max),
             "takes_torque": kind.takes_torque(),
             "recordings_intact": sum(|outcome| usize::from(outcome.intact)),
         }));
     }
     let wrong: Vec<String> = outcomes.iter().filter_map(complaint).collect();
+    let phases = outcomes.iter().map(|outcome| outcome.phase).collect::<BTreeSet<_>>().len();
     let checked: u64 = outcomes.iter().map(|outcome| outcome.checked).sum();
     if cli.json {
         println!(
             "{}",
-            serde_json::json!({ "injected": outcomes.len(), "phases": PHASES.len(), "goals_checked": checked, "rows": rows, "wrong": wrong })
+            serde_json::json!({ "injected": outcomes.len(), "phases": phases, "goals_checked": checked, "rows": rows, "wrong": wrong })
         );
     } else {
         println!(
-            "{:34} {:>12} {:>8} {:>8} {:>18} {:>18} {:>8} {:>12} {:>7}",
+            "{:34} {:>12} {:>8} {:>8} {:>18} {:>18} {:>8} {:>12} {:>9} {:>7}",
             "fault",
             "expected",
             "injected",
             "so",
-            "ms to stop (max)",
+            "ms to hold (max)",
             "arm stands (max)",
             "outside",
             "lost of held",
+            "moved mm",
             "intact"
         );
         for row in &rows {
@@ -70,7 +75,7 @@ pub fn tell(cli: &Cli, kinds: &[Kind], outcomes: &[Outcome]) -> Option<String> {
                 format!("{} of {}{}", row["lost"], row["held"], if row["takes_torque"] == true { "*" } else { "" });
             let number = |name: &str| row[name].to_string();
             println!(
-                "{:34} {:>12} {:>8} {:>8} {:>18} {:>18} {:>8} {:>12} {:>7}",
+                "{:34} {:>12} {:>8} {:>8} {:>18} {:>18} {:>8} {:>12} {:>9.1} {:>7}",
                 row["fault"].as_str().unwrap_or_default(),
                 row["expected"].as_str().unwrap_or_default(),
                 number("injected"),
@@ -79,14 +84,15 @@ pub fn tell(cli: &Cli, kinds: &[Kind], outcomes: &[Outcome]) -> Option<String> {
                 format!("{} ({})", ms("safe_ms_median"), ms("safe_ms_max")),
                 number("outside_limits"),
                 lost,
+                row["moved_mm_max"].as_f64().unwrap_or_default(),
                 number("recordings_intact"),
             );
         }
         println!("* the fault itself takes a servo's torque: what that digit held may fall, whatever the others hold");
         println!(
-            "{} faults in {} phases, {checked} goals of servos and joints held to their limits; times on the emulated clock: until nothing is commanded any more, and until the arm stands",
+            "{} faults in {} phases, {checked} goals of servos and joints held to their limits; times on the emulated clock: until the supervisor holds (or servos and arm have stopped by themselves), and until the arm stands",
             outcomes.len(),
-            PHASES.len()
+            phases
         );
         for complaint in wrong.iter().take(10) {
             eprintln!("{complaint}");
@@ -99,7 +105,7 @@ pub fn tell(cli: &Cli, kinds: &[Kind], outcomes: &[Outcome]) -> Option<String> {
 
 /// What should not have come of a fault.
 fn complaint(outcome: &Outcome) -> Option<String> {
-    let Outcome { kind, phase, state, .. } = outcome;
+    let Outcome { kind, phase, round, state, .. } = outcome;
     let what = if !outcome.as_expected {
         format!("ended in `{state}`")
     } else if outcome.outside > 0 {
@@ -111,5 +117,5 @@ fn complaint(outcome: &Outcome) -> Option<String> {
     } else {
         return None;
     };
-    Some(format!("{} in {}: {what}", kind.name(), phase.name()))
+    Some(format!("{} in {}, round {round}: {what}", kind.name(), phase.name()))
 }

@@ -1,0 +1,65 @@
+//! Every goal that reaches the emulated devices, held to its limits.
+
+use hand_model::ARM_JOINTS;
+use hand_model::robot::{Robot, ServoGoal};
+use hardware_bridge::config::LimitConfig;
+use hardware_bridge::emulator::lockstep::LockstepRobot;
+use hardware_bridge::kortex::servoing::Limits;
+use hardware_bridge::safety::limits::BEYOND;
+
+/// Holds every command that reaches the devices to the limits.
+pub struct Watch {
+    travel: [f64; 6],
+    limits: LimitConfig,
+    arm: Limits,
+    before: Option<Vec<f64>>,
+    /// Ticks since each goal last changed: a write that arrives late has had longer for its step.
+    unchanged: [u32; 6],
+    /// Goals held to their limits, and those outside them.
+    pub checked: u64,
+    pub outside: u64,
+}
+
+impl Watch {
+    pub fn new(travel: [f64; 6]) -> Self {
+        let arm = Limits::gen3(&hand_model::Arm::gen3());
+        Self { travel, limits: LimitConfig::default(), arm, before: None, unchanged: [1; 6], checked: 0, outside: 0 }
+    }
+
+    pub fn see(&mut self, robot: &mut LockstepRobot) {
+        // A goal is rounded to the servo's units.
+        let (count, milliampere) = (std::f64::consts::TAU / 4096.0, 1e-3);
+        let reach = self.limits.speed * robot.tick_length() + 2.0 * count;
+        let held = robot.devices().watchdogs_tripped() > 0;
+        let drives = robot.devices().drives();
+        let angles: Vec<f64> = drives
+            .iter()
+            .map(|drive| match drive {
+                ServoGoal::Position { angle, .. } => *angle,
+                ServoGoal::Current(_) => f64::NAN,
+            })
+            .collect();
+        for (n, drive) in drives.iter().enumerate() {
+            let (angle, current) = match *drive {
+                ServoGoal::Position { angle, current_limit } => (angle, current_limit),
+                ServoGoal::Current(current) => (0.0, current),
+            };
+            let within = (-count..=self.travel[n] + BEYOND + count).contains(&angle)
+                && (0.0..=self.limits.current + milliampere).contains(&current);
+            // A servo that was off, or that its watchdog stopped, starts from where it stands.
+            let step = self.before.as_ref().map_or(0.0, |before| (angles[n] - before[n]).abs());
+            let allowed = reach * f64::from(self.unchanged[n]);
+            self.outside += u64::from(!within || (step > allowed && !held));
+            self.unchanged[n] = if step == 0.0 { self.unchanged[n] + 1 } else { 1 };
+        }
+        self.checked += (angles.len() + ARM_JOINTS) as u64;
+        self.before = Some(angles);
+        let status = robot.arm().status();
+        let steps = status.commands.largest_step;
+        self.outside += (0..ARM_JOINTS).filter(|i| steps[*i] > self.arm.step[*i] + 1e-6).count() as u64;
+        let goal = robot.devices().arm_joints().goal();
+        self.outside += (0..ARM_JOINTS)
+            .filter(|i| !(self.arm.lower[*i] - 1e-6..=self.arm.upper[*i] + 1e-6).contains(&goal[*i]))
+            .count() as u64;
+    }
+}
