@@ -42,7 +42,7 @@ pub fn trial(cli: &Cli, args: &TrialArgs) -> Outcome {
             None => bail!("--robot hardware: found no robot"),
         };
         tell_trial(cli, &record)?;
-        return Ok((!record.success).then(|| format!("the trial failed: {:?}", record.cause)));
+        return Ok(failure(&record));
     }
     let file = args.out.clone().unwrap_or_else(|| {
         PathBuf::from(format!("recordings/combination_{}_trial_{}_{}.rrd", args.combination, args.trial, condition))
@@ -65,7 +65,13 @@ pub fn trial(cli: &Cli, args: &TrialArgs) -> Outcome {
     if !cli.json {
         println!("recorded in {0}; see it with `ftac view {0}`", file.display());
     }
-    Ok((!record.success).then(|| format!("the trial failed: {:?}", record.cause)))
+    Ok(failure(&record))
+}
+
+/// Why the trial failed, if it did.
+fn failure(record: &TrialRecord) -> Option<String> {
+    let cause = record.cause.map_or_else(|| "cause unknown".to_owned(), |cause| cause.to_string());
+    (!record.success).then(|| format!("the trial failed: {cause}"))
 }
 
 fn tell_trial(cli: &Cli, record: &TrialRecord) -> Result<()> {
