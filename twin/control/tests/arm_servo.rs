@@ -103,12 +103,7 @@ fn reaches_a_step_target_without_feedforward() {
 
 #[test]
 fn out_of_reach_is_reported_and_calm() {
-    for far in [
-        Vector3::new(2.0, 0.3, 0.2),
-        Vector3::new(0.0, 0.0, 3.0),
-        Vector3::new(0.0, 0.0, 0.3),
-        Vector3::new(0.05, 0.0, 0.05),
-    ] {
+    for far in [Vector3::new(2.0, 0.3, 0.2), Vector3::new(0.0, 0.0, 3.0), Vector3::new(0.05, 0.0, 0.05)] {
         let mut servo = servo(Arm::home());
         let goal = Isometry3::from_parts(far.into(), servo.palm_pose().rotation);
         let mut last = checked(&mut servo, &goal, &Twist::zeros(), DT);
