@@ -188,10 +188,10 @@ def compare(folder, scene, setup, rate=RATE):
     return row
 
 
-def equal_slip(folder, scene, setup):
-    """The coarsest steps with which MuJoCo lets the thing slip no more than ours does, and its speed with them."""
+def equal_slip(folder, scene, setup, known):
+    """The coarsest steps with which MuJoCo lets the thing slip no more than ours does, and its speed with them. `known` is the row at RATE."""
     for rate in RATES:
-        row = compare(folder, scene, setup, rate)
+        row = known if rate == RATE else compare(folder, scene, setup, rate)
         ours, theirs = row["ours"], row["mujoco"]
         if theirs["held"] and theirs["slip_mm"] <= max(ours["slip_mm"], NO_SLIP):
             return {"name": scene["name"], "rate": rate, "ours": ours, "mujoco": theirs}
@@ -240,7 +240,8 @@ def main():
             f"{row['name']:18} {number(angle['rest']):>5} {number(angle['rest_mean']):>5}; {number(angle['fine_rest']):>4} {number(angle['fine_mean']):>4} "
             f"{three('closing_force_n'):>21} {three('holding_force_n'):>21} {three('slip_mm', 2):>21} {pair('penetration_mm', 2):>13} {pair('step_us', 0):>13} {pair('real_time'):>15}"
         )
-    equal = [equal_slip(arguments.folder, scene, setup) for scene in setup["scenes"] if scene["prop"] and scene["let_go"]]
+    held = [(scene, row) for scene, row in zip(setup["scenes"], rows) if scene["prop"] and scene["let_go"]]
+    equal = [equal_slip(arguments.folder, scene, setup, row) for scene, row in held]
     print(f"\nMuJoCo at the lowest of {', '.join(f'{rate:.0f}' for rate in RATES)} Hz at which it slips no more than ours (below {NO_SLIP} mm: not at all)")
     print(f"{'scene':18} {'ours mm':>8} {'MuJoCo mm':>10} {'MuJoCo Hz':>10} {'ours x real':>12} {'MuJoCo x real':>14} {'ratio':>6}")
     for row in equal:
