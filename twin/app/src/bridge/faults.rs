@@ -27,7 +27,7 @@ use self::watch::Watch;
 use crate::body::emulated::{SharedPlant, settings, travel};
 use crate::builtin::make_bench;
 use crate::cli::Cli;
-use crate::rehearsal::Snapshot;
+use crate::rehearsal::{Snapshot, in_grip};
 use crate::trial::Bench;
 
 mod kind;
@@ -43,8 +43,6 @@ const AFTER: usize = 60;
 const LONGEST: usize = 180;
 /// A joint of the sprung arm that is slower than this stands, rad/s: about a degree a second, of which 2 mrad are left to go.
 pub const STANDS: f64 = 0.02;
-/// An object whose centre is nearer to the palm's than this, and touched by the hand, is held, m.
-const NEAR: f64 = 0.16;
 /// An object that moved further than this in the palm is lost, m.
 const SLIPPED: f64 = 0.02;
 /// Phases with a beginning and an end.
@@ -243,6 +241,7 @@ fn suffer(
         bail!("found the robot in state `{}` before the fault, expected running", recorder.robot().state());
     }
     let mut truth = plant.lock().truth();
+    // The hand goes down to the second object with the first in it, so that how high one is does not tell.
     let held: Vec<(usize, Isometry3<f64>)> =
         (0..2).filter(|object| in_grip(&truth, *object)).map(|object| (object, in_palm(&truth, object))).collect();
     recorder.robot().set_slack(SLACK);
@@ -330,12 +329,6 @@ fn is_stopped(kind: Kind, robot: &mut LockstepRobot) -> bool {
 /// Where object `index` is in the palm.
 fn in_palm(truth: &Truth, index: usize) -> Isometry3<f64> {
     truth.palm.inverse() * truth.objects[index]
-}
-
-/// Whether object `index` hangs in the hand, however low: the hand goes down to the second object with the first in it.
-fn in_grip(truth: &Truth, index: usize) -> bool {
-    let near = in_palm(truth, index).translation.vector.norm() < NEAR;
-    truth.touched_by[index] != 0 && !truth.on_table[index] && near
 }
 
 /// Speed of the arm's fastest joint, rad/s.
