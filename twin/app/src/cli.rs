@@ -1,36 +1,28 @@
 //! The command line.
 
-mod body;
-mod grasps;
-mod trials;
-
 use std::path::PathBuf;
 
 use clap::{Parser, Subcommand};
 
-pub use self::body::{ArmCommand, CheckArgs, CloseArgs, HandCommand};
-pub use self::grasps::{GenerateArgs, GraspsCommand, RepertoireArgs, RoleArg, ShowArgs, SynthesisArgs};
-pub use self::trials::{BenchArgs, Body, TrialArgs};
-use crate::bridge::BridgeCommand;
-use crate::transport::TransportArgs;
-use crate::{optics_commands, touch_commands};
+use crate::commands::arm::ArmCommand;
+use crate::commands::bench::BenchArgs;
+use crate::commands::bridge::BridgeCommand;
+use crate::commands::grasps::GraspsCommand;
+use crate::commands::hand::HandCommand;
+use crate::commands::optics::OpticsCommand;
+use crate::commands::touch::TouchCommand;
+use crate::commands::transport::TransportArgs;
+use crate::commands::trial::TrialArgs;
+use crate::commands::{arm, bench, bridge, grasps, hand, optics, replay, study, touch, transport, trial, view};
+use crate::terminal::{Outcome, Terminal};
 
 /// Digital twin of the F-TAC Hand on a Kinova Gen3 arm.
 #[derive(Debug, Parser)]
 #[command(name = "ftac", version, about, long_about = None)]
 pub struct Cli {
-    /// Print one JSON object on stdout; everything else goes to stderr.
-    #[arg(long, global = true)]
-    pub json: bool,
-    /// Seed of everything random.
-    #[arg(long, global = true, default_value_t = 1)]
-    pub seed: u64,
-    /// Say more.
-    #[arg(short, long, global = true)]
-    pub verbose: bool,
-    /// Say nothing but results; no progress bars.
-    #[arg(short, long, global = true)]
-    pub quiet: bool,
+    /// Options of every command.
+    #[command(flatten)]
+    pub terminal: Terminal,
     /// What to do.
     #[command(subcommand)]
     pub command: Command,
@@ -91,35 +83,23 @@ pub enum Command {
     Bridge(BridgeCommand),
 }
 
-/// `touch` commands.
-#[derive(Debug, Subcommand)]
-pub enum TouchCommand {
-    /// Fit photometric stereo to presses of balls on a simulated calibration unit; evaluate on another unit.
-    Train {
-        /// Presses of each camera.
-        #[arg(long, default_value_t = 24)]
-        presses: usize,
-        /// The calibration file to write.
-        #[arg(long)]
-        out: PathBuf,
-    },
-    /// Train the network of photometric stereo on rendered presses of known shapes.
-    TrainNetwork(touch_commands::TrainNetworkArgs),
-    /// Measure touch on simulated grasps and presses.
-    Eval(touch_commands::EvalArgs),
-}
-
-/// `optics` commands.
-#[derive(Debug, Subcommand)]
-pub enum OpticsCommand {
-    /// Fit a real sensor's image-formation model to presses of a ball, and render presses held out.
-    Calibrate(optics_commands::CalibrateArgs),
-    /// Evaluate a calibration, the gel's pressure law, or the fit itself.
-    Eval(optics_commands::EvalArgs),
-    /// Render what a pad sees when a mesh is pressed into it along its normal.
-    Render(optics_commands::RenderArgs),
-    /// Render twenty known shapes onto a contact sheet.
-    Shapes(optics_commands::ShapesArgs),
-    /// Write the calibration files of the hand's 17 pads.
-    Pads(optics_commands::PadsArgs),
+/// Runs what the command line asks for.
+pub fn run(cli: &Cli) -> Outcome {
+    let terminal = &cli.terminal;
+    match &cli.command {
+        Command::Bench(args) => bench::benchmark(terminal, args),
+        Command::Trial(args) => trial::trial(terminal, args),
+        Command::Replay { recording, against: None } => replay::command(terminal, recording),
+        Command::Replay { recording, against: Some(other) } => replay::against(terminal, recording, other),
+        Command::Transport(args) => transport::run(terminal, args),
+        Command::View { path } => view::run(path),
+        Command::Report { folders, study: true, .. } => study::report::of_folders(terminal, folders),
+        Command::Report { folders, out, .. } => bench::report(terminal, folders, out.as_deref()),
+        Command::Hand(command) => hand::run(terminal, command),
+        Command::Arm(command) => arm::run(terminal, command),
+        Command::Grasps(command) => grasps::run(terminal, command),
+        Command::Touch(command) => touch::run(terminal, command),
+        Command::Optics(command) => optics::run(terminal, command),
+        Command::Bridge(command) => bridge::run(terminal, command),
+    }
 }

@@ -1,0 +1,292 @@
+//! `ftac bench` and `ftac report`.
+
+use std::collections::BTreeSet;
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, Result, bail};
+use scenarios::Sensing;
+use scenarios::statistics::Summary;
+
+use super::body::{Body, check_body, venue};
+use super::tactile_backend::TactileBackend;
+use crate::terminal::{Outcome, Terminal};
+use bench::builtin::{make_bench, read_scenario};
+use bench::journal::{Journal, RunRequest};
+use bench::run::{self, Options, Record as Recorded};
+use clap::{Args, ValueEnum};
+
+/// Arguments of `bench`.
+#[derive(Debug, Args)]
+pub struct BenchArgs {
+    /// Object combinations.
+    #[arg(long, default_value_t = 60)]
+    pub combos: usize,
+    /// Trials of each combination.
+    #[arg(long, default_value_t = 10)]
+    pub trials: usize,
+    /// Body.
+    #[arg(long, value_enum, default_value_t = Body::Sim)]
+    pub robot: Body,
+    /// Configuration of the hardware bridge, for --robot hardware.
+    #[arg(long)]
+    pub config: Option<PathBuf>,
+    /// Scenario file; default: the built-in benchmark.
+    #[arg(long)]
+    pub scenario: Option<PathBuf>,
+    /// Threads; default: all cores.
+    #[arg(long)]
+    pub jobs: Option<usize>,
+    /// Run only shard i of n, as `i/n`.
+    #[arg(long, default_value = "1/1")]
+    pub shard: String,
+    /// Result folder; default: the next free recordings/bench-N.
+    #[arg(long)]
+    pub out: Option<PathBuf>,
+    /// Which trials are recorded.
+    #[arg(long, value_enum, default_value_t = Record::Sample)]
+    pub record: Record,
+    /// Factor of all of the scenario's noise, for a curve of rates over noise.
+    #[arg(long, default_value_t = 1.0)]
+    pub noise_scale: f64,
+    /// Also run touch with less of the senses, all kinds or those named: servos_only, palm_only, fingertips, quarter_of_pads,
+    /// coarse_images, points_only, true_pose.
+    #[arg(long, num_args = 0.., value_delimiter = ',', value_name = "NAMES")]
+    pub ablations: Option<Vec<String>>,
+    /// Stream every trial to a Rerun viewer as well (one thread).
+    #[arg(long)]
+    pub live: bool,
+    /// Where tactile images are rendered.
+    #[arg(long, value_enum, default_value_t = TactileBackend::Cpu)]
+    pub tactile: TactileBackend,
+    /// Go on with the interrupted run in this folder.
+    #[arg(long, conflicts_with_all = ["out", "shard", "scenario"])]
+    pub resume: Option<PathBuf>,
+}
+
+/// Which trials are recorded.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum Record {
+    /// None.
+    None,
+    /// The first trial of every tenth combination.
+    Sample,
+    /// Of each condition the first trial for each cause of failure, played again after the run.
+    Causes,
+    /// Every trial.
+    All,
+}
+
+impl From<Record> for Recorded {
+    fn from(record: Record) -> Self {
+        match record {
+            Record::None => Self::None,
+            Record::Sample => Self::Sample,
+            Record::Causes => Self::Causes,
+            Record::All => Self::All,
+        }
+    }
+}
+
+/// `ftac bench`: everything that can be wrong with the input is found before anything is written.
+pub fn benchmark(terminal: &Terminal, args: &BenchArgs) -> Outcome {
+    if args.combos == 0 || args.trials == 0 {
+        bail!("--combos and --trials: found {} and {}, expected at least 1 each", args.combos, args.trials);
+    }
+    if !(0.0..=10.0).contains(&args.noise_scale) {
+        bail!("--noise-scale: found {}, expected 0 to 10", args.noise_scale);
+    }
+    if args.noise_scale != 1.0 && args.robot != Body::Sim {
+        bail!(
+            "--noise-scale: found {} with --robot {}, expected it with the simulated robot",
+            args.noise_scale,
+            args.robot.name()
+        );
+    }
+    let (request, folder) = match &args.resume {
+        Some(folder) => (Journal::read(folder).context("--resume")?.1, folder.clone()),
+        None => {
+            let path = args.scenario.clone().unwrap_or_else(|| PathBuf::from("benchmark.toml"));
+            let text = match &args.scenario {
+                Some(path) => {
+                    std::fs::read_to_string(path).with_context(|| format!("--scenario {}", path.display()))?
+                }
+                None => scenarios::combination::BENCHMARK.to_owned(),
+            };
+            let scenario = read_scenario(&text, &path)?;
+            if args.combos > scenario.combinations() {
+                bail!(
+                    "--combos: found {}, expected at most the scenario's {} pairs",
+                    args.combos,
+                    scenario.combinations()
+                );
+            }
+            let shard = parse_shard(&args.shard)?;
+            let request = RunRequest {
+                combos: args.combos,
+                trials: args.trials,
+                seed: terminal.seed,
+                robot: args.robot.name().into(),
+                shard,
+                ablations: ablations(args)?,
+                noise_scale: args.noise_scale,
+                scenario: text,
+            };
+            (request, args.out.clone().unwrap_or_else(next_free_folder))
+        }
+    };
+    let robot = <Body as clap::ValueEnum>::from_str(&request.robot, false)
+        .map_err(|_| anyhow::anyhow!("{}: robot: found {}, expected a known body", folder.display(), request.robot))?;
+    check_body(robot, args.config.as_deref())?;
+    let mut scenario = read_scenario(&request.scenario, &folder.join("run.json"))?;
+    scenario.noise = scenario.noise.scaled(request.noise_scale);
+    if robot != Body::Sim && !scenario.disturbance.is_none() {
+        bail!(
+            "--robot {}: the scenario has a [disturbance], which can be done to the simulated robot (sim) only",
+            robot.name()
+        );
+    }
+    if !request.ablations.is_empty() && !scenario.disturbance.disabled().is_empty() {
+        bail!("--ablations: the scenario has disabled_digits, found both, expected one of them");
+    }
+    let quiet = terminal.quiet || terminal.json;
+    let jobs = if args.live || robot == Body::Hardware {
+        1
+    } else {
+        args.jobs.unwrap_or_else(|| std::thread::available_parallelism().map_or(1, |n| n.get()))
+    };
+    // Everything that can be wrong with the input has been found before anything is written.
+    let mut bench = make_bench(scenario, request.combos, request.seed, quiet)?;
+    bench.board = args.tactile.board(bench.board);
+    let sessions = |record: bool| (record || robot == Body::Hardware).then(|| folder.join("sessions"));
+    let place =
+        |record: bool| venue(&bench.world, robot, args.config.as_deref(), sessions(record && robot != Body::Sim));
+    // A configuration that is wrong is found before anything is written.
+    drop(place(false)?);
+    let journal = match &args.resume {
+        Some(folder) => Journal::resume(folder)?.0,
+        None => Journal::create(&folder, &request)?,
+    };
+    let options = Options { jobs, record: args.record.into(), quiet, live: args.live, place: &place };
+    let summary = run::run(&bench, &request, journal, &folder, &options)?;
+    tell(terminal, &summary, &folder)?;
+    Ok(shortfall(&summary))
+}
+
+/// What `--ablations` asks for: without names all of them.
+fn ablations(args: &BenchArgs) -> Result<Vec<Sensing>> {
+    let Some(names) = &args.ablations else { return Ok(Vec::new()) };
+    if args.robot != Body::Sim {
+        bail!("--ablations: found --robot {}, expected the simulated robot, which can go back", args.robot.name());
+    }
+    if names.is_empty() {
+        return Ok(Sensing::ABLATIONS.to_vec());
+    }
+    let wanted: BTreeSet<Sensing> = names.iter().map(|name| name.parse()).collect::<Result<_, _>>()?;
+    Ok(wanted.into_iter().collect())
+}
+
+fn next_free_folder() -> PathBuf {
+    (1..).map(|n| PathBuf::from(format!("recordings/bench-{n}"))).find(|folder| !folder.exists()).unwrap_or_default()
+}
+
+fn parse_shard(text: &str) -> Result<(usize, usize)> {
+    let parts = text.split_once('/').and_then(|(i, n)| Some((i.parse().ok()?, n.parse().ok()?)));
+    match parts {
+        Some((i, n)) if (1..=n).contains(&i) => Ok((i, n)),
+        _ => bail!("--shard: found `{text}`, expected i/n with 1 <= i <= n, such as 1/2"),
+    }
+}
+
+fn shortfall(summary: &Summary) -> Option<String> {
+    let ideal = summary.conditions.ideal.collision_rate.mean.unwrap_or(0.0);
+    let (blind, touch) = (summary.conditions.blind.success_rate.mean, summary.conditions.touch.success_rate.mean);
+    if ideal > 0.0 {
+        return Some(format!("{:.1} % of the ideal runs collided, expected none", 100.0 * ideal));
+    }
+    match (blind, touch) {
+        (Some(blind), Some(touch)) if touch < blind => {
+            Some(format!("touch succeeded less often ({touch:.3}) than blind ({blind:.3})"))
+        }
+        _ => None,
+    }
+}
+
+/// `ftac report`: a run once more, or the shards of one put together.
+pub fn report(terminal: &Terminal, folders: &[PathBuf], out: Option<&Path>) -> Outcome {
+    let (mut journal, mut request) = Journal::read(&folders[0])?;
+    for folder in &folders[1..] {
+        let (other, its) = Journal::read(folder)?;
+        if (its.combos, its.trials, its.seed, &its.scenario)
+            != (request.combos, request.trials, request.seed, &request.scenario)
+        {
+            bail!(
+                "{}: its combos, trials, seed or scenario differ from those of {}; only shards of one run can be merged",
+                folder.display(),
+                folders[0].display()
+            );
+        }
+        journal.extend(other);
+    }
+    request.shard = (1, 1);
+    let target = match (out, folders) {
+        (Some(out), _) => out,
+        (None, [only]) => only,
+        _ => bail!("--out: several folders need a folder for the merged result"),
+    };
+    std::fs::create_dir_all(target).with_context(|| target.display().to_string())?;
+    let wall: f64 = journal.values().map(|entry| entry.wall_s).sum();
+    let summary = run::finish(&journal, &request, target, wall, None)?;
+    tell(terminal, &summary, target)?;
+    Ok(None)
+}
+
+fn tell(terminal: &Terminal, summary: &Summary, folder: &Path) -> Result<()> {
+    if terminal.json {
+        println!("{}", serde_json::to_string(summary)?);
+        return Ok(());
+    }
+    let number = |value: Option<f64>, digits: usize| value.map_or("-".to_owned(), |value| format!("{value:.digits$}"));
+    println!("{:8} {:>7} {:>20} {:>20}", "", "trials", "collision M (SD)", "success M (SD)");
+    for (name, c) in [
+        ("ideal", &summary.conditions.ideal),
+        ("blind", &summary.conditions.blind),
+        ("touch", &summary.conditions.touch),
+    ] {
+        let pair = |m: &scenarios::statistics::MeanSd| format!("{} ({})", number(m.mean, 3), number(m.sd, 3));
+        println!("{name:8} {:>7} {:>20} {:>20}", c.trials, pair(&c.collision_rate), pair(&c.success_rate));
+    }
+    for (name, t) in [
+        ("collision: blind over ideal", &summary.t_test.collision),
+        ("success: touch over blind", &summary.t_test.success),
+    ] {
+        println!("{name:28} t({}) = {}, p = {}", t.df, number(t.t, 2), t.p.map_or("-".into(), |p| format!("{p:.2e}")));
+    }
+    for ablation in &summary.ablations {
+        println!(
+            "{:34} success {} [{}, {}], {:+.3} against the whole hand",
+            ablation.sensing.label(),
+            number(ablation.success.value, 3),
+            number(ablation.success.low, 3),
+            number(ablation.success.high, 3),
+            ablation.against_full.value.unwrap_or(f64::NAN)
+        );
+    }
+    println!("decision {} ms p50, {} ms p99", number(summary.decision_ms.p50, 1), number(summary.decision_ms.p99, 1));
+    println!(
+        "pose error {} mm median, {} mm p95; {} deg median, {} deg p95",
+        number(summary.pose_error.mm.median, 2),
+        number(summary.pose_error.mm.p95, 2),
+        number(summary.pose_error.deg.median, 1),
+        number(summary.pose_error.deg.p95, 1)
+    );
+    println!(
+        "wall time {:.0} s, real-time factor {}",
+        summary.wall_s,
+        number(Some(summary.real_time_factor.unwrap_or(f64::NAN)), 1)
+    );
+    println!(
+        "results in {0}: report.html, summary.json, trials.csv; see a trial with `ftac view {0}`",
+        folder.display()
+    );
+    Ok(())
+}

@@ -1,0 +1,74 @@
+//! Which body the command line asks for.
+
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context as _, Result, bail};
+
+use bench::body::Venue;
+use bench::body::emulated::{EmulatedVenue, SimulatedVenue};
+use bench::body::hardware::HardwareVenue;
+use bench::body::rounded::RoundedVenue;
+use clap::ValueEnum;
+use proving::world::World;
+
+/// Which body runs the trials.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum Body {
+    /// The simulated robot.
+    Sim,
+    /// The real robot, under --config; the operator is asked for the verdict.
+    Hardware,
+    /// The hardware bridge on emulated devices whose plant is the simulated robot, in lock-step.
+    Emulated,
+    /// The simulated robot behind all that `emulated` does to commands, measurements and images, but without wires: to tell what is the devices' doing.
+    Rounded,
+}
+
+impl Body {
+    /// As results and recordings write it.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Sim => "sim",
+            Self::Hardware => "hardware",
+            Self::Emulated => "emulated",
+            Self::Rounded => "rounded",
+        }
+    }
+}
+
+/// Whether body and configuration go together.
+pub fn check_body(robot: Body, config: Option<&Path>) -> Result<()> {
+    match (robot, config) {
+        (Body::Hardware, None) => bail!("--robot hardware: found no --config, expected the bridge's configuration"),
+        (Body::Sim | Body::Emulated | Body::Rounded, Some(config)) => bail!(
+            "--config {}: only the real robot has a configuration, and --robot is {}",
+            config.display(),
+            robot.name()
+        ),
+        _ => Ok(()),
+    }
+}
+
+/// Where bodies for trials come from; `None` for simulated ones without a recorded session.
+pub fn venue(
+    world: &World,
+    robot: Body,
+    config: Option<&Path>,
+    sessions: Option<PathBuf>,
+) -> Result<Option<Box<dyn Venue>>> {
+    Ok(match (robot, sessions) {
+        (Body::Sim, None) => None,
+        (Body::Sim, Some(sessions)) => Some(Box::new(SimulatedVenue { sessions })),
+        (Body::Emulated, sessions) => {
+            Some(Box::new(EmulatedVenue::new(world.hand.clone(), world.arm.clone(), sessions)))
+        }
+        (Body::Rounded, sessions) => {
+            Some(Box::new(RoundedVenue { hand: world.hand.clone(), arm: world.arm.clone(), sessions }))
+        }
+        (Body::Hardware, sessions) => {
+            let config = config.context("--config")?;
+            let sessions = sessions.unwrap_or_else(|| PathBuf::from("recordings/sessions"));
+            Some(Box::new(HardwareVenue::new(config, world.arm.clone(), world.ready, sessions)?))
+        }
+    })
+}

@@ -1,0 +1,80 @@
+//! `ftac bridge`: everything about the real robot, and its emulator.
+
+mod calibrate;
+mod doctor;
+mod emulate;
+mod exercise;
+mod faults;
+mod provision;
+mod scan;
+mod shared;
+mod stop;
+
+use std::path::PathBuf;
+
+use clap::Subcommand;
+
+use self::shared::ConfigArg;
+use crate::terminal::{Outcome, Terminal};
+
+/// `bridge` commands.
+#[derive(Debug, Subcommand)]
+pub enum BridgeCommand {
+    /// Look for servos on a port, at every rate.
+    Scan {
+        /// The port; default: the configuration's.
+        #[arg(long)]
+        port: Option<PathBuf>,
+        #[command(flatten)]
+        config: ConfigArg,
+    },
+    /// Compare every device with what it should be. Moves nothing.
+    Doctor(ConfigArg),
+    /// Give the one servo on the bus its id and its settings.
+    Provision {
+        /// Which actuator it will be: thumb, index, middle, ring, little or opposition.
+        #[arg(long)]
+        actuator: String,
+        #[command(flatten)]
+        config: ConfigArg,
+    },
+    /// Find every servo's open mark and travel by feeling. Moves the fingers, one after the other.
+    Calibrate {
+        #[command(flatten)]
+        config: ConfigArg,
+        /// Do not ask before moving.
+        #[arg(long)]
+        yes: bool,
+    },
+    /// Emulate servos and camera board on pseudo-terminals until interrupted.
+    Emulate(emulate::EmulateArgs),
+    /// Inject every fault into every phase of a trial on the emulated robot, and say what came of it.
+    Faults(faults::FaultArgs),
+    /// Close and open the hand gently: the first motion of a new hand.
+    Exercise(exercise::ExerciseArgs),
+    /// Stop the robot that runs in another terminal: it holds what it holds.
+    Stop {
+        #[command(flatten)]
+        config: ConfigArg,
+        /// Let go instead: the springs open the hand.
+        #[arg(long)]
+        release: bool,
+    },
+    /// Let a robot that was stopped go on.
+    Resume(ConfigArg),
+}
+
+/// Runs a command.
+pub fn run(terminal: &Terminal, command: &BridgeCommand) -> Outcome {
+    match command {
+        BridgeCommand::Scan { port, config } => scan::run(terminal, port.as_deref(), config),
+        BridgeCommand::Doctor(config) => doctor::run(terminal, &config.read()?),
+        BridgeCommand::Provision { actuator, config } => provision::run(terminal, actuator, &config.read()?),
+        BridgeCommand::Calibrate { config, yes } => calibrate::run(terminal, &config.read()?, *yes),
+        BridgeCommand::Emulate(args) => emulate::run(terminal, args),
+        BridgeCommand::Faults(args) => faults::run(terminal, args),
+        BridgeCommand::Exercise(args) => exercise::run(terminal, args),
+        BridgeCommand::Stop { config, release } => stop::stop(terminal, &config.read()?, *release),
+        BridgeCommand::Resume(config) => stop::resume(terminal, &config.read()?),
+    }
+}

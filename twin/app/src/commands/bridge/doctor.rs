@@ -1,0 +1,138 @@
+//! `ftac bridge doctor`: is everything as it should be?
+
+use std::path::Path;
+use std::time::{Duration, Instant};
+
+use anyhow::Result;
+use hand_model::{Arm, CAMERAS};
+use hardware_bridge::calibration::Calibration;
+use hardware_bridge::cameras::Cameras;
+use hardware_bridge::clock::Clock;
+use hardware_bridge::config::BridgeConfig;
+use hardware_bridge::hand_bus::HandBus;
+use hardware_bridge::servo_bus::latency_timer::{self, LatencyTimer};
+use hardware_bridge::servo_bus::{BusError, ServoBus};
+use hardware_bridge::setup::{self, Finding};
+
+use super::shared::{actuator_names, tell};
+use crate::terminal::Terminal;
+use bench::body::arm_link::arm_link;
+
+/// Cycles measured.
+const CYCLES: u32 = 200;
+/// Waited for one image of every camera.
+const PATIENCE: Duration = Duration::from_secs(3);
+
+pub fn run(terminal: &Terminal, config: &BridgeConfig) -> Result<Option<String>> {
+    let mut findings = Vec::new();
+    match servos(config, &mut findings) {
+        Ok(()) => {}
+        Err(error) => findings.push(Finding::new("servo bus", error, "an open port", false)),
+    }
+    cameras(config, &mut findings);
+    match arm_link(config, Arm::home()).and_then(|mut arm| Ok(arm.read(0.0)?)) {
+        Ok(reading) => {
+            let found = if reading.fault { "a fault" } else { "an answer" };
+            findings.push(Finding::new("arm", found, "no fault", !reading.fault));
+        }
+        Err(error) => findings.push(Finding::new("arm", error, "an answer", false)),
+    }
+    Ok(tell(terminal, &findings))
+}
+
+fn servos(config: &BridgeConfig, findings: &mut Vec<Finding>) -> Result<(), BusError> {
+    findings.push(match latency_timer::read(&config.servos.port, Path::new(latency_timer::SYSTEM)) {
+        Ok(LatencyTimer::Milliseconds(ms)) => Finding::new("USB latency timer, ms", ms, "1", ms == 1),
+        Ok(LatencyTimer::Absent) => Finding::new("USB latency timer", "none (no FTDI adapter)", "1 ms or none", true),
+        Err(error) => Finding::new("USB latency timer", error, "1 ms", false),
+    });
+    let mut bus = ServoBus::open(&config.servos.port, config.bus())?;
+    let mut all_there = true;
+    for (id, name) in config.servos.ids.iter().zip(actuator_names()) {
+        match setup::check(&mut bus, config, *id, &name) {
+            Ok(found) => findings.extend(found),
+            Err(error) => {
+                all_there = false;
+                findings.push(Finding::new(format!("{name} ({id})"), error, "an answer", false));
+            }
+        }
+    }
+    if !all_there {
+        return Ok(());
+    }
+    let mut hand = HandBus::new(bus, config.servos.ids, config.servos.fast_sync_read);
+    calibration(config, &mut hand, findings)?;
+    let started = Instant::now();
+    let mut whole = 0;
+    for _ in 0..CYCLES {
+        whole += u32::from(hand.read(0.0)?.iter().all(Option::is_some));
+    }
+    let rate = f64::from(CYCLES) / started.elapsed().as_secs_f64();
+    let books = hand.bus.statistics();
+    let ms = |share| books.round_trip(share).map_or("none".into(), |seconds| format!("{:.2}", 1e3 * seconds));
+    let wanted = config.servos.rate;
+    findings.push(Finding::new("reads of all servos a second", format!("{rate:.0}"), wanted, rate >= wanted));
+    let complete = format!("{whole} of {CYCLES}");
+    findings.push(Finding::new("complete reads", complete, "99 % or more", whole * 100 >= CYCLES * 99));
+    let period = format!("p99 below {:.1}", 1e3 / wanted);
+    let in_time = books.round_trip(0.99).is_some_and(|seconds| seconds * wanted < 1.0);
+    findings.push(Finding::new("round trip p50 / p99, ms", format!("{} / {}", ms(0.5), ms(0.99)), period, in_time));
+    Ok(())
+}
+
+fn calibration(config: &BridgeConfig, hand: &mut HandBus, findings: &mut Vec<Finding>) -> Result<(), BusError> {
+    let what = "calibration";
+    let calibration = match Calibration::read(&config.calibration) {
+        Ok(calibration) => calibration,
+        Err(error) => {
+            findings.push(Finding::new(what, error, "a file from `ftac bridge calibrate`", false));
+            return Ok(());
+        }
+    };
+    findings.push(match hand.compare(&calibration)? {
+        None => Finding::new(what, calibration.hash(), "of these servos", true),
+        Some((n, found, expected)) => {
+            Finding::new(format!("{what}: homing offset of actuator {n}"), found, expected, false)
+        }
+    });
+    Ok(())
+}
+
+fn cameras(config: &BridgeConfig, findings: &mut Vec<Finding>) {
+    let link = match Cameras::open(config, &Clock::wall()) {
+        Ok(Some(link)) => link,
+        Ok(None) => {
+            findings.push(Finding::new("cameras", "not configured", "anything", true));
+            return;
+        }
+        Err(error) => {
+            findings.push(Finding::new("cameras", error, "an answer", false));
+            return;
+        }
+    };
+    findings.push(match link.board() {
+        Some(board) => {
+            Finding::new("camera board", format!("serial number {}", board.board().serial), "an answer", true)
+        }
+        None => Finding::new("UVC devices", config.uvc.len(), "any number", true),
+    });
+    if let Err(error) = link.request_capture() {
+        findings.push(Finding::new("images", error, "one of every camera", false));
+        return;
+    }
+    let started = Instant::now();
+    let good = || link.cameras().iter().filter(|camera| camera.good > 0).count();
+    while good() < CAMERAS && started.elapsed() < PATIENCE {
+        std::thread::sleep(Duration::from_millis(5));
+    }
+    let took = format!("{} in {:.0} ms", good(), 1e3 * started.elapsed().as_secs_f64());
+    findings.push(Finding::new("cameras with an image", took, CAMERAS, good() == CAMERAS));
+    if let Some(error) = link.lost() {
+        findings.push(Finding::new("cameras, after that", error, "still there", false));
+    }
+    let Some(board) = link.board() else { return };
+    let uncertainty = board.clock_uncertainty();
+    let ms = uncertainty.map_or("unknown".into(), |seconds| format!("{:.2}", 1e3 * seconds));
+    let good = uncertainty.is_some_and(|seconds| seconds < 5e-3);
+    findings.push(Finding::new("board clock known to, ms", ms, "below 5", good));
+}

@@ -1,0 +1,246 @@
+//! `ftac bridge emulate`: the devices without the hardware, in real time, moved by the simulated robot.
+
+use std::path::PathBuf;
+use std::str::FromStr;
+use std::time::{Duration, Instant};
+
+use anyhow::{Context, Result, bail};
+use clap::Args;
+use hand_model::ACTUATORS;
+use hand_model::robot::Robot;
+use hardware_bridge::calibration::{Calibration, ServoCalibration};
+use hardware_bridge::config::{ArmConfig, BridgeConfig, CameraConfig, LimitConfig, ServoConfig};
+use hardware_bridge::emulator::faults::Faults;
+use hardware_bridge::emulator::servo::EmulatedServo;
+use hardware_bridge::emulator::spring_hand::SpringHand;
+use hardware_bridge::emulator::{EmulatedHand, EmulatorSettings, Plug};
+use hardware_bridge::kortex::emulator::{Emulator, Happening, Injection, Pace, Settings, Status};
+use hardware_bridge::kortex::safety_bank::FOLLOWING_ERROR;
+use hardware_bridge::xc330;
+
+use super::shared::shown;
+use crate::terminal::Terminal;
+use bench::body::emulated::{SharedPlant, settings};
+use bench::builtin::trial_scene;
+use bench::faults::STANDS;
+
+/// Travel of the shafts of [`SpringHand`], rad.
+const TRAVEL: f64 = 4.0;
+/// Between two looks at what is due.
+const LOOK: Duration = Duration::from_millis(20);
+
+/// Arguments of `bridge emulate`.
+#[derive(Debug, Args)]
+pub struct EmulateArgs {
+    /// Folder for bridge.toml and for the links `servos` and `cameras` to the pseudo-terminals.
+    #[arg(long, default_value = "recordings/emulated")]
+    dir: PathBuf,
+    /// Combination whose objects stand on the table of the simulated robot.
+    #[arg(long, default_value_t = 0)]
+    combo: usize,
+    /// Six springs instead of the simulated robot, and no arm.
+    #[arg(long, conflicts_with = "combo")]
+    springs: bool,
+    /// Write the calibration too, as if it had been done.
+    #[arg(long)]
+    calibrated: bool,
+    /// What goes wrong: CHANCE or WHAT@SECONDS, such as noise=0.1, drop=0.02, overload=3@5, voltage=5.2@3, freeze=7@2, usb=servos@4,
+    /// usb=cameras@4, arm=stop@6 (emergency stop), arm=fault@6, arm=deaf@6, arm=lossy@6.
+    #[arg(long = "fault")]
+    faults: Vec<String>,
+    /// One servo as it leaves the factory instead of six provisioned ones, for `bridge provision`.
+    #[arg(long)]
+    factory: bool,
+    /// End after so many seconds; default: when interrupted.
+    #[arg(long)]
+    seconds: Option<f64>,
+}
+
+/// What goes wrong outside the servos and the camera board.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Mishap {
+    Unplugged(Plug),
+    Arm(Injection),
+}
+
+pub fn run(terminal: &Terminal, args: &EmulateArgs) -> Result<Option<String>> {
+    let (mut mishaps, texts) = mishaps(&args.faults)?;
+    let faults = Faults::parse(texts)?;
+    let (plant, travel, usual): (Box<dyn Robot + Send>, _, _) = if args.springs {
+        (Box::new(SpringHand::new([TRAVEL; ACTUATORS])), [TRAVEL; ACTUATORS], EmulatorSettings::default())
+    } else {
+        let (hand, robot) = trial_scene(args.combo, terminal.seed, terminal.quiet || terminal.json)?;
+        let usual = settings(&hand, terminal.seed);
+        (Box::new(SharedPlant::new(robot)), usual.travel, usual.devices)
+    };
+    let mut settings = EmulatorSettings { faults, seed: terminal.seed, ..usual };
+    if args.factory {
+        settings.servos = vec![EmulatedServo::factory(2000)];
+    }
+    let zeros: Vec<i64> = settings.servos.iter().map(EmulatedServo::zero).collect();
+    std::fs::create_dir_all(&args.dir).with_context(|| shown(&args.dir))?;
+    let mut hand = EmulatedHand::start(plant, settings)?;
+    let arm = match args.springs {
+        true => None,
+        false => {
+            let settings = Settings { seed: terminal.seed, standstill: STANDS, ..Settings::default() };
+            Some(Emulator::start(settings, Box::new(hand.arm_joints()), Pace::RealTime).context("the emulated arm")?)
+        }
+    };
+    let config = write_config(args, &hand, arm.as_ref())?;
+    if args.calibrated && !args.factory {
+        let calibration = calibration(&zeros, &travel);
+        hand.home(&calibration);
+        calibration.write(&args.dir.join("calibration.json"))?;
+    }
+    let address = arm.as_ref().map(|arm| arm.address().tcp.to_string());
+    if terminal.json {
+        println!(
+            "{}",
+            serde_json::json!({"config": shown(&config), "servos": shown(hand.servo_port()), "cameras": shown(hand.camera_port()), "arm": address})
+        );
+    } else {
+        println!("servos on {}, cameras on {}", shown(hand.servo_port()), shown(hand.camera_port()));
+        println!("arm on {}", address.as_deref().unwrap_or("none"));
+        println!("try: ftac bridge scan --config {}", shown(&config));
+    }
+    let started = Instant::now();
+    while args.seconds.is_none_or(|seconds| started.elapsed().as_secs_f64() < seconds) {
+        std::thread::sleep(LOOK);
+        let now = started.elapsed().as_secs_f64();
+        for (_, mishap) in mishaps.extract_if(.., |(at, _)| *at <= now) {
+            match mishap {
+                Mishap::Unplugged(plug) => hand.unplug(plug),
+                Mishap::Arm(injection) => {
+                    if let Some(arm) = &arm {
+                        arm.inject(injection);
+                    }
+                }
+            }
+        }
+    }
+    tell(terminal, &hand, arm.as_ref().map(Emulator::status).as_ref());
+    Ok(None)
+}
+
+/// How the devices were stopped by their own watchdogs, if they were.
+fn tell(terminal: &Terminal, hand: &EmulatedHand, arm: Option<&Status>) {
+    let (ticks, late) = hand.ticks();
+    let trips = hand.watchdog_trips();
+    let stopped = arm.and_then(|arm| {
+        let time = |what| arm.events.iter().rev().find(|event| event.what == what).map(|event| event.time);
+        let watchdog = time(Happening::Watchdog)?;
+        // Joints that stood already need not come to a standstill.
+        let still = time(Happening::StandsStill).filter(|still| *still >= watchdog).unwrap_or(watchdog);
+        Some((watchdog.saturating_sub(arm.commands.last), still.saturating_sub(arm.commands.last)))
+    });
+    if terminal.json {
+        let servos: Vec<_> =
+            trips.iter().map(|(id, _, after)| serde_json::json!({"id": id, "after_ms": 1e3 * after})).collect();
+        let arm = stopped
+            .map(|(watchdog, still)| serde_json::json!({"watchdog_after_ms": watchdog, "stands_after_ms": still}));
+        println!(
+            "{}",
+            serde_json::json!({"ticks": ticks, "late_ticks": late, "servos_stopped": servos, "arm_stopped": arm})
+        );
+        return;
+    }
+    eprintln!("{ticks} plant ticks, {late} late");
+    for (id, at, after) in trips {
+        eprintln!("servo {id}: stopped by its bus watchdog at {at:.2} s, {:.0} ms after the last packet", 1e3 * after);
+    }
+    if let Some((watchdog, still)) = stopped {
+        eprintln!("arm: watchdog {watchdog} ms after the last command, standing after {still} ms");
+    }
+}
+
+/// A fault's text that belongs to servos or cameras.
+type Texts<'a> = Vec<&'a str>;
+
+/// Takes out what is not the servos' or the cameras'.
+fn mishaps(texts: &[String]) -> Result<(Vec<(f64, Mishap)>, Texts<'_>)> {
+    let (mut mishaps, mut rest) = (Vec::new(), Vec::new());
+    for text in texts {
+        let Some((name @ ("usb" | "arm"), value)) = text.split_once('=') else {
+            rest.push(text.as_str());
+            continue;
+        };
+        let parsed = value.split_once('@').and_then(|(what, at)| {
+            let at = f64::from_str(at).ok().filter(|at| at.is_finite() && *at >= 0.0)?;
+            let mishap = match (name, what) {
+                ("usb", "servos") => Mishap::Unplugged(Plug::Servos),
+                ("usb", "cameras") => Mishap::Unplugged(Plug::Cameras),
+                ("arm", "stop") => Mishap::Arm(Injection::EmergencyStop(true)),
+                ("arm", "fault") => Mishap::Arm(Injection::JointFault { joint: 2, bits: FOLLOWING_ERROR }),
+                ("arm", "deaf") => Mishap::Arm(Injection::Deaf(true)),
+                ("arm", "lossy") => Mishap::Arm(Injection::LoseReplies(0.3)),
+                _ => return None,
+            };
+            Some((at, mishap))
+        });
+        match parsed {
+            Some(mishap) => mishaps.push(mishap),
+            None => {
+                bail!("fault: found `{text}`, expected usb=servos|cameras@SECONDS or arm=stop|fault|deaf|lossy@SECONDS")
+            }
+        }
+    }
+    Ok((mishaps, rest))
+}
+
+/// What homing would have found.
+fn calibration(zeros: &[i64], travel: &[f64; ACTUATORS]) -> Calibration {
+    let servos = std::array::from_fn(|n| ServoCalibration {
+        id: n as u8 + 1,
+        model: xc330::MODEL,
+        firmware: 46,
+        homing_offset: zeros.get(n).map_or(0, |zero| -(zero.rem_euclid(4096) as i32)),
+        travel: travel[n],
+    });
+    Calibration::new("ftac", servos)
+}
+
+/// Links to the pseudo-terminals and a configuration that names them.
+fn write_config(args: &EmulateArgs, hand: &EmulatedHand, arm: Option<&Emulator>) -> Result<PathBuf> {
+    let folder = std::path::absolute(&args.dir).with_context(|| shown(&args.dir))?;
+    let (servos, cameras) = (folder.join("servos"), folder.join("cameras"));
+    hand.link_servos(&servos)?;
+    hand.link_cameras(&cameras)?;
+    let arm = match arm.map(Emulator::address) {
+        None => ArmConfig::Loopback,
+        Some(address) => ArmConfig::Kortex {
+            host: address.tcp.ip(),
+            tcp_port: address.tcp.port(),
+            udp_port: address.udp.port(),
+            user: "admin".to_owned(),
+            password: "admin".to_owned(),
+        },
+    };
+    let config = BridgeConfig {
+        version: 1,
+        calibration: "calibration.json".into(),
+        stop_socket: "stop".into(),
+        servos: ServoConfig {
+            port: servos,
+            ids: [1, 2, 3, 4, 5, 6],
+            baud: 3_000_000,
+            rate: 200.0,
+            fast_sync_read: false,
+            slack: 0.020,
+        },
+        cameras: Some(CameraConfig { port: cameras }),
+        uvc: Vec::new(),
+        arm,
+        // A pseudo-terminal has no real time behind it: a busy machine may be late by more than a real line ever is.
+        limits: LimitConfig {
+            staleness: 0.3,
+            servo_watchdog: 0.16,
+            arm_watchdog: 0.5,
+            host_watchdog: 1.0,
+            ..LimitConfig::default()
+        },
+    };
+    let path = args.dir.join("bridge.toml");
+    std::fs::write(&path, config.to_toml()).with_context(|| shown(&path))?;
+    Ok(path)
+}

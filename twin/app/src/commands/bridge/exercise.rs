@@ -1,0 +1,179 @@
+//! `ftac bridge exercise`: the first motion of a new hand, and of every morning.
+
+use std::path::PathBuf;
+use std::time::{Duration, Instant};
+
+use anyhow::{Result, bail};
+use clap::Args;
+use hand_model::robot::{Command, Observation, Robot, ServoGoal};
+use hand_model::{ACTUATORS, Arm, CAMERAS};
+use hardware_bridge::calibration::Calibration;
+use hardware_bridge::config::BridgeConfig;
+use hardware_bridge::hardware_robot::HardwareRobot;
+use hardware_bridge::safety::state::State;
+use hardware_bridge::servo_cycle::DryLines;
+
+use super::shared::{actuator_names, agreed};
+use crate::terminal::Terminal;
+use bench::body::arm_link::arm_link;
+
+/// Waited for the first measurements to pass the checks.
+const PATIENCE: Duration = Duration::from_secs(2);
+/// Length of one motion, s: wind for the first half, then open.
+const MOTION: f64 = 4.0;
+
+/// Arguments of `bridge exercise`.
+#[derive(Debug, Args)]
+pub struct ExerciseArgs {
+    /// Configuration of the bridge.
+    #[arg(long, default_value = "bridge.toml")]
+    config: PathBuf,
+    /// Current of the motion, A.
+    #[arg(long, default_value_t = 0.08)]
+    current: f64,
+    /// Times to close and open.
+    #[arg(long, default_value_t = 1)]
+    times: u32,
+    /// Take tactile images while closed.
+    #[arg(long)]
+    images: bool,
+    /// Only print what would be sent.
+    #[arg(long)]
+    dry_run: bool,
+    /// Do not ask before moving.
+    #[arg(long)]
+    yes: bool,
+}
+
+/// What the exercise saw.
+#[derive(Default)]
+struct Seen {
+    furthest: [f64; ACTUATORS],
+    latest: f64,
+    ticks: u64,
+    images: u64,
+}
+
+pub fn run(terminal: &Terminal, args: &ExerciseArgs) -> Result<Option<String>> {
+    let config = BridgeConfig::read(&args.config)?;
+    if !(0.0..=config.limits.current).contains(&args.current) {
+        bail!("--current: found {}, expected 0 to {} A", args.current, config.limits.current);
+    }
+    let travel = Calibration::read(&config.calibration)?.travel();
+    let dry = args.dry_run.then(|| Box::new(|line: String| eprintln!("{line}")) as DryLines);
+    let mut robot = HardwareRobot::connect(&config, arm_link(&config, Arm::home())?, &Arm::gen3(), dry)?;
+    let started = Instant::now();
+    while let Err(error) = robot.check() {
+        if started.elapsed() > PATIENCE {
+            return Ok(Some(format!("the checks do not pass: {error}")));
+        }
+        std::thread::sleep(Duration::from_millis(20));
+    }
+    let question = "The hand will close and open. Is it empty, and are all fingers that are not its own away?";
+    if !args.yes && !args.dry_run && !agreed(question)? {
+        bail!("not armed: the operator did not say yes");
+    }
+    robot.arm()?;
+    let mut seen = Seen::default();
+    for _ in 0..args.times {
+        move_once(&mut robot, args, &mut seen);
+    }
+    let state = robot.state();
+    let stopped = !matches!(state, State::Running);
+    if !stopped {
+        robot.release()?;
+        wait_for_release(&robot);
+    }
+    tell(terminal, &robot, &seen, &travel);
+    if stopped {
+        return Ok(Some(format!("{state}. The hand keeps hold; `ftac bridge stop --release` opens it")));
+    }
+    let after = robot.report();
+    if !after.still_on.is_empty() {
+        return Ok(Some(format!("torque is still on: {}", after.still_on.join("; "))));
+    }
+    let names = actuator_names();
+    let lazy = seen.furthest.iter().position(|angle| *angle < 0.2);
+    Ok(lazy.filter(|_| !args.dry_run).map(|n| format!("{} moved {:.2} rad, expected 0.2", names[n], seen.furthest[n])))
+}
+
+/// Winds all cables under the current, then opens; ends early when the robot no longer runs.
+fn move_once(robot: &mut HardwareRobot, args: &ExerciseArgs, seen: &mut Seen) {
+    let start = robot.observe().time;
+    let mut asked_for_images = false;
+    loop {
+        let observation = robot.observe();
+        note(seen, &observation);
+        let elapsed = observation.time - start;
+        if elapsed > MOTION {
+            return;
+        }
+        let closing = elapsed < 0.5 * MOTION;
+        let goal = if closing {
+            ServoGoal::Current(args.current)
+        } else {
+            ServoGoal::Position { angle: 0.0, current_limit: args.current }
+        };
+        let capture = args.images && !asked_for_images && elapsed > 0.4 * MOTION;
+        asked_for_images |= capture;
+        robot.send(&Command { arm: observation.arm.position, servos: [goal; ACTUATORS], capture });
+        seen.latest = seen.latest.max(robot.wait_for_tick().lateness);
+        seen.ticks += 1;
+        if matches!(robot.state(), State::Hold(_) | State::Fault(_) | State::Release { .. } | State::Connected) {
+            return;
+        }
+    }
+}
+
+fn note(seen: &mut Seen, observation: &Observation) {
+    for (furthest, servo) in seen.furthest.iter_mut().zip(&observation.servos) {
+        *furthest = furthest.max(servo.position);
+    }
+    seen.images += observation.tactile.len() as u64;
+}
+
+fn wait_for_release(robot: &HardwareRobot) {
+    let started = Instant::now();
+    while robot.state() != State::Connected && started.elapsed() < Duration::from_secs(15) {
+        std::thread::sleep(Duration::from_millis(10));
+    }
+}
+
+fn tell(terminal: &Terminal, robot: &HardwareRobot, seen: &Seen, travel: &[f64; ACTUATORS]) {
+    let report = robot.report();
+    let ms = |share| report.bus.round_trip(share).map(|seconds| 1e3 * seconds);
+    if terminal.json {
+        println!(
+            "{}",
+            serde_json::json!({
+                "state": robot.state().to_string(),
+                "furthest_rad": seen.furthest,
+                "travel_rad": travel,
+                "ticks": seen.ticks,
+                "latest_tick_ms": 1e3 * seen.latest,
+                "images": seen.images,
+                "cycles": report.cycles,
+                "late_cycles": report.late,
+                "missing_answers": report.bus.missing,
+                "round_trip_ms": {"p50": ms(0.5), "p99": ms(0.99)},
+            })
+        );
+        return;
+    }
+    for (n, name) in actuator_names().iter().enumerate() {
+        println!("{name:12} went to {:.2} rad of {:.2}", seen.furthest[n], travel[n]);
+    }
+    if seen.images > 0 {
+        println!("{} images of {CAMERAS} cameras", seen.images);
+    }
+    println!(
+        "{} ticks, the latest {:.1} ms late; {} servo cycles, {} late; {} answers missing; round trip p50 {:.2} ms, p99 {:.2} ms",
+        seen.ticks,
+        1e3 * seen.latest,
+        report.cycles,
+        report.late,
+        report.bus.missing,
+        ms(0.5).unwrap_or(f64::NAN),
+        ms(0.99).unwrap_or(f64::NAN),
+    );
+}

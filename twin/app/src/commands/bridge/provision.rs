@@ -1,0 +1,35 @@
+//! `ftac bridge provision`: one new servo gets its id and its settings.
+
+use std::path::Path;
+
+use anyhow::{Context, Result};
+use hardware_bridge::config::BridgeConfig;
+use hardware_bridge::servo_bus::latency_timer::{self, LatencyTimer};
+use hardware_bridge::setup;
+
+use super::shared::actuator_names;
+use crate::terminal::Terminal;
+
+pub fn run(terminal: &Terminal, actuator: &str, config: &BridgeConfig) -> Result<Option<String>> {
+    let names = actuator_names();
+    let n = names
+        .iter()
+        .position(|name| name == actuator)
+        .with_context(|| format!("--actuator: found `{actuator}`, expected one of {}", names.join(", ")))?;
+    let id = config.servos.ids[n];
+    let (baud, was) = setup::provision(config, id)?;
+    match latency_timer::set(&config.servos.port, Path::new(latency_timer::SYSTEM), 1) {
+        Ok(LatencyTimer::Milliseconds(ms)) => eprintln!("the adapter's latency timer is {ms} ms"),
+        Ok(LatencyTimer::Absent) => {}
+        Err(error) => eprintln!("the adapter's latency timer could not be set: {error}"),
+    }
+    if terminal.json {
+        println!(
+            "{}",
+            serde_json::json!({"actuator": actuator, "id": id, "baud": config.servos.baud, "was": {"id": was.id, "baud": baud}})
+        );
+    } else {
+        println!("{actuator}: id {} at {baud} baud is now id {id} at {} baud, and set up", was.id, config.servos.baud);
+    }
+    Ok(None)
+}

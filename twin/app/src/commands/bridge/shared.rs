@@ -1,0 +1,65 @@
+//! What the bridge's commands share: the configuration's place, findings, questions to the operator.
+
+use std::path::{Path, PathBuf};
+
+use anyhow::Result;
+use clap::Args;
+use hand_model::Hand;
+use hardware_bridge::config::BridgeConfig;
+use hardware_bridge::setup::Finding;
+
+use crate::terminal::Terminal;
+
+/// Where the configuration is.
+#[derive(Debug, Clone, Args)]
+pub struct ConfigArg {
+    /// Configuration of the bridge.
+    #[arg(long, default_value = "bridge.toml")]
+    pub config: PathBuf,
+}
+
+impl ConfigArg {
+    pub fn read(&self) -> Result<BridgeConfig> {
+        Ok(BridgeConfig::read(&self.config)?)
+    }
+}
+
+/// The actuators' names, in order.
+pub fn actuator_names() -> Vec<String> {
+    Hand::ftac().parameters.actuator.into_iter().map(|actuator| actuator.name).collect()
+}
+
+/// Prints findings; the first that is not good is the shortfall.
+pub fn tell(terminal: &Terminal, findings: &[Finding]) -> Option<String> {
+    if terminal.json {
+        let rows: Vec<_> = findings
+            .iter()
+            .map(|one| {
+                serde_json::json!({"what": one.what, "found": one.found, "expected": one.expected, "ok": one.good})
+            })
+            .collect();
+        println!("{}", serde_json::json!({ "rows": rows }));
+    } else {
+        for one in findings.iter().filter(|one| !terminal.quiet || !one.good) {
+            let verdict = if one.good { "ok" } else { "DIFFERS" };
+            println!("{:44} {:>26}   {:34} {verdict}", one.what, one.found, one.expected);
+        }
+    }
+    let bad: Vec<&Finding> = findings.iter().filter(|one| !one.good).collect();
+    let first = bad.first()?;
+    let more = if bad.len() > 1 { format!(" (and {} more)", bad.len() - 1) } else { String::new() };
+    Some(format!("{}: found {}, expected {}{more}", first.what, first.found, first.expected))
+}
+
+/// Whether the operator agrees, asked in the terminal.
+pub fn agreed(question: &str) -> Result<bool> {
+    eprint!("{question} [yes/no] ");
+    let mut line = String::new();
+    std::io::stdin().read_line(&mut line)?;
+    Ok(line.trim() == "yes")
+}
+
+/// How a path is shown.
+pub fn shown(path: &Path) -> String {
+    path.display().to_string()
+}

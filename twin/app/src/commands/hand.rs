@@ -1,0 +1,117 @@
+//! `ftac hand`: checks of the body, closing of any hand, scenes for a second engine.
+
+mod close;
+
+use std::path::PathBuf;
+use std::sync::Arc;
+
+use hand_model::Hand;
+
+use clap::{Args, Subcommand};
+use lab::hand_check as check;
+
+use self::close::CloseArgs;
+use super::rows::show_rows;
+use crate::terminal::{Outcome, Terminal};
+
+/// `hand` commands.
+#[derive(Debug, Subcommand)]
+pub enum HandCommand {
+    /// Check the body's figures against the paper's, in physics where they are about motion.
+    Check(CheckArgs),
+    /// Close any hand on a ball: a URDF and a file that says what pulls on its joints.
+    Close(CloseArgs),
+    /// Write scenes for a second engine, with the commands and what ours made of them.
+    Export {
+        /// Folder for the MJCF files and scenes.json.
+        #[arg(long)]
+        mjcf: PathBuf,
+    },
+}
+
+/// Arguments of `hand check`.
+#[derive(Debug, Args)]
+pub struct CheckArgs {
+    /// Only read this URDF; it must have the hand's joints.
+    #[arg(long)]
+    pub urdf: Option<PathBuf>,
+    /// Folder of the public model of this hand (holds urdf/f_tac_hand.urdf), to compare joint frames with; the default is seen from
+    /// the folder ftac is started in.
+    #[arg(long, default_value = "../shared/data/hands/ftac_public")]
+    pub public_model: PathBuf,
+    /// Try the 33 grasp types of Feix instead.
+    #[arg(long, conflicts_with = "engine")]
+    pub grasps: bool,
+    /// Only these of the 33, by number.
+    #[arg(long, value_delimiter = ',', requires = "grasps", value_parser = clap::value_parser!(u8).range(1..=33))]
+    pub types: Vec<u8>,
+    /// Attempts at each grasp type at most; the first that holds is kept.
+    #[arg(long, default_value_t = 1500, value_parser = clap::value_parser!(u32).range(1..))]
+    pub tries: u32,
+    /// Sweep the engine's settings instead: slip, overlap, jitter and cost over time step and iterations.
+    #[arg(long)]
+    pub engine: bool,
+    /// Folder for pictures and check.json.
+    #[arg(long)]
+    pub out: Option<PathBuf>,
+}
+
+/// Runs a command.
+pub fn run(terminal: &Terminal, command: &HandCommand) -> Outcome {
+    match command {
+        HandCommand::Check(args) => hand_check(terminal, args),
+        HandCommand::Close(args) => close::run(terminal, args),
+        HandCommand::Export { mjcf } => {
+            check::second_engine::export(&Arc::new(Hand::ftac()), mjcf)?;
+            eprintln!(
+                "{0}: scenes.json and its MJCF files; `python3 tests/mujoco/compare.py {0}` runs them",
+                mjcf.display()
+            );
+            Ok(None)
+        }
+    }
+}
+
+/// `ftac hand check`, and what its options ask for instead.
+fn hand_check(terminal: &Terminal, args: &CheckArgs) -> Outcome {
+    let hand = Arc::new(Hand::ftac());
+    if let Some(path) = &args.urdf {
+        let names: Vec<String> = hand.tree.joints.iter().map(|joint| format!("{}_joint", joint.name)).collect();
+        let names: Vec<&str> = names.iter().map(String::as_str).collect();
+        let tree = hand_model::urdf::read_tree(path, &names)?;
+        eprintln!("{}: {} joints, all of the hand's joints are there", path.display(), tree.len());
+        return Ok(None);
+    }
+    if args.engine {
+        let found = check::engine::sweep(&hand)?;
+        if terminal.json {
+            println!("{}", serde_json::json!({ "sweep": found }));
+        } else {
+            print!("{}", check::engine::table(&found));
+        }
+        return Ok(None);
+    }
+    if args.grasps {
+        return hand_grasps(terminal, args, &hand);
+    }
+    let options = check::Options { public_model: &args.public_model, out: args.out.as_deref(), seed: terminal.seed };
+    let rows = check::run(&hand, &options)?;
+    show_rows(terminal, &rows, args.out.as_deref())
+}
+
+fn hand_grasps(terminal: &Terminal, args: &CheckArgs, hand: &Arc<Hand>) -> Outcome {
+    let numbers: Vec<usize> = args.types.iter().map(|number| usize::from(*number)).collect();
+    let outcomes = check::feix::run(hand, terminal.seed, args.tries as usize, &numbers);
+    let text = serde_json::json!({ "seed": terminal.seed, "tries": args.tries, "types": outcomes });
+    if let Some(folder) = &args.out {
+        check::feix::draw(hand, &outcomes, folder)?;
+        report::write_whole(&folder.join("grasps.json"), serde_json::to_string_pretty(&text)?.as_bytes())?;
+    }
+    if terminal.json {
+        println!("{text}");
+    } else {
+        print!("{}", check::feix::table(&outcomes));
+    }
+    let held = outcomes.iter().filter(|outcome| outcome.held).count();
+    Ok((held < outcomes.len()).then(|| format!("{held} of {} grasp types are held", outcomes.len())))
+}

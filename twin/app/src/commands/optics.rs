@@ -1,0 +1,39 @@
+//! `ftac optics`: tactile images, calibration to real sensors, and how good both are.
+
+mod calibrate;
+mod eval;
+mod exr;
+mod npy;
+mod pad_forces;
+mod pads;
+mod render;
+
+use clap::Subcommand;
+
+use crate::terminal::{Outcome, Terminal};
+
+/// `optics` commands.
+#[derive(Debug, Subcommand)]
+pub enum OpticsCommand {
+    /// Fit a real sensor's image-formation model to presses of a ball, and render presses held out.
+    Calibrate(calibrate::CalibrateArgs),
+    /// Evaluate a calibration, the gel's pressure law, or the fit itself.
+    Eval(eval::EvalArgs),
+    /// Render what a pad sees when a mesh is pressed into it along its normal.
+    Render(render::RenderArgs),
+    /// Render twenty known shapes onto a contact sheet.
+    Shapes(render::ShapesArgs),
+    /// Write the calibration files of the hand's 17 pads.
+    Pads(pads::PadsArgs),
+}
+
+/// Runs a command.
+pub fn run(terminal: &Terminal, command: &OpticsCommand) -> Outcome {
+    match command {
+        OpticsCommand::Calibrate(args) => calibrate::calibrate(terminal, args),
+        OpticsCommand::Eval(args) => eval::eval(terminal, args),
+        OpticsCommand::Render(args) => render::render(terminal, args),
+        OpticsCommand::Shapes(args) => render::shapes(terminal, args),
+        OpticsCommand::Pads(args) => pads::pads(terminal, args),
+    }
+}

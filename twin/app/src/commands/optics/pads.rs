@@ -1,0 +1,51 @@
+//! `ftac optics pads`: the calibration files of the hand's pads, as designed or of one unit.
+
+use std::path::PathBuf;
+
+use anyhow::{Context, bail};
+use clap::Args;
+use hand_model::Hand;
+use optics::pads::PadCalibration;
+use serde_json::json;
+
+use crate::terminal::Outcome;
+use crate::terminal::Terminal;
+
+/// Arguments of `optics pads`.
+#[derive(Debug, Args)]
+pub struct PadsArgs {
+    /// Folder for the files, one a pad.
+    #[arg(long)]
+    pub out: PathBuf,
+    /// Serial number of a hand: its own units instead of the design.
+    #[arg(long)]
+    pub unit: Option<u64>,
+}
+
+/// Writes the files.
+pub fn pads(terminal: &Terminal, args: &PadsArgs) -> Outcome {
+    if args.out.is_file() {
+        bail!("--out {}: found a file; expected a folder", args.out.display());
+    }
+    let hand = Hand::ftac();
+    let mut files = Vec::new();
+    for pad in &hand.pads {
+        let design = PadCalibration::nominal(&hand, pad);
+        let calibration = match args.unit {
+            Some(unit) => design.unit(unit.wrapping_mul(1000).wrapping_add(pad.cameras[0] as u64)),
+            None => design,
+        };
+        files.push((args.out.join(format!("{}.toml", pad.name)), calibration.to_toml()?));
+    }
+    std::fs::create_dir_all(&args.out).with_context(|| format!("--out {}", args.out.display()))?;
+    for (path, text) in &files {
+        std::fs::write(path, text).with_context(|| path.display().to_string())?;
+    }
+    if terminal.json {
+        let names: Vec<&PathBuf> = files.iter().map(|(path, _)| path).collect();
+        println!("{}", json!({ "files": names }));
+    } else if !terminal.quiet {
+        eprintln!("{} files in {}", files.len(), args.out.display());
+    }
+    Ok(None)
+}

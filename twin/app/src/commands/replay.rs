@@ -1,0 +1,121 @@
+//! `ftac replay`: the control stack on a recorded session, held to every command bit by bit; or two sessions side by side.
+
+use std::path::Path;
+
+use anyhow::{Context as _, Result, bail};
+use hardware_bridge::session_log::comparison::compare;
+use hardware_bridge::session_log::{Event, Reader, Replay};
+use scenarios::record::TrialRecord;
+
+use crate::terminal::Terminal;
+use bench::body::replayed::ReplayVenue;
+use bench::body::{Stopped, Task};
+use bench::builtin::{make_bench, read_scenario};
+use bench::trial::{Bench, NoWatcher};
+
+/// The command.
+pub fn command(terminal: &Terminal, recording: &Path) -> Result<Option<String>> {
+    let task = task(recording)?;
+    let scenario = read_scenario(&task.scenario, recording)?;
+    let bench = make_bench(scenario, task.combos, task.seed, terminal.quiet || terminal.json)?;
+    if task.combination >= bench.plans.plans.len() {
+        bail!(
+            "{}: combination: found {}, expected 0 to {}",
+            recording.display(),
+            task.combination,
+            bench.plans.plans.len() - 1
+        );
+    }
+    run(terminal, &bench, &task, recording)
+}
+
+/// `--against`: two sessions, observation by observation and command by command; the shortfall is the first bit that differs.
+pub fn against(terminal: &Terminal, recording: &Path, other: &Path) -> Result<Option<String>> {
+    let compared = compare(&mut Reader::open(recording)?, &mut Reader::open(other)?)?;
+    let difference = compared.difference.as_ref().map(ToString::to_string);
+    if terminal.json {
+        println!(
+            "{}",
+            serde_json::json!({
+                "identical_ticks": compared.ticks, "identical_values": compared.values,
+                "identical_images": compared.images, "difference": difference,
+            })
+        );
+    } else {
+        println!(
+            "{} ticks, {} numbers and {} images identical bit by bit",
+            compared.ticks, compared.values, compared.images
+        );
+    }
+    Ok(difference)
+}
+
+/// What the file says of itself.
+fn task(path: &Path) -> Result<Task> {
+    let reader = Reader::open(path)?;
+    serde_json::from_slice(&reader.session().task).with_context(|| {
+        format!(
+            "{}: task: found no trial, expected one recorded by `ftac trial --session` or `ftac bench`",
+            path.display()
+        )
+    })
+}
+
+/// Runs it; the shortfall is where it left the recording.
+fn run(terminal: &Terminal, bench: &Bench, task: &Task, path: &Path) -> Result<Option<String>> {
+    let (outcome, whole) = outcome(path)?;
+    let (mut venue, report) = ReplayVenue::new(Replay::new(Reader::open(path)?)?, task.robot == "hardware");
+    let played = bench.play(task, &mut venue, &mut NoWatcher);
+    let played = match played {
+        Ok(record) => Some(record),
+        // Where the recording was cut short, or the controller left it, the trial cannot go on.
+        Err(error) if error.downcast_ref::<Stopped>().is_some() => None,
+        Err(error) => return Err(error),
+    };
+    let (progress, divergence) = report.take().context("the trial ended before the recording began")?;
+    let decided = |record: &TrialRecord| (record.switched, record.retries, record.reason.clone());
+    let same = match (&played, &outcome) {
+        (Some(played), Some(recorded)) => Some(decided(played) == decided(recorded)),
+        _ => None,
+    };
+    if terminal.json {
+        println!(
+            "{}",
+            serde_json::json!({
+                "robot": task.robot, "combination": task.combination, "trial": task.trial, "condition": task.condition,
+                "ticks": progress.ticks, "identical_commands": progress.commands, "whole": whole,
+                "divergence": divergence.as_ref().map(ToString::to_string), "same_decisions": same,
+            })
+        );
+    } else {
+        println!("{} trial {} of combination {}, {}", task.robot, task.trial, task.combination, task.condition);
+        println!("{} ticks, {} commands identical bit by bit", progress.ticks, progress.commands);
+        match (&outcome, same) {
+            (Some(record), Some(true)) if !record.reason.is_empty() => {
+                println!("the same decisions: {}", record.reason)
+            }
+            (Some(_), Some(true)) => println!("the same decisions"),
+            (None, _) => {
+                println!("the recording ends before the trial does{}", if whole { "" } else { ", in mid-write" })
+            }
+            _ => {}
+        }
+    }
+    Ok(match (divergence, same) {
+        (Some(divergence), _) => Some(divergence.to_string()),
+        (None, Some(false)) => Some("the decisions differ from the recorded ones".to_owned()),
+        _ => None,
+    })
+}
+
+/// What came of the recorded trial, and whether the file was finished.
+fn outcome(path: &Path) -> Result<(Option<TrialRecord>, bool)> {
+    let mut reader = Reader::open(path)?;
+    let mut outcome = None;
+    while let Some((_, event)) = reader.next_event()? {
+        if let Event::Outcome(text) = event {
+            outcome = Some(serde_json::from_slice(&text).with_context(|| format!("{}: outcome", path.display()))?);
+        }
+    }
+    Ok((outcome, reader.is_whole()))
+}

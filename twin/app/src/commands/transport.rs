@@ -1,0 +1,314 @@
+//! `ftac transport`: balls to one place, as many at once as the hand holds, beside one by one.
+
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, Result, bail};
+use clap::Args;
+use clap::builder::{PossibleValuesParser, TypedValueParser};
+use control::load::listed;
+use indicatif::ProgressBar;
+use rayon::prelude::*;
+use scenarios::Scenario;
+use scenarios::transport::Transport;
+use serde_json::json;
+use sim::tactile::TactileBoard;
+
+use crate::terminal::Outcome;
+use crate::terminal::Terminal;
+use bench::builtin::{HAND_UNIT, simulated_touch};
+use bench::transport::play::{Nobody, Policy, Site, TransportRecord};
+use bench::transport::recorded::Recorded;
+use bench::transport::rehearse::{Searched, Wanted, WantedText};
+use bench::transport::skills::{SkillFile, for_sizes, of_repertoire};
+use proving::world::World;
+
+/// Arguments of `transport`.
+#[derive(Debug, Args)]
+pub struct TransportArgs {
+    /// Transport file (TOML); default: the built-in four small balls.
+    #[arg(long)]
+    pub scenario: Option<PathBuf>,
+    /// Transports under each policy.
+    #[arg(long, default_value_t = 10)]
+    pub trials: usize,
+    /// Policies to run; default: one by one, blind and touch.
+    #[arg(long, value_delimiter = ',', value_parser = policies())]
+    pub policy: Vec<Policy>,
+    /// Skills beside the built-in ones, from --rehearse.
+    #[arg(long)]
+    pub skills: Option<PathBuf>,
+    /// Result folder: transports.json, and a recording of the first transport under each policy.
+    #[arg(long, conflicts_with = "rehearse")]
+    pub out: Option<PathBuf>,
+    /// Instead of carrying anything, search skills in physics for a sequence of picks and add them to this file.
+    #[arg(long, requires = "pick")]
+    pub rehearse: Option<PathBuf>,
+    /// A pick of the sequence to search, in order: BALL=DIGIT+DIGIT, such as ball_1=ring+little.
+    #[arg(long, requires = "rehearse")]
+    pub pick: Vec<WantedText>,
+    /// Proposals for each pick.
+    #[arg(long, default_value_t = 128)]
+    pub n: u32,
+}
+
+/// Policies by their names.
+fn policies() -> impl TypedValueParser<Value = Policy> {
+    PossibleValuesParser::new(Policy::ALL.map(Policy::argument)).try_map(|name| name.parse::<Policy>())
+}
+
+/// Runs the command.
+pub fn run(terminal: &Terminal, args: &TransportArgs) -> Outcome {
+    if args.trials == 0 || args.n == 0 {
+        bail!("--trials and --n: found {} and {}, expected at least 1 each", args.trials, args.n);
+    }
+    let transport = match &args.scenario {
+        Some(path) => Transport::read(path)?,
+        None => Transport::small_balls(),
+    };
+    let site = site_of(transport, args.skills.as_deref(), terminal.seed)?;
+    match &args.rehearse {
+        Some(file) => search(terminal, args, &site, file),
+        None => carry(terminal, args, &site),
+    }
+}
+
+fn site_of(transport: Transport, more: Option<&Path>, seed: u64) -> Result<Site> {
+    let world = World::new(Scenario::benchmark())?;
+    let repertoire = proving::builtin::repertoire()?;
+    let mut proven = of_repertoire(&world, &repertoire)?;
+    proven.extend(SkillFile::builtin()?.skills);
+    if let Some(path) = more {
+        proven.extend(read_skills(path).context("--skills")?.skills);
+    }
+    let mut sizes: Vec<f64> = Vec::new();
+    let mut kind = Vec::new();
+    for ball in &transport.ball {
+        kind.push(sizes.iter().position(|size| *size == ball.diameter).unwrap_or_else(|| {
+            sizes.push(ball.diameter);
+            sizes.len() - 1
+        }));
+    }
+    let numbered = for_sizes(&proven, &sizes);
+    let of = |kind: usize| (0..numbered.len()).filter(|n| numbered[*n].0 == kind).collect();
+    let suited = kind.into_iter().map(of).collect();
+    let board = TactileBoard::unit(&world.hand, HAND_UNIT);
+    let pipeline = simulated_touch(&world.hand, board.backgrounds())?;
+    Ok(Site {
+        world,
+        transport,
+        skills: numbered.into_iter().map(|skill| skill.1).collect(),
+        suited,
+        board,
+        pipeline,
+        seed,
+    })
+}
+
+fn read_skills(path: &Path) -> Result<SkillFile> {
+    let text = std::fs::read_to_string(path).with_context(|| path.display().to_string())?;
+    SkillFile::parse(&text, path)
+}
+
+fn search(terminal: &Terminal, args: &TransportArgs, site: &Site, file: &Path) -> Outcome {
+    let sequence: Vec<Wanted> = args.pick.iter().map(|pick| pick.in_site(site)).collect::<Result<_>>()?;
+    let mut skills = if file.exists() { read_skills(file).context("--rehearse")?.skills } else { Vec::new() };
+    let searched = bench::transport::rehearse::rehearse(site, &sequence, args.n, terminal.quiet)?;
+    for pick in &searched {
+        // Numbers are unique in a file.
+        for skill in &pick.skills {
+            let mut skill = skill.clone();
+            skill.grasp.id = skills.len() as u32;
+            skills.push(skill);
+        }
+    }
+    let command = "ftac transport --rehearse FILE --pick ..., sequence after sequence".to_owned();
+    SkillFile::new(command, skills).write(file)?;
+    if terminal.json {
+        let rows: Vec<_> = searched.iter().map(|pick| row(site, pick)).collect();
+        println!("{}", json!({ "picks": rows, "asked": sequence.len(), "file": file }));
+    } else {
+        println!(
+            "{:12} {:28} {:>6} {:>8} {:>7} {:>5} {:>6}  kept by",
+            "ball", "closed", "tried", "touched", "lifted", "held", "best"
+        );
+        for pick in &searched {
+            let best = pick.skills.first();
+            println!(
+                "{:12} {:28} {:>6} {:>8} {:>7} {:>5} {:>6}  {}",
+                site.transport.ball[pick.wanted.ball].name,
+                listed(&pick.wanted.digits),
+                pick.tried,
+                pick.touched,
+                pick.lifted,
+                pick.held,
+                best.map_or("-".to_owned(), |skill| format!("{:.2}", skill.grasp.score)),
+                best.map_or("-".to_owned(), |skill| listed(&skill.keeps)),
+            );
+        }
+    }
+    let failed = searched.last().filter(|pick| pick.held == 0);
+    Ok(failed.map(|pick| {
+        let name = &site.transport.ball[pick.wanted.ball].name;
+        format!("none of {} closings of {} on {name} holds", pick.tried, listed(&pick.wanted.digits))
+    }))
+}
+
+fn row(site: &Site, pick: &Searched) -> serde_json::Value {
+    json!({
+        "ball": site.transport.ball[pick.wanted.ball].name,
+        "closed": pick.wanted.digits,
+        "tried": pick.tried,
+        "touched": pick.touched,
+        "lifted": pick.lifted,
+        "held": pick.held,
+        "skills": pick.skills.iter().map(|skill| json!({"keeps": skill.keeps, "score": skill.grasp.score})).collect::<Vec<_>>(),
+    })
+}
+
+fn carry(terminal: &Terminal, args: &TransportArgs, site: &Site) -> Outcome {
+    let policies = if args.policy.is_empty() { Policy::ALL.to_vec() } else { args.policy.clone() };
+    if let Some(folder) = &args.out {
+        std::fs::create_dir_all(folder).with_context(|| folder.display().to_string())?;
+    }
+    let units: Vec<(Policy, usize)> =
+        policies.iter().flat_map(|policy| (0..args.trials).map(move |trial| (*policy, trial))).collect();
+    let bar = if terminal.quiet { ProgressBar::hidden() } else { ProgressBar::new(units.len() as u64) };
+    let one = |&(policy, trial): &(Policy, usize)| -> Result<TransportRecord> {
+        let record = match args.out.as_ref().filter(|_| trial == 0) {
+            Some(folder) => {
+                let mut recorded = Recorded::open(
+                    &folder.join(format!("{}.rrd", policy.name().replace(' ', "_"))),
+                    site,
+                    trial,
+                    policy,
+                )?;
+                let record = site.play(trial, policy, &mut recorded)?;
+                recorded.finish(&record)?;
+                record
+            }
+            None => site.play(trial, policy, &mut Nobody)?,
+        };
+        bar.inc(1);
+        Ok(record)
+    };
+    let records: Vec<TransportRecord> = units.par_iter().map(one).collect::<Result<_>>()?;
+    bar.finish_and_clear();
+    let rows: Vec<Row> = policies.iter().map(|policy| Row::of(*policy, &records)).collect();
+    let result = json!({
+        "scenario": site.transport.name, "seed": terminal.seed, "balls": site.transport.ball.len(), "policies": rows,
+        "transports": records,
+    });
+    if let Some(folder) = &args.out {
+        report::write_whole(&folder.join("transports.json"), serde_json::to_string_pretty(&result)?.as_bytes())?;
+    }
+    if terminal.json {
+        println!("{result}");
+    } else {
+        print(terminal, site, &rows, &records);
+    }
+    let carried = |policy| rows.iter().find(|row| row.policy == policy).map(|row| row.objects_per_trip);
+    Ok(match (carried(Policy::Touch), carried(Policy::OneByOne)) {
+        (Some(touch), Some(single)) if touch <= single => {
+            Some(format!("{touch:.2} objects a trip together, {single:.2} one by one"))
+        }
+        _ => None,
+    })
+}
+
+fn print(terminal: &Terminal, site: &Site, rows: &[Row], records: &[TransportRecord]) {
+    println!("{}: {} balls, {} skills", site.transport.name, site.transport.ball.len(), site.skills.len());
+    println!(
+        "{:12} {:>10} {:>9} {:>11} {:>10} {:>9} {:>12} {:>12}",
+        "policy", "transports", "delivered", "objects/trip", "most/trip", "picks", "s per object", "cm3 per trip"
+    );
+    for row in rows {
+        println!(
+            "{:12} {:>10} {:>8.0}% {:>12.2} {:>10} {:>9} {:>12} {:>12.0}",
+            row.policy.name(),
+            row.transports,
+            100.0 * row.delivered,
+            row.objects_per_trip,
+            row.most_per_trip,
+            row.picks,
+            row.seconds_per_object.map_or("-".to_owned(), |seconds| format!("{seconds:.1}")),
+            row.cm3_per_trip
+        );
+    }
+    let shown = if terminal.verbose { records.len() } else { 0 };
+    for record in records.iter().take(shown).chain(records.iter().filter(|record| shown == 0 && record.trial == 0)) {
+        println!("{} {}:", record.policy.name(), record.trial);
+        for line in &record.story {
+            println!("  {line}");
+        }
+    }
+}
+
+/// What a policy came to.
+#[derive(Debug, Clone, serde::Serialize)]
+struct Row {
+    policy: Policy,
+    transports: usize,
+    /// Share of all balls that came to the goal in the hand.
+    delivered: f64,
+    /// Objects in the hand over the goal, a trip.
+    objects_per_trip: f64,
+    most_per_trip: usize,
+    picks: usize,
+    /// Simulated time over objects delivered; none where nothing was.
+    seconds_per_object: Option<f64>,
+    cm3_per_trip: f64,
+}
+
+impl Row {
+    fn of(policy: Policy, records: &[TransportRecord]) -> Self {
+        let own: Vec<&TransportRecord> = records.iter().filter(|record| record.policy == policy).collect();
+        let trips: Vec<usize> = own.iter().flat_map(|record| record.carried.iter().copied()).collect();
+        let objects: usize = trips.iter().sum();
+        let balls: usize = own.iter().map(|record| record.balls).sum();
+        let per_trip = |value: f64| if trips.is_empty() { 0.0 } else { value / trips.len() as f64 };
+        Self {
+            policy,
+            transports: own.len(),
+            delivered: objects as f64 / balls.max(1) as f64,
+            objects_per_trip: per_trip(objects as f64),
+            most_per_trip: trips.iter().copied().max().unwrap_or(0),
+            picks: own.iter().map(|record| record.picks).sum(),
+            seconds_per_object: (objects > 0)
+                .then(|| own.iter().map(|record| record.seconds).sum::<f64>() / objects as f64),
+            cm3_per_trip: per_trip(own.iter().map(|record| record.volume_cm3).sum()),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn record(policy: Policy, carried: &[usize], seconds: f64) -> TransportRecord {
+        TransportRecord {
+            policy,
+            trial: 0,
+            balls: 4,
+            carried: carried.to_vec(),
+            names: Vec::new(),
+            volume_cm3: 40.0 * carried.iter().sum::<usize>() as f64,
+            picks: 5,
+            seconds,
+            story: Vec::new(),
+        }
+    }
+
+    #[test]
+    fn rows_add_up() {
+        let records = [
+            record(Policy::Touch, &[2, 1], 30.0),
+            record(Policy::Touch, &[2, 2], 26.0),
+            record(Policy::OneByOne, &[], 0.0),
+        ];
+        let touch = Row::of(Policy::Touch, &records);
+        assert_eq!((touch.objects_per_trip, touch.most_per_trip, touch.delivered), (1.75, 2, 0.875));
+        assert_eq!((touch.seconds_per_object, touch.cm3_per_trip), (Some(8.0), 70.0));
+        let single = Row::of(Policy::OneByOne, &records);
+        assert_eq!((single.objects_per_trip, single.seconds_per_object), (0.0, None));
+    }
+}

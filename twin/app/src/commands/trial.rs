@@ -1,0 +1,145 @@
+//! `ftac trial`.
+
+use std::path::PathBuf;
+
+use anyhow::{Context, Result, bail};
+use scenarios::combination::Scenario;
+use scenarios::record::TrialRecord;
+
+use super::body::{Body, check_body, venue};
+use super::tactile_backend::TactileBackend;
+use crate::terminal::{Outcome, Terminal};
+use bench::body::Task;
+use bench::builtin::make_bench;
+use bench::recording::Recording;
+use bench::trial::NoWatcher;
+use clap::{Args, ValueEnum};
+use scenarios::record::Condition;
+
+/// Arguments of `trial`.
+#[derive(Debug, Args)]
+pub struct TrialArgs {
+    /// Number of the combination, from 0.
+    pub combination: usize,
+    /// Number of the trial, from 0.
+    #[arg(long, default_value_t = 0)]
+    pub trial: usize,
+    /// Policy; `ideal` runs without noise.
+    #[arg(long, value_enum, default_value_t = Policy::Touch)]
+    pub policy: Policy,
+    /// Body.
+    #[arg(long, value_enum, default_value_t = Body::Sim)]
+    pub robot: Body,
+    /// Configuration of the hardware bridge, for --robot hardware.
+    #[arg(long)]
+    pub config: Option<PathBuf>,
+    /// Folder for the session's MCAP file, for `ftac replay`; hardware always records, into recordings/sessions by default.
+    #[arg(long)]
+    pub session: Option<PathBuf>,
+    /// Stream to a Rerun viewer.
+    #[arg(long)]
+    pub live: bool,
+    /// Where tactile images are rendered.
+    #[arg(long, value_enum, default_value_t = TactileBackend::Cpu)]
+    pub tactile: TactileBackend,
+    /// Recording file; default: recordings/combination_N_trial_K_POLICY.rrd.
+    #[arg(long)]
+    pub out: Option<PathBuf>,
+}
+
+/// What decides the second grasp.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum Policy {
+    /// Without noise, as planned.
+    Ideal,
+    /// As planned.
+    Blind,
+    /// Adapts to what is felt.
+    Touch,
+}
+
+impl Policy {
+    /// The condition it stands for.
+    pub fn condition(self) -> Condition {
+        match self {
+            Self::Ideal => Condition::Ideal,
+            Self::Blind => Condition::Blind,
+            Self::Touch => Condition::Touch,
+        }
+    }
+}
+
+/// Plays one trial and records it.
+pub fn trial(terminal: &Terminal, args: &TrialArgs) -> Outcome {
+    check_body(args.robot, args.config.as_deref())?;
+    let scenario = Scenario::benchmark();
+    let combos = (args.combination + 1).min(60);
+    let mut bench = make_bench(scenario, combos, terminal.seed, terminal.quiet || terminal.json)?;
+    bench.board = args.tactile.board(bench.board);
+    if args.combination >= bench.plans.plans.len() {
+        bail!("COMBO: found {}, expected 0 to {}", args.combination, bench.plans.plans.len() - 1);
+    }
+    let condition = args.policy.condition();
+    let place = venue(&bench.world, args.robot, args.config.as_deref(), args.session.clone())?;
+    let task = Task {
+        robot: args.robot.name().to_owned(),
+        seed: terminal.seed,
+        combination: args.combination,
+        trial: args.trial,
+        condition,
+        watched: args.robot != Body::Hardware,
+        combos,
+        scenario: scenarios::combination::BENCHMARK.to_owned(),
+    };
+    if args.robot == Body::Hardware {
+        let record = match place {
+            Some(mut place) => bench.play(&task, place.as_mut(), &mut NoWatcher)?,
+            None => bail!("--robot hardware: found no robot"),
+        };
+        tell_trial(terminal, &record)?;
+        return Ok(failure(&record));
+    }
+    let file = args.out.clone().unwrap_or_else(|| {
+        PathBuf::from(format!("recordings/combination_{}_trial_{}_{}.rrd", args.combination, args.trial, condition))
+    });
+    if let Some(folder) = file.parent() {
+        std::fs::create_dir_all(folder).with_context(|| folder.display().to_string())?;
+    }
+    let mut targets = vec![stream::Target::File(file.clone())];
+    if args.live {
+        targets.push(stream::Target::Spawn);
+    }
+    let mut recording = Recording::open(&targets, &bench, &task)?;
+    let record = match (place, condition) {
+        (Some(mut place), _) => bench.play(&task, place.as_mut(), &mut recording)?,
+        (None, scenarios::Condition::Ideal) => bench.ideal(args.combination, &mut recording)?,
+        (None, condition) => bench.trial(args.combination, args.trial, &[condition], &[], &mut recording)?.0.remove(0),
+    };
+    recording.finish()?;
+    tell_trial(terminal, &record)?;
+    if !terminal.json {
+        println!("recorded in {0}; see it with `ftac view {0}`", file.display());
+    }
+    Ok(failure(&record))
+}
+
+/// Why the trial failed, if it did.
+fn failure(record: &TrialRecord) -> Option<String> {
+    let cause = record.cause.map_or_else(|| "cause unknown".to_owned(), |cause| cause.to_string());
+    (!record.success).then(|| format!("the trial failed: {cause}"))
+}
+
+fn tell_trial(terminal: &Terminal, record: &TrialRecord) -> Result<()> {
+    if terminal.json {
+        println!("{}", serde_json::to_string(record)?);
+        return Ok(());
+    }
+    println!(
+        "{} then {}, {}: success {}, collision {}",
+        record.first, record.second, record.condition, record.success, record.collision
+    );
+    if !record.reason.is_empty() {
+        println!("{}", record.reason);
+    }
+    Ok(())
+}

@@ -1,0 +1,330 @@
+//! The bodies on which a trial can be played.
+//!
+//! The simulated robot can be cloned: trials branch on it, and each branch goes its own way. Every other body is there once ([`Sole`]): the
+//! emulated devices with a plant behind them ([`emulated`]), the real robot ([`hardware`]), a recorded session ([`replayed`]), and the simulated robot
+//! when its session is recorded. For those every condition begins a trial of its own, and a clone is the same body.
+//!
+//! [`Body`] is what the trial loop holds. The controller gets no more of it than [`Robot`]; what a trial needs beside (the referee's truth, prior
+//! perception, the operator) is in [`Stage`], for the program alone.
+
+pub mod arm_link;
+pub mod emulated;
+pub mod hardware;
+pub mod replayed;
+pub mod rounded;
+
+use std::cell::RefCell;
+use std::path::PathBuf;
+use std::rc::Rc;
+
+use anyhow::{Result, anyhow};
+use hand_model::robot::{Command, Observation, Robot, Tick};
+use hardware_bridge::session_log::{Recorder, Session, Writer};
+use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion};
+use scenarios::noise::ObjectNoise;
+use scenarios::record::{Condition, TrialRecord};
+use scenarios::referee::Verdict;
+use serde::{Deserialize, Serialize};
+use sim::SimulatedRobot;
+use sim::robot::Truth;
+
+/// Why a trial ended before its end; the body holds what it holds.
+#[derive(Debug, Clone, thiserror::Error)]
+#[error("{0}")]
+pub struct Stopped(pub String);
+
+/// What a trial needs of a body beside what a controller may know.
+pub trait Stage: Robot {
+    /// The truth, where somebody knows it: for referee and recording only.
+    fn truth(&self) -> Option<Truth>;
+    /// What prior perception with this error says of object `object` now: `world_from_object`.
+    fn look(&mut self, object: usize, noise: &ObjectNoise) -> Result<Isometry3<f64>>;
+    /// Why it no longer follows commands, and what to do about it.
+    fn stopped(&self) -> Option<String> {
+        None
+    }
+    /// The controller is about to think: no command comes until it has done so.
+    fn pause(&mut self) {}
+    /// The trial is over, or was stopped for this reason: whatever is to be done with what the hand holds.
+    fn part(&mut self, _why: Option<&str>) -> Result<()> {
+        Ok(())
+    }
+    /// The verdict, where not the referee judges.
+    fn judge(&mut self) -> Result<Option<Verdict>> {
+        Ok(None)
+    }
+}
+
+impl Stage for SimulatedRobot {
+    fn truth(&self) -> Option<Truth> {
+        Some(self.truth())
+    }
+
+    fn look(&mut self, object: usize, noise: &ObjectNoise) -> Result<Isometry3<f64>> {
+        Ok(noise.perceived(&self.truth().objects[object]))
+    }
+}
+
+impl Robot for Box<dyn Stage> {
+    fn observe(&mut self) -> Observation {
+        (**self).observe()
+    }
+
+    fn send(&mut self, command: &Command) -> Command {
+        (**self).send(command)
+    }
+
+    fn wait_for_tick(&mut self) -> Tick {
+        (**self).wait_for_tick()
+    }
+
+    fn tick_length(&self) -> f64 {
+        (**self).tick_length()
+    }
+}
+
+/// What a trial is, as a session's file keeps it: enough to set the control stack up again.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Task {
+    /// Body: `sim`, `emulated` or `hardware`.
+    pub robot: String,
+    /// Seed of everything.
+    pub seed: u64,
+    /// Number of the combination.
+    pub combination: usize,
+    /// Number of the trial.
+    pub trial: usize,
+    /// Condition.
+    pub condition: Condition,
+    /// Whether images were taken throughout for a watcher: commands ask for them.
+    pub watched: bool,
+    /// Combinations that were drawn.
+    pub combos: usize,
+    /// The scenario's text.
+    pub scenario: String,
+}
+
+/// A trial about to begin.
+pub struct Setting<'a> {
+    /// What it is.
+    pub task: &'a Task,
+    /// The two objects' names and where they belong: `world_from_object`.
+    pub objects: [(&'a str, Isometry3<f64>); 2],
+}
+
+/// Where bodies that are there once come from.
+pub trait Venue {
+    /// A body for a trial; `scene` is the simulated robot in the trial's scene, for those that make use of it.
+    fn enter(&mut self, setting: &Setting, scene: SimulatedRobot) -> Result<Box<dyn Stage>>;
+    /// The session's file for the trial, if it is recorded, with configuration and calibration as far as known.
+    fn session(&self, task: &Task) -> Result<Option<(PathBuf, Session)>>;
+    /// Packets of tapped links, if there are any: asked once after each [`Venue::enter`].
+    fn packets(&mut self) -> Option<std::sync::mpsc::Receiver<hardware_bridge::session_log::Packet>> {
+        None
+    }
+    /// Whether objects are where noise-free layout says, because somebody puts them there, rather than where the trial's draw says.
+    fn is_real(&self) -> bool {
+        false
+    }
+}
+
+enum Line {
+    Plain(Box<dyn Stage>),
+    Recorded(Box<Recorder<Box<dyn Stage>>>),
+}
+
+/// A body that is there once.
+pub struct Sole {
+    line: Option<Line>,
+    time: f64,
+}
+
+/// The body of a trial.
+#[derive(Clone)]
+pub enum Body {
+    /// In simulation: a clone is another body in the same state.
+    Simulated(Box<SimulatedRobot>),
+    /// Any other: a clone is the same body.
+    Sole(Rc<RefCell<Sole>>),
+}
+
+impl Body {
+    /// A body that is there once, from `venue`; its session is recorded if the venue says where.
+    pub fn enter(venue: &mut dyn Venue, setting: &Setting, scene: SimulatedRobot, version: &str) -> Result<Self> {
+        let stage = venue.enter(setting, scene)?;
+        let line = match venue.session(setting.task)? {
+            None => Line::Plain(stage),
+            Some((path, session)) => {
+                let session = Session {
+                    robot: setting.task.robot.clone(),
+                    program: format!("ftac {version}"),
+                    seed: setting.task.seed,
+                    tick_length: stage.tick_length(),
+                    task: serde_json::to_vec(setting.task)?,
+                    ..session
+                };
+                let recorder = Recorder::new(stage, Writer::create(&path, &session)?);
+                Line::Recorded(Box::new(match venue.packets() {
+                    Some(packets) => recorder.with_packets(packets),
+                    None => recorder,
+                }))
+            }
+        };
+        Ok(Self::Sole(Rc::new(RefCell::new(Sole { line: Some(line), time: 0.0 }))))
+    }
+
+    /// Whether a clone is a body of its own.
+    pub fn branches(&self) -> bool {
+        matches!(self, Self::Simulated(_))
+    }
+
+    /// Time of the newest tick, s.
+    pub fn time(&self) -> f64 {
+        match self {
+            Self::Simulated(robot) => robot.time(),
+            Self::Sole(sole) => sole.borrow().time,
+        }
+    }
+
+    /// See [`Stage::truth`].
+    pub fn truth(&self) -> Option<Truth> {
+        match self {
+            Self::Simulated(robot) => Some(robot.truth()),
+            Self::Sole(sole) => sole.borrow_mut().stage().and_then(|stage| stage.truth()),
+        }
+    }
+
+    /// See [`Stage::look`]. A recorded session keeps it.
+    pub fn look(&mut self, object: usize, noise: &ObjectNoise) -> Result<Isometry3<f64>> {
+        match self {
+            Self::Simulated(robot) => Stage::look(robot.as_mut(), object, noise),
+            Self::Sole(sole) => {
+                let mut sole = sole.borrow_mut();
+                let pose = sole.stage().ok_or_else(|| anyhow!("the trial is over"))?.look(object, noise)?;
+                if let Some(Line::Recorded(recorder)) = &mut sole.line {
+                    recorder.seen(object, &numbers(&pose));
+                }
+                Ok(pose)
+            }
+        }
+    }
+
+    /// See [`Stage::stopped`].
+    pub fn stopped(&self) -> Option<String> {
+        match self {
+            Self::Simulated(_) => None,
+            Self::Sole(sole) => sole.borrow_mut().stage().and_then(|stage| stage.stopped()),
+        }
+    }
+
+    /// See [`Stage::pause`].
+    pub fn pause(&mut self) {
+        if let Self::Sole(sole) = self
+            && let Some(stage) = sole.borrow_mut().stage()
+        {
+            stage.pause();
+        }
+    }
+
+    /// See [`Stage::judge`].
+    pub fn judge(&mut self) -> Result<Option<Verdict>> {
+        match self {
+            Self::Simulated(_) => Ok(None),
+            Self::Sole(sole) => sole.borrow_mut().stage().map_or(Ok(None), |stage| stage.judge()),
+        }
+    }
+
+    /// The trial is over: notes what came of it (nothing, if it was stopped for the reason `why`), finishes its recording, and parts from
+    /// the body.
+    pub fn finish(&mut self, record: Option<&TrialRecord>, why: Option<&str>) -> Result<()> {
+        let Self::Sole(sole) = self else { return Ok(()) };
+        let parted = sole.borrow_mut().stage().map_or(Ok(()), |stage| stage.part(why));
+        if let Some(Line::Recorded(mut recorder)) = sole.borrow_mut().line.take() {
+            if let Some(record) = record {
+                recorder.outcome(&serde_json::to_vec(record)?);
+            }
+            let (stage, written) = recorder.finish();
+            drop(stage);
+            written?;
+        }
+        parted
+    }
+}
+
+impl Sole {
+    fn stage(&mut self) -> Option<&mut Box<dyn Stage>> {
+        self.line.as_mut().map(|line| match line {
+            Line::Plain(stage) => stage,
+            Line::Recorded(recorder) => recorder.robot(),
+        })
+    }
+
+    fn robot(&mut self) -> Option<&mut dyn Robot> {
+        self.line.as_mut().map(|line| match line {
+            Line::Plain(stage) => stage as &mut dyn Robot,
+            Line::Recorded(recorder) => recorder.as_mut() as &mut dyn Robot,
+        })
+    }
+}
+
+impl Robot for Body {
+    fn observe(&mut self) -> Observation {
+        match self {
+            Self::Simulated(robot) => robot.observe(),
+            Self::Sole(sole) => sole.borrow_mut().robot().map(Robot::observe).unwrap_or_default(),
+        }
+    }
+
+    fn send(&mut self, command: &Command) -> Command {
+        match self {
+            Self::Simulated(robot) => robot.send(command),
+            Self::Sole(sole) => sole.borrow_mut().robot().map_or(*command, |robot| robot.send(command)),
+        }
+    }
+
+    fn wait_for_tick(&mut self) -> Tick {
+        match self {
+            Self::Simulated(robot) => robot.wait_for_tick(),
+            Self::Sole(sole) => {
+                let mut sole = sole.borrow_mut();
+                let tick = sole.robot().map(Robot::wait_for_tick).unwrap_or_default();
+                sole.time = tick.time;
+                tick
+            }
+        }
+    }
+
+    fn tick_length(&self) -> f64 {
+        match self {
+            Self::Simulated(robot) => robot.tick_length(),
+            Self::Sole(sole) => sole.borrow_mut().robot().map_or(0.0, |robot| robot.tick_length()),
+        }
+    }
+}
+
+/// A pose as seven numbers: x, y, z, i, j, k, w.
+fn numbers(pose: &Isometry3<f64>) -> [f64; 7] {
+    let (t, q) = (pose.translation.vector, pose.rotation.coords);
+    [t.x, t.y, t.z, q.x, q.y, q.z, q.w]
+}
+
+/// The pose of seven numbers, bit by bit.
+fn pose(numbers: &[f64; 7]) -> Isometry3<f64> {
+    let [x, y, z, i, j, k, w] = *numbers;
+    // As it was written: normalising again would change bits.
+    Isometry3::from_parts(Translation3::new(x, y, z), UnitQuaternion::new_unchecked(Quaternion::new(w, i, j, k)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_pose_keeps_its_bits() {
+        let original = Isometry3::from_parts(
+            Translation3::new(0.1, -0.2, 1e-17),
+            UnitQuaternion::from_euler_angles(0.3, -1.1, 2.9),
+        );
+        assert_eq!(numbers(&pose(&numbers(&original))).map(f64::to_bits), numbers(&original).map(f64::to_bits));
+    }
+}

@@ -1,0 +1,92 @@
+//! What comes with the program: repertoire, plans, calibrations and networks, and the bench they make of a scenario.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::Path;
+use std::sync::Arc;
+
+use anyhow::{Context, Result, bail};
+use control::perception::KnownObject;
+use hand_model::Hand;
+use hand_model::robot::TactileImage;
+use scenarios::combination::Scenario;
+use sim::SimulatedRobot;
+use sim::tactile::TactileBoard;
+use touch::{Calibration, TouchPipeline};
+
+use proving::world::World;
+use proving::{ball_sizes, plan};
+
+use crate::networks::{IN_USE, Networks};
+use crate::trial::Bench;
+
+/// The hand unit that runs the trials ...
+pub const HAND_UNIT: u64 = 7;
+/// ... and the one that photometric stereo was calibrated on.
+pub const CALIBRATION_UNIT: u64 = 1;
+
+/// The photometric models that come with the program.
+pub fn builtin_calibration() -> Result<Calibration> {
+    serde_json::from_str(include_str!("../data/calibration.json")).context("data/calibration.json")
+}
+
+/// Touch of a simulated hand with what comes with the program, given images of its untouched pads.
+pub fn simulated_touch(hand: &Hand, backgrounds: Vec<Arc<TactileImage>>) -> Result<TouchPipeline> {
+    Ok(Networks::builtin()?.pipeline(&look_up_touch(hand, backgrounds)?, IN_USE))
+}
+
+/// The same with slopes from the built-in calibration alone.
+pub fn look_up_touch(hand: &Hand, backgrounds: Vec<Arc<TactileImage>>) -> Result<TouchPipeline> {
+    let mut pipeline = TouchPipeline::new(hand, builtin_calibration()?, backgrounds)?;
+    // The engine's covers are rigid, and images are made from its forces: an object shows as pressed in where it only lies on.
+    pipeline.pose.sinking = 0.0;
+    Ok(pipeline)
+}
+
+/// Everything that trials of a scenario's first `combos` combinations share.
+pub fn make_bench(scenario: Scenario, combos: usize, seed: u64, quiet: bool) -> Result<Bench> {
+    let builtin = scenario.first == Scenario::benchmark().first
+        && scenario.second == Scenario::benchmark().second
+        && scenario.layout == Scenario::benchmark().layout;
+    let mut world = World::new(scenario)?;
+    let mut repertoire = proving::builtin::repertoire()?;
+    let mut plans = proving::builtin::plans()?;
+    if !builtin || combos > plans.plans.len() {
+        eprintln!("this scenario's combinations are not the built-in ones: rehearsing them first");
+        plans = plan::make_plans(&world, &repertoire, combos, seed, quiet)?;
+    }
+    plans.plans.truncate(combos);
+    let board = TactileBoard::unit(&world.hand, HAND_UNIT);
+    let pipeline = simulated_touch(&world.hand, board.backgrounds())?;
+    let names: BTreeSet<&String> = plans.plans.iter().map(|plan| &plan.first).collect();
+    let mut known = names
+        .into_iter()
+        .map(|name| Ok((name.clone(), KnownObject::new(world.object(name)?))))
+        .collect::<Result<BTreeMap<_, _>>>()?;
+    let disturbance = world.scenario.disturbance.clone();
+    if let Some(sweep) = &disturbance.size_sweep {
+        let balls = ball_sizes::add(sweep, &mut world, &mut repertoire)?;
+        known.extend(balls.into_iter().map(|ball| (ball.name.clone(), KnownObject::new(ball))));
+    }
+    let mut bench =
+        Bench { world, repertoire, plans, board, pipeline, known, seed, spent: Arc::default(), intact: None };
+    if !disturbance.disabled().is_empty() {
+        bench.do_without(disturbance.disabled())?;
+    }
+    Ok(bench)
+}
+
+/// The hand, and the simulated robot about to begin the ideal run of a combination of the benchmark.
+pub fn trial_scene(combination: usize, seed: u64, quiet: bool) -> Result<(Arc<Hand>, SimulatedRobot)> {
+    let bench = make_bench(Scenario::benchmark(), (combination + 1).min(60), seed, quiet)?;
+    if combination >= bench.plans.plans.len() {
+        bail!("--combo: found {combination}, expected 0 to {}", bench.plans.plans.len() - 1);
+    }
+    Ok((bench.world.hand.clone(), bench.scene(combination)?))
+}
+
+/// A scenario whose objects exist.
+pub fn read_scenario(text: &str, path: &Path) -> Result<Scenario> {
+    let scenario = Scenario::parse(text, path)?;
+    scenario.check_objects(&scenarios::objects::ObjectSet::standard(), path)?;
+    Ok(scenario)
+}

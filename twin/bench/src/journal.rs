@@ -1,0 +1,130 @@
+//! The journal of a benchmark: one line per finished unit of work, written before anything else happens, so that a run
+//! killed at any moment loses at most the unit in flight.
+
+use std::collections::BTreeMap;
+use std::fs::{File, OpenOptions};
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, Result, bail};
+use scenarios::Sensing;
+use scenarios::record::{AblatedTrial, TrialRecord};
+use serde::{Deserialize, Serialize};
+
+/// What a run was asked for; a resumed run must be asked for the same.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct RunRequest {
+    /// Number of combinations.
+    pub combos: usize,
+    /// Trials of each.
+    pub trials: usize,
+    /// Seed of everything.
+    pub seed: u64,
+    /// Body: `sim`.
+    pub robot: String,
+    /// Shard `i` of `n`, counted from 1.
+    pub shard: (usize, usize),
+    /// Less of the senses that touch is run with too.
+    #[serde(default)]
+    pub ablations: Vec<Sensing>,
+    /// Factor of the scenario's noise.
+    #[serde(default = "unscaled")]
+    pub noise_scale: f64,
+    /// The scenario's text.
+    pub scenario: String,
+}
+
+fn unscaled() -> f64 {
+    1.0
+}
+
+/// A unit of work: the ideal run of a combination, or one trial (blind and touch from the same first grasp).
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+pub struct Unit {
+    /// Combination.
+    pub combination: usize,
+    /// `None` is the ideal run.
+    pub trial: Option<usize>,
+}
+
+/// Records of a finished unit.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+pub struct Entry {
+    /// Which unit.
+    pub unit: Unit,
+    /// Its records.
+    pub records: Vec<TrialRecord>,
+    /// The same trial with less of the senses.
+    #[serde(default)]
+    pub ablated: Vec<AblatedTrial>,
+    /// Wall time it took, s.
+    pub wall_s: f64,
+}
+
+/// An open journal.
+pub struct Journal {
+    file: File,
+    /// Units finished so far.
+    pub done: BTreeMap<Unit, Entry>,
+}
+
+fn path(folder: &Path) -> PathBuf {
+    folder.join("journal.jsonl")
+}
+
+impl Journal {
+    /// Starts a new journal in `folder`, which is created; refuses a folder that already holds a run.
+    pub fn create(folder: &Path, request: &RunRequest) -> Result<Self> {
+        std::fs::create_dir_all(folder)
+            .with_context(|| format!("--out: cannot create the folder {}", folder.display()))?;
+        if path(folder).exists() {
+            bail!(
+                "--out: {} already holds a run; continue it with --resume {0} or name another folder",
+                folder.display()
+            );
+        }
+        let request = serde_json::to_string_pretty(request)?;
+        std::fs::write(folder.join("run.json"), request)
+            .with_context(|| format!("--out: cannot write into {}", folder.display()))?;
+        let file =
+            File::create(path(folder)).with_context(|| format!("--out: cannot write into {}", folder.display()))?;
+        Ok(Self { file, done: BTreeMap::new() })
+    }
+
+    /// Reads a run's journal without changing it; a last line cut off by an interruption is left out.
+    pub fn read(folder: &Path) -> Result<(BTreeMap<Unit, Entry>, RunRequest)> {
+        let run = folder.join("run.json");
+        let text = std::fs::read_to_string(&run)
+            .with_context(|| format!("{} holds no run (cannot read {})", folder.display(), run.display()))?;
+        let request: RunRequest = serde_json::from_str(&text).with_context(|| run.display().to_string())?;
+        let journal = path(folder);
+        let text = std::fs::read_to_string(&journal).with_context(|| format!("cannot read {}", journal.display()))?;
+        let whole = text.split_inclusive('\n').filter(|line| line.ends_with('\n'));
+        let done =
+            whole.map_while(|line| serde_json::from_str::<Entry>(line).ok()).map(|entry| (entry.unit, entry)).collect();
+        Ok((done, request))
+    }
+
+    /// Opens the journal of an interrupted run to go on with it.
+    pub fn resume(folder: &Path) -> Result<(Self, RunRequest)> {
+        let (done, request) = Self::read(folder).context("--resume")?;
+        let mut text = String::new();
+        for entry in done.values() {
+            text += &serde_json::to_string(entry)?;
+            text.push('\n');
+        }
+        report::write_whole(&path(folder), text.as_bytes())?;
+        let file = OpenOptions::new().append(true).open(path(folder))?;
+        Ok((Self { file, done }, request))
+    }
+
+    /// Adds a finished unit.
+    pub fn append(&mut self, entry: Entry) -> Result<()> {
+        let mut line = serde_json::to_string(&entry)?;
+        line.push('\n');
+        self.file.write_all(line.as_bytes())?;
+        self.file.sync_data()?;
+        self.done.insert(entry.unit, entry);
+        Ok(())
+    }
+}

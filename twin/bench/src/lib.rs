@@ -1,0 +1,15 @@
+//! Plays and judges trials.
+//!
+//! [`body`] holds the bodies on which a trial can be played, [`trial`] plays one, [`run`] plays a benchmark's many in parallel,
+//! [`journal`] keeps what is finished, [`recording`] shows a trial in Rerun. [`transport`] carries several objects in one trip,
+//! [`faults`] injects device faults into trials.
+
+pub mod body;
+pub mod builtin;
+pub mod faults;
+pub mod journal;
+pub mod networks;
+pub mod recording;
+pub mod run;
+pub mod transport;
+pub mod trial;

@@ -1,0 +1,258 @@
+//! `ftac bench`: the multi-object benchmark, in parallel, journaled, resumable.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::time::{Duration, Instant};
+
+use anyhow::{Context, Result, bail};
+use indicatif::{ProgressBar, ProgressStyle};
+use scenarios::FailureCause;
+use scenarios::record::{AblatedTrial, Condition, TrialRecord, write_ablated, write_trials};
+use scenarios::statistics::{RunInfo, Summary, summarise};
+
+use crate::body::{Task, Venue};
+use crate::journal::{Entry, Journal, RunRequest, Unit};
+use crate::recording::Recording;
+use crate::trial::{Bench, NoWatcher, Part};
+use report;
+
+/// Conditions of a noisy trial.
+const NOISY: [Condition; 2] = [Condition::Blind, Condition::Touch];
+
+/// Which trials are recorded.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Record {
+    /// None.
+    None,
+    /// The first trial of every tenth combination.
+    Sample,
+    /// Of each condition the first trial for each cause of failure, played again after the run.
+    Causes,
+    /// Every trial.
+    All,
+}
+
+/// How to run.
+#[derive(Clone, Copy)]
+pub struct Options<'a> {
+    /// Threads.
+    pub jobs: usize,
+    /// Which trials are recorded.
+    pub record: Record,
+    /// No progress bar.
+    pub quiet: bool,
+    /// Stream to a viewer instead of files.
+    pub live: bool,
+    /// Where bodies that are there once come from, for a unit that is recorded or not; `None` for simulated ones.
+    pub place: &'a (dyn Fn(bool) -> Result<Option<Box<dyn Venue>>> + Sync),
+}
+
+/// Units of a request, in order.
+fn units(request: &RunRequest) -> Vec<Unit> {
+    let (shard, of) = request.shard;
+    (0..request.combos)
+        .filter(|combination| combination % of == shard - 1)
+        .flat_map(|combination| {
+            std::iter::once(None).chain((0..request.trials).map(Some)).map(move |trial| Unit { combination, trial })
+        })
+        .collect()
+}
+
+fn recorded(record: Record, unit: Unit) -> bool {
+    match record {
+        Record::None | Record::Causes => false,
+        Record::Sample => unit.trial == Some(0) && unit.combination.is_multiple_of(10),
+        Record::All => true,
+    }
+}
+
+fn run_unit(
+    bench: &Bench,
+    request: &RunRequest,
+    unit: Unit,
+    folder: &Path,
+    options: &Options,
+) -> Result<(Vec<TrialRecord>, Vec<AblatedTrial>)> {
+    let record = options.live || recorded(options.record, unit);
+    let condition = if unit.trial.is_some() { Condition::Touch } else { Condition::Ideal };
+    let task = |condition| Task {
+        robot: request.robot.clone(),
+        seed: request.seed,
+        combination: unit.combination,
+        trial: unit.trial.unwrap_or(0),
+        condition,
+        watched: false,
+        combos: request.combos,
+        scenario: request.scenario.clone(),
+    };
+    if let Some(mut place) = (options.place)(record)? {
+        let conditions = if unit.trial.is_some() { &NOISY[..] } else { &[Condition::Ideal] };
+        let mut play = |condition: &Condition| bench.play(&task(*condition), place.as_mut(), &mut NoWatcher);
+        return Ok((conditions.iter().map(&mut play).collect::<Result<_>>()?, Vec::new()));
+    }
+    if !record {
+        return match unit.trial {
+            Some(trial) => bench.trial(unit.combination, trial, &NOISY, &request.ablations, &mut NoWatcher),
+            None => Ok((vec![bench.ideal(unit.combination, &mut NoWatcher)?], Vec::new())),
+        };
+    }
+    let name = format!(
+        "combination_{:02}_{}.rrd",
+        unit.combination,
+        unit.trial.map_or("ideal".to_owned(), |trial| format!("trial_{trial}"))
+    );
+    let file = folder.join("recordings").join(&name);
+    let partial = file.with_extension("partial.rrd");
+    let mut targets = vec![stream::Target::File(partial.clone())];
+    if options.live {
+        targets.push(stream::Target::Spawn);
+    }
+    let mut recording = Recording::open(&targets, bench, &task(condition))?;
+    let records = match unit.trial {
+        Some(trial) => bench.trial(unit.combination, trial, &NOISY, &request.ablations, &mut recording)?,
+        None => (vec![bench.ideal(unit.combination, &mut recording)?], Vec::new()),
+    };
+    recording.finish()?;
+    std::fs::rename(&partial, &file).with_context(|| file.display().to_string())?;
+    Ok(records)
+}
+
+/// Runs what is left of `request`; the journal keeps every finished unit.
+pub fn run(bench: &Bench, request: &RunRequest, journal: Journal, folder: &Path, options: &Options) -> Result<Summary> {
+    let begun = Instant::now();
+    let all = units(request);
+    std::fs::create_dir_all(folder.join("recordings")).with_context(|| folder.display().to_string())?;
+    let open: Vec<Unit> = all.iter().copied().filter(|unit| !journal.done.contains_key(unit)).collect();
+    let bar = if options.quiet { ProgressBar::hidden() } else { ProgressBar::new(all.len() as u64) };
+    bar.set_style(ProgressStyle::with_template("{bar:28} {pos}/{len} {msg} [{elapsed} < {eta}]")?);
+    let resumed = all.len() - open.len();
+    bar.set_position(resumed as u64);
+    bar.enable_steady_tick(Duration::from_secs(1));
+    let journal = Mutex::new(journal);
+    let next = AtomicUsize::new(0);
+    let work = || -> Result<()> {
+        while let Some(unit) = open.get(next.fetch_add(1, Ordering::Relaxed)) {
+            let start = Instant::now();
+            let records = run_unit(bench, request, *unit, folder, options).with_context(|| {
+                let trial = unit.trial.map_or("ideal run".to_owned(), |trial| format!("trial {trial}"));
+                format!("combination {}, {trial}", unit.combination)
+            });
+            // After a failure the other workers finish what they are at and stop.
+            let (records, ablated) = records.inspect_err(|_| next.store(open.len(), Ordering::Relaxed))?;
+            let entry = Entry { unit: *unit, records, ablated, wall_s: start.elapsed().as_secs_f64() };
+            let mut journal = journal.lock().map_err(|_| anyhow::anyhow!("a worker panicked"))?;
+            journal.append(entry)?;
+            bar.inc(1);
+            bar.set_message(rates(&journal, begun, resumed));
+        }
+        Ok(())
+    };
+    // Plain threads, not a work-stealing pool: a worker that waits for its tactile images must not start another trial.
+    let outcome: Result<()> = std::thread::scope(|scope| {
+        let workers: Vec<_> = (0..options.jobs.max(1)).map(|_| scope.spawn(work)).collect();
+        workers.into_iter().try_for_each(|worker| worker.join().map_err(|_| anyhow::anyhow!("a worker panicked"))?)
+    });
+    bar.finish_and_clear();
+    outcome?;
+    let journal = journal.into_inner().map_err(|_| anyhow::anyhow!("a worker panicked"))?;
+    // Over resumptions the work done counts, not the pauses.
+    let worked = journal.done.values().map(|entry| entry.wall_s).sum::<f64>() / options.jobs.max(1) as f64;
+    let wall_s = begun.elapsed().as_secs_f64().max(worked);
+    // What a resumed run spent before is not known.
+    let spent = (resumed == 0).then(|| bench.spent.seconds());
+    if let Some(spent) = spent.as_ref().filter(|_| !options.quiet) {
+        let all: f64 = spent.iter().map(|(_, seconds)| seconds).sum();
+        let parts: Vec<String> =
+            spent.iter().map(|(part, seconds)| format!("{} {:.1} %", part.name(), 100.0 * seconds / all)).collect();
+        eprintln!("time of all threads: {}", parts.join(", "));
+    }
+    if options.record == Record::Causes {
+        record_causes(bench, request, &journal.done, folder, options)?;
+    }
+    finish(&journal.done, request, folder, wall_s, spent.as_deref())
+}
+
+/// Plays again, recorded, the first trial of each cause of failure under each condition.
+fn record_causes(
+    bench: &Bench,
+    request: &RunRequest,
+    done: &BTreeMap<Unit, Entry>,
+    folder: &Path,
+    options: &Options,
+) -> Result<()> {
+    let mut examples: BTreeMap<(Condition, FailureCause), Unit> = BTreeMap::new();
+    for (unit, record) in done.values().flat_map(|entry| entry.records.iter().map(|record| (entry.unit, record))) {
+        if let Some(cause) = record.cause {
+            examples.entry((record.condition, cause)).or_insert(unit);
+        }
+    }
+    let again = Options { record: Record::All, ..*options };
+    let request = RunRequest { ablations: Vec::new(), ..request.clone() };
+    for unit in examples.values().copied().collect::<std::collections::BTreeSet<_>>() {
+        run_unit(bench, &request, unit, folder, &again)?;
+    }
+    let lines = examples.iter().map(|((condition, cause), unit)| {
+        let trial = unit.trial.map_or("ideal".to_owned(), |trial| format!("trial_{trial}"));
+        format!("{condition},{cause},recordings/combination_{:02}_{trial}.rrd\n", unit.combination)
+    });
+    let table: String = std::iter::once("condition,cause,recording\n".to_owned()).chain(lines).collect();
+    report::write_whole(&folder.join("causes.csv"), table.as_bytes())
+}
+
+fn rates(journal: &Journal, begun: Instant, resumed: usize) -> String {
+    let records: Vec<&TrialRecord> = journal.done.values().flat_map(|entry| &entry.records).collect();
+    let share = |condition: Condition, pick: fn(&TrialRecord) -> bool| {
+        let of: Vec<_> = records.iter().filter(|record| record.condition == condition).collect();
+        let hits = of.iter().filter(|record| pick(record)).count();
+        if of.is_empty() { "  -".to_owned() } else { format!("{:3.0}%", 100.0 * hits as f64 / of.len() as f64) }
+    };
+    let minutes = begun.elapsed().as_secs_f64() / 60.0;
+    let trials = journal.done.len().saturating_sub(resumed);
+    format!(
+        "{:.0} units/min  collisions blind {} touch {}  success blind {} touch {}",
+        trials as f64 / minutes.max(1e-9),
+        share(Condition::Blind, |r| r.collision),
+        share(Condition::Touch, |r| r.collision),
+        share(Condition::Blind, |r| r.success),
+        share(Condition::Touch, |r| r.success)
+    )
+}
+
+/// `spent` is where the time went, if that is known. Writes `trials.csv`, `ablations.csv` where there are any, `summary.json` and `report.html`, each whole or not at all.
+pub fn finish(
+    done: &BTreeMap<Unit, Entry>,
+    request: &RunRequest,
+    folder: &Path,
+    wall_s: f64,
+    spent: Option<&[(Part, f64)]>,
+) -> Result<Summary> {
+    let records: Vec<TrialRecord> = done.values().flat_map(|entry| entry.records.iter().cloned()).collect();
+    if records.is_empty() {
+        bail!("{}: no trial is finished", folder.display());
+    }
+    let ablated: Vec<AblatedTrial> = done.values().flat_map(|entry| entry.ablated.iter().cloned()).collect();
+    let summary = summarise(&records, &ablated, &RunInfo { seed: request.seed, robot: request.robot.clone(), wall_s });
+    let mut table = Vec::new();
+    write_trials(&records, &mut table)?;
+    report::write_whole(&folder.join("trials.csv"), &table)?;
+    if !ablated.is_empty() {
+        let mut table = Vec::new();
+        write_ablated(&ablated, &mut table)?;
+        report::write_whole(&folder.join("ablations.csv"), &table)?;
+    }
+    report::write_whole(&folder.join("summary.json"), &serde_json::to_vec_pretty(&summary)?)?;
+    let mut run = serde_json::json!({
+        "command": std::env::args().collect::<Vec<_>>().join(" "),
+        "seed": request.seed,
+        "robot": request.robot,
+        "version": env!("CARGO_PKG_VERSION"),
+        "wall_s": summary.wall_s,
+    });
+    for (part, seconds) in spent.into_iter().flatten() {
+        run["threads' time on"][format!("{}_s", part.name())] = (*seconds).into();
+    }
+    report::write_report(folder, &summary, &records, &run)?;
+    Ok(summary)
+}

@@ -1,0 +1,258 @@
+//! Rehearsals: a sequence of picks, each searched in physics while the digits of those before it go on holding.
+//!
+//! A proposal closes its digits on the ball; those that touch nothing open again, and what is left must lift everything and hold
+//! it over the goal. What holds is tried again under the errors that a planner expects, and the best of it is what the next
+//! pick of the sequence begins with.
+
+use std::sync::Arc;
+
+use anyhow::{Context, Result, bail};
+use control::carrier::Stage;
+use grasping::Grasp;
+use grasping::digit_sets::propose_with;
+use grasping::sampler::vary;
+use hand_model::Digit;
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
+use rayon::prelude::*;
+use scenarios::noise::TrialNoise;
+use sim::robot::Truth;
+use sim::tactile::TactileBoard;
+
+use super::play::Site;
+use super::site::{Branch, in_hand, seen};
+use super::skills::Proven;
+use proving::rehearsal::{digit_bits, misaimed, proving_errors};
+
+/// Draws of the expected noise under which a pick is proven, after a try without any.
+const ERRORS: usize = 5;
+/// Holds from which the next pick of a sequence is searched.
+const BASES: usize = 4;
+/// Skills kept of each pick.
+const KEPT: usize = 6;
+/// A skill with this score mostly holds.
+const LIKELY: f64 = 0.6;
+/// A held ball that slips more than this in the hand on its way to the goal is not held, m.
+const SLIP_LIMIT: f64 = 0.012;
+
+/// One pick of a sequence: which ball, closed on by which digits.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Wanted {
+    /// Number of the ball.
+    pub ball: usize,
+    /// Digits that close.
+    pub digits: Vec<Digit>,
+}
+
+/// How the search of one pick went.
+#[derive(Debug, Clone)]
+pub struct Searched {
+    /// What was searched.
+    pub wanted: Wanted,
+    /// Proposals within the arm's reach that were closed in physics.
+    pub tried: usize,
+    /// Of them, those in which the ball was touched when the lift began.
+    pub touched: usize,
+    /// Those that lifted it with all that was held before.
+    pub lifted: usize,
+    /// Those that still held everything over the goal.
+    pub held: usize,
+    /// The best of them, most robust first.
+    pub skills: Vec<Proven>,
+}
+
+/// A hold: where the next pick begins.
+#[derive(Clone)]
+struct Base {
+    branch: Branch,
+    had: Vec<usize>,
+    holding: Vec<Digit>,
+}
+
+/// What holds, and the hold that it gives.
+type Found = (Proven, Base);
+
+/// How far a try came.
+enum Came {
+    OutOfReach,
+    Nothing,
+    Touched,
+    Lifted,
+    Held(Box<(Branch, Vec<Digit>, Truth)>),
+}
+
+impl std::str::FromStr for WantedText {
+    type Err = anyhow::Error;
+
+    fn from_str(text: &str) -> Result<Self> {
+        let expected = "BALL=DIGIT+DIGIT, such as ball_1=ring+little";
+        let Some((ball, digits)) = text.split_once('=') else { bail!("found {text:?}, expected {expected}") };
+        let digit = |name: &str| {
+            let named = Digit::ALL.into_iter().find(|digit| digit.name() == name);
+            named.with_context(|| format!("found digit {name:?}, expected thumb, index, middle, ring or little"))
+        };
+        Ok(Self { ball: ball.to_owned(), digits: digits.split('+').map(digit).collect::<Result<_>>()? })
+    }
+}
+
+/// A pick as the command line has it.
+#[derive(Debug, Clone)]
+pub struct WantedText {
+    ball: String,
+    digits: Vec<Digit>,
+}
+
+impl WantedText {
+    /// With the ball's number in `site`.
+    pub fn in_site(&self, site: &Site) -> Result<Wanted> {
+        let balls = &site.transport.ball;
+        let ball = balls.iter().position(|ball| ball.name == self.ball).with_context(|| {
+            let names: Vec<&str> = balls.iter().map(|ball| ball.name.as_str()).collect();
+            format!("--pick: found ball {:?}, expected one of {}", self.ball, names.join(", "))
+        })?;
+        Ok(Wanted { ball, digits: self.digits.clone() })
+    }
+}
+
+/// Searches the picks of a sequence one after the other with `n` proposals each; ends where nothing holds.
+pub fn rehearse(site: &Site, sequence: &[Wanted], n: u32, quiet: bool) -> Result<Vec<Searched>> {
+    let balls: Vec<_> = site.transport.ball.iter().map(|ball| (Arc::new(ball.model()), ball.pose())).collect();
+    let empty = Branch::begin(&site.world, site.protocol(), &balls, &TrialNoise::none(), TactileBoard::blank())?;
+    let mut bases = vec![Base { branch: empty, had: Vec::new(), holding: Vec::new() }];
+    let mut all = Vec::new();
+    for (k, wanted) in sequence.iter().enumerate() {
+        let random = |id: u32| ChaCha8Rng::seed_from_u64(site.seed ^ (k as u64) << 40 ^ u64::from(id) << 8);
+        let radius = 0.5 * site.transport.ball[wanted.ball].diameter;
+        let propose = |id: u32| propose_with(&site.world.hand, &wanted.digits, "ball", radius, id, &mut random(id));
+        let mut searched =
+            Searched { wanted: wanted.clone(), tried: 0, touched: 0, lifted: 0, held: 0, skills: Vec::new() };
+        let mut found = search(site, &bases, wanted, (0..n).map(propose).collect(), &mut searched)?;
+        // Half as many variations of what held.
+        let parents: Vec<Grasp> = found.iter().take(8).map(|(skill, _)| skill.grasp.clone()).collect();
+        if !parents.is_empty() {
+            let vary = |id: u32| vary(&parents[id as usize % parents.len()], id, &mut random(id));
+            found.extend(search(site, &bases, wanted, (n..n + n / 2).map(vary).collect(), &mut searched)?);
+        }
+        // Of what mostly holds, the one that leaves more digits free is worth more to the next pick.
+        let rank = |skill: &Proven| (skill.grasp.score < LIKELY, skill.keeps.len());
+        found.sort_by(|(a, _), (b, _)| {
+            rank(a).cmp(&rank(b)).then(b.grasp.score.total_cmp(&a.grasp.score)).then(a.grasp.id.cmp(&b.grasp.id))
+        });
+        searched.skills = found.iter().take(KEPT).map(|(skill, _)| skill.clone()).collect();
+        all.push(searched);
+        if !quiet {
+            let best = all
+                .last()
+                .and_then(|searched: &Searched| searched.skills.first())
+                .map_or(0.0, |skill| skill.grasp.score);
+            eprintln!("{}: {} holds found, best {best:.2}", site.transport.ball[wanted.ball].name, found.len());
+        }
+        bases = found.into_iter().take(BASES).map(|(_, base)| base).collect();
+        if bases.is_empty() {
+            break;
+        }
+    }
+    Ok(all)
+}
+
+/// Tries `grasps` on all `bases` in turn; what holds, proven under errors, with the hold that it gives.
+fn search(
+    site: &Site,
+    bases: &[Base],
+    wanted: &Wanted,
+    grasps: Vec<Grasp>,
+    searched: &mut Searched,
+) -> Result<Vec<Found>> {
+    let errors = proving_errors(ERRORS);
+    let one = |grasp: Grasp| -> Result<(Came, Option<Found>)> {
+        let base = &bases[grasp.id as usize % bases.len()];
+        if wanted.digits.iter().any(|digit| base.holding.contains(digit)) || base.had.contains(&wanted.ball) {
+            return Ok((Came::OutOfReach, None));
+        }
+        let came = attempt(site, base, wanted.ball, &grasp, None)?;
+        let Came::Held(held) = &came else { return Ok((came, None)) };
+        let (branch, keeps, truth) = &**held;
+        let mut good = 1;
+        for noise in &errors {
+            let tried = attempt(site, base, wanted.ball, &misaimed(&grasp, noise, 0), Some(keeps))?;
+            good += usize::from(matches!(tried, Came::Held(_)));
+        }
+        let grasp = Grasp {
+            object: format!("ball_{:.1}_mm", 1e3 * site.transport.ball[wanted.ball].diameter),
+            score: good as f64 / (1 + ERRORS) as f64,
+            held: Some(truth.palm.inverse() * truth.objects[wanted.ball]),
+            held_joints: Some(truth.hand.clone()),
+            ..grasp
+        };
+        let proven = Proven {
+            diameter: site.transport.ball[wanted.ball].diameter,
+            beside: base.holding.clone(),
+            keeps: keeps.clone(),
+            grasp,
+        };
+        let base = Base {
+            branch: branch.clone(),
+            had: [&base.had[..], &[wanted.ball]].concat(),
+            holding: [&base.holding[..], keeps].concat(),
+        };
+        Ok((came, Some((proven, base))))
+    };
+    let tried: Vec<Result<_>> = grasps.into_par_iter().map(one).collect();
+    let mut found = Vec::new();
+    for tried in tried {
+        let (came, proven) = tried?;
+        let far = match came {
+            Came::OutOfReach => continue,
+            Came::Nothing => 0,
+            Came::Touched => 1,
+            Came::Lifted => 2,
+            Came::Held(_) => 3,
+        };
+        searched.tried += 1;
+        searched.touched += usize::from(far > 0);
+        searched.lifted += usize::from(far > 1);
+        searched.held += usize::from(far > 2);
+        found.extend(proven);
+    }
+    Ok(found)
+}
+
+/// Takes `ball` from `base` and brings everything over the goal. With `keeps`, those digits go on holding whatever they touch.
+fn attempt(site: &Site, base: &Base, ball: usize, grasp: &Grasp, keeps: Option<&Vec<Digit>>) -> Result<Came> {
+    let place = base.branch.robot.truth().objects[ball];
+    let percept = seen(&place);
+    let target = grasp.palm_pose(&percept.position, 0.0);
+    if site.world.posture(&target, &site.world.ready).is_err() {
+        return Ok(Came::OutOfReach);
+    }
+    let mut branch = base.branch.clone();
+    branch.carrier.take(grasp.clone(), &percept)?;
+    let reached = branch.play(|robot, carrier| {
+        let missed = carrier.stage() == Stage::Lift && carrier.progress() < 0.1 && robot.truth().touched_by[ball] == 0;
+        Ok(!missed)
+    })?;
+    if !reached {
+        return Ok(Came::Nothing);
+    }
+    let truth = branch.robot.truth();
+    let had: Vec<usize> = base.had.iter().copied().chain([ball]).collect();
+    if !had.iter().all(|one| in_hand(&truth, *one)) {
+        return Ok(Came::Touched);
+    }
+    let touching = |digit: &Digit| truth.touched_by[ball] & digit_bits(&[*digit]) != 0;
+    let keeps: Vec<Digit> = match keeps {
+        Some(keeps) => keeps.clone(),
+        None => grasp.digits().into_iter().filter(touching).collect(),
+    };
+    if keeps.is_empty() {
+        return Ok(Came::Lifted);
+    }
+    branch.carrier.keep_only(&[&base.holding[..], &keeps].concat());
+    let hold = branch.clone();
+    branch.carrier.deliver([site.transport.goal.x, site.transport.goal.y])?;
+    branch.play(|_, carrier| Ok(carrier.stage() != Stage::Release))?;
+    let last = branch.robot.truth();
+    let inside = |truth: &Truth, one: usize| (truth.palm.inverse() * truth.objects[one]).translation.vector;
+    let stays = |one: &usize| in_hand(&last, *one) && (inside(&last, *one) - inside(&truth, *one)).norm() < SLIP_LIMIT;
+    Ok(if had.iter().all(stays) { Came::Held(Box::new((hold, keeps, truth))) } else { Came::Lifted })
+}

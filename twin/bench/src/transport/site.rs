@@ -1,0 +1,79 @@
+//! The place of a transport: balls on the table, the robot over them, and what is truly in its hand.
+
+use std::sync::Arc;
+
+use anyhow::Result;
+use control::carrier::{Carrier, Stage};
+use control::executive::{Percept, Protocol};
+use hand_model::robot::Robot;
+use nalgebra::{Isometry3, UnitQuaternion, Vector3};
+use scenarios::noise::TrialNoise;
+use scenarios::objects::ObjectModel;
+use sim::robot::{SimulatedRobot, Truth};
+use sim::tactile::TactileBoard;
+use sim::{ObjectPlacement, SceneSetup};
+
+use proving::world::World;
+
+/// Body and controller together; a clone is a branch.
+#[derive(Clone)]
+pub struct Branch {
+    /// The body.
+    pub robot: SimulatedRobot,
+    /// The controller.
+    pub carrier: Carrier,
+}
+
+impl Branch {
+    /// The hand empty over balls that stand at their places, arm and perception off by `noise`'s execution error.
+    pub fn begin(
+        world: &World,
+        protocol: Protocol,
+        balls: &[(Arc<ObjectModel>, Isometry3<f64>)],
+        noise: &TrialNoise,
+        board: TactileBoard,
+    ) -> Result<Self> {
+        let scene = SceneSetup {
+            objects: balls.iter().map(|(model, pose)| ObjectPlacement { model: model.clone(), pose: *pose }).collect(),
+            ..world.bare_scene(world.ready, noise)
+        };
+        let robot = SimulatedRobot::new(world.hand.clone(), world.arm.clone(), &scene, board);
+        let tick = robot.tick_length();
+        Ok(Self { robot, carrier: Carrier::new(world.hand.clone(), world.arm_servo(world.ready)?, protocol, tick)? })
+    }
+
+    /// Plays on until the carrier waits for a decision, or until `watch`, which sees every tick, says `false`: whether it came
+    /// to the decision.
+    pub fn play(&mut self, mut watch: impl FnMut(&mut SimulatedRobot, &Carrier) -> Result<bool>) -> Result<bool> {
+        loop {
+            let observation = self.robot.observe();
+            let command = self.carrier.tick(&observation)?;
+            self.robot.send(&command);
+            self.robot.wait_for_tick();
+            if !watch(&mut self.robot, &self.carrier)? {
+                return Ok(false);
+            }
+            if self.carrier.stage() == Stage::Decide {
+                return Ok(true);
+            }
+        }
+    }
+}
+
+/// A ball seen without error where it is.
+pub fn seen(pose: &Isometry3<f64>) -> Percept {
+    Percept { position: pose.translation.vector.into(), rotation: UnitQuaternion::identity(), yaw: 0.0 }
+}
+
+/// Height of a ball's centre over the table from which it counts as lifted, beside not touching the table, m.
+const LIFTED: f64 = 0.07;
+/// Distance from the palm's origin within which it counts as in the hand, m.
+const NEAR: f64 = 0.17;
+
+/// Whether ball `index` is in the hand.
+pub fn in_hand(truth: &Truth, index: usize) -> bool {
+    let place: Vector3<f64> = truth.objects[index].translation.vector;
+    let supported =
+        truth.touched_by[index] != 0 || truth.object_pairs.iter().any(|pair| pair.0 == index || pair.1 == index);
+    supported && !truth.on_table[index] && place.z > LIFTED && (place - truth.palm.translation.vector).norm() < NEAR
+}

@@ -1,0 +1,63 @@
+//! The first grasp of a trial as it came out, with what is needed to feel it again: other cameras, other optics.
+
+use anyhow::Result;
+use control::perception::expected;
+use hand_model::robot::ServoState;
+use hand_model::{ACTUATORS, ARM_JOINTS};
+use nalgebra::Isometry3;
+use serde::{Deserialize, Serialize};
+
+use super::{Bench, NoWatcher};
+use proving::rehearsal::in_hand;
+
+/// A first object in the hand at the moment of decision. Frames: the palm's.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct HeldGrasp {
+    /// Number of the combination.
+    pub combination: usize,
+    /// Number of the trial.
+    pub trial: usize,
+    /// What is held.
+    pub object: String,
+    /// Position (rad) and current (A) of each servo.
+    servos: [[f64; 2]; ACTUATORS],
+    /// Where the plan has the object.
+    pub expected: Isometry3<f64>,
+    /// Where it is.
+    pub truth: Isometry3<f64>,
+    /// Where the pads are.
+    pub pads: Vec<Isometry3<f64>>,
+    /// True finger angles, rad.
+    pub joints: Vec<f64>,
+    /// Normal force on each pad, N.
+    pub forces: Vec<f64>,
+}
+
+impl HeldGrasp {
+    /// What the servos report.
+    pub fn servos(&self) -> [ServoState; ACTUATORS] {
+        self.servos.map(|[position, current]| ServoState { position, current, ..ServoState::default() })
+    }
+}
+
+impl Bench {
+    /// Plays a noisy trial up to the decision; `None` where the first object is not in the hand then.
+    pub fn held(&self, combination: usize, trial: usize) -> Result<Option<HeldGrasp>> {
+        let (start, _) = self.begin(combination, trial, &mut NoWatcher)?;
+        let snapshot = &start.run.snapshot;
+        let Some(truth) = snapshot.robot.truth().filter(|truth| in_hand(truth, 0)) else { return Ok(None) };
+        let palm = truth.palm.inverse();
+        let links: Vec<Isometry3<f64>> = truth.links[ARM_JOINTS..].iter().map(|link| palm * link).collect();
+        Ok(Some(HeldGrasp {
+            combination,
+            trial,
+            object: start.objects[0].name.clone(),
+            servos: snapshot.executive.servos().map(|servo| [servo.position, servo.current]),
+            expected: expected(&snapshot.executive),
+            truth: palm * truth.objects[0],
+            pads: self.world.hand.pad_poses(&links),
+            joints: truth.hand,
+            forces: truth.pad_forces,
+        }))
+    }
+}

@@ -1,0 +1,78 @@
+//! `ftac arm check`: the Gen3 as this project drives it, row by row, with method, tolerance and pictures.
+//!
+//! [`physics`] holds postures against gravity and asks joints to jump; [`tracking`] has the inverse kinematics follow palm paths, on
+//! paper and in physics, and times it; [`edges`] leads it to singularities, limits and out of reach; [`reach`] maps where the
+//! palm can be without the arm running into itself.
+
+mod edges;
+mod physics;
+mod reach;
+mod tracking;
+
+use std::path::Path;
+
+use anyhow::{Context, Result};
+use control::inverse_kinematics::Joints;
+use hand_model::Arm;
+use nalgebra::Vector3;
+use scenarios::combination::Scenario;
+use serde_json::json;
+
+use crate::hand_check::{Row, Verdict};
+use proving::world::World;
+
+/// Where a pose of the published chain may be off, m.
+const CHAIN: f64 = 1e-4;
+
+/// All rows of the check, in order; pictures go to `out`.
+pub fn run(seed: u64, out: Option<&Path>, quiet: bool) -> Result<Vec<Row>> {
+    if let Some(folder) = out {
+        std::fs::create_dir_all(folder).with_context(|| folder.display().to_string())?;
+    }
+    let world = World::new(Scenario::benchmark())?;
+    let mut rows = vec![chain(&world.arm), limits(&world.arm)];
+    rows.extend(physics::rows(&world, seed)?);
+    rows.extend(tracking::rows(&world, out)?);
+    rows.extend(edges::rows(&world, out)?);
+    rows.push(reach::row(&world, out, quiet)?);
+    Ok(rows)
+}
+
+/// Two postures whose tool poses the maker's description gives.
+fn chain(arm: &Arm) -> Row {
+    let known: [(Joints, Vector3<f64>); 2] =
+        [([0.0; 7], Vector3::new(0.0, -0.02485, 1.18739)), (Arm::home(), Vector3::new(0.45667, 0.00135, 0.43372))];
+    let off = known.iter().map(|(q, at)| (arm.tool_pose(q).translation.vector - at).norm()).fold(0.0, f64::max);
+    Row::new(
+        "joint frames",
+        format!("{:.3} mm off", off * 1e3),
+        "published chain",
+        "tool position upright and at home against Kinova's description; within 0.1 mm",
+        Verdict::of(off < CHAIN),
+    )
+}
+
+fn limits(arm: &Arm) -> Row {
+    let published = ([1.3963, 1.3963, 1.3963, 1.3963, 1.2218, 1.2218, 1.2218], [39.0, 39.0, 39.0, 39.0, 9.0, 9.0, 9.0]);
+    let ranges = [f64::INFINITY, 2.24, f64::INFINITY, 2.57, f64::INFINITY, 2.09, f64::INFINITY];
+    let same = arm.velocity_limits == published.0
+        && arm.effort_limits == published.1
+        && arm.tree.joints.iter().zip(ranges).all(|(joint, range)| joint.upper == range && joint.lower == -range);
+    let table: Vec<_> = (0..7)
+        .map(|i| {
+            json!({
+                "joint": i + 1, "range_rad": ranges[i].is_finite().then_some(ranges[i]),
+                "speed_rad_s": arm.velocity_limits[i], "torque_n_m": arm.effort_limits[i],
+                "acceleration_rad_s2": arm.acceleration_limits[i],
+            })
+        })
+        .collect();
+    Row::new(
+        "limits of joints, speeds, torques",
+        if same { "equal".into() } else { "differ".into() },
+        "published table",
+        "ranges, speeds and continuous torques of the parameter file against Kinova's table; exact",
+        Verdict::of(same),
+    )
+    .with(json!(table))
+}

@@ -1,0 +1,183 @@
+//! What the inverse kinematics does where it cannot do what it is asked: out of reach, at singularities, at joint limits, and when
+//! the target jumps. It has to slow down, say so, and never jump.
+
+use std::path::Path;
+
+use anyhow::Result;
+use control::Twist;
+use control::inverse_kinematics::{ArmServo, QpPath};
+use control::trajectory::{PathLimits, PosePath};
+use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
+use serde_json::json;
+
+use crate::hand_check::{Row, Verdict};
+use proving::world::World;
+use report::picture::{save, tile};
+use report::plot::Plot;
+
+/// Control tick, s.
+const TICK: f64 = 1.0 / 120.0;
+/// Time after the target has come to rest, s.
+const SETTLE: f64 = 2.0;
+/// Limits hold to rounding.
+const ROUNDING: f64 = 1e-6;
+/// A reference this far behind has to be reported, m and rad.
+const BEHIND: (f64, f64) = (0.02, 0.1);
+
+struct Edge {
+    name: &'static str,
+    /// Whether the target can be reached in the end.
+    reachable: bool,
+    path: PosePath,
+}
+
+fn edges(start: Isometry3<f64>) -> Result<Vec<Edge>> {
+    let limits = PathLimits::default();
+    let shifted = |x: f64, y: f64, z: f64| Translation3::new(x, y, z) * start;
+    let turned = |axis: Vector3<f64>| {
+        Isometry3::from_parts(start.translation, UnitQuaternion::from_scaled_axis(axis) * start.rotation)
+    };
+    let above = |x: f64| Isometry3::from_parts(Translation3::new(x, 0.0, 0.75), start.rotation);
+    let jump = vec![(0.0, start), (TICK, shifted(0.0, 0.3, 0.2))];
+    Ok(vec![
+        Edge {
+            name: "0.6 m past full reach",
+            reachable: false,
+            path: PosePath::timed(&[start, shifted(0.9, 0.0, 0.1)], limits)?,
+        },
+        Edge {
+            name: "over the shoulder's axis",
+            reachable: false,
+            path: PosePath::timed(&[start, above(0.45), above(-0.3)], limits)?,
+        },
+        Edge {
+            name: "wrist past its limits",
+            reachable: false,
+            path: PosePath::timed(&[start, turned(Vector3::y() * 1.5), turned(Vector3::y() * 3.0)], limits)?,
+        },
+        Edge { name: "target jumps by 0.36 m", reachable: true, path: PosePath::new(jump)? },
+    ])
+}
+
+struct Seen {
+    name: &'static str,
+    /// Greatest share of speed and acceleration limits.
+    speed: f64,
+    acceleration: f64,
+    /// Least distance to a position limit, rad.
+    room: f64,
+    slowest: f64,
+    held_back: usize,
+    unreported: usize,
+    failed: usize,
+    ticks: usize,
+    left: f64,
+    good: bool,
+    lines: [Vec<[f64; 2]>; 3],
+}
+
+fn lead(world: &World, edge: &Edge) -> Result<Seen> {
+    let mut servo: ArmServo = world.arm_servo(world.ready)?;
+    let arm = &world.arm;
+    let mut seen = Seen {
+        name: edge.name,
+        speed: 0.0,
+        acceleration: 0.0,
+        room: f64::INFINITY,
+        slowest: 1.0,
+        held_back: 0,
+        unreported: 0,
+        failed: 0,
+        ticks: ((edge.path.duration() + SETTLE) / TICK) as usize,
+        left: 0.0,
+        good: false,
+        lines: [Vec::new(), Vec::new(), Vec::new()],
+    };
+    for n in 1..=seen.ticks {
+        let time = n as f64 * TICK;
+        let (target, twist): (_, Twist) = edge.path.sample(time);
+        let before = *servo.qd();
+        let step = servo.step(&target, &twist, TICK)?;
+        let mut used = 0.0f64;
+        for (i, before) in before.iter().enumerate() {
+            used = used.max(step.qd[i].abs() / arm.velocity_limits[i]);
+            let change = (step.qd[i] - before).abs() / TICK / arm.acceleration_limits[i];
+            seen.acceleration = seen.acceleration.max(change);
+            let joint = &arm.tree.joints[i];
+            seen.room = seen.room.min(joint.upper - step.q[i]).min(step.q[i] - joint.lower);
+        }
+        seen.speed = seen.speed.max(used);
+        seen.slowest = seen.slowest.min(step.speed_scale);
+        seen.held_back += usize::from(step.saturated);
+        seen.failed += usize::from(step.solved == QpPath::Failed);
+        // Behind without being reported: neither slowed down nor held back, while the target's way is not in `step` yet.
+        let behind = step.position_error > BEHIND.0 || step.rotation_error > BEHIND.1;
+        let moving = step.qd.iter().any(|speed| speed.abs() > 0.02);
+        seen.unreported += usize::from(behind && !step.saturated && step.speed_scale > 0.98 && !moving);
+        seen.left = step.position_error;
+        seen.lines[0].push([time, used]);
+        seen.lines[1].push([time, step.speed_scale]);
+        seen.lines[2].push([time, step.position_error]);
+    }
+    let kept = seen.speed <= 1.0 + ROUNDING && seen.acceleration <= 1.0 + ROUNDING && seen.room >= -ROUNDING;
+    let told = if edge.reachable { seen.left < 1e-3 } else { seen.held_back > 0 };
+    seen.good = kept && told && seen.unreported == 0 && seen.failed == 0;
+    Ok(seen)
+}
+
+/// The rows.
+pub fn rows(world: &World, out: Option<&Path>) -> Result<Vec<Row>> {
+    let start = world.kinematics().palm_pose(&world.ready);
+    let mut seen = Vec::new();
+    for edge in edges(start)? {
+        seen.push(lead(world, &edge)?);
+    }
+    let picture = out.is_some().then(|| "edges.png".to_string());
+    let rows = seen
+        .iter()
+        .map(|s| {
+            let mut row = Row::new(
+                s.name,
+                format!("slowed to {:.2}, said {} of {}", s.slowest, s.held_back, s.ticks),
+                "slows, reports, never jumps",
+                &format!(
+                    "inverse kinematics at {:.0} Hz: greatest joint speed {:.3} and acceleration {:.3} of the limits (at most 1), {:.3} rad \
+                     left to the nearest position limit, {:.0} mm from the target in the end; ticks standing still behind the target \
+                     without saying so: {}, failed solves: {}",
+                    1.0 / TICK,
+                    s.speed,
+                    s.acceleration,
+                    s.room,
+                    s.left * 1e3,
+                    s.unreported,
+                    s.failed
+                ),
+                Verdict::of(s.good),
+            )
+            .with(json!({
+                "speed_share": s.speed, "acceleration_share": s.acceleration, "room_rad": s.room,
+                "least_speed_scale": s.slowest, "held_back_ticks": s.held_back, "ticks": s.ticks,
+                "unreported_ticks": s.unreported, "failed": s.failed, "left_mm": s.left * 1e3,
+            }));
+            row.picture = picture.clone();
+            row
+        })
+        .collect();
+    if let Some(folder) = out {
+        let plots: Vec<_> = seen
+            .into_iter()
+            .map(|s| {
+                let [used, scale, left] = s.lines;
+                Plot {
+                    title: s.name.into(),
+                    x: "time [s]".into(),
+                    y: "shares of 1; m".into(),
+                    lines: vec![("joint speed".into(), used), ("speed scale".into(), scale), ("left [m]".into(), left)],
+                }
+                .draw()
+            })
+            .collect();
+        save(&tile(&plots, 2), &folder.join("edges.png"))?;
+    }
+    Ok(rows)
+}

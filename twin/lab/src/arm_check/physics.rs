@@ -1,0 +1,185 @@
+//! Holding against gravity under torque control, and set-points that jump.
+
+use anyhow::{Result, anyhow};
+use control::arm_clearance::ArmBodies;
+use control::inverse_kinematics::Joints;
+use hand_model::robot::{Command, Robot};
+use hand_model::transmission::friction::CableFriction;
+use hand_model::{ARM_JOINTS, HAND_JOINTS};
+use nalgebra::UnitQuaternion;
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use rayon::prelude::*;
+use serde_json::json;
+use sim::engine::EngineSettings;
+use sim::stand::tension_goals;
+use sim::tactile::TactileBoard;
+use sim::{SceneSetup, SimulatedRobot};
+
+use crate::hand_check::{Row, Verdict};
+use proving::world::World;
+
+/// Random postures that are held, and for how long, s.
+const POSTURES: usize = 24;
+const HOLD: f64 = 1.5;
+/// A held joint may stand off its set-point by this, rad, and the torque off the weight's by this, N m.
+const SAG: f64 = 2e-3;
+const TORQUE: f64 = 0.2;
+/// Postures keep this away from the table, m; from themselves they stay free, as the tubes next but one are never far apart.
+const CLEAR: f64 = 0.03;
+/// By how far all joints are asked to jump, rad, and what they may be past the goal, rad.
+const JUMP: f64 = 0.6;
+const OVERSHOOT: f64 = 0.02;
+/// Kilograms in the hand that the paper holds up.
+const LOAD: f64 = 2.5;
+
+/// Potential energy (J) of arm and open hand at `q`, with `load` (kg) in the palm.
+fn potential(world: &World, q: &Joints, load: f64) -> f64 {
+    let kinematics = world.kinematics();
+    let links = kinematics.link_poses(q);
+    let palm = kinematics.palm_pose(q);
+    let fingers = world.hand.tree.forward(&[0.0; HAND_JOINTS]);
+    let arm: f64 = links.iter().zip(&world.arm.masses).map(|(pose, m)| m.mass * (pose * m.com).z).sum();
+    let hand: f64 = fingers.iter().zip(&world.hand.masses).map(|(pose, m)| m.mass * (palm * pose * m.com).z).sum();
+    let body = &world.hand.palm_mass;
+    let held = palm * nalgebra::Point3::new(0.0, -0.02, -0.03);
+    9.81 * (arm + hand + body.mass * (palm * body.com).z + load * held.z)
+}
+
+/// Torques (N m) that hold arm, hand and `load` (kg) up: the potential energy's slope.
+pub fn weight_torques(world: &World, q: &Joints, load: f64) -> Joints {
+    let h = 1e-5;
+    std::array::from_fn(|i| {
+        let at = |shift: f64| {
+            let mut moved = *q;
+            moved[i] += shift;
+            potential(world, &moved, load)
+        };
+        (at(h) - at(-h)) / (2.0 * h)
+    })
+}
+
+fn robot(world: &World, q: &Joints) -> SimulatedRobot {
+    let setup = SceneSetup {
+        world_from_base: world.world_from_base,
+        mount_error: UnitQuaternion::identity(),
+        arm_start: *q,
+        objects: Vec::new(),
+        cable_friction: CableFriction::NONE,
+        engine: EngineSettings::default(),
+    };
+    SimulatedRobot::new(world.hand.clone(), world.arm.clone(), &setup, TactileBoard::blank())
+}
+
+/// Random postures within the limits that touch neither themselves nor the table.
+fn postures(world: &World, seed: u64) -> Result<Vec<Joints>> {
+    let kinematics = world.kinematics();
+    let bodies = ArmBodies::new(&kinematics, &world.hand);
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    let mut found = Vec::new();
+    for _ in 0..200 * POSTURES {
+        let q: Joints = std::array::from_fn(|i| {
+            let joint = &world.arm.tree.joints[i];
+            let reach = if joint.upper.is_finite() { joint.upper - 0.1 } else { std::f64::consts::PI };
+            rng.random_range(-reach..reach)
+        });
+        let free = bodies.clearance(&kinematics, &q)?.distance > 0.0 && bodies.height(&kinematics, &q)? > CLEAR;
+        if free {
+            found.push(q);
+        }
+        if found.len() == POSTURES {
+            return Ok(found);
+        }
+    }
+    Err(anyhow!("only {} of {POSTURES} random postures of the arm are free", found.len()))
+}
+
+/// Holds `q`; the largest sag (rad) and the largest difference of the torques from the weight's (N m).
+fn hold(world: &World, q: &Joints) -> (f64, f64) {
+    let mut robot = robot(world, q);
+    let servos = tension_goals(&world.hand, &[0.0; 5], 0.0);
+    while robot.wait_for_tick().time < HOLD {
+        robot.send(&Command { arm: *q, servos, capture: false });
+    }
+    let arm = robot.observe().arm;
+    let expected = weight_torques(world, &arm.position, 0.0);
+    let sag = (0..ARM_JOINTS).map(|i| (arm.position[i] - q[i]).abs()).fold(0.0, f64::max);
+    (sag, (0..ARM_JOINTS).map(|i| (arm.torque[i] - expected[i]).abs()).fold(0.0, f64::max))
+}
+
+/// All joints asked to jump at once: greatest share of a joint's speed limit, overshoot (rad) and time to within 0.01 rad, s.
+fn jump(world: &World) -> (f64, f64, f64) {
+    let start = world.ready;
+    // Towards the middle of each joint's range, so that no limit keeps a joint from its goal.
+    let goal: Joints = std::array::from_fn(|i| start[i] + if start[i] > 0.0 { -JUMP } else { JUMP });
+    let mut robot = robot(world, &start);
+    let servos = tension_goals(&world.hand, &[0.0; 5], 0.0);
+    let (mut fastest, mut past, mut there) = (0.0f64, 0.0f64, 0.0);
+    while robot.observe().time < 3.0 {
+        robot.send(&Command { arm: goal, servos, capture: false });
+        let time = robot.wait_for_tick().time;
+        let arm = robot.observe().arm;
+        for i in 0..ARM_JOINTS {
+            fastest = fastest.max(arm.velocity[i].abs() / world.arm.velocity_limits[i]);
+            past = past.max((arm.position[i] - goal[i]) * (goal[i] - start[i]).signum());
+            if (arm.position[i] - goal[i]).abs() > 0.01 {
+                there = time;
+            }
+        }
+    }
+    (fastest, past, there)
+}
+
+/// The rows.
+pub fn rows(world: &World, seed: u64) -> Result<Vec<Row>> {
+    let postures = postures(world, seed)?;
+    let held: Vec<(f64, f64)> = postures.par_iter().map(|q| hold(world, q)).collect();
+    let sag = held.iter().fold(0.0f64, |most, (sag, _)| most.max(*sag));
+    let off = held.iter().fold(0.0f64, |most, (_, off)| most.max(*off));
+    let share = |load: f64| {
+        let of = |q: &Joints| {
+            let torques = weight_torques(world, q, load);
+            (0..ARM_JOINTS).map(|i| torques[i].abs() / world.arm.effort_limits[i]).fold(0.0, f64::max)
+        };
+        (of(&world.ready), postures.iter().map(of).filter(|share| *share <= 1.0).count())
+    };
+    let ((empty, _), (loaded, carried)) = (share(0.0), share(LOAD));
+    let (fastest, past, there) = jump(world);
+    Ok(vec![
+        Row::new(
+            "held against gravity",
+            format!("sag {:.3} deg, {off:.2} N m off", sag.to_degrees()),
+            "gravity compensated",
+            &format!(
+                "{POSTURES} random free postures held for {HOLD} s in physics, torques clamped at 39 and 9 N m; sag below {:.2} deg, \
+                 torques within {TORQUE} N m of the slope of the potential energy",
+                SAG.to_degrees()
+            ),
+            Verdict::of(sag < SAG && off < TORQUE),
+        ),
+        Row::new(
+            "torque with 2.5 kg in the hand",
+            format!("{:.0} % of the limit", 100.0 * loaded),
+            "payload 4 kg mid-range",
+            &format!(
+                "largest share of a joint's continuous torque where a trial starts (empty: {:.0} %); {carried} of {POSTURES} random \
+                 postures could hold it for ever",
+                100.0 * empty
+            ),
+            Verdict::of(loaded <= 1.0),
+        )
+        .with(json!({ "postures_that_carry": carried, "postures": POSTURES })),
+        Row::new(
+            "set-points that jump by 34 deg",
+            format!("{:.2} of the speed limit", fastest),
+            "joint speed limits",
+            &format!(
+                "all joints at once, in physics: greatest speed over the limit at most 1.1, past the goal by {:.2} deg (at most {:.1}), \
+                 there after {there:.2} s",
+                past.to_degrees(),
+                OVERSHOOT.to_degrees()
+            ),
+            Verdict::of(fastest < 1.1 && past < OVERSHOOT && there < 2.5),
+        ),
+    ])
+}

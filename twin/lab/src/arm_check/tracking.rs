@@ -1,0 +1,202 @@
+//! How well the palm follows a path: the inverse kinematics' reference on paper, and the arm in physics.
+
+use std::path::Path;
+use std::time::Instant;
+
+use anyhow::Result;
+use control::Twist;
+use control::trajectory::{PathLimits, PosePath, displacement};
+use hand_model::robot::{Command, Robot};
+use hand_model::transmission::friction::CableFriction;
+use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
+use serde_json::json;
+use sim::engine::EngineSettings;
+use sim::stand::tension_goals;
+use sim::tactile::TactileBoard;
+use sim::{SceneSetup, SimulatedRobot};
+
+use crate::hand_check::{Row, Verdict};
+use proving::world::World;
+use report::picture::{save, tile};
+use report::plot::Plot;
+
+/// What the reference may be off a path within the arm's limits, m, and the palm in physics.
+const REFERENCE: f64 = 1e-3;
+const PALM: f64 = 5e-3;
+/// 99 % of the solves take less, s.
+const SOLVE: f64 = 1e-3;
+/// The circle's radius, m; its speed grows and shrinks smoothly.
+const RADIUS: f64 = 0.10;
+/// Time for a turn, s. At the circle's top, with the palm level, joint 5 turns fastest: it allows a turn in 8 s. In half the time
+/// it does not, and the reference has to cut the corner.
+const TURN: f64 = 10.0;
+const HASTY_TURN: f64 = 5.0;
+
+/// A motion of the palm: pose and twist at a time, for a duration.
+struct Motion<'a> {
+    name: &'static str,
+    /// Whether the arm's limits allow it.
+    possible: bool,
+    duration: f64,
+    at: Box<dyn Fn(f64) -> (Isometry3<f64>, Twist) + 'a>,
+}
+
+fn motions(start: Isometry3<f64>) -> Result<Vec<Motion<'static>>> {
+    let limits = PathLimits::default().scaled(0.5);
+    let shifted = |x: f64, y: f64, z: f64| Translation3::new(x, y, z) * start;
+    let turned = |axis: Vector3<f64>| {
+        let turn = UnitQuaternion::from_scaled_axis(axis);
+        Isometry3::from_parts(start.translation, turn * start.rotation)
+    };
+    let path = |name, through: &[Isometry3<f64>]| -> Result<Motion<'static>> {
+        let path = PosePath::timed(through, limits)?;
+        Ok(Motion { name, possible: true, duration: path.duration(), at: Box::new(move |time| path.sample(time)) })
+    };
+    let circle = move |turn: f64, time: f64| {
+        let tau = (time / turn).clamp(0.0, 1.0);
+        let angle = std::f64::consts::TAU * tau * tau * tau * (10.0 + tau * (6.0 * tau - 15.0));
+        let rate = std::f64::consts::TAU * 30.0 * (tau * (1.0 - tau)).powi(2) / turn;
+        let at = Translation3::new(0.0, RADIUS * angle.sin(), RADIUS * (1.0 - angle.cos())) * start;
+        let v = Vector3::new(0.0, angle.cos(), angle.sin()) * RADIUS * rate;
+        (at, Twist::new(v.x, v.y, v.z, 0.0, 0.0, 0.0))
+    };
+    Ok(vec![
+        path("sideways and back", &[start, shifted(0.0, 0.25, 0.0), shifted(0.0, -0.25, 0.0), start])?,
+        path("down, out, up", &[start, shifted(0.0, 0.0, -0.15), shifted(0.15, 0.0, -0.15), shifted(0.15, 0.0, 0.1)])?,
+        path("turning over", &[start, turned(Vector3::x() * 1.2), turned(Vector3::y() * 0.6), start])?,
+        Motion { name: "circle", possible: true, duration: TURN, at: Box::new(move |time| circle(TURN, time)) },
+        Motion {
+            name: "circle, too fast",
+            possible: false,
+            duration: HASTY_TURN,
+            at: Box::new(move |time| circle(HASTY_TURN, time)),
+        },
+    ])
+}
+
+struct Followed {
+    name: &'static str,
+    possible: bool,
+    /// (s, mm): reference off the path, palm off the path.
+    reference: Vec<[f64; 2]>,
+    palm: Vec<[f64; 2]>,
+    turn: f64,
+    saturated: usize,
+    solves: Vec<f64>,
+}
+
+fn follow(world: &World, motion: &Motion<'_>) -> Result<Followed> {
+    let mut servo = world.arm_servo(world.ready)?;
+    let setup = SceneSetup {
+        world_from_base: world.world_from_base,
+        mount_error: UnitQuaternion::identity(),
+        arm_start: world.ready,
+        objects: Vec::new(),
+        cable_friction: CableFriction::NONE,
+        engine: EngineSettings::default(),
+    };
+    let mut robot = SimulatedRobot::new(world.hand.clone(), world.arm.clone(), &setup, TactileBoard::blank());
+    let servos = tension_goals(&world.hand, &[0.0; 5], 0.0);
+    let tick = robot.tick_length();
+    let mut out = Followed {
+        name: motion.name,
+        possible: motion.possible,
+        reference: Vec::new(),
+        palm: Vec::new(),
+        turn: 0.0,
+        saturated: 0,
+        solves: Vec::new(),
+    };
+    for n in 1..=((motion.duration + 0.5) / tick) as usize {
+        let time = n as f64 * tick;
+        let (target, twist) = (motion.at)(time);
+        let clock = Instant::now();
+        let step = servo.step(&target, &twist, tick)?;
+        out.solves.push(clock.elapsed().as_secs_f64());
+        out.saturated += usize::from(step.saturated);
+        robot.send(&Command { arm: step.q, servos, capture: false });
+        robot.wait_for_tick();
+        let (shift, turn) = displacement(&world.kinematics().palm_pose(&robot.observe().arm.position), &target);
+        out.turn = out.turn.max(turn.norm());
+        out.reference.push([time, step.position_error * 1e3]);
+        out.palm.push([time, shift.norm() * 1e3]);
+    }
+    Ok(out)
+}
+
+/// The value below which `share` of the sorted values lie.
+pub fn quantile(sorted: &[f64], share: f64) -> f64 {
+    sorted.get(((sorted.len() as f64 - 1.0) * share).round() as usize).copied().unwrap_or(f64::NAN)
+}
+
+/// The rows.
+pub fn rows(world: &World, out: Option<&Path>) -> Result<Vec<Row>> {
+    let start = world.kinematics().palm_pose(&world.ready);
+    let mut followed = Vec::new();
+    for motion in motions(start)? {
+        followed.push(follow(world, &motion)?);
+    }
+    let most = |line: &[[f64; 2]]| line.iter().fold(0.0f64, |most, p| most.max(p[1]));
+    let possible = || followed.iter().filter(|f| f.possible);
+    let worst = |of: fn(&Followed) -> &[[f64; 2]]| possible().map(|f| most(of(f))).fold(0.0, f64::max) * 1e-3;
+    let (reference, palm) = (worst(|f| &f.reference), worst(|f| &f.palm));
+    let turn = possible().map(|f| f.turn).fold(0.0, f64::max);
+    let said = followed.iter().all(|f| f.possible || f.saturated > 0);
+    let hasty: Vec<String> = followed
+        .iter()
+        .filter(|f| !f.possible)
+        .map(|f| format!("{:.1} mm off, held back in {} of {} ticks", most(&f.reference), f.saturated, f.solves.len()))
+        .collect();
+    let mut solves: Vec<f64> = followed.iter().flat_map(|f| f.solves.iter().copied()).collect();
+    solves.sort_by(f64::total_cmp);
+    let [p50, p99] = [0.5, 0.99].map(|share| quantile(&solves, share));
+    let details: Vec<_> = followed
+        .iter()
+        .map(|f| {
+            json!({
+                "path": f.name, "possible": f.possible, "reference_mm": most(&f.reference), "palm_mm": most(&f.palm),
+                "palm_deg": f.turn.to_degrees(), "held_back_ticks": f.saturated, "ticks": f.solves.len(),
+            })
+        })
+        .collect();
+    let mut rows = vec![
+        Row::new(
+            "palm paths, reference / arm",
+            format!("{:.2} / {:.1} mm, {:.2} deg", reference * 1e3, palm * 1e3, turn.to_degrees()),
+            "-",
+            &format!(
+                "greatest distance from four palm paths that the arm's limits allow: the quadratic program's reference on paper (at \
+                 most 1 mm) and the palm in physics under torque control (at most 5 mm); a circle that asks more of joint 5 than its \
+                 speed limit is cut short and said to be: {}",
+                hasty.join(", ")
+            ),
+            Verdict::of(reference < REFERENCE && palm < PALM && said),
+        )
+        .with(json!(details)),
+        Row::new(
+            "time of a solve, p50 / p99",
+            format!("{:.0} / {:.0} us", p50 * 1e6, p99 * 1e6),
+            "a tick is 8333 us",
+            &format!("wall time of {} solves on one thread, this machine as it is now; p99 below 1 ms", solves.len()),
+            Verdict::of(p99 < SOLVE),
+        )
+        .with(json!({ "p50_us": p50 * 1e6, "p99_us": p99 * 1e6, "solves": solves.len() })),
+    ];
+    if let Some(folder) = out {
+        let plots: Vec<_> = followed
+            .into_iter()
+            .map(|f| {
+                Plot {
+                    title: format!("{}: distance from the path", f.name),
+                    x: "time [s]".into(),
+                    y: "[mm]".into(),
+                    lines: vec![("reference".into(), f.reference), ("arm".into(), f.palm)],
+                }
+                .draw()
+            })
+            .collect();
+        save(&tile(&plots, 2), &folder.join("tracking.png"))?;
+        rows[0].picture = Some("tracking.png".into());
+    }
+    Ok(rows)
+}

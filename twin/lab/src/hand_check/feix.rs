@@ -1,0 +1,140 @@
+//! The 33 grasp types: a suitable object for each, closed on by the servos, held against gravity in six directions.
+//!
+//! The thumb is turned (and where two fingers take the object between them, they are bent), then the object is put into
+//! the hand, held in place while the digits close, and let go of. A type is *formed* when the digits of its virtual
+//! fingers touch the object, the palm touches where the type opposes to the palm and does not where it opposes pads, no
+//! digit touches that the type does not name, and the thumb is abducted or adducted as it says. It is *held* when,
+//! formed, the object stays within a centimetre under gravity from each of six directions. Placement and commands are
+//! found by a seeded search ([`search`]) over attempts in physics ([`trial`]), led by how far the missing digits are
+//! from the object, how far it moves under gravity, and how soon it is lost. Nothing about a type is relaxed to make it
+//! pass; the objects are ours to choose.
+
+mod aim;
+mod curl;
+mod opposed;
+mod search;
+mod trial;
+pub mod types;
+
+use std::path::Path;
+use std::sync::Arc;
+
+use anyhow::Result;
+use hand_model::Hand;
+use nalgebra::{Isometry3, Point3};
+use rayon::prelude::*;
+use serde::Serialize;
+
+use self::aim::Attempt;
+use self::curl::Curls;
+use self::search::Found;
+use self::types::GraspType;
+use report::picture::{Picture, View, save, tile};
+
+/// How a type came out.
+#[derive(Debug, Clone, Serialize)]
+pub struct Outcome {
+    /// 1 to 33.
+    pub number: usize,
+    /// Name in the taxonomy.
+    pub name: &'static str,
+    /// All virtual fingers touch and nothing else does.
+    pub formed: bool,
+    /// Directions of gravity withstood, of six.
+    pub directions: usize,
+    /// Formed, and held in all six.
+    pub held: bool,
+    /// What is wrong, in words.
+    pub reason: String,
+    /// Simplification of the object.
+    pub note: &'static str,
+    /// Attempts made.
+    pub tries: usize,
+    /// The best attempt.
+    pub attempt: Attempt,
+    /// Joint angles after settling, rad.
+    pub angles: Vec<f64>,
+    #[serde(skip)]
+    place: Isometry3<f64>,
+}
+
+/// Tries types `tries` times: those with these numbers, or all where none is named.
+pub fn run(hand: &Arc<Hand>, seed: u64, tries: usize, numbers: &[usize]) -> Vec<Outcome> {
+    let curls = Curls::new(hand);
+    let kinds: Vec<GraspType> =
+        types::all().into_iter().filter(|kind| numbers.is_empty() || numbers.contains(&kind.number)).collect();
+    // One at a time: the last ones take longest.
+    let search = |kind| search::run(hand, &curls, kind, seed, tries).map(|found| outcome(kind, found));
+    kinds.par_iter().with_max_len(1).filter_map(search).collect()
+}
+
+fn outcome(kind: &GraspType, Found { tries, attempt, trial }: Found) -> Outcome {
+    let (formed, held) = (trial.formed(), trial.held());
+    let reason = match (formed, held) {
+        (false, _) => trial.faults.join(", "),
+        (true, true) => String::new(),
+        (true, false) => format!("lost with gravity towards {}", trial.lost.join(", ")),
+    };
+    Outcome {
+        number: kind.number,
+        name: kind.name,
+        formed,
+        directions: if formed { 6 - trial.lost.len() } else { 0 },
+        held,
+        reason,
+        note: kind.note,
+        tries,
+        attempt,
+        angles: trial.angles.to_vec(),
+        place: trial.place,
+    }
+}
+
+/// A picture of each type's best attempt.
+pub fn draw(hand: &Arc<Hand>, outcomes: &[Outcome], folder: &Path) -> Result<()> {
+    std::fs::create_dir_all(folder)?;
+    let types = types::all();
+    let pictures: Vec<_> = outcomes
+        .iter()
+        .map(|outcome| {
+            let kind = &types[outcome.number - 1];
+            let mut picture = Picture::new(300, View::palm().at(Point3::new(0.01, -0.005, 0.0), 0.23));
+            picture.hand(hand, &outcome.angles);
+            picture.prop(&kind.prop, &outcome.place, report::picture::PROPS[0]);
+            let verdict = match (outcome.held, outcome.formed) {
+                (true, _) => "held".to_string(),
+                (_, true) => format!("held in {} of 6", outcome.directions),
+                _ => "NOT FORMED".to_string(),
+            };
+            let reason: String = outcome.reason.chars().take(36).collect();
+            picture.finish(&format!("{} {}\n{verdict}\n{reason}", outcome.number, outcome.name))
+        })
+        .collect();
+    save(&tile(&pictures, 6), &folder.join("feix.png"))
+}
+
+/// The table as text.
+pub fn table(outcomes: &[Outcome]) -> String {
+    let mut text = String::new();
+    for outcome in outcomes {
+        let verdict = if outcome.held {
+            "held".into()
+        } else if outcome.formed {
+            format!("{} of 6", outcome.directions)
+        } else {
+            "not formed".to_string()
+        };
+        text += &format!(
+            "{:>2} {:24} {verdict:12} {:>4} tries {}",
+            outcome.number, outcome.name, outcome.tries, outcome.reason
+        );
+        if !outcome.note.is_empty() {
+            text += &format!(" ({})", outcome.note);
+        }
+        text.push('\n');
+    }
+    let count = |test: fn(&Outcome) -> bool| outcomes.iter().filter(|outcome| test(outcome)).count();
+    let (held, formed) = (count(|outcome| outcome.held), count(|outcome| outcome.formed));
+    text += &format!("{held} of {} held, {formed} formed\n", outcomes.len());
+    text
+}

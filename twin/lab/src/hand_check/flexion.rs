@@ -1,0 +1,176 @@
+//! How a finger flexes: PIP and DIP over MCP in free closing, and what the others do when one phalanx is blocked.
+
+use std::path::Path;
+use std::sync::Arc;
+
+use anyhow::Result;
+use hand_model::statics::{self, Slid};
+use hand_model::{Digit, Hand};
+use nalgebra::{Isometry3, Vector3};
+use scenarios::Shape;
+use serde_json::json;
+use sim::engine::EngineSettings;
+use sim::stand::{HandStand, Prop, tension_goals};
+
+use super::row::{Row, Verdict};
+use report::picture::{Picture, View, save, tile};
+use report::plot::Plot;
+
+/// The finger that is looked at.
+const DIGIT: Digit = Digit::Middle;
+/// The cable is pulled evenly up to this, N, in this time, s.
+const TENSION: f64 = 18.0;
+/// In free closing the fingertip meets the palm a little above this tension, N; the static path ends there.
+const FREE_TENSION: f64 = 13.5;
+/// All joints are past this in the end, deg: nearly their whole range of 90.
+const CLOSED: f64 = 80.0;
+const PULL: f64 = 24.0;
+/// Free closing follows the static path within this, deg.
+const STATIC_TOLERANCE: f64 = 3.0;
+/// A joint has gone on when it is this far beyond where it stood when the block was met, deg.
+const WENT_ON: f64 = 30.0;
+/// The block moves the blocked joint no more than this, deg.
+const STOOD: f64 = 6.0;
+
+/// Angles (deg) of MCP, PIP and DIP with the tension (N) at which they were seen.
+struct Path3 {
+    tension: Vec<f64>,
+    angles: Vec<[f64; 3]>,
+}
+
+fn pull(hand: &Arc<Hand>, block: Option<(Prop, Isometry3<f64>)>) -> (Path3, HandStand) {
+    let mut stand = HandStand::new(hand.clone(), EngineSettings::default());
+    if let Some((prop, pose)) = block {
+        stand.put(prop, &pose);
+    }
+    let mut path = Path3 { tension: Vec::new(), angles: Vec::new() };
+    let steps = 240;
+    for n in 0..=steps {
+        let tension = TENSION * n as f64 / steps as f64;
+        let mut tensions = [0.0; 5];
+        tensions[DIGIT.index()] = tension;
+        stand.run(&tension_goals(hand, &tensions, 0.0), PULL / steps as f64);
+        // What the cable carries, which trails what the servo is asked for while it moves.
+        path.tension.push(stand.tensions()[DIGIT.index()]);
+        path.angles.push(DIGIT.joints().map(|joint| stand.angles()[joint].to_degrees()));
+    }
+    (path, stand)
+}
+
+fn lines(path: &Path3, mark: &str) -> Vec<(String, Vec<[f64; 2]>)> {
+    let of = |joint: usize| path.tension.iter().zip(&path.angles).map(|(t, a)| [*t, a[joint]]).collect();
+    ["MCP", "PIP", "DIP"].iter().enumerate().map(|(joint, name)| (format!("{name}{mark}"), of(joint))).collect()
+}
+
+/// A block below the finger's `phalanx` that it meets at about 20 deg of flexion of its joint.
+fn block(hand: &Hand, phalanx: usize) -> (Prop, Isometry3<f64>) {
+    let link = DIGIT.joints()[phalanx];
+    let mut q = [0.0; 15];
+    q[link] = 20f64.to_radians();
+    if phalanx == 1 {
+        // Where the proximal phalanx is when the middle one has flexed so far.
+        let tension = 3.5;
+        let mut tensions = [0.0; 5];
+        tensions[DIGIT.index()] = tension;
+        q = statics::free(hand, &tensions, 0.0);
+    }
+    let pose = hand.tree.forward(&q)[link];
+    let cover = &hand.covers[link];
+    let half = Vector3::new(0.004, 0.004, 0.009);
+    let along = cover.link_from_cover.translation.x + 0.4 * cover.half.x;
+    let below = cover.link_from_cover.translation.y + cover.half.y + half.y;
+    let prop = Prop::new("block", Shape::Cuboid { half, radius: 0.001 }, 0.1, 0.0);
+    (prop, pose * Isometry3::translation(along, below, 0.0))
+}
+
+/// The rows.
+pub fn rows(hand: &Arc<Hand>, out: Option<&Path>) -> Result<Vec<Row>> {
+    let (free, stand) = pull(hand, None);
+    let count = free.tension.iter().filter(|tension| **tension <= FREE_TENSION).count();
+    let last = free.angles[free.angles.len() - 1];
+    // The cable has been pulled in all along: every guide rubs against that.
+    let closing = Slid { friction: hand.parameters.cable.friction, state: 1.0 };
+    let mut difference = 0.0f64;
+    for (tension, angles) in free.tension.iter().zip(&free.angles).take(count) {
+        let mut tensions = [0.0; 5];
+        tensions[DIGIT.index()] = *tension;
+        let still = statics::free_sliding(hand, &tensions, 0.0, &closing);
+        for (joint, angle) in DIGIT.joints().into_iter().zip(angles) {
+            difference = difference.max((still[joint].to_degrees() - angle).abs());
+        }
+    }
+    let monotone =
+        free.angles[..count].windows(2).all(|pair| (0..3).all(|joint| pair[1][joint] > pair[0][joint] - 0.2));
+    let mut rows = vec![
+        Row::new(
+            "free flexion of a finger",
+            format!("MCP/PIP/DIP {:.0}/{:.0}/{:.0} deg", last[0], last[1], last[2]),
+            "0-90 deg, coordinated",
+            &format!(
+                "middle finger, tension raised evenly: up to {FREE_TENSION} N, where the tip meets the palm, all joints rise together \
+                 (monotone) and stay within {STATIC_TOLERANCE} deg of static equilibrium with rubbing cables (found \
+                 {difference:.1}); at {TENSION} N all are past {CLOSED} deg"
+            ),
+            Verdict::of(monotone && difference < STATIC_TOLERANCE && last.iter().all(|angle| *angle > CLOSED)),
+        )
+        .with(json!({ "tension_n": free.tension, "mcp_pip_dip_deg": free.angles })),
+    ];
+    let mut blocked = Vec::new();
+    for (phalanx, name) in [(0, "proximal"), (1, "middle")] {
+        let (path, stand) = pull(hand, Some(block(hand, phalanx)));
+        let end = path.angles[path.angles.len() - 1];
+        // The block is met where the blocked joint leaves its free path.
+        let met = (0..path.angles.len())
+            .find(|n| (path.angles[*n][phalanx] - free.angles[*n][phalanx]).abs() > 3.0)
+            .unwrap_or(path.angles.len() - 1);
+        let at = path.angles[met];
+        let stood = phalanx > 0 || (end[phalanx] - at[phalanx]).abs() < STOOD;
+        let went_on = (phalanx + 1..3).all(|joint| end[joint] - at[joint] > WENT_ON);
+        let ours = format!("{:.0}/{:.0}/{:.0} to {:.0}/{:.0}/{:.0} deg", at[0], at[1], at[2], end[0], end[1], end[2]);
+        rows.push(
+            Row::new(
+                &format!("{name} phalanx blocked"),
+                ours,
+                "semi-independent",
+                &format!(
+                    "a fixed block under the {name} phalanx: MCP/PIP/DIP when it is met and at {TENSION} N; the joints beyond it go on by \
+                     more than {WENT_ON} deg"
+                ),
+                Verdict::of(stood && went_on && met + 1 < path.angles.len()),
+            )
+            .with(json!({ "tension_n": path.tension, "mcp_pip_dip_deg": path.angles })),
+        );
+        blocked.push((name, path, stand));
+    }
+    if let Some(folder) = out {
+        let follow = |joint: usize| free.angles.iter().map(|a| [a[0], a[joint]]).collect();
+        let mut plots = vec![
+            Plot {
+                title: "free flexion: PIP and DIP over MCP".into(),
+                x: "MCP [deg]".into(),
+                y: "[deg]".into(),
+                lines: vec![("PIP".into(), follow(1)), ("DIP".into(), follow(2))],
+            }
+            .draw(),
+        ];
+        let side = View { width: 0.18, center: nalgebra::Point3::new(0.015, 0.02, 0.0), ..View::thumb_side() };
+        let mut picture = Picture::new(420, View { eye: Vector3::x(), ..side });
+        picture.hand(hand, &stand.angles());
+        let mut pictures = vec![picture.finish("free, 18 N: the tip is at the palm")];
+        for (name, path, stand) in &blocked {
+            let mut all = lines(&free, " free");
+            all.extend(lines(path, " blocked"));
+            let title = format!("{name} phalanx blocked");
+            plots.push(Plot { title: title.clone(), x: "tension [N]".into(), y: "[deg]".into(), lines: all }.draw());
+            let mut picture = Picture::new(420, View { eye: Vector3::x(), ..side });
+            picture.stand(stand);
+            pictures.push(picture.finish(&title));
+        }
+        plots.extend(pictures);
+        save(&tile(&plots, 3), &folder.join("flexion.png"))?;
+        for row in &mut rows {
+            row.picture = Some("flexion.png".into());
+        }
+    }
+    Ok(rows)
+}

@@ -1,0 +1,302 @@
+//! Scenes for a second engine: MJCF files, the actuator commands, and what our engine made of them.
+//!
+//! `tests/mujoco/compare.py` runs the same commands in MuJoCo and prints both beside each other.
+
+use std::path::Path;
+use std::sync::Arc;
+use std::time::Instant;
+
+use anyhow::{Context, Result};
+use hand_model::robot::{Command, Robot, ServoGoal};
+use hand_model::transmission::friction::CableFriction;
+use hand_model::{ARM_JOINTS, Arm, Hand};
+use nalgebra::{Isometry3, UnitQuaternion, Vector3};
+use scenarios::objects::ObjectSet;
+use scenarios::{ObjectModel, Shape};
+use serde_json::{Value, json};
+use sim::engine::EngineSettings;
+use sim::mjcf::{self, Scene};
+use sim::stand::{HandStand, Prop, tension_goals};
+use sim::tactile::TactileBoard;
+use sim::{ObjectPlacement, SceneSetup, SimulatedRobot};
+
+use super::dumbbell;
+use report::write_whole;
+
+/// How often the motion is written down, s.
+const SAMPLE: f64 = 0.05;
+/// Settling after a prop is let go of, and the time over which slip is measured, s.
+const SETTLE: f64 = 1.0;
+const HOLD: f64 = 5.0;
+
+/// Outer iterations with which friction against a body that does not move is solved to the end. With one, as trials have it, a
+/// finger that is pulled hard on a fixed thing slides where it should stick.
+const FINE: usize = 4;
+
+/// A stretch of constant commands.
+struct Phase {
+    seconds: f64,
+    tensions: [f64; 5],
+    opposition: f64,
+}
+
+struct Trial {
+    name: &'static str,
+    prop: Option<(Prop, Isometry3<f64>)>,
+    phases: Vec<Phase>,
+    /// Once the prop is let go of, before its weight comes; none where it is not let go of.
+    gripping: Vec<Phase>,
+    /// Gravity once the prop is let go of, palm frame, m/s2.
+    gravity: Vector3<f64>,
+    /// Whether it is let go of.
+    let_go: bool,
+}
+
+fn trials(hand: &Hand) -> Vec<Trial> {
+    let skin = hand.palm_cover.link_from_cover.translation.z - hand.palm_cover.half.z;
+    let across = UnitQuaternion::from_axis_angle(&Vector3::y_axis(), std::f64::consts::FRAC_PI_2);
+    let under = |x: f64, y: f64, half: f64, turn: UnitQuaternion<f64>| {
+        Isometry3::from_parts(Vector3::new(x, y, skin - half - 5e-4).into(), turn)
+    };
+    let close = |tension: f64, opposition: f64| {
+        vec![
+            Phase { seconds: 0.6, tensions: [0.0; 5], opposition },
+            Phase { seconds: 2.4, tensions: [tension; 5], opposition },
+        ]
+    };
+    let grip = |tension: f64, opposition: f64| vec![Phase { seconds: 1.0, tensions: [tension; 5], opposition }];
+    let gripping = dumbbell::gripping().into_iter();
+    let ball = Prop::new("ball", Shape::Sphere { radius: 0.03 }, 0.06, 0.8);
+    let cylinder = Prop::new("cylinder", Shape::Cylinder { radius: 0.025, half_height: 0.06 }, 0.3, 0.8);
+    let half = Vector3::new(0.045, 0.022, 0.022);
+    let block = Prop::new("box", Shape::Cuboid { half, radius: 0.002 }, 0.2, 0.8);
+    let down = Vector3::new(0.0, 0.0, -9.81);
+    // Without friction there is one place to come to rest, and it does not depend on the way there.
+    let slick = |prop: &Prop| Prop { friction: 0.0, ..prop.clone() };
+    let (slick_cylinder, slick_box) = (slick(&cylinder), slick(&block));
+    vec![
+        Trial {
+            name: "free",
+            prop: None,
+            phases: vec![
+                Phase { seconds: 1.5, tensions: [2.0, 3.0, 4.0, 5.0, 6.0], opposition: 0.4 },
+                Phase { seconds: 1.5, tensions: [5.0, 7.0, 3.0, 8.0, 1.0], opposition: 0.9 },
+                Phase { seconds: 1.5, tensions: [0.0; 5], opposition: 0.0 },
+            ],
+            gripping: Vec::new(),
+            gravity: down,
+            let_go: true,
+        },
+        Trial {
+            name: "ball",
+            prop: Some((ball, under(0.0, 0.0, 0.03, UnitQuaternion::identity()))),
+            phases: close(15.0, 1.1),
+            gripping: grip(15.0, 1.1),
+            gravity: down,
+            let_go: true,
+        },
+        Trial {
+            name: "cylinder",
+            prop: Some((cylinder, under(0.0, -0.005, 0.025, across))),
+            phases: close(20.0, 1.0),
+            gripping: grip(20.0, 1.0),
+            gravity: down,
+            let_go: true,
+        },
+        Trial {
+            name: "box",
+            prop: Some((block, under(0.0, -0.003, 0.022, UnitQuaternion::identity()))),
+            phases: close(20.0, 1.0),
+            gripping: grip(20.0, 1.0),
+            gravity: down,
+            let_go: true,
+        },
+        Trial {
+            name: "dumbbell",
+            prop: Some((dumbbell::prop(), dumbbell::place(hand))),
+            phases: vec![Phase { seconds: 2.0, tensions: dumbbell::tensions(), opposition: 0.0 }],
+            gripping: gripping.map(|(tensions, seconds)| Phase { seconds, tensions, opposition: 0.0 }).collect(),
+            gravity: Vector3::new(0.0, 9.81, 0.0),
+            let_go: true,
+        },
+        Trial {
+            name: "slick cylinder",
+            prop: Some((slick_cylinder, under(0.0, -0.005, 0.025, across))),
+            phases: close(20.0, 1.0),
+            gripping: Vec::new(),
+            gravity: Vector3::zeros(),
+            let_go: false,
+        },
+        Trial {
+            name: "slick box",
+            prop: Some((slick_box, under(0.0, -0.003, 0.022, UnitQuaternion::identity()))),
+            phases: close(20.0, 1.0),
+            gripping: Vec::new(),
+            gravity: Vector3::zeros(),
+            let_go: false,
+        },
+    ]
+}
+
+fn file(trial: &str) -> String {
+    format!("{}.xml", trial.replace(' ', "_"))
+}
+
+/// Runs a trial in our engine: the motion, what came of it, and the time of a step.
+fn ours(hand: &Arc<Hand>, trial: &Trial, settings: EngineSettings) -> Value {
+    // MuJoCo's tendons have the same tension all along.
+    let mut stand = HandStand::with_friction(hand.clone(), settings, CableFriction::NONE);
+    let prop = trial.prop.as_ref().map(|(prop, pose)| stand.put(prop.clone(), pose));
+    if prop.is_none() {
+        stand.set_gravity(&trial.gravity);
+    }
+    let mut motion = vec![stand.angles().to_vec()];
+    let mut wall = 0.0;
+    let mut advance = |stand: &mut HandStand, phase: &Phase, seconds: f64| {
+        let goals = tension_goals(hand, &phase.tensions, phase.opposition);
+        for _ in 0..(seconds / SAMPLE).round() as usize {
+            let start = Instant::now();
+            stand.run(&goals, SAMPLE);
+            wall += start.elapsed().as_secs_f64();
+            motion.push(stand.angles().to_vec());
+        }
+    };
+    for phase in &trial.phases {
+        advance(&mut stand, phase, phase.seconds);
+    }
+    let sum = |stand: &HandStand| stand.contacts().iter().map(|contact| contact.force.norm()).sum::<f64>();
+    let closed = sum(&stand);
+    let mut result = json!({ "closing_force_n": closed });
+    if let (true, Some(prop), Some(last)) = (trial.let_go, prop, trial.phases.last()) {
+        stand.release(prop);
+        for phase in &trial.gripping {
+            advance(&mut stand, phase, phase.seconds);
+        }
+        stand.set_gravity(&trial.gravity);
+        advance(&mut stand, last, SETTLE);
+        let before = stand.pose(prop).translation.vector;
+        advance(&mut stand, last, HOLD);
+        let slip = (stand.pose(prop).translation.vector - before).norm();
+        let net: Vector3<f64> = stand.contacts().iter().map(|contact| contact.force).sum();
+        result = json!({
+            "closing_force_n": closed,
+            "holding_force_n": sum(&stand),
+            "slip_mm": slip * 1e3,
+            "held": slip < 0.02,
+            "net_normal_force_n": net.as_slice(),
+            "penetration_mm": stand.prop_penetration(prop) * 1e3,
+        });
+    }
+    let steps = stand.time() / settings.dt;
+    json!({ "angles": motion, "result": result, "step_us": wall / steps * 1e6 })
+}
+
+/// What the second engine needs to run a trial, and what ours found: with the settings of trials, and with [`FINE`] ones.
+fn run(hand: &Arc<Hand>, trial: &Trial) -> Value {
+    let settings = EngineSettings::default();
+    let told =
+        |phase: &Phase| json!({ "seconds": phase.seconds, "tensions": phase.tensions, "opposition": phase.opposition });
+    json!({
+        "name": trial.name,
+        "model": file(trial.name),
+        "prop": trial.prop.as_ref().map(|(prop, _)| prop.name.clone()),
+        "prop_mass": trial.prop.as_ref().map(|(prop, _)| prop.mass),
+        "gravity": trial.gravity.as_slice(),
+        "let_go": trial.let_go,
+        "phases": trial.phases.iter().map(told).collect::<Vec<_>>(),
+        "gripping": trial.gripping.iter().map(told).collect::<Vec<_>>(),
+        "settle": SETTLE,
+        "hold": HOLD,
+        "ours": ours(hand, trial, settings),
+        "fine": ours(hand, trial, EngineSettings { solver_iterations: FINE, ..settings }),
+    })
+}
+
+/// Arm and hand above a table with two objects on it: the whole scene, for its speed.
+fn whole(hand: &Arc<Hand>, folder: &Path) -> Result<Value> {
+    let arm = Arc::new(Arm::gen3());
+    let objects = ObjectSet::standard();
+    let start: [f64; ARM_JOINTS] = Arm::home();
+    let placed: Vec<(Arc<ObjectModel>, Isometry3<f64>)> = objects
+        .iter()
+        .filter(|object| !matches!(object.shape, Shape::Mesh(_)))
+        .take(2)
+        .enumerate()
+        .map(|(n, object)| {
+            let at = Vector3::new(0.5, 0.15 * n as f64 - 0.075, object.rest_height());
+            (object.clone(), Isometry3::from_parts(at.into(), object.rest))
+        })
+        .collect();
+    let props: Vec<(Prop, Isometry3<f64>)> = placed
+        .iter()
+        .map(|(model, pose)| (Prop::new(&model.name, model.shape.clone(), model.mass, model.friction), *pose))
+        .collect();
+    let settings = EngineSettings::default();
+    let scene = Scene {
+        hand,
+        arm: Some((&*arm, start)),
+        props: &props,
+        gravity: Vector3::new(0.0, 0.0, -9.81),
+        dt: settings.dt,
+    };
+    write_whole(&folder.join("whole.xml"), mjcf::write(&scene).as_bytes())?;
+    let setup = SceneSetup {
+        world_from_base: Isometry3::identity(),
+        mount_error: UnitQuaternion::identity(),
+        arm_start: start,
+        objects: placed.into_iter().map(|(model, pose)| ObjectPlacement { model, pose }).collect(),
+        cable_friction: CableFriction::NONE,
+        engine: settings,
+    };
+    let mut robot = SimulatedRobot::new(hand.clone(), arm, &setup, TactileBoard::blank());
+    let tensions = [4.0; 5];
+    let servos: [ServoGoal; 6] = tension_goals(hand, &tensions, 0.5);
+    let clock = Instant::now();
+    let mut ticks = 0;
+    while robot.observe().time < 3.0 {
+        robot.send(&Command { arm: start, servos, capture: false });
+        robot.wait_for_tick();
+        ticks += 1;
+    }
+    let steps = f64::from(ticks) * robot.tick_length() / settings.dt;
+    Ok(json!({
+        "model": "whole.xml",
+        "seconds": 3.0,
+        "tensions": tensions,
+        "opposition": 0.5,
+        "ours": { "step_us": clock.elapsed().as_secs_f64() / steps * 1e6, "angles": robot.truth().hand },
+    }))
+}
+
+/// Writes the scenes to `folder`: an MJCF file each, and `scenes.json`.
+pub fn export(hand: &Arc<Hand>, folder: &Path) -> Result<()> {
+    std::fs::create_dir_all(folder).with_context(|| folder.display().to_string())?;
+    let settings = EngineSettings::default();
+    let mut scenes = Vec::new();
+    for trial in trials(hand) {
+        let props: Vec<_> = trial.prop.iter().cloned().collect();
+        // What is held in place feels no gravity; it is turned on with the release.
+        let gravity = if trial.prop.is_some() { Vector3::zeros() } else { trial.gravity };
+        let scene = Scene { hand, arm: None, props: &props, gravity, dt: settings.dt };
+        write_whole(&folder.join(file(trial.name)), mjcf::write(&scene).as_bytes())?;
+        scenes.push(run(hand, &trial));
+    }
+    let servo = hand.parameters.servo;
+    let cable = hand.parameters.cable;
+    let text = json!({
+        "sample": SAMPLE,
+        "rate": 1.0 / settings.dt,
+        "joints": hand.tree.joints.iter().map(|joint| joint.name.clone()).collect::<Vec<_>>(),
+        "cables": hand.parameters.actuator.iter().take(5).map(|actuator| actuator.name.clone()).collect::<Vec<_>>(),
+        "servo": {
+            "torque_constant": servo.torque_constant, "stall_torque": servo.stall_torque,
+            "no_load_speed": servo.no_load_speed, "current_limit": servo.current_limit,
+            "rotor_inertia": servo.rotor_inertia, "damping": servo.damping,
+        },
+        "shaft_stiffness": sim::drive::OPPOSITION_STIFFNESS,
+        "cable": { "spool_radius": cable.spool_radius, "stiffness": cable.stiffness },
+        "scenes": scenes,
+        "whole": whole(hand, folder)?,
+    });
+    write_whole(&folder.join("scenes.json"), serde_json::to_string_pretty(&text)?.as_bytes())
+}

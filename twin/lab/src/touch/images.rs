@@ -1,0 +1,103 @@
+//! Raw images of a held object: every camera with its read-out noise, idle pads too, under optics as they are or off.
+
+use std::sync::Arc;
+
+use hand_model::Hand;
+use hand_model::robot::{TactileFrame, TactileImage};
+use nalgebra::Isometry3;
+use optics::{IndentationMap, SensorModel};
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use scenarios::geometry::Shape;
+use sim::tactile::TactileBoard;
+
+use bench::trial::HeldGrasp;
+
+/// How a hand differs from those that touch was trained on.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Change {
+    /// Name in tables.
+    pub name: &'static str,
+    /// Factor of the lamps' strength.
+    pub lamps: f64,
+    /// How far each lamp is moved, in a direction of its own, m.
+    pub shift: f64,
+    /// Factor of the gel's stiffness.
+    pub stiffness: f64,
+    /// Factor of the read-out noise.
+    pub noise: f64,
+}
+
+impl Change {
+    /// As built.
+    pub const NONE: Self = Self { name: "as built", lamps: 1.0, shift: 0.0, stiffness: 1.0, noise: 1.0 };
+    /// What is tried beside [`Self::NONE`].
+    pub const ALL: [Self; 6] = [
+        Self { name: "lamps -15 %", lamps: 0.85, ..Self::NONE },
+        Self { name: "lamps +15 %", lamps: 1.15, ..Self::NONE },
+        Self { name: "lamps moved 0.5 mm", shift: 5e-4, ..Self::NONE },
+        Self { name: "gel 20 % softer", stiffness: 0.8, ..Self::NONE },
+        Self { name: "gel 20 % stiffer", stiffness: 1.2, ..Self::NONE },
+        Self { name: "camera noise x 2", noise: 2.0, ..Self::NONE },
+    ];
+
+    fn apply(&self, model: &mut SensorModel, seed: u64) {
+        let mut rng = ChaCha8Rng::seed_from_u64(seed);
+        for lamp in &mut model.lamps {
+            lamp.eta *= self.lamps;
+            let mut draw = || rng.random_range(-1.0..1.0);
+            let way = nalgebra::Vector3::new(draw(), draw(), draw());
+            lamp.position += way.normalize() * self.shift;
+        }
+        model.noise *= self.noise;
+    }
+}
+
+/// The cameras of a hand unit that was changed, with the gel that the change leaves it.
+pub struct Eyes {
+    hand: Hand,
+    board: TactileBoard,
+}
+
+impl Eyes {
+    /// Unit `serial` under `change`.
+    pub fn new(hand: &Hand, serial: u64, change: &Change) -> anyhow::Result<Self> {
+        let mut hand = hand.clone();
+        hand.parameters.gel.stiffness *= change.stiffness;
+        let board = TactileBoard::changed(&hand, serial, |camera, model| change.apply(model, camera as u64))?;
+        Ok(Self { hand, board })
+    }
+
+    /// The hand, with the gel that the change leaves it.
+    pub fn hand(&self) -> &Hand {
+        &self.hand
+    }
+
+    /// Its cameras.
+    pub fn board(&self) -> &TactileBoard {
+        &self.board
+    }
+
+    /// Images of the untouched pads.
+    pub fn backgrounds(&self) -> Vec<Arc<TactileImage>> {
+        self.board.backgrounds()
+    }
+
+    /// What the cameras see of a grasp; `seed` draws the noise.
+    pub fn look(&self, grasp: &HeldGrasp, shape: &Shape, seed: u64) -> Vec<TactileFrame> {
+        let mut board = self.board.with_noise(seed);
+        let objects: [(&Shape, Isometry3<f64>); 1] = [(shape, grasp.truth)];
+        let frames = board.capture(&self.hand, 0.0, &grasp.pads, &grasp.forces, &objects);
+        let mut rng = ChaCha8Rng::seed_from_u64(seed ^ 0x6964_6c65);
+        frames
+            .into_iter()
+            .zip(board.sensors())
+            .map(|(mut frame, sensor)| {
+                if Arc::ptr_eq(&frame.image, sensor.background()) {
+                    frame.image = Arc::new(sensor.render(&IndentationMap::idle(), &mut rng));
+                }
+                frame
+            })
+            .collect()
+    }
+}

@@ -1,0 +1,170 @@
+//! How exact normals and heights are: by look-up, by a perceptron and by the network, on shapes, pads and a real sensor that
+//! they were not trained on.
+
+use std::path::Path;
+use std::sync::Arc;
+
+use anyhow::{Context, Result};
+use bench::networks::{Method, Networks};
+use hand_model::pads::IMAGE_SIZE as N;
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use rayon::prelude::*;
+use serde::Serialize;
+use touch::calibration::{angle, contact_pixels};
+use touch::photometric_stereo::gradients;
+use touch::{AngularError, CalibrationPress, Gradients, Network, PhotometricModel, StereoOptions, TouchPipeline};
+
+use super::images::Eyes;
+use super::real::{CONFIGURATION, RealPresses};
+use super::shapes::{Place, UNSEEN, each, named, press_into};
+
+/// Presses of each unseen shape, and samples drawn from each press: 4 x 36 x 324 = 46,656.
+const PRESSES: usize = 36;
+const SAMPLES: usize = 324;
+/// A ball of the real presses is 4 mm across, a pixel 0.0295 mm.
+pub const REAL_BALL_MM: f64 = 4.0;
+const REAL_PIXEL_MM: f64 = 0.0295;
+
+/// A press of an unseen shape into a pad of a hand unit, with the pixels that count.
+pub struct Sampled {
+    press: CalibrationPress,
+    unit: usize,
+    pixels: Vec<usize>,
+}
+
+/// Presses of the unseen shapes into all cameras of the hand units `eyes`.
+pub fn unseen(eyes: &[Eyes], seed: u64) -> Result<Vec<Sampled>> {
+    let drawn = each(UNSEEN.len() * PRESSES, |n| {
+        let mut rng = ChaCha8Rng::seed_from_u64(seed ^ 0x756e_7365_656e);
+        rng.set_stream(n as u64);
+        let relief = named(UNSEEN[n / PRESSES]).context("an unseen shape has no relief")?;
+        let hand = eyes[0].hand();
+        let (index, unit) = (n % hand.cameras.len(), n % PRESSES / hand.cameras.len() % eyes.len());
+        let camera = &hand.cameras[index];
+        let sensor = &eyes[unit].board().sensors()[index];
+        let place = Place::draw([camera.w, camera.h], [0.0, camera.center_y], &mut rng);
+        let force = rng.random_range(0.4..5.0);
+        let press = press_into(eyes[unit].hand(), (index, sensor), (&relief, &place), force, &mut rng)?;
+        let touched: Vec<usize> = contact_pixels(&press).collect();
+        if touched.is_empty() {
+            return Ok(None);
+        }
+        let pixels = (0..SAMPLES).map(|_| touched[rng.random_range(0..touched.len())]).collect();
+        Ok(Some(Sampled { press, unit, pixels }))
+    })?;
+    Ok(drawn.into_iter().flatten().collect())
+}
+
+/// Error of normals and heights.
+#[derive(Debug, Clone, Copy, Serialize)]
+pub struct Measured {
+    /// Mean angular error, degrees.
+    pub mean_deg: f64,
+    /// Median angular error, degrees.
+    pub median_deg: f64,
+    /// 95th percentile, degrees.
+    pub p95_deg: f64,
+    /// Samples.
+    pub samples: usize,
+    /// Root mean square error of the height where something presses, micrometres.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub height_rms_um: Option<f64>,
+}
+
+impl Measured {
+    fn of(errors: Vec<f64>, height_rms_um: Option<f64>) -> Self {
+        let AngularError { mean, median, p95, pixels } = AngularError::of(errors);
+        Self { mean_deg: mean, median_deg: median, p95_deg: p95, samples: pixels, height_rms_um }
+    }
+}
+
+/// What `pipeline` makes of presses into the hand units `eyes`.
+pub fn measure(sampled: &[Sampled], eyes: &[Eyes], pipeline: &TouchPipeline) -> Result<Measured> {
+    let pipelines: Vec<TouchPipeline> =
+        eyes.iter().map(|eyes| Ok(pipeline.with_backgrounds(eyes.backgrounds())?)).collect::<Result<_>>()?;
+    let parts: Vec<(Vec<f64>, f64, usize)> = sampled
+        .par_iter()
+        .map(|Sampled { press, unit, pixels }| {
+            let found = pipelines[*unit].height(press.camera, &press.image)?;
+            let pixel = pipelines[*unit].hand().cameras[press.camera].pixel_size();
+            let slopes = found.as_ref().map(|map| &map.gradients);
+            let errors = pixels.iter().map(|&i| angle(press, i, pixel, at(slopes, i))).collect();
+            let off = |i: usize| found.as_ref().map_or(0.0, |map| map.height[i]) - press.indentation[i];
+            let (sum, count) =
+                contact_pixels(press).fold((0.0, 0), |(sum, count), i| (sum + f64::from(off(i)).powi(2), count + 1));
+            Ok((errors, sum, count))
+        })
+        .collect::<Result<_>>()?;
+    let (sum, count) = parts.iter().fold((0.0, 0), |(sum, count), part| (sum + part.1, count + part.2));
+    let errors = parts.into_iter().flat_map(|part| part.0).collect();
+    Ok(Measured::of(errors, (count > 0).then(|| 1e6 * (sum / count as f64).sqrt())))
+}
+
+/// Slopes at a pixel; level where nothing was seen.
+fn at(slopes: Option<&Gradients>, i: usize) -> [f64; 2] {
+    slopes.map_or([0.0; 2], |slopes| [f64::from(slopes.gx[i]), f64::from(slopes.gy[i])])
+}
+
+/// A row of the table of the real sensor.
+#[derive(Serialize)]
+pub struct RealRow {
+    /// How normals are found.
+    pub method: Method,
+    /// Trained on renders of the sensor, not on its even-numbered presses.
+    pub simulated: bool,
+    /// On the odd-numbered presses.
+    #[serde(flatten)]
+    pub error: Measured,
+}
+
+/// The real sensor's odd-numbered presses, all pixels inside the ball's circle, by every method.
+pub fn real(folder: &Path, networks: &Networks) -> Result<Vec<RealRow>> {
+    let presses = RealPresses::read(folder, 1e-3 * REAL_BALL_MM, 1e-3 * REAL_PIXEL_MM)?;
+    let pixel = presses.pixel;
+    let [even, odd] = presses.even_odd();
+    let even: Vec<(&CalibrationPress, (f64, f64))> = even.iter().map(|press| (press, pixel)).collect();
+    let fitted = PhotometricModel::fit(CONFIGURATION, &even)?;
+    let options = StereoOptions::default();
+    let by_model = |model: &PhotometricModel| {
+        let model = model.clone();
+        Box::new(move |press: &CalibrationPress| gradients(&press.image, &press.background, &model, &options)) as Reader
+    };
+    let by_network = |network: &Network| {
+        let (prepared, model) = (network.prepare(), network.conditioning.clone().unwrap_or_else(|| fitted.clone()));
+        Box::new(move |press: &CalibrationPress| {
+            prepared.gradients(&press.image, &press.background, (CONFIGURATION, &model), &options)
+        }) as Reader
+    };
+    let rendered = networks.gelsight_simulated.conditioning.as_ref();
+    let rendered = rendered.context("gelsight_simulated.json: found no photometric model, expected one")?;
+    let rows = [
+        (Method::LookUp, false, by_model(&fitted)),
+        (Method::PerPixel, false, by_network(&networks.gelsight_per_pixel)),
+        (Method::Network, false, by_network(&networks.gelsight_fitted)),
+        (Method::LookUp, true, by_model(rendered)),
+        (Method::Network, true, by_network(&networks.gelsight_simulated)),
+    ];
+    Ok(rows
+        .into_iter()
+        .map(|(method, simulated, read)| {
+            let errors = odd.iter().flat_map(|press| {
+                let slopes = read(press);
+                contact_pixels(press).map(move |i| angle(press, i, pixel, at(slopes.as_ref(), i))).collect::<Vec<_>>()
+            });
+            RealRow { method, simulated, error: Measured::of(errors.collect(), None) }
+        })
+        .collect())
+}
+
+type Reader = Box<dyn Fn(&CalibrationPress) -> Option<Gradients>>;
+
+/// Normals as colours: x and y to red and green, the way out of the pad to blue.
+pub fn normal_picture(slopes: &Gradients) -> Arc<[u8]> {
+    let colour = |i: usize| {
+        let (gx, gy) = (slopes.gx[i], slopes.gy[i]);
+        let nz = 1.0 / (1.0 + gx * gx + gy * gy).sqrt();
+        [gx * nz, gy * nz, nz].map(|part| (127.5 * (1.0 + part)).round() as u8)
+    };
+    (0..N * N).flat_map(colour).collect()
+}

@@ -1,0 +1,201 @@
+//! Plans that do without some digits: the repertoire's grasps with those digits slack, as far as they still hold in physics.
+//!
+//! What is asked of a grasp is what was asked of the repertoire: to hold, closed in physics. A digit that has to do another one's
+//! work pulls harder; each grasp that loses a digit is tried with the same and with more tension.
+
+use anyhow::Result;
+use grasping::{Grasp, Repertoire, Role};
+use hand_model::Digit;
+use rayon::prelude::*;
+use scenarios::combination::Combination;
+use scenarios::noise::TrialNoise;
+use sim::tactile::TactileBoard;
+
+use super::{Plan, Plans, plan_pair};
+use crate::rehearsal::{Start, rehearse_first};
+use crate::world::World;
+
+/// What the remaining digits pull of what they pulled.
+const PULLS: [f64; 2] = [1.0, 1.8];
+/// Numbers of grasps that pull harder begin this much higher for each entry of [`PULLS`].
+const NUMBERS: u32 = 100_000;
+/// No cable is pulled harder than this, N.
+const MOST: f64 = 60.0;
+/// First grasps that second ones are tried after, and second grasps that are tried, the best ones.
+const FIRSTS: usize = 2;
+/// See [`FIRSTS`].
+const SECONDS: usize = 16;
+/// What a grasp without one of its digits is worth against the same with it, before it is proven.
+const WORTH: f64 = 0.7;
+
+/// Grasps and plans without some digits.
+pub struct Without {
+    /// The grasps that are left.
+    pub repertoire: Repertoire,
+    /// A plan for each combination; those that cannot be done keep the old one.
+    pub plans: Plans,
+    /// Combinations that cannot be done, and why.
+    pub impossible: std::collections::BTreeMap<usize, String>,
+}
+
+/// Plans the combinations of `plans` anew without `digits`.
+pub fn plan_without(world: &World, repertoire: &Repertoire, plans: &Plans, digits: &[Digit]) -> Result<Without> {
+    let slack = masked(repertoire, digits);
+    let board = TactileBoard::unit(&world.hand, 0);
+    let made: Vec<Result<Planned>> =
+        plans.plans.par_iter().map(|plan| plan_one(world, &slack, plan, digits, &board)).collect();
+    let mut without = Without { repertoire: slack.clone(), plans: plans.clone(), impossible: Default::default() };
+    for list in without.repertoire.grasps.values_mut() {
+        list.retain(|grasp| grasp.role == Role::Second);
+    }
+    for (n, made) in made.into_iter().enumerate() {
+        let (proven, plan) = made?;
+        for grasp in proven {
+            let known = without.repertoire.of(&grasp.object, Role::First).any(|other| other.id == grasp.id);
+            if !known {
+                without.repertoire.insert(grasp);
+            }
+        }
+        match plan {
+            Ok(plan) => without.plans.plans[n] = plan,
+            Err(why) => {
+                without.impossible.insert(n, why);
+            }
+        }
+    }
+    Ok(without)
+}
+
+/// The proven first grasps of a combination and its plan, or why there is none.
+type Planned = (Vec<Grasp>, Result<Plan, String>);
+
+fn plan_one(world: &World, slack: &Repertoire, plan: &Plan, digits: &[Digit], board: &TactileBoard) -> Result<Planned> {
+    let names = digits.iter().map(|digit| digit.name()).collect::<Vec<_>>().join(" and ");
+    let firsts: Vec<&Grasp> = slack.of(&plan.first, Role::First).collect();
+    let seconds = slack.of(&plan.second, Role::Second).count().min(SECONDS);
+    let none = |why: String| Ok((Vec::new(), Err(why)));
+    if firsts.is_empty() {
+        return none(format!("no grasp holds {} first without {names}", plan.first));
+    }
+    if seconds == 0 {
+        return none(format!("no grasp takes {} second without {names}", plan.second));
+    }
+    let proven = prove(world, &firsts, slack, plan, board)?;
+    if proven.is_empty() {
+        return none(format!(
+            "{} grasps of {} without {names} were tried in physics and none holds it",
+            firsts.len(),
+            plan.first
+        ));
+    }
+    let mut own = Repertoire::default();
+    for grasp in proven.iter().take(FIRSTS).chain(slack.of(&plan.second, Role::Second).take(SECONDS)) {
+        own.insert(grasp.clone());
+    }
+    let pair = Combination { id: 0, first: plan.first.clone(), second: plan.second.clone() };
+    let planned = plan_pair(world, &own, board, &pair)?.ok_or_else(|| {
+        format!(
+            "{seconds} grasps of {} without {names} were tried in physics after {} of {} and none holds both",
+            plan.second,
+            proven.len().min(FIRSTS),
+            plan.first
+        )
+    });
+    Ok((proven, planned))
+}
+
+/// Those of `firsts` that hold, with where they hold it.
+fn prove(
+    world: &World,
+    firsts: &[&Grasp],
+    slack: &Repertoire,
+    plan: &Plan,
+    board: &TactileBoard,
+) -> Result<Vec<Grasp>> {
+    let Some(bystander) = slack.of(&plan.second, Role::Second).next() else { return Ok(Vec::new()) };
+    let mut proven = Vec::new();
+    for first in firsts {
+        let noise = TrialNoise::none();
+        if let Some((_, held)) =
+            rehearse_first(world, &world.protocol(), Start::Ready, first, bystander, &noise, board)?
+        {
+            let (place, joints) = (Some(held.palm_from_object), Some(held.joints));
+            proven.push(Grasp { held: place, held_joints: joints, ..(*first).clone() });
+        }
+    }
+    Ok(proven)
+}
+
+/// The grasps that have a digit left, with `digits` slack; those that lose one also with more tension.
+fn masked(repertoire: &Repertoire, digits: &[Digit]) -> Repertoire {
+    let mut masked = Repertoire { grasps: Default::default(), ..repertoire.clone() };
+    for grasp in repertoire.grasps.values().flatten() {
+        let left = grasp.role.digits().iter().filter(|digit| !digits.contains(digit)).count();
+        let lost = grasp.role.digits().len() - left;
+        // One digit of three has nothing to close against; one of ring and little has the palm.
+        let enough = if grasp.role == Role::First { 1 } else { 2 };
+        if left < enough {
+            continue;
+        }
+        let pulls = if lost > 0 { &PULLS[..] } else { &PULLS[..1] };
+        for (n, pull) in pulls.iter().enumerate() {
+            masked.insert(slackened(grasp, digits, *pull, NUMBERS * n as u32));
+        }
+    }
+    masked
+}
+
+fn slackened(grasp: &Grasp, digits: &[Digit], pull: f64, number: u32) -> Grasp {
+    let lost = grasp.role.digits().iter().any(|digit| digits.contains(digit));
+    let mut other = Grasp { id: grasp.id + number, ..grasp.clone() };
+    for digit in Digit::ALL {
+        let n = digit.index();
+        if digits.contains(&digit) {
+            (other.pre_tension[n], other.close_tension[n]) = (0.0, 0.0);
+        } else {
+            other.close_tension[n] = (pull * grasp.close_tension[n]).min(MOST.max(grasp.close_tension[n]));
+        }
+    }
+    if digits.contains(&Digit::Thumb) {
+        other.opposition = 0.0;
+    }
+    if lost {
+        other.score *= WORTH;
+    }
+    other
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn repertoire() -> Repertoire {
+        crate::builtin::repertoire().unwrap()
+    }
+
+    /// No grasp pulls what has no power; grasps that never used it are as they were.
+    #[test]
+    fn what_has_no_power_is_not_pulled() {
+        let (whole, index) = (repertoire(), Digit::Index);
+        let slack = masked(&whole, &[index]);
+        let of = |role| slack.of("golf_ball", role).collect::<Vec<_>>();
+        assert_eq!(of(Role::First), whole.of("golf_ball", Role::First).collect::<Vec<_>>());
+        assert_eq!(of(Role::Second).len(), PULLS.len() * whole.of("golf_ball", Role::Second).count());
+        for grasp in of(Role::Second) {
+            assert_eq!((grasp.pre_tension[1], grasp.close_tension[1]), (0.0, 0.0));
+            assert!(grasp.close_tension[2] > 0.0 && grasp.close_tension.iter().all(|pull| *pull <= MOST));
+        }
+        let mut numbers: Vec<u32> = of(Role::Second).iter().map(|grasp| grasp.id).collect();
+        numbers.sort_unstable();
+        numbers.dedup();
+        assert_eq!(numbers.len(), of(Role::Second).len());
+    }
+
+    #[test]
+    fn some_sets_leave_nothing() {
+        let whole = repertoire();
+        assert_eq!(masked(&whole, &[Digit::Ring, Digit::Little]).of("golf_ball", Role::First).count(), 0);
+        assert_eq!(masked(&whole, &[Digit::Thumb, Digit::Index]).of("golf_ball", Role::Second).count(), 0);
+        assert!(masked(&whole, &[Digit::Thumb]).of("golf_ball", Role::Second).all(|grasp| grasp.opposition == 0.0));
+    }
+}
