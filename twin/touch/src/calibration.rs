@@ -9,6 +9,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use hand_model::Hand;
+use hand_model::file::write_whole;
 use hand_model::pads::IMAGE_SIZE as N;
 use hand_model::robot::TactileImage;
 use nalgebra::{DMatrix, DVector};
@@ -304,7 +305,7 @@ impl Calibration {
     pub fn write(&self, path: &Path) -> Result<(), TouchError> {
         let text = serde_json::to_string(self)
             .map_err(|error| TouchError::Format { path: path.into(), message: error.to_string() })?;
-        std::fs::write(path, text).map_err(|source| TouchError::Io { path: path.into(), source })
+        write_whole(path, text.as_bytes()).map_err(|source| TouchError::Io { path: path.into(), source })
     }
 }
 

@@ -3,6 +3,7 @@
 use std::fmt::Write as _;
 use std::path::Path;
 
+use hand_model::file::write_whole;
 use serde::{Deserialize, Serialize};
 
 use crate::calibration::fit::BallFit;
@@ -87,7 +88,7 @@ impl CalibrationFile {
         }
         text.push('\n');
         text += &toml::to_string(&file).map_err(|error| OpticsError::Calibration(error.to_string()))?;
-        std::fs::write(path, text)
+        write_whole(path, text.as_bytes())
             .map_err(|error| OpticsError::File { path: path.display().to_string(), what: error.to_string() })
     }
 

@@ -1,6 +1,10 @@
 //! Images from real sensors: any size, 8 bits a channel.
 
+use std::io::Cursor;
 use std::path::Path;
+
+use hand_model::file::write_whole;
+use image::ImageFormat;
 
 use crate::error::OpticsError;
 
@@ -24,10 +28,15 @@ impl Photo {
         Ok(Self { width, height, rgb: image.into_raw() })
     }
 
-    /// Writes a PNG or JPEG.
+    /// Writes a PNG or JPEG, as the extension says.
     pub fn write(&self, path: &Path) -> Result<(), OpticsError> {
-        image::save_buffer(path, &self.rgb, self.width as u32, self.height as u32, image::ColorType::Rgb8)
-            .map_err(|error| OpticsError::File { path: path.display().to_string(), what: error.to_string() })
+        let fault = |what: String| OpticsError::File { path: path.display().to_string(), what };
+        let format = ImageFormat::from_path(path).map_err(|error| fault(error.to_string()))?;
+        let mut bytes = Cursor::new(Vec::new());
+        let (columns, rows) = (self.width as u32, self.height as u32);
+        image::write_buffer_with_format(&mut bytes, &self.rgb, columns, rows, image::ColorType::Rgb8, format)
+            .map_err(|error| fault(error.to_string()))?;
+        write_whole(path, bytes.get_ref()).map_err(|error| fault(error.to_string()))
     }
 
     /// Refuses an image of another size (columns, rows), naming its file.
