@@ -11,7 +11,7 @@ use hand_model::robot::TactileImage;
 use scenarios::combination::Scenario;
 use sim::SimulatedRobot;
 use sim::tactile::TactileBoard;
-use touch::{Calibration, TouchPipeline};
+use touch::{PhotometricCalibration, TouchPipeline};
 
 use crate::plan::{self, Plans};
 use crate::touch_commands::normals::{IN_USE, Networks};
@@ -29,7 +29,7 @@ pub fn repertoire() -> Result<grasping::Repertoire> {
 }
 
 /// The photometric models that come with the program.
-pub fn builtin_calibration() -> Result<Calibration> {
+pub fn builtin_calibration() -> Result<PhotometricCalibration> {
     serde_json::from_str(include_str!("../data/calibration.json")).context("data/calibration.json")
 }
 
