@@ -8,9 +8,9 @@
 use hand_model::pads::{Camera, IMAGE_SIZE, Pad};
 use nalgebra::{Point3, Vector3};
 
-use crate::error::OpticsError;
+use crate::error::{OpticsError, check_force, positive};
 use crate::foundation::Foundation;
-use crate::indentation::{IndentationMap, PIXELS, Press, check_force, positive, press_on};
+use crate::indentation::{IndentationMap, PIXELS, Press, press_on};
 
 /// Shape of a pad's surface.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -100,7 +100,7 @@ impl Cover {
         cameras: &[&Camera],
         gel: &Foundation,
         force: f64,
-        mut z_object: impl FnMut(f64, f64) -> Option<f64>,
+        z_object: impl FnMut(f64, f64) -> Option<f64>,
     ) -> Result<Press, OpticsError> {
         if self.is_flat() {
             return press_on(pad, cameras, gel, force, z_object);
@@ -108,78 +108,108 @@ impl Cover {
         check_force(force)?;
         gel.check()?;
         self.check(pad)?;
-        let idle = || vec![IndentationMap::idle(); cameras.len()];
+        let untouched = || Press { shift: 0.0, force: 0.0, maps: vec![IndentationMap::idle(); cameras.len()] };
         if force == 0.0 {
-            return Ok(Press { shift: 0.0, force: 0.0, maps: idle() });
+            return Ok(untouched());
         }
-        let mut maps = |shift: f64, spacing: usize| -> Result<(f64, Vec<Vec<f32>>), OpticsError> {
-            let (mut sum, mut all) = (0.0, Vec::with_capacity(cameras.len()));
-            for camera in cameras {
-                let (dx, dy) = camera.pixel_size();
-                positive("camera width", dx)?;
-                positive("camera height", dy)?;
-                let mut depths = Vec::new();
-                for row in (spacing / 2..IMAGE_SIZE).step_by(spacing) {
-                    for column in (spacing / 2..IMAGE_SIZE).step_by(spacing) {
-                        let place = camera.pixel_center(column, row);
-                        let found = self.penetration(pad, place, shift, &mut z_object)?;
-                        let depth = found.map_or(0.0, |depth| depth.clamp(0.0, gel.thickness));
-                        sum += gel.pressure(depth) * dx * dy * (spacing * spacing) as f64;
-                        depths.push(depth as f32);
-                    }
+        let mut contact = Contact { cover: self, pad, cameras, gel, z_object };
+        let Some(shift) = contact.bisect(force)? else { return Ok(untouched()) };
+        let (shift, force, maps) = contact.balance(shift, force)?;
+        debug_assert!(maps.iter().all(|map| map.len() == PIXELS));
+        let maps: Result<Vec<_>, _> = maps.into_iter().map(IndentationMap::from_depth).collect();
+        Ok(Press { shift, force, maps: maps? })
+    }
+}
+
+/// An object over a covered pad; how far it is pressed in is sought.
+struct Contact<'a, F> {
+    cover: &'a Cover,
+    pad: &'a Pad,
+    cameras: &'a [&'a Camera],
+    gel: &'a Foundation,
+    z_object: F,
+}
+
+impl<F: FnMut(f64, f64) -> Option<f64>> Contact<'_, F> {
+    /// Force (N) that the gel bears with the object moved in by `shift` (m), and the indentation (m) on every `spacing`-th
+    /// row and column of each camera.
+    fn loads(&mut self, shift: f64, spacing: usize) -> Result<(f64, Vec<Vec<f32>>), OpticsError> {
+        let (mut sum, mut all) = (0.0, Vec::with_capacity(self.cameras.len()));
+        for camera in self.cameras {
+            let (dx, dy) = camera.pixel_size();
+            positive("camera width", dx)?;
+            positive("camera height", dy)?;
+            let mut depths = Vec::new();
+            for row in (spacing / 2..IMAGE_SIZE).step_by(spacing) {
+                for column in (spacing / 2..IMAGE_SIZE).step_by(spacing) {
+                    let place = camera.pixel_center(column, row);
+                    let found = self.cover.penetration(self.pad, place, shift, &mut self.z_object)?;
+                    let depth = found.map_or(0.0, |depth| depth.clamp(0.0, self.gel.thickness));
+                    sum += self.gel.pressure(depth) * dx * dy * (spacing * spacing) as f64;
+                    depths.push(depth as f32);
                 }
-                all.push(depths);
             }
-            Ok((sum, all))
-        };
-        // The object's lowest place is unknown: first outwards until it lets go, then inwards until it is borne.
-        let (mut low, mut high) = (-gel.thickness, gel.thickness);
+            all.push(depths);
+        }
+        Ok((sum, all))
+    }
+
+    fn coarse_force(&mut self, shift: f64) -> Result<f64, OpticsError> {
+        Ok(self.loads(shift, COARSE)?.0)
+    }
+
+    /// The shift (m) at which a coarse grid bears `force` (N); `None` where nothing is above the pad.
+    fn bisect(&mut self, force: f64) -> Result<Option<f64>, OpticsError> {
+        // The height of the object's lowest point is unknown: move out until it lets go, then in until the gel bears it.
+        let (mut low, mut high) = (-self.gel.thickness, self.gel.thickness);
         for _ in 0..STEPS {
-            if maps(low, COARSE)?.0 <= force {
+            if self.coarse_force(low)? <= force {
                 break;
             }
             (low, high) = (2.0 * low, low);
         }
-        let mut most = maps(high, COARSE)?.0;
+        let mut most = self.coarse_force(high)?;
         for _ in 0..STEPS {
             if most >= force {
                 break;
             }
-            let next = maps(2.0 * high, COARSE)?.0;
+            let next = self.coarse_force(2.0 * high)?;
             if next <= most && most > 0.0 {
                 break;
             }
             (low, high, most) = (high, 2.0 * high, next);
         }
         if most == 0.0 {
-            return Ok(Press { shift: 0.0, force: 0.0, maps: idle() });
+            return Ok(None);
         }
         while high - low > 1e-7 {
             let middle = 0.5 * (low + high);
-            if maps(middle, COARSE)?.0 < force { low = middle } else { high = middle }
+            if self.coarse_force(middle)? < force { low = middle } else { high = middle }
         }
-        // All pixels bear nearly what every fourth one does: the secant through two such sums.
-        let (mut shift, mut last) = (high, None);
-        let mut found = maps(shift, 1)?;
+        Ok(Some(high))
+    }
+
+    /// Shift (m), force (N) and full maps at which all pixels bear `force`, by the secant method from a shift that is nearly right.
+    fn balance(&mut self, start: f64, force: f64) -> Result<(f64, f64, Vec<Vec<f32>>), OpticsError> {
+        let (mut shift, mut last) = (start, None);
+        let mut found = self.loads(shift, 1)?;
         for _ in 0..STEPS {
             if (found.0 - force).abs() < 1e-6 * force {
                 break;
             }
             let slope = match last {
                 Some((shift_before, force_before)) => (found.0 - force_before) / (shift - shift_before),
-                None => (maps(shift + 1e-6, 1)?.0 - found.0) / 1e-6,
+                None => (self.loads(shift + 1e-6, 1)?.0 - found.0) / 1e-6,
             };
             let step = (force - found.0) / slope;
-            if !step.is_finite() || step.abs() > gel.thickness {
+            if !step.is_finite() || step.abs() > self.gel.thickness {
                 break;
             }
             last = Some((shift, found.0));
             shift += step;
-            found = maps(shift, 1)?;
+            found = self.loads(shift, 1)?;
         }
-        debug_assert!(found.1.iter().all(|map| map.len() == PIXELS));
-        let maps: Result<Vec<_>, _> = found.1.into_iter().map(IndentationMap::from_depth).collect();
-        Ok(Press { shift, force: found.0, maps: maps? })
+        Ok((shift, found.0, found.1))
     }
 }
 

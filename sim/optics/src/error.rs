@@ -1,4 +1,6 @@
-//! What can be wrong with the input.
+//! What can be wrong with the input, and the checks that several modules share.
+
+use std::path::Path;
 
 /// An input that no image can be formed from.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -82,4 +84,24 @@ pub enum OpticsError {
         /// What is wrong, found and expected.
         what: String,
     },
+}
+
+impl OpticsError {
+    /// An error about a file or folder.
+    pub(crate) fn file(path: &Path, what: impl std::fmt::Display) -> Self {
+        Self::File { path: path.display().to_string(), what: what.to_string() }
+    }
+
+    /// A calibration that does not parse or holds an impossible value.
+    pub(crate) fn calibration(what: impl std::fmt::Display) -> Self {
+        Self::Calibration(what.to_string())
+    }
+}
+
+pub(crate) fn check_force(force: f64) -> Result<(), OpticsError> {
+    if force.is_finite() && force >= 0.0 { Ok(()) } else { Err(OpticsError::Force(force)) }
+}
+
+pub(crate) fn positive(what: &'static str, value: f64) -> Result<(), OpticsError> {
+    if value > 0.0 && value.is_finite() { Ok(()) } else { Err(OpticsError::NotPositive { what, value }) }
 }

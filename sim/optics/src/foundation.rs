@@ -19,8 +19,7 @@
 
 use hand_model::parameters::Gel;
 
-use crate::error::OpticsError;
-use crate::indentation::positive;
+use crate::error::{OpticsError, positive};
 
 /// Pressure law of a gel.
 #[derive(Debug, Clone, Copy, PartialEq)]

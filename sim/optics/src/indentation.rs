@@ -8,7 +8,7 @@
 use hand_model::pads::{Camera, IMAGE_SIZE, Pad};
 use hand_model::parameters::Gel;
 
-use crate::error::OpticsError;
+use crate::error::{OpticsError, check_force, positive};
 use crate::foundation::Foundation;
 
 /// Pixels of an image.
@@ -375,14 +375,6 @@ fn check(map: &[f32], expected: &'static str, good: impl Fn(f32) -> bool) -> Res
             Err(OpticsError::MapValue { column: at % IMAGE_SIZE, row: at / IMAGE_SIZE, value: map[at], expected })
         }
     }
-}
-
-pub(crate) fn check_force(force: f64) -> Result<(), OpticsError> {
-    if force.is_finite() && force >= 0.0 { Ok(()) } else { Err(OpticsError::Force(force)) }
-}
-
-pub(crate) fn positive(what: &'static str, value: f64) -> Result<(), OpticsError> {
-    if value > 0.0 && value.is_finite() { Ok(()) } else { Err(OpticsError::NotPositive { what, value }) }
 }
 
 fn pixel_area(camera: &Camera) -> Result<f64, OpticsError> {

@@ -1,40 +1,40 @@
-//! From what presses into a camera-based tactile pad to the image its camera sees.
+//! Image formation of a camera-based tactile sensor: from the shape and force that press into a pad to the image its camera sees.
 //!
-//! The story in order, as the paper tells it ("Details of image formation model"): the shape above the pad and the normal force
-//! give an [`indentation`]; the [`elastomer`] rounds it off where the gel leaves the object; near-field [`lamps`] shine on
-//! the gel's coating, each with its cast [`shadows`], whose [`reflectance`] sends the light to the [`camera`], which turns it into grey levels. A [`sensor`] is all
-//! of that for one camera unit, and a [`model`] all its numbers: nominal, of one unit, or found by a calibration.
+//! The steps follow the paper ("Details of image formation model"). The object's shape above the pad and the normal force give
+//! an [`indentation`]. The [`elastomer`] rounds it off where the gel leaves the object. Near-field [`lamps`] illuminate the
+//! gel's coating, with cast [`shadows`]; its [`reflectance`] sends light to the [`camera`], which turns radiance into grey
+//! levels. A [`sensor`] combines these steps for one camera unit, and a [`model`] holds all its parameters: nominal, of one
+//! unit, or calibrated.
 //!
-//! Where the gel is deformed or a lamp's light is cut off ([`shadows`]), a pixel's radiance is that of the background's pixel plus
-//! `model(deformed gel) - model(flat gel)`; elsewhere the pixel is the background's. How much force an indentation takes is the
-//! [`foundation`]'s part, and [`shapes`] has twenty things to press.
+//! Where the gel is deformed or shadowed, a pixel's radiance is the background pixel's plus `model(deformed gel) - model(flat
+//! gel)`; elsewhere the pixel is the background's. The [`foundation`] relates force to indentation, and [`shapes`] has twenty
+//! test objects.
 //!
-//! All of the hand's pads are flat; other sensors' pads may be part of a cylinder ([`cover`], [`CurvedSensor`]).
+//! All of the hand's pads are flat; a pad of another sensor may be part of a cylinder ([`cover`], [`CurvedSensor`]). The
+//! hand's 17 pads ship with one parameter file each ([`pads`]). A [`renderer`] makes many images at once, on the CPU or a GPU.
+//! [`calibration`] fits the model of a real sensor to presses of a ball and renders at that sensor's own image size.
 //!
-//! The hand's 17 pads ship with a calibration file each ([`pads`]); many images at once are a [`renderer`]'s part, on the CPU or a GPU.
-//!
-//! [`calibration`] finds a real sensor's model from presses of a ball, and renders for that sensor at its own image size.
-//!
-//! What is left out: light from one part of the gel to another; the sideways shift of points pressed towards the camera
-//! in a pad's images (the calibrated sensor's renderer has it); distortion in the pads' images, which are rectified (a calibrated sensor
-//! may have a [`lens`](calibration::lens)); and pads' rounded edges count as rest shape in the background alone, not in the relief that casts shadows.
+//! Not modelled: light from one part of the gel to another; the sideways shift of points pressed towards the camera in a pad's
+//! images (the calibrated sensor's renderer has it); lens distortion in the pads' images, which are rectified (a calibrated
+//! sensor may have a [`lens`](calibration::lens)). The pads' rounded edges shape the background only, not the relief that casts
+//! shadows.
 //!
 //! # Frames
-//! Everything is in the pad's frame, metres: z out of the surface, camera and lamps at negative z. Maps are row-major, 240 x 240; row 0
-//! is the distal edge (largest y), column 0 the smallest x.
+//! Everything is in the pad's frame, in metres: z out of the surface, camera and lamps at negative z. Maps are row-major,
+//! 240 x 240; row 0 is the distal edge (largest y), column 0 has the smallest x.
 //!
 //! # For the owner of a GelSight Mini
-//! Take a picture of the untouched gel (`background.png`) and a dozen or two of a steel ball pressed in here and there, all
-//! in one folder. If you know where the balls are, say so in `labels.csv` (see [`calibration::folder`]); otherwise they are found.
-//! Pictures of a checkerboard tell the lens, pictures under each lamp alone the lamps; both are optional. Then
+//! Put a picture of the untouched gel (`background.png`) and a dozen or two of a steel ball pressed in at different places
+//! into one folder. `labels.csv` may give the balls' positions (see [`calibration::folder`]); otherwise they are detected.
+//! Optional pictures of a checkerboard calibrate the lens, and pictures under each lamp alone the lamps. Then
 //! ```sh
 //! ftac optics calibrate FOLDER --ball-diameter-mm 6.31 --pixel-mm 0.0634 --out mini.toml
 //! ```
-//! fits the model to every second press and renders the others; it prints how alike rendered and real images are, beside
-//! what the background alone reaches (`floor`) and what the noise allows (`ceiling`). From then on the sensor renders anything.
-//! The same by code (here the folder is made first, with a sensor that is known):
+//! fits the model to every second press and renders the others. It prints the similarity of rendered and real images, with
+//! that of the background alone (`floor`) and the best that the noise allows (`ceiling`). The calibrated sensor then renders
+//! any object. The same in code (the folder is generated first, from a known sensor):
 //! ```
-//! use optics::calibration::{Assumptions, BallFit, CalibratedSensor, CalibrationFile, Effort, PressFolder};
+//! use optics::calibration::{Assumptions, BallFit, CalibratedSensor, SensorCalibration, Effort, PressFolder};
 //!
 //! # let folder = std::env::temp_dir().join(format!("optics-example-{}", std::process::id()));
 //! # std::fs::create_dir_all(&folder)?;
@@ -47,7 +47,7 @@
 //! #     model.grey(&nalgebra::Point3::new(0.2e-3 * x, 0.2e-3 * y, 0.0), [0.0; 2]).map(|grey| grey as f32)
 //! # };
 //! # let background: Vec<f32> = (0..columns * rows).flat_map(grey).collect();
-//! # let file = CalibrationFile {
+//! # let file = SensorCalibration {
 //! #     version: 1, columns, rows, pixel_mm: 0.2, contact_over_visible: 1.0, background: String::new(), lens: None, model,
 //! # };
 //! # let known = CalibratedSensor::new(file, background)?;
@@ -65,7 +65,7 @@
 //! let fit = BallFit::new(&fitted, Assumptions::full(Some(pixel)), &effort, 1)?;
 //! let quality = fit.evaluate(&held_out).ok_or("nothing was held out")?;
 //! assert!(quality.rendered.crop.psnr > quality.floor.crop.psnr + 6.0);
-//! CalibrationFile::write(&fit, &folder.join("mini.toml"))?;
+//! SensorCalibration::write(&fit, &folder.join("mini.toml"))?;
 //!
 //! // A rod of 2 mm radius along y, pressed in by 0.4 mm: how far it lies below the untouched gel, pixel by pixel.
 //! let sensor = CalibratedSensor::read(&folder.join("mini.toml"))?;
@@ -124,6 +124,7 @@ pub mod sensor;
 mod shading;
 pub mod shadows;
 pub mod shapes;
+mod versioned;
 mod wide;
 
 pub use cover::Cover;
@@ -134,4 +135,5 @@ pub use gpu::GpuRenderer;
 pub use indentation::{IndentationMap, Press, press};
 pub use model::{SensorModel, Variation};
 pub use renderer::{CpuRenderer, Job, Renderer};
-pub use sensor::{CurvedSensor, Sensor};
+pub use sensor::Sensor;
+pub use sensor::curved::CurvedSensor;

@@ -137,12 +137,6 @@ impl SensorModel {
         model
     }
 
-    /// One unit of a series: the design as shipped ([`crate::pads`]), varied by the usual [`Variation`].
-    pub fn unit(pad: &Pad, camera: &Camera, seed: u64) -> Self {
-        let (design, variation) = crate::pads::design(pad, camera);
-        design.varied(&variation, seed)
-    }
-
     /// This model as one unit of a series has it; `seed` is the unit's serial number.
     pub fn varied(&self, by: &Variation, seed: u64) -> Self {
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
@@ -211,12 +205,12 @@ impl SensorModel {
 
     /// The model as TOML, the form in which calibrations are kept.
     pub fn to_toml(&self) -> Result<String, OpticsError> {
-        toml::to_string(self).map_err(|error| OpticsError::Calibration(error.to_string()))
+        toml::to_string(self).map_err(OpticsError::calibration)
     }
 
     /// Reads and checks a calibration.
     pub fn from_toml(text: &str) -> Result<Self, OpticsError> {
-        let model: Self = toml::from_str(text).map_err(|error| OpticsError::Calibration(error.to_string()))?;
+        let model: Self = toml::from_str(text).map_err(OpticsError::calibration)?;
         model.check()?;
         Ok(model)
     }

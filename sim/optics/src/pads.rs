@@ -13,6 +13,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::error::OpticsError;
 use crate::model::{SensorModel, Variation};
+use crate::versioned;
 
 /// Version of the format.
 pub const VERSION: u32 = 1;
@@ -20,7 +21,7 @@ pub const VERSION: u32 = 1;
 /// One camera of a pad.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct CameraCalibration {
+pub struct CameraOptics {
     /// The camera's name.
     pub name: String,
     /// Its image-formation model, pad frame.
@@ -30,7 +31,7 @@ pub struct CameraCalibration {
 /// A pad's calibration, as kept in a file.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct PadCalibration {
+pub struct PadOptics {
     /// Version of the format.
     pub version: u32,
     /// The pad's name.
@@ -44,12 +45,7 @@ pub struct PadCalibration {
     /// How units differ from the models below.
     pub variation: Variation,
     /// The pad's cameras, in order.
-    pub camera: Vec<CameraCalibration>,
-}
-
-#[derive(Deserialize)]
-struct Version {
-    version: Option<u32>,
+    pub camera: Vec<CameraOptics>,
 }
 
 const COMMENT: &str = "\
@@ -62,12 +58,12 @@ const COMMENT: &str = "\
 # `kernels` (standard deviations) smooth the gel around a contact; an object is grown by `coating`.
 ";
 
-impl PadCalibration {
+impl PadOptics {
     /// The calibration of a pad as designed.
     pub fn nominal(hand: &Hand, pad: &Pad) -> Self {
         let camera = |&index: &usize| {
             let camera = &hand.cameras[index];
-            CameraCalibration { name: camera.name.clone(), model: SensorModel::nominal(pad, camera) }
+            CameraOptics { name: camera.name.clone(), model: SensorModel::nominal(pad, camera) }
         };
         Self {
             version: VERSION,
@@ -94,7 +90,7 @@ impl PadCalibration {
 
     /// The file's text, with comments.
     pub fn to_toml(&self) -> Result<String, OpticsError> {
-        let body = toml::to_string(self).map_err(|error| OpticsError::Calibration(error.to_string()))?;
+        let body = toml::to_string(self).map_err(OpticsError::calibration)?;
         let mut text = String::new();
         // Writing to a string cannot fail.
         let _ = writeln!(
@@ -107,16 +103,10 @@ impl PadCalibration {
 
     /// Reads and checks a file's text.
     pub fn parse(text: &str) -> Result<Self, OpticsError> {
-        let fault = OpticsError::Calibration;
-        let version: Version = toml::from_str(text).map_err(|error| fault(error.to_string()))?;
-        match version.version {
-            Some(VERSION) => {}
-            Some(other) => return Err(fault(format!("version: found {other}; expected {VERSION}"))),
-            None => return Err(fault(format!("version: found none; expected {VERSION}"))),
-        }
-        let found: Self = toml::from_str(text).map_err(|error| fault(error.to_string()))?;
+        let found: Self = versioned::parse(text, VERSION)?;
         for camera in &found.camera {
-            camera.model.check().map_err(|error| fault(format!("camera `{}`: {error}", camera.name)))?;
+            let named = |error| OpticsError::calibration(format!("camera `{}`: {error}", camera.name));
+            camera.model.check().map_err(named)?;
         }
         Ok(found)
     }
@@ -171,9 +161,9 @@ const SHIPPED: [&str; 17] = [
 ];
 
 /// The shipped calibrations. A test reads every file, so that none is missing here.
-pub fn shipped() -> &'static [PadCalibration] {
-    static ALL: OnceLock<Vec<PadCalibration>> = OnceLock::new();
-    ALL.get_or_init(|| SHIPPED.iter().flat_map(|text| PadCalibration::parse(text)).collect())
+pub fn shipped() -> &'static [PadOptics] {
+    static ALL: OnceLock<Vec<PadOptics>> = OnceLock::new();
+    ALL.get_or_init(|| SHIPPED.iter().flat_map(|text| PadOptics::parse(text)).collect())
 }
 
 /// A camera's model as designed and how units differ: as shipped, or worked out for a pad that is not shipped.
@@ -187,6 +177,14 @@ pub fn design(pad: &Pad, camera: &Camera) -> (SensorModel, Variation) {
     }
 }
 
+impl SensorModel {
+    /// One unit of a series: the shipped design ([`design`]) with the variation shipped beside it; `seed` is the unit's serial number.
+    pub fn unit(pad: &Pad, camera: &Camera, seed: u64) -> Self {
+        let (design, variation) = design(pad, camera);
+        design.varied(&variation, seed)
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -197,11 +195,7 @@ mod tests {
         assert_eq!(shipped().len(), hand.pads.len());
         for pad in &hand.pads {
             let found = shipped().iter().find(|calibration| calibration.pad == pad.name).unwrap();
-            assert_eq!(
-                *found,
-                PadCalibration::nominal(&hand, pad),
-                "run `ftac optics pads --out sim/optics/data/pads`"
-            );
+            assert_eq!(*found, PadOptics::nominal(&hand, pad), "run `ftac optics pads --out sim/optics/data/pads`");
             assert_eq!(found.models(&hand, pad).unwrap().len(), pad.cameras.len());
         }
     }
@@ -209,11 +203,11 @@ mod tests {
     #[test]
     fn bad_files_are_refused_by_field() {
         let hand = Hand::ftac();
-        let good = PadCalibration::nominal(&hand, &hand.pads[0]);
+        let good = PadOptics::nominal(&hand, &hand.pads[0]);
         let text = good.to_toml().unwrap();
-        assert_eq!(PadCalibration::parse(&text).unwrap(), good);
+        assert_eq!(PadOptics::parse(&text).unwrap(), good);
         let refusal = |text: String, parts: &[&str]| {
-            let error = PadCalibration::parse(&text).unwrap_err().to_string();
+            let error = PadOptics::parse(&text).unwrap_err().to_string();
             assert!(parts.iter().all(|part| error.contains(part)), "{error}");
         };
         refusal(text.replace("version = 1", "version = 2"), &["version", "found 2", "expected 1"]);
@@ -227,7 +221,7 @@ mod tests {
     #[test]
     fn a_unit_varies_once() {
         let hand = Hand::ftac();
-        let design = PadCalibration::nominal(&hand, &hand.pads[2]);
+        let design = PadOptics::nominal(&hand, &hand.pads[2]);
         let unit = design.unit(7);
         assert_ne!(unit.camera, design.camera);
         assert_eq!(unit.camera[0].model, SensorModel::unit(&hand.pads[2], &hand.cameras[hand.pads[2].cameras[0]], 7));

@@ -1,6 +1,6 @@
 //! A camera unit that renders: caches of all that does not depend on the contact, and the way from an indentation to bytes.
 
-mod curved;
+pub mod curved;
 
 use std::sync::Arc;
 
@@ -22,8 +22,6 @@ use crate::noise::{ReadOutNoise, quantise, texture};
 use crate::shading::{Shading, SurfaceRow};
 use crate::shadows::{HeightField, Shadow};
 use crate::wide::widest;
-
-pub use curved::CurvedSensor;
 
 /// Depth (m) and slope below which the gel counts as flat and the background is shown.
 const FLAT_DEPTH: f32 = 1e-6;
@@ -84,7 +82,7 @@ impl Sensor {
                 (rest_x[column], rest_y[column]) = (zx as f32 * softer, zy as f32 * softer);
             }
             let mut radiance = |z: &[f32], slopes| {
-                row.set(&model.camera, x0, dx, y, z, slopes);
+                row.set(&model.camera, (x0, y), dx, z, slopes);
                 shading.shade(&mut row, &[], (0, 0));
                 (0..3 * IMAGE_SIZE).map(|at| row.radiance[at % 3][at / 3]).collect::<Vec<f32>>()
             };
@@ -279,8 +277,8 @@ impl Sensor {
             };
         }
         let (first, last) = span.map(|(first, last)| (first, last.min(width - 1) + 1))?;
-        let (x0, y) = self.camera.pixel_center(area.left + first, index);
-        row.set(&self.model.camera, x0, dx, y, &z[first..last], [&slopes[0][first..last], &slopes[1][first..last]]);
+        let start = self.camera.pixel_center(area.left + first, index);
+        row.set(&self.model.camera, start, dx, &z[first..last], [&slopes[0][first..last], &slopes[1][first..last]]);
         self.shading.shade(row, shadows, (first, index - area.top));
         Some((area.left + first, area.left + last))
     }

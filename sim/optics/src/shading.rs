@@ -43,7 +43,7 @@ impl SurfaceRow {
 
     /// Sets the row: pixel i is at (`x0 + i dx`, `y`), at height `z[i]` with slopes dz/dx and dz/dy (m, pad frame).
     #[inline(always)]
-    pub(crate) fn set(&mut self, camera: &Pinhole, x0: f64, dx: f64, y: f64, z: &[f32], slopes: [&[f32]; 2]) {
+    pub(crate) fn set(&mut self, camera: &Pinhole, (x0, y): (f64, f64), dx: f64, z: &[f32], slopes: [&[f32]; 2]) {
         let n = z.len().min(IMAGE_SIZE);
         let (px, py, pz) = (camera.position.x as f32, camera.position.y as f32, camera.position.z as f32);
         self.len = n;
@@ -217,13 +217,13 @@ mod tests {
     proptest! {
         #[test]
         fn fast_shading_is_the_reference(
-            x in -0.01..0.01, y in -0.02..0.02, z in -0.0025..0.0, zx in -1.2..1.2, zy in -1.2..1.2, roughness in 0.0..0.8, mu in 0.0..5.0,
+            [x, y, z] in [-0.01..0.01, -0.02..0.02, -0.0025..0.0], [zx, zy] in [-1.2..1.2, -1.2..1.2], roughness in 0.0..0.8, mu in 0.0..5.0,
         ) {
             let lamp = Lamp::aimed(Point3::new(0.012, 0.003, -0.01), Point3::new(-0.004, 0.0, 0.0), 1.3, mu, [1.0, 0.2, 0.5]);
             let reflectance = Reflectance { albedo: [0.9, 0.8, 0.7], roughness };
             let camera = Pinhole { position: Point3::new(0.0, 0.001, -0.016) };
             let mut row = SurfaceRow::new();
-            row.set(&camera, x, 1e-4, y, &[z as f32], [&[zx as f32], &[zy as f32]]);
+            row.set(&camera, (x, y), 1e-4, &[z as f32], [&[zx as f32], &[zy as f32]]);
             Shading::new(&[lamp], &reflectance, [1.0; 3], [40.0, 0.0, 200.0]).shade(&mut row, &[], (0, 0));
             let point = Point3::new(x, y, z);
             let (s, kappa) = lamp.at(&point);

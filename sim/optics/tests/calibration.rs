@@ -9,7 +9,7 @@ use hand_model::Hand;
 use nalgebra::Point3;
 use optics::SensorModel;
 use optics::calibration::{
-    Assumptions, BallFit, CalibratedSensor, CalibrationFile, Effort, Lens, Photo, PressFolder, similarity,
+    Assumptions, BallFit, CalibratedSensor, Effort, Lens, Photo, PressFolder, SensorCalibration, similarity,
 };
 use optics::camera::Pinhole;
 use optics::elastomer::Elastomer;
@@ -47,7 +47,7 @@ fn made() -> CalibratedSensor {
         ..SensorModel::nominal(&hand.pads[0], &hand.cameras[hand.pads[0].cameras[0]])
     };
     let (columns, rows) = SIZE;
-    let file = CalibrationFile {
+    let file = SensorCalibration {
         version: 1,
         columns,
         rows,
@@ -100,7 +100,7 @@ fn fitted_presses_are_rendered_alike_by_the_fit_and_by_the_renderer() {
     let held = fit.evaluate(&held_out).unwrap();
     assert!(held.rendered.crop.psnr > held.floor.crop.psnr + 10.0 && held.rendered.crop.psnr > 32.0, "{held:?}");
     let file = path.join("made.toml");
-    CalibrationFile::write(&fit, &file).unwrap();
+    SensorCalibration::write(&fit, &file).unwrap();
     let sensor = CalibratedSensor::read(&file).unwrap();
     let mut worst = f64::INFINITY;
     for press in &held_out.presses {
@@ -208,9 +208,9 @@ fn bad_folders_are_refused_by_name() {
 
 #[test]
 fn another_version_and_bad_maps_are_refused() {
-    let text = CalibrationFile::parse("version = 3\n").unwrap_err().to_string();
+    let text = SensorCalibration::parse("version = 3\n").unwrap_err().to_string();
     assert!(text.contains("found 3") && text.contains("expected 1"), "{text}");
-    assert!(CalibrationFile::parse("columns = 3\n").unwrap_err().to_string().contains("version: found none"));
+    assert!(SensorCalibration::parse("columns = 3\n").unwrap_err().to_string().contains("version: found none"));
     let sensor = made();
     let mut map = vec![0.0f32; SIZE.0 * SIZE.1];
     assert!(sensor.render(&map[1..]).unwrap_err().to_string().contains("expected 30000"));

@@ -11,7 +11,7 @@ use hand_model::robot::TactileImage;
 use scenarios::combination::Scenario;
 use sim::SimulatedRobot;
 use sim::tactile::TactileBoard;
-use touch::{Calibration, TouchPipeline};
+use touch::{PhotometricCalibration, TouchPipeline};
 
 use proving::world::World;
 use proving::{ball_sizes, plan};
@@ -25,7 +25,7 @@ pub const HAND_UNIT: u64 = 7;
 pub const CALIBRATION_UNIT: u64 = 1;
 
 /// The photometric models that come with the program.
-pub fn builtin_calibration() -> Result<Calibration> {
+pub fn builtin_calibration() -> Result<PhotometricCalibration> {
     serde_json::from_str(include_str!("../data/calibration.json")).context("data/calibration.json")
 }
 

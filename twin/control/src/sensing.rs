@@ -128,7 +128,7 @@ mod tests {
     fn each_ablation_leaves_its_pads() {
         let hand = Hand::ftac();
         let image = Arc::new(TactileImage { rgb: vec![100; 3 * IMAGE_SIZE * IMAGE_SIZE] });
-        let calibration = touch::Calibration { version: 1, configurations: Default::default() };
+        let calibration = touch::PhotometricCalibration { version: 1, configurations: Default::default() };
         let pipeline = TouchPipeline::new(&hand, calibration, vec![image; hand.cameras.len()]).expect("made");
         let pads = |sensing| {
             let senses = Senses::new(&pipeline, sensing).expect("made");

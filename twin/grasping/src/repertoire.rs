@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
+use hand_model::file::write_whole;
 use serde::{Deserialize, Serialize};
 
 use crate::grasp::{Grasp, Role};
@@ -71,7 +72,6 @@ impl Repertoire {
 
     /// Writes a file: one grasp a line, whole or not at all.
     pub fn write(&self, path: &Path) -> Result<(), RepertoireError> {
-        let io = |source| RepertoireError::Io { path: path.into(), source };
         let mut text = format!(
             "{{\"version\":{},\"command\":{},\"seed\":{},\"grasps\":{{\n",
             self.version,
@@ -88,9 +88,7 @@ impl Repertoire {
             );
         }
         text += "}}\n";
-        let partial = path.with_extension("partial");
-        std::fs::write(&partial, text).map_err(io)?;
-        std::fs::rename(&partial, path).map_err(io)
+        write_whole(path, text.as_bytes()).map_err(|source| RepertoireError::Io { path: path.into(), source })
     }
 
     /// Grasps of `object` for `role`, best first.

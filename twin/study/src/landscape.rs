@@ -6,10 +6,10 @@
 //! whose minima and barriers are exact, and [`grasps`], the energy of grasps on several objects.
 
 pub mod attraction;
-pub mod calibration;
 pub mod disconnectivity;
 pub mod grasps;
 pub mod mapping;
+pub mod metastability;
 pub mod multi_well;
 
 use rand_chacha::ChaCha8Rng;

@@ -9,14 +9,15 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use hand_model::Hand;
+use hand_model::file::write_whole;
 use hand_model::pads::IMAGE_SIZE as N;
 use hand_model::robot::TactileImage;
 use nalgebra::{DMatrix, DVector};
 use serde::{Deserialize, Serialize};
 
 use crate::PIXELS;
+use crate::colour_change::{Region, colour_change};
 use crate::error::TouchError;
-use crate::photometric_stereo::{Region, colour_change};
 
 /// Number of features of the colour change.
 pub const COLOUR_FEATURES: usize = 19;
@@ -49,7 +50,7 @@ pub struct PhotometricModel {
 
 /// The photometric models of a hand.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Calibration {
+pub struct PhotometricCalibration {
     /// Version of the file format.
     pub version: u32,
     /// A model for each sensor configuration (letter a to f).
@@ -241,7 +242,7 @@ pub(crate) fn slope(indentation: &[f32], i: usize, (dx, dy): (f64, f64)) -> (f64
     )
 }
 
-impl Calibration {
+impl PhotometricCalibration {
     /// Fits a model for every sensor configuration that occurs in `presses`.
     pub fn fit(hand: &Hand, presses: &[CalibrationPress]) -> Result<Self, TouchError> {
         let mut groups: BTreeMap<char, Vec<_>> = BTreeMap::new();
@@ -304,7 +305,7 @@ impl Calibration {
     pub fn write(&self, path: &Path) -> Result<(), TouchError> {
         let text = serde_json::to_string(self)
             .map_err(|error| TouchError::Format { path: path.into(), message: error.to_string() })?;
-        std::fs::write(path, text).map_err(|source| TouchError::Io { path: path.into(), source })
+        write_whole(path, text.as_bytes()).map_err(|source| TouchError::Io { path: path.into(), source })
     }
 }
 

@@ -81,8 +81,18 @@ fn slope(height: &[f32], column: usize, row: usize, (dx, dy): (f64, f64)) -> (f6
     )
 }
 
+/// One camera's height map with the pad it is of.
+#[derive(Clone, Copy)]
+struct View<'a> {
+    pad: &'a Pad,
+    camera_index: usize,
+    camera: &'a Camera,
+    /// m, row-major.
+    height: &'a [f32],
+}
+
 /// The object's surface at a pixel in contact.
-fn surface_point(pad: &Pad, camera: &Camera, height: &[f32], column: usize, row: usize) -> SurfacePoint {
+fn surface_point(View { pad, camera, height, .. }: View, column: usize, row: usize) -> SurfacePoint {
     const STEP: f64 = 1e-4;
     let (x, y) = camera.pixel_center(column, row);
     let (gx, gy) = slope(height, column, row, camera.pixel_size());
@@ -122,7 +132,7 @@ pub fn find_contacts(
         let volume = |pixels: &[usize]| pixels.iter().map(|&i| f64::from(height[i])).sum::<f64>();
         let share = volume(&hill) / summits.iter().map(|summit| volume(summit)).sum::<f64>();
         for summit in &summits {
-            patches.push(describe(pad, camera_index, camera, gel, height, summit, share, options));
+            patches.push(describe(View { pad, camera_index, camera, height }, gel, summit, share, options));
         }
     }
     patches.sort_by(|a, b| b.force.total_cmp(&a.force));
@@ -177,17 +187,10 @@ fn summits(
     summits
 }
 
-#[allow(clippy::too_many_arguments)]
-fn describe(
-    pad: &Pad,
-    camera_index: usize,
-    camera: &Camera,
-    gel: Gel,
-    height: &[f32],
-    pixels: &[usize],
-    share: f64,
-    options: &ContactOptions,
-) -> Patch {
+/// The patch of the contact `pixels`, which bear `share` of their own volume's force more than once counted: the bulge around
+/// them belongs to them too.
+fn describe(view: View, gel: Gel, pixels: &[usize], share: f64, options: &ContactOptions) -> Patch {
+    let View { camera_index, camera, height, .. } = view;
     let (dx, dy) = camera.pixel_size();
     let at = |i: usize| camera.pixel_center(i % N, i / N);
     let count = pixels.len() as f64;
@@ -196,7 +199,7 @@ fn describe(
     for &i in pixels {
         let (x, y) = at(i);
         let h = f64::from(height[i]);
-        let surface = surface_point(pad, camera, height, i % N, i / N);
+        let surface = surface_point(view, i % N, i / N);
         mean += Vector2::new(x, y) / count;
         pressure_centre += surface.point.coords * h;
         normal += surface.normal * h;
@@ -245,7 +248,7 @@ fn describe(
         normal: normal.normalize(),
         force: gel.stiffness * volume * share * dx * dy,
         peak: f64::from(peak),
-        points: chosen.into_iter().map(|i| surface_point(pad, camera, height, i % N, i / N)).collect(),
+        points: chosen.into_iter().map(|i| surface_point(view, i % N, i / N)).collect(),
     }
 }
 

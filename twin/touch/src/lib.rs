@@ -12,10 +12,12 @@
 //! Images, gradient fields and height maps are row-major, [`IMAGE_SIZE`] squared, row 0 at the distal edge (largest y).
 
 pub mod calibration;
+pub mod colour_change;
 pub mod contacts;
 pub mod error;
 pub mod frames;
 pub mod network;
+pub mod pad_touch;
 pub mod photometric_stereo;
 pub mod pipeline;
 pub mod poisson;
@@ -23,14 +25,16 @@ pub mod pose;
 pub mod posture;
 pub mod slip;
 
-pub use calibration::{AngularError, Calibration, CalibrationPress, PhotometricModel};
+pub use calibration::{AngularError, CalibrationPress, PhotometricCalibration, PhotometricModel};
+pub use colour_change::StereoOptions;
 pub use contacts::{ContactOptions, Patch, SurfacePoint};
 pub use error::TouchError;
 pub use frames::{CameraFault, Fault};
 pub use network::{Network, PreparedNetwork};
-pub use photometric_stereo::{Gradients, StereoOptions};
-pub use pipeline::{HeightMap, PadTouch, Perceived, TouchPipeline};
-pub use pose::{KnownShape, PoseEstimate, PoseOptions, PosePrior, costs_from_pose, estimate_pose};
+pub use pad_touch::{HeightMap, PadTouch};
+pub use photometric_stereo::Gradients;
+pub use pipeline::{Perceived, TouchPipeline};
+pub use pose::{KnownShape, PoseEstimate, PoseInputs, PoseOptions, PosePrior, costs_from_pose, estimate_pose};
 pub use posture::Posture;
 pub use slip::Slip;
 

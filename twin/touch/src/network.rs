@@ -26,8 +26,9 @@ use serde::{Deserialize, Serialize};
 
 use crate::PIXELS;
 use crate::calibration::{PhotometricModel, bounded, gradient_of};
+use crate::colour_change::{Region, StereoOptions, changed_region, colour_change};
 use crate::error::TouchError;
-use crate::photometric_stereo::{Gradients, Region, StereoOptions, changed_region, colour_change};
+use crate::photometric_stereo::Gradients;
 use convolution::{Layer, Planes};
 
 const VERSION: u32 = 1;

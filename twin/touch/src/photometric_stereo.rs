@@ -1,52 +1,11 @@
-//! A tactile image against the background of its untouched pad: where did it change, and how steep is the gel there?
+//! Photometric stereo: the slope of the gel at every pixel of a tactile image that differs from its background.
 
 use hand_model::pads::IMAGE_SIZE as N;
 use hand_model::robot::TactileImage;
 
 use crate::PIXELS;
 use crate::calibration::PhotometricModel;
-
-/// Side of the blocks in which change is looked for, pixels.
-const BLOCK: usize = 6;
-const BLOCKS: usize = N / BLOCK;
-
-/// When does a pad count as touched?
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct StereoOptions {
-    /// Mean change of a channel over a block of 6 x 6 pixels that is not noise, in counts of 255.
-    pub block_threshold: f32,
-    /// Number of changed blocks that make a touch.
-    pub least_blocks: usize,
-    /// Blocks added around the changed region.
-    pub margin: usize,
-}
-
-impl Default for StereoOptions {
-    fn default() -> Self {
-        // Pixel noise of 2 counts makes block means noisy by 0.33; 6 times that over 4800 means is never reached by chance.
-        Self { block_threshold: 2.0, least_blocks: 3, margin: 2 }
-    }
-}
-
-/// A rectangle of pixels, ends excluded.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-#[allow(missing_docs)]
-pub struct Region {
-    pub column_begin: usize,
-    pub column_end: usize,
-    pub row_begin: usize,
-    pub row_end: usize,
-}
-
-impl Region {
-    /// The whole image.
-    pub const FULL: Self = Self { column_begin: 0, column_end: N, row_begin: 0, row_end: N };
-
-    /// Whether the pixel lies inside.
-    pub fn contains(&self, column: usize, row: usize) -> bool {
-        (self.column_begin..self.column_end).contains(&column) && (self.row_begin..self.row_end).contains(&row)
-    }
-}
+use crate::colour_change::{Region, StereoOptions, changed_region, colour_change};
 
 /// Slopes of the indentation, pad frame; 0 outside the changed region.
 #[derive(Debug, Clone, PartialEq)]
@@ -57,78 +16,6 @@ pub struct Gradients {
     pub gy: Vec<f32>,
     /// Where the image changed.
     pub region: Region,
-}
-
-/// Where `image` differs from `background`; `None` where it does not, that is, where the pad is untouched.
-pub fn changed_region(image: &TactileImage, background: &TactileImage, options: &StereoOptions) -> Option<Region> {
-    if image.rgb == background.rgb {
-        return None;
-    }
-    let limit = (options.block_threshold * (BLOCK * BLOCK) as f32) as i32;
-    let (mut count, mut low, mut high) = (0, (BLOCKS, BLOCKS), (0, 0));
-    const STRIP: usize = 3 * N * BLOCK;
-    let strips = image.rgb.chunks_exact(STRIP).zip(background.rgb.chunks_exact(STRIP));
-    for (block_row, (now, before)) in strips.enumerate() {
-        let mut sums = [0i16; 3 * N];
-        for (now, before) in now.chunks_exact(3 * N).zip(before.chunks_exact(3 * N)) {
-            for (sum, (now, before)) in sums.iter_mut().zip(now.iter().zip(before)) {
-                *sum += i16::from(*now) - i16::from(*before);
-            }
-        }
-        for (block_column, sums) in sums.chunks_exact(3 * BLOCK).enumerate() {
-            let of = |channel: usize| sums[channel..].iter().step_by(3).map(|sum| i32::from(*sum)).sum::<i32>();
-            if (0..3).any(|channel| of(channel).abs() > limit) {
-                count += 1;
-                low = (low.0.min(block_column), low.1.min(block_row));
-                high = (high.0.max(block_column), high.1.max(block_row));
-            }
-        }
-    }
-    (count >= options.least_blocks.max(1)).then(|| Region {
-        column_begin: low.0.saturating_sub(options.margin) * BLOCK,
-        column_end: (high.0 + 1 + options.margin).min(BLOCKS) * BLOCK,
-        row_begin: low.1.saturating_sub(options.margin) * BLOCK,
-        row_end: (high.1 + 1 + options.margin).min(BLOCKS) * BLOCK,
-    })
-}
-
-/// Relative colour change of every pixel of `region` (others 0), smoothed by a 3 x 3 binomial filter: change over background
-/// brightness, which takes the unevenness of the lamps out; the floor keeps dark corners from shouting.
-#[allow(clippy::needless_range_loop)] // three arrays share the index
-pub(crate) fn colour_change(image: &TactileImage, background: &TactileImage, region: Region) -> Vec<[f32; 3]> {
-    const FLOOR: f32 = 40.0;
-    let scale: [f32; 256] = std::array::from_fn(|before| 1.0 / (before as f32 + FLOOR));
-    let mut change = vec![[0.0f32; 3]; PIXELS];
-    let mut raw = vec![[0.0f32; 3]; PIXELS];
-    for row in region.row_begin..region.row_end {
-        for i in row * N + region.column_begin..row * N + region.column_end {
-            for channel in 0..3 {
-                let before = background.rgb[3 * i + channel];
-                raw[i][channel] =
-                    (f32::from(image.rgb[3 * i + channel]) - f32::from(before)) * scale[usize::from(before)];
-            }
-        }
-    }
-    let mut line = [[0.0f32; 3]; N];
-    for row in region.row_begin..region.row_end {
-        let above = row.max(region.row_begin + 1) - 1;
-        let below = (row + 1).min(region.row_end - 1);
-        for column in region.column_begin..region.column_end {
-            for channel in 0..3 {
-                line[column][channel] = 0.25 * (raw[above * N + column][channel] + raw[below * N + column][channel])
-                    + 0.5 * raw[row * N + column][channel];
-            }
-        }
-        for column in region.column_begin..region.column_end {
-            let left = column.max(region.column_begin + 1) - 1;
-            let right = (column + 1).min(region.column_end - 1);
-            for channel in 0..3 {
-                change[row * N + column][channel] =
-                    0.25 * (line[left][channel] + line[right][channel]) + 0.5 * line[column][channel];
-            }
-        }
-    }
-    change
 }
 
 /// Slopes of the gel under a tactile image; `None` where the pad is untouched. Both images are `IMAGE_SIZE` squared RGB.
@@ -147,40 +34,4 @@ pub fn gradients(
         row_model.gradients(region.column_begin, &change[line.clone()], &mut gx[line.clone()], &mut gy[line]);
     }
     Some(Gradients { gx, gy, region })
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn flat(value: u8) -> TactileImage {
-        TactileImage { rgb: vec![value; 3 * PIXELS] }
-    }
-
-    #[test]
-    fn noise_is_not_a_touch() {
-        let background = flat(120);
-        let mut image = background.clone();
-        let mut state = 1u32;
-        for byte in &mut image.rgb {
-            state = state.wrapping_mul(1664525).wrapping_add(1013904223);
-            *byte = byte.wrapping_add((state >> 24) as u8 % 7).wrapping_sub(3); // sd 2
-        }
-        assert_eq!(changed_region(&image, &background, &StereoOptions::default()), None);
-        assert_eq!(changed_region(&background, &background, &StereoOptions::default()), None);
-    }
-
-    #[test]
-    fn region_surrounds_the_change() {
-        let background = flat(120);
-        let mut image = background.clone();
-        for row in 100..130 {
-            for column in 60..80 {
-                image.rgb[3 * (row * N + column)] = 150;
-            }
-        }
-        let region = changed_region(&image, &background, &StereoOptions::default()).expect("a touch");
-        assert!(region.contains(60, 100) && region.contains(79, 129));
-        assert!(!region.contains(30, 100) && !region.contains(70, 160));
-    }
 }

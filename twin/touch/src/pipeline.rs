@@ -4,58 +4,25 @@ use std::sync::Arc;
 
 use hand_model::robot::{ServoState, TactileFrame, TactileImage};
 use hand_model::{ACTUATORS, CAMERAS, Hand};
-use nalgebra::Point3;
+use nalgebra::Isometry3;
 use rayon::prelude::*;
 
-use crate::calibration::Calibration;
-use crate::contacts::{ContactOptions, Patch, clear_points, find_contacts};
+use crate::calibration::PhotometricCalibration;
+use crate::colour_change::{Region, StereoOptions};
+use crate::contacts::{ContactOptions, clear_points, find_contacts};
 use crate::error::TouchError;
 use crate::frames::{CameraFault, Fault, believable};
 use crate::network::{Network, PreparedNetwork};
-use crate::photometric_stereo::{Gradients, Region, StereoOptions, gradients};
+use crate::pad_touch::{HeightMap, PadTouch};
+use crate::photometric_stereo::gradients;
 use crate::poisson::PoissonSolver;
-use crate::pose::{KnownShape, PoseEstimate, PoseOptions, PosePrior, estimate_pose};
+use crate::pose::{KnownShape, PoseEstimate, PoseInputs, PoseOptions, PosePrior, costs_from_pose, estimate_pose};
 use crate::{IMAGE_SIZE as N, PIXELS};
 
 /// Columns and rows of the points of an untouched pad that are asked whether the object is there ...
 const CLEAR: (usize, usize) = (4, 6);
 /// ... and of a pad that is touched elsewhere, for what the object does not cover there tells where it ends.
 const CLEAR_BESIDE: (usize, usize) = (10, 14);
-
-/// What one camera saw of a touched pad.
-#[derive(Debug, Clone, PartialEq)]
-pub struct HeightMap {
-    /// Index of the camera.
-    pub camera: usize,
-    /// Indentation, m, [`PIXELS`] values.
-    pub height: Vec<f32>,
-    /// Its slopes as photometric stereo gave them.
-    pub gradients: Gradients,
-}
-
-/// What one pad feels.
-#[derive(Debug, Clone, Default)]
-pub struct PadTouch {
-    /// Index of the pad.
-    pub pad: usize,
-    /// Contact patches of all its cameras.
-    pub patches: Vec<Patch>,
-    /// Sum of the patches' normal forces, N.
-    pub force: f64,
-    /// Height maps of the cameras whose image differs from the background.
-    pub heights: Vec<Arc<HeightMap>>,
-    /// Points of the surface that are felt to be free (m, pad frame).
-    pub clear: Vec<Point3<f64>>,
-    /// A camera of the pad is left out: what presses there is not known.
-    pub blind: bool,
-}
-
-impl PadTouch {
-    /// Whether anything presses.
-    pub fn touched(&self) -> bool {
-        !self.patches.is_empty()
-    }
-}
 
 /// What the pads feel, and which cameras had no say.
 #[derive(Debug, Clone, Default)]
@@ -70,7 +37,7 @@ pub struct Perceived {
 #[derive(Debug, Clone)]
 pub struct TouchPipeline {
     hand: Hand,
-    calibration: Calibration,
+    calibration: PhotometricCalibration,
     backgrounds: Vec<Arc<TactileImage>>,
     poisson: PoissonSolver,
     network: Option<PreparedNetwork>,
@@ -85,7 +52,11 @@ pub struct TouchPipeline {
 impl TouchPipeline {
     /// Prepares the pipeline; `backgrounds` holds an image of every untouched camera, in camera order. Pads that `calibration`
     /// does not cover are blind.
-    pub fn new(hand: &Hand, calibration: Calibration, backgrounds: Vec<Arc<TactileImage>>) -> Result<Self, TouchError> {
+    pub fn new(
+        hand: &Hand,
+        calibration: PhotometricCalibration,
+        backgrounds: Vec<Arc<TactileImage>>,
+    ) -> Result<Self, TouchError> {
         check_images("background", &backgrounds)?;
         Ok(Self {
             hand: hand.clone(),
@@ -197,7 +168,29 @@ impl TouchPipeline {
         prior: &PosePrior,
         shape: &dyn KnownShape,
     ) -> Result<PoseEstimate, TouchError> {
-        estimate_pose(&self.hand, touches, servos, prior, shape, &self.pose)
+        estimate_pose(&self.pose_inputs(touches, servos, prior, shape))
+    }
+
+    /// Costs of a given pose of the object (palm frame) under the same evidence: see [`costs_from_pose`].
+    pub fn costs_from_pose(
+        &self,
+        touches: &[PadTouch],
+        servos: &[ServoState; ACTUATORS],
+        prior: &PosePrior,
+        shape: &dyn KnownShape,
+        pose: &Isometry3<f64>,
+    ) -> Result<[f64; 2], TouchError> {
+        costs_from_pose(&self.pose_inputs(touches, servos, prior, shape), pose)
+    }
+
+    fn pose_inputs<'a>(
+        &'a self,
+        touches: &'a [PadTouch],
+        servos: &'a [ServoState; ACTUATORS],
+        prior: &'a PosePrior,
+        shape: &'a dyn KnownShape,
+    ) -> PoseInputs<'a> {
+        PoseInputs { hand: &self.hand, touches, servos, prior, shape, options: &self.pose }
     }
 
     /// Images of the untouched pads, in camera order.

@@ -253,21 +253,4 @@ mod tests {
         );
         assert!(error < 0.02 * range, "{error} of {range}");
     }
-
-    /// 0.6 ms are wanted of an idle core; the bound leaves room for a busy machine.
-    #[test]
-    fn solves_within_time() {
-        let solver = PoissonSolver::new();
-        let g: Vec<f32> = (0..PIXELS).map(|i| ((i * 7919) % 101) as f32 * 1e-3).collect();
-        let mut best = f64::MAX;
-        for _ in 0..20 {
-            let start = std::time::Instant::now();
-            std::hint::black_box(solver.solve(&g, &g, (1e-4, 1.4e-4)));
-            best = best.min(start.elapsed().as_secs_f64());
-        }
-        println!("poisson {:.3} ms", best * 1e3);
-        if !cfg!(debug_assertions) {
-            assert!(best < 0.004, "{best} s");
-        }
-    }
 }

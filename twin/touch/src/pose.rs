@@ -8,116 +8,25 @@
 //! the exactness that heights have, and the best wins.
 
 mod evidence;
+mod inputs;
 mod problem;
 mod residuals;
 mod screen;
+mod shape;
 mod system;
 mod uncertainty;
 
-use hand_model::robot::ServoState;
-use hand_model::{ACTUATORS, HAND_JOINTS, Hand};
-use nalgebra::{DMatrix, Isometry3, Matrix6, Point3, Vector3};
+use hand_model::HAND_JOINTS;
+use nalgebra::{DMatrix, Isometry3, Matrix6, Vector3};
 use rayon::prelude::*;
 
 use crate::error::TouchError;
-use crate::pipeline::PadTouch;
 use problem::{Evidence, Problem, State};
 use screen::screen;
 use uncertainty::{alternatives, mixed_covariance, unobservable};
 
-/// A shape known in advance, in its own frame.
-pub trait KnownShape: Sync {
-    /// Signed distance (m, negative inside) of `point` (object frame) and its gradient, the outward unit normal.
-    fn signed_distance(&self, point: &Point3<f64>) -> (f64, Vector3<f64>);
-
-    /// A point near the middle of the shape (object frame): starts are turned about it.
-    fn center(&self) -> Point3<f64> {
-        Point3::origin()
-    }
-}
-
-/// Where the plan thinks the object is.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct PosePrior {
-    /// `palm_from_object`.
-    pub palm_from_object: Isometry3<f64>,
-    /// Standard deviation of the position along each axis, m.
-    pub sigma_translation: f64,
-    /// Standard deviation of the rotation about each axis, rad.
-    pub sigma_rotation: f64,
-}
-
-impl PosePrior {
-    /// A weak prior: 15 mm, 25 degrees.
-    pub fn weak(palm_from_object: Isometry3<f64>) -> Self {
-        Self { palm_from_object, sigma_translation: 0.015, sigma_rotation: 25f64.to_radians() }
-    }
-}
-
-/// Standard deviations of the evidence, and how hard to try.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct PoseOptions {
-    /// Heights of a broad patch, all together, m; those of a narrow one are known less well.
-    pub sigma_height: f64,
-    /// How far the deepest point of a pressed pad may be from where `sinking` has it, m.
-    pub sigma_lift: f64,
-    /// Each component of a felt normal, rad.
-    pub sigma_normal: f64,
-    /// Cable excursion, m.
-    pub sigma_excursion: f64,
-    /// Torque balance of a joint, N m ...
-    pub sigma_torque: f64,
-    /// ... and this fraction of the contact torque felt there, root of the sum of squares.
-    pub contact_torque_fraction: f64,
-    /// Depth of a point that feels nothing inside the object, m.
-    pub sigma_clear: f64,
-    /// Angle beyond a joint limit, rad.
-    pub sigma_limit: f64,
-    /// Huber threshold, in standard deviations.
-    pub huber: f64,
-    /// Share of a felt indentation by which the object really comes closer to the link under the pad. On a gel that yields it
-    /// is 1. A body whose covers are rigid, with images made from forces, has 0: the deepest point is then on the pad's
-    /// untouched surface.
-    pub sinking: f64,
-    /// Whether the evidence of untouched surface is used.
-    pub use_clear: bool,
-    /// Orientations kept of the many that are tried about the plan's.
-    pub starts: usize,
-    /// Steps of every start, and of those kept.
-    pub coarse_steps: usize,
-    /// Starts that are kept after their first steps.
-    pub kept: usize,
-    /// Solutions that are finished ...
-    pub finished: usize,
-    /// ... in so many steps.
-    pub fine_steps: usize,
-    /// Cost per patch above which a solution does not explain what is felt, so that more are looked for around it.
-    pub good_cost: f64,
-}
-
-impl Default for PoseOptions {
-    fn default() -> Self {
-        Self {
-            sigma_height: 8e-5,
-            sigma_lift: 1e-4,
-            sigma_normal: 8f64.to_radians(),
-            sigma_excursion: 1.5e-4,
-            sigma_torque: 0.03,
-            contact_torque_fraction: 0.25,
-            sigma_clear: 2.5e-4,
-            sigma_limit: 0.02,
-            huber: 2.5,
-            sinking: 1.0,
-            use_clear: true,
-            starts: 48,
-            coarse_steps: 6,
-            kept: 16,
-            finished: 6,
-            fine_steps: 30,
-            good_cost: 2.0,
-        }
-    }
-}
+pub use inputs::{PoseInputs, PoseOptions, PosePrior};
+pub use shape::KnownShape;
 
 /// An estimated pose and what stands behind it.
 #[derive(Debug, Clone, PartialEq)]
@@ -154,17 +63,11 @@ impl PoseEstimate {
     }
 }
 
-/// Estimates the in-hand pose of an object of known `shape` from `touches` (at most one element a pad; pads not listed say
-/// nothing), `servos` and a `prior`. Without any contact the answer is the prior, pushed out of the pads that feel nothing.
-pub fn estimate_pose(
-    hand: &Hand,
-    touches: &[PadTouch],
-    servos: &[ServoState; ACTUATORS],
-    prior: &PosePrior,
-    shape: &dyn KnownShape,
-    options: &PoseOptions,
-) -> Result<PoseEstimate, TouchError> {
-    let (problem, rest, mut steps) = prepared(hand, touches, servos, prior, shape, options)?;
+/// Estimates the in-hand pose of an object of known shape. Without any contact the answer is the prior, pushed out of the
+/// pads that feel nothing.
+pub fn estimate_pose(inputs: &PoseInputs) -> Result<PoseEstimate, TouchError> {
+    let PoseInputs { touches, prior, options, .. } = *inputs;
+    let (problem, rest, mut steps) = prepared(inputs)?;
     let mut shifted = State { pose: prior.palm_from_object, ..rest };
     steps += minimise(&problem, &mut shifted, Evidence::Translation, 6);
     let mut starts = vec![rest, shifted];
@@ -194,37 +97,23 @@ pub fn estimate_pose(
     })
 }
 
-/// Cost of an object that is at `pose` (palm frame), as [`PoseEstimate::cost`] counts it, with the joints where that fits best, and
-/// the least cost that is reached downhill from there: for those who know the true pose and ask whether an estimate that is off
-/// explains what is felt better than the truth, or the search missed it.
-pub fn costs_from_pose(
-    hand: &Hand,
-    touches: &[PadTouch],
-    servos: &[ServoState; ACTUATORS],
-    prior: &PosePrior,
-    shape: &dyn KnownShape,
-    options: &PoseOptions,
-    pose: &Isometry3<f64>,
-) -> Result<[f64; 2], TouchError> {
-    let (problem, rest, _) = prepared(hand, touches, servos, prior, shape, options)?;
+/// Cost of an object that is at `pose` (palm frame), as [`PoseEstimate::cost`] counts it, with the joints where they fit best,
+/// and the least cost that the search reaches downhill from there. With the true pose this tells the two ways apart in which
+/// an estimate can be wrong: the evidence favours the wrong pose, or the search missed the right one.
+pub fn costs_from_pose(inputs: &PoseInputs, pose: &Isometry3<f64>) -> Result<[f64; 2], TouchError> {
+    let (problem, rest, _) = prepared(inputs)?;
     let mut state = State { pose: *pose, ..rest };
     let mut after = |evidence| {
-        minimise(&problem, &mut state, evidence, options.fine_steps);
+        minimise(&problem, &mut state, evidence, inputs.options.fine_steps);
         problem.cost(&state, Evidence::All)
     };
     Ok([after(Evidence::Posture), after(Evidence::All)])
 }
 
-/// The problem with its state of rest (joints as servos and contact forces have them without the object, the object as
-/// planned), and the steps that took.
-fn prepared<'a>(
-    hand: &'a Hand,
-    touches: &[PadTouch],
-    servos: &[ServoState; ACTUATORS],
-    prior: &'a PosePrior,
-    shape: &'a dyn KnownShape,
-    options: &'a PoseOptions,
-) -> Result<(Problem<'a>, State, usize), TouchError> {
+/// Checks the inputs; gives the problem, its start (joints as servos and contact forces have them without the object, the
+/// object as planned) and the steps that took.
+fn prepared<'a>(inputs: &PoseInputs<'a>) -> Result<(Problem<'a>, State, usize), TouchError> {
+    let PoseInputs { hand, touches, servos, prior, .. } = *inputs;
     if let Some(touch) = touches.iter().find(|touch| touch.pad >= hand.pads.len()) {
         return Err(TouchError::Size { what: "pad index of a touch", found: touch.pad, expected: hand.pads.len() });
     }
@@ -237,19 +126,11 @@ fn prepared<'a>(
     if !servos.iter().all(|servo| servo.position.is_finite() && servo.current.is_finite()) {
         return Err(TouchError::NotFinite("a servo reading"));
     }
-    let mut problem = Problem::new(hand, touches, servos, prior, shape, options);
+    let mut problem = Problem::new(inputs);
     let mut rest = problem.start(prior.palm_from_object);
     let steps = minimise(&problem, &mut rest, Evidence::Joints, 10);
     problem.settle_torque_sigmas(&rest.q);
     Ok((problem, rest, steps))
-}
-
-/// Unit vectors that fill the sphere evenly (a golden spiral of 36).
-fn direction(k: usize) -> Vector3<f64> {
-    let z = 1.0 - (2 * ((k * 11) % 36) + 1) as f64 / 36.0;
-    let angle = k as f64 * 2.399963;
-    let r = (1.0 - z * z).sqrt();
-    Vector3::new(r * angle.cos(), r * angle.sin(), z)
 }
 
 /// Descends from every start, softly first, and goes on with the best ones only. All that were finished with their costs, best

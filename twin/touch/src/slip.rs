@@ -70,7 +70,7 @@ mod tests {
     use crate::{IMAGE_SIZE as N, PIXELS};
     use hand_model::Hand;
 
-    /// Patches of a ball of 8 mm radius pressed `depth` deep at `x` on the middle of the palm's pad.
+    /// Patches of a ball of 8 mm radius pressed `depth` deep at `x` on the index finger's distal pad.
     fn ball(hand: &Hand, x: f64, depth: f64) -> Vec<Patch> {
         let index = hand.pad("index_distal").expect("pad");
         let pad = &hand.pads[index];

@@ -1,13 +1,14 @@
-//! In-hand pose on the real hand: a quasi-static grasp is worked out (springs, cables, Winkler contact), what the pads and servos
-//! would report of it is disturbed by noise, and the pose is estimated from a plan that is wrong.
-
-use std::time::Instant;
+//! In-hand pose with the hand's own kinematics: a quasi-static grasp is computed (springs, cables, Winkler contact), noise is
+//! added to what pads and servos would report, and the pose is estimated from a plan that is wrong.
 
 use hand_model::Hand;
 use hand_model::robot::ServoState;
 use nalgebra::{Isometry3, Matrix3, Point3, Translation3, UnitQuaternion, Vector3};
 use touch::contacts::{ContactOptions, clear_points, find_contacts};
-use touch::{IMAGE_SIZE as N, KnownShape, PIXELS, PadTouch, PoseEstimate, PoseOptions, PosePrior, estimate_pose};
+use touch::{
+    IMAGE_SIZE as N, KnownShape, PIXELS, PadTouch, PoseEstimate, PoseInputs, PoseOptions, PosePrior, TouchError,
+    estimate_pose,
+};
 
 struct Ball(f64);
 impl KnownShape for Ball {
@@ -233,6 +234,18 @@ fn cases() -> Vec<Case> {
     ]
 }
 
+/// The estimate with default options but for `use_clear`.
+fn estimate(
+    hand: &Hand,
+    (touches, servos): (&[PadTouch], &[ServoState; 6]),
+    prior: &PosePrior,
+    shape: &dyn KnownShape,
+    use_clear: bool,
+) -> Result<PoseEstimate, TouchError> {
+    let options = &PoseOptions { use_clear, ..PoseOptions::default() };
+    estimate_pose(&PoseInputs { hand, touches, servos, prior, shape, options })
+}
+
 fn median(values: &mut [f64]) -> f64 {
     values.sort_by(f64::total_cmp);
     values[values.len() / 2]
@@ -246,12 +259,11 @@ fn describe(hand: &Hand, touches: &[PadTouch]) -> String {
 fn poses_are_recovered_from_wrong_plans() {
     let hand = Hand::ftac();
     let mut noise = Noise(3);
-    let mut fine = true;
     for case in cases() {
         let shape = &*case.shape;
         let q = close(&hand, shape, &case.truth, &case.tensions, 1.2);
         let (mut before, mut after) = ((vec![], vec![]), (vec![], vec![]));
-        let (mut joints, mut times, mut normalised, mut along) = (vec![], vec![], vec![], vec![]);
+        let (mut joints, mut normalised, mut along) = (vec![], vec![], vec![]);
         let mut last: Option<PoseEstimate> = None;
         for trial in 0..12 {
             let (touches, servos) = feel(&hand, shape, &case.truth, &q, &case.tensions, &mut noise);
@@ -262,12 +274,9 @@ fn poses_are_recovered_from_wrong_plans() {
                 Translation3::from(case.truth.translation.vector + noise.vector(0.009)),
                 UnitQuaternion::new(noise.vector(0.2)) * case.truth.rotation,
             );
-            let start = Instant::now();
-            let found = estimate_pose(&hand, &touches, &servos, &PosePrior::weak(plan), shape, &PoseOptions::default())
-                .expect("a pose");
-            times.push(start.elapsed().as_secs_f64() * 1e3);
+            let found = estimate(&hand, (&touches, &servos), &PosePrior::weak(plan), shape, true).expect("a pose");
             let (a, b) = (error(&plan, &case.truth), error(&found.palm_from_object, &case.truth));
-            // Nothing on a box's long faces tells where along them it is: that error is counted apart.
+            // Contacts on a box's long faces do not constrain its position along them: that error is counted separately.
             let offset = case
                 .truth
                 .inverse_transform_vector(&(found.palm_from_object.translation.vector - case.truth.translation.vector));
@@ -290,25 +299,28 @@ fn poses_are_recovered_from_wrong_plans() {
         let (b_mm, b_deg, a_mm, a_deg) =
             (median(&mut before.0), median(&mut before.1), median(&mut after.0), median(&mut after.1));
         println!(
-            "{}: (along x {:.1} mm) plan {b_mm:.1} mm {b_deg:.1} deg -> touch {a_mm:.2} mm (worst {worst:.2}) {a_deg:.1} deg; joints {:.2} deg; error/sigma {:.2}; {:.2} ms, {} steps; rms {:.2} mm; unobservable {}",
+            "{}: (along x {:.1} mm) plan {b_mm:.1} mm {b_deg:.1} deg -> touch {a_mm:.2} mm (worst {worst:.2}) {a_deg:.1} deg; joints {:.2} deg; error/sigma {:.2}; {} steps; rms {:.2} mm; unobservable {}",
             case.name,
             median(&mut along),
             median(&mut joints),
             median(&mut normalised),
-            median(&mut times),
             last.steps,
             last.residual_rms * 1e3,
             last.unobservable.len(),
         );
+        // A ball has no orientation to find; a box has one. The ellipsoid's ends are close enough to round for either.
+        match case.name {
+            "ball" => assert_eq!(last.unobservable.len(), 3),
+            "box" => assert_eq!(last.unobservable.len(), 0),
+            _ => {}
+        }
         let name = case.name;
-        fine &= last.unobservable.len() == if name == "ball" { 3 } else { 0 } || name == "ellipsoid";
-        fine &= name == "ball" || a_deg < 0.5 * b_deg;
-        fine &= a_mm < 0.3 * b_mm && a_mm < 4.0;
+        assert!(name == "ball" || a_deg < 0.5 * b_deg, "{name}: {b_deg} to {a_deg} deg");
+        assert!(a_mm < 0.3 * b_mm && a_mm < 4.0, "{name}: {b_mm} to {a_mm} mm");
     }
-    assert!(fine, "see the figures above");
 }
 
-/// The object is 20 mm off the plan: the estimate goes where the touch is.
+/// The object is 20 mm off the plan: the estimate follows the contacts.
 #[test]
 fn follows_the_touch_not_the_plan() {
     let hand = Hand::ftac();
@@ -317,8 +329,7 @@ fn follows_the_touch_not_the_plan() {
     let plan = at(-0.012, 0.010, -0.022, [0.0; 3]);
     let q = close(&hand, &*case.shape, &case.truth, &case.tensions, 1.2);
     let (touches, servos) = feel(&hand, &*case.shape, &case.truth, &q, &case.tensions, &mut noise);
-    let found = estimate_pose(&hand, &touches, &servos, &PosePrior::weak(plan), &*case.shape, &PoseOptions::default())
-        .expect("a pose");
+    let found = estimate(&hand, (&touches, &servos), &PosePrior::weak(plan), &*case.shape, true).expect("a pose");
     let (to_truth, to_plan) = (error(&found.palm_from_object, &case.truth).0, error(&found.palm_from_object, &plan).0);
     println!(
         "off plan by {:.1} mm: {to_truth:.2} mm from the truth, {to_plan:.2} mm from the plan",
@@ -327,8 +338,8 @@ fn follows_the_touch_not_the_plan() {
     assert!(to_truth < 3.0 && to_plan > 14.0, "{to_truth} {to_plan}");
 }
 
-/// A long box lies flat on the palm and beyond the wrist; half-closed fingers in front of it feel nothing. The felt points let it
-/// slide along; the plan has it among the fingers, and only what they do not feel says that it is not.
+/// A long box lies flat on the palm and reaches beyond the wrist; half-closed fingers in front of it feel nothing. The felt
+/// points do not constrain it along its length, and the plan has it among the fingers: only the untouched pads contradict that.
 #[test]
 fn untouched_pads_matter() {
     let hand = Hand::ftac();
@@ -348,9 +359,8 @@ fn untouched_pads_matter() {
             UnitQuaternion::new(noise.vector(0.1)),
         );
         for (use_clear, sum) in [(true, &mut with), (false, &mut without)] {
-            let options = PoseOptions { use_clear, ..PoseOptions::default() };
-            let found =
-                estimate_pose(&hand, &touches, &servos, &PosePrior::weak(plan), &shape, &options).expect("a pose");
+            let prior = PosePrior::weak(plan);
+            let found = estimate(&hand, (&touches, &servos), &prior, &shape, use_clear).expect("a pose");
             *sum += error(&found.palm_from_object, &truth).0 / trials as f64;
         }
     }
@@ -358,7 +368,7 @@ fn untouched_pads_matter() {
     assert!(with < 0.85 * without);
 }
 
-/// The pad that feels most goes blind: the estimate stays sane and says that it knows less.
+/// The pad with the largest force goes blind: the estimate stays close and its standard deviation grows.
 #[test]
 fn a_blind_pad_lowers_the_confidence() {
     let hand = Hand::ftac();
@@ -366,20 +376,19 @@ fn a_blind_pad_lowers_the_confidence() {
     let q = close(&hand, &*case.shape, &case.truth, &case.tensions, 1.2);
     let (mut touches, servos) = feel(&hand, &*case.shape, &case.truth, &q, &case.tensions, &mut Noise(21));
     let prior = PosePrior::weak(case.truth * at(0.004, -0.003, 0.002, [0.0, 0.1, 0.0]));
-    let estimate = |touches: &[PadTouch]| {
-        estimate_pose(&hand, touches, &servos, &prior, &*case.shape, &PoseOptions::default()).expect("a pose")
-    };
-    let all = estimate(&touches);
+    let estimated =
+        |touches: &[PadTouch]| estimate(&hand, (touches, &servos), &prior, &*case.shape, true).expect("a pose");
+    let all = estimated(&touches);
     let strongest = touches.iter_mut().max_by(|a, b| a.force.total_cmp(&b.force)).expect("a touch");
     *strongest = PadTouch { pad: strongest.pad, blind: true, ..PadTouch::default() };
-    let fewer = estimate(&touches);
+    let fewer = estimated(&touches);
     assert_eq!(fewer.blind, 1);
     assert!(fewer.sigma().0 > 1.02 * all.sigma().0, "{:?} {:?}", fewer.sigma(), all.sigma());
     let off = error(&fewer.palm_from_object, &case.truth).0;
     assert!(off < 6.0, "{off} mm");
 }
 
-/// Starts go on in parallel: the result must not show on how many threads.
+/// The starts are searched in parallel; the result does not depend on the number of threads.
 #[test]
 fn threads_change_no_bit() {
     let hand = Hand::ftac();
@@ -387,11 +396,11 @@ fn threads_change_no_bit() {
     let q = close(&hand, &*case.shape, &case.truth, &case.tensions, 1.2);
     let (touches, servos) = feel(&hand, &*case.shape, &case.truth, &q, &case.tensions, &mut Noise(3));
     let prior = PosePrior::weak(case.truth * at(0.006, -0.004, 0.003, [0.1, 0.2, -0.1]));
-    let estimate = |threads: usize| {
+    let on = |threads: usize| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads");
-        pool.install(|| estimate_pose(&hand, &touches, &servos, &prior, &*case.shape, &PoseOptions::default()))
+        pool.install(|| estimate(&hand, (&touches, &servos), &prior, &*case.shape, true)).expect("a pose")
     };
-    assert_eq!(estimate(1).expect("a pose"), estimate(3).expect("a pose"));
+    assert_eq!(on(1), on(3));
 }
 
 #[test]
@@ -400,7 +409,6 @@ fn bad_input_is_named() {
     let mut servos = [ServoState::default(); 6];
     servos[2].current = f64::NAN;
     let prior = PosePrior::weak(Isometry3::identity());
-    let error =
-        estimate_pose(&hand, &[], &servos, &prior, &Ball(0.02), &PoseOptions::default()).expect_err("not a number");
+    let error = estimate(&hand, (&[], &servos), &prior, &Ball(0.02), true).expect_err("not a number");
     assert_eq!(error.to_string(), "a servo reading is not finite");
 }

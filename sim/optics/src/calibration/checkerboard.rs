@@ -1,9 +1,10 @@
 //! The inner corners of a checkerboard in an image.
 //!
 //! Where four squares meet, brightness is a saddle: it rises along one diagonal and falls along the other, so the Hessian's
-//! determinant is strongly negative. Round a true corner brightness crosses its mean four times, in the directions of the two
-//! lines that cross there, so each corner knows where to look for its neighbours and the board is walked from corner to corner.
-//! A corner's place is the one that every edge nearby points to: gradients are at right angles to the way from it (Foerstner).
+//! determinant is strongly negative. On a ring around a true corner brightness crosses its mean four times, in the directions of
+//! the two lines that cross there. Each corner therefore knows where its neighbours are, and the board is traversed from corner
+//! to corner. A corner is refined to the point towards which all edges nearby point: the image gradient at any point nearby is
+//! perpendicular to the line from the corner to that point (Foerstner).
 
 use std::collections::{HashMap, VecDeque};
 
@@ -24,17 +25,17 @@ pub struct Board {
 
 /// Standard deviation of the smoothing before corners are looked for, pixels.
 const BLUR: f64 = 1.5;
-/// Radius of the ring on which a corner's four edges are found, pixels, and places on it.
+/// Radius of the ring on which a corner's four edges are found, pixels, and the number of samples on it.
 const RING: f64 = 5.0;
 const AROUND: usize = 48;
-/// Nearest two corners may be, pixels.
+/// Least distance of two corners, pixels.
 const APART: isize = 5;
-/// A saddle this much weaker than the board's typical corner is none.
+/// A saddle weaker than this share of the board's typical corner is ignored.
 const WEAKEST: f32 = 0.12;
-/// How far a neighbour may be off the direction of the edge that leads to it, rad.
+/// Largest angle between an edge and the direction to the neighbour it leads to, rad.
 const ASIDE: f64 = 0.22;
 
-/// A corner on its own: where, and in which four directions (rad, rising, rows down) its edges lead.
+/// A corner with the directions of its four edges (rad, ascending, rows down).
 #[derive(Debug, Clone, Copy)]
 struct Corner {
     place: Vector2<f64>,
@@ -42,8 +43,8 @@ struct Corner {
 }
 
 impl Board {
-    /// The corners (column and row in pixels), line by line of the board. Which corner is first, and which way lines run, is
-    /// the image's choice: a board looks the same from two sides. The text says what was found instead.
+    /// The corners (column and row in pixels), line by line of the board. The first corner and the direction of the lines are
+    /// arbitrary, because a board looks the same turned by half a turn. The error says what was found instead.
     pub fn find(&self, photo: &Photo) -> Result<Vec<[f64; 2]>, String> {
         let grey = Grey::new(photo);
         let corners = corners(&grey, self.columns * self.rows);
@@ -58,7 +59,7 @@ impl Board {
                 }
             }
         }
-        // Something beside the board may pass for one more corner: the board is the one place where all of its corners are.
+        // Clutter beside the board may look like another corner: the board is the only position at which all corners exist.
         let [mut left, mut top] = [i32::MAX; 2];
         let [mut right, mut bottom] = [i32::MIN; 2];
         for &(i, j) in largest.keys() {
@@ -137,7 +138,7 @@ impl Grey {
         (1.0 - v) * line(r) + v * line(r + 1)
     }
 
-    /// How much of a saddle every pixel is: minus the Hessian's determinant.
+    /// Minus the determinant of the Hessian at every pixel: large at saddles.
     fn saddles(&self) -> Vec<f32> {
         (0..self.value.len())
             .map(|at| {
@@ -165,7 +166,7 @@ impl Grey {
         crossings.try_into().ok()
     }
 
-    /// The place nearby that all gradients are at right angles to.
+    /// The point near `start` with the least squared distance to the lines along all edges nearby.
     fn refine(&self, start: Vector2<f64>) -> Vector2<f64> {
         const REACH: isize = 5;
         let mut place = start;
@@ -194,7 +195,7 @@ impl Grey {
     }
 }
 
-/// All corners that stand out among the `expected` strongest.
+/// The corners at the strongest saddles; `expected` of them set the scale of what counts as strong.
 fn corners(grey: &Grey, expected: usize) -> Vec<Corner> {
     let saddles = grey.saddles();
     let (w, h) = (grey.width as isize, grey.height as isize);
@@ -207,7 +208,7 @@ fn corners(grey: &Grey, expected: usize) -> Vec<Corner> {
             let first = |(dc, dr): (isize, isize)| {
                 let (c, r) = ((column + dc).clamp(0, w - 1), (row + dr).clamp(0, h - 1));
                 let other = saddles[(r * w + c) as usize];
-                // Of two equal ones the first is taken.
+                // Of two equal saddles the first is kept.
                 if (dr, dc) < (0, 0) { other < here } else { other <= here }
             };
             if here > 0.0 && near.filter(|&d| d != (0, 0)).all(first) {
@@ -240,13 +241,13 @@ fn neighbour(corners: &[Corner], from: usize, edge: f64) -> Option<usize> {
     best.map(|(_, at)| at)
 }
 
-/// Walks from corner to corner; gives each one's place on the board, relative to the first's.
+/// Traverses the corners from `seed`; gives the index of the corner at each position of the board, relative to the seed's.
 fn walk(corners: &[Corner], seed: usize) -> HashMap<(i32, i32), usize> {
     const STEPS: [(i32, i32); 4] = [(1, 0), (0, 1), (-1, 0), (0, -1)];
     let mut grid = HashMap::from([((0, 0), seed)]);
     let mut known = vec![false; corners.len()];
     known[seed] = true;
-    // A corner, its place, and which of its edges leads along the first step.
+    // A corner, its position, and the index of its edge in the direction of the first step.
     let mut queue = VecDeque::from([(seed, (0, 0), 0usize)]);
     while let Some((corner, (i, j), first)) = queue.pop_front() {
         for (step, (di, dj)) in STEPS.iter().enumerate() {
@@ -256,7 +257,7 @@ fn walk(corners: &[Corner], seed: usize) -> HashMap<(i32, i32), usize> {
             if known[next] || grid.contains_key(&place) {
                 continue;
             }
-            // Its edge that goes on in the same direction, and one that leads back here.
+            // Its edge in the same direction; the opposite one must lead back here.
             let off = |k: usize| between(corners[next].edges[k], edge);
             let Some(on) = (0..4).min_by(|&a, &b| off(a).total_cmp(&off(b))) else { continue };
             if off(on) > 2.0 * ASIDE || neighbour(corners, next, corners[next].edges[(on + 2) % 4]) != Some(corner) {
@@ -277,7 +278,7 @@ pub(crate) mod tests {
     use super::*;
     use crate::calibration::lens::Lens;
 
-    /// A board of squares of side 1, white around, as this lens shows it; its middle is at the pose's origin.
+    /// The image of a board of unit squares with a white border through this lens; its centre is at the pose's origin.
     pub(crate) fn picture(board: Board, lens: &Lens, pose: &Isometry3<f64>, size: [usize; 2]) -> Photo {
         const PARTS: usize = 4;
         let [width, height] = size;
@@ -339,12 +340,12 @@ pub(crate) mod tests {
     }
 
     #[test]
-    fn another_board_and_no_board_are_told() {
+    fn another_board_and_no_board_are_errors() {
         let pose = Isometry3::new(Vector3::new(0.0, 0.0, 9.5), Vector3::new(0.2, 0.1, 0.0));
         let photo = picture(BOARD, &LENS, &pose, [320, 240]);
         let text = Board { columns: 8, rows: 5 }.find(&photo).unwrap_err();
         assert!(text.contains("found 35 corners") && text.contains("8 x 5"), "{text}");
-        // A smaller board could be anywhere on it.
+        // A smaller board fits at several positions.
         assert!(Board { columns: 6, rows: 5 }.find(&photo).unwrap_err().contains("found 35 corners"));
         let nothing = Photo { width: 60, height: 40, rgb: vec![90; 7200] };
         assert!(BOARD.find(&nothing).unwrap_err().contains("found 0 corners"));

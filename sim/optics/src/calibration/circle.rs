@@ -1,17 +1,16 @@
-//! Finding a ball's press in an image without a label.
+//! Detection of a ball's press in an image without a label.
 //!
-//! Where the ball presses, the image differs from the background most. The pixels' differences, summed over channels and smoothed,
-//! are cut at 0.4 of what the most changed pixels reach; the circle through the border of the largest such patch is
-//! the press, moved to where the change falls off most steeply all around.
+//! The image differs most from the background where the ball presses. The pixels' differences, summed over channels and smoothed,
+//! are thresholded at 0.4 of their peak. The circle enclosing the largest connected patch is the initial estimate; it is then moved
+//! and scaled to where the change falls off most steeply around its rim.
 
 use crate::calibration::photo::Photo;
 
 /// A circle in an image, pixels.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Circle {
-    /// Column and row of the middle.
+    /// Column and row.
     pub center: [f64; 2],
-    /// Radius.
     pub radius: f64,
 }
 
@@ -42,7 +41,7 @@ pub enum NoCircle {
 const LEAST_DIFFERENCE: f64 = 20.0;
 /// Share of the peak from which a pixel counts as changed.
 const LEVEL: f64 = 0.4;
-/// Share of its circle that a ball's changed area covers at least.
+/// Least share of the circle that a ball's changed area covers.
 const LEAST_COVER: f64 = 0.4;
 
 /// Finds the one press in an image of the background's size.
@@ -62,7 +61,7 @@ pub fn find(photo: &Photo, background: &Photo) -> Result<Circle, NoCircle> {
         let (x, y) = ((at % w) as f64 - circle.center[0], (at / w) as f64 - circle.center[1]);
         x.hypot(y) <= circle.radius
     });
-    // A ball's level middle may be missing: it is a third of the disc at most.
+    // A ball's level centre may not change colour: only the outer ring is tested.
     let inside = (0..w * h).filter(|at| {
         let (x, y) = ((at % w) as f64 - circle.center[0], (at / w) as f64 - circle.center[1]);
         (0.6 * circle.radius..circle.radius).contains(&x.hypot(y))
@@ -143,7 +142,7 @@ fn largest_patch(change: &[f64], w: usize, h: usize, level: f64) -> Vec<usize> {
     best
 }
 
-/// Middle of a patch's extent, and the radius of half of it.
+/// The circle with the centre and half the mean size of a patch's bounding box.
 fn enclosing(patch: &[usize], w: usize) -> Circle {
     let fold = |value: fn(usize, usize) -> usize| {
         let all = || patch.iter().map(|&at| value(at, w) as f64);
@@ -171,7 +170,7 @@ fn sharpen(change: &[f64], w: usize, h: usize, start: Circle) -> Circle {
                 count += 1.0;
             }
         }
-        // A circle that is mostly out of the picture would be judged by a few rays.
+        // A circle mostly outside the image would be scored by a few rays.
         if count < 30.0 { f64::NEG_INFINITY } else { sum / count }
     };
     let mut best = (score(&start), start);
@@ -201,7 +200,7 @@ fn sharpen(change: &[f64], w: usize, h: usize, start: Circle) -> Circle {
 mod tests {
     use super::*;
 
-    /// A grey background, and a press of the given circle that tints by slope, with a little noise in both.
+    /// An image of a press with the given circle, tinted by slope, and a grey background, both with a little noise.
     fn pair(circle: &Circle, strength: f64) -> (Photo, Photo) {
         let (w, h) = (320, 240);
         let mut state = 7u32;

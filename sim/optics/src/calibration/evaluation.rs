@@ -1,4 +1,4 @@
-//! How well a fitted sensor renders presses that it has not seen.
+//! How well a fitted sensor renders held-out presses.
 
 use serde::{Deserialize, Serialize};
 
@@ -8,24 +8,22 @@ use crate::calibration::samples::{Mark, Samples};
 use crate::calibration::scene::Scene;
 use crate::calibration::similarity::{Similarity, compare};
 
-/// Similarity over whole images, and over a square of 1.5 visible radii to each side of the press.
+/// Similarity over whole images, and over a square that reaches 1.5 visible radii to each side of the press.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Views {
-    /// Whole images.
     pub full: Similarity,
-    /// Around the press.
     pub crop: Similarity,
 }
 
 /// Means over presses.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct HeldOut {
-    /// The fitted model.
+    /// Images rendered by the fitted model.
     pub rendered: Views,
-    /// The folder's background image alone: doing nothing.
+    /// The folder's background image in place of a rendered one.
     pub floor: Views,
-    /// Real against real: the background as the calibration presses show it against untouched pixels of the presses held out,
-    /// of the same sizes. No renderer on this background can be better.
+    /// Real images compared with real ones: the background estimated from the calibration presses, against untouched regions of
+    /// the held-out presses of the same sizes. No renderer on this background can score higher.
     pub ceiling: Views,
 }
 
@@ -35,7 +33,7 @@ const CROP: f64 = 1.5;
 const RENDERED: f64 = 3.0;
 
 impl BallFit {
-    /// The image that the model expects of a press whose circle is known: row-major RGB, grey levels, whole numbers.
+    /// The image that the model predicts for a press: row-major RGB, grey levels rounded to whole numbers.
     pub fn render_press(&self, press: &BallPress) -> Vec<f32> {
         let mark = Mark { center: press.center, radius: press.radius, ball: 0.5 * press.diameter };
         let samples = Samples::around(mark, self.size, &self.background, RENDERED);
@@ -64,7 +62,7 @@ impl BallFit {
             let real = single(&press.photo.rgb);
             rendered.push(self.views(&render(press), &real, press.center, press.radius));
             floor.push(self.views(&nothing, &real, press.center, press.radius));
-            // The press itself gives way to the background; a crop of the press' size is taken as far from it as possible.
+            // The press is replaced by the background, and a crop of its size is taken as far from it as possible.
             let mut untouched = real.clone();
             for (at, value) in untouched.iter_mut().enumerate() {
                 let (column, row) = ((at / 3 % self.size[0]) as f64, (at / 3 / self.size[0]) as f64);

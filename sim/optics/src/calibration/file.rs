@@ -1,49 +1,44 @@
-//! The product of a calibration: a commented TOML file, and the untouched gel as a PNG beside it.
+//! A calibrated sensor as a file: commented TOML, with the image of the untouched gel as a PNG beside it.
 
 use std::fmt::Write as _;
 use std::path::Path;
 
+use hand_model::file::write_whole;
 use serde::{Deserialize, Serialize};
 
 use crate::calibration::fit::BallFit;
 use crate::calibration::lens::Lens;
 use crate::calibration::photo::Photo;
-use crate::error::OpticsError;
+use crate::error::{OpticsError, positive};
 use crate::model::SensorModel;
+use crate::versioned;
 
 /// Version of the format.
 pub const VERSION: u32 = 1;
 
-/// A sensor's calibration, as kept in a file.
+/// The calibration of one real sensor: image geometry, lens and image-formation model.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct CalibrationFile {
+pub struct SensorCalibration {
     /// Version of the format.
     pub version: u32,
-    /// Columns of an image.
     pub columns: usize,
-    /// Rows of an image.
     pub rows: usize,
     /// Size of a pixel on the gel, mm.
     pub pixel_mm: f64,
-    /// Contact radius of a ball's press over its visible radius.
+    /// Ratio of the contact radius of a ball's press to its visible radius.
     pub contact_over_visible: f64,
-    /// File name of the untouched gel's image, beside this file.
+    /// File name of the image of the untouched gel, in the same folder.
     pub background: String,
-    /// The camera's lens, where images are rectified before all else.
+    /// The camera's lens, if images are rectified first.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub lens: Option<Lens>,
     /// The image-formation model, in the frame of the image: origin in its middle, x right, y up, z towards the object.
     pub model: SensorModel,
 }
 
-#[derive(Deserialize)]
-struct Version {
-    version: Option<u32>,
-}
-
-impl CalibrationFile {
-    /// The file of a fit; `background` is the name of the image beside it.
+impl SensorCalibration {
+    /// The calibration that a fit found; `background` is the name of the image beside the file.
     pub fn new(fit: &BallFit, background: String) -> Self {
         Self {
             version: VERSION,
@@ -57,7 +52,7 @@ impl CalibrationFile {
         }
     }
 
-    /// Writes the file, with what is known about every parameter as comments, and the background beside it.
+    /// Writes the file, with every parameter and its standard deviation as comments, and the background beside it.
     pub fn write(fit: &BallFit, path: &Path) -> Result<(), OpticsError> {
         let background = path.with_extension("background.png");
         let name = background.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
@@ -86,39 +81,34 @@ impl CalibrationFile {
             let _ = writeln!(text, "#   {:34} {:>11.4e}  {certainty}", parameter.name, parameter.value);
         }
         text.push('\n');
-        text += &toml::to_string(&file).map_err(|error| OpticsError::Calibration(error.to_string()))?;
-        std::fs::write(path, text)
-            .map_err(|error| OpticsError::File { path: path.display().to_string(), what: error.to_string() })
+        text += &toml::to_string(&file).map_err(OpticsError::calibration)?;
+        write_whole(path, text.as_bytes()).map_err(|error| OpticsError::file(path, error))
     }
 
-    /// Reads and checks a calibration; gives the background's grey levels (row-major RGB) as well.
+    /// Reads and checks a calibration and its background (grey levels, row-major RGB).
     pub fn read(path: &Path) -> Result<(Self, Vec<f32>), OpticsError> {
-        let fault = |what: String| OpticsError::File { path: path.display().to_string(), what };
-        let text = std::fs::read_to_string(path).map_err(|error| fault(error.to_string()))?;
-        let file = Self::parse(&text).map_err(|error| fault(error.to_string()))?;
+        let text = std::fs::read_to_string(path).map_err(|error| OpticsError::file(path, error))?;
+        let file = Self::parse(&text).map_err(|error| OpticsError::file(path, error))?;
         let photo = Photo::read(&path.with_file_name(&file.background))?;
         if (photo.width, photo.height) != (file.columns, file.rows) {
-            return Err(fault(format!(
-                "background: found {} x {} pixels; expected {} x {}",
-                photo.width, photo.height, file.columns, file.rows
-            )));
+            return Err(OpticsError::file(
+                path,
+                format!(
+                    "background: found {} x {} pixels; expected {} x {}",
+                    photo.width, photo.height, file.columns, file.rows
+                ),
+            ));
         }
         Ok((file, photo.rgb.iter().map(|&value| f32::from(value)).collect()))
     }
 
     /// Reads and checks the text of a calibration.
     pub fn parse(text: &str) -> Result<Self, OpticsError> {
-        let fault = |what: String| OpticsError::Calibration(what);
-        let version: Version = toml::from_str(text).map_err(|error| fault(error.to_string()))?;
-        match version.version {
-            Some(VERSION) => {}
-            Some(other) => return Err(fault(format!("version: found {other}; expected {VERSION}"))),
-            None => return Err(fault(format!("version: found none; expected {VERSION}"))),
-        }
-        let file: Self = toml::from_str(text).map_err(|error| fault(error.to_string()))?;
-        crate::indentation::positive("pixel_mm", file.pixel_mm)?;
+        let file: Self = versioned::parse(text, VERSION)?;
+        positive("pixel_mm", file.pixel_mm)?;
         if file.columns == 0 || file.rows == 0 {
-            return Err(fault(format!("columns, rows: found {} x {}; expected at least 1", file.columns, file.rows)));
+            let what = format!("columns, rows: found {} x {}; expected at least 1", file.columns, file.rows);
+            return Err(OpticsError::calibration(what));
         }
         if let Some(lens) = &file.lens {
             lens.check(file.columns, file.rows)?;

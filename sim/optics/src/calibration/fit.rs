@@ -1,64 +1,30 @@
-//! From presses of a ball to a sensor's model.
+//! The fit of a sensor's model to presses of a ball.
 //!
-//! The search goes from simple to detailed: three lamps on a ring, first their colours alone, then everything; the best of several
-//! such starts goes on, its lamps are split in two, and everything is fitted once more. Where there are images of single lamps, the
-//! search starts with as many lamps in the directions that these images show, and fits the images as well: as light adds
-//! up, they tell the response apart from the lamps.
+//! The search goes from simple to detailed. It starts with three lamps on a ring and fits their colours, then all parameters. The
+//! best of several such starts continues: its lamps are split in two and all parameters are fitted again. With images of single
+//! lamps the search starts with that many lamps in the directions that these images show, and fits those images as well: because
+//! light adds up, they separate the response from the lamps.
 
+use crate::calibration::assumptions::Assumptions;
 use crate::calibration::folder::PressFolder;
-use crate::calibration::least_squares::{Options, Problem, Solution};
+use crate::calibration::least_squares::{Options, Parameter, Problem, Solution};
 use crate::calibration::lens::Lens;
 use crate::calibration::parameters::{self as at, PER_LAMP};
 use crate::calibration::samples::{Samples, background_of, noise_of};
 use crate::calibration::scene::Scene;
-use crate::error::OpticsError;
+use crate::error::{OpticsError, positive};
 use crate::model::SensorModel;
 
-/// What a fit takes for granted. The flags leave a part of the model out, which is what an ablation does.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Assumptions {
-    /// Size of a pixel on the gel (m); `None`: found with everything else. A ball's shading hardly tells its scale from
-    /// its steepness, so a pixel size that is known should be given; the coating's thickness is fitted only then.
-    pub pixel: Option<f64>,
-    /// The response is a cubic; otherwise linear.
-    pub response: bool,
-    /// The coating is rough (Oren and Nayar); otherwise Lambert's.
-    pub oren_nayar: bool,
-    /// Lamps are near; otherwise their light is parallel.
-    pub near_field: bool,
-    /// Lamps cast shadows.
-    pub shadows: bool,
-}
-
-impl Assumptions {
-    /// The whole model.
-    pub fn full(pixel: Option<f64>) -> Self {
-        Self { pixel, response: true, oren_nayar: true, near_field: true, shadows: true }
-    }
-
-    /// The whole model, and the model with one part left out, each with a name.
-    pub fn ablations(pixel: Option<f64>) -> [(&'static str, Self); 5] {
-        let full = Self::full(pixel);
-        [
-            ("full model", full),
-            ("linear response", Self { response: false, ..full }),
-            ("Lambert", Self { oren_nayar: false, ..full }),
-            ("far lamps", Self { near_field: false, ..full }),
-            ("no shadows", Self { shadows: false, ..full }),
-        ]
-    }
-}
-
-/// How much work a fit puts in.
+/// Computational effort of a fit.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Effort {
-    /// Pixels of each press.
+    /// Pixels sampled from each press.
     pub per_press: usize,
-    /// Turns of the ring of lamps to start from.
+    /// Number of rotations of the ring of lamps to start from.
     pub starts: usize,
-    /// Steps of each start, and of the last search.
+    /// Largest number of steps of each start, and of the final search.
     pub steps: [usize; 2],
-    /// True if the three lamps are split into six.
+    /// Whether the three lamps are split into six.
     pub split: bool,
 }
 
@@ -68,29 +34,16 @@ impl Default for Effort {
     }
 }
 
-/// Scale of the robust loss, grey levels: beyond it a pixel counts as not understood by the model (dirt, a mark on the gel).
+/// Scale of the robust loss, grey levels: larger residuals count as outliers (dirt, a mark on the gel).
 const SCALE: f64 = 8.0;
-/// Pixels of the background in a fit.
+/// Number of background pixels in a fit.
 const FLAT: usize = 400;
 /// Samples lie within this many visible radii of a press.
 const AROUND: f64 = 2.5;
-/// Lamps of the first searches: one a side of a sensor lit in red, green and blue.
+/// Lamps of the first searches: one per side of a sensor lit in red, green and blue.
 const LAMPS: usize = 3;
-/// Pixel size that starts a fit which is not told one: the visible circle has this share of the ball's radius.
+/// Initial ratio of the visible circle's radius to the ball's, where the pixel size is not given.
 const VISIBLE_SHARE: f64 = 0.7;
-
-/// One fitted parameter.
-#[derive(Debug, Clone, PartialEq, serde::Serialize)]
-pub struct Parameter {
-    /// What it is, with its unit.
-    pub name: String,
-    /// Its value.
-    pub value: f64,
-    /// Its standard deviation, which allows for errors that all pixels of a press share; none where it sits on a bound or is not determined.
-    pub deviation: Option<f64>,
-    /// True if it sits on a bound of the search.
-    pub on_bound: bool,
-}
 
 /// A fitted sensor.
 #[derive(Debug, Clone, PartialEq)]
@@ -99,17 +52,16 @@ pub struct BallFit {
     pub model: SensorModel,
     /// Size of a pixel, m.
     pub pixel: f64,
-    /// Contact radius of a press over its visible radius.
+    /// Ratio of a press's contact radius to its visible radius.
     pub contact: f64,
     /// The untouched gel, row-major RGB, grey levels.
     pub background: Vec<f32>,
     /// Columns and rows of an image.
     pub size: [usize; 2],
-    /// The lens by which the presses were rectified; it goes into the calibration file.
+    /// The lens by which the presses were rectified, if any.
     pub lens: Option<Lens>,
-    /// Every parameter.
+    /// All fitted parameters.
     pub parameters: Vec<Parameter>,
-    /// What was taken for granted.
     pub assumptions: Assumptions,
     /// Root mean square residual over the samples, grey levels.
     pub residual: f64,
@@ -117,7 +69,7 @@ pub struct BallFit {
 }
 
 impl BallFit {
-    /// Fits all presses of a folder. `seed` draws the pixels that are looked at.
+    /// Fits all presses of a folder. `seed` draws the sampled pixels.
     pub fn new(
         folder: &PressFolder,
         assumptions: Assumptions,
@@ -132,7 +84,7 @@ impl BallFit {
         Ok(Self::describe(folder, background, &scene, found))
     }
 
-    /// Fits again from where `self` ended, under other assumptions.
+    /// Fits again under other assumptions, starting from this fit.
     pub fn again(&self, folder: &PressFolder, assumptions: Assumptions, effort: &Effort, seed: u64) -> Self {
         let samples = Samples::draw(folder, &self.background, effort.per_press, FLAT, AROUND, seed);
         let scene = Scene { samples: &samples, assumptions: &assumptions };
@@ -146,18 +98,9 @@ impl BallFit {
     }
 
     fn describe(folder: &PressFolder, background: Vec<f32>, scene: &Scene<'_>, found: Solution) -> Self {
+        let lamps = (found.parameters.len() - at::LAMPS) / PER_LAMP;
+        let parameters = found.described(at::names(lamps), &at::bounds(scene.assumptions, lamps));
         let p = found.parameters;
-        let lamps = (p.len() - at::LAMPS) / PER_LAMP;
-        let bounds = at::bounds(scene.assumptions, lamps);
-        let parameters = at::names(lamps)
-            .into_iter()
-            .enumerate()
-            .map(|(i, name)| {
-                let near = 1e-6 * (bounds[i].1 - bounds[i].0);
-                let on_bound = p[i] <= bounds[i].0 + near || p[i] >= bounds[i].1 - near;
-                Parameter { name, value: p[i], deviation: found.deviations[i], on_bound }
-            })
-            .collect();
         let residuals = scene.residuals(&p);
         let touched = &residuals[..3 * scene.samples.touched.len()];
         let residual = (touched.iter().map(|r| r * r).sum::<f64>() / touched.len().max(1) as f64).sqrt();
@@ -185,7 +128,7 @@ impl BallFit {
     }
 }
 
-/// The search from its beginning to its end.
+/// The whole search.
 pub(crate) fn solve(samples: &Samples, assumptions: &Assumptions, pixel: f64, effort: &Effort) -> Solution {
     let scene = Scene { samples, assumptions };
     let from = |turn: f64| {
@@ -200,7 +143,7 @@ pub(crate) fn solve(samples: &Samples, assumptions: &Assumptions, pixel: f64, ef
         search(&scene, &lit.parameters, false, effort.steps[0])
     };
     let mut best = from(0.0);
-    // Where images say which way the lamps are there is nothing to try.
+    // Images of single lamps give the directions: one start suffices.
     let starts = if samples.alone.is_empty() { effort.starts } else { 1 };
     for turn in 1..starts {
         let found = from(turn as f64 / starts as f64);
@@ -212,7 +155,7 @@ pub(crate) fn solve(samples: &Samples, assumptions: &Assumptions, pixel: f64, ef
     search(&scene, &start, false, effort.steps[1])
 }
 
-/// Which way each lamp is whose image there is (rad): the gel is brighter towards it.
+/// Direction of each lamp that has an image of its own (rad): the gel is brighter towards it.
 fn directions(samples: &Samples) -> Vec<f64> {
     let middle = samples.size.map(|size| 0.5 * (size as f64 - 1.0));
     let towards = |seen: &Vec<[f64; 3]>| {
@@ -226,7 +169,7 @@ fn directions(samples: &Samples) -> Vec<f64> {
     samples.alone.iter().map(towards).collect()
 }
 
-/// The pixel size to start from; refuses folders that no fit can use.
+/// The initial pixel size, m. An error for a folder without presses.
 fn starting_pixel(folder: &PressFolder, assumptions: &Assumptions) -> Result<f64, OpticsError> {
     let mut ratios: Vec<f64> = folder.presses.iter().map(|press| 0.5 * press.diameter / press.radius).collect();
     ratios.sort_by(f64::total_cmp);
@@ -234,12 +177,12 @@ fn starting_pixel(folder: &PressFolder, assumptions: &Assumptions) -> Result<f64
         return Err(OpticsError::NotPositive { what: "number of presses", value: 0.0 });
     };
     if let Some(pixel) = assumptions.pixel {
-        return crate::indentation::positive("pixel size", pixel).map(|()| pixel);
+        return positive("pixel size", pixel).map(|()| pixel);
     }
     Ok((VISIBLE_SHARE * middle).clamp(10e-6, 200e-6))
 }
 
-/// Minimises over all parameters, or only over the colours and the diffuse light.
+/// Minimises over all parameters, or over the colours and the diffuse light only.
 fn search(scene: &Scene<'_>, start: &[f64], colors_only: bool, steps: usize) -> Solution {
     let lamps = (start.len() - at::LAMPS) / PER_LAMP;
     let mut bounds = at::bounds(scene.assumptions, lamps);

@@ -1,32 +1,30 @@
 //! A folder of calibration images.
 //!
 //! ```text
-//! FOLDER/background.png          the untouched gel under all lamps (or .jpg)
-//! FOLDER/*.png, *.jpg            presses of a ball, one an image
-//! FOLDER/labels.csv              optional: where the presses are
-//! FOLDER/lamps/*.png             optional: the untouched gel under each lamp alone, exposed as the background is
-//! FOLDER/checkerboards/*.png     optional: at least three pictures of a checkerboard, tilted differently, by the same camera
+//! FOLDER/background.png              the untouched gel under all lamps (or .jpg)
+//! FOLDER/*.png, *.jpg                presses of a ball, one per image
+//! FOLDER/labels.csv                  optional: positions of the presses
+//! FOLDER/lamps/*.png                 optional: the untouched gel under each lamp alone, at the background's exposure
+//! FOLDER/checkerboards/*.png         optional: at least three pictures of a checkerboard, tilted differently, by the same camera
 //! FOLDER/checkerboards/board.toml    its inner corners: `columns = 9` and `rows = 6`
 //! ```
-//! All images have one size. Lamps' images are in any order; each is one or more lamps that are switched together.
+//! All images have the same size. Lamp images may be in any order; each shows one lamp or several that are switched together.
 //!
-//! Labels are a CSV file (`labels.csv`, else `labels_auto.csv`) with the columns `file`, `center_x_px`, `center_y_px`, `contact_radius_px` (or
-//! `visible_radius_px`) and, where several balls were used, `ball_diameter_mm`. Presses without a label are looked for in
-//! the image ([`circle`](super::circle)).
+//! Labels are a CSV file (`labels.csv`, else `labels_auto.csv`) with the columns `file`, `center_x_px`, `center_y_px`,
+//! `contact_radius_px` (or `visible_radius_px`) and, if several balls were used, `ball_diameter_mm`. Presses without a label are
+//! detected in the image ([`circle`](super::circle)).
 
 use std::path::{Path, PathBuf};
 
 use crate::calibration::circle;
 use crate::calibration::lens::Lens;
 use crate::calibration::photo::Photo;
-use crate::error::OpticsError;
+use crate::error::{OpticsError, positive};
 
 /// One press of a ball.
 #[derive(Debug, Clone, PartialEq)]
 pub struct BallPress {
-    /// File name.
     pub name: String,
-    /// The image.
     pub photo: Photo,
     /// Middle of the visible circle: column and row, pixels (pixel centres are whole).
     pub center: [f64; 2],
@@ -34,40 +32,39 @@ pub struct BallPress {
     pub radius: f64,
     /// Diameter of the ball, m.
     pub diameter: f64,
-    /// True if centre and radius come from a label file.
+    /// Whether centre and radius come from a label file.
     pub labelled: bool,
 }
 
-/// A background and presses, all of one size.
+/// A background and presses, all of one image size.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PressFolder {
-    /// Image of the untouched gel.
+    /// The untouched gel.
     pub background: Photo,
-    /// The presses, by file name.
+    /// Ordered by file name.
     pub presses: Vec<BallPress>,
-    /// The untouched gel under each lamp alone, by file name; empty if there are no such images.
+    /// The untouched gel under each lamp alone, ordered by file name; empty if there are no such images.
     pub lamps: Vec<Photo>,
 }
 
 impl PressFolder {
-    /// Reads a folder. `diameter` (m) is that of every ball whose label has none of its own; presses are looked for in the
-    /// images if there are no labels, or if `ignore_labels`.
+    /// Reads a folder. `diameter` (m) applies to balls whose label gives none. Presses are detected in the images if there are no
+    /// labels or if `ignore_labels` is set.
     pub fn read(folder: &Path, diameter: f64, ignore_labels: bool) -> Result<Self, OpticsError> {
-        crate::indentation::positive("ball diameter", diameter)?;
-        let fault = |path: &Path, what: String| OpticsError::File { path: path.display().to_string(), what };
+        positive("ball diameter", diameter)?;
         let (background, files): (Vec<_>, Vec<_>) =
             images_of(folder)?.into_iter().partition(|path| path.file_stem().is_some_and(|stem| stem == "background"));
         let background = match background.first() {
             Some(path) => Photo::read(path)?,
             None => {
                 let what = "no background image found; expected `background.png`, the untouched gel";
-                return Err(fault(folder, what.into()));
+                return Err(OpticsError::file(folder, what));
             }
         };
         if files.is_empty() {
-            return Err(fault(
+            return Err(OpticsError::file(
                 folder,
-                "no press images found; expected PNG or JPEG images beside the background".into(),
+                "no press images found; expected PNG or JPEG images beside the background",
             ));
         }
         let labels = if ignore_labels { Vec::new() } else { read_labels(folder)? };
@@ -78,12 +75,12 @@ impl PressFolder {
             let name = path.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
             let label = labels.iter().find(|label| label.file == name);
             if label.is_none() && !labels.is_empty() {
-                return Err(fault(&path, "found no row for this image in the label file; expected one".into()));
+                return Err(OpticsError::file(&path, "found no row for this image in the label file; expected one"));
             }
             let (center, radius) = match label {
                 Some(label) => (label.center, label.radius),
                 None => {
-                    let found = circle::find(&photo, &background).map_err(|error| fault(&path, error.to_string()))?;
+                    let found = circle::find(&photo, &background).map_err(|error| OpticsError::file(&path, error))?;
                     (found.center, found.radius)
                 }
             };
@@ -94,12 +91,12 @@ impl PressFolder {
         Ok(Self { background, presses, lamps })
     }
 
-    /// The same presses as the camera with this lens shows them once rectified.
+    /// The same presses with images, centres and radii rectified by this lens.
     pub fn rectified(&self, lens: &Lens) -> Result<Self, OpticsError> {
         lens.check(self.background.width, self.background.height)?;
         let press = |press: &BallPress| {
             let center = lens.rectified(press.center);
-            // The circle stays one nearly enough: its radius is the mean of what four of its points say.
+            // The circle stays nearly circular: its new radius is the mean distance of four of its points.
             let [x, y] = press.center;
             let rim = [[1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0]]
                 .map(|[dx, dy]| lens.rectified([x + dx * press.radius, y + dy * press.radius]));
@@ -113,12 +110,12 @@ impl PressFolder {
         })
     }
 
-    /// The presses at even and at odd places, each with the background.
+    /// The presses at even and at odd indices, each set with the background.
     pub fn even_odd(&self) -> (Self, Self) {
         self.split(|index, _| index % 2 == 0)
     }
 
-    /// The presses for which `first` holds, and the others.
+    /// The presses for which `first` is true, and the others.
     pub fn split(&self, first: impl Fn(usize, &BallPress) -> bool) -> (Self, Self) {
         let part = |wanted: bool| {
             let chosen = self.presses.iter().enumerate().filter(|(index, press)| first(*index, press) == wanted);
@@ -131,8 +128,7 @@ impl PressFolder {
 
 /// The images in a folder, by name.
 pub(crate) fn images_of(folder: &Path) -> Result<Vec<PathBuf>, OpticsError> {
-    let entries = std::fs::read_dir(folder)
-        .map_err(|error| OpticsError::File { path: folder.display().to_string(), what: error.to_string() })?;
+    let entries = std::fs::read_dir(folder).map_err(|error| OpticsError::file(folder, error))?;
     let mut files: Vec<PathBuf> = entries.flatten().map(|entry| entry.path()).filter(|path| is_image(path)).collect();
     files.sort();
     Ok(files)
@@ -143,11 +139,10 @@ fn read_lamps(folder: &Path, background: &Photo) -> Result<Vec<Photo>, OpticsErr
     if !folder.exists() {
         return Ok(Vec::new());
     }
-    let fault = |path: &Path, what: String| OpticsError::File { path: path.display().to_string(), what };
     let files = images_of(folder)?;
     if files.len() < 2 {
         let what = format!("found {} images of single lamps; expected one for each lamp, at least 2", files.len());
-        return Err(fault(folder, what));
+        return Err(OpticsError::file(folder, what));
     }
     let mut lamps = Vec::with_capacity(files.len());
     for path in files {
@@ -158,7 +153,7 @@ fn read_lamps(folder: &Path, background: &Photo) -> Result<Vec<Photo>, OpticsErr
             let what = format!(
                 "found a mean grey level of {found:.1}; expected less than the background's {all:.1}, which has all lamps"
             );
-            return Err(fault(&path, what));
+            return Err(OpticsError::file(&path, what));
         }
         lamps.push(photo);
     }
@@ -184,7 +179,7 @@ fn read_labels(folder: &Path) -> Result<Vec<Label>, OpticsError> {
     else {
         return Ok(Vec::new());
     };
-    let fault = |what: String| OpticsError::File { path: path.display().to_string(), what };
+    let fault = |what: String| OpticsError::file(&path, what);
     let text = std::fs::read_to_string(&path).map_err(|error| fault(error.to_string()))?;
     let mut lines = text.lines().enumerate().filter(|(_, line)| !line.trim().is_empty());
     let header: Vec<&str> = lines.next().map(|(_, line)| line.split(',').map(str::trim).collect()).unwrap_or_default();

@@ -1,15 +1,16 @@
 //! Levenberg-Marquardt with bounds and a robust loss.
 //!
-//! Minimises `sum rho(r_i(p))` with the pseudo-Huber loss `rho(r) = 2 s^2 (sqrt(1 + (r/s)^2) - 1)` by re-weighted least squares:
-//! quadratic for residuals well below the scale s, linear beyond it. A parameter that sits on a bound and would be pushed
-//! out of it is held there for that step; steps are cut at the bounds.
+//! Minimises `sum rho(r_i(p))` with the pseudo-Huber loss `rho(r) = 2 s^2 (sqrt(1 + (r/s)^2) - 1)` by iteratively re-weighted least
+//! squares. The loss is quadratic for residuals well below the scale s and linear well above it. A parameter on a bound whose descent
+//! direction points out of the bounds is held for that step; steps are clipped to the bounds.
 
 use nalgebra::{DMatrix, DVector};
+use serde::Serialize;
 
 /// When to stop, and what counts as an outlier.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Options {
-    /// Steps at most.
+    /// Largest number of steps.
     pub steps: usize,
     /// Scale s of the loss, in units of the residuals.
     pub scale: f64,
@@ -17,10 +18,9 @@ pub struct Options {
     pub tolerance: f64,
 }
 
-/// Where the search ended.
+/// Result of a search.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Solution {
-    /// The parameters.
     pub parameters: Vec<f64>,
     /// Sum of the losses.
     pub cost: f64,
@@ -30,16 +30,41 @@ pub struct Solution {
     pub deviations: Vec<Option<f64>>,
 }
 
-/// The problem: residuals at a point, and their derivatives there (one row a residual, one column a parameter).
+/// One fitted parameter.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Parameter {
+    /// Name with unit.
+    pub name: String,
+    pub value: f64,
+    /// Standard deviation, with correlated errors within a group accounted for; `None` on a bound or where the data do not determine it.
+    pub deviation: Option<f64>,
+    /// Whether it is on a bound of the search.
+    pub on_bound: bool,
+}
+
+impl Solution {
+    /// The first parameters, as many as there are `names`, with the `bounds` they were searched in.
+    pub fn described(&self, names: impl IntoIterator<Item = String>, bounds: &[(f64, f64)]) -> Vec<Parameter> {
+        let describe = |(i, name): (usize, String)| {
+            let ((low, high), value) = (bounds[i], self.parameters[i]);
+            let near = 1e-6 * (high - low);
+            let on_bound = value <= low + near || value >= high - near;
+            Parameter { name, value, deviation: self.deviations[i], on_bound }
+        };
+        names.into_iter().enumerate().map(describe).collect()
+    }
+}
+
+/// Residuals and their Jacobian (one row per residual, one column per parameter).
 pub struct Problem<R, J> {
     /// `r(p)`.
     pub residuals: R,
-    /// `dr/dp`; is given p and `r(p)`.
+    /// `dr/dp`, from p and `r(p)`.
     pub jacobian: J,
     /// Lower and upper bound of each parameter.
     pub bounds: Vec<(f64, f64)>,
-    /// First residual of each group within which errors may depend on each other (all pixels of one image): the deviations
-    /// allow for it. Empty: all residuals are independent.
+    /// Index of the first residual of each group within which errors may be correlated (all pixels of one image); the
+    /// standard deviations account for that. Empty if all residuals are independent.
     pub groups: Vec<usize>,
 }
 
@@ -54,7 +79,7 @@ where
     R: Fn(&[f64]) -> Vec<f64>,
     J: Fn(&[f64], &[f64]) -> DMatrix<f64>,
 {
-    /// Searches from `start` (moved into the bounds first).
+    /// Searches from `start`, clipped to the bounds.
     pub fn minimise(&self, start: &[f64], options: &Options) -> Solution {
         let mut p: Vec<f64> = start.iter().zip(&self.bounds).map(|(p, (low, high))| p.clamp(*low, *high)).collect();
         let mut residuals = (self.residuals)(&p);
@@ -93,15 +118,15 @@ where
         Solution { parameters: p, cost, steps, deviations }
     }
 
-    /// True where a parameter is on a bound and the descent direction points out of it.
+    /// Whether a parameter is on a bound and the descent direction points out of the bounds.
     fn held(&self, index: usize, value: f64, gradient: f64) -> bool {
         let (low, high) = self.bounds[index];
         let near = 1e-9 * (high - low);
         low == high || (value <= low + near && gradient > 0.0) || (value >= high - near && gradient < 0.0)
     }
 
-    /// Deviations from `A^-1 B A^-1`: A the weighted normal matrix, B the scatter of the groups' gradients, which is
-    /// `A` times the variance where every residual is its own group. Only parameters off their bounds take part.
+    /// Standard deviations from the sandwich `A^-1 B A^-1`: A is the weighted normal matrix, B the scatter of the groups'
+    /// gradients, which is `A` times the variance if every residual is its own group. Parameters on a bound are left out.
     fn deviations(&self, p: &[f64], residuals: &[f64], scale: f64) -> Vec<Option<f64>> {
         let jacobian = (self.jacobian)(p, residuals);
         let (normal, _) = weighted(&jacobian, residuals, scale);
@@ -113,7 +138,7 @@ where
             })
             .collect();
         let mut deviations = vec![None; p.len()];
-        // In units of each parameter's own information, so that the threshold for "not determined" has a meaning.
+        // Scaled to a unit diagonal, so that the threshold for "not determined" is dimensionless.
         let unit: Vec<f64> = free.iter().map(|&i| normal[(i, i)].sqrt().max(f64::MIN_POSITIVE)).collect();
         let scaled = DMatrix::from_fn(free.len(), free.len(), |i, j| normal[(free[i], free[j])] / unit[i] / unit[j]);
         let eigen = scaled.symmetric_eigen();
@@ -168,7 +193,7 @@ where
     }
 }
 
-/// Forward differences of a residual function: column j moves parameter j by `step` of its bounds' distance, inwards.
+/// Jacobian by forward differences: parameter j is moved by `step` times the distance of its bounds, towards the inside.
 pub fn forward_differences(
     p: &[f64],
     at_p: &[f64],
@@ -196,7 +221,7 @@ pub fn forward_differences(
 
 fn loss(residuals: &[f64], scale: f64) -> f64 {
     let square = scale * scale;
-    // The loss as it stands cancels for small residuals; this is the same.
+    // Equal to the formula above, without its cancellation for small residuals.
     residuals.iter().map(|r| 2.0 * r * r / ((1.0 + r * r / square).sqrt() + 1.0)).sum()
 }
 
@@ -277,7 +302,7 @@ mod tests {
     }
 
     #[test]
-    fn what_the_data_do_not_tell_has_no_deviation() {
+    fn undetermined_parameters_have_no_deviation() {
         let sum = |p: &[f64]| vec![p[0] + p[1] - 1.0, 2.0 * (p[0] + p[1]) - 2.1];
         let found = numeric(vec![(-5.0, 5.0); 2], sum, &[0.3, 0.1], 1e6);
         assert_eq!(found.deviations, vec![None, None]);

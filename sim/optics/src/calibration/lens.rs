@@ -1,8 +1,8 @@
-//! Lens distortion: from a camera's raw image to the rectified one that all else works on, and back.
+//! Lens distortion: from a camera's raw image to the rectified one, and back.
 //!
-//! The usual model (Brown and Conrady), as Zhang's calibration finds it: with `x = (u - c_x) / f_x`, `y` likewise and
-//! `r2 = x^2 + y^2`, a rectified place appears in the raw image at
-//! `x (1 + k1 r2 + k2 r2^2 + k3 r2^3) + 2 p1 x y + p2 (r2 + 2 x^2)`, and y with p1 and p2 exchanged.
+//! The model of Brown and Conrady, as in Zhang's calibration: with `x = (u - c_x) / f_x`, `y` likewise and `r2 = x^2 + y^2`, a point of
+//! the rectified image appears in the raw image at `x (1 + k1 r2 + k2 r2^2 + k3 r2^3) + 2 p1 x y + p2 (r2 + 2 x^2)`, and y with p1 and
+//! p2 exchanged.
 
 use std::path::Path;
 
@@ -25,19 +25,18 @@ pub struct Lens {
     pub tangential: [f64; 2],
 }
 
-/// Steps of the fixed-point search that undoes the distortion, and when it has arrived, pixels.
+/// Largest number of fixed-point iterations that invert the distortion, and their tolerance, pixels.
 const STEPS: usize = 50;
 const ARRIVED: f64 = 1e-6;
 
 impl Lens {
     /// Reads a TOML file with the four fields.
     pub fn read(path: &Path) -> Result<Self, OpticsError> {
-        let fault = |what: String| OpticsError::File { path: path.display().to_string(), what };
-        let text = std::fs::read_to_string(path).map_err(|error| fault(error.to_string()))?;
-        toml::from_str(&text).map_err(|error| fault(error.to_string()))
+        let text = std::fs::read_to_string(path).map_err(|error| OpticsError::file(path, error))?;
+        toml::from_str(&text).map_err(|error| OpticsError::file(path, error))
     }
 
-    /// Refuses impossible values, and a lens that folds an image of this size over itself.
+    /// An error for impossible values, or for a lens that folds an image of this size over itself.
     pub fn check(&self, width: usize, height: usize) -> Result<(), OpticsError> {
         let fault = |what: String| Err(OpticsError::Calibration(format!("lens.{what}")));
         let all = [&self.focal[..], &self.center, &self.radial, &self.tangential].concat();
@@ -53,13 +52,13 @@ impl Lens {
             if (back[0] - place[0]).hypot(back[1] - place[1]).is_nan()
                 || (back[0] - place[0]).hypot(back[1] - place[1]) > 1e-3
             {
-                return fault(format!("radial, tangential: the place {place:?} px has no rectified counterpart"));
+                return fault(format!("radial, tangential: the point {place:?} px has no rectified counterpart"));
             }
         }
         Ok(())
     }
 
-    /// Where a rectified place appears in the raw image, pixels.
+    /// Where a point of the rectified image appears in the raw one, pixels.
     pub fn distorted(&self, place: [f64; 2]) -> [f64; 2] {
         let [x, y] = [0, 1].map(|axis| (place[axis] - self.center[axis]) / self.focal[axis]);
         let r2 = x * x + y * y;
@@ -73,7 +72,7 @@ impl Lens {
         [0, 1].map(|axis| self.center[axis] + self.focal[axis] * moved[axis])
     }
 
-    /// Where a place of the raw image is in the rectified one, pixels.
+    /// Where a point of the raw image appears in the rectified one, pixels.
     pub fn rectified(&self, place: [f64; 2]) -> [f64; 2] {
         let mut found = place;
         for _ in 0..STEPS {
@@ -98,7 +97,7 @@ impl Lens {
     }
 }
 
-/// The image that shows at each place what `from` shows at `origin(place)`, linear between pixels; beyond the border its pixels go on.
+/// Resamples `from`: each pixel takes the value at `origin(pixel)`, bilinear, with the border pixels extended outwards.
 fn moved(from: &Photo, origin: impl Fn([f64; 2]) -> [f64; 2]) -> Photo {
     let (w, h) = (from.width, from.height);
     let mut rgb = Vec::with_capacity(from.rgb.len());
@@ -152,7 +151,7 @@ mod tests {
         let raw = LENS.distort(&image);
         assert_ne!(raw, image);
         let back = LENS.rectify(&raw);
-        // The raw image has lost what lay beyond its border.
+        // What lay beyond the border of the raw image is lost.
         for row in 40..h - 40 {
             for column in 50..w - 50 {
                 let (a, b) = (image.pixel(column, row), back.pixel(column, row));

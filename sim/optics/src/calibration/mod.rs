@@ -1,10 +1,11 @@
-//! Calibration to a real sensor: presses of a ball of known size become the numbers of a [`SensorModel`](crate::SensorModel).
+//! Calibration of a real sensor: presses of a ball of known size determine the parameters of a [`SensorModel`](crate::SensorModel).
 //!
-//! In order: a [`folder`] of images is read (and rectified, if its camera's [`lens`] is known or [`zhang`] finds it from a
-//! [`checkerboard`]), presses without labels are found as a [`circle`]; [`samples`] picks pixels;
-//! [`fit`] adjusts lamps, reflectance, response, camera and gel to them by [`least_squares`]; [`evaluation`] renders presses that were held
-//! out and measures their [`similarity`] to the real images; [`recovery`] asks whether a fit finds a sensor that is known.
+//! A [`folder`] of images is read, and rectified if its camera's [`lens`] is known or [`zhang`] finds it from a [`checkerboard`].
+//! Presses without labels are detected as a [`circle`]. [`samples`] picks pixels, and [`fit`] adjusts lamps, reflectance,
+//! response, camera and gel to them by [`least_squares`]. [`evaluation`] renders held-out presses and measures their
+//! [`similarity`] to the real images; [`recovery`] tests whether a fit finds the parameters of a known sensor.
 
+pub mod assumptions;
 pub mod checkerboard;
 pub mod circle;
 pub mod evaluation;
@@ -23,9 +24,10 @@ pub mod sensor;
 pub mod similarity;
 pub mod zhang;
 
+pub use assumptions::Assumptions;
 pub use evaluation::{HeldOut, Views};
-pub use file::CalibrationFile;
-pub use fit::{Assumptions, BallFit, Effort};
+pub use file::SensorCalibration;
+pub use fit::{BallFit, Effort};
 pub use folder::{BallPress, PressFolder};
 pub use lens::Lens;
 pub use photo::Photo;

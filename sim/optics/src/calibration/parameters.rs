@@ -1,18 +1,18 @@
-//! The parameters of a fit: their order, their bounds, and the model they stand for.
+//! The parameter vector of a fit: its order, its bounds, and the model it stands for.
 //!
-//! All lamps light all three channels; what differs between channels is each lamp's colour, the diffuse light and the response.
-//! So the geometry is shared, which is what makes it identifiable.
+//! Every lamp lights all three channels. Only the lamps' colours, the diffuse light and the response differ between channels. The
+//! geometry is shared between them, which makes it identifiable.
 
 use nalgebra::Point3;
 
-use crate::calibration::fit::Assumptions;
+use crate::calibration::assumptions::Assumptions;
 use crate::camera::{Pinhole, Response};
 use crate::elastomer::Elastomer;
 use crate::lamps::Lamp;
 use crate::model::{NEAREST_LAMP, SensorModel};
 use crate::reflectance::Reflectance;
 
-/// Places in the parameter vector. First what moves the surface, then what changes only grey levels, then the lamps.
+// Indices into the parameter vector: first the parameters that move the surface, then those that change grey levels only, then the lamps.
 pub(crate) const PIXEL: usize = 0;
 pub(crate) const CONTACT: usize = 1;
 pub(crate) const KERNEL: usize = 2;
@@ -35,7 +35,7 @@ pub(crate) const COLOR: usize = 7;
 const KERNELS: i32 = 4;
 /// Strength (m2) of a lamp with colour 1: radiance 1 at 10 mm.
 const STRENGTH: f64 = 1e-4;
-/// How much farther away the lamps are where the near field is left out.
+/// Factor on the lamps' distance where the near field is left out.
 const FAR: f64 = 50.0;
 
 /// Lower and upper bounds of all parameters.
@@ -66,7 +66,7 @@ pub(crate) fn bounds(assumptions: &Assumptions, lamps: usize) -> Vec<(f64, f64)>
     all
 }
 
-/// What each parameter is called, with its unit.
+/// Names of the parameters, with units.
 pub(crate) fn names(lamps: usize) -> Vec<String> {
     let mut names: Vec<String> = [
         "pixel (m)",
@@ -93,13 +93,13 @@ pub(crate) fn names(lamps: usize) -> Vec<String> {
     names
 }
 
-/// A start: `lamps` lamps on a ring, the first one at `turn` of the distance to the next.
+/// Initial parameters: `lamps` lamps on a ring, turned by the share `turn` of their spacing.
 pub(crate) fn start(pixel: f64, lamps: usize, turn: f64) -> Vec<f64> {
     let angle = |k: usize| (k as f64 + turn) / lamps as f64 * std::f64::consts::TAU;
     start_towards(pixel, &(0..lamps).map(angle).collect::<Vec<f64>>())
 }
 
-/// A start: lamps in these directions (rad) on a ring of 14 mm; sRGB-like response.
+/// Initial parameters: lamps in these directions (rad) on a ring of 14 mm radius; sRGB-like response.
 pub(crate) fn start_towards(pixel: f64, directions: &[f64]) -> Vec<f64> {
     let mut p = vec![pixel, 1.0, 0.8e-3, 0.5, 0.1e-3, 0.0, 0.0, 25e-3, 0.2];
     p.extend([0.03, 0.25, 0.03, 0.25, 0.03, 0.25, 0.2, 0.2, 0.2]);
@@ -110,7 +110,7 @@ pub(crate) fn start_towards(pixel: f64, directions: &[f64]) -> Vec<f64> {
     p
 }
 
-/// Each lamp becomes two, 4 mm to either side along the ring, with half its light each.
+/// Replaces each lamp by two of half its light, 4 mm to either side along the ring.
 pub(crate) fn split_lamps(p: &[f64]) -> Vec<f64> {
     let mut split = p[..LAMPS].to_vec();
     for lamp in p[LAMPS..].chunks_exact(PER_LAMP) {
@@ -127,7 +127,7 @@ pub(crate) fn split_lamps(p: &[f64]) -> Vec<f64> {
     split
 }
 
-/// The same lamps in the same directions, far away.
+/// Moves the lamps far away in the same directions.
 pub(crate) fn move_far(p: &mut [f64]) {
     for lamp in p[LAMPS..].chunks_exact_mut(PER_LAMP) {
         lamp[..3].iter_mut().for_each(|coordinate| *coordinate *= FAR);
@@ -144,7 +144,7 @@ pub(crate) fn response(p: &[f64], channel: usize) -> Response {
     Response { coefficients: [3.0 * b1, 3.0 * (b2 - 2.0 * b1), 1.0 + 3.0 * (b1 - b2)] }
 }
 
-/// Lamp `k`. Its strength leaves room for the colour, which may be above 1.
+/// Lamp `k`. Its strength is fixed; the colours, which may exceed 1, scale it.
 pub(crate) fn lamp(p: &[f64], k: usize, near_field: bool) -> Lamp {
     let q = &p[LAMPS + PER_LAMP * k..LAMPS + PER_LAMP * (k + 1)];
     let eta = if near_field { STRENGTH } else { STRENGTH * FAR * FAR };
@@ -165,7 +165,7 @@ pub(crate) fn elastomer(p: &[f64]) -> Elastomer {
     Elastomer { kernels: (0..KERNELS).map(|i| p[KERNEL] * p[KERNEL_RATIO].powi(i)).collect(), coating: p[COATING] }
 }
 
-/// The model that the parameters stand for, with `noise` grey levels of read-out noise.
+/// The sensor model of the parameters, with `noise` grey levels of read-out noise.
 pub(crate) fn model(p: &[f64], near_field: bool, noise: f64) -> SensorModel {
     let lamps = (0..(p.len() - LAMPS) / PER_LAMP).map(|k| lamp(p, k, near_field)).collect();
     SensorModel {

@@ -1,12 +1,12 @@
-//! The gel around a ball: the elastomer's smoothing in one dimension, because a ball's press is round.
+//! The gel around a ball: the elastomer's smoothing in one dimension, because a ball's press is rotationally symmetric.
 //!
-//! The same passes as [`Elastomer::deform`](crate::elastomer::Elastomer::deform), but with true Gaussians on rings: smoothing a
-//! round function with a Gaussian of deviation sigma weighs ring s by `s exp(-(r^2 + s^2) / 2 sigma^2) I0(r s / sigma^2)`.
-//! It is smooth in every kernel's width, which the fit needs.
+//! The passes are those of [`Elastomer::deform`](crate::elastomer::Elastomer::deform), but with true Gaussians on rings: smoothing a
+//! rotationally symmetric function with a Gaussian of deviation sigma weights ring s by `s exp(-(r^2 + s^2) / 2 sigma^2) I0(r s /
+//! sigma^2)`. The result is smooth in every kernel's width, which the fit needs.
 
 use nalgebra::DMatrix;
 
-/// Smoothing of round functions, one matrix a kernel.
+/// Smoothing of rotationally symmetric functions, one matrix per kernel.
 #[derive(Debug, Clone)]
 pub(crate) struct RoundSmoothing {
     step: f64,
@@ -35,7 +35,7 @@ impl RoundSmoothing {
         Self { step, passes: kernels.iter().map(pass).collect() }
     }
 
-    /// The gel under a ball of `radius` (m) whose own cap is `contact` (m) wide.
+    /// The gel under a ball of `radius` (m) with the contact radius `contact` (m).
     pub(crate) fn press(&self, radius: f64, contact: f64) -> BallProfile {
         let contact = contact.min(0.999 * radius);
         let rim = (radius * radius - contact * contact).sqrt();
@@ -53,10 +53,10 @@ impl RoundSmoothing {
     }
 }
 
-/// Share of its greatest depth below which a bump's flank is left out of shadow casting.
+/// Share of the greatest depth below which a bump casts no shadow.
 const SHALLOW: f64 = 0.02;
 
-/// Depth of the gel (m) against the distance from a press' middle.
+/// Depth of the gel (m) over the distance from a press's centre.
 #[derive(Debug, Clone)]
 pub(crate) struct BallProfile {
     step: f64,

@@ -1,10 +1,11 @@
-//! Does a fit find what is known? Presses are made from a known model, with noise, and fitted as if they were real.
+//! Whether a fit recovers a known sensor: presses are generated from a known model, with noise, and fitted like real ones.
 
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
 use serde::Serialize;
 
-use crate::calibration::fit::{Assumptions, Effort, solve};
+use crate::calibration::assumptions::Assumptions;
+use crate::calibration::fit::{Effort, solve};
 use crate::calibration::parameters::{self as at};
 use crate::calibration::samples::{Mark, Sample, Samples};
 use crate::calibration::scene::Scene;
@@ -13,11 +14,10 @@ use crate::noise::normal;
 /// Errors of a fit to `presses` presses.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Recovery {
-    /// Presses fitted.
     pub presses: usize,
-    /// True if an image of each lamp alone was fitted too.
+    /// Whether an image of each lamp alone was fitted too.
     pub single_lamps: bool,
-    /// Root mean square error on presses not fitted, against their noiseless images, grey levels.
+    /// Root mean square error on held-out presses against their noiseless images, grey levels.
     pub held_out_grey: f64,
     /// Mean angle between true and fitted directions from the middle of the gel to the lamps, degrees.
     pub lamp_degrees: f64,
@@ -31,7 +31,7 @@ pub struct Recovery {
     pub kernel: f64,
 }
 
-/// The sensor that is to be found: 320 x 240 pixels of 0.06 mm, a ball of 6 mm.
+// The known sensor: 320 x 240 pixels of 0.06 mm, a ball of 6 mm diameter.
 const SIZE: [usize; 2] = [320, 240];
 const PIXEL: f64 = 0.06e-3;
 const BALL: f64 = 3e-3;
@@ -58,7 +58,7 @@ fn truth() -> Vec<f64> {
     p
 }
 
-/// What is made.
+/// What presses to generate.
 struct Work<'a> {
     assumptions: &'a Assumptions,
     count: usize,
@@ -68,7 +68,7 @@ struct Work<'a> {
     seed: u64,
 }
 
-/// Presses at random places, as the model of `p` shows them with `noise` grey levels, and perhaps an image of each lamp alone.
+/// Presses at random positions rendered by the model of `p` with noise, and optionally an image of each lamp alone.
 fn presses(p: &[f64], work: &Work) -> Samples {
     let Work { assumptions, count, per_press, noise, single_lamps, seed } = *work;
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
@@ -111,7 +111,7 @@ fn presses(p: &[f64], work: &Work) -> Samples {
     samples
 }
 
-/// Fits `count` presses (and images of `single_lamps`) with `noise` grey levels of noise and says how far off the result is.
+/// Fits `count` generated presses (and images of single lamps) with `noise` grey levels of noise; gives the errors of the result.
 pub fn recover(count: usize, single_lamps: bool, noise: f64, effort: &Effort, seed: u64) -> Recovery {
     let assumptions = Assumptions::full(Some(PIXEL));
     let known = truth();
@@ -123,7 +123,7 @@ pub fn recover(count: usize, single_lamps: bool, noise: f64, effort: &Effort, se
     let residuals = Scene { samples: &unseen, assumptions: &assumptions }.residuals(&found);
     let touched = &residuals[..3 * unseen.touched.len()];
     let root = |sum: f64, count: usize| (sum / count.max(1) as f64).sqrt();
-    // A lamp's number means nothing: each true lamp is compared with the fitted one nearest in direction.
+    // The order of the lamps is arbitrary: each true lamp is compared with the fitted one nearest in direction.
     let lamps = |p: &[f64]| [0, 1, 2].map(|k| at::lamp(p, k, true).position.coords);
     let (true_lamps, fitted) = (lamps(&known), lamps(&found));
     let nearest = true_lamps.map(|a| {
@@ -167,7 +167,7 @@ mod tests {
     }
 
     #[test]
-    fn four_presses_tell_the_sensor() {
+    fn four_presses_determine_the_sensor() {
         let effort = Effort { per_press: 220, starts: 1, steps: [30, 20], split: false };
         let found = recover(4, false, 1.0, &effort, 3);
         println!("{found:?}");

@@ -1,4 +1,4 @@
-//! What a fit looks at: pixels in and around the presses, and pixels of the background.
+//! The pixels that a fit uses: in and around the presses, and of the background.
 
 use rand::Rng;
 use rand_chacha::ChaCha8Rng;
@@ -7,16 +7,16 @@ use rand_chacha::rand_core::SeedableRng;
 use crate::calibration::folder::PressFolder;
 use crate::calibration::photo::Photo;
 
-/// A place in an image, with grey levels from 0 to 1.
+/// A pixel of an image, with grey levels from 0 to 1.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Sample {
-    /// Which press.
+    /// Index of the press.
     pub(crate) press: usize,
     /// Column and row.
     pub(crate) place: [f64; 2],
-    /// What the image shows.
+    /// Value in the press image.
     pub(crate) seen: [f64; 3],
-    /// What the background shows.
+    /// Value in the background.
     pub(crate) background: [f64; 3],
 }
 
@@ -29,15 +29,15 @@ pub(crate) struct Mark {
     pub(crate) ball: f64,
 }
 
-/// Everything a fit sees. Samples are in the order of the presses.
+/// All data of a fit. Samples are in the order of the presses.
 #[derive(Debug, Clone)]
 pub(crate) struct Samples {
     pub(crate) size: [usize; 2],
     pub(crate) marks: Vec<Mark>,
     pub(crate) touched: Vec<Sample>,
-    /// Pixels of the background (`press` and `seen` mean nothing).
+    /// Pixels of the background; `press` and `seen` are unused.
     pub(crate) flat: Vec<Sample>,
-    /// For each image of a single lamp what it shows at these pixels, grey levels from 0 to 1.
+    /// For each image of a single lamp its values at the `flat` pixels, grey levels from 0 to 1.
     pub(crate) alone: Vec<Vec<[f64; 3]>>,
 }
 
@@ -106,15 +106,15 @@ impl Samples {
     }
 }
 
-/// How far from a press (in visible radii) a pixel counts as untouched.
+/// Distance from a press (in visible radii) beyond which a pixel counts as untouched.
 const UNTOUCHED: f64 = 2.5;
-/// Presses that must leave a pixel untouched before their median stands for its background.
+/// Least number of presses that leave a pixel untouched for their median to be its background.
 const ENOUGH: usize = 3;
 
-/// The untouched gel as the presses show it: each pixel's median over those presses that are far from it, row-major RGB, grey levels.
+/// The untouched gel estimated from the presses: each pixel's median over the presses far from it, row-major RGB, grey levels.
 ///
-/// It has less noise than a single frame, and knows the gel as it lies while something presses elsewhere. Pixels that too few
-/// presses leave untouched have the background image's value.
+/// It has less noise than a single frame, and shows the gel in the state it has while something presses elsewhere. Pixels that
+/// too few presses leave untouched take the background image's value.
 pub fn background_of(folder: &PressFolder) -> Vec<f32> {
     let width = folder.background.width;
     let mut background = Vec::with_capacity(folder.background.rgb.len());
@@ -142,7 +142,7 @@ pub fn background_of(folder: &PressFolder) -> Vec<f32> {
     background
 }
 
-/// Standard deviation of one frame's noise (grey levels): of untouched pixels, from one press to the next.
+/// Standard deviation of one frame's noise (grey levels), from untouched pixels of consecutive presses.
 pub(crate) fn noise_of(folder: &PressFolder) -> Option<f64> {
     let width = folder.background.width;
     let (mut squares, mut count) = (0.0, 0.0);

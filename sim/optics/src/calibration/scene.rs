@@ -1,34 +1,34 @@
-//! The fit's view of the presses: round profiles instead of height maps, so that a pixel costs a few operations.
+//! The presses as the fit models them: rotationally symmetric profiles instead of height maps, so that a pixel costs a few operations.
 //!
-//! The image formation is the renderer's: a pixel's ray meets the gel where relief has moved it, lamps light the place unless
-//! the bump stands between, and `image = F(G(background) + L(deformed) - L(flat))`.
+//! The image formation is the renderer's: a pixel's ray meets the gel where relief has moved it, lamps light that point unless the bump
+//! stands in between, and `image = F(G(background) + L(deformed) - L(flat))`.
 
 use nalgebra::{DMatrix, Point3, Vector3};
 use rayon::prelude::*;
 
-use crate::calibration::fit::Assumptions;
+use crate::calibration::assumptions::Assumptions;
 use crate::calibration::least_squares::forward_differences;
 use crate::calibration::parameters::{self as at, PER_LAMP};
 use crate::calibration::profile::{BallProfile, RoundSmoothing};
 use crate::calibration::samples::Samples;
 use crate::lamps::Lamp;
 
-/// Radius (m) up to which a press deforms the gel, and the profile's step.
+/// Radius up to which a press deforms the gel, and the profile's step, m.
 const REACH: f64 = 6e-3;
 const STEP: f64 = 0.04e-3;
-/// Weight of the background's own grey levels against those of the presses: they hold scratches and stray light.
+/// Weight of the background's grey levels relative to those of the presses: they contain scratches and stray light.
 const FLAT_WEIGHT: f64 = 0.3;
-/// Places on the way to a lamp at which its light may be blocked.
+/// Number of points on the line to a lamp that are tested for occlusion.
 const MARCH: usize = 24;
 
-/// A place on the gel, with the slopes dz/dx and dz/dy there.
+/// A point on the gel, with the slopes dz/dx and dz/dy.
 #[derive(Debug, Clone, Copy)]
 struct Place {
     point: Point3<f64>,
     slope: [f64; 2],
 }
 
-/// Where every sample's ray meets the gel.
+/// Where the samples' rays meet the gel.
 #[derive(Debug)]
 pub(crate) struct Surface {
     profiles: Vec<BallProfile>,
@@ -38,7 +38,7 @@ pub(crate) struct Surface {
     flat: Vec<Point3<f64>>,
 }
 
-/// Light of one lamp of colour 1 at the samples: on the deformed gel, on the same pixels' flat gel, on the background's pixels.
+/// Light of one lamp of colour 1 at the touched samples on the deformed and on the flat gel, and at the background's samples.
 #[derive(Debug, Clone)]
 struct Light {
     deformed: Vec<f64>,
@@ -46,7 +46,7 @@ struct Light {
     flat: Vec<f64>,
 }
 
-/// Samples and what is assumed about them.
+/// Samples and the model's assumptions.
 #[derive(Debug)]
 pub(crate) struct Scene<'a> {
     pub(crate) samples: &'a Samples,
@@ -54,8 +54,8 @@ pub(crate) struct Scene<'a> {
 }
 
 impl Scene<'_> {
-    /// Residuals in grey levels: three of each touched sample, then three of each of the background's, then three of each of
-    /// those under each lamp alone.
+    /// Residuals in grey levels, three per sample: the touched samples, then the background's, then the background's under each
+    /// lamp alone.
     pub(crate) fn residuals(&self, p: &[f64]) -> Vec<f64> {
         let surface = self.surface(p);
         let lights = self.lights(&surface, p);
@@ -69,7 +69,7 @@ impl Scene<'_> {
         self.grey(&surface, &lights.iter().collect::<Vec<_>>(), p)
     }
 
-    /// Derivatives of the residuals; a lamp's geometry changes that lamp's light only.
+    /// Jacobian of the residuals. A lamp's geometry affects that lamp's light only, so the other lamps are not evaluated again.
     pub(crate) fn jacobian(&self, p: &[f64], residuals: &[f64], bounds: &[(f64, f64)]) -> DMatrix<f64> {
         let surface = self.surface(p);
         let lights = self.lights(&surface, p);
@@ -89,7 +89,7 @@ impl Scene<'_> {
         })
     }
 
-    /// First residual of each press, and of the background.
+    /// Index of the first residual of each press, of the background, and of each single lamp's image.
     pub(crate) fn groups(&self) -> Vec<usize> {
         let touched = &self.samples.touched;
         let mut starts: Vec<usize> =
@@ -192,7 +192,7 @@ impl Scene<'_> {
         (0..surface.deformed.len()).into_par_iter().with_min_len(512).map(pixel).collect()
     }
 
-    /// Grey levels of the background's pixels, without knowledge of any background.
+    /// Predicted grey levels of the background's pixels from the model alone.
     fn flat(&self, lights: &[&Light], p: &[f64]) -> Vec<[f64; 3]> {
         let color = |k: usize, c: usize| p[at::LAMPS + PER_LAMP * k + at::COLOR + c];
         let responses: [_; 3] = std::array::from_fn(|c| at::response(p, c));
@@ -202,8 +202,9 @@ impl Scene<'_> {
         (0..self.samples.flat.len()).map(|i| std::array::from_fn(|c| responses[c].measured(radiance(i, c)))).collect()
     }
 
-    /// Grey levels of the background's pixels under one of `images` lamps alone. Lamps follow each other in the images' order,
-    /// as many for each. Diffuse light is scattered light of the lamps: of each channel's, a lamp gives what it has of the colour.
+    /// Predicted grey levels of the background's pixels under lamp group `image` of `images`. Lamps are in the order of the images,
+    /// the same number for each. Diffuse light is scattered light of the lamps: in each channel, a lamp contributes in proportion
+    /// to its colour.
     fn alone(&self, lights: &[&Light], p: &[f64], image: usize, images: usize) -> Vec<[f64; 3]> {
         let color = |k: usize, c: usize| p[at::LAMPS + PER_LAMP * k + at::COLOR + c];
         let responses: [_; 3] = std::array::from_fn(|c| at::response(p, c));
@@ -248,7 +249,7 @@ impl Scene<'_> {
     }
 }
 
-/// Share of a lamp that a place on the gel sees over the bump around `center`.
+/// Share of a lamp that is visible from a point on the gel over the bump around `center`.
 fn visible(profile: &BallProfile, center: [f64; 2], point: &Point3<f64>, lamp: &Lamp) -> f64 {
     let (dx, dy) = (lamp.position.x - point.x, lamp.position.y - point.y);
     let distance = dx.hypot(dy).max(1e-6);

@@ -1,25 +1,25 @@
-//! A real sensor, once calibrated: renders what it would show of any object pressed into it, at its own image size.
+//! A calibrated real sensor: renders the image of any object pressed into it, at the sensor's own image size.
 
 use std::path::Path;
 
 use nalgebra::{Point3, Vector3};
 
-use crate::calibration::file::CalibrationFile;
+use crate::calibration::file::SensorCalibration;
 use crate::calibration::photo::Photo;
 use crate::calibration::profile::RoundSmoothing;
 use crate::error::OpticsError;
 use crate::shadows::{HeightField, Shadow};
 
-/// A calibrated sensor with its untouched image. Frame: origin in the image's middle on the untouched gel, x right, y up,
-/// z towards the object.
+/// A calibrated sensor with the image of its untouched gel. Frame: origin at the image centre on the untouched gel, x right,
+/// y up, z towards the object.
 #[derive(Debug, Clone, PartialEq)]
 pub struct CalibratedSensor {
-    file: CalibrationFile,
+    file: SensorCalibration,
     /// Row-major RGB, grey levels.
     background: Vec<f32>,
 }
 
-/// A pixel that sees more than this of every lamp, on flat gel, shows the background.
+/// On flat gel, a pixel from which more than this share of every lamp is visible shows the background.
 const LIT: f64 = 0.995;
 const FLAT_DEPTH: f64 = 1e-6;
 const FLAT_SLOPE: f64 = 2e-3;
@@ -27,12 +27,12 @@ const FLAT_SLOPE: f64 = 2e-3;
 impl CalibratedSensor {
     /// Reads a calibration file and the image beside it.
     pub fn read(path: &Path) -> Result<Self, OpticsError> {
-        let (file, background) = CalibrationFile::read(path)?;
+        let (file, background) = SensorCalibration::read(path)?;
         Ok(Self { file, background })
     }
 
-    /// A sensor of a calibration and an untouched image (row-major RGB, grey levels) of the calibration's size.
-    pub fn new(file: CalibrationFile, background: Vec<f32>) -> Result<Self, OpticsError> {
+    /// A sensor from its calibration and the image of its untouched gel (row-major RGB, grey levels).
+    pub fn new(file: SensorCalibration, background: Vec<f32>) -> Result<Self, OpticsError> {
         let expected = 3 * file.columns * file.rows;
         if background.len() != expected {
             return Err(OpticsError::ImageSize { found: background.len(), expected });
@@ -40,24 +40,23 @@ impl CalibratedSensor {
         Ok(Self { file, background })
     }
 
-    /// The model it renders with.
     pub fn model(&self) -> &crate::model::SensorModel {
         &self.file.model
     }
 
-    /// Columns and rows of its images.
+    /// Columns and rows.
     pub fn size(&self) -> (usize, usize) {
         (self.file.columns, self.file.rows)
     }
 
-    /// Place of a pixel's centre on the untouched gel, m.
+    /// Position of a pixel's centre on the untouched gel, m.
     pub fn pixel_center(&self, column: f64, row: f64) -> (f64, f64) {
         let (pixel, (w, h)) = (1e-3 * self.file.pixel_mm, self.size());
         ((column - 0.5 * (w as f64 - 1.0)) * pixel, (0.5 * (h as f64 - 1.0) - row) * pixel)
     }
 
-    /// The gel's depth (m, row-major) under an object whose penetration is given: for each pixel how far the object lies below the
-    /// untouched surface (m; negative above it, negative infinity where there is none).
+    /// Depth of the gel (m, row-major) under an object. `penetration` is how far the object lies below the untouched surface at each
+    /// pixel (m; negative above it, negative infinity without an object).
     pub fn gel(&self, penetration: &[f32]) -> Result<Vec<f32>, OpticsError> {
         let (w, h) = self.size();
         if penetration.len() != w * h {
@@ -86,27 +85,27 @@ impl CalibratedSensor {
         Ok(Photo { width, height, rgb: grey.into_iter().map(|grey| (grey + 0.5).clamp(0.0, 255.0) as u8).collect() })
     }
 
-    /// As [`Self::render`], as the camera's own lens shows it: not rectified. The same image where the calibration knows no lens.
+    /// As [`Self::render`], but distorted by the camera's lens, if the calibration has one.
     pub fn render_raw(&self, penetration: &[f32]) -> Result<Photo, OpticsError> {
         let rectified = self.render(penetration)?;
         Ok(self.file.lens.map_or_else(|| rectified.clone(), |lens| lens.distort(&rectified)))
     }
 
-    /// Grey levels (whole numbers, row-major RGB) of a ball's press: [`Self::ball`], rendered.
+    /// The image of a ball's press (see [`Self::ball`]): grey levels rounded to whole numbers, row-major RGB.
     pub fn render_ball(&self, center: [f64; 2], radius: f64, diameter: f64) -> Vec<f32> {
-        // A ball's penetration is never refused: it has this sensor's size and no NaN.
+        // A ball's penetration needs no check: it has this sensor's size and no NaN.
         let penetration = self.ball(center, radius, diameter);
         let gel = self.gel_unchecked(&penetration);
         self.shade(&gel).into_iter().map(|grey| grey.round().clamp(0.0, 255.0)).collect()
     }
 
-    /// Penetration of a ball (diameter in m) whose press looks like this circle (pixels).
+    /// Penetration of a ball (diameter in m) whose press has this visible circle (pixels).
     pub fn ball(&self, center: [f64; 2], radius: f64, diameter: f64) -> Vec<f32> {
         let (pixel, model) = (1e-3 * self.file.pixel_mm, &self.file.model);
         let (ball, grown) = (0.5 * diameter, 0.5 * diameter + model.elastomer.coating);
         let contact = (radius * pixel * self.file.contact_over_visible).min(0.999 * grown);
         let deepest = grown - (grown * grown - contact * contact).sqrt();
-        // The circle lies on the bump's flank, which relief has moved away from the camera's foot.
+        // The circle lies on the bump's flank, which relief moves away from the point below the camera.
         let profile = RoundSmoothing::new(&model.elastomer.kernels, 3.0 * grown, 0.02 * grown).press(grown, contact);
         let part = -profile.at(radius * pixel).0 / model.camera.position.z;
         let (x, y) = self.pixel_center(center[0], center[1]);
@@ -173,7 +172,7 @@ impl CalibratedSensor {
         grey
     }
 
-    /// Radiance of a place on the deformed gel, with the share of each lamp that it sees, less that of a place on the flat gel.
+    /// Radiance of a point on the deformed gel, with the visible share of each lamp, less that of a point on the flat gel.
     fn change(&self, point: &Point3<f64>, slope: [f64; 2], shares: &[f64], flat: &Point3<f64>) -> [f64; 3] {
         let model = &self.file.model;
         let normal = Vector3::new(slope[0], slope[1], -1.0).normalize();

@@ -1,24 +1,22 @@
-//! How alike two images are: mean absolute error, structural similarity and peak signal-to-noise ratio.
+//! Similarity of two images: mean absolute error, structural similarity and peak signal-to-noise ratio.
 //!
-//! Grey levels are taken from 0 to 1. SSIM is that of Wang et al. (2004) with a flat 7 x 7 window, unbiased variances,
-//! `C1 = 0.01^2`, `C2 = 0.03^2`, averaged over windows that lie wholly inside and over channels: the figures are then
-//! comparable with those of the usual Python library.
+//! Grey levels are scaled to 0..1. SSIM is that of Wang et al. (2004) with a flat 7 x 7 window, unbiased variances, `C1 = 0.01^2`, `C2 =
+//! 0.03^2`, averaged over channels and over the windows that lie wholly inside, as in scikit-image.
 
 use serde::{Deserialize, Serialize};
 
-/// The three metrics.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Similarity {
     /// Mean absolute error of grey levels from 0 to 1.
     pub l1: f64,
-    /// Structural similarity; 1 is the same image.
+    /// Structural similarity; 1 for identical images.
     pub ssim: f64,
     /// Peak signal-to-noise ratio, dB.
     pub psnr: f64,
 }
 
 impl Similarity {
-    /// Mean of several; `None` of none.
+    /// `None` for an empty slice.
     pub fn mean(all: &[Self]) -> Option<Self> {
         let n = all.len() as f64;
         let mean = |value: fn(&Self) -> f64| all.iter().map(value).sum::<f64>() / n;
@@ -76,7 +74,7 @@ fn channel_ssim(a: &[f64], b: &[f64], w: usize, h: usize) -> f64 {
     if ma.is_empty() { f64::NAN } else { sum / ma.len() as f64 }
 }
 
-/// Sums over all windows that lie inside.
+/// Sums over all windows that lie wholly inside.
 fn window_sums(values: &[f64], w: usize, h: usize) -> Vec<f64> {
     if w < WINDOW || h < WINDOW {
         return Vec::new();

@@ -1,38 +1,36 @@
 //! A camera's lens from pictures of a checkerboard (Zhang 2000).
 //!
-//! A flat board and its image are related by a homography `H ~ K (r1 r2 t)`; as r1 and r2 are at right angles and equally long, every
-//! picture gives two linear equations for `K^-T K^-1`, and from two pictures on the intrinsics K follow. Then intrinsics, distortion
-//! and every board's pose are adjusted together until the corners' places in the images are met best.
+//! A flat board and its image are related by a homography `H ~ K (r1 r2 t)`. Because r1 and r2 are orthogonal and of equal length, every
+//! picture gives two linear equations for `K^-T K^-1`, and two or more pictures determine the intrinsics K. Then intrinsics, distortion
+//! and all board poses are refined together to minimise the reprojection error of the corners.
 
 use std::path::Path;
 
 use nalgebra::{DMatrix, Isometry3, Matrix3, Rotation3, SMatrix, Translation3, UnitQuaternion, Vector3};
 
 use crate::calibration::checkerboard::Board;
-use crate::calibration::fit::Parameter;
 use crate::calibration::folder::images_of;
-use crate::calibration::least_squares::{Options, Problem, forward_differences};
+use crate::calibration::least_squares::{Options, Parameter, Problem, forward_differences};
 use crate::calibration::lens::Lens;
 use crate::calibration::photo::Photo;
 use crate::error::OpticsError;
 
-/// Pictures needed: two determine the intrinsics, one more makes errors visible.
+/// Least number of pictures: two determine the intrinsics, a third reveals errors.
 pub const LEAST: usize = 3;
 
-/// A lens that was found.
+/// A fitted lens.
 #[derive(Debug, Clone, PartialEq)]
 pub struct LensFit {
-    /// The lens; its third radial coefficient stays 0, because corners seldom reach far enough out to tell it.
+    /// Its third radial coefficient is 0: corners seldom reach far enough from the centre to determine it.
     pub lens: Lens,
-    /// Its parameters with their standard deviations.
     pub parameters: Vec<Parameter>,
-    /// Root mean square distance between found and predicted corners, pixels.
+    /// Root mean square reprojection error, pixels.
     pub residual: f64,
-    /// Pictures used.
+    /// Number of pictures.
     pub pictures: usize,
 }
 
-/// Parameters of the lens; each picture's six follow.
+/// Number of lens parameters; six per picture follow them.
 const OWN: usize = 8;
 const NAMES: [&str; OWN] = [
     "lens focal length across (px)",
@@ -44,36 +42,36 @@ const NAMES: [&str; OWN] = [
     "lens p1",
     "lens p2",
 ];
-/// Scale of the robust loss, pixels: beyond it a corner counts as wrongly found.
+/// Scale of the robust loss, pixels: larger residuals count as wrongly detected corners.
 const SCALE: f64 = 1.0;
 
-/// Finds the lens from a folder of pictures of a board, described by `board.toml` in it (`columns` and `rows`: inner corners).
+/// Fits the lens to a folder of pictures of a board, described by its `board.toml` (`columns` and `rows`: inner corners).
 /// Every picture must have `size` (columns, rows) and show the whole board.
 pub fn read(folder: &Path, size: [usize; 2]) -> Result<LensFit, OpticsError> {
-    let fault = |path: &Path, what: String| OpticsError::File { path: path.display().to_string(), what };
     let path = folder.join("board.toml");
-    let text = std::fs::read_to_string(&path)
-        .map_err(|error| fault(&path, format!("{error}; expected `columns` and `rows`, the board's inner corners")))?;
-    let board: Board = toml::from_str(&text).map_err(|error| fault(&path, error.to_string()))?;
+    let text = std::fs::read_to_string(&path).map_err(|error| {
+        OpticsError::file(&path, format!("{error}; expected `columns` and `rows`, the board's inner corners"))
+    })?;
+    let board: Board = toml::from_str(&text).map_err(|error| OpticsError::file(&path, error))?;
     if board.columns < 3 || board.rows < 3 {
         let what = format!("found {} x {} inner corners; expected at least 3 x 3", board.columns, board.rows);
-        return Err(fault(&path, what));
+        return Err(OpticsError::file(&path, what));
     }
     let files = images_of(folder)?;
     if files.len() < LEAST {
         let what = format!("found {} pictures of the checkerboard; expected at least {LEAST}", files.len());
-        return Err(fault(folder, what));
+        return Err(OpticsError::file(folder, what));
     }
     let mut views = Vec::with_capacity(files.len());
     for file in files {
         let photo = Photo::read(&file)?;
         photo.expect_size(size, &file)?;
-        views.push(board.find(&photo).map_err(|what| fault(&file, what))?);
+        views.push(board.find(&photo).map_err(|what| OpticsError::file(&file, what))?);
     }
-    fit(board, &views, size).map_err(|error| fault(folder, error.to_string()))
+    fit(board, &views, size).map_err(|error| OpticsError::file(folder, error))
 }
 
-/// Finds the lens from the corners of some pictures, in pixels and in the order of [`Board::find`].
+/// Fits the lens to the corners of several pictures, in pixels and in the order of [`Board::find`].
 pub fn fit(board: Board, views: &[Vec<[f64; 2]>], size: [usize; 2]) -> Result<LensFit, OpticsError> {
     let place = |k: usize, count: usize| k as f64 - 0.5 * (count as f64 - 1.0);
     let model: Vec<[f64; 2]> = (0..board.columns * board.rows)
@@ -119,16 +117,7 @@ pub fn fit(board: Board, views: &[Vec<[f64; 2]>], size: [usize; 2]) -> Result<Le
     let left = (problem.residuals)(&found.parameters);
     let lens = lens_of(&found.parameters);
     lens.check(size[0], size[1])?;
-    let parameters = NAMES
-        .iter()
-        .enumerate()
-        .map(|(i, name)| {
-            let (low, high) = problem.bounds[i];
-            let (value, near) = (found.parameters[i], 1e-6 * (high - low));
-            let on_bound = value <= low + near || value >= high - near;
-            Parameter { name: (*name).to_owned(), value, deviation: found.deviations[i], on_bound }
-        })
-        .collect();
+    let parameters = found.described(NAMES.map(str::to_owned), &problem.bounds);
     let residual = (2.0 * left.iter().map(|r| r * r).sum::<f64>() / left.len().max(1) as f64).sqrt();
     Ok(LensFit { lens, parameters, residual, pictures: views.len() })
 }
@@ -137,7 +126,7 @@ fn lens_of(p: &[f64]) -> Lens {
     Lens { focal: [p[0], p[1]], center: [p[2], p[3]], radial: [p[4], p[5], 0.0], tangential: [p[6], p[7]] }
 }
 
-/// A pose turned by q\[0..3\] (rad) and moved by q\[3..6\], shares of its distance.
+/// A pose rotated by q\[0..3\] (rad) and translated by q\[3..6\] (in units of its distance).
 fn moved(pose: &Isometry3<f64>, q: &[f64]) -> Isometry3<f64> {
     let far = pose.translation.vector.norm();
     let turn = UnitQuaternion::from_scaled_axis(Vector3::new(q[0], q[1], q[2]));
@@ -145,7 +134,7 @@ fn moved(pose: &Isometry3<f64>, q: &[f64]) -> Isometry3<f64> {
     Isometry3::from_parts(Translation3::from(shift), turn * pose.rotation)
 }
 
-/// The homography from the board to an image (least squares over all corners, in units of their spread).
+/// The homography from the board to an image by least squares over all corners, in normalised coordinates.
 fn homography(model: &[[f64; 2]], view: &[[f64; 2]]) -> Option<Matrix3<f64>> {
     let unit = |points: &[[f64; 2]]| -> Option<Matrix3<f64>> {
         let n = points.len() as f64;
@@ -173,7 +162,7 @@ fn homography(model: &[[f64; 2]], view: &[[f64; 2]]) -> Option<Matrix3<f64>> {
     Some(b.try_inverse()? * h * a)
 }
 
-/// K (without skew) from the homographies; pixels are first scaled to about one so that the equations are well conditioned.
+/// K (without skew) from the homographies; pixel coordinates are first scaled to about 1 for conditioning.
 fn intrinsics(homographies: &[Matrix3<f64>], size: [usize; 2]) -> Option<Matrix3<f64>> {
     let [w, h] = size.map(|size| size as f64);
     let s = 2.0 / w.max(h);
@@ -212,7 +201,7 @@ fn intrinsics(homographies: &[Matrix3<f64>], size: [usize; 2]) -> Option<Matrix3
     k.iter().all(|value| value.is_finite()).then_some(k)
 }
 
-/// Where the board is, from its homography.
+/// Pose of the board from its homography.
 fn pose(k: &Matrix3<f64>, homography: &Matrix3<f64>) -> Option<Isometry3<f64>> {
     let h = k.try_inverse()? * homography;
     // The board is in front of the camera.
@@ -255,7 +244,7 @@ mod tests {
             assert!((found.lens.center[axis] - LENS.center[axis]).abs() < 1.0, "{found:?}");
             assert!((found.lens.tangential[axis] - LENS.tangential[axis]).abs() < 2e-3, "{found:?}");
         }
-        // What counts: where a rectified place is shown.
+        // The parameters may trade off: what matters is the mapping.
         for place in [[20.0, 20.0], [300.0, 20.0], [160.0, 220.0], [30.0, 215.0]] {
             let (a, b) = (LENS.distorted(place), found.lens.distorted(place));
             assert!((a[0] - b[0]).hypot(a[1] - b[1]) < 0.8, "{place:?} {a:?} {b:?}");
@@ -289,13 +278,13 @@ mod tests {
             let rms =
                 |value: &dyn Fn(&LensFit) -> f64| (fits.iter().map(|f| value(f).powi(2)).sum::<f64>() / 12.0).sqrt();
             let error = rms(&|f| f.parameters[i].value - exact);
-            let told = rms(&|f| f.parameters[i].deviation.unwrap());
-            assert!((0.4..2.5).contains(&(error / told)), "{}: {error} told {told}", NAMES[i]);
+            let stated = rms(&|f| f.parameters[i].deviation.unwrap());
+            assert!((0.4..2.5).contains(&(error / stated)), "{}: {error}, stated {stated}", NAMES[i]);
         }
     }
 
     #[test]
-    fn folders_that_tell_no_lens_are_refused_by_name() {
+    fn unusable_folders_are_errors_that_name_the_file() {
         let folder = std::env::temp_dir().join(format!("ftac-optics-{}-boards", std::process::id()));
         let _ = std::fs::remove_dir_all(&folder);
         std::fs::create_dir_all(&folder).unwrap();
@@ -324,7 +313,7 @@ mod tests {
     }
 
     #[test]
-    fn boards_that_are_all_parallel_tell_no_camera() {
+    fn parallel_boards_do_not_determine_a_camera() {
         let view = |far: f64| -> Vec<[f64; 2]> {
             (0..35)
                 .map(|at| {

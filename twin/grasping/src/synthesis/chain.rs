@@ -12,6 +12,7 @@ use rand_chacha::ChaCha8Rng;
 use super::energy::{GraspEnergy, Terms};
 use super::frames::{Frames, HandState};
 use super::langevin::{Langevin, normal};
+use crate::sampler::PALM_FACE;
 
 /// How a chain runs.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -34,10 +35,8 @@ impl Default for Schedule {
     }
 }
 
-/// Noise at step 1 is never wider than this: m, rad, rad.
+/// Largest standard deviation of the noise at step 1: of translations (m), rotations and joints (rad).
 const WIDEST: [f64; 3] = [0.01, 0.15, 0.2];
-/// Face of the palm over the palm frame's origin, along z, m.
-const PALM_FACE: f64 = 0.0156;
 
 /// One sample.
 #[derive(Debug, Clone)]
@@ -109,9 +108,14 @@ fn support(low: &Vector3<f64>, high: &Vector3<f64>, center: &Vector3<f64>, direc
         .sum()
 }
 
-/// The contact move: one of the contact points `held`, whose energy is `before`, becomes a uniform draw from the candidates, or
-/// stays. Answers with the new energy of the contact points if it was accepted. `frames` stands at the chain's state.
-fn replace_contact(
+/// [`Langevin::new`]'s widest noise for a state with `freedom` degrees of freedom: translation (m), rotation, joints (rad).
+pub fn widest_noise(freedom: usize) -> Vec<f64> {
+    (0..freedom).map(|n| WIDEST[(n / 3).min(2)]).collect()
+}
+
+/// The contact move: proposes to replace one of the contact points `held` by a uniform draw from the candidates. Returns the
+/// contact points' new energy if the move is accepted; `before` is their energy, and `frames` must be at the chain's state.
+pub fn replace_contact(
     energy: &GraspEnergy,
     frames: &mut Frames,
     held: &mut [usize],
@@ -147,8 +151,7 @@ pub fn run(
     let (mut gradient, mut there) = (vec![0.0; freedom], vec![0.0; freedom]);
     let mut displacement = vec![0.0; freedom];
     let mut next = state.clone();
-    let widest: Vec<f64> = (0..freedom).map(|n| WIDEST[(n / 3).min(2)]).collect();
-    let mut kernel = Langevin::new(0.5, &widest, schedule.hot);
+    let mut kernel = Langevin::new(0.5, &widest_noise(freedom), schedule.hot);
     let mut terms = energy.evaluate(&state, &held, frames, &mut gradient);
     // Whether `frames` stands at `state` (a rejected proposal leaves it elsewhere).
     let mut placed = true;
@@ -163,8 +166,7 @@ pub fn run(
                 frames.place(&state);
                 placed = true;
             }
-            let before = terms.closure + terms.distance + terms.facing;
-            if replace_contact(energy, frames, &mut held, before, temperature, rng).is_some() {
+            if replace_contact(energy, frames, &mut held, terms.of_contacts(), temperature, rng).is_some() {
                 terms = energy.evaluate(&state, &held, frames, &mut gradient);
             }
         } else {

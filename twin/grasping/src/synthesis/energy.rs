@@ -99,6 +99,13 @@ pub struct Terms {
     pub deepest: f64,
 }
 
+impl Terms {
+    /// The part that depends on the contact points.
+    pub fn of_contacts(&self) -> f64 {
+        self.closure + self.distance + self.facing
+    }
+}
+
 /// The energy of one hand on one object.
 #[derive(Debug, Clone)]
 pub struct GraspEnergy<'a> {
@@ -171,7 +178,7 @@ impl<'a> GraspEnergy<'a> {
     pub fn contact_energy(&self, contacts: &[usize], frames: &mut Frames) -> f64 {
         let mut terms = Terms::default();
         self.contacts(contacts, frames, &mut terms);
-        terms.closure + terms.distance + terms.facing
+        terms.of_contacts()
     }
 
     fn contacts(&self, contacts: &[usize], frames: &mut Frames, terms: &mut Terms) {

@@ -9,7 +9,7 @@ use nalgebra::{Isometry3, Matrix3, UnitQuaternion};
 use scenarios::objects::{ObjectModel, Symmetry};
 use scenarios::statistics::percentile;
 use serde::Serialize;
-use touch::{PoseEstimate, PoseOptions, TouchPipeline, costs_from_pose};
+use touch::{PoseEstimate, PoseOptions, TouchPipeline};
 
 use super::images::Eyes;
 use bench::trial::{Bench, HeldGrasp};
@@ -138,8 +138,7 @@ pub fn feel(
             let estimate = pipeline.estimate_pose(&touches, &servos, &prior, known)?;
             let estimated = begun.elapsed() - perceived;
             let truth = looking_alike(object, &grasp.truth, &estimate.palm_from_object);
-            let hand = pipeline.hand();
-            let [there, below] = costs_from_pose(hand, &touches, &servos, &prior, known, &pipeline.pose, &truth)?;
+            let [there, below] = pipeline.costs_from_pose(&touches, &servos, &prior, known, &truth)?;
             let points = points_only.estimate_pose(&touches, &servos, &prior, known)?;
             seen();
             let poses = [grasp.expected, points.palm_from_object, estimate.palm_from_object];

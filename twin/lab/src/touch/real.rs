@@ -8,7 +8,7 @@ use std::sync::Arc;
 use anyhow::{Context, Result, bail};
 use hand_model::pads::IMAGE_SIZE as N;
 use hand_model::robot::TactileImage;
-use optics::calibration::{CalibratedSensor, CalibrationFile, PressFolder};
+use optics::calibration::{CalibratedSensor, SensorCalibration, PressFolder};
 use rand::{Rng, RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use touch::CalibrationPress;
@@ -78,7 +78,7 @@ pub struct Likeness {
 impl Likeness {
     /// From the file that `optics calibrate` wrote.
     pub fn read(file: &Path) -> Result<Self> {
-        let (calibration, photo) = CalibrationFile::read(file)?;
+        let (calibration, photo) = SensorCalibration::read(file)?;
         let grid = Grid { width: calibration.columns, height: calibration.rows };
         let pixel = grid.pixel(1e-3 * calibration.pixel_mm);
         let bytes: Vec<u8> = photo.iter().map(|grey| grey.round().clamp(0.0, 255.0) as u8).collect();

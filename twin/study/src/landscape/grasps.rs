@@ -5,6 +5,7 @@
 //! objects can be near each other. A chain never changes its object: drawn towards a grasp of another one it asks whether its
 //! own object can be held in that way, and over which energy.
 
+use grasping::synthesis::chain::{replace_contact, widest_noise};
 use grasping::synthesis::energy::{GraspEnergy, MAX_CONTACTS};
 use grasping::synthesis::frames::{Frames, HandState, PIVOT};
 use grasping::synthesis::held::{HeldGrasp, pose_from_array, pose_to_array};
@@ -21,8 +22,6 @@ use super::Landscape;
 const PLACE: f64 = 0.03;
 /// Share of the steps that replace a contact point.
 const CONTACT_SHARE: f64 = 0.15;
-/// Noise at step 1 is never wider than this: m, rad, rad.
-const WIDEST: [f64; 3] = [0.01, 0.15, 0.2];
 /// Contact points of a state at most: the paper's grasps have 2 to 5.
 const CONTACTS: usize = 5;
 
@@ -89,8 +88,7 @@ impl<'a> GraspLandscape<'a> {
             return None;
         }
         let freedom = 6 + grasp.joints.len();
-        let widest: Vec<f64> = (0..freedom).map(|n| WIDEST[(n / 3).min(2)]).collect();
-        let fresh = Langevin::new(0.3, &widest, temperature);
+        let fresh = Langevin::new(0.3, &widest_noise(freedom), temperature);
         let start = GraspState {
             object,
             pose: pose_to_array(&pose_from_array(&grasp.palm_from_object).inverse()),
@@ -190,15 +188,10 @@ impl<'a> GraspLandscape<'a> {
         let w = walker;
         if rng.random::<f64>() < CONTACT_SHARE {
             w.frames.place(&w.state);
-            let slot = rng.random_range(0..w.contacts.len());
-            let old = std::mem::replace(&mut w.contacts[slot], rng.random_range(0..energy.surface.candidates.len()));
-            let after = energy.contact_energy(&w.contacts, &mut w.frames);
-            if rng.random::<f64>().ln() < (w.contact_energy - after) / temperature {
+            if replace_contact(energy, &mut w.frames, &mut w.contacts, w.contact_energy, temperature, rng).is_some() {
                 let terms = energy.evaluate(&w.state, &w.contacts, &mut w.frames, &mut w.gradient);
                 w.energy = terms.total;
-                w.contact_energy = terms.closure + terms.distance + terms.facing;
-            } else {
-                w.contacts[slot] = old;
+                w.contact_energy = terms.of_contacts();
             }
             return;
         }
@@ -216,7 +209,7 @@ impl<'a> GraspLandscape<'a> {
             std::mem::swap(&mut w.state, &mut w.next);
             std::mem::swap(&mut w.gradient, &mut w.there);
             w.energy = terms.total;
-            w.contact_energy = terms.closure + terms.distance + terms.facing;
+            w.contact_energy = terms.of_contacts();
         }
         if learning {
             w.kernel.adapt(&w.gradient, log.exp().min(1.0), temperature);
@@ -250,7 +243,7 @@ impl Landscape for GraspLandscape<'_> {
             state: hand,
             contacts: state.contacts.clone(),
             energy: terms.total,
-            contact_energy: terms.closure + terms.distance + terms.facing,
+            contact_energy: terms.of_contacts(),
             gradient,
             there: vec![0.0; freedom],
             displacement: vec![0.0; freedom],

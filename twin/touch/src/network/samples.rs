@@ -5,7 +5,7 @@ use rand::{Rng, RngExt};
 
 use super::{Kind, Sight, model_normals};
 use crate::calibration::{CalibrationPress, PhotometricModel, slope};
-use crate::photometric_stereo::{Region, colour_change};
+use crate::colour_change::{Region, colour_change};
 
 /// Side of a square, pixels.
 pub const SIDE: usize = 48;

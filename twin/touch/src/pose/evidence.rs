@@ -6,10 +6,10 @@ use std::f64::consts::TAU;
 use hand_model::Hand;
 use nalgebra::{Isometry3, Point3, Vector3};
 
-use super::PoseOptions;
+use super::inputs::PoseOptions;
 use super::system::evenly;
 use crate::contacts::{Patch, SurfacePoint};
-use crate::pipeline::PadTouch;
+use crate::pad_touch::PadTouch;
 use crate::posture::Posture;
 
 /// Points of a patch that are used.
@@ -33,6 +33,9 @@ const HELD_UP: (f64, f64) = (0.8, 0.35);
 const NARROW: f64 = 3e-7;
 /// No patch's height counts as less well known than this, m.
 const WORST: f64 = 1.5e-3;
+
+/// A felt point with its normal (palm frame) and weight.
+pub(super) type FeltPoint = (Point3<f64>, Vector3<f64>, f64);
 
 /// A patch in the frame of the link that carries it (palm: the palm frame).
 pub(super) struct LinkPatch {

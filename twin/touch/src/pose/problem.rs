@@ -1,17 +1,15 @@
-//! What is known, what is sought, and the cost of a state; its parts are in [`super::residuals`].
+//! What is known and what is sought: the evidence, and the state that [`super::residuals`] gives a cost.
 //!
 //! A state is moved by a vector (rho, phi, dq, ds): pose <- pose * exp(rho, phi) in the object's own axes, joints and lifts of
 //! pressed pads by addition.
 
-use hand_model::robot::ServoState;
-use hand_model::{ACTUATORS, HAND_JOINTS, Hand, PADS};
-use nalgebra::{DMatrix, DVector, Isometry3, Translation3, UnitQuaternion, Vector3};
+use hand_model::{HAND_JOINTS, Hand, PADS};
+use nalgebra::{DVector, Isometry3, Translation3, UnitQuaternion, Vector3};
 
-use super::evidence::{ClearSpot, LinkPatch, PressedPad, held_up};
-use super::screen::FeltPoint;
-use super::system::{Cost, Kinematics, Normal, evenly};
-use super::{KnownShape, PoseOptions, PosePrior};
-use crate::pipeline::PadTouch;
+use super::evidence::{ClearSpot, FeltPoint, LinkPatch, PressedPad, held_up};
+use super::inputs::{PoseInputs, PoseOptions, PosePrior};
+use super::shape::KnownShape;
+use super::system::{Kinematics, evenly};
 use crate::posture::{Posture, digit_of, free_posture};
 
 /// Torque that a contact on a blind pad may have about a joint, N m.
@@ -69,14 +67,8 @@ pub(super) struct Problem<'a> {
 }
 
 impl<'a> Problem<'a> {
-    pub fn new(
-        hand: &'a Hand,
-        touches: &[PadTouch],
-        servos: &[ServoState; ACTUATORS],
-        prior: &'a PosePrior,
-        shape: &'a dyn KnownShape,
-        options: &'a PoseOptions,
-    ) -> Self {
+    pub fn new(inputs: &PoseInputs<'a>) -> Self {
+        let PoseInputs { hand, touches, servos, prior, shape, options } = *inputs;
         let (mut patches, mut clear, mut cables, mut blind) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
         let (mut pressed, mut links) = (Vec::new(), Vec::new());
         for touch in touches {
@@ -253,29 +245,6 @@ impl<'a> Problem<'a> {
             }
         }
         State { pose: state.pose * Isometry3::from_parts(Translation3::from(rho), UnitQuaternion::new(phi)), q, lift }
-    }
-
-    /// Robust cost of a state.
-    pub fn cost(&self, state: &State, evidence: Evidence) -> f64 {
-        let mut sink = Cost(0.0);
-        self.residuals(state, evidence, &mut sink);
-        if sink.0.is_nan() { f64::INFINITY } else { sink.0 }
-    }
-
-    /// Gauss-Newton matrix and gradient of the cost.
-    pub fn linearise(&self, state: &State, evidence: Evidence) -> (DMatrix<f64>, DVector<f64>) {
-        let n = self.columns;
-        let held = match evidence {
-            Evidence::Joints | Evidence::Posture => 0..6,
-            Evidence::Translation => 3..6,
-            Evidence::Soft | Evidence::Middle | Evidence::All => 0..0,
-        };
-        let mut sink = Normal::new(n, held.clone());
-        self.residuals(state, evidence, &mut sink);
-        for k in held {
-            sink.hessian[(k, k)] = 1.0;
-        }
-        (sink.hessian, sink.gradient)
     }
 
     /// Root mean square distance of the felt points to the surface, m.

@@ -4,11 +4,11 @@
 //! moved. Heights of a patch err together (a pad's calibration, the level of its surface) more than each by itself, which is why a
 //! patch gives one residual for the mean of its points and one for each point's deviation from it.
 
-use nalgebra::{Matrix3, Point3, Vector3};
+use nalgebra::{DMatrix, DVector, Matrix3, Point3, Vector3};
 
 use super::evidence::ClearSpot;
 use super::problem::{Evidence, Problem, State};
-use super::system::{Kinematics, Loss, Sink};
+use super::system::{Cost, Kinematics, Loss, Normal, Sink};
 use crate::posture::{excursion_residual, spring_residuals};
 
 /// Besides their common error, points of a patch err by this share of it and at least by so much (m) ...
@@ -31,19 +31,50 @@ const SOFT_STEP: usize = 3;
 /// An object that presses less deeply than this may go unnoticed, m.
 const SHALLOW: f64 = 1.5e-4;
 
+/// A state with the link poses that follow from it.
+#[derive(Clone, Copy)]
+struct Posed<'a> {
+    state: &'a State,
+    kinematics: &'a Kinematics<'a>,
+}
+
 impl Problem<'_> {
+    /// Robust cost of a state.
+    pub fn cost(&self, state: &State, evidence: Evidence) -> f64 {
+        let mut sink = Cost(0.0);
+        self.residuals(state, evidence, &mut sink);
+        if sink.0.is_nan() { f64::INFINITY } else { sink.0 }
+    }
+
+    /// Gauss-Newton matrix and gradient of the cost.
+    pub fn linearise(&self, state: &State, evidence: Evidence) -> (DMatrix<f64>, DVector<f64>) {
+        let n = self.columns;
+        let held = match evidence {
+            Evidence::Joints | Evidence::Posture => 0..6,
+            Evidence::Translation => 3..6,
+            Evidence::Soft | Evidence::Middle | Evidence::All => 0..0,
+        };
+        let mut sink = Normal::new(n, held.clone());
+        self.residuals(state, evidence, &mut sink);
+        for k in held {
+            sink.hessian[(k, k)] = 1.0;
+        }
+        (sink.hessian, sink.gradient)
+    }
+
     /// Pours every residual that takes part into `sink`.
-    pub(super) fn residuals(&self, state: &State, evidence: Evidence, sink: &mut dyn Sink) {
+    fn residuals(&self, state: &State, evidence: Evidence, sink: &mut dyn Sink) {
         let kinematics = Kinematics::new(self.hand, &self.chains, &state.q);
-        self.joint_residuals(state, &kinematics, sink);
+        let posed = Posed { state, kinematics: &kinematics };
+        self.joint_residuals(posed, sink);
         if evidence != Evidence::Joints {
             self.prior_residuals(state, sink);
-            self.contact_residuals(state, &kinematics, evidence, sink);
-            self.clear_residuals(state, &kinematics, evidence, sink);
+            self.contact_residuals(posed, evidence, sink);
+            self.clear_residuals(posed, evidence, sink);
         }
     }
 
-    fn joint_residuals(&self, state: &State, kinematics: &Kinematics, sink: &mut dyn Sink) {
+    fn joint_residuals(&self, Posed { state, kinematics }: Posed, sink: &mut dyn Sink) {
         let (options, column) = (self.options, &self.column);
         for &cable in &self.cables {
             // A cable's joints are estimated together: their columns are those of the outermost one's link.
@@ -97,15 +128,8 @@ impl Problem<'_> {
     }
 
     /// Writes what `pull` does to a residual, times `scale`, into a row.
-    fn pull_row(
-        &self,
-        state: &State,
-        kinematics: &Kinematics,
-        link: Option<usize>,
-        pull: &Pull,
-        scale: f64,
-        row: &mut [f64],
-    ) {
+    fn pull_row(&self, posed: Posed, link: Option<usize>, pull: &Pull, scale: f64, row: &mut [f64]) {
+        let Posed { state, kinematics } = posed;
         for k in 0..3 {
             row[k] -= pull.gradient[k] * scale;
             row[3 + k] -= pull.moment[k] * scale;
@@ -120,7 +144,8 @@ impl Problem<'_> {
         }
     }
 
-    fn contact_residuals(&self, state: &State, kinematics: &Kinematics, evidence: Evidence, sink: &mut dyn Sink) {
+    fn contact_residuals(&self, posed: Posed, evidence: Evidence, sink: &mut dyn Sink) {
+        let Posed { state, kinematics } = posed;
         // Standard deviations at least: of a patch's heights together, of each besides, of normals.
         let (least, least_relief, normal_soft) = match evidence {
             Evidence::Soft => (SOFT.0, SOFT.1, 0.5),
@@ -158,7 +183,7 @@ impl Problem<'_> {
             let common = common.times(1.0 / whole);
             let scale = patch.weight.sqrt() / patch.sigma.max(least);
             sink.add(mean * scale, loss, columns, &|row| {
-                self.pull_row(state, kinematics, patch.link, &common, scale, row);
+                self.pull_row(posed, patch.link, &common, scale, row);
                 row[lift_column] += common.gradient.dot(&out) * scale;
             });
             let share = |independent: f64, count: usize| (patch.weight * independent / count as f64).min(1.0).sqrt();
@@ -169,7 +194,7 @@ impl Problem<'_> {
                 sink.add((distance - mean) * scale, loss, columns, &|row| {
                     let mut own = pull.clone();
                     own.add(&common, -1.0);
-                    self.pull_row(state, kinematics, patch.link, &own, scale, row);
+                    self.pull_row(posed, patch.link, &own, scale, row);
                     row[lift_column] += own.gradient.dot(&out) * scale;
                 });
             }
@@ -184,7 +209,7 @@ impl Problem<'_> {
                     sink.add((n[axis] - gradient[axis]) * scale, loss, columns, &|row| {
                         let bend: Vector3<f64> = -curvature.row(axis).transpose();
                         let pull = Pull { gradient: bend, moment: p.coords.cross(&bend) };
-                        self.pull_row(state, kinematics, patch.link, &pull, scale, row);
+                        self.pull_row(posed, patch.link, &pull, scale, row);
                         // n <- n - phi x n; component `axis` of phi x n is phi . (n x e). Taken at the shape's normal, so that
                         // noise in n does not pose as knowledge of the rotation of a ball.
                         let turning = gradient.cross(&Vector3::ith(axis, 1.0));
@@ -209,7 +234,8 @@ impl Problem<'_> {
         }))
     }
 
-    fn clear_residuals(&self, state: &State, kinematics: &Kinematics, evidence: Evidence, sink: &mut dyn Sink) {
+    fn clear_residuals(&self, posed: Posed, evidence: Evidence, sink: &mut dyn Sink) {
+        let Posed { state, kinematics } = posed;
         let every = if evidence == Evidence::Soft { SOFT_STEP } else { 1 };
         let object_from_palm = state.pose.inverse();
         let scale = 1.0 / self.options.sigma_clear;
@@ -227,7 +253,7 @@ impl Problem<'_> {
                 if distance < 0.0 {
                     sink.add(distance * scale, Loss::Huber(self.options.huber), columns, &|row| {
                         let pull = Pull { gradient, moment: p.coords.cross(&gradient) };
-                        self.pull_row(state, kinematics, *link, &pull, scale, row);
+                        self.pull_row(posed, *link, &pull, scale, row);
                         if let Some(n) = pressed {
                             let out = object_from_link * self.pressed[*n].normal;
                             row[columns[columns.len() - 1]] += gradient.dot(&out) * scale;
@@ -267,10 +293,11 @@ mod tests {
     use nalgebra::{DVector, Isometry3, UnitQuaternion, Vector2};
     use proptest::prelude::*;
 
-    use super::super::{KnownShape, PoseOptions, PosePrior};
+    use super::super::inputs::{PoseInputs, PoseOptions, PosePrior};
+    use super::super::shape::KnownShape;
     use super::*;
     use crate::contacts::{Patch, SurfacePoint};
-    use crate::pipeline::PadTouch;
+    use crate::pad_touch::PadTouch;
 
     struct Ellipsoid(Vector3<f64>);
     impl KnownShape for Ellipsoid {
@@ -331,7 +358,14 @@ mod tests {
             let middle = palm[hand.pad("palm_ulnar").expect("a pad")] * Point3::new(0.0, 0.0, 0.024);
             let pose = Isometry3::from_parts((middle.coords + Vector3::from(shift)).into(), UnitQuaternion::identity());
             let prior = PosePrior::weak(pose * Isometry3::new(Vector3::new(4e-3, -6e-3, 2e-3), Vector3::from(turn) * 0.3));
-            let problem = Problem::new(&hand, &touches, &servos, &prior, &shape, &options);
+            let problem = Problem::new(&PoseInputs {
+                hand: &hand,
+                touches: &touches,
+                servos: &servos,
+                prior: &prior,
+                shape: &shape,
+                options: &options,
+            });
             let mut state = State { q: [bend; 15], ..problem.start(pose) };
             state.lift[..2].fill(lift);
             for evidence in [Evidence::Soft, Evidence::Middle, Evidence::All] {

@@ -2,10 +2,12 @@
 //!
 //! Joints stay as the servos have them, so that a try costs a few distances; what is kept is a start for the real search.
 
-use nalgebra::{Isometry3, Matrix3, Point3, Translation3, UnitQuaternion, Vector3};
+use nalgebra::{Isometry3, Matrix3, Translation3, UnitQuaternion, Vector3};
 
+use super::evidence::FeltPoint;
+use super::inputs::PosePrior;
 use super::problem::{Problem, State};
-use super::{KnownShape, PosePrior, direction};
+use super::shape::KnownShape;
 
 /// Angles by which the plan is turned, rad, and the number of axes for each.
 const ANGLES: [f64; 5] = [0.2, 0.45, 0.75, 1.1, 1.5];
@@ -54,8 +56,13 @@ pub(super) fn screen(problem: &Problem, prior: &PosePrior, state: &State, keep: 
     kept.into_iter().map(|(_, pose)| State { pose, ..*state }).collect()
 }
 
-/// A felt point with its normal (palm frame) and weight.
-pub(super) type FeltPoint = (Point3<f64>, Vector3<f64>, f64);
+/// Unit vectors that fill the sphere evenly (a golden spiral of 36).
+fn direction(k: usize) -> Vector3<f64> {
+    let z = 1.0 - (2 * ((k * 11) % 36) + 1) as f64 / 36.0;
+    let angle = k as f64 * 2.399963;
+    let r = (1.0 - z * z).sqrt();
+    Vector3::new(r * angle.cos(), r * angle.sin(), z)
+}
 
 /// The pose moved, not turned, to where the points fit: three Gauss-Newton steps.
 fn settled(shape: &dyn KnownShape, prior: &PosePrior, felt: &[FeltPoint], mut pose: Isometry3<f64>) -> Isometry3<f64> {

@@ -6,7 +6,7 @@ use std::time::Instant;
 use anyhow::{Context, Result, bail};
 use clap::{Args, ValueEnum};
 use optics::calibration::{
-    Assumptions, BallFit, CalibratedSensor, CalibrationFile, Effort, HeldOut, Lens, PressFolder, Views, zhang,
+    Assumptions, BallFit, CalibratedSensor, SensorCalibration, Effort, HeldOut, Lens, PressFolder, Views, zhang,
 };
 use serde_json::{Value, json};
 
@@ -95,7 +95,7 @@ pub fn calibrate(terminal: &Terminal, args: &CalibrateArgs) -> Outcome {
     fit.parameters.extend(from_boards.iter().flat_map(|found| found.parameters.clone()));
     let held = fit.evaluate(&held_out);
     // The fit renders with round profiles; the renderer that other objects need works on the image's grid. Both are reported.
-    let sensor = CalibratedSensor::new(CalibrationFile::new(&fit, String::new()), fit.background.clone())?;
+    let sensor = CalibratedSensor::new(SensorCalibration::new(&fit, String::new()), fit.background.clone())?;
     let on_grid = fit.evaluate_with(&held_out, |press| sensor.render_ball(press.center, press.radius, press.diameter));
     let single: Vec<f32> = fitted.background.rgb.iter().map(|&value| f32::from(value)).collect();
     let on_single = fit.on_background(single).evaluate(&held_out);
@@ -112,7 +112,7 @@ pub fn calibrate(terminal: &Terminal, args: &CalibrateArgs) -> Outcome {
         }
     }
     if let Some(path) = &args.out {
-        CalibrationFile::write(&fit, path)?;
+        SensorCalibration::write(&fit, path)?;
     }
     let wall = started.elapsed().as_secs_f64();
     if terminal.json {
@@ -147,7 +147,7 @@ fn as_json(
         .iter()
         .map(|(name, residual, views)| json!({"model": name, "residual_grey": residual, "held_out": views}))
         .collect();
-    let file = CalibrationFile::new(fit, String::new());
+    let file = SensorCalibration::new(fit, String::new());
     Ok(json!({
         "presses": {"fitted": fitted.presses.len(), "held_out": held_out.presses.len(), "found_without_label": found},
         "single_lamp_images": fitted.lamps.len(),

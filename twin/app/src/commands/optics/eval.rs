@@ -8,7 +8,7 @@ use clap::Args;
 use hand_model::Hand;
 use optics::Foundation;
 use optics::calibration::recovery::{Recovery, recover};
-use optics::calibration::{CalibratedSensor, CalibrationFile, Effort, PressFolder, Similarity, similarity};
+use optics::calibration::{CalibratedSensor, SensorCalibration, Effort, PressFolder, Similarity, similarity};
 use optics::foundation::{PROBE_RADIUS, Sensitivity, WINKLER_LIKE_PAPER, bonded_layer_force, response_to, sensitivity};
 use serde_json::{Map, Value, json};
 
@@ -101,7 +101,7 @@ pub fn eval(terminal: &Terminal, args: &EvalArgs) -> Outcome {
         result.insert("recovery".into(), serde_json::to_value(rows)?);
     }
     if let (Some(folder), Some(file), Some(diameter)) = (&args.folder, &args.calibration, args.ball_diameter_mm) {
-        let (calibration, background) = CalibrationFile::read(file)?;
+        let (calibration, background) = SensorCalibration::read(file)?;
         let size = (calibration.columns, calibration.rows);
         let lens = calibration.lens;
         let sensor = CalibratedSensor::new(calibration, background)?;

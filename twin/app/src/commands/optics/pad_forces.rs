@@ -10,7 +10,7 @@ use serde::Serialize;
 use sim::engine::EngineSettings;
 use sim::stand::{HandStand, Prop, tension_goals};
 use sim::tactile::TactileBoard;
-use touch::{Calibration, TouchPipeline};
+use touch::TouchPipeline;
 
 /// Cable tensions of the grips, N.
 const TENSIONS: [f64; 4] = [6.0, 12.0, 25.0, 50.0];
@@ -56,7 +56,7 @@ pub struct Agreement {
 pub fn rows() -> Result<Vec<Row>> {
     let hand = Arc::new(Hand::ftac());
     let board = TactileBoard::unit(&hand, UNIT);
-    let calibration: Calibration = bench::builtin::builtin_calibration()?;
+    let calibration = bench::builtin::builtin_calibration()?;
     let touch = TouchPipeline::new(&hand, calibration, board.backgrounds())?;
     let objects = [
         ("ball 50 mm", Shape::Sphere { radius: 0.025 }, 0.025),

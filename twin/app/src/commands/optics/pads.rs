@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use anyhow::{Context, bail};
 use clap::Args;
 use hand_model::Hand;
-use optics::pads::PadCalibration;
+use optics::pads::PadOptics;
 use serde_json::json;
 
 use crate::terminal::Outcome;
@@ -30,7 +30,7 @@ pub fn pads(terminal: &Terminal, args: &PadsArgs) -> Outcome {
     let hand = Hand::ftac();
     let mut files = Vec::new();
     for pad in &hand.pads {
-        let design = PadCalibration::nominal(&hand, pad);
+        let design = PadOptics::nominal(&hand, pad);
         let calibration = match args.unit {
             Some(unit) => design.unit(unit.wrapping_mul(1000).wrapping_add(pad.cameras[0] as u64)),
             None => design,

@@ -7,7 +7,7 @@ use clap::Args;
 use hand_model::Hand;
 use hand_model::pads::{Camera, IMAGE_SIZE};
 use nalgebra::{Isometry3, Point3, Translation3, Unit, UnitQuaternion, Vector3};
-use optics::pads::PadCalibration;
+use optics::pads::PadOptics;
 use optics::{Cover, CurvedSensor, Foundation, IndentationMap, Sensor, SensorModel, press};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
@@ -200,7 +200,7 @@ fn sensors(
     };
     let name = || format!("--calibration {}", path.display());
     let text = std::fs::read_to_string(path).with_context(name)?;
-    let models = PadCalibration::parse(&text).and_then(|file| file.models(hand, pad)).with_context(name)?;
+    let models = PadOptics::parse(&text).and_then(|file| file.models(hand, pad)).with_context(name)?;
     let sensor = |(camera, model)| CurvedSensor::new(pad, camera, model, cover, seed).with_context(name);
     cameras.iter().copied().zip(models).map(sensor).collect()
 }

@@ -16,8 +16,7 @@ const LEAST: f64 = 1e-3;
 /// The threshold of one pair: none if chains do not even arrive at `settings.pull`, where the search starts.
 pub fn threshold<L: Landscape>(
     landscape: &L,
-    a: &L::State,
-    b: &L::State,
+    [a, b]: [&L::State; 2],
     settings: &Attraction,
     trials: usize,
     seed: u64,
@@ -56,7 +55,7 @@ pub fn thresholds<L: Landscape>(
     let mut found: Vec<f64> = pairs
         .par_iter()
         .enumerate()
-        .filter_map(|(n, (a, b))| threshold(landscape, a, b, settings, trials, seed, n as u64))
+        .filter_map(|(n, (a, b))| threshold(landscape, [a, b], settings, trials, seed, n as u64))
         .collect();
     found.sort_by(f64::total_cmp);
     found
@@ -73,7 +72,7 @@ mod tests {
     fn threshold_is_near_the_steepest_slope() {
         let wells = MultiWell::uneven();
         let settings = Attraction { pull: 8.0, temperature: 0.005, near: 0.1, patience: 300, chains: 1 };
-        let found = threshold(&wells, &[-1.0, -1.0], &[1.0, -1.0], &settings, 20, 1, 0).expect("8 suffices");
+        let found = threshold(&wells, [&[-1.0, -1.0], &[1.0, -1.0]], &settings, 20, 1, 0).expect("8 suffices");
         let slope = |t: f64| (t * t - 1.0) * (4.0 * t - 0.3);
         let (up, down) = (-100..=100)
             .map(|k| slope(f64::from(k) / 100.0))
