@@ -17,9 +17,9 @@ use clap::{Args, Subcommand};
 use hand_model::{ARM_JOINTS, Hand};
 use hardware_bridge::arm_link::{ArmLink, LoopbackArm};
 use hardware_bridge::config::{ArmConfig, BridgeConfig};
-use hardware_bridge::kortex::joint_link::KortexLink;
-use hardware_bridge::kortex::{self, Address, Credentials, Timeouts};
+use hardware_bridge::kortex_link::KortexLink;
 use hardware_bridge::setup::Finding;
+use kortex::{Address, Credentials, Timeouts};
 
 use crate::cli::Cli;
 
