@@ -112,3 +112,21 @@ pub trait Robot {
     /// Length of a control tick, s.
     fn tick_length(&self) -> f64;
 }
+
+impl<R: Robot + ?Sized> Robot for Box<R> {
+    fn observe(&mut self) -> Observation {
+        (**self).observe()
+    }
+
+    fn send(&mut self, command: &Command) -> Command {
+        (**self).send(command)
+    }
+
+    fn wait_for_tick(&mut self) -> Tick {
+        (**self).wait_for_tick()
+    }
+
+    fn tick_length(&self) -> f64 {
+        (**self).tick_length()
+    }
+}

@@ -37,7 +37,7 @@ pub struct ServoCalibration {
 /// All of them.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Calibration {
+pub struct HandCalibration {
     version: u32,
     /// Name of the hand model it was made for.
     pub hand: String,
@@ -47,7 +47,7 @@ pub struct Calibration {
     crc: String,
 }
 
-impl Calibration {
+impl HandCalibration {
     /// A calibration of these servos.
     pub fn new(hand: &str, servos: [ServoCalibration; ACTUATORS]) -> Self {
         let mut calibration = Self { version: VERSION, hand: hand.to_owned(), servos, crc: String::new() };
@@ -109,9 +109,9 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    fn calibration() -> Calibration {
+    fn calibration() -> HandCalibration {
         let servo = |id| ServoCalibration { id, model: 1220, firmware: 46, homing_offset: -700, travel: 4.0 };
-        Calibration::new("ftac", std::array::from_fn(|n| servo(n as u8 + 1)))
+        HandCalibration::new("ftac", std::array::from_fn(|n| servo(n as u8 + 1)))
     }
 
     #[test]
@@ -119,13 +119,13 @@ mod tests {
         let folder = tempfile::tempdir().expect("a folder");
         let path = folder.path().join("calibration.json");
         calibration().write(&path).expect("written");
-        assert_eq!(Calibration::read(&path).expect("its own words"), calibration());
+        assert_eq!(HandCalibration::read(&path).expect("its own words"), calibration());
         let text = std::fs::read_to_string(&path).expect("text");
         std::fs::write(&path, text.replacen("-700", "-701", 1)).expect("written");
-        let message = Calibration::read(&path).expect_err("changed").to_string();
+        let message = HandCalibration::read(&path).expect_err("changed").to_string();
         assert!(message.contains("calibration.json: crc: found"), "{message}");
         std::fs::write(&path, "{").expect("written");
-        assert!(matches!(Calibration::read(&path), Err(ConfigError::Syntax { .. })));
+        assert!(matches!(HandCalibration::read(&path), Err(ConfigError::Syntax { .. })));
     }
 
     proptest! {

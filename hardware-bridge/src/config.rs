@@ -35,9 +35,9 @@ use std::net::IpAddr;
 use std::path::{Path, PathBuf};
 
 use hand_model::{ACTUATORS, Arm};
+use kortex::arm::{TCP_PORT, UDP_PORT};
 use serde::{Deserialize, Serialize};
 
-use crate::kortex::arm::{TCP_PORT, UDP_PORT};
 use crate::safety::limits::{ArmLimits, Limits, ServoLimits, Watchdogs};
 use crate::servo_bus::BusSettings;
 use crate::xc330;

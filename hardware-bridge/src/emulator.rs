@@ -29,20 +29,20 @@ use std::sync::{Arc, Mutex};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-use hand_model::ACTUATORS;
-use hand_model::robot::{Command, Robot, ServoGoal, ServoState, TactileFrame};
-use serial2::SerialPort;
-
-use crate::calibration::Calibration;
-use crate::clock::Clock;
-use crate::lock;
-use crate::protocol2::Decoder;
 use camera_board::{BoardSettings, CameraBoard};
 use faults::{Event, Faults};
+use hand_model::ACTUATORS;
+use hand_model::robot::{Command, Robot, ServoGoal, ServoState, TactileFrame};
 use plant_arm::SharedArm;
 use pty::{Pty, PtyError};
+use serial2::SerialPort;
 use servo::EmulatedServo;
 use servo_chain::ServoChain;
+
+use crate::calibration::HandCalibration;
+use crate::clock::Clock;
+use crate::lock::lock;
+use crate::protocol2::Decoder;
 
 /// How long a device thread waits for bytes before it looks whether it should end.
 const WAIT: Duration = Duration::from_millis(5);
@@ -272,7 +272,7 @@ impl EmulatedHand {
     }
 
     /// Writes the servos' homing offsets into their memory, as a calibration does over the bus.
-    pub fn home(&self, calibration: &Calibration) {
+    pub fn home(&self, calibration: &HandCalibration) {
         lock(&self.shared.chain).home(calibration);
     }
 

@@ -3,7 +3,7 @@
 use hand_model::ACTUATORS;
 use hand_model::robot::ServoState;
 
-use crate::calibration::{Calibration, turns_to_forget};
+use crate::calibration::{HandCalibration, turns_to_forget};
 use crate::protocol2::{ReplyError, Status};
 use crate::safety::checks::ServoReading;
 use crate::safety::limits::SafeGoal;
@@ -38,7 +38,7 @@ impl HandBus {
     }
 
     /// Compares the servos' homing offsets with the calibration's: the first that differs, (actuator, found, expected) in counts.
-    pub fn compare(&mut self, calibration: &Calibration) -> Result<Option<(usize, i64, i64)>, BusError> {
+    pub fn compare(&mut self, calibration: &HandCalibration) -> Result<Option<(usize, i64, i64)>, BusError> {
         let per_count = xc330::HOMING_OFFSET.unit.per_count();
         for (n, servo) in calibration.servos.iter().enumerate() {
             let found = (self.bus.read(self.ids[n], &xc330::HOMING_OFFSET)? / per_count).round() as i64;

@@ -12,14 +12,15 @@ use std::time::{Duration, Instant};
 
 use hand_model::robot::{Command, Observation, Robot, ServoGoal, Tick};
 use hand_model::{ACTUATORS, ARM_JOINTS, Arm};
+use session_log::{Packet, Tap};
 
 use crate::arm_link::ArmLink;
-use crate::calibration::Calibration;
+use crate::calibration::HandCalibration;
 use crate::cameras::{Cameras, CamerasError};
 use crate::clock::Clock;
 use crate::config::{BridgeConfig, ConfigError};
 use crate::hand_bus::HandBus;
-use crate::lock;
+use crate::lock::lock;
 use crate::remote::{RemoteDoor, RemoteError, Wish};
 use crate::safety::checks::Measured;
 use crate::safety::limits::SafeGoal;
@@ -27,7 +28,6 @@ use crate::safety::state::State;
 use crate::safety::supervisor::{SafeCommand, Supervisor};
 use crate::servo_bus::{BusError, ServoBus};
 use crate::servo_cycle::{Board, CycleReport, DryLines, Order, ServoCycle, Shared};
-use crate::session_log::{Packet, Tap};
 use crate::setup;
 use crate::tactile_link::TactileLink;
 
@@ -105,7 +105,7 @@ impl HardwareRobot {
         arm_model: &Arm,
         dry: Option<DryLines>,
     ) -> Result<Self, ConnectError> {
-        let calibration = Calibration::read(&config.calibration)?;
+        let calibration = HandCalibration::read(&config.calibration)?;
         let clock = Clock::wall();
         let hand = open_hand(config, &calibration)?;
         let cameras = Cameras::open(config, &clock)?;
@@ -187,7 +187,7 @@ impl HardwareRobot {
 }
 
 /// Opens the servo bus and makes sure that the servos are the calibrated ones.
-pub(crate) fn open_hand(config: &BridgeConfig, calibration: &Calibration) -> Result<HandBus, ConnectError> {
+pub(crate) fn open_hand(config: &BridgeConfig, calibration: &HandCalibration) -> Result<HandBus, ConnectError> {
     let mut bus = ServoBus::open(&config.servos.port, config.bus())?;
     for (n, id) in config.servos.ids.iter().enumerate() {
         let findings = setup::check(&mut bus, config, *id, &format!("actuator {n}"))?;
@@ -205,7 +205,7 @@ pub(crate) fn open_hand(config: &BridgeConfig, calibration: &Calibration) -> Res
 /// The wheel that turns `hand` and `arm`, connected, with nobody's torque touched.
 pub(crate) fn servo_cycle(
     config: &BridgeConfig,
-    calibration: &Calibration,
+    calibration: &HandCalibration,
     hand: HandBus,
     arm: Box<dyn ArmLink>,
     arm_model: &Arm,

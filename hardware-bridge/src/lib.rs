@@ -4,13 +4,10 @@
 //! - [`protocol2`]: the wire format of the servo bus (Dynamixel Protocol 2.0); [`xc330`]: the servo's control table as data; [`servo_bus`]: requests and
 //!   answers with deadlines; [`hand_bus`]: six servos as one hand.
 //! - [`tactile_link`]: the camera board's protocol, and its images on threads of their own; [`uvc`]: webcams in its place; [`cameras`]: either.
-//! - [`arm_link`]: what is wanted of an arm's controller; [`kortex`]: the Gen3's own protocol, client and emulator; [`kortex::joint_link`] joins the two.
+//! - [`arm_link`]: what the bridge needs of an arm; [`kortex_link`]: a Gen3 behind it, through the crate [`kortex`].
 //! - [`safety`]: what stands between a controller and the motors.
 //! - [`servo_cycle`]: the thread in which all of these meet, 200 times a second; [`hardware_robot`]: what a controller holds of it; [`remote`]: what
 //!   another terminal holds of it.
-//!
-//! # On record
-//! [`session_log`]: a session as an MCAP file, and its replay bit by bit.
 //!
 //! # Bring-up
 //! [`config`] is `bridge.toml`, [`setup`] how a servo must be set up, [`homing`] finds its open mark, [`calibration`] remembers it.
@@ -28,21 +25,14 @@ pub mod emulator;
 pub mod hand_bus;
 pub mod hardware_robot;
 pub mod homing;
-pub mod kortex;
+pub mod kortex_link;
+mod lock;
 pub mod protocol2;
 pub mod remote;
 pub mod safety;
 pub mod servo_bus;
 pub mod servo_cycle;
-pub mod session_log;
 pub mod setup;
 pub mod tactile_link;
 pub mod uvc;
 pub mod xc330;
-
-use std::sync::{Mutex, MutexGuard, PoisonError};
-
-/// The value behind a lock. A thread that panicked while it held the lock has said so; what it left is still the newest there is.
-fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
-    mutex.lock().unwrap_or_else(PoisonError::into_inner)
-}

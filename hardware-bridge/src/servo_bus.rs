@@ -16,15 +16,15 @@ use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 use serial2::SerialPort;
+use session_log::{Direction, Tap};
+use statistics::BusStatistics;
+use timing::LineTiming;
 
 use crate::protocol2::instruction::InstructionError;
 use crate::protocol2::{
     BROADCAST, Decoder, Instruction, Packet, ReplyError, Status, StreamError, fast_sync, sync_read_replies,
 };
-use crate::session_log::{Direction, Tap};
 use crate::xc330::{self, Register, RegisterError};
-use statistics::BusStatistics;
-use timing::LineTiming;
 
 /// Why the bus did not do what was asked.
 #[derive(Debug, thiserror::Error)]

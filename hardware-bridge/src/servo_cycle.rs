@@ -13,18 +13,18 @@ use std::time::{Duration, Instant};
 
 use hand_model::ACTUATORS;
 use hand_model::robot::Command;
+use session_log::Tap;
 
 use crate::arm_link::ArmLink;
 use crate::clock::Clock;
 use crate::hand_bus::HandBus;
-use crate::lock;
+use crate::lock::lock;
 use crate::remote::Wish;
 use crate::safety::checks::Measured;
 use crate::safety::state::{Cause, State};
 use crate::safety::supervisor::{Asked, SafeCommand, Step, Supervisor};
 use crate::servo_bus::statistics::BusStatistics;
 use crate::servo_bus::{BusSettings, ServoBus};
-use crate::session_log::Tap;
 
 /// Between two tries to open a port that was lost.
 const REOPEN: Duration = Duration::from_millis(500);

@@ -6,13 +6,13 @@
 //! pass: its low byte comes first on this bus, so that the bits on the wire are not in the polynomial's order.) The session reader is
 //! fuzzed in `session_log/damage.rs`.
 
-use hardware_bridge::kortex::frame::Frame;
-use hardware_bridge::kortex::tcp_framing;
 use hardware_bridge::protocol2::{Decoder, Instruction, Packet, Status};
 use hardware_bridge::tactile_link::deframer::Deframer;
 use hardware_bridge::tactile_link::frame;
 use hardware_bridge::tactile_link::image_data;
 use hardware_bridge::tactile_link::message::{CameraFault, Encoding, Image, Message};
+use kortex::frame::Frame;
+use kortex::tcp_framing;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
@@ -187,8 +187,8 @@ fn tactile_link() {
 }
 
 fn arm_frame(rng: &mut ChaCha8Rng) -> Frame {
-    use hardware_bridge::kortex::call;
-    use hardware_bridge::kortex::frame::{Header, Kind};
+    use kortex::call;
+    use kortex::frame::{Header, Kind};
     let kind = [Kind::Request, Kind::Response, Kind::Notification][rng.random_range(0..3)];
     let call = [call::REFRESH, call::REFRESH_FEEDBACK, call::KEEP_ALIVE][rng.random_range(0..3)];
     let (error, sub_error) = (rng.random_range(0..16), rng.random_range(0..4096));

@@ -74,7 +74,7 @@ fn what_thinks_never_reaches_a_body() {
     let graph = Graph::read();
     for mind in ["control", "touch", "grasping", "study"] {
         let reach = graph.reach(mind);
-        for body in ["sim", "optics", "hardware-bridge", "rapier3d-f64"] {
+        for body in ["sim", "optics", "hardware-bridge", "kortex", "session-log", "rapier3d-f64"] {
             assert!(!reach.contains(body), "{mind} reaches {body}");
         }
     }
@@ -96,7 +96,9 @@ fn members_know_only_whom_they_may() {
         ("optics", &["hand-model"]),
         ("touch", &["hand-model"]),
         ("grasping", &["hand-model"]),
-        ("hardware-bridge", &["hand-model"]),
+        ("kortex", &[]),
+        ("session-log", &["hand-model"]),
+        ("hardware-bridge", &["hand-model", "kortex", "session-log"]),
         ("scenarios", &["hand-model"]),
         ("sim", &["hand-model", "optics", "scenarios"]),
         ("control", &["hand-model", "touch", "grasping", "scenarios"]),

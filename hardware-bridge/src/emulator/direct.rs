@@ -4,9 +4,10 @@
 //! JPEG. What is missing are pseudo-terminals, sockets, packets, threads, deadlines and the device side of sessions. So a trial on this robot and one on
 //! the lock-step robot must be the same to the last bit, and any difference is the doing of a wire.
 
+use std::sync::Arc;
+
 use hand_model::robot::{Command, Observation, Robot, TactileFrame, Tick};
 use hand_model::{ACTUATORS, Arm};
-use std::sync::Arc;
 
 use super::camera_board::CameraBoard;
 use super::direct_arm::DirectArm;

@@ -3,12 +3,13 @@
 use hand_model::ARM_JOINTS;
 use hand_model::arm::Arm as ArmModel;
 use hand_model::robot::ArmState;
+use kortex::CommandError;
+use kortex::degrees::{Turns, nearest_turn, to_degrees, to_radians, to_wire_angle};
+use kortex::emulator::Settings;
+use kortex::servoing::Limits;
 
 use super::lockstep_arm::{step_towards, whole_milliseconds};
-use crate::kortex::CommandError;
-use crate::kortex::degrees::{Turns, nearest_turn, to_degrees, to_radians, to_wire_angle};
-use crate::kortex::emulator::Settings;
-use crate::kortex::servoing::Limits;
+use crate::kortex_link::limits;
 
 /// An arm that is commanded a thousand times a second, and its client.
 pub(super) struct DirectArm {
@@ -34,7 +35,7 @@ impl DirectArm {
     /// An arm in state `real`, engaged.
     pub fn new(real: ArmState) -> Self {
         let mut arm = Self {
-            limits: Limits::gen3(&ArmModel::gen3()),
+            limits: limits(&ArmModel::gen3()),
             following_error: Settings::default().following_error,
             turns: Turns::near(real.position),
             rest: 0.0,

@@ -12,22 +12,22 @@ use std::time::{Duration, Instant};
 
 use hand_model::robot::{Command, Observation, Robot, Tick};
 use hand_model::{ACTUATORS, Arm, CAMERAS};
+use kortex::KortexError;
+use session_log::{Packet, Tap};
 
 use super::lockstep_arm::LockstepArm;
 use super::pty::PtyError;
 use super::servo::EmulatedServo;
 use super::{EmulatedHand, EmulatorSettings};
-use crate::calibration::{Calibration, ServoCalibration};
+use crate::calibration::{HandCalibration, ServoCalibration};
 use crate::cameras::Cameras;
 use crate::clock::Clock;
 use crate::config::{ArmConfig, BridgeConfig, CameraConfig, LimitConfig, ServoConfig};
 use crate::hardware_robot::{ConnectError, newest, open_hand, sent_as, servo_cycle};
-use crate::kortex::KortexError;
-use crate::lock;
+use crate::lock::lock;
 use crate::safety::state::State;
 use crate::safety::supervisor::CheckFailed;
 use crate::servo_cycle::{CycleReport, ServoCycle};
-use crate::session_log::{Packet, Tap};
 use crate::tactile_link::TactileLink;
 use crate::xc330;
 
@@ -81,7 +81,7 @@ pub struct LockstepRobot {
     capture: bool,
     host_alive: bool,
     config: BridgeConfig,
-    calibration: Calibration,
+    calibration: HandCalibration,
 }
 
 impl LockstepRobot {
@@ -135,7 +135,7 @@ impl LockstepRobot {
     }
 
     /// The calibration of its servos.
-    pub fn calibration(&self) -> &Calibration {
+    pub fn calibration(&self) -> &HandCalibration {
         &self.calibration
     }
 
@@ -278,7 +278,7 @@ fn configuration(servos: &Path, cameras: &Path, tick: f64, limits: LimitConfig, 
 }
 
 /// The calibration that homing would have found: the open mark of each servo is where its encoder shows its `zero`.
-pub(super) fn calibrated(servos: &[EmulatedServo], travel: &[f64; ACTUATORS]) -> Calibration {
+pub(super) fn calibrated(servos: &[EmulatedServo], travel: &[f64; ACTUATORS]) -> HandCalibration {
     let servos = std::array::from_fn(|n| ServoCalibration {
         id: n as u8 + 1,
         model: xc330::MODEL,
@@ -286,5 +286,5 @@ pub(super) fn calibrated(servos: &[EmulatedServo], travel: &[f64; ACTUATORS]) ->
         homing_offset: servos.get(n).map_or(0, |servo| -(servo.zero().rem_euclid(4096) as i32)),
         travel: travel[n],
     });
-    Calibration::new("ftac", servos)
+    HandCalibration::new("ftac", servos)
 }

@@ -10,15 +10,16 @@ use std::time::{Duration, Instant};
 use hand_model::ARM_JOINTS;
 use hand_model::arm::Arm as ArmModel;
 use hand_model::robot::ArmState;
+use kortex::emulator::{Emulator, Injection, Pace, Settings, Status};
+use kortex::servoing::Servoing;
+use kortex::{Arm, CommandError, KortexError, Timeouts};
+use session_log::Packet;
 
 use super::plant_arm::SharedArm;
 use crate::arm_link::{ArmLink, ArmLinkError};
-use crate::kortex::emulator::{Emulator, Injection, Pace, Settings, Status};
-use crate::kortex::servoing::{Limits, Servoing};
-use crate::kortex::{Arm, CommandError, KortexError, Timeouts};
-use crate::lock;
+use crate::kortex_link::{arm_state, limits, tap};
+use crate::lock::lock;
 use crate::safety::checks::ArmReading;
-use crate::session_log::Packet;
 
 /// Longest wait for an answer on loopback, on however busy a machine.
 const PATIENCE: Duration = Duration::from_secs(20);
@@ -96,9 +97,9 @@ impl LockstepArm {
         let timeouts = Timeouts { call: CALL, session: hour, connection: hour, ..Timeouts::default() };
         let mut arm = Arm::connect(emulator.address(), &credentials, timeouts, near)?;
         if let Some(packets) = packets {
-            arm.tap(packets);
+            tap(&mut arm, packets);
         }
-        let state = arm.cyclic.feedback()?.motion;
+        let state = arm_state(arm.cyclic.feedback()?.motion);
         let (orders, inbox) = mpsc::channel();
         let (outbox, answers) = mpsc::channel();
         let waited = Arc::new(AtomicU64::new(0));
@@ -218,12 +219,12 @@ impl ArmLink for LockstepLink {
 
 /// The client's thread: owns the arm, enters and leaves low-level servoing, cycles.
 fn serve(mut arm: Arm, emulator: &Emulator, orders: &Receiver<Order>, answers: &Sender<Answer>, waited: &AtomicU64) {
-    let limits = Limits::gen3(&ArmModel::gen3());
+    let limits = limits(&ArmModel::gen3());
     while let Ok(order) = orders.recv() {
         let answer = match order {
             Order::Engage => match Servoing::enter(&mut arm, limits) {
                 Ok(servoing) => {
-                    if answers.send(Ok((servoing.latest().motion, true))).is_err() {
+                    if answers.send(Ok((arm_state(servoing.latest().motion), true))).is_err() {
                         return;
                     }
                     follow(servoing, emulator, orders, answers, waited)
@@ -255,15 +256,17 @@ fn follow(
     loop {
         let Ok(order) = orders.recv() else { return over() };
         let answer = match order {
-            Order::Engage => Ok((servoing.latest().motion, true)),
+            Order::Engage => Ok((arm_state(servoing.latest().motion), true)),
             Order::Disengage => {
-                let state = servoing.latest().motion;
+                let state = arm_state(servoing.latest().motion);
                 return servoing.leave().map(|()| (state, true)).map_err(|error| error.to_string());
             }
             Order::Go(milliseconds, target, lossy) => {
                 go(&mut servoing, emulator, (milliseconds, target, lossy), waited)
             }
-            Order::Look(lossy) => servoing.hold(deadline(lossy)).map(|fresh| (servoing.latest().motion, fresh)),
+            Order::Look(lossy) => {
+                servoing.hold(deadline(lossy)).map(|fresh| (arm_state(servoing.latest().motion), fresh))
+            }
         };
         match answer {
             Ok(answer) if answers.send(Ok(answer)).is_err() => return over(),
@@ -323,5 +326,5 @@ fn go(
             }
         }
     }
-    Ok((servoing.latest().motion, fresh))
+    Ok((arm_state(servoing.latest().motion), fresh))
 }

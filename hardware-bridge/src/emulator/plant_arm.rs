@@ -5,9 +5,10 @@ use std::sync::{Arc, Mutex};
 
 use hand_model::robot::ArmState;
 use hand_model::{ARM_JOINTS, Arm};
+use kortex::Motion;
+use kortex::emulator::{Drive, Plant};
 
-use crate::kortex::emulator::{Drive, Plant};
-use crate::lock;
+use crate::lock::lock;
 use crate::safety::limits::ArmLimits;
 
 #[derive(Debug)]
@@ -76,8 +77,9 @@ impl Plant for SharedArm {
         joints.age += seconds;
     }
 
-    fn state(&self) -> ArmState {
-        lock(&self.0).state
+    fn state(&self) -> Motion {
+        let ArmState { position, velocity, torque } = lock(&self.0).state;
+        Motion { position, velocity, torque }
     }
 }
 

@@ -10,7 +10,7 @@ use rand_chacha::ChaCha8Rng;
 
 use super::faults::{Chances, DELAY, Event, Faults};
 use super::servo::{EmulatedServo, hardware_error};
-use crate::calibration::Calibration;
+use crate::calibration::HandCalibration;
 use crate::protocol2::{BROADCAST, Instruction, Packet, ServoError, Status, fast_sync};
 use crate::servo_bus::timing::LineTiming;
 use crate::xc330;
@@ -42,7 +42,7 @@ impl ServoChain {
     }
 
     /// Writes homing offsets into the servos' memory, as a calibration does over the bus; torque must be off.
-    pub fn home(&mut self, calibration: &Calibration) {
+    pub fn home(&mut self, calibration: &HandCalibration) {
         for (servo, known) in self.servos.iter_mut().zip(&calibration.servos) {
             servo.set_homing_offset(known.homing_offset);
         }

@@ -1,7 +1,8 @@
+use proptest::prelude::*;
+
 use super::super::checks::tests::fine;
 use super::super::limits::tests::limits;
 use super::*;
-use proptest::prelude::*;
 
 const DT: f64 = 0.005;
 

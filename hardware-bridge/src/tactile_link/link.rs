@@ -10,6 +10,7 @@ use std::time::{Duration, Instant};
 use hand_model::CAMERAS;
 use hand_model::robot::TactileFrame;
 use serial2::SerialPort;
+use session_log::{Direction, Tap};
 
 use super::clock::BoardClock;
 use super::counters::CameraCounters;
@@ -17,8 +18,7 @@ use super::deframer::Deframer;
 use super::message::{Image, Message, VERSION};
 use super::{frame, image_data};
 use crate::clock::Clock;
-use crate::lock;
-use crate::session_log::{Direction, Tap};
+use crate::lock::lock;
 
 /// A USB serial device ignores the rate; a real line at this one carries two images a second.
 const BAUD: u32 = 3_000_000;

@@ -15,7 +15,7 @@ use linuxvideo::{CapabilityFlags, Device, Fract};
 use super::picture::Picture;
 use crate::clock::Clock;
 use crate::config::{UvcConfig, UvcFormat};
-use crate::lock;
+use crate::lock::lock;
 use crate::tactile_link::counters::CameraCounters;
 use crate::tactile_link::frame::digest;
 

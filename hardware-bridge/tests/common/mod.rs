@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 use hand_model::robot::{Command, Robot, ServoGoal};
 use hand_model::{ACTUATORS, ARM_JOINTS, Arm};
 use hardware_bridge::arm_link::LoopbackArm;
-use hardware_bridge::calibration::{Calibration, ServoCalibration};
+use hardware_bridge::calibration::{HandCalibration, ServoCalibration};
 use hardware_bridge::config::BridgeConfig;
 use hardware_bridge::emulator::faults::Faults;
 use hardware_bridge::emulator::spring_hand::SpringHand;
@@ -64,7 +64,7 @@ pub fn bench(faults: &[&str]) -> Bench {
         bus.write(id, &xc330::HOMING_OFFSET, f64::from(offset) * unit).expect("written");
         ServoCalibration { id, model: xc330::MODEL, firmware: 46, homing_offset: offset, travel: TRAVEL }
     });
-    Calibration::new("ftac", servos).write(&config.calibration).expect("written");
+    HandCalibration::new("ftac", servos).write(&config.calibration).expect("written");
     Bench { hand, config, folder }
 }
 

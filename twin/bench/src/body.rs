@@ -19,12 +19,12 @@ use std::rc::Rc;
 
 use anyhow::{Result, anyhow};
 use hand_model::robot::{Command, Observation, Robot, Tick};
-use hardware_bridge::session_log::{Recorder, Session, Writer};
 use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion};
 use scenarios::noise::ObjectNoise;
 use scenarios::record::{Condition, TrialRecord};
 use scenarios::referee::Verdict;
 use serde::{Deserialize, Serialize};
+use session_log::{Recorder, Session, Writer};
 use sim::SimulatedRobot;
 use sim::robot::Truth;
 
@@ -65,24 +65,6 @@ impl Stage for SimulatedRobot {
     }
 }
 
-impl Robot for Box<dyn Stage> {
-    fn observe(&mut self) -> Observation {
-        (**self).observe()
-    }
-
-    fn send(&mut self, command: &Command) -> Command {
-        (**self).send(command)
-    }
-
-    fn wait_for_tick(&mut self) -> Tick {
-        (**self).wait_for_tick()
-    }
-
-    fn tick_length(&self) -> f64 {
-        (**self).tick_length()
-    }
-}
-
 /// What a trial is, as a session's file keeps it: enough to set the control stack up again.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Task {
@@ -119,7 +101,7 @@ pub trait Venue {
     /// The session's file for the trial, if it is recorded, with configuration and calibration as far as known.
     fn session(&self, task: &Task) -> Result<Option<(PathBuf, Session)>>;
     /// Packets of tapped links, if there are any: asked once after each [`Venue::enter`].
-    fn packets(&mut self) -> Option<std::sync::mpsc::Receiver<hardware_bridge::session_log::Packet>> {
+    fn packets(&mut self) -> Option<std::sync::mpsc::Receiver<session_log::Packet>> {
         None
     }
     /// Whether objects are where noise-free layout says, because somebody puts them there, rather than where the trial's draw says.

@@ -12,12 +12,12 @@ use anyhow::{Context as _, Result, bail};
 use control::executive::{Executive, Phase};
 use hand_model::robot::Robot;
 use hardware_bridge::emulator::lockstep::LockstepRobot;
-use hardware_bridge::kortex::emulator::{Happening, Injection};
 use hardware_bridge::safety::state::State;
-use hardware_bridge::session_log::{Event, Reader, Recorder, Session, Writer};
+use kortex::emulator::{Happening, Injection};
 use nalgebra::Isometry3;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
+use session_log::{Event, Reader, Recorder, Session, Writer};
 use sim::robot::Truth;
 
 use self::kind::{Expected, Kind};

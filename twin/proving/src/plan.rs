@@ -79,7 +79,7 @@ impl Plans {
             self.seed,
             lines.join(",\n")
         );
-        report::write_whole(path, text.as_bytes())
+        hand_model::file::write_whole(path, text.as_bytes()).with_context(|| format!("cannot write {}", path.display()))
     }
 }
 

@@ -16,16 +16,12 @@ pub mod style;
 #[cfg(test)]
 mod tests;
 
-use std::fs::Permissions;
-use std::io::Write as _;
-use std::os::unix::fs::PermissionsExt as _;
 use std::path::Path;
 
 use anyhow::{Context as _, Result};
 use scenarios::TrialRecord;
 use scenarios::statistics::Summary;
 use serde_json::Value;
-use tempfile::Builder;
 
 /// Writes `collision.svg`, `success.svg`, where there are ablations `ablations.svg`, and `report.html` into `folder`, which is there already. `run` says how the records
 /// came about; of its keys `command` (text or a list of words) is shown as a command line, all others in a table, nested ones
@@ -43,16 +39,7 @@ pub fn write_report(folder: &Path, summary: &Summary, records: &[TrialRecord], r
     write_whole(&folder.join("report.html"), page.as_bytes())
 }
 
-/// Writes a file so that whoever opens it sees all of it or what was there before.
+/// [`hand_model::file::write_whole`], with an error that names the file.
 pub fn write_whole(path: &Path, bytes: &[u8]) -> Result<()> {
-    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    let write = || -> std::io::Result<()> {
-        // Readable by everyone, as an ordinary new file is; temporary ones are private otherwise.
-        let mut file = Builder::new().permissions(Permissions::from_mode(0o644)).tempfile_in(folder)?;
-        file.write_all(bytes)?;
-        file.as_file().sync_all()?;
-        file.persist(path)?;
-        Ok(())
-    };
-    write().with_context(|| format!("cannot write {}", path.display()))
+    hand_model::file::write_whole(path, bytes).with_context(|| format!("cannot write {}", path.display()))
 }

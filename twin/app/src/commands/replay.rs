@@ -3,9 +3,9 @@
 use std::path::Path;
 
 use anyhow::{Context as _, Result, bail};
-use hardware_bridge::session_log::comparison::compare;
-use hardware_bridge::session_log::{Event, Reader, Replay};
 use scenarios::record::TrialRecord;
+use session_log::comparison::compare;
+use session_log::{Event, Reader, Replay};
 
 use crate::terminal::Terminal;
 use bench::body::replayed::ReplayVenue;

@@ -6,8 +6,8 @@ use anyhow::{Context as _, Result};
 use hand_model::ARM_JOINTS;
 use hardware_bridge::arm_link::{ArmLink, LoopbackArm};
 use hardware_bridge::config::{ArmConfig, BridgeConfig};
-use hardware_bridge::kortex::joint_link::KortexLink;
-use hardware_bridge::kortex::{self, Address, Credentials, Timeouts};
+use hardware_bridge::kortex_link::KortexLink;
+use kortex::{Address, Credentials, Timeouts};
 
 /// The client of the configured arm, connected. `near` is the posture it is expected in, rad.
 pub fn arm_link(config: &BridgeConfig, near: [f64; ARM_JOINTS]) -> Result<Box<dyn ArmLink>> {

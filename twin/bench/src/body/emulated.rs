@@ -12,9 +12,9 @@ use hardware_bridge::emulator::EmulatorSettings;
 use hardware_bridge::emulator::camera_board::BoardSettings;
 use hardware_bridge::emulator::lockstep::{LockstepRobot, LockstepSettings};
 use hardware_bridge::safety::state::State;
-use hardware_bridge::session_log::{Packet, Session};
 use nalgebra::Isometry3;
 use scenarios::noise::ObjectNoise;
+use session_log::{Packet, Session};
 use sim::SimulatedRobot;
 use sim::robot::Truth;
 

@@ -11,10 +11,10 @@ use hand_model::{ACTUATORS, ARM_JOINTS, Arm};
 use hardware_bridge::config::BridgeConfig;
 use hardware_bridge::hardware_robot::HardwareRobot;
 use hardware_bridge::safety::state::State;
-use hardware_bridge::session_log::{Packet, Session, Tap};
 use nalgebra::Isometry3;
 use scenarios::noise::ObjectNoise;
 use scenarios::referee::{FailureCause, Verdict};
+use session_log::{Packet, Session, Tap};
 use sim::SimulatedRobot;
 use sim::robot::Truth;
 

@@ -6,10 +6,10 @@ use std::rc::Rc;
 
 use anyhow::{Result, anyhow};
 use hand_model::robot::{Command, Observation, Robot, Tick};
-use hardware_bridge::session_log::replay::{Divergence, Progress};
-use hardware_bridge::session_log::{Replay, Session};
 use nalgebra::Isometry3;
 use scenarios::noise::ObjectNoise;
+use session_log::replay::{Divergence, Progress};
+use session_log::{Replay, Session};
 use sim::SimulatedRobot;
 use sim::robot::Truth;
 

@@ -12,9 +12,9 @@ use hand_model::robot::{Command, Observation, Robot, Tick};
 use hand_model::{Arm, Hand};
 use hardware_bridge::emulator::direct::DirectRobot;
 use hardware_bridge::safety::state::State;
-use hardware_bridge::session_log::Session;
 use nalgebra::Isometry3;
 use scenarios::noise::ObjectNoise;
+use session_log::Session;
 use sim::SimulatedRobot;
 use sim::robot::Truth;
 

@@ -6,10 +6,10 @@ use hand_model::robot::{Robot, ServoGoal};
 use hardware_bridge::emulator::Plug;
 use hardware_bridge::emulator::faults::{Chances, Event};
 use hardware_bridge::emulator::lockstep::LockstepRobot;
-use hardware_bridge::kortex::emulator::Injection;
-use hardware_bridge::kortex::safety_bank::FOLLOWING_ERROR;
 use hardware_bridge::safety::state::State;
-use hardware_bridge::session_log::Recorder;
+use kortex::emulator::Injection;
+use kortex::safety_bank::FOLLOWING_ERROR;
+use session_log::Recorder;
 
 use super::{arm, tick};
 

@@ -4,8 +4,8 @@ use hand_model::ARM_JOINTS;
 use hand_model::robot::{Robot, ServoGoal};
 use hardware_bridge::config::LimitConfig;
 use hardware_bridge::emulator::lockstep::LockstepRobot;
-use hardware_bridge::kortex::servoing::Limits;
 use hardware_bridge::safety::limits::BEYOND;
+use kortex::servoing::Limits;
 
 /// Holds every command that reaches the devices to the limits.
 pub struct Watch {
@@ -22,7 +22,7 @@ pub struct Watch {
 
 impl Watch {
     pub fn new(travel: [f64; 6]) -> Self {
-        let arm = Limits::gen3(&hand_model::Arm::gen3());
+        let arm = hardware_bridge::kortex_link::limits(&hand_model::Arm::gen3());
         Self { travel, limits: LimitConfig::default(), arm, before: None, unchanged: [1; 6], checked: 0, outside: 0 }
     }
 

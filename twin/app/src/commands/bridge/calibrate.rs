@@ -2,7 +2,7 @@
 
 use anyhow::{Context, Result, bail};
 use hand_model::Hand;
-use hardware_bridge::calibration::Calibration;
+use hardware_bridge::calibration::HandCalibration;
 use hardware_bridge::config::BridgeConfig;
 use hardware_bridge::homing::{HomingSettings, home};
 use hardware_bridge::servo_bus::ServoBus;
@@ -28,7 +28,7 @@ pub fn run(terminal: &Terminal, config: &BridgeConfig, yes: bool) -> Result<Opti
         servos.push(servo);
     }
     let servos = servos.try_into().map_err(|_| anyhow::anyhow!("found another number of servos than actuators"))?;
-    let calibration = Calibration::new(&Hand::ftac().parameters.name, servos);
+    let calibration = HandCalibration::new(&Hand::ftac().parameters.name, servos);
     calibration.write(&config.calibration)?;
     if terminal.json {
         println!("{}", serde_json::json!({"calibration": shown(&config.calibration), "crc": calibration.hash()}));

@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 
 use anyhow::Result;
 use hand_model::{Arm, CAMERAS};
-use hardware_bridge::calibration::Calibration;
+use hardware_bridge::calibration::HandCalibration;
 use hardware_bridge::cameras::Cameras;
 use hardware_bridge::clock::Clock;
 use hardware_bridge::config::BridgeConfig;
@@ -82,7 +82,7 @@ fn servos(config: &BridgeConfig, findings: &mut Vec<Finding>) -> Result<(), BusE
 
 fn calibration(config: &BridgeConfig, hand: &mut HandBus, findings: &mut Vec<Finding>) -> Result<(), BusError> {
     let what = "calibration";
-    let calibration = match Calibration::read(&config.calibration) {
+    let calibration = match HandCalibration::read(&config.calibration) {
         Ok(calibration) => calibration,
         Err(error) => {
             findings.push(Finding::new(what, error, "a file from `ftac bridge calibrate`", false));

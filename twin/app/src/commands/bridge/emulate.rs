@@ -8,15 +8,15 @@ use anyhow::{Context, Result, bail};
 use clap::Args;
 use hand_model::ACTUATORS;
 use hand_model::robot::Robot;
-use hardware_bridge::calibration::{Calibration, ServoCalibration};
+use hardware_bridge::calibration::{HandCalibration, ServoCalibration};
 use hardware_bridge::config::{ArmConfig, BridgeConfig, CameraConfig, LimitConfig, ServoConfig};
 use hardware_bridge::emulator::faults::Faults;
 use hardware_bridge::emulator::servo::EmulatedServo;
 use hardware_bridge::emulator::spring_hand::SpringHand;
 use hardware_bridge::emulator::{EmulatedHand, EmulatorSettings, Plug};
-use hardware_bridge::kortex::emulator::{Emulator, Happening, Injection, Pace, Settings, Status};
-use hardware_bridge::kortex::safety_bank::FOLLOWING_ERROR;
 use hardware_bridge::xc330;
+use kortex::emulator::{Emulator, Happening, Injection, Pace, Settings, Status};
+use kortex::safety_bank::FOLLOWING_ERROR;
 
 use super::shared::shown;
 use crate::terminal::Terminal;
@@ -189,7 +189,7 @@ fn mishaps(texts: &[String]) -> Result<(Vec<(f64, Mishap)>, Texts<'_>)> {
 }
 
 /// What homing would have found.
-fn calibration(zeros: &[i64], travel: &[f64; ACTUATORS]) -> Calibration {
+fn calibration(zeros: &[i64], travel: &[f64; ACTUATORS]) -> HandCalibration {
     let servos = std::array::from_fn(|n| ServoCalibration {
         id: n as u8 + 1,
         model: xc330::MODEL,
@@ -197,7 +197,7 @@ fn calibration(zeros: &[i64], travel: &[f64; ACTUATORS]) -> Calibration {
         homing_offset: zeros.get(n).map_or(0, |zero| -(zero.rem_euclid(4096) as i32)),
         travel: travel[n],
     });
-    Calibration::new("ftac", servos)
+    HandCalibration::new("ftac", servos)
 }
 
 /// Links to the pseudo-terminals and a configuration that names them.

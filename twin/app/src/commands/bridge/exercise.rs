@@ -7,7 +7,7 @@ use anyhow::{Result, bail};
 use clap::Args;
 use hand_model::robot::{Command, Observation, Robot, ServoGoal};
 use hand_model::{ACTUATORS, Arm, CAMERAS};
-use hardware_bridge::calibration::Calibration;
+use hardware_bridge::calibration::HandCalibration;
 use hardware_bridge::config::BridgeConfig;
 use hardware_bridge::hardware_robot::HardwareRobot;
 use hardware_bridge::safety::state::State;
@@ -59,7 +59,7 @@ pub fn run(terminal: &Terminal, args: &ExerciseArgs) -> Result<Option<String>> {
     if !(0.0..=config.limits.current).contains(&args.current) {
         bail!("--current: found {}, expected 0 to {} A", args.current, config.limits.current);
     }
-    let travel = Calibration::read(&config.calibration)?.travel();
+    let travel = HandCalibration::read(&config.calibration)?.travel();
     let dry = args.dry_run.then(|| Box::new(|line: String| eprintln!("{line}")) as DryLines);
     let mut robot = HardwareRobot::connect(&config, arm_link(&config, Arm::home())?, &Arm::gen3(), dry)?;
     let started = Instant::now();

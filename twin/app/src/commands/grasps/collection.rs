@@ -5,7 +5,7 @@
 //! chain is its number and grasps are taken in the order of their chains. A run that wants more goes on from one that wanted fewer.
 
 use clap::Args;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::time::Instant;
 
 use anyhow::{Context, Result, bail};

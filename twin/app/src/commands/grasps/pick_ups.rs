@@ -8,7 +8,6 @@ use scenarios::combination::Scenario;
 
 use crate::terminal::Outcome;
 use crate::terminal::Terminal;
-use bench::builtin;
 use proving::pick_ups::{self, Effort};
 use proving::plan;
 use proving::world::World;

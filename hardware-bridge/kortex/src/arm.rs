@@ -1,0 +1,93 @@
+//! Both sides of one arm.
+
+use std::net::{IpAddr, SocketAddr};
+
+use crate::base::Base;
+use crate::call;
+use crate::cyclic::Cyclic;
+use crate::error::KortexError;
+use crate::joints::JOINTS;
+use crate::session::{Credentials, Timeouts};
+use crate::tap::Tap;
+
+/// The arm's port for calls.
+pub const TCP_PORT: u16 = 10_000;
+/// The arm's port for the cyclic exchange.
+pub const UDP_PORT: u16 = 10_001;
+
+/// Where an arm is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Address {
+    /// For calls.
+    pub tcp: SocketAddr,
+    /// For the cyclic exchange.
+    pub udp: SocketAddr,
+}
+
+impl Address {
+    /// An arm on its usual ports.
+    pub fn of(host: IpAddr) -> Self {
+        Self { tcp: (host, TCP_PORT).into(), udp: (host, UDP_PORT).into() }
+    }
+}
+
+/// An arm with a session on either side.
+#[derive(Debug)]
+pub struct Arm {
+    /// Calls.
+    pub base: Base,
+    /// The cyclic exchange.
+    pub cyclic: Cyclic,
+}
+
+impl Arm {
+    /// Logs in on both sides and checks that this is an arm of seven joints. Nothing moves and no mode changes. `near`
+    /// (rad) says which turn the first angles belong to, where the controller counts from.
+    ///
+    /// # Errors
+    /// The link's and the login's; [`KortexError::Answer`] for another arm.
+    pub fn connect(
+        address: Address,
+        credentials: &Credentials,
+        timeouts: Timeouts,
+        near: [f64; JOINTS],
+    ) -> Result<Self, KortexError> {
+        let mut base = Base::connect(address.tcp, credentials, timeouts)?;
+        let count = base.actuator_count()?;
+        if count as usize != JOINTS {
+            return Err(KortexError::Answer {
+                call: call::GET_ACTUATOR_COUNT,
+                field: "number of actuators",
+                found: count.to_string(),
+                expected: JOINTS.to_string(),
+            });
+        }
+        let cyclic = Cyclic::connect(address.udp, credentials, timeouts, near)?;
+        Ok(Self { base, cyclic })
+    }
+
+    /// Copies everything that crosses the two links from now on: calls into `tcp`, the cyclic exchange into `udp`.
+    pub fn tap(&mut self, tcp: Tap, udp: Tap) {
+        self.base.tap(tcp);
+        self.cyclic.tap(udp);
+    }
+
+    /// Keeps both sessions alive without waiting; to be called every few milliseconds while not servoing.
+    ///
+    /// # Errors
+    /// As [`crate::session::Session::keep_up`].
+    pub fn keep_up(&mut self) -> Result<(), KortexError> {
+        self.base.keep_up()?;
+        self.cyclic.keep_up()
+    }
+
+    /// Logs out on both sides.
+    ///
+    /// # Errors
+    /// The first of the two that fails; both are tried.
+    pub fn close(self) -> Result<(), KortexError> {
+        let cyclic = self.cyclic.close();
+        self.base.close()?;
+        cyclic
+    }
+}

@@ -1,0 +1,296 @@
+//! The high-level side of the arm, over TCP: modes, faults, measured angles, joint speeds, devices, notifications.
+
+use std::net::SocketAddr;
+
+use prost::Message;
+
+use crate::call::{self, Call};
+use crate::degrees;
+use crate::error::{CommandError, KortexError};
+use crate::joints::JOINTS;
+use crate::link::TcpLink;
+use crate::message::base::{
+    ActuatorInformation, ArmStateInformation, JointAngles, JointSpeed, JointSpeeds, ServoingMode,
+    ServoingModeInformation,
+};
+use crate::message::device::{
+    ControlMode, ControlModeInformation, DeviceHandles, DeviceType, SafetyNotification, SafetyStatus, SerialNumber,
+};
+use crate::message::{ArmState, Empty, NotificationHandle, NotificationOptions};
+use crate::session::{Credentials, Session, Timeouts, decode};
+use crate::tap::Tap;
+
+/// A device inside the arm.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Device {
+    /// What it is.
+    pub kind: DeviceType,
+    /// Its address.
+    pub address: u8,
+    /// Its place, from the base on.
+    pub order: u32,
+}
+
+/// What the arm tells on its own.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Notification {
+    /// It does something else now.
+    ArmState(ArmState),
+    /// Somebody changed the servoing mode.
+    ServoingMode(ServoingMode),
+    /// A safety of a device came or went.
+    Safety {
+        /// The device's address; 0 is the base.
+        device: u8,
+        /// The safety's bit in the device's bank A.
+        bit: u32,
+        /// How it stands now.
+        status: SafetyStatus,
+    },
+}
+
+/// What can be subscribed to.
+const TOPICS: [Call; 3] = [call::ARM_STATE_TOPIC, call::SERVOING_MODE_TOPIC, call::SAFETY_TOPIC];
+
+/// The arm's high-level side.
+#[derive(Debug)]
+pub struct Base {
+    session: Session<TcpLink>,
+    /// Topic, device and handle of every subscription. Handles are counted per service and device.
+    subscriptions: Vec<(Call, u8, u16)>,
+}
+
+impl Base {
+    /// Connects and logs in.
+    ///
+    /// # Errors
+    /// The link's and the login's.
+    pub fn connect(address: SocketAddr, credentials: &Credentials, timeouts: Timeouts) -> Result<Self, KortexError> {
+        let link = TcpLink::connect(address, timeouts.call)?;
+        let session = Session::create(link, credentials, timeouts)?;
+        Ok(Self { session, subscriptions: Vec::new() })
+    }
+
+    /// The session.
+    pub fn session(&self) -> &Session<TcpLink> {
+        &self.session
+    }
+
+    /// Copies what goes over the connection from now on.
+    pub fn tap(&mut self, tap: Tap) {
+        self.session.tap(tap);
+    }
+
+    /// Keeps the session alive without waiting; to be called every few milliseconds.
+    ///
+    /// # Errors
+    /// As [`Session::keep_up`].
+    pub fn keep_up(&mut self) -> Result<(), KortexError> {
+        self.session.keep_up()
+    }
+
+    /// Logs out.
+    ///
+    /// # Errors
+    /// As [`Session::call`].
+    pub fn close(self) -> Result<(), KortexError> {
+        self.session.close()
+    }
+
+    fn ask<A: Message + Default>(&mut self, call: Call) -> Result<A, KortexError> {
+        self.session.call(call, 0, &Empty {})
+    }
+
+    /// Clears every fault whose cause is gone.
+    ///
+    /// # Errors
+    /// As [`Session::call`]; refused while the emergency stop is pressed.
+    pub fn clear_faults(&mut self) -> Result<(), KortexError> {
+        self.ask::<Empty>(call::CLEAR_FAULTS).map(|_| ())
+    }
+
+    /// Stops all motion, high-level mode only.
+    ///
+    /// # Errors
+    /// As [`Session::call`].
+    pub fn stop(&mut self) -> Result<(), KortexError> {
+        self.ask::<Empty>(call::STOP).map(|_| ())
+    }
+
+    /// Stops the arm and leaves it in fault, in any mode. Asked twice, as the maker's ROS 2 driver does, because single
+    /// calls have been seen to do nothing; the second is asked even when the first fails.
+    ///
+    /// # Errors
+    /// The second call's.
+    pub fn emergency_stop(&mut self) -> Result<(), KortexError> {
+        drop(self.ask::<Empty>(call::APPLY_EMERGENCY_STOP));
+        self.ask::<Empty>(call::APPLY_EMERGENCY_STOP).map(|_| ())
+    }
+
+    /// What the arm is doing.
+    ///
+    /// # Errors
+    /// As [`Session::call`].
+    pub fn arm_state(&mut self) -> Result<ArmState, KortexError> {
+        Ok(self.ask::<ArmStateInformation>(call::GET_ARM_STATE)?.active_state())
+    }
+
+    /// Who moves the joints.
+    ///
+    /// # Errors
+    /// As [`Session::call`].
+    pub fn servoing_mode(&mut self) -> Result<ServoingMode, KortexError> {
+        Ok(self.ask::<ServoingModeInformation>(call::GET_SERVOING_MODE)?.mode())
+    }
+
+    /// Decides who moves the joints.
+    ///
+    /// # Errors
+    /// As [`Session::call`]; refused in fault.
+    pub fn set_servoing_mode(&mut self, mode: ServoingMode) -> Result<(), KortexError> {
+        let argument = ServoingModeInformation { mode: mode as i32 };
+        self.session.call::<Empty>(call::SET_SERVOING_MODE, 0, &argument).map(|_| ())
+    }
+
+    /// How many joints the arm has.
+    ///
+    /// # Errors
+    /// As [`Session::call`].
+    pub fn actuator_count(&mut self) -> Result<u32, KortexError> {
+        Ok(self.ask::<ActuatorInformation>(call::GET_ACTUATOR_COUNT)?.count)
+    }
+
+    /// Measured joint angles, rad, each within half a turn of 0.
+    ///
+    /// # Errors
+    /// As [`Session::call`]; [`KortexError::Answer`] unless there is one angle for each of the seven joints.
+    pub fn joint_angles(&mut self) -> Result<[f64; JOINTS], KortexError> {
+        let call = call::GET_JOINT_ANGLES;
+        let answer: JointAngles = self.ask(call)?;
+        let mut angles = [f64::NAN; JOINTS];
+        for angle in &answer.joints {
+            if let Some(place) = angles.get_mut(angle.joint as usize) {
+                *place = degrees::nearest_turn(degrees::to_radians(angle.value), 0.0);
+            }
+        }
+        if answer.joints.len() == JOINTS && angles.iter().all(|angle| angle.is_finite()) {
+            return Ok(angles);
+        }
+        let found = format!("{:?}", answer.joints.iter().map(|angle| (angle.joint, angle.value)).collect::<Vec<_>>());
+        let expected = format!("one angle for each of joints 0 to {}", JOINTS - 1);
+        Err(KortexError::Answer { call, field: "joint angles", found, expected })
+    }
+
+    /// Moves the joints with `speeds`, rad/s, **until the next command**: a host that dies leaves the arm moving until
+    /// the session times out. For motion that must stop with its host use [`crate::servoing`].
+    ///
+    /// # Errors
+    /// [`CommandError`] before anything is sent; as [`Session::call`].
+    pub fn send_joint_speeds(&mut self, speeds: &[f64; JOINTS], allowed: &[f64; JOINTS]) -> Result<(), KortexError> {
+        for (i, (&found, &allowed)) in speeds.iter().zip(allowed).enumerate() {
+            if !found.is_finite() {
+                return Err(CommandError::NotFinite { joint: i + 1, found }.into());
+            }
+            if found.abs() > allowed {
+                return Err(CommandError::Speed { joint: i + 1, found, allowed }.into());
+            }
+        }
+        let joint = |(i, speed): (usize, &f64)| JointSpeed { joint: i as u32, value: degrees::to_degrees(*speed) };
+        let argument = JointSpeeds { joints: speeds.iter().enumerate().map(joint).collect() };
+        self.session.call::<Empty>(call::SEND_JOINT_SPEEDS, 0, &argument).map(|_| ())
+    }
+
+    /// What the arm consists of, from the base on.
+    ///
+    /// # Errors
+    /// As [`Session::call`]; [`KortexError::Answer`] for an address that fits no header.
+    pub fn devices(&mut self) -> Result<Vec<Device>, KortexError> {
+        let call = call::READ_ALL_DEVICES;
+        let answer: DeviceHandles = self.ask(call)?;
+        let mut devices = Vec::new();
+        for handle in answer.devices {
+            let address = u8::try_from(handle.identifier).map_err(|_| KortexError::Answer {
+                call,
+                field: "device identifier",
+                found: handle.identifier.to_string(),
+                expected: "0 to 255".to_owned(),
+            })?;
+            devices.push(Device { kind: handle.device_type(), address, order: handle.order });
+        }
+        devices.sort_by_key(|device| device.order);
+        Ok(devices)
+    }
+
+    /// Addresses of the seven joints, from the base on.
+    ///
+    /// # Errors
+    /// As [`Base::devices`]; [`KortexError::Answer`] if there are not seven.
+    pub fn actuators(&mut self) -> Result<[u8; JOINTS], KortexError> {
+        let actuators = self.devices()?.into_iter().filter(|device| device.kind.is_actuator());
+        let addresses: Vec<u8> = actuators.map(|device| device.address).collect();
+        addresses.try_into().map_err(|addresses: Vec<u8>| KortexError::Answer {
+            call: call::READ_ALL_DEVICES,
+            field: "number of actuators",
+            found: addresses.len().to_string(),
+            expected: JOINTS.to_string(),
+        })
+    }
+
+    /// Serial number of a device.
+    ///
+    /// # Errors
+    /// As [`Session::call`].
+    pub fn serial_number(&mut self, device: u8) -> Result<String, KortexError> {
+        Ok(self.session.call::<SerialNumber>(call::GET_SERIAL_NUMBER, device, &Empty {})?.serial_number)
+    }
+
+    /// What a joint follows.
+    ///
+    /// # Errors
+    /// As [`Session::call`].
+    pub fn control_mode(&mut self, actuator: u8) -> Result<ControlMode, KortexError> {
+        Ok(self.session.call::<ControlModeInformation>(call::GET_CONTROL_MODE, actuator, &Empty {})?.mode())
+    }
+
+    /// Asks to be told of changes of the arm's state and servoing mode, and of every safety of the base and of
+    /// `actuators`.
+    ///
+    /// # Errors
+    /// As [`Session::call`].
+    pub fn subscribe(&mut self, actuators: &[u8]) -> Result<(), KortexError> {
+        let [arm_state, servoing_mode, safety] = TOPICS;
+        let joints = actuators.iter().map(|address| (safety, *address));
+        for (topic, device) in [(arm_state, 0), (servoing_mode, 0), (safety, 0)].into_iter().chain(joints) {
+            let handle: NotificationHandle = self.session.call(topic, device, &NotificationOptions::EVENTS)?;
+            self.subscriptions.push((topic, device, handle.identifier as u16));
+        }
+        Ok(())
+    }
+
+    /// The oldest notification not yet taken. They come in with any call and with [`Base::keep_up`].
+    ///
+    /// # Errors
+    /// [`KortexError::Answer`] for one that cannot be read.
+    pub fn next_notification(&mut self) -> Result<Option<Notification>, KortexError> {
+        while let Some(frame) = self.session.next_notification() {
+            let subscription = self.subscriptions.iter().find(|(topic, device, handle)| {
+                let header = &frame.header;
+                (topic.service, *device, *handle) == (header.call.service, header.device, header.message)
+            });
+            // One that is not ours is left over from a subscription before ours.
+            let Some((topic, device, _)) = subscription else { continue };
+            return Ok(Some(match *topic {
+                call::ARM_STATE_TOPIC => Notification::ArmState(decode::<ArmStateInformation>(&frame)?.active_state()),
+                call::SERVOING_MODE_TOPIC => {
+                    Notification::ServoingMode(decode::<ServoingModeInformation>(&frame)?.mode())
+                }
+                _ => {
+                    let safety: SafetyNotification = decode(&frame)?;
+                    let bit = safety.safety.map_or(0, |safety| safety.identifier);
+                    Notification::Safety { device: *device, bit, status: safety.status() }
+                }
+            }));
+        }
+        Ok(None)
+    }
+}

@@ -1,0 +1,256 @@
+//! The cyclic exchange over UDP: one command to all joints, one answer, a thousand times a second.
+//!
+//! UDP loses, delays and reorders. A cycle that got no answer in time is *missed*; the answer may still come *late*,
+//! *out of order* (an answer to a younger command was there first, so this one is not used), or never (*lost*). All of
+//! these are counted, none is an error; only a long row of missed cycles is, and that is [`crate::servoing`]'s to
+//! judge.
+
+use std::collections::VecDeque;
+use std::net::SocketAddr;
+use std::time::Instant;
+
+use crate::call;
+use crate::degrees::{self, Turns};
+use crate::error::KortexError;
+use crate::frame::Frame;
+use crate::joints::{JOINTS, Motion};
+use crate::link::UdpLink;
+use crate::message::cyclic::{ActuatorCommand, ActuatorFeedback, Command, Feedback as WireFeedback, SERVO_ENABLE};
+use crate::message::{ArmState, Empty};
+use crate::refusal::Refusal;
+use crate::safety_bank::{Banks, Report};
+use crate::session::{Credentials, Session, Timeouts, decode};
+use crate::tap::Tap;
+
+/// Commands without an answer after which the oldest counts as lost.
+const OUTSTANDING: usize = 256;
+
+/// What the arm measured.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Feedback {
+    /// Number of the command it answers.
+    pub frame: u16,
+    /// What the arm is doing.
+    pub state: ArmState,
+    /// Angles (rad, followed over full turns), speeds, torques.
+    pub motion: Motion,
+    /// Motor currents, A.
+    pub current: [f64; JOINTS],
+    /// Motor temperatures, degrees Celsius.
+    pub temperature: [f64; JOINTS],
+    /// Supply of the arm, V.
+    pub voltage: f64,
+    /// Active faults.
+    pub faults: Report,
+    /// Active warnings.
+    pub warnings: Report,
+}
+
+/// What became of the cycles.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Counters {
+    /// Commands sent.
+    pub sent: u64,
+    /// Answers used.
+    pub answered: u64,
+    /// Cycles whose answer was not there at their deadline.
+    pub missed: u64,
+    /// Answers that came after their cycle.
+    pub late: u64,
+    /// Answers not used, because one to a younger command was there first.
+    pub out_of_order: u64,
+    /// Commands never answered.
+    pub lost: u64,
+    /// Answers to nothing we sent.
+    pub stray: u64,
+    /// Datagrams that were no frame.
+    pub damaged: u64,
+}
+
+/// The arm's cyclic side.
+#[derive(Debug)]
+pub struct Cyclic {
+    session: Session<UdpLink>,
+    turns: Turns,
+    frame: u16,
+    outstanding: VecDeque<u16>,
+    newest: Option<u16>,
+    counters: Counters,
+}
+
+impl Cyclic {
+    /// Binds a port and logs in. `near` (rad) says which turn the first angles belong to.
+    ///
+    /// # Errors
+    /// The link's and the login's.
+    pub fn connect(
+        address: SocketAddr,
+        credentials: &Credentials,
+        timeouts: Timeouts,
+        near: [f64; JOINTS],
+    ) -> Result<Self, KortexError> {
+        let session = Session::create(UdpLink::connect(address)?, credentials, timeouts)?;
+        let (turns, counters) = (Turns::near(near), Counters::default());
+        Ok(Self { session, turns, frame: 0, outstanding: VecDeque::new(), newest: None, counters })
+    }
+
+    /// What became of the cycles so far.
+    pub fn counters(&self) -> Counters {
+        let Counters { stray, .. } = self.counters;
+        Counters { stray: stray + self.session.stray(), damaged: self.session.damaged(), ..self.counters }
+    }
+
+    /// The session.
+    pub fn session(&self) -> &Session<UdpLink> {
+        &self.session
+    }
+
+    /// Copies what goes over the connection from now on.
+    pub fn tap(&mut self, tap: Tap) {
+        self.session.tap(tap);
+    }
+
+    /// Keeps the session alive without waiting; not needed while commands flow.
+    ///
+    /// # Errors
+    /// As [`Session::keep_up`].
+    pub fn keep_up(&mut self) -> Result<(), KortexError> {
+        self.session.keep_up()
+    }
+
+    /// Logs out.
+    ///
+    /// # Errors
+    /// As [`Session::call`].
+    pub fn close(self) -> Result<(), KortexError> {
+        self.session.close()
+    }
+
+    /// Measurements, in any mode, without a command.
+    ///
+    /// # Errors
+    /// As [`Session::call`]; [`KortexError::Answer`] for measurements that are none.
+    pub fn feedback(&mut self) -> Result<Feedback, KortexError> {
+        let wire = self.session.call(call::REFRESH_FEEDBACK, 0, &Empty {})?;
+        self.read(&wire)
+    }
+
+    /// Commands all joints to `angles` (rad) and waits for the answer until `deadline`. `None` when nothing new came;
+    /// an answer to an earlier command that came meanwhile is new.
+    ///
+    /// # Errors
+    /// A refusal, a link's errors, a lost session, measurements that are none. Not a missing answer.
+    pub fn refresh(&mut self, angles: &[f64; JOINTS], deadline: Instant) -> Result<Option<Feedback>, KortexError> {
+        self.frame = self.frame.wrapping_add(1);
+        let number = u32::from(self.frame);
+        let actuator = |angle: &f64| ActuatorCommand {
+            command_id: number,
+            flags: SERVO_ENABLE,
+            position: degrees::to_wire_angle(*angle),
+        };
+        let command = Command { frame_id: number, actuators: angles.iter().map(actuator).collect() };
+        let message = self.session.post(call::REFRESH, 0, &command)?;
+        self.counters.sent += 1;
+        self.outstanding.push_back(message);
+        if self.outstanding.len() > OUTSTANDING {
+            self.outstanding.pop_front();
+            self.counters.lost += 1;
+        }
+        let mut newest = None;
+        loop {
+            let Some(response) = self.session.next_response(deadline)? else {
+                self.counters.missed += 1;
+                return Ok(newest);
+            };
+            if let Some(feedback) = self.take(message, &response)? {
+                newest = Some(feedback);
+                if response.header.message == message {
+                    return Ok(newest);
+                }
+            }
+        }
+    }
+
+    /// Files an answer; returns its measurements if they are new.
+    fn take(&mut self, current: u16, response: &Frame) -> Result<Option<Feedback>, KortexError> {
+        let message = response.header.message;
+        let Some(place) = self.outstanding.iter().position(|sent| *sent == message) else {
+            self.counters.stray += 1;
+            return Ok(None);
+        };
+        self.outstanding.remove(place);
+        if let Some(refusal) = Refusal::of(response) {
+            return Err(KortexError::refused(response.header.call, self.session.number(), refusal));
+        }
+        if message != current {
+            self.counters.late += 1;
+        }
+        if self.newest.is_some_and(|newest| !is_younger(message, newest)) {
+            self.counters.out_of_order += 1;
+            return Ok(None);
+        }
+        self.newest = Some(message);
+        self.counters.answered += 1;
+        self.read(&decode(response)?).map(Some)
+    }
+
+    fn read(&mut self, wire: &WireFeedback) -> Result<Feedback, KortexError> {
+        let answer = |field, found: String, expected: &str| KortexError::Answer {
+            call: call::REFRESH,
+            field,
+            found,
+            expected: expected.to_owned(),
+        };
+        let joints: &[ActuatorFeedback; JOINTS] = wire
+            .actuators
+            .as_slice()
+            .try_into()
+            .map_err(|_| answer("joints", wire.actuators.len().to_string(), "7"))?;
+        let base = wire.base.ok_or_else(|| answer("base", "missing".to_owned(), "its measurements"))?;
+        let state = ArmState::try_from(base.active_state)
+            .map_err(|_| answer("arm state", base.active_state.to_string(), "0 to 10"))?;
+        for joint in joints {
+            if ![joint.position, joint.velocity, joint.torque].into_iter().all(f32::is_finite) {
+                let found = format!("{}, {}, {}", joint.position, joint.velocity, joint.torque);
+                return Err(answer("position, velocity, torque", found, "numbers"));
+            }
+        }
+        let banks = |a, b| Banks { a, b };
+        Ok(Feedback {
+            frame: wire.frame_id as u16,
+            state,
+            motion: Motion {
+                position: self.turns.read(joints.map(|joint| joint.position)),
+                velocity: joints.map(|joint| degrees::to_radians(joint.velocity)),
+                torque: joints.map(|joint| f64::from(joint.torque)),
+            },
+            current: joints.map(|joint| f64::from(joint.current)),
+            temperature: joints.map(|joint| f64::from(joint.motor_temperature)),
+            voltage: f64::from(base.arm_voltage),
+            faults: Report {
+                base: banks(base.fault_bank_a, base.fault_bank_b),
+                joints: joints.map(|joint| banks(joint.fault_bank_a, joint.fault_bank_b)),
+            },
+            warnings: Report {
+                base: banks(base.warning_bank_a, base.warning_bank_b),
+                joints: joints.map(|joint| banks(joint.warning_bank_a, joint.warning_bank_b)),
+            },
+        })
+    }
+}
+
+/// Whether message number `a` was given out after `b`; numbers wrap at 65,536.
+pub(super) fn is_younger(a: u16, b: u16) -> bool {
+    a != b && a.wrapping_sub(b) < 0x8000
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn younger_across_the_wrap() {
+        assert!(is_younger(2, 1) && is_younger(0, 65_535) && is_younger(5, 65_530));
+        assert!(!is_younger(1, 1) && !is_younger(65_535, 0) && !is_younger(1, 2));
+    }
+}

@@ -1,0 +1,261 @@
+//! What the emulated arm does when it is called.
+
+use prost::Message;
+
+use super::controller::{Commands, Controller, Happening, Subscription};
+use super::peer::Peer;
+use super::plant::Drive;
+use crate::call::{self, Call};
+use crate::cyclic::is_younger;
+use crate::degrees;
+use crate::frame::{Frame, Header, Kind};
+use crate::joints::JOINTS;
+use crate::message::base::{
+    ActuatorInformation, ArmStateInformation, JointAngle, JointAngles, JointSpeeds, ServoingMode,
+    ServoingModeInformation,
+};
+use crate::message::cyclic::{ActuatorFeedback, BaseFeedback, Command, Feedback, SERVO_ENABLE};
+use crate::message::device::{ControlModeInformation, DeviceHandle, DeviceHandles, DeviceType, SerialNumber};
+use crate::message::session::CreateSessionInfo;
+use crate::message::{ErrorMessage, NotificationHandle};
+
+/// A refusal: class, reason, text.
+type No = (u8, u16, &'static str);
+
+const UNSUPPORTED_METHOD: No = (1, 5, "method not supported");
+const INVALID_SESSION: No = (1, 12, "session not recognized");
+const PAYLOAD: No = (1, 13, "payload cannot be decoded");
+const INVALID_PARAMETER: No = (3, 3, "invalid parameter");
+const WRONG_PASSWORD: No = (1, 15, "wrong password");
+const UNKNOWN_USER: No = (1, 16, "unknown user");
+const IN_FAULT: No = (3, 22, "robot in fault");
+const IN_EMERGENCY_STOP: No = (3, 25, "robot in emergency stop");
+const IN_LOW_LEVEL: No = (3, 27, "robot in low-level servoing");
+const COUNT_MISMATCH: No = (3, 57, "not one entry per actuator");
+const WRONG_MODE: No = (3, 75, "wrong servoing mode, must be low level servoing mode");
+
+fn argument<A: Message + Default>(frame: &Frame) -> Result<A, No> {
+    A::decode(frame.payload.as_slice()).map_err(|_| PAYLOAD)
+}
+
+impl Controller {
+    /// The answer to a request.
+    pub(super) fn answer(&mut self, peer: Peer, request: &Frame) -> Frame {
+        let header = Header { kind: Kind::Response, ..request.header };
+        match self.perform(peer, request) {
+            Ok((session, payload)) => Frame { header: Header { session, ..header }, payload },
+            Err((error, sub_error, text)) => {
+                let (code, sub_code) = (u32::from(error), u32::from(sub_error));
+                let payload = ErrorMessage { code, sub_code, text: text.to_owned() }.encode_to_vec();
+                Frame { header: Header { error, sub_error, ..header }, payload }
+            }
+        }
+    }
+
+    /// The answer's session and payload.
+    fn perform(&mut self, peer: Peer, request: &Frame) -> Result<(u16, Vec<u8>), No> {
+        let Header { call, session, device, .. } = request.header;
+        if call == call::CREATE_SESSION {
+            return Ok((self.log_in(peer, request)?, Vec::new()));
+        }
+        if !self.sessions.hear(session, peer, call != call::KEEP_ALIVE, self.time) {
+            return Err(INVALID_SESSION);
+        }
+        let payload = match call {
+            call::REFRESH => self.refresh(request)?,
+            call::REFRESH_FEEDBACK => self.feedback(0).encode_to_vec(),
+            call::ARM_STATE_TOPIC | call::SERVOING_MODE_TOPIC | call::SAFETY_TOPIC => {
+                self.subscribe(peer, session, call, device)?
+            }
+            call::UNSUBSCRIBE => {
+                let handle = argument::<NotificationHandle>(request)?.identifier as u16;
+                self.subscriptions.retain(|known| (known.session, known.handle) != (session, handle));
+                Vec::new()
+            }
+            call::SET_SERVOING_MODE => self.change_mode(session, request)?,
+            call::SEND_JOINT_SPEEDS => self.follow_speeds(session, request)?,
+            _ => self.simple(session, call, device)?,
+        };
+        Ok((session, payload))
+    }
+
+    fn log_in(&mut self, peer: Peer, request: &Frame) -> Result<u16, No> {
+        let login: CreateSessionInfo = argument(request)?;
+        if login.user != self.settings.credentials.user {
+            return Err(UNKNOWN_USER);
+        }
+        if login.password != self.settings.credentials.password {
+            return Err(WRONG_PASSWORD);
+        }
+        let session = self.sessions.open(peer, &login, self.time);
+        self.log(Happening::SessionOpened(session));
+        Ok(session)
+    }
+
+    /// Calls without an argument.
+    fn simple(&mut self, session: u16, call: Call, device: u8) -> Result<Vec<u8>, No> {
+        Ok(match call {
+            call::KEEP_ALIVE => Vec::new(),
+            call::CLOSE_SESSION => {
+                self.sessions.close(session);
+                self.log(Happening::SessionClosed(session));
+                self.session_ended(session);
+                Vec::new()
+            }
+            call::CLEAR_FAULTS => {
+                if self.emergency_stop_pressed {
+                    return Err(IN_EMERGENCY_STOP);
+                }
+                self.clear_faults();
+                Vec::new()
+            }
+            call::STOP => {
+                if self.mode == ServoingMode::LowLevel {
+                    return Err(IN_LOW_LEVEL);
+                }
+                self.drive = Drive::Hold;
+                Vec::new()
+            }
+            call::APPLY_EMERGENCY_STOP => {
+                self.emergency_stop();
+                Vec::new()
+            }
+            call::GET_ARM_STATE => ArmStateInformation { active_state: self.state() as i32 }.encode_to_vec(),
+            call::GET_SERVOING_MODE => ServoingModeInformation { mode: self.mode as i32 }.encode_to_vec(),
+            call::GET_ACTUATOR_COUNT => ActuatorInformation { count: JOINTS as u32 }.encode_to_vec(),
+            call::GET_JOINT_ANGLES => {
+                let angle = |(joint, angle): (u32, f64)| JointAngle { joint, value: degrees::to_wire_angle(angle) };
+                JointAngles { joints: (0..).zip(self.motion().position).map(angle).collect() }.encode_to_vec()
+            }
+            call::READ_ALL_DEVICES => devices().encode_to_vec(),
+            call::GET_SERIAL_NUMBER => SerialNumber { serial_number: format!("EMULATED-{device}") }.encode_to_vec(),
+            call::GET_CONTROL_MODE => {
+                let mode = usize::from(device).checked_sub(1).and_then(|joint| self.control_modes.get(joint));
+                ControlModeInformation { mode: *mode.ok_or(INVALID_PARAMETER)? }.encode_to_vec()
+            }
+            _ => return Err(UNSUPPORTED_METHOD),
+        })
+    }
+
+    fn subscribe(&mut self, peer: Peer, session: u16, topic: Call, device: u8) -> Result<Vec<u8>, No> {
+        if usize::from(device) > JOINTS {
+            return Err(INVALID_PARAMETER);
+        }
+        let same = |known: &&Subscription| (known.topic.service, known.device) == (topic.service, device);
+        let handle = self.subscriptions.iter().filter(same).map(|known| known.handle).max().unwrap_or(0) + 1;
+        self.subscriptions.push(Subscription { topic, device, handle, peer, session });
+        Ok(NotificationHandle { identifier: u32::from(handle) }.encode_to_vec())
+    }
+
+    fn refuse_in_fault(&self) -> Result<(), No> {
+        match (self.faults.is_emergency_stop(), self.faults.is_empty()) {
+            (true, _) => Err(IN_EMERGENCY_STOP),
+            (false, false) => Err(IN_FAULT),
+            (false, true) => Ok(()),
+        }
+    }
+
+    fn change_mode(&mut self, session: u16, request: &Frame) -> Result<Vec<u8>, No> {
+        let mode = argument::<ServoingModeInformation>(request)?.mode();
+        match mode {
+            ServoingMode::LowLevel => {
+                self.refuse_in_fault()?;
+                self.in_control = Some(session);
+            }
+            ServoingMode::SingleLevel => {}
+            _ => return Err(INVALID_PARAMETER),
+        }
+        self.set_mode(mode);
+        Ok(Vec::new())
+    }
+
+    fn follow_speeds(&mut self, session: u16, request: &Frame) -> Result<Vec<u8>, No> {
+        let speeds: JointSpeeds = argument(request)?;
+        self.refuse_in_fault()?;
+        if self.mode == ServoingMode::LowLevel {
+            return Err(IN_LOW_LEVEL);
+        }
+        let mut wanted = [0.0; JOINTS];
+        for speed in &speeds.joints {
+            *wanted.get_mut(speed.joint as usize).ok_or(COUNT_MISMATCH)? = degrees::to_radians(speed.value);
+        }
+        self.in_control = Some(session);
+        self.drive = if wanted == [0.0; JOINTS] { Drive::Hold } else { Drive::Velocity(wanted) };
+        Ok(Vec::new())
+    }
+
+    fn refresh(&mut self, request: &Frame) -> Result<Vec<u8>, No> {
+        if self.mode != ServoingMode::LowLevel {
+            return Err(WRONG_MODE);
+        }
+        let command: Command = argument(request)?;
+        if command.actuators.len() != JOINTS {
+            return Err(COUNT_MISMATCH);
+        }
+        if self.faults.is_empty() {
+            self.follow(&command);
+        }
+        Ok(self.feedback(command.frame_id).encode_to_vec())
+    }
+
+    /// Follows a cyclic command, unless a younger one was there first.
+    fn follow(&mut self, command: &Command) {
+        let number = command.frame_id as u16;
+        if self.last_command.is_some_and(|(last, _)| !is_younger(number, last)) {
+            return;
+        }
+        let position = self.motion().position;
+        let wanted: [f64; JOINTS] = std::array::from_fn(|i| {
+            let actuator = command.actuators[i];
+            let enabled = actuator.flags & SERVO_ENABLE != 0;
+            let angle = degrees::to_radians(actuator.position);
+            if enabled { degrees::nearest_turn(angle, position[i]) } else { position[i] }
+        });
+        let Commands { followed, last, seed_error, largest_step } = &mut self.commands;
+        (*followed, *last) = (*followed + 1, self.time);
+        match self.last_command {
+            None => *seed_error = (0..JOINTS).map(|i| (wanted[i] - position[i]).abs()).fold(0.0, f64::max),
+            Some((before, angles)) => {
+                let cycles = f64::from(number.wrapping_sub(before));
+                for (i, largest) in largest_step.iter_mut().enumerate() {
+                    *largest = largest.max(degrees::difference(wanted[i], angles[i]).abs() / cycles);
+                }
+            }
+        }
+        self.last_command = Some((number, wanted));
+        self.drive = Drive::Position(wanted);
+    }
+
+    fn feedback(&self, frame_id: u32) -> Feedback {
+        let motion = self.motion();
+        let base = BaseFeedback {
+            active_state: self.state() as i32,
+            arm_voltage: 24.0,
+            fault_bank_a: self.faults.base.a,
+            fault_bank_b: self.faults.base.b,
+            ..BaseFeedback::default()
+        };
+        let actuator = |i: usize| ActuatorFeedback {
+            command_id: frame_id,
+            position: degrees::to_wire_angle(motion.position[i]),
+            velocity: degrees::to_degrees(motion.velocity[i]),
+            torque: motion.torque[i] as f32,
+            voltage: 24.0,
+            motor_temperature: 30.0,
+            core_temperature: 30.0,
+            fault_bank_a: self.faults.joints[i].a,
+            fault_bank_b: self.faults.joints[i].b,
+            ..ActuatorFeedback::default()
+        };
+        Feedback { frame_id, base: Some(base), actuators: (0..JOINTS).map(actuator).collect() }
+    }
+}
+
+/// Four big joints, three small ones, base and wrist interface, listed in no order of note.
+fn devices() -> DeviceHandles {
+    let joint = |n: u32| (if n <= 4 { DeviceType::BigActuator } else { DeviceType::SmallActuator }, n, n);
+    let others = [(DeviceType::Interconnect, 8, 8), (DeviceType::Base, 0, 0)];
+    let devices = others.into_iter().chain((1..=JOINTS as u32).rev().map(joint));
+    let handle = |(device_type, identifier, order)| DeviceHandle { device_type: device_type as i32, identifier, order };
+    DeviceHandles { devices: devices.map(handle).collect() }
+}

@@ -1,0 +1,385 @@
+//! The emulated arm's base: state, faults, watchdogs, time.
+
+use prost::Message;
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
+
+use super::fault_injection::{Injection, Weather};
+use super::peer::{Outgoing, Peer};
+use super::plant::{Drive, Plant};
+use super::sessions::Sessions;
+use crate::call::{self, Call};
+use crate::frame::{Frame, Header, Kind};
+use crate::joints::{JOINTS, Motion};
+use crate::message::ArmState;
+use crate::message::base::{ArmStateInformation, ServoingMode, ServoingModeInformation};
+use crate::message::device::{ControlMode, SafetyHandle, SafetyNotification, SafetyStatus};
+use crate::safety_bank::{self, Report};
+use crate::session::Credentials;
+
+/// Length of a tick, s.
+const TICK: f64 = 1e-3;
+
+/// What an emulated arm is like.
+#[derive(Debug, Clone)]
+pub struct Settings {
+    /// Who may log in.
+    pub credentials: Credentials,
+    /// ms without a cyclic command after which the watchdog stops the arm.
+    pub cyclic_deadline: u64,
+    /// Distance between command and joint that raises a following error, rad.
+    pub following_error: f64,
+    /// A joint slower than this stands still, rad/s.
+    pub standstill: f64,
+    /// Seed of what is drawn: lost and delayed datagrams.
+    pub seed: u64,
+}
+
+impl Default for Settings {
+    fn default() -> Self {
+        Self {
+            credentials: Credentials { user: "admin".to_owned(), password: "admin".to_owned() },
+            cyclic_deadline: 50,
+            following_error: 5_f64.to_radians(),
+            standstill: 1e-3,
+            seed: 1,
+        }
+    }
+}
+
+/// Something that happened to the arm.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Happening {
+    /// Somebody logged in.
+    SessionOpened(u16),
+    /// Somebody logged out.
+    SessionClosed(u16),
+    /// A session ended because nothing was heard of it.
+    SessionExpired(u16),
+    /// The servoing mode changed.
+    Mode(ServoingMode),
+    /// Commands stopped coming.
+    Watchdog,
+    /// Faults came.
+    Fault,
+    /// Faults were cleared.
+    Cleared,
+    /// No joint moves any more.
+    StandsStill,
+}
+
+/// Something that happened, and when.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Event {
+    /// ms since the arm was switched on.
+    pub time: u64,
+    /// What.
+    pub what: Happening,
+}
+
+/// What the cyclic commands were like, since low-level servoing was last entered.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Commands {
+    /// How many were followed.
+    pub followed: u64,
+    /// When the last one came, ms.
+    pub last: u64,
+    /// Largest distance of the first one from the joints, rad.
+    pub seed_error: f64,
+    /// Largest step of each joint from one command to the next, rad; for lost commands in between, their share.
+    pub largest_step: [f64; JOINTS],
+}
+
+/// How the arm stands.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Status {
+    /// ms since it was switched on.
+    pub time: u64,
+    /// What it does.
+    pub state: ArmState,
+    /// Who moves it.
+    pub mode: ServoingMode,
+    /// Its joints.
+    pub motion: Motion,
+    /// Its faults.
+    pub faults: Report,
+    /// Open sessions.
+    pub sessions: Vec<u16>,
+    /// The cyclic commands.
+    pub commands: Commands,
+    /// Everything that happened.
+    pub events: Vec<Event>,
+}
+
+pub(super) struct Subscription {
+    pub topic: Call,
+    pub device: u8,
+    pub handle: u16,
+    pub peer: Peer,
+    pub session: u16,
+}
+
+/// The arm's base.
+pub struct Controller {
+    pub(super) settings: Settings,
+    plant: Box<dyn Plant>,
+    pub(super) time: u64,
+    pub(super) mode: ServoingMode,
+    pub(super) drive: Drive,
+    pub(super) faults: Report,
+    pub(super) emergency_stop_pressed: bool,
+    lasting_faults: u32,
+    pub(super) control_modes: [i32; JOINTS],
+    pub(super) sessions: Sessions,
+    pub(super) in_control: Option<u16>,
+    pub(super) subscriptions: Vec<Subscription>,
+    /// Number of the last command followed, and the command.
+    pub(super) last_command: Option<(u16, [f64; JOINTS])>,
+    pub(super) commands: Commands,
+    weather: Weather,
+    random: ChaCha8Rng,
+    delayed: Vec<(u64, Outgoing)>,
+    announced: (ArmState, ServoingMode),
+    moving: bool,
+    events: Vec<Event>,
+}
+
+impl Controller {
+    /// An arm at rest, ready, with nobody logged in.
+    pub fn new(settings: Settings, plant: Box<dyn Plant>) -> Self {
+        let random = ChaCha8Rng::seed_from_u64(settings.seed);
+        Self {
+            settings,
+            plant,
+            time: 0,
+            mode: ServoingMode::SingleLevel,
+            drive: Drive::Hold,
+            faults: Report::default(),
+            emergency_stop_pressed: false,
+            lasting_faults: 0,
+            control_modes: [ControlMode::Position as i32; JOINTS],
+            sessions: Sessions::default(),
+            in_control: None,
+            subscriptions: Vec::new(),
+            last_command: None,
+            commands: Commands::default(),
+            weather: Weather::default(),
+            random,
+            delayed: Vec::new(),
+            announced: (ArmState::ServoingReady, ServoingMode::SingleLevel),
+            moving: false,
+            events: Vec::new(),
+        }
+    }
+
+    /// How the arm stands.
+    pub fn status(&self) -> Status {
+        Status {
+            time: self.time,
+            state: self.state(),
+            mode: self.mode,
+            motion: self.motion(),
+            faults: self.faults,
+            sessions: self.sessions.numbers(),
+            commands: self.commands,
+            events: self.events.clone(),
+        }
+    }
+
+    pub(super) fn motion(&self) -> Motion {
+        self.plant.state()
+    }
+
+    pub(super) fn state(&self) -> ArmState {
+        match (self.faults.is_empty(), self.mode, self.drive) {
+            (false, ..) => ArmState::InFault,
+            (_, ServoingMode::LowLevel, _) => ArmState::ServoingLowLevel,
+            (_, _, Drive::Velocity(_)) => ArmState::ServoingManuallyControlled,
+            _ => ArmState::ServoingReady,
+        }
+    }
+
+    pub(super) fn log(&mut self, what: Happening) {
+        self.events.push(Event { time: self.time, what });
+    }
+
+    /// A frame comes in from `peer`; returns what goes out.
+    pub fn receive(&mut self, peer: Peer, frame: &Frame) -> Vec<Outgoing> {
+        let over_udp = matches!(peer, Peer::Udp(_));
+        if self.weather.deaf || over_udp && self.weather.loses_command(&mut self.random) {
+            return Vec::new();
+        }
+        let answer = (frame.header.kind == Kind::Request).then(|| (peer, self.answer(peer, frame)));
+        let mut outgoing: Vec<Outgoing> = answer.into_iter().collect();
+        if over_udp {
+            outgoing.retain(|_| !self.weather.loses_reply(&mut self.random));
+            if self.weather.delay > 0 {
+                let due =
+                    outgoing.drain(..).map(|outgoing| (self.time + self.weather.delay(&mut self.random), outgoing));
+                self.delayed.extend(due);
+            }
+        }
+        outgoing.extend(self.announce());
+        outgoing
+    }
+
+    /// A millisecond passes; returns what goes out.
+    pub fn tick(&mut self) -> Vec<Outgoing> {
+        self.time += 1;
+        self.plant.advance(&self.drive, TICK);
+        self.watch_following();
+        self.watch_commands();
+        for session in self.sessions.expire(self.time) {
+            self.log(Happening::SessionExpired(session));
+            self.session_ended(session);
+        }
+        self.watch_standstill();
+        let mut outgoing: Vec<Outgoing> =
+            self.delayed.extract_if(.., |(due, _)| *due <= self.time).map(|(_, outgoing)| outgoing).collect();
+        outgoing.extend(self.announce());
+        if self.weather.deaf { Vec::new() } else { outgoing }
+    }
+
+    /// Makes something go wrong; returns what goes out.
+    pub fn inject(&mut self, injection: Injection) -> Vec<Outgoing> {
+        match injection {
+            Injection::BaseFault(bits) => self.raise(bits, [0; JOINTS]),
+            Injection::LastingBaseFault(bits) => {
+                self.lasting_faults = bits;
+                if bits != 0 {
+                    self.raise(bits, [0; JOINTS]);
+                }
+            }
+            Injection::JointFault { joint, bits } => {
+                self.raise(0, std::array::from_fn(|i| if i == joint { bits } else { 0 }));
+            }
+            Injection::EmergencyStop(pressed) => {
+                self.emergency_stop_pressed = pressed;
+                if pressed {
+                    self.emergency_stop();
+                }
+            }
+            Injection::LoseCommands(share) => self.weather.lose_commands = share,
+            Injection::LoseReplies(share) => self.weather.lose_replies = share,
+            Injection::DelayReplies(longest) => self.weather.delay = longest,
+            Injection::Deaf(deaf) => self.weather.deaf = deaf,
+            Injection::ForgetSessions => {
+                for session in self.sessions.forget() {
+                    self.session_ended(session);
+                }
+            }
+            Injection::ControlMode { joint, mode } => self.control_modes[joint] = mode,
+        }
+        self.announce()
+    }
+
+    pub(super) fn clear_faults(&mut self) {
+        if self.faults.is_empty() {
+            return;
+        }
+        self.faults = Report::default();
+        self.log(Happening::Cleared);
+        self.set_mode(ServoingMode::SingleLevel);
+        if self.lasting_faults != 0 {
+            self.raise(self.lasting_faults, [0; JOINTS]);
+        }
+    }
+
+    pub(super) fn emergency_stop(&mut self) {
+        self.raise(safety_bank::EMERGENCY_STOP, [0; JOINTS]);
+        self.set_mode(ServoingMode::SingleLevel);
+    }
+
+    pub(super) fn set_mode(&mut self, mode: ServoingMode) {
+        if self.mode != mode {
+            self.mode = mode;
+            self.log(Happening::Mode(mode));
+        }
+        self.drive = Drive::Hold;
+        if mode == ServoingMode::LowLevel {
+            self.last_command = None;
+            self.commands = Commands { last: self.time, ..Commands::default() };
+        }
+    }
+
+    /// Adds fault bits and stops the arm.
+    fn raise(&mut self, base: u32, joints: [u32; JOINTS]) {
+        self.drive = Drive::Hold;
+        let joint_fault = if joints == [0; JOINTS] { 0 } else { safety_bank::JOINT_FAULT };
+        self.faults.base.a |= base | joint_fault;
+        for (banks, bits) in self.faults.joints.iter_mut().zip(joints) {
+            banks.a |= bits;
+        }
+        self.log(Happening::Fault);
+    }
+
+    pub(super) fn session_ended(&mut self, session: u16) {
+        self.subscriptions.retain(|subscription| subscription.session != session);
+        if self.in_control == Some(session) {
+            self.in_control = None;
+            self.set_mode(ServoingMode::SingleLevel);
+        }
+    }
+
+    fn watch_following(&mut self) {
+        let Drive::Position(command) = self.drive else { return };
+        let position = self.motion().position;
+        let late = |i: usize| (command[i] - position[i]).abs() > self.settings.following_error;
+        let bits = std::array::from_fn(|i| if late(i) { safety_bank::FOLLOWING_ERROR } else { 0 });
+        if bits != [0; JOINTS] {
+            self.raise(0, bits);
+        }
+    }
+
+    fn watch_commands(&mut self) {
+        let silent = self.time - self.commands.last > self.settings.cyclic_deadline;
+        if silent && self.mode == ServoingMode::LowLevel && self.faults.is_empty() {
+            self.log(Happening::Watchdog);
+            self.raise(0, [safety_bank::WATCHDOG; JOINTS]);
+        }
+    }
+
+    fn watch_standstill(&mut self) {
+        let moves = self.motion().velocity.iter().any(|speed| speed.abs() > self.settings.standstill);
+        if self.moving && !moves {
+            self.log(Happening::StandsStill);
+        }
+        self.moving = moves;
+    }
+
+    /// Notifications of what changed since the last call.
+    fn announce(&mut self) -> Vec<Outgoing> {
+        let (before, now) = (self.announced, (self.state(), self.mode));
+        self.announced = now;
+        let mut outgoing = Vec::new();
+        for subscription in &self.subscriptions {
+            let payload = match subscription.topic {
+                call::ARM_STATE_TOPIC if now.0 != before.0 => {
+                    ArmStateInformation { active_state: now.0 as i32 }.encode_to_vec()
+                }
+                call::SERVOING_MODE_TOPIC if now.1 != before.1 => {
+                    ServoingModeInformation { mode: now.1 as i32 }.encode_to_vec()
+                }
+                call::SAFETY_TOPIC if now.0 != before.0 && ArmState::InFault == now.0 => {
+                    let banks = match subscription.device {
+                        0 => self.faults.base,
+                        joint => self.faults.joints[usize::from(joint) - 1],
+                    };
+                    // The lowest bit is enough for a notification; the cyclic feedback has them all.
+                    let identifier = banks.a & banks.a.wrapping_neg();
+                    if identifier == 0 {
+                        continue;
+                    }
+                    let safety = Some(SafetyHandle { identifier });
+                    SafetyNotification { safety, status: SafetyStatus::Error as i32 }.encode_to_vec()
+                }
+                _ => continue,
+            };
+            let Subscription { topic: call, device, handle: message, session, peer } = *subscription;
+            let kind = Kind::Notification;
+            let header = Header { kind, device, error: 0, sub_error: 0, session, message, call };
+            outgoing.push((peer, Frame { header, payload }));
+        }
+        outgoing
+    }
+}

@@ -1,0 +1,109 @@
+//! What moves in an emulated arm.
+
+use crate::joints::{JOINTS, Motion};
+
+/// What the arm's controller wants of its joints.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Drive {
+    /// Stop and stay.
+    Hold,
+    /// Go to these angles, rad, counted on from where the joints are.
+    Position([f64; JOINTS]),
+    /// Move with these speeds, rad/s.
+    Velocity([f64; JOINTS]),
+}
+
+/// Seven joints. The emulator's own are [`FirstOrderJoints`]; the program puts the simulator here.
+pub trait Plant: Send {
+    /// Lets `seconds` pass under `drive`.
+    fn advance(&mut self, drive: &Drive, seconds: f64);
+    /// Angles (rad, not wrapped), speeds, torques.
+    fn state(&self) -> Motion;
+}
+
+/// Joints that follow with a delay of first order and a top speed, and know no load.
+///
+/// Under a position command the angle closes the gap as `exp(-t / lag)`; so a sine of angular frequency `w` and
+/// amplitude `A` is followed with an error of amplitude `A w lag / sqrt(1 + (w lag)^2)`. Under a speed command, and
+/// when stopping, the speed does the same.
+#[derive(Debug, Clone)]
+pub struct FirstOrderJoints {
+    state: Motion,
+    lag: f64,
+    top_speed: [f64; JOINTS],
+}
+
+impl FirstOrderJoints {
+    /// At rest at `posture` (rad), with `lag` in s and `top_speed` in rad/s.
+    pub fn new(posture: [f64; JOINTS], lag: f64, top_speed: [f64; JOINTS]) -> Self {
+        let state = Motion { position: posture, ..Motion::default() };
+        Self { state, lag, top_speed }
+    }
+}
+
+impl Plant for FirstOrderJoints {
+    fn advance(&mut self, drive: &Drive, seconds: f64) {
+        let share = 1.0 - (-seconds / self.lag).exp();
+        for i in 0..JOINTS {
+            let (position, speed) = (self.state.position[i], self.state.velocity[i]);
+            let wanted = match drive {
+                Drive::Position(target) => (target[i] - position) * share / seconds,
+                Drive::Velocity(target) => speed + (target[i] - speed) * share,
+                Drive::Hold => speed * (1.0 - share),
+            };
+            let speed = wanted.clamp(-self.top_speed[i], self.top_speed[i]);
+            self.state.velocity[i] = speed;
+            self.state.position[i] = position + speed * seconds;
+        }
+    }
+
+    fn state(&self) -> Motion {
+        self.state
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn joints() -> FirstOrderJoints {
+        FirstOrderJoints::new([0.0; JOINTS], 0.02, [1.0; JOINTS])
+    }
+
+    /// After one lag the gap is 1/e of what it was, whatever the step length.
+    #[test]
+    fn closes_the_gap_exponentially() {
+        for steps in [1, 10, 20] {
+            let mut joints = joints();
+            for _ in 0..steps {
+                joints.advance(&Drive::Position([0.01; JOINTS]), 0.02 / f64::from(steps));
+            }
+            let gap = 0.01 - joints.state().position[0];
+            assert!((gap - 0.01 * (-1_f64).exp()).abs() < 1e-12, "{steps} steps: {gap}");
+        }
+    }
+
+    #[test]
+    fn top_speed_holds() {
+        let mut joints = joints();
+        joints.advance(&Drive::Position([9.0; JOINTS]), 0.001);
+        assert_eq!(joints.state().velocity, [1.0; JOINTS]);
+    }
+
+    #[test]
+    fn hold_brakes() {
+        let mut joints = joints();
+        for _ in 0..200 {
+            joints.advance(&Drive::Velocity([0.5; JOINTS]), 0.001);
+        }
+        assert!((joints.state().velocity[3] - 0.5).abs() < 1e-4);
+        let before = joints.state().position[3];
+        for _ in 0..200 {
+            joints.advance(&Drive::Hold, 0.001);
+        }
+        let after = joints.state();
+        assert!(after.velocity[3].abs() < 1e-4);
+        // speed * lag is the way of an exponential stop.
+        assert!((after.position[3] - before - 0.5 * 0.02).abs() < 1e-3);
+    }
+}

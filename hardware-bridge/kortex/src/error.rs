@@ -1,0 +1,168 @@
+//! What can go wrong between host and arm.
+
+use std::time::Duration;
+
+use crate::call::Call;
+use crate::link::LinkError;
+use crate::message::ArmState;
+use crate::message::device::ControlMode;
+use crate::refusal::{Reason, Refusal};
+use crate::safety_bank::Report;
+
+/// An error of the arm's client.
+#[derive(Debug, thiserror::Error)]
+pub enum KortexError {
+    /// The connection itself failed.
+    #[error("connection to the arm: {0}")]
+    Link(#[from] LinkError),
+    /// No answer in time. On UDP a single one means little; on TCP the arm or the network is in trouble.
+    #[error("{call}: no answer within {after:?}")]
+    Timeout {
+        /// What was asked.
+        call: Call,
+        /// How long was waited.
+        after: Duration,
+    },
+    /// The arm does not know our session any more: it timed out or the arm restarted. A new session is needed.
+    #[error("{call}: session {session} is lost")]
+    SessionLost {
+        /// What was asked.
+        call: Call,
+        /// The session's number.
+        session: u16,
+    },
+    /// Not even keep-alives are answered.
+    #[error("the arm has been silent for {silent:?}, longer than the session's {allowed:?}")]
+    Silent {
+        /// Since when nothing came.
+        silent: Duration,
+        /// What the session allows.
+        allowed: Duration,
+    },
+    /// The arm said no.
+    #[error("{call}: {refusal}")]
+    Refused {
+        /// What was asked.
+        call: Call,
+        /// Why not.
+        refusal: Refusal,
+    },
+    /// An answer that is not what it should be.
+    #[error("{call}: {field} is {found}, expected {expected}")]
+    Answer {
+        /// What was asked.
+        call: Call,
+        /// Which part of the answer.
+        field: &'static str,
+        /// What came.
+        found: String,
+        /// What should have come.
+        expected: String,
+    },
+    /// A joint follows something else than positions.
+    #[error("joint {joint} is in control mode {found:?}, expected {:?}", ControlMode::Position)]
+    ControlMode {
+        /// From 1.
+        joint: usize,
+        /// The mode it is in.
+        found: ControlMode,
+    },
+    /// The emergency stop is pressed, or the emergency line open.
+    #[error("emergency stop: release it, then clear the faults ({0})")]
+    EmergencyStop(Box<Report>),
+    /// Faults hold the arm.
+    #[error("the arm is in fault: {0}")]
+    Fault(Box<Report>),
+    /// The arm is no longer driven by us, without a fault.
+    #[error("the arm is in state {found:?}, expected {expected:?}")]
+    State {
+        /// The state it is in.
+        found: ArmState,
+        /// The state it should be in.
+        expected: ArmState,
+    },
+    /// Answers to the cyclic commands stopped coming.
+    #[error("no feedback for {ticks} cycles, at most {allowed} allowed")]
+    FeedbackLost {
+        /// Cycles without an answer.
+        ticks: u32,
+        /// How many are tolerated.
+        allowed: u32,
+    },
+    /// A command was not sent.
+    #[error(transparent)]
+    Command(#[from] CommandError),
+}
+
+impl KortexError {
+    /// The error of a refusal.
+    pub fn refused(call: Call, session: u16, refusal: Refusal) -> Self {
+        match refusal.reason {
+            Reason::InvalidSession => Self::SessionLost { call, session },
+            _ => Self::Refused { call, refusal },
+        }
+    }
+
+    /// Why the arm said no, if that is what happened.
+    pub fn reason(&self) -> Option<Reason> {
+        match self {
+            Self::Refused { refusal, .. } => Some(refusal.reason),
+            _ => None,
+        }
+    }
+}
+
+/// Why a joint command was not sent. Nothing goes to the arm when one joint is refused.
+#[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
+pub enum CommandError {
+    /// No number.
+    #[error("joint {joint}: command {found}, expected a number")]
+    NotFinite {
+        /// From 1.
+        joint: usize,
+        /// What was commanded.
+        found: f64,
+    },
+    /// Outside the joint's range.
+    #[error("joint {joint}: command {found:.4} rad, expected {lower:.4} to {upper:.4}")]
+    Range {
+        /// From 1.
+        joint: usize,
+        /// What was commanded, rad.
+        found: f64,
+        /// Lowest, rad.
+        lower: f64,
+        /// Highest, rad.
+        upper: f64,
+    },
+    /// Too far from the command before.
+    #[error("joint {joint}: step of {found:.5} rad in a cycle, at most {allowed:.5} expected")]
+    Step {
+        /// From 1.
+        joint: usize,
+        /// Step from the command before, rad.
+        found: f64,
+        /// Largest step, rad.
+        allowed: f64,
+    },
+    /// Too far from where the joint is: the arm would trip over its following error.
+    #[error("joint {joint}: command {found:.4} rad away from the measured angle, at most {allowed:.4} expected")]
+    Lead {
+        /// From 1.
+        joint: usize,
+        /// Distance to the measured angle, rad.
+        found: f64,
+        /// Largest distance, rad.
+        allowed: f64,
+    },
+    /// Too fast.
+    #[error("joint {joint}: speed {found:.4} rad/s, at most {allowed:.4} expected")]
+    Speed {
+        /// From 1.
+        joint: usize,
+        /// What was commanded, rad/s.
+        found: f64,
+        /// Highest, rad/s.
+        allowed: f64,
+    },
+}

@@ -1,0 +1,285 @@
+//! One Kortex frame: a header of four words and a payload.
+//!
+//! A frame is itself a protobuf message, `{ 1: header, 2: payload }`, and the header's four words are bit fields:
+//!
+//! | word | bits 31..28 | 27..24 | 23..16 | 15..12 | 11..0 |
+//! |---|---|---|---|---|---|
+//! | frame | version | kind | device | error | sub-error |
+//! | message | session (31..16) | | | message number (15..0) | |
+//! | service | service version | service (27..16) | | function (15..0) | |
+//! | payload | length in bytes | | | | |
+
+use prost::Message;
+
+use crate::call::Call;
+
+/// Version of the header and of every service this client speaks.
+const VERSION: u32 = 1;
+
+/// The longest frame we take, bytes. The longest one an arm of seven joints sends is below 1.2 kB; a list of devices
+/// with names stays below 4 kB.
+pub const LONGEST: usize = 65_536;
+
+/// What a frame is for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Kind {
+    /// The host asks.
+    Request,
+    /// The arm answers; the message number is the request's.
+    Response,
+    /// The arm tells on its own; the message number is the subscription's handle.
+    Notification,
+}
+
+impl Kind {
+    fn number(self) -> u32 {
+        match self {
+            Self::Request => 1,
+            Self::Response => 3,
+            Self::Notification => 5,
+        }
+    }
+
+    fn from_number(found: u32) -> Result<Self, FrameError> {
+        match found {
+            1 => Ok(Self::Request),
+            3 => Ok(Self::Response),
+            5 => Ok(Self::Notification),
+            _ => Err(FrameError::Kind { found }),
+        }
+    }
+}
+
+/// Who talks to whom about what.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Header {
+    /// What the frame is for.
+    pub kind: Kind,
+    /// The device inside the arm that is meant; 0 is the base.
+    pub device: u8,
+    /// Error class of a response, 0 for none; see [`crate::refusal`].
+    pub error: u8,
+    /// Reason within that class.
+    pub sub_error: u16,
+    /// The session, 0 while there is none.
+    pub session: u16,
+    /// Number of the request, or handle of the subscription.
+    pub message: u16,
+    /// What is called.
+    pub call: Call,
+}
+
+/// A header and its payload.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Frame {
+    /// Who talks to whom about what.
+    pub header: Header,
+    /// The call's argument or result, a protobuf message.
+    pub payload: Vec<u8>,
+}
+
+/// Why bytes are no frame.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+pub enum FrameError {
+    /// Not the protobuf message a frame is.
+    #[error("{0} bytes are no frame")]
+    Encoding(usize),
+    /// The header is missing.
+    #[error("frame without a header")]
+    NoHeader,
+    /// A newer or damaged header.
+    #[error("frame version {found}, expected {VERSION}")]
+    Version {
+        /// What the header says.
+        found: u32,
+    },
+    /// Neither request, response nor notification.
+    #[error("frame kind {found}, expected 1, 3 or 5")]
+    Kind {
+        /// What the header says.
+        found: u32,
+    },
+    /// The payload was cut or lengthened.
+    #[error("payload of {found} bytes, the header says {expected}")]
+    PayloadLength {
+        /// Bytes there are.
+        found: usize,
+        /// Bytes the header announces.
+        expected: u32,
+    },
+    /// The stream is not where a frame starts; nothing after this can be trusted.
+    #[error("no frame starts at {found:02x?}")]
+    NoStart {
+        /// What stands where the preamble should.
+        found: [u8; 8],
+    },
+    /// A length no frame has.
+    #[error("frame of {found} bytes, at most {LONGEST} expected")]
+    TooLong {
+        /// Length announced.
+        found: u32,
+    },
+}
+
+#[derive(Clone, PartialEq, prost::Message)]
+struct WireHeader {
+    #[prost(fixed32, tag = "1")]
+    frame: u32,
+    #[prost(fixed32, tag = "2")]
+    message: u32,
+    #[prost(fixed32, tag = "3")]
+    service: u32,
+    #[prost(fixed32, tag = "4")]
+    payload: u32,
+}
+
+#[derive(Clone, PartialEq, prost::Message)]
+struct WireFrame {
+    #[prost(message, optional, tag = "1")]
+    header: Option<WireHeader>,
+    #[prost(bytes = "vec", tag = "2")]
+    payload: Vec<u8>,
+}
+
+impl Frame {
+    /// The frame's bytes, as they are in a UDP datagram.
+    pub fn encode(&self) -> Vec<u8> {
+        let Header { kind, device, error, sub_error, session, message, call } = self.header;
+        let header = WireHeader {
+            frame: VERSION << 28
+                | kind.number() << 24
+                | u32::from(device) << 16
+                | u32::from(error & 0xF) << 12
+                | u32::from(sub_error & 0xFFF),
+            message: u32::from(session) << 16 | u32::from(message),
+            service: VERSION << 28 | call.id(),
+            payload: self.payload.len() as u32,
+        };
+        WireFrame { header: Some(header), payload: self.payload.clone() }.encode_to_vec()
+    }
+
+    /// The frame in `bytes`.
+    ///
+    /// # Errors
+    /// [`FrameError`], never [`FrameError::NoStart`] or [`FrameError::TooLong`], which belong to streams.
+    pub fn decode(bytes: &[u8]) -> Result<Self, FrameError> {
+        let WireFrame { header, payload } = WireFrame::decode(bytes).map_err(|_| FrameError::Encoding(bytes.len()))?;
+        let header = header.ok_or(FrameError::NoHeader)?;
+        let version = header.frame >> 28;
+        if version != VERSION {
+            return Err(FrameError::Version { found: version });
+        }
+        let kind = Kind::from_number(header.frame >> 24 & 0xF)?;
+        if payload.len() != header.payload as usize {
+            return Err(FrameError::PayloadLength { found: payload.len(), expected: header.payload });
+        }
+        Ok(Self {
+            header: Header {
+                kind,
+                device: (header.frame >> 16) as u8,
+                error: (header.frame >> 12 & 0xF) as u8,
+                sub_error: (header.frame & 0xFFF) as u16,
+                session: (header.message >> 16) as u16,
+                message: header.message as u16,
+                call: Call::from_id(header.service & 0x0FFF_FFFF),
+            },
+            payload,
+        })
+    }
+}
+
+#[cfg(test)]
+pub(crate) mod tests {
+    use super::*;
+    use crate::call;
+    use proptest::prelude::*;
+
+    /// A keep-alive, word by word from the layout: version 1, kind 1; session 0x1234, message 7; service 1, function 3;
+    /// no payload (a zero word is left out, as in every proto3 message).
+    #[test]
+    fn keep_alive_bytes() {
+        let header = Header {
+            kind: Kind::Request,
+            device: 0,
+            error: 0,
+            sub_error: 0,
+            session: 0x1234,
+            message: 7,
+            call: call::KEEP_ALIVE,
+        };
+        let expected = [
+            0x0A, 15, // field 1, 15 bytes
+            0x0D, 0x00, 0x00, 0x00, 0x11, // frame 0x1100_0000, little-endian
+            0x15, 0x07, 0x00, 0x34, 0x12, // message 0x1234_0007
+            0x1D, 0x03, 0x00, 0x01, 0x10, // service 0x1001_0003
+        ];
+        let frame = Frame { header, payload: vec![] };
+        assert_eq!(frame.encode(), expected);
+        assert_eq!(Frame::decode(&expected), Ok(frame));
+    }
+
+    /// A refusal from actuator 3: kind 3, device 3, error class 3 (device), reason 75 (wrong servoing mode), and a
+    /// payload.
+    #[test]
+    fn refusal_bytes() {
+        let bytes = [
+            0x0A, 20, 0x0D, 0x4B, 0x30, 0x03, 0x13, 0x15, 0x09, 0x00, 0x02, 0x00, 0x1D, 0x01, 0x00, 0x03, 0x10, 0x25,
+            0x02, 0x00, 0x00, 0x00, 0x12, 2, 0x08, 0x03,
+        ];
+        let header = Header {
+            kind: Kind::Response,
+            device: 3,
+            error: 3,
+            sub_error: 75,
+            session: 2,
+            message: 9,
+            call: call::REFRESH,
+        };
+        assert_eq!(Frame::decode(&bytes), Ok(Frame { header, payload: vec![8, 3] }));
+        assert_eq!(Frame { header, payload: vec![8, 3] }.encode(), bytes);
+    }
+
+    #[test]
+    fn damage_is_named() {
+        let word = |frame: u32, payload: u32| {
+            let header = WireHeader { frame, message: 0, service: 0, payload };
+            WireFrame { header: Some(header), payload: vec![1, 2] }.encode_to_vec()
+        };
+        assert_eq!(Frame::decode(&word(0x2100_0000, 2)), Err(FrameError::Version { found: 2 }));
+        assert_eq!(Frame::decode(&word(0x1200_0000, 2)), Err(FrameError::Kind { found: 2 }));
+        assert_eq!(Frame::decode(&word(0x1100_0000, 3)), Err(FrameError::PayloadLength { found: 2, expected: 3 }));
+        assert_eq!(Frame::decode(&[]), Err(FrameError::NoHeader));
+        assert_eq!(Frame::decode(&[0x0A, 9]), Err(FrameError::Encoding(2)));
+    }
+
+    pub(crate) fn frames() -> impl Strategy<Value = Frame> {
+        let kind = prop_oneof![Just(Kind::Request), Just(Kind::Response), Just(Kind::Notification)];
+        (
+            kind,
+            any::<(u8, u16, u16)>(),
+            0..16_u8,
+            0..4096_u16,
+            0..0x1000_0000_u32,
+            prop::collection::vec(any::<u8>(), 0..80),
+        )
+            .prop_map(|(kind, (device, session, message), error, sub_error, id, payload)| Frame {
+                header: Header { kind, device, error, sub_error, session, message, call: Call::from_id(id) },
+                payload,
+            })
+    }
+
+    proptest! {
+        #[test]
+        fn round_trip(frame in frames()) {
+            prop_assert_eq!(Frame::decode(&frame.encode()), Ok(frame));
+        }
+
+        /// Anything may arrive on a UDP port; nothing of it may end the program.
+        #[test]
+        fn any_bytes_are_a_frame_or_an_error(bytes in prop::collection::vec(any::<u8>(), 0..64)) {
+            if let Ok(frame) = Frame::decode(&bytes) {
+                prop_assert_eq!(Frame::decode(&frame.encode()), Ok(frame));
+            }
+        }
+    }
+}

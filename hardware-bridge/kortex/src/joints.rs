@@ -1,0 +1,15 @@
+//! The seven joints of a Gen3 and what is measured of them.
+
+/// Joints of the arm this client speaks to.
+pub const JOINTS: usize = 7;
+
+/// Measured motion of all joints, from the base on.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Motion {
+    /// Joint angles, rad, not wrapped.
+    pub position: [f64; JOINTS],
+    /// rad/s.
+    pub velocity: [f64; JOINTS],
+    /// N m.
+    pub torque: [f64; JOINTS],
+}

@@ -1,0 +1,77 @@
+//! Service 2, the base: modes, faults, measured angles, joint speeds.
+
+/// Who moves the joints.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, prost::Enumeration)]
+#[repr(i32)]
+pub enum ServoingMode {
+    /// Not said.
+    Unspecified = 0,
+    /// The base follows high-level commands of one session.
+    SingleLevel = 2,
+    /// The host, joint by joint, over UDP.
+    LowLevel = 3,
+    /// The actuators are spoken to past the base.
+    Bypass = 4,
+}
+
+/// Sets or tells the servoing mode.
+#[derive(Clone, Copy, PartialEq, Eq, prost::Message)]
+pub struct ServoingModeInformation {
+    /// The mode.
+    #[prost(enumeration = "ServoingMode", tag = "1")]
+    pub mode: i32,
+}
+
+/// How many joints there are.
+#[derive(Clone, Copy, PartialEq, Eq, prost::Message)]
+pub struct ActuatorInformation {
+    /// Seven on the arm this bridge drives.
+    #[prost(uint32, tag = "1")]
+    pub count: u32,
+}
+
+/// What the arm is doing; also the payload of [`crate::call::ARM_STATE_TOPIC`].
+#[derive(Clone, Copy, PartialEq, Eq, prost::Message)]
+pub struct ArmStateInformation {
+    /// The state.
+    #[prost(enumeration = "super::ArmState", tag = "1")]
+    pub active_state: i32,
+}
+
+/// Measured angles.
+#[derive(Clone, PartialEq, prost::Message)]
+pub struct JointAngles {
+    /// One per joint.
+    #[prost(message, repeated, tag = "1")]
+    pub joints: Vec<JointAngle>,
+}
+
+/// One measured angle.
+#[derive(Clone, Copy, PartialEq, prost::Message)]
+pub struct JointAngle {
+    /// From 0.
+    #[prost(uint32, tag = "1")]
+    pub joint: u32,
+    /// Degrees.
+    #[prost(float, tag = "2")]
+    pub value: f32,
+}
+
+/// Speeds to move with until the next command.
+#[derive(Clone, PartialEq, prost::Message)]
+pub struct JointSpeeds {
+    /// One per joint.
+    #[prost(message, repeated, tag = "1")]
+    pub joints: Vec<JointSpeed>,
+}
+
+/// One speed. (The maker's message has a duration too, "not implemented yet": it does not end the motion.)
+#[derive(Clone, Copy, PartialEq, prost::Message)]
+pub struct JointSpeed {
+    /// From 0.
+    #[prost(uint32, tag = "1")]
+    pub joint: u32,
+    /// Degrees per second.
+    #[prost(float, tag = "2")]
+    pub value: f32,
+}

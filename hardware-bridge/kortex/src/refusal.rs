@@ -1,0 +1,127 @@
+//! What the arm answers instead of doing: an error class and a reason.
+
+use prost::Message;
+
+use crate::frame::Frame;
+use crate::message::ErrorMessage;
+
+/// Why a call was refused, as far as a caller may want to act on it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Reason {
+    /// A function this arm does not have.
+    Unsupported,
+    /// An argument it does not take.
+    InvalidParameter,
+    /// The session is unknown to it: it timed out, or the arm restarted.
+    InvalidSession,
+    /// No such user, or another password.
+    Login,
+    /// Another session is in control.
+    NotInControl,
+    /// The arm starts, or is being updated or serviced.
+    NotReady,
+    /// A fault is active.
+    InFault,
+    /// The emergency stop is active.
+    EmergencyStop,
+    /// The arm is in another servoing mode than the call needs.
+    ServoingMode,
+    /// A joint would leave its range.
+    JointLimit,
+    /// Too many, too few, too fast.
+    Motion,
+    /// Anything else.
+    Other,
+}
+
+impl Reason {
+    fn from_sub_code(sub_code: u32) -> Self {
+        match sub_code {
+            2 | 4 | 5 => Self::Unsupported,
+            3 | 13 | 48 | 49 => Self::InvalidParameter,
+            12 => Self::InvalidSession,
+            15 | 16 => Self::Login,
+            54 | 130 => Self::NotInControl,
+            21 | 23 | 24 | 51 => Self::NotReady,
+            22 | 53 => Self::InFault,
+            25 => Self::EmergencyStop,
+            26 | 27 | 64 | 75 => Self::ServoingMode,
+            65 => Self::JointLimit,
+            57 | 59..=61 => Self::Motion,
+            _ => Self::Other,
+        }
+    }
+}
+
+/// A refusal.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Refusal {
+    /// In our words.
+    pub reason: Reason,
+    /// The arm's error class: 1 and 2 protocol, 3 device, 4 internal.
+    pub code: u32,
+    /// The arm's number for the reason.
+    pub sub_code: u32,
+    /// The arm's text, possibly empty.
+    pub text: String,
+}
+
+impl Refusal {
+    /// The refusal in a response; `None` if it is none.
+    pub fn of(response: &Frame) -> Option<Self> {
+        if response.header.error == 0 {
+            return None;
+        }
+        // The payload repeats the header's numbers and adds a text; the header alone is enough.
+        let text = ErrorMessage::decode(response.payload.as_slice()).map(|message| message.text).unwrap_or_default();
+        let sub_code = u32::from(response.header.sub_error);
+        Some(Self { reason: Reason::from_sub_code(sub_code), code: u32::from(response.header.error), sub_code, text })
+    }
+}
+
+impl std::fmt::Display for Refusal {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let why = match self.reason {
+            Reason::Unsupported => "not supported",
+            Reason::InvalidParameter => "argument refused",
+            Reason::InvalidSession => "session unknown",
+            Reason::Login => "wrong user or password",
+            Reason::NotInControl => "another session is in control",
+            Reason::NotReady => "the arm is not ready",
+            Reason::InFault => "a fault is active",
+            Reason::EmergencyStop => "the emergency stop is active",
+            Reason::ServoingMode => "wrong servoing mode",
+            Reason::JointLimit => "a joint would leave its range",
+            Reason::Motion => "motion refused",
+            Reason::Other => "refused",
+        };
+        write!(f, "{why} (code {}, sub-code {})", self.code, self.sub_code)?;
+        if self.text.is_empty() { Ok(()) } else { write!(f, ": {}", self.text) }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::call;
+    use crate::frame::{Header, Kind};
+
+    #[test]
+    fn header_decides_and_text_is_added() {
+        let header = Header {
+            kind: Kind::Response,
+            device: 0,
+            error: 3,
+            sub_error: 75,
+            session: 1,
+            message: 1,
+            call: call::REFRESH,
+        };
+        let payload = ErrorMessage { code: 3, sub_code: 75, text: "must be low level".to_owned() }.encode_to_vec();
+        let refusal = Refusal::of(&Frame { header, payload }).expect("refused");
+        assert_eq!(refusal.reason, Reason::ServoingMode);
+        assert_eq!(refusal.to_string(), "wrong servoing mode (code 3, sub-code 75): must be low level");
+        let fine = Header { error: 0, sub_error: 0, ..header };
+        assert_eq!(Refusal::of(&Frame { header: fine, payload: vec![] }), None);
+    }
+}

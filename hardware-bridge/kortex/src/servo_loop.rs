@@ -1,0 +1,268 @@
+//! The thousand cycles a second in a thread of their own, fed by a slower controller.
+//!
+//! The controller sets a target every tick of its own (say 10 ms). The loop goes there in equal steps over one such
+//! tick, never faster than the limits allow, so the arm sees a path without corners a millisecond long. When the
+//! controller is silent for longer than [`Pacing::host_deadline`] the loop stops where it is and says so: a target is a
+//! promise that somebody still looks.
+//!
+//! The thread also keeps the sessions alive. It ends with the first error and gives the arm back, out of low-level
+//! servoing.
+
+use std::sync::mpsc;
+use std::sync::{Arc, Mutex};
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
+
+use crate::arm::Arm;
+use crate::cyclic::{Counters, Feedback};
+use crate::error::{CommandError, KortexError};
+use crate::joints::JOINTS;
+use crate::lock::lock;
+use crate::servoing::{Limits, Servoing};
+
+/// How the loop and its controller keep time.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Pacing {
+    /// Time between two targets of the controller.
+    pub tick: Duration,
+    /// How long the controller may be silent before the arm is stopped.
+    pub host_deadline: Duration,
+}
+
+/// How the loop stands.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Snapshot {
+    /// Newest measurements.
+    pub feedback: Feedback,
+    /// Command last sent, rad.
+    pub command: [f64; JOINTS],
+    /// What became of the cycles.
+    pub counters: Counters,
+    /// Cycles that began late by more than a cycle, and were left out.
+    pub overruns: u64,
+    /// Latest start of a cycle so far.
+    pub lateness: Duration,
+    /// Whether the arm stands because the controller is silent.
+    pub host_silent: bool,
+    /// Cycles in which the arm was too far behind to be led on.
+    pub waited: u64,
+    /// Whether the loop has ended; [`ServoLoop::finish`] says why.
+    pub ended: bool,
+}
+
+struct Target {
+    angles: [f64; JOINTS],
+    set: Instant,
+    /// Whether the loop has not seen it yet.
+    new: bool,
+}
+
+struct Shared {
+    target: Option<Target>,
+    snapshot: Snapshot,
+    stop: bool,
+}
+
+/// The running loop. Dropping it stops it and leaves low-level servoing.
+#[derive(Debug)]
+pub struct ServoLoop {
+    shared: Arc<Mutex<Shared>>,
+    limits: Limits,
+    thread: Option<JoinHandle<(Arm, Result<(), KortexError>)>>,
+}
+
+impl std::fmt::Debug for Shared {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        self.snapshot.fmt(f)
+    }
+}
+
+impl ServoLoop {
+    /// Enters low-level servoing and starts cycling; the arm stands until the first target.
+    ///
+    /// # Errors
+    /// As [`Servoing::enter`].
+    pub fn start(arm: Arm, limits: Limits, pacing: Pacing) -> Result<Self, KortexError> {
+        let (entered, entry) = mpsc::channel();
+        let thread = std::thread::spawn(move || {
+            let mut arm = arm;
+            let result = match Servoing::enter(&mut arm, limits) {
+                Ok(servoing) => run(servoing, pacing, &entered),
+                Err(error) => Err(error),
+            };
+            (arm, result)
+        });
+        match entry.recv() {
+            Ok(shared) => Ok(Self { shared, limits, thread: Some(thread) }),
+            // The thread ended before it entered, and says why.
+            Err(_) => match thread.join() {
+                Ok((_, Err(error))) => Err(error),
+                Ok((_, Ok(()))) => unreachable!("a loop that never entered cannot have been asked to stop"),
+                Err(panic) => std::panic::resume_unwind(panic),
+            },
+        }
+    }
+
+    /// Sets where the joints are to be one tick from now, rad.
+    ///
+    /// # Errors
+    /// [`CommandError::NotFinite`], [`CommandError::Range`]; the target before stays.
+    pub fn set_target(&self, angles: [f64; JOINTS]) -> Result<(), CommandError> {
+        self.limits.check_range(&angles)?;
+        lock(&self.shared).target = Some(Target { angles, set: Instant::now(), new: true });
+        Ok(())
+    }
+
+    /// How the loop stands.
+    pub fn snapshot(&self) -> Snapshot {
+        lock(&self.shared).snapshot
+    }
+
+    /// Whether [`ServoLoop::finish`] would not have to wait: a loop that has ended still takes its leave of an arm that may not answer.
+    pub fn is_over(&self) -> bool {
+        self.thread.as_ref().is_none_or(JoinHandle::is_finished)
+    }
+
+    /// Stops the loop and gives the arm back, with the error that ended the loop if one did.
+    pub fn finish(mut self) -> (Arm, Result<(), KortexError>) {
+        lock(&self.shared).stop = true;
+        match self.thread.take().map(JoinHandle::join) {
+            Some(Ok(result)) => result,
+            Some(Err(panic)) => std::panic::resume_unwind(panic),
+            None => unreachable!("the thread is taken here and in drop only"),
+        }
+    }
+}
+
+impl Drop for ServoLoop {
+    fn drop(&mut self) {
+        lock(&self.shared).stop = true;
+        if let Some(thread) = self.thread.take() {
+            drop(thread.join());
+        }
+    }
+}
+
+/// The way to a target: equal steps over a tick of the controller.
+struct Path {
+    target: [f64; JOINTS],
+    step: [f64; JOINTS],
+}
+
+impl Path {
+    fn new(from: &[f64; JOINTS], target: [f64; JOINTS], cycles: f64, limits: &Limits) -> Self {
+        let step = std::array::from_fn(|i| ((target[i] - from[i]).abs() / cycles).min(limits.step[i]));
+        Self { target, step }
+    }
+
+    fn next(&self, from: &[f64; JOINTS]) -> [f64; JOINTS] {
+        std::array::from_fn(|i| from[i] + (self.target[i] - from[i]).clamp(-self.step[i], self.step[i]))
+    }
+}
+
+fn run(
+    mut servoing: Servoing<'_>,
+    pacing: Pacing,
+    entered: &mpsc::Sender<Arc<Mutex<Shared>>>,
+) -> Result<(), KortexError> {
+    let snapshot = Snapshot {
+        feedback: *servoing.latest(),
+        command: *servoing.command(),
+        counters: Counters::default(),
+        overruns: 0,
+        lateness: Duration::ZERO,
+        host_silent: false,
+        waited: 0,
+        ended: false,
+    };
+    let shared = Arc::new(Mutex::new(Shared { target: None, snapshot, stop: false }));
+    // Nobody waits for the entry any more: then nobody wants the arm to servo either.
+    let result = match entered.send(Arc::clone(&shared)) {
+        Ok(()) => cycle_on(&mut servoing, pacing, &shared),
+        Err(_) => Ok(()),
+    };
+    lock(&shared).snapshot.ended = true;
+    result?;
+    servoing.leave()
+}
+
+fn cycle_on(servoing: &mut Servoing<'_>, pacing: Pacing, shared: &Mutex<Shared>) -> Result<(), KortexError> {
+    let limits = *servoing.limits();
+    let cycles = (pacing.tick.as_secs_f64() / limits.cycle.as_secs_f64()).max(1.0);
+    let mut path: Option<Path> = None;
+    let mut next = Instant::now() + limits.cycle;
+    loop {
+        let command = *servoing.command();
+        {
+            let mut shared = lock(shared);
+            if shared.stop {
+                return Ok(());
+            }
+            if let Some(target) = &mut shared.target {
+                if std::mem::take(&mut target.new) {
+                    path = Some(Path::new(&command, target.angles, cycles, &limits));
+                }
+                let silent = target.set.elapsed() > pacing.host_deadline;
+                if silent {
+                    path = None;
+                }
+                shared.snapshot.host_silent = silent;
+            }
+        }
+        let wanted = path.as_ref().map_or(command, |path| path.next(&command));
+        let mut waited = false;
+        match servoing.command_angles(&wanted, next) {
+            // The arm is behind, held up by something: it is waited for.
+            Err(KortexError::Command(CommandError::Lead { .. })) => {
+                waited = true;
+                servoing.hold(next)?;
+            }
+            result => drop(result?),
+        }
+        std::thread::sleep(next.saturating_duration_since(Instant::now()));
+        let late = next.elapsed();
+        let mut shared = lock(shared);
+        let snapshot = &mut shared.snapshot;
+        snapshot.feedback = *servoing.latest();
+        snapshot.command = *servoing.command();
+        snapshot.counters = servoing.arm().cyclic.counters();
+        snapshot.waited += u64::from(waited);
+        snapshot.lateness = snapshot.lateness.max(late);
+        next += limits.cycle;
+        if late > limits.cycle {
+            // Cycles that were missed are not made up for: the arm takes one command a millisecond.
+            snapshot.overruns += (late.as_nanos() / limits.cycle.as_nanos()) as u64;
+            next = Instant::now() + limits.cycle;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::servoing::tests::limits;
+
+    /// Ten cycles to the target, in equal steps, and no further.
+    #[test]
+    fn path_is_straight_and_ends_at_the_target() {
+        let limits = limits();
+        let target = [0.01, -0.005, 0.0, 0.0, 0.0, 0.0, 0.0];
+        let mut at = [0.0; JOINTS];
+        let path = Path::new(&at, target, 10.0, &limits);
+        for cycle in 1..=12 {
+            at = path.next(&at);
+            let share = f64::from(cycle.min(10)) / 10.0;
+            assert!((at[0] - 0.01 * share).abs() < 1e-12 && (at[1] + 0.005 * share).abs() < 1e-12, "cycle {cycle}");
+        }
+        assert_eq!(at, target);
+    }
+
+    /// A target too far for a tick is approached at top speed.
+    #[test]
+    fn path_keeps_the_speed_limit() {
+        let limits = limits();
+        let from = [0.0; JOINTS];
+        let next = Path::new(&from, [1.0; JOINTS], 10.0, &limits).next(&from);
+        assert_eq!(next, limits.step);
+    }
+}

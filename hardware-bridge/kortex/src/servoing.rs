@@ -1,0 +1,307 @@
+//! Low-level servoing: the host commands every joint's angle, a thousand times a second.
+//!
+//! # Entry
+//! Faults are cleared, every joint must be in position mode, then the mode is changed and the first commands are the
+//! measured angles themselves (*seeded entry*): the arm does not move before the controller says so.
+//!
+//! # While it lasts
+//! A command is checked before it is sent: numbers only, within the joints' ranges, at most one cycle's step from the
+//! command before (not from the lagging measurement), and not so far ahead of the arm that it would trip over its
+//! following error. One bad joint refuses the whole command, and the caller sends [`Servoing::hold`] instead.
+//!
+//! # Exit
+//! [`Servoing::leave`] gives the arm back to its base. When the host just dies, commands stop and the arm's own
+//! watchdog has to stop it; what a real Gen3 does then, and how fast, is to be checked on the arm.
+
+use std::time::{Duration, Instant};
+
+use crate::arm::Arm;
+use crate::cyclic::Feedback;
+use crate::degrees::difference;
+use crate::error::{CommandError, KortexError};
+use crate::joints::JOINTS;
+use crate::message::ArmState;
+use crate::message::base::ServoingMode;
+use crate::message::device::ControlMode;
+use crate::refusal::Reason;
+
+/// What a command may be.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Limits {
+    /// Lowest angles, rad.
+    pub lower: [f64; JOINTS],
+    /// Highest angles, rad.
+    pub upper: [f64; JOINTS],
+    /// Largest step from one command to the next, rad.
+    pub step: [f64; JOINTS],
+    /// Largest distance from the measured angle, rad.
+    pub lead: [f64; JOINTS],
+    /// Cycles in a row that may pass without feedback.
+    pub silent_cycles: u32,
+    /// Length of a cycle.
+    pub cycle: Duration,
+}
+
+impl Limits {
+    /// At 1 kHz, for joints with these ranges (rad) and top speeds (rad/s): a lead of 3 degrees, 100 cycles of silence
+    /// (loopback UDP has been seen to stall for 92 ms).
+    pub fn at_1_khz(lower: [f64; JOINTS], upper: [f64; JOINTS], top_speed: [f64; JOINTS]) -> Self {
+        let cycle = Duration::from_millis(1);
+        Self {
+            lower,
+            upper,
+            step: top_speed.map(|speed| speed * cycle.as_secs_f64()),
+            lead: [3_f64.to_radians(); JOINTS],
+            silent_cycles: 100,
+            cycle,
+        }
+    }
+
+    /// Whether `angles` are numbers within the joints' ranges.
+    ///
+    /// # Errors
+    /// [`CommandError::NotFinite`], [`CommandError::Range`].
+    pub fn check_range(&self, angles: &[f64; JOINTS]) -> Result<(), CommandError> {
+        for (i, &found) in angles.iter().enumerate() {
+            let (joint, lower, upper) = (i + 1, self.lower[i], self.upper[i]);
+            if !found.is_finite() {
+                return Err(CommandError::NotFinite { joint, found });
+            }
+            if !(lower..=upper).contains(&found) {
+                return Err(CommandError::Range { joint, found, lower, upper });
+            }
+        }
+        Ok(())
+    }
+
+    /// Whether `command` may follow `previous` while the arm is at `measured`.
+    ///
+    /// # Errors
+    /// [`CommandError`] of the first joint that may not.
+    pub fn check(
+        &self,
+        command: &[f64; JOINTS],
+        previous: &[f64; JOINTS],
+        measured: &[f64; JOINTS],
+    ) -> Result<(), CommandError> {
+        self.check_range(command)?;
+        for (i, &found) in command.iter().enumerate() {
+            let joint = i + 1;
+            let step = (found - previous[i]).abs();
+            // The step of a command at exactly the top speed may round up.
+            if step > self.step[i] * (1.0 + 1e-9) {
+                return Err(CommandError::Step { joint, found: step, allowed: self.step[i] });
+            }
+            let lead = difference(found, measured[i]).abs();
+            if lead > self.lead[i] {
+                return Err(CommandError::Lead { joint, found: lead, allowed: self.lead[i] });
+            }
+        }
+        Ok(())
+    }
+}
+
+/// An arm that follows our joint commands. Dropping it leaves low-level servoing as well as can be done.
+#[derive(Debug)]
+pub struct Servoing<'a> {
+    arm: &'a mut Arm,
+    limits: Limits,
+    command: [f64; JOINTS],
+    latest: Feedback,
+    silent: u32,
+    left: bool,
+}
+
+impl<'a> Servoing<'a> {
+    /// Enters low-level servoing. The arm stands still, whatever it did before.
+    ///
+    /// # Errors
+    /// A refusal or fault; [`KortexError::ControlMode`]; [`KortexError::State`] if the arm does not follow the change
+    /// of mode. The arm is back in high-level mode then, unless that fails too.
+    pub fn enter(arm: &'a mut Arm, limits: Limits) -> Result<Self, KortexError> {
+        arm.base.clear_faults()?;
+        for (i, address) in arm.base.actuators()?.into_iter().enumerate() {
+            let found = arm.base.control_mode(address)?;
+            if found != ControlMode::Position {
+                return Err(KortexError::ControlMode { joint: i + 1, found });
+            }
+        }
+        let before = without_faults(arm)?;
+        arm.base.set_servoing_mode(ServoingMode::LowLevel)?;
+        let mut servoing =
+            Self { arm, limits, command: before.motion.position, latest: before, silent: 0, left: false };
+        servoing.seed()?;
+        Ok(servoing)
+    }
+
+    /// Commands the measured angles until the arm says that it follows.
+    fn seed(&mut self) -> Result<(), KortexError> {
+        let deadline = Instant::now() + self.arm.base.session().timeouts().call;
+        self.latest = self.arm.cyclic.feedback()?;
+        self.command = self.latest.motion.position;
+        loop {
+            let cycle = Instant::now() + self.limits.cycle;
+            self.exchange(cycle)?;
+            if self.latest.state == ArmState::ServoingLowLevel {
+                return Ok(());
+            }
+            if Instant::now() > deadline {
+                return Err(KortexError::State { found: self.latest.state, expected: ArmState::ServoingLowLevel });
+            }
+            std::thread::sleep(cycle.saturating_duration_since(Instant::now()));
+        }
+    }
+
+    /// The newest measurements.
+    pub fn latest(&self) -> &Feedback {
+        &self.latest
+    }
+
+    /// The command last sent, rad.
+    pub fn command(&self) -> &[f64; JOINTS] {
+        &self.command
+    }
+
+    /// What commands may be.
+    pub fn limits(&self) -> &Limits {
+        &self.limits
+    }
+
+    /// The arm, for its counters and notifications.
+    pub fn arm(&mut self) -> &mut Arm {
+        self.arm
+    }
+
+    /// Commands `angles` (rad) and waits for the arm's answer until `deadline`; says whether measurements came.
+    ///
+    /// # Errors
+    /// [`KortexError::Command`] before anything is sent: the caller then owes the arm a [`Servoing::hold`] in this
+    /// cycle. Otherwise a fault, an emergency stop, another state, a long row of cycles without feedback, a link's
+    /// errors: servoing is over, the arm has stopped or is about to stop by itself.
+    pub fn command_angles(&mut self, angles: &[f64; JOINTS], deadline: Instant) -> Result<bool, KortexError> {
+        self.limits.check(angles, &self.command, &self.latest.motion.position)?;
+        self.command = *angles;
+        self.cycle(deadline)
+    }
+
+    /// Sends the last command again.
+    ///
+    /// # Errors
+    /// As [`Servoing::command_angles`], never [`KortexError::Command`].
+    pub fn hold(&mut self, deadline: Instant) -> Result<bool, KortexError> {
+        self.cycle(deadline)
+    }
+
+    fn cycle(&mut self, deadline: Instant) -> Result<bool, KortexError> {
+        let fresh = self.exchange(deadline)?;
+        if self.latest.state != ArmState::ServoingLowLevel {
+            return Err(KortexError::State { found: self.latest.state, expected: ArmState::ServoingLowLevel });
+        }
+        Ok(fresh)
+    }
+
+    fn exchange(&mut self, deadline: Instant) -> Result<bool, KortexError> {
+        self.arm.base.keep_up()?;
+        let fresh = match self.arm.cyclic.refresh(&self.command, deadline) {
+            // The arm left low-level servoing on its own. Why, stands in its faults.
+            Err(error) if error.reason() == Some(Reason::ServoingMode) => {
+                self.latest = self.arm.cyclic.feedback()?;
+                fault_of(&self.latest)?;
+                return Err(error);
+            }
+            result => result?,
+        };
+        if let Some(feedback) = fresh {
+            self.latest = feedback;
+            self.silent = 0;
+        } else {
+            self.silent += 1;
+            if self.silent > self.limits.silent_cycles {
+                return Err(KortexError::FeedbackLost { ticks: self.silent, allowed: self.limits.silent_cycles });
+            }
+        }
+        fault_of(&self.latest)?;
+        Ok(fresh.is_some())
+    }
+
+    /// Gives the arm back to its base, which holds it where it is.
+    ///
+    /// # Errors
+    /// As [`crate::session::Session::call`].
+    pub fn leave(mut self) -> Result<(), KortexError> {
+        self.left = true;
+        self.arm.base.set_servoing_mode(ServoingMode::SingleLevel)
+    }
+}
+
+impl Drop for Servoing<'_> {
+    fn drop(&mut self) {
+        if !self.left {
+            // Whoever drops without leaving has an error in hand already; the arm's watchdog does the rest.
+            drop(self.arm.base.set_servoing_mode(ServoingMode::SingleLevel));
+        }
+    }
+}
+
+/// Waits for cleared faults to be gone, which a call's answer does not promise.
+fn without_faults(arm: &mut Arm) -> Result<Feedback, KortexError> {
+    let deadline = Instant::now() + arm.base.session().timeouts().call;
+    loop {
+        let feedback = arm.cyclic.feedback()?;
+        match fault_of(&feedback) {
+            Ok(()) => return Ok(feedback),
+            Err(error) if Instant::now() > deadline => return Err(error),
+            Err(_) => std::thread::sleep(Duration::from_millis(10)),
+        }
+        arm.keep_up()?;
+    }
+}
+
+/// The error of measurements with faults in them.
+fn fault_of(feedback: &Feedback) -> Result<(), KortexError> {
+    if feedback.faults.is_emergency_stop() {
+        return Err(KortexError::EmergencyStop(Box::new(feedback.faults)));
+    }
+    if !feedback.faults.is_empty() || feedback.state == ArmState::InFault {
+        return Err(KortexError::Fault(Box::new(feedback.faults)));
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+pub(crate) mod tests {
+    use super::*;
+
+    /// The published arm's.
+    pub fn limits() -> Limits {
+        let arm = hand_model::Arm::gen3();
+        let joints = &arm.tree.joints;
+        let (lower, upper) = (std::array::from_fn(|i| joints[i].lower), std::array::from_fn(|i| joints[i].upper));
+        Limits::at_1_khz(lower, upper, arm.velocity_limits)
+    }
+
+    const ZERO: [f64; JOINTS] = [0.0; JOINTS];
+
+    fn only(joint: usize, value: f64) -> [f64; JOINTS] {
+        std::array::from_fn(|i| if i + 1 == joint { value } else { 0.0 })
+    }
+
+    #[test]
+    fn commands_are_checked_joint_by_joint() {
+        let limits = limits();
+        let check = |command, previous, measured| limits.check(&command, &previous, &measured);
+        assert_eq!(check(only(1, 0.00139), ZERO, ZERO), Ok(()));
+        assert!(matches!(check(only(3, f64::NAN), ZERO, ZERO), Err(CommandError::NotFinite { joint: 3, .. })));
+        assert!(matches!(check(only(7, 0.0013), ZERO, ZERO), Err(CommandError::Step { joint: 7, .. })));
+        assert!(matches!(check(only(2, 2.3), only(2, 2.3), only(2, 2.3)), Err(CommandError::Range { joint: 2, .. })));
+        assert!(matches!(check(only(5, 0.06), only(5, 0.06), ZERO), Err(CommandError::Lead { joint: 5, .. })));
+    }
+
+    /// A joint without end stops may be commanded a turn away from where it counts: the posture is the same.
+    #[test]
+    fn lead_is_measured_as_posture() {
+        let limits = limits();
+        let turn = only(1, std::f64::consts::TAU);
+        assert_eq!(limits.check(&turn, &turn, &ZERO), Ok(()));
+    }
+}

@@ -1,0 +1,261 @@
+//! A session: calls with deadlines, keep-alives, notifications.
+//!
+//! There is no thread in here. Whoever owns a session calls it often enough ([`Session::keep_up`]), and a host that
+//! hangs is one whose keep-alives stop, so that the arm notices. A helper thread would keep the session of a dead
+//! controller alive.
+
+use std::collections::VecDeque;
+use std::time::{Duration, Instant};
+
+use prost::Message;
+
+use crate::call::{self, Call};
+use crate::error::KortexError;
+use crate::frame::{Frame, Header, Kind};
+use crate::link::Link;
+use crate::message::Empty;
+use crate::message::session::CreateSessionInfo;
+use crate::refusal::Refusal;
+use crate::tap::Tap;
+
+/// Who logs in.
+#[derive(Clone, PartialEq, Eq)]
+pub struct Credentials {
+    /// User name.
+    pub user: String,
+    /// Password.
+    pub password: String,
+}
+
+impl std::fmt::Debug for Credentials {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "Credentials {{ user: {:?} }}", self.user)
+    }
+}
+
+/// Deadlines of a session.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Timeouts {
+    /// How long to wait for a call's answer.
+    pub call: Duration,
+    /// How long the arm keeps a session without calls.
+    pub session: Duration,
+    /// How long the arm keeps a session without any sign of life; also how long we bear its silence.
+    pub connection: Duration,
+    /// Time between keep-alives.
+    pub keep_alive: Duration,
+}
+
+impl Default for Timeouts {
+    /// The session's timeouts are those of the maker's ROS 2 driver, the keep-alive that of its Python client.
+    fn default() -> Self {
+        Self {
+            call: Duration::from_secs(1),
+            session: Duration::from_secs(60),
+            connection: Duration::from_secs(2),
+            keep_alive: Duration::from_millis(150),
+        }
+    }
+}
+
+/// A session on a link. Dropping it closes it as well as can be done without waiting.
+#[derive(Debug)]
+pub struct Session<L: Link> {
+    link: L,
+    number: u16,
+    next_message: u16,
+    timeouts: Timeouts,
+    next_keep_alive: Instant,
+    /// Since when the arm owes us a sign of life.
+    unanswered: Option<Instant>,
+    notifications: VecDeque<Frame>,
+    stray: u64,
+}
+
+impl<L: Link> Session<L> {
+    /// Logs in.
+    ///
+    /// # Errors
+    /// [`KortexError::Refused`] with [`crate::refusal::Reason::Login`] for a wrong name or password; a link's errors;
+    /// no answer.
+    pub fn create(link: L, credentials: &Credentials, timeouts: Timeouts) -> Result<Self, KortexError> {
+        let now = Instant::now();
+        let next_keep_alive = now + timeouts.connection;
+        let mut session = Self {
+            link,
+            number: 0,
+            next_message: 1,
+            timeouts,
+            next_keep_alive,
+            unanswered: None,
+            notifications: VecDeque::new(),
+            stray: 0,
+        };
+        let login = CreateSessionInfo {
+            user: credentials.user.clone(),
+            session_timeout: timeouts.session.as_millis() as u32,
+            password: credentials.password.clone(),
+            connection_timeout: timeouts.connection.as_millis() as u32,
+        };
+        let answer = session.answer(call::CREATE_SESSION, 0, &login)?;
+        session.number = answer.header.session;
+        session.next_keep_alive = Instant::now() + timeouts.keep_alive;
+        Ok(session)
+    }
+
+    /// The session's number.
+    pub fn number(&self) -> u16 {
+        self.number
+    }
+
+    /// Its deadlines.
+    pub fn timeouts(&self) -> Timeouts {
+        self.timeouts
+    }
+
+    /// Copies everything that goes over the link from now on, which is after the login.
+    pub fn tap(&mut self, tap: Tap) {
+        self.link.tap(tap);
+    }
+
+    /// Frames that answered nothing we wait for.
+    pub fn stray(&self) -> u64 {
+        self.stray
+    }
+
+    /// Datagrams dropped because they were damaged.
+    pub fn damaged(&self) -> u64 {
+        self.link.damaged()
+    }
+
+    /// Calls `call` of `device` (0: the base) and waits for its answer.
+    ///
+    /// # Errors
+    /// A refusal, no answer in time, a link's errors, an answer of another type.
+    pub fn call<A: Message + Default>(
+        &mut self,
+        call: Call,
+        device: u8,
+        argument: &impl Message,
+    ) -> Result<A, KortexError> {
+        let answer = self.answer(call, device, argument)?;
+        decode(&answer)
+    }
+
+    fn answer(&mut self, call: Call, device: u8, argument: &impl Message) -> Result<Frame, KortexError> {
+        let message = self.post(call, device, argument)?;
+        let after = self.timeouts.call;
+        let deadline = Instant::now() + after;
+        while let Some(frame) = self.next_response(deadline)? {
+            if frame.header.message != message || frame.header.call != call {
+                self.stray += 1;
+                continue;
+            }
+            return match Refusal::of(&frame) {
+                Some(refusal) => Err(KortexError::refused(call, self.number, refusal)),
+                None => Ok(frame),
+            };
+        }
+        Err(KortexError::Timeout { call, after })
+    }
+
+    /// Sends a call and returns its number; [`Session::next_response`] brings the answer.
+    ///
+    /// # Errors
+    /// The link's.
+    pub fn post(&mut self, call: Call, device: u8, argument: &impl Message) -> Result<u16, KortexError> {
+        let message = self.next_message;
+        self.next_message = self.next_message.wrapping_add(1);
+        let (session, kind) = (self.number, Kind::Request);
+        let header = Header { kind, device, error: 0, sub_error: 0, session, message, call };
+        self.link.send(&Frame { header, payload: argument.encode_to_vec() })?;
+        Ok(message)
+    }
+
+    /// The next answer to anything but a keep-alive, waiting until `deadline`; notifications that come meanwhile are
+    /// kept, and keep-alives sent.
+    ///
+    /// # Errors
+    /// The link's; [`KortexError::SessionLost`] when the arm refuses a keep-alive; [`KortexError::Silent`].
+    pub fn next_response(&mut self, deadline: Instant) -> Result<Option<Frame>, KortexError> {
+        loop {
+            let now = Instant::now();
+            if now >= self.next_keep_alive {
+                self.post(call::KEEP_ALIVE, 0, &Empty {})?;
+                self.next_keep_alive = now + self.timeouts.keep_alive;
+                self.unanswered.get_or_insert(now);
+            }
+            let Some(frame) = self.link.receive(deadline.min(self.next_keep_alive))? else {
+                let silent = self.unanswered.map_or(Duration::ZERO, |since| since.elapsed());
+                if silent > self.timeouts.connection {
+                    return Err(KortexError::Silent { silent, allowed: self.timeouts.connection });
+                }
+                if Instant::now() >= deadline {
+                    return Ok(None);
+                }
+                continue;
+            };
+            self.unanswered = None;
+            match (frame.header.kind, frame.header.call) {
+                (Kind::Response, call::KEEP_ALIVE) => {
+                    if let Some(refusal) = Refusal::of(&frame) {
+                        return Err(KortexError::refused(call::KEEP_ALIVE, self.number, refusal));
+                    }
+                }
+                (Kind::Response, _) => return Ok(Some(frame)),
+                (Kind::Notification, _) => self.notifications.push_back(frame),
+                (Kind::Request, _) => self.stray += 1,
+            }
+        }
+    }
+
+    /// Sends a keep-alive if one is due and takes in what has come, without waiting. To be called every few
+    /// milliseconds.
+    ///
+    /// # Errors
+    /// As [`Session::next_response`].
+    pub fn keep_up(&mut self) -> Result<(), KortexError> {
+        let now = Instant::now();
+        while self.next_response(now)?.is_some() {
+            self.stray += 1;
+        }
+        Ok(())
+    }
+
+    /// The oldest notification not yet taken.
+    pub fn next_notification(&mut self) -> Option<Frame> {
+        self.notifications.pop_front()
+    }
+
+    /// Logs out and waits for the arm to agree.
+    ///
+    /// # Errors
+    /// As [`Session::call`].
+    pub fn close(mut self) -> Result<(), KortexError> {
+        let result = self.call::<Empty>(call::CLOSE_SESSION, 0, &Empty {});
+        self.number = 0;
+        result.map(|_| ())
+    }
+}
+
+impl<L: Link> Drop for Session<L> {
+    fn drop(&mut self) {
+        if self.number != 0 {
+            // Nothing is left to report to; the arm's own timeout ends a session whose goodbye is lost.
+            drop(self.post(call::CLOSE_SESSION, 0, &Empty {}));
+        }
+    }
+}
+
+/// The payload of `frame` as an `A`.
+///
+/// # Errors
+/// [`KortexError::Answer`].
+pub(super) fn decode<A: Message + Default>(frame: &Frame) -> Result<A, KortexError> {
+    A::decode(frame.payload.as_slice()).map_err(|error| KortexError::Answer {
+        call: frame.header.call,
+        field: "payload",
+        found: format!("{} bytes ({error})", frame.payload.len()),
+        expected: "its message".to_owned(),
+    })
+}

@@ -1,0 +1,33 @@
+//! Copies of the bytes on a link, for whoever records them.
+//!
+//! Install a tap after the login, as [`crate::Arm::tap`] does, so that the password stays out of the record.
+
+use std::fmt;
+
+/// Which way the bytes went, seen from the host.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Direction {
+    Sent,
+    Received,
+}
+
+type OnPacket = dyn FnMut(Direction, &[u8]) + Send;
+
+/// A callback that gets a copy of every packet on one link. It runs in the thread of the link and must not block.
+pub struct Tap(Box<OnPacket>);
+
+impl Tap {
+    pub fn new(on_packet: impl FnMut(Direction, &[u8]) + Send + 'static) -> Self {
+        Self(Box::new(on_packet))
+    }
+
+    pub(crate) fn packet(&mut self, direction: Direction, bytes: &[u8]) {
+        (self.0)(direction, bytes);
+    }
+}
+
+impl fmt::Debug for Tap {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("Tap")
+    }
+}

@@ -1,0 +1,9 @@
+//! The arm's client against the emulated arm, over loopback TCP and UDP.
+
+mod dead_host;
+mod fault_matrix;
+mod faults;
+mod servo_loop;
+mod servoing;
+mod session;
+mod support;

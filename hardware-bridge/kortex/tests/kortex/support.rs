@@ -1,0 +1,76 @@
+//! An emulated arm and a host connected to it.
+
+use std::time::{Duration, Instant};
+
+use hand_model::arm::Arm as ArmModel;
+use kortex::JOINTS;
+use kortex::emulator::{Emulator, FirstOrderJoints, Happening, Pace, Settings};
+use kortex::servoing::Limits;
+use kortex::{Arm, Credentials, Timeouts};
+
+/// Delay of the emulated joints, s.
+pub const LAG: f64 = 0.02;
+
+/// What the tests allow of joint speeds, rad/s.
+pub const TOP_SPEED: [f64; JOINTS] = [1.2; JOINTS];
+
+/// Longer than any answer on loopback takes, even on a busy machine.
+pub const PATIENCE: Duration = Duration::from_secs(5);
+
+pub fn credentials() -> Credentials {
+    Credentials { user: "admin".to_owned(), password: "admin".to_owned() }
+}
+
+/// Sessions that do not end by themselves: a stepped arm's seconds may pass between two keep-alives of the host.
+pub fn timeouts() -> Timeouts {
+    let hour = Duration::from_secs(3600);
+    Timeouts { call: PATIENCE, session: hour, connection: hour, ..Timeouts::default() }
+}
+
+pub fn emulator_at(posture: [f64; JOINTS], pace: Pace) -> Emulator {
+    emulator_with(posture, pace, Settings::default().cyclic_deadline)
+}
+
+/// With a watchdog after `cyclic_deadline` ms. In real time a busy machine may hold up the host for longer than the
+/// usual 50.
+pub fn emulator_with(posture: [f64; JOINTS], pace: Pace, cyclic_deadline: u64) -> Emulator {
+    let plant = FirstOrderJoints::new(posture, LAG, ArmModel::gen3().velocity_limits);
+    let settings = Settings { cyclic_deadline, ..Settings::default() };
+    Emulator::start(settings, Box::new(plant), pace).expect("loopback has free ports")
+}
+
+/// An arm at its published home posture, whose time passes by [`Emulator::step`] alone.
+pub fn emulator() -> Emulator {
+    emulator_at(ArmModel::home(), Pace::Stepped)
+}
+
+pub fn host(emulator: &Emulator) -> Arm {
+    let near = emulator.status().motion.position;
+    Arm::connect(emulator.address(), &credentials(), timeouts(), near).expect("connects")
+}
+
+pub fn limits() -> Limits {
+    let arm = ArmModel::gen3();
+    let joints = &arm.tree.joints;
+    let (lower, upper) = (std::array::from_fn(|i| joints[i].lower), std::array::from_fn(|i| joints[i].upper));
+    Limits::at_1_khz(lower, upper, arm.velocity_limits)
+}
+
+/// A deadline by which an answer on loopback has come.
+pub fn soon() -> Instant {
+    Instant::now() + PATIENCE
+}
+
+/// When it happened last, ms of the arm's time.
+pub fn time_of(emulator: &Emulator, what: Happening) -> Option<u64> {
+    emulator.status().events.iter().rev().find(|event| event.what == what).map(|event| event.time)
+}
+
+/// Waits until `condition`; gives up after a time no machine takes.
+pub fn until(what: &str, mut condition: impl FnMut() -> bool) {
+    let give_up = Instant::now() + Duration::from_secs(30);
+    while !condition() {
+        assert!(Instant::now() < give_up, "waited in vain until {what}");
+        std::thread::sleep(Duration::from_millis(1));
+    }
+}

@@ -1,0 +1,201 @@
+//! Two sessions side by side: where they first differ by a bit.
+//!
+//! Compared are observations with their images, commands asked and sent, what prior perception said, and the ticks' times. Not compared are raw bytes
+//! (two bodies need not have the same links), the words on the outcome (they hold how long decisions took), lateness, and when an image was taken: a
+//! camera board's clock is known to some microseconds only, and no decision depends on it.
+
+use hand_model::robot::{ArmState, Observation, ServoState};
+
+use crate::error::SessionLogError;
+use crate::message::bits;
+use crate::reader::{Event, Reader};
+
+/// What became of a comparison.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct Comparison {
+    /// Whole ticks that are the same in both.
+    pub ticks: u64,
+    /// Numbers that are the same in both.
+    pub values: u64,
+    /// Images that are.
+    pub images: u64,
+    /// What differs first, if anything does.
+    pub difference: Option<Difference>,
+}
+
+/// A difference.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("tick {tick}, {field}: found {found}, expected {expected}")]
+pub struct Difference {
+    /// Number of the tick, from 0.
+    pub tick: u64,
+    /// What differs.
+    pub field: String,
+    /// In the second session.
+    pub found: String,
+    /// In the first.
+    pub expected: String,
+}
+
+/// Goes through both sessions until they differ or one is over; one that is over sooner is a difference.
+///
+/// # Errors
+/// A file that is damaged.
+pub fn compare(expected: &mut Reader, found: &mut Reader) -> Result<Comparison, SessionLogError> {
+    let mut comparison = Comparison::default();
+    loop {
+        let (first, second) = (next(expected)?, next(found)?);
+        let differ = |field: &str, found: &str, expected: &str| Difference {
+            tick: comparison.ticks,
+            field: field.to_owned(),
+            found: found.to_owned(),
+            expected: expected.to_owned(),
+        };
+        let (first, second) = match (first, second) {
+            (None, None) => return Ok(comparison),
+            (Some(first), Some(second)) => (first, second),
+            (first, second) => {
+                let word = |event: &Option<Event>| event.as_ref().map_or("the end", name).to_owned();
+                comparison.difference = Some(differ("session", &word(&second), &word(&first)));
+                return Ok(comparison);
+            }
+        };
+        if name(&first) != name(&second) {
+            comparison.difference = Some(differ("event", name(&second), name(&first)));
+            return Ok(comparison);
+        }
+        let (ours, theirs) = (values(&first), values(&second));
+        let unlike = ours.iter().zip(&theirs).find(|(a, b)| a != b);
+        if let Some(((field, a), (other, b))) = unlike {
+            let show = |field: &str, bits: &u64| format!("{field} = {:?}", f64::from_bits(*bits));
+            comparison.difference =
+                Some(differ(&format!("{} {field}", name(&first)), &show(other, b), &show(field, a)));
+            return Ok(comparison);
+        }
+        if let (Event::Observation(a), Event::Observation(b)) = (&first, &second)
+            && let Some((field, found, expected)) = unlike_images(a, b)
+        {
+            comparison.difference = Some(differ(&field, &found, &expected));
+            return Ok(comparison);
+        }
+        comparison.values += ours.len() as u64;
+        match first {
+            Event::Observation(observation) => comparison.images += observation.tactile.len() as u64,
+            Event::Tick(_) => comparison.ticks += 1,
+            _ => {}
+        }
+    }
+}
+
+/// The next event that is compared.
+fn next(reader: &mut Reader) -> Result<Option<Event>, SessionLogError> {
+    while let Some((_, event)) = reader.next_event()? {
+        if !matches!(event, Event::Raw { .. } | Event::Outcome(_)) {
+            return Ok(Some(event));
+        }
+    }
+    Ok(None)
+}
+
+fn name(event: &Event) -> &'static str {
+    match event {
+        Event::Observation(_) => "observation",
+        Event::Asked(_) => "command asked",
+        Event::Sent(_) => "command sent",
+        Event::Tick(_) => "tick",
+        Event::Seen(..) => "seen",
+        Event::Outcome(_) => "outcome",
+        Event::Raw { .. } => "raw",
+    }
+}
+
+/// All numbers of an event by their bits, with their names.
+fn values(event: &Event) -> Vec<(String, u64)> {
+    match event {
+        Event::Observation(observation) => numbers(observation),
+        Event::Asked(command) | Event::Sent(command) => bits(command),
+        Event::Tick(tick) => vec![("time".to_owned(), tick.time.to_bits())],
+        Event::Seen(object, pose) => {
+            let pose = pose.iter().map(|value| ("pose".to_owned(), value.to_bits()));
+            pose.chain([("object".to_owned(), *object as u64)]).collect()
+        }
+        Event::Outcome(_) | Event::Raw { .. } => Vec::new(),
+    }
+}
+
+fn numbers(observation: &Observation) -> Vec<(String, u64)> {
+    let Observation { time, sequence, servos, arm, tactile } = observation;
+    let ArmState { position, velocity, torque } = arm;
+    let joints =
+        [("angle", position), ("speed", velocity), ("torque", torque)].into_iter().flat_map(|(what, values)| {
+            (1..).zip(values).map(move |(n, value)| (format!("arm joint {n} {what}"), value.to_bits()))
+        });
+    let servos = (1..).zip(servos).flat_map(|(n, servo)| {
+        let ServoState { position, velocity, current, temperature } = servo;
+        [("angle", position), ("speed", velocity), ("current", current), ("temperature", temperature)]
+            .map(|(what, value)| (format!("servo {n} {what}"), value.to_bits()))
+    });
+    let head = [("time", time.to_bits()), ("sequence", *sequence), ("images", tactile.len() as u64)];
+    head.map(|(what, value)| (what.to_owned(), value)).into_iter().chain(servos).chain(joints).collect()
+}
+
+/// The first image that is not the same: what, found, expected.
+fn unlike_images(expected: &Observation, found: &Observation) -> Option<(String, String, String)> {
+    expected.tactile.iter().zip(&found.tactile).find_map(|(a, b)| {
+        if a.camera != b.camera {
+            return Some(("camera".to_owned(), b.camera.to_string(), a.camera.to_string()));
+        }
+        let unlike = a.image.rgb.iter().zip(&b.image.rgb).filter(|(a, b)| a != b).count();
+        (unlike > 0).then(|| {
+            let pixels = format!("{unlike} of {} values unlike", a.image.rgb.len());
+            (format!("image of camera {}", a.camera), pixels, "none".to_owned())
+        })
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use hand_model::robot::{Command, Tick};
+
+    use super::*;
+    use crate::writer::{Session, Writer};
+
+    /// A session of three ticks, with this angle in the second.
+    fn session(path: &Path, angle: f64, ticks: u64) -> Reader {
+        let mut writer = Writer::create(path, &Session::default()).expect("a file");
+        for n in 0..ticks {
+            let mut observation = Observation { time: n as f64, sequence: n, ..Observation::default() };
+            if n == 1 {
+                observation.arm.position[3] = angle;
+            }
+            writer.observation(&observation).expect("written");
+            let command =
+                Command { arm: [0.0; 7], servos: [hand_model::robot::ServoGoal::Current(0.1); 6], capture: false };
+            writer.asked(&command).expect("written");
+            writer.sent(&command).expect("written");
+            writer.tick(Tick { time: n as f64 + 1.0, lateness: 0.0 }).expect("written");
+        }
+        writer.finish().expect("finished");
+        Reader::open(path).expect("readable")
+    }
+
+    #[test]
+    fn the_first_bit_that_differs() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let file = |name: &str| folder.path().join(name);
+        let same = compare(&mut session(&file("a"), 0.5, 3), &mut session(&file("b"), 0.5, 3)).expect("whole");
+        assert_eq!((same.ticks, same.difference), (3, None));
+        let other = 0.5 + f64::EPSILON;
+        let unlike = compare(&mut session(&file("c"), 0.5, 3), &mut session(&file("d"), other, 3)).expect("whole");
+        let difference = unlike.difference.expect("a bit");
+        assert_eq!((difference.tick, difference.field.as_str()), (1, "observation arm joint 4 angle"));
+        let short = compare(&mut session(&file("e"), 0.5, 3), &mut session(&file("f"), 0.5, 2)).expect("whole");
+        let difference = short.difference.expect("an end");
+        assert_eq!((difference.tick, difference.found.as_str()), (2, "the end"));
+        // -0 and 0 are two numbers.
+        let zero = compare(&mut session(&file("g"), 0.0, 2), &mut session(&file("h"), -0.0, 2)).expect("whole");
+        assert!(zero.difference.is_some());
+    }
+}

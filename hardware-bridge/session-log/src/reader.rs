@@ -1,0 +1,261 @@
+//! Reading a session, from its beginning, finished or cut short.
+
+use std::collections::BTreeMap;
+use std::fs::File;
+use std::io::{BufReader, Read};
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+use hand_model::robot;
+use mcap::McapError;
+use mcap::records::{Record, op};
+use mcap::sans_io::{LinearReadEvent, LinearReader, LinearReaderOptions};
+use prost::Message;
+
+use crate::error::SessionLogError;
+use crate::message::{Command, LastImages, Observation, Seen, Tick, Wrong};
+use crate::tap::Direction;
+use crate::writer::{
+    ASKED, CALIBRATION, CONFIGURATION, FORMAT, METADATA, OBSERVATION, OUTCOME, SEEN, SENT, Session, TASK, TICK, sha256,
+};
+
+/// The longest record taken, bytes: an observation with an image of every camera has 3.2 MB. A damaged length must not
+/// be believed.
+const LONGEST: usize = 1 << 28;
+
+/// Bytes read at once, at most.
+const PIECE: usize = 1 << 16;
+
+/// Kinds of records that are read.
+const KNOWN: [u8; 4] = [op::METADATA, op::CHANNEL, op::MESSAGE, op::DATA_END];
+
+/// Something in a session.
+#[derive(Debug, Clone)]
+pub enum Event {
+    /// What was observed.
+    Observation(robot::Observation),
+    /// What the controller wanted.
+    Asked(robot::Command),
+    /// What was sent.
+    Sent(robot::Command),
+    /// The end of a tick.
+    Tick(robot::Tick),
+    /// What prior perception says: which object, and its pose ([`Seen`]).
+    Seen(usize, [f64; 7]),
+    /// What came of it, in the controller's words.
+    Outcome(Vec<u8>),
+    /// Bytes on a link.
+    Raw {
+        /// Name of the link.
+        link: String,
+        /// Which way.
+        direction: Direction,
+        /// The bytes.
+        bytes: Vec<u8>,
+    },
+}
+
+/// When it happened.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Times {
+    /// On the host's clock, since the session began.
+    pub host: Duration,
+    /// On the clock of the device or body.
+    pub device: Duration,
+}
+
+/// A session's file, read from its beginning.
+pub struct Reader {
+    path: PathBuf,
+    file: BufReader<File>,
+    mcap: LinearReader,
+    topics: BTreeMap<u16, String>,
+    last_images: LastImages,
+    session: Session,
+    whole: bool,
+    over: bool,
+}
+
+impl Reader {
+    /// Opens a file and reads what session it is of.
+    ///
+    /// # Errors
+    /// [`SessionLogError`]: no such file, not MCAP, no session of ours, another format, a configuration or calibration
+    /// that does not have its hash.
+    pub fn open(path: &Path) -> Result<Self, SessionLogError> {
+        let file = BufReader::new(File::open(path).map_err(SessionLogError::io(path))?);
+        // The checksum stands at the end of the data: a damaged file is noticed there, one cut short has none.
+        let options = LinearReaderOptions::default()
+            .with_skip_end_magic(true)
+            .with_validate_data_section_crc(true)
+            .with_record_length_limit(LONGEST);
+        let mut reader = Self {
+            path: path.to_owned(),
+            file,
+            mcap: LinearReader::new_with_options(options),
+            topics: BTreeMap::new(),
+            last_images: LastImages::new(),
+            session: Session::default(),
+            whole: false,
+            over: false,
+        };
+        reader.read_head()?;
+        Ok(reader)
+    }
+
+    /// What session it is.
+    pub fn session(&self) -> &Session {
+        &self.session
+    }
+
+    /// Whether the file was finished; known once it has been read to its end.
+    pub fn is_whole(&self) -> bool {
+        self.whole
+    }
+
+    fn field(&self, field: &str, found: &str, expected: &str) -> SessionLogError {
+        SessionLogError::field(&self.path, field, found, expected)
+    }
+
+    /// The file begins with metadata, configuration, calibration and task.
+    fn read_head(&mut self) -> Result<(), SessionLogError> {
+        let mut hashes: Option<[String; 3]> = None;
+        let mut files: [Option<Vec<u8>>; 3] = [None, None, None];
+        while files.iter().any(Option::is_none) {
+            match self.next_record()? {
+                Some(Record::Metadata(metadata)) if metadata.name == METADATA => {
+                    let get = |name: &str| metadata.metadata.get(name).cloned().unwrap_or_default();
+                    let format = get("format");
+                    if format != FORMAT {
+                        return Err(self.field("format", &format, FORMAT));
+                    }
+                    let (seed, tick) = (get("seed"), get("tick_length_s"));
+                    self.session = Session {
+                        robot: get("robot"),
+                        program: get("program"),
+                        seed: seed.parse().map_err(|_| self.field("seed", &seed, "a whole number"))?,
+                        tick_length: tick.parse().map_err(|_| self.field("tick_length_s", &tick, "a number"))?,
+                        ..Session::default()
+                    };
+                    hashes = Some([get("configuration_sha256"), get("calibration_sha256"), get("task_sha256")]);
+                }
+                Some(Record::Channel(channel)) => self.announce(channel),
+                Some(Record::Message { header, data }) => match self.topics.get(&header.channel_id).map(String::as_str)
+                {
+                    Some(CONFIGURATION) => files[0] = Some(data.into_owned()),
+                    Some(CALIBRATION) => files[1] = Some(data.into_owned()),
+                    Some(TASK) => files[2] = Some(data.into_owned()),
+                    _ => return Err(self.field("beginning", "something else", "configuration, calibration and task")),
+                },
+                Some(_) => {}
+                None => return Err(self.field("beginning", "cut short", "configuration, calibration and task")),
+            }
+        }
+        let Some(hashes) = hashes else {
+            return Err(self.field("metadata `session`", "missing", "that of a session"));
+        };
+        let [configuration, calibration, task] = files.map(Option::unwrap_or_default);
+        for (name, data, expected) in [
+            (CONFIGURATION, &configuration, &hashes[0]),
+            (CALIBRATION, &calibration, &hashes[1]),
+            (TASK, &task, &hashes[2]),
+        ] {
+            let found = sha256(data);
+            if found != *expected {
+                return Err(self.field(&format!("SHA-256 of the {name}"), &found, expected));
+            }
+        }
+        (self.session.configuration, self.session.calibration, self.session.task) = (configuration, calibration, task);
+        Ok(())
+    }
+
+    fn announce(&mut self, channel: mcap::records::Channel) {
+        self.topics.insert(channel.id, channel.topic);
+    }
+
+    /// The next record; `None` at the end of the file, wherever that is.
+    fn next_record(&mut self) -> Result<Option<Record<'static>>, SessionLogError> {
+        while !self.over {
+            match self.mcap.next_event() {
+                None | Some(Err(McapError::UnexpectedEof)) => self.over = true,
+                Some(Err(error)) => return Err(SessionLogError::mcap(&self.path)(error)),
+                Some(Ok(LinearReadEvent::ReadRequest(wanted))) => {
+                    // In pieces: a damaged length asks for more than there is.
+                    let piece = self.mcap.insert(wanted.min(PIECE));
+                    let read = self.file.read(piece).map_err(SessionLogError::io(&self.path))?;
+                    self.mcap.notify_read(read);
+                }
+                // Only these are of interest. (mcap 0.25 panics on some damaged attachments.)
+                Some(Ok(LinearReadEvent::Record { opcode, data })) if KNOWN.contains(&opcode) => {
+                    let record = mcap::parse_record(opcode, data).map_err(SessionLogError::mcap(&self.path))?;
+                    return Ok(Some(record.into_owned()));
+                }
+                Some(Ok(LinearReadEvent::Record { .. })) => {}
+            }
+        }
+        Ok(None)
+    }
+
+    /// The next event and its times; `None` at the end.
+    ///
+    /// # Errors
+    /// [`SessionLogError`]. A file that just ends is none; see [`Reader::is_whole`].
+    pub fn next_event(&mut self) -> Result<Option<(Times, Event)>, SessionLogError> {
+        while let Some(record) = self.next_record()? {
+            match record {
+                Record::Channel(channel) => self.announce(channel),
+                Record::DataEnd(_) => self.whole = true,
+                Record::Message { header, data } => {
+                    let Some(topic) = self.topics.get(&header.channel_id).cloned() else {
+                        let found = header.channel_id.to_string();
+                        return Err(self.field("channel of a message", &found, "one announced before"));
+                    };
+                    let times = Times {
+                        host: Duration::from_nanos(header.log_time),
+                        device: Duration::from_nanos(header.publish_time),
+                    };
+                    if let Some(event) = self.event(&topic, header.sequence, &data)? {
+                        return Ok(Some((times, event)));
+                    }
+                }
+                _ => {}
+            }
+        }
+        Ok(None)
+    }
+
+    /// What is on `topic`; `None` for a topic of somebody else.
+    fn event(&mut self, topic: &str, sequence: u32, data: &[u8]) -> Result<Option<Event>, SessionLogError> {
+        let images = &mut self.last_images;
+        let event = match topic {
+            OBSERVATION => decode(data).and_then(|message: Observation| message.read(images)).map(Event::Observation),
+            ASKED => decode(data).and_then(|message: Command| message.read()).map(Event::Asked),
+            SENT => decode(data).and_then(|message: Command| message.read()).map(Event::Sent),
+            SEEN => {
+                decode(data).and_then(|message: Seen| message.read()).map(|(object, pose)| Event::Seen(object, pose))
+            }
+            OUTCOME => Ok(Event::Outcome(data.to_owned())),
+            TICK => decode(data).and_then(Tick::read).map(Event::Tick),
+            _ => match raw_topic(topic) {
+                Some((link, direction)) => Ok(Event::Raw { link: link.to_owned(), direction, bytes: data.to_owned() }),
+                None => return Ok(None),
+            },
+        };
+        event.map(Some).map_err(|(field, found, expected)| {
+            SessionLogError::field(&self.path, &format!("{topic} {sequence}, {field}"), found, expected)
+        })
+    }
+}
+
+fn decode<M: Message + Default>(data: &[u8]) -> Result<M, Wrong> {
+    M::decode(data).map_err(|error| ("message", format!("{} bytes ({error})", data.len()), "its fields".to_owned()))
+}
+
+fn raw_topic(topic: &str) -> Option<(&str, Direction)> {
+    let (link, way) = topic.strip_prefix("raw/")?.rsplit_once('/')?;
+    match way {
+        "sent" => Some((link, Direction::Sent)),
+        "received" => Some((link, Direction::Received)),
+        _ => None,
+    }
+}

@@ -1,0 +1,101 @@
+//! A robot that writes down what passes through it.
+
+use std::sync::mpsc::Receiver;
+
+use hand_model::robot::{Command, Observation, Robot, Tick};
+
+use crate::error::SessionLogError;
+use crate::tap::Packet;
+use crate::writer::Writer;
+
+/// Records the session of `R` while it is driven. A file that can no longer be written does not stop the robot: the
+/// first error is kept, and [`Recorder::finish`] tells it.
+pub struct Recorder<R> {
+    robot: R,
+    writer: Writer,
+    packets: Option<Receiver<Packet>>,
+    error: Option<SessionLogError>,
+}
+
+impl<R: Robot> Recorder<R> {
+    /// Around `robot`, into `writer`.
+    pub fn new(robot: R, writer: Writer) -> Self {
+        Self { robot, writer, packets: None, error: None }
+    }
+
+    /// Records the packets of tapped links too.
+    pub fn with_packets(self, packets: Receiver<Packet>) -> Self {
+        Self { packets: Some(packets), ..self }
+    }
+
+    /// The robot inside.
+    pub fn robot(&mut self) -> &mut R {
+        &mut self.robot
+    }
+
+    /// Notes what prior perception says of an object.
+    pub fn seen(&mut self, object: usize, pose: &[f64; 7]) {
+        self.write(|writer| writer.seen(object, pose));
+    }
+
+    /// Notes what came of it.
+    pub fn outcome(&mut self, text: &[u8]) {
+        self.write(|writer| writer.outcome(text));
+    }
+
+    /// Why nothing is written any more, if so.
+    pub fn error(&self) -> Option<&SessionLogError> {
+        self.error.as_ref()
+    }
+
+    /// Finishes the file and gives the robot back.
+    ///
+    /// # Errors
+    /// The first error of writing; the robot is given back all the same.
+    pub fn finish(mut self) -> (R, Result<(), SessionLogError>) {
+        self.write_packets();
+        let finished = match self.error {
+            Some(error) => Err(error),
+            None => self.writer.finish(),
+        };
+        (self.robot, finished)
+    }
+
+    fn write_packets(&mut self) {
+        while let Some(packet) = self.packets.as_ref().and_then(|packets| packets.try_recv().ok()) {
+            self.write(|writer| writer.packet(&packet));
+        }
+    }
+
+    fn write(&mut self, write: impl FnOnce(&mut Writer) -> Result<(), SessionLogError>) {
+        if self.error.is_none() {
+            self.error = write(&mut self.writer).err();
+        }
+    }
+}
+
+impl<R: Robot> Robot for Recorder<R> {
+    fn observe(&mut self) -> Observation {
+        let observation = self.robot.observe();
+        self.write(|writer| writer.observation(&observation));
+        observation
+    }
+
+    fn send(&mut self, command: &Command) -> Command {
+        self.write(|writer| writer.asked(command));
+        let sent = self.robot.send(command);
+        self.write(|writer| writer.sent(&sent));
+        sent
+    }
+
+    fn wait_for_tick(&mut self) -> Tick {
+        let tick = self.robot.wait_for_tick();
+        self.write_packets();
+        self.write(|writer| writer.tick(tick));
+        tick
+    }
+
+    fn tick_length(&self) -> f64 {
+        self.robot.tick_length()
+    }
+}

@@ -1,0 +1,255 @@
+//! A robot that gives a recorded session back.
+//!
+//! The control stack is a function of what it observes. Driven by a replay it must ask for the recorded commands, in
+//! the recorded order, bit by bit; the first time it does not, the replay notes where and how. From there on, and after
+//! the recording's end, it repeats its last observation while time goes on, so that a controller that waits for
+//! something gives up by its own rules.
+
+use hand_model::robot::{Command, Observation, Robot, Tick};
+
+use crate::error::SessionLogError;
+use crate::message::bits;
+use crate::reader::{Event, Reader};
+
+/// How a replay left the recording.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+pub enum Divergence {
+    /// The controller did something else next.
+    #[error("tick {tick}: the recording goes on with {recorded}, the controller with {found}")]
+    Order {
+        /// Ticks replayed so far.
+        tick: u64,
+        /// What was recorded.
+        recorded: &'static str,
+        /// What the controller does.
+        found: &'static str,
+    },
+    /// The controller asked for another command.
+    #[error("tick {tick}: {field} is {found}, recorded as {recorded}")]
+    Command {
+        /// Ticks replayed so far.
+        tick: u64,
+        /// First number that differs.
+        field: String,
+        /// What was recorded.
+        recorded: String,
+        /// What the controller asks for.
+        found: String,
+    },
+}
+
+/// How far a replay came.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Progress {
+    /// Ticks.
+    pub ticks: u64,
+    /// Commands found identical.
+    pub commands: u64,
+}
+
+/// A recorded session as a robot.
+pub struct Replay {
+    reader: Reader,
+    next: Option<Event>,
+    observation: Observation,
+    tick: Tick,
+    progress: Progress,
+    divergence: Option<Divergence>,
+    /// Whether the controller went on after the recording's end.
+    outlasted: bool,
+    error: Option<SessionLogError>,
+}
+
+impl Replay {
+    /// From the beginning of a session.
+    ///
+    /// # Errors
+    /// [`SessionLogError`].
+    pub fn new(reader: Reader) -> Result<Self, SessionLogError> {
+        let mut replay = Self {
+            reader,
+            next: None,
+            observation: Observation::default(),
+            tick: Tick::default(),
+            progress: Progress::default(),
+            divergence: None,
+            outlasted: false,
+            error: None,
+        };
+        replay.read_next();
+        match replay.error.take() {
+            Some(error) => Err(error),
+            None => Ok(replay),
+        }
+    }
+
+    /// The recorded session.
+    pub fn reader(&self) -> &Reader {
+        &self.reader
+    }
+
+    /// How far it came.
+    pub fn progress(&self) -> Progress {
+        self.progress
+    }
+
+    /// Whether nothing recorded is left to give back, or nothing can be any more.
+    pub fn is_over(&self) -> bool {
+        self.next.is_none() || self.divergence.is_some()
+    }
+
+    /// Whether the controller has left the recording, or goes on after its end.
+    pub fn is_left(&self) -> bool {
+        self.divergence.is_some() || self.outlasted
+    }
+
+    /// How the controller left the recording, if it did.
+    pub fn divergence(&self) -> Option<&Divergence> {
+        self.divergence.as_ref()
+    }
+
+    /// The verdict at the end.
+    ///
+    /// # Errors
+    /// A file that could not be read to its end. (One that was cut short could: see [`Reader::is_whole`].)
+    pub fn finish(self) -> Result<(Progress, Option<Divergence>), SessionLogError> {
+        match self.error {
+            Some(error) => Err(error),
+            None => Ok((self.progress, self.divergence)),
+        }
+    }
+
+    /// Fetches the next event that is not just bytes.
+    fn read_next(&mut self) {
+        self.next = loop {
+            match self.reader.next_event() {
+                Ok(Some((_, Event::Raw { .. } | Event::Outcome(_)))) => {}
+                Ok(event) => break event.map(|(_, event)| event),
+                Err(error) => {
+                    self.error = Some(error);
+                    break None;
+                }
+            }
+        };
+    }
+
+    /// Takes the next event if `pick` knows it; otherwise the controller, which does `found`, has left the recording.
+    fn take<T>(&mut self, found: &'static str, pick: fn(&Event) -> Option<T>) -> Option<T> {
+        if self.is_over() {
+            self.outlasted = true;
+            return None;
+        }
+        let event = self.next.as_ref()?;
+        let taken = pick(event);
+        if taken.is_some() {
+            self.read_next();
+        } else {
+            let recorded = match event {
+                Event::Observation(_) => "an observation",
+                Event::Asked(_) | Event::Sent(_) => "a command",
+                Event::Tick(_) => "a tick",
+                Event::Seen(..) => "a look at an object",
+                Event::Raw { .. } => "bytes",
+                Event::Outcome(_) => "the outcome",
+            };
+            self.divergence = Some(Divergence::Order { tick: self.progress.ticks, recorded, found });
+        }
+        taken
+    }
+
+    /// What prior perception said of `object` at this point of the recording; `None` once the recording is left.
+    pub fn seen(&mut self, object: usize) -> Option<[f64; 7]> {
+        let (recorded, pose) = self.take("a look at an object", |event| match event {
+            Event::Seen(object, pose) => Some((*object, *pose)),
+            _ => None,
+        })?;
+        if recorded != object {
+            let (recorded, found) =
+                (["object 0", "object 1"][recorded.min(1)], ["object 0", "object 1"][object.min(1)]);
+            self.divergence = Some(Divergence::Order { tick: self.progress.ticks, recorded, found });
+            return None;
+        }
+        Some(pose)
+    }
+
+    fn compare(&mut self, recorded: &Command, found: &Command) {
+        let (recorded, found) = (bits(recorded), bits(found));
+        let show = |field: &str, bits: u64| match field {
+            "capture" => (bits != 0).to_string(),
+            _ => format!("{:?} ({bits:016x})", f64::from_bits(bits)),
+        };
+        let tick = self.progress.ticks;
+        let differs = recorded.iter().zip(&found).find(|(a, b)| a != b);
+        self.divergence = match differs {
+            None => {
+                self.progress.commands += 1;
+                return;
+            }
+            Some(((field, a), (same, b))) if field == same => Some(Divergence::Command {
+                tick,
+                field: field.clone(),
+                recorded: show(field, *a),
+                found: show(field, *b),
+            }),
+            // Another mode of a servo has other fields.
+            Some(((recorded, _), (found, _))) => Some(Divergence::Command {
+                tick,
+                field: "kind of goal".to_owned(),
+                recorded: recorded.clone(),
+                found: found.clone(),
+            }),
+        };
+    }
+}
+
+impl Robot for Replay {
+    fn observe(&mut self) -> Observation {
+        let recorded = self.take("an observation", |event| match event {
+            Event::Observation(observation) => Some(observation.clone()),
+            _ => None,
+        });
+        match recorded {
+            Some(observation) => self.observation = observation,
+            None => {
+                self.observation.time = self.tick.time;
+                self.observation.tactile.clear();
+            }
+        }
+        self.observation.clone()
+    }
+
+    fn send(&mut self, command: &Command) -> Command {
+        let asked = self.take("a command", |event| match event {
+            Event::Asked(asked) => Some(*asked),
+            _ => None,
+        });
+        let Some(asked) = asked else { return *command };
+        self.compare(&asked, command);
+        // A recording may end between the two.
+        let sent = match self.next {
+            Some(Event::Sent(sent)) => sent,
+            _ => return *command,
+        };
+        self.read_next();
+        sent
+    }
+
+    fn wait_for_tick(&mut self) -> Tick {
+        let recorded = self.take("a tick", |event| match event {
+            Event::Tick(tick) => Some(*tick),
+            _ => None,
+        });
+        self.tick = match recorded {
+            Some(tick) => {
+                self.progress.ticks += 1;
+                tick
+            }
+            None => Tick { time: self.tick.time + self.tick_length(), lateness: 0.0 },
+        };
+        self.tick
+    }
+
+    fn tick_length(&self) -> f64 {
+        self.reader.session().tick_length
+    }
+}

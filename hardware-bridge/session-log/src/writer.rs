@@ -1,0 +1,286 @@
+//! Writing a session.
+
+use std::collections::BTreeMap;
+use std::fs::File;
+use std::io::{BufWriter, Write};
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant, SystemTime};
+
+use hand_model::robot;
+use mcap::WriteOptions;
+use mcap::records::{MessageHeader, Metadata};
+use prost::Message;
+use sha2::{Digest, Sha256};
+
+use crate::error::SessionLogError;
+use crate::message::{Command, LastImages, Observation, Seen, Tick};
+use crate::schema;
+use crate::tap::{Direction, Packet};
+
+/// Version of the layout described in [`super`].
+pub const FORMAT: &str = "2";
+/// Topic of observations.
+pub const OBSERVATION: &str = "observation";
+/// Topic of commands as the controller wanted them.
+pub const ASKED: &str = "command/asked";
+/// Topic of commands as they were sent.
+pub const SENT: &str = "command/sent";
+/// Topic of ticks.
+pub const TICK: &str = "tick";
+/// Name of the metadata.
+pub const METADATA: &str = "session";
+/// Topic of the configuration file.
+pub const CONFIGURATION: &str = "configuration";
+/// Topic of the calibration file.
+pub const CALIBRATION: &str = "calibration";
+/// Topic of what was to be done.
+pub const TASK: &str = "task";
+/// Topic of what prior perception says.
+pub const SEEN: &str = "seen";
+/// Topic of what came of it.
+pub const OUTCOME: &str = "outcome";
+
+/// What a session was.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Session {
+    /// `sim`, `emulated`, `hardware`.
+    pub robot: String,
+    /// Program and version that wrote it.
+    pub program: String,
+    /// Seed of everything random.
+    pub seed: u64,
+    /// Length of a control tick, s.
+    pub tick_length: f64,
+    /// The configuration file, as it was; empty if there was none.
+    pub configuration: Vec<u8>,
+    /// The calibration file, as it was; empty if there was none.
+    pub calibration: Vec<u8>,
+    /// What was to be done, in the controller's words: all that a replay needs to set it up again; empty if nobody said.
+    pub task: Vec<u8>,
+}
+
+/// SHA-256 of `bytes` in hexadecimal digits.
+pub fn sha256(bytes: &[u8]) -> String {
+    Sha256::digest(bytes).iter().map(|byte| format!("{byte:02x}")).collect()
+}
+
+fn nanoseconds(duration: Duration) -> u64 {
+    duration.as_nanos() as u64
+}
+
+/// A body's time for the file, whose times are not negative.
+fn body_time(seconds: f64) -> u64 {
+    (seconds * 1e9) as u64
+}
+
+/// A session being written. Dropping it finishes the file too, but leaves nobody to hear of an error.
+pub struct Writer {
+    mcap: mcap::Writer<BufWriter<File>>,
+    path: PathBuf,
+    start: Instant,
+    channels: BTreeMap<String, (u16, u32)>,
+    schemas: BTreeMap<&'static str, u16>,
+    last_images: LastImages,
+    /// Of the body's newest observation, s: the time its commands belong to.
+    time: f64,
+}
+
+impl Writer {
+    /// Begins the file at `path`, which must not exist.
+    ///
+    /// # Errors
+    /// [`SessionLogError`].
+    pub fn create(path: &Path, session: &Session) -> Result<Self, SessionLogError> {
+        let file = File::create_new(path).map_err(SessionLogError::io(path))?;
+        // Not in chunks: a chunk is readable only when it is complete, and every tick shall be.
+        let options = WriteOptions::new().compression(None).use_chunks(false).library("ftac hardware-bridge");
+        let mcap = options.create(BufWriter::new(file)).map_err(SessionLogError::mcap(path))?;
+        let mut writer = Self {
+            mcap,
+            path: path.to_owned(),
+            start: Instant::now(),
+            channels: BTreeMap::new(),
+            schemas: BTreeMap::new(),
+            last_images: LastImages::new(),
+            time: 0.0,
+        };
+        writer.head(session).map_err(SessionLogError::mcap(path))?;
+        writer.flush()?;
+        Ok(writer)
+    }
+
+    fn head(&mut self, session: &Session) -> mcap::McapResult<()> {
+        let unix = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).unwrap_or_default();
+        let entries = [
+            ("format", FORMAT.to_owned()),
+            ("robot", session.robot.clone()),
+            ("program", session.program.clone()),
+            ("seed", session.seed.to_string()),
+            // `{:?}` writes as many digits as it takes to get the same bits back.
+            ("tick_length_s", format!("{:?}", session.tick_length)),
+            ("configuration_sha256", sha256(&session.configuration)),
+            ("calibration_sha256", sha256(&session.calibration)),
+            ("task_sha256", sha256(&session.task)),
+            ("begun_unix_ns", nanoseconds(unix).to_string()),
+        ];
+        let metadata = entries.into_iter().map(|(name, value)| (name.to_owned(), value)).collect();
+        self.mcap.write_metadata(&Metadata { name: METADATA.to_owned(), metadata })?;
+        self.append(CONFIGURATION, None, Duration::ZERO, 0, &session.configuration)?;
+        self.append(CALIBRATION, None, Duration::ZERO, 0, &session.calibration)?;
+        self.append(TASK, None, Duration::ZERO, 0, &session.task)
+    }
+
+    /// Time on the host's clock since the session began, as it goes into the file.
+    pub fn host_time(&self) -> Duration {
+        self.start.elapsed()
+    }
+
+    /// Bytes that went over `link` at `host` time (see [`Writer::host_time`]); `device` is the device's own clock,
+    /// where it has one, else
+    /// `host` again.
+    ///
+    /// # Errors
+    /// [`SessionLogError`].
+    pub fn raw(
+        &mut self,
+        link: &str,
+        direction: Direction,
+        host: Duration,
+        device: Duration,
+        bytes: &[u8],
+    ) -> Result<(), SessionLogError> {
+        let way = match direction {
+            Direction::Sent => "sent",
+            Direction::Received => "received",
+        };
+        self.write(&format!("raw/{link}/{way}"), None, host, nanoseconds(device), bytes)
+    }
+
+    /// A packet that a tap has copied, from a device without a clock of its own.
+    ///
+    /// # Errors
+    /// [`SessionLogError`].
+    pub fn packet(&mut self, packet: &Packet) -> Result<(), SessionLogError> {
+        let host = packet.at.saturating_duration_since(self.start);
+        self.raw(packet.link, packet.direction, host, host, &packet.bytes)
+    }
+
+    /// An observation, when it has been made.
+    ///
+    /// # Errors
+    /// [`SessionLogError`].
+    pub fn observation(&mut self, observation: &robot::Observation) -> Result<(), SessionLogError> {
+        self.time = observation.time;
+        let message = Observation::new(observation, &mut self.last_images);
+        self.message(OBSERVATION, "Observation", &message)
+    }
+
+    /// A command, before it is passed on.
+    ///
+    /// # Errors
+    /// [`SessionLogError`].
+    pub fn asked(&mut self, command: &robot::Command) -> Result<(), SessionLogError> {
+        self.message(ASKED, "Command", &Command::from(command))
+    }
+
+    /// A command as it was sent.
+    ///
+    /// # Errors
+    /// [`SessionLogError`].
+    pub fn sent(&mut self, command: &robot::Command) -> Result<(), SessionLogError> {
+        self.message(SENT, "Command", &Command::from(command))
+    }
+
+    /// What prior perception says of an object: see [`Seen`].
+    ///
+    /// # Errors
+    /// [`SessionLogError`].
+    pub fn seen(&mut self, object: usize, pose: &[f64; 7]) -> Result<(), SessionLogError> {
+        self.message(SEEN, "Seen", &Seen::new(object, pose))
+    }
+
+    /// What came of it, in the controller's words.
+    ///
+    /// # Errors
+    /// [`SessionLogError`].
+    pub fn outcome(&mut self, text: &[u8]) -> Result<(), SessionLogError> {
+        let (host, body) = (self.host_time(), body_time(self.time));
+        self.write(OUTCOME, None, host, body, text)
+    }
+
+    /// The end of a tick. Everything up to here survives the program's death (though not the power's).
+    ///
+    /// # Errors
+    /// [`SessionLogError`].
+    pub fn tick(&mut self, tick: robot::Tick) -> Result<(), SessionLogError> {
+        self.time = tick.time;
+        self.message(TICK, "Tick", &Tick::from(tick))?;
+        self.flush()
+    }
+
+    /// Writes the summary at the end.
+    ///
+    /// # Errors
+    /// [`SessionLogError`].
+    pub fn finish(mut self) -> Result<(), SessionLogError> {
+        self.mcap.finish().map_err(SessionLogError::mcap(&self.path))?;
+        self.mcap.into_inner().flush().map_err(SessionLogError::io(&self.path))
+    }
+
+    /// Hands everything to the operating system.
+    fn flush(&mut self) -> Result<(), SessionLogError> {
+        self.mcap.flush().map_err(SessionLogError::mcap(&self.path))
+    }
+
+    fn message(&mut self, topic: &str, name: &'static str, message: &impl Message) -> Result<(), SessionLogError> {
+        let (host, body) = (self.host_time(), body_time(self.time));
+        self.write(topic, Some(name), host, body, &message.encode_to_vec())
+    }
+
+    fn write(
+        &mut self,
+        topic: &str,
+        schema: Option<&'static str>,
+        host: Duration,
+        device: u64,
+        data: &[u8],
+    ) -> Result<(), SessionLogError> {
+        self.append(topic, schema, host, device, data).map_err(SessionLogError::mcap(&self.path))
+    }
+
+    fn append(
+        &mut self,
+        topic: &str,
+        schema: Option<&'static str>,
+        host: Duration,
+        device: u64,
+        data: &[u8],
+    ) -> mcap::McapResult<()> {
+        if !self.channels.contains_key(topic) {
+            let (schema, encoding) = match schema {
+                Some(name) => (self.schema(name)?, "protobuf"),
+                None => (0, "application/octet-stream"),
+            };
+            let channel = self.mcap.add_channel(schema, topic, encoding, &BTreeMap::new())?;
+            self.channels.insert(topic.to_owned(), (channel, 0));
+        }
+        let Some((channel_id, sequence)) = self.channels.get_mut(topic) else { return Ok(()) };
+        *sequence = sequence.wrapping_add(1);
+        let header = MessageHeader {
+            channel_id: *channel_id,
+            sequence: *sequence,
+            log_time: nanoseconds(host),
+            publish_time: device,
+        };
+        self.mcap.write_to_known_channel(&header, data)
+    }
+
+    fn schema(&mut self, name: &'static str) -> mcap::McapResult<u16> {
+        if let Some(id) = self.schemas.get(name) {
+            return Ok(*id);
+        }
+        let id = self.mcap.add_schema(&schema::message_name(name), "protobuf", &schema::descriptor_set())?;
+        self.schemas.insert(name, id);
+        Ok(id)
+    }
+}

@@ -1,0 +1,137 @@
+//! Files that were cut or damaged, and files of something else.
+
+use std::path::Path;
+
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use session_log::{Reader, SessionLogError, Writer};
+
+use crate::support::*;
+
+/// A new file each time: one that is truncated and closed is flushed to the disk, thousands of times.
+fn rewrite(path: &Path, bytes: &[u8]) {
+    drop(std::fs::remove_file(path));
+    std::fs::write(path, bytes).expect("written");
+}
+
+fn with_recording(ticks: usize, check: impl FnOnce(&Path, Vec<u8>)) {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("session.mcap");
+    record(&path, ticks);
+    let bytes = std::fs::read(&path).expect("readable");
+    check(&folder.path().join("changed.mcap"), bytes);
+}
+
+/// Cut anywhere, a file gives back every event that is whole, and says that it was not finished.
+#[test]
+fn cut_anywhere_it_is_a_shorter_session() {
+    with_recording(4, |path, bytes| {
+        let mut longest = 0;
+        let mut whole = 0;
+        for end in 0..=bytes.len() {
+            rewrite(path, &bytes[..end]);
+            let (events, ended) = read(path);
+            match ended {
+                Ok(finished) => {
+                    assert!(events.len() >= longest, "cut at {end}: {} events after {longest}", events.len());
+                    longest = events.len();
+                    whole += usize::from(finished);
+                }
+                // The head is not complete: no session yet.
+                Err(error) => assert!(longest == 0 && events.is_empty(), "cut at {end}: {error}"),
+            }
+        }
+        assert_eq!(longest, 16);
+        assert!(whole > 0 && whole < bytes.len() / 2, "finished in {whole} of {} cuts", bytes.len());
+    });
+}
+
+/// One changed bit anywhere in a finished file's data is noticed by the time it has been read.
+#[test]
+fn any_changed_bit_is_noticed() {
+    with_recording(3, |path, bytes| {
+        let data_end = bytes.len() - summary_length(path, &bytes);
+        for place in 0..data_end {
+            let mut changed = bytes.clone();
+            changed[place] ^= 1 << (place % 8);
+            rewrite(path, &changed);
+            let (_, ended) = read(path);
+            // A length that has grown past the end of the file makes it a file cut short.
+            assert!(!matches!(ended, Ok(true)), "byte {place} changed unnoticed");
+        }
+    });
+}
+
+/// Twenty thousand files with whatever damage, drawn with a seed: none panics, and one that calls itself whole holds what was written.
+#[test]
+fn fuzzed_files() {
+    with_recording(2, |path, bytes| {
+        rewrite(path, &bytes);
+        let written = format!("{:?}", read(path).0);
+        let mut rng = ChaCha8Rng::seed_from_u64(4);
+        let (mut whole, mut opened) = (0, 0);
+        for n in 0..20_000 {
+            let mut changed = bytes.clone();
+            for _ in 0..rng.random_range(1..4) {
+                let place = rng.random_range(0..changed.len());
+                let end = (place + rng.random_range(1..40)).min(changed.len());
+                match rng.random_range(0..4) {
+                    0 => changed[place] ^= rng.random_range(1..=255_u8),
+                    1 => changed[place..end].iter_mut().for_each(|byte| *byte = rng.random()),
+                    2 => drop(changed.drain(place..end)),
+                    _ => {
+                        let piece = changed[place..end].to_vec();
+                        changed.splice(place..place, piece);
+                    }
+                }
+                if changed.is_empty() {
+                    break;
+                }
+            }
+            rewrite(path, &changed);
+            let (events, ended) = read(path);
+            opened += usize::from(!events.is_empty());
+            if matches!(ended, Ok(true)) {
+                whole += 1;
+                assert_eq!(format!("{events:?}"), written, "file {n} is damaged and calls itself whole");
+            }
+        }
+        assert!(opened > 1000 && whole > 10, "{opened} read at all, {whole} whole");
+    });
+}
+
+/// Bytes after the data's end: the shortest file that is whole ends there.
+fn summary_length(path: &Path, bytes: &[u8]) -> usize {
+    let end = (0..=bytes.len()).find(|end| {
+        rewrite(path, &bytes[..*end]);
+        matches!(read(path).1, Ok(true))
+    });
+    bytes.len() - end.expect("the whole file is whole")
+}
+
+#[test]
+fn other_files_are_refused_by_name() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("other.mcap");
+    assert!(matches!(Reader::open(&path), Err(SessionLogError::Io { .. })));
+    std::fs::write(&path, "a session of another kind").expect("written");
+    assert!(matches!(Reader::open(&path), Err(SessionLogError::Mcap { .. })));
+    std::fs::remove_file(&path).expect("removed");
+    // An MCAP file, but of somebody else.
+    let file = std::fs::File::create(&path).expect("created");
+    let mut other = mcap::Writer::new(file).expect("writes");
+    other.finish().expect("finishes");
+    let error = Reader::open(&path).err().expect("refused");
+    assert!(error.to_string().contains("beginning is cut short"), "{error}");
+}
+
+/// An empty session is one.
+#[test]
+fn a_session_without_a_tick() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("empty.mcap");
+    Writer::create(&path, &session()).expect("created").finish().expect("finished");
+    let (events, ended) = read(&path);
+    assert!(events.is_empty() && matches!(ended, Ok(true)));
+    assert_eq!(Reader::open(&path).expect("opens").session().configuration, session().configuration);
+}

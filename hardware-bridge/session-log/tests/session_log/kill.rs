@@ -1,0 +1,56 @@
+//! A program that is killed leaves every tick it was told to be safe.
+
+use std::io::{BufRead, BufReader, Write};
+use std::path::PathBuf;
+use std::process::{Command, Stdio};
+
+use hand_model::robot::Robot;
+use session_log::{Recorder, Writer};
+
+use crate::support::*;
+
+const PATH: &str = "FTAC_TEST_SESSION";
+
+/// Records until it is killed, and says after each tick that it has returned.
+#[test]
+#[ignore = "run by the other test of this file"]
+fn recording_process() {
+    let path = PathBuf::from(std::env::var(PATH).expect("set by the parent"));
+    let mut recorder = Recorder::new(Toy::new(), Writer::create(&path, &session()).expect("a new file"));
+    let mut told = std::io::stderr();
+    loop {
+        let seen = recorder.observe();
+        recorder.send(&decide(&seen));
+        recorder.wait_for_tick();
+        assert!(recorder.error().is_none());
+        writeln!(told, "tick").expect("somebody listens");
+    }
+}
+
+#[test]
+fn a_killed_recording_keeps_every_tick() {
+    let folder = tempfile::tempdir().expect("a folder");
+    for kill_after in [1, 10, 1000] {
+        let path = folder.path().join(format!("{kill_after}.mcap"));
+        let mut child = Command::new(std::env::current_exe().expect("this program"))
+            .args(["--ignored", "--exact", "--nocapture", "kill::recording_process"])
+            .env(PATH, &path)
+            .stdout(Stdio::null())
+            .stderr(Stdio::piped())
+            .spawn()
+            .expect("starts itself");
+        let mut lines = BufReader::new(child.stderr.take().expect("piped")).lines();
+        let mut told = 0;
+        while told < kill_after {
+            let line = lines.next().expect("goes on").expect("text");
+            told += usize::from(line == "tick");
+        }
+        child.kill().expect("killed");
+        child.wait().expect("ended");
+        // What it said before it died, beyond what we waited for.
+        told += lines.map_while(Result::ok).filter(|line| line == "tick").count();
+        let (events, ended) = read(&path);
+        assert!(matches!(ended, Ok(false)), "not finished: {ended:?}");
+        assert!(ticks(&events) >= told, "{} ticks in the file, {told} promised", ticks(&events));
+    }
+}

@@ -1,0 +1,142 @@
+//! What was recorded comes back, and a controller is held to it.
+
+use hand_model::robot::{Robot, ServoGoal};
+use session_log::message::bits;
+use session_log::replay::{Divergence, Progress};
+use session_log::{Event, Reader, Recorder, Replay, SessionLogError, Writer};
+
+use crate::support::*;
+
+const TICKS: usize = 200;
+
+fn recording() -> (tempfile::TempDir, std::path::PathBuf) {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("session.mcap");
+    record(&path, TICKS);
+    (folder, path)
+}
+
+fn replay(path: &std::path::Path) -> Replay {
+    Replay::new(Reader::open(path).expect("opens")).expect("reads")
+}
+
+#[test]
+fn a_session_is_what_it_was() {
+    let (_folder, path) = recording();
+    let mut reader = Reader::open(&path).expect("opens");
+    assert_eq!(*reader.session(), session());
+    let mut times = Vec::new();
+    while let Some((time, _)) = reader.next_event().expect("reads") {
+        times.push(time.host);
+    }
+    assert!(reader.is_whole());
+    assert_eq!(times.len(), 4 * TICKS);
+    assert!(times.is_sorted(), "the host's clock is monotonic");
+    // Asked and sent differ where the robot limited.
+    let (events, _) = read(&path);
+    let limited = events.windows(2).filter(|pair| match pair {
+        [Event::Asked(asked), Event::Sent(sent)] => asked != sent,
+        _ => false,
+    });
+    assert!(limited.count() > 10);
+}
+
+/// The same controller asks for the same bits, every tick, images included.
+#[test]
+fn the_same_controller_replays_identically() {
+    let (_folder, path) = recording();
+    let mut replay = replay(&path);
+    drive(&mut replay, TICKS);
+    assert!(replay.is_over());
+    let (progress, divergence) = replay.finish().expect("read to its end");
+    assert_eq!(divergence, None);
+    assert_eq!(progress, Progress { ticks: TICKS as u64, commands: TICKS as u64 });
+}
+
+/// A replay recorded in turn is the same session, event by event, bit by bit.
+#[test]
+fn a_replay_recorded_is_the_recording() {
+    let (folder, path) = recording();
+    let again = folder.path().join("again.mcap");
+    let mut recorder = Recorder::new(replay(&path), Writer::create(&again, &session()).expect("a new file"));
+    drive(&mut recorder, TICKS);
+    recorder.finish().1.expect("written");
+    let (first, second) = (read(&path).0, read(&again).0);
+    assert_eq!(first.len(), second.len());
+    for (first, second) in first.iter().zip(&second) {
+        match (first, second) {
+            (Event::Asked(a), Event::Asked(b)) | (Event::Sent(a), Event::Sent(b)) => assert_eq!(bits(a), bits(b)),
+            (Event::Observation(a), Event::Observation(b)) => {
+                assert_eq!(format!("{a:?}"), format!("{b:?}"));
+            }
+            (Event::Tick(a), Event::Tick(b)) => assert_eq!(a.time.to_bits(), b.time.to_bits()),
+            _ => panic!("{first:?} became {second:?}"),
+        }
+    }
+}
+
+/// The last bit of one number, at tick 37.
+#[test]
+fn the_last_bit_is_noticed() {
+    let (_folder, path) = recording();
+    let mut replay = replay(&path);
+    for tick in 0..TICKS {
+        let seen = replay.observe();
+        let mut command = decide(&seen);
+        if tick == 37 {
+            command.arm[2] = f64::from_bits(command.arm[2].to_bits() ^ 1);
+        }
+        replay.send(&command);
+        replay.wait_for_tick();
+    }
+    let (progress, divergence) = replay.finish().expect("readable");
+    assert_eq!(progress.commands, 37);
+    match divergence {
+        Some(Divergence::Command { tick: 37, field, .. }) => assert_eq!(field, "arm joint 3"),
+        other => panic!("{other:?}"),
+    }
+}
+
+#[test]
+fn another_kind_of_goal_is_noticed() {
+    let (_folder, path) = recording();
+    let mut replay = replay(&path);
+    let mut command = decide(&replay.observe());
+    command.servos[1] = ServoGoal::Position { angle: 0.0, current_limit: 0.0 };
+    replay.send(&command);
+    let divergence = replay.divergence().expect("noticed").to_string();
+    assert_eq!(divergence, "tick 0: kind of goal is servo 2 angle, recorded as servo 2 current");
+}
+
+#[test]
+fn another_order_is_noticed() {
+    let (_folder, path) = recording();
+    let mut replay = replay(&path);
+    drive(&mut replay, 5);
+    replay.wait_for_tick();
+    let expected = Divergence::Order { tick: 5, recorded: "an observation", found: "a tick" };
+    assert_eq!(replay.divergence(), Some(&expected));
+}
+
+/// A controller that waits for something beyond the recording sees time go on.
+#[test]
+fn time_goes_on_after_the_end() {
+    let (_folder, path) = recording();
+    let mut replay = replay(&path);
+    drive(&mut replay, TICKS);
+    let end = replay.observe().time;
+    replay.wait_for_tick();
+    let later = replay.observe();
+    assert!((later.time - end - 0.01).abs() < 1e-12 && later.tactile.is_empty());
+    assert!(replay.is_over() && replay.divergence().is_none());
+}
+
+/// A file that exists is somebody's recording.
+#[test]
+fn a_session_is_never_written_over() {
+    let (_folder, path) = recording();
+    let before = std::fs::read(&path).expect("readable");
+    let error = Writer::create(&path, &session()).err().expect("exists");
+    assert!(matches!(error, SessionLogError::Io { .. }), "{error}");
+    assert_eq!(std::fs::read(&path).expect("readable"), before);
+}

@@ -1,0 +1,133 @@
+//! A small robot and a controller whose commands depend on everything it sees.
+
+use std::path::Path;
+use std::sync::Arc;
+
+use hand_model::robot::{Command, Observation, Robot, ServoGoal, ServoState, TactileFrame, TactileImage, Tick};
+use hand_model::{ACTUATORS, ARM_JOINTS};
+use session_log::{Event, Reader, Recorder, Session, Writer};
+
+/// Servos and joints that go a tenth of the way each tick; a camera takes a new image every third tick it is asked in.
+pub struct Toy {
+    observation: Observation,
+    goal: Option<Command>,
+    captures: u64,
+    image: Arc<TactileImage>,
+}
+
+impl Toy {
+    pub fn new() -> Self {
+        let image = Arc::new(TactileImage { rgb: vec![0; 48] });
+        Self { observation: Observation::default(), goal: None, captures: 0, image }
+    }
+}
+
+impl Robot for Toy {
+    fn observe(&mut self) -> Observation {
+        let observation = self.observation.clone();
+        self.observation.tactile.clear();
+        observation
+    }
+
+    /// Limits the arm to 1 rad.
+    fn send(&mut self, command: &Command) -> Command {
+        let sent = Command { arm: command.arm.map(|angle| angle.clamp(-1.0, 1.0)), ..*command };
+        self.goal = Some(sent);
+        sent
+    }
+
+    fn wait_for_tick(&mut self) -> Tick {
+        self.observation.sequence += 1;
+        self.observation.time = self.observation.sequence as f64 * self.tick_length();
+        let time = self.observation.time;
+        if let Some(goal) = self.goal {
+            for i in 0..ARM_JOINTS {
+                self.observation.arm.position[i] += 0.1 * (goal.arm[i] - self.observation.arm.position[i]);
+            }
+            for (servo, goal) in self.observation.servos.iter_mut().zip(goal.servos) {
+                let (angle, current) = match goal {
+                    ServoGoal::Current(current) => (servo.position + current, current),
+                    ServoGoal::Position { angle, current_limit } => (angle, current_limit),
+                };
+                *servo = ServoState { position: servo.position + 0.1 * (angle - servo.position), current, ..*servo };
+            }
+            if goal.capture {
+                self.captures += 1;
+                if self.captures.is_multiple_of(3) {
+                    self.image = Arc::new(TactileImage { rgb: vec![self.captures as u8; 48] });
+                }
+                let image = Arc::clone(&self.image);
+                self.observation.tactile.push(TactileFrame { camera: 4, time, sequence: self.captures, image });
+            }
+        }
+        Tick { time, lateness: 1e-5 * (time * 1e3).sin() }
+    }
+
+    fn tick_length(&self) -> f64 {
+        0.01
+    }
+}
+
+/// The next command of a controller that looks at every part of an observation.
+pub fn decide(seen: &Observation) -> Command {
+    let light: f64 =
+        seen.tactile.iter().map(|frame| frame.image.rgb.iter().map(|byte| f64::from(*byte)).sum::<f64>()).sum();
+    let wave = (seen.time * 3.0).sin() + light * 1e-4;
+    let goal = |i: usize| match i % 2 {
+        0 => ServoGoal::Position { angle: wave + seen.servos[i].position, current_limit: 0.5 },
+        _ => ServoGoal::Current(0.1 * wave - seen.servos[i].position),
+    };
+    Command {
+        arm: std::array::from_fn(|i| 1.3 * wave - seen.arm.position[i] / 3.0),
+        servos: std::array::from_fn::<_, ACTUATORS, _>(goal),
+        capture: seen.sequence.is_multiple_of(2),
+    }
+}
+
+pub fn drive(robot: &mut impl Robot, ticks: usize) {
+    for _ in 0..ticks {
+        let seen = robot.observe();
+        robot.send(&decide(&seen));
+        robot.wait_for_tick();
+    }
+}
+
+pub fn session() -> Session {
+    Session {
+        robot: "emulated".to_owned(),
+        program: "test 1.0".to_owned(),
+        seed: 7,
+        tick_length: 0.01,
+        configuration: b"[arm]\nhost = \"192.168.1.10\"\n".to_vec(),
+        calibration: vec![],
+        task: b"{}".to_vec(),
+    }
+}
+
+/// A recording of `ticks` ticks.
+pub fn record(path: &Path, ticks: usize) {
+    let writer = Writer::create(path, &session()).expect("a new file");
+    let mut recorder = Recorder::new(Toy::new(), writer);
+    drive(&mut recorder, ticks);
+    recorder.finish().1.expect("written");
+}
+
+/// Everything in a file up to its end or its first error, and whether it was finished.
+pub fn read(path: &Path) -> (Vec<Event>, Result<bool, session_log::SessionLogError>) {
+    let mut events = Vec::new();
+    let mut reader = match Reader::open(path) {
+        Ok(reader) => reader,
+        Err(error) => return (events, Err(error)),
+    };
+    loop {
+        match reader.next_event() {
+            Ok(Some((_, event))) => events.push(event),
+            Ok(None) => return (events, Ok(reader.is_whole())),
+            Err(error) => return (events, Err(error)),
+        }
+    }
+}
+
+pub fn ticks(events: &[Event]) -> usize {
+    events.iter().filter(|event| matches!(event, Event::Tick(_))).count()
+}

@@ -1,0 +1,162 @@
+//! The Gen3 as the bridge's arm: the thousand cycles a second run in [`ServoLoop`]'s thread, the bridge looks in on them once a servo cycle.
+
+use std::sync::mpsc::Sender;
+use std::time::{Duration, Instant};
+
+use hand_model::ARM_JOINTS;
+use hand_model::arm::Arm as ArmModel;
+use hand_model::robot::ArmState;
+use kortex::servo_loop::{Pacing, ServoLoop};
+use kortex::servoing::Limits;
+use kortex::{Arm, Motion};
+use session_log::Packet;
+
+use crate::arm_link::{ArmLink, ArmLinkError};
+use crate::safety::checks::ArmReading;
+
+/// What an arm of this model may be commanded, a thousand times a second.
+pub fn limits(arm: &ArmModel) -> Limits {
+    let joints = &arm.tree.joints;
+    let (lower, upper) = (std::array::from_fn(|i| joints[i].lower), std::array::from_fn(|i| joints[i].upper));
+    Limits::at_1_khz(lower, upper, arm.velocity_limits)
+}
+
+/// What the client measured, as the robot reports it.
+pub fn arm_state(motion: Motion) -> ArmState {
+    let Motion { position, velocity, torque } = motion;
+    ArmState { position, velocity, torque }
+}
+
+/// Records both links of `arm` from now on, as `arm_tcp` and `arm_udp`.
+pub fn tap(arm: &mut Arm, packets: &Sender<Packet>) {
+    let tap = |link| {
+        let tap = session_log::Tap::new(link, packets.clone());
+        kortex::Tap::new(move |direction, bytes| {
+            let direction = match direction {
+                kortex::Direction::Sent => session_log::Direction::Sent,
+                kortex::Direction::Received => session_log::Direction::Received,
+            };
+            tap.packet(direction, bytes);
+        })
+    };
+    arm.tap(tap("arm_tcp"), tap("arm_udp"));
+}
+
+/// Between two looks at an arm that does not servo: each costs a round trip.
+const LOOK: Duration = Duration::from_millis(20);
+
+/// Who has the arm.
+enum Hands {
+    /// Nobody: it stands under its own base.
+    Idle(Box<Arm>),
+    /// The loop.
+    Servoing(Box<ServoLoop>),
+    /// It was lost in a change of hands.
+    Lost,
+}
+
+/// A connected Gen3.
+pub struct KortexLink {
+    hands: Hands,
+    pacing: Pacing,
+    reading: Option<ArmReading>,
+    looked: Option<Instant>,
+    answered: u64,
+    /// Why the loop ended, once it has.
+    fault: Option<String>,
+}
+
+impl KortexLink {
+    /// Around a connected arm. `tick` is the time between two set-points, `deadline` how long they may fail to come before the arm is stopped.
+    pub fn new(arm: Arm, tick: Duration, deadline: Duration) -> Self {
+        let pacing = Pacing { tick, host_deadline: deadline };
+        Self { hands: Hands::Idle(Box::new(arm)), pacing, reading: None, looked: None, answered: 0, fault: None }
+    }
+
+    /// Ends the loop, if one runs, and keeps the arm; why it had ended, if it had.
+    fn take_back(&mut self) -> Option<String> {
+        match std::mem::replace(&mut self.hands, Hands::Lost) {
+            Hands::Servoing(servo_loop) => {
+                let (arm, result) = servo_loop.finish();
+                self.hands = Hands::Idle(Box::new(arm));
+                result.err().map(|error| error.to_string())
+            }
+            other => {
+                self.hands = other;
+                None
+            }
+        }
+    }
+}
+
+fn failed(error: impl ToString) -> ArmLinkError {
+    ArmLinkError(error.to_string())
+}
+
+impl ArmLink for KortexLink {
+    fn read(&mut self, now: f64) -> Result<ArmReading, ArmLinkError> {
+        if let Hands::Servoing(servo_loop) = &self.hands
+            && servo_loop.snapshot().ended
+        {
+            // The farewell to a dead network takes a second, and the servos' watchdogs do not wait.
+            let over = servo_loop.is_over();
+            let reason = if over { self.take_back() } else { None };
+            self.fault = reason.or(self.fault.take()).or(Some("servoing ended".to_owned()));
+        }
+        match &mut self.hands {
+            Hands::Servoing(servo_loop) => {
+                let snapshot = servo_loop.snapshot();
+                // A word that was there before is no younger for having been looked at again.
+                if snapshot.counters.answered != self.answered || self.reading.is_none() {
+                    self.answered = snapshot.counters.answered;
+                    self.reading =
+                        Some(ArmReading { at: now, state: arm_state(snapshot.feedback.motion), fault: false });
+                }
+            }
+            // An arm whose loop has ended is not asked again: a dead network would make everybody wait.
+            Hands::Idle(arm) if self.fault.is_none() && self.looked.is_none_or(|looked| looked.elapsed() > LOOK) => {
+                self.looked = Some(Instant::now());
+                arm.keep_up().map_err(failed)?;
+                let feedback = arm.cyclic.feedback().map_err(failed)?;
+                let fault = !feedback.faults.is_empty();
+                self.reading = Some(ArmReading { at: now, state: arm_state(feedback.motion), fault });
+            }
+            Hands::Idle(_) => {}
+            Hands::Lost => return Err(failed("it was lost in a change of hands")),
+        }
+        match (&self.fault, self.reading) {
+            (Some(fault), Some(reading)) if !reading.fault => {
+                self.reading = Some(ArmReading { fault: true, ..reading });
+                Err(failed(fault))
+            }
+            (_, Some(reading)) => Ok(reading),
+            (_, None) => Err(failed("no word yet")),
+        }
+    }
+
+    fn engage(&mut self) -> Result<(), ArmLinkError> {
+        self.take_back();
+        self.fault = None;
+        match std::mem::replace(&mut self.hands, Hands::Lost) {
+            Hands::Idle(arm) => {
+                let limits = limits(&ArmModel::gen3());
+                let servo_loop = ServoLoop::start(*arm, limits, self.pacing).map_err(failed)?;
+                self.answered = 0;
+                self.hands = Hands::Servoing(Box::new(servo_loop));
+                Ok(())
+            }
+            _ => Err(failed("it was lost in a change of hands")),
+        }
+    }
+
+    fn command(&mut self, set_points: &[f64; ARM_JOINTS]) -> Result<(), ArmLinkError> {
+        match &self.hands {
+            Hands::Servoing(servo_loop) => servo_loop.set_target(*set_points).map_err(failed),
+            _ => Err(failed(self.fault.as_deref().unwrap_or("found a set-point, expected engage() first"))),
+        }
+    }
+
+    fn disengage(&mut self) -> Result<(), ArmLinkError> {
+        self.take_back().map_or(Ok(()), |error| Err(failed(error)))
+    }
+}

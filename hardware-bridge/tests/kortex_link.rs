@@ -1,0 +1,128 @@
+//! The Gen3 behind the bridge: its links on record, and a network that fails.
+
+use std::sync::mpsc;
+use std::time::{Duration, Instant};
+
+use hand_model::arm::Arm as ArmModel;
+use hardware_bridge::arm_link::ArmLink as _;
+use hardware_bridge::kortex_link::{KortexLink, limits, tap};
+use kortex::emulator::{Emulator, FirstOrderJoints, Injection, Pace, Settings};
+use kortex::frame::{Frame, Kind};
+use kortex::message::base::ServoingMode;
+use kortex::message::cyclic::{Command, Feedback};
+use kortex::servoing::Servoing;
+use kortex::tcp_framing::Deframer;
+use kortex::{Arm, Credentials, Timeouts, call};
+use prost::Message;
+use session_log::{Direction, Event, Reader, Session, Writer};
+
+/// Longer than any answer on loopback takes, even on a busy machine.
+const PATIENCE: Duration = Duration::from_secs(60);
+
+/// Sessions that do not end by themselves: a stepped arm's seconds may pass between two keep-alives of the host.
+fn timeouts() -> Timeouts {
+    let hour = Duration::from_secs(3600);
+    Timeouts { call: PATIENCE, session: hour, connection: hour, ..Timeouts::default() }
+}
+
+/// An arm at its published home posture.
+fn emulator(settings: Settings, pace: Pace) -> Emulator {
+    let plant = FirstOrderJoints::new(ArmModel::home(), 0.02, ArmModel::gen3().velocity_limits);
+    Emulator::start(settings, Box::new(plant), pace).expect("loopback has free ports")
+}
+
+fn until(what: &str, mut condition: impl FnMut() -> bool) {
+    let give_up = Instant::now() + PATIENCE;
+    while !condition() {
+        assert!(Instant::now() < give_up, "waited in vain until {what}");
+        std::thread::sleep(Duration::from_millis(1));
+    }
+}
+
+/// Every command and every answer is in the file as it was on the wire, and the password is not.
+#[test]
+fn every_packet_is_on_record() {
+    let secret = Credentials { user: "admin".to_owned(), password: "hunter2hunter2".to_owned() };
+    let emulator = emulator(Settings { credentials: secret.clone(), ..Settings::default() }, Pace::Stepped);
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("arm.mcap");
+    let mut writer = Writer::create(&path, &Session::default()).expect("a new file");
+
+    let (sender, packets) = mpsc::channel();
+    let mut arm = Arm::connect(emulator.address(), &secret, timeouts(), ArmModel::home()).expect("connects");
+    tap(&mut arm, &sender);
+    let mut servoing = Servoing::enter(&mut arm, limits(&ArmModel::gen3())).expect("enters");
+    let mut commanded = Vec::new();
+    for _ in 0..50 {
+        let mut command = *servoing.command();
+        command[6] += 1e-3;
+        servoing.command_angles(&command, Instant::now() + PATIENCE).expect("follows");
+        commanded.push(command[6]);
+        emulator.step(1);
+    }
+    servoing.leave().expect("leaves");
+    for packet in packets.try_iter() {
+        writer.packet(&packet).expect("written");
+    }
+    writer.finish().expect("written");
+
+    let mut reader = Reader::open(&path).expect("opens");
+    let (mut sent, mut answers, mut stream) = (Vec::new(), 0, Deframer::default());
+    let mut host = Vec::new();
+    while let Some((times, event)) = reader.next_event().expect("readable") {
+        let Event::Raw { link, direction, bytes } = event else { panic!("{event:?}") };
+        host.push(times.host);
+        match (link.as_str(), direction) {
+            ("arm_udp", _) => {
+                let frame = Frame::decode(&bytes).expect("a frame");
+                match frame.header.kind {
+                    Kind::Request if frame.header.call == call::REFRESH => {
+                        let command = Command::decode(frame.payload.as_slice()).expect("a command");
+                        sent.push(command.actuators[6].position);
+                    }
+                    Kind::Response if frame.header.call == call::REFRESH => {
+                        let feedback = Feedback::decode(frame.payload.as_slice()).expect("measurements");
+                        answers += usize::from(feedback.actuators.len() == 7);
+                    }
+                    _ => assert!([call::REFRESH_FEEDBACK, call::KEEP_ALIVE].contains(&frame.header.call)),
+                }
+            }
+            ("arm_tcp", Direction::Sent) => stream.push(&bytes),
+            ("arm_tcp", Direction::Received) => {}
+            other => panic!("{other:?}"),
+        }
+    }
+    assert!(reader.is_whole() && host.is_sorted());
+    // One more for the entry, which commands the measured angle.
+    assert_eq!((sent.len(), answers), (51, 51));
+    for (wire, commanded) in sent[1..].iter().zip(&commanded) {
+        assert_eq!(*wire, kortex::degrees::to_wire_angle(*commanded));
+    }
+    let calls: Vec<_> =
+        std::iter::from_fn(|| stream.next_frame().expect("frames")).map(|frame| frame.header.call).collect();
+    assert_eq!(calls.first(), Some(&call::CLEAR_FAULTS));
+    assert_eq!(calls.last(), Some(&call::SET_SERVOING_MODE));
+    assert_eq!(emulator.status().mode, ServoingMode::SingleLevel);
+    let file = std::fs::read(&path).expect("readable");
+    assert!(!file.windows(secret.password.len()).any(|window| window == secret.password.as_bytes()));
+}
+
+/// The network goes, and the arm's client tells it by a fault at once: it does not wait for the farewell, which nobody answers.
+#[test]
+fn a_link_without_network_does_not_keep_its_caller_waiting() {
+    let emulator = emulator(Settings { cyclic_deadline: 60_000, ..Settings::default() }, Pace::RealTime);
+    let impatient = Timeouts { call: Duration::from_secs(2), ..timeouts() };
+    let credentials = Settings::default().credentials;
+    let arm = Arm::connect(emulator.address(), &credentials, impatient, ArmModel::home()).expect("connects");
+    let mut link = KortexLink::new(arm, Duration::from_millis(10), PATIENCE);
+    link.engage().expect("engages");
+    until("the first word", || link.read(0.0).is_ok());
+    emulator.inject(Injection::Deaf(true));
+    let mut told = Vec::new();
+    until("the reason", || {
+        told.extend(link.read(0.0).err().map(|error| error.to_string()));
+        let fault = link.read(0.0).is_ok_and(|reading| reading.fault);
+        fault && link.command(&ArmModel::home()).is_err_and(|error| !error.to_string().contains("servoing ended"))
+    });
+    assert_eq!(told, ["arm: servoing ended"], "told once, before the farewell was over");
+}
