@@ -55,8 +55,8 @@ pub fn make_bench(scenario: Scenario, combos: usize, seed: u64, quiet: bool) -> 
         plans = plan::make_plans(&world, &repertoire, combos, seed, quiet)?;
     }
     plans.plans.truncate(combos);
-    let board = TactileBoard::unit(&world.hand, HAND_UNIT);
-    let pipeline = simulated_touch(&world.hand, board.backgrounds())?;
+    let board = TactileBoard::unit(&world.cell.hand, HAND_UNIT);
+    let pipeline = simulated_touch(&world.cell.hand, board.backgrounds())?;
     let names: BTreeSet<&String> = plans.plans.iter().map(|plan| &plan.first).collect();
     let mut known = names
         .into_iter()
@@ -81,7 +81,7 @@ pub fn trial_scene(combination: usize, seed: u64, quiet: bool) -> Result<(Arc<Ha
     if combination >= bench.plans.plans.len() {
         bail!("--combo: found {combination}, expected 0 to {}", bench.plans.plans.len() - 1);
     }
-    Ok((bench.world.hand.clone(), bench.scene(combination)?))
+    Ok((bench.world.cell.hand.clone(), bench.scene(combination)?))
 }
 
 /// A scenario whose objects exist.

@@ -206,7 +206,7 @@ fn suffer(
     seed: u64,
 ) -> Result<Outcome> {
     let Snapshot { robot, mut executive } = moment.clone();
-    let (hand, arm) = (&bench.world.hand, &bench.world.arm);
+    let (hand, arm) = (&bench.world.cell.hand, &bench.world.cell.arm);
     let plant = SharedPlant::new(robot);
     let robot = LockstepRobot::start(Box::new(plant.clone()), settings(hand, seed), arm, None)?;
     let session = Session { robot: "emulated".into(), seed, tick_length: robot.tick_length(), ..Session::default() };

@@ -101,7 +101,7 @@ impl Recording {
         let objects = [bench.world.object(&plan.first)?, bench.world.object(&plan.second)?];
         let names = ["first", "second"].map(str::to_owned);
         let drawn: Vec<DrawnObject> = objects.iter().zip(&names).map(|(object, name)| drawn(object, name)).collect();
-        let mut recorder = Recorder::open(targets, settings(), &bench.world.hand, &bench.world.arm, &drawn)?;
+        let mut recorder = Recorder::open(targets, settings(), &bench.world.cell.hand, &bench.world.cell.arm, &drawn)?;
         recorder.log_properties(&TrialProperties {
             combination: format!("{combination}: {} then {}", plan.first, plan.second),
             trial: trial as u64,

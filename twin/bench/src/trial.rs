@@ -242,7 +242,7 @@ impl Bench {
         let (world, second) = (&self.world, candidates[0].grasp.clone());
         let board = self.board.with_noise(0);
         let noise = TrialNoise::none();
-        let snapshot = Snapshot::begin(world, world.protocol(), [&first, &second], &noise, world.ready, board)?;
+        let snapshot = Snapshot::begin(world, world.protocol(), [&first, &second], &noise, world.cell.ready, board)?;
         Ok((snapshot, second))
     }
 

@@ -1,31 +1,29 @@
 //! The carrier: takes one object after the other, as many as the digits hold, and brings them all to one place.
 //!
-//! Where [`crate::executive`] runs the benchmark's two-object trial phase by phase, this knows a single cycle, gone through as
-//! often as there is something to take: approach, close, lift, look, and then the decision what to do next. Digits that hold
-//! something keep their tension while others close. A clone, together with a clone of a simulated body, branches a transport.
+//! Where [`crate::executive`] runs the benchmark's two-object trial phase by phase, this repeats a single cycle as long as there is
+//! something to take: approach, close, lift, look, and then a policy decides what comes next. Digits that hold something keep
+//! their tension while others close. A clone, together with a clone of a simulated body, branches a transport.
 
+use std::ops::Deref;
 use std::sync::Arc;
 
 use grasping::Grasp;
-use hand_model::robot::{Command, Observation, ServoState, TactileFrame};
-use hand_model::{ACTUATORS, CAMERAS, Digit, Hand};
-use nalgebra::{Isometry3, Translation3, Vector3};
+use hand_model::robot::{Command, Observation};
+use hand_model::{Digit, Hand};
+use nalgebra::{Isometry3, Translation3};
 
-use crate::executive::holding::{approach_tension, closing_tension, servo_goals};
-use crate::executive::way::approach;
-use crate::executive::{
-    CLOSING_TIME, ExecutiveError, LOOK_TIME, OPENING_TIME, Percept, Protocol, duration, keep_newest,
-};
-use crate::inverse_kinematics::{ArmServo, Joints};
-use crate::trajectory::PosePath;
+use crate::inverse_kinematics::ArmServo;
+use crate::motion::tension::closing_tension;
+use crate::motion::{LOOK_TIME, Motion, MotionError, Protocol};
+use crate::percept::Percept;
 
-/// Height of the palm's way down over the place of delivery, as part of the lift.
+/// How far the palm goes down to release objects, as a share of the lift.
 const LOWERING: f64 = 0.6;
 
 /// What the carrier is doing.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Stage {
-    /// Waiting for the word what to take next, or to bring away what is held.
+pub enum CarryPhase {
+    /// Waiting for the decision what to take next, or to carry away what is held.
     Decide,
     /// To an object.
     Approach,
@@ -35,15 +33,15 @@ pub enum Stage {
     Lift,
     /// Still, taking tactile images.
     Look,
-    /// Bringing what is held to its place.
+    /// Carrying what is held to the goal.
     Carry,
     /// Holding it still there.
     Hold,
-    /// Laying it down and opening the hand.
+    /// Putting it down and opening the hand.
     Release,
 }
 
-impl Stage {
+impl CarryPhase {
     /// In words.
     pub fn name(self) -> &'static str {
         match self {
@@ -59,86 +57,43 @@ impl Stage {
     }
 }
 
-/// The carrier; see the module's page.
+/// Runs one transport; see the module's page.
 #[derive(Clone)]
 pub struct Carrier {
-    hand: Arc<Hand>,
-    servo: ArmServo,
+    motion: Motion,
     protocol: Protocol,
-    stage: Stage,
-    clock: f64,
-    path: PosePath,
-    open_from: f64,
+    phase: CarryPhase,
     grasp: Option<Grasp>,
     /// Tension with which each digit holds what it has, N.
     kept: [f64; 5],
-    tension: [f64; 5],
     opposition: f64,
-    images: Vec<TactileFrame>,
-    newest: Vec<TactileFrame>,
-    before: [Option<u64>; CAMERAS],
-    servos: [ServoState; ACTUATORS],
-    tick: f64,
+}
+
+/// What moves: posture, palm, images and servo readings.
+impl Deref for Carrier {
+    type Target = Motion;
+
+    fn deref(&self) -> &Motion {
+        &self.motion
+    }
 }
 
 impl Carrier {
     /// A carrier with an empty hand and its arm at rest in `servo`'s posture; `tick` s is the length of a tick.
-    pub fn new(hand: Arc<Hand>, servo: ArmServo, protocol: Protocol, tick: f64) -> Result<Self, ExecutiveError> {
-        let palm = servo.palm_pose();
+    pub fn new(hand: Arc<Hand>, servo: ArmServo, protocol: Protocol, tick: f64) -> Result<Self, MotionError> {
         Ok(Self {
-            hand,
-            servo,
+            motion: Motion::new(hand, servo, tick)?,
             protocol,
-            stage: Stage::Decide,
-            clock: 0.0,
-            path: PosePath::new(vec![(0.0, palm)])?,
-            open_from: f64::INFINITY,
+            phase: CarryPhase::Decide,
             grasp: None,
             kept: [0.0; 5],
-            tension: [0.0; 5],
             opposition: 0.0,
-            images: Vec::new(),
-            newest: Vec::new(),
-            before: [None; CAMERAS],
-            servos: Default::default(),
-            tick,
         })
     }
 
     /// What is being done.
-    pub fn stage(&self) -> Stage {
-        self.stage
-    }
-
-    /// Part of it that is over, 0 to 1.
-    pub fn progress(&self) -> f64 {
-        let whole = self.path.duration();
-        if whole > 0.0 { (self.clock / whole).min(1.0) } else { 1.0 }
-    }
-
-    /// Tactile images of the last [`Stage::Look`].
-    pub fn images(&self) -> &[TactileFrame] {
-        &self.images
-    }
-
-    /// Newest image of every camera.
-    pub fn newest_images(&self) -> &[TactileFrame] {
-        &self.newest
-    }
-
-    /// Sequence number that each camera had sent before those were asked for.
-    pub fn sequences_before(&self) -> &[Option<u64>; CAMERAS] {
-        &self.before
-    }
-
-    /// Newest servo readings.
-    pub fn servos(&self) -> &[ServoState; ACTUATORS] {
-        &self.servos
-    }
-
-    /// The arm's reference posture, rad.
-    pub fn posture(&self) -> &Joints {
-        self.servo.q()
+    pub fn phase(&self) -> CarryPhase {
+        self.phase
     }
 
     /// Digits that keep holding what they have.
@@ -146,11 +101,12 @@ impl Carrier {
         Digit::ALL.into_iter().filter(|digit| self.kept[digit.index()] > 0.0).collect()
     }
 
-    /// Leaves [`Stage::Decide`] to take what is seen at `percept` with `grasp`, beside what is held.
-    pub fn take(&mut self, grasp: Grasp, percept: &Percept) -> Result<(), ExecutiveError> {
-        self.path = approach(&self.protocol.limits, &[self.path.end()], &grasp, percept)?;
+    /// Leaves [`CarryPhase::Decide`] to take what is seen at `percept` with `grasp`, beside what is held.
+    pub fn take(&mut self, grasp: Grasp, percept: &Percept) -> Result<(), MotionError> {
+        let path = self.motion.approach(&self.protocol.limits, &grasp, percept)?;
+        self.motion.begin(path);
         self.grasp = Some(grasp);
-        self.begin(Stage::Approach);
+        self.phase = CarryPhase::Approach;
         Ok(())
     }
 
@@ -163,100 +119,75 @@ impl Carrier {
         }
     }
 
-    /// Leaves [`Stage::Decide`] to bring the palm over (x, y), m, hold for the protocol's time, and let go of everything there.
-    pub fn deliver(&mut self, [x, y]: [f64; 2]) -> Result<(), ExecutiveError> {
-        let here = self.path.end();
+    /// Leaves [`CarryPhase::Decide`] to bring the palm over (x, y), m, hold for the protocol's time, and release everything there.
+    pub fn deliver(&mut self, [x, y]: [f64; 2]) -> Result<(), MotionError> {
+        let here = self.motion.end();
         let target = Isometry3::from_parts(Translation3::new(x, y, here.translation.z), here.rotation);
-        self.path = PosePath::new(vec![(0.0, here), (duration(&self.protocol.limits, &here, &target), target)])?;
-        self.begin(Stage::Carry);
+        let path = self.motion.straight(&self.protocol.limits, target)?;
+        self.motion.begin(path);
+        self.phase = CarryPhase::Carry;
         Ok(())
     }
 
-    fn begin(&mut self, stage: Stage) {
-        self.stage = stage;
-        self.clock = 0.0;
-    }
-
-    /// Goes on to what follows when the present stage is over.
-    fn advance(&mut self) -> Result<(), ExecutiveError> {
-        if self.clock + 1e-9 < self.path.duration() {
+    /// Begins the next phase when the present one is over.
+    fn advance(&mut self) -> Result<(), MotionError> {
+        if !self.motion.is_over() {
             return Ok(());
         }
-        let here = self.path.end();
-        let up = |height: f64| {
-            Isometry3::from_parts(Translation3::from(here.translation.vector + Vector3::z() * height), here.rotation)
-        };
-        let slow = self.protocol.limits.scaled(0.7);
-        let (stage, waypoints) = match self.stage {
-            Stage::Decide => return Ok(()),
-            Stage::Approach => {
+        let (motion, limits) = (&self.motion, &self.protocol.limits);
+        let (phase, path) = match self.phase {
+            CarryPhase::Decide => return Ok(()),
+            CarryPhase::Approach => {
                 let raise = self.grasp.as_ref().map_or(0.0, |grasp| grasp.raise);
-                (Stage::Close, vec![(0.0, here), (CLOSING_TIME, up(raise))])
+                (CarryPhase::Close, motion.close(raise)?)
             }
-            Stage::Close => {
+            CarryPhase::Close => {
                 if let Some(grasp) = &self.grasp {
                     for (kept, close) in self.kept.iter_mut().zip(grasp.close_tension) {
                         *kept = kept.max(close);
                     }
                 }
-                let target = up(self.protocol.lift);
-                (Stage::Lift, vec![(0.0, here), (duration(&slow, &here, &target), target)])
+                (CarryPhase::Lift, motion.lift(limits, self.protocol.lift)?)
             }
-            Stage::Lift => {
-                self.images.clear();
-                for frame in self.newest.iter().filter(|frame| frame.camera < CAMERAS) {
-                    self.before[frame.camera] = Some(frame.sequence);
-                }
-                (Stage::Look, vec![(0.0, here), (LOOK_TIME, here)])
+            CarryPhase::Lift => {
+                let path = motion.rest(LOOK_TIME)?;
+                self.motion.begin_look();
+                (CarryPhase::Look, path)
             }
-            Stage::Look if self.images.len() < self.hand.cameras.len() && self.clock < 2.0 * LOOK_TIME => return Ok(()),
-            Stage::Look | Stage::Release => (Stage::Decide, vec![(0.0, here)]),
-            Stage::Carry => (Stage::Hold, vec![(0.0, here), (self.protocol.hold, here)]),
-            Stage::Hold => {
-                let down = up(-LOWERING * self.protocol.lift);
-                let time = duration(&slow, &here, &down);
-                self.open_from = time;
+            CarryPhase::Look if !motion.has_looked() => return Ok(()),
+            CarryPhase::Look | CarryPhase::Release => (CarryPhase::Decide, motion.wait()?),
+            CarryPhase::Carry => (CarryPhase::Hold, motion.rest(self.protocol.hold)?),
+            CarryPhase::Hold => {
+                let (path, _) = motion.put_down(limits, LOWERING * self.protocol.lift)?;
                 self.kept = [0.0; 5];
-                let opened = time + OPENING_TIME;
-                (Stage::Release, vec![(0.0, here), (time, down), (opened, down), (opened + time, here)])
+                (CarryPhase::Release, path)
             }
         };
-        self.path = PosePath::new(waypoints)?;
-        self.begin(stage);
+        self.motion.begin(path);
+        self.phase = phase;
         Ok(())
     }
 
     /// One tick: takes what was measured, gives the command.
-    pub fn tick(&mut self, observation: &Observation) -> Result<Command, ExecutiveError> {
-        self.servos = observation.servos;
-        keep_newest(&mut self.newest, &observation.tactile);
-        let looking = self.stage == Stage::Look;
-        if looking && self.clock > LOOK_TIME - 1.5 * self.tick {
-            keep_newest(&mut self.images, &observation.tactile);
-        }
+    pub fn tick(&mut self, observation: &Observation) -> Result<Command, MotionError> {
+        let looking = self.phase == CarryPhase::Look;
+        self.motion.measure(observation, looking);
         self.advance()?;
-        self.clock += self.tick;
-        let (palm, twist) = self.path.sample(self.clock);
-        let step = self.servo.step(&palm, &twist, self.tick)?;
+        let arm = self.motion.follow()?;
         let wanted = self.wanted_tension();
-        approach_tension(&mut self.tension, &wanted, self.tick);
         // A thumb that holds something stays opposed as it is.
         if let Some(grasp) = self.grasp.as_ref().filter(|_| self.kept[Digit::Thumb.index()] == 0.0) {
             self.opposition = grasp.opposition;
         }
-        let looking = self.stage == Stage::Look;
-        Ok(Command {
-            arm: step.q,
-            servos: servo_goals(&self.hand, &self.tension, self.opposition),
-            capture: looking && (self.clock - LOOK_TIME + self.tick).abs() < 0.6 * self.tick,
-        })
+        let capture = self.phase == CarryPhase::Look && self.motion.captures_look();
+        Ok(self.motion.command(arm, &wanted, self.opposition, capture))
     }
 
     fn wanted_tension(&self) -> [f64; 5] {
         let Some(grasp) = &self.grasp else { return self.kept };
-        std::array::from_fn(|digit| match self.stage {
-            Stage::Approach => self.kept[digit].max(grasp.pre_tension[digit]),
-            Stage::Close => self.kept[digit].max(closing_tension(grasp, digit, self.clock)),
+        std::array::from_fn(|digit| match self.phase {
+            CarryPhase::Approach => self.kept[digit].max(grasp.pre_tension[digit]),
+            CarryPhase::Close => self.kept[digit].max(closing_tension(grasp, digit, self.motion.clock())),
             _ => self.kept[digit],
         })
     }

@@ -1,103 +1,49 @@
 //! The executive: runs a two-object trial tick by tick on whatever body it is given.
 //!
-//! It sees what a robot measures and nothing else. Every tick it looks at the clock of the present phase, samples the palm's
-//! path, asks the arm servo for joint set-points and the digits for tensions. After each lift it takes tactile images and
-//! waits: in [`Phase::Decide`] for how to take the second object ([`Executive::decide`]), in [`Phase::Confirm`] for the word to
-//! carry both away ([`Executive::confirm`]), and in both for a new try of a grasp that failed. A last look ends the hold: what is
-//! lost by then can be tried again from [`Phase::Done`]. Cloning it, together with a clone
-//! of a simulated body, branches a trial.
+//! It sees what a robot measures and nothing else. Every phase is one palm path of the shared [`Motion`]. After each lift tactile
+//! images are taken, and the executive waits for a policy: in [`Phase::Decide`] for how to take the second object
+//! ([`Executive::decide`]), in [`Phase::Confirm`] for the order to carry both away ([`Executive::confirm`]), and in both for another try
+//! of a grasp that failed. A last look ends the hold: what is lost by then can be tried again from [`Phase::Done`]. Cloning it,
+//! together with a clone of a simulated body, branches a trial.
 
-pub(crate) mod holding;
-pub(crate) mod way;
-
+use std::ops::Deref;
 use std::sync::Arc;
 
 use grasping::Grasp;
-use hand_model::robot::{Command, Observation, TactileFrame};
-use hand_model::{ACTUATORS, CAMERAS, Hand};
-use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, Vector3};
+use hand_model::Hand;
+use hand_model::robot::{Command, Observation};
+use nalgebra::{Isometry3, Translation3, Vector3};
 pub use scenarios::phase::Phase;
 
-use self::holding::{approach_tension, servo_goals};
-use crate::inverse_kinematics::{ArmServo, IkError, Joints};
+use crate::inverse_kinematics::ArmServo;
+use crate::motion::tension::closing_tension;
+use crate::motion::{LOOK_TIME, Motion, MotionError, Protocol};
+use crate::percept::Percept;
 use crate::slip::{self, SlipWatch};
-use crate::trajectory::{PathError, PathLimits, PosePath};
+use crate::trajectory::PosePath;
 
-/// Time the digits are given to close, s.
-pub(crate) const CLOSING_TIME: f64 = 1.1;
-/// Distance from which the hand approaches a grasp, m.
-pub const APPROACH_DISTANCE: f64 = 0.09;
-/// Rest before the picture is taken and after it, s.
-pub(crate) const LOOK_TIME: f64 = 0.3;
-/// Time the digits are given to open when things are laid down, s.
-pub(crate) const OPENING_TIME: f64 = 0.7;
-
-/// An object as prior perception (a camera over the table, say) reports it, error included.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Percept {
-    /// Centre, m, world.
-    pub position: Point3<f64>,
-    /// Orientation `world_from_object`.
-    pub rotation: UnitQuaternion<f64>,
-    /// Yaw of that orientation about the vertical, rad.
-    pub yaw: f64,
-}
-
-impl Percept {
-    /// `world_from_object`.
-    pub fn pose(&self) -> Isometry3<f64> {
-        Isometry3::from_parts(Translation3::from(self.position.coords), self.rotation)
-    }
-}
-
-/// Distances and times of a trial.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Protocol {
-    /// How far objects are lifted, m.
-    pub lift: f64,
-    /// How far they are carried sideways, m.
-    pub carry: f64,
-    /// How long they are held at the end, s.
-    pub hold: f64,
-    /// Cartesian limits of free motion.
-    pub limits: PathLimits,
-}
-
-/// Why a trial cannot go on.
-#[derive(Debug, thiserror::Error)]
-pub enum ExecutiveError {
-    /// A path could not be made.
-    #[error(transparent)]
-    Path(#[from] PathError),
-    /// The arm servo failed.
-    #[error(transparent)]
-    Ik(#[from] IkError),
-}
-
-/// The executive; see the module's page.
+/// Runs one trial; see the module's page.
 #[derive(Clone)]
 pub struct Executive {
-    hand: Arc<Hand>,
+    motion: Motion,
     protocol: Protocol,
-    servo: ArmServo,
-    home: Isometry3<f64>,
     first: (Grasp, Percept),
     second: (Grasp, Percept),
     phase: Phase,
-    clock: f64,
+    /// Time on the path of [`Phase::PutDown`] at which the digits open, s.
     open_from: f64,
-    path: PosePath,
-    tension: [f64; 5],
-    opposition: f64,
-    images: Vec<TactileFrame>,
-    newest: Vec<TactileFrame>,
-    before: [Option<u64>; CAMERAS],
     watch_period: Option<f64>,
     last_watch: f64,
     slip: Option<SlipWatch>,
-    servos: [hand_model::robot::ServoState; ACTUATORS],
-    tick: f64,
-    worst_tracking: f64,
+}
+
+/// What moves: posture, palm, images and servo readings.
+impl Deref for Executive {
+    type Target = Motion;
+
+    fn deref(&self) -> &Motion {
+        &self.motion
+    }
 }
 
 impl Executive {
@@ -109,30 +55,17 @@ impl Executive {
         first: (Grasp, Percept),
         second: (Grasp, Percept),
         tick: f64,
-    ) -> Result<Self, ExecutiveError> {
-        let palm = servo.palm_pose();
+    ) -> Result<Self, MotionError> {
         let mut executive = Self {
-            servo,
-            home: palm,
-            hand,
+            motion: Motion::new(hand, servo, tick)?,
             protocol,
             first,
             second,
             phase: Phase::ApproachFirst,
-            clock: 0.0,
             open_from: f64::INFINITY,
-            path: PosePath::new(vec![(0.0, palm)])?,
-            tension: [0.0; 5],
-            opposition: 0.0,
-            images: Vec::new(),
-            newest: Vec::new(),
-            before: [None; CAMERAS],
             watch_period: None,
             last_watch: f64::NEG_INFINITY,
             slip: None,
-            servos: Default::default(),
-            tick,
-            worst_tracking: 0.0,
         };
         executive.enter(Phase::ApproachFirst)?;
         Ok(executive)
@@ -143,35 +76,9 @@ impl Executive {
         self.phase
     }
 
-    /// Tactile images taken during the last [`Phase::Look`], [`Phase::Check`] or [`Phase::Verify`].
-    pub fn images(&self) -> &[TactileFrame] {
-        &self.images
-    }
-
-    /// Sequence number that each camera had sent before the images of [`Self::images`] were asked for.
-    pub fn sequences_before(&self) -> &[Option<u64>; CAMERAS] {
-        &self.before
-    }
-
-    /// Newest images of all cameras that arrived, in any phase.
-    pub fn newest_images(&self) -> &[TactileFrame] {
-        &self.newest
-    }
-
-    /// Asks for images every `period` (s) throughout, for whoever watches; decisions use those of [`Phase::Look`] alone.
-    pub fn watch_images(&mut self, period: f64) {
-        self.watch_period = Some(period);
-    }
-
-    /// Part of the present phase that is over, 0 to 1.
-    pub fn progress(&self) -> f64 {
-        let whole = self.path.duration();
-        if whole > 0.0 { (self.clock / whole).min(1.0) } else { 1.0 }
-    }
-
-    /// Newest servo readings.
-    pub fn servos(&self) -> &[hand_model::robot::ServoState; ACTUATORS] {
-        &self.servos
+    /// The first grasp and its percept.
+    pub fn first(&self) -> &(Grasp, Percept) {
+        &self.first
     }
 
     /// The second grasp as planned at present, with the percept it aims at.
@@ -179,180 +86,183 @@ impl Executive {
         &self.second
     }
 
-    /// The first grasp and its percept.
-    pub fn first(&self) -> &(Grasp, Percept) {
-        &self.first
-    }
-
-    /// Largest distance between wanted and reached palm reference, m.
-    pub fn worst_tracking(&self) -> f64 {
-        self.worst_tracking
-    }
-
-    /// The arm's reference posture, rad.
-    pub fn posture(&self) -> &Joints {
-        self.servo.q()
-    }
-
-    /// `world_from_palm` that the executive wants at present.
-    pub fn palm(&self) -> Isometry3<f64> {
-        self.path.sample(self.clock).0
+    /// Asks for images every `period` (s) throughout, for a recording; decisions use those of a look alone.
+    pub fn watch_images(&mut self, period: f64) {
+        self.watch_period = Some(period);
     }
 
     /// The path that would take the second object with `grasp`: from the present palm pose to where the digits close.
-    pub fn path_to_second(&self, grasp: &Grasp) -> Result<PosePath, ExecutiveError> {
-        self.approach(&[self.path.end()], grasp, &self.second.1, 1.0)
+    pub fn path_to_second(&self, grasp: &Grasp) -> Result<PosePath, MotionError> {
+        Ok(self.motion.approach(&self.protocol.limits, grasp, &self.second.1)?)
+    }
+
+    /// A path that the arm can follow to where `grasp` closes on what is seen at `percept`; see [`Motion::rehearsed_approach`].
+    pub fn rehearsed_approach(&self, grasp: &Grasp, percept: &Percept) -> Option<PosePath> {
+        self.motion.rehearsed_approach(&self.protocol.limits, grasp, percept)
     }
 
     /// Leaves [`Phase::Decide`] with `second` as the grasp to use, or [`Phase::Confirm`] or [`Phase::Done`] to try the second object
     /// again with it; the first one is held.
-    pub fn decide(&mut self, second: Grasp) -> Result<(), ExecutiveError> {
+    pub fn decide(&mut self, second: Grasp) -> Result<(), MotionError> {
         self.second.0 = second;
         self.enter(Phase::ApproachSecond)
     }
 
+    /// Takes `path` instead of the straight approach that has just begun.
+    pub fn redirect(&mut self, path: PosePath) {
+        self.motion.redirect(path);
+    }
+
     /// Leaves [`Phase::Confirm`]: both objects are taken to be in the hand and carried away.
-    pub fn confirm(&mut self) -> Result<(), ExecutiveError> {
+    pub fn confirm(&mut self) -> Result<(), MotionError> {
         self.enter(Phase::Carry)
     }
 
     /// Tries the first object again with `grasp`, seen anew at `percept`; the hand is empty.
-    pub fn retry_first(&mut self, grasp: Grasp, percept: Percept) -> Result<(), ExecutiveError> {
+    pub fn retry_first(&mut self, grasp: Grasp, percept: Percept) -> Result<(), MotionError> {
         self.first = (grasp, percept);
         self.enter(Phase::ApproachFirst)
     }
 
-    /// Takes note of where the second object is seen to be now.
+    /// The second object is now seen at `percept`.
     pub fn see_second(&mut self, percept: Percept) {
         self.second.1 = percept;
     }
 
-    /// Lays down what is held, opens the hand and rises again; [`Phase::Decide`] follows.
-    pub fn put_down(&mut self) -> Result<(), ExecutiveError> {
+    /// Puts down what is held, opens the hand and rises again; [`Phase::Decide`] follows.
+    pub fn put_down(&mut self) -> Result<(), MotionError> {
         self.enter(Phase::PutDown)
     }
 
-    fn enter(&mut self, phase: Phase) -> Result<(), ExecutiveError> {
-        let here = self.path.end();
-        let up = |height: f64| {
-            Isometry3::from_parts(Translation3::from(here.translation.vector + Vector3::z() * height), here.rotation)
-        };
-        let limits = self.protocol.limits;
-        let rest = |time: f64| PosePath::new(vec![(0.0, here), (time, here)]);
-        self.path = match phase {
-            Phase::ApproachFirst => self.approach(&[here], &self.first.0, &self.first.1, 1.0)?,
-            Phase::ApproachSecond => self.approach(&[here], &self.second.0, &self.second.1, 1.0)?,
-            Phase::GraspFirst => PosePath::new(vec![(0.0, here), (CLOSING_TIME, up(self.first.0.raise))])?,
-            Phase::GraspSecond => PosePath::new(vec![(0.0, here), (CLOSING_TIME, up(self.second.0.raise))])?,
-            Phase::LiftFirst | Phase::LiftSecond => {
-                let target = up(self.protocol.lift);
-                PosePath::new(vec![(0.0, here), (duration(&limits.scaled(0.7), &here, &target), target)])?
-            }
-            Phase::Look | Phase::Check | Phase::Verify => rest(LOOK_TIME)?,
+    /// From now on slip while carrying is answered with tension; images are taken for that.
+    pub fn react_to_slip(&mut self) {
+        self.slip = Some(SlipWatch::default());
+    }
+
+    /// How often either object was felt to slip so far.
+    pub fn slips(&self) -> [u32; 2] {
+        self.slip.as_ref().map_or([0; 2], SlipWatch::steps)
+    }
+
+    fn enter(&mut self, phase: Phase) -> Result<(), MotionError> {
+        let (motion, limits) = (&self.motion, &self.protocol.limits);
+        let path = match phase {
+            Phase::ApproachFirst => motion.approach(limits, &self.first.0, &self.first.1)?,
+            Phase::ApproachSecond => motion.approach(limits, &self.second.0, &self.second.1)?,
+            Phase::GraspFirst => motion.close(self.first.0.raise)?,
+            Phase::GraspSecond => motion.close(self.second.0.raise)?,
+            Phase::LiftFirst | Phase::LiftSecond => motion.lift(limits, self.protocol.lift)?,
+            Phase::Look | Phase::Check | Phase::Verify => motion.rest(LOOK_TIME)?,
             Phase::PutDown => {
-                let down = up(-self.protocol.lift);
-                let time = duration(&limits.scaled(0.7), &here, &down);
-                self.open_from = time;
-                let opened = time + OPENING_TIME;
-                PosePath::new(vec![(0.0, here), (time, down), (opened, down), (opened + time, here)])?
+                let (path, open_from) = motion.put_down(limits, self.protocol.lift)?;
+                self.open_from = open_from;
+                path
             }
             Phase::Carry => {
-                let target = Isometry3::from_parts(
-                    Translation3::from(here.translation.vector + Vector3::y() * self.protocol.carry),
-                    here.rotation,
-                );
-                PosePath::new(vec![(0.0, here), (duration(&limits, &here, &target), target)])?
+                let here = motion.end();
+                let aside = here.translation.vector + Vector3::y() * self.protocol.carry;
+                motion.straight(limits, Isometry3::from_parts(Translation3::from(aside), here.rotation))?
             }
-            Phase::Hold => rest(self.protocol.hold)?,
-            Phase::Decide | Phase::Confirm | Phase::Done => PosePath::new(vec![(0.0, here)])?,
+            Phase::Hold => motion.rest(self.protocol.hold)?,
+            Phase::Decide | Phase::Confirm | Phase::Done => motion.wait()?,
         };
         if matches!(phase, Phase::Look | Phase::Check | Phase::Verify) {
-            self.images.clear();
-            for frame in self.newest.iter().filter(|frame| frame.camera < CAMERAS) {
-                self.before[frame.camera] = Some(frame.sequence);
-            }
+            self.motion.begin_look();
         }
         self.phase = phase;
-        self.clock = 0.0;
+        self.motion.begin(path);
         Ok(())
     }
 
     fn next_phase(&self) -> Option<Phase> {
-        if self.clock + 1e-9 < self.path.duration() {
+        if !self.motion.is_over() {
             return None;
         }
+        let after_look = |phase: Phase| self.motion.has_looked().then_some(phase);
         match self.phase {
             Phase::ApproachFirst => Some(Phase::GraspFirst),
             Phase::GraspFirst => Some(Phase::LiftFirst),
             Phase::LiftFirst => Some(Phase::Look),
-            Phase::Look => self.looked().then_some(Phase::Decide),
-            Phase::Check => self.looked().then_some(Phase::Confirm),
+            Phase::Look => after_look(Phase::Decide),
+            Phase::Check => after_look(Phase::Confirm),
             Phase::PutDown => Some(Phase::Decide),
             Phase::ApproachSecond => Some(Phase::GraspSecond),
             Phase::GraspSecond => Some(Phase::LiftSecond),
             Phase::LiftSecond => Some(Phase::Check),
             Phase::Carry => Some(Phase::Hold),
             Phase::Hold => Some(Phase::Verify),
-            Phase::Verify => self.looked().then_some(Phase::Done),
+            Phase::Verify => after_look(Phase::Done),
             Phase::Decide | Phase::Confirm | Phase::Done => None,
         }
     }
 
-    fn looking(&self) -> bool {
+    fn is_looking(&self) -> bool {
         matches!(self.phase, Phase::Look | Phase::Check | Phase::Verify)
     }
 
-    /// Whether the images of a look have come, or will not come any more.
-    fn looked(&self) -> bool {
-        self.images.len() >= self.hand.cameras.len() || self.clock > 2.0 * LOOK_TIME
+    fn is_carrying(&self) -> bool {
+        matches!(self.phase, Phase::Carry | Phase::Hold | Phase::Verify)
     }
 
     /// One tick: takes what was measured, gives the command.
-    pub fn tick(&mut self, observation: &Observation) -> Result<Command, ExecutiveError> {
-        self.servos = observation.servos;
-        keep_newest(&mut self.newest, &observation.tactile);
-        // The picture asked for at the end of the look, when everything rests.
-        if self.looking() && self.clock > LOOK_TIME - 1.5 * self.tick {
-            keep_newest(&mut self.images, &observation.tactile);
-        }
+    pub fn tick(&mut self, observation: &Observation) -> Result<Command, MotionError> {
+        let looking = self.is_looking();
+        self.motion.measure(observation, looking);
         if let Some(next) = self.next_phase() {
             self.enter(next)?;
         }
-        self.clock += self.tick;
-        let (palm, twist) = self.path.sample(self.clock);
-        let step = self.servo.step(&palm, &twist, self.tick)?;
-        self.worst_tracking = self.worst_tracking.max(step.position_error);
+        let arm = self.motion.follow()?;
         let wanted = self.held_tension(observation);
-        approach_tension(&mut self.tension, &wanted, self.tick);
-        self.opposition = match self.phase {
+        let opposition = match self.phase {
             Phase::ApproachFirst | Phase::GraspFirst | Phase::LiftFirst | Phase::Look | Phase::Decide => {
                 self.first.0.opposition
             }
             _ => self.second.0.opposition,
         };
-        let mut capture = self.looking() && (self.clock - LOOK_TIME + self.tick).abs() < 0.6 * self.tick;
-        let period = if self.slip.is_some() && self.carrying() { Some(slip::LOOK_PERIOD) } else { self.watch_period };
+        let mut capture = self.is_looking() && self.motion.captures_look();
+        let period =
+            if self.slip.is_some() && self.is_carrying() { Some(slip::LOOK_PERIOD) } else { self.watch_period };
         if period.is_some_and(|period| observation.time >= self.last_watch + period) {
             self.last_watch = observation.time;
             capture = true;
         }
-        Ok(Command { arm: step.q, servos: servo_goals(&self.hand, &self.tension, self.opposition), capture })
+        Ok(self.motion.command(arm, &wanted, opposition, capture))
     }
-}
 
-/// Puts each camera's frame in the place of its older one: a real board's images come one after the other.
-pub(crate) fn keep_newest(kept: &mut Vec<TactileFrame>, arrived: &[TactileFrame]) {
-    for frame in arrived {
-        match kept.iter_mut().find(|known| known.camera == frame.camera) {
-            Some(known) => *known = frame.clone(),
-            None => kept.push(frame.clone()),
+    /// Tensions wanted at present, with what the reaction to slip adds, N.
+    fn held_tension(&mut self, observation: &Observation) -> [f64; 5] {
+        let (plan, carrying) = (self.wanted_tension(), self.is_carrying());
+        let (hand, tick) = (self.motion.hand(), self.motion.tick_length());
+        let Some(watch) = &mut self.slip else { return plan };
+        if !carrying {
+            if self.phase < Phase::Carry {
+                watch.begin();
+            }
+            return plan;
         }
+        let most = slip::most_tension(hand);
+        watch.tick(hand, &observation.servos, &observation.tactile, &plan, most, tick)
     }
-}
 
-/// Time for a motion between two poses within limits, s.
-pub(crate) fn duration(limits: &PathLimits, from: &Isometry3<f64>, to: &Isometry3<f64>) -> f64 {
-    let length = (to.translation.vector - from.translation.vector).norm();
-    let angle = from.rotation.angle_to(&to.rotation);
-    limits.duration(length, angle).max(0.05)
+    /// Tensions that the grasps want in the present phase, N.
+    fn wanted_tension(&self) -> [f64; 5] {
+        let (first, second) = (&self.first.0, &self.second.0);
+        let closing = |grasp: &Grasp, digit: usize| closing_tension(grasp, digit, self.motion.clock());
+        std::array::from_fn(|digit| match self.phase {
+            Phase::ApproachFirst => first.pre_tension[digit],
+            Phase::GraspFirst => closing(first, digit),
+            Phase::LiftFirst | Phase::Look | Phase::Decide => first.close_tension[digit],
+            Phase::ApproachSecond => first.close_tension[digit].max(second.pre_tension[digit]),
+            Phase::GraspSecond => first.close_tension[digit].max(closing(second, digit)),
+            Phase::PutDown if self.motion.clock() >= self.open_from => 0.0,
+            Phase::PutDown
+            | Phase::LiftSecond
+            | Phase::Check
+            | Phase::Confirm
+            | Phase::Carry
+            | Phase::Hold
+            | Phase::Verify
+            | Phase::Done => first.close_tension[digit].max(second.close_tension[digit]),
+        })
+    }
 }

@@ -1,11 +1,15 @@
-//! What moves the robot: arm servoing, Cartesian paths, and the geometric check of a planned motion.
+//! The brain: everything that moves the robot, interprets what it feels and decides what comes next.
 //!
-//! [`executive`] runs a trial tick by tick; [`perception`] says what touch makes of its images, [`strategy`] which grasp takes the
-//! next object, [`sensing`] what an ablation leaves of touch, [`recovery`] what to do when a grasp has failed, [`stand_in`] how to
-//! take what fell over, [`slip`] how hard to hold what slips;
-//! [`inverse_kinematics`] turns palm poses into joint set-points that never jump and never leave the arm's limits;
-//! [`trajectory`] makes palm paths that hold Cartesian speed and acceleration limits; [`collision`] says how close the
-//! hand and what it holds come to what stands around them along such a path, [`arm_clearance`] how near the arm comes to itself.
+//! - **Motion.** [`trajectory`] makes palm paths within Cartesian limits, [`inverse_kinematics`] turns palm poses into joint set-points
+//!   within the arm's, [`motion`] follows one path after another with cables and cameras. [`executive`] runs a two-object trial
+//!   on it and [`carrier`] a transport; [`slip`] answers slip while carrying.
+//! - **Perception.** A [`look`] is all that perception takes. [`perception`] says what is in the hand and where, [`sensing`] what an
+//!   ablation leaves of the senses. [`percept`] is how objects on the table are reported.
+//! - **Decision.** [`collision`] and [`arm_clearance`] measure distances along a planned motion, [`strategy`] chooses a grasp by them,
+//!   [`recovery`] says what follows a failed one, [`stand_in`] finds grasps for what fell over, [`load`] plans a transport, and
+//!   [`worth`] holds the factors by which grasps are ranked. [`policy`] puts it together.
+//!
+//! [`workcell`] is the robot as the controller knows it. This crate never knows the simulator, the bridge or the scene's truth.
 
 pub mod arm_clearance;
 pub mod carrier;
@@ -13,13 +17,19 @@ pub mod collision;
 pub mod executive;
 pub mod inverse_kinematics;
 pub mod load;
+pub mod look;
+pub mod motion;
+pub mod percept;
 pub mod perception;
+pub mod policy;
 pub mod recovery;
 pub mod sensing;
 pub mod slip;
 pub mod stand_in;
 pub mod strategy;
 pub mod trajectory;
+pub mod workcell;
+pub mod worth;
 
 /// A twist: linear velocity (m/s) of the moving frame's origin, then angular velocity (rad/s), both in world axes.
 pub type Twist = nalgebra::Vector6<f64>;

@@ -11,13 +11,8 @@ use touch::PadTouch;
 use touch::posture::digit_of;
 
 use crate::perception::blocked;
+use crate::worth;
 
-/// What a pick that was not proven with these digits occupied is worth against one that was.
-const UNPROVEN_WORTH: f64 = 0.5;
-/// What a grasp that failed in this transport is still worth.
-const FAILED_WORTH: f64 = 0.5;
-/// A plan goes on only with picks that are at least this likely to hold: a failed one may lose what is held.
-const LEAST_SCORE: f64 = 0.25;
 /// In cubic centimetres.
 const TO_CM3: f64 = 1e6;
 
@@ -92,8 +87,9 @@ fn distinct(skills: &[Skill], thing: &Ready, holding: &[Digit]) -> Vec<Pick> {
             continue;
         }
         let proven = skill.beside.len() == holding.len() && skill.beside.iter().all(|digit| holding.contains(digit));
-        let score = skill.grasp.score * if proven { 1.0 } else { UNPROVEN_WORTH } * FAILED_WORTH.powi(failures);
-        if score < LEAST_SCORE {
+        let score =
+            skill.grasp.score * if proven { 1.0 } else { worth::UNPROVEN_BESIDE } * worth::FAILED.powi(failures);
+        if score < worth::LEAST {
             continue;
         }
         let pick = Pick { object: thing.object, skill: number, score };

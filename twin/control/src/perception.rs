@@ -3,7 +3,7 @@
 use std::f64::consts::FRAC_PI_2;
 use std::sync::Arc;
 
-use grasping::Role;
+use grasping::{Grasp, Role};
 use hand_model::robot::ServoState;
 use hand_model::{ACTUATORS, Digit, Hand};
 use nalgebra::{Isometry3, Point3, Vector3};
@@ -12,7 +12,8 @@ use scenarios::objects::ObjectModel;
 use touch::posture::{cable_excursion, cable_tension, digit_of};
 use touch::{CameraFault, KnownShape, PadTouch, Perceived, PoseEstimate, PosePrior, TouchError};
 
-use crate::executive::Executive;
+use crate::look::Look;
+use crate::percept::Percept;
 use crate::sensing::Senses;
 
 /// Error of the plan's idea of where the object will sit in the hand: standard deviations, m and rad.
@@ -130,20 +131,31 @@ fn full_excursion(hand: &Hand, digit: Digit) -> f64 {
     hand.transmission.cables[digit.index()].full_excursion(FRAC_PI_2)
 }
 
-/// Interprets the images that the executive took of `object` in the hand.
-pub fn feel(senses: &Senses, executive: &Executive, object: &KnownObject) -> Result<Felt, TouchError> {
-    let pipeline = senses.pipeline();
-    let Perceived { touches, faults } = senses.perceive(executive)?;
-    let prior = trusted(expected(executive));
-    let estimate = pipeline.estimate_pose(&touches, executive.servos(), &prior, object)?;
-    let grip = Grip::of(pipeline.hand(), &touches, executive.servos(), when_held(executive));
-    Ok(Felt { touches, faults, estimate, prior: prior.palm_from_object, grip })
+/// The plan of the two grasps, as far as perception needs it.
+#[derive(Debug, Clone, Copy)]
+pub struct Expected<'a> {
+    /// Where the plan has the first object in the hand: `palm_from_object`.
+    pub palm_from_object: Isometry3<f64>,
+    /// Joint angles of the second grasp where it holds, rad.
+    pub second_joints: Option<&'a [f64]>,
 }
 
-/// Where the plan has the first object in the hand: `palm_from_object`.
-pub fn expected(executive: &Executive) -> Isometry3<f64> {
-    let (grasp, percept) = executive.first();
-    grasp.held.unwrap_or_else(|| grasp.palm_pose(&percept.position, percept.yaw).inverse() * percept.pose())
+impl<'a> Expected<'a> {
+    /// What `first` and `second` expect of a trial; `percept` is where the first object was seen.
+    pub fn of(first: &Grasp, percept: &Percept, second: &'a Grasp) -> Self {
+        let seen = || first.palm_pose(&percept.position, percept.yaw).inverse() * percept.pose();
+        Self { palm_from_object: first.held.unwrap_or_else(seen), second_joints: second.held_joints.as_deref() }
+    }
+}
+
+/// Interprets a look at the hand with `object` as the first object.
+pub fn feel(senses: &Senses, look: &Look, object: &KnownObject, expected: &Expected) -> Result<Felt, TouchError> {
+    let pipeline = senses.pipeline();
+    let Perceived { touches, faults } = senses.perceive(look)?;
+    let prior = trusted(expected.palm_from_object);
+    let estimate = pipeline.estimate_pose(&touches, look.servos, &prior, object)?;
+    let grip = Grip::of(pipeline.hand(), &touches, look.servos, expected.second_joints);
+    Ok(Felt { touches, faults, estimate, prior: prior.palm_from_object, grip })
 }
 
 /// The plan's idea of where an object is in the hand, with how far it is trusted.
@@ -151,15 +163,10 @@ pub fn trusted(palm_from_object: Isometry3<f64>) -> PosePrior {
     PosePrior { palm_from_object, sigma_translation: PRIOR_SIGMA.0, sigma_rotation: PRIOR_SIGMA.1 }
 }
 
-/// Joint angles of the second grasp where it holds, rad.
-fn when_held(executive: &Executive) -> Option<&[f64]> {
-    executive.second().0.held_joints.as_deref()
-}
-
-/// What the images that the executive took last say is in the hand.
-pub fn grip(senses: &Senses, executive: &Executive) -> Result<Grip, TouchError> {
-    let Perceived { touches, .. } = senses.perceive(executive)?;
-    Ok(Grip::of(senses.pipeline().hand(), &touches, executive.servos(), when_held(executive)))
+/// Which objects a look says are in the hand.
+pub fn grip(senses: &Senses, look: &Look, expected: &Expected) -> Result<Grip, TouchError> {
+    let Perceived { touches, .. } = senses.perceive(look)?;
+    Ok(Grip::of(senses.pipeline().hand(), &touches, look.servos, expected.second_joints))
 }
 
 #[cfg(test)]

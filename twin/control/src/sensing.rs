@@ -9,7 +9,7 @@ use hand_model::{Digit, Hand};
 use scenarios::Sensing;
 use touch::{Perceived, PoseOptions, TouchError, TouchPipeline};
 
-use crate::executive::Executive;
+use crate::look::Look;
 
 /// Pixels along each side that a coarse image makes one.
 const BLOCK: usize = 10;
@@ -46,11 +46,11 @@ impl<'a> Senses<'a> {
         &self.pipeline
     }
 
-    /// What the pads feel in the images that the executive took last. Cameras that may not be used are not counted as faults.
-    pub fn perceive(&self, executive: &Executive) -> Result<Perceived, TouchError> {
+    /// What the pads feel in a look. Cameras that may not be used are not counted as faults.
+    pub fn perceive(&self, look: &Look) -> Result<Perceived, TouchError> {
         let hand = self.pipeline.hand();
-        let frames = self.left(executive.images());
-        let mut perceived = self.pipeline.perceive_frames(&frames, executive.sequences_before())?;
+        let frames = self.left(look.images);
+        let mut perceived = self.pipeline.perceive_frames(&frames, look.sequences_before)?;
         perceived.faults.retain(|fault| self.uses(hand, hand.cameras[fault.camera].pad));
         Ok(perceived)
     }

@@ -11,13 +11,9 @@ use grasping::{Grasp, Repertoire, Role};
 use nalgebra::{Isometry3, Translation3, Vector3};
 use scenarios::objects::{ObjectModel, ObjectSet, Symmetry};
 
-use crate::executive::Percept;
-use crate::strategy::Candidate;
+use crate::percept::Percept;
+use crate::worth::{self, Candidate};
 
-/// What a grasp found for the object as it lies counts against its score: it was not rehearsed with the other object.
-const FALLEN_WORTH: f64 = 0.9;
-/// What a grasp of something else counts against its own score.
-const STAND_IN_WORTH: f64 = 0.5;
 /// How many grasps of the thing most alike are taken over.
 const TAKEN_OVER: usize = 6;
 /// Stand-ins' numbers begin here, so that they are not mistaken for the object's own grasps.
@@ -37,7 +33,7 @@ pub fn stand_ins(
     for model in objects.fallen_of(object) {
         let Some(yaw) = model.standing_yaw(&percept.rotation) else { continue };
         for grasp in repertoire.of(&model.name, role) {
-            candidates.push((grasp.clone(), yaw + grasp.yaw, FALLEN_WORTH));
+            candidates.push((grasp.clone(), yaw + grasp.yaw, worth::UNREHEARSED));
         }
     }
     let flat = is_flat(object);
@@ -52,7 +48,7 @@ pub fn stand_ins(
         .min_by(|a, b| a.0.total_cmp(&b.0));
     for grasp in alike.map(|(_, grasps)| grasps).unwrap_or_default() {
         for yaw in sides(object, percept) {
-            candidates.push((grasp.clone(), yaw, STAND_IN_WORTH));
+            candidates.push((grasp.clone(), yaw, worth::STAND_IN));
         }
     }
     let numbered = (NUMBERS_FROM..).zip(candidates);

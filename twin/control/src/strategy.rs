@@ -13,25 +13,16 @@ use scenarios::geometry::{Shape, hull_mesh};
 use scenarios::objects::ObjectModel;
 
 use crate::collision::{CollisionError, Solid, clearance_along, clearance_at, hand_solids};
-use crate::executive::{Executive, ExecutiveError};
+use crate::executive::Executive;
+use crate::motion::MotionError;
+use crate::worth::{Candidate, SWITCH_GAIN};
 
-/// A candidate must be worth this much more than the plan to replace it.
-const SWITCH_GAIN: f64 = 1.30;
 /// Points kept of a convex part for distance queries, whose cost goes with their number.
 const HULL_POINTS: usize = 96;
 /// A mesh counts as convex here while its hull has less than this many times its volume.
 const NEARLY_CONVEX: f64 = 1.03;
 /// Stages of the target's way into the hand that are checked.
 const CLOSING_STAGES: usize = 4;
-
-/// A grasp that might take the next object, and how sure it is known to work here.
-#[derive(Debug, Clone)]
-pub struct Candidate {
-    /// The grasp.
-    pub grasp: Grasp,
-    /// Probability of success in this combination when nothing is in the way.
-    pub worth: f64,
-}
 
 /// What is in the hand, as estimated.
 #[derive(Debug, Clone)]
@@ -80,7 +71,7 @@ pub enum StrategyError {
     Collision(#[from] CollisionError),
     /// A path could not be planned.
     #[error(transparent)]
-    Executive(#[from] ExecutiveError),
+    Motion(#[from] MotionError),
 }
 
 /// The solids of an object in its own frame.
@@ -159,16 +150,24 @@ fn assess(executive: &Executive, scene: &Scene, candidate: &Candidate) -> Result
     Ok(Assessment { clearance, utility: candidate.worth * normal_cdf(clearance / scene.sigma) })
 }
 
-/// Chooses among `candidates`; the first is the plan. `target_sigma` (m) is the known error of perceiving and reaching the
-/// target.
-pub fn choose(
-    executive: &Executive,
-    hand: &Hand,
-    held: &Held,
-    target: &ObjectModel,
-    candidates: &[Candidate],
-    target_sigma: f64,
-) -> Result<Option<Decision>, StrategyError> {
+/// What a choice depends on.
+#[derive(Clone, Copy)]
+pub struct Situation<'a> {
+    /// Where the palm is, and where the target is seen.
+    pub executive: &'a Executive,
+    /// The hand.
+    pub hand: &'a Hand,
+    /// What it holds.
+    pub held: &'a Held<'a>,
+    /// The object to take next.
+    pub target: &'a ObjectModel,
+    /// Standard deviation of perceiving and reaching the target, m.
+    pub target_sigma: f64,
+}
+
+/// Chooses among `candidates`; the first is the plan.
+pub fn choose(situation: &Situation, candidates: &[Candidate]) -> Result<Option<Decision>, StrategyError> {
+    let Situation { executive, hand, held, target, target_sigma } = *situation;
     let mut moving = placed(&object_solids(held.object), &held.pose);
     moving.extend(hand_solids(hand, &held.joints, held.digits, false));
     let sigma = held.sigma.hypot(target_sigma).max(1e-4);
@@ -187,28 +186,30 @@ pub fn choose(
         }
     }
     let switched = chosen.grasp.id != planned.grasp.id;
+    let reason = reason(&held.object.name, [&planned.grasp, &chosen.grasp], [&plan, &assessment]);
+    Ok(Some(Decision { grasp: chosen.grasp.clone(), switched, plan, chosen: assessment, reason }))
+}
+
+/// The choice in words; grasps and assessments of the plan and of what was chosen.
+fn reason(held: &str, [planned, chosen]: [&Grasp; 2], [plan, assessment]: [&Assessment; 2]) -> String {
     let mm = |clearance: f64| clearance * 1e3;
-    let reason = if switched {
-        format!(
-            "grasp {} would pass the held {} at {:.1} mm (worth {:.2}); grasp {} passes at {:.1} mm (worth {:.2})",
-            planned.grasp.id,
-            held.object.name,
-            mm(plan.clearance),
-            plan.utility,
-            chosen.grasp.id,
-            mm(assessment.clearance),
-            assessment.utility
-        )
-    } else {
-        format!(
-            "grasp {} as planned passes the held {} at {:.1} mm (worth {:.2})",
-            planned.grasp.id,
-            held.object.name,
+    if chosen.id == planned.id {
+        return format!(
+            "grasp {} as planned passes the held {held} at {:.1} mm (worth {:.2})",
+            planned.id,
             mm(plan.clearance),
             plan.utility
-        )
-    };
-    Ok(Some(Decision { grasp: chosen.grasp.clone(), switched, plan, chosen: assessment, reason }))
+        );
+    }
+    format!(
+        "grasp {} would pass the held {held} at {:.1} mm (worth {:.2}); grasp {} passes at {:.1} mm (worth {:.2})",
+        planned.id,
+        mm(plan.clearance),
+        plan.utility,
+        chosen.id,
+        mm(assessment.clearance),
+        assessment.utility
+    )
 }
 
 /// Distribution function of the standard normal (Abramowitz and Stegun 7.1.26, error below 2e-7).

@@ -30,7 +30,7 @@ pub fn run(seed: u64, out: Option<&Path>, quiet: bool) -> Result<Vec<Row>> {
         std::fs::create_dir_all(folder).with_context(|| folder.display().to_string())?;
     }
     let world = World::new(Scenario::benchmark())?;
-    let mut rows = vec![chain(&world.arm), limits(&world.arm)];
+    let mut rows = vec![chain(&world.cell.arm), limits(&world.cell.arm)];
     rows.extend(physics::rows(&world, seed)?);
     rows.extend(tracking::rows(&world, out)?);
     rows.extend(edges::rows(&world, out)?);

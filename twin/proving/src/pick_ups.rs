@@ -2,7 +2,7 @@
 //! again under the noise a planner expects and varied, and what is left is ranked by the share of tries that held.
 
 use anyhow::{Context, Result};
-use control::executive::Protocol;
+use control::motion::Protocol;
 use grasping::repertoire::{Repertoire, VERSION};
 use grasping::sampler::{ObjectExtent, propose, vary};
 use grasping::{Grasp, Role};

@@ -10,7 +10,7 @@ pub mod without;
 use std::path::Path;
 
 use anyhow::{Context, Result, bail};
-use control::strategy::Candidate;
+use control::worth::Candidate;
 use grasping::{Grasp, Repertoire, Role};
 use indicatif::ProgressBar;
 use rayon::prelude::*;
@@ -117,7 +117,7 @@ fn robustness(hold: &Snapshot, second: &Grasp, errors: &[TrialNoise]) -> Result<
 pub fn make_plans(world: &World, repertoire: &Repertoire, count: usize, seed: u64, quiet: bool) -> Result<Plans> {
     let bar = if quiet { ProgressBar::hidden() } else { ProgressBar::new(count as u64) };
     // With cameras, as in a trial: a look ends when its images have come.
-    let board = TactileBoard::unit(&world.hand, 0);
+    let board = TactileBoard::unit(&world.cell.hand, 0);
     let mut plans = Plans { version: VERSION, seed, rejected: Vec::new(), plans: Vec::new() };
     let pairs: Vec<Combination> = draw_combinations(&world.scenario, usize::MAX, seed).collect();
     for batch in pairs.chunks(8) {

@@ -6,7 +6,8 @@
 use std::sync::Arc;
 
 use anyhow::Result;
-use control::executive::{Executive, Phase, Protocol};
+use control::executive::{Executive, Phase};
+use control::motion::Protocol;
 use grasping::Grasp;
 use hand_model::{ARM_JOINTS, Digit};
 use nalgebra::Isometry3;
@@ -68,11 +69,16 @@ impl Snapshot {
         board: TactileBoard,
     ) -> Result<Self> {
         let seen = world.percepts(objects, noise);
-        let robot =
-            SimulatedRobot::new(world.hand.clone(), world.arm.clone(), &world.scene(objects, start, noise), board);
+        let robot = SimulatedRobot::new(
+            world.cell.hand.clone(),
+            world.cell.arm.clone(),
+            &world.scene(objects, start, noise),
+            board,
+        );
         let tick = hand_model::robot::Robot::tick_length(&robot);
         let [first, second] = std::array::from_fn(|n| (grasps[n].clone(), seen[n]));
-        let executive = Executive::new(world.hand.clone(), world.arm_servo(start)?, protocol, first, second, tick)?;
+        let executive =
+            Executive::new(world.cell.hand.clone(), world.cell.arm_servo(start)?, protocol, first, second, tick)?;
         Ok(Self { robot, executive })
     }
 }
@@ -116,10 +122,10 @@ pub fn rehearse_first(
     let [seen, _] = world.percepts(&objects, noise);
     let target = first.palm_pose(&seen.position, seen.yaw);
     let near = first.pregrasp_pose(&target, 0.12);
-    let (Ok(near), Ok(_)) = (world.posture(&near, &world.ready), world.posture(&target, &world.ready)) else {
+    let (Ok(near), Ok(_)) = (world.posture(&near, &world.cell.ready), world.posture(&target, &world.cell.ready)) else {
         return Ok(None);
     };
-    let start = if start == Start::Near { near } else { world.ready };
+    let start = if start == Start::Near { near } else { world.cell.ready };
     let mut snapshot = Snapshot::begin(world, *protocol, [first, second], noise, start, board.clone())?;
     drive(&mut snapshot.robot, &mut snapshot.executive, Phase::LiftFirst, |_, _| {})?;
     if snapshot.robot.truth().touched_by[0] == 0 {

@@ -3,9 +3,12 @@
 use std::sync::Arc;
 
 use anyhow::{Context, Result, anyhow};
-use control::executive::{Executive, Percept, Phase, Protocol};
-use control::inverse_kinematics::{ArmKinematics, ArmServo, IkSettings, Joints, Mount};
+use control::executive::{Executive, Phase};
+use control::inverse_kinematics::Joints;
+use control::motion::Protocol;
+use control::percept::Percept;
 use control::trajectory::PathLimits;
+use control::workcell::Workcell;
 use hand_model::robot::Robot;
 use hand_model::transmission::friction::CableFriction;
 use hand_model::{ARM_JOINTS, Arm, Hand};
@@ -18,58 +21,37 @@ use sim::{ObjectPlacement, SceneSetup, SimulatedRobot};
 /// Palm position from which a trial starts: level, above the table, m.
 const READY: [f64; 3] = [0.55, 0.0, 0.30];
 
-/// The shared parts.
+/// What every trial of a scenario shares.
 pub struct World {
-    /// The hand.
-    pub hand: Arc<Hand>,
-    /// The arm.
-    pub arm: Arc<Arm>,
+    /// Hand, arm, and where they stand.
+    pub cell: Workcell,
     /// All objects, in every way in which they can lie.
     pub objects: ObjectSet,
     /// What is done and how it is judged.
     pub scenario: Scenario,
-    /// Where the arm stands, nominally.
-    pub world_from_base: Isometry3<f64>,
-    /// Posture a trial starts from, rad.
-    pub ready: [f64; ARM_JOINTS],
 }
 
 impl World {
     /// The standard robot and objects, for a scenario.
     pub fn new(scenario: Scenario) -> Result<Self> {
-        let mut world = Self {
+        let mut cell = Workcell {
             hand: Arc::new(Hand::ftac()),
             arm: Arc::new(Arm::gen3()),
-            objects: ObjectSet::standard().with_fallen(),
-            scenario,
             world_from_base: Isometry3::identity(),
             ready: Arm::home(),
         };
         let columns = Matrix3::from_columns(&[-Vector3::y(), Vector3::x(), Vector3::z()]);
         let rotation = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(columns));
         let palm = Isometry3::from_parts(Translation3::new(READY[0], READY[1], READY[2]), rotation);
-        world.ready = world.posture(&palm, &Arm::home()).context("the ready pose is out of the arm's reach")?;
-        Ok(world)
-    }
-
-    /// The nominal arm with the palm as the controlled frame.
-    pub fn kinematics(&self) -> ArmKinematics {
-        let mount =
-            Mount { world_from_base: self.world_from_base, tool_from_palm: self.hand.palm_from_flange.inverse() };
-        ArmKinematics::new((*self.arm).clone(), mount)
+        cell.ready = cell.posture(&palm, &Arm::home()).context("the ready pose is out of the arm's reach")?;
+        Ok(Self { cell, objects: ObjectSet::standard().with_fallen(), scenario })
     }
 
     /// Arm posture for a palm pose, or an error that says it is out of reach.
     pub fn posture(&self, palm: &Isometry3<f64>, seed: &Joints) -> Result<Joints> {
-        self.kinematics()
-            .solve(palm, seed)
+        self.cell
+            .posture(palm, seed)
             .ok_or_else(|| anyhow!("no arm posture reaches the palm at {:.3?}", palm.translation.vector.as_slice()))
-    }
-
-    /// An arm servo at rest in a posture.
-    pub fn arm_servo(&self, posture: Joints) -> Result<ArmServo> {
-        let settings = IkSettings { comfort: posture, ..IkSettings::default() };
-        Ok(ArmServo::new(self.kinematics(), settings, posture)?)
     }
 
     /// Where the two objects of a trial stand by the scenario's layout, without its spread.
@@ -80,7 +62,7 @@ impl World {
     /// The objects in their places as prior perception reports them under `noise`.
     pub fn percepts(&self, objects: &[Arc<ObjectModel>; 2], noise: &TrialNoise) -> [Percept; 2] {
         let poses = self.places(&objects[0], &objects[1]);
-        std::array::from_fn(|n| percept(&objects[n], &noise.objects[n].perceived(&poses[n])))
+        std::array::from_fn(|n| Percept::of(&objects[n], &noise.objects[n].perceived(&poses[n])))
     }
 
     /// The scene of a trial: objects in their places, the arm in posture `start` and off by `noise`'s execution error.
@@ -99,7 +81,7 @@ impl World {
     pub fn bare_scene(&self, start: [f64; ARM_JOINTS], noise: &TrialNoise) -> SceneSetup {
         SceneSetup {
             world_from_base: Isometry3::from_parts(noise.position.into(), UnitQuaternion::identity())
-                * self.world_from_base,
+                * self.cell.world_from_base,
             mount_error: UnitQuaternion::from_scaled_axis(noise.rotation),
             arm_start: start,
             objects: Vec::new(),
@@ -127,13 +109,6 @@ impl World {
             .cloned()
             .ok_or_else(|| anyhow!("no object is called `{name}`; known are: {}", self.objects.names().join(", ")))
     }
-}
-
-/// What perception without error says of an object at `pose`: its yaw is the turn about the vertical from its rest pose,
-/// or 0 if it lies otherwise.
-pub fn percept(object: &ObjectModel, pose: &Isometry3<f64>) -> Percept {
-    let yaw = object.standing_yaw(&pose.rotation).unwrap_or(0.0);
-    Percept { position: pose.translation.vector.into(), rotation: pose.rotation, yaw }
 }
 
 /// Drives `robot` with `executive` until `phase` is reached; `watch` sees every tick.

@@ -60,15 +60,15 @@ pub fn venue(
         (Body::Sim, None) => None,
         (Body::Sim, Some(sessions)) => Some(Box::new(SimulatedVenue { sessions })),
         (Body::Emulated, sessions) => {
-            Some(Box::new(EmulatedVenue::new(world.hand.clone(), world.arm.clone(), sessions)))
+            Some(Box::new(EmulatedVenue::new(world.cell.hand.clone(), world.cell.arm.clone(), sessions)))
         }
         (Body::Rounded, sessions) => {
-            Some(Box::new(RoundedVenue { hand: world.hand.clone(), arm: world.arm.clone(), sessions }))
+            Some(Box::new(RoundedVenue { hand: world.cell.hand.clone(), arm: world.cell.arm.clone(), sessions }))
         }
         (Body::Hardware, sessions) => {
             let config = config.context("--config")?;
             let sessions = sessions.unwrap_or_else(|| PathBuf::from("recordings/sessions"));
-            Some(Box::new(HardwareVenue::new(config, world.arm.clone(), world.ready, sessions)?))
+            Some(Box::new(HardwareVenue::new(config, world.cell.arm.clone(), world.cell.ready, sessions)?))
         }
     })
 }

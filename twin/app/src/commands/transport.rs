@@ -91,8 +91,8 @@ fn site_of(transport: Transport, more: Option<&Path>, seed: u64) -> Result<Site>
     let numbered = for_sizes(&proven, &sizes);
     let of = |kind: usize| (0..numbered.len()).filter(|n| numbered[*n].0 == kind).collect();
     let suited = kind.into_iter().map(of).collect();
-    let board = TactileBoard::unit(&world.hand, HAND_UNIT);
-    let pipeline = simulated_touch(&world.hand, board.backgrounds())?;
+    let board = TactileBoard::unit(&world.cell.hand, HAND_UNIT);
+    let pipeline = simulated_touch(&world.cell.hand, board.backgrounds())?;
     Ok(Site {
         world,
         transport,

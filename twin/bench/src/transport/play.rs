@@ -216,7 +216,7 @@ impl Site {
         let grasp = &self.skills[skill].grasp;
         TURNS.into_iter().find(|turn| {
             let target = grasp.palm_pose(&percept.position, percept.yaw + turn);
-            self.world.posture(&target, &self.world.ready).is_ok()
+            self.world.posture(&target, &self.world.cell.ready).is_ok()
         })
     }
 }

@@ -25,7 +25,7 @@ impl Recorded {
     pub fn open(file: &Path, site: &Site, trial: usize, policy: Policy) -> Result<Self> {
         let drawn: Vec<DrawnObject> = site.transport.ball.iter().map(|ball| drawn(&ball.model(), &ball.name)).collect();
         let targets = [Target::File(file.to_owned())];
-        let mut recorder = Recorder::open(&targets, settings(), &site.world.hand, &site.world.arm, &drawn)?;
+        let mut recorder = Recorder::open(&targets, settings(), &site.world.cell.hand, &site.world.cell.arm, &drawn)?;
         recorder.log_properties(&TrialProperties {
             combination: site.transport.name.clone(),
             trial: trial as u64,

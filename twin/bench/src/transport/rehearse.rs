@@ -123,7 +123,8 @@ pub fn rehearse(site: &Site, sequence: &[Wanted], n: u32, quiet: bool) -> Result
     for (k, wanted) in sequence.iter().enumerate() {
         let random = |id: u32| ChaCha8Rng::seed_from_u64(site.seed ^ (k as u64) << 40 ^ u64::from(id) << 8);
         let radius = 0.5 * site.transport.ball[wanted.ball].diameter;
-        let propose = |id: u32| propose_with(&site.world.hand, &wanted.digits, "ball", radius, id, &mut random(id));
+        let propose =
+            |id: u32| propose_with(&site.world.cell.hand, &wanted.digits, "ball", radius, id, &mut random(id));
         let mut searched =
             Searched { wanted: wanted.clone(), tried: 0, touched: 0, lifted: 0, held: 0, skills: Vec::new() };
         let mut found = search(site, &bases, wanted, (0..n).map(propose).collect(), &mut searched)?;
@@ -222,7 +223,7 @@ fn attempt(site: &Site, base: &Base, ball: usize, grasp: &Grasp, keeps: Option<&
     let place = base.branch.robot.truth().objects[ball];
     let percept = seen(&place);
     let target = grasp.palm_pose(&percept.position, 0.0);
-    if site.world.posture(&target, &site.world.ready).is_err() {
+    if site.world.posture(&target, &site.world.cell.ready).is_err() {
         return Ok(Came::OutOfReach);
     }
     let mut branch = base.branch.clone();

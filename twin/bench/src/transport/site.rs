@@ -35,11 +35,14 @@ impl Branch {
     ) -> Result<Self> {
         let scene = SceneSetup {
             objects: balls.iter().map(|(model, pose)| ObjectPlacement { model: model.clone(), pose: *pose }).collect(),
-            ..world.bare_scene(world.ready, noise)
+            ..world.bare_scene(world.cell.ready, noise)
         };
-        let robot = SimulatedRobot::new(world.hand.clone(), world.arm.clone(), &scene, board);
+        let robot = SimulatedRobot::new(world.cell.hand.clone(), world.cell.arm.clone(), &scene, board);
         let tick = robot.tick_length();
-        Ok(Self { robot, carrier: Carrier::new(world.hand.clone(), world.arm_servo(world.ready)?, protocol, tick)? })
+        Ok(Self {
+            robot,
+            carrier: Carrier::new(world.cell.hand.clone(), world.cell.arm_servo(world.cell.ready)?, protocol, tick)?,
+        })
     }
 
     /// Plays on until the carrier waits for a decision, or until `watch`, which sees every tick, says `false`: whether it came

@@ -243,7 +243,7 @@ impl Bench {
         };
         let noise = &self.world.scenario.noise;
         let sigma = noise.execution.position_sigma.hypot(noise.perception.xy_sigma);
-        choose(executive, &self.world.hand, &held, &start.objects[1], candidates, sigma)?
+        choose(executive, &self.world.cell.hand, &held, &start.objects[1], candidates, sigma)?
             .ok_or_else(|| anyhow!("the plan of {} has no second grasp", start.objects[1].name))
     }
 
@@ -282,7 +282,7 @@ impl Bench {
         };
         turns.into_iter().map(|turn| Grasp { yaw: grasp.yaw + turn, ..grasp.clone() }).filter(|grasp| {
             let target = grasp.palm_pose(&seen.position, seen.yaw);
-            self.world.posture(&target, &self.world.ready).is_ok()
+            self.world.posture(&target, &self.world.cell.ready).is_ok()
         })
     }
 

@@ -55,7 +55,7 @@ impl Bench {
             servos: snapshot.executive.servos().map(|servo| [servo.position, servo.current]),
             expected: expected(&snapshot.executive),
             truth: palm * truth.objects[0],
-            pads: self.world.hand.pad_poses(&links),
+            pads: self.world.cell.hand.pad_poses(&links),
             joints: truth.hand,
             forces: truth.pad_forces,
         }))

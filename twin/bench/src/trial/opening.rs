@@ -109,7 +109,7 @@ impl Bench {
         let watched = place.as_ref().map_or(watched, |(_, task)| task.watched);
         let noise = disturber.misled_at_first(&opening.noise);
         let Snapshot { mut robot, executive } =
-            Snapshot::begin_with(world, world.protocol(), &real, grasps, &noise, world.ready, board)?;
+            Snapshot::begin_with(world, world.protocol(), &real, grasps, &noise, world.cell.ready, board)?;
         disturber.prepare(&mut robot);
         let robot = match place {
             None => Body::Simulated(Box::new(robot)),

@@ -77,8 +77,8 @@ struct Seen {
 }
 
 fn lead(world: &World, edge: &Edge) -> Result<Seen> {
-    let mut servo: ArmServo = world.arm_servo(world.ready)?;
-    let arm = &world.arm;
+    let mut servo: ArmServo = world.cell.arm_servo(world.cell.ready)?;
+    let arm = &world.cell.arm;
     let mut seen = Seen {
         name: edge.name,
         speed: 0.0,
@@ -127,7 +127,7 @@ fn lead(world: &World, edge: &Edge) -> Result<Seen> {
 
 /// The rows.
 pub fn rows(world: &World, out: Option<&Path>) -> Result<Vec<Row>> {
-    let start = world.kinematics().palm_pose(&world.ready);
+    let start = world.cell.kinematics().palm_pose(&world.cell.ready);
     let mut seen = Vec::new();
     for edge in edges(start)? {
         seen.push(lead(world, &edge)?);

@@ -47,11 +47,11 @@ impl Place {
 }
 
 fn look(world: &World, kinematics: &ArmKinematics, bodies: &ArmBodies, at: [f64; 3]) -> Result<Place> {
-    let start = kinematics.palm_pose(&world.ready);
+    let start = kinematics.palm_pose(&world.cell.ready);
     let palm = Isometry3::from_parts(Translation3::from(at), start.rotation);
-    let postures: Vec<Joints> = match kinematics.solve(&palm, &world.ready) {
+    let postures: Vec<Joints> = match kinematics.solve(&palm, &world.cell.ready) {
         Some(q) if free(kinematics, bodies, &q)? => vec![q],
-        Some(_) => kinematics.solutions(&palm, &world.ready),
+        Some(_) => kinematics.solutions(&palm, &world.cell.ready),
         None => return Ok(Place::OutOfReach),
     };
     let mut best = Place::OnlyColliding;
@@ -79,8 +79,8 @@ fn count((from, to): (f64, f64)) -> usize {
 
 /// The row with its maps: from the side (y = 0) and from above.
 pub fn row(world: &World, out: Option<&Path>, quiet: bool) -> Result<Row> {
-    let kinematics = world.kinematics();
-    let bodies = ArmBodies::new(&kinematics, &world.hand);
+    let kinematics = world.cell.kinematics();
+    let bodies = ArmBodies::new(&kinematics, &world.cell.hand);
     let (columns, heights, depths) = (count(ACROSS), count(UP), count(ACROSS));
     let across = |n: usize| ACROSS.0 + STEP * n as f64;
     let side = (0..columns * heights).map(|n| [across(n % columns), 0.0, UP.0 + STEP * (n / columns) as f64]);

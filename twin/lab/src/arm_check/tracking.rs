@@ -86,17 +86,17 @@ struct Followed {
 }
 
 fn follow(world: &World, motion: &Motion<'_>) -> Result<Followed> {
-    let mut servo = world.arm_servo(world.ready)?;
+    let mut servo = world.cell.arm_servo(world.cell.ready)?;
     let setup = SceneSetup {
-        world_from_base: world.world_from_base,
+        world_from_base: world.cell.world_from_base,
         mount_error: UnitQuaternion::identity(),
-        arm_start: world.ready,
+        arm_start: world.cell.ready,
         objects: Vec::new(),
         cable_friction: CableFriction::NONE,
         engine: EngineSettings::default(),
     };
-    let mut robot = SimulatedRobot::new(world.hand.clone(), world.arm.clone(), &setup, TactileBoard::blank());
-    let servos = tension_goals(&world.hand, &[0.0; 5], 0.0);
+    let mut robot = SimulatedRobot::new(world.cell.hand.clone(), world.cell.arm.clone(), &setup, TactileBoard::blank());
+    let servos = tension_goals(&world.cell.hand, &[0.0; 5], 0.0);
     let tick = robot.tick_length();
     let mut out = Followed {
         name: motion.name,
@@ -116,7 +116,7 @@ fn follow(world: &World, motion: &Motion<'_>) -> Result<Followed> {
         out.saturated += usize::from(step.saturated);
         robot.send(&Command { arm: step.q, servos, capture: false });
         robot.wait_for_tick();
-        let (shift, turn) = displacement(&world.kinematics().palm_pose(&robot.observe().arm.position), &target);
+        let (shift, turn) = displacement(&world.cell.kinematics().palm_pose(&robot.observe().arm.position), &target);
         out.turn = out.turn.max(turn.norm());
         out.reference.push([time, step.position_error * 1e3]);
         out.palm.push([time, shift.norm() * 1e3]);
@@ -131,7 +131,7 @@ pub fn quantile(sorted: &[f64], share: f64) -> f64 {
 
 /// The rows.
 pub fn rows(world: &World, out: Option<&Path>) -> Result<Vec<Row>> {
-    let start = world.kinematics().palm_pose(&world.ready);
+    let start = world.cell.kinematics().palm_pose(&world.cell.ready);
     let mut followed = Vec::new();
     for motion in motions(start)? {
         followed.push(follow(world, &motion)?);

@@ -42,7 +42,7 @@ pub fn write(bench: &Bench, eyes: &Eyes, grasps: &[HeldGrasp], folder: &Path) ->
         let frames = eyes.look(grasp, &known.model.shape, bench.seed ^ (n as u64) << 20);
         let touches = bench.pipeline.perceive_frames(&frames, &[None; CAMERAS])?.touches;
         let estimate = bench.pipeline.estimate_pose(&touches, &grasp.servos(), &trusted(grasp.expected), known)?;
-        let hand = &bench.world.hand;
+        let hand = &bench.world.cell.hand;
         let raw = |camera: usize| frames.iter().find(|frame| frame.camera == camera).map(|frame| &frame.image.rgb);
         let sheet = sheet(hand, &touches, raw);
         let path = |kind: &str| folder.join(format!("felt_{}.{kind}", grasp.object));

@@ -78,7 +78,7 @@ pub fn eval(terminal: &Terminal, args: &EvalArgs) -> Outcome {
     let grasps = grasps(&bench, played, args.grasps.as_deref(), quiet)?;
     let bar = if quiet { ProgressBar::hidden() } else { ProgressBar::new(grasps.len() as u64) };
     bar.set_style(ProgressStyle::with_template("{bar:28} {pos}/{len} felt [{elapsed} < {eta}]")?);
-    let eyes = Eyes::new(&bench.world.hand, HAND_UNIT, &Change::NONE)?;
+    let eyes = Eyes::new(&bench.world.cell.hand, HAND_UNIT, &Change::NONE)?;
     let felt = feel(&bench, &eyes, &bench.pipeline, &grasps, || bar.inc(1))?;
     bar.finish_and_clear();
     if let Some(folder) = &args.out {
@@ -137,7 +137,7 @@ fn under_changes(bench: &Bench, networks: &Networks, grasps: &[HeldGrasp], count
     std::iter::once(&Change::NONE)
         .chain(changes)
         .map(|change| {
-            let hand = &bench.world.hand;
+            let hand = &bench.world.cell.hand;
             let eyes = [Eyes::new(hand, HAND_UNIT, change)?, Eyes::new(hand, HAND_UNIT + 1, change)?];
             let look_up = look_up_touch(hand, eyes[0].backgrounds())?;
             let sampled: Vec<Sampled> = unseen(&eyes, bench.seed)?;

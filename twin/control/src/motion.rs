@@ -1,0 +1,302 @@
+//! The motion that every executive shares: the arm's servo follows a palm path, cables pull, tactile images are collected.
+//!
+//! An executive decides which path comes next and which tensions are wanted; [`Motion`] carries that out tick by tick.
+//! [`approach`] makes the paths to a grasp, [`tension`] the tensions over time.
+
+pub mod approach;
+pub mod tension;
+
+use std::sync::Arc;
+
+use grasping::Grasp;
+use hand_model::robot::{Command, Observation, ServoState, TactileFrame};
+use hand_model::{ACTUATORS, CAMERAS, Hand};
+use nalgebra::{Isometry3, Translation3, Vector3};
+
+use crate::inverse_kinematics::{ArmServo, IkError, Joints};
+use crate::look::Look;
+use crate::percept::Percept;
+use crate::trajectory::{PathError, PathLimits, PosePath};
+
+use self::approach::{approach, duration};
+use self::tension::{approach_tension, servo_goals};
+
+/// Time the digits are given to close, s.
+pub const CLOSING_TIME: f64 = 1.1;
+/// Rest before the picture is taken and after it, s.
+pub const LOOK_TIME: f64 = 0.3;
+/// Time the digits are given to open when objects are put down, s.
+pub const OPENING_TIME: f64 = 0.7;
+/// Share of the speed limits with which objects are lifted and put down.
+const LIFTING: f64 = 0.7;
+
+/// How far the palm may leave a path, m. Where every path is worse, the arm lags behind the first that ends well.
+const OFF_PATH: f64 = 0.02;
+/// How far it may be from a path's end, m and rad.
+const OFF_END: (f64, f64) = (0.002, 0.02);
+/// Shares of the speed limits that are tried: joints in an unfavourable posture cannot follow at full speed.
+const SPEEDS: [f64; 2] = [1.0, 0.5];
+/// Tick of a path's rehearsal by the arm servo and the time it may settle at the end, s: coarser than the real ones.
+const REHEARSAL: (f64, f64) = (1.0 / 40.0, 0.1);
+
+/// Distances, times and limits of an executive's motions.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Protocol {
+    /// How far objects are lifted, m.
+    pub lift: f64,
+    /// How far they are carried sideways, m.
+    pub carry: f64,
+    /// How long they are held at the end, s.
+    pub hold: f64,
+    /// Cartesian limits of free motion.
+    pub limits: PathLimits,
+}
+
+/// Why a motion cannot go on.
+#[derive(Debug, thiserror::Error)]
+pub enum MotionError {
+    /// A path could not be made.
+    #[error(transparent)]
+    Path(#[from] PathError),
+    /// The arm servo failed.
+    #[error(transparent)]
+    Ik(#[from] IkError),
+}
+
+/// Arm, cables and cameras in motion along one palm path after another.
+#[derive(Clone)]
+pub struct Motion {
+    hand: Arc<Hand>,
+    servo: ArmServo,
+    /// Palm pose at the very beginning.
+    home: Isometry3<f64>,
+    path: PosePath,
+    /// Time on the present path, s.
+    clock: f64,
+    /// N.
+    tension: [f64; 5],
+    images: Vec<TactileFrame>,
+    newest: Vec<TactileFrame>,
+    sequences_before: [Option<u64>; CAMERAS],
+    servos: [ServoState; ACTUATORS],
+    tick: f64,
+    worst_tracking: f64,
+}
+
+impl Motion {
+    /// At rest in `servo`'s posture with slack cables; `tick` s is the length of a tick.
+    pub fn new(hand: Arc<Hand>, servo: ArmServo, tick: f64) -> Result<Self, MotionError> {
+        let home = servo.palm_pose();
+        Ok(Self {
+            hand,
+            servo,
+            home,
+            path: PosePath::new(vec![(0.0, home)])?,
+            clock: 0.0,
+            tension: [0.0; 5],
+            images: Vec::new(),
+            newest: Vec::new(),
+            sequences_before: [None; CAMERAS],
+            servos: Default::default(),
+            tick,
+            worst_tracking: 0.0,
+        })
+    }
+
+    /// The hand that is moved.
+    pub fn hand(&self) -> &Arc<Hand> {
+        &self.hand
+    }
+
+    /// Length of a tick, s.
+    pub fn tick_length(&self) -> f64 {
+        self.tick
+    }
+
+    /// Time on the present path, s.
+    pub fn clock(&self) -> f64 {
+        self.clock
+    }
+
+    /// `world_from_palm` wanted at present.
+    pub fn palm(&self) -> Isometry3<f64> {
+        self.path.sample(self.clock).0
+    }
+
+    /// The arm's reference posture, rad.
+    pub fn posture(&self) -> &Joints {
+        self.servo.q()
+    }
+
+    /// Newest servo readings.
+    pub fn servos(&self) -> &[ServoState; ACTUATORS] {
+        &self.servos
+    }
+
+    /// Newest images of all cameras, taken at any time.
+    pub fn newest_images(&self) -> &[TactileFrame] {
+        &self.newest
+    }
+
+    /// The last look that was completed or is under way.
+    pub fn look(&self) -> Look<'_> {
+        Look { images: &self.images, sequences_before: &self.sequences_before, servos: &self.servos }
+    }
+
+    /// Largest distance between wanted and reached palm reference, m.
+    pub fn worst_tracking(&self) -> f64 {
+        self.worst_tracking
+    }
+
+    /// Part of the present path that is over, 0 to 1.
+    pub fn progress(&self) -> f64 {
+        let whole = self.path.duration();
+        if whole > 0.0 { (self.clock / whole).min(1.0) } else { 1.0 }
+    }
+
+    /// Whether the present path is over.
+    pub fn is_over(&self) -> bool {
+        self.clock + 1e-9 >= self.path.duration()
+    }
+
+    /// Where the present path ends.
+    pub fn end(&self) -> Isometry3<f64> {
+        self.path.end()
+    }
+
+    /// Begins a new path.
+    pub fn begin(&mut self, path: PosePath) {
+        self.path = path;
+        self.clock = 0.0;
+    }
+
+    /// Replaces the path that has just begun.
+    pub fn redirect(&mut self, path: PosePath) {
+        self.path = path;
+    }
+
+    /// A rest of `time` s at the end of the present path.
+    pub fn rest(&self, time: f64) -> Result<PosePath, PathError> {
+        PosePath::new(vec![(0.0, self.end()), (time, self.end())])
+    }
+
+    /// No motion at all: the executive waits for a decision.
+    pub fn wait(&self) -> Result<PosePath, PathError> {
+        PosePath::new(vec![(0.0, self.end())])
+    }
+
+    /// The palm rises by `raise` m while the digits close.
+    pub fn close(&self, raise: f64) -> Result<PosePath, PathError> {
+        PosePath::new(vec![(0.0, self.end()), (CLOSING_TIME, self.above(raise))])
+    }
+
+    /// Straight to `target` within `limits`.
+    pub fn straight(&self, limits: &PathLimits, target: Isometry3<f64>) -> Result<PosePath, PathError> {
+        let here = self.end();
+        PosePath::new(vec![(0.0, here), (duration(limits, &here, &target), target)])
+    }
+
+    /// Up by `height` m, slowly.
+    pub fn lift(&self, limits: &PathLimits, height: f64) -> Result<PosePath, PathError> {
+        self.straight(&limits.scaled(LIFTING), self.above(height))
+    }
+
+    /// Down by `height` m, a pause in which the digits open, and up again; with the time at which they are to open, s.
+    pub fn put_down(&self, limits: &PathLimits, height: f64) -> Result<(PosePath, f64), PathError> {
+        let (here, down) = (self.end(), self.above(-height));
+        let time = duration(&limits.scaled(LIFTING), &here, &down);
+        let opened = time + OPENING_TIME;
+        Ok((PosePath::new(vec![(0.0, here), (time, down), (opened, down), (opened + time, here)])?, time))
+    }
+
+    /// The end of the present path, `height` m higher.
+    fn above(&self, height: f64) -> Isometry3<f64> {
+        let here = self.end();
+        Isometry3::from_parts(Translation3::from(here.translation.vector + Vector3::z() * height), here.rotation)
+    }
+
+    /// Straight from the end of the present path to where `grasp` closes on what is seen at `percept`.
+    pub fn approach(&self, limits: &PathLimits, grasp: &Grasp, percept: &Percept) -> Result<PosePath, PathError> {
+        approach(limits, &[self.end()], grasp, percept)
+    }
+
+    /// The same, rehearsed by the arm servo: straight or by way of the pose at the very beginning, at full speed or slower.
+    ///
+    /// A straight path from where a failed try ended can lead the joints to their limits with the palm decimetres off, although
+    /// another posture would reach the target. `None` if no path ends there.
+    pub fn rehearsed_approach(&self, limits: &PathLimits, grasp: &Grasp, percept: &Percept) -> Option<PosePath> {
+        let here = self.end();
+        let mut lagging = None;
+        for speed in SPEEDS {
+            for stops in [&[here][..], &[here, self.home]] {
+                let Ok(path) = approach(&limits.scaled(speed), stops, grasp, percept) else { continue };
+                match self.off_path(&path) {
+                    Some(off) if off < OFF_PATH => return Some(path),
+                    Some(_) => lagging = lagging.or(Some(path)),
+                    None => {}
+                }
+            }
+        }
+        lagging
+    }
+
+    /// How far the palm would leave `path` on the way, m; `None` if it would not get to its end.
+    fn off_path(&self, path: &PosePath) -> Option<f64> {
+        let (tick, settle) = REHEARSAL;
+        let done = self.servo.rehearse(path, settle, tick).ok()?;
+        let there = done.position_error < OFF_END.0 && done.rotation_error < OFF_END.1;
+        there.then_some(done.worst_position_error)
+    }
+
+    /// A look begins: earlier images do not count.
+    pub fn begin_look(&mut self) {
+        self.images.clear();
+        for frame in self.newest.iter().filter(|frame| frame.camera < CAMERAS) {
+            self.sequences_before[frame.camera] = Some(frame.sequence);
+        }
+    }
+
+    /// Whether the images of a look have arrived, or will not arrive any more.
+    pub fn has_looked(&self) -> bool {
+        self.images.len() >= self.hand.cameras.len() || self.clock > 2.0 * LOOK_TIME
+    }
+
+    /// Whether the images of a look are to be asked for in this tick: at its end, when everything rests.
+    pub fn captures_look(&self) -> bool {
+        (self.clock - LOOK_TIME + self.tick).abs() < 0.6 * self.tick
+    }
+
+    /// Takes what was measured; `looking`: images belong to a look.
+    pub fn measure(&mut self, observation: &Observation, looking: bool) {
+        self.servos = observation.servos;
+        keep_newest(&mut self.newest, &observation.tactile);
+        if looking && self.clock > LOOK_TIME - 1.5 * self.tick {
+            keep_newest(&mut self.images, &observation.tactile);
+        }
+    }
+
+    /// One tick along the path: the arm's set-points, rad.
+    pub fn follow(&mut self) -> Result<Joints, MotionError> {
+        self.clock += self.tick;
+        let (palm, twist) = self.path.sample(self.clock);
+        let step = self.servo.step(&palm, &twist, self.tick)?;
+        self.worst_tracking = self.worst_tracking.max(step.position_error);
+        Ok(step.q)
+    }
+
+    /// The tick's command: tensions move towards `wanted` (N), the opposition joint goes to `opposition` (rad).
+    pub fn command(&mut self, arm: Joints, wanted: &[f64; 5], opposition: f64, capture: bool) -> Command {
+        approach_tension(&mut self.tension, wanted, self.tick);
+        Command { arm, servos: servo_goals(&self.hand, &self.tension, opposition), capture }
+    }
+}
+
+/// Replaces each camera's frame by its newer one: a real board's images arrive one after the other.
+fn keep_newest(kept: &mut Vec<TactileFrame>, arrived: &[TactileFrame]) {
+    for frame in arrived {
+        match kept.iter_mut().find(|known| known.camera == frame.camera) {
+            Some(known) => *known = frame.clone(),
+            None => kept.push(frame.clone()),
+        }
+    }
+}

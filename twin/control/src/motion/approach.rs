@@ -1,0 +1,40 @@
+//! Palm paths to a grasp.
+
+use grasping::Grasp;
+use nalgebra::Isometry3;
+
+use crate::percept::Percept;
+use crate::trajectory::{PathError, PathLimits, PosePath};
+
+/// Distance from which the hand approaches a grasp, m.
+pub const APPROACH_DISTANCE: f64 = 0.09;
+/// Share of the speed limits on the last stretch of an approach.
+const LAST_STRETCH: f64 = 0.6;
+/// Shortest time of a motion, s.
+const SHORTEST: f64 = 0.05;
+
+/// Time of a motion between two poses within limits, s.
+pub fn duration(limits: &PathLimits, from: &Isometry3<f64>, to: &Isometry3<f64>) -> f64 {
+    let length = (to.translation.vector - from.translation.vector).norm();
+    let angle = from.rotation.angle_to(&to.rotation);
+    limits.duration(length, angle).max(SHORTEST)
+}
+
+/// The path from the first of `stops` through the others and the grasp's approach pose to where the digits of `grasp` close on
+/// what is seen at `percept`.
+pub fn approach(
+    limits: &PathLimits,
+    stops: &[Isometry3<f64>],
+    grasp: &Grasp,
+    percept: &Percept,
+) -> Result<PosePath, PathError> {
+    let target = grasp.palm_pose(&percept.position, percept.yaw);
+    let before = grasp.pregrasp_pose(&target, APPROACH_DISTANCE);
+    let mut waypoints: Vec<(f64, Isometry3<f64>)> = Vec::with_capacity(stops.len() + 2);
+    for pose in stops.iter().chain([&before]) {
+        let time = waypoints.last().map_or(0.0, |(_, last)| duration(limits, last, pose));
+        waypoints.push((time, *pose));
+    }
+    waypoints.push((duration(&limits.scaled(LAST_STRETCH), &before, &target), target));
+    PosePath::new(waypoints)
+}

@@ -1,0 +1,145 @@
+//! Policies: everything that decides, retries, aims and gives up.
+//!
+//! A policy sees what a robot measures and what its [`Eyes`] report. It is asked at the decisions of a trial, acts on the
+//! [`Executive`], and answers how far to play. [`blind`] carries out the plan, [`touch`] adapts to what is felt, [`carry`] decides
+//! what a transport takes next; [`reach`] finds the grasps that the arm can carry out. No type here can name the scene's truth:
+//! the true-pose ablation is an [`Injected`] estimate that comes from outside.
+
+pub mod blind;
+pub mod carry;
+pub mod reach;
+pub mod touch;
+
+use std::sync::Arc;
+
+use ::touch::TouchError;
+use grasping::Repertoire;
+use nalgebra::Isometry3;
+use scenarios::objects::{ObjectModel, ObjectSet};
+
+use crate::executive::{Executive, Phase};
+use crate::motion::MotionError;
+use crate::percept::{Eyes, EyesError};
+use crate::perception::{Felt, Grip, KnownObject};
+use crate::strategy::StrategyError;
+use crate::workcell::Workcell;
+use crate::worth::Candidate;
+
+/// What a policy knows before a trial begins.
+#[derive(Clone)]
+pub struct Knowledge<'a> {
+    /// Hand and arm.
+    pub cell: &'a Workcell,
+    /// All objects, in every way in which they can lie.
+    pub library: &'a ObjectSet,
+    /// Proven grasps.
+    pub repertoire: &'a Repertoire,
+    /// The two objects of the trial, the first one first.
+    pub objects: [Arc<ObjectModel>; 2],
+    /// The first object, ready to be registered.
+    pub first_known: &'a KnownObject,
+    /// Grasps of the second object, the planned one first.
+    pub second: Vec<Candidate>,
+    /// Errors that the controller expects of its robot.
+    pub uncertainty: Uncertainty,
+    /// Simulated time after which a trial counts as failed, s.
+    pub time_limit: f64,
+}
+
+/// Standard deviations that the controller expects.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Uncertainty {
+    /// Constant error of the arm, each axis, m.
+    pub arm: f64,
+    /// Error of prior perception, each of x and y, m.
+    pub eyes: f64,
+}
+
+/// What is in the hand, from a source other than touch: an ablation's upper bound.
+#[derive(Debug, Clone, Copy)]
+pub struct Injected {
+    /// Pose of the first object in the hand.
+    pub palm_from_object: Isometry3<f64>,
+    /// Which objects are in the hand.
+    pub grip: Grip,
+}
+
+/// How a trial goes on after a decision.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Step {
+    /// Play until this phase.
+    Play(Phase),
+    /// The trial is over.
+    Finish,
+    /// The trial is given up: no grasp is in reach.
+    GiveUp,
+}
+
+/// What a policy did in a trial, for its record.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Story {
+    /// How often a grasp was tried again.
+    pub retries: u32,
+    /// Whether a second grasp other than the planned one was chosen.
+    pub switched: bool,
+    /// Decisions how to take the second object.
+    pub decisions: u32,
+    /// Reasons in words, in order.
+    pub reasons: Vec<String>,
+    /// The part of the reasons that belongs to the newest decision.
+    newest: usize,
+}
+
+impl Story {
+    /// Whether everything so far is what the plan says.
+    pub fn is_as_planned(&self) -> bool {
+        self.retries == 0 && !self.switched
+    }
+
+    /// Reasons given since the last call.
+    pub fn take_newest(&mut self) -> Vec<String> {
+        let newest = self.reasons[self.newest..].to_vec();
+        self.newest = self.reasons.len();
+        newest
+    }
+
+    /// A reason that is recorded but not announced.
+    fn note(&mut self, reason: String) {
+        debug_assert_eq!(self.newest, self.reasons.len(), "notes come before announcements");
+        self.reasons.push(reason);
+        self.newest = self.reasons.len();
+    }
+}
+
+/// Why a policy cannot go on.
+#[derive(Debug, thiserror::Error)]
+pub enum PolicyError {
+    /// Perception failed.
+    #[error(transparent)]
+    Touch(#[from] TouchError),
+    /// The decision failed.
+    #[error(transparent)]
+    Strategy(#[from] StrategyError),
+    /// A motion could not be planned.
+    #[error(transparent)]
+    Motion(#[from] MotionError),
+    /// Prior perception failed.
+    #[error(transparent)]
+    Eyes(#[from] EyesError),
+    /// The plan names no second grasp.
+    #[error("the plan for {0} has no second grasp")]
+    NoPlan(String),
+}
+
+/// A policy of the two-object trial. It is asked in [`Phase::Decide`], [`Phase::Confirm`] and [`Phase::Done`]: first it perceives,
+/// then it decides.
+pub trait Policy {
+    /// Takes in what the last look measured.
+    fn perceive(&mut self, executive: &Executive, injected: Option<Injected>) -> Result<(), PolicyError>;
+    /// Decides at `time` (s, the robot's clock) and acts on the executive.
+    fn decide(&mut self, executive: &mut Executive, eyes: &mut dyn Eyes, time: f64) -> Result<Step, PolicyError>;
+    /// What it did so far.
+    fn story(&mut self) -> &mut Story;
+    /// What was felt of the first object at the last decision.
+    fn felt(&self) -> Option<&Felt>;
+}

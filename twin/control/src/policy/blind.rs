@@ -1,0 +1,50 @@
+//! The policy `blind`: carries out the plan and asks nobody.
+
+use grasping::Grasp;
+
+use super::{Injected, Policy, PolicyError, Step, Story};
+use crate::executive::{Executive, Phase};
+use crate::percept::Eyes;
+use crate::perception::Felt;
+
+/// Takes the second object with the planned grasp, whatever happened to the first.
+#[derive(Debug, Clone)]
+pub struct Blind {
+    second: Grasp,
+    story: Story,
+}
+
+impl Blind {
+    /// With `second` as the planned grasp of the second object.
+    pub fn new(second: Grasp) -> Self {
+        Self { second, story: Story::default() }
+    }
+}
+
+impl Policy for Blind {
+    fn perceive(&mut self, _: &Executive, _: Option<Injected>) -> Result<(), PolicyError> {
+        Ok(())
+    }
+
+    fn decide(&mut self, executive: &mut Executive, _: &mut dyn Eyes, _: f64) -> Result<Step, PolicyError> {
+        match executive.phase() {
+            Phase::Decide => Ok(match executive.decide(self.second.clone()) {
+                Ok(()) => Step::Play(Phase::Confirm),
+                Err(_) => Step::GiveUp,
+            }),
+            Phase::Confirm => {
+                executive.confirm()?;
+                Ok(Step::Play(Phase::Done))
+            }
+            _ => Ok(Step::Finish),
+        }
+    }
+
+    fn story(&mut self) -> &mut Story {
+        &mut self.story
+    }
+
+    fn felt(&self) -> Option<&Felt> {
+        None
+    }
+}

@@ -1,0 +1,63 @@
+//! Grasps that the arm can carry out on an object as it is seen, turned about the vertical where the object allows it.
+
+use std::collections::BTreeMap;
+
+use grasping::{Grasp, Role};
+use scenarios::objects::ObjectModel;
+
+use super::Knowledge;
+use crate::percept::Percept;
+use crate::stand_in::stand_ins;
+use crate::worth::{self, Candidate};
+
+/// Turns about the vertical that are tried when an object is out of the planned grasp's reach, rad.
+pub const TURNS: [f64; 15] = [0.0, 0.2, -0.2, 0.4, -0.4, 0.6, -0.6, 0.8, -0.8, 1.0, -1.0, 1.2, -1.2, 1.4, -1.4];
+
+/// `grasp` from all sides from which the object looks the same, as far as the arm has a posture for it: unturned first.
+pub fn turned<'a>(
+    knowledge: &'a Knowledge,
+    grasp: &'a Grasp,
+    seen: &'a Percept,
+    object: &ObjectModel,
+) -> impl Iterator<Item = Grasp> + use<'a> {
+    let turns = if object.round_about_vertical(&seen.rotation) {
+        TURNS.to_vec()
+    } else {
+        let others = object.standing_yaws(&seen.rotation).into_iter().map(|yaw| yaw - seen.yaw);
+        std::iter::once(0.0).chain(others.filter(|turn| turn.abs() > 1e-6)).collect()
+    };
+    turns
+        .into_iter()
+        .map(|turn| Grasp { yaw: grasp.yaw + turn, ..grasp.clone() })
+        .filter(|grasp| knowledge.cell.reaches(&grasp.palm_pose(&seen.position, seen.yaw)))
+}
+
+/// What a search for grasps begins with.
+pub struct Wanted<'a> {
+    /// The object.
+    pub object: &'a ObjectModel,
+    /// The object's part in the trial.
+    pub role: Role,
+    /// Grasps for it while it stands as the plan expects.
+    pub candidates: &'a [Candidate],
+    /// How often each grasp, by its number, has failed in this trial.
+    pub failures: &'a BTreeMap<u32, i32>,
+}
+
+/// The candidates whose grasp the arm reaches; for an object that fell over, grasps of what lies like it.
+pub fn within_reach(knowledge: &Knowledge, wanted: &Wanted, seen: &Percept) -> Vec<Candidate> {
+    let turn_into_reach = |candidate: &Candidate| {
+        let grasp = turned(knowledge, &candidate.grasp, seen, wanted.object).next()?;
+        let failures = wanted.failures.get(&grasp.id).copied().unwrap_or(0);
+        Some(Candidate { worth: candidate.worth * worth::FAILED.powi(failures), grasp })
+    };
+    let own: Vec<Candidate> = match wanted.object.standing_yaw(&seen.rotation) {
+        Some(_) => wanted.candidates.iter().filter_map(turn_into_reach).collect(),
+        None => Vec::new(),
+    };
+    if !own.is_empty() {
+        return own;
+    }
+    let others = stand_ins(knowledge.library, knowledge.repertoire, wanted.object, seen, wanted.role);
+    others.iter().filter_map(turn_into_reach).collect()
+}

@@ -1,0 +1,260 @@
+//! The policy `touch`: decides by what is felt, and tries again what touch says has failed.
+//!
+//! At each decision the look is interpreted ([`crate::perception`]), [`crate::recovery`] says what should come next, and
+//! [`crate::strategy`] chooses the grasp of the second object given the pose of the first as felt. What failed is tried again where
+//! the eyes see it now.
+
+use std::collections::BTreeMap;
+
+use grasping::{Grasp, Role};
+use nalgebra::Vector3;
+
+use super::reach::{Wanted, turned, within_reach};
+use super::{Injected, Knowledge, Policy, PolicyError, Step, Story};
+use crate::executive::{Executive, Phase};
+use crate::percept::{Eyes, Percept};
+use crate::perception::{Expected, Felt, Grip, feel, grip};
+use crate::recovery::{Next, probe};
+use crate::sensing::Senses;
+use crate::strategy::{Decision, Held, Situation, choose};
+use crate::trajectory::PosePath;
+use crate::worth::{self, Candidate};
+
+/// Time that a trial needs from a new try of the first object to its end, s: none begins later.
+const TRY_TIME: f64 = 14.0;
+/// The felt pose's standard deviation counts up to this, m.
+const MOST_SIGMA: f64 = 0.01;
+
+/// What the policy knows while a trial goes on.
+pub struct Touch<'a> {
+    knowledge: Knowledge<'a>,
+    senses: Senses<'a>,
+    /// Grasps of the first object, the planned one first.
+    first: Vec<Candidate>,
+    /// Whether the plan's own motion is known to succeed as a motion, so that it needs no rehearsal by the arm servo.
+    plan_is_rehearsed: bool,
+    story: Story,
+    /// How often each grasp of the first and of the second object, by its number, has failed.
+    failures: [BTreeMap<u32, i32>; 2],
+    /// Grasps that failed in a row.
+    in_a_row: usize,
+    /// Offset of the aim from what is seen, m: kept while it works.
+    aim: Vector3<f64>,
+    felt: Option<Felt>,
+    grip: Grip,
+    /// The hand has been emptied: the first object comes next, without a look.
+    emptied: bool,
+}
+
+impl<'a> Touch<'a> {
+    /// The policy of a trial whose first grasp is planned as `first`.
+    pub fn new(knowledge: Knowledge<'a>, senses: Senses<'a>, first: &Grasp, plan_is_rehearsed: bool) -> Self {
+        let name = &knowledge.objects[0].name;
+        let others = knowledge.repertoire.of(name, Role::First).filter(|grasp| grasp.id != first.id);
+        let others = others.map(|grasp| Candidate { worth: worth::UNREHEARSED * grasp.score, grasp: grasp.clone() });
+        let planned = Candidate { worth: first.score, grasp: first.clone() };
+        Self {
+            first: std::iter::once(planned).chain(others).collect(),
+            knowledge,
+            senses,
+            plan_is_rehearsed,
+            story: Story::default(),
+            failures: Default::default(),
+            in_a_row: 0,
+            aim: Vector3::zeros(),
+            felt: None,
+            grip: Grip { first: false, second: false },
+            emptied: false,
+        }
+    }
+
+    /// A grasp that just failed is worth less for the rest of the trial, and the next one aims elsewhere.
+    fn mark_down(&mut self, next: Next, executive: &Executive) {
+        let (object, failed) = match next {
+            Next::GoOn => return,
+            Next::FirstAgain | Next::StartOver => (0, executive.first().0.id),
+            Next::SecondAgain => (1, executive.second().0.id),
+        };
+        *self.failures[object].entry(failed).or_default() += 1;
+        if next != Next::StartOver {
+            self.in_a_row += 1;
+            if self.in_a_row > 1 {
+                self.aim = probe(self.in_a_row, self.knowledge.uncertainty.arm);
+            }
+        }
+    }
+
+    /// The eyes look at an object anew; the hand aims beside it as it has learnt to.
+    fn see(&self, index: usize, eyes: &mut dyn Eyes) -> Result<Percept, PolicyError> {
+        let seen = Percept::of(&self.knowledge.objects[index], &eyes.look(index)?);
+        Ok(Percept { position: seen.position + self.aim, ..seen })
+    }
+
+    fn within_reach(&self, role: Role, seen: &Percept) -> Vec<Candidate> {
+        let index = usize::from(role == Role::Second);
+        let candidates = [&self.first, &self.knowledge.second][index];
+        let (object, failures) = (&*self.knowledge.objects[index], &self.failures[index]);
+        within_reach(&self.knowledge, &Wanted { object, role, candidates, failures }, seen)
+    }
+
+    /// Looks at both objects and takes the first one again.
+    fn first_again(&mut self, executive: &mut Executive, eyes: &mut dyn Eyes) -> Result<Step, PolicyError> {
+        let seen = self.see(0, eyes)?;
+        executive.see_second(self.see(1, eyes)?);
+        let candidates = self.within_reach(Role::First, &seen);
+        let Some((grasp, path)) = self.best_approach(executive, candidates, &seen) else {
+            return Ok(self.give_up(0, &seen));
+        };
+        if let Err(error) = executive.retry_first(grasp, seen) {
+            self.story.reasons.push(error.to_string());
+            return Ok(Step::GiveUp);
+        }
+        executive.redirect(path);
+        Ok(Step::Play(Phase::Decide))
+    }
+
+    /// The best of `candidates` that the arm gets to from where it is, and how.
+    fn best_approach(
+        &self,
+        executive: &Executive,
+        mut candidates: Vec<Candidate>,
+        seen: &Percept,
+    ) -> Option<(Grasp, PosePath)> {
+        candidates.sort_by(|a, b| b.worth.total_cmp(&a.worth));
+        candidates.iter().find_map(|candidate| {
+            turned(&self.knowledge, &candidate.grasp, seen, &self.knowledge.objects[0])
+                .find_map(|grasp| executive.rehearsed_approach(&grasp, seen).map(|path| (grasp, path)))
+        })
+    }
+
+    /// Decides how to take the second object, and begins.
+    fn take_second(&mut self, executive: &mut Executive) -> Result<Step, PolicyError> {
+        let seen = executive.second().1;
+        let mut within = self.within_reach(Role::Second, &seen);
+        self.story.decisions += 1;
+        loop {
+            let Some(felt) = self.felt.as_ref().filter(|_| !within.is_empty()) else {
+                return Ok(self.give_up(1, &seen));
+            };
+            let decision = self.choose(executive, &within, felt)?;
+            if self.plan_is_rehearsed && self.story.is_as_planned() && !decision.switched {
+                self.story.reasons.push(decision.reason);
+                return Ok(match executive.decide(decision.grasp) {
+                    Ok(()) => Step::Play(Phase::Confirm),
+                    Err(_) => Step::GiveUp,
+                });
+            }
+            let Some(path) = executive.rehearsed_approach(&decision.grasp, &seen) else {
+                within.retain(|candidate| candidate.grasp.id != decision.grasp.id);
+                continue;
+            };
+            self.story.switched |= decision.switched;
+            executive.decide(decision.grasp)?;
+            executive.redirect(path);
+            self.story.reasons.push(decision.reason);
+            return Ok(Step::Play(Phase::Confirm));
+        }
+    }
+
+    /// The grasp for the second object, given what is felt of the first.
+    fn choose(&self, executive: &Executive, candidates: &[Candidate], felt: &Felt) -> Result<Decision, PolicyError> {
+        let [first, second] = &self.knowledge.objects;
+        let held = Held {
+            object: first,
+            pose: felt.estimate.palm_from_object,
+            joints: felt.estimate.q.to_vec(),
+            digits: executive.first().0.role.digits(),
+            sigma: felt.estimate.sigma().0.min(MOST_SIGMA),
+        };
+        let uncertainty = &self.knowledge.uncertainty;
+        let situation = Situation {
+            executive,
+            hand: &self.knowledge.cell.hand,
+            held: &held,
+            target: second,
+            target_sigma: uncertainty.arm.hypot(uncertainty.eyes),
+        };
+        choose(&situation, candidates)?.ok_or_else(|| PolicyError::NoPlan(second.name.clone()))
+    }
+
+    fn give_up(&mut self, index: usize, seen: &Percept) -> Step {
+        let object = &self.knowledge.objects[index];
+        let tilt = (seen.rotation * object.rest.inverse() * Vector3::z()).angle(&Vector3::z()).to_degrees();
+        let at = seen.position;
+        self.story.reasons.push(format!(
+            "no grasp of {} is in reach at ({:.2}, {:.2}, {:.2}) m, tilted by {tilt:.0} deg",
+            object.name, at.x, at.y, at.z
+        ));
+        Step::GiveUp
+    }
+}
+
+impl Policy for Touch<'_> {
+    fn perceive(&mut self, executive: &Executive, injected: Option<Injected>) -> Result<(), PolicyError> {
+        if self.emptied {
+            return Ok(());
+        }
+        let ((first, percept), (second, _)) = (executive.first(), executive.second());
+        let expected = Expected::of(first, percept, second);
+        if executive.phase() == Phase::Decide {
+            let mut felt = feel(&self.senses, &executive.look(), self.knowledge.first_known, &expected)?;
+            if let Some(injected) = injected {
+                felt.estimate.palm_from_object = injected.palm_from_object;
+                felt.estimate.covariance.fill(0.0);
+                felt.grip = injected.grip;
+            }
+            felt.faults.iter().for_each(|fault| self.story.note(format!("left out: {fault}")));
+            self.grip = felt.grip;
+            self.felt = Some(felt);
+        } else {
+            self.grip = match injected {
+                Some(injected) => injected.grip,
+                None => grip(&self.senses, &executive.look(), &expected)?,
+            };
+        }
+        Ok(())
+    }
+
+    fn decide(&mut self, executive: &mut Executive, eyes: &mut dyn Eyes, time: f64) -> Result<Step, PolicyError> {
+        if std::mem::take(&mut self.emptied) {
+            return self.first_again(executive, eyes);
+        }
+        let phase = executive.phase();
+        let late = time + TRY_TIME > self.knowledge.time_limit;
+        let next = if late { Next::GoOn } else { Next::after(phase, self.grip) };
+        match (phase, next) {
+            (Phase::Done, Next::GoOn) => return Ok(Step::Finish),
+            (Phase::Confirm, Next::GoOn) => {
+                executive.confirm()?;
+                return Ok(Step::Play(Phase::Done));
+            }
+            (_, Next::GoOn) => self.in_a_row = 0,
+            _ => {
+                self.story.retries += 1;
+                self.story.reasons.push(next.reason().to_owned());
+                self.mark_down(next, executive);
+            }
+        }
+        match next {
+            Next::FirstAgain => self.first_again(executive, eyes),
+            Next::StartOver => {
+                executive.put_down()?;
+                self.emptied = true;
+                Ok(Step::Play(Phase::Decide))
+            }
+            Next::SecondAgain => {
+                executive.see_second(self.see(1, eyes)?);
+                self.take_second(executive)
+            }
+            Next::GoOn => self.take_second(executive),
+        }
+    }
+
+    fn story(&mut self) -> &mut Story {
+        &mut self.story
+    }
+
+    fn felt(&self) -> Option<&Felt> {
+        self.felt.as_ref()
+    }
+}

@@ -1,0 +1,46 @@
+//! The workcell as the control stack knows it: hand, arm, where the arm stands, and the posture in which a trial begins.
+
+use std::sync::Arc;
+
+use hand_model::{Arm, Hand};
+use nalgebra::Isometry3;
+
+use crate::inverse_kinematics::{ArmKinematics, ArmServo, IkError, IkSettings, Joints, Mount};
+
+/// Hand, arm and their nominal places.
+#[derive(Debug, Clone)]
+pub struct Workcell {
+    /// The hand.
+    pub hand: Arc<Hand>,
+    /// The arm.
+    pub arm: Arc<Arm>,
+    /// Where the arm stands, nominally.
+    pub world_from_base: Isometry3<f64>,
+    /// Posture a trial begins in, rad.
+    pub ready: Joints,
+}
+
+impl Workcell {
+    /// The nominal arm with the palm as the controlled frame.
+    pub fn kinematics(&self) -> ArmKinematics {
+        let mount =
+            Mount { world_from_base: self.world_from_base, tool_from_palm: self.hand.palm_from_flange.inverse() };
+        ArmKinematics::new((*self.arm).clone(), mount)
+    }
+
+    /// Arm posture for a palm pose, searched from `seed`; `None` if it is out of reach.
+    pub fn posture(&self, palm: &Isometry3<f64>, seed: &Joints) -> Option<Joints> {
+        self.kinematics().solve(palm, seed)
+    }
+
+    /// Whether the arm reaches a palm pose from the posture in which trials begin.
+    pub fn reaches(&self, palm: &Isometry3<f64>) -> bool {
+        self.posture(palm, &self.ready).is_some()
+    }
+
+    /// An arm servo at rest in a posture.
+    pub fn arm_servo(&self, posture: Joints) -> Result<ArmServo, IkError> {
+        let settings = IkSettings { comfort: posture, ..IkSettings::default() };
+        ArmServo::new(self.kinematics(), settings, posture)
+    }
+}

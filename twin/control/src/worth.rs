@@ -1,0 +1,28 @@
+//! What a grasp is worth: every factor that multiplies a proven score, in one place.
+//!
+//! A grasp's score is the share of rehearsals under the expected noise in which it held. Its worth in a given situation is that
+//! score times the factors below. They rank alternatives; only ratios matter. All were set by hand.
+
+use grasping::Grasp;
+
+/// A grasp that failed in this very trial or transport: the factor of each failure.
+pub const FAILED: f64 = 0.5;
+/// A grasp that was not rehearsed together with the other object of the combination.
+pub const UNREHEARSED: f64 = 0.9;
+/// A grasp taken over from another object of similar shape.
+pub const STAND_IN: f64 = 0.5;
+/// A pick that was not proven with these digits occupied.
+pub const UNPROVEN_BESIDE: f64 = 0.5;
+/// A load plan continues only with picks worth at least this much: a failed one may lose what is held.
+pub const LEAST: f64 = 0.25;
+/// A candidate replaces the plan only if it is worth this many times as much.
+pub const SWITCH_GAIN: f64 = 1.30;
+
+/// A grasp that might take an object, and its worth in this situation.
+#[derive(Debug, Clone)]
+pub struct Candidate {
+    /// The grasp.
+    pub grasp: Grasp,
+    /// Probability of success when nothing is in the way.
+    pub worth: f64,
+}
