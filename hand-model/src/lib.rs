@@ -12,8 +12,8 @@
 
 pub mod any_hand;
 pub mod arm;
+pub mod data;
 pub mod digit;
-pub mod error;
 pub mod hand;
 pub mod kinematics;
 pub mod pads;
@@ -24,8 +24,8 @@ pub mod transmission;
 pub mod urdf;
 
 pub use arm::Arm;
+pub use data::DataError;
 pub use digit::{Digit, Phalanx};
-pub use error::ModelError;
 pub use hand::Hand;
 
 /// Number of arm joints (Kinova Gen3).

@@ -5,18 +5,19 @@ use std::path::Path;
 use anyhow::{Context as _, Result, bail};
 use hardware_bridge::session_log::comparison::compare;
 use hardware_bridge::session_log::{Event, Reader, Replay};
+use scenarios::Scenario;
 use scenarios::record::TrialRecord;
 
 use crate::body::replayed::ReplayVenue;
 use crate::body::{Stopped, Task};
-use crate::builtin::{make_bench, read_scenario};
+use crate::builtin::make_bench;
 use crate::cli::Cli;
 use crate::trial::{Bench, NoWatcher};
 
 /// The command.
 pub fn command(cli: &Cli, recording: &Path) -> Result<Option<String>> {
     let task = task(recording)?;
-    let scenario = read_scenario(&task.scenario, recording)?;
+    let scenario = Scenario::parse(&task.scenario, recording)?;
     let bench = make_bench(scenario, task.combos, task.seed, cli.quiet || cli.json)?;
     if task.combination >= bench.plans.plans.len() {
         bail!(

@@ -19,7 +19,7 @@ use hardware_bridge::session_log::{Event, Reader, Recorder, Session, Writer};
 use nalgebra::Isometry3;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
-use scenarios::combination::Scenario;
+use scenarios::Scenario;
 use sim::robot::Truth;
 
 use self::kind::{ALL, Expected, Kind};

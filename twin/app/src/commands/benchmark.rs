@@ -4,13 +4,13 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
-use scenarios::Sensing;
 use scenarios::statistics::Summary;
+use scenarios::{Scenario, Sensing};
 
 use super::Outcome;
 use crate::bench::{self, Options};
 use crate::body::choice::{check_body, venue};
-use crate::builtin::{make_bench, read_scenario};
+use crate::builtin::make_bench;
 use crate::cli::{BenchArgs, Body, Cli};
 use crate::journal::{Journal, RunRequest};
 
@@ -37,9 +37,9 @@ pub fn benchmark(cli: &Cli, args: &BenchArgs) -> Outcome {
                 Some(path) => {
                     std::fs::read_to_string(path).with_context(|| format!("--scenario {}", path.display()))?
                 }
-                None => scenarios::combination::BENCHMARK.to_owned(),
+                None => scenarios::scenario::BENCHMARK.to_owned(),
             };
-            let scenario = read_scenario(&text, &path)?;
+            let scenario = Scenario::parse(&text, &path)?;
             if args.combos > scenario.combinations() {
                 bail!(
                     "--combos: found {}, expected at most the scenario's {} pairs",
@@ -56,7 +56,7 @@ pub fn benchmark(cli: &Cli, args: &BenchArgs) -> Outcome {
                 shard,
                 ablations: ablations(args)?,
                 noise_scale: args.noise_scale,
-                scenario: text,
+                scenario: Scenario::self_contained(&text, &path)?,
             };
             (request, args.out.clone().unwrap_or_else(next_free_folder))
         }
@@ -64,7 +64,7 @@ pub fn benchmark(cli: &Cli, args: &BenchArgs) -> Outcome {
     let robot = <Body as clap::ValueEnum>::from_str(&request.robot, false)
         .map_err(|_| anyhow::anyhow!("{}: robot: found {}, expected a known body", folder.display(), request.robot))?;
     check_body(robot, args.config.as_deref())?;
-    let mut scenario = read_scenario(&request.scenario, &folder.join("run.json"))?;
+    let mut scenario = Scenario::parse(&request.scenario, &folder.join("run.json"))?;
     scenario.noise = scenario.noise.scaled(request.noise_scale);
     if robot != Body::Sim && !scenario.disturbance.is_none() {
         bail!(

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use grasping::Role;
-use scenarios::combination::Scenario;
+use scenarios::Scenario;
 
 use super::Outcome;
 use crate::builtin;
