@@ -25,7 +25,7 @@ use nalgebra::{Isometry3, Matrix3, Point3, Vector3};
 use serde::Deserialize;
 use urdf_rs::{Geometry, JointType, Robot};
 
-use crate::error::ModelError;
+use crate::data::{DataError, parse_toml, read_text};
 use crate::hand::MassProperties;
 use crate::kinematics::{Tree, pose_from_xyz_rpy};
 use crate::urdf::{check_masses, fault, frames, parse_robot};
@@ -120,14 +120,12 @@ struct PullFile {
 
 impl AnyHand {
     /// Reads a hand from its URDF and its pulls file.
-    pub fn read(urdf: &Path, pulls: &Path) -> Result<Self, ModelError> {
-        let read =
-            |path: &Path| std::fs::read_to_string(path).map_err(|source| ModelError::Io { path: path.into(), source });
-        Self::parse(&read(urdf)?, urdf, &read(pulls)?, pulls)
+    pub fn read(urdf: &Path, pulls: &Path) -> Result<Self, DataError> {
+        Self::parse(&read_text(urdf)?, urdf, &read_text(pulls)?, pulls)
     }
 
     /// As [`Self::read`], from text; meshes are looked for beside `urdf_path`.
-    pub fn parse(urdf: &str, urdf_path: &Path, pulls: &str, pulls_path: &Path) -> Result<Self, ModelError> {
+    pub fn parse(urdf: &str, urdf_path: &Path, pulls: &str, pulls_path: &Path) -> Result<Self, DataError> {
         let robot = parse_robot(urdf, urdf_path)?;
         check_masses(&robot, urdf_path)?;
         let tree = frames(&robot, urdf_path, &[])?;
@@ -160,15 +158,14 @@ impl AnyHand {
         torques
     }
 
-    fn read_pulls(&mut self, text: &str, path: &Path) -> Result<(), ModelError> {
-        let file: PullsFile = toml::from_str(text)
-            .map_err(|error| ModelError::Syntax { path: path.into(), message: error.to_string() })?;
+    fn read_pulls(&mut self, text: &str, path: &Path) -> Result<(), DataError> {
+        let file: PullsFile = parse_toml(text, path)?;
         if file.version != 1 {
-            return Err(fault(path, "file".into(), "version", file.version.to_string(), "1"));
+            return Err(DataError::field(path, "version", file.version, "1"));
         }
         for (field, value) in [("damping", file.damping), ("armature", file.armature), ("spring", file.spring)] {
             if !(value.is_finite() && value > 0.0) {
-                return Err(fault(path, "file".into(), field, value.to_string(), "a positive number"));
+                return Err(DataError::field(path, field, value, "a positive number"));
             }
         }
         (self.damping, self.armature, self.spring) = (file.damping, file.armature, file.spring);
@@ -222,7 +219,7 @@ fn masses(
     tree: &Tree,
     carried: &BTreeMap<String, (Option<usize>, Isometry3<f64>)>,
     path: &Path,
-) -> Result<Vec<MassProperties>, ModelError> {
+) -> Result<Vec<MassProperties>, DataError> {
     let nothing = MassProperties { mass: 0.0, com: Point3::origin(), inertia: Matrix3::zeros() };
     let mut masses = vec![nothing; tree.len()];
     for link in &robot.links {
@@ -265,7 +262,7 @@ fn solids(
     carried: &BTreeMap<String, (Option<usize>, Isometry3<f64>)>,
     path: &Path,
     notes: &mut Vec<String>,
-) -> Result<Vec<Solid>, ModelError> {
+) -> Result<Vec<Solid>, DataError> {
     let mut solids = Vec::new();
     for link in &robot.links {
         let Some((carrier, pose)) = carried.get(&link.name) else { continue };
@@ -298,7 +295,7 @@ fn solids(
     Ok(solids)
 }
 
-fn followers(robot: &Robot, tree: &Tree, path: &Path) -> Result<Vec<Follower>, ModelError> {
+fn followers(robot: &Robot, tree: &Tree, path: &Path) -> Result<Vec<Follower>, DataError> {
     let mut followers = Vec::new();
     for joint in &robot.joints {
         let (Some(mimic), Some(index)) = (&joint.mimic, tree.find(&joint.name)) else { continue };
@@ -390,7 +387,7 @@ mod tests {
                 "clamp.toml: actuator[close].arms.hings: found no such joint",
             ),
             (URDF.into(), PULLS.replace("hinge", "second"), "clamp.toml: actuator[close].arms.second"),
-            (URDF.into(), PULLS.replace("0.02", "-1"), "clamp.toml: file.spring: found -1"),
+            (URDF.into(), PULLS.replace("0.02", "-1"), "clamp.toml: spring: found -1"),
         ];
         for (urdf, pulls, expected) in cases {
             let error = parse(&urdf, &pulls).expect_err(expected);

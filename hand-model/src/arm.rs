@@ -1,11 +1,13 @@
-//! The Kinova Gen3 arm, 7 joints: frames, limits and inertias of `data/gen3.toml`.
+//! The Kinova Gen3 arm, 7 joints: frames, limits, inertias, control gains and outer sizes of `data/gen3.toml`.
 
 use std::f64::consts::{FRAC_PI_2, PI};
+use std::path::Path;
 
 use nalgebra::{Isometry3, Matrix3, Point3, Vector3};
 use serde::Deserialize;
 
 use crate::ARM_JOINTS;
+use crate::data::parse_toml;
 use crate::hand::MassProperties;
 use crate::kinematics::{Joint, Tree, pose_from_xyz_rpy};
 
@@ -17,6 +19,8 @@ struct ArmFile {
     #[allow(dead_code)]
     name: String,
     base_mass: f64,
+    base_radius: f64,
+    armature: f64,
     tool_xyz: [f64; 3],
     tool_rpy: [f64; 3],
     joint: Vec<ArmJointFile>,
@@ -40,6 +44,21 @@ struct ArmJointFile {
     mass: f64,
     com: [f64; 3],
     inertia: [f64; 6],
+    stiffness: f64,
+    damping: f64,
+    radius: f64,
+    wrist_capsule: Option<[f64; 3]>,
+}
+
+/// A capsule from a link's origin along its axis.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct WristCapsule {
+    /// Index of the link, 0 to 6.
+    pub link: usize,
+    /// Far end, link frame, m.
+    pub end: Vector3<f64>,
+    /// m.
+    pub radius: f64,
 }
 
 /// The arm; its root is `arm_base`.
@@ -59,6 +78,16 @@ pub struct Arm {
     pub masses: Vec<MassProperties>,
     /// Mass of the base, kg.
     pub base_mass: f64,
+    /// Stiffness of the joints' position control, N m/rad.
+    pub stiffness: [f64; ARM_JOINTS],
+    /// Damping of the joints' position control, N m s/rad.
+    pub damping: [f64; ARM_JOINTS],
+    /// Inertia of the drives as felt at their joints, kg m2.
+    pub armature: f64,
+    /// Radii of the tubes around base and links, m.
+    pub radii: [f64; ARM_JOINTS + 1],
+    /// What stands for the wrist against table and objects.
+    pub wrist: Vec<WristCapsule>,
     /// Tool frame (where the hand is mounted) in the last link.
     pub last_from_tool: Isometry3<f64>,
 }
@@ -69,7 +98,8 @@ impl Arm {
     /// # Panics
     /// Never in a tested build: the file is compiled in and a test reads it.
     pub fn gen3() -> Self {
-        let file: ArmFile = toml::from_str(include_str!("../data/gen3.toml")).expect("the built-in arm is valid");
+        let file: ArmFile =
+            parse_toml(include_str!("../data/gen3.toml"), Path::new("gen3.toml")).expect("the built-in arm is valid");
         let joints = file
             .joint
             .iter()
@@ -83,6 +113,9 @@ impl Arm {
                 upper: if joint.continuous { f64::INFINITY } else { joint.upper },
             })
             .collect();
+        let wrist = file.joint.iter().enumerate().filter_map(|(link, joint)| {
+            Some(WristCapsule { link, end: Vector3::from(joint.wrist_capsule?), radius: joint.radius })
+        });
         let masses = file
             .joint
             .iter()
@@ -103,6 +136,11 @@ impl Arm {
             effort_limits: std::array::from_fn(|i| file.joint[i].effort),
             masses,
             base_mass: file.base_mass,
+            stiffness: std::array::from_fn(|i| file.joint[i].stiffness),
+            damping: std::array::from_fn(|i| file.joint[i].damping),
+            armature: file.armature,
+            radii: std::array::from_fn(|i| i.checked_sub(1).map_or(file.base_radius, |link| file.joint[link].radius)),
+            wrist: wrist.collect(),
             last_from_tool: pose_from_xyz_rpy(file.tool_xyz, file.tool_rpy),
         }
     }

@@ -5,7 +5,7 @@ use std::path::Path;
 use nalgebra::{Isometry3, Matrix3, Point3, Rotation3, Translation3, UnitQuaternion, Vector3};
 
 use crate::ACTUATORS;
-use crate::error::ModelError;
+use crate::data::DataError;
 use crate::kinematics::{Joint, Tree, pose_from_xyz_rpy};
 use crate::pads::{Camera, Pad};
 use crate::parameters::{Cover, Gel, HandParameters, Handedness, JointParameters, PadParameters};
@@ -121,12 +121,12 @@ impl Hand {
     }
 
     /// Builds a hand from a parameter file's text; `path` is used in errors.
-    pub fn parse(text: &str, path: &Path) -> Result<Self, ModelError> {
+    pub fn parse(text: &str, path: &Path) -> Result<Self, DataError> {
         Ok(Self::build(HandParameters::parse(text, path)?))
     }
 
     /// Reads a hand from a parameter file.
-    pub fn read(path: &Path) -> Result<Self, ModelError> {
+    pub fn read(path: &Path) -> Result<Self, DataError> {
         Ok(Self::build(HandParameters::read(path)?))
     }
 

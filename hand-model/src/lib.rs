@@ -13,8 +13,8 @@
 
 pub mod any_hand;
 pub mod arm;
+pub mod data;
 pub mod digit;
-pub mod error;
 pub mod file;
 pub mod hand;
 pub mod kinematics;
@@ -26,8 +26,8 @@ pub mod transmission;
 pub mod urdf;
 
 pub use arm::Arm;
+pub use data::DataError;
 pub use digit::{Digit, Phalanx};
-pub use error::ModelError;
 pub use hand::Hand;
 
 /// Number of arm joints (Kinova Gen3).

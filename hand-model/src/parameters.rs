@@ -4,7 +4,7 @@ use std::path::Path;
 
 use serde::Deserialize;
 
-use crate::error::ModelError;
+use crate::data::{DataError, parse_toml, read_text};
 use crate::transmission::SPANS;
 use crate::transmission::friction::CableFriction;
 
@@ -165,123 +165,124 @@ pub struct PadParameters {
 
 impl HandParameters {
     /// Parses and checks a parameter file's text; `path` is only used in errors.
-    pub fn parse(text: &str, path: &Path) -> Result<Self, ModelError> {
-        let parameters: Self = toml::from_str(text)
-            .map_err(|error| ModelError::Syntax { path: path.into(), message: error.to_string() })?;
+    pub fn parse(text: &str, path: &Path) -> Result<Self, DataError> {
+        let parameters: Self = parse_toml(text, path)?;
         parameters.check(path)?;
         Ok(parameters)
     }
 
     /// Reads and checks a parameter file.
-    pub fn read(path: &Path) -> Result<Self, ModelError> {
-        let text = std::fs::read_to_string(path).map_err(|source| ModelError::Io { path: path.into(), source })?;
-        Self::parse(&text, path)
+    pub fn read(path: &Path) -> Result<Self, DataError> {
+        Self::parse(&read_text(path)?, path)
     }
 
-    fn check(&self, path: &Path) -> Result<(), ModelError> {
-        let fault = |element: String, field: &str, found: String, expected: &str| ModelError::Field {
-            path: path.into(),
-            element,
-            field: field.into(),
-            found,
-            expected: expected.into(),
-        };
+    fn check(&self, path: &Path) -> Result<(), DataError> {
+        let fault = |field: &str, found: String, expected: &str| Err(DataError::field(path, field, found, expected));
         if self.version != 1 {
-            return Err(fault("file".into(), "version", self.version.to_string(), "1"));
+            return fault("version", self.version.to_string(), "1");
         }
         if self.joint.len() != crate::HAND_JOINTS {
-            return Err(fault("file".into(), "joint", format!("{} joints", self.joint.len()), "15 joints"));
+            return fault("joint", format!("{} joints", self.joint.len()), "15 joints");
         }
         if self.actuator.len() != crate::ACTUATORS {
-            return Err(fault("file".into(), "actuator", format!("{} actuators", self.actuator.len()), "6 actuators"));
+            return fault("actuator", format!("{} actuators", self.actuator.len()), "6 actuators");
         }
         if self.pad.len() != crate::PADS {
-            return Err(fault("file".into(), "pad", format!("{} pads", self.pad.len()), "17 pads"));
+            return fault("pad", format!("{} pads", self.pad.len()), "17 pads");
         }
+        self.check_cable(path)?;
+        let mut links = vec!["palm"];
+        for joint in &self.joint {
+            joint.check(&links, path)?;
+            links.push(&joint.name);
+        }
+        for actuator in &self.actuator {
+            self.check_actuator(actuator, path)?;
+        }
+        self.pad.iter().try_for_each(|pad| self.check_pad(pad, &links, path))
+    }
+
+    fn check_cable(&self, path: &Path) -> Result<(), DataError> {
         let positive = [
-            ("spool_radius", self.cable.spool_radius),
-            ("stiffness", self.cable.stiffness),
-            ("friction.presliding", self.cable.friction.presliding),
+            ("cable.spool_radius", self.cable.spool_radius),
+            ("cable.stiffness", self.cable.stiffness),
+            ("cable.friction.presliding", self.cable.friction.presliding),
         ];
         for (field, value) in positive {
             if !(value.is_finite() && value > 0.0) {
-                return Err(fault("cable".into(), field, value.to_string(), "a positive number"));
+                return Err(DataError::field(path, field, value, "a positive number"));
             }
         }
         let least = [
-            ("friction.coefficient", self.cable.friction.coefficient),
-            ("friction.routing", self.cable.friction.routing),
+            ("cable.friction.coefficient", self.cable.friction.coefficient),
+            ("cable.friction.routing", self.cable.friction.routing),
         ];
         for (field, value) in least {
             if !(value.is_finite() && value >= 0.0) {
-                return Err(fault("cable".into(), field, value.to_string(), "zero or a positive number"));
+                return Err(DataError::field(path, field, value, "zero or a positive number"));
             }
         }
-        for actuator in &self.actuator {
-            if actuator.cable.len() > SPANS {
-                let found = format!("{} joints", actuator.cable.len());
-                return Err(fault(format!("actuator[{}]", actuator.name), "cable", found, "at most 3 joints"));
-            }
+        Ok(())
+    }
+
+    /// The cable or shaft of an actuator: the joints that it names exist, and those that a cable crosses have guides.
+    fn check_actuator(&self, actuator: &ActuatorParameters, path: &Path) -> Result<(), DataError> {
+        let field = || format!("actuator[{}].cable", actuator.name);
+        if actuator.cable.len() > SPANS {
+            return Err(DataError::field(
+                path,
+                field(),
+                format!("{} joints", actuator.cable.len()),
+                "at most 3 joints",
+            ));
         }
-        let mut known = vec!["palm"];
-        for joint in &self.joint {
-            let element = || format!("joint[{}]", joint.name);
-            if !known.contains(&joint.parent.as_str()) {
-                return Err(fault(
-                    element(),
-                    "parent",
-                    format!("`{}`", joint.parent),
-                    "the palm or a joint defined above",
+        for name in actuator.cable.iter().chain(&actuator.drives) {
+            let Some(joint) = self.joint.iter().find(|joint| &joint.name == name) else {
+                return Err(DataError::field(path, field(), format!("`{name}`"), "the name of a joint"));
+            };
+            if actuator.drives.is_none() && (joint.guide_before.is_none() || joint.guide_after.is_none()) {
+                return Err(DataError::field(
+                    path,
+                    format!("joint[{name}].guide_before/guide_after"),
+                    "none",
+                    "two guide points, because a cable crosses this joint",
                 ));
             }
-            if joint.mass.is_nan() || joint.mass <= 0.0 {
-                return Err(fault(element(), "mass", joint.mass.to_string(), "a positive mass in kg"));
-            }
-            if joint.lower.is_nan() || joint.upper.is_nan() || joint.lower >= joint.upper {
-                return Err(fault(element(), "lower", joint.lower.to_string(), "less than `upper`"));
-            }
-            if joint.spring.is_nan() || joint.spring <= 0.0 {
-                return Err(fault(element(), "spring", joint.spring.to_string(), "a positive stiffness in N m/rad"));
-            }
-            known.push(&joint.name);
         }
-        for actuator in &self.actuator {
-            for name in actuator.cable.iter().chain(&actuator.drives) {
-                let Some(joint) = self.joint.iter().find(|joint| &joint.name == name) else {
-                    return Err(fault(
-                        format!("actuator[{}]", actuator.name),
-                        "cable",
-                        format!("`{name}`"),
-                        "the name of a joint",
-                    ));
-                };
-                if actuator.drives.is_none() && (joint.guide_before.is_none() || joint.guide_after.is_none()) {
-                    return Err(fault(
-                        format!("joint[{name}]"),
-                        "guide_before/guide_after",
-                        "none".into(),
-                        "two guide points, because a cable crosses this joint",
-                    ));
-                }
-            }
+        Ok(())
+    }
+
+    fn check_pad(&self, pad: &PadParameters, links: &[&str], path: &Path) -> Result<(), DataError> {
+        let fault = |field: &str, found: &str, expected: &str| {
+            Err(DataError::field(path, format!("pad[{}].{field}", pad.name), format!("`{found}`"), expected))
+        };
+        if !links.contains(&pad.link.as_str()) {
+            return fault("link", &pad.link, "the palm or a joint's link");
         }
-        for pad in &self.pad {
-            if !known.contains(&pad.link.as_str()) {
-                return Err(fault(
-                    format!("pad[{}]", pad.name),
-                    "link",
-                    format!("`{}`", pad.link),
-                    "the palm or a joint's link",
-                ));
-            }
-            if !self.configuration.contains_key(&pad.configuration) {
-                return Err(fault(
-                    format!("pad[{}]", pad.name),
-                    "configuration",
-                    format!("`{}`", pad.configuration),
-                    "one of the [configuration] table",
-                ));
-            }
+        if !self.configuration.contains_key(&pad.configuration) {
+            return fault("configuration", &pad.configuration, "one of the [configuration] table");
+        }
+        Ok(())
+    }
+}
+
+impl JointParameters {
+    /// `links` are the palm and the joints above this one in the file.
+    fn check(&self, links: &[&str], path: &Path) -> Result<(), DataError> {
+        let fault = |field: &str, found: String, expected: &str| {
+            Err(DataError::field(path, format!("joint[{}].{field}", self.name), found, expected))
+        };
+        if !links.contains(&self.parent.as_str()) {
+            return fault("parent", format!("`{}`", self.parent), "the palm or a joint defined above");
+        }
+        if self.mass.is_nan() || self.mass <= 0.0 {
+            return fault("mass", self.mass.to_string(), "a positive mass in kg");
+        }
+        if self.lower.is_nan() || self.upper.is_nan() || self.lower >= self.upper {
+            return fault("lower", self.lower.to_string(), "less than `upper`");
+        }
+        if self.spring.is_nan() || self.spring <= 0.0 {
+            return fault("spring", self.spring.to_string(), "a positive stiffness in N m/rad");
         }
         Ok(())
     }

@@ -6,7 +6,7 @@ use std::path::Path;
 
 use nalgebra::{Isometry3, Unit, Vector3};
 
-use crate::error::ModelError;
+use crate::data::{DataError, read_text};
 use crate::hand::MassProperties;
 use crate::kinematics::{Joint, Tree, pose_from_xyz_rpy};
 use crate::{Arm, Hand};
@@ -127,35 +127,33 @@ fn fixed(out: &mut String, name: &str, pose: &Isometry3<f64>, parent: &str, chil
 
 /// Reads the movable joints of a URDF into a tree, fixed joints folded into the frames. `expected` names joints that must be
 /// there. Link inertias are checked: a moving link without mass breaks any dynamics engine.
-pub fn read_tree(path: &Path, expected: &[&str]) -> Result<Tree, ModelError> {
-    let text = std::fs::read_to_string(path).map_err(|source| ModelError::Io { path: path.into(), source })?;
-    parse_tree(&text, path, expected)
+pub fn read_tree(path: &Path, expected: &[&str]) -> Result<Tree, DataError> {
+    parse_tree(&read_text(path)?, path, expected)
 }
 
 /// As [`read_tree`], from text.
-pub fn parse_tree(text: &str, path: &Path, expected: &[&str]) -> Result<Tree, ModelError> {
+pub fn parse_tree(text: &str, path: &Path, expected: &[&str]) -> Result<Tree, DataError> {
     let robot = parse_robot(text, path)?;
     check_masses(&robot, path)?;
     frames(&robot, path, expected)
 }
 
 /// The joints' frames alone: for a look at a file whose links need no mass.
-pub fn read_frames(path: &Path, expected: &[&str]) -> Result<Tree, ModelError> {
-    let text = std::fs::read_to_string(path).map_err(|source| ModelError::Io { path: path.into(), source })?;
-    frames(&parse_robot(&text, path)?, path, expected)
+pub fn read_frames(path: &Path, expected: &[&str]) -> Result<Tree, DataError> {
+    frames(&parse_robot(&read_text(path)?, path)?, path, expected)
 }
 
-pub(crate) fn parse_robot(text: &str, path: &Path) -> Result<urdf_rs::Robot, ModelError> {
+pub(crate) fn parse_robot(text: &str, path: &Path) -> Result<urdf_rs::Robot, DataError> {
     urdf_rs::read_from_string(text)
-        .map_err(|error| ModelError::Syntax { path: path.into(), message: error.to_string() })
+        .map_err(|error| DataError::field(path, "robot", error, "a well-formed URDF with a <robot> element"))
 }
 
 /// An error of `path` at an element's field.
-pub(crate) fn fault(path: &Path, element: String, field: &str, found: String, expected: &str) -> ModelError {
-    ModelError::Field { path: path.into(), element, field: field.into(), found, expected: expected.into() }
+pub(crate) fn fault(path: &Path, element: String, field: &str, found: String, expected: &str) -> DataError {
+    DataError::field(path, format!("{element}.{field}"), found, expected)
 }
 
-pub(crate) fn check_masses(robot: &urdf_rs::Robot, path: &Path) -> Result<(), ModelError> {
+pub(crate) fn check_masses(robot: &urdf_rs::Robot, path: &Path) -> Result<(), DataError> {
     for joint in robot.joints.iter().filter(|joint| joint.joint_type != urdf_rs::JointType::Fixed) {
         let link = robot.links.iter().find(|link| link.name == joint.child.link);
         if link.is_some_and(|link| link.inertial.mass.value <= 0.0) {
@@ -171,7 +169,7 @@ pub(crate) fn check_masses(robot: &urdf_rs::Robot, path: &Path) -> Result<(), Mo
     Ok(())
 }
 
-pub(crate) fn frames(robot: &urdf_rs::Robot, path: &Path, expected: &[&str]) -> Result<Tree, ModelError> {
+pub(crate) fn frames(robot: &urdf_rs::Robot, path: &Path, expected: &[&str]) -> Result<Tree, DataError> {
     let fault =
         |element: String, field: &str, found: String, expected: &str| fault(path, element, field, found, expected);
     for name in expected {

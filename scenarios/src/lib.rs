@@ -1,8 +1,8 @@
 //! What is done and how it is judged.
 //!
-//! The story in order: [`objects`] are what is picked up, each with a [`geometry::Shape`]; a [`combination::Scenario`] says
-//! which of them come first and second, where they stand and how a trial goes, and [`combination::draw_combinations`] draws
-//! pairs; [`noise`] draws what goes wrong in a trial, [`disturbance`] says what is done to it on purpose, and it goes through the
+//! The story in order: [`objects`] are what is picked up, each with a [`geometry::Shape`], from a table in a world of
+//! [`physics`]; a [`scenario`] file says which of them come first and second, where they stand ([`layout`]) and how a trial
+//! goes, and [`combination`] draws pairs; [`noise`] draws what goes wrong in a trial, [`disturbance`] says what is done to it on purpose, and it goes through the
 //! stages of [`phase`]; the [`referee`] judges it from ground truth; a [`record::TrialRecord`] keeps the result, with less of the
 //! senses ([`sensing`]) an [`record::AblatedTrial`], and [`statistics`] sums all of them up. [`transport`] says which balls are to be
 //! carried, as many as fit at once.
@@ -10,19 +10,24 @@
 pub mod combination;
 pub mod disturbance;
 pub mod geometry;
+pub mod holding;
+pub mod layout;
 pub mod noise;
 pub mod objects;
 pub mod phase;
+pub mod physics;
 pub mod record;
 pub mod referee;
+pub mod scenario;
 pub mod sensing;
 pub mod statistics;
 pub mod transport;
 
-pub use combination::{Combination, Scenario, draw_combinations};
+pub use combination::{Combination, draw_combinations};
 pub use geometry::Shape;
-pub use objects::{ObjectModel, ObjectSet, Symmetry};
+pub use objects::{ObjectFile, ObjectModel, ObjectSet, Symmetry};
 pub use phase::Phase;
-pub use record::{AblatedTrial, Condition, TrialRecord};
+pub use record::{AblatedTrial, Condition, TrialId, TrialRecord};
 pub use referee::{FailureCause, Referee, SceneTruth, Verdict};
+pub use scenario::Scenario;
 pub use sensing::Sensing;

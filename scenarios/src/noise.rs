@@ -78,7 +78,18 @@ impl ObjectNoise {
     }
 }
 
-/// One trial's errors.
+/// How far an object stands from its place in the layout.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+pub struct Shift {
+    /// m, world.
+    pub x: f64,
+    /// m, world.
+    pub y: f64,
+    /// rad, about the vertical.
+    pub yaw: f64,
+}
+
+/// What is random in one trial: errors of the arm and of perception, and where the objects really stand.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct TrialNoise {
     /// Added to where the palm is sent, m, world axes.
@@ -87,16 +98,23 @@ pub struct TrialNoise {
     pub rotation: Vector3<f64>,
     /// Of the first and the second object.
     pub objects: [ObjectNoise; 2],
+    /// Of the first and the second object, from the places that the plan was made for. Not an error: perception sees it.
+    pub shifts: [Shift; 2],
 }
 
 impl TrialNoise {
     /// No errors: the condition `ideal`.
     pub fn none() -> Self {
         let object = ObjectNoise { offset: Vector3::zeros(), yaw: 0.0 };
-        Self { position: Vector3::zeros(), rotation: Vector3::zeros(), objects: [object; 2] }
+        Self {
+            position: Vector3::zeros(),
+            rotation: Vector3::zeros(),
+            objects: [object; 2],
+            shifts: [Shift::default(); 2],
+        }
     }
 
-    /// Draws a trial's errors: Gaussian, cut at three standard deviations.
+    /// Draws a trial's errors: Gaussian, cut at three standard deviations. The objects stand in their places.
     pub fn draw(levels: &NoiseLevels, rng: &mut ChaCha8Rng) -> Self {
         let NoiseLevels { execution, perception } = levels;
         let position = vector(rng, execution.position_sigma);
@@ -106,7 +124,7 @@ impl TrialNoise {
             let z = gaussian(rng) * perception.z_sigma;
             ObjectNoise { offset: Vector3::new(x, y, z), yaw: gaussian(rng) * perception.yaw_sigma }
         });
-        Self { position, rotation, objects }
+        Self { position, rotation, objects, shifts: [Shift::default(); 2] }
     }
 
     /// Where the palm really goes when it is sent to `world_from_palm`.

@@ -39,6 +39,23 @@ impl std::fmt::Display for Condition {
     }
 }
 
+/// Which trial, under which condition. The order is that of `trials.csv`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+pub struct TrialId {
+    /// [`crate::Combination::id`].
+    pub combination: usize,
+    /// Number of the trial within its combination, from 0.
+    pub trial: usize,
+    /// Noise and policy.
+    pub condition: Condition,
+}
+
+impl std::fmt::Display for TrialId {
+    fn fmt(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(formatter, "combination {}, trial {}, {}", self.combination, self.trial, self.condition)
+    }
+}
+
 /// One trial under one condition: a row of `trials.csv`, whose columns stand in this order. All but the last column are the
 /// same at every repetition.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -81,9 +98,9 @@ pub struct TrialRecord {
 }
 
 impl TrialRecord {
-    /// What `trials.csv` is sorted by: combination, trial, condition.
-    pub fn key(&self) -> (usize, usize, Condition) {
-        (self.combination, self.trial, self.condition)
+    /// What `trials.csv` is sorted by.
+    pub fn id(&self) -> TrialId {
+        TrialId { combination: self.combination, trial: self.trial, condition: self.condition }
     }
 }
 
@@ -107,10 +124,10 @@ pub enum RecordError {
     Io(#[from] std::io::Error),
 }
 
-/// Writes a header and a row per record, sorted by [`TrialRecord::key`].
+/// Writes a header and a row per record, sorted by [`TrialRecord::id`].
 pub fn write_trials(records: &[TrialRecord], to: impl Write) -> Result<(), RecordError> {
     let mut sorted: Vec<&TrialRecord> = records.iter().collect();
-    sorted.sort_by_key(|record| record.key());
+    sorted.sort_by_key(|record| record.id());
     let mut writer = csv::Writer::from_writer(to);
     if sorted.is_empty() {
         writer.write_record(COLUMNS)?;
@@ -125,7 +142,7 @@ pub fn write_trials(records: &[TrialRecord], to: impl Write) -> Result<(), Recor
 /// Writes a header and a row per trial: what was left of the senses, and then the columns of `trials.csv`.
 pub fn write_ablated(trials: &[AblatedTrial], to: impl Write) -> Result<(), RecordError> {
     let mut sorted: Vec<&AblatedTrial> = trials.iter().collect();
-    sorted.sort_by_key(|trial| (trial.sensing, trial.record.key()));
+    sorted.sort_by_key(|trial| (trial.sensing, trial.record.id()));
     let mut writer = csv::WriterBuilder::new().has_headers(false).from_writer(to);
     writer.write_record(std::iter::once("sensing").chain(COLUMNS))?;
     for trial in sorted {
@@ -202,7 +219,7 @@ pub(crate) mod tests {
         assert_eq!(text.lines().next().unwrap(), COLUMNS.join(","));
         assert!(text.contains("second_not_picked"));
         let mut sorted = records;
-        sorted.sort_by_key(TrialRecord::key);
+        sorted.sort_by_key(TrialRecord::id);
         assert_eq!(read_trials(file.as_slice()).unwrap(), sorted);
     }
 

@@ -4,8 +4,8 @@
 //! - **Collision**: before the second grasp has closed (up to the end of [`Phase::GraspSecond`]), the first object or one of
 //!   the digits holding it touches the second object; or the second object moves by more than `knock_distance` before its
 //!   grasp begins without a free digit having touched it (a blow shorter than the referee's sampling).
-//! - **In the hand**: the object touches the hand, does not touch the table, and its origin is within `palm_distance` of the
-//!   palm's.
+//! - **In the hand** ([`crate::holding`]): the object touches the hand, does not touch the table, and its origin is within
+//!   `palm_distance` of the palm's.
 //! - **Success**: at the end of the hold, which lasted its full time, both objects are in the hand, and neither has moved
 //!   relative to the palm by more than `slip` since the carry began. A trial that carries again is judged by its last carry.
 //!
@@ -14,6 +14,7 @@
 use nalgebra::{Isometry3, Point3};
 use serde::{Deserialize, Serialize};
 
+use crate::holding::{HoldingRule, Support};
 use crate::phase::Phase;
 
 /// Thresholds.
@@ -220,9 +221,12 @@ impl Referee {
     }
 
     fn in_hand(&self, truth: &SceneTruth, object: usize) -> bool {
-        truth.hand_contacts[object] > 0
-            && !truth.on_table[object]
-            && in_palm(truth)[object].coords.norm() <= self.rules.palm_distance
+        HoldingRule::within(self.rules.palm_distance).holds(&Support {
+            held: truth.hand_contacts[object] > 0,
+            on_table: truth.on_table[object],
+            distance: in_palm(truth)[object].coords.norm(),
+            height: truth.world_from_object[object].translation.z,
+        })
     }
 
     fn cause(&self) -> Option<FailureCause> {

@@ -5,13 +5,14 @@
 
 use std::path::Path;
 
+use hand_model::data::{DataError, parse_toml, read_text};
 use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 use serde::{Deserialize, Serialize};
 
-use crate::combination::{ScenarioError, VERSION, parse_toml};
 use crate::geometry::Shape;
 use crate::noise::NoiseLevels;
 use crate::objects::{ObjectModel, Symmetry};
+use crate::scenario::VERSION;
 
 /// A ball on the table.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -144,18 +145,17 @@ impl Transport {
     }
 
     /// Reads and checks a file's text; `path` is used in errors.
-    pub fn parse(text: &str, path: &Path) -> Result<Self, ScenarioError> {
+    pub fn parse(text: &str, path: &Path) -> Result<Self, DataError> {
         let transport: Self = parse_toml(text, path)?;
         match transport.fault() {
             None => Ok(transport),
-            Some((field, found, expected)) => Err(ScenarioError::Field { path: path.into(), field, found, expected }),
+            Some((field, found, expected)) => Err(DataError::field(path, field, found, expected)),
         }
     }
 
     /// Reads and checks a file.
-    pub fn read(path: &Path) -> Result<Self, ScenarioError> {
-        let text = std::fs::read_to_string(path).map_err(|source| ScenarioError::Io { path: path.into(), source })?;
-        Self::parse(&text, path)
+    pub fn read(path: &Path) -> Result<Self, DataError> {
+        Self::parse(&read_text(path)?, path)
     }
 
     /// The first value that no transport can be run with: field, found, expected.

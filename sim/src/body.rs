@@ -4,19 +4,14 @@
 //! the wanted one: rest = q + tau / K. The arm's spring is its position controller (with gravity compensation and torque
 //! clamp), a finger's is its torsion spring stiffened by the cable's own elasticity.
 
+use hand_model::arm::WristCapsule;
 use hand_model::hand::{CoverShape, MassProperties};
 use hand_model::{ARM_JOINTS, Arm, HAND_JOINTS, Hand};
 use nalgebra::{Isometry3, UnitQuaternion, Vector3};
 use rapier3d_f64::prelude::*;
 
 use crate::convert;
-use crate::engine::Engine;
-
-/// Arm joint stiffness N m/rad and damping N m s/rad of the low-level position control.
-pub(crate) const ARM_STIFFNESS: [f64; ARM_JOINTS] = [2000.0, 2000.0, 2000.0, 2000.0, 500.0, 500.0, 500.0];
-pub(crate) const ARM_DAMPING: [f64; ARM_JOINTS] = [100.0, 100.0, 100.0, 100.0, 50.0, 50.0, 50.0];
-/// Radius of the capsules that stand for the arm's wrist links against the table, m.
-const WRIST_RADIUS: f64 = 0.040;
+use crate::engine::{Engine, GRAVITY};
 
 /// Collision groups: the hand, the arm's wrist, objects, table.
 pub mod groups {
@@ -52,6 +47,15 @@ pub struct JointState {
     pub hand: [f64; HAND_JOINTS],
     /// Finger speeds, rad/s.
     pub hand_speed: [f64; HAND_JOINTS],
+}
+
+/// What the arm's position control is asked for.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ArmGoal {
+    /// rad.
+    pub position: [f64; ARM_JOINTS],
+    /// rad/s.
+    pub speed: [f64; ARM_JOINTS],
 }
 
 /// The palm in the arm's last link, with the hand turned by `mount_error` on its flange.
@@ -139,18 +143,13 @@ impl RobotBody {
         palm_cover.link_from_cover = last_from_palm * palm_cover.link_from_cover;
         let mut covers =
             vec![engine.colliders.insert_with_parent(cover_collider(&palm_cover), palm_link, &mut engine.bodies)];
-        // The bracelet ends flat at the flange, so its capsule's round end must stop a radius short of it.
-        for (link, length) in [(4usize, 0.10593), (5, 0.10593), (6, 0.0615 - WRIST_RADIUS)] {
-            let capsule = ColliderBuilder::capsule_from_endpoints(
-                Vector::ZERO,
-                if link == 5 { Vector::new(0.0, -length, 0.0) } else { Vector::new(0.0, 0.0, -length) },
-                WRIST_RADIUS,
-            )
-            .density(0.0)
-            .collision_groups(
-                InteractionGroups::all().with_memberships(groups::ARM).with_filter(groups::TABLE | groups::OBJECT),
-            );
-            engine.colliders.insert_with_parent(capsule, links[link], &mut engine.bodies);
+        for WristCapsule { link, end, radius } in &arm.wrist {
+            let capsule = ColliderBuilder::capsule_from_endpoints(Vector::ZERO, convert::vector(end), *radius)
+                .density(0.0)
+                .collision_groups(
+                    InteractionGroups::all().with_memberships(groups::ARM).with_filter(groups::TABLE | groups::OBJECT),
+                );
+            engine.colliders.insert_with_parent(capsule, links[*link], &mut engine.bodies);
         }
         let world_from_palm = world_from_base * arm_poses[ARM_JOINTS - 1] * last_from_palm;
         let hand_poses = hand.tree.forward(&[0.0; HAND_JOINTS]);
@@ -173,20 +172,20 @@ impl RobotBody {
         }
         links.extend(&hand_links);
         let mut robot = Self { links, joints, covers, masses };
-        robot.initialise(engine, hand, arm_q);
+        robot.initialise(engine, arm, hand, arm_q);
         robot
     }
 
-    fn initialise(&mut self, engine: &mut Engine, hand: &Hand, arm_q: &[f64; ARM_JOINTS]) {
+    fn initialise(&mut self, engine: &mut Engine, arm: &Arm, hand: &Hand, arm_q: &[f64; ARM_JOINTS]) {
         let defaults = hand.parameters.joint_defaults;
         let bodies = &engine.bodies;
         let Some((multibody, _)) = engine.multibodies.get_mut(self.joints[0]) else { return };
         multibody.set_self_contacts_enabled(true);
         // A fixed root first appears as a free one; this settles the degrees of freedom.
         multibody.forward_kinematics(bodies, true);
-        for (i, damping) in ARM_DAMPING.iter().enumerate() {
+        for (i, damping) in arm.damping.iter().enumerate() {
             multibody.damping_mut()[i] = *damping;
-            multibody.armature_mut()[i] = 0.1;
+            multibody.armature_mut()[i] = arm.armature;
         }
         for i in ARM_JOINTS..ARM_JOINTS + HAND_JOINTS {
             multibody.damping_mut()[i] = defaults.damping;
@@ -239,7 +238,7 @@ impl RobotBody {
         let mut torques = [0.0; ARM_JOINTS];
         for (link, mass) in self.masses.iter().enumerate() {
             let com = poses[link] * mass.com;
-            let weight = Vector3::new(0.0, 0.0, -9.81 * mass.mass);
+            let weight = Vector3::new(0.0, 0.0, -GRAVITY * mass.mass);
             for (joint, torque) in torques.iter_mut().enumerate().take((link + 1).min(ARM_JOINTS)) {
                 let axis = poses[joint] * Vector3::z();
                 *torque -= axis.dot(&(com.coords - poses[joint].translation.vector).cross(&weight));
@@ -248,22 +247,21 @@ impl RobotBody {
         torques
     }
 
-    /// Sets the arm's controller for the next step: position and speed set-points, gravity torques, clamped to `limits`.
-    /// Returns the commanded torques, N m.
+    /// Sets the arm's position control for the next step: spring and damper towards `goal` plus the torques `gravity` (N m),
+    /// clamped to the arm's limits. Returns the commanded torques, N m.
     pub fn drive_arm(
         &self,
         engine: &mut Engine,
+        arm: &Arm,
         state: &JointState,
-        goal: &[f64; ARM_JOINTS],
-        goal_speed: &[f64; ARM_JOINTS],
+        goal: &ArmGoal,
         gravity: &[f64; ARM_JOINTS],
-        limits: &[f64; ARM_JOINTS],
     ) -> [f64; ARM_JOINTS] {
         std::array::from_fn(|i| {
-            let (k, d) = (ARM_STIFFNESS[i], ARM_DAMPING[i]);
+            let (k, d, limit) = (arm.stiffness[i], arm.damping[i], arm.effort_limits[i]);
             // What the motor gives is clamped; the damping part of it acts in the engine, implicitly, on the joint's speed.
-            let motor = k * (goal[i] - state.arm[i]) + d * (goal_speed[i] - state.arm_speed[i]) + gravity[i];
-            let motor = motor.clamp(-limits[i], limits[i]);
+            let motor = k * (goal.position[i] - state.arm[i]) + d * (goal.speed[i] - state.arm_speed[i]) + gravity[i];
+            let motor = motor.clamp(-limit, limit);
             self.set_torque(engine, i, state.arm[i], motor + d * state.arm_speed[i], k);
             motor
         })

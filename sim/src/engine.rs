@@ -4,6 +4,12 @@
 //! iterations); smaller time steps are not systematically better.
 
 use rapier3d_f64::prelude::*;
+use scenarios::physics::Physics;
+
+/// m/s2.
+pub const GRAVITY: f64 = 9.81;
+/// The scale of a scene by which the solver judges what is far and what is fast, m: a hand's breadth.
+const LENGTH_UNIT: f64 = 0.1;
 
 /// Solver settings.
 #[derive(Debug, Clone, Copy)]
@@ -14,8 +20,10 @@ pub struct EngineSettings {
     pub solver_iterations: usize,
     /// Inner PGS iterations.
     pub pgs_iterations: usize,
-    /// Contact natural frequency (Hz); the damping ratio is 5. Half the frequency of contacts with fixed bodies.
+    /// Natural frequency of a contact's spring, Hz; a contact with a fixed body has twice that.
     pub contact_frequency: f64,
+    /// Damping ratio of a contact's spring.
+    pub contact_damping_ratio: f64,
     /// Friction coefficient of the table; an object's own applies where it is smaller.
     pub table_friction: f64,
     /// Rolling resistance coefficient of objects on the table (lever arm of the normal force over the height of the centre of
@@ -25,13 +33,15 @@ pub struct EngineSettings {
 
 impl Default for EngineSettings {
     fn default() -> Self {
+        let Physics { contact, table } = Physics::standard();
         Self {
             dt: 1.0 / 240.0,
             solver_iterations: 1,
             pgs_iterations: 8,
-            contact_frequency: 240.0,
-            table_friction: 0.5,
-            rolling_resistance: 0.03,
+            contact_frequency: contact.frequency,
+            contact_damping_ratio: contact.damping_ratio,
+            table_friction: table.friction,
+            rolling_resistance: table.rolling_resistance,
         }
     }
 }
@@ -66,15 +76,17 @@ impl Engine {
             dt: settings.dt,
             num_solver_iterations: settings.solver_iterations,
             num_internal_pgs_iterations: settings.pgs_iterations,
-            length_unit: 0.1,
+            length_unit: LENGTH_UNIT,
             contact_recycling: false,
             ..IntegrationParameters::default()
         };
-        parameters.contact_softness = SpringCoefficients::new(settings.contact_frequency, 5.0);
-        parameters.static_contact_softness = SpringCoefficients::new(2.0 * settings.contact_frequency, 5.0);
+        parameters.contact_softness =
+            SpringCoefficients::new(settings.contact_frequency, settings.contact_damping_ratio);
+        parameters.static_contact_softness =
+            SpringCoefficients::new(2.0 * settings.contact_frequency, settings.contact_damping_ratio);
         Self {
             settings,
-            gravity: Vector::new(0.0, 0.0, -9.81),
+            gravity: Vector::new(0.0, 0.0, -GRAVITY),
             parameters,
             pipeline: PhysicsPipeline::new(),
             islands: IslandManager::new(),

@@ -17,7 +17,7 @@ use crate::contacts::contacts_of;
 use crate::convert;
 use crate::drive::OPPOSITION_STIFFNESS;
 use crate::engine::{Engine, EngineSettings};
-use crate::robot::{ObjectPlacement, insert_object};
+use crate::scene::{ObjectPlacement, insert_object};
 
 /// Collision group of the palm's cover.
 const PALM: Group = Group::GROUP_5;

@@ -2,16 +2,17 @@
 //! into the pads.
 //!
 //! The story in order: [`engine`] holds the physics sets with the settings that make grasps hold; [`body`] puts arm and hand
-//! into it as one reduced-coordinate multibody; [`hull`] makes objects stand firmly; [`servo`] models the XC330s that wind the
+//! into it as one reduced-coordinate multibody; [`scene`] says where arm and objects start; [`hull`] makes objects stand firmly; [`servo`] models the XC330s that wind the
 //! cables, [`drive`] puts six of them on the transmission; [`contacts`] reads who touches whom and how hard; [`tactile`] turns
-//! that into images through the `optics` crate; [`robot`] ties them together behind [`hand_model::robot::Robot`]. Ground truth
-//! leaves by [`robot::SimulatedRobot::truth`] alone, which is for the referee.
+//! that into images through the `optics` crate; [`robot`] ties them together behind [`hand_model::robot::Robot`]. Ground
+//! [`truth`] leaves by [`robot::SimulatedRobot::truth`] alone, which is for the referee.
 //!
 //! Two scenes beside the story have no arm. [`stand`] is a test stand: the same hand with its servos, palm bolted down, things put
 //! into it by hand; [`mjcf`] writes such a scene for a second engine. [`hand_scene`] is made for proving thousands of grasps:
 //! five light multibodies pulled by given tensions, one floating object.
 
 pub mod body;
+mod collision_shape;
 pub mod contacts;
 pub mod convert;
 pub mod drive;
@@ -20,8 +21,12 @@ pub mod hand_scene;
 pub mod hull;
 pub mod mjcf;
 pub mod robot;
+pub mod scene;
 pub mod servo;
 pub mod stand;
 pub mod tactile;
+pub mod truth;
 
-pub use robot::{ObjectPlacement, SceneSetup, SimulatedRobot};
+pub use robot::SimulatedRobot;
+pub use scene::{ObjectPlacement, SceneSetup};
+pub use truth::Truth;

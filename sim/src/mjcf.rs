@@ -12,8 +12,9 @@ use hand_model::kinematics::Joint;
 use hand_model::{ARM_JOINTS, Arm, Hand};
 use nalgebra::{Isometry3, Point3, UnitQuaternion, Vector3};
 use scenarios::geometry::Shape;
+use scenarios::physics::Physics;
 
-use crate::body::{ARM_DAMPING, ARM_STIFFNESS, last_from_palm};
+use crate::body::last_from_palm;
 use crate::drive::OPPOSITION_STIFFNESS;
 use crate::stand::Prop;
 
@@ -51,7 +52,11 @@ pub fn write(scene: &Scene<'_>) -> String {
             bodies += "    </body>\n";
         }
         Some((arm, _)) => {
-            bodies += "    <geom name=\"table\" type=\"plane\" size=\"1 1 0.1\" pos=\"0.5 0 0\" friction=\"0.5 0.005 0.0001\" contype=\"2\" conaffinity=\"1\"/>\n";
+            let _ = writeln!(
+                bodies,
+                "    <geom name=\"table\" type=\"plane\" size=\"1 1 0.1\" pos=\"0.5 0 0\" friction=\"{} 0.005 0.0001\" contype=\"2\" conaffinity=\"1\"/>",
+                Physics::standard().table.friction
+            );
             arm_bodies(&mut bodies, arm, hand);
         }
     }
@@ -198,7 +203,7 @@ fn arm_bodies(out: &mut String, arm: &Arm, hand: &Hand) {
     for (i, joint) in arm.tree.joints.iter().enumerate() {
         let _ = writeln!(out, "<body name=\"{}\" gravcomp=\"1\" {}>", arm.links[i], placed(&joint.origin));
         inertial(out, &arm.masses[i]);
-        arm_joint(out, joint);
+        arm_joint(out, joint, arm.armature);
     }
     let mount = last_from_palm(arm, hand, &UnitQuaternion::identity());
     let _ = writeln!(out, "<body name=\"palm\" gravcomp=\"1\" {}>", placed(&mount));
@@ -206,14 +211,18 @@ fn arm_bodies(out: &mut String, arm: &Arm, hand: &Hand) {
     *out += &"</body>\n".repeat(ARM_JOINTS + 1);
 }
 
-fn arm_joint(out: &mut String, joint: &Joint) {
+fn arm_joint(out: &mut String, joint: &Joint, armature: f64) {
     let range = if joint.lower.is_finite() {
         format!("range=\"{:.9} {:.9}\"", joint.lower, joint.upper)
     } else {
         "limited=\"false\"".into()
     };
     let axis = triple(&joint.axis);
-    let _ = writeln!(out, "<joint name=\"{}\" type=\"hinge\" axis=\"{axis}\" {range} armature=\"0.1\"/>", joint.name);
+    let _ = writeln!(
+        out,
+        "<joint name=\"{}\" type=\"hinge\" axis=\"{axis}\" {range} armature=\"{armature}\"/>",
+        joint.name
+    );
 }
 
 fn prop_body(assets: &mut String, out: &mut String, prop: &Prop, pose: &Isometry3<f64>) {
@@ -273,13 +282,14 @@ fn actuators(hand: &Hand, arm: Option<&Arm>) -> String {
     }
     let thumb = &hand.tree.joints[hand.transmission.opposition_joint].name;
     let _ = writeln!(out, "    <position name=\"opposition\" joint=\"{thumb}\" kp=\"{OPPOSITION_STIFFNESS}\"/>");
-    for (i, joint) in arm.iter().flat_map(|arm| &arm.tree.joints).enumerate() {
-        let effort = arm.map_or(0.0, |arm| arm.effort_limits[i]);
-        let _ = writeln!(
-            out,
-            "    <position name=\"{0}\" joint=\"{0}\" kp=\"{1}\" kv=\"{2}\" forcerange=\"-{effort} {effort}\"/>",
-            joint.name, ARM_STIFFNESS[i], ARM_DAMPING[i]
-        );
+    if let Some(arm) = arm {
+        for (i, joint) in arm.tree.joints.iter().enumerate() {
+            let _ = writeln!(
+                out,
+                "    <position name=\"{0}\" joint=\"{0}\" kp=\"{1}\" kv=\"{2}\" forcerange=\"-{3} {3}\"/>",
+                joint.name, arm.stiffness[i], arm.damping[i], arm.effort_limits[i]
+            );
+        }
     }
     out + "  </actuator>\n"
 }

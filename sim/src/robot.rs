@@ -6,93 +6,29 @@ mod set_points;
 use std::sync::Arc;
 
 use hand_model::robot::{ArmState, Command, Observation, Robot, Tick};
-use hand_model::transmission::friction::CableFriction;
-use hand_model::{ARM_JOINTS, Arm, Hand};
-use nalgebra::{Isometry3, UnitQuaternion, Vector3};
+use hand_model::{ARM_JOINTS, Arm, Digit, Hand};
+use nalgebra::{Isometry3, Vector3};
 use rapier3d_f64::prelude::*;
+use scenarios::disturbance::Blindness;
 use scenarios::geometry::Shape;
 use scenarios::objects::ObjectModel;
+use scenarios::physics::{Physics, Table};
 
-use crate::body::{JointState, RobotBody, groups, last_from_palm};
+use crate::body::{ArmGoal, JointState, RobotBody, groups, last_from_palm};
 use crate::contacts::{contacts_of, normal_force};
 use crate::convert;
 use crate::drive::HandDrive;
 use crate::engine::{Engine, EngineSettings};
+use crate::scene::insert_object;
 use crate::tactile::TactileBoard;
+use outside::{Outside, Target};
 use set_points::{Limits, SetPoint};
+
+pub use crate::scene::{ObjectPlacement, SceneSetup};
+pub use crate::truth::{HandContact, Truth};
 
 /// Physics steps in one control tick (240 Hz / 2 = 120 Hz).
 const STEPS_PER_TICK: usize = 2;
-/// Damping of loose objects' spin, 1/s: what friction about the contacts' normals, which point contacts lack, would do.
-const OBJECT_ANGULAR_DAMPING: f64 = 1.0;
-
-/// An object and where it stands at the start.
-#[derive(Debug, Clone)]
-pub struct ObjectPlacement {
-    /// The object.
-    pub model: Arc<ObjectModel>,
-    /// `world_from_object`.
-    pub pose: Isometry3<f64>,
-}
-
-/// Everything a scene starts from.
-#[derive(Debug, Clone)]
-pub struct SceneSetup {
-    /// Where the arm's base *really* is; the controller believes in its nominal place.
-    pub world_from_base: Isometry3<f64>,
-    /// By how much the hand is really turned on its flange (calibration error).
-    pub mount_error: UnitQuaternion<f64>,
-    /// Arm posture at the start, rad.
-    pub arm_start: [f64; ARM_JOINTS],
-    /// Objects on the table.
-    pub objects: Vec<ObjectPlacement>,
-    /// Friction of the cables in their guides.
-    pub cable_friction: CableFriction,
-    /// Engine settings.
-    pub engine: EngineSettings,
-}
-
-/// A contact of an object with the hand, for the referee and the recording.
-#[derive(Debug, Clone, Copy)]
-pub struct HandContact {
-    /// Object index.
-    pub object: usize,
-    /// Hand link (0..15) or `None` for the palm.
-    pub link: Option<usize>,
-    /// World point, m.
-    pub point: nalgebra::Point3<f64>,
-    /// Force on the object, N, world frame (normal part).
-    pub force: Vector3<f64>,
-}
-
-/// Ground truth of one tick. Only the referee and the recorder may see it.
-#[derive(Debug, Clone, Default)]
-pub struct Truth {
-    /// s.
-    pub time: f64,
-    /// `world_from_object`.
-    pub objects: Vec<Isometry3<f64>>,
-    /// Linear velocity of each object, m/s.
-    pub velocities: Vec<Vector3<f64>>,
-    /// `world_from_palm`.
-    pub palm: Isometry3<f64>,
-    /// World poses of arm links then hand links.
-    pub links: Vec<Isometry3<f64>>,
-    /// Finger angles, rad.
-    pub hand: Vec<f64>,
-    /// Cable tensions, N.
-    pub tensions: [f64; 5],
-    /// Contacts between hand and objects at the last step of the tick.
-    pub contacts: Vec<HandContact>,
-    /// For each object: links (bit i; bit 15 is the palm) that touched it at any step of the tick.
-    pub touched_by: Vec<u32>,
-    /// Pairs of objects that touched at any step of the tick.
-    pub object_pairs: Vec<(usize, usize)>,
-    /// Objects that touched the table at any step of the tick.
-    pub on_table: Vec<bool>,
-    /// Normal force on each pad, N.
-    pub pad_forces: Vec<f64>,
-}
 
 /// The simulated robot. Cloning it branches the run bit-exactly.
 #[derive(Clone)]
@@ -117,7 +53,7 @@ pub struct SimulatedRobot {
     on_table: Vec<bool>,
     tactile: TactileBoard,
     frames: Vec<hand_model::robot::TactileFrame>,
-    outside: outside::Outside,
+    outside: Outside,
 }
 
 impl SimulatedRobot {
@@ -126,8 +62,9 @@ impl SimulatedRobot {
         let mut engine = Engine::new(setup.engine);
         let body =
             RobotBody::insert(&mut engine, &arm, &hand, &setup.world_from_base, &setup.mount_error, &setup.arm_start);
-        let table_shape = ColliderBuilder::cuboid(0.8, 0.8, 0.05)
-            .position(Pose::from_translation(Vector::new(0.5, 0.0, -0.05)))
+        let Table { center, half, .. } = Physics::standard().table;
+        let table_shape = ColliderBuilder::cuboid(half[0], half[1], half[2])
+            .position(Pose::from_translation(Vector::new(center[0], center[1], center[2])))
             .friction(setup.engine.table_friction)
             .friction_combine_rule(CoefficientCombineRule::Min)
             .collision_groups(InteractionGroups::all().with_memberships(groups::TABLE));
@@ -156,7 +93,7 @@ impl SimulatedRobot {
             on_table: vec![false; count],
             tactile,
             frames: Vec::new(),
-            outside: outside::Outside::default(),
+            outside: Outside::default(),
         }
     }
 
@@ -165,13 +102,12 @@ impl SimulatedRobot {
         self.set_points.map(|joint| joint.at)
     }
 
-    fn step(&mut self, goal: &[f64; ARM_JOINTS], goal_speed: &[f64; ARM_JOINTS]) {
+    fn step(&mut self, goal: &ArmGoal) {
         let dt = self.engine.settings.dt;
         let state = self.state;
         let poses = self.body.link_poses(&self.engine);
         let gravity = self.body.gravity_torques(&poses);
-        self.arm_torque =
-            self.body.drive_arm(&mut self.engine, &state, goal, goal_speed, &gravity, &self.arm.effort_limits);
+        self.arm_torque = self.body.drive_arm(&mut self.engine, &self.arm, &state, goal, &gravity);
         let efforts = self.drive.step(&self.hand, &state.hand, &state.hand_speed, dt);
         for (joint, effort) in efforts.iter().enumerate() {
             self.body.drive_finger(&mut self.engine, &state, joint, effort.torque, effort.stiffness);
@@ -236,6 +172,41 @@ impl SimulatedRobot {
         let body = &mut self.engine.bodies[self.objects[index].1];
         let velocity = body.linvel() + convert::vector(change);
         body.set_linvel(velocity, true);
+    }
+
+    /// A force (N, world axes) during the next tick on object `on`, at its centre of mass, or on the palm's origin.
+    pub fn pull(&mut self, on: Option<usize>, force: Vector3<f64>) {
+        self.outside.pull(on, force);
+    }
+
+    /// Object `index` has `factor` times the friction of its model from now on.
+    pub fn set_friction(&mut self, index: usize, factor: f64) {
+        let (model, _, collider) = &self.objects[index];
+        self.engine.colliders[*collider].set_friction(factor * model.friction);
+    }
+
+    /// The servos of these digits are without power from now on, the thumb's opposition with the thumb.
+    pub fn cut_power(&mut self, digits: &[Digit]) {
+        self.outside.cut_power(digits);
+    }
+
+    /// The cameras of the pads of these names fail from now on.
+    pub fn fail_cameras(&mut self, pads: &[String], how: Blindness) {
+        let named = self.hand.pads.iter().filter(|pad| pads.contains(&pad.name));
+        self.outside.fail_cameras(named.flat_map(|pad| pad.cameras.iter().copied()), how);
+    }
+
+    /// The forces of this tick, each with the body that it acts on, and where.
+    fn pulled(&mut self) -> Vec<Target> {
+        let forces = self.outside.take_forces();
+        let on = |(on, force): (Option<usize>, Vector3<f64>)| match on {
+            Some(object) => Target { body: self.objects[object].1, point: None, force },
+            None => {
+                let palm = self.palm(&self.body.link_poses(&self.engine)).translation.vector;
+                Target { body: self.body.palm_link(), point: Some(palm), force }
+            }
+        };
+        forces.into_iter().map(on).collect()
     }
 
     /// Time since the robot was started, s.
@@ -315,33 +286,8 @@ impl SimulatedRobot {
         let objects: Vec<(&Shape, Isometry3<f64>)> =
             self.objects.iter().zip(&truth.objects).map(|((model, _, _), pose)| (&model.shape, *pose)).collect();
         self.frames = self.tactile.capture(&self.hand, self.time, &pads, &truth.pad_forces, &objects);
-        self.drop_failed_frames();
+        self.outside.drop_failed_frames(&mut self.frames);
     }
-}
-
-pub(crate) fn insert_object(
-    engine: &mut Engine,
-    placement: &ObjectPlacement,
-) -> (Arc<ObjectModel>, RigidBodyHandle, ColliderHandle) {
-    let model = &placement.model;
-    let (com, inertia) = model.shape.inertia(model.mass);
-    let body = RigidBodyBuilder::dynamic()
-        .pose(convert::pose(&placement.pose))
-        .can_sleep(false)
-        .angular_damping(OBJECT_ANGULAR_DAMPING)
-        .additional_mass_properties(MassProperties::with_inertia_matrix(
-            convert::point(&com),
-            model.mass,
-            convert::matrix(&inertia),
-        ));
-    let handle = engine.bodies.insert(body);
-    let shape = convert::shape(&model.shape);
-    let collider = ColliderBuilder::new(shape)
-        .density(0.0)
-        .friction(model.friction)
-        .collision_groups(InteractionGroups::all().with_memberships(groups::OBJECT));
-    let collider = engine.colliders.insert_with_parent(collider, handle, &mut engine.bodies);
-    (placement.model.clone(), handle, collider)
 }
 
 impl Robot for SimulatedRobot {
@@ -364,7 +310,7 @@ impl Robot for SimulatedRobot {
             let limits = Limits { speed: self.arm.velocity_limits[i], acceleration: self.arm.acceleration_limits[i] };
             *goal = self.set_points[i].follow(goal.clamp(joint.lower, joint.upper), limits, tick);
         }
-        self.without_power(&mut sent);
+        self.outside.without_power(&mut sent);
         self.drive.set_goals(&sent.servos);
         self.capture = sent.capture;
         sent
@@ -376,14 +322,15 @@ impl Robot for SimulatedRobot {
         self.on_table.fill(false);
         let (tick, goal) = (self.tick_length(), self.goal());
         let speed: [f64; ARM_JOINTS] = std::array::from_fn(|i| (goal[i] - self.previous_goal[i]) / tick);
-        self.begin_forces();
+        let pulled = self.pulled();
+        Outside::begin_forces(&pulled, &mut self.engine);
         for n in 1..=STEPS_PER_TICK {
             let part = n as f64 / STEPS_PER_TICK as f64;
-            let now = std::array::from_fn(|i| self.previous_goal[i] + part * (goal[i] - self.previous_goal[i]));
-            self.step(&now, &speed);
+            let position = std::array::from_fn(|i| self.previous_goal[i] + part * (goal[i] - self.previous_goal[i]));
+            self.step(&ArmGoal { position, speed });
             self.note_contacts();
         }
-        self.end_forces();
+        Outside::end_forces(&pulled, &mut self.engine);
         self.previous_goal = goal;
         self.sequence += 1;
         if std::mem::take(&mut self.capture) {

@@ -18,7 +18,7 @@ use nalgebra::{Isometry3, Point3, Vector3};
 use rapier3d_f64::prelude::{ColliderHandle, RigidBodyHandle, RigidBodyType};
 
 pub use any::AnyStand;
-pub use linkage::Linkage;
+pub use linkage::{Linkage, Mechanism};
 pub use prop::Prop;
 
 use crate::body::cover_collider;
@@ -191,7 +191,9 @@ fn hand_linkage(hand: &Hand, settings: EngineSettings, start: &[f64; HAND_JOINTS
         .map(|(link, cover)| (link, cover_collider(cover)))
         .collect();
     let defaults = hand.parameters.joint_defaults;
-    Linkage::new(settings, &hand.tree, &hand.masses, covers, start, defaults.damping, defaults.armature)
+    let mechanism =
+        Mechanism { tree: &hand.tree, masses: &hand.masses, damping: defaults.damping, armature: defaults.armature };
+    Linkage::new(settings, &mechanism, covers, start)
 }
 
 /// How deep any two covers of the hand that no joint connects overlap at most with its joints at `angles` (rad), m.

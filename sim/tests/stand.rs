@@ -10,7 +10,7 @@ use nalgebra::{Isometry3, Matrix3, Point3, Vector3};
 use scenarios::Shape;
 use sim::drive::JointEffort;
 use sim::engine::EngineSettings;
-use sim::stand::{HandStand, Linkage, Prop, tension_goals};
+use sim::stand::{HandStand, Linkage, Mechanism, Prop, tension_goals};
 
 /// A chain of three rods that swings freely about y keeps its energy.
 #[test]
@@ -32,7 +32,8 @@ fn a_free_pendulum_chain_keeps_its_energy() {
     };
     let masses = [rod; 3];
     let settings = EngineSettings { dt: 1.0 / 4000.0, ..EngineSettings::default() };
-    let mut chain = Linkage::new(settings, &tree, &masses, Vec::new(), &[0.3, 0.4, -0.2], 0.0, 0.0);
+    let mechanism = Mechanism { tree: &tree, masses: &masses, damping: 0.0, armature: 0.0 };
+    let mut chain = Linkage::new(settings, &mechanism, Vec::new(), &[0.3, 0.4, -0.2]);
     let g = 9.81;
     chain.set_gravity(&Vector3::new(0.0, 0.0, -g));
     let energy = |chain: &Linkage| -> f64 {

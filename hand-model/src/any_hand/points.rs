@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use nalgebra::{Matrix3, Point3, Vector3};
 
-use crate::error::ModelError;
+use crate::data::DataError;
 use crate::urdf::fault;
 
 /// A link that is longer than this is probably in millimetres, m.
@@ -24,7 +24,7 @@ pub struct Points {
 }
 
 /// The mesh `filename` that `element` of the URDF at `urdf` names.
-pub fn read(filename: &str, scale: &Vector3<f64>, urdf: &Path, element: &str) -> Result<Points, ModelError> {
+pub fn read(filename: &str, scale: &Vector3<f64>, urdf: &Path, element: &str) -> Result<Points, DataError> {
     let file = locate(filename, urdf);
     let wrong =
         |field: &str, found: String, expected: &str| fault(urdf, format!("{element}.mesh"), field, found, expected);

@@ -1,12 +1,14 @@
 use std::path::Path;
 
 use super::*;
-use crate::combination::{Scenario, ScenarioError};
+use hand_model::data::DataError;
+
 use crate::objects::ObjectSet;
+use crate::scenario::Scenario;
 
 const HEAD: &str = "version = 1\nname = \"mine\"\nextends = \"benchmark\"\n";
 
-fn parse(tables: &str) -> Result<Scenario, ScenarioError> {
+fn parse(tables: &str) -> Result<Scenario, DataError> {
     Scenario::parse(&format!("{HEAD}{tables}"), Path::new("mine.toml"))
 }
 
@@ -78,11 +80,10 @@ fn errors_name_line_and_field() {
 #[test]
 fn only_balls_have_any_size() {
     let sweep = "[disturbance.size_sweep]\nobject = \"first\"\ndiameters = [0.04, 0.05]\n";
-    let wrong = parse(sweep).unwrap().check_objects(&ObjectSet::standard(), Path::new("mine.toml")).unwrap_err();
+    let wrong = parse(sweep).unwrap_err();
     assert!(wrong.to_string().contains("first: found \"cube_45\", expected balls only"), "{wrong}");
-    let mut scenario = parse(sweep).unwrap();
-    scenario.first = vec!["golf_ball".into()];
-    scenario.check_objects(&ObjectSet::standard(), Path::new("mine.toml")).unwrap();
+    let balls = parse(&format!("first = [\"golf_ball\"]\n{sweep}")).unwrap();
+    assert_eq!(balls.first, ["golf_ball"]);
 }
 
 /// A sweep goes round; what is scaled has the size that is asked for and the mass that goes with it.

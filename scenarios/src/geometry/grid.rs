@@ -6,7 +6,7 @@
 
 use nalgebra::{Point3, Vector3};
 
-use super::Shape;
+use super::shape::Shape;
 
 /// A sampled signed distance field, in the shape's frame.
 #[derive(Debug, Clone)]

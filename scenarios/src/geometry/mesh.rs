@@ -4,6 +4,7 @@ use std::collections::HashMap;
 use std::path::PathBuf;
 use std::sync::OnceLock;
 
+use hand_model::data::DataError;
 use nalgebra::{Matrix3, Point3, Unit, Vector3};
 use parry3d_f64::math::Vector;
 use parry3d_f64::query::{PointQueryWithLocation, Ray, RayCast};
@@ -16,26 +17,9 @@ pub const MAX_EXTENT: f64 = 1.0;
 /// What can be wrong with a mesh or its file.
 #[derive(Debug, thiserror::Error)]
 pub enum GeometryError {
-    /// The file could not be read.
-    #[error("{path}: {source}")]
-    Io {
-        /// The file.
-        path: PathBuf,
-        /// The operating system's reason.
-        source: std::io::Error,
-    },
-    /// A line of the file is not what it should be.
-    #[error("{path}:{line}: found {found}, expected {expected}")]
-    Line {
-        /// The file.
-        path: PathBuf,
-        /// Line number, from 1.
-        line: usize,
-        /// What the line says.
-        found: String,
-        /// What would be right.
-        expected: String,
-    },
+    /// The file could not be read, or a line of it is not what it should be.
+    #[error(transparent)]
+    Data(#[from] DataError),
     /// The file is well-formed, its mesh is not.
     #[error("{path}: {source}")]
     File {

@@ -2,15 +2,15 @@
 
 use std::path::Path;
 
+use hand_model::data::{DataError, read_text};
 use nalgebra::Point3;
 
-use super::{GeometryError, Mesh};
+use super::mesh::{GeometryError, Mesh};
 
 impl Mesh {
     /// Reads an OBJ file in metres. Faces with more than three corners are split into fans.
     pub fn read_obj(path: &Path) -> Result<Self, GeometryError> {
-        let text = std::fs::read_to_string(path).map_err(|source| GeometryError::Io { path: path.into(), source })?;
-        Self::parse_obj(&text, path)
+        Self::parse_obj(&read_text(path)?, path)
     }
 
     /// The same from text; `path` is used in errors.
@@ -26,14 +26,13 @@ type Triangles = (Vec<Point3<f64>>, Vec<[u32; 3]>);
 
 /// The vertices and triangles of an OBJ file, whether or not they close a surface.
 pub fn read_triangles(path: &Path) -> Result<Triangles, GeometryError> {
-    let text = std::fs::read_to_string(path).map_err(|source| GeometryError::Io { path: path.into(), source })?;
-    parse_triangles(&text, path)
+    Ok(parse_triangles(&read_text(path)?, path)?)
 }
 
-fn parse_triangles(text: &str, path: &Path) -> Result<Triangles, GeometryError> {
+fn parse_triangles(text: &str, path: &Path) -> Result<Triangles, DataError> {
     let (mut vertices, mut triangles) = (Vec::new(), Vec::new());
     for (number, line) in text.lines().enumerate() {
-        let fault = |found: String, expected: &str| GeometryError::Line {
+        let fault = |found: String, expected: &str| DataError::Line {
             path: path.into(),
             line: number + 1,
             found,

@@ -4,7 +4,7 @@ use std::f64::consts::{FRAC_PI_4, PI, TAU};
 
 use nalgebra::{Point3, Vector3};
 
-use super::Mesh;
+use super::mesh::Mesh;
 
 /// Points (m), triangles, one unit normal per point.
 pub type Tessellation = (Vec<Point3<f64>>, Vec<[u32; 3]>, Vec<Vector3<f64>>);

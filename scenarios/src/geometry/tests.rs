@@ -1,6 +1,6 @@
 use std::path::Path;
 
-use nalgebra::UnitVector3;
+use nalgebra::{Point3, Unit, UnitVector3, Vector3};
 use proptest::prelude::*;
 
 use super::*;

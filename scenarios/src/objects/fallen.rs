@@ -3,7 +3,9 @@
 
 use nalgebra::{UnitQuaternion, Vector3};
 
-use super::{ObjectModel, ObjectSet, Symmetry};
+use super::model::ObjectModel;
+use super::set::ObjectSet;
+use super::symmetry::Symmetry;
 
 /// Directions that are looked at first, evenly spread.
 const DIRECTIONS: usize = 1500;

@@ -7,7 +7,8 @@ use nalgebra::{Isometry3, Point3, UnitVector3, Vector3};
 use rapier3d_f64::geometry::ConvexPolyhedron;
 use rapier3d_f64::prelude::*;
 
-use super::{Linkage, Prop};
+use super::linkage::{Linkage, Mechanism};
+use super::prop::Prop;
 use crate::body::groups;
 use crate::contacts::{ContactPoint, contacts_of};
 use crate::convert;
@@ -48,7 +49,9 @@ impl AnyStand {
                 Some((solid.link, collider))
             })
             .collect();
-        let mut linkage = Linkage::new(settings, &hand.tree, &hand.masses, covers, start, hand.damping, hand.armature);
+        let mechanism =
+            Mechanism { tree: &hand.tree, masses: &hand.masses, damping: hand.damping, armature: hand.armature };
+        let mut linkage = Linkage::new(settings, &mechanism, covers, start);
         linkage.set_gravity(&Vector3::zeros());
         for follower in &hand.followers {
             linkage.couple(follower.leader, follower.joint, follower.multiplier, follower.offset);

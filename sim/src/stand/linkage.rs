@@ -13,6 +13,19 @@ use crate::convert;
 use crate::drive::JointEffort;
 use crate::engine::{Engine, EngineSettings};
 
+/// What a linkage is made of; damping and armature hold for every joint.
+#[derive(Debug, Clone, Copy)]
+pub struct Mechanism<'a> {
+    /// Joints, parents first.
+    pub tree: &'a Tree,
+    /// One a joint: of the link that it moves.
+    pub masses: &'a [MassProperties],
+    /// N m s/rad.
+    pub damping: f64,
+    /// kg m2.
+    pub armature: f64,
+}
+
 /// The mechanism in its own engine. The root frame is the world frame.
 #[derive(Clone)]
 pub struct Linkage {
@@ -25,17 +38,14 @@ pub struct Linkage {
 }
 
 impl Linkage {
-    /// Builds the mechanism at joint angles `start` (rad). `covers` are collision shapes with their link (`None` is the
-    /// root); `damping` (N m s/rad) and `armature` (kg m2) hold for every joint.
+    /// Builds the mechanism at joint angles `start` (rad). `covers` are collision shapes with their link (`None` is the root).
     pub fn new(
         settings: EngineSettings,
-        tree: &Tree,
-        masses: &[MassProperties],
+        mechanism: &Mechanism<'_>,
         covers: Vec<(Option<usize>, ColliderBuilder)>,
         start: &[f64],
-        damping: f64,
-        armature: f64,
     ) -> Self {
+        let Mechanism { tree, masses, damping, armature } = *mechanism;
         let mut engine = Engine::new(settings);
         let root = engine.bodies.insert(RigidBodyBuilder::fixed());
         let poses = tree.forward(&vec![0.0; tree.len()]);

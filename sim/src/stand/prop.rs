@@ -5,6 +5,7 @@ use rapier3d_f64::prelude::*;
 use scenarios::geometry::Shape;
 
 use crate::body::groups;
+use crate::collision_shape;
 use crate::convert;
 use crate::engine::Engine;
 
@@ -87,13 +88,15 @@ impl Prop {
             RigidBodyBuilder::fixed().pose(convert::pose(pose)).can_sleep(false).additional_mass_properties(mass);
         let body = engine.bodies.insert(body);
         let shape = match &self.parts[..] {
-            [(only, shape)] if *only == Isometry3::identity() => convert::shape(shape),
+            [(only, shape)] if *only == Isometry3::identity() => collision_shape::shape(shape),
             parts => SharedShape::compound(
                 parts
                     .iter()
                     .flat_map(|(pose, shape)| {
                         let pose = convert::pose(pose);
-                        convert::convex_parts(shape).into_iter().map(move |(local, shape)| (pose * local, shape))
+                        collision_shape::convex_parts(shape)
+                            .into_iter()
+                            .map(move |(local, shape)| (pose * local, shape))
                     })
                     .collect(),
             ),

@@ -145,6 +145,7 @@ impl Bench {
         let mut rng = trial_rng(self.seed, task.combination, task.trial);
         let mut noise = TrialNoise::draw(&self.world.scenario.noise, &mut rng);
         let mut camera_noise: u64 = rand::RngExt::random(&mut rng);
+        noise.shifts = self.world.scenario.layout.draw(&mut rng);
         if task.condition == Condition::Ideal {
             (noise, camera_noise) = (TrialNoise::none(), 0);
         }

@@ -11,12 +11,6 @@ use parry3d_f64::shape::SharedShape;
 use crate::collision::{CollisionError, Solid, hand_solids, signed_distance};
 use crate::inverse_kinematics::{ArmKinematics, Joints};
 
-/// Radii of the tubes of base, shoulder, upper arm and forearm, and of the wrist, m: outer sizes of the Gen3.
-const TUBE: f64 = 0.046;
-const WRIST: f64 = 0.040;
-/// First of the wrist's links.
-const WRIST_FROM: usize = 4;
-
 /// The bodies of arm and hand, each in its link's frame.
 #[derive(Clone)]
 pub struct ArmBodies {
@@ -46,10 +40,9 @@ impl ArmBodies {
         let links = (0..=ARM_JOINTS)
             .map(|n| {
                 let name = n.checked_sub(1).map_or("base", |link| arm.links[link].as_str());
-                let radius = if n > WRIST_FROM { WRIST } else { TUBE };
                 let to = end(n);
                 let tip = Vector::new(to.x, to.y, to.z);
-                Solid::new(name, SharedShape::segment(Vector::ZERO, tip), Isometry3::identity()).grown(radius)
+                Solid::new(name, SharedShape::segment(Vector::ZERO, tip), Isometry3::identity()).grown(arm.radii[n])
             })
             .collect();
         Self { links, hand: hand_solids(hand, &vec![0.0; hand.tree.len()], &Digit::ALL, true) }
@@ -138,6 +131,6 @@ mod tests {
         let (kinematics, bodies) = arm();
         let links = kinematics.link_poses(&[0.0; ARM_JOINTS]);
         let lowest = bodies.height(&kinematics, &[0.0; ARM_JOINTS]).expect("comparable");
-        assert!((lowest - (links[2].translation.z - TUBE)).abs() < 1e-9, "{lowest}");
+        assert!((lowest - (links[2].translation.z - kinematics.arm().radii[3])).abs() < 1e-9, "{lowest}");
     }
 }

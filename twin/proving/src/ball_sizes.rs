@@ -64,7 +64,7 @@ pub fn resized(grasp: &Grasp, object: &str, growth: f64) -> Grasp {
 mod tests {
     use super::*;
     use grasping::Role;
-    use scenarios::combination::Scenario;
+    use scenarios::Scenario;
 
     /// The palm stays as far from the surface as it was; numbers and digits stay the same.
     #[test]

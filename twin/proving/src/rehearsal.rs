@@ -11,6 +11,7 @@ use control::motion::Protocol;
 use grasping::Grasp;
 use hand_model::{ARM_JOINTS, Digit};
 use nalgebra::Isometry3;
+use scenarios::holding::{GRIPPED, LIFTED};
 use scenarios::noise::{ExecutionNoise, NoiseLevels, PerceptionNoise, TrialNoise, trial_rng};
 use scenarios::objects::ObjectModel;
 use sim::robot::{SimulatedRobot, Truth};
@@ -83,20 +84,14 @@ impl Snapshot {
     }
 }
 
-/// An object whose centre is nearer to the palm's origin than this, and touched by the hand, hangs in it, m.
-const NEAR: f64 = 0.16;
-/// Height of an object's centre from which it counts as lifted, m.
-const LIFTED: f64 = 0.08;
-
 /// Whether object `index` hangs in the hand, however low: touched by it, off the table, near the palm.
 pub fn in_grip(truth: &Truth, index: usize) -> bool {
-    let distance = (truth.objects[index].translation.vector - truth.palm.translation.vector).norm();
-    truth.touched_by[index] != 0 && !truth.on_table[index] && distance < NEAR
+    GRIPPED.holds(&truth.support(index))
 }
 
 /// Whether object `index` is in the hand, and lifted.
 pub fn in_hand(truth: &Truth, index: usize) -> bool {
-    in_grip(truth, index) && truth.objects[index].translation.z > LIFTED
+    LIFTED.holds(&truth.support(index))
 }
 
 /// Where the arm is when a rehearsal begins.

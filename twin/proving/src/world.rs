@@ -13,13 +13,10 @@ use hand_model::robot::Robot;
 use hand_model::transmission::friction::CableFriction;
 use hand_model::{ARM_JOINTS, Arm, Hand};
 use nalgebra::{Isometry3, Matrix3, Rotation3, Translation3, UnitQuaternion, Vector3};
-use scenarios::combination::Scenario;
+use scenarios::Scenario;
 use scenarios::noise::TrialNoise;
 use scenarios::objects::{ObjectModel, ObjectSet};
 use sim::{ObjectPlacement, SceneSetup, SimulatedRobot};
-
-/// Palm position from which a trial starts: level, above the table, m.
-const READY: [f64; 3] = [0.55, 0.0, 0.30];
 
 /// What every trial of a scenario shares.
 pub struct World {
@@ -42,9 +39,10 @@ impl World {
         };
         let columns = Matrix3::from_columns(&[-Vector3::y(), Vector3::x(), Vector3::z()]);
         let rotation = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(columns));
-        let palm = Isometry3::from_parts(Translation3::new(READY[0], READY[1], READY[2]), rotation);
+        let [x, y, z] = scenario.start.palm;
+        let palm = Isometry3::from_parts(Translation3::new(x, y, z), rotation);
         cell.ready = cell.posture(&palm, &Arm::home()).context("the ready pose is out of the arm's reach")?;
-        Ok(Self { cell, objects: ObjectSet::standard().with_fallen(), scenario })
+        Ok(Self { cell, objects: scenario.object_set()?.with_fallen(), scenario })
     }
 
     /// Arm posture for a palm pose, or an error that says it is out of reach.
@@ -54,14 +52,15 @@ impl World {
             .ok_or_else(|| anyhow!("no arm posture reaches the palm at {:.3?}", palm.translation.vector.as_slice()))
     }
 
-    /// Where the two objects of a trial stand by the scenario's layout, without its spread.
-    pub fn places(&self, first: &ObjectModel, second: &ObjectModel) -> [Isometry3<f64>; 2] {
-        [self.scenario.layout.first.pose(first), self.scenario.layout.second.pose(second)]
+    /// Where the two objects of a trial stand: in the layout's places, shifted as drawn for the trial.
+    pub fn places(&self, objects: &[Arc<ObjectModel>; 2], noise: &TrialNoise) -> [Isometry3<f64>; 2] {
+        let layout = &self.scenario.layout;
+        std::array::from_fn(|n| [layout.first, layout.second][n].shifted(&noise.shifts[n]).pose(&objects[n]))
     }
 
     /// The objects in their places as prior perception reports them under `noise`.
     pub fn percepts(&self, objects: &[Arc<ObjectModel>; 2], noise: &TrialNoise) -> [Percept; 2] {
-        let poses = self.places(&objects[0], &objects[1]);
+        let poses = self.places(objects, noise);
         std::array::from_fn(|n| Percept::of(&objects[n], &noise.objects[n].perceived(&poses[n])))
     }
 
@@ -70,7 +69,7 @@ impl World {
         SceneSetup {
             objects: objects
                 .iter()
-                .zip(self.places(&objects[0], &objects[1]))
+                .zip(self.places(objects, noise))
                 .map(|(model, pose)| ObjectPlacement { model: model.clone(), pose })
                 .collect(),
             ..self.bare_scene(start, noise)

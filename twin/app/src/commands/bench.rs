@@ -4,8 +4,8 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
-use scenarios::Sensing;
 use scenarios::statistics::Summary;
+use scenarios::{Scenario, Sensing};
 
 use super::body::{Body, check_body, venue};
 use super::tactile_backend::TactileBackend;
@@ -110,9 +110,9 @@ pub fn benchmark(terminal: &Terminal, args: &BenchArgs) -> Outcome {
                 Some(path) => {
                     std::fs::read_to_string(path).with_context(|| format!("--scenario {}", path.display()))?
                 }
-                None => scenarios::combination::BENCHMARK.to_owned(),
+                None => scenarios::scenario::BENCHMARK.to_owned(),
             };
-            let scenario = read_scenario(&text, &path)?;
+            let scenario = Scenario::parse(&text, &path)?;
             if args.combos > scenario.combinations() {
                 bail!(
                     "--combos: found {}, expected at most the scenario's {} pairs",
@@ -129,7 +129,7 @@ pub fn benchmark(terminal: &Terminal, args: &BenchArgs) -> Outcome {
                 shard,
                 ablations: ablations(args)?,
                 noise_scale: args.noise_scale,
-                scenario: text,
+                scenario: Scenario::self_contained(&text, &path)?,
             };
             (request, args.out.clone().unwrap_or_else(next_free_folder))
         }
@@ -137,7 +137,7 @@ pub fn benchmark(terminal: &Terminal, args: &BenchArgs) -> Outcome {
     let robot = <Body as clap::ValueEnum>::from_str(&request.robot, false)
         .map_err(|_| anyhow::anyhow!("{}: robot: found {}, expected a known body", folder.display(), request.robot))?;
     check_body(robot, args.config.as_deref())?;
-    let mut scenario = read_scenario(&request.scenario, &folder.join("run.json"))?;
+    let mut scenario = Scenario::parse(&request.scenario, &folder.join("run.json"))?;
     scenario.noise = scenario.noise.scaled(request.noise_scale);
     if robot != Body::Sim && !scenario.disturbance.is_none() {
         bail!(

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use anyhow::{Context, Result, bail};
-use scenarios::combination::Scenario;
+use scenarios::Scenario;
 use scenarios::record::TrialRecord;
 
 use super::body::{Body, check_body, venue};
@@ -89,7 +89,7 @@ pub fn trial(terminal: &Terminal, args: &TrialArgs) -> Outcome {
         condition,
         watched: args.robot != Body::Hardware,
         combos,
-        scenario: scenarios::combination::BENCHMARK.to_owned(),
+        scenario: scenarios::scenario::BENCHMARK.to_owned(),
     };
     if args.robot == Body::Hardware {
         let record = match place {

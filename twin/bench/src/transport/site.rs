@@ -6,7 +6,8 @@ use anyhow::Result;
 use control::carrier::{Carrier, Stage};
 use control::executive::{Percept, Protocol};
 use hand_model::robot::Robot;
-use nalgebra::{Isometry3, UnitQuaternion, Vector3};
+use nalgebra::{Isometry3, UnitQuaternion};
+use scenarios::holding::{Support, TRANSPORTED};
 use scenarios::noise::TrialNoise;
 use scenarios::objects::ObjectModel;
 use sim::robot::{SimulatedRobot, Truth};
@@ -68,15 +69,9 @@ pub fn seen(pose: &Isometry3<f64>) -> Percept {
     Percept { position: pose.translation.vector.into(), rotation: UnitQuaternion::identity(), yaw: 0.0 }
 }
 
-/// Height of a ball's centre over the table from which it counts as lifted, beside not touching the table, m.
-const LIFTED: f64 = 0.07;
-/// Distance from the palm's origin within which it counts as in the hand, m.
-const NEAR: f64 = 0.17;
-
-/// Whether ball `index` is in the hand.
+/// Whether ball `index` is in the hand, or held up by another that is.
 pub fn in_hand(truth: &Truth, index: usize) -> bool {
-    let place: Vector3<f64> = truth.objects[index].translation.vector;
-    let supported =
-        truth.touched_by[index] != 0 || truth.object_pairs.iter().any(|pair| pair.0 == index || pair.1 == index);
-    supported && !truth.on_table[index] && place.z > LIFTED && (place - truth.palm.translation.vector).norm() < NEAR
+    let ball = truth.support(index);
+    let leaning = truth.object_pairs.iter().any(|pair| pair.0 == index || pair.1 == index);
+    TRANSPORTED.holds(&Support { held: ball.held || leaning, ..ball })
 }

@@ -64,8 +64,10 @@ impl Bench {
     /// The same with the noise and the disturbances of a trial, and the generator as that leaves it.
     pub(super) fn noisy_opening(&self, combination: usize, trial: usize) -> Result<(Opening<'_>, ChaCha8Rng)> {
         let mut rng = trial_rng(self.seed, combination, trial);
-        let noise = TrialNoise::draw(&self.world.scenario.noise, &mut rng);
-        let mut opening = self.opening(combination, noise, rand::RngExt::random(&mut rng));
+        let mut noise = TrialNoise::draw(&self.world.scenario.noise, &mut rng);
+        let camera_noise = rand::RngExt::random(&mut rng);
+        noise.shifts = self.world.scenario.layout.draw(&mut rng);
+        let mut opening = self.opening(combination, noise, camera_noise);
         opening.disturbances = self.world.scenario.disturbance.clone();
         if let Some(sweep) = &opening.disturbances.size_sweep {
             opening.plan = ball_sizes::plan_of(&opening.plan, sweep, trial);
@@ -114,7 +116,7 @@ impl Bench {
         let robot = match place {
             None => Body::Simulated(Box::new(robot)),
             Some((venue, task)) => {
-                let places = world.places(&objects[0], &objects[1]);
+                let places = world.places(&objects, &noise);
                 let named = std::array::from_fn(|n| (objects[n].name.as_str(), places[n]));
                 Body::enter(venue, &Setting { task, objects: named }, robot, env!("CARGO_PKG_VERSION"))?
             }

@@ -4,7 +4,7 @@ use clap::ValueEnum;
 use std::path::Path;
 
 use grasping::Role;
-use scenarios::combination::Scenario;
+use scenarios::Scenario;
 
 use crate::terminal::Outcome;
 use crate::terminal::Terminal;

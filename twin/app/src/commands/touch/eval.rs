@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use anyhow::{Result, bail};
 use clap::Args;
 use indicatif::{ProgressBar, ProgressStyle};
-use scenarios::combination::Scenario;
+use scenarios::Scenario;
 use scenarios::statistics::percentile;
 use serde::Serialize;
 use serde_json::{Map, Value, json};

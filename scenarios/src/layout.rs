@@ -1,0 +1,135 @@
+//! Where the two objects stand.
+//!
+//! The first object's centre stands at `layout.first`, the second's at `layout.second` (world x, y; m). Each is turned from its
+//! rest pose by `yaw` about the vertical and touches the table with its lowest point. Plans are made for these places. In a trial
+//! each object stands elsewhere by an even draw within `spread_xy` and `spread_yaw`, the same one under every noisy condition.
+//! Everything must stay within `reach_x` and `reach_y`, and the two objects must stand clear of each other.
+
+use std::path::Path;
+
+use hand_model::data::DataError;
+use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
+use rand_chacha::ChaCha8Rng;
+use serde::{Deserialize, Serialize};
+
+use crate::noise::{Shift, uniform};
+use crate::objects::ObjectModel;
+
+/// Where an object stands.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Place {
+    /// m, world.
+    pub x: f64,
+    /// m, world.
+    pub y: f64,
+    /// rad, about the vertical.
+    pub yaw: f64,
+}
+
+impl Place {
+    /// The place `shift` away.
+    #[must_use]
+    pub fn shifted(&self, shift: &Shift) -> Self {
+        Self { x: self.x + shift.x, y: self.y + shift.y, yaw: self.yaw + shift.yaw }
+    }
+
+    /// `world_from_object` of an object that rests here.
+    pub fn pose(&self, object: &ObjectModel) -> Isometry3<f64> {
+        Isometry3::from_parts(
+            Translation3::new(self.x, self.y, object.rest_height()),
+            UnitQuaternion::from_axis_angle(&Vector3::z_axis(), self.yaw) * object.rest,
+        )
+    }
+}
+
+/// Where both stand.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Layout {
+    /// The first object.
+    pub first: Place,
+    /// The second object.
+    pub second: Place,
+    /// Largest shift along x and y, m.
+    pub spread_xy: f64,
+    /// Largest turn, rad.
+    pub spread_yaw: f64,
+    /// Lowest and highest x, m.
+    pub reach_x: [f64; 2],
+    /// Lowest and highest y, m.
+    pub reach_y: [f64; 2],
+}
+
+impl Layout {
+    /// How far the objects of one trial stand from their places. Nothing is drawn from `rng` where there is no spread.
+    pub fn draw(&self, rng: &mut ChaCha8Rng) -> [Shift; 2] {
+        if self.spread_xy == 0.0 && self.spread_yaw == 0.0 {
+            return [Shift::default(); 2];
+        }
+        let mut even = |spread: f64| spread * (2.0 * uniform(rng) - 1.0);
+        [(); 2].map(|()| Shift { x: even(self.spread_xy), y: even(self.spread_xy), yaw: even(self.spread_yaw) })
+    }
+
+    /// Least distance of the two objects' centres, m.
+    pub fn least_distance(&self) -> f64 {
+        (self.first.x - self.second.x).hypot(self.first.y - self.second.y)
+            - 2.0 * std::f64::consts::SQRT_2 * self.spread_xy
+    }
+
+    /// Whether every place, with the spread, is within reach; `path` is used in errors.
+    pub(crate) fn check(&self, path: &Path) -> Result<(), DataError> {
+        for (which, place) in [("first", self.first), ("second", self.second)] {
+            for (axis, value, [low, high]) in [("x", place.x, self.reach_x), ("y", place.y, self.reach_y)] {
+                if !(value - self.spread_xy >= low && value + self.spread_xy <= high) {
+                    let expected = format!("within reach, {low} to {high} m, with the spread of {} m", self.spread_xy);
+                    return Err(DataError::field(path, format!("layout.{which}.{axis}"), value, expected));
+                }
+            }
+            if !place.yaw.is_finite() {
+                return Err(DataError::field(path, format!("layout.{which}.yaw"), place.yaw, "a finite angle in rad"));
+            }
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::noise::trial_rng;
+    use crate::objects::ObjectSet;
+    use crate::scenario::Scenario;
+
+    #[test]
+    fn no_spread_draws_nothing() {
+        let layout = Scenario::benchmark().layout;
+        let (mut used, mut fresh) = (trial_rng(1, 2, 3), trial_rng(1, 2, 3));
+        assert_eq!(layout.draw(&mut used), [Shift::default(); 2]);
+        assert_eq!(uniform(&mut used), uniform(&mut fresh));
+        assert_eq!(layout.first.shifted(&Shift::default()), layout.first);
+    }
+
+    #[test]
+    fn a_spread_moves_objects_on_the_table() {
+        let layout = Layout { spread_xy: 0.01, spread_yaw: 0.5, ..Scenario::benchmark().layout };
+        let set = ObjectSet::standard();
+        let mut farthest = [0.0_f64; 3];
+        for trial in 0..200 {
+            let shifts = layout.draw(&mut trial_rng(3, 0, trial));
+            assert_ne!(shifts[0], shifts[1]);
+            for (shift, object) in shifts.iter().zip(set.iter()) {
+                let pose = layout.first.shifted(shift).pose(object);
+                assert!((pose.translation.z + object.shape.lowest(&pose.rotation)).abs() < 1e-9);
+                assert!((pose.translation.x - layout.first.x - shift.x).abs() < 1e-12);
+                for (most, moved) in farthest.iter_mut().zip([shift.x, shift.y, shift.yaw]) {
+                    *most = most.max(moved.abs());
+                }
+            }
+        }
+        // The largest of 400 even draws is within a few per cent of the spread.
+        for (most, spread) in farthest.into_iter().zip([0.01, 0.01, 0.5]) {
+            assert!(most <= spread && most > 0.95 * spread, "{most} of {spread}");
+        }
+    }
+}

@@ -1,0 +1,263 @@
+//! An object's data file.
+//!
+//! ```toml
+//! name = "my_mug"            # unique; small letters, digits and _
+//! mass = 0.31                # kg
+//! friction = 0.6             # Coulomb coefficient against the hand's elastomer
+//! color = [200, 60, 60]      # RGB; grey if left out
+//! rest = "upright"           # or "lying" (a lathe's), or { turned = [roll, pitch, yaw] } in rad; upright if left out
+//! symmetry = "none"          # or "full", "cube", { axis = { flip = true } }, { fold = { n = 4, flip = false } }; none if left out
+//! [shape.mesh]
+//! file = "my_mug.obj"        # Wavefront OBJ in metres, relative to this file, closed, z up as the object stands
+//! ```
+//!
+//! Other shapes, lengths in m:
+//! - `[shape.sphere]` with `diameter`;
+//! - `[shape.cylinder]` with `diameter` and `height`, along z;
+//! - `[shape.box]` with `size = [x, y, z]` and `rounding`, the radius of its edges;
+//! - `[shape.lathe]`, a surface of revolution about z, with `outline = [[radius, z], ...]` from bottom to top; with `spline = n` a
+//!   smooth curve goes through the points in n steps between two; `unit` is the outline's unit in m, 1 if left out;
+//! - `[shape.hull]`, the convex hull of `corners = [[x, y, z], ...]`.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use hand_model::data::{DataError, parse_toml, read_text};
+use nalgebra::{Point3, UnitQuaternion, Vector3};
+use serde::{Deserialize, Serialize};
+
+use super::lathe;
+use super::model::ObjectModel;
+use super::symmetry::Symmetry;
+use crate::geometry::{GeometryError, MAX_EXTENT, Mesh, Shape, hull_mesh, revolve};
+
+/// The smallest length that the physics engine can work with, m.
+const SMALLEST: f64 = 0.005;
+/// The largest mass that the arm could lift with the hand on it, kg.
+const HEAVIEST: f64 = 4.0;
+/// Colour of what has none.
+const GREY: [u8; 3] = [160, 160, 160];
+
+/// An object as its file has it.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ObjectFile {
+    /// Unique.
+    pub name: String,
+    /// kg.
+    pub mass: f64,
+    /// Coulomb friction coefficient against the hand's elastomer.
+    pub friction: f64,
+    /// RGB.
+    #[serde(default = "grey")]
+    pub color: [u8; 3],
+    /// How it stands or lies.
+    #[serde(default)]
+    pub rest: Rest,
+    /// Turns that leave it looking the same.
+    #[serde(default)]
+    pub symmetry: Symmetry,
+    /// Its shape.
+    pub shape: ShapeFile,
+}
+
+/// How an object rests on the table.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Rest {
+    /// As its shape is given.
+    #[default]
+    Upright,
+    /// A surface of revolution on its side, where its centre is lowest.
+    Lying,
+    /// Turned by roll, pitch and yaw, rad.
+    Turned([f64; 3]),
+}
+
+/// A shape, lengths in m.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case", deny_unknown_fields)]
+pub enum ShapeFile {
+    /// A ball.
+    Sphere {
+        /// m.
+        diameter: f64,
+    },
+    /// A cylinder along z.
+    Cylinder {
+        /// m.
+        diameter: f64,
+        /// m.
+        height: f64,
+    },
+    /// A box with round edges.
+    Box {
+        /// With the rounding, m.
+        size: [f64; 3],
+        /// Radius of the edges, m.
+        rounding: f64,
+    },
+    /// A surface of revolution about z.
+    Lathe {
+        /// (radius, z) from bottom to top, in `unit`.
+        outline: Vec<[f64; 2]>,
+        /// Steps of a smooth curve between two points; none is straight lines.
+        spline: Option<usize>,
+        /// m.
+        #[serde(default = "one")]
+        unit: f64,
+    },
+    /// The convex hull of points.
+    Hull {
+        /// m.
+        corners: Vec<[f64; 3]>,
+    },
+    /// A closed triangle mesh.
+    Mesh {
+        /// Wavefront OBJ, relative to the object's file.
+        file: PathBuf,
+        /// The OBJ file's text: what [`ObjectFile::read`] found there.
+        obj: Option<String>,
+    },
+}
+
+fn grey() -> [u8; 3] {
+    GREY
+}
+
+fn one() -> f64 {
+    1.0
+}
+
+impl ObjectFile {
+    /// The object in a file's text. `path` is used in errors, and a mesh file is looked for beside it.
+    pub fn parse(text: &str, path: &Path) -> Result<Self, DataError> {
+        let mut object: Self = parse_toml(text, path)?;
+        if let ShapeFile::Mesh { file, obj: obj @ None } = &mut object.shape {
+            let beside = path.parent().unwrap_or(Path::new("")).join(&*file);
+            let text = std::fs::read_to_string(&beside).map_err(|error| {
+                let found = format!("{}: {error}", beside.display());
+                DataError::field(path, "shape.mesh.file", found, "a Wavefront OBJ file, relative to this file")
+            })?;
+            *obj = Some(text);
+        }
+        Ok(object)
+    }
+
+    /// Reads an object's file and its mesh file.
+    pub fn read(path: &Path) -> Result<Self, DataError> {
+        Self::parse(&read_text(path)?, path)
+    }
+
+    /// The object, if all its values make sense; `path` is used in errors.
+    pub fn model(&self, path: &Path) -> Result<ObjectModel, DataError> {
+        self.check(path)?;
+        let shape = self.shape.build(path)?;
+        let rest = match self.rest {
+            Rest::Upright => UnitQuaternion::identity(),
+            Rest::Turned([roll, pitch, yaw]) => UnitQuaternion::from_euler_angles(roll, pitch, yaw),
+            Rest::Lying if matches!(self.shape, ShapeFile::Lathe { .. }) => lathe::lying(&shape),
+            Rest::Lying => {
+                let expected = "\"upright\" or { turned = [roll, pitch, yaw] }: only a [shape.lathe] can be laid down";
+                return Err(DataError::field(path, "rest", "\"lying\"", expected));
+            }
+        };
+        let Self { name, mass, friction, color, symmetry, .. } = self.clone();
+        let object = ObjectModel { name, shape, mass, friction, color, rest, symmetry };
+        if !object.rests_stably() {
+            let found = "a pose from which the object falls over";
+            return Err(DataError::field(path, "rest", found, "one in which its centre of mass is lowest"));
+        }
+        Ok(object)
+    }
+
+    fn check(&self, path: &Path) -> Result<(), DataError> {
+        let plain = |letter: char| letter.is_ascii_lowercase() || letter.is_ascii_digit() || letter == '_';
+        if self.name.is_empty() || !self.name.chars().all(plain) || self.name.contains("_fallen") {
+            let expected = "small letters, digits and _, without \"_fallen\", which is another way to lie";
+            return Err(DataError::field(path, "name", format!("{:?}", self.name), expected));
+        }
+        if !(self.mass > 0.0 && self.mass <= HEAVIEST) {
+            return Err(DataError::field(path, "mass", self.mass, format!("more than 0 and at most {HEAVIEST} kg")));
+        }
+        if !(0.0..=2.0).contains(&self.friction) {
+            return Err(DataError::field(path, "friction", self.friction, "0 to 2"));
+        }
+        if let Symmetry::Fold { n: 0, .. } = self.symmetry {
+            return Err(DataError::field(path, "symmetry.fold.n", 0, "at least 1"));
+        }
+        if let Rest::Turned(angles) = self.rest
+            && angles.iter().any(|angle| !angle.is_finite())
+        {
+            return Err(DataError::field(path, "rest.turned", format!("{angles:?}"), "three angles in rad"));
+        }
+        Ok(())
+    }
+}
+
+impl ShapeFile {
+    fn build(&self, path: &Path) -> Result<Shape, DataError> {
+        let length = |field: &str, value: f64| {
+            let good = (SMALLEST..=MAX_EXTENT).contains(&value);
+            let expected = || format!("{SMALLEST} to {MAX_EXTENT} m");
+            if good { Ok(value) } else { Err(DataError::field(path, format!("shape.{field}"), value, expected())) }
+        };
+        let mesh = |field: &str, mesh: Result<Mesh, GeometryError>, expected: &str| {
+            mesh.and_then(Mesh::centered)
+                .map(|mesh| Shape::Mesh(Arc::new(mesh)))
+                .map_err(|error| DataError::field(path, format!("shape.{field}"), error, expected))
+        };
+        match self {
+            Self::Sphere { diameter } => Ok(Shape::Sphere { radius: 0.5 * length("sphere.diameter", *diameter)? }),
+            Self::Cylinder { diameter, height } => Ok(Shape::Cylinder {
+                radius: 0.5 * length("cylinder.diameter", *diameter)?,
+                half_height: 0.5 * length("cylinder.height", *height)?,
+            }),
+            Self::Box { size, rounding } => {
+                for side in size {
+                    length("box.size", *side)?;
+                }
+                let half = Vector3::from(*size) * 0.5;
+                if !(0.0..half.min()).contains(rounding) {
+                    let expected = format!("0 to less than half the smallest side, {} m", half.min());
+                    return Err(DataError::field(path, "shape.box.rounding", rounding, expected));
+                }
+                Ok(Shape::Cuboid { half, radius: *rounding })
+            }
+            Self::Lathe { outline, spline, unit } => {
+                check_lathe(outline, *spline, *unit, path)?;
+                let profile = match spline {
+                    Some(steps) => lathe::smooth(outline, *steps, *unit),
+                    None => lathe::straight(outline, *unit),
+                };
+                let expected = "(radius, z) from bottom to top, every radius but the ends' above 0, z never falling";
+                mesh("lathe.outline", revolve(&profile, lathe::SEGMENTS), expected)
+            }
+            Self::Hull { corners } => {
+                let corners: Vec<Point3<f64>> = corners.iter().map(|corner| Point3::from(*corner)).collect();
+                mesh("hull.corners", hull_mesh(&corners), "points that span a volume, m")
+            }
+            Self::Mesh { file, obj } => {
+                let read = Mesh::parse_obj(obj.as_deref().unwrap_or_default(), file);
+                mesh("mesh.file", read, "a closed triangle mesh in metres")
+            }
+        }
+    }
+}
+
+fn check_lathe(outline: &[[f64; 2]], spline: Option<usize>, unit: f64, path: &Path) -> Result<(), DataError> {
+    if outline.len() < 2 || outline.iter().flatten().any(|number| !number.is_finite()) {
+        let found = format!("{} points", outline.len());
+        return Err(DataError::field(path, "shape.lathe.outline", found, "two points or more, finite numbers"));
+    }
+    if spline.is_some_and(|steps| !(1..=32).contains(&steps)) {
+        return Err(DataError::field(path, "shape.lathe.spline", spline.unwrap_or_default(), "1 to 32 steps"));
+    }
+    if !(unit > 0.0 && unit <= 1.0) {
+        return Err(DataError::field(path, "shape.lathe.unit", unit, "more than 0 and at most 1 m"));
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests;

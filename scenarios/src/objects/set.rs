@@ -1,0 +1,45 @@
+//! Objects by name.
+
+use std::sync::Arc;
+
+use super::model::ObjectModel;
+
+/// A set of objects with unique names, in a fixed order.
+#[derive(Debug, Clone, Default)]
+pub struct ObjectSet {
+    objects: Vec<Arc<ObjectModel>>,
+}
+
+impl ObjectSet {
+    /// Adds an object; one of the same name is replaced and given back.
+    pub fn insert(&mut self, object: ObjectModel) -> Option<Arc<ObjectModel>> {
+        let object = Arc::new(object);
+        match self.objects.iter_mut().find(|other| other.name == object.name) {
+            Some(place) => Some(std::mem::replace(place, object)),
+            None => {
+                self.objects.push(object);
+                None
+            }
+        }
+    }
+
+    /// Takes the object called `name` out.
+    pub fn remove(&mut self, name: &str) {
+        self.objects.retain(|object| object.name != name);
+    }
+
+    /// The object called `name`.
+    pub fn get(&self, name: &str) -> Option<&Arc<ObjectModel>> {
+        self.objects.iter().find(|object| object.name == name)
+    }
+
+    /// All objects in order.
+    pub fn iter(&self) -> std::slice::Iter<'_, Arc<ObjectModel>> {
+        self.objects.iter()
+    }
+
+    /// All names in order.
+    pub fn names(&self) -> Vec<&str> {
+        self.objects.iter().map(|object| object.name.as_str()).collect()
+    }
+}

@@ -1,0 +1,89 @@
+//! Turns that leave an object looking the same, and how far two orientations differ given them.
+
+use std::f64::consts::{FRAC_PI_2, PI, TAU};
+
+use nalgebra::{Unit, UnitQuaternion, Vector3};
+use serde::{Deserialize, Serialize};
+
+/// Turns that leave an object looking the same.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case", deny_unknown_fields)]
+pub enum Symmetry {
+    /// Every turn: a ball.
+    Full,
+    /// Every turn about z.
+    Axis {
+        /// End over end as well, as for a cylinder.
+        flip: bool,
+    },
+    /// Turns about z by a whole circle over `n`.
+    Fold {
+        /// Copies in a whole turn, at least 1.
+        n: u32,
+        /// Half turns about x as well, as for a box.
+        flip: bool,
+    },
+    /// The 24 turns of a cube.
+    Cube,
+    /// No turn does.
+    #[default]
+    None,
+}
+
+impl Symmetry {
+    /// The smallest angle by which orientations `a` and `b` (`world_from_object`) can differ, given the symmetry, rad.
+    pub fn angle(&self, a: &UnitQuaternion<f64>, b: &UnitQuaternion<f64>) -> f64 {
+        match self {
+            Self::Full => 0.0,
+            Self::Axis { flip } => {
+                let angle = (a * Vector3::z()).angle(&(b * Vector3::z()));
+                if *flip { angle.min(PI - angle) } else { angle }
+            }
+            Self::Fold { .. } | Self::Cube | Self::None => {
+                self.turns().iter().map(|turn| a.angle_to(&(b * turn))).fold(f64::INFINITY, f64::min)
+            }
+        }
+    }
+
+    /// The turns of a discrete symmetry, the identity first; only the identity for a continuous one.
+    pub fn turns(&self) -> Vec<UnitQuaternion<f64>> {
+        let about = |axis: &Unit<Vector3<f64>>, angle: f64| UnitQuaternion::from_axis_angle(axis, angle);
+        let (x, y, z) = (Vector3::x_axis(), Vector3::y_axis(), Vector3::z_axis());
+        let folds = |n: u32| (0..n.max(1)).map(move |k| about(&z, TAU * f64::from(k) / f64::from(n.max(1))));
+        match *self {
+            Self::Full | Self::Axis { .. } | Self::None => vec![UnitQuaternion::identity()],
+            Self::Fold { n, flip: false } => folds(n).collect(),
+            Self::Fold { n, flip: true } => folds(n).flat_map(|turn| [turn, turn * about(&x, PI)]).collect(),
+            Self::Cube => {
+                let tops = [
+                    UnitQuaternion::identity(),
+                    about(&x, PI),
+                    about(&x, FRAC_PI_2),
+                    about(&x, -FRAC_PI_2),
+                    about(&y, FRAC_PI_2),
+                    about(&y, -FRAC_PI_2),
+                ];
+                tops.into_iter().flat_map(|top| folds(4).map(move |turn| top * turn)).collect()
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn symmetric_turns_cost_nothing() {
+        let turn = UnitQuaternion::from_euler_angles(0.3, -1.1, 2.0);
+        let about = |axis: Unit<Vector3<f64>>, angle: f64| turn * UnitQuaternion::from_axis_angle(&axis, angle);
+        let quarter = about(Vector3::y_axis(), FRAC_PI_2);
+        assert!(Symmetry::Cube.angle(&turn, &quarter) < 1e-7);
+        assert_eq!(Symmetry::Cube.turns().len(), 24);
+        assert!((Symmetry::Fold { n: 4, flip: true }.angle(&turn, &quarter) - FRAC_PI_2).abs() < 1e-7);
+        assert!(Symmetry::Axis { flip: true }.angle(&turn, &about(Vector3::x_axis(), PI)) < 1e-7);
+        assert!((Symmetry::Axis { flip: false }.angle(&turn, &about(Vector3::x_axis(), PI)) - PI).abs() < 1e-7);
+        assert!(Symmetry::Fold { n: 8, flip: false }.angle(&turn, &about(Vector3::z_axis(), TAU / 8.0)) < 1e-7);
+        assert!((Symmetry::None.angle(&turn, &about(Vector3::z_axis(), 0.4)) - 0.4).abs() < 1e-9);
+    }
+}

@@ -1,0 +1,76 @@
+//! The simulated world beside robot and objects: the table and the law of contacts, from `data/world/physics.toml`.
+
+use std::path::Path;
+use std::sync::LazyLock;
+
+use hand_model::data::parse_toml;
+use serde::Deserialize;
+
+/// The table, a box.
+#[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Table {
+    /// m, world.
+    pub center: [f64; 3],
+    /// Half extents, m.
+    pub half: [f64; 3],
+    /// Coulomb friction coefficient; an object's own applies where it is smaller.
+    pub friction: f64,
+    /// Lever arm of the normal force over the height of the centre of mass of what rolls.
+    pub rolling_resistance: f64,
+}
+
+/// A contact is a spring and damper along its normal.
+#[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Contact {
+    /// Natural frequency, Hz; twice that with a fixed body.
+    pub frequency: f64,
+    /// Damping over critical damping.
+    pub damping_ratio: f64,
+    /// Damping of a loose object's spin, 1/s.
+    pub spin_damping: f64,
+}
+
+/// Table and contacts.
+#[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Physics {
+    /// What the objects stand on.
+    pub table: Table,
+    /// How bodies touch.
+    pub contact: Contact,
+}
+
+static STANDARD: LazyLock<Physics> = LazyLock::new(|| {
+    parse_toml(include_str!("../data/world/physics.toml"), Path::new("physics.toml"))
+        .expect("the built-in physics is valid")
+});
+
+impl Physics {
+    /// The built-in world, `scenarios/data/world/physics.toml`.
+    ///
+    /// # Panics
+    /// Never in a tested build: the file is compiled in and a test reads it.
+    pub fn standard() -> Self {
+        *STANDARD
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scenario::Scenario;
+
+    /// Scenario files place objects on z = 0, within reach of the arm.
+    #[test]
+    fn the_table_lies_under_every_place_within_reach() {
+        let Physics { table, contact } = Physics::standard();
+        assert_eq!(table.center[2] + table.half[2], 0.0);
+        let layout = Scenario::benchmark().layout;
+        for (axis, [low, high]) in [(0, layout.reach_x), (1, layout.reach_y)] {
+            assert!(table.center[axis] - table.half[axis] < low && high < table.center[axis] + table.half[axis]);
+        }
+        assert!(table.friction > table.rolling_resistance && contact.damping_ratio >= 1.0);
+    }
+}

@@ -1,0 +1,113 @@
+//! What no trial can be run with.
+
+use std::path::Path;
+
+use hand_model::data::DataError;
+
+use super::definition::{Scenario, VERSION};
+use crate::geometry::Shape;
+use crate::objects::ObjectSet;
+
+impl Scenario {
+    /// Checks that `set` has every object named and that all of them stand clear of each other; `path` is used in errors.
+    pub fn check_objects(&self, set: &ObjectSet, path: &Path) -> Result<(), DataError> {
+        let reach = |field: &str, names: &[String]| {
+            let mut widest = 0.0_f64;
+            for name in names {
+                let object = set.get(name).ok_or_else(|| {
+                    let expected = format!("one of {}", set.names().join(", "));
+                    DataError::field(path, field, format!("{name:?}"), expected)
+                })?;
+                widest = widest.max(object.shape.bounding_radius());
+            }
+            Ok::<_, DataError>(widest)
+        };
+        let needed = reach("first", &self.first)? + reach("second", &self.second)?;
+        let apart = self.layout.least_distance();
+        self.check_sweep(set, path)?;
+        if apart < needed {
+            let found = format!("places that may be {apart:.3} m apart");
+            let expected = format!("at least {needed:.3} m for the largest objects");
+            return Err(DataError::field(path, "layout", found, expected));
+        }
+        Ok(())
+    }
+
+    /// Only balls can have any diameter.
+    fn check_sweep(&self, set: &ObjectSet, path: &Path) -> Result<(), DataError> {
+        let Some(sweep) = &self.disturbance.size_sweep else { return Ok(()) };
+        let (field, names) = [("first", &self.first), ("second", &self.second)][sweep.object.index()];
+        let ball = |name: &&String| set.get(name).is_some_and(|object| matches!(object.shape, Shape::Sphere { .. }));
+        match names.iter().find(|name| !ball(name)) {
+            None => Ok(()),
+            Some(name) => {
+                let expected = "balls only, because disturbance.size_sweep changes their diameter";
+                Err(DataError::field(path, field, format!("{name:?}"), expected))
+            }
+        }
+    }
+
+    /// Checks every value; `path` is used in errors.
+    pub(super) fn check(&self, path: &Path) -> Result<(), DataError> {
+        if self.version != VERSION {
+            return Err(DataError::field(path, "version", self.version, VERSION.to_string()));
+        }
+        if let Err((field, found, expected)) = self.disturbance.check() {
+            return Err(DataError::field(path, field, found, expected));
+        }
+        for (field, names) in [("first", &self.first), ("second", &self.second)] {
+            if names.is_empty() {
+                return Err(DataError::field(path, field, "no object", "at least one"));
+            }
+            if let Some(n) = (1..names.len()).find(|&n| names[..n].contains(&names[n])) {
+                return Err(DataError::field(path, field, format!("{:?} twice", names[n]), "every name once"));
+            }
+        }
+        self.check_numbers(path)?;
+        self.layout.check(path)?;
+        let set = self.object_set_at(path)?;
+        self.check_objects(&set, path)
+    }
+
+    fn check_numbers(&self, path: &Path) -> Result<(), DataError> {
+        let (execution, perception) = (&self.noise.execution, &self.noise.perception);
+        let not_negative = [
+            ("layout.spread_xy", self.layout.spread_xy),
+            ("layout.spread_yaw", self.layout.spread_yaw),
+            ("noise.execution.position_sigma", execution.position_sigma),
+            ("noise.execution.rotation_sigma", execution.rotation_sigma),
+            ("noise.perception.xy_sigma", perception.xy_sigma),
+            ("noise.perception.z_sigma", perception.z_sigma),
+            ("noise.perception.yaw_sigma", perception.yaw_sigma),
+            ("protocol.carry_distance", self.protocol.carry_distance),
+        ];
+        for (field, value) in not_negative {
+            if !(value.is_finite() && (0.0..=1.0).contains(&value)) {
+                return Err(DataError::field(path, field, value, "0 to 1 (SI units: m, rad)"));
+            }
+        }
+        let positive = [
+            ("protocol.lift_height", self.protocol.lift_height, 1.0),
+            ("protocol.hold_time", self.protocol.hold_time, 600.0),
+            ("protocol.time_limit", self.protocol.time_limit, 3600.0),
+            ("referee.palm_distance", self.referee.palm_distance, 1.0),
+            ("referee.slip", self.referee.slip, 1.0),
+            ("referee.knock_distance", self.referee.knock_distance, 1.0),
+        ];
+        for (field, value, most) in positive {
+            if !(value > 0.0 && value <= most) {
+                let expected = format!("more than 0 and at most {most} (SI units: m, s)");
+                return Err(DataError::field(path, field, value, expected));
+            }
+        }
+        let [x, y, z] = self.start.palm;
+        for (field, value, [low, high]) in
+            [("start.palm[0]", x, [0.2, 0.8]), ("start.palm[1]", y, [-0.5, 0.5]), ("start.palm[2]", z, [0.1, 0.6])]
+        {
+            if !(low..=high).contains(&value) {
+                return Err(DataError::field(path, field, value, format!("{low} to {high} m, within the arm's reach")));
+            }
+        }
+        Ok(())
+    }
+}

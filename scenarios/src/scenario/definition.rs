@@ -1,0 +1,96 @@
+//! A scenario as trials use it.
+
+use std::path::Path;
+
+use hand_model::data::DataError;
+use serde::{Deserialize, Serialize};
+
+use crate::disturbance::Disturbances;
+use crate::layout::Layout;
+use crate::noise::NoiseLevels;
+use crate::objects::{ObjectFile, ObjectSet};
+use crate::referee::RefereeRules;
+
+/// The version of scenario files this crate reads.
+pub const VERSION: u32 = 1;
+
+/// Heights, distances and times of a trial.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Protocol {
+    /// How far an object is lifted, m.
+    pub lift_height: f64,
+    /// How far both are carried, m.
+    pub carry_distance: f64,
+    /// How long both are held at the end, s.
+    pub hold_time: f64,
+    /// How long a trial may take, s.
+    pub time_limit: f64,
+}
+
+/// Where the hand is when a trial begins.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Start {
+    /// The palm, level and pointing away from the arm, m, world.
+    pub palm: [f64; 3],
+}
+
+/// A benchmark: objects, layout, noise, protocol, rules, disturbances.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Scenario {
+    /// [`VERSION`].
+    pub version: u32,
+    /// For people.
+    pub name: String,
+    /// The user's own objects.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub object: Vec<ObjectFile>,
+    /// Objects that may come first.
+    pub first: Vec<String>,
+    /// Objects that may come second.
+    pub second: Vec<String>,
+    /// Where they stand.
+    pub layout: Layout,
+    /// What goes wrong.
+    pub noise: NoiseLevels,
+    /// Where the hand is when a trial begins.
+    pub start: Start,
+    /// Heights, distances and times.
+    pub protocol: Protocol,
+    /// How it is judged.
+    pub referee: RefereeRules,
+    /// What happens beside noise.
+    pub disturbance: Disturbances,
+}
+
+impl Scenario {
+    /// The built-in objects and the scenario's own. An error names the scenario where its file is not known.
+    pub fn object_set(&self) -> Result<ObjectSet, DataError> {
+        self.object_set_at(Path::new(&self.name))
+    }
+
+    /// The same; `path` is used in errors.
+    pub(super) fn object_set_at(&self, path: &Path) -> Result<ObjectSet, DataError> {
+        let mut set = ObjectSet::standard();
+        for object in &self.object {
+            if set.get(&object.name).is_some() {
+                let found = format!("{:?}", object.name);
+                return Err(DataError::field(path, "object.name", found, "a name that no other object has"));
+            }
+            set.insert(object.model(path).map_err(|error| error.within(&format!("object[{}]", object.name)))?);
+        }
+        Ok(set)
+    }
+
+    /// Names of all objects, first and second, each once, in alphabetical order.
+    pub fn objects(&self) -> Vec<String> {
+        let names: std::collections::BTreeSet<&String> = self.first.iter().chain(&self.second).collect();
+        names.into_iter().cloned().collect()
+    }
+
+    /// How many different combinations there are.
+    pub fn combinations(&self) -> usize {
+        self.first.len() * self.second.len()
+    }
+}

@@ -1,0 +1,122 @@
+//! Reading scenario files. With `extends = "benchmark"`, everything that a file does not say is as in the benchmark; without
+//! it, all but the user's own objects, where a trial starts and the disturbances must be said.
+
+use std::path::{Path, PathBuf};
+
+use hand_model::data::{DataError, parse_toml, read_text};
+use serde::Deserialize;
+
+use super::definition::{Protocol, Scenario, Start};
+use crate::disturbance::Disturbances;
+use crate::layout::Layout;
+use crate::noise::NoiseLevels;
+use crate::objects::ObjectFile;
+use crate::referee::RefereeRules;
+
+/// The text of the built-in benchmark, which is also its documentation.
+pub const BENCHMARK: &str = include_str!("../../data/benchmark.toml");
+
+/// Scenarios that a file can extend.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "snake_case")]
+enum Base {
+    Benchmark,
+}
+
+/// A scenario as its file has it.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct ScenarioFile {
+    version: u32,
+    name: String,
+    extends: Option<Base>,
+    /// Files of the user's own objects, relative to this file.
+    #[serde(default)]
+    objects: Vec<PathBuf>,
+    /// The user's own objects, in the file itself.
+    #[serde(default)]
+    object: Vec<ObjectFile>,
+    first: Option<Vec<String>>,
+    second: Option<Vec<String>>,
+    layout: Option<Layout>,
+    noise: Option<NoiseLevels>,
+    start: Option<Start>,
+    protocol: Option<Protocol>,
+    referee: Option<RefereeRules>,
+    #[serde(default)]
+    disturbance: Disturbances,
+}
+
+impl ScenarioFile {
+    /// The scenario, with what is missing taken from the one that it extends; `path` is used in errors.
+    fn complete(mut self, path: &Path) -> Result<Scenario, DataError> {
+        // Recordings from before scenarios had a start all began where the benchmark does.
+        let base = if self.extends.is_some() || self.start.is_none() { Some(built_in()?) } else { None };
+        let start = given("start", self.start, base.as_ref().map(|base| &base.start), path)?;
+        let base = base.as_ref().filter(|_| self.extends.is_some());
+        for file in &self.objects {
+            let file = path.parent().unwrap_or(Path::new("")).join(file);
+            let object = ObjectFile::read(&file)?;
+            // Here an error can still name the object's file.
+            object.model(&file)?;
+            self.object.push(object);
+        }
+        Ok(Scenario {
+            version: self.version,
+            name: self.name,
+            object: self.object,
+            first: given("first", self.first, base.map(|base| &base.first), path)?,
+            second: given("second", self.second, base.map(|base| &base.second), path)?,
+            layout: given("layout", self.layout, base.map(|base| &base.layout), path)?,
+            noise: given("noise", self.noise, base.map(|base| &base.noise), path)?,
+            start,
+            protocol: given("protocol", self.protocol, base.map(|base| &base.protocol), path)?,
+            referee: given("referee", self.referee, base.map(|base| &base.referee), path)?,
+            disturbance: self.disturbance,
+        })
+    }
+}
+
+fn built_in() -> Result<Scenario, DataError> {
+    Scenario::parse(BENCHMARK, Path::new("benchmark.toml"))
+}
+
+fn given<T: Clone>(field: &str, value: Option<T>, base: Option<&T>, path: &Path) -> Result<T, DataError> {
+    value.or_else(|| base.cloned()).ok_or_else(|| {
+        let expected = format!("a value, or extends = \"benchmark\" to take the benchmark's {field}");
+        DataError::field(path, field, "nothing", expected)
+    })
+}
+
+impl Scenario {
+    /// The built-in benchmark, `scenarios/data/benchmark.toml`.
+    ///
+    /// # Panics
+    /// Never in a tested build: the file is compiled in and a test reads it.
+    pub fn benchmark() -> Self {
+        built_in().expect("the built-in scenario is valid")
+    }
+
+    /// Reads and checks a scenario file's text. `path` is used in errors, and objects' files are looked for beside it.
+    pub fn parse(text: &str, path: &Path) -> Result<Self, DataError> {
+        let file: ScenarioFile = parse_toml(text, path)?;
+        let scenario = file.complete(path)?;
+        scenario.check(path)?;
+        Ok(scenario)
+    }
+
+    /// Reads and checks a scenario file.
+    pub fn read(path: &Path) -> Result<Self, DataError> {
+        Self::parse(&read_text(path)?, path)
+    }
+
+    /// A text of the same scenario that needs no other file: `text` itself, or, where it names objects' files, one with these and
+    /// their meshes in it. A run keeps this text, so that it can go on, or be replayed, elsewhere.
+    pub fn self_contained(text: &str, path: &Path) -> Result<String, DataError> {
+        let scenario = Self::parse(text, path)?;
+        if scenario.object.is_empty() {
+            return Ok(text.to_owned());
+        }
+        toml::to_string(&scenario).map_err(|error| DataError::field(path, "objects", error, "what TOML can hold"))
+    }
+}

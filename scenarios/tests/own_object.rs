@@ -1,0 +1,87 @@
+//! A user's own object: a file beside the scenario that names it, with a mesh beside that.
+
+use std::path::{Path, PathBuf};
+
+use scenarios::{ObjectFile, Scenario};
+
+/// A wedge, 40 mm long and wide, 30 mm high on one side.
+const WEDGE: &str = "v 0 0 0\nv 0.04 0 0\nv 0.04 0.04 0\nv 0 0.04 0\nv 0 0 0.03\nv 0 0.04 0.03\n\
+                     f 1 4 3 2\nf 1 2 5\nf 4 6 3\nf 2 3 6 5\nf 1 5 6 4\n";
+const OBJECT: &str = "name = \"my_wedge\"\nmass = 0.02\nfriction = 0.6\n[shape.mesh]\nfile = \"meshes/wedge.obj\"\n";
+const SCENARIO: &str = "version = 1\nname = \"a wedge\"\nextends = \"benchmark\"\nobjects = [\"things/my_wedge.toml\"]\n\
+                        first = [\"golf_ball\"]\nsecond = [\"my_wedge\"]\n";
+
+/// A fresh folder of this test with a scenario, its object and its mesh.
+fn folder(test: &str) -> PathBuf {
+    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("own_object").join(test);
+    std::fs::create_dir_all(folder.join("things/meshes")).expect("a folder for the test");
+    for (file, text) in [("mine.toml", SCENARIO), ("things/my_wedge.toml", OBJECT), ("things/meshes/wedge.obj", WEDGE)]
+    {
+        std::fs::write(folder.join(file), text).expect("a file of the test");
+    }
+    folder
+}
+
+#[test]
+fn a_scenario_brings_its_own_object_and_it_stands_on_the_table() {
+    let path = folder("stands").join("mine.toml");
+    let scenario = Scenario::read(&path).expect("a good scenario");
+    let set = scenario.object_set().expect("good objects");
+    let wedge = set.get("my_wedge").expect("the user's object");
+    // A prism has half its block's volume; the centroid of a right triangle is a third of its height over its base.
+    assert!((wedge.shape.volume() - 0.5 * 0.04 * 0.04 * 0.03).abs() < 1e-12);
+    let pose = scenario.layout.second.pose(wedge);
+    assert!(
+        (pose.translation.z - 0.01).abs() < 1e-12 && wedge.shape.lowest(&pose.rotation) + pose.translation.z < 1e-12
+    );
+    assert!(set.get("golf_ball").is_some());
+}
+
+/// What a run keeps of its scenario needs neither the object's file nor the mesh.
+#[test]
+fn a_self_contained_text_is_the_same_scenario_elsewhere() {
+    let path = folder("elsewhere").join("mine.toml");
+    let text = Scenario::self_contained(SCENARIO, &path).expect("a good scenario");
+    let moved = Scenario::parse(&text, Path::new("/nowhere/run.json")).expect("a scenario that needs no file");
+    assert_eq!(moved, Scenario::read(&path).expect("a good scenario"));
+    assert!(moved.object_set().expect("good objects").get("my_wedge").is_some());
+    let benchmark = Scenario::self_contained(scenarios::scenario::BENCHMARK, Path::new("benchmark.toml"));
+    assert_eq!(benchmark.expect("the benchmark"), scenarios::scenario::BENCHMARK);
+}
+
+#[test]
+fn an_error_names_the_file_that_it_is_in() {
+    let folder = folder("errors");
+    let scenario = folder.join("mine.toml");
+    let refused = |file: &str, text: &str| {
+        let before = std::fs::read_to_string(folder.join(file)).expect("a file of the test");
+        std::fs::write(folder.join(file), text).expect("a file of the test");
+        let error = Scenario::read(&scenario).expect_err("refused").to_string();
+        std::fs::write(folder.join(file), before).expect("a file of the test");
+        error
+    };
+    let heavy = refused("things/my_wedge.toml", &OBJECT.replace("0.02", "20"));
+    assert!(heavy.ends_with("my_wedge.toml: mass: found 20, expected more than 0 and at most 4 kg"), "{heavy}");
+    let open = refused("things/meshes/wedge.obj", &WEDGE.replace("f 1 5 6 4\n", ""));
+    assert!(open.contains("my_wedge.toml: shape.mesh.file: found meshes/wedge.obj: mesh is not watertight"), "{open}");
+    let millimetres = refused("things/meshes/wedge.obj", &WEDGE.replace("0.0", ""));
+    assert!(
+        millimetres.contains("my_wedge.toml: shape.mesh.file: found meshes/wedge.obj: mesh extent: found 4.000 m"),
+        "{millimetres}"
+    );
+    let taken = refused("things/my_wedge.toml", &OBJECT.replace("my_wedge", "golf_ball"));
+    assert!(taken.contains("object.name: found \"golf_ball\", expected a name that no other object has"), "{taken}");
+    let missing = refused("mine.toml", &SCENARIO.replace("things/", "thngs/"));
+    assert!(missing.contains("thngs/my_wedge.toml: "), "{missing}");
+    let unnamed = refused("mine.toml", &SCENARIO.replace("second = [\"my_wedge\"]", "second = [\"my_wdge\"]"));
+    assert!(unnamed.contains("my_wdge"), "{unnamed}");
+}
+
+#[test]
+fn a_mesh_that_is_not_there_is_named() {
+    let folder = folder("missing");
+    std::fs::write(folder.join("things/my_wedge.toml"), OBJECT.replace("wedge.obj", "wege.obj"))
+        .expect("a file of the test");
+    let error = ObjectFile::read(&folder.join("things/my_wedge.toml")).expect_err("refused").to_string();
+    assert!(error.contains("my_wedge.toml: shape.mesh.file: found ") && error.contains("wege.obj"), "{error}");
+}

@@ -1,0 +1,59 @@
+//! Ground truth of a scene: what only the referee and the recorder may see.
+
+use nalgebra::{Isometry3, Vector3};
+use scenarios::holding::Support;
+
+/// A contact of an object with the hand, for the referee and the recording.
+#[derive(Debug, Clone, Copy)]
+pub struct HandContact {
+    /// Object index.
+    pub object: usize,
+    /// Hand link (0..15) or `None` for the palm.
+    pub link: Option<usize>,
+    /// World point, m.
+    pub point: nalgebra::Point3<f64>,
+    /// Force on the object, N, world frame (normal part).
+    pub force: Vector3<f64>,
+}
+
+/// Ground truth of one tick. Only the referee and the recorder may see it.
+#[derive(Debug, Clone, Default)]
+pub struct Truth {
+    /// s.
+    pub time: f64,
+    /// `world_from_object`.
+    pub objects: Vec<Isometry3<f64>>,
+    /// Linear velocity of each object, m/s.
+    pub velocities: Vec<Vector3<f64>>,
+    /// `world_from_palm`.
+    pub palm: Isometry3<f64>,
+    /// World poses of arm links then hand links.
+    pub links: Vec<Isometry3<f64>>,
+    /// Finger angles, rad.
+    pub hand: Vec<f64>,
+    /// Cable tensions, N.
+    pub tensions: [f64; 5],
+    /// Contacts between hand and objects at the last step of the tick.
+    pub contacts: Vec<HandContact>,
+    /// For each object: links (bit i; bit 15 is the palm) that touched it at any step of the tick.
+    pub touched_by: Vec<u32>,
+    /// Pairs of objects that touched at any step of the tick.
+    pub object_pairs: Vec<(usize, usize)>,
+    /// Objects that touched the table at any step of the tick.
+    pub on_table: Vec<bool>,
+    /// Normal force on each pad, N.
+    pub pad_forces: Vec<f64>,
+}
+
+impl Truth {
+    /// How object `index` is held up, for [`scenarios::holding::HoldingRule`].
+    pub fn support(&self, index: usize) -> Support {
+        let at = self.objects[index].translation.vector;
+        Support {
+            held: self.touched_by[index] != 0,
+            on_table: self.on_table[index],
+            distance: (at - self.palm.translation.vector).norm(),
+            height: at.z,
+        }
+    }
+}
