@@ -61,13 +61,23 @@ pub enum Command {
     /// Build report.html, trials.csv and summary.json again from result folders; several shards become one.
     Report {
         /// Result folders.
-        #[arg(required_unless_present = "study")]
+        #[arg(required_unless_present_any = ["study", "lab_book"])]
         folders: Vec<PathBuf>,
         /// The grasp study instead: one page from what `grasps classify`, `map`, `landscape` and `hands` left in the folder (default:
         /// recordings/study).
         #[arg(long, conflicts_with = "out")]
         study: bool,
-        /// Where the merged result goes (needed with several folders).
+        /// The lab book instead: BENCHMARKS.md from a table of figures (default: recordings/figures.csv). Refuses figures whose command
+        /// cannot be run again; run it in the folder of the workspace.
+        #[arg(
+            long,
+            value_name = "FIGURES",
+            num_args = 0..=1,
+            default_missing_value = "recordings/figures.csv",
+            conflicts_with_all = ["study", "folders"]
+        )]
+        lab_book: Option<PathBuf>,
+        /// Where the merged result goes (needed with several folders), or the page of --lab-book.
         #[arg(long)]
         out: Option<PathBuf>,
     },

@@ -2,6 +2,7 @@
 
 mod benchmark;
 mod body_check;
+mod lab_book;
 mod one_trial;
 mod rehearse;
 
@@ -32,6 +33,7 @@ pub fn run(cli: &Cli) -> Outcome {
             [folder] => study::report::run(cli, folder),
             _ => bail!("--study: found {} folders, expected one", folders.len()),
         },
+        Command::Report { lab_book: Some(figures), out, .. } => lab_book::run(cli, figures, out.as_deref()),
         Command::Report { folders, out, .. } => benchmark::report(cli, folders, out.as_deref()),
         Command::Hand(HandCommand::Check(args)) => body_check::hand_check(cli, args),
         Command::Hand(HandCommand::Close(args)) => hand_close::run(cli, args),
