@@ -13,7 +13,7 @@ use crate::commands::optics::OpticsCommand;
 use crate::commands::touch::TouchCommand;
 use crate::commands::transport::TransportArgs;
 use crate::commands::trial::TrialArgs;
-use crate::commands::{arm, bench, bridge, grasps, hand, optics, replay, study, touch, transport, trial, view};
+use crate::commands::{arm, bench, bridge, grasps, hand, lab_book, optics, replay, study, touch, transport, trial, view};
 use crate::terminal::{Outcome, Terminal};
 
 /// Digital twin of the F-TAC Hand on a Kinova Gen3 arm.
@@ -53,13 +53,23 @@ pub enum Command {
     /// Build report.html, trials.csv and summary.json again from result folders; several shards become one.
     Report {
         /// Result folders.
-        #[arg(required_unless_present = "study")]
+        #[arg(required_unless_present_any = ["study", "lab_book"])]
         folders: Vec<PathBuf>,
         /// The grasp study instead: one page from what `grasps classify`, `map`, `landscape` and `hands` left in the folder (default:
         /// recordings/study).
         #[arg(long, conflicts_with = "out")]
         study: bool,
-        /// Where the merged result goes (needed with several folders).
+        /// The lab book instead: BENCHMARKS.md from a table of figures (default: recordings/figures.csv). Refuses figures whose command
+        /// cannot be run again; run it in the folder of the workspace.
+        #[arg(
+            long,
+            value_name = "FIGURES",
+            num_args = 0..=1,
+            default_missing_value = "recordings/figures.csv",
+            conflicts_with_all = ["study", "folders"]
+        )]
+        lab_book: Option<PathBuf>,
+        /// Where the merged result goes (needed with several folders), or the page of --lab-book.
         #[arg(long)]
         out: Option<PathBuf>,
     },
@@ -94,6 +104,9 @@ pub fn run(cli: &Cli) -> Outcome {
         Command::Transport(args) => transport::run(terminal, args),
         Command::View { path } => view::run(path),
         Command::Report { folders, study: true, .. } => study::report::of_folders(terminal, folders),
+        Command::Report { lab_book: Some(figures), out, .. } => {
+            lab_book::run(terminal, figures, out.as_deref(), &parse_arguments)
+        }
         Command::Report { folders, out, .. } => bench::report(terminal, folders, out.as_deref()),
         Command::Hand(command) => hand::run(terminal, command),
         Command::Arm(command) => arm::run(terminal, command),
@@ -101,5 +114,13 @@ pub fn run(cli: &Cli) -> Outcome {
         Command::Touch(command) => touch::run(terminal, command),
         Command::Optics(command) => optics::run(terminal, command),
         Command::Bridge(command) => bridge::run(terminal, command),
+    }
+}
+
+/// Whether `ftac` takes these arguments; the error is the first line of what it says otherwise.
+pub fn parse_arguments(arguments: &[&str]) -> Result<(), String> {
+    match Cli::try_parse_from(std::iter::once("ftac").chain(arguments.iter().copied())) {
+        Ok(_) => Ok(()),
+        Err(error) => Err(error.to_string().lines().next().unwrap_or_default().to_owned()),
     }
 }

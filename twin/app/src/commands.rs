@@ -6,6 +6,7 @@ mod body;
 pub mod bridge;
 pub mod grasps;
 pub mod hand;
+pub mod lab_book;
 pub mod optics;
 pub mod replay;
 mod rows;

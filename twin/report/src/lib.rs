@@ -7,6 +7,7 @@ mod definitions;
 mod figure;
 mod findings;
 pub mod html;
+pub mod lab_book;
 mod page;
 mod paper;
 pub mod picture;

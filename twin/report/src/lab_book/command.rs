@@ -1,0 +1,153 @@
+//! Whether a figure's command could be run again: it parses as a command of `ftac`, or it names a package, target or script that exists.
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use super::error::FieldError;
+use super::figure::Figure;
+
+/// Options of `cargo` that take no value, and those that do.
+const FLAGS: [&str; 4] = ["--release", "--lib", "--workspace", "--all-targets"];
+const OPTIONS: [&str; 8] =
+    ["-p", "--package", "--test", "--bench", "--example", "--bin", "--features", "--manifest-path"];
+/// The package that is `ftac`, and what `cargo run` takes without `-p`.
+const PROGRAM: &str = "ftac";
+
+/// How `ftac` takes its arguments (without its name); the error says what is wrong.
+pub type ParseArguments = dyn Fn(&[&str]) -> Result<(), String>;
+
+/// What commands are held against.
+pub struct Check<'a> {
+    /// The folder of the workspace: commands are run there, paths are seen from there.
+    root: &'a Path,
+    /// Folder of each package of the workspace, by its name.
+    packages: BTreeMap<String, PathBuf>,
+    parse: &'a ParseArguments,
+}
+
+impl<'a> Check<'a> {
+    /// Reads the workspace's manifest in `root` and those of its members.
+    pub fn new(root: &'a Path, parse: &'a ParseArguments) -> std::io::Result<Self> {
+        let manifest = read_manifest(&root.join("Cargo.toml"))?;
+        let members = manifest.get("workspace").and_then(|workspace| workspace.get("members")?.as_array());
+        let mut packages = BTreeMap::new();
+        for member in members.into_iter().flatten().filter_map(toml::Value::as_str) {
+            let folder = root.join(member);
+            if let Some(name) = package_name(&read_manifest(&folder.join("Cargo.toml"))?) {
+                packages.insert(name, folder);
+            }
+        }
+        Ok(Self { root, packages, parse })
+    }
+
+    /// The first figure of `file` whose command is refused, as an error.
+    pub fn all(&self, file: &Path, figures: &[Figure]) -> Result<(), FieldError> {
+        for figure in figures {
+            for command in figure.command.split(';').map(str::trim) {
+                self.one(command).map_err(|Refused { found, expected }| {
+                    FieldError::new((file, figure.line), "command", format!("`{command}`: {found}"), expected)
+                })?;
+            }
+        }
+        Ok(())
+    }
+
+    fn one(&self, command: &str) -> Result<(), Refused> {
+        let words: Vec<&str> = command.split_whitespace().collect();
+        match words.as_slice() {
+            [PROGRAM, arguments @ ..] => self.program(arguments),
+            ["cargo", "test" | "bench" | "run", ..] => self.cargo(words[1], &words[2..]),
+            ["python3", script, ..] => {
+                let exists = script.ends_with(".py") && self.root.join(script).is_file();
+                require(exists, format!("no script {script}"), "the path of a script, seen from the workspace")
+            }
+            _ => Err(Refused::new("another program", "ftac, cargo test, cargo bench, cargo run or python3")),
+        }
+    }
+
+    fn program(&self, arguments: &[&str]) -> Result<(), Refused> {
+        (self.parse)(arguments).map_err(|found| Refused::new(found, "arguments that ftac takes"))
+    }
+
+    fn cargo(&self, verb: &str, arguments: &[&str]) -> Result<(), Refused> {
+        let end = arguments.iter().position(|word| *word == "--").unwrap_or(arguments.len());
+        let (own, passed) = (&arguments[..end], arguments.get(end + 1..).unwrap_or_default());
+        let mut packages: Vec<&str> = Vec::new();
+        let mut targets: Vec<(&str, &str)> = Vec::new();
+        let mut elsewhere = false;
+        let mut words = own.iter();
+        while let Some(word) = words.next() {
+            if FLAGS.contains(word) {
+                continue;
+            }
+            if !OPTIONS.contains(word) {
+                // A filter of tests or benchmarks.
+                let filter = !word.starts_with('-') && verb != "run";
+                require(filter, format!("`{word}`"), format!("what cargo {verb} takes"))?;
+                continue;
+            }
+            let value = words.next().ok_or_else(|| Refused::new(format!("{word} without a value"), "its value"))?;
+            match *word {
+                "-p" | "--package" => packages.push(value),
+                "--test" => targets.push(("tests", value)),
+                "--bench" => targets.push(("benches", value)),
+                "--example" => targets.push(("examples", value)),
+                "--manifest-path" => {
+                    elsewhere = true;
+                    require(self.root.join(value).is_file(), format!("no manifest {value}"), "a Cargo.toml")?;
+                }
+                _ => {}
+            }
+        }
+        for package in &packages {
+            require(
+                self.packages.contains_key(*package),
+                format!("no package {package}"),
+                "a package of the workspace",
+            )?;
+        }
+        let default = packages.is_empty() && !elsewhere;
+        for (kind, name) in targets.iter().filter(|_| !elsewhere) {
+            let packages = if default { &[PROGRAM][..] } else { &packages[..] };
+            let found = packages.iter().any(|package| self.has_target(package, kind, name));
+            require(found, format!("no {name} in {kind}"), format!("a target in {kind} of {}", packages.join(", ")))?;
+        }
+        if verb == "run" && targets.is_empty() && (default || packages == [PROGRAM]) {
+            return self.program(passed);
+        }
+        Ok(())
+    }
+
+    fn has_target(&self, package: &str, kind: &str, name: &str) -> bool {
+        let Some(folder) = self.packages.get(package).map(|folder| folder.join(kind)) else { return false };
+        folder.join(format!("{name}.rs")).is_file() || folder.join(name).join("main.rs").is_file()
+    }
+}
+
+/// Why a command is refused.
+#[derive(Debug)]
+struct Refused {
+    found: String,
+    expected: String,
+}
+
+impl Refused {
+    fn new(found: impl Into<String>, expected: impl Into<String>) -> Self {
+        Self { found: found.into(), expected: expected.into() }
+    }
+}
+
+fn require(holds: bool, found: String, expected: impl Into<String>) -> Result<(), Refused> {
+    if holds { Ok(()) } else { Err(Refused::new(found, expected)) }
+}
+
+fn read_manifest(path: &Path) -> std::io::Result<toml::Table> {
+    let named = |message: String| std::io::Error::other(format!("{}: {message}", path.display()));
+    let text = fs::read_to_string(path).map_err(|error| named(error.to_string()))?;
+    text.parse().map_err(|error: toml::de::Error| named(error.message().to_owned()))
+}
+
+fn package_name(manifest: &toml::Table) -> Option<String> {
+    Some(manifest.get("package")?.get("name")?.as_str()?.to_owned())
+}
