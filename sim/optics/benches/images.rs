@@ -1,6 +1,6 @@
-//! Images: `cargo bench -p optics`, with `--features gpu` on a GPU as well. Idle, a ball and a bumpy shape at 2 N; with and without
-//! cast shadows; one sensor and all 17; one and two threads. What is timed starts at indentation maps and ends at images' bytes; the
-//! throughput is in images.
+//! Images: `cargo bench -p optics`, with `--features gpu` on a GPU as well. Idle, a ball and a bumpy shape at 2 N; with
+//! and without cast shadows; one sensor and all 17; one and two threads. What is timed starts at indentation maps and
+//! ends at images' bytes; the throughput is in images.
 
 use std::hint::black_box;
 

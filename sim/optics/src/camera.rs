@@ -1,9 +1,10 @@
-//! The camera behind the gel: where it looks from, and how light becomes grey levels.
+//! The camera behind the gel: a pinhole, and the response that turns radiance into grey levels.
 //!
-//! A pinhole parallel to the pad's plane sees that plane without distortion, so the image rectified to the camera's rectangle
-//! (`Camera::pixel_center`) is the pinhole's own image of the undeformed gel, and the camera's part in shading is the
-//! direction v to the viewer. The sideways shift of points pressed towards the camera is left to the rectification.
-//! The response is the paper's (Mitsunaga's): radiance `G(M)` is a third-order polynomial of the measured intensity M.
+//! A pinhole parallel to the pad's plane sees that plane without distortion. The image rectified to the camera's
+//! rectangle (`Camera::pixel_center`) is therefore the pinhole's own image of the undeformed gel, and the camera enters
+//! the shading only as the direction v to the viewer. The sideways shift of points pressed towards the camera is left to
+//! the rectification. The response is the paper's (Mitsunaga's): the radiance `G(M)` is a third-order polynomial of the
+//! measured intensity M.
 
 use hand_model::pads::{Camera, IMAGE_SIZE};
 use nalgebra::{Matrix3, Point3, Vector3};
@@ -23,8 +24,8 @@ impl Pinhole {
         (self.position - point).normalize()
     }
 
-    /// The intrinsics K for which the undeformed plane z = 0 fills the image of `camera`. Camera frame: x, -y and z of the pad;
-    /// mirrored, because the rectified image shows the pad as seen from outside.
+    /// The intrinsics K for which the undeformed plane z = 0 fills the image of `camera`. Camera frame: x, -y and z of
+    /// the pad; mirrored, because the rectified image shows the pad as seen from outside.
     pub fn intrinsics(&self, camera: &Camera) -> Matrix3<f64> {
         let ((dx, dy), (x0, y0)) = (camera.pixel_size(), camera.pixel_center(0, 0));
         let depth = -self.position.z;
@@ -48,7 +49,7 @@ impl Pinhole {
         (image.x, image.y)
     }
 
-    /// True where the point is within the image.
+    /// Whether the point is within the image.
     pub fn sees(&self, camera: &Camera, point: &Point3<f64>) -> bool {
         let (column, row) = self.project(camera, point);
         let inside = -0.5..IMAGE_SIZE as f64 - 0.5;
@@ -65,7 +66,6 @@ pub struct Response {
 }
 
 impl Response {
-    /// The identity.
     pub const LINEAR: Self = Self { coefficients: [1.0, 0.0, 0.0] };
 
     /// G: from measured intensity to radiance.
@@ -74,7 +74,7 @@ impl Response {
         measured * (g1 + measured * (g2 + measured * g3))
     }
 
-    /// F, the inverse of G, by Newton's method inside a bracket; beyond full scale it goes on as a straight line.
+    /// F, the inverse of G, by bracketed Newton iteration; above full scale it continues as a straight line.
     pub fn measured(&self, radiance: f64) -> f64 {
         let [g1, g2, g3] = self.coefficients;
         let full = self.radiance(1.0);
@@ -104,14 +104,14 @@ impl Response {
         m
     }
 
-    /// True if G rises everywhere on 0..1.
+    /// Whether G is increasing on 0..1.
     pub fn is_monotonic(&self) -> bool {
         let [g1, g2, g3] = self.coefficients;
         (0..=100).map(|i| f64::from(i) / 100.0).all(|m| g1 + 2.0 * g2 * m + 3.0 * g3 * m * m > 0.0)
     }
 }
 
-/// F as a table, in grey levels (0 to 255 and beyond), for many pixels.
+/// F as a table in grey levels, which may exceed 255.
 #[derive(Debug, Clone)]
 pub(crate) struct ResponseTable {
     grey: Vec<f32>,
@@ -127,13 +127,12 @@ impl ResponseTable {
         Self { grey: (0..=Self::CELLS + 1).map(value).collect() }
     }
 
-    /// Grey levels at the table's cells.
     #[cfg(feature = "gpu")]
     pub(crate) fn values(&self) -> &[f32] {
         &self.grey
     }
 
-    /// Grey level of a radiance, linear between the table's cells.
+    /// Grey level of a radiance, by linear interpolation in the table.
     #[inline(always)]
     pub(crate) fn grey(&self, radiance: f32) -> f32 {
         let at = (radiance * (Self::CELLS as f64 / Self::END) as f32).clamp(0.0, Self::CELLS as f32);

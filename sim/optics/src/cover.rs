@@ -1,9 +1,10 @@
 //! Curved pads: a cover that is part of a cylinder along the digit.
 //!
-//! A point of the cover is named by its place (x, y) in the pad's plane; it is at `z = sqrt(R^2 - x^2) - R`, and the gel's height map
-//! there is measured along its own normal. An object that presses along the pad's z indents the gel along these normals, by
-//! the distance from the cover to the object's surface; the gel's pressure acts against the normal, and its part along z on
-//! a patch is the pressure times the patch's shadow on the plane, whatever its tilt. A cover of curvature 0 is the flat pad.
+//! A point of the cover is given by its position (x, y) in the pad's plane; it is at `z = sqrt(R^2 - x^2) - R`. The gel's
+//! height map is measured along the normal there. An object that presses along the pad's z indents the gel along these
+//! normals by the distance from the cover to the object's surface. The gel's pressure acts against the normal; its z
+//! component on a patch is the pressure times the area of the patch projected onto the plane, whatever its tilt. A cover
+//! of curvature 0 is the flat pad.
 
 use hand_model::pads::{Camera, IMAGE_SIZE, Pad};
 use nalgebra::{Point3, Vector3};
@@ -19,11 +20,11 @@ pub struct Cover {
     curvature: f64,
 }
 
-/// Half a pad's width may be this much of the radius: beyond, the cover is steeper than its camera and lamps can look at.
+/// Largest ratio of half a pad's width to the radius: a steeper cover is out of view of its camera and lamps.
 const WIDEST: f64 = 0.8;
 /// Spacing of the first pass of [`Cover::press`], pixels.
 const COARSE: usize = 4;
-/// Steps along a normal, and when the object is met, m.
+/// Largest number of iterations of a search, and the tolerance of the intersection along a normal, m.
 const STEPS: usize = 12;
 const MET: f64 = 1e-8;
 
@@ -31,18 +32,17 @@ impl Cover {
     /// The flat pad.
     pub const FLAT: Self = Self { curvature: 0.0 };
 
-    /// Part of a cylinder of this radius (m), its axis along y behind the pad.
+    /// Part of a cylinder of this radius (m) with its axis along y behind the pad.
     pub fn cylinder(radius: f64) -> Result<Self, OpticsError> {
         positive("cover radius", radius)?;
         Ok(Self { curvature: 1.0 / radius })
     }
 
-    /// True for the flat pad.
     pub fn is_flat(&self) -> bool {
         self.curvature == 0.0
     }
 
-    /// Refuses a pad that is too wide for the cylinder.
+    /// An error if the pad is too wide for the cylinder.
     pub fn check(&self, pad: &Pad) -> Result<(), OpticsError> {
         let most = 2.0 * WIDEST / self.curvature;
         if pad.w <= most { Ok(()) } else { Err(OpticsError::CoverWidth { found: pad.w, most }) }
@@ -51,7 +51,7 @@ impl Cover {
     /// Height (m, never positive) over the pad's plane.
     pub fn height(&self, x: f64) -> f64 {
         let part = (self.curvature * x).clamp(-1.0, 1.0);
-        // The same as sqrt(R^2 - x^2) - R, without its cancellation and at any curvature.
+        // sqrt(R^2 - x^2) - R without cancellation, valid for curvature 0 too.
         -self.curvature * x * x / (1.0 + (1.0 - part * part).sqrt())
     }
 
@@ -61,7 +61,7 @@ impl Cover {
         Vector3::new(part, 0.0, (1.0 - part * part).sqrt())
     }
 
-    /// How far (m) an object lies below the cover at (x, y), along the normal: negative where it is above, `None` where there is none.
+    /// Depth (m) of an object below the cover at (x, y), along the normal: negative above it, `None` without an object.
     pub fn penetration(
         &self,
         pad: &Pad,
@@ -71,7 +71,7 @@ impl Cover {
     ) -> Result<Option<f64>, OpticsError> {
         let normal = self.normal(x);
         let start = Point3::new(x, y, self.height(x) + pad.surface_height(x, y));
-        // How far a place on the normal is inside the object, along z.
+        // Depth of a point on the normal inside the object, along z.
         let mut inside = |depth: f64| -> Result<Option<f64>, OpticsError> {
             let place = start - depth * normal;
             let Some(z) = z_object(place.x, place.y) else { return Ok(None) };
@@ -121,7 +121,7 @@ impl Cover {
     }
 }
 
-/// An object over a covered pad; how far it is pressed in is sought.
+/// An object above a curved pad, for the search for the shift at which the gel bears a given force.
 struct Contact<'a, F> {
     cover: &'a Cover,
     pad: &'a Pad,
@@ -189,7 +189,8 @@ impl<F: FnMut(f64, f64) -> Option<f64>> Contact<'_, F> {
         Ok(Some(high))
     }
 
-    /// Shift (m), force (N) and full maps at which all pixels bear `force`, by the secant method from a shift that is nearly right.
+    /// Shift (m), force (N) and full maps at which all pixels bear `force`, by the secant method from a shift that is
+    /// nearly right.
     fn balance(&mut self, start: f64, force: f64) -> Result<(f64, f64, Vec<Vec<f32>>), OpticsError> {
         let (mut shift, mut last) = (start, None);
         let mut found = self.loads(shift, 1)?;
@@ -253,7 +254,7 @@ mod tests {
     }
 
     #[test]
-    fn an_object_of_the_covers_shape_is_met_everywhere_alike() {
+    fn a_concentric_hollow_is_at_the_same_depth_everywhere() {
         let (pad, camera) = pad();
         let radius = 0.025;
         let cover = Cover::cylinder(radius).unwrap();

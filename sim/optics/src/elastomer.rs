@@ -1,10 +1,10 @@
-//! The gel around a contact: the paper's (and Taxim's) soft-body approximation.
+//! The gel around a contact: the soft-body approximation of the paper and of Taxim.
 //!
-//! The gel touches the object inside the contact and leaves it gradually outside. The indentation is smoothed again and again
-//! with ever narrower kernels ("pyramid Gaussian kernels"), and after each pass the gel is pushed out of the object again: it is
-//! nowhere less deep than the object, and leaves a round one where its own smoothness would lead it out.
-//! A kernel is three box filters in a row, a cubic B-spline of support 3 r to each side and standard deviation
-//! `sqrt(r (r + 1))` pixels: close to a Gaussian, exactly zero beyond its support, and as cheap at any width.
+//! Inside the contact the gel touches the object; outside it leaves the object gradually. The indentation is smoothed
+//! repeatedly with ever narrower kernels ("pyramid Gaussian kernels"). After each pass the depth is raised to at least
+//! the object's own, so that the gel never enters the object. Each kernel is three box filters in a row: a B-spline of
+//! support 3 r to each side and standard deviation `sqrt(r (r + 1))` pixels. That is close to a Gaussian, exactly zero
+//! beyond its support, and costs the same at any width.
 
 use hand_model::pads::{Camera, IMAGE_SIZE};
 use serde::{Deserialize, Serialize};
@@ -18,13 +18,13 @@ use crate::wide::widest;
 pub struct Elastomer {
     /// Standard deviations of the kernels (m), widest first.
     pub kernels: Vec<f64>,
-    /// Thickness (m) of the layer between the object and the surface that the camera sees: the object is grown by it.
+    /// Thickness (m) of the layer between the object and the surface that the camera sees; the object is dilated by it.
     #[serde(default)]
     pub coating: f64,
 }
 
 impl Default for Elastomer {
-    /// Kernels of about a third, a sixth, ... of the gel's 2.5 mm: the bulge dies out within a gel's thickness or two.
+    /// Kernels of about a third, a sixth, ... of the gel's 2.5 mm: the bulge decays within one or two gel thicknesses.
     fn default() -> Self {
         Self { kernels: vec![0.8e-3, 0.4e-3, 0.2e-3, 0.1e-3], coating: 0.0 }
     }
@@ -33,7 +33,6 @@ impl Default for Elastomer {
 /// The deformed gel over a rectangle of pixels; beyond it the gel is flat.
 #[derive(Debug, Clone, PartialEq)]
 pub struct DeformedGel {
-    /// Where.
     pub rectangle: Rectangle,
     /// Depth below the undeformed surface (m), row-major over the rectangle.
     pub depth: Vec<f32>,
@@ -64,7 +63,7 @@ impl Elastomer {
         Some(DeformedGel { rectangle, depth })
     }
 
-    /// Where [`Self::deform_over`] deforms the gel; `None` on an untouched pad.
+    /// The rectangle over which [`Self::deform_over`] computes the gel; `None` on an untouched pad.
     pub(crate) fn rectangle(&self, camera: &Camera, map: &IndentationMap, reach: f64) -> Option<Rectangle> {
         let (dx, dy) = camera.pixel_size();
         let least = ((reach / dx).ceil() as usize, (reach / dy).ceil() as usize);
@@ -72,7 +71,7 @@ impl Elastomer {
         Some(map.contact()?.grown(margin.0.max(least.0), margin.1.max(least.1)).even())
     }
 
-    /// How far the smoothing reaches beyond a contact: columns and rows of pixels of this size (m).
+    /// Reach of the smoothing beyond a contact, in columns and rows of pixels of this size (m).
     fn margin(&self, pixel: (f64, f64)) -> (usize, usize) {
         self.radii(pixel).iter().fold((1, 1), |(x, y), &(rx, ry)| (x + 3 * rx, y + 3 * ry))
     }
@@ -82,7 +81,7 @@ impl Elastomer {
         self.kernels.iter().map(|&deviation| (box_radius(deviation / dx), box_radius(deviation / dy))).collect()
     }
 
-    /// The gel over an object's own depths (m, row-major, 0 beside it), on pixels of this size (m).
+    /// The gel's depth for the object's own depth (m, row-major, 0 outside it), on pixels of this size (m).
     pub fn smooth(&self, own: Vec<f32>, width: usize, height: usize, pixel: (f64, f64)) -> Vec<f32> {
         widest(
             #[inline(always)]
@@ -114,8 +113,8 @@ impl Elastomer {
         depth
     }
 
-    /// Grows an object by the coating: its penetration (m, negative where it is above the surface, negative infinity
-    /// where there is none) becomes that of its offset surface, moved back by the coating's thickness.
+    /// Dilates an object by the coating: its penetration (m, negative above the surface, negative infinity without an object)
+    /// becomes that of its offset surface, moved back by the coating's thickness.
     pub fn grow(&self, penetration: &[f32], width: usize, height: usize, pixel: (f64, f64)) -> Vec<f32> {
         let t = self.coating;
         if t <= 0.0 {
@@ -133,7 +132,7 @@ impl Elastomer {
         }
         let mut grown = vec![f32::NEG_INFINITY; penetration.len()];
         for (at, &own) in penetration.iter().enumerate() {
-            // What is higher than the coating is thick touches nothing even when grown.
+            // A point above the surface by more than the coating's thickness touches nothing even when dilated.
             if own <= -(t as f32) {
                 continue;
             }
@@ -150,7 +149,7 @@ impl Elastomer {
     }
 }
 
-/// Radius (pixels) of the box whose threefold application has the standard deviation nearest to `deviation` (pixels).
+/// Radius (pixels) of the box filter that, applied three times, has about the standard deviation `deviation` (pixels).
 fn box_radius(deviation: f64) -> usize {
     let radius = (deviation * deviation + 0.25).sqrt() - 0.5;
     if radius.is_finite() { (radius.round().max(0.0) as usize).min(IMAGE_SIZE) } else { 0 }

@@ -5,7 +5,7 @@ use std::path::Path;
 /// An input that no image can be formed from.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum OpticsError {
-    /// A map has not one value for each pixel.
+    /// A map of the wrong length.
     #[error("a map has {found} values; expected {expected} (240 x 240)")]
     MapSize {
         /// Values found.
@@ -13,7 +13,7 @@ pub enum OpticsError {
         /// Values expected.
         expected: usize,
     },
-    /// An image or a map of a calibrated sensor has not one value for each of its pixels.
+    /// An image or a map of the wrong length for a calibrated sensor.
     #[error("found {found} values; expected {expected}, by the calibration's image size")]
     ImageSize {
         /// Values found.
@@ -21,7 +21,7 @@ pub enum OpticsError {
         /// Values expected.
         expected: usize,
     },
-    /// A map has a value that is not a number, or not allowed.
+    /// A map has a value that is not a number or out of range.
     #[error("pixel (column {column}, row {row}) has the value {value}; expected {expected}")]
     MapValue {
         /// Column of the pixel.
@@ -30,7 +30,7 @@ pub enum OpticsError {
         row: usize,
         /// The value found.
         value: f32,
-        /// What would have been right.
+        /// Range of valid values.
         expected: &'static str,
     },
     /// The object's surface is at a height that is not a number.
@@ -65,15 +65,15 @@ pub enum OpticsError {
     /// A calibration file is not well-formed or holds an impossible value.
     #[error("sensor calibration: {0}")]
     Calibration(String),
-    /// A job names a sensor that the renderer has not.
+    /// A job names a sensor that the renderer does not have.
     #[error("a job names sensor {found}; expected one below {count}")]
     NoSensor {
         /// The index found.
         found: usize,
-        /// Sensors there are.
+        /// Number of sensors.
         count: usize,
     },
-    /// There is no adapter to render on, or it failed.
+    /// No GPU was found, or it failed.
     #[error("GPU: {0}")]
     Gpu(String),
     /// A file or folder cannot be used.
@@ -81,7 +81,7 @@ pub enum OpticsError {
     File {
         /// The file or folder.
         path: String,
-        /// What is wrong, found and expected.
+        /// What was found and what was expected.
         what: String,
     },
 }

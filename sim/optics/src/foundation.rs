@@ -1,21 +1,23 @@
-//! How much the gel resists: pressure against indentation, and force.
+//! Resistance of the gel: pressure and force over indentation.
 //!
-//! A foundation answers place by place: pressure depends on the indentation d there alone, relative to the gel's thickness,
-//! `p = modulus e^exponent / (1 - e)^hardening`, `e = d / thickness`. Winkler's is linear: exponent 1, no hardening.
+//! The pressure at a point depends on the indentation d there alone, relative to the gel's thickness: `p = modulus
+//! e^exponent / (1 - e)^hardening`, `e = d / thickness`. Winkler's foundation is the linear case: exponent 1, no
+//! hardening.
 //!
-//! [`Foundation::paper`] reproduces the paper's probe: a ball of 1.5 mm radius, pressure as force over the ball's cross-section,
-//! response as the gel's change of thickness in per cent.
+//! [`Foundation::paper`] reproduces the paper's probe: a ball of 1.5 mm radius, with pressure defined as force over the
+//! ball's cross-section and response as the change of the gel's thickness in per cent.
 //!
 //! # How stiff is the gel?
-//! The hand's parameter file has E = 0.15 MPa and takes `k = E / thickness`, the stiffness of a loose column of gel. The paper's
-//! probe presses on a gel that is bonded to its window and held from all sides by more gel: for that [`bonded_layer_force`] gives,
-//! with the very same E and nothing fitted, the paper's response to 5 % (`ftac optics eval --force`: 0.50 and 0.28 for 0.48 and 0.30
-//! per kPa), while the loose columns give 0.90 and 0.59. So the material is right and the columns are 2.8 times too soft
-//! for this probe: Winkler columns of 0.42 MPa ([`WINKLER_LIKE_PAPER`]) respond as the paper's gel does.
+//! The hand's parameter file has E = 0.15 MPa and uses `k = E / thickness`, the stiffness of a laterally free column of
+//! gel. The paper's probe presses on a gel that is bonded to its window and laterally constrained by the gel around. For
+//! that case [`bonded_layer_force`] gives, with the same E and nothing fitted, the paper's response to 5 % (`ftac optics
+//! eval --force`: 0.50 and 0.28 for 0.48 and 0.30 per kPa), while free columns give 0.90 and 0.59. So the modulus is
+//! right, and the columns are 2.8 times too soft for this probe: Winkler columns of 0.42 MPa ([`WINKLER_LIKE_PAPER`])
+//! respond as the paper's gel does.
 //!
-//! The hand's pads keep the soft columns all the same. Simulator and touch pipeline share the number, so a pad's force read from
-//! its image agrees with the physics either way; a stiffer gel would change every image of the trial, and with them the stored
-//! photometric calibration, recordings and figures that were made from them.
+//! The hand's pads use the soft columns nevertheless. The simulator and the touch pipeline share the value, so a pad's
+//! force read from its image agrees with the physics either way. A stiffer gel would change every image of the trials,
+//! and with them the stored photometric calibration, recordings and figures.
 
 use hand_model::parameters::Gel;
 
@@ -30,16 +32,16 @@ pub struct Foundation {
     pub modulus: f64,
     /// Exponent of the relative indentation.
     pub exponent: f64,
-    /// Exponent of what is left of the thickness.
+    /// Exponent of the remaining share of the thickness.
     pub hardening: f64,
 }
 
 /// Modulus (Pa) of Winkler columns that give the paper's probe the paper's response.
 pub const WINKLER_LIKE_PAPER: f64 = 0.42e6;
 
-/// Force (N) on a ball of this radius (m) pressed in this deep (m) on an incompressible elastic layer of Young's `modulus` (Pa) and
-/// `thickness` (m), bonded to a rigid ground: Hertz' law and what the ground adds (Dimitriadis et al. 2002, their equation for
-/// Poisson's ratio 0.5). Holds while the contact is not much wider than the layer is thick.
+/// Force (N) on a ball of this radius (m) pressed in this deep (m) on an incompressible elastic layer of Young's
+/// `modulus` (Pa) and `thickness` (m) bonded to a rigid base: Hertz' law with the correction for the base (Dimitriadis et
+/// al. 2002, for Poisson's ratio 0.5). Valid while the contact is not much wider than the layer is thick.
 pub fn bonded_layer_force(modulus: f64, thickness: f64, radius: f64, depth: f64) -> f64 {
     let chi = (radius * depth).max(0.0).sqrt() / thickness;
     let ground = 1.0 + chi * (1.133 + chi * (1.283 + chi * (0.769 + chi * 0.0975)));
@@ -50,7 +52,7 @@ pub fn bonded_layer_force(modulus: f64, thickness: f64, radius: f64, depth: f64)
 const PRESSED_FLAT: f64 = 0.98;
 
 impl Foundation {
-    /// A Winkler foundation, as the hand's parameter file has it.
+    /// The Winkler foundation of the hand's parameter file.
     pub fn winkler(gel: &Gel) -> Self {
         Self { thickness: gel.thickness, modulus: gel.stiffness * gel.thickness, exponent: 1.0, hardening: 0.0 }
     }
@@ -60,7 +62,7 @@ impl Foundation {
         Self { thickness, modulus: 176.4e3, exponent: 0.55, hardening: 1.0 }
     }
 
-    /// Refuses impossible values.
+    /// An error for impossible values.
     pub fn check(&self) -> Result<(), OpticsError> {
         positive("gel thickness", self.thickness)?;
         positive("gel modulus", self.modulus)?;
@@ -98,7 +100,7 @@ impl Foundation {
     }
 }
 
-/// One row of a probe's response.
+/// One point of a probe's response.
 #[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
 pub struct ProbePoint {
     /// Force over the ball's cross-section, kPa.
@@ -124,11 +126,11 @@ pub fn probe_response(gel: &Foundation, most: f64, count: usize) -> Vec<ProbePoi
     response_to(gel.thickness, |depth| gel.ball_force(PROBE_RADIUS, depth), most, count)
 }
 
-/// As [`probe_response`], of a gel of this `thickness` (m) that bears `force` (N) on the probe at a depth (m); it rises with the depth.
+/// As [`probe_response`], for a gel of this `thickness` (m); `force` is the force (N) on the probe at a depth (m),
+/// increasing with depth.
 pub fn response_to(thickness: f64, force: impl Fn(f64) -> f64, most: f64, count: usize) -> Vec<ProbePoint> {
     let section = std::f64::consts::PI * PROBE_RADIUS * PROBE_RADIUS;
     let at = |pressure: f64| {
-        // The force rises with the depth, so bisection finds it.
         let (mut low, mut high) = (0.0, thickness);
         for _ in 0..60 {
             let middle = 0.5 * (low + high);

@@ -1,9 +1,10 @@
 //! From the shape above a pad and the normal force to an indentation map.
 //!
-//! The penetration of a pixel is `Pad::surface_height(x, y) - z_object(x, y)`, pad frame, metres: positive where the object,
-//! left where it is, would lie below the undeformed surface. A rigid-body engine's own penetration means nothing, so the object
-//! is moved along the pad's z by the [`Press::shift`] for which the gel, a [`Foundation`], bears the given force: the
-//! sum of its pressures under `penetration + shift`, times the pixels' area. The hand's own gel is Winkler's.
+//! The penetration of a pixel is `Pad::surface_height(x, y) - z_object(x, y)`, pad frame, metres: positive where the
+//! object, at its given height, would lie below the undeformed surface. The height that a rigid-body engine gives is not
+//! physical, so the object is moved along the pad's z by the [`Press::shift`] at which the gel, a [`Foundation`], bears
+//! the given force: the sum of the pressures under `penetration + shift`, times the pixels' area. The hand's own gel is a
+//! Winkler foundation.
 
 use hand_model::pads::{Camera, IMAGE_SIZE, Pad};
 use hand_model::parameters::Gel;
@@ -20,9 +21,7 @@ const BLOCKS: usize = IMAGE_SIZE / BLOCK;
 /// A rectangle of pixels, half open.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Rectangle {
-    /// First column.
     pub left: usize,
-    /// First row.
     pub top: usize,
     /// One past the last column.
     pub right: usize,
@@ -31,7 +30,7 @@ pub struct Rectangle {
 }
 
 impl Rectangle {
-    /// The rectangle grown by `columns` and `rows` on each side, cut at the image's border.
+    /// The rectangle extended by `columns` and `rows` on each side, clipped to the image.
     pub fn grown(&self, columns: usize, rows: usize) -> Self {
         Self {
             left: self.left.saturating_sub(columns),
@@ -41,18 +40,16 @@ impl Rectangle {
         }
     }
 
-    /// The rectangle with its borders moved outwards to even columns and rows, so that cells of 2 x 2 pixels lie the same in every one.
+    /// The rectangle extended to even columns and rows, so that cells of 2 x 2 pixels are aligned in all rectangles.
     pub(crate) fn even(&self) -> Self {
         let up = |end: usize| end.next_multiple_of(2).min(IMAGE_SIZE);
         Self { left: self.left & !1, top: self.top & !1, right: up(self.right), bottom: up(self.bottom) }
     }
 
-    /// Columns.
     pub fn width(&self) -> usize {
         self.right - self.left
     }
 
-    /// Rows.
     pub fn height(&self) -> usize {
         self.bottom - self.top
     }
@@ -83,13 +80,13 @@ impl GapMap {
         Self::from_penetration(camera, penetration)
     }
 
-    /// A map from values made elsewhere.
+    /// A map of given values, row-major, m.
     pub fn from_penetration(camera: &Camera, penetration: Vec<f32>) -> Result<Self, OpticsError> {
         check(&penetration, "a number below infinity", |value| value < f32::INFINITY)?;
         Ok(Self { pixel_area: pixel_area(camera)?, penetration })
     }
 
-    /// The values, row-major, m.
+    /// Row-major, m.
     pub fn penetration(&self) -> &[f32] {
         &self.penetration
     }
@@ -155,7 +152,7 @@ impl IndentationMap {
         self.depth.iter().filter(|&&depth| depth > 0.0).count()
     }
 
-    /// The map as 240 x 240 values, m.
+    /// 240 x 240 values, row-major, m.
     pub fn to_depths(&self) -> Vec<f32> {
         if self.depth.is_empty() { vec![0.0; PIXELS] } else { self.depth.clone() }
     }
@@ -164,18 +161,18 @@ impl IndentationMap {
 /// An object pressed into a pad.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Press {
-    /// How far the object was moved into the pad, m; negative if it was moved out.
+    /// Displacement of the object into the pad, m; negative if it was moved out.
     pub shift: f64,
-    /// Force that the gel bears, N: the force asked for, unless nothing was above the pad (0) or the gel is pressed flat.
+    /// Force that the gel bears, N: the requested one, unless nothing is above the pad (0) or the gel is fully compressed.
     pub force: f64,
-    /// One map for each camera given.
+    /// One map per camera.
     pub maps: Vec<IndentationMap>,
 }
 
 /// Presses the object under `force` (N, along the pad's z) into a pad seen by `cameras` (all of the pad's, in order).
 ///
-/// Evaluates `z_object` (see [`GapMap::sample`]) on every fourth pixel first and then only around the contact, so the cost follows the
-/// contact's area. Parts of an object that are narrower than 4 pixels and stand alone may go unseen.
+/// Evaluates `z_object` (see [`GapMap::sample`]) on every fourth pixel first and then only around the contact, so the
+/// cost grows with the contact's area. Isolated parts of an object that are narrower than 4 pixels may be missed.
 pub fn press(
     pad: &Pad,
     cameras: &[&Camera],
@@ -247,7 +244,7 @@ pub fn press_on(
     }
 }
 
-/// As [`press`], on maps made beforehand, one for each camera of the pad.
+/// As [`press`], from gap maps, one per camera of the pad.
 pub fn press_gaps(gaps: &[GapMap], gel: &Gel, force: f64) -> Result<Press, OpticsError> {
     press_gaps_on(gaps, &Foundation::winkler(gel), force)
 }
@@ -271,14 +268,14 @@ fn finish(gaps: &[GapMap], gel: &Foundation, balanced: Balanced) -> Result<Press
     Ok(Press { shift: balanced.shift, force: balanced.force, maps: maps? })
 }
 
-/// True where a block or one of its eight neighbours penetrates by more than `threshold`.
+/// Whether a block or one of its eight neighbours penetrates by more than `threshold`.
 fn near(map: &[f32], block: usize, threshold: f32) -> bool {
     let (column, row) = (block % BLOCKS, block / BLOCKS);
     (row.saturating_sub(1)..(row + 2).min(BLOCKS))
         .any(|r| (column.saturating_sub(1)..(column + 2).min(BLOCKS)).any(|c| map[r * BLOCKS + c] > threshold))
 }
 
-/// Difference of shift (m) over which a pressure law's slope is taken.
+/// Step (m) of the finite difference for the slope of a pressure law.
 const NUDGE: f64 = 1e-8;
 
 struct Balanced {
@@ -286,7 +283,7 @@ struct Balanced {
     force: f64,
 }
 
-/// Solves the force balance by Newton's method inside a bracket; `None` where nothing is above the pad.
+/// Solves the force balance by bracketed Newton iteration; `None` where nothing is above the pad.
 fn balance<'a>(
     maps: impl Iterator<Item = (&'a [f32], f64)>,
     gel: &Foundation,
@@ -359,7 +356,7 @@ fn penetration_at(
     let Some(z) = z_object(x, y) else { return Ok(f32::NEG_INFINITY) };
     let penetration = (pad.surface_height(x, y) - z) as f32;
     if penetration.is_nan() || penetration == f32::INFINITY {
-        // The pixel is not known here; the caller's coordinates are what helps.
+        // Reported in the caller's coordinates: the pixel is not known here.
         return Err(OpticsError::Surface { x, y, z });
     }
     Ok(penetration)

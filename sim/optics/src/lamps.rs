@@ -1,7 +1,7 @@
 //! Near-field point lamps.
 //!
-//! The paper: a lamp k sends to a surface point, at distance |s| in the unit direction s from the point to the lamp,
-//! `kappa = eta * (-s . p)^mu / |s|^2`, with its principal direction p, strength eta and radiation exponent mu.
+//! The irradiance at a surface point is the paper's `kappa = eta * (-s . p)^mu / |s|^2`: |s| is the distance and s the unit
+//! direction from the point to the lamp, p the lamp's principal direction, eta its strength and mu its radiation exponent.
 
 use nalgebra::{Point3, Vector3};
 use serde::{Deserialize, Serialize};
@@ -10,17 +10,17 @@ use serde::{Deserialize, Serialize};
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Lamp {
-    /// Where it is, m; z is negative, behind the surface.
+    /// m; z is negative, behind the surface.
     pub position: Point3<f64>,
-    /// Principal direction p of its light, unit.
+    /// Principal direction p, unit vector.
     pub direction: Vector3<f64>,
     /// Strength eta, in units of the nominal lamp.
     pub eta: f64,
-    /// Exponent mu of the radiation pattern; 1 is a bare die, 3 to 6 has a lens.
+    /// Exponent mu of the radiation pattern: 1 for a bare die, 3 to 6 with a lens.
     pub mu: f64,
     /// Share of the strength in red, green and blue.
     pub color: [f64; 3],
-    /// Half of its extent (m): how soft the shadows are that it casts.
+    /// Half of its extent (m), which makes its shadows soft.
     #[serde(default = "half_a_package")]
     pub size: f64,
 }
@@ -36,7 +36,7 @@ impl Lamp {
         Self { position, direction: (target - position).normalize(), eta, mu, color, size: half_a_package() }
     }
 
-    /// Unit direction s from a surface point to the lamp, and kappa there (1/m2).
+    /// Unit direction s from a surface point to the lamp, and kappa (1/m2) at the point.
     pub fn at(&self, point: &Point3<f64>) -> (Vector3<f64>, f64) {
         let to_lamp = self.position - point;
         let square = to_lamp.norm_squared();
@@ -46,10 +46,9 @@ impl Lamp {
         (s, kappa)
     }
 
-    /// Share of the lamp seen over a horizon. Horizon and lamp are given by their elevations over the pad's plane as seen
-    /// from the place (tangents), the lamp at `distance` (m) along the plane.
-    ///
-    /// The lamp is taken as `2 size` high; a smooth step leads from hidden to seen.
+    /// Visible share of the lamp above a horizon. Horizon and lamp are given as tangents of their elevation over the
+    /// pad's plane, seen from the point; the lamp is at `distance` (m) along the plane. The lamp is `2 size` high, and
+    /// the share rises from 0 to 1 in a smooth step.
     pub fn share_above(&self, horizon: f64, elevation: f64, distance: f64) -> f64 {
         let over = ((elevation - horizon) * distance / self.size.max(1e-6)).clamp(-1.0, 1.0);
         let part = 0.5 * (over + 1.0);

@@ -1,23 +1,24 @@
-//! Image formation of a camera-based tactile sensor: from the shape and force that press into a pad to the image its camera sees.
+//! Image formation of a camera-based tactile sensor: from the shape and force that press into a pad to the image its
+//! camera sees.
 //!
-//! The steps follow the paper ("Details of image formation model"). The object's shape above the pad and the normal force give
-//! an [`indentation`]. The [`elastomer`] rounds it off where the gel leaves the object. Near-field [`lamps`] illuminate the
-//! gel's coating, with cast [`shadows`]; its [`reflectance`] sends light to the [`camera`], which turns radiance into grey
-//! levels. A [`sensor`] combines these steps for one camera unit, and a [`model`] holds all its parameters: nominal, of one
-//! unit, or calibrated.
+//! The steps follow the paper ("Details of image formation model"). The object's shape above the pad and the normal force
+//! give an [`indentation`]. The [`elastomer`] rounds it off where the gel leaves the object. Near-field [`lamps`]
+//! illuminate the gel's coating, with cast [`shadows`]; its [`reflectance`] sends light to the [`camera`], which turns
+//! radiance into grey levels. A [`sensor`] combines these steps for one camera unit, and a [`model`] holds all its
+//! parameters: nominal, of one unit, or calibrated.
 //!
 //! Where the gel is deformed or shadowed, a pixel's radiance is the background pixel's plus `model(deformed gel) - model(flat
 //! gel)`; elsewhere the pixel is the background's. The [`foundation`] relates force to indentation, and [`shapes`] has twenty
 //! test objects.
 //!
 //! All of the hand's pads are flat; a pad of another sensor may be part of a cylinder ([`cover`], [`CurvedSensor`]). The
-//! hand's 17 pads ship with one parameter file each ([`pads`]). A [`renderer`] makes many images at once, on the CPU or a GPU.
-//! [`calibration`] fits the model of a real sensor to presses of a ball and renders at that sensor's own image size.
+//! hand's 17 pads ship with one parameter file each ([`pads`]). A [`renderer`] makes many images at once, on the CPU or a
+//! GPU. [`calibration`] fits the model of a real sensor to presses of a ball and renders at that sensor's own image size.
 //!
-//! Not modelled: light from one part of the gel to another; the sideways shift of points pressed towards the camera in a pad's
-//! images (the calibrated sensor's renderer has it); lens distortion in the pads' images, which are rectified (a calibrated
-//! sensor may have a [`lens`](calibration::lens)). The pads' rounded edges shape the background only, not the relief that casts
-//! shadows.
+//! Not modelled: light from one part of the gel to another; the sideways shift of points pressed towards the camera in a
+//! pad's images (the calibrated sensor's renderer has it); lens distortion in the pads' images, which are rectified (a
+//! calibrated sensor may have a [`lens`](calibration::lens)). The pads' rounded edges shape the background only, not the
+//! relief that casts shadows.
 //!
 //! # Frames
 //! Everything is in the pad's frame, in metres: z out of the surface, camera and lamps at negative z. Maps are row-major,

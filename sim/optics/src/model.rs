@@ -1,4 +1,4 @@
-//! Every calibrated number of one camera unit, its nominal values, and how units differ.
+//! All parameters of one camera unit's image formation, their nominal values, and the variation between units.
 
 use hand_model::pads::{Camera, Pad};
 use nalgebra::{Point3, Vector3};
@@ -13,44 +13,39 @@ use crate::lamps::Lamp;
 use crate::noise::normal;
 use crate::reflectance::Reflectance;
 
-/// The image-formation model of one camera unit, pad frame; what a calibration finds.
+/// The image-formation model of one camera unit, pad frame: the result of a calibration.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SensorModel {
-    /// White-balance gain: radiance (model units, 1/m2) to the response's 0..1, each channel.
+    /// White-balance gain of each channel, from radiance (model units, 1/m2) to the response's 0..1.
     pub gain: [f64; 3],
     /// Standard deviation of the read-out noise, grey levels of 255.
     pub noise: f64,
     /// Standard deviations of the background's blotches and grain, grey levels.
     pub texture: [f64; 2],
-    /// Diffuse light on a level surface, red, green and blue, in units of the full scale: what comes from everywhere behind the gel.
+    /// Diffuse light on a level surface from all directions behind the gel: red, green, blue, in units of full scale.
     #[serde(default)]
     pub ambient: [f64; 3],
-    /// The camera's place.
     pub camera: Pinhole,
-    /// The coating.
     pub reflectance: Reflectance,
-    /// Response of each channel.
     pub response: [Response; 3],
-    /// The gel's smoothing.
     pub elastomer: Elastomer,
-    /// The lamps.
     pub lamps: Vec<Lamp>,
 }
 
-/// How units of a series differ: standard deviations, relative ones where no unit is named.
+/// Variation between units: standard deviations, relative where no unit is given.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Variation {
-    /// Lamps' places, each axis, m.
+    /// Lamp positions, each axis, m.
     pub lamp_place: f64,
-    /// Lamps' directions, each axis, rad.
+    /// Lamp directions, each axis, rad.
     pub lamp_turn: f64,
     /// Lamps' strengths.
     pub lamp_strength: f64,
     /// Exponents of the lamps' radiation patterns.
     pub lamp_pattern: f64,
-    /// The camera's place, each axis, m.
+    /// Camera position, each axis, m.
     pub camera_place: f64,
     /// The coating's albedo, each channel.
     pub albedo: f64,
@@ -63,7 +58,7 @@ pub struct Variation {
 }
 
 impl Default for Variation {
-    /// What hand-assembled units show: lamps within 0.2 mm and 3 degrees, 5 % of their strength.
+    /// Typical of hand-assembled units: lamps within 0.2 mm and 3 degrees, and 5 % of their strength.
     fn default() -> Self {
         Self {
             lamp_place: 0.2e-3,
@@ -82,24 +77,24 @@ impl Default for Variation {
 /// Mean grey level of an untouched nominal sensor's flat gel, each channel.
 pub const NOMINAL_GREY: f64 = 115.0;
 
-/// The nearest to the gel (m) that a lamp may be, in a file as in a fit.
+/// Least distance (m) of a lamp from the gel, in a file and in a fit.
 pub(crate) const NEAREST_LAMP: f64 = 1e-3;
 
-/// The lamps stand this far (m) outside the camera's rectangle, inside the housing.
+/// Distance (m) of the lamps outside the camera's rectangle, inside the housing.
 const RIM: f64 = 0.0015;
 
 impl SensorModel {
     /// The design: red lamps along +x, green along -x, blue at +y, yellow at -y, and two white ones beside the camera.
     ///
-    /// Red minus green then tells the slope across, blue against both tells the slope along, and no slope is dark in all
-    /// channels. Lamps have lenses and are aimed beyond the middle, so that the light of each falls off little over the pad. A pad with two cameras
-    /// has such a ring for each camera's rectangle.
+    /// Red minus green gives the slope across, blue against both the slope along, and no slope is dark in all channels.
+    /// The lamps have lenses and are aimed beyond the centre, so that their light varies little over the pad. A pad with
+    /// two cameras has one such ring per camera.
     pub fn nominal(_pad: &Pad, camera: &Camera) -> Self {
         let (half_w, half_h, middle) = (0.5 * camera.w, 0.5 * camera.h, camera.center_y);
         let depth = (0.3 * camera.w.max(camera.h)).clamp(0.010, 0.016);
         let at = |x: f64, y: f64, z: f64| Point3::new(x, middle + y, z);
         let mut lamps = Vec::new();
-        // Places of the lamps along a side, at most 25 mm apart.
+        // Positions of the lamps along a side, at most 25 mm apart.
         let along = |length: f64| {
             let count = (length / 0.025).ceil().max(1.0);
             (0..count as usize).map(move |i| (((i as f64 + 0.5) / count - 0.5) * length, 1.0 / count))
@@ -137,7 +132,7 @@ impl SensorModel {
         model
     }
 
-    /// This model as one unit of a series has it; `seed` is the unit's serial number.
+    /// The model of one unit of a series; `seed` is its serial number.
     pub fn varied(&self, by: &Variation, seed: u64) -> Self {
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
         let mut vary = |deviation: f64| deviation * normal(&mut rng);
@@ -159,16 +154,17 @@ impl SensorModel {
         model
     }
 
-    /// Radiance of a surface point with slopes dz/dx, dz/dy under all lamps, after the gain: the reference, in double precision.
+    /// Radiance of a surface point with slopes dz/dx, dz/dy under all lamps, after the gain: the reference
+    /// implementation, in double precision.
     pub fn radiance(&self, point: &Point3<f64>, slope: [f64; 2]) -> [f64; 3] {
         self.radiance_past(point, slope, |_| 1.0)
     }
 
-    /// As [`Self::radiance`], of a point that sees only a share of each lamp.
+    /// As [`Self::radiance`], with the visible share of each lamp.
     pub fn radiance_past(&self, point: &Point3<f64>, slope: [f64; 2], share: impl Fn(usize) -> f64) -> [f64; 3] {
         let normal = Vector3::new(slope[0], slope[1], -1.0).normalize();
         let viewer = self.camera.viewer(point);
-        // A tilted surface sees a smaller part of the half space that the diffuse light fills.
+        // A tilted surface receives diffuse light from a smaller part of the half space.
         let mut sum = self.ambient.map(|ambient| ambient * 0.5 * (1.0 - normal.z));
         for (k, lamp) in self.lamps.iter().enumerate() {
             let (s, kappa) = lamp.at(point);
@@ -181,7 +177,7 @@ impl SensorModel {
         sum
     }
 
-    /// Grey levels (0 to 255 and beyond) of a surface point: response of the radiance.
+    /// Grey levels of a surface point, which may exceed 255.
     pub fn grey(&self, point: &Point3<f64>, slope: [f64; 2]) -> [f64; 3] {
         let radiance = self.radiance(point, slope);
         std::array::from_fn(|c| 255.0 * self.response[c].measured(radiance[c]))
@@ -203,19 +199,19 @@ impl SensorModel {
         }
     }
 
-    /// The model as TOML, the form in which calibrations are kept.
+    /// The model as TOML.
     pub fn to_toml(&self) -> Result<String, OpticsError> {
         toml::to_string(self).map_err(OpticsError::calibration)
     }
 
-    /// Reads and checks a calibration.
+    /// Parses and checks a model.
     pub fn from_toml(text: &str) -> Result<Self, OpticsError> {
         let model: Self = toml::from_str(text).map_err(OpticsError::calibration)?;
         model.check()?;
         Ok(model)
     }
 
-    /// Refuses impossible values, naming the field.
+    /// An error that names the field for impossible values.
     pub fn check(&self) -> Result<(), OpticsError> {
         let fault = |what: String| Err(OpticsError::Calibration(what));
         for (k, lamp) in self.lamps.iter().enumerate() {

@@ -1,4 +1,4 @@
-//! Random numbers of the sensor: read-out noise, the gel's texture, and how one unit differs from the next.
+//! Random numbers of the sensor: read-out noise, the gel's texture, and the variation between units.
 
 use hand_model::pads::IMAGE_SIZE;
 use rand::Rng;
@@ -16,8 +16,9 @@ pub(crate) fn normal(rng: &mut impl Rng) -> f64 {
 
 /// Read-out noise: independent normal draws of one standard deviation, added to every value of an image.
 ///
-/// Drawing 172,800 numbers for each image would cost more than the image. A table is drawn once; each row of an image
-/// starts at a random place in it. Rows of one image seldom overlap (about 2 % of pairs share draws), images practically never repeat.
+/// Drawing 172,800 numbers for each image would cost more than rendering it. A table is drawn once, and each row of an
+/// image starts at a random index in it. Rows of one image seldom overlap (about 2 % of pairs share draws), and images
+/// practically never repeat.
 #[derive(Debug, Clone)]
 pub(crate) struct ReadOutNoise {
     table: Vec<f32>,
@@ -33,13 +34,12 @@ impl ReadOutNoise {
         Self { table: (0..Self::DRAWS).map(|_| (deviation * normal(&mut rng)) as f32).collect() }
     }
 
-    /// All draws.
     #[cfg(feature = "gpu")]
     pub(crate) fn table(&self) -> &[f32] {
         &self.table
     }
 
-    /// Where in the table an image's next row starts.
+    /// Index in the table at which an image's next row starts.
     pub(crate) fn start(rng: &mut impl Rng) -> usize {
         rng.next_u32() as usize % Self::STARTS
     }
@@ -61,8 +61,8 @@ pub(crate) fn quantise(grey: f32) -> u8 {
     (grey + 0.5).clamp(0.0, 255.0) as u8
 }
 
-/// Texture of a unit's background (grey levels, row-major RGB): blotches that vary over some millimetres, and a fine grain, both the
-/// same in all channels up to a little of their own.
+/// Texture of a unit's background (grey levels, row-major RGB): blotches of a few millimetres and a fine grain, both
+/// mostly common to all channels.
 pub(crate) fn texture(blotches: f64, grain: f64, rng: &mut impl Rng) -> Vec<f32> {
     const KNOTS: usize = 9;
     let mut field = || -> Vec<f64> { (0..KNOTS * KNOTS).map(|_| blotches * normal(rng)).collect() };

@@ -1,8 +1,8 @@
-//! The hand's 17 pads: one calibration file each, of six configurations.
+//! The hand's 17 pads of six configurations: one parameter file each.
 //!
-//! A file (`data/pads/<pad>.toml`) holds the image-formation model of each of a pad's cameras as designed, and how much units differ.
-//! The simulator renders with these files; a hand's serial number draws its units from them. `ftac optics pads --out DIR` writes them
-//! again, or those of one unit; a pad that is not among them (another hand's) gets [`SensorModel::nominal`].
+//! A file (`data/pads/<pad>.toml`) holds the design model of each of a pad's cameras and the variation between units. The
+//! simulator renders with these files, and a hand's serial number draws its units from them. `ftac optics pads --out DIR`
+//! writes them again, or those of one unit. A pad without a file (of another hand) gets [`SensorModel::nominal`].
 
 use std::fmt::Write as _;
 use std::sync::OnceLock;
@@ -18,33 +18,30 @@ use crate::versioned;
 /// Version of the format.
 pub const VERSION: u32 = 1;
 
-/// One camera of a pad.
+/// The model of one camera of a pad.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct CameraOptics {
-    /// The camera's name.
     pub name: String,
-    /// Its image-formation model, pad frame.
     pub model: SensorModel,
 }
 
-/// A pad's calibration, as kept in a file.
+/// Design models of a pad's cameras and the variation between units: the contents of a pad's file.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PadOptics {
     /// Version of the format.
     pub version: u32,
-    /// The pad's name.
     pub pad: String,
-    /// Its configuration, `a` to `f`.
+    /// `a` to `f`.
     pub configuration: char,
-    /// Size across, mm.
+    /// Size across the digit, mm.
     pub width_mm: f64,
     /// Size along the digit, mm.
     pub height_mm: f64,
-    /// How units differ from the models below.
+    /// Variation of units about the models below.
     pub variation: Variation,
-    /// The pad's cameras, in order.
+    /// In the order of the pad's cameras.
     pub camera: Vec<CameraOptics>,
 }
 
@@ -59,7 +56,7 @@ const COMMENT: &str = "\
 ";
 
 impl PadOptics {
-    /// The calibration of a pad as designed.
+    /// The design of a pad.
     pub fn nominal(hand: &Hand, pad: &Pad) -> Self {
         let camera = |&index: &usize| {
             let camera = &hand.cameras[index];
@@ -76,7 +73,7 @@ impl PadOptics {
         }
     }
 
-    /// The calibration of one unit of the series, whose cameras' serial numbers start at `serial`: it varies no more.
+    /// One unit of the series, without further variation; its cameras' serial numbers start at `serial`.
     pub fn unit(&self, serial: u64) -> Self {
         let mut unit = self.clone();
         for (camera, serial) in unit.camera.iter_mut().zip(serial..) {
@@ -111,7 +108,7 @@ impl PadOptics {
         Ok(found)
     }
 
-    /// The models for a pad's cameras, in order; refuses a file of another pad.
+    /// The models of a pad's cameras, in order. An error for another pad.
     pub fn models(&self, hand: &Hand, pad: &Pad) -> Result<Vec<SensorModel>, OpticsError> {
         if !self.fits(pad) {
             return Err(OpticsError::Calibration(format!(
@@ -139,7 +136,7 @@ impl PadOptics {
     }
 }
 
-/// The shipped files' texts.
+// The shipped files.
 const SHIPPED: [&str; 17] = [
     include_str!("../data/pads/index_distal.toml"),
     include_str!("../data/pads/index_middle.toml"),
@@ -160,13 +157,13 @@ const SHIPPED: [&str; 17] = [
     include_str!("../data/pads/thumb_proximal.toml"),
 ];
 
-/// The shipped calibrations. A test reads every file, so that none is missing here.
+/// The shipped designs. Invalid files are skipped; a test checks that there are none.
 pub fn shipped() -> &'static [PadOptics] {
     static ALL: OnceLock<Vec<PadOptics>> = OnceLock::new();
     ALL.get_or_init(|| SHIPPED.iter().flat_map(|text| PadOptics::parse(text)).collect())
 }
 
-/// A camera's model as designed and how units differ: as shipped, or worked out for a pad that is not shipped.
+/// Design model and variation of a camera: from the pad's file, or nominal for a pad without one.
 pub fn design(pad: &Pad, camera: &Camera) -> (SensorModel, Variation) {
     let known = shipped().iter().find(|calibration| calibration.fits(pad));
     let model =
@@ -178,7 +175,8 @@ pub fn design(pad: &Pad, camera: &Camera) -> (SensorModel, Variation) {
 }
 
 impl SensorModel {
-    /// One unit of a series: the shipped design ([`design`]) with the variation shipped beside it; `seed` is the unit's serial number.
+    /// One unit of a series: the shipped design ([`design`]) with the variation shipped beside it; `seed` is the unit's
+    /// serial number.
     pub fn unit(pad: &Pad, camera: &Camera, seed: u64) -> Self {
         let (design, variation) = design(pad, camera);
         design.varied(&variation, seed)

@@ -1,21 +1,21 @@
-//! How the gel's coating reflects: the generalised Lambertian model of Oren and Nayar, as the paper states it.
+//! Reflectance of the gel's coating: the generalised Lambertian model of Oren and Nayar, as stated in the paper.
 //!
-//! `L_c = kappa rho_c / pi max(0, cos theta_i) f_r`, `f_r = A + B max(0, cos(phi_r - phi_i)) sin(alpha) tan(beta)`,
-//! `A = 1 - 0.5 sigma^2 / (sigma^2 + 0.33)`, `B = 0.45 sigma^2 / (sigma^2 + 0.09)`, alpha the larger and beta the smaller of the
-//! angles theta_i (light) and theta_r (viewer) to the normal.
+//! `L_c = kappa rho_c / pi max(0, cos theta_i) f_r`, `f_r = A + B max(0, cos(phi_r - phi_i)) sin(alpha) tan(beta)`, `A =
+//! 1 - 0.5 sigma^2 / (sigma^2 + 0.33)`, `B = 0.45 sigma^2 / (sigma^2 + 0.09)`, alpha the larger and beta the smaller of
+//! the angles theta_i (light) and theta_r (viewer) to the normal.
 
 use std::f64::consts::PI;
 
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
-/// The coating.
+/// Reflectance of the coating.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Reflectance {
     /// Albedo rho_c in red, green and blue.
     pub albedo: [f64; 3],
-    /// Roughness sigma, rad; 0 is Lambert.
+    /// Roughness sigma, rad; 0 is Lambertian.
     pub roughness: f64,
 }
 
@@ -44,7 +44,7 @@ impl Reflectance {
         cos_i / PI * (self.a() + self.b() * across / cos_i.max(cos_r))
     }
 
-    /// Radiance L_c under irradiance `kappa`, each channel.
+    /// Radiance L_c of each channel under irradiance `kappa`.
     pub fn radiance(&self, kappa: f64, normal: &Vector3<f64>, light: &Vector3<f64>, viewer: &Vector3<f64>) -> [f64; 3] {
         let factor = kappa * self.factor(normal, light, viewer);
         self.albedo.map(|albedo| albedo * factor)

@@ -1,7 +1,7 @@
 //! Many images at once, on one of two backends: the CPU, or a GPU through wgpu (cargo feature `gpu`).
 //!
-//! Both run the same algorithm on the same sensors. Images of the CPU are the same bits on every machine and for any number of threads;
-//! those of a GPU differ from them by its rounding, a grey level at most on nearly all pixels.
+//! Both run the same algorithm on the same sensors. CPU images are bit-identical on every machine and for any number of
+//! threads; GPU images differ by rounding, by at most one grey level on nearly all pixels.
 
 use std::sync::Arc;
 
@@ -14,12 +14,11 @@ use crate::error::OpticsError;
 use crate::indentation::IndentationMap;
 use crate::sensor::Sensor;
 
-/// One image to make.
+/// One image to render.
 #[derive(Debug, Clone, Copy)]
 pub struct Job<'a> {
-    /// Which of the renderer's sensors.
+    /// Index of the renderer's sensor.
     pub sensor: usize,
-    /// What presses into it.
     pub indentation: &'a IndentationMap,
     /// Seed of the read-out noise.
     pub noise: u64,
@@ -27,24 +26,23 @@ pub struct Job<'a> {
 
 /// Renders images of a fixed set of sensors.
 pub trait Renderer: Send + Sync + std::fmt::Debug {
-    /// What it runs on, for people.
+    /// Name of the device, for messages.
     fn device(&self) -> String;
 
-    /// The sensors, as [`Job::sensor`] counts them.
+    /// In the order of [`Job::sensor`].
     fn sensors(&self) -> &[Sensor];
 
-    /// One image a job, in their order. Fails if a job names no sensor, or if the device fails.
+    /// One image per job, in order. An error if a job names a sensor that does not exist, or if the device fails.
     fn render(&self, jobs: &[Job<'_>]) -> Result<Vec<TactileImage>, OpticsError>;
 }
 
-/// Renders on the CPU, an image a thread.
+/// Renders on the CPU, images in parallel.
 #[derive(Debug, Clone)]
 pub struct CpuRenderer {
     sensors: Arc<Vec<Sensor>>,
 }
 
 impl CpuRenderer {
-    /// A renderer of these sensors.
     pub fn new(sensors: Arc<Vec<Sensor>>) -> Self {
         Self { sensors }
     }

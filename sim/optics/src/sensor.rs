@@ -1,4 +1,5 @@
-//! A camera unit that renders: caches of all that does not depend on the contact, and the way from an indentation to bytes.
+//! A camera unit that renders: caches of everything that does not depend on the contact, and the steps from an
+//! indentation to an image.
 
 pub mod curved;
 
@@ -23,10 +24,10 @@ use crate::shading::{Shading, SurfaceRow};
 use crate::shadows::{HeightField, Shadow};
 use crate::wide::widest;
 
-/// Depth (m) and slope below which the gel counts as flat and the background is shown.
+// Depth (m) and slope below which the gel counts as flat and the background is shown.
 const FLAT_DEPTH: f32 = 1e-6;
 const FLAT_SLOPE: f32 = 2e-3;
-/// Steepest slope of the rest surface that the background shows: the clear body under the gel is moulded with softer edges.
+/// Limit of the rest surface's slope in the background: the clear body under the gel is moulded with softer edges.
 const REST_SLOPE: f64 = 0.6;
 
 /// One camera unit of a pad.
@@ -40,12 +41,13 @@ pub struct Sensor {
     background: Arc<TactileImage>,
     /// Grey levels of the background before quantisation, row-major RGB.
     background_grey: Vec<f32>,
-    /// Radiance of the background less that of the model's flat gel, row-major RGB: added to the model's where the gel is deformed.
+    /// Radiance of the background less that of the model's flat gel, row-major RGB: added to the model's where the gel is
+    /// deformed.
     correction: Vec<f32>,
 }
 
 impl Sensor {
-    /// The sensor as designed: no variation, no texture, but read-out noise.
+    /// The design: no variation between units, no texture, but read-out noise.
     pub fn nominal(pad: &Pad, camera: &Camera) -> Self {
         Self::build(pad, camera, crate::pads::design(pad, camera).0, 0)
     }
@@ -109,29 +111,27 @@ impl Sensor {
         }
     }
 
-    /// The model it renders with.
     pub fn model(&self) -> &SensorModel {
         &self.model
     }
 
-    /// The camera's rectangle.
     pub fn camera(&self) -> &Camera {
         &self.camera
     }
 
-    /// Image of the untouched gel, without read-out noise. Shared: the cheapest image of an idle pad is a clone of this `Arc`.
+    /// Image of the untouched gel without read-out noise; cheap to clone.
     pub fn background(&self) -> &Arc<TactileImage> {
         &self.background
     }
 
-    /// Where an indentation changes the image: the deformed gel and its shadows; `None` on an untouched pad.
+    /// The rectangle in which an indentation changes the image by deformation or shadows; `None` on an untouched pad.
     #[cfg(feature = "gpu")]
     pub(crate) fn gel_rectangle(&self, indentation: &IndentationMap) -> Option<Rectangle> {
         let reach = self.shadow_reach(f64::from(indentation.deepest()));
         self.model.elastomer.rectangle(&self.camera, indentation, reach)
     }
 
-    /// What a GPU needs beside the model: each lamp's power in each channel.
+    /// Power of each lamp in each channel.
     #[cfg(feature = "gpu")]
     pub(crate) fn lamp_powers(&self) -> impl Iterator<Item = [f32; 3]> {
         self.shading.powers()
@@ -157,7 +157,7 @@ impl Sensor {
         &self.correction
     }
 
-    /// The tactile image of an indentation; `rng` draws the read-out noise (an idle pad shows the background, with noise).
+    /// The tactile image of an indentation, with read-out noise from `rng`.
     pub fn render(&self, indentation: &IndentationMap, rng: &mut impl Rng) -> TactileImage {
         let reach = self.shadow_reach(f64::from(indentation.deepest()));
         let gel = self.model.elastomer.deform_over(&self.camera, indentation, reach);
@@ -174,9 +174,8 @@ impl Sensor {
         self.model.lamps.iter().map(longest).fold(0.0, f64::max)
     }
 
-    /// The tactile image of a gel that is already deformed.
-    ///
-    /// Where the gel is flat and lit the pixel is the background's; elsewhere the radiance of model(deformed) - model(flat) is added to it.
+    /// The tactile image of a given gel. Where the gel is flat and lit the pixel is the background's; elsewhere the radiance
+    /// model(deformed) - model(flat) is added to it.
     pub fn render_gel(&self, gel: Option<&DeformedGel>, rng: &mut impl Rng) -> TactileImage {
         let shadows = gel.map_or_else(Vec::new, |gel| self.shadows(gel));
         self.expose(gel, &shadows, rng)
@@ -187,7 +186,7 @@ impl Sensor {
         self.expose(gel, &[], rng)
     }
 
-    /// The shadow of each lamp over the gel's rectangle; `None` where it casts none.
+    /// The shadow of each lamp over the gel's rectangle; `None` for a lamp that casts none.
     pub fn shadows(&self, gel: &DeformedGel) -> Vec<Option<Shadow>> {
         let area = &gel.rectangle;
         let field = HeightField {
@@ -234,7 +233,7 @@ impl Sensor {
         TactileImage { rgb }
     }
 
-    /// Shades the deformed and the shadowed part of an image row; gives its first and one past its last column.
+    /// Shades the deformed or shadowed part of an image row; gives its half-open range of columns.
     #[inline(always)]
     fn shade_row(
         &self,

@@ -1,5 +1,5 @@
-//! The radiance of a row of pixels under all lamps: the reflectance and lamp models of the paper, in single precision and laid
-//! out so that the compiler can work on several pixels at once. [`crate::lamps`] and [`crate::reflectance`] are the reference.
+//! Radiance of a row of pixels under all lamps: the paper's reflectance and lamp models in single precision, laid out for
+//! vectorisation. [`crate::lamps`] and [`crate::reflectance`] are the reference implementation.
 
 use hand_model::pads::IMAGE_SIZE;
 
@@ -10,7 +10,7 @@ use crate::shadows::Shadow;
 
 type Line = [f32; IMAGE_SIZE];
 
-/// The surface of one row of pixels as the shading needs it. Only the first `len` entries count.
+/// The surface of one row of pixels. Only the first `len` entries are valid.
 #[derive(Debug)]
 pub(crate) struct SurfaceRow {
     len: usize,
@@ -22,7 +22,7 @@ pub(crate) struct SurfaceRow {
     /// Unit direction to the viewer.
     viewer: [Line; 3],
     cos_r: Line,
-    /// Radiance, red, green and blue.
+    /// Red, green and blue.
     pub(crate) radiance: [Line; 3],
 }
 
@@ -67,7 +67,7 @@ impl SurfaceRow {
     }
 }
 
-/// A lamp with everything constant worked out.
+/// A lamp with its constant factors precomputed.
 #[derive(Debug, Clone)]
 struct ShadedLamp {
     position: [f32; 3],
@@ -109,8 +109,8 @@ impl Shading {
         self.lamps.iter().map(|lamp| lamp.power)
     }
 
-    /// Fills `row.radiance` with the sum over all lamps. `shadows` has one for each lamp that casts any (or is empty); the row is
-    /// row `place.1` of theirs, from column `place.0` on.
+    /// Fills `row.radiance` with the sum over all lamps. `shadows` is empty or has an element per lamp; the row is their row
+    /// `place.1` from column `place.0` on.
     #[inline(always)]
     pub(crate) fn shade(&self, row: &mut SurfaceRow, shadows: &[Option<Shadow>], place: (usize, usize)) {
         for (line, ambient) in row.radiance.iter_mut().zip(self.ambient) {
@@ -132,8 +132,8 @@ impl Shading {
         }
     }
 
-    /// `(-s . p)^mu / |s|^2 * max(0, cos theta_i) * f_r` of one lamp along the row, some pixels at once: what is worked out
-    /// beyond the row's end is not looked at.
+    /// `(-s . p)^mu / |s|^2 * max(0, cos theta_i) * f_r` of one lamp along the row, [`LANES`] pixels at a time; values
+    /// beyond the row's end are not used.
     #[inline(always)]
     fn light_of(&self, lamp: &ShadedLamp, row: &SurfaceRow, light: &mut Line) {
         let ([lx, ly, lz], [px, py, pz]) = (lamp.position, lamp.direction);
@@ -161,11 +161,11 @@ impl Shading {
     }
 }
 
-/// Pixels that are worked on at once.
+/// Pixels that are computed at once.
 const LANES: usize = 16;
 const _: () = assert!(IMAGE_SIZE.is_multiple_of(LANES));
 
-/// `base^exponent` for a base up to 1 (0 for a base of 0 or less), to about 1e-4, in plain arithmetic that vectorises.
+/// `base^exponent` for a base up to 1 (0 for a base of 0 or less) to about 1e-4, in arithmetic that vectorises.
 #[inline(always)]
 fn power(base: f32, exponent: f32) -> f32 {
     const ROUND: f32 = 12_582_912.0; // 1.5 * 2^23: adding it rounds to a whole number, left in the low bits.
@@ -190,7 +190,7 @@ fn power(base: f32, exponent: f32) -> f32 {
     let q = q * f + 0.240_226_5;
     let q = q * f + std::f32::consts::LN_2;
     let q = q * f + 1.0;
-    // A mask, because the compiler would make a jump of a choice and then work on one pixel at a time.
+    // A mask, because a branch would prevent vectorisation.
     let mask = if base > 0.0 { u32::MAX } else { 0 };
     f32::from_bits((two * q).to_bits() & mask)
 }
@@ -203,7 +203,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn power_is_the_libraries() {
+    fn power_agrees_with_the_standard_library() {
         for exponent in [0.0f32, 0.5, 1.0, 1.2, 3.7, 6.0] {
             for i in 1..=1000 {
                 let base = i as f32 / 1000.0;

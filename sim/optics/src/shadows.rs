@@ -1,24 +1,26 @@
-//! Cast shadows: how much of each lamp a place on the deformed gel sees.
+//! Cast shadows: the visible share of each lamp at every point of the deformed gel.
 //!
-//! Seen from the lamp, the gel is a height field. Along a line away from the lamp, a place at depth h and distance D
-//! appears at the tangent `m = (h - lamp's depth) / D`, and what comes later is hidden where its m is below the largest m so far. That running
-//! maximum, and where it was met, is handed from cell to cell outwards from the lamp, mixed from the two cells that the line runs
-//! between: a few operations a cell, however long the shadow. A lamp that stands too high for the gel's slopes is not looked at. Lamps have a size, so that shadows have soft borders
-//! ([`Lamp::share_above`]). Cells are 2 x 2 pixels; shadows are smooth enough for that.
+//! Seen from the lamp, the gel is a height field. On a line outwards from the lamp, a point at depth h and distance D has
+//! the tangent `m = (h - lamp's depth) / D`; it is hidden if m is below the largest m before it. This running maximum,
+//! and the distance at which it occurred, is propagated from cell to cell outwards from the lamp, interpolated between
+//! the two cells that the line passes: a few operations per cell, for shadows of any length. A lamp that is too high for
+//! the gel's slopes to cast a shadow is skipped. Lamps have a size, so shadows have soft borders ([`Lamp::share_above`]).
+//! Cells are 2 x 2 pixels, which is fine enough for these shadows.
 //!
-//! The paper's way, hidden-point removal (Katz et al.), is what the tests compare with, and rays are what both are judged by: share
-//! of pixels on which two ways agree, least and mean over the lamps that cast a shadow (`cargo test -p optics --test shadows`).
+//! The tests compare with the paper's method, hidden-point removal (Katz et al.), and with ray casting as the reference
+//! for both. The table gives the share of pixels on which two methods agree: least and mean over the lamps that cast a
+//! shadow (`cargo test -p optics --test shadows`).
 //!
-//! | shape (3 low lamps each) | fast, rays | hidden points, rays | fast, hidden points | fast, rays, on 120 px |
+//! | shape (3 low lamps each) | ours, rays | hidden points, rays | ours, hidden points | ours, rays, on 120 px |
 //! |---|---|---|---|---|
 //! | ball | 97.9, 98.1 % | 92.4, 94.2 % | 91.1, 93.0 % | 99.3, 99.4 % |
 //! | post (a step) | 94.9, 96.3 % | 89.9, 93.3 % | 87.3, 90.4 % | 98.7, 99.0 % |
 //! | three hills | 94.9, 96.4 % | 87.5, 88.7 % | 84.2, 86.5 % | 98.2, 98.6 % |
 //!
-//! The first three columns are on 48 x 48 pixels of 0.25 mm, where a hull is still quick; the last on 0.1 mm, as pads' images are. So
-//! hidden-point removal is the less exact one: it hides points at grazing light that a straight line reaches. What fast
-//! shadows get wrong is a border of about a cell, which shrinks with the pixels. One flaw is known: a lamp that stands over the
-//! gel may dim the one cell beside its foot, by up to half of that lamp.
+//! The first three columns are on 48 x 48 pixels of 0.25 mm, where a hull is still quick; the last on 0.1 mm, the pads'
+//! own resolution. Hidden-point removal is the less exact method: it hides points at grazing light that a straight line
+//! reaches. Our errors are borders of about a cell, which shrink with the pixels. One flaw is known: a lamp directly
+//! above the gel may dim the one cell beside its foot, by up to half of that lamp.
 
 mod trace;
 
@@ -27,56 +29,55 @@ use crate::shadows::trace::{Axes, Grid, trace};
 
 /// Pixels along a cell's side.
 const CELL: usize = 2;
-/// A lamp whose share is nowhere below this casts no shadow.
+/// A lamp whose visible share is nowhere below this casts no shadow.
 const UNSHADED: f32 = 0.995;
 
-/// A height field: pixel (column, row) is at `x0 + column dx`, `y0 - row dy` (m) and `depth` (m) behind the untouched gel. Beyond
-/// its border the gel is untouched.
+/// A height field: pixel (column, row) is at `x0 + column dx`, `y0 - row dy` (m) and `depth` (m) behind the untouched
+/// gel. Beyond its border the gel is untouched.
 #[derive(Debug, Clone, Copy)]
 pub struct HeightField<'a> {
-    /// Columns.
     pub width: usize,
-    /// Rows.
     pub height: usize,
-    /// The first pixel's centre.
+    /// Centre of the first pixel, m.
     pub first: (f64, f64),
-    /// Size of a pixel.
+    /// Size of a pixel, m.
     pub pixel: (f64, f64),
-    /// Row-major.
+    /// m, row-major.
     pub depth: &'a [f32],
 }
 
-/// How much of a lamp each pixel sees.
+/// Visible share of a lamp at each pixel.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Shadow {
     width: usize,
     height: usize,
     share: Vec<f32>,
-    /// First and last shaded column around each row of cells.
+    /// First and last shaded column of cells in each row of cells and its neighbours.
     shaded: Vec<Option<(usize, usize)>>,
 }
 
-/// Mean depths of the cells, row-major, and what bounds their shadows.
+/// Mean depths of the cells, row-major, and bounds on them.
 #[derive(Debug)]
 struct Cells {
     width: usize,
     height: usize,
     depth: Vec<f32>,
     deepest: f32,
-    /// No two places differ in depth by more than this times their distance.
+    /// Lipschitz bound of the depth.
     steepest: f32,
 }
 
-/// By how much a lamp must stand higher than the gel's steepest slope needs: slopes are those between cells, tangents are mixed.
+/// Safety factor on a lamp's height over what the gel's steepest slope requires: slopes are taken between cells, and
+/// tangents are interpolated.
 const CLEARANCE: f32 = 1.25;
 
 impl HeightField<'_> {
-    /// The shadow of this lamp; `None` where it casts none.
+    /// `None` if the lamp casts no shadow.
     pub fn shadow(&self, lamp: &Lamp) -> Option<Shadow> {
         self.shadow_on(&self.cells(), lamp)
     }
 
-    /// The shadows of several lamps.
+    /// One element per lamp.
     pub fn shadows(&self, lamps: &[Lamp]) -> Vec<Option<Shadow>> {
         let cells = self.cells();
         lamps.iter().map(|lamp| self.shadow_on(&cells, lamp)).collect()
@@ -88,7 +89,7 @@ impl HeightField<'_> {
         }
         let (width, height) = (cells.width, cells.height);
         let (first, size) = self.grid();
-        // The lamp's place, in cells.
+        // The lamp's position, in cells.
         let place = (((lamp.position.x - first.0) as f32) / size.0, ((first.1 - lamp.position.y) as f32) / size.1);
         let grid = Grid {
             lamp_depth: -lamp.position.z as f32,
@@ -106,7 +107,7 @@ impl HeightField<'_> {
                 row.iter().position(shaded).zip(row.iter().rposition(shaded))
             })
             .collect();
-        // A pixel is mixed from the cells around it.
+        // A pixel is interpolated from the cells around it.
         let shaded = (0..height)
             .map(|row| {
                 let around = own[row.saturating_sub(1)..(row + 2).min(height)].iter().flatten();
@@ -116,9 +117,9 @@ impl HeightField<'_> {
         Some(Shadow { width, height, share, shaded })
     }
 
-    /// True if no place can be hidden, not even in part. A bump at distance `met` hides a place beyond it if the gel falls
-    /// from one to the other by more than `(lamp's depth - lamp's size - bump's depth) / met`. Within a cell or two of a lamp's foot
-    /// tangents are too curved for that, so only lamps beside the field are judged.
+    /// True if no point can be hidden, not even in part. A bump at distance `met` hides a point beyond it if the slope
+    /// between them exceeds `(lamp's depth - lamp's size - bump's depth) / met`. Within a cell or two of a lamp's foot
+    /// tangents vary too fast for this bound, so it is applied only to lamps beside the field.
     fn cannot_shade(&self, cells: &Cells, lamp: &Lamp) -> bool {
         let ((x0, y0), (dx, dy)) = (self.first, self.pixel);
         let (x, y) = (lamp.position.x - x0, y0 - lamp.position.y);
@@ -151,7 +152,7 @@ impl HeightField<'_> {
             |pairs: &mut dyn Iterator<Item = (&f32, &f32)>| pairs.map(|(a, b)| (a - b).abs()).fold(0.0f32, f32::max);
         let across = largest(&mut depth.chunks_exact(width).flat_map(|row| row.iter().zip(&row[1..])));
         let down = largest(&mut depth.iter().zip(depth.get(width..).unwrap_or_default()));
-        // Beyond the border the gel is untouched: what sticks out there counts as a step.
+        // Beyond the border the gel is untouched: a raised border counts as a step.
         let border = |(at, depth): (usize, &f32)| {
             let (column, row) = (at % width, at / width);
             if column == 0 || row == 0 || column + 1 == width || row + 1 == height { *depth } else { 0.0 }
@@ -165,7 +166,7 @@ impl HeightField<'_> {
 }
 
 impl Shadow {
-    /// Share of the lamp that a row's pixels see, from column `first` on, linear between the cells' middles.
+    /// Visible share of the lamp for a row's pixels from column `first` on, interpolated between cell centres.
     #[inline(always)]
     pub(crate) fn row(&self, row: usize, first: usize, out: &mut [f32]) {
         let place = |pixel: usize, count: usize| {
@@ -185,7 +186,7 @@ impl Shadow {
             let (left, right, across) = place(first + i, self.width);
             mix(left, right, across)
         };
-        // Two pixels lie between each two cells' middles; what is left over at both ends is done one by one.
+        // Two pixels lie between two neighbouring cell centres; the remainder at both ends is done one by one.
         let start = usize::from(first.is_multiple_of(CELL)).min(out.len());
         let cell = (first + start) / CELL;
         let pairs = ((out.len() - start) / CELL).min((self.width - 1).saturating_sub(cell));
@@ -200,13 +201,13 @@ impl Shadow {
         (start + CELL * pairs..out.len()).for_each(|i| out[i] = single(i));
     }
 
-    /// First and last column of a row that see notably less than the whole lamp.
+    /// First and last column of a row that is notably shaded.
     pub fn extent(&self, row: usize) -> Option<(usize, usize)> {
         let (first, last) = self.shaded[(row / CELL).min(self.height - 1)]?;
         Some((CELL * first.saturating_sub(1), CELL * (last + 1) + CELL - 1))
     }
 
-    /// Share of the lamp that a place sees, in columns and rows of pixels.
+    /// Visible share of the lamp at a point, in columns and rows of pixels.
     pub fn at(&self, column: f64, row: f64) -> f64 {
         let place = |pixel: f64, count: usize| {
             let at = ((pixel - 0.5 * (CELL - 1) as f64) / CELL as f64).clamp(0.0, (count - 1) as f64);
@@ -231,7 +232,7 @@ mod tests {
         #![proptest_config(ProptestConfig::with_cases(64))]
 
         #[test]
-        fn a_lamp_that_is_not_looked_at_casts_no_shadow(
+        fn a_skipped_lamp_casts_no_shadow(
             bumps in proptest::collection::vec((0.0..10e-3f64, 0.0..10e-3f64, 0.4e-3..4e-3f64, 0.1e-3..2e-3f64), 1..4),
             x in -25e-3..25e-3f64, y in -25e-3..25e-3f64, high in 3e-3..20e-3f64, size in 0.1e-3..2e-3f64,
         ) {
@@ -256,7 +257,7 @@ mod tests {
     }
 
     #[test]
-    fn rows_are_mixed_from_cells_as_single_places_are() {
+    fn rows_are_interpolated_like_single_points() {
         let share: Vec<f32> = (0..35).map(|i| (i * 37 % 17) as f32 / 17.0).collect();
         let shadow = Shadow { width: 7, height: 5, share, shaded: vec![None; 5] };
         for row in 0..10 {

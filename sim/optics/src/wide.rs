@@ -1,6 +1,6 @@
-//! The widest vector instructions that the machine has, chosen at run time.
+//! The widest vector instructions of the machine, chosen at run time.
 //!
-//! Results do not depend on them: the work is the same sums and products in the same order, and nothing is fused.
+//! Results do not depend on the choice: the sums and products are the same in the same order, and nothing is fused.
 
 /// Runs `work` compiled for AVX2 where the machine has it. What `work` calls must be inlined into it to gain.
 #[cfg(target_arch = "x86_64")]

@@ -1,4 +1,4 @@
-//! Folders, files and the two ways in which a fitted sensor renders.
+//! Calibration folders and files, and agreement of the two renderers of a fitted sensor.
 
 #![allow(clippy::unwrap_used)]
 
@@ -20,7 +20,7 @@ const SIZE: (usize, usize) = (200, 150);
 const PIXEL_MM: f64 = 0.08;
 const BALL: f64 = 6e-3;
 
-/// A folder of its own for each test, emptied first.
+/// An empty folder for one test.
 fn folder(name: &str) -> PathBuf {
     let folder = std::env::temp_dir().join(format!("ftac-optics-{}-{name}", std::process::id()));
     let _ = fs::remove_dir_all(&folder);
@@ -28,7 +28,7 @@ fn folder(name: &str) -> PathBuf {
     folder
 }
 
-/// A made sensor: red, green and blue lamps around an image of 16 x 12 mm.
+/// A known sensor: red, green and blue lamps around an image of 16 x 12 mm.
 fn made() -> CalibratedSensor {
     let hand = Hand::ftac();
     let lamp = |x: f64, y: f64, color| Lamp::aimed(Point3::new(x, y, -6e-3), Point3::origin(), 1e-4, 1.5, color);
@@ -67,7 +67,7 @@ fn made() -> CalibratedSensor {
     CalibratedSensor::new(file, background).unwrap()
 }
 
-/// Writes a folder of presses of the made sensor; gives their circles.
+/// Writes a folder of presses on the known sensor; gives their circles.
 fn write_presses(path: &std::path::Path, labels: bool) -> Vec<([f64; 2], f64)> {
     let sensor = made();
     let nothing = vec![f32::NEG_INFINITY; SIZE.0 * SIZE.1];
@@ -112,7 +112,8 @@ fn fitted_presses_are_rendered_alike_by_the_fit_and_by_the_renderer() {
     fs::remove_dir_all(&path).unwrap();
 }
 
-/// The untouched gel of the made sensor under each of its lamps alone; of a channel's diffuse light a lamp scatters what it has of the colour.
+/// Writes the untouched gel of the known sensor under each of its lamps alone. Each lamp contributes to a channel's
+/// diffuse light in proportion to its colour.
 fn write_lamps(path: &std::path::Path) {
     let sensor = made();
     let model = sensor.model();
@@ -149,7 +150,7 @@ fn images_of_single_lamps_find_the_lamps_from_a_single_press() {
     let psnr = fit.evaluate(&held_out).unwrap().rendered.crop.psnr;
     println!("worst lamp {worst} mm, {psnr} dB");
     assert!(fit.model.lamps.len() == 3 && worst < 1.0 && psnr > 45.0, "{worst} mm, {psnr} dB");
-    // What is wrong with such a folder is told with the file's name.
+    // An error in such a folder names the file.
     let refusal = |named: &[&str]| {
         let text = PressFolder::read(&path, BALL, false).unwrap_err().to_string();
         assert!(named.iter().all(|part| text.contains(part)), "{text}");
@@ -223,7 +224,7 @@ fn raw_presses_are_rectified_and_a_calibration_renders_raw() {
     let path = folder("lens");
     let marks = write_presses(&path, true);
     let lens = Lens { focal: [190.0, 190.0], center: [99.5, 74.5], radial: [-0.15, 0.02, 0.0], tangential: [0.0; 2] };
-    // The folder as the lens would have shown it.
+    // The images as distorted by the lens.
     let mut csv = String::from("file,center_x_px,center_y_px,contact_radius_px\n");
     for entry in fs::read_dir(&path).unwrap().map(|entry| entry.unwrap().path()) {
         if entry.extension().is_some_and(|extension| extension == "png") {

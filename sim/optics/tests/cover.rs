@@ -33,7 +33,7 @@ fn differences(a: &[u8], b: &[u8]) -> (u8, f64) {
 }
 
 #[test]
-fn without_curvature_every_bit_is_the_flat_pads() {
+fn without_curvature_the_images_are_bit_identical_to_the_flat_pads() {
     let (hand, pad, camera) = index();
     let sensor = Sensor::with_model(&pad, &camera, SensorModel::unit(&pad, &camera, 3), 3).unwrap();
     let flat = curved(&pad, &camera, Cover::FLAT);
@@ -52,7 +52,7 @@ fn a_nearly_flat_cover_looks_nearly_flat() {
     let sensor = Sensor::with_model(&pad, &camera, quiet.clone(), 3).unwrap();
     let cover = Cover::cylinder(50.0).unwrap();
     let nearly = CurvedSensor::new(&pad, &camera, quiet, cover, 3).unwrap();
-    // Fast shadows dim a few pixels beside the foot of a lamp that stands over the gel, here in the background already.
+    // Shadows dim a few pixels beside the foot of a lamp above the gel (a known flaw), already in the background.
     let (a, b) = (nearly.background(), sensor.background());
     let (_, mean) = differences(&a.rgb, &b.rgb);
     let off = a.rgb.iter().zip(&b.rgb).filter(|(a, b)| a.abs_diff(**b) > 1).count();

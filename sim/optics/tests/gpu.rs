@@ -1,4 +1,5 @@
-//! The backend on the GPU against the one on the CPU, on a software Vulkan adapter (lavapipe) where one is installed, else on a GPU.
+//! The backend on the GPU against the one on the CPU, on a software Vulkan adapter (lavapipe) where one is installed,
+//! else on a GPU.
 
 #![cfg(feature = "gpu")]
 #![allow(clippy::unwrap_used)]

@@ -1,7 +1,7 @@
 //! Cast shadows against the paper's reference, hidden-point removal (Katz, Tal and Basri 2007), and against rays.
 //!
-//! Hidden-point removal: points are flipped about a large sphere around the lamp, `p -> p + 2 (R - |p|) p / |p|`; those on the convex
-//! hull of the flipped points and the lamp are seen from it, the others are hidden.
+//! Hidden-point removal: points are flipped about a large sphere around the lamp, `p -> p + 2 (R - |p|) p / |p|`; those
+//! on the convex hull of the flipped points and the lamp are seen from it, the others are hidden.
 
 #![allow(clippy::unwrap_used)]
 
@@ -62,7 +62,8 @@ fn jitter(n: usize) -> f64 {
 /// Radius of the flipping sphere, in distances of the farthest point.
 const FLIP: f64 = 100.0;
 
-/// Which points are corners of the convex hull: points are added one by one in a shuffled order, and each replaces the faces it sees.
+/// Which points are corners of the convex hull: points are added one by one in a shuffled order, and each replaces the
+/// faces it sees.
 fn hull_vertices(points: &[Vector3<f64>]) -> Vec<bool> {
     let farthest = |value: &dyn Fn(&Vector3<f64>) -> f64| {
         (0..points.len()).max_by(|a, b| value(&points[*a]).total_cmp(&value(&points[*b]))).unwrap()

@@ -1,6 +1,6 @@
-//! Speed of the sampler's parts on one core: the closure energy of 64 instances with 64 contacts (value; with gradient), one
-//! evaluation of the whole energy, and iterations of chains with 5 contacts and 2,000 surface points (grasp-steps per second are
-//! the throughput that criterion prints).
+//! Speed of the sampler's parts on one core: the closure energy of 64 instances with 64 contacts (value; with gradient),
+//! one evaluation of the whole energy, and iterations of chains with 5 contacts and 2,000 surface points (grasp-steps per
+//! second are the throughput that criterion prints).
 
 use std::hint::black_box;
 

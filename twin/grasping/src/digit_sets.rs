@@ -1,7 +1,7 @@
-//! Proposals for any set of digits: a ball held by one finger or several against the palm, or between thumb and fingers.
+//! Proposals for any set of digits: a ball held by one or more fingers against the palm, or between thumb and fingers.
 //!
-//! [`crate::sampler`] knows the two ways in which the benchmark's pairs are picked up. To carry more than two things, each has
-//! to make do with fewer digits. The spreads are wide; what holds is decided in physics.
+//! [`crate::sampler`] covers the two ways in which the benchmark's pairs are picked up. To carry more than two objects,
+//! each must be held with fewer digits. The distributions are wide; which proposals hold is decided in physics.
 
 use hand_model::{Digit, Hand};
 use rand::{Rng, RngExt};
@@ -9,7 +9,7 @@ use rand::{Rng, RngExt};
 use crate::grasp::{Grasp, Role};
 use crate::sampler::{PALM_FACE, WRIST};
 
-/// A random way to close `digits` on a ball of `radius` (m) called `object`.
+/// A random grasp of a ball of `radius` (m) called `object` with `digits`.
 pub fn propose_with(hand: &Hand, digits: &[Digit], object: &str, radius: f64, id: u32, rng: &mut impl Rng) -> Grasp {
     let mut uniform = |low: f64, high: f64| rng.random_range(low..high);
     let deg = std::f64::consts::PI / 180.0;

@@ -1,17 +1,18 @@
-//! Force closure: which disturbances a set of frictional point contacts resists, and how large they may be.
+//! Force closure: the disturbance that a set of frictional point contacts resists.
 //!
 //! Contact i presses with f_i inside its friction cone (Coulomb: |tangential| <= mu * normal, pushing only). All forces
-//! together exert the wrench G f, with the torque taken about `center` and divided by a length so that both halves are in N.
-//! [`wrench_margin`] asks for the largest t such that G f = t d has a solution with a total normal force within the limit,
-//! for d along each of the 12 directions +-x, y, z of force and torque, and answers with the worst. Each question is a
-//! second-order-cone program; f = 0 solves it for t = 0, so the answer is never negative.
+//! together exert the wrench G f, with the torque taken about `center` and divided by a length so that both halves are in
+//! N. [`wrench_margin`] solves for the largest t such that G f = t d has a solution with a total normal force within the
+//! limit, for d along each of the 12 directions +-x, y, z of force and torque, and returns the least. Each is a
+//! second-order-cone program; f = 0 solves it for t = 0, so the result is never negative.
 //!
-//! Twelve directions decide closure exactly: without closure the resisted wrenches lie in a half space a . w >= 0, and the
-//! direction against any non-zero component of a lies outside it. As a size, the margin is an upper bound of the radius of
-//! the resisted ball (the same set holds the cross-polytope of the 12 points, so the ball's radius is at least margin / sqrt 6).
+//! Twelve directions decide closure exactly: without closure the resisted wrenches lie in a half space a . w >= 0, and
+//! the direction against any non-zero component of a lies outside it. As a size, the margin is an upper bound of the
+//! radius of the resisted ball (the set also contains the cross-polytope of the 12 points, so the ball's radius is at
+//! least margin / sqrt 6).
 //!
-//! [`dfc_residual`] is the cheap stand-in of the paper's search (supplement, "Differentiable force closure estimator"): the
-//! friction is left out and all normal forces are taken as equal.
+//! [`dfc_residual`] is the paper's cheap estimator for its search (supplement, "Differentiable force closure estimator"):
+//! friction is ignored and all normal forces are equal.
 
 use clarabel::algebra::CscMatrix;
 use clarabel::solver::{
@@ -20,7 +21,7 @@ use clarabel::solver::{
 };
 use nalgebra::{Point3, UnitVector3, Vector3, Vector6};
 
-/// Below this share of the force limit a resisted wrench is the solver's rounding and counts as none.
+/// Share of the force limit below which a resisted wrench is solver rounding and counts as 0.
 const NOTHING: f64 = 1e-6;
 
 /// One frictional point contact.
@@ -28,7 +29,7 @@ const NOTHING: f64 = 1e-6;
 pub struct Contact {
     /// Where the hand touches the object, m.
     pub point: Point3<f64>,
-    /// Direction in which the hand can push: the surface normal *into* the object.
+    /// Direction in which the hand pushes: the surface normal *into* the object.
     pub normal: UnitVector3<f64>,
     /// Coulomb friction coefficient; 0 for a frictionless contact.
     pub friction: f64,
@@ -42,9 +43,7 @@ pub enum ForceClosureError {
     Argument {
         /// Which argument, such as `contacts[2].friction`.
         field: String,
-        /// Its value.
         found: f64,
-        /// What would be right.
         expected: &'static str,
     },
     /// The cone program ended without a solution.
@@ -52,7 +51,7 @@ pub enum ForceClosureError {
     Solver {
         /// Index of the direction: +x, -x, +y, ... of force, then of torque.
         direction: usize,
-        /// The solver's own word.
+        /// The solver's status.
         status: String,
     },
 }
@@ -94,8 +93,8 @@ pub fn wrench_margin(
     Ok(worst * max_normal_force)
 }
 
-/// The paper's ||G c||: how far unit forces along all normals are from balance, torques about the origin of the points' frame.
-/// 0 is best. Force (dimensionless) and torque (m) enter one norm, as published.
+/// The paper's ||G c||: the imbalance of unit forces along all normals, with torques about the origin of the points'
+/// frame; 0 is best. Force (dimensionless) and torque (m) enter one norm, as published.
 pub fn dfc_residual(contacts: &[Contact]) -> f64 {
     let sum: Vector6<f64> = contacts.iter().map(|c| wrench(&c.point.coords, &c.normal)).sum();
     sum.norm()
@@ -236,7 +235,7 @@ mod tests {
         wrench_margin(contacts, &Point3::origin(), 0.03, force).expect("solved")
     }
 
-    /// Without friction two opposed contacts only squeeze; with point friction they still cannot turn the object about their line.
+    /// Two opposed contacts cannot exert a torque about the line through them, with friction or without.
     #[test]
     fn two_opposed_contacts_are_not_closure() {
         for friction in [0.0, 0.8] {
@@ -245,7 +244,7 @@ mod tests {
         }
     }
 
-    /// A frictionless sphere spins whatever holds it.
+    /// Frictionless contacts exert no torque on a sphere.
     #[test]
     fn frictionless_sphere_is_not_closure() {
         assert_eq!(margin(&on_sphere(&tetrahedron(), 0.03, 0.0), 10.0), 0.0);

@@ -1,14 +1,14 @@
-//! One grasp: approach, digits, tensions, and where the object sits in the hand when the digits close.
+//! One grasp: approach, digits, tensions, and the position of the object in the hand when the digits close.
 
 use hand_model::Digit;
 use nalgebra::{Isometry3, Matrix3, Point3, Rotation3, Translation3, UnitQuaternion, Vector3};
 use serde::{Deserialize, Serialize};
 
-/// What a grasp is for in a two-object trial.
+/// Role of a grasp in a two-object trial.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Role {
-    /// Ring and little finger against the palm, which leaves thumb, index and middle free.
+    /// Ring and little finger against the palm; thumb, index and middle stay free.
     First,
     /// Thumb, index and middle finger, while ring and little hold something.
     Second,
@@ -29,13 +29,11 @@ impl Role {
 pub struct Grasp {
     /// Number within the repertoire.
     pub id: u32,
-    /// Name of the object.
     pub object: String,
-    /// What it is for.
     pub role: Role,
-    /// Rotation of the hand about the vertical, relative to the object's own yaw where it has one.
+    /// Rotation of the hand about the vertical, relative to the object's yaw.
     pub yaw: f64,
-    /// Fingers down is positive.
+    /// Positive with the fingers down.
     pub pitch: f64,
     /// About the finger axis; negative turns the ulnar edge down.
     pub roll: f64,
@@ -49,13 +47,13 @@ pub struct Grasp {
     pub opposition: f64,
     /// How far the hand rises while the digits close.
     pub raise: f64,
-    /// How long after the fingers the thumb closes (negative: before), s.
+    /// Delay of the thumb's closing after the fingers', s; negative if it closes first.
     pub thumb_delay: f64,
-    /// Where the object ended up in the hand when the grasp was held in physics: `palm_from_object`.
+    /// `palm_from_object` at the end of a successful closing in physics.
     pub held: Option<Isometry3<f64>>,
-    /// Finger joint angles when held.
+    /// Finger joint angles at the same time.
     pub held_joints: Option<Vec<f64>>,
-    /// Share of the proving runs (with placement errors) in which it held.
+    /// Success rate over the proving runs, which have placement errors.
     pub score: f64,
 }
 
@@ -73,14 +71,14 @@ impl Grasp {
         z * y * x * level()
     }
 
-    /// `world_from_palm` that puts the object's centre, seen at `object` with `object_yaw`, at its place in the hand.
+    /// `world_from_palm` at which an object at `object` with `object_yaw` has its centre at [`Self::center`].
     pub fn palm_pose(&self, object: &Point3<f64>, object_yaw: f64) -> Isometry3<f64> {
         let rotation = self.palm_rotation(object_yaw);
         let center = rotation * Vector3::from(self.center);
         Isometry3::from_parts(Translation3::from(object.coords - center), rotation)
     }
 
-    /// Where the hand comes from: the grasp pose backed off by `distance` out of the palm and up.
+    /// The grasp pose moved back by `distance`, away from the object and up.
     pub fn pregrasp_pose(&self, grasp: &Isometry3<f64>, distance: f64) -> Isometry3<f64> {
         let away = grasp * Vector3::z() + Vector3::z() * 0.5;
         Isometry3::from_parts(
@@ -120,9 +118,8 @@ mod tests {
         }
     }
 
-    /// The object's centre lands where the grasp wants it in the hand.
     #[test]
-    fn center_lands_in_the_hand() {
+    fn palm_pose_places_the_objects_center() {
         let object = Point3::new(0.5, 0.1, 0.02);
         let pose = grasp().palm_pose(&object, 0.7);
         assert!((pose.inverse_transform_point(&object).coords - Vector3::from(grasp().center)).norm() < 1e-12);

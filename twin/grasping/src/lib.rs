@@ -1,11 +1,12 @@
-//! What the hand knows about gripping: grasps, repertoires, and where new ones come from.
+//! Grasps: their representation, the repertoire of each object, and the generation of new ones.
 //!
-//! A [`grasp::Grasp`] says how the hand approaches an object, which digits close with which tensions, and where the object
-//! then sits in the hand. A [`repertoire::Repertoire`] holds an object's grasps, each closed and held in physics, ranked by
-//! how well. [`sampler`] proposes new ones around the hand's few ways of picking things up; [`force_closure`] says, by a
-//! friction-cone program, how much disturbance a set of contacts resists.
+//! A [`grasp::Grasp`] describes how the hand approaches an object, which digits close with which tensions, and where the
+//! object then is in the hand. A [`repertoire::Repertoire`] has the grasps of each object that were closed and held in
+//! physics, ranked by success. [`sampler`] proposes new grasps around the hand's two basic ways of picking things up, and
+//! [`digit_sets`] with any set of digits. [`force_closure`] computes, by friction-cone programs, how much disturbance a
+//! set of contacts resists.
 //!
-//! [`synthesis`] finds postures for any object from its signed distance alone: the paper's grasp energy, sampled.
+//! [`synthesis`] finds grasp postures for any object from its signed distance alone, by sampling the paper's grasp energy.
 
 pub mod digit_sets;
 pub mod force_closure;

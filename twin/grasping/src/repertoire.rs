@@ -1,4 +1,4 @@
-//! Repertoires: for each object its grasps, ranked, with the seed and the command that made them.
+//! A repertoire: ranked grasps of each object, with the seed and the command that generated them.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -8,10 +8,9 @@ use serde::{Deserialize, Serialize};
 
 use crate::grasp::{Grasp, Role};
 
-/// What can be wrong with a repertoire file.
+/// Errors of repertoire files.
 #[derive(Debug, thiserror::Error)]
 pub enum RepertoireError {
-    /// Not readable or writable.
     #[error("{path}: {source}")]
     Io {
         /// The file.
@@ -19,7 +18,6 @@ pub enum RepertoireError {
         /// The operating system's reason.
         source: std::io::Error,
     },
-    /// Not a repertoire.
     #[error("{path}: {message}")]
     Syntax {
         /// The file.
@@ -27,12 +25,10 @@ pub enum RepertoireError {
         /// The parser's message, with line and column.
         message: String,
     },
-    /// Made by another version.
     #[error("{path}: version: found {found}, expected {VERSION}")]
     Version {
         /// The file.
         path: PathBuf,
-        /// What the file says.
         found: u32,
     },
 }
@@ -40,21 +36,19 @@ pub enum RepertoireError {
 /// Version of the file format.
 pub const VERSION: u32 = 1;
 
-/// All objects' grasps.
+/// Grasps of several objects.
 #[derive(Debug, Clone, Default, Serialize, Deserialize)]
 pub struct Repertoire {
-    /// Format version.
     pub version: u32,
-    /// Command that made it.
+    /// Command that generated it.
     pub command: String,
-    /// Seed it was made with.
     pub seed: u64,
     /// Grasps by object, best first.
     pub grasps: BTreeMap<String, Vec<Grasp>>,
 }
 
 impl Repertoire {
-    /// Parses a file's text; `path` is used in errors.
+    /// Parses text; `path` is used in errors.
     pub fn parse(text: &str, path: &Path) -> Result<Self, RepertoireError> {
         let repertoire: Self = serde_json::from_str(text)
             .map_err(|error| RepertoireError::Syntax { path: path.into(), message: error.to_string() })?;
@@ -64,13 +58,12 @@ impl Repertoire {
         Ok(repertoire)
     }
 
-    /// Reads a file.
     pub fn read(path: &Path) -> Result<Self, RepertoireError> {
         let text = std::fs::read_to_string(path).map_err(|source| RepertoireError::Io { path: path.into(), source })?;
         Self::parse(&text, path)
     }
 
-    /// Writes a file: one grasp a line, whole or not at all.
+    /// Writes a file with one grasp per line, whole or not at all.
     pub fn write(&self, path: &Path) -> Result<(), RepertoireError> {
         let mut text = format!(
             "{{\"version\":{},\"command\":{},\"seed\":{},\"grasps\":{{\n",
@@ -101,5 +94,71 @@ impl Repertoire {
         let list = self.grasps.entry(grasp.object.clone()).or_default();
         list.push(grasp);
         list.sort_by(|a, b| b.score.total_cmp(&a.score).then(a.id.cmp(&b.id)));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn grasp(id: u32, object: &str, role: Role, score: f64) -> Grasp {
+        Grasp {
+            id,
+            object: object.into(),
+            role,
+            yaw: 0.1,
+            pitch: 0.2,
+            roll: -0.9,
+            center: [-0.03, -0.04, 1.0 / 3.0],
+            pre_tension: [0.0, 0.0, 0.0, 1.5, 1.5],
+            close_tension: [0.0, 0.0, 0.0, 18.0, 18.0],
+            opposition: 0.1,
+            raise: 0.002,
+            thumb_delay: 0.0,
+            held: None,
+            held_joints: None,
+            score,
+        }
+    }
+
+    fn repertoire() -> Repertoire {
+        let mut repertoire =
+            Repertoire { version: VERSION, command: "a \"quoted\" command".into(), seed: 7, ..Repertoire::default() };
+        for (id, score) in [(0, 0.4), (1, 0.9), (2, 0.9), (3, 0.1)] {
+            repertoire.insert(grasp(id, "ball", if id == 1 { Role::Second } else { Role::First }, score));
+        }
+        repertoire.insert(grasp(0, "can", Role::Second, 0.5));
+        repertoire
+    }
+
+    #[test]
+    fn best_first_and_by_role() {
+        let repertoire = repertoire();
+        let ids = |role| repertoire.of("ball", role).map(|grasp| grasp.id).collect::<Vec<_>>();
+        assert_eq!((ids(Role::First), ids(Role::Second)), (vec![2, 0, 3], vec![1]));
+        assert_eq!(repertoire.grasps["ball"].iter().map(|grasp| grasp.id).collect::<Vec<_>>(), [1, 2, 0, 3]);
+        assert_eq!(repertoire.of("pawn", Role::First).count(), 0);
+    }
+
+    /// The file is written by hand for one grasp per line: it must still be the JSON that is read.
+    #[test]
+    fn a_written_file_has_one_grasp_per_line_and_is_read_back() {
+        let path = std::env::temp_dir().join(format!("repertoire-{}.json", std::process::id()));
+        let written = repertoire();
+        written.write(&path).expect("written");
+        let text = std::fs::read_to_string(&path).expect("text");
+        let read = Repertoire::read(&path).expect("read");
+        std::fs::remove_file(&path).expect("removed");
+        assert_eq!((read.command, read.seed, read.grasps), (written.command, written.seed, written.grasps));
+        assert_eq!(text.lines().filter(|line| line.starts_with("{\"id\":")).count(), 5);
+    }
+
+    #[test]
+    fn other_versions_and_damage_are_errors_that_name_the_file() {
+        let path = Path::new("r.json");
+        let error = |text: &str| Repertoire::parse(text, path).expect_err("refused").to_string();
+        let old = r#"{"version":9,"command":"","seed":1,"grasps":{}}"#;
+        assert_eq!(error(old), "r.json: version: found 9, expected 1");
+        assert!(error("{").starts_with("r.json: EOF"), "{}", error("{"));
     }
 }

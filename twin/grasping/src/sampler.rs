@@ -1,8 +1,8 @@
-//! Proposals: random grasps around the two ways in which this hand picks things up and still has digits left.
+//! Proposals: random grasps around the two ways in which this hand picks up an object and keeps digits free.
 //!
-//! The centres come from a probe in physics: ring and little finger take an object from the side, ulnar edge down, against
-//! the palm; thumb, index and middle take one from above with the thumb opposed. The spreads are wide on purpose; what holds
-//! is decided in physics.
+//! The centres of the distributions come from experiments in physics: ring and little finger take an object from the
+//! side, ulnar edge down, against the palm; thumb, index and middle take one from above with the thumb opposed. The
+//! distributions are wide; which proposals hold is decided in physics.
 
 use hand_model::Digit;
 use nalgebra::Vector3;
@@ -10,23 +10,22 @@ use rand::{Rng, RngExt};
 
 use crate::grasp::{Grasp, Role};
 
-/// What the sampler needs to know about an object.
+/// Size of an object, for the sampler.
 #[derive(Debug, Clone)]
 pub struct ObjectExtent {
-    /// Name.
     pub name: String,
     /// Half extents of the resting object in world axes at yaw 0, m.
     pub half: Vector3<f64>,
-    /// Whether a rotation about the vertical changes anything.
+    /// Whether the object is not symmetric about the vertical.
     pub yaw_matters: bool,
 }
 
-/// Height of the palm's face over the palm frame's origin plane along -z, m (the origin lies behind the face).
+/// Distance of the palm's face from the palm frame's origin along -z, m.
 pub(crate) const PALM_FACE: f64 = 0.0156;
 /// Distance from the wrist to the palm frame's origin along y, m.
 pub(crate) const WRIST: f64 = 0.1072;
 
-/// Draws one proposal.
+/// A random proposal.
 pub fn propose(object: &ObjectExtent, role: Role, id: u32, rng: &mut impl Rng) -> Grasp {
     let mut uniform = |low: f64, high: f64| rng.random_range(low..high);
     let deg = std::f64::consts::PI / 180.0;
@@ -90,7 +89,7 @@ pub fn propose(object: &ObjectExtent, role: Role, id: u32, rng: &mut impl Rng) -
     }
 }
 
-/// A proposal near a grasp that worked: the same with every number moved a little.
+/// A proposal near `grasp`: a small random change of each of its parameters.
 pub fn vary(grasp: &Grasp, id: u32, rng: &mut impl Rng) -> Grasp {
     let mut near = |value: f64, spread: f64| value + spread * rng.random_range(-1.0..1.0);
     let mut new = grasp.clone();

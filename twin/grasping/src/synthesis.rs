@@ -1,11 +1,12 @@
-//! New grasps for any object by sampling: the paper's grasp energy under a Metropolis-adjusted Langevin chain.
+//! Grasp synthesis for any object: the paper's grasp energy, sampled by a Metropolis-adjusted Langevin chain.
 //!
-//! The story in order: [`field`] is the object, sampled once as signed distance and normal; [`surface`] is the hand's skin and
-//! where it may touch; [`frames`] puts the skin on the object and brings forces back to pose and joints; [`closure_energy`]
-//! scores contact points for force closure, [`mechanism`] says what the actuators move and [`energy`] adds everything else; [`langevin`] is the sampler's
-//! kernel and [`chain`] runs it from a random start to a posture; [`posture`] projects that to what cables and springs can
-//! hold and opens it clear of the object. Closing it in physics is the program's part; [`held`] is what comes of it,
-//! [`collection`] keeps the grasps of many objects in one compact file, and [`diversity`] says how different they are.
+//! [`field`] is the object, sampled once as signed distance and normal; [`surface`] is the hand's surface and where it
+//! may touch. [`frames`] places the surface on the object and maps forces back to pose and joints. [`closure_energy`]
+//! scores contact points for force closure, [`mechanism`] describes what the actuators move, and [`energy`] adds all
+//! other terms. [`langevin`] is the sampler's kernel, and [`chain`] runs it from a random start to a posture. [`posture`]
+//! projects that posture to one that cables and springs can hold, and opens it clear of the object. Closing it in physics
+//! is up to the caller. [`held`] is the result, [`collection`] stores the grasps of many objects in one compact file, and
+//! [`diversity`] measures how different they are.
 
 pub mod chain;
 pub mod closure_energy;

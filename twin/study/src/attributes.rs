@@ -1,14 +1,16 @@
-//! What the rules see of a grasp: the taxonomy's own attributes, measured on the contacts, the joints and the object's form.
+//! Attributes of a grasp for the rules: the taxonomy's own criteria, measured on the contacts, the joints and the
+//! object's shape.
 //!
-//! Feix's cells are made of opposition direction, virtual fingers and thumb position; the types within a cell differ by contact
-//! areas and the object's form. Shares are shares of contact force. In a link's frame x runs along the phalanx, y out of its
-//! palmar face, z across; in the palm's frame x points to the thumb's side, y to the fingertips, -z out of the palm.
+//! Feix's cells are defined by opposition direction, virtual fingers and thumb position; the types within a cell differ
+//! by contact areas and the object's shape. Shares are shares of contact force. In a link's frame x runs along the
+//! phalanx, y out of its palmar face, z across; in the palm's frame x points to the thumb's side, y to the fingertips, -z
+//! out of the palm.
 
 use grasping::synthesis::held::{HeldGrasp, pose_from_array};
 use hand_model::{Digit, Hand};
 use nalgebra::{Matrix3, Point3, SymmetricEigen, Vector3};
 
-/// A part of the hand that carries less than this share does not count as touching.
+/// Least share of the contact force for a part of the hand to count as in contact.
 const TOUCHES: f64 = 0.02;
 
 /// Name and meaning of every attribute, in the order of [`Attributes`].
@@ -40,19 +42,19 @@ pub const ATTRIBUTES: [(&str, &str); 25] = [
     ("axis_out", "cosine between the object's axis and the palm's normal"),
 ];
 
-/// The object's own form.
+/// The object's shape.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ObjectForm {
-    /// The principal axis whose extent differs most from its neighbour's (of a can its axis, of a slab the normal of its large
-    /// faces), a unit vector in the object's frame; none where all extents are alike.
+    /// The principal axis whose extent differs most from its neighbour's (a can's axis, the normal of a slab's large
+    /// faces), a unit vector in the object's frame; `None` if all extents are similar.
     pub axis: Option<Vector3<f64>>,
     /// Extents along the principal axes, largest first, m.
     pub extents: [f64; 3],
-    /// Least over largest distance of the surface from its centre.
+    /// Ratio of the least to the largest distance of the surface from its centre.
     pub ball: f64,
 }
 
-/// Extents that differ by less than this ratio are alike.
+/// Ratio of extents below which they count as similar.
 const ALIKE: f64 = 1.08;
 
 impl ObjectForm {
@@ -94,12 +96,11 @@ impl Attributes {
         ATTRIBUTES.iter().position(|(known, _)| *known == name)
     }
 
-    /// Its value.
     pub fn get(&self, name: &str) -> Option<f64> {
         Self::index(name).map(|n| self.0[n])
     }
 
-    /// Measures `grasp` of `hand` on an object of `form`. A grasp without contact force has shares of 0.
+    /// The attributes of `grasp` on an object of `form`. Without contact force all shares are 0.
     pub fn of(hand: &Hand, form: &ObjectForm, grasp: &HeldGrasp) -> Self {
         let links = hand.tree.forward(&grasp.joints);
         let total: f64 = grasp.contacts.iter().map(|contact| contact.force).sum();
@@ -136,7 +137,7 @@ impl Attributes {
         let mean = |of: &[usize]| of.iter().map(|digit| bend(*digit)).sum::<f64>() / of.len().max(1) as f64;
         let direction = push.try_normalize(1e-9).unwrap_or_default();
         let (opposed, rounded, line) = normals(&spread, total);
-        // What has no axis of its own, such as a cube, is taken along the straight direction of what is touched.
+        // An object without an axis, such as a cube, takes the straight direction of the touched surface.
         let axis = form.axis.map_or(line, |axis| pose_from_array(&grasp.palm_from_object).rotation * axis);
         let others: Vec<usize> = touching.iter().copied().filter(|digit| *digit != 1).collect();
         Self([
@@ -169,7 +170,8 @@ impl Attributes {
     }
 }
 
-/// Largest and least share of the normals along a line, and the line of the least: along it the touched surface is straight.
+/// Largest and least share of the normals along a line, and the line with the least: the touched surface is straight
+/// along it.
 fn normals(spread: &Matrix3<f64>, total: f64) -> (f64, f64, Vector3<f64>) {
     if total <= 0.0 {
         return (0.0, 0.0, Vector3::zeros());
@@ -215,7 +217,7 @@ pub(crate) mod tests {
         ObjectForm { axis: Some(Vector3::x()), extents: [0.12, 0.03, 0.03], ball: 0.25 }
     }
 
-    /// A box's principal axes and extents come out, in order, however it is turned.
+    /// A rotated box gives its principal axes and extents in order.
     #[test]
     fn form_of_a_box() {
         let turn = nalgebra::Rotation3::from_euler_angles(0.3, -0.7, 1.1);
@@ -232,7 +234,6 @@ pub(crate) mod tests {
         assert!((form.axis.expect("a slab has one").dot(&(turn * Vector3::z())).abs() - 1.0).abs() < 1e-9);
     }
 
-    /// Shares add up, and what the palm and tips carry is what was put there.
     #[test]
     fn shares() {
         let hand = Hand::ftac();
@@ -254,7 +255,7 @@ pub(crate) mod tests {
         assert!((get("axis_across") - 1.0).abs() < 1e-12);
     }
 
-    /// Normals in the y-z plane leave x as the straight direction: a rod across the hand. From all sides nothing is straight.
+    /// Normals in the y-z plane have x as the straight direction: a rod across the hand. Normals from all sides have none.
     #[test]
     fn straight_direction() {
         let hand = Hand::ftac();
@@ -268,7 +269,7 @@ pub(crate) mod tests {
         assert!((found.get("rounded").expect("known") - 1.0 / 3.0).abs() < 1e-9);
     }
 
-    /// Without contacts everything is 0 rather than not a number.
+    /// Without contacts all attributes are finite.
     #[test]
     fn nothing_touches() {
         let found = Attributes::of(&Hand::ftac(), &rod(), &grasp(0.2, &[]));

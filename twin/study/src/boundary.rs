@@ -1,8 +1,8 @@
-//! The boundary between power and precision grasps: a support-vector classifier with a Gaussian kernel, and how far it can be
-//! trusted: on its own training data, as the paper reports it, and on objects it has not seen.
+//! The boundary between power and precision grasps: a support-vector classifier with a Gaussian kernel, with its accuracy
+//! on its own training data, as the paper reports it, and on unseen objects.
 //!
-//! Nothing is tuned: both classes weigh the same in all (C = n / 2 n_class: otherwise the larger class is all there is), and a kernel as wide as the data, exp(-|x - y|2 / (d v)) for
-//! d coordinates of mean variance v.
+//! Nothing is tuned. Both classes have the same total weight (C = n / 2 n_class; otherwise the larger class dominates).
+//! The kernel exp(-|x - y|2 / (d v)) is as wide as the data, for d coordinates of mean variance v.
 
 use linfa::DatasetBase;
 use linfa::traits::{Fit, Predict};
@@ -14,21 +14,15 @@ use serde::Serialize;
 
 /// Stopping tolerance of the solver.
 const TOLERANCE: f64 = 1e-3;
-/// Resamples of the objects for an interval.
+/// Bootstrap resamples for the interval.
 const RESAMPLES: usize = 2000;
 
-/// Why there is no boundary.
+/// Errors of fitting a boundary.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum BoundaryError {
     /// All grasps are of one class.
     #[error("classes: found {power} power and {precision} precision grasps, expected some of both")]
-    OneClass {
-        /// Power grasps.
-        power: usize,
-        /// Precision grasps.
-        precision: usize,
-    },
-    /// The solver gave up.
+    OneClass { power: usize, precision: usize },
     #[error("support vectors: {0}")]
     Solver(String),
 }
@@ -63,12 +57,12 @@ impl Boundary {
         self.svm.predict(Array1::from(point.to_vec()))
     }
 
-    /// Support vectors.
+    /// Number of support vectors.
     pub fn support(&self) -> usize {
         self.svm.nsupport()
     }
 
-    /// Mean of the two classes' shares of `points` on their own side: 0.5 for who always says the same.
+    /// Balanced accuracy: the mean of the two classes' accuracies, 0.5 for a constant answer.
     pub fn balanced(&self, points: &[Vec<f64>], power: &[bool]) -> f64 {
         let of = |class: bool| {
             let own = points.iter().zip(power).filter(|(_, power)| **power == class);
@@ -79,36 +73,36 @@ impl Boundary {
         0.5 * (of(true) + of(false))
     }
 
-    /// Share of `points` on their own side.
+    /// Share of `points` on the correct side.
     pub fn accuracy(&self, points: &[Vec<f64>], power: &[bool]) -> f64 {
         let right = points.iter().zip(power).filter(|(point, power)| self.power(point) == **power).count();
         right as f64 / points.len().max(1) as f64
     }
 }
 
-/// An accuracy with a 95 % interval, and what it has to be compared to.
+/// Accuracy on held-out objects with a 95 % interval, and the figures to compare it with.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct HeldOut {
-    /// Share of right answers on objects the boundary was not fitted to.
+    /// Share of correct answers on objects that were left out of the fit.
     pub accuracy: f64,
-    /// 2.5 % and 97.5 % points over resampled objects.
+    /// 2.5 % and 97.5 % quantiles over resampled objects.
     pub interval: [f64; 2],
-    /// Mean of the two classes' own accuracies: 0.5 for who always says the same.
+    /// Mean of the two classes' accuracies, 0.5 for a constant answer.
     pub balanced: f64,
-    /// Share of the larger class: what one gets by always naming it.
+    /// Share of the larger class: the accuracy of always answering it.
     pub majority: f64,
-    /// (object, right, of).
+    /// (object, correct answers, grasps).
     pub objects: Vec<(String, usize, usize)>,
 }
 
-/// Leaves out each object in turn, fits to the others and counts right answers on it. Objects are resampled for the interval,
-/// because grasps of one object are alike.
+/// Leaves out each object in turn, fits to the others and counts correct answers on it. The interval is a bootstrap over
+/// objects, because grasps of one object are correlated.
 pub fn held_out(points: &[Vec<f64>], power: &[bool], objects: &[&str], seed: u64) -> Result<HeldOut, BoundaryError> {
     let mut names: Vec<&str> = objects.to_vec();
     names.sort_unstable();
     names.dedup();
     let mut found = Vec::new();
-    // Right and all, precision then power.
+    // Correct and total, for precision, then power.
     let mut by_class = [[0usize; 2]; 2];
     for name in &names {
         let pick = |inside: bool| (0..points.len()).filter(move |n| (objects[*n] == *name) == inside);
@@ -148,7 +142,7 @@ pub fn held_out(points: &[Vec<f64>], power: &[bool], objects: &[&str], seed: u64
 mod tests {
     use super::*;
 
-    /// A disk of power in a ring of precision: no line parts them, the kernel does.
+    /// A disk of power in a ring of precision grasps: not linearly separable, but separable with the kernel.
     fn ring(n: usize, seed: u64) -> (Vec<Vec<f64>>, Vec<bool>) {
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
         (0..n)
@@ -171,9 +165,9 @@ mod tests {
         assert!(boundary.power(&[0.0, 0.0]) && !boundary.power(&[2.5, 0.0]) && boundary.support() < 200);
     }
 
-    /// Where the object gives the class away and nothing else does, training accuracy is high and held-out accuracy is not.
+    /// If the class follows from the object only, training accuracy is high and held-out accuracy is not.
     #[test]
-    fn what_does_not_carry_over_is_seen() {
+    fn memorised_objects_do_not_generalise() {
         let mut rng = ChaCha8Rng::seed_from_u64(3);
         let names = ["a", "b", "c", "d", "e", "f", "g", "h"];
         let (mut points, mut power, mut objects) = (Vec::new(), Vec::new(), Vec::new());
@@ -194,7 +188,7 @@ mod tests {
         assert!(good.accuracy > 0.97 && good.balanced > 0.97, "{good:?}");
     }
 
-    /// A small class is not given up for a large one around it.
+    /// A small class is not sacrificed to a large one around it.
     #[test]
     fn few_against_many() {
         let (points, power) = ring(400, 5);

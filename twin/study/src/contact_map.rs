@@ -1,18 +1,19 @@
-//! Contact maps: how near every part of the hand is to the object, as one vector a grasp (supplement, "2D cluster map").
+//! Contact maps: the distance of every part of the hand from the object, as one vector per grasp (supplement, "2D cluster
+//! map").
 //!
-//! Omega = log(eps1 + min(D, eps2)) at 2,170 points all around the hand, with D the distance to the object's surface in metres.
-//! The logarithm spreads what is nearly touching; eps2 hides what is far.
+//! Omega = log(eps1 + min(D, eps2)) at 2,170 points all around the hand, with D the distance to the object's surface in
+//! metres. The logarithm resolves small distances; eps2 clips large ones.
 
 use grasping::synthesis::held::{HeldGrasp, pose_from_array};
 use grasping::synthesis::surface::HandSurface;
 use hand_model::Hand;
 use nalgebra::{Isometry3, Point3};
 
-/// Points around the hand.
+/// Number of points on the hand.
 pub const POINTS: usize = 2170;
 /// Keeps the logarithm finite, m.
 pub const EPSILON_1: f64 = 1e-4;
-/// Distances are cut here, m.
+/// Largest distance, m.
 pub const EPSILON_2: f64 = 0.05;
 
 /// A point fixed to a link: 0 is the palm, i + 1 the link that joint i moves; m, link frame.
@@ -27,11 +28,11 @@ pub fn hand_points(hand: &Hand) -> Vec<HandPoint> {
         .enumerate()
         .flat_map(|(link, own)| own.points.iter().map(move |point| (link, Point3::from(*point))))
         .collect();
-    // The surface has a few more than asked: leave out evenly.
+    // The surface has a few points too many: drop some evenly.
     (0..POINTS).map(|n| all[n * all.len() / POINTS]).collect()
 }
 
-/// Omega of one distance (m; inside counts as far from the surface as it is).
+/// Omega of a signed distance, m.
 pub fn omega(distance: f64) -> f64 {
     (EPSILON_1 + distance.abs().min(EPSILON_2)).ln()
 }
@@ -50,7 +51,7 @@ pub fn contact_map(
     points.iter().map(|(link, point)| omega(distance(&(placed[*link] * point)))).collect()
 }
 
-/// Shifts and scales every point's values to mean 0 and variance 1 over all maps; what never changes becomes 0.
+/// Normalises every point's values to mean 0 and variance 1 over all maps; constant values become 0.
 pub fn normalize(maps: &mut [Vec<f64>]) {
     let n = maps.len() as f64;
     for point in 0..maps.first().map_or(0, Vec::len) {
@@ -73,7 +74,7 @@ mod tests {
         assert_eq!(omega(-0.003), omega(0.003));
     }
 
-    /// A ball 40 mm before the palm's middle: the nearest point of the palm reads what geometry says, the wrist is far.
+    /// A ball 40 mm in front of the palm's centre, with the hand open: every point has its distance in the palm frame.
     #[test]
     fn map_of_a_ball() {
         let hand = Hand::ftac();
@@ -82,10 +83,16 @@ mod tests {
         let held = grasp(0.0, &[]);
         let map = contact_map(&hand, &points, &held, |p| p.coords.norm() - 0.02);
         let center = Point3::new(0.0, 0.0, -0.04);
-        for ((link, point), found) in points.iter().zip(&map).filter(|((link, _), _)| *link == 0) {
-            assert_eq!(*link, 0);
-            assert!((found - omega((point - center).norm() - 0.02)).abs() < 1e-9);
+        let links = hand.tree.forward(&held.joints);
+        for ((link, point), found) in points.iter().zip(&map) {
+            let in_palm = if *link == 0 { *point } else { links[link - 1] * point };
+            assert!((found - omega((in_palm - center).norm() - 0.02)).abs() < 1e-9, "link {link}");
         }
+        let nearest = map.iter().copied().fold(f64::INFINITY, f64::min);
+        assert!(
+            (omega(0.015)..omega(0.03)).contains(&nearest),
+            "the palm's face is about 24 mm from the centre: {nearest}"
+        );
         assert!(map.iter().any(|value| (value - omega(1.0)).abs() < 1e-12), "something is far");
     }
 

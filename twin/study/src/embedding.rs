@@ -1,4 +1,4 @@
-//! From long vectors to a picture: principal components, farthest-point sampling, t-SNE.
+//! From high-dimensional vectors to a plane: principal components, farthest-point sampling, t-SNE.
 
 use linfa::traits::Transformer;
 use linfa_tsne::TSneParams;
@@ -8,27 +8,19 @@ use rand::seq::SliceRandom;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-/// Why vectors cannot be embedded.
+/// Errors of embedding.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum EmbeddingError {
     /// An argument does not suit the data.
     #[error("{field}: found {found}, expected {expected}")]
-    Argument {
-        /// Which.
-        field: &'static str,
-        /// Its value.
-        found: String,
-        /// What would be right.
-        expected: String,
-    },
-    /// The library gave up.
+    Argument { field: &'static str, found: String, expected: String },
     #[error("t-SNE: {0}")]
     Tsne(String),
 }
 
-/// Vectors beside the wanted ones that subspace iteration carries along: they take the error of the last wanted one.
+/// Additional vectors in the subspace iteration, which speed up the convergence of the last requested component.
 const SPARE: usize = 6;
-/// Iterations at most; the variances settle to 1e-10 long before.
+/// Largest number of iterations; the variances converge to 1e-10 long before.
 const ROUNDS: usize = 300;
 
 /// The leading principal components.
@@ -36,7 +28,7 @@ const ROUNDS: usize = 300;
 pub struct Pca {
     /// Coordinates of each row along the components, largest variance first.
     pub scores: Vec<Vec<f64>>,
-    /// Share of the whole variance that each component explains.
+    /// Share of the total variance explained by each component.
     pub explained: Vec<f64>,
 }
 
@@ -63,7 +55,7 @@ pub fn pca(rows: &[Vec<f64>], count: usize, seed: u64) -> Result<Pca, EmbeddingE
     let transposed = data.transpose();
     for _ in 0..ROUNDS {
         let scores: DMatrix<f64> = &data * &basis;
-        // Turn the basis so that the scores are uncorrelated, largest first.
+        // Rotate the basis so that the scores are uncorrelated, largest variance first.
         let moments: DMatrix<f64> = scores.transpose() * &scores;
         let eigen = moments.symmetric_eigen();
         let mut order: Vec<usize> = (0..carried).collect();
@@ -78,7 +70,7 @@ pub fn pca(rows: &[Vec<f64>], count: usize, seed: u64) -> Result<Pca, EmbeddingE
         }
         basis = (&transposed * (&data * &basis)).qr().q();
     }
-    // A component's sign is free: its largest coordinate is positive.
+    // A component's sign is arbitrary: its largest coordinate is made positive.
     for mut column in basis.column_iter_mut() {
         if column[column.iamax()] < 0.0 {
             column.neg_mut();
@@ -95,8 +87,8 @@ fn squared(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(a, b)| (a - b) * (a - b)).sum()
 }
 
-/// Farthest-point sampling: indices of `count` rows (or of all, if fewer), beginning with `first`, each as far as can be from
-/// those before it. Of equally far ones the first is taken.
+/// Farthest-point sampling: indices of up to `count` rows, starting with `first`, each with the largest distance from
+/// those before it (the first of equals).
 pub fn farthest_points(rows: &[Vec<f64>], count: usize, first: usize) -> Vec<usize> {
     let mut chosen = Vec::new();
     let mut distance = vec![f64::INFINITY; rows.len()];
@@ -119,8 +111,8 @@ pub fn farthest_points(rows: &[Vec<f64>], count: usize, first: usize) -> Vec<usi
     chosen
 }
 
-/// A t-SNE map of `rows` into the plane. `linfa-tsne` always starts from the same small random positions: the seed decides which
-/// row gets which of them.
+/// A t-SNE map of `rows` into the plane. `linfa-tsne` always starts from the same small random positions; the seed
+/// permutes their assignment to the rows.
 pub fn tsne(rows: &[Vec<f64>], perplexity: f64, iterations: usize, seed: u64) -> Result<Vec<[f64; 2]>, EmbeddingError> {
     let (n, width) = (rows.len(), rows.first().map_or(0, Vec::len));
     if width < 2 || (n.saturating_sub(1) as f64) < 3.0 * perplexity {

@@ -1,4 +1,4 @@
-//! Labels that people gave grasps on the annotation page, and how well two sets of labels agree.
+//! Labels that people assign to grasps on the annotation page, and the agreement of two sets of labels.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
@@ -14,11 +14,9 @@ pub const VERSION: u32 = 1;
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Labels {
-    /// Format version.
     pub version: u32,
-    /// Who labelled.
     pub annotator: String,
-    /// Type's name by grasp.
+    /// Name of the type by grasp.
     pub labels: BTreeMap<String, String>,
 }
 
@@ -51,17 +49,17 @@ impl Labels {
 /// Agreement of two raters on the same items.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Agreement {
-    /// Items that both rated.
+    /// Number of items rated by both.
     pub items: usize,
     /// Share of equal ratings.
     pub observed: f64,
-    /// Share that chance would give with the raters' own frequencies.
+    /// Share expected by chance from the raters' own frequencies.
     pub expected: f64,
-    /// Cohen's kappa, (observed - expected) / (1 - expected); none where chance alone would agree always.
+    /// Cohen's kappa, (observed - expected) / (1 - expected); `None` if chance alone would always agree.
     pub kappa: Option<f64>,
 }
 
-/// Cohen's kappa of pairs of ratings out of `kinds`; none without pairs.
+/// Cohen's kappa of pairs of ratings with `kinds` classes; `None` without pairs.
 pub fn agreement(pairs: &[(usize, usize)], kinds: usize) -> Option<Agreement> {
     if pairs.is_empty() {
         return None;
@@ -82,9 +80,9 @@ pub fn agreement(pairs: &[(usize, usize)], kinds: usize) -> Option<Agreement> {
 mod tests {
     use super::*;
 
-    /// The textbook's two doctors: 20 yes/yes, 5 yes/no, 10 no/yes, 15 no/no give 0.4.
+    /// A textbook example: 20 yes/yes, 5 yes/no, 10 no/yes, 15 no/no give 0.4.
     #[test]
-    fn kappa_of_two_doctors() {
+    fn kappa_of_a_textbook_example() {
         let times = |n: usize, pair: (usize, usize)| std::iter::repeat_n(pair, n);
         let pairs: Vec<_> =
             times(20, (0, 0)).chain(times(5, (0, 1))).chain(times(10, (1, 0))).chain(times(15, (1, 1))).collect();

@@ -1,9 +1,10 @@
-//! The energy landscape mapped by attraction and diffusion (ADELM: Hill, Nijkamp and Zhu 2019).
+//! Energy landscapes mapped by attraction and diffusion (ADELM: Hill, Nijkamp and Zhu 2019).
 //!
-//! [`attraction`] asks whether a chain drawn towards a minimum reaches it, and over which energy; [`mapping`] sorts minima into
-//! basins by that question and measures the barriers between them; [`calibration`] finds the pull at which minima stop being
-//! reachable, so that it need not be guessed; [`disconnectivity`] makes the tree. Two landscapes are mapped: [`multi_well`],
-//! whose minima and barriers are exact, and [`grasps`], the energy of grasps on several objects.
+//! [`attraction`] tests whether a chain drawn towards a minimum reaches it, and over which energy. [`mapping`] sorts
+//! minima into basins by this test and measures the barriers between basins. [`metastability`] finds the pull below which
+//! minima are no longer reachable, so that it need not be guessed. [`disconnectivity`] builds the tree. Two landscapes
+//! are mapped: [`multi_well`], whose minima and barriers are known exactly, and [`grasps`], the energy of grasps on
+//! several objects.
 
 pub mod attraction;
 pub mod disconnectivity;
@@ -16,18 +17,18 @@ use rand_chacha::ChaCha8Rng;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 
-/// What can be mapped: an energy over states with a distance and a Markov chain.
+/// An energy over states with a distance and a Markov chain.
 pub trait Landscape: Sync {
-    /// A place; what a file keeps of it is all of it.
+    /// A state, complete when serialized.
     type State: Clone + Send + Sync + Serialize + DeserializeOwned;
-    /// A chain's place with whatever it carries along.
+    /// A chain at a state, with its working data.
     type Walker;
 
-    /// A chain at `state`.
+    /// Starts a chain at `state`.
     fn enter(&self, state: &Self::State) -> Self::Walker;
 
-    /// One Metropolis-Hastings step at `temperature` on the energy plus `pull` times the distance to `target`. Answers with the
-    /// energy without the pull, and the distance, where the chain is then.
+    /// One Metropolis-Hastings step at `temperature` on the energy plus `pull` times the distance to `target`. Returns
+    /// the energy without the pull, and the distance, after the step.
     fn step(
         &self,
         walker: &mut Self::Walker,
@@ -37,9 +38,7 @@ pub trait Landscape: Sync {
         rng: &mut ChaCha8Rng,
     ) -> (f64, f64);
 
-    /// Energy of a state.
     fn energy(&self, state: &Self::State) -> f64;
 
-    /// Distance of two states.
     fn distance(&self, a: &Self::State, b: &Self::State) -> f64;
 }

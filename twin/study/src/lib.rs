@@ -1,16 +1,17 @@
-//! The grasp study: the paper's second half of results, made from this project's own verified grasps.
+//! The grasp study: the second half of the paper's results, from this project's own verified grasps.
 //!
-//! What kind of grasp is it? [`taxonomy`] is the paper's table of 19 types; [`attributes`] measures on a held grasp what the
-//! taxonomy is about, and [`rules`], which are data, decide, give their reasons and say when they are in doubt. People decide on
-//! a page ([`page`]), and [`labels`] measures how well they agree with the rules and with each other.
+//! Classification: [`taxonomy`] is the paper's table of 19 grasp types. [`attributes`] measures the taxonomy's attributes
+//! on a held grasp, and [`rules`], which are data, decide the type, explain it and mark ambiguous cases. People label
+//! grasps on a web page ([`page`]), and [`labels`] measures their agreement with the rules and with each other.
 //!
-//! Which grasps are alike? [`contact_map`] says how near every part of the hand is to the object, [`embedding`] lays such maps out
-//! in the plane, and [`boundary`] draws the line between power and precision and says how far it can be trusted.
+//! Similarity: [`contact_map`] measures the distance of every part of the hand from the object, [`embedding`] maps these
+//! vectors to the plane, and [`boundary`] separates power from precision grasps, with an estimate of its accuracy.
 //!
-//! How are grasps connected? [`landscape`] maps the energy by attraction and diffusion: basins, barriers, and their tree.
+//! Connectivity: [`landscape`] maps the energy landscape of grasps by attraction and diffusion: basins, barriers, and
+//! their tree.
 //!
-//! [`sensors`] is the paper's comparison of tactile arrays with the model's own figures. Nothing here knows the simulator: grasps
-//! come in as they were held, objects as distances and points.
+//! [`sensors`] is the paper's comparison of tactile arrays with this model's figures. Nothing here knows the simulator:
+//! the inputs are held grasps, and objects as distance functions and points.
 
 pub mod attributes;
 pub mod boundary;

@@ -1,8 +1,8 @@
-//! Pages that need nothing else: style, program and data in one file, no server, no network.
+//! Self-contained web pages: style, program and data in one file, without server or network.
 //!
-//! [`scene`] is what a page knows of hand, objects and grasps; `data/page/viewer.js` draws it with a depth buffer of its own, so
-//! that it looks the same in every browser and needs no graphics adapter. [`annotation`] is the page on which people label;
-//! [`hover`] shows grasps on the parts of a picture, of a [`tree`] or of a [`map`].
+//! [`scene`] is the data of hand, objects and grasps; `data/page/viewer.js` draws it with its own depth buffer, so that
+//! it looks the same in every browser and needs no GPU. [`annotation`] is the page on which people label grasps;
+//! [`hover`] shows grasps for the elements of a picture, such as a [`tree`] or a [`map`].
 
 pub mod annotation;
 pub mod hover;
@@ -15,7 +15,7 @@ use serde::Serialize;
 const STYLE: &str = include_str!("../data/page/style.css");
 const VIEWER: &str = include_str!("../data/page/viewer.js");
 
-/// JSON that may stand inside a script element.
+/// JSON that is safe inside a script element.
 fn embedded(value: &impl Serialize) -> Result<String, serde_json::Error> {
     Ok(serde_json::to_string(value)?
         .replace("</", "<\\/")
@@ -23,12 +23,12 @@ fn embedded(value: &impl Serialize) -> Result<String, serde_json::Error> {
         .replace('\u{2029}', "\\u2029"))
 }
 
-/// Text with the characters replaced that mean something to HTML.
+/// Escapes HTML's special characters.
 pub fn escape(text: &str) -> String {
     text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
 }
 
-/// A whole page: `body` in it, then the viewer, then `script`.
+/// A whole page with `body`, then `data`, the viewer, and `script`.
 fn whole(title: &str, body: &str, data: &str, script: &str) -> String {
     format!(
         "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\

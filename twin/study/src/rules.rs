@@ -1,9 +1,10 @@
-//! The rules that give a grasp its type. They are data (`data/rules.toml`): each names a type, an attribute, bounds and a reason.
+//! The rules that give a grasp its type. They are data (`data/rules.toml`): each names a type, and conditions with an
+//! attribute, bounds and a reason.
 //!
-//! A condition's *margin* is by how many of its own widths its attribute lies inside the bounds, at most 1, negative outside.
-//! A rule fits as well as its worst condition, so that every rule gives each grasp a number from a long way below 0 up to 1.
-//! The best rule decides; where it fits badly (its margin is below [`Rules::clear`]) or another type fits nearly as well
-//! (within [`Rules::clear`]), the grasp is *ambiguous*, and both types are named.
+//! A condition's *margin* is the distance of the attribute inside the bounds in units of the condition's width, at most
+//! 1, negative outside. A rule's margin is its worst condition's, so every rule gives each grasp a number up to 1,
+//! possibly far below 0. The best rule decides. If its margin is below [`Rules::clear`], or another type's margin is
+//! within [`Rules::clear`] of it, the grasp is *ambiguous*, and both types are named.
 
 use std::collections::BTreeSet;
 use std::path::Path;
@@ -23,21 +24,21 @@ pub struct Condition {
     pub at_least: Option<f64>,
     /// Upper bound.
     pub at_most: Option<f64>,
-    /// How far inside a bound the condition is clearly met.
+    /// Distance inside a bound at which the condition is clearly met.
     pub width: f64,
-    /// Why the type asks for it.
+    /// Why the type requires it.
     pub reason: String,
 }
 
 impl Condition {
-    /// By how many widths `value` lies inside the bounds, at most 1.
+    /// Distance of `value` inside the bounds in widths, at most 1.
     fn margin(&self, value: f64) -> f64 {
         let above = self.at_least.map_or(f64::INFINITY, |bound| value - bound);
         let below = self.at_most.map_or(f64::INFINITY, |bound| bound - value);
         (above.min(below) / self.width).min(1.0)
     }
 
-    /// The bounds in words.
+    /// The bounds as text.
     fn bounds(&self) -> String {
         match (self.at_least, self.at_most) {
             (Some(low), Some(high)) => format!("{low} to {high}"),
@@ -48,16 +49,16 @@ impl Condition {
     }
 }
 
-/// One rule: a type and what it asks. A type may have several rules.
+/// One rule for a type. A type may have several rules.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Rule {
     /// Name of the type.
     #[serde(rename = "type")]
     pub kind: String,
-    /// What must hold.
+    /// Conditions that must all hold.
     pub when: Vec<Condition>,
-    /// More special types: where one of them fits, this one does not.
+    /// More specific types: if one of them fits, this one does not.
     #[serde(default)]
     pub unless: Vec<String>,
 }
@@ -72,13 +73,13 @@ struct File {
 /// All rules.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Rules {
-    /// A margin below this is not clear.
+    /// Margins, and differences of margins, below this are ambiguous.
     pub clear: f64,
     rules: Vec<Rule>,
     resolved: Vec<Resolved>,
 }
 
-/// A rule's names as indices.
+/// A rule with names resolved to indices.
 #[derive(Debug, Clone, PartialEq)]
 struct Resolved {
     kind: usize,
@@ -86,38 +87,31 @@ struct Resolved {
     unless: Vec<usize>,
 }
 
-/// How one condition came out.
+/// Result of one condition.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Checked {
     /// Attribute.
     pub attribute: String,
-    /// What it means.
     pub meaning: &'static str,
-    /// Its value.
     pub value: f64,
-    /// What was asked.
     pub bounds: String,
-    /// Margin in widths, at most 1.
     pub margin: f64,
-    /// Why.
     pub reason: String,
 }
 
 /// The decision on one grasp.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Decision {
-    /// Best type, an index of the taxonomy.
+    /// Index of the best type in the taxonomy.
     pub kind: usize,
-    /// Its margin.
     pub margin: f64,
     /// Second best type and its margin.
     pub second: (usize, f64),
-    /// Whether the decision is not clear.
     pub ambiguous: bool,
 }
 
 impl Rules {
-    /// The rules as shipped, for the paper's types.
+    /// The shipped rules, for the paper's types.
     ///
     /// # Panics
     /// Never in a tested build: the file is compiled in and a test reads it.
@@ -126,7 +120,7 @@ impl Rules {
         Self::parse(include_str!("../data/rules.toml"), path, taxonomy).expect("the built-in rules are valid")
     }
 
-    /// Reads rules from text; every type of `taxonomy` needs one. `path` is used in errors.
+    /// Parses rules; every type of `taxonomy` needs one. `path` is used in errors.
     pub fn parse(text: &str, path: &Path, taxonomy: &Taxonomy) -> Result<Self, DataError> {
         let File { clear, rule: rules } = toml::from_str(text)
             .map_err(|error| DataError::Format { path: path.into(), message: error.to_string() })?;
@@ -180,25 +174,25 @@ impl Rules {
         Ok(Self { clear, rules, resolved })
     }
 
-    /// The margin of a rule's own conditions.
+    /// Margin of a rule's own conditions.
     fn own(&self, rule: usize, attributes: &Attributes) -> f64 {
         let conditions = self.rules[rule].when.iter().zip(&self.resolved[rule].attributes);
         conditions.map(|(condition, index)| condition.margin(attributes.0[*index])).fold(1.0, f64::min)
     }
 
-    /// How well the best rule for type `kind` fits by its own conditions.
+    /// Best margin of type `kind` by its rules' own conditions.
     fn fits(&self, kind: usize, attributes: &Attributes) -> f64 {
         let own = (0..self.rules.len()).filter(|rule| self.resolved[*rule].kind == kind);
         own.map(|rule| self.own(rule, attributes)).fold(f64::NEG_INFINITY, f64::max)
     }
 
-    /// The margin of a rule: its own, and as far below 0 as a more special type fits.
+    /// Margin of a rule: the least of its own and of minus the margins of more specific types.
     fn margin(&self, rule: usize, attributes: &Attributes) -> f64 {
         let unless = self.resolved[rule].unless.iter().map(|kind| -self.fits(*kind, attributes));
         unless.fold(self.own(rule, attributes), f64::min)
     }
 
-    /// The best margin of every type.
+    /// Best margin of every type.
     pub fn margins(&self, types: usize, attributes: &Attributes) -> Vec<f64> {
         let mut margins = vec![f64::NEG_INFINITY; types];
         for (rule, resolved) in self.resolved.iter().enumerate() {
@@ -207,7 +201,7 @@ impl Rules {
         margins
     }
 
-    /// Decides on one grasp. Of equal margins the type that comes first in the table wins, and the grasp is ambiguous.
+    /// Classifies one grasp. Of equal margins the first type in the table wins, and the grasp is ambiguous.
     pub fn decide(&self, taxonomy: &Taxonomy, attributes: &Attributes) -> Decision {
         let mut order: Vec<(usize, f64)> =
             self.margins(taxonomy.types.len(), attributes).into_iter().enumerate().collect();
@@ -217,7 +211,7 @@ impl Rules {
         Decision { kind: best.0, margin: best.1, second, ambiguous }
     }
 
-    /// Why: every condition of the best rule for type `kind`.
+    /// Explanation: every condition of the best rule for type `kind`.
     pub fn explain(&self, kind: usize, attributes: &Attributes) -> Vec<Checked> {
         let own = (0..self.rules.len()).filter(|rule| self.resolved[*rule].kind == kind);
         let best = own.max_by(|a, b| self.margin(*a, attributes).total_cmp(&self.margin(*b, attributes)));
@@ -233,17 +227,17 @@ impl Rules {
         });
         let unless = self.rules[rule].unless.iter().zip(&self.resolved[rule].unless).map(|(name, &kind)| Checked {
             attribute: "unless".into(),
-            meaning: "how well a more special type fits",
+            meaning: "margin of a more specific type",
             value: self.fits(kind, attributes),
             bounds: "at most 0".into(),
             margin: -self.fits(kind, attributes),
-            reason: format!("it is no {name}"),
+            reason: format!("it is not {name}"),
         });
         own.chain(unless).collect()
     }
 }
 
-/// How many grasps of each object have each type: `counts[object][type]`, and how many of them are ambiguous.
+/// Number of grasps of each object and type, and of ambiguous ones.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Distribution {
     /// Objects in order of first appearance.
@@ -255,7 +249,7 @@ pub struct Distribution {
 }
 
 impl Distribution {
-    /// Counts decisions; `objects` names each decision's object.
+    /// Counts (object, decision) pairs.
     pub fn of<'a>(taxonomy: &Taxonomy, decisions: impl Iterator<Item = (&'a str, &'a Decision)>) -> Self {
         let mut found = Self { objects: Vec::new(), counts: Vec::new(), ambiguous: Vec::new() };
         for (object, decision) in decisions {
@@ -341,9 +335,9 @@ mod tests {
         assert!(neither.ambiguous && neither.margin < 0.0, "{neither:?}");
     }
 
-    /// The more special type takes the grasp from the general one where it fits, and only there.
+    /// The more specific type has precedence over the general one if it fits.
     #[test]
-    fn unless_a_more_special_type_fits() {
+    fn unless_a_more_specific_type_fits() {
         let (taxonomy, _) = small();
         let text = RULES
             .replace("{ attribute = \"palm\", at_most = 0.3, width = 0.1, reason = \"no palm\" },", "")

@@ -1,4 +1,4 @@
-//! The paper's two tables of sensors, with our columns computed from the hand model.
+//! The paper's two tables of sensors, with this hand's figures computed from its model.
 
 use hand_model::Hand;
 use hand_model::pads::IMAGE_SIZE;
@@ -9,30 +9,29 @@ use serde::Serialize;
 pub struct Configuration {
     /// `a` to `f`.
     pub letter: char,
-    /// Pads of it on the hand.
+    /// Number of pads on the hand.
     pub pads: usize,
-    /// Cameras of one pad.
+    /// Cameras per pad.
     pub cameras: usize,
     /// Height and width, mm.
     pub size_mm: [f64; 2],
-    /// Pixels on a square centimetre.
+    /// Pixels per square centimetre.
     pub taxels_per_cm2: f64,
 }
 
 /// The whole hand as a tactile array.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Array {
-    /// By letter.
     pub configurations: Vec<Configuration>,
-    /// Pads, cameras.
+    /// Number of pads.
     pub pads: usize,
-    /// All cameras.
+    /// Number of cameras.
     pub cameras: usize,
     /// Sensing area, cm2.
     pub area_cm2: f64,
     /// Pixels of all cameras.
     pub taxels: usize,
-    /// Pixels on a square centimetre, mean over the area.
+    /// Pixels per square centimetre, mean over the area.
     pub taxels_per_cm2: f64,
     /// Mean distance of neighbouring pixels, mm.
     pub pitch_mm: f64,
@@ -68,7 +67,7 @@ pub fn array(hand: &Hand) -> Array {
     }
 }
 
-/// Another system as the paper's table has it: name, sensing area, resolution, transduction, wiring, sensitivity per kPa.
+/// Another system in the paper's table: name, sensing area, resolution, transduction, wiring, sensitivity per kPa.
 pub type System = [&'static str; 6];
 
 /// The paper's table of other tactile arrays.

@@ -1,16 +1,17 @@
-//! The paper's 19 grasp types: Feix's 33, merged where hand and opposition are the same. The table is data (`data/types.toml`).
+//! The paper's 19 grasp types: Feix's 33, merged where hand and opposition are the same. The table is data
+//! (`data/types.toml`).
 
 use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
-/// What the hand does with the object, in Feix's three broad kinds.
+/// Feix's three broad kinds of grasps.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Category {
     /// Held rigidly: only the arm moves the object.
     Power,
-    /// Both at once.
+    /// Between the two.
     Intermediate,
     /// Held between fingertips, which can move it.
     Precision,
@@ -20,7 +21,6 @@ impl Category {
     /// In the order of the paper's table.
     pub const ALL: [Category; 3] = [Category::Power, Category::Intermediate, Category::Precision];
 
-    /// Lower-case name.
     pub fn name(self) -> &'static str {
         match self {
             Self::Power => "power",
@@ -30,21 +30,20 @@ impl Category {
     }
 }
 
-/// One of the 19.
+/// One of the 19 types.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct GraspType {
     /// Name in the paper's table.
     pub name: String,
-    /// Feix's types that it takes in.
+    /// Feix's types that it includes.
     pub includes: Vec<String>,
-    /// Broad kind.
     pub category: Category,
-    /// In a sentence.
+    /// One sentence.
     pub definition: String,
 }
 
-/// What can be wrong with a data file of the study.
+/// Errors of the study's data files.
 #[derive(Debug, thiserror::Error)]
 pub enum DataError {
     /// Not readable.
@@ -55,7 +54,6 @@ pub enum DataError {
         /// The operating system's reason.
         source: std::io::Error,
     },
-    /// Not in the file's format.
     #[error("{path}: {message}")]
     Format {
         /// The file.
@@ -63,16 +61,13 @@ pub enum DataError {
         /// The parser's message, with line and field.
         message: String,
     },
-    /// A field's value makes no sense.
+    /// Invalid value.
     #[error("{path}: {field}: found {found}, expected {expected}")]
     Field {
         /// The file.
         path: PathBuf,
-        /// Where in it.
         field: String,
-        /// What stands there.
         found: String,
-        /// What would be right.
         expected: String,
     },
 }
@@ -100,7 +95,7 @@ impl Taxonomy {
         Self::parse(include_str!("../data/types.toml"), Path::new("types.toml")).expect("the built-in types are valid")
     }
 
-    /// Reads a table from text; `path` is used in errors.
+    /// Parses a table; `path` is used in errors.
     pub fn parse(text: &str, path: &Path) -> Result<Self, DataError> {
         let File { types } = toml::from_str(text)
             .map_err(|error| DataError::Format { path: path.into(), message: error.to_string() })?;

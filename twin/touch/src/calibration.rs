@@ -1,9 +1,10 @@
-//! The photometric model: how a change of colour at a place of the image tells the slope of the gel.
+//! The photometric model: from the colour change of a pixel at its position to the slope of the gel.
 //!
-//! A press of a body of known shape at a known place labels every pixel with the true slope. The model is linear in features
-//! of the relative colour change (up to third order) and of the place (up to second order), fitted by ridge regression. It
-//! predicts the x and y part of the unit normal, which a Lambertian surface's brightness is linear in and which stay bounded
-//! on steep flanks, and turns them into gradients. All features vanish with the colour change: an untouched pixel is level.
+//! A press of a body of known shape at a known position labels every pixel with the true slope. The model is linear in
+//! features of the relative colour change (up to third order) times features of the position (up to second order), fitted
+//! by ridge regression. It predicts the x and y components of the unit normal, in which a Lambertian surface's brightness
+//! is linear and which stay bounded on steep flanks, and converts them to gradients. All features vanish with the colour
+//! change, so an untouched pixel is level.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -21,11 +22,11 @@ use crate::error::TouchError;
 
 /// Number of features of the colour change.
 pub const COLOUR_FEATURES: usize = 19;
-/// Number of features of the place: 1, u, v, u^2, uv, v^2.
+/// Number of features of the position: 1, u, v, u^2, uv, v^2.
 pub const PLACE_FEATURES: usize = 6;
 const FEATURES: usize = COLOUR_FEATURES * PLACE_FEATURES;
 const VERSION: u32 = 1;
-/// Steepest slope's sine that a model answers with.
+/// Largest sine of a predicted slope angle.
 pub(crate) const STEEPEST: f32 = 0.95;
 
 /// A labelled press.
@@ -41,19 +42,19 @@ pub struct CalibrationPress {
     pub indentation: Vec<f32>,
 }
 
-/// Colour change to slope, for one sensor configuration.
+/// The model of one sensor configuration.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct PhotometricModel {
-    /// For each colour feature the weights of the place features, for the normal's x and y part.
+    /// For each colour feature the weights of the position features, for the normal's x and y components.
     weights: Vec<[[f32; 2]; PLACE_FEATURES]>,
 }
 
-/// The photometric models of a hand.
+/// Photometric models of a hand, one per sensor configuration.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct PhotometricCalibration {
     /// Version of the file format.
     pub version: u32,
-    /// A model for each sensor configuration (letter a to f).
+    /// By the configuration's letter, a to f.
     pub configurations: BTreeMap<char, PhotometricModel>,
 }
 
@@ -68,7 +69,7 @@ pub struct AngularError {
 }
 
 impl AngularError {
-    /// Of single angles, degrees.
+    /// Statistics of angles, degrees.
     pub fn of(mut errors: Vec<f64>) -> Self {
         errors.sort_by(f64::total_cmp);
         let at = |fraction: f64| errors.get((fraction * errors.len() as f64) as usize).copied().unwrap_or(f64::NAN);
@@ -81,7 +82,7 @@ impl AngularError {
     }
 }
 
-/// Pixels of a press where something presses, borders excluded.
+/// Pixels of a press that are in contact, without the image border.
 pub fn contact_pixels(press: &CalibrationPress) -> impl Iterator<Item = usize> {
     let inside = |i: &usize| (1..N - 1).contains(&(i % N)) && (1..N - 1).contains(&(i / N));
     (0..PIXELS).filter(inside).filter(|&i| press.indentation[i] > 0.0)
@@ -95,7 +96,7 @@ pub fn angle(press: &CalibrationPress, i: usize, pixel: (f64, f64), [px, py]: [f
     cross.atan2(gx * px + gy * py + 1.0).to_degrees()
 }
 
-/// Pixels that are worked on together.
+/// Pixels that are computed together.
 const LANES: usize = 8;
 
 /// Features of colour changes, pixel by pixel: first, second and third order.
@@ -107,17 +108,17 @@ fn colour_features<const M: usize>([r, g, b]: [[f32; M]; 3]) -> [[f32; M]; COLOU
     [r, g, b, rr, gg, bb, rg, rb, gb, rrr, ggg, bbb, rrg, rrb, ggr, ggb, bbr, bbg, rgb]
 }
 
-/// Normalised place of a pixel, -1 to 1: u to the right (pad x), v up (pad y).
+/// Normalised position of a pixel, -1 to 1: u to the right (pad x), v up (pad y).
 fn place(column: usize, row: usize) -> (f32, f32) {
     let half = 0.5 * N as f32;
     ((column as f32 + 0.5) / half - 1.0, 1.0 - (row as f32 + 0.5) / half)
 }
 
-/// A model with the row's v folded in: quadratics in u.
+/// A model for one image row: with its v substituted, the weights are quadratics in u.
 pub(crate) struct RowModel([[[f32; 2]; 3]; COLOUR_FEATURES]);
 
 impl RowModel {
-    /// The x and y part of the normals of pixels from `column` on with these relative colour changes, no steeper than the limit.
+    /// x and y components of the normals of consecutive pixels from `column` on, from their relative colour changes.
     pub(crate) fn normals(&self, column: usize, changes: &[[f32; 3]], mut found: impl FnMut(usize, [f32; 2])) {
         for (chunk, changes) in changes.chunks(LANES).enumerate() {
             let at = |lane: usize| changes.get(lane).copied().unwrap_or_default();
@@ -143,14 +144,14 @@ impl RowModel {
     }
 }
 
-/// The x and y part of a normal, cut where it is steeper than models answer with.
+/// x and y components of a normal, scaled down to the limit of the slope.
 pub(crate) fn bounded([nx, ny]: [f32; 2]) -> [f32; 2] {
     let sine = (nx * nx + ny * ny).sqrt();
     let scale = if sine > STEEPEST { STEEPEST / sine } else { 1.0 };
     [nx * scale, ny * scale]
 }
 
-/// Gradients (dh/dx, dh/dy) of a surface whose unit normal has this x and y part.
+/// Gradients (dh/dx, dh/dy) of a surface from the x and y components of its unit normal.
 pub(crate) fn gradient_of([nx, ny]: [f32; 2]) -> [f32; 2] {
     let nz = (1.0 - nx * nx - ny * ny).sqrt();
     [nx / nz, ny / nz]
@@ -191,7 +192,7 @@ impl PhotometricModel {
                 for column in 1..N - 1 {
                     let i = row * N + column;
                     let touched = press.indentation[i] > 0.0;
-                    // One pixel in 16 of the rest teaches what noise on a level surface looks like.
+                    // One in 16 of the other pixels represents noise on a level surface.
                     if !touched && (row % 4 != 0 || column % 4 != 0) {
                         continue;
                     }
@@ -220,7 +221,7 @@ impl PhotometricModel {
         if samples < needed {
             return Err(TouchError::TooFewSamples { configuration, samples, needed });
         }
-        // Ridge relative to each feature's own energy, so that small cubic features are not punished more.
+        // Ridge relative to each feature's own energy, so that small cubic features are not penalised more.
         for k in 0..FEATURES {
             normal[(k, k)] += 1e-5 * normal[(k, k)] + 1e-9 * samples as f64 * 1e-3;
         }
@@ -263,8 +264,8 @@ impl PhotometricCalibration {
         self.configurations.get(&configuration).ok_or(TouchError::Uncalibrated(configuration))
     }
 
-    /// Angular error of the predicted normals over the contact pixels (indentation > 0) of presses, best ones that were held
-    /// out of the fit.
+    /// Angular error of the predicted normals over the contact pixels (indentation > 0) of presses, which should not have
+    /// been used in the fit.
     pub fn evaluate(&self, hand: &Hand, presses: &[CalibrationPress]) -> Result<AngularError, TouchError> {
         let mut errors: Vec<f64> = Vec::new();
         for press in presses {

@@ -5,16 +5,16 @@ use hand_model::robot::TactileImage;
 
 use crate::PIXELS;
 
-/// Side of the blocks in which change is looked for, pixels.
+/// Side of the blocks in which change is detected, pixels.
 const BLOCK: usize = 6;
 const BLOCKS: usize = N / BLOCK;
 
-/// When does a pad count as touched?
+/// Thresholds for a pad to count as touched.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct StereoOptions {
-    /// Mean change of a channel over a block of 6 x 6 pixels that is not noise, in counts of 255.
+    /// Least mean change of a channel over a block of 6 x 6 pixels, grey levels of 255.
     pub block_threshold: f32,
-    /// Number of changed blocks that make a touch.
+    /// Least number of changed blocks.
     pub least_blocks: usize,
     /// Blocks added around the changed region.
     pub margin: usize,
@@ -22,12 +22,13 @@ pub struct StereoOptions {
 
 impl Default for StereoOptions {
     fn default() -> Self {
-        // Pixel noise of 2 counts makes block means noisy by 0.33; 6 times that over 4800 means is never reached by chance.
+        // Pixel noise of 2 grey levels gives block means a standard deviation of 0.33; 4800 means do not reach 6 times
+        // that by chance.
         Self { block_threshold: 2.0, least_blocks: 3, margin: 2 }
     }
 }
 
-/// A rectangle of pixels, ends excluded.
+/// A half-open rectangle of pixels.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[allow(missing_docs)]
 pub struct Region {
@@ -41,13 +42,12 @@ impl Region {
     /// The whole image.
     pub const FULL: Self = Self { column_begin: 0, column_end: N, row_begin: 0, row_end: N };
 
-    /// Whether the pixel lies inside.
     pub fn contains(&self, column: usize, row: usize) -> bool {
         (self.column_begin..self.column_end).contains(&column) && (self.row_begin..self.row_end).contains(&row)
     }
 }
 
-/// Where `image` differs from `background`; `None` where it does not, that is, where the pad is untouched.
+/// The region in which `image` differs from `background`; `None` if the pad is untouched.
 pub fn changed_region(image: &TactileImage, background: &TactileImage, options: &StereoOptions) -> Option<Region> {
     if image.rgb == background.rgb {
         return None;
@@ -80,8 +80,8 @@ pub fn changed_region(image: &TactileImage, background: &TactileImage, options: 
     })
 }
 
-/// Relative colour change of every pixel of `region` (others 0), smoothed by a 3 x 3 binomial filter: change over background
-/// brightness, which takes the unevenness of the lamps out; the floor keeps dark corners from shouting.
+/// Relative colour change of every pixel of `region` (others 0), smoothed by a 3 x 3 binomial filter. Dividing by the
+/// background's brightness compensates for uneven lighting; the floor limits the gain in dark corners.
 #[allow(clippy::needless_range_loop)] // three arrays share the index
 pub(crate) fn colour_change(image: &TactileImage, background: &TactileImage, region: Region) -> Vec<[f32; 3]> {
     const FLOOR: f32 = 40.0;

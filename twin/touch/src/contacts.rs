@@ -1,9 +1,10 @@
-//! Height map to contact patches: where something presses on the gel, how hard, and what its surface looks like there.
+//! Height map to contact patches: position, force and surface of each contact on the gel.
 //!
-//! The gel does not stop at the rim of a contact: it bulges smoothly around it. A pixel is *raised* where the height is above
-//! the noise, and *in contact* where it is above a fraction of its patch's peak; both together are a hysteresis. Points that
-//! are handed on as the object's surface come from the upper, inner part only, where the gel lies against the object. The
-//! normal force counts the whole raised area, because smoothing moves the indented volume about but keeps it.
+//! The gel bulges smoothly around a contact beyond its rim. A pixel is *raised* where the height is above the noise, and
+//! *in contact* where it is above a fraction of its patch's peak; the two thresholds act as a hysteresis. Points on the
+//! object's surface are taken only from the upper, inner part of a patch, where the gel lies against the object. The
+//! normal force is computed from the whole raised area, because smoothing redistributes the indented volume but preserves
+//! it.
 
 use hand_model::pads::{Camera, IMAGE_SIZE as N, Pad};
 use hand_model::parameters::Gel;
@@ -48,7 +49,7 @@ pub struct SurfacePoint {
     pub normal: Vector3<f64>,
 }
 
-/// A connected contact.
+/// A connected contact on one camera's image.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Patch {
     /// Index of the camera that sees it.
@@ -59,7 +60,7 @@ pub struct Patch {
     pub centroid: Point3<f64>,
     /// Principal axes of the contact area in the pad's plane, longer first, unit vectors.
     pub axes: [Vector2<f64>; 2],
-    /// Standard deviation of the area along the two axes, m.
+    /// Standard deviation of the area along `axes`, m.
     pub extent: [f64; 2],
     /// Mean of the object's outward normals weighted by pressure, unit vector, pad frame.
     pub normal: Vector3<f64>,
@@ -67,7 +68,6 @@ pub struct Patch {
     pub force: f64,
     /// Largest indentation, m.
     pub peak: f64,
-    /// Points on the object's surface.
     pub points: Vec<SurfacePoint>,
 }
 
@@ -126,7 +126,8 @@ pub fn find_contacts(
         if top < options.peak {
             continue;
         }
-        // Within a hill, each connected summit above the contact level is a contact; it gets its share of the hill's volume.
+        // Within a hill, each connected summit above the contact level is a contact; the hill's volume is shared between
+        // them.
         let level = options.raised.max(options.contact_fraction * top);
         let summits = summits(height, &mut label, &mut next, &hill, level, options.least_pixels);
         let volume = |pixels: &[usize]| pixels.iter().map(|&i| f64::from(height[i])).sum::<f64>();
@@ -187,8 +188,7 @@ fn summits(
     summits
 }
 
-/// The patch of the contact `pixels`, which bear `share` of their own volume's force more than once counted: the bulge around
-/// them belongs to them too.
+/// The patch of one contact. `share` scales the volume over `pixels` up to that of the bulge around them.
 fn describe(view: View, gel: Gel, pixels: &[usize], share: f64, options: &ContactOptions) -> Patch {
     let View { camera_index, camera, height, .. } = view;
     let (dx, dy) = camera.pixel_size();
@@ -217,7 +217,7 @@ fn describe(view: View, gel: Gel, pixels: &[usize], share: f64, options: &Contac
     let angle = 0.5 * (2.0 * xy).atan2(xx - yy);
     let (half_sum, half_difference) = (0.5 * (xx + yy), (0.5 * (xx - yy)).hypot(xy));
     let long = Vector2::new(angle.cos(), angle.sin());
-    // Every so-manyth inner pixel along rows and columns: an even, deterministic subsample.
+    // Every n-th inner pixel along rows and columns: an even, deterministic subsample.
     let inner = |i: &&usize| height[**i] >= options.inner_fraction * peak;
     let inner_count = pixels.iter().filter(inner).count();
     let mut stride = ((inner_count as f64 / options.most_points.max(1) as f64).sqrt().ceil() as usize).max(1);
@@ -252,8 +252,8 @@ fn describe(view: View, gel: Gel, pixels: &[usize], share: f64, options: &Contac
     }
 }
 
-/// Points of the camera's view (pad frame) on an even grid of `nx` by `ny` where nothing presses; all of them if `height` is
-/// `None`. The object cannot be there.
+/// Points of the pad's surface (pad frame) on an even grid of `nx` by `ny` over the camera's view where nothing presses;
+/// all of them if `height` is `None`. The object cannot be there.
 pub fn clear_points(
     pad: &Pad,
     camera: &Camera,

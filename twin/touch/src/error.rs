@@ -1,4 +1,4 @@
-//! What can go wrong, in words that say what to do.
+//! Errors of the crate.
 
 use std::path::PathBuf;
 
@@ -10,59 +10,49 @@ pub enum TouchError {
     Io {
         /// The file.
         path: PathBuf,
-        /// Why.
         source: std::io::Error,
     },
-    /// A calibration file is not what it should be.
+    /// Not a photometric calibration.
     #[error("{path}: not a calibration: {message}")]
     Format {
         /// The file.
         path: PathBuf,
-        /// What was found.
+        /// Parser message or found value.
         message: String,
     },
-    /// A network file is not what it should be.
+    /// Not a network.
     #[error("{path}: not a network: {message}")]
     NetworkFormat {
         /// The file.
         path: PathBuf,
-        /// What was found.
+        /// Parser message or found value.
         message: String,
     },
-    /// A kept training was made by another schedule.
-    #[error("a kept training: found {found}, expected {expected}")]
+    /// A saved training has another schedule.
+    #[error("schedule of the saved training: found {found}, expected {expected}")]
     Schedule {
-        /// Its schedule.
+        /// Schedule of the saved training.
         found: String,
-        /// The schedule asked for.
+        /// Requested schedule.
         expected: String,
     },
     /// There is no photometric model for a sensor configuration.
     #[error("no photometric model for sensor configuration `{0}`: calibrate it first")]
     Uncalibrated(char),
-    /// Too little contact in the presses to fit a model.
+    /// The presses have too few contact pixels to fit a model.
     #[error(
         "configuration `{configuration}`: {samples} labelled contact pixels, at least {needed} are needed: press more often or deeper"
     )]
-    TooFewSamples {
-        /// Sensor configuration.
-        configuration: char,
-        /// Pixels found.
-        samples: usize,
-        /// Pixels needed.
-        needed: usize,
-    },
-    /// Something has the wrong number of elements.
+    TooFewSamples { configuration: char, samples: usize, needed: usize },
+    /// Wrong number of elements.
     #[error("{what}: found {found}, expected {expected}")]
     Size {
         /// What was counted.
         what: &'static str,
-        /// Found.
         found: usize,
-        /// Expected.
         expected: usize,
     },
-    /// A number that must be finite is not.
+    /// A value is infinite or not a number.
     #[error("{0} is not finite")]
     NotFinite(&'static str),
     /// A linear system has no solution.

@@ -1,7 +1,7 @@
-//! Which of the camera board's frames can be believed.
+//! Which of the camera board's frames are valid.
 //!
-//! A camera that is dead, stuck or blinded must not read as "nothing touches here": its image is left out, the fault has a
-//! name, and its pad counts as [blind](crate::PadTouch::blind) from then on down to the pose.
+//! A camera that is dead, frozen or blinded must not read as "nothing touches here". Its image is left out, the fault is
+//! reported, and its pad counts as [blind](crate::PadTouch::blind) in all later steps.
 
 use std::sync::Arc;
 
@@ -12,45 +12,31 @@ use crate::PIXELS;
 
 /// Mean grey level under which an image is black.
 const BLACK: f64 = 8.0;
-/// A value from here on is saturated ...
+/// Least saturated value.
 const SATURATED: u8 = 250;
-/// ... and an image of which this share is saturated tells nothing.
+/// Largest share of saturated values in a valid image.
 const SATURATED_SHARE: f64 = 0.25;
-/// Every so-manyth value is looked at.
+/// Every `STRIDE`-th value is examined.
 const STRIDE: usize = 31;
 
 /// Why a camera is left out.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 pub enum Fault {
-    /// It sent nothing.
+    /// No image.
     #[error("no image arrived")]
     Missing,
-    /// Its image has the wrong number of bytes.
     #[error("its image has {found} bytes, expected {expected}")]
-    Size {
-        /// Bytes found.
-        found: usize,
-        /// Bytes expected.
-        expected: usize,
-    },
-    /// Its image is the one it had sent before.
+    Size { found: usize, expected: usize },
+    /// The sequence number has not increased.
     #[error("its image is frozen at sequence number {sequence}")]
-    Frozen {
-        /// The number that came again.
-        sequence: u64,
-    },
-    /// Its image is black.
+    Frozen { sequence: u64 },
     #[error("its image is black (mean grey level {mean:.1}, expected at least {BLACK})")]
     Black {
-        /// Mean of all values.
+        /// Mean grey level.
         mean: f64,
     },
-    /// Its image is saturated.
     #[error("{share:.2} of its image is saturated, expected at most {SATURATED_SHARE}")]
-    Saturated {
-        /// Share of the values at the upper end.
-        share: f64,
-    },
+    Saturated { share: f64 },
     /// There is no photometric model for its pad.
     #[error("sensor configuration `{0}` is missing from the calibration")]
     Uncalibrated(char),
@@ -62,13 +48,11 @@ pub enum Fault {
 pub struct CameraFault {
     /// Index of the camera.
     pub camera: usize,
-    /// Its name.
     pub name: String,
-    /// Why.
     pub fault: Fault,
 }
 
-/// What is wrong with an image by itself.
+/// The fault visible in a single image, if any.
 pub fn fault_of(image: &TactileImage) -> Option<Fault> {
     if image.rgb.len() != 3 * PIXELS {
         return Some(Fault::Size { found: image.rgb.len(), expected: 3 * PIXELS });
@@ -86,9 +70,9 @@ pub fn fault_of(image: &TactileImage) -> Option<Fault> {
     (share > SATURATED_SHARE).then_some(Fault::Saturated { share })
 }
 
-/// The newest image of every camera that can be believed, in camera order, and the others with their faults. `before` holds
-/// the sequence number that each camera had sent before the images were asked for.
-pub fn believable(
+/// The newest valid image of every camera, in camera order, and the faults of the other cameras. `before` has each
+/// camera's sequence number from before the images were requested.
+pub fn valid_images(
     hand: &Hand,
     frames: &[TactileFrame],
     before: &[Option<u64>; CAMERAS],
@@ -137,7 +121,7 @@ mod tests {
         sent.remove(9);
         let mut before = [None; CAMERAS];
         before[4] = Some(4);
-        let (images, faults) = believable(&hand, &sent, &before);
+        let (images, faults) = valid_images(&hand, &sent, &before);
         let found: Vec<(usize, Fault)> = faults.iter().map(|fault| (fault.camera, fault.fault)).collect();
         let expected = [
             (1, Fault::Size { found: 7, expected: 3 * PIXELS }),
@@ -155,7 +139,7 @@ mod tests {
     #[test]
     fn a_board_in_order_has_no_faults() {
         let hand = Hand::ftac();
-        let (images, faults) = believable(&hand, &frames(&hand, 2), &[Some(1); CAMERAS]);
+        let (images, faults) = valid_images(&hand, &frames(&hand, 2), &[Some(1); CAMERAS]);
         assert!(faults.is_empty() && images.iter().all(Option::is_some));
     }
 }

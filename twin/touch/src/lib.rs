@@ -1,14 +1,16 @@
-//! What the hand feels: tactile images become surface gradients, heights, contact patches and an in-hand object pose.
+//! Tactile perception: images become surface gradients, heights, contact patches and an in-hand object pose.
 //!
-//! The story in order: [`frames`] says which images can be believed; [`calibration`] learns from labelled presses how colour changes with slope; [`photometric_stereo`]
-//! applies it to an image, pixel by pixel, and [`network`] with its surroundings; [`poisson`] integrates the slopes to a height map; [`contacts`] finds the patches where something
-//! presses, and [`slip`] how they move; [`posture`] says what six servos tell about fifteen joints; [`pose`] registers patches, untouched pads and servo
-//! readings to the known shape of the object; [`pipeline`] runs all of it for the 18 cameras of the hand.
+//! [`frames`] decides which camera images are valid. [`colour_change`] finds where an image differs from its background.
+//! [`calibration`] fits the relation between colour change and slope to labelled presses; [`photometric_stereo`] applies
+//! it pixel by pixel, and [`network`] with each pixel's surroundings. [`poisson`] integrates slopes to a height map.
+//! [`contacts`] finds contact patches in it, and [`slip`] their motion; [`pad_touch`] is the result for one pad.
+//! [`posture`] estimates fifteen joint angles from six servos. [`pose`] registers patches, untouched pads and servo
+//! readings to the known shape of the object. [`pipeline`] runs all of it for the 18 cameras of the hand.
 //!
 //! This crate knows the hand model and nothing of simulators or hardware, and it never sees ground truth.
 //!
 //! # Conventions
-//! SI units. Indentation `h` is positive into the gel; its gradients are `gx = dh/dx` and `gy = dh/dy` in the pad frame.
+//! SI units. The indentation `h` is positive into the gel; its gradients are `gx = dh/dx` and `gy = dh/dy` in the pad frame.
 //! Images, gradient fields and height maps are row-major, [`IMAGE_SIZE`] squared, row 0 at the distal edge (largest y).
 
 pub mod calibration;

@@ -1,16 +1,16 @@
-//! Photometric stereo by a network: what a pixel's surroundings add to what its colour says.
+//! Photometric stereo by a neural network that also uses a pixel's surroundings.
 //!
-//! A small encoder-decoder looks at the relative colour change, at the normal that the [`PhotometricModel`] of the pad's
-//! configuration reads off each pixel alone, and at the pixel's place, and answers with a correction of that normal: at rims,
-//! in cast shadows and where colours are ambiguous, the surroundings know more. The photometric model is what conditions it
-//! on the pad, so that one network serves all.
+//! A small encoder-decoder takes the relative colour change, the normal that the pad's [`PhotometricModel`] predicts from
+//! each pixel alone, and the pixel's position. It outputs a correction of that normal: at rims, in cast shadows and for
+//! ambiguous colours the surroundings carry information. The photometric model conditions the network on the pad, so that
+//! one network serves all pads.
 //!
 //! ```text
 //! 7 planes --3x3/2--> 12 --3x3/2--> 20 --3x3--> 20 --1x1--> 12, enlarged, + 12 --3x3--> 12 --1x1--> 2 x (2 x 2) --> 2 planes
 //! ```
-//! Beside it stands the usual per-pixel perceptron (colour change, place and configuration in, normal out). A rectifier
-//! follows every hidden layer. Inference is plain arithmetic on the CPU; training is in `network::train`, behind the feature
-//! `train`.
+//! The per-pixel perceptron (colour change, position and configuration in, normal out) is the usual baseline. Every
+//! hidden layer is followed by a rectifier. Inference is plain arithmetic on the CPU; training is in `network::train`,
+//! behind the feature `train`.
 
 mod convolution;
 #[cfg(feature = "train")]
@@ -35,13 +35,13 @@ const VERSION: u32 = 1;
 /// Sensor configurations, in the order of the perceptron's input planes.
 const CONFIGURATIONS: [char; 6] = ['a', 'b', 'c', 'd', 'e', 'f'];
 
-/// What a network looks like.
+/// Network architectures.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Kind {
-    /// Sees the surroundings, corrects the photometric model.
+    /// Uses the surroundings and corrects the photometric model.
     EncoderDecoder,
-    /// Sees one pixel; the customary baseline.
+    /// Uses one pixel; the usual baseline.
     PerPixel,
 }
 
@@ -49,7 +49,6 @@ pub enum Kind {
 pub type LayerShape = (usize, usize, usize);
 
 impl Kind {
-    /// The layers in order.
     pub fn layers(self) -> &'static [LayerShape] {
         match self {
             Self::EncoderDecoder => &[(7, 12, 3), (12, 20, 3), (20, 20, 3), (20, 12, 1), (12, 12, 3), (12, 8, 1)],
@@ -57,12 +56,12 @@ impl Kind {
         }
     }
 
-    /// Planes that the network sees.
+    /// Number of input planes.
     pub fn inputs(self) -> usize {
         self.layers()[0].0
     }
 
-    /// Side of the square of pixels that one place of the last layer answers for.
+    /// Side of the square of pixels that one position of the last layer predicts.
     fn fold(self) -> usize {
         match self {
             Self::EncoderDecoder => 2,
@@ -71,27 +70,26 @@ impl Kind {
     }
 }
 
-/// Trained weights with how they came about.
+/// Trained weights and their origin.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Network {
     /// Version of the file format.
     version: u32,
-    /// What it looks like.
     pub kind: Kind,
-    /// Command, seed and data that made it.
+    /// Command, seed and data of the training.
     pub recipe: String,
-    /// The photometric model that conditioned it, where that is not one of the hand's calibration.
+    /// The photometric model it was trained with, if not one of the hand's calibration.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub conditioning: Option<PhotometricModel>,
     /// For each layer, weights by output, input, row, column.
     weights: Vec<Vec<f32>>,
-    /// For each layer, a bias for each output.
+    /// For each layer, biases by output.
     biases: Vec<Vec<f32>>,
 }
 
 impl Network {
-    /// A network of given weights, layer by layer.
+    /// From weights and biases by layer.
     pub fn new(kind: Kind, recipe: String, weights: Vec<Vec<f32>>, biases: Vec<Vec<f32>>) -> Result<Self, TouchError> {
         let network = Self { version: VERSION, kind, recipe, conditioning: None, weights, biases };
         network.check().map(|()| network)
@@ -139,7 +137,6 @@ impl Network {
         Self::parse(&text, path)
     }
 
-    /// The network made ready to run.
     pub fn prepare(&self) -> PreparedNetwork {
         let layers = self.kind.layers().iter().zip(self.weights.iter().zip(&self.biases));
         PreparedNetwork {
@@ -153,7 +150,7 @@ impl Network {
     }
 }
 
-/// A network whose weights lie as inference wants them.
+/// A network with its weights laid out for inference.
 #[derive(Debug, Clone)]
 pub struct PreparedNetwork {
     kind: Kind,
@@ -161,8 +158,8 @@ pub struct PreparedNetwork {
 }
 
 impl PreparedNetwork {
-    /// Slopes of the gel under a tactile image, as [`gradients`](crate::photometric_stereo::gradients) gives them, by a
-    /// network instead; `model` is that of the pad's `configuration`. `None` where the pad is untouched.
+    /// As [`gradients`](crate::photometric_stereo::gradients), by the network; `model` is that of the pad's
+    /// `configuration`. `None` if the pad is untouched.
     pub fn gradients(
         &self,
         image: &TactileImage,
@@ -181,7 +178,7 @@ impl PreparedNetwork {
         Some(Gradients { gx, gy, region })
     }
 
-    /// The x and y part of the normal for every pixel of `region`, whose sides are multiples of 4.
+    /// x and y components of the normal for every pixel of `region`, whose sides are multiples of 4.
     pub(crate) fn normals(
         &self,
         change: &[[f32; 3]],
@@ -195,7 +192,7 @@ impl PreparedNetwork {
         let planes = Planes::from_fn(self.kind.inputs(), height, width, |plane, row, column| {
             sight.input(self.kind, plane, row, column)
         });
-        let out = self.answer(&planes);
+        let out = self.output(&planes);
         let fold = self.kind.fold();
         let mut normals = Vec::with_capacity(width * height);
         for row in 0..height {
@@ -211,7 +208,7 @@ impl PreparedNetwork {
         normals
     }
 
-    fn answer(&self, planes: &Planes) -> Planes {
+    fn output(&self, planes: &Planes) -> Planes {
         match (self.kind, self.layers.as_slice()) {
             (Kind::EncoderDecoder, [down, further, middle, up, decode, last]) => {
                 let half = down.run(planes, 2, true);
@@ -241,7 +238,7 @@ pub(crate) fn model_normals(change: &[[f32; 3]], model: &PhotometricModel, regio
     normals
 }
 
-/// What there is to see in a region of an image.
+/// The inputs of a network in a region of an image.
 pub(crate) struct Sight<'a> {
     /// Relative colour change of the whole image.
     pub change: &'a [[f32; 3]],
@@ -252,7 +249,7 @@ pub(crate) struct Sight<'a> {
 }
 
 impl Sight<'_> {
-    /// What a network sees in one of its planes at a pixel of the region.
+    /// Value of an input plane at a pixel of the region.
     pub fn input(&self, kind: Kind, plane: usize, row: usize, column: usize) -> f32 {
         let (at_row, at_column) = (self.region.row_begin + row, self.region.column_begin + column);
         let place = |at: usize| (at as f32 + 0.5) / (0.5 * N as f32) - 1.0;
@@ -266,7 +263,7 @@ impl Sight<'_> {
         }
     }
 
-    /// What a network's answer is added to.
+    /// The normal to which the network's output is added.
     pub fn start(&self, kind: Kind, row: usize, column: usize) -> [f32; 2] {
         match kind {
             Kind::EncoderDecoder => self.read[row * (self.region.column_end - self.region.column_begin) + column],
@@ -275,7 +272,7 @@ impl Sight<'_> {
     }
 }
 
-/// The region grown to sides that can be halved twice.
+/// The region extended to multiples of 4.
 fn multiple_of_four(region: Region) -> Region {
     let (down, up) = (|at: usize| at / 4 * 4, |at: usize| at.next_multiple_of(4).min(N));
     Region {
@@ -291,7 +288,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn files_that_are_no_networks_are_refused() {
+    fn invalid_network_files_are_errors() {
         let path = Path::new("network.json");
         let kind = Kind::PerPixel;
         let tables = |f: &dyn Fn(&LayerShape) -> usize| -> Vec<Vec<f32>> {

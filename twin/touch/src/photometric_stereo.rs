@@ -14,11 +14,11 @@ pub struct Gradients {
     pub gx: Vec<f32>,
     /// dh/dy, [`PIXELS`] values.
     pub gy: Vec<f32>,
-    /// Where the image changed.
+    /// The region in which the image changed.
     pub region: Region,
 }
 
-/// Slopes of the gel under a tactile image; `None` where the pad is untouched. Both images are `IMAGE_SIZE` squared RGB.
+/// Slopes of the gel under a tactile image; `None` if the pad is untouched. Both images are `IMAGE_SIZE` squared RGB.
 pub fn gradients(
     image: &TactileImage,
     background: &TactileImage,

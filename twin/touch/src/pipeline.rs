@@ -1,4 +1,4 @@
-//! Eighteen images in, what each pad feels out.
+//! From the images of the hand's eighteen cameras to what each pad feels.
 
 use std::sync::Arc;
 
@@ -11,7 +11,7 @@ use crate::calibration::PhotometricCalibration;
 use crate::colour_change::{Region, StereoOptions};
 use crate::contacts::{ContactOptions, clear_points, find_contacts};
 use crate::error::TouchError;
-use crate::frames::{CameraFault, Fault, believable};
+use crate::frames::{CameraFault, Fault, valid_images};
 use crate::network::{Network, PreparedNetwork};
 use crate::pad_touch::{HeightMap, PadTouch};
 use crate::photometric_stereo::gradients;
@@ -19,21 +19,20 @@ use crate::poisson::PoissonSolver;
 use crate::pose::{KnownShape, PoseEstimate, PoseInputs, PoseOptions, PosePrior, costs_from_pose, estimate_pose};
 use crate::{IMAGE_SIZE as N, PIXELS};
 
-/// Columns and rows of the points of an untouched pad that are asked whether the object is there ...
+/// Columns and rows of the grid of free points on an untouched pad.
 const CLEAR: (usize, usize) = (4, 6);
-/// ... and of a pad that is touched elsewhere, for what the object does not cover there tells where it ends.
+/// The same on a pad that is touched elsewhere: its free points show where the object ends.
 const CLEAR_BESIDE: (usize, usize) = (10, 14);
 
-/// What the pads feel, and which cameras had no say.
+/// What the pads feel, and the cameras that are left out.
 #[derive(Debug, Clone, Default)]
 pub struct Perceived {
-    /// One entry a pad.
+    /// One per pad.
     pub touches: Vec<PadTouch>,
-    /// Cameras that are left out, and why.
     pub faults: Vec<CameraFault>,
 }
 
-/// The whole way from images to touches, for one hand with one calibration.
+/// All steps from images to touches, for one hand with one calibration.
 #[derive(Debug, Clone)]
 pub struct TouchPipeline {
     hand: Hand,
@@ -41,17 +40,14 @@ pub struct TouchPipeline {
     backgrounds: Vec<Arc<TactileImage>>,
     poisson: PoissonSolver,
     network: Option<PreparedNetwork>,
-    /// When an image counts as changed.
     pub stereo: StereoOptions,
-    /// What counts as a contact.
     pub contacts: ContactOptions,
-    /// How a pose is estimated.
     pub pose: PoseOptions,
 }
 
 impl TouchPipeline {
-    /// Prepares the pipeline; `backgrounds` holds an image of every untouched camera, in camera order. Pads that `calibration`
-    /// does not cover are blind.
+    /// `backgrounds` has an image of every untouched camera, in camera order. Pads that `calibration` does not cover are
+    /// blind.
     pub fn new(
         hand: &Hand,
         calibration: PhotometricCalibration,
@@ -70,33 +66,33 @@ impl TouchPipeline {
         })
     }
 
-    /// The same pipeline with slopes from a network instead of from the calibration alone.
+    /// The same pipeline with slopes from a network.
     pub fn with_network(&self, network: &Network) -> Self {
         Self { network: Some(network.prepare()), ..self.clone() }
     }
 
-    /// The same pipeline for cameras whose untouched pads look like `backgrounds`, one a camera.
+    /// The same pipeline with other background images, one per camera.
     pub fn with_backgrounds(&self, backgrounds: Vec<Arc<TactileImage>>) -> Result<Self, TouchError> {
         check_images("background", &backgrounds)?;
         Ok(Self { backgrounds, ..self.clone() })
     }
 
-    /// What the 17 pads feel, given an image of every camera. Cameras are worked on in parallel; the result does not depend
-    /// on how. An image that cannot be believed is an error here: see [`Self::perceive_frames`].
+    /// What the 17 pads feel, from a valid image of every camera; for frames that may be faulty see
+    /// [`Self::perceive_frames`]. Cameras are processed in parallel; the result does not depend on the number of threads.
     pub fn perceive(&self, images: &[Arc<TactileImage>]) -> Result<Vec<PadTouch>, TouchError> {
         check_images("tactile image", images)?;
         self.touches(&images.iter().cloned().map(Some).collect::<Vec<_>>())
     }
 
-    /// What the 17 pads feel, given what the camera board sent. A camera whose image is missing, of the wrong size, frozen
-    /// (`before` holds the sequence numbers of earlier images), black or saturated, or whose pad is not calibrated, is left
-    /// out and named; its pad is blind.
+    /// What the 17 pads feel, from the camera board's frames. A camera whose image is missing, of the wrong size, frozen
+    /// (`before` has the sequence numbers of earlier images), black or saturated, or whose pad is not calibrated, is
+    /// reported as a fault, and its pad is blind.
     pub fn perceive_frames(
         &self,
         frames: &[TactileFrame],
         before: &[Option<u64>; CAMERAS],
     ) -> Result<Perceived, TouchError> {
-        let (mut images, mut faults) = believable(&self.hand, frames, before);
+        let (mut images, mut faults) = valid_images(&self.hand, frames, before);
         for (camera, image) in images.iter_mut().enumerate().filter(|(_, image)| image.is_some()) {
             let view = &self.hand.cameras[camera];
             let configuration = self.hand.pads[view.pad].configuration;
@@ -139,7 +135,7 @@ impl TouchPipeline {
         Ok(touches)
     }
 
-    /// Height map of one camera; `None` where its pad is untouched.
+    /// Height map of one camera; `None` if its pad is untouched.
     pub fn height(&self, camera: usize, image: &Arc<TactileImage>) -> Result<Option<HeightMap>, TouchError> {
         let background = &self.backgrounds[camera];
         if Arc::ptr_eq(image, background) {
@@ -160,7 +156,7 @@ impl TouchPipeline {
         Ok(Some(HeightMap { camera, height, gradients }))
     }
 
-    /// In-hand pose of an object of known shape, from what the pads feel and the servos say.
+    /// In-hand pose of an object of known shape, from touches and servo readings.
     pub fn estimate_pose(
         &self,
         touches: &[PadTouch],
@@ -198,14 +194,13 @@ impl TouchPipeline {
         &self.backgrounds
     }
 
-    /// The hand.
     pub fn hand(&self) -> &Hand {
         &self.hand
     }
 }
 
-/// Height of the gel that nothing presses on: a Poisson solution is free up to a constant. It is the median along the inside
-/// of the changed region's border where that does not run along the image's border, else a low quantile of the image border.
+/// Height of the untouched gel, because a Poisson solution is determined only up to a constant: the median along the
+/// inner border of the changed region where that is not the image border, else a low quantile along the image border.
 fn rest_level(height: &[f32], region: Region) -> f32 {
     let mut border: Vec<f32> = Vec::new();
     for row in region.row_begin..region.row_end {

@@ -1,7 +1,7 @@
 //! Gradient field to height map: a least-squares Poisson solver by discrete cosine transform.
 //!
-//! It finds the `h` that minimises the sum of squares of (h[i+1] - h[i])/d - g, with g the mean gradient of the two pixels,
-//! along both axes, with pixels that need not be square. Nothing is assumed at the border (natural, i.e. Neumann conditions).
+//! It finds the `h` that minimises the sum of squares of (h[i+1] - h[i])/d - g along both axes, with g the mean gradient
+//! of the two pixels. Pixels need not be square. The boundary conditions are natural (Neumann).
 
 use std::f64::consts::PI;
 use std::sync::Arc;
@@ -12,7 +12,7 @@ use rustfft::{Fft, FftPlanner};
 use crate::IMAGE_SIZE as N;
 use crate::PIXELS;
 
-/// A planned solver; cheap to clone, shared between threads.
+/// A solver with planned transforms; cheap to clone.
 #[derive(Clone)]
 pub struct PoissonSolver {
     cosines: Cosines,
@@ -45,7 +45,7 @@ impl PoissonSolver {
     /// pixels of `dx` by `dy` m.
     ///
     /// # Panics
-    /// If a field has not [`PIXELS`] elements.
+    /// If a field does not have [`PIXELS`] elements.
     pub fn solve(&self, gx: &[f32], gy: &[f32], (dx, dy): (f64, f64)) -> Vec<f32> {
         assert!(gx.len() == PIXELS && gy.len() == PIXELS, "fields of {PIXELS} pixels");
         let (dx, dy) = (dx as f32, dy as f32);
@@ -66,7 +66,7 @@ impl PoissonSolver {
                 }
             }
             if pair == 0 {
-                lines[0] = 0.0; // the mean, which no gradient tells
+                lines[0] = 0.0; // the mean, which gradients do not determine
             }
             self.cosines.backward(lines, &mut work);
         }
@@ -78,7 +78,7 @@ impl PoissonSolver {
     }
 }
 
-/// Divergence of the gradients, times dx^2: half-pixel gradients are means of neighbours, none crosses the border.
+/// Divergence of the gradients, times dx^2, from half-pixel gradients that are means of neighbours; zero flux at the border.
 fn divergence(gx: &[f32], gy: &[f32], (dx, dy): (f32, f32)) -> Vec<f32> {
     let mut field = vec![0.0f32; PIXELS];
     let (ax, ay) = (0.5 * dx, -0.5 * dx * dx / dy);
@@ -101,7 +101,7 @@ fn divergence(gx: &[f32], gy: &[f32], (dx, dy): (f32, f32)) -> Vec<f32> {
     field
 }
 
-/// Cosine transforms (type 2 and back) of two real lines at a time by one complex Fourier transform (Makhoul 1980).
+/// Cosine transforms (type 2 and inverse) of two real lines at a time by one complex Fourier transform (Makhoul 1980).
 #[derive(Clone)]
 struct Cosines {
     fft: Arc<dyn Fft<f32>>,
@@ -110,7 +110,7 @@ struct Cosines {
     turns: Arc<[Complex<f32>]>,
 }
 
-/// Room that transforms need.
+/// Working space of the transforms.
 #[derive(Default)]
 struct Work {
     buffer: Vec<Complex<f32>>,
@@ -136,7 +136,7 @@ impl Cosines {
     /// X[k] = sum over n of x[n] cos(pi k (2n + 1) / 2N), for both of the two `lines`.
     fn forward(&self, lines: &mut [f32], work: &mut Work) {
         let (a, b) = lines.split_at_mut(N);
-        // Even places in order, then odd ones backwards.
+        // Even elements in order, then odd ones in reverse.
         work.buffer.clear();
         let pairs = || a.chunks_exact(2).zip(b.chunks_exact(2));
         work.buffer.extend(pairs().map(|(a, b)| Complex::new(a[0], b[0])));
@@ -144,7 +144,7 @@ impl Cosines {
         Self::run(&*self.fft, work);
         let z = &work.buffer;
         (a[0], b[0]) = (z[0].re, z[0].im);
-        // Both lines' spectra are conjugate about the middle: sum and difference take them apart.
+        // The spectra of real lines are conjugate symmetric: sum and difference separate the two.
         let mirrored = z[1..].iter().zip(z[1..].iter().rev()).zip(&self.turns[1..]);
         for ((a, b), ((p, q), turn)) in a[1..].iter_mut().zip(&mut b[1..]).zip(mirrored) {
             *a = (p.re + q.re) * turn.re - (p.im - q.im) * turn.im;
@@ -173,7 +173,7 @@ impl Cosines {
     }
 }
 
-/// Transposes in tiles, which stay in the cache.
+/// Transposes in tiles that fit into the cache.
 fn transpose(from: &[f32], to: &mut [f32]) {
     const TILE: usize = 16;
     for row0 in (0..N).step_by(TILE) {
@@ -225,7 +225,7 @@ mod tests {
         assert!(error < 2e-3 * range, "{error} of {range}");
     }
 
-    /// A plane rises across the whole image: no border condition may flatten it.
+    /// A plane across the whole image: the boundary conditions must not flatten it.
     #[test]
     fn recovers_tilted_plane() {
         let (error, range) = recover(|x, y| (0.05 * x - 0.08 * y, 0.05, -0.08), 0.025, 0.045);
@@ -240,7 +240,8 @@ mod tests {
         assert!(error < 1e-3 * range, "{error} of {range}");
     }
 
-    /// A cap with a sharp rim, as a ball leaves it: the slope jumps, so that the error is bounded by a pixel's worth of it.
+    /// A cap with a sharp rim, like a ball's: the slope is discontinuous there, so the error is up to one pixel times the
+    /// jump.
     #[test]
     fn recovers_paraboloid_cap() {
         let (error, range) = recover(

@@ -1,11 +1,12 @@
-//! In-hand object pose by registering what is felt, and what is not, to a known shape.
+//! In-hand object pose by registration of contacts, and of their absence, to a known shape.
 //!
-//! Unknown are the object's pose in the palm frame, the joint angles of every digit that touches, and how far the object stands out of
-//! every pressed pad against what its heights say. The evidence: surface points of the patches lie on the object; their normals
-//! are the object's; points that feel nothing lie outside it; the cable excursions are as measured; springs, cable tensions and
-//! contact torques balance at each joint; joints keep their limits; and the plan said roughly where the object would be. Many
-//! orientations are screened, Levenberg-Marquardt goes on from those that differ, softly first, later with a Huber loss and all
-//! the exactness that heights have, and the best wins.
+//! Unknown are the object's pose in the palm frame, the joint angles of every digit in contact, and for every pressed pad
+//! the offset of the object from the measured heights along the pad's normal. The evidence is: surface points of the
+//! patches lie on the object; their normals are the object's normals; points without contact are outside the object; the
+//! cable excursions are as measured; springs, cable tensions and contact torques balance at each joint; joints are within
+//! their limits; the plan gives a prior of the pose. Many orientations are screened. Levenberg-Marquardt descends from
+//! those that differ, first with large standard deviations, later with a Huber loss and the heights' full precision, and
+//! the lowest cost wins.
 
 mod evidence;
 mod inputs;
@@ -28,30 +29,30 @@ use uncertainty::{alternatives, mixed_covariance, unobservable};
 pub use inputs::{PoseInputs, PoseOptions, PosePrior};
 pub use shape::KnownShape;
 
-/// An estimated pose and what stands behind it.
+/// An estimated pose with its uncertainty.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PoseEstimate {
     /// `palm_from_object`.
     pub palm_from_object: Isometry3<f64>,
     /// Covariance of position (m; of the object's origin) and rotation (rad; rotation vector), both along the palm's axes.
     pub covariance: Matrix6<f64>,
-    /// Joint angles, rad: estimated for digits that touch, in free equilibrium for the others.
+    /// Joint angles, rad: estimated for digits in contact, in free equilibrium for the others.
     pub q: [f64; HAND_JOINTS],
     /// Root mean square distance of the felt points to the object's surface, m.
     pub residual_rms: f64,
     /// Robust cost of the solution (half the sum of squared, scaled residuals).
     pub cost: f64,
-    /// Number of patches that were registered.
+    /// Number of registered patches.
     pub patches: usize,
-    /// Number of pads that had no say.
+    /// Number of blind pads.
     pub blind: usize,
-    /// Other poses that explain what is felt about as well, with the cost of each above the best one's: a symmetry, or too
-    /// little touch to tell. The covariance allows for them.
+    /// Other poses that fit nearly as well, each with its cost above the best: a symmetry, or too few contacts. The
+    /// covariance includes them.
     pub alternatives: Vec<(Isometry3<f64>, f64)>,
-    /// Rotation axes (palm frame, unit) about which the evidence adds nothing worth naming to the prior: a symmetric object,
-    /// or too few contacts.
+    /// Rotation axes (palm frame, unit) about which the evidence hardly improves on the prior: a symmetric object, or too few
+    /// contacts.
     pub unobservable: Vec<Vector3<f64>>,
-    /// Levenberg-Marquardt steps taken, all starts together.
+    /// Levenberg-Marquardt steps over all starts.
     pub steps: usize,
 }
 
@@ -75,7 +76,8 @@ pub fn estimate_pose(inputs: &PoseInputs) -> Result<PoseEstimate, TouchError> {
     let mut found = descend(&problem, starts, &mut steps);
     let bad = |cost: f64| cost > options.good_cost * problem.patch_count() as f64;
     if problem.has_contact() && found.first().is_some_and(|best| bad(best.0)) {
-        // A solution that leaves its patches unexplained is a wrong one (a box's other face, say): look around it.
+        // A solution with a high cost is probably wrong (another face of a box, for example): screen orientations around
+        // it too.
         let around = found[0].1;
         found.extend(descend(&problem, screen(&problem, prior, &around, options.starts), &mut steps));
         found.sort_by(|a, b| a.0.total_cmp(&b.0));
@@ -97,9 +99,9 @@ pub fn estimate_pose(inputs: &PoseInputs) -> Result<PoseEstimate, TouchError> {
     })
 }
 
-/// Cost of an object that is at `pose` (palm frame), as [`PoseEstimate::cost`] counts it, with the joints where they fit best,
-/// and the least cost that the search reaches downhill from there. With the true pose this tells the two ways apart in which
-/// an estimate can be wrong: the evidence favours the wrong pose, or the search missed the right one.
+/// Cost of an object that is at `pose` (palm frame), as [`PoseEstimate::cost`] counts it, with the joints where they fit
+/// best, and the least cost that the search reaches downhill from there. With the true pose this distinguishes the two
+/// causes of a wrong estimate: the evidence favours the wrong pose, or the search missed the right one.
 pub fn costs_from_pose(inputs: &PoseInputs, pose: &Isometry3<f64>) -> Result<[f64; 2], TouchError> {
     let (problem, rest, _) = prepared(inputs)?;
     let mut state = State { pose: *pose, ..rest };
@@ -133,8 +135,8 @@ fn prepared<'a>(inputs: &PoseInputs<'a>) -> Result<(Problem<'a>, State, usize), 
     Ok((problem, rest, steps))
 }
 
-/// Descends from every start, softly first, and goes on with the best ones only. All that were finished with their costs, best
-/// first. Starts are worked on in parallel; the result does not depend on how.
+/// Descends from every start in three stages, each with the best of the stage before. Returns the final solutions with
+/// their costs, best first. Starts are processed in parallel; the result does not depend on the number of threads.
 fn descend(problem: &Problem, starts: Vec<State>, steps: &mut usize) -> Vec<(f64, State)> {
     let options = problem.options();
     let mut ranked: Vec<(f64, State)> = starts.into_iter().map(|start| (0.0, start)).collect();
@@ -143,7 +145,7 @@ fn descend(problem: &Problem, starts: Vec<State>, steps: &mut usize) -> Vec<(f64
         (Evidence::Middle, options.coarse_steps, options.finished),
         (Evidence::All, options.fine_steps, options.finished),
     ] {
-        let gone_on: Vec<(usize, f64, State)> = ranked
+        let descended: Vec<(usize, f64, State)> = ranked
             .into_par_iter()
             .with_max_len(1)
             .map(|(_, mut state)| {
@@ -151,16 +153,16 @@ fn descend(problem: &Problem, starts: Vec<State>, steps: &mut usize) -> Vec<(f64
                 (steps, problem.cost(&state, evidence), state)
             })
             .collect();
-        *steps += gone_on.iter().map(|(steps, _, _)| steps).sum::<usize>();
-        ranked = gone_on.into_iter().map(|(_, cost, state)| (cost, state)).collect();
+        *steps += descended.iter().map(|(steps, _, _)| steps).sum::<usize>();
+        ranked = descended.into_iter().map(|(_, cost, state)| (cost, state)).collect();
         ranked.sort_by(|a, b| a.0.total_cmp(&b.0));
         ranked = different(ranked, problem.shape(), kept);
     }
     ranked
 }
 
-/// The first `most` solutions that are not where a better one is, or its mirror: ways from many starts run together, and a symmetric
-/// object looks the same from several sides.
+/// The first `most` solutions without duplicates: descents from several starts may end at the same pose, or at one that a
+/// symmetry of the object makes equivalent.
 fn different(ranked: Vec<(f64, State)>, shape: &dyn KnownShape, most: usize) -> Vec<(f64, State)> {
     const NEAR: (f64, f64) = (3e-4, 0.03);
     const ALIKE: (f64, f64) = (2e-4, 0.01);
@@ -180,7 +182,7 @@ fn different(ranked: Vec<(f64, State)>, shape: &dyn KnownShape, most: usize) -> 
     kept
 }
 
-/// Levenberg-Marquardt in place; returns the number of steps tried.
+/// Levenberg-Marquardt in place; returns the number of steps, rejected ones included.
 fn minimise(problem: &Problem, state: &mut State, evidence: Evidence, most: usize) -> usize {
     let mut damping = 1e-3;
     let mut cost = problem.cost(state, evidence);

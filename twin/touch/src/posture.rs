@@ -1,14 +1,15 @@
-//! What six servos tell about fifteen joints.
+//! Joint angles from servo readings: fifteen joints, six servos.
 //!
-//! Each cable's servo gives two numbers: the excursion of its digit (how much cable the three joints have taken up) and the
-//! cable's tension. With the springs that makes four equations for three angles: excursion(q) is known, and at every joint
-//! K q = r(q) T + contact torque. Without contact they fix the posture; with contact the touch has a say (see [`crate::pose`]).
+//! Each cable's servo measures two quantities: the excursion of its digit (the cable length that the three joints have
+//! taken up) and the cable's tension. With the springs this gives four equations for three angles: excursion(q) is known,
+//! and at every joint K q = r(q) T + contact torque. Without contact they determine the posture; with contact the touch
+//! is needed too (see [`crate::pose`]).
 
 use hand_model::digit::Digit;
 use hand_model::robot::ServoState;
 use hand_model::{ACTUATORS, HAND_JOINTS, Hand};
 
-/// Joint angles with the cable readings behind them.
+/// Joint angles with the cable readings they follow from.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Posture {
     /// Joint angles, rad.
@@ -19,12 +20,12 @@ pub struct Posture {
     pub excursions: [f64; 5],
 }
 
-/// Tension (N, never negative) of a cable whose servo stands still.
+/// Tension (N, never negative) of a cable whose servo is at rest.
 pub fn cable_tension(hand: &Hand, servo: &ServoState) -> f64 {
     (hand.parameters.servo.torque_constant * servo.current / hand.parameters.cable.spool_radius).max(0.0)
 }
 
-/// Excursion (m) of a cable: what the spool wound, less what the cable stretched. Negative for a slack cable.
+/// Excursion (m) of a cable: the wound length less the cable's stretch. Negative for a slack cable.
 pub fn cable_excursion(hand: &Hand, servo: &ServoState) -> f64 {
     servo.position * hand.parameters.cable.spool_radius - cable_tension(hand, servo) / hand.parameters.cable.stiffness
 }
@@ -55,7 +56,7 @@ pub fn free_digit(hand: &Hand, cable: usize, excursion: f64) -> Vec<(usize, f64)
     let taken_up = |angles: &[(usize, f64)]| -> f64 {
         path.joints.iter().zip(angles).map(|((_, guides), (_, angle))| guides.excursion(*angle)).sum()
     };
-    // Excursion grows with tension: bisect for the tension that a free digit would need.
+    // Excursion increases with tension: bisect for the tension that a free digit would need.
     let (mut low, mut high) = (0.0, 1.0);
     while taken_up(&hand.transmission.free_angles(cable, high, upper)) < excursion && high < 1e3 {
         high *= 2.0;

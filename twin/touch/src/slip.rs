@@ -1,36 +1,36 @@
-//! A hint of slip: how the patches of a camera moved between two images.
+//! Slip detection from the motion of a camera's contact patches between two images.
 //!
-//! A contact that rolls or is pressed harder changes its size; one that slides keeps its size and moves. The hint is the
-//! shift of a patch's centre along the pad less what its growth explains, and it counts as slip beyond a threshold.
+//! A contact that rolls or is pressed harder changes its size; one that slides keeps its size and moves. The indicator is
+//! the displacement of a patch's centre along the pad less what the change of its size explains.
 
 use nalgebra::Vector2;
 
 use crate::contacts::Patch;
 
-/// Farther than this (m) a patch of the next image is another contact.
+/// Largest displacement (m) of one contact between two images.
 const SAME_CONTACT: f64 = 4e-3;
 
-/// How a patch moved.
+/// Motion of a patch between two images.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Slip {
     /// Index of the patch in the earlier and in the later list.
     pub patches: [usize; 2],
     /// Shift of its centre in the pad's plane, m.
     pub shift: Vector2<f64>,
-    /// Part of the shift's length that the change of its size does not explain, m.
+    /// Length of the shift less what the change of size explains, m.
     pub unexplained: f64,
     /// Change of the normal force, N.
     pub force: f64,
 }
 
 impl Slip {
-    /// Whether the contact seems to slide: it moved by more than `threshold` (m) beyond what its growth explains.
+    /// Whether the unexplained displacement exceeds `threshold` (m).
     pub fn slides(&self, threshold: f64) -> bool {
         self.unexplained > threshold
     }
 }
 
-/// Patches of `before` found again in `now` (each at most once, nearest pairs first), of the same camera.
+/// Matches patches of `before` and `now` on the same camera (each at most once, nearest pairs first).
 pub fn slips(before: &[Patch], now: &[Patch]) -> Vec<Slip> {
     let mut pairs: Vec<(f64, usize, usize)> = Vec::new();
     for (i, old) in before.iter().enumerate() {

@@ -1,6 +1,8 @@
 //! In-hand pose with the hand's own kinematics: a quasi-static grasp is computed (springs, cables, Winkler contact), noise is
 //! added to what pads and servos would report, and the pose is estimated from a plan that is wrong.
 
+mod shapes;
+
 use hand_model::Hand;
 use hand_model::robot::ServoState;
 use nalgebra::{Isometry3, Matrix3, Point3, Translation3, UnitQuaternion, Vector3};
@@ -10,39 +12,7 @@ use touch::{
     estimate_pose,
 };
 
-struct Ball(f64);
-impl KnownShape for Ball {
-    fn signed_distance(&self, p: &Point3<f64>) -> (f64, Vector3<f64>) {
-        (p.coords.norm() - self.0, p.coords.normalize())
-    }
-}
-
-/// Box of these half extents.
-struct Block(Vector3<f64>);
-impl KnownShape for Block {
-    fn signed_distance(&self, p: &Point3<f64>) -> (f64, Vector3<f64>) {
-        let d = p.coords.abs() - self.0;
-        let sign = p.coords.map(|c| if c < 0.0 { -1.0 } else { 1.0 });
-        let outside = d.map(|d| d.max(0.0));
-        if outside.norm() > 0.0 {
-            (outside.norm(), outside.component_mul(&sign).normalize())
-        } else {
-            let axis = d.imax();
-            (d[axis], Vector3::ith(axis, sign[axis]))
-        }
-    }
-}
-
-/// Ellipsoid of these half axes; distance to second order, gradient normalised.
-struct Ellipsoid(Vector3<f64>);
-impl KnownShape for Ellipsoid {
-    fn signed_distance(&self, p: &Point3<f64>) -> (f64, Vector3<f64>) {
-        let scaled = p.coords.component_div(&self.0);
-        let gradient = scaled.component_div(&self.0);
-        let (k0, k1) = (scaled.norm(), gradient.norm());
-        (k0 * (k0 - 1.0) / k1, gradient / k1)
-    }
-}
+use shapes::{Ball, Block, Ellipsoid};
 
 struct Noise(u64);
 impl Noise {
@@ -308,7 +278,7 @@ fn poses_are_recovered_from_wrong_plans() {
             last.residual_rms * 1e3,
             last.unobservable.len(),
         );
-        // A ball has no orientation to find; a box has one. The ellipsoid's ends are close enough to round for either.
+        // A ball's orientation is unobservable, a box's is not; an ellipsoid's depends on the noise.
         match case.name {
             "ball" => assert_eq!(last.unobservable.len(), 3),
             "box" => assert_eq!(last.unobservable.len(), 0),
@@ -338,8 +308,9 @@ fn follows_the_touch_not_the_plan() {
     assert!(to_truth < 3.0 && to_plan > 14.0, "{to_truth} {to_plan}");
 }
 
-/// A long box lies flat on the palm and reaches beyond the wrist; half-closed fingers in front of it feel nothing. The felt
-/// points do not constrain it along its length, and the plan has it among the fingers: only the untouched pads contradict that.
+/// A long box lies flat on the palm and reaches beyond the wrist; half-closed fingers in front of it feel nothing. The
+/// felt points do not constrain it along its length, and the plan has it among the fingers: only the untouched pads
+/// contradict that.
 #[test]
 fn untouched_pads_matter() {
     let hand = Hand::ftac();

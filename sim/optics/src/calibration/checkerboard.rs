@@ -1,10 +1,10 @@
 //! The inner corners of a checkerboard in an image.
 //!
-//! Where four squares meet, brightness is a saddle: it rises along one diagonal and falls along the other, so the Hessian's
-//! determinant is strongly negative. On a ring around a true corner brightness crosses its mean four times, in the directions of
-//! the two lines that cross there. Each corner therefore knows where its neighbours are, and the board is traversed from corner
-//! to corner. A corner is refined to the point towards which all edges nearby point: the image gradient at any point nearby is
-//! perpendicular to the line from the corner to that point (Foerstner).
+//! Where four squares meet, brightness is a saddle: it rises along one diagonal and falls along the other, so the
+//! Hessian's determinant is strongly negative. On a ring around a true corner brightness crosses its mean four times, in
+//! the directions of the two lines that cross there. Each corner therefore knows where its neighbours are, and the board
+//! is traversed from corner to corner. A corner is refined to the point towards which all edges nearby point: the image
+//! gradient at any point nearby is perpendicular to the line from the corner to that point (Foerstner).
 
 use std::collections::{HashMap, VecDeque};
 

@@ -1,8 +1,8 @@
 //! Detection of a ball's press in an image without a label.
 //!
-//! The image differs most from the background where the ball presses. The pixels' differences, summed over channels and smoothed,
-//! are thresholded at 0.4 of their peak. The circle enclosing the largest connected patch is the initial estimate; it is then moved
-//! and scaled to where the change falls off most steeply around its rim.
+//! The image differs most from the background where the ball presses. The pixels' differences, summed over channels and
+//! smoothed, are thresholded at 0.4 of their peak. The circle enclosing the largest connected patch is the initial
+//! estimate; it is then moved and scaled to where the change falls off most steeply around its rim.
 
 use crate::calibration::photo::Photo;
 
@@ -75,7 +75,8 @@ pub fn find(photo: &Photo, background: &Photo) -> Result<Circle, NoCircle> {
     Ok(circle)
 }
 
-/// Absolute difference from the background, less its median, summed over channels and averaged over a square of `2 radius + 1`.
+/// Absolute difference from the background, less its median, summed over channels and averaged over a square of `2
+/// radius + 1`.
 fn smoothed_change(photo: &Photo, background: &Photo, radius: usize) -> Vec<f64> {
     let (w, h) = (photo.width, photo.height);
     let mut change = vec![0.0; w * h];

@@ -22,8 +22,8 @@ pub struct HeldOut {
     pub rendered: Views,
     /// The folder's background image in place of a rendered one.
     pub floor: Views,
-    /// Real images compared with real ones: the background estimated from the calibration presses, against untouched regions of
-    /// the held-out presses of the same sizes. No renderer on this background can score higher.
+    /// Real images compared with real ones: the background estimated from the calibration presses, against untouched
+    /// regions of the held-out presses of the same sizes. No renderer on this background can score higher.
     pub ceiling: Views,
 }
 

@@ -1,9 +1,9 @@
 //! The fit of a sensor's model to presses of a ball.
 //!
-//! The search goes from simple to detailed. It starts with three lamps on a ring and fits their colours, then all parameters. The
-//! best of several such starts continues: its lamps are split in two and all parameters are fitted again. With images of single
-//! lamps the search starts with that many lamps in the directions that these images show, and fits those images as well: because
-//! light adds up, they separate the response from the lamps.
+//! The search goes from simple to detailed. It starts with three lamps on a ring and fits their colours, then all
+//! parameters. The best of several such starts continues: its lamps are split in two and all parameters are fitted again.
+//! With images of single lamps the search starts with that many lamps in the directions that these images show, and fits
+//! those images as well: because light adds up, they separate the response from the lamps.
 
 use crate::calibration::assumptions::Assumptions;
 use crate::calibration::folder::PressFolder;

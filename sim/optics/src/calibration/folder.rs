@@ -11,8 +11,8 @@
 //! All images have the same size. Lamp images may be in any order; each shows one lamp or several that are switched together.
 //!
 //! Labels are a CSV file (`labels.csv`, else `labels_auto.csv`) with the columns `file`, `center_x_px`, `center_y_px`,
-//! `contact_radius_px` (or `visible_radius_px`) and, if several balls were used, `ball_diameter_mm`. Presses without a label are
-//! detected in the image ([`circle`](super::circle)).
+//! `contact_radius_px` (or `visible_radius_px`) and, if several balls were used, `ball_diameter_mm`. Presses without a
+//! label are detected in the image ([`circle`](super::circle)).
 
 use std::path::{Path, PathBuf};
 
@@ -48,8 +48,8 @@ pub struct PressFolder {
 }
 
 impl PressFolder {
-    /// Reads a folder. `diameter` (m) applies to balls whose label gives none. Presses are detected in the images if there are no
-    /// labels or if `ignore_labels` is set.
+    /// Reads a folder. `diameter` (m) applies to balls whose label gives none. Presses are detected in the images if
+    /// there are no labels or if `ignore_labels` is set.
     pub fn read(folder: &Path, diameter: f64, ignore_labels: bool) -> Result<Self, OpticsError> {
         positive("ball diameter", diameter)?;
         let (background, files): (Vec<_>, Vec<_>) =

@@ -1,8 +1,9 @@
 //! Levenberg-Marquardt with bounds and a robust loss.
 //!
-//! Minimises `sum rho(r_i(p))` with the pseudo-Huber loss `rho(r) = 2 s^2 (sqrt(1 + (r/s)^2) - 1)` by iteratively re-weighted least
-//! squares. The loss is quadratic for residuals well below the scale s and linear well above it. A parameter on a bound whose descent
-//! direction points out of the bounds is held for that step; steps are clipped to the bounds.
+//! Minimises `sum rho(r_i(p))` with the pseudo-Huber loss `rho(r) = 2 s^2 (sqrt(1 + (r/s)^2) - 1)` by iteratively
+//! re-weighted least squares. The loss is quadratic for residuals well below the scale s and linear well above it. A
+//! parameter on a bound whose descent direction points out of the bounds is held for that step; steps are clipped to the
+//! bounds.
 
 use nalgebra::{DMatrix, DVector};
 use serde::Serialize;
@@ -36,7 +37,8 @@ pub struct Parameter {
     /// Name with unit.
     pub name: String,
     pub value: f64,
-    /// Standard deviation, with correlated errors within a group accounted for; `None` on a bound or where the data do not determine it.
+    /// Standard deviation, with correlated errors within a group accounted for; `None` on a bound or where the data do
+    /// not determine it.
     pub deviation: Option<f64>,
     /// Whether it is on a bound of the search.
     pub on_bound: bool,

@@ -1,8 +1,8 @@
 //! Lens distortion: from a camera's raw image to the rectified one, and back.
 //!
-//! The model of Brown and Conrady, as in Zhang's calibration: with `x = (u - c_x) / f_x`, `y` likewise and `r2 = x^2 + y^2`, a point of
-//! the rectified image appears in the raw image at `x (1 + k1 r2 + k2 r2^2 + k3 r2^3) + 2 p1 x y + p2 (r2 + 2 x^2)`, and y with p1 and
-//! p2 exchanged.
+//! The model of Brown and Conrady, as in Zhang's calibration: with `x = (u - c_x) / f_x`, `y` likewise and `r2 = x^2 +
+//! y^2`, a point of the rectified image appears in the raw image at `x (1 + k1 r2 + k2 r2^2 + k3 r2^3) + 2 p1 x y + p2
+//! (r2 + 2 x^2)`, and y with p1 and p2 exchanged.
 
 use std::path::Path;
 

@@ -1,7 +1,7 @@
 //! The parameter vector of a fit: its order, its bounds, and the model it stands for.
 //!
-//! Every lamp lights all three channels. Only the lamps' colours, the diffuse light and the response differ between channels. The
-//! geometry is shared between them, which makes it identifiable.
+//! Every lamp lights all three channels. Only the lamps' colours, the diffuse light and the response differ between
+//! channels. The geometry is shared between them, which makes it identifiable.
 
 use nalgebra::Point3;
 
@@ -12,7 +12,8 @@ use crate::lamps::Lamp;
 use crate::model::{NEAREST_LAMP, SensorModel};
 use crate::reflectance::Reflectance;
 
-// Indices into the parameter vector: first the parameters that move the surface, then those that change grey levels only, then the lamps.
+// Indices into the parameter vector: first the parameters that move the surface, then those that change grey levels only,
+// then the lamps.
 pub(crate) const PIXEL: usize = 0;
 pub(crate) const CONTACT: usize = 1;
 pub(crate) const KERNEL: usize = 2;

@@ -1,8 +1,8 @@
 //! The gel around a ball: the elastomer's smoothing in one dimension, because a ball's press is rotationally symmetric.
 //!
-//! The passes are those of [`Elastomer::deform`](crate::elastomer::Elastomer::deform), but with true Gaussians on rings: smoothing a
-//! rotationally symmetric function with a Gaussian of deviation sigma weights ring s by `s exp(-(r^2 + s^2) / 2 sigma^2) I0(r s /
-//! sigma^2)`. The result is smooth in every kernel's width, which the fit needs.
+//! The passes are those of [`Elastomer::deform`](crate::elastomer::Elastomer::deform), but with true Gaussians on rings:
+//! smoothing a rotationally symmetric function with a Gaussian of deviation sigma weights ring s by `s exp(-(r^2 + s^2) /
+//! 2 sigma^2) I0(r s / sigma^2)`. The result is smooth in every kernel's width, which the fit needs.
 
 use nalgebra::DMatrix;
 

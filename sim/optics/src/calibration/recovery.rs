@@ -111,7 +111,8 @@ fn presses(p: &[f64], work: &Work) -> Samples {
     samples
 }
 
-/// Fits `count` generated presses (and images of single lamps) with `noise` grey levels of noise; gives the errors of the result.
+/// Fits `count` generated presses (and images of single lamps) with `noise` grey levels of noise; gives the errors of the
+/// result.
 pub fn recover(count: usize, single_lamps: bool, noise: f64, effort: &Effort, seed: u64) -> Recovery {
     let assumptions = Assumptions::full(Some(PIXEL));
     let known = truth();

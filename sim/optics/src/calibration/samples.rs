@@ -111,10 +111,11 @@ const UNTOUCHED: f64 = 2.5;
 /// Least number of presses that leave a pixel untouched for their median to be its background.
 const ENOUGH: usize = 3;
 
-/// The untouched gel estimated from the presses: each pixel's median over the presses far from it, row-major RGB, grey levels.
+/// The untouched gel estimated from the presses: each pixel's median over the presses far from it, row-major RGB, grey
+/// levels.
 ///
-/// It has less noise than a single frame, and shows the gel in the state it has while something presses elsewhere. Pixels that
-/// too few presses leave untouched take the background image's value.
+/// It has less noise than a single frame, and shows the gel in the state it has while something presses elsewhere. Pixels
+/// that too few presses leave untouched take the background image's value.
 pub fn background_of(folder: &PressFolder) -> Vec<f32> {
     let width = folder.background.width;
     let mut background = Vec::with_capacity(folder.background.rgb.len());

@@ -1,7 +1,8 @@
-//! The presses as the fit models them: rotationally symmetric profiles instead of height maps, so that a pixel costs a few operations.
+//! The presses as the fit models them: rotationally symmetric profiles instead of height maps, so that a pixel costs a
+//! few operations.
 //!
-//! The image formation is the renderer's: a pixel's ray meets the gel where relief has moved it, lamps light that point unless the bump
-//! stands in between, and `image = F(G(background) + L(deformed) - L(flat))`.
+//! The image formation is the renderer's: a pixel's ray meets the gel where relief has moved it, lamps light that point
+//! unless the bump stands in between, and `image = F(G(background) + L(deformed) - L(flat))`.
 
 use nalgebra::{DMatrix, Point3, Vector3};
 use rayon::prelude::*;
@@ -54,8 +55,8 @@ pub(crate) struct Scene<'a> {
 }
 
 impl Scene<'_> {
-    /// Residuals in grey levels, three per sample: the touched samples, then the background's, then the background's under each
-    /// lamp alone.
+    /// Residuals in grey levels, three per sample: the touched samples, then the background's, then the background's
+    /// under each lamp alone.
     pub(crate) fn residuals(&self, p: &[f64]) -> Vec<f64> {
         let surface = self.surface(p);
         let lights = self.lights(&surface, p);
@@ -69,7 +70,8 @@ impl Scene<'_> {
         self.grey(&surface, &lights.iter().collect::<Vec<_>>(), p)
     }
 
-    /// Jacobian of the residuals. A lamp's geometry affects that lamp's light only, so the other lamps are not evaluated again.
+    /// Jacobian of the residuals. A lamp's geometry affects that lamp's light only, so the other lamps are not evaluated
+    /// again.
     pub(crate) fn jacobian(&self, p: &[f64], residuals: &[f64], bounds: &[(f64, f64)]) -> DMatrix<f64> {
         let surface = self.surface(p);
         let lights = self.lights(&surface, p);
@@ -202,9 +204,9 @@ impl Scene<'_> {
         (0..self.samples.flat.len()).map(|i| std::array::from_fn(|c| responses[c].measured(radiance(i, c)))).collect()
     }
 
-    /// Predicted grey levels of the background's pixels under lamp group `image` of `images`. Lamps are in the order of the images,
-    /// the same number for each. Diffuse light is scattered light of the lamps: in each channel, a lamp contributes in proportion
-    /// to its colour.
+    /// Predicted grey levels of the background's pixels under lamp group `image` of `images`. Lamps are in the order of
+    /// the images, the same number for each. Diffuse light is scattered light of the lamps: in each channel, a lamp
+    /// contributes in proportion to its colour.
     fn alone(&self, lights: &[&Light], p: &[f64], image: usize, images: usize) -> Vec<[f64; 3]> {
         let color = |k: usize, c: usize| p[at::LAMPS + PER_LAMP * k + at::COLOR + c];
         let responses: [_; 3] = std::array::from_fn(|c| at::response(p, c));

@@ -55,8 +55,8 @@ impl CalibratedSensor {
         ((column - 0.5 * (w as f64 - 1.0)) * pixel, (0.5 * (h as f64 - 1.0) - row) * pixel)
     }
 
-    /// Depth of the gel (m, row-major) under an object. `penetration` is how far the object lies below the untouched surface at each
-    /// pixel (m; negative above it, negative infinity without an object).
+    /// Depth of the gel (m, row-major) under an object. `penetration` is how far the object lies below the untouched
+    /// surface at each pixel (m; negative above it, negative infinity without an object).
     pub fn gel(&self, penetration: &[f32]) -> Result<Vec<f32>, OpticsError> {
         let (w, h) = self.size();
         if penetration.len() != w * h {

@@ -1,7 +1,7 @@
 //! Similarity of two images: mean absolute error, structural similarity and peak signal-to-noise ratio.
 //!
-//! Grey levels are scaled to 0..1. SSIM is that of Wang et al. (2004) with a flat 7 x 7 window, unbiased variances, `C1 = 0.01^2`, `C2 =
-//! 0.03^2`, averaged over channels and over the windows that lie wholly inside, as in scikit-image.
+//! Grey levels are scaled to 0..1. SSIM is that of Wang et al. (2004) with a flat 7 x 7 window, unbiased variances, `C1 =
+//! 0.01^2`, `C2 = 0.03^2`, averaged over channels and over the windows that lie wholly inside, as in scikit-image.
 
 use serde::{Deserialize, Serialize};
 

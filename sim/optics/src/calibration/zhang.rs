@@ -1,8 +1,9 @@
 //! A camera's lens from pictures of a checkerboard (Zhang 2000).
 //!
-//! A flat board and its image are related by a homography `H ~ K (r1 r2 t)`. Because r1 and r2 are orthogonal and of equal length, every
-//! picture gives two linear equations for `K^-T K^-1`, and two or more pictures determine the intrinsics K. Then intrinsics, distortion
-//! and all board poses are refined together to minimise the reprojection error of the corners.
+//! A flat board and its image are related by a homography `H ~ K (r1 r2 t)`. Because r1 and r2 are orthogonal and of
+//! equal length, every picture gives two linear equations for `K^-T K^-1`, and two or more pictures determine the
+//! intrinsics K. Then intrinsics, distortion and all board poses are refined together to minimise the reprojection error
+//! of the corners.
 
 use std::path::Path;
 

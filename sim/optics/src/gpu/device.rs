@@ -1,28 +1,28 @@
-//! Finding a GPU, and the pipelines on it.
+//! Selection of a GPU, and its compute pipelines.
 
 use wgpu::{Adapter, BindGroupLayout, ComputePipeline, Device, DeviceType, Queue};
 
 use crate::error::OpticsError;
 
-/// Kernels of an elastomer that a sensor's header has room for.
+/// Largest number of an elastomer's kernels; limited by the size of a sensor's header.
 pub(super) const MOST_KERNELS: usize = 9;
 
-/// Adapter, device and all stages.
+/// Device and pipelines.
 #[derive(Debug)]
 pub(super) struct Gpu {
     pub(super) name: String,
     pub(super) device: Device,
     pub(super) queue: Queue,
     pub(super) layout: BindGroupLayout,
-    /// One for each kernel.
+    /// One pipeline per kernel.
     pub(super) smooth_columns: Vec<ComputePipeline>,
     pub(super) smooth_rows: Vec<ComputePipeline>,
     pub(super) cast_shadows: ComputePipeline,
     pub(super) expose: ComputePipeline,
 }
 
-/// The best adapter: a discrete GPU before an integrated one. A software adapter (`DeviceType::Cpu`) is slower than the
-/// CPU backend, so it counts only where `software` asks for it, which is for tests.
+/// The best adapter: a discrete GPU before an integrated one. A software adapter (`DeviceType::Cpu`) is slower than the CPU
+/// backend, so it is used only on request (`software`), for tests.
 fn find_adapter(software: bool) -> Result<Adapter, OpticsError> {
     let instance = wgpu::Instance::new(wgpu::InstanceDescriptor {
         backends: wgpu::Backends::VULKAN,
@@ -33,7 +33,7 @@ fn find_adapter(software: bool) -> Result<Adapter, OpticsError> {
         .iter()
         .map(Adapter::get_info)
         .map(|info| match info.device_type {
-            DeviceType::Cpu => format!("{} (a CPU, which counts as none)", info.name),
+            DeviceType::Cpu => format!("{} (a CPU, not counted as a GPU)", info.name),
             _ => info.name,
         })
         .collect();

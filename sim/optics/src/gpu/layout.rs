@@ -1,4 +1,4 @@
-//! How sensors and jobs lie in the GPU's buffers. `optics.wgsl` reads what is written here; its constants are the same.
+//! Layout of sensors and jobs in the GPU's buffers. `optics.wgsl` reads these buffers with the same constants.
 
 use hand_model::pads::IMAGE_SIZE;
 use rand_chacha::ChaCha8Rng;
@@ -10,7 +10,7 @@ use crate::noise::ReadOutNoise;
 use crate::renderer::{Job, sensor_of};
 use crate::sensor::Sensor;
 
-/// Words of one job: 16, then each row's start in the noise table.
+/// Words of one job: a header of 16, then each row's start in the noise table.
 pub(super) const JOB: usize = 256;
 const STARTS: usize = 16;
 /// Floats of a sensor's header and of a lamp.
@@ -19,7 +19,7 @@ const LAMP: usize = 12;
 /// Pixels along a shadow cell's side.
 const CELL: usize = 2;
 
-/// All sensors' numbers, and where each sensor's begin.
+/// Parameters of all sensors, and the index of each sensor's first.
 pub(super) fn sensors(sensors: &[Sensor]) -> (Vec<f32>, Vec<usize>) {
     let mut all = Vec::new();
     let mut starts = Vec::with_capacity(sensors.len());
@@ -56,22 +56,21 @@ pub(super) fn sensors(sensors: &[Sensor]) -> (Vec<f32>, Vec<usize>) {
     (all, starts)
 }
 
-/// What goes to the GPU for one round of jobs.
+/// Data of the jobs that are rendered in one pass.
 #[derive(Debug, Default)]
 pub(super) struct Batch {
     pub(super) jobs: Vec<u32>,
-    /// The objects' own depths, every job's rectangle one after the other.
+    /// The objects' own depths, the jobs' rectangles one after the other.
     pub(super) own: Vec<f32>,
-    /// Floats that the shadows need.
+    /// Number of floats for the shadows.
     pub(super) share: usize,
-    /// Jobs.
     pub(super) count: usize,
-    /// Largest width and height of a rectangle, and most lamps of a sensor.
+    /// Largest width and height of a rectangle, and largest number of lamps.
     pub(super) most: [usize; 3],
 }
 
 impl Batch {
-    /// Packs as many of the jobs as fit into buffers of `limit` bytes; at least one fits into any GPU's.
+    /// Packs as many jobs as fit into buffers of `limit` bytes, at least one.
     pub(super) fn pack(
         jobs: &[Job<'_>],
         sensors: &[Sensor],

@@ -1,8 +1,9 @@
-//! The second backend: image formation as compute shaders, all pads of many hands at once.
+//! The GPU backend: image formation as compute shaders, for all pads of many hands at once.
 //!
-//! Each stage (smoothing along columns and rows for every kernel, cast shadows, exposure) is one dispatch over all images of a round;
-//! a round is as many images as the GPU's buffers take. Maps are only as large as the contact and its shadows need. What does not
-//! depend on the contact (lamps, response tables, backgrounds, noise) is uploaded once.
+//! Each stage (smoothing along columns and rows for every kernel, cast shadows, exposure) is one dispatch over all images
+//! of a batch; a batch has as many images as the GPU's buffers hold. Maps are only as large as the contact and its
+//! shadows require. Data that does not depend on the contact (lamps, response tables, backgrounds, noise) is uploaded
+//! once.
 
 mod device;
 mod layout;
@@ -21,25 +22,25 @@ use crate::sensor::Sensor;
 
 /// Bytes of an image.
 const IMAGE: usize = 3 * PIXELS;
-/// Lines that a workgroup of the smoothing takes.
+/// Lines per workgroup of the smoothing.
 const LINES: usize = 8;
-/// Largest buffer that a round asks for, bytes.
-const ROUND: u64 = 512 << 20;
+/// Largest buffer of a batch, bytes.
+const BATCH: u64 = 512 << 20;
 
 /// Renders on a GPU.
 #[derive(Debug)]
 pub struct GpuRenderer {
     gpu: Gpu,
     sensors: Arc<Vec<Sensor>>,
-    /// Where each sensor's numbers begin.
+    /// Index of each sensor's first parameter.
     starts: Vec<usize>,
     constants: Buffer,
     shadows: bool,
-    /// Grown as rounds need them, kept between calls.
+    /// Kept between calls, grown when a batch needs more.
     buffers: Mutex<Option<Buffers>>,
 }
 
-/// What a round works on.
+/// Buffers of a batch.
 #[derive(Debug)]
 struct Buffers {
     jobs: Buffer,
@@ -51,12 +52,12 @@ struct Buffers {
 }
 
 impl GpuRenderer {
-    /// A renderer of these sensors on the best GPU; an error that says what was found where there is none.
+    /// A renderer of these sensors on the best GPU. Without one, the error names the adapters found.
     pub fn new(sensors: Arc<Vec<Sensor>>) -> Result<Self, OpticsError> {
         Self::open(sensors, false)
     }
 
-    /// As [`Self::new`], on a software adapter: for tests of the shaders, slower than the CPU backend.
+    /// As [`Self::new`], on a software adapter: for tests of the shaders; slower than the CPU backend.
     pub fn on_software(sensors: Arc<Vec<Sensor>>) -> Result<Self, OpticsError> {
         Self::open(sensors, true)
     }
@@ -91,8 +92,8 @@ impl GpuRenderer {
         Self { shadows: false, ..self }
     }
 
-    /// Renders one round and gives its images.
-    fn round(&self, batch: &Batch, buffers: &mut Option<Buffers>) -> Result<Vec<TactileImage>, OpticsError> {
+    /// Renders one batch.
+    fn batch(&self, batch: &Batch, buffers: &mut Option<Buffers>) -> Result<Vec<TactileImage>, OpticsError> {
         let fault = |what: String| OpticsError::Gpu(format!("{}: {what}", self.gpu.name));
         let (device, queue) = (&self.gpu.device, &self.gpu.queue);
         let memory = device.push_error_scope(wgpu::ErrorFilter::OutOfMemory);
@@ -109,11 +110,11 @@ impl GpuRenderer {
             .map(|(binding, buffer)| wgpu::BindGroupEntry { binding, resource: buffer.as_entire_binding() })
             .collect();
         let group = device.create_bind_group(&wgpu::BindGroupDescriptor {
-            label: Some("round"),
+            label: Some("batch"),
             layout: &self.gpu.layout,
             entries: &entries,
         });
-        let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("round") });
+        let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("batch") });
         if !batch.own.is_empty() {
             encoder.copy_buffer_to_buffer(&buffers.own, 0, &buffers.depth, 0, 4 * batch.own.len() as u64);
         }
@@ -158,7 +159,7 @@ impl GpuRenderer {
         Ok(images)
     }
 
-    /// Buffers that are large enough for a round; those of the last one where they are.
+    /// Buffers large enough for a batch: the previous ones if they suffice.
     fn room<'a>(&self, batch: &Batch, old: &'a mut Option<Buffers>) -> &'a Buffers {
         let needs = [4 * JOB * batch.count, 4 * batch.own.len(), 4 * batch.share, IMAGE * batch.count];
         let [jobs, own, share, bytes] = needs.map(|bytes| bytes.max(16) as u64);
@@ -204,13 +205,13 @@ impl Renderer for GpuRenderer {
 
     fn render(&self, jobs: &[Job<'_>]) -> Result<Vec<TactileImage>, OpticsError> {
         let limits = self.gpu.device.limits();
-        let limit = limits.max_storage_buffer_binding_size.min(limits.max_buffer_size).min(ROUND) as usize;
-        // A panic elsewhere cannot leave the buffers half made.
+        let limit = limits.max_storage_buffer_binding_size.min(limits.max_buffer_size).min(BATCH) as usize;
+        // The buffers are valid even if another thread panicked while holding the lock.
         let mut buffers = self.buffers.lock().unwrap_or_else(PoisonError::into_inner);
         let mut images = Vec::with_capacity(jobs.len());
         while images.len() < jobs.len() {
             let batch = Batch::pack(&jobs[images.len()..], &self.sensors, &self.starts, self.shadows, limit)?;
-            images.extend(self.round(&batch, &mut buffers)?);
+            images.extend(self.batch(&batch, &mut buffers)?);
         }
         Ok(images)
     }

@@ -1,7 +1,7 @@
 // The image formation of `sensor.rs`, `elastomer.rs`, `shadows.rs` and `shading.rs` for many images at once.
 //
 // Every stage is one dispatch over all images: `smooth_columns` and `smooth_rows` for each kernel, then `cast_shadows`, then `expose`.
-// A job is one image; maps of different sizes lie one after the other in the buffers, only as large as their rectangles.
+// A job is one image. Maps of different sizes are stored one after the other, each only as large as its rectangle.
 
 // Words of one job: its header, then where each row of the image starts in the noise table.
 const JOB: u32 = 256u;
@@ -9,7 +9,7 @@ const STARTS: u32 = 16u;
 // Floats of a sensor's header, and of each lamp.
 const HEADER: u32 = 32u;
 const LAMP: u32 = 12u;
-// Entries of a response table, and what they span.
+// Entries of a response table, number of cells, and radiance at the end of the table.
 const RESPONSE: u32 = 1026u;
 const CELLS: f32 = 1024.0;
 const END: f32 = 4.0;
@@ -27,7 +27,7 @@ const CELL_SIDE: u32 = 120u;
 @group(0) @binding(4) var<storage, read_write> share: array<f32>;
 @group(0) @binding(5) var<storage, read_write> bytes: array<u32>;
 
-// Which of the sensors' smoothing kernels.
+// Index of the smoothing kernel.
 override kernel: u32 = 0u;
 
 struct Job {
@@ -128,7 +128,7 @@ fn smooth_rows(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocatio
         let place = i % job.width;
         if first + line < job.height {
             let at = job.depth + (first + line) * job.width + place;
-            // Where nothing was smoothed along the rows the columns' result stands.
+            // Without smoothing along the rows the columns' result is final.
             let softened = select(depth[at], after[line * SIDE + place], radius > 0);
             depth[at] = max(softened, own[at]);
         }
@@ -137,7 +137,7 @@ fn smooth_rows(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocatio
 
 // ---- cast shadows ----
 
-// Largest tangent and its distance on the last three diagonals outwards from the lamp, in each quadrant around it.
+// Largest tangent and its distance on the last three diagonals outwards from the lamp, for each quadrant around it.
 const SHADERS: u32 = 128u;
 var<workgroup> edge_tangent: array<f32, 1440>;
 var<workgroup> edge_distance: array<f32, 1440>;
@@ -212,7 +212,7 @@ fn cast_shadows(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocati
     }
 }
 
-// Hands the edge on to a cell; gives the share of the lamp that it sees. `to_lamp` is in cells.
+// Propagates the horizon to a cell; gives the visible share of the lamp. `to_lamp` is in cells.
 fn visit(job: Job, grid: Grid, column: i32, row: i32, to_lamp: vec2<f32>, size: vec2<f32>, lamp_depth: f32, soft: f32) -> f32 {
     let slot = edge_slot(quadrant(grid, column, row));
     let metres = to_lamp * size;
@@ -273,7 +273,7 @@ fn gel(job: Job, column: u32, row: u32) -> f32 {
     return depth[job.depth + row * job.width + column];
 }
 
-// Lower cell, upper cell, and how far a pixel is between them.
+// Lower cell, upper cell, and the interpolation weight of a pixel between them.
 fn between(pixel: u32, count: u32) -> vec3<f32> {
     let at = clamp((f32(pixel) - 0.5) / 2.0, 0.0, f32(count - 1u));
     let cell = min(u32(at), max(count, 2u) - 2u);
@@ -340,7 +340,7 @@ fn radiance(job: Job, column: u32, row: u32, shadows: bool) -> vec3<f32> {
     return sum;
 }
 
-// Four pixels a thread: twelve bytes are three words.
+// Four pixels per thread: their twelve bytes are three words.
 @compute @workgroup_size(64)
 fn expose(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) thread: u32) {
     let job = job_at(group.y);

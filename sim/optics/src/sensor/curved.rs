@@ -1,9 +1,10 @@
 //! The image of a curved pad.
 //!
-//! The gel's surface under the cover, pressed in along the cover's normals, becomes a relief over the pad's plane; every pixel's ray,
-//! from the pinhole through the pixel's place in that plane, is followed to it (so relief is shifted sideways, as it is in a real image),
-//! and lamps light what is met there, past whatever relief stands between. As on a flat pad the image is the background where
-//! nothing has changed; elsewhere what the model says changes is added to the background's radiance.
+//! The gel's surface under the cover, pressed in along the cover's normals, becomes a relief over the pad's plane. Every
+//! pixel's ray, from the pinhole through the pixel's position in that plane, is intersected with the relief, so that
+//! relief is shifted sideways as in a real image. The lamps light the intersection, with shadows of the relief in
+//! between. As on a flat pad, unchanged pixels show the background; elsewhere the model's change of radiance is added to
+//! the background's.
 
 use hand_model::pads::{Camera, IMAGE_SIZE, Pad};
 use hand_model::robot::TactileImage;
@@ -19,30 +20,29 @@ use crate::noise::quantise;
 use crate::sensor::Sensor;
 use crate::shadows::{HeightField, Shadow};
 
-/// One camera unit of a pad with any cover. With [`Cover::FLAT`] it is the [`Sensor`], bit by bit.
+/// One camera unit of a pad with any cover. With [`Cover::FLAT`] its images are bit-identical to those of [`Sensor`].
 #[derive(Debug, Clone)]
 pub struct CurvedSensor {
     sensor: Sensor,
     cover: Cover,
-    /// Radiance of the untouched gel by the model, row-major RGB.
+    /// The model's radiance of the untouched gel, row-major RGB.
     untouched: Vec<f32>,
     /// Grey levels of the untouched gel.
     background: Vec<f32>,
 }
 
-/// Steps of the search for what a ray meets.
+/// Largest number of iterations of the ray intersection.
 const STEPS: usize = 8;
-/// Share of the full scale by which radiance must change for a pixel to be shaded anew.
+/// Least change of radiance, as a share of full scale, for which a pixel is shaded again.
 const CHANGE: f32 = 1e-4;
 
 impl CurvedSensor {
-    /// A camera unit of this model; `seed` draws its texture, as [`Sensor::with_model`] does.
+    /// As [`Sensor::with_model`], under a cover.
     pub fn new(pad: &Pad, camera: &Camera, model: SensorModel, cover: Cover, seed: u64) -> Result<Self, OpticsError> {
         cover.check(pad)?;
         Ok(Self::of(Sensor::with_model(pad, camera, model, seed)?, cover))
     }
 
-    /// The sensor's model under a cover.
     fn of(sensor: Sensor, cover: Cover) -> Self {
         if cover.is_flat() {
             return Self { sensor, cover, untouched: Vec::new(), background: Vec::new() };
@@ -53,7 +53,7 @@ impl CurvedSensor {
         curved
     }
 
-    /// The flat pad's unit it was made of.
+    /// The same unit with a flat pad.
     pub fn flat(&self) -> &Sensor {
         &self.sensor
     }
@@ -85,7 +85,7 @@ impl CurvedSensor {
                 let (column, row) = (at % IMAGE_SIZE, at / IMAGE_SIZE);
                 let (x, _) = camera.pixel_center(column, row);
                 let line = &gel[row * IMAGE_SIZE..(row + 1) * IMAGE_SIZE];
-                // The place on the cover whose point is pressed to above this one.
+                // The point on the cover that is displaced to above this one.
                 let (mut from, mut deep) = (x, 0.0);
                 for _ in 0..STEPS {
                     deep = between(line, column as f64 + (from - x) / dx);
@@ -121,7 +121,7 @@ impl CurvedSensor {
         TactileImage { rgb }
     }
 
-    /// Grey level that a value of the image has at this radiance of the model.
+    /// Grey level of image value `at` for a radiance of the model.
     fn grey(&self, at: usize, radiance: f32) -> f32 {
         self.sensor.response[at % 3].grey(radiance + self.sensor.correction[at])
     }
@@ -143,7 +143,7 @@ impl CurvedSensor {
             let part = row - above as f64;
             (1.0 - part) * line(above) + part * line(above + 1)
         };
-        // Mean slope over a pixel to either side, of what is inside the image.
+        // Mean slope over one pixel to either side, clipped to the image.
         let slope = |low: f64, high: f64, at: &dyn Fn(f64) -> f64, pixel: f64| {
             let (low, high) = (low.max(0.0), high.min((side - 1) as f64));
             (at(low) - at(high)) / ((high - low) * pixel)
@@ -178,7 +178,7 @@ impl CurvedSensor {
     }
 }
 
-/// The value at a fractional place of a row, linear between pixels; beyond its ends they go on.
+/// Linear interpolation in a row, constant beyond its ends.
 fn between(line: &[f32], column: f64) -> f64 {
     let column = column.clamp(0.0, (line.len() - 1) as f64);
     let left = (column as usize).min(line.len() - 2);

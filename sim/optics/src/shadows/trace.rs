@@ -1,23 +1,23 @@
-//! Handing the horizon on from cell to cell, outwards from a lamp.
+//! Propagation of the horizon from cell to cell, outwards from a lamp.
 //!
-//! A cell looks one step of its longer side towards the lamp, between two cells that are nearer to it. Cells are visited line by
-//! line outwards, so that both have been visited; a line's cells whose longer side leads across the lines do not depend on each
-//! other and are worked on several at once. Lines are rows, or columns where the lamp stands beside the grid and that suits
-//! more cells. The arithmetic of a cell is the same either way.
+//! A cell takes the horizon one step of its longer axis towards the lamp, between two cells that are nearer to it. Cells
+//! are visited line by line outwards, so that both have been visited. The cells of a line whose longer axis leads across
+//! the lines do not depend on each other and are vectorised. Lines are rows, or columns if the lamp is beside the grid
+//! and more cells can be vectorised that way. The arithmetic of a cell is the same either way.
 
 use crate::wide::widest;
 
-/// Number of cells along an axis, the lamp's place on it (in cells), and a cell's size (m).
+/// Number of cells along an axis, the lamp's position on it (in cells), and a cell's size (m).
 pub(super) type Axis = (usize, f32, f32);
 
-/// Lines follow each other along `outer`; a line's cells along `inner`.
+/// The lines are stacked along `outer`; a line's cells lie along `inner`.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Axes {
     pub(super) outer: Axis,
     pub(super) inner: Axis,
 }
 
-/// What is looked at: cells with rows as lines, and a lamp.
+/// Cells with rows as lines, and a lamp.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Grid {
     /// Depth of the lamp behind the untouched gel, m.
@@ -27,18 +27,18 @@ pub(super) struct Grid {
     pub(super) rows: Axes,
 }
 
-/// What is handed on along a line from the lamp: the largest tangent so far, and its distance from the lamp.
+/// The horizon on a line from the lamp: the largest tangent so far, and its distance from the lamp.
 #[derive(Debug, Clone, Copy)]
 struct Edge {
     tangent: f32,
     distance: f32,
 }
 
-/// All edges and shares, line by line.
+/// All horizons and visible shares, line by line.
 struct Field<'a> {
     grid: &'a Grid,
     axes: Axes,
-    /// True if lines are columns.
+    /// Whether lines are columns.
     columns: bool,
     depth: &'a [f32],
     tangent: Vec<f32>,
@@ -46,7 +46,7 @@ struct Field<'a> {
     share: Vec<f32>,
 }
 
-/// Share of the lamp that each cell sees, row-major.
+/// Visible share of the lamp for each cell, row-major.
 pub(super) fn trace(grid: &Grid, depth: &[f32]) -> Vec<f32> {
     let Axes { outer: (height, lamp_y, _), inner: (width, lamp_x, _) } = grid.rows;
     let beside = lamp_x <= 0.0 || lamp_x > (width - 1) as f32;
@@ -59,13 +59,13 @@ pub(super) fn trace(grid: &Grid, depth: &[f32]) -> Vec<f32> {
     Field::new(grid, grid.rows, false, depth).trace()
 }
 
-/// Rows become columns.
+/// Transposes.
 fn turn(values: &[f32], width: usize) -> Vec<f32> {
     let height = values.len() / width;
     (0..width).flat_map(|column| (0..height).map(move |row| values[row * width + column])).collect()
 }
 
-/// Indices outwards from a place: first those below it from high to low, then those above it.
+/// Indices outwards from a position: first those below it from high to low, then those above it.
 fn outwards(place: f32, count: usize) -> impl Iterator<Item = usize> {
     let start = (place.max(0.0).ceil() as usize).min(count);
     (0..start).rev().chain(start..count)
@@ -88,7 +88,7 @@ impl<'a> Field<'a> {
     fn trace(mut self) -> Vec<f32> {
         let (lines, lamp, _) = self.axes.outer;
         let count = self.axes.inner.0;
-        // Own tangent, distance and one over the steps to the lamp of a line's cells.
+        // Of a line's cells: own tangent, distance, and the inverse of the number of steps to the lamp.
         let mut own = [vec![0.0; count], vec![0.0; count], vec![0.0; count]];
         for line in outwards(lamp, lines) {
             widest(
@@ -117,7 +117,7 @@ impl<'a> Field<'a> {
         }
     }
 
-    /// Visits a line's cells: those that look across the lines several at once, the others from the lamp outwards.
+    /// Visits a line's cells: those that step across the lines vectorised, the others one by one outwards from the lamp.
     fn line(&mut self, line: usize, own: &[Vec<f32>; 3]) {
         let ((lines, lamp_u, _), (count, lamp_v, _)) = (self.axes.outer, self.axes.inner);
         let u = lamp_u - line as f32;
@@ -133,7 +133,8 @@ impl<'a> Field<'a> {
         };
         let quick = inside && u.abs() > 1.0;
         if quick {
-            // Cells before the lamp mix with the one after them, those beyond it with the one before; the border has none.
+            // Cells before the lamp interpolate with the next one, cells beyond it with the previous one; the border has
+            // none.
             let turn = ((lamp_v.floor() + 1.0).clamp(first as f32, last as f32)) as usize;
             let next = next as usize;
             widest(
@@ -157,7 +158,7 @@ impl<'a> Field<'a> {
         }
     }
 
-    /// Cells of a line that look at the line `next`, between their own place there and the one `side` of it.
+    /// Cells of a line that take the horizon from the line `next`, between their own index there and the one at `side`.
     #[inline(always)]
     fn across(&mut self, line: usize, next: usize, cells: std::ops::Range<usize>, side: isize, own: &[Vec<f32>; 3]) {
         if cells.is_empty() {
@@ -166,7 +167,7 @@ impl<'a> Field<'a> {
         let (count, lamp_v, _) = self.axes.inner;
         let (soft, columns) = (self.grid.soft, self.columns);
         let beside = cells.start.wrapping_add_signed(side)..cells.end.wrapping_add_signed(side);
-        // The two lines lie in one array; only one of them is written.
+        // Both lines are in one array; only one of them is written.
         let (tangent_from, tangent) = two_lines(&mut self.tangent, next, line, count);
         let (distance_from, distance) = two_lines(&mut self.distance, next, line, count);
         let (a_tangent, b_tangent) = (&tangent_from[cells.clone()], &tangent_from[beside.clone()]);
@@ -182,7 +183,7 @@ impl<'a> Field<'a> {
         for i in 0..n {
             let v = lamp_v - (cells.start + i) as f32;
             let part = (v * inverse[i]).abs();
-            // Between the lamp's own two rows, neither comes before the other: straight on.
+            // Between the lamp's own two rows neither precedes the other: no interpolation.
             let part = if columns && v.abs() < 1.0 { 0.0 } else { part };
             let highest = a_tangent[i] + part * (b_tangent[i] - a_tangent[i]);
             let near = away[i] * (1.0 - inverse[i]);
@@ -194,7 +195,7 @@ impl<'a> Field<'a> {
         }
     }
 
-    /// Any one cell.
+    /// A single cell.
     fn cell(&mut self, line: usize, i: usize, own: &[Vec<f32>; 3]) {
         let ((lines, lamp_u, _), (count, lamp_v, _)) = (self.axes.outer, self.axes.inner);
         let (u, v) = (lamp_u - line as f32, lamp_v - i as f32);
@@ -216,7 +217,7 @@ impl<'a> Field<'a> {
         let (next_line, next) = (line as isize + u.signum() as isize, i as isize + v.signum() as isize);
         let (across, down) = if self.columns { (u, v) } else { (v, u) };
         let along_row = across.abs() >= down.abs();
-        // Between the lamp's own two rows, neither comes before the other: straight on.
+        // Between the lamp's own two rows neither precedes the other: no interpolation.
         let part = match along_row {
             true if down.abs() < 1.0 => 0.0,
             true => (down * inverse).abs(),
@@ -234,7 +235,7 @@ impl<'a> Field<'a> {
     }
 }
 
-/// Share of the lamp seen over the highest tangent on the way, met at distance `met`, by a place at distance `away`.
+/// Visible share of the lamp over the highest tangent on the way, at distance `met`, for a point at distance `away`.
 #[inline(always)]
 fn seen(own: f32, highest: f32, away: f32, met: f32, soft: f32) -> f32 {
     // The lamp's part over the edge is (own - highest) away met / (away - met) / size, and only matters below 1.

@@ -1,9 +1,9 @@
-//! One chain: start on the object's outside, anneal, sample.
+//! One chain: from a random start outside the object through annealing to sampling.
 //!
-//! An iteration either moves pose and joints by a Langevin proposal ([`super::langevin`]) or replaces one contact point by a
-//! uniform draw from the candidates, a symmetric proposal with a Metropolis decision of its own. While the temperature falls
-//! (burn-in) the chain learns its preconditioner and step; at the final temperature both are frozen and the chain samples
-//! exp(-E / T) proper. Nothing is shared between chains: a chain is its seed.
+//! An iteration either moves pose and joints by a Langevin proposal ([`super::langevin`]) or replaces one contact point
+//! by a uniform draw from the candidates, a symmetric proposal with its own Metropolis decision. While the temperature
+//! falls (burn-in) the chain adapts its preconditioner and step. At the final temperature both are fixed, and the chain
+//! samples exp(-E / T) exactly. Chains share nothing: a chain is determined by its seed.
 
 use nalgebra::{Isometry3, Rotation3, Translation3, UnitQuaternion, Vector3};
 use rand::{Rng, RngExt, SeedableRng};
@@ -14,14 +14,14 @@ use super::frames::{Frames, HandState};
 use super::langevin::{Langevin, normal};
 use crate::sampler::PALM_FACE;
 
-/// How a chain runs.
+/// Iterations and temperatures of a chain.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Schedule {
     /// Iterations while the temperature falls.
     pub burn_in: usize,
     /// Iterations at the final temperature.
     pub steady: usize,
-    /// Temperature at the start.
+    /// Initial temperature.
     pub hot: f64,
     /// Final temperature.
     pub cold: f64,
@@ -45,34 +45,32 @@ pub struct Sample {
     pub state: HandState,
     /// Contact candidates.
     pub contacts: Vec<usize>,
-    /// Its energy.
     pub terms: Terms,
 }
 
-/// What a chain leaves.
+/// Result of a chain.
 #[derive(Debug, Clone)]
 pub struct ChainEnd {
     /// Lowest energy at the final temperature.
     pub best: Sample,
     /// Share of accepted Langevin proposals at the final temperature.
     pub acceptance: f64,
-    /// Iterations done.
     pub steps: usize,
 }
 
-/// Generator of chain number `chain`.
+/// Random generator of chain number `chain`.
 pub fn stream(seed: u64, chain: u64) -> ChaCha8Rng {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     rng.set_stream(chain);
     rng
 }
 
-/// A random start: the palm faces the object from a random side at a small distance, the object somewhere between wrist and
-/// fingertips, joints half open around a random mean.
+/// A random start: the palm faces the object from a random side at a small distance, with the object between wrist and
+/// fingertips and joint angles scattered around a random mean.
 pub fn start(energy: &GraspEnergy, rng: &mut impl Rng) -> HandState {
     let mut spare = None;
     let away = Vector3::from_fn(|_, _| normal(rng, &mut spare)).normalize();
-    // The palm's z points away from the object; x and y are turned at random about it.
+    // The palm's z points away from the object; the rotation about it is random.
     let facing = UnitQuaternion::rotation_between(&Vector3::z(), &away)
         .unwrap_or_else(|| UnitQuaternion::from_axis_angle(&Vector3::x_axis(), std::f64::consts::PI));
     let roll = Rotation3::from_axis_angle(&Vector3::z_axis(), rng.random_range(0.0..std::f64::consts::TAU));
@@ -98,7 +96,7 @@ pub fn start(energy: &GraspEnergy, rng: &mut impl Rng) -> HandState {
     HandState { object_from_palm: Isometry3::from_parts(Translation3::from(translation), rotation), joints }
 }
 
-/// How far a box reaches from `center` along `direction`.
+/// Extent of a box from `center` along `direction`.
 fn support(low: &Vector3<f64>, high: &Vector3<f64>, center: &Vector3<f64>, direction: &Vector3<f64>) -> f64 {
     (0..3)
         .map(|axis| {
@@ -153,7 +151,7 @@ pub fn run(
     let mut next = state.clone();
     let mut kernel = Langevin::new(0.5, &widest_noise(freedom), schedule.hot);
     let mut terms = energy.evaluate(&state, &held, frames, &mut gradient);
-    // Whether `frames` stands at `state` (a rejected proposal leaves it elsewhere).
+    // Whether `frames` is at `state`; a rejected proposal leaves it elsewhere.
     let mut placed = true;
     let mut best: Option<Sample> = None;
     let (mut proposed, mut accepted) = (0usize, 0usize);
@@ -226,8 +224,8 @@ mod tests {
         assert_ne!(a[0].best.state, a[1].best.state);
     }
 
-    /// Chains on a ball end with balanced pushes, little penetration and contact points a few millimetres from the surface on
-    /// average, mostly: closing does the rest.
+    /// Most chains on a ball end with balanced forces, little penetration and contact points on average a few millimetres
+    /// from the surface, which closing in physics then brings into contact.
     #[test]
     fn chains_find_grasps_of_a_ball() {
         let ends = ends(12, &Schedule::default());
@@ -242,7 +240,7 @@ mod tests {
         assert!(good.count() >= 8, "{:?}", ends.iter().map(|end| end.best.terms).collect::<Vec<_>>());
     }
 
-    /// Two contacts on five candidates, the hand standing still: the 25 pairs come up as often as exp(-E / T) says.
+    /// Two contacts on five candidates with a fixed hand: the frequencies of the 25 pairs follow exp(-E / T).
     #[test]
     fn contact_moves_sample_their_density() {
         let hand = Hand::ftac();

@@ -1,13 +1,14 @@
-//! The differentiable force-closure estimator (supplement, "Differentiable force closure estimator") with a rank term that works.
+//! The differentiable force-closure estimator (supplement, "Differentiable force closure estimator"), with a rank term
+//! that works.
 //!
-//! For contacts at x_i (from the centre of mass, over the object's length) that push with unit forces c_i, the grasp map is G
-//! with blocks [I; [x_i]x], and two things are asked. *Balance*: |G c| / n, how far equal pushes are from equilibrium. *Rank*:
-//! the published term lambda_0(G G' - eps I) is numerically inert at its eps; ours is -log det(G G' / n + delta I), which grows
-//! without end as the contacts come to lie on a line and is flat where they span space.
+//! For contacts at x_i (from the centre of mass, over the object's length) with unit forces c_i, the grasp map is G with
+//! blocks [I; [x_i]x]. *Balance* is |G c| / n, the deviation of equal forces from equilibrium. *Rank* is -log det(G G' /
+//! n + delta I), which grows without bound as the contacts approach a line and is flat where they span space; the
+//! published term lambda_0(G G' - eps I) is numerically ineffective at its eps.
 //!
-//! The determinant needs no 6 x 6 matrix: eliminating the force block leaves 3 ln(1 + delta) + ln det C with
-//! C = delta I + J(Q) - J(m m') / (1 + delta), where m and Q are the first two moments of the x_i and J(A) = tr(A) I - A turns a
-//! second moment into an inertia. So a value costs two moments and a 3 x 3 determinant.
+//! The determinant needs no 6 x 6 matrix: eliminating the force block leaves 3 ln(1 + delta) + ln det C with C = delta
+//! I + J(Q) - J(m m') / (1 + delta), where m and Q are the first two moments of the x_i and J(A) = tr(A) I - A turns a
+//! second moment into an inertia. The cost is two moments and a 3 x 3 determinant.
 
 use nalgebra::{Matrix3, Vector3, Vector6};
 
@@ -19,7 +20,7 @@ pub const RANK_DELTA: f64 = 0.01;
 pub struct Closure {
     /// |G c| / n, 0 is best, at most about 1.
     pub balance: f64,
-    /// -log det(G G' / n + delta I): small is good.
+    /// -log det(G G' / n + delta I), small is good.
     pub rank: f64,
 }
 
@@ -70,7 +71,7 @@ pub fn closure(points: &[Vector3<f64>], pushes: &[Vector3<f64>]) -> Closure {
     Closure { balance: moments.wrench.norm(), rank: rank(reduced(&moments).determinant()) }
 }
 
-/// The same, and adds the derivatives of `weights.0` * balance + `weights.1` * rank to `by_points` and `by_pushes`.
+/// As [`closure`]; adds the derivatives of `weights.0` * balance + `weights.1` * rank to `by_points` and `by_pushes`.
 pub fn closure_with_gradient(
     points: &[Vector3<f64>],
     pushes: &[Vector3<f64>],
@@ -105,7 +106,7 @@ mod tests {
         prop::collection::vec([-1.0..1.0_f64, -1.0..1.0, -1.0..1.0].prop_map(Vector3::from), n)
     }
 
-    /// G G' / n + delta I, written out.
+    /// G G' / n + delta I explicitly.
     fn full(points: &[Vector3<f64>]) -> Matrix6<f64> {
         let mut sum = Matrix6::identity() * RANK_DELTA;
         for x in points {
@@ -155,7 +156,7 @@ mod tests {
         }
     }
 
-    /// Contacts on a line lose rank, and the term says so loudly; spread ones do not.
+    /// Contacts on a line lose rank and have a high cost; spread ones do not.
     #[test]
     fn a_line_costs_more_than_a_triangle() {
         let line = [Vector3::x(), -Vector3::x(), Vector3::x() * 0.3];

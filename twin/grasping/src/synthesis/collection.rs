@@ -1,9 +1,9 @@
-//! The repertoire of synthesized grasps as one compact file: what is checked in, and what others read.
+//! The synthesized grasps of many objects in one compact file, for distribution with the code and for other programs.
 //!
-//! JSON lines. The first is the header: version, command, seed. Then, object by object, a line that says how the search went
-//! and a line for each of its grasps: an array of whole numbers, in the order of [`Row`], each so many steps of its unit
-//! (lengths 0.01 mm, angles 1e-4 rad, forces 1 mN; the palm is link -1). What follows from the rest, the digits and whether the
-//! palm touches, is not written. A grasp comes back bit for bit as [`HeldGrasp::rounded`] left it.
+//! JSON lines. The first is the header: version, command, seed. Then, object by object, a line with the summary of the
+//! search and a line for each of its grasps: an array of integers in the order of [`Row`], in fixed units (lengths 0.01
+//! mm, angles 1e-4 rad, forces 1 mN; the palm is link -1). Derived fields (digits, palm contact) are not stored. A grasp
+//! is read bit for bit as [`HeldGrasp::rounded`] left it.
 
 use std::fmt::Write as _;
 use std::path::Path;
@@ -20,27 +20,24 @@ pub const VERSION: u32 = 1;
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Header {
-    /// Format version.
     pub version: u32,
-    /// Command that made it.
+    /// Command that generated it.
     pub command: String,
-    /// Its seed.
     pub seed: u64,
 }
 
-/// How the search for one object went.
+/// Summary of the search for one object.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Summary {
-    /// Its name.
     pub object: String,
-    /// Grasps asked for.
+    /// Number of grasps requested.
     pub wanted: usize,
-    /// Grasps kept: lines that follow.
+    /// Number of grasps kept, which follow.
     pub kept: usize,
-    /// Chains run for them.
+    /// Number of chains run.
     pub chains: u64,
-    /// Why there are fewer than asked for, where there are.
+    /// Reason for a shortfall.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub short: Option<String>,
 }
@@ -48,18 +45,15 @@ pub struct Summary {
 /// The grasps of one object.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ObjectGrasps {
-    /// How they were found.
     pub summary: Summary,
-    /// In the order of their chains.
+    /// Ordered by chain.
     pub grasps: Vec<HeldGrasp>,
 }
 
 /// A repertoire of synthesized grasps.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Collection {
-    /// Where it comes from.
     pub header: Header,
-    /// Object by object.
     pub objects: Vec<ObjectGrasps>,
 }
 
@@ -116,7 +110,7 @@ fn row(grasp: &HeldGrasp) -> Row {
     )
 }
 
-/// The grasp of a row, or which field is wrong, what was found and what was expected.
+/// The grasp of a row; the error names the field, the found value and the expected one.
 fn grasp(object: &str, row: Row) -> Result<HeldGrasp, String> {
     let (chain, pose, joints, start, open, tensions, opposition, rows, approach, room, checks, moved, energy) = row;
     let mut contacts = Vec::with_capacity(rows.len());
@@ -171,7 +165,6 @@ impl Collection {
         self.objects.iter().find(|entry| entry.summary.object == object)
     }
 
-    /// All grasps.
     pub fn grasps(&self) -> impl Iterator<Item = &HeldGrasp> {
         self.objects.iter().flat_map(|entry| &entry.grasps)
     }
@@ -257,7 +250,7 @@ mod tests {
         assert!(back.of("pawn").is_none());
     }
 
-    /// Every kind of damage is named with its line.
+    /// The error names the line of each kind of damage.
     #[test]
     fn damage_is_named() {
         let text = collection().to_text().expect("text");

@@ -1,9 +1,9 @@
-//! How different the grasps of a set are: digits, thumb, opposition, and how many dimensions their postures fill.
+//! Diversity of a set of grasps: digits, thumb, opposition, and the dimensionality of the postures.
 //!
-//! *Opposition* (Iberall 1987; the GRASP taxonomy of Feix et al. 2016): one virtual finger, the thumb or the palm, presses
-//! against another, the fingers. The direction in which it presses, in the palm's frame, names the kind: along the palm
-//! towards or away from the fingertips is pad opposition, perpendicular to the palm is palm opposition, across the palm is
-//! side opposition.
+//! *Opposition* (Iberall 1987; the GRASP taxonomy of Feix et al. 2016): one virtual finger, the thumb or the palm,
+//! presses against another, the fingers. The direction in which it presses, in the palm frame, defines the kind: along
+//! the palm towards or away from the fingertips is pad opposition, perpendicular to the palm is palm opposition, across
+//! the palm is side opposition.
 
 use std::collections::BTreeMap;
 
@@ -13,7 +13,7 @@ use serde::Serialize;
 
 use super::held::HeldGrasp;
 
-/// Opposition angles of the thumb above this count as abducted: it faces the fingers rather than lying beside them, rad.
+/// Thumb opposition angle above which the thumb counts as abducted, facing the fingers, rad.
 const ABDUCTED: f64 = 0.6;
 
 /// Kinds of opposition.
@@ -31,7 +31,6 @@ pub enum Opposition {
 }
 
 impl Opposition {
-    /// Its name.
     pub fn name(self) -> &'static str {
         match self {
             Self::Pad => "pad",
@@ -42,8 +41,8 @@ impl Opposition {
     }
 }
 
-/// Unit direction in which the thumb or the palm, whichever presses harder, presses on the object (palm frame); none where
-/// neither does.
+/// Unit direction in which the thumb or the palm, whichever presses harder, presses on the object (palm frame); `None`
+/// without contact of either.
 pub fn pressing(grasp: &HeldGrasp) -> Option<Vector3<f64>> {
     let sum = |of: &dyn Fn(Option<usize>) -> bool| -> Vector3<f64> {
         let own = grasp.contacts.iter().filter(|contact| of(contact.link));
@@ -64,36 +63,36 @@ pub fn opposition(grasp: &HeldGrasp) -> Opposition {
     }
 }
 
-/// The digits of a grasp as text: `TIMRL` for all, `P` in front where the palm touches.
+/// Initials of the digits in contact, `TIMRL` for all, with a leading `P` if the palm is in contact.
 pub fn digit_set(grasp: &HeldGrasp) -> String {
     let letter = |digit: &Digit| digit.name().chars().next().map(|letter| letter.to_ascii_uppercase());
     grasp.palm.then_some('P').into_iter().chain(grasp.digits.iter().filter_map(letter)).collect()
 }
 
-/// What a set of grasps comes to.
+/// Statistics of a set of grasps.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Diversity {
     /// Number of grasps.
     pub grasps: usize,
-    /// Share of the grasps that each digit takes part in, thumb first.
+    /// Share of the grasps in which each digit is in contact, thumb first.
     pub digits: [f64; 5],
-    /// Share in which the palm takes part.
+    /// Share with palm contact.
     pub palm: f64,
     /// Number of grasps with each set of digits; see [`digit_set`].
     pub sets: BTreeMap<String, usize>,
     /// Number of grasps of each kind of opposition.
     pub opposition: BTreeMap<&'static str, usize>,
-    /// Angle of the thumb's opposition: mean and standard deviation, rad; share that counts as abducted.
+    /// Thumb opposition angle: mean and standard deviation, rad; share of abducted thumbs.
     pub thumb: [f64; 3],
-    /// Share of the variance of the joint angles that the first one, two, ... principal components explain, added up.
+    /// Cumulative share of the joint angles' variance explained by the principal components.
     pub explained: Vec<f64>,
-    /// 1 - |mean of the approach directions| (object frame): 0 if all come from one side, near 1 from everywhere.
+    /// 1 - |mean of the approach directions| (object frame): 0 from one side, near 1 from all sides.
     pub approach_spread: f64,
-    /// Room left by the digits that do not touch, m: median over the grasps that leave a digit free.
+    /// Median clearance of the free digits from the object, over the grasps that leave a digit free, m.
     pub room: Option<f64>,
 }
 
-/// Describes `grasps`.
+/// Statistics of `grasps`.
 pub fn describe<'a>(grasps: impl IntoIterator<Item = &'a HeldGrasp>) -> Diversity {
     let grasps: Vec<&HeldGrasp> = grasps.into_iter().collect();
     let n = grasps.len().max(1) as f64;
@@ -121,7 +120,7 @@ pub fn describe<'a>(grasps: impl IntoIterator<Item = &'a HeldGrasp>) -> Diversit
     }
 }
 
-/// Cumulated shares of the joint angles' variance, largest component first; empty without variance.
+/// Cumulative shares of the joint angles' variance, largest component first; empty without variance.
 fn explained(grasps: &[&HeldGrasp]) -> Vec<f64> {
     let table = DMatrix::from_fn(grasps.len(), HAND_JOINTS, |row, joint| grasps[row].joints[joint]);
     if grasps.is_empty() {

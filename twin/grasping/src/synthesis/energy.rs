@@ -1,18 +1,18 @@
-//! The grasp energy of the paper's Methods, with its gradient: E(T, q, x | O) for a pose T, joints q and contact points x.
+//! The grasp energy of the paper's Methods with its gradient: E(T, q, x | O) for a pose T, joints q and contact points x.
 //!
-//! | term | what it asks |
+//! | term | requirement |
 //! |---|---|
-//! | balance, rank | the contacts can close force ([`super::closure_energy`]) |
-//! | distance | every contact point lies on the object's surface |
-//! | facing | the pad looks against the surface it touches |
+//! | balance, rank | the contacts can achieve force closure ([`super::closure_energy`]) |
+//! | distance | every contact point is on the object's surface |
+//! | facing | the pad is parallel to the surface it touches |
 //! | penetration | no point of the hand's surface is inside the object |
 //! | self-penetration | links keep clear of each other (balls that fill the covers) |
-//! | limits | joints stay in their range |
-//! | cable | a digit's joints stay near the line along which its cable and springs move them |
-//! | table | no point of the hand is below the table, where there is one |
+//! | limits | joints are within their limits |
+//! | cable | a digit's joints are near the line along which its cable and springs move them |
+//! | table | no point of the hand is below the table, if there is one |
 //!
-//! All are dimensionless after their weight. An evaluation allocates nothing and passes over everything out of reach: whole
-//! links, then patches, by the bound on the distance's slope.
+//! Terms are dimensionless after weighting. An evaluation allocates nothing, and skips whole links and then patches that
+//! are too far from the object, by the bound on the distance's slope.
 
 use hand_model::Hand;
 use nalgebra::{Unit, Vector3};
@@ -65,7 +65,7 @@ impl Default for Weights {
     }
 }
 
-/// A half space the hand keeps out of: x . normal >= offset is free (object frame).
+/// A table top: x . normal >= offset is free (object frame).
 #[derive(Debug, Clone, Copy)]
 pub struct Plane {
     /// Up.
@@ -74,10 +74,9 @@ pub struct Plane {
     pub offset: f64,
 }
 
-/// The terms, weighted, and what they were made of.
+/// The weighted terms, and some of the quantities behind them.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Terms {
-    /// All together.
     pub total: f64,
     /// Balance and rank.
     pub closure: f64,
@@ -109,11 +108,8 @@ impl Terms {
 /// The energy of one hand on one object.
 #[derive(Debug, Clone)]
 pub struct GraspEnergy<'a> {
-    /// The object.
     pub field: &'a DistanceField,
-    /// The hand's surface.
     pub surface: &'a HandSurface,
-    /// Weights.
     pub weights: Weights,
     table: Option<Plane>,
     mechanism: Mechanism,
@@ -121,7 +117,7 @@ pub struct GraspEnergy<'a> {
 }
 
 impl<'a> GraspEnergy<'a> {
-    /// For `hand` with its `surface` on the object of `field`, over a `table` or in the air.
+    /// For `hand` with its `surface` on the object of `field`, with or without a `table`.
     pub fn new(
         hand: &Hand,
         surface: &'a HandSurface,
@@ -156,7 +152,7 @@ impl<'a> GraspEnergy<'a> {
     }
 
     /// The energy of `state` with the contact candidates `contacts`, and its gradient (overwritten): translation, rotation
-    /// about the pivot, joints. `frames` is working space of the same hand and left at `state`.
+    /// about the pivot, joints. `frames` is working space for the same hand; afterwards it is at `state`.
     ///
     /// # Panics
     /// With more than [`MAX_CONTACTS`] contacts.
@@ -174,7 +170,7 @@ impl<'a> GraspEnergy<'a> {
         terms
     }
 
-    /// The part of the energy that depends on the contact points, at the state where `frames` is. Wrenches are left dirty.
+    /// The part of the energy that depends on the contact points, at the state of `frames`, whose wrenches are overwritten.
     pub fn contact_energy(&self, contacts: &[usize], frames: &mut Frames) -> f64 {
         let mut terms = Terms::default();
         self.contacts(contacts, frames, &mut terms);
@@ -315,7 +311,7 @@ impl<'a> GraspEnergy<'a> {
         }
         for line in &self.mechanism.lines {
             let n = line.joints.len() as f64;
-            // The amount along the line; where all joints turn the same way it is their mean.
+            // Position along the line: the mean of the angles, signed by the line's direction.
             let along = |k: usize| line.share[k].signum() * state.joints[line.joints[k]];
             let mean = (0..line.joints.len()).map(along).sum::<f64>() / n;
             let off = |k: usize| state.joints[line.joints[k]] - line.share[k] * mean;

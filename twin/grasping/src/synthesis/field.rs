@@ -1,22 +1,24 @@
-//! The object as the sampler sees it: signed distance and surface normal on one regular grid, both trilinear.
+//! The object for the sampler: signed distance and surface normal on one regular grid, interpolated trilinearly.
 //!
-//! A node holds the distance d and the outward unit normal n of the nearest surface as four numbers side by side, so that a
-//! look-up reads eight neighbours and gives d, n and all their derivatives at once. The normals are interpolated on their own
-//! rather than differentiated from d: they are continuous, and their derivative is exact. Beyond the grid the nearest point of
-//! the box answers, with the way to it added to the distance: a pull towards the object from anywhere.
+//! A node holds the distance d and the outward unit normal n of the nearest surface as four adjacent numbers, so that a
+//! look-up reads eight neighbours and gives d, n and all their derivatives. The normals are interpolated themselves
+//! rather than differentiated from d: they are continuous, and their derivative is exact. Outside the grid the nearest
+//! point of the grid's box is evaluated, and the distance to it is added, so that the gradient points towards the object
+//! from anywhere.
 //!
-//! Every component of the gradient of a trilinear interpolant of a distance is at most 1, so that d changes by at most
-//! [`LIPSCHITZ`] times the way: that is what lets the energy pass over a patch of points that is far enough away, exactly.
+//! Every component of the gradient of a trilinear interpolant of a distance is at most 1, so d changes by at most
+//! [`LIPSCHITZ`] times the displacement. With this bound the energy skips a patch of points that is far enough away
+//! without error.
 
 use nalgebra::{Matrix3, Point3, Vector3};
 
 /// Bound of the interpolated distance's slope.
 pub const LIPSCHITZ: f64 = 1.732_050_807_568_878;
 
-/// Nodes at most: 64 MB.
+/// Largest number of nodes: 64 MB.
 const MAX_NODES: usize = 4_000_000;
 
-/// Why a field could not be sampled.
+/// Errors of sampling a field.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum FieldError {
     /// An argument makes no sense.
@@ -24,9 +26,7 @@ pub enum FieldError {
     Argument {
         /// Which argument.
         field: &'static str,
-        /// Its value.
         found: f64,
-        /// What would be right.
         expected: &'static str,
     },
 }
@@ -50,19 +50,20 @@ pub struct DistanceField {
     origin: Vector3<f64>,
     cells_per_meter: f64,
     size: [usize; 3],
-    /// Distance and normal: for contact points, few a step.
+    /// Distance and normal, for the few contact points.
     nodes: Vec<[f32; 4]>,
-    /// The distances once more: for surface points, hundreds a step, a quarter of the memory to go through.
+    /// The distances alone, for hundreds of surface points per step: a quarter of the memory to read.
     distances: Vec<f32>,
     low: Point3<f64>,
     high: Point3<f64>,
     /// Centre of mass, m.
     pub center: Point3<f64>,
-    /// Half of the object's mean extent, m: what torques are divided by.
+    /// Half of the object's mean extent, m: the length scale of torques.
     pub length: f64,
 }
 
-/// Where a point falls: index of the cell's lowest node, place within the cell, and what was cut off at the grid's border.
+/// A point on the grid: index of the cell's lowest node, position in the cell, and displacement from the grid's border if
+/// outside.
 struct Place {
     node: usize,
     part: [f64; 3],
@@ -117,7 +118,7 @@ impl DistanceField {
         })
     }
 
-    /// Lowest and highest corner of the object's own box, m.
+    /// Lowest and highest corner of the object's bounding box, m.
     pub fn extent(&self) -> (Point3<f64>, Point3<f64>) {
         (self.low, self.high)
     }
@@ -177,7 +178,7 @@ impl DistanceField {
         extended(mix(near, far, z), gradient, &beyond)
     }
 
-    /// Everything at one point.
+    /// Distance and normal with derivatives.
     pub fn at(&self, point: &Vector3<f64>) -> FieldSample {
         let Place { node, part: [x, y, z], beyond } = self.place(point);
         let (row, layer) = (self.size[0], self.size[0] * self.size[1]);
@@ -208,7 +209,7 @@ impl DistanceField {
     }
 }
 
-/// Continues a distance and its gradient from the border of the grid to a point `beyond` it.
+/// Extends a distance and its gradient from the border of the grid to a point `beyond` it.
 fn extended(distance: f64, gradient: Vector3<f64>, beyond: &Vector3<f64>) -> (f64, Vector3<f64>) {
     if *beyond == Vector3::zeros() {
         return (distance, gradient);
@@ -277,7 +278,7 @@ pub(crate) mod tests {
             }
         }
 
-        /// What the early-out relies on.
+        /// The bound by which the energy skips patches.
         #[test]
         fn slope_is_bounded(p in [-0.12..0.12_f64, -0.12..0.12, -0.12..0.12], q in [-0.12..0.12_f64, -0.12..0.12, -0.12..0.12]) {
             let field = ball(0.03);

@@ -1,13 +1,14 @@
-//! Where every link is and how forces on links become forces on the hand's degrees of freedom, without allocation.
+//! Link poses, and the map from forces on links to forces on the hand's degrees of freedom, without allocation.
 //!
-//! The degrees of freedom are the palm's translation (3, object frame), its rotation (3, object frame, about [`PIVOT`]) and the
-//! joint angles. A force f at x on link l is a gradient dE/dx: summed as (f, x cross f) by link, then from the tips to the
-//! palm, each joint takes its share along its axis. That costs the same however many points push.
+//! The degrees of freedom are the palm's translation (3, object frame), its rotation (3, object frame, about [`PIVOT`])
+//! and the joint angles. A force f at x on link l is a gradient dE/dx. Forces are summed by link as (f, x cross f); then,
+//! from the tips to the palm, each joint takes the component along its axis. The cost does not depend on the number of
+//! forces.
 
 use hand_model::kinematics::Tree;
 use nalgebra::{Isometry3, Matrix3, Vector3};
 
-/// Point of the palm frame about which the hand turns: among the half-closed fingers, where objects are. m.
+/// Point of the palm frame about which the hand rotates, m: between the half-closed fingers, where objects are.
 pub const PIVOT: Vector3<f64> = Vector3::new(0.0, 0.0, -0.035);
 
 /// Pose of the hand on the object and its joint angles.
@@ -46,7 +47,7 @@ impl HandState {
     }
 }
 
-/// One joint, flat.
+/// A joint's fixed transform and axis.
 #[derive(Debug, Clone, Copy)]
 struct Joint {
     /// Link that carries it; 0 is the palm.
@@ -65,7 +66,7 @@ pub struct Wrench {
     pub torque: Vector3<f64>,
 }
 
-/// Link poses in the object frame, and the wrenches on them. Made once, used for every state.
+/// Link poses in the object frame, and the wrenches on them; reused for every state.
 #[derive(Debug, Clone)]
 pub struct Frames {
     joints: Vec<Joint>,
@@ -100,7 +101,7 @@ impl Frames {
         }
     }
 
-    /// Puts every link where `state` has it and clears the wrenches.
+    /// Computes the link poses of `state` and clears the wrenches.
     pub fn place(&mut self, state: &HandState) {
         self.rotation[0] = state.object_from_palm.rotation.to_rotation_matrix().into_inner();
         self.translation[0] = state.object_from_palm.translation.vector;

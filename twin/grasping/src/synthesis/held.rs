@@ -1,11 +1,11 @@
-//! A synthesized grasp as it was held in physics, and the file it is kept in.
+//! A synthesized grasp as it was held in physics, and its file format.
 //!
-//! Beside [`crate::Grasp`], which is a recipe for picking up in the two-object benchmark, this is a *state*: where the object
-//! sits, where every joint is, what pulls, what touches. It knows what a strategy for several objects asks: which digits it
-//! uses, from where the hand comes, how much room it leaves, how much it resists.
+//! Unlike [`crate::Grasp`], which is a recipe for picking up in the two-object benchmark, this is a *state*: the pose of
+//! the object, all joint angles, tensions and contacts. It also has what a plan for several objects needs: the digits it
+//! uses, the approach direction, the clearance of the free digits, and the wrench margin.
 //!
-//! The file is JSON lines: a header, then a grasp a line, so that an interrupted run leaves whole grasps. Lengths are rounded to
-//! 0.01 mm, angles to 1e-4 rad, forces to 1 mN.
+//! The file is JSON lines: a header, then one grasp per line, so that an interrupted run leaves whole grasps. Lengths are
+//! rounded to 0.01 mm, angles to 1e-4 rad, forces to 1 mN.
 
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -20,11 +20,9 @@ pub const VERSION: u32 = 1;
 /// First line of a file.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Header {
-    /// Format version.
     pub version: u32,
-    /// Command that made it.
+    /// Command that generated it.
     pub command: String,
-    /// Its seed.
     pub seed: u64,
 }
 
@@ -32,7 +30,7 @@ pub struct Header {
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(from = "ContactRow", into = "ContactRow")]
 pub struct HeldContact {
-    /// Link (0..15 in joint order), none for the palm.
+    /// Link (0..15 in joint order), `None` for the palm.
     pub link: Option<usize>,
     /// m.
     pub point: [f64; 3],
@@ -59,9 +57,8 @@ impl From<HeldContact> for ContactRow {
 /// A grasp held in physics. Lengths in m, angles in rad, tensions and forces in N.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct HeldGrasp {
-    /// Name of the object.
     pub object: String,
-    /// Number of the chain that found it; with the header's seed it can be found again.
+    /// Number of the chain that found it, which with the header's seed reproduces it.
     pub chain: u64,
     /// `palm_from_object` when closed: x, y, z, then the quaternion's i, j, k, w.
     pub palm_from_object: [f64; 7],
@@ -75,40 +72,39 @@ pub struct HeldGrasp {
     pub tensions: [f64; 5],
     /// Angle of the thumb's opposition.
     pub opposition: f64,
-    /// What touches.
     pub contacts: Vec<HeldContact>,
-    /// Digits that touch.
+    /// Digits in contact.
     pub digits: Vec<Digit>,
-    /// Whether the palm touches.
+    /// Whether the palm is in contact.
     pub palm: bool,
-    /// Direction in which the palm faces, object frame: the hand comes along it.
+    /// Direction in which the palm faces and the hand approaches, object frame.
     pub approach: [f64; 3],
-    /// Room it leaves: least distance of the digits that do not touch from the object (none if all do).
+    /// Clearance: least distance of the free digits from the object; `None` if all are in contact.
     pub room: Option<f64>,
     /// Wrench margin, N (see [`crate::force_closure::wrench_margin`]).
     pub margin: f64,
     /// Deepest penetration.
     pub penetration: f64,
-    /// How far and by what angle closing moved the object.
+    /// Distance and angle by which closing moved the object.
     pub moved: [f64; 2],
     /// Energy of the sample it came from.
     pub energy: f64,
 }
 
-/// A pose as seven numbers.
+/// A pose as position and quaternion (i, j, k, w).
 pub fn pose_to_array(pose: &Isometry3<f64>) -> [f64; 7] {
     let (t, q) = (pose.translation.vector, pose.rotation.quaternion());
     [t.x, t.y, t.z, q.i, q.j, q.k, q.w]
 }
 
-/// Seven numbers as a pose.
+/// The inverse of [`pose_to_array`].
 pub fn pose_from_array(a: &[f64; 7]) -> Isometry3<f64> {
     let rotation = UnitQuaternion::from_quaternion(Quaternion::new(a[6], a[3], a[4], a[5]));
     Isometry3::from_parts(Translation3::new(a[0], a[1], a[2]), rotation)
 }
 
 impl HeldGrasp {
-    /// The same with its numbers rounded as the file keeps them.
+    /// The grasp with its numbers rounded to the file's precision.
     pub fn rounded(mut self) -> Self {
         // A quotient by a whole number prints short.
         let to =
@@ -134,9 +130,9 @@ impl HeldGrasp {
         self
     }
 
-    /// Whether two grasps of one object are the same to a user: the same digits, the object at nearly the same place in the
-    /// hand (5 mm), turned by nearly nothing (0.15 rad), every joint nearly where it was (0.2 rad). `turn` is the angle between
-    /// two orientations of the object, for which its symmetry counts.
+    /// Whether two grasps are the same for practical purposes: same object and digits, the object's position in the hand
+    /// within 5 mm, its orientation within 0.15 rad, every joint within 0.2 rad. `turn` gives the angle between two
+    /// orientations of the object, reduced by its symmetry.
     pub fn nearly_equals(
         &self,
         other: &Self,
@@ -151,7 +147,7 @@ impl HeldGrasp {
     }
 }
 
-/// How many steps of the file make a unit: what the numbers are rounded to.
+/// Precision of the file: steps per unit.
 pub(super) mod per_unit {
     /// Lengths (m) and quaternions.
     pub const POSE: f64 = 1e5;
@@ -169,7 +165,7 @@ pub(super) mod per_unit {
     pub const ENERGY: f64 = 1e3;
 }
 
-/// What can be wrong with a file of held grasps.
+/// Errors of files of held grasps.
 #[derive(Debug, thiserror::Error)]
 pub enum HeldError {
     /// Not readable or writable.
@@ -180,7 +176,7 @@ pub enum HeldError {
         /// The operating system's reason.
         source: std::io::Error,
     },
-    /// A line is not what it should be.
+    /// Invalid line.
     #[error("{path}:{line}: {message}")]
     Line {
         /// The file.
@@ -192,7 +188,7 @@ pub enum HeldError {
     },
 }
 
-/// A file that grows by whole lines.
+/// Appends grasps to a file, one line each.
 #[derive(Debug)]
 pub struct HeldWriter {
     path: PathBuf,
@@ -200,7 +196,7 @@ pub struct HeldWriter {
 }
 
 impl HeldWriter {
-    /// Starts a file; one that is there is replaced.
+    /// Starts a file, replacing an existing one.
     pub fn create(path: &Path, header: &Header) -> Result<Self, HeldError> {
         let io = |source| HeldError::Io { path: path.into(), source };
         let file = std::fs::File::create(path).map_err(io)?;
@@ -209,8 +205,8 @@ impl HeldWriter {
         Ok(writer)
     }
 
-    /// Goes on with a file that an interrupted run of the same command left: gives back its grasps. A last line that was cut
-    /// short is taken off.
+    /// Continues the file of an interrupted run with the same header, and returns its grasps. An incomplete last line is
+    /// removed.
     pub fn resume(path: &Path, header: &Header) -> Result<(Self, Vec<HeldGrasp>), HeldError> {
         let io = |source| HeldError::Io { path: path.into(), source };
         let mut text = std::fs::read_to_string(path).map_err(io)?;
@@ -229,7 +225,6 @@ impl HeldWriter {
         Ok((Self { path: path.into(), file }, grasps))
     }
 
-    /// Adds a grasp.
     pub fn add(&mut self, grasp: &HeldGrasp) -> Result<(), HeldError> {
         self.line(grasp)
     }
@@ -242,7 +237,7 @@ impl HeldWriter {
     }
 }
 
-/// Reads a file: header and grasps. A last line cut short by a kill is an error that names it.
+/// Reads a file. An incomplete last line is an error that names it.
 pub fn read(path: &Path) -> Result<(Header, Vec<HeldGrasp>), HeldError> {
     let text = std::fs::read_to_string(path).map_err(|source| HeldError::Io { path: path.into(), source })?;
     parse(&text, path)
@@ -306,7 +301,7 @@ pub(super) mod tests {
         std::fs::remove_file(&path).expect("removed");
     }
 
-    /// A run killed in the middle of a line goes on behind the last whole one; another command's file is not touched.
+    /// A run killed in the middle of a line continues after the last whole one; another command's file is not changed.
     #[test]
     fn an_interrupted_file_goes_on() {
         let path = std::env::temp_dir().join(format!("resumed-{}.jsonl", std::process::id()));

@@ -1,19 +1,19 @@
 //! The Metropolis-adjusted Langevin algorithm with a diagonal preconditioner, for a density proportional to exp(-E / T).
 //!
-//! A proposal moves by -s2 g / (2 h) + s sqrt(T / h) z: half a Newton step down the gradient g for curvatures h, and noise of
-//! just the size that makes this the Euler step of a diffusion with the wanted density. The drift of each coordinate is cut at
-//! a few noise widths (a truncated drift, Roberts & Tweedie 1996), which keeps kinks of the energy from throwing the chain out.
-//! The cut is part of the proposal density, and the *proposal ratio* q(x | x') / q(x' | x) is part of the acceptance, without
-//! which none of this samples exp(-E / T).
+//! A proposal moves by -s2 g / (2 h) + s sqrt(T / h) z: half a Newton step down the gradient g for curvatures h, plus
+//! noise scaled so that this is the Euler step of a diffusion with the desired density. The drift of each coordinate is
+//! limited to a few noise widths (truncated drift, Roberts & Tweedie 1996), which keeps the chain stable at kinks of the
+//! energy. The truncation is part of the proposal density, and the *proposal ratio* q(x | x') / q(x' | x) is part of the
+//! acceptance; without it the samples do not follow exp(-E / T).
 //!
-//! On a rotation the displacement is a rotation vector in the fixed frame: the way back is the same vector reversed, and the
-//! exponential map's volume factor depends on its length only, so that it cancels in the ratio.
+//! For a rotation the displacement is a rotation vector in the fixed frame: the reverse move is the negated vector, and
+//! the exponential map's volume factor depends on its length only, so it cancels in the ratio.
 
 use rand::{Rng, RngExt};
 
-/// The drift is cut at this many noise widths.
+/// Limit of the drift, in noise widths.
 const DRIFT_LIMIT: f64 = 2.0;
-/// Memory of the running mean of squared gradients.
+/// Decay of the running mean of squared gradients.
 const MEMORY: f64 = 0.98;
 /// Acceptance at which MALA mixes best in many dimensions (Roberts & Rosenthal 1998).
 const TARGET_ACCEPTANCE: f64 = 0.574;
@@ -21,16 +21,16 @@ const TARGET_ACCEPTANCE: f64 = 0.574;
 /// Step size and preconditioner of one chain.
 #[derive(Debug, Clone)]
 pub struct Langevin {
-    /// Step s, dimensionless: near 1 where the curvatures are right.
+    /// Step s, dimensionless: near 1 if the curvatures are right.
     pub step: f64,
     /// Curvature h of each coordinate.
     pub curvature: Vec<f64>,
-    /// Curvatures are not taken below temperature over this squared: the widest noise at step 1.
+    /// Largest noise width at step 1: curvatures are at least temperature over its square.
     widest: Vec<f64>,
 }
 
 impl Langevin {
-    /// Starts with noise as wide as `widest` allows at `temperature`, times `step`.
+    /// Starts with the noise widths `widest`, times `step`, at `temperature`.
     pub fn new(step: f64, widest: &[f64], temperature: f64) -> Self {
         let curvature = widest.iter().map(|width| temperature / (width * width)).collect();
         Self { step, curvature, widest: widest.to_vec() }
@@ -43,7 +43,7 @@ impl Langevin {
         (width, drift.clamp(-DRIFT_LIMIT * width, DRIFT_LIMIT * width))
     }
 
-    /// Draws a displacement from a place with `gradient`.
+    /// Draws a displacement at a state with `gradient`.
     pub fn propose(&self, gradient: &[f64], temperature: f64, rng: &mut impl Rng, displacement: &mut [f64]) {
         let mut spare = None;
         for (n, slope) in gradient.iter().enumerate() {
@@ -64,8 +64,8 @@ impl Langevin {
         log
     }
 
-    /// One step of adaptation from the gradient where the chain is and the acceptance probability of its last proposal. Only
-    /// for burn-in: a kernel that learns from its own past is no longer reversible.
+    /// One step of adaptation from the current gradient and the acceptance probability of the last proposal. For burn-in
+    /// only: an adaptive kernel is not reversible.
     pub fn adapt(&mut self, gradient: &[f64], acceptance: f64, temperature: f64) {
         for (n, slope) in gradient.iter().enumerate() {
             // In a quadratic bowl of curvature h the mean squared gradient is h T.
@@ -77,7 +77,7 @@ impl Langevin {
     }
 }
 
-/// A standard normal number (Box-Muller; the pair's second is kept for the next call).
+/// A standard normal number (Box-Muller; the second of the pair is kept in `spare` for the next call).
 pub fn normal(rng: &mut impl Rng, spare: &mut Option<f64>) -> f64 {
     if let Some(kept) = spare.take() {
         return kept;
@@ -137,7 +137,7 @@ mod tests {
         (mean / n, second / n, f64::from(accepted) / n)
     }
 
-    /// A correlated Gaussian comes out with its own moments; leaving the proposal ratio away, as the published code does, does not.
+    /// Samples of a correlated Gaussian have its moments; without the proposal ratio, as in the published code, they do not.
     #[test]
     fn moments_of_a_correlated_gaussian() {
         let temperature = 0.7;
@@ -150,8 +150,8 @@ mod tests {
         assert!((wrong - wanted).norm() > 0.15 * wanted.norm(), "{wrong} {wanted}");
     }
 
-    /// Detailed balance: pi(x) q(y | x) a(x, y) = pi(y) q(x | y) a(y, x), that is, the log ratios of a move and of its reverse
-    /// are opposite, at any step, cut drifts included.
+    /// Detailed balance: pi(x) q(y | x) a(x, y) = pi(y) q(x | y) a(y, x), that is, the log ratios of a move and of its
+    /// reverse are opposite, at any step, cut drifts included.
     #[test]
     fn a_move_and_its_reverse_balance() {
         let matrix = bowl();

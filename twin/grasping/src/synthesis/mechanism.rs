@@ -1,4 +1,4 @@
-//! What the energy has to know of a hand's mechanism: limits of the joints, and along which lines the actuators move them.
+//! The hand's mechanism for the energy: joint limits, and the lines in joint space along which actuators move.
 
 use hand_model::Hand;
 use hand_model::any_hand::AnyHand;
@@ -6,23 +6,23 @@ use hand_model::any_hand::AnyHand;
 /// A line in joint space along which one actuator moves its joints, free of contact.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ActuatorLine {
-    /// The joints it moves, those that follow others included.
+    /// Joints it moves, including coupled ones.
     pub joints: Vec<usize>,
-    /// Angle of each over the mean angle of all.
+    /// Ratio of each joint's angle to the mean.
     pub share: Vec<f64>,
 }
 
-/// Limits and lines.
+/// Joint limits and actuator lines.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Mechanism {
     /// Lower and upper limit of each joint, rad.
     pub limits: Vec<(f64, f64)>,
-    /// One an actuator.
+    /// One per actuator.
     pub lines: Vec<ActuatorLine>,
 }
 
 impl Mechanism {
-    /// Of the F-TAC Hand: the free posture at a middling tension gives the direction in which a cable moves its joints.
+    /// Of the F-TAC Hand: the free posture at a medium tension gives the direction in which a cable moves its joints.
     pub fn of(hand: &Hand) -> Self {
         let lines = (0..hand.transmission.cables.len()).map(|cable| {
             let angles = hand.transmission.free_angles(cable, 5.0, std::f64::consts::FRAC_PI_2);
@@ -38,8 +38,8 @@ impl Mechanism {
         }
     }
 
-    /// Of any hand: equal springs against moment arms, followers with their leaders. Joints that nothing pulls stay at rest:
-    /// their limits close on that angle.
+    /// Of any hand: equal springs against the moment arms, and coupled joints with their leaders. Joints without an
+    /// actuator stay at rest: both limits are the rest angle.
     pub fn of_any(hand: &AnyHand) -> Self {
         let rest = rest(hand);
         let mut limits: Vec<(f64, f64)> = rest.iter().map(|q| (*q, *q)).collect();
@@ -50,7 +50,7 @@ impl Mechanism {
                     line.push((follower.joint, arm * follower.multiplier));
                 }
             }
-            // Signs differ where fingers close by turning opposite ways: the mean of the amounts is the measure.
+            // Fingers may close by turning in opposite directions, so the mean is of absolute values.
             let mean = line.iter().map(|(_, arm)| arm.abs()).sum::<f64>() / line.len() as f64;
             ActuatorLine {
                 joints: line.iter().map(|(joint, _)| *joint).collect(),
@@ -64,13 +64,13 @@ impl Mechanism {
         Self { limits, lines }
     }
 
-    /// How far an actuator has moved its joints from zero, rad: the mean of |angle|, signed by the line's direction.
+    /// Position along an actuator's line, rad: the mean of its joint angles, signed by the line's direction.
     pub fn amount(&self, line: usize, joints: &[f64]) -> f64 {
         let ActuatorLine { joints: own, share } = &self.lines[line];
         own.iter().zip(share).map(|(joint, share)| joints[*joint] * share.signum()).sum::<f64>() / own.len() as f64
     }
 
-    /// Puts the joints of an actuator `amount` along its line, within their limits.
+    /// Sets the joints of an actuator to the position `amount` on its line, clamped to their limits.
     pub fn set_amount(&self, line: usize, amount: f64, joints: &mut [f64]) {
         let ActuatorLine { joints: own, share } = &self.lines[line];
         for (joint, share) in own.iter().zip(share) {
@@ -79,7 +79,7 @@ impl Mechanism {
     }
 }
 
-/// Angle 0 of every joint, or the nearest within its limits, rad.
+/// Rest angle of every joint, rad: 0, clamped to its limits.
 pub fn rest(hand: &AnyHand) -> Vec<f64> {
     hand.tree.joints.iter().map(|joint| 0f64.clamp(joint.lower, joint.upper)).collect()
 }
@@ -93,7 +93,7 @@ mod tests {
         Mechanism { limits: vec![(-1.0, 1.0), (0.3, 0.3), (-0.2, 0.2)], lines: vec![line] }
     }
 
-    /// What is set along a line is found along it, until a limit cuts it.
+    /// A position set on a line is read back from it, up to the joint limits.
     #[test]
     fn amounts_along_a_line() {
         let mechanism = lines();
@@ -105,13 +105,27 @@ mod tests {
         assert_eq!(joints, [1.0, 0.3, -0.2]);
     }
 
+    /// One line per cable with the joints of its digit, all closing, near the free postures at other tensions too.
     #[test]
-    fn the_hand_has_a_line_a_cable() {
-        let mechanism = Mechanism::of(&Hand::ftac());
+    fn lines_of_the_hand_are_near_its_free_postures() {
+        let hand = Hand::ftac();
+        let mechanism = Mechanism::of(&hand);
         assert_eq!((mechanism.lines.len(), mechanism.limits.len()), (5, 15));
-        for line in &mechanism.lines {
-            let mean = line.share.iter().sum::<f64>() / line.share.len() as f64;
-            assert!((mean - 1.0).abs() < 1e-9);
+        for (cable, line) in mechanism.lines.iter().enumerate() {
+            let digit = hand_model::Digit::ALL[cable];
+            assert!(line.joints.iter().all(|joint| digit.joints().contains(joint)), "{line:?}");
+            assert!(line.share.iter().all(|share| *share > 0.0), "{line:?}");
+            for tension in [2.0, 10.0] {
+                let mut free = [0.0; 15];
+                for (joint, angle) in hand.transmission.free_angles(cable, tension, std::f64::consts::FRAC_PI_2) {
+                    free[joint] = angle;
+                }
+                let mut on_line = free;
+                mechanism.set_amount(cable, mechanism.amount(cable, &free), &mut on_line);
+                let off = line.joints.iter().map(|&joint| (free[joint] - on_line[joint]).abs()).fold(0.0, f64::max);
+                println!("cable {cable} at {tension} N: {off} rad off its line");
+                assert!(off < 0.15, "cable {cable} at {tension} N: {off} rad off its line");
+            }
         }
     }
 }

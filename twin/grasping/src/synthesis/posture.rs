@@ -1,8 +1,8 @@
-//! From a sampled posture to one that cables and springs can take: the sampler moves 15 joints, the hand has 6 actuators.
+//! From a sampled posture to one that cables and springs can hold: the sampler moves 15 joints, the hand has 6 actuators.
 //!
-//! A cable at a tension holds its joints, free of contact, on one curve; a posture is projected by taking the point with the
-//! same mean angle. From there a digit *opens* along its curve until it is clear of the object: that is how the hand comes, and
-//! tension closes it.
+//! A cable at a given tension holds its joints, free of contact, on a curve; a posture is projected to the point of the
+//! curve with the same mean angle. From there a digit *opens* along its curve until it is clear of the object. This is
+//! the posture in which the hand approaches; increasing the tension closes it.
 
 use hand_model::{Digit, HAND_JOINTS, Hand};
 use nalgebra::Vector3;
@@ -11,13 +11,13 @@ use super::field::DistanceField;
 use super::frames::{Frames, HandState};
 use super::surface::HandSurface;
 
-/// Tension beyond which a free digit is closed anyway, N.
+/// Tension at which a free digit is fully closed, N.
 const FULL_TENSION: f64 = 40.0;
-/// A digit opens until it is this clear of the object, m.
+/// Clearance to which a digit opens, m.
 const CLEAR: f64 = 1.5e-3;
-/// Share of the mean angle that one step of opening takes away.
+/// Decrease of the mean angle per step of opening, rad.
 const OPENING: f64 = 0.08;
-/// Tries to move the palm out of the object.
+/// Largest number of steps that move the palm out of the object.
 const RETREATS: usize = 12;
 
 /// A posture the actuators can hold without contact.
@@ -27,11 +27,11 @@ pub struct FreePosture {
     pub tensions: [f64; 5],
     /// Opposition angle, rad.
     pub opposition: f64,
-    /// The joint angles that follow, rad.
+    /// Resulting joint angles, rad.
     pub joints: [f64; HAND_JOINTS],
 }
 
-/// Tension at which the mean angle of a free cable's joints is `mean` (rad): bisected, since more tension always closes more.
+/// Tension at which the mean angle of a free cable's joints is `mean` (rad), by bisection: the angle increases with tension.
 fn tension_for_mean(hand: &Hand, cable: usize, mean: f64) -> f64 {
     let at = |tension: f64| {
         let angles = hand.transmission.free_angles(cable, tension, std::f64::consts::FRAC_PI_2);
@@ -56,7 +56,7 @@ fn mean_angle(hand: &Hand, cable: usize, joints: &[f64]) -> f64 {
     path.iter().map(|(joint, _)| joints[*joint]).sum::<f64>() / path.len() as f64
 }
 
-/// The free posture whose digits have the same mean angles as `joints`, and its opposition angle.
+/// The free posture with the same opposition angle and the same mean angle of each digit as `joints`.
 pub fn project(hand: &Hand, joints: &[f64]) -> FreePosture {
     let drive = hand.transmission.opposition_joint;
     let opposition = joints[drive].clamp(hand.tree.joints[drive].lower, hand.tree.joints[drive].upper);
@@ -100,8 +100,8 @@ pub struct Opened {
     pub aimed: FreePosture,
 }
 
-/// Projects a sampled state, moves the palm out of the object where it is inside, and opens every digit until it is clear.
-/// `None` where a digit or the palm cannot be cleared.
+/// Projects a sampled state, moves the palm out of the object if necessary, and opens every digit until it is clear.
+/// `None` if the palm or a digit cannot be cleared.
 pub fn open_clear(
     hand: &Hand,
     surface: &HandSurface,
@@ -111,7 +111,7 @@ pub fn open_clear(
 ) -> Option<Opened> {
     let aimed = project(hand, &state.joints);
     let mut state = HandState { object_from_palm: state.object_from_palm, joints: aimed.joints.to_vec() };
-    // The palm and the thumb's first link are not moved by cables: they retreat with the hand.
+    // The palm and the thumb's first link are not moved by cables: the whole hand retreats.
     let fixed = [0, hand.transmission.opposition_joint + 1];
     for retreat in 0.. {
         frames.place(&state);
@@ -139,7 +139,7 @@ pub fn open_clear(
                 break;
             }
             if mean <= 0.0 {
-                // Straight is as open as a digit goes; touching is allowed there, being inside is not.
+                // A straight digit cannot open further; it may touch the object but not be inside it.
                 if least >= 0.0 {
                     break;
                 }

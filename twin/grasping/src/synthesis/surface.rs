@@ -1,8 +1,8 @@
-//! The hand's surface as the sampler sees it, taken from the hand model: points all over the covers (against penetration),
-//! contact candidates on the palmar pads, and balls that fill the covers (against self-penetration).
+//! The hand's surface for the sampler: points on the covers (for penetration), contact candidates on the palmar pads, and
+//! balls that fill the covers (for self-penetration).
 //!
-//! Points come in *patches*, tiles of a few neighbours with a bounding ball, so that a patch far from the object costs one
-//! look-up. Link 0 is the palm, link i + 1 the one that joint i moves.
+//! Points are grouped in *patches* of a few neighbours with a bounding ball, so that a patch far from the object costs
+//! one look-up. Link 0 is the palm, link i + 1 the one that joint i moves.
 
 use hand_model::Hand;
 use hand_model::hand::CoverShape;
@@ -12,10 +12,9 @@ use nalgebra::{Point3, Vector3};
 const TILE: usize = 3;
 /// Spacing of contact candidates on a pad, m.
 const CANDIDATE_SPACING: f64 = 0.003;
-/// A pad's rim that lies further than this off the cover is no contact candidate, m.
+/// Largest distance of a contact candidate from the cover, m: a pad's rim may be further off.
 const OFF_COVER: f64 = 1.0e-3;
 
-/// A ball.
 #[derive(Debug, Clone, Copy)]
 pub struct Ball {
     /// m.
@@ -24,12 +23,11 @@ pub struct Ball {
     pub radius: f64,
 }
 
-/// Neighbouring points with the ball around them.
+/// Neighbouring points with their bounding ball.
 #[derive(Debug, Clone)]
 pub struct Patch {
-    /// Ball around the points.
     pub bound: Ball,
-    /// Which of the link's points.
+    /// Indices of the link's points.
     pub range: std::ops::Range<usize>,
 }
 
@@ -38,20 +36,18 @@ pub struct Patch {
 pub struct LinkSurface {
     /// Points, patch after patch, m.
     pub points: Vec<Vector3<f64>>,
-    /// Patches.
     pub patches: Vec<Patch>,
-    /// Ball around all points.
+    /// Bounding ball of all points.
     pub bound: Ball,
     /// Balls that fill the cover.
     pub balls: Vec<Ball>,
 }
 
-/// A place where the hand may touch.
+/// A point where the hand may touch the object.
 #[derive(Debug, Clone, Copy)]
 pub struct Candidate {
     /// Link: 0 is the palm.
     pub link: usize,
-    /// Index of the pad.
     pub pad: usize,
     /// In the link's frame, m.
     pub point: Vector3<f64>,
@@ -66,17 +62,17 @@ pub struct HandSurface {
     pub links: Vec<LinkSurface>,
     /// Contact candidates on all pads.
     pub candidates: Vec<Candidate>,
-    /// Pairs of links that may meet: not neighbours.
+    /// Pairs of links that may collide: all but neighbours.
     pub pairs: Vec<(usize, usize)>,
 }
 
 impl HandSurface {
-    /// At least `count` points (and few more) on the covers of `hand`, evenly spread, and the candidates of its pads.
+    /// At least `count` points (and few more), evenly spread on the covers of `hand`, and the candidates of its pads.
     pub fn new(hand: &Hand, count: usize) -> Self {
         let covers: Vec<CoverShape> = std::iter::once(hand.palm_cover).chain(hand.covers.iter().copied()).collect();
         let area: f64 =
             covers.iter().map(|c| 8.0 * (c.half.x * c.half.y + c.half.y * c.half.z + c.half.z * c.half.x)).sum();
-        // Whole steps on every face round the number down: a little closer until there are enough.
+        // Rounding to whole steps on every face may give too few points: reduce the spacing until there are enough.
         let mut spacing = (area / count.max(1) as f64).sqrt();
         let links = loop {
             let links: Vec<LinkSurface> = covers.iter().map(|cover| link_surface(cover, spacing)).collect();
@@ -93,7 +89,7 @@ impl HandSurface {
         Self { links, candidates: candidates(hand, &covers), pairs }
     }
 
-    /// Of links given as points on their surface and balls that fill them (link frames, m), the palm first.
+    /// From links given as points on their surface and balls that fill them (link frames, m), palm first.
     pub fn of_points(
         links: Vec<(Vec<Vector3<f64>>, Vec<Ball>)>,
         candidates: Vec<Candidate>,
@@ -109,12 +105,10 @@ impl HandSurface {
         Self { links: links.collect(), candidates, pairs }
     }
 
-    /// Number of surface points.
     pub fn len(&self) -> usize {
         self.links.iter().map(|link| link.points.len()).sum()
     }
 
-    /// Whether there is no point.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
@@ -131,7 +125,7 @@ fn nearest(cover: &CoverShape, p: &Vector3<f64>) -> (Vector3<f64>, Vector3<f64>)
             Vector3::ith(axis, 1.0_f64.copysign(p[axis]))
         }
     };
-    // From inside the core the nearest face decides; elsewhere the rounding does.
+    // Inside the core the nearest face applies, elsewhere the rounding.
     let reach = if p == &core { (inner - p.abs()).min() } else { 0.0 };
     (core + normal * (cover.radius + reach), normal)
 }
@@ -164,13 +158,13 @@ fn link_surface(cover: &CoverShape, spacing: f64) -> LinkSurface {
     LinkSurface { bound: around(&points), balls: fill(cover), points, patches }
 }
 
-/// A ball around points: centred on their mean.
+/// Bounding ball of points, centred on their mean.
 fn around(points: &[Vector3<f64>]) -> Ball {
     let center = points.iter().sum::<Vector3<f64>>() / points.len() as f64;
     Ball { center, radius: points.iter().map(|p| (p - center).norm()).fold(0.0, f64::max) }
 }
 
-/// Sorts points into patches of neighbours by halving them along their longest side. `first` is the index of the first.
+/// Sorts points into patches of neighbours by bisection along the longest side. `first` is the index of the first point.
 fn tiles(points: &mut [Vector3<f64>], first: usize, patches: &mut Vec<Patch>) {
     if points.len() <= TILE * TILE {
         if !points.is_empty() {
@@ -190,7 +184,7 @@ fn tiles(points: &mut [Vector3<f64>], first: usize, patches: &mut Vec<Patch>) {
     tiles(right, first + half, patches);
 }
 
-/// Balls as thick as the box is thin, at most a radius apart.
+/// Balls of the box's least half extent, at most a radius apart.
 fn fill(cover: &CoverShape) -> Vec<Ball> {
     let radius = cover.half.min();
     let room = cover.half.add_scalar(-radius);
@@ -289,7 +283,7 @@ mod tests {
         assert_eq!((next, surface.len()), (100, 100));
     }
 
-    /// The open hand does not touch itself, by the balls that fill it.
+    /// The balls that fill the open hand do not overlap.
     #[test]
     fn the_open_hand_is_free() {
         let hand = Hand::ftac();

@@ -1,4 +1,4 @@
-//! Attraction and diffusion: a chain on E(x) + pull d(x, X*) either comes to X* or stops getting closer.
+//! Attraction and diffusion: a chain on E(x) + pull d(x, X*) either reaches X* or stops approaching it.
 
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use super::Landscape;
 
-/// How chains are drawn.
+/// Parameters of the chains.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Attraction {
@@ -14,15 +14,15 @@ pub struct Attraction {
     pub pull: f64,
     /// Temperature, energy.
     pub temperature: f64,
-    /// A chain has arrived within this distance.
+    /// Distance within which a chain has arrived.
     pub near: f64,
-    /// Improvement limit: steps without a new closest distance after which it is given up.
+    /// Number of steps without a new least distance after which a chain is abandoned.
     pub patience: usize,
-    /// Chains each way.
+    /// Number of chains in each direction.
     pub chains: usize,
 }
 
-/// The highest energy on the way of one chain from `from` to `to`, the ends included; none where it does not arrive.
+/// The highest energy on the path of one chain from `from` to `to`, including both ends; `None` if it does not arrive.
 pub fn attract<L: Landscape>(
     landscape: &L,
     from: &L::State,
@@ -50,7 +50,7 @@ pub fn attract<L: Landscape>(
     Some(barrier)
 }
 
-/// A generator of its own for every question: nothing depends on the order in which they are asked.
+/// A random generator for each pair of states, chain and direction, so that results do not depend on the order of evaluation.
 pub fn stream(seed: u64, question: [u64; 4]) -> ChaCha8Rng {
     let mut key = [0u8; 32];
     for (n, word) in question.into_iter().enumerate() {
@@ -61,7 +61,7 @@ pub fn stream(seed: u64, question: [u64; 4]) -> ChaCha8Rng {
     rng
 }
 
-/// Chains both ways between two states: the lowest barrier of those that arrive.
+/// The lowest barrier of the chains in both directions between two states that arrive.
 pub fn both_ways<L: Landscape>(
     landscape: &L,
     a: &L::State,
@@ -88,7 +88,8 @@ mod tests {
 
     const SETTINGS: Attraction = Attraction { pull: 2.0, temperature: 0.05, near: 0.1, patience: 200, chains: 4 };
 
-    /// Pulled hard enough a chain crosses, and its barrier is the saddle's energy or a little more; pulled too weakly it does not.
+    /// With a strong pull a chain crosses, and its barrier is at or slightly above the saddle's energy; with a weak one
+    /// it does not.
     #[test]
     fn crosses_when_pulled_and_only_then() {
         let wells = MultiWell::uneven();
@@ -101,7 +102,7 @@ mod tests {
     }
 
     #[test]
-    fn who_is_there_has_arrived() {
+    fn a_chain_that_starts_at_its_target_has_arrived() {
         let wells = MultiWell::uneven();
         let found = both_ways(&wells, &[1.0, 1.0], &[1.0, 1.0], &SETTINGS, 1, [0, 0]);
         assert_eq!(found, Some(wells.energy(&[1.0, 1.0])));

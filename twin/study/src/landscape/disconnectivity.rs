@@ -1,5 +1,5 @@
-//! The disconnectivity tree (Becker and Karplus 1997) by its exact rule: two minima are joined at the lowest energy over which a
-//! way leads from one to the other (minimax). Merging by rising barriers is single linkage; the merges are the tree.
+//! The disconnectivity tree (Becker and Karplus 1997) by its exact rule: two minima join at the lowest energy over which
+//! a path connects them (minimax). Merging by increasing barrier is single linkage; the merges are the tree.
 
 use serde::Serialize;
 
@@ -12,12 +12,12 @@ pub struct Merge {
     pub branches: [usize; 2],
 }
 
-/// A tree, or several where no way between them is known.
+/// A tree, or several without a known path between them.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Tree {
     /// Energies of the minima.
     pub energies: Vec<f64>,
-    /// Merges by rising height.
+    /// Merges by increasing height.
     pub merges: Vec<Merge>,
     /// Branches that never merge.
     pub roots: Vec<usize>,
@@ -33,7 +33,7 @@ pub fn tree(energies: &[f64], barriers: &[(usize, usize, f64)]) -> Tree {
     let mut group: Vec<usize> = (0..n).collect();
     let mut branch: Vec<usize> = (0..n).collect();
     let mut merges: Vec<Merge> = Vec::new();
-    // Lowest energy below each branch.
+    // Lowest energy of each branch.
     let mut lowest = energies.to_vec();
     for (a, b, height) in sorted {
         let (a, b) = (find(&mut group, a), find(&mut group, b));
@@ -71,7 +71,7 @@ fn find(group: &mut [usize], mut x: usize) -> usize {
 }
 
 impl Tree {
-    /// Energy of the lowest known way between two minima; none where there is none.
+    /// Energy of the lowest known path between two minima, if any.
     pub fn minimax(&self, a: usize, b: usize) -> Option<f64> {
         if a == b {
             return Some(self.energies[a]);
@@ -92,7 +92,7 @@ impl Tree {
         None
     }
 
-    /// Horizontal place of every branch: minima stand in order at 0, 1, 2...; a merge stands over the middle of its two.
+    /// Horizontal position of every branch: minima in order at 0, 1, 2...; a merge halfway between its two branches.
     pub fn places(&self) -> Vec<f64> {
         let n = self.energies.len();
         let mut places = vec![0.0; n + self.merges.len()];
@@ -128,7 +128,8 @@ mod tests {
     }
 
     proptest! {
-        /// The tree's joins are the minimax energies of the graph, by brute force (Floyd and Warshall with max for sum).
+        /// The tree's merges are the minimax energies of the graph, compared with Floyd-Warshall with max in place of the
+        /// sum.
         #[test]
         fn joins_are_minimax(
             edges in proptest::collection::vec((0usize..7, 0usize..7, 1.0..9.0_f64), 0..20),

@@ -1,9 +1,9 @@
 //! The energy of grasps as a landscape, over several objects at once.
 //!
-//! A state is a hand on one of the objects with its contact points. What makes two grasps the same strategy is how the hand holds,
-//! not what: the distance compares joint angles and where the object's centre is in the palm, so that grasps of different
-//! objects can be near each other. A chain never changes its object: drawn towards a grasp of another one it asks whether its
-//! own object can be held in that way, and over which energy.
+//! A state is a hand on one of the objects with its contact points. Two grasps are the same strategy if the hand holds in
+//! the same way, whatever it holds. The distance therefore compares joint angles and the position of the object's centre
+//! in the palm, and grasps of different objects can be close. A chain stays on its object: drawn towards a grasp of
+//! another one, it tests whether its own object can be held in that way, and over which energy.
 
 use grasping::synthesis::chain::{replace_contact, widest_noise};
 use grasping::synthesis::energy::{GraspEnergy, MAX_CONTACTS};
@@ -18,25 +18,25 @@ use serde::{Deserialize, Serialize};
 
 use super::Landscape;
 
-/// This much of the object's place in the palm, m, counts as much as a radian in a joint.
+/// Displacement of the object in the palm, m, that counts as much as a radian in a joint.
 const PLACE: f64 = 0.03;
 /// Share of the steps that replace a contact point.
 const CONTACT_SHARE: f64 = 0.15;
-/// Contact points of a state at most: the paper's grasps have 2 to 5.
+/// Largest number of contact points of a state: the paper's grasps have 2 to 5.
 const CONTACTS: usize = 5;
 
-/// A grasp's place in the landscape.
+/// A state of the landscape.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct GraspState {
     /// Index of the object.
     pub object: usize,
-    /// `object_from_palm`, as seven numbers.
+    /// `object_from_palm`: position, then the quaternion's i, j, k, w.
     pub pose: [f64; 7],
     /// Joint angles, rad.
     pub joints: Vec<f64>,
     /// Contact candidates.
     pub contacts: Vec<usize>,
-    /// Step and curvatures of the chain, learnt where it was sampled.
+    /// Step and curvatures of the kernel, adapted at this state.
     kernel: (f64, Vec<f64>),
 }
 
@@ -68,13 +68,13 @@ pub struct GraspWalker {
 }
 
 impl<'a> GraspLandscape<'a> {
-    /// For `hand` with one energy an object.
+    /// For `hand` with one energy per object.
     pub fn new(hand: &'a Hand, energies: Vec<GraspEnergy<'a>>) -> Self {
         Self { hand, energies }
     }
 
-    /// The local minimum below a grasp held in physics: its contacts go to the nearest candidates, then the chain cools from
-    /// `temperature`. None for a grasp with fewer than two links that touch.
+    /// The local minimum near a grasp held in physics: its contacts are moved to the nearest candidates, then a chain
+    /// cools from `temperature`. `None` for a grasp with fewer than two links in contact.
     pub fn minimum(
         &self,
         object: usize,
@@ -101,7 +101,7 @@ impl<'a> GraspLandscape<'a> {
         let mut best = (walker.energy, walker.state.clone(), walker.contacts.clone());
         let mut learnt = start.kernel.clone();
         for step in 0..steps {
-            // The first half learns the kernel at the temperature, the second half cools to nearly nothing.
+            // The first half adapts the kernel at the temperature, the second half cools to nearly 0.
             let cooling = (2.0 * step as f64 / steps as f64 - 1.0).max(0.0);
             let now = temperature * 1e-3_f64.powf(cooling);
             self.advance(&mut walker, None, now, true, rng);
@@ -116,7 +116,7 @@ impl<'a> GraspLandscape<'a> {
         Some(GraspState { object, pose, joints: best.1.joints, contacts: best.2, kernel: learnt })
     }
 
-    /// The candidates nearest to a grasp's contacts: one a link, the strongest links first.
+    /// The candidates nearest to a grasp's contacts: one per link, largest force first.
     fn candidates(&self, object: usize, grasp: &HeldGrasp) -> Vec<usize> {
         let surface = self.energies[object].surface;
         let links = self.hand.tree.forward(&grasp.joints);
@@ -145,7 +145,7 @@ impl<'a> GraspLandscape<'a> {
         by_link.iter().filter_map(nearest).collect()
     }
 
-    /// Where the object's centre is in the palm frame, m.
+    /// Position of the object's centre in the palm frame, m.
     fn center(&self, object: usize, hand: &HandState) -> Vector3<f64> {
         hand.object_from_palm.inverse_transform_point(&self.energies[object].field.center).coords
     }
@@ -155,15 +155,15 @@ impl<'a> GraspLandscape<'a> {
         (joints + ((self.center(object, hand) - target.center) / PLACE).norm_squared()).sqrt()
     }
 
-    /// Adds the pull towards `target` to `gradient`; answers with its energy.
+    /// Adds the gradient of the pull towards `target` to `gradient`; returns the pull's energy.
     fn pull(&self, object: usize, hand: &HandState, target: &Target, weight: f64, gradient: &mut [f64]) -> f64 {
         let distance = self.apart(object, hand, target).max(1e-9);
         let scale = weight / distance;
         for (joint, (q, wanted)) in hand.joints.iter().zip(&target.joints).enumerate() {
             gradient[6 + joint] += scale * (q - wanted);
         }
-        // The centre's place in the palm is R'(c - t): moving the palm by d shifts it by -R'd, turning by w about the pivot p
-        // by -R'(w x (c - p)).
+        // The centre's position in the palm is R'(c - t): translating the palm by d shifts it by -R'd, rotating by w
+        // about the pivot p by -R'(w x (c - p)).
         let pose = &hand.object_from_palm;
         let by_center = pose.rotation * ((self.center(object, hand) - target.center) * (scale / (PLACE * PLACE)));
         let pivot = pose.rotation * PIVOT + pose.translation.vector;
@@ -195,7 +195,7 @@ impl<'a> GraspLandscape<'a> {
             }
             return;
         }
-        // The pull's part of the gradient changes with the target; the landscape's own part is kept.
+        // The pull's gradient depends on the target; the landscape's own gradient is kept in the walker.
         let mut slope = w.gradient.clone();
         let before = w.energy + pull.map_or(0.0, |(to, weight)| self.pull(w.object, &w.state, to, weight, &mut slope));
         w.kernel.propose(&slope, temperature, rng, &mut w.displacement);
@@ -217,7 +217,7 @@ impl<'a> GraspLandscape<'a> {
     }
 }
 
-/// What a chain is drawn to.
+/// Target of a chain.
 struct Target {
     joints: Vec<f64>,
     center: Vector3<f64>,
@@ -319,8 +319,8 @@ mod tests {
         }
     }
 
-    /// Minima lie below where they started; the distance is one between objects too; a near grasp is reached, over a barrier not
-    /// below the ends; the same seed gives the same answer.
+    /// Minima are below their starts, the distance is symmetric between objects, a near grasp is reached over a barrier
+    /// not below the ends, and the same seed gives the same result.
     #[test]
     fn two_grasps_on_two_balls() {
         let (hand, fields) = (Hand::ftac(), [ball(0.03), ball(0.034)]);

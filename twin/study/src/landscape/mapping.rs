@@ -1,8 +1,8 @@
-//! The ADELM loop: every sampled minimum joins the basin that it reaches over the lowest barrier, or founds a new one; then the
-//! barriers between basins are measured with a harder pull.
+//! The ADELM loop: every sampled minimum joins the basin that it reaches over the lowest barrier, or starts a new one;
+//! then the barriers between basins are measured with a stronger pull.
 //!
-//! What is found goes to a journal as it is found, one line a minimum and one a basin's barriers. A run that goes on from a
-//! journal ends as if it had not been interrupted: every question has a generator of its own.
+//! Results are written to a journal as they are found, one line per minimum and one per basin's barriers. A run resumed
+//! from a journal ends as if it had not been interrupted, because every pair has its own random generator.
 
 use std::collections::BTreeMap;
 use std::fs::{File, OpenOptions};
@@ -16,19 +16,19 @@ use serde::{Deserialize, Serialize};
 use super::Landscape;
 use super::attraction::{Attraction, both_ways};
 
-/// How a landscape is mapped.
+/// Parameters of a mapping.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Plan {
     /// Chains that sort minima into basins.
     pub attraction: Attraction,
-    /// Barriers between basins are asked with the pull doubled up to so many times.
+    /// Largest number of doublings of the pull for barriers between basins.
     pub doublings: u32,
-    /// Barriers are asked between each basin and so many nearest ones.
+    /// Number of nearest basins to which each basin's barriers are measured.
     pub neighbors: usize,
     /// Seed.
     pub seed: u64,
-    /// What is mapped, in words: a journal of something else is refused.
+    /// Description of the landscape: a journal with another one is refused.
     pub subject: String,
 }
 
@@ -39,7 +39,7 @@ pub struct Basin<S> {
     pub minimum: S,
     /// Energy there.
     pub energy: f64,
-    /// Numbers of the samples in it.
+    /// Indices of its samples.
     pub members: Vec<usize>,
 }
 
@@ -48,13 +48,13 @@ pub struct Basin<S> {
 enum Line<S> {
     /// First line.
     Plan(Plan),
-    /// Sample `n` with its minimum, and the basins it reaches over which barriers.
+    /// Minimum of sample `n`, and the basins it reaches with their barriers.
     Minimum { n: usize, state: S, reached: Vec<(usize, f64)> },
     /// Barriers from basin `n`.
     Barriers { n: usize, found: Vec<(usize, f64)> },
 }
 
-/// What can be wrong with a journal.
+/// Errors of journals.
 #[derive(Debug, thiserror::Error)]
 pub enum JournalError {
     /// Not readable or writable.
@@ -65,7 +65,7 @@ pub enum JournalError {
         /// The operating system's reason.
         source: std::io::Error,
     },
-    /// A line is not what it should be.
+    /// Invalid line.
     #[error("{path}:{line}: {message}")]
     Line {
         /// The file.
@@ -75,7 +75,7 @@ pub enum JournalError {
         /// What is wrong.
         message: String,
     },
-    /// Of another run.
+    /// Journal of another run.
     #[error("{path}: found a journal of {found}, expected {expected}; give another folder or remove it")]
     OtherRun {
         /// The file.
@@ -87,30 +87,29 @@ pub enum JournalError {
     },
 }
 
-/// A map in the making.
+/// A mapping in progress.
 #[derive(Debug)]
 pub struct Mapping<S> {
-    /// How.
     pub plan: Plan,
-    /// Basins in the order in which they were founded.
+    /// In order of discovery.
     pub basins: Vec<Basin<S>>,
-    /// Lowest barrier seen between two basins, the smaller number first.
+    /// Lowest barrier found between two basins, smaller index first.
     pub barriers: BTreeMap<(usize, usize), f64>,
-    /// Samples sorted so far.
+    /// Number of samples sorted so far.
     pub sorted: usize,
-    /// Basins whose barriers were measured.
+    /// Number of basins with measured barriers.
     measured: usize,
     journal: Option<(PathBuf, File)>,
 }
 
 impl<S: Clone + Send + Sync + Serialize + DeserializeOwned> Mapping<S> {
-    /// An empty map that keeps no journal.
+    /// An empty mapping without a journal.
     pub fn new(plan: Plan) -> Self {
         Self { plan, basins: Vec::new(), barriers: BTreeMap::new(), sorted: 0, measured: 0, journal: None }
     }
 
-    /// Goes on from the journal at `path`, or starts one. A last line that was cut short is dropped. `energy` gives the energy of
-    /// a state.
+    /// Resumes from the journal at `path`, or starts one. An incomplete last line is dropped. `energy` gives the energy
+    /// of a state.
     pub fn resume(plan: Plan, path: &Path, energy: impl Fn(&S) -> f64) -> Result<Self, JournalError> {
         let io = |source| JournalError::Io { path: path.into(), source };
         let mut mapping = Self::new(plan);
@@ -119,7 +118,7 @@ impl<S: Clone + Send + Sync + Serialize + DeserializeOwned> Mapping<S> {
             Err(error) if error.kind() == std::io::ErrorKind::NotFound => String::new(),
             Err(error) => return Err(io(error)),
         };
-        // Only lines that end were written whole.
+        // Only lines with a line end are complete.
         let whole = text.rfind('\n').map_or("", |end| &text[..=end]);
         for (number, line) in whole.lines().enumerate() {
             let fault = |message: String| JournalError::Line { path: path.into(), line: number + 1, message };
@@ -134,18 +133,20 @@ impl<S: Clone + Send + Sync + Serialize + DeserializeOwned> Mapping<S> {
                 }
                 Line::Minimum { n, state, reached } if number > 0 && n == mapping.sorted => {
                     if reached.iter().any(|(basin, _)| *basin >= mapping.basins.len()) {
-                        return Err(fault("reached: found a basin that is not there yet, expected a known one".into()));
+                        return Err(fault(
+                            "reached: found a basin that does not exist yet, expected a known one".into(),
+                        ));
                     }
                     let energy = energy(&state);
                     mapping.sort_in(state, energy, &reached);
                 }
                 Line::Barriers { n, found } if n == mapping.measured && n < mapping.basins.len() => {
                     if found.iter().any(|(basin, _)| *basin >= mapping.basins.len()) {
-                        return Err(fault("found: found a basin that is not there, expected a known one".into()));
+                        return Err(fault("found: found a basin that does not exist, expected a known one".into()));
                     }
                     mapping.measure_in(n, &found);
                 }
-                _ => return Err(fault("found a line out of turn, expected the next sample or basin".into())),
+                _ => return Err(fault("found a line out of order, expected the next sample or basin".into())),
             }
         }
         let mut file = OpenOptions::new().create(true).append(true).open(path).map_err(io)?;
@@ -166,7 +167,7 @@ impl<S: Clone + Send + Sync + Serialize + DeserializeOwned> Mapping<S> {
         }
     }
 
-    /// Sorts the next sample's `minimum` in.
+    /// Sorts the next sample's `minimum` into a basin.
     pub fn sort<L: Landscape<State = S>>(&mut self, landscape: &L, minimum: S) -> Result<(), JournalError> {
         let (n, plan) = (self.sorted, &self.plan);
         let reached: Vec<(usize, f64)> = self
@@ -198,7 +199,7 @@ impl<S: Clone + Send + Sync + Serialize + DeserializeOwned> Mapping<S> {
                 }
             }
         }
-        // Who reaches two basins is a way between them.
+        // A sample that reaches two basins connects them.
         for (k, &(a, first)) in reached.iter().enumerate() {
             for &(b, second) in &reached[k + 1..] {
                 self.lower(a, b, first.max(second));
@@ -211,8 +212,8 @@ impl<S: Clone + Send + Sync + Serialize + DeserializeOwned> Mapping<S> {
         *known = known.min(barrier);
     }
 
-    /// Measures the barriers from the next basin to its nearest ones, the pull doubled until a chain arrives; false when all are
-    /// done.
+    /// Measures the barriers from the next basin to its nearest ones, doubling the pull until a chain arrives. False when
+    /// all basins are done.
     pub fn measure<L: Landscape<State = S>>(&mut self, landscape: &L) -> Result<bool, JournalError> {
         let (n, plan) = (self.measured, &self.plan);
         if n == self.basins.len() {
@@ -231,7 +232,7 @@ impl<S: Clone + Send + Sync + Serialize + DeserializeOwned> Mapping<S> {
                 (1..=plan.doublings).find_map(|doubling| {
                     let pull = plan.attraction.pull * f64::from(1u32 << doubling);
                     let settings = Attraction { pull, ..plan.attraction };
-                    // Beyond all samples' questions.
+                    // Distinct from the numbers used for samples.
                     let question = [u64::MAX - n as u64, (k as u64) << 8 | u64::from(doubling)];
                     let barrier = both_ways(landscape, own, &self.basins[k].minimum, &settings, plan.seed, question);
                     barrier.map(|barrier| (k, barrier))
@@ -250,12 +251,12 @@ impl<S: Clone + Send + Sync + Serialize + DeserializeOwned> Mapping<S> {
         self.measured += 1;
     }
 
-    /// Basins whose barriers were measured.
+    /// Number of basins with measured barriers.
     pub fn measured(&self) -> usize {
         self.measured
     }
 
-    /// Barriers as a list; never below the two minima.
+    /// Barriers as a list, each at least the energy of the higher minimum.
     pub fn edges(&self) -> Vec<(usize, usize, f64)> {
         let above = |a: usize, b: usize| self.basins[a].energy.max(self.basins[b].energy);
         self.barriers.iter().map(|(&(a, b), &barrier)| (a, b, barrier.max(above(a, b)))).collect()
@@ -295,7 +296,7 @@ mod tests {
         map
     }
 
-    /// Four basins are found, with all samples of a well in one, and the tree joins them at the exact barriers.
+    /// Four basins are found, each with all samples of its well, and the tree joins them at the exact barriers.
     #[test]
     fn four_wells_and_their_exact_tree() {
         let wells = MultiWell::uneven();
@@ -307,13 +308,13 @@ mod tests {
         let at = |k: usize| map.basins[k].minimum.map(f64::round);
         for (a, b) in (0..4).flat_map(|a| (0..a).map(move |b| (a, b))) {
             let (joined, exact) = (found.minimax(a, b).expect("joined"), wells.barrier(at(a), at(b)));
-            // A warm chain passes a little above the pass, and cannot pass below it by more than its last step's length.
+            // A warm chain crosses slightly above the saddle, and below it only by the discretisation of its steps.
             assert!(joined > exact - 0.03 && joined < exact + 0.15, "{:?} {:?}: {joined} {exact}", at(a), at(b));
             assert!((energies[a] - wells.energy(&at(a))).abs() < 0.01);
         }
     }
 
-    /// A pull that flattens the landscape leaves one basin; hardly any pull leaves as many as there are wells at least.
+    /// A strong pull leaves one basin; a weak one leaves one per well.
     #[test]
     fn basins_over_pull() {
         let wells = MultiWell::uneven();
@@ -321,7 +322,7 @@ mod tests {
         assert_eq!(finish(Mapping::new(plan(0.4)), &wells).basins.len(), 4);
     }
 
-    /// Interrupted anywhere, even within a line, a run goes on to the same end.
+    /// A run interrupted anywhere, even within a line, resumes to the same result.
     #[test]
     fn an_interrupted_run_loses_nothing() {
         let wells = MultiWell::uneven();

@@ -1,7 +1,8 @@
 //! The metastability threshold: the pull below which chains between two minima no longer arrive.
 //!
-//! Start with a pull that surely suffices, lower it by steps until none of a number of trials arrives: coarse steps first, then 3 %
-//! steps from the last pull that sufficed. A landscape's own threshold is the median over pairs of its minima.
+//! The pull is lowered from a value that certainly suffices until none of a number of trials arrives: first in coarse
+//! steps, then in 3 % steps from the last sufficient value. The threshold of a landscape is the median over pairs of its
+//! minima.
 
 use rayon::prelude::*;
 
@@ -10,10 +11,10 @@ use super::attraction::{Attraction, attract, stream};
 
 const COARSE: f64 = 0.7;
 const FINE: f64 = 0.97;
-/// Below this share of the start there is no barrier worth the name.
+/// Share of the initial pull below which the search stops: there is no significant barrier.
 const LEAST: f64 = 1e-3;
 
-/// The threshold of one pair: none if chains do not even arrive at `settings.pull`, where the search starts.
+/// The threshold of one pair; `None` if no chain arrives even at the initial `settings.pull`.
 pub fn threshold<L: Landscape>(
     landscape: &L,
     [a, b]: [&L::State; 2],
@@ -44,7 +45,7 @@ pub fn threshold<L: Landscape>(
     Some(pull)
 }
 
-/// Thresholds of `pairs` of states, sorted; pairs out of reach are left out.
+/// Thresholds of `pairs` of states, sorted, without pairs that are out of reach.
 pub fn thresholds<L: Landscape>(
     landscape: &L,
     pairs: &[(L::State, L::State)],
@@ -66,8 +67,8 @@ mod tests {
     use super::super::multi_well::MultiWell;
     use super::*;
 
-    /// At low temperature a chain gets over the pass where the pull beats the steepest slope on the way, max |W'|. From the
-    /// higher side that is less, and heat helps, so that the threshold lies below the slope but not far.
+    /// At low temperature a chain crosses the saddle if the pull exceeds the steepest slope on the way, max |W'|. The
+    /// slope is smaller from the higher side, and temperature helps, so the threshold is somewhat below it.
     #[test]
     fn threshold_is_near_the_steepest_slope() {
         let wells = MultiWell::uneven();

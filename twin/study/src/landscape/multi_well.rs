@@ -1,7 +1,7 @@
 //! A landscape whose minima and barriers are known exactly: W1(x) + W2(y) with W(t) = h (t2 - 1)2 + c (t - t3 / 3).
 //!
-//! W' = (t2 - 1)(4 h t - c): minima at -1 and 1 with energies -2 c / 3 and 2 c / 3, the pass between them at c / 4 h. So there are
-//! four minima, and the lowest way between two of them goes along one coordinate after the other.
+//! W' = (t2 - 1)(4 h t - c): minima at -1 and 1 with energies -2 c / 3 and 2 c / 3, the saddle between them at c / 4 h.
+//! So there are four minima, and the lowest path between two of them follows one coordinate after the other.
 
 use grasping::synthesis::langevin::{Langevin, normal};
 use rand::RngExt;
@@ -9,7 +9,7 @@ use rand_chacha::ChaCha8Rng;
 
 use super::Landscape;
 
-/// Noise of a step at step size 1: short enough not to jump over a pass unseen.
+/// Noise width at step size 1: small enough not to jump over a saddle.
 const STEP: f64 = 0.1;
 
 /// One coordinate's double well.
@@ -40,7 +40,7 @@ pub struct MultiWell {
 }
 
 impl MultiWell {
-    /// Passes of different heights, minima of different depths.
+    /// Saddles of different heights, minima of different depths.
     pub fn uneven() -> Self {
         Self { wells: [Well { height: 1.0, tilt: 0.3 }, Well { height: 1.6, tilt: -0.45 }] }
     }
@@ -50,9 +50,9 @@ impl MultiWell {
         [[-1.0, -1.0], [1.0, -1.0], [-1.0, 1.0], [1.0, 1.0]]
     }
 
-    /// Exact energy of the pass between two minima; the minimum's own energy from it to itself.
+    /// Exact energy of the saddle between two minima; the minimum's own energy if they are the same.
     pub fn barrier(&self, a: [f64; 2], b: [f64; 2]) -> f64 {
-        // Ways: straight along one coordinate, or both in either order; the highest point of each, then the lowest of those.
+        // Paths along one coordinate, or along both in either order: the lowest of their highest points.
         let [x, y] = self.wells;
         let along_x = |fixed: f64| x.pass() + y.energy(fixed);
         let along_y = |fixed: f64| y.pass() + x.energy(fixed);
@@ -64,7 +64,7 @@ impl MultiWell {
         }
     }
 
-    /// Walks downhill from `start` to the minimum below it.
+    /// Gradient descent from `start` to the minimum below it.
     pub fn descend(&self, start: [f64; 2]) -> [f64; 2] {
         let mut at = start;
         for _ in 0..4000 {
@@ -123,13 +123,13 @@ impl Landscape for MultiWell {
     }
 }
 
-/// Minima below `count` random places in the square from -1.8 to 1.8.
+/// Minima found from `count` random points in the square from -1.8 to 1.8.
 pub fn samples(wells: &MultiWell, count: usize, rng: &mut ChaCha8Rng) -> Vec<[f64; 2]> {
     let mut spare = None;
     (0..count)
         .map(|_| {
             let start = [rng.random_range(-1.8..1.8), rng.random_range(-1.8..1.8)];
-            // A little off the exact minimum, as a sampled one would be.
+            // Slightly off the exact minimum, like a sampled one.
             wells.descend(start).map(|t| t + 0.01 * normal(rng, &mut spare))
         })
         .collect()

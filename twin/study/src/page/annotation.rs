@@ -1,7 +1,7 @@
-//! The annotation page: every grasp in turn, to be turned and looked at; a broad type first, then one of the 19.
+//! The annotation page: shows every grasp in turn, to be rotated and labelled with a broad type, then with one of the 19.
 //!
-//! Labels stay in the browser until they are exported as the JSON that [`crate::labels`] reads. Nothing on the page says what the
-//! rules think: that would make the agreement between people and rules worthless.
+//! Labels stay in the browser until they are exported as the JSON that [`crate::labels`] reads. The page does not show
+//! the rules' decision, which would bias the agreement between people and rules.
 
 use serde::Serialize;
 
@@ -51,7 +51,7 @@ mod tests {
     use super::*;
     use hand_model::Hand;
 
-    /// Every type has an example picture's posture, and the page needs nothing from outside.
+    /// Every type has an example posture, and the page loads nothing from outside.
     #[test]
     fn every_type_has_a_picture() {
         let taxonomy = Taxonomy::paper();

@@ -1,5 +1,5 @@
-//! A picture on whose parts grasps appear in 3D: elements with `data-grasp` (and, in words, `data-text`) show one under the mouse;
-//! canvases with it show one always and can be turned.
+//! A picture with grasps shown in 3D: an element with `data-grasp` (and a caption in `data-text`) shows its grasp under
+//! the mouse; a canvas with it shows the grasp permanently and can be rotated.
 
 use serde::Serialize;
 
@@ -25,7 +25,7 @@ pub fn page(title: &str, introduction: &str, body: &str, scene: &Scene) -> Resul
     Ok(whole(title, &body, &data, SCRIPT))
 }
 
-/// A row of grasps that can be turned, each with words below it: (index in the scene, words).
+/// A row of grasps that can be rotated: (index in the scene, caption).
 pub fn gallery(grasps: &[(usize, String)]) -> String {
     let one = |(grasp, words): &(usize, String)| {
         format!(

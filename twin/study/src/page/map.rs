@@ -1,4 +1,4 @@
-//! A map of grasps as SVG: a dot a grasp, coloured by broad type, over the side of the boundary it lies on.
+//! A map of grasps as SVG: one dot per grasp, coloured by broad type, over the two sides of the boundary.
 
 use std::fmt::Write as _;
 
@@ -6,16 +6,15 @@ use super::escape;
 use super::tree::color;
 use crate::taxonomy::Category;
 
-/// A dot.
+/// One grasp on the map.
 #[derive(Debug, Clone)]
 pub struct Dot {
-    /// Place on the map.
+    /// Coordinates on the map.
     pub at: [f64; 2],
-    /// Broad type.
     pub category: Category,
-    /// Index of the grasp shown.
+    /// Index in the scene.
     pub grasp: usize,
-    /// In words.
+    /// Caption.
     pub text: String,
 }
 
@@ -24,7 +23,7 @@ const TOP: f64 = 56.0;
 /// Cells of the boundary's shading along each side.
 const CELLS: usize = 90;
 
-/// The drawing; `power` says on which side of the boundary a place lies.
+/// The drawing; `power` is true for coordinates on the power side of the boundary.
 pub fn svg(dots: &[Dot], power: impl Fn([f64; 2]) -> bool, title: &str) -> String {
     let reach = dots.iter().flat_map(|dot| dot.at).fold(1e-9, |most: f64, x| most.max(x.abs())) * 1.06;
     let place = |at: [f64; 2]| [0.5 * SIZE * (1.0 + at[0] / reach), TOP + 0.5 * SIZE * (1.0 - at[1] / reach)];
@@ -37,7 +36,7 @@ pub fn svg(dots: &[Dot], power: impl Fn([f64; 2]) -> bool, title: &str) -> Strin
     );
     let cell = SIZE / CELLS as f64;
     for row in 0..CELLS {
-        // Runs of one side become one rectangle.
+        // Consecutive cells of one side become one rectangle.
         let side = |column: usize| {
             let at = |k: usize| 2.0 * (k as f64 + 0.5) / CELLS as f64 - 1.0;
             power([reach * at(column), -reach * at(row)])
@@ -80,4 +79,31 @@ pub fn svg(dots: &[Dot], power: impl Fn([f64; 2]) -> bool, title: &str) -> Strin
     }
     svg += "</svg>\n";
     svg
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The number in an attribute of an element.
+    fn number(element: &str, attribute: &str) -> f64 {
+        let value = element.split(&format!(" {attribute}=\"")).nth(1).and_then(|rest| rest.split('"').next());
+        value.and_then(|value| value.parse().ok()).unwrap_or(f64::NAN)
+    }
+
+    #[test]
+    fn dots_lie_on_their_side_with_escaped_captions() {
+        let dot = |x: f64, category, grasp, text: &str| Dot { at: [x, 0.5], category, grasp, text: text.into() };
+        let dots = [dot(-1.0, Category::Power, 4, "left <a>"), dot(2.0, Category::Precision, 7, "right")];
+        let text = svg(&dots, |at| at[0] < 0.0, "a & b");
+        assert!(text.contains("a &amp; b") && text.contains("left &lt;a&gt;") && !text.contains("<a>"));
+        assert!(text.contains(">power 1<") && text.contains(">intermediate 0<") && text.contains(">precision 1<"));
+        let circles: Vec<&str> = text.lines().filter(|line| line.contains("data-grasp")).collect();
+        assert_eq!(circles.iter().map(|circle| number(circle, "data-grasp")).collect::<Vec<_>>(), [4.0, 7.0]);
+        // Every row of the shading has one rectangle per side; the border between them separates the dots.
+        assert_eq!((text.matches("#f8e5e2").count(), text.matches("#e2f1e8").count()), (CELLS, CELLS));
+        let border = 0.5 * SIZE;
+        assert!(number(circles[0], "cx") < border && number(circles[1], "cx") > border, "{circles:?}");
+        assert_eq!(number(circles[0], "cy"), number(circles[1], "cy"));
+    }
 }

@@ -1,4 +1,4 @@
-//! Hand, objects and grasps as a page draws them: the hand's links once, then a few numbers a grasp.
+//! The data that a page draws: the hand's links once, the objects, and a few numbers per grasp.
 
 use grasping::synthesis::held::HeldGrasp;
 use hand_model::Hand;
@@ -6,7 +6,7 @@ use hand_model::hand::CoverShape;
 use nalgebra::{Isometry3, Point3, Vector3};
 use serde::Serialize;
 
-/// Triangles in their own frame. Coordinates are in 0.1 mm: whole numbers are short.
+/// Triangles in their own frame, in whole multiples of 0.1 mm to keep the file small.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Mesh {
     /// x, y, z of each vertex, 0.1 mm.
@@ -24,7 +24,7 @@ impl Mesh {
         }
     }
 
-    /// A rounded box, with one step around each rounding.
+    /// A rounded box with one facet per rounded edge.
     fn cover(cover: &CoverShape) -> Self {
         let inner = cover.half.add_scalar(-cover.radius);
         let (mut points, mut triangles) = (Vec::new(), Vec::new());
@@ -54,7 +54,7 @@ impl Mesh {
     }
 }
 
-/// A joint: its parent (-1 is the palm), rotation by rows and place (m) in it.
+/// A joint: its parent (-1 is the palm), row-major rotation and position (m) in it.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 struct JointFrame {
     p: i32,
@@ -62,19 +62,15 @@ struct JointFrame {
     t: [f64; 3],
 }
 
-/// An object.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct DrawnObject {
-    /// Name.
     pub name: String,
-    /// Its surface.
     pub mesh: Mesh,
 }
 
-/// A grasp: which object, where, which joint angles, and where it touches (point and normal, palm frame).
+/// A grasp on an object, with its contacts in the palm frame.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct DrawnGrasp {
-    /// Name of the grasp.
     pub id: String,
     /// Index of the object.
     pub o: usize,
@@ -82,12 +78,12 @@ pub struct DrawnGrasp {
     pub p: [f64; 7],
     /// Joint angles, rad.
     pub q: Vec<f64>,
-    /// Contacts: x, y, z, and the normal into the object.
+    /// Contacts: position, and the normal into the object.
     pub c: Vec<[f64; 6]>,
 }
 
 impl DrawnGrasp {
-    /// From a held grasp of object number `object`. Contacts of one link within 3 mm are drawn once.
+    /// From a held grasp of object number `object`. Contacts of one link within 3 mm of each other are merged.
     pub fn new(id: String, object: usize, grasp: &HeldGrasp) -> Self {
         let mut seen: Vec<(Option<usize>, [f64; 3])> = Vec::new();
         let mut c = Vec::new();
@@ -103,7 +99,7 @@ impl DrawnGrasp {
     }
 }
 
-/// Everything that is drawn.
+/// All data of a page.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Scene {
     joints: Vec<JointFrame>,
@@ -113,7 +109,6 @@ pub struct Scene {
 }
 
 impl Scene {
-    /// Of `hand`.
     pub fn new(hand: &Hand, objects: Vec<DrawnObject>, grasps: Vec<DrawnGrasp>) -> Self {
         let frame = |parent: Option<usize>, origin: &Isometry3<f64>| JointFrame {
             p: parent.map_or(-1, |parent| parent as i32),
@@ -128,7 +123,6 @@ impl Scene {
         }
     }
 
-    /// Number of grasps.
     pub fn grasps(&self) -> usize {
         self.grasps.len()
     }
@@ -138,7 +132,8 @@ impl Scene {
 mod tests {
     use super::*;
 
-    /// A cover's drawn surface is closed (every edge is used once in each direction, up to shared corners) and faces outwards.
+    /// A cover's drawn surface is closed (every edge is used once in each direction, up to shared corners) and faces
+    /// outwards.
     #[test]
     fn covers_face_outwards() {
         let hand = Hand::ftac();

@@ -1,4 +1,4 @@
-//! A disconnectivity tree as SVG: leaves hang at their energies, circles as large as their basins, coloured by broad type.
+//! A disconnectivity tree as SVG: leaves at their energies, with circles sized by their basins and coloured by broad type.
 
 use std::fmt::Write as _;
 
@@ -6,20 +6,19 @@ use super::escape;
 use crate::landscape::disconnectivity::Tree;
 use crate::taxonomy::Category;
 
-/// What a leaf shows.
+/// A leaf: one basin.
 #[derive(Debug, Clone)]
 pub struct Leaf {
-    /// Grasps in the basin.
+    /// Number of grasps in the basin.
     pub members: usize,
-    /// Their majority's broad type.
+    /// Broad type of the majority.
     pub category: Category,
-    /// Index of the grasp shown.
+    /// Index in the scene of the grasp shown.
     pub grasp: usize,
-    /// In words.
+    /// Caption.
     pub text: String,
 }
 
-/// Colour of a broad type.
 pub fn color(category: Category) -> &'static str {
     match category {
         Category::Power => "#c0392b",
@@ -32,7 +31,7 @@ const TOP: f64 = 50.0;
 const BOTTOM: f64 = 560.0;
 const LEFT: f64 = 64.0;
 
-/// The drawing; `title` is over it.
+/// The drawing.
 pub fn svg(tree: &Tree, leaves: &[Leaf], title: &str) -> String {
     let n = tree.energies.len();
     let pitch = (1100.0 / n.max(1) as f64).clamp(15.0, 60.0);
@@ -81,7 +80,7 @@ pub fn svg(tree: &Tree, leaves: &[Leaf], title: &str) -> String {
         let from = if branch < n { tree.energies[branch] } else { tree.merges[branch - n].height };
         match parent {
             Some(k) => line(x(branch), y(from), x(branch), y(tree.merges[*k].height), ""),
-            // What nothing is known to lead to ends in a dotted line.
+            // A branch without a known path to others ends in a dotted line.
             None => line(x(branch), y(from), x(branch), y(high) - 22.0, "stroke-dasharray=\"2 4\""),
         }
     }

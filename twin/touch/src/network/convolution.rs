@@ -1,4 +1,4 @@
-//! Convolution layers on planes with a zero border, in blocks that stay in registers.
+//! Convolution layers on planes with a zero border, computed in blocks that fit into registers.
 
 /// Outputs that are computed together.
 const BLOCK: usize = 4;
@@ -11,7 +11,7 @@ pub(super) struct Planes {
     count: usize,
     height: usize,
     width: usize,
-    /// Distance of rows: the width, the border, and room for the last lanes.
+    /// Row pitch: the width, the border, and padding for the last lanes.
     pitch: usize,
     data: Vec<f32>,
 }
@@ -41,12 +41,11 @@ impl Planes {
         (plane * (self.height + 2) + (row + 1) as usize) * self.pitch
     }
 
-    /// A value.
     pub fn at(&self, plane: usize, row: usize, column: usize) -> f32 {
         self.data[self.index(plane, row as isize) + 1 + column]
     }
 
-    /// Twice as wide and high, every value four times.
+    /// Doubles width and height by repeating every value.
     pub fn enlarged(&self) -> Self {
         Self::from_fn(self.count, 2 * self.height, 2 * self.width, |plane, row, column| {
             self.at(plane, row / 2, column / 2)
@@ -60,7 +59,7 @@ impl Planes {
         }
     }
 
-    /// A row's values as the three columns of a kernel meet them, each `width / stride` long and then some.
+    /// A row's values for each of the three kernel columns, each at least `width / stride` long.
     fn taps(&self, plane: usize, row: isize, stride: usize, scratch: &mut [Vec<f32>; 3]) {
         let line = &self.data[self.index(plane, row)..self.index(plane, row) + self.pitch];
         for (shift, tap) in scratch.iter_mut().enumerate() {
@@ -97,14 +96,14 @@ impl Layer {
         Self { inputs, outputs, kernel, weights: laid, biases: biases.to_vec() }
     }
 
-    /// Runs the layer with a stride (1 or 2; the sides are multiples of it); `rectify` cuts negative values off.
+    /// Applies the layer with a stride of 1 or 2, of which the sides are multiples; `rectify` sets negative values to 0.
     pub fn run(&self, planes: &Planes, stride: usize, rectify: bool) -> Planes {
         let (height, width) = (planes.height / stride, planes.width / stride);
         let mut out = Planes::zero(self.outputs, height, width);
         let padded = width.next_multiple_of(LANES);
         let reach = self.kernel / 2;
         let taps = self.inputs * self.kernel * self.kernel;
-        // The rows that one output row sees, tap by tap.
+        // The inputs of one output row, tap by tap.
         let mut rows = vec![0.0f32; taps * padded];
         let mut scratch: [Vec<f32>; 3] = std::array::from_fn(|_| vec![0.0; padded]);
         for row in 0..height {
@@ -159,7 +158,7 @@ mod tests {
         ((k * 7919) % 101) as f32 / 50.0 - 1.0
     }
 
-    /// Against the sum written out.
+    /// Compared with the explicit sum.
     #[test]
     fn layers_are_sums_over_the_neighbourhood() {
         for (inputs, outputs, kernel, stride) in [(3, 5, 3, 1), (2, 4, 3, 2), (5, 8, 1, 1)] {

@@ -1,4 +1,4 @@
-//! Squares cut from labelled presses: what networks learn from.
+//! Training samples: squares cut from labelled presses.
 
 use hand_model::pads::IMAGE_SIZE as N;
 use rand::{Rng, RngExt};
@@ -9,9 +9,9 @@ use crate::colour_change::{Region, colour_change};
 
 /// Side of a square, pixels.
 pub const SIDE: usize = 48;
-/// How much a pixel counts where nothing presses, beside one where something does.
+/// Weight of a pixel without contact relative to one in contact.
 const LEVEL_WEIGHT: f32 = 0.15;
-/// The perceptron learns from every so-manyth pixel of a row and of a column.
+/// The perceptron uses every n-th pixel of a row and of a column.
 const SPARSE: usize = 4;
 
 /// A labelled square of an image.
@@ -23,7 +23,7 @@ pub struct Sample {
     pixels: Vec<Pixel>,
 }
 
-/// A labelled pixel; normals by their x and y part.
+/// A labelled pixel; normals by their x and y components.
 #[derive(Debug, Clone, Copy)]
 struct Pixel {
     /// Relative colour change.
@@ -34,7 +34,7 @@ struct Pixel {
     weight: f32,
 }
 
-/// `count` squares about the contact of a press with pixels of `pixel` (dx, dy; m); none if nothing is pressed in.
+/// `count` squares around the contact of a press with pixels of size `pixel` (dx, dy; m); none without contact.
 pub fn cut(
     press: &CalibrationPress,
     (configuration, model): (char, &PhotometricModel),
@@ -69,7 +69,8 @@ pub fn cut(
 
 #[cfg(test)]
 impl Sample {
-    /// A square whose true normal leans by a quarter of the red change of the pixel to the right: no pixel tells its own.
+    /// A square whose true normals are a quarter of the red change of the pixel to the right: a single pixel carries no
+    /// information on its own normal.
     pub(super) fn riddle(rng: &mut impl Rng) -> Self {
         let red: Vec<f32> = (0..SIDE * SIDE).map(|_| rng.random_range(-1.0..1.0)).collect();
         let pixels = (0..SIDE * SIDE).map(|k| {
@@ -86,14 +87,14 @@ pub(super) struct Batch {
     /// Side of the input planes, and of the planes of targets and weights.
     pub sides: [usize; 2],
     pub inputs: Vec<f32>,
-    /// What the network should answer; as many planes as it answers with.
+    /// Desired outputs, as many planes as the network has.
     pub targets: Vec<f32>,
-    /// Weight of a pixel; half as many planes.
+    /// Weights of the pixels, half as many planes.
     pub weights: Vec<f32>,
 }
 
 impl Batch {
-    /// Lays `samples` out for `kind`; the perceptron's pixels begin at `phase`.
+    /// Lays out `samples` for `kind`; the perceptron's grid of pixels is offset by `phase`.
     pub fn new(kind: Kind, samples: &[&Sample], phase: [usize; 2]) -> Self {
         let stride = if kind == Kind::PerPixel { SPARSE } else { 1 };
         let (side, fold) = (SIDE / stride, kind.fold());
@@ -136,7 +137,7 @@ impl Batch {
     }
 }
 
-/// A sample seen through the eyes of a network: as [`Sight`] on the image it was cut from.
+/// The network inputs of a sample, as [`Sight`] has them for the image it was cut from.
 struct SampleSight<'a> {
     sample: &'a Sample,
     change: &'a [[f32; 3]],

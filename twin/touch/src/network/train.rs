@@ -1,4 +1,5 @@
-//! Training: gradients by burn, Adam, a learning rate that halves every few epochs, a state that can be kept and resumed.
+//! Training: gradients by burn, Adam, a learning rate that halves every few epochs, and a state that can be saved and
+//! resumed.
 
 use burn::optim::{Adam, AdamConfig, AdamState, AdaptiveMomentumState, Optimizer};
 use burn::tensor::activation::relu;
@@ -14,28 +15,26 @@ use super::samples::{Batch, Sample};
 use super::{Kind, LayerShape, Network};
 use crate::error::TouchError;
 
-/// Squares of an error of about 0.2 degrees: below it, the loss is quadratic.
+/// Square of an error of about 0.2 degrees, below which the loss is quadratic.
 const SOFT: f32 = 1e-5;
 
 /// How to train.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Schedule {
-    /// What is trained.
     pub kind: Kind,
-    /// Passes over the samples.
     pub epochs: usize,
-    /// Samples a step.
+    /// Samples per step.
     pub batch: usize,
-    /// Learning rate at the start.
+    /// Initial learning rate.
     pub rate: f64,
-    /// Epochs after which it is halved.
+    /// Epochs between halvings of the learning rate.
     pub halving: usize,
-    /// Seed of the first weights and of the order of samples.
+    /// Seed of the initial weights and of the order of samples.
     pub seed: u64,
 }
 
-/// A parameter with its moments.
+/// A parameter with its moments in Adam.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Parameter {
@@ -43,13 +42,12 @@ struct Parameter {
     moments: [Vec<f32>; 2],
 }
 
-/// A training between two epochs: all that is needed to go on.
+/// The state of a training between two epochs, complete for resuming.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Training {
-    /// How it is done.
     pub schedule: Schedule,
-    /// Mean loss of each epoch so far, on the samples and on those held out: about the sine of the angular error.
+    /// Mean loss of each epoch so far on the samples and on the held-out ones: about the sine of the angular error.
     pub losses: Vec<[f64; 2]>,
     steps: usize,
     /// Weights and biases of each layer in turn.
@@ -57,7 +55,8 @@ pub struct Training {
 }
 
 impl Training {
-    /// The beginning: weights drawn evenly from within +-sqrt(6 / inputs) (He et al. 2015), the last layer's a tenth of that; biases 0.
+    /// Initial state: weights drawn uniformly from within +-sqrt(6 / inputs) (He et al. 2015), the last layer's a tenth
+    /// of that; biases 0.
     pub fn new(schedule: Schedule) -> Self {
         let mut rng = ChaCha8Rng::seed_from_u64(schedule.seed);
         let mut parameters = Vec::new();
@@ -75,7 +74,7 @@ impl Training {
         Self { schedule, losses: Vec::new(), steps: 0, parameters }
     }
 
-    /// Checks what was read from a file against `schedule`, which may ask for other epochs only.
+    /// An error if the schedule differs from `schedule` in anything but the number of epochs, or the parameters are invalid.
     pub fn check(&self, schedule: &Schedule) -> Result<(), TouchError> {
         let same = Schedule { epochs: schedule.epochs, ..self.schedule.clone() };
         if same != *schedule {
@@ -84,12 +83,11 @@ impl Training {
         self.network(String::new()).map(|_| ())
     }
 
-    /// Whether all epochs are done.
     pub fn done(&self) -> bool {
         self.losses.len() >= self.schedule.epochs
     }
 
-    /// One pass over `samples`; `held_out` are only looked at. `step` is told of every step.
+    /// One pass over `samples`; the loss on `held_out` is recorded. `step` is called after every step.
     pub fn epoch(&mut self, samples: &[Sample], held_out: &[Sample], mut step: impl FnMut()) -> Result<(), TouchError> {
         let epoch = self.losses.len();
         let mut rng = ChaCha8Rng::seed_from_u64(self.schedule.seed);
@@ -150,7 +148,7 @@ impl Training {
         Ok(f64::from(loss))
     }
 
-    /// The network as it is now.
+    /// The current network.
     pub fn network(&self, recipe: String) -> Result<Network, TouchError> {
         let part = |odd: usize| self.parameters.iter().skip(odd).step_by(2).map(|p| p.values.clone()).collect();
         Network::new(self.schedule.kind, recipe, part(0), part(1))
@@ -169,8 +167,8 @@ fn scalar(loss: Tensor<1>) -> Result<f32, TouchError> {
     numbers(loss)?.first().copied().ok_or(TouchError::NotFinite("the loss"))
 }
 
-/// The layers' answer to planes by sample, plane, row, column.
-fn answer(parameters: &[Tensor<1>], kind: Kind, inputs: Tensor<4>) -> Tensor<4> {
+/// Output of the layers for planes by sample, plane, row, column.
+fn output(parameters: &[Tensor<1>], kind: Kind, inputs: Tensor<4>) -> Tensor<4> {
     let run = |n: usize, x: Tensor<4>, stride: usize| {
         let (inputs, outputs, kernel): LayerShape = kind.layers()[n];
         let weights = parameters[2 * n].clone().reshape([outputs, inputs, kernel, kernel]);
@@ -206,8 +204,8 @@ fn loss(parameters: &[Tensor<1>], batch: &Batch, kind: Kind, device: &Device) ->
     let tensor = |values: &[f32], planes: usize, side: usize| -> Tensor<4> {
         Tensor::from_data(TensorData::new(values.to_vec(), [batch.count, planes, side, side]), device)
     };
-    let answer = answer(parameters, kind, tensor(&batch.inputs, kind.inputs(), side));
-    let off = answer - tensor(&batch.targets, 2 * planes, folded);
+    let output = output(parameters, kind, tensor(&batch.inputs, kind.inputs(), side));
+    let off = output - tensor(&batch.targets, 2 * planes, folded);
     let squared = off.clone() * off;
     let length = (squared.clone().narrow(1, 0, planes) + squared.narrow(1, planes, planes) + SOFT).sqrt();
     let total: f32 = batch.weights.iter().sum();
@@ -233,7 +231,7 @@ mod tests {
                 ((plane * 7919 + row * 104_729 + column * 31) % 997) as f32 / 500.0 - 1.0
             };
             let planes = Planes::from_fn(kind.inputs(), height, width, value);
-            let own = training.network(String::new()).unwrap().prepare().answer(&planes);
+            let own = training.network(String::new()).unwrap().prepare().output(&planes);
             let device = Device::flex();
             let parameters: Vec<Tensor<1>> = training.parameters.iter().map(|p| tensor(&p.values, &device)).collect();
             let mut values = Vec::new();
@@ -241,7 +239,7 @@ mod tests {
                 values.push(value(at / (height * width), at / width % height, at % width));
             }
             let inputs = Tensor::from_data(TensorData::new(values, [1, kind.inputs(), height, width]), &device);
-            let burn = answer(&parameters, kind, inputs);
+            let burn = output(&parameters, kind, inputs);
             let [_, outputs, rows, columns] = burn.dims();
             let burn: Vec<f32> = burn.into_data().try_into_vec().unwrap();
             for (at, burn) in burn.into_iter().enumerate() {
@@ -256,7 +254,7 @@ mod tests {
         (0..count).map(|_| Sample::riddle(&mut rng)).collect()
     }
 
-    /// What only the surroundings tell is learnt by the network that sees them, and not by the one that does not.
+    /// Information in the surroundings is learnt by the network that sees them, and not by the perceptron.
     #[test]
     fn surroundings_are_learnt_from() {
         let (samples, held_out) = (riddles(1, 12), riddles(2, 4));
@@ -272,7 +270,7 @@ mod tests {
         assert!(network < 0.5 && network < 0.5 * perceptron, "{network} {perceptron}");
     }
 
-    /// Kept as text after an epoch and read again, a training ends with the same weights.
+    /// A training saved as text after an epoch and read again ends with the same weights.
     #[test]
     fn a_resumed_training_ends_the_same() {
         let samples = riddles(1, 6);

@@ -1,4 +1,4 @@
-//! What the pads say, in the frames of the links that carry them, and how far each part of it is trusted.
+//! The evidence of the pads in the frames of the links that carry them, with its standard deviations and weights.
 
 use std::collections::BTreeMap;
 use std::f64::consts::TAU;
@@ -12,26 +12,27 @@ use crate::contacts::{Patch, SurfacePoint};
 use crate::pad_touch::PadTouch;
 use crate::posture::Posture;
 
-/// Points of a patch that are used.
+/// Largest number of points of a patch.
 const POINTS: usize = 14;
-/// Normals of a patch that are used.
+/// Largest number of normals of a patch.
 const NORMALS: usize = 4;
-/// A patch that bears less than this force (N) has less say ...
+/// A patch with less than this force (N) has a lower weight.
 const FULL_FORCE: f64 = 0.5;
-/// ... but never less than this.
+/// Least weight of a patch.
 const LEAST_WEIGHT: f64 = 0.05;
-/// Tilt of a felt normal at which a point is trusted half as much, rad: photometric stereo errs on steep flanks, and at the
-/// rounded edges of a pad, part of the object presses where no camera looks.
+/// Tilt of a normal at which a point's trust is halved, rad: photometric stereo is inaccurate on steep flanks, and at a
+/// pad's rounded edges part of the contact is out of the cameras' view.
 const STEEP: f64 = 0.7;
-/// Side of the squares of a pad whose free points are asked together, m.
+/// Side of the squares of a pad whose free points are tested together, m.
 const SPOT: f64 = 8e-3;
-/// A cable that pulls harder than a free digit at its excursion needs by this much (N) and this share is held up by something.
-const HELD_UP: (f64, f64) = (0.8, 0.35);
+/// A digit is obstructed if its cable's tension exceeds that of a free digit at the same excursion by this much (N) plus
+/// this share.
+const OBSTRUCTED: (f64, f64) = (0.8, 0.35);
 
-/// How well the heights of a patch are known: a narrow one stands on steep flanks, where photometric stereo errs. Product of
-/// the standard deviation of its heights and the radius of the ball that would press as far and as wide, m2.
+/// Product of the standard deviation of a patch's heights and the radius of the ball that would press as deep and as
+/// wide, m2: narrow patches have steep flanks, on which photometric stereo is inaccurate.
 const NARROW: f64 = 3e-7;
-/// No patch's height counts as less well known than this, m.
+/// Largest standard deviation of a patch's heights, m.
 const WORST: f64 = 1.5e-3;
 
 /// A felt point with its normal (palm frame) and weight.
@@ -40,14 +41,14 @@ pub(super) type FeltPoint = (Point3<f64>, Vector3<f64>, f64);
 /// A patch in the frame of the link that carries it (palm: the palm frame).
 pub(super) struct LinkPatch {
     pub link: Option<usize>,
-    /// Index of the pad among those that are pressed.
+    /// Index among the pressed pads.
     pub pressed: usize,
-    /// Points, each with its trust: 1 where the gel is pressed squarely, less on flanks.
+    /// Points with their trust: 1 where the surface is level, less on flanks.
     pub points: Vec<(Point3<f64>, f64)>,
     pub normals: Vec<(Point3<f64>, Vector3<f64>, f64)>,
-    /// Share of a full patch's say.
+    /// Weight, 1 for a patch with full force.
     pub weight: f64,
-    /// Standard deviation of its heights, all together, m.
+    /// Standard deviation of the common error of its heights, m.
     pub sigma: f64,
     pub centroid: Point3<f64>,
     /// Force on the pad, N.
@@ -55,7 +56,7 @@ pub(super) struct LinkPatch {
 }
 
 impl LinkPatch {
-    /// A patch on a pad that sits at `place` on its link; its heights are known to within `sigma` (m) at best.
+    /// A patch of a pad at `place` on its link; `sigma` (m) is the least standard deviation of its heights.
     pub fn new(link: Option<usize>, pressed: usize, place: &Isometry3<f64>, patch: &Patch, sigma: f64) -> Self {
         let point = |p: &SurfacePoint| place * p.point;
         let points = evenly(&patch.points, POINTS);
@@ -79,18 +80,18 @@ fn height_sigma(patch: &Patch, sigma: f64) -> f64 {
     sigma.hypot(NARROW / radius.max(1e-6)).min(WORST)
 }
 
-/// A pad that is pressed.
+/// A pressed pad.
 pub(super) struct PressedPad {
     /// Normal of the pad in the frame of the link that carries it.
     pub normal: Vector3<f64>,
-    /// By how much the object stands farther out than its patches say, m: see [`super::PoseOptions::sinking`].
+    /// Expected offset of the object outwards from the measured heights, m: see [`super::PoseOptions::sinking`].
     pub lift: f64,
-    /// How well that is known, m.
+    /// Standard deviation of `lift`, m.
     pub sigma: f64,
 }
 
 impl PressedPad {
-    /// The pad at `place` on its link. Of its patches the deepest that is seen well is taken to lie on the pad.
+    /// The pad at `place` on its link. The deepest of its accurately measured patches is taken to lie on the pad.
     pub fn new(place: &Isometry3<f64>, touch: &PadTouch, options: &PoseOptions) -> Self {
         let sigma = |patch: &&Patch| height_sigma(patch, options.sigma_height);
         let best = touch.patches.iter().map(|patch| sigma(&patch)).fold(f64::INFINITY, f64::min);
@@ -102,19 +103,19 @@ impl PressedPad {
     }
 }
 
-/// Points close together on a pad that feel nothing, in the frame of the link that carries it.
+/// Neighbouring points of a pad without contact, in the frame of the link that carries it.
 pub(super) struct ClearSpot {
     pub link: Option<usize>,
-    /// Index of the pad among those that are pressed, elsewhere.
+    /// Index among the pressed pads if the pad is pressed elsewhere.
     pub pressed: Option<usize>,
     pub points: Vec<Point3<f64>>,
-    /// A ball around them: an object farther away need not be asked point by point.
+    /// Bounding ball, for a quick test against objects farther away.
     pub middle: Point3<f64>,
     pub radius: f64,
 }
 
 impl ClearSpot {
-    /// The spots of a pad that sits at `place` on its link, from all of its free points (pad frame).
+    /// The spots of a pad at `place` on its link, from all of its free points (pad frame).
     pub fn of_pad(
         link: Option<usize>,
         pressed: Option<usize>,
@@ -135,21 +136,21 @@ impl ClearSpot {
     }
 }
 
-/// How far a point with this felt normal (pad frame) is trusted, at most 1.
+/// Trust of a point with this normal (pad frame), at most 1.
 fn trust(normal: &Vector3<f64>) -> f64 {
     let tilt = (-normal.z).clamp(-1.0, 1.0).acos();
     1.0 / (1.0 + (tilt / STEEP).powi(2))
 }
 
-/// Whether something keeps a digit from closing as far as its cable pulls.
-pub(super) fn held_up(hand: &Hand, posture: &Posture, cable: usize) -> bool {
+/// Whether something keeps a digit from closing as far as its cable tension would.
+pub(super) fn obstructed(hand: &Hand, posture: &Posture, cable: usize) -> bool {
     let path = &hand.transmission.cables[cable];
     let joints = path.joints.iter().map(|(joint, guides)| {
         let arm = guides.moment_arm(posture.q[*joint]);
         (hand.transmission.springs[*joint] * posture.q[*joint], arm)
     });
-    // The pull that balances the springs of a free digit, by the joints' moment arms.
+    // The tension that balances the springs of a free digit, weighted by the joints' moment arms.
     let (torque, arm) = joints.fold((0.0, 0.0), |(torque, arm), (t, a)| (torque + t * a, arm + a * a));
     let (needed, pull) = (torque / arm.max(1e-12), posture.tensions[cable]);
-    pull > needed + HELD_UP.0 + HELD_UP.1 * needed
+    pull > needed + OBSTRUCTED.0 + OBSTRUCTED.1 * needed
 }

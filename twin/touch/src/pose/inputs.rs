@@ -1,4 +1,4 @@
-//! What a pose is estimated from: the touches, the servos, the plan, the shape, and how far each is trusted.
+//! Inputs of a pose estimate: touches, servo readings, prior, shape, and the standard deviation of each kind of evidence.
 
 use hand_model::robot::ServoState;
 use hand_model::{ACTUATORS, Hand};
@@ -7,24 +7,19 @@ use nalgebra::Isometry3;
 use super::shape::KnownShape;
 use crate::pad_touch::PadTouch;
 
-/// Everything that [`estimate_pose`](super::estimate_pose) works with.
+/// All inputs of [`estimate_pose`](super::estimate_pose).
 #[derive(Clone, Copy)]
 pub struct PoseInputs<'a> {
-    /// The hand.
     pub hand: &'a Hand,
     /// What the pads feel, at most one element a pad; a pad that is not listed is no evidence.
     pub touches: &'a [PadTouch],
-    /// Servo readings.
     pub servos: &'a [ServoState; ACTUATORS],
-    /// Where the plan has the object.
     pub prior: &'a PosePrior,
-    /// The object's shape.
     pub shape: &'a dyn KnownShape,
-    /// Standard deviations and effort.
     pub options: &'a PoseOptions,
 }
 
-/// Where the plan thinks the object is.
+/// The planned pose of the object with its uncertainty.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PosePrior {
     /// `palm_from_object`.
@@ -42,44 +37,44 @@ impl PosePrior {
     }
 }
 
-/// Standard deviations of the evidence, and how hard to try.
+/// Standard deviations of the evidence, and computational effort.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PoseOptions {
-    /// Heights of a broad patch, all together, m; those of a narrow one are known less well.
+    /// Common error of the heights of a broad patch, m; narrow patches have a larger one.
     pub sigma_height: f64,
-    /// How far the deepest point of a pressed pad may be from where `sinking` has it, m.
+    /// Deviation of the deepest point of a pressed pad from where `sinking` places it, m.
     pub sigma_lift: f64,
-    /// Each component of a felt normal, rad.
+    /// Each component of a measured normal, rad.
     pub sigma_normal: f64,
     /// Cable excursion, m.
     pub sigma_excursion: f64,
-    /// Torque balance of a joint, N m ...
+    /// Torque balance of a joint, N m.
     pub sigma_torque: f64,
-    /// ... and this fraction of the contact torque felt there, root of the sum of squares.
+    /// Additional error of the torque balance as a fraction of the measured contact torque, added in quadrature.
     pub contact_torque_fraction: f64,
-    /// Depth of a point that feels nothing inside the object, m.
+    /// Depth of a point without contact inside the object, m.
     pub sigma_clear: f64,
     /// Angle beyond a joint limit, rad.
     pub sigma_limit: f64,
     /// Huber threshold, in standard deviations.
     pub huber: f64,
-    /// Share of a felt indentation by which the object really comes closer to the link under the pad. On a gel that yields it
-    /// is 1. A body whose covers are rigid, with images made from forces, has 0: the deepest point is then on the pad's
-    /// untouched surface.
+    /// Share of a measured indentation by which the object really moves towards the link. It is 1 on a gel that yields,
+    /// and 0 in a simulation with rigid covers whose images are computed from forces: there the deepest point is on the
+    /// pad's untouched surface.
     pub sinking: f64,
-    /// Whether the evidence of untouched surface is used.
+    /// Whether points without contact are used.
     pub use_clear: bool,
-    /// Orientations kept of the many that are tried about the plan's.
+    /// Orientations kept after screening around the planned one.
     pub starts: usize,
-    /// Steps of every start, and of those kept.
+    /// Steps per start in the first two stages.
     pub coarse_steps: usize,
-    /// Starts that are kept after their first steps.
+    /// Solutions kept after the first stage.
     pub kept: usize,
-    /// Solutions that are finished ...
+    /// Solutions in the last stage.
     pub finished: usize,
-    /// ... in so many steps.
+    /// Steps per solution in the last stage.
     pub fine_steps: usize,
-    /// Cost per patch above which a solution does not explain what is felt, so that more are looked for around it.
+    /// Cost per patch above which a solution is considered wrong and more orientations are screened around it.
     pub good_cost: f64,
 }
 

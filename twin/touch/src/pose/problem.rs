@@ -1,12 +1,12 @@
-//! What is known and what is sought: the evidence, and the state that [`super::residuals`] gives a cost.
+//! The estimation problem: the evidence, and the state that is sought. [`super::residuals`] gives the cost of a state.
 //!
-//! A state is moved by a vector (rho, phi, dq, ds): pose <- pose * exp(rho, phi) in the object's own axes, joints and lifts of
+//! A step (rho, phi, dq, ds) moves a state by pose <- pose * exp(rho, phi) in the object's own axes, and joints and lifts of
 //! pressed pads by addition.
 
 use hand_model::{HAND_JOINTS, Hand, PADS};
 use nalgebra::{DVector, Isometry3, Translation3, UnitQuaternion, Vector3};
 
-use super::evidence::{ClearSpot, FeltPoint, LinkPatch, PressedPad, held_up};
+use super::evidence::{ClearSpot, FeltPoint, LinkPatch, PressedPad, obstructed};
 use super::inputs::{PoseInputs, PoseOptions, PosePrior};
 use super::shape::KnownShape;
 use super::system::{Kinematics, evenly};
@@ -15,18 +15,18 @@ use crate::posture::{Posture, digit_of, free_posture};
 /// Torque that a contact on a blind pad may have about a joint, N m.
 const UNFELT_TORQUE: f64 = 0.2;
 
-/// Which evidence takes part.
+/// Subsets and weightings of the evidence.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Evidence {
-    /// Servos, springs and limits alone.
+    /// Servos, springs and limits only.
     Joints,
-    /// Everything, but the object stays where it is.
+    /// Everything, with the object's pose fixed.
     Posture,
-    /// Everything, but the object does not turn.
+    /// Everything, with the object's rotation fixed.
     Translation,
-    /// Everything, felt points and normals trusted less and without Huber: a smoother landscape to start in.
+    /// Everything, with larger standard deviations of points and normals and a quadratic loss: a smoother cost to start with.
     Soft,
-    /// Everything, felt points trusted less.
+    /// Everything, with larger standard deviations of points.
     Middle,
     /// Everything.
     All,
@@ -37,7 +37,7 @@ pub(super) enum Evidence {
 pub(super) struct State {
     pub pose: Isometry3<f64>,
     pub q: [f64; HAND_JOINTS],
-    /// By how much the object stands farther out of each pressed pad than its patches say, m.
+    /// Offset of the object outwards from the measured heights of each pressed pad, m.
     pub lift: [f64; PADS],
 }
 
@@ -50,9 +50,9 @@ pub(super) struct Problem<'a> {
     pub(super) patches: Vec<LinkPatch>,
     pub(super) pressed: Vec<PressedPad>,
     pub(super) clear: Vec<ClearSpot>,
-    /// Cables of digits that touch.
+    /// Cables of digits in contact.
     pub(super) cables: Vec<usize>,
-    /// Links with a pad that may be pressed without being felt.
+    /// Links with a blind pad.
     pub(super) blind: Vec<usize>,
     /// Column of every joint; `None` where the joint is not estimated.
     pub(super) column: [Option<usize>; HAND_JOINTS],
@@ -101,10 +101,10 @@ impl<'a> Problem<'a> {
                 columns += 1;
             }
         }
-        // A digit that is held up by what no pad feels is not where a free one would be: what it does not feel is not told.
+        // An obstructed digit without measured contact is not where a free one would be: its free points are not used.
         clear.retain(|pad| {
             let digit = digit_of(pad.link).map(|digit| digit.index());
-            digit.is_none_or(|digit| cables.contains(&digit) || !held_up(hand, &posture, digit))
+            digit.is_none_or(|digit| cables.contains(&digit) || !obstructed(hand, &posture, digit))
         });
         let chains: Vec<Vec<usize>> = (0..hand.tree.len()).map(|link| hand.tree.chain(link)).collect();
         let reach = chains.iter().map(Vec::as_slice).chain([&[][..]]).map(|chain| {
@@ -144,7 +144,7 @@ impl<'a> Problem<'a> {
         self.options
     }
 
-    /// Where the search begins: the servos' posture with the object at `pose`.
+    /// The initial state: the posture from the servos with the object at `pose`.
     pub fn start(&self, pose: Isometry3<f64>) -> State {
         let mut lift = [0.0; PADS];
         lift.iter_mut().zip(&self.pressed).for_each(|(lift, pad)| *lift = pad.lift);
@@ -159,7 +159,7 @@ impl<'a> Problem<'a> {
         self.shape
     }
 
-    /// At most `most` felt points of each patch with normals (palm frame) and weights, at a posture.
+    /// At most `most` points of each patch with normals and weights, at the state's posture.
     pub fn felt(&self, state: &State, most: usize) -> Vec<FeltPoint> {
         let kinematics = Kinematics::new(self.hand, &self.chains, &state.q);
         let mut felt = Vec::new();
@@ -181,19 +181,19 @@ impl<'a> Problem<'a> {
         self.patches.len()
     }
 
-    /// Sets how far each joint's torque balance is trusted, from the contact torques at `q`.
+    /// Sets the standard deviation of each joint's torque balance from the contact torques at `q`.
     pub fn settle_torque_sigmas(&mut self, q: &[f64; HAND_JOINTS]) {
         let kinematics = Kinematics::new(self.hand, &self.chains, q);
         for joint in 0..HAND_JOINTS {
             let torque = self.contact_torque(&kinematics, joint).abs();
-            // What presses on a blind pad turns all joints below it.
+            // An unmeasured contact on a blind pad loads all joints towards the palm.
             let unfelt = self.blind.iter().any(|&link| kinematics.chain(Some(link)).contains(&joint));
             let felt = self.options.sigma_torque.hypot(self.options.contact_torque_fraction * torque);
             self.torque_sigma[joint] = if unfelt { felt.hypot(UNFELT_TORQUE) } else { felt };
         }
     }
 
-    /// Torque of the felt forces about `joint`, N m.
+    /// Torque of the contact forces about `joint`, N m.
     pub(super) fn contact_torque(&self, kinematics: &Kinematics, joint: usize) -> f64 {
         let (axis, origin) = (kinematics.axes[joint], kinematics.origin(joint));
         let about = |patch: &&LinkPatch| kinematics.chain(patch.link).contains(&joint);
@@ -204,7 +204,7 @@ impl<'a> Problem<'a> {
         self.patches.iter().filter(about).map(torque).sum()
     }
 
-    /// Adds the derivatives of [`Self::contact_torque`] by the joints further out, times `scale`, to a row.
+    /// Adds the derivatives of [`Self::contact_torque`] with respect to the joints further out, times `scale`, to a row.
     pub(super) fn contact_torque_row(&self, kinematics: &Kinematics, joint: usize, scale: f64, row: &mut [f64]) {
         let (axis, origin) = (kinematics.axes[joint], kinematics.origin(joint));
         for patch in &self.patches {
@@ -222,7 +222,7 @@ impl<'a> Problem<'a> {
         }
     }
 
-    /// How a pressed pad's points are moved, frame of its link, m.
+    /// Displacement of a pressed pad's points by its lift, link frame, m.
     pub(super) fn lift(&self, state: &State, pressed: usize) -> Vector3<f64> {
         self.pressed[pressed].normal * state.lift[pressed]
     }

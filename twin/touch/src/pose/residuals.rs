@@ -1,8 +1,9 @@
-//! The residuals of the pose estimate and their derivatives, one kind of evidence after another.
+//! Cost of a state: the residuals of each kind of evidence with their derivatives.
 //!
-//! Felt points and normals are pulled into the object frame, so that p <- p - rho - phi x p and n <- n - phi x n when a state is
-//! moved. Heights of a patch err together (a pad's calibration, the level of its surface) more than each by itself, which is why a
-//! patch gives one residual for the mean of its points and one for each point's deviation from it.
+//! Measured points and normals are transformed to the object frame, where a step changes them by p <- p - rho - phi x p
+//! and n <- n - phi x n. The heights of a patch have a common error (the pad's calibration, the level of its surface)
+//! that is larger than their individual ones. A patch therefore gives one residual for the mean of its points and one for
+//! each point's deviation from it.
 
 use nalgebra::{DMatrix, DVector, Matrix3, Point3, Vector3};
 
@@ -11,24 +12,24 @@ use super::problem::{Evidence, Problem, State};
 use super::system::{Cost, Kinematics, Loss, Normal, Sink};
 use crate::posture::{excursion_residual, spring_residuals};
 
-/// Besides their common error, points of a patch err by this share of it and at least by so much (m) ...
+/// Individual error of the points of a patch: a share of their common error, and a floor (m).
 const RELIEF: (f64, f64) = (0.5, 5e-5);
-/// ... and count as no more than so many independent points ...
+/// Largest weight of a patch's points, as a number of independent points.
 const INDEPENDENT_POINTS: f64 = 6.0;
-/// ... and normals.
+/// The same for its normals.
 const INDEPENDENT_NORMALS: f64 = 2.0;
-/// Step for the curvature of the shape, m.
+/// Finite-difference step for the curvature of the shape, m.
 const CURVATURE_STEP: f64 = 4e-4;
-/// In the first and the second stage of the search, heights are trusted no more than this: of a patch together, and of each
-/// point besides, m.
+/// Least standard deviations of heights in the first and the second stage of the search: common to a patch, and of each
+/// point, m.
 const SOFT: (f64, f64) = (1.6e-3, 4e-3);
 const MIDDLE: (f64, f64) = (4e-4, 6e-4);
-/// The plan's orientation is at times far off, for objects roll as the hand closes: from so many standard deviations on, more costs
-/// no more than in proportion.
+/// Huber threshold of the prior's rotation, in standard deviations: objects roll as the hand closes, so the planned
+/// orientation is at times far off.
 const TURNED: f64 = 2.0;
-/// In the first stage every so-manyth point of a patch and of free surface will do.
+/// The first stage uses every n-th point of a patch and of free surface.
 const SOFT_STEP: usize = 3;
-/// An object that presses less deeply than this may go unnoticed, m.
+/// Indentation below which a contact may go undetected, m.
 const SHALLOW: f64 = 1.5e-4;
 
 /// A state with the link poses that follow from it.
@@ -62,7 +63,7 @@ impl Problem<'_> {
         (sink.hessian, sink.gradient)
     }
 
-    /// Pours every residual that takes part into `sink`.
+    /// Adds all residuals of `evidence` to `sink`.
     fn residuals(&self, state: &State, evidence: Evidence, sink: &mut dyn Sink) {
         let kinematics = Kinematics::new(self.hand, &self.chains, &state.q);
         let posed = Posed { state, kinematics: &kinematics };
@@ -77,7 +78,7 @@ impl Problem<'_> {
     fn joint_residuals(&self, Posed { state, kinematics }: Posed, sink: &mut dyn Sink) {
         let (options, column) = (self.options, &self.column);
         for &cable in &self.cables {
-            // A cable's joints are estimated together: their columns are those of the outermost one's link.
+            // A cable's joints are all estimated: their columns are those of the outermost joint's link.
             let outermost = self.hand.transmission.cables[cable].joints.last().map(|(joint, _)| *joint);
             let columns = self.reach(outermost);
             let (residual, derivative) = excursion_residual(self.hand, cable, &state.q, self.posture.excursions[cable]);
@@ -127,7 +128,7 @@ impl Problem<'_> {
         }
     }
 
-    /// Writes what `pull` does to a residual, times `scale`, into a row.
+    /// Adds the derivative of a residual with the sensitivity `pull`, times `scale`, to a row.
     fn pull_row(&self, posed: Posed, link: Option<usize>, pull: &Pull, scale: f64, row: &mut [f64]) {
         let Posed { state, kinematics } = posed;
         for k in 0..3 {
@@ -146,7 +147,7 @@ impl Problem<'_> {
 
     fn contact_residuals(&self, posed: Posed, evidence: Evidence, sink: &mut dyn Sink) {
         let Posed { state, kinematics } = posed;
-        // Standard deviations at least: of a patch's heights together, of each besides, of normals.
+        // Least standard deviations of a patch's common error and of each point; factor on the weight of normals.
         let (least, least_relief, normal_soft) = match evidence {
             Evidence::Soft => (SOFT.0, SOFT.1, 0.5),
             Evidence::Middle => (MIDDLE.0, MIDDLE.1, 1.0),
@@ -210,8 +211,8 @@ impl Problem<'_> {
                         let bend: Vector3<f64> = -curvature.row(axis).transpose();
                         let pull = Pull { gradient: bend, moment: p.coords.cross(&bend) };
                         self.pull_row(posed, patch.link, &pull, scale, row);
-                        // n <- n - phi x n; component `axis` of phi x n is phi . (n x e). Taken at the shape's normal, so that
-                        // noise in n does not pose as knowledge of the rotation of a ball.
+                        // n <- n - phi x n; component `axis` of phi x n is phi . (n x e). Evaluated at the shape's
+                        // normal, so that noise in n does not appear as information on the rotation of a ball.
                         let turning = gradient.cross(&Vector3::ith(axis, 1.0));
                         (0..3).for_each(|k| row[3 + k] -= turning[k] * scale);
                         let palm_axis = state.pose * Vector3::ith(axis, 1.0);
@@ -226,7 +227,7 @@ impl Problem<'_> {
         }
     }
 
-    /// Derivative of the shape's normal by the point, 1/m.
+    /// Derivative of the shape's normal with respect to the point, 1/m.
     fn curvature(&self, p: &Point3<f64>, gradient: &Vector3<f64>) -> Matrix3<f64> {
         Matrix3::from_columns(&[0, 1, 2].map(|axis| {
             let beside = p + Vector3::ith(axis, CURVATURE_STEP);
@@ -265,8 +266,8 @@ impl Problem<'_> {
     }
 }
 
-/// How a residual follows a point that is moved: its gradient and that one's moment about the object's origin, object frame.
-/// p <- p - rho - phi x p, and g . (phi x p) = phi . (p x g).
+/// Sensitivity of a residual to the motion of a point: its gradient, and the gradient's moment about the object's origin,
+/// object frame. From p <- p - rho - phi x p and g . (phi x p) = phi . (p x g).
 #[derive(Clone)]
 struct Pull {
     gradient: Vector3<f64>,
@@ -309,7 +310,7 @@ mod tests {
         }
     }
 
-    /// A touch of pad `name` in the middle with free surface around, and what it was made for.
+    /// A touch in the middle of pad `name` with free surface around.
     fn touch(hand: &Hand, name: &str, peak: f64) -> PadTouch {
         let pad = hand.pad(name).expect("a pad");
         let surface = |x: f64, y: f64, z: f64| SurfacePoint {
@@ -341,8 +342,9 @@ mod tests {
     proptest! {
         #![proptest_config(ProptestConfig::with_cases(24))]
 
-        /// The gradient of the cost is that of finite differences, for the pose, the joints and the lifts, at states where
-        /// every kind of evidence takes part. (Normals are left out: their derivative is taken at the shape's normal on purpose.)
+        /// The gradient of the cost is that of finite differences, for the pose, the joints and the lifts, at states
+        /// where every kind of evidence takes part. (Normals are left out: their derivative is taken at the shape's
+        /// normal on purpose.)
         #[test]
         fn the_gradient_is_that_of_the_cost(
             shift in prop::array::uniform3(-2e-3..2e-3f64), turn in prop::array::uniform3(-0.1..0.1f64),
@@ -354,7 +356,7 @@ mod tests {
             let options = PoseOptions { sinking, sigma_normal: f64::INFINITY, ..PoseOptions::default() };
             let servos = [ServoState { position: 1.0, current: 0.1, ..ServoState::default() }; 6];
             let palm = hand.pad_poses(&hand.tree.forward(&[bend; 15]));
-            // On the palm pad, somewhat in it: points are off, and free ones are inside.
+            // Slightly inside the palm pad: contact points are off the surface, and free points are inside.
             let middle = palm[hand.pad("palm_ulnar").expect("a pad")] * Point3::new(0.0, 0.0, 0.024);
             let pose = Isometry3::from_parts((middle.coords + Vector3::from(shift)).into(), UnitQuaternion::identity());
             let prior = PosePrior::weak(pose * Isometry3::new(Vector3::new(4e-3, -6e-3, 2e-3), Vector3::from(turn) * 0.3));

@@ -1,6 +1,7 @@
-//! A wide first look: many orientations about the plan's, each moved to where its felt points fit, the best ones kept.
+//! Screening of initial orientations: many are tried around the planned one, each translated to fit the contact points;
+//! the best are kept.
 //!
-//! Joints stay as the servos have them, so that a try costs a few distances; what is kept is a start for the real search.
+//! The joints stay as the servos have them, so that a candidate costs only a few distance evaluations.
 
 use nalgebra::{Isometry3, Matrix3, Translation3, UnitQuaternion, Vector3};
 
@@ -9,22 +10,22 @@ use super::inputs::PosePrior;
 use super::problem::{Problem, State};
 use super::shape::KnownShape;
 
-/// Angles by which the plan is turned, rad, and the number of axes for each.
+// Angles by which the planned orientation is rotated, rad, and the number of axes for each.
 const ANGLES: [f64; 5] = [0.2, 0.45, 0.75, 1.1, 1.5];
 const AXES: usize = 16;
-/// Felt points and normals of a patch that are looked at.
+/// Points and normals per patch.
 const POINTS: usize = 4;
-/// How far a felt point (m) and normal (rad) may be off before joints are moved.
+/// Standard deviations of a point (m) and a normal (rad) before the joints are adjusted.
 const SIGMA: (f64, f64) = (2e-3, 0.3);
-/// Residuals beyond so many standard deviations count no more.
+/// Residuals are clipped at this many standard deviations.
 const CUT: f64 = 3.0;
 /// Kept starts differ by at least this angle, rad.
 const APART: f64 = 0.15;
-/// Of starts whose middles are as close as this (m) and whose costs differ by this share or less, one is kept: a symmetric object
-/// looks the same.
+/// Of candidates with centres closer than this (m) and costs that differ by less than this share, one is kept: they are
+/// equivalent by a symmetry of the object.
 const ALIKE: (f64, f64) = (1e-3, 0.02);
 
-/// The best `keep` starts of all tried, best first, about `state`.
+/// The best `keep` initial states around `state`, best first.
 pub(super) fn screen(problem: &Problem, prior: &PosePrior, state: &State, keep: usize) -> Vec<State> {
     let felt = problem.felt(state, POINTS);
     if felt.is_empty() {
@@ -56,7 +57,7 @@ pub(super) fn screen(problem: &Problem, prior: &PosePrior, state: &State, keep: 
     kept.into_iter().map(|(_, pose)| State { pose, ..*state }).collect()
 }
 
-/// Unit vectors that fill the sphere evenly (a golden spiral of 36).
+/// Unit vectors spread evenly over the sphere (a golden spiral of 36).
 fn direction(k: usize) -> Vector3<f64> {
     let z = 1.0 - (2 * ((k * 11) % 36) + 1) as f64 / 36.0;
     let angle = k as f64 * 2.399963;
@@ -64,7 +65,7 @@ fn direction(k: usize) -> Vector3<f64> {
     Vector3::new(r * angle.cos(), r * angle.sin(), z)
 }
 
-/// The pose moved, not turned, to where the points fit: three Gauss-Newton steps.
+/// Translates the pose to fit the points, by three Gauss-Newton steps.
 fn settled(shape: &dyn KnownShape, prior: &PosePrior, felt: &[FeltPoint], mut pose: Isometry3<f64>) -> Isometry3<f64> {
     let (near, held) = (SIGMA.0.powi(-2), prior.sigma_translation.powi(-2));
     for _ in 0..3 {

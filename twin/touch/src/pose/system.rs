@@ -1,14 +1,14 @@
-//! What residuals are poured into, and the kinematics they share.
+//! Accumulation of residuals into a cost or normal equations, and the kinematics they share.
 
 use hand_model::Hand;
 use nalgebra::{DMatrix, DVector, Isometry3, Vector3};
 
-/// What a residual (in standard deviations) costs.
+/// Loss of a residual in standard deviations.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Loss {
     /// Half its square.
     Square,
-    /// The same up to this many, then a straight line (Huber).
+    /// Quadratic up to this many standard deviations, linear beyond (Huber).
     Huber(f64),
 }
 
@@ -20,7 +20,7 @@ impl Loss {
         }
     }
 
-    /// Weight of the residual's square that has the same slope.
+    /// Weight of the square with the same slope.
     fn weight(self, residual: f64) -> f64 {
         match self {
             Self::Square => 1.0,
@@ -29,8 +29,8 @@ impl Loss {
     }
 }
 
-/// Receives residuals: scaled residual, its loss, the columns in which its derivative may differ from 0 (ascending), and a
-/// closure that adds the derivative to a row.
+/// Receives residuals: the scaled residual, its loss, the columns with non-zero derivatives (ascending), and a closure
+/// that adds the derivative to a row.
 pub(super) trait Sink {
     fn add(&mut self, residual: f64, loss: Loss, columns: &[usize], row: &dyn Fn(&mut [f64]));
     fn wants_rows(&self) -> bool;
@@ -50,11 +50,11 @@ impl Sink for Cost {
 
 /// Builds the normal equations.
 pub(super) struct Normal {
-    /// Its lower triangle, which is all that a Cholesky factorisation reads.
+    /// Lower triangle only, which is all that a Cholesky factorisation reads.
     pub hessian: DMatrix<f64>,
     pub gradient: DVector<f64>,
     row: Vec<f64>,
-    /// Columns that are held.
+    /// Columns of fixed parameters.
     held: std::ops::Range<usize>,
 }
 

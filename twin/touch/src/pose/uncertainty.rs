@@ -1,16 +1,16 @@
-//! How far an estimate may be off: its covariance, other poses that explain as much, axes that nothing is known about.
+//! Uncertainty of an estimate: its covariance, alternative poses, and axes that the evidence does not constrain.
 
 use nalgebra::{Isometry3, Matrix3, Matrix6, Vector3, Vector6};
 
 use super::problem::{Evidence, Problem, State};
 
-/// A solution counts as less likely by the factor e when it costs so much more.
+/// Difference of cost at which a solution is less likely by the factor e.
 const DOUBT: f64 = 2.0;
-/// Factor of a solution's covariance for what its evidence leaves out, so that errors of simulated grasps lie within it as often as
-/// it says.
+/// Factor on a solution's covariance for unmodelled errors, calibrated so that errors of simulated grasps lie within it
+/// as often as it predicts.
 const UNMODELLED: f64 = 1.5;
 
-/// Solutions besides the best that cost little more and are elsewhere; each once.
+/// Distinct solutions elsewhere that cost little more than the best.
 pub(super) fn alternatives(found: &[(f64, State)]) -> Vec<(Isometry3<f64>, f64)> {
     const LITTLE: f64 = 2.0;
     const ELSEWHERE: (f64, f64) = (3e-3, 0.17);
@@ -27,8 +27,9 @@ pub(super) fn alternatives(found: &[(f64, State)]) -> Vec<(Isometry3<f64>, f64)>
     kept.into_iter().skip(1).collect()
 }
 
-/// Covariance of the best solution's error, given that one of the others may be right: the second moment about it of what all of
-/// them say, each with its own [`palm_covariance`], weighted by how well it explains what is felt.
+/// Covariance of the best solution's error, given that one of the others may be right: the second moment about the best
+/// solution of the mixture of all, each with its own [`palm_covariance`] and weighted by its likelihood. A direction that
+/// no contact constrains keeps the prior's variance.
 pub(super) fn mixed_covariance(problem: &Problem, found: &[(f64, State)]) -> Option<Matrix6<f64>> {
     let (least, best) = found.first()?;
     let (mut sum, mut whole) = (Matrix6::zeros(), 0.0);
@@ -62,7 +63,7 @@ fn palm_covariance(problem: &Problem, state: &State) -> Option<Matrix6<f64>> {
     Some(turn * local * turn.transpose())
 }
 
-/// Axes about which the rotation is hardly better known than before.
+/// Axes about which the rotation is hardly better known than from the prior.
 pub(super) fn unobservable(covariance: &Matrix6<f64>, sigma_rotation: f64) -> Vec<Vector3<f64>> {
     let block: Matrix3<f64> = covariance.fixed_view::<3, 3>(3, 3).into_owned();
     let eigen = block.symmetric_eigen();

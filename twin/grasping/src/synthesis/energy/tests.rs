@@ -49,7 +49,7 @@ proptest! {
     }
 }
 
-/// Passing over far links and patches changes nothing: against every point looked up.
+/// Skipping far links and patches changes nothing, compared with evaluating every point.
 #[test]
 fn early_out_is_exact() {
     let hand = Hand::ftac();
@@ -74,8 +74,8 @@ fn early_out_is_exact() {
     assert!(met > 20, "the test meets penetration");
 }
 
-/// Joints that turn opposite ways on one line, as a gripper's: the slope of the posture term is that of finite differences, and
-/// joints on their line cost nothing.
+/// Joints that turn in opposite directions on one line, like a gripper's: the posture term's gradient agrees with finite
+/// differences, and joints on their line cost nothing.
 #[test]
 fn lines_of_mixed_sense() {
     use super::super::mechanism::ActuatorLine;
