@@ -140,6 +140,10 @@ impl ArmLink for KortexLink {
         match std::mem::replace(&mut self.hands, Hands::Lost) {
             Hands::Idle(arm) => {
                 let limits = limits(&ArmModel::gen3());
+                // The arm may be silent for as long as the controller may.
+                let silent_cycles =
+                    (self.pacing.host_deadline.as_secs_f64() / limits.cycle.as_secs_f64()).round() as u32;
+                let limits = Limits { silent_cycles, ..limits };
                 let servo_loop = ServoLoop::start(*arm, limits, self.pacing).map_err(failed)?;
                 self.answered = 0;
                 self.hands = Hands::Servoing(Box::new(servo_loop));

@@ -1,9 +1,8 @@
-//! Every fault in every phase: what state follows, how soon, and that nobody but the servo it hit lets go.
+//! Every fault in every phase of a grasp: which state follows, and that no servo lets go but the one that failed.
 
 mod common;
 
 use std::process::Command as Process;
-use std::time::{Duration, Instant};
 
 use common::{Bench, armed, bench, command, drive, patiently};
 use hand_model::robot::{Robot, ServoGoal};
@@ -17,11 +16,11 @@ use hardware_bridge::safety::supervisor::CheckFailed;
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Fault {
     Device(Event),
-    /// No answer gets through any more.
-    Deaf,
+    /// The servos' answers are lost.
+    AnswersLost,
     /// The controller falls silent.
-    Mute,
-    /// The controller loses its mind.
+    ControllerSilent,
+    /// The controller commands NaN.
     NotANumber,
 }
 
@@ -44,24 +43,23 @@ fn reach(robot: &mut HardwareRobot, phase: Phase) {
     }
 }
 
-/// Makes the fault happen and gives back the state that follows and after how long.
-fn suffer(bench: &Bench, robot: &mut HardwareRobot, fault: Fault, phase: Phase) -> (State, Duration) {
-    let started = Instant::now();
+/// Makes the fault happen and gives back the state that follows.
+fn inject(bench: &Bench, robot: &mut HardwareRobot, fault: Fault, phase: Phase) -> State {
     match fault {
         Fault::Device(event) => bench.hand.inject(event),
-        Fault::Deaf => bench.hand.set_chances(Chances { drop: 1.0, ..Chances::default() }),
-        Fault::Mute | Fault::NotANumber => {}
+        Fault::AnswersLost => bench.hand.set_chances(Chances { drop: 1.0, ..Chances::default() }),
+        Fault::ControllerSilent | Fault::NotANumber => {}
     }
     patiently("the robot stops", || {
         // An armed robot waits for its first command; the others are driven on.
-        if phase != Phase::Armed && fault != Fault::Mute || fault == Fault::NotANumber {
+        if phase != Phase::Armed && fault != Fault::ControllerSilent || fault == Fault::NotANumber {
             let goal = if fault == Fault::NotANumber { ServoGoal::Current(f64::NAN) } else { GRIP };
             robot.send(&command(goal));
         }
         robot.wait_for_tick();
         matches!(robot.state(), State::Hold(_) | State::Fault(_))
     });
-    (robot.state(), started.elapsed())
+    robot.state()
 }
 
 fn expected(fault: Fault, state: State) -> bool {
@@ -81,8 +79,8 @@ fn expected(fault: Fault, state: State) -> bool {
         }
         Fault::Device(Event::Unplug(_)) => matches!(state, State::Hold(Cause::ServoSilent(2, _))),
         Fault::Device(_) => false,
-        Fault::Deaf => matches!(state, State::Hold(Cause::ServoSilent(..))),
-        Fault::Mute => matches!(state, State::Hold(Cause::HostSilent(_))),
+        Fault::AnswersLost => matches!(state, State::Hold(Cause::ServoSilent(..))),
+        Fault::ControllerSilent => matches!(state, State::Hold(Cause::HostSilent(_))),
         Fault::NotANumber => state == State::Hold(Cause::BadCommand),
     }
 }
@@ -93,26 +91,25 @@ const FAULTS: [Fault; 8] = [
     Fault::Device(Event::Voltage(5.2)),
     Fault::Device(Event::Voltage(0.0)),
     Fault::Device(Event::Unplug(3)),
-    Fault::Deaf,
-    Fault::Mute,
+    Fault::AnswersLost,
+    Fault::ControllerSilent,
     Fault::NotANumber,
 ];
 
 fn every_fault(phase: Phase) {
     for fault in FAULTS {
         // A controller that never spoke cannot fall silent.
-        if (fault, phase) == (Fault::Mute, Phase::Armed) {
+        if (fault, phase) == (Fault::ControllerSilent, Phase::Armed) {
             continue;
         }
         let bench = bench(&[]);
         let mut robot = armed(&bench);
         reach(&mut robot, phase);
         let before = bench.hand.shafts();
-        let (state, after) = suffer(&bench, &mut robot, fault, phase);
+        let state = inject(&bench, &mut robot, fault, phase);
         assert!(expected(fault, state), "{fault:?} while {phase:?}: {state}");
-        println!("{fault:?} while {phase:?}: {:.0} ms to `{state}`", 1e3 * after.as_secs_f64());
         if phase == Phase::Gripping && fault != Fault::Device(Event::Voltage(0.0)) {
-            std::thread::sleep(Duration::from_millis(200));
+            common::plant_time(&bench.hand, 0.2);
             for (n, (shaft, before)) in bench.hand.shafts().iter().zip(before).enumerate() {
                 let hit = n == 2 && matches!(fault, Fault::Device(_));
                 assert!(hit || shaft.position > before.position - 0.15, "{fault:?}: {n} lost its grip: {shaft:?}");
@@ -152,8 +149,7 @@ fn no_arming_with_an_alarm() {
 #[test]
 fn frozen_and_killed_hosts() {
     for signal in ["STOP", "KILL"] {
-        let mut bench = bench(&[]);
-        bench.config.limits.servo_watchdog = 0.1;
+        let bench = bench(&[]);
         let file = bench.folder.path().join("bridge.toml");
         std::fs::write(&file, bench.config.to_toml()).expect("written");
         let mut host = Process::new(std::env::current_exe().expect("this test"))
@@ -166,9 +162,7 @@ fn frozen_and_killed_hosts() {
         assert_eq!(tripped(), 0, "the host feeds the watchdogs");
         let killed = Process::new("kill").args([&format!("-{signal}"), &host.id().to_string()]).status();
         assert!(killed.expect("kill runs").success());
-        let struck = Instant::now();
         patiently("all watchdogs trip", || tripped() == 6);
-        println!("SIG{signal}: all six servos stopped after {:.0} ms", 1e3 * struck.elapsed().as_secs_f64());
         host.kill().expect("ends");
         host.wait().expect("ended");
     }

@@ -1,26 +1,36 @@
-//! The bus master against six emulated servos, through a pseudo-terminal.
+//! The bus master against six emulated servos, through a pseudo-terminal. The servos' time passes by steps alone.
 
 use std::time::Duration;
 
 use hand_model::ACTUATORS;
+use hardware_bridge::clock::Clock;
 use hardware_bridge::emulator::faults::{Chances, Event};
 use hardware_bridge::emulator::pty::Pty;
 use hardware_bridge::emulator::spring_hand::SpringHand;
 use hardware_bridge::emulator::{EmulatedHand, EmulatorSettings};
 use hardware_bridge::protocol2::{ReplyError, ServoError, Status};
-use hardware_bridge::servo_bus::timing::Cycle;
 use hardware_bridge::servo_bus::{BusError, BusSettings, ServoBus};
-use hardware_bridge::xc330::{self, PRESENT_BLOCK, PRESENT_BLOCK_LONG};
+use hardware_bridge::xc330::{self, PRESENT_BLOCK};
 
 const IDS: [u8; 6] = [1, 2, 3, 4, 5, 6];
 
+/// On a busy machine no answer takes as long as this, so that only what was injected goes missing.
+const SLACK: f64 = 2.0;
+
 fn start() -> (EmulatedHand, ServoBus) {
-    let hand = EmulatedHand::start(Box::new(SpringHand::new([4.0; ACTUATORS])), EmulatorSettings::default());
-    let hand = hand.expect("the emulator starts");
-    // Other tests share the processor: patience long enough that only what was injected goes missing.
-    let settings = BusSettings { slack: 0.25, ..BusSettings::default() };
+    let (plant, settings) = (SpringHand::new([4.0; ACTUATORS]), EmulatorSettings::default());
+    let hand = EmulatedHand::start_stepped(Box::new(plant), settings, Clock::emulated()).expect("the emulator starts");
+    let settings = BusSettings { slack: SLACK, ..BusSettings::default() };
     let bus = ServoBus::open(hand.servo_port(), settings).expect("the bus opens");
     (hand, bus)
+}
+
+/// Lets `seconds` of the emulated time pass.
+fn pass(hand: &mut EmulatedHand, seconds: f64) {
+    let mut left = seconds;
+    while left > 0.0 {
+        left -= hand.step();
+    }
 }
 
 fn present(bus: &mut ServoBus) -> Vec<Result<Vec<u8>, ReplyError>> {
@@ -57,17 +67,19 @@ fn fast_sync_read_agrees() {
 /// A goal given by sync write moves the shaft; torque off lets the spring open it.
 #[test]
 fn closes_and_opens() {
-    let (hand, mut bus) = start();
+    let (mut hand, mut bus) = start();
     assert!(bus.set_torque(&IDS, true).iter().all(Result::is_ok));
     let start: Vec<f64> = IDS.iter().map(|id| bus.read(*id, &xc330::PRESENT_POSITION).expect("read")).collect();
     let goals = IDS.iter().zip(&start);
     let goals = goals.map(|(id, at)| (*id, xc330::GOAL_POSITION.write(at + 1.0).expect("fits"))).collect();
     bus.sync_write_register(&IDS, &xc330::GOAL_CURRENT, 0.4).expect("written");
     bus.sync_write(xc330::GOAL_POSITION.address, 4, goals).expect("written");
-    std::thread::sleep(Duration::from_millis(800));
+    // A sync write has no answer: the next instruction's says that it has arrived.
+    bus.ping(1).expect("there");
+    pass(&mut hand, 0.8);
     assert!(hand.shafts().iter().all(|shaft| (0.8..1.1).contains(&shaft.position)), "{:?}", hand.shafts());
     assert!(bus.set_torque(&IDS, false).iter().all(Result::is_ok));
-    std::thread::sleep(Duration::from_millis(4000));
+    pass(&mut hand, 4.0);
     assert!(hand.shafts().iter().all(|shaft| shaft.position < 0.2), "{:?}", hand.shafts());
 }
 
@@ -77,6 +89,8 @@ fn partial_results_on_a_bad_line() {
     let (hand, mut bus) = start();
     let expected = present(&mut bus);
     assert!(expected.iter().all(Result::is_ok));
+    // Each lost answer is waited for: not longer than it takes to tell late from lost on a busy machine.
+    bus.set_slack(0.5);
     hand.set_chances(Chances { noise: 0.3, drop: 0.05, corrupt: 0.04, ..Chances::default() });
     let cycles = 20;
     let mut good = 0;
@@ -96,7 +110,7 @@ fn partial_results_on_a_bad_line() {
 
 #[test]
 fn overload_needs_a_reboot() {
-    let (hand, mut bus) = start();
+    let (mut hand, mut bus) = start();
     bus.write(3, &xc330::TORQUE_ENABLE, 1.0).expect("on");
     hand.inject(Event::Overload(3));
     let replies = bus.sync_read(&IDS, PRESENT_BLOCK.start, 10).expect("read");
@@ -105,7 +119,7 @@ fn overload_needs_a_reboot() {
     assert!(bus.write(3, &xc330::TORQUE_ENABLE, 1.0).is_err());
     bus.reboot(3).expect("obeys");
     assert!(bus.ping(3).is_err(), "it is off the bus for a moment");
-    std::thread::sleep(Duration::from_millis(450));
+    pass(&mut hand, 0.45);
     bus.ping(3).expect("back");
     bus.write(3, &xc330::TORQUE_ENABLE, 1.0).expect("on again");
 }
@@ -113,17 +127,17 @@ fn overload_needs_a_reboot() {
 /// The servos' watchdog stops them when the host falls silent, and goals are refused until it is cleared.
 #[test]
 fn servo_watchdog() {
-    let (hand, mut bus) = start();
+    let (mut hand, mut bus) = start();
     bus.write(1, &xc330::TORQUE_ENABLE, 1.0).expect("on");
     bus.write(1, &xc330::BUS_WATCHDOG, 0.1).expect("armed");
     bus.write(1, &xc330::GOAL_CURRENT, 0.3).expect("set");
     let at = bus.read(1, &xc330::PRESENT_POSITION).expect("read");
     bus.write(1, &xc330::GOAL_POSITION, at + 3.5).expect("set");
-    std::thread::sleep(Duration::from_millis(400));
+    pass(&mut hand, 0.4);
     assert!(bus.read(1, &xc330::BUS_WATCHDOG).expect("read") < 0.0, "tripped");
     let stopped = hand.shafts()[0].position;
     assert!(stopped < 2.0, "{stopped}");
-    std::thread::sleep(Duration::from_millis(200));
+    pass(&mut hand, 0.2);
     assert!((hand.shafts()[0].position - stopped).abs() < 0.1, "it stands still");
     assert!(bus.write(1, &xc330::GOAL_POSITION, at).is_err());
     bus.write(1, &xc330::BUS_WATCHDOG, 0.0).expect("cleared");
@@ -136,42 +150,11 @@ fn a_port_that_is_not_there() {
     assert!(error.to_string().starts_with("/dev/no-such-port: "), "{error}");
 }
 
-/// Measures the control cycle on the emulator, which takes the calculated line time for its answers. Prints; asserts counts only.
-#[test]
-fn cycle_rate() {
-    let (_hand, mut bus) = start();
-    let read = PRESENT_BLOCK_LONG;
-    let length = read.end - read.start;
-    for fast in [false, true] {
-        let started = std::time::Instant::now();
-        let cycles = 200;
-        for _ in 0..cycles {
-            let replies = match fast {
-                true => bus.fast_sync_read(&IDS, read.start, length),
-                false => bus.sync_read(&IDS, read.start, length),
-            };
-            assert!(replies.expect("read").iter().all(Result::is_ok));
-            for register in [xc330::GOAL_CURRENT, xc330::GOAL_POSITION] {
-                bus.sync_write_register(&IDS, &register, 0.0).expect("written");
-            }
-        }
-        let rate = f64::from(cycles) / started.elapsed().as_secs_f64();
-        let cycle = Cycle { servos: 6, read: length.into(), writes: &[2, 4], fast };
-        println!(
-            "fast {fast}: {rate:.0} cycles/s measured, {:.0} calculated; round trip p50 {:.2} ms, p99 {:.2} ms",
-            1.0 / bus.timing().cycle(cycle),
-            1e3 * bus.statistics().round_trip(0.5).expect("some"),
-            1e3 * bus.statistics().round_trip(0.99).expect("some"),
-        );
-    }
-    assert_eq!(bus.statistics().missing, 0);
-}
-
 /// An answer that comes when the next question is already out is not taken for the answer to that one.
 #[test]
 fn a_late_answer_is_not_mistaken() {
     let pty = Pty::open().expect("a pty");
-    let settings = BusSettings { slack: 2.0, ..BusSettings::default() };
+    let settings = BusSettings { slack: 20.0, ..BusSettings::default() };
     let mut bus = ServoBus::open(pty.path(), settings).expect("the bus opens");
     let answer = |data: &[u8]| {
         let status = Status { id: 6, alert: false, error: None, data: data.to_vec() };

@@ -19,6 +19,8 @@ use hardware_bridge::xc330;
 use tempfile::TempDir;
 
 pub const TRAVEL: f64 = 4.0;
+/// Ticks a second of [`SpringHand`].
+const PLANT_RATE: f64 = 240.0;
 
 pub struct Bench {
     pub hand: EmulatedHand,
@@ -26,7 +28,10 @@ pub struct Bench {
     pub folder: TempDir,
 }
 
-/// An emulated hand, calibrated as it is, and a configuration patient enough for a busy machine.
+/// A limit that only a hung test reaches.
+const PATIENCE: Duration = Duration::from_secs(120);
+
+/// An emulated hand, calibrated as it is, and a configuration whose watchdogs forgive a busy machine: the devices run in real time.
 pub fn bench(faults: &[&str]) -> Bench {
     let settings = EmulatorSettings {
         faults: Faults::parse(faults.iter().copied()).expect("faults"),
@@ -47,10 +52,10 @@ pub fn bench(faults: &[&str]) -> Bench {
         [arm]
         kind = "loopback"
         [limits]
-        staleness = 0.6
-        servo_watchdog = 1.0
+        staleness = 1.0
+        servo_watchdog = 2.54
         arm_watchdog = 1.0
-        host_watchdog = 1.5
+        host_watchdog = 3.0
         release_time = 0.3"#,
         hand.servo_port(),
         hand.camera_port()
@@ -72,12 +77,19 @@ pub fn connect(bench: &Bench, dry: Option<DryLines>) -> Result<HardwareRobot, Co
     HardwareRobot::connect(&bench.config, Box::new(LoopbackArm::default()), &Arm::gen3(), dry)
 }
 
+/// Waits until `done`.
 pub fn patiently(what: &str, mut done: impl FnMut() -> bool) {
-    let deadline = Instant::now() + Duration::from_secs(10);
+    let deadline = Instant::now() + PATIENCE;
     while !done() {
-        assert!(Instant::now() < deadline, "{what}");
+        assert!(Instant::now() < deadline, "waited in vain until {what}");
         std::thread::sleep(Duration::from_millis(10));
     }
+}
+
+/// Waits until `seconds` of the plant's own time have passed.
+pub fn plant_time(hand: &EmulatedHand, seconds: f64) {
+    let until = hand.ticks().0 + (seconds * PLANT_RATE).ceil() as u64;
+    patiently("the plant's time has passed", || hand.ticks().0 >= until);
 }
 
 pub fn armed(bench: &Bench) -> HardwareRobot {

@@ -1,17 +1,20 @@
-//! A host process that is killed or frozen in motion: the arm's own watchdog has to stop it.
+//! A host process that is killed or frozen in motion: the arm's own watchdog stops it.
 
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
 use hand_model::arm::Arm as ArmModel;
 use kortex::emulator::{Emulator, Happening, Pace};
+use kortex::message::ArmState;
 use kortex::servoing::Servoing;
-use kortex::{Address, Arm};
+use kortex::{Address, Arm, CommandError, KortexError};
 
 use crate::support::*;
 
 const TCP: &str = "FTAC_TEST_ARM_TCP";
 const UDP: &str = "FTAC_TEST_ARM_UDP";
+/// The arm's watchdog, ms: longer than a busy machine holds up a host that lives.
+const DEADLINE: u64 = 3000;
 
 /// The host: swings joint 1 until something stops it. The tests below run it in a process of its own.
 #[test]
@@ -20,7 +23,7 @@ fn host_process() {
     let variable = |name: &str| std::env::var(name).expect("set by the parent").parse().expect("an address");
     let address = Address { tcp: variable(TCP), udp: variable(UDP) };
     let mut arm = Arm::connect(address, &credentials(), timeouts(), ArmModel::home()).expect("connects");
-    let mut servoing = Servoing::enter(&mut arm, limits()).expect("enters");
+    let mut servoing = Servoing::enter(&mut arm, patient_limits()).expect("enters");
     let start = *servoing.command();
     let begin = Instant::now();
     let mut next = begin;
@@ -32,7 +35,11 @@ fn host_process() {
         wanted[0] += 0.5 * phase.min(2.0 - phase);
         let command = *servoing.command();
         wanted[0] = wanted[0].clamp(command[0] - 1e-3, command[0] + 1e-3);
-        servoing.command_angles(&wanted, next).expect("follows");
+        match servoing.command_angles(&wanted, next) {
+            // On a busy machine the emulated arm may fall behind: it is waited for.
+            Err(KortexError::Command(CommandError::Lead { .. })) => drop(servoing.hold(next).expect("holds")),
+            result => drop(result.expect("follows")),
+        }
         std::thread::sleep(next.saturating_duration_since(Instant::now()));
         next = next.max(Instant::now() - Duration::from_millis(5));
     }
@@ -54,7 +61,7 @@ fn signal(host: &Host, name: &str) {
 }
 
 fn stopped_by(end: impl FnOnce(&Host)) {
-    let emulator = emulator_with(ArmModel::home(), Pace::RealTime, 100);
+    let emulator = emulator_with(ArmModel::home(), Pace::RealTime, DEADLINE);
     let address = emulator.address();
     let host = Command::new(std::env::current_exe().expect("this program"))
         .args(["--ignored", "--exact", "dead_host::host_process"])
@@ -68,15 +75,11 @@ fn stopped_by(end: impl FnOnce(&Host)) {
     until("the arm moves", || moving(&emulator) && emulator.status().commands.followed > 300);
     assert_eq!(time_of(&emulator, Happening::Watchdog), None, "before the host was stopped");
     end(&host);
-    let stopped = |emulator: &Emulator| {
-        let watchdog = time_of(emulator, Happening::Watchdog);
-        watchdog.is_some() && time_of(emulator, Happening::StandsStill) > watchdog
-    };
-    until("the watchdog has stopped the arm", || stopped(&emulator));
-    let last = emulator.status().commands.last;
-    let still = time_of(&emulator, Happening::StandsStill).expect("stopped");
-    println!("arm stands still {} ms after the last command", still - last);
-    assert!(still - last <= 200, "stopped after {} ms", still - last);
+    until("the watchdog trips", || time_of(&emulator, Happening::Watchdog).is_some());
+    let (watchdog, last) = (time_of(&emulator, Happening::Watchdog), emulator.status().commands.last);
+    assert_eq!(watchdog, Some(last + DEADLINE + 1), "by the arm's own clock");
+    until("the arm stands", || emulator.status().motion.velocity.iter().all(|speed| speed.abs() < 1e-3));
+    assert_eq!(emulator.status().state, ArmState::InFault);
 }
 
 #[test]

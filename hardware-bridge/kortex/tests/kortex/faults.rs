@@ -52,7 +52,7 @@ fn every_fault_of_the_base() {
 #[test]
 fn a_fault_that_comes_back() {
     let emulator = emulator();
-    let timeouts = Timeouts { call: Duration::from_millis(500), ..timeouts() };
+    let timeouts = Timeouts { call: Duration::from_secs(3), ..timeouts() };
     let mut arm = Arm::connect(emulator.address(), &credentials(), timeouts, ArmModel::home()).expect("connects");
     emulator.inject(Injection::LastingBaseFault(1 << 3));
     let error = Servoing::enter(&mut arm, limits()).expect_err("still in fault");

@@ -2,9 +2,8 @@
 
 use std::time::{Duration, Instant};
 
-use hand_model::arm::Arm as ArmModel;
 use kortex::JOINTS;
-use kortex::emulator::{Emulator, Injection, Pace};
+use kortex::emulator::{Emulator, Injection};
 use kortex::message::ArmState;
 use kortex::message::base::ServoingMode;
 use kortex::servo_loop::{Pacing, ServoLoop};
@@ -13,9 +12,9 @@ use kortex::{CommandError, KortexError};
 use crate::support::*;
 
 fn start(host_deadline: Duration) -> (Emulator, ServoLoop) {
-    let emulator = emulator_with(ArmModel::home(), Pace::RealTime, 2000);
+    let emulator = patient_emulator();
     let pacing = Pacing { tick: Duration::from_millis(10), host_deadline };
-    let servo_loop = ServoLoop::start(host(&emulator), limits(), pacing).expect("enters");
+    let servo_loop = ServoLoop::start(host(&emulator), patient_limits(), pacing).expect("enters");
     (emulator, servo_loop)
 }
 
@@ -34,8 +33,6 @@ fn targets_become_smooth_commands() {
     let target = home.map(|angle| angle + 0.4);
     let arrived = |angles: [f64; JOINTS]| (0..JOINTS).all(|i| (angles[i] - target[i]).abs() < 1e-4);
     until("the arm is there", || arrived(servo_loop.snapshot().feedback.motion.position));
-    let snapshot = servo_loop.snapshot();
-    println!("{:?}, overruns {}, latest start {:?}", snapshot.counters, snapshot.overruns, snapshot.lateness);
     for (step, allowed) in emulator.status().commands.largest_step.iter().zip(limits().step) {
         // What the wire's floats leave of it.
         assert!(*step <= allowed + 1e-6, "step {step}");
@@ -54,7 +51,10 @@ fn a_silent_controller_stops_the_arm() {
     let home = servo_loop.snapshot().command;
     let mut far = home;
     far[0] += 20.0;
-    servo_loop.set_target(far).expect("a joint without end stops");
+    until("the arm is on its way", || {
+        servo_loop.set_target(far).expect("a joint without end stops");
+        servo_loop.snapshot().command[0] > home[0]
+    });
     until("the silence is noticed", || servo_loop.snapshot().host_silent);
     let stopped = servo_loop.snapshot().command;
     assert!(stopped[0] > home[0] && stopped[0] < far[0]);
@@ -92,7 +92,7 @@ fn a_fault_ends_the_loop() {
 
 #[test]
 fn an_entry_that_fails_says_why() {
-    let emulator = emulator_with(ArmModel::home(), Pace::RealTime, 2000);
+    let emulator = patient_emulator();
     let arm = host(&emulator);
     emulator.inject(Injection::EmergencyStop(true));
     let pacing = Pacing { tick: Duration::from_millis(10), host_deadline: PATIENCE };

@@ -132,19 +132,21 @@ fn lost_datagrams_are_counted_and_borne() {
     emulator.inject(Injection::LoseReplies(0.05));
     let start = *servoing.command();
     let mut fresh = 0;
-    for cycle in 1..=1000_i32 {
+    for cycle in 1..=500_i32 {
         let wanted = start.map(|angle| angle + 2e-4 * f64::from(cycle));
-        fresh +=
-            u64::from(servoing.command_angles(&wanted, Instant::now() + Duration::from_millis(20)).expect("goes on"));
+        // An answer that comes at all comes within this, unless the machine stands still; then it counts as late.
+        let deadline = Instant::now() + Duration::from_millis(100);
+        fresh += u64::from(servoing.command_angles(&wanted, deadline).expect("goes on"));
         emulator.step(1);
     }
     let counters = servoing.arm().cyclic.counters();
-    assert!((60..=140).contains(&counters.missed), "{counters:?}");
+    // 49 of 500 are lost on the mean, with a deviation of 7.
+    assert!(counters.missed >= 25 && counters.missed - counters.late <= 75, "{counters:?}");
     // The one cycle of the entry was answered too.
-    assert_eq!(counters.sent, 1001);
+    assert_eq!(counters.sent, 501);
     assert!(fresh < counters.answered && counters.answered < counters.sent, "{counters:?}");
     assert!(counters.answered + counters.missed >= counters.sent, "{counters:?}");
-    let gone = (emulator.status().motion.position[0] - start[0] - 0.2).abs();
+    let gone = (emulator.status().motion.position[0] - start[0] - 0.1).abs();
     assert!(gone < 0.2 * LAG + 1e-3, "fell behind by {gone}");
     let step = emulator.status().commands.largest_step[0];
     assert!(step < 2.2e-4, "a lost command made a step of {step}");
@@ -155,14 +157,16 @@ fn lost_datagrams_are_counted_and_borne() {
 fn late_and_reordered_answers_are_told_apart() {
     let emulator = emulator();
     let mut arm = host(&emulator);
-    let mut servoing = Servoing::enter(&mut arm, limits()).expect("enters");
+    let mut servoing = Servoing::enter(&mut arm, patient_limits()).expect("enters");
     emulator.inject(Injection::DelayReplies(8));
     let mut newest = servoing.latest().frame;
-    for _ in 0..600 {
+    let before = emulator.status().commands.followed;
+    for cycle in 1..=600 {
         if servoing.hold(Instant::now() + Duration::from_micros(300)).expect("holds") {
             assert!(servoing.latest().frame > newest, "went back from {newest} to {}", servoing.latest().frame);
             newest = servoing.latest().frame;
         }
+        until("the arm has the command", || emulator.status().commands.followed == before + cycle);
         emulator.step(1);
     }
     let counters = servoing.arm().cyclic.counters();

@@ -104,7 +104,7 @@ mod tests {
 
     #[test]
     fn benchmarks_md_is_what_the_checked_in_figures_make() {
-        let (page, count) = checked_page(&root().join("recordings/figures.csv"), &root()).unwrap();
+        let (page, count) = checked_page(&root().join("recordings/figures.csv"), &root(), &parse_arguments).unwrap();
         assert!(count >= 40, "only {count} figures");
         let checked_in = std::fs::read_to_string(root().join(PAGE)).unwrap();
         assert!(page == checked_in, "{PAGE} is out of date: run `ftac report --lab-book`");
@@ -112,7 +112,7 @@ mod tests {
 
     #[test]
     fn no_line_of_the_page_is_too_long_to_read() {
-        let (page, _) = checked_page(&root().join("recordings/figures.csv"), &root()).unwrap();
+        let (page, _) = checked_page(&root().join("recordings/figures.csv"), &root(), &parse_arguments).unwrap();
         for line in page.lines() {
             assert!(line.chars().count() <= 300, "{} characters: {line}", line.chars().count());
         }
@@ -124,7 +124,7 @@ mod tests {
         let figures = folder.path().join("figures.csv");
         let row = "bench.wall,440,s,,,,1,,2 cores,yes,ftac bench --quick,,Benchmark,wall time,,600,";
         std::fs::write(&figures, format!("{}\n{row}\n", table::COLUMNS.join(","))).unwrap();
-        let error = checked_page(&figures, &root()).unwrap_err().to_string();
+        let error = checked_page(&figures, &root(), &parse_arguments).unwrap_err().to_string();
         assert!(error.contains("figures.csv:2: command: found `ftac bench --quick`"), "{error}");
     }
 }

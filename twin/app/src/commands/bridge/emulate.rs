@@ -1,7 +1,9 @@
 //! `ftac bridge emulate`: the devices without the hardware, in real time, moved by the simulated robot.
 
+use std::io::IsTerminal as _;
 use std::path::PathBuf;
 use std::str::FromStr;
+use std::sync::mpsc;
 use std::time::{Duration, Instant};
 
 use anyhow::{Context, Result, bail};
@@ -45,16 +47,26 @@ pub struct EmulateArgs {
     #[arg(long)]
     calibrated: bool,
     /// What goes wrong: CHANCE or WHAT@SECONDS, such as noise=0.1, drop=0.02, overload=3@5, voltage=5.2@3, freeze=7@2, usb=servos@4,
-    /// usb=cameras@4, arm=stop@6 (emergency stop), arm=fault@6, arm=deaf@6, arm=lossy@6.
+    /// usb=cameras@4, arm=stop@6 (emergency stop), arm=fault@6, arm=deaf@6, arm=lossy@6. Faults of usb and arm may also be piped in,
+    /// one a line without @SECONDS, and happen at once.
     #[arg(long = "fault")]
     faults: Vec<String>,
     /// One servo as it leaves the factory instead of six provisioned ones, for `bridge provision`.
     #[arg(long)]
     factory: bool,
+    /// Watchdogs of 2 s and more, in the devices and in bridge.toml, for a busy machine: what happens then does not depend on its load.
+    #[arg(long)]
+    patient: bool,
+    /// End as soon as all servos and the arm have been stopped by their own watchdogs.
+    #[arg(long)]
+    until_stopped: bool,
     /// End after so many seconds; default: when interrupted.
     #[arg(long)]
     seconds: Option<f64>,
 }
+
+/// The emulated arm's watchdog under `--patient`, ms.
+const PATIENT_ARM: u64 = 3000;
 
 /// What goes wrong outside the servos and the camera board.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -64,7 +76,7 @@ enum Mishap {
 }
 
 pub fn run(terminal: &Terminal, args: &EmulateArgs) -> Result<Option<String>> {
-    let (mut mishaps, texts) = mishaps(&args.faults)?;
+    let (mishaps, texts) = mishaps(&args.faults)?;
     let faults = Faults::parse(texts)?;
     let (plant, travel, usual): (Box<dyn Robot + Send>, _, _) = if args.springs {
         (Box::new(SpringHand::new([TRAVEL; ACTUATORS])), [TRAVEL; ACTUATORS], EmulatorSettings::default())
@@ -83,7 +95,9 @@ pub fn run(terminal: &Terminal, args: &EmulateArgs) -> Result<Option<String>> {
     let arm = match args.springs {
         true => None,
         false => {
-            let settings = Settings { seed: terminal.seed, standstill: STANDS, ..Settings::default() };
+            let usual = Settings { seed: terminal.seed, standstill: STANDS, ..Settings::default() };
+            let cyclic_deadline = if args.patient { PATIENT_ARM } else { usual.cyclic_deadline };
+            let settings = Settings { cyclic_deadline, ..usual };
             Some(Emulator::start(settings, Box::new(hand.arm_joints()), Pace::RealTime).context("the emulated arm")?)
         }
     };
@@ -104,23 +118,50 @@ pub fn run(terminal: &Terminal, args: &EmulateArgs) -> Result<Option<String>> {
         println!("arm on {}", address.as_deref().unwrap_or("none"));
         println!("try: ftac bridge scan --config {}", shown(&config));
     }
+    attend(args, &mut hand, arm.as_ref(), mishaps);
+    tell(terminal, &hand, arm.as_ref().map(Emulator::status).as_ref());
+    Ok(None)
+}
+
+/// Lets the devices run until the end, with mishaps at their times, and at once where one comes over a pipe (as `usb=cameras`).
+fn attend(args: &EmulateArgs, hand: &mut EmulatedHand, arm: Option<&Emulator>, mut pending: Vec<(f64, Mishap)>) {
+    let (sender, piped) = mpsc::channel();
+    // Ends with the input; nobody waits for it. A terminal is left alone: to read from it would stop a background job.
+    std::thread::spawn(move || {
+        let lines = (!std::io::stdin().is_terminal()).then(|| std::io::stdin().lines());
+        for line in lines.into_iter().flatten().map_while(Result::ok) {
+            match mishaps(&[format!("{}@0", line.trim())]) {
+                Ok((now, _)) if !now.is_empty() => drop(sender.send(now)),
+                Ok(_) => eprintln!("found `{line}`, expected usb=servos|cameras or arm=stop|fault|deaf|lossy"),
+                Err(error) => eprintln!("{error}"),
+            }
+        }
+    });
     let started = Instant::now();
     while args.seconds.is_none_or(|seconds| started.elapsed().as_secs_f64() < seconds) {
         std::thread::sleep(LOOK);
+        pending.extend(piped.try_iter().flatten());
         let now = started.elapsed().as_secs_f64();
-        for (_, mishap) in mishaps.extract_if(.., |(at, _)| *at <= now) {
-            match mishap {
-                Mishap::Unplugged(plug) => hand.unplug(plug),
-                Mishap::Arm(injection) => {
-                    if let Some(arm) = &arm {
-                        arm.inject(injection);
-                    }
-                }
+        for (_, mishap) in pending.extract_if(.., |(at, _)| *at <= now) {
+            match (mishap, arm) {
+                (Mishap::Unplugged(plug), _) => hand.unplug(plug),
+                (Mishap::Arm(injection), Some(arm)) => arm.inject(injection),
+                (Mishap::Arm(_), None) => {}
             }
         }
+        if args.until_stopped && stopped(hand, arm) {
+            return;
+        }
     }
-    tell(terminal, &hand, arm.as_ref().map(Emulator::status).as_ref());
-    Ok(None)
+}
+
+/// Whether all watchdogs have tripped and nothing moves any more.
+fn stopped(hand: &EmulatedHand, arm: Option<&Emulator>) -> bool {
+    let arm_stopped = arm.map(Emulator::status).is_none_or(|arm| {
+        let tripped = arm.events.iter().any(|event| event.what == Happening::Watchdog);
+        tripped && arm.motion.velocity.iter().all(|speed| speed.abs() <= STANDS)
+    });
+    hand.watchdog_trips().len() == ACTUATORS && arm_stopped
 }
 
 /// How the devices were stopped by their own watchdogs, if they were.
@@ -200,6 +241,20 @@ fn calibration(zeros: &[i64], travel: &[f64; ACTUATORS]) -> HandCalibration {
     HandCalibration::new("ftac", servos)
 }
 
+/// A pseudo-terminal has no real time behind it: a busy machine may be late by more than a real line ever is.
+fn limits(patient: bool) -> LimitConfig {
+    let (staleness, servo_watchdog, arm_watchdog, host_watchdog) =
+        if patient { (1.0, 2.54, 1.0, 10.0) } else { (0.3, 0.16, 0.5, 1.0) };
+    LimitConfig {
+        staleness,
+        servo_watchdog,
+        arm_watchdog,
+        host_watchdog,
+        pause: 60.0_f64.min(5.0 * host_watchdog),
+        ..LimitConfig::default()
+    }
+}
+
 /// Links to the pseudo-terminals and a configuration that names them.
 fn write_config(args: &EmulateArgs, hand: &EmulatedHand, arm: Option<&Emulator>) -> Result<PathBuf> {
     let folder = std::path::absolute(&args.dir).with_context(|| shown(&args.dir))?;
@@ -231,14 +286,7 @@ fn write_config(args: &EmulateArgs, hand: &EmulatedHand, arm: Option<&Emulator>)
         cameras: Some(CameraConfig { port: cameras }),
         uvc: Vec::new(),
         arm,
-        // A pseudo-terminal has no real time behind it: a busy machine may be late by more than a real line ever is.
-        limits: LimitConfig {
-            staleness: 0.3,
-            servo_watchdog: 0.16,
-            arm_watchdog: 0.5,
-            host_watchdog: 1.0,
-            ..LimitConfig::default()
-        },
+        limits: limits(args.patient),
     };
     let path = args.dir.join("bridge.toml");
     std::fs::write(&path, config.to_toml()).with_context(|| shown(&path))?;

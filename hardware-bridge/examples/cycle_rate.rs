@@ -1,0 +1,44 @@
+//! How fast the servo bus cycles on this machine: reads all six emulated servos and writes their goals 200 times, and prints the measured rate
+//! beside the one calculated from the line's timing. `cargo run --release -p hardware-bridge --example cycle_rate`
+
+use std::time::Instant;
+
+use hand_model::ACTUATORS;
+use hardware_bridge::emulator::spring_hand::SpringHand;
+use hardware_bridge::emulator::{EmulatedHand, EmulatorSettings};
+use hardware_bridge::servo_bus::timing::Cycle;
+use hardware_bridge::servo_bus::{BusSettings, ServoBus};
+use hardware_bridge::xc330::{self, PRESENT_BLOCK_LONG};
+
+const IDS: [u8; ACTUATORS] = [1, 2, 3, 4, 5, 6];
+const CYCLES: u32 = 200;
+
+fn main() -> Result<(), Box<dyn std::error::Error>> {
+    let hand = EmulatedHand::start(Box::new(SpringHand::new([4.0; ACTUATORS])), EmulatorSettings::default())?;
+    let mut bus = ServoBus::open(hand.servo_port(), BusSettings { slack: 0.25, ..BusSettings::default() })?;
+    let read = PRESENT_BLOCK_LONG;
+    let length = read.end - read.start;
+    for fast in [false, true] {
+        let started = Instant::now();
+        for _ in 0..CYCLES {
+            match fast {
+                true => bus.fast_sync_read(&IDS, read.start, length)?,
+                false => bus.sync_read(&IDS, read.start, length)?,
+            };
+            for register in [xc330::GOAL_CURRENT, xc330::GOAL_POSITION] {
+                bus.sync_write_register(&IDS, &register, 0.0)?;
+            }
+        }
+        let rate = f64::from(CYCLES) / started.elapsed().as_secs_f64();
+        let cycle = Cycle { servos: IDS.len(), read: length.into(), writes: &[2, 4], fast };
+        let round_trip = |quantile| 1e3 * bus.statistics().round_trip(quantile).unwrap_or(f64::NAN);
+        println!(
+            "fast {fast}: {rate:.0} cycles/s measured, {:.0} calculated; round trip p50 {:.2} ms, p99 {:.2} ms",
+            1.0 / bus.timing().cycle(cycle),
+            round_trip(0.5),
+            round_trip(0.99),
+        );
+    }
+    println!("{} answers missing", bus.statistics().missing);
+    Ok(())
+}
