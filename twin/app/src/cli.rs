@@ -13,7 +13,9 @@ use crate::commands::optics::OpticsCommand;
 use crate::commands::touch::TouchCommand;
 use crate::commands::transport::TransportArgs;
 use crate::commands::trial::TrialArgs;
-use crate::commands::{arm, bench, bridge, grasps, hand, lab_book, optics, replay, study, touch, transport, trial, view};
+use crate::commands::{
+    arm, bench, bridge, grasps, hand, lab_book, optics, replay, study, touch, transport, trial, view,
+};
 use crate::terminal::{Outcome, Terminal};
 
 /// Digital twin of the F-TAC Hand on a Kinova Gen3 arm.

@@ -1,11 +1,11 @@
 //! The bodies on which a trial can be played.
 //!
-//! The simulated robot can be cloned: trials branch on it, and each branch goes its own way. Every other body is there once ([`Sole`]): the
+//! The simulated robot can be cloned: trials branch on it, and each branch goes its own way. Every other body is there once ([`SingleBody`]): the
 //! emulated devices with a plant behind them ([`emulated`]), the real robot ([`hardware`]), a recorded session ([`replayed`]), and the simulated robot
 //! when its session is recorded. For those every condition begins a trial of its own, and a clone is the same body.
 //!
 //! [`Body`] is what the trial loop holds. The controller gets no more of it than [`Robot`]; what a trial needs beside (the referee's truth, prior
-//! perception, the operator) is in [`Stage`], for the program alone.
+//! perception, the operator) is in [`TrialBody`], for the program alone.
 
 pub mod arm_link;
 pub mod emulated;
@@ -34,7 +34,7 @@ use sim::robot::Truth;
 pub struct Stopped(pub String);
 
 /// What a trial needs of a body beside what a controller may know.
-pub trait Stage: Robot {
+pub trait TrialBody: Robot {
     /// The truth, where somebody knows it: for referee and recording only.
     fn truth(&self) -> Option<Truth>;
     /// What prior perception with this error says of object `object` now: `world_from_object`.
@@ -46,7 +46,7 @@ pub trait Stage: Robot {
     /// The controller is about to think: no command comes until it has done so.
     fn pause(&mut self) {}
     /// The trial is over, or was stopped for this reason: whatever is to be done with what the hand holds.
-    fn part(&mut self, _why: Option<&str>) -> Result<()> {
+    fn leave(&mut self, _why: Option<&str>) -> Result<()> {
         Ok(())
     }
     /// The verdict, where not the referee judges.
@@ -55,7 +55,7 @@ pub trait Stage: Robot {
     }
 }
 
-impl Stage for SimulatedRobot {
+impl TrialBody for SimulatedRobot {
     fn truth(&self) -> Option<Truth> {
         Some(self.truth())
     }
@@ -87,7 +87,7 @@ pub struct Task {
 }
 
 /// A trial about to begin.
-pub struct Setting<'a> {
+pub struct TrialSetup<'a> {
     /// What it is.
     pub task: &'a Task,
     /// The two objects' names and where they belong: `world_from_object`.
@@ -95,12 +95,12 @@ pub struct Setting<'a> {
 }
 
 /// Where bodies that are there once come from.
-pub trait Venue {
+pub trait BodySource {
     /// A body for a trial; `scene` is the simulated robot in the trial's scene, for those that make use of it.
-    fn enter(&mut self, setting: &Setting, scene: SimulatedRobot) -> Result<Box<dyn Stage>>;
+    fn open(&mut self, setup: &TrialSetup, scene: SimulatedRobot) -> Result<Box<dyn TrialBody>>;
     /// The session's file for the trial, if it is recorded, with configuration and calibration as far as known.
     fn session(&self, task: &Task) -> Result<Option<(PathBuf, Session)>>;
-    /// Packets of tapped links, if there are any: asked once after each [`Venue::enter`].
+    /// Packets of tapped links, if there are any: asked once after each [`BodySource::enter`].
     fn packets(&mut self) -> Option<std::sync::mpsc::Receiver<session_log::Packet>> {
         None
     }
@@ -110,14 +110,14 @@ pub trait Venue {
     }
 }
 
-enum Line {
-    Plain(Box<dyn Stage>),
-    Recorded(Box<Recorder<Box<dyn Stage>>>),
+enum Wrapped {
+    Plain(Box<dyn TrialBody>),
+    Recorded(Box<Recorder<Box<dyn TrialBody>>>),
 }
 
 /// A body that is there once.
-pub struct Sole {
-    line: Option<Line>,
+pub struct SingleBody {
+    line: Option<Wrapped>,
     time: f64,
 }
 
@@ -127,32 +127,32 @@ pub enum Body {
     /// In simulation: a clone is another body in the same state.
     Simulated(Box<SimulatedRobot>),
     /// Any other: a clone is the same body.
-    Sole(Rc<RefCell<Sole>>),
+    Single(Rc<RefCell<SingleBody>>),
 }
 
 impl Body {
-    /// A body that is there once, from `venue`; its session is recorded if the venue says where.
-    pub fn enter(venue: &mut dyn Venue, setting: &Setting, scene: SimulatedRobot, version: &str) -> Result<Self> {
-        let stage = venue.enter(setting, scene)?;
-        let line = match venue.session(setting.task)? {
-            None => Line::Plain(stage),
+    /// A body that is there once, from `source`; its session is recorded if the source says where.
+    pub fn open(source: &mut dyn BodySource, setup: &TrialSetup, scene: SimulatedRobot, version: &str) -> Result<Self> {
+        let body = source.open(setup, scene)?;
+        let line = match source.session(setup.task)? {
+            None => Wrapped::Plain(body),
             Some((path, session)) => {
                 let session = Session {
-                    robot: setting.task.robot.clone(),
+                    robot: setup.task.robot.clone(),
                     program: format!("ftac {version}"),
-                    seed: setting.task.seed,
-                    tick_length: stage.tick_length(),
-                    task: serde_json::to_vec(setting.task)?,
+                    seed: setup.task.seed,
+                    tick_length: body.tick_length(),
+                    task: serde_json::to_vec(setup.task)?,
                     ..session
                 };
-                let recorder = Recorder::new(stage, Writer::create(&path, &session)?);
-                Line::Recorded(Box::new(match venue.packets() {
+                let recorder = Recorder::new(body, Writer::create(&path, &session)?);
+                Wrapped::Recorded(Box::new(match source.packets() {
                     Some(packets) => recorder.with_packets(packets),
                     None => recorder,
                 }))
             }
         };
-        Ok(Self::Sole(Rc::new(RefCell::new(Sole { line: Some(line), time: 0.0 }))))
+        Ok(Self::Single(Rc::new(RefCell::new(SingleBody { line: Some(line), time: 0.0 }))))
     }
 
     /// Whether a clone is a body of its own.
@@ -164,26 +164,26 @@ impl Body {
     pub fn time(&self) -> f64 {
         match self {
             Self::Simulated(robot) => robot.time(),
-            Self::Sole(sole) => sole.borrow().time,
+            Self::Single(single) => single.borrow().time,
         }
     }
 
-    /// See [`Stage::truth`].
+    /// See [`TrialBody::truth`].
     pub fn truth(&self) -> Option<Truth> {
         match self {
             Self::Simulated(robot) => Some(robot.truth()),
-            Self::Sole(sole) => sole.borrow_mut().stage().and_then(|stage| stage.truth()),
+            Self::Single(single) => single.borrow_mut().body().and_then(|body| body.truth()),
         }
     }
 
-    /// See [`Stage::look`]. A recorded session keeps it.
+    /// See [`TrialBody::look`]. A recorded session keeps it.
     pub fn look(&mut self, object: usize, noise: &ObjectNoise) -> Result<Isometry3<f64>> {
         match self {
-            Self::Simulated(robot) => Stage::look(robot.as_mut(), object, noise),
-            Self::Sole(sole) => {
-                let mut sole = sole.borrow_mut();
-                let pose = sole.stage().ok_or_else(|| anyhow!("the trial is over"))?.look(object, noise)?;
-                if let Some(Line::Recorded(recorder)) = &mut sole.line {
+            Self::Simulated(robot) => TrialBody::look(robot.as_mut(), object, noise),
+            Self::Single(single) => {
+                let mut single = single.borrow_mut();
+                let pose = single.body().ok_or_else(|| anyhow!("the trial is over"))?.look(object, noise)?;
+                if let Some(Wrapped::Recorded(recorder)) = &mut single.line {
                     recorder.seen(object, &numbers(&pose));
                 }
                 Ok(pose)
@@ -191,60 +191,60 @@ impl Body {
         }
     }
 
-    /// See [`Stage::stopped`].
+    /// See [`TrialBody::stopped`].
     pub fn stopped(&self) -> Option<String> {
         match self {
             Self::Simulated(_) => None,
-            Self::Sole(sole) => sole.borrow_mut().stage().and_then(|stage| stage.stopped()),
+            Self::Single(single) => single.borrow_mut().body().and_then(|body| body.stopped()),
         }
     }
 
-    /// See [`Stage::pause`].
+    /// See [`TrialBody::pause`].
     pub fn pause(&mut self) {
-        if let Self::Sole(sole) = self
-            && let Some(stage) = sole.borrow_mut().stage()
+        if let Self::Single(single) = self
+            && let Some(body) = single.borrow_mut().body()
         {
-            stage.pause();
+            body.pause();
         }
     }
 
-    /// See [`Stage::judge`].
+    /// See [`TrialBody::judge`].
     pub fn judge(&mut self) -> Result<Option<Verdict>> {
         match self {
             Self::Simulated(_) => Ok(None),
-            Self::Sole(sole) => sole.borrow_mut().stage().map_or(Ok(None), |stage| stage.judge()),
+            Self::Single(single) => single.borrow_mut().body().map_or(Ok(None), |body| body.judge()),
         }
     }
 
     /// The trial is over: notes what came of it (nothing, if it was stopped for the reason `why`), finishes its recording, and parts from
     /// the body.
     pub fn finish(&mut self, record: Option<&TrialRecord>, why: Option<&str>) -> Result<()> {
-        let Self::Sole(sole) = self else { return Ok(()) };
-        let parted = sole.borrow_mut().stage().map_or(Ok(()), |stage| stage.part(why));
-        if let Some(Line::Recorded(mut recorder)) = sole.borrow_mut().line.take() {
+        let Self::Single(single) = self else { return Ok(()) };
+        let left = single.borrow_mut().body().map_or(Ok(()), |body| body.leave(why));
+        if let Some(Wrapped::Recorded(mut recorder)) = single.borrow_mut().line.take() {
             if let Some(record) = record {
                 recorder.outcome(&serde_json::to_vec(record)?);
             }
-            let (stage, written) = recorder.finish();
-            drop(stage);
+            let (body, written) = recorder.finish();
+            drop(body);
             written?;
         }
-        parted
+        left
     }
 }
 
-impl Sole {
-    fn stage(&mut self) -> Option<&mut Box<dyn Stage>> {
+impl SingleBody {
+    fn body(&mut self) -> Option<&mut Box<dyn TrialBody>> {
         self.line.as_mut().map(|line| match line {
-            Line::Plain(stage) => stage,
-            Line::Recorded(recorder) => recorder.robot(),
+            Wrapped::Plain(body) => body,
+            Wrapped::Recorded(recorder) => recorder.robot(),
         })
     }
 
     fn robot(&mut self) -> Option<&mut dyn Robot> {
         self.line.as_mut().map(|line| match line {
-            Line::Plain(stage) => stage as &mut dyn Robot,
-            Line::Recorded(recorder) => recorder.as_mut() as &mut dyn Robot,
+            Wrapped::Plain(body) => body as &mut dyn Robot,
+            Wrapped::Recorded(recorder) => recorder.as_mut() as &mut dyn Robot,
         })
     }
 }
@@ -253,24 +253,24 @@ impl Robot for Body {
     fn observe(&mut self) -> Observation {
         match self {
             Self::Simulated(robot) => robot.observe(),
-            Self::Sole(sole) => sole.borrow_mut().robot().map(Robot::observe).unwrap_or_default(),
+            Self::Single(single) => single.borrow_mut().robot().map(Robot::observe).unwrap_or_default(),
         }
     }
 
     fn send(&mut self, command: &Command) -> Command {
         match self {
             Self::Simulated(robot) => robot.send(command),
-            Self::Sole(sole) => sole.borrow_mut().robot().map_or(*command, |robot| robot.send(command)),
+            Self::Single(single) => single.borrow_mut().robot().map_or(*command, |robot| robot.send(command)),
         }
     }
 
     fn wait_for_tick(&mut self) -> Tick {
         match self {
             Self::Simulated(robot) => robot.wait_for_tick(),
-            Self::Sole(sole) => {
-                let mut sole = sole.borrow_mut();
-                let tick = sole.robot().map(Robot::wait_for_tick).unwrap_or_default();
-                sole.time = tick.time;
+            Self::Single(single) => {
+                let mut single = single.borrow_mut();
+                let tick = single.robot().map(Robot::wait_for_tick).unwrap_or_default();
+                single.time = tick.time;
                 tick
             }
         }
@@ -279,7 +279,7 @@ impl Robot for Body {
     fn tick_length(&self) -> f64 {
         match self {
             Self::Simulated(robot) => robot.tick_length(),
-            Self::Sole(sole) => sole.borrow_mut().robot().map_or(0.0, |robot| robot.tick_length()),
+            Self::Single(single) => single.borrow_mut().robot().map_or(0.0, |robot| robot.tick_length()),
         }
     }
 }

@@ -1,7 +1,6 @@
 //! What comes with the program: repertoire, plans, calibrations and networks, and the bench they make of a scenario.
 
 use std::collections::{BTreeMap, BTreeSet};
-use std::path::Path;
 use std::sync::Arc;
 
 use anyhow::{Context, Result, bail};
@@ -71,7 +70,7 @@ pub fn make_bench(scenario: Scenario, combos: usize, seed: u64, quiet: bool) -> 
         known.extend(balls.into_iter().map(|ball| (ball.name.clone(), KnownObject::new(ball))));
     }
     let mut bench =
-        Bench { world, repertoire, plans, board, pipeline, known, seed, spent: Arc::default(), intact: None };
+        Bench { world, repertoire, plans, board, pipeline, known, seed, profile: Arc::default(), intact: None };
     if !disturbance.disabled().is_empty() {
         bench.do_without(disturbance.disabled())?;
     }

@@ -12,10 +12,11 @@ use scenarios::FailureCause;
 use scenarios::record::{AblatedTrial, Condition, TrialRecord, write_ablated, write_trials};
 use scenarios::statistics::{RunInfo, Summary, summarise};
 
-use crate::body::{Task, Venue};
+use crate::body::{BodySource, Task};
 use crate::journal::{Entry, Journal, RunRequest, Unit};
 use crate::recording::Recording;
-use crate::trial::{Bench, NoWatcher, Part};
+use crate::trial::profile::Activity;
+use crate::trial::{Bench, NoWatcher};
 use report;
 
 /// Conditions of a noisy trial.
@@ -46,7 +47,7 @@ pub struct Options<'a> {
     /// Stream to a viewer instead of files.
     pub live: bool,
     /// Where bodies that are there once come from, for a unit that is recorded or not; `None` for simulated ones.
-    pub place: &'a (dyn Fn(bool) -> Result<Option<Box<dyn Venue>>> + Sync),
+    pub place: &'a (dyn Fn(bool) -> Result<Option<Box<dyn BodySource>>> + Sync),
 }
 
 /// Units of a request, in order.
@@ -161,7 +162,7 @@ pub fn run(bench: &Bench, request: &RunRequest, journal: Journal, folder: &Path,
     let worked = journal.done.values().map(|entry| entry.wall_s).sum::<f64>() / options.jobs.max(1) as f64;
     let wall_s = begun.elapsed().as_secs_f64().max(worked);
     // What a resumed run spent before is not known.
-    let spent = (resumed == 0).then(|| bench.spent.seconds());
+    let spent = (resumed == 0).then(|| bench.profile.seconds());
     if let Some(spent) = spent.as_ref().filter(|_| !options.quiet) {
         let all: f64 = spent.iter().map(|(_, seconds)| seconds).sum();
         let parts: Vec<String> =
@@ -226,7 +227,7 @@ pub fn finish(
     request: &RunRequest,
     folder: &Path,
     wall_s: f64,
-    spent: Option<&[(Part, f64)]>,
+    spent: Option<&[(Activity, f64)]>,
 ) -> Result<Summary> {
     let records: Vec<TrialRecord> = done.values().flat_map(|entry| entry.records.iter().cloned()).collect();
     if records.is_empty() {

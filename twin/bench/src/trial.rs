@@ -1,147 +1,42 @@
-//! One trial: the first grasp, the look, and from there the branches `blind` and `touch`.
+//! Trials: the first grasp, and from there a branch for each policy.
+//!
+//! [`setup`] begins a trial and plays its first grasp, [`branch`] plays one policy from there to the verdict, [`run`] is a trial in
+//! progress. [`shared`] is what all trials of a benchmark share, [`disturbance`] what a scenario does to them on purpose,
+//! [`watcher`] sees every tick, [`profile`] says where the time goes, and [`held`] keeps first grasps for the evaluation of touch.
 
-pub mod adapt;
+pub mod branch;
 mod disturbance;
-mod held;
-mod opening;
-mod spent;
+pub mod held;
+pub mod profile;
+pub mod run;
+pub mod setup;
+pub mod shared;
+pub mod watcher;
 
-use std::collections::BTreeMap;
-use std::sync::Arc;
-
-use anyhow::{Context as _, Result, bail};
-use control::executive::{Executive, Phase};
-use control::perception::{Felt, KnownObject};
-use control::strategy::Candidate;
-use grasping::{Grasp, Repertoire};
-use hand_model::CAMERAS;
-use hand_model::robot::{Robot, TactileFrame, TactileImage};
-use nalgebra::Isometry3;
+use anyhow::{Context as _, Result};
+use control::policy::blind::Blind;
+use control::policy::touch::Touch;
+use control::policy::{Knowledge, Uncertainty};
+use control::sensing::Senses;
+use grasping::Grasp;
+use proving::rehearsal::Snapshot;
 use rand_chacha::ChaCha8Rng;
 use scenarios::Sensing;
-use scenarios::noise::{ObjectNoise, TrialNoise, trial_rng};
-use scenarios::objects::ObjectModel;
-use scenarios::record::{AblatedTrial, Condition, TrialRecord};
-use scenarios::referee::{FailureCause, Referee, SceneTruth};
+use scenarios::noise::{TrialNoise, trial_rng};
+use scenarios::record::{AblatedTrial, Condition, TrialId, TrialRecord};
+use scenarios::referee::FailureCause;
 use sim::SimulatedRobot;
-use sim::robot::Truth;
-use sim::tactile::TactileBoard;
-use touch::TouchPipeline;
 
-use crate::body::{Body, Stopped, Task, Venue};
-use proving::plan::{Plan, Plans};
-use proving::rehearsal::{Snapshot, digit_bits};
-use proving::world::World;
-
-use disturbance::Disturber;
-pub use held::HeldGrasp;
-pub use opening::Intact;
-pub use spent::{Part, Spent};
-
-/// How often a watched trial takes tactile images, s.
-const WATCH_PERIOD: f64 = 0.2;
-/// A period that no trial outlasts: one look at the untouched pads, s.
-const ONCE: f64 = 1e6;
-
-/// Everything trials share.
-pub struct Bench {
-    /// Robot, objects, scenario.
-    pub world: World,
-    /// Grasps.
-    pub repertoire: Repertoire,
-    /// Combinations.
-    pub plans: Plans,
-    /// The hand unit's cameras.
-    pub board: TactileBoard,
-    /// Perception.
-    pub pipeline: TouchPipeline,
-    /// The first objects of all plans, ready to be registered.
-    pub known: BTreeMap<String, KnownObject>,
-    /// Seed of everything.
-    pub seed: u64,
-    /// Where the time went.
-    pub spent: Arc<Spent>,
-    /// What was planned while all digits had power, where some have none: `ideal` and `blind` know no other.
-    pub intact: Option<Intact>,
-}
-
-/// What a watcher of a trial sees each tick.
-pub struct Moment<'a> {
-    /// The body's truth.
-    pub truth: &'a Truth,
-    /// The controller.
-    pub executive: &'a Executive,
-    /// What was felt, once it was.
-    pub felt: Option<&'a Felt>,
-    /// The condition, or `None` while blind and touch are still one.
-    pub condition: Option<Condition>,
-    /// Text worth noting at this moment.
-    pub note: Option<&'a str>,
-}
-
-/// A watcher: sees every tick of a trial.
-pub trait Watcher {
-    /// Whether it looks at all: then every branch is played, even one whose outcome is known, and images are taken throughout.
-    fn active(&self) -> bool;
-    /// One tick.
-    fn see(&mut self, moment: &Moment) -> Result<()>;
-    /// A branch begins: everything seen so far also belongs to it.
-    fn branch(&mut self, condition: Condition) -> Result<()>;
-    /// A branch ended with this record.
-    fn outcome(&mut self, record: &TrialRecord) -> Result<()>;
-}
-
-/// Watches nothing.
-pub struct NoWatcher;
-
-impl Watcher for NoWatcher {
-    fn active(&self) -> bool {
-        false
-    }
-    fn see(&mut self, _: &Moment) -> Result<()> {
-        Ok(())
-    }
-    fn branch(&mut self, _: Condition) -> Result<()> {
-        Ok(())
-    }
-    fn outcome(&mut self, _: &TrialRecord) -> Result<()> {
-        Ok(())
-    }
-}
-
-/// A trial in progress: body, controller and referee, which branch together.
-#[derive(Clone)]
-struct Run {
-    snapshot: Snapshot<Body>,
-    referee: Referee,
-    spent: Arc<Spent>,
-    disturber: Disturber,
-}
-
-/// A branch that carried out the plan: what touch shares with it for as long as it does the very same.
-struct Planned {
-    /// After the second lift.
-    confirm: Run,
-    /// At the end.
-    done: Run,
-    record: TrialRecord,
-}
-
-/// A trial after its first grasp.
-struct Start {
-    run: Run,
-    objects: [Arc<ObjectModel>; 2],
-    candidates: Vec<Candidate>,
-    /// Perception with the backgrounds that the body itself has shown; the bench's own where the body is simulated.
-    pipeline: Option<TouchPipeline>,
-}
-
-/// Where a trial is played: on branching simulated bodies, or on one body of a venue.
-type Place<'a> = Option<(&'a mut dyn Venue, &'a Task)>;
+use self::branch::{Planned, Play, play, play_plan};
+pub use self::held::HeldGrasp;
+use self::setup::{Setup, Start};
+pub use self::shared::Bench;
+pub use self::watcher::{Moment, NoWatcher, Watcher};
+use crate::body::{BodySource, Task};
 
 impl Bench {
-    /// One trial under one condition on a body from `venue`.
-    pub fn play(&self, task: &Task, venue: &mut dyn Venue, watcher: &mut dyn Watcher) -> Result<TrialRecord> {
+    /// One trial under one condition on a body from `source`.
+    pub fn play(&self, task: &Task, source: &mut dyn BodySource, watcher: &mut dyn Watcher) -> Result<TrialRecord> {
         let mut rng = trial_rng(self.seed, task.combination, task.trial);
         let mut noise = TrialNoise::draw(&self.world.scenario.noise, &mut rng);
         let mut camera_noise: u64 = rand::RngExt::random(&mut rng);
@@ -149,17 +44,17 @@ impl Bench {
         if task.condition == Condition::Ideal {
             (noise, camera_noise) = (TrialNoise::none(), 0);
         }
-        if venue.is_real() {
+        if source.is_real() {
             // Reality brings its own.
             noise = TrialNoise::none();
         }
-        let id = (task.combination, task.trial, task.condition);
-        let opening = self.opening(task.combination, noise, camera_noise);
-        let start = self.first_half(&opening, Some((venue, task)), watcher)?;
+        let id = TrialId { combination: task.combination, trial: task.trial, condition: task.condition };
+        let setup = Setup::planned(self, task.combination, noise, camera_noise);
+        let start = setup.first_grasp(self, Some((source, task)), watcher)?;
         let mut body = start.run.snapshot.robot.clone();
         let played = match task.condition {
-            Condition::Touch => self.adapt(&start, id, Sensing::Full, None, &mut rng, watcher),
-            _ => self.take_planned(&start, id, watcher).map(|planned| planned.record),
+            Condition::Touch => self.touch(&start, self.options(id, rng), Sensing::Full, watcher),
+            _ => self.plan(&start, self.options(id, rng), watcher).map(|planned| planned.record),
         };
         // Whatever happened, its recording is finished.
         let why = played.as_ref().err().map(|error| format!("{error:#}"));
@@ -171,11 +66,12 @@ impl Bench {
 
     /// The ideal run of a combination: no noise, blind.
     pub fn ideal(&self, combination: usize, watcher: &mut dyn Watcher) -> Result<TrialRecord> {
-        let start = self.first_half(&self.opening(combination, TrialNoise::none(), 0), None, watcher)?;
-        Ok(self.take_planned(&start, (combination, 0, Condition::Ideal), watcher)?.record)
+        let start = Setup::planned(self, combination, TrialNoise::none(), 0).first_grasp(self, None, watcher)?;
+        let id = TrialId { combination, trial: 0, condition: Condition::Ideal };
+        Ok(self.plan(&start, self.options(id, trial_rng(self.seed, combination, 0)), watcher)?.record)
     }
 
-    /// One trial: `blind` and `touch` from the same first grasp, and from there, unwatched, `touch` with less of the senses.
+    /// One trial: `conditions` from the same first grasp, and from there, unwatched, `touch` with less of the senses.
     pub fn trial(
         &self,
         combination: usize,
@@ -184,62 +80,49 @@ impl Bench {
         ablations: &[Sensing],
         watcher: &mut dyn Watcher,
     ) -> Result<(Vec<TrialRecord>, Vec<AblatedTrial>)> {
-        let (opening, rng) = self.noisy_opening(combination, trial)?;
-        let what = &self.world.scenario.disturbance;
-        let mut start = self.first_half(&opening, None, watcher)?;
-        let reacts = what.slip.is_some_and(|slip| slip.reaction);
-        // Touch goes ways of its own from the beginning, or in the middle of what blind does.
-        let parts = reacts || self.intact.is_some();
+        let (setup, rng) = Setup::noisy(self, combination, trial);
+        let mut start = setup.first_grasp(self, None, watcher)?;
+        let reacts = self.world.scenario.disturbance.slip.is_some_and(|slip| slip.reaction);
+        // Where these hold, touch does not share what blind did.
+        let apart = reacts || self.intact.is_some();
         let mut records = Vec::new();
         let mut planned: Option<Planned> = None;
         for &condition in conditions {
-            let id = (combination, trial, condition);
+            let id = TrialId { combination, trial, condition };
             let record = if condition == Condition::Touch {
                 if let Some(intact) = &self.intact {
                     if let Some(why) = intact.impossible.get(&combination) {
-                        records.push(self.give_up(&opening, id, why, watcher)?);
+                        records.push(self.decline(&setup, id, why, watcher)?);
                         continue;
                     }
-                    let own = self.without_digits(&opening, combination);
-                    start = self.first_half(&own, None, watcher)?;
+                    start = setup.without_digits(self, combination).first_grasp(self, None, watcher)?;
                 }
                 if reacts {
                     start.run.snapshot.executive.react_to_slip();
                 }
-                let shared = planned.as_ref().filter(|_| !watcher.active() && !parts);
-                self.adapt(&start, id, Sensing::Full, shared, &mut rng.clone(), watcher)?
+                let shared = planned.as_ref().filter(|_| !watcher.active() && !apart);
+                let options = Play { planned: shared, ..self.options(id, rng.clone()) };
+                self.touch(&start, options, Sensing::Full, watcher)?
             } else {
-                let branch = self.take_planned(&start, id, watcher)?;
+                let branch = self.plan(&start, self.options(id, rng.clone()), watcher)?;
                 let record = branch.record.clone();
                 planned = Some(branch);
                 record
             };
             records.push(record);
         }
-        let planned = planned.filter(|_| !parts);
-        let ablated = ablations
-            .iter()
-            .map(|&sensing| {
-                let id = (combination, trial, Condition::Touch);
-                let (shared, watcher) = (planned.as_ref(), &mut NoWatcher);
-                Ok(AblatedTrial {
-                    sensing,
-                    record: self.adapt(&start, id, sensing, shared, &mut rng.clone(), watcher)?,
-                })
-            })
-            .collect::<Result<_>>()?;
-        Ok((records, ablated))
-    }
-
-    /// The noisy first half of a trial, and the generator as that leaves it.
-    fn begin(&self, combination: usize, trial: usize, watcher: &mut dyn Watcher) -> Result<(Start, ChaCha8Rng)> {
-        let (opening, rng) = self.noisy_opening(combination, trial)?;
-        Ok((self.first_half(&opening, None, watcher)?, rng))
+        let planned = planned.filter(|_| !apart);
+        let id = TrialId { combination, trial, condition: Condition::Touch };
+        let ablated = ablations.iter().map(|&sensing| {
+            let options = Play { planned: planned.as_ref(), ..self.options(id, rng.clone()) };
+            Ok(AblatedTrial { sensing, record: self.touch(&start, options, sensing, &mut NoWatcher)? })
+        });
+        Ok((records, ablated.collect::<Result<_>>()?))
     }
 
     /// Body and controller about to begin the ideal run of a combination, and its planned second grasp.
     pub fn ideal_start(&self, combination: usize) -> Result<(Snapshot, Grasp)> {
-        let (first, candidates) = self.plan(combination).grasps(&self.repertoire)?;
+        let (first, candidates) = self.plans.plans[combination].grasps(&self.repertoire)?;
         let (world, second) = (&self.world, candidates[0].grasp.clone());
         let board = self.board.with_noise(0);
         let noise = TrialNoise::none();
@@ -252,170 +135,45 @@ impl Bench {
         Ok(self.ideal_start(combination)?.0.robot)
     }
 
-    fn plan(&self, combination: usize) -> &Plan {
-        &self.plans.plans[combination]
+    /// How a branch is played when nothing is shared.
+    fn options(&self, id: TrialId, rng: ChaCha8Rng) -> Play<'_> {
+        Play { id, noise: &self.world.scenario.noise, rng, planned: None, inject_truth: false, keep_confirm: false }
     }
 
-    /// Up to the decision. A body that is not simulated shows its untouched pads on the way to the first object.
-    fn to_decision(&self, run: &mut Run, watcher: &mut dyn Watcher) -> Result<Option<TouchPipeline>> {
-        let mut pipeline = None;
-        if !run.snapshot.robot.branches() {
-            run.watch(Phase::GraspFirst, None, None, watcher)?;
-            pipeline = Some(self.pipeline.with_backgrounds(backgrounds(run.snapshot.executive.newest_images())?)?);
-        }
-        run.watch(Phase::Decide, None, None, watcher)?;
-        Ok(pipeline)
+    /// The branch of the policy `blind`.
+    fn plan(&self, start: &Start, options: Play, watcher: &mut dyn Watcher) -> Result<Planned> {
+        play_plan(start, &mut Blind::new(start.candidates[0].grasp.clone()), options, watcher)
     }
 
-    /// The perception of a trial.
-    fn pipeline_of<'a>(&'a self, start: &'a Start) -> &'a TouchPipeline {
-        start.pipeline.as_ref().unwrap_or(&self.pipeline)
-    }
-
-    /// The second grasp as planned, unseen, and all that follows.
-    fn take_planned(&self, start: &Start, id: (usize, usize, Condition), watcher: &mut dyn Watcher) -> Result<Planned> {
-        let condition = id.2;
-        watcher.branch(condition)?;
-        let mut run = start.run.clone();
-        match run.snapshot.executive.decide(start.candidates[0].grasp.clone()) {
-            Ok(()) => {
-                run.tell("the plan is carried out unseen", None, condition, watcher)?;
-                run.watch(Phase::Confirm, None, Some(condition), watcher)?;
-            }
-            Err(_) => run.referee.give_up(FailureCause::Unreachable),
-        }
-        let confirm = run.clone();
-        if run.snapshot.executive.phase() == Phase::Confirm {
-            run.snapshot.executive.confirm()?;
-            run.watch(Phase::Done, None, Some(condition), watcher)?;
-        }
-        let record = run.record(start, id)?;
-        watcher.outcome(&record)?;
-        Ok(Planned { confirm, done: run, record })
-    }
-}
-
-impl Run {
-    /// The word of the referee, or of whoever judges instead, on what was done so far.
-    fn record(
-        &mut self,
-        start: &Start,
-        (combination, trial, condition): (usize, usize, Condition),
-    ) -> Result<TrialRecord> {
-        let verdict = match self.snapshot.robot.judge()? {
-            Some(verdict) => verdict,
-            None => self.referee.verdict(),
+    /// The branch of the policy `touch`, with what `sensing` leaves of the senses.
+    fn touch(&self, start: &Start, options: Play, sensing: Sensing, watcher: &mut dyn Watcher) -> Result<TrialRecord> {
+        let (scenario, name) = (&self.world.scenario, &start.objects[0].name);
+        let noise = &scenario.noise;
+        let knowledge = Knowledge {
+            cell: &self.world.cell,
+            library: &self.world.objects,
+            repertoire: &self.repertoire,
+            objects: start.objects.clone(),
+            first_known: self.known.get(name).with_context(|| format!("{name} was not made ready to be felt"))?,
+            second: start.candidates.clone(),
+            uncertainty: Uncertainty { arm: noise.execution.position_sigma, eyes: noise.perception.xy_sigma },
+            time_limit: scenario.protocol.time_limit,
         };
-        Ok(TrialRecord {
-            combination,
-            trial,
-            condition,
-            first: start.objects[0].name.clone(),
-            second: start.objects[1].name.clone(),
-            collision: verdict.collision,
-            success: verdict.success,
-            cause: verdict.cause,
-            switched: false,
-            retries: 0,
-            reason: String::new(),
-            disturbance: self.disturber.log(),
-            pose_error_mm: None,
-            pose_error_deg: None,
-            prior_error_mm: None,
-            sim_seconds: self.snapshot.robot.time(),
-            decision_ms: None,
-        })
+        let senses = Senses::new(start.pipeline.as_ref().unwrap_or(&self.pipeline), sensing)?;
+        let first = &start.run.snapshot.executive.first().0;
+        let mut policy = Touch::new(knowledge, senses, first, options.planned.is_some());
+        play(start, &mut policy, Play { inject_truth: sensing == Sensing::TruePose, ..options }, watcher)
     }
 
-    /// Drives to `until` while referee and watcher look on.
-    fn watch(
-        &mut self,
-        until: Phase,
-        felt: Option<&Felt>,
-        condition: Option<Condition>,
-        watcher: &mut dyn Watcher,
-    ) -> Result<()> {
-        let Self { snapshot, referee, disturber, spent } = self;
-        let holding = digit_bits(snapshot.executive.first().0.role.digits());
-        let Snapshot { robot, executive } = snapshot;
-        while executive.phase() < until {
-            let observation = robot.observe();
-            let command = spent.on(Part::Control, || executive.tick(&observation))?;
-            robot.send(&command);
-            let note = match robot {
-                Body::Simulated(robot) => disturber.act(robot, executive),
-                Body::Sole(_) => None,
-            };
-            let part = if command.capture { Part::Images } else { Part::Physics };
-            spent.on(part, || robot.wait_for_tick());
-            spent.on(Part::Referee, || {
-                let Some(truth) = robot.truth() else { return Ok(()) };
-                referee.see(&scene(&truth, executive.phase(), holding));
-                disturber.see(&truth);
-                watcher.see(&Moment { truth: &truth, executive, felt, condition, note: note.as_deref() })
-            })?;
-            // The last tick of a recording may also be the last of a trial.
-            if let Some(why) = robot.stopped().filter(|_| executive.phase() < Phase::Done) {
-                bail!(Stopped(format!("{} while {}", why, executive.phase().name())));
-            }
-        }
-        // What comes next is to be decided first.
-        robot.pause();
-        Ok(())
-    }
-
-    /// What the reaction to slip did, in words.
-    fn slips(&self) -> Option<String> {
-        let [first, second] = self.snapshot.executive.slips();
-        (first + second > 0).then(|| {
-            format!(
-                "while carrying, slip was felt {first} times in the first grip and {second} in the second: held harder"
-            )
-        })
-    }
-
-    /// What prior perception says of object `index` now, errors of its own and of the scenario's included.
-    fn look(&mut self, index: usize, noise: &ObjectNoise) -> Result<Isometry3<f64>> {
-        let misled = self.disturber.misled(index, noise);
-        self.snapshot.robot.look(index, &misled)
-    }
-
-    /// Tells the watcher what is about to be done, and why.
-    fn tell(&self, note: &str, felt: Option<&Felt>, condition: Condition, watcher: &mut dyn Watcher) -> Result<()> {
-        let Some(truth) = self.snapshot.robot.truth() else { return Ok(()) };
-        watcher.see(&Moment {
-            truth: &truth,
-            executive: &self.snapshot.executive,
-            felt,
-            condition: Some(condition),
-            note: Some(note),
-        })
-    }
-}
-
-/// One image a camera, of untouched pads.
-fn backgrounds(frames: &[TactileFrame]) -> Result<Vec<Arc<TactileImage>>> {
-    let image = |camera: usize| {
-        let frame = frames.iter().rev().find(|frame| frame.camera == camera);
-        frame.map(|frame| frame.image.clone()).with_context(|| {
-            format!("camera {camera}: found no image of its untouched pad, expected one on the way to the first object")
-        })
-    };
-    (0..CAMERAS).map(image).collect()
-}
-
-/// The referee's view of the scene.
-fn scene(truth: &Truth, phase: Phase, holding: u32) -> SceneTruth {
-    let count = |object: usize| truth.touched_by[object].count_ones() as usize;
-    SceneTruth {
-        time: truth.time,
-        phase,
-        first_touches_second: !truth.object_pairs.is_empty(),
-        holding_digits_touch_second: phase >= Phase::LiftFirst && truth.touched_by[1] & holding != 0,
-        free_digits_touch_second: truth.touched_by[1] & !holding != 0,
-        hand_contacts: [count(0), count(1)],
-        on_table: [truth.on_table[0], truth.on_table[1]],
-        world_from_object: [truth.objects[0], truth.objects[1]],
-        world_from_palm: truth.palm,
+    /// The record of a trial for which touch knows no strategy: it does not begin.
+    fn decline(&self, setup: &Setup, id: TrialId, why: &str, watcher: &mut dyn Watcher) -> Result<TrialRecord> {
+        watcher.branch(id.condition)?;
+        let mut start = setup.begin(self, None, watcher.active())?;
+        start.run.referee.give_up(FailureCause::NoStrategy);
+        start.run.tell(why, None, id.condition, watcher)?;
+        let names = [start.objects[0].name.as_str(), start.objects[1].name.as_str()];
+        let record = TrialRecord { reason: why.to_owned(), ..start.run.record(names, id)? };
+        watcher.outcome(&record)?;
+        Ok(record)
     }
 }

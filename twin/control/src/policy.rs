@@ -86,8 +86,8 @@ pub struct Story {
     pub decisions: u32,
     /// Reasons in words, in order.
     pub reasons: Vec<String>,
-    /// The part of the reasons that belongs to the newest decision.
-    newest: usize,
+    /// What is about to be done and why, for whoever watches.
+    announcements: Vec<String>,
 }
 
 impl Story {
@@ -96,18 +96,15 @@ impl Story {
         self.retries == 0 && !self.switched
     }
 
-    /// Reasons given since the last call.
-    pub fn take_newest(&mut self) -> Vec<String> {
-        let newest = self.reasons[self.newest..].to_vec();
-        self.newest = self.reasons.len();
-        newest
+    /// What was announced since the last call.
+    pub fn take_announcements(&mut self) -> Vec<String> {
+        std::mem::take(&mut self.announcements)
     }
 
-    /// A reason that is recorded but not announced.
-    fn note(&mut self, reason: String) {
-        debug_assert_eq!(self.newest, self.reasons.len(), "notes come before announcements");
+    /// A reason that is recorded and announced.
+    fn tell(&mut self, reason: String) {
+        self.announcements.push(reason.clone());
         self.reasons.push(reason);
-        self.newest = self.reasons.len();
     }
 }
 

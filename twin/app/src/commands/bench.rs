@@ -7,10 +7,10 @@ use anyhow::{Context, Result, bail};
 use scenarios::statistics::Summary;
 use scenarios::{Scenario, Sensing};
 
-use super::body::{Body, check_body, venue};
+use super::body::{Body, check_body, source};
 use super::tactile_backend::TactileBackend;
 use crate::terminal::{Outcome, Terminal};
-use bench::builtin::{make_bench, read_scenario};
+use bench::builtin::make_bench;
 use bench::journal::{Journal, RunRequest};
 use bench::run::{self, Options, Record as Recorded};
 use clap::{Args, ValueEnum};
@@ -159,7 +159,7 @@ pub fn benchmark(terminal: &Terminal, args: &BenchArgs) -> Outcome {
     bench.board = args.tactile.board(bench.board);
     let sessions = |record: bool| (record || robot == Body::Hardware).then(|| folder.join("sessions"));
     let place =
-        |record: bool| venue(&bench.world, robot, args.config.as_deref(), sessions(record && robot != Body::Sim));
+        |record: bool| source(&bench.world, robot, args.config.as_deref(), sessions(record && robot != Body::Sim));
     // A configuration that is wrong is found before anything is written.
     drop(place(false)?);
     let journal = match &args.resume {

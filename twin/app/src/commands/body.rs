@@ -4,10 +4,10 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, Result, bail};
 
-use bench::body::Venue;
-use bench::body::emulated::{EmulatedVenue, SimulatedVenue};
-use bench::body::hardware::HardwareVenue;
-use bench::body::rounded::RoundedVenue;
+use bench::body::BodySource;
+use bench::body::emulated::{EmulatedSource, SimulatedSource};
+use bench::body::hardware::HardwareSource;
+use bench::body::rounded::RoundedSource;
 use clap::ValueEnum;
 use proving::world::World;
 
@@ -50,25 +50,25 @@ pub fn check_body(robot: Body, config: Option<&Path>) -> Result<()> {
 }
 
 /// Where bodies for trials come from; `None` for simulated ones without a recorded session.
-pub fn venue(
+pub fn source(
     world: &World,
     robot: Body,
     config: Option<&Path>,
     sessions: Option<PathBuf>,
-) -> Result<Option<Box<dyn Venue>>> {
+) -> Result<Option<Box<dyn BodySource>>> {
     Ok(match (robot, sessions) {
         (Body::Sim, None) => None,
-        (Body::Sim, Some(sessions)) => Some(Box::new(SimulatedVenue { sessions })),
+        (Body::Sim, Some(sessions)) => Some(Box::new(SimulatedSource { sessions })),
         (Body::Emulated, sessions) => {
-            Some(Box::new(EmulatedVenue::new(world.cell.hand.clone(), world.cell.arm.clone(), sessions)))
+            Some(Box::new(EmulatedSource::new(world.cell.hand.clone(), world.cell.arm.clone(), sessions)))
         }
         (Body::Rounded, sessions) => {
-            Some(Box::new(RoundedVenue { hand: world.cell.hand.clone(), arm: world.cell.arm.clone(), sessions }))
+            Some(Box::new(RoundedSource { hand: world.cell.hand.clone(), arm: world.cell.arm.clone(), sessions }))
         }
         (Body::Hardware, sessions) => {
             let config = config.context("--config")?;
             let sessions = sessions.unwrap_or_else(|| PathBuf::from("recordings/sessions"));
-            Some(Box::new(HardwareVenue::new(config, world.cell.arm.clone(), world.cell.ready, sessions)?))
+            Some(Box::new(HardwareSource::new(config, world.cell.arm.clone(), world.cell.ready, sessions)?))
         }
     })
 }

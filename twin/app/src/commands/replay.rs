@@ -3,20 +3,21 @@
 use std::path::Path;
 
 use anyhow::{Context as _, Result, bail};
+use scenarios::Scenario;
 use scenarios::record::TrialRecord;
 use session_log::comparison::compare;
 use session_log::{Event, Reader, Replay};
 
 use crate::terminal::Terminal;
-use bench::body::replayed::ReplayVenue;
+use bench::body::replayed::ReplaySource;
 use bench::body::{Stopped, Task};
-use bench::builtin::{make_bench, read_scenario};
+use bench::builtin::make_bench;
 use bench::trial::{Bench, NoWatcher};
 
 /// The command.
 pub fn command(terminal: &Terminal, recording: &Path) -> Result<Option<String>> {
     let task = task(recording)?;
-    let scenario = read_scenario(&task.scenario, recording)?;
+    let scenario = Scenario::parse(&task.scenario, recording)?;
     let bench = make_bench(scenario, task.combos, task.seed, terminal.quiet || terminal.json)?;
     if task.combination >= bench.plans.plans.len() {
         bail!(
@@ -64,8 +65,8 @@ fn task(path: &Path) -> Result<Task> {
 /// Runs it; the shortfall is where it left the recording.
 fn run(terminal: &Terminal, bench: &Bench, task: &Task, path: &Path) -> Result<Option<String>> {
     let (outcome, whole) = outcome(path)?;
-    let (mut venue, report) = ReplayVenue::new(Replay::new(Reader::open(path)?)?, task.robot == "hardware");
-    let played = bench.play(task, &mut venue, &mut NoWatcher);
+    let (mut source, report) = ReplaySource::new(Replay::new(Reader::open(path)?)?, task.robot == "hardware");
+    let played = bench.play(task, &mut source, &mut NoWatcher);
     let played = match played {
         Ok(record) => Some(record),
         // Where the recording was cut short, or the controller left it, the trial cannot go on.

@@ -6,7 +6,7 @@ use anyhow::{Context, Result, bail};
 use scenarios::Scenario;
 use scenarios::record::TrialRecord;
 
-use super::body::{Body, check_body, venue};
+use super::body::{Body, check_body, source};
 use super::tactile_backend::TactileBackend;
 use crate::terminal::{Outcome, Terminal};
 use bench::body::Task;
@@ -80,7 +80,7 @@ pub fn trial(terminal: &Terminal, args: &TrialArgs) -> Outcome {
         bail!("COMBO: found {}, expected 0 to {}", args.combination, bench.plans.plans.len() - 1);
     }
     let condition = args.policy.condition();
-    let place = venue(&bench.world, args.robot, args.config.as_deref(), args.session.clone())?;
+    let place = source(&bench.world, args.robot, args.config.as_deref(), args.session.clone())?;
     let task = Task {
         robot: args.robot.name().to_owned(),
         seed: terminal.seed,

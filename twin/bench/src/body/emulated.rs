@@ -18,7 +18,7 @@ use session_log::{Packet, Session};
 use sim::SimulatedRobot;
 use sim::robot::Truth;
 
-use super::{Setting, Stage, Task, Venue};
+use super::{BodySource, Task, TrialBody, TrialSetup};
 
 /// What the spool takes up beyond the geometric closing when the cable stretches under the strongest pull, rad.
 const STRETCH: f64 = 0.35;
@@ -82,13 +82,13 @@ pub fn settings(hand: &Hand, seed: u64) -> LockstepSettings {
     }
 }
 
-/// The emulated robot on its stage.
+/// The emulated robot on its body.
 pub struct Emulated {
     robot: LockstepRobot,
     plant: SharedPlant,
 }
 
-impl Stage for Emulated {
+impl TrialBody for Emulated {
     fn truth(&self) -> Option<Truth> {
         Some(self.plant.lock().truth())
     }
@@ -124,7 +124,7 @@ impl Robot for Emulated {
 }
 
 /// Where emulated robots come from.
-pub struct EmulatedVenue {
+pub struct EmulatedSource {
     hand: Arc<Hand>,
     arm: Arc<Arm>,
     /// Folder of the sessions' files, if they are recorded.
@@ -133,19 +133,19 @@ pub struct EmulatedVenue {
     about: Option<Session>,
 }
 
-impl EmulatedVenue {
+impl EmulatedSource {
     /// With this hand and arm.
     pub fn new(hand: Arc<Hand>, arm: Arc<Arm>, sessions: Option<PathBuf>) -> Self {
         Self { hand, arm, sessions, packets: None, about: None }
     }
 }
 
-impl Venue for EmulatedVenue {
-    fn enter(&mut self, setting: &Setting, scene: SimulatedRobot) -> Result<Box<dyn Stage>> {
+impl BodySource for EmulatedSource {
+    fn open(&mut self, setup: &TrialSetup, scene: SimulatedRobot) -> Result<Box<dyn TrialBody>> {
         let plant = SharedPlant::new(scene);
         let (sender, receiver) = mpsc::channel();
         let tapped = self.sessions.is_some().then_some(&sender);
-        let settings = settings(&self.hand, setting.task.seed);
+        let settings = settings(&self.hand, setup.task.seed);
         let robot = LockstepRobot::start(Box::new(plant.clone()), settings, &self.arm, tapped)?;
         self.packets = self.sessions.is_some().then_some(receiver);
         self.about = Some(Session {
@@ -166,13 +166,13 @@ impl Venue for EmulatedVenue {
 }
 
 /// Simulated robots whose sessions are recorded.
-pub struct SimulatedVenue {
+pub struct SimulatedSource {
     /// Folder of the sessions' files.
     pub sessions: PathBuf,
 }
 
-impl Venue for SimulatedVenue {
-    fn enter(&mut self, _: &Setting, scene: SimulatedRobot) -> Result<Box<dyn Stage>> {
+impl BodySource for SimulatedSource {
+    fn open(&mut self, _: &TrialSetup, scene: SimulatedRobot) -> Result<Box<dyn TrialBody>> {
         Ok(Box::new(scene))
     }
 

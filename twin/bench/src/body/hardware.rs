@@ -20,7 +20,7 @@ use sim::robot::Truth;
 
 use super::arm_link::arm_link;
 use super::emulated::session_file;
-use super::{Setting, Stage, Task, Venue};
+use super::{BodySource, Task, TrialBody, TrialSetup};
 
 /// Waited for the first measurements to pass the checks.
 const PATIENCE: Duration = Duration::from_secs(5);
@@ -31,7 +31,7 @@ const OPERATOR: f64 = 600.0;
 /// How close to it is there, rad.
 const THERE: f64 = 0.01;
 
-/// The real robot on its stage.
+/// The real robot on its body.
 pub struct Hardware {
     robot: HardwareRobot,
     places: [Isometry3<f64>; 2],
@@ -40,7 +40,7 @@ pub struct Hardware {
     pause: f64,
 }
 
-impl Stage for Hardware {
+impl TrialBody for Hardware {
     fn truth(&self) -> Option<Truth> {
         None
     }
@@ -85,7 +85,7 @@ impl Stage for Hardware {
     }
 
     /// The hand opens only when somebody says so.
-    fn part(&mut self, why: Option<&str>) -> Result<()> {
+    fn leave(&mut self, why: Option<&str>) -> Result<()> {
         if let Some(why) = why {
             eprintln!("STOPPED: {why}");
             eprintln!("The hand keeps hold of what it holds, the arm stands.");
@@ -134,7 +134,7 @@ impl Robot for Hardware {
 }
 
 /// Where the real robot stands.
-pub struct HardwareVenue {
+pub struct HardwareSource {
     config: BridgeConfig,
     about: Session,
     arm: Arc<Arm>,
@@ -144,7 +144,7 @@ pub struct HardwareVenue {
     packets: Option<std::sync::mpsc::Receiver<Packet>>,
 }
 
-impl HardwareVenue {
+impl HardwareSource {
     /// Under the configuration at `path`; sessions are always recorded, into `sessions`.
     pub fn new(path: &std::path::Path, arm: Arc<Arm>, ready: [f64; ARM_JOINTS], sessions: PathBuf) -> Result<Self> {
         let config = BridgeConfig::read(path)?;
@@ -155,11 +155,11 @@ impl HardwareVenue {
     }
 }
 
-impl Venue for HardwareVenue {
-    fn enter(&mut self, setting: &Setting, _: SimulatedRobot) -> Result<Box<dyn Stage>> {
-        let Task { combination, trial, condition, .. } = setting.task;
+impl BodySource for HardwareSource {
+    fn open(&mut self, setup: &TrialSetup, _: SimulatedRobot) -> Result<Box<dyn TrialBody>> {
+        let Task { combination, trial, condition, .. } = setup.task;
         eprintln!("combination {combination}, trial {trial}, {condition}:");
-        for (name, place) in &setting.objects {
+        for (name, place) in &setup.objects {
             eprintln!("  put {name} at {}", shown(place));
         }
         ask("The arm will move to its ready posture, then the trial begins. Empty hand, clear way? Enter begins, `q` ends here.")
@@ -180,9 +180,9 @@ impl Venue for HardwareVenue {
         }
         self.packets = Some(receiver);
         robot.arm()?;
-        let names = setting.objects.map(|(name, _)| name.to_owned());
+        let names = setup.objects.map(|(name, _)| name.to_owned());
         let pause = self.config.limits.pause;
-        let mut hardware = Hardware { robot, places: setting.objects.map(|(_, place)| place), names, pause };
+        let mut hardware = Hardware { robot, places: setup.objects.map(|(_, place)| place), names, pause };
         go_to(&mut hardware, &self.ready)?;
         Ok(Box::new(hardware))
     }

@@ -13,18 +13,18 @@ use session_log::{Replay, Session};
 use sim::SimulatedRobot;
 use sim::robot::Truth;
 
-use super::{Setting, Stage, Stopped, Task, Venue, pose};
+use super::{BodySource, Stopped, Task, TrialBody, TrialSetup, pose};
 
 /// How far a replay came, and how it left the recording if it did.
 pub type Report = Rc<Cell<Option<(Progress, Option<Divergence>)>>>;
 
-/// A recording on its stage; reports when dropped.
+/// A recording on its body; reports when dropped.
 pub struct Replayed {
     replay: Replay,
     report: Report,
 }
 
-impl Stage for Replayed {
+impl TrialBody for Replayed {
     fn truth(&self) -> Option<Truth> {
         None
     }
@@ -64,13 +64,13 @@ impl Drop for Replayed {
 }
 
 /// The place of one replay.
-pub struct ReplayVenue {
+pub struct ReplaySource {
     replay: Option<Replay>,
     report: Report,
     real: bool,
 }
 
-impl ReplayVenue {
+impl ReplaySource {
     /// For `replay`, of a real robot or not; the report is there once the trial is over.
     pub fn new(replay: Replay, real: bool) -> (Self, Report) {
         let report = Report::default();
@@ -78,8 +78,8 @@ impl ReplayVenue {
     }
 }
 
-impl Venue for ReplayVenue {
-    fn enter(&mut self, _: &Setting, _: SimulatedRobot) -> Result<Box<dyn Stage>> {
+impl BodySource for ReplaySource {
+    fn open(&mut self, _: &TrialSetup, _: SimulatedRobot) -> Result<Box<dyn TrialBody>> {
         let replay = self.replay.take().ok_or_else(|| anyhow!("a recording is one trial"))?;
         Ok(Box::new(Replayed { replay, report: self.report.clone() }))
     }

@@ -19,7 +19,7 @@ use sim::SimulatedRobot;
 use sim::robot::Truth;
 
 use super::emulated::{SharedPlant, session_file, settings};
-use super::{Setting, Stage, Task, Venue};
+use super::{BodySource, Task, TrialBody, TrialSetup};
 
 /// The robot and the simulated one that it moves.
 pub struct Rounded {
@@ -45,13 +45,13 @@ impl Robot for Rounded {
     }
 }
 
-impl Stage for Rounded {
+impl TrialBody for Rounded {
     fn truth(&self) -> Option<Truth> {
         Some(self.plant.lock().truth())
     }
 
     fn look(&mut self, object: usize, noise: &ObjectNoise) -> Result<Isometry3<f64>> {
-        Stage::look(&mut *self.plant.lock(), object, noise)
+        TrialBody::look(&mut *self.plant.lock(), object, noise)
     }
 
     fn stopped(&self) -> Option<String> {
@@ -63,7 +63,7 @@ impl Stage for Rounded {
 }
 
 /// Where such robots come from.
-pub struct RoundedVenue {
+pub struct RoundedSource {
     /// The hand.
     pub hand: Arc<Hand>,
     /// The arm.
@@ -72,10 +72,10 @@ pub struct RoundedVenue {
     pub sessions: Option<PathBuf>,
 }
 
-impl Venue for RoundedVenue {
-    fn enter(&mut self, setting: &Setting, scene: SimulatedRobot) -> Result<Box<dyn Stage>> {
+impl BodySource for RoundedSource {
+    fn open(&mut self, setup: &TrialSetup, scene: SimulatedRobot) -> Result<Box<dyn TrialBody>> {
         let plant = SharedPlant::new(scene);
-        let settings = settings(&self.hand, setting.task.seed);
+        let settings = settings(&self.hand, setup.task.seed);
         let robot =
             DirectRobot::start(Box::new(plant.clone()), settings, &self.arm).map_err(|error| anyhow!("{error}"))?;
         Ok(Box::new(Rounded { robot, plant }))

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use anyhow::Result;
-use control::carrier::{Carrier, Stage};
+use control::carrier::{Carrier, CarryPhase};
 use sim::robot::Truth;
 use stream::recorder::{Recorder, Target};
 use stream::{DrawnObject, Level, TrialProperties};
@@ -16,7 +16,7 @@ use super::play::{Policy, Site, TransportRecord, Witness};
 pub struct Recorded {
     recorder: Recorder,
     names: Vec<String>,
-    stage: Option<Stage>,
+    phase: Option<CarryPhase>,
     shown: Shown,
 }
 
@@ -34,7 +34,7 @@ impl Recorded {
             seed: site.seed,
         })?;
         let names = site.transport.ball.iter().map(|ball| ball.name.clone()).collect();
-        Ok(Self { recorder, names, stage: None, shown: Shown::default() })
+        Ok(Self { recorder, names, phase: None, shown: Shown::default() })
     }
 
     /// Writes the outcome and what is left.
@@ -50,9 +50,9 @@ impl Witness for Recorded {
     fn see(&mut self, truth: &Truth, carrier: &Carrier, note: Option<&str>) -> Result<()> {
         let recorder = &mut self.recorder;
         log_scene(recorder, truth, &self.names)?;
-        if self.stage != Some(carrier.stage()) {
-            self.stage = Some(carrier.stage());
-            recorder.log_phase(carrier.stage().name())?;
+        if self.phase != Some(carrier.phase()) {
+            self.phase = Some(carrier.phase());
+            recorder.log_phase(carrier.phase().name())?;
         }
         if let Some(note) = note {
             recorder.log_text(Level::Info, note)?;

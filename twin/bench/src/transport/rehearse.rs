@@ -7,7 +7,7 @@
 use std::sync::Arc;
 
 use anyhow::{Context, Result, bail};
-use control::carrier::Stage;
+use control::carrier::CarryPhase;
 use grasping::Grasp;
 use grasping::digit_sets::propose_with;
 use grasping::sampler::vary;
@@ -229,7 +229,8 @@ fn attempt(site: &Site, base: &Base, ball: usize, grasp: &Grasp, keeps: Option<&
     let mut branch = base.branch.clone();
     branch.carrier.take(grasp.clone(), &percept)?;
     let reached = branch.play(|robot, carrier| {
-        let missed = carrier.stage() == Stage::Lift && carrier.progress() < 0.1 && robot.truth().touched_by[ball] == 0;
+        let missed =
+            carrier.phase() == CarryPhase::Lift && carrier.progress() < 0.1 && robot.truth().touched_by[ball] == 0;
         Ok(!missed)
     })?;
     if !reached {
@@ -251,7 +252,7 @@ fn attempt(site: &Site, base: &Base, ball: usize, grasp: &Grasp, keeps: Option<&
     branch.carrier.keep_only(&[&base.holding[..], &keeps].concat());
     let hold = branch.clone();
     branch.carrier.deliver([site.transport.goal.x, site.transport.goal.y])?;
-    branch.play(|_, carrier| Ok(carrier.stage() != Stage::Release))?;
+    branch.play(|_, carrier| Ok(carrier.phase() != CarryPhase::Release))?;
     let last = branch.robot.truth();
     let inside = |truth: &Truth, one: usize| (truth.palm.inverse() * truth.objects[one]).translation.vector;
     let stays = |one: &usize| in_hand(&last, *one) && (inside(&last, *one) - inside(&truth, *one)).norm() < SLIP_LIMIT;

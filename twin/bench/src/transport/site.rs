@@ -3,8 +3,9 @@
 use std::sync::Arc;
 
 use anyhow::Result;
-use control::carrier::{Carrier, Stage};
-use control::executive::{Percept, Protocol};
+use control::carrier::{Carrier, CarryPhase};
+use control::motion::Protocol;
+use control::percept::Percept;
 use hand_model::robot::Robot;
 use nalgebra::{Isometry3, UnitQuaternion};
 use scenarios::holding::{Support, TRANSPORTED};
@@ -57,7 +58,7 @@ impl Branch {
             if !watch(&mut self.robot, &self.carrier)? {
                 return Ok(false);
             }
-            if self.carrier.stage() == Stage::Decide {
+            if self.carrier.phase() == CarryPhase::Decide {
                 return Ok(true);
             }
         }

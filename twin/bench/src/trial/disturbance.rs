@@ -16,7 +16,7 @@ use sim::robot::Truth;
 
 /// Something that begins at a moment of a trial and ends some time later.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
-enum Spell {
+enum Interval {
     /// Not yet.
     #[default]
     Ahead,
@@ -35,7 +35,7 @@ enum Change {
     Nothing,
 }
 
-impl Spell {
+impl Interval {
     fn advance(&mut self, moment: &Moment, executive: &Executive, time: f64) -> Change {
         match *self {
             Self::Ahead if executive.phase() == moment.phase && executive.progress() >= moment.at => {
@@ -54,10 +54,10 @@ impl Spell {
 
 /// The disturbances of a trial in progress; it branches with the trial.
 #[derive(Debug, Clone, Default)]
-pub(super) struct Disturber {
+pub struct Disturber {
     what: Disturbances,
-    push: Spell,
-    slip: Spell,
+    push: Interval,
+    slip: Interval,
     /// Objects that the hand has touched.
     touched: [bool; 2],
     log: Vec<String>,
@@ -65,7 +65,7 @@ pub(super) struct Disturber {
 
 impl Disturber {
     /// What the scenario asks for in a trial with `objects`.
-    pub(super) fn new(what: &Disturbances, objects: &[Arc<ObjectModel>; 2]) -> Self {
+    pub fn new(what: &Disturbances, objects: &[Arc<ObjectModel>; 2]) -> Self {
         let mut log = Vec::new();
         for (object, size) in objects.iter().zip(what.sizes()).filter(|(_, size)| *size != 1.0) {
             log.push(format!("the {} is {size:.3} times as large as its model", object.name));
@@ -86,7 +86,7 @@ impl Disturber {
     }
 
     /// What is wrong with the body from the beginning.
-    pub(super) fn prepare(&self, robot: &mut SimulatedRobot) {
+    pub fn prepare(&self, robot: &mut SimulatedRobot) {
         robot.cut_power(self.what.disabled());
         if let Some(blind) = &self.what.blind_pads {
             robot.fail_cameras(&blind.pads, blind.frames);
@@ -94,7 +94,7 @@ impl Disturber {
     }
 
     /// What happens in the coming tick; the words if it begins now.
-    pub(super) fn act(&mut self, robot: &mut SimulatedRobot, executive: &Executive) -> Option<String> {
+    pub fn act(&mut self, robot: &mut SimulatedRobot, executive: &Executive) -> Option<String> {
         let time = robot.time();
         let mut began = None;
         let name = |target: Target| match target {
@@ -137,14 +137,14 @@ impl Disturber {
     }
 
     /// Takes note of what the hand has touched.
-    pub(super) fn see(&mut self, truth: &Truth) {
+    pub fn see(&mut self, truth: &Truth) {
         for (touched, by) in self.touched.iter_mut().zip(&truth.touched_by) {
             *touched |= *by != 0;
         }
     }
 
     /// `noise` of a look at object `index`, with what perception is wrong about until the hand has touched it.
-    pub(super) fn misled(&self, index: usize, noise: &ObjectNoise) -> ObjectNoise {
+    pub fn perceived_noise(&self, index: usize, noise: &ObjectNoise) -> ObjectNoise {
         match &self.what.wrong_position {
             Some(wrong) if wrong.object.index() == index && !self.touched[index] => {
                 ObjectNoise { offset: noise.offset + Vector3::from(wrong.offset), ..*noise }
@@ -154,18 +154,18 @@ impl Disturber {
     }
 
     /// The same for the first look at both.
-    pub(super) fn misled_at_first(&self, noise: &TrialNoise) -> TrialNoise {
-        TrialNoise { objects: [0, 1].map(|index| self.misled(index, &noise.objects[index])), ..*noise }
+    pub fn first_percepts(&self, noise: &TrialNoise) -> TrialNoise {
+        TrialNoise { objects: [0, 1].map(|index| self.perceived_noise(index, &noise.objects[index])), ..*noise }
     }
 
     /// What was done so far, in words.
-    pub(super) fn log(&self) -> String {
+    pub fn log(&self) -> String {
         self.log.join("; ")
     }
 }
 
 /// The objects as they really are: `models` at these sizes.
-pub(super) fn resized(models: &[Arc<ObjectModel>; 2], sizes: [f64; 2]) -> Result<[Arc<ObjectModel>; 2]> {
+pub fn resized(models: &[Arc<ObjectModel>; 2], sizes: [f64; 2]) -> Result<[Arc<ObjectModel>; 2]> {
     let resize = |n: usize| -> Result<Arc<ObjectModel>> {
         if sizes[n] == 1.0 { Ok(models[n].clone()) } else { Ok(Arc::new(models[n].scaled(sizes[n])?)) }
     };

@@ -1,13 +1,15 @@
 //! The first grasp of a trial as it came out, with what is needed to feel it again: other cameras, other optics.
 
 use anyhow::Result;
-use control::perception::expected;
+use control::perception::Expected;
 use hand_model::robot::ServoState;
 use hand_model::{ACTUATORS, ARM_JOINTS};
 use nalgebra::Isometry3;
 use serde::{Deserialize, Serialize};
 
-use super::{Bench, NoWatcher};
+use super::setup::Setup;
+use super::shared::Bench;
+use super::watcher::NoWatcher;
 use proving::rehearsal::in_hand;
 
 /// A first object in the hand at the moment of decision. Frames: the palm's.
@@ -43,9 +45,10 @@ impl HeldGrasp {
 impl Bench {
     /// Plays a noisy trial up to the decision; `None` where the first object is not in the hand then.
     pub fn held(&self, combination: usize, trial: usize) -> Result<Option<HeldGrasp>> {
-        let (start, _) = self.begin(combination, trial, &mut NoWatcher)?;
+        let start = Setup::noisy(self, combination, trial).0.first_grasp(self, None, &mut NoWatcher)?;
         let snapshot = &start.run.snapshot;
         let Some(truth) = snapshot.robot.truth().filter(|truth| in_hand(truth, 0)) else { return Ok(None) };
+        let ((first, percept), (second, _)) = (snapshot.executive.first(), snapshot.executive.second());
         let palm = truth.palm.inverse();
         let links: Vec<Isometry3<f64>> = truth.links[ARM_JOINTS..].iter().map(|link| palm * link).collect();
         Ok(Some(HeldGrasp {
@@ -53,7 +56,7 @@ impl Bench {
             trial,
             object: start.objects[0].name.clone(),
             servos: snapshot.executive.servos().map(|servo| [servo.position, servo.current]),
-            expected: expected(&snapshot.executive),
+            expected: Expected::of(first, percept, second).palm_from_object,
             truth: palm * truth.objects[0],
             pads: self.world.cell.hand.pad_poses(&links),
             joints: truth.hand,

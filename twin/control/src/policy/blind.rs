@@ -29,7 +29,10 @@ impl Policy for Blind {
     fn decide(&mut self, executive: &mut Executive, _: &mut dyn Eyes, _: f64) -> Result<Step, PolicyError> {
         match executive.phase() {
             Phase::Decide => Ok(match executive.decide(self.second.clone()) {
-                Ok(()) => Step::Play(Phase::Confirm),
+                Ok(()) => {
+                    self.story.announcements.push("the plan is carried out unseen".to_owned());
+                    Step::Play(Phase::Confirm)
+                }
                 Err(_) => Step::GiveUp,
             }),
             Phase::Confirm => {

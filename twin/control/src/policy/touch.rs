@@ -138,7 +138,7 @@ impl<'a> Touch<'a> {
             };
             let decision = self.choose(executive, &within, felt)?;
             if self.plan_is_rehearsed && self.story.is_as_planned() && !decision.switched {
-                self.story.reasons.push(decision.reason);
+                self.story.tell(decision.reason);
                 return Ok(match executive.decide(decision.grasp) {
                     Ok(()) => Step::Play(Phase::Confirm),
                     Err(_) => Step::GiveUp,
@@ -151,7 +151,7 @@ impl<'a> Touch<'a> {
             self.story.switched |= decision.switched;
             executive.decide(decision.grasp)?;
             executive.redirect(path);
-            self.story.reasons.push(decision.reason);
+            self.story.tell(decision.reason);
             return Ok(Step::Play(Phase::Confirm));
         }
     }
@@ -203,7 +203,7 @@ impl Policy for Touch<'_> {
                 felt.estimate.covariance.fill(0.0);
                 felt.grip = injected.grip;
             }
-            felt.faults.iter().for_each(|fault| self.story.note(format!("left out: {fault}")));
+            self.story.reasons.extend(felt.faults.iter().map(|fault| format!("left out: {fault}")));
             self.grip = felt.grip;
             self.felt = Some(felt);
         } else {
@@ -231,7 +231,7 @@ impl Policy for Touch<'_> {
             (_, Next::GoOn) => self.in_a_row = 0,
             _ => {
                 self.story.retries += 1;
-                self.story.reasons.push(next.reason().to_owned());
+                self.story.tell(next.reason().to_owned());
                 self.mark_down(next, executive);
             }
         }

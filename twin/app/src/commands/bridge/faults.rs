@@ -5,7 +5,7 @@ use bench::builtin::make_bench;
 use bench::faults::kind::ALL;
 use clap::Args;
 use control::executive::Phase;
-use scenarios::combination::Scenario;
+use scenarios::Scenario;
 use std::collections::BTreeSet;
 
 use crate::terminal::Terminal;

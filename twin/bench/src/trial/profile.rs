@@ -1,11 +1,11 @@
-//! Where the time of trials goes.
+//! Profile of trials: wall time by activity.
 
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Instant;
 
-/// A part of the work.
+/// What a thread is doing.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Part {
+pub enum Activity {
     /// Physics of the scene, ticks without images.
     Physics,
     /// Ticks that end with tactile images: their rendering, mostly.
@@ -20,7 +20,7 @@ pub enum Part {
     Choice,
 }
 
-impl Part {
+impl Activity {
     /// All, in the order of tables.
     pub const ALL: [Self; 6] =
         [Self::Physics, Self::Images, Self::Control, Self::Referee, Self::Perception, Self::Choice];
@@ -38,22 +38,25 @@ impl Part {
     }
 }
 
-/// Time spent so far, all threads together.
+/// Time so far, all threads together.
 #[derive(Debug, Default)]
-pub struct Spent([AtomicU64; Part::ALL.len()]);
+pub struct Profile([AtomicU64; Activity::ALL.len()]);
 
-impl Spent {
-    /// Does `work` and counts its time as `part`'s.
-    pub fn on<T>(&self, part: Part, work: impl FnOnce() -> T) -> T {
+impl Profile {
+    /// Does `work` and counts its time as `activity`'s.
+    pub fn on<T>(&self, activity: Activity, work: impl FnOnce() -> T) -> T {
         let begun = Instant::now();
         let done = work();
-        self.0[part as usize].fetch_add(begun.elapsed().as_nanos() as u64, Ordering::Relaxed);
+        self.0[activity as usize].fetch_add(begun.elapsed().as_nanos() as u64, Ordering::Relaxed);
         done
     }
 
-    /// Each part and its seconds.
-    pub fn seconds(&self) -> Vec<(Part, f64)> {
-        Part::ALL.into_iter().map(|part| (part, 1e-9 * self.0[part as usize].load(Ordering::Relaxed) as f64)).collect()
+    /// Each activity and its seconds.
+    pub fn seconds(&self) -> Vec<(Activity, f64)> {
+        Activity::ALL
+            .into_iter()
+            .map(|activity| (activity, 1e-9 * self.0[activity as usize].load(Ordering::Relaxed) as f64))
+            .collect()
     }
 }
 
@@ -63,11 +66,11 @@ mod tests {
 
     #[test]
     fn time_goes_to_the_part_that_took_it() {
-        let spent = Spent::default();
-        let value = spent.on(Part::Choice, || (0..100_000u64).map(|n| n % 7).sum::<u64>());
+        let profile = Profile::default();
+        let value = profile.on(Activity::Choice, || (0..100_000u64).map(|n| n % 7).sum::<u64>());
         assert_eq!(value, 299_995);
-        for (part, seconds) in spent.seconds() {
-            assert_eq!(seconds > 0.0, part == Part::Choice, "{}", part.name());
+        for (activity, seconds) in profile.seconds() {
+            assert_eq!(seconds > 0.0, activity == Activity::Choice, "{}", activity.name());
         }
     }
 }

@@ -1,0 +1,166 @@
+//! A branch of a trial: one policy from the end of the first grasp to the verdict.
+
+use std::time::Instant;
+
+use anyhow::Result;
+use control::executive::Phase;
+use control::perception::Felt;
+use control::policy::{Policy, Step};
+use proving::rehearsal::{Snapshot, in_hand};
+use rand_chacha::ChaCha8Rng;
+use scenarios::noise::NoiseLevels;
+use scenarios::objects::ObjectModel;
+use scenarios::record::{TrialId, TrialRecord};
+use scenarios::referee::FailureCause;
+use sim::robot::Truth;
+
+use super::profile::Activity;
+use super::run::{NoisyEyes, Run};
+use super::setup::Start;
+use super::watcher::Watcher;
+
+/// A branch that carried out the plan: what another policy shares with it for as long as it does the very same.
+pub struct Planned {
+    /// After the second lift.
+    confirm: Run,
+    /// At the end.
+    done: Run,
+    /// How it went.
+    pub record: TrialRecord,
+}
+
+/// How a branch is played.
+pub struct Play<'a> {
+    /// Which trial it is.
+    pub id: TrialId,
+    /// Errors of later looks at the objects.
+    pub noise: &'a NoiseLevels,
+    /// The trial's generator as the first grasp left it.
+    pub rng: ChaCha8Rng,
+    /// The branch of the plan, if it is known and may be shared.
+    pub planned: Option<&'a Planned>,
+    /// Whether the true state is injected in the place of what is felt.
+    pub inject_truth: bool,
+    /// Whether the state after the second lift is kept, for other policies to share.
+    pub keep_confirm: bool,
+}
+
+/// What a branch came to.
+struct Played {
+    run: Run,
+    confirm: Option<Run>,
+    /// Wall time of the slowest decision, ms.
+    slowest_ms: f64,
+    /// Where everything was when the first object's pose was estimated last.
+    at_estimate: Option<Truth>,
+}
+
+/// Plays `policy` from `start` to the verdict.
+pub fn play(start: &Start, policy: &mut dyn Policy, with: Play, watcher: &mut dyn Watcher) -> Result<TrialRecord> {
+    Ok(finish(start, policy, with, watcher)?.1)
+}
+
+/// The same for a policy that carries out the plan: others may share it.
+pub fn play_plan(start: &Start, policy: &mut dyn Policy, with: Play, watcher: &mut dyn Watcher) -> Result<Planned> {
+    let (played, record) = finish(start, policy, Play { keep_confirm: true, ..with }, watcher)?;
+    let confirm = played.confirm.unwrap_or_else(|| played.run.clone());
+    Ok(Planned { confirm, done: played.run, record })
+}
+
+fn finish(
+    start: &Start,
+    policy: &mut dyn Policy,
+    with: Play,
+    watcher: &mut dyn Watcher,
+) -> Result<(Played, TrialRecord)> {
+    let (id, planned) = (with.id, with.planned);
+    watcher.branch(id.condition)?;
+    let mut played = decide_and_play(start, policy, with, watcher)?;
+    let names = [start.objects[0].name.as_str(), start.objects[1].name.as_str()];
+    let story = policy.story();
+    story.reasons.extend(played.run.slips());
+    let mut record = match planned.filter(|_| story.is_as_planned()) {
+        Some(planned) => TrialRecord { condition: id.condition, ..planned.record.clone() },
+        None => played.run.record(names, id)?,
+    };
+    record.switched = !story.is_as_planned();
+    record.retries = story.retries;
+    record.reason = story.reasons.join("; ");
+    record.decision_ms = (played.slowest_ms > 0.0).then_some(played.slowest_ms);
+    if let (Some(truth), Some(felt)) = (&played.at_estimate, policy.felt()) {
+        note_pose(&mut record, truth, &start.objects[0], felt);
+    }
+    watcher.outcome(&record)?;
+    Ok((played, record))
+}
+
+/// Decision after decision, until the policy finishes or gives up.
+fn decide_and_play(
+    start: &Start,
+    policy: &mut dyn Policy,
+    mut with: Play,
+    watcher: &mut dyn Watcher,
+) -> Result<Played> {
+    let run = start.run.clone();
+    let condition = with.id.condition;
+    let mut played = Played { run, confirm: None, slowest_ms: 0.0, at_estimate: None };
+    loop {
+        let phase = played.run.snapshot.executive.phase();
+        let (before, begun) = (policy.story().decisions, Instant::now());
+        let step = decide(&mut played.run, policy, &mut with)?;
+        if policy.story().decisions > before {
+            played.slowest_ms = played.slowest_ms.max(begun.elapsed().as_secs_f64() * 1e3);
+            if phase == Phase::Decide {
+                played.at_estimate = played.run.snapshot.robot.truth();
+            }
+        }
+        for text in policy.story().take_announcements() {
+            played.run.tell(&text, policy.felt(), condition, watcher)?;
+        }
+        let until = match step {
+            Step::Play(until) => until,
+            Step::Finish => break,
+            Step::GiveUp => {
+                played.run.referee.give_up(FailureCause::Unreachable);
+                break;
+            }
+        };
+        let as_planned = policy.story().is_as_planned();
+        match (with.planned.filter(|_| as_planned), until) {
+            (Some(planned), Phase::Confirm) => played.run = planned.confirm.clone(),
+            (Some(planned), Phase::Done) => played.run = planned.done.clone(),
+            _ => {
+                let felt = policy.felt().filter(|_| until > Phase::Decide);
+                played.run.play(until, felt, Some(condition), watcher)?;
+            }
+        }
+        if until == Phase::Confirm && with.keep_confirm {
+            played.confirm = Some(played.run.clone());
+        }
+    }
+    Ok(played)
+}
+
+/// One decision: perceive, then decide.
+fn decide(run: &mut Run, policy: &mut dyn Policy, with: &mut Play) -> Result<Step> {
+    let injected = if with.inject_truth { run.true_state() } else { None };
+    let Run { snapshot: Snapshot { robot, executive }, disturber, profile, .. } = run;
+    profile.on(Activity::Perception, || policy.perceive(executive, injected))?;
+    let time = robot.time();
+    let mut eyes = NoisyEyes { robot, disturber, noise: with.noise, rng: &mut with.rng };
+    Ok(profile.on(Activity::Choice, || policy.decide(executive, &mut eyes, time))?)
+}
+
+/// What the referee knows about the estimate, for the record only.
+fn note_pose(record: &mut TrialRecord, truth: &Truth, object: &ObjectModel, felt: &Felt) {
+    // A dropped object has no place in the hand that could be estimated.
+    if !in_hand(truth, 0) {
+        return;
+    }
+    let real = truth.palm.inverse() * truth.objects[0];
+    let estimate = felt.estimate.palm_from_object;
+    let apart = |pose: &nalgebra::Isometry3<f64>| (pose.translation.vector - real.translation.vector).norm() * 1e3;
+    record.pose_error_mm = Some(apart(&estimate));
+    record.prior_error_mm = Some(apart(&felt.prior));
+    record.pose_error_deg = Some(object.symmetry.angle(&real.rotation, &estimate.rotation).to_degrees());
+}

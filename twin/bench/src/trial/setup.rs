@@ -1,0 +1,160 @@
+//! How a trial begins: with which plan, noise and disturbances, on which body.
+
+use std::sync::Arc;
+
+use anyhow::{Context as _, Result};
+use control::executive::Phase;
+use control::worth::Candidate;
+use grasping::Repertoire;
+use hand_model::CAMERAS;
+use hand_model::robot::{TactileFrame, TactileImage};
+use proving::ball_sizes;
+use proving::plan::Plan;
+use proving::rehearsal::Snapshot;
+use rand_chacha::ChaCha8Rng;
+use scenarios::disturbance::Disturbances;
+use scenarios::noise::{TrialNoise, trial_rng};
+use scenarios::objects::ObjectModel;
+use scenarios::referee::Referee;
+use touch::TouchPipeline;
+
+use super::disturbance::{Disturber, resized};
+use super::run::Run;
+use super::shared::Bench;
+use super::watcher::Watcher;
+use crate::body::{Body, BodySource, Task, TrialSetup};
+
+/// How often a watched trial takes tactile images, s.
+const WATCH_PERIOD: f64 = 0.2;
+/// A period that no trial outlasts: one look at the untouched pads, s.
+const ONCE: f64 = 1e6;
+
+/// What a trial begins with.
+pub struct Setup<'a> {
+    /// The combination's plan.
+    pub plan: Plan,
+    /// Grasps that the plan names.
+    pub repertoire: &'a Repertoire,
+    /// Errors of the arm and of the first look.
+    pub noise: TrialNoise,
+    /// Seed of the cameras' noise.
+    pub camera_noise: u64,
+    /// What happens beside noise.
+    pub disturbances: Disturbances,
+}
+
+/// A trial after its first grasp.
+pub struct Start {
+    /// Body, controller and referee in [`Phase::Decide`].
+    pub run: Run,
+    /// The two objects as the controller knows them.
+    pub objects: [Arc<ObjectModel>; 2],
+    /// Grasps of the second object, the planned one first.
+    pub candidates: Vec<Candidate>,
+    /// Perception with the backgrounds that the body itself has shown; the bench's own where the body is simulated.
+    pub pipeline: Option<TouchPipeline>,
+}
+
+/// On which body a trial is played: a simulated one of its own, or one from a source for a task.
+pub type Source<'a> = Option<(&'a mut dyn BodySource, &'a Task)>;
+
+impl<'a> Setup<'a> {
+    /// A combination as it was planned, undisturbed.
+    pub fn planned(bench: &'a Bench, combination: usize, noise: TrialNoise, camera_noise: u64) -> Self {
+        let (repertoire, plans) = match &bench.intact {
+            Some(intact) => (&intact.repertoire, &intact.plans),
+            None => (&bench.repertoire, &bench.plans),
+        };
+        let plan = plans.plans[combination].clone();
+        Self { plan, repertoire, noise, camera_noise, disturbances: Disturbances::default() }
+    }
+
+    /// The same with the noise and the disturbances of a trial, and the generator as that leaves it.
+    pub fn noisy(bench: &'a Bench, combination: usize, trial: usize) -> (Self, ChaCha8Rng) {
+        let scenario = &bench.world.scenario;
+        let mut rng = trial_rng(bench.seed, combination, trial);
+        let mut noise = TrialNoise::draw(&scenario.noise, &mut rng);
+        let camera_noise = rand::RngExt::random(&mut rng);
+        noise.shifts = scenario.layout.draw(&mut rng);
+        let mut setup = Self::planned(bench, combination, noise, camera_noise);
+        setup.disturbances = scenario.disturbance.clone();
+        if let Some(sweep) = &setup.disturbances.size_sweep {
+            setup.plan = ball_sizes::plan_of(&setup.plan, sweep, trial);
+        }
+        (setup, rng)
+    }
+
+    /// The same trial as a policy begins it that knows which digits have no power.
+    pub fn without_digits(&self, bench: &'a Bench, combination: usize) -> Self {
+        let (plan, repertoire) = (bench.plans.plans[combination].clone(), &bench.repertoire);
+        Self { plan, repertoire, disturbances: self.disturbances.clone(), ..*self }
+    }
+
+    /// Body, controller and referee of a trial about to begin.
+    pub fn begin(&self, bench: &Bench, source: Source, watched: bool) -> Result<Start> {
+        let world = &bench.world;
+        let (first, candidates) = self.plan.grasps(self.repertoire)?;
+        let objects = [world.object(&self.plan.first)?, world.object(&self.plan.second)?];
+        let disturber = Disturber::new(&self.disturbances, &objects);
+        let real = resized(&objects, self.disturbances.sizes())?;
+        let grasps = [&first, &candidates[0].grasp];
+        let board = bench.board.with_noise(self.camera_noise);
+        let watched = source.as_ref().map_or(watched, |(_, task)| task.watched);
+        let noise = disturber.first_percepts(&self.noise);
+        let Snapshot { mut robot, executive } =
+            Snapshot::begin_with(world, world.protocol(), &real, grasps, &noise, world.cell.ready, board)?;
+        disturber.prepare(&mut robot);
+        let robot = match source {
+            None => Body::Simulated(Box::new(robot)),
+            Some((source, task)) => {
+                let places = world.places(&objects, &noise);
+                let named = std::array::from_fn(|n| (objects[n].name.as_str(), places[n]));
+                Body::open(source, &TrialSetup { task, objects: named }, robot, env!("CARGO_PKG_VERSION"))?
+            }
+        };
+        let mut snapshot = Snapshot { robot, executive };
+        if watched {
+            snapshot.executive.watch_images(WATCH_PERIOD);
+        } else if !snapshot.robot.branches() {
+            snapshot.executive.watch_images(ONCE);
+        }
+        let referee = Referee::new(world.scenario.referee, world.scenario.protocol.hold_time);
+        let run = Run { snapshot, referee, disturber, profile: bench.profile.clone() };
+        Ok(Start { run, objects, candidates, pipeline: None })
+    }
+
+    /// Up to the decision.
+    pub fn first_grasp(&self, bench: &Bench, source: Source, watcher: &mut dyn Watcher) -> Result<Start> {
+        let mut start = self.begin(bench, source, watcher.active())?;
+        match to_decision(&mut start.run, &bench.pipeline, watcher) {
+            Ok(pipeline) => Ok(Start { pipeline, ..start }),
+            Err(error) => {
+                // Whatever happened, its recording is finished; the first error is the one to tell.
+                let _ = start.run.snapshot.robot.finish(None, Some(&format!("{error:#}")));
+                Err(error)
+            }
+        }
+    }
+}
+
+/// Plays up to the decision. A body that is not simulated shows its untouched pads on the way to the first object.
+fn to_decision(run: &mut Run, pipeline: &TouchPipeline, watcher: &mut dyn Watcher) -> Result<Option<TouchPipeline>> {
+    let mut own = None;
+    if !run.snapshot.robot.branches() {
+        run.play(Phase::GraspFirst, None, None, watcher)?;
+        own = Some(pipeline.with_backgrounds(backgrounds(run.snapshot.executive.newest_images())?)?);
+    }
+    run.play(Phase::Decide, None, None, watcher)?;
+    Ok(own)
+}
+
+/// One image a camera, of untouched pads.
+fn backgrounds(frames: &[TactileFrame]) -> Result<Vec<Arc<TactileImage>>> {
+    let image = |camera: usize| {
+        let frame = frames.iter().rev().find(|frame| frame.camera == camera);
+        frame.map(|frame| frame.image.clone()).with_context(|| {
+            format!("camera {camera}: found no image of its untouched pad, expected one on the way to the first object")
+        })
+    };
+    (0..CAMERAS).map(image).collect()
+}

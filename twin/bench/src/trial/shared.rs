@@ -1,0 +1,61 @@
+//! What all trials of a benchmark share.
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+use anyhow::Result;
+use control::perception::KnownObject;
+use grasping::Repertoire;
+use hand_model::Digit;
+use proving::plan::Plans;
+use proving::plan::without::plan_without;
+use proving::world::World;
+use sim::tactile::TactileBoard;
+use touch::TouchPipeline;
+
+use super::profile::Profile;
+
+/// Robot, objects, grasps and plans of a benchmark.
+pub struct Bench {
+    /// Robot, objects, scenario.
+    pub world: World,
+    /// Proven grasps.
+    pub repertoire: Repertoire,
+    /// Combinations.
+    pub plans: Plans,
+    /// The hand unit's cameras.
+    pub board: TactileBoard,
+    /// Perception.
+    pub pipeline: TouchPipeline,
+    /// The first objects of all plans, ready to be registered.
+    pub known: BTreeMap<String, KnownObject>,
+    /// Seed of everything random.
+    pub seed: u64,
+    /// Where the time went.
+    pub profile: Arc<Profile>,
+    /// What was planned while all digits had power, where some have none: `ideal` and `blind` know nothing else.
+    pub intact: Option<Intact>,
+}
+
+/// What was planned before digits lost their power.
+pub struct Intact {
+    /// Grasps.
+    pub repertoire: Repertoire,
+    /// Combinations.
+    pub plans: Plans,
+    /// Combinations that cannot be done without those digits, and why.
+    pub impossible: BTreeMap<usize, String>,
+}
+
+impl Bench {
+    /// From now on `touch` does without `digits`, as well as it can; what was planned stays what `ideal` and `blind` know.
+    pub fn do_without(&mut self, digits: &[Digit]) -> Result<()> {
+        let without = plan_without(&self.world, &self.repertoire, &self.plans, digits)?;
+        self.intact = Some(Intact {
+            repertoire: std::mem::replace(&mut self.repertoire, without.repertoire),
+            plans: std::mem::replace(&mut self.plans, without.plans),
+            impossible: without.impossible,
+        });
+        Ok(())
+    }
+}

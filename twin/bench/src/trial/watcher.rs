@@ -1,0 +1,51 @@
+//! Watchers: whoever records a trial sees every tick of it.
+
+use anyhow::Result;
+use control::executive::Executive;
+use control::perception::Felt;
+use scenarios::record::{Condition, TrialRecord};
+use sim::robot::Truth;
+
+/// What a watcher sees of a tick.
+pub struct Moment<'a> {
+    /// The body's truth.
+    pub truth: &'a Truth,
+    /// The controller.
+    pub executive: &'a Executive,
+    /// What was felt, once it was.
+    pub felt: Option<&'a Felt>,
+    /// The condition, or `None` while all conditions share the first grasp.
+    pub condition: Option<Condition>,
+    /// What was just decided or done.
+    pub note: Option<&'a str>,
+}
+
+/// Sees every tick of a trial.
+pub trait Watcher {
+    /// Whether it records: then every branch is played, even one whose outcome is known, and images are taken throughout.
+    fn active(&self) -> bool;
+    /// One tick.
+    fn see(&mut self, moment: &Moment) -> Result<()>;
+    /// A branch begins: everything seen so far also belongs to it.
+    fn branch(&mut self, condition: Condition) -> Result<()>;
+    /// A branch ended with this record.
+    fn outcome(&mut self, record: &TrialRecord) -> Result<()>;
+}
+
+/// Watches nothing.
+pub struct NoWatcher;
+
+impl Watcher for NoWatcher {
+    fn active(&self) -> bool {
+        false
+    }
+    fn see(&mut self, _: &Moment) -> Result<()> {
+        Ok(())
+    }
+    fn branch(&mut self, _: Condition) -> Result<()> {
+        Ok(())
+    }
+    fn outcome(&mut self, _: &TrialRecord) -> Result<()> {
+        Ok(())
+    }
+}
