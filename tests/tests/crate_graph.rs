@@ -1,6 +1,7 @@
 //! The arrows between the crates, held to the design: what thinks never knows what it drives.
 
 use std::collections::{BTreeMap, BTreeSet};
+use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use serde_json::Value;
@@ -68,16 +69,55 @@ fn host() -> String {
     text.lines().find_map(|line| line.strip_prefix("host: ")).expect("rustc names its host").to_owned()
 }
 
-/// "Same control stack" is true because this is.
+/// "Same control stack" is true because this is: whatever decides cannot name the simulator, a device, or the scene's truth.
 #[test]
-fn what_thinks_never_reaches_a_body() {
+fn what_decides_never_reaches_a_body() {
     let graph = Graph::read();
-    for mind in ["control", "touch", "grasping", "study"] {
-        let reach = graph.reach(mind);
-        for body in ["sim", "optics", "hardware-bridge", "kortex", "session-log", "rapier3d-f64"] {
-            assert!(!reach.contains(body), "{mind} reaches {body}");
+    for decides in ["control", "touch", "grasping", "study"] {
+        let reach = graph.reach(decides);
+        for body in ["sim", "optics", "hardware-bridge", "kortex", "session-log", "bench", "proving", "rapier3d-f64"] {
+            assert!(!reach.contains(body), "{decides} reaches {body}");
         }
     }
+}
+
+/// Policies live in `control` and nowhere else: no other crate implements the trait, and no source of `control` names the truth.
+#[test]
+fn policies_live_behind_the_wall() {
+    let sources = |folder: &str| rust_files(&e2e::root().join(folder));
+    let control = sources("twin/control/src");
+    assert!(control.iter().any(|(_, text)| text.contains("impl Policy for")), "control has no policy");
+    for (path, text) in &control {
+        for truth in ["Truth", ".truth()", "sim::"] {
+            let named =
+                text.lines().filter(|line| !line.trim_start().starts_with("//")).any(|line| line.contains(truth));
+            assert!(!named, "{} names {truth}", path.display());
+        }
+    }
+    for folder in ["twin/bench/src", "twin/proving/src", "twin/lab/src", "twin/app/src", "sim/src", "hardware-bridge"] {
+        for (path, text) in sources(folder) {
+            assert!(!text.contains("impl Policy for"), "{} implements a policy", path.display());
+        }
+    }
+}
+
+/// Every Rust file below a folder, with its text.
+fn rust_files(folder: &Path) -> Vec<(PathBuf, String)> {
+    let mut files = Vec::new();
+    let mut open = vec![folder.to_owned()];
+    while let Some(next) = open.pop() {
+        for entry in std::fs::read_dir(&next).expect("a folder").map(|entry| entry.expect("an entry").path()) {
+            if entry.is_dir() {
+                if entry.file_name().is_none_or(|name| name != "target") {
+                    open.push(entry);
+                }
+            } else if entry.extension().is_some_and(|ending| ending == "rs") {
+                files.push((entry.clone(), std::fs::read_to_string(&entry).expect("text")));
+            }
+        }
+    }
+    assert!(!files.is_empty(), "{} holds no Rust file", folder.display());
+    files
 }
 
 #[test]
@@ -85,6 +125,7 @@ fn only_one_crate_names_each_engine() {
     let graph = Graph::read();
     assert_eq!(graph.users("rerun"), ["stream"]);
     assert_eq!(graph.users("rapier3d-f64"), ["sim"]);
+    assert_eq!(graph.users("clap"), ["ftac"]);
 }
 
 /// Design, section 1: "Arrows, and no others".
@@ -103,6 +144,25 @@ fn members_know_only_whom_they_may() {
         ("sim", &["hand-model", "optics", "scenarios"]),
         ("control", &["hand-model", "touch", "grasping", "scenarios"]),
         ("study", &["hand-model", "grasping"]),
+        ("proving", &["hand-model", "scenarios", "sim", "grasping", "control", "study"]),
+        (
+            "bench",
+            &[
+                "hand-model",
+                "scenarios",
+                "sim",
+                "optics",
+                "touch",
+                "grasping",
+                "control",
+                "hardware-bridge",
+                "kortex",
+                "session-log",
+                "proving",
+                "stream",
+                "report",
+            ],
+        ),
         ("e2e", &[]),
     ]);
     for (member, may) in allowed {
