@@ -35,8 +35,9 @@ pub fn presses(hand: &Hand, board: &TactileBoard, per_camera: usize, seed: u64) 
 
 /// Fits a calibration on `per_camera` presses a camera of unit `serial` and evaluates it on as many of another unit.
 pub fn train(hand: &Hand, serial: u64, per_camera: usize, seed: u64) -> Result<(PhotometricCalibration, AngularError)> {
-    let calibration = PhotometricCalibration::fit(hand, &presses(hand, &TactileBoard::unit(hand, serial), per_camera, seed)?)
-        .context("fitting the photometric model")?;
+    let calibration =
+        PhotometricCalibration::fit(hand, &presses(hand, &TactileBoard::unit(hand, serial), per_camera, seed)?)
+            .context("fitting the photometric model")?;
     let held_out = presses(hand, &TactileBoard::unit(hand, serial + 1), per_camera.div_ceil(2), seed + 1)?;
     let error = calibration.evaluate(hand, &held_out).context("evaluating the photometric model")?;
     Ok((calibration, error))

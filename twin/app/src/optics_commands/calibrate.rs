@@ -6,7 +6,7 @@ use std::time::Instant;
 use anyhow::{Context, Result, bail};
 use clap::{Args, ValueEnum};
 use optics::calibration::{
-    Assumptions, BallFit, CalibratedSensor, SensorCalibration, Effort, HeldOut, Lens, PressFolder, Views, zhang,
+    Assumptions, BallFit, CalibratedSensor, Effort, HeldOut, Lens, PressFolder, SensorCalibration, Views, zhang,
 };
 use serde_json::{Value, json};
 

@@ -8,7 +8,7 @@ use clap::Args;
 use hand_model::Hand;
 use optics::Foundation;
 use optics::calibration::recovery::{Recovery, recover};
-use optics::calibration::{CalibratedSensor, SensorCalibration, Effort, PressFolder, Similarity, similarity};
+use optics::calibration::{CalibratedSensor, Effort, PressFolder, SensorCalibration, Similarity, similarity};
 use optics::foundation::{PROBE_RADIUS, Sensitivity, WINKLER_LIKE_PAPER, bonded_layer_force, response_to, sensitivity};
 use serde_json::{Map, Value, json};
 

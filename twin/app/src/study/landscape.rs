@@ -15,10 +15,10 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use serde_json::json;
 use study::landscape::attraction::{Attraction, stream};
-use study::landscape::metastability::thresholds;
 use study::landscape::disconnectivity::{Tree, tree};
 use study::landscape::grasps::{GraspLandscape, GraspState};
 use study::landscape::mapping::{Mapping, Plan};
+use study::landscape::metastability::thresholds;
 use study::page::{hover, tree as picture};
 use study::taxonomy::Category;
 

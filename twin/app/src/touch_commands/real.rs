@@ -8,7 +8,7 @@ use std::sync::Arc;
 use anyhow::{Context, Result, bail};
 use hand_model::pads::IMAGE_SIZE as N;
 use hand_model::robot::TactileImage;
-use optics::calibration::{CalibratedSensor, SensorCalibration, PressFolder};
+use optics::calibration::{CalibratedSensor, PressFolder, SensorCalibration};
 use rand::{Rng, RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use touch::CalibrationPress;
