@@ -75,7 +75,7 @@ fn on_cpu(criterion: &mut Criterion) {
     }
 }
 
-/// One hand, and 256 hands at once, on a GPU; says so where there is none.
+/// One hand, and 256 hands at once, on a GPU; prints a message without one.
 #[cfg(feature = "gpu")]
 fn on_gpu(criterion: &mut Criterion) {
     use std::sync::Arc;

@@ -7,28 +7,15 @@ use std::path::Path;
 pub enum OpticsError {
     /// A map of the wrong length.
     #[error("a map has {found} values; expected {expected} (240 x 240)")]
-    MapSize {
-        /// Values found.
-        found: usize,
-        /// Values expected.
-        expected: usize,
-    },
+    MapSize { found: usize, expected: usize },
     /// An image or a map of the wrong length for a calibrated sensor.
     #[error("found {found} values; expected {expected}, by the calibration's image size")]
-    ImageSize {
-        /// Values found.
-        found: usize,
-        /// Values expected.
-        expected: usize,
-    },
+    ImageSize { found: usize, expected: usize },
     /// A map has a value that is not a number or out of range.
     #[error("pixel (column {column}, row {row}) has the value {value}; expected {expected}")]
     MapValue {
-        /// Column of the pixel.
         column: usize,
-        /// Row of the pixel.
         row: usize,
-        /// The value found.
         value: f32,
         /// Range of valid values.
         expected: &'static str,
@@ -40,7 +27,6 @@ pub enum OpticsError {
         x: f64,
         /// Pad coordinate, m.
         y: f64,
-        /// The height found, m.
         z: f64,
     },
     /// A force is negative or not finite.
@@ -48,12 +34,7 @@ pub enum OpticsError {
     Force(f64),
     /// A pad or a gel has a size, thickness or stiffness that is not positive.
     #[error("{what} is {value}; expected a positive number")]
-    NotPositive {
-        /// The quantity.
-        what: &'static str,
-        /// The value found.
-        value: f64,
-    },
+    NotPositive { what: &'static str, value: f64 },
     /// A pad is too wide for its cover's cylinder.
     #[error("cover: the pad is {found} m wide; expected at most {most} m, 0.8 of the cylinder's diameter")]
     CoverWidth {
@@ -68,7 +49,6 @@ pub enum OpticsError {
     /// A job names a sensor that the renderer does not have.
     #[error("a job names sensor {found}; expected one below {count}")]
     NoSensor {
-        /// The index found.
         found: usize,
         /// Number of sensors.
         count: usize,
@@ -79,7 +59,6 @@ pub enum OpticsError {
     /// A file or folder cannot be used.
     #[error("{path}: {what}")]
     File {
-        /// The file or folder.
         path: String,
         /// What was found and what was expected.
         what: String,

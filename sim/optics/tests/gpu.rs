@@ -17,7 +17,7 @@ fn sensors(hand: &Hand) -> Arc<Vec<Sensor>> {
     Arc::new(hand.cameras.iter().enumerate().map(one).collect())
 }
 
-/// Skipping is said past the test harness' capture.
+/// The message about skipping bypasses the test harness' capture.
 fn any_adapter(sensors: &Arc<Vec<Sensor>>) -> Option<GpuRenderer> {
     let software = match GpuRenderer::on_software(sensors.clone()) {
         Ok(renderer) => return Some(renderer),

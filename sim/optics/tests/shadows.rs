@@ -13,7 +13,7 @@ use optics::shadows::{HeightField, Shadow};
 
 /// Side of the square field, m.
 const EXTENT: f64 = 12e-3;
-/// Pixels along a side: so many that hidden-point removal's hull is still quick, and as fine as a pad's images.
+/// Pixels along a side: coarse enough for hidden-point removal's hull, and as fine as a pad's images.
 const COARSE: usize = 48;
 const FINE: usize = 120;
 
@@ -42,7 +42,7 @@ fn hidden_points(side: usize, depth: &[f32], lamp: &Lamp) -> Vec<bool> {
         .map(|at| (place(side, at), f64::from(depth[at])))
         .map(|((x, y), depth)| Point3::new(x, y, -depth) - lamp.position)
         .enumerate()
-        // A row of the grid and the lamp lie in one plane; a hull wants its points in general position.
+        // A row of the grid and the lamp lie in one plane; a hull needs points in general position.
         .map(|(n, p)| p + 1e-10 * Vector3::new(jitter(3 * n), jitter(3 * n + 1), jitter(3 * n + 2)))
         .collect();
     let farthest = from_lamp.iter().map(Vector3::norm).fold(0.0, f64::max);

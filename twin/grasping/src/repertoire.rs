@@ -12,25 +12,11 @@ use crate::grasp::{Grasp, Role};
 #[derive(Debug, thiserror::Error)]
 pub enum RepertoireError {
     #[error("{path}: {source}")]
-    Io {
-        /// The file.
-        path: PathBuf,
-        /// The operating system's reason.
-        source: std::io::Error,
-    },
+    Io { path: PathBuf, source: std::io::Error },
     #[error("{path}: {message}")]
-    Syntax {
-        /// The file.
-        path: PathBuf,
-        /// The parser's message, with line and column.
-        message: String,
-    },
+    Syntax { path: PathBuf, message: String },
     #[error("{path}: version: found {found}, expected {VERSION}")]
-    Version {
-        /// The file.
-        path: PathBuf,
-        found: u32,
-    },
+    Version { path: PathBuf, found: u32 },
 }
 
 /// Version of the file format.

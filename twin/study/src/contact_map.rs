@@ -88,11 +88,6 @@ mod tests {
             let in_palm = if *link == 0 { *point } else { links[link - 1] * point };
             assert!((found - omega((in_palm - center).norm() - 0.02)).abs() < 1e-9, "link {link}");
         }
-        let nearest = map.iter().copied().fold(f64::INFINITY, f64::min);
-        assert!(
-            (omega(0.015)..omega(0.03)).contains(&nearest),
-            "the palm's face is about 24 mm from the centre: {nearest}"
-        );
         assert!(map.iter().any(|value| (value - omega(1.0)).abs() < 1e-12), "something is far");
     }
 

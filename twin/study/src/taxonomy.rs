@@ -46,30 +46,13 @@ pub struct GraspType {
 /// Errors of the study's data files.
 #[derive(Debug, thiserror::Error)]
 pub enum DataError {
-    /// Not readable.
     #[error("{path}: {source}")]
-    Io {
-        /// The file.
-        path: PathBuf,
-        /// The operating system's reason.
-        source: std::io::Error,
-    },
+    Io { path: PathBuf, source: std::io::Error },
     #[error("{path}: {message}")]
-    Format {
-        /// The file.
-        path: PathBuf,
-        /// The parser's message, with line and field.
-        message: String,
-    },
+    Format { path: PathBuf, message: String },
     /// Invalid value.
     #[error("{path}: {field}: found {found}, expected {expected}")]
-    Field {
-        /// The file.
-        path: PathBuf,
-        field: String,
-        found: String,
-        expected: String,
-    },
+    Field { path: PathBuf, field: String, found: String, expected: String },
 }
 
 #[derive(Deserialize)]

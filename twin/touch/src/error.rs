@@ -7,15 +7,10 @@ use std::path::PathBuf;
 pub enum TouchError {
     /// A file could not be read or written.
     #[error("{path}: {source}")]
-    Io {
-        /// The file.
-        path: PathBuf,
-        source: std::io::Error,
-    },
+    Io { path: PathBuf, source: std::io::Error },
     /// Not a photometric calibration.
     #[error("{path}: not a calibration: {message}")]
     Format {
-        /// The file.
         path: PathBuf,
         /// Parser message or found value.
         message: String,
@@ -23,7 +18,6 @@ pub enum TouchError {
     /// Not a network.
     #[error("{path}: not a network: {message}")]
     NetworkFormat {
-        /// The file.
         path: PathBuf,
         /// Parser message or found value.
         message: String,
@@ -46,12 +40,7 @@ pub enum TouchError {
     TooFewSamples { configuration: char, samples: usize, needed: usize },
     /// Wrong number of elements.
     #[error("{what}: found {found}, expected {expected}")]
-    Size {
-        /// What was counted.
-        what: &'static str,
-        found: usize,
-        expected: usize,
-    },
+    Size { what: &'static str, found: usize, expected: usize },
     /// A value is infinite or not a number.
     #[error("{0} is not finite")]
     NotFinite(&'static str),

@@ -99,7 +99,7 @@ pub fn estimate_pose(inputs: &PoseInputs) -> Result<PoseEstimate, TouchError> {
     })
 }
 
-/// Cost of an object that is at `pose` (palm frame), as [`PoseEstimate::cost`] counts it, with the joints where they fit
+/// Cost of an object that is at `pose` (palm frame), in the units of [`PoseEstimate::cost`], with the joints where they fit
 /// best, and the least cost that the search reaches downhill from there. With the true pose this distinguishes the two
 /// causes of a wrong estimate: the evidence favours the wrong pose, or the search missed the right one.
 pub fn costs_from_pose(inputs: &PoseInputs, pose: &Isometry3<f64>) -> Result<[f64; 2], TouchError> {

@@ -207,7 +207,7 @@ fn check_touch(hand: &Hand, camera: usize, touch: &PadTouch, truth: &[f32], name
     assert!(off < 5e-4, "{name}: centroid off by {off} m");
 }
 
-/// A dead camera is named and its pad blind; all others feel what they felt. A pad without calibration is blind too.
+/// A dead camera is named and its pad blind; all others are unchanged. A pad without calibration is blind too.
 #[test]
 fn faults_are_named_and_blind_only_their_own_pad() {
     let mut of = calibrated();

@@ -1,4 +1,4 @@
-//! The parameter vector of a fit: its order, its bounds, and the model it stands for.
+//! The parameter vector of a fit: its order, its bounds, and the model it represents.
 //!
 //! Every lamp lights all three channels. Only the lamps' colours, the diffuse light and the response differ between
 //! channels. The geometry is shared between them, which makes it identifiable.

@@ -58,8 +58,8 @@ fn truth() -> Vec<f64> {
     p
 }
 
-/// What presses to generate.
-struct Work<'a> {
+/// Number and kind of the generated presses.
+struct PressOptions<'a> {
     assumptions: &'a Assumptions,
     count: usize,
     per_press: usize,
@@ -69,8 +69,8 @@ struct Work<'a> {
 }
 
 /// Presses at random positions rendered by the model of `p` with noise, and optionally an image of each lamp alone.
-fn presses(p: &[f64], work: &Work) -> Samples {
-    let Work { assumptions, count, per_press, noise, single_lamps, seed } = *work;
+fn presses(p: &[f64], options: &PressOptions) -> Samples {
+    let PressOptions { assumptions, count, per_press, noise, single_lamps, seed } = *options;
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let mut uniform = |low: f64, high: f64| low + (high - low) * (f64::from(rng.next_u32()) + 0.5) / 4_294_967_296.0;
     let [w, h] = SIZE.map(|size| size as f64);
@@ -116,11 +116,12 @@ fn presses(p: &[f64], work: &Work) -> Samples {
 pub fn recover(count: usize, single_lamps: bool, noise: f64, effort: &Effort, seed: u64) -> Recovery {
     let assumptions = Assumptions::full(Some(PIXEL));
     let known = truth();
-    let work = Work { assumptions: &assumptions, count, per_press: effort.per_press, noise, single_lamps, seed };
-    let samples = presses(&known, &work);
+    let options =
+        PressOptions { assumptions: &assumptions, count, per_press: effort.per_press, noise, single_lamps, seed };
+    let samples = presses(&known, &options);
     let found = solve(&samples, &assumptions, PIXEL, &Effort { split: false, ..*effort }).parameters;
     let seed = seed ^ 0x6865_6c64;
-    let unseen = presses(&known, &Work { count: HELD_OUT, noise: 0.0, single_lamps: false, seed, ..work });
+    let unseen = presses(&known, &PressOptions { count: HELD_OUT, noise: 0.0, single_lamps: false, seed, ..options });
     let residuals = Scene { samples: &unseen, assumptions: &assumptions }.residuals(&found);
     let touched = &residuals[..3 * unseen.touched.len()];
     let root = |sum: f64, count: usize| (sum / count.max(1) as f64).sqrt();
@@ -153,8 +154,14 @@ pub fn recover(count: usize, single_lamps: bool, noise: f64, effort: &Effort, se
 mod tests {
     use super::*;
 
-    fn made(assumptions: &Assumptions, count: usize, per_press: usize, single_lamps: bool, seed: u64) -> Work<'_> {
-        Work { assumptions, count, per_press, noise: 0.0, single_lamps, seed }
+    fn made(
+        assumptions: &Assumptions,
+        count: usize,
+        per_press: usize,
+        single_lamps: bool,
+        seed: u64,
+    ) -> PressOptions<'_> {
+        PressOptions { assumptions, count, per_press, noise: 0.0, single_lamps, seed }
     }
 
     #[test]

@@ -43,7 +43,6 @@ const WIDEST: [f64; 3] = [0.01, 0.15, 0.2];
 pub struct Sample {
     /// Pose and joints.
     pub state: HandState,
-    /// Contact candidates.
     pub contacts: Vec<usize>,
     pub terms: Terms,
 }

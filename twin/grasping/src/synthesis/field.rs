@@ -23,12 +23,7 @@ const MAX_NODES: usize = 4_000_000;
 pub enum FieldError {
     /// An argument makes no sense.
     #[error("{field}: found {found}, expected {expected}")]
-    Argument {
-        /// Which argument.
-        field: &'static str,
-        found: f64,
-        expected: &'static str,
-    },
+    Argument { field: &'static str, found: f64, expected: &'static str },
 }
 
 /// Distance and normal at one point, with derivatives.

@@ -170,20 +170,13 @@ pub(super) mod per_unit {
 pub enum HeldError {
     /// Not readable or writable.
     #[error("{path}: {source}")]
-    Io {
-        /// The file.
-        path: PathBuf,
-        /// The operating system's reason.
-        source: std::io::Error,
-    },
+    Io { path: PathBuf, source: std::io::Error },
     /// Invalid line.
     #[error("{path}:{line}: {message}")]
     Line {
-        /// The file.
         path: PathBuf,
         /// From 1.
         line: usize,
-        /// The parser's message, or what is wrong.
         message: String,
     },
 }

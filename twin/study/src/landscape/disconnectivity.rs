@@ -8,7 +8,6 @@ use serde::Serialize;
 pub struct Merge {
     /// Energy at which the branches join.
     pub height: f64,
-    /// The branches.
     pub branches: [usize; 2],
 }
 

@@ -34,7 +34,6 @@ pub struct GraspState {
     pub pose: [f64; 7],
     /// Joint angles, rad.
     pub joints: Vec<f64>,
-    /// Contact candidates.
     pub contacts: Vec<usize>,
     /// Step and curvatures of the kernel, adapted at this state.
     kernel: (f64, Vec<f64>),

@@ -59,16 +59,10 @@ enum Line<S> {
 pub enum JournalError {
     /// Not readable or writable.
     #[error("{path}: {source}")]
-    Io {
-        /// The file.
-        path: PathBuf,
-        /// The operating system's reason.
-        source: std::io::Error,
-    },
+    Io { path: PathBuf, source: std::io::Error },
     /// Invalid line.
     #[error("{path}:{line}: {message}")]
     Line {
-        /// The file.
         path: PathBuf,
         /// From 1.
         line: usize,
@@ -78,7 +72,6 @@ pub enum JournalError {
     /// Journal of another run.
     #[error("{path}: found a journal of {found}, expected {expected}; give another folder or remove it")]
     OtherRun {
-        /// The file.
         path: PathBuf,
         /// Its plan.
         found: String,

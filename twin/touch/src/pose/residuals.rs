@@ -147,15 +147,14 @@ impl Problem<'_> {
 
     fn contact_residuals(&self, posed: Posed, evidence: Evidence, sink: &mut dyn Sink) {
         let Posed { state, kinematics } = posed;
-        // Least standard deviations of a patch's common error and of each point; factor on the weight of normals.
+        // Least standard deviations of a patch's common error and of a point; weight of normals.
         let (least, least_relief, normal_soft) = match evidence {
             Evidence::Soft => (SOFT.0, SOFT.1, 0.5),
             Evidence::Middle => (MIDDLE.0, MIDDLE.1, 1.0),
             _ => (0.0, 0.0, 1.0),
         };
-        let soft = evidence == Evidence::Soft;
-        let loss = if soft { Loss::Square } else { Loss::Huber(self.options.huber) };
-        let every = if soft { SOFT_STEP } else { 1 };
+        let huber = (Loss::Huber(self.options.huber), 1);
+        let (loss, every) = if evidence == Evidence::Soft { (Loss::Square, SOFT_STEP) } else { huber };
         for (n, pad) in self.pressed.iter().enumerate() {
             let column = self.columns - self.pressed.len() + n;
             sink.add((state.lift[n] - pad.lift) / pad.sigma, loss, &[column], &|row| row[column] = 1.0 / pad.sigma);
