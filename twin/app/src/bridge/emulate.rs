@@ -17,7 +17,7 @@ use hardware_bridge::emulator::servo::EmulatedServo;
 use hardware_bridge::emulator::spring_hand::SpringHand;
 use hardware_bridge::emulator::{EmulatedHand, EmulatorSettings, Plug};
 use hardware_bridge::xc330;
-use kortex::emulator::{Emulator, Happening, Injection, Pace, Settings, Status};
+use kortex::emulator::{Emulator, EventKind, Injection, Pace, Settings, Status};
 use kortex::safety_bank::FOLLOWING_ERROR;
 
 use super::faults::STANDS;
@@ -158,7 +158,7 @@ fn attend(args: &EmulateArgs, hand: &mut EmulatedHand, arm: Option<&Emulator>, m
 /// Whether all watchdogs have tripped and nothing moves any more.
 fn stopped(hand: &EmulatedHand, arm: Option<&Emulator>) -> bool {
     let arm_stopped = arm.map(Emulator::status).is_none_or(|arm| {
-        let tripped = arm.events.iter().any(|event| event.what == Happening::Watchdog);
+        let tripped = arm.events.iter().any(|event| event.what == EventKind::Watchdog);
         tripped && arm.motion.velocity.iter().all(|speed| speed.abs() <= STANDS)
     });
     hand.watchdog_trips().len() == ACTUATORS && arm_stopped
@@ -170,9 +170,9 @@ fn tell(cli: &Cli, hand: &EmulatedHand, arm: Option<&Status>) {
     let trips = hand.watchdog_trips();
     let stopped = arm.and_then(|arm| {
         let time = |what| arm.events.iter().rev().find(|event| event.what == what).map(|event| event.time);
-        let watchdog = time(Happening::Watchdog)?;
+        let watchdog = time(EventKind::Watchdog)?;
         // Joints that stood already need not come to a standstill.
-        let still = time(Happening::StandsStill).filter(|still| *still >= watchdog).unwrap_or(watchdog);
+        let still = time(EventKind::StandsStill).filter(|still| *still >= watchdog).unwrap_or(watchdog);
         Some((watchdog.saturating_sub(arm.commands.last), still.saturating_sub(arm.commands.last)))
     });
     if cli.json {
