@@ -203,7 +203,11 @@ fn wait_for_trial(host: &mut Child, sessions: &Path) {
     // Only a trial that hangs takes so long.
     let give_up = Instant::now() + Duration::from_secs(600);
     while recorded() < 6_000_000 {
-        assert!(host.try_wait().expect("ours").is_none(), "the trial ended by itself");
+        if host.try_wait().expect("ours").is_some() {
+            let mut message = String::new();
+            drop(host.stderr.take().map(|mut stderr| stderr.read_to_string(&mut message)));
+            panic!("the trial ended by itself: {message}");
+        }
         assert!(Instant::now() < give_up, "the trial does not begin");
         std::thread::sleep(Duration::from_millis(20));
     }
@@ -228,7 +232,7 @@ fn a_killed_host_leaves_everything_standing() {
         text(&sessions),
     ];
     let mut host =
-        ftac(&arguments).stdin(Stdio::piped()).stdout(Stdio::null()).stderr(Stdio::null()).spawn().expect("starts");
+        ftac(&arguments).stdin(Stdio::piped()).stdout(Stdio::null()).stderr(Stdio::piped()).spawn().expect("starts");
     host.stdin.as_mut().expect("piped").write_all(b"\n").expect("the operator says go");
     wait_for_trial(&mut host, &sessions);
     host.kill().expect("killed");

@@ -65,8 +65,8 @@ pub struct EmulateArgs {
     seconds: Option<f64>,
 }
 
-/// The emulated arm's watchdog under `--patient`, ms.
-const PATIENT_ARM: u64 = 3000;
+/// The emulated arm's watchdog under `--patient`, ms: shorter than the 2 s after which the arm ends a silent session.
+const PATIENT_ARM: u64 = 1500;
 
 /// What goes wrong outside the servos and the camera board.
 #[derive(Debug, Clone, Copy, PartialEq)]
