@@ -1,5 +1,6 @@
 //! `ftac bridge emulate`: the devices without the hardware, in real time, moved by the simulated robot.
 
+use std::f64::consts::PI;
 use std::io::IsTerminal as _;
 use std::path::PathBuf;
 use std::str::FromStr;
@@ -54,7 +55,7 @@ pub struct EmulateArgs {
     /// One servo as it leaves the factory instead of six provisioned ones, for `bridge provision`.
     #[arg(long)]
     factory: bool,
-    /// Watchdogs of 2 s and more, in the devices and in bridge.toml, for a busy machine: what happens then does not depend on its load.
+    /// Long watchdogs and time-outs, in the devices and in bridge.toml, for a busy machine.
     #[arg(long)]
     patient: bool,
     /// End as soon as all servos and the arm have been stopped by their own watchdogs.
@@ -97,7 +98,9 @@ pub fn run(cli: &Cli, args: &EmulateArgs) -> Result<Option<String>> {
         false => {
             let usual = Settings { seed: cli.seed, standstill: STANDS, ..Settings::default() };
             let cyclic_deadline = if args.patient { PATIENT_ARM } else { usual.cyclic_deadline };
-            let settings = Settings { cyclic_deadline, ..usual };
+            // A plant held up by a busy machine follows late.
+            let following_error = if args.patient { PI } else { usual.following_error };
+            let settings = Settings { cyclic_deadline, following_error, ..usual };
             Some(Emulator::start(settings, Box::new(hand.arm_joints()), Pace::RealTime).context("the emulated arm")?)
         }
     };
@@ -281,7 +284,7 @@ fn write_config(args: &EmulateArgs, hand: &EmulatedHand, arm: Option<&Emulator>)
             baud: 3_000_000,
             rate: 200.0,
             fast_sync_read: false,
-            slack: 0.020,
+            slack: if args.patient { 0.5 } else { 0.020 },
         },
         cameras: Some(CameraConfig { port: cameras }),
         uvc: Vec::new(),
