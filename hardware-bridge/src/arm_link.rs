@@ -1,31 +1,31 @@
-//! What the bridge wants of an arm's controller.
+//! The interface between the bridge and an arm's controller.
 
 use hand_model::ARM_JOINTS;
 use hand_model::robot::ArmState;
 
 use crate::safety::checks::ArmReading;
 
-/// Why the arm does not answer or obey, in its client's words.
+/// The arm does not answer, or refuses; the text is its client's.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("arm: {0}")]
 pub struct ArmLinkError(pub String);
 
-/// An arm's controller. Called once a servo cycle, so no call may block longer than a fraction of one.
+/// An arm's controller. It is called once per servo cycle and must not block for more than a fraction of one.
 pub trait ArmLink: Send {
     /// The newest feedback; `now` is s since the bridge's start, and the reading's time is on that clock.
     fn read(&mut self, now: f64) -> Result<ArmReading, ArmLinkError>;
 
-    /// Gets ready to follow set-points, starting from where the arm is. Called when the robot is armed.
+    /// Prepares to follow set-points, starting at the measured position. Called when the robot is armed.
     fn engage(&mut self) -> Result<(), ArmLinkError>;
 
     /// New joint set-points, rad, within limits.
     fn command(&mut self, set_points: &[f64; ARM_JOINTS]) -> Result<(), ArmLinkError>;
 
-    /// Stops where it is and leaves the mode that follows set-points.
+    /// Stops the arm at its position and leaves set-point mode.
     fn disengage(&mut self) -> Result<(), ArmLinkError>;
 }
 
-/// No arm: what is asked is what is measured, one call later.
+/// A stand-in for an arm: each set-point is measured one call later.
 #[derive(Debug, Clone, Default)]
 pub struct LoopbackArm {
     position: [f64; ARM_JOINTS],

@@ -1,8 +1,7 @@
-//! What was found out about this very hand: which servo is where, and where its open mark is.
+//! The calibration of one hand's servos: the open mark and the travel of each.
 //!
-//! The servos' homing offsets are kept twice, in the servos' EEPROM and here. An offset is as good as a serial number, which the
-//! XC330 does not have: a servo that was exchanged or mounted anew does not have the one in the file, and is refused. The file ends with a
-//! CRC of its content, so that a hand-edited one is refused too.
+//! Homing offsets are stored twice, in the servos' EEPROM and in this file. They serve as serial numbers, which the XC330 lacks: a servo that
+//! was replaced or remounted has another offset and is refused. The file carries a CRC of its content, so that edits by hand are refused as well.
 
 use std::f64::consts::TAU;
 use std::path::Path;
@@ -15,10 +14,9 @@ use crate::tactile_link::frame::digest;
 
 /// Version of this format.
 const VERSION: u32 = 1;
-/// A shaft at power-up is taken to be between this share of a turn before the open mark and the rest after it.
+/// At power-up a shaft is assumed to stand at most this share of a turn before the open mark.
 const BEFORE_MARK: f64 = 0.2;
 
-/// One servo.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ServoCalibration {
@@ -30,16 +28,16 @@ pub struct ServoCalibration {
     pub firmware: u8,
     /// Homing offset written to the servo, encoder counts: with it the open mark reads 0.
     pub homing_offset: i32,
-    /// From the open mark to the closed stop, rad.
+    /// Angle from the open mark to the closed stop, rad.
     pub travel: f64,
 }
 
-/// All of them.
+/// The calibration of all six servos.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct HandCalibration {
     version: u32,
-    /// Name of the hand model it was made for.
+    /// Name of the calibrated hand model.
     pub hand: String,
     /// The servos, in actuator order.
     pub servos: [ServoCalibration; ACTUATORS],
@@ -48,14 +46,13 @@ pub struct HandCalibration {
 }
 
 impl HandCalibration {
-    /// A calibration of these servos.
     pub fn new(hand: &str, servos: [ServoCalibration; ACTUATORS]) -> Self {
         let mut calibration = Self { version: VERSION, hand: hand.to_owned(), servos, crc: String::new() };
         calibration.crc = calibration.hash();
         calibration
     }
 
-    /// The CRC of everything but itself: also what recordings note.
+    /// CRC of all other fields. Recordings store it.
     pub fn hash(&self) -> String {
         let bare = Self { crc: String::new(), ..self.clone() };
         // Numbers and strings always have a JSON form.
@@ -68,7 +65,7 @@ impl HandCalibration {
         std::array::from_fn(|n| self.servos[n].travel)
     }
 
-    /// Reads and checks a file.
+    /// Reads a file and checks version, CRC and travel.
     pub fn read(path: &Path) -> Result<Self, ConfigError> {
         let text = std::fs::read_to_string(path).map_err(|source| ConfigError::Io { path: path.to_owned(), source })?;
         let calibration: Self = serde_json::from_str(&text)
@@ -80,7 +77,7 @@ impl HandCalibration {
             return field("version", calibration.version.to_string(), VERSION.to_string());
         }
         if calibration.crc != calibration.hash() {
-            let expected = format!("{}; the file was changed: calibrate again", calibration.hash());
+            let expected = format!("{}; the file was edited: calibrate again", calibration.hash());
             return field("crc", calibration.crc, expected);
         }
         for (n, servo) in calibration.servos.iter().enumerate() {
@@ -91,15 +88,14 @@ impl HandCalibration {
         Ok(calibration)
     }
 
-    /// Writes it.
     pub fn write(&self, path: &Path) -> Result<(), ConfigError> {
         let text = serde_json::to_string_pretty(self).unwrap_or_default();
         std::fs::write(path, text + "\n").map_err(|source| ConfigError::Io { path: path.to_owned(), source })
     }
 }
 
-/// Whole turns, rad, to take off a servo's reading so that it is an angle from the open mark: after power-up a servo knows its angle within one
-/// turn only. `reading` is what it says now, rad.
+/// Whole turns (rad) to subtract from a servo's readings to get angles from the open mark. After power-up a servo knows its angle only within
+/// one turn; `reading` (rad) is its present one.
 pub fn turns_to_forget(reading: f64) -> f64 {
     ((reading + BEFORE_MARK * TAU) / TAU).floor() * TAU
 }

@@ -1,4 +1,4 @@
-//! The tactile cameras, however they are connected.
+//! The tactile cameras, behind the camera board or as UVC devices.
 
 use hand_model::CAMERAS;
 use hand_model::robot::TactileFrame;
@@ -9,17 +9,16 @@ use crate::tactile_link::TactileLink;
 use crate::tactile_link::counters::CameraCounters;
 use crate::tactile_link::link::LinkError;
 
-/// Why there are no cameras.
+/// The cameras cannot be opened.
 #[derive(Debug, thiserror::Error)]
 pub enum CamerasError {
-    /// The board.
     #[error(transparent)]
     Board(#[from] LinkError),
     /// UVC devices.
     #[cfg(feature = "uvc")]
     #[error(transparent)]
     Uvc(#[from] crate::uvc::device::UvcError),
-    /// A program that knows no UVC devices.
+    /// The program was built without UVC support.
     #[error("uvc: found {0} devices, expected none: this program was built without the feature `uvc`")]
     NoUvc(usize),
 }
@@ -34,7 +33,7 @@ pub enum Cameras {
 }
 
 impl Cameras {
-    /// Those of a configuration, if it has any.
+    /// Opens the configured cameras; `None` if there are none.
     ///
     /// # Errors
     /// [`CamerasError`].
@@ -51,7 +50,7 @@ impl Cameras {
         Err(CamerasError::NoUvc(config.uvc.len()))
     }
 
-    /// The board's link, where it is one.
+    /// The link to the camera board, if that is the connection.
     pub fn board(&self) -> Option<&TactileLink> {
         match self {
             Self::Board(link) => Some(link),
@@ -84,7 +83,7 @@ impl Cameras {
         }
     }
 
-    /// The books of every camera.
+    /// Counters of every camera.
     pub fn cameras(&self) -> [CameraCounters; CAMERAS] {
         match self {
             Self::Board(link) => link.cameras(),
@@ -93,7 +92,7 @@ impl Cameras {
         }
     }
 
-    /// Why they stopped working, if they did.
+    /// The reason why the cameras stopped working, if they did.
     pub fn lost(&self) -> Option<String> {
         match self {
             Self::Board(link) => link.lost_port(),

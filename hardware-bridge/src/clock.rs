@@ -1,4 +1,4 @@
-//! The clock that the bridge goes by: the one on the wall, or an emulated one that somebody moves on.
+//! The bridge's clock: the host's monotonic clock, or an emulated one that is advanced by steps.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -7,19 +7,19 @@ use std::time::Instant;
 /// Seconds since the bridge's start.
 #[derive(Debug, Clone)]
 pub enum Clock {
-    /// Passes by itself.
+    /// Real time since this instant.
     Wall(Instant),
-    /// Passes by [`Clock::advance`] alone (the bits of an `f64`); clones show the same time.
+    /// Advanced only by [`Clock::advance`]. Holds the bits of an `f64`; clones share the time.
     Emulated(Arc<AtomicU64>),
 }
 
 impl Clock {
-    /// A clock that starts now and passes by itself.
+    /// A real-time clock that starts now.
     pub fn wall() -> Self {
         Self::Wall(Instant::now())
     }
 
-    /// A clock that shows 0 until somebody moves it on.
+    /// An emulated clock at 0 s.
     pub fn emulated() -> Self {
         Self::Emulated(Arc::new(AtomicU64::new(0.0_f64.to_bits())))
     }
@@ -32,7 +32,7 @@ impl Clock {
         }
     }
 
-    /// Moves an emulated clock on by `seconds`; one on the wall moves by itself, and this does nothing to it.
+    /// Advances an emulated clock by `seconds`; has no effect on a real-time clock.
     pub fn advance(&self, seconds: f64) {
         if let Self::Emulated(bits) = self {
             bits.store((self.now() + seconds).to_bits(), Ordering::Release);

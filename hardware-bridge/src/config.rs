@@ -1,9 +1,9 @@
-//! `bridge.toml`: where the devices are and what is allowed.
+//! `bridge.toml`: the devices and the limits of a robot.
 //!
 //! ```toml
 //! version = 1
 //! calibration = "calibration.json"      # beside this file
-//! stop_socket = "/tmp/ftac-bridge.sock" # where `ftac bridge stop` knocks
+//! stop_socket = "/tmp/ftac-bridge.sock" # socket of `ftac bridge stop`
 //!
 //! [servos]
 //! port = "/dev/serial/by-id/usb-FTDI_..."
@@ -12,7 +12,7 @@
 //! [cameras]
 //! port = "/dev/serial/by-id/usb-..."
 //!
-//! # or, in its place, webcams (feature `uvc`), a section each; together they show all 18 cameras of the hand
+//! # or webcams instead (feature `uvc`), one section each; together they cover all 18 cameras of the hand
 //! [[uvc]]
 //! device = "0123456"                    # path, part of a name below /dev/v4l/by-id (serial number), or the card's name
 //! size = [640, 480]
@@ -60,7 +60,7 @@ pub enum ConfigError {
     Syntax {
         /// The file.
         path: PathBuf,
-        /// The parser's message, with its place.
+        /// The parser's message, with the position.
         message: String,
     },
     /// A field has a value that cannot be.
@@ -77,7 +77,6 @@ pub enum ConfigError {
     },
 }
 
-/// The configuration of a bridge.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct BridgeConfig {
@@ -91,10 +90,9 @@ pub struct BridgeConfig {
     pub servos: ServoConfig,
     /// The camera board; without it the robot has no touch.
     pub cameras: Option<CameraConfig>,
-    /// UVC devices in the camera board's place.
+    /// UVC devices instead of the camera board.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub uvc: Vec<UvcConfig>,
-    /// The arm.
     pub arm: ArmConfig,
     /// What is allowed.
     #[serde(default)]
@@ -143,7 +141,6 @@ pub struct CameraConfig {
     pub port: PathBuf,
 }
 
-/// The arm.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "kind", rename_all = "lowercase", deny_unknown_fields)]
 pub enum ArmConfig {
@@ -151,7 +148,6 @@ pub enum ArmConfig {
     Loopback,
     /// A Kinova Gen3.
     Kortex {
-        /// Its address.
         host: IpAddr,
         /// Its port for calls.
         #[serde(default = "default_tcp")]
@@ -159,9 +155,9 @@ pub enum ArmConfig {
         /// Its port for the cyclic exchange.
         #[serde(default = "default_udp")]
         udp_port: u16,
-        /// Who logs in.
+        /// User of the arm.
         user: String,
-        /// With which password. Whoever reads this file knows it: arms have a user of their own for such a host.
+        /// Stored in plain text: use a separate user of the arm for this host.
         password: String,
     },
 }
@@ -174,7 +170,7 @@ fn default_udp() -> u16 {
     UDP_PORT
 }
 
-/// What is allowed, the same for every servo.
+/// Limits, the same for every servo.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct LimitConfig {

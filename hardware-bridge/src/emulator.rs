@@ -1,14 +1,14 @@
-//! The devices without the hardware: six XC330 and the camera board, each on a pseudo-terminal, moved by a plant.
+//! Emulated devices: six XC330 servos and the camera board, each on a pseudo-terminal, driven by a plant.
 //!
-//! The plant is any [`Robot`]: [`spring_hand::SpringHand`] here, the simulated robot where the program wires it. A plant thread ticks
-//! it in real time: goals from the servos' registers go in, shafts and images come out. A thread a device talks the device's protocol and
-//! knows nothing of the plant. Any program that opens serial ports can be the host.
+//! The plant is any [`Robot`], such as [`spring_hand::SpringHand`] or the simulated robot. In real time ([`EmulatedHand::start`]) a thread ticks
+//! the plant: it takes the goals from the servos' registers and returns shaft states and images. One more thread per device speaks the
+//! device's protocol. Any program that opens serial ports can be the host.
 //!
-//! Started by [`EmulatedHand::start_stepped`] there is no plant thread: time is an emulated clock's, and the plant moves by
-//! [`EmulatedHand::step`] alone. Then no answer waits for its time on the line, and one that is delayed comes after the host's next
-//! request. [`lockstep`] is a robot on such devices, [`direct`] one on the same devices without any wire.
+//! With [`EmulatedHand::start_stepped`] the clock is emulated and the plant advances only by [`EmulatedHand::step`]. Answers are then sent at
+//! once, and a delayed answer follows the host's next request. [`lockstep`] is a robot on such devices; [`direct`] uses the same devices
+//! without any wire.
 //!
-//! [`servo`] is one servo, [`servo_chain`] six on a line, [`camera_board`] the board, [`faults`] what can go wrong, [`pty`] a port.
+//! [`servo`] emulates one servo, [`servo_chain`] six on a bus, [`camera_board`] the board; [`faults`] lists the faults, [`pty`] opens a port.
 
 pub mod camera_board;
 pub mod direct;
@@ -44,26 +44,25 @@ use crate::clock::Clock;
 use crate::lock::lock;
 use crate::protocol2::Decoder;
 
-/// How long a device thread waits for bytes before it looks whether it should end.
+/// Longest wait of a device thread for bytes before it checks whether to end.
 const WAIT: Duration = Duration::from_millis(5);
 
-/// How the hand is emulated.
 #[derive(Debug, Clone)]
 pub struct EmulatorSettings {
     /// The servos, in actuator order.
     pub servos: Vec<EmulatedServo>,
     /// The camera board.
     pub board: BoardSettings,
-    /// What goes wrong.
+    /// Injected faults.
     pub faults: Faults,
-    /// What the USB adapter adds to every answer, s.
+    /// Latency that the USB adapter adds to every answer, s.
     pub usb_latency: f64,
     /// Seed of random faults and of the cameras' noise.
     pub seed: u64,
 }
 
 impl Default for EmulatorSettings {
-    /// Six provisioned servos with ids 1 to 6 and horns mounted anyhow, no faults, 1 ms of USB latency.
+    /// Six provisioned servos with ids 1 to 6 and arbitrary horn positions, no faults, 1 ms of USB latency.
     fn default() -> Self {
         Self {
             servos: (1..=6).map(|id| EmulatedServo::provisioned(id, 700 * i64::from(id))).collect(),
@@ -118,7 +117,7 @@ pub struct EmulatedHand {
     servo_pty: Option<Pty>,
     board_pty: Option<Pty>,
     paths: [PathBuf; 2],
-    /// What is left of ports whose plug was pulled.
+    /// Device ends of unplugged ports, kept open.
     gone: Vec<SerialPort>,
     threads: Vec<JoinHandle<()>>,
     /// The plant, where it moves by [`EmulatedHand::step`], and where its images go.
@@ -188,7 +187,7 @@ impl EmulatedHand {
         let Some(plant) = &mut self.stepped else { return 0.0 };
         let tick = plant.robot.tick_length();
         self.shared.clock.advance(tick);
-        // Without anybody who takes images there is nothing more to do with them.
+        // Images without a receiver are dropped.
         let _ = tick_plant(plant, &self.shared, tick);
         tick
     }
@@ -223,7 +222,7 @@ impl EmulatedHand {
         self.board_pty.as_ref().map_or(Ok(()), |pty| pty.link(link))
     }
 
-    /// Pulls a USB plug: the port is gone for good.
+    /// Pulls a USB plug; the port does not come back.
     pub fn unplug(&mut self, plug: Plug) {
         let (gone, pty) = match plug {
             Plug::Servos => (&self.shared.servos_gone, &mut self.servo_pty),
@@ -233,7 +232,7 @@ impl EmulatedHand {
         self.gone.extend(pty.take().map(Pty::hang_up));
     }
 
-    /// Makes something go wrong now.
+    /// Injects a fault now.
     pub fn inject(&self, event: Event) {
         match event {
             Event::Freeze(camera) => lock(&self.shared.board).freeze(camera),
@@ -251,7 +250,7 @@ impl EmulatedHand {
         lock(&self.shared.board).set_jpeg_chance(chance);
     }
 
-    /// Where the shafts really are: for tests and displays, not for hosts.
+    /// The true state of the shafts, for tests and displays; a host must not use it.
     pub fn shafts(&self) -> [ServoState; ACTUATORS] {
         *lock(&self.shared.shafts)
     }
@@ -286,19 +285,19 @@ impl Drop for EmulatedHand {
     fn drop(&mut self) {
         self.shared.stop.store(true, Ordering::Relaxed);
         for thread in self.threads.drain(..) {
-            // A thread that panicked has said so itself.
+            // A panic is reported by the thread's own panic message.
             let _ = thread.join();
         }
     }
 }
 
-/// What the devices move, and where its images go.
+/// The plant and the queue of its images.
 struct Plant {
     robot: Box<dyn Robot + Send>,
     images: Sender<Vec<TactileFrame>>,
 }
 
-/// One tick of the plant; whether anybody still takes its images.
+/// Ticks the plant; false once its images have no receiver.
 fn tick_plant(plant: &mut Plant, shared: &Shared, tick: f64) -> bool {
     let mut servos = [ServoGoal::Current(0.0); ACTUATORS];
     for (goal, drive) in servos.iter_mut().zip(lock(&shared.chain).drives()) {

@@ -1,4 +1,4 @@
-//! The six servos as one hand: readings in angles from the open mark, goals out, torque, watchdog, audit.
+//! The six servos as one hand: angles from the open mark, goals, torque, watchdog, audit.
 
 use hand_model::ACTUATORS;
 use hand_model::robot::ServoState;
@@ -18,7 +18,6 @@ const AUDIT_LENGTH: u16 = xc330::BUS_WATCHDOG.address + 1 - AUDIT_START;
 /// The servos behind an open bus.
 #[derive(Debug)]
 pub struct HandBus {
-    /// The bus.
     pub bus: ServoBus,
     ids: [u8; ACTUATORS],
     fast: bool,
@@ -49,7 +48,7 @@ impl HandBus {
         Ok(None)
     }
 
-    /// The newest word of each servo at `now`, s; `None` for those that said nothing usable.
+    /// Reads every servo at `now` (s); `None` for a servo without a usable answer.
     pub fn read(&mut self, now: f64) -> Result<[Option<ServoReading>; ACTUATORS], BusError> {
         let (start, length) = (PRESENT_BLOCK_LONG.start, PRESENT_BLOCK_LONG.end - PRESENT_BLOCK_LONG.start);
         let replies = if self.fast {
@@ -64,7 +63,7 @@ impl HandBus {
         Ok(std::array::from_fn(|n| read(n, &replies[n])))
     }
 
-    /// Sends goals: the current first, so that a place is never sought with an older, greater current.
+    /// Sends goals, the current first, so that no position is approached with an older, larger current.
     pub fn send(&mut self, goals: &[SafeGoal; ACTUATORS]) -> Result<(), BusError> {
         self.sync_write(&xc330::GOAL_CURRENT, |n| goals[n].current)?;
         let forget = self.forget;
@@ -83,7 +82,7 @@ impl HandBus {
         self.set_watchdog(watchdog)
     }
 
-    /// Torque off everywhere, whoever fails: the failures.
+    /// Disables the torque of every servo, even if some fail; returns the failures.
     pub fn torque_off(&mut self) -> Vec<BusError> {
         let ids = self.ids;
         self.bus.set_torque(&ids, false).into_iter().filter_map(Result::err).collect()
@@ -122,7 +121,7 @@ impl HandBus {
     }
 }
 
-/// What a servo's present block and alert bit mean at `now`, s. Its first word also tells the whole turns to forget.
+/// A servo's present block and alert bit as a reading at `now` (s). The first reading also sets the full turns to subtract.
 pub(crate) fn reading(block: &[u8], alert: bool, forget: &mut Option<f64>, now: f64) -> Option<ServoReading> {
     let value = |register: Register| register.read_from(block, PRESENT_BLOCK_LONG.start);
     let raw = value(xc330::PRESENT_POSITION)?;

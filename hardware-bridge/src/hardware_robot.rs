@@ -1,7 +1,7 @@
-//! The real robot as a [`Robot`]: what a controller drives.
+//! The real robot as a [`Robot`].
 //!
-//! [`HardwareRobot::connect`] opens and compares, [`HardwareRobot::check`] looks at every measurement, [`HardwareRobot::arm`] switches torque
-//! on; only then do commands move anything. Dropping the robot leaves it holding: to open the hand is always somebody's wish.
+//! [`HardwareRobot::connect`] opens the devices and compares them with the calibration, [`HardwareRobot::check`] checks every measurement,
+//! [`HardwareRobot::arm`] enables torque; commands move nothing before that. A dropped robot keeps holding: only an explicit release opens the hand.
 
 use std::collections::VecDeque;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -38,7 +38,7 @@ const AUDIT_EVERY: u64 = 5;
 /// Longest wait for the cycle that uses a command, and for the answer to an order.
 const PATIENCE: Duration = Duration::from_secs(3);
 
-/// Why there is no robot.
+/// The robot cannot be connected.
 #[derive(Debug, thiserror::Error)]
 pub enum ConnectError {
     /// The calibration.
@@ -47,7 +47,6 @@ pub enum ConnectError {
     /// The servo bus.
     #[error(transparent)]
     Bus(#[from] BusError),
-    /// The cameras.
     #[error(transparent)]
     Cameras(#[from] CamerasError),
     /// The remote stop.
@@ -58,14 +57,12 @@ pub enum ConnectError {
     Setup {
         /// What was looked at.
         what: String,
-        /// What it is.
         found: String,
-        /// What it should be.
         expected: String,
     },
-    /// Not the hand that was calibrated.
+    /// Another hand than the calibrated one.
     #[error(
-        "actuator {actuator}: found homing offset {found}, expected the calibration's {expected}: another servo, or mounted anew; calibrate"
+        "actuator {actuator}: found homing offset {found}, expected the calibration's {expected}: the servo was replaced or remounted; calibrate"
     )]
     Mismatch {
         /// Index of the actuator.
@@ -80,7 +77,7 @@ pub enum ConnectError {
     Thread(std::io::Error),
 }
 
-/// An order that was not carried out.
+/// An order that was refused.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("{0}")]
 pub struct OrderError(pub String);
@@ -97,8 +94,8 @@ pub struct HardwareRobot {
 }
 
 impl HardwareRobot {
-    /// Opens the devices and makes sure that they are the calibrated ones; touches no torque. With `dry`, nothing will ever be written to
-    /// a device, and what would have been is told there.
+    /// Opens the devices and verifies that they are the calibrated ones; torque stays as it is. With `dry`, nothing is ever written to a device,
+    /// and the goals are reported there instead.
     pub fn connect(
         config: &BridgeConfig,
         arm: Box<dyn ArmLink>,
@@ -121,43 +118,42 @@ impl HardwareRobot {
         Ok(Self { shared, cameras, _door: door, thread: Some(thread), clock, next_tick: Instant::now(), sequence: 0 })
     }
 
-    /// Looks at every newest measurement; the robot may then be armed.
+    /// Checks the newest measurements; the robot may be armed once they pass.
     pub fn check(&self) -> Result<(), OrderError> {
         self.order(Order::Check)
     }
 
-    /// Switches torque on, where everything stands and without force. Somebody must have said so.
+    /// Enables torque at the present positions and without force. Requires the consent of an operator.
     pub fn arm(&self) -> Result<(), OrderError> {
         self.order(Order::Arm)
     }
 
-    /// Stops; what is held stays held.
+    /// Stops and keeps hold.
     pub fn hold(&self) -> Result<(), OrderError> {
         self.order(Order::Remote(Wish::Hold))
     }
 
-    /// Lets go, gently, and switches torque off.
+    /// Fades the currents, then disables torque.
     pub fn release(&self) -> Result<(), OrderError> {
         self.order(Order::Remote(Wish::Release))
     }
 
-    /// Goes on after a hold.
+    /// Continues after a hold.
     pub fn resume(&self) -> Result<(), OrderError> {
         self.order(Order::Remote(Wish::Resume))
     }
 
-    /// Announces that no command will come for up to `seconds`: the robot stands, the hand pulls as it was told last, and no watchdog of the
-    /// controller minds. The next command ends it.
+    /// Announces that no command will come for up to `seconds`: the arm stands, the hand keeps its last goals, and the controller's watchdog is
+    /// suspended. The next command ends the pause.
     pub fn pause(&self, seconds: f64) {
         lock(&self.shared.board).quiet_until = self.now() + seconds;
     }
 
-    /// The state.
     pub fn state(&self) -> State {
         lock(&self.shared.board).state
     }
 
-    /// How the cycles went.
+    /// Statistics of the servo cycles.
     pub fn report(&self) -> CycleReport {
         lock(&self.shared.board).report.clone()
     }
@@ -202,7 +198,7 @@ pub(crate) fn open_hand(config: &BridgeConfig, calibration: &HandCalibration) ->
     Ok(hand)
 }
 
-/// The wheel that turns `hand` and `arm`, connected, with nobody's torque touched.
+/// The servo cycle of `hand` and `arm`, connected, torque unchanged.
 pub(crate) fn servo_cycle(
     config: &BridgeConfig,
     calibration: &HandCalibration,
@@ -252,7 +248,7 @@ pub(crate) fn servo_cycle(
     }
 }
 
-/// Hands an order to the cycle and waits for what becomes of it.
+/// Gives an order to the servo cycle and waits for the answer.
 fn give(shared: &Shared, order: Order) -> Result<String, String> {
     let (answer, answered) = mpsc::channel();
     lock(&shared.board).orders.push_back((order, answer));
@@ -329,7 +325,7 @@ impl Drop for HardwareRobot {
     fn drop(&mut self) {
         self.shared.stop.store(true, Ordering::Relaxed);
         if let Some(thread) = self.thread.take() {
-            // A thread that panicked has said so itself.
+            // A panic is reported by the thread's own panic message.
             let _ = thread.join();
         }
     }

@@ -1,8 +1,8 @@
-//! Finding a servo's open mark and its travel by feeling.
+//! Homing: finds a servo's open mark and its travel by driving it against its stops.
 //!
-//! One servo at a time: unwind under a small current until the spool stands at its open mark, note the place, wind under a moderate current
-//! until the digit stands, note the travel, let the current fade so that the springs open the digit gently. The place is written to the
-//! servo as its homing offset: the open mark then reads 0.
+//! One servo at a time: unwind with a small current until the spool stops at its open mark, wind with a moderate current until the digit stops,
+//! then fade the current so that the springs open the digit gently. The position of the open mark is written to the servo as its homing offset,
+//! so that it reads 0 there.
 
 use std::time::{Duration, Instant};
 
@@ -10,7 +10,6 @@ use crate::calibration::ServoCalibration;
 use crate::servo_bus::{BusError, ServoBus};
 use crate::xc330;
 
-/// How a homing is done.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct HomingSettings {
     /// Current for unwinding to the open mark, A.
@@ -51,10 +50,9 @@ pub enum HomingError {
     Bus(#[from] BusError),
     /// Nothing stopped the shaft.
     #[error(
-        "servo {id}: went {way:.2} rad {direction} without a stop, expected at most {longest:.2}: is the cable on the spool?"
+        "servo {id}: went {way:.2} rad {direction} without a stop, expected at most {longest:.2}: is the cable off the spool?"
     )]
     NoStop {
-        /// Which.
         id: u8,
         /// `opening` or `closing`.
         direction: &'static str,
@@ -66,7 +64,6 @@ pub enum HomingError {
     /// It did not come to rest.
     #[error("servo {id}: did not come to rest {direction} within {patience} s")]
     Restless {
-        /// Which.
         id: u8,
         /// `opening` or `closing`.
         direction: &'static str,
@@ -76,7 +73,6 @@ pub enum HomingError {
     /// The stops are too close to each other or too far apart.
     #[error("servo {id}: found a travel of {found:.2} rad, expected 0.5 to 5.0: is the cable caught, or slack?")]
     Travel {
-        /// Which.
         id: u8,
         /// rad.
         found: f64,
@@ -86,7 +82,7 @@ pub enum HomingError {
 /// Homes servo `id`, writes its homing offset, and leaves it without torque.
 pub fn home(bus: &mut ServoBus, id: u8, settings: &HomingSettings) -> Result<ServoCalibration, HomingError> {
     let result = feel(bus, id, settings);
-    // Whatever happened, no torque stays on.
+    // Disable torque in every case.
     let off = bus.write(id, &xc330::TORQUE_ENABLE, 0.0);
     let (open, travel) = result?;
     off?;

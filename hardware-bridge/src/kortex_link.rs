@@ -1,4 +1,4 @@
-//! The Gen3 as the bridge's arm: the thousand cycles a second run in [`ServoLoop`]'s thread, the bridge looks in on them once a servo cycle.
+//! The Gen3 as the bridge's arm. [`ServoLoop`]'s thread exchanges commands at 1 kHz; the bridge reads and sets its state once per servo cycle.
 
 use std::sync::mpsc::Sender;
 use std::time::{Duration, Instant};
@@ -42,16 +42,16 @@ pub fn tap(arm: &mut Arm, packets: &Sender<Packet>) {
     arm.tap(tap("arm_tcp"), tap("arm_udp"));
 }
 
-/// Between two looks at an arm that does not servo: each costs a round trip.
+/// Interval between readings of an arm that does not servo; each costs a round trip.
 const LOOK: Duration = Duration::from_millis(20);
 
-/// Who has the arm.
+/// The owner of the arm.
 enum Hands {
-    /// Nobody: it stands under its own base.
+    /// Nobody: the base holds it.
     Idle(Box<Arm>),
     /// The loop.
     Servoing(Box<ServoLoop>),
-    /// It was lost in a change of hands.
+    /// Lost while changing the owner.
     Lost,
 }
 
@@ -98,7 +98,7 @@ impl ArmLink for KortexLink {
         if let Hands::Servoing(servo_loop) = &self.hands
             && servo_loop.snapshot().ended
         {
-            // The farewell to a dead network takes a second, and the servos' watchdogs do not wait.
+            // Leaving servoing over a dead network takes a second; the servos' watchdogs do not wait that long.
             let over = servo_loop.is_over();
             let reason = if over { self.take_back() } else { None };
             self.fault = reason.or(self.fault.take()).or(Some("servoing ended".to_owned()));
@@ -106,14 +106,14 @@ impl ArmLink for KortexLink {
         match &mut self.hands {
             Hands::Servoing(servo_loop) => {
                 let snapshot = servo_loop.snapshot();
-                // A word that was there before is no younger for having been looked at again.
+                // An old measurement keeps its time.
                 if snapshot.counters.answered != self.answered || self.reading.is_none() {
                     self.answered = snapshot.counters.answered;
                     self.reading =
                         Some(ArmReading { at: now, state: arm_state(snapshot.feedback.motion), fault: false });
                 }
             }
-            // An arm whose loop has ended is not asked again: a dead network would make everybody wait.
+            // After a fault the arm is not asked again: a dead network would block the servo cycle.
             Hands::Idle(arm) if self.fault.is_none() && self.looked.is_none_or(|looked| looked.elapsed() > LOOK) => {
                 self.looked = Some(Instant::now());
                 arm.keep_up().map_err(failed)?;
@@ -122,7 +122,7 @@ impl ArmLink for KortexLink {
                 self.reading = Some(ArmReading { at: now, state: arm_state(feedback.motion), fault });
             }
             Hands::Idle(_) => {}
-            Hands::Lost => return Err(failed("it was lost in a change of hands")),
+            Hands::Lost => return Err(failed("the connection was lost in a change of mode")),
         }
         match (&self.fault, self.reading) {
             (Some(fault), Some(reading)) if !reading.fault => {
@@ -130,7 +130,7 @@ impl ArmLink for KortexLink {
                 Err(failed(fault))
             }
             (_, Some(reading)) => Ok(reading),
-            (_, None) => Err(failed("no word yet")),
+            (_, None) => Err(failed("no measurement yet")),
         }
     }
 
@@ -149,7 +149,7 @@ impl ArmLink for KortexLink {
                 self.hands = Hands::Servoing(Box::new(servo_loop));
                 Ok(())
             }
-            _ => Err(failed("it was lost in a change of hands")),
+            _ => Err(failed("the connection was lost in a change of mode")),
         }
     }
 

@@ -1,20 +1,21 @@
-//! The real robot's side of the [`hand_model::robot::Robot`] interface. `README.md` takes a person from a box of parts to the first motion.
+//! The real robot behind the [`hand_model::robot::Robot`] interface. `README.md` is the overview, `docs/bring-up.md` the way to the first motion.
 //!
 //! # From the wire to the robot
-//! - [`protocol2`]: the wire format of the servo bus (Dynamixel Protocol 2.0); [`xc330`]: the servo's control table as data; [`servo_bus`]: requests and
-//!   answers with deadlines; [`hand_bus`]: six servos as one hand.
-//! - [`tactile_link`]: the camera board's protocol, and its images on threads of their own; [`uvc`]: webcams in its place; [`cameras`]: either.
-//! - [`arm_link`]: what the bridge needs of an arm; [`kortex_link`]: a Gen3 behind it, through the crate [`kortex`].
-//! - [`safety`]: what stands between a controller and the motors.
-//! - [`servo_cycle`]: the thread in which all of these meet, 200 times a second; [`hardware_robot`]: what a controller holds of it; [`remote`]: what
-//!   another terminal holds of it.
+//! - [`protocol2`]: Dynamixel Protocol 2.0, the wire format of the servo bus; [`xc330`]: the servo's control table as data; [`servo_bus`]: requests
+//!   and answers with deadlines; [`hand_bus`]: six servos as one hand.
+//! - [`tactile_link`]: the camera board's protocol, images on threads of their own; [`uvc`]: webcams instead; [`cameras`]: either of the two.
+//! - [`arm_link`]: the interface to an arm; [`kortex_link`]: a Gen3 behind it, through the crate [`kortex`].
+//! - [`safety`]: the supervisor between controller and motors.
+//! - [`servo_cycle`]: the 200 Hz thread that joins all of these; [`hardware_robot`]: the controller's handle on it; [`remote`]: that of another
+//!   terminal.
 //!
 //! # Bring-up
-//! [`config`] is `bridge.toml`, [`setup`] how a servo must be set up, [`homing`] finds its open mark, [`calibration`] remembers it.
+//! [`config`] reads `bridge.toml`, [`setup`] checks and provisions servos, [`homing`] finds the open mark, [`calibration`] stores it.
 //!
-//! # Without the hardware
-//! [`emulator`]: the devices on pseudo-terminals, for any host and any plant; [`emulator::lockstep`]: a robot of such devices and the whole bridge, on one [`clock`]. Nothing in this crate has been run against a real servo or camera board; other
-//! people's hosts (dynamixel-sdk, dynamixel2, rustypot) drive the emulated servos in `other-hosts/`, a workspace of its own.
+//! # Without hardware
+//! [`emulator`]: the devices on pseudo-terminals, for any host and any plant; [`emulator::lockstep`]: the whole bridge on such devices, on one emulated
+//! [`clock`]. Nothing here has been run on a real servo or camera board; in `other-hosts/`, a workspace of its own, other projects' clients
+//! (dynamixel-sdk, dynamixel2, rustypot) drive the emulated servos.
 
 pub mod arm_link;
 pub mod calibration;

@@ -5,9 +5,8 @@
 //! occurs in a packet; length and CRC are those of the stuffed bytes. A servo answers with a status packet, whose instruction
 //! is 0x55 and whose first parameter is an error byte.
 //!
-//! Four layers, each on the one before: [`crc`] and [`stuffing`] on bytes; [`packet`] for one packet; [`decoder`] for the
-//! stream in which packets come; [`instruction`] and [`status`] for what packets mean. [`fast_sync`] is the one answer that is not a
-//! packet of its own.
+//! In layers: [`crc`] and [`stuffing`] work on bytes, [`packet`] on one packet, [`decoder`] on the stream; [`instruction`] and [`status`] are the
+//! contents of packets. [`fast_sync`] is the one answer that several servos write into a single packet.
 //!
 //! Source: ROBOTIS e-Manual, "DYNAMIXEL Protocol 2.0"; its example packets are the tests' vectors.
 

@@ -1,6 +1,6 @@
-//! A door for other terminals: a Unix socket on which a running bridge takes `hold`, `release`, `resume` and `state`.
+//! Remote control of a running bridge: a Unix socket that accepts `hold`, `release`, `resume` and `state`.
 //!
-//! One line in, one line out: `ok: <state>` or `no: <reason>`. The socket lives as long as the bridge; a stale one is replaced.
+//! One line per request and answer: `ok: <state>` or `no: <reason>`. The socket lives as long as the bridge; a stale one is replaced.
 
 use std::io::{BufRead, BufReader, ErrorKind, Write};
 use std::os::unix::net::{UnixListener, UnixStream};
@@ -19,7 +19,7 @@ pub enum Wish {
     Release,
     /// Go on after a hold.
     Resume,
-    /// Only say how things stand.
+    /// Only report the state.
     State,
 }
 

@@ -1,16 +1,16 @@
-//! What stands between a controller and the motors.
+//! The safety supervisor between controller and motors.
 //!
-//! Every command passes [`supervisor::Supervisor`], which knows in which [`state::State`] the robot is, compares each command with
-//! the one sent before ([`limits`]) and each measurement with what is allowed ([`checks`]), and answers with what may be sent. It does no input or
-//! output and reads no clock, so that everything it can do is in its tests.
+//! Every command passes [`supervisor::Supervisor`]. It tracks the robot's [`state::State`], limits each command relative to the one sent before
+//! ([`limits`]), checks each measurement ([`checks`]), and returns the command that may be sent. It does no input or output and reads no
+//! clock, so that tests can reach all of its behaviour.
 //!
 //! # Two stops
 //! The springs open the hand. *Hold* keeps the last goals with the current capped: what is held stays held. *Release* lets the
-//! current fade and then takes the torque away: the hand opens. Whatever goes wrong ends in *hold*; *release* is always somebody's wish.
+//! current fade and then takes the torque away: the hand opens. Every fault ends in *hold*; only an operator can *release*.
 //!
 //! # Three watchdogs
 //! The servos' own (register 98) stops them when the whole computer falls silent; the arm's session does the same for the arm; and the
-//! supervisor holds when the controller has not spoken for a while ([`limits::Watchdogs`]).
+//! supervisor holds when the controller is silent for too long ([`limits::Watchdogs`]).
 
 pub mod checks;
 pub mod limits;

@@ -1,11 +1,10 @@
-//! The host's end of the servo bus: requests go out, answers come back before a deadline or are missing.
+//! The host's side of the servo bus: requests, and answers that arrive before a deadline or count as missing.
 //!
 //! A [`ServoBus`] owns the serial port. A call that concerns one servo answers with that servo's [`BusError`]; a call that concerns
-//! several answers for each of them ([`ReplyError`]), so that one servo that is silent never hides the others. Nothing is tried again here:
-//! the control loop's next cycle is the retry.
+//! several answers for each of them ([`ReplyError`]), so that a silent servo does not hide the others. There are no retries:
+//! the next control cycle asks again.
 //!
-//! [`timing`] says beforehand how long a cycle takes, [`statistics`] afterwards how long it took, [`latency_timer`] finds out whether the
-//! USB adapter holds bytes back.
+//! [`timing`] calculates how long a cycle takes, [`statistics`] measures it, [`latency_timer`] reads the delay of the USB adapter.
 
 pub mod latency_timer;
 pub mod statistics;
@@ -74,7 +73,6 @@ impl Default for BusSettings {
 /// What a servo says when pinged.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Pinged {
-    /// Who.
     pub id: u8,
     /// [`xc330::MODEL`] for ours.
     pub model: u16,
@@ -239,7 +237,7 @@ impl ServoBus {
         self.sync_write(register.address, register.size.into(), data)
     }
 
-    /// Torque on or off in all of `ids`, each asked by itself; every servo is tried, whatever the others say.
+    /// Switches the torque of all `ids` on or off, one by one; a failure does not stop the others.
     pub fn set_torque(&mut self, ids: &[u8], on: bool) -> Vec<Result<(), BusError>> {
         let value = f64::from(u8::from(on));
         ids.iter().map(|id| self.write(*id, &xc330::TORQUE_ENABLE, value)).collect()

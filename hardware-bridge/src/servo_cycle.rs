@@ -1,8 +1,8 @@
-//! The thread that owns bus, arm and supervisor, and turns the hand's wheel some 200 times a second.
+//! The servo cycle: the thread that owns bus, arm and supervisor and runs at about 200 Hz.
 //!
-//! One cycle: read all servos, read the arm, let the supervisor decide, send. It goes on at its own pace while the controller thinks, which keeps the
-//! servos' watchdog fed; that the controller has fallen silent is the supervisor's to notice. When the whole process stops, so does this
-//! thread, and the servos stop by themselves.
+//! Each cycle reads all servos, reads the arm, lets the supervisor decide, and sends. It keeps its pace while the controller computes, which
+//! feeds the servos' watchdogs; the supervisor watches for a silent controller. If the process stops, this thread stops too, and the
+//! servos' watchdogs stop the hand.
 
 use std::collections::VecDeque;
 use std::path::PathBuf;
@@ -26,12 +26,12 @@ use crate::safety::supervisor::{Asked, SafeCommand, Step, Supervisor};
 use crate::servo_bus::statistics::BusStatistics;
 use crate::servo_bus::{BusSettings, ServoBus};
 
-/// Between two tries to open a port that was lost.
+/// Interval between attempts to reopen a lost port.
 const REOPEN: Duration = Duration::from_millis(500);
-/// Between two lines of a dry run, s.
+/// Interval between lines of a dry run, s.
 const DRY_LINE: f64 = 0.5;
 
-/// What the thread is told besides commands.
+/// Orders to the thread, besides commands.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Order {
     Check,
@@ -39,7 +39,7 @@ pub(crate) enum Order {
     Remote(Wish),
 }
 
-/// How the cycles went.
+/// Statistics of the cycles.
 #[derive(Debug, Clone, Default)]
 pub struct CycleReport {
     /// Cycles so far.
@@ -48,19 +48,19 @@ pub struct CycleReport {
     pub late: u64,
     /// Longest silence of the controller that was not announced, s.
     pub longest_silence: f64,
-    /// The bus' books.
+    /// Statistics of the bus.
     pub bus: BusStatistics,
-    /// Why the servo port is gone, if it is.
+    /// The error that closed the servo port, if any.
     pub port_error: Option<String>,
-    /// The last thing the arm's client complained of.
+    /// The last error of the arm's client.
     pub arm_error: Option<String>,
-    /// Servos that could not be asked to take their torque off at the end of a release.
+    /// Servos whose torque could not be disabled at the end of a release.
     pub still_on: Vec<String>,
 }
 
 type Answer = Sender<Result<String, String>>;
 
-/// What the thread and the robot share.
+/// State shared between the thread and the robot.
 pub(crate) struct Board {
     pub asked: Option<(Command, f64)>,
     /// Number of the newest command, and of the newest one that a cycle has used.
@@ -77,7 +77,7 @@ pub(crate) struct Board {
 }
 
 pub(crate) struct Shared {
-    /// What the bus copies its bytes into, once somebody wants them.
+    /// Receiver of the bus's bytes, if they are recorded.
     pub tap: Mutex<Option<Tap>>,
     pub board: Mutex<Board>,
     pub cycled: Condvar,
@@ -100,7 +100,7 @@ pub(crate) struct ServoCycle {
     pub clock: Clock,
     /// Cycles between two audits of one servo each.
     pub audit_every: u64,
-    /// `Some`: nothing is written to any device, and what would be is told here.
+    /// `Some`: nothing is written to any device, and goals are reported here.
     pub dry: Option<DryLines>,
     pub measured: Measured,
     pub report: CycleReport,
@@ -128,7 +128,6 @@ impl ServoCycle {
         self.clock.now()
     }
 
-    /// One cycle.
     pub fn cycle(&mut self) {
         self.measure();
         self.decide();
@@ -166,7 +165,7 @@ impl ServoCycle {
         self.shared.cycled.notify_all();
     }
 
-    /// The first half of a cycle: the newest word from everybody.
+    /// The first half of a cycle: new measurements.
     pub fn measure(&mut self) {
         let now = self.now();
         self.reopen();
@@ -243,7 +242,7 @@ impl ServoCycle {
         lock(&self.shared.board).asked = None;
     }
 
-    /// The program ends in good order: the hand keeps hold, without a watchdog that nobody would feed any more.
+    /// Orderly end of the program: the hand keeps hold, with its bus watchdogs off.
     pub fn leave(&mut self) {
         let on = matches!(self.supervisor.state(), State::Armed | State::Running | State::Hold(_) | State::Fault(_));
         if !on || self.dry.is_some() {
@@ -285,7 +284,7 @@ impl ServoCycle {
         let orders = std::mem::take(&mut lock(&self.shared.board).orders);
         for (order, answer) in orders {
             let result = self.obey(order).map(|()| self.supervisor.state().to_string());
-            // Whoever gave the order may be gone.
+            // The sender of the order may be gone.
             let _ = answer.send(result);
         }
     }

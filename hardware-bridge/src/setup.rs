@@ -1,4 +1,4 @@
-//! How a servo has to be set up, whether it is, and how it gets there from the factory.
+//! The required setup of a servo: checking it, and provisioning a servo from factory settings.
 
 use std::time::Duration;
 
@@ -6,7 +6,7 @@ use crate::config::BridgeConfig;
 use crate::servo_bus::{BusError, BusSettings, Pinged, ServoBus};
 use crate::xc330::{self, Register};
 
-/// Operating mode 5, current-based position control: force and place in one mode, so that no mode is switched under load.
+/// Operating mode 5, current-based position control: force and position in one mode, so that no mode is switched under load.
 const MODE: f64 = 5.0;
 /// How long a scan listens at each rate: six answers at 9600 baud and the factory's return delay take 90 ms.
 pub const SCAN_TIME: Duration = Duration::from_millis(120);
@@ -18,9 +18,7 @@ const SETTLE: Duration = Duration::from_millis(50);
 pub struct Finding {
     /// What was looked at.
     pub what: String,
-    /// What it is.
     pub found: String,
-    /// What it should be.
     pub expected: String,
     /// Whether that is good enough.
     pub good: bool,
@@ -74,7 +72,7 @@ pub fn check(bus: &mut ServoBus, config: &BridgeConfig, id: u8, name: &str) -> R
     Ok(findings)
 }
 
-/// Everybody on the bus, at every rate: (bits per second, servo).
+/// All servos on the bus at every baud rate, as (bits per second, servo).
 pub fn scan(port: &std::path::Path) -> Result<Vec<(u32, Pinged)>, BusError> {
     let mut found = Vec::new();
     for baud in xc330::BAUD_RATES {
@@ -93,10 +91,9 @@ pub enum ProvisionError {
     /// More or fewer than one servo is there.
     #[error("found {0} servos ({1}), expected exactly one: connect them one after the other")]
     Count(usize, String),
-    /// Somebody else's servo.
+    /// A servo of another model.
     #[error("servo {id}: found model {found}, expected {expected}", expected = xc330::MODEL)]
     Model {
-        /// Its id.
         id: u8,
         /// Its model number.
         found: u16,

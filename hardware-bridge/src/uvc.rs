@@ -1,4 +1,4 @@
-//! Cameras that the computer sees as UVC devices (webcams), in the place of the camera board.
+//! Cameras that the computer sees as UVC devices (webcams), instead of the camera board.
 //!
 //! A device may be one pad's camera or show several at once, side by side: `bridge.toml` says for each camera of the hand on which device and at which
 //! pixel its 240 x 240 square begins ([`crate::config::UvcConfig`]). [`picture`] turns what such a device sends into squares. `device`, which talks to the

@@ -1,8 +1,8 @@
 //! The XC330-T288-T: its control table as data, and its counts in SI units.
 //!
-//! A [`Register`] knows where it is, how many bytes it has, whether it is signed, what it may hold and what one count means.
-//! [`Register::write`] goes from SI to bytes, with the range checked; [`Register::read`] the other way. The servo ignores its
-//! own position limits (48, 52) in current and current-based position mode: whoever sends goals clamps them.
+//! A [`Register`] has an address, a size, a sign, a range and a unit. [`Register::write`] converts SI to bytes and checks the range;
+//! [`Register::read`] converts back. The servo ignores its
+//! own position limits (48, 52) in current and current-based position mode: the sender must clamp its goals.
 //!
 //! Source: ROBOTIS e-Manual, XC330-T288. Its indirect-data area is left out: the published descriptions contradict each other
 //! on its place, and the two blocks the control loop needs are contiguous without it ([`GOAL_BLOCK`], [`PRESENT_BLOCK`]).
@@ -103,7 +103,6 @@ pub enum RegisterError {
     /// Not a value it may hold.
     #[error("{register}: found {found}, expected {low} to {high}")]
     Range {
-        /// Which.
         register: &'static str,
         /// In SI.
         found: f64,
@@ -118,7 +117,6 @@ pub enum RegisterError {
     /// Bytes that are not this register's.
     #[error("{register}: found {found} bytes, expected {expected}")]
     Length {
-        /// Which.
         register: &'static str,
         /// Bytes given.
         found: usize,
@@ -238,6 +236,28 @@ control_table! {
     PRESENT_INPUT_VOLTAGE: 144 2 "Present Input Voltage"   Read   None, (0, 65_535) Voltage;
     PRESENT_TEMPERATURE:   146 1 "Present Temperature"     Read   None, (0, 255) Celsius;
     BACKUP_READY:          147 1 "Backup Ready"            Read   None, (0, 1) Plain;
+}
+
+/// Bits of the hardware error status register.
+pub mod hardware_error {
+    /// Input voltage out of its limits.
+    pub const VOLTAGE: u8 = 1 << 0;
+    /// Too hot.
+    pub const OVERHEAT: u8 = 1 << 2;
+    /// Load beyond the maximum for too long.
+    pub const OVERLOAD: u8 = 1 << 5;
+}
+
+/// Operating modes. Velocity (1) and PWM (16) control are not used.
+pub mod mode {
+    /// Current control.
+    pub const CURRENT: i64 = 0;
+    /// Position control within one turn.
+    pub const POSITION: i64 = 3;
+    /// Multi-turn position control.
+    pub const EXTENDED: i64 = 4;
+    /// Multi-turn position control under a current limit.
+    pub const CURRENT_POSITION: i64 = 5;
 }
 
 #[cfg(test)]

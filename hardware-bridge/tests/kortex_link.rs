@@ -114,7 +114,7 @@ fn a_link_without_network_does_not_keep_its_caller_waiting() {
     let impatient = Timeouts { call: Duration::from_secs(2), ..timeouts() };
     let credentials = Settings::default().credentials;
     let arm = Arm::connect(emulator.address(), &credentials, impatient, ArmModel::home()).expect("connects");
-    let mut link = KortexLink::new(arm, Duration::from_millis(10), PATIENCE);
+    let mut link = KortexLink::new(arm, Duration::from_millis(10), Duration::from_secs(1));
     link.engage().expect("engages");
     until("the first word", || link.read(0.0).is_ok());
     emulator.inject(Injection::Deaf(true));

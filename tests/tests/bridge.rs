@@ -6,6 +6,7 @@ use std::fs;
 use std::io::{BufRead, BufReader, Read, Write};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Stdio};
+use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
 use e2e::{ftac, run, stderr};
@@ -154,8 +155,12 @@ fn faults_end_as_they_should() {
     }
 }
 
+/// One real-time trial at a time: each keeps a simulator and a control stack busy.
+static REAL_TIME: Mutex<()> = Mutex::new(());
+
 /// A running emulator in real time.
 struct Devices {
+    _alone: MutexGuard<'static, ()>,
     child: Child,
     config: PathBuf,
 }
@@ -163,6 +168,7 @@ struct Devices {
 impl Devices {
     /// With these arguments more.
     fn start(folder: &Path, extra: &[&str]) -> Self {
+        let alone = REAL_TIME.lock().unwrap_or_else(PoisonError::into_inner);
         let dir = folder.join("devices");
         let usual = ["bridge", "emulate", "--calibrated", "--patient", "--json", "--dir", text(&dir)];
         let arguments = [&usual, extra].concat();
@@ -175,7 +181,7 @@ impl Devices {
         let mut line = String::new();
         BufReader::new(child.stdout.as_mut().expect("piped")).read_line(&mut line).expect("says where it is");
         assert!(json(line.as_bytes())["servos"].is_string(), "{line}");
-        Self { child, config: dir.join("bridge.toml") }
+        Self { _alone: alone, child, config: dir.join("bridge.toml") }
     }
 
     /// What it says at its end.
@@ -203,7 +209,11 @@ fn wait_for_trial(host: &mut Child, sessions: &Path) {
     // Only a trial that hangs takes so long.
     let give_up = Instant::now() + Duration::from_secs(600);
     while recorded() < 6_000_000 {
-        assert!(host.try_wait().expect("ours").is_none(), "the trial ended by itself");
+        if host.try_wait().expect("ours").is_some() {
+            let mut message = String::new();
+            drop(host.stderr.take().map(|mut stderr| stderr.read_to_string(&mut message)));
+            panic!("the trial ended by itself: {message}");
+        }
         assert!(Instant::now() < give_up, "the trial does not begin");
         std::thread::sleep(Duration::from_millis(20));
     }
@@ -228,7 +238,7 @@ fn a_killed_host_leaves_everything_standing() {
         text(&sessions),
     ];
     let mut host =
-        ftac(&arguments).stdin(Stdio::piped()).stdout(Stdio::null()).stderr(Stdio::null()).spawn().expect("starts");
+        ftac(&arguments).stdin(Stdio::piped()).stdout(Stdio::null()).stderr(Stdio::piped()).spawn().expect("starts");
     host.stdin.as_mut().expect("piped").write_all(b"\n").expect("the operator says go");
     wait_for_trial(&mut host, &sessions);
     host.kill().expect("killed");

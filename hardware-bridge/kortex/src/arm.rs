@@ -1,4 +1,4 @@
-//! Both sides of one arm.
+//! Both interfaces of one arm.
 
 use std::net::{IpAddr, SocketAddr};
 
@@ -15,7 +15,6 @@ pub const TCP_PORT: u16 = 10_000;
 /// The arm's port for the cyclic exchange.
 pub const UDP_PORT: u16 = 10_001;
 
-/// Where an arm is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Address {
     /// For calls.
@@ -31,7 +30,7 @@ impl Address {
     }
 }
 
-/// An arm with a session on either side.
+/// An arm with a session on each interface.
 #[derive(Debug)]
 pub struct Arm {
     /// Calls.
@@ -41,8 +40,8 @@ pub struct Arm {
 }
 
 impl Arm {
-    /// Logs in on both sides and checks that this is an arm of seven joints. Nothing moves and no mode changes. `near`
-    /// (rad) says which turn the first angles belong to, where the controller counts from.
+    /// Logs in on both interfaces and checks that the arm has seven joints. Nothing moves and no mode changes. `near` (rad)
+    /// selects the turn in which the first angles are read.
     ///
     /// # Errors
     /// The link's and the login's; [`KortexError::Answer`] for another arm.
@@ -72,7 +71,7 @@ impl Arm {
         self.cyclic.tap(udp);
     }
 
-    /// Keeps both sessions alive without waiting; to be called every few milliseconds while not servoing.
+    /// Keeps both sessions alive without waiting. Call it every few milliseconds while not servoing.
     ///
     /// # Errors
     /// As [`crate::session::Session::keep_up`].
@@ -81,7 +80,7 @@ impl Arm {
         self.cyclic.keep_up()
     }
 
-    /// Logs out on both sides.
+    /// Logs out on both interfaces.
     ///
     /// # Errors
     /// The first of the two that fails; both are tried.

@@ -1,4 +1,4 @@
-//! The high-level side of the arm, over TCP: modes, faults, measured angles, joint speeds, devices, notifications.
+//! The high-level interface of the arm, over TCP: modes, faults, measured angles, joint speeds, devices, notifications.
 
 use std::net::SocketAddr;
 
@@ -23,20 +23,18 @@ use crate::tap::Tap;
 /// A device inside the arm.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Device {
-    /// What it is.
     pub kind: DeviceType,
-    /// Its address.
     pub address: u8,
-    /// Its place, from the base on.
+    /// Its position in the chain, from the base.
     pub order: u32,
 }
 
-/// What the arm tells on its own.
+/// A message that the arm sends unasked.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Notification {
-    /// It does something else now.
+    /// Its state changed.
     ArmState(ArmState),
-    /// Somebody changed the servoing mode.
+    /// A session changed the servoing mode.
     ServoingMode(ServoingMode),
     /// A safety of a device came or went.
     Safety {
@@ -44,7 +42,6 @@ pub enum Notification {
         device: u8,
         /// The safety's bit in the device's bank A.
         bit: u32,
-        /// How it stands now.
         status: SafetyStatus,
     },
 }
@@ -52,7 +49,7 @@ pub enum Notification {
 /// What can be subscribed to.
 const TOPICS: [Call; 3] = [call::ARM_STATE_TOPIC, call::SERVOING_MODE_TOPIC, call::SAFETY_TOPIC];
 
-/// The arm's high-level side.
+/// The arm's high-level interface.
 #[derive(Debug)]
 pub struct Base {
     session: Session<TcpLink>,
@@ -71,7 +68,6 @@ impl Base {
         Ok(Self { session, subscriptions: Vec::new() })
     }
 
-    /// The session.
     pub fn session(&self) -> &Session<TcpLink> {
         &self.session
     }
@@ -81,7 +77,7 @@ impl Base {
         self.session.tap(tap);
     }
 
-    /// Keeps the session alive without waiting; to be called every few milliseconds.
+    /// Keeps the session alive without waiting; call it every few milliseconds.
     ///
     /// # Errors
     /// As [`Session::keep_up`].
@@ -117,8 +113,8 @@ impl Base {
         self.ask::<Empty>(call::STOP).map(|_| ())
     }
 
-    /// Stops the arm and leaves it in fault, in any mode. Asked twice, as the maker's ROS 2 driver does, because single
-    /// calls have been seen to do nothing; the second is asked even when the first fails.
+    /// Stops the arm and leaves it in fault, in any mode. Called twice, as in the maker's ROS 2 driver, because single
+    /// calls have been seen to have no effect; the second call is made even if the first fails.
     ///
     /// # Errors
     /// The second call's.
@@ -127,7 +123,7 @@ impl Base {
         self.ask::<Empty>(call::APPLY_EMERGENCY_STOP).map(|_| ())
     }
 
-    /// What the arm is doing.
+    /// The state of the arm.
     ///
     /// # Errors
     /// As [`Session::call`].
@@ -135,7 +131,7 @@ impl Base {
         Ok(self.ask::<ArmStateInformation>(call::GET_ARM_STATE)?.active_state())
     }
 
-    /// Who moves the joints.
+    /// What moves the joints.
     ///
     /// # Errors
     /// As [`Session::call`].
@@ -143,7 +139,7 @@ impl Base {
         Ok(self.ask::<ServoingModeInformation>(call::GET_SERVOING_MODE)?.mode())
     }
 
-    /// Decides who moves the joints.
+    /// Selects what moves the joints.
     ///
     /// # Errors
     /// As [`Session::call`]; refused in fault.
@@ -181,8 +177,8 @@ impl Base {
         Err(KortexError::Answer { call, field: "joint angles", found, expected })
     }
 
-    /// Moves the joints with `speeds`, rad/s, **until the next command**: a host that dies leaves the arm moving until
-    /// the session times out. For motion that must stop with its host use [`crate::servoing`].
+    /// Moves the joints with `speeds`, rad/s, **until the next command**: if the host dies, the arm keeps moving
+    /// until the session times out. For motion that must stop with its host use [`crate::servoing`].
     ///
     /// # Errors
     /// [`CommandError`] before anything is sent; as [`Session::call`].

@@ -3,9 +3,7 @@
 /// A function of a service.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub struct Call {
-    /// Which service.
     pub service: u16,
-    /// Which of its functions.
     pub function: u16,
 }
 

@@ -1,8 +1,8 @@
-//! The cyclic exchange over UDP: one command to all joints, one answer, a thousand times a second.
+//! The cyclic exchange over UDP at 1 kHz: one command to all joints, one answer.
 //!
-//! UDP loses, delays and reorders. A cycle that got no answer in time is *missed*; the answer may still come *late*,
-//! *out of order* (an answer to a younger command was there first, so this one is not used), or never (*lost*). All of
-//! these are counted, none is an error; only a long row of missed cycles is, and that is [`crate::servoing`]'s to
+//! UDP loses, delays and reorders datagrams. A cycle without an answer in time is *missed*; the answer may still arrive
+//! *late*, *out of order* (after the answer to a newer command, so it is not used), or never (*lost*). All of these are
+//! counted and none is an error; only many missed cycles in a row are, and that is [`crate::servoing`]'s to
 //! judge.
 
 use std::collections::VecDeque;
@@ -25,12 +25,12 @@ use crate::tap::Tap;
 /// Commands without an answer after which the oldest counts as lost.
 const OUTSTANDING: usize = 256;
 
-/// What the arm measured.
+/// Measurements of the arm.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Feedback {
     /// Number of the command it answers.
     pub frame: u16,
-    /// What the arm is doing.
+    /// State of the arm.
     pub state: ArmState,
     /// Angles (rad, followed over full turns), speeds, torques.
     pub motion: Motion,
@@ -46,7 +46,7 @@ pub struct Feedback {
     pub warnings: Report,
 }
 
-/// What became of the cycles.
+/// Counts of cycles by result.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Counters {
     /// Commands sent.
@@ -67,7 +67,7 @@ pub struct Counters {
     pub damaged: u64,
 }
 
-/// The arm's cyclic side.
+/// The arm's cyclic interface.
 #[derive(Debug)]
 pub struct Cyclic {
     session: Session<UdpLink>,
@@ -79,7 +79,7 @@ pub struct Cyclic {
 }
 
 impl Cyclic {
-    /// Binds a port and logs in. `near` (rad) says which turn the first angles belong to.
+    /// Binds a port and logs in. `near` (rad) selects the turn in which the first angles are read.
     ///
     /// # Errors
     /// The link's and the login's.
@@ -94,13 +94,12 @@ impl Cyclic {
         Ok(Self { session, turns, frame: 0, outstanding: VecDeque::new(), newest: None, counters })
     }
 
-    /// What became of the cycles so far.
+    /// Counts since the login.
     pub fn counters(&self) -> Counters {
         let Counters { stray, .. } = self.counters;
         Counters { stray: stray + self.session.stray(), damaged: self.session.damaged(), ..self.counters }
     }
 
-    /// The session.
     pub fn session(&self) -> &Session<UdpLink> {
         &self.session
     }

@@ -1,8 +1,7 @@
-//! Radians here, degrees on the wire: the only place where one becomes the other.
+//! Conversion between radians and the wire's degrees.
 //!
-//! The arm reports joint angles from 0 to 360 degrees and takes them so. A joint without end stops may stand several
-//! turns from where a controller counts from, so a measured angle is read as the one nearest to where the joint was
-//! last: [`Turns`].
+//! Joint angles on the wire are in [0, 360) degrees. A joint without end stops may be several turns away from the
+//! controller's zero, so each measured angle is unwrapped to the turn nearest to the previous one ([`Turns`]).
 
 use std::f64::consts::{PI, TAU};
 

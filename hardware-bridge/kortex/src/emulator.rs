@@ -1,12 +1,10 @@
-//! A Gen3 on loopback: its sessions, modes, faults, watchdogs and cyclic exchange, around a plant that can be
-//! exchanged.
+//! An emulated Gen3 on loopback: sessions, modes, faults, watchdogs and the cyclic exchange, around any [`Plant`].
 //!
-//! [`Controller`] is the arm's base without sockets and without a clock of its own: frames and milliseconds go in,
-//! frames come out. [`Emulator`] puts it on a TCP and a UDP port. Time runs by itself ([`Pace::RealTime`]) or by
-//! [`Emulator::step`] alone ([`Pace::Stepped`]), which makes a test exact and lets a simulation be the plant.
+//! [`Controller`] is the arm's base without sockets or clock: it takes frames and milliseconds and returns frames. [`Emulator`] serves it on a TCP and a UDP port, in real time ([`Pace::RealTime`]) or
+//! stepped by [`Emulator::step`] ([`Pace::Stepped`]), for exact tests and for a simulated plant.
 //!
 //! # What is assumed
-//! Of a real arm's reactions not all are published. The emulator's, where they are guesses, are on the careful side:
+//! Not all reactions of the real arm are published. Where the emulator guesses, it takes the careful side:
 //! - Commands that stop for [`Settings::cyclic_deadline`] raise every joint's watchdog fault and stop the arm.
 //! - A session that ends while its speeds move the arm, or while it servoes, stops the arm.
 //! - A joint further than [`Settings::following_error`] from its command raises a following error.
@@ -21,7 +19,7 @@ mod plant;
 mod server;
 mod sessions;
 
-pub use controller::{Commands, Controller, Event, Happening, Settings, Status};
+pub use controller::{Commands, Controller, Event, EventKind, Settings, Status};
 pub use fault_injection::Injection;
 pub use peer::{Outgoing, Peer};
 pub use plant::{Drive, FirstOrderJoints, Plant};

@@ -1,4 +1,4 @@
-//! What can go wrong between host and arm.
+//! Errors of the client.
 
 use std::time::Duration;
 
@@ -18,7 +18,6 @@ pub enum KortexError {
     /// No answer in time. On UDP a single one means little; on TCP the arm or the network is in trouble.
     #[error("{call}: no answer within {after:?}")]
     Timeout {
-        /// What was asked.
         call: Call,
         /// How long was waited.
         after: Duration,
@@ -26,12 +25,11 @@ pub enum KortexError {
     /// The arm does not know our session any more: it timed out or the arm restarted. A new session is needed.
     #[error("{call}: session {session} is lost")]
     SessionLost {
-        /// What was asked.
         call: Call,
         /// The session's number.
         session: u16,
     },
-    /// Not even keep-alives are answered.
+    /// Keep-alives are not answered.
     #[error("the arm has been silent for {silent:?}, longer than the session's {allowed:?}")]
     Silent {
         /// Since when nothing came.
@@ -39,44 +37,34 @@ pub enum KortexError {
         /// What the session allows.
         allowed: Duration,
     },
-    /// The arm said no.
+    /// The arm refused.
     #[error("{call}: {refusal}")]
-    Refused {
-        /// What was asked.
-        call: Call,
-        /// Why not.
-        refusal: Refusal,
-    },
-    /// An answer that is not what it should be.
+    Refused { call: Call, refusal: Refusal },
+    /// An invalid answer.
     #[error("{call}: {field} is {found}, expected {expected}")]
     Answer {
-        /// What was asked.
         call: Call,
         /// Which part of the answer.
         field: &'static str,
-        /// What came.
         found: String,
-        /// What should have come.
         expected: String,
     },
-    /// A joint follows something else than positions.
+    /// A joint is not in position mode.
     #[error("joint {joint} is in control mode {found:?}, expected {:?}", ControlMode::Position)]
     ControlMode {
         /// From 1.
         joint: usize,
-        /// The mode it is in.
         found: ControlMode,
     },
     /// The emergency stop is pressed, or the emergency line open.
     #[error("emergency stop: release it, then clear the faults ({0})")]
     EmergencyStop(Box<Report>),
-    /// Faults hold the arm.
+    /// The arm is in fault.
     #[error("the arm is in fault: {0}")]
     Fault(Box<Report>),
     /// The arm is no longer driven by us, without a fault.
     #[error("the arm is in state {found:?}, expected {expected:?}")]
     State {
-        /// The state it is in.
         found: ArmState,
         /// The state it should be in.
         expected: ArmState,
@@ -89,7 +77,7 @@ pub enum KortexError {
         /// How many are tolerated.
         allowed: u32,
     },
-    /// A command was not sent.
+    /// The command was refused before it was sent.
     #[error(transparent)]
     Command(#[from] CommandError),
 }
@@ -103,7 +91,7 @@ impl KortexError {
         }
     }
 
-    /// Why the arm said no, if that is what happened.
+    /// The reason of a refusal.
     pub fn reason(&self) -> Option<Reason> {
         match self {
             Self::Refused { refusal, .. } => Some(refusal.reason),
@@ -112,7 +100,7 @@ impl KortexError {
     }
 }
 
-/// Why a joint command was not sent. Nothing goes to the arm when one joint is refused.
+/// A joint command that was not sent. One bad joint refuses the whole command.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 pub enum CommandError {
     /// No number.

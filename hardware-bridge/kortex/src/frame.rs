@@ -65,7 +65,6 @@ pub struct Header {
     pub session: u16,
     /// Number of the request, or handle of the subscription.
     pub message: u16,
-    /// What is called.
     pub call: Call,
 }
 

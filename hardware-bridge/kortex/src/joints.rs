@@ -1,6 +1,6 @@
 //! The seven joints of a Gen3 and what is measured of them.
 
-/// Joints of the arm this client speaks to.
+/// Number of joints.
 pub const JOINTS: usize = 7;
 
 /// Measured motion of all joints, from the base on.

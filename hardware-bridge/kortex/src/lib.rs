@@ -1,25 +1,23 @@
-//! The Kinova Gen3 arm, spoken to in Kortex, its own protocol, and an emulator of it.
+//! A client for the Kinova Gen3 arm in its own protocol, Kortex, and an emulator of the arm.
 //!
-//! An arm has two sides. Over TCP (port 10000) the host calls functions and gets told of events; over UDP (port 10001)
-//! it exchanges one command and one answer a thousand times a second. Both carry the same frames, and on both a session
-//! is opened first.
+//! The arm has two interfaces. Over TCP (port 10000) the host calls functions and receives notifications; over UDP (port
+//! 10001) it exchanges one command and one answer per millisecond. Both carry the same frames and require a session.
 //!
 //! From the wire up:
-//! - [`frame`]: header and payload; [`tcp_framing`]: frames in a stream; [`call`]: which functions there are;
-//!   [`message`]: their arguments and results; [`refusal`] and [`safety_bank`]: what the arm answers when it will not
-//!   or cannot.
-//! - [`link`] and [`session`]: frames to and fro, calls with deadlines, keep-alives, notifications.
-//! - [`degrees`]: the wire's units, and joints that turn more than once.
-//! - [`base`]: the high-level side. [`cyclic`]: the exchange with its counters. [`arm`]: both.
+//! - [`frame`]: header and payload; [`tcp_framing`]: frames in a stream; [`call`]: the functions; [`message`]: their
+//!   arguments and results; [`refusal`] and [`safety_bank`]: refusals and faults.
+//! - [`link`] and [`session`]: transport, calls with deadlines, keep-alives, notifications; [`tap`]: copies for a recorder.
+//! - [`joints`] and [`degrees`]: joint quantities, and their units on the wire.
+//! - [`base`]: the high-level interface. [`cyclic`]: the cyclic exchange and its counters. [`arm`]: both.
 //! - [`servoing`]: joint commands with seeded entry, checks and clean exit.
-//! - [`servo_loop`]: the thousand cycles a second in a thread of their own, fed by a slower controller.
+//! - [`servo_loop`]: servoing at 1 kHz in a thread, with targets from a slower controller.
 //! - [`emulator`]: a Gen3 on loopback.
 //!
 //! # What holds on a real arm
-//! The wire format was read from the maker's own client and its public message definitions. Nothing here has moved a
-//! real Gen3. Only the arm can show: what it does, and how fast, when commands stop; its following error's threshold;
-//! whether handles of notifications are counted as [`base::Base::subscribe`] assumes; its reaction to a session that
-//! times out in motion.
+//! The wire format was taken from the maker's client and public message definitions. Nothing here has moved a real Gen3.
+//! Only the arm can show what it does, and how fast, when commands stop; the threshold of its following error; whether
+//! notification handles are counted as [`base::Base::subscribe`] assumes; and how it reacts to a session that times out
+//! in motion.
 
 pub mod arm;
 pub mod base;

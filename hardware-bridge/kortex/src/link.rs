@@ -1,4 +1,4 @@
-//! The two ways frames travel: TCP for calls, UDP for the cyclic exchange.
+//! Transport of frames: TCP for calls, UDP for the cyclic exchange.
 
 use std::io::{self, Read, Write};
 use std::net::{SocketAddr, TcpStream, UdpSocket};
@@ -11,7 +11,7 @@ use crate::frame::{Frame, FrameError, LONGEST};
 use crate::tap::{Direction, Tap};
 use crate::tcp_framing::{self, Deframer};
 
-/// Why a link failed. All of these end it.
+/// A failure that ends the link.
 #[derive(Debug, thiserror::Error)]
 pub enum LinkError {
     /// The operating system says so.
@@ -25,7 +25,6 @@ pub enum LinkError {
     Frame(#[from] FrameError),
 }
 
-/// Carries frames.
 pub trait Link {
     /// Sends a frame.
     ///
@@ -43,7 +42,7 @@ pub trait Link {
     /// Frames dropped because they were damaged.
     fn damaged(&self) -> u64;
 
-    /// Copies everything that goes over it from now on.
+    /// Copies all further bytes to `tap`.
     fn tap(&mut self, tap: Tap);
 }
 
@@ -84,13 +83,13 @@ impl TcpLink {
         Ok(Self::new(TcpStream::connect_timeout(&address, timeout)?)?)
     }
 
-    /// On a connection that stands.
+    /// Uses an open connection.
     ///
     /// # Errors
     /// From setting its options.
     pub fn new(stream: TcpStream) -> io::Result<Self> {
         stream.set_nodelay(true)?;
-        // A peer that takes nothing any more must not hold the sender for longer than this.
+        // A peer that stops reading must not block the sender for longer than this.
         stream.set_write_timeout(Some(Duration::from_millis(100)))?;
         Ok(Self { stream, deframer: Deframer::default(), tap: None })
     }

@@ -1,4 +1,4 @@
-//! Locks that outlive a panic.
+//! Locking that ignores poisoning.
 
 use std::sync::{Mutex, MutexGuard, PoisonError};
 

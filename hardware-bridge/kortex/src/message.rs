@@ -67,7 +67,6 @@ pub enum ArmState {
     ServoingLowLevel = 6,
     /// Ready for high-level commands.
     ServoingReady = 7,
-    /// Plays a sequence.
     ServoingPlayingSequence = 8,
     /// Follows high-level speed commands or a joystick.
     ServoingManuallyControlled = 9,

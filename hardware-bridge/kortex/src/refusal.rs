@@ -53,10 +53,9 @@ impl Reason {
     }
 }
 
-/// A refusal.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Refusal {
-    /// In our words.
+    /// The reason, independent of the wire format.
     pub reason: Reason,
     /// The arm's error class: 1 and 2 protocol, 3 device, 4 internal.
     pub code: u32,

@@ -104,7 +104,7 @@ impl Banks {
         self == Self::default()
     }
 
-    /// The set bits in words.
+    /// Names of the set bits.
     pub fn words(self, names: Names) -> Vec<String> {
         let bits = |bank: u32| (0..u32::BITS as usize).filter(move |bit| bank >> bit & 1 == 1);
         let named =
@@ -116,7 +116,6 @@ impl Banks {
 /// Faults, or warnings, of the whole arm.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Hash)]
 pub struct Report {
-    /// The base's.
     pub base: Banks,
     /// Each joint's.
     pub joints: [Banks; JOINTS],

@@ -1,12 +1,10 @@
-//! The thousand cycles a second in a thread of their own, fed by a slower controller.
+//! Servoing at 1 kHz in a thread of its own, with targets from a slower controller.
 //!
-//! The controller sets a target every tick of its own (say 10 ms). The loop goes there in equal steps over one such
-//! tick, never faster than the limits allow, so the arm sees a path without corners a millisecond long. When the
-//! controller is silent for longer than [`Pacing::host_deadline`] the loop stops where it is and says so: a target is a
-//! promise that somebody still looks.
+//! The controller sets a target at each of its ticks (say 10 ms). The loop interpolates to it in equal steps over one
+//! tick, never faster than the limits allow. If the controller is silent for longer than [`Pacing::host_deadline`], the
+//! loop stops the arm in place and reports it.
 //!
-//! The thread also keeps the sessions alive. It ends with the first error and gives the arm back, out of low-level
-//! servoing.
+//! The thread also keeps the sessions alive. It ends at the first error, leaves low-level servoing, and returns the arm.
 
 use std::sync::mpsc;
 use std::sync::{Arc, Mutex};
@@ -20,7 +18,6 @@ use crate::joints::JOINTS;
 use crate::lock::lock;
 use crate::servoing::{Limits, Servoing};
 
-/// How the loop and its controller keep time.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Pacing {
     /// Time between two targets of the controller.
@@ -29,7 +26,7 @@ pub struct Pacing {
     pub host_deadline: Duration,
 }
 
-/// How the loop stands.
+/// State of the loop.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Snapshot {
     /// Newest measurements.
@@ -42,9 +39,9 @@ pub struct Snapshot {
     pub overruns: u64,
     /// Latest start of a cycle so far.
     pub lateness: Duration,
-    /// Whether the arm stands because the controller is silent.
+    /// Whether the arm is stopped because the controller is silent.
     pub host_silent: bool,
-    /// Cycles in which the arm was too far behind to be led on.
+    /// Cycles in which the command waited for an arm that lagged too far behind.
     pub waited: u64,
     /// Whether the loop has ended; [`ServoLoop::finish`] says why.
     pub ended: bool,
@@ -113,12 +110,12 @@ impl ServoLoop {
         Ok(())
     }
 
-    /// How the loop stands.
+    /// State of the loop.
     pub fn snapshot(&self) -> Snapshot {
         lock(&self.shared).snapshot
     }
 
-    /// Whether [`ServoLoop::finish`] would not have to wait: a loop that has ended still takes its leave of an arm that may not answer.
+    /// Whether [`ServoLoop::finish`] returns at once. A loop that has ended may still be waiting for the answer to its log-out.
     pub fn is_over(&self) -> bool {
         self.thread.as_ref().is_none_or(JoinHandle::is_finished)
     }
@@ -212,7 +209,7 @@ fn cycle_on(servoing: &mut Servoing<'_>, pacing: Pacing, shared: &Mutex<Shared>)
         let wanted = path.as_ref().map_or(command, |path| path.next(&command));
         let mut waited = false;
         match servoing.command_angles(&wanted, next) {
-            // The arm is behind, held up by something: it is waited for.
+            // The arm lags, perhaps blocked: wait for it.
             Err(KortexError::Command(CommandError::Lead { .. })) => {
                 waited = true;
                 servoing.hold(next)?;

@@ -1,17 +1,17 @@
-//! Low-level servoing: the host commands every joint's angle, a thousand times a second.
+//! Low-level servoing: the host commands all joint angles at 1 kHz.
 //!
 //! # Entry
 //! Faults are cleared, every joint must be in position mode, then the mode is changed and the first commands are the
-//! measured angles themselves (*seeded entry*): the arm does not move before the controller says so.
+//! measured angles themselves (*seeded entry*), so that the arm does not move until the controller commands it.
 //!
-//! # While it lasts
-//! A command is checked before it is sent: numbers only, within the joints' ranges, at most one cycle's step from the
-//! command before (not from the lagging measurement), and not so far ahead of the arm that it would trip over its
-//! following error. One bad joint refuses the whole command, and the caller sends [`Servoing::hold`] instead.
+//! # Commands
+//! Each command is checked before it is sent: finite, within the joints' ranges, at most one cycle's step from the
+//! previous command (not from the lagging measurement), and not so far ahead of the arm that it would raise a following
+//! error. One bad joint refuses the whole command; the caller then sends [`Servoing::hold`].
 //!
 //! # Exit
-//! [`Servoing::leave`] gives the arm back to its base. When the host just dies, commands stop and the arm's own
-//! watchdog has to stop it; what a real Gen3 does then, and how fast, is to be checked on the arm.
+//! [`Servoing::leave`] returns control to the arm's base. If the host dies, commands stop and the arm's own watchdog has to
+//! stop it; how a real Gen3 does that, and how fast, remains to be measured.
 
 use std::time::{Duration, Instant};
 
@@ -25,7 +25,7 @@ use crate::message::base::ServoingMode;
 use crate::message::device::ControlMode;
 use crate::refusal::Reason;
 
-/// What a command may be.
+/// Limits of a command.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Limits {
     /// Lowest angles, rad.
@@ -101,7 +101,7 @@ impl Limits {
     }
 }
 
-/// An arm that follows our joint commands. Dropping it leaves low-level servoing as well as can be done.
+/// An arm in low-level servoing. Dropping it tries to leave the mode.
 #[derive(Debug)]
 pub struct Servoing<'a> {
     arm: &'a mut Arm,
@@ -162,7 +162,6 @@ impl<'a> Servoing<'a> {
         &self.command
     }
 
-    /// What commands may be.
     pub fn limits(&self) -> &Limits {
         &self.limits
     }
@@ -203,7 +202,7 @@ impl<'a> Servoing<'a> {
     fn exchange(&mut self, deadline: Instant) -> Result<bool, KortexError> {
         self.arm.base.keep_up()?;
         let fresh = match self.arm.cyclic.refresh(&self.command, deadline) {
-            // The arm left low-level servoing on its own. Why, stands in its faults.
+            // The arm left low-level servoing on its own; its faults tell the reason.
             Err(error) if error.reason() == Some(Reason::ServoingMode) => {
                 self.latest = self.arm.cyclic.feedback()?;
                 fault_of(&self.latest)?;
@@ -224,7 +223,7 @@ impl<'a> Servoing<'a> {
         Ok(fresh.is_some())
     }
 
-    /// Gives the arm back to its base, which holds it where it is.
+    /// Returns control to the arm's base, which holds the arm in place.
     ///
     /// # Errors
     /// As [`crate::session::Session::call`].
@@ -237,7 +236,7 @@ impl<'a> Servoing<'a> {
 impl Drop for Servoing<'_> {
     fn drop(&mut self) {
         if !self.left {
-            // Whoever drops without leaving has an error in hand already; the arm's watchdog does the rest.
+            // The caller has an error already; the arm's watchdog does the rest.
             drop(self.arm.base.set_servoing_mode(ServoingMode::SingleLevel));
         }
     }
@@ -257,7 +256,7 @@ fn without_faults(arm: &mut Arm) -> Result<Feedback, KortexError> {
     }
 }
 
-/// The error of measurements with faults in them.
+/// The error for feedback that reports a fault.
 fn fault_of(feedback: &Feedback) -> Result<(), KortexError> {
     if feedback.faults.is_emergency_stop() {
         return Err(KortexError::EmergencyStop(Box::new(feedback.faults)));

@@ -1,8 +1,7 @@
 //! A session: calls with deadlines, keep-alives, notifications.
 //!
-//! There is no thread in here. Whoever owns a session calls it often enough ([`Session::keep_up`]), and a host that
-//! hangs is one whose keep-alives stop, so that the arm notices. A helper thread would keep the session of a dead
-//! controller alive.
+//! There is no thread here: the owner of a session calls [`Session::keep_up`] often enough. When the host hangs, its
+//! keep-alives stop and the arm notices; a helper thread would keep the session of a dead controller alive.
 
 use std::collections::VecDeque;
 use std::time::{Duration, Instant};
@@ -18,12 +17,10 @@ use crate::message::session::CreateSessionInfo;
 use crate::refusal::Refusal;
 use crate::tap::Tap;
 
-/// Who logs in.
 #[derive(Clone, PartialEq, Eq)]
 pub struct Credentials {
     /// User name.
     pub user: String,
-    /// Password.
     pub password: String,
 }
 

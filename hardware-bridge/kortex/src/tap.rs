@@ -1,4 +1,4 @@
-//! Copies of the bytes on a link, for whoever records them.
+//! Copies of the bytes on a link, for a recorder.
 //!
 //! Install a tap after the login, as [`crate::Arm::tap`] does, so that the password stays out of the record.
 

@@ -1,8 +1,8 @@
-//! Two sessions side by side: where they first differ by a bit.
+//! Comparison of two sessions: the first bit in which they differ.
 //!
-//! Compared are observations with their images, commands asked and sent, what prior perception said, and the ticks' times. Not compared are raw bytes
-//! (two bodies need not have the same links), the words on the outcome (they hold how long decisions took), lateness, and when an image was taken: a
-//! camera board's clock is known to some microseconds only, and no decision depends on it.
+//! Observations with their images, commands asked and sent, perceived poses and tick times are compared. Raw bytes are not (two robots may have
+//! different links), nor the outcome (it contains decision times), lateness, or the capture times of images: a camera board's clock is known only to
+//! some microseconds, and no decision depends on it.
 
 use hand_model::robot::{ArmState, Observation, ServoState};
 
@@ -10,7 +10,6 @@ use crate::error::SessionLogError;
 use crate::message::bits;
 use crate::reader::{Event, Reader};
 
-/// What became of a comparison.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Comparison {
     /// Whole ticks that are the same in both.
@@ -23,7 +22,6 @@ pub struct Comparison {
     pub difference: Option<Difference>,
 }
 
-/// A difference.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("tick {tick}, {field}: found {found}, expected {expected}")]
 pub struct Difference {
@@ -37,7 +35,7 @@ pub struct Difference {
     pub expected: String,
 }
 
-/// Goes through both sessions until they differ or one is over; one that is over sooner is a difference.
+/// Compares event by event until the sessions differ or end. A session that ends earlier differs.
 ///
 /// # Errors
 /// A file that is damaged.

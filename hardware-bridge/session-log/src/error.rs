@@ -1,18 +1,15 @@
-//! What can be wrong with a session's file.
+//! Errors of writing or reading a session.
 
 use std::path::{Path, PathBuf};
 
 use mcap::McapError;
 
-/// An error of writing or reading a session.
 #[derive(Debug, thiserror::Error)]
 pub enum SessionLogError {
-    /// The operating system says so.
     #[error("{}: {source}", path.display())]
     Io {
         /// The file.
         path: PathBuf,
-        /// Why.
         source: std::io::Error,
     },
     /// Not an MCAP file, or a damaged one.
@@ -20,7 +17,6 @@ pub enum SessionLogError {
     Mcap {
         /// The file.
         path: PathBuf,
-        /// Why.
         source: McapError,
     },
     /// An MCAP file of something else, or of another version of this program.
@@ -30,9 +26,7 @@ pub enum SessionLogError {
         path: PathBuf,
         /// Which part of it.
         field: String,
-        /// What is there.
         found: String,
-        /// What should be there.
         expected: String,
     },
 }

@@ -1,7 +1,7 @@
-//! The messages in a session's file, and the way to and from the robot's types.
+//! The messages of a session's file and their conversion from and to the robot's types.
 //!
-//! A protobuf writer leaves out a number that equals 0, and -0 does. Here every number is in a list or optional, so
-//! that it is written whatever it is, and comes back with all its bits.
+//! Protobuf omits a plain field that equals 0, which includes -0. Every number here is therefore optional or in a list, so that
+//! all of its bits are written.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;

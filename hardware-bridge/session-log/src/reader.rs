@@ -48,9 +48,7 @@ pub enum Event {
     Raw {
         /// Name of the link.
         link: String,
-        /// Which way.
         direction: Direction,
-        /// The bytes.
         bytes: Vec<u8>,
     },
 }
@@ -103,7 +101,6 @@ impl Reader {
         Ok(reader)
     }
 
-    /// What session it is.
     pub fn session(&self) -> &Session {
         &self.session
     }

@@ -1,4 +1,4 @@
-//! A robot that writes down what passes through it.
+//! A robot that records what passes through it.
 
 use std::sync::mpsc::Receiver;
 
@@ -8,8 +8,8 @@ use crate::error::SessionLogError;
 use crate::tap::Packet;
 use crate::writer::Writer;
 
-/// Records the session of `R` while it is driven. A file that can no longer be written does not stop the robot: the
-/// first error is kept, and [`Recorder::finish`] tells it.
+/// Records the session of `R` while it is driven. A write error does not stop the robot: the first one is kept and
+/// returned by [`Recorder::finish`].
 pub struct Recorder<R> {
     robot: R,
     writer: Writer,
@@ -33,17 +33,17 @@ impl<R: Robot> Recorder<R> {
         &mut self.robot
     }
 
-    /// Notes what prior perception says of an object.
+    /// Records an object's perceived pose.
     pub fn seen(&mut self, object: usize, pose: &[f64; 7]) {
         self.write(|writer| writer.seen(object, pose));
     }
 
-    /// Notes what came of it.
+    /// Records the outcome.
     pub fn outcome(&mut self, text: &[u8]) {
         self.write(|writer| writer.outcome(text));
     }
 
-    /// Why nothing is written any more, if so.
+    /// The error that ended the recording, if any.
     pub fn error(&self) -> Option<&SessionLogError> {
         self.error.as_ref()
     }

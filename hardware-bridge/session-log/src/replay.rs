@@ -1,9 +1,8 @@
-//! A robot that gives a recorded session back.
+//! A robot that plays a recorded session back.
 //!
-//! The control stack is a function of what it observes. Driven by a replay it must ask for the recorded commands, in
-//! the recorded order, bit by bit; the first time it does not, the replay notes where and how. From there on, and after
-//! the recording's end, it repeats its last observation while time goes on, so that a controller that waits for
-//! something gives up by its own rules.
+//! The control stack is a function of its observations. Driven by a replay it must send the recorded commands in the
+//! recorded order, bit by bit; the replay keeps the first divergence. From there on, and after the end of the recording,
+//! it repeats the last observation while time advances, so that a waiting controller gives up by its own rules.
 
 use hand_model::robot::{Command, Observation, Robot, Tick};
 
@@ -11,10 +10,10 @@ use crate::error::SessionLogError;
 use crate::message::bits;
 use crate::reader::{Event, Reader};
 
-/// How a replay left the recording.
+/// The first difference between controller and recording.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum Divergence {
-    /// The controller did something else next.
+    /// The controller called another function.
     #[error("tick {tick}: the recording goes on with {recorded}, the controller with {found}")]
     Order {
         /// Ticks replayed so far.
@@ -24,7 +23,7 @@ pub enum Divergence {
         /// What the controller does.
         found: &'static str,
     },
-    /// The controller asked for another command.
+    /// The controller sent another command.
     #[error("tick {tick}: {field} is {found}, recorded as {recorded}")]
     Command {
         /// Ticks replayed so far.
@@ -38,10 +37,8 @@ pub enum Divergence {
     },
 }
 
-/// How far a replay came.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Progress {
-    /// Ticks.
     pub ticks: u64,
     /// Commands found identical.
     pub commands: u64,
@@ -88,7 +85,6 @@ impl Replay {
         &self.reader
     }
 
-    /// How far it came.
     pub fn progress(&self) -> Progress {
         self.progress
     }

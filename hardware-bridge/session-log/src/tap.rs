@@ -1,7 +1,7 @@
-//! From the links to the record: bytes as they go over a wire, from whatever thread that wire belongs to.
+//! Copies of the bytes on a link, from any thread, for the recorder.
 //!
-//! A link that is tapped sends a copy of every packet down a channel and never waits; the recorder empties the channel
-//! at every tick. Tap a link after its login: a record is no place for a password.
+//! A tapped link sends a copy of every packet into a channel and never waits; the recorder empties the channel at every
+//! tick. Tap a link after its login, so that no password is recorded.
 
 use std::sync::mpsc;
 use std::time::Instant;
@@ -20,11 +20,9 @@ pub enum Direction {
 pub struct Packet {
     /// Name of the link, as in the topic.
     pub link: &'static str,
-    /// Which way.
     pub direction: Direction,
     /// When the host sent it or had it.
     pub at: Instant,
-    /// The bytes.
     pub bytes: Vec<u8>,
 }
 

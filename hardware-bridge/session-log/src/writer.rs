@@ -21,7 +21,7 @@ use crate::tap::{Direction, Packet};
 pub const FORMAT: &str = "2";
 /// Topic of observations.
 pub const OBSERVATION: &str = "observation";
-/// Topic of commands as the controller wanted them.
+/// Topic of commands as the controller requested them.
 pub const ASKED: &str = "command/asked";
 /// Topic of commands as they were sent.
 pub const SENT: &str = "command/sent";
@@ -33,14 +33,13 @@ pub const METADATA: &str = "session";
 pub const CONFIGURATION: &str = "configuration";
 /// Topic of the calibration file.
 pub const CALIBRATION: &str = "calibration";
-/// Topic of what was to be done.
+/// Topic of the task.
 pub const TASK: &str = "task";
-/// Topic of what prior perception says.
+/// Topic of perceived poses.
 pub const SEEN: &str = "seen";
-/// Topic of what came of it.
+/// Topic of the outcome.
 pub const OUTCOME: &str = "outcome";
 
-/// What a session was.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Session {
     /// `sim`, `emulated`, `hardware`.
@@ -55,7 +54,7 @@ pub struct Session {
     pub configuration: Vec<u8>,
     /// The calibration file, as it was; empty if there was none.
     pub calibration: Vec<u8>,
-    /// What was to be done, in the controller's words: all that a replay needs to set it up again; empty if nobody said.
+    /// The task in the controller's own format: all that a replay needs to set it up again; may be empty.
     pub task: Vec<u8>,
 }
 
@@ -92,7 +91,7 @@ impl Writer {
     /// [`SessionLogError`].
     pub fn create(path: &Path, session: &Session) -> Result<Self, SessionLogError> {
         let file = File::create_new(path).map_err(SessionLogError::io(path))?;
-        // Not in chunks: a chunk is readable only when it is complete, and every tick shall be.
+        // No chunks: a chunk is readable only when complete, and every tick must be.
         let options = WriteOptions::new().compression(None).use_chunks(false).library("ftac hardware-bridge");
         let mcap = options.create(BufWriter::new(file)).map_err(SessionLogError::mcap(path))?;
         let mut writer = Self {

@@ -1,4 +1,4 @@
-//! The sections `[[uvc]]` of `bridge.toml`: webcams in the camera board's place.
+//! The sections `[[uvc]]` of `bridge.toml`: webcams instead of a camera board.
 
 use hand_model::CAMERAS;
 use hand_model::pads::IMAGE_SIZE;
@@ -40,7 +40,8 @@ pub struct UvcSquare {
     pub y: u32,
 }
 
-/// What is wrong with the squares of UVC devices, if there are any: together they are every camera once, each within its picture.
+/// The first error in the squares of UVC devices as (field, found, expected). The squares must cover every camera exactly once and lie within
+/// their pictures.
 pub(super) fn wrong_squares(devices: &[UvcConfig]) -> Option<(String, String, String)> {
     let mut shown = [0; CAMERAS];
     for (n, device) in devices.iter().enumerate() {

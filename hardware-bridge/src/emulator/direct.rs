@@ -1,8 +1,8 @@
 //! The emulated devices without wires: the same servos, camera board, supervisor and arm arithmetic as in [`super::lockstep`], called as functions.
 //!
-//! A goal still passes the supervisor's limits and the servo's registers, a set-point single-precision degrees, an image the board's noise and its
-//! JPEG. What is missing are pseudo-terminals, sockets, packets, threads, deadlines and the device side of sessions. So a trial on this robot and one on
-//! the lock-step robot must be the same to the last bit, and any difference is the doing of a wire.
+//! Goals still pass the supervisor's limits and the servos' registers, set-points are rounded to single-precision degrees, and images get the
+//! board's noise and JPEG coding. There are no pseudo-terminals, sockets, packets, threads, deadlines or sessions. A trial on this robot must
+//! therefore equal one on the lock-step robot bit by bit; any difference is caused by the wires.
 
 use std::sync::Arc;
 
@@ -24,7 +24,6 @@ use crate::tactile_link::image_data;
 use crate::tactile_link::message::Message;
 use crate::xc330::{self, PRESENT_BLOCK_LONG, Register};
 
-/// The robot.
 pub struct DirectRobot {
     plant: Box<dyn Robot + Send>,
     servos: Vec<EmulatedServo>,

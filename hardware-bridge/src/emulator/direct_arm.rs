@@ -1,4 +1,4 @@
-//! The arm of [`super::direct`]: what client and emulated Gen3 make of set-points and measurements, in arithmetic alone.
+//! The arm of [`super::direct`]: what the Gen3 client and the emulated Gen3 do to set-points and measurements, as arithmetic.
 
 use hand_model::ARM_JOINTS;
 use hand_model::arm::Arm as ArmModel;
@@ -16,7 +16,7 @@ pub(super) struct DirectArm {
     limits: Limits,
     following_error: f64,
     turns: Turns,
-    /// Part of a millisecond that is still to pass, s.
+    /// Remainder of a millisecond, s.
     rest: f64,
     /// The newest command, rad, before it went through single-precision degrees.
     command: [f64; ARM_JOINTS],
@@ -27,7 +27,7 @@ pub(super) struct DirectArm {
     pub goal: [f64; ARM_JOINTS],
     /// Where the supervisor wants them, rad.
     pub target: Option<[f64; ARM_JOINTS]>,
-    /// Whether it has stopped for good.
+    /// Whether a fault has stopped it.
     pub fault: bool,
 }
 

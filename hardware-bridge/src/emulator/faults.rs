@@ -1,6 +1,6 @@
-//! What can be made to go wrong in the emulated hand, and how it is written on the command line.
+//! Faults of the emulated hand and their command-line syntax.
 //!
-//! Chances are per answer (or per image) and drawn from a seeded generator; events happen at a time since the start:
+//! Chances are per answer (or per image) and drawn from a seeded generator; events happen at a time after the start:
 //! `noise=0.1`, `drop=0.02`, `corrupt=0.01`, `delay=0.05`, `jpeg=0.05`; `overload=3@5` (servo 3 after 5 s), `overheat=2@4`, `voltage=5.2@3`
 //! (the supply, V), `unplug=4@6`, `plug=4@8`, `freeze=7@2` (camera 7).
 

@@ -1,10 +1,10 @@
-//! A robot whose host and devices share one emulated clock: the whole bridge, with its real bytes on pseudo-terminals and loopback sockets, and a
-//! plant that waits for it.
+//! The whole bridge on emulated devices in lock-step: real bytes on pseudo-terminals and loopback sockets, one emulated clock for host, devices
+//! and plant.
 //!
-//! A control tick is one servo cycle: read all servos, let the supervisor decide, write goals, look at one servo (whose answer says that the goals
-//! have arrived); then the arm's milliseconds, each with a command and an answer over UDP; then one tick of the plant; then everybody is measured. Nothing depends on how
-//! busy the machine is, so that a trial comes out the same every time, and as the simulated robot's where the protocols lose nothing. What real
-//! time does to the bridge is the business of the devices in real time ([`super::EmulatedHand::start`]).
+//! One control tick is: read all servos, let the supervisor decide, write the goals, audit one servo (its answer confirms that the goals have
+//! arrived); then the arm's milliseconds, each with a command and an answer over UDP; then one tick of the plant; then new measurements. The
+//! result does not depend on the load of the machine, and equals the simulated robot's wherever the protocols lose nothing. Effects of real time
+//! are studied with devices in real time ([`super::EmulatedHand::start`]).
 
 use std::path::Path;
 use std::sync::mpsc::Sender;
@@ -31,12 +31,12 @@ use crate::servo_cycle::{CycleReport, ServoCycle};
 use crate::tactile_link::TactileLink;
 use crate::xc330;
 
-/// Longest wait for bytes to cross, on however busy a machine.
+/// Longest wait for bytes on the wire; generous, for busy machines.
 const PATIENCE: Duration = Duration::from_secs(20);
-/// Between two looks for them.
+/// Polling interval of that wait.
 const LOOK: Duration = Duration::from_micros(50);
 
-/// Why there is no such robot.
+/// The lock-step robot cannot be started.
 #[derive(Debug, thiserror::Error)]
 pub enum LockstepError {
     /// A pseudo-terminal.
@@ -48,28 +48,23 @@ pub enum LockstepError {
     /// The host's side.
     #[error(transparent)]
     Connect(#[from] ConnectError),
-    /// The checks.
     #[error(transparent)]
     Check(#[from] CheckFailed),
-    /// Arming.
     #[error("arming: {0}")]
     Arming(String),
 }
 
-/// What such a robot is made of.
 #[derive(Debug, Clone)]
 pub struct LockstepSettings {
-    /// The devices.
     pub devices: EmulatorSettings,
     /// Travel of every shaft, rad, for the calibration.
     pub travel: [f64; ACTUATORS],
-    /// What is allowed.
+    /// Limits of the supervisor.
     pub limits: LimitConfig,
-    /// Waited for an answer of the servos, s of real time: enough that a busy machine loses none.
+    /// Time-out of a servo's answer, s of real time; long enough that a busy machine misses none.
     pub slack: f64,
 }
 
-/// The robot.
 pub struct LockstepRobot {
     cycle: ServoCycle,
     cameras: Option<Cameras>,
@@ -147,12 +142,12 @@ impl LockstepRobot {
         }
     }
 
-    /// The devices, to make something go wrong.
+    /// The devices, for injecting faults.
     pub fn devices(&mut self) -> &mut EmulatedHand {
         &mut self.devices
     }
 
-    /// The arm, to make something go wrong.
+    /// The arm, for injecting faults.
     pub fn arm(&mut self) -> &mut LockstepArm {
         &mut self.arm
     }
@@ -167,7 +162,7 @@ impl LockstepRobot {
         self.cycle.supervisor.hold(crate::safety::state::Cause::Operator);
     }
 
-    /// From now on the host does nothing any more, as one that was killed or frozen; the devices and the plant go on.
+    /// Stops the host, as if it were killed or frozen; devices and plant go on.
     pub fn kill_host(&mut self) {
         self.host_alive = false;
     }
@@ -179,7 +174,7 @@ impl LockstepRobot {
         }
     }
 
-    /// Waits for bytes to cross; whether they did.
+    /// Waits until `done`; false on a time-out or a lost port.
     fn patiently(&self, done: impl Fn(&Self) -> bool) -> bool {
         let deadline = Instant::now() + PATIENCE;
         while !done(self) {

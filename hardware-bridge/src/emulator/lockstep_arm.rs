@@ -1,5 +1,5 @@
-//! The Kortex client and the emulated Gen3 in lock-step: every emulated millisecond one command and one answer cross the loopback, and the next
-//! millisecond begins when they have.
+//! The Kortex client and the emulated Gen3 in lock-step: each emulated millisecond exchanges one command and one answer
+//! over the loopback interface before the next one begins.
 
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::mpsc::{self, Receiver, Sender};
@@ -21,11 +21,11 @@ use crate::kortex_link::{arm_state, limits, tap};
 use crate::lock::lock;
 use crate::safety::checks::ArmReading;
 
-/// Longest wait for an answer on loopback, on however busy a machine.
+/// Longest wait for an answer on loopback; generous, for busy machines.
 const PATIENCE: Duration = Duration::from_secs(20);
 /// Longest wait for a call's answer.
 const CALL: Duration = Duration::from_secs(2);
-/// Longest wait once answers are made to get lost: what comes at all comes at once.
+/// Longest wait once answers are dropped on purpose: the others come at once.
 const IMPATIENCE: Duration = Duration::from_millis(3);
 
 enum Order {
@@ -37,7 +37,7 @@ enum Order {
     Disengage,
 }
 
-/// The newest measurements, and whether they are new; or why it is over.
+/// The newest measurements and whether they are new, or the reason why servoing ended.
 type Answer = Result<(ArmState, bool), String>;
 
 /// The client's thread.
@@ -69,12 +69,12 @@ impl Client {
     }
 }
 
-/// An emulated arm and its client, which only move together.
+/// An emulated arm and its client, advanced together.
 pub struct LockstepArm {
     emulator: Arc<Emulator>,
     client: Option<Arc<Mutex<Client>>>,
     thread: Option<JoinHandle<()>>,
-    /// Part of a millisecond that is still to pass, s.
+    /// Remainder of a millisecond, s.
     rest: f64,
     lossy: bool,
     waited: Arc<AtomicU64>,
@@ -120,7 +120,7 @@ impl LockstepArm {
         self.emulator.status()
     }
 
-    /// Makes something go wrong with the arm or its network.
+    /// Injects a fault of the arm or its network.
     pub fn inject(&mut self, injection: Injection) {
         let lossy = matches!(injection, Injection::Deaf(_) | Injection::LoseReplies(_) | Injection::LoseCommands(_));
         self.lossy |= lossy || matches!(injection, Injection::DelayReplies(_));

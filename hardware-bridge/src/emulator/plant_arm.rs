@@ -1,5 +1,5 @@
-//! The emulated Gen3's joints, where they are those of the hand's plant: what the arm's controller wants goes into a shared place, and what the
-//! plant's arm does comes back from there.
+//! The joints of the emulated Gen3 when the hand's plant has the arm: goals of the arm's controller and measurements of the plant's arm, shared
+//! between the two.
 
 use std::sync::{Arc, Mutex};
 
@@ -17,7 +17,7 @@ struct Joints {
     /// Time since that was measured, s.
     age: f64,
     goal: [f64; ARM_JOINTS],
-    /// Speeds that are left since the arm was told to stop, rad/s.
+    /// Remaining speeds while braking, rad/s.
     braking: Option<[f64; ARM_JOINTS]>,
     limits: ArmLimits,
 }
@@ -33,7 +33,7 @@ impl SharedArm {
         Self(Arc::new(Mutex::new(Joints { state, age: 0.0, goal: state.position, braking: None, limits })))
     }
 
-    /// Where the controller wants the joints, rad.
+    /// The controller's goal for the joints, rad.
     pub fn goal(&self) -> [f64; ARM_JOINTS] {
         lock(&self.0).goal
     }
@@ -63,7 +63,7 @@ impl Plant for SharedArm {
                     *goal += speed * seconds;
                 }
             }
-            // From where the joints are, as fast as they move, and they stay where that ends: nothing draws them back to a command of before.
+            // Brake from the measured position and speed and stay there; an earlier command must not pull the joints back.
             Drive::Hold => {
                 let ArmState { position, velocity, .. } = joints.state;
                 let (from, speed) = match joints.braking {

@@ -1,35 +1,13 @@
 //! One emulated XC330: its control table, its refusals, its shutdowns, its bus watchdog.
 //!
-//! Pure: time and shaft come in as arguments, goals go out. Where the e-Manual leaves something open, our reading is the harsher one for the
-//! host, and is marked "our reading".
+//! It has no clock and no input or output: time and shaft state are arguments, the goal is the result. Where the e-Manual is silent, the
+//! emulator takes the interpretation that is harder on the host, marked "our reading".
 
 use hand_model::robot::{ServoGoal, ServoState};
 
 use crate::config::LimitConfig;
 use crate::protocol2::ServoError;
-use crate::xc330::{self, Access, REGISTERS, Register};
-
-/// Bits of the hardware error status register.
-pub mod hardware_error {
-    /// Input voltage out of its limits.
-    pub const VOLTAGE: u8 = 1 << 0;
-    /// Too hot.
-    pub const OVERHEAT: u8 = 1 << 2;
-    /// Load beyond the maximum for too long.
-    pub const OVERLOAD: u8 = 1 << 5;
-}
-
-/// Operating modes we emulate; velocity (1) and PWM (16) are refused.
-pub mod mode {
-    /// Current control.
-    pub const CURRENT: i64 = 0;
-    /// Position control within one turn.
-    pub const POSITION: i64 = 3;
-    /// Multi-turn position control.
-    pub const EXTENDED: i64 = 4;
-    /// Multi-turn position control under a current limit.
-    pub const CURRENT_POSITION: i64 = 5;
-}
+use crate::xc330::{self, Access, REGISTERS, Register, hardware_error, mode};
 
 /// Off the bus after a reboot, s.
 const REBOOT_TIME: f64 = 0.34;
@@ -47,7 +25,6 @@ const TRIPPED: u8 = 0xFF;
 /// Firmware that knows fast sync read.
 const FIRMWARE: i64 = 46;
 
-/// An emulated servo.
 #[derive(Debug, Clone)]
 pub struct EmulatedServo {
     memory: [u8; 256],
@@ -117,7 +94,6 @@ impl EmulatedServo {
         self.set(&xc330::GOAL_POSITION, self.position());
     }
 
-    /// Its id.
     pub fn id(&self) -> u8 {
         self.memory[usize::from(xc330::ID.address)]
     }

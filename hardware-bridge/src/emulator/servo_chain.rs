@@ -1,19 +1,19 @@
-//! Six emulated servos on one bus: packets in, answers with their times out.
+//! Six emulated servos on one bus: it takes packets and returns answers with their times.
 //!
-//! Pure but for its seeded generator of line faults. In a sync read a servo answers only after all before it have, so one that is not
-//! there silences those after it (our reading, the harsher one). Instructions the bridge does not use (bulk, registered, clear, factory
-//! reset) are refused with error 2.
+//! Line faults are drawn from a seeded generator; nothing else is random. In a sync read a servo answers only after all servos before it, so a
+//! missing servo silences those after it (our reading). Instructions that the bridge does not use (bulk, registered, clear, factory reset) are
+//! refused with error 2.
 
 use hand_model::robot::{ServoGoal, ServoState};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 use super::faults::{Chances, DELAY, Event, Faults};
-use super::servo::{EmulatedServo, hardware_error};
+use super::servo::EmulatedServo;
 use crate::calibration::HandCalibration;
 use crate::protocol2::{BROADCAST, Instruction, Packet, ServoError, Status, fast_sync};
 use crate::servo_bus::timing::LineTiming;
-use crate::xc330;
+use crate::xc330::{self, hardware_error};
 
 /// Bytes to put onto the line.
 #[derive(Debug, Clone, PartialEq)]

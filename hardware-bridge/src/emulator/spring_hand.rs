@@ -1,6 +1,6 @@
-//! A plant for tests and for a bench without a simulator: six springs, an arm that goes where it is told, pictures of dots.
+//! A plant without a simulator: six servos on springs, an arm that follows its set-points exactly, images of dots.
 //!
-//! It is a [`Robot`], as the simulated one is, and takes its place. Each servo winds against a spring between two hard stops; without
+//! It is a [`Robot`] and can replace the simulated one. Each servo winds against a spring between two hard stops; without
 //! current the spring unwinds it to the open mark.
 
 use std::sync::Arc;

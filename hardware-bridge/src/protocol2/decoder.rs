@@ -1,9 +1,8 @@
-//! From the stream of bytes to packets, whatever happens on the wire.
+//! Finds packets in the byte stream and recovers from any damage on the wire.
 //!
-//! Bytes go in as they arrive, packets and errors come out in order. After anything wrong the decoder gives up only the header
-//! it was at and looks for the next one in the bytes it already has, so a stray or damaged byte costs the packet it hit and no
-//! other. A damaged *length* can make it wait for bytes that are not coming; whoever reads the port knows the deadline and
-//! calls [`Decoder::time_out`].
+//! Bytes go in as they arrive, packets and errors come out in order. After an error the decoder discards only the current header and searches the bytes
+//! it already has for the next one, so that a stray or damaged byte costs only the packet it hit. A damaged *length* can make it wait for bytes
+//! that never come; the reader of the port knows the deadline and calls [`Decoder::time_out`].
 
 use super::packet::{HEADER, PROLOGUE, Packet, PacketError, check_id, check_length};
 

@@ -1,4 +1,4 @@
-//! What the host asks of servos.
+//! Instructions from the host to the servos.
 
 use super::packet::{BROADCAST, Packet, PacketError};
 
@@ -32,7 +32,7 @@ pub enum Instruction {
         /// Who answers.
         ids: Vec<u8>,
     },
-    /// The same, answered in one packet to which each servo adds its part ([`super::fast_sync`]). Firmware 46 and later.
+    /// A sync read answered in one packet to which each servo appends a block ([`super::fast_sync`]). Firmware 46 and later.
     FastSyncRead {
         /// First register.
         address: u16,
@@ -90,7 +90,7 @@ const SYNC_WRITE: u8 = 0x83;
 const FAST_SYNC_READ: u8 = 0x8A;
 
 impl Instruction {
-    /// The bytes that go onto the wire. Sync instructions are sent to everybody, whatever `id` says.
+    /// The bytes on the wire. Sync instructions are broadcast; `id` is ignored.
     pub fn encode(&self, id: u8) -> Result<Vec<u8>, InstructionError> {
         let (instruction, parameters) = match self {
             Self::Ping => (PING, Vec::new()),

@@ -1,4 +1,4 @@
-//! What servos answer.
+//! Status packets: the servos' answers.
 
 use super::decoder::StreamError;
 use super::packet::{Packet, PacketError};
@@ -86,16 +86,10 @@ pub enum ReplyError {
     Missing(u8),
     /// It answered that it will not.
     #[error("servo {id}: {error}")]
-    Refused {
-        /// Who.
-        id: u8,
-        /// Why.
-        error: ServoError,
-    },
+    Refused { id: u8, error: ServoError },
     /// An answer of another length than asked for.
     #[error("servo {id}: found {found} bytes, expected {expected}")]
     Length {
-        /// Who.
         id: u8,
         /// Bytes in its answer.
         found: usize,

@@ -1,4 +1,4 @@
-//! Whether what is measured is allowed.
+//! Checks of measurements against the limits.
 
 use hand_model::ACTUATORS;
 use hand_model::robot::{ArmState, Command, ServoGoal, ServoState};
@@ -14,7 +14,7 @@ const CURRENT_MARGIN: (f64, f64) = (1.2, 0.05);
 /// of throw it open.
 const SPEED_MARGIN: (f64, f64) = (1.5, 2.5);
 
-/// The newest word from one servo.
+/// The newest measurement of one servo.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ServoReading {
     /// When it came, s.
@@ -27,7 +27,7 @@ pub struct ServoReading {
     pub alert: bool,
 }
 
-/// The newest word from the arm.
+/// The newest measurement of the arm.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ArmReading {
     /// When it came, s.
@@ -38,12 +38,11 @@ pub struct ArmReading {
     pub fault: bool,
 }
 
-/// The newest word from everybody.
+/// The newest measurements of all devices.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Measured {
-    /// The servos, in actuator order; `None` before the first word.
+    /// The servos, in actuator order; `None` before the first measurement.
     pub servos: [Option<ServoReading>; ACTUATORS],
-    /// The arm.
     pub arm: Option<ArmReading>,
     /// Whether the camera board's port works.
     pub cameras: bool,
@@ -86,7 +85,7 @@ pub fn alarm(measured: &Measured, limits: &Limits, now: f64) -> Option<Cause> {
     (!measured.cameras).then_some(Cause::CamerasGone)
 }
 
-/// What is wrong with one servo's word. A figure that is not a number is outside every limit.
+/// The alarm of one servo's measurement, if any. NaN is outside every limit.
 fn servo_alarm(n: usize, reading: &ServoReading, limits: &Limits) -> Option<Cause> {
     let own = &limits.servos[n];
     let ServoState { position, velocity, current, temperature } = reading.state;

@@ -1,7 +1,7 @@
-//! How far, how fast, how strong: the limits of a command, each against the command sent before.
+//! Limits of a command: range, speed and current.
 //!
-//! The step is taken against the previous *command*, not against the measured state: a state that lags behind would otherwise
-//! let a limited command creep past its limit.
+//! Speed is limited relative to the previous *command*, not to the measured state: a measurement that lags would let a limited command creep past
+//! its limit.
 
 use hand_model::robot::ServoGoal;
 use hand_model::{ACTUATORS, ARM_JOINTS, Arm};
@@ -14,7 +14,6 @@ pub const LEAD: f64 = 1.0;
 /// before it, and the shaft cannot follow. A shaft that does follow has lost its cable, which its angle tells ([`super::checks`]).
 pub const BEYOND: f64 = 0.5;
 
-/// Limits of one servo.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ServoLimits {
     /// Least and greatest output angle, rad.
@@ -45,7 +44,7 @@ pub struct ArmLimits {
 pub struct Watchdogs {
     /// The servos' own bus watchdog, s.
     pub servo_bus: f64,
-    /// Age of the newest word from the arm, s.
+    /// Largest age of a measurement of the arm, s.
     pub arm: f64,
     /// Age of the controller's newest command, s.
     pub host: f64,
@@ -56,7 +55,6 @@ pub struct Watchdogs {
 pub struct Limits {
     /// The servos, in actuator order.
     pub servos: [ServoLimits; ACTUATORS],
-    /// The arm.
     pub arm: ArmLimits,
     /// Least and greatest supply, V.
     pub voltage: (f64, f64),

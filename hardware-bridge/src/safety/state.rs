@@ -1,4 +1,4 @@
-//! The states a robot goes through, and why it stopped.
+//! The states of the robot and the causes of a stop.
 
 use std::fmt;
 
@@ -9,11 +9,11 @@ use hand_model::Digit;
 pub enum State {
     /// No devices.
     Disconnected,
-    /// Devices answer; nobody has touched their torque.
+    /// Devices answer; their torque is unchanged.
     Connected,
     /// Devices are the right ones, set up right, cool and supplied.
     Checked,
-    /// Torque is on, nothing moves yet: somebody said so explicitly.
+    /// Torque was enabled on request; nothing moves yet.
     Armed,
     /// Commands are followed.
     Running,
@@ -24,7 +24,7 @@ pub enum State {
         /// When it began, s.
         since: f64,
     },
-    /// As hold, but a device needs somebody's attention before anything can run again.
+    /// As hold, but a device needs attention before the robot can run again.
     Fault(Cause),
 }
 
@@ -39,7 +39,7 @@ pub enum Cause {
     HostSilent(f64),
     /// No measurement of this servo for so long, s.
     ServoSilent(usize, f64),
-    /// No word from the arm for so long, s.
+    /// Silence of the arm, s.
     ArmSilent(f64),
     /// The arm reports a fault.
     ArmFault,
@@ -64,13 +64,13 @@ pub enum Cause {
 }
 
 impl Cause {
-    /// Whether somebody has to look after a device before going on.
+    /// Whether a device needs attention before the robot can run again.
     pub fn is_fault(&self) -> bool {
         matches!(self, Self::ServoAlert(_) | Self::TorqueLost(_) | Self::ArmFault)
     }
 }
 
-/// An actuator in words.
+/// An actuator's name.
 struct Servo(usize);
 
 impl fmt::Display for Servo {

@@ -1,4 +1,4 @@
-//! The supervisor: one step a cycle, from what is asked and measured to what may be sent.
+//! The supervisor: in each cycle it turns the requested command and the measurements into the command that may be sent.
 
 use hand_model::robot::{Command, ServoGoal};
 use hand_model::{ACTUATORS, ARM_JOINTS};
@@ -20,7 +20,7 @@ pub struct SafeCommand {
 }
 
 impl SafeCommand {
-    /// In the words of the robot interface.
+    /// As a command of the robot interface.
     pub fn as_command(&self, capture: bool) -> Command {
         let servos = self.servos.map(|goal| ServoGoal::Position { angle: goal.angle, current_limit: goal.current });
         Command { arm: self.arm, servos, capture }
@@ -32,7 +32,6 @@ impl SafeCommand {
 pub enum Step {
     /// Send nothing.
     Silent,
-    /// Send this.
     Send(SafeCommand),
     /// Take the torque away.
     TorqueOff,
@@ -41,13 +40,11 @@ pub enum Step {
 /// A command and when the controller gave it, s.
 #[derive(Debug, Clone, Copy)]
 pub struct Asked<'a> {
-    /// The command.
     pub command: &'a Command,
     /// s.
     pub at: f64,
 }
 
-/// The supervisor.
 #[derive(Debug, Clone)]
 pub struct Supervisor {
     limits: Limits,
@@ -65,12 +62,10 @@ impl Supervisor {
         Self { limits, state: State::Disconnected, sent, braking: None, stepped: 0.0 }
     }
 
-    /// The state.
     pub fn state(&self) -> State {
         self.state
     }
 
-    /// The limits.
     pub fn limits(&self) -> &Limits {
         &self.limits
     }
@@ -94,7 +89,7 @@ impl Supervisor {
         Ok(())
     }
 
-    /// Somebody wants the torque on. Goals start where the shafts and the arm are, without current.
+    /// Arms the robot. Goals start at the measured positions, without current.
     pub fn arm(&mut self, measured: &Measured, now: f64) -> Result<SafeCommand, CheckFailed> {
         if let Some(cause) = checks::alarm(measured, &self.limits, now) {
             return Err(CheckFailed::Alarm(cause));
@@ -102,7 +97,7 @@ impl Supervisor {
         self.go(State::Armed, "arm", |state| matches!(state, State::Checked))?;
         for (n, (goal, servo)) in self.sent.servos.iter_mut().zip(&measured.servos).enumerate() {
             let (low, high) = self.limits.servos[n].angle;
-            // The alarm above made sure that everybody has spoken.
+            // The check above has verified that all measurements exist.
             *goal = SafeGoal { angle: servo.map_or(0.0, |servo| servo.state.position).clamp(low, high), current: 0.0 };
         }
         for (joint, goal) in self.sent.arm.iter_mut().enumerate() {
@@ -207,7 +202,7 @@ impl Supervisor {
         self.sent.arm = self.limits.arm.limit(&command.arm, &self.sent.arm, dt);
     }
 
-    /// The current falls to nothing in the release time, evenly from the limit, whatever it was before.
+    /// The current limit falls linearly to 0 within the release time, independent of the current before.
     fn fade(&mut self, elapsed: f64, dt: f64) -> Step {
         for (goal, limits) in self.sent.servos.iter_mut().zip(&self.limits.servos) {
             let fall = limits.current * dt / self.limits.release_time;

@@ -1,4 +1,4 @@
-//! The books of one camera.
+//! Counters of one camera.
 
 /// So many equal images in a row are no coincidence: a live sensor's noise makes each a little different.
 const FROZEN_AFTER: u32 = 4;

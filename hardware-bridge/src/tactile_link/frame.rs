@@ -82,7 +82,7 @@ mod tests {
         assert_eq!(CRC32C.checksum(b"123456789"), 0xE306_9283);
     }
 
-    /// The vectors for the firmware's own tests; README.md repeats them.
+    /// The vectors for the firmware's own tests; docs/camera-board.md repeats them.
     #[test]
     fn vectors() {
         let image = Image {
@@ -106,9 +106,9 @@ mod tests {
         for (message, expected) in cases {
             assert_eq!(hex(&encode(&message)), expected, "{message:?}");
         }
-        let readme = include_str!("../../README.md");
+        let page = include_str!("../../docs/camera-board.md");
         for vector in VECTORS {
-            assert!(readme.contains(vector), "README.md lacks {vector}");
+            assert!(page.contains(vector), "docs/camera-board.md lacks {vector}");
         }
     }
 

@@ -1,4 +1,4 @@
-//! The open link: one thread reads and frames, one decodes, the control thread only takes finished images.
+//! The open link: one thread reads frames, one decodes images; the control thread only takes finished images.
 
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -22,7 +22,7 @@ use crate::lock::lock;
 
 /// A USB serial device ignores the rate; a real line at this one carries two images a second.
 const BAUD: u32 = 3_000_000;
-/// Waited for the board's first words, s.
+/// Time-out of the board's first answer, s.
 const PATIENCE: Duration = Duration::from_millis(1000);
 /// Between two questions for the board's time.
 const CLOCK_PERIOD: Duration = Duration::from_millis(1000);
@@ -40,7 +40,7 @@ pub enum LinkError {
         /// The operating system's reason.
         source: std::io::Error,
     },
-    /// Nobody who speaks this protocol is there.
+    /// No board answers in this protocol.
     #[error("{port}: no camera board answered within 1 s")]
     Silent {
         /// Device path.
@@ -192,7 +192,7 @@ impl Drop for TactileLink {
 
 fn greet(port: &SerialPort, path: &Path) -> Result<Board, LinkError> {
     let failed = |source| LinkError::Port { port: path.to_owned(), source };
-    // A delimiter first ends whatever an earlier host left unfinished.
+    // A leading delimiter ends an unfinished frame of an earlier host.
     let hello = [vec![frame::DELIMITER], frame::encode(&Message::Hello)].concat();
     port.write_all(&hello).map_err(failed)?;
     let deadline = Instant::now() + PATIENCE;
@@ -279,7 +279,7 @@ impl Reader {
                 None => books.line.strangers += 1,
             },
             Message::Image(image) => {
-                // Before the clock is known nobody can have asked for an image: the question went out first.
+                // Images are requested only after the first clock exchange.
                 let captured = books.clock.host_time(image.captured_us as f64 * 1e-6);
                 let camera = usize::from(image.camera);
                 let (Some(captured), true) = (captured, camera < CAMERAS) else {

@@ -1,8 +1,8 @@
-//! What host and camera board say to each other.
+//! Messages between host and camera board.
 //!
-//! The host asks, the board answers; the board sends nothing unasked. `Hello` opens a session and is answered with `Welcome`; `WhatTime` is
+//! The host asks, the board answers; the board never speaks first. `Hello` opens a session and is answered with `Welcome`; `WhatTime` is
 //! answered at once with `Time`; `Capture` is answered with one `Image` of every camera, in camera order, each as soon as it has been
-//! read out, or with `CameraFault` in its place.
+//! read out, or with `CameraFault` instead.
 //!
 //! postcard writes an enum as its variant's number (in the order below) and then the fields; integers above 8 bits as varints (7 bits a
 //! byte, low first), byte strings as their length and their bytes.
@@ -85,7 +85,6 @@ pub enum Message {
     CameraFault {
         /// Index of the camera.
         camera: u8,
-        /// Why.
         fault: CameraFault,
     },
 }

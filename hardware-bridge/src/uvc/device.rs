@@ -43,16 +43,10 @@ pub enum UvcError {
     },
     /// The kernel's reason.
     #[error("{device}: {source}")]
-    Device {
-        /// Which.
-        device: String,
-        /// Why.
-        source: std::io::Error,
-    },
+    Device { device: String, source: std::io::Error },
     /// The device offers something else.
     #[error("{device}: found {found}, expected {expected}")]
     Format {
-        /// Which.
         device: String,
         /// Size and pixel format it offers.
         found: String,

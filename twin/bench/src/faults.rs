@@ -13,7 +13,7 @@ use control::executive::{Executive, Phase};
 use hand_model::robot::Robot;
 use hardware_bridge::emulator::lockstep::LockstepRobot;
 use hardware_bridge::safety::state::State;
-use kortex::emulator::{Happening, Injection};
+use kortex::emulator::{EventKind, Injection};
 use nalgebra::Isometry3;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -298,7 +298,7 @@ fn suffer(
 /// Whether no command moves the robot any more: the supervisor holds, or where there is none left, servos and arm have stopped by themselves.
 fn is_stopped(kind: Kind, robot: &mut LockstepRobot) -> bool {
     if kind.kills_the_host() {
-        let by_itself = robot.arm().status().events.iter().any(|event| event.what == Happening::Watchdog);
+        let by_itself = robot.arm().status().events.iter().any(|event| event.what == EventKind::Watchdog);
         robot.devices().watchdogs_tripped() == 6 && by_itself
     } else {
         matches!(robot.state(), State::Hold(_) | State::Fault(_))

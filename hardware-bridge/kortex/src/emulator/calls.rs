@@ -1,8 +1,8 @@
-//! What the emulated arm does when it is called.
+//! The calls that the emulated arm answers.
 
 use prost::Message;
 
-use super::controller::{Commands, Controller, Happening, Subscription};
+use super::controller::{Commands, Controller, EventKind, Subscription};
 use super::peer::Peer;
 use super::plant::Drive;
 use crate::call::{self, Call};
@@ -88,7 +88,7 @@ impl Controller {
             return Err(WRONG_PASSWORD);
         }
         let session = self.sessions.open(peer, &login, self.time);
-        self.log(Happening::SessionOpened(session));
+        self.log(EventKind::SessionOpened(session));
         Ok(session)
     }
 
@@ -98,7 +98,7 @@ impl Controller {
             call::KEEP_ALIVE => Vec::new(),
             call::CLOSE_SESSION => {
                 self.sessions.close(session);
-                self.log(Happening::SessionClosed(session));
+                self.log(EventKind::SessionClosed(session));
                 self.session_ended(session);
                 Vec::new()
             }

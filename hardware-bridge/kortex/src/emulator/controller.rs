@@ -4,7 +4,7 @@ use prost::Message;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 
-use super::fault_injection::{Injection, Weather};
+use super::fault_injection::{Injection, NetworkFaults};
 use super::peer::{Outgoing, Peer};
 use super::plant::{Drive, Plant};
 use super::sessions::Sessions;
@@ -20,10 +20,8 @@ use crate::session::Credentials;
 /// Length of a tick, s.
 const TICK: f64 = 1e-3;
 
-/// What an emulated arm is like.
 #[derive(Debug, Clone)]
 pub struct Settings {
-    /// Who may log in.
     pub credentials: Credentials,
     /// ms without a cyclic command after which the watchdog stops the arm.
     pub cyclic_deadline: u64,
@@ -47,12 +45,12 @@ impl Default for Settings {
     }
 }
 
-/// Something that happened to the arm.
+/// What happened.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Happening {
-    /// Somebody logged in.
+pub enum EventKind {
+    /// A host logged in.
     SessionOpened(u16),
-    /// Somebody logged out.
+    /// A host logged out.
     SessionClosed(u16),
     /// A session ended because nothing was heard of it.
     SessionExpired(u16),
@@ -68,16 +66,15 @@ pub enum Happening {
     StandsStill,
 }
 
-/// Something that happened, and when.
+/// An event with its time.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Event {
     /// ms since the arm was switched on.
     pub time: u64,
-    /// What.
-    pub what: Happening,
+    pub what: EventKind,
 }
 
-/// What the cyclic commands were like, since low-level servoing was last entered.
+/// Statistics of the cyclic commands since low-level servoing was last entered.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Commands {
     /// How many were followed.
@@ -90,24 +87,22 @@ pub struct Commands {
     pub largest_step: [f64; JOINTS],
 }
 
-/// How the arm stands.
+/// State of the emulated arm.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Status {
     /// ms since it was switched on.
     pub time: u64,
-    /// What it does.
     pub state: ArmState,
     /// Who moves it.
     pub mode: ServoingMode,
     /// Its joints.
     pub motion: Motion,
-    /// Its faults.
     pub faults: Report,
     /// Open sessions.
     pub sessions: Vec<u16>,
     /// The cyclic commands.
     pub commands: Commands,
-    /// Everything that happened.
+    /// All events so far.
     pub events: Vec<Event>,
 }
 
@@ -136,7 +131,7 @@ pub struct Controller {
     /// Number of the last command followed, and the command.
     pub(super) last_command: Option<(u16, [f64; JOINTS])>,
     pub(super) commands: Commands,
-    weather: Weather,
+    network: NetworkFaults,
     random: ChaCha8Rng,
     delayed: Vec<(u64, Outgoing)>,
     announced: (ArmState, ServoingMode),
@@ -163,7 +158,7 @@ impl Controller {
             subscriptions: Vec::new(),
             last_command: None,
             commands: Commands::default(),
-            weather: Weather::default(),
+            network: NetworkFaults::default(),
             random,
             delayed: Vec::new(),
             announced: (ArmState::ServoingReady, ServoingMode::SingleLevel),
@@ -172,7 +167,7 @@ impl Controller {
         }
     }
 
-    /// How the arm stands.
+    /// State of the emulated arm.
     pub fn status(&self) -> Status {
         Status {
             time: self.time,
@@ -199,23 +194,23 @@ impl Controller {
         }
     }
 
-    pub(super) fn log(&mut self, what: Happening) {
+    pub(super) fn log(&mut self, what: EventKind) {
         self.events.push(Event { time: self.time, what });
     }
 
-    /// A frame comes in from `peer`; returns what goes out.
+    /// Handles a frame from `peer`; returns the frames to send.
     pub fn receive(&mut self, peer: Peer, frame: &Frame) -> Vec<Outgoing> {
         let over_udp = matches!(peer, Peer::Udp(_));
-        if self.weather.deaf || over_udp && self.weather.loses_command(&mut self.random) {
+        if self.network.deaf || over_udp && self.network.loses_command(&mut self.random) {
             return Vec::new();
         }
         let answer = (frame.header.kind == Kind::Request).then(|| (peer, self.answer(peer, frame)));
         let mut outgoing: Vec<Outgoing> = answer.into_iter().collect();
         if over_udp {
-            outgoing.retain(|_| !self.weather.loses_reply(&mut self.random));
-            if self.weather.delay > 0 {
+            outgoing.retain(|_| !self.network.loses_reply(&mut self.random));
+            if self.network.delay > 0 {
                 let due =
-                    outgoing.drain(..).map(|outgoing| (self.time + self.weather.delay(&mut self.random), outgoing));
+                    outgoing.drain(..).map(|outgoing| (self.time + self.network.delay(&mut self.random), outgoing));
                 self.delayed.extend(due);
             }
         }
@@ -223,24 +218,24 @@ impl Controller {
         outgoing
     }
 
-    /// A millisecond passes; returns what goes out.
+    /// Advances by a millisecond; returns the frames to send.
     pub fn tick(&mut self) -> Vec<Outgoing> {
         self.time += 1;
         self.plant.advance(&self.drive, TICK);
         self.watch_following();
         self.watch_commands();
         for session in self.sessions.expire(self.time) {
-            self.log(Happening::SessionExpired(session));
+            self.log(EventKind::SessionExpired(session));
             self.session_ended(session);
         }
         self.watch_standstill();
         let mut outgoing: Vec<Outgoing> =
             self.delayed.extract_if(.., |(due, _)| *due <= self.time).map(|(_, outgoing)| outgoing).collect();
         outgoing.extend(self.announce());
-        if self.weather.deaf { Vec::new() } else { outgoing }
+        if self.network.deaf { Vec::new() } else { outgoing }
     }
 
-    /// Makes something go wrong; returns what goes out.
+    /// Injects a fault; returns the frames to send.
     pub fn inject(&mut self, injection: Injection) -> Vec<Outgoing> {
         match injection {
             Injection::BaseFault(bits) => self.raise(bits, [0; JOINTS]),
@@ -259,10 +254,10 @@ impl Controller {
                     self.emergency_stop();
                 }
             }
-            Injection::LoseCommands(share) => self.weather.lose_commands = share,
-            Injection::LoseReplies(share) => self.weather.lose_replies = share,
-            Injection::DelayReplies(longest) => self.weather.delay = longest,
-            Injection::Deaf(deaf) => self.weather.deaf = deaf,
+            Injection::LoseCommands(share) => self.network.lose_commands = share,
+            Injection::LoseReplies(share) => self.network.lose_replies = share,
+            Injection::DelayReplies(longest) => self.network.delay = longest,
+            Injection::Deaf(deaf) => self.network.deaf = deaf,
             Injection::ForgetSessions => {
                 for session in self.sessions.forget() {
                     self.session_ended(session);
@@ -278,7 +273,7 @@ impl Controller {
             return;
         }
         self.faults = Report::default();
-        self.log(Happening::Cleared);
+        self.log(EventKind::Cleared);
         self.set_mode(ServoingMode::SingleLevel);
         if self.lasting_faults != 0 {
             self.raise(self.lasting_faults, [0; JOINTS]);
@@ -293,7 +288,7 @@ impl Controller {
     pub(super) fn set_mode(&mut self, mode: ServoingMode) {
         if self.mode != mode {
             self.mode = mode;
-            self.log(Happening::Mode(mode));
+            self.log(EventKind::Mode(mode));
         }
         self.drive = Drive::Hold;
         if mode == ServoingMode::LowLevel {
@@ -310,7 +305,7 @@ impl Controller {
         for (banks, bits) in self.faults.joints.iter_mut().zip(joints) {
             banks.a |= bits;
         }
-        self.log(Happening::Fault);
+        self.log(EventKind::Fault);
     }
 
     pub(super) fn session_ended(&mut self, session: u16) {
@@ -334,7 +329,7 @@ impl Controller {
     fn watch_commands(&mut self) {
         let silent = self.time - self.commands.last > self.settings.cyclic_deadline;
         if silent && self.mode == ServoingMode::LowLevel && self.faults.is_empty() {
-            self.log(Happening::Watchdog);
+            self.log(EventKind::Watchdog);
             self.raise(0, [safety_bank::WATCHDOG; JOINTS]);
         }
     }
@@ -342,7 +337,7 @@ impl Controller {
     fn watch_standstill(&mut self) {
         let moves = self.motion().velocity.iter().any(|speed| speed.abs() > self.settings.standstill);
         if self.moving && !moves {
-            self.log(Happening::StandsStill);
+            self.log(EventKind::StandsStill);
         }
         self.moving = moves;
     }

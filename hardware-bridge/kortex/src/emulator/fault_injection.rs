@@ -1,8 +1,8 @@
-//! What can be made to go wrong in an emulated arm.
+//! Faults that can be injected into an emulated arm.
 
 use rand::{Rng, RngExt};
 
-/// Something that goes wrong, from now on.
+/// A fault, from now on.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Injection {
     /// The base raises the faults of these bits of its bank A.
@@ -26,9 +26,9 @@ pub enum Injection {
     DelayReplies(u64),
     /// The arm forgets all sessions, as after a restart.
     ForgetSessions,
-    /// The arm takes in nothing and says nothing, on either side.
+    /// The arm neither receives nor sends, on both interfaces.
     Deaf(bool),
-    /// A joint (from 0) is put into this control mode by somebody else.
+    /// A joint (from 0) is put into this control mode by another client.
     ControlMode {
         /// From 0.
         joint: usize,
@@ -37,16 +37,16 @@ pub enum Injection {
     },
 }
 
-/// What the network does to datagrams.
+/// Disturbances of the network.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub(super) struct Weather {
+pub(super) struct NetworkFaults {
     pub lose_commands: f64,
     pub lose_replies: f64,
     pub delay: u64,
     pub deaf: bool,
 }
 
-impl Weather {
+impl NetworkFaults {
     pub fn loses_command(&self, random: &mut impl Rng) -> bool {
         self.lose_commands > 0.0 && random.random::<f64>() < self.lose_commands
     }

@@ -1,8 +1,8 @@
-//! What moves in an emulated arm.
+//! The joints of an emulated arm.
 
 use crate::joints::{JOINTS, Motion};
 
-/// What the arm's controller wants of its joints.
+/// The controller's command to the joints.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Drive {
     /// Stop and stay.
@@ -13,7 +13,7 @@ pub enum Drive {
     Velocity([f64; JOINTS]),
 }
 
-/// Seven joints. The emulator's own are [`FirstOrderJoints`]; the program puts the simulator here.
+/// Seven joints: [`FirstOrderJoints`], or those of a simulator.
 pub trait Plant: Send {
     /// Lets `seconds` pass under `drive`.
     fn advance(&mut self, drive: &Drive, seconds: f64);
@@ -21,7 +21,7 @@ pub trait Plant: Send {
     fn state(&self) -> Motion;
 }
 
-/// Joints that follow with a delay of first order and a top speed, and know no load.
+/// Joints with first-order lag and a top speed, without load.
 ///
 /// Under a position command the angle closes the gap as `exp(-t / lag)`; so a sine of angular frequency `w` and
 /// amplitude `A` is followed with an error of amplitude `A w lag / sqrt(1 + (w lag)^2)`. Under a speed command, and

@@ -1,4 +1,4 @@
-//! The emulated arm on its ports.
+//! The sockets of the emulated arm.
 
 use std::collections::BTreeMap;
 use std::io::{self, Read, Write};
@@ -18,15 +18,15 @@ use crate::link::wait;
 use crate::lock::lock;
 use crate::tcp_framing::{self, Deframer};
 
-/// How often a waiting thread looks whether it is to end.
+/// Interval at which a waiting thread checks whether to end.
 const PATIENCE: Duration = Duration::from_millis(20);
 
-/// What makes the emulated arm's time pass.
+/// How the emulated arm's time advances.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Pace {
-    /// The clock on the wall.
+    /// In real time.
     RealTime,
-    /// [`Emulator::step`].
+    /// By [`Emulator::step`].
     Stepped,
 }
 
@@ -108,26 +108,24 @@ impl Emulator {
         Ok(Self { shared, address, pace, threads })
     }
 
-    /// Where it listens.
     pub fn address(&self) -> Address {
         self.address
     }
 
-    /// How it stands.
     pub fn status(&self) -> Status {
         lock(&self.shared.controller).status()
     }
 
-    /// Makes something go wrong.
+    /// Injects a fault.
     pub fn inject(&self, injection: Injection) {
         let outgoing = lock(&self.shared.controller).inject(injection);
         self.shared.deliver(outgoing);
     }
 
-    /// Lets milliseconds pass.
+    /// Advances the arm's time.
     ///
     /// # Panics
-    /// If its time passes by itself: then nobody else may make it pass.
+    /// In real time.
     pub fn step(&self, milliseconds: u64) {
         assert_eq!(self.pace, Pace::Stepped, "time passes by itself");
         for _ in 0..milliseconds {
@@ -178,7 +176,7 @@ fn serve_tcp(shared: &Arc<Shared>, listener: &TcpListener) {
     }
 }
 
-/// Until the host closes, or sends what cannot be understood.
+/// Serves until the host closes the connection or sends an invalid frame.
 fn serve_connection(shared: &Shared, mut stream: TcpStream, number: u64) {
     drop(stream.set_nodelay(true));
     let mut deframer = Deframer::default();
@@ -203,9 +201,8 @@ fn serve_connection(shared: &Shared, mut stream: TcpStream, number: u64) {
     }
 }
 
-/// Lets one emulated millisecond pass for every real one. A machine that stalls makes the arm's clock late, not the arm
-/// blind: time that was missed is not caught up, because the commands that belong to it are still waiting in the
-/// socket.
+/// Advances the arm by one millisecond per real one. Time lost to a stall of the machine is not caught up, because the
+/// commands that belong to it are still waiting in the socket.
 fn keep_time(shared: &Shared) {
     let millisecond = Duration::from_millis(1);
     let mut next = Instant::now() + millisecond;

@@ -1,4 +1,4 @@
-//! Who is logged in to an emulated arm, and for how long.
+//! The sessions of an emulated arm.
 
 use std::collections::BTreeMap;
 

@@ -17,7 +17,6 @@ pub enum ServoingMode {
 /// Sets or tells the servoing mode.
 #[derive(Clone, Copy, PartialEq, Eq, prost::Message)]
 pub struct ServoingModeInformation {
-    /// The mode.
     #[prost(enumeration = "ServoingMode", tag = "1")]
     pub mode: i32,
 }
@@ -33,7 +32,6 @@ pub struct ActuatorInformation {
 /// What the arm is doing; also the payload of [`crate::call::ARM_STATE_TOPIC`].
 #[derive(Clone, Copy, PartialEq, Eq, prost::Message)]
 pub struct ArmStateInformation {
-    /// The state.
     #[prost(enumeration = "super::ArmState", tag = "1")]
     pub active_state: i32,
 }

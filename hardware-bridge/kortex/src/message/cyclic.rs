@@ -34,7 +34,6 @@ pub struct Feedback {
     /// Number of the command it answers.
     #[prost(fixed32, tag = "1")]
     pub frame_id: u32,
-    /// The base.
     #[prost(message, optional, tag = "2")]
     pub base: Option<BaseFeedback>,
     /// One per joint, in order.

@@ -1,12 +1,10 @@
 //! Services 9, 10 and 23: which devices the arm consists of, their serial numbers, safeties and control modes.
 
-/// What a device is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, prost::Enumeration)]
 #[repr(i32)]
 pub enum DeviceType {
     /// Not said.
     Unspecified = 0,
-    /// The base.
     Base = 1,
     /// The camera in the wrist.
     Vision = 2,
@@ -39,10 +37,8 @@ pub struct DeviceHandles {
     pub devices: Vec<DeviceHandle>,
 }
 
-/// A device.
 #[derive(Clone, Copy, PartialEq, Eq, prost::Message)]
 pub struct DeviceHandle {
-    /// What it is.
     #[prost(enumeration = "DeviceType", tag = "1")]
     pub device_type: i32,
     /// Its address in a frame's header.
@@ -84,7 +80,6 @@ pub enum ControlMode {
 /// A joint's control mode.
 #[derive(Clone, Copy, PartialEq, Eq, prost::Message)]
 pub struct ControlModeInformation {
-    /// The mode.
     #[prost(enumeration = "ControlMode", tag = "1")]
     pub mode: i32,
 }
@@ -92,7 +87,6 @@ pub struct ControlModeInformation {
 /// A safety changed.
 #[derive(Clone, Copy, PartialEq, Eq, prost::Message)]
 pub struct SafetyNotification {
-    /// Which.
     #[prost(message, optional, tag = "1")]
     pub safety: Option<SafetyHandle>,
     /// To what.

@@ -9,7 +9,6 @@ pub struct CreateSessionInfo {
     /// ms without a call after which the arm ends the session.
     #[prost(uint32, tag = "2")]
     pub session_timeout: u32,
-    /// Password.
     #[prost(string, tag = "3")]
     pub password: String,
     /// ms without any sign of life, keep-alives included, after which the arm ends the session.

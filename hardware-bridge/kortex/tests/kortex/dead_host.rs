@@ -4,7 +4,7 @@ use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
 use hand_model::arm::Arm as ArmModel;
-use kortex::emulator::{Emulator, Happening, Pace};
+use kortex::emulator::{Emulator, EventKind, Pace};
 use kortex::message::ArmState;
 use kortex::servoing::Servoing;
 use kortex::{Address, Arm, CommandError, KortexError};
@@ -73,10 +73,10 @@ fn stopped_by(end: impl FnOnce(&Host)) {
     let host = Host(host);
     let moving = |emulator: &Emulator| emulator.status().motion.velocity[0].abs() > 0.3;
     until("the arm moves", || moving(&emulator) && emulator.status().commands.followed > 300);
-    assert_eq!(time_of(&emulator, Happening::Watchdog), None, "before the host was stopped");
+    assert_eq!(time_of(&emulator, EventKind::Watchdog), None, "before the host was stopped");
     end(&host);
-    until("the watchdog trips", || time_of(&emulator, Happening::Watchdog).is_some());
-    let (watchdog, last) = (time_of(&emulator, Happening::Watchdog), emulator.status().commands.last);
+    until("the watchdog trips", || time_of(&emulator, EventKind::Watchdog).is_some());
+    let (watchdog, last) = (time_of(&emulator, EventKind::Watchdog), emulator.status().commands.last);
     assert_eq!(watchdog, Some(last + DEADLINE + 1), "by the arm's own clock");
     until("the arm stands", || emulator.status().motion.velocity.iter().all(|speed| speed.abs() < 1e-3));
     assert_eq!(emulator.status().state, ArmState::InFault);

@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 
 use hand_model::arm::Arm as ArmModel;
 use kortex::JOINTS;
-use kortex::emulator::{Emulator, FirstOrderJoints, Happening, Injection, Pace, Settings};
+use kortex::emulator::{Emulator, EventKind, FirstOrderJoints, Injection, Pace, Settings};
 use kortex::message::ArmState;
 use kortex::message::base::ServoingMode;
 use kortex::servoing::{Limits, Servoing};
@@ -207,8 +207,8 @@ fn an_arm_whose_host_falls_silent_stops_within_200_ms() {
     assert!(emulator.status().motion.velocity[0] > 0.9, "moves at a metre-long arm's metre per second");
     emulator.step(400);
     let last = emulator.status().commands.last;
-    assert_eq!(time_of(&emulator, Happening::Watchdog), Some(last + 51));
-    let stopped = time_of(&emulator, Happening::StandsStill).expect("stopped");
+    assert_eq!(time_of(&emulator, EventKind::Watchdog), Some(last + 51));
+    let stopped = time_of(&emulator, EventKind::StandsStill).expect("stopped");
     assert!(stopped - last <= 200, "stopped after {} ms", stopped - last);
     let error = servoing.hold(soon()).expect_err("in fault");
     assert!(error.to_string().contains("joint 7: watchdog"), "{error}");

@@ -6,7 +6,7 @@ use hand_model::arm::Arm as ArmModel;
 use kortex::JOINTS;
 use kortex::base::{Base, Notification};
 use kortex::call::Call;
-use kortex::emulator::{Happening, Injection, Pace};
+use kortex::emulator::{EventKind, Injection, Pace};
 use kortex::link::{TcpLink, UdpLink};
 use kortex::message::base::ServoingMode;
 use kortex::message::device::{ControlMode, DeviceType, SafetyStatus};
@@ -25,7 +25,7 @@ fn sessions_open_and_close_on_both_sides() {
     assert_eq!(emulator.status().sessions, [tcp, udp]);
     arm.close().expect("closes");
     assert!(emulator.status().sessions.is_empty());
-    assert!(time_of(&emulator, Happening::SessionClosed(udp)).is_some());
+    assert!(time_of(&emulator, EventKind::SessionClosed(udp)).is_some());
 }
 
 #[test]
@@ -173,7 +173,7 @@ fn joint_speeds_move_the_arm_until_stop() {
     assert!((way + 0.4 * (1.0 - LAG)).abs() < 1e-3, "way {way}");
     base.stop().expect("stops");
     emulator.step(200);
-    assert!(time_of(&emulator, Happening::StandsStill).is_some());
+    assert!(time_of(&emulator, EventKind::StandsStill).is_some());
     assert_eq!(base.arm_state().expect("state"), ArmState::ServoingReady);
 }
 

@@ -4,7 +4,7 @@ use std::time::{Duration, Instant};
 
 use hand_model::arm::Arm as ArmModel;
 use kortex::JOINTS;
-use kortex::emulator::{Emulator, FirstOrderJoints, Happening, Pace, Settings};
+use kortex::emulator::{Emulator, EventKind, FirstOrderJoints, Pace, Settings};
 use kortex::servoing::Limits;
 use kortex::{Arm, Credentials, Timeouts};
 
@@ -71,7 +71,7 @@ pub fn soon() -> Instant {
 }
 
 /// When it happened last, ms of the arm's time.
-pub fn time_of(emulator: &Emulator, what: Happening) -> Option<u64> {
+pub fn time_of(emulator: &Emulator, what: EventKind) -> Option<u64> {
     emulator.status().events.iter().rev().find(|event| event.what == what).map(|event| event.time)
 }
 

@@ -1,5 +1,6 @@
 //! `ftac bridge emulate`: the devices without the hardware, in real time, moved by the simulated robot.
 
+use std::f64::consts::PI;
 use std::io::IsTerminal as _;
 use std::path::PathBuf;
 use std::str::FromStr;
@@ -17,7 +18,7 @@ use hardware_bridge::emulator::servo::EmulatedServo;
 use hardware_bridge::emulator::spring_hand::SpringHand;
 use hardware_bridge::emulator::{EmulatedHand, EmulatorSettings, Plug};
 use hardware_bridge::xc330;
-use kortex::emulator::{Emulator, Happening, Injection, Pace, Settings, Status};
+use kortex::emulator::{Emulator, EventKind, Injection, Pace, Settings, Status};
 use kortex::safety_bank::FOLLOWING_ERROR;
 
 use super::shared::shown;
@@ -54,7 +55,7 @@ pub struct EmulateArgs {
     /// One servo as it leaves the factory instead of six provisioned ones, for `bridge provision`.
     #[arg(long)]
     factory: bool,
-    /// Watchdogs of 2 s and more, in the devices and in bridge.toml, for a busy machine: what happens then does not depend on its load.
+    /// Long watchdogs and time-outs, in the devices and in bridge.toml, for a busy machine.
     #[arg(long)]
     patient: bool,
     /// End as soon as all servos and the arm have been stopped by their own watchdogs.
@@ -65,8 +66,8 @@ pub struct EmulateArgs {
     seconds: Option<f64>,
 }
 
-/// The emulated arm's watchdog under `--patient`, ms.
-const PATIENT_ARM: u64 = 3000;
+/// The emulated arm's watchdog under `--patient`, ms: shorter than the 2 s after which the arm ends a silent session.
+const PATIENT_ARM: u64 = 1500;
 
 /// What goes wrong outside the servos and the camera board.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -97,7 +98,9 @@ pub fn run(terminal: &Terminal, args: &EmulateArgs) -> Result<Option<String>> {
         false => {
             let usual = Settings { seed: terminal.seed, standstill: STANDS, ..Settings::default() };
             let cyclic_deadline = if args.patient { PATIENT_ARM } else { usual.cyclic_deadline };
-            let settings = Settings { cyclic_deadline, ..usual };
+            // A plant held up by a busy machine follows late.
+            let following_error = if args.patient { PI } else { usual.following_error };
+            let settings = Settings { cyclic_deadline, following_error, ..usual };
             Some(Emulator::start(settings, Box::new(hand.arm_joints()), Pace::RealTime).context("the emulated arm")?)
         }
     };
@@ -158,7 +161,7 @@ fn attend(args: &EmulateArgs, hand: &mut EmulatedHand, arm: Option<&Emulator>, m
 /// Whether all watchdogs have tripped and nothing moves any more.
 fn stopped(hand: &EmulatedHand, arm: Option<&Emulator>) -> bool {
     let arm_stopped = arm.map(Emulator::status).is_none_or(|arm| {
-        let tripped = arm.events.iter().any(|event| event.what == Happening::Watchdog);
+        let tripped = arm.events.iter().any(|event| event.what == EventKind::Watchdog);
         tripped && arm.motion.velocity.iter().all(|speed| speed.abs() <= STANDS)
     });
     hand.watchdog_trips().len() == ACTUATORS && arm_stopped
@@ -170,9 +173,9 @@ fn tell(terminal: &Terminal, hand: &EmulatedHand, arm: Option<&Status>) {
     let trips = hand.watchdog_trips();
     let stopped = arm.and_then(|arm| {
         let time = |what| arm.events.iter().rev().find(|event| event.what == what).map(|event| event.time);
-        let watchdog = time(Happening::Watchdog)?;
+        let watchdog = time(EventKind::Watchdog)?;
         // Joints that stood already need not come to a standstill.
-        let still = time(Happening::StandsStill).filter(|still| *still >= watchdog).unwrap_or(watchdog);
+        let still = time(EventKind::StandsStill).filter(|still| *still >= watchdog).unwrap_or(watchdog);
         Some((watchdog.saturating_sub(arm.commands.last), still.saturating_sub(arm.commands.last)))
     });
     if terminal.json {
@@ -281,7 +284,7 @@ fn write_config(args: &EmulateArgs, hand: &EmulatedHand, arm: Option<&Emulator>)
             baud: 3_000_000,
             rate: 200.0,
             fast_sync_read: false,
-            slack: 0.020,
+            slack: if args.patient { 0.5 } else { 0.020 },
         },
         cameras: Some(CameraConfig { port: cameras }),
         uvc: Vec::new(),
