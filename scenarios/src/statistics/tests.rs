@@ -1,6 +1,6 @@
 use super::*;
-use crate::record::tests::record;
 use crate::record::Condition;
+use crate::record::tests::record;
 use crate::referee::FailureCause;
 
 fn close(found: f64, expected: f64, relative: f64) {
