@@ -1,8 +1,8 @@
-//! Stages of a trial: what the executive says it is doing, and what the referee judges by.
+//! Phases of a trial: what the executive reports it is doing, by which the referee judges.
 
 use serde::{Deserialize, Serialize};
 
-/// Stages of a trial, in order. A trial that recovers from a failure goes back to an earlier one.
+/// Phases of a trial, in order. A trial that recovers from a failure goes back to an earlier one.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Phase {
@@ -26,7 +26,7 @@ pub enum Phase {
     LiftSecond,
     /// Still, taking tactile images of both objects.
     Check,
-    /// Waiting for the word that both are there.
+    /// Waiting for confirmation that both are held.
     Confirm,
     /// Carrying both.
     Carry,

@@ -80,7 +80,7 @@ pub struct TrialRecord {
     pub switched: bool,
     /// How often a grasp was tried again.
     pub retries: u32,
-    /// Why it did, or did not.
+    /// Why the policy switched and tried again, or did not.
     pub reason: String,
     /// What was done to the trial beside noise; tables from before disturbances lack it.
     #[serde(default)]
@@ -107,7 +107,7 @@ impl TrialRecord {
 /// A trial of the policy `touch` with less of the senses: a row of `ablations.csv`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct AblatedTrial {
-    /// What was left.
+    /// The senses in use.
     pub sensing: Sensing,
     /// How it went.
     pub record: TrialRecord,
@@ -119,7 +119,7 @@ pub enum RecordError {
     /// Not a table of trials; the message names the line and the field.
     #[error("trials table: {0}")]
     Table(#[from] csv::Error),
-    /// The rest of the medium failed.
+    /// The table could not be read or written.
     #[error("trials table: {0}")]
     Io(#[from] std::io::Error),
 }

@@ -9,8 +9,9 @@ use hand_model::robot::{ServoGoal, ServoState};
 
 /// Sub-steps of the motor within one physics step; the rotor on its cable rings at about 50 rad/s.
 const SUBSTEPS: usize = 8;
-/// Position gain, A/rad, and damping, A s/rad, of current-based position control.
+/// Gains of current-based position control: A/rad ...
 const POSITION_GAIN: f64 = 6.0;
+/// ... and A s/rad.
 const POSITION_DAMPING: f64 = 0.25;
 
 /// State of one servo.

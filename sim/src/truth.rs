@@ -57,3 +57,40 @@ impl Truth {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use scenarios::holding::{GRIPPED, LIFTED};
+
+    /// A palm 20 cm over the table with an object 5 cm under it.
+    fn held() -> Truth {
+        Truth {
+            objects: vec![Isometry3::translation(0.5, 0.0, 0.15)],
+            palm: Isometry3::translation(0.5, 0.0, 0.2),
+            touched_by: vec![1 << 15],
+            on_table: vec![false],
+            ..Truth::default()
+        }
+    }
+
+    #[test]
+    fn an_object_under_the_palm_is_held() {
+        let support = held().support(0);
+        assert!((support.distance - 0.05).abs() < 1e-12 && (support.height - 0.15).abs() < 1e-12);
+        assert!(LIFTED.holds(&support));
+    }
+
+    #[test]
+    fn what_is_untouched_on_the_table_or_far_is_not() {
+        let change = |by: fn(&mut Truth)| {
+            let mut truth = held();
+            by(&mut truth);
+            GRIPPED.holds(&truth.support(0))
+        };
+        assert!(change(|_| ()));
+        assert!(!change(|truth| truth.touched_by[0] = 0));
+        assert!(!change(|truth| truth.on_table[0] = true));
+        assert!(!change(|truth| truth.palm.translation.z = 0.4));
+    }
+}

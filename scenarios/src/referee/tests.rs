@@ -169,6 +169,27 @@ fn the_hold_must_be_whole_and_giving_up_has_its_cause() {
 }
 
 #[test]
+fn a_trial_that_carries_again_is_judged_by_its_last_carry() {
+    let mut referee = Referee::new(RULES, 3.0);
+    let mut time = 0.0;
+    let first = Phase::ALL.into_iter().filter(|phase| *phase <= Phase::Carry).map(|phase| (phase, true));
+    for (phase, slips) in first.chain(Phase::ALL.map(|phase| (phase, false))) {
+        for step in 0..960 {
+            let mut truth = perfect(phase, time);
+            if slips && phase == Phase::Carry && step > 480 {
+                truth.world_from_object[1].translation.y -= 0.06;
+            }
+            referee.see(&truth);
+            time += TICK;
+        }
+        if slips && phase == Phase::Carry {
+            assert!(!referee.verdict().success);
+        }
+    }
+    assert_eq!(referee.verdict().cause, None);
+}
+
+#[test]
 fn phases_are_in_order_and_have_names() {
     assert!(Phase::ALL.windows(2).all(|pair| pair[0] < pair[1]));
     assert_eq!(Phase::GraspSecond.to_string(), "grasp second");

@@ -20,7 +20,7 @@ fn the_benchmark_is_sound() {
 #[test]
 fn errors_name_the_place_and_what_is_wrong() {
     let kind = error("position_sigma = 0.005", "position_sigma = \"4 mm\"");
-    assert!(kind.starts_with("mine.toml:33: `position_sigma = \"4 mm\""), "{kind}");
+    assert!(kind.starts_with("mine.toml:34: `position_sigma = \"4 mm\""), "{kind}");
     assert!(kind.contains("invalid type: string \"4 mm\", expected f64"), "{kind}");
     let unknown = error("hold_time", "hold_tiem");
     assert!(

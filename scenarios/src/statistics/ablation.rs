@@ -2,7 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::{Effect, Interval, combination_rates, pair_up};
+use super::paired::{Effect, Interval};
+use super::rates::{combination_rates, pair_up};
 use crate::record::{AblatedTrial, Condition, TrialRecord};
 use crate::sensing::Sensing;
 

@@ -1,6 +1,27 @@
-//! Percentiles, box plots and densities of samples.
+//! Means, percentiles, box plots and densities of samples.
 
 use serde::{Deserialize, Serialize};
+
+/// Mean and sample standard deviation (n - 1).
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+pub struct MeanSd {
+    /// None of no values.
+    pub mean: Option<f64>,
+    /// None of fewer than two values.
+    pub sd: Option<f64>,
+}
+
+impl MeanSd {
+    /// Of a sample.
+    pub fn of(values: &[f64]) -> Self {
+        let n = values.len() as f64;
+        let mean = (!values.is_empty()).then(|| values.iter().sum::<f64>() / n);
+        let sd = mean
+            .filter(|_| values.len() > 1)
+            .map(|mean| (values.iter().map(|value| (value - mean).powi(2)).sum::<f64>() / (n - 1.0)).sqrt());
+        Self { mean, sd }
+    }
+}
 
 /// The `percent`-th percentile, between neighbours on a line (as NumPy's default); none of no values. NaNs are passed over.
 pub fn percentile(values: &[f64], percent: f64) -> Option<f64> {
@@ -54,7 +75,7 @@ pub fn box_plot(values: &[f64]) -> Option<BoxPlot> {
 /// vary need.
 pub fn silverman_bandwidth(values: &[f64], floor: f64) -> f64 {
     let sorted = sorted(values);
-    let sd = super::MeanSd::of(&sorted).sd.unwrap_or(0.0);
+    let sd = MeanSd::of(&sorted).sd.unwrap_or(0.0);
     let quartile = |percent: f64| percentile_of_sorted(&sorted, percent).unwrap_or(0.0);
     let range = (quartile(75.0) - quartile(25.0)) / 1.34;
     let spread = if range > 0.0 { sd.min(range) } else { sd };

@@ -3,10 +3,38 @@
 use rand::{RngExt as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
-use statrs::distribution::{Binomial, DiscreteCDF};
+use statrs::distribution::{Binomial, ContinuousCDF, DiscreteCDF, StudentsT};
 
-use super::{MeanSd, paired_t_test, percentile};
+use super::distribution::{MeanSd, percentile};
 use crate::record::{Condition, TrialRecord};
+
+/// A paired, one-sided t-test.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+pub struct TTest {
+    /// None where it is not a number: fewer than two pairs, or differences that are all the same and not 0 (infinite).
+    pub t: Option<f64>,
+    /// Pairs less one.
+    pub df: usize,
+    /// Chance of a `t` at least this large if there were no difference; none of fewer than two pairs.
+    pub p: Option<f64>,
+}
+
+/// Tests whether the first of each pair is larger than the second in the mean. Differences that do not vary decide without
+/// doubt (p = 0 or 1), or, being all 0, say nothing (t = 0, p = 0.5).
+pub fn paired_t_test(pairs: &[(f64, f64)]) -> TTest {
+    let differences: Vec<f64> = pairs.iter().map(|(a, b)| a - b).collect();
+    let df = pairs.len().saturating_sub(1);
+    let MeanSd { mean: Some(mean), sd: Some(sd) } = MeanSd::of(&differences) else {
+        return TTest { t: None, df, p: None };
+    };
+    // Rates carry rounding errors: what varies by less than those does not vary.
+    if sd < 1e-12 {
+        let (t, p) = if mean.abs() < 1e-12 { (Some(0.0), 0.5) } else { (None, if mean > 0.0 { 0.0 } else { 1.0 }) };
+        return TTest { t, df, p: Some(p) };
+    }
+    let t = mean / (sd / (pairs.len() as f64).sqrt());
+    TTest { t: Some(t), df, p: StudentsT::new(0.0, 1.0, df as f64).ok().map(|students| students.sf(t)) }
+}
 
 /// Samples drawn with replacement for an interval.
 const RESAMPLES: usize = 10_000;

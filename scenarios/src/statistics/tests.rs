@@ -1,5 +1,7 @@
 use super::*;
+use crate::record::Condition;
 use crate::record::tests::record;
+use crate::referee::FailureCause;
 
 fn close(found: f64, expected: f64, relative: f64) {
     assert!((found / expected - 1.0).abs() < relative, "found {found}, expected {expected}");

@@ -1,14 +1,14 @@
 //! The arm's low-level controller between the set-points it is sent and those it follows.
 //!
-//! A stream of set-points that no joint's speed limit forbids passes as it is, to the last bit; one a little too fast is slowed
-//! down to the limit. One that is further away than a joint can move in two ticks is a jump: the joint then goes after it on a
-//! profile of its own, with bounded acceleration and braking in time, until it has caught up with the stream. Without the profile
-//! a jump would be a step in speed, which a stiff position control answers with an overshoot past the speed limit.
+//! A stream of set-points within the joints' speed limits passes unchanged, to the last bit; a slightly faster one is limited to
+//! that speed. A set-point farther away than a joint can move in two ticks is a jump. It is followed along a profile with bounded
+//! speed and acceleration until the joint has caught up with the stream. Without the profile a jump would be a step in speed,
+//! to which a stiff position control responds by overshooting the speed limit.
 
-/// Share of a joint's greatest acceleration that catching up takes: the rest is for gravity and the other joints' motion.
+/// Share of a joint's greatest acceleration that is used to catch up: the rest is for gravity and the other joints' motion.
 const ACCELERATION_SHARE: f64 = 0.5;
-/// Ways, of what the speed limit allows in a tick, from which on a set-point is a jump. A client that sends a thousand set-points
-/// a second fits eight or nine of them into a tick: up to 1.08 is its stream, which is followed as fast as the limit allows.
+/// A set-point farther away than this many times what the speed limit allows in a tick is a jump. A client that sends a thousand
+/// set-points a second fits eight or nine of them into a tick: up to 1.08 is still its stream.
 const JUMP: f64 = 2.0;
 
 /// What one joint may do.
@@ -20,7 +20,7 @@ pub struct Limits {
     pub acceleration: f64,
 }
 
-/// One joint's way from set-point to set-point.
+/// The set-point that one joint follows.
 #[derive(Debug, Clone, Copy)]
 pub struct SetPoint {
     /// What is followed, rad.
@@ -86,7 +86,7 @@ mod tests {
 
         /// After a jump the joint keeps to both limits, never goes past the goal, and gets there.
         #[test]
-        fn a_jump_is_gone_after_smoothly(jump in -3.0f64..3.0) {
+        fn a_jump_is_followed_smoothly(jump in -3.0f64..3.0) {
             let mut joint = SetPoint::new(0.0);
             let (mut before, mut speed) = (0.0, 0.0f64);
             for _ in 0..600 {

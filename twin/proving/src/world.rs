@@ -126,3 +126,29 @@ pub fn drive(
     }
     Ok(())
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use scenarios::noise::{Shift, trial_rng};
+
+    /// Objects and what is seen of them are in the drawn places; the plan's noiseless run is in the nominal ones.
+    #[test]
+    fn a_spread_moves_objects_and_what_is_seen_of_them() {
+        let mut scenario = Scenario::benchmark();
+        (scenario.layout.spread_xy, scenario.layout.spread_yaw) = (0.02, 0.3);
+        let world = World::new(scenario).unwrap();
+        let objects = [world.object("box_50").unwrap(), world.object("pear").unwrap()];
+        let shifts = world.scenario.layout.draw(&mut trial_rng(1, 0, 0));
+        let noise = TrialNoise { shifts, ..TrialNoise::none() };
+        let (seen, scene) = (world.percepts(&objects, &noise), world.scene(&objects, world.ready, &noise));
+        let nominal = world.places(&objects, &TrialNoise::none());
+        for n in 0..2 {
+            let Shift { x, y, .. } = shifts[n];
+            let moved = scene.objects[n].pose.translation.vector - nominal[n].translation.vector;
+            assert!((moved - Vector3::new(x, y, 0.0)).norm() < 1e-12 && moved.norm() > 0.0);
+            assert_eq!(seen[n].position.coords, scene.objects[n].pose.translation.vector);
+        }
+        assert!((seen[0].yaw - shifts[0].yaw).abs() < 1e-9);
+    }
+}
