@@ -141,7 +141,7 @@ mod tests {
         let objects = [world.object("box_50").unwrap(), world.object("pear").unwrap()];
         let shifts = world.scenario.layout.draw(&mut trial_rng(1, 0, 0));
         let noise = TrialNoise { shifts, ..TrialNoise::none() };
-        let (seen, scene) = (world.percepts(&objects, &noise), world.scene(&objects, world.ready, &noise));
+        let (seen, scene) = (world.percepts(&objects, &noise), world.scene(&objects, world.cell.ready, &noise));
         let nominal = world.places(&objects, &TrialNoise::none());
         for n in 0..2 {
             let Shift { x, y, .. } = shifts[n];
