@@ -1,5 +1,5 @@
-//! Every kind of disturbance, as a user would run its file: it happened, the table of trials says so, and touch copes where it can
-//! be told beforehand.
+//! Every kind of disturbance, as a user would run its file: it changes what happens against the same trial undisturbed, the table
+//! of trials names it, and touch copes where it can know beforehand.
 
 use std::fs;
 use std::path::Path;
@@ -33,6 +33,18 @@ impl Run {
         Self::of(name, |text| text, &["--combos", "1", "--trials", "1"])
     }
 
+    /// The same trial without the disturbance.
+    fn undisturbed(name: &str) -> Self {
+        let cut = |text: String| text[..text.find("[disturbance").expect("a disturbance")].to_owned();
+        Self::of(name, cut, &["--combos", "1", "--trials", "1"])
+    }
+
+    /// The number in `column` of the only row of `condition`.
+    fn number(&self, condition: &str, column: &str) -> f64 {
+        let values = self.values(condition, column);
+        values.first().and_then(|value| value.parse().ok()).unwrap_or_else(|| panic!("{column}: {values:?}"))
+    }
+
     /// Values of `column` in the rows of `condition`, in order.
     fn values(&self, condition: &str, column: &str) -> Vec<&str> {
         let at = |name: &str| self.header.iter().position(|title| title == name).expect("a column");
@@ -58,6 +70,10 @@ fn utf8(path: &Path) -> &str {
 fn a_push_during_the_first_grasp() {
     let pushed = Run::short("push");
     pushed.disturbed("N on the first object at ");
+    // The object ends elsewhere in the hand.
+    let place = |run: &Run| run.number("touch", "prior_error_mm");
+    let moved = (place(&pushed) - place(&Run::undisturbed("push"))).abs();
+    assert!(moved > 0.05, "the push moved the object by {moved} mm");
     // The same seed, the same bits.
     let again = Run::short("push");
     let of = |run: &Run| ["blind", "touch"].map(|c| run.values(c, "sim_seconds").concat());
@@ -67,6 +83,13 @@ fn a_push_during_the_first_grasp() {
 #[test]
 fn slipping_while_carried() {
     Run::short("slip").disturbed("the first object becomes slippery");
+    // Slippery as ice and pulled by 40 N, the object is lost; without that it is not.
+    let ice = |text: String| text.replace("friction = 0.5", "friction = 0.02").replace("-4.0", "-40.0");
+    let lost = Run::of("slip", ice, &["--combos", "1", "--trials", "1"]);
+    assert_eq!(lost.values("blind", "success"), ["false"]);
+    let cause = lost.values("blind", "cause").concat();
+    assert!(["first_dropped", "both_dropped"].contains(&cause.as_str()), "{cause}");
+    assert_ne!(Run::undisturbed("slip").values("blind", "cause"), [cause.as_str()]);
 }
 
 #[test]
@@ -84,7 +107,11 @@ fn an_object_that_is_not_where_it_is_seen() {
 
 #[test]
 fn an_object_of_another_size() {
-    Run::short("wrong_size").disturbed("1.150 times as large as its model");
+    let larger = Run::short("wrong_size");
+    larger.disturbed("1.150 times as large as its model");
+    let place = |run: &Run| run.number("touch", "prior_error_mm");
+    let moved = (place(&larger) - place(&Run::undisturbed("wrong_size"))).abs();
+    assert!(moved > 0.2, "a larger object sits only {moved} mm elsewhere in the hand");
 }
 
 #[test]
@@ -100,7 +127,12 @@ fn balls_of_other_sizes() {
 
 #[test]
 fn failed_cameras() {
-    Run::short("blind_pads").disturbed("cameras failed: ring_distal, little_distal");
+    let missing = Run::short("blind_pads");
+    missing.disturbed("cameras failed: ring_distal, little_distal");
+    // The body is the same, and so is the first grasp; what is felt of it is not.
+    let intact = Run::undisturbed("blind_pads");
+    assert_eq!(missing.number("touch", "prior_error_mm"), intact.number("touch", "prior_error_mm"));
+    assert_ne!(missing.number("touch", "pose_error_mm"), intact.number("touch", "pose_error_mm"));
     let black = |text: String| text.replace("frames = \"missing\"", "frames = \"black\"");
     Run::of("blind_pads", black, &["--combos", "1", "--trials", "1"]).disturbed("cameras failed");
 }

@@ -6,7 +6,6 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::Mutex;
-use std::sync::atomic::{AtomicUsize, Ordering};
 
 use anyhow::{Context as _, Result, bail};
 use control::executive::{Executive, Phase};
@@ -20,11 +19,13 @@ use rand_chacha::ChaCha8Rng;
 use session_log::{Event, Reader, Recorder, Session, Writer};
 use sim::robot::Truth;
 
-use self::kind::{Expected, Kind};
+use self::kind::{Expected, Kind, tick};
 use self::watch::Watch;
 use crate::body::emulated::{SharedPlant, settings, travel};
 use crate::trial::Bench;
+use crate::workers;
 use proving::rehearsal::{Snapshot, in_grip};
+use proving::world::World;
 
 pub mod kind;
 mod watch;
@@ -110,25 +111,17 @@ pub fn inject_all(plan: &Matrix, progress: &indicatif::ProgressBar) -> Result<Ve
         }
     }
     progress.set_length(jobs.len() as u64);
-    let (next, outcomes) = (AtomicUsize::new(0), Mutex::new(BTreeMap::new()));
+    let outcomes = Mutex::new(BTreeMap::new());
     let folder = tempfile::tempdir().context("a folder for recordings")?;
-    let work = || -> Result<()> {
-        loop {
-            let n = next.fetch_add(1, Ordering::Relaxed);
-            let Some((kind, phase, snapshot, round)) = jobs.get(n) else { return Ok(()) };
-            let file = folder.path().join(format!("{n}.mcap"));
-            let seed = seed.wrapping_add(n as u64);
-            let outcome = suffer(bench, (*kind, *phase, *round), snapshot, &file, seed)
-                .with_context(|| format!("{} in {}, round {round}", kind.name(), phase.name()))?;
-            outcomes.lock().map_err(|_| anyhow::anyhow!("a worker panicked"))?.insert(n, outcome);
-            progress.inc(1);
-        }
-    };
-    let worked: Result<()> = std::thread::scope(|scope| {
-        let workers: Vec<_> = (0..*threads).map(|_| scope.spawn(work)).collect();
-        workers.into_iter().try_for_each(|worker| worker.join().map_err(|_| anyhow::anyhow!("a worker panicked"))?)
-    });
-    worked?;
+    workers::for_each(*threads, &jobs, |n, (kind, phase, snapshot, round)| {
+        let file = folder.path().join(format!("{n}.mcap"));
+        let seed = seed.wrapping_add(n as u64);
+        let outcome = inject(bench, (*kind, *phase, *round), snapshot, &file, seed)
+            .with_context(|| format!("{} in {}, round {round}", kind.name(), phase.name()))?;
+        outcomes.lock().map_err(|_| anyhow::anyhow!("a worker panicked"))?.insert(n, outcome);
+        progress.inc(1);
+        Ok(())
+    })?;
     Ok(outcomes.into_inner().unwrap_or_default().into_values().collect())
 }
 
@@ -189,69 +182,121 @@ fn put_down(bench: &Bench, combination: usize, see: &mut impl FnMut(&Snapshot)) 
     Ok(())
 }
 
-fn tick(robot: &mut impl Robot, executive: &mut Executive) -> Result<()> {
-    let observation = robot.observe();
-    let command = executive.tick(&observation)?;
-    robot.send(&command);
-    robot.wait_for_tick();
-    Ok(())
+/// One injection: a copy of body and controller at a moment of a trial, with the emulated devices around it.
+struct Experiment {
+    kind: Kind,
+    executive: Executive,
+    recorder: Recorder<LockstepRobot>,
+    plant: SharedPlant,
+    watch: Watch,
+    /// Ticks in which the host took part.
+    ticks: u64,
+    alive: bool,
 }
 
-/// One injection.
-fn suffer(
+/// How the robot stopped.
+#[derive(Default)]
+struct Stop {
+    /// See [`Outcome::stopped_ms`].
+    stopped: Option<f64>,
+    /// See [`Outcome::safe_ms`].
+    safe: Option<f64>,
+    /// See [`Outcome::speed`].
+    speed: f64,
+}
+
+impl Experiment {
+    /// Plays [`BEFORE`] ticks through the bridge; the recording goes to `file`.
+    fn begin(world: &World, kind: Kind, moment: &Snapshot, file: &Path, seed: u64) -> Result<Self> {
+        let Snapshot { robot, mut executive } = moment.clone();
+        let (hand, arm) = (&world.cell.hand, &world.cell.arm);
+        let plant = SharedPlant::new(robot);
+        let robot = LockstepRobot::start(Box::new(plant.clone()), settings(hand, seed), arm, None)?;
+        let session =
+            Session { robot: "emulated".into(), seed, tick_length: robot.tick_length(), ..Session::default() };
+        let mut recorder = Recorder::new(robot, Writer::create(file, &session)?);
+        let mut watch = Watch::new(travel(hand));
+        for _ in 0..BEFORE {
+            tick(&mut recorder, &mut executive)?;
+            watch.see(recorder.robot());
+        }
+        if recorder.robot().state() != State::Running {
+            bail!("found the robot in state `{}` before the fault, expected running", recorder.robot().state());
+        }
+        Ok(Self { kind, executive, recorder, plant, watch, ticks: BEFORE as u64, alive: true })
+    }
+
+    /// Injects the fault and plays until the robot stands, or long enough.
+    fn strike(&mut self, since: f64) -> Result<Stop> {
+        self.recorder.robot().set_slack(SLACK);
+        self.kind.strike(self.recorder.robot());
+        let mut stop = Stop::default();
+        let patience = if self.kind.expected() == Expected::GoesOn { AFTER } else { LONGEST };
+        for _ in 0..patience {
+            self.tick()?;
+            let now = 1e3 * (self.plant.lock().truth().time - since);
+            if is_stopped(self.kind, self.recorder.robot()) {
+                let fastest = fastest_joint(self.recorder.robot());
+                if stop.stopped.is_none() {
+                    (stop.stopped, stop.speed) = (Some(now), fastest);
+                }
+                if fastest < STANDS {
+                    stop.safe = Some(now);
+                    break;
+                }
+            }
+        }
+        for _ in 0..if stop.safe.is_some() { AFTER } else { 0 } {
+            self.tick()?;
+        }
+        Ok(stop)
+    }
+
+    fn tick(&mut self) -> Result<()> {
+        self.alive = self.kind.drive(&mut self.recorder, &mut self.executive)? && self.alive;
+        self.ticks += u64::from(self.alive);
+        self.watch.see(self.recorder.robot());
+        Ok(())
+    }
+
+    /// Ends the recording; whether it can be read to its last tick.
+    fn finish(self, file: &Path) -> Result<bool> {
+        let Self { kind, recorder, ticks, .. } = self;
+        let intact = if kind.kills_the_host() {
+            // What the operating system has of the file when the program is gone.
+            let copy = file.with_extension("killed.mcap");
+            std::fs::copy(file, &copy)?;
+            let read = ticks_in(&copy)?;
+            std::fs::remove_file(&copy)?;
+            drop(recorder);
+            read == (ticks, false)
+        } else {
+            let (robot, written) = recorder.finish();
+            drop(robot);
+            written?;
+            ticks_in(file)? == (ticks, true)
+        };
+        std::fs::remove_file(file)?;
+        Ok(intact)
+    }
+}
+
+/// One injection and what came of it.
+fn inject(
     bench: &Bench,
-    (kind, phase, round): (Kind, Phase, usize),
+    injection: (Kind, Phase, usize),
     moment: &Snapshot,
     file: &Path,
     seed: u64,
 ) -> Result<Outcome> {
-    let Snapshot { robot, mut executive } = moment.clone();
-    let (hand, arm) = (&bench.world.cell.hand, &bench.world.cell.arm);
-    let plant = SharedPlant::new(robot);
-    let robot = LockstepRobot::start(Box::new(plant.clone()), settings(hand, seed), arm, None)?;
-    let session = Session { robot: "emulated".into(), seed, tick_length: robot.tick_length(), ..Session::default() };
-    let mut recorder = Recorder::new(robot, Writer::create(file, &session)?);
-    let mut watch = Watch::new(travel(hand));
-    for _ in 0..BEFORE {
-        tick(&mut recorder, &mut executive)?;
-        watch.see(recorder.robot());
-    }
-    if recorder.robot().state() != State::Running {
-        bail!("found the robot in state `{}` before the fault, expected running", recorder.robot().state());
-    }
-    let mut truth = plant.lock().truth();
-    // The hand goes down to the second object with the first in it, so that how high one is does not tell.
+    let (kind, phase, round) = injection;
+    let mut experiment = Experiment::begin(&bench.world, kind, moment, file, seed)?;
+    let truth = experiment.plant.lock().truth();
+    // The hand goes down to the second object with the first in it, so that height does not tell what is held.
     let held: Vec<(usize, Isometry3<f64>)> =
         (0..2).filter(|object| in_grip(&truth, *object)).map(|object| (object, in_palm(&truth, object))).collect();
-    recorder.robot().set_slack(SLACK);
-    kind.strike(recorder.robot());
-    let struck = truth.time;
-    let (mut stopped, mut safe, mut speed) = (None, None, 0.0);
-    let (mut ticks, mut alive) = (BEFORE as u64, true);
-    let patience = if kind.expected() == Expected::GoesOn { AFTER } else { LONGEST };
-    for _ in 0..patience {
-        alive = kind.drive(&mut recorder, &mut executive)? && alive;
-        ticks += u64::from(alive);
-        watch.see(recorder.robot());
-        truth = plant.lock().truth();
-        if is_stopped(kind, recorder.robot()) {
-            let now = 1e3 * (truth.time - struck);
-            let fastest = fastest_joint(recorder.robot());
-            if stopped.is_none() {
-                (stopped, speed) = (Some(now), fastest);
-            }
-            if fastest < STANDS {
-                safe = Some(now);
-                break;
-            }
-        }
-    }
-    for _ in 0..if safe.is_some() { AFTER } else { 0 } {
-        alive = kind.drive(&mut recorder, &mut executive)? && alive;
-        ticks += u64::from(alive);
-        watch.see(recorder.robot());
-    }
-    truth = plant.lock().truth();
+    let Stop { stopped, safe, speed } = experiment.strike(truth.time)?;
+    let truth = experiment.plant.lock().truth();
     // Where the robot goes on it may let go on purpose.
     let after = held.iter().filter(|_| safe.is_some()).map(|(object, before)| {
         let way = (in_palm(&truth, *object).translation.vector - before.translation.vector).norm();
@@ -259,39 +304,23 @@ fn suffer(
     });
     let lost = after.clone().filter(Option::is_none).count();
     let moved = 1e3 * after.flatten().fold(0.0, f64::max);
-    let state = recorder.robot().state();
-    let intact = if kind.kills_the_host() {
-        // What the operating system has of the file when the program is gone.
-        let copy = file.with_extension("killed.mcap");
-        std::fs::copy(file, &copy)?;
-        let read = ticks_in(&copy)?;
-        std::fs::remove_file(&copy)?;
-        drop(recorder);
-        read == (ticks, false)
-    } else {
-        let (robot, written) = recorder.finish();
-        drop(robot);
-        written?;
-        ticks_in(file)? == (ticks, true)
-    };
-    std::fs::remove_file(file)?;
-    let as_expected = kind.expected().fits(&state, safe.is_some());
-    let outside = watch.outside;
+    let state = experiment.recorder.robot().state();
+    let (checked, outside) = (experiment.watch.checked, experiment.watch.outside);
     Ok(Outcome {
         kind,
         phase,
         round,
+        as_expected: kind.expected().fits(&state, safe.is_some()),
         state: state.to_string(),
-        as_expected,
         stopped_ms: stopped,
         safe_ms: safe,
         speed,
-        checked: watch.checked,
+        checked,
         outside,
         held: held.len(),
         lost,
         moved,
-        intact,
+        intact: experiment.finish(file)?,
     })
 }
 
@@ -323,9 +352,4 @@ fn ticks_in(file: &Path) -> Result<(u64, bool)> {
         ticks += u64::from(matches!(event, Event::Tick(_)));
     }
     Ok((ticks, reader.is_whole()))
-}
-
-/// Injections of the arm that a kind stands for.
-fn arm(robot: &mut LockstepRobot, injection: Injection) {
-    robot.arm().inject(injection);
 }

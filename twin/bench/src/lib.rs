@@ -2,7 +2,7 @@
 //!
 //! [`body`] holds the bodies on which a trial can be played, [`trial`] plays one, [`run`] plays a benchmark's many in parallel,
 //! [`journal`] keeps what is finished, [`recording`] shows a trial in Rerun. [`transport`] carries several objects in one trip,
-//! [`faults`] injects device faults into trials.
+//! [`faults`] injects device faults into trials. [`workers`] are the threads it all runs on.
 
 pub mod body;
 pub mod builtin;
@@ -13,3 +13,4 @@ pub mod recording;
 pub mod run;
 pub mod transport;
 pub mod trial;
+pub mod workers;

@@ -3,7 +3,6 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::Mutex;
-use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::{Duration, Instant};
 
 use anyhow::{Context, Result, bail};
@@ -17,6 +16,7 @@ use crate::journal::{Entry, Journal, RunRequest, Unit};
 use crate::recording::Recording;
 use crate::trial::profile::Activity;
 use crate::trial::{Bench, NoWatcher};
+use crate::workers;
 use report;
 
 /// Conditions of a noisy trial.
@@ -132,28 +132,18 @@ pub fn run(bench: &Bench, request: &RunRequest, journal: Journal, folder: &Path,
     bar.set_position(resumed as u64);
     bar.enable_steady_tick(Duration::from_secs(1));
     let journal = Mutex::new(journal);
-    let next = AtomicUsize::new(0);
-    let work = || -> Result<()> {
-        while let Some(unit) = open.get(next.fetch_add(1, Ordering::Relaxed)) {
-            let start = Instant::now();
-            let records = run_unit(bench, request, *unit, folder, options).with_context(|| {
-                let trial = unit.trial.map_or("ideal run".to_owned(), |trial| format!("trial {trial}"));
-                format!("combination {}, {trial}", unit.combination)
-            });
-            // After a failure the other workers finish what they are at and stop.
-            let (records, ablated) = records.inspect_err(|_| next.store(open.len(), Ordering::Relaxed))?;
-            let entry = Entry { unit: *unit, records, ablated, wall_s: start.elapsed().as_secs_f64() };
-            let mut journal = journal.lock().map_err(|_| anyhow::anyhow!("a worker panicked"))?;
-            journal.append(entry)?;
-            bar.inc(1);
-            bar.set_message(rates(&journal, begun, resumed));
-        }
+    let outcome = workers::for_each(options.jobs, &open, |_, unit| {
+        let start = Instant::now();
+        let (records, ablated) = run_unit(bench, request, *unit, folder, options).with_context(|| {
+            let trial = unit.trial.map_or("ideal run".to_owned(), |trial| format!("trial {trial}"));
+            format!("combination {}, {trial}", unit.combination)
+        })?;
+        let entry = Entry { unit: *unit, records, ablated, wall_s: start.elapsed().as_secs_f64() };
+        let mut journal = journal.lock().map_err(|_| anyhow::anyhow!("a worker panicked"))?;
+        journal.append(entry)?;
+        bar.inc(1);
+        bar.set_message(rates(&journal, begun, resumed));
         Ok(())
-    };
-    // Plain threads, not a work-stealing pool: a worker that waits for its tactile images must not start another trial.
-    let outcome: Result<()> = std::thread::scope(|scope| {
-        let workers: Vec<_> = (0..options.jobs.max(1)).map(|_| scope.spawn(work)).collect();
-        workers.into_iter().try_for_each(|worker| worker.join().map_err(|_| anyhow::anyhow!("a worker panicked"))?)
     });
     bar.finish_and_clear();
     outcome?;

@@ -87,8 +87,8 @@ impl From<Record> for Recorded {
     }
 }
 
-/// `ftac bench`: everything that can be wrong with the input is found before anything is written.
-pub fn benchmark(terminal: &Terminal, args: &BenchArgs) -> Outcome {
+/// The run that is asked for, or the interrupted one that goes on, and its folder.
+fn request(terminal: &Terminal, args: &BenchArgs) -> Result<(RunRequest, PathBuf)> {
     if args.combos == 0 || args.trials == 0 {
         bail!("--combos and --trials: found {} and {}, expected at least 1 each", args.combos, args.trials);
     }
@@ -102,38 +102,34 @@ pub fn benchmark(terminal: &Terminal, args: &BenchArgs) -> Outcome {
             args.robot.name()
         );
     }
-    let (request, folder) = match &args.resume {
-        Some(folder) => (Journal::read(folder).context("--resume")?.1, folder.clone()),
-        None => {
-            let path = args.scenario.clone().unwrap_or_else(|| PathBuf::from("benchmark.toml"));
-            let text = match &args.scenario {
-                Some(path) => {
-                    std::fs::read_to_string(path).with_context(|| format!("--scenario {}", path.display()))?
-                }
-                None => scenarios::scenario::BENCHMARK.to_owned(),
-            };
-            let scenario = Scenario::parse(&text, &path)?;
-            if args.combos > scenario.combinations() {
-                bail!(
-                    "--combos: found {}, expected at most the scenario's {} pairs",
-                    args.combos,
-                    scenario.combinations()
-                );
-            }
-            let shard = parse_shard(&args.shard)?;
-            let request = RunRequest {
-                combos: args.combos,
-                trials: args.trials,
-                seed: terminal.seed,
-                robot: args.robot.name().into(),
-                shard,
-                ablations: ablations(args)?,
-                noise_scale: args.noise_scale,
-                scenario: Scenario::self_contained(&text, &path)?,
-            };
-            (request, args.out.clone().unwrap_or_else(next_free_folder))
-        }
+    if let Some(folder) = &args.resume {
+        return Ok((Journal::read(folder).context("--resume")?.1, folder.clone()));
+    }
+    let path = args.scenario.clone().unwrap_or_else(|| PathBuf::from("benchmark.toml"));
+    let text = match &args.scenario {
+        Some(path) => std::fs::read_to_string(path).with_context(|| format!("--scenario {}", path.display()))?,
+        None => scenarios::scenario::BENCHMARK.to_owned(),
     };
+    let pairs = Scenario::parse(&text, &path)?.combinations();
+    if args.combos > pairs {
+        bail!("--combos: found {}, expected at most the scenario's {pairs} pairs", args.combos);
+    }
+    let request = RunRequest {
+        combos: args.combos,
+        trials: args.trials,
+        seed: terminal.seed,
+        robot: args.robot.name().into(),
+        shard: parse_shard(&args.shard)?,
+        ablations: ablations(args)?,
+        noise_scale: args.noise_scale,
+        scenario: Scenario::self_contained(&text, &path)?,
+    };
+    Ok((request, args.out.clone().unwrap_or_else(next_free_folder)))
+}
+
+/// `ftac bench`: everything that can be wrong with the input is found before anything is written.
+pub fn benchmark(terminal: &Terminal, args: &BenchArgs) -> Outcome {
+    let (request, folder) = request(terminal, args)?;
     let robot = <Body as clap::ValueEnum>::from_str(&request.robot, false)
         .map_err(|_| anyhow::anyhow!("{}: robot: found {}, expected a known body", folder.display(), request.robot))?;
     check_body(robot, args.config.as_deref())?;
@@ -149,11 +145,8 @@ pub fn benchmark(terminal: &Terminal, args: &BenchArgs) -> Outcome {
         bail!("--ablations: the scenario has disabled_digits, found both, expected one of them");
     }
     let quiet = terminal.quiet || terminal.json;
-    let jobs = if args.live || robot == Body::Hardware {
-        1
-    } else {
-        args.jobs.unwrap_or_else(|| std::thread::available_parallelism().map_or(1, |n| n.get()))
-    };
+    let jobs =
+        if args.live || robot == Body::Hardware { 1 } else { args.jobs.unwrap_or_else(|| bench::workers::available()) };
     // Everything that can be wrong with the input has been found before anything is written.
     let mut bench = make_bench(scenario, request.combos, request.seed, quiet)?;
     bench.board = args.tactile.board(bench.board);

@@ -11,8 +11,6 @@ use kortex::emulator::Injection;
 use kortex::safety_bank::FOLLOWING_ERROR;
 use session_log::Recorder;
 
-use super::{arm, tick};
-
 /// A servo that breaks: the index finger's.
 const SERVO: u8 = 2;
 
@@ -205,4 +203,18 @@ impl Kind {
         }
         Ok(true)
     }
+}
+
+/// Plays one tick of `robot` under `executive`.
+pub(super) fn tick(robot: &mut impl Robot, executive: &mut Executive) -> Result<()> {
+    let observation = robot.observe();
+    let command = executive.tick(&observation)?;
+    robot.send(&command);
+    robot.wait_for_tick();
+    Ok(())
+}
+
+/// Injects a fault into the emulated arm.
+fn arm(robot: &mut LockstepRobot, injection: Injection) {
+    robot.arm().inject(injection);
 }

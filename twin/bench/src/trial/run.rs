@@ -164,3 +164,43 @@ fn scene(truth: &Truth, phase: Phase, holding: u32) -> SceneTruth {
         world_from_palm: truth.palm,
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use hand_model::Digit;
+
+    use super::*;
+
+    fn truth(touched_by: [u32; 2]) -> Truth {
+        Truth {
+            objects: vec![Isometry3::identity(); 2],
+            touched_by: touched_by.to_vec(),
+            on_table: vec![false, true],
+            ..Truth::default()
+        }
+    }
+
+    /// A digit that holds the first object counts against the trial when it touches the second one, but not before it holds;
+    /// other links do not.
+    #[test]
+    fn the_referee_tells_holding_digits_from_free_ones() {
+        let holding = digit_bits(&[Digit::Ring, Digit::Little]);
+        let ring = 1 << Digit::Ring.joints()[2];
+        let index = 1 << Digit::Index.joints()[2];
+        let seen = |touched: u32, phase: Phase| scene(&truth([holding, touched]), phase, holding);
+        assert!(seen(ring, Phase::ApproachSecond).holding_digits_touch_second);
+        assert!(!seen(ring, Phase::ApproachFirst).holding_digits_touch_second);
+        assert!(!seen(index, Phase::GraspSecond).holding_digits_touch_second);
+        assert!(seen(index, Phase::GraspSecond).free_digits_touch_second);
+        assert!(!seen(ring, Phase::GraspSecond).free_digits_touch_second);
+    }
+
+    #[test]
+    fn the_referee_counts_links_and_sees_who_lies_on_the_table() {
+        let seen = scene(&truth([0b101, 0]), Phase::LiftFirst, 0);
+        assert_eq!((seen.hand_contacts, seen.on_table), ([2, 0], [false, true]));
+        assert!(!seen.first_touches_second);
+        let pair = Truth { object_pairs: vec![(0, 1)], ..truth([0, 0]) };
+        assert!(scene(&pair, Phase::LiftFirst, 0).first_touches_second);
+    }
+}

@@ -1,0 +1,27 @@
+//! The built-in plans, played in physics.
+
+use std::sync::Mutex;
+
+use bench::builtin::make_bench;
+use bench::trial::NoWatcher;
+use bench::workers;
+use scenarios::Scenario;
+
+/// Without errors every one of the 60 combinations ends with both objects held and no unwanted contact.
+#[test]
+fn all_built_in_plans_are_ideal() {
+    let bench = make_bench(Scenario::benchmark(), 60, 1, true).expect("the built-in benchmark");
+    let combinations: Vec<usize> = (0..bench.plans.plans.len()).collect();
+    assert_eq!(combinations.len(), 60);
+    let failed = Mutex::new(Vec::new());
+    workers::for_each(workers::available(), &combinations, |_, combination| {
+        let record = bench.ideal(*combination, &mut NoWatcher)?;
+        if !record.success || record.collision {
+            failed.lock().expect("no panic").push((record.first, record.second, record.cause, record.collision));
+        }
+        Ok(())
+    })
+    .expect("played");
+    let failed = failed.into_inner().expect("no panic");
+    assert!(failed.is_empty(), "{failed:?}");
+}
