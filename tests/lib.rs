@@ -71,3 +71,22 @@ pub fn run(arguments: &[&str]) -> Output {
 pub fn stderr(output: &Output) -> String {
     String::from_utf8_lossy(&output.stderr).into_owned()
 }
+
+/// Data that is not part of this repository: `shared/data/<path>` beside the clone, or the folder that `FTAC_SHARED_DATA` names.
+/// `None` where it is missing, which is said on stderr past the test harness.
+///
+/// # Panics
+/// If it is missing and `FTAC_SHARED=required`, as in `.ci/run`.
+pub fn shared_data(path: &str) -> Option<PathBuf> {
+    use std::io::Write as _;
+    let folder = std::env::var_os("FTAC_SHARED_DATA").map_or_else(|| root().join("../shared/data"), PathBuf::from);
+    let found = folder.join(path);
+    if found.exists() {
+        return Some(found);
+    }
+    let text = format!("LEFT OUT: {} is not there; what needs it was not tested", found.display());
+    assert!(std::env::var_os("FTAC_SHARED").is_none_or(|value| value != "required"), "{text}");
+    // Not eprintln: the harness would show it for failed tests only.
+    let _ = writeln!(std::io::stderr(), "{text}");
+    None
+}

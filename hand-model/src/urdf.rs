@@ -182,6 +182,29 @@ pub(crate) fn frames(robot: &urdf_rs::Robot, path: &Path, expected: &[&str]) -> 
             ));
         }
     }
+    check_links(robot, &fault)?;
+    let mut roots = robot.links.iter().filter(|link| !robot.joints.iter().any(|joint| joint.child.link == link.name));
+    let Some(root) = roots.next() else {
+        return Err(fault("robot".into(), "joint", "a loop: every link is some joint's child".into(), "one root link"));
+    };
+    let joints = joints_from(robot, &root.name, &fault)?;
+    let movable = robot.joints.iter().filter(|joint| joint.joint_type != urdf_rs::JointType::Fixed).count();
+    if joints.len() != movable {
+        return Err(fault(
+            "robot".into(),
+            "joint",
+            format!("{} of {movable} joints reachable from `{}`", joints.len(), root.name),
+            "one connected tree without loops",
+        ));
+    }
+    Ok(Tree { joints })
+}
+
+/// A fault of an element of the file: element, field, what was found and what was expected.
+type Fault<'a> = &'a dyn Fn(String, &str, String, &str) -> DataError;
+
+/// Every joint names links of the file, and no link is carried by two joints.
+fn check_links(robot: &urdf_rs::Robot, fault: Fault) -> Result<(), DataError> {
     let linked = |name: &str| robot.links.iter().find(|link| link.name == name);
     for joint in &robot.joints {
         for (field, name) in [("parent", &joint.parent.link), ("child", &joint.child.link)] {
@@ -207,13 +230,14 @@ pub(crate) fn frames(robot: &urdf_rs::Robot, path: &Path, expected: &[&str]) -> 
             ));
         }
     }
-    let mut roots = robot.links.iter().filter(|link| !robot.joints.iter().any(|joint| joint.child.link == link.name));
-    let Some(root) = roots.next() else {
-        return Err(fault("robot".into(), "joint", "a loop: every link is some joint's child".into(), "one root link"));
-    };
+    Ok(())
+}
+
+/// The movable joints of the tree below link `root`, parents first.
+fn joints_from(robot: &urdf_rs::Robot, root: &str, fault: Fault) -> Result<Vec<Joint>, DataError> {
     let mut joints = Vec::new();
     // Breadth first from the root; each entry is (link, index of the last movable joint, pose of the link in that joint).
-    let mut open = std::collections::VecDeque::from([(root.name.clone(), None::<usize>, Isometry3::identity())]);
+    let mut open = std::collections::VecDeque::from([(root.to_owned(), None::<usize>, Isometry3::identity())]);
     while let Some((name, parent, pose)) = open.pop_front() {
         for joint in robot.joints.iter().filter(|joint| joint.parent.link == name) {
             let origin = pose * pose_from_xyz_rpy(joint.origin.xyz.0, joint.origin.rpy.0);
@@ -242,16 +266,7 @@ pub(crate) fn frames(robot: &urdf_rs::Robot, path: &Path, expected: &[&str]) -> 
             }
         }
     }
-    let movable = robot.joints.iter().filter(|joint| joint.joint_type != urdf_rs::JointType::Fixed).count();
-    if joints.len() != movable {
-        return Err(fault(
-            "robot".into(),
-            "joint",
-            format!("{} of {movable} joints reachable from `{}`", joints.len(), root.name),
-            "one connected tree without loops",
-        ));
-    }
-    Ok(Tree { joints })
+    Ok(joints)
 }
 
 #[cfg(test)]

@@ -1,7 +1,6 @@
-//! Other people's hands load and close on a ball. Their models are not part of this repository: without
-//! `../shared/data/hands` (or `FTAC_HANDS`) these tests say so and end.
+//! Other people's hands load and close on a ball. Their models are not part of this repository.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::Arc;
 
 use hand_model::any_hand::AnyHand;
@@ -11,13 +10,8 @@ use sim::engine::EngineSettings;
 use sim::stand::{AnyStand, Prop};
 
 fn hand(urdf: &str, pulls: &str) -> Option<Arc<AnyHand>> {
+    let path = e2e::shared_data(&format!("hands/{urdf}"))?;
     // Cargo runs the tests in the crate's folder.
-    let folder = std::env::var_os("FTAC_HANDS").map_or_else(|| PathBuf::from("../../shared/data/hands"), PathBuf::from);
-    let path = folder.join(urdf);
-    if !path.exists() {
-        eprintln!("NOT CHECKED: {} is not there", path.display());
-        return None;
-    }
     let hand = AnyHand::read(&path, &Path::new("../hand-model/data/hands").join(pulls)).expect("loads");
     Some(Arc::new(hand))
 }

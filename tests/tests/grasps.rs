@@ -120,19 +120,14 @@ fn broken_and_huge_meshes() {
     assert!(stderr(&output).contains("wind around no volume"), "{}", stderr(&output));
 }
 
-/// Hands of others, from their URDF alone. Their models are not part of this repository: without them this says so and ends.
+/// Hands of others, from their URDF alone. Their models are not part of this repository.
 #[test]
 fn other_hands_grasp() {
-    let hands = std::env::var_os("FTAC_HANDS").map_or_else(|| root().join("../shared/data/hands"), Into::into);
     for (urdf, pulls) in [
         ("allegro/allegro_hand_right.urdf", "allegro.toml"),
         ("ezgripper_gen2/urdf/ezgripper_dual_gen2_expanded.urdf", "ezgripper.toml"),
     ] {
-        let urdf = hands.join(urdf);
-        if !urdf.exists() {
-            eprintln!("NOT CHECKED: {} is not there", urdf.display());
-            continue;
-        }
+        let Some(urdf) = e2e::shared_data(&format!("hands/{urdf}")) else { continue };
         let pulls = root().join("hand-model/data/hands").join(pulls);
         let arguments = [
             "grasps",
