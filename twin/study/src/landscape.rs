@@ -1,12 +1,16 @@
 //! The energy landscape mapped by attraction and diffusion (ADELM: Hill, Nijkamp and Zhu 2019).
 //!
 //! [`attraction`] asks whether a chain drawn towards a minimum reaches it, and over which energy; [`mapping`] sorts minima into
-//! basins by that question and measures the barriers between them; [`calibration`] finds the pull at which minima stop being
-//! reachable, so that it need not be guessed; [`disconnectivity`] makes the tree. Two landscapes are mapped: [`multi_well`],
-//! whose minima and barriers are exact, and [`grasps`], the energy of grasps on several objects.
+//! basins by that question and measures the barriers between them. [`metastability`] finds the pull at which minima stop being
+//! reachable, so that it need not be guessed, and [`disconnectivity`] makes the tree. Two landscapes are mapped: [`multi_well`],
+//! whose minima and barriers are exact, and [`grasps`], the energy of grasps on several objects. For the latter [`calibration`]
+//! sets the pull, [`exploration`] runs the mapping and [`basins`] says what was found.
 
 pub mod attraction;
+pub mod basins;
+pub mod calibration;
 pub mod disconnectivity;
+pub mod exploration;
 pub mod grasps;
 pub mod mapping;
 pub mod metastability;

@@ -1,24 +1,29 @@
 //! The grasp study: the paper's second half of results, made from this project's own verified grasps.
 //!
-//! What kind of grasp is it? [`taxonomy`] is the paper's table of 19 types; [`attributes`] measures on a held grasp what the
-//! taxonomy is about, and [`rules`], which are data, decide, give their reasons and say when they are in doubt. People decide on
-//! a page ([`page`]), and [`labels`] measures how well they agree with the rules and with each other.
+//! *Which type is a grasp?* [`taxonomy`] is the paper's table of 19 types. [`attributes`] measures a held grasp, [`rules`] (which
+//! are data) decide on its type, and [`classification`] holds the decisions on a whole set of grasps. [`summary`] counts them,
+//! [`explanation`] gives the reasons for one of them, and [`labels`] and [`raters`] compare them with the types that people give.
 //!
-//! Which grasps are alike? [`contact_map`] says how near every part of the hand is to the object, [`embedding`] lays such maps out
-//! in the plane, and [`boundary`] draws the line between power and precision and says how far it can be trusted.
+//! *Which grasps are alike?* [`kinds`] sorts grasps by digits and opposition. [`contact_map`] measures how near each part of the hand is to the object, [`embedding`] lays the maps
+//! out in the plane, [`boundary`] separates power from precision grasps, and [`grasp_map`] does all three for a set of grasps.
 //!
-//! How are grasps connected? [`landscape`] maps the energy by attraction and diffusion: basins, barriers, and their tree.
+//! *How are grasps connected?* [`landscape`] maps the energy by attraction and diffusion: basins, barriers, and their tree.
 //!
-//! [`sensors`] is the paper's comparison of tactile arrays with the model's own figures. Nothing here knows the simulator: grasps
-//! come in as they were held, objects as distances and points.
+//! [`sensors`] sets the paper's comparison of tactile arrays beside the model's own figures. Nothing here knows the simulator or
+//! the meshes of objects: grasps come in as they were held, objects as distances and points. Pages and figures are drawn by `report`.
 
 pub mod attributes;
 pub mod boundary;
+pub mod classification;
 pub mod contact_map;
 pub mod embedding;
+pub mod explanation;
+pub mod grasp_map;
+pub mod kinds;
 pub mod labels;
 pub mod landscape;
-pub mod page;
+pub mod raters;
 pub mod rules;
 pub mod sensors;
+pub mod summary;
 pub mod taxonomy;

@@ -1,10 +1,21 @@
 //! A map of grasps as SVG: a dot a grasp, coloured by broad type, over the side of the boundary it lies on.
 
 use std::fmt::Write as _;
+use std::path::Path;
+use std::sync::Arc;
 
-use super::escape;
+use anyhow::Result;
+use hand_model::Hand;
+use scenarios::objects::ObjectModel;
+use study::classification::{Classification, ClassifiedGrasp};
+use study::grasp_map::GraspMap;
+use study::taxonomy::Category;
+
+use super::hover;
+use super::scene::Scene;
 use super::tree::color;
-use crate::taxonomy::Category;
+use crate::html::escape;
+use crate::write_whole;
 
 /// A dot.
 #[derive(Debug, Clone)]
@@ -80,4 +91,32 @@ pub fn svg(dots: &[Dot], power: impl Fn([f64; 2]) -> bool, title: &str) -> Strin
     }
     svg += "</svg>\n";
     svg
+}
+
+/// Writes `map.svg` and `map.html`, where grasps appear in 3D under the mouse, into `folder`. `objects` are in the order of the
+/// classification.
+pub fn write(
+    folder: &Path,
+    (hand, objects): (&Hand, &[Arc<ObjectModel>]),
+    classification: &Classification,
+    map: &GraspMap,
+) -> Result<()> {
+    let grasps: Vec<&ClassifiedGrasp> = map.sampled.iter().map(|n| &classification.grasps[*n]).collect();
+    let dots: Vec<Dot> = grasps
+        .iter()
+        .enumerate()
+        .map(|(n, grasp)| {
+            let doubt = if grasp.decision.ambiguous { " (ambiguous)" } else { "" };
+            let text = format!("{}: {}{doubt}", grasp.id, classification.type_name(grasp));
+            Dot { at: map.places[n], category: classification.category(grasp), grasp: n, text }
+        })
+        .collect();
+    let title = format!("Contact maps of {} grasps", dots.len());
+    let picture = svg(&dots, |at| map.boundary.power(&at), &title);
+    write_whole(&folder.join("map.svg"), picture.as_bytes())?;
+    let scene = Scene::of(hand, objects, grasps);
+    let introduction = "Each dot is a grasp; near ones touch with the same parts of the hand. Shading: the side of the boundary \
+                        between power and precision. Point at a dot to see the grasp.";
+    let page = hover::page(&title, introduction, &format!("<div style=\"max-width:900px\">{picture}</div>"), &scene)?;
+    write_whole(&folder.join("map.html"), page.as_bytes())
 }

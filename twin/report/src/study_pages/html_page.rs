@@ -1,35 +1,21 @@
-//! Pages that need nothing else: style, program and data in one file, no server, no network.
-//!
-//! [`scene`] is what a page knows of hand, objects and grasps; `data/page/viewer.js` draws it with a depth buffer of its own, so
-//! that it looks the same in every browser and needs no graphics adapter. [`annotation`] is the page on which people label;
-//! [`hover`] shows grasps on the parts of a picture, of a [`tree`] or of a [`map`].
+//! The frame of a page that needs nothing else: style, program and data in one file, no server, no network.
 
-pub mod annotation;
-pub mod hover;
-pub mod map;
-pub mod scene;
-pub mod tree;
-
+use crate::html::escape;
 use serde::Serialize;
 
-const STYLE: &str = include_str!("../data/page/style.css");
-const VIEWER: &str = include_str!("../data/page/viewer.js");
+const STYLE: &str = include_str!("../../data/study/style.css");
+const VIEWER: &str = include_str!("../../data/study/viewer.js");
 
 /// JSON that may stand inside a script element.
-fn embedded(value: &impl Serialize) -> Result<String, serde_json::Error> {
+pub fn embedded(value: &impl Serialize) -> Result<String, serde_json::Error> {
     Ok(serde_json::to_string(value)?
         .replace("</", "<\\/")
         .replace('\u{2028}', "\\u2028")
         .replace('\u{2029}', "\\u2029"))
 }
 
-/// Text with the characters replaced that mean something to HTML.
-pub fn escape(text: &str) -> String {
-    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
-}
-
 /// A whole page: `body` in it, then the viewer, then `script`.
-fn whole(title: &str, body: &str, data: &str, script: &str) -> String {
+pub fn whole(title: &str, body: &str, data: &str, script: &str) -> String {
     format!(
         "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
          <meta name=\"viewport\" content=\"width=device-width\">\n<title>{}</title>\n<style>{STYLE}</style>\n</head>\n<body>\n\
