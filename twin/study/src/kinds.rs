@@ -42,3 +42,22 @@ pub fn table(kinds: &[Kind<'_>]) -> String {
     }
     text
 }
+
+#[cfg(test)]
+mod tests {
+    use hand_model::Digit;
+
+    use super::*;
+    use crate::attributes::tests::grasp;
+
+    /// Kinds come by frequency; each keeps its grasp with the largest margin.
+    #[test]
+    fn the_most_frequent_kind_comes_first() {
+        let of = |digits: &[Digit], margin: f64| HeldGrasp { digits: digits.to_vec(), margin, ..grasp(0.3, &[]) };
+        let (two, three) = (&[Digit::Thumb, Digit::Index][..], &[Digit::Thumb, Digit::Index, Digit::Middle][..]);
+        let all = [of(two, 3.0), of(three, 1.0), of(three, 2.0), of(three, 1.5)];
+        let found = kinds(&all);
+        assert_eq!(found.iter().map(|kind| (kind.count, kind.best.margin)).collect::<Vec<_>>(), [(3, 2.0), (1, 3.0)]);
+        assert_ne!(found[0].name, found[1].name);
+    }
+}
