@@ -1,4 +1,4 @@
-//! Grasp synthesis as a user meets it: a repertoire that goes on after a kill, grasps shown, broken and huge meshes.
+//! Grasp synthesis as a user meets it: a collection that goes on after a kill, grasps shown, broken and huge meshes.
 
 use std::fs;
 use std::path::Path;
@@ -14,7 +14,7 @@ fn text(path: &Path) -> &str {
 fn make(parts: &Path, out: &Path, each: &str) -> Value {
     let arguments = [
         "grasps",
-        "repertoire",
+        "collection",
         "--object",
         "ball",
         "--each",
@@ -36,7 +36,7 @@ fn make(parts: &Path, out: &Path, each: &str) -> Value {
 
 /// A part cut off in the middle of a line, as by a kill, is gone on with; the file is the one an undisturbed run makes.
 #[test]
-fn an_interrupted_repertoire_goes_on() {
+fn an_interrupted_collection_goes_on() {
     let folder = tempdir().expect("a folder");
     let (whole, cut) = (folder.path().join("whole"), folder.path().join("cut"));
     let answer = make(&whole, &folder.path().join("whole.jsonl"), "4");
@@ -53,7 +53,7 @@ fn an_interrupted_repertoire_goes_on() {
     assert_eq!(two.lines().skip(2).collect::<Vec<_>>(), four.lines().skip(2).take(2).collect::<Vec<_>>());
 }
 
-/// The built-in repertoire is shown as a table, a recording and pictures.
+/// The built-in collection is shown as a table, a recording and pictures.
 #[test]
 fn grasps_are_shown() {
     let folder = tempdir().expect("a folder");
@@ -147,6 +147,6 @@ fn other_hands_grasp() {
         let output = run(&arguments);
         let answer: Value = serde_json::from_slice(&output.stdout).expect("JSON");
         assert!(answer["verified"]["all"].as_u64() > Some(0), "{answer}");
-        assert!(answer["story"].as_array().is_some_and(|story| story.len() > 4), "{answer}");
+        assert!(answer["notes"].as_array().is_some_and(|notes| notes.len() > 4), "{answer}");
     }
 }

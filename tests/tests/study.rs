@@ -92,7 +92,7 @@ fn labels_are_compared() {
 }
 
 #[test]
-fn an_empty_repertoire_is_refused() {
+fn an_empty_collection_is_refused() {
     let folder = tempdir().expect("a folder");
     let header = "{\"version\":1,\"command\":\"none\",\"seed\":1}\n";
     let file = folder.path().join("empty.jsonl");
@@ -263,9 +263,9 @@ fn the_study_on_one_page() {
     refused(&["report", "--study", "no/such/folder"], &["no/such/folder"]);
 }
 
-/// Without `--grasps` the study works on the built-in repertoire: every object with its 150 grasps, all types present.
+/// Without `--grasps` the study works on the built-in collection: every object with its 150 grasps, all types present.
 #[test]
-fn the_built_in_repertoire_is_the_default() {
+fn the_built_in_collection_is_the_default() {
     let output = run(&["--json", "grasps", "classify"]);
     assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
     let found: Value = serde_json::from_slice(&output.stdout).expect("JSON on stdout");

@@ -1,6 +1,7 @@
 //! What every command is told about its terminal, and what it comes to.
 
 use clap::Args;
+use indicatif::ProgressBar;
 
 /// What a command came to: nothing to say, or in which respect its result falls short.
 pub type Outcome = anyhow::Result<Option<String>>;
@@ -20,4 +21,21 @@ pub struct Terminal {
     /// Say nothing but results; no progress bars.
     #[arg(short, long, global = true)]
     pub quiet: bool,
+}
+
+impl Terminal {
+    /// A progress bar, whose length is not known yet; hidden where nothing but results is wanted.
+    pub fn progress(&self) -> ProgressBar {
+        if self.quiet || self.json { ProgressBar::hidden() } else { ProgressBar::no_length() }
+    }
+
+    /// Prints a result: `json` with `--json`, otherwise `text`, which ends its own lines.
+    pub fn print(&self, json: &impl serde::Serialize, text: &str) -> anyhow::Result<()> {
+        if self.json {
+            println!("{}", serde_json::to_string(json)?);
+        } else {
+            print!("{text}");
+        }
+        Ok(())
+    }
 }

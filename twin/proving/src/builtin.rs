@@ -16,3 +16,48 @@ pub fn repertoire() -> Result<Repertoire> {
 pub fn plans() -> Result<Plans> {
     Plans::parse(include_str!("../data/plans.json"), Path::new("data/plans.json"))
 }
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeSet;
+
+    use grasping::Role;
+
+    use super::*;
+
+    /// Every plan names a first grasp of its first object and second grasps of its second one, and no ordered pair of objects is
+    /// planned twice.
+    #[test]
+    fn plans_name_grasps_of_the_repertoire() {
+        let (repertoire, plans) = (repertoire().unwrap(), plans().unwrap());
+        assert_eq!(plans.plans.len(), 60);
+        let mut pairs = BTreeSet::new();
+        for plan in &plans.plans {
+            let pair = (&plan.first, &plan.second);
+            assert!(pairs.insert(pair), "{pair:?} is planned twice");
+            let has = |object: &str, role: Role, id: u32| repertoire.of(object, role).any(|grasp| grasp.id == id);
+            assert!(has(&plan.first, Role::First, plan.first_grasp), "{pair:?}: first grasp {}", plan.first_grasp);
+            assert!(!plan.second_grasps.is_empty(), "{pair:?}: no second grasp");
+            let mut numbers = BTreeSet::new();
+            for (id, worth) in &plan.second_grasps {
+                assert!(has(&plan.second, Role::Second, *id), "{pair:?}: second grasp {id}");
+                assert!(numbers.insert(id), "{pair:?}: second grasp {id} is named twice");
+                assert!((0.0..=1.0).contains(worth), "{pair:?}: second grasp {id} is worth {worth}");
+            }
+        }
+        for rejected in &plans.rejected {
+            assert!(!pairs.contains(&(&rejected.0, &rejected.1)), "{rejected:?} is planned and rejected");
+        }
+    }
+
+    /// A number names one grasp of an object and role: a plan that names it cannot mean another.
+    #[test]
+    fn numbers_of_grasps_are_unique() {
+        let repertoire = repertoire().unwrap();
+        for (object, grasps) in &repertoire.grasps {
+            let numbers: BTreeSet<(u8, u32)> = grasps.iter().map(|grasp| (grasp.role as u8, grasp.id)).collect();
+            assert_eq!(numbers.len(), grasps.len(), "{object}");
+            assert!(grasps.iter().all(|grasp| grasp.object == *object), "{object}");
+        }
+    }
+}

@@ -1,8 +1,9 @@
-//! `ftac grasps rehearse`: fills the repertoire. Random proposals are closed and held in physics, those that hold are tried
-//! again under the noise a planner expects and varied, and what is left is ranked by the share of tries that held.
+//! The benchmark's repertoire of pick-ups.
+//!
+//! Random proposals are closed and held in physics. Those that hold are varied and tried again under the noise that a planner
+//! expects, and the repertoire keeps the ones that held in the largest share of tries.
 
 use anyhow::{Context, Result};
-use control::motion::Protocol;
 use grasping::repertoire::{Repertoire, VERSION};
 use grasping::sampler::{ObjectExtent, propose, vary};
 use grasping::{Grasp, Role};
@@ -15,7 +16,9 @@ use scenarios::noise::TrialNoise;
 use scenarios::objects::{ObjectModel, Symmetry};
 use sim::tactile::TactileBoard;
 
-use crate::rehearsal::{Outcome, Snapshot, Start, misaimed, proving_errors, rehearse_first, rehearse_second};
+use crate::rehearsal::{
+    FirstRehearsal, HoldOutcome, Snapshot, StartPosture, misaimed, proving_errors, rehearse_first, rehearse_second,
+};
 use crate::world::World;
 
 /// Draws of the expected noise under which a grasp's robustness is measured, after a try without any.
@@ -57,31 +60,39 @@ fn stream(seed: u64, object: &str, role: Role, id: u32) -> ChaCha8Rng {
     ChaCha8Rng::seed_from_u64(hash)
 }
 
-/// Generates the grasps of `names` for `roles` into `repertoire`, whose seed draws them.
+/// A search of pick-ups in a world.
+struct Search<'a> {
+    world: &'a World,
+    effort: Effort,
+    /// Draws all proposals.
+    seed: u64,
+    /// Blank: grasps are proven without touch.
+    board: TactileBoard,
+}
+
+/// Fills `repertoire` with grasps of the objects `names` for `roles`; its seed draws them.
 pub fn generate(
     world: &World,
-    protocol: &Protocol,
     names: &[String],
     roles: &[Role],
     effort: Effort,
     repertoire: &mut Repertoire,
-    quiet: bool,
+    progress: &ProgressBar,
 ) -> Result<()> {
     repertoire.version = VERSION;
-    let seed = repertoire.seed;
-    let board = TactileBoard::blank();
-    let bar = if quiet { ProgressBar::hidden() } else { ProgressBar::new((roles.len() * names.len()) as u64) };
-    bar.set_style(ProgressStyle::with_template("{bar:30} {pos}/{len} {msg} [{elapsed} < {eta}]")?);
+    let search = Search { world, effort, seed: repertoire.seed, board: TactileBoard::blank() };
+    progress.set_length((roles.len() * names.len()) as u64);
+    progress.set_style(ProgressStyle::with_template("{bar:30} {pos}/{len} {msg} [{elapsed} < {eta}]")?);
     for role in [Role::First, Role::Second] {
         if !roles.contains(&role) {
             continue;
         }
         let reference = if role == Role::Second { reference_hold(world, names, repertoire)? } else { Vec::new() };
         for name in names {
-            bar.set_message(format!("{name}: {role:?}"));
+            progress.set_message(format!("{name}: {role:?}"));
             let found = match role {
-                Role::First => find_first(world, protocol, name, effort, seed, &board)?,
-                Role::Second => find_second(world, protocol, name, effort, seed, &reference, &board)?,
+                Role::First => search.find_first(name)?,
+                Role::Second => search.find_second(name, &reference)?,
             };
             if let Some(list) = repertoire.grasps.get_mut(name) {
                 list.retain(|grasp| grasp.role != role);
@@ -89,58 +100,103 @@ pub fn generate(
             for grasp in found {
                 repertoire.insert(grasp);
             }
-            bar.inc(1);
+            progress.inc(1);
         }
     }
-    bar.finish_and_clear();
+    progress.finish_and_clear();
     Ok(())
 }
 
-fn find_first(
-    world: &World,
-    protocol: &Protocol,
-    name: &str,
-    effort: Effort,
-    seed: u64,
-    board: &TactileBoard,
-) -> Result<Vec<Grasp>> {
-    let object = world.object(name)?;
-    let extent = extent(&object);
-    let bystander = propose(&extent, Role::Second, 0, &mut stream(seed, name, Role::Second, 0));
-    let attempt = |grasp: &Grasp, noise: &TrialNoise| -> Result<Option<Outcome>> {
-        let outcome = rehearse_first(world, protocol, Start::Near, grasp, &bystander, noise, board)?;
-        Ok(outcome.map(|(_, outcome)| outcome).filter(|outcome| outcome.slip < SLIP_LIMIT))
-    };
-    search(&extent, Role::First, effort, effort.keep_first, seed, &proving_errors(ERRORS), attempt)
-}
-
-fn find_second(
-    world: &World,
-    protocol: &Protocol,
-    name: &str,
-    effort: Effort,
-    seed: u64,
-    reference: &[Grasp],
-    board: &TactileBoard,
-) -> Result<Vec<Grasp>> {
-    let object = world.object(name)?;
-    let extent = extent(&object);
-    let bystander = propose(&extent, Role::Second, 0, &mut stream(seed, name, Role::Second, 0));
-    // A hold of the reference object with this object standing by.
-    let mut hold: Option<Snapshot> = None;
-    for first in reference {
-        hold = rehearse_first(world, protocol, Start::Near, first, &bystander, &TrialNoise::none(), board)?
-            .map(|(snapshot, _)| snapshot);
-        if hold.is_some() {
-            break;
-        }
+impl Search<'_> {
+    fn find_first(&self, name: &str) -> Result<Vec<Grasp>> {
+        let extent = extent(&*self.world.object(name)?);
+        let bystander = self.bystander(&extent);
+        let attempt = |grasp: &Grasp, noise: &TrialNoise| -> Result<Option<HoldOutcome>> {
+            let outcome = self.rehearse_first([grasp, &bystander], noise)?;
+            Ok(outcome.map(|(_, outcome)| outcome).filter(|outcome| outcome.slip < SLIP_LIMIT))
+        };
+        self.find(&extent, Role::First, self.effort.keep_first, attempt)
     }
-    let hold = &hold.context("no reference hold could be made")?;
-    let attempt = |grasp: &Grasp, noise: &TrialNoise| -> Result<Option<Outcome>> {
-        let (collided, outcome) = rehearse_second(hold, &misaimed(grasp, noise, 1))?;
-        Ok((outcome.held && !collided && outcome.slip < 2.0 * SLIP_LIMIT).then_some(outcome))
-    };
-    search(&extent, Role::Second, effort, effort.keep_second, seed, &proving_errors(ERRORS), attempt)
+
+    fn find_second(&self, name: &str, reference: &[Grasp]) -> Result<Vec<Grasp>> {
+        let extent = extent(&*self.world.object(name)?);
+        let bystander = self.bystander(&extent);
+        // A hold of the reference object with this object standing by.
+        let mut hold: Option<Snapshot> = None;
+        for first in reference {
+            hold = self.rehearse_first([first, &bystander], &TrialNoise::none())?.map(|(snapshot, _)| snapshot);
+            if hold.is_some() {
+                break;
+            }
+        }
+        let hold = &hold.context("no reference hold could be made")?;
+        let attempt = |grasp: &Grasp, noise: &TrialNoise| -> Result<Option<HoldOutcome>> {
+            let (collided, outcome) = rehearse_second(hold, &misaimed(grasp, noise, 1))?;
+            Ok((outcome.held && !collided && outcome.slip < 2.0 * SLIP_LIMIT).then_some(outcome))
+        };
+        self.find(&extent, Role::Second, self.effort.keep_second, attempt)
+    }
+
+    fn rehearse_first(&self, grasps: [&Grasp; 2], noise: &TrialNoise) -> Result<Option<(Snapshot, HoldOutcome)>> {
+        let protocol = self.world.rehearsal_protocol();
+        let rehearsal = FirstRehearsal { protocol, start: StartPosture::Near, grasps, noise };
+        rehearse_first(self.world, &rehearsal, &self.board)
+    }
+
+    /// A grasp of the object as it stands by; it is never closed.
+    fn bystander(&self, extent: &ObjectExtent) -> Grasp {
+        propose(extent, Role::Second, 0, &mut stream(self.seed, &extent.name, Role::Second, 0))
+    }
+
+    /// Proposals until enough hold, then variations of those while too few do; all that held are tried again under noise, and
+    /// variations of the most robust ones replace those that are less so.
+    fn find(
+        &self,
+        extent: &ObjectExtent,
+        role: Role,
+        keep: usize,
+        attempt: impl Fn(&Grasp, &TrialNoise) -> Result<Option<HoldOutcome>> + Sync,
+    ) -> Result<Vec<Grasp>> {
+        let errors = &proving_errors(ERRORS)[..];
+        let Effort { proposals, variations, .. } = self.effort;
+        let run = |grasps: Vec<Grasp>, errors: &[TrialNoise], failures: usize| -> Result<Vec<Grasp>> {
+            let proven: Vec<Result<Option<Grasp>>> =
+                grasps.into_par_iter().map(|grasp| prove(grasp, errors, failures, &attempt)).collect();
+            proven.into_iter().filter_map(Result::transpose).collect()
+        };
+        let random = |id: u32| stream(self.seed, &extent.name, role, id);
+        let enough = keep + keep / 2;
+        let mut found: Vec<Grasp> = Vec::new();
+        let mut id = 0;
+        while id < proposals && found.len() < enough {
+            let batch = (id..id + BATCH).map(|id| propose(extent, role, id, &mut random(id))).collect();
+            found.extend(run(batch, &[], 0)?);
+            id += BATCH;
+        }
+        let parents = found.clone();
+        let last = id + variations;
+        while id < last && !parents.is_empty() && found.len() < enough {
+            let vary_one = |id: u32| vary(&parents[id as usize % parents.len()], id, &mut random(id));
+            found.extend(run((id..id + BATCH).map(vary_one).collect(), &[], 0)?);
+            id += BATCH;
+        }
+        let mut proven = run(spread(found, enough), errors, errors.len())?;
+        rank(&mut proven);
+        for _ in 0..CLIMBS {
+            let parents: Vec<Grasp> = proven.iter().take(PARENTS).cloned().collect();
+            if parents.is_empty() || parents.iter().all(|grasp| grasp.score >= 1.0) {
+                break;
+            }
+            // A variation is of use if it is better than the worst of the parents.
+            let worst = parents.iter().map(|grasp| grasp.score).fold(1.0, f64::min);
+            let failures = ((1.0 - worst) * (1 + errors.len()) as f64).round() as usize;
+            let vary_one = |id: u32| vary(&parents[id as usize % parents.len()], id, &mut random(id));
+            proven.extend(run((id..id + BATCH).map(vary_one).collect(), errors, failures.saturating_sub(1))?);
+            rank(&mut proven);
+            id += BATCH;
+        }
+        Ok(spread(proven, keep))
+    }
 }
 
 /// Rounds of variation around the most robust grasps.
@@ -156,7 +212,7 @@ fn prove(
     grasp: Grasp,
     errors: &[TrialNoise],
     failures: usize,
-    attempt: &impl Fn(&Grasp, &TrialNoise) -> Result<Option<Outcome>>,
+    attempt: &impl Fn(&Grasp, &TrialNoise) -> Result<Option<HoldOutcome>>,
 ) -> Result<Option<Grasp>> {
     let Some(outcome) = attempt(&grasp, &TrialNoise::none())? else { return Ok(None) };
     let mut failed = 0;
@@ -169,56 +225,6 @@ fn prove(
     let score = 1.0 - failed as f64 / (1 + errors.len()) as f64;
     let (held, held_joints) = (Some(outcome.palm_from_object), Some(outcome.joints));
     Ok(Some(Grasp { held, held_joints, score, ..grasp }))
-}
-
-/// Proposals until enough hold, then variations of those while too few do; all that held are tried again under noise, and
-/// variations of the most robust ones replace those that are less so.
-fn search(
-    extent: &ObjectExtent,
-    role: Role,
-    effort: Effort,
-    keep: usize,
-    seed: u64,
-    errors: &[TrialNoise],
-    attempt: impl Fn(&Grasp, &TrialNoise) -> Result<Option<Outcome>> + Sync,
-) -> Result<Vec<Grasp>> {
-    let run = |grasps: Vec<Grasp>, errors: &[TrialNoise], failures: usize| -> Result<Vec<Grasp>> {
-        let proven: Vec<Result<Option<Grasp>>> =
-            grasps.into_par_iter().map(|grasp| prove(grasp, errors, failures, &attempt)).collect();
-        proven.into_iter().filter_map(Result::transpose).collect()
-    };
-    let random = |id: u32| stream(seed, &extent.name, role, id);
-    let enough = keep + keep / 2;
-    let mut found: Vec<Grasp> = Vec::new();
-    let mut id = 0;
-    while id < effort.proposals && found.len() < enough {
-        let batch = (id..id + BATCH).map(|id| propose(extent, role, id, &mut random(id))).collect();
-        found.extend(run(batch, &[], 0)?);
-        id += BATCH;
-    }
-    let parents = found.clone();
-    let last = id + effort.variations;
-    while id < last && !parents.is_empty() && found.len() < enough {
-        let vary_one = |id: u32| vary(&parents[id as usize % parents.len()], id, &mut random(id));
-        found.extend(run((id..id + BATCH).map(vary_one).collect(), &[], 0)?);
-        id += BATCH;
-    }
-    let mut proven = run(spread(found, enough), errors, errors.len())?;
-    rank(&mut proven);
-    for _ in 0..CLIMBS {
-        let parents: Vec<Grasp> = proven.iter().take(PARENTS).cloned().collect();
-        if parents.is_empty() || parents.iter().all(|grasp| grasp.score >= 1.0) {
-            break;
-        }
-        // A variation is of use if it is better than the worst of the parents.
-        let worst = parents.iter().map(|grasp| grasp.score).fold(1.0, f64::min);
-        let failures = ((1.0 - worst) * (1 + errors.len()) as f64).round() as usize;
-        let vary_one = |id: u32| vary(&parents[id as usize % parents.len()], id, &mut random(id));
-        proven.extend(run((id..id + BATCH).map(vary_one).collect(), errors, failures.saturating_sub(1))?);
-        rank(&mut proven);
-        id += BATCH;
-    }
-    Ok(spread(proven, keep))
 }
 
 fn rank(grasps: &mut [Grasp]) {
@@ -253,3 +259,6 @@ fn reference_hold(world: &World, names: &[String], repertoire: &Repertoire) -> R
     candidates.sort_by(|a, b| a.0.total_cmp(&b.0));
     Ok(candidates.into_iter().next().context("no first grasp was found for any object")?.1)
 }
+
+#[cfg(test)]
+mod tests;

@@ -1,9 +1,9 @@
 //! Plans: for each combination a first grasp and the second grasps that may follow it, rehearsed without noise.
 //!
-//! The rule: all ordered pairs of the scenario's objects, shuffled by the seed, are rehearsed in order. A pair for which some
-//! first grasp can be followed by some second grasp without a collision becomes a combination; a pair for which nothing works
-//! is listed as rejected, and the rule's next takes its place. Those that worked are tried again under draws of the noise: the share
-//! that still works is a grasp's worth in this combination. The most worthy is the plan, the others are its alternatives.
+//! All ordered pairs of the scenario's objects are shuffled by the seed and rehearsed in that order. A pair becomes a combination
+//! if some first grasp can be followed by some second grasp without a collision; otherwise it is listed as rejected and the next
+//! pair takes its place. Second grasps that work are tried again under draws of the noise. The share of tries that still work is
+//! the grasp's worth in this combination: the best grasp is the plan, the others are alternatives.
 
 pub mod without;
 
@@ -19,17 +19,19 @@ use scenarios::noise::TrialNoise;
 use serde::{Deserialize, Serialize};
 use sim::tactile::TactileBoard;
 
-use crate::rehearsal::{Snapshot, Start, misaimed, proving_errors, rehearse_first, rehearse_second};
+use crate::rehearsal::{
+    FirstRehearsal, Snapshot, StartPosture, misaimed, proving_errors, rehearse_first, rehearse_second,
+};
 use crate::world::World;
 
 /// Format version of plan files.
 const VERSION: u32 = 1;
-/// How much a grasp that failed in this pair's rehearsal is still worth against one that did not.
+/// What a grasp that failed in this pair's rehearsal is still worth, as a share of its general score.
 const FAILED_WORTH: f64 = 0.3;
 
-/// How many of the grasps that worked are tried again under noise, and what the others count against their general score.
+/// How many of the grasps that worked are tried again under noise.
 const PROVEN: usize = 6;
-/// See [`PROVEN`].
+/// What the others that worked are worth, as a share of their general score.
 const UNPROVEN_WORTH: f64 = 0.6;
 /// Draws of the expected noise under which a pair is tried.
 const ERRORS: usize = 6;
@@ -113,9 +115,9 @@ fn robustness(hold: &Snapshot, second: &Grasp, errors: &[TrialNoise]) -> Result<
     Ok((1 + held) as f64 / (1 + errors.len()) as f64)
 }
 
-/// Rehearses pairs until `count` combinations stand.
+/// Rehearses pairs until `count` combinations stand; shows a progress bar unless `quiet`.
 pub fn make_plans(world: &World, repertoire: &Repertoire, count: usize, seed: u64, quiet: bool) -> Result<Plans> {
-    let bar = if quiet { ProgressBar::hidden() } else { ProgressBar::new(count as u64) };
+    let progress = if quiet { ProgressBar::hidden() } else { ProgressBar::new(count as u64) };
     // With cameras, as in a trial: a look ends when its images have come.
     let board = TactileBoard::unit(&world.cell.hand, 0);
     let mut plans = Plans { version: VERSION, seed, rejected: Vec::new(), plans: Vec::new() };
@@ -127,7 +129,7 @@ pub fn make_plans(world: &World, repertoire: &Repertoire, count: usize, seed: u6
             match made? {
                 Some(plan) if plans.plans.len() < count => {
                     plans.plans.push(plan);
-                    bar.inc(1);
+                    progress.inc(1);
                 }
                 None if plans.plans.len() < count => plans.rejected.push((pair.first.clone(), pair.second.clone())),
                 _ => {}
@@ -137,7 +139,7 @@ pub fn make_plans(world: &World, repertoire: &Repertoire, count: usize, seed: u6
             break;
         }
     }
-    bar.finish_and_clear();
+    progress.finish_and_clear();
     if plans.plans.len() < count {
         bail!(
             "only {} of the scenario's {} pairs can be done by this hand without noise; {count} were asked for",
@@ -153,37 +155,57 @@ fn plan_pair(world: &World, repertoire: &Repertoire, board: &TactileBoard, pair:
     let Some(any) = seconds.first() else { return Ok(None) };
     let errors = proving_errors(ERRORS);
     for first in repertoire.of(&pair.first, Role::First) {
-        let Some((hold, _)) =
-            rehearse_first(world, &world.protocol(), Start::Ready, first, any, &TrialNoise::none(), board)?
-        else {
-            continue;
+        let rehearsal = FirstRehearsal {
+            protocol: world.protocol(),
+            start: StartPosture::Ready,
+            grasps: [first, any],
+            noise: &TrialNoise::none(),
         };
-        let mut worked: Vec<&Grasp> = Vec::new();
-        let mut failed = Vec::new();
-        for second in &seconds {
+        let Some((hold, _)) = rehearse_first(world, &rehearsal, board)? else { continue };
+        let works = |second: &Grasp| {
             let (collided, outcome) = rehearse_second(&hold, second)?;
-            if outcome.held && !collided {
-                worked.push(second);
-            } else {
-                failed.push((second.id, FAILED_WORTH * second.score));
-            }
+            Ok(outcome.held && !collided)
+        };
+        let second_grasps = ranked(&seconds, works, |second| robustness(&hold, second, &errors))?;
+        if !second_grasps.is_empty() {
+            return Ok(Some(Plan {
+                first: pair.first.clone(),
+                second: pair.second.clone(),
+                first_grasp: first.id,
+                second_grasps,
+            }));
         }
-        if worked.is_empty() {
-            continue;
-        }
-        let mut ranked = Vec::new();
-        for (n, second) in worked.iter().enumerate() {
-            let worth = if n < PROVEN { robustness(&hold, second, &errors)? } else { UNPROVEN_WORTH * second.score };
-            ranked.push((second.id, worth));
-        }
-        ranked.sort_by(|a, b| b.1.total_cmp(&a.1));
-        ranked.extend(failed);
-        return Ok(Some(Plan {
-            first: pair.first.clone(),
-            second: pair.second.clone(),
-            first_grasp: first.id,
-            second_grasps: ranked,
-        }));
     }
     Ok(None)
 }
+
+/// The grasps that work, by worth, then those that do not, in their own order: (number, worth). The worth of the first
+/// [`PROVEN`] that work is their `robustness`. Empty if none works.
+fn ranked(
+    grasps: &[&Grasp],
+    works: impl Fn(&Grasp) -> Result<bool>,
+    robustness: impl Fn(&Grasp) -> Result<f64>,
+) -> Result<Vec<(u32, f64)>> {
+    let (mut worked, mut failed) = (Vec::new(), Vec::new());
+    for grasp in grasps {
+        if works(grasp)? {
+            worked.push(*grasp);
+        } else {
+            failed.push((grasp.id, FAILED_WORTH * grasp.score));
+        }
+    }
+    if worked.is_empty() {
+        return Ok(Vec::new());
+    }
+    let mut ranked = Vec::new();
+    for (n, grasp) in worked.iter().enumerate() {
+        let worth = if n < PROVEN { robustness(grasp)? } else { UNPROVEN_WORTH * grasp.score };
+        ranked.push((grasp.id, worth));
+    }
+    ranked.sort_by(|a, b| b.1.total_cmp(&a.1));
+    ranked.extend(failed);
+    Ok(ranked)
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,7 +1,7 @@
-//! Rehearsals: proving a grasp by closing and holding it in physics, without noise or with a set one.
+//! Rehearsals: a grasp is proven by closing and holding it in physics, without errors or under given ones.
 //!
-//! A *first* grasp is proved alone: pick up, lift, hold. A *second* grasp is proved with an object already held by ring and
-//! little finger, from a snapshot of that hold, through the whole rest of the trial.
+//! A *first* grasp is proven alone: pick up, lift, hold. A *second* grasp is proven while ring and little finger already hold an
+//! object: the rehearsal starts from a snapshot of that hold and runs to the end of the trial.
 
 use std::sync::Arc;
 
@@ -22,9 +22,9 @@ use crate::world::{World, drive};
 /// Seed of the errors under which grasps are proven; no trial of a benchmark draws them.
 const PROVING_SEED: u64 = 0x005e_ed0f_9a05;
 
-/// How a rehearsal ended.
+/// How the hold at the end of a rehearsal went.
 #[derive(Debug, Clone)]
-pub struct Outcome {
+pub struct HoldOutcome {
     /// Lifted, held to the end, off the table.
     pub held: bool,
     /// Object in the palm at the end.
@@ -44,31 +44,55 @@ pub struct Snapshot<R = SimulatedRobot> {
     pub executive: Executive,
 }
 
+/// What a trial begins with, beside the world and the tactile sensors.
+#[derive(Debug, Clone, Copy)]
+pub struct TrialStart<'a> {
+    /// Distances and times.
+    pub protocol: Protocol,
+    /// The grasps that are planned.
+    pub grasps: [&'a Grasp; 2],
+    /// Errors of the arm and of prior perception.
+    pub noise: &'a TrialNoise,
+    /// Posture of the arm, rad.
+    pub arm: [f64; ARM_JOINTS],
+}
+
 impl Snapshot {
-    /// A trial about to begin: the objects of the two `grasps` stand in their places and are seen as `noise` lets them be, and
-    /// the arm is in posture `start`.
+    /// [`Snapshot::at_start`] with the objects that the two `grasps` are for.
     pub fn begin(
         world: &World,
         protocol: Protocol,
         grasps: [&Grasp; 2],
         noise: &TrialNoise,
-        start: [f64; ARM_JOINTS],
+        arm: [f64; ARM_JOINTS],
         board: TactileBoard,
     ) -> Result<Self> {
         let objects = [world.object(&grasps[0].object)?, world.object(&grasps[1].object)?];
-        Self::begin_with(world, protocol, &objects, grasps, noise, start, board)
+        Self::at_start(world, &TrialStart { protocol, grasps, noise, arm }, &objects, board)
     }
 
-    /// The same with `objects` as they really are in the places of those that the grasps are for.
+    /// [`Snapshot::at_start`] without the struct.
     pub fn begin_with(
         world: &World,
         protocol: Protocol,
         objects: &[Arc<ObjectModel>; 2],
         grasps: [&Grasp; 2],
         noise: &TrialNoise,
-        start: [f64; ARM_JOINTS],
+        arm: [f64; ARM_JOINTS],
         board: TactileBoard,
     ) -> Result<Self> {
+        Self::at_start(world, &TrialStart { protocol, grasps, noise, arm }, objects, board)
+    }
+
+    /// A trial about to begin: `objects` stand in the places of those that the grasps are for, and are seen with the errors of
+    /// the noise.
+    pub fn at_start(
+        world: &World,
+        start: &TrialStart<'_>,
+        objects: &[Arc<ObjectModel>; 2],
+        board: TactileBoard,
+    ) -> Result<Self> {
+        let TrialStart { protocol, grasps, noise, arm: start } = *start;
         let seen = world.percepts(objects, noise);
         let robot = SimulatedRobot::new(
             world.cell.hand.clone(),
@@ -96,23 +120,35 @@ pub fn in_hand(truth: &Truth, index: usize) -> bool {
 
 /// Where the arm is when a rehearsal begins.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Start {
+pub enum StartPosture {
     /// In the posture in which every trial starts: the rehearsal is then the trial's ideal run, bit by bit.
     Ready,
     /// Right before the grasp, which saves time.
     Near,
 }
 
-/// Takes the first object with `first` under the errors of `noise` and plays the trial up to the decision.
+/// What is rehearsed of a first grasp.
+#[derive(Debug, Clone, Copy)]
+pub struct FirstRehearsal<'a> {
+    /// Distances and times.
+    pub protocol: Protocol,
+    /// Where the arm is at the beginning.
+    pub start: StartPosture,
+    /// The first grasp, and one of the object that stands by.
+    pub grasps: [&'a Grasp; 2],
+    /// Errors of the arm and of prior perception.
+    pub noise: &'a TrialNoise,
+}
+
+/// Takes the first object and plays the trial up to the decision on the second grasp. None where the arm does not reach the
+/// object or the grasp does not hold it.
 pub fn rehearse_first(
     world: &World,
-    protocol: &Protocol,
-    start: Start,
-    first: &Grasp,
-    second: &Grasp,
-    noise: &TrialNoise,
+    rehearsal: &FirstRehearsal<'_>,
     board: &TactileBoard,
-) -> Result<Option<(Snapshot, Outcome)>> {
+) -> Result<Option<(Snapshot, HoldOutcome)>> {
+    let FirstRehearsal { protocol, start, grasps, noise } = *rehearsal;
+    let [first, second] = grasps;
     let objects = [world.object(&first.object)?, world.object(&second.object)?];
     let [seen, _] = world.percepts(&objects, noise);
     let target = first.palm_pose(&seen.position, seen.yaw);
@@ -120,8 +156,9 @@ pub fn rehearse_first(
     let (Ok(near), Ok(_)) = (world.posture(&near, &world.cell.ready), world.posture(&target, &world.cell.ready)) else {
         return Ok(None);
     };
-    let start = if start == Start::Near { near } else { world.cell.ready };
-    let mut snapshot = Snapshot::begin(world, *protocol, [first, second], noise, start, board.clone())?;
+    let arm = if start == StartPosture::Near { near } else { world.cell.ready };
+    let start = TrialStart { protocol, grasps, noise, arm };
+    let mut snapshot = Snapshot::at_start(world, &start, &objects, board.clone())?;
     drive(&mut snapshot.robot, &mut snapshot.executive, Phase::LiftFirst, |_, _| {})?;
     if snapshot.robot.truth().touched_by[0] == 0 {
         return Ok(None);
@@ -130,13 +167,13 @@ pub fn rehearse_first(
     let before = snapshot.robot.truth();
     drive(&mut snapshot.robot, &mut snapshot.executive, Phase::Decide, |_, _| {})?;
     let after = snapshot.robot.truth();
-    let outcome = outcome(&before, &after, 0);
+    let outcome = hold_outcome(&before, &after, 0);
     Ok(outcome.held.then_some((snapshot, outcome)))
 }
 
-/// From a hold of the first object, plays the rest of the trial with `second`. Returns whether there was a collision before
-/// the digits had closed, and the outcome; what cannot succeed any more is not played to the end.
-pub fn rehearse_second(snapshot: &Snapshot, second: &Grasp) -> Result<(bool, Outcome)> {
+/// From a hold of the first object, plays the rest of the trial with `second`. Returns whether there was a collision before the
+/// digits had closed, and how the hold went. A trial that can no longer succeed is not played to the end.
+pub fn rehearse_second(snapshot: &Snapshot, second: &Grasp) -> Result<(bool, HoldOutcome)> {
     let Snapshot { mut robot, mut executive } = snapshot.clone();
     executive.decide(second.clone())?;
     let mut collided = false;
@@ -152,7 +189,7 @@ pub fn rehearse_second(snapshot: &Snapshot, second: &Grasp) -> Result<(bool, Out
             _ => false,
         };
         if collided || lost {
-            return Ok((collided, Outcome { held: false, ..outcome(&truth, &truth, 1) }));
+            return Ok((collided, HoldOutcome { held: false, ..hold_outcome(&truth, &truth, 1) }));
         }
         if phase == Phase::Confirm {
             executive.confirm()?;
@@ -161,13 +198,14 @@ pub fn rehearse_second(snapshot: &Snapshot, second: &Grasp) -> Result<(bool, Out
     let before = robot.truth();
     drive(&mut robot, &mut executive, Phase::Done, |_, _| {})?;
     let after = robot.truth();
-    let mut outcome = outcome(&before, &after, 1);
+    let mut outcome = hold_outcome(&before, &after, 1);
     outcome.held &= in_hand(&after, 0);
     Ok((collided, outcome))
 }
 
-/// `grasp` as it comes out under the errors of `noise` when it takes object `index`: an error of the world is an error of the
-/// object's place in the hand.
+/// `grasp` as it comes out under the errors of `noise` when it takes object `index`, to first order in the errors. The planner
+/// aims at the object where it sees it; relative to the hand, an error of perception or of the arm then shifts and turns the
+/// object the other way.
 pub fn misaimed(grasp: &Grasp, noise: &TrialNoise, index: usize) -> Grasp {
     let mut misaimed = grasp.clone();
     let seen = noise.objects[index];
@@ -199,13 +237,16 @@ pub fn digit_bits(digits: &[Digit]) -> u32 {
     digits.iter().flat_map(|digit| digit.joints()).fold(0, |bits, link| bits | 1 << link)
 }
 
-fn outcome(before: &Truth, after: &Truth, index: usize) -> Outcome {
+fn hold_outcome(before: &Truth, after: &Truth, index: usize) -> HoldOutcome {
     let inside = |truth: &Truth| truth.palm.inverse() * truth.objects[index];
     let (a, b) = (inside(before), inside(after));
-    Outcome {
+    HoldOutcome {
         held: in_hand(after, index),
         palm_from_object: b,
         slip: (a.translation.vector - b.translation.vector).norm(),
         joints: after.hand.clone(),
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -1,14 +1,17 @@
 //! Grasps for any object, sampled, closed by cables and held in physics.
 //!
-//! [`subject`] makes an object ready for sampling, [`closing`] takes a sampled posture to a closed grasp, [`checks`] verifies it,
-//! [`workshop`] does all that for a chain, [`search`] runs chains and keeps what was found, [`evaluation`] measures how well that works.
-//! [`any`] does the same for other hands.
+//! [`subject`] makes an object ready for sampling, [`closing`] turns a sampled posture into a closed grasp, and [`checks`] verifies it.
+//! [`synthesizer`] does all three for one chain, [`search`] runs many chains and keeps the grasps that pass, and [`evaluation`]
+//! measures how often that works and which metrics predict it. [`parts`] fills the collection of all objects, one resumable file an
+//! object, and [`collection`] reads it. [`any`] is the same search for other hands, and [`hands`] compares hands on the same objects.
 
 pub mod any;
 pub mod checks;
 pub mod closing;
+pub mod collection;
 pub mod evaluation;
-pub mod repertoire;
+pub mod hands;
+pub mod parts;
 pub mod search;
 pub mod subject;
-pub mod workshop;
+pub mod synthesizer;

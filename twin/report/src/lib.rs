@@ -13,6 +13,7 @@ mod paper;
 pub mod picture;
 pub mod plot;
 mod run;
+pub mod study_pages;
 pub mod style;
 #[cfg(test)]
 mod tests;

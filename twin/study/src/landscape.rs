@@ -1,13 +1,16 @@
 //! Energy landscapes mapped by attraction and diffusion (ADELM: Hill, Nijkamp and Zhu 2019).
 //!
-//! [`attraction`] tests whether a chain drawn towards a minimum reaches it, and over which energy. [`mapping`] sorts
-//! minima into basins by this test and measures the barriers between basins. [`metastability`] finds the pull below which
-//! minima are no longer reachable, so that it need not be guessed. [`disconnectivity`] builds the tree. Two landscapes
-//! are mapped: [`multi_well`], whose minima and barriers are known exactly, and [`grasps`], the energy of grasps on
-//! several objects.
+//! [`attraction`] asks whether a chain drawn towards a minimum reaches it, and over which energy; [`mapping`] sorts minima into
+//! basins by that question and measures the barriers between them. [`metastability`] finds the pull at which minima stop being
+//! reachable, so that it need not be guessed, and [`disconnectivity`] makes the tree. Two landscapes are mapped: [`multi_well`],
+//! whose minima and barriers are exact, and [`grasps`], the energy of grasps on several objects. For the latter [`calibration`]
+//! sets the pull, [`exploration`] runs the mapping and [`basins`] says what was found.
 
 pub mod attraction;
+pub mod basins;
+pub mod calibration;
 pub mod disconnectivity;
+pub mod exploration;
 pub mod grasps;
 pub mod mapping;
 pub mod metastability;

@@ -1,25 +1,29 @@
 //! The grasp study: the second half of the paper's results, from this project's own verified grasps.
 //!
-//! Classification: [`taxonomy`] is the paper's table of 19 grasp types. [`attributes`] measures the taxonomy's attributes
-//! on a held grasp, and [`rules`], which are data, decide the type, explain it and mark ambiguous cases. People label
-//! grasps on a web page ([`page`]), and [`labels`] measures their agreement with the rules and with each other.
+//! *Which type is a grasp?* [`taxonomy`] is the paper's table of 19 types. [`attributes`] measures a held grasp, [`rules`] (which
+//! are data) decide on its type, and [`classification`] holds the decisions on a whole set of grasps. [`summary`] counts them,
+//! [`explanation`] gives the reasons for one of them, and [`labels`] and [`raters`] compare them with the types that people give.
 //!
-//! Similarity: [`contact_map`] measures the distance of every part of the hand from the object, [`embedding`] maps these
-//! vectors to the plane, and [`boundary`] separates power from precision grasps, with an estimate of its accuracy.
+//! *Which grasps are alike?* [`kinds`] sorts grasps by digits and opposition. [`contact_map`] measures how near each part of the hand is to the object, [`embedding`] lays the maps
+//! out in the plane, [`boundary`] separates power from precision grasps, and [`grasp_map`] does all three for a set of grasps.
 //!
-//! Connectivity: [`landscape`] maps the energy landscape of grasps by attraction and diffusion: basins, barriers, and
-//! their tree.
+//! *How are grasps connected?* [`landscape`] maps the energy by attraction and diffusion: basins, barriers, and their tree.
 //!
-//! [`sensors`] is the paper's comparison of tactile arrays with this model's figures. Nothing here knows the simulator:
-//! the inputs are held grasps, and objects as distance functions and points.
+//! [`sensors`] sets the paper's comparison of tactile arrays beside the model's own figures. Nothing here knows the simulator or
+//! the meshes of objects: grasps come in as they were held, objects as distances and points. Pages and figures are drawn by `report`.
 
 pub mod attributes;
 pub mod boundary;
+pub mod classification;
 pub mod contact_map;
 pub mod embedding;
+pub mod explanation;
+pub mod grasp_map;
+pub mod kinds;
 pub mod labels;
 pub mod landscape;
-pub mod page;
+pub mod raters;
 pub mod rules;
 pub mod sensors;
+pub mod summary;
 pub mod taxonomy;

@@ -1,13 +1,11 @@
 //! The grasp study: the paper's second half of results, each made by one command from verified grasps.
 //!
-//! [`source`] reads the grasps and knows their objects; [`classify`] gives each its type, [`annotate`] writes the page on which
-//! people do; [`map`] puts contact maps on a sheet and [`landscape`] basins and barriers on a tree; [`report`] puts all of it beside
-//! the paper, row by row as [`comparison`] has it. The mathematics is in the crate `study`.
+//! [`source`] reads the grasps and knows their objects; [`classify`] gives each its type and [`annotate`] writes the page on which
+//! people do. [`map`] draws the map of contact, [`landscape`] the tree of basins and barriers, and [`report`] sets all of it beside
+//! the paper. The mathematics is in the crate `study`, the pages are in `report`.
 
 pub mod annotate;
 pub mod classify;
-mod comparison;
-mod distribution;
 pub mod landscape;
 pub mod map;
 pub mod report;

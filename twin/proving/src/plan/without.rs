@@ -1,7 +1,7 @@
-//! Plans that do without some digits: the repertoire's grasps with those digits slack, as far as they still hold in physics.
+//! Plans without some digits: the grasps of the repertoire with those digits slack, as far as they still hold in physics.
 //!
-//! What is asked of a grasp is what was asked of the repertoire: to hold, closed in physics. A digit that has to do another one's
-//! work pulls harder; each grasp that loses a digit is tried with the same and with more tension.
+//! A grasp has to pass what the repertoire had to pass: it is closed in physics and has to hold. The digits that are left do more
+//! work, so each grasp that loses a digit is tried with the same tension and with more.
 
 use anyhow::Result;
 use grasping::{Grasp, Repertoire, Role};
@@ -12,10 +12,10 @@ use scenarios::noise::TrialNoise;
 use sim::tactile::TactileBoard;
 
 use super::{Plan, Plans, plan_pair};
-use crate::rehearsal::{Start, rehearse_first};
+use crate::rehearsal::{FirstRehearsal, StartPosture, rehearse_first};
 use crate::world::World;
 
-/// What the remaining digits pull of what they pulled.
+/// Tension of the remaining digits, as a multiple of what it was.
 const PULLS: [f64; 2] = [1.0, 1.8];
 /// Numbers of grasps that pull harder begin this much higher for each entry of [`PULLS`].
 const NUMBERS: u32 = 100_000;
@@ -34,7 +34,7 @@ pub struct Without {
     pub repertoire: Repertoire,
     /// A plan for each combination; those that cannot be done keep the old one.
     pub plans: Plans,
-    /// Combinations that cannot be done, and why.
+    /// Combinations that cannot be done, by number, and why.
     pub impossible: std::collections::BTreeMap<usize, String>,
 }
 
@@ -115,10 +115,13 @@ fn prove(
     let Some(bystander) = slack.of(&plan.second, Role::Second).next() else { return Ok(Vec::new()) };
     let mut proven = Vec::new();
     for first in firsts {
-        let noise = TrialNoise::none();
-        if let Some((_, held)) =
-            rehearse_first(world, &world.protocol(), Start::Ready, first, bystander, &noise, board)?
-        {
+        let rehearsal = FirstRehearsal {
+            protocol: world.protocol(),
+            start: StartPosture::Ready,
+            grasps: [first, bystander],
+            noise: &TrialNoise::none(),
+        };
+        if let Some((_, held)) = rehearse_first(world, &rehearsal, board)? {
             let (place, joints) = (Some(held.palm_from_object), Some(held.joints));
             proven.push(Grasp { held: place, held_joints: joints, ..(*first).clone() });
         }

@@ -22,7 +22,7 @@ use super::checks::{self, Hold};
 use super::closing::NotClosed;
 use super::search::Verified;
 use super::subject::Subject;
-use super::workshop::Request;
+use super::synthesizer::Request;
 
 /// Link (none for the root), point, unit normal into the object, normal force.
 type AnyContact = (Option<usize>, [f64; 3], [f64; 3], f64);
@@ -67,7 +67,30 @@ pub struct AnyReport {
     /// Verified grasps that still held when nothing pulled: has to be few.
     pub held_without_tension: u64,
     pub wall_s: f64,
-    pub story: Vec<String>,
+    /// What was found of the hand, in words; warnings begin with `WARNING`.
+    pub notes: Vec<String>,
+}
+
+impl AnyReport {
+    /// The report in words.
+    pub fn text(&self) -> String {
+        let share = |count: u64| format!("{count:5} ({:.1} %)", 100.0 * count as f64 / self.requested as f64);
+        let rows = [
+            format!(
+                "{} on {}: {} chains, {:.1} s, {} surface points, {} candidates",
+                self.hand, self.object, self.requested, self.wall_s, self.surface_points, self.candidates
+            ),
+            format!("closed            {}", share(self.found)),
+            format!("  blocked         {}", share(self.blocked)),
+            format!("  pushed away     {}", share(self.pushed_away)),
+            format!("(a) cone program  {}", share(self.verified.a)),
+            format!("(b) penetration   {}", share(self.verified.b)),
+            format!("(c) held          {}", share(self.verified.c)),
+            format!("all three         {}", share(self.verified.all)),
+            format!("  of these held without tension {}", self.held_without_tension),
+        ];
+        rows.map(|row| row + "\n").concat()
+    }
 }
 
 /// How a chain ended.
@@ -89,7 +112,7 @@ pub fn search(hand: &Described, subject: &Subject, request: &Request) -> Result<
         candidates: hand.surface.candidates.len(),
         surface_points: hand.surface.len(),
         requested: request.chains,
-        story: hand.story.clone(),
+        notes: hand.notes.clone(),
         ..AnyReport::default()
     };
     let mut verified = Vec::new();

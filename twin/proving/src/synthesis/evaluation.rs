@@ -1,4 +1,4 @@
-//! `ftac grasps eval`: rates with intervals, negative controls, and how well each metric predicts that a grasp holds.
+//! How well synthesis works: rates with intervals, negative controls, and how well each metric predicts that a grasp holds.
 //!
 //! Metrics and controls look at plain closings, of which nothing is selected: every chain's one sample is closed if it can be,
 //! and every closed grasp takes every check. What further closings add is a rate of its own.
@@ -12,7 +12,7 @@ use serde::Serialize;
 use sim::hand_scene::Pull;
 
 use super::checks;
-use super::workshop::{ChainResult, Checked, Workshop};
+use super::synthesizer::{ChainResult, Checked, Synthesizer};
 
 /// Friction coefficient of the slippery control.
 const SLIPPERY: f64 = 0.1;
@@ -82,6 +82,27 @@ pub struct Evaluation {
     pub wall_s: f64,
 }
 
+impl Evaluation {
+    /// The evaluation in words.
+    pub fn text(&self) -> String {
+        let row = |name: &str, rate: &Rate| match rate.rate {
+            Some(p) => {
+                let (p, low, high) = (100.0 * p, 100.0 * rate.low, 100.0 * rate.high);
+                format!("{name:24} {:5} of {:5} = {p:5.1} % [{low:.1}, {high:.1}]\n", rate.count, rate.of)
+            }
+            None => format!("{name:24} nothing to count\n"),
+        };
+        let mut text = format!("{}: rates with Wilson 95 % intervals, {:.1} s\n", self.object, self.wall_s);
+        text += &row("closed", &self.found);
+        self.verified.iter().for_each(|(name, rate)| text += &row(name, rate));
+        self.controls.iter().for_each(|(name, rate)| text += &row(&format!("control {name}: held"), rate));
+        for (name, area) in &self.roc_area {
+            text += &format!("ROC area of {name:12} {}\n", area.map_or("-".into(), |area| format!("{area:.3}")));
+        }
+        text
+    }
+}
+
 struct Row {
     verdicts: [bool; 3],
     metrics: [f64; 5],
@@ -107,10 +128,10 @@ fn row(checked: &Checked) -> Row {
 }
 
 /// Runs `chains` chains and evaluates them.
-pub fn evaluate(workshop: &Workshop, chains: u64) -> Result<Evaluation> {
+pub fn evaluate(synthesizer: &Synthesizer, chains: u64) -> Result<Evaluation> {
     let start = Instant::now();
     let run = |chain| {
-        let result: ChainResult = workshop.run(chain)?;
+        let result: ChainResult = synthesizer.run(chain)?;
         let row = result.plain.as_ref().ok().map(row);
         Ok((row, result.grasp().is_ok_and(Checked::verified)))
     };
@@ -125,7 +146,7 @@ pub fn evaluate(workshop: &Workshop, chains: u64) -> Result<Evaluation> {
     };
     let area = |n: usize| roc_area(&closed.iter().map(|row| (row.metrics[n], row.verdicts[2])).collect::<Vec<_>>());
     Ok(Evaluation {
-        object: workshop.subject.model.name.clone(),
+        object: synthesizer.subject.model.name.clone(),
         found: Rate::new(closed.len() as u64, chains),
         verified: BTreeMap::from([
             ("a", rate(&|row| row.verdicts[0])),

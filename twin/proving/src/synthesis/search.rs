@@ -1,4 +1,4 @@
-//! `ftac grasps generate`: a chain per grasp asked for, each closed and verified; what was found is written as it is found.
+//! The search for one object: chains run in batches, each is closed and checked, and verified grasps are written as they are found.
 
 use std::path::Path;
 use std::time::Instant;
@@ -10,7 +10,7 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::closing::NotClosed;
-use super::workshop::{ChainResult, Checked, Workshop};
+use super::synthesizer::{ChainResult, Checked, Synthesizer};
 
 /// Chains between two visits to the file: all threads have work, and an interruption loses little.
 const BATCH: u64 = 32;
@@ -69,6 +69,31 @@ pub struct Report {
     pub digits: std::collections::BTreeMap<&'static str, u64>,
 }
 
+impl Report {
+    /// The report in words.
+    pub fn text(&self) -> String {
+        let share = |count: u64| format!("{count:5} ({:.1} %)", 100.0 * count as f64 / self.requested as f64);
+        let digits: Vec<String> = self.digits.iter().map(|(name, count)| format!("{name} {count}")).collect();
+        let rows = [
+            format!(
+                "{}: {} chains, {:.1} s, {:.0} grasp-steps/s per thread",
+                self.object, self.requested, self.wall_s, self.grasp_steps_per_s
+            ),
+            format!("closed            {}", share(self.found)),
+            format!("  blocked         {}", share(self.blocked)),
+            format!("  pushed away     {}", share(self.pushed_away)),
+            format!("(a) cone program  {}", share(self.verified.a)),
+            format!("(b) penetration   {}", share(self.verified.b)),
+            format!("(c) held          {}", share(self.verified.c)),
+            format!("all three         {}", share(self.verified.all)),
+            format!("  at first closing{}; {} closings in all", share(self.plain), self.closings),
+            format!("kept              {:5}, without {} near duplicates", self.kept, self.duplicates),
+            format!("digits            {}", digits.join(", ")),
+        ];
+        rows.map(|row| row + "\n").concat()
+    }
+}
+
 /// Where a search begins: after an interrupted one, or from nothing.
 #[derive(Debug, Default)]
 pub struct Start {
@@ -81,19 +106,19 @@ pub struct Start {
 /// Runs all chains; every verified grasp that is no near duplicate goes to `writer` when its batch is done. Answers with what
 /// it came to and all grasps kept.
 pub fn search(
-    workshop: &Workshop,
+    synthesizer: &Synthesizer,
     from: Start,
     mut writer: Option<HeldWriter>,
-    quiet: bool,
+    progress: &ProgressBar,
 ) -> Result<(Report, Vec<HeldGrasp>)> {
     let start = Instant::now();
-    let request = workshop.request;
-    let model = &workshop.subject.model;
+    let request = synthesizer.request;
+    let model = &synthesizer.subject.model;
     let mut report = Report { object: model.name.clone(), ..Report::default() };
-    let bar = if quiet { ProgressBar::hidden() } else { ProgressBar::new(request.chains) };
+    progress.set_length(request.chains);
     let template = format!("{:16} {{bar:30}} {{pos}}/{{len}} chains, {{msg}} verified [{{elapsed}}]", model.name);
-    bar.set_style(ProgressStyle::with_template(&template)?);
-    bar.set_position(from.chain);
+    progress.set_style(ProgressStyle::with_template(&template)?);
+    progress.set_position(from.chain);
     let (mut steps, mut sampling_s) = (0, 0.0);
     let mut kept = from.kept;
     for first in (from.chain..request.chains).step_by(BATCH as usize) {
@@ -102,13 +127,13 @@ pub fn search(
         }
         let chains = first..(first + BATCH).min(request.chains);
         let results: Vec<(u64, ChainResult)> =
-            chains.into_par_iter().map(|chain| Ok((chain, workshop.run(chain)?))).collect::<Result<_>>()?;
+            chains.into_par_iter().map(|chain| Ok((chain, synthesizer.run(chain)?))).collect::<Result<_>>()?;
         for (chain, result) in results {
             steps += result.steps;
             sampling_s += result.sampling_s;
             report.requested += 1;
             report.closings += result.closings as u64;
-            bar.inc(1);
+            progress.inc(1);
             report.plain += u64::from(result.plain.as_ref().is_ok_and(Checked::verified));
             let checked = match result.grasp() {
                 Ok(checked) => checked,
@@ -126,7 +151,7 @@ pub fn search(
             if !checked.verified() {
                 continue;
             }
-            let grasp = workshop.held(chain, checked);
+            let grasp = synthesizer.held(chain, checked);
             for digit in &grasp.digits {
                 *report.digits.entry(digit.name()).or_default() += 1;
             }
@@ -141,9 +166,9 @@ pub fn search(
                 kept.push(grasp);
             }
         }
-        bar.set_message(report.verified.all.to_string());
+        progress.set_message(report.verified.all.to_string());
     }
-    bar.finish_and_clear();
+    progress.finish_and_clear();
     report.kept = kept.len();
     report.wall_s = start.elapsed().as_secs_f64();
     report.grasp_steps_per_s = steps as f64 / sampling_s.max(1e-9);
@@ -176,18 +201,20 @@ pub fn check_writable(path: &Path) -> Result<()> {
 #[cfg(test)]
 mod tests {
     use super::super::subject::Subject;
-    use super::super::workshop::Request;
+    use super::super::synthesizer::Request;
     use super::*;
 
     fn verified(threads: usize) -> (Verified, Vec<String>) {
         let request = Request { chains: 6, enough: usize::MAX, contacts: (5, 5), closings: 4, seed: 3, table: false };
-        let workshop = Workshop::new(Subject::named("ball").expect("the ball"), request);
+        let synthesizer = Synthesizer::new(Subject::named("ball").expect("the ball"), request);
         let folder = tempfile::tempdir().expect("a folder");
         let path = folder.path().join("held.jsonl");
         let header = grasping::synthesis::held::Header { version: 1, command: String::new(), seed: 3 };
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads");
         let writer = HeldWriter::create(&path, &header).expect("created");
-        let (report, _) = pool.install(|| search(&workshop, Start::default(), Some(writer), true)).expect("searched");
+        let (report, _) = pool
+            .install(|| search(&synthesizer, Start::default(), Some(writer), &ProgressBar::hidden()))
+            .expect("searched");
         let lines = std::fs::read_to_string(&path).expect("read").lines().map(str::to_owned).collect();
         (report.verified, lines)
     }

@@ -1,30 +1,25 @@
-//! `ftac grasps repertoire`: verified grasps for every object of the set, in one compact file.
-//!
-//! Objects are searched one after the other, each into a file of its own in the folder of parts, which grows by a line as each
-//! grasp is found. The same command goes on where an interrupted one was; the grasps are the same either way, because a
-//! chain is its number and grasps are taken in the order of their chains. A run that wants more goes on from one that wanted fewer.
+//! `ftac grasps collection`: verified grasps of every object of the set, in one compact file.
 
-use clap::Args;
 use std::path::PathBuf;
 use std::time::Instant;
 
-use anyhow::{Context, Result, bail};
+use anyhow::{Context, Result, ensure};
+use clap::Args;
 use grasping::synthesis::collection::{self, Collection, ObjectGrasps, Summary};
 use grasping::synthesis::diversity::{self, Diversity};
-use grasping::synthesis::held::{self, HeldWriter};
+use grasping::synthesis::held;
+use proving::synthesis::parts::{Part, table};
+use proving::synthesis::search;
+use proving::synthesis::synthesizer::Request;
+use report::write_whole;
 use scenarios::objects::ObjectSet;
 use serde::Serialize;
 
-use crate::terminal::Outcome;
-use crate::terminal::Terminal;
-use proving::synthesis::search::{self, Report, Start};
-use proving::synthesis::subject::Subject;
-use proving::synthesis::workshop::{Request, Workshop};
-use report::write_whole;
+use crate::terminal::{Outcome, Terminal};
 
-/// Arguments of `grasps repertoire`.
+/// Arguments of `grasps collection`.
 #[derive(Debug, Args)]
-pub struct RepertoireArgs {
+pub struct CollectionArgs {
     /// Objects; default: all 23.
     #[arg(long)]
     pub object: Vec<String>,
@@ -69,177 +64,74 @@ struct Answer {
     all: Diversity,
 }
 
-/// `ftac grasps repertoire`.
-pub fn make(terminal: &Terminal, args: &RepertoireArgs) -> Outcome {
-    if args.each == 0 || args.chains == 0 || args.closings == 0 {
-        bail!(
-            "--each, --chains, --closings: found {}, {}, {}, expected at least 1",
-            args.each,
-            args.chains,
-            args.closings
-        );
-    }
+/// `ftac grasps collection`.
+pub fn make(terminal: &Terminal, args: &CollectionArgs) -> Outcome {
+    let (each, chains, closings) = (args.each, args.chains, args.closings);
+    ensure!(
+        each > 0 && chains > 0 && closings > 0,
+        "--each, --chains, --closings: found {each}, {chains}, {closings}, expected at least 1"
+    );
     let contacts = search::parse_contacts(&args.contacts)?;
     search::check_writable(&args.out)?;
     let set = ObjectSet::repertoire();
-    let names: Vec<String> =
-        if args.object.is_empty() { set.names().into_iter().map(str::to_owned).collect() } else { args.object.clone() };
+    let known = set.names();
+    let names: Vec<&str> =
+        if args.object.is_empty() { known.clone() } else { args.object.iter().map(String::as_str).collect() };
     if let Some(unknown) = names.iter().find(|name| set.get(name).is_none()) {
-        bail!("--object: no object is called `{unknown}`; known are: {}", set.names().join(", "));
+        anyhow::bail!("--object: no object is called `{unknown}`; known are: {}", known.join(", "));
     }
     std::fs::create_dir_all(&args.parts).with_context(|| format!("--parts {}", args.parts.display()))?;
     let start = Instant::now();
-    let request = Request {
-        chains: args.chains,
-        enough: args.each,
-        contacts,
-        closings: args.closings,
-        seed: terminal.seed,
-        table: false,
-    };
+    let request = Request { chains, enough: each, contacts, closings, seed: terminal.seed, table: false };
     let mut objects = Vec::new();
-    for name in &names {
-        let entry = one(name, request, args, terminal.quiet || terminal.json)?;
+    for name in names {
+        let entry = part(terminal, args, name, request)?;
         if !terminal.quiet {
             let Summary { object, kept, chains, short, .. } = &entry.summary;
             eprintln!("{object:16} {kept:4} grasps from {chains} chains {}", short.as_deref().unwrap_or(""));
         }
         objects.push(entry);
     }
-    let command = command(&request, args);
-    let header = collection::Header { version: collection::VERSION, command, seed: terminal.seed };
+    let header =
+        collection::Header { version: collection::VERSION, command: command(terminal, args), seed: terminal.seed };
     let collection = Collection { header, objects };
     write_whole(&args.out, collection.to_text()?.as_bytes())?;
     tell(terminal, &collection, start.elapsed().as_secs_f64())
 }
 
-/// What decides the grasps of an object; how many of them are wanted does not.
-fn part_command(object: &str, request: &Request, args: &RepertoireArgs) -> String {
-    let Request { closings, seed, .. } = request;
-    format!("ftac grasps repertoire --object {object} --contacts {} --closings {closings} --seed {seed}", args.contacts)
-}
-
 /// The command that makes the whole.
-fn command(request: &Request, args: &RepertoireArgs) -> String {
+fn command(terminal: &Terminal, args: &CollectionArgs) -> String {
     let objects: String = args.object.iter().map(|name| format!(" --object {name}")).collect();
     format!(
-        "ftac grasps repertoire{objects} --each {} --contacts {} --closings {} --chains {} --seed {}",
-        args.each, args.contacts, request.closings, request.chains, request.seed
+        "ftac grasps collection{objects} --each {} --contacts {} --closings {} --chains {} --seed {}",
+        args.each, args.contacts, args.closings, args.chains, terminal.seed
     )
 }
 
-fn one(name: &str, request: Request, args: &RepertoireArgs, quiet: bool) -> Result<ObjectGrasps> {
-    let path = args.parts.join(format!("{name}.jsonl"));
-    let header =
-        held::Header { version: held::VERSION, command: part_command(name, &request, args), seed: request.seed };
-    if args.pack && !path.exists() {
-        let short = Some("not searched yet".into());
-        let summary = Summary { object: name.into(), wanted: request.enough, kept: 0, chains: 0, short };
-        return Ok(ObjectGrasps { summary, grasps: Vec::new() });
-    }
-    let (writer, kept) = if path.exists() {
-        HeldWriter::resume(&path, &header)?
-    } else {
-        (HeldWriter::create(&path, &header)?, Vec::new())
-    };
-    let chain = kept.last().map_or(0, |grasp| grasp.chain + 1);
-    let (report, grasps) = if kept.len() < request.enough && !args.pack {
-        let workshop = Workshop::new(Subject::named(name)?, request);
-        search::search(&workshop, Start { chain, kept }, Some(writer), quiet)?
-    } else {
-        (Report::default(), kept.into_iter().take(request.enough).collect())
-    };
-    let full = grasps.len() >= request.enough;
-    let last = grasps.last().map_or(0, |grasp| grasp.chain + 1);
-    let chains = if full || args.pack { last } else { request.chains };
-    let short = (!full).then(|| {
-        if args.pack {
-            return "the search is not finished".to_owned();
-        }
-        format!(
-            "{} chains from number {chain} on: {} blocked, {} pushed away, {} closed but not verified, {} near duplicates",
-            report.requested,
-            report.blocked,
-            report.pushed_away,
-            report.found - report.verified.all,
-            report.duplicates
-        )
-    });
-    let summary = Summary { object: name.into(), wanted: request.enough, kept: grasps.len(), chains, short };
-    Ok(ObjectGrasps { summary, grasps })
+/// The grasps of one object, found in its part or now.
+fn part(terminal: &Terminal, args: &CollectionArgs, object: &str, request: Request) -> Result<ObjectGrasps> {
+    let command = format!(
+        "ftac grasps collection --object {object} --contacts {} --closings {} --seed {}",
+        args.contacts, args.closings, terminal.seed
+    );
+    let file = args.parts.join(format!("{object}.jsonl"));
+    let header = held::Header { version: held::VERSION, command, seed: terminal.seed };
+    let part = Part { object, file: &file, header: &header };
+    if args.pack { part.found(args.each) } else { part.fill(request, &terminal.progress()) }
 }
 
 fn tell(terminal: &Terminal, collection: &Collection, wall_s: f64) -> Outcome {
-    let wanted = collection.objects.iter().map(|entry| entry.summary.wanted).sum();
-    let objects: Vec<Line> = collection
-        .objects
-        .iter()
-        .map(|entry| Line { summary: entry.summary.clone(), diversity: diversity::describe(&entry.grasps) })
-        .collect();
+    let line =
+        |entry: &ObjectGrasps| Line { summary: entry.summary.clone(), diversity: diversity::describe(&entry.grasps) };
+    let (grasps, wanted) =
+        (collection.grasps().count(), collection.objects.iter().map(|entry| entry.summary.wanted).sum());
     let answer = Answer {
-        grasps: collection.grasps().count(),
+        grasps,
         wanted,
         wall_s,
-        objects,
+        objects: collection.objects.iter().map(line).collect(),
         all: diversity::describe(collection.grasps()),
     };
-    if terminal.json {
-        println!("{}", serde_json::to_string(&answer)?);
-    } else {
-        print!("{}", table(collection));
-        println!("{} of {wanted} grasps, {wall_s:.0} s", answer.grasps);
-    }
-    Ok((answer.grasps < wanted).then(|| format!("{} of {wanted} grasps were found", answer.grasps)))
-}
-
-/// One line an object and one for all: how many, from how many chains, and how different they are.
-pub fn table(collection: &Collection) -> String {
-    let mut text = format!(
-        "{:16} {:>6} {:>6} {:>4}  {:>4} {:>4} {:>4} {:>4} {:>4} {:>4}  {:>4} {:>4} {:>4} {:>4}  {:>6} {:>4} {:>4} {:>4}\n",
-        "%",
-        "grasps",
-        "chains",
-        "sets",
-        "T",
-        "I",
-        "M",
-        "R",
-        "L",
-        "palm",
-        "pad",
-        "palm",
-        "side",
-        "fing",
-        "abduct",
-        "PC1",
-        "PC3",
-        "PC6"
-    );
-    let mut line = |name: &str, chains: u64, d: &Diversity| {
-        let percent = |share: f64| format!("{:4.0}", 100.0 * share);
-        let kind = |name: &str| percent(d.opposition.get(name).copied().unwrap_or(0) as f64 / d.grasps.max(1) as f64);
-        let explained = |n: usize| d.explained.get(n - 1).map_or("   -".into(), |share| percent(*share));
-        let digits: Vec<String> = d.digits.iter().map(|share| percent(*share)).collect();
-        text += &format!(
-            "{name:16} {:6} {chains:6} {:4}  {} {}  {} {} {} {}  {:>6} {} {} {}\n",
-            d.grasps,
-            d.sets.len(),
-            digits.join(" "),
-            percent(d.palm),
-            kind("pad"),
-            kind("palm"),
-            kind("side"),
-            kind("fingers"),
-            percent(d.thumb[2]),
-            explained(1),
-            explained(3),
-            explained(6)
-        );
-    };
-    for entry in &collection.objects {
-        line(&entry.summary.object, entry.summary.chains, &diversity::describe(&entry.grasps));
-    }
-    let chains = collection.objects.iter().map(|entry| entry.summary.chains).sum();
-    line("all", chains, &diversity::describe(collection.grasps()));
-    text
+    terminal.print(&answer, &format!("{}{grasps} of {wanted} grasps, {wall_s:.0} s\n", table(collection)))?;
+    Ok((grasps < wanted).then(|| format!("{grasps} of {wanted} grasps were found")))
 }

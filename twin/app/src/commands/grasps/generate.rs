@@ -5,12 +5,13 @@ use std::path::{Path, PathBuf};
 use anyhow::{Result, bail};
 use clap::Args;
 use grasping::synthesis::held::{Header, HeldWriter, VERSION};
-use proving::synthesis::evaluation::{self, Rate};
+use proving::synthesis::any;
+use proving::synthesis::any::describe::{self, Described};
+use proving::synthesis::evaluation;
 use proving::synthesis::search::{self, Start};
 use proving::synthesis::subject::Subject;
-use proving::synthesis::workshop::{Request, Workshop};
+use proving::synthesis::synthesizer::{Request, Synthesizer};
 
-use super::other_hand;
 use crate::terminal::{Outcome, Terminal};
 
 /// What grasps are synthesized for.
@@ -82,78 +83,63 @@ fn request(terminal: &Terminal, args: &SynthesisArgs, n: u64, enough: usize) -> 
 
 /// `ftac grasps generate`.
 pub fn generate(terminal: &Terminal, args: &GenerateArgs) -> Outcome {
-    let GenerateArgs { synthesis: args, n, keep, out, hand, pulls } = args;
-    let (n, keep) = (*n, *keep);
-    if let Some(out) = out {
+    if let Some(out) = &args.out {
         search::check_writable(out)?;
     }
-    let (subject, request) = request(terminal, args, n, keep.unwrap_or(usize::MAX))?;
-    if let (Some(hand), Some(pulls)) = (hand, pulls) {
-        return other_hand::generate(terminal, (hand, pulls), &subject, &request, out.as_ref());
+    let (subject, request) = request(terminal, &args.synthesis, args.n, args.keep.unwrap_or(usize::MAX))?;
+    match (&args.hand, &args.pulls) {
+        (Some(hand), Some(pulls)) => by_another_hand(terminal, args, &describe::read(hand, pulls)?, &subject, &request),
+        _ => by_our_hand(terminal, args, subject, request),
     }
-    let workshop = Workshop::new(subject, request);
-    let what = match (&args.object, &args.mesh) {
+}
+
+fn by_our_hand(terminal: &Terminal, args: &GenerateArgs, subject: Subject, request: Request) -> Outcome {
+    let header = Header { version: VERSION, command: command(terminal, args), seed: terminal.seed };
+    let writer = args.out.as_ref().map(|path| HeldWriter::create(path, &header)).transpose()?;
+    let synthesizer = Synthesizer::new(subject, request);
+    let (report, _) = search::search(&synthesizer, Start::default(), writer, &terminal.progress())?;
+    terminal.print(&report, &report.text())?;
+    Ok((report.verified.all == 0).then(|| format!("no grasp of {} was verified in {} chains", report.object, args.n)))
+}
+
+/// The command that makes the same file again.
+fn command(terminal: &Terminal, args: &GenerateArgs) -> String {
+    let GenerateArgs { synthesis, n, keep, .. } = args;
+    let what = match (&synthesis.object, &synthesis.mesh) {
         (Some(name), _) => format!("--object {name}"),
         (None, mesh) => format!("--mesh {}", mesh.as_deref().unwrap_or(Path::new("")).display()),
     };
     let mut options = keep.map_or(String::new(), |keep| format!(" --keep {keep}"));
-    options += if args.table { " --table" } else { "" };
-    options += &format!(" --closings {}", args.closings);
-    let command =
-        format!("ftac grasps generate {what} --n {n} --contacts {}{options} --seed {}", args.contacts, terminal.seed);
-    let header = Header { version: VERSION, command, seed: terminal.seed };
-    let writer = out.as_ref().map(|path| HeldWriter::create(path, &header)).transpose()?;
-    let (report, _) = search::search(&workshop, Start::default(), writer, terminal.quiet || terminal.json)?;
-    if terminal.json {
-        println!("{}", serde_json::to_string(&report)?);
-    } else {
-        let share = |count: u64| format!("{count:5} ({:.1} %)", 100.0 * count as f64 / report.requested as f64);
-        println!(
-            "{}: {} chains, {:.1} s, {:.0} grasp-steps/s per thread",
-            report.object, report.requested, report.wall_s, report.grasp_steps_per_s
-        );
-        println!("closed            {}", share(report.found));
-        println!("  blocked         {}", share(report.blocked));
-        println!("  pushed away     {}", share(report.pushed_away));
-        println!("(a) cone program  {}", share(report.verified.a));
-        println!("(b) penetration   {}", share(report.verified.b));
-        println!("(c) held          {}", share(report.verified.c));
-        println!("all three         {}", share(report.verified.all));
-        println!("  at first closing{}; {} closings in all", share(report.plain), report.closings);
-        println!("kept              {:5}, without {} near duplicates", report.kept, report.duplicates);
-        let digits: Vec<String> = report.digits.iter().map(|(name, count)| format!("{name} {count}")).collect();
-        println!("digits            {}", digits.join(", "));
+    options += if synthesis.table { " --table" } else { "" };
+    options += &format!(" --closings {}", synthesis.closings);
+    format!("ftac grasps generate {what} --n {n} --contacts {}{options} --seed {}", synthesis.contacts, terminal.seed)
+}
+
+fn by_another_hand(
+    terminal: &Terminal,
+    args: &GenerateArgs,
+    hand: &Described,
+    subject: &Subject,
+    request: &Request,
+) -> Outcome {
+    if !terminal.json {
+        hand.notes.iter().for_each(|line| eprintln!("{line}"));
     }
-    Ok((report.verified.all == 0).then(|| format!("no grasp of {} was verified in {n} chains", report.object)))
+    let (report, held) = any::search(hand, subject, request)?;
+    if let Some(out) = &args.out {
+        let lines = held.iter().map(|grasp| Ok(serde_json::to_string(grasp)? + "\n")).collect::<Result<String>>()?;
+        report::write_whole(out, lines.as_bytes())?;
+    }
+    terminal.print(&report, &report.text())?;
+    let nothing = format!("no grasp of {} was verified in {} chains", report.object, report.requested);
+    Ok((report.verified.all == 0).then_some(nothing))
 }
 
 /// `ftac grasps eval`.
 pub fn eval(terminal: &Terminal, args: &SynthesisArgs, n: u64) -> Outcome {
     let (subject, request) = request(terminal, args, n, usize::MAX)?;
-    let workshop = Workshop::new(subject, request);
-    let evaluation = evaluation::evaluate(&workshop, n)?;
-    if terminal.json {
-        println!("{}", serde_json::to_string(&evaluation)?);
-    } else {
-        let row = |name: &str, rate: &Rate| match rate.rate {
-            Some(p) => {
-                let (p, low, high) = (100.0 * p, 100.0 * rate.low, 100.0 * rate.high);
-                println!("{name:24} {:5} of {:5} = {p:5.1} % [{low:.1}, {high:.1}]", rate.count, rate.of);
-            }
-            None => println!("{name:24} nothing to count"),
-        };
-        println!("{}: rates with Wilson 95 % intervals, {:.1} s", evaluation.object, evaluation.wall_s);
-        row("closed", &evaluation.found);
-        for (name, rate) in &evaluation.verified {
-            row(name, rate);
-        }
-        for (name, rate) in &evaluation.controls {
-            row(&format!("control {name}: held"), rate);
-        }
-        for (name, area) in &evaluation.roc_area {
-            println!("ROC area of {name:12} {}", area.map_or("-".into(), |area| format!("{area:.3}")));
-        }
-    }
+    let evaluation = evaluation::evaluate(&Synthesizer::new(subject, request), n)?;
+    terminal.print(&evaluation, &evaluation.text())?;
     let fooled = evaluation.controls.iter().find(|(_, rate)| rate.low > 0.5);
     Ok(fooled.map(|(name, rate)| format!("the negative control {name} held {} of {}", rate.count, rate.of)))
 }

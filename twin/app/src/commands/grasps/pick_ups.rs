@@ -1,16 +1,46 @@
-//! `ftac grasps rehearse` and `ftac grasps plan`: what the program's own repertoire and plans were made with.
+//! `ftac grasps pick-ups` and `ftac grasps plan`: the benchmark's own repertoire and plans.
 
-use clap::ValueEnum;
-use std::path::Path;
+use std::path::PathBuf;
 
-use grasping::Role;
-use scenarios::Scenario;
-
-use crate::terminal::Outcome;
-use crate::terminal::Terminal;
+use clap::{Args, ValueEnum};
+use grasping::{Repertoire, Role};
 use proving::pick_ups::{self, Effort};
 use proving::plan;
 use proving::world::World;
+use scenarios::combination::Scenario;
+
+use crate::terminal::{Outcome, Terminal};
+
+/// Arguments of `grasps pick-ups`.
+#[derive(Debug, Args)]
+pub struct PickUpsArgs {
+    /// Objects; default: all of the scenario.
+    #[arg(long)]
+    pub object: Vec<String>,
+    /// Only this role; the other's grasps stay as they are.
+    #[arg(long, value_enum)]
+    pub role: Option<RoleArg>,
+    /// Random proposals at most, for each object and role.
+    #[arg(long, default_value_t = 128)]
+    pub n: u32,
+    /// The repertoire file to write (an existing one is extended).
+    #[arg(long)]
+    pub out: PathBuf,
+}
+
+/// Arguments of `grasps plan`.
+#[derive(Debug, Args)]
+pub struct PlanArgs {
+    /// Combinations.
+    #[arg(long, default_value_t = 60)]
+    pub combos: usize,
+    /// Repertoire; default: the built-in one.
+    #[arg(long)]
+    pub repertoire: Option<PathBuf>,
+    /// The plan file to write.
+    #[arg(long)]
+    pub out: PathBuf,
+}
 
 /// A grasp's role on the command line.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
@@ -21,31 +51,24 @@ pub enum RoleArg {
     Second,
 }
 
-/// Rehearses grasps of objects and keeps those that hold in the file `out`, beside what it has.
-pub fn grasps_rehearse(terminal: &Terminal, objects: &[String], role: Option<RoleArg>, n: u32, out: &Path) -> Outcome {
-    let roles = match role {
+/// Rehearses grasps of objects and keeps those that hold in a file, beside what it has.
+pub fn make(terminal: &Terminal, args: &PickUpsArgs) -> Outcome {
+    let roles = match args.role {
         Some(RoleArg::First) => vec![Role::First],
         Some(RoleArg::Second) => vec![Role::Second],
         None => vec![Role::First, Role::Second],
     };
+    let (n, out) = (args.n, &args.out);
     let world = World::new(Scenario::benchmark())?;
-    let names = if objects.is_empty() { world.scenario.objects() } else { objects.to_vec() };
+    let names = if args.object.is_empty() { world.scenario.objects() } else { args.object.clone() };
     for name in &names {
         world.object(name)?;
     }
-    let mut repertoire = if out.exists() { grasping::Repertoire::read(out)? } else { grasping::Repertoire::default() };
-    repertoire.command = format!("ftac grasps rehearse --n {n} --seed {}", terminal.seed);
+    let mut repertoire = if out.exists() { Repertoire::read(out)? } else { Repertoire::default() };
+    repertoire.command = format!("ftac grasps pick-ups --n {n} --seed {}", terminal.seed);
     repertoire.seed = terminal.seed;
     let effort = Effort { proposals: n, variations: n / 2, keep_first: 4, keep_second: 14 };
-    pick_ups::generate(
-        &world,
-        &world.rehearsal_protocol(),
-        &names,
-        &roles,
-        effort,
-        &mut repertoire,
-        terminal.quiet || terminal.json,
-    )?;
+    pick_ups::generate(&world, &names, &roles, effort, &mut repertoire, &terminal.progress())?;
     repertoire.write(out)?;
     for name in &names {
         let count = |role| repertoire.of(name, role).count();
@@ -55,14 +78,14 @@ pub fn grasps_rehearse(terminal: &Terminal, objects: &[String], role: Option<Rol
 }
 
 /// Chooses grasps for each combination and proves them in an ideal run.
-pub fn grasps_plan(terminal: &Terminal, combos: usize, file: Option<&Path>, out: &Path) -> Outcome {
+pub fn plan(terminal: &Terminal, args: &PlanArgs) -> Outcome {
     let world = World::new(Scenario::benchmark())?;
-    let repertoire = match file {
-        Some(file) => grasping::Repertoire::read(file)?,
+    let repertoire = match &args.repertoire {
+        Some(file) => Repertoire::read(file)?,
         None => proving::builtin::repertoire()?,
     };
-    let plans = plan::make_plans(&world, &repertoire, combos, terminal.seed, terminal.quiet || terminal.json)?;
-    plans.write(out)?;
+    let plans = plan::make_plans(&world, &repertoire, args.combos, terminal.seed, terminal.quiet || terminal.json)?;
+    plans.write(&args.out)?;
     eprintln!(
         "{} combinations; {} pairs could not be done without noise and were replaced",
         plans.plans.len(),

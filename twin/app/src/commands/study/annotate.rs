@@ -1,15 +1,16 @@
 //! `ftac grasps annotate`: the page on which people give grasps their types.
 
-use anyhow::bail;
-use clap::Args;
 use std::path::PathBuf;
-use study::page::annotation;
 
-use super::source::GraspsArgs;
-use super::source::{Source, writable};
-use crate::terminal::Outcome;
-use crate::terminal::Terminal;
+use anyhow::ensure;
+use clap::Args;
+use report::study_pages::annotation;
+use report::study_pages::scene::Scene;
 use report::write_whole;
+use serde_json::json;
+
+use super::source::{GraspsArgs, Source, writable};
+use crate::terminal::{Outcome, Terminal};
 
 /// Arguments of `grasps annotate`.
 #[derive(Debug, Args)]
@@ -27,20 +28,18 @@ pub struct AnnotateArgs {
 /// `ftac grasps annotate`.
 pub fn run(terminal: &Terminal, args: &AnnotateArgs) -> Outcome {
     writable(&args.out)?;
-    let source = Source::read(&args.grasps.paths)?;
-    let all = source.entries.len();
+    let Source { hand, objects, classification } = Source::read(&args.grasps.paths)?;
+    let all = classification.grasps.len();
     let count = args.n.unwrap_or(all).min(all);
-    if count == 0 {
-        bail!("--n: found 0, expected at least 1");
-    }
-    let scene = source.scene((0..count).map(|n| &source.entries[n * all / count]));
-    let title = format!("{count} of {all} grasps, {} objects", source.objects.len());
-    let page = annotation::page(&source.taxonomy, &scene, &title)?;
+    ensure!(count > 0, "--n: found 0, expected at least 1");
+    let scene = Scene::of(&hand, &objects, (0..count).map(|n| &classification.grasps[n * all / count]));
+    let title = format!("{count} of {all} grasps, {} objects", objects.len());
+    let page = annotation::page(&classification.taxonomy, &scene, &title)?;
     write_whole(&args.out, page.as_bytes())?;
-    if terminal.json {
-        println!("{}", serde_json::json!({ "page": args.out, "grasps": count, "bytes": page.len() }));
-    } else {
-        println!("{count} grasps, {:.1} MB: open {} in a browser", page.len() as f64 / 1e6, args.out.display());
-    }
+    let megabytes = page.len() as f64 / 1e6;
+    terminal.print(
+        &json!({ "page": args.out, "grasps": count, "bytes": page.len() }),
+        &format!("{count} grasps, {megabytes:.1} MB: open {} in a browser\n", args.out.display()),
+    )?;
     Ok(None)
 }

@@ -1,26 +1,23 @@
-//! Verified grasps with everything the study asks of them: the object's shape and form, and what the rules say.
+//! Verified grasps, read and classified, with the models of their objects.
 
-use clap::Args;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use anyhow::{Context, Result, bail};
+use clap::Args;
 use grasping::synthesis::collection::Collection;
 use grasping::synthesis::held::HeldGrasp;
 use hand_model::Hand;
+use proving::synthesis::collection;
 use scenarios::objects::{ObjectModel, ObjectSet};
-use study::attributes::{Attributes, ObjectForm};
-use study::page::scene::{DrawnGrasp, DrawnObject, Mesh, Scene};
-use study::rules::{Decision, Rules};
-use study::taxonomy::Taxonomy;
-
-use proving::synthesis::repertoire;
+use study::attributes::ObjectForm;
+use study::classification::Classification;
 
 /// Where the grasps come from.
 #[derive(Debug, Args)]
 pub struct GraspsArgs {
-    /// Verified grasps: a file of `grasps repertoire` or `generate`, or a folder of such files (repeatable); default: the
-    /// built-in repertoire.
+    /// Verified grasps: a file of `grasps collection` or `generate`, or a folder of such files (repeatable); default: the
+    /// built-in collection.
     #[arg(long = "grasps", value_name = "PATH")]
     pub paths: Vec<PathBuf>,
 }
@@ -28,32 +25,14 @@ pub struct GraspsArgs {
 /// Points on an object's surface from which its form is read.
 const FORM_POINTS: usize = 1500;
 
-/// One grasp.
-pub struct Entry {
-    /// `object/chain`.
-    pub id: String,
-    /// Index of the object.
-    pub object: usize,
-    /// As it was held.
-    pub grasp: HeldGrasp,
-    /// What the rules see.
-    pub attributes: Attributes,
-    /// What they say.
-    pub decision: Decision,
-}
-
-/// All grasps and their objects.
+/// Grasps and their objects.
 pub struct Source {
     /// The hand.
     pub hand: Hand,
-    /// The 19 types.
-    pub taxonomy: Taxonomy,
-    /// The rules.
-    pub rules: Rules,
-    /// Objects in the order of the set.
+    /// The objects of which there are grasps, in the order of the set.
     pub objects: Vec<Arc<ObjectModel>>,
-    /// Grasps, object by object.
-    pub entries: Vec<Entry>,
+    /// The grasps, object by object in the same order.
+    pub classification: Classification,
 }
 
 /// The files that `paths` name: themselves, or what ends in .jsonl within a folder, by name.
@@ -77,7 +56,7 @@ fn files(paths: &[PathBuf]) -> Result<Vec<PathBuf>> {
 }
 
 impl Source {
-    /// Reads and classifies the grasps of `paths`; without any, those of the built-in repertoire.
+    /// Reads and classifies the grasps of `paths`; without any, those of the built-in collection.
     pub fn read(paths: &[PathBuf]) -> Result<Self> {
         let set = ObjectSet::repertoire();
         let mut grasps: Vec<(HeldGrasp, PathBuf)> = Vec::new();
@@ -86,58 +65,28 @@ impl Source {
             grasps.extend(own.map(|grasp| (grasp, from.to_owned())));
         };
         if paths.is_empty() {
-            take(repertoire::built_in()?, Path::new("built in"));
+            take(collection::built_in()?, Path::new("built in"));
         }
         for file in files(paths)? {
-            take(repertoire::read(&file)?, &file);
+            take(collection::read(&file)?, &file);
         }
         if let Some((grasp, file)) = grasps.iter().find(|(grasp, _)| set.get(&grasp.object).is_none()) {
-            bail!(
-                "--grasps {}: object: found `{}`, expected one of {}",
-                file.display(),
-                grasp.object,
-                set.names().join(", ")
-            );
+            let (file, known) = (file.display(), set.names().join(", "));
+            bail!("--grasps {file}: object: found `{}`, expected one of {known}", grasp.object);
         }
         let hand = Hand::ftac();
-        let taxonomy = Taxonomy::paper();
-        let rules = Rules::shipped(&taxonomy);
-        let objects: Vec<Arc<ObjectModel>> =
-            set.iter().filter(|object| grasps.iter().any(|(grasp, _)| grasp.object == object.name)).cloned().collect();
-        let mut entries: Vec<Entry> = Vec::new();
-        for (index, object) in objects.iter().enumerate() {
+        let is_held = |object: &&Arc<ObjectModel>| grasps.iter().any(|(grasp, _)| grasp.object == object.name);
+        let objects: Vec<Arc<ObjectModel>> = set.iter().filter(is_held).cloned().collect();
+        let mut classification = Classification::default();
+        for object in &objects {
             let form = ObjectForm::of(&object.shape.surface_samples(FORM_POINTS));
+            classification.add_object(&object.name);
             for (grasp, file) in grasps.iter().filter(|(grasp, _)| grasp.object == object.name) {
-                let id = format!("{}/{}", object.name, grasp.chain);
-                if entries.iter().any(|entry| entry.id == id) {
-                    bail!("--grasps {}: chain: found {id} twice, expected each grasp once", file.display());
-                }
-                let attributes = Attributes::of(&hand, &form, grasp);
-                let decision = rules.decide(&taxonomy, &attributes);
-                entries.push(Entry { id, object: index, grasp: grasp.clone(), attributes, decision });
+                let added = classification.add(&hand, &form, grasp.clone());
+                added.with_context(|| format!("--grasps {}", file.display()))?;
             }
         }
-        Ok(Self { hand, taxonomy, rules, objects, entries })
-    }
-
-    /// The entry called `id`.
-    pub fn find(&self, id: &str) -> Option<&Entry> {
-        self.entries.iter().find(|entry| entry.id == id)
-    }
-
-    /// Name of an entry's object.
-    pub fn object(&self, entry: &Entry) -> &str {
-        &self.objects[entry.object].name
-    }
-
-    /// What a page draws of `entries`.
-    pub fn scene<'a>(&self, entries: impl Iterator<Item = &'a Entry>) -> Scene {
-        let objects = self.objects.iter().map(|object| {
-            let (points, triangles, _) = object.shape.triangles();
-            DrawnObject { name: object.name.clone(), mesh: Mesh::new(&points, &triangles) }
-        });
-        let grasps = entries.map(|entry| DrawnGrasp::new(entry.id.clone(), entry.object, &entry.grasp));
-        Scene::new(&self.hand, objects.collect(), grasps.collect())
+        Ok(Self { hand, objects, classification })
     }
 }
 

@@ -1,9 +1,11 @@
-//! What sampling has to know of a hand, found from its URDF and pulls alone, and said aloud.
+//! What sampling has to know of a hand, found from its URDF and pulls alone, with notes on what was found.
 //!
 //! Surface points lie on the collision shapes. Where the hand may touch is found by moving it: a point of a moving link is a
 //! contact candidate if the closing hand moves it the way it faces; a point of the palm is one if it faces the place on which
 //! the fingers close. That place is also the pivot of the sampler's turns, seen from a frame laid out like our hand's palm: the
 //! object comes along -z.
+
+mod solids;
 
 use std::path::Path;
 use std::sync::Arc;
@@ -12,19 +14,18 @@ use anyhow::{Context, Result, bail};
 use grasping::synthesis::frames::PIVOT;
 use grasping::synthesis::mechanism::{Mechanism, rest};
 use grasping::synthesis::surface::{Ball, Candidate, HandSurface};
-use hand_model::any_hand::{AnyHand, SolidShape};
+use hand_model::any_hand::AnyHand;
 use hand_model::kinematics::Tree;
 use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, Vector3};
-use scenarios::geometry::{Shape, hull_mesh};
 
-/// Points on the whole hand.
-const POINTS: usize = 2000;
+use self::solids::{LinkShapes, SurfacePoint, fill, name, shapes, surface_points};
+
 /// Candidates at most.
 const MOST_CANDIDATES: usize = 700;
 /// Cosine between a point's motion and its normal from which on it is a candidate.
 const FACES_MOTION: f64 = 0.5;
 /// Cosine between a palm point's normal and the way to the place on which the fingers close.
-const FACES_PLACE: f64 = 0.7;
+const FACES_CLOSING_POINT: f64 = 0.7;
 /// How far a point has to move in the middle quarter of the closing motion, m: not one beside its own hinge.
 const LEAST_MOTION: f64 = 2e-3;
 /// Steps of the closing motion that are looked at.
@@ -43,13 +44,7 @@ pub struct Described {
     /// Points, candidates, pairs.
     pub surface: HandSurface,
     /// What was found, in words; warnings begin with `WARNING`.
-    pub story: Vec<String>,
-}
-
-/// A point of the surface with its normal, link frame (the root's for the palm).
-struct Skin {
-    point: Vector3<f64>,
-    normal: Vector3<f64>,
+    pub notes: Vec<String>,
 }
 
 /// Reads and describes a hand.
@@ -59,33 +54,28 @@ pub fn read(urdf: &Path, pulls: &Path) -> Result<Described> {
 }
 
 fn describe(hand: AnyHand) -> Result<Described> {
-    let mut story = Vec::new();
-    check(&hand, &mut story)?;
+    let mut notes = Vec::new();
+    check(&hand, &mut notes)?;
     let mechanism = Mechanism::of_any(&hand);
     let shapes = shapes(&hand)?;
-    let skins = skins(&hand, &shapes);
-    let links = skins.len();
-    for (link, skin) in skins.iter().enumerate() {
-        if skin.is_empty() {
-            story.push(format!(
+    let by_link = surface_points(&shapes);
+    for (link, points) in by_link.iter().enumerate() {
+        if points.is_empty() {
+            notes.push(format!(
                 "WARNING {}: no collision shape, it can neither touch nor be kept clear",
                 name(&hand, link)
             ));
         }
     }
-    let swing = swing(&hand, &mechanism);
-    let place = place(&hand, &mechanism, &swing, &skins)?;
-    let palm_from_root = palm_frame(&shapes, &place, &mut story)?;
+    let closing_motion = closing_motion(&hand, &mechanism);
+    let place = closing_point(&hand, &mechanism, &closing_motion, &by_link)?;
+    let palm_from_root = palm_frame(&shapes, &place, &mut notes)?;
     let mut candidates: Vec<Candidate> = Vec::new();
-    for (link, skin) in skins.iter().enumerate() {
-        let faces: Vec<&Skin> = skin.iter().filter(|skin| may_touch(&hand, &swing, &place, link, skin)).collect();
-        candidates.extend(faces.iter().map(|skin| Candidate {
-            link,
-            pad: link,
-            point: skin.point,
-            normal: skin.normal,
-        }));
-        story.push(format!("{:32} {:5} points, {:4} candidates", name(&hand, link), skin.len(), faces.len()));
+    for (link, points) in by_link.iter().enumerate() {
+        let faces: Vec<&SurfacePoint> =
+            points.iter().filter(|at| may_touch(&hand, &closing_motion, &place, link, at)).collect();
+        candidates.extend(faces.iter().map(|at| Candidate { link, pad: link, point: at.point, normal: at.normal }));
+        notes.push(format!("{:32} {:5} points, {:4} candidates", name(&hand, link), points.len(), faces.len()));
     }
     if !candidates.iter().any(|candidate| candidate.link > 0) {
         bail!(
@@ -94,13 +84,13 @@ fn describe(hand: AnyHand) -> Result<Described> {
     }
     let every = candidates.len().div_ceil(MOST_CANDIDATES);
     candidates = candidates.into_iter().step_by(every.max(1)).collect();
-    let balls: Vec<Vec<Ball>> = (0..links).map(|link| fill(&hand, &shapes, link)).collect();
-    let pairs = pairs(&hand, &balls, &mut story);
+    let balls: Vec<Vec<Ball>> = shapes.iter().map(|own| fill(own)).collect();
+    let pairs = pairs(&hand, &balls, &mut notes);
     let root = |v: &Vector3<f64>| (palm_from_root * Point3::from(*v)).coords;
-    let parts = skins.iter().zip(balls).enumerate().map(|(link, (skin, balls))| {
+    let parts = by_link.iter().zip(balls).enumerate().map(|(link, (points, balls))| {
         let here = |v: &Vector3<f64>| if link == 0 { root(v) } else { *v };
         let balls = balls.into_iter().map(|ball| Ball { center: here(&ball.center), ..ball }).collect();
-        (skin.iter().map(|skin| here(&skin.point)).collect(), balls)
+        (points.iter().map(|at| here(&at.point)).collect(), balls)
     });
     for candidate in candidates.iter_mut().filter(|candidate| candidate.link == 0) {
         candidate.point = root(&candidate.point);
@@ -111,14 +101,10 @@ fn describe(hand: AnyHand) -> Result<Described> {
     for joint in tree.joints.iter_mut().filter(|joint| joint.parent.is_none()) {
         joint.origin = palm_from_root * joint.origin;
     }
-    Ok(Described { hand: Arc::new(hand), tree, palm_from_root, mechanism, surface, story })
+    Ok(Described { hand: Arc::new(hand), tree, palm_from_root, mechanism, surface, notes })
 }
 
-fn name(hand: &AnyHand, link: usize) -> String {
-    link.checked_sub(1).map_or("root".into(), |joint| hand.tree.joints[joint].name.clone())
-}
-
-fn check(hand: &AnyHand, story: &mut Vec<String>) -> Result<()> {
+fn check(hand: &AnyHand, notes: &mut Vec<String>) -> Result<()> {
     if hand.pulls.is_empty() {
         bail!("actuator: found none, expected at least one that pulls a joint");
     }
@@ -129,14 +115,14 @@ fn check(hand: &AnyHand, story: &mut Vec<String>) -> Result<()> {
             (true, _) => {}
             (false, Some(follower)) => {
                 let leader = &hand.tree.joints[follower.leader].name;
-                story.push(format!("{}: follows {leader} times {}", joint.name, follower.multiplier));
+                notes.push(format!("{}: follows {leader} times {}", joint.name, follower.multiplier));
                 if follower.offset != 0.0 {
-                    story.push(format!("WARNING {}: offset {} rad is not sampled", joint.name, follower.offset));
+                    notes.push(format!("WARNING {}: offset {} rad is not sampled", joint.name, follower.offset));
                 }
                 continue;
             }
             (false, None) => {
-                story.push(format!("WARNING {}: no actuator pulls it, it stays at rest", joint.name));
+                notes.push(format!("WARNING {}: no actuator pulls it, it stays at rest", joint.name));
                 continue;
             }
         }
@@ -147,62 +133,8 @@ fn check(hand: &AnyHand, story: &mut Vec<String>) -> Result<()> {
     Ok(())
 }
 
-/// Shapes by link (0 is the root), with their pose in the link's frame.
-type LinkShapes = Vec<Vec<(Isometry3<f64>, Shape)>>;
-
-fn shapes(hand: &AnyHand) -> Result<LinkShapes> {
-    let mut found: LinkShapes = vec![Vec::new(); hand.tree.len() + 1];
-    for solid in &hand.solids {
-        let link = solid.link.map_or(0, |link| link + 1);
-        let shape = match &solid.shape {
-            SolidShape::Cuboid(half) => Shape::Cuboid { half: *half, radius: 0.0 },
-            SolidShape::Sphere(radius) => Shape::Sphere { radius: *radius },
-            SolidShape::Cylinder(radius, half) => Shape::Cylinder { radius: *radius, half_height: *half },
-            SolidShape::Hull(points) => {
-                let mesh = hull_mesh(points).with_context(|| format!("the collision hull of {}", name(hand, link)))?;
-                Shape::Mesh(Arc::new(mesh))
-            }
-        };
-        found[link].push((solid.link_from_solid, shape));
-    }
-    Ok(found)
-}
-
-fn surface_area(shape: &Shape) -> f64 {
-    let (points, triangles, _) = shape.triangles();
-    let area = |t: &[u32; 3]| {
-        let [a, b, c] = t.map(|index| points[index as usize]);
-        0.5 * (b - a).cross(&(c - a)).norm()
-    };
-    triangles.iter().map(area).sum()
-}
-
-/// Points spread evenly over all links, those inside another shape of the same link left out.
-fn skins(hand: &AnyHand, shapes: &LinkShapes) -> Vec<Vec<Skin>> {
-    let total: f64 = shapes.iter().flatten().map(|(_, shape)| surface_area(shape)).sum();
-    let on_link = |parts: &Vec<(Isometry3<f64>, Shape)>| {
-        let mut skin = Vec::new();
-        for (n, (pose, shape)) in parts.iter().enumerate() {
-            let count = (POINTS as f64 * surface_area(shape) / total).ceil() as usize;
-            for point in shape.surface_samples(count) {
-                let (_, normal) = shape.signed_distance(&point);
-                let at = pose * point;
-                let buried = parts.iter().enumerate().any(|(other, (pose, shape))| {
-                    other != n && shape.signed_distance(&pose.inverse_transform_point(&at)).0 < -1e-4
-                });
-                if !buried {
-                    skin.push(Skin { point: at.coords, normal: pose * normal });
-                }
-            }
-        }
-        skin
-    };
-    debug_assert_eq!(shapes.len(), hand.tree.len() + 1);
-    shapes.iter().map(on_link).collect()
-}
-
 /// Joint angles from open to closed.
-fn swing(hand: &AnyHand, mechanism: &Mechanism) -> Vec<Vec<f64>> {
+fn closing_motion(hand: &AnyHand, mechanism: &Mechanism) -> Vec<Vec<f64>> {
     let open = rest(hand);
     (0..=STEPS)
         .map(|step| {
@@ -233,16 +165,21 @@ fn pose(hand: &AnyHand, joints: &[f64], link: usize) -> Isometry3<f64> {
 }
 
 /// Where the fingers close: the mean of the last links' middles in the middle of the motion, root frame.
-fn place(hand: &AnyHand, mechanism: &Mechanism, swing: &[Vec<f64>], skins: &[Vec<Skin>]) -> Result<Point3<f64>> {
+fn closing_point(
+    hand: &AnyHand,
+    mechanism: &Mechanism,
+    closing_motion: &[Vec<f64>],
+    by_link: &[Vec<SurfacePoint>],
+) -> Result<Point3<f64>> {
     let moved: Vec<usize> = mechanism.lines.iter().flat_map(|line| line.joints.iter().copied()).collect();
     let last = |joint: &usize| !hand.tree.joints.iter().any(|other| other.parent == Some(*joint));
     let tips: Vec<usize> = moved.iter().filter(|joint| last(joint)).map(|joint| joint + 1).collect();
-    let half = &swing[STEPS / 2];
+    let half = &closing_motion[STEPS / 2];
     let middles: Vec<Vector3<f64>> = tips
         .iter()
-        .filter(|link| !skins[**link].is_empty())
+        .filter(|link| !by_link[**link].is_empty())
         .map(|link| {
-            let mean = skins[*link].iter().map(|skin| skin.point).sum::<Vector3<f64>>() / skins[*link].len() as f64;
+            let mean = by_link[*link].iter().map(|at| at.point).sum::<Vector3<f64>>() / by_link[*link].len() as f64;
             (pose(hand, half, *link) * Point3::from(mean)).coords
         })
         .collect();
@@ -253,7 +190,7 @@ fn place(hand: &AnyHand, mechanism: &Mechanism, swing: &[Vec<f64>], skins: &[Vec
 }
 
 /// The palm frame: its pivot on the place, its -z away from the root's nearest surface.
-fn palm_frame(shapes: &LinkShapes, place: &Point3<f64>, story: &mut Vec<String>) -> Result<Isometry3<f64>> {
+fn palm_frame(shapes: &LinkShapes, place: &Point3<f64>, notes: &mut Vec<String>) -> Result<Isometry3<f64>> {
     let nearest = shapes[0]
         .iter()
         .map(|(pose, shape)| {
@@ -266,14 +203,14 @@ fn palm_frame(shapes: &LinkShapes, place: &Point3<f64>, story: &mut Vec<String>)
         _ => {
             let facing =
                 place.coords.try_normalize(1e-6).context("root: found no shape and no direction to the fingers")?;
-            story.push(
+            notes.push(
                 "WARNING root: no collision shape behind the fingers, they are taken to face away from its origin"
                     .into(),
             );
             (place.coords.norm(), facing)
         }
     };
-    story.push(format!(
+    notes.push(format!(
         "the fingers close on [{:.3}, {:.3}, {:.3}] m, {:.0} mm before the root, facing [{:.2}, {:.2}, {:.2}]",
         place.x,
         place.y,
@@ -289,44 +226,21 @@ fn palm_frame(shapes: &LinkShapes, place: &Point3<f64>, story: &mut Vec<String>)
 }
 
 /// Whether the closing hand moves a point the way it faces; for the palm, whether it faces where the fingers close.
-fn may_touch(hand: &AnyHand, swing: &[Vec<f64>], place: &Point3<f64>, link: usize, skin: &Skin) -> bool {
+fn may_touch(hand: &AnyHand, closing_motion: &[Vec<f64>], place: &Point3<f64>, link: usize, at: &SurfacePoint) -> bool {
     if link == 0 {
-        let way = place.coords - skin.point;
-        return skin.normal.dot(&way) > FACES_PLACE * way.norm();
+        let way = place.coords - at.point;
+        return at.normal.dot(&way) > FACES_CLOSING_POINT * way.norm();
     }
     let half = STEPS / 2;
-    let (before, after) = (pose(hand, &swing[half - 1], link), pose(hand, &swing[half + 1], link));
-    let point = Point3::from(skin.point);
+    let (before, after) = (pose(hand, &closing_motion[half - 1], link), pose(hand, &closing_motion[half + 1], link));
+    let point = Point3::from(at.point);
     let motion = after * point - before * point;
-    let normal = pose(hand, &swing[half], link) * skin.normal;
+    let normal = pose(hand, &closing_motion[half], link) * at.normal;
     motion.norm() > LEAST_MOTION && normal.dot(&motion) > FACES_MOTION * motion.norm()
 }
 
-/// Balls inside a link's shapes: grid points that are nearly as deep as any.
-fn fill(hand: &AnyHand, shapes: &LinkShapes, link: usize) -> Vec<Ball> {
-    debug_assert!(link <= hand.tree.len());
-    let mut balls = Vec::new();
-    for (pose, shape) in &shapes[link] {
-        let (low, high) = shape.aabb();
-        let step = 0.5 * (high - low).min();
-        let depth = |p: &Point3<f64>| -shape.signed_distance(p).0;
-        let count = |axis: usize| ((high[axis] - low[axis]) / step).floor() as usize;
-        let mut inside: Vec<(Point3<f64>, f64)> = Vec::new();
-        for (i, j, k) in
-            (0..=count(0)).flat_map(|i| (0..=count(1)).flat_map(move |j| (0..=count(2)).map(move |k| (i, j, k))))
-        {
-            let at = low + Vector3::new(i as f64, j as f64, k as f64) * step;
-            inside.push((at, depth(&at)));
-        }
-        let deepest = inside.iter().map(|(_, depth)| *depth).fold(0.0, f64::max);
-        let deep = inside.into_iter().filter(|(_, depth)| *depth > 0.6 * deepest && *depth > 0.0);
-        balls.extend(deep.map(|(at, radius)| Ball { center: (pose * at).coords, radius }));
-    }
-    balls
-}
-
 /// Pairs of links that are kept apart: not joined, and not overlapping already at rest, as published boxes often do.
-fn pairs(hand: &AnyHand, balls: &[Vec<Ball>], story: &mut Vec<String>) -> Vec<(usize, usize)> {
+fn pairs(hand: &AnyHand, balls: &[Vec<Ball>], notes: &mut Vec<String>) -> Vec<(usize, usize)> {
     let open = rest(hand);
     let placed: Vec<Vec<Ball>> = balls
         .iter()
@@ -350,7 +264,7 @@ fn pairs(hand: &AnyHand, balls: &[Vec<Ball>], story: &mut Vec<String>) -> Vec<(u
         }
     }
     if !overlap.is_empty() {
-        story.push(format!("WARNING not kept apart, because they overlap at rest: {}", overlap.join(", ")));
+        notes.push(format!("WARNING not kept apart, because they overlap at rest: {}", overlap.join(", ")));
     }
     kept
 }
@@ -406,7 +320,7 @@ mod tests {
         // The jaws close before the base, which lies behind them along +z.
         let place = clamp.palm_from_root * Point3::new(0.06, 0.0, 0.0);
         assert!((place.coords - PIVOT).norm() < 0.02, "{place}");
-        assert!(clamp.story.iter().any(|line| line.contains("b: follows a times -1")), "{:?}", clamp.story);
+        assert!(clamp.notes.iter().any(|line| line.contains("b: follows a times -1")), "{:?}", clamp.notes);
     }
 
     /// A hand whose arms open it is refused with the reason; one that nothing pulls is too.

@@ -1,10 +1,14 @@
 //! The data that a page draws: the hand's links once, the objects, and a few numbers per grasp.
 
+use std::sync::Arc;
+
 use grasping::synthesis::held::HeldGrasp;
 use hand_model::Hand;
 use hand_model::hand::CoverShape;
 use nalgebra::{Isometry3, Point3, Vector3};
+use scenarios::objects::ObjectModel;
 use serde::Serialize;
+use study::classification::ClassifiedGrasp;
 
 /// Triangles in their own frame, in whole multiples of 0.1 mm to keep the file small.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -123,6 +127,21 @@ impl Scene {
         }
     }
 
+    /// `grasps` of `hand` on their `objects`, which are in the order of the classification.
+    pub fn of<'a>(
+        hand: &Hand,
+        objects: &[Arc<ObjectModel>],
+        grasps: impl IntoIterator<Item = &'a ClassifiedGrasp>,
+    ) -> Self {
+        let objects = objects.iter().map(|object| {
+            let (points, triangles, _) = object.shape.triangles();
+            DrawnObject { name: object.name.clone(), mesh: Mesh::new(&points, &triangles) }
+        });
+        let grasps = grasps.into_iter().map(|grasp| DrawnGrasp::new(grasp.id.clone(), grasp.object, &grasp.grasp));
+        Self::new(hand, objects.collect(), grasps.collect())
+    }
+
+    /// Number of grasps.
     pub fn grasps(&self) -> usize {
         self.grasps.len()
     }

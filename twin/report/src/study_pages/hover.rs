@@ -3,10 +3,11 @@
 
 use serde::Serialize;
 
+use super::html_page::{embedded, whole};
 use super::scene::Scene;
-use super::{embedded, escape, whole};
+use crate::html::escape;
 
-const SCRIPT: &str = include_str!("../../data/page/hover.js");
+const SCRIPT: &str = include_str!("../../data/study/hover.js");
 
 #[derive(Serialize)]
 struct Data<'a> {

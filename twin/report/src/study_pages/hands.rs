@@ -7,12 +7,12 @@ use grasping::synthesis::held::pose_from_array;
 use hand_model::Hand;
 use image::RgbImage;
 use nalgebra::{Isometry3, Point3, Vector3};
+use proving::synthesis::hands::{BestGrasp, Cell, ComparedHand};
 use scenarios::objects::{ObjectModel, ObjectSet};
 use sim::engine::EngineSettings;
 use sim::stand::AnyStand;
 
-use super::{Cell, Maker, Shown, rate};
-use report::picture::{Picture, View, save, tile};
+use crate::picture::{Picture, View, save, tile};
 
 /// Side of a picture, pixels.
 const SIZE: u32 = 230;
@@ -28,7 +28,7 @@ const CAPTION: f64 = 0.07;
 const OUR_SPAN: [[f64; 2]; 2] = [[-0.06, -0.10], [0.07, 0.10]];
 
 /// Draws the sheet; `cells` are in the order of `hands`.
-pub fn write(hands: &[&Maker], cells: &[Cell], path: &Path) -> Result<()> {
+pub fn write(hands: &[ComparedHand], cells: &[Cell], path: &Path) -> Result<()> {
     let set = ObjectSet::repertoire();
     let ours = Hand::ftac();
     let mut pictures = Vec::new();
@@ -40,23 +40,23 @@ pub fn write(hands: &[&Maker], cells: &[Cell], path: &Path) -> Result<()> {
     save(&tile(&pictures, cells.len() / hands.len()), path)
 }
 
-fn picture(hand: &Maker, ours: &Hand, model: &ObjectModel, cell: &Cell) -> RgbImage {
-    let of = rate(cell);
+fn picture(hand: &ComparedHand, ours: &Hand, model: &ObjectModel, cell: &Cell) -> RgbImage {
+    let of = cell.rate();
     let caption = format!("{}\n{}\n{} of {}", cell.asked.hand, cell.asked.object, of.count, of.of);
     let Some(best) = &cell.best else {
         return Picture::new(SIZE, View::palm()).finish(&format!("{caption}\nno grasp held"));
     };
     let skin = match hand {
-        Maker::Ours => Vec::new(),
-        Maker::Any(hand) => {
+        ComparedHand::Ours => Vec::new(),
+        ComparedHand::Any { hand, .. } => {
             let stand = AnyStand::at(hand.hand.clone(), EngineSettings::default(), &best.joints);
             stand.triangles().into_iter().map(|triangle| triangle.map(|point| hand.palm_from_root * point)).collect()
         }
     };
     let mut picture = Picture::new(SIZE, view(&skin, model, best));
     match hand {
-        Maker::Ours => picture.hand(ours, &best.joints),
-        Maker::Any(_) => {
+        ComparedHand::Ours => picture.hand(ours, &best.joints),
+        ComparedHand::Any { .. } => {
             for [a, b, c] in skin {
                 let Some(normal) = (b - a).cross(&(c - a)).try_normalize(1e-15) else { continue };
                 picture.triangles(&Isometry3::identity(), &[a, b, c], &[[0, 1, 2]], &[normal; 3], STEEL);
@@ -71,7 +71,7 @@ fn picture(hand: &Maker, ours: &Hand, model: &ObjectModel, cell: &Cell) -> RgbIm
 }
 
 /// Onto the palm, around hand and object; of our hand around the palm's middle and the object.
-fn view(skin: &[[Point3<f64>; 3]], model: &ObjectModel, best: &Shown) -> View {
+fn view(skin: &[[Point3<f64>; 3]], model: &ObjectModel, best: &BestGrasp) -> View {
     let palm_from_object = pose_from_array(&best.palm_from_object);
     let (a, b) = model.shape.aabb();
     let corner = |n: usize, axis: usize| if n >> axis & 1 == 1 { b[axis] } else { a[axis] };

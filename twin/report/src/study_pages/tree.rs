@@ -2,9 +2,9 @@
 
 use std::fmt::Write as _;
 
-use super::escape;
-use crate::landscape::disconnectivity::Tree;
-use crate::taxonomy::Category;
+use crate::html::escape;
+use study::landscape::disconnectivity::Tree;
+use study::taxonomy::Category;
 
 /// A leaf: one basin.
 #[derive(Debug, Clone)]
@@ -114,7 +114,7 @@ pub fn svg(tree: &Tree, leaves: &[Leaf], title: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::landscape::disconnectivity::tree;
+    use study::landscape::disconnectivity::tree;
 
     #[test]
     fn every_basin_has_its_circle() {

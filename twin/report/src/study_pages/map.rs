@@ -1,10 +1,21 @@
 //! A map of grasps as SVG: one dot per grasp, coloured by broad type, over the two sides of the boundary.
 
 use std::fmt::Write as _;
+use std::path::Path;
+use std::sync::Arc;
 
-use super::escape;
+use anyhow::Result;
+use hand_model::Hand;
+use scenarios::objects::ObjectModel;
+use study::classification::{Classification, ClassifiedGrasp};
+use study::grasp_map::GraspMap;
+use study::taxonomy::Category;
+
+use super::hover;
+use super::scene::Scene;
 use super::tree::color;
-use crate::taxonomy::Category;
+use crate::html::escape;
+use crate::write_whole;
 
 /// One grasp on the map.
 #[derive(Debug, Clone)]
@@ -81,29 +92,30 @@ pub fn svg(dots: &[Dot], power: impl Fn([f64; 2]) -> bool, title: &str) -> Strin
     svg
 }
 
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// The number in an attribute of an element.
-    fn number(element: &str, attribute: &str) -> f64 {
-        let value = element.split(&format!(" {attribute}=\"")).nth(1).and_then(|rest| rest.split('"').next());
-        value.and_then(|value| value.parse().ok()).unwrap_or(f64::NAN)
-    }
-
-    #[test]
-    fn dots_lie_on_their_side_with_escaped_captions() {
-        let dot = |x: f64, category, grasp, text: &str| Dot { at: [x, 0.5], category, grasp, text: text.into() };
-        let dots = [dot(-1.0, Category::Power, 4, "left <a>"), dot(2.0, Category::Precision, 7, "right")];
-        let text = svg(&dots, |at| at[0] < 0.0, "a & b");
-        assert!(text.contains("a &amp; b") && text.contains("left &lt;a&gt;") && !text.contains("<a>"));
-        assert!(text.contains(">power 1<") && text.contains(">intermediate 0<") && text.contains(">precision 1<"));
-        let circles: Vec<&str> = text.lines().filter(|line| line.contains("data-grasp")).collect();
-        assert_eq!(circles.iter().map(|circle| number(circle, "data-grasp")).collect::<Vec<_>>(), [4.0, 7.0]);
-        // Every row of the shading has one rectangle per side; the border between them separates the dots.
-        assert_eq!((text.matches("#f8e5e2").count(), text.matches("#e2f1e8").count()), (CELLS, CELLS));
-        let border = 0.5 * SIZE;
-        assert!(number(circles[0], "cx") < border && number(circles[1], "cx") > border, "{circles:?}");
-        assert_eq!(number(circles[0], "cy"), number(circles[1], "cy"));
-    }
+/// Writes `map.svg` and `map.html`, where grasps appear in 3D under the mouse, into `folder`. `objects` are in the order of the
+/// classification.
+pub fn write(
+    folder: &Path,
+    (hand, objects): (&Hand, &[Arc<ObjectModel>]),
+    classification: &Classification,
+    map: &GraspMap,
+) -> Result<()> {
+    let grasps: Vec<&ClassifiedGrasp> = map.sampled.iter().map(|n| &classification.grasps[*n]).collect();
+    let dots: Vec<Dot> = grasps
+        .iter()
+        .enumerate()
+        .map(|(n, grasp)| {
+            let doubt = if grasp.decision.ambiguous { " (ambiguous)" } else { "" };
+            let text = format!("{}: {}{doubt}", grasp.id, classification.type_name(grasp));
+            Dot { at: map.places[n], category: classification.category(grasp), grasp: n, text }
+        })
+        .collect();
+    let title = format!("Contact maps of {} grasps", dots.len());
+    let picture = svg(&dots, |at| map.boundary.power(&at), &title);
+    write_whole(&folder.join("map.svg"), picture.as_bytes())?;
+    let scene = Scene::of(hand, objects, grasps);
+    let introduction = "Each dot is a grasp; near ones touch with the same parts of the hand. Shading: the side of the boundary \
+                        between power and precision. Point at a dot to see the grasp.";
+    let page = hover::page(&title, introduction, &format!("<div style=\"max-width:900px\">{picture}</div>"), &scene)?;
+    write_whole(&folder.join("map.html"), page.as_bytes())
 }

@@ -45,7 +45,7 @@ impl Request {
 }
 
 /// Everything that chains share.
-pub struct Workshop {
+pub struct Synthesizer {
     /// The hand.
     pub hand: Arc<Hand>,
     /// Its surface.
@@ -109,7 +109,7 @@ impl ChainResult {
     }
 }
 
-impl Workshop {
+impl Synthesizer {
     /// For one object.
     pub fn new(subject: Subject, request: Request) -> Self {
         let hand = Arc::new(Hand::ftac());

@@ -1,14 +1,14 @@
-//! The rows of the study's page: their figure, ours, the difference, and why.
+//! The rows of the study's page: the paper's figure, ours, the difference, and the reason.
 //!
-//! A reason stands in a row only where it was measured or follows from how the figure is made; elsewhere the row says that
-//! nobody looked.
+//! A row gives a reason only where it was measured or follows from how the figure is made; elsewhere it says that the difference
+//! was not investigated.
 
 use serde_json::Value;
 use study::sensors::Array;
 
-/// What no run has looked into.
+/// The reason where none is known.
 const OPEN: &str = "not investigated";
-/// What the paper does not print.
+/// The paper's figure where it prints none.
 const UNKNOWN: &str = "not given";
 
 /// A line of the comparison.
@@ -25,16 +25,28 @@ pub struct Line {
     pub why: String,
 }
 
-/// What the commands left in the folder.
+/// What the parts of the study found; none where a part was not run.
+#[derive(Debug, Default)]
 pub struct Parts {
-    /// Of `grasps classify`.
+    /// `classes.json`.
     pub classes: Option<Value>,
-    /// Of `grasps map`.
+    /// `map.json`.
     pub map: Option<Value>,
-    /// Of `grasps landscape`.
+    /// `landscape.json`.
     pub landscape: Option<Value>,
-    /// Of `grasps hands`.
+    /// `hands.json`.
     pub hands: Option<Value>,
+}
+
+/// What the hand's tactile sensors come to, from the model.
+#[derive(Debug)]
+pub struct Sensing {
+    /// Pads, taxels and areas.
+    pub array: Array,
+    /// Coverage of the palmar surface, in words: `77.6 % of 153 cm2`.
+    pub coverage: String,
+    /// Sensitivity below 50 kPa, 1/kPa.
+    pub response: f64,
 }
 
 fn percent(value: &Value) -> String {
@@ -46,7 +58,7 @@ fn signed(ours: &Value, theirs: f64, unit: &str, digits: usize) -> String {
 }
 
 /// All rows.
-pub fn lines(parts: &Parts, sensors: &Array, coverage: &str, response: f64) -> Vec<Line> {
+pub fn lines(parts: &Parts, sensing: &Sensing) -> Vec<Line> {
     let mut lines = Vec::new();
     if let Some(found) = &parts.classes {
         types(found, &mut lines);
@@ -57,7 +69,7 @@ pub fn lines(parts: &Parts, sensors: &Array, coverage: &str, response: f64) -> V
     if let Some(found) = &parts.landscape {
         basins(found, &mut lines);
     }
-    sensing(sensors, coverage, response, &mut lines);
+    sensors(sensing, &mut lines);
     lines
 }
 
@@ -172,21 +184,22 @@ fn basins(found: &Value, lines: &mut Vec<Line>) {
     });
 }
 
-fn sensing(sensors: &Array, coverage: &str, response: f64, lines: &mut Vec<Line>) {
+fn sensors(sensing: &Sensing, lines: &mut Vec<Line>) {
+    let Sensing { array, coverage, response } = sensing;
     lines.push(Line {
         what: "tactile resolution",
         theirs: "10000 taxels/cm2",
-        ours: format!("{:.0} taxels/cm2", sensors.taxels_per_cm2),
-        difference: format!("{:+.0}", sensors.taxels_per_cm2 - 10_000.0),
+        ours: format!("{:.0} taxels/cm2", array.taxels_per_cm2),
+        difference: format!("{:+.0}", array.taxels_per_cm2 - 10_000.0),
         why: format!(
             "by method: 240 x 240 pixels a camera on its share of the pad are {:.3} mm a pixel on average; 10000 is 0.1 mm",
-            sensors.pitch_mm
+            array.pitch_mm
         ),
     });
     lines.push(Line {
         what: "palmar coverage",
         theirs: "70 %",
-        ours: coverage.into(),
+        ours: coverage.clone(),
         // The figure is the first word: `77.6 % of 153 cm2`.
         difference: coverage
             .split_whitespace()

@@ -1,24 +1,25 @@
 //! The annotation page: shows every grasp in turn, to be rotated and labelled with a broad type, then with one of the 19.
 //!
-//! Labels stay in the browser until they are exported as the JSON that [`crate::labels`] reads. The page does not show
-//! the rules' decision, which would bias the agreement between people and rules.
+//! Labels stay in the browser until they are exported as the JSON that [`study::labels`] reads. Nothing on the page says what the
+//! rules think: that would make the agreement between people and rules worthless.
 
 use serde::Serialize;
 
+use super::html_page::{embedded, whole};
 use super::scene::Scene;
-use super::{embedded, escape, whole};
-use crate::labels::VERSION;
-use crate::taxonomy::Taxonomy;
+use crate::html::escape;
+use study::labels::VERSION;
+use study::taxonomy::Taxonomy;
 
-const SCRIPT: &str = include_str!("../../data/page/annotate.js");
-const EXAMPLES: &str = include_str!("../../data/page/examples.json");
+const SCRIPT: &str = include_str!("../../data/study/annotate.js");
+const EXAMPLES: &str = include_str!("../../data/study/examples.json");
 
 #[derive(Serialize)]
 struct Data<'a> {
     version: u32,
     title: &'a str,
     scene: &'a Scene,
-    types: &'a [crate::taxonomy::GraspType],
+    types: &'a [study::taxonomy::GraspType],
     examples: serde_json::Value,
 }
 

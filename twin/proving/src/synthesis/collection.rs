@@ -1,4 +1,4 @@
-//! Files of verified grasps: the checked-in repertoire of all objects, and the file of one search.
+//! Files of verified grasps: the collection of all objects that comes with the program, and the file of one search.
 
 use std::path::Path;
 
@@ -6,7 +6,7 @@ use anyhow::{Context, Result, bail};
 use grasping::synthesis::collection::{self, Collection, ObjectGrasps, Summary};
 use grasping::synthesis::held::{self, HeldError, HeldGrasp};
 
-/// The grasps that one search left, as a repertoire.
+/// The grasps that one search left, as a collection.
 fn of_one_search(header: &held::Header, grasps: Vec<HeldGrasp>) -> Collection {
     let mut objects: Vec<ObjectGrasps> = Vec::new();
     for grasp in grasps {
@@ -26,7 +26,7 @@ fn of_one_search(header: &held::Header, grasps: Vec<HeldGrasp>) -> Collection {
     Collection { header: collection::Header { version: collection::VERSION, command, seed }, objects }
 }
 
-/// Reads a repertoire, or the file of one search; which it is shows in the line after the header.
+/// Reads a collection, or the file of one search; which it is shows in the line after the header.
 pub fn read(path: &Path) -> Result<Collection> {
     let line = |error: &HeldError| if let HeldError::Line { line, .. } = error { *line } else { 0 };
     let found = match (Collection::read(path), held::read(path)) {
@@ -42,7 +42,7 @@ pub fn read(path: &Path) -> Result<Collection> {
     Ok(found)
 }
 
-/// The repertoire that is checked in.
+/// The collection that comes with the program.
 pub fn built_in() -> Result<Collection> {
     Ok(Collection::parse(include_str!("../../data/synthesized.jsonl"), Path::new("data/synthesized.jsonl"))?)
 }

@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 
-use study::page::escape;
+use crate::html::escape;
 use study::rules::Distribution;
 use study::taxonomy::{Category, Taxonomy};
 

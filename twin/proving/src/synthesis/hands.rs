@@ -1,0 +1,224 @@
+//! Hands compared on the same objects, by the same search and the same checks.
+//!
+//! A cell is one hand on one object. It is kept in a file of its own, so that a comparison that was interrupted goes on after
+//! the last cell.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use anyhow::{Context, Result, ensure};
+use grasping::synthesis::held::{pose_from_array, pose_to_array};
+use hand_model::file::write_whole;
+use indicatif::ProgressBar;
+use nalgebra::Point3;
+use serde::{Deserialize, Serialize};
+use serde_json::{Value, json};
+use sha2::{Digest as _, Sha256};
+
+use super::any;
+use super::any::describe::{self, Described};
+use super::evaluation::Rate;
+use super::search::{self, Start, Verified};
+use super::subject::Subject;
+use super::synthesizer::{Request, Synthesizer};
+
+/// A hand of the comparison.
+pub enum ComparedHand {
+    /// Our own.
+    Ours,
+    /// From a URDF and what pulls on its joints.
+    Any {
+        /// The hand.
+        hand: Box<Described>,
+        /// SHA-256 of its files.
+        files: String,
+    },
+}
+
+impl ComparedHand {
+    /// Reads a hand.
+    pub fn read(urdf: &Path, pulls: &Path) -> Result<Self> {
+        let hand = Box::new(describe::read(urdf, pulls)?);
+        let mut all = Sha256::new();
+        for path in [urdf, pulls] {
+            all.update(std::fs::read(path).with_context(|| path.display().to_string())?);
+        }
+        let files = all.finalize().iter().map(|byte| format!("{byte:02x}")).collect();
+        Ok(Self::Any { hand, files })
+    }
+
+    /// The hand's name.
+    pub fn name(&self) -> &str {
+        match self {
+            Self::Ours => "F-TAC",
+            Self::Any { hand, .. } => &hand.hand.name,
+        }
+    }
+
+    fn files(&self) -> &str {
+        match self {
+            Self::Ours => "",
+            Self::Any { files, .. } => files,
+        }
+    }
+}
+
+/// What decides a cell.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Asked {
+    /// Name of the hand.
+    pub hand: String,
+    /// Name of the object.
+    pub object: String,
+    /// Chains that were run.
+    pub chains: u64,
+    contacts: (usize, usize),
+    closings: usize,
+    seed: u64,
+    /// SHA-256 of the hand's files.
+    files: String,
+}
+
+/// A grasp that held, as it is drawn. Palm frame, m, rad.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct BestGrasp {
+    /// x, y, z, then i, j, k, w.
+    pub palm_from_object: [f64; 7],
+    /// Joint angles in the order of the hand's tree.
+    pub joints: Vec<f64>,
+    /// Contact points.
+    pub contacts: Vec<[f64; 3]>,
+    /// Wrench margin, N.
+    pub margin: f64,
+}
+
+/// One hand on one object.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Cell {
+    /// What was asked.
+    pub asked: Asked,
+    /// Chains that ended in a closed grasp.
+    closed: u64,
+    /// Checks passed.
+    verified: Verified,
+    /// Verified grasps that held when nothing pulled; not tried for our own hand.
+    held_without_tension: Option<u64>,
+    /// The verified grasp with the largest wrench margin.
+    pub best: Option<BestGrasp>,
+}
+
+impl Cell {
+    /// The cell as an earlier run left it in `folder`, or made now and left there.
+    pub fn resume(hand: &ComparedHand, object: &str, request: &Request, folder: &Path) -> Result<Self> {
+        let asked = Asked {
+            hand: hand.name().into(),
+            object: object.into(),
+            chains: request.chains,
+            contacts: request.contacts,
+            closings: request.closings,
+            seed: request.seed,
+            files: hand.files().into(),
+        };
+        let plain = |name: &str| name.replace(|c: char| !c.is_ascii_alphanumeric(), "_");
+        let path = folder.join(format!("{}-{}.json", plain(&asked.hand), plain(&asked.object)));
+        match std::fs::read_to_string(&path) {
+            Ok(text) => {
+                let known: Self = serde_json::from_str(&text).with_context(|| path.display().to_string())?;
+                let (found, expected) = (&known.asked, &asked);
+                ensure!(
+                    found == expected,
+                    "{}: asked: found {found:?}, expected {expected:?}; take another --out",
+                    path.display()
+                );
+                return Ok(known);
+            }
+            Err(error) if error.kind() == std::io::ErrorKind::NotFound => {}
+            Err(error) => return Err(error).with_context(|| path.display().to_string()),
+        }
+        let subject = Subject::named(&asked.object)?;
+        let made = match hand {
+            ComparedHand::Ours => ours(subject, asked, request)?,
+            ComparedHand::Any { hand, .. } => other(hand, &subject, asked, request)?,
+        };
+        write_whole(&path, serde_json::to_string(&made)?.as_bytes())
+            .with_context(|| format!("cannot write {}", path.display()))?;
+        Ok(made)
+    }
+
+    /// Share of the chains that left a verified grasp.
+    pub fn rate(&self) -> Rate {
+        Rate::new(self.verified.all, self.asked.chains)
+    }
+}
+
+fn ours(subject: Subject, asked: Asked, request: &Request) -> Result<Cell> {
+    let synthesizer = Synthesizer::new(subject, *request);
+    let (report, held) = search::search(&synthesizer, Start::default(), None, &ProgressBar::hidden())?;
+    let best = held.iter().max_by(|a, b| a.margin.total_cmp(&b.margin)).map(|grasp| BestGrasp {
+        palm_from_object: grasp.palm_from_object,
+        joints: grasp.joints.to_vec(),
+        contacts: grasp.contacts.iter().map(|contact| contact.point).collect(),
+        margin: grasp.margin,
+    });
+    Ok(Cell { asked, closed: report.found, verified: report.verified, held_without_tension: None, best })
+}
+
+fn other(hand: &Described, subject: &Subject, asked: Asked, request: &Request) -> Result<Cell> {
+    let (report, held) = any::search(hand, subject, request)?;
+    let best = held.iter().max_by(|a, b| a.margin.total_cmp(&b.margin)).map(|grasp| BestGrasp {
+        palm_from_object: pose_to_array(&(hand.palm_from_root * pose_from_array(&grasp.root_from_object))),
+        joints: grasp.joints.iter().map(|(_, angle)| *angle).collect(),
+        contacts: grasp
+            .contacts
+            .iter()
+            .map(|(_, point, ..)| (hand.palm_from_root * Point3::from(*point)).coords.into())
+            .collect(),
+        margin: grasp.margin,
+    });
+    let slack = Some(report.held_without_tension);
+    Ok(Cell { asked, closed: report.found, verified: report.verified, held_without_tension: slack, best })
+}
+
+/// The rate of a hand over all of its cells together.
+pub fn total(cells: &[Cell], hand: &str) -> Rate {
+    let own = cells.iter().filter(|cell| cell.asked.hand == hand);
+    let (count, of) = own.fold((0, 0), |(count, of), cell| (count + cell.verified.all, of + cell.asked.chains));
+    Rate::new(count, of)
+}
+
+/// The cells and each hand's total as `hands.json` has them.
+pub fn json(cells: &[Cell]) -> Value {
+    let rows: Vec<_> = cells
+        .iter()
+        .map(|cell| {
+            let Rate { count, of, low, high, .. } = cell.rate();
+            json!({
+                "hand": cell.asked.hand, "object": cell.asked.object, "verified": count, "of": of, "low": low, "high": high,
+                "closed": cell.closed, "checks": cell.verified, "held_without_tension": cell.held_without_tension,
+            })
+        })
+        .collect();
+    let hands: BTreeMap<&str, Rate> =
+        cells.iter().map(|cell| (cell.asked.hand.as_str(), total(cells, &cell.asked.hand))).collect();
+    json!({ "rows": rows, "hands": hands })
+}
+
+/// A line an object, a column a hand. `cells` are in the order of `hands`.
+pub fn table(hands: &[ComparedHand], objects: &[String], cells: &[Cell]) -> String {
+    let percent = |rate: &Rate| {
+        let (low, high) = (100.0 * rate.low, 100.0 * rate.high);
+        format!("{}/{} [{low:.0}, {high:.0}] %", rate.count, rate.of)
+    };
+    let widths: Vec<usize> = hands.iter().map(|hand| hand.name().len().max(18)).collect();
+    let line = |first: &str, words: &[String]| {
+        let rest: String = words.iter().zip(&widths).map(|(word, width)| format!("  {word:>width$}")).collect();
+        format!("{first:14}{rest}\n")
+    };
+    let mut text = "grasps that pass all three checks, of chains, with Wilson 95 % intervals\n".to_owned();
+    text += &line("object", &hands.iter().map(|hand| hand.name().to_owned()).collect::<Vec<_>>());
+    for object in objects {
+        let own = cells.iter().filter(|cell| cell.asked.object == *object);
+        text += &line(object, &own.map(|cell| percent(&cell.rate())).collect::<Vec<_>>());
+    }
+    text + &line("all", &hands.iter().map(|hand| percent(&total(cells, hand.name()))).collect::<Vec<_>>())
+}

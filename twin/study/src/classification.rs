@@ -1,0 +1,93 @@
+//! A set of verified grasps, each with what was measured on it and the type that the rules give it.
+
+use grasping::synthesis::held::HeldGrasp;
+use hand_model::Hand;
+
+use crate::attributes::{Attributes, ObjectForm};
+use crate::rules::{Decision, Rules};
+use crate::taxonomy::{Category, Taxonomy};
+
+/// A grasp with its type.
+pub struct ClassifiedGrasp {
+    /// `object/chain`.
+    pub id: String,
+    /// Index of the object in [`Classification::objects`].
+    pub object: usize,
+    /// As it was held.
+    pub grasp: HeldGrasp,
+    /// What the rules are asked about.
+    pub attributes: Attributes,
+    /// Their answer.
+    pub decision: Decision,
+}
+
+/// The same grasp was added twice.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("chain: found {0} twice, expected each grasp once")]
+pub struct DuplicateGrasp(pub String);
+
+/// Classified grasps, object by object.
+pub struct Classification {
+    /// The 19 types.
+    pub taxonomy: Taxonomy,
+    /// The rules that decide.
+    pub rules: Rules,
+    /// Names of the objects.
+    pub objects: Vec<String>,
+    /// The grasps of the first object, then those of the second, and so on.
+    pub grasps: Vec<ClassifiedGrasp>,
+}
+
+impl Default for Classification {
+    /// No grasps yet; the paper's types and the rules that come with the program.
+    fn default() -> Self {
+        let taxonomy = Taxonomy::paper();
+        let rules = Rules::shipped(&taxonomy);
+        Self { taxonomy, rules, objects: Vec::new(), grasps: Vec::new() }
+    }
+}
+
+impl Classification {
+    /// Adds an object; grasps added from now on are of this one.
+    pub fn add_object(&mut self, name: &str) {
+        self.objects.push(name.to_owned());
+    }
+
+    /// Classifies `grasp` of the object added last, whose form is `form`.
+    pub fn add(&mut self, hand: &Hand, form: &ObjectForm, grasp: HeldGrasp) -> Result<(), DuplicateGrasp> {
+        let object = self.objects.len().saturating_sub(1);
+        let id = format!("{}/{}", self.objects.get(object).map_or("", String::as_str), grasp.chain);
+        if self.find(&id).is_some() {
+            return Err(DuplicateGrasp(id));
+        }
+        let attributes = Attributes::of(hand, form, &grasp);
+        let decision = self.rules.decide(&self.taxonomy, &attributes);
+        self.grasps.push(ClassifiedGrasp { id, object, grasp, attributes, decision });
+        Ok(())
+    }
+
+    /// The grasp called `id`.
+    pub fn find(&self, id: &str) -> Option<&ClassifiedGrasp> {
+        self.grasps.iter().find(|grasp| grasp.id == id)
+    }
+
+    /// Name of a grasp's object.
+    pub fn object(&self, grasp: &ClassifiedGrasp) -> &str {
+        &self.objects[grasp.object]
+    }
+
+    /// Name of a grasp's type.
+    pub fn type_name(&self, grasp: &ClassifiedGrasp) -> &str {
+        &self.taxonomy.types[grasp.decision.kind].name
+    }
+
+    /// Broad type of a grasp.
+    pub fn category(&self, grasp: &ClassifiedGrasp) -> Category {
+        self.taxonomy.types[grasp.decision.kind].category
+    }
+
+    /// Grasps of a broad type.
+    pub fn count(&self, category: Category) -> usize {
+        self.grasps.iter().filter(|grasp| self.category(grasp) == category).count()
+    }
+}

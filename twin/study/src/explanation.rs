@@ -1,0 +1,46 @@
+//! Why a grasp has its type: every condition of the best and of the second best type, with the margin by which it is met.
+
+use std::fmt::Write as _;
+
+use serde_json::{Value, json};
+
+use crate::classification::{Classification, ClassifiedGrasp};
+
+/// The reasons as JSON.
+pub fn json(classification: &Classification, grasp: &ClassifiedGrasp) -> Value {
+    let (types, decision) = (&classification.taxonomy.types, &grasp.decision);
+    let conditions = |kind: usize| classification.rules.explain(kind, &grasp.attributes);
+    json!({
+        "id": grasp.id, "type": types[decision.kind].name, "margin": decision.margin,
+        "ambiguous": decision.ambiguous, "conditions": conditions(decision.kind),
+        "second": types[decision.second.0].name, "second_margin": decision.second.1,
+        "second_conditions": conditions(decision.second.0),
+    })
+}
+
+/// The reasons in words, a line a condition.
+pub fn text(classification: &Classification, grasp: &ClassifiedGrasp) -> String {
+    let (types, decision, rules) = (&classification.taxonomy.types, &grasp.decision, &classification.rules);
+    let verdict = if decision.ambiguous { ", ambiguous" } else { "" };
+    let mut text = format!("{}: {} (margin {:.2}{verdict})\n", grasp.id, types[decision.kind].name, decision.margin);
+    for kind in [decision.kind, decision.second.0] {
+        if kind != decision.kind {
+            let _ = writeln!(text, "next best: {} (margin {:.2})", types[kind].name, decision.second.1);
+        }
+        for check in rules.explain(kind, &grasp.attributes) {
+            let mark = if check.margin < 0.0 {
+                "no "
+            } else if check.margin < rules.clear {
+                "bare"
+            } else {
+                "yes"
+            };
+            let _ = writeln!(
+                text,
+                "  {mark:4} {:16} {:6.2}, asked {:12} margin {:5.2}  {}",
+                check.attribute, check.value, check.bounds, check.margin, check.reason
+            );
+        }
+    }
+    text
+}

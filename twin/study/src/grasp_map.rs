@@ -1,0 +1,228 @@
+//! A map of grasps by what touches, with the boundary between power and precision.
+//!
+//! As in the paper's supplement: contact maps are normalised and reduced to six principal components, 1,000 grasps are taken by
+//! farthest-point sampling, t-SNE places them in the plane, and a support-vector machine draws the boundary. Beside its accuracy on
+//! the training data stands the accuracy on objects left out.
+
+use std::fmt::Write as _;
+
+use hand_model::Hand;
+use indicatif::{ProgressBar, ProgressStyle};
+use nalgebra::Point3;
+use rayon::prelude::*;
+use serde::Serialize;
+use serde_json::{Value, json};
+
+use crate::boundary::{Boundary, BoundaryError, HeldOut, held_out};
+use crate::classification::Classification;
+use crate::contact_map::{POINTS, contact_map, hand_points, normalize};
+use crate::embedding::{EmbeddingError, farthest_points, pca, tsne};
+use crate::taxonomy::Category;
+
+/// Principal components that are kept.
+const COMPONENTS: usize = 6;
+const PERPLEXITY: f64 = 30.0;
+const ITERATIONS: usize = 1000;
+
+/// Why there is no map.
+#[derive(Debug, thiserror::Error)]
+pub enum MapError {
+    /// Of the projection.
+    #[error(transparent)]
+    Embedding(#[from] EmbeddingError),
+    /// Of the boundary.
+    #[error(transparent)]
+    Boundary(#[from] BoundaryError),
+}
+
+/// What is drawn.
+#[derive(Debug, Clone, Copy)]
+pub struct MapSettings {
+    /// Grasps on a map at most.
+    pub most: usize,
+    /// Maps, from as many seeds.
+    pub maps: u64,
+    /// The first of the seeds.
+    pub seed: u64,
+}
+
+/// A boundary in one space.
+#[derive(Debug, Serialize)]
+pub struct FittedBoundary {
+    /// Accuracy on the points it was fitted to.
+    pub training: f64,
+    /// The same as the mean over both classes.
+    pub training_balanced: f64,
+    /// Support vectors.
+    pub support_vectors: usize,
+    /// Accuracy on objects left out.
+    pub held_out: HeldOut,
+}
+
+/// One seed's map.
+pub struct GraspMap {
+    /// Indices of the grasps on the map.
+    pub sampled: Vec<usize>,
+    /// Where they are, in the same order.
+    pub places: Vec<[f64; 2]>,
+    /// The boundary in the plane of the map.
+    pub boundary: Boundary,
+    /// How well that boundary separates.
+    pub plane: FittedBoundary,
+    /// How well the one in the space of the components does.
+    pub components: FittedBoundary,
+}
+
+/// The maps of a set of grasps.
+pub struct GraspMaps {
+    /// Share of the variance that each component explains.
+    pub explained: Vec<f64>,
+    /// A map for each seed.
+    pub maps: Vec<GraspMap>,
+}
+
+/// Refuses grasps that leave no boundary to draw: it takes some of both broad types.
+pub fn check_both_classes(classification: &Classification) -> Result<(), BoundaryError> {
+    let [power, precision] = [Category::Power, Category::Precision].map(|category| classification.count(category));
+    if power == 0 || precision == 0 {
+        return Err(BoundaryError::OneClass { power, precision });
+    }
+    Ok(())
+}
+
+/// Normalised contact maps of all grasps. `distance` is the signed distance to an object, which is named by its index, of a
+/// point in the object's frame, m.
+pub fn contact_maps(
+    hand: &Hand,
+    classification: &Classification,
+    distance: impl Fn(usize, &Point3<f64>) -> f64 + Sync,
+    progress: &ProgressBar,
+) -> Vec<Vec<f64>> {
+    let points = hand_points(hand);
+    progress.set_length(classification.grasps.len() as u64);
+    if let Ok(style) = ProgressStyle::with_template("{bar:30} {pos}/{len} contact maps [{elapsed} < {eta}]") {
+        progress.set_style(style);
+    }
+    let mut maps: Vec<Vec<f64>> = classification
+        .grasps
+        .par_iter()
+        .map(|grasp| {
+            progress.inc(1);
+            contact_map(hand, &points, &grasp.grasp, |point| distance(grasp.object, point))
+        })
+        .collect();
+    progress.finish_and_clear();
+    normalize(&mut maps);
+    maps
+}
+
+impl GraspMaps {
+    /// Maps of the grasps of `classification`, whose contact maps are `contacts`.
+    pub fn of(
+        classification: &Classification,
+        contacts: &[Vec<f64>],
+        settings: &MapSettings,
+    ) -> Result<Self, MapError> {
+        let found = pca(contacts, COMPONENTS, settings.seed)?;
+        let maps = (0..settings.maps)
+            .into_par_iter()
+            .map(|n| draw(classification, contacts, &found.scores, settings.most, settings.seed + n))
+            .collect::<Result<_, _>>()?;
+        Ok(Self { explained: found.explained, maps })
+    }
+
+    /// Lowest and highest training accuracy in the plane over the seeds.
+    fn training(&self) -> (f64, f64) {
+        self.maps
+            .iter()
+            .map(|map| map.plane.training)
+            .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), x| (low.min(x), high.max(x)))
+    }
+
+    /// The figures as `map.json` has them; the seeds count up from `seed`.
+    pub fn json(&self, classification: &Classification, seed: u64) -> Value {
+        let figures: Vec<_> = self
+            .maps
+            .iter()
+            .enumerate()
+            .map(|(n, map)| json!({ "seed": seed + n as u64, "map": map.plane, "components": map.components }))
+            .collect();
+        let (low, high) = self.training();
+        let count = |category| classification.count(category);
+        json!({
+            "grasps": classification.grasps.len(), "sampled": self.maps.first().map_or(0, |map| map.sampled.len()),
+            "points": POINTS, "explained": self.explained, "power": count(Category::Power),
+            "precision": count(Category::Precision), "intermediate": count(Category::Intermediate),
+            "training_over_seeds": [low, high], "seeds": figures,
+        })
+    }
+
+    /// The figures in words; `grasps` is the number of all grasps.
+    pub fn text(&self, grasps: usize) -> String {
+        let Some(first) = self.maps.first() else { return String::new() };
+        let explained: f64 = self.explained.iter().sum();
+        let mut text = format!(
+            "{} of {grasps} grasps; six components explain {:.1} % of the variance\n",
+            first.sampled.len(),
+            100.0 * explained
+        );
+        for (name, fitted) in [("t-SNE map", &first.plane), ("six components", &first.components)] {
+            let out = &fitted.held_out;
+            let _ = writeln!(
+                text,
+                "{name:15} training {:.2} % (paper 81.54 % on its map), balanced {:.2} %; objects left out {:.2} % [{:.2}, {:.2}], balanced {:.2} %; \
+                 the larger class alone {:.2} %; {} support vectors",
+                100.0 * fitted.training,
+                100.0 * fitted.training_balanced,
+                100.0 * out.accuracy,
+                100.0 * out.interval[0],
+                100.0 * out.interval[1],
+                100.0 * out.balanced,
+                100.0 * out.majority,
+                fitted.support_vectors
+            );
+        }
+        let (low, high) = self.training();
+        let seeds = self.maps.len();
+        let _ = writeln!(
+            text,
+            "training accuracy on the map over {seeds} seeds: {:.2} to {:.2} %",
+            100.0 * low,
+            100.0 * high
+        );
+        text
+    }
+}
+
+fn draw(
+    classification: &Classification,
+    contacts: &[Vec<f64>],
+    scores: &[Vec<f64>],
+    most: usize,
+    seed: u64,
+) -> Result<GraspMap, MapError> {
+    let first = seed as usize % contacts.len();
+    let sampled = farthest_points(contacts, most, first);
+    let rows: Vec<Vec<f64>> = sampled.iter().map(|row| scores[*row].clone()).collect();
+    // Few grasps have fewer neighbours.
+    let perplexity = PERPLEXITY.min((sampled.len() as f64 - 1.0) / 3.5);
+    let places = tsne(&rows, perplexity, ITERATIONS, seed)?;
+    let category = |row: usize| classification.category(&classification.grasps[row]);
+    let of_two: Vec<usize> = (0..sampled.len()).filter(|k| category(sampled[*k]) != Category::Intermediate).collect();
+    let power: Vec<bool> = of_two.iter().map(|k| category(sampled[*k]) == Category::Power).collect();
+    let object = |k: &usize| classification.object(&classification.grasps[sampled[*k]]);
+    let objects: Vec<&str> = of_two.iter().map(object).collect();
+    let fit = |points: Vec<Vec<f64>>| -> Result<(Boundary, FittedBoundary), MapError> {
+        let boundary = Boundary::fit(&points, &power)?;
+        let fitted = FittedBoundary {
+            training: boundary.accuracy(&points, &power),
+            training_balanced: boundary.balanced(&points, &power),
+            support_vectors: boundary.support(),
+            held_out: held_out(&points, &power, &objects, seed)?,
+        };
+        Ok((boundary, fitted))
+    };
+    let (boundary, plane) = fit(of_two.iter().map(|k| places[*k].to_vec()).collect())?;
+    let (_, components) = fit(of_two.iter().map(|k| rows[*k].clone()).collect())?;
+    Ok(GraspMap { sampled, places, boundary, plane, components })
+}

@@ -1,0 +1,140 @@
+//! What the rules say of a set of grasps: how many of each type, how many of them beyond doubt, as JSON and as a table.
+
+use std::fmt::Write as _;
+
+use serde_json::{Value, json};
+
+use crate::classification::Classification;
+use crate::raters::RaterPair;
+use crate::rules::Distribution;
+use crate::taxonomy::Category;
+
+/// Grasps of one type.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct TypeCount {
+    /// All for which it is the best type.
+    pub grasps: usize,
+    /// Those that meet all of its conditions.
+    pub fit: usize,
+    /// Those for which the decision is not ambiguous.
+    pub clear: usize,
+}
+
+/// Counts of a classification.
+pub struct Summary {
+    /// By object and type.
+    pub distribution: Distribution,
+    /// By type, in the order of the taxonomy.
+    pub types: Vec<TypeCount>,
+    /// Power, intermediate, precision.
+    pub categories: [usize; 3],
+    /// All grasps.
+    pub grasps: usize,
+    /// Grasps whose type is ambiguous.
+    pub ambiguous: usize,
+    /// Grasps that meet no type's conditions.
+    pub unfit: usize,
+}
+
+impl Summary {
+    /// Counts `classification`.
+    pub fn of(classification: &Classification) -> Self {
+        let (taxonomy, grasps) = (&classification.taxonomy, &classification.grasps);
+        let decisions = grasps.iter().map(|grasp| (classification.object(grasp), &grasp.decision));
+        let distribution = Distribution::of(taxonomy, decisions);
+        let totals = distribution.totals();
+        let types = (0..taxonomy.types.len()).map(|kind| {
+            let own = || grasps.iter().map(|grasp| &grasp.decision).filter(|decision| decision.kind == kind);
+            TypeCount {
+                grasps: totals.get(kind).copied().unwrap_or(0),
+                fit: own().filter(|decision| decision.margin >= 0.0).count(),
+                clear: own().filter(|decision| !decision.ambiguous).count(),
+            }
+        });
+        Self {
+            types: types.collect(),
+            categories: distribution.categories(taxonomy),
+            grasps: grasps.len(),
+            ambiguous: distribution.ambiguous.iter().sum(),
+            unfit: grasps.iter().filter(|grasp| grasp.decision.margin < 0.0).count(),
+            distribution,
+        }
+    }
+
+    fn types_with(&self, count: impl Fn(&TypeCount) -> usize) -> usize {
+        self.types.iter().filter(|kind| count(kind) > 0).count()
+    }
+
+    /// Types of which there is a grasp.
+    pub fn present(&self) -> usize {
+        self.types_with(|kind| kind.grasps)
+    }
+
+    /// The summary, every decision and the raters' agreement, as `classes.json` has them.
+    pub fn json(&self, classification: &Classification, agreement: &[RaterPair]) -> Value {
+        let kinds = &classification.taxonomy.types;
+        let types: Vec<_> = kinds
+            .iter()
+            .zip(&self.types)
+            .map(|(kind, count)| {
+                json!({
+                    "name": kind.name, "category": kind.category, "grasps": count.grasps, "fit": count.fit,
+                    "clear": count.clear,
+                })
+            })
+            .collect();
+        let decisions: Vec<_> = classification
+            .grasps
+            .iter()
+            .map(|grasp| {
+                let decision = &grasp.decision;
+                json!({
+                    "id": grasp.id, "type": classification.type_name(grasp), "category": classification.category(grasp),
+                    "margin": rounded(decision.margin), "ambiguous": decision.ambiguous,
+                    "second": kinds[decision.second.0].name, "second_margin": rounded(decision.second.1),
+                })
+            })
+            .collect();
+        let [power, intermediate, precision] = self.categories;
+        json!({
+            "grasps": self.grasps, "objects": self.distribution.objects.len(), "types_present": self.present(),
+            "types_fitted": self.types_with(|kind| kind.fit), "types_clear": self.types_with(|kind| kind.clear),
+            "ambiguous": self.ambiguous, "fit_no_type": self.unfit,
+            "categories": { "power": power, "intermediate": intermediate, "precision": precision },
+            "types": types, "by_object": self.distribution, "agreement": agreement, "decisions": decisions,
+        })
+    }
+
+    /// The counts as a table, a line a type.
+    pub fn table(&self, classification: &Classification) -> String {
+        let mut text = format!(
+            "{} grasps of {} objects: {} of 19 types present, {} by grasps that meet all conditions, {} by clear ones\n",
+            self.grasps,
+            self.distribution.objects.len(),
+            self.present(),
+            self.types_with(|kind| kind.fit),
+            self.types_with(|kind| kind.clear)
+        );
+        let _ = writeln!(text, "{:24} {:13} {:>7} {:>7} {:>7}", "type", "category", "grasps", "fit", "clear");
+        for (kind, count) in classification.taxonomy.types.iter().zip(&self.types) {
+            let (name, category) = (&kind.name, kind.category.name());
+            let _ = writeln!(text, "{name:24} {category:13} {:>7} {:>7} {:>7}", count.grasps, count.fit, count.clear);
+        }
+        let share = |count: usize| 100.0 * count as f64 / self.grasps as f64;
+        for (category, count) in Category::ALL.iter().zip(self.categories) {
+            let _ = writeln!(text, "{:24} {:13} {count:>7} ({:.1} %)", "all", category.name(), share(count));
+        }
+        let (ambiguous, unfit) = (self.ambiguous, self.unfit);
+        let _ = writeln!(
+            text,
+            "ambiguous {ambiguous} ({:.1} %), of them {unfit} fit no type's conditions",
+            share(ambiguous)
+        );
+        text
+    }
+}
+
+/// To three digits; a type that is out of the question has -99.
+fn rounded(margin: f64) -> f64 {
+    (margin.max(-99.0) * 1e3).round() / 1e3
+}
