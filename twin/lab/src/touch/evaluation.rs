@@ -1,15 +1,14 @@
 //! How accurate touch is, from images to poses, and how long it takes: on simulated grasps, on unseen shapes, under changed
-//! optics, and on a real sensor.
+//! optics, and on a real sensor. [`json`] and [`table`] show the result.
 
-mod json;
-mod table;
+pub mod json;
+pub mod table;
 
 use anyhow::Result;
 use bench::builtin::{HAND_UNIT, look_up_touch};
 use bench::networks::{IN_USE, Method, Networks};
 use bench::trial::{Bench, HeldGrasp};
 use serde::Serialize;
-use serde_json::Value;
 
 use super::images::{Change, Eyes};
 use super::normals::{Measured, RealRow, Sampled, measure, unseen};
@@ -39,16 +38,6 @@ pub struct ChangedOptics {
 }
 
 impl TouchEvaluation {
-    /// Everything measured, as JSON.
-    pub fn to_json(&self, seed: u64) -> Result<Value> {
-        json::whole(self, seed)
-    }
-
-    /// Everything measured, as text.
-    pub fn table(&self) -> String {
-        table::whole(self)
-    }
-
     /// In which respect poses fall short.
     pub fn shortfall(&self) -> Option<String> {
         let found = spread(&self.felt, PoseSource::Touch, |felt| felt.class == Class::Irregular).mm;

@@ -7,7 +7,7 @@ use bench::builtin::{HAND_UNIT, make_bench};
 use bench::networks::Networks;
 use clap::Args;
 use indicatif::{ProgressBar, ProgressStyle};
-use lab::touch::evaluation::{TouchEvaluation, under_changes};
+use lab::touch::evaluation::{TouchEvaluation, json, table, under_changes};
 use lab::touch::grasps::{Played, grasps};
 use lab::touch::images::{Change, Eyes};
 use lab::touch::normals::real;
@@ -82,9 +82,9 @@ pub fn eval(terminal: &Terminal, args: &EvalArgs) -> Outcome {
     let changed = under_changes(&bench, &networks, &grasps, args.changed)?;
     let found = TouchEvaluation { felt, changed, real };
     if terminal.json {
-        println!("{}", found.to_json(terminal.seed)?);
+        println!("{}", json::to_json(&found, terminal.seed)?);
     } else {
-        print!("{}", found.table());
+        print!("{}", table::to_text(&found));
     }
     Ok(found.shortfall())
 }

@@ -11,7 +11,8 @@ use super::{TouchEvaluation, of_method, steps};
 use crate::touch::normals::{Measured, RealRow};
 use crate::touch::poses::{Class, FeltGrasp, PoseSource, causes, spread};
 
-pub fn whole(found: &TouchEvaluation, seed: u64) -> Result<Value> {
+/// Everything measured.
+pub fn to_json(found: &TouchEvaluation, seed: u64) -> Result<Value> {
     let rows = found.as_built();
     let ratios: Vec<f64> = found.felt.iter().map(|felt| felt.ratio).collect();
     Ok(json!({

@@ -11,7 +11,8 @@ use crate::touch::poses::{Causes, Class, FAR, FeltGrasp, PoseSource, Spread, cau
 
 const SOURCES: [PoseSource; 3] = [PoseSource::Plan, PoseSource::Points, PoseSource::Touch];
 
-pub fn whole(found: &TouchEvaluation) -> String {
+/// Everything measured.
+pub fn to_text(found: &TouchEvaluation) -> String {
     let TouchEvaluation { felt, changed, real } = found;
     let normals = normals(found.as_built(), real.as_deref());
     let poses = [poses(felt), error_causes(felt)].join("\n");
