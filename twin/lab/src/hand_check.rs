@@ -1,10 +1,9 @@
 //! `ftac hand check`: the body's figures beside the paper's, each with its method, its tolerance and a picture.
 //!
-//! [`row`] is what a check says; [`figures`] counts and measures the model, [`public_model`] compares its frames to another
+//! A check is a list of [`row`]s. [`figures`] counts and measures the model, [`public_model`] compares its frames with another
 //! group's model of this hand; [`kapandji`], [`closing_force`], [`dumbbell`] and [`flexion`] run the hand in physics on a
-//! test stand, moved by its six servos and nothing else. [`feix`] tries the 33 grasp
-//! types; [`engine`] sweeps the engine's settings; [`second_engine`] writes scenes
-//! for another engine.
+//! test stand, moved by its six servos alone. [`feix`] tries the 33 grasp types; [`engine`] sweeps the engine's settings;
+//! [`second_engine`] writes scenes for another engine.
 
 pub mod closing_force;
 pub mod dumbbell;
@@ -25,25 +24,23 @@ use hand_model::Hand;
 
 pub use row::{Row, Verdict};
 
-/// What to check and where pictures go.
-pub struct Options<'a> {
-    /// Folder of the public model.
+/// What `ftac hand check` compares with, and where pictures go.
+pub struct CheckOptions<'a> {
     pub public_model: &'a Path,
     /// Folder for the pictures; none are drawn without.
     pub out: Option<&'a Path>,
-    /// Seed of everything random.
     pub seed: u64,
 }
 
 /// All rows of the check, in order.
-pub fn run(hand: &Arc<Hand>, options: &Options<'_>) -> Result<Vec<Row>> {
+pub fn run(hand: &Arc<Hand>, options: &CheckOptions<'_>) -> Result<Vec<Row>> {
     if let Some(folder) = options.out {
         std::fs::create_dir_all(folder).with_context(|| folder.display().to_string())?;
     }
     let mut rows = figures::rows(hand);
     rows.push(figures::coverage(hand, options.out)?);
     rows.push(public_model::row(hand, options.public_model, options.seed)?);
-    rows.push(kapandji::row(hand, options)?);
+    rows.push(kapandji::row(hand, options.out, options.seed)?);
     rows.extend(closing_force::rows(hand, options.out)?);
     rows.push(dumbbell::row(hand, options.out)?);
     rows.extend(flexion::rows(hand, options.out)?);

@@ -1,6 +1,12 @@
-//! Touch on known presses and grasps: calibration, normals, in-hand poses.
+//! Touch on known presses and grasps: what it is trained on, and how accurate normals and in-hand poses are.
+//!
+//! [`shapes`] presses known shapes into simulated pads, [`real`] reads presses of a real sensor. [`calibration`] fits the
+//! photometric model and [`training`] the network to them; [`normals`] measures both. [`grasps`] plays first grasps,
+//! [`images`] shows them under changed optics, [`poses`] compares the felt pose with the true one, and [`pictures`] draws it.
+//! [`evaluation`] brings all of it together.
 
 pub mod calibration;
+pub mod evaluation;
 pub mod grasps;
 pub mod images;
 pub mod normals;
@@ -8,3 +14,4 @@ pub mod pictures;
 pub mod poses;
 pub mod real;
 pub mod shapes;
+pub mod training;

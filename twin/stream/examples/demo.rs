@@ -45,6 +45,24 @@ fn image(depth: f64, place: [f64; 2]) -> (TactileImage, Vec<f32>) {
     (TactileImage { rgb }, heights)
 }
 
+/// Signals at time `t` (s) of a hand that is closed by the share `close`; `off` is how far the pose estimate is still off.
+fn signals(t: f64, close: f64, joints: [f64; 15], arm: [f64; 7], off: Option<f64>) -> SignalFrame {
+    let ripple = |i: usize| 0.4 * (t * 5.0 + i as f64).sin();
+    SignalFrame {
+        tensions: Some(std::array::from_fn(|i| 12.0 * close + ripple(i))),
+        currents: Some(std::array::from_fn(|i| 0.2 * close + 0.02 * ripple(i))),
+        joint_angles: Some(joints),
+        arm_angles: Some(arm),
+        pad_forces: Some(std::array::from_fn(|pad| force(close, pad))),
+        pose_errors: vec![off.map(|off| PoseError { mm: 12.0 * off + 4.0 + ripple(0), deg: 17.0 * off })],
+    }
+}
+
+/// Force on a pad, N: every third one is touched once the hand is nearly closed.
+fn force(close: f64, pad: usize) -> f64 {
+    if close > 0.6 && pad % 3 == 1 { (close - 0.6) * (1.0 + 0.2 * pad as f64) } else { 0.0 }
+}
+
 fn main() -> Result<(), Box<dyn Error>> {
     let mut arguments = std::env::args().skip(1);
     let path = arguments.next().unwrap_or_else(|| "demo.rrd".to_owned());
@@ -94,33 +112,20 @@ fn main() -> Result<(), Box<dyn Error>> {
         let known = s > 0.2 && s < 0.9;
         recorder.log_estimate("ball", known.then(|| held * off).as_ref())?;
         let pads = hand.pad_poses(&links);
-        let touched: Vec<usize> = (0..hand.pads.len()).filter(|pad| pad % 3 == 1).collect();
-        let force = |pad: usize| {
-            if close > 0.6 && touched.contains(&pad) { (close - 0.6) * (1.0 + 0.2 * pad as f64) } else { 0.0 }
-        };
-        let on: Vec<usize> = touched.iter().copied().filter(|pad| force(*pad) > 0.0).collect();
+        let on: Vec<usize> = (0..hand.pads.len()).filter(|pad| force(close, *pad) > 0.0).collect();
         let points: Vec<_> = on.iter().map(|pad| palm * pads[*pad] * Point3::origin()).collect();
-        let forces: Vec<_> = on.iter().map(|pad| palm * pads[*pad] * Vector3::z() * force(*pad)).collect();
+        let forces: Vec<_> = on.iter().map(|pad| palm * pads[*pad] * Vector3::z() * force(close, *pad)).collect();
         recorder.log_contacts(&points, &forces)?;
         if tick % 20 == 0 {
             for (camera, view) in hand.cameras.iter().enumerate() {
                 let wobble = 0.15 * (t * 2.0 + camera as f64).sin();
-                let (picture, heights) = image(force(view.pad).min(1.0), [wobble, 0.5 * wobble]);
+                let (picture, heights) = image(force(close, view.pad).min(1.0), [wobble, 0.5 * wobble]);
                 recorder.log_tactile(camera, &picture)?;
                 recorder.log_height(camera, &heights, IMAGE_SIZE, IMAGE_SIZE)?;
             }
         }
-        let ripple = |i: usize| 0.4 * (t * 5.0 + i as f64).sin();
-        recorder.log_scalars(&SignalFrame {
-            tensions: Some(std::array::from_fn(|i| 12.0 * close + ripple(i))),
-            currents: Some(std::array::from_fn(|i| 0.2 * close + 0.02 * ripple(i))),
-            joint_angles: Some(angles),
-            arm_angles: Some(q),
-            pad_forces: Some(std::array::from_fn(force)),
-            pose_errors: vec![
-                known.then(|| PoseError { mm: 12.0 * (1.0 - close) + 4.0 + ripple(0), deg: 17.0 * (1.0 - close) }),
-            ],
-        })?;
+        let pose_error = known.then_some(1.0 - close);
+        recorder.log_scalars(&signals(t, close, angles, q, pose_error))?;
     }
     recorder.log_outcome("success: ball held 3 s, lifted 0.15 m")?;
     recorder.finish()?;

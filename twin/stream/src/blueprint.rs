@@ -20,7 +20,8 @@ use rerun::log::LogMsg;
 use rerun::{AsComponents, EntityPath, RecordingStream, RecordingStreamBuilder, StoreKind};
 
 use crate::error::StreamError;
-use crate::{APPLICATION, SIM_TIME, entities, tactile};
+use crate::release::{APPLICATION, SIM_TIME};
+use crate::{entities, tactile};
 
 /// Where the 3D view looks from and to, world frame, m.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -37,7 +37,7 @@ pub enum StreamError {
     #[error(
         "no Rerun viewer found (looked at RERUN_BIN and PATH). Install it with\n    pip install rerun-sdk=={version}\nor\n    \
          cargo install rerun-cli --version {version} --locked",
-        version = crate::RERUN_VERSION
+        version = crate::release::RERUN_VERSION
     )]
     NoViewer,
     /// There is nothing to open.

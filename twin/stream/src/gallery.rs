@@ -90,11 +90,12 @@ pub fn write(
     let eye = Eye { position: eye.cast::<f32>().into(), target: center.cast::<f32>().into() };
     blueprint::send_gallery(&rec, eye)?;
     rec.log_static(entities::GALLERY, &rerun::ViewCoordinates::RIGHT_HAND_Y_UP())?;
+    let gallery = Gallery { rec: &rec, hand, object, mu };
     let mut story = format!("# {}: {} grasps\n", object.name, grasps.len());
     for (n, grasp) in grasps.iter().enumerate() {
         let place = Isometry3::translation(PITCH * (n % columns) as f64, -PITCH * (n / columns) as f64, 0.0);
         let root = entities::gallery(n, &grasp.name);
-        show(&rec, &root, &place, hand, object, mu, grasp)?;
+        gallery.show(&root, &place, grasp)?;
         story += &format!("\n## {}. {}\n\n{}\n", n + 1, grasp.name, grasp.text);
     }
     rec.log_static(entities::GALLERY_TEXT, &TextDocument::from_markdown(story))?;
@@ -103,34 +104,39 @@ pub fn write(
     Ok(())
 }
 
-fn show(
-    rec: &RecordingStream,
-    root: &str,
-    place: &Isometry3<f64>,
-    hand: &Hand,
-    object: &DrawnObject,
+/// What all grasps of a gallery share.
+struct Gallery<'a> {
+    rec: &'a RecordingStream,
+    hand: &'a Hand,
+    object: &'a DrawnObject,
+    /// Friction that the cones are drawn for.
     mu: f64,
-    grasp: &ShownGrasp,
-) -> Result<(), StreamError> {
-    rec.log_static(root, &transform(place))?;
-    log_hand_at(rec, &format!("{root}/hand"), hand, &grasp.joints)?;
-    let name = format!("{root}/object");
-    rec.log_static(name.as_str(), &transform(&grasp.palm_from_object))?;
-    rec.log_static(name.as_str(), &drawn(&object.mesh(), object.color, VEIL.0))?;
-    let at = |contact: &ShownContact| <[f32; 3]>::from(contact.point.coords.cast::<f32>());
-    let color = |contact: &ShownContact| link_color(contact.link);
-    let points = Points3D::new(grasp.contacts.iter().map(at)).with_radii([0.0018f32]);
-    rec.log_static(format!("{root}/contacts"), &points.with_colors(grasp.contacts.iter().map(color)))?;
-    let forces = grasp.contacts.iter().map(|contact| {
-        <[f32; 3]>::from((contact.normal.into_inner() * contact.force * METRES_PER_NEWTON).cast::<f32>())
-    });
-    let arrows = Arrows3D::from_vectors(forces).with_origins(grasp.contacts.iter().map(at));
-    rec.log_static(format!("{root}/forces"), &arrows.with_radii([0.0008f32]).with_colors([ARROW_COLOR]))?;
-    for (n, contact) in grasp.contacts.iter().enumerate() {
-        let cone = drawn(&friction_cone(contact, mu), color(contact), VEIL.1);
-        rec.log_static(format!("{root}/cones/{n}"), &cone)?;
+}
+
+impl Gallery<'_> {
+    /// Logs a grasp below `root`, the hand's palm at `place`.
+    fn show(&self, root: &str, place: &Isometry3<f64>, grasp: &ShownGrasp) -> Result<(), StreamError> {
+        let &Self { rec, hand, object, mu } = self;
+        rec.log_static(root, &transform(place))?;
+        log_hand_at(rec, &format!("{root}/hand"), hand, &grasp.joints)?;
+        let name = format!("{root}/object");
+        rec.log_static(name.as_str(), &transform(&grasp.palm_from_object))?;
+        rec.log_static(name.as_str(), &drawn(&object.mesh(), object.color, VEIL.0))?;
+        let at = |contact: &ShownContact| <[f32; 3]>::from(contact.point.coords.cast::<f32>());
+        let color = |contact: &ShownContact| link_color(contact.link);
+        let points = Points3D::new(grasp.contacts.iter().map(at)).with_radii([0.0018f32]);
+        rec.log_static(format!("{root}/contacts"), &points.with_colors(grasp.contacts.iter().map(color)))?;
+        let forces = grasp.contacts.iter().map(|contact| {
+            <[f32; 3]>::from((contact.normal.into_inner() * contact.force * METRES_PER_NEWTON).cast::<f32>())
+        });
+        let arrows = Arrows3D::from_vectors(forces).with_origins(grasp.contacts.iter().map(at));
+        rec.log_static(format!("{root}/forces"), &arrows.with_radii([0.0008f32]).with_colors([ARROW_COLOR]))?;
+        for (n, contact) in grasp.contacts.iter().enumerate() {
+            let cone = drawn(&friction_cone(contact, mu), color(contact), VEIL.1);
+            rec.log_static(format!("{root}/cones/{n}"), &cone)?;
+        }
+        Ok(())
     }
-    Ok(())
 }
 
 #[cfg(test)]

@@ -15,11 +15,12 @@ use crate::blueprint::{self, Eye};
 use crate::error::StreamError;
 use crate::mesh::DrawnObject;
 use crate::phase::{self, Level, TrialProperties};
+use crate::release::{APPLICATION, SIM_TIME, TICK};
 use crate::scene;
 use crate::signals::{self, SignalFrame};
 use crate::tactile;
 use crate::thin::{Moved, Pace};
-use crate::{APPLICATION, SIM_TIME, TICK, entities, viewer};
+use crate::{entities, viewer};
 
 /// Where a recording goes. Any number of targets at once, at most one of which should be live.
 #[derive(Debug, Clone, PartialEq, Eq)]

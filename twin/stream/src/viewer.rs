@@ -3,8 +3,8 @@
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
-use crate::RERUN_VERSION;
 use crate::error::StreamError;
+use crate::release::RERUN_VERSION;
 
 /// A viewer on this machine.
 #[derive(Debug, Clone, PartialEq, Eq)]

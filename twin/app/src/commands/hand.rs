@@ -94,24 +94,25 @@ fn hand_check(terminal: &Terminal, args: &CheckArgs) -> Outcome {
     if args.grasps {
         return hand_grasps(terminal, args, &hand);
     }
-    let options = check::Options { public_model: &args.public_model, out: args.out.as_deref(), seed: terminal.seed };
+    let options =
+        check::CheckOptions { public_model: &args.public_model, out: args.out.as_deref(), seed: terminal.seed };
     let rows = check::run(&hand, &options)?;
     show_rows(terminal, &rows, args.out.as_deref())
 }
 
 fn hand_grasps(terminal: &Terminal, args: &CheckArgs, hand: &Arc<Hand>) -> Outcome {
     let numbers: Vec<usize> = args.types.iter().map(|number| usize::from(*number)).collect();
-    let outcomes = check::feix::run(hand, terminal.seed, args.tries as usize, &numbers);
-    let text = serde_json::json!({ "seed": terminal.seed, "tries": args.tries, "types": outcomes });
+    let results = check::feix::run(hand, terminal.seed, args.tries as usize, &numbers);
+    let text = serde_json::json!({ "seed": terminal.seed, "tries": args.tries, "types": results });
     if let Some(folder) = &args.out {
-        check::feix::draw(hand, &outcomes, folder)?;
+        check::feix::draw(hand, &results, folder)?;
         report::write_whole(&folder.join("grasps.json"), serde_json::to_string_pretty(&text)?.as_bytes())?;
     }
     if terminal.json {
         println!("{text}");
     } else {
-        print!("{}", check::feix::table(&outcomes));
+        print!("{}", check::feix::table(&results));
     }
-    let held = outcomes.iter().filter(|outcome| outcome.held).count();
-    Ok((held < outcomes.len()).then(|| format!("{held} of {} grasp types are held", outcomes.len())))
+    let held = results.iter().filter(|result| result.held).count();
+    Ok((held < results.len()).then(|| format!("{held} of {} grasp types are held", results.len())))
 }

@@ -1,10 +1,7 @@
-//! `ftac optics`: tactile images, calibration to real sensors, and how good both are.
+//! `ftac optics`: renders tactile images, calibrates to real sensors, and evaluates both.
 
 mod calibrate;
 mod eval;
-mod exr;
-mod npy;
-mod pad_forces;
 mod pads;
 mod render;
 

@@ -10,6 +10,7 @@
 //! pass; the objects are ours to choose.
 
 mod aim;
+mod attempt;
 mod curl;
 mod opposed;
 mod search;
@@ -25,7 +26,7 @@ use nalgebra::{Isometry3, Point3};
 use rayon::prelude::*;
 use serde::Serialize;
 
-use self::aim::Attempt;
+use self::attempt::Attempt;
 use self::curl::Curls;
 use self::search::Found;
 use self::types::GraspType;
@@ -33,7 +34,7 @@ use report::picture::{Picture, View, save, tile};
 
 /// How a type came out.
 #[derive(Debug, Clone, Serialize)]
-pub struct Outcome {
+pub struct GraspTypeResult {
     /// 1 to 33.
     pub number: usize,
     /// Name in the taxonomy.
@@ -59,7 +60,7 @@ pub struct Outcome {
 }
 
 /// Tries types `tries` times: those with these numbers, or all where none is named.
-pub fn run(hand: &Arc<Hand>, seed: u64, tries: usize, numbers: &[usize]) -> Vec<Outcome> {
+pub fn run(hand: &Arc<Hand>, seed: u64, tries: usize, numbers: &[usize]) -> Vec<GraspTypeResult> {
     let curls = Curls::new(hand);
     let kinds: Vec<GraspType> =
         types::all().into_iter().filter(|kind| numbers.is_empty() || numbers.contains(&kind.number)).collect();
@@ -68,14 +69,14 @@ pub fn run(hand: &Arc<Hand>, seed: u64, tries: usize, numbers: &[usize]) -> Vec<
     kinds.par_iter().with_max_len(1).filter_map(search).collect()
 }
 
-fn outcome(kind: &GraspType, Found { tries, attempt, trial }: Found) -> Outcome {
+fn outcome(kind: &GraspType, Found { tries, attempt, trial }: Found) -> GraspTypeResult {
     let (formed, held) = (trial.formed(), trial.held());
     let reason = match (formed, held) {
         (false, _) => trial.faults.join(", "),
         (true, true) => String::new(),
         (true, false) => format!("lost with gravity towards {}", trial.lost.join(", ")),
     };
-    Outcome {
+    GraspTypeResult {
         number: kind.number,
         name: kind.name,
         formed,
@@ -91,7 +92,7 @@ fn outcome(kind: &GraspType, Found { tries, attempt, trial }: Found) -> Outcome 
 }
 
 /// A picture of each type's best attempt.
-pub fn draw(hand: &Arc<Hand>, outcomes: &[Outcome], folder: &Path) -> Result<()> {
+pub fn draw(hand: &Arc<Hand>, outcomes: &[GraspTypeResult], folder: &Path) -> Result<()> {
     std::fs::create_dir_all(folder)?;
     let types = types::all();
     let pictures: Vec<_> = outcomes
@@ -114,7 +115,7 @@ pub fn draw(hand: &Arc<Hand>, outcomes: &[Outcome], folder: &Path) -> Result<()>
 }
 
 /// The table as text.
-pub fn table(outcomes: &[Outcome]) -> String {
+pub fn table(outcomes: &[GraspTypeResult]) -> String {
     let mut text = String::new();
     for outcome in outcomes {
         let verdict = if outcome.held {
@@ -133,7 +134,7 @@ pub fn table(outcomes: &[Outcome]) -> String {
         }
         text.push('\n');
     }
-    let count = |test: fn(&Outcome) -> bool| outcomes.iter().filter(|outcome| test(outcome)).count();
+    let count = |test: fn(&GraspTypeResult) -> bool| outcomes.iter().filter(|outcome| test(outcome)).count();
     let (held, formed) = (count(|outcome| outcome.held), count(|outcome| outcome.formed));
     text += &format!("{held} of {} held, {formed} formed\n", outcomes.len());
     text

@@ -83,9 +83,27 @@ fn block(hand: &Hand, phalanx: usize) -> (Prop, Isometry3<f64>) {
     (prop, pose * Isometry3::translation(along, below, 0.0))
 }
 
-/// The rows.
+/// The rows; pictures go to `out`.
 pub fn rows(hand: &Arc<Hand>, out: Option<&Path>) -> Result<Vec<Row>> {
     let (free, stand) = pull(hand, None);
+    let mut rows = vec![free_row(hand, &free)];
+    let mut blocked = Vec::new();
+    for (phalanx, name) in [(0, "proximal"), (1, "middle")] {
+        let (path, stand) = pull(hand, Some(block(hand, phalanx)));
+        rows.push(blocked_row(&free, &path, phalanx, name));
+        blocked.push((name, path, stand));
+    }
+    if let Some(folder) = out {
+        draw(hand, &free, &stand, &blocked, &folder.join("flexion.png"))?;
+        for row in &mut rows {
+            row.picture = Some("flexion.png".into());
+        }
+    }
+    Ok(rows)
+}
+
+/// Free closing against static equilibrium with rubbing cables.
+fn free_row(hand: &Hand, free: &Path3) -> Row {
     let count = free.tension.iter().filter(|tension| **tension <= FREE_TENSION).count();
     let last = free.angles[free.angles.len() - 1];
     // The cable has been pulled in all along: every guide rubs against that.
@@ -101,76 +119,69 @@ pub fn rows(hand: &Arc<Hand>, out: Option<&Path>) -> Result<Vec<Row>> {
     }
     let monotone =
         free.angles[..count].windows(2).all(|pair| (0..3).all(|joint| pair[1][joint] > pair[0][joint] - 0.2));
-    let mut rows = vec![
-        Row::new(
-            "free flexion of a finger",
-            format!("MCP/PIP/DIP {:.0}/{:.0}/{:.0} deg", last[0], last[1], last[2]),
-            "0-90 deg, coordinated",
-            &format!(
-                "middle finger, tension raised evenly: up to {FREE_TENSION} N, where the tip meets the palm, all joints rise together \
-                 (monotone) and stay within {STATIC_TOLERANCE} deg of static equilibrium with rubbing cables (found \
-                 {difference:.1}); at {TENSION} N all are past {CLOSED} deg"
-            ),
-            Verdict::of(monotone && difference < STATIC_TOLERANCE && last.iter().all(|angle| *angle > CLOSED)),
-        )
-        .with(json!({ "tension_n": free.tension, "mcp_pip_dip_deg": free.angles })),
+    Row::new(
+        "free flexion of a finger",
+        format!("MCP/PIP/DIP {:.0}/{:.0}/{:.0} deg", last[0], last[1], last[2]),
+        "0-90 deg, coordinated",
+        &format!(
+            "middle finger, tension raised evenly: up to {FREE_TENSION} N, where the tip meets the palm, all joints rise together \
+             (monotone) and stay within {STATIC_TOLERANCE} deg of static equilibrium with rubbing cables (found \
+             {difference:.1}); at {TENSION} N all are past {CLOSED} deg"
+        ),
+        Verdict::of(monotone && difference < STATIC_TOLERANCE && last.iter().all(|angle| *angle > CLOSED)),
+    )
+    .with(json!({ "tension_n": free.tension, "mcp_pip_dip_deg": free.angles }))
+}
+
+/// A fixed block under a phalanx: the joints beyond it go on.
+fn blocked_row(free: &Path3, path: &Path3, phalanx: usize, name: &str) -> Row {
+    let end = path.angles[path.angles.len() - 1];
+    // The block is met where the blocked joint leaves its free path.
+    let met = (0..path.angles.len())
+        .find(|n| (path.angles[*n][phalanx] - free.angles[*n][phalanx]).abs() > 3.0)
+        .unwrap_or(path.angles.len() - 1);
+    let at = path.angles[met];
+    let stood = phalanx > 0 || (end[phalanx] - at[phalanx]).abs() < STOOD;
+    let went_on = (phalanx + 1..3).all(|joint| end[joint] - at[joint] > WENT_ON);
+    let ours = format!("{:.0}/{:.0}/{:.0} to {:.0}/{:.0}/{:.0} deg", at[0], at[1], at[2], end[0], end[1], end[2]);
+    Row::new(
+        &format!("{name} phalanx blocked"),
+        ours,
+        "semi-independent",
+        &format!(
+            "a fixed block under the {name} phalanx: MCP/PIP/DIP when it is met and at {TENSION} N; the joints beyond it go on by \
+             more than {WENT_ON} deg"
+        ),
+        Verdict::of(stood && went_on && met + 1 < path.angles.len()),
+    )
+    .with(json!({ "tension_n": path.tension, "mcp_pip_dip_deg": path.angles }))
+}
+
+/// Angles over tension, and the finger at the end, of free closing and of each block.
+fn draw(hand: &Hand, free: &Path3, stand: &HandStand, blocked: &[(&str, Path3, HandStand)], file: &Path) -> Result<()> {
+    let follow = |joint: usize| free.angles.iter().map(|a| [a[0], a[joint]]).collect();
+    let mut plots = vec![
+        Plot {
+            title: "free flexion: PIP and DIP over MCP".into(),
+            x: "MCP [deg]".into(),
+            y: "[deg]".into(),
+            lines: vec![("PIP".into(), follow(1)), ("DIP".into(), follow(2))],
+        }
+        .draw(),
     ];
-    let mut blocked = Vec::new();
-    for (phalanx, name) in [(0, "proximal"), (1, "middle")] {
-        let (path, stand) = pull(hand, Some(block(hand, phalanx)));
-        let end = path.angles[path.angles.len() - 1];
-        // The block is met where the blocked joint leaves its free path.
-        let met = (0..path.angles.len())
-            .find(|n| (path.angles[*n][phalanx] - free.angles[*n][phalanx]).abs() > 3.0)
-            .unwrap_or(path.angles.len() - 1);
-        let at = path.angles[met];
-        let stood = phalanx > 0 || (end[phalanx] - at[phalanx]).abs() < STOOD;
-        let went_on = (phalanx + 1..3).all(|joint| end[joint] - at[joint] > WENT_ON);
-        let ours = format!("{:.0}/{:.0}/{:.0} to {:.0}/{:.0}/{:.0} deg", at[0], at[1], at[2], end[0], end[1], end[2]);
-        rows.push(
-            Row::new(
-                &format!("{name} phalanx blocked"),
-                ours,
-                "semi-independent",
-                &format!(
-                    "a fixed block under the {name} phalanx: MCP/PIP/DIP when it is met and at {TENSION} N; the joints beyond it go on by \
-                     more than {WENT_ON} deg"
-                ),
-                Verdict::of(stood && went_on && met + 1 < path.angles.len()),
-            )
-            .with(json!({ "tension_n": path.tension, "mcp_pip_dip_deg": path.angles })),
-        );
-        blocked.push((name, path, stand));
-    }
-    if let Some(folder) = out {
-        let follow = |joint: usize| free.angles.iter().map(|a| [a[0], a[joint]]).collect();
-        let mut plots = vec![
-            Plot {
-                title: "free flexion: PIP and DIP over MCP".into(),
-                x: "MCP [deg]".into(),
-                y: "[deg]".into(),
-                lines: vec![("PIP".into(), follow(1)), ("DIP".into(), follow(2))],
-            }
-            .draw(),
-        ];
-        let side = View { width: 0.18, center: nalgebra::Point3::new(0.015, 0.02, 0.0), ..View::thumb_side() };
+    let side = View { width: 0.18, center: nalgebra::Point3::new(0.015, 0.02, 0.0), ..View::thumb_side() };
+    let mut picture = Picture::new(420, View { eye: Vector3::x(), ..side });
+    picture.hand(hand, &stand.angles());
+    let mut pictures = vec![picture.finish("free, 18 N: the tip is at the palm")];
+    for (name, path, stand) in blocked {
+        let mut all = lines(free, " free");
+        all.extend(lines(path, " blocked"));
+        let title = format!("{name} phalanx blocked");
+        plots.push(Plot { title: title.clone(), x: "tension [N]".into(), y: "[deg]".into(), lines: all }.draw());
         let mut picture = Picture::new(420, View { eye: Vector3::x(), ..side });
-        picture.hand(hand, &stand.angles());
-        let mut pictures = vec![picture.finish("free, 18 N: the tip is at the palm")];
-        for (name, path, stand) in &blocked {
-            let mut all = lines(&free, " free");
-            all.extend(lines(path, " blocked"));
-            let title = format!("{name} phalanx blocked");
-            plots.push(Plot { title: title.clone(), x: "tension [N]".into(), y: "[deg]".into(), lines: all }.draw());
-            let mut picture = Picture::new(420, View { eye: Vector3::x(), ..side });
-            picture.stand(stand);
-            pictures.push(picture.finish(&title));
-        }
-        plots.extend(pictures);
-        save(&tile(&plots, 3), &folder.join("flexion.png"))?;
-        for row in &mut rows {
-            row.picture = Some("flexion.png".into());
-        }
+        picture.stand(stand);
+        pictures.push(picture.finish(&title));
     }
-    Ok(rows)
+    plots.extend(pictures);
+    save(&tile(&plots, 3), file)
 }

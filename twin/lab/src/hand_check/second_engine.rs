@@ -40,7 +40,7 @@ struct Phase {
     opposition: f64,
 }
 
-struct Trial {
+struct StandTest {
     name: &'static str,
     prop: Option<(Prop, Isometry3<f64>)>,
     phases: Vec<Phase>,
@@ -52,30 +52,48 @@ struct Trial {
     let_go: bool,
 }
 
-fn trials(hand: &Hand) -> Vec<Trial> {
+impl StandTest {
+    /// All digits close on `prop` at a tension (N) with the thumb opposed (rad).
+    fn closing(name: &'static str, prop: Prop, place: Isometry3<f64>, tension: f64, opposition: f64) -> Self {
+        let phases = vec![
+            Phase { seconds: 0.6, tensions: [0.0; 5], opposition },
+            Phase { seconds: 2.4, tensions: [tension; 5], opposition },
+        ];
+        Self { name, prop: Some((prop, place)), phases, gripping: Vec::new(), gravity: Vector3::zeros(), let_go: false }
+    }
+
+    /// The same, let go of after another second and held against gravity out of the palm.
+    fn holding(name: &'static str, prop: Prop, place: Isometry3<f64>, tension: f64, opposition: f64) -> Self {
+        Self {
+            gripping: vec![Phase { seconds: 1.0, tensions: [tension; 5], opposition }],
+            gravity: Vector3::new(0.0, 0.0, -9.81),
+            let_go: true,
+            ..Self::closing(name, prop, place, tension, opposition)
+        }
+    }
+}
+
+fn stand_tests(hand: &Hand) -> Vec<StandTest> {
     let skin = hand.palm_cover.link_from_cover.translation.z - hand.palm_cover.half.z;
     let across = UnitQuaternion::from_axis_angle(&Vector3::y_axis(), std::f64::consts::FRAC_PI_2);
     let under = |x: f64, y: f64, half: f64, turn: UnitQuaternion<f64>| {
         Isometry3::from_parts(Vector3::new(x, y, skin - half - 5e-4).into(), turn)
     };
-    let close = |tension: f64, opposition: f64| {
-        vec![
-            Phase { seconds: 0.6, tensions: [0.0; 5], opposition },
-            Phase { seconds: 2.4, tensions: [tension; 5], opposition },
-        ]
-    };
-    let grip = |tension: f64, opposition: f64| vec![Phase { seconds: 1.0, tensions: [tension; 5], opposition }];
-    let gripping = dumbbell::gripping().into_iter();
     let ball = Prop::new("ball", Shape::Sphere { radius: 0.03 }, 0.06, 0.8);
     let cylinder = Prop::new("cylinder", Shape::Cylinder { radius: 0.025, half_height: 0.06 }, 0.3, 0.8);
     let half = Vector3::new(0.045, 0.022, 0.022);
     let block = Prop::new("box", Shape::Cuboid { half, radius: 0.002 }, 0.2, 0.8);
-    let down = Vector3::new(0.0, 0.0, -9.81);
+    let (at_ball, at_cylinder, at_block) = (
+        under(0.0, 0.0, 0.03, UnitQuaternion::identity()),
+        under(0.0, -0.005, 0.025, across),
+        under(0.0, -0.003, 0.022, UnitQuaternion::identity()),
+    );
     // Without friction there is one place to come to rest, and it does not depend on the way there.
     let slick = |prop: &Prop| Prop { friction: 0.0, ..prop.clone() };
     let (slick_cylinder, slick_box) = (slick(&cylinder), slick(&block));
+    let gripping = dumbbell::gripping().into_iter();
     vec![
-        Trial {
+        StandTest {
             name: "free",
             prop: None,
             phases: vec![
@@ -84,34 +102,13 @@ fn trials(hand: &Hand) -> Vec<Trial> {
                 Phase { seconds: 1.5, tensions: [0.0; 5], opposition: 0.0 },
             ],
             gripping: Vec::new(),
-            gravity: down,
+            gravity: Vector3::new(0.0, 0.0, -9.81),
             let_go: true,
         },
-        Trial {
-            name: "ball",
-            prop: Some((ball, under(0.0, 0.0, 0.03, UnitQuaternion::identity()))),
-            phases: close(15.0, 1.1),
-            gripping: grip(15.0, 1.1),
-            gravity: down,
-            let_go: true,
-        },
-        Trial {
-            name: "cylinder",
-            prop: Some((cylinder, under(0.0, -0.005, 0.025, across))),
-            phases: close(20.0, 1.0),
-            gripping: grip(20.0, 1.0),
-            gravity: down,
-            let_go: true,
-        },
-        Trial {
-            name: "box",
-            prop: Some((block, under(0.0, -0.003, 0.022, UnitQuaternion::identity()))),
-            phases: close(20.0, 1.0),
-            gripping: grip(20.0, 1.0),
-            gravity: down,
-            let_go: true,
-        },
-        Trial {
+        StandTest::holding("ball", ball, at_ball, 15.0, 1.1),
+        StandTest::holding("cylinder", cylinder, at_cylinder, 20.0, 1.0),
+        StandTest::holding("box", block, at_block, 20.0, 1.0),
+        StandTest {
             name: "dumbbell",
             prop: Some((dumbbell::prop(), dumbbell::place(hand))),
             phases: vec![Phase { seconds: 2.0, tensions: dumbbell::tensions(), opposition: 0.0 }],
@@ -119,36 +116,22 @@ fn trials(hand: &Hand) -> Vec<Trial> {
             gravity: Vector3::new(0.0, 9.81, 0.0),
             let_go: true,
         },
-        Trial {
-            name: "slick cylinder",
-            prop: Some((slick_cylinder, under(0.0, -0.005, 0.025, across))),
-            phases: close(20.0, 1.0),
-            gripping: Vec::new(),
-            gravity: Vector3::zeros(),
-            let_go: false,
-        },
-        Trial {
-            name: "slick box",
-            prop: Some((slick_box, under(0.0, -0.003, 0.022, UnitQuaternion::identity()))),
-            phases: close(20.0, 1.0),
-            gripping: Vec::new(),
-            gravity: Vector3::zeros(),
-            let_go: false,
-        },
+        StandTest::closing("slick cylinder", slick_cylinder, at_cylinder, 20.0, 1.0),
+        StandTest::closing("slick box", slick_box, at_block, 20.0, 1.0),
     ]
 }
 
-fn file(trial: &str) -> String {
-    format!("{}.xml", trial.replace(' ', "_"))
+fn file(name: &str) -> String {
+    format!("{}.xml", name.replace(' ', "_"))
 }
 
-/// Runs a trial in our engine: the motion, what came of it, and the time of a step.
-fn ours(hand: &Arc<Hand>, trial: &Trial, settings: EngineSettings) -> Value {
+/// Runs a test in our engine: the motion, what came of it, and the time of a step.
+fn ours(hand: &Arc<Hand>, test: &StandTest, settings: EngineSettings) -> Value {
     // MuJoCo's tendons have the same tension all along.
     let mut stand = HandStand::with_friction(hand.clone(), settings, CableFriction::NONE);
-    let prop = trial.prop.as_ref().map(|(prop, pose)| stand.put(prop.clone(), pose));
+    let prop = test.prop.as_ref().map(|(prop, pose)| stand.put(prop.clone(), pose));
     if prop.is_none() {
-        stand.set_gravity(&trial.gravity);
+        stand.set_gravity(&test.gravity);
     }
     let mut motion = vec![stand.angles().to_vec()];
     let mut wall = 0.0;
@@ -161,18 +144,18 @@ fn ours(hand: &Arc<Hand>, trial: &Trial, settings: EngineSettings) -> Value {
             motion.push(stand.angles().to_vec());
         }
     };
-    for phase in &trial.phases {
+    for phase in &test.phases {
         advance(&mut stand, phase, phase.seconds);
     }
     let sum = |stand: &HandStand| stand.contacts().iter().map(|contact| contact.force.norm()).sum::<f64>();
     let closed = sum(&stand);
     let mut result = json!({ "closing_force_n": closed });
-    if let (true, Some(prop), Some(last)) = (trial.let_go, prop, trial.phases.last()) {
+    if let (true, Some(prop), Some(last)) = (test.let_go, prop, test.phases.last()) {
         stand.release(prop);
-        for phase in &trial.gripping {
+        for phase in &test.gripping {
             advance(&mut stand, phase, phase.seconds);
         }
-        stand.set_gravity(&trial.gravity);
+        stand.set_gravity(&test.gravity);
         advance(&mut stand, last, SETTLE);
         let before = stand.pose(prop).translation.vector;
         advance(&mut stand, last, HOLD);
@@ -191,24 +174,24 @@ fn ours(hand: &Arc<Hand>, trial: &Trial, settings: EngineSettings) -> Value {
     json!({ "angles": motion, "result": result, "step_us": wall / steps * 1e6 })
 }
 
-/// What the second engine needs to run a trial, and what ours found: with the settings of trials, and with [`FINE`] ones.
-fn run(hand: &Arc<Hand>, trial: &Trial) -> Value {
+/// What the second engine needs to run a test, and what ours found: with the settings of trials, and with [`FINE`] ones.
+fn run(hand: &Arc<Hand>, test: &StandTest) -> Value {
     let settings = EngineSettings::default();
     let told =
         |phase: &Phase| json!({ "seconds": phase.seconds, "tensions": phase.tensions, "opposition": phase.opposition });
     json!({
-        "name": trial.name,
-        "model": file(trial.name),
-        "prop": trial.prop.as_ref().map(|(prop, _)| prop.name.clone()),
-        "prop_mass": trial.prop.as_ref().map(|(prop, _)| prop.mass),
-        "gravity": trial.gravity.as_slice(),
-        "let_go": trial.let_go,
-        "phases": trial.phases.iter().map(told).collect::<Vec<_>>(),
-        "gripping": trial.gripping.iter().map(told).collect::<Vec<_>>(),
+        "name": test.name,
+        "model": file(test.name),
+        "prop": test.prop.as_ref().map(|(prop, _)| prop.name.clone()),
+        "prop_mass": test.prop.as_ref().map(|(prop, _)| prop.mass),
+        "gravity": test.gravity.as_slice(),
+        "let_go": test.let_go,
+        "phases": test.phases.iter().map(told).collect::<Vec<_>>(),
+        "gripping": test.gripping.iter().map(told).collect::<Vec<_>>(),
         "settle": SETTLE,
         "hold": HOLD,
-        "ours": ours(hand, trial, settings),
-        "fine": ours(hand, trial, EngineSettings { solver_iterations: FINE, ..settings }),
+        "ours": ours(hand, test, settings),
+        "fine": ours(hand, test, EngineSettings { solver_iterations: FINE, ..settings }),
     })
 }
 
@@ -273,13 +256,13 @@ pub fn export(hand: &Arc<Hand>, folder: &Path) -> Result<()> {
     std::fs::create_dir_all(folder).with_context(|| folder.display().to_string())?;
     let settings = EngineSettings::default();
     let mut scenes = Vec::new();
-    for trial in trials(hand) {
-        let props: Vec<_> = trial.prop.iter().cloned().collect();
+    for test in stand_tests(hand) {
+        let props: Vec<_> = test.prop.iter().cloned().collect();
         // What is held in place feels no gravity; it is turned on with the release.
-        let gravity = if trial.prop.is_some() { Vector3::zeros() } else { trial.gravity };
+        let gravity = if test.prop.is_some() { Vector3::zeros() } else { test.gravity };
         let scene = Scene { hand, arm: None, props: &props, gravity, dt: settings.dt };
-        write_whole(&folder.join(file(trial.name)), mjcf::write(&scene).as_bytes())?;
-        scenes.push(run(hand, &trial));
+        write_whole(&folder.join(file(test.name)), mjcf::write(&scene).as_bytes())?;
+        scenes.push(run(hand, &test));
     }
     let servo = hand.parameters.servo;
     let cable = hand.parameters.cable;

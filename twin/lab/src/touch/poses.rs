@@ -17,7 +17,7 @@ use bench::trial::{Bench, HeldGrasp};
 /// What a pose is made from.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
-pub enum Source {
+pub enum PoseSource {
     /// Where the plan has the object.
     Plan,
     /// Servos and felt points: no normals, no absence of touch.
@@ -27,7 +27,7 @@ pub enum Source {
 }
 
 /// A grasp as it was felt.
-pub struct Felt {
+pub struct FeltGrasp {
     /// What was held.
     pub object: String,
     /// Kind of object.
@@ -121,7 +121,7 @@ pub fn feel(
     pipeline: &TouchPipeline,
     grasps: &[HeldGrasp],
     mut seen: impl FnMut(),
-) -> Result<Vec<Felt>> {
+) -> Result<Vec<FeltGrasp>> {
     let mut points_only = pipeline.clone();
     points_only.pose = PoseOptions { use_clear: false, sigma_normal: f64::INFINITY, ..pipeline.pose };
     grasps
@@ -143,7 +143,7 @@ pub fn feel(
             seen();
             let poses = [grasp.expected, points.palm_from_object, estimate.palm_from_object];
             let errors = poses.map(|pose| apart(object, &pose, &grasp.truth));
-            Ok(Felt {
+            Ok(FeltGrasp {
                 object: object.name.clone(),
                 class: Class::of(object),
                 errors,
@@ -185,11 +185,12 @@ pub struct Causes {
 pub const FAR: f64 = 2.0;
 
 /// Causes among the grasps that `pick` takes.
-pub fn causes(felt: &[Felt], pick: impl Fn(&Felt) -> bool) -> Causes {
-    let picked: Vec<&Felt> = felt.iter().filter(|felt| pick(felt)).collect();
-    let share =
-        |of: &dyn Fn(&Felt) -> bool| picked.iter().filter(|felt| of(felt)).count() as f64 / picked.len().max(1) as f64;
-    let far = |felt: &Felt| felt.errors[Source::Touch as usize][0] > FAR;
+pub fn causes(felt: &[FeltGrasp], pick: impl Fn(&FeltGrasp) -> bool) -> Causes {
+    let picked: Vec<&FeltGrasp> = felt.iter().filter(|felt| pick(felt)).collect();
+    let share = |of: &dyn Fn(&FeltGrasp) -> bool| {
+        picked.iter().filter(|felt| of(felt)).count() as f64 / picked.len().max(1) as f64
+    };
+    let far = |felt: &FeltGrasp| felt.errors[PoseSource::Touch as usize][0] > FAR;
     Causes {
         covered: share(&|felt| felt.covered),
         far: share(&far),
@@ -213,7 +214,7 @@ impl MedianP95 {
 }
 
 /// Spread of the errors of `source` among the grasps that `pick` takes.
-pub fn spread(felt: &[Felt], source: Source, pick: impl Fn(&Felt) -> bool) -> Spread {
+pub fn spread(felt: &[FeltGrasp], source: PoseSource, pick: impl Fn(&FeltGrasp) -> bool) -> Spread {
     let picked: Vec<[f64; 2]> =
         felt.iter().filter(|felt| pick(felt)).map(|felt| felt.errors[source as usize]).collect();
     let part = |axis: usize| MedianP95::of(&picked.iter().map(|error| error[axis]).collect::<Vec<_>>());

@@ -1,5 +1,5 @@
 use nalgebra::{Isometry3, UnitQuaternion};
-use scenarios::combination::Scenario;
+use scenarios::Scenario;
 use scenarios::geometry::Shape;
 
 use super::*;

@@ -7,7 +7,7 @@ use grasping::{Repertoire, Role};
 use proving::pick_ups::{self, Effort};
 use proving::plan;
 use proving::world::World;
-use scenarios::combination::Scenario;
+use scenarios::Scenario;
 
 use crate::terminal::{Outcome, Terminal};
 

@@ -10,7 +10,7 @@ use nalgebra::{Isometry3, Matrix3, Point3, UnitQuaternion, Vector3};
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
-use super::aim::{Attempt, STRONGEST, jitter, opposition, tension, turn, within};
+use super::attempt::{Attempt, STRONGEST, jitter, opposition, opposition_range, tension, turn, within};
 use super::curl::Curls;
 use super::types::{GraspType, Opposition};
 
@@ -133,7 +133,7 @@ impl Guess {
                 }
             }
         }
-        let (low, high) = super::aim::opposition_range(kind);
+        let (low, high) = opposition_range(kind);
         next.opposition = (next.opposition + step * within(rng, (-1.0, 1.0))).clamp(low, high);
         next
     }
@@ -312,7 +312,7 @@ mod tests {
         let (one, same, other) = (propose(1), propose(1), propose(2));
         assert_eq!(one.position, same.position);
         assert_ne!(one.position, other.position);
-        let (low, high) = super::super::aim::opposition_range(tripod);
+        let (low, high) = opposition_range(tripod);
         assert!((low..=high).contains(&one.opposition));
         assert!(one.tensions[..3].iter().all(|tension| (MEETING.0..=STRONGEST).contains(tension)));
         assert_eq!(one.tensions[3..], [0.0, 0.0]);

@@ -10,7 +10,8 @@ use hand_model::{HAND_JOINTS, Hand};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-use super::aim::{Attempt, propose, vary};
+use super::aim::propose;
+use super::attempt::{Attempt, vary};
 use super::curl::Curls;
 use super::trial::{self, BURIED, Trial};
 use super::types::GraspType;
@@ -123,8 +124,9 @@ mod tests {
         let found = |threads| {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("a pool");
             let outcomes = pool.install(|| run(&hand, 3, 5, &[8, 23]));
-            let told =
-                |outcome: &super::super::Outcome| (outcome.tries, outcome.attempt.clone(), outcome.angles.clone());
+            let told = |outcome: &super::super::GraspTypeResult| {
+                (outcome.tries, outcome.attempt.clone(), outcome.angles.clone())
+            };
             serde_json::to_string(&outcomes.iter().map(told).collect::<Vec<_>>()).expect("text")
         };
         let (one, two) = (found(1), found(2));

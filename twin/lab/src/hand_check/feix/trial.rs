@@ -8,7 +8,7 @@ use nalgebra::{Isometry3, Vector3};
 use sim::engine::EngineSettings;
 use sim::stand::{HandStand, tension_goals};
 
-use super::aim::Attempt;
+use super::attempt::Attempt;
 use super::types::{GraspType, Opposition};
 
 /// Times to turn the thumb, close, and let the object settle after release, s.

@@ -1,4 +1,4 @@
-//! How near the thumb's tip could come to a point if every joint stood where one likes: what the hand's geometry allows, whatever
+//! How near the thumb's tip could come to a point if every joint could be set freely: what the hand's geometry allows, whatever
 //! its cables, springs and servos do.
 //!
 //! Random postures within the joints' limits, the best of which are improved by random steps that shrink.
@@ -9,7 +9,7 @@ use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use sim::stand::self_penetration_at;
 
-use super::{OVERLAP, Target, distance};
+use super::target::{OVERLAP, Target, distance};
 
 /// Random postures, those of them that are looked at for overlap, and those that are improved.
 const LOOKS: usize = 4000;
@@ -91,7 +91,7 @@ mod tests {
     use nalgebra::Vector3;
     use rand::SeedableRng;
 
-    use super::super::thumb_tip;
+    use super::super::target::thumb_tip;
     use super::*;
 
     fn target(point: Point3<f64>) -> Target {

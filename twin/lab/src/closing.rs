@@ -1,0 +1,140 @@
+//! Any hand closes on a ball: what each link feels, in which directions of gravity the ball stays, and a picture.
+
+use std::path::Path;
+use std::sync::Arc;
+
+use anyhow::{Context, Result};
+use hand_model::any_hand::AnyHand;
+use nalgebra::{Isometry3, Point3, Vector3};
+use report::picture::{PROPS, Picture, View, save, tile};
+use scenarios::Shape;
+use serde_json::{Map, Value, json};
+use sim::engine::EngineSettings;
+use sim::stand::{AnyStand, Prop};
+
+/// Times to close on the fixed ball, to settle after its release, and under gravity along each direction, s.
+const CLOSE: f64 = 2.0;
+const SETTLE: f64 = 1.0;
+const PULL: f64 = 1.0;
+/// The ball's mass, kg, and friction.
+const MASS: f64 = 0.1;
+const FRICTION: f64 = 0.8;
+/// The ball is held if it moves less than this, m.
+const STAYS: f64 = 0.01;
+/// A link touches from this force on, N.
+const TOUCH: f64 = 0.05;
+const STEEL: [f64; 3] = [176.0, 182.0, 192.0];
+
+/// Links that must touch for a grip.
+const GRIP: usize = 2;
+
+/// A hand that has closed on a ball.
+pub struct BallGrip {
+    hand: Arc<AnyHand>,
+    open: AnyStand,
+    closed: AnyStand,
+    ball: Prop,
+    /// Force on each link, N.
+    forces: Vec<f64>,
+    /// How far the ball moves under gravity along each axis, m.
+    moved: Vec<(&'static str, f64)>,
+}
+
+impl BallGrip {
+    /// Closes `hand` with these tensions (N, one an actuator) on a ball of `radius` (m) held at `at` (root link's frame, m).
+    pub fn close(hand: Arc<AnyHand>, tensions: &[f64], at: &Point3<f64>, radius: f64) -> Self {
+        let open = AnyStand::new(hand.clone(), EngineSettings::default());
+        let mut closed = open.clone();
+        let ball = Prop::new("ball", Shape::Sphere { radius }, MASS, FRICTION);
+        closed.put(&ball, &Isometry3::translation(at.x, at.y, at.z));
+        closed.run(tensions, CLOSE);
+        closed.release();
+        closed.run(tensions, SETTLE);
+        let forces = closed.forces();
+        let start = closed.poses()[0].translation.vector;
+        let (x, y, z) = (Vector3::x(), Vector3::y(), Vector3::z());
+        let directions = [("+x", x), ("-x", -x), ("+y", y), ("-y", -y), ("+z", z), ("-z", -z)];
+        let moved = directions.map(|(name, direction)| {
+            let mut branch = closed.clone();
+            branch.set_gravity(&(direction * 9.81));
+            branch.run(tensions, PULL);
+            (name, (branch.poses()[0].translation.vector - start).norm())
+        });
+        Self { hand, open, closed, ball, forces, moved: moved.to_vec() }
+    }
+
+    fn touching(&self) -> usize {
+        self.forces.iter().filter(|force| **force > TOUCH).count()
+    }
+
+    /// Directions of gravity against which the ball is held.
+    fn held(&self) -> Vec<&'static str> {
+        self.moved.iter().filter(|(_, moved)| *moved < STAYS).map(|(name, _)| *name).collect()
+    }
+
+    /// In which respect the grip falls short.
+    pub fn shortfall(&self) -> Option<String> {
+        let touching = self.touching();
+        (touching < GRIP).then(|| format!("{touching} links touch the ball; a grip needs two"))
+    }
+
+    /// Angle and force of each joint, and how far the ball moves.
+    pub fn to_json(&self) -> Value {
+        let hand = &self.hand;
+        let joints: Vec<_> = hand
+            .tree
+            .joints
+            .iter()
+            .zip(self.closed.angles().iter().zip(&self.forces))
+            .map(|(joint, (angle, force))| json!({ "joint": joint.name, "angle_rad": angle, "force_n": force }))
+            .collect();
+        let gravity: Map<String, Value> =
+            self.moved.iter().map(|(name, moved)| ((*name).to_owned(), json!(moved * 1e3))).collect();
+        json!({
+            "hand": hand.name, "joints": joints, "touching": self.touching(), "held_directions": self.held().len(),
+            "moved_mm": gravity, "notes": hand.notes,
+        })
+    }
+
+    /// The same as text.
+    pub fn table(&self) -> String {
+        let hand = &self.hand;
+        let mut text = format!("{}: {} joints, {} actuators\n", hand.name, hand.tree.len(), hand.pulls.len());
+        text += &format!("{:40} {:>10} {:>12}\n", "joint", "angle deg", "its link N");
+        for (joint, (angle, force)) in hand.tree.joints.iter().zip(self.closed.angles().iter().zip(&self.forces)) {
+            text += &format!("{:40} {:>10.1} {force:>12.2}\n", joint.name, angle.to_degrees());
+        }
+        text += &format!("{} links touch; held against gravity towards: {}\n", self.touching(), self.held().join(" "));
+        text
+    }
+
+    /// Draws the hand open and closed, from two sides, into a PNG.
+    pub fn draw(&self, path: &Path) -> Result<()> {
+        let points: Vec<Point3<f64>> =
+            self.open.triangles().into_iter().chain(self.closed.triangles()).flatten().collect();
+        let corner = |pick: fn(f64, f64) -> f64, start: f64| {
+            points.iter().fold(Vector3::repeat(start), |so_far, point| so_far.zip_map(&point.coords, pick))
+        };
+        let (low, high) = (corner(f64::min, f64::INFINITY), corner(f64::max, f64::NEG_INFINITY));
+        let center = Point3::from(0.5 * (low + high));
+        let width = 1.05 * (high - low).norm();
+        let mut pictures = Vec::new();
+        for (eye, up) in [(Vector3::new(1.0, 0.6, 0.4), Vector3::z()), (Vector3::new(0.5, -1.0, 0.5), Vector3::z())] {
+            for (stand, caption) in [(&self.open, "open"), (&self.closed, "closed on the ball")] {
+                let mut picture = Picture::new(420, View { eye: eye.normalize(), up, center, width });
+                for [a, b, c] in stand.triangles() {
+                    let Some(normal) = (b - a).cross(&(c - a)).try_normalize(1e-15) else { continue };
+                    picture.triangles(&Isometry3::identity(), &[a, b, c], &[[0, 1, 2]], &[normal; 3], STEEL);
+                }
+                for pose in stand.poses() {
+                    picture.prop(&self.ball, &pose, PROPS[0]);
+                }
+                pictures.push(picture.finish(caption));
+            }
+        }
+        if let Some(folder) = path.parent().filter(|folder| !folder.as_os_str().is_empty()) {
+            std::fs::create_dir_all(folder).with_context(|| folder.display().to_string())?;
+        }
+        save(&tile(&pictures, 2), path)
+    }
+}

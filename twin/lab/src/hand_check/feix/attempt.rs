@@ -1,0 +1,98 @@
+//! One attempt at a grasp type: where the object is put and how the digits close; how attempts are drawn and varied.
+
+use nalgebra::{Isometry3, Matrix3, Rotation3, UnitQuaternion, Vector3};
+use rand::RngExt;
+use rand_chacha::ChaCha8Rng;
+use serde::Serialize;
+
+use super::types::GraspType;
+
+/// No cable is pulled harder, N.
+pub const STRONGEST: f64 = 90.0;
+/// Ranges of the thumb's opposition, rad.
+const ABDUCTED: (f64, f64) = (0.7, 1.65);
+const ADDUCTED: (f64, f64) = (0.0, 0.5);
+
+/// One placement with its commands.
+#[derive(Debug, Clone, Serialize)]
+pub struct Attempt {
+    /// Where the object is held while the digits close, palm frame, m.
+    pub position: [f64; 3],
+    /// Its rotation vector, palm frame, rad.
+    pub rotation: [f64; 3],
+    /// Cable tensions before the object is put there, N: the hand's shape then.
+    pub before: [f64; 5],
+    /// Cable tensions that close on it, N.
+    pub tensions: [f64; 5],
+    /// Opposition command, rad.
+    pub opposition: f64,
+    /// Whether the servos, once closed, keep their angle instead of their current.
+    pub locked: bool,
+}
+
+impl Attempt {
+    /// Closing from the open hand, pulling on.
+    pub fn new(place: &Isometry3<f64>, tensions: [f64; 5], opposition: f64) -> Self {
+        let (position, rotation) = (place.translation.vector.into(), place.rotation.scaled_axis().into());
+        Self { position, rotation, before: [0.0; 5], tensions, opposition, locked: false }
+    }
+
+    /// `palm_from_object`.
+    pub fn place(&self) -> Isometry3<f64> {
+        Isometry3::new(Vector3::from(self.position), Vector3::from(self.rotation))
+    }
+}
+
+/// Evenly within a range.
+pub fn within(rng: &mut ChaCha8Rng, (low, high): (f64, f64)) -> f64 {
+    rng.random_range(low..high)
+}
+
+/// Evenly in the logarithm.
+pub fn tension(rng: &mut ChaCha8Rng, low: f64, high: f64) -> f64 {
+    within(rng, (low.ln(), high.ln())).exp()
+}
+
+/// A rotation that brings the object's x to `across` and its z as near to `along` as it goes.
+pub fn turn(across: &Vector3<f64>, along: &Vector3<f64>) -> UnitQuaternion<f64> {
+    let x = across.normalize();
+    let rest = along - x * x.dot(along);
+    let z = rest.try_normalize(1e-6).unwrap_or_else(|| x.cross(&Vector3::new(0.3, 0.5, 0.8)).normalize());
+    let axes = Matrix3::from_columns(&[x, z.cross(&x), z]);
+    UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(axes))
+}
+
+/// Evenly within a cube of this half size.
+pub fn jitter(rng: &mut ChaCha8Rng, size: f64) -> Vector3<f64> {
+    Vector3::from_fn(|_, _| size * rng.random_range(-1.0..1.0))
+}
+
+/// A neighbour of an attempt, `step` times the usual way from it.
+pub fn vary(attempt: &Attempt, step: f64, rng: &mut ChaCha8Rng) -> Attempt {
+    let mut next = attempt.clone();
+    // The place, the commands, or both.
+    let what = rng.random_range(0..3);
+    if what != 0 {
+        let place = attempt.place();
+        next.position = (place.translation.vector + jitter(rng, 0.005 * step)).into();
+        let turned = UnitQuaternion::from_scaled_axis(jitter(rng, 0.15 * step)) * place.rotation;
+        next.rotation = turned.scaled_axis().into();
+    }
+    if what != 1 {
+        next.tensions =
+            next.tensions.map(|tension| (tension * (step * within(rng, (-0.35, 0.35))).exp()).min(STRONGEST));
+        next.before = next.before.map(|tension| tension * (step * within(rng, (-0.2, 0.2))).exp());
+        next.opposition = (next.opposition + 0.12 * step * rng.random_range(-1.0..1.0)).clamp(0.0, ABDUCTED.1);
+    }
+    next
+}
+
+/// The thumb's opposition as the type has it: the range of the command, rad.
+pub fn opposition_range(kind: &GraspType) -> (f64, f64) {
+    if kind.abducted { ABDUCTED } else { ADDUCTED }
+}
+
+/// A command within that range, rad.
+pub fn opposition(kind: &GraspType, rng: &mut ChaCha8Rng) -> f64 {
+    within(rng, opposition_range(kind))
+}

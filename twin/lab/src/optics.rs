@@ -1,0 +1,22 @@
+//! Tactile images: a sensor's model from presses of a ball, how good models and measured forces are, and renders of meshes.
+//!
+//! [`calibration`] fits a real sensor and renders held-out presses; [`evaluation`] compares a calibration with images, the gel
+//! with the paper's probe, and fits with a known sensor; [`pad_forces`] compares forces from images with the engine's.
+//! [`render`] presses a mesh into a pad, [`shape_sheet`] twenty known shapes; [`exr`] and [`npy`] write what they show as numbers.
+
+pub mod calibration;
+pub mod evaluation;
+pub mod exr;
+pub mod npy;
+pub mod pad_forces;
+pub mod render;
+pub mod shape_sheet;
+
+use hand_model::Hand;
+use hand_model::pads::Camera;
+
+/// Serial number of a camera's sensor in hand `unit`, as the tactile board numbers them.
+fn sensor_serial(hand: &Hand, unit: u64, camera: &Camera) -> u64 {
+    let index = hand.cameras.iter().position(|other| other.name == camera.name).unwrap_or(0);
+    unit.wrapping_mul(1000).wrapping_add(index as u64)
+}

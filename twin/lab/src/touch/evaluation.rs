@@ -1,0 +1,107 @@
+//! How accurate touch is, from images to poses, and how long it takes: on simulated grasps, on unseen shapes, under changed
+//! optics, and on a real sensor. [`json`] and [`table`] show the result.
+
+pub mod json;
+pub mod table;
+
+use anyhow::Result;
+use bench::builtin::{HAND_UNIT, look_up_touch};
+use bench::networks::{IN_USE, Method, Networks};
+use bench::trial::{Bench, HeldGrasp};
+use serde::Serialize;
+
+use super::images::{Change, Eyes};
+use super::normals::{Measured, RealRow, Sampled, measure, unseen};
+use super::poses::{Class, FeltGrasp, PoseSource, Spread, feel, spread};
+
+/// Largest acceptable position error of objects without symmetry: median and 95th percentile, mm.
+const GOOD: [f64; 2] = [0.5, 2.0];
+
+/// What `ftac touch eval` measures.
+pub struct TouchEvaluation {
+    /// Every grasp, felt by the pipeline that trials use.
+    pub felt: Vec<FeltGrasp>,
+    /// As built, then under every change of the optics.
+    pub changed: Vec<ChangedOptics>,
+    /// The table of the real sensor, where its presses are at hand.
+    pub real: Option<Vec<RealRow>>,
+}
+
+/// Normals and poses under a change of the optics.
+#[derive(Serialize)]
+pub struct ChangedOptics {
+    change: &'static str,
+    /// On the unseen shapes, by method.
+    normals: Vec<(Method, Measured)>,
+    /// Poses by method; under a change only with the method that trials use.
+    poses: Vec<(Method, Spread)>,
+}
+
+impl TouchEvaluation {
+    /// In which respect poses fall short.
+    pub fn shortfall(&self) -> Option<String> {
+        let found = spread(&self.felt, PoseSource::Touch, |felt| felt.class == Class::Irregular).mm;
+        let (median, p95) = (found.median?, found.p95?);
+        (median > GOOD[0] || p95 > GOOD[1]).then(|| {
+            format!(
+                "objects without symmetry are {median:.2} mm off in the median and {p95:.2} mm in the 95th percentile, aim {} and {}",
+                GOOD[0], GOOD[1]
+            )
+        })
+    }
+
+    fn as_built(&self) -> &[(Method, Measured)] {
+        self.changed.first().map_or(&[], |row| &row.normals)
+    }
+}
+
+fn of_method(rows: &[(Method, Measured)], method: Method) -> Option<Measured> {
+    rows.iter().find(|row| row.0 == method).map(|row| row.1)
+}
+
+/// Presses unseen shapes, and feels `count` grasps, evenly spread, as built and under every change. Background images are
+/// taken under the change too, as a hand takes them when it is switched on.
+pub fn under_changes(
+    bench: &Bench,
+    networks: &Networks,
+    grasps: &[HeldGrasp],
+    count: usize,
+) -> Result<Vec<ChangedOptics>> {
+    let some: Vec<HeldGrasp> = match count {
+        0 => Vec::new(),
+        _ => grasps.iter().step_by(grasps.len().div_ceil(count).max(1)).cloned().collect(),
+    };
+    let changes = if count == 0 { &[][..] } else { &Change::ALL };
+    std::iter::once(&Change::NONE)
+        .chain(changes)
+        .map(|change| {
+            let hand = &bench.world.cell.hand;
+            let eyes = [Eyes::new(hand, HAND_UNIT, change)?, Eyes::new(hand, HAND_UNIT + 1, change)?];
+            let look_up = look_up_touch(hand, eyes[0].backgrounds())?;
+            let sampled: Vec<Sampled> = unseen(&eyes, bench.seed)?;
+            let normals = Method::ALL
+                .map(|method| Ok((method, measure(&sampled, &eyes, &networks.pipeline(&look_up, method))?)))
+                .into_iter()
+                .collect::<Result<_>>()?;
+            let poses = Method::ALL
+                .into_iter()
+                .filter(|method| !some.is_empty() && (*method == IN_USE || *change == Change::NONE))
+                .map(|method| {
+                    let felt = feel(bench, &eyes[0], &networks.pipeline(&look_up, method), &some, || {})?;
+                    Ok((method, spread(&felt, PoseSource::Touch, |_| true)))
+                })
+                .collect::<Result<_>>()?;
+            Ok(ChangedOptics { change: change.name, normals, poses })
+        })
+        .collect()
+}
+
+/// Steps from images to a pose and what they took of each [`FeltGrasp`], ms.
+fn steps(felt: &[FeltGrasp]) -> [(&'static str, Vec<f64>); 3] {
+    let of = |pick: &dyn Fn(&FeltGrasp) -> f64| felt.iter().map(pick).collect();
+    [
+        ("images", of(&|felt| felt.millis[0])),
+        ("pose", of(&|felt| felt.millis[1])),
+        ("chain", of(&|felt| felt.millis.iter().sum())),
+    ]
+}

@@ -1,0 +1,143 @@
+//! What the network of photometric stereo learns from: rendered presses of known shapes, or presses of a ball into a real
+//! sensor, cut into squares.
+
+use std::path::Path;
+
+use anyhow::{Context, Result};
+use bench::builtin::builtin_calibration;
+use hand_model::Hand;
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
+use report::plot::Plot;
+use sim::tactile::TactileBoard;
+use touch::network::samples::{Sample, cut};
+use touch::network::train::{Schedule, Training};
+use touch::{CalibrationPress, PhotometricModel};
+
+use super::real::{CONFIGURATION, Likeness, RealPresses};
+use super::shapes::{drawn_press, each, seen};
+
+/// The first of the hand units that networks learn from, and how many there are.
+const UNITS: (u64, u64) = (100, 6);
+/// White noise of the training images: 0.01 of full scale, grey levels.
+const NOISE: f64 = 2.55;
+/// One press in so many is held out.
+const HELD_OUT: usize = 10;
+
+/// Where training images come from.
+#[derive(Debug, Clone, Copy)]
+pub enum TrainingSource<'a> {
+    /// Renders of so many presses into the hand's pads.
+    Pads { presses: usize },
+    /// Renders of so many presses into the sensor that a calibration file describes.
+    Sensor { file: &'a Path, presses: usize },
+    /// The even-numbered presses of a ball into a real sensor; the ball's diameter and a pixel's size in m.
+    RealPresses { folder: &'a Path, ball_diameter: f64, pixel: f64 },
+}
+
+/// Squares to learn from.
+pub struct TrainingSet {
+    pub samples: Vec<Sample>,
+    /// Squares of presses that are not learned from.
+    pub held_out: Vec<Sample>,
+    /// Photometric model of a sensor that is not one of the hand's pads.
+    pub conditioning: Option<PhotometricModel>,
+}
+
+impl TrainingSet {
+    /// Cuts `crops` squares from each press; `rendered` is called after each rendered press.
+    pub fn make(
+        source: TrainingSource<'_>,
+        crops: usize,
+        seed: u64,
+        rendered: impl Fn() + Send + Sync,
+    ) -> Result<Self> {
+        match source {
+            TrainingSource::RealPresses { folder, ball_diameter, pixel } => {
+                let real = RealPresses::read(folder, ball_diameter, pixel)?;
+                let size = real.pixel;
+                let [even, _] = real.even_odd();
+                Self::of_sensor(even, size, crops, seed)
+            }
+            TrainingSource::Sensor { file, presses } => {
+                let reliefs = seen();
+                let likeness = Likeness::read(file)?;
+                let presses = each(presses, |n| {
+                    rendered();
+                    likeness.press(&reliefs, n, NOISE, seed)
+                })?;
+                Self::of_sensor(presses, likeness.pixel, crops, seed)
+            }
+            TrainingSource::Pads { presses } => Self::of_pads(presses, crops, seed, rendered),
+        }
+    }
+
+    fn of_pads(presses: usize, crops: usize, seed: u64, rendered: impl Fn() + Send + Sync) -> Result<Self> {
+        let reliefs = seen();
+        let hand = Hand::ftac();
+        let calibration = builtin_calibration()?;
+        let boards: Vec<TactileBoard> = (UNITS.0..UNITS.0 + UNITS.1)
+            .map(|serial| TactileBoard::changed(&hand, serial, |_, model| model.noise = NOISE))
+            .collect::<Result<_, _>>()?;
+        let cuts = each(presses, |n| {
+            let press = drawn_press(&hand, &boards, &reliefs, n, seed)?;
+            let camera = &hand.cameras[press.camera];
+            let configuration = hand.pads[camera.pad].configuration;
+            let mut rng = ChaCha8Rng::seed_from_u64(seed ^ 0x6375_7473 ^ (n as u64) << 32);
+            rendered();
+            let model = calibration.model(configuration)?;
+            Ok(cut(&press, (configuration, model), camera.pixel_size(), crops, &mut rng))
+        })?;
+        Ok(Self::split(cuts, None))
+    }
+
+    /// A sensor of its own: its photometric model is fitted to the same presses.
+    fn of_sensor(presses: Vec<CalibrationPress>, pixel: (f64, f64), crops: usize, seed: u64) -> Result<Self> {
+        let labelled: Vec<(&CalibrationPress, (f64, f64))> = presses.iter().map(|press| (press, pixel)).collect();
+        let model = PhotometricModel::fit(CONFIGURATION, &labelled)?;
+        let mut rng = ChaCha8Rng::seed_from_u64(seed ^ 0x6375_7473);
+        let cuts = presses.iter().map(|press| cut(press, (CONFIGURATION, &model), pixel, crops, &mut rng)).collect();
+        Ok(Self::split(cuts, Some(model)))
+    }
+
+    fn split(cuts: Vec<Vec<Sample>>, conditioning: Option<PhotometricModel>) -> Self {
+        let (mut samples, mut held_out) = (Vec::new(), Vec::new());
+        for (n, cuts) in cuts.into_iter().enumerate() {
+            if n % HELD_OUT == HELD_OUT - 1 { held_out.extend(cuts) } else { samples.extend(cuts) }
+        }
+        Self { samples, held_out, conditioning }
+    }
+}
+
+/// Reads the state of a training to go on from.
+pub fn resume(state: &Path, schedule: &Schedule) -> Result<Training> {
+    let text = std::fs::read(state).with_context(|| format!("--resume: {}", state.display()))?;
+    let training: Training =
+        serde_json::from_slice(&text).with_context(|| format!("--resume: {}: not a training", state.display()))?;
+    training.check(schedule).with_context(|| format!("--resume: {}", state.display()))?;
+    Ok(training)
+}
+
+/// Loss over epochs, on the squares learned from and on those held out.
+pub fn loss_curves(training: &Training) -> Plot {
+    let line = |k: usize| training.losses.iter().enumerate().map(|(n, loss)| [1.0 + n as f64, loss[k]]).collect();
+    Plot {
+        title: "photometric stereo network".into(),
+        x: "epoch".into(),
+        y: "mean error of the normal (1 = 57 deg)".into(),
+        lines: vec![("learned from".into(), line(0)), ("held out".into(), line(1))],
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_tenth_press_is_held_out() {
+        let presses = TrainingSource::Pads { presses: 10 };
+        let set = TrainingSet::make(presses, 2, 5, || ()).expect("squares");
+        assert!(set.held_out.len() <= 2 && !set.samples.is_empty() && set.samples.len() <= 18);
+        assert!(set.conditioning.is_none(), "the pads' photometric models are those that come with the program");
+    }
+}

@@ -1,0 +1,10 @@
+//! Names that every recording carries: application, time lines, and the Rerun release it is written for.
+
+/// Rerun's application id; recordings of the same application share their layout in the viewer.
+pub const APPLICATION: &str = "ftac";
+/// The time line of simulation (or hardware) time, in seconds.
+pub const SIM_TIME: &str = "sim_time";
+/// The time line that counts control ticks.
+pub const TICK: &str = "tick";
+/// The Rerun release that this program writes for.
+pub const RERUN_VERSION: &str = "0.36.3";
