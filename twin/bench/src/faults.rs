@@ -12,7 +12,7 @@ use control::executive::{Executive, Phase};
 use hand_model::robot::Robot;
 use hardware_bridge::emulator::lockstep::LockstepRobot;
 use hardware_bridge::safety::state::State;
-use kortex::emulator::{EventKind, Injection};
+use kortex::emulator::EventKind;
 use nalgebra::Isometry3;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;

@@ -19,7 +19,7 @@ use control::policy::touch::Touch;
 use control::policy::{Knowledge, Uncertainty};
 use control::sensing::Senses;
 use grasping::Grasp;
-use proving::rehearsal::Snapshot;
+use proving::rehearsal::{Snapshot, TrialStart};
 use rand_chacha::ChaCha8Rng;
 use scenarios::Sensing;
 use scenarios::noise::{TrialNoise, trial_rng};
@@ -125,8 +125,11 @@ impl Bench {
         let (first, candidates) = self.plans.plans[combination].grasps(&self.repertoire)?;
         let (world, second) = (&self.world, candidates[0].grasp.clone());
         let board = self.board.with_noise(0);
-        let noise = TrialNoise::none();
-        let snapshot = Snapshot::begin(world, world.protocol(), [&first, &second], &noise, world.cell.ready, board)?;
+        let plan = &self.plans.plans[combination];
+        let objects = [world.object(&plan.first)?, world.object(&plan.second)?];
+        let (protocol, arm) = (world.protocol(), world.cell.ready);
+        let start = TrialStart { protocol, grasps: [&first, &second], noise: &TrialNoise::none(), arm };
+        let snapshot = Snapshot::at_start(world, &start, &objects, board)?;
         Ok((snapshot, second))
     }
 

@@ -58,32 +58,6 @@ pub struct TrialStart<'a> {
 }
 
 impl Snapshot {
-    /// [`Snapshot::at_start`] with the objects that the two `grasps` are for.
-    pub fn begin(
-        world: &World,
-        protocol: Protocol,
-        grasps: [&Grasp; 2],
-        noise: &TrialNoise,
-        arm: [f64; ARM_JOINTS],
-        board: TactileBoard,
-    ) -> Result<Self> {
-        let objects = [world.object(&grasps[0].object)?, world.object(&grasps[1].object)?];
-        Self::at_start(world, &TrialStart { protocol, grasps, noise, arm }, &objects, board)
-    }
-
-    /// [`Snapshot::at_start`] without the struct.
-    pub fn begin_with(
-        world: &World,
-        protocol: Protocol,
-        objects: &[Arc<ObjectModel>; 2],
-        grasps: [&Grasp; 2],
-        noise: &TrialNoise,
-        arm: [f64; ARM_JOINTS],
-        board: TactileBoard,
-    ) -> Result<Self> {
-        Self::at_start(world, &TrialStart { protocol, grasps, noise, arm }, objects, board)
-    }
-
     /// A trial about to begin: `objects` stand in the places of those that the grasps are for, and are seen with the errors of
     /// the noise.
     pub fn at_start(

@@ -10,7 +10,7 @@ use hand_model::CAMERAS;
 use hand_model::robot::{TactileFrame, TactileImage};
 use proving::ball_sizes;
 use proving::plan::Plan;
-use proving::rehearsal::Snapshot;
+use proving::rehearsal::{Snapshot, TrialStart};
 use rand_chacha::ChaCha8Rng;
 use scenarios::disturbance::Disturbances;
 use scenarios::noise::{TrialNoise, trial_rng};
@@ -101,8 +101,8 @@ impl<'a> Setup<'a> {
         let board = bench.board.with_noise(self.camera_noise);
         let watched = source.as_ref().map_or(watched, |(_, task)| task.watched);
         let noise = disturber.first_percepts(&self.noise);
-        let Snapshot { mut robot, executive } =
-            Snapshot::begin_with(world, world.protocol(), &real, grasps, &noise, world.cell.ready, board)?;
+        let start = TrialStart { protocol: world.protocol(), grasps, noise: &noise, arm: world.cell.ready };
+        let Snapshot { mut robot, executive } = Snapshot::at_start(world, &start, &real, board)?;
         disturber.prepare(&mut robot);
         let robot = match source {
             None => Body::Simulated(Box::new(robot)),
