@@ -7,13 +7,12 @@ use anyhow::{Context, Result, bail};
 use control::perception::KnownObject;
 use hand_model::Hand;
 use hand_model::robot::TactileImage;
+use proving::world::World;
+use proving::{ball_sizes, plan};
 use scenarios::Scenario;
 use sim::SimulatedRobot;
 use sim::tactile::TactileBoard;
 use touch::{PhotometricCalibration, TouchPipeline};
-
-use proving::world::World;
-use proving::{ball_sizes, plan};
 
 use crate::networks::{IN_USE, Networks};
 use crate::trial::Bench;

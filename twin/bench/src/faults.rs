@@ -14,6 +14,8 @@ use hardware_bridge::emulator::lockstep::LockstepRobot;
 use hardware_bridge::safety::state::State;
 use kortex::emulator::EventKind;
 use nalgebra::Isometry3;
+use proving::rehearsal::{Snapshot, in_grip};
+use proving::world::World;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use session_log::{Event, Reader, Recorder, Session, Writer};
@@ -24,8 +26,6 @@ use self::watch::Watch;
 use crate::body::emulated::{SharedPlant, settings, travel};
 use crate::trial::Bench;
 use crate::workers;
-use proving::rehearsal::{Snapshot, in_grip};
-use proving::world::World;
 
 pub mod kind;
 mod watch;

@@ -7,6 +7,7 @@ use std::time::{Duration, Instant};
 
 use anyhow::{Context, Result, bail};
 use indicatif::{ProgressBar, ProgressStyle};
+use report;
 use scenarios::FailureCause;
 use scenarios::record::{AblatedTrial, Condition, TrialRecord, write_ablated, write_trials};
 use scenarios::statistics::{RunInfo, Summary, summarise};
@@ -17,7 +18,6 @@ use crate::recording::Recording;
 use crate::trial::profile::Activity;
 use crate::trial::{Bench, NoWatcher};
 use crate::workers;
-use report;
 
 /// Conditions of a noisy trial.
 const NOISY: [Condition; 2] = [Condition::Blind, Condition::Touch];

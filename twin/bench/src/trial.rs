@@ -28,6 +28,7 @@ use scenarios::referee::FailureCause;
 use sim::SimulatedRobot;
 
 use self::branch::{Planned, Play, play, play_plan};
+
 pub use self::held::HeldGrasp;
 use self::setup::{Setup, Start};
 pub use self::shared::Bench;

@@ -13,6 +13,7 @@ use grasping::Grasp;
 use hand_model::Hand;
 use hand_model::robot::{Command, Observation};
 use nalgebra::{Isometry3, Translation3, Vector3};
+
 pub use scenarios::phase::Phase;
 
 use crate::inverse_kinematics::ArmServo;

@@ -13,13 +13,12 @@ use hand_model::robot::{Command, Observation, ServoState, TactileFrame};
 use hand_model::{ACTUATORS, CAMERAS, Hand};
 use nalgebra::{Isometry3, Translation3, Vector3};
 
+use self::approach::{approach, duration};
+use self::tension::{approach_tension, servo_goals};
 use crate::inverse_kinematics::{ArmServo, IkError, Joints};
 use crate::look::Look;
 use crate::percept::Percept;
 use crate::trajectory::{PathError, PathLimits, PosePath};
-
-use self::approach::{approach, duration};
-use self::tension::{approach_tension, servo_goals};
 
 /// Time the digits are given to close, s.
 pub const CLOSING_TIME: f64 = 1.1;

@@ -15,11 +15,11 @@ use anyhow::{Context, Result};
 use control::inverse_kinematics::Joints;
 use hand_model::Arm;
 use nalgebra::Vector3;
+use proving::world::World;
 use scenarios::Scenario;
 use serde_json::json;
 
 use crate::hand_check::{Row, Verdict};
-use proving::world::World;
 
 /// Where a pose of the published chain may be off, m.
 const CHAIN: f64 = 1e-4;

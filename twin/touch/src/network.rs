@@ -20,6 +20,7 @@ pub mod train;
 
 use std::path::Path;
 
+use convolution::{Layer, Planes};
 use hand_model::pads::IMAGE_SIZE as N;
 use hand_model::robot::TactileImage;
 use serde::{Deserialize, Serialize};
@@ -29,7 +30,6 @@ use crate::calibration::{PhotometricModel, bounded, gradient_of};
 use crate::colour_change::{Region, StereoOptions, changed_region, colour_change};
 use crate::error::TouchError;
 use crate::photometric_stereo::Gradients;
-use convolution::{Layer, Planes};
 
 const VERSION: u32 = 1;
 /// Sensor configurations, in the order of the perceptron's input planes.

@@ -19,12 +19,12 @@ mod uncertainty;
 
 use hand_model::HAND_JOINTS;
 use nalgebra::{DMatrix, Isometry3, Matrix6, Vector3};
-use rayon::prelude::*;
-
-use crate::error::TouchError;
 use problem::{Evidence, Problem, State};
+use rayon::prelude::*;
 use screen::screen;
 use uncertainty::{alternatives, mixed_covariance, unobservable};
+
+use crate::error::TouchError;
 
 pub use inputs::{PoseInputs, PoseOptions, PosePrior};
 pub use shape::KnownShape;

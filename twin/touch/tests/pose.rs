@@ -6,13 +6,12 @@ mod shapes;
 use hand_model::Hand;
 use hand_model::robot::ServoState;
 use nalgebra::{Isometry3, Matrix3, Point3, Translation3, UnitQuaternion, Vector3};
+use shapes::{Ball, Block, Ellipsoid};
 use touch::contacts::{ContactOptions, clear_points, find_contacts};
 use touch::{
     IMAGE_SIZE as N, KnownShape, PIXELS, PadTouch, PoseEstimate, PoseInputs, PoseOptions, PosePrior, TouchError,
     estimate_pose,
 };
-
-use shapes::{Ball, Block, Ellipsoid};
 
 struct Noise(u64);
 impl Noise {

@@ -4,16 +4,16 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
+use bench::builtin::make_bench;
+use bench::journal::{Journal, RunRequest};
+use bench::run::{self, Options, Record as Recorded};
+use clap::{Args, ValueEnum};
 use scenarios::statistics::Summary;
 use scenarios::{Scenario, Sensing};
 
 use super::body::{Body, check_body, source};
 use super::tactile_backend::TactileBackend;
 use crate::terminal::{Outcome, Terminal};
-use bench::builtin::make_bench;
-use bench::journal::{Journal, RunRequest};
-use bench::run::{self, Options, Record as Recorded};
-use clap::{Args, ValueEnum};
 
 /// Arguments of `bench`.
 #[derive(Debug, Args)]

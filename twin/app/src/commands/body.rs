@@ -3,7 +3,6 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, Result, bail};
-
 use bench::body::BodySource;
 use bench::body::emulated::{EmulatedSource, SimulatedSource};
 use bench::body::hardware::HardwareSource;

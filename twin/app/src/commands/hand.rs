@@ -5,9 +5,8 @@ mod close;
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use hand_model::Hand;
-
 use clap::{Args, Subcommand};
+use hand_model::Hand;
 use lab::hand_check as check;
 
 use self::close::CloseArgs;

@@ -3,16 +3,16 @@
 use std::path::Path;
 
 use anyhow::{Context as _, Result, bail};
+use bench::body::replayed::ReplaySource;
+use bench::body::{Stopped, Task};
+use bench::builtin::make_bench;
+use bench::trial::{Bench, NoWatcher};
 use scenarios::Scenario;
 use scenarios::record::TrialRecord;
 use session_log::comparison::compare;
 use session_log::{Event, Reader, Replay};
 
 use crate::terminal::Terminal;
-use bench::body::replayed::ReplaySource;
-use bench::body::{Stopped, Task};
-use bench::builtin::make_bench;
-use bench::trial::{Bench, NoWatcher};
 
 /// The command.
 pub fn command(terminal: &Terminal, recording: &Path) -> Result<Option<String>> {

@@ -3,10 +3,16 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
+use bench::builtin::{HAND_UNIT, simulated_touch};
+use bench::transport::play::{Nobody, Policy, Site, TransportRecord};
+use bench::transport::recorded::Recorded;
+use bench::transport::rehearse::{Searched, Wanted, WantedText};
+use bench::transport::skills::{SkillFile, for_sizes, of_repertoire};
 use clap::Args;
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use control::load::listed;
 use indicatif::ProgressBar;
+use proving::world::World;
 use rayon::prelude::*;
 use scenarios::Scenario;
 use scenarios::transport::Transport;
@@ -15,12 +21,6 @@ use sim::tactile::TactileBoard;
 
 use crate::terminal::Outcome;
 use crate::terminal::Terminal;
-use bench::builtin::{HAND_UNIT, simulated_touch};
-use bench::transport::play::{Nobody, Policy, Site, TransportRecord};
-use bench::transport::recorded::Recorded;
-use bench::transport::rehearse::{Searched, Wanted, WantedText};
-use bench::transport::skills::{SkillFile, for_sizes, of_repertoire};
-use proving::world::World;
 
 /// Arguments of `transport`.
 #[derive(Debug, Args)]

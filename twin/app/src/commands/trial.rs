@@ -3,18 +3,18 @@
 use std::path::PathBuf;
 
 use anyhow::{Context, Result, bail};
-use scenarios::Scenario;
-use scenarios::record::TrialRecord;
-
-use super::body::{Body, check_body, source};
-use super::tactile_backend::TactileBackend;
-use crate::terminal::{Outcome, Terminal};
 use bench::body::Task;
 use bench::builtin::make_bench;
 use bench::recording::Recording;
 use bench::trial::NoWatcher;
 use clap::{Args, ValueEnum};
+use scenarios::Scenario;
 use scenarios::record::Condition;
+use scenarios::record::TrialRecord;
+
+use super::body::{Body, check_body, source};
+use super::tactile_backend::TactileBackend;
+use crate::terminal::{Outcome, Terminal};
 
 /// Arguments of `trial`.
 #[derive(Debug, Args)]

@@ -8,9 +8,8 @@ use sim::robot::Truth;
 use stream::recorder::{Recorder, Target};
 use stream::{DrawnObject, Level, TrialProperties};
 
-use crate::recording::{Shown, drawn, log_scene, log_signals, settings};
-
 use super::play::{Policy, Site, TransportRecord, Witness};
+use crate::recording::{Shown, drawn, log_scene, log_signals, settings};
 
 /// Records one transport.
 pub struct Recorded {

@@ -12,6 +12,7 @@ use grasping::Grasp;
 use grasping::digit_sets::propose_with;
 use grasping::sampler::vary;
 use hand_model::Digit;
+use proving::rehearsal::{digit_bits, misaimed, proving_errors};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
@@ -22,7 +23,6 @@ use sim::tactile::TactileBoard;
 use super::play::Site;
 use super::site::{Branch, in_hand, seen};
 use super::skills::Proven;
-use proving::rehearsal::{digit_bits, misaimed, proving_errors};
 
 /// Draws of the expected noise under which a pick is proven, after a try without any.
 const ERRORS: usize = 5;

@@ -8,14 +8,13 @@ use control::motion::Protocol;
 use control::percept::Percept;
 use hand_model::robot::Robot;
 use nalgebra::{Isometry3, UnitQuaternion};
+use proving::world::World;
 use scenarios::holding::{Support, TRANSPORTED};
 use scenarios::noise::TrialNoise;
 use scenarios::objects::ObjectModel;
 use sim::robot::{SimulatedRobot, Truth};
 use sim::tactile::TactileBoard;
 use sim::{ObjectPlacement, SceneSetup};
-
-use proving::world::World;
 
 /// Body and controller together; a clone is a branch.
 #[derive(Clone)]

@@ -9,10 +9,9 @@ use anyhow::{Context, Result, bail};
 use control::load::Skill;
 use grasping::{Grasp, Repertoire, Role};
 use hand_model::Digit;
-use serde::{Deserialize, Serialize};
-
 use proving::ball_sizes::resized;
 use proving::world::World;
+use serde::{Deserialize, Serialize};
 
 /// Format version of skill files.
 const VERSION: u32 = 1;

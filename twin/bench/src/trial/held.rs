@@ -5,12 +5,12 @@ use control::perception::Expected;
 use hand_model::robot::ServoState;
 use hand_model::{ACTUATORS, ARM_JOINTS};
 use nalgebra::Isometry3;
+use proving::rehearsal::in_hand;
 use serde::{Deserialize, Serialize};
 
 use super::setup::Setup;
 use super::shared::Bench;
 use super::watcher::NoWatcher;
-use proving::rehearsal::in_hand;
 
 /// A first object in the hand at the moment of decision. Frames: the palm's.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]

@@ -1,6 +1,7 @@
+use std::f64::consts::FRAC_PI_2;
+
 use super::*;
 use crate::trajectory::PathLimits;
-use std::f64::consts::FRAC_PI_2;
 
 fn path(poses: &[Isometry3<f64>]) -> PosePath {
     PosePath::timed(poses, PathLimits::default()).expect("valid")

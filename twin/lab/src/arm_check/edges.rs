@@ -8,12 +8,12 @@ use control::Twist;
 use control::inverse_kinematics::{ArmServo, QpPath};
 use control::trajectory::{PathLimits, PosePath};
 use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
-use serde_json::json;
-
-use crate::hand_check::{Row, Verdict};
 use proving::world::World;
 use report::picture::{save, tile};
 use report::plot::Plot;
+use serde_json::json;
+
+use crate::hand_check::{Row, Verdict};
 
 /// Control tick, s.
 const TICK: f64 = 1.0 / 120.0;

@@ -7,6 +7,7 @@ use hand_model::robot::{Command, Robot};
 use hand_model::transmission::friction::CableFriction;
 use hand_model::{ARM_JOINTS, HAND_JOINTS};
 use nalgebra::UnitQuaternion;
+use proving::world::World;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
@@ -17,7 +18,6 @@ use sim::tactile::TactileBoard;
 use sim::{SceneSetup, SimulatedRobot};
 
 use crate::hand_check::{Row, Verdict};
-use proving::world::World;
 
 /// Random postures that are held, and for how long, s.
 const POSTURES: usize = 24;

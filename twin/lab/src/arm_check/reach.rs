@@ -8,12 +8,12 @@ use control::inverse_kinematics::{ArmKinematics, Joints};
 use image::{Rgb, RgbImage};
 use indicatif::ProgressBar;
 use nalgebra::{Isometry3, Translation3};
+use proving::world::World;
 use rayon::prelude::*;
+use report::picture::{save, text};
 use serde_json::json;
 
 use crate::hand_check::{Row, Verdict};
-use proving::world::World;
-use report::picture::{save, text};
 
 /// Grid, m: distance of the places, and where the maps begin and end.
 const STEP: f64 = 0.05;

@@ -9,6 +9,9 @@ use control::trajectory::{PathLimits, PosePath, displacement};
 use hand_model::robot::{Command, Robot};
 use hand_model::transmission::friction::CableFriction;
 use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
+use proving::world::World;
+use report::picture::{save, tile};
+use report::plot::Plot;
 use serde_json::json;
 use sim::engine::EngineSettings;
 use sim::stand::tension_goals;
@@ -16,9 +19,6 @@ use sim::tactile::TactileBoard;
 use sim::{SceneSetup, SimulatedRobot};
 
 use crate::hand_check::{Row, Verdict};
-use proving::world::World;
-use report::picture::{save, tile};
-use report::plot::Plot;
 
 /// What the reference may be off a path within the arm's limits, m, and the palm in physics.
 const REFERENCE: f64 = 1e-3;

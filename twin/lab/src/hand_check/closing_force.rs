@@ -6,14 +6,14 @@ use std::sync::Arc;
 use anyhow::Result;
 use hand_model::{Digit, Hand};
 use nalgebra::{Isometry3, Point3, UnitQuaternion, Vector3};
+use report::picture::{Picture, View, save, tile};
+use report::plot::Plot;
 use scenarios::Shape;
 use serde_json::json;
 use sim::engine::EngineSettings;
 use sim::stand::{HandStand, Prop, tension_goals};
 
 use super::row::{Row, Verdict};
-use report::picture::{Picture, View, save, tile};
-use report::plot::Plot;
 
 /// The paper's total, N.
 const PAPER: f64 = 10.3;

@@ -12,12 +12,12 @@ use anyhow::Result;
 use hand_model::Hand;
 use nalgebra::{Isometry3, Point3, UnitQuaternion, Vector3};
 use rayon::prelude::*;
+use report::picture::{Picture, View, save, tile};
 use serde_json::json;
 use sim::engine::EngineSettings;
 use sim::stand::{HandStand, Prop, tension_goals};
 
 use super::row::{Row, Verdict};
-use report::picture::{Picture, View, save, tile};
 
 /// kg.
 const MASS: f64 = 2.5;

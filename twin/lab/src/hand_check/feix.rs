@@ -24,13 +24,13 @@ use anyhow::Result;
 use hand_model::Hand;
 use nalgebra::{Isometry3, Point3};
 use rayon::prelude::*;
+use report::picture::{Picture, View, save, tile};
 use serde::Serialize;
 
 use self::attempt::Attempt;
 use self::curl::Curls;
 use self::search::Found;
 use self::types::GraspType;
-use report::picture::{Picture, View, save, tile};
 
 /// How a type came out.
 #[derive(Debug, Clone, Serialize)]

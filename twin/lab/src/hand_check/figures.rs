@@ -7,10 +7,10 @@ use anyhow::Result;
 use hand_model::Hand;
 use hand_model::hand::SkinElement;
 use nalgebra::{Isometry3, Point3, Vector3};
+use report::picture::{Picture, View, save, tile};
 use serde_json::json;
 
 use super::row::{Row, Verdict};
-use report::picture::{Picture, View, save, tile};
 
 /// The paper's table of sensor configurations: letter, h and w (mm).
 const CONFIGURATIONS: [(&str, f64, f64); 6] =

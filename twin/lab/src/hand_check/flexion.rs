@@ -7,14 +7,14 @@ use anyhow::Result;
 use hand_model::statics::{self, Slid};
 use hand_model::{Digit, Hand};
 use nalgebra::{Isometry3, Vector3};
+use report::picture::{Picture, View, save, tile};
+use report::plot::Plot;
 use scenarios::Shape;
 use serde_json::json;
 use sim::engine::EngineSettings;
 use sim::stand::{HandStand, Prop, tension_goals};
 
 use super::row::{Row, Verdict};
-use report::picture::{Picture, View, save, tile};
-use report::plot::Plot;
 
 /// The finger that is looked at.
 const DIGIT: Digit = Digit::Middle;

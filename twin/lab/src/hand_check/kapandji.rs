@@ -18,6 +18,7 @@ use nalgebra::Point3;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
+use report::picture::{Picture, View, save, tile};
 use serde_json::{Value, json};
 use sim::engine::EngineSettings;
 use sim::stand::{HandStand, tension_goals};
@@ -25,7 +26,6 @@ use sim::stand::{HandStand, tension_goals};
 use self::reach::{Reach, reach};
 use self::target::{OVERLAP, Target, distance, nearest, targets, thumb_tip};
 use super::row::{Row, Verdict};
-use report::picture::{Picture, View, save, tile};
 
 /// The thumb's tip is there within this, m.
 const REACHED: f64 = 0.003;

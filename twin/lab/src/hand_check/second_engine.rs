@@ -11,6 +11,7 @@ use hand_model::robot::{Command, Robot, ServoGoal};
 use hand_model::transmission::friction::CableFriction;
 use hand_model::{ARM_JOINTS, Arm, Hand};
 use nalgebra::{Isometry3, UnitQuaternion, Vector3};
+use report::write_whole;
 use scenarios::objects::ObjectSet;
 use scenarios::{ObjectModel, Shape};
 use serde_json::{Value, json};
@@ -21,7 +22,6 @@ use sim::tactile::TactileBoard;
 use sim::{ObjectPlacement, SceneSetup, SimulatedRobot};
 
 use super::dumbbell;
-use report::write_whole;
 
 /// How often the motion is written down, s.
 const SAMPLE: f64 = 0.05;

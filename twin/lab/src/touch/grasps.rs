@@ -5,11 +5,10 @@ use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use anyhow::{Context, Result, anyhow, bail};
-use indicatif::ProgressBar;
-use serde::{Deserialize, Serialize};
-
 use bench::trial::{Bench, HeldGrasp};
+use indicatif::ProgressBar;
 use report::write_whole;
+use serde::{Deserialize, Serialize};
 
 /// How many grasps are played, and from what.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]

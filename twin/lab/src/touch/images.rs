@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 
+use bench::trial::HeldGrasp;
 use hand_model::Hand;
 use hand_model::robot::{TactileFrame, TactileImage};
 use nalgebra::Isometry3;
@@ -10,8 +11,6 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use scenarios::geometry::Shape;
 use sim::tactile::TactileBoard;
-
-use bench::trial::HeldGrasp;
 
 /// How a hand differs from those that touch was trained on.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -3,11 +3,14 @@
 use std::path::Path;
 
 use anyhow::{Context, Result};
+use bench::recording::drawn;
+use bench::trial::{Bench, HeldGrasp};
 use control::perception::trusted;
 use hand_model::pads::{Camera, IMAGE_SIZE as N};
 use hand_model::{CAMERAS, Hand};
 use image::imageops::{self, FilterType};
 use image::{Rgb, RgbImage};
+use report::picture::text;
 use stream::Target;
 use stream::felt::FeltScene;
 use touch::{HeightMap, PadTouch, Patch};
@@ -15,9 +18,6 @@ use touch::{HeightMap, PadTouch, Patch};
 use super::images::Eyes;
 use super::normals::normal_picture;
 use super::poses::apart;
-use bench::recording::drawn;
-use bench::trial::{Bench, HeldGrasp};
-use report::picture::text;
 
 /// Side of a picture on the sheet, pixels, and the room for its name.
 const SIDE: u32 = 150;

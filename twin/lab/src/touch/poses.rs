@@ -3,6 +3,7 @@
 use std::time::Instant;
 
 use anyhow::Result;
+use bench::trial::{Bench, HeldGrasp};
 use control::perception::{KnownObject, trusted};
 use hand_model::CAMERAS;
 use nalgebra::{Isometry3, Matrix3, UnitQuaternion};
@@ -12,7 +13,6 @@ use serde::Serialize;
 use touch::{PoseEstimate, PoseOptions, TouchPipeline};
 
 use super::images::Eyes;
-use bench::trial::{Bench, HeldGrasp};
 
 /// What a pose is made from.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]

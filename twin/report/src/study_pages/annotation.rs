@@ -4,12 +4,12 @@
 //! rules think: that would make the agreement between people and rules worthless.
 
 use serde::Serialize;
+use study::labels::VERSION;
+use study::taxonomy::Taxonomy;
 
 use super::html_page::{embedded, whole};
 use super::scene::Scene;
 use crate::html::escape;
-use study::labels::VERSION;
-use study::taxonomy::Taxonomy;
 
 const SCRIPT: &str = include_str!("../../data/study/annotate.js");
 const EXAMPLES: &str = include_str!("../../data/study/examples.json");

@@ -2,9 +2,10 @@
 
 use std::fmt::Write as _;
 
-use crate::html::escape;
 use study::landscape::disconnectivity::Tree;
 use study::taxonomy::Category;
+
+use crate::html::escape;
 
 /// A leaf: one basin.
 #[derive(Debug, Clone)]

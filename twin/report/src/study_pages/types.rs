@@ -2,9 +2,10 @@
 
 use std::fmt::Write as _;
 
-use crate::html::escape;
 use study::rules::Distribution;
 use study::taxonomy::{Category, Taxonomy};
+
+use crate::html::escape;
 
 /// Shades of a category's colour: power red, intermediate yellow, precision green, as in the paper.
 pub fn color(taxonomy: &Taxonomy, kind: usize) -> String {

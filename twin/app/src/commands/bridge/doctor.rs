@@ -4,6 +4,7 @@ use std::path::Path;
 use std::time::{Duration, Instant};
 
 use anyhow::Result;
+use bench::body::arm_link::arm_link;
 use hand_model::{Arm, CAMERAS};
 use hardware_bridge::calibration::HandCalibration;
 use hardware_bridge::cameras::Cameras;
@@ -16,7 +17,6 @@ use hardware_bridge::setup::{self, Finding};
 
 use super::shared::{actuator_names, tell};
 use crate::terminal::Terminal;
-use bench::body::arm_link::arm_link;
 
 /// Cycles measured.
 const CYCLES: u32 = 200;

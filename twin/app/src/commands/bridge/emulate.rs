@@ -8,6 +8,9 @@ use std::sync::mpsc;
 use std::time::{Duration, Instant};
 
 use anyhow::{Context, Result, bail};
+use bench::body::emulated::{SharedPlant, settings};
+use bench::builtin::trial_scene;
+use bench::faults::STANDS;
 use clap::Args;
 use hand_model::ACTUATORS;
 use hand_model::robot::Robot;
@@ -23,9 +26,6 @@ use kortex::safety_bank::FOLLOWING_ERROR;
 
 use super::shared::shown;
 use crate::terminal::Terminal;
-use bench::body::emulated::{SharedPlant, settings};
-use bench::builtin::trial_scene;
-use bench::faults::STANDS;
 
 /// Travel of the shafts of [`SpringHand`], rad.
 const TRAVEL: f64 = 4.0;

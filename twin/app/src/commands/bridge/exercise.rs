@@ -4,6 +4,7 @@ use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
 use anyhow::{Result, bail};
+use bench::body::arm_link::arm_link;
 use clap::Args;
 use hand_model::robot::{Command, Observation, Robot, ServoGoal};
 use hand_model::{ACTUATORS, Arm, CAMERAS};
@@ -15,7 +16,6 @@ use hardware_bridge::servo_cycle::DryLines;
 
 use super::shared::{actuator_names, agreed};
 use crate::terminal::Terminal;
-use bench::body::arm_link::arm_link;
 
 /// Waited for the first measurements to pass the checks.
 const PATIENCE: Duration = Duration::from_secs(2);

@@ -1,9 +1,10 @@
-use super::super::field::tests::ball;
-use super::*;
 use nalgebra::{Isometry3, Translation3, UnitQuaternion};
 use proptest::prelude::*;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
+
+use super::super::field::tests::ball;
+use super::*;
 
 fn random_state(rng: &mut ChaCha8Rng) -> HandState {
     let mut draw = |low: f64, high: f64| rng.random_range(low..high);
