@@ -57,9 +57,7 @@ pub enum SolidShape {
 /// A joint that follows another: q = multiplier * q_leader + offset.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Follower {
-    /// The one that follows.
     pub joint: usize,
-    /// The one it follows.
     pub leader: usize,
     /// Turns a turn of the leader.
     pub multiplier: f64,
@@ -70,7 +68,6 @@ pub struct Follower {
 /// An actuator's cable.
 #[derive(Debug, Clone)]
 pub struct Pull {
-    /// Name.
     pub name: String,
     /// Joints with their moment arm, m.
     pub arms: Vec<(usize, f64)>,

@@ -85,7 +85,6 @@ pub struct MassProperties {
     pub inertia: Matrix3<f64>,
 }
 
-/// The hand.
 #[derive(Debug, Clone)]
 pub struct Hand {
     /// The parameters it was built from.

@@ -61,7 +61,6 @@ pub struct Observation {
     pub sequence: u64,
     /// The six servos, in actuator order.
     pub servos: [ServoState; ACTUATORS],
-    /// The arm.
     pub arm: ArmState,
     /// Tactile images that arrived since the last observation.
     pub tactile: Vec<TactileFrame>,

@@ -49,7 +49,6 @@ const LOOK: Duration = Duration::from_millis(20);
 enum Hands {
     /// Nobody: the base holds it.
     Idle(Box<Arm>),
-    /// The loop.
     Servoing(Box<ServoLoop>),
     /// Lost while changing the owner.
     Lost,

@@ -48,7 +48,6 @@ pub struct CycleReport {
     pub late: u64,
     /// Longest silence of the controller that was not announced, s.
     pub longest_silence: f64,
-    /// Statistics of the bus.
     pub bus: BusStatistics,
     /// The error that closed the servo port, if any.
     pub port_error: Option<String>,

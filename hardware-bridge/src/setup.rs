@@ -25,7 +25,6 @@ pub struct Finding {
 }
 
 impl Finding {
-    /// A finding.
     pub fn new(what: impl Into<String>, found: impl ToString, expected: impl ToString, good: bool) -> Self {
         Self { what: what.into(), found: found.to_string(), expected: expected.to_string(), good }
     }

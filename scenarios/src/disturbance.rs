@@ -53,7 +53,6 @@ impl Target {
 /// When something happens: once a trial, the first time that this part of a phase is over.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Moment {
-    /// The phase.
     pub phase: Phase,
     /// Part of it that is over, 0 to 1.
     pub at: f64,
@@ -65,7 +64,6 @@ pub struct Moment {
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Push {
-    /// What is pushed.
     pub on: Target,
     /// N, world axes.
     pub force: [f64; 3],
@@ -88,7 +86,6 @@ impl Push {
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Slip {
-    /// Which object.
     pub object: Which,
     /// What its friction is multiplied by.
     pub friction: f64,
@@ -115,7 +112,6 @@ impl Slip {
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct WrongPosition {
-    /// Which object.
     pub object: Which,
     /// Perceived minus true position, m, world axes.
     pub offset: [f64; 3],
@@ -125,7 +121,6 @@ pub struct WrongPosition {
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct WrongSize {
-    /// Which object.
     pub object: Which,
     /// True size over the believed one.
     pub factor: f64,

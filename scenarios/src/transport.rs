@@ -109,7 +109,6 @@ pub struct BallPush {
     pub duration: f64,
 }
 
-/// A transport.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Transport {

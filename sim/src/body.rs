@@ -20,9 +20,7 @@ pub mod groups {
     pub const HAND: Group = Group::GROUP_1;
     /// Wrist capsules of the arm.
     pub const ARM: Group = Group::GROUP_2;
-    /// Objects.
     pub const OBJECT: Group = Group::GROUP_3;
-    /// Table.
     pub const TABLE: Group = Group::GROUP_4;
 }
 

@@ -58,7 +58,6 @@ pub struct Engine {
     broad_phase: BroadPhaseBvh,
     /// Contact pairs.
     pub narrow_phase: NarrowPhase,
-    /// Rigid bodies.
     pub bodies: RigidBodySet,
     /// Collision shapes.
     pub colliders: ColliderSet,

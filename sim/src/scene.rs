@@ -17,7 +17,6 @@ use crate::engine::{Engine, EngineSettings};
 /// An object and where it stands at the start.
 #[derive(Debug, Clone)]
 pub struct ObjectPlacement {
-    /// The object.
     pub model: Arc<ObjectModel>,
     /// `world_from_object`.
     pub pose: Isometry3<f64>,
@@ -36,7 +35,6 @@ pub struct SceneSetup {
     pub objects: Vec<ObjectPlacement>,
     /// Friction of the cables in their guides.
     pub cable_friction: CableFriction,
-    /// Engine settings.
     pub engine: EngineSettings,
 }
 

@@ -64,7 +64,6 @@ impl HandStand {
         Self { drive: HandDrive::new(&hand, friction), hand, linkage, props: Vec::new(), time: 0.0 }
     }
 
-    /// The hand.
     pub fn hand(&self) -> &Arc<Hand> {
         &self.hand
     }

@@ -30,7 +30,6 @@ const OUTSTANDING: usize = 256;
 pub struct Feedback {
     /// Number of the command it answers.
     pub frame: u16,
-    /// State of the arm.
     pub state: ArmState,
     /// Angles (rad, followed over full turns), speeds, torques.
     pub motion: Motion,

@@ -92,7 +92,6 @@ pub const WATCHDOG: u32 = 1 << 23;
 /// Both words of a bank.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Hash)]
 pub struct Banks {
-    /// Bank A.
     pub a: u32,
     /// Bank B.
     pub b: u32,

@@ -16,7 +16,6 @@ pub struct Comparison {
     pub ticks: u64,
     /// Numbers that are the same in both.
     pub values: u64,
-    /// Images that are.
     pub images: u64,
     /// What differs first, if anything does.
     pub difference: Option<Difference>,
@@ -27,7 +26,6 @@ pub struct Comparison {
 pub struct Difference {
     /// Number of the tick, from 0.
     pub tick: u64,
-    /// What differs.
     pub field: String,
     /// In the second session.
     pub found: String,

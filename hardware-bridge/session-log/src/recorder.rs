@@ -38,7 +38,6 @@ impl<R: Robot> Recorder<R> {
         self.write(|writer| writer.seen(object, pose));
     }
 
-    /// Records the outcome.
     pub fn outcome(&mut self, text: &[u8]) {
         self.write(|writer| writer.outcome(text));
     }

@@ -74,7 +74,6 @@ impl CameraBoard {
         self.jpeg_chance = chance;
     }
 
-    /// Freezes a camera.
     pub fn freeze(&mut self, camera: u8) {
         self.frozen.entry(camera).or_default();
     }

@@ -32,7 +32,6 @@ pub enum PictureError {
     Square {
         /// Its first column and row.
         corner: (u32, u32),
-        /// Of the picture.
         size: (u32, u32),
     },
 }

@@ -57,7 +57,6 @@ pub struct ObjectFile {
     /// Turns that leave it looking the same.
     #[serde(default)]
     pub symmetry: Symmetry,
-    /// Its shape.
     pub shape: ShapeFile,
 }
 

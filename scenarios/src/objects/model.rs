@@ -16,7 +16,6 @@ const FACET: f64 = 4e-3;
 /// Height of a unit axis's end from which the axis counts as vertical.
 const UPRIGHT: f64 = 0.99;
 
-/// One object.
 #[derive(Debug, Clone)]
 pub struct ObjectModel {
     /// Unique, such as `golf_ball`.

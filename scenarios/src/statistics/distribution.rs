@@ -50,7 +50,6 @@ pub struct BoxPlot {
     pub low: f64,
     /// First quartile.
     pub q1: f64,
-    /// Median.
     pub median: f64,
     /// Third quartile.
     pub q3: f64,

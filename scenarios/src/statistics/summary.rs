@@ -69,7 +69,6 @@ pub struct DecisionTime {
 /// Median and 95th percentile.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub struct MedianP95 {
-    /// Median.
     pub median: Option<f64>,
     /// 95th percentile.
     pub p95: Option<f64>,

@@ -12,7 +12,6 @@ use hand_model::parameters::Gel;
 use crate::error::{OpticsError, check_force, positive};
 use crate::foundation::Foundation;
 
-/// Pixels of an image.
 pub const PIXELS: usize = IMAGE_SIZE * IMAGE_SIZE;
 /// Spacing of the coarse pass of [`press`], pixels.
 const BLOCK: usize = 4;
@@ -147,7 +146,6 @@ impl IndentationMap {
         self.depth.iter().copied().fold(0.0, f32::max)
     }
 
-    /// Pixels in contact.
     pub fn contact_pixels(&self) -> usize {
         self.depth.iter().filter(|&&depth| depth > 0.0).count()
     }

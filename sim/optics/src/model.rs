@@ -41,7 +41,6 @@ pub struct Variation {
     pub lamp_place: f64,
     /// Lamp directions, each axis, rad.
     pub lamp_turn: f64,
-    /// Lamps' strengths.
     pub lamp_strength: f64,
     /// Exponents of the lamps' radiation patterns.
     pub lamp_pattern: f64,
@@ -199,7 +198,6 @@ impl SensorModel {
         }
     }
 
-    /// The model as TOML.
     pub fn to_toml(&self) -> Result<String, OpticsError> {
         toml::to_string(self).map_err(OpticsError::calibration)
     }

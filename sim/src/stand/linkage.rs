@@ -154,7 +154,6 @@ impl Linkage {
         &mut self.engine
     }
 
-    /// The engine.
     pub fn engine(&self) -> &Engine {
         &self.engine
     }

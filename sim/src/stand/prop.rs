@@ -12,7 +12,6 @@ use crate::engine::Engine;
 /// A rigid thing. Its mass is spread evenly over the volume of its parts.
 #[derive(Debug, Clone)]
 pub struct Prop {
-    /// Name.
     pub name: String,
     /// Parts with their pose in the prop's frame, m.
     pub parts: Vec<(Isometry3<f64>, Shape)>,

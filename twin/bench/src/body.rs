@@ -76,7 +76,6 @@ pub struct Task {
     pub combination: usize,
     /// Number of the trial.
     pub trial: usize,
-    /// Condition.
     pub condition: Condition,
     /// Whether images were taken throughout for a watcher: commands ask for them.
     pub watched: bool,

@@ -90,7 +90,6 @@ pub struct Matrix<'a> {
     pub bench: &'a Bench,
     /// Faults.
     pub kinds: Vec<Kind>,
-    /// Phases.
     pub phases: Vec<Phase>,
     /// Times every fault is injected into every phase, each time in another combination.
     pub rounds: usize,

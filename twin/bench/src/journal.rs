@@ -16,7 +16,6 @@ use serde::{Deserialize, Serialize};
 pub struct RunRequest {
     /// Number of combinations.
     pub combos: usize,
-    /// Trials of each.
     pub trials: usize,
     /// Seed of everything.
     pub seed: u64,
@@ -41,7 +40,6 @@ fn unscaled() -> f64 {
 /// A unit of work: the ideal run of a combination, or one trial (blind and touch from the same first grasp).
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 pub struct Unit {
-    /// Combination.
     pub combination: usize,
     /// `None` is the ideal run.
     pub trial: Option<usize>,
@@ -52,7 +50,6 @@ pub struct Unit {
 pub struct Entry {
     /// Which unit.
     pub unit: Unit,
-    /// Its records.
     pub records: Vec<TrialRecord>,
     /// The same trial with less of the senses.
     #[serde(default)]

@@ -25,7 +25,6 @@ const NOISY: [Condition; 2] = [Condition::Blind, Condition::Touch];
 /// Which trials are recorded.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Record {
-    /// None.
     None,
     /// The first trial of every tenth combination.
     Sample,

@@ -27,7 +27,6 @@ pub enum CarryPhase {
     Decide,
     /// To an object.
     Approach,
-    /// Closing on it.
     Close,
     /// Raising it.
     Lift,

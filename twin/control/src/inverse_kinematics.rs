@@ -148,7 +148,6 @@ impl ArmKinematics {
         Self { arm: Arc::new(arm), mount }
     }
 
-    /// The arm.
     pub fn arm(&self) -> &Arm {
         &self.arm
     }

@@ -52,7 +52,6 @@ pub struct Pick {
 /// What to take, in order.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct LoadPlan {
-    /// The picks.
     pub picks: Vec<Pick>,
     /// Expected volume, m3.
     pub volume: f64,

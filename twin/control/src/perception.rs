@@ -25,7 +25,6 @@ const GRID: (f64, f64) = (0.001, 0.012);
 /// An object whose shape can be registered quickly: meshes carry a distance grid.
 #[derive(Debug, Clone)]
 pub struct KnownObject {
-    /// The object.
     pub model: Arc<ObjectModel>,
     grid: Option<DistanceGrid>,
 }

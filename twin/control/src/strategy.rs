@@ -27,7 +27,6 @@ const CLOSING_STAGES: usize = 4;
 /// What is in the hand, as estimated.
 #[derive(Debug, Clone)]
 pub struct Held<'a> {
-    /// The object.
     pub object: &'a ObjectModel,
     /// `palm_from_object`.
     pub pose: Isometry3<f64>,
@@ -55,7 +54,6 @@ pub struct Decision {
     pub grasp: Grasp,
     /// Whether it is another than planned.
     pub switched: bool,
-    /// Assessment of the plan.
     pub plan: Assessment,
     /// Assessment of the chosen grasp.
     pub chosen: Assessment,
@@ -155,7 +153,6 @@ fn assess(executive: &Executive, scene: &Scene, candidate: &Candidate) -> Result
 pub struct Situation<'a> {
     /// Where the palm is, and where the target is seen.
     pub executive: &'a Executive,
-    /// The hand.
     pub hand: &'a Hand,
     /// What it holds.
     pub held: &'a Held<'a>,

@@ -172,7 +172,6 @@ impl PosePath {
         self.start
     }
 
-    /// Pose at the end.
     pub fn end(&self) -> Isometry3<f64> {
         self.segments.last().map_or(self.start, |segment| segment.to)
     }

@@ -10,9 +10,7 @@ use crate::inverse_kinematics::{ArmKinematics, ArmServo, IkError, IkSettings, Jo
 /// Hand, arm and their nominal places.
 #[derive(Debug, Clone)]
 pub struct Workcell {
-    /// The hand.
     pub hand: Arc<Hand>,
-    /// The arm.
     pub arm: Arc<Arm>,
     /// Where the arm stands, nominally.
     pub world_from_base: Isometry3<f64>,

@@ -21,7 +21,6 @@ pub const SWITCH_GAIN: f64 = 1.30;
 /// A grasp that might take an object, and its worth in this situation.
 #[derive(Debug, Clone)]
 pub struct Candidate {
-    /// The grasp.
     pub grasp: Grasp,
     /// Probability of success when nothing is in the way.
     pub worth: f64,

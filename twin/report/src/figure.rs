@@ -42,7 +42,6 @@ pub struct Group {
     pub shade: Vec<(f64, f64)>,
 }
 
-/// A figure.
 #[derive(Debug, Clone)]
 pub struct Figure {
     /// Over the drawing.

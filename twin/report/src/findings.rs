@@ -26,7 +26,6 @@ pub enum Rate {
 }
 
 impl Rate {
-    /// Of one combination.
     pub fn of(self, rates: &CombinationRates) -> f64 {
         match self {
             Self::Collision => rates.collision_rate,

@@ -13,7 +13,6 @@ pub struct PaperRates {
 
 /// Object combinations.
 pub const COMBINATIONS: usize = 60;
-/// Trials of each.
 pub const TRIALS: usize = 10;
 /// The t of both of its tests; with the degrees of freedom and p below.
 pub const T: f64 = 11.8;

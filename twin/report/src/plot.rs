@@ -15,7 +15,6 @@ const GRID: [u8; 3] = [225, 226, 228];
 const LINES: [[u8; 3]; 6] =
     [[31, 99, 170], [206, 92, 28], [52, 140, 72], [150, 70, 150], [120, 120, 120], [180, 150, 30]];
 
-/// A plot.
 pub struct Plot {
     /// Over the plot.
     pub title: String,
@@ -28,7 +27,6 @@ pub struct Plot {
 }
 
 impl Plot {
-    /// Draws it.
     pub fn draw(&self) -> RgbImage {
         let mut image = RgbImage::from_pixel(WIDTH, HEIGHT, Rgb([255, 255, 255]));
         let range = |axis: usize| {

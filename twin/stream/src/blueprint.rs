@@ -26,7 +26,6 @@ use crate::{entities, tactile};
 /// Where the 3D view looks from and to, world frame, m.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Eye {
-    /// Position of the eye.
     pub position: [f32; 3],
     /// What it looks at, and turns around.
     pub target: [f32; 3],

@@ -7,7 +7,6 @@ use hand_model::Hand;
 
 /// Root of the 3D view, the `world` frame.
 pub const WORLD: &str = "world";
-/// The table.
 pub const TABLE: &str = "world/table";
 /// The arm's base.
 pub const ARM_BASE: &str = "world/arm/base";

@@ -26,7 +26,6 @@ pub struct FeltScene {
     pub text: String,
     /// Estimated joint angles, rad.
     pub joints: Vec<f64>,
-    /// The object.
     pub object: DrawnObject,
     /// Where it is thought to be.
     pub estimate: Isometry3<f64>,

@@ -48,7 +48,6 @@ pub struct ShownGrasp {
     pub joints: Vec<f64>,
     /// Pose of the object.
     pub palm_from_object: Isometry3<f64>,
-    /// Contacts.
     pub contacts: Vec<ShownContact>,
 }
 

@@ -43,7 +43,6 @@ impl DrawnObject {
         Self { name: name.into(), vertices, triangles, normals, color }
     }
 
-    /// Its mesh.
     pub fn mesh(&self) -> Mesh {
         Mesh { vertices: self.vertices.clone(), triangles: self.triangles.clone(), normals: self.normals.clone() }
     }

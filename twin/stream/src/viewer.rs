@@ -9,7 +9,6 @@ use crate::release::RERUN_VERSION;
 /// A viewer on this machine.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Viewer {
-    /// The program.
     pub program: PathBuf,
     /// What it says its version is; `None` if it does not say.
     pub version: Option<String>,

@@ -30,7 +30,6 @@ pub enum MapError {
     /// Of the projection.
     #[error(transparent)]
     Embedding(#[from] EmbeddingError),
-    /// Of the boundary.
     #[error(transparent)]
     Boundary(#[from] BoundaryError),
 }
@@ -53,7 +52,6 @@ pub struct FittedBoundary {
     pub training: f64,
     /// The same as the mean over both classes.
     pub training_balanced: f64,
-    /// Support vectors.
     pub support_vectors: usize,
     /// Accuracy on objects left out.
     pub held_out: HeldOut,

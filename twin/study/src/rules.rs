@@ -70,7 +70,6 @@ struct File {
     rule: Vec<Rule>,
 }
 
-/// All rules.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Rules {
     /// Margins, and differences of margins, below this are ambiguous.
@@ -90,7 +89,6 @@ struct Resolved {
 /// Result of one condition.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Checked {
-    /// Attribute.
     pub attribute: String,
     pub meaning: &'static str,
     pub value: f64,

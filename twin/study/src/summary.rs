@@ -28,7 +28,6 @@ pub struct Summary {
     pub types: Vec<TypeCount>,
     /// Power, intermediate, precision.
     pub categories: [usize; 3],
-    /// All grasps.
     pub grasps: usize,
     /// Grasps whose type is ambiguous.
     pub ambiguous: usize,

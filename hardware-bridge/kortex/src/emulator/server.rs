@@ -24,7 +24,6 @@ const PATIENCE: Duration = Duration::from_millis(20);
 /// How the emulated arm's time advances.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Pace {
-    /// In real time.
     RealTime,
     /// By [`Emulator::step`].
     Stepped,

@@ -29,7 +29,6 @@ impl DeviceType {
     }
 }
 
-/// All devices.
 #[derive(Clone, PartialEq, Eq, prost::Message)]
 pub struct DeviceHandles {
     /// In no order of note.

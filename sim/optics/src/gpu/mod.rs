@@ -27,7 +27,6 @@ const LINES: usize = 8;
 /// Largest buffer of a batch, bytes.
 const BATCH: u64 = 512 << 20;
 
-/// Renders on a GPU.
 #[derive(Debug)]
 pub struct GpuRenderer {
     gpu: Gpu,
@@ -92,7 +91,6 @@ impl GpuRenderer {
         Self { shadows: false, ..self }
     }
 
-    /// Renders one batch.
     fn batch(&self, batch: &Batch, buffers: &mut Option<Buffers>) -> Result<Vec<TactileImage>, OpticsError> {
         let fault = |what: String| OpticsError::Gpu(format!("{}: {what}", self.gpu.name));
         let (device, queue) = (&self.gpu.device, &self.gpu.queue);

@@ -37,7 +37,6 @@ impl SharedPlant {
         Self(Arc::new(Mutex::new(robot)))
     }
 
-    /// The robot.
     pub fn lock(&self) -> MutexGuard<'_, SimulatedRobot> {
         // Whoever panicked with it has said so.
         self.0.lock().unwrap_or_else(PoisonError::into_inner)

@@ -64,9 +64,7 @@ impl TrialBody for Rounded {
 
 /// Where such robots come from.
 pub struct RoundedSource {
-    /// The hand.
     pub hand: Arc<Hand>,
-    /// The arm.
     pub arm: Arc<Arm>,
     /// Folder of the sessions' files, if they are recorded.
     pub sessions: Option<PathBuf>,

@@ -74,7 +74,6 @@ pub const ALL: [Kind; 23] = [
 pub enum Expected {
     /// The robot goes on, or holds if too much is lost at once.
     GoesOn,
-    /// It holds.
     Holds,
     /// It holds and somebody must look after a device.
     Faults,

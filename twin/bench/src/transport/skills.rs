@@ -35,14 +35,12 @@ pub struct Proven {
     pub grasp: Grasp,
 }
 
-/// A file of skills.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct SkillFile {
     /// Format version.
     pub version: u32,
     /// The command that made it.
     pub command: String,
-    /// The skills.
     pub skills: Vec<Proven>,
 }
 

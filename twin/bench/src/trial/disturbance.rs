@@ -22,7 +22,6 @@ enum Interval {
     Ahead,
     /// Since this time, s.
     Since(f64),
-    /// It is over.
     Over,
 }
 

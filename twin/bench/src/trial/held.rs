@@ -19,7 +19,6 @@ pub struct HeldGrasp {
     pub combination: usize,
     /// Number of the trial.
     pub trial: usize,
-    /// What is held.
     pub object: String,
     /// Position (rad) and current (A) of each servo.
     servos: [[f64; 2]; ACTUATORS],

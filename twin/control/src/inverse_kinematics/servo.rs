@@ -39,7 +39,6 @@ pub struct Rehearsal {
     pub rotation_error: f64,
     /// Ticks in which limits or a singularity held the arm back, of `ticks`.
     pub saturated_ticks: usize,
-    /// Ticks in all.
     pub ticks: usize,
     /// Posture at the end, rad.
     pub q: Joints,
@@ -76,12 +75,10 @@ impl ArmServo {
         self.kinematics.palm_pose(&self.q_ref)
     }
 
-    /// Kinematics.
     pub fn kinematics(&self) -> &ArmKinematics {
         &self.kinematics
     }
 
-    /// Settings.
     pub fn settings(&self) -> &IkSettings {
         &self.settings
     }

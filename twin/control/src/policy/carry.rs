@@ -26,7 +26,6 @@ pub enum Carrying {
 /// Something to be carried.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Cargo {
-    /// Name.
     pub name: String,
     /// m3.
     pub volume: f64,

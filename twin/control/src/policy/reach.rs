@@ -34,7 +34,6 @@ pub fn turned<'a>(
 
 /// What a search for grasps begins with.
 pub struct Wanted<'a> {
-    /// The object.
     pub object: &'a ObjectModel,
     /// The object's part in the trial.
     pub role: Role,

@@ -38,7 +38,6 @@ impl Default for Schedule {
 /// Largest standard deviation of the noise at step 1: of translations (m), rotations and joints (rad).
 const WIDEST: [f64; 3] = [0.01, 0.15, 0.2];
 
-/// One sample.
 #[derive(Debug, Clone)]
 pub struct Sample {
     /// Pose and joints.

@@ -161,7 +161,6 @@ pub(super) mod per_unit {
     pub const DEPTH: f64 = 1e6;
     /// Motion of the object, m and rad.
     pub const MOTION: f64 = 1e4;
-    /// Energies.
     pub const ENERGY: f64 = 1e3;
 }
 

@@ -94,7 +94,6 @@ fn clearance(frames: &Frames, surface: &HandSurface, field: &DistanceField, link
 pub struct Opened {
     /// Pose and joints, clear of the object.
     pub state: HandState,
-    /// The open posture.
     pub open: FreePosture,
     /// The projected posture, before opening.
     pub aimed: FreePosture,

@@ -28,7 +28,6 @@ const SINGULAR: f64 = 0.04;
 /// Pixels a place.
 const PIXELS: u32 = 16;
 
-/// What a place is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Place {
     Free,

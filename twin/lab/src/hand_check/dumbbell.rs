@@ -91,7 +91,6 @@ fn hold(hand: &Arc<Hand>, down: &Vector3<f64>) -> (HandStand, f64) {
     (stand, slip)
 }
 
-/// The row.
 pub fn row(hand: &Arc<Hand>, out: Option<&Path>) -> Result<Row> {
     let ways = [
         ("fingers down", Vector3::y()),

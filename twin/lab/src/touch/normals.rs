@@ -65,7 +65,6 @@ pub struct Measured {
     pub median_deg: f64,
     /// 95th percentile, degrees.
     pub p95_deg: f64,
-    /// Samples.
     pub samples: usize,
     /// Root mean square error of the height where something presses, micrometres.
     #[serde(skip_serializing_if = "Option::is_none")]

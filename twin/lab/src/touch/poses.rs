@@ -160,7 +160,6 @@ pub fn feel(
 /// Median and 95th percentile of position (mm) and rotation (degrees).
 #[derive(Debug, Clone, Copy, Serialize)]
 pub struct Spread {
-    /// Grasps.
     pub grasps: usize,
     /// Position, mm.
     pub mm: MedianP95,

@@ -42,7 +42,6 @@ pub struct AnyHeld {
     pub joints: Vec<(String, f64)>,
     /// Tensions of the actuators, by name.
     pub tensions: Vec<(String, f64)>,
-    /// Contacts.
     pub contacts: Vec<AnyContact>,
     /// Wrench margin.
     pub margin: f64,

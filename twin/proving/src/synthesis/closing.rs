@@ -45,7 +45,6 @@ const PUSHED_AWAY: (f64, f64) = (0.03, 0.6);
 pub struct Closed {
     /// Scene at rest; cloned for every test.
     pub scene: HandScene,
-    /// What pulls.
     pub pull: Pull,
     /// Where it started.
     pub opened: Opened,
@@ -53,7 +52,6 @@ pub struct Closed {
     pub start: Isometry3<f64>,
     /// How far the object moved while the digits closed: m, rad.
     pub moved: (f64, f64),
-    /// What touches.
     pub touches: Vec<Touch>,
 }
 

@@ -68,7 +68,6 @@ pub fn roc_area(scored: &[(f64, bool)]) -> Option<f64> {
 /// What `eval` prints.
 #[derive(Debug, Clone, Serialize)]
 pub struct Evaluation {
-    /// Object.
     pub object: String,
     /// Chains that ended in a closed grasp.
     pub found: Rate,

@@ -28,7 +28,6 @@ pub enum ComparedHand {
     Ours,
     /// From a URDF and what pulls on its joints.
     Any {
-        /// The hand.
         hand: Box<Described>,
         /// SHA-256 of its files.
         files: String,
@@ -36,7 +35,6 @@ pub enum ComparedHand {
 }
 
 impl ComparedHand {
-    /// Reads a hand.
     pub fn read(urdf: &Path, pulls: &Path) -> Result<Self> {
         let hand = Box::new(describe::read(urdf, pulls)?);
         let mut all = Sha256::new();

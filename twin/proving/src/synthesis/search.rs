@@ -41,7 +41,6 @@ impl Verified {
 /// What a search came to.
 #[derive(Debug, Clone, Default, Serialize)]
 pub struct Report {
-    /// Object.
     pub object: String,
     /// Chains run.
     pub requested: u64,

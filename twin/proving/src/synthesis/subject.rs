@@ -32,9 +32,7 @@ const LARGEST_FILE: u64 = 256 << 20;
 pub struct Subject {
     /// As it is tested: mass and friction of the protocol.
     pub model: Arc<ObjectModel>,
-    /// Its distance field.
     pub field: DistanceField,
-    /// Points on its surface.
     pub surface: Vec<Point3<f64>>,
 }
 

@@ -46,9 +46,7 @@ impl Request {
 
 /// Everything that chains share.
 pub struct Synthesizer {
-    /// The hand.
     pub hand: Arc<Hand>,
-    /// Its surface.
     pub surface: HandSurface,
     /// The object.
     pub subject: Subject,

@@ -15,7 +15,6 @@ use crate::taxonomy::Category;
 
 /// A mapped landscape with the grasps behind its minima.
 pub struct MappedGrasps<'a> {
-    /// The grasps.
     pub classification: &'a Classification,
     /// Their minima, in the order in which they were sorted.
     pub minima: &'a [Minimum],

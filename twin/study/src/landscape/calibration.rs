@@ -97,13 +97,11 @@ impl Calibration {
     }
 }
 
-/// What is calibrated.
 #[derive(Debug, Clone, Copy)]
 pub struct Question<'a> {
     /// The minima, in words: a file of other ones does not count.
     pub subject: &'a str,
     /// The chains; their pull is where the search for the threshold begins.
     pub attraction: Attraction,
-    /// Seed.
     pub seed: u64,
 }

@@ -26,13 +26,11 @@ pub struct Plan {
     pub doublings: u32,
     /// Number of nearest basins to which each basin's barriers are measured.
     pub neighbors: usize,
-    /// Seed.
     pub seed: u64,
     /// Description of the landscape: a journal with another one is refused.
     pub subject: String,
 }
 
-/// A basin.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Basin<S> {
     /// Its lowest minimum.
@@ -54,7 +52,6 @@ enum Line<S> {
     Barriers { n: usize, found: Vec<(usize, f64)> },
 }
 
-/// Errors of journals.
 #[derive(Debug, thiserror::Error)]
 pub enum JournalError {
     /// Not readable or writable.

@@ -80,7 +80,6 @@ fn height_sigma(patch: &Patch, sigma: f64) -> f64 {
     sigma.hypot(NARROW / radius.max(1e-6)).min(WORST)
 }
 
-/// A pressed pad.
 pub(super) struct PressedPad {
     /// Normal of the pad in the frame of the link that carries it.
     pub normal: Vector3<f64>,

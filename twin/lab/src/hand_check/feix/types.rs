@@ -16,13 +16,11 @@ pub enum Opposition {
     Side,
 }
 
-/// One type.
 pub struct GraspType {
     /// 1 to 33.
     pub number: usize,
     /// Name in the taxonomy.
     pub name: &'static str,
-    /// Opposition.
     pub opposition: Opposition,
     /// Digits that must touch, thumb first.
     pub digits: &'static [Digit],

@@ -20,7 +20,6 @@ use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, Vector3};
 
 use self::solids::{LinkShapes, SurfacePoint, fill, name, shapes, surface_points};
 
-/// Candidates at most.
 const MOST_CANDIDATES: usize = 700;
 /// Cosine between a point's motion and its normal from which on it is a candidate.
 const FACES_MOTION: f64 = 0.5;
