@@ -1,4 +1,4 @@
-//! What the paper reports, to stand beside ours (its figure on adaptive behaviours and the text around it).
+//! The paper's figures, for comparison with ours (its figure on adaptive behaviours and the text around it).
 
 use scenarios::Condition;
 
@@ -13,7 +13,6 @@ pub struct PaperRates {
 
 /// Object combinations.
 pub const COMBINATIONS: usize = 60;
-/// Trials of each.
 pub const TRIALS: usize = 10;
 /// The t of both of its tests; with the degrees of freedom and p below.
 pub const T: f64 = 11.8;

@@ -125,7 +125,6 @@ fn lead(world: &World, edge: &Edge) -> Result<Seen> {
     Ok(seen)
 }
 
-/// The rows.
 pub fn rows(world: &World, out: Option<&Path>) -> Result<Vec<Row>> {
     let start = world.kinematics().palm_pose(&world.ready);
     let mut seen = Vec::new();

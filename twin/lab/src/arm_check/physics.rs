@@ -130,7 +130,6 @@ fn jump(world: &World) -> (f64, f64, f64) {
     (fastest, past, there)
 }
 
-/// The rows.
 pub fn rows(world: &World, seed: u64) -> Result<Vec<Row>> {
     let postures = postures(world, seed)?;
     let held: Vec<(f64, f64)> = postures.par_iter().map(|q| hold(world, q)).collect();

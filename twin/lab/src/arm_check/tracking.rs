@@ -129,7 +129,6 @@ pub fn quantile(sorted: &[f64], share: f64) -> f64 {
     sorted.get(((sorted.len() as f64 - 1.0) * share).round() as usize).copied().unwrap_or(f64::NAN)
 }
 
-/// The rows.
 pub fn rows(world: &World, out: Option<&Path>) -> Result<Vec<Row>> {
     let start = world.kinematics().palm_pose(&world.ready);
     let mut followed = Vec::new();

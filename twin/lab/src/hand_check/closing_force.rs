@@ -44,7 +44,6 @@ fn close(hand: &Arc<Hand>, tension: f64) -> (HandStand, [f64; 16]) {
     (stand, forces)
 }
 
-/// The rows.
 pub fn rows(hand: &Arc<Hand>, out: Option<&Path>) -> Result<Vec<Row>> {
     let servo = hand.parameters.servo;
     let rated = RATED_SHARE * servo.stall_torque;

@@ -14,11 +14,8 @@ use report::write_whole;
 /// How many grasps are played, and from what.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Played {
-    /// Combinations.
     pub combos: usize,
-    /// Trials of each.
     pub trials: usize,
-    /// Seed.
     pub seed: u64,
 }
 

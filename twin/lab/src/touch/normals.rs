@@ -1,4 +1,4 @@
-//! How exact normals and heights are: by look-up, by a perceptron and by the network, on shapes, pads and a real sensor that
+//! Accuracy of normals and heights: by look-up, by a perceptron and by the network, on shapes, pads and a real sensor that
 //! they were not trained on.
 
 use std::path::Path;
@@ -65,7 +65,6 @@ pub struct Measured {
     pub median_deg: f64,
     /// 95th percentile, degrees.
     pub p95_deg: f64,
-    /// Samples.
     pub samples: usize,
     /// Root mean square error of the height where something presses, micrometres.
     #[serde(skip_serializing_if = "Option::is_none")]

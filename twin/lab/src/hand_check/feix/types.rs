@@ -10,19 +10,16 @@ use sim::stand::Prop;
 pub enum Opposition {
     /// Palm and fingers.
     Palm,
-    /// Pads.
     Pad,
     /// The thumb and the side of a finger, or two fingers' sides.
     Side,
 }
 
-/// One type.
 pub struct GraspType {
     /// 1 to 33.
     pub number: usize,
     /// Name in the taxonomy.
     pub name: &'static str,
-    /// Opposition.
     pub opposition: Opposition,
     /// Digits that must touch, thumb first.
     pub digits: &'static [Digit],
