@@ -1,4 +1,4 @@
-//! What full-hand touch buys: success with less of the senses, a row each, mean and 95 % interval.
+//! The gain of full-hand touch: success rates with reduced sensing, a row each, with mean and 95 % interval.
 
 use std::fmt::Write as _;
 

@@ -1,4 +1,4 @@
-//! What every number on the page means.
+//! Definitions of the numbers on the page.
 
 /// Terms and their meaning; no data in it.
 pub const SECTION: &str = "<h2 id=\"terms\">What the numbers mean</h2>

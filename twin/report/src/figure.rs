@@ -1,9 +1,12 @@
-//! The paper's box plots as SVG: of every condition the dots (one per object combination), the box from the 25th to the 75th
-//! percentile with the median's line and whiskers to the extremes, and the shading of the kernel density.
+//! The paper's box plots as SVG. Each condition has its dots (one per object combination), a box from the 25th to the 75th
+//! percentile with the median and whiskers to the extremes, and the shaded kernel density.
 //!
-//! The paper draws the three on top of each other; here they stand side by side, dots left, box in the middle, shading right,
-//! so that none hides another. Heights are exact. Dots of equal height are laid out sideways, and only where a row is full in
-//! further rows close above and below it.
+//! The paper draws the three on top of each other; here they are side by side so that none hides another: dots on the left, the
+//! box in the middle, the density on the right. Dots of equal rate are laid out sideways; where a row is full, further rows
+//! follow closely above and below it.
+//!
+//! Colours come from the page's style sheet (light and dark), and every dot has a `<title>` with its name and value. A charting
+//! crate's SVG has neither, so the figure is written by hand.
 
 use std::fmt::Write as _;
 
@@ -22,7 +25,7 @@ const BOTTOM: f64 = HEIGHT - 66.0;
 const RANGE: (f64, f64) = (-0.05, 1.05);
 const DOT_RADIUS: f64 = 2.2;
 const DOT_PITCH: f64 = 4.9;
-/// Dots beside each other before another row is opened.
+/// Dots in a row.
 const DOTS_PER_ROW: usize = 13;
 /// Densities below this share of the highest are not drawn.
 const FAINT: f64 = 0.004;
@@ -62,7 +65,7 @@ impl Figure {
         self.draw("")
     }
 
-    /// The figure as a file of its own.
+    /// The figure as a standalone file.
     pub fn standalone(&self) -> String {
         let style = format!("<style>{}</style>\n", style::FIGURE);
         format!("<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n{}", self.draw(&style))

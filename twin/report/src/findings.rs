@@ -1,4 +1,4 @@
-//! What the records say beyond the summary: the figures' columns, every combination's line, collisions that did no harm.
+//! Results from the records that the summary lacks: the figures' columns, a line per combination, harmless collisions.
 
 use std::collections::BTreeMap;
 

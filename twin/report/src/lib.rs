@@ -1,6 +1,7 @@
-//! The report of a benchmark: `report.html`, one page that needs nothing else, and its two figures as files.
+//! The report of a benchmark: `report.html`, one self-contained page, and its two figures as files.
 //!
-//! It is made from the records and their summary alone, so that `ftac report` can make it again at any time.
+//! It is made from the records and their summary alone, so `ftac report` can make it again at any time. [`picture`] draws the
+//! hand, [`plot`] line plots; both are used by the checks too.
 
 mod ablation;
 mod definitions;

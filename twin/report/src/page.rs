@@ -1,4 +1,4 @@
-//! The page: sections in the order a reader asks for them.
+//! The sections of the page.
 
 use std::collections::BTreeSet;
 

@@ -1,4 +1,4 @@
-//! What the paper reports, to stand beside ours (its figure on adaptive behaviours and the text around it).
+//! The paper's figures, for comparison with ours (its figure on adaptive behaviours and the text around it).
 
 use scenarios::Condition;
 

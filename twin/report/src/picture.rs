@@ -1,4 +1,4 @@
-//! Pictures of the hand: an orthographic software renderer with a depth buffer, light from the eye and some from above.
+//! Pictures of the hand: an orthographic software renderer with a depth buffer, lit from the eye and from above.
 
 use std::path::Path;
 

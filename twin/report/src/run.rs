@@ -1,4 +1,4 @@
-//! How the benchmark was run: whatever the program wrote down about it, in the order that serves a reader.
+//! How the benchmark was run: what the program recorded about it, the most useful first.
 
 use serde_json::Value;
 

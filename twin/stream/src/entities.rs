@@ -1,7 +1,7 @@
 //! All entity paths, in one place.
 //!
 //! `world/...` is what the 3D view shows, `tactile/...` and `heights/...` are the two maps of the hand, `signals/...` are
-//! plotted, `trial/...` is told in words. Names of objects and pads become one path part each.
+//! plotted, `trial/...` is text. Names of objects and pads become one path part each.
 
 use hand_model::Hand;
 
@@ -43,7 +43,7 @@ pub const OUTCOME: &str = "trial/outcome";
 
 /// Root of a gallery of grasps.
 pub const GALLERY: &str = "grasps";
-/// What a gallery says in words.
+/// Text of a gallery.
 pub const GALLERY_TEXT: &str = "grasps_text";
 
 /// Sheet of images beside a held object.

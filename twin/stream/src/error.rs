@@ -25,7 +25,6 @@ pub enum StreamError {
     /// An image has the wrong number of bytes or could not be encoded.
     #[error("image of {what}: {reason}")]
     Image {
-        /// Camera or pad.
         what: String,
         /// Why.
         reason: String,
@@ -46,7 +45,6 @@ pub enum StreamError {
     /// The viewer did not start.
     #[error("cannot start {program}: {source}")]
     Start {
-        /// The viewer.
         program: PathBuf,
         /// Why.
         source: std::io::Error,

@@ -1,4 +1,4 @@
-//! What a trial says of itself: its properties, its phases, its log, its outcome.
+//! Text about a trial: its properties, phases, log and outcome.
 
 use rerun::{AnyValues, RecordingStream, StateChange, TextDocument, TextLog};
 

@@ -1,4 +1,4 @@
-//! Finds and starts the Rerun viewer, a program of its own.
+//! Finds and starts the Rerun viewer, which is a separate program.
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
@@ -76,7 +76,7 @@ pub fn open(path: &Path) -> Result<Vec<PathBuf>, StreamError> {
     let files = recordings(path)?;
     let program = find_viewer().ok_or(StreamError::NoViewer)?;
     let mut command = Command::new(&program);
-    // The viewer also listens for programs; nobody else's business.
+    // The viewer also listens for programs that log to it: on this machine only.
     command.args(["--bind", "127.0.0.1", "--port", "auto"]).args(&files);
     command.stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null());
     #[cfg(unix)]

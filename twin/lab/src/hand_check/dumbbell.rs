@@ -2,8 +2,8 @@
 //!
 //! It is taken as one takes it from a rack: the fingers close on the bar, and while the rack still carries the weight
 //! the hand grips hard a few times. Each time the bar and the phalanges come nearer to where cables, joint stops and
-//! friction let them rest; without that they get there under load, and what is measured as slip is the bar's way into
-//! the hand.
+//! friction let them rest; without that they get there under load, and the bar's settling into the hand is measured as
+//! slip.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -49,7 +49,6 @@ pub fn place(hand: &Hand) -> Isometry3<f64> {
     Isometry3::from_parts(Vector3::new(UNDER_KNUCKLES[0], UNDER_KNUCKLES[1], skin - SIZE[0] - 0.0005).into(), across)
 }
 
-/// The dumbbell.
 pub fn prop() -> Prop {
     Prop::dumbbell(SIZE[0], SIZE[1], SIZE[2], SIZE[3], MASS)
 }

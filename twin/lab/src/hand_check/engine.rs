@@ -22,7 +22,6 @@ const HOLD: f64 = 5.0;
 /// One setting's outcome in one scene.
 #[derive(Debug, Clone, Serialize)]
 pub struct Sweep {
-    /// What is held.
     pub scene: &'static str,
     /// Steps a second.
     pub rate: f64,

@@ -51,7 +51,6 @@ pub struct GraspTypeResult {
     pub note: &'static str,
     /// Attempts made.
     pub tries: usize,
-    /// The best attempt.
     pub attempt: Attempt,
     /// Joint angles after settling, rad.
     pub angles: Vec<f64>,

@@ -15,7 +15,6 @@ pub enum Verdict {
 }
 
 impl Verdict {
-    /// Good or not.
     pub fn of(good: bool) -> Self {
         if good { Self::Good } else { Self::FallsShort }
     }
@@ -30,7 +29,7 @@ pub struct Row {
     pub ours: String,
     /// The paper's.
     pub paper: String,
-    /// How ours was found and what is still good.
+    /// How our figure was measured, and the tolerance.
     pub method: String,
     /// How it came out.
     pub verdict: Verdict,

@@ -27,14 +27,30 @@ fn header(shape: &[usize]) -> Vec<u8> {
 
 #[cfg(test)]
 mod tests {
-    use super::header;
+    use super::*;
+
+    /// The parts of a file by NumPy's format description (NEP 1): the header's text, and what follows it.
+    fn parts(bytes: &[u8]) -> (&str, &[u8]) {
+        assert_eq!(&bytes[..8], b"\x93NUMPY\x01\x00");
+        let (text, data) = bytes[10..].split_at(usize::from(u16::from_le_bytes([bytes[8], bytes[9]])));
+        (std::str::from_utf8(text).expect("ASCII"), data)
+    }
 
     #[test]
-    fn the_header_is_aligned_and_says_its_length() {
-        for shape in [&[7][..], &[240, 240], &[240, 240, 3]] {
-            let bytes = header(shape);
-            assert_eq!(bytes.len() % 64, 0);
-            assert_eq!(usize::from(u16::from_le_bytes([bytes[8], bytes[9]])), bytes.len() - 10);
+    fn an_array_is_read_back() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let path = folder.path().join("array.npy");
+        for (shape, written) in [(&[6][..], "(6,)"), (&[2, 3], "(2, 3,)"), (&[1, 2, 3], "(1, 2, 3,)")] {
+            let values = [0.0, -1.5, f32::MIN_POSITIVE, 3e38, f32::NAN, 0.1];
+            write(&path, &values, shape).expect("written");
+            let bytes = std::fs::read(&path).expect("read");
+            let (text, data) = parts(&bytes);
+            assert_eq!((bytes.len() - data.len()) % 64, 0, "data are aligned");
+            let header = format!("{{'descr': '<f4', 'fortran_order': False, 'shape': {written}, }}");
+            assert!(text.trim_end() == header && text.ends_with('\n'), "{text}");
+            let found: Vec<u32> =
+                data.chunks_exact(4).map(|four| u32::from_le_bytes(four.try_into().unwrap())).collect();
+            assert_eq!(found, values.map(f32::to_bits));
         }
     }
 }

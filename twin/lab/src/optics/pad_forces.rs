@@ -39,7 +39,6 @@ pub struct PadForce {
 /// How well both forces agree over all grips.
 #[derive(Debug, Clone, Serialize)]
 pub struct Agreement {
-    /// Loaded pads.
     pub pads: usize,
     /// Loaded pads whose image shows nothing.
     pub unfelt: usize,
@@ -51,7 +50,6 @@ pub struct Agreement {
     pub correlation: f64,
 }
 
-/// Something to grip.
 struct Gripped {
     name: &'static str,
     shape: Shape,

@@ -15,11 +15,10 @@ use sim::tactile::TactileBoard;
 /// How a hand differs from those that touch was trained on.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Change {
-    /// Name in tables.
     pub name: &'static str,
     /// Factor of the lamps' strength.
     pub lamps: f64,
-    /// How far each lamp is moved, in a direction of its own, m.
+    /// How far each lamp is moved, each in another direction, m.
     pub shift: f64,
     /// Factor of the gel's stiffness.
     pub stiffness: f64,
@@ -72,7 +71,6 @@ impl Eyes {
         &self.hand
     }
 
-    /// Its cameras.
     pub fn board(&self) -> &TactileBoard {
         &self.board
     }

@@ -1,4 +1,4 @@
-//! How exact normals and heights are: by look-up, by a perceptron and by the network, on shapes, pads and a real sensor that
+//! Accuracy of normals and heights: by look-up, by a perceptron and by the network, on shapes, pads and a real sensor that
 //! they were not trained on.
 
 use std::path::Path;

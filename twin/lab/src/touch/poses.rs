@@ -1,4 +1,4 @@
-//! In-hand poses of simulated grasps: how far off they are, by kind of object, beside the plan and beside felt points alone.
+//! Errors of in-hand poses of simulated grasps by kind of object, compared with the plan and with felt points alone.
 
 use std::time::Instant;
 
@@ -28,9 +28,7 @@ pub enum PoseSource {
 
 /// A grasp as it was felt.
 pub struct FeltGrasp {
-    /// What was held.
     pub object: String,
-    /// Kind of object.
     pub class: Class,
     /// Error of the plan, of felt points alone, of touch: mm and degrees.
     pub errors: [[f64; 2]; 3],
@@ -38,17 +36,17 @@ pub struct FeltGrasp {
     pub ratio: f64,
     /// Whether the position lies in the stated ellipsoid of 95 %.
     pub covered: bool,
-    /// Whether a pose downhill from the truth explains what is felt better than the estimate does: the search is at fault. ...
+    /// Whether a pose found by descending from the truth has a lower cost than the estimate: the search is at fault.
     pub missed: bool,
-    /// ... If not, whether the truth itself explains it clearly worse: the evidence is.
+    /// Otherwise, whether the truth itself has a clearly higher cost: the evidence is misleading.
     pub misled: bool,
     /// Time from raw images to touches, and from touches to the pose, ms.
     pub millis: [f64; 2],
 }
 
-/// Difference of costs (log-likelihood) from which a pose explains what is felt clearly worse ...
+/// A pose is clearly worse from this difference of costs (log-likelihood) on.
 const CLEARLY: f64 = 3.0;
-/// ... and from which it explains it better.
+/// A pose is better from this difference on.
 const BETTER: f64 = 0.3;
 /// 95 % of the squared, scaled errors of three numbers are below this (chi-squared, three degrees of freedom).
 const COVERED: f64 = 7.815;
@@ -174,9 +172,9 @@ pub struct Causes {
     pub covered: f64,
     /// More than [`FAR`] off.
     pub far: f64,
-    /// Of all, those so far off whose truth explains what is felt clearly worse than the estimate: the evidence misleads. ...
+    /// Far off, and the truth has a clearly higher cost than the estimate: the evidence is misleading.
     pub misled: f64,
-    /// ... Near which something explains it better: the search missed it. For the others nothing tells.
+    /// Far off, and a pose near the truth has a lower cost: the search missed it. The cause of the rest is unknown.
     pub missed: f64,
 }
 

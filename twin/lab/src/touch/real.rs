@@ -125,7 +125,6 @@ fn normal(rng: &mut impl Rng) -> f64 {
     (-2.0 * u.ln()).sqrt() * (std::f64::consts::TAU * v).cos()
 }
 
-/// A photo's size.
 #[derive(Clone, Copy)]
 struct Grid {
     width: usize,

@@ -10,7 +10,6 @@ use super::curl::Curls;
 use super::opposed;
 use super::types::{GraspType, Opposition};
 
-/// A fresh attempt.
 pub fn propose(hand: &Hand, curls: &Curls, kind: &GraspType, rng: &mut ChaCha8Rng) -> Attempt {
     match kind.opposition {
         // Where all digits take part, the object also runs along the palm under the fingers.

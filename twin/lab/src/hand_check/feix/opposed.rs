@@ -45,7 +45,6 @@ const SPREAD: f64 = 0.01;
 enum Part {
     /// Its pad, this far along.
     Pad(f64),
-    /// A side.
     Flank(Flank),
 }
 
@@ -213,7 +212,6 @@ fn fit(kind: &GraspType, skin: &[Skin], lean: &Vector3<f64>) -> (f64, Isometry3<
     (misfit / count / MISFIT + turned / count + missed, Isometry3::from_parts(centre.into(), rotation))
 }
 
-/// A fresh attempt.
 pub fn propose(hand: &Hand, curls: &Curls, kind: &GraspType, rng: &mut ChaCha8Rng) -> Attempt {
     let side = kind.opposition == Opposition::Side;
     let lean = if side { jitter(rng, 1.0) } else { Vector3::x() + jitter(rng, 0.3) };

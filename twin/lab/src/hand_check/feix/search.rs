@@ -16,7 +16,6 @@ use super::curl::Curls;
 use super::trial::{self, BURIED, Trial};
 use super::types::GraspType;
 
-/// Attempts kept.
 const KEPT: usize = 4;
 /// Tries after which all begins anew.
 const ANEW: usize = 100;

@@ -10,7 +10,6 @@ use sim::stand::Prop;
 pub enum Opposition {
     /// Palm and fingers.
     Palm,
-    /// Pads.
     Pad,
     /// The thumb and the side of a finger, or two fingers' sides.
     Side,
