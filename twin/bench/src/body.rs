@@ -34,7 +34,11 @@ use sim::robot::Truth;
 pub struct Stopped(pub String);
 
 /// What a trial needs of a body beside what a controller may know.
-pub trait TrialBody: Robot {
+pub trait TrialBody {
+    /// What a controller may know of it.
+    fn robot(&self) -> &dyn Robot;
+    /// The same, to be driven.
+    fn robot_mut(&mut self) -> &mut dyn Robot;
     /// The truth, where somebody knows it: for referee and recording only.
     fn truth(&self) -> Option<Truth>;
     /// What prior perception with this error says of object `object` now: `world_from_object`.
@@ -55,7 +59,34 @@ pub trait TrialBody: Robot {
     }
 }
 
+/// The one place where a body's robot is driven through the body.
+impl Robot for dyn TrialBody {
+    fn observe(&mut self) -> Observation {
+        self.robot_mut().observe()
+    }
+
+    fn send(&mut self, command: &Command) -> Command {
+        self.robot_mut().send(command)
+    }
+
+    fn wait_for_tick(&mut self) -> Tick {
+        self.robot_mut().wait_for_tick()
+    }
+
+    fn tick_length(&self) -> f64 {
+        self.robot().tick_length()
+    }
+}
+
 impl TrialBody for SimulatedRobot {
+    fn robot(&self) -> &dyn Robot {
+        self
+    }
+
+    fn robot_mut(&mut self) -> &mut dyn Robot {
+        self
+    }
+
     fn truth(&self) -> Option<Truth> {
         Some(self.truth())
     }

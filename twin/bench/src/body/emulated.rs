@@ -88,6 +88,14 @@ pub struct Emulated {
 }
 
 impl TrialBody for Emulated {
+    fn robot(&self) -> &dyn Robot {
+        &self.robot
+    }
+
+    fn robot_mut(&mut self) -> &mut dyn Robot {
+        &mut self.robot
+    }
+
     fn truth(&self) -> Option<Truth> {
         Some(self.plant.lock().truth())
     }
@@ -101,24 +109,6 @@ impl TrialBody for Emulated {
             State::Running | State::Armed => None,
             state => Some(state.to_string()),
         }
-    }
-}
-
-impl Robot for Emulated {
-    fn observe(&mut self) -> Observation {
-        self.robot.observe()
-    }
-
-    fn send(&mut self, command: &Command) -> Command {
-        self.robot.send(command)
-    }
-
-    fn wait_for_tick(&mut self) -> Tick {
-        self.robot.wait_for_tick()
-    }
-
-    fn tick_length(&self) -> f64 {
-        self.robot.tick_length()
     }
 }
 

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use anyhow::{Context as _, Result, bail};
-use hand_model::robot::{Command, Observation, Robot, ServoGoal, Tick};
+use hand_model::robot::{Command, Robot, ServoGoal};
 use hand_model::{ACTUATORS, ARM_JOINTS, Arm};
 use hardware_bridge::config::BridgeConfig;
 use hardware_bridge::hardware_robot::HardwareRobot;
@@ -41,6 +41,14 @@ pub struct Hardware {
 }
 
 impl TrialBody for Hardware {
+    fn robot(&self) -> &dyn Robot {
+        &self.robot
+    }
+
+    fn robot_mut(&mut self) -> &mut dyn Robot {
+        &mut self.robot
+    }
+
     fn truth(&self) -> Option<Truth> {
         None
     }
@@ -115,24 +123,6 @@ impl TrialBody for Hardware {
     }
 }
 
-impl Robot for Hardware {
-    fn observe(&mut self) -> Observation {
-        self.robot.observe()
-    }
-
-    fn send(&mut self, command: &Command) -> Command {
-        self.robot.send(command)
-    }
-
-    fn wait_for_tick(&mut self) -> Tick {
-        self.robot.wait_for_tick()
-    }
-
-    fn tick_length(&self) -> f64 {
-        self.robot.tick_length()
-    }
-}
-
 /// Where the real robot stands.
 pub struct HardwareSource {
     config: BridgeConfig,
@@ -202,19 +192,19 @@ impl BodySource for HardwareSource {
 
 /// Moves the arm to `posture` (rad), all joints at [`SPEED`] at most, with the hand open.
 fn go_to(hardware: &mut Hardware, posture: &[f64; ARM_JOINTS]) -> Result<()> {
-    let step = SPEED * hardware.tick_length();
-    let mut goal = hardware.observe().arm.position;
+    let step = SPEED * hardware.robot.tick_length();
+    let mut goal = hardware.robot.observe().arm.position;
     let longest = goal.iter().zip(posture).map(|(from, to)| (to - from).abs()).fold(0.0, f64::max);
     let mut left = (longest / step) as u64 + 600;
     loop {
-        let observation = hardware.observe();
+        let observation = hardware.robot.observe();
         let far = observation.arm.position.iter().zip(posture).any(|(is, to)| (is - to).abs() > THERE);
         let arrived = goal == *posture && !far;
         for (goal, to) in goal.iter_mut().zip(posture) {
             *goal += (to - *goal).clamp(-step, step);
         }
-        hardware.send(&Command { arm: goal, servos: [ServoGoal::Current(0.0); ACTUATORS], capture: false });
-        hardware.wait_for_tick();
+        hardware.robot.send(&Command { arm: goal, servos: [ServoGoal::Current(0.0); ACTUATORS], capture: false });
+        hardware.robot.wait_for_tick();
         if let Some(why) = hardware.stopped() {
             bail!(super::Stopped(format!("{why} on the way to the ready posture")));
         }

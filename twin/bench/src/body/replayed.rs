@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use std::rc::Rc;
 
 use anyhow::{Result, anyhow};
-use hand_model::robot::{Command, Observation, Robot, Tick};
+use hand_model::robot::Robot;
 use nalgebra::Isometry3;
 use scenarios::noise::ObjectNoise;
 use session_log::replay::{Divergence, Progress};
@@ -25,6 +25,14 @@ pub struct Replayed {
 }
 
 impl TrialBody for Replayed {
+    fn robot(&self) -> &dyn Robot {
+        &self.replay
+    }
+
+    fn robot_mut(&mut self) -> &mut dyn Robot {
+        &mut self.replay
+    }
+
     fn truth(&self) -> Option<Truth> {
         None
     }
@@ -36,24 +44,6 @@ impl TrialBody for Replayed {
 
     fn stopped(&self) -> Option<String> {
         self.replay.is_left().then(|| "the recording ends here".to_owned())
-    }
-}
-
-impl Robot for Replayed {
-    fn observe(&mut self) -> Observation {
-        self.replay.observe()
-    }
-
-    fn send(&mut self, command: &Command) -> Command {
-        self.replay.send(command)
-    }
-
-    fn wait_for_tick(&mut self) -> Tick {
-        self.replay.wait_for_tick()
-    }
-
-    fn tick_length(&self) -> f64 {
-        self.replay.tick_length()
     }
 }
 

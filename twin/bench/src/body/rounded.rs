@@ -8,7 +8,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use anyhow::{Result, anyhow};
-use hand_model::robot::{Command, Observation, Robot, Tick};
+use hand_model::robot::Robot;
 use hand_model::{Arm, Hand};
 use hardware_bridge::emulator::direct::DirectRobot;
 use hardware_bridge::safety::state::State;
@@ -27,25 +27,15 @@ pub struct Rounded {
     plant: SharedPlant,
 }
 
-impl Robot for Rounded {
-    fn observe(&mut self) -> Observation {
-        self.robot.observe()
-    }
-
-    fn send(&mut self, command: &Command) -> Command {
-        self.robot.send(command)
-    }
-
-    fn wait_for_tick(&mut self) -> Tick {
-        self.robot.wait_for_tick()
-    }
-
-    fn tick_length(&self) -> f64 {
-        self.robot.tick_length()
-    }
-}
-
 impl TrialBody for Rounded {
+    fn robot(&self) -> &dyn Robot {
+        &self.robot
+    }
+
+    fn robot_mut(&mut self) -> &mut dyn Robot {
+        &mut self.robot
+    }
+
     fn truth(&self) -> Option<Truth> {
         Some(self.plant.lock().truth())
     }
