@@ -11,6 +11,7 @@ fn errors(scale: f64) -> TrialNoise {
         position: Vector3::new(-0.4, 0.7, 1.1) * scale,
         rotation: Vector3::new(0.8, 0.5, -0.6) * scale,
         objects: [ObjectNoise { offset: Vector3::repeat(f64::NAN), yaw: f64::NAN }, object],
+        ..TrialNoise::none()
     }
 }
 
@@ -76,7 +77,7 @@ fn proving_errors_are_fixed() {
 /// An object counts as in the hand only if it is touched, off the table, near the palm and lifted.
 #[test]
 fn in_hand_needs_every_condition() {
-    let world = World::new(scenarios::combination::Scenario::benchmark()).expect("the world");
+    let world = World::new(scenarios::Scenario::benchmark()).expect("the world");
     let objects = [world.object("golf_ball").expect("known"), world.object("egg").expect("known")];
     let scene = world.scene(&objects, world.cell.ready, &TrialNoise::none());
     let robot = SimulatedRobot::new(world.cell.hand.clone(), world.cell.arm.clone(), &scene, TactileBoard::blank());
