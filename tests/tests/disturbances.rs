@@ -129,10 +129,11 @@ fn balls_of_other_sizes() {
 fn failed_cameras() {
     let missing = Run::short("blind_pads");
     missing.disturbed("cameras failed: ring_distal, little_distal");
-    // The body is the same, and so is the first grasp; what is felt of it is not.
+    // The first grasp is the same (but for the time that missing images are waited for); what is felt of it is not.
     let intact = Run::undisturbed("blind_pads");
-    assert_eq!(missing.number("touch", "prior_error_mm"), intact.number("touch", "prior_error_mm"));
-    assert_ne!(missing.number("touch", "pose_error_mm"), intact.number("touch", "pose_error_mm"));
+    let apart = |column: &str| (missing.number("touch", column) - intact.number("touch", column)).abs();
+    assert!(apart("prior_error_mm") < 0.01, "{}", apart("prior_error_mm"));
+    assert!(apart("pose_error_mm") > 0.01, "{}", apart("pose_error_mm"));
     let black = |text: String| text.replace("frames = \"missing\"", "frames = \"black\"");
     Run::of("blind_pads", black, &["--combos", "1", "--trials", "1"]).disturbed("cameras failed");
 }
