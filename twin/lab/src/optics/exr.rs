@@ -1,49 +1,79 @@
-//! OpenEXR images of 32-bit numbers, not compressed.
+//! OpenEXR images: one part, scan lines, 32-bit numbers, not compressed.
+//!
+//! Written by hand: the crate `exr` turns on features of `pulp`, which chooses the SIMD code of the optics.
 
 use std::path::Path;
 
 use anyhow::{Context, Result};
-use exr::prelude::{AnyChannel, AnyChannels, Encoding, FlatSamples, Image, Layer, LayerAttributes, WritableImage as _};
 
 /// Writes channels (name and row-major values, one a pixel) of an image `width` pixels wide.
 pub fn write(path: &Path, width: usize, channels: &[(&str, Vec<f32>)]) -> Result<()> {
+    std::fs::write(path, encode(width, channels)).with_context(|| path.display().to_string())
+}
+
+fn encode(width: usize, channels: &[(&str, Vec<f32>)]) -> Vec<u8> {
+    const FLOAT: i32 = 2;
     let height = channels.first().map_or(0, |(_, values)| values.len() / width.max(1));
-    let channels =
-        channels.iter().map(|(name, values)| AnyChannel::new(*name, FlatSamples::F32(values.clone()))).collect();
-    let layer =
-        Layer::new((width, height), LayerAttributes::default(), Encoding::UNCOMPRESSED, AnyChannels::sort(channels));
-    Image::from_layer(layer).write().non_parallel().to_file(path).with_context(|| path.display().to_string())
+    // The format wants channels in the order of their names.
+    let mut channels: Vec<&(&str, Vec<f32>)> = channels.iter().collect();
+    channels.sort_by_key(|(name, _)| *name);
+    let mut list = Vec::new();
+    for (name, _) in &channels {
+        list.extend(name.bytes().chain([0]));
+        // Type, linear flag with padding, sampling along both axes.
+        list.extend([FLOAT, 0, 1, 1].iter().flat_map(|value| value.to_le_bytes()));
+    }
+    list.push(0);
+    let window: Vec<u8> = [0, 0, width as i32 - 1, height as i32 - 1].iter().flat_map(|v| v.to_le_bytes()).collect();
+    let one = 1.0f32.to_le_bytes();
+    let mut bytes = vec![0x76, 0x2f, 0x31, 0x01, 2, 0, 0, 0];
+    let mut attribute = |name: &str, kind: &str, value: &[u8]| {
+        bytes.extend(name.bytes().chain([0]).chain(kind.bytes()).chain([0]));
+        bytes.extend((value.len() as i32).to_le_bytes());
+        bytes.extend(value);
+    };
+    attribute("channels", "chlist", &list);
+    attribute("compression", "compression", &[0]);
+    attribute("dataWindow", "box2i", &window);
+    attribute("displayWindow", "box2i", &window);
+    attribute("lineOrder", "lineOrder", &[0]);
+    attribute("pixelAspectRatio", "float", &one);
+    attribute("screenWindowCenter", "v2f", &[0; 8]);
+    attribute("screenWindowWidth", "float", &one);
+    bytes.push(0);
+    let line = 4 * width * channels.len();
+    let first = bytes.len() + 8 * height;
+    bytes.extend((0..height).flat_map(|row| ((first + row * (line + 8)) as u64).to_le_bytes()));
+    for row in 0..height {
+        bytes.extend((row as i32).to_le_bytes());
+        bytes.extend((line as i32).to_le_bytes());
+        for (_, values) in &channels {
+            bytes.extend(values[row * width..(row + 1) * width].iter().flat_map(|value| value.to_le_bytes()));
+        }
+    }
+    bytes
 }
 
 #[cfg(test)]
 mod tests {
-    use exr::prelude::{ReadChannels as _, ReadLayers as _, read};
-
-    use super::*;
+    use super::encode;
 
     #[test]
-    fn channels_are_read_back() {
-        let folder = tempfile::tempdir().expect("a folder");
-        let path = folder.path().join("image.exr");
+    fn each_line_lies_where_the_table_says() {
         let (width, height) = (5, 3);
-        let values = |k: usize| (0..width * height).map(|i| (10 * k + i) as f32 / 7.0).collect::<Vec<f32>>();
-        write(&path, width, &[("R", values(1)), ("G", values(2))]).expect("written");
-        let image = read()
-            .no_deep_data()
-            .largest_resolution_level()
-            .all_channels()
-            .first_valid_layer()
-            .all_attributes()
-            .from_file(&path)
-            .expect("read");
-        let layer = image.layer_data;
-        assert_eq!((layer.size.x(), layer.size.y()), (width, height));
-        let found: Vec<(String, Vec<f32>)> = layer
-            .channel_data
-            .list
-            .iter()
-            .map(|channel| (channel.name.to_string(), channel.sample_data.values_as_f32().collect()))
-            .collect();
-        assert_eq!(found, [("G".to_owned(), values(2)), ("R".to_owned(), values(1))]);
+        let values = |k: usize| (0..width * height).map(|i| (10 * k + i) as f32).collect::<Vec<f32>>();
+        let bytes = encode(width, &[("R", values(1)), ("G", values(2))]);
+        let line = 8 + 4 * width * 2;
+        let data = bytes.len() - height * line;
+        for row in 0..height {
+            let entry = data - 8 * (height - row);
+            let at = u64::from_le_bytes(bytes[entry..entry + 8].try_into().unwrap()) as usize;
+            assert_eq!(at, data + row * line);
+            assert_eq!(bytes[at], row as u8);
+            // Green comes before red.
+            let number = |at: usize| f32::from_le_bytes(bytes[at..at + 4].try_into().unwrap());
+            assert_eq!(number(at + 8), (20 + row * width) as f32);
+            assert_eq!(number(at + 8 + 4 * width), (10 + row * width) as f32);
+        }
     }
 }

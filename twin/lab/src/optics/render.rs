@@ -208,8 +208,9 @@ mod tests {
 
     #[test]
     fn a_mesh_stands_on_the_pad_over_its_place() {
-        let points = [Point3::new(0.1, 0.2, 0.3), Point3::new(0.2, 0.2, 0.3), Point3::new(0.1, 0.3, 0.4)];
-        let mesh = Mesh::new(points.to_vec(), vec![[0, 1, 2]]).expect("a mesh");
+        let points = [[0.1, 0.2, 0.3], [0.2, 0.2, 0.3], [0.1, 0.3, 0.3], [0.1, 0.2, 0.4]].map(Point3::from);
+        let faces = vec![[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]];
+        let mesh = Mesh::new(points.to_vec(), faces).expect("a tetrahedron");
         let pose = MeshPose { middle: [0.01, -0.02], turn: [0.0, 0.0, std::f64::consts::FRAC_PI_2] };
         let placed: Vec<Point3<f64>> = points.iter().map(|point| pose.pad_from_mesh(&mesh) * point).collect();
         let middle = |axis: usize| {
