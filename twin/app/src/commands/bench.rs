@@ -146,7 +146,7 @@ pub fn benchmark(terminal: &Terminal, args: &BenchArgs) -> Outcome {
     }
     let quiet = terminal.quiet || terminal.json;
     let jobs =
-        if args.live || robot == Body::Hardware { 1 } else { args.jobs.unwrap_or_else(|| bench::workers::available()) };
+        if args.live || robot == Body::Hardware { 1 } else { args.jobs.unwrap_or_else(bench::workers::available) };
     // Everything that can be wrong with the input has been found before anything is written.
     let mut bench = make_bench(scenario, request.combos, request.seed, quiet)?;
     bench.board = args.tactile.board(bench.board);
