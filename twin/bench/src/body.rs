@@ -1,6 +1,6 @@
 //! The bodies on which a trial can be played.
 //!
-//! The simulated robot can be cloned: trials branch on it, and each branch goes its own way. Every other body is there once ([`SingleBody`]): the
+//! The simulated robot can be cloned: trials branch on it, and each branch goes its own way. No other body can be cloned ([`SingleBody`]): the
 //! emulated devices with a plant behind them ([`emulated`]), the real robot ([`hardware`]), a recorded session ([`replayed`]), and the simulated robot
 //! when its session is recorded. For those every condition begins a trial of its own, and a clone is the same body.
 //!
@@ -124,13 +124,13 @@ pub struct TrialSetup<'a> {
     pub objects: [(&'a str, Isometry3<f64>); 2],
 }
 
-/// Where bodies that are there once come from.
+/// Where bodies come from that cannot be cloned.
 pub trait BodySource {
     /// A body for a trial; `scene` is the simulated robot in the trial's scene, for those that make use of it.
     fn open(&mut self, setup: &TrialSetup, scene: SimulatedRobot) -> Result<Box<dyn TrialBody>>;
     /// The session's file for the trial, if it is recorded, with configuration and calibration as far as known.
     fn session(&self, task: &Task) -> Result<Option<(PathBuf, Session)>>;
-    /// Packets of tapped links, if there are any: asked once after each [`BodySource::enter`].
+    /// Packets of tapped links, if there are any: asked once after each [`BodySource::open`].
     fn packets(&mut self) -> Option<std::sync::mpsc::Receiver<session_log::Packet>> {
         None
     }
@@ -145,7 +145,7 @@ enum Wrapped {
     Recorded(Box<Recorder<Box<dyn TrialBody>>>),
 }
 
-/// A body that is there once.
+/// A body that cannot be cloned.
 pub struct SingleBody {
     line: Option<Wrapped>,
     time: f64,
@@ -161,7 +161,7 @@ pub enum Body {
 }
 
 impl Body {
-    /// A body that is there once, from `source`; its session is recorded if the source says where.
+    /// A body that cannot be cloned. from `source`; its session is recorded if the source says where.
     pub fn open(source: &mut dyn BodySource, setup: &TrialSetup, scene: SimulatedRobot, version: &str) -> Result<Self> {
         let body = source.open(setup, scene)?;
         let line = match source.session(setup.task)? {

@@ -45,7 +45,7 @@ pub struct Options<'a> {
     pub quiet: bool,
     /// Stream to a viewer instead of files.
     pub live: bool,
-    /// Where bodies that are there once come from, for a unit that is recorded or not; `None` for simulated ones.
+    /// Where bodies come from that cannot be cloned, for a unit that is recorded or not; `None` for simulated ones.
     pub place: &'a (dyn Fn(bool) -> Result<Option<Box<dyn BodySource>>> + Sync),
 }
 

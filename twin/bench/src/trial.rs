@@ -38,10 +38,7 @@ use crate::body::{BodySource, Task};
 impl Bench {
     /// One trial under one condition on a body from `source`.
     pub fn play(&self, task: &Task, source: &mut dyn BodySource, watcher: &mut dyn Watcher) -> Result<TrialRecord> {
-        let mut rng = trial_rng(self.seed, task.combination, task.trial);
-        let mut noise = TrialNoise::draw(&self.world.scenario.noise, &mut rng);
-        let mut camera_noise: u64 = rand::RngExt::random(&mut rng);
-        noise.shifts = self.world.scenario.layout.draw(&mut rng);
+        let (mut noise, mut camera_noise, rng) = setup::draw(self, task.combination, task.trial);
         if task.condition == Condition::Ideal {
             (noise, camera_noise) = (TrialNoise::none(), 0);
         }

@@ -24,6 +24,11 @@ impl Percept {
         }
     }
 
+    /// A ball reported at `world_from_object`: all its turns look the same.
+    pub fn of_ball(world_from_object: &Isometry3<f64>) -> Self {
+        Self { position: world_from_object.translation.vector.into(), rotation: UnitQuaternion::identity(), yaw: 0.0 }
+    }
+
     /// `world_from_object`.
     pub fn pose(&self) -> Isometry3<f64> {
         Isometry3::from_parts(Translation3::from(self.position.coords), self.rotation)

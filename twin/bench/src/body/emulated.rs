@@ -81,7 +81,7 @@ pub fn settings(hand: &Hand, seed: u64) -> LockstepSettings {
     }
 }
 
-/// The emulated robot on its body.
+/// The emulated robot and the simulated one that its devices move.
 pub struct Emulated {
     robot: LockstepRobot,
     plant: SharedPlant,
@@ -101,7 +101,7 @@ impl TrialBody for Emulated {
     }
 
     fn look(&mut self, object: usize, noise: &ObjectNoise) -> Result<Isometry3<f64>> {
-        Ok(noise.perceived(&self.plant.lock().truth().objects[object]))
+        TrialBody::look(&mut *self.plant.lock(), object, noise)
     }
 
     fn stopped(&self) -> Option<String> {

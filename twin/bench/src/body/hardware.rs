@@ -31,7 +31,7 @@ const OPERATOR: f64 = 600.0;
 /// How close to it is there, rad.
 const THERE: f64 = 0.01;
 
-/// The real robot on its body.
+/// The real robot, with what it needs of its operator.
 pub struct Hardware {
     robot: HardwareRobot,
     places: [Isometry3<f64>; 2],

@@ -18,7 +18,7 @@ use super::{BodySource, Stopped, Task, TrialBody, TrialSetup, pose};
 /// How far a replay came, and how it left the recording if it did.
 pub type Report = Rc<Cell<Option<(Progress, Option<Divergence>)>>>;
 
-/// A recording on its body; reports when dropped.
+/// A recording in the place of a robot; reports when dropped.
 pub struct Replayed {
     replay: Replay,
     report: Report,
@@ -53,7 +53,7 @@ impl Drop for Replayed {
     }
 }
 
-/// The place of one replay.
+/// The source of one replay.
 pub struct ReplaySource {
     replay: Option<Replay>,
     report: Report,

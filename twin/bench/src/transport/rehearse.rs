@@ -8,6 +8,7 @@ use std::sync::Arc;
 
 use anyhow::{Context, Result, bail};
 use control::carrier::CarryPhase;
+use control::percept::Percept;
 use grasping::Grasp;
 use grasping::digit_sets::propose_with;
 use grasping::sampler::vary;
@@ -21,7 +22,7 @@ use sim::robot::Truth;
 use sim::tactile::TactileBoard;
 
 use super::play::Site;
-use super::site::{Branch, in_hand, seen};
+use super::site::{Branch, in_hand};
 use super::skills::Proven;
 
 /// Draws of the expected noise under which a pick is proven, after a try without any.
@@ -221,7 +222,7 @@ fn search(
 /// Takes `ball` from `base` and brings everything over the goal. With `keeps`, those digits go on holding whatever they touch.
 fn attempt(site: &Site, base: &Base, ball: usize, grasp: &Grasp, keeps: Option<&Vec<Digit>>) -> Result<Came> {
     let place = base.branch.robot.truth().objects[ball];
-    let percept = seen(&place);
+    let percept = Percept::of_ball(&place);
     let target = grasp.palm_pose(&percept.position, 0.0);
     if site.world.posture(&target, &site.world.cell.ready).is_err() {
         return Ok(Came::OutOfReach);

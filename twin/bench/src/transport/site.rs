@@ -5,9 +5,8 @@ use std::sync::Arc;
 use anyhow::Result;
 use control::carrier::{Carrier, CarryPhase};
 use control::motion::Protocol;
-use control::percept::Percept;
 use hand_model::robot::Robot;
-use nalgebra::{Isometry3, UnitQuaternion};
+use nalgebra::Isometry3;
 use proving::world::World;
 use scenarios::holding::{Support, TRANSPORTED};
 use scenarios::noise::TrialNoise;
@@ -62,11 +61,6 @@ impl Branch {
             }
         }
     }
-}
-
-/// A ball seen without error where it is.
-pub fn seen(pose: &Isometry3<f64>) -> Percept {
-    Percept { position: pose.translation.vector.into(), rotation: UnitQuaternion::identity(), yaw: 0.0 }
 }
 
 /// Whether ball `index` is in the hand, or held up by another that is.

@@ -71,13 +71,9 @@ impl<'a> Setup<'a> {
 
     /// The same with the noise and the disturbances of a trial, and the generator as that leaves it.
     pub fn noisy(bench: &'a Bench, combination: usize, trial: usize) -> (Self, ChaCha8Rng) {
-        let scenario = &bench.world.scenario;
-        let mut rng = trial_rng(bench.seed, combination, trial);
-        let mut noise = TrialNoise::draw(&scenario.noise, &mut rng);
-        let camera_noise = rand::RngExt::random(&mut rng);
-        noise.shifts = scenario.layout.draw(&mut rng);
+        let (noise, camera_noise, rng) = draw(bench, combination, trial);
         let mut setup = Self::planned(bench, combination, noise, camera_noise);
-        setup.disturbances = scenario.disturbance.clone();
+        setup.disturbances = bench.world.scenario.disturbance.clone();
         if let Some(sweep) = &setup.disturbances.size_sweep {
             setup.plan = ball_sizes::plan_of(&setup.plan, sweep, trial);
         }
@@ -135,6 +131,16 @@ impl<'a> Setup<'a> {
             }
         }
     }
+}
+
+/// A trial's errors, the seed of its cameras' noise, and its generator as these draws leave it.
+pub fn draw(bench: &Bench, combination: usize, trial: usize) -> (TrialNoise, u64, ChaCha8Rng) {
+    let scenario = &bench.world.scenario;
+    let mut rng = trial_rng(bench.seed, combination, trial);
+    let mut noise = TrialNoise::draw(&scenario.noise, &mut rng);
+    let camera_noise = rand::RngExt::random(&mut rng);
+    noise.shifts = scenario.layout.draw(&mut rng);
+    (noise, camera_noise, rng)
 }
 
 /// Plays up to the decision. A body that is not simulated shows its untouched pads on the way to the first object.

@@ -137,7 +137,7 @@ impl<'a> Carry<'a> {
         }
         let mut percepts: Vec<(usize, Percept)> = Vec::with_capacity(self.left.len());
         for &object in &self.left {
-            percepts.push((object, upright(&eyes.look(object)?)));
+            percepts.push((object, Percept::of_ball(&eyes.look(object)?)));
         }
         let of = |object: usize| percepts.iter().find(|(other, _)| *other == object).map(|(_, percept)| *percept);
         if self.carrying != Carrying::Blind || self.had.is_empty() {
@@ -247,14 +247,5 @@ impl<'a> Carry<'a> {
             self.had.push(Had { object: pick.object, digits: new });
         }
         Ok(())
-    }
-}
-
-/// A ball seen where it is: its turns look all the same.
-fn upright(world_from_object: &nalgebra::Isometry3<f64>) -> Percept {
-    Percept {
-        position: world_from_object.translation.vector.into(),
-        rotation: nalgebra::UnitQuaternion::identity(),
-        yaw: 0.0,
     }
 }

@@ -2,10 +2,10 @@
 
 use std::path::Path;
 use std::sync::Mutex;
-use std::sync::atomic::{AtomicUsize, Ordering};
 
 use anyhow::{Context, Result, anyhow, bail};
 use bench::trial::{Bench, HeldGrasp};
+use bench::workers;
 use indicatif::ProgressBar;
 use report::write_whole;
 use serde::{Deserialize, Serialize};
@@ -46,24 +46,13 @@ fn play(bench: &Bench, played: Played, quiet: bool) -> Result<Vec<HeldGrasp>> {
     let count = played.combos * played.trials;
     let bar = if quiet { ProgressBar::hidden() } else { ProgressBar::new(count as u64) };
     bar.set_style(indicatif::ProgressStyle::with_template("{bar:28} {pos}/{len} grasps [{elapsed} < {eta}]")?);
-    let next = AtomicUsize::new(0);
     let found = Mutex::new(Vec::with_capacity(count));
-    let work = || -> Result<()> {
-        loop {
-            let n = next.fetch_add(1, Ordering::Relaxed);
-            if n >= count {
-                return Ok(());
-            }
-            let held = bench.held(n / played.trials, n % played.trials)?;
-            found.lock().map_err(|_| anyhow!("a worker panicked"))?.extend(held);
-            bar.inc(1);
-        }
-    };
-    // Plain threads: a worker that waits for its tactile images must not start another grasp.
-    let threads = std::thread::available_parallelism().map_or(1, |n| n.get());
-    std::thread::scope(|scope| {
-        let workers: Vec<_> = (0..threads).map(|_| scope.spawn(work)).collect();
-        workers.into_iter().try_for_each(|worker| worker.join().map_err(|_| anyhow!("a worker panicked"))?)
+    let trials: Vec<usize> = (0..count).collect();
+    workers::for_each(workers::available(), &trials, |n, _| {
+        let held = bench.held(n / played.trials, n % played.trials)?;
+        found.lock().map_err(|_| anyhow!("a worker panicked"))?.extend(held);
+        bar.inc(1);
+        Ok(())
     })?;
     bar.finish_and_clear();
     let mut grasps = found.into_inner().map_err(|_| anyhow!("a worker panicked"))?;
