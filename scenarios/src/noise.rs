@@ -4,8 +4,9 @@
 //! trials or the condition, so that `blind` and `touch` meet the same errors.
 
 use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
-use rand::{Rng, SeedableRng};
+use rand::{Rng, RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
+use rand_distr::StandardNormal;
 use serde::{Deserialize, Serialize};
 
 /// Standard deviations of the arm's constant error.
@@ -158,10 +159,10 @@ pub(crate) fn uniform(rng: &mut ChaCha8Rng) -> f64 {
     ((rng.next_u64() >> 11) as f64 + 0.5) / (1_u64 << 53) as f64
 }
 
+/// A draw from the standard normal distribution, cut at three standard deviations.
 fn gaussian(rng: &mut ChaCha8Rng) -> f64 {
     loop {
-        let (radius, turn) = (uniform(rng), uniform(rng));
-        let value = (-2.0 * radius.ln()).sqrt() * (std::f64::consts::TAU * turn).cos();
+        let value: f64 = rng.sample(StandardNormal);
         if value.abs() <= 3.0 {
             return value;
         }

@@ -2,15 +2,16 @@
 
 use hand_model::pads::{Camera, Pad};
 use nalgebra::{Point3, Vector3};
+use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
+use rand_distr::StandardNormal;
 use serde::{Deserialize, Serialize};
 
 use crate::camera::{Pinhole, Response};
 use crate::elastomer::Elastomer;
 use crate::error::OpticsError;
 use crate::lamps::Lamp;
-use crate::noise::normal;
 use crate::reflectance::Reflectance;
 
 /// The image-formation model of one camera unit, pad frame: the result of a calibration.
@@ -134,7 +135,7 @@ impl SensorModel {
     /// The model of one unit of a series; `seed` is its serial number.
     pub fn varied(&self, by: &Variation, seed: u64) -> Self {
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
-        let mut vary = |deviation: f64| deviation * normal(&mut rng);
+        let mut vary = |deviation: f64| deviation * rng.sample::<f64, _>(StandardNormal);
         let mut model = self.clone();
         for lamp in &mut model.lamps {
             lamp.position += Vector3::new(vary(by.lamp_place), vary(by.lamp_place), vary(by.lamp_place));

@@ -1,18 +1,12 @@
 //! Random numbers of the sensor: read-out noise, the gel's texture, and the variation between units.
 
 use hand_model::pads::IMAGE_SIZE;
-use rand::Rng;
+use rand::{Rng, RngExt};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
+use rand_distr::{Distribution, StandardNormal};
 
 use crate::indentation::PIXELS;
-
-/// A draw from the standard normal distribution (Box and Muller).
-pub(crate) fn normal(rng: &mut impl Rng) -> f64 {
-    let mut uniform = || (f64::from(rng.next_u32()) + 0.5) / 4_294_967_296.0;
-    let radius = (-2.0 * uniform().ln()).sqrt();
-    radius * (std::f64::consts::TAU * uniform()).cos()
-}
 
 /// Read-out noise: independent normal draws of one standard deviation, added to every value of an image.
 ///
@@ -30,8 +24,8 @@ impl ReadOutNoise {
     pub(crate) const DRAWS: usize = Self::STARTS + 3 * IMAGE_SIZE;
 
     pub(crate) fn new(deviation: f64, seed: u64) -> Self {
-        let mut rng = ChaCha8Rng::seed_from_u64(seed);
-        Self { table: (0..Self::DRAWS).map(|_| (deviation * normal(&mut rng)) as f32).collect() }
+        let rng = ChaCha8Rng::seed_from_u64(seed);
+        Self { table: StandardNormal.sample_iter(rng).take(Self::DRAWS).map(|draw: f64| (deviation * draw) as f32).collect() }
     }
 
     #[cfg(feature = "gpu")]
@@ -65,7 +59,7 @@ pub(crate) fn quantise(grey: f32) -> u8 {
 /// mostly common to all channels.
 pub(crate) fn texture(blotches: f64, grain: f64, rng: &mut impl Rng) -> Vec<f32> {
     const KNOTS: usize = 9;
-    let mut field = || -> Vec<f64> { (0..KNOTS * KNOTS).map(|_| blotches * normal(rng)).collect() };
+    let mut field = || -> Vec<f64> { (0..KNOTS * KNOTS).map(|_| blotches * rng.sample::<f64, _>(StandardNormal)).collect() };
     let (common, own) = (field(), [field(), field(), field()]);
     let mut texture = Vec::with_capacity(3 * PIXELS);
     for row in 0..IMAGE_SIZE {
@@ -82,7 +76,7 @@ pub(crate) fn texture(blotches: f64, grain: f64, rng: &mut impl Rng) -> Vec<f32>
                 (1.0 - v) * ((1.0 - u) * knot(j, i) + u * knot(j, i + 1))
                     + v * ((1.0 - u) * knot(j + 1, i) + u * knot(j + 1, i + 1))
             };
-            let shared = value(&common) + grain * normal(rng);
+            let shared = value(&common) + grain * rng.sample::<f64, _>(StandardNormal);
             for own in &own {
                 texture.push((shared + 0.3 * value(own)) as f32);
             }

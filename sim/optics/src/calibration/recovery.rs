@@ -1,7 +1,9 @@
 //! Whether a fit recovers a known sensor: presses are generated from a known model, with noise, and fitted like real ones.
 
+use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
+use rand_distr::StandardNormal;
 use serde::Serialize;
 
 use crate::calibration::assumptions::Assumptions;
@@ -9,7 +11,6 @@ use crate::calibration::fit::{Effort, solve};
 use crate::calibration::parameters::{self as at};
 use crate::calibration::samples::{Mark, Sample, Samples};
 use crate::calibration::scene::Scene;
-use crate::noise::normal;
 
 /// Errors of a fit to `presses` presses.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -101,11 +102,11 @@ fn presses(p: &[f64], options: &PressOptions) -> Samples {
     samples.flat.drain(..known);
     let seen = Scene { samples: &samples, assumptions }.predict(p);
     for (sample, grey) in samples.touched.iter_mut().zip(seen) {
-        sample.seen = grey.map(|grey| grey + noise / 255.0 * normal(&mut rng));
+        sample.seen = grey.map(|grey| grey + noise / 255.0 * rng.sample::<f64, _>(StandardNormal));
     }
     if single_lamps {
         let mut alone = Scene { samples: &samples, assumptions }.predict_alone(p, 3);
-        alone.iter_mut().flatten().flatten().for_each(|grey| *grey += noise / 255.0 * normal(&mut rng));
+        alone.iter_mut().flatten().flatten().for_each(|grey| *grey += noise / 255.0 * rng.sample::<f64, _>(StandardNormal));
         samples.alone = alone;
     }
     samples

@@ -254,6 +254,7 @@ mod tests {
 
     #[test]
     fn deviations_are_those_of_many_fits() {
+        use rand::RngExt;
         use rand_chacha::ChaCha8Rng;
         use rand_chacha::rand_core::SeedableRng;
         let mut rng = ChaCha8Rng::seed_from_u64(3);
@@ -267,7 +268,7 @@ mod tests {
                         let local = Vector3::new(place(at % 7, 7), place(at / 7, 5), 0.0);
                         let at = pose.rotation * local + pose.translation.vector;
                         let flat = [0, 1].map(|axis| LENS.center[axis] + LENS.focal[axis] * at[axis] / at.z);
-                        LENS.distorted(flat).map(|value| value + 0.1 * crate::noise::normal(&mut rng))
+                        LENS.distorted(flat).map(|value| value + 0.1 * rng.sample::<f64, _>(rand_distr::StandardNormal))
                     };
                     (0..35).map(corner).collect()
                 })

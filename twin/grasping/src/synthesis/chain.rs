@@ -8,10 +8,11 @@
 use nalgebra::{Isometry3, Rotation3, Translation3, UnitQuaternion, Vector3};
 use rand::{Rng, RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
+use rand_distr::StandardNormal;
 
 use super::energy::{GraspEnergy, Terms};
 use super::frames::{Frames, HandState};
-use super::langevin::{Langevin, normal};
+use super::langevin::Langevin;
 use crate::sampler::PALM_FACE;
 
 /// Iterations and temperatures of a chain.
@@ -66,13 +67,12 @@ pub fn stream(seed: u64, chain: u64) -> ChaCha8Rng {
 /// A random start: the palm faces the object from a random side at a small distance, with the object between wrist and
 /// fingertips and joint angles scattered around a random mean.
 pub fn start(energy: &GraspEnergy, rng: &mut impl Rng) -> HandState {
-    let mut spare = None;
-    let away = Vector3::from_fn(|_, _| normal(rng, &mut spare)).normalize();
+    let away = Vector3::from_fn(|_, _| rng.sample::<f64, _>(StandardNormal)).normalize();
     // The palm's z points away from the object; the rotation about it is random.
     let facing = UnitQuaternion::rotation_between(&Vector3::z(), &away)
         .unwrap_or_else(|| UnitQuaternion::from_axis_angle(&Vector3::x_axis(), std::f64::consts::PI));
     let roll = Rotation3::from_axis_angle(&Vector3::z_axis(), rng.random_range(0.0..std::f64::consts::TAU));
-    let tilt = Vector3::from_fn(|_, _| 0.2 * normal(rng, &mut spare));
+    let tilt = Vector3::from_fn(|_, _| 0.2 * rng.sample::<f64, _>(StandardNormal));
     let rotation = UnitQuaternion::from_scaled_axis(tilt) * facing * UnitQuaternion::from_rotation_matrix(&roll);
     let (low, high) = energy.field.extent();
     let reach = support(&low.coords, &high.coords, &energy.field.center.coords, &away);
@@ -87,7 +87,7 @@ pub fn start(energy: &GraspEnergy, rng: &mut impl Rng) -> HandState {
         .limits()
         .iter()
         .map(|&(lower, upper)| {
-            let q = lower + (upper - lower) * mean + 0.1 * (upper - lower) * normal(rng, &mut spare);
+            let q = lower + (upper - lower) * mean + 0.1 * (upper - lower) * rng.sample::<f64, _>(StandardNormal);
             q.clamp(lower, upper)
         })
         .collect();

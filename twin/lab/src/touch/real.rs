@@ -11,6 +11,7 @@ use hand_model::robot::TactileImage;
 use optics::calibration::{CalibratedSensor, PressFolder, SensorCalibration};
 use rand::{Rng, RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
+use rand_distr::StandardNormal;
 use touch::CalibrationPress;
 
 use super::shapes::{Place, Relief};
@@ -108,7 +109,7 @@ impl Likeness {
             bail!("a rendered image has {} values, expected {}", photo.rgb.len(), self.photo.len());
         }
         for value in &mut photo.rgb {
-            *value = (f64::from(*value) + noise * normal(&mut rng)).round().clamp(0.0, 255.0) as u8;
+            *value = (f64::from(*value) + noise * rng.sample::<f64, _>(StandardNormal)).round().clamp(0.0, 255.0) as u8;
         }
         Ok(CalibrationPress {
             camera: 0,
@@ -117,12 +118,6 @@ impl Likeness {
             indentation: grid.averaged(&gel, 1).into_iter().map(|h| if h > LEAST_DEPTH { h } else { 0.0 }).collect(),
         })
     }
-}
-
-/// A standard normal number (Box and Muller 1958).
-fn normal(rng: &mut impl Rng) -> f64 {
-    let (u, v): (f64, f64) = (rng.random_range(f64::MIN_POSITIVE..1.0), rng.random_range(0.0..1.0));
-    (-2.0 * u.ln()).sqrt() * (std::f64::consts::TAU * v).cos()
 }
 
 #[derive(Clone, Copy)]

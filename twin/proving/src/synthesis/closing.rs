@@ -11,12 +11,12 @@ use std::sync::Arc;
 
 use grasping::synthesis::chain::Sample;
 use grasping::synthesis::frames::Frames;
-use grasping::synthesis::langevin::normal;
 use grasping::synthesis::posture::{Opened, open_clear};
 use grasping::synthesis::surface::HandSurface;
 use hand_model::{Digit, Hand};
 use nalgebra::{Isometry3, Vector3};
 use rand::{Rng, RngExt};
+use rand_distr::StandardNormal;
 use sim::hand_scene::{HandScene, Pull, Touch, displacement};
 
 use super::subject::Subject;
@@ -81,13 +81,12 @@ impl Aim {
 
     /// Random tensions, now and then a helper, a small offset.
     pub fn varied(used: &[Digit], rng: &mut impl Rng) -> Self {
-        let mut spare = None;
         let tensions = Digit::ALL.map(|digit| {
             let pulls = used.contains(&digit) || rng.random::<f64>() < HELPS;
             let tension = TENSIONS.0 * (TENSIONS.1 / TENSIONS.0).powf(rng.random());
             pulls.then_some(tension)
         });
-        let offset = std::array::from_fn(|n| if n < 3 { OFFSET.0 } else { OFFSET.1 } * normal(rng, &mut spare));
+        let offset = std::array::from_fn(|n| if n < 3 { OFFSET.0 } else { OFFSET.1 } * rng.sample::<f64, _>(StandardNormal));
         Self { tensions, offset }
     }
 }

@@ -3,9 +3,10 @@
 //! W' = (t2 - 1)(4 h t - c): minima at -1 and 1 with energies -2 c / 3 and 2 c / 3, the saddle between them at c / 4 h.
 //! So there are four minima, and the lowest path between two of them follows one coordinate after the other.
 
-use grasping::synthesis::langevin::{Langevin, normal};
+use grasping::synthesis::langevin::Langevin;
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
+use rand_distr::StandardNormal;
 
 use super::Landscape;
 
@@ -125,12 +126,11 @@ impl Landscape for MultiWell {
 
 /// Minima found from `count` random points in the square from -1.8 to 1.8.
 pub fn samples(wells: &MultiWell, count: usize, rng: &mut ChaCha8Rng) -> Vec<[f64; 2]> {
-    let mut spare = None;
     (0..count)
         .map(|_| {
             let start = [rng.random_range(-1.8..1.8), rng.random_range(-1.8..1.8)];
             // Slightly off the exact minimum, like a sampled one.
-            wells.descend(start).map(|t| t + 0.01 * normal(rng, &mut spare))
+            wells.descend(start).map(|t| t + 0.01 * rng.sample::<f64, _>(StandardNormal))
         })
         .collect()
 }

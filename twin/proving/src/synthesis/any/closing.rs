@@ -5,9 +5,9 @@ use grasping::force_closure::{Contact, wrench_margin};
 use grasping::synthesis::chain::Sample;
 use grasping::synthesis::field::DistanceField;
 use grasping::synthesis::frames::{Frames, HandState};
-use grasping::synthesis::langevin::normal;
 use nalgebra::{Isometry3, Vector3};
 use rand::{Rng, RngExt};
+use rand_distr::StandardNormal;
 use sim::engine::EngineSettings;
 use sim::hand_scene::{Touch, displacement};
 use sim::stand::{AnyStand, Prop};
@@ -50,12 +50,11 @@ impl AnyAim {
 
     /// Random tensions, a small offset.
     pub fn varied(actuators: usize, rng: &mut impl Rng) -> Self {
-        let mut spare = None;
         let draw = |rng: &mut _| TENSIONS.0 * (TENSIONS.1 / TENSIONS.0).powf(RngExt::random::<f64>(rng));
         let tensions = (0..actuators).map(|_| draw(rng)).collect();
         Self {
             tensions,
-            offset: std::array::from_fn(|n| if n < 3 { OFFSET.0 } else { OFFSET.1 } * normal(rng, &mut spare)),
+            offset: std::array::from_fn(|n| if n < 3 { OFFSET.0 } else { OFFSET.1 } * rng.sample::<f64, _>(StandardNormal)),
         }
     }
 }
