@@ -2,13 +2,15 @@
 //!
 //! The story in order: [`objects`] are what is picked up, each with a [`geometry::Shape`], from a table in a world of
 //! [`physics`]; a [`scenario`] file says which of them come first and second, where they stand ([`layout`]) and how a trial
-//! goes, and [`combination`] draws pairs; [`noise`] draws what goes wrong in a trial, [`disturbance`] says what is done to it on purpose, and it goes through the
-//! phases of [`phase`]; the [`referee`] judges it from ground truth; a [`record::TrialRecord`] keeps the result, with less of the
+//! goes, and [`combination`] draws pairs; [`noise`] draws what goes wrong in a trial,
+//! [`effects`] are what reality adds to an ideal robot, [`disturbance`] says what is done to a trial on purpose, and it goes through
+//! the phases of [`phase`]; the [`referee`] judges it from ground truth; a [`record::TrialRecord`] keeps the result, with less of the
 //! senses ([`sensing`]) an [`record::AblatedTrial`], and [`statistics`] sums all of them up. [`transport`] says which balls are to be
 //! carried, as many as fit at once.
 
 pub mod combination;
 pub mod disturbance;
+pub mod effects;
 pub mod geometry;
 pub mod holding;
 pub mod layout;

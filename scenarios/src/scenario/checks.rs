@@ -55,6 +55,9 @@ impl Scenario {
         if let Err((field, found, expected)) = self.disturbance.check() {
             return Err(DataError::field(path, field, found, expected));
         }
+        if let Err((field, found, expected)) = self.effects.check() {
+            return Err(DataError::field(path, field, found, expected));
+        }
         for (field, names) in [("first", &self.first), ("second", &self.second)] {
             if names.is_empty() {
                 return Err(DataError::field(path, field, "no object", "at least one"));

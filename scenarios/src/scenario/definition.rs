@@ -6,6 +6,7 @@ use hand_model::data::DataError;
 use serde::{Deserialize, Serialize};
 
 use crate::disturbance::Disturbances;
+use crate::effects::Effects;
 use crate::layout::Layout;
 use crate::noise::NoiseLevels;
 use crate::objects::{ObjectFile, ObjectSet};
@@ -60,6 +61,8 @@ pub struct Scenario {
     pub protocol: Protocol,
     /// How it is judged.
     pub referee: RefereeRules,
+    /// What reality adds to an ideal robot.
+    pub effects: Effects,
     /// What happens beside noise.
     pub disturbance: Disturbances,
 }

@@ -1,5 +1,5 @@
 //! Reading scenario files. With `extends = "benchmark"`, everything that a file does not say is as in the benchmark; without
-//! it, all but the user's own objects, where a trial starts and the disturbances must be said.
+//! it, all but the user's own objects, where a trial starts, the effects and the disturbances must be said; effects are then off.
 
 use std::path::{Path, PathBuf};
 
@@ -8,6 +8,7 @@ use serde::Deserialize;
 
 use super::definition::{Protocol, Scenario, Start};
 use crate::disturbance::Disturbances;
+use crate::effects::{Effect, Effects};
 use crate::layout::Layout;
 use crate::noise::NoiseLevels;
 use crate::objects::ObjectFile;
@@ -43,6 +44,11 @@ struct ScenarioFile {
     start: Option<Start>,
     protocol: Option<Protocol>,
     referee: Option<RefereeRules>,
+    /// What reality adds; nothing where neither this file nor the one it extends says so.
+    effects: Option<Effects>,
+    /// Effects of the extended scenario that are off.
+    #[serde(default)]
+    without: Vec<Effect>,
     #[serde(default)]
     disturbance: Disturbances,
 }
@@ -72,6 +78,12 @@ impl ScenarioFile {
             start,
             protocol: given("protocol", self.protocol, base.map(|base| &base.protocol), path)?,
             referee: given("referee", self.referee, base.map(|base| &base.referee), path)?,
+            effects: self
+                .without
+                .iter()
+                .fold(self.effects.or(base.map(|base| base.effects)).unwrap_or_default(), |effects, effect| {
+                    effects.without(*effect)
+                }),
             disturbance: self.disturbance,
         })
     }

@@ -1,0 +1,324 @@
+//! Effects: what a real table, hand, arm and camera do that an ideal one does not, as a scenario file's `[effects]` tables say.
+//!
+//! An effect that a file does not name is off. With all of them off, pads feel objects only, cables run free, eyes err anew at
+//! each look, and decisions take no time. What is random in an effect is drawn from a stream of its own
+//! ([`Effect::stream`]), so that one effect switched off leaves the draws of the others as they are.
+
+use rand_chacha::ChaCha8Rng;
+use serde::{Deserialize, Serialize};
+
+use crate::noise::trial_rng;
+
+/// Every effect, by its table's name.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Effect {
+    /// Pads feel fingers, palm and table, and idle frames are noisy.
+    Pads,
+    /// Covers give way as the gel does.
+    Gel,
+    /// Cables rub in their guides and gears have play.
+    Cables,
+    /// Vision errs in ways that last, and does not see everything.
+    Eyes,
+    /// The arm errs by its encoders, its mount and its load.
+    Arm,
+    /// Individuals differ from their models.
+    Objects,
+    /// There is a floor under the table.
+    Floor,
+    /// Frames and decisions take time.
+    Time,
+}
+
+/// A name that is no effect's.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("effect: found `{found}`, expected one of {}", Effect::ALL.map(Effect::name).join(", "))]
+pub struct UnknownEffect {
+    /// What was given.
+    pub found: String,
+}
+
+impl Effect {
+    /// All effects in order.
+    pub const ALL: [Self; 8] =
+        [Self::Pads, Self::Gel, Self::Cables, Self::Eyes, Self::Arm, Self::Objects, Self::Floor, Self::Time];
+
+    /// As files and the command line write it.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Pads => "pads",
+            Self::Gel => "gel",
+            Self::Cables => "cables",
+            Self::Eyes => "eyes",
+            Self::Arm => "arm",
+            Self::Objects => "objects",
+            Self::Floor => "floor",
+            Self::Time => "time",
+        }
+    }
+
+    /// The generator of this effect's draws in one trial: another stream of the trial's generator.
+    pub fn stream(self, seed: u64, combination: usize, trial: usize) -> ChaCha8Rng {
+        let mut rng = trial_rng(seed, combination, trial);
+        rng.set_stream(1 + self as u64);
+        rng
+    }
+}
+
+impl std::fmt::Display for Effect {
+    fn fmt(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        formatter.pad(self.name())
+    }
+}
+
+impl std::str::FromStr for Effect {
+    type Err = UnknownEffect;
+
+    fn from_str(text: &str) -> Result<Self, Self::Err> {
+        let known = Self::ALL.into_iter().find(|effect| effect.name() == text);
+        known.ok_or_else(|| UnknownEffect { found: text.to_owned() })
+    }
+}
+
+/// What pads show beside the objects that press into them.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Pads {
+    /// Fingers, palm and table press into pads too.
+    pub self_contact: bool,
+    /// Drift of an untouched pad's brightness (lamps and exposure warm up): standard deviation of its rate, share a minute.
+    pub drift: f64,
+    /// Age of the frame that serves as the background when a trial begins, s.
+    pub background_age: f64,
+}
+
+/// How the covers give way.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Gel {
+    /// Time in which the gel takes up its depth, s.
+    pub relaxation: f64,
+    /// Shear of the surface under tangential load over the depth under the same normal load.
+    pub shear: f64,
+}
+
+/// What cables and gears do beside pulling.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Cables {
+    /// Coulomb coefficient of cable on guide.
+    pub friction: f64,
+    /// Presliding way, m.
+    pub presliding: f64,
+    /// Turn of the cable between spool and first joint, rad.
+    pub routing: f64,
+    /// Play of the servo's gear, rad at its output.
+    pub backlash: f64,
+}
+
+/// Prior perception beside its Gaussian errors.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Eyes {
+    /// Share of the variance of the errors in `[noise.perception]` that lasts over all looks of a trial and is the same for all
+    /// objects: the camera's own pose is not known better.
+    pub lasting: f64,
+    /// Tilt error about each horizontal axis, standard deviation, rad, new at each look.
+    pub tilt_sigma: f64,
+    /// Probability that a look takes an object for lying in another of its resting poses.
+    pub mistaken: f64,
+    /// Age of what is reported, s.
+    pub latency: f64,
+    /// Where the camera is, m, world.
+    pub camera: [f64; 3],
+}
+
+/// How the arm errs; in the place of `[noise.execution]`.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ArmErrors {
+    /// Offsets of the joints' encoders, standard deviation, rad.
+    pub encoder_sigma: f64,
+    /// Position of the hand on its flange, standard deviation of each axis, m.
+    pub mount_position_sigma: f64,
+    /// Its turn, standard deviation about each axis, rad.
+    pub mount_rotation_sigma: f64,
+    /// Mass at the palm that gravity compensation does not know, standard deviation, kg.
+    pub payload_sigma: f64,
+}
+
+/// How individuals differ from their models: standard deviations as shares.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Individuals {
+    /// Of the mass.
+    pub mass_sigma: f64,
+    /// Of the friction coefficient.
+    pub friction_sigma: f64,
+    /// Of the size, the same along all axes.
+    pub size_sigma: f64,
+}
+
+/// The floor under the table.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Floor {
+    /// Height of its surface, m; the table's top is at 0.
+    pub height: f64,
+}
+
+/// What thinking and looking take.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct TimeBudget {
+    /// From a camera's exposure to its frame in the controller, s.
+    pub frame: f64,
+    /// A decision that is made from measurements, s: the simulated robot waits so long, however long it took.
+    pub decision: f64,
+}
+
+/// The effects of a scenario; what is `None` is off.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Effects {
+    /// See [`Effect::Pads`].
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub pads: Option<Pads>,
+    /// See [`Effect::Gel`].
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub gel: Option<Gel>,
+    /// See [`Effect::Cables`].
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub cables: Option<Cables>,
+    /// See [`Effect::Eyes`].
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub eyes: Option<Eyes>,
+    /// See [`Effect::Arm`].
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub arm: Option<ArmErrors>,
+    /// See [`Effect::Objects`].
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub objects: Option<Individuals>,
+    /// See [`Effect::Floor`].
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub floor: Option<Floor>,
+    /// See [`Effect::Time`].
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub time: Option<TimeBudget>,
+}
+
+impl Effects {
+    /// The same without `effect`.
+    #[must_use]
+    pub fn without(mut self, effect: Effect) -> Self {
+        match effect {
+            Effect::Pads => self.pads = None,
+            Effect::Gel => self.gel = None,
+            Effect::Cables => self.cables = None,
+            Effect::Eyes => self.eyes = None,
+            Effect::Arm => self.arm = None,
+            Effect::Objects => self.objects = None,
+            Effect::Floor => self.floor = None,
+            Effect::Time => self.time = None,
+        }
+        self
+    }
+
+    /// What a file has wrong: field, found, expected.
+    pub(crate) fn check(&self) -> Result<(), (String, String, String)> {
+        let mut values: Vec<(&str, f64, [f64; 2])> = Vec::new();
+        if let Some(Pads { drift, background_age, .. }) = self.pads {
+            values.extend([("pads.drift", drift, [0.0, 1.0]), ("pads.background_age", background_age, [0.0, 3600.0])]);
+        }
+        if let Some(Gel { relaxation, shear }) = self.gel {
+            values.extend([("gel.relaxation", relaxation, [0.0, 1.0]), ("gel.shear", shear, [0.0, 2.0])]);
+        }
+        if let Some(Cables { friction, presliding, routing, backlash }) = self.cables {
+            values.extend([
+                ("cables.friction", friction, [0.0, 1.0]),
+                ("cables.presliding", presliding, [1e-6, 0.1]),
+                ("cables.routing", routing, [0.0, 6.3]),
+                ("cables.backlash", backlash, [0.0, 0.2]),
+            ]);
+        }
+        if let Some(Eyes { lasting, tilt_sigma, mistaken, latency, camera: [x, y, z] }) = self.eyes {
+            values.extend([
+                ("eyes.lasting", lasting, [0.0, 1.0]),
+                ("eyes.tilt_sigma", tilt_sigma, [0.0, 0.5]),
+                ("eyes.mistaken", mistaken, [0.0, 1.0]),
+                ("eyes.latency", latency, [0.0, 10.0]),
+                ("eyes.camera[0]", x, [-3.0, 3.0]),
+                ("eyes.camera[1]", y, [-3.0, 3.0]),
+                ("eyes.camera[2]", z, [0.0, 3.0]),
+            ]);
+        }
+        if let Some(ArmErrors { encoder_sigma, mount_position_sigma, mount_rotation_sigma, payload_sigma }) = self.arm {
+            values.extend([
+                ("arm.encoder_sigma", encoder_sigma, [0.0, 0.1]),
+                ("arm.mount_position_sigma", mount_position_sigma, [0.0, 0.05]),
+                ("arm.mount_rotation_sigma", mount_rotation_sigma, [0.0, 0.2]),
+                ("arm.payload_sigma", payload_sigma, [0.0, 2.0]),
+            ]);
+        }
+        if let Some(Individuals { mass_sigma, friction_sigma, size_sigma }) = self.objects {
+            values.extend([
+                ("objects.mass_sigma", mass_sigma, [0.0, 0.3]),
+                ("objects.friction_sigma", friction_sigma, [0.0, 0.3]),
+                ("objects.size_sigma", size_sigma, [0.0, 0.1]),
+            ]);
+        }
+        if let Some(Floor { height }) = self.floor {
+            values.push(("floor.height", height, [-3.0, -0.2]));
+        }
+        if let Some(TimeBudget { frame, decision }) = self.time {
+            values.extend([("time.frame", frame, [0.0, 1.0]), ("time.decision", decision, [0.0, 10.0])]);
+        }
+        match values.into_iter().find(|(_, value, [low, high])| !(low..=high).contains(&value)) {
+            None => Ok(()),
+            Some((field, value, [low, high])) => Err((
+                format!("effects.{field}"),
+                value.to_string(),
+                format!("{low} to {high} (SI units: m, rad, s, kg)"),
+            )),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use rand::Rng;
+
+    use super::*;
+
+    #[test]
+    fn names_are_read_back() {
+        for effect in Effect::ALL {
+            assert_eq!(effect.name().parse(), Ok(effect));
+        }
+        let error = "ghosts".parse::<Effect>().unwrap_err().to_string();
+        assert!(error.contains("`ghosts`") && error.contains("pads, gel, cables"), "{error}");
+    }
+
+    #[test]
+    fn every_effect_draws_from_a_stream_of_its_own() {
+        let mut seen = std::collections::HashSet::new();
+        assert!(seen.insert(trial_rng(1, 2, 3).next_u64()));
+        for effect in Effect::ALL {
+            assert!(seen.insert(effect.stream(1, 2, 3).next_u64()));
+            assert_eq!(effect.stream(1, 2, 3).next_u64(), effect.stream(1, 2, 3).next_u64());
+        }
+    }
+
+    #[test]
+    fn an_effect_is_switched_off_alone() {
+        let all = crate::Scenario::benchmark().effects;
+        let none = Effect::ALL.into_iter().fold(all, Effects::without);
+        assert_eq!(none, Effects::default());
+        let text = |effects: &Effects| toml::to_string(effects).unwrap();
+        for effect in Effect::ALL {
+            let table = format!("[{effect}]");
+            assert!(text(&all).contains(&table) && !text(&all.without(effect)).contains(&table));
+        }
+    }
+}
