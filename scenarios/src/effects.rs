@@ -107,12 +107,8 @@ pub struct Gel {
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Cables {
-    /// Coulomb coefficient of cable on guide.
+    /// Friction of cable on guide, times the coefficient in the hand's data file.
     pub friction: f64,
-    /// Presliding way, m.
-    pub presliding: f64,
-    /// Turn of the cable between spool and first joint, rad.
-    pub routing: f64,
     /// Play of the servo's gear, rad at its output.
     pub backlash: f64,
 }
@@ -234,13 +230,8 @@ impl Effects {
         if let Some(Gel { relaxation, shear }) = self.gel {
             values.extend([("gel.relaxation", relaxation, [0.0, 1.0]), ("gel.shear", shear, [0.0, 2.0])]);
         }
-        if let Some(Cables { friction, presliding, routing, backlash }) = self.cables {
-            values.extend([
-                ("cables.friction", friction, [0.0, 1.0]),
-                ("cables.presliding", presliding, [1e-6, 0.1]),
-                ("cables.routing", routing, [0.0, 6.3]),
-                ("cables.backlash", backlash, [0.0, 0.2]),
-            ]);
+        if let Some(Cables { friction, backlash }) = self.cables {
+            values.extend([("cables.friction", friction, [0.0, 5.0]), ("cables.backlash", backlash, [0.0, 0.2])]);
         }
         if let Some(Eyes { lasting, tilt_sigma, mistaken, latency, camera: [x, y, z] }) = self.eyes {
             values.extend([
