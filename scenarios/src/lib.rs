@@ -4,10 +4,11 @@
 //! [`physics`]; a [`scenario`] file says which of them come first and second, where they stand ([`layout`]) and how a trial
 //! goes, and [`combination`] draws pairs; [`noise`] draws what goes wrong in a trial,
 //! [`effects`] are what reality adds to an ideal robot, [`disturbance`] says what is done to a trial on purpose, and it goes through
-//! the phases of [`phase`]; the [`referee`] judges it from ground truth; a [`record::TrialRecord`] keeps the result, with less of the
-//! senses ([`sensing`]) an [`record::AblatedTrial`], and [`statistics`] sums all of them up. [`transport`] says which balls are to be
+//! the phases of [`phase`]; the [`referee`] judges it from ground truth; a [`record::TrialRecord`] keeps the result and a [`tries::TryRecord`] that of each try; with less of
+//! its means ([`ablation`], [`sensing`]) an [`record::AblatedTrial`], and [`statistics`] sums all of them up. [`transport`] says which balls are to be
 //! carried, as many as fit at once.
 
+pub mod ablation;
 pub mod combination;
 pub mod disturbance;
 pub mod effects;
@@ -24,7 +25,9 @@ pub mod scenario;
 pub mod sensing;
 pub mod statistics;
 pub mod transport;
+pub mod tries;
 
+pub use ablation::Ablation;
 pub use combination::{Combination, draw_combinations};
 pub use geometry::Shape;
 pub use objects::{ObjectFile, ObjectModel, ObjectSet, Symmetry};

@@ -4,8 +4,8 @@ use std::io::{Read, Write};
 
 use serde::{Deserialize, Serialize};
 
-use crate::referee::FailureCause;
-use crate::sensing::Sensing;
+use crate::ablation::Ablation;
+use crate::referee::{ContactWith, FailureCause};
 
 /// The conditions of the benchmark.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
@@ -15,19 +15,25 @@ pub enum Condition {
     Ideal,
     /// Noise, policy `blind`.
     Blind,
+    /// The same noise, policy `touch` without any tactile image: it looks and tries again by encoders and currents.
+    Reflex,
     /// The same noise, policy `touch`.
     Touch,
 }
 
 impl Condition {
     /// All conditions in order.
-    pub const ALL: [Self; 3] = [Self::Ideal, Self::Blind, Self::Touch];
+    pub const ALL: [Self; 4] = [Self::Ideal, Self::Blind, Self::Reflex, Self::Touch];
+
+    /// Those of a trial with noise.
+    pub const NOISY: [Self; 3] = [Self::Blind, Self::Reflex, Self::Touch];
 
     /// As files and the command line write it.
     pub fn name(self) -> &'static str {
         match self {
             Self::Ideal => "ideal",
             Self::Blind => "blind",
+            Self::Reflex => "reflex",
             Self::Touch => "touch",
         }
     }
@@ -70,10 +76,18 @@ pub struct TrialRecord {
     pub first: String,
     /// Name of the second object.
     pub second: String,
-    /// Whether there was a collision.
-    pub collision: bool,
-    /// Whether the trial succeeded.
+    /// Whether there was an unwanted contact in any try.
+    pub contact: bool,
+    /// With what the first one was.
+    pub contact_with: Option<ContactWith>,
+    /// When it was, s since the trial began.
+    pub contact_s: Option<f64>,
+    /// Its greatest force, N.
+    pub contact_n: Option<f64>,
+    /// Whether both objects were held at the end.
     pub success: bool,
+    /// Success without any unwanted contact.
+    pub clean_success: bool,
     /// Why not; empty on success.
     pub cause: Option<FailureCause>,
     /// Whether the policy left the planned strategy.
@@ -85,6 +99,8 @@ pub struct TrialRecord {
     /// What was done to the trial beside noise; tables from before disturbances lack it.
     #[serde(default)]
     pub disturbance: String,
+    /// Probability that the planned second grasp ends in an unwanted contact, as predicted at the first decision.
+    pub risk: Option<f64>,
     /// Distance between the estimated and the true position of the first object in the hand, mm.
     pub pose_error_mm: Option<f64>,
     /// Angle between the estimated and the true orientation, given the object's symmetry, deg.
@@ -104,11 +120,11 @@ impl TrialRecord {
     }
 }
 
-/// A trial of the policy `touch` with less of the senses: a row of `ablations.csv`.
+/// A trial of the policy `touch` with one of its means taken away: a row of `ablations.csv`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct AblatedTrial {
-    /// The senses in use.
-    pub sensing: Sensing,
+    /// What was taken away.
+    pub ablation: Ablation,
     /// How it went.
     pub record: TrialRecord,
 }
@@ -139,14 +155,14 @@ pub fn write_trials(records: &[TrialRecord], to: impl Write) -> Result<(), Recor
     Ok(())
 }
 
-/// Writes a header and a row per trial: what was left of the senses, and then the columns of `trials.csv`.
+/// Writes a header and a row per trial: what was taken away, and then the columns of `trials.csv`.
 pub fn write_ablated(trials: &[AblatedTrial], to: impl Write) -> Result<(), RecordError> {
     let mut sorted: Vec<&AblatedTrial> = trials.iter().collect();
-    sorted.sort_by_key(|trial| (trial.sensing, trial.record.id()));
+    sorted.sort_by_key(|trial| (trial.ablation, trial.record.id()));
     let mut writer = csv::WriterBuilder::new().has_headers(false).from_writer(to);
-    writer.write_record(std::iter::once("sensing").chain(COLUMNS))?;
+    writer.write_record(std::iter::once("ablation").chain(COLUMNS))?;
     for trial in sorted {
-        writer.serialize((trial.sensing, &trial.record))?;
+        writer.serialize((trial.ablation, &trial.record))?;
     }
     writer.flush()?;
     Ok(())
@@ -158,19 +174,24 @@ pub fn read_trials(from: impl Read) -> Result<Vec<TrialRecord>, RecordError> {
 }
 
 /// The header of `trials.csv`.
-pub const COLUMNS: [&str; 17] = [
+pub const COLUMNS: [&str; 22] = [
     "combination",
     "trial",
     "condition",
     "first",
     "second",
-    "collision",
+    "contact",
+    "contact_with",
+    "contact_s",
+    "contact_n",
     "success",
+    "clean_success",
     "cause",
     "switched",
     "retries",
     "reason",
     "disturbance",
+    "risk",
     "pose_error_mm",
     "pose_error_deg",
     "prior_error_mm",
@@ -189,13 +210,18 @@ pub(crate) mod tests {
             condition,
             first: "egg".into(),
             second: "can_50".into(),
-            collision: false,
+            contact: false,
+            contact_with: None,
+            contact_s: None,
+            contact_n: None,
             success: true,
+            clean_success: true,
             cause: None,
             switched: condition == Condition::Touch,
             retries: 1,
             reason: "clear, \"quoted\", with commas".into(),
             disturbance: "pushed".into(),
+            risk: None,
             pose_error_mm: None,
             pose_error_deg: None,
             prior_error_mm: None,
@@ -207,7 +233,8 @@ pub(crate) mod tests {
     #[test]
     fn a_table_comes_back_sorted_and_bit_for_bit() {
         let mut lost = record(1, 0, Condition::Blind);
-        lost.success = false;
+        (lost.success, lost.clean_success) = (false, false);
+        (lost.contact, lost.contact_with) = (true, Some(ContactWith::Palm));
         lost.cause = Some(FailureCause::SecondNotPicked);
         lost.pose_error_mm = Some(1.0 / 3.0);
         lost.decision_ms = Some(42.5);
@@ -228,7 +255,7 @@ pub(crate) mod tests {
         let mut file = Vec::new();
         write_trials(&[], &mut file).unwrap();
         assert_eq!(read_trials(file.as_slice()).unwrap(), []);
-        let text = String::from_utf8(file).unwrap() + "0,0,psychic,egg,egg,false,true,,false,0,,,,,,1.0,\n";
+        let text = String::from_utf8(file).unwrap() + "0,0,psychic,egg,egg,false,,,,true,true,,false,0,,,,,,,1.0,\n";
         let error = read_trials(text.as_bytes()).unwrap_err().to_string();
         assert!(error.contains("line: 2") && error.contains("psychic"), "{error}");
     }

@@ -1,15 +1,19 @@
 //! Judges a trial from ground truth, which only the simulator has; on hardware the operator is asked instead.
 //!
 //! # Rules
-//! - **Collision**: before the second grasp has closed (up to the end of [`Phase::GraspSecond`]), the first object or one of
-//!   the digits holding it touches the second object; or the second object moves by more than `knock_distance` before its
-//!   grasp begins without a free digit having touched it (a blow shorter than the referee's sampling).
+//! - **Contact** (unwanted): before the second grasp has closed (up to the end of [`Phase::GraspSecond`]), the held first object
+//!   or a digit holding it touches the second object; or the palm does before two free digits have it (once they have, they may
+//!   draw it against the palm); or the second object moves by more than `knock_distance` before
+//!   its grasp begins without a free digit having touched it (a blow shorter than the referee's sampling). Two objects that both
+//!   lie on the table, or both hang in the hand in a later try, may touch each other.
 //! - **In the hand** ([`crate::holding`]): the object touches the hand, does not touch the table, and its origin is within
 //!   `palm_distance` of the palm's.
-//! - **Success**: at the end of the hold, which lasted its full time, both objects are in the hand, and neither has moved
-//!   relative to the palm by more than `slip` since the carry began. A trial that carries again is judged by its last carry.
+//! - **Success**: at the end of the hold, which lasted its full time and ended within the time limit, both objects are in the
+//!   hand, and neither has moved relative to the palm by more than `slip` since the carry began. A trial that carries again is
+//!   judged by its last carry.
+//! - **Clean success**: success without any unwanted contact in any try.
 //!
-//! A collision does not end a trial, and a trial with a collision can succeed.
+//! A contact does not end a trial, and a trial with a contact can succeed. A **try** begins with an approach.
 
 use nalgebra::{Isometry3, Point3};
 use serde::{Deserialize, Serialize};
@@ -38,10 +42,14 @@ pub struct SceneTruth {
     pub phase: Phase,
     /// The first object touches the second.
     pub first_touches_second: bool,
-    /// A digit that holds the first object, or the palm, touches the second object. Before anything is held: none does.
+    /// A digit that holds the first object touches the second object. Before anything is held: none does.
     pub holding_digits_touch_second: bool,
-    /// Any other digit touches the second object.
-    pub free_digits_touch_second: bool,
+    /// The palm touches the second object.
+    pub palm_touches_second: bool,
+    /// How many of the other digits touch the second object.
+    pub free_digits_on_second: usize,
+    /// What presses on the second object at this moment.
+    pub on_second: Vec<Touch>,
     /// Contacts of each object with the hand.
     pub hand_contacts: [usize; 2],
     /// Whether each object touches the table.
@@ -52,16 +60,87 @@ pub struct SceneTruth {
     pub world_from_palm: Isometry3<f64>,
 }
 
-/// What the collision was with.
+/// What can press on the second object.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
-pub enum CollisionWith {
-    /// The first object touched the second.
+pub enum Toucher {
+    /// The first object.
+    FirstObject,
+    /// The palm.
+    Palm,
+    /// A link of a digit, by its number.
+    Link(usize),
+}
+
+/// A loaded contact on the second object.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Touch {
+    /// What presses.
+    pub by: Toucher,
+    /// Whether that is a link of a digit that holds the first object.
+    pub holding: bool,
+    /// m, world.
+    pub point: Point3<f64>,
+    /// Normal force, N.
+    pub force: f64,
+}
+
+/// What an unwanted contact was with.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum ContactWith {
+    /// The held first object touched the second.
     HeldObject,
     /// A digit holding the first object touched the second.
     HoldingDigits,
+    /// The palm touched the second before two free digits had it.
+    Palm,
     /// The second object was moved.
     Knocked,
+}
+
+impl ContactWith {
+    /// As files write it.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::HeldObject => "held_object",
+            Self::HoldingDigits => "holding_digits",
+            Self::Palm => "palm",
+            Self::Knocked => "knocked",
+        }
+    }
+}
+
+/// An unwanted contact.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Contact {
+    /// With what.
+    pub with: ContactWith,
+    /// What pressed first; none where the contact was too short to be seen.
+    pub by: Option<Toucher>,
+    /// When it began.
+    pub phase: Phase,
+    /// When it began, s.
+    pub time: f64,
+    /// Where it began, m, world.
+    pub point: Option<Point3<f64>>,
+    /// Greatest sum of the normal forces while the try lasted, N.
+    pub force: f64,
+}
+
+/// How a try went.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct TryVerdict {
+    /// The object that was to be taken: 0 or 1.
+    pub object: usize,
+    /// s since the trial began.
+    pub begun: f64,
+    /// s since the trial began: the next try begins, or the trial ends.
+    pub ended: f64,
+    /// The first unwanted contact.
+    pub contact: Option<Contact>,
+    /// Whether the object was in the hand when its lift had ended; none where it was never lifted.
+    pub picked: Option<bool>,
 }
 
 /// Why a trial failed.
@@ -88,6 +167,8 @@ pub enum FailureCause {
     RobotFault,
     /// The trial ended before the hold was over.
     NotFinished,
+    /// Both objects were held at the end, which came after the time limit.
+    TooLate,
 }
 
 impl std::fmt::Display for FailureCause {
@@ -103,6 +184,7 @@ impl std::fmt::Display for FailureCause {
             Self::NoStrategy => "no strategy",
             Self::RobotFault => "robot fault",
             Self::NotFinished => "not finished",
+            Self::TooLate => "too late",
         })
     }
 }
@@ -110,26 +192,38 @@ impl std::fmt::Display for FailureCause {
 /// The referee's judgement.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Verdict {
-    /// Whether there was a collision.
-    pub collision: bool,
-    /// When the first one was, s.
-    pub collision_time: Option<f64>,
-    /// What the first one was with.
-    pub collision_with: Option<CollisionWith>,
+    /// Whether there was an unwanted contact in any try.
+    pub contact: bool,
+    /// The first one; none where it was not measured.
+    pub first_contact: Option<Contact>,
     /// Whether the trial succeeded.
     pub success: bool,
     /// Why not; none on success.
     pub cause: Option<FailureCause>,
 }
 
+/// Slower than this an object rests, m/s.
+const AT_REST: f64 = 0.002;
+
+/// Times of a trial, s.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Limits {
+    /// How long both objects must be held.
+    pub hold: f64,
+    /// When the hold must be over.
+    pub trial: f64,
+}
+
 /// Watches one trial.
 #[derive(Debug, Clone)]
 pub struct Referee {
     rules: RefereeRules,
-    hold_time: f64,
-    collision: Option<(f64, CollisionWith)>,
+    limits: Limits,
+    tries: Vec<TryVerdict>,
     second_start: Option<Point3<f64>>,
     free_touch: bool,
+    /// Two free digits have had the second object in this try.
+    gripped: bool,
     /// Each object was in the hand when its own lift had ended.
     picked: [bool; 2],
     carry_start: Option<[Point3<f64>; 2]>,
@@ -141,14 +235,15 @@ pub struct Referee {
 }
 
 impl Referee {
-    /// `hold_time` s is how long both objects must be held.
-    pub fn new(rules: RefereeRules, hold_time: f64) -> Self {
+    /// A referee who has seen nothing yet.
+    pub fn new(rules: RefereeRules, limits: Limits) -> Self {
         Self {
             rules,
-            hold_time,
-            collision: None,
+            limits,
+            tries: Vec::new(),
             second_start: None,
             free_touch: false,
+            gripped: false,
             picked: [false; 2],
             carry_start: None,
             slipped: false,
@@ -163,12 +258,16 @@ impl Referee {
         if truth.phase == Phase::Done {
             return;
         }
+        self.note_try(truth);
         self.watch_second(truth);
         // What counts is the end of the lift, or, if that was skipped, the first sight after it.
         for (object, lift) in [(0, Phase::LiftFirst), (1, Phase::LiftSecond)] {
             let skipped = truth.phase > lift && self.last.as_ref().is_none_or(|last| last.phase < lift);
             if truth.phase == lift || skipped {
                 self.picked[object] = self.in_hand(truth, object);
+                if let Some(last) = self.tries.last_mut().filter(|last| last.object == object) {
+                    last.picked = Some(self.picked[object]);
+                }
             }
         }
         if truth.phase < Phase::Carry {
@@ -193,31 +292,76 @@ impl Referee {
     /// The judgement on all that was seen.
     pub fn verdict(&self) -> Verdict {
         let cause = self.cause();
-        Verdict {
-            collision: self.collision.is_some(),
-            collision_time: self.collision.map(|(time, _)| time),
-            collision_with: self.collision.map(|(_, with)| with),
-            success: cause.is_none(),
-            cause,
+        let first_contact = self.tries.iter().find_map(|one| one.contact);
+        Verdict { contact: first_contact.is_some(), first_contact, success: cause.is_none(), cause }
+    }
+
+    /// All tries so far, in order.
+    pub fn tries(&self) -> &[TryVerdict] {
+        &self.tries
+    }
+
+    /// A try begins when an approach does.
+    fn note_try(&mut self, truth: &SceneTruth) {
+        let object = match truth.phase {
+            Phase::ApproachFirst => Some(0),
+            Phase::ApproachSecond => Some(1),
+            _ => None,
+        };
+        let begins = self.last.as_ref().is_none_or(|last| last.phase != truth.phase);
+        if let Some(object) = object.filter(|_| begins) {
+            (self.second_start, self.free_touch, self.gripped) = (None, false, false);
+            self.tries.push(TryVerdict { object, begun: truth.time, ended: truth.time, contact: None, picked: None });
+        }
+        if let Some(last) = self.tries.last_mut() {
+            last.ended = truth.time;
         }
     }
 
     fn watch_second(&mut self, truth: &SceneTruth) {
-        let now = Point3::from(truth.world_from_object[1].translation.vector);
-        let start = *self.second_start.get_or_insert(now);
+        let at = |truth: &SceneTruth| Point3::from(truth.world_from_object[1].translation.vector);
+        let now = at(truth);
+        // What still rolls after an earlier try has not been knocked: its place counts from when it rests.
+        let rests = self.last.as_ref().is_none_or(|last| (now - at(last)).norm() < AT_REST * (truth.time - last.time));
+        if rests {
+            self.second_start.get_or_insert(now);
+        }
+        let start = self.second_start.unwrap_or(now);
         if truth.phase > Phase::GraspSecond {
             return;
         }
-        self.free_touch |= truth.free_digits_touch_second;
+        self.free_touch |= truth.free_digits_on_second > 0;
+        self.gripped |= truth.free_digits_on_second >= 2;
+        let palm_touches = truth.palm_touches_second && !self.gripped;
         let knocked =
             truth.phase < Phase::GraspSecond && !self.free_touch && (now - start).norm() > self.rules.knock_distance;
-        let with = match (truth.first_touches_second, truth.holding_digits_touch_second, knocked) {
-            (true, ..) => CollisionWith::HeldObject,
-            (_, true, _) => CollisionWith::HoldingDigits,
-            (_, _, true) => CollisionWith::Knocked,
+        let lies = |object: usize| truth.on_table[object] || truth.hand_contacts[object] == 0;
+        let held_touches = truth.first_touches_second && !lies(0) && lies(1);
+        let with = match (held_touches, truth.holding_digits_touch_second, palm_touches, knocked) {
+            (true, ..) => ContactWith::HeldObject,
+            (_, true, ..) => ContactWith::HoldingDigits,
+            (_, _, true, _) => ContactWith::Palm,
+            (.., true) => ContactWith::Knocked,
             _ => return,
         };
-        self.collision.get_or_insert((truth.time, with));
+        let unwanted = |touch: &&Touch| match (with, touch.by) {
+            (ContactWith::HeldObject, by) => by == Toucher::FirstObject,
+            (ContactWith::Palm, by) => by == Toucher::Palm,
+            (ContactWith::HoldingDigits, _) => touch.holding,
+            (ContactWith::Knocked, _) => false,
+        };
+        let force = truth.on_second.iter().filter(unwanted).map(|touch| touch.force).sum::<f64>();
+        let hardest = truth.on_second.iter().filter(unwanted).max_by(|a, b| a.force.total_cmp(&b.force));
+        let Some(last) = self.tries.last_mut() else { return };
+        let contact = last.contact.get_or_insert(Contact {
+            with,
+            by: hardest.map(|touch| touch.by),
+            phase: truth.phase,
+            time: truth.time,
+            point: hardest.map(|touch| touch.point),
+            force,
+        });
+        contact.force = contact.force.max(force);
     }
 
     fn in_hand(&self, truth: &SceneTruth, object: usize) -> bool {
@@ -250,11 +394,12 @@ impl Referee {
             return seen.or(self.given_up);
         }
         // A tick of tolerance: the first and the last sample of the hold are one tick closer than the hold is long.
-        let finished = self.hold_start.is_some_and(|start| last.time - start >= self.hold_time - 0.02);
-        match (finished, self.slipped) {
-            (false, _) => Some(FailureCause::NotFinished),
-            (true, true) => Some(FailureCause::Slipped),
-            (true, false) => None,
+        let finished = self.hold_start.is_some_and(|start| last.time - start >= self.limits.hold - 0.02);
+        match (finished, self.slipped, last.time > self.limits.trial) {
+            (false, ..) => Some(FailureCause::NotFinished),
+            (true, true, _) => Some(FailureCause::Slipped),
+            (true, false, true) => Some(FailureCause::TooLate),
+            (true, false, false) => None,
         }
     }
 }

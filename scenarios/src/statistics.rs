@@ -6,12 +6,12 @@ mod paired;
 mod rates;
 mod summary;
 
-pub use ablation::Ablation;
+pub use ablation::AblationSummary;
 pub use distribution::{BoxPlot, MeanSd, box_plot, density, percentile, silverman_bandwidth};
-pub use paired::{Effect, Interval, McNemar, TTest, paired_t_test};
+pub use paired::{Difference, Interval, McNemar, TTest, paired_t_test};
 pub use rates::{CombinationRates, combination_rates};
 pub use summary::{
-    ConditionSummary, DecisionTime, Effects, MedianP95, PerCondition, PoseError, RunInfo, Summary, Tests, summarise,
+    ConditionSummary, DecisionTime, Differences, MedianP95, PerCondition, PoseError, RunInfo, Summary, Tests, summarise,
 };
 
 #[cfg(test)]

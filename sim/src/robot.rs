@@ -3,6 +3,7 @@
 mod outside;
 mod set_points;
 
+use std::collections::VecDeque;
 use std::sync::Arc;
 
 use hand_model::robot::{ArmState, Command, Observation, Robot, Tick};
@@ -25,7 +26,7 @@ use outside::{Outside, Target};
 use set_points::{Limits, SetPoint};
 
 pub use crate::scene::{ObjectPlacement, SceneSetup};
-pub use crate::truth::{HandContact, Truth};
+pub use crate::truth::{HandContact, ObjectContact, Truth};
 
 /// Physics steps in one control tick (240 Hz / 2 = 120 Hz).
 const STEPS_PER_TICK: usize = 2;
@@ -53,6 +54,10 @@ pub struct SimulatedRobot {
     on_table: Vec<bool>,
     tactile: TactileBoard,
     frames: Vec<hand_model::robot::TactileFrame>,
+    /// From exposure to [`Robot::observe`], s.
+    frame_delay: f64,
+    /// Frames on their way, and when they arrive, s.
+    on_their_way: VecDeque<(f64, Vec<hand_model::robot::TactileFrame>)>,
     outside: Outside,
 }
 
@@ -93,6 +98,8 @@ impl SimulatedRobot {
             on_table: vec![false; count],
             tactile,
             frames: Vec::new(),
+            frame_delay: setup.frame_delay,
+            on_their_way: VecDeque::new(),
             outside: Outside::default(),
         }
     }
@@ -221,12 +228,20 @@ impl SimulatedRobot {
             self.objects.iter().map(|(_, body, _)| convert::to_pose(self.engine.bodies[*body].position())).collect();
         let velocities =
             self.objects.iter().map(|(_, body, _)| convert::to_vector(self.engine.bodies[*body].linvel())).collect();
-        let mut contacts = Vec::new();
+        let (mut contacts, mut object_contacts) = (Vec::new(), Vec::new());
         let palm = self.palm(&links);
         let mut pad_forces = vec![0.0; self.hand.pads.len()];
         for (object, (_, _, collider)) in self.objects.iter().enumerate() {
             for contact in contacts_of(&self.engine, *collider) {
-                let Some(cover) = self.body.covers.iter().position(|c| *c == contact.other) else { continue };
+                let Some(cover) = self.body.covers.iter().position(|c| *c == contact.other) else {
+                    let second = self.objects.iter().position(|(_, _, c)| *c == contact.other);
+                    object_contacts.extend(second.filter(|second| object < *second).map(|second| ObjectContact {
+                        objects: (object, second),
+                        point: contact.point,
+                        force: contact.force,
+                    }));
+                    continue;
+                };
                 let link = cover.checked_sub(1);
                 contacts.push(HandContact {
                     object,
@@ -247,6 +262,7 @@ impl SimulatedRobot {
             hand: self.state.hand.to_vec(),
             tensions: self.drive.tensions,
             contacts,
+            object_contacts,
             touched_by: self.touched_by.clone(),
             object_pairs: self.object_pairs.clone(),
             on_table: self.on_table.clone(),
@@ -285,8 +301,18 @@ impl SimulatedRobot {
             .collect();
         let objects: Vec<(&Shape, Isometry3<f64>)> =
             self.objects.iter().zip(&truth.objects).map(|((model, _, _), pose)| (&model.shape, *pose)).collect();
-        self.frames = self.tactile.capture(&self.hand, self.time, &pads, &truth.pad_forces, &objects);
-        self.outside.drop_failed_frames(&mut self.frames);
+        let mut frames = self.tactile.capture(&self.hand, self.time, &pads, &truth.pad_forces, &objects);
+        self.outside.drop_failed_frames(&mut frames);
+        self.on_their_way.push_back((self.time + self.frame_delay, frames));
+    }
+
+    /// Frames that have arrived by now.
+    fn receive_frames(&mut self) {
+        // Half a physics step of tolerance: times are sums of steps.
+        let now = self.time + 0.5 * self.engine.settings.dt;
+        while let Some((_, frames)) = self.on_their_way.pop_front_if(|(arrives, _)| *arrives <= now) {
+            self.frames.extend(frames);
+        }
     }
 }
 
@@ -336,6 +362,7 @@ impl Robot for SimulatedRobot {
         if std::mem::take(&mut self.capture) {
             self.capture_tactile();
         }
+        self.receive_frames();
         Tick { time: self.time, lateness: 0.0 }
     }
 

@@ -33,6 +33,8 @@ pub struct SceneSetup {
     pub arm_start: [f64; ARM_JOINTS],
     /// Objects on the table.
     pub objects: Vec<ObjectPlacement>,
+    /// From a camera's exposure to its frame in the controller, s.
+    pub frame_delay: f64,
     /// Friction of the cables in their guides.
     pub cable_friction: CableFriction,
     pub engine: EngineSettings,

@@ -16,6 +16,17 @@ pub struct HandContact {
     pub force: Vector3<f64>,
 }
 
+/// A contact between two objects, for the referee.
+#[derive(Debug, Clone, Copy)]
+pub struct ObjectContact {
+    /// Indices of the objects, the lower one first.
+    pub objects: (usize, usize),
+    /// World point, m.
+    pub point: nalgebra::Point3<f64>,
+    /// Normal force, N.
+    pub force: f64,
+}
+
 /// Ground truth of one tick. Only the referee and the recorder may see it.
 #[derive(Debug, Clone, Default)]
 pub struct Truth {
@@ -35,6 +46,8 @@ pub struct Truth {
     pub tensions: [f64; 5],
     /// Contacts between hand and objects at the last step of the tick.
     pub contacts: Vec<HandContact>,
+    /// Contacts between objects at the last step of the tick.
+    pub object_contacts: Vec<ObjectContact>,
     /// For each object: links (bit i; bit 15 is the palm) that touched it at any step of the tick.
     pub touched_by: Vec<u32>,
     /// Pairs of objects that touched at any step of the tick.

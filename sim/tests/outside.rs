@@ -21,6 +21,7 @@ fn scene(board: fn(&Hand) -> TactileBoard) -> SimulatedRobot {
         mount_error: UnitQuaternion::identity(),
         arm_start: Arm::home(),
         objects: vec![ObjectPlacement { model, pose }],
+        frame_delay: 0.0,
         cable_friction: CableFriction::NONE,
         engine: EngineSettings::default(),
     };

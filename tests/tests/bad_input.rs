@@ -34,7 +34,8 @@ fn no_combinations() {
 fn unknown_ablation() {
     let folder = tempdir().expect("a folder");
     let out = folder.path().join("out");
-    refused(&["bench", "--ablations", "thumbs", "--out", text(&out)], &["thumbs", "servos_only", "true_pose"]);
+    refused(&["bench", "--ablations", "thumbs", "--out", text(&out)], &["thumbs", "no_retry", "true_pose"]);
+    refused(&["bench", "--without", "ghosts", "--out", text(&out)], &["ghosts", "pads", "time"]);
     let emulated = ["bench", "--robot", "emulated", "--ablations", "palm_only", "--out", text(&out)];
     refused(&emulated, &["--ablations", "emulated", "simulated"]);
     refused(&["bench", "--noise-scale", "nan", "--out", text(&out)], &["--noise-scale", "NaN", "0 to 10"]);

@@ -13,9 +13,10 @@ use e2e::{ftac, run, stderr};
 use serde_json::Value;
 use tempfile::{TempDir, tempdir};
 
+const CONDITIONS: [&str; 4] = ["ideal", "blind", "reflex", "touch"];
 const SIZE: [&str; 6] = ["--combos", "2", "--trials", "2", "--seed", "7"];
-/// Rows of trials.csv: `ideal` once per combination, `blind` and `touch` in every trial.
-const ROWS: usize = 2 + 2 * 2 * 2;
+/// Rows of trials.csv: `ideal` once per combination, `blind`, `reflex` and `touch` in every trial.
+const ROWS: usize = 2 + 2 * 2 * 3;
 
 fn bench(extra: &[&str]) {
     let record = if extra.contains(&"--record") { &[][..] } else { &["--record", "none"] };
@@ -63,26 +64,28 @@ fn jobs_change_nothing() {
     assert_eq!(rows, trials(two.path()));
 }
 
-/// Trials with less of the senses stand beside the others and change nothing about them; a recording shows each cause of failure.
+/// Trials without some of touch's means stand beside the others and change nothing about them; a recording shows each cause of failure.
 #[test]
 fn ablations_and_causes() {
     let folder = tempdir().expect("a folder");
-    bench(&["--record", "causes", "--ablations", "servos_only,true_pose", "--out", text(folder.path())]);
+    bench(&["--record", "causes", "--ablations", "no_retry,true_pose", "--out", text(folder.path())]);
     assert_eq!(trials(folder.path()), trials(reference()));
     let ablated = fs::read_to_string(folder.path().join("ablations.csv")).expect("ablations.csv");
     let of = |name: &str| ablated.lines().filter(|line| line.starts_with(name)).count();
-    assert_eq!((ablated.lines().count(), of("servos_only,"), of("true_pose,")), (1 + 2 * 4, 4, 4));
+    assert_eq!((ablated.lines().count(), of("no_retry,"), of("true_pose,")), (1 + 2 * 4, 4, 4));
     let figure = fs::read_to_string(folder.path().join("ablations.svg")).expect("ablations.svg");
     assert!(figure.contains("no images: encoders and currents") && figure.contains("whole hand"));
     let page = fs::read_to_string(folder.path().join("report.html")).expect("report.html");
     assert!(page.contains("What full-hand touch buys"));
 
     let causes = fs::read_to_string(folder.path().join("causes.csv")).expect("causes.csv");
+    let header = trials(reference()).remove(0);
+    let column = |name: &str| header.iter().position(|column| column == name).expect("a column");
     let failed: BTreeSet<(String, String)> = trials(reference())
         .iter()
         .skip(1)
-        .filter(|row| row[6] == "false")
-        .map(|row| (row[2].clone(), row[7].replace('_', " ")))
+        .filter(|row| row[column("success")] == "false")
+        .map(|row| (row[2].clone(), row[column("cause")].replace('_', " ")))
         .collect();
     let shown: BTreeSet<(String, String)> = causes
         .lines()
@@ -102,14 +105,15 @@ fn summary_is_complete() {
     let summary: Value = serde_json::from_str(&file).expect("JSON");
     let mut fields: Vec<String> =
         ["combos", "trials_per_combo", "seed", "robot", "real_time_factor", "wall_s"].map(String::from).into();
-    for condition in ["ideal", "blind", "touch"] {
-        for rate in ["collision_rate", "success_rate"] {
+    for condition in CONDITIONS {
+        for rate in ["contact_rate", "collision_rate", "success_rate", "clean_success_rate", "risk_rate", "trial_s"] {
             fields.extend(["mean", "sd"].map(|moment| format!("conditions/{condition}/{rate}/{moment}")));
         }
     }
-    for outcome in ["collision", "success"] {
+    for outcome in ["collision", "success", "clean_success"] {
         fields.extend(["t", "df", "p"].map(|figure| format!("t_test/{outcome}/{figure}")));
     }
+    fields.push("risk_auc".to_owned());
     fields.extend(["decision_ms/p50", "decision_ms/p99"].map(String::from));
     for kind in ["mm", "deg"] {
         fields.extend(["median", "p95"].map(|figure| format!("pose_error/{kind}/{figure}")));
@@ -121,12 +125,31 @@ fn summary_is_complete() {
     assert_eq!(summary["trials_per_combo"], 2);
     assert_eq!(summary["seed"], 7);
     assert_eq!(summary["robot"], "sim");
-    for condition in ["ideal", "blind", "touch"] {
-        for rate in ["collision_rate", "success_rate"] {
+    for condition in CONDITIONS {
+        for rate in ["contact_rate", "success_rate", "clean_success_rate"] {
             let mean = summary["conditions"][condition][rate]["mean"].as_f64().expect("a mean");
             assert!((0.0..=1.0).contains(&mean), "{condition} {rate}: {mean}");
         }
     }
+}
+
+/// Each trial has a row a try: the first grasp, at least, and its times follow one another.
+#[test]
+fn every_try_is_a_row() {
+    let mut reader = csv::Reader::from_path(reference().join("tries.csv")).expect("tries.csv");
+    let header = reader.headers().expect("a header").clone();
+    let column = |name: &str| header.iter().position(|column| column == name).expect("a column");
+    let [number, begun, ended] = ["try", "begun_s", "ended_s"].map(column);
+    let (mut trials, mut last) = (0, (0, 0.0));
+    for row in reader.records().map(|row| row.expect("a row")) {
+        let value = |column: usize| row[column].parse::<f64>().expect("a number");
+        let first = &row[number] == "0";
+        trials += usize::from(first);
+        assert!(value(ended) > value(begun), "{row:?}");
+        assert!(first || (row[number] == (last.0 + 1).to_string() && value(begun) >= last.1), "{row:?}");
+        last = (row[number].parse().expect("a number"), value(ended));
+    }
+    assert_eq!(trials, ROWS);
 }
 
 /// Killed (SIGKILL) as soon as something has been written to the folder's files, then resumed.

@@ -60,8 +60,7 @@ fn the_same_trial_on_three_bodies() {
         let output = run(&arguments);
         assert_eq!(output.status.code(), Some(0), "{robot}: {}", stderr(&output));
         let record = json(&output.stdout);
-        let decided =
-            ["first", "second", "success", "collision", "switched", "retries"].map(|name| record[name].clone());
+        let decided = ["first", "second", "success", "contact", "switched", "retries"].map(|name| record[name].clone());
         records.push(decided);
         let (code, replayed) = replay(&only_file(&sessions));
         assert_eq!(

@@ -60,7 +60,7 @@ pub struct Interval {
 
 /// A paired comparison beyond its t-test.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
-pub struct Effect {
+pub struct Difference {
     /// Mean of the differences.
     pub difference: Interval,
     /// Cohen's d of paired samples: the mean of the differences over their standard deviation. None where they do not vary.
@@ -69,7 +69,7 @@ pub struct Effect {
     pub power: Vec<(usize, f64)>,
 }
 
-impl Effect {
+impl Difference {
     /// Of `pairs` (first, second): differences are first less second.
     pub fn of(pairs: &[(f64, f64)]) -> Self {
         let differences: Vec<f64> = pairs.iter().map(|(a, b)| a - b).collect();
@@ -187,7 +187,7 @@ mod tests {
     #[test]
     fn effects_have_intervals_around_them() {
         let pairs: Vec<(f64, f64)> = (0..60).map(|n| (0.1 * f64::from(n % 5), 0.1)).collect();
-        let effect = Effect::of(&pairs);
+        let effect = Difference::of(&pairs);
         assert!((effect.difference.value.unwrap() - 0.1).abs() < 1e-12);
         // The standard error is sd / sqrt(60); the interval reaches 1.96 of them to both sides.
         let sd = MeanSd::of(&pairs.iter().map(|(a, b)| a - b).collect::<Vec<_>>()).sd.unwrap();
@@ -197,16 +197,16 @@ mod tests {
         assert!((effect.d_z.value.unwrap() - 0.1 / sd).abs() < 1e-12);
         let powers: Vec<f64> = effect.power.iter().map(|(_, power)| *power).collect();
         assert!(powers.windows(2).all(|pair| pair[0] <= pair[1]) && powers[4] > 0.99, "{powers:?}");
-        assert_eq!(effect, Effect::of(&pairs));
+        assert_eq!(effect, Difference::of(&pairs));
     }
 
     /// No effect: the power is the level of the test, roughly.
     #[test]
     fn without_an_effect_there_is_no_power() {
         let pairs: Vec<(f64, f64)> = (0..60).map(|n| (if n % 2 == 0 { 0.1 } else { -0.1 }, 0.0)).collect();
-        let effect = Effect::of(&pairs);
+        let effect = Difference::of(&pairs);
         assert!(effect.power.iter().all(|(n, power)| *n < 10 || *power < 0.09), "{:?}", effect.power);
-        assert_eq!(Effect::of(&[]), Effect::default());
-        assert_eq!(Effect::of(&[(1.0, 0.0); 6]).d_z.value, None);
+        assert_eq!(Difference::of(&[]), Difference::default());
+        assert_eq!(Difference::of(&[(1.0, 0.0); 6]).d_z.value, None);
     }
 }

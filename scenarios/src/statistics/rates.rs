@@ -1,9 +1,10 @@
-//! Rates of collision and success, combination by combination.
+//! Rates of contact and success, combination by combination.
 
 use std::collections::{BTreeMap, HashMap};
 
 use serde::{Deserialize, Serialize};
 
+use super::distribution::MeanSd;
 use crate::record::{Condition, TrialRecord};
 
 /// Rates of one combination under one condition.
@@ -17,10 +18,16 @@ pub struct CombinationRates {
     pub second: String,
     /// Trials counted.
     pub trials: usize,
-    /// Trials with a collision over all, 0 to 1.
-    pub collision_rate: f64,
+    /// Trials with an unwanted contact over all, 0 to 1.
+    pub contact_rate: f64,
     /// Successful trials over all, 0 to 1.
     pub success_rate: f64,
+    /// Trials that succeeded without any unwanted contact over all, 0 to 1.
+    pub clean_success_rate: f64,
+    /// Mean predicted risk of the planned second grasp, over trials that have one.
+    pub risk_rate: Option<f64>,
+    /// Mean time of a trial, s.
+    pub trial_s: f64,
 }
 
 /// Rates of every combination under `condition`, by rising id.
@@ -38,8 +45,11 @@ pub fn combination_rates(records: &[TrialRecord], condition: Condition) -> Vec<C
                 first: group[0].first.clone(),
                 second: group[0].second.clone(),
                 trials: group.len(),
-                collision_rate: rate(group.iter().filter(|record| record.collision).count()),
+                contact_rate: rate(group.iter().filter(|record| record.contact).count()),
                 success_rate: rate(group.iter().filter(|record| record.success).count()),
+                clean_success_rate: rate(group.iter().filter(|record| record.clean_success).count()),
+                risk_rate: MeanSd::of(&group.iter().filter_map(|record| record.risk).collect::<Vec<_>>()).mean,
+                trial_s: group.iter().map(|record| record.sim_seconds).sum::<f64>() / group.len() as f64,
             }
         })
         .collect()

@@ -4,22 +4,30 @@ use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
 
-use super::ablation::Ablation;
+use super::ablation::AblationSummary;
 use super::distribution::{MeanSd, percentile};
-use super::paired::{Effect, McNemar, TTest, paired_t_test};
+use super::paired::{Difference, McNemar, TTest, paired_t_test};
 use super::rates::{CombinationRates, combination_rates, pair_up};
 use crate::record::{AblatedTrial, Condition, TrialRecord};
 use crate::referee::FailureCause;
 
-/// The collision and success part of a condition in `summary.json`.
+/// What a condition comes to, a condition in `summary.json`.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct ConditionSummary {
     /// Trials run.
     pub trials: usize,
     /// Over combinations.
+    pub contact_rate: MeanSd,
+    /// Another name of `contact_rate`.
     pub collision_rate: MeanSd,
     /// Over combinations.
     pub success_rate: MeanSd,
+    /// Over combinations.
+    pub clean_success_rate: MeanSd,
+    /// Over combinations.
+    pub risk_rate: MeanSd,
+    /// Over combinations, s.
+    pub trial_s: MeanSd,
     /// Trials in which the policy left the planned strategy.
     pub switched: usize,
     /// Failed trials by cause.
@@ -33,26 +41,50 @@ pub struct PerCondition<T> {
     pub ideal: T,
     /// Noise, policy `blind`.
     pub blind: T,
+    /// Noise, policy `touch` without images.
+    #[serde(default)]
+    pub reflex: T,
     /// Noise, policy `touch`.
     pub touch: T,
 }
 
-/// The two tests.
+impl<T> PerCondition<T> {
+    /// The value of `condition`.
+    pub fn of(&self, condition: Condition) -> &T {
+        match condition {
+            Condition::Ideal => &self.ideal,
+            Condition::Blind => &self.blind,
+            Condition::Reflex => &self.reflex,
+            Condition::Touch => &self.touch,
+        }
+    }
+}
+
+/// The tests.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub struct Tests {
-    /// Do more collisions happen in `blind` than in `ideal`?
-    pub collision: TTest,
+    /// Do more contacts happen in `blind` than in `ideal`?
+    #[serde(rename = "collision")]
+    pub contact: TTest,
     /// Do more trials succeed in `touch` than in `blind`?
     pub success: TTest,
+    /// Do more trials succeed cleanly in `touch` than in `blind`?
+    pub clean_success: TTest,
+    /// Do more trials succeed cleanly in `touch` than in `reflex`?
+    pub touch_over_reflex: TTest,
 }
 
 /// What the paper does not report of its two comparisons.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
-pub struct Effects {
-    /// Collisions, `blind` less `ideal`, over combinations.
-    pub collision: Effect,
+pub struct Differences {
+    /// Contacts, `blind` less `ideal`, over combinations.
+    pub contact: Difference,
     /// Success, `touch` less `blind`, over combinations.
-    pub success: Effect,
+    pub success: Difference,
+    /// Clean success, `touch` less `blind`, over combinations.
+    pub clean_success: Difference,
+    /// Clean success, `touch` less `reflex`, over combinations.
+    pub touch_over_reflex: Difference,
     /// Success of `touch` against `blind`, trial by trial.
     pub mcnemar: McNemar,
 }
@@ -64,6 +96,9 @@ pub struct DecisionTime {
     pub p50: Option<f64>,
     /// 99th percentile.
     pub p99: Option<f64>,
+    /// Trials whose slowest decision took longer than the time that the scenario gives it.
+    #[serde(default)]
+    pub over_budget: Option<usize>,
 }
 
 /// Median and 95th percentile.
@@ -94,6 +129,8 @@ pub struct RunInfo {
     pub robot: String,
     /// Wall-clock time of the run, s.
     pub wall_s: f64,
+    /// Time that the scenario gives a decision, s.
+    pub decision_budget: Option<f64>,
 }
 
 /// `summary.json`.
@@ -111,15 +148,17 @@ pub struct Summary {
     pub conditions: PerCondition<ConditionSummary>,
     /// Paired over combinations, one-sided.
     pub t_test: Tests,
-    /// Effect sizes with intervals, the exact test by trials, power for fewer combinations.
+    /// Difference sizes with intervals, the exact test by trials, power for fewer combinations.
     #[serde(default)]
-    pub effects: Effects,
-    /// The policy `touch` with less of the senses, where that was run.
+    pub differences: Differences,
+    /// The policy `touch` with one of its means taken away, where that was run.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub ablations: Vec<Ablation>,
-    /// Over all trials that decided.
+    pub ablations: Vec<AblationSummary>,
+    /// Area under the ROC curve of the predicted risk against contact, over blind trials; none without both kinds of trials.
+    pub risk_auc: Option<f64>,
+    /// Over all trials of `touch`.
     pub decision_ms: DecisionTime,
-    /// Over all trials that estimated.
+    /// Over all trials of `touch` that estimated.
     pub pose_error: PoseError,
     /// Simulated time over wall-clock time, all threads together; none of a run that took no time.
     pub real_time_factor: Option<f64>,
@@ -130,11 +169,14 @@ pub struct Summary {
 /// Sums records up; `ablated` are trials with less of the senses, if any.
 pub fn summarise(records: &[TrialRecord], ablated: &[AblatedTrial], run: &RunInfo) -> Summary {
     let per_condition = Condition::ALL.map(|condition| combination_rates(records, condition));
-    let [ideal, blind, touch] = &per_condition;
-    let collision = |rates: &CombinationRates| rates.collision_rate;
+    let [ideal, blind, reflex, touch] = &per_condition;
+    let contact = |rates: &CombinationRates| rates.contact_rate;
     let success = |rates: &CombinationRates| rates.success_rate;
+    let clean = |rates: &CombinationRates| rates.clean_success_rate;
     let summary = |condition: Condition, rates: &[CombinationRates]| condition_summary(records, condition, rates);
-    let column = |pick: fn(&TrialRecord) -> Option<f64>| -> Vec<f64> { records.iter().filter_map(pick).collect() };
+    let column = |pick: fn(&TrialRecord) -> Option<f64>| -> Vec<f64> {
+        records.iter().filter(|record| record.condition == Condition::Touch).filter_map(pick).collect()
+    };
     let spread = |values: Vec<f64>| MedianP95 { median: percentile(&values, 50.0), p95: percentile(&values, 95.0) };
     let decisions = column(|record| record.decision_ms);
     let combinations: std::collections::BTreeSet<usize> = records.iter().map(|record| record.combination).collect();
@@ -148,19 +190,29 @@ pub fn summarise(records: &[TrialRecord], ablated: &[AblatedTrial], run: &RunInf
         conditions: PerCondition {
             ideal: summary(Condition::Ideal, ideal),
             blind: summary(Condition::Blind, blind),
+            reflex: summary(Condition::Reflex, reflex),
             touch: summary(Condition::Touch, touch),
         },
         t_test: Tests {
-            collision: paired_t_test(&pair_up(blind, ideal, collision)),
+            contact: paired_t_test(&pair_up(blind, ideal, contact)),
             success: paired_t_test(&pair_up(touch, blind, success)),
+            clean_success: paired_t_test(&pair_up(touch, blind, clean)),
+            touch_over_reflex: paired_t_test(&pair_up(touch, reflex, clean)),
         },
-        effects: Effects {
-            collision: Effect::of(&pair_up(blind, ideal, collision)),
-            success: Effect::of(&pair_up(touch, blind, success)),
+        differences: Differences {
+            contact: Difference::of(&pair_up(blind, ideal, contact)),
+            success: Difference::of(&pair_up(touch, blind, success)),
+            clean_success: Difference::of(&pair_up(touch, blind, clean)),
+            touch_over_reflex: Difference::of(&pair_up(touch, reflex, clean)),
             mcnemar: McNemar::of_success(records, Condition::Touch, Condition::Blind),
         },
-        ablations: Ablation::all(records, ablated),
-        decision_ms: DecisionTime { p50: percentile(&decisions, 50.0), p99: percentile(&decisions, 99.0) },
+        ablations: AblationSummary::all(records, ablated),
+        risk_auc: risk_auc(records),
+        decision_ms: DecisionTime {
+            p50: percentile(&decisions, 50.0),
+            p99: percentile(&decisions, 99.0),
+            over_budget: run.decision_budget.map(|budget| decisions.iter().filter(|ms| **ms > 1e3 * budget).count()),
+        },
         pose_error: PoseError {
             mm: spread(column(|record| record.pose_error_mm)),
             deg: spread(column(|record| record.pose_error_deg)),
@@ -184,9 +236,26 @@ fn condition_summary(records: &[TrialRecord], condition: Condition, rates: &[Com
     let over = |pick: fn(&CombinationRates) -> f64| MeanSd::of(&rates.iter().map(pick).collect::<Vec<f64>>());
     ConditionSummary {
         trials,
-        collision_rate: over(|rates| rates.collision_rate),
+        contact_rate: over(|rates| rates.contact_rate),
+        collision_rate: over(|rates| rates.contact_rate),
         success_rate: over(|rates| rates.success_rate),
+        clean_success_rate: over(|rates| rates.clean_success_rate),
+        risk_rate: MeanSd::of(&rates.iter().filter_map(|rates| rates.risk_rate).collect::<Vec<f64>>()),
+        trial_s: over(|rates| rates.trial_s),
         switched,
         failures,
     }
+}
+
+/// Probability that a blind trial with a contact was predicted a higher risk than one without; ties count half.
+fn risk_auc(records: &[TrialRecord]) -> Option<f64> {
+    let of = |contact: bool| -> Vec<f64> {
+        let blind = records.iter().filter(|record| record.condition == Condition::Blind && record.contact == contact);
+        blind.filter_map(|record| record.risk).collect()
+    };
+    let (with, without) = (of(true), of(false));
+    let pairs = (with.len() * without.len()) as f64;
+    let wins = |a: f64, b: f64| if a > b { 1.0 } else { 0.5 * f64::from(u8::from(a == b)) };
+    let sum: f64 = with.iter().flat_map(|a| without.iter().map(move |b| wins(*a, *b))).sum();
+    (pairs > 0.0).then(|| sum / pairs)
 }

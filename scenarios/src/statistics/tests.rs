@@ -75,9 +75,9 @@ fn a_summary_has_what_the_design_demands() {
         for trial in 0..10 {
             records.push(record(combination, trial, Condition::Ideal));
             let mut blind = record(combination, trial, Condition::Blind);
-            blind.collision = trial < 2 * combination;
-            blind.success = !blind.collision;
-            blind.cause = blind.collision.then_some(FailureCause::SecondNotPicked);
+            blind.contact = trial < 2 * combination;
+            blind.success = !blind.contact;
+            blind.cause = blind.contact.then_some(FailureCause::SecondNotPicked);
             records.push(blind);
             let mut touch = record(combination, trial, Condition::Touch);
             touch.decision_ms = Some(100.0 + trial as f64);
@@ -85,14 +85,15 @@ fn a_summary_has_what_the_design_demands() {
             records.push(touch);
         }
     }
-    let summary = summarise(&records, &[], &RunInfo { seed: 9, robot: "sim".into(), wall_s: 6.0 });
+    let summary =
+        summarise(&records, &[], &RunInfo { seed: 9, robot: "sim".into(), wall_s: 6.0, decision_budget: None });
     assert_eq!((summary.combos, summary.trials_per_combo, summary.seed), (4, 10, 9));
-    close(summary.conditions.blind.collision_rate.mean.unwrap(), 0.3, 1e-12);
-    close(summary.conditions.blind.collision_rate.sd.unwrap(), (0.2_f64 / 3.0).sqrt(), 1e-12);
+    close(summary.conditions.blind.contact_rate.mean.unwrap(), 0.3, 1e-12);
+    close(summary.conditions.blind.contact_rate.sd.unwrap(), (0.2_f64 / 3.0).sqrt(), 1e-12);
     assert_eq!(summary.conditions.touch.success_rate, MeanSd { mean: Some(1.0), sd: Some(0.0) });
     assert_eq!(summary.conditions.blind.failures[&FailureCause::SecondNotPicked], 12);
     let t = 0.3 / ((0.2_f64 / 3.0).sqrt() / 2.0);
-    close(summary.t_test.collision.t.unwrap(), t, 1e-9);
+    close(summary.t_test.contact.t.unwrap(), t, 1e-9);
     close(summary.t_test.success.t.unwrap(), t, 1e-9);
     assert_eq!(summary.decision_ms.p50, Some(104.5));
     assert_eq!(summary.pose_error.mm, MedianP95 { median: Some(2.0), p95: Some(2.0) });
@@ -102,7 +103,7 @@ fn a_summary_has_what_the_design_demands() {
 
 #[test]
 fn a_summary_of_nothing_is_empty() {
-    let summary = summarise(&[], &[], &RunInfo { seed: 0, robot: "sim".into(), wall_s: 0.0 });
+    let summary = summarise(&[], &[], &RunInfo { seed: 0, robot: "sim".into(), wall_s: 0.0, decision_budget: None });
     assert_eq!((summary.combos, summary.trials_per_combo, summary.real_time_factor), (0, 0, None));
-    assert_eq!(summary.conditions.ideal.collision_rate, MeanSd { mean: None, sd: None });
+    assert_eq!(summary.conditions.ideal.contact_rate, MeanSd { mean: None, sd: None });
 }

@@ -5,6 +5,7 @@ use std::sync::Arc;
 
 use anyhow::{Context, Result, bail};
 use control::perception::KnownObject;
+use control::policy::Uncertainty;
 use hand_model::Hand;
 use hand_model::robot::TactileImage;
 use proving::world::World;
@@ -68,8 +69,18 @@ pub fn make_bench(scenario: Scenario, combos: usize, seed: u64, quiet: bool) -> 
         let balls = ball_sizes::add(sweep, &mut world, &mut repertoire)?;
         known.extend(balls.into_iter().map(|ball| (ball.name.clone(), KnownObject::new(ball))));
     }
-    let mut bench =
-        Bench { world, repertoire, plans, board, pipeline, known, seed, profile: Arc::default(), intact: None };
+    let mut bench = Bench {
+        world,
+        repertoire,
+        plans,
+        board,
+        pipeline,
+        known,
+        uncertainty: Uncertainty::standard(),
+        seed,
+        profile: Arc::default(),
+        intact: None,
+    };
     if !disturbance.disabled().is_empty() {
         bench.do_without(disturbance.disabled())?;
     }

@@ -7,8 +7,10 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
-use scenarios::Sensing;
+use scenarios::effects::Effect;
 use scenarios::record::{AblatedTrial, TrialRecord};
+use scenarios::tries::TryRecord;
+use scenarios::{Ablation, Scenario};
 use serde::{Deserialize, Serialize};
 
 /// What a run was asked for; a resumed run must be asked for the same.
@@ -23,9 +25,15 @@ pub struct RunRequest {
     pub robot: String,
     /// Shard `i` of `n`, counted from 1.
     pub shard: (usize, usize),
-    /// Less of the senses that touch is run with too.
+    /// What touch is run without, too.
     #[serde(default)]
-    pub ablations: Vec<Sensing>,
+    pub ablations: Vec<Ablation>,
+    /// Effects of the scenario that are off.
+    #[serde(default)]
+    pub without: Vec<Effect>,
+    /// File of what the controller expects to go wrong; its text, or none for what comes with the program.
+    #[serde(default)]
+    pub uncertainty: Option<String>,
     /// Factor of the scenario's noise.
     #[serde(default = "unscaled")]
     pub noise_scale: f64,
@@ -33,11 +41,21 @@ pub struct RunRequest {
     pub scenario: String,
 }
 
+impl RunRequest {
+    /// The scenario that is run.
+    pub fn scenario(&self) -> Result<Scenario> {
+        let mut scenario = Scenario::parse(&self.scenario, Path::new("run.json"))?;
+        scenario.noise = scenario.noise.scaled(self.noise_scale);
+        scenario.effects = self.without.iter().fold(scenario.effects, |effects, effect| effects.without(*effect));
+        Ok(scenario)
+    }
+}
+
 fn unscaled() -> f64 {
     1.0
 }
 
-/// A unit of work: the ideal run of a combination, or one trial (blind and touch from the same first grasp).
+/// A unit of work: the ideal run of a combination, or one trial (its conditions from the same first grasp).
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 pub struct Unit {
     pub combination: usize,
@@ -51,7 +69,10 @@ pub struct Entry {
     /// Which unit.
     pub unit: Unit,
     pub records: Vec<TrialRecord>,
-    /// The same trial with less of the senses.
+    /// Their tries.
+    #[serde(default)]
+    pub tries: Vec<TryRecord>,
+    /// The same trial with some of its means taken away.
     #[serde(default)]
     pub ablated: Vec<AblatedTrial>,
     /// Wall time it took, s.

@@ -187,7 +187,7 @@ impl Watcher for Recording {
             if record.success { "both objects held" } else { "failed" },
             record.cause.map_or_else(String::new, |cause| format!(" ({cause:?})")),
         );
-        recorder.log_outcome(&format!("{text}{}", if record.collision { ", collision" } else { "" }))?;
+        recorder.log_outcome(&format!("{text}{}", if record.contact { ", contact" } else { "" }))?;
         Ok(())
     }
 }

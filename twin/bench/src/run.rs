@@ -11,16 +11,14 @@ use report;
 use scenarios::FailureCause;
 use scenarios::record::{AblatedTrial, Condition, TrialRecord, write_ablated, write_trials};
 use scenarios::statistics::{RunInfo, Summary, summarise};
+use scenarios::tries::{TryRecord, write_tries};
 
 use crate::body::{BodySource, Task};
 use crate::journal::{Entry, Journal, RunRequest, Unit};
 use crate::recording::Recording;
 use crate::trial::profile::Activity;
-use crate::trial::{Bench, NoWatcher};
+use crate::trial::{Bench, NoWatcher, TrialResults};
 use crate::workers;
-
-/// Conditions of a noisy trial.
-const NOISY: [Condition; 2] = [Condition::Blind, Condition::Touch];
 
 /// Which trials are recorded.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -68,13 +66,7 @@ fn recorded(record: Record, unit: Unit) -> bool {
     }
 }
 
-fn run_unit(
-    bench: &Bench,
-    request: &RunRequest,
-    unit: Unit,
-    folder: &Path,
-    options: &Options,
-) -> Result<(Vec<TrialRecord>, Vec<AblatedTrial>)> {
+fn run_unit(bench: &Bench, request: &RunRequest, unit: Unit, folder: &Path, options: &Options) -> Result<TrialResults> {
     let record = options.live || recorded(options.record, unit);
     let condition = if unit.trial.is_some() { Condition::Touch } else { Condition::Ideal };
     let task = |condition| Task {
@@ -88,14 +80,17 @@ fn run_unit(
         scenario: request.scenario.clone(),
     };
     if let Some(mut place) = (options.place)(record)? {
-        let conditions = if unit.trial.is_some() { &NOISY[..] } else { &[Condition::Ideal] };
-        let mut play = |condition: &Condition| bench.play(&task(*condition), place.as_mut(), &mut NoWatcher);
-        return Ok((conditions.iter().map(&mut play).collect::<Result<_>>()?, Vec::new()));
+        let conditions = if unit.trial.is_some() { &Condition::NOISY[..] } else { &[Condition::Ideal] };
+        let mut results = TrialResults::default();
+        for condition in conditions {
+            results.add(bench.play(&task(*condition), place.as_mut(), &mut NoWatcher)?);
+        }
+        return Ok(results);
     }
     if !record {
         return match unit.trial {
-            Some(trial) => bench.trial(unit.combination, trial, &NOISY, &request.ablations, &mut NoWatcher),
-            None => Ok((vec![bench.ideal(unit.combination, &mut NoWatcher)?], Vec::new())),
+            Some(trial) => bench.trial(unit.combination, trial, &Condition::NOISY, &request.ablations, &mut NoWatcher),
+            None => Ok(bench.ideal(unit.combination, &mut NoWatcher)?.into()),
         };
     }
     let name = format!(
@@ -110,13 +105,13 @@ fn run_unit(
         targets.push(stream::Target::Spawn);
     }
     let mut recording = Recording::open(&targets, bench, &task(condition))?;
-    let records = match unit.trial {
-        Some(trial) => bench.trial(unit.combination, trial, &NOISY, &request.ablations, &mut recording)?,
-        None => (vec![bench.ideal(unit.combination, &mut recording)?], Vec::new()),
+    let results = match unit.trial {
+        Some(trial) => bench.trial(unit.combination, trial, &Condition::NOISY, &request.ablations, &mut recording)?,
+        None => bench.ideal(unit.combination, &mut recording)?.into(),
     };
     recording.finish()?;
     std::fs::rename(&partial, &file).with_context(|| file.display().to_string())?;
-    Ok(records)
+    Ok(results)
 }
 
 /// Runs what is left of `request`; the journal keeps every finished unit.
@@ -133,11 +128,12 @@ pub fn run(bench: &Bench, request: &RunRequest, journal: Journal, folder: &Path,
     let journal = Mutex::new(journal);
     let outcome = workers::for_each(options.jobs, &open, |_, unit| {
         let start = Instant::now();
-        let (records, ablated) = run_unit(bench, request, *unit, folder, options).with_context(|| {
+        let results = run_unit(bench, request, *unit, folder, options).with_context(|| {
             let trial = unit.trial.map_or("ideal run".to_owned(), |trial| format!("trial {trial}"));
             format!("combination {}, {trial}", unit.combination)
         })?;
-        let entry = Entry { unit: *unit, records, ablated, wall_s: start.elapsed().as_secs_f64() };
+        let TrialResults { records, tries, ablated } = results;
+        let entry = Entry { unit: *unit, records, tries, ablated, wall_s: start.elapsed().as_secs_f64() };
         let mut journal = journal.lock().map_err(|_| anyhow::anyhow!("a worker panicked"))?;
         journal.append(entry)?;
         bar.inc(1);
@@ -201,16 +197,18 @@ fn rates(journal: &Journal, begun: Instant, resumed: usize) -> String {
     let minutes = begun.elapsed().as_secs_f64() / 60.0;
     let trials = journal.done.len().saturating_sub(resumed);
     format!(
-        "{:.0} units/min  collisions blind {} touch {}  success blind {} touch {}",
+        "{:.0} units/min  clean success: blind {} reflex {} touch {}  contact: blind {} touch {}",
         trials as f64 / minutes.max(1e-9),
-        share(Condition::Blind, |r| r.collision),
-        share(Condition::Touch, |r| r.collision),
-        share(Condition::Blind, |r| r.success),
-        share(Condition::Touch, |r| r.success)
+        share(Condition::Blind, |r| r.clean_success),
+        share(Condition::Reflex, |r| r.clean_success),
+        share(Condition::Touch, |r| r.clean_success),
+        share(Condition::Blind, |r| r.contact),
+        share(Condition::Touch, |r| r.contact)
     )
 }
 
-/// `spent` is where the time went, if that is known. Writes `trials.csv`, `ablations.csv` where there are any, `summary.json` and `report.html`, each whole or not at all.
+/// `spent` is where the time went, if that is known. Writes `trials.csv`, `tries.csv`, `ablations.csv` where
+/// there are any, `summary.json` and `report.html`, each whole or not at all.
 pub fn finish(
     done: &BTreeMap<Unit, Entry>,
     request: &RunRequest,
@@ -223,10 +221,16 @@ pub fn finish(
         bail!("{}: no trial is finished", folder.display());
     }
     let ablated: Vec<AblatedTrial> = done.values().flat_map(|entry| entry.ablated.iter().cloned()).collect();
-    let summary = summarise(&records, &ablated, &RunInfo { seed: request.seed, robot: request.robot.clone(), wall_s });
+    let decision_budget = request.scenario()?.effects.time.map(|time| time.decision);
+    let info = RunInfo { seed: request.seed, robot: request.robot.clone(), wall_s, decision_budget };
+    let summary = summarise(&records, &ablated, &info);
     let mut table = Vec::new();
     write_trials(&records, &mut table)?;
     report::write_whole(&folder.join("trials.csv"), &table)?;
+    let tries: Vec<TryRecord> = done.values().flat_map(|entry| entry.tries.iter().cloned()).collect();
+    let mut table = Vec::new();
+    write_tries(&tries, &mut table)?;
+    report::write_whole(&folder.join("tries.csv"), &table)?;
     if !ablated.is_empty() {
         let mut table = Vec::new();
         write_ablated(&ablated, &mut table)?;

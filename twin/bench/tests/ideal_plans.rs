@@ -15,9 +15,9 @@ fn all_built_in_plans_are_ideal() {
     assert_eq!(combinations.len(), 60);
     let failed = Mutex::new(Vec::new());
     workers::for_each(workers::available(), &combinations, |_, combination| {
-        let record = bench.ideal(*combination, &mut NoWatcher)?;
-        if !record.success || record.collision {
-            failed.lock().expect("no panic").push((record.first, record.second, record.cause, record.collision));
+        let record = bench.ideal(*combination, &mut NoWatcher)?.record;
+        if !record.success || record.contact {
+            failed.lock().expect("no panic").push((record.first, record.second, record.cause, record.contact));
         }
         Ok(())
     })

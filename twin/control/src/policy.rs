@@ -9,6 +9,7 @@ pub mod blind;
 pub mod carry;
 pub mod reach;
 pub mod touch;
+pub mod uncertainty;
 
 use std::sync::Arc;
 
@@ -16,6 +17,7 @@ use ::touch::TouchError;
 use grasping::Repertoire;
 use nalgebra::Isometry3;
 use scenarios::objects::{ObjectModel, ObjectSet};
+use scenarios::tries::Attempt;
 
 use crate::executive::{Executive, Phase};
 use crate::motion::MotionError;
@@ -24,6 +26,8 @@ use crate::perception::{Felt, Grip, KnownObject};
 use crate::strategy::StrategyError;
 use crate::workcell::Workcell;
 use crate::worth::Candidate;
+
+pub use self::uncertainty::Uncertainty;
 
 /// What a policy knows before a trial begins.
 #[derive(Clone)]
@@ -42,17 +46,24 @@ pub struct Knowledge<'a> {
     pub second: Vec<Candidate>,
     /// Errors that the controller expects of its robot.
     pub uncertainty: Uncertainty,
-    /// Simulated time after which a trial counts as failed, s.
+    /// Time after which a trial counts as failed, s.
     pub time_limit: f64,
+    /// How it may try again.
+    pub recovery: Recovery,
 }
 
-/// Standard deviations that the controller expects.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Uncertainty {
-    /// Constant error of the arm, each axis, m.
-    pub arm: f64,
-    /// Error of prior perception, each of x and y, m.
-    pub eyes: f64,
+/// How a policy may try again: everything, but in an ablation.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Recovery {
+    /// Tries again what failed.
+    pub retry: bool,
+    /// Looks at the objects anew before it does.
+    pub new_look: bool,
+}
+
+impl Recovery {
+    /// Everything.
+    pub const FULL: Self = Self { retry: true, new_look: true };
 }
 
 /// What is in the hand, from a source other than touch: an ablation's upper bound.
@@ -84,6 +95,10 @@ pub struct Story {
     pub switched: bool,
     /// Decisions how to take the second object.
     pub decisions: u32,
+    /// Predicted risk of the planned second grasp, as the first decision found it.
+    pub risk: Option<f64>,
+    /// What was attempted after the first grasp, in order.
+    pub attempts: Vec<Attempt>,
     /// Reasons in words, in order.
     pub reasons: Vec<String>,
     /// What is about to be done and why, for whoever watches.
@@ -139,4 +154,6 @@ pub trait Policy {
     fn story(&mut self) -> &mut Story;
     /// What was felt of the first object at the last decision.
     fn felt(&self) -> Option<&Felt>;
+    /// Whether its decisions are made from measurements, and so take time.
+    fn deliberates(&self) -> bool;
 }

@@ -43,6 +43,8 @@ pub struct Held<'a> {
 pub struct Assessment {
     /// Smallest distance along the whole motion, m; negative is a collision.
     pub clearance: f64,
+    /// Probability that the clearance is really negative.
+    pub risk: f64,
     /// Worth times the probability of no collision.
     pub utility: f64,
 }
@@ -145,7 +147,8 @@ fn assess(executive: &Executive, scene: &Scene, candidate: &Candidate) -> Result
             clearance = clearance.min(found.map_or(f64::INFINITY, |found| found.min_distance));
         }
     }
-    Ok(Assessment { clearance, utility: candidate.worth * normal_cdf(clearance / scene.sigma) })
+    let passes = normal_cdf(clearance / scene.sigma);
+    Ok(Assessment { clearance, risk: 1.0 - passes, utility: candidate.worth * passes })
 }
 
 /// What a choice depends on.

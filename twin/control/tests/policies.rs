@@ -8,7 +8,7 @@ use control::percept::{Eyes, EyesError, Percept};
 use control::perception::{Grip, KnownObject};
 use control::policy::blind::Blind;
 use control::policy::touch::Touch;
-use control::policy::{Injected, Knowledge, Policy, Step, Uncertainty};
+use control::policy::{Injected, Knowledge, Policy, Recovery, Step, Uncertainty};
 use control::sensing::Senses;
 use control::strategy::{Held, Situation, choose};
 use control::trajectory::PathLimits;
@@ -123,6 +123,7 @@ impl Table {
             second: self.second(),
             uncertainty: Uncertainty { arm: 0.005, eyes: 0.0065 },
             time_limit: TIME_LIMIT,
+            recovery: Recovery::FULL,
         }
     }
 

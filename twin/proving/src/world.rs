@@ -84,6 +84,7 @@ impl World {
             mount_error: UnitQuaternion::from_scaled_axis(noise.rotation),
             arm_start: start,
             objects: Vec::new(),
+            frame_delay: self.scenario.effects.time.map_or(0.0, |time| time.frame),
             // The repertoire was proven with guides that take nothing; `ftac hand check` has them rub.
             cable_friction: CableFriction::NONE,
             engine: sim::engine::EngineSettings::default(),

@@ -1,9 +1,9 @@
-//! The gain of full-hand touch: success rates with reduced sensing, a row each, with mean and 95 % interval.
+//! The gain of full-hand touch: rates of clean success without some of its means, a row each, with mean and 95 % interval.
 
 use std::fmt::Write as _;
 
 use scenarios::Sensing;
-use scenarios::statistics::{Effect, Interval, Summary, combination_rates};
+use scenarios::statistics::{Difference, Interval, Summary, combination_rates};
 use scenarios::{Condition, TrialRecord};
 
 use super::html::{Column, Table, escape, number};
@@ -17,27 +17,28 @@ const LEFT: f64 = 250.0;
 const RIGHT: f64 = WIDTH - 90.0;
 const TOP: f64 = 44.0;
 
-/// A row of the figure: name, class that colours it, mean success.
+/// A row of the figure: name, class that colours it, mean clean success.
 struct Row {
     name: &'static str,
     class: &'static str,
     success: Interval,
 }
 
-/// Blind at the top, then the ablations by rising success, then the whole hand.
+/// Blind at the top, then the ablations by rising success, then reflex and the whole hand.
 fn rows(summary: &Summary, records: &[TrialRecord]) -> Vec<Row> {
     let of = |condition: Condition| {
         let rates = combination_rates(records, condition);
-        Effect::of(&rates.iter().map(|rates| (rates.success_rate, 0.0)).collect::<Vec<_>>()).difference
+        Difference::of(&rates.iter().map(|rates| (rates.clean_success_rate, 0.0)).collect::<Vec<_>>()).difference
     };
     let mut less: Vec<Row> = summary
         .ablations
         .iter()
-        .map(|ablation| Row { name: ablation.sensing.label(), class: "ideal", success: ablation.success })
+        .map(|ablation| Row { name: ablation.ablation.label(), class: "ideal", success: ablation.clean_success })
         .collect();
     less.sort_by(|a, b| a.success.value.unwrap_or(0.0).total_cmp(&b.success.value.unwrap_or(0.0)));
     let mut rows = vec![Row { name: "blind", class: "blind", success: of(Condition::Blind) }];
     rows.extend(less);
+    rows.push(Row { name: Sensing::ServosOnly.label(), class: "reflex", success: of(Condition::Reflex) });
     rows.push(Row { name: Sensing::Full.label(), class: "touch", success: of(Condition::Touch) });
     rows
 }
@@ -49,7 +50,7 @@ pub fn figure(summary: &Summary, records: &[TrialRecord], alone: bool) -> String
     let at = |rate: f64| LEFT + rate * (RIGHT - LEFT);
     let mut svg = format!(
         "<svg xmlns=\"http://www.w3.org/2000/svg\" class=\"figure\" viewBox=\"0 0 {WIDTH} {}\" role=\"img\" \
-         aria-label=\"Success rate with less of the senses\">\n",
+         aria-label=\"Clean success rate without some of its means\">\n",
         bottom + 34.0
     );
     if alone {
@@ -58,7 +59,7 @@ pub fn figure(summary: &Summary, records: &[TrialRecord], alone: bool) -> String
     let _ = writeln!(
         svg,
         "<rect class=\"paper\" width=\"{WIDTH}\" height=\"{}\"/>\
-         <text class=\"title\" x=\"8\" y=\"22\">Success by what the hand may use</text>",
+         <text class=\"title\" x=\"8\" y=\"22\">Clean success by what the hand may use</text>",
         bottom + 34.0
     );
     for tenth in [0, 2, 4, 6, 8, 10] {
@@ -106,22 +107,26 @@ pub fn section(summary: &Summary, records: &[TrialRecord]) -> String {
         ("what the hand may use", Column::Words),
         ("trials", Column::Numbers),
         ("success [95 %]", Column::Numbers),
+        ("clean success [95 %]", Column::Numbers),
         ("against the whole hand [95 %]", Column::Numbers),
-        ("collision", Column::Numbers),
+        ("contact", Column::Numbers),
     ];
-    let mut table =
-        Table::new("The same trials with less of the senses; intervals by bootstrap over combinations", &head);
+    let mut table = Table::new(
+        "The same trials without some of its means; clean success is compared; intervals by bootstrap over combinations",
+        &head,
+    );
     let with = |of: &Interval| {
         let part = |value: Option<f64>| number(value.unwrap_or(f64::NAN), 3);
         format!("{} [{}, {}]", part(of.value), part(of.low), part(of.high))
     };
     for ablation in &summary.ablations {
         table.row(&[
-            ablation.sensing.label().to_string(),
+            ablation.ablation.label().to_string(),
             ablation.trials.to_string(),
             with(&ablation.success),
+            with(&ablation.clean_success),
             with(&ablation.against_full),
-            number(ablation.collision.value.unwrap_or(f64::NAN), 3),
+            number(ablation.contact.value.unwrap_or(f64::NAN), 3),
         ]);
     }
     format!(

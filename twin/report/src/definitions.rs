@@ -7,27 +7,32 @@ pub const SECTION: &str = "<h2 id=\"terms\">What the numbers mean</h2>
 <dd>Pick up the first object, look at it with the touch sensors, pick up the second object beside it, carry both, hold both.
 Trials of one combination differ in the drawn execution and perception errors; the blind and the touch trial of the same number
 meet the same errors and share the first grasp.</dd>
-<dt>Ideal, blind, touch</dt>
+<dt>Ideal, blind, reflex, touch</dt>
 <dd><em>Ideal</em> is the plan carried out without any error; as nothing varies then, one trial of each combination is
 enough. <em>Blind</em> carries out the same plan with errors, whatever
 the sensors say. <em>Touch</em> meets the same errors, estimates from the tactile images how the first object really sits in the
 hand, changes the second grasp when the planned one would collide, feels after each lift and after the hold whether both objects
-are there, and tries again what failed, as long as the time allows.</dd>
-<dt>Collision</dt>
+are there, and tries again what failed, as long as the time allows. <em>Reflex</em> does the same with the servos&#39; encoders and
+currents alone, without any tactile image.</dd>
+<dt>Contact</dt>
 <dd>Judged by the referee from the simulator&#39;s ground truth (on hardware by the operator), never by the controller: before the
-second grasp has closed, the first object or a digit holding it touches the second object; or the second object is knocked away
-before its grasp begins without a free digit having touched it. A collision does not end a trial, and a trial with a collision
-can succeed.</dd>
-<dt>Success</dt>
-<dd>At the end of the hold, which lasted its full time, both objects are in the hand (touched by it, off the table, near the
-palm), and neither has moved relative to the palm by more than the allowed slip since the carry began.</dd>
-<dt>Collision rate, success rate</dt>
+second grasp has closed, the held first object, a digit holding it, or the palm touches the second object; or the second object
+is knocked away before its grasp begins without a free digit having touched it. All tries of a trial count. A contact does not
+end a trial, and a trial with a contact can succeed.</dd>
+<dt>Success, clean success</dt>
+<dd>At the end of the hold, which lasted its full time and ended within the time limit, both objects are in the hand (touched by
+it, off the table, near the palm), and neither has moved relative to the palm by more than the allowed slip since the carry began.
+Clean success is success without any unwanted contact.</dd>
+<dt>Rates</dt>
 <dd>Share of a combination&#39;s trials. Mean and standard deviation are over combinations (sample standard deviation, n&minus;1), as
 in the paper; one combination is one independent replicate.</dd>
+<dt>Predicted risk</dt>
+<dd>Probability that the planned second grasp ends in an unwanted contact, as predicted from what was felt of the first object at
+the first decision. The plan of a blind trial is the same, and so is its risk.</dd>
 <dt>Test</dt>
-<dd>Paired one-sided t-test over combinations: is the collision rate higher blind than ideal, is the success rate higher with
-touch than blind? No adjustment for multiple comparisons, as in the paper.</dd>
-<dt>Effect size, power, McNemar</dt>
+<dd>Paired one-sided t-test over combinations: is the contact rate higher blind than ideal, are success and clean
+success more frequent with touch than blind, and than reflex? No adjustment for multiple comparisons, as in the paper.</dd>
+<dt>Difference size, power, McNemar</dt>
 <dd>d_z is the mean of the paired differences over their standard deviation; intervals are percentiles over 10,000 resamples of
 the combinations. Power is the share of 2,000 resamples of so many combinations in which the t-test stays below 0.05. McNemar&#39;s
 test looks only at trials of the same errors that ended differently.</dd>
@@ -43,5 +48,5 @@ the object looking the same do not count.</dd>
 </dl>
 <p>The paper judges a collision differently: it estimates the pose of the held object by touch and asks whether its geometry
 would overlap the next object&#39;s; a trial predicted to collide counts as failed without touch. In its figures success without
-touch is therefore one minus the collision rate. Here both are observed independently.</p>
+touch is therefore one minus the collision rate: what is called clean success here. Here all are observed in physics.</p>
 ";

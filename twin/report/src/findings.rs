@@ -1,4 +1,4 @@
-//! Results from the records that the summary lacks: the figures' columns, a line per combination, harmless collisions.
+//! Results from the records that the summary lacks: the figures' columns, a line per combination, harmless contacts.
 
 use std::collections::BTreeMap;
 
@@ -16,56 +16,52 @@ const SMALLEST_BANDWIDTH: f64 = 0.02;
 /// Points along the rate at which the density is drawn.
 const DENSITY_POINTS: u32 = 101;
 
-/// Of the two rates, the one that is meant.
+/// Of the rates, the one that is meant.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Rate {
-    /// Trials with a collision.
-    Collision,
+    /// Trials with an unwanted contact.
+    Contact,
     /// Successful trials.
     Success,
+    /// Trials that succeeded without any unwanted contact.
+    CleanSuccess,
 }
 
 impl Rate {
     pub fn of(self, rates: &CombinationRates) -> f64 {
         match self {
-            Self::Collision => rates.collision_rate,
+            Self::Contact => rates.contact_rate,
             Self::Success => rates.success_rate,
+            Self::CleanSuccess => rates.clean_success_rate,
         }
     }
 
     /// Over all combinations.
     pub fn over_all(self, summary: &ConditionSummary) -> MeanSd {
         match self {
-            Self::Collision => summary.collision_rate,
+            Self::Contact => summary.contact_rate,
             Self::Success => summary.success_rate,
+            Self::CleanSuccess => summary.clean_success_rate,
         }
     }
 }
 
-/// The part of `summary` on `condition`.
-pub fn of_condition(summary: &Summary, condition: Condition) -> &ConditionSummary {
-    match condition {
-        Condition::Ideal => &summary.conditions.ideal,
-        Condition::Blind => &summary.conditions.blind,
-        Condition::Touch => &summary.conditions.touch,
-    }
-}
-
-/// The collision figure and the success figure.
+/// The figures of contact and of clean success.
 pub fn figures(summary: &Summary, records: &[TrialRecord]) -> [Figure; 2] {
-    let collision = figure(summary, records, Rate::Collision, (0, 1), &summary.t_test.collision);
-    let success = figure(summary, records, Rate::Success, (1, 2), &summary.t_test.success);
-    [collision, success]
+    let contact = figure(summary, records, Rate::Contact, (0, 1), &summary.t_test.contact);
+    let clean = figure(summary, records, Rate::CleanSuccess, (1, 3), &summary.t_test.clean_success);
+    [contact, clean]
 }
 
 fn figure(summary: &Summary, records: &[TrialRecord], rate: Rate, compared: (usize, usize), test: &TTest) -> Figure {
     let noun = match rate {
-        Rate::Collision => "Collision rate",
+        Rate::Contact => "Contact rate",
         Rate::Success => "Success rate",
+        Rate::CleanSuccess => "Clean success rate",
     };
     let groups: Vec<Group> = Condition::ALL
         .iter()
-        .map(|&condition| group(condition, rate.over_all(of_condition(summary, condition)), records, rate))
+        .map(|&condition| group(condition, rate.over_all(summary.conditions.of(condition)), records, rate))
         .collect();
     let columns: Vec<String> = groups
         .iter()
@@ -145,12 +141,12 @@ pub struct CombinationLine {
     /// Name of the second object.
     pub second: String,
     /// By [`Condition::ALL`]; none of a condition it did not run under.
-    pub rates: [Option<CombinationRates>; 3],
+    pub rates: [Option<CombinationRates>; Condition::ALL.len()],
     /// Share of its touch trials that left the plan.
     pub switched: Option<f64>,
 }
 
-/// All combinations, worst first: by success with touch, then by success blind, then by collisions blind.
+/// All combinations, worst first: by clean success with touch, then blind, then by contacts blind.
 pub fn combination_lines(records: &[TrialRecord]) -> Vec<CombinationLine> {
     let mut lines: BTreeMap<usize, CombinationLine> = BTreeMap::new();
     for (index, condition) in Condition::ALL.into_iter().enumerate() {
@@ -159,7 +155,7 @@ pub fn combination_lines(records: &[TrialRecord]) -> Vec<CombinationLine> {
                 combination: rates.combination,
                 first: rates.first.clone(),
                 second: rates.second.clone(),
-                rates: [None, None, None],
+                rates: [const { None }; Condition::ALL.len()],
                 switched: None,
             });
             line.rates[index] = Some(rates);
@@ -177,7 +173,7 @@ pub fn combination_lines(records: &[TrialRecord]) -> Vec<CombinationLine> {
     }
     let rank = |line: &CombinationLine| {
         let rate = |index: usize, rate: Rate| line.rates[index].as_ref().map_or(f64::INFINITY, |rates| rate.of(rates));
-        [rate(2, Rate::Success), rate(1, Rate::Success), -rate(1, Rate::Collision)]
+        [rate(3, Rate::CleanSuccess), rate(1, Rate::CleanSuccess), -rate(1, Rate::Contact)]
     };
     lines.sort_by(|a, b| {
         let (a, b) = (rank(a), rank(b));
@@ -186,8 +182,8 @@ pub fn combination_lines(records: &[TrialRecord]) -> Vec<CombinationLine> {
     lines
 }
 
-/// Trials with a collision, and how many of those succeeded all the same.
-pub fn harmless_collisions(records: &[TrialRecord], condition: Condition) -> (usize, usize) {
-    let collided = || records.iter().filter(move |record| record.condition == condition && record.collision);
-    (collided().count(), collided().filter(|record| record.success).count())
+/// Trials with an unwanted contact, and how many of those succeeded all the same.
+pub fn harmless_contacts(records: &[TrialRecord], condition: Condition) -> (usize, usize) {
+    let touched = || records.iter().filter(move |record| record.condition == condition && record.contact);
+    (touched().count(), touched().filter(|record| record.success).count())
 }

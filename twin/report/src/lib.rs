@@ -26,19 +26,19 @@ use scenarios::TrialRecord;
 use scenarios::statistics::Summary;
 use serde_json::Value;
 
-/// Writes `collision.svg`, `success.svg`, where there are ablations `ablations.svg`, and `report.html` into `folder`, which is there already. `run` says how the records
-/// came about; of its keys `command` (text or a list of words) is shown as a command line, all others in a table, nested ones
+/// Writes `contact.svg`, `clean_success.svg`, where there are ablations `ablations.svg`, and `report.html` into `folder`, which is
+/// there already. `run` says how the records came about; of its keys `command` (text or a list of words) is shown as a command line, all others in a table, nested ones
 /// with dotted names, and numbers whose key ends in `_s` as times.
 pub fn write_report(folder: &Path, summary: &Summary, records: &[TrialRecord], run: &Value) -> Result<()> {
-    let [collision, success] = findings::figures(summary, records);
-    write_whole(&folder.join("collision.svg"), collision.standalone().as_bytes())?;
-    write_whole(&folder.join("success.svg"), success.standalone().as_bytes())?;
+    let [contact, clean] = findings::figures(summary, records);
+    write_whole(&folder.join("contact.svg"), contact.standalone().as_bytes())?;
+    write_whole(&folder.join("clean_success.svg"), clean.standalone().as_bytes())?;
     if !summary.ablations.is_empty() {
         let figure = ablation::figure(summary, records, true);
         let head = "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n";
         write_whole(&folder.join("ablations.svg"), format!("{head}{figure}").as_bytes())?;
     }
-    let page = page::render(summary, records, run, [&collision, &success]);
+    let page = page::render(summary, records, run, [&contact, &clean]);
     write_whole(&folder.join("report.html"), page.as_bytes())
 }
 

@@ -7,14 +7,14 @@ use scenarios::{Condition, FailureCause, TrialRecord};
 use serde_json::Value;
 
 use super::figure::Figure;
-use super::findings::{Rate, combination_lines, harmless_collisions, of_condition, outcome};
+use super::findings::{Rate, combination_lines, harmless_contacts, outcome};
 use super::html::{Column, Table, counted, duration, escape, number, probability};
 use super::{ablation, definitions, paper, run, style};
 
 /// A difference counts as shown below this chance of its being none.
 const LEVEL: f64 = 0.05;
 
-/// The whole page; `figures` are collision and success.
+/// The whole page; `figures` are contact and clean success.
 pub fn render(summary: &Summary, records: &[TrialRecord], run: &Value, figures: [&Figure; 2]) -> String {
     let mut html = format!(
         "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
@@ -57,48 +57,56 @@ fn verdict(summary: &Summary, records: &[TrialRecord]) -> String {
         return "<p class=\"verdict short\">No finished trial yet: there is nothing to report.</p>\n".to_string();
     }
     let conditions = &summary.conditions;
-    let shown = |test: &TTest| test.p.is_some_and(|p| p < LEVEL);
     let tested = |test: &TTest| outcome(test).unwrap_or_else(|| "too few combinations to test".to_string());
-    let (collision, success) = (&summary.t_test.collision, &summary.t_test.success);
-    let finding = match (shown(collision), shown(success)) {
-        (true, true) => {
-            "Both of the paper’s findings hold here: disturbances cause collisions, and touch raises success."
-        }
-        (true, false) => {
-            "Of the paper’s two findings one holds here: disturbances cause collisions, but that touch raises success is not shown."
-        }
-        (false, true) => {
-            "Of the paper’s two findings one holds here: touch raises success, but that disturbances cause collisions is not shown."
-        }
-        (false, false) => "Neither of the paper’s two findings is shown by this run.",
-    };
-    let short = if shown(collision) && shown(success) { "" } else { " short" };
+    let (contact, clean) = (&summary.t_test.contact, &summary.t_test.clean_success);
+    let findings = [
+        finding(contact, "Errors cause unwanted contacts", "That errors cause unwanted contacts is not shown"),
+        finding(
+            clean,
+            "touch raises clean success over blind",
+            "that touch raises clean success over blind is not shown",
+        ),
+        finding(
+            &summary.t_test.touch_over_reflex,
+            "its images are needed for that",
+            "that its images are needed, and not only its further tries, is not shown",
+        ),
+    ];
+    let short = if findings.iter().all(|(shown, _)| *shown) { "" } else { " short" };
+    let words = findings.map(|(_, text)| text).join("; ");
     format!(
-        "<p class=\"verdict{short}\"><strong>{finding}</strong> Without errors the plan collided in {} of trials; with errors, \
-         blind, in {} ({}; the paper: 0.0 % and 46.5 %), with touch in {}. With the same errors, {} of trials succeeded blind and {} with touch \
-         ({}; the paper: 53.5 % and 100 %).</p>\n",
-        percent(conditions.ideal.collision_rate.mean),
-        percent(conditions.blind.collision_rate.mean),
-        escape(&tested(collision)),
-        percent(conditions.touch.collision_rate.mean),
-        percent(conditions.blind.success_rate.mean),
-        percent(conditions.touch.success_rate.mean),
-        escape(&tested(success)),
+        "<p class=\"verdict{short}\"><strong>{words}.</strong> Without errors the plan met an unwanted contact in {} of trials; with \
+         errors, blind, in {} ({}; the paper: 0.0 % and 46.5 %), with touch in {}. With the same errors, {} of trials succeeded \
+         cleanly blind, {} with further tries but no tactile image, and {} with touch ({}; the paper: 53.5 % and 100 %).</p>\n",
+        percent(conditions.ideal.contact_rate.mean),
+        percent(conditions.blind.contact_rate.mean),
+        escape(&tested(contact)),
+        percent(conditions.touch.contact_rate.mean),
+        percent(conditions.blind.clean_success_rate.mean),
+        percent(conditions.reflex.clean_success_rate.mean),
+        percent(conditions.touch.clean_success_rate.mean),
+        escape(&tested(clean)),
     )
 }
 
-/// The three conditions beside the paper's.
+/// Whether a test shows something, and the words for that.
+fn finding(test: &TTest, shown: &'static str, not_shown: &'static str) -> (bool, &'static str) {
+    if test.p.is_some_and(|p| p < LEVEL) { (true, shown) } else { (false, not_shown) }
+}
+
+/// The conditions beside the paper's.
 fn rates(summary: &Summary, records: &[TrialRecord]) -> String {
     let columns = [
         ("condition", Column::Words),
         ("trials", Column::Numbers),
         ("n", Column::Numbers),
-        ("collision rate: mean", Column::Numbers),
-        ("SD", Column::Numbers),
+        ("contact rate: mean (SD)", Column::Numbers),
         ("paper: M (SD)", Column::Numbers),
-        ("success rate: mean", Column::Numbers),
-        ("SD", Column::Numbers),
-        ("paper: M (SD)", Column::Numbers),
+        ("success rate: mean (SD)", Column::Numbers),
+        ("clean success rate: mean (SD)", Column::Numbers),
+        ("paper’s success: M (SD)", Column::Numbers),
+        ("predicted risk", Column::Numbers),
+        ("time of a trial (s)", Column::Numbers),
     ];
     let caption = format!(
         "Rates over combinations (n), each the share of its trials; the paper’s over {} combinations of {} trials. \
@@ -111,27 +119,29 @@ fn rates(summary: &Summary, records: &[TrialRecord]) -> String {
         rate.map_or("–".to_string(), |(mean, sd)| format!("{} ({})", number(mean, 3), number(sd, 3)))
     };
     for condition in Condition::ALL {
-        let ours = of_condition(summary, condition);
+        let ours = summary.conditions.of(condition);
         let theirs = paper::rates(condition);
-        let cells = |MeanSd { mean, sd }: MeanSd| [maybe(mean, 3), maybe(sd, 3)];
-        let [collision, collision_sd] = cells(Rate::Collision.over_all(ours));
-        let [success, success_sd] = cells(Rate::Success.over_all(ours));
+        let cell = |rate: Rate| {
+            let MeanSd { mean, sd } = rate.over_all(ours);
+            format!("{} ({})", maybe(mean, 3), maybe(sd, 3))
+        };
         table.row(&[
             condition.name().to_string(),
             ours.trials.to_string(),
             combination_rates(records, condition).len().to_string(),
-            collision,
-            collision_sd,
-            published(theirs.collision),
-            success,
-            success_sd,
+            cell(Rate::Contact),
+            published(theirs.contact),
+            cell(Rate::Success),
+            cell(Rate::CleanSuccess),
             published(theirs.success),
+            maybe(ours.risk_rate.mean, 3),
+            maybe(ours.trial_s.mean, 1),
         ]);
     }
-    format!("<h2 id=\"rates\">Collision and success</h2>\n{}", table.finish())
+    format!("<h2 id=\"rates\">Contact and success</h2>\n{}", table.finish())
 }
 
-/// The two tests beside the paper's.
+/// The tests beside the paper's.
 fn tests(summary: &Summary) -> String {
     let head = [
         ("question", Column::Words),
@@ -146,31 +156,45 @@ fn tests(summary: &Summary) -> String {
     let conditions = &summary.conditions;
     let rows = [
         (
-            "more collisions blind than ideal?",
-            conditions.blind.collision_rate.mean.zip(conditions.ideal.collision_rate.mean),
-            &summary.t_test.collision,
+            "more contacts blind than ideal?",
+            conditions.blind.contact_rate.mean.zip(conditions.ideal.contact_rate.mean),
+            &summary.t_test.contact,
+            published.clone(),
         ),
         (
             "more success with touch than blind?",
             conditions.touch.success_rate.mean.zip(conditions.blind.success_rate.mean),
             &summary.t_test.success,
+            String::from("–"),
+        ),
+        (
+            "more clean success with touch than blind?",
+            conditions.touch.clean_success_rate.mean.zip(conditions.blind.clean_success_rate.mean),
+            &summary.t_test.clean_success,
+            published,
+        ),
+        (
+            "more clean success with touch than reflex?",
+            conditions.touch.clean_success_rate.mean.zip(conditions.reflex.clean_success_rate.mean),
+            &summary.t_test.touch_over_reflex,
+            String::from("–"),
         ),
     ];
-    for (question, means, test) in rows {
+    for (question, means, test, paper) in rows {
         table.row(&[
             question.to_string(),
             maybe(means.map(|(a, b)| a - b), 3),
             maybe(test.t, 2),
             test.p.map_or("–".to_string(), |_| test.df.to_string()),
             probability(test.p.unwrap_or(f64::NAN)),
-            published.clone(),
+            paper,
         ]);
     }
-    table.finish() + &effects(summary)
+    table.finish() + &differences(summary)
 }
 
 /// Beyond the paper: how large the differences are, and how few combinations would have shown them.
-fn effects(summary: &Summary) -> String {
+fn differences(summary: &Summary) -> String {
     let head = [
         ("difference", Column::Words),
         ("mean [95 %]", Column::Numbers),
@@ -182,15 +206,18 @@ fn effects(summary: &Summary) -> String {
         format!("{} [{}, {}]", maybe(of.value, decimals), maybe(of.low, decimals), maybe(of.high, decimals))
     };
     let rows = [
-        ("collisions, blind less ideal", &summary.effects.collision),
-        ("success, touch less blind", &summary.effects.success),
+        ("contacts, blind less ideal", &summary.differences.contact),
+        ("success, touch less blind", &summary.differences.success),
+        ("clean success, touch less blind", &summary.differences.clean_success),
+        ("clean success, touch less reflex", &summary.differences.touch_over_reflex),
     ];
-    for (name, effect) in rows {
-        let power: Vec<String> = effect.power.iter().map(|(n, power)| format!("{n}: {}", number(*power, 2))).collect();
-        let cells = [interval(&effect.difference, 3), interval(&effect.d_z, 2), power.join(", ")];
+    for (name, difference) in rows {
+        let power: Vec<String> =
+            difference.power.iter().map(|(n, power)| format!("{n}: {}", number(*power, 2))).collect();
+        let cells = [interval(&difference.difference, 3), interval(&difference.d_z, 2), power.join(", ")];
         table.row(&[name.to_string(), cells[0].clone(), cells[1].clone(), cells[2].clone()]);
     }
-    let counts = &summary.effects.mcnemar;
+    let counts = &summary.differences.mcnemar;
     let trials = format!(
         "<p>Trial by trial: {} succeeded both blind and with touch, {} only with touch, {} only blind, {} neither way \
          (McNemar’s exact test, one-sided: p {}).</p>\n",
@@ -204,7 +231,7 @@ fn effects(summary: &Summary) -> String {
 }
 
 fn figure_section(figures: [&Figure; 2], summary: &Summary) -> String {
-    let captions = [("collision.svg", "ideal with blind"), ("success.svg", "blind with touch")];
+    let captions = [("contact.svg", "ideal with blind"), ("clean_success.svg", "blind with touch")];
     let mut html = "<h2 id=\"figures\">Figures</h2>\n<div class=\"figures\">\n".to_string();
     for (figure, (file, compared)) in figures.into_iter().zip(captions) {
         html += &format!(
@@ -237,6 +264,10 @@ fn facts(summary: &Summary) -> String {
         ("Pose error, angle, 95th percentile".to_string(), unit(pose.deg.p95, 1, "°")),
         ("The plan’s guess before touch, median".to_string(), unit(pose.prior_mm.median, 2, "mm")),
         ("The plan’s guess before touch, 95th percentile".to_string(), unit(pose.prior_mm.p95, 2, "mm")),
+        (
+            "Predicted risk against contact of blind trials: area under the ROC curve".to_string(),
+            unit(summary.risk_auc, 3, ""),
+        ),
         ("Real-time factor, all threads together".to_string(), unit(summary.real_time_factor, 2, "×")),
         ("Wall time".to_string(), duration(summary.wall_s)),
     ];
@@ -249,12 +280,12 @@ fn facts(summary: &Summary) -> String {
 
 /// Why trials failed.
 fn failures(summary: &Summary, records: &[TrialRecord]) -> String {
-    let by_condition = Condition::ALL.map(|condition| of_condition(summary, condition));
+    let by_condition = Condition::ALL.map(|condition| summary.conditions.of(condition));
     let causes: BTreeSet<FailureCause> = by_condition.iter().flat_map(|one| one.failures.keys().copied()).collect();
     let mut head = vec![("cause", Column::Words)];
     head.extend(Condition::ALL.map(|condition| (condition.name(), Column::Numbers)));
     let mut table = Table::new("Failed trials by cause", &head);
-    let mut row = |name: String, counts: [usize; 3]| {
+    let mut row = |name: String, counts: [usize; Condition::ALL.len()]| {
         let mut cells = vec![name];
         cells.extend(counts.map(|count| count.to_string()));
         table.row(&cells);
@@ -267,13 +298,13 @@ fn failures(summary: &Summary, records: &[TrialRecord]) -> String {
     row("all trials".to_string(), by_condition.map(|one| one.trials));
     let harmless: Vec<String> = Condition::ALL
         .into_iter()
-        .map(|condition| (condition, harmless_collisions(records, condition)))
-        .filter(|(_, (collided, _))| *collided > 0)
-        .map(|(condition, (collided, succeeded))| format!("{condition}: {succeeded} of {collided}"))
+        .map(|condition| (condition, harmless_contacts(records, condition)))
+        .filter(|(_, (touched, _))| *touched > 0)
+        .map(|(condition, (touched, succeeded))| format!("{condition}: {succeeded} of {touched}"))
         .collect();
     let note = match harmless.is_empty() {
-        true => "No trial had a collision.".to_string(),
-        false => format!("Trials that succeeded in spite of a collision: {}.", harmless.join("; ")),
+        true => "No trial had an unwanted contact.".to_string(),
+        false => format!("Trials that succeeded in spite of a contact: {}.", harmless.join("; ")),
     };
     format!("<h2 id=\"failures\">Why trials failed</h2>\n{}<p>{}</p>\n", table.finish(), escape(&note))
 }
@@ -285,16 +316,16 @@ fn combinations(records: &[TrialRecord]) -> String {
         ("first object".to_string(), Column::Words),
         ("second object".to_string(), Column::Words),
     ];
-    for rate in ["collision", "success"] {
+    for rate in ["contact", "clean success"] {
         head.extend(Condition::ALL.map(|condition| (format!("{rate}, {condition}"), Column::Numbers)));
     }
     head.push(("switched".to_string(), Column::Numbers));
     let head: Vec<(&str, Column)> = head.iter().map(|(name, column)| (name.as_str(), *column)).collect();
-    let caption = "Rates of every combination, worst first: by success with touch, then by success blind";
+    let caption = "Rates of every combination, worst first: by clean success with touch, then blind";
     let mut table = Table::new(caption, &head);
     for line in combination_lines(records) {
         let mut cells = vec![line.combination.to_string(), line.first.clone(), line.second.clone()];
-        for rate in [Rate::Collision, Rate::Success] {
+        for rate in [Rate::Contact, Rate::CleanSuccess] {
             cells.extend(line.rates.iter().map(|rates| maybe(rates.as_ref().map(|rates| rate.of(rates)), 2)));
         }
         cells.push(maybe(line.switched, 2));

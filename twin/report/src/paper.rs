@@ -6,7 +6,7 @@ use scenarios::Condition;
 #[derive(Debug, Clone, Copy)]
 pub struct PaperRates {
     /// Collision rate; the paper gives none for its touch condition.
-    pub collision: Option<(f64, f64)>,
+    pub contact: Option<(f64, f64)>,
     /// Success rate; the paper gives none for its ideal condition.
     pub success: Option<(f64, f64)>,
 }
@@ -26,8 +26,9 @@ pub const DECISION_MS: f64 = 100.0;
 /// The paper's rates under `condition`.
 pub fn rates(condition: Condition) -> PaperRates {
     match condition {
-        Condition::Ideal => PaperRates { collision: Some((0.0, 0.0)), success: None },
-        Condition::Blind => PaperRates { collision: Some((0.465, 0.306)), success: Some((0.535, 0.306)) },
-        Condition::Touch => PaperRates { collision: None, success: Some((1.0, 0.0)) },
+        Condition::Ideal => PaperRates { contact: Some((0.0, 0.0)), success: None },
+        Condition::Blind => PaperRates { contact: Some((0.465, 0.306)), success: Some((0.535, 0.306)) },
+        Condition::Reflex => PaperRates { contact: None, success: None },
+        Condition::Touch => PaperRates { contact: None, success: Some((1.0, 0.0)) },
     }
 }

@@ -17,17 +17,21 @@ pub(crate) fn made_up(combinations: usize, trials: usize) -> Vec<TrialRecord> {
                     continue;
                 }
                 let bad = (trial * 7 + combination * 3) % 10 < (combination * 37) % 11;
-                let collision = condition == Condition::Blind && bad;
+                let contact = condition == Condition::Blind && bad;
                 let lost = condition == Condition::Touch && combination % 9 == 4 && trial == 3;
-                let success = !lost && (!collision || trial == 5);
+                let success = !lost && (!contact || trial == 5);
                 records.push(TrialRecord {
                     combination,
                     trial,
                     condition,
                     first: OBJECTS[combination % 6].into(),
                     second: OBJECTS[(combination * 5 + 1) % 6].into(),
-                    collision,
+                    contact,
+                    contact_with: contact.then_some(scenarios::referee::ContactWith::HeldObject),
+                    contact_s: contact.then_some(9.5),
+                    contact_n: contact.then_some(1.5),
                     success,
+                    clean_success: success && !contact,
                     cause: match () {
                         () if success => None,
                         () if lost => Some(FailureCause::Slipped),
@@ -37,6 +41,7 @@ pub(crate) fn made_up(combinations: usize, trials: usize) -> Vec<TrialRecord> {
                     switched: condition == Condition::Touch && bad,
                     retries: 0,
                     disturbance: String::new(),
+                    risk: None,
                     reason: "made up".into(),
                     pose_error_mm: (condition == Condition::Touch).then_some(0.5 + 0.31 * trial as f64),
                     pose_error_deg: (condition == Condition::Touch).then_some(1.0 + 0.7 * trial as f64),
@@ -52,13 +57,14 @@ pub(crate) fn made_up(combinations: usize, trials: usize) -> Vec<TrialRecord> {
 
 /// Writes the report of `records` into `folder` and reads it back: page, collision, success.
 fn report_in(folder: &Path, records: &[TrialRecord]) -> [String; 3] {
-    let summary = summarise(records, &[], &RunInfo { seed: 42, robot: "sim".into(), wall_s: 754.6 });
+    let summary =
+        summarise(records, &[], &RunInfo { seed: 42, robot: "sim".into(), wall_s: 754.6, decision_budget: None });
     let run = json!({
         "command": ["ftac", "bench", "--out", "<here>"], "seed": 42, "robot": "sim",
         "versions": {"ftac": "0.1.0", "rapier3d-f64": "0.36.1"}, "wall_s": 754.6, "jobs": 16,
     });
     write_report(folder, &summary, records, &run).unwrap();
-    ["report.html", "collision.svg", "success.svg"].map(|name| std::fs::read_to_string(folder.join(name)).unwrap())
+    ["report.html", "contact.svg", "clean_success.svg"].map(|name| std::fs::read_to_string(folder.join(name)).unwrap())
 }
 
 fn report(records: &[TrialRecord]) -> [String; 3] {
@@ -70,26 +76,26 @@ fn report(records: &[TrialRecord]) -> [String; 3] {
 
 #[test]
 fn every_combination_is_a_dot_of_every_condition() {
-    let [page, collision, success] = report(&made_up(60, 10));
-    for svg in [&collision, &success] {
+    let [page, contact, clean] = report(&made_up(60, 10));
+    for svg in [&contact, &clean] {
         for condition in Condition::ALL {
             let column = svg.split_once(&format!("<g class=\"{condition}\">")).unwrap().1.split_once("</g>").unwrap().0;
             assert_eq!(column.matches("class=\"dot\"").count(), 60, "{condition}");
         }
     }
-    assert_eq!(page.matches("class=\"dot\"").count(), 360);
+    assert_eq!(page.matches("class=\"dot\"").count(), 480);
 }
 
 #[test]
 fn the_summarys_numbers_are_on_the_page() {
     let records = made_up(60, 10);
     let [page, ..] = report(&records);
-    let summary = summarise(&records, &[], &RunInfo { seed: 42, robot: "sim".into(), wall_s: 754.6 });
+    let summary =
+        summarise(&records, &[], &RunInfo { seed: 42, robot: "sim".into(), wall_s: 754.6, decision_budget: None });
     let blind = &summary.conditions.blind;
-    let mut expected: Vec<String> =
-        [blind.collision_rate.mean, blind.collision_rate.sd, blind.success_rate.mean, blind.success_rate.sd]
-            .map(|value| format!("<td class=\"number\">{:.3}</td>", value.unwrap()))
-            .to_vec();
+    let mut expected: Vec<String> = [blind.contact_rate, blind.success_rate, blind.clean_success_rate]
+        .map(|of| format!("<td class=\"number\">{:.3} ({:.3})</td>", of.mean.unwrap(), of.sd.unwrap()))
+        .to_vec();
     expected.push(format!("{:.2}</td><td class=\"number\">59</td>", summary.t_test.success.t.unwrap()));
     expected.push(format!("{:.1} ms", summary.decision_ms.p99.unwrap()));
     expected.push(format!("{:.2} mm", summary.pose_error.mm.p95.unwrap()));
@@ -100,23 +106,27 @@ fn the_summarys_numbers_are_on_the_page() {
     for part in expected {
         assert!(page.contains(&part), "{part} is not on the page");
     }
-    assert!(page.contains("Both of the paper’s findings hold here"));
+    assert!(
+        page.contains(
+            "Errors cause unwanted contacts; touch raises clean success over blind; that its images are needed"
+        )
+    );
 }
 
 #[test]
 fn the_worst_combination_comes_first() {
     let lines = findings::combination_lines(&made_up(60, 10));
-    let touch: Vec<f64> = lines.iter().map(|line| line.rates[2].as_ref().unwrap().success_rate).collect();
+    let touch: Vec<f64> = lines.iter().map(|line| line.rates[3].as_ref().unwrap().clean_success_rate).collect();
     assert_eq!(lines.len(), 60);
     assert!(touch.is_sorted() && touch[0] < 1.0);
 }
 
 #[test]
 fn what_others_named_cannot_break_the_page() {
-    let [page, collision, _] = report(&made_up(12, 2));
+    let [page, contact, _] = report(&made_up(12, 2));
     assert!(page.contains("mug &lt;small&gt;") && !page.contains("<small>") && !page.contains("<here>"));
-    assert!(collision.contains("box &amp; lid") && !collision.contains("box & lid"));
-    for file in [&page, &collision] {
+    assert!(contact.contains("box &amp; lid") && !contact.contains("box & lid"));
+    for file in [&page, &contact] {
         assert!(!file.contains("<script") && !file.contains("src=") && !file.contains("NaN"));
     }
 }
@@ -140,9 +150,9 @@ fn a_report_replaces_the_one_before() {
     let after = report_in(folder.path(), &made_up(3, 1));
     assert_ne!(before[0], after[0]);
     let missing = folder.path().join("missing");
-    let summary = summarise(&[], &[], &RunInfo { seed: 1, robot: "sim".into(), wall_s: 0.0 });
+    let summary = summarise(&[], &[], &RunInfo { seed: 1, robot: "sim".into(), wall_s: 0.0, decision_budget: None });
     let error = write_report(&missing, &summary, &[], &Value::Null).unwrap_err();
-    assert!(error.to_string().contains("collision.svg"), "{error}");
+    assert!(error.to_string().contains("contact.svg"), "{error}");
 }
 
 #[test]

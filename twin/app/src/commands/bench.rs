@@ -8,8 +8,11 @@ use bench::builtin::make_bench;
 use bench::journal::{Journal, RunRequest};
 use bench::run::{self, Options, Record as Recorded};
 use clap::{Args, ValueEnum};
+use control::policy::Uncertainty;
+use scenarios::effects::Effect;
+use scenarios::record::Condition;
 use scenarios::statistics::Summary;
-use scenarios::{Scenario, Sensing};
+use scenarios::{Ablation, Scenario};
 
 use super::body::{Body, check_body, source};
 use super::tactile_backend::TactileBackend;
@@ -48,8 +51,14 @@ pub struct BenchArgs {
     /// Factor of all of the scenario's noise, for a curve of rates over noise.
     #[arg(long, default_value_t = 1.0)]
     pub noise_scale: f64,
-    /// Also run touch with less of the senses, all kinds or those named: servos_only, palm_only, fingertips, quarter_of_pads,
-    /// coarse_images, points_only, true_pose.
+    /// Switch off effects of the scenario: pads, gel, cables, eyes, arm, objects, floor, time, or all.
+    #[arg(long, value_delimiter = ',', value_name = "EFFECTS")]
+    pub without: Vec<String>,
+    /// What the controller expects to go wrong: a file like twin/control/data/uncertainty.toml, which is the default.
+    #[arg(long, value_name = "FILE")]
+    pub uncertainty: Option<PathBuf>,
+    /// Also run touch without one of its means, all of them or those named: palm_only, fingertips, quarter_of_pads,
+    /// coarse_images, points_only, true_pose, no_retry, no_new_look.
     #[arg(long, num_args = 0.., value_delimiter = ',', value_name = "NAMES")]
     pub ablations: Option<Vec<String>>,
     /// Stream every trial to a Rerun viewer as well (one thread).
@@ -121,6 +130,8 @@ fn request(terminal: &Terminal, args: &BenchArgs) -> Result<(RunRequest, PathBuf
         robot: args.robot.name().into(),
         shard: parse_shard(&args.shard)?,
         ablations: ablations(args)?,
+        without: without(&args.without)?,
+        uncertainty: uncertainty(args.uncertainty.as_deref())?,
         noise_scale: args.noise_scale,
         scenario: Scenario::self_contained(&text, &path)?,
     };
@@ -133,8 +144,7 @@ pub fn benchmark(terminal: &Terminal, args: &BenchArgs) -> Outcome {
     let robot = <Body as clap::ValueEnum>::from_str(&request.robot, false)
         .map_err(|_| anyhow::anyhow!("{}: robot: found {}, expected a known body", folder.display(), request.robot))?;
     check_body(robot, args.config.as_deref())?;
-    let mut scenario = Scenario::parse(&request.scenario, &folder.join("run.json"))?;
-    scenario.noise = scenario.noise.scaled(request.noise_scale);
+    let scenario = request.scenario().with_context(|| folder.display().to_string())?;
     if robot != Body::Sim && !scenario.disturbance.is_none() {
         bail!(
             "--robot {}: the scenario has a [disturbance], which can be done to the simulated robot (sim) only",
@@ -150,6 +160,9 @@ pub fn benchmark(terminal: &Terminal, args: &BenchArgs) -> Outcome {
     // Everything that can be wrong with the input has been found before anything is written.
     let mut bench = make_bench(scenario, request.combos, request.seed, quiet)?;
     bench.board = args.tactile.board(bench.board);
+    if let Some(text) = &request.uncertainty {
+        bench.uncertainty = Uncertainty::parse(text, Path::new("--uncertainty"))?;
+    }
     let sessions = |record: bool| (record || robot == Body::Hardware).then(|| folder.join("sessions"));
     let place =
         |record: bool| source(&bench.world, robot, args.config.as_deref(), sessions(record && robot != Body::Sim));
@@ -166,16 +179,33 @@ pub fn benchmark(terminal: &Terminal, args: &BenchArgs) -> Outcome {
 }
 
 /// What `--ablations` asks for: without names all of them.
-fn ablations(args: &BenchArgs) -> Result<Vec<Sensing>> {
+fn ablations(args: &BenchArgs) -> Result<Vec<Ablation>> {
     let Some(names) = &args.ablations else { return Ok(Vec::new()) };
     if args.robot != Body::Sim {
         bail!("--ablations: found --robot {}, expected the simulated robot, which can go back", args.robot.name());
     }
     if names.is_empty() {
-        return Ok(Sensing::ABLATIONS.to_vec());
+        return Ok(Ablation::ALL.to_vec());
     }
-    let wanted: BTreeSet<Sensing> = names.iter().map(|name| name.parse()).collect::<Result<_, _>>()?;
+    let wanted: BTreeSet<Ablation> = names.iter().map(|name| name.parse()).collect::<Result<_, _>>()?;
     Ok(wanted.into_iter().collect())
+}
+
+/// What `--without` asks for.
+fn without(names: &[String]) -> Result<Vec<Effect>> {
+    if names.iter().any(|name| name == "all") {
+        return Ok(Effect::ALL.to_vec());
+    }
+    let wanted: BTreeSet<Effect> =
+        names.iter().map(|name| name.parse()).collect::<Result<_, _>>().context("--without (or all)")?;
+    Ok(wanted.into_iter().collect())
+}
+
+/// The text of the file that `--uncertainty` names, once it is known to be good.
+fn uncertainty(path: Option<&Path>) -> Result<Option<String>> {
+    let Some(path) = path else { return Ok(None) };
+    Uncertainty::read(path).context("--uncertainty")?;
+    Ok(Some(std::fs::read_to_string(path).with_context(|| path.display().to_string())?))
 }
 
 fn next_free_folder() -> PathBuf {
@@ -191,17 +221,17 @@ fn parse_shard(text: &str) -> Result<(usize, usize)> {
 }
 
 fn shortfall(summary: &Summary) -> Option<String> {
-    let ideal = summary.conditions.ideal.collision_rate.mean.unwrap_or(0.0);
-    let (blind, touch) = (summary.conditions.blind.success_rate.mean, summary.conditions.touch.success_rate.mean);
+    let ideal = summary.conditions.ideal.contact_rate.mean.unwrap_or(0.0);
+    let clean = |condition: Condition| summary.conditions.of(condition).clean_success_rate.mean;
     if ideal > 0.0 {
-        return Some(format!("{:.1} % of the ideal runs collided, expected none", 100.0 * ideal));
+        return Some(format!("{:.1} % of the ideal runs had an unwanted contact, expected none", 100.0 * ideal));
     }
-    match (blind, touch) {
-        (Some(blind), Some(touch)) if touch < blind => {
-            Some(format!("touch succeeded less often ({touch:.3}) than blind ({blind:.3})"))
+    [Condition::Blind, Condition::Reflex].into_iter().find_map(|rival| match (clean(rival), clean(Condition::Touch)) {
+        (Some(rate), Some(touch)) if touch < rate => {
+            Some(format!("touch succeeded cleanly less often ({touch:.3}) than {rival} ({rate:.3})"))
         }
         _ => None,
-    }
+    })
 }
 
 /// `ftac report`: a run once more, or the shards of one put together.
@@ -239,32 +269,48 @@ fn tell(terminal: &Terminal, summary: &Summary, folder: &Path) -> Result<()> {
         return Ok(());
     }
     let number = |value: Option<f64>, digits: usize| value.map_or("-".to_owned(), |value| format!("{value:.digits$}"));
-    println!("{:8} {:>7} {:>20} {:>20}", "", "trials", "collision M (SD)", "success M (SD)");
-    for (name, c) in [
-        ("ideal", &summary.conditions.ideal),
-        ("blind", &summary.conditions.blind),
-        ("touch", &summary.conditions.touch),
-    ] {
+    println!(
+        "{:8} {:>6} {:>17} {:>17} {:>17} {:>9}",
+        "", "trials", "contact M (SD)", "success M (SD)", "clean M (SD)", "time (s)"
+    );
+    for condition in Condition::ALL {
+        let c = summary.conditions.of(condition);
         let pair = |m: &scenarios::statistics::MeanSd| format!("{} ({})", number(m.mean, 3), number(m.sd, 3));
-        println!("{name:8} {:>7} {:>20} {:>20}", c.trials, pair(&c.collision_rate), pair(&c.success_rate));
+        println!(
+            "{:8} {:>6} {:>17} {:>17} {:>17} {:>9}",
+            condition.name(),
+            c.trials,
+            pair(&c.contact_rate),
+            pair(&c.success_rate),
+            pair(&c.clean_success_rate),
+            number(c.trial_s.mean, 1)
+        );
     }
     for (name, t) in [
-        ("collision: blind over ideal", &summary.t_test.collision),
+        ("contact: blind over ideal", &summary.t_test.contact),
         ("success: touch over blind", &summary.t_test.success),
+        ("clean success: touch over blind", &summary.t_test.clean_success),
+        ("clean success: touch over reflex", &summary.t_test.touch_over_reflex),
     ] {
-        println!("{name:28} t({}) = {}, p = {}", t.df, number(t.t, 2), t.p.map_or("-".into(), |p| format!("{p:.2e}")));
+        println!("{name:32} t({}) = {}, p = {}", t.df, number(t.t, 2), t.p.map_or("-".into(), |p| format!("{p:.2e}")));
     }
     for ablation in &summary.ablations {
         println!(
             "{:34} success {} [{}, {}], {:+.3} against the whole hand",
-            ablation.sensing.label(),
+            ablation.ablation.label(),
             number(ablation.success.value, 3),
             number(ablation.success.low, 3),
             number(ablation.success.high, 3),
             ablation.against_full.value.unwrap_or(f64::NAN)
         );
     }
-    println!("decision {} ms p50, {} ms p99", number(summary.decision_ms.p50, 1), number(summary.decision_ms.p99, 1));
+    let over = summary.decision_ms.over_budget.filter(|over| *over > 0);
+    println!(
+        "decision {} ms p50, {} ms p99{}",
+        number(summary.decision_ms.p50, 1),
+        number(summary.decision_ms.p99, 1),
+        over.map_or(String::new(), |over| format!("; in {over} trials longer than the scenario gives it")),
+    );
     println!(
         "pose error {} mm median, {} mm p95; {} deg median, {} deg p95",
         number(summary.pose_error.mm.median, 2),

@@ -68,7 +68,7 @@ fn run(terminal: &Terminal, bench: &Bench, task: &Task, path: &Path) -> Result<O
     let (mut source, report) = ReplaySource::new(Replay::new(Reader::open(path)?)?, task.robot == "hardware");
     let played = bench.play(task, &mut source, &mut NoWatcher);
     let played = match played {
-        Ok(record) => Some(record),
+        Ok(outcome) => Some(outcome.record),
         // Where the recording was cut short, or the controller left it, the trial cannot go on.
         Err(error) if error.downcast_ref::<Stopped>().is_some() => None,
         Err(error) => return Err(error),

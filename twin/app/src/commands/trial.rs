@@ -54,6 +54,8 @@ pub enum Policy {
     Ideal,
     /// As planned.
     Blind,
+    /// Looks and tries again by encoders and currents, without any tactile image.
+    Reflex,
     /// Adapts to what is felt.
     Touch,
 }
@@ -64,6 +66,7 @@ impl Policy {
         match self {
             Self::Ideal => Condition::Ideal,
             Self::Blind => Condition::Blind,
+            Self::Reflex => Condition::Reflex,
             Self::Touch => Condition::Touch,
         }
     }
@@ -93,7 +96,7 @@ pub fn trial(terminal: &Terminal, args: &TrialArgs) -> Outcome {
     };
     if args.robot == Body::Hardware {
         let record = match place {
-            Some(mut place) => bench.play(&task, place.as_mut(), &mut NoWatcher)?,
+            Some(mut place) => bench.play(&task, place.as_mut(), &mut NoWatcher)?.record,
             None => bail!("--robot hardware: found no robot"),
         };
         tell_trial(terminal, &record)?;
@@ -111,9 +114,11 @@ pub fn trial(terminal: &Terminal, args: &TrialArgs) -> Outcome {
     }
     let mut recording = Recording::open(&targets, &bench, &task)?;
     let record = match (place, condition) {
-        (Some(mut place), _) => bench.play(&task, place.as_mut(), &mut recording)?,
-        (None, scenarios::Condition::Ideal) => bench.ideal(args.combination, &mut recording)?,
-        (None, condition) => bench.trial(args.combination, args.trial, &[condition], &[], &mut recording)?.0.remove(0),
+        (Some(mut place), _) => bench.play(&task, place.as_mut(), &mut recording)?.record,
+        (None, scenarios::Condition::Ideal) => bench.ideal(args.combination, &mut recording)?.record,
+        (None, condition) => {
+            bench.trial(args.combination, args.trial, &[condition], &[], &mut recording)?.records.remove(0)
+        }
     };
     recording.finish()?;
     tell_trial(terminal, &record)?;
@@ -135,8 +140,8 @@ fn tell_trial(terminal: &Terminal, record: &TrialRecord) -> Result<()> {
         return Ok(());
     }
     println!(
-        "{} then {}, {}: success {}, collision {}",
-        record.first, record.second, record.condition, record.success, record.collision
+        "{} then {}, {}: success {}, unwanted contact {}",
+        record.first, record.second, record.condition, record.success, record.contact
     );
     if !record.reason.is_empty() {
         println!("{}", record.reason);

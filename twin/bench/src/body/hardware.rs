@@ -81,15 +81,15 @@ impl TrialBody for Hardware {
 
     fn judge(&mut self) -> Result<Option<Verdict>> {
         self.robot.pause(OPERATOR);
-        let collision = yes(
-            "Did the held object or the fingers that hold it knock the second one before it was grasped? [yes/no]",
+        let contact = yes(
+            "Did the held object, the fingers that hold it, or the palm touch the second one before it was grasped? [yes/no]",
         )?;
         let success = yes("Were both objects in the hand to the end? [yes/no]")?;
         let cause = match success {
             true => None,
             false => Some(why_not()?),
         };
-        Ok(Some(Verdict { collision, collision_time: None, collision_with: None, success, cause }))
+        Ok(Some(Verdict { contact, first_contact: None, success, cause }))
     }
 
     /// The hand opens only when somebody says so.

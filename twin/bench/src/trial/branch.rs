@@ -12,6 +12,7 @@ use scenarios::noise::NoiseLevels;
 use scenarios::objects::ObjectModel;
 use scenarios::record::{TrialId, TrialRecord};
 use scenarios::referee::FailureCause;
+use scenarios::tries::{Attempt, TryRecord};
 use sim::robot::Truth;
 
 use super::profile::Activity;
@@ -26,7 +27,16 @@ pub struct Planned {
     /// At the end.
     done: Run,
     /// How it went.
+    pub outcome: TrialOutcome,
+}
+
+/// What is kept of a trial under one condition.
+#[derive(Debug, Clone)]
+pub struct TrialOutcome {
+    /// The trial as a whole.
     pub record: TrialRecord,
+    /// Each of its tries.
+    pub tries: Vec<TryRecord>,
 }
 
 /// How a branch is played.
@@ -37,7 +47,9 @@ pub struct Play<'a> {
     pub noise: &'a NoiseLevels,
     /// The trial's generator as the first grasp left it.
     pub rng: ChaCha8Rng,
-    /// The branch of the plan, if it is known and may be shared.
+    /// How long a decision from measurements takes, s.
+    pub decision_time: f64,
+    /// The branch of the plan, if it is known and may be shared: with the same pauses.
     pub planned: Option<&'a Planned>,
     /// Whether the true state is injected in the place of what is felt.
     pub inject_truth: bool,
@@ -56,15 +68,15 @@ struct Played {
 }
 
 /// Plays `policy` from `start` to the verdict.
-pub fn play(start: &Start, policy: &mut dyn Policy, with: Play, watcher: &mut dyn Watcher) -> Result<TrialRecord> {
+pub fn play(start: &Start, policy: &mut dyn Policy, with: Play, watcher: &mut dyn Watcher) -> Result<TrialOutcome> {
     Ok(finish(start, policy, with, watcher)?.1)
 }
 
 /// The same for a policy that carries out the plan: others may share it.
 pub fn play_plan(start: &Start, policy: &mut dyn Policy, with: Play, watcher: &mut dyn Watcher) -> Result<Planned> {
-    let (played, record) = finish(start, policy, Play { keep_confirm: true, ..with }, watcher)?;
+    let (played, outcome) = finish(start, policy, Play { keep_confirm: true, ..with }, watcher)?;
     let confirm = played.confirm.unwrap_or_else(|| played.run.clone());
-    Ok(Planned { confirm, done: played.run, record })
+    Ok(Planned { confirm, done: played.run, outcome })
 }
 
 fn finish(
@@ -72,26 +84,34 @@ fn finish(
     policy: &mut dyn Policy,
     with: Play,
     watcher: &mut dyn Watcher,
-) -> Result<(Played, TrialRecord)> {
-    let (id, planned) = (with.id, with.planned);
+) -> Result<(Played, TrialOutcome)> {
+    let id = with.id;
     watcher.branch(id.condition)?;
     let mut played = decide_and_play(start, policy, with, watcher)?;
     let names = [start.objects[0].name.as_str(), start.objects[1].name.as_str()];
     let story = policy.story();
     story.reasons.extend(played.run.slips());
-    let mut record = match planned.filter(|_| story.is_as_planned()) {
-        Some(planned) => TrialRecord { condition: id.condition, ..planned.record.clone() },
-        None => played.run.record(names, id)?,
-    };
+    let mut record = played.run.record(names, id)?;
     record.switched = !story.is_as_planned();
     record.retries = story.retries;
     record.reason = story.reasons.join("; ");
+    record.risk = story.risk;
+    let tries = tries(start, story.attempts.clone(), &played.run, id);
     record.decision_ms = (played.slowest_ms > 0.0).then_some(played.slowest_ms);
     if let (Some(truth), Some(felt)) = (&played.at_estimate, policy.felt()) {
         note_pose(&mut record, truth, &start.objects[0], felt);
     }
     watcher.outcome(&record)?;
-    Ok((played, record))
+    Ok((played, TrialOutcome { record, tries }))
+}
+
+/// The first grasp as it was planned, and what the policy attempted after it.
+fn tries(start: &Start, attempts: Vec<Attempt>, run: &Run, id: TrialId) -> Vec<TryRecord> {
+    let grasp = start.run.snapshot.executive.first().0.id;
+    let first = Attempt { object: 0, grasp, why: "as planned".to_owned(), ..Attempt::default() };
+    let verdicts = run.referee.tries();
+    let all = std::iter::once(first).chain(attempts).enumerate();
+    all.map(|(number, attempt)| TryRecord::new(id, number, &attempt, verdicts.get(number))).collect()
 }
 
 /// Decision after decision, until the policy finishes or gives up.
@@ -106,6 +126,10 @@ fn decide_and_play(
     let mut played = Played { run, confirm: None, slowest_ms: 0.0, at_estimate: None };
     loop {
         let phase = played.run.snapshot.executive.phase();
+        if policy.deliberates() && with.decision_time > 0.0 && played.run.snapshot.robot.branches() {
+            let felt = policy.felt().filter(|_| phase > Phase::Decide);
+            played.run.wait(with.decision_time, felt, Some(condition), watcher)?;
+        }
         let (before, begun) = (policy.story().decisions, Instant::now());
         let step = decide(&mut played.run, policy, &mut with)?;
         if policy.story().decisions > before {

@@ -3,17 +3,18 @@
 use std::sync::Arc;
 
 use anyhow::{Result, bail};
-use control::executive::Phase;
+use control::executive::{Executive, Phase};
 use control::percept::{Eyes, EyesError};
 use control::perception::{Felt, Grip};
 use control::policy::Injected;
+use hand_model::Digit;
 use hand_model::robot::Robot;
 use nalgebra::Isometry3;
 use proving::rehearsal::{Snapshot, digit_bits, in_hand};
 use rand_chacha::ChaCha8Rng;
 use scenarios::noise::{NoiseLevels, TrialNoise};
 use scenarios::record::{Condition, TrialId, TrialRecord};
-use scenarios::referee::{Referee, SceneTruth};
+use scenarios::referee::{Referee, SceneTruth, Touch, Toucher};
 use sim::robot::Truth;
 
 use super::disturbance::Disturber;
@@ -47,13 +48,18 @@ impl Run {
             condition: id.condition,
             first: names[0].to_owned(),
             second: names[1].to_owned(),
-            collision: verdict.collision,
+            contact: verdict.contact,
+            contact_with: verdict.first_contact.map(|contact| contact.with),
+            contact_s: verdict.first_contact.map(|contact| contact.time),
+            contact_n: verdict.first_contact.map(|contact| contact.force),
             success: verdict.success,
+            clean_success: verdict.success && !verdict.contact,
             cause: verdict.cause,
             switched: false,
             retries: 0,
             reason: String::new(),
             disturbance: self.disturber.log(),
+            risk: None,
             pose_error_mm: None,
             pose_error_deg: None,
             prior_error_mm: None,
@@ -70,10 +76,37 @@ impl Run {
         condition: Option<Condition>,
         watcher: &mut dyn Watcher,
     ) -> Result<()> {
+        self.play_while(|executive, _| executive.phase() < until, felt, condition, watcher)?;
+        // What comes next is to be decided first.
+        self.snapshot.robot.pause();
+        Ok(())
+    }
+
+    /// Lets `time` s pass while the executive waits for a decision.
+    pub fn wait(
+        &mut self,
+        time: f64,
+        felt: Option<&Felt>,
+        condition: Option<Condition>,
+        watcher: &mut dyn Watcher,
+    ) -> Result<()> {
+        // Half a tick of tolerance: times are sums of ticks.
+        let end = self.snapshot.robot.time() + time - 0.5 * self.snapshot.executive.tick_length();
+        self.play_while(|_, now| now < end, felt, condition, watcher)
+    }
+
+    /// Plays as long as `on` says so of the executive and the time (s).
+    fn play_while(
+        &mut self,
+        on: impl Fn(&Executive, f64) -> bool,
+        felt: Option<&Felt>,
+        condition: Option<Condition>,
+        watcher: &mut dyn Watcher,
+    ) -> Result<()> {
         let Self { snapshot, referee, disturber, profile } = self;
         let holding = digit_bits(snapshot.executive.first().0.role.digits());
         let Snapshot { robot, executive } = snapshot;
-        while executive.phase() < until {
+        while on(executive, robot.time()) {
             let observation = robot.observe();
             let command = profile.on(Activity::Control, || executive.tick(&observation))?;
             robot.send(&command);
@@ -94,8 +127,6 @@ impl Run {
                 bail!(Stopped(format!("{} while {}", why, executive.phase().name())));
             }
         }
-        // What comes next is to be decided first.
-        robot.pause();
         Ok(())
     }
 
@@ -151,13 +182,16 @@ impl Eyes for NoisyEyes<'_> {
 
 /// The referee's view of the scene.
 fn scene(truth: &Truth, phase: Phase, holding: u32) -> SceneTruth {
+    let holds = phase >= Phase::LiftFirst;
     let count = |object: usize| truth.touched_by[object].count_ones() as usize;
     SceneTruth {
         time: truth.time,
         phase,
         first_touches_second: !truth.object_pairs.is_empty(),
-        holding_digits_touch_second: phase >= Phase::LiftFirst && truth.touched_by[1] & holding != 0,
-        free_digits_touch_second: truth.touched_by[1] & !holding != 0,
+        holding_digits_touch_second: holds && truth.touched_by[1] & holding != 0,
+        palm_touches_second: truth.touched_by[1] & PALM != 0,
+        free_digits_on_second: digits_on(truth.touched_by[1] & !holding),
+        on_second: on_second(truth, holding),
         hand_contacts: [count(0), count(1)],
         on_table: [truth.on_table[0], truth.on_table[1]],
         world_from_object: [truth.objects[0], truth.objects[1]],
@@ -165,10 +199,33 @@ fn scene(truth: &Truth, phase: Phase, holding: u32) -> SceneTruth {
     }
 }
 
+/// Bit of the palm in [`Truth::touched_by`].
+const PALM: u32 = 1 << 15;
+
+/// How many digits have a link among `links` (bits as in [`Truth::touched_by`]).
+fn digits_on(links: u32) -> usize {
+    Digit::ALL.iter().filter(|digit| links & digit_bits(&[**digit]) != 0).count()
+}
+
+/// What presses on the second object at the end of the tick.
+fn on_second(truth: &Truth, holding: u32) -> Vec<Touch> {
+    let by_hand = truth.contacts.iter().filter(|contact| contact.object == 1).map(|contact| Touch {
+        by: contact.link.map_or(Toucher::Palm, Toucher::Link),
+        holding: contact.link.is_some_and(|link| holding >> link & 1 != 0),
+        point: contact.point,
+        force: contact.force.norm(),
+    });
+    let by_first = truth.object_contacts.iter().filter(|contact| contact.objects == (0, 1)).map(|contact| Touch {
+        by: Toucher::FirstObject,
+        holding: false,
+        point: contact.point,
+        force: contact.force,
+    });
+    by_hand.chain(by_first).collect()
+}
+
 #[cfg(test)]
 mod tests {
-    use hand_model::Digit;
-
     use super::*;
 
     fn truth(touched_by: [u32; 2]) -> Truth {
@@ -191,8 +248,11 @@ mod tests {
         assert!(seen(ring, Phase::ApproachSecond).holding_digits_touch_second);
         assert!(!seen(ring, Phase::ApproachFirst).holding_digits_touch_second);
         assert!(!seen(index, Phase::GraspSecond).holding_digits_touch_second);
-        assert!(seen(index, Phase::GraspSecond).free_digits_touch_second);
-        assert!(!seen(ring, Phase::GraspSecond).free_digits_touch_second);
+        assert_eq!(seen(index, Phase::GraspSecond).free_digits_on_second, 1);
+        assert_eq!(seen(index | 1 << Digit::Thumb.joints()[1], Phase::GraspSecond).free_digits_on_second, 2);
+        assert_eq!(seen(ring, Phase::GraspSecond).free_digits_on_second, 0);
+        let palm = seen(PALM, Phase::GraspSecond);
+        assert!(palm.palm_touches_second && palm.free_digits_on_second == 0 && !palm.holding_digits_touch_second);
     }
 
     #[test]

@@ -15,7 +15,7 @@ use rand_chacha::ChaCha8Rng;
 use scenarios::disturbance::Disturbances;
 use scenarios::noise::{TrialNoise, trial_rng};
 use scenarios::objects::ObjectModel;
-use scenarios::referee::Referee;
+use scenarios::referee::{Limits, Referee};
 use touch::TouchPipeline;
 
 use super::disturbance::{Disturber, resized};
@@ -44,6 +44,7 @@ pub struct Setup<'a> {
 }
 
 /// A trial after its first grasp.
+#[derive(Clone)]
 pub struct Start {
     /// Body, controller and referee in [`Phase::Decide`].
     pub run: Run,
@@ -114,7 +115,9 @@ impl<'a> Setup<'a> {
         } else if !snapshot.robot.branches() {
             snapshot.executive.watch_images(ONCE);
         }
-        let referee = Referee::new(world.scenario.referee, world.scenario.protocol.hold_time);
+        let protocol = &world.scenario.protocol;
+        let limits = Limits { hold: protocol.hold_time, trial: protocol.time_limit };
+        let referee = Referee::new(world.scenario.referee, limits);
         let run = Run { snapshot, referee, disturber, profile: bench.profile.clone() };
         Ok(Start { run, objects, candidates, pipeline: None })
     }

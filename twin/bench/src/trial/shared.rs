@@ -5,6 +5,7 @@ use std::sync::Arc;
 
 use anyhow::Result;
 use control::perception::KnownObject;
+use control::policy::Uncertainty;
 use grasping::Repertoire;
 use hand_model::Digit;
 use proving::plan::Plans;
@@ -29,6 +30,8 @@ pub struct Bench {
     pub pipeline: TouchPipeline,
     /// The first objects of all plans, ready to be registered.
     pub known: BTreeMap<String, KnownObject>,
+    /// What the controller expects to go wrong.
+    pub uncertainty: Uncertainty,
     /// Seed of everything random.
     pub seed: u64,
     /// Where the time went.

@@ -1,6 +1,7 @@
 //! The policy `blind`: carries out the plan and asks nobody.
 
 use grasping::Grasp;
+use scenarios::tries::Attempt;
 
 use super::{Injected, Policy, PolicyError, Step, Story};
 use crate::executive::{Executive, Phase};
@@ -11,13 +12,20 @@ use crate::perception::Felt;
 #[derive(Debug, Clone)]
 pub struct Blind {
     second: Grasp,
+    deliberates: bool,
     story: Story,
 }
 
 impl Blind {
     /// With `second` as the planned grasp of the second object.
     pub fn new(second: Grasp) -> Self {
-        Self { second, story: Story::default() }
+        Self { second, deliberates: false, story: Story::default() }
+    }
+
+    /// The same, with the pauses of a policy that decides and comes to what was planned.
+    #[must_use]
+    pub fn deliberating(self) -> Self {
+        Self { deliberates: true, ..self }
     }
 }
 
@@ -30,6 +38,8 @@ impl Policy for Blind {
         match executive.phase() {
             Phase::Decide => Ok(match executive.decide(self.second.clone()) {
                 Ok(()) => {
+                    let (grasp, why) = (self.second.id, "as planned, unseen".to_owned());
+                    self.story.attempts.push(Attempt { object: 1, grasp, why, ..Attempt::default() });
                     self.story.announcements.push("the plan is carried out unseen".to_owned());
                     Step::Play(Phase::Confirm)
                 }
@@ -49,5 +59,9 @@ impl Policy for Blind {
 
     fn felt(&self) -> Option<&Felt> {
         None
+    }
+
+    fn deliberates(&self) -> bool {
+        self.deliberates
     }
 }

@@ -8,6 +8,7 @@ use std::collections::BTreeMap;
 
 use grasping::{Grasp, Role};
 use nalgebra::Vector3;
+use scenarios::tries::Attempt;
 
 use super::reach::{Wanted, turned, within_reach};
 use super::{Injected, Knowledge, Policy, PolicyError, Step, Story};
@@ -38,6 +39,8 @@ pub struct Touch<'a> {
     failures: [BTreeMap<u32, i32>; 2],
     /// Grasps that failed in a row.
     in_a_row: usize,
+    /// The objects as they were seen first.
+    seen: Option<[Percept; 2]>,
     /// Offset of the aim from what is seen, m: kept while it works.
     aim: Vector3<f64>,
     felt: Option<Felt>,
@@ -61,6 +64,7 @@ impl<'a> Touch<'a> {
             story: Story::default(),
             failures: Default::default(),
             in_a_row: 0,
+            seen: None,
             aim: Vector3::zeros(),
             felt: None,
             grip: Grip { first: false, second: false },
@@ -86,7 +90,10 @@ impl<'a> Touch<'a> {
 
     /// The eyes look at an object anew; the hand aims beside it as it has learnt to.
     fn see(&self, index: usize, eyes: &mut dyn Eyes) -> Result<Percept, PolicyError> {
-        let seen = Percept::of(&self.knowledge.objects[index], &eyes.look(index)?);
+        let seen = match self.seen.filter(|_| !self.knowledge.recovery.new_look) {
+            Some(seen) => seen[index],
+            None => Percept::of(&self.knowledge.objects[index], &eyes.look(index)?),
+        };
         Ok(Percept { position: seen.position + self.aim, ..seen })
     }
 
@@ -105,11 +112,14 @@ impl<'a> Touch<'a> {
         let Some((grasp, path)) = self.best_approach(executive, candidates, &seen) else {
             return Ok(self.give_up(0, &seen));
         };
+        let why = self.story.reasons.last().cloned().unwrap_or_default();
+        let attempt = Attempt { object: 0, grasp: grasp.id, why, ..Attempt::default() };
         if let Err(error) = executive.retry_first(grasp, seen) {
             self.story.reasons.push(error.to_string());
             return Ok(Step::GiveUp);
         }
         executive.redirect(path);
+        self.story.attempts.push(attempt);
         Ok(Step::Play(Phase::Decide))
     }
 
@@ -137,8 +147,11 @@ impl<'a> Touch<'a> {
                 return Ok(self.give_up(1, &seen));
             };
             let decision = self.choose(executive, &within, felt)?;
+            self.story.risk.get_or_insert(decision.plan.risk);
+            let attempt = attempt(&decision, felt);
             if self.plan_is_rehearsed && self.story.is_as_planned() && !decision.switched {
                 self.story.tell(decision.reason);
+                self.story.attempts.push(attempt);
                 return Ok(match executive.decide(decision.grasp) {
                     Ok(()) => Step::Play(Phase::Confirm),
                     Err(_) => Step::GiveUp,
@@ -151,6 +164,7 @@ impl<'a> Touch<'a> {
             self.story.switched |= decision.switched;
             executive.decide(decision.grasp)?;
             executive.redirect(path);
+            self.story.attempts.push(attempt);
             self.story.tell(decision.reason);
             return Ok(Step::Play(Phase::Confirm));
         }
@@ -189,11 +203,27 @@ impl<'a> Touch<'a> {
     }
 }
 
+/// A try at the second object, as decided.
+fn attempt(decision: &Decision, felt: &Felt) -> Attempt {
+    let (pose, covariance) = (felt.estimate.palm_from_object, &felt.estimate.covariance);
+    let (at, turn) = (pose.translation.vector, pose.rotation.scaled_axis());
+    Attempt {
+        object: 1,
+        grasp: decision.grasp.id,
+        why: decision.reason.clone(),
+        clearance: Some(decision.chosen.clearance),
+        risk: Some(decision.chosen.risk),
+        felt: Some([at.x, at.y, at.z, turn.x, turn.y, turn.z]),
+        covariance: Some(std::array::from_fn(|n| covariance[(n / 6, n % 6)])),
+    }
+}
+
 impl Policy for Touch<'_> {
     fn perceive(&mut self, executive: &Executive, injected: Option<Injected>) -> Result<(), PolicyError> {
         if self.emptied {
             return Ok(());
         }
+        self.seen.get_or_insert([executive.first().1, executive.second().1]);
         let ((first, percept), (second, _)) = (executive.first(), executive.second());
         let expected = Expected::of(first, percept, second);
         if executive.phase() == Phase::Decide {
@@ -221,7 +251,7 @@ impl Policy for Touch<'_> {
         }
         let phase = executive.phase();
         let late = time + TRY_TIME > self.knowledge.time_limit;
-        let next = if late { Next::GoOn } else { Next::after(phase, self.grip) };
+        let next = if late || !self.knowledge.recovery.retry { Next::GoOn } else { Next::after(phase, self.grip) };
         match (phase, next) {
             (Phase::Done, Next::GoOn) => return Ok(Step::Finish),
             (Phase::Confirm, Next::GoOn) => {
@@ -256,5 +286,9 @@ impl Policy for Touch<'_> {
 
     fn felt(&self) -> Option<&Felt> {
         self.felt.as_ref()
+    }
+
+    fn deliberates(&self) -> bool {
+        true
     }
 }

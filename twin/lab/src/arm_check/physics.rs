@@ -65,6 +65,7 @@ fn robot(world: &World, q: &Joints) -> SimulatedRobot {
         mount_error: UnitQuaternion::identity(),
         arm_start: *q,
         objects: Vec::new(),
+        frame_delay: 0.0,
         cable_friction: CableFriction::NONE,
         engine: EngineSettings::default(),
     };

@@ -92,6 +92,7 @@ fn follow(world: &World, motion: &Motion<'_>) -> Result<Followed> {
         mount_error: UnitQuaternion::identity(),
         arm_start: world.cell.ready,
         objects: Vec::new(),
+        frame_delay: 0.0,
         cable_friction: CableFriction::NONE,
         engine: EngineSettings::default(),
     };

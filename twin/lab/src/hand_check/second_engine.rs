@@ -228,6 +228,7 @@ fn whole(hand: &Arc<Hand>, folder: &Path) -> Result<Value> {
         mount_error: UnitQuaternion::identity(),
         arm_start: start,
         objects: placed.into_iter().map(|(model, pose)| ObjectPlacement { model, pose }).collect(),
+        frame_delay: 0.0,
         cable_friction: CableFriction::NONE,
         engine: settings,
     };

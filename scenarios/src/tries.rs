@@ -1,0 +1,170 @@
+//! Tries: each attempt at an object within a trial, what was expected of it and what came of it, and `tries.csv`.
+
+use std::io::Write;
+
+use serde::{Deserialize, Serialize};
+
+use crate::record::{Condition, RecordError, TrialId};
+use crate::referee::{Contact, Toucher, TryVerdict};
+
+/// What a policy set out to do.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Attempt {
+    /// The object that is to be taken: 0 or 1.
+    pub object: usize,
+    /// Number of the grasp.
+    pub grasp: u32,
+    /// Why this grasp.
+    pub why: String,
+    /// Predicted distance between what the hand holds and the object on the way to it, m.
+    pub clearance: Option<f64>,
+    /// Predicted probability of an unwanted contact.
+    pub risk: Option<f64>,
+    /// The first object as felt: position (m) and rotation vector (rad) in the palm's frame.
+    pub felt: Option<[f64; 6]>,
+    /// Covariance of that, rows one after the other.
+    pub covariance: Option<[f64; 36]>,
+}
+
+/// A row of `tries.csv`, whose columns stand in this order.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct TryRecord {
+    /// [`crate::Combination::id`].
+    pub combination: usize,
+    /// Number of the trial within its combination, from 0.
+    pub trial: usize,
+    /// Noise and policy.
+    pub condition: Condition,
+    /// Number of the try within its trial, from 0.
+    #[serde(rename = "try")]
+    pub number: usize,
+    /// `first` or `second`.
+    pub object: String,
+    /// Number of the grasp.
+    pub grasp: u32,
+    /// Why this grasp.
+    pub why: String,
+    /// Predicted distance between what the hand holds and the object on the way to it, mm.
+    pub clearance_mm: Option<f64>,
+    /// Predicted probability of an unwanted contact.
+    pub risk: Option<f64>,
+    /// The first object as felt: position (m) and rotation vector (rad) in the palm's frame, six numbers.
+    pub felt: String,
+    /// Covariance of that: the upper triangle, row by row, 21 numbers.
+    pub covariance: String,
+    /// With what the first unwanted contact was; empty where there was none.
+    pub contact_with: String,
+    /// What touched: `first_object`, `palm`, or a link by its number.
+    pub contact_by: String,
+    /// When, s since the trial began.
+    pub contact_s: Option<f64>,
+    /// In which phase.
+    pub contact_phase: String,
+    /// Where, m, world: three numbers.
+    pub contact_at: String,
+    /// Greatest force while the try lasted, N.
+    pub contact_n: Option<f64>,
+    /// Whether the object was in the hand when its lift had ended; empty where it was not lifted.
+    pub picked: Option<bool>,
+    /// s since the trial began.
+    pub begun_s: Option<f64>,
+    /// s since the trial began.
+    pub ended_s: Option<f64>,
+}
+
+fn numbers(values: impl IntoIterator<Item = f64>) -> String {
+    values.into_iter().map(|value| value.to_string()).collect::<Vec<_>>().join(" ")
+}
+
+impl TryRecord {
+    /// Try number `number` of trial `id`; without a verdict where nobody saw the truth.
+    pub fn new(id: TrialId, number: usize, attempt: &Attempt, verdict: Option<&TryVerdict>) -> Self {
+        let contact: Option<Contact> = verdict.and_then(|verdict| verdict.contact);
+        let of = |text: fn(&Contact) -> String| contact.as_ref().map(text).unwrap_or_default();
+        let upper = |all: [f64; 36]| (0..6).flat_map(move |row| (row..6).map(move |column| all[6 * row + column]));
+        Self {
+            combination: id.combination,
+            trial: id.trial,
+            condition: id.condition,
+            number,
+            object: ["first", "second"][attempt.object.min(1)].to_owned(),
+            grasp: attempt.grasp,
+            why: attempt.why.clone(),
+            clearance_mm: attempt.clearance.map(|clearance| clearance * 1e3),
+            risk: attempt.risk,
+            felt: attempt.felt.map(numbers).unwrap_or_default(),
+            covariance: attempt.covariance.map(|all| numbers(upper(all))).unwrap_or_default(),
+            contact_with: of(|contact| contact.with.name().to_owned()),
+            contact_by: of(|contact| match contact.by {
+                Some(Toucher::FirstObject) => "first_object".to_owned(),
+                Some(Toucher::Palm) => "palm".to_owned(),
+                Some(Toucher::Link(link)) => link.to_string(),
+                None => String::new(),
+            }),
+            contact_s: contact.map(|contact| contact.time),
+            contact_phase: of(|contact| contact.phase.to_string()),
+            contact_at: contact
+                .and_then(|contact| contact.point)
+                .map(|point| numbers(point.coords.iter().copied()))
+                .unwrap_or_default(),
+            contact_n: contact.map(|contact| contact.force),
+            picked: verdict.and_then(|verdict| verdict.picked),
+            begun_s: verdict.map(|verdict| verdict.begun),
+            ended_s: verdict.map(|verdict| verdict.ended),
+        }
+    }
+
+    /// What `tries.csv` is sorted by.
+    fn order(&self) -> (TrialId, usize) {
+        let id = TrialId { combination: self.combination, trial: self.trial, condition: self.condition };
+        (id, self.number)
+    }
+}
+
+/// Writes a header and a row per try, by trial and number; nothing for no tries.
+pub fn write_tries(tries: &[TryRecord], to: impl Write) -> Result<(), RecordError> {
+    let mut sorted: Vec<&TryRecord> = tries.iter().collect();
+    sorted.sort_by_key(|one| one.order());
+    let mut writer = csv::Writer::from_writer(to);
+    for one in sorted {
+        writer.serialize(one)?;
+    }
+    writer.flush()?;
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::Point3;
+
+    use super::*;
+    use crate::phase::Phase;
+    use crate::referee::ContactWith;
+
+    #[test]
+    fn a_try_is_a_row_with_its_contact() {
+        let contact = Contact {
+            with: ContactWith::HoldingDigits,
+            by: Some(Toucher::Link(11)),
+            phase: Phase::GraspSecond,
+            time: 9.5,
+            point: Some(Point3::new(0.6, -0.1, 0.05)),
+            force: 2.5,
+        };
+        let verdict = TryVerdict { object: 1, begun: 8.0, ended: 12.0, contact: Some(contact), picked: Some(false) };
+        let mut covariance = [0.0; 36];
+        covariance[1] = 7.0;
+        let attempt = Attempt { object: 1, grasp: 3, covariance: Some(covariance), ..Attempt::default() };
+        let id = TrialId { combination: 4, trial: 2, condition: Condition::Touch };
+        let row = TryRecord::new(id, 1, &attempt, Some(&verdict));
+        assert_eq!(row.covariance.split(' ').count(), 21);
+        let earlier = TryRecord::new(id, 0, &Attempt::default(), None);
+        let mut table = Vec::new();
+        write_tries(&[row.clone(), earlier.clone()], &mut table).unwrap();
+        let read: Vec<TryRecord> =
+            csv::Reader::from_reader(table.as_slice()).into_deserialize().collect::<Result<_, _>>().unwrap();
+        assert_eq!(read, [earlier, row]);
+        let text = String::from_utf8(table).unwrap();
+        assert!(text.contains("holding_digits,11,9.5,grasp second,0.6 -0.1 0.05,2.5,false,8.0,12.0"), "{text}");
+    }
+}

@@ -1,0 +1,138 @@
+//! The conditions of one trial, one after the other from the same first grasp.
+
+use anyhow::Result;
+use control::policy::Recovery;
+use control::policy::blind::Blind;
+use rand_chacha::ChaCha8Rng;
+use scenarios::record::{AblatedTrial, Condition, TrialId, TrialRecord};
+use scenarios::tries::TryRecord;
+use scenarios::{Ablation, Sensing};
+
+use super::branch::{Planned, Play, TrialOutcome, play_plan};
+use super::setup::{Setup, Start};
+use super::shared::Bench;
+use super::watcher::{NoWatcher, Watcher};
+
+/// What the policy `touch` may use.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Means {
+    /// Of the hand's senses.
+    pub sensing: Sensing,
+    /// Of further tries.
+    pub recovery: Recovery,
+}
+
+impl Means {
+    /// Of a condition that decides; none of those that carry out the plan.
+    pub fn of(condition: Condition) -> Option<Self> {
+        let sensing = match condition {
+            Condition::Ideal | Condition::Blind => return None,
+            Condition::Reflex => Sensing::ServosOnly,
+            Condition::Touch => Sensing::Full,
+        };
+        Some(Self { sensing, recovery: Recovery::FULL })
+    }
+}
+
+impl From<Ablation> for Means {
+    fn from(ablation: Ablation) -> Self {
+        let recovery = Recovery { retry: ablation != Ablation::NoRetry, new_look: ablation != Ablation::NoNewLook };
+        Self { sensing: ablation.sensing(), recovery }
+    }
+}
+
+/// What one trial comes to.
+#[derive(Debug, Clone, Default)]
+pub struct TrialResults {
+    /// A record a condition.
+    pub records: Vec<TrialRecord>,
+    /// Their tries.
+    pub tries: Vec<TryRecord>,
+    /// The policy `touch` with one of its means taken away.
+    pub ablated: Vec<AblatedTrial>,
+}
+
+impl TrialResults {
+    /// One condition more.
+    pub fn add(&mut self, outcome: TrialOutcome) {
+        self.records.push(outcome.record);
+        self.tries.extend(outcome.tries);
+    }
+}
+
+impl From<TrialOutcome> for TrialResults {
+    fn from(outcome: TrialOutcome) -> Self {
+        Self { records: vec![outcome.record], tries: outcome.tries, ablated: Vec::new() }
+    }
+}
+
+/// Branches that carried out the plan, for others to share.
+#[derive(Default)]
+pub struct Plans {
+    /// Without a pause.
+    prompt: Option<Planned>,
+    /// With the pauses of a policy that decides.
+    deliberating: Option<Planned>,
+}
+
+/// A trial from which conditions branch off.
+pub struct Branches<'a> {
+    /// What all trials share.
+    pub bench: &'a Bench,
+    /// How it began.
+    pub setup: &'a Setup<'a>,
+    /// After the first grasp.
+    pub start: Start,
+    /// The trial's generator.
+    pub rng: ChaCha8Rng,
+    /// What was carried out as planned.
+    pub plans: Plans,
+}
+
+impl Branches<'_> {
+    /// One condition.
+    pub fn play(&mut self, id: TrialId, watcher: &mut dyn Watcher) -> Result<TrialOutcome> {
+        match Means::of(id.condition) {
+            None => {
+                let planned = self.bench.plan(&self.start, self.bench.options(id, self.rng.clone()), watcher)?;
+                let outcome = planned.outcome.clone();
+                self.plans.prompt = Some(planned);
+                Ok(outcome)
+            }
+            Some(means) => self.deliberate(id, means, watcher),
+        }
+    }
+
+    /// One that decides, with what `means` leaves it.
+    pub fn deliberate(&mut self, id: TrialId, means: Means, watcher: &mut dyn Watcher) -> Result<TrialOutcome> {
+        let Self { bench, setup, start, rng, plans } = self;
+        let options = |rng: &ChaCha8Rng| bench.options(id, rng.clone());
+        if let Some(intact) = &bench.intact {
+            if let Some(why) = intact.impossible.get(&id.combination) {
+                return bench.decline(setup, id, why, watcher);
+            }
+            let start = setup.without_digits(bench, id.combination).first_grasp(bench, None, watcher)?;
+            return bench.touch(&start, options(rng), means, watcher);
+        }
+        if bench.world.scenario.disturbance.slip.is_some_and(|slip| slip.reaction) {
+            // It does not do what blind does even where it carries out the plan.
+            let mut start = Start::clone(start);
+            start.run.snapshot.executive.react_to_slip();
+            return bench.touch(&start, options(rng), means, watcher);
+        }
+        if watcher.active() {
+            return bench.touch(start, options(rng), means, watcher);
+        }
+        let planned = match bench.world.scenario.effects.time {
+            None => plans.prompt.as_ref(),
+            Some(_) => {
+                if plans.deliberating.is_none() {
+                    let mut policy = Blind::new(start.candidates[0].grasp.clone()).deliberating();
+                    plans.deliberating = Some(play_plan(start, &mut policy, options(rng), &mut NoWatcher)?);
+                }
+                plans.deliberating.as_ref()
+            }
+        };
+        bench.touch(start, Play { planned, ..options(rng) }, means, watcher)
+    }
+}

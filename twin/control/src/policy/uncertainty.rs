@@ -1,0 +1,55 @@
+//! The errors that a controller expects of its own robot: a file's, found by calibration, whatever really goes wrong.
+
+use std::path::Path;
+
+use hand_model::data::{DataError, parse_toml, read_text};
+use serde::Deserialize;
+
+/// Standard deviations that the controller expects.
+#[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Uncertainty {
+    /// Lasting error of the arm, each axis, m.
+    pub arm: f64,
+    /// Error of prior perception, each of x and y, m.
+    pub eyes: f64,
+}
+
+impl Uncertainty {
+    /// That of the robot that comes with the program, `control/data/uncertainty.toml`.
+    ///
+    /// # Panics
+    /// Never in a tested build: the file is compiled in and a test reads it.
+    pub fn standard() -> Self {
+        let text = include_str!("../../data/uncertainty.toml");
+        Self::parse(text, Path::new("uncertainty.toml")).expect("the built-in uncertainties are valid")
+    }
+
+    /// Reads and checks a file.
+    pub fn read(path: &Path) -> Result<Self, DataError> {
+        Self::parse(&read_text(path)?, path)
+    }
+
+    /// Reads and checks a file's text; `path` is used in errors.
+    pub fn parse(text: &str, path: &Path) -> Result<Self, DataError> {
+        let read: Self = parse_toml(text, path)?;
+        for (field, value) in [("arm", read.arm), ("eyes", read.eyes)] {
+            if !(value > 0.0 && value <= 0.1) {
+                return Err(DataError::field(path, field, value, "more than 0 and at most 0.1 m"));
+            }
+        }
+        Ok(read)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_robot_that_never_errs_is_refused() {
+        assert!(Uncertainty::standard().arm > 0.0);
+        let error = Uncertainty::parse("arm = 0.0\neyes = 0.005", Path::new("mine.toml")).unwrap_err().to_string();
+        assert!(error.contains("mine.toml") && error.contains("arm") && error.contains("more than 0"), "{error}");
+    }
+}
