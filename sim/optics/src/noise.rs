@@ -25,7 +25,13 @@ impl ReadOutNoise {
 
     pub(crate) fn new(deviation: f64, seed: u64) -> Self {
         let rng = ChaCha8Rng::seed_from_u64(seed);
-        Self { table: StandardNormal.sample_iter(rng).take(Self::DRAWS).map(|draw: f64| (deviation * draw) as f32).collect() }
+        Self {
+            table: StandardNormal
+                .sample_iter(rng)
+                .take(Self::DRAWS)
+                .map(|draw: f64| (deviation * draw) as f32)
+                .collect(),
+        }
     }
 
     #[cfg(feature = "gpu")]
@@ -59,7 +65,8 @@ pub(crate) fn quantise(grey: f32) -> u8 {
 /// mostly common to all channels.
 pub(crate) fn texture(blotches: f64, grain: f64, rng: &mut impl Rng) -> Vec<f32> {
     const KNOTS: usize = 9;
-    let mut field = || -> Vec<f64> { (0..KNOTS * KNOTS).map(|_| blotches * rng.sample::<f64, _>(StandardNormal)).collect() };
+    let mut field =
+        || -> Vec<f64> { (0..KNOTS * KNOTS).map(|_| blotches * rng.sample::<f64, _>(StandardNormal)).collect() };
     let (common, own) = (field(), [field(), field(), field()]);
     let mut texture = Vec::with_capacity(3 * PIXELS);
     for row in 0..IMAGE_SIZE {

@@ -1,11 +1,12 @@
 //! Trials: the first grasp, and from there a branch for each policy.
 //!
 //! [`setup`] begins a trial and plays its first grasp, [`branch`] plays one policy from there to the verdict, [`run`] is a trial in
-//! progress. [`shared`] is what all trials of a benchmark share, [`disturbance`] what a scenario does to them on purpose,
+//! progress, and [`eyes`] what prior perception reports of it. [`shared`] is what all trials of a benchmark share, [`disturbance`] what a scenario does to them on purpose,
 //! [`watcher`] sees every tick, [`profile`] says where the time goes, and [`held`] keeps first grasps for the evaluation of touch.
 
 pub mod branch;
 mod disturbance;
+pub mod eyes;
 pub mod held;
 pub mod profile;
 pub mod run;
@@ -20,7 +21,6 @@ use control::policy::{Knowledge, Uncertainty};
 use control::sensing::Senses;
 use grasping::Grasp;
 use proving::rehearsal::{Snapshot, TrialStart};
-use rand_chacha::ChaCha8Rng;
 use scenarios::Sensing;
 use scenarios::noise::{TrialNoise, trial_rng};
 use scenarios::record::{AblatedTrial, Condition, TrialId, TrialRecord};
@@ -28,6 +28,7 @@ use scenarios::referee::FailureCause;
 use sim::SimulatedRobot;
 
 use self::branch::{Planned, Play, play, play_plan};
+use self::eyes::Looks;
 
 pub use self::held::HeldGrasp;
 use self::setup::{Setup, Start};
@@ -38,7 +39,7 @@ use crate::body::{BodySource, Task};
 impl Bench {
     /// One trial under one condition on a body from `source`.
     pub fn play(&self, task: &Task, source: &mut dyn BodySource, watcher: &mut dyn Watcher) -> Result<TrialRecord> {
-        let (mut noise, mut camera_noise, rng) = setup::draw(self, task.combination, task.trial);
+        let (mut noise, mut camera_noise, looks) = setup::draw(self, task.combination, task.trial)?;
         if task.condition == Condition::Ideal {
             (noise, camera_noise) = (TrialNoise::none(), 0);
         }
@@ -51,8 +52,8 @@ impl Bench {
         let start = setup.first_grasp(self, Some((source, task)), watcher)?;
         let mut body = start.run.snapshot.robot.clone();
         let played = match task.condition {
-            Condition::Touch => self.touch(&start, self.options(id, rng), Sensing::Full, watcher),
-            _ => self.plan(&start, self.options(id, rng), watcher).map(|planned| planned.record),
+            Condition::Touch => self.touch(&start, self.options(id, looks), Sensing::Full, watcher),
+            _ => self.plan(&start, self.options(id, looks), watcher).map(|planned| planned.record),
         };
         // Whatever happened, its recording is finished.
         let why = played.as_ref().err().map(|error| format!("{error:#}"));
@@ -66,7 +67,8 @@ impl Bench {
     pub fn ideal(&self, combination: usize, watcher: &mut dyn Watcher) -> Result<TrialRecord> {
         let start = Setup::planned(self, combination, TrialNoise::none(), 0).first_grasp(self, None, watcher)?;
         let id = TrialId { combination, trial: 0, condition: Condition::Ideal };
-        Ok(self.plan(&start, self.options(id, trial_rng(self.seed, combination, 0)), watcher)?.record)
+        let looks = Looks::new(trial_rng(self.seed, combination, 0), None);
+        Ok(self.plan(&start, self.options(id, looks), watcher)?.record)
     }
 
     /// One trial: `conditions` from the same first grasp, and from there, unwatched, `touch` with less of the senses.
@@ -78,7 +80,7 @@ impl Bench {
         ablations: &[Sensing],
         watcher: &mut dyn Watcher,
     ) -> Result<(Vec<TrialRecord>, Vec<AblatedTrial>)> {
-        let (setup, rng) = Setup::noisy(self, combination, trial);
+        let (setup, looks) = Setup::noisy(self, combination, trial)?;
         let mut start = setup.first_grasp(self, None, watcher)?;
         let reacts = self.world.scenario.disturbance.slip.is_some_and(|slip| slip.reaction);
         // Where these hold, touch does not share what blind did.
@@ -99,10 +101,10 @@ impl Bench {
                     start.run.snapshot.executive.react_to_slip();
                 }
                 let shared = planned.as_ref().filter(|_| !watcher.active() && !apart);
-                let options = Play { planned: shared, ..self.options(id, rng.clone()) };
+                let options = Play { planned: shared, ..self.options(id, looks.clone()) };
                 self.touch(&start, options, Sensing::Full, watcher)?
             } else {
-                let branch = self.plan(&start, self.options(id, rng.clone()), watcher)?;
+                let branch = self.plan(&start, self.options(id, looks.clone()), watcher)?;
                 let record = branch.record.clone();
                 planned = Some(branch);
                 record
@@ -112,7 +114,7 @@ impl Bench {
         let planned = planned.filter(|_| !apart);
         let id = TrialId { combination, trial, condition: Condition::Touch };
         let ablated = ablations.iter().map(|&sensing| {
-            let options = Play { planned: planned.as_ref(), ..self.options(id, rng.clone()) };
+            let options = Play { planned: planned.as_ref(), ..self.options(id, looks.clone()) };
             Ok(AblatedTrial { sensing, record: self.touch(&start, options, sensing, &mut NoWatcher)? })
         });
         Ok((records, ablated.collect::<Result<_>>()?))
@@ -137,8 +139,9 @@ impl Bench {
     }
 
     /// How a branch is played when nothing is shared.
-    fn options(&self, id: TrialId, rng: ChaCha8Rng) -> Play<'_> {
-        Play { id, noise: &self.world.scenario.noise, rng, planned: None, inject_truth: false, keep_confirm: false }
+    fn options(&self, id: TrialId, looks: Looks) -> Play<'_> {
+        let (noise, library) = (&self.world.scenario.noise, &self.world.objects);
+        Play { id, noise, library, looks, planned: None, inject_truth: false, keep_confirm: false }
     }
 
     /// The branch of the policy `blind`.

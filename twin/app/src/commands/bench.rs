@@ -135,6 +135,7 @@ pub fn benchmark(terminal: &Terminal, args: &BenchArgs) -> Outcome {
     check_body(robot, args.config.as_deref())?;
     let mut scenario = Scenario::parse(&request.scenario, &folder.join("run.json"))?;
     scenario.noise = scenario.noise.scaled(request.noise_scale);
+    scenario.effects = scenario.effects.scaled(request.noise_scale);
     if robot != Body::Sim && !scenario.disturbance.is_none() {
         bail!(
             "--robot {}: the scenario has a [disturbance], which can be done to the simulated robot (sim) only",

@@ -4,19 +4,16 @@ use std::sync::Arc;
 
 use anyhow::{Result, bail};
 use control::executive::Phase;
-use control::percept::{Eyes, EyesError};
 use control::perception::{Felt, Grip};
 use control::policy::Injected;
 use hand_model::robot::Robot;
-use nalgebra::Isometry3;
 use proving::rehearsal::{Snapshot, digit_bits, in_hand};
-use rand_chacha::ChaCha8Rng;
-use scenarios::noise::{NoiseLevels, TrialNoise};
 use scenarios::record::{Condition, TrialId, TrialRecord};
 use scenarios::referee::{Referee, SceneTruth};
 use sim::robot::Truth;
 
 use super::disturbance::Disturber;
+use super::eyes::History;
 use super::profile::{Activity, Profile};
 use super::watcher::{Moment, Watcher};
 use crate::body::{Body, Stopped};
@@ -30,6 +27,8 @@ pub struct Run {
     pub referee: Referee,
     /// What is done to it.
     pub disturber: Disturber,
+    /// Where the objects were, for eyes that report late.
+    pub history: History,
     /// Where the time goes.
     pub profile: Arc<Profile>,
 }
@@ -70,7 +69,7 @@ impl Run {
         condition: Option<Condition>,
         watcher: &mut dyn Watcher,
     ) -> Result<()> {
-        let Self { snapshot, referee, disturber, profile } = self;
+        let Self { snapshot, referee, disturber, history, profile } = self;
         let holding = digit_bits(snapshot.executive.first().0.role.digits());
         let Snapshot { robot, executive } = snapshot;
         while executive.phase() < until {
@@ -87,6 +86,7 @@ impl Run {
                 let Some(truth) = robot.truth() else { return Ok(()) };
                 referee.see(&scene(&truth, executive.phase(), holding));
                 disturber.see(&truth);
+                history.see(&truth);
                 watcher.see(&Moment { truth: &truth, executive, felt, condition, note: note.as_deref() })
             })?;
             // The last tick of a recording may also be the last of a trial.
@@ -129,26 +129,6 @@ impl Run {
     }
 }
 
-/// Prior perception of a trial: each look has an error of its own, and those of the disturbances.
-pub struct NoisyEyes<'a> {
-    /// Whose objects are looked at.
-    pub robot: &'a mut Body,
-    /// What perception is wrong about.
-    pub disturber: &'a Disturber,
-    /// Errors.
-    pub noise: &'a NoiseLevels,
-    /// The trial's generator.
-    pub rng: &'a mut ChaCha8Rng,
-}
-
-impl Eyes for NoisyEyes<'_> {
-    fn look(&mut self, object: usize) -> Result<Isometry3<f64>, EyesError> {
-        let noise = TrialNoise::draw(self.noise, self.rng).objects[object];
-        let noise = self.disturber.perceived_noise(object, &noise);
-        self.robot.look(object, &noise).map_err(|error| EyesError { object, source: error.into() })
-    }
-}
-
 /// The referee's view of the scene.
 fn scene(truth: &Truth, phase: Phase, holding: u32) -> SceneTruth {
     let count = |object: usize| truth.touched_by[object].count_ones() as usize;
@@ -168,6 +148,7 @@ fn scene(truth: &Truth, phase: Phase, holding: u32) -> SceneTruth {
 #[cfg(test)]
 mod tests {
     use hand_model::Digit;
+    use nalgebra::Isometry3;
 
     use super::*;
 
