@@ -221,6 +221,21 @@ impl Effects {
         self
     }
 
+    /// The same with the arm's and the eyes' own standard deviations times `factor`.
+    #[must_use]
+    pub fn scaled(mut self, factor: f64) -> Self {
+        if let Some(eyes) = &mut self.eyes {
+            eyes.tilt_sigma *= factor;
+        }
+        if let Some(arm) = &mut self.arm {
+            arm.encoder_sigma *= factor;
+            arm.mount_position_sigma *= factor;
+            arm.mount_rotation_sigma *= factor;
+            arm.payload_sigma *= factor;
+        }
+        self
+    }
+
     /// What a file has wrong: field, found, expected.
     pub(crate) fn check(&self) -> Result<(), (String, String, String)> {
         let mut values: Vec<(&str, f64, [f64; 2])> = Vec::new();

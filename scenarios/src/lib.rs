@@ -2,7 +2,8 @@
 //!
 //! The story in order: [`objects`] are what is picked up, each with a [`geometry::Shape`], from a table in a world of
 //! [`physics`]; a [`scenario`] file says which of them come first and second, where they stand ([`layout`]) and how a trial
-//! goes, and [`combination`] draws pairs; [`noise`] draws what goes wrong in a trial,
+//! goes, and [`combination`] draws pairs; [`noise`] draws what goes wrong in a trial, [`individuals`] which arm and which objects
+//! are at hand, [`sight`] what vision makes of them;
 //! [`effects`] are what reality adds to an ideal robot, [`disturbance`] says what is done to a trial on purpose, and it goes through
 //! the phases of [`phase`]; the [`referee`] judges it from ground truth; a [`record::TrialRecord`] keeps the result and a [`tries::TryRecord`] that of each try; with less of
 //! its means ([`ablation`], [`sensing`]) an [`record::AblatedTrial`], and [`statistics`] sums all of them up. [`transport`] says which balls are to be
@@ -14,6 +15,7 @@ pub mod disturbance;
 pub mod effects;
 pub mod geometry;
 pub mod holding;
+pub mod individuals;
 pub mod layout;
 pub mod noise;
 pub mod objects;
@@ -23,6 +25,7 @@ pub mod record;
 pub mod referee;
 pub mod scenario;
 pub mod sensing;
+pub mod sight;
 pub mod statistics;
 pub mod transport;
 pub mod tries;

@@ -3,11 +3,14 @@
 //! A trial's generator depends on nothing but the seed, the combination and the trial: not on the thread, the order of the
 //! trials or the condition, so that `blind` and `touch` meet the same errors.
 
-use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
+use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector2, Vector3};
 use rand::{Rng, RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::StandardNormal;
 use serde::{Deserialize, Serialize};
+
+use crate::effects::{Effect, Effects};
+use crate::individuals::{ArmDefects, Individual};
 
 /// Standard deviations of the arm's constant error.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -60,22 +63,42 @@ impl NoiseLevels {
     }
 }
 
-/// Perceived minus true pose of one object.
+/// What vision takes an object for that lies otherwise.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Mistaken {
+    /// Reported in the place of the true orientation.
+    pub rotation: UnitQuaternion<f64>,
+    /// By how much higher the centre of an object is that really lies so, m.
+    pub rise: f64,
+}
+
+/// Perceived minus true pose of one object.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub struct ObjectNoise {
     /// m, world axes.
     pub offset: Vector3<f64>,
     /// rad, about the world's z through the object's origin.
     pub yaw: f64,
+    /// Rotation vector of the tilt, rad, about the world's x and y through the object's origin.
+    pub tilt: Vector2<f64>,
+    /// The way to lie that the object is taken to be in, if it is the wrong one.
+    pub mistaken: Option<Mistaken>,
 }
 
 impl ObjectNoise {
     /// `world_from_object` as vision gives it.
     pub fn perceived(&self, world_from_object: &Isometry3<f64>) -> Isometry3<f64> {
-        Isometry3::from_parts(
-            Translation3::from(world_from_object.translation.vector + self.offset),
-            UnitQuaternion::from_axis_angle(&Vector3::z_axis(), self.yaw) * world_from_object.rotation,
-        )
+        let mut position = world_from_object.translation.vector + self.offset;
+        let mut rotation = world_from_object.rotation;
+        if let Some(mistaken) = &self.mistaken {
+            position.z += mistaken.rise;
+            rotation = mistaken.rotation;
+        }
+        rotation = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), self.yaw) * rotation;
+        if self.tilt != Vector2::zeros() {
+            rotation = UnitQuaternion::from_scaled_axis(self.tilt.push(0.0)) * rotation;
+        }
+        Isometry3::from_parts(Translation3::from(position), rotation)
     }
 }
 
@@ -101,17 +124,22 @@ pub struct TrialNoise {
     pub objects: [ObjectNoise; 2],
     /// Of the first and the second object, from the places that the plan was made for. Not an error: perception sees it.
     pub shifts: [Shift; 2],
+    /// Of the arm, in the place of the constant error.
+    pub arm: ArmDefects,
+    /// The first and the second object as they really are.
+    pub individuals: [Individual; 2],
 }
 
 impl TrialNoise {
     /// No errors: the condition `ideal`.
     pub fn none() -> Self {
-        let object = ObjectNoise { offset: Vector3::zeros(), yaw: 0.0 };
         Self {
             position: Vector3::zeros(),
             rotation: Vector3::zeros(),
-            objects: [object; 2],
+            objects: [ObjectNoise::default(); 2],
             shifts: [Shift::default(); 2],
+            arm: ArmDefects::default(),
+            individuals: [Individual::AS_MODELLED; 2],
         }
     }
 
@@ -123,9 +151,27 @@ impl TrialNoise {
         let objects = [(); 2].map(|()| {
             let [x, y] = [(); 2].map(|()| gaussian(rng) * perception.xy_sigma);
             let z = gaussian(rng) * perception.z_sigma;
-            ObjectNoise { offset: Vector3::new(x, y, z), yaw: gaussian(rng) * perception.yaw_sigma }
+            ObjectNoise {
+                offset: Vector3::new(x, y, z),
+                yaw: gaussian(rng) * perception.yaw_sigma,
+                ..ObjectNoise::default()
+            }
         });
-        Self { position, rotation, objects, shifts: [Shift::default(); 2] }
+        Self { position, rotation, objects, ..Self::none() }
+    }
+
+    /// The same with what the effects `arm` and `objects` draw for this trial; the arm's errors take the place of the constant one.
+    #[must_use]
+    pub fn with_effects(mut self, effects: &Effects, seed: u64, combination: usize, trial: usize) -> Self {
+        if let Some(errors) = &effects.arm {
+            (self.position, self.rotation) = (Vector3::zeros(), Vector3::zeros());
+            self.arm = ArmDefects::draw(errors, &mut Effect::Arm.stream(seed, combination, trial));
+        }
+        if let Some(spread) = &effects.objects {
+            let mut rng = Effect::Objects.stream(seed, combination, trial);
+            self.individuals = [(); 2].map(|()| Individual::draw(spread, &mut rng));
+        }
+        self
     }
 
     /// Where the palm really goes when it is sent to `world_from_palm`.
@@ -160,7 +206,7 @@ pub(crate) fn uniform(rng: &mut ChaCha8Rng) -> f64 {
 }
 
 /// A draw from the standard normal distribution, cut at three standard deviations.
-fn gaussian(rng: &mut ChaCha8Rng) -> f64 {
+pub(crate) fn gaussian(rng: &mut ChaCha8Rng) -> f64 {
     loop {
         let value: f64 = rng.sample(StandardNormal);
         if value.abs() <= 3.0 {
@@ -169,7 +215,7 @@ fn gaussian(rng: &mut ChaCha8Rng) -> f64 {
     }
 }
 
-fn vector(rng: &mut ChaCha8Rng, sigma: f64) -> Vector3<f64> {
+pub(crate) fn vector(rng: &mut ChaCha8Rng, sigma: f64) -> Vector3<f64> {
     let [x, y, z] = [(); 3].map(|()| gaussian(rng) * sigma);
     Vector3::new(x, y, z)
 }

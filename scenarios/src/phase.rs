@@ -8,6 +8,8 @@ use serde::{Deserialize, Serialize};
 pub enum Phase {
     /// Laying everything down, after a failure, to start again.
     PutDown,
+    /// Out of the eyes' way, to look again.
+    StepAside,
     /// To the first object.
     ApproachFirst,
     /// Closing on it.
@@ -40,8 +42,9 @@ pub enum Phase {
 
 impl Phase {
     /// All phases in order.
-    pub const ALL: [Self; 15] = [
+    pub const ALL: [Self; 16] = [
         Self::PutDown,
+        Self::StepAside,
         Self::ApproachFirst,
         Self::GraspFirst,
         Self::LiftFirst,
@@ -62,6 +65,7 @@ impl Phase {
     pub fn name(self) -> &'static str {
         match self {
             Self::PutDown => "put down",
+            Self::StepAside => "step aside",
             Self::ApproachFirst => "approach first",
             Self::GraspFirst => "grasp first",
             Self::LiftFirst => "lift first",

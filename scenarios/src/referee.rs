@@ -161,6 +161,8 @@ pub enum FailureCause {
     Slipped,
     /// The controller found no way to reach an object.
     Unreachable,
+    /// An object was nowhere to be seen.
+    NotSeen,
     /// The controller found no strategy left to try.
     NoStrategy,
     /// The body failed: a servo, a link, a limit.
@@ -181,6 +183,7 @@ impl std::fmt::Display for FailureCause {
             Self::BothDropped => "both dropped",
             Self::Slipped => "slipped",
             Self::Unreachable => "unreachable",
+            Self::NotSeen => "not seen",
             Self::NoStrategy => "no strategy",
             Self::RobotFault => "robot fault",
             Self::NotFinished => "not finished",

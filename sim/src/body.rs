@@ -7,8 +7,9 @@
 use hand_model::arm::WristCapsule;
 use hand_model::hand::{CoverShape, MassProperties};
 use hand_model::{ARM_JOINTS, Arm, HAND_JOINTS, Hand};
-use nalgebra::{Isometry3, UnitQuaternion, Vector3};
+use nalgebra::{Isometry3, Matrix3, Point3, Vector3};
 use rapier3d_f64::prelude::*;
+use scenarios::individuals::ArmDefects;
 
 use crate::convert;
 use crate::engine::{Engine, GRAVITY};
@@ -31,6 +32,7 @@ pub struct RobotBody {
     joints: Vec<MultibodyJointHandle>,
     /// Palm cover, then the 15 link covers.
     pub covers: Vec<ColliderHandle>,
+    /// As gravity compensation knows them.
     masses: Vec<MassProperties>,
 }
 
@@ -56,9 +58,9 @@ pub struct ArmGoal {
     pub speed: [f64; ARM_JOINTS],
 }
 
-/// The palm in the arm's last link, with the hand turned by `mount_error` on its flange.
-pub fn last_from_palm(arm: &Arm, hand: &Hand, mount_error: &UnitQuaternion<f64>) -> Isometry3<f64> {
-    arm.last_from_tool * *mount_error * hand.palm_from_flange.inverse()
+/// The palm in the arm's last link, where it really is.
+pub fn last_from_palm(arm: &Arm, hand: &Hand, defects: &ArmDefects) -> Isometry3<f64> {
+    arm.last_from_tool * defects.mount() * hand.palm_from_flange.inverse()
 }
 
 pub(crate) fn revolute(origin: &Isometry3<f64>, axis: &Vector3<f64>, limits: [f64; 2]) -> GenericJoint {
@@ -102,13 +104,13 @@ pub(crate) fn link_body(world: &Isometry3<f64>, mass: &MassProperties) -> RigidB
 }
 
 impl RobotBody {
-    /// Adds arm (at `world_from_base`) and hand (turned by `mount_error` on its flange) to the engine at the given angles.
+    /// Adds arm (at `world_from_base`) and hand to the engine at the given angles, which are the true ones.
     pub fn insert(
         engine: &mut Engine,
         arm: &Arm,
         hand: &Hand,
         world_from_base: &Isometry3<f64>,
-        mount_error: &UnitQuaternion<f64>,
+        defects: &ArmDefects,
         arm_q: &[f64; ARM_JOINTS],
     ) -> Self {
         let arm_poses = arm.tree.forward(arm_q);
@@ -116,7 +118,7 @@ impl RobotBody {
         let mut links = Vec::new();
         let mut joints = Vec::new();
         let mut masses = Vec::new();
-        let last_from_palm = last_from_palm(arm, hand, mount_error);
+        let last_from_palm = last_from_palm(arm, hand, defects);
         let mut parent = base;
         for (i, joint) in arm.tree.joints.iter().enumerate() {
             let mut mass = arm.masses[i];
@@ -124,7 +126,13 @@ impl RobotBody {
                 // Bracelet, servo pack and palm are one rigid link.
                 mass = merge(&mass, &hand.palm_mass, &last_from_palm);
             }
-            let body = engine.bodies.insert(link_body(&(world_from_base * arm_poses[i]), &mass));
+            let mut real = mass;
+            if i == ARM_JOINTS - 1 && defects.payload > 0.0 {
+                let payload =
+                    MassProperties { mass: defects.payload, com: Point3::origin(), inertia: Matrix3::zeros() };
+                real = merge(&mass, &payload, &last_from_palm);
+            }
+            let body = engine.bodies.insert(link_body(&(world_from_base * arm_poses[i]), &real));
             let handle = engine.multibodies.insert(
                 parent,
                 body,
@@ -284,7 +292,7 @@ fn merge(a: &MassProperties, b: &MassProperties, a_from_b: &Isometry3<f64>) -> M
     let com_b = a_from_b * b.com;
     let mass = a.mass + b.mass;
     let com = (a.com.coords * a.mass + com_b.coords * b.mass) / mass;
-    let shift = |m: f64, d: Vector3<f64>| (nalgebra::Matrix3::identity() * d.norm_squared() - d * d.transpose()) * m;
+    let shift = |m: f64, d: Vector3<f64>| (Matrix3::identity() * d.norm_squared() - d * d.transpose()) * m;
     MassProperties {
         mass,
         com: com.into(),

@@ -10,8 +10,9 @@ use std::fmt::Write as _;
 use hand_model::hand::{CoverShape, MassProperties};
 use hand_model::kinematics::Joint;
 use hand_model::{ARM_JOINTS, Arm, Hand};
-use nalgebra::{Isometry3, Point3, UnitQuaternion, Vector3};
+use nalgebra::{Isometry3, Point3, Vector3};
 use scenarios::geometry::Shape;
+use scenarios::individuals::ArmDefects;
 use scenarios::physics::Physics;
 
 use crate::body::last_from_palm;
@@ -205,7 +206,7 @@ fn arm_bodies(out: &mut String, arm: &Arm, hand: &Hand) {
         inertial(out, &arm.masses[i]);
         arm_joint(out, joint, arm.armature);
     }
-    let mount = last_from_palm(arm, hand, &UnitQuaternion::identity());
+    let mount = last_from_palm(arm, hand, &ArmDefects::default());
     let _ = writeln!(out, "<body name=\"palm\" gravcomp=\"1\" {}>", placed(&mount));
     *out += &palm(hand);
     *out += &"</body>\n".repeat(ARM_JOINTS + 1);

@@ -1,6 +1,7 @@
 //! The simulated body behind [`hand_model::robot::Robot`], and the side door to ground truth.
 
 mod outside;
+mod seeing;
 mod set_points;
 
 use std::collections::VecDeque;
@@ -12,6 +13,7 @@ use nalgebra::{Isometry3, Vector3};
 use rapier3d_f64::prelude::*;
 use scenarios::disturbance::Blindness;
 use scenarios::geometry::Shape;
+use scenarios::individuals::ArmDefects;
 use scenarios::objects::ObjectModel;
 use scenarios::physics::{Physics, Table};
 
@@ -20,7 +22,7 @@ use crate::contacts::{contacts_of, normal_force};
 use crate::convert;
 use crate::drive::HandDrive;
 use crate::engine::{Engine, EngineSettings};
-use crate::scene::insert_object;
+use crate::scene::{insert_floor, insert_object};
 use crate::tactile::TactileBoard;
 use outside::{Outside, Target};
 use set_points::{Limits, SetPoint};
@@ -36,11 +38,14 @@ const STEPS_PER_TICK: usize = 2;
 pub struct SimulatedRobot {
     hand: Arc<Hand>,
     arm: Arc<Arm>,
+    defects: ArmDefects,
     last_from_palm: Isometry3<f64>,
     engine: Engine,
     body: RobotBody,
     objects: Vec<(Arc<ObjectModel>, RigidBodyHandle, ColliderHandle)>,
     table: ColliderHandle,
+    /// With the height of its surface, m.
+    floor: Option<(ColliderHandle, f64)>,
     drive: HandDrive,
     state: JointState,
     arm_torque: [f64; ARM_JOINTS],
@@ -65,8 +70,9 @@ impl SimulatedRobot {
     /// Builds the scene.
     pub fn new(hand: Arc<Hand>, arm: Arc<Arm>, setup: &SceneSetup, tactile: TactileBoard) -> Self {
         let mut engine = Engine::new(setup.engine);
-        let body =
-            RobotBody::insert(&mut engine, &arm, &hand, &setup.world_from_base, &setup.mount_error, &setup.arm_start);
+        let defects = setup.arm_defects;
+        let start = defects.real(&setup.arm_start);
+        let body = RobotBody::insert(&mut engine, &arm, &hand, &setup.world_from_base, &defects, &start);
         let Table { center, half, .. } = Physics::standard().table;
         let table_shape = ColliderBuilder::cuboid(half[0], half[1], half[2])
             .position(Pose::from_translation(Vector::new(center[0], center[1], center[2])))
@@ -75,17 +81,20 @@ impl SimulatedRobot {
             .collision_groups(InteractionGroups::all().with_memberships(groups::TABLE));
         let table = engine.colliders.insert(table_shape);
         let objects: Vec<_> = setup.objects.iter().map(|placement| insert_object(&mut engine, placement)).collect();
+        let floor = setup.floor.map(|height| (insert_floor(&mut engine, height), height));
         let state = body.joint_state(&engine);
         let count = objects.len();
         Self {
             drive: HandDrive::new(&hand, setup.cable_friction),
-            last_from_palm: last_from_palm(&arm, &hand, &setup.mount_error),
+            defects,
+            last_from_palm: last_from_palm(&arm, &hand, &defects),
             hand,
             arm,
             engine,
             body,
             objects,
             table,
+            floor,
             state,
             arm_torque: [0.0; ARM_JOINTS],
             previous_goal: setup.arm_start,
@@ -104,7 +113,7 @@ impl SimulatedRobot {
         }
     }
 
-    /// Where the arm is to be at the end of the tick, rad.
+    /// Where the encoders are to show the arm at the end of the tick, rad.
     fn goal(&self) -> [f64; ARM_JOINTS] {
         self.set_points.map(|joint| joint.at)
     }
@@ -125,13 +134,17 @@ impl SimulatedRobot {
         self.time += dt;
     }
 
-    /// Slows objects that turn on the table, by a torque of the normal force times the rolling resistance's lever arm.
+    /// Slows objects that turn on table or floor, by a torque of the normal force times the rolling resistance's lever arm.
     fn resist_rolling(&mut self) {
         let EngineSettings { dt, rolling_resistance, .. } = self.engine.settings;
         for (_, body, collider) in &self.objects {
-            let force = normal_force(&self.engine, *collider, self.table);
+            let mut force = normal_force(&self.engine, *collider, self.table);
+            let mut ground = 0.0;
+            if let Some((floor, height)) = self.floor.filter(|_| force <= 0.0) {
+                (force, ground) = (normal_force(&self.engine, *collider, floor), height);
+            }
             let body = &mut self.engine.bodies[*body];
-            let (spin, height) = (body.angvel(), body.center_of_mass().z.max(0.0));
+            let (spin, height) = (body.angvel(), (body.center_of_mass().z - ground).max(0.0));
             let speed = spin.length();
             if force <= 0.0 || speed <= 0.0 {
                 continue;
@@ -322,7 +335,11 @@ impl Robot for SimulatedRobot {
             time: self.time,
             sequence: self.sequence,
             servos: self.drive.states(),
-            arm: ArmState { position: self.state.arm, velocity: self.state.arm_speed, torque: self.arm_torque },
+            arm: ArmState {
+                position: self.defects.shown(&self.state.arm),
+                velocity: self.state.arm_speed,
+                torque: self.arm_torque,
+            },
             tactile: std::mem::take(&mut self.frames),
         }
     }
@@ -352,8 +369,8 @@ impl Robot for SimulatedRobot {
         Outside::begin_forces(&pulled, &mut self.engine);
         for n in 1..=STEPS_PER_TICK {
             let part = n as f64 / STEPS_PER_TICK as f64;
-            let position = std::array::from_fn(|i| self.previous_goal[i] + part * (goal[i] - self.previous_goal[i]));
-            self.step(&ArmGoal { position, speed });
+            let shown = std::array::from_fn(|i| self.previous_goal[i] + part * (goal[i] - self.previous_goal[i]));
+            self.step(&ArmGoal { position: self.defects.real(&shown), speed });
             self.note_contacts();
         }
         Outside::end_forces(&pulled, &mut self.engine);

@@ -4,8 +4,9 @@ use std::sync::Arc;
 
 use hand_model::ARM_JOINTS;
 use hand_model::transmission::friction::CableFriction;
-use nalgebra::{Isometry3, UnitQuaternion};
+use nalgebra::Isometry3;
 use rapier3d_f64::prelude::*;
+use scenarios::individuals::ArmDefects;
 use scenarios::objects::ObjectModel;
 use scenarios::physics::Physics;
 
@@ -27,17 +28,33 @@ pub struct ObjectPlacement {
 pub struct SceneSetup {
     /// Where the arm's base *really* is; the controller believes in its nominal place.
     pub world_from_base: Isometry3<f64>,
-    /// By how much the hand is really turned on its flange (calibration error).
-    pub mount_error: UnitQuaternion<f64>,
-    /// Arm posture at the start, rad.
+    /// How the arm differs from the one that the controller believes in.
+    pub arm_defects: ArmDefects,
+    /// Arm posture at the start as the encoders show it, rad.
     pub arm_start: [f64; ARM_JOINTS],
     /// Objects on the table.
     pub objects: Vec<ObjectPlacement>,
     /// From a camera's exposure to its frame in the controller, s.
     pub frame_delay: f64,
+    /// Height of the floor, m; none: what leaves the table falls for ever.
+    pub floor: Option<f64>,
     /// Friction of the cables in their guides.
     pub cable_friction: CableFriction,
     pub engine: EngineSettings,
+}
+
+/// Half extents of the floor, m: what rolls stops long before its edge, and nothing is fast enough to pass through it in a step.
+const FLOOR: [f64; 3] = [20.0, 20.0, 0.5];
+
+/// Puts a floor with its surface at `height` (m) into the engine, of the table's friction.
+pub(crate) fn insert_floor(engine: &mut Engine, height: f64) -> ColliderHandle {
+    let [x, y, z] = FLOOR;
+    let floor = ColliderBuilder::cuboid(x, y, z)
+        .position(Pose::from_translation(Vector::new(0.0, 0.0, height - z)))
+        .friction(engine.settings.table_friction)
+        .friction_combine_rule(CoefficientCombineRule::Min)
+        .collision_groups(InteractionGroups::all().with_memberships(groups::TABLE).with_filter(groups::OBJECT));
+    engine.colliders.insert(floor)
 }
 
 /// Puts an object into the engine: its model, its body and its collider.

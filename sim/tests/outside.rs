@@ -5,8 +5,9 @@ use std::sync::Arc;
 use hand_model::robot::{Command, Robot, ServoGoal};
 use hand_model::transmission::friction::CableFriction;
 use hand_model::{Arm, Digit, Hand};
-use nalgebra::{Isometry3, UnitQuaternion, Vector3};
+use nalgebra::{Isometry3, Vector3};
 use scenarios::disturbance::Blindness;
+use scenarios::individuals::ArmDefects;
 use scenarios::objects::ObjectSet;
 use sim::engine::EngineSettings;
 use sim::tactile::TactileBoard;
@@ -18,10 +19,11 @@ fn scene(board: fn(&Hand) -> TactileBoard) -> SimulatedRobot {
     let pose = Isometry3::from_parts([0.62, 0.14, model.rest_height()].into(), model.rest);
     let setup = SceneSetup {
         world_from_base: Isometry3::identity(),
-        mount_error: UnitQuaternion::identity(),
+        arm_defects: ArmDefects::default(),
         arm_start: Arm::home(),
         objects: vec![ObjectPlacement { model, pose }],
         frame_delay: 0.0,
+        floor: None,
         cable_friction: CableFriction::NONE,
         engine: EngineSettings::default(),
     };

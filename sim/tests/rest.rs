@@ -5,7 +5,8 @@ use std::sync::Arc;
 use hand_model::robot::Robot;
 use hand_model::transmission::friction::CableFriction;
 use hand_model::{Arm, Hand};
-use nalgebra::{Isometry3, UnitQuaternion};
+use nalgebra::Isometry3;
+use scenarios::individuals::ArmDefects;
 use scenarios::objects::ObjectSet;
 use sim::engine::EngineSettings;
 use sim::tactile::TactileBoard;
@@ -27,9 +28,10 @@ fn objects_rest_where_they_are_put() {
         let pose = Isometry3::from_parts([0.62, 0.14, model.rest_height()].into(), model.rest);
         let setup = SceneSetup {
             world_from_base: Isometry3::identity(),
-            mount_error: UnitQuaternion::identity(),
+            arm_defects: ArmDefects::default(),
             arm_start: Arm::home(),
             objects: vec![ObjectPlacement { model: model.clone(), pose }],
+            floor: None,
             cable_friction: CableFriction::NONE,
             engine: EngineSettings::default(),
         };
@@ -61,9 +63,10 @@ fn a_rolling_ball_is_stopped() {
     let pose = Isometry3::from_parts([0.62, 0.14, height].into(), model.rest);
     let setup = SceneSetup {
         world_from_base: Isometry3::identity(),
-        mount_error: UnitQuaternion::identity(),
+        arm_defects: ArmDefects::default(),
         arm_start: Arm::home(),
         objects: vec![ObjectPlacement { model: model.clone(), pose }],
+        floor: None,
         cable_friction: CableFriction::NONE,
         engine: EngineSettings::default(),
     };

@@ -112,8 +112,9 @@ fn values(event: &Event) -> Vec<(String, u64)> {
         Event::Asked(command) | Event::Sent(command) => bits(command),
         Event::Tick(tick) => vec![("time".to_owned(), tick.time.to_bits())],
         Event::Seen(object, pose) => {
-            let pose = pose.iter().map(|value| ("pose".to_owned(), value.to_bits()));
-            pose.chain([("object".to_owned(), *object as u64)]).collect()
+            let seen = [("object".to_owned(), *object as u64), ("seen".to_owned(), u64::from(pose.is_some()))];
+            let pose = pose.iter().flatten().map(|value| ("pose".to_owned(), value.to_bits()));
+            seen.into_iter().chain(pose).collect()
         }
         Event::Outcome(_) | Event::Raw { .. } => Vec::new(),
     }

@@ -98,23 +98,24 @@ pub struct Seen {
     /// Index of the object.
     #[prost(uint32, optional, tag = "1")]
     pub object: Option<u32>,
-    /// World: x, y, z in m, then the quaternion's i, j, k, w.
+    /// World: x, y, z in m, then the quaternion's i, j, k, w; empty if the object was not to be seen.
     #[prost(double, repeated, tag = "2")]
     pub pose: Vec<f64>,
 }
 
 impl Seen {
     /// For the file.
-    pub fn new(object: usize, pose: &[f64; 7]) -> Self {
-        Self { object: Some(object as u32), pose: pose.to_vec() }
+    pub fn new(object: usize, pose: Option<&[f64; 7]>) -> Self {
+        Self { object: Some(object as u32), pose: pose.map_or_else(Vec::new, |pose| pose.to_vec()) }
     }
 
-    /// From the file: which object, and its pose.
+    /// From the file: which object, and its pose if it was seen.
     ///
     /// # Errors
     /// Names the field that is not as it should be.
-    pub fn read(&self) -> Result<(usize, [f64; 7]), Wrong> {
-        Ok((given("object", self.object)? as usize, list::<7, _>("pose", &self.pose)?))
+    pub fn read(&self) -> Result<(usize, Option<[f64; 7]>), Wrong> {
+        let pose = if self.pose.is_empty() { None } else { Some(list::<7, _>("pose", &self.pose)?) };
+        Ok((given("object", self.object)? as usize, pose))
     }
 }
 

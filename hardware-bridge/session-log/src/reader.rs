@@ -40,8 +40,8 @@ pub enum Event {
     Sent(robot::Command),
     /// The end of a tick.
     Tick(robot::Tick),
-    /// What prior perception says: which object, and its pose ([`Seen`]).
-    Seen(usize, [f64; 7]),
+    /// What prior perception says: which object, and its pose if it was to be seen ([`Seen`]).
+    Seen(usize, Option<[f64; 7]>),
     /// What came of it, in the controller's words.
     Outcome(Vec<u8>),
     /// Bytes on a link.

@@ -34,7 +34,7 @@ impl<R: Robot> Recorder<R> {
     }
 
     /// Records an object's perceived pose.
-    pub fn seen(&mut self, object: usize, pose: &[f64; 7]) {
+    pub fn seen(&mut self, object: usize, pose: Option<&[f64; 7]>) {
         self.write(|writer| writer.seen(object, pose));
     }
 

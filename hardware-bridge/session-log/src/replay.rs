@@ -153,8 +153,9 @@ impl Replay {
         taken
     }
 
-    /// What prior perception said of `object` at this point of the recording; `None` once the recording is left.
-    pub fn seen(&mut self, object: usize) -> Option<[f64; 7]> {
+    /// What prior perception said of `object` at this point of the recording, which may be that it was not to be seen; `None` once
+    /// the recording is left.
+    pub fn seen(&mut self, object: usize) -> Option<Option<[f64; 7]>> {
         let (recorded, pose) = self.take("a look at an object", |event| match event {
             Event::Seen(object, pose) => Some((*object, *pose)),
             _ => None,

@@ -194,7 +194,7 @@ impl Writer {
     ///
     /// # Errors
     /// [`SessionLogError`].
-    pub fn seen(&mut self, object: usize, pose: &[f64; 7]) -> Result<(), SessionLogError> {
+    pub fn seen(&mut self, object: usize, pose: Option<&[f64; 7]>) -> Result<(), SessionLogError> {
         self.message(SEEN, "Seen", &Seen::new(object, pose))
     }
 

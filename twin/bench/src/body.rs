@@ -19,7 +19,7 @@ use std::rc::Rc;
 
 use anyhow::{Result, anyhow};
 use hand_model::robot::{Command, Observation, Robot, Tick};
-use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion};
+use nalgebra::{Isometry3, Point3, Quaternion, Translation3, UnitQuaternion};
 use scenarios::noise::ObjectNoise;
 use scenarios::record::{Condition, TrialRecord};
 use scenarios::referee::Verdict;
@@ -33,6 +33,19 @@ use sim::robot::Truth;
 #[error("{0}")]
 pub struct Stopped(pub String);
 
+/// A look of prior perception.
+#[derive(Debug, Clone, Copy)]
+pub struct Glance {
+    /// Number of the object.
+    pub object: usize,
+    /// Its error.
+    pub noise: ObjectNoise,
+    /// Where the object was when the frame was taken; `None` is where it is.
+    pub then: Option<Isometry3<f64>>,
+    /// Where the camera is, m, world; `None` sees everything.
+    pub camera: Option<Point3<f64>>,
+}
+
 /// What a trial needs of a body beside what a controller may know.
 pub trait TrialBody {
     /// What a controller may know of it.
@@ -41,8 +54,8 @@ pub trait TrialBody {
     fn robot_mut(&mut self) -> &mut dyn Robot;
     /// The truth, where somebody knows it: for referee and recording only.
     fn truth(&self) -> Option<Truth>;
-    /// What prior perception with this error says of object `object` now: `world_from_object`.
-    fn look(&mut self, object: usize, noise: &ObjectNoise) -> Result<Isometry3<f64>>;
+    /// What prior perception says of an object now: `world_from_object`, or nothing if it is hidden.
+    fn look(&mut self, glance: &Glance) -> Result<Option<Isometry3<f64>>>;
     /// Why it no longer follows commands, and what to do about it.
     fn stopped(&self) -> Option<String> {
         None
@@ -91,8 +104,12 @@ impl TrialBody for SimulatedRobot {
         Some(self.truth())
     }
 
-    fn look(&mut self, object: usize, noise: &ObjectNoise) -> Result<Isometry3<f64>> {
-        Ok(noise.perceived(&self.truth().objects[object]))
+    fn look(&mut self, glance: &Glance) -> Result<Option<Isometry3<f64>>> {
+        let Glance { object, noise, then, camera } = glance;
+        let pose = then.unwrap_or_else(|| self.truth().objects[*object]);
+        let center = Point3::from(pose.translation.vector);
+        let seen = camera.is_none_or(|camera| self.sees(&camera, *object, &center));
+        Ok(seen.then(|| noise.perceived(&pose)))
     }
 }
 
@@ -207,14 +224,14 @@ impl Body {
     }
 
     /// See [`TrialBody::look`]. A recorded session keeps it.
-    pub fn look(&mut self, object: usize, noise: &ObjectNoise) -> Result<Isometry3<f64>> {
+    pub fn look(&mut self, glance: &Glance) -> Result<Option<Isometry3<f64>>> {
         match self {
-            Self::Simulated(robot) => TrialBody::look(robot.as_mut(), object, noise),
+            Self::Simulated(robot) => TrialBody::look(robot.as_mut(), glance),
             Self::Single(single) => {
                 let mut single = single.borrow_mut();
-                let pose = single.body().ok_or_else(|| anyhow!("the trial is over"))?.look(object, noise)?;
+                let pose = single.body().ok_or_else(|| anyhow!("the trial is over"))?.look(glance)?;
                 if let Some(Wrapped::Recorded(recorder)) = &mut single.line {
-                    recorder.seen(object, &numbers(&pose));
+                    recorder.seen(glance.object, pose.as_ref().map(numbers).as_ref());
                 }
                 Ok(pose)
             }

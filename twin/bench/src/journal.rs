@@ -46,6 +46,7 @@ impl RunRequest {
     pub fn scenario(&self) -> Result<Scenario> {
         let mut scenario = Scenario::parse(&self.scenario, Path::new("run.json"))?;
         scenario.noise = scenario.noise.scaled(self.noise_scale);
+        scenario.effects = scenario.effects.scaled(self.noise_scale);
         scenario.effects = self.without.iter().fold(scenario.effects, |effects, effect| effects.without(*effect));
         Ok(scenario)
     }

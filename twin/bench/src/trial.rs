@@ -1,13 +1,14 @@
 //! Trials: the first grasp, and from there a branch for each policy.
 //!
-//! [`setup`] begins a trial and plays its first grasp, [`branch`] plays one policy from there to the verdict
-//! and [`conditions`] one after the other, [`run`] is a trial in
-//! progress. [`shared`] is what all trials of a benchmark share, [`disturbance`] what a scenario does to them on purpose,
+//! [`setup`] begins a trial and plays its first grasp, [`branch`] plays one policy from there to the verdict and [`conditions`] one
+//! after the other, [`run`] is a trial in progress, and [`eyes`] what prior perception reports of it. [`shared`] is what all trials of
+//! a benchmark share, [`disturbance`] what a scenario does to them on purpose,
 //! [`watcher`] sees every tick, [`profile`] says where the time goes, and [`held`] keeps first grasps for the evaluation of touch.
 
 pub mod branch;
 mod conditions;
 mod disturbance;
+pub mod eyes;
 pub mod held;
 pub mod profile;
 pub mod run;
@@ -22,7 +23,6 @@ use control::policy::touch::Touch;
 use control::sensing::Senses;
 use grasping::Grasp;
 use proving::rehearsal::{Snapshot, TrialStart};
-use rand_chacha::ChaCha8Rng;
 use scenarios::noise::{TrialNoise, trial_rng};
 use scenarios::record::{AblatedTrial, Condition, TrialId, TrialRecord};
 use scenarios::referee::FailureCause;
@@ -30,6 +30,7 @@ use scenarios::{Ablation, Sensing};
 use sim::SimulatedRobot;
 
 use self::branch::{Planned, Play, play, play_plan};
+use self::eyes::Looks;
 
 pub use self::branch::TrialOutcome;
 pub use self::conditions::TrialResults;
@@ -43,7 +44,7 @@ use crate::body::{BodySource, Task};
 impl Bench {
     /// One trial under one condition on a body from `source`.
     pub fn play(&self, task: &Task, source: &mut dyn BodySource, watcher: &mut dyn Watcher) -> Result<TrialOutcome> {
-        let (mut noise, mut camera_noise, rng) = setup::draw(self, task.combination, task.trial);
+        let (mut noise, mut camera_noise, looks) = setup::draw(self, task.combination, task.trial)?;
         if task.condition == Condition::Ideal {
             (noise, camera_noise) = (TrialNoise::none(), 0);
         }
@@ -56,8 +57,8 @@ impl Bench {
         let start = setup.first_grasp(self, Some((source, task)), watcher)?;
         let mut body = start.run.snapshot.robot.clone();
         let played = match Means::of(task.condition) {
-            Some(means) => self.touch(&start, self.options(id, rng), means, watcher),
-            None => self.plan(&start, self.options(id, rng), watcher).map(|planned| planned.outcome),
+            Some(means) => self.touch(&start, self.options(id, looks), means, watcher),
+            None => self.plan(&start, self.options(id, looks), watcher).map(|planned| planned.outcome),
         };
         // Whatever happened, its recording is finished.
         let why = played.as_ref().err().map(|error| format!("{error:#}"));
@@ -71,7 +72,8 @@ impl Bench {
     pub fn ideal(&self, combination: usize, watcher: &mut dyn Watcher) -> Result<TrialOutcome> {
         let start = Setup::planned(self, combination, TrialNoise::none(), 0).first_grasp(self, None, watcher)?;
         let id = TrialId { combination, trial: 0, condition: Condition::Ideal };
-        Ok(self.plan(&start, self.options(id, trial_rng(self.seed, combination, 0)), watcher)?.outcome)
+        let looks = Looks::new(trial_rng(self.seed, combination, 0), None);
+        Ok(self.plan(&start, self.options(id, looks), watcher)?.outcome)
     }
 
     /// One trial: `conditions` from the same first grasp, and from there, unwatched, `touch` without some of its means.
@@ -83,9 +85,9 @@ impl Bench {
         ablations: &[Ablation],
         watcher: &mut dyn Watcher,
     ) -> Result<TrialResults> {
-        let (setup, rng) = Setup::noisy(self, combination, trial);
+        let (setup, looks) = Setup::noisy(self, combination, trial)?;
         let start = setup.first_grasp(self, None, watcher)?;
-        let mut branches = Branches { bench: self, setup: &setup, start, rng, plans: Plans::default() };
+        let mut branches = Branches { bench: self, setup: &setup, start, looks, plans: Plans::default() };
         let mut results = TrialResults::default();
         for &condition in conditions {
             let id = TrialId { combination, trial, condition };
@@ -123,12 +125,13 @@ impl Bench {
     }
 
     /// How a branch is played when nothing is shared.
-    fn options(&self, id: TrialId, rng: ChaCha8Rng) -> Play<'_> {
+    fn options(&self, id: TrialId, looks: Looks) -> Play<'_> {
         let scenario = &self.world.scenario;
         Play {
             id,
             noise: &scenario.noise,
-            rng,
+            library: &self.world.objects,
+            looks,
             decision_time: scenario.effects.time.map_or(0.0, |time| time.decision),
             planned: None,
             inject_truth: false,

@@ -145,6 +145,11 @@ impl Executive {
         self.slip.as_ref().map_or([0; 2], SlipWatch::steps)
     }
 
+    /// Moves the hand with what it holds out of the eyes' way; [`Phase::Decide`] follows.
+    pub fn step_aside(&mut self) -> Result<(), MotionError> {
+        self.enter(Phase::StepAside)
+    }
+
     fn enter(&mut self, phase: Phase) -> Result<(), MotionError> {
         let (motion, limits) = (&self.motion, &self.protocol.limits);
         let path = match phase {
@@ -159,6 +164,7 @@ impl Executive {
                 self.open_from = open_from;
                 path
             }
+            Phase::StepAside => motion.home(limits)?,
             Phase::Carry => {
                 let here = motion.end();
                 let aside = here.translation.vector + Vector3::y() * self.protocol.carry;
@@ -186,7 +192,7 @@ impl Executive {
             Phase::LiftFirst => Some(Phase::Look),
             Phase::Look => after_look(Phase::Decide),
             Phase::Check => after_look(Phase::Confirm),
-            Phase::PutDown => Some(Phase::Decide),
+            Phase::PutDown | Phase::StepAside => Some(Phase::Decide),
             Phase::ApproachSecond => Some(Phase::GraspSecond),
             Phase::GraspSecond => Some(Phase::LiftSecond),
             Phase::LiftSecond => Some(Phase::Check),
@@ -215,9 +221,12 @@ impl Executive {
         let arm = self.motion.follow()?;
         let wanted = self.held_tension(observation);
         let opposition = match self.phase {
-            Phase::ApproachFirst | Phase::GraspFirst | Phase::LiftFirst | Phase::Look | Phase::Decide => {
-                self.first.0.opposition
-            }
+            Phase::StepAside
+            | Phase::ApproachFirst
+            | Phase::GraspFirst
+            | Phase::LiftFirst
+            | Phase::Look
+            | Phase::Decide => self.first.0.opposition,
             _ => self.second.0.opposition,
         };
         let mut capture = self.is_looking() && self.motion.captures_look();
@@ -252,7 +261,7 @@ impl Executive {
         std::array::from_fn(|digit| match self.phase {
             Phase::ApproachFirst => first.pre_tension[digit],
             Phase::GraspFirst => closing(first, digit),
-            Phase::LiftFirst | Phase::Look | Phase::Decide => first.close_tension[digit],
+            Phase::StepAside | Phase::LiftFirst | Phase::Look | Phase::Decide => first.close_tension[digit],
             Phase::ApproachSecond => first.close_tension[digit].max(second.pre_tension[digit]),
             Phase::GraspSecond => first.close_tension[digit].max(closing(second, digit)),
             Phase::PutDown if self.motion.clock() >= self.open_from => 0.0,

@@ -195,6 +195,11 @@ impl Motion {
         PosePath::new(vec![(0.0, here), (duration(limits, &here, &target), target)])
     }
 
+    /// To the pose at the very beginning, slowly: from there the hand hides nothing that stands before it.
+    pub fn home(&self, limits: &PathLimits) -> Result<PosePath, PathError> {
+        self.straight(&limits.scaled(LIFTING), self.home)
+    }
+
     /// Up by `height` m, slowly.
     pub fn lift(&self, limits: &PathLimits, height: f64) -> Result<PosePath, PathError> {
         self.straight(&limits.scaled(LIFTING), self.above(height))

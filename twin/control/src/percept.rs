@@ -48,6 +48,6 @@ pub struct EyesError {
 
 /// Prior perception: simulated with errors, a camera, or an operator who puts the object in its place.
 pub trait Eyes {
-    /// Looks at object number `object` anew: `world_from_object`, with this look's error.
-    fn look(&mut self, object: usize) -> Result<Isometry3<f64>, EyesError>;
+    /// Looks at object number `object` anew: `world_from_object`, with this look's error; none if it is not to be seen.
+    fn look(&mut self, object: usize) -> Result<Option<Isometry3<f64>>, EyesError>;
 }

@@ -84,6 +84,8 @@ pub enum Step {
     Finish,
     /// The trial is given up: no grasp is in reach.
     GiveUp,
+    /// The trial is given up: an object that is needed is nowhere to be seen.
+    NotSeen,
 }
 
 /// What a policy did in a trial, for its record.

@@ -138,12 +138,24 @@ impl Table {
 struct Watchful<'a> {
     table: &'a Table,
     asked: [usize; 2],
+    /// How often each object is still hidden.
+    hidden: [usize; 2],
+}
+
+impl<'a> Watchful<'a> {
+    fn new(table: &'a Table) -> Self {
+        Self { table, asked: [0, 0], hidden: [0, 0] }
+    }
 }
 
 impl Eyes for Watchful<'_> {
-    fn look(&mut self, object: usize) -> Result<Isometry3<f64>, EyesError> {
+    fn look(&mut self, object: usize) -> Result<Option<Isometry3<f64>>, EyesError> {
         self.asked[object] += 1;
-        Ok(self.table.place(object))
+        if self.hidden[object] > 0 {
+            self.hidden[object] -= 1;
+            return Ok(None);
+        }
+        Ok(Some(self.table.place(object)))
     }
 }
 
@@ -210,7 +222,7 @@ fn a_bar_out_of_the_way_keeps_the_plan() {
 fn blind_carries_out_the_plan_and_never_looks() {
     let table = Table::new();
     let mut executive = table.executive();
-    let mut eyes = Watchful { table: &table, asked: [0, 0] };
+    let mut eyes = Watchful::new(&table);
     let mut blind = Blind::new(table.second()[0].grasp.clone());
     for (phase, then) in [
         (Phase::Decide, Step::Play(Phase::Confirm)),
@@ -230,7 +242,7 @@ fn blind_carries_out_the_plan_and_never_looks() {
 fn touch_goes_on_while_everything_is_in_the_hand() {
     let table = Table::new();
     let mut executive = table.executive();
-    let mut eyes = Watchful { table: &table, asked: [0, 0] };
+    let mut eyes = Watchful::new(&table);
     let mut touch = table.touch();
     for (phase, grip, then) in [
         (Phase::Decide, in_hand(true, false), Step::Play(Phase::Confirm)),
@@ -251,7 +263,7 @@ fn touch_goes_on_while_everything_is_in_the_hand() {
 fn touch_tries_again_what_is_missing() {
     let table = Table::new();
     let mut executive = table.executive();
-    let mut eyes = Watchful { table: &table, asked: [0, 0] };
+    let mut eyes = Watchful::new(&table);
     let mut touch = table.touch();
     run_until(&mut executive, Phase::Decide);
     touch.perceive(&executive, in_hand(false, false)).expect("perceived");
@@ -267,7 +279,7 @@ fn touch_tries_again_what_is_missing() {
 fn touch_puts_down_the_second_object_when_the_first_is_lost() {
     let table = Table::new();
     let mut executive = table.executive();
-    let mut eyes = Watchful { table: &table, asked: [0, 0] };
+    let mut eyes = Watchful::new(&table);
     let mut touch = table.touch();
     run_until(&mut executive, Phase::Decide);
     touch.perceive(&executive, in_hand(true, false)).expect("perceived");
@@ -284,12 +296,74 @@ fn touch_puts_down_the_second_object_when_the_first_is_lost() {
     assert_eq!((executive.phase(), eyes.asked), (Phase::ApproachFirst, [1, 1]));
 }
 
+/// Plays the way aside to the decision after it.
+fn aside(executive: &mut Executive) {
+    assert_eq!(executive.phase(), Phase::StepAside);
+    while executive.phase() == Phase::StepAside {
+        executive.tick(&Observation::default()).expect("a command");
+    }
+    assert_eq!(executive.phase(), Phase::Decide);
+}
+
+/// What is needed and hidden is looked for from aside; what comes later is looked for when its turn comes.
+#[test]
+fn touch_steps_aside_to_see_what_it_needs() {
+    let table = Table::new();
+    let mut executive = table.executive();
+    let mut eyes = Watchful { hidden: [1, 3], ..Watchful::new(&table) };
+    let mut touch = table.touch();
+    run_until(&mut executive, Phase::Decide);
+    touch.perceive(&executive, in_hand(false, false)).expect("perceived");
+    let mut decide = |executive: &mut Executive, touch: &mut Touch, grip: Option<Injected>| {
+        touch.perceive(executive, grip).expect("perceived");
+        touch.decide(executive, &mut eyes, 0.0).expect("decided")
+    };
+    assert_eq!(decide(&mut executive, &mut touch, in_hand(false, false)), Step::Play(Phase::Decide));
+    let last = executive.second().1;
+    aside(&mut executive);
+    // The grip of a moment ago stands: nothing is felt on the way aside.
+    assert_eq!(decide(&mut executive, &mut touch, None), Step::Play(Phase::Decide));
+    assert_eq!((executive.phase(), executive.second().1), (Phase::ApproachFirst, last));
+    run_until(&mut executive, Phase::Decide);
+    assert_eq!(decide(&mut executive, &mut touch, in_hand(true, false)), Step::Play(Phase::Decide));
+    aside(&mut executive);
+    assert_eq!(decide(&mut executive, &mut touch, None), Step::Play(Phase::Confirm));
+    assert_eq!((executive.phase(), touch.story().retries), (Phase::ApproachSecond, 1));
+    assert_eq!((eyes.asked, eyes.hidden), ([2, 4], [0, 0]));
+}
+
+/// What is not seen from aside either is nowhere: the trial is given up, and the reason says what is missing.
+#[test]
+fn touch_gives_up_what_is_nowhere_to_be_seen() {
+    for (phase, grip, missing) in
+        [(Phase::Decide, in_hand(false, false), FIRST), (Phase::Confirm, in_hand(true, false), SECOND)]
+    {
+        let table = Table::new();
+        let mut executive = table.executive();
+        let mut eyes = Watchful { hidden: [9, 9], ..Watchful::new(&table) };
+        let mut touch = table.touch();
+        run_until(&mut executive, Phase::Decide);
+        if phase == Phase::Confirm {
+            touch.perceive(&executive, in_hand(true, false)).expect("perceived");
+            touch.decide(&mut executive, &mut eyes, 0.0).expect("decided");
+            run_until(&mut executive, Phase::Confirm);
+        }
+        touch.perceive(&executive, grip).expect("perceived");
+        assert_eq!(touch.decide(&mut executive, &mut eyes, 0.0).expect("decided"), Step::Play(Phase::Decide));
+        aside(&mut executive);
+        touch.perceive(&executive, None).expect("perceived");
+        assert_eq!(touch.decide(&mut executive, &mut eyes, 0.0).expect("decided"), Step::NotSeen);
+        let reason = touch.story().reasons.last().expect("a reason").clone();
+        assert_eq!(reason, format!("{missing} is nowhere to be seen"));
+    }
+}
+
 /// Near the time limit no new try begins, whatever is missing.
 #[test]
 fn touch_begins_no_try_that_cannot_end_in_time() {
     let table = Table::new();
     let mut executive = table.executive();
-    let mut eyes = Watchful { table: &table, asked: [0, 0] };
+    let mut eyes = Watchful::new(&table);
     let mut touch = table.touch();
     run_until(&mut executive, Phase::Decide);
     touch.perceive(&executive, in_hand(false, false)).expect("perceived");
@@ -304,7 +378,7 @@ fn touch_gives_up_what_is_out_of_reach() {
     let mut executive = table.executive();
     let far = Percept { position: [3.0, 0.0, 0.02].into(), ..table.percept(1) };
     executive.see_second(far);
-    let mut eyes = Watchful { table: &table, asked: [0, 0] };
+    let mut eyes = Watchful::new(&table);
     let mut touch = table.touch();
     run_until(&mut executive, Phase::Decide);
     touch.perceive(&executive, in_hand(true, false)).expect("perceived");

@@ -14,6 +14,7 @@ use hand_model::transmission::friction::CableFriction;
 use hand_model::{ARM_JOINTS, Arm, Hand};
 use nalgebra::{Isometry3, Matrix3, Rotation3, Translation3, UnitQuaternion, Vector3};
 use scenarios::Scenario;
+use scenarios::individuals::ArmDefects;
 use scenarios::noise::TrialNoise;
 use scenarios::objects::{ObjectModel, ObjectSet};
 use sim::{ObjectPlacement, SceneSetup, SimulatedRobot};
@@ -64,7 +65,7 @@ impl World {
         std::array::from_fn(|n| Percept::of(&objects[n], &noise.objects[n].perceived(&poses[n])))
     }
 
-    /// The scene of a trial: objects in their places, the arm in posture `start` and off by `noise`'s execution error.
+    /// The scene of a trial: objects in their places, the arm in posture `start` and off by `noise`'s errors.
     pub fn scene(&self, objects: &[Arc<ObjectModel>; 2], start: [f64; ARM_JOINTS], noise: &TrialNoise) -> SceneSetup {
         SceneSetup {
             objects: objects
@@ -81,10 +82,11 @@ impl World {
         SceneSetup {
             world_from_base: Isometry3::from_parts(noise.position.into(), UnitQuaternion::identity())
                 * self.cell.world_from_base,
-            mount_error: UnitQuaternion::from_scaled_axis(noise.rotation),
+            arm_defects: ArmDefects { mount_rotation: noise.rotation + noise.arm.mount_rotation, ..noise.arm },
             arm_start: start,
             objects: Vec::new(),
             frame_delay: self.scenario.effects.time.map_or(0.0, |time| time.frame),
+            floor: self.scenario.effects.floor.map(|floor| floor.height),
             // The repertoire was proven with guides that take nothing; `ftac hand check` has them rub.
             cable_friction: CableFriction::NONE,
             engine: sim::engine::EngineSettings::default(),

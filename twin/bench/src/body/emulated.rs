@@ -13,12 +13,11 @@ use hardware_bridge::emulator::camera_board::BoardSettings;
 use hardware_bridge::emulator::lockstep::{LockstepRobot, LockstepSettings};
 use hardware_bridge::safety::state::State;
 use nalgebra::Isometry3;
-use scenarios::noise::ObjectNoise;
 use session_log::{Packet, Session};
 use sim::SimulatedRobot;
 use sim::robot::Truth;
 
-use super::{BodySource, Task, TrialBody, TrialSetup};
+use super::{BodySource, Glance, Task, TrialBody, TrialSetup};
 
 /// What the spool takes up beyond the geometric closing when the cable stretches under the strongest pull, rad.
 const STRETCH: f64 = 0.35;
@@ -100,8 +99,8 @@ impl TrialBody for Emulated {
         Some(self.plant.lock().truth())
     }
 
-    fn look(&mut self, object: usize, noise: &ObjectNoise) -> Result<Isometry3<f64>> {
-        TrialBody::look(&mut *self.plant.lock(), object, noise)
+    fn look(&mut self, glance: &Glance) -> Result<Option<Isometry3<f64>>> {
+        TrialBody::look(&mut *self.plant.lock(), glance)
     }
 
     fn stopped(&self) -> Option<String> {

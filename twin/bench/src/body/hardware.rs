@@ -12,7 +12,6 @@ use hardware_bridge::config::BridgeConfig;
 use hardware_bridge::hardware_robot::HardwareRobot;
 use hardware_bridge::safety::state::State;
 use nalgebra::Isometry3;
-use scenarios::noise::ObjectNoise;
 use scenarios::referee::{FailureCause, Verdict};
 use session_log::{Packet, Session, Tap};
 use sim::SimulatedRobot;
@@ -20,7 +19,7 @@ use sim::robot::Truth;
 
 use super::arm_link::arm_link;
 use super::emulated::session_file;
-use super::{BodySource, Task, TrialBody, TrialSetup};
+use super::{BodySource, Glance, Task, TrialBody, TrialSetup};
 
 /// Waited for the first measurements to pass the checks.
 const PATIENCE: Duration = Duration::from_secs(5);
@@ -54,7 +53,8 @@ impl TrialBody for Hardware {
     }
 
     /// Nobody looks but the operator, who puts the object where it belongs.
-    fn look(&mut self, object: usize, _: &ObjectNoise) -> Result<Isometry3<f64>> {
+    fn look(&mut self, glance: &Glance) -> Result<Option<Isometry3<f64>>> {
+        let object = glance.object;
         let place = self.places[object];
         self.robot.pause(OPERATOR);
         let question = format!(
@@ -65,7 +65,7 @@ impl TrialBody for Hardware {
         ask(&question)?;
         // With the answer the controller goes on thinking.
         self.pause();
-        Ok(place)
+        Ok(Some(place))
     }
 
     fn pause(&mut self) {

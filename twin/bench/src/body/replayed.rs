@@ -7,13 +7,12 @@ use std::rc::Rc;
 use anyhow::{Result, anyhow};
 use hand_model::robot::Robot;
 use nalgebra::Isometry3;
-use scenarios::noise::ObjectNoise;
 use session_log::replay::{Divergence, Progress};
 use session_log::{Replay, Session};
 use sim::SimulatedRobot;
 use sim::robot::Truth;
 
-use super::{BodySource, Stopped, Task, TrialBody, TrialSetup, pose};
+use super::{BodySource, Glance, Stopped, Task, TrialBody, TrialSetup, pose};
 
 /// How far a replay came, and how it left the recording if it did.
 pub type Report = Rc<Cell<Option<(Progress, Option<Divergence>)>>>;
@@ -37,9 +36,10 @@ impl TrialBody for Replayed {
         None
     }
 
-    fn look(&mut self, object: usize, _: &ObjectNoise) -> Result<Isometry3<f64>> {
-        let seen = self.replay.seen(object);
-        seen.map(|numbers| pose(&numbers)).ok_or_else(|| anyhow!(Stopped("the recording says nothing of it".into())))
+    fn look(&mut self, glance: &Glance) -> Result<Option<Isometry3<f64>>> {
+        let seen = self.replay.seen(glance.object);
+        seen.map(|numbers| numbers.map(|numbers| pose(&numbers)))
+            .ok_or_else(|| anyhow!(Stopped("the recording says nothing of it".into())))
     }
 
     fn stopped(&self) -> Option<String> {

@@ -13,13 +13,12 @@ use hand_model::{Arm, Hand};
 use hardware_bridge::emulator::direct::DirectRobot;
 use hardware_bridge::safety::state::State;
 use nalgebra::Isometry3;
-use scenarios::noise::ObjectNoise;
 use session_log::Session;
 use sim::SimulatedRobot;
 use sim::robot::Truth;
 
 use super::emulated::{SharedPlant, session_file, settings};
-use super::{BodySource, Task, TrialBody, TrialSetup};
+use super::{BodySource, Glance, Task, TrialBody, TrialSetup};
 
 /// The robot and the simulated one that it moves.
 pub struct Rounded {
@@ -40,8 +39,8 @@ impl TrialBody for Rounded {
         Some(self.plant.lock().truth())
     }
 
-    fn look(&mut self, object: usize, noise: &ObjectNoise) -> Result<Isometry3<f64>> {
-        TrialBody::look(&mut *self.plant.lock(), object, noise)
+    fn look(&mut self, glance: &Glance) -> Result<Option<Isometry3<f64>>> {
+        TrialBody::look(&mut *self.plant.lock(), glance)
     }
 
     fn stopped(&self) -> Option<String> {

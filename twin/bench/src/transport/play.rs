@@ -225,9 +225,9 @@ struct NoisyEyes<'a> {
 }
 
 impl Eyes for NoisyEyes<'_> {
-    fn look(&mut self, object: usize) -> Result<Isometry3<f64>, EyesError> {
+    fn look(&mut self, object: usize) -> Result<Option<Isometry3<f64>>, EyesError> {
         let noise = TrialNoise::draw(self.noise, self.rng).objects[0];
-        Ok(noise.perceived(&self.robot.truth().objects[object]))
+        Ok(Some(noise.perceived(&self.robot.truth().objects[object])))
     }
 }
 

@@ -1,5 +1,6 @@
 //! A branch of a trial: one policy from the end of the first grasp to the verdict.
 
+use std::sync::Arc;
 use std::time::Instant;
 
 use anyhow::Result;
@@ -7,16 +8,16 @@ use control::executive::Phase;
 use control::perception::Felt;
 use control::policy::{Policy, Step};
 use proving::rehearsal::{Snapshot, in_hand};
-use rand_chacha::ChaCha8Rng;
 use scenarios::noise::NoiseLevels;
-use scenarios::objects::ObjectModel;
+use scenarios::objects::{ObjectModel, ObjectSet};
 use scenarios::record::{TrialId, TrialRecord};
 use scenarios::referee::FailureCause;
 use scenarios::tries::{Attempt, TryRecord};
 use sim::robot::Truth;
 
+use super::eyes::{Looks, NoisyEyes};
 use super::profile::Activity;
-use super::run::{NoisyEyes, Run};
+use super::run::Run;
 use super::setup::Start;
 use super::watcher::Watcher;
 
@@ -45,8 +46,10 @@ pub struct Play<'a> {
     pub id: TrialId,
     /// Errors of later looks at the objects.
     pub noise: &'a NoiseLevels,
-    /// The trial's generator as the first grasp left it.
-    pub rng: ChaCha8Rng,
+    /// The objects in every way in which they can lie.
+    pub library: &'a ObjectSet,
+    /// Generators of later looks as the first one left them.
+    pub looks: Looks,
     /// How long a decision from measurements takes, s.
     pub decision_time: f64,
     /// The branch of the plan, if it is known and may be shared: with the same pauses.
@@ -131,7 +134,7 @@ fn decide_and_play(
             played.run.wait(with.decision_time, felt, Some(condition), watcher)?;
         }
         let (before, begun) = (policy.story().decisions, Instant::now());
-        let step = decide(&mut played.run, policy, &mut with)?;
+        let step = decide(&mut played.run, &start.objects, policy, &mut with)?;
         if policy.story().decisions > before {
             played.slowest_ms = played.slowest_ms.max(begun.elapsed().as_secs_f64() * 1e3);
             if phase == Phase::Decide {
@@ -146,6 +149,10 @@ fn decide_and_play(
             Step::Finish => break,
             Step::GiveUp => {
                 played.run.referee.give_up(FailureCause::Unreachable);
+                break;
+            }
+            Step::NotSeen => {
+                played.run.referee.give_up(FailureCause::NotSeen);
                 break;
             }
         };
@@ -166,12 +173,13 @@ fn decide_and_play(
 }
 
 /// One decision: perceive, then decide.
-fn decide(run: &mut Run, policy: &mut dyn Policy, with: &mut Play) -> Result<Step> {
+fn decide(run: &mut Run, objects: &[Arc<ObjectModel>; 2], policy: &mut dyn Policy, with: &mut Play) -> Result<Step> {
     let injected = if with.inject_truth { run.true_state() } else { None };
-    let Run { snapshot: Snapshot { robot, executive }, disturber, profile, .. } = run;
+    let Run { snapshot: Snapshot { robot, executive }, disturber, history, profile, .. } = run;
     profile.on(Activity::Perception, || policy.perceive(executive, injected))?;
     let time = robot.time();
-    let mut eyes = NoisyEyes { robot, disturber, noise: with.noise, rng: &mut with.rng };
+    let Play { noise, library, looks, .. } = with;
+    let mut eyes = NoisyEyes { robot, disturber, noise, looks, objects, library, history };
     Ok(profile.on(Activity::Choice, || policy.decide(executive, &mut eyes, time))?)
 }
 

@@ -44,7 +44,7 @@ impl HeldGrasp {
 impl Bench {
     /// Plays a noisy trial up to the decision; `None` where the first object is not in the hand then.
     pub fn held(&self, combination: usize, trial: usize) -> Result<Option<HeldGrasp>> {
-        let start = Setup::noisy(self, combination, trial).0.first_grasp(self, None, &mut NoWatcher)?;
+        let start = Setup::noisy(self, combination, trial)?.0.first_grasp(self, None, &mut NoWatcher)?;
         let snapshot = &start.run.snapshot;
         let Some(truth) = snapshot.robot.truth().filter(|truth| in_hand(truth, 0)) else { return Ok(None) };
         let ((first, percept), (second, _)) = (snapshot.executive.first(), snapshot.executive.second());

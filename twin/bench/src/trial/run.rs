@@ -4,20 +4,17 @@ use std::sync::Arc;
 
 use anyhow::{Result, bail};
 use control::executive::{Executive, Phase};
-use control::percept::{Eyes, EyesError};
 use control::perception::{Felt, Grip};
 use control::policy::Injected;
 use hand_model::Digit;
 use hand_model::robot::Robot;
-use nalgebra::Isometry3;
 use proving::rehearsal::{Snapshot, digit_bits, in_hand};
-use rand_chacha::ChaCha8Rng;
-use scenarios::noise::{NoiseLevels, TrialNoise};
 use scenarios::record::{Condition, TrialId, TrialRecord};
 use scenarios::referee::{Referee, SceneTruth, Touch, Toucher};
 use sim::robot::Truth;
 
 use super::disturbance::Disturber;
+use super::eyes::History;
 use super::profile::{Activity, Profile};
 use super::watcher::{Moment, Watcher};
 use crate::body::{Body, Stopped};
@@ -31,6 +28,8 @@ pub struct Run {
     pub referee: Referee,
     /// What is done to it.
     pub disturber: Disturber,
+    /// Where the objects were, for eyes that report late.
+    pub history: History,
     /// Where the time goes.
     pub profile: Arc<Profile>,
 }
@@ -103,7 +102,7 @@ impl Run {
         condition: Option<Condition>,
         watcher: &mut dyn Watcher,
     ) -> Result<()> {
-        let Self { snapshot, referee, disturber, profile } = self;
+        let Self { snapshot, referee, disturber, history, profile } = self;
         let holding = digit_bits(snapshot.executive.first().0.role.digits());
         let Snapshot { robot, executive } = snapshot;
         while on(executive, robot.time()) {
@@ -120,6 +119,7 @@ impl Run {
                 let Some(truth) = robot.truth() else { return Ok(()) };
                 referee.see(&scene(&truth, executive.phase(), holding));
                 disturber.see(&truth);
+                history.see(&truth);
                 watcher.see(&Moment { truth: &truth, executive, felt, condition, note: note.as_deref() })
             })?;
             // The last tick of a recording may also be the last of a trial.
@@ -157,26 +157,6 @@ impl Run {
             palm_from_object: truth.palm.inverse() * truth.objects[0],
             grip: Grip { first: in_hand(&truth, 0), second: in_hand(&truth, 1) },
         })
-    }
-}
-
-/// Prior perception of a trial: each look has an error of its own, and those of the disturbances.
-pub struct NoisyEyes<'a> {
-    /// Whose objects are looked at.
-    pub robot: &'a mut Body,
-    /// What perception is wrong about.
-    pub disturber: &'a Disturber,
-    /// Errors.
-    pub noise: &'a NoiseLevels,
-    /// The trial's generator.
-    pub rng: &'a mut ChaCha8Rng,
-}
-
-impl Eyes for NoisyEyes<'_> {
-    fn look(&mut self, object: usize) -> Result<Isometry3<f64>, EyesError> {
-        let noise = TrialNoise::draw(self.noise, self.rng).objects[object];
-        let noise = self.disturber.perceived_noise(object, &noise);
-        self.robot.look(object, &noise).map_err(|error| EyesError { object, source: error.into() })
     }
 }
 
@@ -226,6 +206,8 @@ fn on_second(truth: &Truth, holding: u32) -> Vec<Touch> {
 
 #[cfg(test)]
 mod tests {
+    use nalgebra::Isometry3;
+
     use super::*;
 
     fn truth(touched_by: [u32; 2]) -> Truth {

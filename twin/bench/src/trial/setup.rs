@@ -9,16 +9,18 @@ use grasping::Repertoire;
 use hand_model::CAMERAS;
 use hand_model::robot::{TactileFrame, TactileImage};
 use proving::ball_sizes;
-use proving::plan::Plan;
+use proving::plan::{Plan, Plans};
 use proving::rehearsal::{Snapshot, TrialStart};
-use rand_chacha::ChaCha8Rng;
 use scenarios::disturbance::Disturbances;
+use scenarios::effects::Effect;
 use scenarios::noise::{TrialNoise, trial_rng};
 use scenarios::objects::ObjectModel;
 use scenarios::referee::{Limits, Referee};
+use scenarios::sight::Sight;
 use touch::TouchPipeline;
 
 use super::disturbance::{Disturber, resized};
+use super::eyes::{History, Looks};
 use super::run::Run;
 use super::shared::Bench;
 use super::watcher::Watcher;
@@ -62,23 +64,19 @@ pub type Source<'a> = Option<(&'a mut dyn BodySource, &'a Task)>;
 impl<'a> Setup<'a> {
     /// A combination as it was planned, undisturbed.
     pub fn planned(bench: &'a Bench, combination: usize, noise: TrialNoise, camera_noise: u64) -> Self {
-        let (repertoire, plans) = match &bench.intact {
-            Some(intact) => (&intact.repertoire, &intact.plans),
-            None => (&bench.repertoire, &bench.plans),
-        };
-        let plan = plans.plans[combination].clone();
+        let (repertoire, plan) = (known(bench).0, plan(bench, combination).clone());
         Self { plan, repertoire, noise, camera_noise, disturbances: Disturbances::default() }
     }
 
-    /// The same with the noise and the disturbances of a trial, and the generator as that leaves it.
-    pub fn noisy(bench: &'a Bench, combination: usize, trial: usize) -> (Self, ChaCha8Rng) {
-        let (noise, camera_noise, rng) = draw(bench, combination, trial);
+    /// The same with the noise and the disturbances of a trial, and its later looks.
+    pub fn noisy(bench: &'a Bench, combination: usize, trial: usize) -> Result<(Self, Looks)> {
+        let (noise, camera_noise, looks) = draw(bench, combination, trial)?;
         let mut setup = Self::planned(bench, combination, noise, camera_noise);
         setup.disturbances = bench.world.scenario.disturbance.clone();
         if let Some(sweep) = &setup.disturbances.size_sweep {
             setup.plan = ball_sizes::plan_of(&setup.plan, sweep, trial);
         }
-        (setup, rng)
+        Ok((setup, looks))
     }
 
     /// The same trial as a policy begins it that knows which digits have no power.
@@ -93,7 +91,9 @@ impl<'a> Setup<'a> {
         let (first, candidates) = self.plan.grasps(self.repertoire)?;
         let objects = [world.object(&self.plan.first)?, world.object(&self.plan.second)?];
         let disturber = Disturber::new(&self.disturbances, &objects);
-        let real = resized(&objects, self.disturbances.sizes())?;
+        let [first_one, second_one] = resized(&objects, self.disturbances.sizes())?;
+        let [one, other] = &self.noise.individuals;
+        let real = [one.of(&first_one)?, other.of(&second_one)?];
         let grasps = [&first, &candidates[0].grasp];
         let board = bench.board.with_noise(self.camera_noise);
         let watched = source.as_ref().map_or(watched, |(_, task)| task.watched);
@@ -118,7 +118,9 @@ impl<'a> Setup<'a> {
         let protocol = &world.scenario.protocol;
         let limits = Limits { hold: protocol.hold_time, trial: protocol.time_limit };
         let referee = Referee::new(world.scenario.referee, limits);
-        let run = Run { snapshot, referee, disturber, profile: bench.profile.clone() };
+        let latency = world.scenario.effects.eyes.map_or(0.0, |eyes| eyes.latency);
+        let history = History::new(latency);
+        let run = Run { snapshot, referee, disturber, history, profile: bench.profile.clone() };
         Ok(Start { run, objects, candidates, pipeline: None })
     }
 
@@ -136,14 +138,34 @@ impl<'a> Setup<'a> {
     }
 }
 
-/// A trial's errors, the seed of its cameras' noise, and its generator as these draws leave it.
-pub fn draw(bench: &Bench, combination: usize, trial: usize) -> (TrialNoise, u64, ChaCha8Rng) {
-    let scenario = &bench.world.scenario;
-    let mut rng = trial_rng(bench.seed, combination, trial);
+/// What was planned while all digits had power.
+fn known(bench: &Bench) -> (&Repertoire, &Plans) {
+    match &bench.intact {
+        Some(intact) => (&intact.repertoire, &intact.plans),
+        None => (&bench.repertoire, &bench.plans),
+    }
+}
+
+fn plan(bench: &Bench, combination: usize) -> &Plan {
+    &known(bench).1.plans[combination]
+}
+
+/// A trial's errors with those of the first look, the seed of its cameras' noise, and its later looks.
+pub fn draw(bench: &Bench, combination: usize, trial: usize) -> Result<(TrialNoise, u64, Looks)> {
+    let (world, seed) = (&bench.world, bench.seed);
+    let scenario = &world.scenario;
+    let mut rng = trial_rng(seed, combination, trial);
     let mut noise = TrialNoise::draw(&scenario.noise, &mut rng);
     let camera_noise = rand::RngExt::random(&mut rng);
     noise.shifts = scenario.layout.draw(&mut rng);
-    (noise, camera_noise, rng)
+    let noise = noise.with_effects(&scenario.effects, seed, combination, trial);
+    let stream = Effect::Eyes.stream(seed, combination, trial);
+    let sight = scenario.effects.eyes.map(|eyes| Sight::draw(eyes, &scenario.noise.perception, stream));
+    let mut looks = Looks::new(rng, sight);
+    let plan = plan(bench, combination);
+    let objects = [world.object(&plan.first)?, world.object(&plan.second)?];
+    let noise = looks.first(&noise, &objects, &world.objects, &world.places(&objects, &noise));
+    Ok((noise, camera_noise, looks))
 }
 
 /// Plays up to the decision. A body that is not simulated shows its untouched pads on the way to the first object.

@@ -2,7 +2,8 @@
 //!
 //! At each decision the look is interpreted ([`crate::perception`]), [`crate::recovery`] says what should come next, and
 //! [`crate::strategy`] chooses the grasp of the second object given the pose of the first as felt. What failed is tried again where
-//! the eyes see it now.
+//! the eyes see it now. Where they do not see what is to be taken, the hand steps aside and they look once more; what only comes
+//! later is taken to be where it was seen last, and looked for when its turn comes.
 
 use std::collections::BTreeMap;
 
@@ -47,6 +48,10 @@ pub struct Touch<'a> {
     grip: Grip,
     /// The hand has been emptied: the first object comes next, without a look.
     emptied: bool,
+    /// The hand has stepped aside so that the eyes find this object.
+    sought: Option<usize>,
+    /// The second object was hidden when it was last looked for.
+    second_is_hidden: bool,
 }
 
 impl<'a> Touch<'a> {
@@ -69,6 +74,8 @@ impl<'a> Touch<'a> {
             felt: None,
             grip: Grip { first: false, second: false },
             emptied: false,
+            sought: None,
+            second_is_hidden: false,
         }
     }
 
@@ -88,13 +95,36 @@ impl<'a> Touch<'a> {
         }
     }
 
-    /// The eyes look at an object anew; the hand aims beside it as it has learnt to.
-    fn see(&self, index: usize, eyes: &mut dyn Eyes) -> Result<Percept, PolicyError> {
+    /// The eyes look at an object anew; the hand aims beside it as it has learnt to. None if it is hidden.
+    fn see(&self, index: usize, eyes: &mut dyn Eyes) -> Result<Option<Percept>, PolicyError> {
         let seen = match self.seen.filter(|_| !self.knowledge.recovery.new_look) {
-            Some(seen) => seen[index],
-            None => Percept::of(&self.knowledge.objects[index], &eyes.look(index)?),
+            Some(seen) => Some(seen[index]),
+            None => eyes.look(index)?.map(|pose| Percept::of(&self.knowledge.objects[index], &pose)),
         };
-        Ok(Percept { position: seen.position + self.aim, ..seen })
+        Ok(seen.map(|seen| Percept { position: seen.position + self.aim, ..seen }))
+    }
+
+    /// The same for the second object; the executive keeps the last percept while it is hidden.
+    fn see_second(&mut self, executive: &mut Executive, eyes: &mut dyn Eyes) -> Result<(), PolicyError> {
+        let seen = self.see(1, eyes)?;
+        self.second_is_hidden = seen.is_none();
+        if let Some(seen) = seen {
+            executive.see_second(seen);
+        }
+        Ok(())
+    }
+
+    /// An object that is needed now is hidden: the hand steps aside once, or, where it has done so, the trial is given up.
+    fn seek(&mut self, index: usize, executive: &mut Executive, aside: bool) -> Result<Step, PolicyError> {
+        let name = &self.knowledge.objects[index].name;
+        if aside {
+            self.story.reasons.push(format!("{name} is nowhere to be seen"));
+            return Ok(Step::NotSeen);
+        }
+        self.story.tell(format!("{name} is hidden: the hand steps aside to look again"));
+        executive.step_aside()?;
+        self.sought = Some(index);
+        Ok(Step::Play(Phase::Decide))
     }
 
     fn within_reach(&self, role: Role, seen: &Percept) -> Vec<Candidate> {
@@ -104,10 +134,16 @@ impl<'a> Touch<'a> {
         within_reach(&self.knowledge, &Wanted { object, role, candidates, failures }, seen)
     }
 
-    /// Looks at both objects and takes the first one again.
-    fn first_again(&mut self, executive: &mut Executive, eyes: &mut dyn Eyes) -> Result<Step, PolicyError> {
+    /// Looks at both objects and takes the first one again; `aside`: the hand is out of the way already.
+    fn first_again(
+        &mut self,
+        executive: &mut Executive,
+        eyes: &mut dyn Eyes,
+        aside: bool,
+    ) -> Result<Step, PolicyError> {
         let seen = self.see(0, eyes)?;
-        executive.see_second(self.see(1, eyes)?);
+        self.see_second(executive, eyes)?;
+        let Some(seen) = seen else { return self.seek(0, executive, aside) };
         let candidates = self.within_reach(Role::First, &seen);
         let Some((grasp, path)) = self.best_approach(executive, candidates, &seen) else {
             return Ok(self.give_up(0, &seen));
@@ -121,6 +157,17 @@ impl<'a> Touch<'a> {
         executive.redirect(path);
         self.story.attempts.push(attempt);
         Ok(Step::Play(Phase::Decide))
+    }
+
+    /// Looks at the second object and takes it; `aside`: the hand is out of the way already.
+    fn second_again(
+        &mut self,
+        executive: &mut Executive,
+        eyes: &mut dyn Eyes,
+        aside: bool,
+    ) -> Result<Step, PolicyError> {
+        self.see_second(executive, eyes)?;
+        if self.second_is_hidden { self.seek(1, executive, aside) } else { self.take_second(executive) }
     }
 
     /// The best of `candidates` that the arm gets to from where it is, and how.
@@ -220,7 +267,7 @@ fn attempt(decision: &Decision, felt: &Felt) -> Attempt {
 
 impl Policy for Touch<'_> {
     fn perceive(&mut self, executive: &Executive, injected: Option<Injected>) -> Result<(), PolicyError> {
-        if self.emptied {
+        if self.emptied || self.sought.is_some() {
             return Ok(());
         }
         self.seen.get_or_insert([executive.first().1, executive.second().1]);
@@ -247,7 +294,12 @@ impl Policy for Touch<'_> {
 
     fn decide(&mut self, executive: &mut Executive, eyes: &mut dyn Eyes, time: f64) -> Result<Step, PolicyError> {
         if std::mem::take(&mut self.emptied) {
-            return self.first_again(executive, eyes);
+            return self.first_again(executive, eyes, false);
+        }
+        match self.sought.take() {
+            Some(0) => return self.first_again(executive, eyes, true),
+            Some(_) => return self.second_again(executive, eyes, true),
+            None => {}
         }
         let phase = executive.phase();
         let late = time + TRY_TIME > self.knowledge.time_limit;
@@ -266,16 +318,14 @@ impl Policy for Touch<'_> {
             }
         }
         match next {
-            Next::FirstAgain => self.first_again(executive, eyes),
+            Next::FirstAgain => self.first_again(executive, eyes, false),
             Next::StartOver => {
                 executive.put_down()?;
                 self.emptied = true;
                 Ok(Step::Play(Phase::Decide))
             }
-            Next::SecondAgain => {
-                executive.see_second(self.see(1, eyes)?);
-                self.take_second(executive)
-            }
+            Next::SecondAgain => self.second_again(executive, eyes, false),
+            Next::GoOn if self.second_is_hidden => self.second_again(executive, eyes, false),
             Next::GoOn => self.take_second(executive),
         }
     }

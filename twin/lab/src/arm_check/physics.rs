@@ -6,11 +6,11 @@ use control::inverse_kinematics::Joints;
 use hand_model::robot::{Command, Robot};
 use hand_model::transmission::friction::CableFriction;
 use hand_model::{ARM_JOINTS, HAND_JOINTS};
-use nalgebra::UnitQuaternion;
 use proving::world::World;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
+use scenarios::individuals::ArmDefects;
 use serde_json::json;
 use sim::engine::EngineSettings;
 use sim::stand::tension_goals;
@@ -62,10 +62,11 @@ pub fn weight_torques(world: &World, q: &Joints, load: f64) -> Joints {
 fn robot(world: &World, q: &Joints) -> SimulatedRobot {
     let setup = SceneSetup {
         world_from_base: world.cell.world_from_base,
-        mount_error: UnitQuaternion::identity(),
+        arm_defects: ArmDefects::default(),
         arm_start: *q,
         objects: Vec::new(),
         frame_delay: 0.0,
+        floor: None,
         cable_friction: CableFriction::NONE,
         engine: EngineSettings::default(),
     };

@@ -12,6 +12,7 @@ use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 use proving::world::World;
 use report::picture::{save, tile};
 use report::plot::Plot;
+use scenarios::individuals::ArmDefects;
 use serde_json::json;
 use sim::engine::EngineSettings;
 use sim::stand::tension_goals;
@@ -89,10 +90,11 @@ fn follow(world: &World, motion: &Motion<'_>) -> Result<Followed> {
     let mut servo = world.cell.arm_servo(world.cell.ready)?;
     let setup = SceneSetup {
         world_from_base: world.cell.world_from_base,
-        mount_error: UnitQuaternion::identity(),
+        arm_defects: ArmDefects::default(),
         arm_start: world.cell.ready,
         objects: Vec::new(),
         frame_delay: 0.0,
+        floor: None,
         cable_friction: CableFriction::NONE,
         engine: EngineSettings::default(),
     };

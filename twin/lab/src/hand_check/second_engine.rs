@@ -12,6 +12,7 @@ use hand_model::transmission::friction::CableFriction;
 use hand_model::{ARM_JOINTS, Arm, Hand};
 use nalgebra::{Isometry3, UnitQuaternion, Vector3};
 use report::write_whole;
+use scenarios::individuals::ArmDefects;
 use scenarios::objects::ObjectSet;
 use scenarios::{ObjectModel, Shape};
 use serde_json::{Value, json};
@@ -225,10 +226,11 @@ fn whole(hand: &Arc<Hand>, folder: &Path) -> Result<Value> {
     write_whole(&folder.join("whole.xml"), mjcf::write(&scene).as_bytes())?;
     let setup = SceneSetup {
         world_from_base: Isometry3::identity(),
-        mount_error: UnitQuaternion::identity(),
+        arm_defects: ArmDefects::default(),
         arm_start: start,
         objects: placed.into_iter().map(|(model, pose)| ObjectPlacement { model, pose }).collect(),
         frame_delay: 0.0,
+        floor: None,
         cable_friction: CableFriction::NONE,
         engine: settings,
     };

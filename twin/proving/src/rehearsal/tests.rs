@@ -6,11 +6,13 @@ use super::*;
 
 /// A small error of every kind at once: m, rad.
 fn errors(scale: f64) -> TrialNoise {
-    let object = ObjectNoise { offset: Vector3::new(0.6, -0.8, 0.5) * scale, yaw: -0.9 * scale };
+    let offset = Vector3::new(0.6, -0.8, 0.5) * scale;
+    let object = ObjectNoise { offset, yaw: -0.9 * scale, ..ObjectNoise::default() };
+    let nowhere = ObjectNoise { offset: Vector3::repeat(f64::NAN), yaw: f64::NAN, ..object };
     TrialNoise {
         position: Vector3::new(-0.4, 0.7, 1.1) * scale,
         rotation: Vector3::new(0.8, 0.5, -0.6) * scale,
-        objects: [ObjectNoise { offset: Vector3::repeat(f64::NAN), yaw: f64::NAN }, object],
+        objects: [nowhere, object],
         ..TrialNoise::none()
     }
 }
