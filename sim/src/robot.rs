@@ -1,6 +1,7 @@
 //! The simulated body behind [`hand_model::robot::Robot`], and the side door to ground truth.
 
 mod outside;
+mod own_contact;
 mod set_points;
 
 use std::sync::Arc;
@@ -20,7 +21,7 @@ use crate::convert;
 use crate::drive::HandDrive;
 use crate::engine::{Engine, EngineSettings};
 use crate::scene::insert_object;
-use crate::tactile::TactileBoard;
+use crate::tactile::{Loads, TactileBoard};
 use outside::{Outside, Target};
 use set_points::{Limits, SetPoint};
 
@@ -53,6 +54,7 @@ pub struct SimulatedRobot {
     on_table: Vec<bool>,
     tactile: TactileBoard,
     frames: Vec<hand_model::robot::TactileFrame>,
+    self_contact: bool,
     outside: Outside,
 }
 
@@ -93,6 +95,7 @@ impl SimulatedRobot {
             on_table: vec![false; count],
             tactile,
             frames: Vec::new(),
+            self_contact: setup.self_contact,
             outside: Outside::default(),
         }
     }
@@ -277,6 +280,7 @@ impl SimulatedRobot {
 
     fn capture_tactile(&mut self) {
         let truth = self.truth();
+        let own = self.own_loads();
         let pads: Vec<Isometry3<f64>> = self
             .hand
             .pads
@@ -285,7 +289,8 @@ impl SimulatedRobot {
             .collect();
         let objects: Vec<(&Shape, Isometry3<f64>)> =
             self.objects.iter().zip(&truth.objects).map(|((model, _, _), pose)| (&model.shape, *pose)).collect();
-        self.frames = self.tactile.capture(&self.hand, self.time, &pads, &truth.pad_forces, &objects);
+        let loads = Loads { pads: &pads, forces: &truth.pad_forces, objects: &objects, own: &own };
+        self.frames = self.tactile.capture_loads(&self.hand, self.time, &loads);
         self.outside.drop_failed_frames(&mut self.frames);
     }
 }

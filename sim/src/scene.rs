@@ -35,6 +35,8 @@ pub struct SceneSetup {
     pub objects: Vec<ObjectPlacement>,
     /// Friction of the cables in their guides.
     pub cable_friction: CableFriction,
+    /// Whether pads feel the hand's other links and the table too.
+    pub self_contact: bool,
     pub engine: EngineSettings,
 }
 

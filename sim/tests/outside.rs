@@ -22,6 +22,7 @@ fn scene(board: fn(&Hand) -> TactileBoard) -> SimulatedRobot {
         arm_start: Arm::home(),
         objects: vec![ObjectPlacement { model, pose }],
         cable_friction: CableFriction::NONE,
+        self_contact: false,
         engine: EngineSettings::default(),
     };
     let hand = Hand::ftac();

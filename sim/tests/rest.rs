@@ -31,6 +31,7 @@ fn objects_rest_where_they_are_put() {
             arm_start: Arm::home(),
             objects: vec![ObjectPlacement { model: model.clone(), pose }],
             cable_friction: CableFriction::NONE,
+            self_contact: false,
             engine: EngineSettings::default(),
         };
         let (hand, arm) = (Arc::new(Hand::ftac()), Arc::new(Arm::gen3()));
@@ -65,6 +66,7 @@ fn a_rolling_ball_is_stopped() {
         arm_start: Arm::home(),
         objects: vec![ObjectPlacement { model: model.clone(), pose }],
         cable_friction: CableFriction::NONE,
+        self_contact: false,
         engine: EngineSettings::default(),
     };
     let mut robot = SimulatedRobot::new(Arc::new(Hand::ftac()), Arc::new(Arm::gen3()), &setup, TactileBoard::blank());

@@ -25,7 +25,13 @@ impl ReadOutNoise {
 
     pub(crate) fn new(deviation: f64, seed: u64) -> Self {
         let rng = ChaCha8Rng::seed_from_u64(seed);
-        Self { table: StandardNormal.sample_iter(rng).take(Self::DRAWS).map(|draw: f64| (deviation * draw) as f32).collect() }
+        Self {
+            table: StandardNormal
+                .sample_iter(rng)
+                .take(Self::DRAWS)
+                .map(|draw: f64| (deviation * draw) as f32)
+                .collect(),
+        }
     }
 
     #[cfg(feature = "gpu")]
@@ -38,13 +44,13 @@ impl ReadOutNoise {
         rng.next_u32() as usize % Self::STARTS
     }
 
-    /// Writes a row of grey levels with noise as bytes.
+    /// Writes a row of grey levels, `brightness` times as bright and with noise, as bytes.
     #[inline(always)]
-    pub(crate) fn expose(&self, grey: &[f32], bytes: &mut [u8], rng: &mut impl Rng) {
+    pub(crate) fn expose(&self, grey: &[f32], brightness: f32, bytes: &mut [u8], rng: &mut impl Rng) {
         let start = Self::start(rng);
         let draws = &self.table[start..start + grey.len()];
         for ((byte, grey), draw) in bytes.iter_mut().zip(grey).zip(draws) {
-            *byte = quantise(grey + draw);
+            *byte = quantise(grey * brightness + draw);
         }
     }
 }
@@ -59,7 +65,8 @@ pub(crate) fn quantise(grey: f32) -> u8 {
 /// mostly common to all channels.
 pub(crate) fn texture(blotches: f64, grain: f64, rng: &mut impl Rng) -> Vec<f32> {
     const KNOTS: usize = 9;
-    let mut field = || -> Vec<f64> { (0..KNOTS * KNOTS).map(|_| blotches * rng.sample::<f64, _>(StandardNormal)).collect() };
+    let mut field =
+        || -> Vec<f64> { (0..KNOTS * KNOTS).map(|_| blotches * rng.sample::<f64, _>(StandardNormal)).collect() };
     let (common, own) = (field(), [field(), field(), field()]);
     let mut texture = Vec::with_capacity(3 * PIXELS);
     for row in 0..IMAGE_SIZE {

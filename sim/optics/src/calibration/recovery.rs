@@ -106,7 +106,11 @@ fn presses(p: &[f64], options: &PressOptions) -> Samples {
     }
     if single_lamps {
         let mut alone = Scene { samples: &samples, assumptions }.predict_alone(p, 3);
-        alone.iter_mut().flatten().flatten().for_each(|grey| *grey += noise / 255.0 * rng.sample::<f64, _>(StandardNormal));
+        alone
+            .iter_mut()
+            .flatten()
+            .flatten()
+            .for_each(|grey| *grey += noise / 255.0 * rng.sample::<f64, _>(StandardNormal));
         samples.alone = alone;
     }
     samples

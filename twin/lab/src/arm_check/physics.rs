@@ -66,6 +66,7 @@ fn robot(world: &World, q: &Joints) -> SimulatedRobot {
         arm_start: *q,
         objects: Vec::new(),
         cable_friction: CableFriction::NONE,
+        self_contact: false,
         engine: EngineSettings::default(),
     };
     SimulatedRobot::new(world.cell.hand.clone(), world.cell.arm.clone(), &setup, TactileBoard::blank())

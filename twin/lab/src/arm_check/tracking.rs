@@ -93,6 +93,7 @@ fn follow(world: &World, motion: &Motion<'_>) -> Result<Followed> {
         arm_start: world.cell.ready,
         objects: Vec::new(),
         cable_friction: CableFriction::NONE,
+        self_contact: false,
         engine: EngineSettings::default(),
     };
     let mut robot = SimulatedRobot::new(world.cell.hand.clone(), world.cell.arm.clone(), &setup, TactileBoard::blank());

@@ -229,6 +229,7 @@ fn whole(hand: &Arc<Hand>, folder: &Path) -> Result<Value> {
         arm_start: start,
         objects: placed.into_iter().map(|(model, pose)| ObjectPlacement { model, pose }).collect(),
         cable_friction: CableFriction::NONE,
+        self_contact: false,
         engine: settings,
     };
     let mut robot = SimulatedRobot::new(hand.clone(), arm, &setup, TactileBoard::blank());

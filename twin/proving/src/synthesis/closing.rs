@@ -86,7 +86,8 @@ impl Aim {
             let tension = TENSIONS.0 * (TENSIONS.1 / TENSIONS.0).powf(rng.random());
             pulls.then_some(tension)
         });
-        let offset = std::array::from_fn(|n| if n < 3 { OFFSET.0 } else { OFFSET.1 } * rng.sample::<f64, _>(StandardNormal));
+        let offset =
+            std::array::from_fn(|n| if n < 3 { OFFSET.0 } else { OFFSET.1 } * rng.sample::<f64, _>(StandardNormal));
         Self { tensions, offset }
     }
 }

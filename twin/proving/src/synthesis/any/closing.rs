@@ -54,7 +54,9 @@ impl AnyAim {
         let tensions = (0..actuators).map(|_| draw(rng)).collect();
         Self {
             tensions,
-            offset: std::array::from_fn(|n| if n < 3 { OFFSET.0 } else { OFFSET.1 } * rng.sample::<f64, _>(StandardNormal)),
+            offset: std::array::from_fn(
+                |n| if n < 3 { OFFSET.0 } else { OFFSET.1 } * rng.sample::<f64, _>(StandardNormal),
+            ),
         }
     }
 }
