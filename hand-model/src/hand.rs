@@ -35,6 +35,21 @@ pub struct SkinElement {
 }
 
 impl CoverShape {
+    /// Distance (m, negative inside) of `point` (link frame) from the surface, and the unit outward normal there.
+    pub fn signed_distance(&self, point: &Point3<f64>) -> (f64, Vector3<f64>) {
+        let local = self.link_from_cover.inverse_transform_point(point).coords;
+        let core = self.half.add_scalar(-self.radius);
+        let beyond = local.zip_map(&core, |at, half| at.abs() - half);
+        let outside = beyond.map(|x| x.max(0.0));
+        let distance = outside.norm();
+        if distance > 1e-12 {
+            let outward = outside.zip_map(&local, f64::copysign) / distance;
+            return (distance - self.radius, self.link_from_cover * outward);
+        }
+        let axis = beyond.imax();
+        (beyond[axis] - self.radius, self.link_from_cover * Vector3::ith(axis, 1f64.copysign(local[axis])))
+    }
+
     /// The cover's surface cut into elements with sides of about `size` (m): each face's grid is wrapped around the rounding.
     pub fn skin(&self, size: f64) -> Vec<SkinElement> {
         let inner = self.half.add_scalar(-self.radius);

@@ -4,7 +4,9 @@
 //! each look, and decisions take no time. What is random in an effect is drawn from a stream of its own
 //! ([`Effect::stream`]), so that one effect switched off leaves the draws of the others as they are.
 
+use rand::{Rng, RngExt};
 use rand_chacha::ChaCha8Rng;
+use rand_distr::StandardNormal;
 use serde::{Deserialize, Serialize};
 
 use crate::noise::trial_rng;
@@ -91,6 +93,13 @@ pub struct Pads {
     pub drift: f64,
     /// Age of the frame that serves as the background when a trial begins, s.
     pub background_age: f64,
+}
+
+impl Pads {
+    /// How fast the brightness of each of `cameras` cameras drifts in one trial, share a minute.
+    pub fn draw_rates(&self, cameras: usize, rng: &mut impl Rng) -> Vec<f64> {
+        (0..cameras).map(|_| self.drift * rng.sample::<f64, _>(StandardNormal)).collect()
+    }
 }
 
 /// How the covers give way.
@@ -293,8 +302,6 @@ impl Effects {
 
 #[cfg(test)]
 mod tests {
-    use rand::Rng;
-
     use super::*;
 
     #[test]
@@ -314,6 +321,20 @@ mod tests {
             assert!(seen.insert(effect.stream(1, 2, 3).next_u64()));
             assert_eq!(effect.stream(1, 2, 3).next_u64(), effect.stream(1, 2, 3).next_u64());
         }
+    }
+
+    /// 3000 draws: the mean within 4 standard errors of 0, the standard deviation within 6 % (4.6 of its own) of what is stated.
+    #[test]
+    fn cameras_drift_as_stated() {
+        let pads = Pads { self_contact: false, drift: 0.02, background_age: 0.0 };
+        let rates = pads.draw_rates(3000, &mut Effect::Pads.stream(1, 0, 0));
+        let mean = rates.iter().sum::<f64>() / 3000.0;
+        let deviation = (rates.iter().map(|rate| (rate - mean).powi(2)).sum::<f64>() / 2999.0).sqrt();
+        assert!(
+            mean.abs() < 4.0 * 0.02 / 3000f64.sqrt() && (deviation / 0.02 - 1.0).abs() < 0.06,
+            "{mean} {deviation}"
+        );
+        assert_eq!(Pads { drift: 0.0, ..pads }.draw_rates(18, &mut Effect::Pads.stream(1, 0, 0)), [0.0; 18]);
     }
 
     #[test]

@@ -1,6 +1,7 @@
 //! The simulated body behind [`hand_model::robot::Robot`], and the side door to ground truth.
 
 mod outside;
+mod own_contact;
 mod seeing;
 mod set_points;
 
@@ -23,7 +24,7 @@ use crate::convert;
 use crate::drive::HandDrive;
 use crate::engine::{Engine, EngineSettings};
 use crate::scene::{insert_floor, insert_object};
-use crate::tactile::TactileBoard;
+use crate::tactile::{Loads, TactileBoard};
 use outside::{Outside, Target};
 use set_points::{Limits, SetPoint};
 
@@ -63,6 +64,7 @@ pub struct SimulatedRobot {
     frame_delay: f64,
     /// Frames on their way, and when they arrive, s.
     on_their_way: VecDeque<(f64, Vec<hand_model::robot::TactileFrame>)>,
+    self_contact: bool,
     outside: Outside,
 }
 
@@ -109,6 +111,7 @@ impl SimulatedRobot {
             frames: Vec::new(),
             frame_delay: setup.frame_delay,
             on_their_way: VecDeque::new(),
+            self_contact: setup.self_contact,
             outside: Outside::default(),
         }
     }
@@ -306,6 +309,7 @@ impl SimulatedRobot {
 
     fn capture_tactile(&mut self) {
         let truth = self.truth();
+        let own = self.own_loads();
         let pads: Vec<Isometry3<f64>> = self
             .hand
             .pads
@@ -314,7 +318,8 @@ impl SimulatedRobot {
             .collect();
         let objects: Vec<(&Shape, Isometry3<f64>)> =
             self.objects.iter().zip(&truth.objects).map(|((model, _, _), pose)| (&model.shape, *pose)).collect();
-        let mut frames = self.tactile.capture(&self.hand, self.time, &pads, &truth.pad_forces, &objects);
+        let loads = Loads { pads: &pads, forces: &truth.pad_forces, objects: &objects, own: &own };
+        let mut frames = self.tactile.capture_loads(&self.hand, self.time, &loads);
         self.outside.drop_failed_frames(&mut frames);
         self.on_their_way.push_back((self.time + self.frame_delay, frames));
     }

@@ -40,6 +40,8 @@ pub struct SceneSetup {
     pub floor: Option<f64>,
     /// Friction of the cables in their guides.
     pub cable_friction: CableFriction,
+    /// Whether pads feel the hand's other links and the table too.
+    pub self_contact: bool,
     pub engine: EngineSettings,
 }
 

@@ -2,6 +2,10 @@
 //!
 //! For each pad the objects over it are sampled by rays along the pad's normal, pressed in until the gel bears the normal
 //! force that the engine reports for the cover (the engine's own penetration is meaningless as a depth), and rendered.
+//! With self-contact, links of the hand and the table press as well, each with its own force. With a drift, every frame of an
+//! idle pad has read-out noise and a brightness of its own; without one it is the background itself.
+
+mod drift;
 
 use std::sync::Arc;
 
@@ -15,10 +19,14 @@ use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 use scenarios::geometry::Shape;
 
+pub use drift::Drift;
+
 /// Objects farther than this from a pad's centre (bounding spheres) are not looked at, m.
 const REACH: f64 = 0.005;
 /// Forces below this leave the pad idle, N.
 const LEAST_FORCE: f64 = 0.02;
+/// Stands for the moment of a capture in the seed of a background frame's noise: no capture's time comes near.
+const BACKGROUND: u64 = 0x00ba_c4c4;
 /// Rays start this deep under the pad's surface, m: deeper than any contact, inside the phalanx.
 const RAY_START: f64 = 0.006;
 
@@ -32,7 +40,34 @@ fn unit_seed(serial: u64, n: usize) -> u64 {
 pub struct TactileBoard {
     renderer: Arc<dyn Renderer>,
     noise_seed: u64,
+    drift: Option<Arc<Drift>>,
     sequence: u64,
+}
+
+/// A link of the hand or the table that presses into a pad.
+#[derive(Debug, Clone)]
+pub struct OwnLoad {
+    /// Index of the pad.
+    pub pad: usize,
+    /// Normal force, N.
+    pub force: f64,
+    /// What presses.
+    pub shape: Shape,
+    /// `world_from_shape`.
+    pub pose: Isometry3<f64>,
+}
+
+/// Everything that presses into the pads at a moment.
+#[derive(Debug, Clone, Copy)]
+pub struct Loads<'a> {
+    /// `world_from_pad`.
+    pub pads: &'a [Isometry3<f64>],
+    /// Normal force of the objects on each pad, N.
+    pub forces: &'a [f64],
+    /// Everything that may be what presses with these forces, with `world_from_object`.
+    pub objects: &'a [(&'a Shape, Isometry3<f64>)],
+    /// What the hand presses into its own pads, and the table.
+    pub own: &'a [OwnLoad],
 }
 
 impl TactileBoard {
@@ -43,7 +78,7 @@ impl TactileBoard {
 
     /// A board of any renderer's sensors, one a camera.
     pub fn with_renderer(renderer: Arc<dyn Renderer>) -> Self {
-        Self { renderer, noise_seed: 0, sequence: 0 }
+        Self { renderer, noise_seed: 0, drift: None, sequence: 0 }
     }
 
     /// The 18 cameras of hand unit number `serial`: each camera is a little different from the next.
@@ -71,12 +106,38 @@ impl TactileBoard {
 
     /// The same board with another stream of read-out noise.
     pub fn with_noise(&self, seed: u64) -> Self {
-        Self { renderer: self.renderer.clone(), noise_seed: seed, sequence: 0 }
+        Self { noise_seed: seed, sequence: 0, ..self.clone() }
+    }
+
+    /// The same board with cameras that drift; its frames of idle pads have noise.
+    pub fn drifting(self, drift: Drift) -> Self {
+        Self { drift: Some(Arc::new(drift)), ..self }
     }
 
     /// Images of the untouched pads, one a camera.
     pub fn backgrounds(&self) -> Vec<Arc<TactileImage>> {
         self.sensors().iter().map(|sensor| sensor.background().clone()).collect()
+    }
+
+    /// One frame a camera of the untouched pads, from before time zero: with noise where the board drifts, else the
+    /// backgrounds themselves.
+    pub fn background_frames(&self) -> Vec<Arc<TactileImage>> {
+        if self.drift.is_none() {
+            return self.backgrounds();
+        }
+        let idle = IndentationMap::idle();
+        let job = |sensor: usize| Job {
+            sensor,
+            indentation: &idle,
+            noise: self.noise_of(BACKGROUND << 40, sensor),
+            brightness: 1.0,
+        };
+        self.images(&(0..self.sensors().len()).map(job).collect::<Vec<_>>()).into_iter().map(Arc::new).collect()
+    }
+
+    /// Seed of the noise of a camera's frame at a `moment`.
+    fn noise_of(&self, moment: u64, camera: usize) -> u64 {
+        self.noise_seed ^ (moment << 8) ^ camera as u64
     }
 
     /// The sensors, one a camera.
@@ -94,22 +155,29 @@ impl TactileBoard {
         forces: &[f64],
         objects: &[(&Shape, Isometry3<f64>)],
     ) -> Vec<TactileFrame> {
+        self.capture_loads(hand, time, &Loads { pads, forces, objects, own: &[] })
+    }
+
+    /// One image of every camera of pads under `loads`.
+    pub fn capture_loads(&mut self, hand: &Hand, time: f64, loads: &Loads) -> Vec<TactileFrame> {
         self.sequence += 1;
         if self.sensors().is_empty() {
             return Vec::new();
         }
         let pressed: Vec<Option<Vec<IndentationMap>>> =
-            hand.pads.par_iter().enumerate().map(|(n, _)| press_pad(hand, n, &pads[n], forces[n], objects)).collect();
+            hand.pads.par_iter().enumerate().map(|(n, _)| press_all(hand, n, loads)).collect();
         // By time, not by count: who else asked for images changes nothing.
         let moment = (time * 1e4).round() as u64;
-        let (mut jobs, mut frames) = (Vec::new(), Vec::new());
+        let (mut jobs, mut frames, idle) = (Vec::new(), Vec::new(), IndentationMap::idle());
         let frame = |camera: usize, image| TactileFrame { camera, time, sequence: self.sequence, image };
         for (pad, maps) in hand.pads.iter().zip(&pressed) {
             for (n, &camera) in pad.cameras.iter().enumerate() {
-                match maps {
-                    Some(maps) => {
-                        let noise = self.noise_seed ^ (moment << 8) ^ camera as u64;
-                        jobs.push(Job { sensor: camera, indentation: &maps[n], noise });
+                let indentation = maps.as_ref().map(|maps| &maps[n]).or(self.drift.as_ref().map(|_| &idle));
+                match indentation {
+                    Some(indentation) => {
+                        let noise = self.noise_of(moment, camera);
+                        let brightness = self.drift.as_ref().map_or(1.0, |drift| drift.brightness(camera, time));
+                        jobs.push(Job { sensor: camera, indentation, noise, brightness });
                     }
                     None => frames.push(frame(camera, self.sensors()[camera].background().clone())),
                 }
@@ -126,7 +194,8 @@ impl TactileBoard {
         let on_cpu = |error: OpticsError| {
             eprintln!("{error}; these tactile images come from the CPU");
             let image = |job: &Job<'_>| {
-                self.sensors()[job.sensor].render(job.indentation, &mut ChaCha8Rng::seed_from_u64(job.noise))
+                let mut rng = ChaCha8Rng::seed_from_u64(job.noise);
+                self.sensors()[job.sensor].render_at(job.indentation, job.brightness, &mut rng)
             };
             jobs.par_iter().map(image).collect()
         };
@@ -134,7 +203,17 @@ impl TactileBoard {
     }
 }
 
-/// What presses into a pad, one map a camera; `None` where nothing does.
+/// What objects and the hand itself press into a pad, one map a camera; `None` where nothing does. Bodies that press with
+/// forces of their own press one by one, and every pixel shows the deepest of them: their contacts lie side by side.
+fn press_all(hand: &Hand, index: usize, loads: &Loads) -> Option<Vec<IndentationMap>> {
+    let world_from_pad = &loads.pads[index];
+    let objects = press_pad(hand, index, world_from_pad, loads.forces[index], loads.objects);
+    let own = loads.own.iter().filter(|load| load.pad == index);
+    let own = own.filter_map(|load| press_pad(hand, index, world_from_pad, load.force, &[(&load.shape, load.pose)]));
+    objects.into_iter().chain(own).reduce(|a, b| a.iter().zip(&b).map(|(a, b)| a.deeper(b)).collect())
+}
+
+/// What presses into a pad with one `force` (N), one map a camera; `None` where nothing does.
 fn press_pad(
     hand: &Hand,
     index: usize,

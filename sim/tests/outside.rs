@@ -25,6 +25,7 @@ fn scene(board: fn(&Hand) -> TactileBoard) -> SimulatedRobot {
         frame_delay: 0.0,
         floor: None,
         cable_friction: CableFriction::NONE,
+        self_contact: false,
         engine: EngineSettings::default(),
     };
     let hand = Hand::ftac();

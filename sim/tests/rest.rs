@@ -33,6 +33,7 @@ fn objects_rest_where_they_are_put() {
             objects: vec![ObjectPlacement { model: model.clone(), pose }],
             floor: None,
             cable_friction: CableFriction::NONE,
+            self_contact: false,
             engine: EngineSettings::default(),
         };
         let (hand, arm) = (Arc::new(Hand::ftac()), Arc::new(Arm::gen3()));
@@ -68,6 +69,7 @@ fn a_rolling_ball_is_stopped() {
         objects: vec![ObjectPlacement { model: model.clone(), pose }],
         floor: None,
         cable_friction: CableFriction::NONE,
+        self_contact: false,
         engine: EngineSettings::default(),
     };
     let mut robot = SimulatedRobot::new(Arc::new(Hand::ftac()), Arc::new(Arm::gen3()), &setup, TactileBoard::blank());

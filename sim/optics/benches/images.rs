@@ -94,7 +94,7 @@ fn on_gpu(criterion: &mut Criterion) {
         for hands in [1, 256] {
             let jobs: Vec<Job<'_>> = (0..hands)
                 .flat_map(|hand| maps.iter().enumerate().map(move |map| (hand, map)))
-                .map(|(hand, (sensor, indentation))| Job { sensor, indentation, noise: hand })
+                .map(|(hand, (sensor, indentation))| Job { sensor, indentation, noise: hand, brightness: 1.0 })
                 .collect();
             group.sample_size(10).throughput(Throughput::Elements(jobs.len() as u64));
             group.bench_function(format!("17 x {hands}"), |bencher| bencher.iter(|| black_box(gpu.render(&jobs))));

@@ -127,6 +127,22 @@ impl IndentationMap {
         self.contact
     }
 
+    /// The deeper of two maps at every pixel: what bodies that press side by side leave together.
+    #[must_use]
+    pub fn deeper(&self, other: &Self) -> Self {
+        let (Some(a), Some(b)) = (self.contact, other.contact) else {
+            return if self.contact.is_some() { self.clone() } else { other.clone() };
+        };
+        let contact = Rectangle {
+            left: a.left.min(b.left),
+            top: a.top.min(b.top),
+            right: a.right.max(b.right),
+            bottom: a.bottom.max(b.bottom),
+        };
+        let depth = self.depth.iter().zip(&other.depth).map(|(a, b)| a.max(*b)).collect();
+        Self { depth, contact: Some(contact) }
+    }
+
     /// Depth of a pixel, m.
     pub fn depth(&self, column: usize, row: usize) -> f32 {
         self.depth.get(row * IMAGE_SIZE + column).copied().unwrap_or(0.0)

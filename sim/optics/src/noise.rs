@@ -44,13 +44,13 @@ impl ReadOutNoise {
         rng.next_u32() as usize % Self::STARTS
     }
 
-    /// Writes a row of grey levels with noise as bytes.
+    /// Writes a row of grey levels, `brightness` times as bright and with noise, as bytes.
     #[inline(always)]
-    pub(crate) fn expose(&self, grey: &[f32], bytes: &mut [u8], rng: &mut impl Rng) {
+    pub(crate) fn expose(&self, grey: &[f32], brightness: f32, bytes: &mut [u8], rng: &mut impl Rng) {
         let start = Self::start(rng);
         let draws = &self.table[start..start + grey.len()];
         for ((byte, grey), draw) in bytes.iter_mut().zip(grey).zip(draws) {
-            *byte = quantise(grey + draw);
+            *byte = quantise(grey * brightness + draw);
         }
     }
 }

@@ -22,6 +22,8 @@ pub struct Job<'a> {
     pub indentation: &'a IndentationMap,
     /// Seed of the read-out noise.
     pub noise: u64,
+    /// Factor of all grey levels but the noise: 1 is the sensor as calibrated.
+    pub brightness: f32,
 }
 
 /// Renders images of a fixed set of sensors.
@@ -61,7 +63,7 @@ impl Renderer for CpuRenderer {
         jobs.par_iter()
             .map(|job| {
                 let sensor = sensor_of(&self.sensors, job)?;
-                Ok(sensor.render(job.indentation, &mut ChaCha8Rng::seed_from_u64(job.noise)))
+                Ok(sensor.render_at(job.indentation, job.brightness, &mut ChaCha8Rng::seed_from_u64(job.noise)))
             })
             .collect()
     }

@@ -159,9 +159,15 @@ impl Sensor {
 
     /// The tactile image of an indentation, with read-out noise from `rng`.
     pub fn render(&self, indentation: &IndentationMap, rng: &mut impl Rng) -> TactileImage {
+        self.render_at(indentation, 1.0, rng)
+    }
+
+    /// The same with all grey levels `brightness` times what they are, but for the noise: lamps and exposure drift.
+    pub fn render_at(&self, indentation: &IndentationMap, brightness: f32, rng: &mut impl Rng) -> TactileImage {
         let reach = self.shadow_reach(f64::from(indentation.deepest()));
         let gel = self.model.elastomer.deform_over(&self.camera, indentation, reach);
-        self.render_gel(gel.as_ref(), rng)
+        let shadows = gel.as_ref().map_or_else(Vec::new, |gel| self.shadows(gel));
+        self.expose(gel.as_ref(), &shadows, brightness, rng)
     }
 
     /// The longest shadow (m) that a bump of this depth (m) can cast within the camera's rectangle.
@@ -178,12 +184,12 @@ impl Sensor {
     /// model(deformed) - model(flat) is added to it.
     pub fn render_gel(&self, gel: Option<&DeformedGel>, rng: &mut impl Rng) -> TactileImage {
         let shadows = gel.map_or_else(Vec::new, |gel| self.shadows(gel));
-        self.expose(gel, &shadows, rng)
+        self.expose(gel, &shadows, 1.0, rng)
     }
 
     /// As [`Self::render_gel`], without cast shadows.
     pub fn render_unshadowed(&self, gel: Option<&DeformedGel>, rng: &mut impl Rng) -> TactileImage {
-        self.expose(gel, &[], rng)
+        self.expose(gel, &[], 1.0, rng)
     }
 
     /// The shadow of each lamp over the gel's rectangle; `None` for a lamp that casts none.
@@ -199,15 +205,27 @@ impl Sensor {
         field.shadows(&self.model.lamps)
     }
 
-    fn expose(&self, gel: Option<&DeformedGel>, shadows: &[Option<Shadow>], rng: &mut impl Rng) -> TactileImage {
+    fn expose(
+        &self,
+        gel: Option<&DeformedGel>,
+        shadows: &[Option<Shadow>],
+        brightness: f32,
+        rng: &mut impl Rng,
+    ) -> TactileImage {
         widest(
             #[inline(always)]
-            || self.rows(gel, shadows, rng),
+            || self.rows(gel, shadows, brightness, rng),
         )
     }
 
     #[inline(always)]
-    fn rows(&self, gel: Option<&DeformedGel>, shadows: &[Option<Shadow>], rng: &mut impl Rng) -> TactileImage {
+    fn rows(
+        &self,
+        gel: Option<&DeformedGel>,
+        shadows: &[Option<Shadow>],
+        brightness: f32,
+        rng: &mut impl Rng,
+    ) -> TactileImage {
         let mut rgb = vec![0; 3 * PIXELS];
         let mut row = SurfaceRow::new();
         let mut grey = [0.0f32; 3 * IMAGE_SIZE];
@@ -215,7 +233,7 @@ impl Sensor {
             let background = &self.background_grey[3 * IMAGE_SIZE * index..3 * IMAGE_SIZE * (index + 1)];
             let span = gel.and_then(|gel| self.shade_row(gel, shadows, index, &mut row));
             let Some((left, right)) = span else {
-                self.noise.expose(background, bytes, rng);
+                self.noise.expose(background, brightness, bytes, rng);
                 continue;
             };
             grey.copy_from_slice(background);
@@ -228,7 +246,7 @@ impl Sensor {
                 pixel[1] = self.response[1].grey(green[i] + correction[1]);
                 pixel[2] = self.response[2].grey(blue[i] + correction[2]);
             }
-            self.noise.expose(&grey, bytes, rng);
+            self.noise.expose(&grey, brightness, bytes, rng);
         }
         TactileImage { rgb }
     }

@@ -57,6 +57,11 @@ fn maps(hand: &Hand) -> Vec<(usize, IndentationMap)> {
     all
 }
 
+/// One of the jobs is a little brighter.
+fn job(sensor: usize, indentation: &IndentationMap, noise: u64) -> Job<'_> {
+    Job { sensor, indentation, noise, brightness: if noise == 2 { 1.04 } else { 1.0 } }
+}
+
 #[test]
 fn both_backends_make_the_same_images() {
     let hand = Hand::ftac();
@@ -64,7 +69,7 @@ fn both_backends_make_the_same_images() {
     let Some(gpu) = any_adapter(&sensors) else { return };
     let maps = maps(&hand);
     let jobs: Vec<Job<'_>> =
-        (0..).zip(&maps).map(|(noise, (sensor, indentation))| Job { sensor: *sensor, indentation, noise }).collect();
+        (0..).zip(&maps).map(|(noise, (sensor, indentation))| job(*sensor, indentation, noise)).collect();
     let (a, b) = (CpuRenderer::new(sensors).render(&jobs).unwrap(), gpu.render(&jobs).unwrap());
     let (mut off, mut equal, mut most) = (0usize, 0usize, 0u8);
     for (n, (a, b)) in a.iter().zip(&b).enumerate() {
@@ -105,6 +110,6 @@ fn a_software_adapter_is_no_gpu_and_bad_jobs_are_refused() {
         Ok(gpu) => assert!(!gpu.device().to_lowercase().contains("llvmpipe"), "{}", gpu.device()),
     }
     let idle = IndentationMap::idle();
-    let error = CpuRenderer::new(one).render(&[Job { sensor: 1, indentation: &idle, noise: 0 }]).unwrap_err();
+    let error = CpuRenderer::new(one).render(&[job(1, &idle, 0)]).unwrap_err();
     assert!(error.to_string().contains("sensor 1"), "{error}");
 }

@@ -13,7 +13,7 @@ use proving::{ball_sizes, plan};
 use scenarios::Scenario;
 use sim::SimulatedRobot;
 use sim::tactile::TactileBoard;
-use touch::{PhotometricCalibration, TouchPipeline};
+use touch::{OwnHandOptions, PhotometricCalibration, TouchPipeline};
 
 use crate::networks::{IN_USE, Networks};
 use crate::trial::Bench;
@@ -22,6 +22,10 @@ use crate::trial::Bench;
 pub const HAND_UNIT: u64 = 7;
 /// ... and the one that photometric stereo was calibrated on.
 pub const CALIBRATION_UNIT: u64 = 1;
+
+/// Largest change of the cameras' brightness that touch takes for drift, as a share: the longest trials take two minutes, in which
+/// cameras that drift by several per cent a minute come near.
+const MOST_DRIFT: f32 = 0.15;
 
 /// The photometric models that come with the program.
 pub fn builtin_calibration() -> Result<PhotometricCalibration> {
@@ -58,7 +62,11 @@ pub fn make_bench(scenario: Scenario, combos: usize, seed: u64, quiet: bool) -> 
     }
     plans.plans.truncate(combos);
     let board = TactileBoard::unit(&world.cell.hand, HAND_UNIT);
-    let pipeline = simulated_touch(&world.cell.hand, board.backgrounds())?;
+    let mut pipeline = simulated_touch(&world.cell.hand, board.backgrounds())?;
+    if let Some(pads) = world.scenario.effects.pads {
+        pipeline.stereo.most_drift = MOST_DRIFT;
+        pipeline.own_hand = pads.self_contact.then(OwnHandOptions::default);
+    }
     let names: BTreeSet<&String> = plans.plans.iter().map(|plan| &plan.first).collect();
     let mut known = names
         .into_iter()

@@ -53,7 +53,10 @@ impl Bench {
             noise = TrialNoise::none();
         }
         let id = TrialId { combination: task.combination, trial: task.trial, condition: task.condition };
-        let setup = Setup::planned(self, task.combination, noise, camera_noise);
+        let mut setup = Setup::planned(self, task.combination, noise, camera_noise);
+        if task.condition != Condition::Ideal {
+            setup = setup.drifting(self, task.combination, task.trial);
+        }
         let start = setup.first_grasp(self, Some((source, task)), watcher)?;
         let mut body = start.run.snapshot.robot.clone();
         let played = match Means::of(task.condition) {

@@ -10,7 +10,7 @@ use nalgebra::{Isometry3, Point3, Vector3};
 use scenarios::geometry::{DistanceGrid, Shape};
 use scenarios::objects::ObjectModel;
 use touch::posture::{cable_excursion, cable_tension, digit_of};
-use touch::{CameraFault, KnownShape, PadTouch, Perceived, PoseEstimate, PosePrior, TouchError};
+use touch::{CameraFault, InHand, KnownShape, PadTouch, Perceived, PoseEstimate, PosePrior, TouchError};
 
 use crate::look::Look;
 use crate::percept::Percept;
@@ -34,6 +34,11 @@ impl KnownObject {
     pub fn new(model: Arc<ObjectModel>) -> Self {
         let grid = matches!(model.shape, Shape::Mesh(_)).then(|| DistanceGrid::new(&model.shape, GRID.0, GRID.1));
         Self { model, grid }
+    }
+
+    /// An object that is looked at in a few points only: without a grid, which takes time to make.
+    pub fn plain(model: Arc<ObjectModel>) -> Self {
+        Self { model, grid: None }
     }
 }
 
@@ -150,8 +155,9 @@ impl<'a> Expected<'a> {
 /// Interprets a look at the hand with `object` as the first object.
 pub fn feel(senses: &Senses, look: &Look, object: &KnownObject, expected: &Expected) -> Result<Felt, TouchError> {
     let pipeline = senses.pipeline();
-    let Perceived { touches, faults } = senses.perceive(look)?;
+    let Perceived { mut touches, faults } = senses.perceive(look)?;
     let prior = trusted(expected.palm_from_object);
+    pipeline.mark_own(&mut touches, look.servos, &[InHand { shape: object, prior }])?;
     let estimate = pipeline.estimate_pose(&touches, look.servos, &prior, object)?;
     let grip = Grip::of(pipeline.hand(), &touches, look.servos, expected.second_joints);
     Ok(Felt { touches, faults, estimate, prior: prior.palm_from_object, grip })
@@ -162,9 +168,10 @@ pub fn trusted(palm_from_object: Isometry3<f64>) -> PosePrior {
     PosePrior { palm_from_object, sigma_translation: PRIOR_SIGMA.0, sigma_rotation: PRIOR_SIGMA.1 }
 }
 
-/// Which objects a look says are in the hand.
-pub fn grip(senses: &Senses, look: &Look, expected: &Expected) -> Result<Grip, TouchError> {
-    let Perceived { touches, .. } = senses.perceive(look)?;
+/// Which objects a look says are in the hand; `objects` are those that should be.
+pub fn grip(senses: &Senses, look: &Look, expected: &Expected, objects: &[InHand]) -> Result<Grip, TouchError> {
+    let Perceived { mut touches, .. } = senses.perceive(look)?;
+    senses.pipeline().mark_own(&mut touches, look.servos, objects)?;
     Ok(Grip::of(senses.pipeline().hand(), &touches, look.servos, expected.second_joints))
 }
 

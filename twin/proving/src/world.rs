@@ -89,6 +89,7 @@ impl World {
             floor: self.scenario.effects.floor.map(|floor| floor.height),
             // The repertoire was proven with guides that take nothing; `ftac hand check` has them rub.
             cable_friction: CableFriction::NONE,
+            self_contact: self.scenario.effects.pads.is_some_and(|pads| pads.self_contact),
             engine: sim::engine::EngineSettings::default(),
         }
     }

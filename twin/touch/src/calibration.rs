@@ -17,7 +17,7 @@ use nalgebra::{DMatrix, DVector};
 use serde::{Deserialize, Serialize};
 
 use crate::PIXELS;
-use crate::colour_change::{Region, colour_change};
+use crate::colour_change::{Change, colour_change};
 use crate::error::TouchError;
 
 /// Number of features of the colour change.
@@ -187,7 +187,7 @@ impl PhotometricModel {
             right += a * y.transpose();
         };
         for (press, pixel) in presses {
-            let change = colour_change(&press.image, &press.background, Region::FULL);
+            let change = colour_change(&press.image, &press.background, Change::WHOLE);
             for row in 1..N - 1 {
                 for column in 1..N - 1 {
                     let i = row * N + column;
@@ -272,7 +272,7 @@ impl PhotometricCalibration {
             check(hand, press)?;
             let camera = &hand.cameras[press.camera];
             let model = self.model(hand.pads[camera.pad].configuration)?;
-            let change = colour_change(&press.image, &press.background, Region::FULL);
+            let change = colour_change(&press.image, &press.background, Change::WHOLE);
             let slopes = |i: usize| {
                 let (mut gx, mut gy) = ([0.0], [0.0]);
                 model.row(i / N).gradients(i % N, &change[i..=i], &mut gx, &mut gy);

@@ -1,5 +1,7 @@
 //! Where a tactile image differs from the background of its untouched pad, and by how much relative to it.
 
+mod drift;
+
 use hand_model::pads::IMAGE_SIZE as N;
 use hand_model::robot::TactileImage;
 
@@ -18,13 +20,16 @@ pub struct StereoOptions {
     pub least_blocks: usize,
     /// Blocks added around the changed region.
     pub margin: usize,
+    /// Largest uniform change of a channel's brightness between background and image that is taken for drift of lamps or
+    /// exposure and compensated, as a share; at 0 images are compared as they are.
+    pub most_drift: f32,
 }
 
 impl Default for StereoOptions {
     fn default() -> Self {
         // Pixel noise of 2 grey levels gives block means a standard deviation of 0.33; 4800 means do not reach 6 times
         // that by chance.
-        Self { block_threshold: 2.0, least_blocks: 3, margin: 2 }
+        Self { block_threshold: 2.0, least_blocks: 3, margin: 2, most_drift: 0.0 }
     }
 }
 
@@ -47,8 +52,29 @@ impl Region {
     }
 }
 
-/// The region in which `image` differs from `background`; `None` if the pad is untouched.
-pub fn changed_region(image: &TactileImage, background: &TactileImage, options: &StereoOptions) -> Option<Region> {
+/// Where an image differs from its background.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Change {
+    pub region: Region,
+    /// Brightness of each channel of the untouched gel in the image over that in the background.
+    pub gain: [f32; 3],
+}
+
+impl Change {
+    /// The whole image, as bright as the background.
+    pub(crate) const WHOLE: Self = Self { region: Region::FULL, gain: [1.0; 3] };
+}
+
+/// Where `image` differs from `background`; `None` if the pad is untouched.
+pub fn find_change(image: &TactileImage, background: &TactileImage, options: &StereoOptions) -> Option<Change> {
+    if options.most_drift > 0.0 {
+        return drift::find_change(image, background, options);
+    }
+    changed_region(image, background, options).map(|region| Change { region, gain: [1.0; 3] })
+}
+
+/// The region in which `image` differs from `background` as it is; `None` if the pad is untouched.
+fn changed_region(image: &TactileImage, background: &TactileImage, options: &StereoOptions) -> Option<Region> {
     if image.rgb == background.rgb {
         return None;
     }
@@ -72,28 +98,35 @@ pub fn changed_region(image: &TactileImage, background: &TactileImage, options: 
             }
         }
     }
-    (count >= options.least_blocks.max(1)).then(|| Region {
-        column_begin: low.0.saturating_sub(options.margin) * BLOCK,
-        column_end: (high.0 + 1 + options.margin).min(BLOCKS) * BLOCK,
-        row_begin: low.1.saturating_sub(options.margin) * BLOCK,
-        row_end: (high.1 + 1 + options.margin).min(BLOCKS) * BLOCK,
-    })
+    (count >= options.least_blocks.max(1)).then(|| around(low, high, options.margin))
 }
 
-/// Relative colour change of every pixel of `region` (others 0), smoothed by a 3 x 3 binomial filter. Dividing by the
-/// background's brightness compensates for uneven lighting; the floor limits the gain in dark corners.
+/// The region from block (column, row) `low` to `high`, both within, and `margin` blocks around them.
+fn around(low: (usize, usize), high: (usize, usize), margin: usize) -> Region {
+    Region {
+        column_begin: low.0.saturating_sub(margin) * BLOCK,
+        column_end: (high.0 + 1 + margin).min(BLOCKS) * BLOCK,
+        row_begin: low.1.saturating_sub(margin) * BLOCK,
+        row_end: (high.1 + 1 + margin).min(BLOCKS) * BLOCK,
+    }
+}
+
+/// Relative colour change of every pixel of the changed region (others 0), smoothed by a 3 x 3 binomial filter. Dividing by the
+/// background's brightness, as it is in the image, compensates for uneven lighting; the floor limits the gain in dark corners.
 #[allow(clippy::needless_range_loop)] // three arrays share the index
-pub(crate) fn colour_change(image: &TactileImage, background: &TactileImage, region: Region) -> Vec<[f32; 3]> {
+pub(crate) fn colour_change(image: &TactileImage, background: &TactileImage, change: Change) -> Vec<[f32; 3]> {
     const FLOOR: f32 = 40.0;
-    let scale: [f32; 256] = std::array::from_fn(|before| 1.0 / (before as f32 + FLOOR));
+    let Change { region, gain } = change;
+    let expected: [[f32; 256]; 3] = gain.map(|gain| std::array::from_fn(|before| gain * before as f32));
+    let scale = expected.map(|expected| expected.map(|before| 1.0 / (before + FLOOR)));
     let mut change = vec![[0.0f32; 3]; PIXELS];
     let mut raw = vec![[0.0f32; 3]; PIXELS];
     for row in region.row_begin..region.row_end {
         for i in row * N + region.column_begin..row * N + region.column_end {
             for channel in 0..3 {
-                let before = background.rgb[3 * i + channel];
+                let before = usize::from(background.rgb[3 * i + channel]);
                 raw[i][channel] =
-                    (f32::from(image.rgb[3 * i + channel]) - f32::from(before)) * scale[usize::from(before)];
+                    (f32::from(image.rgb[3 * i + channel]) - expected[channel][before]) * scale[channel][before];
             }
         }
     }

@@ -69,6 +69,8 @@ pub struct Patch {
     /// Largest indentation, m.
     pub peak: f64,
     pub points: Vec<SurfacePoint>,
+    /// Whether another part of the hand presses here, and no object: see [`crate::own_hand`].
+    pub own: bool,
 }
 
 /// Slope of the indentation at a pixel over two pixels to each side, pad frame.
@@ -249,6 +251,7 @@ fn describe(view: View, gel: Gel, pixels: &[usize], share: f64, options: &Contac
         force: gel.stiffness * volume * share * dx * dy,
         peak: f64::from(peak),
         points: chosen.into_iter().map(|i| surface_point(view, i % N, i / N)).collect(),
+        own: false,
     }
 }
 

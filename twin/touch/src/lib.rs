@@ -4,6 +4,7 @@
 //! [`calibration`] fits the relation between colour change and slope to labelled presses; [`photometric_stereo`] applies
 //! it pixel by pixel, and [`network`] with each pixel's surroundings. [`poisson`] integrates slopes to a height map.
 //! [`contacts`] finds contact patches in it, and [`slip`] their motion; [`pad_touch`] is the result for one pad.
+//! [`own_hand`] tells what the hand feels of itself from what it feels of objects.
 //! [`posture`] estimates fifteen joint angles from six servos. [`pose`] registers patches, untouched pads and servo
 //! readings to the known shape of the object. [`pipeline`] runs all of it for the 18 cameras of the hand.
 //!
@@ -19,6 +20,7 @@ pub mod contacts;
 pub mod error;
 pub mod frames;
 pub mod network;
+pub mod own_hand;
 pub mod pad_touch;
 pub mod photometric_stereo;
 pub mod pipeline;
@@ -33,6 +35,7 @@ pub use contacts::{ContactOptions, Patch, SurfacePoint};
 pub use error::TouchError;
 pub use frames::{CameraFault, Fault};
 pub use network::{Network, PreparedNetwork};
+pub use own_hand::{InHand, OwnHandOptions};
 pub use pad_touch::{HeightMap, PadTouch};
 pub use photometric_stereo::Gradients;
 pub use pipeline::{Perceived, TouchPipeline};

@@ -27,7 +27,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::PIXELS;
 use crate::calibration::{PhotometricModel, bounded, gradient_of};
-use crate::colour_change::{Region, StereoOptions, changed_region, colour_change};
+use crate::colour_change::{Change, Region, StereoOptions, colour_change, find_change};
 use crate::error::TouchError;
 use crate::photometric_stereo::Gradients;
 
@@ -167,8 +167,9 @@ impl PreparedNetwork {
         (configuration, model): (char, &PhotometricModel),
         options: &StereoOptions,
     ) -> Option<Gradients> {
-        let region = multiple_of_four(changed_region(image, background, options)?);
-        let change = colour_change(image, background, region);
+        let Change { region, gain } = find_change(image, background, options)?;
+        let region = multiple_of_four(region);
+        let change = colour_change(image, background, Change { region, gain });
         let (mut gx, mut gy) = (vec![0.0; PIXELS], vec![0.0; PIXELS]);
         let width = region.column_end - region.column_begin;
         for (k, normal) in self.normals(&change, configuration, model, region).into_iter().enumerate() {

@@ -21,7 +21,7 @@ pub struct HeightMap {
 #[derive(Debug, Clone, Default)]
 pub struct PadTouch {
     pub pad: usize,
-    /// Contact patches of all its cameras.
+    /// Contact patches of all its cameras, the hand's own among them.
     pub patches: Vec<Patch>,
     /// Sum of the patches' normal forces, N.
     pub force: f64,
@@ -34,7 +34,13 @@ pub struct PadTouch {
 }
 
 impl PadTouch {
+    /// Whether it feels something that is not the hand itself.
     pub fn touched(&self) -> bool {
-        !self.patches.is_empty()
+        self.of_objects().next().is_some()
+    }
+
+    /// Contact patches that are not the hand's own.
+    pub fn of_objects(&self) -> impl Iterator<Item = &Patch> {
+        self.patches.iter().filter(|patch| !patch.own)
     }
 }

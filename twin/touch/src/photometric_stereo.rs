@@ -5,7 +5,7 @@ use hand_model::robot::TactileImage;
 
 use crate::PIXELS;
 use crate::calibration::PhotometricModel;
-use crate::colour_change::{Region, StereoOptions, changed_region, colour_change};
+use crate::colour_change::{Region, StereoOptions, colour_change, find_change};
 
 /// Slopes of the indentation, pad frame; 0 outside the changed region.
 #[derive(Debug, Clone, PartialEq)]
@@ -25,8 +25,8 @@ pub fn gradients(
     model: &PhotometricModel,
     options: &StereoOptions,
 ) -> Option<Gradients> {
-    let region = changed_region(image, background, options)?;
-    let change = colour_change(image, background, region);
+    let change = find_change(image, background, options)?;
+    let (region, change) = (change.region, colour_change(image, background, change));
     let (mut gx, mut gy) = (vec![0.0; PIXELS], vec![0.0; PIXELS]);
     for row in region.row_begin..region.row_end {
         let row_model = model.row(row);

@@ -13,6 +13,7 @@ use crate::contacts::{ContactOptions, clear_points, find_contacts};
 use crate::error::TouchError;
 use crate::frames::{CameraFault, Fault, valid_images};
 use crate::network::{Network, PreparedNetwork};
+use crate::own_hand::{InHand, OwnHandOptions, mark_own};
 use crate::pad_touch::{HeightMap, PadTouch};
 use crate::photometric_stereo::gradients;
 use crate::poisson::PoissonSolver;
@@ -43,6 +44,8 @@ pub struct TouchPipeline {
     pub stereo: StereoOptions,
     pub contacts: ContactOptions,
     pub pose: PoseOptions,
+    /// How the hand's own contacts are told from those of objects; without it, every contact is an object's.
+    pub own_hand: Option<OwnHandOptions>,
 }
 
 impl TouchPipeline {
@@ -63,6 +66,7 @@ impl TouchPipeline {
             stereo: StereoOptions::default(),
             contacts: ContactOptions::default(),
             pose: PoseOptions::default(),
+            own_hand: None,
         })
     }
 
@@ -154,6 +158,20 @@ impl TouchPipeline {
             *value -= level;
         }
         Ok(Some(HeightMap { camera, height, gradients }))
+    }
+
+    /// Marks the patches that the hand itself presses, if the pipeline tells them from objects' ([`Self::own_hand`]); `objects` are
+    /// those expected in the hand.
+    pub fn mark_own(
+        &self,
+        touches: &mut [PadTouch],
+        servos: &[ServoState; ACTUATORS],
+        objects: &[InHand],
+    ) -> Result<(), TouchError> {
+        match &self.own_hand {
+            Some(options) => mark_own(&self.hand, touches, servos, objects, (options, &self.pose)),
+            None => Ok(()),
+        }
     }
 
     /// In-hand pose of an object of known shape, from touches and servo readings.

@@ -17,14 +17,16 @@ mod shape;
 mod system;
 mod uncertainty;
 
-use hand_model::HAND_JOINTS;
-use nalgebra::{DMatrix, Isometry3, Matrix6, Vector3};
+use hand_model::robot::ServoState;
+use hand_model::{ACTUATORS, HAND_JOINTS, Hand};
+use nalgebra::{DMatrix, Isometry3, Matrix6, Point3, Vector3};
 use problem::{Evidence, Problem, State};
 use rayon::prelude::*;
 use screen::screen;
 use uncertainty::{alternatives, mixed_covariance, unobservable};
 
 use crate::error::TouchError;
+use crate::pad_touch::PadTouch;
 
 pub use inputs::{PoseInputs, PoseOptions, PosePrior};
 pub use shape::KnownShape;
@@ -110,6 +112,24 @@ pub fn costs_from_pose(inputs: &PoseInputs, pose: &Isometry3<f64>) -> Result<[f6
         problem.cost(&state, Evidence::All)
     };
     Ok([after(Evidence::Posture), after(Evidence::All)])
+}
+
+/// Joint angles (rad) as servos, springs and the forces on the pads have them, whatever presses there: for digits without contact
+/// those of [`free_posture`](crate::posture::free_posture).
+pub fn loaded_posture(
+    hand: &Hand,
+    touches: &[PadTouch],
+    servos: &[ServoState; ACTUATORS],
+    options: &PoseOptions,
+) -> Result<[f64; HAND_JOINTS], TouchError> {
+    struct Nothing;
+    impl KnownShape for Nothing {
+        fn signed_distance(&self, _: &Point3<f64>) -> (f64, Vector3<f64>) {
+            (f64::INFINITY, Vector3::z())
+        }
+    }
+    let prior = PosePrior::weak(Isometry3::identity());
+    Ok(prepared(&PoseInputs { hand, touches, servos, prior: &prior, shape: &Nothing, options })?.1.q)
 }
 
 /// Checks the inputs; gives the problem, its start (joints as servos and contact forces have them without the object, the

@@ -95,6 +95,7 @@ impl Batch {
             let header = [starts[job.sensor], left, top, width, height, batch.own.len(), batch.share, lamps];
             words.iter_mut().zip(header).for_each(|(slot, value)| *slot = value as u32);
             words[8] = u32::from(shadows);
+            words[9] = job.brightness.to_bits();
             let mut rng = ChaCha8Rng::seed_from_u64(job.noise);
             words[STARTS..STARTS + IMAGE_SIZE].fill_with(|| ReadOutNoise::start(&mut rng) as u32);
             batch.jobs.extend(words);

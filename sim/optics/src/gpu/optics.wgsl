@@ -353,6 +353,7 @@ fn expose(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_ind
     let background = noise + NOISE;
     let correction = background + VALUES;
     let shadows = jobs[group.y * JOB + 8u] != 0u;
+    let brightness = bitcast<f32>(jobs[group.y * JOB + 9u]);
     var words = array<u32, 3>(0u, 0u, 0u);
     for (var i = 0u; i < 4u; i++) {
         let column = 4u * thread + i;
@@ -365,7 +366,7 @@ fn expose(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_ind
             }
         }
         for (var c = 0u; c < 3u; c++) {
-            let value = u32(clamp(grey[c] + sensors[draws + 3u * column + c] + 0.5, 0.0, 255.0));
+            let value = u32(clamp(grey[c] * brightness + sensors[draws + 3u * column + c] + 0.5, 0.0, 255.0));
             let byte = 3u * i + c;
             words[byte / 4u] |= value << (8u * (byte % 4u));
         }

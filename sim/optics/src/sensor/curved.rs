@@ -116,7 +116,7 @@ impl CurvedSensor {
         }
         let mut rgb = vec![0; 3 * PIXELS];
         for (bytes, grey) in rgb.chunks_exact_mut(3 * IMAGE_SIZE).zip(grey.chunks_exact(3 * IMAGE_SIZE)) {
-            self.sensor.noise.expose(grey, bytes, rng);
+            self.sensor.noise.expose(grey, 1.0, bytes, rng);
         }
         TactileImage { rgb }
     }

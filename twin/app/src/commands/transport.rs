@@ -73,7 +73,10 @@ pub fn run(terminal: &Terminal, args: &TransportArgs) -> Outcome {
 }
 
 fn site_of(transport: Transport, more: Option<&Path>, seed: u64) -> Result<Site> {
-    let world = World::new(Scenario::benchmark())?;
+    let mut scenario = Scenario::benchmark();
+    // A transport's perception knows no object that could be told from the hand's own contacts.
+    scenario.effects.pads = None;
+    let world = World::new(scenario)?;
     let repertoire = proving::builtin::repertoire()?;
     let mut proven = of_repertoire(&world, &repertoire)?;
     proven.extend(SkillFile::builtin()?.skills);

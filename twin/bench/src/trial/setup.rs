@@ -17,6 +17,7 @@ use scenarios::noise::{TrialNoise, trial_rng};
 use scenarios::objects::ObjectModel;
 use scenarios::referee::{Limits, Referee};
 use scenarios::sight::Sight;
+use sim::tactile::Drift;
 use touch::TouchPipeline;
 
 use super::disturbance::{Disturber, resized};
@@ -41,6 +42,8 @@ pub struct Setup<'a> {
     pub noise: TrialNoise,
     /// Seed of the cameras' noise.
     pub camera_noise: u64,
+    /// How the cameras' brightness drifts; without it, idle pads show their backgrounds.
+    pub drift: Option<Drift>,
     /// What happens beside noise.
     pub disturbances: Disturbances,
 }
@@ -54,7 +57,8 @@ pub struct Start {
     pub objects: [Arc<ObjectModel>; 2],
     /// Grasps of the second object, the planned one first.
     pub candidates: Vec<Candidate>,
-    /// Perception with the backgrounds that the body itself has shown; the bench's own where the body is simulated.
+    /// Perception with the backgrounds that the body itself has shown, or with frames from before the trial; the bench's own where
+    /// the body is simulated and its idle pads show their backgrounds.
     pub pipeline: Option<TouchPipeline>,
 }
 
@@ -65,13 +69,13 @@ impl<'a> Setup<'a> {
     /// A combination as it was planned, undisturbed.
     pub fn planned(bench: &'a Bench, combination: usize, noise: TrialNoise, camera_noise: u64) -> Self {
         let (repertoire, plan) = (known(bench).0, plan(bench, combination).clone());
-        Self { plan, repertoire, noise, camera_noise, disturbances: Disturbances::default() }
+        Self { plan, repertoire, noise, camera_noise, drift: None, disturbances: Disturbances::default() }
     }
 
     /// The same with the noise and the disturbances of a trial, and its later looks.
     pub fn noisy(bench: &'a Bench, combination: usize, trial: usize) -> Result<(Self, Looks)> {
         let (noise, camera_noise, looks) = draw(bench, combination, trial)?;
-        let mut setup = Self::planned(bench, combination, noise, camera_noise);
+        let mut setup = Self::planned(bench, combination, noise, camera_noise).drifting(bench, combination, trial);
         setup.disturbances = bench.world.scenario.disturbance.clone();
         if let Some(sweep) = &setup.disturbances.size_sweep {
             setup.plan = ball_sizes::plan_of(&setup.plan, sweep, trial);
@@ -79,10 +83,19 @@ impl<'a> Setup<'a> {
         Ok((setup, looks))
     }
 
+    /// The same with cameras that drift as drawn for a trial, if the scenario's do.
+    pub fn drifting(mut self, bench: &Bench, combination: usize, trial: usize) -> Self {
+        self.drift = bench.world.scenario.effects.pads.map(|pads| {
+            let mut rng = Effect::Pads.stream(bench.seed, combination, trial);
+            Drift::new(pads.draw_rates(CAMERAS, &mut rng), pads.background_age)
+        });
+        self
+    }
+
     /// The same trial as a policy begins it that knows which digits have no power.
     pub fn without_digits(&self, bench: &'a Bench, combination: usize) -> Self {
         let (plan, repertoire) = (bench.plans.plans[combination].clone(), &bench.repertoire);
-        Self { plan, repertoire, disturbances: self.disturbances.clone(), ..*self }
+        Self { plan, repertoire, disturbances: self.disturbances.clone(), drift: self.drift.clone(), ..*self }
     }
 
     /// Body, controller and referee of a trial about to begin.
@@ -95,7 +108,12 @@ impl<'a> Setup<'a> {
         let [one, other] = &self.noise.individuals;
         let real = [one.of(&first_one)?, other.of(&second_one)?];
         let grasps = [&first, &candidates[0].grasp];
-        let board = bench.board.with_noise(self.camera_noise);
+        let mut board = bench.board.with_noise(self.camera_noise);
+        let mut pipeline = None;
+        if let Some(drift) = &self.drift {
+            board = board.drifting(drift.clone());
+            pipeline = Some(bench.pipeline.with_backgrounds(board.background_frames())?);
+        }
         let watched = source.as_ref().map_or(watched, |(_, task)| task.watched);
         let noise = disturber.first_percepts(&self.noise);
         let start = TrialStart { protocol: world.protocol(), grasps, noise: &noise, arm: world.cell.ready };
@@ -121,14 +139,14 @@ impl<'a> Setup<'a> {
         let latency = world.scenario.effects.eyes.map_or(0.0, |eyes| eyes.latency);
         let history = History::new(latency);
         let run = Run { snapshot, referee, disturber, history, profile: bench.profile.clone() };
-        Ok(Start { run, objects, candidates, pipeline: None })
+        Ok(Start { run, objects, candidates, pipeline })
     }
 
     /// Up to the decision.
     pub fn first_grasp(&self, bench: &Bench, source: Source, watcher: &mut dyn Watcher) -> Result<Start> {
         let mut start = self.begin(bench, source, watcher.active())?;
         match to_decision(&mut start.run, &bench.pipeline, watcher) {
-            Ok(pipeline) => Ok(Start { pipeline, ..start }),
+            Ok(shown) => Ok(Start { pipeline: shown.or(start.pipeline), ..start }),
             Err(error) => {
                 // Whatever happened, its recording is finished; the first error is the one to tell.
                 let _ = start.run.snapshot.robot.finish(None, Some(&format!("{error:#}")));

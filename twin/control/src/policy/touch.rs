@@ -10,12 +10,13 @@ use std::collections::BTreeMap;
 use grasping::{Grasp, Role};
 use nalgebra::Vector3;
 use scenarios::tries::Attempt;
+use touch::InHand;
 
 use super::reach::{Wanted, turned, within_reach};
 use super::{Injected, Knowledge, Policy, PolicyError, Step, Story};
 use crate::executive::{Executive, Phase};
 use crate::percept::{Eyes, Percept};
-use crate::perception::{Expected, Felt, Grip, feel, grip};
+use crate::perception::{Expected, Felt, Grip, KnownObject, feel, grip, trusted};
 use crate::recovery::{Next, probe};
 use crate::sensing::Senses;
 use crate::strategy::{Decision, Held, Situation, choose};
@@ -30,6 +31,8 @@ const MOST_SIGMA: f64 = 0.01;
 /// What the policy knows while a trial goes on.
 pub struct Touch<'a> {
     knowledge: Knowledge<'a>,
+    /// The second object, to be told from the hand's own contacts.
+    second_known: KnownObject,
     senses: Senses<'a>,
     /// Grasps of the first object, the planned one first.
     first: Vec<Candidate>,
@@ -63,6 +66,7 @@ impl<'a> Touch<'a> {
         let planned = Candidate { worth: first.score, grasp: first.clone() };
         Self {
             first: std::iter::once(planned).chain(others).collect(),
+            second_known: KnownObject::plain(knowledge.objects[1].clone()),
             knowledge,
             senses,
             plan_is_rehearsed,
@@ -77,6 +81,15 @@ impl<'a> Touch<'a> {
             sought: None,
             second_is_hidden: false,
         }
+    }
+
+    /// Both objects where they should be in the hand: the first as it was felt last, the second as its grasp holds it.
+    fn in_hand(&self, expected: &Expected, second: &Grasp) -> Vec<InHand<'_>> {
+        let felt = self.felt.as_ref().map(|felt| felt.estimate.palm_from_object);
+        let first = trusted(felt.unwrap_or(expected.palm_from_object));
+        let first = InHand { shape: self.knowledge.first_known, prior: first };
+        let second = second.held.map(|held| InHand { shape: &self.second_known, prior: trusted(held) });
+        std::iter::once(first).chain(second).collect()
     }
 
     /// A grasp that just failed is worth less for the rest of the trial, and the next one aims elsewhere.
@@ -286,7 +299,7 @@ impl Policy for Touch<'_> {
         } else {
             self.grip = match injected {
                 Some(injected) => injected.grip,
-                None => grip(&self.senses, &executive.look(), &expected)?,
+                None => grip(&self.senses, &executive.look(), &expected, &self.in_hand(&expected, second))?,
             };
         }
         Ok(())

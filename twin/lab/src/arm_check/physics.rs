@@ -68,6 +68,7 @@ fn robot(world: &World, q: &Joints) -> SimulatedRobot {
         frame_delay: 0.0,
         floor: None,
         cable_friction: CableFriction::NONE,
+        self_contact: false,
         engine: EngineSettings::default(),
     };
     SimulatedRobot::new(world.cell.hand.clone(), world.cell.arm.clone(), &setup, TactileBoard::blank())

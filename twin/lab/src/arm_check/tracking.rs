@@ -96,6 +96,7 @@ fn follow(world: &World, motion: &Motion<'_>) -> Result<Followed> {
         frame_delay: 0.0,
         floor: None,
         cable_friction: CableFriction::NONE,
+        self_contact: false,
         engine: EngineSettings::default(),
     };
     let mut robot = SimulatedRobot::new(world.cell.hand.clone(), world.cell.arm.clone(), &setup, TactileBoard::blank());

@@ -232,6 +232,7 @@ fn whole(hand: &Arc<Hand>, folder: &Path) -> Result<Value> {
         frame_delay: 0.0,
         floor: None,
         cable_friction: CableFriction::NONE,
+        self_contact: false,
         engine: settings,
     };
     let mut robot = SimulatedRobot::new(hand.clone(), arm, &setup, TactileBoard::blank());

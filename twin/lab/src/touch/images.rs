@@ -3,14 +3,15 @@
 use std::sync::Arc;
 
 use bench::trial::HeldGrasp;
-use hand_model::Hand;
 use hand_model::robot::{TactileFrame, TactileImage};
+use hand_model::{CAMERAS, Hand};
 use nalgebra::Isometry3;
 use optics::{IndentationMap, SensorModel};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
+use scenarios::effects::{Effect, Pads};
 use scenarios::geometry::Shape;
-use sim::tactile::TactileBoard;
+use sim::tactile::{Drift, TactileBoard};
 
 /// How a hand differs from those that touch was trained on.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -55,7 +56,12 @@ impl Change {
 pub struct Eyes {
     hand: Hand,
     board: TactileBoard,
+    /// How the cameras drift, and the seed of it.
+    drift: Option<(Pads, u64)>,
 }
+
+/// When a first grasp is felt, s after the trial's beginning.
+const FELT_AT: f64 = 8.0;
 
 impl Eyes {
     /// Unit `serial` under `change`.
@@ -63,7 +69,25 @@ impl Eyes {
         let mut hand = hand.clone();
         hand.parameters.gel.stiffness *= change.stiffness;
         let board = TactileBoard::changed(&hand, serial, |camera, model| change.apply(model, camera as u64))?;
-        Ok(Self { hand, board })
+        Ok(Self { hand, board, drift: None })
+    }
+
+    /// The same with cameras that drift as in trials of this `seed`, if a scenario's do.
+    pub fn drifting(self, pads: Option<Pads>, seed: u64) -> Self {
+        Self { drift: pads.map(|pads| (pads, seed)), ..self }
+    }
+
+    /// The board of a grasp's trial; `seed` draws the noise.
+    fn board_of(&self, grasp: &HeldGrasp, seed: u64) -> TactileBoard {
+        let board = self.board.with_noise(seed);
+        let Some((pads, trials)) = &self.drift else { return board };
+        let mut rng = Effect::Pads.stream(*trials, grasp.combination, grasp.trial);
+        board.drifting(Drift::new(pads.draw_rates(CAMERAS, &mut rng), pads.background_age))
+    }
+
+    /// Frames of the untouched pads from before a grasp's trial, where cameras drift; `seed` draws the noise.
+    pub fn background_frames(&self, grasp: &HeldGrasp, seed: u64) -> Option<Vec<Arc<TactileImage>>> {
+        self.drift.map(|_| self.board_of(grasp, seed).background_frames())
     }
 
     /// The hand, with the gel that the change leaves it.
@@ -82,9 +106,10 @@ impl Eyes {
 
     /// What the cameras see of a grasp; `seed` draws the noise.
     pub fn look(&self, grasp: &HeldGrasp, shape: &Shape, seed: u64) -> Vec<TactileFrame> {
-        let mut board = self.board.with_noise(seed);
+        let mut board = self.board_of(grasp, seed);
         let objects: [(&Shape, Isometry3<f64>); 1] = [(shape, grasp.truth)];
-        let frames = board.capture(&self.hand, 0.0, &grasp.pads, &grasp.forces, &objects);
+        let time = if self.drift.is_some() { FELT_AT } else { 0.0 };
+        let frames = board.capture(&self.hand, time, &grasp.pads, &grasp.forces, &objects);
         let mut rng = ChaCha8Rng::seed_from_u64(seed ^ 0x6964_6c65);
         frames
             .into_iter()

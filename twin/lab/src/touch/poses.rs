@@ -1,5 +1,6 @@
 //! Errors of in-hand poses of simulated grasps by kind of object, compared with the plan and with felt points alone.
 
+use std::borrow::Cow;
 use std::time::Instant;
 
 use anyhow::Result;
@@ -10,7 +11,7 @@ use nalgebra::{Isometry3, Matrix3, UnitQuaternion};
 use scenarios::objects::{ObjectModel, Symmetry};
 use scenarios::statistics::percentile;
 use serde::Serialize;
-use touch::{PoseEstimate, PoseOptions, TouchPipeline};
+use touch::{InHand, PoseEstimate, PoseOptions, TouchPipeline};
 
 use super::images::Eyes;
 
@@ -120,18 +121,24 @@ pub fn feel(
     grasps: &[HeldGrasp],
     mut seen: impl FnMut(),
 ) -> Result<Vec<FeltGrasp>> {
-    let mut points_only = pipeline.clone();
-    points_only.pose = PoseOptions { use_clear: false, sigma_normal: f64::INFINITY, ..pipeline.pose };
     grasps
         .iter()
         .enumerate()
         .map(|(n, grasp)| {
             let known: &KnownObject = &bench.known[&grasp.object];
             let object = &known.model;
-            let frames = eyes.look(grasp, &object.shape, bench.seed ^ (n as u64) << 20);
+            let seed = bench.seed ^ (n as u64) << 20;
+            let frames = eyes.look(grasp, &object.shape, seed);
+            let pipeline = match eyes.background_frames(grasp, seed) {
+                Some(frames) => Cow::Owned(pipeline.with_backgrounds(frames)?),
+                None => Cow::Borrowed(pipeline),
+            };
+            let mut points_only = pipeline.clone().into_owned();
+            points_only.pose = PoseOptions { use_clear: false, sigma_normal: f64::INFINITY, ..pipeline.pose };
             let (prior, servos) = (trusted(grasp.expected), grasp.servos());
             let begun = Instant::now();
-            let touches = pipeline.perceive_frames(&frames, &[None; CAMERAS])?.touches;
+            let mut touches = pipeline.perceive_frames(&frames, &[None; CAMERAS])?.touches;
+            pipeline.mark_own(&mut touches, &servos, &[InHand { shape: known, prior }])?;
             let perceived = begun.elapsed();
             let estimate = pipeline.estimate_pose(&touches, &servos, &prior, known)?;
             let estimated = begun.elapsed() - perceived;

@@ -5,7 +5,7 @@ use rand::{Rng, RngExt};
 
 use super::{Kind, Sight, model_normals};
 use crate::calibration::{CalibrationPress, PhotometricModel, slope};
-use crate::colour_change::{Region, colour_change};
+use crate::colour_change::{Change, Region, colour_change};
 
 /// Side of a square, pixels.
 pub const SIDE: usize = 48;
@@ -46,7 +46,7 @@ pub fn cut(
     if touched.is_empty() {
         return Vec::new();
     }
-    let change = colour_change(&press.image, &press.background, Region::FULL);
+    let change = colour_change(&press.image, &press.background, Change::WHOLE);
     let begin = |at: usize| at.saturating_sub(SIDE / 2).clamp(1, N - 1 - SIDE);
     (0..count)
         .map(|_| {

@@ -74,6 +74,22 @@ impl LinkPatch {
     }
 }
 
+/// Where another part of the hand presses, in the frame of the link that carries the pad: it loads joints and says nothing about
+/// an object.
+pub(super) struct OwnContact {
+    pub link: Option<usize>,
+    pub centroid: Point3<f64>,
+    /// Force on the pad, N.
+    pub force: Vector3<f64>,
+}
+
+impl OwnContact {
+    /// A patch of a pad at `place` on its link.
+    pub fn new(link: Option<usize>, place: &Isometry3<f64>, patch: &Patch) -> Self {
+        Self { link, centroid: place * patch.centroid, force: place * (patch.normal * patch.force) }
+    }
+}
+
 /// Standard deviation of a patch's heights, m.
 fn height_sigma(patch: &Patch, sigma: f64) -> f64 {
     let radius = patch.area / (TAU * patch.peak.max(1e-6));
@@ -93,9 +109,9 @@ impl PressedPad {
     /// The pad at `place` on its link. The deepest of its accurately measured patches is taken to lie on the pad.
     pub fn new(place: &Isometry3<f64>, touch: &PadTouch, options: &PoseOptions) -> Self {
         let sigma = |patch: &&Patch| height_sigma(patch, options.sigma_height);
-        let best = touch.patches.iter().map(|patch| sigma(&patch)).fold(f64::INFINITY, f64::min);
+        let best = touch.of_objects().map(|patch| sigma(&patch)).fold(f64::INFINITY, f64::min);
         let deepest =
-            touch.patches.iter().filter(|patch| sigma(patch) < 2.0 * best).max_by(|a, b| a.peak.total_cmp(&b.peak));
+            touch.of_objects().filter(|patch| sigma(patch) < 2.0 * best).max_by(|a, b| a.peak.total_cmp(&b.peak));
         let (peak, height) = deepest.map_or((0.0, 0.0), |patch| (patch.peak, sigma(&patch)));
         let stiff = 1.0 - options.sinking;
         Self { normal: place * Vector3::z(), lift: stiff * peak, sigma: options.sigma_lift.hypot(stiff * height) }

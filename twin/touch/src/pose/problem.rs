@@ -4,9 +4,9 @@
 //! pressed pads by addition.
 
 use hand_model::{HAND_JOINTS, Hand, PADS};
-use nalgebra::{DVector, Isometry3, Translation3, UnitQuaternion, Vector3};
+use nalgebra::{DVector, Isometry3, Point3, Translation3, UnitQuaternion, Vector3};
 
-use super::evidence::{ClearSpot, FeltPoint, LinkPatch, PressedPad, obstructed};
+use super::evidence::{ClearSpot, FeltPoint, LinkPatch, OwnContact, PressedPad, obstructed};
 use super::inputs::{PoseInputs, PoseOptions, PosePrior};
 use super::shape::KnownShape;
 use super::system::{Kinematics, evenly};
@@ -48,6 +48,8 @@ pub(super) struct Problem<'a> {
     pub(super) options: &'a PoseOptions,
     pub(super) posture: Posture,
     pub(super) patches: Vec<LinkPatch>,
+    /// Where the hand presses on itself.
+    pub(super) own: Vec<OwnContact>,
     pub(super) pressed: Vec<PressedPad>,
     pub(super) clear: Vec<ClearSpot>,
     /// Cables of digits in contact.
@@ -70,11 +72,14 @@ impl<'a> Problem<'a> {
     pub fn new(inputs: &PoseInputs<'a>) -> Self {
         let PoseInputs { hand, touches, servos, prior, shape, options } = *inputs;
         let (mut patches, mut clear, mut cables, mut blind) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
-        let (mut pressed, mut links) = (Vec::new(), Vec::new());
+        let (mut pressed, mut links, mut own) = (Vec::new(), Vec::new(), Vec::new());
         for touch in touches {
             let pad = &hand.pads[touch.pad];
             let place = pad.link_from_pad;
-            for patch in &touch.patches {
+            own.extend(
+                touch.patches.iter().filter(|patch| patch.own).map(|patch| OwnContact::new(pad.link, &place, patch)),
+            );
+            for patch in touch.of_objects() {
                 patches.push(LinkPatch::new(pad.link, pressed.len(), &place, patch, options.sigma_height));
             }
             let at = touch.touched().then_some(pressed.len());
@@ -82,7 +87,7 @@ impl<'a> Problem<'a> {
                 pressed.push(PressedPad::new(&place, touch, options));
                 links.push(pad.link);
             }
-            if touch.touched() || touch.blind {
+            if !touch.patches.is_empty() || touch.blind {
                 cables.extend(digit_of(pad.link).map(|digit| digit.index()));
             }
             blind.extend(pad.link.filter(|_| touch.blind));
@@ -125,6 +130,7 @@ impl<'a> Problem<'a> {
             options,
             posture,
             patches,
+            own,
             columns: columns + pressed.len(),
             pressed,
             clear,
@@ -193,25 +199,31 @@ impl<'a> Problem<'a> {
         }
     }
 
+    /// The felt forces (N) with where they act (m), in the frame of the link that carries them: an object's and the hand's own.
+    fn forces(&self) -> impl Iterator<Item = (Option<usize>, (Point3<f64>, Vector3<f64>))> {
+        let objects = self.patches.iter().map(|patch| (patch.link, (patch.centroid, patch.force)));
+        objects.chain(self.own.iter().map(|own| (own.link, (own.centroid, own.force))))
+    }
+
     /// Torque of the contact forces about `joint`, N m.
     pub(super) fn contact_torque(&self, kinematics: &Kinematics, joint: usize) -> f64 {
         let (axis, origin) = (kinematics.axes[joint], kinematics.origin(joint));
-        let about = |patch: &&LinkPatch| kinematics.chain(patch.link).contains(&joint);
-        let torque = |patch: &LinkPatch| {
-            let pose = kinematics.pose(patch.link);
-            axis.dot(&((pose * patch.centroid).coords - origin).cross(&(pose * patch.force)))
+        let about = |(link, _): &(Option<usize>, _)| kinematics.chain(*link).contains(&joint);
+        let torque = |(link, (centroid, force)): (Option<usize>, (Point3<f64>, Vector3<f64>))| {
+            let pose = kinematics.pose(link);
+            axis.dot(&((pose * centroid).coords - origin).cross(&(pose * force)))
         };
-        self.patches.iter().filter(about).map(torque).sum()
+        self.forces().filter(about).map(torque).sum()
     }
 
     /// Adds the derivatives of [`Self::contact_torque`] with respect to the joints further out, times `scale`, to a row.
     pub(super) fn contact_torque_row(&self, kinematics: &Kinematics, joint: usize, scale: f64, row: &mut [f64]) {
         let (axis, origin) = (kinematics.axes[joint], kinematics.origin(joint));
-        for patch in &self.patches {
-            let chain = kinematics.chain(patch.link);
+        for (link, (centroid, force)) in self.forces() {
+            let chain = kinematics.chain(link);
             let Some(at) = chain.iter().position(|&other| other == joint) else { continue };
-            let pose = kinematics.pose(patch.link);
-            let (centroid, force) = ((pose * patch.centroid).coords, pose * patch.force);
+            let pose = kinematics.pose(link);
+            let (centroid, force) = ((pose * centroid).coords, pose * force);
             for &outer in &chain[at + 1..] {
                 let Some(column) = self.column[outer] else { continue };
                 let turn = kinematics.axes[outer];

@@ -333,6 +333,7 @@ mod tests {
             force: 1.2,
             peak,
             points,
+            own: false,
         };
         let clear = (-3..=3).flat_map(|x| (-4..=4).map(move |y| Point3::new(2e-3 * x as f64, 2e-3 * y as f64, 0.0)));
         PadTouch { pad, patches: vec![patch], force: 1.2, clear: clear.collect(), ..PadTouch::default() }

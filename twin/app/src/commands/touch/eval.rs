@@ -70,7 +70,8 @@ pub fn eval(terminal: &Terminal, args: &EvalArgs) -> Outcome {
     let grasps = grasps(&bench, played, args.grasps.as_deref(), quiet)?;
     let bar = if quiet { ProgressBar::hidden() } else { ProgressBar::new(grasps.len() as u64) };
     bar.set_style(ProgressStyle::with_template("{bar:28} {pos}/{len} felt [{elapsed} < {eta}]")?);
-    let eyes = Eyes::new(&bench.world.cell.hand, HAND_UNIT, &Change::NONE)?;
+    let eyes = Eyes::new(&bench.world.cell.hand, HAND_UNIT, &Change::NONE)?
+        .drifting(bench.world.scenario.effects.pads, terminal.seed);
     let felt = feel(&bench, &eyes, &bench.pipeline, &grasps, || bar.inc(1))?;
     bar.finish_and_clear();
     if let Some(folder) = &args.out {

@@ -1,0 +1,68 @@
+//! Where the hand presses into its own pads, and the table into them: from the engine's contacts between covers, and of covers
+//! with the table.
+//!
+//! The engine lets any two covers touch that no joint connects: fingers each other, the thumb fingers and palm, and a finger's
+//! middle and distal links the palm; not a first link and the palm, nor neighbours along a digit.
+
+use hand_model::ARM_JOINTS;
+use hand_model::hand::CoverShape;
+use nalgebra::{Isometry3, Vector3};
+use scenarios::geometry::Shape;
+use scenarios::physics::{Physics, Table};
+
+use super::SimulatedRobot;
+use crate::contacts::contacts_of;
+use crate::tactile::OwnLoad;
+
+/// The rounded box of a cover.
+fn shape_of(cover: &CoverShape) -> Shape {
+    Shape::Cuboid { half: cover.half, radius: cover.radius }
+}
+
+/// The table and `world_from_table`.
+fn table() -> (Shape, Isometry3<f64>) {
+    let Table { center, half, .. } = Physics::standard().table;
+    (Shape::Cuboid { half: Vector3::from(half), radius: 0.0 }, Isometry3::translation(center[0], center[1], center[2]))
+}
+
+impl SimulatedRobot {
+    /// What the hand and the table press into the pads now: ground truth. Nothing, if the scene's pads feel objects only.
+    pub fn own_loads(&self) -> Vec<OwnLoad> {
+        let mut loads: Vec<(usize, Option<usize>, f64)> = Vec::new();
+        if !self.self_contact {
+            return Vec::new();
+        }
+        let links = self.body.link_poses(&self.engine);
+        let palm = self.palm(&links);
+        let covers = &self.body.covers;
+        for (cover, collider) in covers.iter().enumerate() {
+            for contact in contacts_of(&self.engine, *collider) {
+                let other = covers.iter().position(|other| *other == contact.other);
+                if other.is_none() && contact.other != self.table {
+                    continue;
+                }
+                // As for an object: from what presses into the pad.
+                let inward = -contact.normal;
+                let Some(pad) = self.pad_at(cover.checked_sub(1), &contact.point, &inward, &links, &palm) else {
+                    continue;
+                };
+                match loads.iter_mut().find(|load| (load.0, load.1) == (pad, other)) {
+                    Some(load) => load.2 += contact.force,
+                    None => loads.push((pad, other, contact.force)),
+                }
+            }
+        }
+        let load = |(pad, other, force): (usize, Option<usize>, f64)| {
+            let (shape, pose) = match other {
+                None => table(),
+                Some(0) => (shape_of(&self.hand.palm_cover), palm * self.hand.palm_cover.link_from_cover),
+                Some(cover) => {
+                    let shape = &self.hand.covers[cover - 1];
+                    (shape_of(shape), links[ARM_JOINTS + cover - 1] * shape.link_from_cover)
+                }
+            };
+            OwnLoad { pad, force, shape, pose }
+        };
+        loads.into_iter().map(load).collect()
+    }
+}

@@ -1,0 +1,126 @@
+//! Perception tells what the hand feels of itself from what it feels of objects, on a hand that physics has posed.
+
+use bench::builtin::make_bench;
+use bench::trial::Bench;
+use control::look::Look;
+use control::perception::{Grip, KnownObject, trusted};
+use hand_model::CAMERAS;
+use hand_model::robot::{Command, Observation, Robot};
+use scenarios::Scenario;
+use scenarios::effects::Effects;
+use scenarios::noise::TrialNoise;
+use sim::SimulatedRobot;
+use sim::tactile::Drift;
+use touch::{InHand, PadTouch};
+
+/// The benchmark's first combinations with no effect but that of the pads.
+fn pads_only(combos: usize) -> Bench {
+    let mut scenario = Scenario::benchmark();
+    scenario.effects = Effects { pads: scenario.effects.pads, ..Effects::default() };
+    assert!(scenario.effects.pads.is_some_and(|pads| pads.self_contact));
+    make_bench(scenario, combos, 1, true).expect("the built-in benchmark")
+}
+
+/// The empty hand over the table pulls with `tensions` (N), the thumb last and opposed by `opposition` (rad): what it then feels.
+fn closed_on_nothing(
+    bench: &Bench,
+    tensions: [f64; 5],
+    opposition: f64,
+) -> (Vec<PadTouch>, Observation, SimulatedRobot) {
+    let (world, hand) = (&bench.world, &bench.world.cell.hand);
+    let drift = Drift::new(vec![0.03; CAMERAS], 30.0);
+    let board = bench.board.with_noise(5).drifting(drift);
+    let backgrounds = board.background_frames();
+    let scene = world.bare_scene(world.cell.ready, &TrialNoise::none());
+    let mut robot = SimulatedRobot::new(hand.clone(), world.cell.arm.clone(), &scene, board);
+    for tick in 0..360 {
+        let thumb = if tick < 150 { 0.0 } else { tensions[0] };
+        let tensions = [thumb, tensions[1], tensions[2], tensions[3], tensions[4]];
+        let servos = hand.servo_goals(&tensions, opposition, hand.parameters.servo.current_limit);
+        robot.send(&Command { arm: world.cell.ready, servos, capture: tick == 359 });
+        robot.wait_for_tick();
+    }
+    let seen = robot.observe();
+    let pipeline = bench.pipeline.with_backgrounds(backgrounds).expect("a background of each camera");
+    let look = Look { images: &seen.tactile, sequences_before: &[None; CAMERAS], servos: &seen.servos };
+    let touches = pipeline.perceive_frames(look.images, look.sequences_before).expect("images").touches;
+    (touches, seen, robot)
+}
+
+/// The thumb lies on the index finger and nothing is in the hand, though the plan has objects there: pads are pressed and the
+/// grip is empty.
+#[test]
+fn a_thumb_on_the_index_finger_is_no_object() {
+    let bench = pads_only(1);
+    let (first, candidates) = bench.plans.plans[0].grasps(&bench.repertoire).expect("a plan");
+    let objects = [&bench.plans.plans[0].first, &bench.plans.plans[0].second]
+        .map(|name| KnownObject::plain(bench.world.object(name).expect("an object")));
+    let second = &candidates[0].grasp;
+    let in_hand: Vec<InHand> = [&first, second]
+        .iter()
+        .zip(&objects)
+        .filter_map(|(grasp, object)| Some(InHand { shape: object, prior: trusted(grasp.held?) }))
+        .collect();
+    assert_eq!(in_hand.len(), 2);
+    for (tensions, opposition) in [([10.0, 10.0, 0.0, 0.0, 0.0], 1.0), ([8.0; 5], 1.0), ([8.0; 5], 0.6)] {
+        let (mut touches, seen, robot) = closed_on_nothing(&bench, tensions, opposition);
+        let loaded = robot.own_loads().iter().any(|load| load.force > 0.2);
+        assert!(loaded && touches.iter().any(PadTouch::touched), "something is to be told: {:?}", robot.own_loads());
+        bench.pipeline.mark_own(&mut touches, &seen.servos, &in_hand).expect("marked");
+        for touch in &touches {
+            let name = &bench.world.cell.hand.pads[touch.pad].name;
+            assert!(!touch.touched(), "{tensions:?}: {name} is taken for touched by an object");
+        }
+        let grip = Grip::of(&bench.world.cell.hand, &touches, &seen.servos, second.held_joints.as_deref());
+        assert_eq!(grip, Grip { first: false, second: false });
+    }
+}
+
+/// Of a held object nothing, or next to nothing, is taken for the hand's own: it is felt to be held, where it was felt before.
+#[test]
+fn a_held_object_is_felt_as_before() {
+    let bench = pads_only(6);
+    let (mut held, mut marked, mut patches) = (0, 0, 0);
+    let mut errors = [Vec::new(), Vec::new()];
+    for combination in 0..6 {
+        let Some(grasp) = bench.held(combination, 0).expect("played") else { continue };
+        held += 1;
+        let known = &bench.known[&grasp.object];
+        let mut board = bench.board.with_noise(combination as u64);
+        let objects = [(&known.model.shape, grasp.truth)];
+        let hand = &bench.world.cell.hand;
+        let frames = board.capture(hand, 0.0, &grasp.pads, &grasp.forces, &objects);
+        let mut touches = bench.pipeline.perceive_frames(&frames, &[None; CAMERAS]).expect("images").touches;
+        let (servos, prior) = (grasp.servos(), trusted(grasp.expected));
+        for n in 0..2 {
+            let estimate = bench.pipeline.estimate_pose(&touches, &servos, &prior, known).expect("a pose");
+            let apart = estimate.palm_from_object.translation.vector - grasp.truth.translation.vector;
+            errors[n].push(apart.norm());
+            if n == 0 {
+                bench.pipeline.mark_own(&mut touches, &servos, &[InHand { shape: known, prior }]).expect("marked");
+            }
+        }
+        patches += touches.iter().map(|touch| touch.patches.len()).sum::<usize>();
+        marked += touches.iter().flat_map(|touch| &touch.patches).filter(|patch| patch.own).count();
+        assert!(Grip::of(hand, &touches, &servos, None).first, "combination {combination}");
+    }
+    assert!(held >= 4 && patches > 3 * held, "{held} {patches}");
+    assert!(20 * marked <= patches, "{marked} of {patches} patches are taken for the hand's own");
+    let mean = errors.each_ref().map(|errors| 1e3 * errors.iter().sum::<f64>() / errors.len() as f64);
+    assert!((mean[1] - mean[0]).abs() < 0.1 && mean[1] < 1.5, "mm before and after: {mean:?}");
+}
+
+/// Idle pads of cameras that drift by several per cent feel nothing.
+#[test]
+fn drift_alone_is_no_touch() {
+    let bench = pads_only(1);
+    let hand = &bench.world.cell.hand;
+    let poses = hand.pad_poses(&hand.tree.forward(&[0.0; hand_model::HAND_JOINTS]));
+    for rate in [-0.06, -0.02, 0.0, 0.02, 0.06] {
+        let mut board = bench.board.with_noise(9).drifting(Drift::new(vec![rate; CAMERAS], 30.0));
+        let pipeline = bench.pipeline.with_backgrounds(board.background_frames()).expect("a background of each camera");
+        let frames = board.capture(hand, 30.0, &poses, &vec![0.0; hand.pads.len()], &[]);
+        let felt = pipeline.perceive_frames(&frames, &[None; CAMERAS]).expect("images");
+        assert!(felt.faults.is_empty() && felt.touches.iter().all(|touch| touch.heights.is_empty()), "{rate}");
+    }
+}

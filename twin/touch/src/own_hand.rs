@@ -1,0 +1,140 @@
+//! What the hand feels of itself: a finger on another, the thumb on a finger, a finger on the palm.
+//!
+//! A patch is the hand's own if another link's cover, at the posture that servos and pad forces give, lies where the patch is
+//! felt and faces it, and no expected object explains the patch better. What "lies where it is felt" means is set by the
+//! posture's errors: three joints of a digit hang on one cable, so that a digit in contact is known to some millimetres only.
+
+use hand_model::robot::ServoState;
+use hand_model::{ACTUATORS, Hand};
+use nalgebra::{Isometry3, Point3, Vector3};
+
+use crate::contacts::Patch;
+use crate::error::TouchError;
+use crate::pad_touch::PadTouch;
+use crate::pose::{KnownShape, PoseOptions, PosePrior, loaded_posture};
+
+/// Points of a patch that are looked at.
+const POINTS: usize = 8;
+
+/// How far off a cover may be from a patch that it presses.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct OwnHandOptions {
+    /// Largest distance of the cover's surface from the patch, m.
+    pub distance: f64,
+    /// Largest angle between the cover's surface and the patch's, rad.
+    pub angle: f64,
+}
+
+impl Default for OwnHandOptions {
+    fn default() -> Self {
+        Self { distance: 0.006, angle: 0.7 }
+    }
+}
+
+/// An object that is expected in the hand.
+#[derive(Clone, Copy)]
+pub struct InHand<'a> {
+    /// Its shape.
+    pub shape: &'a dyn KnownShape,
+    /// Where, and how sure that is.
+    pub prior: PosePrior,
+}
+
+/// How far a surface is from a patch, and how much it is turned against it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Fit {
+    /// Mean distance of the patch's points from the surface, m, negative inside.
+    pub distance: f64,
+    /// Mean angle between the surface's normals and the patch's, rad.
+    pub angle: f64,
+}
+
+impl Fit {
+    /// Of a surface's `distance` (signed, with its gradient) to the `points` of a patch with their normals.
+    fn of(points: &[(Point3<f64>, Vector3<f64>)], distance: impl Fn(&Point3<f64>) -> (f64, Vector3<f64>)) -> Self {
+        let (mut sum, mut turned) = (0.0, 0.0);
+        for (point, normal) in points {
+            let (distance, outward) = distance(point);
+            sum += distance;
+            turned += outward.dot(normal).clamp(-1.0, 1.0).acos();
+        }
+        let count = points.len().max(1) as f64;
+        Self { distance: sum / count, angle: turned / count }
+    }
+
+    /// Squared deviation in units of `distance` (m) and `angle` (rad).
+    fn misfit(&self, distance: f64, angle: f64) -> f64 {
+        (self.distance / distance).powi(2) + (self.angle / angle).powi(2)
+    }
+}
+
+/// Marks the patches that other links' covers press rather than `objects`.
+pub fn mark_own(
+    hand: &Hand,
+    touches: &mut [PadTouch],
+    servos: &[ServoState; ACTUATORS],
+    objects: &[InHand],
+    (options, pose): (&OwnHandOptions, &PoseOptions),
+) -> Result<(), TouchError> {
+    if touches.iter().all(|touch| touch.patches.is_empty()) {
+        return Ok(());
+    }
+    let links = hand.tree.forward(&loaded_posture(hand, touches, servos, pose)?);
+    for touch in touches {
+        let pad = &hand.pads[touch.pad];
+        let place = pad.link.map_or(Isometry3::identity(), |link| links[link]) * pad.link_from_pad;
+        for patch in &mut touch.patches {
+            let points = felt(patch, &place);
+            let own = nearest_cover(hand, &links, pad.link, &points, options);
+            let object = objects.iter().map(|object| object_misfit(object, &points, options));
+            let object = object.fold(f64::INFINITY, f64::min);
+            patch.own = own.is_some_and(|own| own < object);
+        }
+    }
+    Ok(())
+}
+
+/// Some of a patch's points and normals in the palm frame.
+fn felt(patch: &Patch, place: &Isometry3<f64>) -> Vec<(Point3<f64>, Vector3<f64>)> {
+    let stride = patch.points.len().div_ceil(POINTS).max(1);
+    patch.points.iter().step_by(stride).map(|felt| (place * felt.point, place * felt.normal)).collect()
+}
+
+/// Whether covers of these two links (`None` is the palm) never touch: a joint connects them.
+fn neighbours(hand: &Hand, a: Option<usize>, b: Option<usize>) -> bool {
+    let parent = |link: Option<usize>| link.map(|link| hand.tree.joints[link].parent);
+    a == b || parent(a) == Some(b) || parent(b) == Some(a)
+}
+
+/// How well the cover that fits best explains a patch on `link`; `None` if none is near enough.
+fn nearest_cover(
+    hand: &Hand,
+    links: &[Isometry3<f64>],
+    link: Option<usize>,
+    points: &[(Point3<f64>, Vector3<f64>)],
+    options: &OwnHandOptions,
+) -> Option<f64> {
+    let others = std::iter::once(None).chain((0..links.len()).map(Some));
+    let fits = others.filter(|other| !neighbours(hand, link, *other)).map(|other| {
+        let (cover, pose) = match other {
+            None => (&hand.palm_cover, Isometry3::identity()),
+            Some(other) => (&hand.covers[other], links[other]),
+        };
+        Fit::of(points, |point| {
+            let (distance, outward) = cover.signed_distance(&pose.inverse_transform_point(point));
+            (distance, pose * outward)
+        })
+    });
+    let near = fits.filter(|fit| fit.distance.abs() < options.distance && fit.angle < options.angle);
+    near.map(|fit| fit.misfit(options.distance, options.angle)).reduce(f64::min)
+}
+
+/// How well an object explains a patch, in the units of [`nearest_cover`].
+fn object_misfit(object: &InHand, points: &[(Point3<f64>, Vector3<f64>)], options: &OwnHandOptions) -> f64 {
+    let PosePrior { palm_from_object, sigma_translation, sigma_rotation } = object.prior;
+    let fit = Fit::of(points, |point| {
+        let (distance, outward) = object.shape.signed_distance(&palm_from_object.inverse_transform_point(point));
+        (distance, palm_from_object * outward)
+    });
+    fit.misfit(sigma_translation.hypot(options.distance), sigma_rotation.hypot(options.angle))
+}
