@@ -3,9 +3,10 @@
 use std::sync::Arc;
 
 use hand_model::ARM_JOINTS;
-use hand_model::transmission::friction::CableFriction;
+use hand_model::transmission::friction::CableLosses;
 use nalgebra::{Isometry3, UnitQuaternion};
 use rapier3d_f64::prelude::*;
+use scenarios::effects::Gel;
 use scenarios::objects::ObjectModel;
 use scenarios::physics::Physics;
 
@@ -33,8 +34,10 @@ pub struct SceneSetup {
     pub arm_start: [f64; ARM_JOINTS],
     /// Objects on the table.
     pub objects: Vec<ObjectPlacement>,
-    /// Friction of the cables in their guides.
-    pub cable_friction: CableFriction,
+    /// What guides and gears take.
+    pub cables: CableLosses,
+    /// How covers give way; none: they are rigid.
+    pub gel: Option<Gel>,
     pub engine: EngineSettings,
 }
 

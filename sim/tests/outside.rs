@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use hand_model::robot::{Command, Robot, ServoGoal};
-use hand_model::transmission::friction::CableFriction;
+use hand_model::transmission::friction::CableLosses;
 use hand_model::{Arm, Digit, Hand};
 use nalgebra::{Isometry3, UnitQuaternion, Vector3};
 use scenarios::disturbance::Blindness;
@@ -21,7 +21,8 @@ fn scene(board: fn(&Hand) -> TactileBoard) -> SimulatedRobot {
         mount_error: UnitQuaternion::identity(),
         arm_start: Arm::home(),
         objects: vec![ObjectPlacement { model, pose }],
-        cable_friction: CableFriction::NONE,
+        cables: CableLosses::NONE,
+        gel: None,
         engine: EngineSettings::default(),
     };
     let hand = Hand::ftac();

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use hand_model::robot::Robot;
-use hand_model::transmission::friction::CableFriction;
+use hand_model::transmission::friction::CableLosses;
 use hand_model::{Arm, Hand};
 use nalgebra::{Isometry3, UnitQuaternion};
 use scenarios::objects::ObjectSet;
@@ -30,7 +30,8 @@ fn objects_rest_where_they_are_put() {
             mount_error: UnitQuaternion::identity(),
             arm_start: Arm::home(),
             objects: vec![ObjectPlacement { model: model.clone(), pose }],
-            cable_friction: CableFriction::NONE,
+            cables: CableLosses::NONE,
+            gel: None,
             engine: EngineSettings::default(),
         };
         let (hand, arm) = (Arc::new(Hand::ftac()), Arc::new(Arm::gen3()));
@@ -64,7 +65,8 @@ fn a_rolling_ball_is_stopped() {
         mount_error: UnitQuaternion::identity(),
         arm_start: Arm::home(),
         objects: vec![ObjectPlacement { model: model.clone(), pose }],
-        cable_friction: CableFriction::NONE,
+        cables: CableLosses::NONE,
+        gel: None,
         engine: EngineSettings::default(),
     };
     let mut robot = SimulatedRobot::new(Arc::new(Hand::ftac()), Arc::new(Arm::gen3()), &setup, TactileBoard::blank());

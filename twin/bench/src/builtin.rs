@@ -7,6 +7,7 @@ use anyhow::{Context, Result, bail};
 use control::perception::KnownObject;
 use hand_model::Hand;
 use hand_model::robot::TactileImage;
+use hand_model::transmission::friction::CableLosses;
 use proving::world::World;
 use proving::{ball_sizes, plan};
 use scenarios::Scenario;
@@ -40,6 +41,22 @@ pub fn look_up_touch(hand: &Hand, backgrounds: Vec<Arc<TactileImage>>) -> Result
     Ok(pipeline)
 }
 
+/// What a controller knows of its cables: the guides as the hand's data file has them, the gear's play as its data sheet.
+fn known_cable_losses(world: &World) -> CableLosses {
+    world.scenario.effects.cables.map_or(CableLosses::NONE, |cables| CableLosses {
+        friction: world.cell.hand.parameters.cable.friction,
+        backlash: cables.backlash,
+    })
+}
+
+/// Tells perception what it may know of the scenario's hand: what cables lose, and how far objects sink into pads.
+pub fn know_hand(pipeline: &mut TouchPipeline, world: &World) {
+    pipeline.pose.cables = known_cable_losses(world);
+    if world.scenario.effects.gel.is_some() {
+        pipeline.pose.sinking = 1.0;
+    }
+}
+
 /// Everything that trials of a scenario's first `combos` combinations share.
 pub fn make_bench(scenario: Scenario, combos: usize, seed: u64, quiet: bool) -> Result<Bench> {
     // Plans are made for the nominal places: a spread of the layout leaves them as they are.
@@ -57,7 +74,8 @@ pub fn make_bench(scenario: Scenario, combos: usize, seed: u64, quiet: bool) -> 
     }
     plans.plans.truncate(combos);
     let board = TactileBoard::unit(&world.cell.hand, HAND_UNIT);
-    let pipeline = simulated_touch(&world.cell.hand, board.backgrounds())?;
+    let mut pipeline = simulated_touch(&world.cell.hand, board.backgrounds())?;
+    know_hand(&mut pipeline, &world);
     let names: BTreeSet<&String> = plans.plans.iter().map(|plan| &plan.first).collect();
     let mut known = names
         .into_iter()

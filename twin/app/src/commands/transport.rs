@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
-use bench::builtin::{HAND_UNIT, simulated_touch};
+use bench::builtin::{HAND_UNIT, know_hand, simulated_touch};
 use bench::transport::play::{Nobody, Policy, Site, TransportRecord};
 use bench::transport::recorded::Recorded;
 use bench::transport::rehearse::{Searched, Wanted, WantedText};
@@ -92,7 +92,8 @@ fn site_of(transport: Transport, more: Option<&Path>, seed: u64) -> Result<Site>
     let of = |kind: usize| (0..numbered.len()).filter(|n| numbered[*n].0 == kind).collect();
     let suited = kind.into_iter().map(of).collect();
     let board = TactileBoard::unit(&world.cell.hand, HAND_UNIT);
-    let pipeline = simulated_touch(&world.cell.hand, board.backgrounds())?;
+    let mut pipeline = simulated_touch(&world.cell.hand, board.backgrounds())?;
+    know_hand(&mut pipeline, &world);
     Ok(Site {
         world,
         transport,

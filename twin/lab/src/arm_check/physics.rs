@@ -4,7 +4,7 @@ use anyhow::{Result, anyhow};
 use control::arm_clearance::ArmBodies;
 use control::inverse_kinematics::Joints;
 use hand_model::robot::{Command, Robot};
-use hand_model::transmission::friction::CableFriction;
+use hand_model::transmission::friction::CableLosses;
 use hand_model::{ARM_JOINTS, HAND_JOINTS};
 use nalgebra::UnitQuaternion;
 use proving::world::World;
@@ -65,7 +65,8 @@ fn robot(world: &World, q: &Joints) -> SimulatedRobot {
         mount_error: UnitQuaternion::identity(),
         arm_start: *q,
         objects: Vec::new(),
-        cable_friction: CableFriction::NONE,
+        cables: CableLosses::NONE,
+        gel: None,
         engine: EngineSettings::default(),
     };
     SimulatedRobot::new(world.cell.hand.clone(), world.cell.arm.clone(), &setup, TactileBoard::blank())

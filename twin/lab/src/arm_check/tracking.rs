@@ -7,7 +7,7 @@ use anyhow::Result;
 use control::Twist;
 use control::trajectory::{PathLimits, PosePath, displacement};
 use hand_model::robot::{Command, Robot};
-use hand_model::transmission::friction::CableFriction;
+use hand_model::transmission::friction::CableLosses;
 use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 use proving::world::World;
 use report::picture::{save, tile};
@@ -92,7 +92,8 @@ fn follow(world: &World, motion: &Motion<'_>) -> Result<Followed> {
         mount_error: UnitQuaternion::identity(),
         arm_start: world.cell.ready,
         objects: Vec::new(),
-        cable_friction: CableFriction::NONE,
+        cables: CableLosses::NONE,
+        gel: None,
         engine: EngineSettings::default(),
     };
     let mut robot = SimulatedRobot::new(world.cell.hand.clone(), world.cell.arm.clone(), &setup, TactileBoard::blank());

@@ -8,7 +8,7 @@ use std::time::Instant;
 
 use anyhow::{Context, Result};
 use hand_model::robot::{Command, Robot, ServoGoal};
-use hand_model::transmission::friction::CableFriction;
+use hand_model::transmission::friction::{CableFriction, CableLosses};
 use hand_model::{ARM_JOINTS, Arm, Hand};
 use nalgebra::{Isometry3, UnitQuaternion, Vector3};
 use report::write_whole;
@@ -228,7 +228,8 @@ fn whole(hand: &Arc<Hand>, folder: &Path) -> Result<Value> {
         mount_error: UnitQuaternion::identity(),
         arm_start: start,
         objects: placed.into_iter().map(|(model, pose)| ObjectPlacement { model, pose }).collect(),
-        cable_friction: CableFriction::NONE,
+        cables: CableLosses::NONE,
+        gel: None,
         engine: settings,
     };
     let mut robot = SimulatedRobot::new(hand.clone(), arm, &setup, TactileBoard::blank());
