@@ -90,6 +90,18 @@ impl CablePath {
         speeds
     }
 
+    /// Turn (rad) of the cable between spool and each span, with the turn in the palm that `friction` names.
+    pub fn wraps(&self, q: &[f64], friction: &CableFriction) -> [f64; SPANS] {
+        let mut wraps = [0.0; SPANS];
+        let mut turned = friction.routing;
+        for (wrap, (joint, guides)) in wraps.iter_mut().zip(&self.joints) {
+            let [before, after] = guides.wraps(q[*joint]);
+            *wrap = turned + before;
+            turned = *wrap + after;
+        }
+        wraps
+    }
+
     /// Tension of each span (N) for `tension` at the spool and guides in the given states of friction.
     pub fn span_tensions(
         &self,

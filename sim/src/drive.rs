@@ -2,7 +2,7 @@
 
 use hand_model::robot::{ServoGoal, ServoState};
 use hand_model::transmission::SPANS;
-use hand_model::transmission::friction::CableFriction;
+use hand_model::transmission::friction::{CableFriction, CableLosses};
 use hand_model::{ACTUATORS, HAND_JOINTS, Hand};
 
 use crate::servo::ServoModel;
@@ -30,11 +30,11 @@ pub struct HandDrive {
 }
 
 impl HandDrive {
-    /// All cables slack, all servos at rest, guides with this friction.
-    pub fn new(hand: &Hand, friction: CableFriction) -> Self {
+    /// All cables slack, all servos at rest, guides and gears with these losses.
+    pub fn new(hand: &Hand, losses: CableLosses) -> Self {
         Self {
-            servos: std::array::from_fn(|_| ServoModel::new(hand.parameters.servo)),
-            friction,
+            servos: std::array::from_fn(|_| ServoModel::new(hand.parameters.servo, losses.backlash)),
+            friction: losses.friction,
             slides: [[0.0; SPANS]; 5],
             tensions: [0.0; 5],
         }
@@ -108,7 +108,7 @@ impl HandDrive {
         let joint = hand.transmission.opposition_joint;
         let ratio = hand.parameters.servo.gear_ratio_opposition;
         let servo = &mut self.servos[5];
-        let twist = servo.angle / ratio - q[joint];
+        let twist = servo.beyond_play(servo.angle / ratio - q[joint], ratio);
         let torque = OPPOSITION_STIFFNESS * twist;
         servo.step_shaft(torque / ratio, dt);
         let spring = hand.transmission.springs[joint] * q[joint];

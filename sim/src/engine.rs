@@ -6,6 +6,8 @@
 use rapier3d_f64::prelude::*;
 use scenarios::physics::Physics;
 
+use crate::gel::SoftCovers;
+
 /// m/s2.
 pub const GRAVITY: f64 = 9.81;
 /// The scale of a scene by which the solver judges what is far and what is fast, m: a hand's breadth.
@@ -66,6 +68,8 @@ pub struct Engine {
     pub multibodies: MultibodyJointSet,
     soft_bodies: SoftBodySet,
     ccd: CCDSolver,
+    /// Covers that give way; none where they are rigid.
+    pub soft_covers: Option<SoftCovers>,
 }
 
 impl Engine {
@@ -97,11 +101,16 @@ impl Engine {
             multibodies: MultibodyJointSet::new(),
             soft_bodies: SoftBodySet::new(),
             ccd: CCDSolver::new(),
+            soft_covers: None,
         }
     }
 
     /// One time step under gravity.
     pub fn step(&mut self) {
+        let hooks: &dyn PhysicsHooks = match &self.soft_covers {
+            Some(covers) => covers,
+            None => &(),
+        };
         self.pipeline.step(
             self.gravity,
             &self.parameters,
@@ -114,9 +123,12 @@ impl Engine {
             &mut self.multibodies,
             &mut self.soft_bodies,
             &mut self.ccd,
-            &(),
+            hooks,
             &(),
         );
+        if let Some(covers) = &mut self.soft_covers {
+            covers.relax(self.settings.dt, &self.narrow_phase, &self.colliders, &self.bodies);
+        }
     }
 }
 
@@ -137,6 +149,7 @@ impl Clone for Engine {
             multibodies: self.multibodies.clone(),
             soft_bodies: self.soft_bodies.clone(),
             ccd: self.ccd.clone(),
+            soft_covers: self.soft_covers.clone(),
         }
     }
 }

@@ -10,9 +10,10 @@ use std::sync::Arc;
 
 use hand_model::robot::{ArmState, Command, Observation, Robot, Tick};
 use hand_model::{ARM_JOINTS, Arm, Digit, Hand};
-use nalgebra::{Isometry3, Vector3};
+use nalgebra::{Isometry3, Translation3, Vector3};
 use rapier3d_f64::prelude::*;
 use scenarios::disturbance::Blindness;
+use scenarios::effects::Gel;
 use scenarios::geometry::Shape;
 use scenarios::individuals::ArmDefects;
 use scenarios::objects::ObjectModel;
@@ -23,6 +24,7 @@ use crate::contacts::{contacts_of, normal_force};
 use crate::convert;
 use crate::drive::HandDrive;
 use crate::engine::{Engine, EngineSettings};
+use crate::gel::SoftCovers;
 use crate::scene::{insert_floor, insert_object};
 use crate::tactile::{Loads, TactileBoard};
 use outside::{Outside, Target};
@@ -43,7 +45,7 @@ pub struct SimulatedRobot {
     last_from_palm: Isometry3<f64>,
     engine: Engine,
     body: RobotBody,
-    objects: Vec<(Arc<ObjectModel>, RigidBodyHandle, ColliderHandle)>,
+    objects: Vec<Inserted>,
     table: ColliderHandle,
     /// With the height of its surface, m.
     floor: Option<(ColliderHandle, f64)>,
@@ -68,6 +70,22 @@ pub struct SimulatedRobot {
     outside: Outside,
 }
 
+/// An object's model, body and collider.
+type Inserted = (Arc<ObjectModel>, RigidBodyHandle, ColliderHandle);
+
+/// The soft covers of a robot in a scene with these objects.
+fn soft_covers(
+    hand: &Hand,
+    gel: &Gel,
+    (body, objects): (&RobotBody, &[Inserted]),
+    colliders: &mut ColliderSet,
+) -> SoftCovers {
+    let shapes = std::iter::once(&hand.palm_cover).chain(&hand.covers);
+    let covers = body.covers.iter().copied().zip(shapes.copied());
+    let objects = objects.iter().map(|(model, _, collider)| (*collider, model.clone()));
+    SoftCovers::new(hand, gel, covers, objects, colliders)
+}
+
 impl SimulatedRobot {
     /// Builds the scene.
     pub fn new(hand: Arc<Hand>, arm: Arc<Arm>, setup: &SceneSetup, tactile: TactileBoard) -> Self {
@@ -84,10 +102,12 @@ impl SimulatedRobot {
         let table = engine.colliders.insert(table_shape);
         let objects: Vec<_> = setup.objects.iter().map(|placement| insert_object(&mut engine, placement)).collect();
         let floor = setup.floor.map(|height| (insert_floor(&mut engine, height), height));
+        engine.soft_covers =
+            setup.gel.map(|gel| soft_covers(&hand, &gel, (&body, &objects[..]), &mut engine.colliders));
         let state = body.joint_state(&engine);
         let count = objects.len();
         Self {
-            drive: HandDrive::new(&hand, setup.cable_friction),
+            drive: HandDrive::new(&hand, setup.cables),
             defects,
             last_from_palm: last_from_palm(&arm, &hand, &defects),
             hand,
@@ -307,6 +327,18 @@ impl SimulatedRobot {
         })
     }
 
+    /// How far friction displaces the surface of a pad at `world_from_pad` on `link`, pad frame, m: as far as it takes the gel of
+    /// the link's cover along, on average over the objects that press into it.
+    fn shear(&self, link: Option<usize>, world_from_pad: &Isometry3<f64>) -> Vector3<f64> {
+        let Some(covers) = &self.engine.soft_covers else { return Vector3::zeros() };
+        let gives = (0..self.objects.len()).filter_map(|object| covers.give(link.map_or(0, |link| link + 1), object));
+        let (sum, force) = gives
+            .fold((Vector3::zeros(), 0.0), |(sum, force), give| (sum + give.shear * give.force, force + give.force));
+        let mean = if force > 0.0 { sum / force } else { Vector3::zeros() };
+        let local = world_from_pad.inverse_transform_vector(&mean);
+        Vector3::new(local.x, local.y, 0.0)
+    }
+
     fn capture_tactile(&mut self) {
         let truth = self.truth();
         let own = self.own_loads();
@@ -314,7 +346,15 @@ impl SimulatedRobot {
             .hand
             .pads
             .iter()
-            .map(|pad| pad.link.map_or(truth.palm, |link| truth.links[ARM_JOINTS + link]) * pad.link_from_pad)
+            .map(|pad| {
+                let world = pad.link.map_or(truth.palm, |link| truth.links[ARM_JOINTS + link]) * pad.link_from_pad;
+                // The picture is displaced with the surface: as if the pad were the other way.
+                if self.engine.soft_covers.is_some() {
+                    world * Translation3::from(-self.shear(pad.link, &world))
+                } else {
+                    world
+                }
+            })
             .collect();
         let objects: Vec<(&Shape, Isometry3<f64>)> =
             self.objects.iter().zip(&truth.objects).map(|((model, _, _), pose)| (&model.shape, *pose)).collect();

@@ -3,9 +3,10 @@
 use std::sync::Arc;
 
 use hand_model::ARM_JOINTS;
-use hand_model::transmission::friction::CableFriction;
+use hand_model::transmission::friction::CableLosses;
 use nalgebra::Isometry3;
 use rapier3d_f64::prelude::*;
+use scenarios::effects::Gel;
 use scenarios::individuals::ArmDefects;
 use scenarios::objects::ObjectModel;
 use scenarios::physics::Physics;
@@ -38,10 +39,12 @@ pub struct SceneSetup {
     pub frame_delay: f64,
     /// Height of the floor, m; none: what leaves the table falls for ever.
     pub floor: Option<f64>,
-    /// Friction of the cables in their guides.
-    pub cable_friction: CableFriction,
     /// Whether pads feel the hand's other links and the table too.
     pub self_contact: bool,
+    /// What guides and gears take.
+    pub cables: CableLosses,
+    /// How covers give way; none: they are rigid.
+    pub gel: Option<Gel>,
     pub engine: EngineSettings,
 }
 

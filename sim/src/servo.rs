@@ -7,6 +7,8 @@
 use hand_model::parameters::{Cable, Servo as ServoParameters};
 use hand_model::robot::{ServoGoal, ServoState};
 
+use crate::play::Play;
+
 /// Sub-steps of the motor within one physics step; the rotor on its cable rings at about 50 rad/s.
 const SUBSTEPS: usize = 8;
 /// Gains of current-based position control: A/rad ...
@@ -26,12 +28,14 @@ pub struct ServoModel {
     pub current: f64,
     /// What it was last asked for.
     pub goal: ServoGoal,
+    play: Play,
 }
 
 impl ServoModel {
-    /// A servo at rest at angle 0.
-    pub fn new(parameters: ServoParameters) -> Self {
-        Self { parameters, angle: 0.0, speed: 0.0, current: 0.0, goal: ServoGoal::Current(0.0) }
+    /// A servo at rest at angle 0, whose gear has this much play (rad at its output).
+    pub fn new(parameters: ServoParameters, backlash: f64) -> Self {
+        let play = Play::new(backlash);
+        Self { parameters, angle: 0.0, speed: 0.0, current: 0.0, goal: ServoGoal::Current(0.0), play }
     }
 
     fn motor_torque(&mut self) -> f64 {
@@ -61,8 +65,11 @@ impl ServoModel {
         let mut total = 0.0;
         for n in 0..SUBSTEPS {
             let taken_up = excursion + rate * h * n as f64;
-            let tension = (cable.stiffness * (cable.spool_radius * self.angle - taken_up)).max(0.0);
+            let wound = cable.spool_radius * (self.angle - self.play.lag());
+            let tension = (cable.stiffness * (wound - taken_up)).max(0.0);
+            let before = self.angle;
             self.advance(cable.spool_radius * tension, h);
+            self.play.follow(self.angle - before, tension);
             total += tension;
         }
         // A slack cable stops the spool at its open mark.
@@ -71,6 +78,11 @@ impl ServoModel {
             self.speed = self.speed.max(0.0);
         }
         total / SUBSTEPS as f64
+    }
+
+    /// The part of a twist (rad) between the servo, geared by `ratio`, and what it turns that its gear's play does not take.
+    pub fn beyond_play(&mut self, twist: f64, ratio: f64) -> f64 {
+        self.play.taken_up(twist, ratio)
     }
 
     /// Advances a servo that turns a joint through a stiff shaft which takes `load` (N m) at the output.
@@ -106,7 +118,7 @@ mod tests {
 
     fn servo() -> (ServoModel, Cable) {
         let hand = Hand::ftac();
-        (ServoModel::new(hand.parameters.servo), hand.parameters.cable)
+        (ServoModel::new(hand.parameters.servo, 0.0), hand.parameters.cable)
     }
 
     /// On a blocked cable the tension settles at torque over spool radius.
@@ -132,6 +144,23 @@ mod tests {
             assert!(servo.speed <= 6.85);
         }
         assert!(servo.speed > 5.0, "{}", servo.speed);
+    }
+
+    /// A taut cable holds the spool behind the encoder: blocked, the servo turns half the play further than one without.
+    #[test]
+    fn a_taut_cable_takes_up_the_play() {
+        let (mut without, cable) = servo();
+        let width = 0.0044;
+        let mut with = ServoModel::new(without.parameters, width);
+        let mut tensions = [0.0; 2];
+        for (servo, tension) in [&mut without, &mut with].into_iter().zip(&mut tensions) {
+            servo.goal = ServoGoal::Current(0.15);
+            for _ in 0..480 {
+                *tension = servo.step_cable(&cable, 0.0, 0.0, 1.0 / 240.0);
+            }
+        }
+        assert!((tensions[0] - tensions[1]).abs() < 0.02 * tensions[0], "{tensions:?}");
+        assert!((with.angle - without.angle - 0.5 * width).abs() < 0.02 * width, "{} {}", with.angle, without.angle);
     }
 
     /// Position control reaches its goal and respects the current limit.

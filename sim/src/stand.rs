@@ -12,7 +12,7 @@ mod prop;
 use std::sync::Arc;
 
 use hand_model::robot::{ServoGoal, ServoState};
-use hand_model::transmission::friction::CableFriction;
+use hand_model::transmission::friction::{CableFriction, CableLosses};
 use hand_model::{ACTUATORS, HAND_JOINTS, Hand};
 use nalgebra::{Isometry3, Point3, Vector3};
 use rapier3d_f64::prelude::{ColliderHandle, RigidBodyHandle, RigidBodyType};
@@ -61,7 +61,7 @@ impl HandStand {
     pub fn with_friction(hand: Arc<Hand>, settings: EngineSettings, friction: CableFriction) -> Self {
         let mut linkage = hand_linkage(&hand, settings, &[0.0; HAND_JOINTS]);
         linkage.set_gravity(&Vector3::zeros());
-        Self { drive: HandDrive::new(&hand, friction), hand, linkage, props: Vec::new(), time: 0.0 }
+        Self { drive: HandDrive::new(&hand, CableLosses::of(friction)), hand, linkage, props: Vec::new(), time: 0.0 }
     }
 
     pub fn hand(&self) -> &Arc<Hand> {

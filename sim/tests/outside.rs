@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use hand_model::robot::{Command, Robot, ServoGoal};
-use hand_model::transmission::friction::CableFriction;
+use hand_model::transmission::friction::CableLosses;
 use hand_model::{Arm, Digit, Hand};
 use nalgebra::{Isometry3, Vector3};
 use scenarios::disturbance::Blindness;
@@ -24,8 +24,9 @@ fn scene(board: fn(&Hand) -> TactileBoard) -> SimulatedRobot {
         objects: vec![ObjectPlacement { model, pose }],
         frame_delay: 0.0,
         floor: None,
-        cable_friction: CableFriction::NONE,
         self_contact: false,
+        cables: CableLosses::NONE,
+        gel: None,
         engine: EngineSettings::default(),
     };
     let hand = Hand::ftac();

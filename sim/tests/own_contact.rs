@@ -3,10 +3,11 @@
 use std::sync::Arc;
 
 use hand_model::robot::{Command, Robot, ServoGoal};
-use hand_model::transmission::friction::CableFriction;
+use hand_model::transmission::friction::CableLosses;
 use hand_model::{Arm, Digit, Hand};
-use nalgebra::{Isometry3, UnitQuaternion, Vector3};
+use nalgebra::{Isometry3, Vector3};
 use scenarios::geometry::Shape;
+use scenarios::individuals::ArmDefects;
 use sim::engine::EngineSettings;
 use sim::tactile::{Drift, Loads, OwnLoad, TactileBoard};
 use sim::{SceneSetup, SimulatedRobot};
@@ -15,11 +16,14 @@ use sim::{SceneSetup, SimulatedRobot};
 fn empty(self_contact: bool, board: TactileBoard) -> SimulatedRobot {
     let setup = SceneSetup {
         world_from_base: Isometry3::identity(),
-        mount_error: UnitQuaternion::identity(),
+        arm_defects: ArmDefects::default(),
         arm_start: Arm::home(),
         objects: Vec::new(),
-        cable_friction: CableFriction::NONE,
+        frame_delay: 0.0,
+        floor: None,
         self_contact,
+        cables: CableLosses::NONE,
+        gel: None,
         engine: EngineSettings::default(),
     };
     SimulatedRobot::new(Arc::new(Hand::ftac()), Arc::new(Arm::gen3()), &setup, board)

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use hand_model::robot::Robot;
-use hand_model::transmission::friction::CableFriction;
+use hand_model::transmission::friction::CableLosses;
 use hand_model::{Arm, Hand};
 use nalgebra::Isometry3;
 use scenarios::individuals::ArmDefects;
@@ -31,9 +31,11 @@ fn objects_rest_where_they_are_put() {
             arm_defects: ArmDefects::default(),
             arm_start: Arm::home(),
             objects: vec![ObjectPlacement { model: model.clone(), pose }],
+            frame_delay: 0.0,
             floor: None,
-            cable_friction: CableFriction::NONE,
             self_contact: false,
+            cables: CableLosses::NONE,
+            gel: None,
             engine: EngineSettings::default(),
         };
         let (hand, arm) = (Arc::new(Hand::ftac()), Arc::new(Arm::gen3()));
@@ -67,9 +69,11 @@ fn a_rolling_ball_is_stopped() {
         arm_defects: ArmDefects::default(),
         arm_start: Arm::home(),
         objects: vec![ObjectPlacement { model: model.clone(), pose }],
+        frame_delay: 0.0,
         floor: None,
-        cable_friction: CableFriction::NONE,
         self_contact: false,
+        cables: CableLosses::NONE,
+        gel: None,
         engine: EngineSettings::default(),
     };
     let mut robot = SimulatedRobot::new(Arc::new(Hand::ftac()), Arc::new(Arm::gen3()), &setup, TactileBoard::blank());

@@ -37,6 +37,25 @@ impl CableFriction {
     }
 }
 
+/// What a cable drive does beside pulling: what guides take, and the play of the servo's gear.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct CableLosses {
+    /// Friction in the guides.
+    pub friction: CableFriction,
+    /// Play of the servo's gear, rad at its output: the spool is up to half of it before or behind the encoder.
+    pub backlash: f64,
+}
+
+impl CableLosses {
+    /// A drive that only pulls.
+    pub const NONE: Self = Self { friction: CableFriction::NONE, backlash: 0.0 };
+
+    /// Guides that rub, and a gear without play.
+    pub fn of(friction: CableFriction) -> Self {
+        Self { friction, ..Self::NONE }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -8,6 +8,7 @@ use control::perception::KnownObject;
 use control::policy::Uncertainty;
 use hand_model::Hand;
 use hand_model::robot::TactileImage;
+use hand_model::transmission::friction::CableLosses;
 use proving::world::World;
 use proving::{ball_sizes, plan};
 use scenarios::Scenario;
@@ -45,6 +46,22 @@ pub fn look_up_touch(hand: &Hand, backgrounds: Vec<Arc<TactileImage>>) -> Result
     Ok(pipeline)
 }
 
+/// What a controller knows of its cables: the guides as the hand's data file has them, the gear's play as its data sheet.
+fn known_cable_losses(world: &World) -> CableLosses {
+    world.scenario.effects.cables.map_or(CableLosses::NONE, |cables| CableLosses {
+        friction: world.cell.hand.parameters.cable.friction,
+        backlash: cables.backlash,
+    })
+}
+
+/// Tells perception what it may know of the scenario's hand: what cables lose, and how far objects sink into pads.
+pub fn know_hand(pipeline: &mut TouchPipeline, world: &World) {
+    pipeline.pose.cables = known_cable_losses(world);
+    if world.scenario.effects.gel.is_some() {
+        pipeline.pose.sinking = 1.0;
+    }
+}
+
 /// Everything that trials of a scenario's first `combos` combinations share.
 pub fn make_bench(scenario: Scenario, combos: usize, seed: u64, quiet: bool) -> Result<Bench> {
     // Plans are made for the nominal places: a spread of the layout leaves them as they are.
@@ -67,6 +84,7 @@ pub fn make_bench(scenario: Scenario, combos: usize, seed: u64, quiet: bool) -> 
         pipeline.stereo.most_drift = MOST_DRIFT;
         pipeline.own_hand = pads.self_contact.then(OwnHandOptions::default);
     }
+    know_hand(&mut pipeline, &world);
     let names: BTreeSet<&String> = plans.plans.iter().map(|plan| &plan.first).collect();
     let mut known = names
         .into_iter()

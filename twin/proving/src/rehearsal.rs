@@ -150,11 +150,20 @@ pub fn rehearse_first(
 pub fn rehearse_second(snapshot: &Snapshot, second: &Grasp) -> Result<(bool, HoldOutcome)> {
     let Snapshot { mut robot, mut executive } = snapshot.clone();
     executive.decide(second.clone())?;
-    let mut collided = false;
-    let holding = digit_bits(executive.first().0.role.digits());
+    let (mut collided, mut gripped) = (false, false);
+    let first_digits = executive.first().0.role.digits();
+    let holding = digit_bits(first_digits);
+    let free: Vec<u32> = Digit::ALL
+        .into_iter()
+        .filter(|digit| !first_digits.contains(digit))
+        .map(|digit| digit_bits(&[digit]))
+        .collect();
     for phase in [Phase::GraspSecond, Phase::LiftSecond, Phase::Confirm, Phase::Hold] {
         drive(&mut robot, &mut executive, phase, |robot, executive| {
-            collided |= executive.phase() < Phase::LiftSecond && robot.touches(1, holding);
+            // The referee's rule: the palm may touch what two free digits have.
+            gripped |= free.iter().filter(|digit| robot.touches(1, **digit)).count() >= 2;
+            let unwanted = if gripped { holding } else { holding | PALM };
+            collided |= executive.phase() < Phase::LiftSecond && robot.touches(1, unwanted);
         })?;
         let truth = robot.truth();
         let lost = match phase {
@@ -205,6 +214,9 @@ pub fn proving_errors(count: usize) -> Vec<TrialNoise> {
     let mut rng = trial_rng(PROVING_SEED, 0, 0);
     (0..count).map(|_| TrialNoise::draw(&EXPECTED_NOISE, &mut rng)).collect()
 }
+
+/// Bit of the palm in [`Truth::touched_by`].
+pub const PALM: u32 = 1 << 15;
 
 /// Bits of the links of `digits` in [`Truth::touched_by`].
 pub fn digit_bits(digits: &[Digit]) -> u32 {

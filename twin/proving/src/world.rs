@@ -10,7 +10,7 @@ use control::percept::Percept;
 use control::trajectory::PathLimits;
 use control::workcell::Workcell;
 use hand_model::robot::Robot;
-use hand_model::transmission::friction::CableFriction;
+use hand_model::transmission::friction::{CableFriction, CableLosses};
 use hand_model::{ARM_JOINTS, Arm, Hand};
 use nalgebra::{Isometry3, Matrix3, Rotation3, Translation3, UnitQuaternion, Vector3};
 use scenarios::Scenario;
@@ -87,11 +87,23 @@ impl World {
             objects: Vec::new(),
             frame_delay: self.scenario.effects.time.map_or(0.0, |time| time.frame),
             floor: self.scenario.effects.floor.map(|floor| floor.height),
-            // The repertoire was proven with guides that take nothing; `ftac hand check` has them rub.
-            cable_friction: CableFriction::NONE,
             self_contact: self.scenario.effects.pads.is_some_and(|pads| pads.self_contact),
+            cables: self.cable_losses(),
+            gel: self.scenario.effects.gel,
             engine: sim::engine::EngineSettings::default(),
         }
+    }
+
+    /// What cables and gears of the scenario's hand take.
+    pub fn cable_losses(&self) -> CableLosses {
+        let CableFriction { coefficient, .. } = self.cell.hand.parameters.cable.friction;
+        self.scenario.effects.cables.map_or(CableLosses::NONE, |cables| CableLosses {
+            friction: CableFriction {
+                coefficient: cables.friction * coefficient,
+                ..self.cell.hand.parameters.cable.friction
+            },
+            backlash: cables.backlash,
+        })
     }
 
     /// Distances and times of a trial for the executive.

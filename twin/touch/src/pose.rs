@@ -23,10 +23,11 @@ use nalgebra::{DMatrix, Isometry3, Matrix6, Point3, Vector3};
 use problem::{Evidence, Problem, State};
 use rayon::prelude::*;
 use screen::screen;
-use uncertainty::{alternatives, mixed_covariance, unobservable};
+use uncertainty::{alternatives, joint_covariance, mixed_covariance, unobservable};
 
 use crate::error::TouchError;
 use crate::pad_touch::PadTouch;
+use crate::posture::JointCovariance;
 
 pub use inputs::{PoseInputs, PoseOptions, PosePrior};
 pub use shape::KnownShape;
@@ -40,6 +41,8 @@ pub struct PoseEstimate {
     pub covariance: Matrix6<f64>,
     /// Joint angles, rad: estimated for digits in contact, in free equilibrium for the others.
     pub q: [f64; HAND_JOINTS],
+    /// Covariance of the joint angles, rad2, pose integrated out.
+    pub q_covariance: JointCovariance,
     /// Root mean square distance of the felt points to the object's surface, m.
     pub residual_rms: f64,
     /// Robust cost of the solution (half the sum of squared, scaled residuals).
@@ -92,6 +95,7 @@ pub fn estimate_pose(inputs: &PoseInputs) -> Result<PoseEstimate, TouchError> {
         unobservable: unobservable(&covariance, prior.sigma_rotation),
         covariance,
         q: state.q,
+        q_covariance: joint_covariance(&problem, &state).ok_or(TouchError::Singular("the posture estimate"))?,
         residual_rms: problem.point_rms(&state),
         cost,
         patches: problem.patch_count(),

@@ -7,7 +7,10 @@
 
 use hand_model::digit::Digit;
 use hand_model::robot::ServoState;
+use hand_model::transmission::SPANS;
+use hand_model::transmission::friction::{CableFriction, CableLosses};
 use hand_model::{ACTUATORS, HAND_JOINTS, Hand};
+use nalgebra::{SMatrix, SVector};
 
 /// Joint angles with the cable readings they follow from.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -49,8 +52,56 @@ pub fn free_posture(hand: &Hand, servos: &[ServoState; ACTUATORS]) -> Posture {
     Posture { q, tensions: std::array::from_fn(|cable| cable_tension(hand, &servos[cable])), excursions }
 }
 
+/// Covariance of all joint angles, rad2.
+pub type JointCovariance = SMatrix<f64, HAND_JOINTS, HAND_JOINTS>;
+
+/// Covariance of the joints on `cable` of a free digit at `excursion` (m), by their place on it: from an excursion known to `sigma`
+/// (m) and the gear's play, and from friction, which shares an excursion out among the joints in another way after closing than after
+/// opening. `q` are the angles without friction.
+pub fn free_covariance(
+    hand: &Hand,
+    cable: usize,
+    (q, excursion): (&[f64; HAND_JOINTS], f64),
+    sigma: f64,
+    losses: &CableLosses,
+) -> SMatrix<f64, SPANS, SPANS> {
+    let path = &hand.transmission.cables[cable];
+    let mut covariance = SMatrix::zeros();
+    let mut add = |spread: SVector<f64, SPANS>| covariance += spread * spread.transpose();
+    // How far each joint goes with the tension that balances the springs, and with the excursion.
+    let needed = hand.transmission.tension_for(cable, q, &[0.0; HAND_JOINTS]);
+    let (mut give, mut taken) = (SVector::zeros(), 0.0);
+    for (slot, (joint, residual_slope)) in spring_residuals(hand, cable, q, needed).map(|(j, _, s)| (j, s)).enumerate()
+    {
+        let arm = path.joints[slot].1.moment_arm(q[joint]);
+        give[slot] = arm / residual_slope;
+        taken += arm * give[slot];
+    }
+    add(give * (excursion_sigma(hand, sigma, losses) / taken));
+    if losses.friction.coefficient > 0.0 {
+        let [closed, opened] =
+            [1.0, -1.0].map(|state| free_digit_sliding(hand, cable, excursion, &losses.friction, state));
+        let half = closed.iter().zip(&opened).map(|((_, a), (_, b))| 0.5 * (a - b));
+        add(SVector::from_iterator(half.chain(std::iter::repeat(0.0)).take(SPANS)));
+    }
+    covariance
+}
+
 /// Angles (joint, rad) on `cable` in spring equilibrium without contact at the given `excursion` (m).
 pub fn free_digit(hand: &Hand, cable: usize, excursion: f64) -> Vec<(usize, f64)> {
+    free_digit_sliding(hand, cable, excursion, &CableFriction::NONE, 0.0)
+}
+
+/// As [`free_digit`], with all guides in the same `state` of friction: 1 after closing, -1 after opening.
+pub fn free_digit_sliding(
+    hand: &Hand,
+    cable: usize,
+    excursion: f64,
+    friction: &CableFriction,
+    state: f64,
+) -> Vec<(usize, f64)> {
+    let angles =
+        |tension: f64, upper: f64| hand.transmission.free_angles_sliding(cable, tension, upper, friction, state);
     let path = &hand.transmission.cables[cable];
     let upper = path.joints.iter().map(|(joint, _)| hand.tree.joints[*joint].upper).fold(f64::INFINITY, f64::min);
     let taken_up = |angles: &[(usize, f64)]| -> f64 {
@@ -58,18 +109,14 @@ pub fn free_digit(hand: &Hand, cable: usize, excursion: f64) -> Vec<(usize, f64)
     };
     // Excursion increases with tension: bisect for the tension that a free digit would need.
     let (mut low, mut high) = (0.0, 1.0);
-    while taken_up(&hand.transmission.free_angles(cable, high, upper)) < excursion && high < 1e3 {
+    while taken_up(&angles(high, upper)) < excursion && high < 1e3 {
         high *= 2.0;
     }
     for _ in 0..40 {
         let middle = 0.5 * (low + high);
-        if taken_up(&hand.transmission.free_angles(cable, middle, upper)) < excursion {
-            low = middle
-        } else {
-            high = middle
-        }
+        if taken_up(&angles(middle, upper)) < excursion { low = middle } else { high = middle }
     }
-    hand.transmission.free_angles(cable, 0.5 * (low + high), upper)
+    angles(0.5 * (low + high), upper)
 }
 
 /// Excursion residual (m) of `cable` at joint angles `q`, and its derivative (the moment arms) for each joint it crosses.
@@ -91,6 +138,23 @@ pub fn spring_residuals(hand: &Hand, cable: usize, q: &[f64], tension: f64) -> i
         let slope = (guides.moment_arm(angle + STEP) - guides.moment_arm(angle - STEP)) / (2.0 * STEP);
         (*joint, spring * angle - guides.moment_arm(angle) * tension, spring - slope * tension)
     })
+}
+
+/// By how much (N m, standard deviation) friction in the guides of `cable` leaves the torque of its `tension` (N) open, at each
+/// joint it crosses in order. A guide that sticks passes on anything from exp(-mu wrap) to exp(mu wrap) of the tension at the spool.
+/// One that slides is at an end of that range, so half the range is taken for the standard deviation.
+pub fn friction_sigmas(hand: &Hand, cable: usize, q: &[f64], tension: f64, losses: &CableLosses) -> [f64; SPANS] {
+    let path = &hand.transmission.cables[cable];
+    let mut sigmas = path.wraps(q, &losses.friction);
+    for (sigma, (joint, guides)) in sigmas.iter_mut().zip(&path.joints) {
+        *sigma = guides.moment_arm(q[*joint]).abs() * tension * (losses.friction.coefficient * *sigma).sinh();
+    }
+    sigmas
+}
+
+/// Standard deviation of a measured excursion, m: `sigma` and half the play of the servo's gear.
+pub fn excursion_sigma(hand: &Hand, sigma: f64, losses: &CableLosses) -> f64 {
+    sigma.hypot(0.5 * losses.backlash * hand.parameters.cable.spool_radius)
 }
 
 /// The digit whose chain holds `link`; `None` for the palm.

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
-use bench::builtin::{HAND_UNIT, simulated_touch};
+use bench::builtin::{HAND_UNIT, know_hand, simulated_touch};
 use bench::transport::play::{Nobody, Policy, Site, TransportRecord};
 use bench::transport::recorded::Recorded;
 use bench::transport::rehearse::{Searched, Wanted, WantedText};
@@ -15,6 +15,7 @@ use indicatif::ProgressBar;
 use proving::world::World;
 use rayon::prelude::*;
 use scenarios::Scenario;
+use scenarios::effects::Effects;
 use scenarios::transport::Transport;
 use serde_json::json;
 use sim::tactile::TactileBoard;
@@ -74,8 +75,8 @@ pub fn run(terminal: &Terminal, args: &TransportArgs) -> Outcome {
 
 fn site_of(transport: Transport, more: Option<&Path>, seed: u64) -> Result<Site> {
     let mut scenario = Scenario::benchmark();
-    // A transport's perception knows no object that could be told from the hand's own contacts.
-    scenario.effects.pads = None;
+    // A transport's skills were rehearsed without them.
+    scenario.effects = Effects::default();
     let world = World::new(scenario)?;
     let repertoire = proving::builtin::repertoire()?;
     let mut proven = of_repertoire(&world, &repertoire)?;
@@ -95,7 +96,8 @@ fn site_of(transport: Transport, more: Option<&Path>, seed: u64) -> Result<Site>
     let of = |kind: usize| (0..numbered.len()).filter(|n| numbered[*n].0 == kind).collect();
     let suited = kind.into_iter().map(of).collect();
     let board = TactileBoard::unit(&world.cell.hand, HAND_UNIT);
-    let pipeline = simulated_touch(&world.cell.hand, board.backgrounds())?;
+    let mut pipeline = simulated_touch(&world.cell.hand, board.backgrounds())?;
+    know_hand(&mut pipeline, &world);
     Ok(Site {
         world,
         transport,

@@ -8,7 +8,7 @@ use control::perception::{Felt, Grip};
 use control::policy::Injected;
 use hand_model::Digit;
 use hand_model::robot::Robot;
-use proving::rehearsal::{Snapshot, digit_bits, in_hand};
+use proving::rehearsal::{PALM, Snapshot, digit_bits, in_hand};
 use scenarios::record::{Condition, TrialId, TrialRecord};
 use scenarios::referee::{Referee, SceneTruth, Touch, Toucher};
 use sim::robot::Truth;
@@ -178,9 +178,6 @@ fn scene(truth: &Truth, phase: Phase, holding: u32) -> SceneTruth {
         world_from_palm: truth.palm,
     }
 }
-
-/// Bit of the palm in [`Truth::touched_by`].
-const PALM: u32 = 1 << 15;
 
 /// How many digits have a link among `links` (bits as in [`Truth::touched_by`]).
 fn digits_on(links: u32) -> usize {

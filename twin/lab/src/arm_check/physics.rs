@@ -4,7 +4,7 @@ use anyhow::{Result, anyhow};
 use control::arm_clearance::ArmBodies;
 use control::inverse_kinematics::Joints;
 use hand_model::robot::{Command, Robot};
-use hand_model::transmission::friction::CableFriction;
+use hand_model::transmission::friction::CableLosses;
 use hand_model::{ARM_JOINTS, HAND_JOINTS};
 use proving::world::World;
 use rand::{RngExt, SeedableRng};
@@ -67,8 +67,9 @@ fn robot(world: &World, q: &Joints) -> SimulatedRobot {
         objects: Vec::new(),
         frame_delay: 0.0,
         floor: None,
-        cable_friction: CableFriction::NONE,
         self_contact: false,
+        cables: CableLosses::NONE,
+        gel: None,
         engine: EngineSettings::default(),
     };
     SimulatedRobot::new(world.cell.hand.clone(), world.cell.arm.clone(), &setup, TactileBoard::blank())

@@ -7,7 +7,7 @@ use anyhow::Result;
 use control::Twist;
 use control::trajectory::{PathLimits, PosePath, displacement};
 use hand_model::robot::{Command, Robot};
-use hand_model::transmission::friction::CableFriction;
+use hand_model::transmission::friction::CableLosses;
 use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 use proving::world::World;
 use report::picture::{save, tile};
@@ -95,8 +95,9 @@ fn follow(world: &World, motion: &Motion<'_>) -> Result<Followed> {
         objects: Vec::new(),
         frame_delay: 0.0,
         floor: None,
-        cable_friction: CableFriction::NONE,
         self_contact: false,
+        cables: CableLosses::NONE,
+        gel: None,
         engine: EngineSettings::default(),
     };
     let mut robot = SimulatedRobot::new(world.cell.hand.clone(), world.cell.arm.clone(), &setup, TactileBoard::blank());

@@ -8,7 +8,7 @@ use std::time::Instant;
 
 use anyhow::{Context, Result};
 use hand_model::robot::{Command, Robot, ServoGoal};
-use hand_model::transmission::friction::CableFriction;
+use hand_model::transmission::friction::{CableFriction, CableLosses};
 use hand_model::{ARM_JOINTS, Arm, Hand};
 use nalgebra::{Isometry3, UnitQuaternion, Vector3};
 use report::write_whole;
@@ -231,8 +231,9 @@ fn whole(hand: &Arc<Hand>, folder: &Path) -> Result<Value> {
         objects: placed.into_iter().map(|(model, pose)| ObjectPlacement { model, pose }).collect(),
         frame_delay: 0.0,
         floor: None,
-        cable_friction: CableFriction::NONE,
         self_contact: false,
+        cables: CableLosses::NONE,
+        gel: None,
         engine: settings,
     };
     let mut robot = SimulatedRobot::new(hand.clone(), arm, &setup, TactileBoard::blank());

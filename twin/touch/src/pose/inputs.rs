@@ -1,6 +1,7 @@
 //! Inputs of a pose estimate: touches, servo readings, prior, shape, and the standard deviation of each kind of evidence.
 
 use hand_model::robot::ServoState;
+use hand_model::transmission::friction::CableLosses;
 use hand_model::{ACTUATORS, Hand};
 use nalgebra::Isometry3;
 
@@ -46,8 +47,10 @@ pub struct PoseOptions {
     pub sigma_lift: f64,
     /// Each component of a measured normal, rad.
     pub sigma_normal: f64,
-    /// Cable excursion, m.
+    /// Cable excursion, m, without the gear's play.
     pub sigma_excursion: f64,
+    /// What guides and gears take: the tension at a joint is known up to the capstan's factor, the excursion up to the play.
+    pub cables: CableLosses,
     /// Torque balance of a joint, N m.
     pub sigma_torque: f64,
     /// Additional error of the torque balance as a fraction of the measured contact torque, added in quadrature.
@@ -85,6 +88,7 @@ impl Default for PoseOptions {
             sigma_lift: 1e-4,
             sigma_normal: 8f64.to_radians(),
             sigma_excursion: 1.5e-4,
+            cables: CableLosses::NONE,
             sigma_torque: 0.03,
             contact_torque_fraction: 0.25,
             sigma_clear: 2.5e-4,

@@ -10,7 +10,7 @@ use super::evidence::{ClearSpot, FeltPoint, LinkPatch, OwnContact, PressedPad, o
 use super::inputs::{PoseInputs, PoseOptions, PosePrior};
 use super::shape::KnownShape;
 use super::system::{Kinematics, evenly};
-use crate::posture::{Posture, digit_of, free_posture};
+use crate::posture::{Posture, digit_of, excursion_sigma, free_posture, friction_sigmas};
 
 /// Torque that a contact on a blind pad may have about a joint, N m.
 const UNFELT_TORQUE: f64 = 0.2;
@@ -66,6 +66,8 @@ pub(super) struct Problem<'a> {
     /// The same for a point of each pressed pad: with its lift, whose column comes last.
     pub(super) pressed_reach: Vec<Vec<usize>>,
     pub(super) torque_sigma: [f64; HAND_JOINTS],
+    /// Standard deviation of a cable's excursion, m.
+    pub(super) excursion_sigma: f64,
 }
 
 impl<'a> Problem<'a> {
@@ -141,6 +143,7 @@ impl<'a> Problem<'a> {
             reach,
             pressed_reach,
             torque_sigma,
+            excursion_sigma: excursion_sigma(hand, options.sigma_excursion, &options.cables),
         };
         problem.settle_torque_sigmas(&posture.q);
         problem
@@ -190,11 +193,13 @@ impl<'a> Problem<'a> {
     /// Sets the standard deviation of each joint's torque balance from the contact torques at `q`.
     pub fn settle_torque_sigmas(&mut self, q: &[f64; HAND_JOINTS]) {
         let kinematics = Kinematics::new(self.hand, &self.chains, q);
+        let rubbing = self.friction_sigmas(q);
         for joint in 0..HAND_JOINTS {
             let torque = self.contact_torque(&kinematics, joint).abs();
             // An unmeasured contact on a blind pad loads all joints towards the palm.
             let unfelt = self.blind.iter().any(|&link| kinematics.chain(Some(link)).contains(&joint));
             let felt = self.options.sigma_torque.hypot(self.options.contact_torque_fraction * torque);
+            let felt = felt.hypot(rubbing[joint]);
             self.torque_sigma[joint] = if unfelt { felt.hypot(UNFELT_TORQUE) } else { felt };
         }
     }
@@ -203,6 +208,18 @@ impl<'a> Problem<'a> {
     fn forces(&self) -> impl Iterator<Item = (Option<usize>, (Point3<f64>, Vector3<f64>))> {
         let objects = self.patches.iter().map(|patch| (patch.link, (patch.centroid, patch.force)));
         objects.chain(self.own.iter().map(|own| (own.link, (own.centroid, own.force))))
+    }
+
+    /// What friction in the guides leaves open of each joint's torque at `q`: standard deviations, N m.
+    fn friction_sigmas(&self, q: &[f64; HAND_JOINTS]) -> [f64; HAND_JOINTS] {
+        let mut sigmas = [0.0; HAND_JOINTS];
+        for (cable, path) in self.hand.transmission.cables.iter().enumerate() {
+            let of_cable = friction_sigmas(self.hand, cable, q, self.posture.tensions[cable], &self.options.cables);
+            for ((joint, _), sigma) in path.joints.iter().zip(of_cable) {
+                sigmas[*joint] = sigma;
+            }
+        }
+        sigmas
     }
 
     /// Torque of the contact forces about `joint`, N m.

@@ -82,7 +82,7 @@ impl Problem<'_> {
             let outermost = self.hand.transmission.cables[cable].joints.last().map(|(joint, _)| *joint);
             let columns = self.reach(outermost);
             let (residual, derivative) = excursion_residual(self.hand, cable, &state.q, self.posture.excursions[cable]);
-            let scale = 1.0 / options.sigma_excursion;
+            let scale = 1.0 / self.excursion_sigma;
             sink.add(residual * scale, Loss::Square, columns, &|row| {
                 for (joint, arm) in derivative {
                     if let Some(&Some(column)) = column.get(joint) {

@@ -1,8 +1,9 @@
 //! Uncertainty of an estimate: its covariance, alternative poses, and axes that the evidence does not constrain.
 
-use nalgebra::{Isometry3, Matrix3, Matrix6, Vector3, Vector6};
+use nalgebra::{DMatrix, Isometry3, Matrix3, Matrix6, Vector3, Vector6};
 
 use super::problem::{Evidence, Problem, State};
+use crate::posture::{JointCovariance, free_covariance};
 
 /// Difference of cost at which a solution is less likely by the factor e.
 const DOUBT: f64 = 2.0;
@@ -50,17 +51,49 @@ pub(super) fn mixed_covariance(problem: &Problem, found: &[(f64, State)]) -> Opt
 
 /// Marginal covariance of the pose, joints integrated out, in palm axes.
 fn palm_covariance(problem: &Problem, state: &State) -> Option<Matrix6<f64>> {
-    let (mut hessian, _) = problem.linearise(state, Evidence::All);
-    for k in 0..hessian.nrows() {
-        hessian[(k, k)] += 1e-9;
-    }
-    let inverse = hessian.cholesky()?.inverse();
+    let inverse = inverse_hessian(problem, state)?;
     let local: Matrix6<f64> = inverse.fixed_view::<6, 6>(0, 0).into_owned();
     let rotation = state.pose.rotation.to_rotation_matrix();
     let mut turn = Matrix6::zeros();
     turn.fixed_view_mut::<3, 3>(0, 0).copy_from(rotation.matrix());
     turn.fixed_view_mut::<3, 3>(3, 3).copy_from(rotation.matrix());
     Some(turn * local * turn.transpose())
+}
+
+/// Covariance of everything that is estimated.
+fn inverse_hessian(problem: &Problem, state: &State) -> Option<DMatrix<f64>> {
+    let (mut hessian, _) = problem.linearise(state, Evidence::All);
+    for k in 0..hessian.nrows() {
+        hessian[(k, k)] += 1e-9;
+    }
+    Some(hessian.cholesky()?.inverse())
+}
+
+/// Covariance of the joint angles: of digits in contact marginal to pose and lifts, of the others that of free digits.
+pub(super) fn joint_covariance(problem: &Problem, state: &State) -> Option<JointCovariance> {
+    let inverse = inverse_hessian(problem, state)?;
+    let options = problem.options();
+    let mut covariance = JointCovariance::zeros();
+    for (cable, path) in problem.hand.transmission.cables.iter().enumerate() {
+        if problem.cables.contains(&cable) {
+            continue;
+        }
+        let posture = (&problem.posture.q, problem.posture.excursions[cable]);
+        let own = free_covariance(problem.hand, cable, posture, options.sigma_excursion, &options.cables);
+        for (a, (joint_a, _)) in path.joints.iter().enumerate() {
+            for (b, (joint_b, _)) in path.joints.iter().enumerate() {
+                covariance[(*joint_a, *joint_b)] = own[(a, b)];
+            }
+        }
+    }
+    for (a, column_a) in problem.column.iter().enumerate() {
+        for (b, column_b) in problem.column.iter().enumerate() {
+            if let (Some(column_a), Some(column_b)) = (column_a, column_b) {
+                covariance[(a, b)] = inverse[(*column_a, *column_b)] * UNMODELLED;
+            }
+        }
+    }
+    Some(covariance)
 }
 
 /// Axes about which the rotation is hardly better known than from the prior.

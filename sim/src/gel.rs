@@ -1,0 +1,249 @@
+//! Covers that give way: an object sinks into a cover as far as its gel does under the force between them.
+//!
+//! The engine's contacts are rigid. This moves them: between a cover and an object the surfaces count as touching when the object
+//! is already [`SoftCovers::sink`] deep in the cover, so that the force itself stays the solver's. How deep that is follows
+//! from the pressure law and the shapes around the contact, the ones from which a pad's image is made: the gel bears the sum of
+//! the pressures under the object's penetration ([`PressCurve`]). The gel takes up a depth with a relaxation time.
+
+use std::sync::Arc;
+
+use hand_model::Hand;
+use hand_model::hand::CoverShape;
+use nalgebra::{Isometry3, Point3, Unit, Vector3};
+use optics::Foundation;
+use rapier3d_f64::prelude::*;
+use scenarios::effects;
+use scenarios::geometry::Shape;
+use scenarios::objects::ObjectModel;
+
+use crate::convert;
+use crate::press_curve::{Gap, PressCurve};
+
+/// A curve is good as long as the object is turned by less than this against the cover (rad) ...
+const SAME_TURN: f64 = 0.02;
+/// ... and its contact's middle is less than this away (m) ...
+const SAME_PLACE: f64 = 5e-4;
+/// ... and the force is within this factor of the one for which it was made, or below this (N).
+const SAME_FORCE: (f64, f64) = (2.0, 0.1);
+/// Steps between two curves of a contact at least.
+const EVERY: u32 = 4;
+/// Depth that is none, m.
+const NOTHING: f64 = 1e-7;
+
+/// A cover whose surface is the gel's.
+#[derive(Debug, Clone)]
+struct SoftCover {
+    collider: ColliderHandle,
+    /// The cover as a solid in its own frame.
+    solid: Shape,
+}
+
+/// An object that may press.
+#[derive(Debug, Clone)]
+struct Presser {
+    collider: ColliderHandle,
+    model: Arc<ObjectModel>,
+}
+
+/// What an object does to a cover in the last step.
+#[derive(Debug, Clone, Copy, Default)]
+struct Load {
+    /// Sum of the normal forces, N.
+    force: f64,
+    /// Middle of the contact, world, m.
+    middle: Vector3<f64>,
+    /// Mean normal out of the cover, world, not of unit length.
+    out: Vector3<f64>,
+    /// Friction on the cover, world, N.
+    friction: Vector3<f64>,
+}
+
+/// The state of one contact between a cover and an object.
+#[derive(Debug, Clone)]
+struct Contact {
+    cover: usize,
+    object: usize,
+    /// Depth of the object in the cover at which they count as touching, m.
+    sink: f64,
+    load: Load,
+    curve: Option<Shared>,
+    /// Steps since `curve` was made.
+    age: u32,
+}
+
+/// A curve and what it was made for.
+#[derive(Debug, Clone)]
+struct Shared {
+    curve: Arc<PressCurve>,
+    object_from_cover: Isometry3<f64>,
+    middle: Point3<f64>,
+    force: f64,
+}
+
+/// What a cover feels of one object.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Give {
+    /// How deep the object is in the cover, m.
+    pub sink: f64,
+    /// Displacement of the surface along the friction on it, world, m.
+    pub shear: Vector3<f64>,
+    /// Normal force, N.
+    pub force: f64,
+}
+
+/// Soft covers of a hand and the contacts that press into them. A clone goes on bit by bit as the original.
+#[derive(Debug, Clone)]
+pub struct SoftCovers {
+    gel: Foundation,
+    relaxation: f64,
+    shear: f64,
+    covers: Vec<SoftCover>,
+    objects: Vec<Presser>,
+    /// Ordered by object and cover.
+    contacts: Vec<Contact>,
+}
+
+impl SoftCovers {
+    /// A hand's gel, its `covers` with their colliders, and the `objects` that may press into them.
+    pub fn new(
+        hand: &Hand,
+        effect: &effects::Gel,
+        covers: impl Iterator<Item = (ColliderHandle, CoverShape)>,
+        objects: impl Iterator<Item = (ColliderHandle, Arc<ObjectModel>)>,
+        colliders: &mut ColliderSet,
+    ) -> Self {
+        let covers: Vec<SoftCover> = covers
+            .map(|(collider, shape)| SoftCover {
+                collider,
+                solid: Shape::Cuboid { half: shape.half, radius: shape.radius },
+            })
+            .collect();
+        for cover in &covers {
+            colliders[cover.collider].set_active_hooks(ActiveHooks::MODIFY_SOLVER_CONTACTS);
+        }
+        Self {
+            gel: Foundation::winkler(&hand.gel()),
+            relaxation: effect.relaxation,
+            shear: effect.shear,
+            covers,
+            objects: objects.map(|(collider, model)| Presser { collider, model }).collect(),
+            contacts: Vec::new(),
+        }
+    }
+
+    /// What the `cover`-th cover feels of the `object`-th object; `None` where they do not touch.
+    pub fn give(&self, cover: usize, object: usize) -> Option<Give> {
+        let at = self.contacts.iter().find(|contact| (contact.cover, contact.object) == (cover, object))?;
+        let compliance = if at.load.force > 0.0 { at.sink / at.load.force } else { 0.0 };
+        Some(Give { sink: at.sink, shear: at.load.friction * (self.shear * compliance), force: at.load.force })
+    }
+
+    /// After a step of `dt` (s): the gel goes on towards the depth at which it bears what the solver found.
+    pub fn relax(&mut self, dt: f64, narrow_phase: &NarrowPhase, colliders: &ColliderSet, bodies: &RigidBodySet) {
+        let share = if self.relaxation > 0.0 { 1.0 - (-dt / self.relaxation).exp() } else { 1.0 };
+        let mut contacts = Vec::with_capacity(self.contacts.len() + 2);
+        for (object, presser) in self.objects.iter().enumerate() {
+            for (cover, soft) in self.covers.iter().enumerate() {
+                let known = self.contacts.iter().position(|contact| (contact.cover, contact.object) == (cover, object));
+                let Some(pair) = narrow_phase.contact_pair(soft.collider, presser.collider) else { continue };
+                let load = load(pair, soft.collider, dt, bodies);
+                if load.force <= 0.0 && known.is_none() {
+                    continue;
+                }
+                let fresh = Contact { cover, object, sink: 0.0, load, curve: None, age: EVERY };
+                let mut contact = known.map_or(fresh, |at| self.contacts[at].clone());
+                contact.load = load;
+                self.renew_curve(&mut contact, colliders);
+                let depth = match &contact.curve {
+                    Some(shared) if load.force > 0.0 => shared.curve.depth(load.force),
+                    _ => 0.0,
+                };
+                contact.sink += share * (depth - contact.sink);
+                if contact.sink > NOTHING || load.force > 0.0 {
+                    contacts.push(contact);
+                }
+            }
+        }
+        self.contacts = contacts;
+    }
+
+    /// Makes a contact's curve anew where its own is too old.
+    fn renew_curve(&self, contact: &mut Contact, colliders: &ColliderSet) {
+        contact.age = contact.age.saturating_add(1);
+        if contact.load.force <= 0.0 || contact.age < EVERY {
+            return;
+        }
+        let (soft, presser) = (&self.covers[contact.cover], &self.objects[contact.object]);
+        let world_from_cover = convert::to_pose(colliders[soft.collider].position());
+        let world_from_object = convert::to_pose(colliders[presser.collider].position());
+        let object_from_cover = world_from_object.inverse() * world_from_cover;
+        let middle = world_from_cover.inverse_transform_point(&Point3::from(contact.load.middle));
+        let force = contact.load.force;
+        let good = contact.curve.as_ref().is_some_and(|shared| {
+            let ratio = (force / shared.force).max(shared.force / force);
+            (shared.middle - middle).norm() < SAME_PLACE
+                && shared.object_from_cover.rotation.angle_to(&object_from_cover.rotation) < SAME_TURN
+                && (ratio < SAME_FORCE.0 || force.max(shared.force) < SAME_FORCE.1)
+        });
+        if good {
+            return;
+        }
+        contact.age = 0;
+        let out = world_from_cover.inverse_transform_vector(&contact.load.out);
+        let Some(out) = Unit::try_new(out, 1e-3) else { return };
+        let gap = Gap { cover: &soft.solid, object: &presser.model.shape, object_from_cover, middle, out };
+        if let Some(curve) = PressCurve::of(&gap, &self.gel, force) {
+            contact.curve = Some(Shared { curve: Arc::new(curve), object_from_cover, middle, force });
+        }
+    }
+}
+
+/// What the solver found between a cover and an object.
+fn load(pair: &ContactPair, cover: ColliderHandle, dt: f64, bodies: &RigidBodySet) -> Load {
+    let out = if pair.collider1 == cover { 1.0 } else { -1.0 };
+    let mut load = Load::default();
+    for manifold in pair.solver_manifolds() {
+        let normal = convert::to_vector(manifold.data.normal) * out;
+        for contact in &manifold.data.solver_contacts {
+            let Some(point) = manifold.points.get(contact.contact_indices()[0] as usize) else { continue };
+            let force = point.data.impulse / dt;
+            if force <= 0.0 {
+                continue;
+            }
+            let (a, b) = manifold.data.solver_contact_world_points(contact, bodies);
+            load.force += force;
+            load.middle += (convert::to_vector(a) + convert::to_vector(b)) * (0.5 * force);
+            load.out += normal * force;
+            // The solver's tangent impulses act on the second body's behalf against the first.
+            load.friction += convert::to_vector(point.data.warmstart_tangent_world) * (out / dt);
+        }
+    }
+    if load.force > 0.0 {
+        load.middle /= load.force;
+        load.out /= load.force;
+    }
+    load
+}
+
+impl PhysicsHooks for SoftCovers {
+    fn modify_solver_contacts(&self, context: &mut ContactModificationContext) {
+        let (one, two) = (context.collider1, context.collider2);
+        let found = self.contacts.iter().find_map(|contact| {
+            let (cover, object) = (self.covers[contact.cover].collider, self.objects[contact.object].collider);
+            let first = (cover, object) == (one, two);
+            (first || (object, cover) == (one, two)).then_some((contact.sink, first))
+        });
+        let (Some((sink, cover_is_first)), Some(rigid)) = (found, context.rigid_mut()) else { return };
+        let normal = *rigid.normal;
+        for contact in rigid.solver_contacts.iter_mut() {
+            contact.dist += sink;
+            // The cover's point moves in; where the cover is first the engine does that itself.
+            if !cover_is_first {
+                contact.anchor2 += normal * sink;
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,181 @@
+//! The engine's depth against the image's, shear against its law, and holds that stay still.
+
+use hand_model::pads::Camera;
+use optics::press;
+use scenarios::Symmetry;
+
+use super::*;
+use crate::body::cover_collider;
+use crate::engine::{Engine, EngineSettings};
+
+const GEL: effects::Gel = effects::Gel { relaxation: 0.03, shear: 0.5 };
+const FORCES: [f64; 3] = [0.5, 2.0, 8.0];
+
+fn model(shape: Shape) -> Arc<ObjectModel> {
+    Arc::new(ObjectModel {
+        name: "thing".into(),
+        shape,
+        mass: 0.2,
+        friction: 0.8,
+        color: [0; 3],
+        rest: nalgebra::UnitQuaternion::identity(),
+        symmetry: Symmetry::None,
+    })
+}
+
+/// Ball, lying cylinder, box: the shape with its turn above a pad.
+fn shapes() -> [(&'static str, Shape, Vector3<f64>); 3] {
+    let half = Vector3::new(0.025, 0.022, 0.02);
+    [
+        ("ball", Shape::Sphere { radius: 0.03 }, Vector3::zeros()),
+        ("cylinder", Shape::Cylinder { radius: 0.02, half_height: 0.04 }, Vector3::x() * std::f64::consts::FRAC_PI_2),
+        ("box", Shape::Cuboid { half, radius: 0.002 }, Vector3::zeros()),
+    ]
+}
+
+/// An object pressed onto the middle of a pad of a fixed link.
+struct Bed {
+    hand: Hand,
+    pad: usize,
+    engine: Engine,
+    body: RigidBodyHandle,
+    model: Arc<ObjectModel>,
+}
+
+impl Bed {
+    fn new(pad: &str, shape: &Shape, turn: &Vector3<f64>, gel: Option<effects::Gel>) -> Self {
+        let hand = Hand::ftac();
+        let pad = hand.pad(pad).expect("a pad");
+        let mut engine = Engine::new(EngineSettings::default());
+        engine.gravity = Vector::ZERO;
+        let cover = hand.pads[pad].link.map_or(hand.palm_cover, |link| hand.covers[link]);
+        let link = engine.bodies.insert(RigidBodyBuilder::fixed());
+        let soft = engine.colliders.insert_with_parent(cover_collider(&cover), link, &mut engine.bodies);
+        let model = model(shape.clone());
+        let rotation = nalgebra::UnitQuaternion::from_scaled_axis(*turn);
+        let lowest = -model
+            .shape
+            .support(&(rotation.inverse() * -Vector3::z()))
+            .coords
+            .dot(&(rotation.inverse() * -Vector3::z()));
+        let place = hand.pads[pad].link_from_pad
+            * Isometry3::from_parts(Vector3::new(0.0, 0.0, 1e-4 - lowest).into(), rotation);
+        let placement = crate::scene::ObjectPlacement { model: model.clone(), pose: place };
+        let (_, body, collider) = crate::scene::insert_object(&mut engine, &placement);
+        engine.bodies[body].lock_rotations(true, true);
+        engine.soft_covers = gel.map(|gel| {
+            let covers = std::iter::once((soft, cover));
+            SoftCovers::new(&hand, &gel, covers, std::iter::once((collider, model.clone())), &mut engine.colliders)
+        });
+        Self { hand, pad, engine, body, model }
+    }
+
+    /// Presses for `seconds` with a force (N) in the pad's frame.
+    fn press(&mut self, force: Vector3<f64>, seconds: f64) {
+        let world = convert::vector(&(self.hand.pads[self.pad].link_from_pad * force));
+        let body = &mut self.engine.bodies[self.body];
+        body.reset_forces(true);
+        body.add_force(world, true);
+        for _ in 0..(seconds / self.engine.settings.dt).round() as usize {
+            self.engine.step();
+        }
+    }
+
+    fn pad_from_object(&self) -> Isometry3<f64> {
+        self.hand.pads[self.pad].link_from_pad.inverse() * convert::to_pose(self.engine.bodies[self.body].position())
+    }
+
+    /// Height of the object's lowest point above a place of the pad, m.
+    fn lowest(&self) -> impl Fn(f64, f64) -> Option<f64> {
+        let (object_from_pad, shape) = (self.pad_from_object().inverse(), self.model.shape.clone());
+        move |x, y| {
+            let origin = object_from_pad * Point3::new(x, y, -0.006);
+            shape.ray(&origin, &Unit::new_unchecked(object_from_pad * Vector3::z())).map(|far| far - 0.006)
+        }
+    }
+
+    /// How deep the object is in the pad in the engine, and in its image under `force` (N), m.
+    fn depths(&self, force: f64) -> [f64; 2] {
+        let pad = &self.hand.pads[self.pad];
+        let cameras: Vec<&Camera> = pad.cameras.iter().map(|camera| &self.hand.cameras[*camera]).collect();
+        let pressed = press(pad, &cameras, &self.hand.gel(), force, self.lowest()).expect("pressed");
+        let image = pressed.maps.iter().map(|map| f64::from(map.deepest())).fold(0.0, f64::max);
+        // The image moves the object by its shift before it is that deep.
+        [image - pressed.shift, image]
+    }
+}
+
+/// The engine's depth is the image's at the same force.
+#[test]
+fn the_engine_s_depth_is_the_image_s() {
+    let mut worst = 0.0f64;
+    for pad in ["index_distal", "middle_proximal", "palm_ulnar"] {
+        for (name, shape, turn) in shapes() {
+            for force in FORCES {
+                let mut bed = Bed::new(pad, &shape, &turn, Some(GEL));
+                bed.press(Vector3::new(0.0, 0.0, -force), 1.0);
+                let [engine, image] = bed.depths(force);
+                println!("{pad} {name} {force} N: engine {:.3} mm, image {:.3} mm", 1e3 * engine, 1e3 * image);
+                worst = worst.max((engine - image).abs() - 0.1 * image);
+            }
+        }
+    }
+    assert!(worst < 4e-5, "{worst} m beyond a tenth");
+}
+
+/// A step of force is followed with the relaxation time: after one such time 63 % of the way are gone.
+#[test]
+fn the_gel_takes_its_time() {
+    let ball = Shape::Sphere { radius: 0.03 };
+    let mut bed = Bed::new("index_distal", &ball, &Vector3::zeros(), Some(effects::Gel { relaxation: 0.2, ..GEL }));
+    let depth = |bed: &Bed| -bed.pad_from_object().translation.vector.z + 0.03;
+    bed.press(Vector3::new(0.0, 0.0, -0.5), 3.0);
+    let before = depth(&bed);
+    bed.press(Vector3::new(0.0, 0.0, -2.0), 0.2);
+    let on_the_way = depth(&bed) - before;
+    bed.press(Vector3::new(0.0, 0.0, -2.0), 3.0);
+    let whole = depth(&bed) - before;
+    let share = on_the_way / whole;
+    assert!((share - 0.632).abs() < 0.05, "{share} of {whole} m");
+}
+
+/// Pulled sideways by less than its friction, the surface follows by `shear` times the share of its depth, and the object stays.
+#[test]
+fn shear_follows_its_law() {
+    let ball = Shape::Sphere { radius: 0.03 };
+    let mut bed = Bed::new("palm_ulnar", &ball, &Vector3::zeros(), Some(GEL));
+    bed.press(Vector3::new(0.0, 0.0, -2.0), 1.0);
+    let before = bed.pad_from_object().translation.vector;
+    let (normal, along) = (2.0, 0.8);
+    bed.press(Vector3::new(along, 0.0, -normal), 5.0);
+    let moved = bed.pad_from_object().translation.vector - before;
+    assert!(moved.norm() < 2e-4, "slipped by {moved}");
+    let give = bed.engine.soft_covers.as_ref().and_then(|covers| covers.give(0, 0)).expect("a contact");
+    let shear = bed.hand.pads[bed.pad].link_from_pad.inverse_transform_vector(&give.shear);
+    let expected = GEL.shear * give.sink * along / normal;
+    assert!((shear - Vector3::new(expected, 0.0, 0.0)).norm() < 0.05 * expected, "{shear} {expected}");
+}
+
+/// Nothing moves in the last seconds of a press, and a branch goes on bit by bit.
+#[test]
+fn a_press_rests_and_branches() {
+    for (name, shape, turn) in shapes() {
+        for force in FORCES {
+            let mut bed = Bed::new("middle_proximal", &shape, &turn, Some(GEL));
+            bed.press(Vector3::new(0.0, 0.2 * force, -force), 1.0);
+            let branch = bed.engine.clone();
+            let before = bed.pad_from_object().translation.vector;
+            let mut farthest = 0.0f64;
+            for _ in 0..50 {
+                bed.press(Vector3::new(0.0, 0.2 * force, -force), 0.1);
+                farthest = farthest.max((bed.pad_from_object().translation.vector - before).norm());
+            }
+            let after = bed.engine.bodies[bed.body].translation();
+            bed.engine = branch;
+            bed.press(Vector3::new(0.0, 0.2 * force, -force), 5.0);
+            assert_eq!(after, bed.engine.bodies[bed.body].translation(), "{name}");
+            println!("{name} {force} N: moves by {:.4} mm in 5 s", 1e3 * farthest);
+            assert!(farthest < 1e-4, "{name} {force}: {farthest}");
+        }
+    }
+}

@@ -1,0 +1,87 @@
+//! Play of a gear: the output follows the encoder, but for a gap between the teeth.
+//!
+//! The output has no inertia of its own beside what it drives. A load presses it against one flank; without a load it stays where
+//! it is until a flank takes it along.
+
+/// The play of one gear and where in it the output is.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Play {
+    half: f64,
+    lag: f64,
+}
+
+impl Play {
+    /// A gear with this much play (rad at the output), its output in the middle.
+    pub fn new(width: f64) -> Self {
+        Self { half: 0.5 * width, lag: 0.0 }
+    }
+
+    /// How far the output is behind the encoder, rad.
+    pub fn lag(&self) -> f64 {
+        self.lag
+    }
+
+    /// The encoder has turned by `turned` (rad); `load` (N m, positive: against positive angles) acts on the output.
+    pub fn follow(&mut self, turned: f64, load: f64) {
+        if self.half == 0.0 {
+            return;
+        }
+        self.lag =
+            if load == 0.0 { (self.lag + turned).clamp(-self.half, self.half) } else { self.half.copysign(load) };
+    }
+
+    /// The part of a twist (rad, encoder before what it drives) that is not taken up by the play of a gear which turns `ratio`
+    /// times as far.
+    pub fn taken_up(&mut self, twist: f64, ratio: f64) -> f64 {
+        if self.half == 0.0 {
+            return twist;
+        }
+        self.lag = (ratio * twist).clamp(-self.half, self.half);
+        twist - self.lag / ratio
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const WIDTH: f64 = 0.0044;
+
+    /// Turned to and fro without a load, the output is a play's width further on the way back than on the way there, and the loop
+    /// is closed.
+    #[test]
+    fn a_turn_to_and_fro_is_a_hysteresis_of_the_play_s_width() {
+        let mut play = Play::new(WIDTH);
+        let (mut angle, mut there, mut back) = (-0.1, Vec::new(), Vec::new());
+        for n in 0..3 * 400 {
+            let forward = n / 400 != 1;
+            let turned = if forward { 5e-4 } else { -5e-4 };
+            angle += turned;
+            play.follow(turned, 0.0);
+            let of = match n / 400 {
+                0 => &mut there,
+                1 => &mut back,
+                _ => continue,
+            };
+            of.push((angle, angle - play.lag()));
+        }
+        let at = |path: &[(f64, f64)]| {
+            path.iter().min_by(|a, b| a.0.abs().total_cmp(&b.0.abs())).map(|(angle, output)| output - angle).unwrap()
+        };
+        assert!((at(&back) - at(&there) - WIDTH).abs() < 1e-12, "{} {}", at(&back), at(&there));
+        assert_eq!(play.lag(), 0.5 * WIDTH);
+    }
+
+    /// A load whose direction turns round takes the output through the whole play; a shaft bears nothing inside it.
+    #[test]
+    fn a_load_presses_on_one_flank() {
+        let mut play = Play::new(WIDTH);
+        play.follow(0.0, 0.1);
+        let behind = play.lag();
+        play.follow(0.0, -0.1);
+        assert!((behind - play.lag() - WIDTH).abs() < 1e-15);
+        assert_eq!(play.taken_up(0.4 * WIDTH, 1.0), 0.0);
+        assert!((play.taken_up(WIDTH, 1.0) - 0.5 * WIDTH).abs() < 1e-15);
+        assert_eq!(Play::new(0.0).taken_up(0.3, 1.0), 0.3);
+    }
+}

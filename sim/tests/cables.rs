@@ -1,0 +1,42 @@
+//! Friction in the guides of the simulated finger against the capstan's equation.
+
+use std::sync::Arc;
+
+use hand_model::transmission::SPANS;
+use hand_model::{Digit, Hand};
+use sim::engine::EngineSettings;
+use sim::stand::{HandStand, tension_goals};
+
+/// In a steady pull on a free finger each joint's spring is balanced by the spool's tension less the capstan's share,
+/// exp(-mu wrap); let out again, by that times exp(mu wrap).
+#[test]
+fn a_finger_s_springs_feel_the_capstan_s_tension() {
+    let hand = Arc::new(Hand::ftac());
+    let cable = hand.parameters.cable;
+    let digit = Digit::Index.index();
+    let path = &hand.transmission.cables[digit];
+    let mut stand = HandStand::new(hand.clone(), EngineSettings::default());
+    let mut run = |from: f64, to: f64, seconds: f64| {
+        let steps = (seconds * 240.0) as usize;
+        for n in 0..steps {
+            let mut tensions = [0.0; 5];
+            tensions[digit] = from + (to - from) * n as f64 / steps as f64;
+            stand.step(&tension_goals(&hand, &tensions, 0.0));
+        }
+        (stand.angles(), stand.tensions()[digit])
+    };
+    for ((q, tension), sign) in [(run(0.0, 5.0, 6.0), -1.0), (run(5.0, 3.0, 6.0), 1.0)] {
+        let mut turned = cable.friction.routing;
+        let mut least: f64 = 1.0;
+        for (joint, guides) in path.joints.iter().take(SPANS) {
+            let [before, after] = guides.wraps(q[*joint]);
+            let expected = (sign * cable.friction.coefficient * (turned + before)).exp();
+            turned += before + after;
+            let felt = hand.transmission.springs[*joint] * q[*joint] / guides.moment_arm(q[*joint]);
+            println!("joint {joint} at {:.3}: {:.4} of the tension, expected {expected:.4}", q[*joint], felt / tension);
+            assert!((felt / tension / expected - 1.0).abs() < 0.02, "joint {joint}: {felt} of {tension}");
+            least = least.min(expected.min(1.0 / expected));
+        }
+        assert!(least < 0.9, "there is something to measure: {least}");
+    }
+}
