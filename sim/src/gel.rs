@@ -9,6 +9,7 @@ use std::sync::Arc;
 
 use hand_model::Hand;
 use hand_model::hand::CoverShape;
+use hand_model::pads::Pad;
 use nalgebra::{Isometry3, Point3, Unit, Vector3};
 use optics::Foundation;
 use rapier3d_f64::prelude::*;
@@ -17,7 +18,7 @@ use scenarios::geometry::Shape;
 use scenarios::objects::ObjectModel;
 
 use crate::convert;
-use crate::press_curve::{Gap, PressCurve};
+use crate::press_curve::{Gap, PressCurve, Surface};
 
 /// A curve is good as long as the object is turned by less than this against the cover (rad) ...
 const SAME_TURN: f64 = 0.02;
@@ -27,6 +28,8 @@ const SAME_PLACE: f64 = 5e-4;
 const SAME_FORCE: (f64, f64) = (2.0, 0.1);
 /// Steps between two curves of a contact at least.
 const EVERY: u32 = 4;
+/// Least cosine between the normals of a contact and of the pad that it is on.
+const FACING: f64 = 0.8;
 /// Depth that is none, m.
 const NOTHING: f64 = 1e-7;
 
@@ -36,6 +39,22 @@ struct SoftCover {
     collider: ColliderHandle,
     /// The cover as a solid in its own frame.
     solid: Shape,
+    /// Its pads, with `pad_from_cover`.
+    pads: Vec<(Pad, Isometry3<f64>)>,
+}
+
+impl SoftCover {
+    /// The surface around `middle` where the normal is `out`, and `cover_from_frame` of that surface's frame: a pad's where one is.
+    fn surface(&self, middle: &Point3<f64>, out: &Unit<Vector3<f64>>) -> (Surface<'_>, Isometry3<f64>) {
+        let pressed = self.pads.iter().find(|(pad, pad_from_cover)| {
+            let at = pad_from_cover * middle;
+            (pad_from_cover * out.as_ref()).z > FACING && at.x.abs() < 0.5 * pad.w && at.y.abs() < 0.5 * pad.h
+        });
+        match pressed {
+            Some((pad, pad_from_cover)) => (Surface::Pad(pad), pad_from_cover.inverse()),
+            None => Surface::around(&self.solid, middle, out),
+        }
+    }
 }
 
 /// An object that may press.
@@ -104,18 +123,21 @@ pub struct SoftCovers {
 }
 
 impl SoftCovers {
-    /// A hand's gel, its `covers` with their colliders, and the `objects` that may press into them.
+    /// A hand's gel, its `covers` with their colliders and links (the palm's has none), and the `objects` that may press into them.
     pub fn new(
         hand: &Hand,
         effect: &effects::Gel,
-        covers: impl Iterator<Item = (ColliderHandle, CoverShape)>,
+        covers: impl Iterator<Item = (ColliderHandle, Option<usize>)>,
         objects: impl Iterator<Item = (ColliderHandle, Arc<ObjectModel>)>,
         colliders: &mut ColliderSet,
     ) -> Self {
         let covers: Vec<SoftCover> = covers
-            .map(|(collider, shape)| SoftCover {
-                collider,
-                solid: Shape::Cuboid { half: shape.half, radius: shape.radius },
+            .map(|(collider, link)| {
+                let CoverShape { link_from_cover, half, radius } =
+                    link.map_or(hand.palm_cover, |link| hand.covers[link]);
+                let pads = hand.pads.iter().filter(|pad| pad.link == link);
+                let pads = pads.map(|pad| (pad.clone(), pad.link_from_pad.inverse() * link_from_cover)).collect();
+                SoftCover { collider, solid: Shape::Cuboid { half, radius }, pads }
             })
             .collect();
         for cover in &covers {
@@ -191,7 +213,9 @@ impl SoftCovers {
         contact.age = 0;
         let out = world_from_cover.inverse_transform_vector(&contact.load.out);
         let Some(out) = Unit::try_new(out, 1e-3) else { return };
-        let gap = Gap { cover: &soft.solid, object: &presser.model.shape, object_from_cover, middle, out };
+        let (surface, cover_from_frame) = soft.surface(&middle, &out);
+        let object_from_frame = object_from_cover * cover_from_frame;
+        let gap = Gap { surface, object: &presser.model.shape, object_from_frame };
         if let Some(curve) = PressCurve::of(&gap, &self.gel, force) {
             contact.curve = Some(Shared { curve: Arc::new(curve), object_from_cover, middle, force });
         }

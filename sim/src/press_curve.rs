@@ -1,6 +1,7 @@
 //! Depth over force of an object that presses into a cover: the pressure law under the gap between their shapes.
 
-use nalgebra::{Isometry3, Point3, Unit, Vector3};
+use hand_model::pads::Pad;
+use nalgebra::{Isometry3, Point3, Unit, UnitQuaternion, Vector3};
 use optics::Foundation;
 use scenarios::geometry::Shape;
 
@@ -8,22 +9,58 @@ use scenarios::geometry::Shape;
 const SIDE: usize = 15;
 /// Points of a curve; their depths grow with the square of their number.
 const POINTS: usize = 16;
-/// Rays on the cover start this far above the contact, those on the object this deep below it, m: deeper than any contact.
+/// Rays on a solid cover start this far above the contact, those on the object this deep below it, m: deeper than any contact.
 const ABOVE: f64 = 0.02;
 /// See [`ABOVE`].
 const BELOW: f64 = 0.006;
 
-/// A cover and an object about to press into it.
+/// What an object presses into, seen from a frame whose z is the normal out of it.
+#[derive(Debug)]
+pub enum Surface<'a> {
+    /// A pad, in its own frame: the surface that its image shows.
+    Pad(&'a Pad),
+    /// Elsewhere a solid cover, with its pose: `cover_from_frame`.
+    Solid(&'a Shape, Isometry3<f64>),
+}
+
+impl<'a> Surface<'a> {
+    /// The surface of the solid `cover` around `middle`, where its normal is `out`, and `cover_from_frame`.
+    pub fn around(cover: &'a Shape, middle: &Point3<f64>, out: &Unit<Vector3<f64>>) -> (Self, Isometry3<f64>) {
+        // Across the normal along the solid's edges, where it has some.
+        let least = out.iamin();
+        let other = (0..3).filter(|axis| *axis != least).min_by(|a, b| out[*a].abs().total_cmp(&out[*b].abs()));
+        let up = Vector3::ith(other.unwrap_or(least), 1.0);
+        let cover_from_frame = Isometry3::from_parts(middle.coords.into(), UnitQuaternion::face_towards(out, &up));
+        (Self::Solid(cover, cover_from_frame), cover_from_frame)
+    }
+
+    fn height(&self, x: f64, y: f64) -> Option<f64> {
+        match self {
+            Self::Pad(pad) => Some(pad.surface_height(x, y)),
+            Self::Solid(cover, cover_from_frame) => {
+                let inward = Unit::new_unchecked(cover_from_frame * -Vector3::z());
+                cover.ray(&(cover_from_frame * Point3::new(x, y, ABOVE)), &inward).map(|down| ABOVE - down)
+            }
+        }
+    }
+
+    fn window(&self) -> Window {
+        let half = match self {
+            Self::Pad(pad) => [0.5 * pad.w, 0.5 * pad.h],
+            Self::Solid(Shape::Cuboid { half, .. }, _) => [half.max(); 2],
+            Self::Solid(other, _) => [other.bounding_radius(); 2],
+        };
+        Window { low: half.map(|half| -half), high: half, most: half }
+    }
+}
+
+/// A surface and an object about to press into it.
 #[derive(Debug)]
 pub struct Gap<'a> {
-    /// The cover as a solid, in its own frame.
-    pub cover: &'a Shape,
+    pub surface: Surface<'a>,
     pub object: &'a Shape,
-    pub object_from_cover: Isometry3<f64>,
-    /// Middle of the contact, cover frame, m.
-    pub middle: Point3<f64>,
-    /// The normal out of the cover there, cover frame.
-    pub out: Unit<Vector3<f64>>,
+    /// `object_from_frame`, of the surface's frame.
+    pub object_from_frame: Isometry3<f64>,
 }
 
 /// A window in the plane across the normal, m.
@@ -31,6 +68,8 @@ pub struct Gap<'a> {
 struct Window {
     low: [f64; 2],
     high: [f64; 2],
+    /// Half sides of the surface that it is a window of.
+    most: [f64; 2],
 }
 
 impl Window {
@@ -54,12 +93,8 @@ pub struct PressCurve {
 impl PressCurve {
     /// The curve of `gap`, most accurate around `force` (N); `None` where the shapes miss each other along the normal.
     pub fn of(gap: &Gap, gel: &Foundation, force: f64) -> Option<Self> {
-        // The whole cover first, then the part of it that is pressed.
-        let reach = match gap.cover {
-            Shape::Cuboid { half, .. } => half.max(),
-            other => other.bounding_radius(),
-        };
-        let around = Window { low: [-reach; 2], high: [reach; 2] };
+        // The whole surface first, then the part of it that is pressed.
+        let around = gap.surface.window();
         let coarse = gap.penetrations(&around);
         let curve = Self::from_penetrations(&coarse, &around, gel)?;
         let close = pressed(&coarse, &around, 1.3 * curve.depth(force) + 2e-5)?;
@@ -98,31 +133,18 @@ fn depth_of(n: usize, thickness: f64) -> f64 {
 impl Gap<'_> {
     /// How far the object reaches below the cover's surface along the normal, less a constant, at the middles of the window's cells.
     fn penetrations(&self, window: &Window) -> Vec<Option<f64>> {
-        let [u, v] = across(&self.out);
-        let inward = -self.out;
-        let (direction, origin) = (self.object_from_cover * self.out, self.middle);
+        let direction = Unit::new_unchecked(self.object_from_frame * Vector3::z());
         let mut map = Vec::with_capacity(SIDE * SIDE);
         for row in 0..SIDE {
             for column in 0..SIDE {
-                let foot = origin + u * window.at(0, column) + v * window.at(1, row);
-                let down = self.cover.ray(&(foot + *self.out * ABOVE), &inward);
-                let below = self.object_from_cover * (foot - *self.out * BELOW);
-                map.push(down.and_then(|down| {
-                    let up = self.object.ray(&below, &direction)?;
-                    Some((ABOVE - down) - (up - BELOW))
-                }));
+                let (x, y) = (window.at(0, column), window.at(1, row));
+                let below = self.object_from_frame * Point3::new(x, y, -BELOW);
+                let under = || Some(self.surface.height(x, y)? - (self.object.ray(&below, &direction)? - BELOW));
+                map.push(under());
             }
         }
         map
     }
-}
-
-/// Two directions across a normal, so that for a face of a cover they are along its edges.
-fn across(out: &Unit<Vector3<f64>>) -> [Vector3<f64>; 2] {
-    let least = out.iamin();
-    let other = (0..3).filter(|axis| *axis != least).min_by(|a, b| out[*a].abs().total_cmp(&out[*b].abs()));
-    let u = Vector3::ith(other.unwrap_or(least), 1.0).cross(out).normalize();
-    [u, out.cross(&u)]
 }
 
 /// The smallest window, one cell wider on each side, that holds all cells within `depth` (m) of the deepest.
@@ -139,8 +161,9 @@ fn pressed(map: &[Option<f64>], window: &Window, depth: f64) -> Option<Window> {
     }
     let edge = |axis: usize, cell: f64| window.low[axis] + cell * window.spacing(axis);
     Some(Window {
-        low: [0, 1].map(|axis| edge(axis, first[axis] as f64 - 1.0)),
-        high: [0, 1].map(|axis| edge(axis, last[axis] as f64 + 2.0)),
+        low: [0, 1].map(|axis| edge(axis, first[axis] as f64 - 1.0).max(-window.most[axis])),
+        high: [0, 1].map(|axis| edge(axis, last[axis] as f64 + 2.0).min(window.most[axis])),
+        most: window.most,
     })
 }
 
@@ -157,13 +180,9 @@ mod tests {
     /// The curve of an object that touches the middle of the cover's broad face.
     fn curve(object: &Shape, height: f64, force: f64) -> PressCurve {
         let cover = cover();
-        let gap = Gap {
-            cover: &cover,
-            object,
-            object_from_cover: Isometry3::translation(0.0, 0.00925 + height, 0.0).inverse(),
-            middle: Point3::new(0.0, 0.00925, 0.0),
-            out: Vector3::y_axis(),
-        };
+        let (surface, cover_from_frame) = Surface::around(&cover, &Point3::new(0.0, 0.00925, 0.0), &Vector3::y_axis());
+        let object_from_cover = Isometry3::translation(0.0, 0.00925 + height, 0.0).inverse();
+        let gap = Gap { surface, object, object_from_frame: object_from_cover * cover_from_frame };
         PressCurve::of(&gap, &GEL, force).expect("it touches")
     }
 

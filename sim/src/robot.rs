@@ -80,8 +80,8 @@ fn soft_covers(
     (body, objects): (&RobotBody, &[Inserted]),
     colliders: &mut ColliderSet,
 ) -> SoftCovers {
-    let shapes = std::iter::once(&hand.palm_cover).chain(&hand.covers);
-    let covers = body.covers.iter().copied().zip(shapes.copied());
+    let links = std::iter::once(None).chain((0..hand.covers.len()).map(Some));
+    let covers = body.covers.iter().copied().zip(links);
     let objects = objects.iter().map(|(model, _, collider)| (*collider, model.clone()));
     SoftCovers::new(hand, gel, covers, objects, colliders)
 }

@@ -64,7 +64,7 @@ impl Bed {
         let (_, body, collider) = crate::scene::insert_object(&mut engine, &placement);
         engine.bodies[body].lock_rotations(true, true);
         engine.soft_covers = gel.map(|gel| {
-            let covers = std::iter::once((soft, cover));
+            let covers = std::iter::once((soft, hand.pads[pad].link));
             SoftCovers::new(&hand, &gel, covers, std::iter::once((collider, model.clone())), &mut engine.colliders)
         });
         Self { hand, pad, engine, body, model }
@@ -116,11 +116,11 @@ fn the_engine_s_depth_is_the_image_s() {
                 bed.press(Vector3::new(0.0, 0.0, -force), 1.0);
                 let [engine, image] = bed.depths(force);
                 println!("{pad} {name} {force} N: engine {:.3} mm, image {:.3} mm", 1e3 * engine, 1e3 * image);
-                worst = worst.max((engine - image).abs() - 0.1 * image);
+                worst = worst.max((engine - image).abs() - 0.02 * image);
             }
         }
     }
-    assert!(worst < 4e-5, "{worst} m beyond a tenth");
+    assert!(worst < 1e-5, "{worst} m beyond 2 %");
 }
 
 /// A step of force is followed with the relaxation time: after one such time 63 % of the way are gone.
@@ -174,8 +174,17 @@ fn a_press_rests_and_branches() {
             bed.engine = branch;
             bed.press(Vector3::new(0.0, 0.2 * force, -force), 5.0);
             assert_eq!(after, bed.engine.bodies[bed.body].translation(), "{name}");
-            println!("{name} {force} N: moves by {:.4} mm in 5 s", 1e3 * farthest);
-            assert!(farthest < 1e-4, "{name} {force}: {farthest}");
+            let mut rigid = Bed::new("middle_proximal", &shape, &turn, None);
+            rigid.press(Vector3::new(0.0, 0.2 * force, -force), 1.0);
+            let start = rigid.pad_from_object().translation.vector;
+            rigid.press(Vector3::new(0.0, 0.2 * force, -force), 5.0);
+            let crept = (rigid.pad_from_object().translation.vector - start).norm();
+            println!(
+                "{name} {force} N: moves by {:.4} mm in 5 s, {:.4} mm on rigid covers",
+                1e3 * farthest,
+                1e3 * crept
+            );
+            assert!(farthest < crept + 2e-5, "{name} {force}: {farthest}, {crept} on rigid covers");
         }
     }
 }

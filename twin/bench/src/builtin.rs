@@ -8,7 +8,6 @@ use control::perception::KnownObject;
 use control::policy::Uncertainty;
 use hand_model::Hand;
 use hand_model::robot::TactileImage;
-use hand_model::transmission::friction::CableLosses;
 use proving::world::World;
 use proving::{ball_sizes, plan};
 use scenarios::Scenario;
@@ -46,17 +45,9 @@ pub fn look_up_touch(hand: &Hand, backgrounds: Vec<Arc<TactileImage>>) -> Result
     Ok(pipeline)
 }
 
-/// What a controller knows of its cables: the guides as the hand's data file has them, the gear's play as its data sheet.
-fn known_cable_losses(world: &World) -> CableLosses {
-    world.scenario.effects.cables.map_or(CableLosses::NONE, |cables| CableLosses {
-        friction: world.cell.hand.parameters.cable.friction,
-        backlash: cables.backlash,
-    })
-}
-
 /// Tells perception what it may know of the scenario's hand: what cables lose, and how far objects sink into pads.
 pub fn know_hand(pipeline: &mut TouchPipeline, world: &World) {
-    pipeline.pose.cables = known_cable_losses(world);
+    pipeline.pose.cables = world.known_cable_losses();
     if world.scenario.effects.gel.is_some() {
         pipeline.pose.sinking = 1.0;
     }

@@ -13,7 +13,7 @@ use hand_model::{Digit, Hand};
 use nalgebra::{Isometry3, Translation3};
 
 use crate::inverse_kinematics::ArmServo;
-use crate::motion::tension::closing_tension;
+use crate::motion::tension::{against_friction, closing_tension};
 use crate::motion::{LOOK_TIME, Motion, MotionError, Protocol};
 use crate::percept::Percept;
 
@@ -174,6 +174,7 @@ impl Carrier {
         self.advance()?;
         let arm = self.motion.follow()?;
         let wanted = self.wanted_tension();
+        let wanted = against_friction(self.motion.hand(), &self.protocol.friction, &observation.servos, &wanted);
         // A thumb that holds something stays opposed as it is.
         if let Some(grasp) = self.grasp.as_ref().filter(|_| self.kept[Digit::Thumb.index()] == 0.0) {
             self.opposition = grasp.opposition;

@@ -17,7 +17,7 @@ use nalgebra::{Isometry3, Translation3, Vector3};
 pub use scenarios::phase::Phase;
 
 use crate::inverse_kinematics::ArmServo;
-use crate::motion::tension::closing_tension;
+use crate::motion::tension::{against_friction, closing_tension};
 use crate::motion::{LOOK_TIME, Motion, MotionError, Protocol};
 use crate::percept::Percept;
 use crate::slip::{self, SlipWatch};
@@ -220,6 +220,7 @@ impl Executive {
         }
         let arm = self.motion.follow()?;
         let wanted = self.held_tension(observation);
+        let wanted = against_friction(self.motion.hand(), &self.protocol.friction, &observation.servos, &wanted);
         let opposition = match self.phase {
             Phase::StepAside
             | Phase::ApproachFirst

@@ -10,6 +10,7 @@ use std::sync::Arc;
 
 use grasping::Grasp;
 use hand_model::robot::{Command, Observation, ServoState, TactileFrame};
+use hand_model::transmission::friction::CableFriction;
 use hand_model::{ACTUATORS, CAMERAS, Hand};
 use nalgebra::{Isometry3, Translation3, Vector3};
 
@@ -49,6 +50,8 @@ pub struct Protocol {
     pub hold: f64,
     /// Cartesian limits of free motion.
     pub limits: PathLimits,
+    /// What the cables' guides are known to take: servos pull that much harder.
+    pub friction: CableFriction,
 }
 
 /// Why a motion cannot go on.

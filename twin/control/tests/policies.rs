@@ -17,6 +17,7 @@ use control::worth::Candidate;
 use grasping::{Grasp, Repertoire, Role};
 use hand_model::pads::IMAGE_SIZE;
 use hand_model::robot::{Observation, TactileImage};
+use hand_model::transmission::friction::CableFriction;
 use hand_model::{Arm, Hand};
 use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 use scenarios::Sensing;
@@ -107,7 +108,8 @@ impl Table {
     fn executive(&self) -> Executive {
         let first = self.repertoire.of(FIRST, Role::First).next().expect("a first grasp").clone();
         let servo = self.cell.arm_servo(self.cell.ready).expect("at rest");
-        let protocol = Protocol { lift: 0.12, carry: 0.1, hold: 0.5, limits: PathLimits::default() };
+        let (limits, friction) = (PathLimits::default(), CableFriction::NONE);
+        let protocol = Protocol { lift: 0.12, carry: 0.1, hold: 0.5, limits, friction };
         let grasps = [(first, self.percept(0)), (self.second()[0].grasp.clone(), self.percept(1))];
         let [first, second] = grasps;
         Executive::new(self.cell.hand.clone(), servo, protocol, first, second, TICK).expect("a path")

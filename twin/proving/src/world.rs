@@ -106,10 +106,24 @@ impl World {
         })
     }
 
+    /// What a controller knows of its cables: the guides as the hand's data file has them, the gear's play as its data sheet.
+    pub fn known_cable_losses(&self) -> CableLosses {
+        self.scenario.effects.cables.map_or(CableLosses::NONE, |cables| CableLosses {
+            friction: self.cell.hand.parameters.cable.friction,
+            backlash: cables.backlash,
+        })
+    }
+
     /// Distances and times of a trial for the executive.
     pub fn protocol(&self) -> Protocol {
         let p = &self.scenario.protocol;
-        Protocol { lift: p.lift_height, carry: p.carry_distance, hold: p.hold_time, limits: PathLimits::default() }
+        Protocol {
+            lift: p.lift_height,
+            carry: p.carry_distance,
+            hold: p.hold_time,
+            limits: PathLimits::default(),
+            friction: self.known_cable_losses().friction,
+        }
     }
 
     /// The protocol of rehearsals: the trial's own with a shorter hold.

@@ -1,8 +1,12 @@
 //! Cable tensions over time, and the servo goals that make them.
 
+use std::f64::consts::FRAC_PI_2;
+
 use grasping::Grasp;
-use hand_model::robot::ServoGoal;
+use hand_model::robot::{ServoGoal, ServoState};
+use hand_model::transmission::friction::CableFriction;
 use hand_model::{ACTUATORS, Digit, Hand};
+use touch::posture::cable_excursion;
 
 /// Current limit of the opposition servo, A.
 const OPPOSITION_CURRENT: f64 = 0.6;
@@ -12,6 +16,25 @@ const TENSION_RATE: f64 = 80.0;
 /// Servo goals for five cable tensions (N) and the angle of the opposition joint (rad).
 pub(super) fn servo_goals(hand: &Hand, tension: &[f64; 5], opposition: f64) -> [ServoGoal; ACTUATORS] {
     hand.servo_goals(tension, opposition, OPPOSITION_CURRENT)
+}
+
+/// What servos are to pull (N) for the joints of closing digits to feel the tensions `wanted` (N): more by what the guides take
+/// up to the middle joint of a digit whose joints share its measured excursion alike.
+pub fn against_friction(
+    hand: &Hand,
+    friction: &CableFriction,
+    servos: &[ServoState; ACTUATORS],
+    wanted: &[f64; 5],
+) -> [f64; 5] {
+    if friction.coefficient == 0.0 {
+        return *wanted;
+    }
+    std::array::from_fn(|cable| {
+        let full = hand.transmission.cables[cable].full_excursion(FRAC_PI_2);
+        let angle = FRAC_PI_2 * (cable_excursion(hand, &servos[cable]) / full).clamp(0.0, 1.0);
+        // All of the first joint's turn is behind the guide before the second joint, and half of the second's own.
+        wanted[cable] / friction.ratio(1.0, friction.routing + 1.5 * angle)
+    })
 }
 
 /// Moves the tensions `now` towards `wanted` (N) for one tick (s), within [`TENSION_RATE`].
@@ -25,4 +48,28 @@ pub(super) fn approach_tension(now: &mut [f64; 5], wanted: &[f64; 5], tick: f64)
 pub fn closing_tension(grasp: &Grasp, digit: usize, time: f64) -> f64 {
     let delay = if digit == Digit::Thumb.index() { grasp.thumb_delay.max(0.0) } else { (-grasp.thumb_delay).max(0.0) };
     if time >= delay { grasp.close_tension[digit] } else { grasp.pre_tension[digit] }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The middle joint of a half-closed digit feels what is wanted; an open one's loses no more than the palm's turn takes.
+    #[test]
+    fn the_middle_joint_feels_what_is_wanted() {
+        let hand = Hand::ftac();
+        let friction = hand.parameters.cable.friction;
+        let (digit, angle, wanted) = (Digit::Index.index(), 0.8, [10.0; 5]);
+        let q = [angle; hand_model::HAND_JOINTS];
+        let path = &hand.transmission.cables[digit];
+        let radius = hand.parameters.cable.spool_radius;
+        let mut servos = [ServoState::default(); ACTUATORS];
+        servos[digit].position = path.excursion(&q) / radius;
+        let pulled = against_friction(&hand, &friction, &servos, &wanted);
+        let felt = path.span_tensions(&q, pulled[digit], &friction, &[1.0; 3])[1];
+        assert!((felt - 10.0).abs() < 0.1, "{felt} of {pulled:?}");
+        let open = against_friction(&hand, &friction, &[ServoState::default(); ACTUATORS], &wanted);
+        assert!((open[0] / 10.0 - (friction.coefficient * friction.routing).exp()).abs() < 1e-12);
+        assert_eq!(against_friction(&hand, &CableFriction::NONE, &servos, &wanted), wanted);
+    }
 }
