@@ -9,7 +9,7 @@ use anyhow::{Context, Result, bail};
 use hand_model::pads::IMAGE_SIZE as N;
 use hand_model::robot::TactileImage;
 use optics::calibration::{CalibratedSensor, PressFolder, SensorCalibration};
-use rand::{Rng, RngExt, SeedableRng};
+use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::StandardNormal;
 use touch::CalibrationPress;
