@@ -1,8 +1,9 @@
 //! What the hand feels of itself: a finger on another, the thumb on a finger, a finger on the palm.
 //!
 //! A patch is the hand's own if another link's cover, at the posture that servos and pad forces give, lies where the patch is
-//! felt and faces it, and no expected object explains the patch better. What "lies where it is felt" means is set by the
-//! posture's errors: three joints of a digit hang on one cable, so that a digit in contact is known to some millimetres only.
+//! felt and faces it, and no expected object explains the patch better: distance and angle of each surface to the patch are taken
+//! as normal with its own standard deviations, and the likelier one has pressed. Three joints of a digit hang on one cable, so
+//! that a digit in contact is known to some millimetres only: see [`OwnHandOptions`].
 
 use hand_model::robot::ServoState;
 use hand_model::{ACTUATORS, Hand};
@@ -16,18 +17,25 @@ use crate::pose::{KnownShape, PoseOptions, PosePrior, loaded_posture};
 /// Points of a patch that are looked at.
 const POINTS: usize = 8;
 
-/// How far off a cover may be from a patch that it presses.
+/// How far off a cover may be from a patch that it presses, given how well the posture is known.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct OwnHandOptions {
     /// Largest distance of the cover's surface from the patch, m.
-    pub distance: f64,
+    pub most_distance: f64,
     /// Largest angle between the cover's surface and the patch's, rad.
-    pub angle: f64,
+    pub most_angle: f64,
+    /// Standard deviation of the distance, m.
+    pub sigma_distance: f64,
+    /// Standard deviation of the angle, rad.
+    pub sigma_angle: f64,
 }
 
 impl Default for OwnHandOptions {
+    /// From 226 patches that nothing but the hand pressed, in 40 trials of the benchmark: the cover was 1.1 mm off in the median,
+    /// 2.5 mm at the 90th percentile and 6.3 mm at the 95th, and turned by 0.37, 0.63 and 0.94 rad. Of 685 patches that objects
+    /// pressed, one in ten had a cover within 10 mm, hardly any of them one that faced it.
     fn default() -> Self {
-        Self { distance: 0.006, angle: 0.7 }
+        Self { most_distance: 0.006, most_angle: 0.8, sigma_distance: 0.002, sigma_angle: 0.4 }
     }
 }
 
@@ -42,11 +50,11 @@ pub struct InHand<'a> {
 
 /// How far a surface is from a patch, and how much it is turned against it.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Fit {
+struct Fit {
     /// Mean distance of the patch's points from the surface, m, negative inside.
-    pub distance: f64,
+    distance: f64,
     /// Mean angle between the surface's normals and the patch's, rad.
-    pub angle: f64,
+    angle: f64,
 }
 
 impl Fit {
@@ -62,9 +70,10 @@ impl Fit {
         Self { distance: sum / count, angle: turned / count }
     }
 
-    /// Squared deviation in units of `distance` (m) and `angle` (rad).
+    /// Negative log-likelihood (up to a constant) under these standard deviations: one distance, two components of the angle.
     fn misfit(&self, distance: f64, angle: f64) -> f64 {
-        (self.distance / distance).powi(2) + (self.angle / angle).powi(2)
+        let squares = (self.distance / distance).powi(2) + (self.angle / angle).powi(2);
+        0.5 * squares + (distance * angle * angle).ln()
     }
 }
 
@@ -125,8 +134,8 @@ fn nearest_cover(
             (distance, pose * outward)
         })
     });
-    let near = fits.filter(|fit| fit.distance.abs() < options.distance && fit.angle < options.angle);
-    near.map(|fit| fit.misfit(options.distance, options.angle)).reduce(f64::min)
+    let near = fits.filter(|fit| fit.distance.abs() < options.most_distance && fit.angle < options.most_angle);
+    near.map(|fit| fit.misfit(options.sigma_distance, options.sigma_angle)).reduce(f64::min)
 }
 
 /// How well an object explains a patch, in the units of [`nearest_cover`].
@@ -136,5 +145,5 @@ fn object_misfit(object: &InHand, points: &[(Point3<f64>, Vector3<f64>)], option
         let (distance, outward) = object.shape.signed_distance(&palm_from_object.inverse_transform_point(point));
         (distance, palm_from_object * outward)
     });
-    fit.misfit(sigma_translation.hypot(options.distance), sigma_rotation.hypot(options.angle))
+    fit.misfit(sigma_translation.hypot(options.sigma_distance), sigma_rotation.hypot(options.sigma_angle))
 }
