@@ -160,6 +160,7 @@ pub fn drive(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use grasping::Role;
     use scenarios::noise::{Shift, trial_rng};
 
     /// Objects and what is seen of them are in the drawn places; the plan's noiseless run is in the nominal ones.
@@ -180,5 +181,45 @@ mod tests {
             assert_eq!(seen[n].position.coords, scene.objects[n].pose.translation.vector);
         }
         assert!((seen[0].yaw - shifts[0].yaw).abs() < 1e-9);
+    }
+
+    /// Root mean square of the palm's position and rotation error, each axis, over drawn arms and the postures of the repertoire's
+    /// grasps in their places.
+    fn palm_errors(world: &World) -> (f64, f64) {
+        let repertoire = crate::builtin::repertoire().unwrap();
+        let layout = &world.scenario.layout;
+        let (arm, hand, errors) = (&world.cell.arm, &world.cell.hand, world.scenario.effects.arm.unwrap());
+        let palm =
+            |q: &Joints, defects: &ArmDefects| arm.tool_pose(q) * defects.mount() * hand.palm_from_flange.inverse();
+        let (mut squares, mut turns, mut count) = (0.0, 0.0, 0.0);
+        for name in world.scenario.objects() {
+            let object = world.object(&name).unwrap();
+            for (role, place) in [(Role::First, layout.first), (Role::Second, layout.second)] {
+                let Some(grasp) = repertoire.of(&name, role).next() else { continue };
+                let center = place.pose(&object).translation.vector.into();
+                let Ok(posture) = world.posture(&grasp.palm_pose(&center, place.yaw), &world.cell.ready) else {
+                    continue;
+                };
+                for trial in 0..200 {
+                    let defects = ArmDefects::draw(&errors, &mut trial_rng(1, count as usize, trial));
+                    let off = palm(&posture, &ArmDefects::default()).inv_mul(&palm(&defects.real(&posture), &defects));
+                    squares += off.translation.vector.norm_squared() / 3.0;
+                    turns += off.rotation.scaled_axis().norm_squared() / 3.0;
+                    count += 1.0;
+                }
+            }
+        }
+        ((squares / count).sqrt(), (turns / count).sqrt())
+    }
+
+    /// The arm's errors by joints, mount and load are as large at the palm as the constant error in whose place they are.
+    #[test]
+    fn arm_errors_are_as_large_as_the_constant_one() {
+        let world = World::new(Scenario::benchmark()).unwrap();
+        let (position, rotation) = palm_errors(&world);
+        println!("{:.2} mm, {:.1} mrad", position * 1e3, rotation * 1e3);
+        let constant = world.scenario.noise.execution;
+        assert!((position / constant.position_sigma - 1.0).abs() < 0.05, "{position} m");
+        assert!((rotation / constant.rotation_sigma - 1.0).abs() < 0.1, "{rotation} rad");
     }
 }
