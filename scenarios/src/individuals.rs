@@ -92,7 +92,7 @@ impl Individual {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::effects::Effect;
+    use crate::effects::{Effect, Effects};
     use crate::noise::{NoiseLevels, TrialNoise, trial_rng};
     use crate::objects::ObjectSet;
     use crate::scenario::Scenario;
@@ -102,8 +102,8 @@ mod tests {
     const TRIALS: usize = 4000;
 
     fn drawn(levels: &NoiseLevels, trial: usize) -> TrialNoise {
-        let effects = Scenario::benchmark().effects;
-        TrialNoise::draw(levels, &mut trial_rng(5, 0, trial)).with_effects(&effects, 5, 0, trial)
+        static EFFECTS: std::sync::LazyLock<Effects> = std::sync::LazyLock::new(|| Scenario::benchmark().effects);
+        TrialNoise::draw(levels, &mut trial_rng(5, 0, trial)).with_effects(&EFFECTS, 5, 0, trial)
     }
 
     /// Mean square of `value` over many trials, over that of a cut normal distribution about `mean`.

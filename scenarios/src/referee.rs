@@ -224,6 +224,8 @@ pub struct Referee {
     limits: Limits,
     tries: Vec<TryVerdict>,
     second_start: Option<Point3<f64>>,
+    /// The second object rested at the last sight.
+    second_rests: bool,
     free_touch: bool,
     /// Two free digits have had the second object in this try.
     gripped: bool,
@@ -245,6 +247,7 @@ impl Referee {
             limits,
             tries: Vec::new(),
             second_start: None,
+            second_rests: false,
             free_touch: false,
             gripped: false,
             picked: [false; 2],
@@ -313,7 +316,9 @@ impl Referee {
         };
         let begins = self.last.as_ref().is_none_or(|last| last.phase != truth.phase);
         if let Some(object) = object.filter(|_| begins) {
-            (self.second_start, self.free_touch, self.gripped) = (None, false, false);
+            // What still rolls after an earlier try has not been knocked: its place counts from when it rests.
+            self.second_start = self.last.as_ref().filter(|_| self.second_rests).map(second_at);
+            (self.free_touch, self.gripped) = (false, false);
             self.tries.push(TryVerdict { object, begun: truth.time, ended: truth.time, contact: None, picked: None });
         }
         if let Some(last) = self.tries.last_mut() {
@@ -322,11 +327,10 @@ impl Referee {
     }
 
     fn watch_second(&mut self, truth: &SceneTruth) {
-        let at = |truth: &SceneTruth| Point3::from(truth.world_from_object[1].translation.vector);
-        let now = at(truth);
-        // What still rolls after an earlier try has not been knocked: its place counts from when it rests.
-        let rests = self.last.as_ref().is_none_or(|last| (now - at(last)).norm() < AT_REST * (truth.time - last.time));
-        if rests {
+        let now = second_at(truth);
+        let last = self.last.as_ref();
+        self.second_rests = last.is_none_or(|last| (now - second_at(last)).norm() < AT_REST * (truth.time - last.time));
+        if self.second_rests {
             self.second_start.get_or_insert(now);
         }
         let start = self.second_start.unwrap_or(now);
@@ -405,6 +409,11 @@ impl Referee {
             (true, false, false) => None,
         }
     }
+}
+
+/// Where the second object is, m, world.
+fn second_at(truth: &SceneTruth) -> Point3<f64> {
+    truth.world_from_object[1].translation.vector.into()
 }
 
 /// Origins of both objects in the palm frame, m.

@@ -139,7 +139,7 @@ mod tests {
         assert_eq!(message.get_field_by_name("capture").as_deref(), Some(&Value::Bool(true)));
         assert_eq!(message.unknown_fields().count(), 0);
 
-        let message = read("Seen", &Seen::new(1, &[0.5; 7]).encode_to_vec());
+        let message = read("Seen", &Seen::new(1, Some(&[0.5; 7])).encode_to_vec());
         assert_eq!(numbers(&message, "pose"), [0.5; 7]);
         assert_eq!(message.unknown_fields().count(), 0);
 

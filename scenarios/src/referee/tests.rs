@@ -66,7 +66,7 @@ fn a_perfect_trial_succeeds_without_contact() {
 fn touch_by_the_held_object_is_a_contact_until_the_grasp_has_closed() {
     for phase in Phase::ALL {
         let verdict = run(|truth| truth.first_touches_second = truth.phase == phase);
-        assert_eq!(verdict.contact, phase <= Phase::GraspSecond, "{phase}");
+        assert_eq!(verdict.contact, (Phase::LiftFirst..=Phase::GraspSecond).contains(&phase), "{phase}");
         assert!(verdict.success);
     }
     let verdict = run(|truth| truth.first_touches_second = truth.phase >= Phase::ApproachSecond);

@@ -219,7 +219,7 @@ mod tests {
         let (position, rotation) = palm_errors(&world);
         println!("{:.2} mm, {:.1} mrad", position * 1e3, rotation * 1e3);
         let constant = world.scenario.noise.execution;
-        assert!((position / constant.position_sigma - 1.0).abs() < 0.05, "{position} m");
-        assert!((rotation / constant.rotation_sigma - 1.0).abs() < 0.1, "{rotation} rad");
+        assert!((position / constant.position_sigma - 1.0).abs() < 0.1, "{position} m");
+        assert!((rotation / constant.rotation_sigma - 1.0).abs() < 0.15, "{rotation} rad");
     }
 }

@@ -67,7 +67,7 @@ mod tests {
         servos[digit].position = path.excursion(&q) / radius;
         let pulled = against_friction(&hand, &friction, &servos, &wanted);
         let felt = path.span_tensions(&q, pulled[digit], &friction, &[1.0; 3])[1];
-        assert!((felt - 10.0).abs() < 0.1, "{felt} of {pulled:?}");
+        assert!((felt - 10.0).abs() < 0.2, "{felt} of {pulled:?}");
         let open = against_friction(&hand, &friction, &[ServoState::default(); ACTUATORS], &wanted);
         assert!((open[0] / 10.0 - (friction.coefficient * friction.routing).exp()).abs() < 1e-12);
         assert_eq!(against_friction(&hand, &CableFriction::NONE, &servos, &wanted), wanted);
