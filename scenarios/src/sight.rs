@@ -119,13 +119,14 @@ mod tests {
     fn what_lasts_correlates_and_the_whole_varies_as_asked() {
         let looks = Looks::new();
         let perception = looks.levels.perception;
-        let part: [(f64, fn(&ObjectNoise) -> f64); 4] = [
+        type Part = fn(&ObjectNoise) -> f64;
+        let parts: [(f64, Part); 4] = [
             (perception.xy_sigma, |noise| noise.offset.x),
             (perception.xy_sigma, |noise| noise.offset.y),
             (perception.z_sigma, |noise| noise.offset.z),
             (perception.yaw_sigma, |noise| noise.yaw),
         ];
-        for (sigma, part) in part {
+        for (sigma, part) in parts {
             let variance = CUT * sigma * sigma;
             let spreads = [0, 1, 2].map(|look| looks.mean(|seen| part(&seen[look]).powi(2)) / variance);
             assert!(spreads.iter().all(|spread| (spread - 1.0).abs() < 0.08), "{spreads:?}");

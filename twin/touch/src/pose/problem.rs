@@ -193,13 +193,12 @@ impl<'a> Problem<'a> {
     /// Sets the standard deviation of each joint's torque balance from the contact torques at `q`.
     pub fn settle_torque_sigmas(&mut self, q: &[f64; HAND_JOINTS]) {
         let kinematics = Kinematics::new(self.hand, &self.chains, q);
-        let rubbing = self.friction_sigmas(q);
-        for joint in 0..HAND_JOINTS {
+        for (joint, rubbing) in self.friction_sigmas(q).into_iter().enumerate() {
             let torque = self.contact_torque(&kinematics, joint).abs();
             // An unmeasured contact on a blind pad loads all joints towards the palm.
             let unfelt = self.blind.iter().any(|&link| kinematics.chain(Some(link)).contains(&joint));
             let felt = self.options.sigma_torque.hypot(self.options.contact_torque_fraction * torque);
-            let felt = felt.hypot(rubbing[joint]);
+            let felt = felt.hypot(rubbing);
             self.torque_sigma[joint] = if unfelt { felt.hypot(UNFELT_TORQUE) } else { felt };
         }
     }
