@@ -117,7 +117,7 @@ fn a_session_is_held_to_every_bit() {
     fs::rename(out.join("sessions"), &sessions).expect("recorded");
     let files: Vec<PathBuf> =
         fs::read_dir(&sessions).expect("a folder").map(|entry| entry.expect("an entry").path()).collect();
-    assert_eq!(files.len(), 3, "{files:?}");
+    assert_eq!(files.len(), 4, "{files:?}");
     for file in &files {
         let (code, replayed) = replay(file);
         assert_eq!(
