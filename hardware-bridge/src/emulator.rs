@@ -94,6 +94,8 @@ struct Shared {
     stop: AtomicBool,
     ticks: AtomicU64,
     late_ticks: AtomicU64,
+    /// Images that the plant has handed to the camera board.
+    images: AtomicU64,
     clock: Clock,
 }
 
@@ -159,6 +161,7 @@ impl EmulatedHand {
             stop: AtomicBool::new(false),
             ticks: AtomicU64::new(0),
             late_ticks: AtomicU64::new(0),
+            images: AtomicU64::new(0),
             clock,
         });
         let (images, arrived) = mpsc::channel();
@@ -195,6 +198,11 @@ impl EmulatedHand {
     /// Whether the host has asked for images that the plant has not taken yet.
     pub fn capture_pending(&self) -> bool {
         self.shared.capture.load(Ordering::Acquire)
+    }
+
+    /// How many images the plant has handed to the camera board so far.
+    pub fn images(&self) -> u64 {
+        self.shared.images.load(Ordering::Relaxed)
     }
 
     /// When each servo was stopped by its bus watchdog and how long after the last packet that it heard, s.
@@ -291,10 +299,13 @@ impl Drop for EmulatedHand {
     }
 }
 
+/// Images that left the plant together, and when they were taken by the devices' clock, s.
+type Exposed = (f64, Vec<TactileFrame>);
+
 /// The plant and the queue of its images.
 struct Plant {
     robot: Box<dyn Robot + Send>,
-    images: Sender<Vec<TactileFrame>>,
+    images: Sender<Exposed>,
 }
 
 /// Ticks the plant; false once its images have no receiver.
@@ -316,7 +327,10 @@ fn tick_plant(plant: &mut Plant, shared: &Shared, tick: f64) -> bool {
         }
     }
     shared.ticks.fetch_add(1, Ordering::Relaxed);
-    observation.tactile.is_empty() || plant.images.send(observation.tactile).is_ok()
+    let Some(first) = observation.tactile.first() else { return true };
+    let taken = shared.now() - (observation.time - first.time);
+    shared.images.fetch_add(observation.tactile.len() as u64, Ordering::Relaxed);
+    plant.images.send((taken, observation.tactile)).is_ok()
 }
 
 fn run_plant(mut plant: Plant, shared: &Shared) {
@@ -374,7 +388,7 @@ fn run_servos(mut port: SerialPort, shared: &Shared) {
     }
 }
 
-fn run_board(mut port: SerialPort, shared: &Shared, images: &mpsc::Receiver<Vec<TactileFrame>>) {
+fn run_board(mut port: SerialPort, shared: &Shared, images: &mpsc::Receiver<Exposed>) {
     let mut buffer = [0; 4096];
     if port.set_read_timeout(Duration::from_millis(2)).is_err() {
         return;
@@ -388,8 +402,8 @@ fn run_board(mut port: SerialPort, shared: &Shared, images: &mpsc::Receiver<Vec<
             }
             out.extend(reaction.bytes);
         }
-        for frames in images.try_iter() {
-            out.extend(lock(&shared.board).send_images(&frames, shared.now()));
+        for (taken, frames) in images.try_iter() {
+            out.extend(lock(&shared.board).send_images(&frames, taken));
         }
         if !out.is_empty() {
             // A host that does not read loses images, as on a real line.

@@ -99,17 +99,17 @@ impl CameraBoard {
         reaction
     }
 
-    /// The frames that carry these images, taken at `now`, s.
-    pub fn send_images(&mut self, frames: &[TactileFrame], now: f64) -> Vec<u8> {
+    /// The packets that carry these images, taken at `taken`, s.
+    pub fn send_images(&mut self, frames: &[TactileFrame], taken: f64) -> Vec<u8> {
         self.sequence += 1;
-        frames.iter().flat_map(|picture| frame::encode(&self.image(picture, now))).collect()
+        frames.iter().flat_map(|picture| frame::encode(&self.image(picture, taken))).collect()
     }
 
     fn clock_us(&self, now: f64) -> u64 {
         ((self.settings.clock_offset + now * (1.0 + self.settings.clock_drift)) * 1e6) as u64
     }
 
-    fn image(&mut self, picture: &TactileFrame, now: f64) -> Message {
+    fn image(&mut self, picture: &TactileFrame, taken: f64) -> Message {
         let camera = picture.camera as u8;
         let Some(mut data) = self.coded(camera, &picture.image.rgb) else {
             return Message::CameraFault { camera, fault: CameraFault::Overrun };
@@ -120,7 +120,7 @@ impl CameraBoard {
         Message::Image(Image {
             camera,
             sequence: self.sequence,
-            captured_us: self.clock_us(now),
+            captured_us: self.clock_us(taken),
             width: 240,
             height: 240,
             encoding: self.settings.encoding,

@@ -118,15 +118,15 @@ impl DirectRobot {
         self.measured.arm = Some(ArmReading { at: self.time, state, fault: self.arm.fault });
     }
 
-    /// Images as they come out of the board's coding.
-    fn code(&mut self, frames: &[TactileFrame]) {
-        let wire = self.board.send_images(frames, self.time);
+    /// Images, taken at `taken`, s, as they come out of the board's coding.
+    fn code(&mut self, frames: &[TactileFrame], taken: f64) {
+        let wire = self.board.send_images(frames, taken);
         for message in Deframer::default().push(&wire).into_iter().flatten() {
             if let Message::Image(image) = message
                 && let Ok(pixels) = image_data::decode(&image)
             {
                 let (camera, sequence) = (usize::from(image.camera), u64::from(image.sequence));
-                self.images.push(TactileFrame { camera, time: self.time, sequence, image: Arc::new(pixels) });
+                self.images.push(TactileFrame { camera, time: taken, sequence, image: Arc::new(pixels) });
             }
         }
     }
@@ -167,8 +167,8 @@ impl Robot for DirectRobot {
         for (servo, shaft) in self.servos.iter_mut().zip(&seen.servos) {
             servo.advance(self.time, tick, *shaft);
         }
-        if !seen.tactile.is_empty() {
-            self.code(&seen.tactile);
+        if let Some(first) = seen.tactile.first() {
+            self.code(&seen.tactile, self.time - (seen.time - first.time));
         }
         self.measure(&seen);
         self.sequence += 1;

@@ -11,7 +11,7 @@ use std::sync::mpsc::Sender;
 use std::time::{Duration, Instant};
 
 use hand_model::robot::{Command, Observation, Robot, Tick};
-use hand_model::{ACTUATORS, Arm, CAMERAS};
+use hand_model::{ACTUATORS, Arm};
 use kortex::KortexError;
 use session_log::{Packet, Tap};
 
@@ -73,7 +73,6 @@ pub struct LockstepRobot {
     clock: Clock,
     tick: f64,
     sequence: u64,
-    capture: bool,
     host_alive: bool,
     config: BridgeConfig,
     calibration: HandCalibration,
@@ -105,9 +104,8 @@ impl LockstepRobot {
         }
         let cycle = servo_cycle(&config, &calibration, hand, Box::new(arm.link()), arm_model, clock.clone());
         let cycle = ServoCycle { audit_every: 1, ..cycle };
-        let (sequence, capture, host_alive) = (0, false, true);
-        let mut robot =
-            Self { cycle, cameras, devices, arm, clock, tick, sequence, capture, host_alive, config, calibration };
+        let (sequence, host_alive) = (0, true);
+        let mut robot = Self { cycle, cameras, devices, arm, clock, tick, sequence, host_alive, config, calibration };
         robot.cycle.measure();
         robot.cycle.supervisor.check(&robot.cycle.measured, robot.clock.now())?;
         robot.cycle.arm_torque(robot.clock.now()).map_err(LockstepError::Arming)?;
@@ -207,8 +205,9 @@ impl Robot for LockstepRobot {
         }
         if let (true, Some(link)) = (command.capture, self.tactile()) {
             // A port that is gone is noticed at the next observation.
-            let asked = link.request_capture().is_ok();
-            self.capture = asked && self.patiently(|robot| robot.devices.capture_pending());
+            if link.request_capture().is_ok() {
+                self.patiently(|robot| robot.devices.capture_pending());
+            }
         }
         {
             let mut board = lock(&self.cycle.shared.board);
@@ -222,13 +221,14 @@ impl Robot for LockstepRobot {
 
     fn wait_for_tick(&mut self) -> Tick {
         self.arm.pass(self.tick, self.clock.now() + self.tick, self.host_alive);
-        let before = self.image_events();
+        let (arrived, taken) = (self.image_events(), self.devices.images());
         self.devices.step();
         if self.host_alive {
             self.arm.look(self.clock.now());
         }
-        if std::mem::take(&mut self.capture) {
-            self.patiently(|robot| robot.image_events() >= before + CAMERAS as u64);
+        let due = self.devices.images() - taken;
+        if self.host_alive && due > 0 {
+            self.patiently(|robot| robot.image_events() >= arrived + due);
         }
         // Readings must not look older than they are: the next are taken at this very moment.
         if self.host_alive {
