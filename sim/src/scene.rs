@@ -48,6 +48,24 @@ pub struct SceneSetup {
     pub engine: EngineSettings,
 }
 
+impl SceneSetup {
+    /// An arm without defects and a hand without losses, nothing but a table around them.
+    pub fn ideal(world_from_base: Isometry3<f64>, arm_start: [f64; ARM_JOINTS]) -> Self {
+        Self {
+            world_from_base,
+            arm_defects: ArmDefects::default(),
+            arm_start,
+            objects: Vec::new(),
+            frame_delay: 0.0,
+            floor: None,
+            self_contact: false,
+            cables: CableLosses::NONE,
+            gel: None,
+            engine: EngineSettings::default(),
+        }
+    }
+}
+
 /// Half extents of the floor, m: what rolls stops long before its edge, and nothing is fast enough to pass through it in a step.
 const FLOOR: [f64; 3] = [20.0, 20.0, 0.5];
 

@@ -3,13 +3,10 @@
 use std::sync::Arc;
 
 use hand_model::robot::{Command, Robot, ServoGoal};
-use hand_model::transmission::friction::CableLosses;
 use hand_model::{Arm, Digit, Hand};
 use nalgebra::{Isometry3, Vector3};
 use scenarios::disturbance::Blindness;
-use scenarios::individuals::ArmDefects;
 use scenarios::objects::ObjectSet;
-use sim::engine::EngineSettings;
 use sim::tactile::TactileBoard;
 use sim::{ObjectPlacement, SceneSetup, SimulatedRobot};
 
@@ -18,16 +15,8 @@ fn scene(board: fn(&Hand) -> TactileBoard) -> SimulatedRobot {
     let model = ObjectSet::standard().get("cube_45").expect("an object").clone();
     let pose = Isometry3::from_parts([0.62, 0.14, model.rest_height()].into(), model.rest);
     let setup = SceneSetup {
-        world_from_base: Isometry3::identity(),
-        arm_defects: ArmDefects::default(),
-        arm_start: Arm::home(),
         objects: vec![ObjectPlacement { model, pose }],
-        frame_delay: 0.0,
-        floor: None,
-        self_contact: false,
-        cables: CableLosses::NONE,
-        gel: None,
-        engine: EngineSettings::default(),
+        ..SceneSetup::ideal(Isometry3::identity(), Arm::home())
     };
     let hand = Hand::ftac();
     let board = board(&hand);

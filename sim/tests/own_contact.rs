@@ -3,29 +3,15 @@
 use std::sync::Arc;
 
 use hand_model::robot::{Command, Robot, ServoGoal};
-use hand_model::transmission::friction::CableLosses;
 use hand_model::{Arm, Digit, Hand};
 use nalgebra::{Isometry3, Vector3};
 use scenarios::geometry::Shape;
-use scenarios::individuals::ArmDefects;
-use sim::engine::EngineSettings;
 use sim::tactile::{Drift, Loads, OwnLoad, TactileBoard};
 use sim::{SceneSetup, SimulatedRobot};
 
 /// The empty hand over the table.
 fn empty(self_contact: bool, board: TactileBoard) -> SimulatedRobot {
-    let setup = SceneSetup {
-        world_from_base: Isometry3::identity(),
-        arm_defects: ArmDefects::default(),
-        arm_start: Arm::home(),
-        objects: Vec::new(),
-        frame_delay: 0.0,
-        floor: None,
-        self_contact,
-        cables: CableLosses::NONE,
-        gel: None,
-        engine: EngineSettings::default(),
-    };
+    let setup = SceneSetup { self_contact, ..SceneSetup::ideal(Isometry3::identity(), Arm::home()) };
     SimulatedRobot::new(Arc::new(Hand::ftac()), Arc::new(Arm::gen3()), &setup, board)
 }
 

@@ -3,10 +3,8 @@
 use std::sync::Arc;
 
 use hand_model::robot::Robot;
-use hand_model::transmission::friction::CableLosses;
 use hand_model::{Arm, Hand};
 use nalgebra::Isometry3;
-use scenarios::individuals::ArmDefects;
 use scenarios::objects::ObjectSet;
 use sim::engine::EngineSettings;
 use sim::tactile::TactileBoard;
@@ -27,16 +25,8 @@ fn objects_rest_where_they_are_put() {
     for model in ObjectSet::standard().iter() {
         let pose = Isometry3::from_parts([0.62, 0.14, model.rest_height()].into(), model.rest);
         let setup = SceneSetup {
-            world_from_base: Isometry3::identity(),
-            arm_defects: ArmDefects::default(),
-            arm_start: Arm::home(),
             objects: vec![ObjectPlacement { model: model.clone(), pose }],
-            frame_delay: 0.0,
-            floor: None,
-            self_contact: false,
-            cables: CableLosses::NONE,
-            gel: None,
-            engine: EngineSettings::default(),
+            ..SceneSetup::ideal(Isometry3::identity(), Arm::home())
         };
         let (hand, arm) = (Arc::new(Hand::ftac()), Arc::new(Arm::gen3()));
         let mut robot = SimulatedRobot::new(hand, arm, &setup, TactileBoard::blank());
@@ -65,16 +55,8 @@ fn a_rolling_ball_is_stopped() {
     let law = |speed: f64| 1.4 * speed * speed / (2.0 * EngineSettings::default().rolling_resistance * 9.81);
     let pose = Isometry3::from_parts([0.62, 0.14, height].into(), model.rest);
     let setup = SceneSetup {
-        world_from_base: Isometry3::identity(),
-        arm_defects: ArmDefects::default(),
-        arm_start: Arm::home(),
         objects: vec![ObjectPlacement { model: model.clone(), pose }],
-        frame_delay: 0.0,
-        floor: None,
-        self_contact: false,
-        cables: CableLosses::NONE,
-        gel: None,
-        engine: EngineSettings::default(),
+        ..SceneSetup::ideal(Isometry3::identity(), Arm::home())
     };
     let mut robot = SimulatedRobot::new(Arc::new(Hand::ftac()), Arc::new(Arm::gen3()), &setup, TactileBoard::blank());
     let speed = 0.1;

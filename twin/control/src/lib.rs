@@ -5,9 +5,10 @@
 //!   on it and [`carrier`] a transport; [`slip`] answers slip while carrying.
 //! - **Perception.** A [`look`] is all that perception takes. [`perception`] says what is in the hand and where, [`sensing`] what an
 //!   ablation leaves of the senses. [`percept`] is how objects on the table are reported.
-//! - **Decision.** [`collision`] and [`arm_clearance`] measure distances along a planned motion, [`strategy`] chooses a grasp by them,
-//!   [`recovery`] says what follows a failed one, [`stand_in`] finds grasps for what fell over, [`load`] plans a transport, and
-//!   [`worth`] holds the factors by which grasps are ranked. [`policy`] puts it together.
+//! - **Decision.** [`collision`] and [`arm_clearance`] measure distances along a planned motion, [`odds`] says what rehearsals under
+//!   errors make of an aim, [`strategy`] chooses a grasp and its aim by both. [`recovery`] says what follows a failed one, [`stand_in`]
+//!   finds grasps for what fell over, [`load`] plans a transport, and [`worth`] holds the factors by which grasps are ranked.
+//!   [`policy`] puts it together.
 //!
 //! [`workcell`] is the robot as the controller knows it. This crate never knows the simulator, the bridge or the scene's truth.
 
@@ -19,6 +20,7 @@ pub mod inverse_kinematics;
 pub mod load;
 pub mod look;
 pub mod motion;
+pub mod odds;
 pub mod percept;
 pub mod perception;
 pub mod policy;

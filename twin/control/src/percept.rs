@@ -3,6 +3,11 @@
 use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion};
 use scenarios::objects::ObjectModel;
 
+/// Two looks at the same place are at most this many standard deviations of a look's own error apart ...
+const AGREES: f64 = 4.0;
+/// ... and this much turned, rad: an object that has fallen over, or is taken for one, is turned by more.
+const ALIKE: f64 = 0.5;
+
 /// An object as prior perception (a camera over the table, say) reports it, error included.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Percept {
@@ -35,6 +40,34 @@ impl Percept {
     }
 }
 
+/// An object's place as the mean of several looks.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Looked {
+    pub mean: Percept,
+    /// How many looks it is the mean of.
+    pub looks: u32,
+}
+
+impl Looked {
+    /// With one look more, whose own error has the standard deviation `sigma` (m, each of x and y). A look that does not agree with
+    /// the mean is believed in its place: the object was moved, or was taken for another way to lie.
+    #[must_use]
+    pub fn again(self, seen: Percept, sigma: f64) -> Self {
+        let apart = seen.position - self.mean.position;
+        if apart.norm() > AGREES * sigma || seen.rotation.angle_to(&self.mean.rotation) > ALIKE {
+            return Self { mean: seen, looks: 1 };
+        }
+        let looks = self.looks + 1;
+        let share = 1.0 / f64::from(looks);
+        let mean = Percept {
+            position: self.mean.position + share * apart,
+            rotation: self.mean.rotation.slerp(&seen.rotation, share),
+            yaw: self.mean.yaw + share * (seen.yaw - self.mean.yaw),
+        };
+        Self { mean, looks }
+    }
+}
+
 /// Why an object could not be looked at.
 #[derive(Debug, thiserror::Error)]
 #[error("looking at object {object}: {source}")]
@@ -50,4 +83,32 @@ pub struct EyesError {
 pub trait Eyes {
     /// Looks at object number `object` anew: `world_from_object`, with this look's error; none if it is not to be seen.
     fn look(&mut self, object: usize) -> Result<Option<Isometry3<f64>>, EyesError>;
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn seen(x: f64, yaw: f64) -> Percept {
+        let rotation = UnitQuaternion::from_euler_angles(0.0, 0.0, yaw);
+        Percept { position: Point3::new(x, 0.0, 0.03), rotation, yaw }
+    }
+
+    #[test]
+    fn looks_that_agree_are_averaged() {
+        let one = Looked { mean: seen(0.0, 0.0), looks: 1 };
+        let three = one.again(seen(0.006, 0.12), 0.004).again(seen(0.003, 0.0), 0.004);
+        assert_eq!(three.looks, 3);
+        assert!((three.mean.position.x - 0.003).abs() < 1e-12 && (three.mean.yaw - 0.04).abs() < 1e-12);
+        assert!(three.mean.rotation.angle_to(&seen(0.0, 0.04).rotation) < 1e-9);
+    }
+
+    /// What was moved, or fell over, is where it was seen last.
+    #[test]
+    fn a_look_that_disagrees_is_believed() {
+        let one = Looked { mean: seen(0.0, 0.0), looks: 4 };
+        for other in [seen(0.03, 0.0), seen(0.001, 1.5)] {
+            assert_eq!(one.again(other, 0.004), Looked { mean: other, looks: 1 });
+        }
+    }
 }

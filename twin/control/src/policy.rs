@@ -95,6 +95,8 @@ pub struct Story {
     pub retries: u32,
     /// Whether a second grasp other than the planned one was chosen.
     pub switched: bool,
+    /// Whether the second grasp was aimed elsewhere than at what was seen first.
+    pub aimed: bool,
     /// Decisions how to take the second object.
     pub decisions: u32,
     /// Predicted risk of the planned second grasp, as the first decision found it.
@@ -110,7 +112,7 @@ pub struct Story {
 impl Story {
     /// Whether everything so far is what the plan says.
     pub fn is_as_planned(&self) -> bool {
-        self.retries == 0 && !self.switched
+        self.retries == 0 && !self.switched && !self.aimed
     }
 
     /// What was announced since the last call.

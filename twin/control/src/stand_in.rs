@@ -53,9 +53,8 @@ pub fn stand_ins(
     }
     let numbered = (NUMBERS_FROM..).zip(candidates);
     numbered
-        .map(|(number, (grasp, yaw, worth))| Candidate {
-            worth: worth * grasp.score,
-            grasp: taken_over(&grasp, object, percept, yaw - percept.yaw, number),
+        .map(|(number, (grasp, yaw, worth))| {
+            Candidate::new(taken_over(&grasp, object, percept, yaw - percept.yaw, number), worth * grasp.score)
         })
         .collect()
 }

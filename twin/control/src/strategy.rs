@@ -1,9 +1,14 @@
-//! Strategy: given where the held object really sits, which grasp takes the next object without a collision?
+//! Strategy: given where the held object really sits, which grasp takes the next object without a collision, and where is it aimed?
 //!
-//! For every candidate the union of the held object (with the digits holding it) and the target's geometry is checked along
-//! the whole planned motion: the approach, and the target's way into its place in the hand while the digits close. The
-//! candidate's worth is its proven score times the probability that this clearance, uncertain by the pose estimate and by the
-//! perception of the target, is really positive. The plan is kept unless another candidate is worth clearly more.
+//! A candidate's odds (held, missed, contact) come from its rehearsals under errors ([`crate::odds`]), for that aim beside what is
+//! seen which is worth most. What was rehearsed is the plan's hold; the hold as felt is compared with it by geometry: the union of
+//! the held object (with the digits holding it) and the target is checked along the whole motion, the approach and the target's way
+//! into its place in the hand while the digits close. By as much as the probability that this clearance is negative grows from the
+//! rehearsed hold to the felt one, a contact becomes more likely. A candidate without rehearsals has its proven worth and the whole
+//! of that probability. A miss without contact is worth part of a hold, because it can be tried again. The plan is kept unless
+//! another candidate is worth clearly more.
+
+use std::sync::Arc;
 
 use grasping::Grasp;
 use hand_model::{Digit, Hand};
@@ -15,7 +20,10 @@ use scenarios::objects::ObjectModel;
 use crate::collision::{CollisionError, Solid, clearance_along, clearance_at, hand_solids};
 use crate::executive::Executive;
 use crate::motion::MotionError;
-use crate::worth::{Candidate, SWITCH_GAIN};
+use crate::odds::{Aimed, Belief, Odds, Rehearsed};
+use crate::percept::Percept;
+use crate::trajectory::PosePath;
+use crate::worth::{Candidate, MISSED, SWITCH_GAIN, UNREHEARSED_CONTACT};
 
 /// Points kept of a convex part for distance queries, whose cost goes with their number.
 const HULL_POINTS: usize = 96;
@@ -23,6 +31,10 @@ const HULL_POINTS: usize = 96;
 const NEARLY_CONVEX: f64 = 1.03;
 /// Stages of the target's way into the hand that are checked.
 const CLOSING_STAGES: usize = 4;
+/// Offsets that are tried of the aim from what is seen, m, along each of the world's x and y.
+const AIMS: [f64; 5] = [-0.008, -0.004, 0.0, 0.004, 0.008];
+/// Beyond this many standard deviations a clearance says nothing.
+const FAR: f64 = 2.0;
 
 /// What is in the hand, as estimated.
 #[derive(Debug, Clone)]
@@ -43,9 +55,11 @@ pub struct Held<'a> {
 pub struct Assessment {
     /// Smallest distance along the whole motion, m; negative is a collision.
     pub clearance: f64,
-    /// Probability that the clearance is really negative.
+    /// Probability of an unwanted contact.
     pub risk: f64,
-    /// Worth times the probability of no collision.
+    /// Probability that the object is held after this try.
+    pub held: f64,
+    /// What the try is worth, 0 to 1.
     pub utility: f64,
 }
 
@@ -54,8 +68,13 @@ pub struct Assessment {
 pub struct Decision {
     /// The grasp to use.
     pub grasp: Grasp,
+    /// Where to aim beside what is seen, m, world.
+    pub aim: Vector3<f64>,
+    /// Its rehearsals and aim, to learn from how it goes.
+    pub aimed: Aimed,
     /// Whether it is another than planned.
     pub switched: bool,
+    /// Assessment of the plan, aimed at what is seen.
     pub plan: Assessment,
     /// Assessment of the chosen grasp.
     pub chosen: Assessment,
@@ -120,37 +139,6 @@ fn placed(solids: &[Solid], pose: &Isometry3<f64>) -> Vec<Solid> {
     solids.iter().map(|solid| Solid { pose: pose * solid.pose, ..solid.clone() }).collect()
 }
 
-/// The geometry of a decision: what moves with the palm (palm frame) and the target (its own frame).
-struct Scene {
-    moving: Vec<Solid>,
-    target: Vec<Solid>,
-    sigma: f64,
-}
-
-/// Assesses `candidate` from the executive's present pose.
-fn assess(executive: &Executive, scene: &Scene, candidate: &Candidate) -> Result<Assessment, StrategyError> {
-    let percept = executive.second().1;
-    let path = executive.path_to_second(&candidate.grasp)?;
-    let fixed = placed(&scene.target, &percept.pose());
-    let mut clearance =
-        clearance_along(&path, &scene.moving, &fixed, 2000)?.map_or(f64::INFINITY, |found| found.min_distance);
-    let palm = path.end();
-    let before = palm.inverse() * percept.pose();
-    if let Some(after) = candidate.grasp.held {
-        for stage in 1..=CLOSING_STAGES {
-            let part = stage as f64 / CLOSING_STAGES as f64;
-            // Only the place matters for most targets; the turn into the hand is taken over at the end.
-            let place = before.translation.vector.lerp(&after.translation.vector, part);
-            let rotation = if stage == CLOSING_STAGES { after.rotation } else { before.rotation };
-            let there = Isometry3::from_parts(Translation3::from(place), rotation);
-            let found = clearance_at(&Isometry3::identity(), &scene.moving, &placed(&scene.target, &there))?;
-            clearance = clearance.min(found.map_or(f64::INFINITY, |found| found.min_distance));
-        }
-    }
-    let passes = normal_cdf(clearance / scene.sigma);
-    Ok(Assessment { clearance, risk: 1.0 - passes, utility: candidate.worth * passes })
-}
-
 /// What a choice depends on.
 #[derive(Clone, Copy)]
 pub struct Situation<'a> {
@@ -159,56 +147,183 @@ pub struct Situation<'a> {
     pub hand: &'a Hand,
     /// What it holds.
     pub held: &'a Held<'a>,
+    /// The hold after which candidates were rehearsed.
+    pub rehearsed: Option<&'a Held<'a>>,
     /// The object to take next.
     pub target: &'a ObjectModel,
     /// Standard deviation of perceiving and reaching the target, m.
     pub target_sigma: f64,
+    /// Rehearsals of all candidates.
+    pub all: &'a Arc<[Rehearsed]>,
+    /// What is known about the error of the aim.
+    pub belief: &'a Belief,
+    /// How many looks the target's place is the mean of.
+    pub looks: u32,
+    /// Where to aim with a grasp that was not rehearsed, m, world.
+    pub probe: Vector3<f64>,
 }
 
-/// Chooses among `candidates`; the first is the plan.
-pub fn choose(situation: &Situation, candidates: &[Candidate]) -> Result<Option<Decision>, StrategyError> {
-    let Situation { executive, hand, held, target, target_sigma } = *situation;
-    let mut moving = placed(&object_solids(held.object), &held.pose);
-    moving.extend(hand_solids(hand, &held.joints, held.digits, false));
-    let sigma = held.sigma.hypot(target_sigma).max(1e-4);
-    let scene = Scene { moving, target: object_solids(target), sigma };
-    let Some((planned, others)) = candidates.split_first() else { return Ok(None) };
-    let plan = assess(executive, &scene, planned)?;
-    // Only what is worth clearly more than the plan replaces it, and no candidate is worth more than without any obstacle:
-    // those that cannot win are not looked at.
-    let (mut chosen, mut assessment) = (planned, plan);
-    for candidate in others {
-        if candidate.worth > assessment.utility.max(SWITCH_GAIN * plan.utility) {
-            let assessed = assess(executive, &scene, candidate)?;
-            if assessed.utility > assessment.utility.max(SWITCH_GAIN * plan.utility) {
-                (chosen, assessment) = (candidate, assessed);
-            }
+/// The geometry of a decision: what moves with the palm (palm frame), as felt and as rehearsed, and the target (its own frame).
+struct Scene {
+    moving: Vec<Solid>,
+    rehearsed: Option<Vec<Solid>>,
+    target: Vec<Solid>,
+    sigma: f64,
+}
+
+impl Scene {
+    fn new(situation: &Situation) -> Self {
+        let moving = |held: &Held| {
+            let mut solids = placed(&object_solids(held.object), &held.pose);
+            solids.extend(hand_solids(situation.hand, &held.joints, held.digits, false));
+            solids
+        };
+        Self {
+            moving: moving(situation.held),
+            rehearsed: situation.rehearsed.map(moving),
+            target: object_solids(situation.target),
+            sigma: situation.held.sigma.hypot(situation.target_sigma).max(1e-4),
         }
     }
-    let switched = chosen.grasp.id != planned.grasp.id;
-    let reason = reason(&held.object.name, [&planned.grasp, &chosen.grasp], [&plan, &assessment]);
-    Ok(Some(Decision { grasp: chosen.grasp.clone(), switched, plan, chosen: assessment, reason }))
+
+    /// Smallest distance of `moving` to the target, which is seen at `percept`, while `path` is followed and `grasp` closes.
+    fn clearance(
+        &self,
+        moving: &[Solid],
+        path: &PosePath,
+        grasp: &Grasp,
+        percept: &Percept,
+    ) -> Result<f64, StrategyError> {
+        let fixed = placed(&self.target, &percept.pose());
+        let mut clearance =
+            clearance_along(path, moving, &fixed, 2000)?.map_or(f64::INFINITY, |found| found.min_distance);
+        let before = path.end().inverse() * percept.pose();
+        if let Some(after) = grasp.held {
+            for stage in 1..=CLOSING_STAGES {
+                let part = stage as f64 / CLOSING_STAGES as f64;
+                // Only the place matters for most targets; the turn into the hand is taken over at the end.
+                let place = before.translation.vector.lerp(&after.translation.vector, part);
+                let rotation = if stage == CLOSING_STAGES { after.rotation } else { before.rotation };
+                let there = Isometry3::from_parts(Translation3::from(place), rotation);
+                let found = clearance_at(&Isometry3::identity(), moving, &placed(&self.target, &there))?;
+                clearance = clearance.min(found.map_or(f64::INFINITY, |found| found.min_distance));
+            }
+        }
+        Ok(clearance)
+    }
+
+    /// The clearance of the hold as felt, and the probability of a contact beyond what rehearsals of `candidate` have seen.
+    fn blocked(&self, executive: &Executive, candidate: &Candidate) -> Result<(f64, f64), StrategyError> {
+        let (percept, grasp) = (executive.second().1, &candidate.grasp);
+        let path = executive.path_to_second(grasp)?;
+        let clearance = self.clearance(&self.moving, &path, grasp, &percept)?;
+        if clearance > FAR * self.sigma {
+            return Ok((clearance, 0.0));
+        }
+        let risk = |clearance: f64| normal_cdf(-clearance / self.sigma);
+        let known = match &self.rehearsed {
+            Some(rehearsed) if !candidate.rehearsed.is_empty() => {
+                risk(self.clearance(rehearsed, &path, grasp, &percept)?)
+            }
+            _ => 0.0,
+        };
+        Ok((clearance, (risk(clearance) - known).max(0.0)))
+    }
 }
 
-/// The choice in words; grasps and assessments of the plan and of what was chosen.
-fn reason(held: &str, [planned, chosen]: [&Grasp; 2], [plan, assessment]: [&Assessment; 2]) -> String {
-    let mm = |clearance: f64| clearance * 1e3;
-    if chosen.id == planned.id {
-        return format!(
-            "grasp {} as planned passes the held {held} at {:.1} mm (worth {:.2})",
-            planned.id,
-            mm(plan.clearance),
-            plan.utility
-        );
+/// A candidate with an aim.
+struct Aiming<'a> {
+    candidate: &'a Candidate,
+    aimed: Aimed,
+    odds: Odds,
+}
+
+impl<'a> Aiming<'a> {
+    /// `candidate` sent `aim` beside what is seen.
+    fn at(situation: &Situation, candidate: &'a Candidate, aim: Vector3<f64>) -> Self {
+        let heading = candidate.grasp.yaw + situation.executive.second().1.yaw;
+        let (rehearsed, all) = (candidate.rehearsed.clone(), situation.all.clone());
+        let aimed = Aimed { rehearsed, all, heading, aim };
+        let odds = if candidate.rehearsed.is_empty() {
+            Odds { held: candidate.worth * (1.0 - UNREHEARSED_CONTACT), contact: UNREHEARSED_CONTACT }
+        } else {
+            situation.belief.odds(&aimed, situation.looks)
+        };
+        Self { candidate, aimed, odds }
+    }
+
+    /// `candidate` with the aim that is worth most.
+    fn best(situation: &Situation, candidate: &'a Candidate) -> Self {
+        if candidate.rehearsed.is_empty() {
+            return Self::at(situation, candidate, situation.probe);
+        }
+        let mut best = Self::at(situation, candidate, Vector3::zeros());
+        for (x, y) in AIMS.iter().flat_map(|x| AIMS.iter().map(move |y| (*x, *y))) {
+            let other = Self::at(situation, candidate, Vector3::new(x, y, 0.0));
+            if utility(&other.odds) > utility(&best.odds) {
+                best = other;
+            }
+        }
+        best
+    }
+
+    fn assess(&self, executive: &Executive, scene: &Scene) -> Result<Assessment, StrategyError> {
+        let (clearance, blocked) = scene.blocked(executive, self.candidate)?;
+        let free = 1.0 - blocked;
+        let odds = Odds { held: self.odds.held * free, contact: 1.0 - (1.0 - self.odds.contact) * free };
+        Ok(Assessment { clearance, risk: odds.contact, held: odds.held, utility: utility(&odds) })
+    }
+}
+
+/// What a try with these odds is worth.
+fn utility(odds: &Odds) -> f64 {
+    odds.held + MISSED * (1.0 - odds.held - odds.contact)
+}
+
+/// Chooses among `candidates`; the first is the plan. None if there are none.
+pub fn choose(situation: &Situation, candidates: &[Candidate]) -> Result<Option<Decision>, StrategyError> {
+    let Some(planned) = candidates.first() else { return Ok(None) };
+    let (executive, scene) = (situation.executive, Scene::new(situation));
+    let as_planned = Aiming::at(situation, planned, Vector3::zeros());
+    let plan = as_planned.assess(executive, &scene)?;
+    let mut options: Vec<Aiming> = candidates.iter().map(|candidate| Aiming::best(situation, candidate)).collect();
+    options.sort_by(|a, b| utility(&b.odds).total_cmp(&utility(&a.odds)));
+    // What is in the way only takes away from an option's worth: those that cannot win are not looked at.
+    let (mut chosen, mut assessment) = (as_planned, plan);
+    for option in options {
+        let least = assessment.utility.max(SWITCH_GAIN * plan.utility);
+        if utility(&option.odds) <= least {
+            break;
+        }
+        let assessed = option.assess(executive, &scene)?;
+        if assessed.utility > least {
+            (chosen, assessment) = (option, assessed);
+        }
+    }
+    let grasp = chosen.candidate.grasp.clone();
+    let switched = grasp.id != planned.grasp.id;
+    let reason = reason(&situation.held.object.name, (&planned.grasp, &plan), (&chosen, &assessment));
+    let aim = chosen.aimed.aim;
+    Ok(Some(Decision { grasp, aim, aimed: chosen.aimed, switched, plan, chosen: assessment, reason }))
+}
+
+/// The choice in words.
+fn reason(held: &str, plan: (&Grasp, &Assessment), chosen: (&Aiming, &Assessment)) -> String {
+    let odds = |assessed: &Assessment| format!("holds with {:.2}, contact {:.2}", assessed.held, assessed.risk);
+    let (grasp, aim) = (&chosen.0.candidate.grasp, chosen.0.aimed.aim * 1e3);
+    let passes = format!("passes the held {held} at {:.1} mm", chosen.1.clearance * 1e3);
+    if grasp.id == plan.0.id && aim == Vector3::zeros() {
+        return format!("grasp {} as planned {passes}: {}", grasp.id, odds(plan.1));
     }
     format!(
-        "grasp {} would pass the held {held} at {:.1} mm (worth {:.2}); grasp {} passes at {:.1} mm (worth {:.2})",
-        planned.id,
-        mm(plan.clearance),
-        plan.utility,
-        chosen.id,
-        mm(assessment.clearance),
-        assessment.utility
+        "grasp {} as planned: {}; grasp {} aimed ({:.0}, {:.0}, {:.0}) mm beside what is seen {passes}: {}",
+        plan.0.id,
+        odds(plan.1),
+        grasp.id,
+        aim.x,
+        aim.y,
+        aim.z,
+        odds(chosen.1)
     )
 }
 

@@ -3,7 +3,11 @@
 //! A grasp's score is the share of rehearsals under the expected noise in which it held. Its worth in a given situation is that
 //! score times the factors below. They rank alternatives; only ratios matter. All were set by hand.
 
+use std::sync::Arc;
+
 use grasping::Grasp;
+
+use crate::odds::Rehearsed;
 
 /// A grasp that failed in this very trial or transport: the factor of each failure.
 pub const FAILED: f64 = 0.5;
@@ -16,7 +20,11 @@ pub const UNPROVEN_BESIDE: f64 = 0.5;
 /// A load plan continues only with picks worth at least this much: a failed one may lose what is held.
 pub const LEAST: f64 = 0.25;
 /// A candidate replaces the plan only if it is worth this many times as much.
-pub const SWITCH_GAIN: f64 = 1.30;
+pub const SWITCH_GAIN: f64 = 1.05;
+/// A try that misses without a contact, against one that holds: of such trials about a third still end well without a contact.
+pub const MISSED: f64 = 0.35;
+/// Probability of a contact of a grasp that was not rehearsed under errors.
+pub const UNREHEARSED_CONTACT: f64 = 0.25;
 
 /// A grasp that might take an object, and its worth in this situation.
 #[derive(Debug, Clone)]
@@ -24,4 +32,13 @@ pub struct Candidate {
     pub grasp: Grasp,
     /// Probability of success when nothing is in the way.
     pub worth: f64,
+    /// How it went under errors of its aim, after the first grasp of the plan; empty where that was not rehearsed.
+    pub rehearsed: Arc<[Rehearsed]>,
+}
+
+impl Candidate {
+    /// A grasp that was not rehearsed under errors.
+    pub fn new(grasp: Grasp, worth: f64) -> Self {
+        Self { grasp, worth, rehearsed: Arc::default() }
+    }
 }

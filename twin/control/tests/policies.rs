@@ -4,13 +4,14 @@ use std::sync::Arc;
 
 use control::executive::{Executive, Phase};
 use control::motion::Protocol;
+use control::odds::{Belief, Rehearsed, TryOutcome};
 use control::percept::{Eyes, EyesError, Percept};
 use control::perception::{Grip, KnownObject};
 use control::policy::blind::Blind;
 use control::policy::touch::Touch;
 use control::policy::{Injected, Knowledge, Policy, Recovery, Step, Uncertainty};
 use control::sensing::Senses;
-use control::strategy::{Held, Situation, choose};
+use control::strategy::{Decision, Held, Situation, choose};
 use control::trajectory::PathLimits;
 use control::workcell::Workcell;
 use control::worth::Candidate;
@@ -101,7 +102,7 @@ impl Table {
         [[0.02, 0.09, -0.05], [0.02, 0.09, -0.12]]
             .iter()
             .zip(0..)
-            .map(|(center, id)| Candidate { grasp: grasp(id, SECOND, Role::Second, *center, 1.0), worth: 1.0 })
+            .map(|(center, id)| Candidate::new(grasp(id, SECOND, Role::Second, *center, 1.0), 1.0))
             .collect()
     }
 
@@ -123,7 +124,7 @@ impl Table {
             objects: self.objects.clone(),
             first_known: &self.known,
             second: self.second(),
-            uncertainty: Uncertainty { arm: 0.005, eyes: 0.0065 },
+            uncertainty: Uncertainty { arm: 0.005, eyes: 0.0065, eyes_lasting: 0.5 },
             time_limit: TIME_LIMIT,
             recovery: Recovery::FULL,
         }
@@ -193,7 +194,19 @@ fn with_bar_at(x: f64) -> (bool, f64) {
     };
     let target = &table.objects[1];
     let hand = &table.cell.hand;
-    let situation = Situation { executive: &executive, hand, held: &held, target, target_sigma: 0.002 };
+    let belief = Belief::new(&Uncertainty::standard());
+    let situation = Situation {
+        executive: &executive,
+        hand,
+        held: &held,
+        rehearsed: None,
+        target,
+        target_sigma: 0.002,
+        all: &Arc::default(),
+        belief: &belief,
+        looks: 1,
+        probe: Vector3::zeros(),
+    };
     let decision = choose(&situation, &table.second()).expect("geometry").expect("a plan");
     (decision.switched, decision.plan.clearance)
 }
@@ -218,6 +231,66 @@ fn a_bar_out_of_the_way_keeps_the_plan() {
     let (switched, clearance) = with_bar_at(-0.10);
     assert!(clearance > 0.02, "the plan passes the bar at {clearance} m");
     assert!(!switched);
+}
+
+/// What a choice comes to with rehearsals (plan, other grasp) and a held object that is out of the way.
+fn with_rehearsals(rehearsals: [fn(&Vector3<f64>) -> TryOutcome; 2]) -> Decision {
+    let table = Table::new();
+    let mut executive = table.executive();
+    run_until(&mut executive, Phase::Decide);
+    let bar = bar();
+    let held = Held {
+        object: &bar,
+        pose: Isometry3::translation(-0.10, 0.09, -0.02),
+        joints: vec![0.0; hand_model::HAND_JOINTS],
+        digits: Role::First.digits(),
+        sigma: 0.001,
+    };
+    let belief = Belief::new(&Uncertainty::standard());
+    let situation = Situation {
+        executive: &executive,
+        hand: &table.cell.hand,
+        held: &held,
+        rehearsed: None,
+        target: &table.objects[1],
+        target_sigma: 0.002,
+        all: &Arc::default(),
+        belief: &belief,
+        looks: 1,
+        probe: Vector3::zeros(),
+    };
+    let steps = || (-4..=4).map(|n| 0.004 * f64::from(n));
+    let errors: Vec<_> = steps().flat_map(|x| steps().map(move |y| Vector3::new(x, y, 0.0))).collect();
+    let rehearsed = |outcome: fn(&Vector3<f64>) -> TryOutcome| {
+        errors.iter().map(|error| Rehearsed { error: *error, outcome: outcome(error) }).collect()
+    };
+    let candidates: Vec<_> = table
+        .second()
+        .into_iter()
+        .zip(rehearsals)
+        .map(|(candidate, how)| Candidate { rehearsed: rehearsed(how), ..candidate })
+        .collect();
+    choose(&situation, &candidates).expect("geometry").expect("a plan")
+}
+
+/// A plan that touches is left for a grasp that now and then misses, because a miss can be tried again.
+#[test]
+fn a_miss_is_better_than_a_contact() {
+    use TryOutcome::{Contact, Held, Missed};
+    let decision = with_rehearsals([
+        |error| if error.x < 0.0 { Contact } else { Held },
+        |error| if error.x.abs() < 0.006 { Held } else { Missed },
+    ]);
+    assert!(decision.switched && decision.chosen.risk < 0.1 && decision.plan.risk > 0.3, "{}", decision.reason);
+}
+
+/// A plan that touches on one side only is kept and aimed away from it.
+#[test]
+fn the_aim_leaves_the_side_that_touches() {
+    use TryOutcome::{Contact, Held};
+    let decision = with_rehearsals([|error| if error.x < 0.0 { Contact } else { Held }, |_| Contact]);
+    assert!(!decision.switched && decision.aim.x > 0.0, "{}", decision.reason);
+    assert!(decision.chosen.risk < decision.plan.risk - 0.1, "{}", decision.reason);
 }
 
 #[test]

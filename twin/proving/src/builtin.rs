@@ -45,6 +45,17 @@ mod tests {
                 assert!((0.0..=1.0).contains(worth), "{pair:?}: second grasp {id} is worth {worth}");
             }
         }
+        for plan in &plans.plans {
+            let (_, candidates) = plan.grasps(&repertoire).unwrap();
+            let known = candidates.iter().filter(|candidate| !candidate.rehearsed.is_empty()).count();
+            assert!(
+                known > 0 && known == plan.outcomes.len(),
+                "{}, {}: odds of {known} grasps",
+                plan.first,
+                plan.second
+            );
+            assert!(!candidates[0].rehearsed.is_empty(), "{}, {}: no odds of the plan", plan.first, plan.second);
+        }
         for rejected in &plans.rejected {
             assert!(!pairs.contains(&(&rejected.0, &rejected.1)), "{rejected:?} is planned and rejected");
         }

@@ -3,8 +3,10 @@
 //! All ordered pairs of the scenario's objects are shuffled by the seed and rehearsed in that order. A pair becomes a combination
 //! if some first grasp can be followed by some second grasp without a collision; otherwise it is listed as rejected and the next
 //! pair takes its place. Second grasps that work are tried again under draws of the noise. The share of tries that still work is
-//! the grasp's worth in this combination: the best grasp is the plan, the others are alternatives.
+//! the grasp's worth in this combination: the best grasp is the plan, the others are alternatives. [`outcomes`] tries the best of them
+//! under wider errors, for the odds that a policy goes by.
 
+pub mod outcomes;
 pub mod without;
 
 use std::path::Path;
@@ -23,6 +25,8 @@ use crate::rehearsal::{
     FirstRehearsal, Snapshot, StartPosture, misaimed, proving_errors, rehearse_first, rehearse_second,
 };
 use crate::world::World;
+
+pub use self::outcomes::Outcomes;
 
 /// Format version of plan files.
 const VERSION: u32 = 1;
@@ -47,6 +51,9 @@ pub struct Plan {
     pub first_grasp: u32,
     /// (number of the second grasp, worth in this combination), the plan first.
     pub second_grasps: Vec<(u32, f64)>,
+    /// How the best of them went under errors of their aim.
+    #[serde(default)]
+    pub outcomes: Vec<Outcomes>,
 }
 
 /// All plans of a scenario.
@@ -63,6 +70,11 @@ pub struct Plans {
 }
 
 impl Plans {
+    /// Reads a plan file.
+    pub fn read(path: &Path) -> Result<Self> {
+        Self::parse(&hand_model::data::read_text(path)?, path)
+    }
+
     /// Parses a plan file's text.
     pub fn parse(text: &str, path: &Path) -> Result<Self> {
         let plans: Self = serde_json::from_str(text).with_context(|| path.display().to_string())?;
@@ -99,7 +111,12 @@ impl Plan {
         let candidates = self
             .second_grasps
             .iter()
-            .map(|(id, worth)| Ok(Candidate { grasp: find(&self.second, Role::Second, *id)?, worth: *worth }))
+            .map(|(id, worth)| {
+                let grasp = find(&self.second, Role::Second, *id)?;
+                let outcomes = self.outcomes.iter().find(|outcomes| outcomes.grasp == *id);
+                let rehearsed = outcomes.map(|outcomes| outcomes.rehearsed(&grasp)).transpose()?.unwrap_or_default();
+                Ok(Candidate { grasp, worth: *worth, rehearsed: rehearsed.into() })
+            })
             .collect::<Result<Vec<_>>>()?;
         Ok((first, candidates))
     }
@@ -173,6 +190,7 @@ fn plan_pair(world: &World, repertoire: &Repertoire, board: &TactileBoard, pair:
                 second: pair.second.clone(),
                 first_grasp: first.id,
                 second_grasps,
+                outcomes: Vec::new(),
             }));
         }
     }

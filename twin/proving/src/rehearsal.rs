@@ -8,6 +8,7 @@ use std::sync::Arc;
 use anyhow::Result;
 use control::executive::{Executive, Phase};
 use control::motion::Protocol;
+use control::odds::TryOutcome;
 use grasping::Grasp;
 use hand_model::{ARM_JOINTS, Digit};
 use nalgebra::Isometry3;
@@ -145,34 +146,50 @@ pub fn rehearse_first(
     Ok(outcome.held.then_some((snapshot, outcome)))
 }
 
+/// Watches a try at the second object by the referee's rule.
+struct SecondWatch {
+    /// Bits of the digits that hold the first object, and of each free digit.
+    holding: u32,
+    free: Vec<u32>,
+    gripped: bool,
+    collided: bool,
+}
+
+impl SecondWatch {
+    fn new(executive: &Executive) -> Self {
+        let first_digits = executive.first().0.role.digits();
+        let free = Digit::ALL.into_iter().filter(|digit| !first_digits.contains(digit));
+        let free = free.map(|digit| digit_bits(&[digit])).collect();
+        Self { holding: digit_bits(first_digits), free, gripped: false, collided: false }
+    }
+
+    /// Plays up to `phase`.
+    fn drive(&mut self, robot: &mut SimulatedRobot, executive: &mut Executive, phase: Phase) -> Result<()> {
+        drive(robot, executive, phase, |robot, executive| {
+            // The palm may touch what two free digits have.
+            self.gripped |= self.free.iter().filter(|digit| robot.touches(1, **digit)).count() >= 2;
+            let unwanted = if self.gripped { self.holding } else { self.holding | PALM };
+            self.collided |= executive.phase() < Phase::LiftSecond && robot.touches(1, unwanted);
+        })
+    }
+}
+
 /// From a hold of the first object, plays the rest of the trial with `second`. Returns whether there was a collision before the
 /// digits had closed, and how the hold went. A trial that can no longer succeed is not played to the end.
 pub fn rehearse_second(snapshot: &Snapshot, second: &Grasp) -> Result<(bool, HoldOutcome)> {
     let Snapshot { mut robot, mut executive } = snapshot.clone();
     executive.decide(second.clone())?;
-    let (mut collided, mut gripped) = (false, false);
-    let first_digits = executive.first().0.role.digits();
-    let holding = digit_bits(first_digits);
-    let free: Vec<u32> = Digit::ALL
-        .into_iter()
-        .filter(|digit| !first_digits.contains(digit))
-        .map(|digit| digit_bits(&[digit]))
-        .collect();
+    let mut watch = SecondWatch::new(&executive);
     for phase in [Phase::GraspSecond, Phase::LiftSecond, Phase::Confirm, Phase::Hold] {
-        drive(&mut robot, &mut executive, phase, |robot, executive| {
-            // The referee's rule: the palm may touch what two free digits have.
-            gripped |= free.iter().filter(|digit| robot.touches(1, **digit)).count() >= 2;
-            let unwanted = if gripped { holding } else { holding | PALM };
-            collided |= executive.phase() < Phase::LiftSecond && robot.touches(1, unwanted);
-        })?;
+        watch.drive(&mut robot, &mut executive, phase)?;
         let truth = robot.truth();
         let lost = match phase {
             Phase::LiftSecond => truth.touched_by[1] == 0,
             Phase::Confirm | Phase::Hold => !in_hand(&truth, 1),
             _ => false,
         };
-        if collided || lost {
-            return Ok((collided, HoldOutcome { held: false, ..hold_outcome(&truth, &truth, 1) }));
+        if watch.collided || lost {
+            return Ok((watch.collided, HoldOutcome { held: false, ..hold_outcome(&truth, &truth, 1) }));
         }
         if phase == Phase::Confirm {
             executive.confirm()?;
@@ -183,7 +200,25 @@ pub fn rehearse_second(snapshot: &Snapshot, second: &Grasp) -> Result<(bool, Hol
     let after = robot.truth();
     let mut outcome = hold_outcome(&before, &after, 1);
     outcome.held &= in_hand(&after, 0);
-    Ok((collided, outcome))
+    Ok((watch.collided, outcome))
+}
+
+/// From a hold of the first object, plays one try of `second` up to the end of its lift.
+pub fn try_second(snapshot: &Snapshot, second: &Grasp) -> Result<TryOutcome> {
+    let Snapshot { mut robot, mut executive } = snapshot.clone();
+    executive.decide(second.clone())?;
+    let mut watch = SecondWatch::new(&executive);
+    for phase in [Phase::GraspSecond, Phase::LiftSecond, Phase::Check] {
+        watch.drive(&mut robot, &mut executive, phase)?;
+        if watch.collided {
+            return Ok(TryOutcome::Contact);
+        }
+        if phase == Phase::LiftSecond && robot.truth().touched_by[1] == 0 {
+            return Ok(TryOutcome::Missed);
+        }
+    }
+    let truth = robot.truth();
+    Ok(if in_hand(&truth, 0) && in_hand(&truth, 1) { TryOutcome::Held } else { TryOutcome::Missed })
 }
 
 /// `grasp` as it comes out under the errors of `noise` when it takes object `index`, to first order in the errors. The planner
@@ -213,6 +248,17 @@ const EXPECTED_NOISE: NoiseLevels = NoiseLevels {
 pub fn proving_errors(count: usize) -> Vec<TrialNoise> {
     let mut rng = trial_rng(PROVING_SEED, 0, 0);
     (0..count).map(|_| TrialNoise::draw(&EXPECTED_NOISE, &mut rng)).collect()
+}
+
+/// Factor of the expected noise under which the odds of second grasps are rehearsed: wide enough to hold what controllers of the
+/// benchmark's robot expect.
+const WIDE: f64 = 1.6;
+
+/// `count` draws of more than the noise a planner expects, the same ones for every grasp.
+pub fn wide_errors(count: usize) -> Vec<TrialNoise> {
+    let levels = EXPECTED_NOISE.scaled(WIDE);
+    let mut rng = trial_rng(PROVING_SEED, 1, 0);
+    (0..count).map(|_| TrialNoise::draw(&levels, &mut rng)).collect()
 }
 
 /// Bit of the palm in [`Truth::touched_by`].

@@ -204,8 +204,9 @@ fn without(names: &[String]) -> Result<Vec<Effect>> {
 /// The text of the file that `--uncertainty` names, once it is known to be good.
 fn uncertainty(path: Option<&Path>) -> Result<Option<String>> {
     let Some(path) = path else { return Ok(None) };
-    Uncertainty::read(path).context("--uncertainty")?;
-    Ok(Some(std::fs::read_to_string(path).with_context(|| path.display().to_string())?))
+    let text = hand_model::data::read_text(path).context("--uncertainty")?;
+    Uncertainty::parse(&text, path).context("--uncertainty")?;
+    Ok(Some(text))
 }
 
 fn next_free_folder() -> PathBuf {

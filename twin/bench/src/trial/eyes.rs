@@ -30,11 +30,6 @@ impl Looks {
         Self { rng, sight }
     }
 
-    /// How old is what these looks report, s.
-    pub fn latency(&self) -> f64 {
-        self.sight.as_ref().map_or(0.0, |sight| sight.eyes().latency)
-    }
-
     /// `noise` with the errors of the first look at `objects`, which stand at `places`.
     pub fn first(
         &mut self,

@@ -15,7 +15,8 @@ use touch::InHand;
 use super::reach::{Wanted, turned, within_reach};
 use super::{Injected, Knowledge, Policy, PolicyError, Step, Story};
 use crate::executive::{Executive, Phase};
-use crate::percept::{Eyes, Percept};
+use crate::odds::{Aimed, Belief};
+use crate::percept::{Eyes, Looked, Percept};
 use crate::perception::{Expected, Felt, Grip, KnownObject, feel, grip, trusted};
 use crate::recovery::{Next, probe};
 use crate::sensing::Senses;
@@ -45,8 +46,14 @@ pub struct Touch<'a> {
     in_a_row: usize,
     /// The objects as they were seen first.
     seen: Option<[Percept; 2]>,
-    /// Offset of the aim from what is seen, m: kept while it works.
+    /// Offset of the aim from what is seen, m, where no rehearsal says better: kept while it works.
     aim: Vector3<f64>,
+    /// What is known about the error of the aim at the second object.
+    belief: Belief,
+    /// The last try at the second object.
+    tried: Option<Aimed>,
+    /// Looks that the second object's place is the mean of.
+    looks: u32,
     felt: Option<Felt>,
     grip: Grip,
     /// The hand has been emptied: the first object comes next, without a look.
@@ -62,11 +69,14 @@ impl<'a> Touch<'a> {
     pub fn new(knowledge: Knowledge<'a>, senses: Senses<'a>, first: &Grasp, plan_is_rehearsed: bool) -> Self {
         let name = &knowledge.objects[0].name;
         let others = knowledge.repertoire.of(name, Role::First).filter(|grasp| grasp.id != first.id);
-        let others = others.map(|grasp| Candidate { worth: worth::UNREHEARSED * grasp.score, grasp: grasp.clone() });
-        let planned = Candidate { worth: first.score, grasp: first.clone() };
+        let others = others.map(|grasp| Candidate::new(grasp.clone(), worth::UNREHEARSED * grasp.score));
+        let planned = Candidate::new(first.clone(), first.score);
         Self {
             first: std::iter::once(planned).chain(others).collect(),
             second_known: KnownObject::plain(knowledge.objects[1].clone()),
+            belief: Belief::new(&knowledge.uncertainty),
+            tried: None,
+            looks: 1,
             knowledge,
             senses,
             plan_is_rehearsed,
@@ -108,13 +118,12 @@ impl<'a> Touch<'a> {
         }
     }
 
-    /// The eyes look at an object anew; the hand aims beside it as it has learnt to. None if it is hidden.
+    /// The eyes look at an object anew. None if it is hidden.
     fn see(&self, index: usize, eyes: &mut dyn Eyes) -> Result<Option<Percept>, PolicyError> {
-        let seen = match self.seen.filter(|_| !self.knowledge.recovery.new_look) {
-            Some(seen) => Some(seen[index]),
-            None => eyes.look(index)?.map(|pose| Percept::of(&self.knowledge.objects[index], &pose)),
-        };
-        Ok(seen.map(|seen| Percept { position: seen.position + self.aim, ..seen }))
+        match self.seen.filter(|_| !self.knowledge.recovery.new_look) {
+            Some(seen) => Ok(Some(seen[index])),
+            None => Ok(eyes.look(index)?.map(|pose| Percept::of(&self.knowledge.objects[index], &pose))),
+        }
     }
 
     /// The same for the second object; the executive keeps the last percept while it is hidden.
@@ -123,7 +132,18 @@ impl<'a> Touch<'a> {
         self.second_is_hidden = seen.is_none();
         if let Some(seen) = seen {
             executive.see_second(seen);
+            self.looks = 1;
         }
+        Ok(())
+    }
+
+    /// Looks once more at the second object, which nothing has moved: its place is the mean of all looks that agree.
+    fn see_better(&mut self, executive: &mut Executive, eyes: &mut dyn Eyes) -> Result<(), PolicyError> {
+        let Some(seen) = self.see(1, eyes)?.filter(|_| self.knowledge.recovery.new_look) else { return Ok(()) };
+        let known = Looked { mean: executive.second().1, looks: self.looks };
+        let Looked { mean, looks } = known.again(seen, self.knowledge.uncertainty.fresh_look());
+        executive.see_second(mean);
+        self.looks = looks;
         Ok(())
     }
 
@@ -157,6 +177,7 @@ impl<'a> Touch<'a> {
         let seen = self.see(0, eyes)?;
         self.see_second(executive, eyes)?;
         let Some(seen) = seen else { return self.seek(0, executive, aside) };
+        let seen = Percept { position: seen.position + self.aim, ..seen };
         let candidates = self.within_reach(Role::First, &seen);
         let Some((grasp, path)) = self.best_approach(executive, candidates, &seen) else {
             return Ok(self.give_up(0, &seen));
@@ -209,6 +230,8 @@ impl<'a> Touch<'a> {
             let decision = self.choose(executive, &within, felt)?;
             self.story.risk.get_or_insert(decision.plan.risk);
             let attempt = attempt(&decision, felt);
+            let beside = Percept { position: seen.position + decision.aim, ..seen };
+            self.story.aimed |= self.looks > 1 || decision.aim != Vector3::zeros();
             if self.plan_is_rehearsed && self.story.is_as_planned() && !decision.switched {
                 self.story.tell(decision.reason);
                 self.story.attempts.push(attempt);
@@ -217,11 +240,13 @@ impl<'a> Touch<'a> {
                     Err(_) => Step::GiveUp,
                 });
             }
-            let Some(path) = executive.rehearsed_approach(&decision.grasp, &seen) else {
+            let Some(path) = executive.rehearsed_approach(&decision.grasp, &beside) else {
                 within.retain(|candidate| candidate.grasp.id != decision.grasp.id);
                 continue;
             };
             self.story.switched |= decision.switched;
+            self.tried = Some(decision.aimed);
+            executive.see_second(beside);
             executive.decide(decision.grasp)?;
             executive.redirect(path);
             self.story.attempts.push(attempt);
@@ -240,13 +265,24 @@ impl<'a> Touch<'a> {
             digits: executive.first().0.role.digits(),
             sigma: felt.estimate.sigma().0.min(MOST_SIGMA),
         };
+        let planned = &self.first[0].grasp;
+        let rehearsed = planned.held.zip(planned.held_joints.as_ref()).map(|(pose, joints)| Held {
+            pose,
+            joints: joints.clone(),
+            ..held.clone()
+        });
         let uncertainty = &self.knowledge.uncertainty;
         let situation = Situation {
             executive,
             hand: &self.knowledge.cell.hand,
             held: &held,
+            rehearsed: rehearsed.as_ref(),
             target: second,
             target_sigma: uncertainty.arm.hypot(uncertainty.eyes),
+            all: &candidates.iter().flat_map(|candidate| candidate.rehearsed.iter().copied()).collect(),
+            belief: &self.belief,
+            looks: self.looks,
+            probe: self.aim,
         };
         choose(&situation, candidates)?.ok_or_else(|| PolicyError::NoPlan(second.name.clone()))
     }
@@ -317,6 +353,9 @@ impl Policy for Touch<'_> {
         let phase = executive.phase();
         let late = time + TRY_TIME > self.knowledge.time_limit;
         let next = if late || !self.knowledge.recovery.retry { Next::GoOn } else { Next::after(phase, self.grip) };
+        if let (Some(tried), Phase::Confirm, Next::SecondAgain) = (self.tried.take(), phase, next) {
+            self.belief.failed(&tried, self.looks);
+        }
         match (phase, next) {
             (Phase::Done, Next::GoOn) => return Ok(Step::Finish),
             (Phase::Confirm, Next::GoOn) => {
@@ -339,7 +378,10 @@ impl Policy for Touch<'_> {
             }
             Next::SecondAgain => self.second_again(executive, eyes, false),
             Next::GoOn if self.second_is_hidden => self.second_again(executive, eyes, false),
-            Next::GoOn => self.take_second(executive),
+            Next::GoOn => {
+                self.see_better(executive, eyes)?;
+                self.take_second(executive)
+            }
         }
     }
 

@@ -2,10 +2,10 @@
 
 use std::path::Path;
 
-use hand_model::data::{DataError, parse_toml, read_text};
+use hand_model::data::{DataError, parse_toml};
 use serde::Deserialize;
 
-/// Standard deviations that the controller expects.
+/// Standard deviations that the controller expects, and how they are made up.
 #[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Uncertainty {
@@ -13,6 +13,8 @@ pub struct Uncertainty {
     pub arm: f64,
     /// Error of prior perception, each of x and y, m.
     pub eyes: f64,
+    /// Share of its variance that stays the same over the looks of a trial.
+    pub eyes_lasting: f64,
 }
 
 impl Uncertainty {
@@ -25,9 +27,14 @@ impl Uncertainty {
         Self::parse(text, Path::new("uncertainty.toml")).expect("the built-in uncertainties are valid")
     }
 
-    /// Reads and checks a file.
-    pub fn read(path: &Path) -> Result<Self, DataError> {
-        Self::parse(&read_text(path)?, path)
+    /// Standard deviation of the part of a look's error that is new each time, each of x and y, m.
+    pub fn fresh_look(&self) -> f64 {
+        self.eyes * (1.0 - self.eyes_lasting).sqrt()
+    }
+
+    /// Standard deviation of what stays the same through a trial in where the hand goes beside an object, each of x and y, m.
+    pub fn lasting(&self) -> f64 {
+        self.arm.hypot(self.eyes * self.eyes_lasting.sqrt())
     }
 
     /// Reads and checks a file's text; `path` is used in errors.
@@ -37,6 +44,9 @@ impl Uncertainty {
             if !(value > 0.0 && value <= 0.1) {
                 return Err(DataError::field(path, field, value, "more than 0 and at most 0.1 m"));
             }
+        }
+        if !(0.0..=1.0).contains(&read.eyes_lasting) {
+            return Err(DataError::field(path, "eyes_lasting", read.eyes_lasting, "0 to 1"));
         }
         Ok(read)
     }
@@ -49,7 +59,9 @@ mod tests {
     #[test]
     fn a_robot_that_never_errs_is_refused() {
         assert!(Uncertainty::standard().arm > 0.0);
-        let error = Uncertainty::parse("arm = 0.0\neyes = 0.005", Path::new("mine.toml")).unwrap_err().to_string();
+        let error = Uncertainty::parse("arm = 0.0\neyes = 0.005\neyes_lasting = 0.5", Path::new("mine.toml"))
+            .unwrap_err()
+            .to_string();
         assert!(error.contains("mine.toml") && error.contains("arm") && error.contains("more than 0"), "{error}");
     }
 }

@@ -4,15 +4,12 @@ use anyhow::{Result, anyhow};
 use control::arm_clearance::ArmBodies;
 use control::inverse_kinematics::Joints;
 use hand_model::robot::{Command, Robot};
-use hand_model::transmission::friction::CableLosses;
 use hand_model::{ARM_JOINTS, HAND_JOINTS};
 use proving::world::World;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
-use scenarios::individuals::ArmDefects;
 use serde_json::json;
-use sim::engine::EngineSettings;
 use sim::stand::tension_goals;
 use sim::tactile::TactileBoard;
 use sim::{SceneSetup, SimulatedRobot};
@@ -60,18 +57,7 @@ pub fn weight_torques(world: &World, q: &Joints, load: f64) -> Joints {
 }
 
 fn robot(world: &World, q: &Joints) -> SimulatedRobot {
-    let setup = SceneSetup {
-        world_from_base: world.cell.world_from_base,
-        arm_defects: ArmDefects::default(),
-        arm_start: *q,
-        objects: Vec::new(),
-        frame_delay: 0.0,
-        floor: None,
-        self_contact: false,
-        cables: CableLosses::NONE,
-        gel: None,
-        engine: EngineSettings::default(),
-    };
+    let setup = SceneSetup::ideal(world.cell.world_from_base, *q);
     SimulatedRobot::new(world.cell.hand.clone(), world.cell.arm.clone(), &setup, TactileBoard::blank())
 }
 

@@ -7,14 +7,11 @@ use anyhow::Result;
 use control::Twist;
 use control::trajectory::{PathLimits, PosePath, displacement};
 use hand_model::robot::{Command, Robot};
-use hand_model::transmission::friction::CableLosses;
 use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 use proving::world::World;
 use report::picture::{save, tile};
 use report::plot::Plot;
-use scenarios::individuals::ArmDefects;
 use serde_json::json;
-use sim::engine::EngineSettings;
 use sim::stand::tension_goals;
 use sim::tactile::TactileBoard;
 use sim::{SceneSetup, SimulatedRobot};
@@ -88,18 +85,7 @@ struct Followed {
 
 fn follow(world: &World, motion: &Motion<'_>) -> Result<Followed> {
     let mut servo = world.cell.arm_servo(world.cell.ready)?;
-    let setup = SceneSetup {
-        world_from_base: world.cell.world_from_base,
-        arm_defects: ArmDefects::default(),
-        arm_start: world.cell.ready,
-        objects: Vec::new(),
-        frame_delay: 0.0,
-        floor: None,
-        self_contact: false,
-        cables: CableLosses::NONE,
-        gel: None,
-        engine: EngineSettings::default(),
-    };
+    let setup = SceneSetup::ideal(world.cell.world_from_base, world.cell.ready);
     let mut robot = SimulatedRobot::new(world.cell.hand.clone(), world.cell.arm.clone(), &setup, TactileBoard::blank());
     let servos = tension_goals(&world.cell.hand, &[0.0; 5], 0.0);
     let tick = robot.tick_length();

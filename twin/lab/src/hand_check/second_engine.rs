@@ -8,11 +8,10 @@ use std::time::Instant;
 
 use anyhow::{Context, Result};
 use hand_model::robot::{Command, Robot, ServoGoal};
-use hand_model::transmission::friction::{CableFriction, CableLosses};
+use hand_model::transmission::friction::CableFriction;
 use hand_model::{ARM_JOINTS, Arm, Hand};
 use nalgebra::{Isometry3, UnitQuaternion, Vector3};
 use report::write_whole;
-use scenarios::individuals::ArmDefects;
 use scenarios::objects::ObjectSet;
 use scenarios::{ObjectModel, Shape};
 use serde_json::{Value, json};
@@ -225,16 +224,9 @@ fn whole(hand: &Arc<Hand>, folder: &Path) -> Result<Value> {
     };
     write_whole(&folder.join("whole.xml"), mjcf::write(&scene).as_bytes())?;
     let setup = SceneSetup {
-        world_from_base: Isometry3::identity(),
-        arm_defects: ArmDefects::default(),
-        arm_start: start,
         objects: placed.into_iter().map(|(model, pose)| ObjectPlacement { model, pose }).collect(),
-        frame_delay: 0.0,
-        floor: None,
-        self_contact: false,
-        cables: CableLosses::NONE,
-        gel: None,
         engine: settings,
+        ..SceneSetup::ideal(Isometry3::identity(), start)
     };
     let mut robot = SimulatedRobot::new(hand.clone(), arm, &setup, TactileBoard::blank());
     let tensions = [4.0; 5];

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use clap::{Args, ValueEnum};
 use grasping::{Repertoire, Role};
 use proving::pick_ups::{self, Effort};
-use proving::plan;
+use proving::plan::{self, Plans, outcomes};
 use proving::world::World;
 use scenarios::Scenario;
 
@@ -37,6 +37,9 @@ pub struct PlanArgs {
     /// Repertoire; default: the built-in one.
     #[arg(long)]
     pub repertoire: Option<PathBuf>,
+    /// A plan file whose combinations and grasps stay: only their odds under errors are rehearsed anew.
+    #[arg(long, conflicts_with = "combos")]
+    pub of: Option<PathBuf>,
     /// The plan file to write.
     #[arg(long)]
     pub out: PathBuf,
@@ -84,7 +87,12 @@ pub fn plan(terminal: &Terminal, args: &PlanArgs) -> Outcome {
         Some(file) => Repertoire::read(file)?,
         None => proving::builtin::repertoire()?,
     };
-    let plans = plan::make_plans(&world, &repertoire, args.combos, terminal.seed, terminal.quiet || terminal.json)?;
+    let quiet = terminal.quiet || terminal.json;
+    let mut plans = match &args.of {
+        Some(file) => Plans::read(file)?,
+        None => plan::make_plans(&world, &repertoire, args.combos, terminal.seed, quiet)?,
+    };
+    outcomes::rehearse(&world, &repertoire, &mut plans, quiet)?;
     plans.write(&args.out)?;
     eprintln!(
         "{} combinations; {} pairs could not be done without noise and were replaced",

@@ -1,0 +1,247 @@
+//! The odds of a try: what rehearsals under drawn errors say about an aim that is off by something unknown.
+//!
+//! A grasp was rehearsed in physics under errors of its aim, and each rehearsal held, missed or touched what it must not. In a trial
+//! the aim is off by b + n: b lasts through the trial (the arm's error and the lasting part of vision's), n is new at each look. A
+//! [`Belief`] is a set of weighted values of b. The odds at one b are the rehearsals near it, weighted by a Gaussian kernel as wide
+//! as n (Nadaraya and Watson's estimate); the odds of the try are their mean over the belief. A try that failed makes those b more
+//! likely at which it had to fail.
+//!
+//! Two dozen draws alone are too few to tell grasps apart: the best of many such estimates is mostly the luckiest. The draws of the
+//! other grasps that were rehearsed for the same object therefore count too, each as part of one.
+
+use std::f64::consts::TAU;
+use std::sync::Arc;
+
+use nalgebra::{Rotation2, Vector2, Vector3};
+
+use crate::policy::Uncertainty;
+
+/// Values of the lasting error in a belief.
+const VALUES: usize = 96;
+/// Narrowest kernel, m: rehearsals lie about as far apart.
+const NARROWEST: f64 = 0.005;
+/// Where no rehearsal is near, a try counts as this much of one that went half wrong: it holds nothing, and touches as often as not.
+const UNKNOWN: f64 = 0.05;
+/// What a rehearsal of another grasp of the same object counts.
+const OTHERS: f64 = 0.2;
+
+/// How a try at the second object went.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum TryOutcome {
+    /// The object is lifted, the first one still held.
+    Held,
+    /// It is not, and nothing was touched that must not be.
+    Missed,
+    /// What holds the first object, that object or the palm touched the second one.
+    Contact,
+}
+
+/// One rehearsal of a grasp.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Rehearsed {
+    /// By how much the aim was off, m, in axes that turn with the grasp's heading.
+    pub error: Vector3<f64>,
+    pub outcome: TryOutcome,
+}
+
+/// Probabilities of a try's outcomes; a miss is the rest.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Odds {
+    pub held: f64,
+    pub contact: f64,
+}
+
+/// A try, as far as its odds depend on it.
+#[derive(Debug, Clone)]
+pub struct Aimed {
+    /// Rehearsals of the grasp.
+    pub rehearsed: Arc<[Rehearsed]>,
+    /// Those of all grasps of the object, this one among them.
+    pub all: Arc<[Rehearsed]>,
+    /// Turn of the grasp about the vertical in the world, rad.
+    pub heading: f64,
+    /// Where the hand is sent beside what is seen, m, world.
+    pub aim: Vector3<f64>,
+}
+
+/// What is known about the error of the aim that lasts through a trial.
+#[derive(Debug, Clone)]
+pub struct Belief {
+    /// m, world.
+    values: Vec<Vector3<f64>>,
+    /// They add up to 1.
+    weights: Vec<f64>,
+    /// Standard deviation of vision's new error, m.
+    fresh: f64,
+}
+
+impl Belief {
+    /// Before anything was tried.
+    pub fn new(uncertainty: &Uncertainty) -> Self {
+        let level = uncertainty.lasting();
+        let sigmas = Vector3::new(level, level, uncertainty.arm);
+        let values = (1..=VALUES).map(|n| normals(n).component_mul(&sigmas)).collect();
+        Self { values, weights: vec![1.0 / VALUES as f64; VALUES], fresh: uncertainty.fresh_look() }
+    }
+
+    /// The odds of a try at an object whose place is the mean of `looks` looks.
+    pub fn odds(&self, aimed: &Aimed, looks: u32) -> Odds {
+        let mut odds = Odds { held: 0.0, contact: 0.0 };
+        for (value, weight) in self.values.iter().zip(&self.weights) {
+            let there = self.at(aimed, value, looks);
+            odds.held += weight * there.held;
+            odds.contact += weight * there.contact;
+        }
+        odds
+    }
+
+    /// Takes in that a try did not hold the object.
+    pub fn failed(&mut self, aimed: &Aimed, looks: u32) {
+        let likely: Vec<f64> = self.values.iter().map(|value| 1.0 - self.at(aimed, value, looks).held).collect();
+        let sum: f64 = self.weights.iter().zip(&likely).map(|(weight, likely)| weight * likely).sum();
+        if sum > 0.0 {
+            self.weights.iter_mut().zip(&likely).for_each(|(weight, likely)| *weight *= likely / sum);
+        }
+    }
+
+    /// The mean of the lasting error, m.
+    pub fn mean(&self) -> Vector3<f64> {
+        self.values.iter().zip(&self.weights).map(|(value, weight)| value * *weight).sum()
+    }
+
+    /// The odds if the lasting error were `value`.
+    fn at(&self, aimed: &Aimed, value: &Vector3<f64>, looks: u32) -> Odds {
+        let width = (self.fresh / f64::from(looks.max(1)).sqrt()).max(NARROWEST);
+        let off = value + aimed.aim;
+        let level = Rotation2::new(-aimed.heading) * Vector2::new(off.x, off.y);
+        let off = Vector3::new(level.x, level.y, off.z);
+        let (mut held, mut contact, mut sum) = (0.0, 0.5 * UNKNOWN, UNKNOWN);
+        for (rehearsals, share) in [(&aimed.rehearsed, 1.0 - OTHERS), (&aimed.all, OTHERS)] {
+            for Rehearsed { error, outcome } in rehearsals.iter() {
+                let near = share * (-0.5 * (error - off).norm_squared() / (width * width)).exp();
+                sum += near;
+                match outcome {
+                    TryOutcome::Held => held += near,
+                    TryOutcome::Contact => contact += near,
+                    TryOutcome::Missed => {}
+                }
+            }
+        }
+        Odds { held: held / sum, contact: contact / sum }
+    }
+}
+
+/// Point number `n` (from 1) of three standard normals that fill space evenly: Halton's sequence by Box and Muller's transform.
+fn normals(n: usize) -> Vector3<f64> {
+    let [a, b, c, d] = [2, 3, 5, 7].map(|base| halton(n, base));
+    let [one, two] = [a, c].map(|uniform| (-2.0 * uniform.ln()).sqrt());
+    Vector3::new(one * (TAU * b).cos(), one * (TAU * b).sin(), two * (TAU * d).cos())
+}
+
+/// The digits of `n` in `base`, mirrored at the point.
+fn halton(mut n: usize, base: usize) -> f64 {
+    let (mut value, mut place) = (0.0, 1.0);
+    while n > 0 {
+        place /= base as f64;
+        value += place * (n % base) as f64;
+        n /= base;
+    }
+    value
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const UNCERTAINTY: Uncertainty = Uncertainty { arm: 0.005, eyes: 0.006, eyes_lasting: 0.5 };
+
+    /// Rehearsals on a grid of 3 mm: contact where the error is below -4 mm along x, missed above 8 mm, held between.
+    fn wall() -> Arc<[Rehearsed]> {
+        let steps = || (-6..=6).map(|n| 0.003 * f64::from(n));
+        let outcome = |x: f64| match x {
+            x if x < -0.004 => TryOutcome::Contact,
+            x if x > 0.008 => TryOutcome::Missed,
+            _ => TryOutcome::Held,
+        };
+        steps()
+            .flat_map(|x| steps().map(move |y| (x, y)))
+            .flat_map(|(x, y)| [-0.005, 0.0, 0.005].map(|z| Vector3::new(x, y, z)))
+            .map(|error| Rehearsed { error, outcome: outcome(error.x) })
+            .collect()
+    }
+
+    fn aimed(x: f64) -> Aimed {
+        Aimed { rehearsed: wall(), all: wall(), heading: 0.0, aim: Vector3::new(x, 0.0, 0.0) }
+    }
+
+    #[test]
+    fn values_spread_as_expected() {
+        let belief = Belief::new(&UNCERTAINTY);
+        let level = UNCERTAINTY.lasting();
+        for (axis, sigma) in [level, level, UNCERTAINTY.arm].into_iter().enumerate() {
+            let variance = belief.values.iter().map(|value| value[axis].powi(2)).sum::<f64>() / VALUES as f64;
+            assert!((variance.sqrt() / sigma - 1.0).abs() < 0.1, "axis {axis}: {}", variance.sqrt() / sigma);
+        }
+        assert!(belief.mean().norm() < 0.001);
+    }
+
+    /// The odds are those of the normal distribution: contact left of the wall, held right of it.
+    #[test]
+    fn odds_are_integrals() {
+        let belief = Belief::new(&UNCERTAINTY);
+        let sigma = UNCERTAINTY.arm.hypot(UNCERTAINTY.eyes);
+        let below = |x: f64| 0.5 * libm::erfc(-x / (sigma * 2.0_f64.sqrt()));
+        for x in [-0.003, 0.0, 0.004] {
+            // Half-way between the grid's points.
+            let odds = belief.odds(&aimed(x), 1);
+            assert!((odds.contact - below(-0.0045 - x)).abs() < 0.06, "{x}: {odds:?} {}", below(-0.0045 - x));
+            assert!((odds.held - (below(0.0075 - x) - below(-0.0045 - x))).abs() < 0.08, "{x}: {odds:?}");
+        }
+        assert!(belief.odds(&aimed(0.006), 1).contact < belief.odds(&aimed(0.0), 1).contact);
+    }
+
+    /// What is rehearsed nowhere near holds nothing.
+    #[test]
+    fn far_from_all_rehearsals_nothing_is_promised() {
+        let odds = Belief::new(&UNCERTAINTY).odds(&aimed(0.1), 1);
+        assert!(odds.held < 1e-6 && (odds.contact - 0.5).abs() < 1e-6, "{odds:?}");
+    }
+
+    /// After a failure errors are likelier at which the try fails, and the way out is to aim elsewhere.
+    #[test]
+    fn failures_teach() {
+        let mut belief = Belief::new(&UNCERTAINTY);
+        let before = belief.odds(&aimed(0.0), 1);
+        for _ in 0..3 {
+            belief.failed(&aimed(0.0), 1);
+        }
+        assert!((belief.weights.iter().sum::<f64>() - 1.0).abs() < 1e-12);
+        assert!(belief.odds(&aimed(0.0), 1).held < before.held - 0.1);
+        // A try that aims far to the right and fails says that the error is not far to the left.
+        let mut right = Belief::new(&UNCERTAINTY);
+        right.failed(&aimed(0.010), 1);
+        assert!(right.mean().x > 0.0);
+    }
+
+    /// A grasp that was lucky in its few draws is not believed to be much better than the others of its object.
+    #[test]
+    fn luck_counts_for_less() {
+        let with = |outcome| [Rehearsed { error: Vector3::zeros(), outcome }; 4];
+        let (lucky, others) = (with(TryOutcome::Held), [with(TryOutcome::Missed); 5].concat());
+        let all: Arc<[Rehearsed]> = [&lucky[..], &others].concat().into();
+        let alone = Aimed { rehearsed: lucky.into(), all: lucky.into(), heading: 0.0, aim: Vector3::zeros() };
+        let among = Aimed { all, ..alone.clone() };
+        let belief = Belief::new(&UNCERTAINTY);
+        let (alone, among) = (belief.odds(&alone, 1).held, belief.odds(&among, 1).held);
+        assert!(alone > 0.8 && (0.4 * alone..0.6 * alone).contains(&among), "{alone} {among}");
+    }
+
+    /// Axes turn with the grasp: an error along the world's y is one along x for a grasp turned by a quarter.
+    #[test]
+    fn errors_turn_with_the_grasp() {
+        let belief = Belief::new(&UNCERTAINTY);
+        let turned = Aimed { heading: std::f64::consts::FRAC_PI_2, aim: Vector3::new(0.0, 0.006, 0.0), ..aimed(0.0) };
+        let (straight, turned) = (belief.odds(&aimed(0.006), 1), belief.odds(&turned, 1));
+        assert!((straight.contact - turned.contact).abs() < 0.06, "{straight:?} {turned:?}");
+    }
+}
