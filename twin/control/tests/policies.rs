@@ -273,12 +273,12 @@ fn with_rehearsals(rehearsals: [fn(&Vector3<f64>) -> TryOutcome; 2]) -> Decision
     choose(&situation, &candidates).expect("geometry").expect("a plan")
 }
 
-/// A plan that touches is left for a grasp that now and then misses, because a miss can be tried again.
+/// A plan that touches is left for a grasp that misses where the plan touches, because a miss can be tried again.
 #[test]
 fn a_miss_is_better_than_a_contact() {
     use TryOutcome::{Contact, Held, Missed};
     let decision = with_rehearsals([
-        |error| if error.x < 0.0 { Contact } else { Held },
+        |error| if error.x.abs() < 0.006 { Held } else { Contact },
         |error| if error.x.abs() < 0.006 { Held } else { Missed },
     ]);
     assert!(decision.switched && decision.chosen.risk < 0.1 && decision.plan.risk > 0.3, "{}", decision.reason);
@@ -312,7 +312,7 @@ fn blind_carries_out_the_plan_and_never_looks() {
     assert!(blind.story().is_as_planned() && blind.story().reasons.is_empty());
 }
 
-/// With the first object felt in the hand the second is approached; with both, they are carried; then the trial is over.
+/// With the first object felt in the hand the second is looked at once more and approached; with both, they are carried; then the trial is over.
 #[test]
 fn touch_goes_on_while_everything_is_in_the_hand() {
     let table = Table::new();
@@ -328,7 +328,7 @@ fn touch_goes_on_while_everything_is_in_the_hand() {
         touch.perceive(&executive, grip).expect("perceived");
         assert_eq!(touch.decide(&mut executive, &mut eyes, 0.0).expect("decided"), then);
     }
-    assert_eq!((eyes.asked, touch.story().retries, touch.story().decisions), ([0, 0], 0, 1));
+    assert_eq!((eyes.asked, touch.story().retries, touch.story().decisions), ([0, 1], 0, 1));
     let felt = touch.felt().expect("felt").estimate.palm_from_object;
     assert_eq!(felt, in_hand(true, false).expect("injected").palm_from_object);
 }
@@ -362,13 +362,13 @@ fn touch_puts_down_the_second_object_when_the_first_is_lost() {
     run_until(&mut executive, Phase::Confirm);
     touch.perceive(&executive, in_hand(false, true)).expect("perceived");
     assert_eq!(touch.decide(&mut executive, &mut eyes, 0.0).expect("decided"), Step::Play(Phase::Decide));
-    assert_eq!((executive.phase(), eyes.asked), (Phase::PutDown, [0, 0]));
+    assert_eq!((executive.phase(), eyes.asked), (Phase::PutDown, [0, 1]));
     while executive.phase() == Phase::PutDown {
         executive.tick(&Observation::default()).expect("a command");
     }
     touch.perceive(&executive, in_hand(true, true)).expect("perceived");
     assert_eq!(touch.decide(&mut executive, &mut eyes, 0.0).expect("decided"), Step::Play(Phase::Decide));
-    assert_eq!((executive.phase(), eyes.asked), (Phase::ApproachFirst, [1, 1]));
+    assert_eq!((executive.phase(), eyes.asked), (Phase::ApproachFirst, [1, 2]));
 }
 
 /// Plays the way aside to the decision after it.
@@ -453,7 +453,8 @@ fn touch_gives_up_what_is_out_of_reach() {
     let mut executive = table.executive();
     let far = Percept { position: [3.0, 0.0, 0.02].into(), ..table.percept(1) };
     executive.see_second(far);
-    let mut eyes = Watchful::new(&table);
+    // It is not seen better.
+    let mut eyes = Watchful { hidden: [0, 1], ..Watchful::new(&table) };
     let mut touch = table.touch();
     run_until(&mut executive, Phase::Decide);
     touch.perceive(&executive, in_hand(true, false)).expect("perceived");
