@@ -21,7 +21,7 @@ pub const UNPROVEN_BESIDE: f64 = 0.5;
 pub const LEAST: f64 = 0.25;
 /// A candidate replaces the plan only if it is worth this many times as much.
 pub const SWITCH_GAIN: f64 = 1.05;
-/// A try that misses without a contact, against one that holds: of such trials about a third still end well without a contact.
+/// A try that misses without a contact, against one that holds: of such trials a quarter to a third still end well without a contact.
 pub const MISSED: f64 = 0.35;
 /// Probability of a contact of a grasp that was not rehearsed under errors.
 pub const UNREHEARSED_CONTACT: f64 = 0.25;
