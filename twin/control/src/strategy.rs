@@ -147,8 +147,8 @@ pub struct Situation<'a> {
     pub hand: &'a Hand,
     /// What it holds.
     pub held: &'a Held<'a>,
-    /// The hold after which candidates were rehearsed.
-    pub rehearsed: Option<&'a Held<'a>>,
+    /// The hold of the same object after which candidates were rehearsed: `palm_from_object` and finger angles, rad.
+    pub rehearsed: Option<(Isometry3<f64>, &'a [f64])>,
     /// The object to take next.
     pub target: &'a ObjectModel,
     /// Standard deviation of perceiving and reaching the target, m.
@@ -173,16 +173,19 @@ struct Scene {
 
 impl Scene {
     fn new(situation: &Situation) -> Self {
-        let moving = |held: &Held| {
-            let mut solids = placed(&object_solids(held.object), &held.pose);
-            solids.extend(hand_solids(situation.hand, &held.joints, held.digits, false));
+        let held = situation.held;
+        // Hulls of meshes take time: once for both holds.
+        let object = object_solids(held.object);
+        let moving = |pose: &Isometry3<f64>, joints: &[f64]| {
+            let mut solids = placed(&object, pose);
+            solids.extend(hand_solids(situation.hand, joints, held.digits, false));
             solids
         };
         Self {
-            moving: moving(situation.held),
-            rehearsed: situation.rehearsed.map(moving),
+            moving: moving(&held.pose, &held.joints),
+            rehearsed: situation.rehearsed.map(|(pose, joints)| moving(&pose, joints)),
             target: object_solids(situation.target),
-            sigma: situation.held.sigma.hypot(situation.target_sigma).max(1e-4),
+            sigma: held.sigma.hypot(situation.target_sigma).max(1e-4),
         }
     }
 

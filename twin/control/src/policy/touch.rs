@@ -231,7 +231,7 @@ impl<'a> Touch<'a> {
             self.story.risk.get_or_insert(decision.plan.risk);
             let attempt = attempt(&decision, felt);
             let beside = Percept { position: seen.position + decision.aim, ..seen };
-            self.story.aimed |= self.looks > 1 || decision.aim != Vector3::zeros();
+            self.story.aimed |= self.seen.is_none_or(|[_, first_look]| beside != first_look);
             if self.plan_is_rehearsed && self.story.is_as_planned() && !decision.switched {
                 self.story.tell(decision.reason);
                 self.story.attempts.push(attempt);
@@ -266,17 +266,12 @@ impl<'a> Touch<'a> {
             sigma: felt.estimate.sigma().0.min(MOST_SIGMA),
         };
         let planned = &self.first[0].grasp;
-        let rehearsed = planned.held.zip(planned.held_joints.as_ref()).map(|(pose, joints)| Held {
-            pose,
-            joints: joints.clone(),
-            ..held.clone()
-        });
         let uncertainty = &self.knowledge.uncertainty;
         let situation = Situation {
             executive,
             hand: &self.knowledge.cell.hand,
             held: &held,
-            rehearsed: rehearsed.as_ref(),
+            rehearsed: planned.held.zip(planned.held_joints.as_deref()),
             target: second,
             target_sigma: uncertainty.arm.hypot(uncertainty.eyes),
             all: &candidates.iter().flat_map(|candidate| candidate.rehearsed.iter().copied()).collect(),
