@@ -24,6 +24,8 @@ pub enum Ablation {
     NoRetry,
     /// New looks: it tries again where the first look saw the objects.
     NoNewLook,
+    /// The touch of the second object before it is grasped.
+    NoExploration,
 }
 
 /// A name that is no ablation's.
@@ -36,7 +38,7 @@ pub struct UnknownAblation {
 
 impl Ablation {
     /// All ablations in order.
-    pub const ALL: [Self; 8] = [
+    pub const ALL: [Self; 9] = [
         Self::PalmOnly,
         Self::Fingertips,
         Self::QuarterOfPads,
@@ -45,6 +47,7 @@ impl Ablation {
         Self::TruePose,
         Self::NoRetry,
         Self::NoNewLook,
+        Self::NoExploration,
     ];
 
     /// As files and the command line write it.
@@ -58,6 +61,7 @@ impl Ablation {
             Self::TruePose => "true_pose",
             Self::NoRetry => "no_retry",
             Self::NoNewLook => "no_new_look",
+            Self::NoExploration => "no_exploration",
         }
     }
 
@@ -66,6 +70,7 @@ impl Ablation {
         match self {
             Self::NoRetry => "touch without retry",
             Self::NoNewLook => "retry without a new look",
+            Self::NoExploration => "touch without an exploratory motion",
             _ => self.sensing().label(),
         }
     }
@@ -79,7 +84,7 @@ impl Ablation {
             Self::CoarseImages => Sensing::CoarseImages,
             Self::PointsOnly => Sensing::PointsOnly,
             Self::TruePose => Sensing::TruePose,
-            Self::NoRetry | Self::NoNewLook => Sensing::Full,
+            Self::NoRetry | Self::NoNewLook | Self::NoExploration => Sensing::Full,
         }
     }
 }

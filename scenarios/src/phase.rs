@@ -20,6 +20,14 @@ pub enum Phase {
     Look,
     /// Waiting for the decision how to go on.
     Decide,
+    /// Over the second object, to touch it with free digits.
+    ReachSecond,
+    /// Slowly onto it, until a pad feels it.
+    TouchSecond,
+    /// Still, taking tactile images of it.
+    FeelSecond,
+    /// Waiting for the decision how to take what was felt.
+    Locate,
     /// To the second object.
     ApproachSecond,
     /// Closing on it.
@@ -42,7 +50,7 @@ pub enum Phase {
 
 impl Phase {
     /// All phases in order.
-    pub const ALL: [Self; 16] = [
+    pub const ALL: [Self; 20] = [
         Self::PutDown,
         Self::StepAside,
         Self::ApproachFirst,
@@ -50,6 +58,10 @@ impl Phase {
         Self::LiftFirst,
         Self::Look,
         Self::Decide,
+        Self::ReachSecond,
+        Self::TouchSecond,
+        Self::FeelSecond,
+        Self::Locate,
         Self::ApproachSecond,
         Self::GraspSecond,
         Self::LiftSecond,
@@ -71,6 +83,10 @@ impl Phase {
             Self::LiftFirst => "lift first",
             Self::Look => "look",
             Self::Decide => "decide",
+            Self::ReachSecond => "reach second",
+            Self::TouchSecond => "touch second",
+            Self::FeelSecond => "feel second",
+            Self::Locate => "locate",
             Self::ApproachSecond => "approach second",
             Self::GraspSecond => "grasp second",
             Self::LiftSecond => "lift second",

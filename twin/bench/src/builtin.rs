@@ -76,7 +76,7 @@ pub fn make_bench(scenario: Scenario, combos: usize, seed: u64, quiet: bool) -> 
         pipeline.own_hand = pads.self_contact.then(OwnHandOptions::default);
     }
     know_hand(&mut pipeline, &world);
-    let names: BTreeSet<&String> = plans.plans.iter().map(|plan| &plan.first).collect();
+    let names: BTreeSet<&String> = plans.plans.iter().flat_map(|plan| [&plan.first, &plan.second]).collect();
     let mut known = names
         .into_iter()
         .map(|name| Ok((name.clone(), KnownObject::new(world.object(name)?))))

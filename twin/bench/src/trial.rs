@@ -149,17 +149,22 @@ impl Bench {
 
     /// The branch of the policy `touch`, with what `means` leaves it.
     fn touch(&self, start: &Start, options: Play, means: Means, watcher: &mut dyn Watcher) -> Result<TrialOutcome> {
-        let name = &start.objects[0].name;
+        let known = |index: usize| {
+            let object = &start.objects[index];
+            self.known.get(&object.name).with_context(|| format!("{} was not made ready to be felt", object.name))
+        };
+
         let knowledge = Knowledge {
             cell: &self.world.cell,
             library: &self.world.objects,
             repertoire: &self.repertoire,
             objects: start.objects.clone(),
-            first_known: self.known.get(name).with_context(|| format!("{name} was not made ready to be felt"))?,
+            known: [known(0)?, known(1)?],
             second: start.candidates.clone(),
             uncertainty: self.uncertainty,
             time_limit: self.world.scenario.protocol.time_limit,
             recovery: means.recovery,
+            explores: means.explores,
         };
         let senses = Senses::new(start.pipeline.as_ref().unwrap_or(&self.pipeline), means.sensing)?;
         let first = &start.run.snapshot.executive.first().0;

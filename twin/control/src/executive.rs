@@ -14,14 +14,20 @@ use hand_model::Hand;
 use hand_model::robot::{Command, Observation};
 use nalgebra::{Isometry3, Translation3, Vector3};
 
+use scenarios::geometry::Shape;
 pub use scenarios::phase::Phase;
 
+use crate::guarded::{self, Guarded};
 use crate::inverse_kinematics::ArmServo;
 use crate::motion::tension::{against_friction, closing_tension};
 use crate::motion::{LOOK_TIME, Motion, MotionError, Protocol};
+use crate::palpation::{self, Touching};
 use crate::percept::Percept;
 use crate::slip::{self, SlipWatch};
 use crate::trajectory::PosePath;
+
+/// Share of the way to a touch after which pads are looked at untouched: digits have opened by then.
+const UNTOUCHED: f64 = 0.4;
 
 /// Runs one trial; see the module's page.
 #[derive(Clone)]
@@ -36,6 +42,8 @@ pub struct Executive {
     watch_period: Option<f64>,
     last_watch: f64,
     slip: Option<SlipWatch>,
+    /// How the second object is touched at present.
+    guarded: Option<Guarded>,
 }
 
 /// What moves: posture, palm, images and servo readings.
@@ -67,6 +75,7 @@ impl Executive {
             watch_period: None,
             last_watch: f64::NEG_INFINITY,
             slip: None,
+            guarded: None,
         };
         executive.enter(Phase::ApproachFirst)?;
         Ok(executive)
@@ -99,7 +108,15 @@ impl Executive {
 
     /// A path that the arm can follow to where `grasp` closes on what is seen at `percept`; see [`Motion::rehearsed_approach`].
     pub fn rehearsed_approach(&self, grasp: &Grasp, percept: &Percept) -> Option<PosePath> {
-        self.motion.rehearsed_approach(&self.protocol.limits, grasp, percept)
+        let rise = if self.phase == Phase::Locate { palpation::ABOVE } else { 0.0 };
+        self.motion.rehearsed_approach(&self.protocol.limits, grasp, percept, rise)
+    }
+
+    /// How the arm can touch an object of this `shape` seen at `percept` that is to be taken with `grasp`, if it can.
+    pub fn rehearsed_touch(&self, grasp: &Grasp, (shape, percept): (&Shape, &Percept)) -> Option<Touching> {
+        let (hand, limits) = (self.motion.hand(), &self.protocol.limits);
+        let touching = palpation::touching(hand, limits, &self.motion.end(), grasp, (shape, percept)).ok()?;
+        self.motion.follows(&touching.way).then_some(touching)
     }
 
     /// Leaves [`Phase::Decide`] with `second` as the grasp to use, or [`Phase::Confirm`] or [`Phase::Done`] to try the second object
@@ -140,6 +157,14 @@ impl Executive {
         self.slip = Some(SlipWatch::default());
     }
 
+    /// Leaves a decision to touch the second object before it is grasped: along `way`, then on as `guarded` says;
+    /// [`Phase::Locate`] follows.
+    pub fn touch_second(&mut self, way: PosePath, guarded: Guarded) {
+        self.guarded = Some(guarded);
+        self.phase = Phase::ReachSecond;
+        self.motion.begin(way);
+    }
+
     /// How often either object was felt to slip so far.
     pub fn slips(&self) -> [u32; 2] {
         self.slip.as_ref().map_or([0; 2], SlipWatch::steps)
@@ -158,6 +183,12 @@ impl Executive {
             Phase::GraspFirst => motion.close(self.first.0.raise)?,
             Phase::GraspSecond => motion.close(self.second.0.raise)?,
             Phase::LiftFirst | Phase::LiftSecond => motion.lift(limits, self.protocol.lift)?,
+            Phase::ReachSecond => motion.wait()?,
+            Phase::TouchSecond => match &self.guarded {
+                Some(guarded) => guarded.path().clone(),
+                None => motion.wait()?,
+            },
+            Phase::FeelSecond => motion.stop(LOOK_TIME)?,
             Phase::Look | Phase::Check | Phase::Verify => motion.rest(LOOK_TIME)?,
             Phase::PutDown => {
                 let (path, open_from) = motion.put_down(limits, self.protocol.lift)?;
@@ -171,18 +202,19 @@ impl Executive {
                 motion.straight(limits, Isometry3::from_parts(Translation3::from(aside), here.rotation))?
             }
             Phase::Hold => motion.rest(self.protocol.hold)?,
-            Phase::Decide | Phase::Confirm | Phase::Done => motion.wait()?,
+            Phase::Decide | Phase::Locate | Phase::Confirm | Phase::Done => motion.wait()?,
         };
-        if matches!(phase, Phase::Look | Phase::Check | Phase::Verify) {
+        self.phase = phase;
+        if self.is_looking() {
             self.motion.begin_look();
         }
-        self.phase = phase;
         self.motion.begin(path);
         Ok(())
     }
 
     fn next_phase(&self) -> Option<Phase> {
-        if !self.motion.is_over() {
+        let touched = |guarded: &Guarded| self.phase == Phase::TouchSecond && guarded.is_over(self.motion.clock());
+        if !self.motion.is_over() && !self.guarded.as_ref().is_some_and(touched) {
             return None;
         }
         let after_look = |phase: Phase| self.motion.has_looked().then_some(phase);
@@ -193,18 +225,21 @@ impl Executive {
             Phase::Look => after_look(Phase::Decide),
             Phase::Check => after_look(Phase::Confirm),
             Phase::PutDown | Phase::StepAside => Some(Phase::Decide),
+            Phase::ReachSecond => Some(Phase::TouchSecond),
+            Phase::TouchSecond => Some(Phase::FeelSecond),
+            Phase::FeelSecond => after_look(Phase::Locate),
             Phase::ApproachSecond => Some(Phase::GraspSecond),
             Phase::GraspSecond => Some(Phase::LiftSecond),
             Phase::LiftSecond => Some(Phase::Check),
             Phase::Carry => Some(Phase::Hold),
             Phase::Hold => Some(Phase::Verify),
             Phase::Verify => after_look(Phase::Done),
-            Phase::Decide | Phase::Confirm | Phase::Done => None,
+            Phase::Decide | Phase::Locate | Phase::Confirm | Phase::Done => None,
         }
     }
 
     fn is_looking(&self) -> bool {
-        matches!(self.phase, Phase::Look | Phase::Check | Phase::Verify)
+        matches!(self.phase, Phase::Look | Phase::FeelSecond | Phase::Check | Phase::Verify)
     }
 
     fn is_carrying(&self) -> bool {
@@ -215,6 +250,9 @@ impl Executive {
     pub fn tick(&mut self, observation: &Observation) -> Result<Command, MotionError> {
         let looking = self.is_looking();
         self.motion.measure(observation, looking);
+        if let (Phase::ReachSecond | Phase::TouchSecond, Some(guarded)) = (self.phase, &mut self.guarded) {
+            guarded.see(&observation.tactile, (self.phase == Phase::TouchSecond).then_some(self.motion.clock()));
+        }
         if let Some(next) = self.next_phase() {
             self.enter(next)?;
         }
@@ -227,12 +265,21 @@ impl Executive {
             | Phase::GraspFirst
             | Phase::LiftFirst
             | Phase::Look
-            | Phase::Decide => self.first.0.opposition,
+            | Phase::Decide
+            | Phase::ReachSecond
+            | Phase::TouchSecond
+            | Phase::FeelSecond
+            | Phase::Locate => self.first.0.opposition,
             _ => self.second.0.opposition,
         };
         let mut capture = self.is_looking() && self.motion.captures_look();
-        let period =
-            if self.slip.is_some() && self.is_carrying() { Some(slip::LOOK_PERIOD) } else { self.watch_period };
+        let unknown = |guarded: &Guarded| self.motion.progress() > UNTOUCHED && !guarded.knows_untouched();
+        let period = match self.phase {
+            Phase::ReachSecond if self.guarded.as_ref().is_some_and(unknown) => Some(guarded::LOOK_PERIOD),
+            Phase::TouchSecond => Some(guarded::LOOK_PERIOD),
+            _ if self.slip.is_some() && self.is_carrying() => Some(slip::LOOK_PERIOD),
+            _ => self.watch_period,
+        };
         if period.is_some_and(|period| observation.time >= self.last_watch + period) {
             self.last_watch = observation.time;
             capture = true;
@@ -263,6 +310,9 @@ impl Executive {
             Phase::ApproachFirst => first.pre_tension[digit],
             Phase::GraspFirst => closing(first, digit),
             Phase::StepAside | Phase::LiftFirst | Phase::Look | Phase::Decide => first.close_tension[digit],
+            Phase::ReachSecond | Phase::TouchSecond | Phase::FeelSecond | Phase::Locate => {
+                first.close_tension[digit].max(palpation::TENSION[digit])
+            }
             Phase::ApproachSecond => first.close_tension[digit].max(second.pre_tension[digit]),
             Phase::GraspSecond => first.close_tension[digit].max(closing(second, digit)),
             Phase::PutDown if self.motion.clock() >= self.open_from => 0.0,

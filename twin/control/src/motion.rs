@@ -182,6 +182,11 @@ impl Motion {
         PosePath::new(vec![(0.0, self.end()), (time, self.end())])
     }
 
+    /// A rest of `time` s where the palm is at present, on the way.
+    pub fn stop(&self, time: f64) -> Result<PosePath, PathError> {
+        PosePath::new(vec![(0.0, self.palm()), (time, self.palm())])
+    }
+
     /// No motion at all: the executive waits for a decision.
     pub fn wait(&self) -> Result<PosePath, PathError> {
         PosePath::new(vec![(0.0, self.end())])
@@ -229,13 +234,23 @@ impl Motion {
 
     /// The same, rehearsed by the arm servo: straight or by way of the pose at the very beginning, at full speed or slower.
     ///
+    /// It first rises by `rise` m.
+    ///
     /// A straight path from where a failed try ended can lead the joints to their limits with the palm decimetres off, although
     /// another posture would reach the target. `None` if no path ends there.
-    pub fn rehearsed_approach(&self, limits: &PathLimits, grasp: &Grasp, percept: &Percept) -> Option<PosePath> {
-        let here = self.end();
+    pub fn rehearsed_approach(
+        &self,
+        limits: &PathLimits,
+        grasp: &Grasp,
+        percept: &Percept,
+        rise: f64,
+    ) -> Option<PosePath> {
+        let (here, risen) = (self.end(), self.above(rise));
+        let straight = if rise > 0.0 { vec![here, risen] } else { vec![here] };
+        let by_home = [straight.clone(), vec![self.home]].concat();
         let mut lagging = None;
         for speed in SPEEDS {
-            for stops in [&[here][..], &[here, self.home]] {
+            for stops in [&straight, &by_home] {
                 let Ok(path) = approach(&limits.scaled(speed), stops, grasp, percept) else { continue };
                 match self.off_path(&path) {
                     Some(off) if off < OFF_PATH => return Some(path),
@@ -245,6 +260,11 @@ impl Motion {
             }
         }
         lagging
+    }
+
+    /// Whether the arm can follow `path` from where it is.
+    pub fn follows(&self, path: &PosePath) -> bool {
+        self.off_path(path).is_some_and(|off| off < OFF_PATH)
     }
 
     /// How far the palm would leave `path` on the way, m; `None` if it would not get to its end.

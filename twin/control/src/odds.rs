@@ -12,7 +12,7 @@
 use std::f64::consts::TAU;
 use std::sync::Arc;
 
-use nalgebra::{Rotation2, Vector2, Vector3};
+use nalgebra::{Matrix3, Rotation2, Vector2, Vector3};
 
 use crate::policy::Uncertainty;
 
@@ -82,6 +82,14 @@ impl Belief {
         let sigmas = Vector3::new(level, level, uncertainty.arm);
         let values = (1..=VALUES).map(|n| normals(n).component_mul(&sigmas)).collect();
         Self { values, weights: vec![1.0 / VALUES as f64; VALUES], fresh: uncertainty.fresh_look() }
+    }
+
+    /// About an object that was touched where it stands, so that its place beside the hand is known with this covariance (m2, world);
+    /// `None` if it is not positive definite.
+    pub fn located(covariance: &Matrix3<f64>) -> Option<Self> {
+        let root = covariance.cholesky()?.l();
+        let values = (1..=VALUES).map(|n| root * normals(n)).collect();
+        Some(Self { values, weights: vec![1.0 / VALUES as f64; VALUES], fresh: 0.0 })
     }
 
     /// The odds of a try at an object whose place is the mean of `looks` looks.

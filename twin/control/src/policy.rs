@@ -40,8 +40,8 @@ pub struct Knowledge<'a> {
     pub repertoire: &'a Repertoire,
     /// The two objects of the trial, the first one first.
     pub objects: [Arc<ObjectModel>; 2],
-    /// The first object, ready to be registered.
-    pub first_known: &'a KnownObject,
+    /// The same, ready to be registered.
+    pub known: [&'a KnownObject; 2],
     /// Grasps of the second object, the planned one first.
     pub second: Vec<Candidate>,
     /// Errors that the controller expects of its robot.
@@ -50,6 +50,8 @@ pub struct Knowledge<'a> {
     pub time_limit: f64,
     /// How it may try again.
     pub recovery: Recovery,
+    /// Whether it touches the second object to find out where it is, before it grasps it.
+    pub explores: bool,
 }
 
 /// How a policy may try again: everything, but in an ablation.

@@ -55,7 +55,8 @@ impl<'a> Senses<'a> {
         Ok(perceived)
     }
 
-    fn uses(&self, hand: &Hand, pad: usize) -> bool {
+    /// Whether a pad may be used.
+    pub fn uses(&self, hand: &Hand, pad: usize) -> bool {
         let link = hand.pads[pad].link;
         match self.sensing {
             Sensing::ServosOnly => false,

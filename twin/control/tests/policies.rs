@@ -122,11 +122,12 @@ impl Table {
             library: &self.library,
             repertoire: &self.repertoire,
             objects: self.objects.clone(),
-            first_known: &self.known,
+            known: [&self.known, &self.known],
             second: self.second(),
             uncertainty: Uncertainty { arm: 0.005, eyes: 0.0065, eyes_lasting: 0.5 },
             time_limit: TIME_LIMIT,
             recovery: Recovery::FULL,
+            explores: false,
         }
     }
 

@@ -20,6 +20,8 @@ pub struct Means {
     pub sensing: Sensing,
     /// Of further tries.
     pub recovery: Recovery,
+    /// Whether it touches the second object before it grasps it.
+    pub explores: bool,
 }
 
 impl Means {
@@ -30,14 +32,14 @@ impl Means {
             Condition::Reflex => Sensing::ServosOnly,
             Condition::Touch => Sensing::Full,
         };
-        Some(Self { sensing, recovery: Recovery::FULL })
+        Some(Self { sensing, recovery: Recovery::FULL, explores: true })
     }
 }
 
 impl From<Ablation> for Means {
     fn from(ablation: Ablation) -> Self {
         let recovery = Recovery { retry: ablation != Ablation::NoRetry, new_look: ablation != Ablation::NoNewLook };
-        Self { sensing: ablation.sensing(), recovery }
+        Self { sensing: ablation.sensing(), recovery, explores: ablation != Ablation::NoExploration }
     }
 }
 

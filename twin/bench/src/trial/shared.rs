@@ -28,7 +28,7 @@ pub struct Bench {
     pub board: TactileBoard,
     /// Perception.
     pub pipeline: TouchPipeline,
-    /// The first objects of all plans, ready to be registered.
+    /// The objects of all plans, ready to be registered.
     pub known: BTreeMap<String, KnownObject>,
     /// What the controller expects to go wrong.
     pub uncertainty: Uncertainty,

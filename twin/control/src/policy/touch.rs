@@ -10,14 +10,16 @@ use std::collections::BTreeMap;
 use grasping::{Grasp, Role};
 use nalgebra::Vector3;
 use scenarios::tries::Attempt;
-use touch::InHand;
+use touch::{InHand, PoseEstimate, PosePrior};
 
 use super::reach::{Wanted, turned, within_reach};
 use super::{Injected, Knowledge, Policy, PolicyError, Step, Story};
 use crate::executive::{Executive, Phase};
+use crate::guarded::Guarded;
 use crate::odds::{Aimed, Belief};
+use crate::palpation::{self, Touching, located};
 use crate::percept::{Eyes, Looked, Percept};
-use crate::perception::{Expected, Felt, Grip, KnownObject, feel, grip, trusted};
+use crate::perception::{Expected, Felt, Grip, feel, grip, trusted};
 use crate::recovery::{Next, probe};
 use crate::sensing::Senses;
 use crate::strategy::{Decision, Held, Situation, choose};
@@ -26,14 +28,14 @@ use crate::worth::{self, Candidate};
 
 /// Time that a trial needs from a new try of the first object to its end, s: none begins later.
 const TRY_TIME: f64 = 14.0;
+/// Standard deviation of how the second object is turned, rad.
+const TURNED: f64 = 0.08;
 /// The felt pose's standard deviation counts up to this, m.
 const MOST_SIGMA: f64 = 0.01;
 
 /// What the policy knows while a trial goes on.
 pub struct Touch<'a> {
     knowledge: Knowledge<'a>,
-    /// The second object, to be told from the hand's own contacts.
-    second_known: KnownObject,
     senses: Senses<'a>,
     /// Grasps of the first object, the planned one first.
     first: Vec<Candidate>,
@@ -54,10 +56,14 @@ pub struct Touch<'a> {
     tried: Option<Aimed>,
     /// Looks that the second object's place is the mean of.
     looks: u32,
+    /// What is known about it since the second object was touched where it stands.
+    located: Option<Belief>,
     felt: Option<Felt>,
     grip: Grip,
     /// The hand has been emptied: the first object comes next, without a look.
     emptied: bool,
+    /// Where the second object is in the hand that has just touched it, if it was felt.
+    touched: Option<PoseEstimate>,
     /// The hand has stepped aside so that the eyes find this object.
     sought: Option<usize>,
     /// The second object was hidden when it was last looked for.
@@ -73,10 +79,10 @@ impl<'a> Touch<'a> {
         let planned = Candidate::new(first.clone(), first.score);
         Self {
             first: std::iter::once(planned).chain(others).collect(),
-            second_known: KnownObject::plain(knowledge.objects[1].clone()),
             belief: Belief::new(&knowledge.uncertainty),
             tried: None,
             looks: 1,
+            located: None,
             knowledge,
             senses,
             plan_is_rehearsed,
@@ -88,6 +94,7 @@ impl<'a> Touch<'a> {
             felt: None,
             grip: Grip { first: false, second: false },
             emptied: false,
+            touched: None,
             sought: None,
             second_is_hidden: false,
         }
@@ -97,8 +104,8 @@ impl<'a> Touch<'a> {
     fn in_hand(&self, expected: &Expected, second: &Grasp) -> Vec<InHand<'_>> {
         let felt = self.felt.as_ref().map(|felt| felt.estimate.palm_from_object);
         let first = trusted(felt.unwrap_or(expected.palm_from_object));
-        let first = InHand { shape: self.knowledge.first_known, prior: first };
-        let second = second.held.map(|held| InHand { shape: &self.second_known, prior: trusted(held) });
+        let first = InHand { shape: self.knowledge.known[0], prior: first };
+        let second = second.held.map(|held| InHand { shape: self.knowledge.known[1], prior: trusted(held) });
         std::iter::once(first).chain(second).collect()
     }
 
@@ -132,7 +139,7 @@ impl<'a> Touch<'a> {
         self.second_is_hidden = seen.is_none();
         if let Some(seen) = seen {
             executive.see_second(seen);
-            self.looks = 1;
+            (self.looks, self.located) = (1, None);
         }
         Ok(())
     }
@@ -201,7 +208,7 @@ impl<'a> Touch<'a> {
         aside: bool,
     ) -> Result<Step, PolicyError> {
         self.see_second(executive, eyes)?;
-        if self.second_is_hidden { self.seek(1, executive, aside) } else { self.take_second(executive) }
+        if self.second_is_hidden { self.seek(1, executive, aside) } else { self.touch_or_take(executive) }
     }
 
     /// The best of `candidates` that the arm gets to from where it is, and how.
@@ -216,6 +223,52 @@ impl<'a> Touch<'a> {
             turned(&self.knowledge, &candidate.grasp, seen, &self.knowledge.objects[0])
                 .find_map(|grasp| executive.rehearsed_approach(&grasp, seen).map(|path| (grasp, path)))
         })
+    }
+
+    /// Touches the second object to find out where it is, if that is possible; else takes it.
+    fn touch_or_take(&mut self, executive: &mut Executive) -> Result<Step, PolicyError> {
+        let Some(onto) = self.exploration(executive) else { return self.take_second(executive) };
+        let object = &self.knowledge.objects[1];
+        self.story.tell(format!("{} is touched from above to find out where it is", object.name));
+        let Touching { way, onto } = onto;
+        let hand = executive.hand().clone();
+        let guarded = Guarded::new(onto, &hand, Role::Second.digits(), |pad| self.senses.uses(&hand, pad));
+        executive.touch_second(way, guarded);
+        Ok(Step::Play(Phase::Locate))
+    }
+
+    /// How the second object would be touched; `None` if there is nothing to touch it with, or the arm does not get there.
+    fn exploration(&self, executive: &Executive) -> Option<Touching> {
+        let hand = executive.hand();
+        let touches = |pad: usize| palpation::touches(hand, pad) && self.senses.uses(hand, pad);
+        if !self.knowledge.explores || !(0..hand.pads.len()).any(touches) {
+            return None;
+        }
+        let (grasp, seen) = executive.second();
+        executive.rehearsed_touch(grasp, (&self.knowledge.objects[1].shape, seen))
+    }
+
+    /// Takes in what the touch of the second object told.
+    fn locate(&mut self, executive: &mut Executive) -> Result<(), PolicyError> {
+        let Some(estimate) = self.touched.take() else {
+            self.story.tell("nothing was felt there".to_owned());
+            return Ok(());
+        };
+        let (palm, seen) = (executive.palm(), executive.second().1);
+        let position = (palm * estimate.palm_from_object).translation.vector;
+        let turn = palm.rotation.to_rotation_matrix().into_inner();
+        let covariance = turn * estimate.covariance.fixed_view::<3, 3>(0, 0) * turn.transpose();
+        let off = position - seen.position.coords;
+        self.story.tell(format!(
+            "felt ({:.0}, {:.0}, {:.0}) mm beside where it is seen",
+            off.x * 1e3,
+            off.y * 1e3,
+            off.z * 1e3
+        ));
+        executive.see_second(Percept { position: position.into(), ..seen });
+        self.located = Belief::located(&covariance);
+        self.looks = 1;
+        Ok(())
     }
 
     /// Decides how to take the second object, and begins.
@@ -275,7 +328,7 @@ impl<'a> Touch<'a> {
             target: second,
             target_sigma: uncertainty.arm.hypot(uncertainty.eyes),
             all: &candidates.iter().flat_map(|candidate| candidate.rehearsed.iter().copied()).collect(),
-            belief: &self.belief,
+            belief: self.located.as_ref().unwrap_or(&self.belief),
             looks: self.looks,
             probe: self.aim,
         };
@@ -317,8 +370,19 @@ impl Policy for Touch<'_> {
         self.seen.get_or_insert([executive.first().1, executive.second().1]);
         let ((first, percept), (second, _)) = (executive.first(), executive.second());
         let expected = Expected::of(first, percept, second);
+        if executive.phase() == Phase::Locate {
+            let prior = PosePrior {
+                palm_from_object: executive.palm().inverse() * executive.second().1.pose(),
+                sigma_translation: self.knowledge.uncertainty.target(self.looks),
+                sigma_rotation: TURNED,
+            };
+            let held = self.felt.as_ref().map_or(expected.palm_from_object, |felt| felt.estimate.palm_from_object);
+            let held = InHand { shape: self.knowledge.known[0], prior: trusted(held) };
+            self.touched = located(&self.senses, &executive.look(), self.knowledge.known[1], &prior, held)?;
+            return Ok(());
+        }
         if executive.phase() == Phase::Decide {
-            let mut felt = feel(&self.senses, &executive.look(), self.knowledge.first_known, &expected)?;
+            let mut felt = feel(&self.senses, &executive.look(), self.knowledge.known[0], &expected)?;
             if let Some(injected) = injected {
                 felt.estimate.palm_from_object = injected.palm_from_object;
                 felt.estimate.covariance.fill(0.0);
@@ -346,6 +410,10 @@ impl Policy for Touch<'_> {
             None => {}
         }
         let phase = executive.phase();
+        if phase == Phase::Locate {
+            self.locate(executive)?;
+            return self.take_second(executive);
+        }
         let late = time + TRY_TIME > self.knowledge.time_limit;
         let next = if late || !self.knowledge.recovery.retry { Next::GoOn } else { Next::after(phase, self.grip) };
         if let (Some(tried), Phase::Confirm, Next::SecondAgain) = (self.tried.take(), phase, next) {
@@ -375,7 +443,7 @@ impl Policy for Touch<'_> {
             Next::GoOn if self.second_is_hidden => self.second_again(executive, eyes, false),
             Next::GoOn => {
                 self.see_better(executive, eyes)?;
-                self.take_second(executive)
+                self.touch_or_take(executive)
             }
         }
     }

@@ -37,6 +37,11 @@ impl Uncertainty {
         self.arm.hypot(self.eyes * self.eyes_lasting.sqrt())
     }
 
+    /// Standard deviation of where the hand goes beside an object whose place is the mean of `looks` looks, each axis, m.
+    pub fn target(&self, looks: u32) -> f64 {
+        self.lasting().hypot(self.fresh_look() / f64::from(looks.max(1)).sqrt())
+    }
+
     /// Reads and checks a file's text; `path` is used in errors.
     pub fn parse(text: &str, path: &Path) -> Result<Self, DataError> {
         let read: Self = parse_toml(text, path)?;
