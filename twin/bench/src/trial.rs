@@ -29,12 +29,12 @@ use scenarios::referee::FailureCause;
 use scenarios::{Ablation, Sensing};
 use sim::SimulatedRobot;
 
-use self::branch::{Planned, Play, play, play_plan};
+use self::branch::{Play, play};
 use self::eyes::Looks;
 
 pub use self::branch::TrialOutcome;
 pub use self::conditions::TrialResults;
-use self::conditions::{Branches, Means, Plans};
+use self::conditions::{Branches, Means};
 pub use self::held::HeldGrasp;
 use self::setup::{Setup, Start};
 pub use self::shared::Bench;
@@ -61,7 +61,7 @@ impl Bench {
         let mut body = start.run.snapshot.robot.clone();
         let played = match Means::of(task.condition) {
             Some(means) => self.touch(&start, self.options(id, looks), means, watcher),
-            None => self.plan(&start, self.options(id, looks), watcher).map(|planned| planned.outcome),
+            None => self.plan(&start, self.options(id, looks), watcher),
         };
         // Whatever happened, its recording is finished.
         let why = played.as_ref().err().map(|error| format!("{error:#}"));
@@ -76,7 +76,7 @@ impl Bench {
         let start = Setup::planned(self, combination, TrialNoise::none(), 0).first_grasp(self, None, watcher)?;
         let id = TrialId { combination, trial: 0, condition: Condition::Ideal };
         let looks = Looks::new(trial_rng(self.seed, combination, 0), None);
-        Ok(self.plan(&start, self.options(id, looks), watcher)?.outcome)
+        self.plan(&start, self.options(id, looks), watcher)
     }
 
     /// One trial: `conditions` from the same first grasp, and from there, unwatched, `touch` without some of its means.
@@ -90,7 +90,7 @@ impl Bench {
     ) -> Result<TrialResults> {
         let (setup, looks) = Setup::noisy(self, combination, trial)?;
         let start = setup.first_grasp(self, None, watcher)?;
-        let mut branches = Branches { bench: self, setup: &setup, start, looks, plans: Plans::default() };
+        let mut branches = Branches { bench: self, setup: &setup, start, looks };
         let mut results = TrialResults::default();
         for &condition in conditions {
             let id = TrialId { combination, trial, condition };
@@ -127,7 +127,7 @@ impl Bench {
         Ok(self.ideal_start(combination)?.0.robot)
     }
 
-    /// How a branch is played when nothing is shared.
+    /// How a branch is played.
     fn options(&self, id: TrialId, looks: Looks) -> Play<'_> {
         let scenario = &self.world.scenario;
         Play {
@@ -136,15 +136,13 @@ impl Bench {
             library: &self.world.objects,
             looks,
             decision_time: scenario.effects.time.map_or(0.0, |time| time.decision),
-            planned: None,
             inject_truth: false,
-            keep_confirm: false,
         }
     }
 
     /// The branch of the policy `blind`.
-    fn plan(&self, start: &Start, options: Play, watcher: &mut dyn Watcher) -> Result<Planned> {
-        play_plan(start, &mut Blind::new(start.candidates[0].grasp.clone()), options, watcher)
+    fn plan(&self, start: &Start, options: Play, watcher: &mut dyn Watcher) -> Result<TrialOutcome> {
+        play(start, &mut Blind::new(start.candidates[0].grasp.clone()), options, watcher)
     }
 
     /// The branch of the policy `touch`, with what `means` leaves it.
@@ -168,7 +166,7 @@ impl Bench {
         };
         let senses = Senses::new(start.pipeline.as_ref().unwrap_or(&self.pipeline), means.sensing)?;
         let first = &start.run.snapshot.executive.first().0;
-        let mut policy = Touch::new(knowledge, senses, first, options.planned.is_some());
+        let mut policy = Touch::new(knowledge, senses, first);
         play(start, &mut policy, Play { inject_truth: means.sensing == Sensing::TruePose, ..options }, watcher)
     }
 

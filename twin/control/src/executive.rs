@@ -112,11 +112,11 @@ impl Executive {
         self.motion.rehearsed_approach(&self.protocol.limits, grasp, percept, rise)
     }
 
-    /// How the arm can touch an object of this `shape` seen at `percept` that is to be taken with `grasp`, if it can.
-    pub fn rehearsed_touch(&self, grasp: &Grasp, (shape, percept): (&Shape, &Percept)) -> Option<Touching> {
-        let (hand, limits) = (self.motion.hand(), &self.protocol.limits);
-        let touching = palpation::touching(hand, limits, &self.motion.end(), grasp, (shape, percept)).ok()?;
-        self.motion.follows(&touching.way).then_some(touching)
+    /// The ways in which the arm can touch an object of this `shape` where it is seen, the usual one first.
+    pub fn rehearsed_touches(&self, shape: &Shape) -> impl Iterator<Item = Touching> {
+        let (hand, limits, (grasp, seen)) = (self.motion.hand(), &self.protocol.limits, &self.second);
+        let ways = palpation::touchings(hand, limits, &self.motion.end(), grasp, (shape, seen));
+        ways.into_iter().filter(|touching| self.motion.follows(&touching.way))
     }
 
     /// Leaves [`Phase::Decide`] with `second` as the grasp to use, or [`Phase::Confirm`] or [`Phase::Done`] to try the second object
@@ -188,7 +188,7 @@ impl Executive {
                 Some(guarded) => guarded.path().clone(),
                 None => motion.wait()?,
             },
-            Phase::FeelSecond => motion.stop(LOOK_TIME)?,
+            Phase::FeelSecond => motion.stop(palpation::SETTLING)?,
             Phase::Look | Phase::Check | Phase::Verify => motion.rest(LOOK_TIME)?,
             Phase::PutDown => {
                 let (path, open_from) = motion.put_down(limits, self.protocol.lift)?;

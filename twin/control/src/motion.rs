@@ -290,14 +290,14 @@ impl Motion {
 
     /// Whether the images of a look are to be asked for in this tick: at its end, when everything rests.
     pub fn captures_look(&self) -> bool {
-        (self.clock - LOOK_TIME + self.tick).abs() < 0.6 * self.tick
+        (self.clock - self.path.duration() + self.tick).abs() < 0.6 * self.tick
     }
 
     /// Takes what was measured; `looking`: images belong to a look.
     pub fn measure(&mut self, observation: &Observation, looking: bool) {
         self.servos = observation.servos;
         keep_newest(&mut self.newest, &observation.tactile);
-        if looking && self.clock > LOOK_TIME - 1.5 * self.tick {
+        if looking && self.clock > self.path.duration() - 1.5 * self.tick {
             keep_newest(&mut self.images, &observation.tactile);
         }
     }

@@ -6,7 +6,7 @@
 
 use grasping::{Grasp, Role};
 use hand_model::{Digit, Hand};
-use nalgebra::{Isometry3, Point3, Translation3, Vector3};
+use nalgebra::{Isometry3, Matrix3, Point3, Translation3, UnitQuaternion, Vector3};
 use scenarios::geometry::Shape;
 use touch::posture::digit_of;
 use touch::{InHand, KnownShape, PoseEstimate, PosePrior, TouchError};
@@ -24,14 +24,17 @@ const PADS: [&str; 4] = ["index_middle", "index_distal", "middle_middle", "middl
 pub const TENSION: [f64; 5] = [0.0, 1.0, 1.0, 0.0, 0.0];
 /// Angle of each joint of the touching fingers under that tension, rad.
 const CURL: f64 = 0.11;
-/// Turn of the hand while it touches, rad, fingers down: what is held stays clear of the table.
-const PITCH: f64 = 0.5;
+/// Turns of the hand while it touches, rad, fingers down, and where beside the pads' middle the object is touched, m towards the
+/// thumb: what is held is to stay clear of table and object.
+const WAYS: [(f64, f64); 6] = [(0.5, 0.0), (0.7, 0.0), (0.5, 0.012), (0.7, 0.012), (0.3, 0.0), (0.9, 0.012)];
+/// Time in which hand and object come to rest before the picture is taken, s.
+pub const SETTLING: f64 = 0.1;
 /// The guarded motion begins so far before the object as it is seen and ends so far beyond, m.
 const AROUND: (f64, f64) = (0.012, 0.018);
 /// Mean speed of the guarded motion, m/s.
-const SPEED: f64 = 0.015;
+const SPEED: f64 = 0.025;
 /// The hand comes from so far above, m.
-pub const ABOVE: f64 = 0.06;
+pub const ABOVE: f64 = 0.04;
 
 /// The palm's way onto an object.
 #[derive(Debug, Clone)]
@@ -42,17 +45,32 @@ pub struct Touching {
     pub onto: PosePath,
 }
 
-/// How the hand at `here` (`world_from_palm`) touches an object of this `shape` that is seen at `percept` and is to be grasped
+/// How the hand at `here` (`world_from_palm`) can touch an object of this `shape` that is seen at `percept` and is to be grasped
 /// with `grasp`: from above, turned about the vertical as it grasps.
-pub fn touching(
+pub fn touchings(
     hand: &Hand,
     limits: &PathLimits,
     here: &Isometry3<f64>,
     grasp: &Grasp,
     (shape, percept): (&Shape, &Percept),
+) -> Vec<Touching> {
+    let plate = plate(hand);
+    let ways = WAYS.iter().filter_map(|(pitch, beside)| {
+        let rotation = Grasp { pitch: *pitch, roll: 0.0, ..grasp.clone() }.palm_rotation(percept.yaw);
+        let plate = (plate.0 + Vector3::x() * *beside, plate.1);
+        touching(limits, here, (rotation, plate), (shape, percept)).ok()
+    });
+    ways.collect()
+}
+
+/// With the palm turned by `rotation`, in the world; of the pads that touch, `plate` is the middle and the way they face.
+fn touching(
+    limits: &PathLimits,
+    here: &Isometry3<f64>,
+    (rotation, plate): (UnitQuaternion<f64>, (Point3<f64>, Vector3<f64>)),
+    (shape, percept): (&Shape, &Percept),
 ) -> Result<Touching, PathError> {
-    let rotation = Grasp { pitch: PITCH, roll: 0.0, ..grasp.clone() }.palm_rotation(percept.yaw);
-    let (middle, facing) = plate(hand);
+    let (middle, facing) = plate;
     let (facing, pose) = (rotation * facing, percept.pose());
     let rim = pose * shape.support(&pose.inverse_transform_vector(&-facing));
     let at = |along: f64| {
@@ -103,6 +121,19 @@ pub fn located(
         return Ok(None);
     }
     pipeline.estimate_pose(&touches, look.servos, prior, shape).map(Some)
+}
+
+/// An object was found `off` (m, world) beside where it was seen, with this covariance (m2), from a prior as wide in all directions
+/// as the first of `sigmas` (m). It stands on the table: its height is known as well as the second one says.
+pub fn standing(off: Vector3<f64>, covariance: &Matrix3<f64>, sigmas: (f64, f64)) -> (Vector3<f64>, Matrix3<f64>) {
+    let (prior, level) = sigmas;
+    let information = level.powi(-2) - prior.powi(-2);
+    if information <= 0.0 {
+        return (off, *covariance);
+    }
+    let along = covariance * Vector3::z();
+    let gain = along / (along.z + 1.0 / information);
+    (off - gain * off.z, covariance - gain * along.transpose())
 }
 
 /// Whether a digit has no part in holding the first object.

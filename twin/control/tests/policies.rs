@@ -134,7 +134,7 @@ impl Table {
     fn touch(&self) -> Touch<'_> {
         let senses = Senses::new(&self.pipeline, Sensing::TruePose).expect("made");
         let first = self.repertoire.of(FIRST, Role::First).next().expect("a first grasp");
-        Touch::new(self.knowledge(), senses, first, false)
+        Touch::new(self.knowledge(), senses, first)
     }
 }
 

@@ -21,16 +21,6 @@ use super::run::Run;
 use super::setup::Start;
 use super::watcher::Watcher;
 
-/// A branch that carried out the plan: what another policy shares with it for as long as it does the very same.
-pub struct Planned {
-    /// After the second lift.
-    confirm: Run,
-    /// At the end.
-    done: Run,
-    /// How it went.
-    pub outcome: TrialOutcome,
-}
-
 /// What is kept of a trial under one condition.
 #[derive(Debug, Clone)]
 pub struct TrialOutcome {
@@ -52,18 +42,13 @@ pub struct Play<'a> {
     pub looks: Looks,
     /// How long a decision from measurements takes, s.
     pub decision_time: f64,
-    /// The branch of the plan, if it is known and may be shared: with the same pauses.
-    pub planned: Option<&'a Planned>,
     /// Whether the true state is injected in the place of what is felt.
     pub inject_truth: bool,
-    /// Whether the state after the second lift is kept, for other policies to share.
-    pub keep_confirm: bool,
 }
 
 /// What a branch came to.
 struct Played {
     run: Run,
-    confirm: Option<Run>,
     /// Wall time of the slowest decision, ms.
     slowest_ms: f64,
     /// Where everything was when the first object's pose was estimated last.
@@ -72,22 +57,6 @@ struct Played {
 
 /// Plays `policy` from `start` to the verdict.
 pub fn play(start: &Start, policy: &mut dyn Policy, with: Play, watcher: &mut dyn Watcher) -> Result<TrialOutcome> {
-    Ok(finish(start, policy, with, watcher)?.1)
-}
-
-/// The same for a policy that carries out the plan: others may share it.
-pub fn play_plan(start: &Start, policy: &mut dyn Policy, with: Play, watcher: &mut dyn Watcher) -> Result<Planned> {
-    let (played, outcome) = finish(start, policy, Play { keep_confirm: true, ..with }, watcher)?;
-    let confirm = played.confirm.unwrap_or_else(|| played.run.clone());
-    Ok(Planned { confirm, done: played.run, outcome })
-}
-
-fn finish(
-    start: &Start,
-    policy: &mut dyn Policy,
-    with: Play,
-    watcher: &mut dyn Watcher,
-) -> Result<(Played, TrialOutcome)> {
     let id = with.id;
     watcher.branch(id.condition)?;
     let mut played = decide_and_play(start, policy, with, watcher)?;
@@ -105,7 +74,7 @@ fn finish(
         note_pose(&mut record, truth, &start.objects[0], felt);
     }
     watcher.outcome(&record)?;
-    Ok((played, TrialOutcome { record, tries }))
+    Ok(TrialOutcome { record, tries })
 }
 
 /// The first grasp as it was planned, and what the policy attempted after it.
@@ -126,7 +95,7 @@ fn decide_and_play(
 ) -> Result<Played> {
     let run = start.run.clone();
     let condition = with.id.condition;
-    let mut played = Played { run, confirm: None, slowest_ms: 0.0, at_estimate: None };
+    let mut played = Played { run, slowest_ms: 0.0, at_estimate: None };
     loop {
         let phase = played.run.snapshot.executive.phase();
         if policy.deliberates() && with.decision_time > 0.0 && played.run.snapshot.robot.branches() {
@@ -156,18 +125,8 @@ fn decide_and_play(
                 break;
             }
         };
-        let as_planned = policy.story().is_as_planned();
-        match (with.planned.filter(|_| as_planned), until) {
-            (Some(planned), Phase::Confirm) => played.run = planned.confirm.clone(),
-            (Some(planned), Phase::Done) => played.run = planned.done.clone(),
-            _ => {
-                let felt = policy.felt().filter(|_| until > Phase::Decide);
-                played.run.play(until, felt, Some(condition), watcher)?;
-            }
-        }
-        if until == Phase::Confirm && with.keep_confirm {
-            played.confirm = Some(played.run.clone());
-        }
+        let felt = policy.felt().filter(|_| until > Phase::Decide);
+        played.run.play(until, felt, Some(condition), watcher)?;
     }
     Ok(played)
 }

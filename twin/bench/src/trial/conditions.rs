@@ -2,16 +2,15 @@
 
 use anyhow::Result;
 use control::policy::Recovery;
-use control::policy::blind::Blind;
 use scenarios::record::{AblatedTrial, Condition, TrialId, TrialRecord};
 use scenarios::tries::TryRecord;
 use scenarios::{Ablation, Sensing};
 
-use super::branch::{Planned, Play, TrialOutcome, play_plan};
+use super::branch::TrialOutcome;
 use super::eyes::Looks;
 use super::setup::{Setup, Start};
 use super::shared::Bench;
-use super::watcher::{NoWatcher, Watcher};
+use super::watcher::Watcher;
 
 /// What the policy `touch` may use.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -68,15 +67,6 @@ impl From<TrialOutcome> for TrialResults {
     }
 }
 
-/// Branches that carried out the plan, for others to share.
-#[derive(Default)]
-pub struct Plans {
-    /// Without a pause.
-    prompt: Option<Planned>,
-    /// With the pauses of a policy that decides.
-    deliberating: Option<Planned>,
-}
-
 /// A trial from which conditions branch off.
 pub struct Branches<'a> {
     /// What all trials share.
@@ -87,54 +77,33 @@ pub struct Branches<'a> {
     pub start: Start,
     /// Generators of the trial's later looks.
     pub looks: Looks,
-    /// What was carried out as planned.
-    pub plans: Plans,
 }
 
 impl Branches<'_> {
     /// One condition.
     pub fn play(&mut self, id: TrialId, watcher: &mut dyn Watcher) -> Result<TrialOutcome> {
         match Means::of(id.condition) {
-            None => {
-                let planned = self.bench.plan(&self.start, self.bench.options(id, self.looks.clone()), watcher)?;
-                let outcome = planned.outcome.clone();
-                self.plans.prompt = Some(planned);
-                Ok(outcome)
-            }
+            None => self.bench.plan(&self.start, self.bench.options(id, self.looks.clone()), watcher),
             Some(means) => self.deliberate(id, means, watcher),
         }
     }
 
     /// One that decides, with what `means` leaves it.
     pub fn deliberate(&mut self, id: TrialId, means: Means, watcher: &mut dyn Watcher) -> Result<TrialOutcome> {
-        let Self { bench, setup, start, looks, plans } = self;
-        let options = || bench.options(id, looks.clone());
+        let Self { bench, setup, start, looks } = self;
+        let options = bench.options(id, looks.clone());
         if let Some(intact) = &bench.intact {
             if let Some(why) = intact.impossible.get(&id.combination) {
                 return bench.decline(setup, id, why, watcher);
             }
             let start = setup.without_digits(bench, id.combination).first_grasp(bench, None, watcher)?;
-            return bench.touch(&start, options(), means, watcher);
+            return bench.touch(&start, options, means, watcher);
         }
         if bench.world.scenario.disturbance.slip.is_some_and(|slip| slip.reaction) {
-            // It does not do what blind does even where it carries out the plan.
             let mut start = Start::clone(start);
             start.run.snapshot.executive.react_to_slip();
-            return bench.touch(&start, options(), means, watcher);
+            return bench.touch(&start, options, means, watcher);
         }
-        if watcher.active() {
-            return bench.touch(start, options(), means, watcher);
-        }
-        let planned = match bench.world.scenario.effects.time {
-            None => plans.prompt.as_ref(),
-            Some(_) => {
-                if plans.deliberating.is_none() {
-                    let mut policy = Blind::new(start.candidates[0].grasp.clone()).deliberating();
-                    plans.deliberating = Some(play_plan(start, &mut policy, options(), &mut NoWatcher)?);
-                }
-                plans.deliberating.as_ref()
-            }
-        };
-        bench.touch(start, Play { planned, ..options() }, means, watcher)
+        bench.touch(start, options, means, watcher)
     }
 }

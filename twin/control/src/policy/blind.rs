@@ -12,20 +12,13 @@ use crate::perception::Felt;
 #[derive(Debug, Clone)]
 pub struct Blind {
     second: Grasp,
-    deliberates: bool,
     story: Story,
 }
 
 impl Blind {
     /// With `second` as the planned grasp of the second object.
     pub fn new(second: Grasp) -> Self {
-        Self { second, deliberates: false, story: Story::default() }
-    }
-
-    /// The same, with the pauses of a policy that decides and comes to what was planned.
-    #[must_use]
-    pub fn deliberating(self) -> Self {
-        Self { deliberates: true, ..self }
+        Self { second, story: Story::default() }
     }
 }
 
@@ -62,6 +55,6 @@ impl Policy for Blind {
     }
 
     fn deliberates(&self) -> bool {
-        self.deliberates
+        false
     }
 }

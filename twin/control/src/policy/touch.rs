@@ -22,7 +22,7 @@ use crate::percept::{Eyes, Looked, Percept};
 use crate::perception::{Expected, Felt, Grip, feel, grip, trusted};
 use crate::recovery::{Next, probe};
 use crate::sensing::Senses;
-use crate::strategy::{Decision, Held, Situation, choose};
+use crate::strategy::{Decision, Held, Situation, choose, clearest};
 use crate::trajectory::PosePath;
 use crate::worth::{self, Candidate};
 
@@ -39,8 +39,6 @@ pub struct Touch<'a> {
     senses: Senses<'a>,
     /// Grasps of the first object, the planned one first.
     first: Vec<Candidate>,
-    /// Whether the plan's own motion is known to succeed as a motion, so that it needs no rehearsal by the arm servo.
-    plan_is_rehearsed: bool,
     story: Story,
     /// How often each grasp of the first and of the second object, by its number, has failed.
     failures: [BTreeMap<u32, i32>; 2],
@@ -72,7 +70,7 @@ pub struct Touch<'a> {
 
 impl<'a> Touch<'a> {
     /// The policy of a trial whose first grasp is planned as `first`.
-    pub fn new(knowledge: Knowledge<'a>, senses: Senses<'a>, first: &Grasp, plan_is_rehearsed: bool) -> Self {
+    pub fn new(knowledge: Knowledge<'a>, senses: Senses<'a>, first: &Grasp) -> Self {
         let name = &knowledge.objects[0].name;
         let others = knowledge.repertoire.of(name, Role::First).filter(|grasp| grasp.id != first.id);
         let others = others.map(|grasp| Candidate::new(grasp.clone(), worth::UNREHEARSED * grasp.score));
@@ -85,7 +83,6 @@ impl<'a> Touch<'a> {
             located: None,
             knowledge,
             senses,
-            plan_is_rehearsed,
             story: Story::default(),
             failures: Default::default(),
             in_a_row: 0,
@@ -227,7 +224,7 @@ impl<'a> Touch<'a> {
 
     /// Touches the second object to find out where it is, if that is possible; else takes it.
     fn touch_or_take(&mut self, executive: &mut Executive) -> Result<Step, PolicyError> {
-        let Some(onto) = self.exploration(executive) else { return self.take_second(executive) };
+        let Some(onto) = self.exploration(executive)? else { return self.take_second(executive) };
         let object = &self.knowledge.objects[1];
         self.story.tell(format!("{} is touched from above to find out where it is", object.name));
         let Touching { way, onto } = onto;
@@ -238,14 +235,27 @@ impl<'a> Touch<'a> {
     }
 
     /// How the second object would be touched; `None` if there is nothing to touch it with, or the arm does not get there.
-    fn exploration(&self, executive: &Executive) -> Option<Touching> {
+    fn exploration(&self, executive: &Executive) -> Result<Option<Touching>, PolicyError> {
         let hand = executive.hand();
         let touches = |pad: usize| palpation::touches(hand, pad) && self.senses.uses(hand, pad);
-        if !self.knowledge.explores || !(0..hand.pads.len()).any(touches) {
-            return None;
+        let Some(felt) = self.felt.as_ref().filter(|_| self.knowledge.explores) else { return Ok(None) };
+        if !(0..hand.pads.len()).any(touches) {
+            return Ok(None);
         }
-        let (grasp, seen) = executive.second();
-        executive.rehearsed_touch(grasp, (&self.knowledge.objects[1].shape, seen))
+        let target = &self.knowledge.objects[1];
+        let ways = executive.rehearsed_touches(&target.shape);
+        Ok(clearest(hand, &self.held(executive, felt), (target, &executive.second().1), ways)?)
+    }
+
+    /// What is in the hand.
+    fn held(&self, executive: &Executive, felt: &Felt) -> Held<'_> {
+        Held {
+            object: &self.knowledge.objects[0],
+            pose: felt.estimate.palm_from_object,
+            joints: felt.estimate.q.to_vec(),
+            digits: executive.first().0.role.digits(),
+            sigma: felt.estimate.sigma().0.min(MOST_SIGMA),
+        }
     }
 
     /// Takes in what the touch of the second object told.
@@ -258,14 +268,15 @@ impl<'a> Touch<'a> {
         let position = (palm * estimate.palm_from_object).translation.vector;
         let turn = palm.rotation.to_rotation_matrix().into_inner();
         let covariance = turn * estimate.covariance.fixed_view::<3, 3>(0, 0) * turn.transpose();
-        let off = position - seen.position.coords;
+        let (looked, level) = (self.knowledge.uncertainty.target(self.looks), self.knowledge.uncertainty.arm);
+        let (off, covariance) = palpation::standing(position - seen.position.coords, &covariance, (looked, level));
         self.story.tell(format!(
             "felt ({:.0}, {:.0}, {:.0}) mm beside where it is seen",
             off.x * 1e3,
             off.y * 1e3,
             off.z * 1e3
         ));
-        executive.see_second(Percept { position: position.into(), ..seen });
+        executive.see_second(Percept { position: seen.position + off, ..seen });
         self.located = Belief::located(&covariance);
         self.looks = 1;
         Ok(())
@@ -285,14 +296,6 @@ impl<'a> Touch<'a> {
             let attempt = attempt(&decision, felt);
             let beside = Percept { position: seen.position + decision.aim, ..seen };
             self.story.aimed |= self.seen.is_none_or(|[_, first_look]| beside != first_look);
-            if self.plan_is_rehearsed && self.story.is_as_planned() && !decision.switched {
-                self.story.tell(decision.reason);
-                self.story.attempts.push(attempt);
-                return Ok(match executive.decide(decision.grasp) {
-                    Ok(()) => Step::Play(Phase::Confirm),
-                    Err(_) => Step::GiveUp,
-                });
-            }
             let Some(path) = executive.rehearsed_approach(&decision.grasp, &beside) else {
                 within.retain(|candidate| candidate.grasp.id != decision.grasp.id);
                 continue;
@@ -310,14 +313,8 @@ impl<'a> Touch<'a> {
 
     /// The grasp for the second object, given what is felt of the first.
     fn choose(&self, executive: &Executive, candidates: &[Candidate], felt: &Felt) -> Result<Decision, PolicyError> {
-        let [first, second] = &self.knowledge.objects;
-        let held = Held {
-            object: first,
-            pose: felt.estimate.palm_from_object,
-            joints: felt.estimate.q.to_vec(),
-            digits: executive.first().0.role.digits(),
-            sigma: felt.estimate.sigma().0.min(MOST_SIGMA),
-        };
+        let second = &self.knowledge.objects[1];
+        let held = self.held(executive, felt);
         let planned = &self.first[0].grasp;
         let uncertainty = &self.knowledge.uncertainty;
         let situation = Situation {

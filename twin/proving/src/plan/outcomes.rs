@@ -40,7 +40,7 @@ impl Outcomes {
         Self { grasp, outcomes: outcomes.iter().map(letter).collect() }
     }
 
-    /// The rehearsals, with the errors in axes that turn with `grasp`'s heading.
+    /// The rehearsals, with the errors in axes that turn with `grasp`'s heading; first the one without errors, which held.
     pub fn rehearsed(&self, grasp: &Grasp) -> Result<Vec<Rehearsed>> {
         let errors = wide_errors(self.outcomes.len());
         let with = |(error, letter): (&TrialNoise, char)| {
@@ -52,7 +52,8 @@ impl Outcomes {
             };
             Ok(Rehearsed { error: aim_error(error, grasp.yaw), outcome })
         };
-        errors.iter().zip(self.outcomes.chars()).map(with).collect()
+        let faultless = Rehearsed { error: Vector3::zeros(), outcome: TryOutcome::Held };
+        std::iter::once(Ok(faultless)).chain(errors.iter().zip(self.outcomes.chars()).map(with)).collect()
     }
 }
 
@@ -114,8 +115,9 @@ mod tests {
         let straight = outcomes.rehearsed(&Grasp { yaw: 0.0, ..grasp.clone() }).expect("letters");
         let noise = wide_errors(3)[1];
         let error = noise.objects[1].offset + noise.position;
-        assert_eq!((straight[1].error, straight[1].outcome), (error, TryOutcome::Contact));
-        let turned = outcomes.rehearsed(&turned).expect("letters")[1].error;
+        assert_eq!((straight[0].error, straight[0].outcome), (Vector3::zeros(), TryOutcome::Held));
+        assert_eq!((straight[2].error, straight[2].outcome), (error, TryOutcome::Contact));
+        let turned = outcomes.rehearsed(&turned).expect("letters")[2].error;
         assert!((turned - Vector3::new(error.y, -error.x, error.z)).norm() < 1e-12);
         let wrong = Outcomes { outcomes: "hx".into(), ..outcomes };
         assert!(wrong.rehearsed(grasp).expect_err("refused").to_string().contains("'x'"));
