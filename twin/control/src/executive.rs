@@ -19,6 +19,7 @@ pub use scenarios::phase::Phase;
 
 use crate::guarded::{self, Guarded};
 use crate::inverse_kinematics::ArmServo;
+use crate::motion::approach::approach;
 use crate::motion::tension::{against_friction, closing_tension};
 use crate::motion::{LOOK_TIME, Motion, MotionError, Protocol};
 use crate::palpation::{self, Touching};
@@ -103,20 +104,29 @@ impl Executive {
 
     /// The path that would take the second object with `grasp`: from the present palm pose to where the digits close.
     pub fn path_to_second(&self, grasp: &Grasp) -> Result<PosePath, MotionError> {
-        Ok(self.motion.approach(&self.protocol.limits, grasp, &self.second.1)?)
+        let stops = self.motion.stops(self.rise());
+        Ok(approach(&self.protocol.limits, &stops, grasp, &self.second.1)?)
     }
 
     /// A path that the arm can follow to where `grasp` closes on what is seen at `percept`; see [`Motion::rehearsed_approach`].
     pub fn rehearsed_approach(&self, grasp: &Grasp, percept: &Percept) -> Option<PosePath> {
-        let rise = if self.phase == Phase::Locate { palpation::ABOVE } else { 0.0 };
-        self.motion.rehearsed_approach(&self.protocol.limits, grasp, percept, rise)
+        self.motion.rehearsed_approach(&self.protocol.limits, grasp, percept, self.rise())
+    }
+
+    /// How far the palm rises before it goes anywhere else, m: fingers that touch the second object leave it upwards.
+    fn rise(&self) -> f64 {
+        if self.phase == Phase::Locate { palpation::ABOVE } else { 0.0 }
     }
 
     /// The ways in which the arm can touch an object of this `shape` where it is seen, the usual one first.
     pub fn rehearsed_touches(&self, shape: &Shape) -> impl Iterator<Item = Touching> {
-        let (hand, limits, (grasp, seen)) = (self.motion.hand(), &self.protocol.limits, &self.second);
-        let ways = palpation::touchings(hand, limits, &self.motion.end(), grasp, (shape, seen));
-        ways.into_iter().filter(|touching| self.motion.follows(&touching.way))
+        let (motion, limits, (grasp, seen)) = (&self.motion, &self.protocol.limits, &self.second);
+        let onto = palpation::touches(motion.hand(), grasp, (shape, seen)).into_iter();
+        onto.filter_map(move |onto| {
+            let there = onto.start();
+            let way = motion.rehearsed(limits, |limits| palpation::way(limits, &motion.end(), &there))?;
+            Some(Touching { way, onto })
+        })
     }
 
     /// Leaves [`Phase::Decide`] with `second` as the grasp to use, or [`Phase::Confirm`] or [`Phase::Done`] to try the second object

@@ -70,3 +70,45 @@ impl Guarded {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use hand_model::pads::IMAGE_SIZE;
+    use nalgebra::Isometry3;
+
+    use super::*;
+
+    fn frame(camera: usize, level: u8) -> TactileFrame {
+        let image = Arc::new(TactileImage { rgb: vec![level; 3 * IMAGE_SIZE * IMAGE_SIZE] });
+        TactileFrame { camera, time: 0.0, sequence: 0, image }
+    }
+
+    /// A pad of the digits that changes ends the motion a little later; other pads, and what was there on the way, do not.
+    #[test]
+    fn a_touch_ends_it() {
+        let hand = Hand::ftac();
+        let camera = |name: &str| hand.pads.iter().find(|pad| pad.name == name).expect("a pad").cameras[0];
+        let (index, ring) = (camera("index_distal"), camera("ring_distal"));
+        let path = PosePath::new(vec![(0.0, Isometry3::identity()), (2.0, Isometry3::translation(0.0, 0.0, 0.03))]);
+        let mut guarded = Guarded::new(path.expect("a path"), &hand, &[Digit::Index], |_| true);
+        assert!(!guarded.knows_untouched());
+        let untouched: Vec<TactileFrame> = (0..CAMERAS).map(|camera| frame(camera, 100)).collect();
+        guarded.see(&untouched, None);
+        assert!(guarded.knows_untouched());
+        guarded.see(&[frame(index, 100), frame(ring, 150)], Some(0.4));
+        assert!(!guarded.is_over(1.9) && guarded.is_over(2.0));
+        guarded.see(&[frame(index, 110)], Some(0.5));
+        assert!(!guarded.is_over(0.6) && guarded.is_over(0.5 + PRESSING));
+        // What is felt later does not put the end off.
+        guarded.see(&[frame(index, 140)], Some(0.6));
+        assert!(guarded.is_over(0.5 + PRESSING));
+    }
+
+    #[test]
+    fn a_pad_that_may_not_be_used_is_not_watched() {
+        let hand = Hand::ftac();
+        let path = PosePath::new(vec![(0.0, Isometry3::identity())]).expect("a path");
+        let guarded = Guarded::new(path, &hand, &[Digit::Index], |_| false);
+        assert!(guarded.knows_untouched() && guarded.is_over(0.0));
+    }
+}

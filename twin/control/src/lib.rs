@@ -2,9 +2,10 @@
 //!
 //! - **Motion.** [`trajectory`] makes palm paths within Cartesian limits, [`inverse_kinematics`] turns palm poses into joint set-points
 //!   within the arm's, [`motion`] follows one path after another with cables and cameras. [`executive`] runs a two-object trial
-//!   on it and [`carrier`] a transport; [`slip`] answers slip while carrying.
+//!   on it and [`carrier`] a transport; [`guarded`] stops where a pad feels something, [`slip`] answers slip while carrying.
 //! - **Perception.** A [`look`] is all that perception takes. [`perception`] says what is in the hand and where, [`sensing`] what an
-//!   ablation leaves of the senses. [`percept`] is how objects on the table are reported.
+//!   ablation leaves of the senses. [`percept`] is how objects on the table are reported, [`palpation`] how one is touched to find out
+//!   where it is.
 //! - **Decision.** [`collision`] and [`arm_clearance`] measure distances along a planned motion, [`odds`] says what rehearsals under
 //!   errors make of an aim, [`strategy`] chooses a grasp and its aim by both. [`recovery`] says what follows a failed one, [`stand_in`]
 //!   finds grasps for what fell over, [`load`] plans a transport, and [`worth`] holds the factors by which grasps are ranked.

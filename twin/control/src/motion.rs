@@ -245,26 +245,34 @@ impl Motion {
         percept: &Percept,
         rise: f64,
     ) -> Option<PosePath> {
-        let (here, risen) = (self.end(), self.above(rise));
-        let straight = if rise > 0.0 { vec![here, risen] } else { vec![here] };
-        let by_home = [straight.clone(), vec![self.home]].concat();
+        let straight = self.stops(rise);
+        let by_home = [&straight[..], &[self.home]].concat();
+        let paths = |limits: &PathLimits| [&straight, &by_home].map(|stops| approach(limits, stops, grasp, percept));
+        self.rehearsed(limits, paths)
+    }
+
+    /// Of the `paths` at full speed and at lower ones the first that the arm can follow; if it lags behind all of them, the first
+    /// at whose end it arrives.
+    pub fn rehearsed<P: IntoIterator<Item = Result<PosePath, PathError>>>(
+        &self,
+        limits: &PathLimits,
+        paths: impl Fn(&PathLimits) -> P,
+    ) -> Option<PosePath> {
         let mut lagging = None;
-        for speed in SPEEDS {
-            for stops in [&straight, &by_home] {
-                let Ok(path) = approach(&limits.scaled(speed), stops, grasp, percept) else { continue };
-                match self.off_path(&path) {
-                    Some(off) if off < OFF_PATH => return Some(path),
-                    Some(_) => lagging = lagging.or(Some(path)),
-                    None => {}
-                }
+        for path in SPEEDS.iter().flat_map(|speed| paths(&limits.scaled(*speed))).flatten() {
+            match self.off_path(&path) {
+                Some(off) if off < OFF_PATH => return Some(path),
+                Some(_) => lagging = lagging.or(Some(path)),
+                None => {}
             }
         }
         lagging
     }
 
-    /// Whether the arm can follow `path` from where it is.
-    pub fn follows(&self, path: &PosePath) -> bool {
-        self.off_path(path).is_some_and(|off| off < OFF_PATH)
+    /// The end of the present path, and the place `rise` m above it if that is another.
+    pub fn stops(&self, rise: f64) -> Vec<Isometry3<f64>> {
+        let here = self.end();
+        if rise > 0.0 { vec![here, self.above(rise)] } else { vec![here] }
     }
 
     /// How far the palm would leave `path` on the way, m; `None` if it would not get to its end.

@@ -231,6 +231,16 @@ mod tests {
         assert!(right.mean().x > 0.0);
     }
 
+    /// An object that was touched where it stands is taken by what was rehearsed right there.
+    #[test]
+    fn what_was_located_leaves_little_doubt() {
+        let covariance = Matrix3::identity() * 0.001_f64.powi(2);
+        let located = Belief::located(&covariance).expect("positive definite");
+        let (here, seen) = (located.odds(&aimed(0.002), 1), Belief::new(&UNCERTAINTY).odds(&aimed(0.002), 1));
+        assert!(here.contact < 0.6 * seen.contact && here.held > seen.held + 0.1, "{here:?} {seen:?}");
+        assert!(Belief::located(&Matrix3::zeros()).is_none());
+    }
+
     /// A grasp that was lucky in its few draws is not believed to be much better than the others of its object.
     #[test]
     fn luck_counts_for_less() {

@@ -6,7 +6,7 @@
 
 use grasping::{Grasp, Role};
 use hand_model::{Digit, Hand};
-use nalgebra::{Isometry3, Matrix3, Point3, Translation3, UnitQuaternion, Vector3};
+use nalgebra::{Isometry3, Matrix3, Point3, Translation3, Vector3};
 use scenarios::geometry::Shape;
 use touch::posture::digit_of;
 use touch::{InHand, KnownShape, PoseEstimate, PosePrior, TouchError};
@@ -45,51 +45,34 @@ pub struct Touching {
     pub onto: PosePath,
 }
 
-/// How the hand at `here` (`world_from_palm`) can touch an object of this `shape` that is seen at `percept` and is to be grasped
-/// with `grasp`: from above, turned about the vertical as it grasps.
-pub fn touchings(
-    hand: &Hand,
-    limits: &PathLimits,
-    here: &Isometry3<f64>,
-    grasp: &Grasp,
-    (shape, percept): (&Shape, &Percept),
-) -> Vec<Touching> {
-    let plate = plate(hand);
-    let ways = WAYS.iter().filter_map(|(pitch, beside)| {
+/// The guarded motions with which the hand can touch an object of this `shape` that is seen at `percept` and is to be grasped with
+/// `grasp`, the usual one first: from above, turned about the vertical as it grasps.
+pub fn touches(hand: &Hand, grasp: &Grasp, (shape, percept): (&Shape, &Percept)) -> Vec<PosePath> {
+    let (middle, facing) = plate(hand);
+    let pose = percept.pose();
+    let onto = |(pitch, beside): &(f64, f64)| {
         let rotation = Grasp { pitch: *pitch, roll: 0.0, ..grasp.clone() }.palm_rotation(percept.yaw);
-        let plate = (plate.0 + Vector3::x() * *beside, plate.1);
-        touching(limits, here, (rotation, plate), (shape, percept)).ok()
-    });
-    ways.collect()
+        let facing = rotation * facing;
+        let rim = pose * shape.support(&pose.inverse_transform_vector(&-facing));
+        let at = |along: f64| {
+            let place = rim.coords - rotation * (middle.coords + Vector3::x() * *beside) + facing * along;
+            Isometry3::from_parts(Translation3::from(place), rotation)
+        };
+        PosePath::new(vec![(0.0, at(-AROUND.0)), ((AROUND.0 + AROUND.1) / SPEED, at(AROUND.1))]).ok()
+    };
+    WAYS.iter().filter_map(onto).collect()
 }
 
-/// With the palm turned by `rotation`, in the world; of the pads that touch, `plate` is the middle and the way they face.
-fn touching(
-    limits: &PathLimits,
-    here: &Isometry3<f64>,
-    (rotation, plate): (UnitQuaternion<f64>, (Point3<f64>, Vector3<f64>)),
-    (shape, percept): (&Shape, &Percept),
-) -> Result<Touching, PathError> {
-    let (middle, facing) = plate;
-    let (facing, pose) = (rotation * facing, percept.pose());
-    let rim = pose * shape.support(&pose.inverse_transform_vector(&-facing));
-    let at = |along: f64| {
-        let place = rim.coords - rotation * middle.coords + facing * along;
-        Isometry3::from_parts(Translation3::from(place), rotation)
-    };
-    let (before, beyond) = (at(-AROUND.0), at(AROUND.1));
-    let above = Isometry3::from_parts(Translation3::from(before.translation.vector + Vector3::z() * ABOVE), rotation);
-    let way = PosePath::new(vec![
-        (0.0, *here),
-        (duration(limits, here, &above), above),
-        (duration(limits, &above, &before), before),
-    ])?;
-    let onto = PosePath::new(vec![(0.0, before), ((AROUND.0 + AROUND.1) / SPEED, beyond)])?;
-    Ok(Touching { way, onto })
+/// From `here` to `there`, where a guarded motion begins, by way of a place above it.
+pub fn way(limits: &PathLimits, here: &Isometry3<f64>, there: &Isometry3<f64>) -> [Result<PosePath, PathError>; 1] {
+    let above = there.translation.vector + Vector3::z() * ABOVE;
+    let above = Isometry3::from_parts(Translation3::from(above), there.rotation);
+    let stops = vec![(0.0, *here), (duration(limits, here, &above), above), (duration(limits, &above, there), *there)];
+    [PosePath::new(stops)]
 }
 
 /// Whether a pad is one of those that touch.
-pub fn touches(hand: &Hand, pad: usize) -> bool {
+pub fn is_touching(hand: &Hand, pad: usize) -> bool {
     PADS.contains(&hand.pads[pad].name.as_str())
 }
 
@@ -139,4 +122,65 @@ pub fn standing(off: Vector3<f64>, covariance: &Matrix3<f64>, sigmas: (f64, f64)
 /// Whether a digit has no part in holding the first object.
 fn is_free(digit: Digit) -> bool {
     Role::Second.digits().contains(&digit)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn grasp() -> Grasp {
+        Grasp {
+            id: 0,
+            object: "ball".into(),
+            role: Role::Second,
+            yaw: 0.3,
+            pitch: 0.2,
+            roll: 0.1,
+            center: [0.03, 0.02, -0.03],
+            pre_tension: [0.0; 5],
+            close_tension: [0.0; 5],
+            opposition: 0.0,
+            raise: 0.0,
+            thumb_delay: 0.0,
+            held: None,
+            held_joints: None,
+            score: 1.0,
+        }
+    }
+
+    /// Where the guarded motion has come as far as the object is seen, the pads' middle is on its surface and faces it.
+    #[test]
+    fn pads_meet_the_object_where_it_is_seen() {
+        let hand = Hand::ftac();
+        let shape = Shape::Sphere { radius: 0.03 };
+        let percept = Percept::of_ball(&Isometry3::translation(0.6, -0.1, 0.03));
+        let ways = touches(&hand, &grasp(), (&shape, &percept));
+        assert_eq!(ways.len(), WAYS.len());
+        let (middle, facing) = plate(&hand);
+        for (onto, (_, beside)) in ways.iter().zip(WAYS) {
+            let (before, beyond) = (onto.start(), onto.end());
+            let share = AROUND.0 / (AROUND.0 + AROUND.1);
+            let palm = Isometry3::from_parts(
+                before.translation.vector.lerp(&beyond.translation.vector, share).into(),
+                before.rotation,
+            );
+            let outward = palm * (middle + Vector3::x() * beside) - percept.position;
+            assert!((outward.norm() - 0.03).abs() < 1e-9, "{outward}");
+            assert!((outward.normalize() + palm * facing).norm() < 1e-9, "{outward}");
+        }
+    }
+
+    /// With nothing but the prior, the height takes its own standard deviation and the rest stays; a correlated axis follows it.
+    #[test]
+    fn the_table_tells_the_height() {
+        let (off, found) = standing(Vector3::new(0.0, 0.001, 0.004), &(Matrix3::identity() * 1e-4), (0.01, 0.005));
+        assert!((found - Matrix3::from_diagonal(&Vector3::new(1e-4, 1e-4, 0.25e-4))).norm() < 1e-12, "{found}");
+        assert!((off - Vector3::new(0.0, 0.001, 0.001)).norm() < 1e-12, "{off}");
+        let mut covariance = Matrix3::identity() * 1e-4;
+        (covariance[(0, 2)], covariance[(2, 0)]) = (0.8e-4, 0.8e-4);
+        let (off, found) = standing(Vector3::new(0.003, 0.0, 0.004), &covariance, (0.01, 0.005));
+        assert!(found[(0, 0)] < 0.6e-4 && off.x < 0.001, "{found} {off}");
+        // A prior that knows the height better already is left as it is.
+        assert_eq!(standing(off, &covariance, (0.004, 0.005)), (off, covariance));
+    }
 }

@@ -328,7 +328,7 @@ pub fn choose(situation: &Situation, candidates: &[Candidate]) -> Result<Option<
     // What is in the way only takes away from an option's worth: those that cannot win are not looked at.
     let (mut chosen, mut assessment) = (as_planned, plan);
     for option in options {
-        let least = assessment.utility.max(std::env::var("X_GAIN").ok().and_then(|v| v.parse().ok()).unwrap_or(SWITCH_GAIN) * plan.utility);
+        let least = assessment.utility.max(SWITCH_GAIN * plan.utility);
         if utility(&option.odds) <= least {
             break;
         }

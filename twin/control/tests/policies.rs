@@ -334,6 +334,41 @@ fn touch_goes_on_while_everything_is_in_the_hand() {
     assert_eq!(felt, in_hand(true, false).expect("injected").palm_from_object);
 }
 
+/// Where it may, it touches the second object before it takes it; what it does not feel is taken where it is seen.
+#[test]
+fn touch_feels_for_the_second_object_first() {
+    let table = Table::new();
+    let mut executive = table.executive();
+    let mut eyes = Watchful::new(&table);
+    let first = table.repertoire.of(FIRST, Role::First).next().expect("a first grasp");
+    let touch_with = |sensing: Sensing| {
+        let senses = Senses::new(&table.pipeline, sensing).expect("made");
+        Touch::new(Knowledge { explores: true, ..table.knowledge() }, senses, first)
+    };
+    run_until(&mut executive, Phase::Decide);
+    // The held cube is out of the way of the fingers.
+    let palm_from_object = Isometry3::translation(-0.03, -0.04, -0.03);
+    let behind = in_hand(true, false).map(|injected| Injected { palm_from_object, ..injected });
+    for (sensing, then) in [
+        (Sensing::ServosOnly, (Step::Play(Phase::Confirm), Phase::ApproachSecond)),
+        (Sensing::TruePose, (Step::Play(Phase::Locate), Phase::ReachSecond)),
+    ] {
+        let (mut touch, mut executive) = (touch_with(sensing), executive.clone());
+        touch.perceive(&executive, behind).expect("perceived");
+        let step = touch.decide(&mut executive, &mut eyes, 0.0).expect("decided");
+        assert_eq!((step, executive.phase()), then, "{sensing:?}");
+        if executive.phase() == Phase::ReachSecond {
+            let seen = executive.second().1;
+            run_until(&mut executive, Phase::Locate);
+            touch.perceive(&executive, None).expect("perceived");
+            let step = touch.decide(&mut executive, &mut eyes, 0.0).expect("decided");
+            assert_eq!((step, executive.phase()), (Step::Play(Phase::Confirm), Phase::ApproachSecond));
+            assert_eq!(executive.second().1, seen);
+            assert!(touch.story().reasons.iter().any(|reason| reason.contains("nothing was felt")));
+        }
+    }
+}
+
 /// An empty hand makes it look at both objects and try the first one again; a grasp that failed gives way to the other.
 #[test]
 fn touch_tries_again_what_is_missing() {

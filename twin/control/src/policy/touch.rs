@@ -237,7 +237,7 @@ impl<'a> Touch<'a> {
     /// How the second object would be touched; `None` if there is nothing to touch it with, or the arm does not get there.
     fn exploration(&self, executive: &Executive) -> Result<Option<Touching>, PolicyError> {
         let hand = executive.hand();
-        let touches = |pad: usize| palpation::touches(hand, pad) && self.senses.uses(hand, pad);
+        let touches = |pad: usize| palpation::is_touching(hand, pad) && self.senses.uses(hand, pad);
         let Some(felt) = self.felt.as_ref().filter(|_| self.knowledge.explores) else { return Ok(None) };
         if !(0..hand.pads.len()).any(touches) {
             return Ok(None);

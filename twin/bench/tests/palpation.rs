@@ -1,0 +1,60 @@
+//! An object that is not where it is seen is found by touching it, in physics and from rendered images.
+
+use bench::builtin::make_bench;
+use control::executive::Phase;
+use control::guarded::Guarded;
+use control::palpation::located;
+use control::percept::Percept;
+use control::perception::{Expected, feel, trusted};
+use control::sensing::Senses;
+use grasping::Role;
+use hand_model::Digit;
+use nalgebra::Vector3;
+use proving::world::drive;
+use scenarios::{Scenario, Sensing};
+use touch::{InHand, PosePrior};
+
+/// Second objects with a pear's, a sphere's and a cylinder's top.
+const COMBINATIONS: [usize; 3] = [0, 4, 3];
+/// How far beside its place the object is seen, along the palm's x, m.
+const OFF: f64 = 0.012;
+
+#[test]
+fn an_object_is_where_it_is_felt() {
+    let bench = make_bench(Scenario::benchmark(), 5, 1, true).expect("the built-in benchmark");
+    let senses = Senses::new(&bench.pipeline, Sensing::Full).expect("all senses");
+    let hand = &bench.world.cell.hand;
+    for (combination, side) in
+        COMBINATIONS.into_iter().flat_map(|combination| [(combination, -1.0), (combination, 1.0)])
+    {
+        let (mut trial, second) = bench.ideal_start(combination).expect("a trial");
+        let (robot, executive) = (&mut trial.robot, &mut trial.executive);
+        drive(robot, executive, Phase::Decide, |_, _| {}).expect("the first grasp");
+        let (first, seen_first) = executive.first().clone();
+        let known = [&first.object, &second.object].map(|name| &bench.known[name]);
+        let expected = Expected::of(&first, &seen_first, &second);
+        let felt = feel(&senses, &executive.look(), known[0], &expected).expect("felt");
+
+        let seen = executive.second().1;
+        let lateral = second.palm_rotation(seen.yaw) * Vector3::x() * OFF * side;
+        executive.see_second(Percept { position: seen.position + lateral, ..seen });
+        let touching = executive.rehearsed_touches(&known[1].model.shape).next().expect("within reach");
+        let digits: &[Digit] = Role::Second.digits();
+        executive.touch_second(touching.way, Guarded::new(touching.onto, hand, digits, |_| true));
+        drive(robot, executive, Phase::Locate, |_, _| {}).expect("the touch");
+
+        let seen = executive.second().1.pose();
+        let palm_from_object = executive.palm().inverse() * seen;
+        let prior = PosePrior { palm_from_object, sigma_translation: 0.01, sigma_rotation: 0.08 };
+        let held = InHand { shape: known[0], prior: trusted(felt.estimate.palm_from_object) };
+        let found = located(&senses, &executive.look(), known[1], &prior, held).expect("perceived");
+        let estimate = found.unwrap_or_else(|| panic!("combination {combination}: nothing is felt"));
+        let truth = robot.truth();
+        let real = (truth.palm.inverse() * truth.objects[1]).translation.vector;
+        let believed = |pose: &nalgebra::Isometry3<f64>| (pose.translation.vector - real).x.abs();
+        let (before, after) = (believed(&palm_from_object), believed(&estimate.palm_from_object));
+        assert!(before > 0.008, "combination {combination}: {before}");
+        assert!(after < 0.004, "combination {combination}, {}: {after}, {before} before", second.object);
+        assert!(robot.truth().object_pairs.is_empty(), "combination {combination}: what is held touches it");
+    }
+}
