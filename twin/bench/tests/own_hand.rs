@@ -54,7 +54,7 @@ fn a_thumb_on_the_index_finger_is_no_object() {
     let bench = pads_only(1);
     let (first, candidates) = bench.plans.plans[0].grasps(&bench.repertoire).expect("a plan");
     let objects = [&bench.plans.plans[0].first, &bench.plans.plans[0].second]
-        .map(|name| KnownObject::plain(bench.world.object(name).expect("an object")));
+        .map(|name| KnownObject::new(bench.world.object(name).expect("an object")));
     let second = &candidates[0].grasp;
     let in_hand: Vec<InHand> = [&first, second]
         .iter()

@@ -35,11 +35,6 @@ impl KnownObject {
         let grid = matches!(model.shape, Shape::Mesh(_)).then(|| DistanceGrid::new(&model.shape, GRID.0, GRID.1));
         Self { model, grid }
     }
-
-    /// An object that is looked at in a few points only: without a grid, which takes time to make.
-    pub fn plain(model: Arc<ObjectModel>) -> Self {
-        Self { model, grid: None }
-    }
 }
 
 impl KnownShape for KnownObject {

@@ -106,9 +106,11 @@ fn decide_and_play(
         let step = decide(&mut played.run, &start.objects, policy, &mut with)?;
         if policy.story().decisions > before {
             played.slowest_ms = played.slowest_ms.max(begun.elapsed().as_secs_f64() * 1e3);
-            if phase == Phase::Decide {
-                played.at_estimate = played.run.snapshot.robot.truth();
-            }
+        }
+        // The hold is felt before the second object is taken, or touched first.
+        let felt_hold = policy.story().decisions > before || step == Step::Play(Phase::Locate);
+        if phase == Phase::Decide && felt_hold {
+            played.at_estimate = played.run.snapshot.robot.truth();
         }
         for text in policy.story().take_announcements() {
             played.run.tell(&text, policy.felt(), condition, watcher)?;

@@ -3,33 +3,32 @@
 //! At each decision the look is interpreted ([`crate::perception`]), [`crate::recovery`] says what should come next, and
 //! [`crate::strategy`] chooses the grasp of the second object given the pose of the first as felt. What failed is tried again where
 //! the eyes see it now. Where they do not see what is to be taken, the hand steps aside and they look once more; what only comes
-//! later is taken to be where it was seen last, and looked for when its turn comes.
+//! later is taken to be where it was seen last, and looked for when its turn comes. Before the second object is taken it is touched
+//! ([`exploration`]).
+
+mod exploration;
 
 use std::collections::BTreeMap;
 
 use grasping::{Grasp, Role};
 use nalgebra::Vector3;
 use scenarios::tries::Attempt;
-use touch::{InHand, PoseEstimate, PosePrior};
+use touch::{InHand, PoseEstimate};
 
 use super::reach::{Wanted, turned, within_reach};
 use super::{Injected, Knowledge, Policy, PolicyError, Step, Story};
 use crate::executive::{Executive, Phase};
-use crate::guarded::Guarded;
 use crate::odds::{Aimed, Belief};
-use crate::palpation::{self, Touching, located};
 use crate::percept::{Eyes, Looked, Percept};
 use crate::perception::{Expected, Felt, Grip, feel, grip, trusted};
 use crate::recovery::{Next, probe};
 use crate::sensing::Senses;
-use crate::strategy::{Decision, Held, Situation, choose, clearest};
+use crate::strategy::{Decision, Held, Situation, choose};
 use crate::trajectory::PosePath;
 use crate::worth::{self, Candidate};
 
 /// Time that a trial needs from a new try of the first object to its end, s: none begins later.
 const TRY_TIME: f64 = 14.0;
-/// Standard deviation of how the second object is turned, rad.
-const TURNED: f64 = 0.08;
 /// The felt pose's standard deviation counts up to this, m.
 const MOST_SIGMA: f64 = 0.01;
 
@@ -222,31 +221,6 @@ impl<'a> Touch<'a> {
         })
     }
 
-    /// Touches the second object to find out where it is, if that is possible; else takes it.
-    fn touch_or_take(&mut self, executive: &mut Executive) -> Result<Step, PolicyError> {
-        let Some(onto) = self.exploration(executive)? else { return self.take_second(executive) };
-        let object = &self.knowledge.objects[1];
-        self.story.tell(format!("{} is touched from above to find out where it is", object.name));
-        let Touching { way, onto } = onto;
-        let hand = executive.hand().clone();
-        let guarded = Guarded::new(onto, &hand, Role::Second.digits(), |pad| self.senses.uses(&hand, pad));
-        executive.touch_second(way, guarded);
-        Ok(Step::Play(Phase::Locate))
-    }
-
-    /// How the second object would be touched; `None` if there is nothing to touch it with, or the arm does not get there.
-    fn exploration(&self, executive: &Executive) -> Result<Option<Touching>, PolicyError> {
-        let hand = executive.hand();
-        let touches = |pad: usize| palpation::is_touching(hand, pad) && self.senses.uses(hand, pad);
-        let Some(felt) = self.felt.as_ref().filter(|_| self.knowledge.explores) else { return Ok(None) };
-        if !(0..hand.pads.len()).any(touches) {
-            return Ok(None);
-        }
-        let target = &self.knowledge.objects[1];
-        let ways = executive.rehearsed_touches(&target.shape);
-        Ok(clearest(hand, &self.held(executive, felt), (target, &executive.second().1), ways)?)
-    }
-
     /// What is in the hand.
     fn held(&self, executive: &Executive, felt: &Felt) -> Held<'_> {
         Held {
@@ -256,30 +230,6 @@ impl<'a> Touch<'a> {
             digits: executive.first().0.role.digits(),
             sigma: felt.estimate.sigma().0.min(MOST_SIGMA),
         }
-    }
-
-    /// Takes in what the touch of the second object told.
-    fn locate(&mut self, executive: &mut Executive) -> Result<(), PolicyError> {
-        let Some(estimate) = self.touched.take() else {
-            self.story.tell("nothing was felt there".to_owned());
-            return Ok(());
-        };
-        let (palm, seen) = (executive.palm(), executive.second().1);
-        let position = (palm * estimate.palm_from_object).translation.vector;
-        let turn = palm.rotation.to_rotation_matrix().into_inner();
-        let covariance = turn * estimate.covariance.fixed_view::<3, 3>(0, 0) * turn.transpose();
-        let (looked, level) = (self.knowledge.uncertainty.target(self.looks), self.knowledge.uncertainty.arm);
-        let (off, covariance) = palpation::standing(position - seen.position.coords, &covariance, (looked, level));
-        self.story.tell(format!(
-            "felt ({:.0}, {:.0}, {:.0}) mm beside where it is seen",
-            off.x * 1e3,
-            off.y * 1e3,
-            off.z * 1e3
-        ));
-        executive.see_second(Percept { position: seen.position + off, ..seen });
-        self.located = Belief::located(&covariance);
-        self.looks = 1;
-        Ok(())
     }
 
     /// Decides how to take the second object, and begins.
@@ -368,15 +318,7 @@ impl Policy for Touch<'_> {
         let ((first, percept), (second, _)) = (executive.first(), executive.second());
         let expected = Expected::of(first, percept, second);
         if executive.phase() == Phase::Locate {
-            let prior = PosePrior {
-                palm_from_object: executive.palm().inverse() * executive.second().1.pose(),
-                sigma_translation: self.knowledge.uncertainty.target(self.looks),
-                sigma_rotation: TURNED,
-            };
-            let held = self.felt.as_ref().map_or(expected.palm_from_object, |felt| felt.estimate.palm_from_object);
-            let held = InHand { shape: self.knowledge.known[0], prior: trusted(held) };
-            self.touched = located(&self.senses, &executive.look(), self.knowledge.known[1], &prior, held)?;
-            return Ok(());
+            return self.perceive_touch(executive, &expected);
         }
         if executive.phase() == Phase::Decide {
             let mut felt = feel(&self.senses, &executive.look(), self.knowledge.known[0], &expected)?;
