@@ -90,7 +90,7 @@ impl Bench {
     ) -> Result<TrialResults> {
         let (setup, looks) = Setup::noisy(self, combination, trial)?;
         let start = setup.first_grasp(self, None, watcher)?;
-        let mut branches = Branches { bench: self, setup: &setup, start, looks };
+        let branches = Branches { bench: self, setup: &setup, start, looks };
         let mut results = TrialResults::default();
         for &condition in conditions {
             let id = TrialId { combination, trial, condition };
@@ -151,7 +151,6 @@ impl Bench {
             let object = &start.objects[index];
             self.known.get(&object.name).with_context(|| format!("{} was not made ready to be felt", object.name))
         };
-
         let knowledge = Knowledge {
             cell: &self.world.cell,
             library: &self.world.objects,

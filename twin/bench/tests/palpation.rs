@@ -8,7 +8,6 @@ use control::percept::Percept;
 use control::perception::{Expected, feel, trusted};
 use control::sensing::Senses;
 use grasping::Role;
-use hand_model::Digit;
 use nalgebra::Vector3;
 use proving::world::drive;
 use scenarios::{Scenario, Sensing};
@@ -39,8 +38,8 @@ fn an_object_is_where_it_is_felt() {
         let lateral = second.palm_rotation(seen.yaw) * Vector3::x() * OFF * side;
         executive.see_second(Percept { position: seen.position + lateral, ..seen });
         let touching = executive.rehearsed_touches(&known[1].model.shape).next().expect("within reach");
-        let digits: &[Digit] = Role::Second.digits();
-        executive.touch_second(touching.way, Guarded::new(touching.onto, hand, digits, |_| true));
+        let guarded = Guarded::new(touching.onto, hand, Role::Second.digits(), |_| true);
+        executive.touch_second(touching.way, guarded);
         drive(robot, executive, Phase::Locate, |_, _| {}).expect("the touch");
 
         let seen = executive.second().1.pose();
@@ -55,6 +54,6 @@ fn an_object_is_where_it_is_felt() {
         let (before, after) = (believed(&palm_from_object), believed(&estimate.palm_from_object));
         assert!(before > 0.008, "combination {combination}: {before}");
         assert!(after < 0.004, "combination {combination}, {}: {after}, {before} before", second.object);
-        assert!(robot.truth().object_pairs.is_empty(), "combination {combination}: what is held touches it");
+        assert!(truth.object_pairs.is_empty(), "combination {combination}: what is held touches it");
     }
 }

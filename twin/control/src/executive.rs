@@ -121,10 +121,10 @@ impl Executive {
     /// The ways in which the arm can touch an object of this `shape` where it is seen, the usual one first.
     pub fn rehearsed_touches(&self, shape: &Shape) -> impl Iterator<Item = Touching> {
         let (motion, limits, (grasp, seen)) = (&self.motion, &self.protocol.limits, &self.second);
-        let onto = palpation::touches(motion.hand(), grasp, (shape, seen)).into_iter();
+        let onto = palpation::touches(motion.hand(), grasp.yaw + seen.yaw, (shape, seen)).into_iter();
         onto.filter_map(move |onto| {
             let there = onto.start();
-            let way = motion.rehearsed(limits, |limits| palpation::way(limits, &motion.end(), &there))?;
+            let way = motion.rehearsed(limits, |limits| [palpation::way(limits, &motion.end(), &there)])?;
             Some(Touching { way, onto })
         })
     }

@@ -8,8 +8,8 @@ use hand_model::robot::{TactileFrame, TactileImage};
 use hand_model::{CAMERAS, Digit, Hand};
 use touch::StereoOptions;
 use touch::colour_change::find_change;
-use touch::posture::digit_of;
 
+use crate::sensing::is_on;
 use crate::trajectory::PosePath;
 
 /// How often pads are looked at on the way, s.
@@ -33,9 +33,8 @@ pub struct Guarded {
 impl Guarded {
     /// Along `path`, until a pad of `digits` feels something, as far as `used` lets it.
     pub fn new(path: PosePath, hand: &Hand, digits: &[Digit], used: impl Fn(usize) -> bool) -> Self {
-        let of_digits = |pad: usize| digit_of(hand.pads[pad].link).is_some_and(|digit| digits.contains(&digit));
         let watched = std::array::from_fn(|camera| {
-            hand.cameras.get(camera).is_some_and(|camera| of_digits(camera.pad) && used(camera.pad))
+            hand.cameras.get(camera).is_some_and(|camera| is_on(hand, camera.pad, digits) && used(camera.pad))
         });
         Self { path, watched, pictures: vec![None; CAMERAS], felt: None }
     }

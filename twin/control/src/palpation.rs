@@ -4,18 +4,18 @@
 //! place. Index and middle finger, stretched out, come down on the object's rim from above, slowly, until a pad feels it. The
 //! pads then show where the object is in the hand, as they do with a held one.
 
-use grasping::{Grasp, Role};
-use hand_model::{Digit, Hand};
+use grasping::Role;
+use grasping::grasp::palm_rotation;
+use hand_model::Hand;
 use nalgebra::{Isometry3, Matrix3, Point3, Translation3, Vector3};
 use scenarios::geometry::Shape;
-use touch::posture::digit_of;
 use touch::{InHand, KnownShape, PoseEstimate, PosePrior, TouchError};
 
 use crate::look::Look;
 use crate::motion::approach::duration;
 use crate::percept::Percept;
 use crate::perception::KnownObject;
-use crate::sensing::Senses;
+use crate::sensing::{Senses, is_on};
 use crate::trajectory::{PathError, PathLimits, PosePath};
 
 /// Pads that touch: those in the outer half of the stretched fingers.
@@ -45,13 +45,13 @@ pub struct Touching {
     pub onto: PosePath,
 }
 
-/// The guarded motions with which the hand can touch an object of this `shape` that is seen at `percept` and is to be grasped with
-/// `grasp`, the usual one first: from above, turned about the vertical as it grasps.
-pub fn touches(hand: &Hand, grasp: &Grasp, (shape, percept): (&Shape, &Percept)) -> Vec<PosePath> {
+/// The guarded motions with which the hand can touch an object of this `shape` that is seen at `percept`, the usual one
+/// first: from above, turned about the vertical by `heading` (rad).
+pub fn touches(hand: &Hand, heading: f64, (shape, percept): (&Shape, &Percept)) -> Vec<PosePath> {
     let (middle, facing) = plate(hand);
     let pose = percept.pose();
     let onto = |(pitch, beside): &(f64, f64)| {
-        let rotation = Grasp { pitch: *pitch, roll: 0.0, ..grasp.clone() }.palm_rotation(percept.yaw);
+        let rotation = palm_rotation(heading, *pitch, 0.0);
         let facing = rotation * facing;
         let rim = pose * shape.support(&pose.inverse_transform_vector(&-facing));
         let at = |along: f64| {
@@ -64,11 +64,11 @@ pub fn touches(hand: &Hand, grasp: &Grasp, (shape, percept): (&Shape, &Percept))
 }
 
 /// From `here` to `there`, where a guarded motion begins, by way of a place above it.
-pub fn way(limits: &PathLimits, here: &Isometry3<f64>, there: &Isometry3<f64>) -> [Result<PosePath, PathError>; 1] {
+pub fn way(limits: &PathLimits, here: &Isometry3<f64>, there: &Isometry3<f64>) -> Result<PosePath, PathError> {
     let above = there.translation.vector + Vector3::z() * ABOVE;
     let above = Isometry3::from_parts(Translation3::from(above), there.rotation);
     let stops = vec![(0.0, *here), (duration(limits, here, &above), above), (duration(limits, &above, there), *there)];
-    [PosePath::new(stops)]
+    PosePath::new(stops)
 }
 
 /// Whether a pad is one of those that touch.
@@ -98,8 +98,7 @@ pub fn located(
     let (pipeline, shape) = (senses.pipeline(), object as &dyn KnownShape);
     let mut touches = senses.perceive(look)?.touches;
     pipeline.mark_own(&mut touches, look.servos, &[first, InHand { shape, prior: *prior }])?;
-    let free = |pad: usize| digit_of(pipeline.hand().pads[pad].link).is_some_and(is_free);
-    touches.retain(|touch| free(touch.pad));
+    touches.retain(|touch| is_on(pipeline.hand(), touch.pad, Role::Second.digits()));
     if touches.iter().all(|touch| touch.of_objects().next().is_none()) {
         return Ok(None);
     }
@@ -119,34 +118,9 @@ pub fn standing(off: Vector3<f64>, covariance: &Matrix3<f64>, sigmas: (f64, f64)
     (off - gain * off.z, covariance - gain * along.transpose())
 }
 
-/// Whether a digit has no part in holding the first object.
-fn is_free(digit: Digit) -> bool {
-    Role::Second.digits().contains(&digit)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    fn grasp() -> Grasp {
-        Grasp {
-            id: 0,
-            object: "ball".into(),
-            role: Role::Second,
-            yaw: 0.3,
-            pitch: 0.2,
-            roll: 0.1,
-            center: [0.03, 0.02, -0.03],
-            pre_tension: [0.0; 5],
-            close_tension: [0.0; 5],
-            opposition: 0.0,
-            raise: 0.0,
-            thumb_delay: 0.0,
-            held: None,
-            held_joints: None,
-            score: 1.0,
-        }
-    }
 
     /// Where the guarded motion has come as far as the object is seen, the pads' middle is on its surface and faces it.
     #[test]
@@ -154,7 +128,7 @@ mod tests {
         let hand = Hand::ftac();
         let shape = Shape::Sphere { radius: 0.03 };
         let percept = Percept::of_ball(&Isometry3::translation(0.6, -0.1, 0.03));
-        let ways = touches(&hand, &grasp(), (&shape, &percept));
+        let ways = touches(&hand, 0.3, (&shape, &percept));
         assert_eq!(ways.len(), WAYS.len());
         let (middle, facing) = plate(&hand);
         for (onto, (_, beside)) in ways.iter().zip(WAYS) {

@@ -7,6 +7,7 @@ use hand_model::pads::IMAGE_SIZE;
 use hand_model::robot::{TactileFrame, TactileImage};
 use hand_model::{Digit, Hand};
 use scenarios::Sensing;
+use touch::posture::digit_of;
 use touch::{Perceived, PoseOptions, TouchError, TouchPipeline};
 
 use crate::look::Look;
@@ -83,6 +84,11 @@ impl<'a> Senses<'a> {
             }
         }
     }
+}
+
+/// Whether a pad is on one of `digits`.
+pub fn is_on(hand: &Hand, pad: usize, digits: &[Digit]) -> bool {
+    digit_of(hand.pads[pad].link).is_some_and(|digit| digits.contains(&digit))
 }
 
 /// The image with every block of [`BLOCK`] x [`BLOCK`] pixels at its mean; one of another size stays as it is, to be refused.

@@ -10,7 +10,8 @@ use std::sync::Arc;
 use grasping::Role;
 use hand_model::robot::{ServoState, TactileFrame, TactileImage};
 use hand_model::{ACTUATORS, Digit, Hand};
-use touch::posture::digit_of;
+
+use crate::sensing::is_on;
 
 /// How often pads are looked at while carrying, s.
 pub const LOOK_PERIOD: f64 = 0.1;
@@ -145,9 +146,8 @@ impl GripWatch {
 
 /// Whose pads a camera looks through: the palm's belong to the first grip, which leans on it.
 fn role_of(hand: &Hand, camera: usize) -> Role {
-    let link = hand.pads[hand.cameras[camera].pad].link;
-    let second = digit_of(link).is_some_and(|digit| Role::Second.digits().contains(&digit));
-    if second { Role::Second } else { Role::First }
+    let pad = hand.cameras[camera].pad;
+    if is_on(hand, pad, Role::Second.digits()) { Role::Second } else { Role::First }
 }
 
 /// Mean difference of two pictures, grey levels.

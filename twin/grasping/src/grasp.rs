@@ -65,10 +65,7 @@ impl Grasp {
 
     /// Rotation `world_from_palm` for an object whose yaw is `object_yaw`.
     pub fn palm_rotation(&self, object_yaw: f64) -> UnitQuaternion<f64> {
-        let z = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), self.yaw + object_yaw);
-        let y = UnitQuaternion::from_axis_angle(&Vector3::y_axis(), self.pitch);
-        let x = UnitQuaternion::from_axis_angle(&Vector3::x_axis(), self.roll);
-        z * y * x * level()
+        palm_rotation(self.yaw + object_yaw, self.pitch, self.roll)
     }
 
     /// `world_from_palm` at which an object at `object` with `object_yaw` has its centre at [`Self::center`].
@@ -86,6 +83,14 @@ impl Grasp {
             grasp.rotation,
         )
     }
+}
+
+/// Rotation `world_from_palm` of a hand with this heading about the vertical, pitch and roll (rad), as a [`Grasp`] counts them.
+pub fn palm_rotation(heading: f64, pitch: f64, roll: f64) -> UnitQuaternion<f64> {
+    let z = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), heading);
+    let y = UnitQuaternion::from_axis_angle(&Vector3::y_axis(), pitch);
+    let x = UnitQuaternion::from_axis_angle(&Vector3::x_axis(), roll);
+    z * y * x * level()
 }
 
 /// Palm level, facing down, fingers along world x: palm y is world x, palm z is world z.

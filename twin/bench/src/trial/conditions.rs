@@ -81,7 +81,7 @@ pub struct Branches<'a> {
 
 impl Branches<'_> {
     /// One condition.
-    pub fn play(&mut self, id: TrialId, watcher: &mut dyn Watcher) -> Result<TrialOutcome> {
+    pub fn play(&self, id: TrialId, watcher: &mut dyn Watcher) -> Result<TrialOutcome> {
         match Means::of(id.condition) {
             None => self.bench.plan(&self.start, self.bench.options(id, self.looks.clone()), watcher),
             Some(means) => self.deliberate(id, means, watcher),
@@ -89,7 +89,7 @@ impl Branches<'_> {
     }
 
     /// One that decides, with what `means` leaves it.
-    pub fn deliberate(&mut self, id: TrialId, means: Means, watcher: &mut dyn Watcher) -> Result<TrialOutcome> {
+    pub fn deliberate(&self, id: TrialId, means: Means, watcher: &mut dyn Watcher) -> Result<TrialOutcome> {
         let Self { bench, setup, start, looks } = self;
         let options = bench.options(id, looks.clone());
         if let Some(intact) = &bench.intact {
