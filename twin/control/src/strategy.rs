@@ -40,9 +40,11 @@ const CLEAR: f64 = 0.012;
 const FAR: f64 = 2.0;
 
 /// What is in the hand, as estimated.
-#[derive(Debug, Clone)]
+#[derive(Clone)]
 pub struct Held<'a> {
-    pub object: &'a ObjectModel,
+    pub name: &'a str,
+    /// In the object's frame: [`object_solids`].
+    pub solids: &'a [Solid],
     /// `palm_from_object`.
     pub pose: Isometry3<f64>,
     /// Finger angles, rad.
@@ -142,9 +144,9 @@ fn placed(solids: &[Solid], pose: &Isometry3<f64>) -> Vec<Solid> {
     solids.iter().map(|solid| Solid { pose: pose * solid.pose, ..solid.clone() }).collect()
 }
 
-/// What moves with the palm (palm frame) when the `solids` of the held object are at a pose in it, with its digits at these angles.
-fn held_solids(hand: &Hand, held: &Held, solids: &[Solid], (pose, joints): (&Isometry3<f64>, &[f64])) -> Vec<Solid> {
-    let mut moving = placed(solids, pose);
+/// What moves with the palm (palm frame) when the held object is at a pose in it, with its digits at these angles.
+fn held_solids(hand: &Hand, held: &Held, (pose, joints): (&Isometry3<f64>, &[f64])) -> Vec<Solid> {
+    let mut moving = placed(held.solids, pose);
     moving.extend(hand_solids(hand, joints, held.digits, false));
     moving
 }
@@ -154,11 +156,11 @@ fn held_solids(hand: &Hand, held: &Held, solids: &[Solid], (pose, joints): (&Iso
 pub fn clearest(
     hand: &Hand,
     held: &Held,
-    (target, percept): (&ObjectModel, &Percept),
+    (target, percept): (&[Solid], &Percept),
     ways: impl Iterator<Item = Touching>,
 ) -> Result<Option<Touching>, StrategyError> {
-    let moving = held_solids(hand, held, &object_solids(held.object), (&held.pose, &held.joints));
-    let mut fixed = placed(&object_solids(target), &percept.pose());
+    let moving = held_solids(hand, held, (&held.pose, &held.joints));
+    let mut fixed = placed(target, &percept.pose());
     fixed.push(Solid::table(0.0));
     let mut best: Option<(f64, Touching)> = None;
     for way in ways {
@@ -187,8 +189,8 @@ pub struct Situation<'a> {
     pub held: &'a Held<'a>,
     /// The hold of the same object after which candidates were rehearsed: `palm_from_object` and finger angles, rad.
     pub rehearsed: Option<(Isometry3<f64>, &'a [f64])>,
-    /// The object to take next.
-    pub target: &'a ObjectModel,
+    /// The object to take next, in its own frame: [`object_solids`].
+    pub target: &'a [Solid],
     /// Standard deviation of perceiving and reaching the target, m.
     pub target_sigma: f64,
     /// Rehearsals of all candidates.
@@ -202,23 +204,21 @@ pub struct Situation<'a> {
 }
 
 /// The geometry of a decision: what moves with the palm (palm frame), as felt and as rehearsed, and the target (its own frame).
-struct Scene {
+struct Scene<'a> {
     moving: Vec<Solid>,
     rehearsed: Option<Vec<Solid>>,
-    target: Vec<Solid>,
+    target: &'a [Solid],
     sigma: f64,
 }
 
-impl Scene {
-    fn new(situation: &Situation) -> Self {
+impl<'a> Scene<'a> {
+    fn new(situation: &Situation<'a>) -> Self {
         let (hand, held) = (situation.hand, situation.held);
-        // Hulls of meshes take time: once for both holds.
-        let object = object_solids(held.object);
-        let rehearsed = situation.rehearsed.map(|(pose, joints)| held_solids(hand, held, &object, (&pose, joints)));
+        let rehearsed = situation.rehearsed.map(|(pose, joints)| held_solids(hand, held, (&pose, joints)));
         Self {
-            moving: held_solids(hand, held, &object, (&held.pose, &held.joints)),
+            moving: held_solids(hand, held, (&held.pose, &held.joints)),
             rehearsed,
-            target: object_solids(situation.target),
+            target: situation.target,
             sigma: held.sigma.hypot(situation.target_sigma).max(1e-4),
         }
     }
@@ -231,7 +231,7 @@ impl Scene {
         grasp: &Grasp,
         percept: &Percept,
     ) -> Result<f64, StrategyError> {
-        let fixed = placed(&self.target, &percept.pose());
+        let fixed = placed(self.target, &percept.pose());
         let mut clearance =
             clearance_along(path, moving, &fixed, 2000)?.map_or(f64::INFINITY, |found| found.min_distance);
         let before = path.end().inverse() * percept.pose();
@@ -242,7 +242,7 @@ impl Scene {
                 let place = before.translation.vector.lerp(&after.translation.vector, part);
                 let rotation = if stage == CLOSING_STAGES { after.rotation } else { before.rotation };
                 let there = Isometry3::from_parts(Translation3::from(place), rotation);
-                let found = clearance_at(&Isometry3::identity(), moving, &placed(&self.target, &there))?;
+                let found = clearance_at(&Isometry3::identity(), moving, &placed(self.target, &there))?;
                 clearance = clearance.min(found.map_or(f64::INFINITY, |found| found.min_distance));
             }
         }
@@ -339,7 +339,7 @@ pub fn choose(situation: &Situation, candidates: &[Candidate]) -> Result<Option<
     }
     let grasp = chosen.candidate.grasp.clone();
     let switched = grasp.id != planned.grasp.id;
-    let reason = reason(&situation.held.object.name, (&planned.grasp, &plan), (&chosen, &assessment));
+    let reason = reason(situation.held.name, (&planned.grasp, &plan), (&chosen, &assessment));
     let aim = chosen.aimed.aim;
     Ok(Some(Decision { grasp, aim, aimed: chosen.aimed, switched, plan, chosen: assessment, reason }))
 }

@@ -11,7 +11,7 @@ use control::policy::blind::Blind;
 use control::policy::touch::Touch;
 use control::policy::{Injected, Knowledge, Policy, Recovery, Step, Uncertainty};
 use control::sensing::Senses;
-use control::strategy::{Decision, Held, Situation, choose};
+use control::strategy::{Decision, Held, Situation, choose, object_solids};
 use control::trajectory::PathLimits;
 use control::workcell::Workcell;
 use control::worth::Candidate;
@@ -186,14 +186,15 @@ fn with_bar_at(x: f64) -> (bool, f64) {
     run_until(&mut executive, Phase::Decide);
     let bar = bar();
     let digits = Role::First.digits();
+    let [bar, target] = [&bar, &*table.objects[1]].map(object_solids);
     let held = Held {
-        object: &bar,
+        name: "bar",
+        solids: &bar,
         pose: Isometry3::translation(x, 0.09, -0.02),
         joints: vec![0.0; hand_model::HAND_JOINTS],
         digits,
         sigma: 0.001,
     };
-    let target = &table.objects[1];
     let hand = &table.cell.hand;
     let belief = Belief::new(&Uncertainty::standard());
     let situation = Situation {
@@ -201,7 +202,7 @@ fn with_bar_at(x: f64) -> (bool, f64) {
         hand,
         held: &held,
         rehearsed: None,
-        target,
+        target: &target,
         target_sigma: 0.002,
         all: &Arc::default(),
         belief: &belief,
@@ -240,8 +241,10 @@ fn with_rehearsals(rehearsals: [fn(&Vector3<f64>) -> TryOutcome; 2]) -> Decision
     let mut executive = table.executive();
     run_until(&mut executive, Phase::Decide);
     let bar = bar();
+    let [bar, target] = [&bar, &*table.objects[1]].map(object_solids);
     let held = Held {
-        object: &bar,
+        name: "bar",
+        solids: &bar,
         pose: Isometry3::translation(-0.10, 0.09, -0.02),
         joints: vec![0.0; hand_model::HAND_JOINTS],
         digits: Role::First.digits(),
@@ -253,7 +256,7 @@ fn with_rehearsals(rehearsals: [fn(&Vector3<f64>) -> TryOutcome; 2]) -> Decision
         hand: &table.cell.hand,
         held: &held,
         rehearsed: None,
-        target: &table.objects[1],
+        target: &target,
         target_sigma: 0.002,
         all: &Arc::default(),
         belief: &belief,

@@ -17,13 +17,14 @@ use touch::{InHand, PoseEstimate};
 
 use super::reach::{Wanted, turned, within_reach};
 use super::{Injected, Knowledge, Policy, PolicyError, Step, Story};
+use crate::collision::Solid;
 use crate::executive::{Executive, Phase};
 use crate::odds::{Aimed, Belief};
 use crate::percept::{Eyes, Looked, Percept};
 use crate::perception::{Expected, Felt, Grip, feel, grip, trusted};
 use crate::recovery::{Next, probe};
 use crate::sensing::Senses;
-use crate::strategy::{Decision, Held, Situation, choose};
+use crate::strategy::{Decision, Held, Situation, choose, object_solids};
 use crate::trajectory::PosePath;
 use crate::worth::{self, Candidate};
 
@@ -36,6 +37,8 @@ const MOST_SIGMA: f64 = 0.01;
 pub struct Touch<'a> {
     knowledge: Knowledge<'a>,
     senses: Senses<'a>,
+    /// The objects' own solids.
+    solids: [Vec<Solid>; 2],
     /// Grasps of the first object, the planned one first.
     first: Vec<Candidate>,
     story: Story,
@@ -49,7 +52,7 @@ pub struct Touch<'a> {
     aim: Vector3<f64>,
     /// What is known about the error of the aim at the second object.
     belief: Belief,
-    /// The last try at the second object.
+    /// The last try at the second object, if only the eyes said where it is.
     tried: Option<Aimed>,
     /// Looks that the second object's place is the mean of.
     looks: u32,
@@ -75,6 +78,7 @@ impl<'a> Touch<'a> {
         let others = others.map(|grasp| Candidate::new(grasp.clone(), worth::UNREHEARSED * grasp.score));
         let planned = Candidate::new(first.clone(), first.score);
         Self {
+            solids: [0, 1].map(|object| object_solids(&knowledge.objects[object])),
             first: std::iter::once(planned).chain(others).collect(),
             belief: Belief::new(&knowledge.uncertainty),
             tried: None,
@@ -224,7 +228,8 @@ impl<'a> Touch<'a> {
     /// What is in the hand.
     fn held(&self, executive: &Executive, felt: &Felt) -> Held<'_> {
         Held {
-            object: &self.knowledge.objects[0],
+            name: &self.knowledge.objects[0].name,
+            solids: &self.solids[0],
             pose: felt.estimate.palm_from_object,
             joints: felt.estimate.q.to_vec(),
             digits: executive.first().0.role.digits(),
@@ -251,7 +256,8 @@ impl<'a> Touch<'a> {
                 continue;
             };
             self.story.switched |= decision.switched;
-            self.tried = Some(decision.aimed);
+            // What failed at an object that was touched tells nothing of where the eyes see things.
+            self.tried = self.located.is_none().then_some(decision.aimed);
             executive.see_second(beside);
             executive.decide(decision.grasp)?;
             executive.redirect(path);
@@ -272,7 +278,7 @@ impl<'a> Touch<'a> {
             hand: &self.knowledge.cell.hand,
             held: &held,
             rehearsed: planned.held.zip(planned.held_joints.as_deref()),
-            target: second,
+            target: &self.solids[1],
             target_sigma: uncertainty.arm.hypot(uncertainty.eyes),
             all: &candidates.iter().flat_map(|candidate| candidate.rehearsed.iter().copied()).collect(),
             belief: self.located.as_ref().unwrap_or(&self.belief),

@@ -39,7 +39,7 @@ impl Touch<'_> {
         }
         let target = &self.knowledge.objects[1];
         let ways = executive.rehearsed_touches(&target.shape);
-        Ok(clearest(hand, &self.held(executive, felt), (target, &executive.second().1), ways)?)
+        Ok(clearest(hand, &self.held(executive, felt), (&self.solids[1], &executive.second().1), ways)?)
     }
 
     /// Where the object is in the hand that has just touched it.
