@@ -39,6 +39,22 @@ impl Condition {
     }
 }
 
+/// No condition has that name.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("condition: found {found}, expected one of {}", Condition::ALL.map(Condition::name).join(", "))]
+pub struct UnknownCondition {
+    found: String,
+}
+
+impl std::str::FromStr for Condition {
+    type Err = UnknownCondition;
+
+    fn from_str(text: &str) -> Result<Self, Self::Err> {
+        let known = Self::ALL.into_iter().find(|condition| condition.name() == text);
+        known.ok_or_else(|| UnknownCondition { found: text.to_owned() })
+    }
+}
+
 impl std::fmt::Display for Condition {
     fn fmt(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         formatter.pad(self.name())

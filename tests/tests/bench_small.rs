@@ -55,6 +55,20 @@ fn trials(folder: &Path) -> Vec<Vec<String>> {
     rows
 }
 
+/// A condition that is played alone gives the rows it gives beside the others, but for the risk that touch would have predicted.
+#[test]
+fn conditions_can_be_played_alone() {
+    let folder = tempdir().expect("a folder");
+    bench(&["--conditions", "touch,blind", "--out", text(folder.path())]);
+    let (alone, beside) = (trials(folder.path()), trials(reference()));
+    let condition = alone[0].iter().position(|name| name == "condition").expect("a column condition");
+    let wanted: Vec<_> = beside.into_iter().filter(|row| !["ideal", "reflex"].contains(&&*row[condition])).collect();
+    assert_eq!(alone, wanted);
+    let unknown = run(&["bench", "--conditions", "touch,hasty"]);
+    assert_eq!(unknown.status.code(), Some(2));
+    assert!(stderr(&unknown).contains("found hasty, expected one of ideal, blind"), "{}", stderr(&unknown));
+}
+
 #[test]
 fn jobs_change_nothing() {
     let two = tempdir().expect("a folder");

@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
 use scenarios::effects::Effect;
-use scenarios::record::{AblatedTrial, TrialRecord};
+use scenarios::record::{AblatedTrial, Condition, TrialRecord};
 use scenarios::tries::TryRecord;
 use scenarios::{Ablation, Scenario};
 use serde::{Deserialize, Serialize};
@@ -25,6 +25,9 @@ pub struct RunRequest {
     pub robot: String,
     /// Shard `i` of `n`, counted from 1.
     pub shard: (usize, usize),
+    /// Conditions that are played, in order.
+    #[serde(default = "all_conditions")]
+    pub conditions: Vec<Condition>,
     /// What touch is run without, too.
     #[serde(default)]
     pub ablations: Vec<Ablation>,
@@ -42,6 +45,11 @@ pub struct RunRequest {
 }
 
 impl RunRequest {
+    /// The conditions of a trial with noise.
+    pub fn noisy(&self) -> Vec<Condition> {
+        self.conditions.iter().copied().filter(|condition| Condition::NOISY.contains(condition)).collect()
+    }
+
     /// The scenario that is run.
     pub fn scenario(&self) -> Result<Scenario> {
         let mut scenario = Scenario::parse(&self.scenario, Path::new("run.json"))?;
@@ -50,6 +58,10 @@ impl RunRequest {
         scenario.effects = self.without.iter().fold(scenario.effects, |effects, effect| effects.without(*effect));
         Ok(scenario)
     }
+}
+
+fn all_conditions() -> Vec<Condition> {
+    Condition::ALL.to_vec()
 }
 
 fn unscaled() -> f64 {

@@ -50,10 +50,12 @@ pub struct Options<'a> {
 /// Units of a request, in order.
 fn units(request: &RunRequest) -> Vec<Unit> {
     let (shard, of) = request.shard;
+    let ideal = request.conditions.contains(&Condition::Ideal).then_some(None);
+    let trials = if request.noisy().is_empty() { 0 } else { request.trials };
     (0..request.combos)
         .filter(|combination| combination % of == shard - 1)
         .flat_map(|combination| {
-            std::iter::once(None).chain((0..request.trials).map(Some)).map(move |trial| Unit { combination, trial })
+            ideal.into_iter().chain((0..trials).map(Some)).map(move |trial| Unit { combination, trial })
         })
         .collect()
 }
@@ -80,16 +82,16 @@ fn run_unit(bench: &Bench, request: &RunRequest, unit: Unit, folder: &Path, opti
         scenario: request.scenario.clone(),
     };
     if let Some(mut place) = (options.place)(record)? {
-        let conditions = if unit.trial.is_some() { &Condition::NOISY[..] } else { &[Condition::Ideal] };
+        let conditions = if unit.trial.is_some() { request.noisy() } else { vec![Condition::Ideal] };
         let mut results = TrialResults::default();
         for condition in conditions {
-            results.add(bench.play(&task(*condition), place.as_mut(), &mut NoWatcher)?);
+            results.add(bench.play(&task(condition), place.as_mut(), &mut NoWatcher)?);
         }
         return Ok(results);
     }
     if !record {
         return match unit.trial {
-            Some(trial) => bench.trial(unit.combination, trial, &Condition::NOISY, &request.ablations, &mut NoWatcher),
+            Some(trial) => bench.trial(unit.combination, trial, &request.noisy(), &request.ablations, &mut NoWatcher),
             None => Ok(bench.ideal(unit.combination, &mut NoWatcher)?.into()),
         };
     }
@@ -106,7 +108,7 @@ fn run_unit(bench: &Bench, request: &RunRequest, unit: Unit, folder: &Path, opti
     }
     let mut recording = Recording::open(&targets, bench, &task(condition))?;
     let results = match unit.trial {
-        Some(trial) => bench.trial(unit.combination, trial, &Condition::NOISY, &request.ablations, &mut recording)?,
+        Some(trial) => bench.trial(unit.combination, trial, &request.noisy(), &request.ablations, &mut recording)?,
         None => bench.ideal(unit.combination, &mut recording)?.into(),
     };
     recording.finish()?;

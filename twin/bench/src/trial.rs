@@ -22,6 +22,7 @@ use control::policy::blind::Blind;
 use control::policy::touch::Touch;
 use control::sensing::Senses;
 use grasping::Grasp;
+use proving::plan::PlannedGrasps;
 use proving::rehearsal::{Snapshot, TrialStart};
 use scenarios::noise::{TrialNoise, trial_rng};
 use scenarios::record::{AblatedTrial, Condition, TrialId, TrialRecord};
@@ -111,8 +112,8 @@ impl Bench {
 
     /// Body and controller about to begin the ideal run of a combination, and its planned second grasp.
     pub fn ideal_start(&self, combination: usize) -> Result<(Snapshot, Grasp)> {
-        let (first, candidates) = self.plans.plans[combination].grasps(&self.repertoire)?;
-        let (world, second) = (&self.world, candidates[0].grasp.clone());
+        let PlannedGrasps { first, second, .. } = self.plans.plans[combination].grasps(&self.repertoire)?;
+        let (world, second) = (&self.world, second[0].grasp.clone());
         let board = self.board.with_noise(0);
         let plan = &self.plans.plans[combination];
         let objects = [world.object(&plan.first)?, world.object(&plan.second)?];
@@ -142,7 +143,7 @@ impl Bench {
 
     /// The branch of the policy `blind`.
     fn plan(&self, start: &Start, options: Play, watcher: &mut dyn Watcher) -> Result<TrialOutcome> {
-        play(start, &mut Blind::new(start.candidates[0].grasp.clone()), options, watcher)
+        play(start, &mut Blind::new(start.second[0].grasp.clone()), options, watcher)
     }
 
     /// The branch of the policy `touch`, with what `means` leaves it.
@@ -157,7 +158,8 @@ impl Bench {
             repertoire: &self.repertoire,
             objects: start.objects.clone(),
             known: [known(0)?, known(1)?],
-            second: start.candidates.clone(),
+            second: start.second.clone(),
+            fallen: start.fallen.clone(),
             uncertainty: self.uncertainty,
             time_limit: self.world.scenario.protocol.time_limit,
             recovery: means.recovery,

@@ -52,11 +52,11 @@ fn closed_on_nothing(
 #[test]
 fn a_thumb_on_the_index_finger_is_no_object() {
     let bench = pads_only(1);
-    let (first, candidates) = bench.plans.plans[0].grasps(&bench.repertoire).expect("a plan");
+    let grasps = bench.plans.plans[0].grasps(&bench.repertoire).expect("a plan");
     let objects = [&bench.plans.plans[0].first, &bench.plans.plans[0].second]
         .map(|name| KnownObject::new(bench.world.object(name).expect("an object")));
-    let second = &candidates[0].grasp;
-    let in_hand: Vec<InHand> = [&first, second]
+    let (first, second) = (&grasps.first, &grasps.second[0].grasp);
+    let in_hand: Vec<InHand> = [first, second]
         .iter()
         .zip(&objects)
         .filter_map(|(grasp, object)| Some(InHand { shape: object, prior: trusted(grasp.held?) }))

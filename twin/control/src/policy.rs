@@ -44,6 +44,8 @@ pub struct Knowledge<'a> {
     pub known: [&'a KnownObject; 2],
     /// Grasps of the second object, the planned one first.
     pub second: Vec<Candidate>,
+    /// Rehearsed grasps of the second object in the ways in which it can fall over: each names its way as its object.
+    pub fallen: Vec<Candidate>,
     /// Errors that the controller expects of its robot.
     pub uncertainty: Uncertainty,
     /// Time after which a trial counts as failed, s.

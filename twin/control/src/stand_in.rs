@@ -6,6 +6,7 @@
 //! thumb close at right angles to its axis.
 
 use std::f64::consts::{FRAC_PI_2, PI};
+use std::sync::Arc;
 
 use grasping::{Grasp, Repertoire, Role};
 use nalgebra::{Isometry3, Translation3, Vector3};
@@ -21,19 +22,21 @@ const NUMBERS_FROM: u32 = 1000;
 /// Turns tried with something that has no axis, rad.
 const ANY_SIDE: [f64; 5] = [0.0, 0.5, -0.5, 1.0, -1.0];
 
-/// Grasps in `role` for `object`, seen at `percept`, none of whose own grasps fits the way it lies.
+/// Grasps in `role` for `object`, seen at `percept`, none of whose own grasps fits the way it lies. Some of them were `rehearsed`
+/// together with what is held.
 pub fn stand_ins(
-    objects: &ObjectSet,
-    repertoire: &Repertoire,
-    object: &ObjectModel,
-    percept: &Percept,
+    (objects, repertoire): (&ObjectSet, &Repertoire),
+    (object, percept): (&ObjectModel, &Percept),
     role: Role,
+    rehearsed: &[Candidate],
 ) -> Vec<Candidate> {
     let mut candidates = Vec::new();
     for model in objects.fallen_of(object) {
         let Some(yaw) = model.standing_yaw(&percept.rotation) else { continue };
         for grasp in repertoire.of(&model.name, role) {
-            candidates.push((grasp.clone(), yaw + grasp.yaw, worth::UNREHEARSED));
+            let known = rehearsed.iter().find(|known| known.grasp.object == model.name && known.grasp.id == grasp.id);
+            let outcomes = known.map(|known| known.rehearsed.clone()).unwrap_or_default();
+            candidates.push((grasp.clone(), yaw + grasp.yaw, worth::UNREHEARSED, outcomes));
         }
     }
     let flat = is_flat(object);
@@ -48,13 +51,14 @@ pub fn stand_ins(
         .min_by(|a, b| a.0.total_cmp(&b.0));
     for grasp in alike.map(|(_, grasps)| grasps).unwrap_or_default() {
         for yaw in sides(object, percept) {
-            candidates.push((grasp.clone(), yaw, worth::STAND_IN));
+            candidates.push((grasp.clone(), yaw, worth::STAND_IN, Arc::default()));
         }
     }
     let numbered = (NUMBERS_FROM..).zip(candidates);
     numbered
-        .map(|(number, (grasp, yaw, worth))| {
-            Candidate::new(taken_over(&grasp, object, percept, yaw - percept.yaw, number), worth * grasp.score)
+        .map(|(number, (grasp, yaw, worth, rehearsed))| {
+            let worth = worth * grasp.score;
+            Candidate { grasp: taken_over(&grasp, object, percept, yaw - percept.yaw, number), worth, rehearsed }
         })
         .collect()
 }
@@ -93,29 +97,17 @@ fn taken_over(grasp: &Grasp, object: &ObjectModel, percept: &Percept, yaw: f64, 
 
 #[cfg(test)]
 mod tests {
-    use super::*;
     use nalgebra::{Point3, UnitQuaternion};
+
+    use super::*;
+    use crate::odds::{Rehearsed, TryOutcome};
 
     fn lying(rotation: UnitQuaternion<f64>) -> Percept {
         Percept { position: Point3::new(0.6, 0.1, 0.0225), rotation, yaw: 0.4 }
     }
 
-    /// A rod that points ahead is grasped with the hand turned by a quarter; one that lies crosswise with the hand ahead.
-    #[test]
-    fn rods_are_grasped_across() {
-        let set = ObjectSet::standard();
-        let rod = set.get("cylinder_45").unwrap();
-        let ahead = UnitQuaternion::from_axis_angle(&Vector3::y_axis(), FRAC_PI_2);
-        let crosswise = UnitQuaternion::from_axis_angle(&Vector3::x_axis(), FRAC_PI_2);
-        assert!(sides(rod, &lying(ahead)).iter().all(|yaw| (yaw.abs() - FRAC_PI_2).abs() < 1e-9));
-        assert!(sides(rod, &lying(crosswise))[0].abs() < 1e-9);
-    }
-
-    /// The grasp of the ball that is as high is taken over, and the hand comes from the wanted side whatever the percept's yaw.
-    #[test]
-    fn a_lying_can_is_grasped_like_the_ball_as_high() {
-        let set = ObjectSet::standard();
-        let ball = |object: &str, id: u32| Grasp {
+    fn grasp(object: &str, id: u32) -> Grasp {
+        Grasp {
             id,
             object: object.into(),
             role: Role::Second,
@@ -131,20 +123,53 @@ mod tests {
             held: None,
             held_joints: None,
             score: 1.0,
-        };
+        }
+    }
+
+    /// A rod that points ahead is grasped with the hand turned by a quarter; one that lies crosswise with the hand ahead.
+    #[test]
+    fn rods_are_grasped_across() {
+        let set = ObjectSet::standard();
+        let rod = set.get("cylinder_45").unwrap();
+        let ahead = UnitQuaternion::from_axis_angle(&Vector3::y_axis(), FRAC_PI_2);
+        let crosswise = UnitQuaternion::from_axis_angle(&Vector3::x_axis(), FRAC_PI_2);
+        assert!(sides(rod, &lying(ahead)).iter().all(|yaw| (yaw.abs() - FRAC_PI_2).abs() < 1e-9));
+        assert!(sides(rod, &lying(crosswise))[0].abs() < 1e-9);
+    }
+
+    /// What was rehearsed of a fallen thing's own grasps comes with them; a grasp of another number has nothing.
+    #[test]
+    fn rehearsals_of_fallen_things_are_known() {
+        let set = ObjectSet::standard().with_fallen();
+        let (can, lying_can) = (set.get("can_50").unwrap(), set.get("can_50_fallen").unwrap());
+        let own = |id: u32| Grasp { object: lying_can.name.clone(), ..grasp("", id) };
+        let mut repertoire = Repertoire::default();
+        repertoire.grasps.insert(lying_can.name.clone(), vec![own(4), own(5)]);
+        let outcome = Rehearsed { error: Vector3::zeros(), outcome: TryOutcome::Missed };
+        let rehearsed = [Candidate { rehearsed: [outcome].into(), ..Candidate::new(own(5), 1.0) }];
+        let seen = Percept { rotation: lying_can.rest, ..lying(lying_can.rest) };
+        let found = stand_ins((&set, &repertoire), (can, &seen), Role::Second, &rehearsed);
+        let known: Vec<usize> = found.iter().map(|candidate| candidate.rehearsed.len()).collect();
+        assert_eq!(known, [0, 1]);
+    }
+
+    /// The grasp of the ball that is as high is taken over, and the hand comes from the wanted side whatever the percept's yaw.
+    #[test]
+    fn a_lying_can_is_grasped_like_the_ball_as_high() {
+        let set = ObjectSet::standard();
         let mut repertoire = Repertoire::default();
         for (name, id) in [("golf_ball", 1), ("tennis_ball", 2)] {
-            repertoire.grasps.insert(name.into(), vec![ball(name, id)]);
+            repertoire.grasps.insert(name.into(), vec![grasp(name, id)]);
         }
         let crosswise = lying(UnitQuaternion::from_axis_angle(&Vector3::x_axis(), FRAC_PI_2));
         let rod = set.get("cylinder_45").unwrap();
-        let found = stand_ins(&set, &repertoire, rod, &crosswise, Role::Second);
+        let found = stand_ins((&set, &repertoire), (rod, &crosswise), Role::Second, &[]);
         assert_eq!(found.len(), 2);
         assert!(found.iter().all(|candidate| candidate.grasp.center[0] == 0.01 && candidate.grasp.object == rod.name));
         let pose = found[0].grasp.palm_pose(&crosswise.position, crosswise.yaw);
-        assert!((pose.rotation.angle_to(&ball("golf_ball", 1).palm_rotation(0.0))) < 1e-9);
+        assert!((pose.rotation.angle_to(&grasp("golf_ball", 1).palm_rotation(0.0))) < 1e-9);
         let held = found[0].grasp.held.unwrap();
         assert!((pose * held).rotation.angle_to(&crosswise.rotation) < 1e-9);
-        assert!(stand_ins(&set, &repertoire, rod, &crosswise, Role::First).is_empty());
+        assert!(stand_ins((&set, &repertoire), (rod, &crosswise), Role::First, &[]).is_empty());
     }
 }

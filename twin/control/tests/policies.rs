@@ -124,6 +124,7 @@ impl Table {
             objects: self.objects.clone(),
             known: [&self.known, &self.known],
             second: self.second(),
+            fallen: Vec::new(),
             uncertainty: Uncertainty { arm: 0.005, eyes: 0.0065, eyes_lasting: 0.5 },
             time_limit: TIME_LIMIT,
             recovery: Recovery::FULL,

@@ -89,6 +89,7 @@ mod tests {
             first_grasp: id,
             second_grasps: Vec::new(),
             outcomes: Vec::new(),
+            fallen: Default::default(),
         };
         assert_eq!(plan_of(&plan, &sweep, 3).first, added[1].name);
     }

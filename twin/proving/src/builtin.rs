@@ -46,7 +46,7 @@ mod tests {
             }
         }
         for plan in &plans.plans {
-            let (_, candidates) = plan.grasps(&repertoire).unwrap();
+            let candidates = plan.grasps(&repertoire).unwrap().second;
             let known = candidates.iter().filter(|candidate| !candidate.rehearsed.is_empty()).count();
             assert!(
                 known > 0 && known == plan.outcomes.len(),

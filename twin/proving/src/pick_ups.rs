@@ -7,7 +7,6 @@ use anyhow::{Context, Result};
 use grasping::repertoire::{Repertoire, VERSION};
 use grasping::sampler::{ObjectExtent, propose, vary};
 use grasping::{Grasp, Role};
-use indicatif::{ProgressBar, ProgressStyle};
 use nalgebra::Vector3;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
@@ -70,40 +69,37 @@ struct Search<'a> {
     board: TactileBoard,
 }
 
-/// Fills `repertoire` with grasps of the objects `names` for `roles`; its seed draws them.
+/// Fills `repertoire` with grasps of the objects `names` for `roles`; its seed draws them. `found` is told of each object and role
+/// that is done.
 pub fn generate(
     world: &World,
     names: &[String],
     roles: &[Role],
     effort: Effort,
     repertoire: &mut Repertoire,
-    progress: &ProgressBar,
+    mut found: impl FnMut(&str, Role, &Repertoire) -> Result<()>,
 ) -> Result<()> {
     repertoire.version = VERSION;
     let search = Search { world, effort, seed: repertoire.seed, board: TactileBoard::blank() };
-    progress.set_length((roles.len() * names.len()) as u64);
-    progress.set_style(ProgressStyle::with_template("{bar:30} {pos}/{len} {msg} [{elapsed} < {eta}]")?);
     for role in [Role::First, Role::Second] {
         if !roles.contains(&role) {
             continue;
         }
         let reference = if role == Role::Second { reference_hold(world, names, repertoire)? } else { Vec::new() };
         for name in names {
-            progress.set_message(format!("{name}: {role:?}"));
-            let found = match role {
+            let grasps = match role {
                 Role::First => search.find_first(name)?,
                 Role::Second => search.find_second(name, &reference)?,
             };
             if let Some(list) = repertoire.grasps.get_mut(name) {
                 list.retain(|grasp| grasp.role != role);
             }
-            for grasp in found {
+            for grasp in grasps {
                 repertoire.insert(grasp);
             }
-            progress.inc(1);
+            found(name, role, repertoire)?;
         }
     }
-    progress.finish_and_clear();
     Ok(())
 }
 

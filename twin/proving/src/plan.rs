@@ -2,13 +2,16 @@
 //!
 //! All ordered pairs of the scenario's objects are shuffled by the seed and rehearsed in that order. A pair becomes a combination
 //! if some first grasp can be followed by some second grasp without a collision; otherwise it is listed as rejected and the next
-//! pair takes its place. Second grasps that work are tried again under draws of the noise. The share of tries that still work is
-//! the grasp's worth in this combination: the best grasp is the plan, the others are alternatives. [`outcomes`] tries the best of them
-//! under wider errors, for the odds that a policy goes by.
+//! pair takes its place. What blind and touch achieve has no part in it.
+//!
+//! The plan is made as in the paper, without any disturbance: the first grasp of the repertoire's order that holds its object, and
+//! after it the first second grasp of the repertoire's order that works. The other second grasps are alternatives. [`outcomes`] tries
+//! the plan and the first of the alternatives under errors, for the odds that a policy goes by.
 
 pub mod outcomes;
 pub mod without;
 
+use std::collections::BTreeMap;
 use std::path::Path;
 
 use anyhow::{Context, Result, bail};
@@ -21,9 +24,7 @@ use scenarios::noise::TrialNoise;
 use serde::{Deserialize, Serialize};
 use sim::tactile::TactileBoard;
 
-use crate::rehearsal::{
-    FirstRehearsal, Snapshot, StartPosture, misaimed, proving_errors, rehearse_first, rehearse_second,
-};
+use crate::rehearsal::{FirstRehearsal, StartPosture, rehearse_first, rehearse_second};
 use crate::world::World;
 
 pub use self::outcomes::Outcomes;
@@ -32,13 +33,6 @@ pub use self::outcomes::Outcomes;
 const VERSION: u32 = 1;
 /// What a grasp that failed in this pair's rehearsal is still worth, as a share of its general score.
 const FAILED_WORTH: f64 = 0.3;
-
-/// How many of the grasps that worked are tried again under noise.
-const PROVEN: usize = 6;
-/// What the others that worked are worth, as a share of their general score.
-const UNPROVEN_WORTH: f64 = 0.6;
-/// Draws of the expected noise under which a pair is tried.
-const ERRORS: usize = 6;
 
 /// One combination's plan.
 #[derive(Debug, Clone, Serialize, Deserialize)]
@@ -51,9 +45,22 @@ pub struct Plan {
     pub first_grasp: u32,
     /// (number of the second grasp, worth in this combination), the plan first.
     pub second_grasps: Vec<(u32, f64)>,
-    /// How the best of them went under errors of their aim.
+    /// How the first of them went under errors of their aim.
     #[serde(default)]
     pub outcomes: Vec<Outcomes>,
+    /// The same of grasps of the second object where it fell over, by the name of the way in which it lies.
+    #[serde(default)]
+    pub fallen: BTreeMap<String, Vec<Outcomes>>,
+}
+
+/// The grasps that a plan names.
+#[derive(Debug, Clone)]
+pub struct PlannedGrasps {
+    pub first: Grasp,
+    /// The plan, then its alternatives.
+    pub second: Vec<Candidate>,
+    /// Rehearsed grasps of the second object in the ways in which it can fall over: each names its way as its object.
+    pub fallen: Vec<Candidate>,
 }
 
 /// All plans of a scenario.
@@ -99,7 +106,7 @@ impl Plans {
 
 impl Plan {
     /// The grasps behind the numbers.
-    pub fn grasps(&self, repertoire: &Repertoire) -> Result<(Grasp, Vec<Candidate>)> {
+    pub fn grasps(&self, repertoire: &Repertoire) -> Result<PlannedGrasps> {
         let find = |object: &str, role: Role, id: u32| {
             repertoire
                 .of(object, role)
@@ -107,29 +114,22 @@ impl Plan {
                 .cloned()
                 .with_context(|| format!("the plan names grasp {id} of {object}, which the repertoire lacks"))
         };
-        let first = find(&self.first, Role::First, self.first_grasp)?;
-        let candidates = self
-            .second_grasps
-            .iter()
-            .map(|(id, worth)| {
-                let grasp = find(&self.second, Role::Second, *id)?;
-                let outcomes = self.outcomes.iter().find(|outcomes| outcomes.grasp == *id);
-                let rehearsed = outcomes.map(|outcomes| outcomes.rehearsed(&grasp)).transpose()?.unwrap_or_default();
-                Ok(Candidate { grasp, worth: *worth, rehearsed: rehearsed.into() })
-            })
-            .collect::<Result<Vec<_>>>()?;
-        Ok((first, candidates))
+        let candidate = |object: &str, id: u32, worth: Option<f64>, outcomes: &[Outcomes]| {
+            let grasp = find(object, Role::Second, id)?;
+            let outcomes = outcomes.iter().find(|outcomes| outcomes.grasp == id);
+            let rehearsed = outcomes.map(|outcomes| outcomes.rehearsed(&grasp)).transpose()?.unwrap_or_default();
+            Ok(Candidate { worth: worth.unwrap_or(grasp.score), grasp, rehearsed: rehearsed.into() })
+        };
+        let second = self.second_grasps.iter();
+        let second = second.map(|(id, worth)| candidate(&self.second, *id, Some(*worth), &self.outcomes));
+        let fallen =
+            self.fallen.iter().flat_map(|(way, outcomes)| outcomes.iter().map(move |one| (way, one, outcomes)));
+        Ok(PlannedGrasps {
+            first: find(&self.first, Role::First, self.first_grasp)?,
+            second: second.collect::<Result<_>>()?,
+            fallen: fallen.map(|(way, one, all)| candidate(way, one.grasp, None, all)).collect::<Result<_>>()?,
+        })
     }
-}
-
-/// Share of `errors` under which `second` takes its object without a collision; without error it is known to.
-fn robustness(hold: &Snapshot, second: &Grasp, errors: &[TrialNoise]) -> Result<f64> {
-    let mut held = 0;
-    for noise in errors {
-        let (collided, outcome) = rehearse_second(hold, &misaimed(second, noise, 1))?;
-        held += usize::from(outcome.held && !collided);
-    }
-    Ok((1 + held) as f64 / (1 + errors.len()) as f64)
 }
 
 /// Rehearses pairs until `count` combinations stand; shows a progress bar unless `quiet`.
@@ -170,7 +170,6 @@ pub fn make_plans(world: &World, repertoire: &Repertoire, count: usize, seed: u6
 fn plan_pair(world: &World, repertoire: &Repertoire, board: &TactileBoard, pair: &Combination) -> Result<Option<Plan>> {
     let seconds: Vec<&Grasp> = repertoire.of(&pair.second, Role::Second).collect();
     let Some(any) = seconds.first() else { return Ok(None) };
-    let errors = proving_errors(ERRORS);
     for first in repertoire.of(&pair.first, Role::First) {
         let rehearsal = FirstRehearsal {
             protocol: world.protocol(),
@@ -183,7 +182,7 @@ fn plan_pair(world: &World, repertoire: &Repertoire, board: &TactileBoard, pair:
             let (collided, outcome) = rehearse_second(&hold, second)?;
             Ok(outcome.held && !collided)
         };
-        let second_grasps = ranked(&seconds, works, |second| robustness(&hold, second, &errors))?;
+        let second_grasps = ranked(&seconds, works)?;
         if !second_grasps.is_empty() {
             return Ok(Some(Plan {
                 first: pair.first.clone(),
@@ -191,38 +190,27 @@ fn plan_pair(world: &World, repertoire: &Repertoire, board: &TactileBoard, pair:
                 first_grasp: first.id,
                 second_grasps,
                 outcomes: Vec::new(),
+                fallen: BTreeMap::new(),
             }));
         }
     }
     Ok(None)
 }
 
-/// The grasps that work, by worth, then those that do not, in their own order: (number, worth). The worth of the first
-/// [`PROVEN`] that work is their `robustness`. Empty if none works.
-fn ranked(
-    grasps: &[&Grasp],
-    works: impl Fn(&Grasp) -> Result<bool>,
-    robustness: impl Fn(&Grasp) -> Result<f64>,
-) -> Result<Vec<(u32, f64)>> {
+/// The grasps that work, then those that do not, each in their own order: (number, worth). Empty if none works.
+fn ranked(grasps: &[&Grasp], works: impl Fn(&Grasp) -> Result<bool>) -> Result<Vec<(u32, f64)>> {
     let (mut worked, mut failed) = (Vec::new(), Vec::new());
     for grasp in grasps {
         if works(grasp)? {
-            worked.push(*grasp);
+            worked.push((grasp.id, grasp.score));
         } else {
             failed.push((grasp.id, FAILED_WORTH * grasp.score));
         }
     }
-    if worked.is_empty() {
-        return Ok(Vec::new());
+    if !worked.is_empty() {
+        worked.append(&mut failed);
     }
-    let mut ranked = Vec::new();
-    for (n, grasp) in worked.iter().enumerate() {
-        let worth = if n < PROVEN { robustness(grasp)? } else { UNPROVEN_WORTH * grasp.score };
-        ranked.push((grasp.id, worth));
-    }
-    ranked.sort_by(|a, b| b.1.total_cmp(&a.1));
-    ranked.extend(failed);
-    Ok(ranked)
+    Ok(worked)
 }
 
 #[cfg(test)]

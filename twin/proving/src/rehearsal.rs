@@ -253,11 +253,24 @@ pub fn proving_errors(count: usize) -> Vec<TrialNoise> {
 /// Factor of the expected noise under which the odds of second grasps are rehearsed: wide enough to hold what controllers of the
 /// benchmark's robot expect.
 const WIDE: f64 = 1.6;
+/// The same for places alone, once the object has been touched where it stands; turns are as wide.
+const NARROW: f64 = 0.5;
 
 /// `count` draws of more than the noise a planner expects, the same ones for every grasp.
 pub fn wide_errors(count: usize) -> Vec<TrialNoise> {
     let levels = EXPECTED_NOISE.scaled(WIDE);
     let mut rng = trial_rng(PROVING_SEED, 1, 0);
+    (0..count).map(|_| TrialNoise::draw(&levels, &mut rng)).collect()
+}
+
+/// `count` draws of what is left of the noise once the object has been touched, the same ones for every grasp.
+pub fn narrow_errors(count: usize) -> Vec<TrialNoise> {
+    let (wide, narrow) = (EXPECTED_NOISE.scaled(WIDE), EXPECTED_NOISE.scaled(NARROW));
+    let levels = NoiseLevels {
+        execution: ExecutionNoise { rotation_sigma: wide.execution.rotation_sigma, ..narrow.execution },
+        perception: PerceptionNoise { yaw_sigma: wide.perception.yaw_sigma, ..narrow.perception },
+    };
+    let mut rng = trial_rng(PROVING_SEED, 2, 0);
     (0..count).map(|_| TrialNoise::draw(&levels, &mut rng)).collect()
 }
 

@@ -27,6 +27,9 @@ pub struct BenchArgs {
     /// Trials of each combination.
     #[arg(long, default_value_t = 10)]
     pub trials: usize,
+    /// Conditions that are played.
+    #[arg(long, value_delimiter = ',', default_value = "ideal,blind,reflex,touch", value_name = "CONDITIONS")]
+    pub conditions: Vec<String>,
     /// Body.
     #[arg(long, value_enum, default_value_t = Body::Sim)]
     pub robot: Body,
@@ -129,6 +132,7 @@ fn request(terminal: &Terminal, args: &BenchArgs) -> Result<(RunRequest, PathBuf
         seed: terminal.seed,
         robot: args.robot.name().into(),
         shard: parse_shard(&args.shard)?,
+        conditions: conditions(&args.conditions)?,
         ablations: ablations(args)?,
         without: without(&args.without)?,
         uncertainty: uncertainty(args.uncertainty.as_deref())?,
@@ -191,6 +195,13 @@ fn ablations(args: &BenchArgs) -> Result<Vec<Ablation>> {
     Ok(wanted.into_iter().collect())
 }
 
+/// What `--conditions` asks for, in the order of `trials.csv`.
+fn conditions(names: &[String]) -> Result<Vec<Condition>> {
+    let wanted: BTreeSet<Condition> =
+        names.iter().map(|name| name.parse()).collect::<Result<_, _>>().context("--conditions")?;
+    Ok(wanted.into_iter().collect())
+}
+
 /// What `--without` asks for.
 fn without(names: &[String]) -> Result<Vec<Effect>> {
     if names.iter().any(|name| name == "all") {
@@ -240,11 +251,11 @@ pub fn report(terminal: &Terminal, folders: &[PathBuf], out: Option<&Path>) -> O
     let (mut journal, mut request) = Journal::read(&folders[0])?;
     for folder in &folders[1..] {
         let (other, its) = Journal::read(folder)?;
-        if (its.combos, its.trials, its.seed, &its.scenario)
-            != (request.combos, request.trials, request.seed, &request.scenario)
+        if (its.combos, its.trials, its.seed, &its.conditions, &its.scenario)
+            != (request.combos, request.trials, request.seed, &request.conditions, &request.scenario)
         {
             bail!(
-                "{}: its combos, trials, seed or scenario differ from those of {}; only shards of one run can be merged",
+                "{}: its combos, trials, seed, conditions or scenario differ from those of {}; only shards of one run can be merged",
                 folder.display(),
                 folders[0].display()
             );

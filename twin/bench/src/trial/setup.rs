@@ -9,7 +9,7 @@ use grasping::Repertoire;
 use hand_model::CAMERAS;
 use hand_model::robot::{TactileFrame, TactileImage};
 use proving::ball_sizes;
-use proving::plan::{Plan, Plans};
+use proving::plan::{Plan, PlannedGrasps, Plans};
 use proving::rehearsal::{Snapshot, TrialStart};
 use scenarios::disturbance::Disturbances;
 use scenarios::effects::Effect;
@@ -56,7 +56,9 @@ pub struct Start {
     /// The two objects as the controller knows them.
     pub objects: [Arc<ObjectModel>; 2],
     /// Grasps of the second object, the planned one first.
-    pub candidates: Vec<Candidate>,
+    pub second: Vec<Candidate>,
+    /// Rehearsed grasps of the second object in the ways in which it can fall over.
+    pub fallen: Vec<Candidate>,
     /// Perception with the backgrounds that the body itself has shown, or with frames from before the trial; the bench's own where
     /// the body is simulated and its idle pads show their backgrounds.
     pub pipeline: Option<TouchPipeline>,
@@ -101,13 +103,13 @@ impl<'a> Setup<'a> {
     /// Body, controller and referee of a trial about to begin.
     pub fn begin(&self, bench: &Bench, source: Source, watched: bool) -> Result<Start> {
         let world = &bench.world;
-        let (first, candidates) = self.plan.grasps(self.repertoire)?;
+        let PlannedGrasps { first, second, fallen } = self.plan.grasps(self.repertoire)?;
         let objects = [world.object(&self.plan.first)?, world.object(&self.plan.second)?];
         let disturber = Disturber::new(&self.disturbances, &objects);
         let [first_one, second_one] = resized(&objects, self.disturbances.sizes())?;
         let [one, other] = &self.noise.individuals;
         let real = [one.of(&first_one)?, other.of(&second_one)?];
-        let grasps = [&first, &candidates[0].grasp];
+        let grasps = [&first, &second[0].grasp];
         let mut board = bench.board.with_noise(self.camera_noise);
         let mut pipeline = None;
         if let Some(drift) = &self.drift {
@@ -139,7 +141,7 @@ impl<'a> Setup<'a> {
         let latency = world.scenario.effects.eyes.map_or(0.0, |eyes| eyes.latency);
         let history = History::new(latency);
         let run = Run { snapshot, referee, disturber, history, profile: bench.profile.clone() };
-        Ok(Start { run, objects, candidates, pipeline })
+        Ok(Start { run, objects, second, fallen, pipeline })
     }
 
     /// Up to the decision.

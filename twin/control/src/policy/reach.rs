@@ -58,6 +58,8 @@ pub fn within_reach(knowledge: &Knowledge, wanted: &Wanted, seen: &Percept) -> V
     if !own.is_empty() {
         return own;
     }
-    let others = stand_ins(knowledge.library, knowledge.repertoire, wanted.object, seen, wanted.role);
+    let (library, repertoire) = (knowledge.library, knowledge.repertoire);
+    let rehearsed = if wanted.role == Role::Second { &knowledge.fallen[..] } else { &[] };
+    let others = stand_ins((library, repertoire), (wanted.object, seen), wanted.role, rehearsed);
     others.iter().filter_map(turn_into_reach).collect()
 }

@@ -1,10 +1,12 @@
-//! Outcomes: second grasps of a plan tried under drawn errors of their aim, for the odds that a policy goes by.
+//! Outcomes: second grasps of a plan tried under drawn errors of their aim, for the odds that a policy goes by. Some draws are as wide
+//! as what is expected of an object that was only seen, the others as what is left once it was touched where it stands.
 //!
-//! All grasps meet the same draws, so a file keeps a letter for each draw: `h` held, `m` missed, `c` contact.
+//! All grasps meet the same draws, so a file keeps a letter for each draw, the wide ones and the near ones apart: `h` held, `m` missed,
+//! `c` contact.
 
 use anyhow::{Result, bail};
 use control::odds::{Rehearsed, TryOutcome};
-use grasping::{Grasp, Repertoire};
+use grasping::{Grasp, Repertoire, Role};
 use indicatif::ProgressBar;
 use nalgebra::{Rotation3, Vector3};
 use rayon::prelude::*;
@@ -12,48 +14,59 @@ use scenarios::noise::TrialNoise;
 use serde::{Deserialize, Serialize};
 use sim::tactile::TactileBoard;
 
-use super::{FAILED_WORTH, Plan, Plans};
-use crate::rehearsal::{FirstRehearsal, StartPosture, misaimed, rehearse_first, try_second, wide_errors};
+use super::{FAILED_WORTH, Plan, PlannedGrasps, Plans};
+use crate::rehearsal::{
+    FirstRehearsal, Snapshot, StartPosture, misaimed, narrow_errors, rehearse_first, try_second, wide_errors,
+};
 use crate::world::World;
 
-/// Draws under which each grasp is tried.
-const DRAWS: usize = 24;
-/// Grasps of a plan that are tried: the best of those that worked without errors.
-const GRASPS: usize = 6;
+/// Draws of wide errors under which each grasp is tried.
+const WIDE: usize = 14;
+/// Draws of the errors that are left once the object has been touched.
+const NARROW: usize = 10;
+/// Grasps of a plan that are tried: the first of those that worked without errors.
+const GRASPS: usize = 5;
+/// The same for each way in which the second object can have fallen over.
+const FALLEN_GRASPS: usize = 2;
 
 /// How a second grasp went under each draw.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Outcomes {
     /// Number of the grasp.
     pub grasp: u32,
-    /// A letter for each draw.
+    /// A letter for each wide draw.
     pub outcomes: String,
+    /// A letter for each narrow draw.
+    #[serde(default)]
+    pub near: String,
 }
 
 impl Outcomes {
-    fn new(grasp: u32, outcomes: &[TryOutcome]) -> Self {
+    fn new(grasp: u32, wide: &[TryOutcome], narrow: &[TryOutcome]) -> Self {
         let letter = |outcome: &TryOutcome| match outcome {
             TryOutcome::Held => 'h',
             TryOutcome::Missed => 'm',
             TryOutcome::Contact => 'c',
         };
-        Self { grasp, outcomes: outcomes.iter().map(letter).collect() }
+        let letters = |outcomes: &[TryOutcome]| outcomes.iter().map(letter).collect();
+        Self { grasp, outcomes: letters(wide), near: letters(narrow) }
     }
 
     /// The rehearsals, with the errors in axes that turn with `grasp`'s heading; first the one without errors, which held.
     pub fn rehearsed(&self, grasp: &Grasp) -> Result<Vec<Rehearsed>> {
-        let errors = wide_errors(self.outcomes.len());
-        let with = |(error, letter): (&TrialNoise, char)| {
+        let with = |(error, letter): (TrialNoise, char)| {
             let outcome = match letter {
                 'h' => TryOutcome::Held,
                 'm' => TryOutcome::Missed,
                 'c' => TryOutcome::Contact,
                 other => bail!("outcomes of grasp {}: found {other:?}, expected h, m or c", self.grasp),
             };
-            Ok(Rehearsed { error: aim_error(error, grasp.yaw), outcome })
+            Ok(Rehearsed { error: aim_error(&error, grasp.yaw), outcome })
         };
         let faultless = Rehearsed { error: Vector3::zeros(), outcome: TryOutcome::Held };
-        std::iter::once(Ok(faultless)).chain(errors.iter().zip(self.outcomes.chars()).map(with)).collect()
+        let wide = wide_errors(self.outcomes.len()).into_iter().zip(self.outcomes.chars());
+        let narrow = narrow_errors(self.near.len()).into_iter().zip(self.near.chars());
+        std::iter::once(Ok(faultless)).chain(wide.chain(narrow).map(with)).collect()
     }
 }
 
@@ -63,13 +76,14 @@ fn aim_error(noise: &TrialNoise, heading: f64) -> Vector3<f64> {
     Rotation3::from_axis_angle(&Vector3::z_axis(), -heading) * world
 }
 
-/// Tries the best grasps of all `plans` under errors, in the place of what they knew; shows a progress bar unless `quiet`. Takes
-/// about a minute of a core for each plan.
+/// Tries the first grasps of all `plans` under errors, in the place of what they knew; shows a progress bar unless `quiet`. Takes
+/// two minutes of a core for each plan.
 pub fn rehearse(world: &World, repertoire: &Repertoire, plans: &mut Plans, quiet: bool) -> Result<()> {
     let progress = if quiet { ProgressBar::hidden() } else { ProgressBar::new(plans.plans.len() as u64) };
     let board = TactileBoard::unit(&world.cell.hand, 0);
+    let rehearsals = Rehearsals { world, board: &board, wide: wide_errors(WIDE), narrow: narrow_errors(NARROW) };
     plans.plans.par_iter_mut().try_for_each(|plan| {
-        plan.outcomes = rehearse_plan(world, repertoire, plan, &board)?;
+        rehearsals.rehearse(repertoire, plan)?;
         progress.inc(1);
         Ok::<(), anyhow::Error>(())
     })?;
@@ -77,27 +91,64 @@ pub fn rehearse(world: &World, repertoire: &Repertoire, plans: &mut Plans, quiet
     Ok(())
 }
 
-/// Tries the best grasps of `plan`; nothing where its first grasp does not hold.
-fn rehearse_plan(world: &World, repertoire: &Repertoire, plan: &Plan, board: &TactileBoard) -> Result<Vec<Outcomes>> {
-    let (first, seconds) = plan.grasps(repertoire)?;
-    let Some(any) = seconds.first() else { return Ok(Vec::new()) };
-    let rehearsal = FirstRehearsal {
-        protocol: world.protocol(),
-        start: StartPosture::Ready,
-        grasps: [&first, &any.grasp],
-        noise: &TrialNoise::none(),
-    };
-    let Some((hold, _)) = rehearse_first(world, &rehearsal, board)? else { return Ok(Vec::new()) };
-    let worked = seconds.iter().filter(|second| second.worth > FAILED_WORTH * second.grasp.score);
-    let errors = wide_errors(DRAWS);
-    worked
-        .take(GRASPS)
-        .map(|second| {
-            let tries: Result<Vec<TryOutcome>> =
-                errors.iter().map(|noise| try_second(&hold, &misaimed(&second.grasp, noise, 1))).collect();
-            Ok(Outcomes::new(second.grasp.id, &tries?))
-        })
-        .collect()
+/// What all rehearsals share.
+struct Rehearsals<'a> {
+    world: &'a World,
+    board: &'a TactileBoard,
+    wide: Vec<TrialNoise>,
+    narrow: Vec<TrialNoise>,
+}
+
+impl Rehearsals<'_> {
+    /// Tries the first grasps of `plan` that work without errors; nothing where its first grasp does not hold.
+    fn rehearse(&self, repertoire: &Repertoire, plan: &mut Plan) -> Result<()> {
+        let PlannedGrasps { first, second, .. } = plan.grasps(repertoire)?;
+        let worked = second.iter().filter(|second| second.worth > FAILED_WORTH * second.grasp.score);
+        let worked: Vec<&Grasp> = worked.map(|second| &second.grasp).take(GRASPS).collect();
+        plan.outcomes = match self.hold(&first, worked.first().copied())? {
+            Some(hold) => self.outcomes(&hold, &worked)?,
+            None => Vec::new(),
+        };
+        plan.fallen.clear();
+        let object = self.world.object(&plan.second)?;
+        for way in self.world.objects.fallen_of(&object) {
+            let grasps: Vec<&Grasp> = repertoire.of(&way.name, Role::Second).collect();
+            let Some(hold) = self.hold(&first, grasps.first().copied())? else { continue };
+            let mut works = Vec::new();
+            for grasp in grasps {
+                if works.len() < FALLEN_GRASPS && try_second(&hold, grasp)? == TryOutcome::Held {
+                    works.push(grasp);
+                }
+            }
+            if !works.is_empty() {
+                plan.fallen.insert(way.name.clone(), self.outcomes(&hold, &works)?);
+            }
+        }
+        Ok(())
+    }
+
+    /// The first object held beside the second, which lies as grasp `any` of it expects.
+    fn hold(&self, first: &Grasp, any: Option<&Grasp>) -> Result<Option<Snapshot>> {
+        let Some(any) = any else { return Ok(None) };
+        let rehearsal = FirstRehearsal {
+            protocol: self.world.protocol(),
+            start: StartPosture::Ready,
+            grasps: [first, any],
+            noise: &TrialNoise::none(),
+        };
+        Ok(rehearse_first(self.world, &rehearsal, self.board)?.map(|(hold, _)| hold))
+    }
+
+    /// How `grasps` go under all errors.
+    fn outcomes(&self, hold: &Snapshot, grasps: &[&Grasp]) -> Result<Vec<Outcomes>> {
+        let outcomes = grasps.iter().map(|grasp| {
+            let under = |errors: &[TrialNoise]| -> Result<Vec<TryOutcome>> {
+                errors.iter().map(|noise| try_second(hold, &misaimed(grasp, noise, 1))).collect()
+            };
+            Ok(Outcomes::new(grasp.id, &under(&self.wide)?, &under(&self.narrow)?))
+        });
+        outcomes.collect()
+    }
 }
 
 #[cfg(test)]
@@ -110,16 +161,21 @@ mod tests {
         let repertoire = crate::builtin::repertoire().expect("the built-in repertoire");
         let grasp = repertoire.grasps.values().flatten().next().expect("a grasp");
         let turned = Grasp { yaw: std::f64::consts::FRAC_PI_2, ..grasp.clone() };
-        let outcomes = Outcomes::new(grasp.id, &[TryOutcome::Held, TryOutcome::Contact, TryOutcome::Missed]);
-        assert_eq!(outcomes.outcomes, "hcm");
+        let tries = [TryOutcome::Held, TryOutcome::Contact, TryOutcome::Missed];
+        let outcomes = Outcomes::new(grasp.id, &tries, &tries[1..]);
+        assert_eq!((&*outcomes.outcomes, &*outcomes.near), ("hcm", "cm"));
         let straight = outcomes.rehearsed(&Grasp { yaw: 0.0, ..grasp.clone() }).expect("letters");
         let noise = wide_errors(3)[1];
         let error = noise.objects[1].offset + noise.position;
         assert_eq!((straight[0].error, straight[0].outcome), (Vector3::zeros(), TryOutcome::Held));
         assert_eq!((straight[2].error, straight[2].outcome), (error, TryOutcome::Contact));
+        assert_eq!(straight.len(), 6);
         let turned = outcomes.rehearsed(&turned).expect("letters")[2].error;
         assert!((turned - Vector3::new(error.y, -error.x, error.z)).norm() < 1e-12);
-        let wrong = Outcomes { outcomes: "hx".into(), ..outcomes };
+        let narrow = narrow_errors(2)[1];
+        let narrow = narrow.objects[1].offset + narrow.position;
+        assert_eq!((straight[5].error, straight[5].outcome), (narrow, TryOutcome::Missed));
+        let wrong = Outcomes { near: "hx".into(), ..outcomes };
         assert!(wrong.rehearsed(grasp).expect_err("refused").to_string().contains("'x'"));
     }
 }

@@ -1,6 +1,7 @@
 //! `ftac grasps pick-ups` and `ftac grasps plan`: the benchmark's own repertoire and plans.
 
 use std::path::PathBuf;
+use std::time::Instant;
 
 use clap::{Args, ValueEnum};
 use grasping::{Repertoire, Role};
@@ -71,12 +72,20 @@ pub fn make(terminal: &Terminal, args: &PickUpsArgs) -> Outcome {
     repertoire.command = format!("ftac grasps pick-ups --n {n} --seed {}", terminal.seed);
     repertoire.seed = terminal.seed;
     let effort = Effort { proposals: n, variations: n / 2, keep_first: 4, keep_second: 14 };
-    pick_ups::generate(&world, &names, &roles, effort, &mut repertoire, &terminal.progress())?;
-    repertoire.write(out)?;
-    for name in &names {
-        let count = |role| repertoire.of(name, role).count();
-        eprintln!("{name:16} {:3} first grasps, {:3} second grasps", count(Role::First), count(Role::Second));
-    }
+    let (mut done, all) = (0, names.len() * roles.len());
+    let begun = Instant::now();
+    // The file grows object by object: an interruption loses the one in hand, and the rest can be asked for by name.
+    pick_ups::generate(&world, &names, &roles, effort, &mut repertoire, |name, role, repertoire| {
+        repertoire.write(out)?;
+        done += 1;
+        if !terminal.quiet {
+            let count = repertoire.of(name, role).count();
+            let minutes = begun.elapsed().as_secs_f64() / 60.0;
+            let role = if role == Role::First { "first" } else { "second" };
+            eprintln!("{done:3} of {all}  {name:22} {count:3} {role:6} grasps  {minutes:5.1} min");
+        }
+        Ok(())
+    })?;
     Ok(None)
 }
 
