@@ -40,7 +40,7 @@ const LARGE: &[(&str, &str)] = files!["ball", "coke_can", "board_eraser", "multi
 
 /// Long or irregular things: held across the palm they reach into the room of the digits that are still free.
 const LONG: &[(&str, &str)] =
-    files!["pillar", "bar", "slab", "bottle", "shampoo", "glue_stick", "salt_mill", "screwdriver", "l_block", "caddy",];
+    files!["pillar", "bar", "slab", "bottle", "shampoo", "glue_stick", "salt_mill", "l_block", "caddy",];
 
 /// Of the three small balls the synthesized repertoire leaves out the middle one: two are enough.
 const LEFT_OUT: &str = "ball_45";
@@ -88,8 +88,8 @@ mod tests {
     #[test]
     fn the_set_has_what_it_promises() {
         let set = ObjectSet::standard();
-        assert_eq!(set.iter().len(), 34);
-        assert!(set.iter().filter(|object| matches!(object.shape, Shape::Mesh(_))).count() >= 12);
+        assert_eq!(set.iter().len(), 33);
+        assert!(set.iter().filter(|object| matches!(object.shape, Shape::Mesh(_))).count() >= 11);
         for object in set.iter() {
             let (low, high) = object.shape.aabb();
             let size = high - low;

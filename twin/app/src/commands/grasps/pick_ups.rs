@@ -99,14 +99,19 @@ pub fn plan(terminal: &Terminal, args: &PlanArgs) -> Outcome {
     let quiet = terminal.quiet || terminal.json;
     let mut plans = match &args.of {
         Some(file) => Plans::read(file)?,
-        None => plan::make_plans(&world, &repertoire, args.combos, terminal.seed, quiet)?,
+        None => {
+            let plans = plan::make_plans(&world, &repertoire, args.combos, terminal.seed, quiet)?;
+            // The odds take longer than the plans: an interruption leaves the plans for --of.
+            plans.write(&args.out)?;
+            eprintln!(
+                "{} combinations; {} pairs could not be done without noise and were replaced",
+                plans.plans.len(),
+                plans.rejected.len()
+            );
+            plans
+        }
     };
     outcomes::rehearse(&world, &repertoire, &mut plans, quiet)?;
     plans.write(&args.out)?;
-    eprintln!(
-        "{} combinations; {} pairs could not be done without noise and were replaced",
-        plans.plans.len(),
-        plans.rejected.len()
-    );
     Ok(None)
 }

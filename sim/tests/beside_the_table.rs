@@ -1,0 +1,49 @@
+//! What leaves the table falls on the floor, if there is one, and stays where it fell.
+
+use std::sync::Arc;
+
+use hand_model::robot::Robot;
+use hand_model::{Arm, Hand};
+use nalgebra::Isometry3;
+use scenarios::objects::ObjectSet;
+use scenarios::physics::Physics;
+use sim::tactile::TactileBoard;
+use sim::{ObjectPlacement, SceneSetup, SimulatedRobot};
+
+/// m.
+const FLOOR: f64 = -0.75;
+
+/// Height and upward speed of a cube, 0.1 m beyond the table's edge at first, at these times (s).
+fn falling(floor: Option<f64>, times: [f64; 2]) -> [(f64, f64); 2] {
+    let model = ObjectSet::standard().get("cube_45").expect("an object").clone();
+    let table = Physics::standard().table;
+    let beyond = table.center[0] + table.half[0] + 0.1;
+    let pose = Isometry3::from_parts([beyond, 0.0, model.rest_height()].into(), model.rest);
+    let setup = SceneSetup {
+        objects: vec![ObjectPlacement { model, pose }],
+        floor,
+        ..SceneSetup::ideal(Isometry3::identity(), Arm::home())
+    };
+    let mut robot = SimulatedRobot::new(Arc::new(Hand::ftac()), Arc::new(Arm::gen3()), &setup, TactileBoard::blank());
+    times.map(|time| {
+        while robot.wait_for_tick().time < time {}
+        let truth = robot.truth();
+        (truth.objects[0].translation.z, truth.velocities[0].z)
+    })
+}
+
+#[test]
+fn a_floor_stops_what_falls() {
+    let [(soon, _), (late, _)] = falling(Some(FLOOR), [2.0, 6.0]);
+    assert!((soon - (FLOOR + 0.0225)).abs() < 2e-3, "{soon}");
+    assert!((late - soon).abs() < 1e-4, "{soon} {late}");
+}
+
+/// Without a floor it falls for ever, and its energy stays: the square of its speed is 2 g times the height it has lost.
+#[test]
+fn without_a_floor_it_falls_for_ever() {
+    for (height, speed) in falling(None, [0.5, 1.0]) {
+        let lost = speed * speed / (2.0 * 9.81);
+        assert!(height < -1.0 && ((0.0225 - height) / lost - 1.0).abs() < 0.02, "{height} m at {speed} m/s");
+    }
+}
