@@ -31,7 +31,7 @@ proptest! {
     #[test]
     fn rays_end_where_the_distance_is_zero(from in direction(), off in direction(), aside in 0.0..0.03) {
         for (name, shape) in shapes() {
-            let origin = Point3::from(from.into_inner() * 0.2);
+            let origin = Point3::from(from.into_inner() * 0.1);
             let aim = Point3::from(off.into_inner() * aside);
             let along = Unit::new_normalize(aim - origin);
             match shape.ray(&origin, &along) {
@@ -138,7 +138,8 @@ fn samples_lie_on_the_surface_and_spread() {
         assert_eq!(samples, shape.surface_samples(500));
         assert!(samples.iter().all(|sample| shape.signed_distance(sample).0.abs() < 1e-8), "{name}");
         let mean: Vector3<f64> = samples.iter().map(|sample| sample.coords).sum::<Vector3<f64>>() / 500.0;
-        assert!(mean.norm() < 0.15 * shape.bounding_radius(), "{name}: {mean}");
+        // The surface's own centre: a vase's is away from its centre of mass, where the origin is.
+        assert!(mean.norm() < 4e-3_f64.max(0.08 * shape.bounding_radius()), "{name}: {mean}");
         for along in [Vector3::x(), -Vector3::y(), Vector3::z(), -Vector3::z()] {
             assert!(
                 samples.iter().any(|sample| sample.coords.dot(&along) > 0.7 * shape.support(&along).coords.dot(&along))

@@ -87,6 +87,14 @@ mod tests {
 
     #[test]
     fn the_set_has_what_it_promises() {
+        let compact = ObjectSet::builtin(&[COMPACT]);
+        assert_eq!(compact.iter().len(), 18);
+        assert!(compact.iter().filter(|object| matches!(object.shape, Shape::Mesh(_))).count() >= 5);
+        for object in compact.iter() {
+            let (low, high) = object.shape.aabb();
+            let size = high - low;
+            assert!(size.min() > 0.04 && size.min() <= 0.066, "{}: {size:?}", object.name);
+        }
         let set = ObjectSet::standard();
         assert_eq!(set.iter().len(), 33);
         assert!(set.iter().filter(|object| matches!(object.shape, Shape::Mesh(_))).count() >= 11);

@@ -19,7 +19,7 @@ pub use scenarios::phase::Phase;
 
 use crate::guarded::{self, Guarded};
 use crate::inverse_kinematics::ArmServo;
-use crate::motion::approach::{Standoff, approach};
+use crate::motion::approach::approach;
 use crate::motion::tension::{against_friction, closing_tension};
 use crate::motion::{LOOK_TIME, Motion, MotionError, Protocol};
 use crate::palpation::{self, Touching};
@@ -104,18 +104,18 @@ impl Executive {
 
     /// The path that would take the second object with `grasp`: from the present palm pose to where the digits close.
     pub fn path_to_second(&self, grasp: &Grasp) -> Result<PosePath, MotionError> {
-        let Standoff { retreat, pregrasp } = self.standoff();
-        Ok(approach(&self.protocol.limits, &self.motion.stops(retreat), pregrasp, grasp, &self.second.1)?)
+        let stops = self.motion.stops(self.rise());
+        Ok(approach(&self.protocol.limits, &stops, grasp, &self.second.1)?)
     }
 
     /// A path that the arm can follow to where `grasp` closes on what is seen at `percept`; see [`Motion::rehearsed_approach`].
     pub fn rehearsed_approach(&self, grasp: &Grasp, percept: &Percept) -> Option<PosePath> {
-        self.motion.rehearsed_approach(&self.protocol.limits, grasp, percept, self.standoff())
+        self.motion.rehearsed_approach(&self.protocol.limits, grasp, percept, self.rise())
     }
 
-    /// Fingers that touch the second object leave it upwards and come back from nearby.
-    fn standoff(&self) -> Standoff {
-        if self.phase == Phase::Locate { palpation::STANDOFF } else { Standoff::USUAL }
+    /// How far the palm rises before it goes anywhere else, m: fingers that touch the second object leave it upwards.
+    fn rise(&self) -> f64 {
+        if self.phase == Phase::Locate { palpation::ABOVE } else { 0.0 }
     }
 
     /// The ways in which the arm can touch an object of this `shape` where it is seen, the usual one first.

@@ -14,7 +14,7 @@ use hand_model::transmission::friction::CableFriction;
 use hand_model::{ACTUATORS, CAMERAS, Hand};
 use nalgebra::{Isometry3, Translation3, Vector3};
 
-use self::approach::{Standoff, approach, duration};
+use self::approach::{approach, duration};
 use self::tension::{approach_tension, servo_goals};
 use crate::inverse_kinematics::{ArmServo, IkError, Joints};
 use crate::look::Look;
@@ -229,10 +229,12 @@ impl Motion {
 
     /// Straight from the end of the present path to where `grasp` closes on what is seen at `percept`.
     pub fn approach(&self, limits: &PathLimits, grasp: &Grasp, percept: &Percept) -> Result<PosePath, PathError> {
-        approach(limits, &[self.end()], Standoff::USUAL.pregrasp, grasp, percept)
+        approach(limits, &[self.end()], grasp, percept)
     }
 
     /// The same, rehearsed by the arm servo: straight or by way of the pose at the very beginning, at full speed or slower.
+    ///
+    /// It first rises by `rise` m.
     ///
     /// A straight path from where a failed try ended can lead the joints to their limits with the palm decimetres off, although
     /// another posture would reach the target. `None` if no path ends there.
@@ -241,13 +243,11 @@ impl Motion {
         limits: &PathLimits,
         grasp: &Grasp,
         percept: &Percept,
-        standoff: Standoff,
+        rise: f64,
     ) -> Option<PosePath> {
-        let straight = self.stops(standoff.retreat);
+        let straight = self.stops(rise);
         let by_home = [&straight[..], &[self.home]].concat();
-        let paths = |limits: &PathLimits| {
-            [&straight, &by_home].map(|stops| approach(limits, stops, standoff.pregrasp, grasp, percept))
-        };
+        let paths = |limits: &PathLimits| [&straight, &by_home].map(|stops| approach(limits, stops, grasp, percept));
         self.rehearsed(limits, paths)
     }
 

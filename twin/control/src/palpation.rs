@@ -12,7 +12,7 @@ use scenarios::geometry::Shape;
 use touch::{InHand, KnownShape, PoseEstimate, PosePrior, TouchError};
 
 use crate::look::Look;
-use crate::motion::approach::{Standoff, duration};
+use crate::motion::approach::duration;
 use crate::percept::Percept;
 use crate::perception::KnownObject;
 use crate::sensing::{Senses, is_on};
@@ -33,8 +33,8 @@ pub const SETTLING: f64 = 0.1;
 const AROUND: (f64, f64) = (0.012, 0.018);
 /// Mean speed of the guarded motion, m/s.
 const SPEED: f64 = 0.025;
-/// Where the hand begins and how it goes on: the object's place is known by then.
-pub const STANDOFF: Standoff = Standoff { retreat: 0.04, pregrasp: 0.09 };
+/// The hand comes from so far above, m.
+pub const ABOVE: f64 = 0.04;
 
 /// The palm's way onto an object.
 #[derive(Debug, Clone)]
@@ -65,7 +65,7 @@ pub fn touches(hand: &Hand, heading: f64, (shape, percept): (&Shape, &Percept)) 
 
 /// From `here` to `there`, where a guarded motion begins, by way of a place above it.
 pub fn way(limits: &PathLimits, here: &Isometry3<f64>, there: &Isometry3<f64>) -> Result<PosePath, PathError> {
-    let above = there.translation.vector + Vector3::z() * STANDOFF.retreat;
+    let above = there.translation.vector + Vector3::z() * ABOVE;
     let above = Isometry3::from_parts(Translation3::from(above), there.rotation);
     let stops = vec![(0.0, *here), (duration(limits, here, &above), above), (duration(limits, &above, there), *there)];
     PosePath::new(stops)

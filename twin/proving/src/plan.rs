@@ -20,11 +20,10 @@ use grasping::{Grasp, Repertoire, Role};
 use indicatif::ProgressBar;
 use rayon::prelude::*;
 use scenarios::combination::{Combination, draw_combinations};
-use scenarios::noise::TrialNoise;
 use serde::{Deserialize, Serialize};
 use sim::tactile::TactileBoard;
 
-use crate::rehearsal::{FirstRehearsal, StartPosture, rehearse_first, rehearse_second};
+use crate::rehearsal::{FirstRehearsal, rehearse_first, rehearse_second};
 use crate::world::World;
 
 pub use self::outcomes::Outcomes;
@@ -114,20 +113,24 @@ impl Plan {
                 .cloned()
                 .with_context(|| format!("the plan names grasp {id} of {object}, which the repertoire lacks"))
         };
-        let candidate = |object: &str, id: u32, worth: Option<f64>, outcomes: &[Outcomes]| {
-            let grasp = find(object, Role::Second, id)?;
-            let outcomes = outcomes.iter().find(|outcomes| outcomes.grasp == id);
+        let candidate = |grasp: Grasp, worth: f64, outcomes: Option<&Outcomes>| {
             let rehearsed = outcomes.map(|outcomes| outcomes.rehearsed(&grasp)).transpose()?.unwrap_or_default();
-            Ok(Candidate { worth: worth.unwrap_or(grasp.score), grasp, rehearsed: rehearsed.into() })
+            Ok(Candidate { grasp, worth, rehearsed: rehearsed.into() })
         };
-        let second = self.second_grasps.iter();
-        let second = second.map(|(id, worth)| candidate(&self.second, *id, Some(*worth), &self.outcomes));
-        let fallen =
-            self.fallen.iter().flat_map(|(way, outcomes)| outcomes.iter().map(move |one| (way, one, outcomes)));
+        let second = self.second_grasps.iter().map(|(id, worth)| {
+            let outcomes = self.outcomes.iter().find(|outcomes| outcomes.grasp == *id);
+            candidate(find(&self.second, Role::Second, *id)?, *worth, outcomes)
+        });
+        let fallen = self.fallen.iter().flat_map(|(way, tried)| tried.iter().map(move |outcomes| (way, outcomes)));
+        let fallen = fallen.map(|(way, outcomes)| {
+            let grasp = find(way, Role::Second, outcomes.grasp)?;
+            let worth = grasp.score;
+            candidate(grasp, worth, Some(outcomes))
+        });
         Ok(PlannedGrasps {
             first: find(&self.first, Role::First, self.first_grasp)?,
             second: second.collect::<Result<_>>()?,
-            fallen: fallen.map(|(way, one, all)| candidate(way, one.grasp, None, all)).collect::<Result<_>>()?,
+            fallen: fallen.collect::<Result<_>>()?,
         })
     }
 }
@@ -171,12 +174,7 @@ fn plan_pair(world: &World, repertoire: &Repertoire, board: &TactileBoard, pair:
     let seconds: Vec<&Grasp> = repertoire.of(&pair.second, Role::Second).collect();
     let Some(any) = seconds.first() else { return Ok(None) };
     for first in repertoire.of(&pair.first, Role::First) {
-        let rehearsal = FirstRehearsal {
-            protocol: world.protocol(),
-            start: StartPosture::Ready,
-            grasps: [first, any],
-            noise: &TrialNoise::none(),
-        };
+        let rehearsal = FirstRehearsal::ideal(world, [first, any]);
         let Some((hold, _)) = rehearse_first(world, &rehearsal, board)? else { continue };
         let works = |second: &Grasp| {
             let (collided, outcome) = rehearse_second(&hold, second)?;

@@ -3,7 +3,7 @@
 //! A *first* grasp is proven alone: pick up, lift, hold. A *second* grasp is proven while ring and little finger already hold an
 //! object: the rehearsal starts from a snapshot of that hold and runs to the end of the trial.
 
-use std::sync::Arc;
+use std::sync::{Arc, LazyLock};
 
 use anyhow::Result;
 use control::executive::{Executive, Phase};
@@ -113,6 +113,14 @@ pub struct FirstRehearsal<'a> {
     pub grasps: [&'a Grasp; 2],
     /// Errors of the arm and of prior perception.
     pub noise: &'a TrialNoise,
+}
+
+impl<'a> FirstRehearsal<'a> {
+    /// The ideal run's first half.
+    pub fn ideal(world: &World, grasps: [&'a Grasp; 2]) -> Self {
+        static NONE: LazyLock<TrialNoise> = LazyLock::new(TrialNoise::none);
+        Self { protocol: world.protocol(), start: StartPosture::Ready, grasps, noise: &NONE }
+    }
 }
 
 /// Takes the first object and plays the trial up to the decision on the second grasp. None where the arm does not reach the

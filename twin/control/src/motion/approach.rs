@@ -6,20 +6,8 @@ use nalgebra::Isometry3;
 use crate::percept::Percept;
 use crate::trajectory::{PathError, PathLimits, PosePath};
 
-/// How far the hand keeps off before and after a motion.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Standoff {
-    /// It rises by so much before it goes anywhere else, m.
-    pub retreat: f64,
-    /// Distance from which it approaches a grasp, m.
-    pub pregrasp: f64,
-}
-
-impl Standoff {
-    /// From anywhere to an object that was only seen.
-    pub const USUAL: Self = Self { retreat: 0.0, pregrasp: 0.09 };
-}
-
+/// Distance from which the hand approaches a grasp, m.
+pub const APPROACH_DISTANCE: f64 = 0.09;
 /// Share of the speed limits on the last stretch of an approach.
 const LAST_STRETCH: f64 = 0.6;
 /// Shortest time of a motion, s.
@@ -32,17 +20,16 @@ pub fn duration(limits: &PathLimits, from: &Isometry3<f64>, to: &Isometry3<f64>)
     limits.duration(length, angle).max(SHORTEST)
 }
 
-/// The path from the first of `stops` through the others and the approach pose, `pregrasp` m before the grasp, to where the digits
-/// of `grasp` close on what is seen at `percept`.
+/// The path from the first of `stops` through the others and the grasp's approach pose to where the digits of `grasp` close on
+/// what is seen at `percept`.
 pub fn approach(
     limits: &PathLimits,
     stops: &[Isometry3<f64>],
-    pregrasp: f64,
     grasp: &Grasp,
     percept: &Percept,
 ) -> Result<PosePath, PathError> {
     let target = grasp.palm_pose(&percept.position, percept.yaw);
-    let before = grasp.pregrasp_pose(&target, pregrasp);
+    let before = grasp.pregrasp_pose(&target, APPROACH_DISTANCE);
     let mut waypoints: Vec<(f64, Isometry3<f64>)> = Vec::with_capacity(stops.len() + 2);
     for pose in stops.iter().chain([&before]) {
         let time = waypoints.last().map_or(0.0, |(_, last)| duration(limits, last, pose));

@@ -15,9 +15,7 @@ use serde::{Deserialize, Serialize};
 use sim::tactile::TactileBoard;
 
 use super::{FAILED_WORTH, Plan, PlannedGrasps, Plans};
-use crate::rehearsal::{
-    FirstRehearsal, Snapshot, StartPosture, misaimed, narrow_errors, rehearse_first, try_second, wide_errors,
-};
+use crate::rehearsal::{FirstRehearsal, Snapshot, misaimed, narrow_errors, rehearse_first, try_second, wide_errors};
 use crate::world::World;
 
 /// Draws of wide errors under which each grasp is tried.
@@ -130,12 +128,7 @@ impl Rehearsals<'_> {
     /// The first object held beside the second, which lies as grasp `any` of it expects.
     fn hold(&self, first: &Grasp, any: Option<&Grasp>) -> Result<Option<Snapshot>> {
         let Some(any) = any else { return Ok(None) };
-        let rehearsal = FirstRehearsal {
-            protocol: self.world.protocol(),
-            start: StartPosture::Ready,
-            grasps: [first, any],
-            noise: &TrialNoise::none(),
-        };
+        let rehearsal = FirstRehearsal::ideal(self.world, [first, any]);
         Ok(rehearse_first(self.world, &rehearsal, self.board)?.map(|(hold, _)| hold))
     }
 

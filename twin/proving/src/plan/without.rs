@@ -8,11 +8,10 @@ use grasping::{Grasp, Repertoire, Role};
 use hand_model::Digit;
 use rayon::prelude::*;
 use scenarios::combination::Combination;
-use scenarios::noise::TrialNoise;
 use sim::tactile::TactileBoard;
 
 use super::{Plan, Plans, plan_pair};
-use crate::rehearsal::{FirstRehearsal, StartPosture, rehearse_first};
+use crate::rehearsal::{FirstRehearsal, rehearse_first};
 use crate::world::World;
 
 /// Tension of the remaining digits, as a multiple of what it was.
@@ -115,12 +114,7 @@ fn prove(
     let Some(bystander) = slack.of(&plan.second, Role::Second).next() else { return Ok(Vec::new()) };
     let mut proven = Vec::new();
     for first in firsts {
-        let rehearsal = FirstRehearsal {
-            protocol: world.protocol(),
-            start: StartPosture::Ready,
-            grasps: [first, bystander],
-            noise: &TrialNoise::none(),
-        };
+        let rehearsal = FirstRehearsal::ideal(world, [first, bystander]);
         if let Some((_, held)) = rehearse_first(world, &rehearsal, board)? {
             let (place, joints) = (Some(held.palm_from_object), Some(held.joints));
             proven.push(Grasp { held: place, held_joints: joints, ..(*first).clone() });
