@@ -30,6 +30,8 @@ pub use data::DataError;
 pub use digit::{Digit, Phalanx};
 pub use hand::Hand;
 
+/// Gravity, m/s2.
+pub const GRAVITY: f64 = 9.81;
 /// Number of arm joints (Kinova Gen3).
 pub const ARM_JOINTS: usize = 7;
 /// Number of finger joints.

@@ -6,13 +6,13 @@
 
 use hand_model::arm::WristCapsule;
 use hand_model::hand::{CoverShape, MassProperties};
-use hand_model::{ARM_JOINTS, Arm, HAND_JOINTS, Hand};
+use hand_model::{ARM_JOINTS, Arm, GRAVITY, HAND_JOINTS, Hand};
 use nalgebra::{Isometry3, Matrix3, Point3, Vector3};
 use rapier3d_f64::prelude::*;
 use scenarios::individuals::ArmDefects;
 
 use crate::convert;
-use crate::engine::{Engine, GRAVITY};
+use crate::engine::Engine;
 
 /// Collision groups: the hand, the arm's wrist, objects, table.
 pub mod groups {

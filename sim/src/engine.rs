@@ -3,13 +3,12 @@
 //! The values were found by measurement with this hand's geometry (slip, penetration, jitter and cost over time step and
 //! iterations); smaller time steps are not systematically better.
 
+use hand_model::GRAVITY;
 use rapier3d_f64::prelude::*;
 use scenarios::physics::Physics;
 
 use crate::gel::SoftCovers;
 
-/// m/s2.
-pub const GRAVITY: f64 = 9.81;
 /// The scale of a scene by which the solver judges what is far and what is fast, m: a hand's breadth.
 const LENGTH_UNIT: f64 = 0.1;
 

@@ -11,7 +11,7 @@ use scenarios::effects::Effects;
 use scenarios::noise::TrialNoise;
 use sim::SimulatedRobot;
 use sim::tactile::Drift;
-use touch::{InHand, PadTouch};
+use touch::{InHand, PadTouch, Readings};
 
 /// The benchmark's first combinations with no effect but that of the pads.
 fn pads_only(combos: usize) -> Bench {
@@ -42,7 +42,11 @@ fn closed_on_nothing(
     }
     let seen = robot.observe();
     let pipeline = bench.pipeline.with_backgrounds(backgrounds).expect("a background of each camera");
-    let look = Look { images: &seen.tactile, sequences_before: &[None; CAMERAS], servos: &seen.servos };
+    let look = Look {
+        images: &seen.tactile,
+        sequences_before: &[None; CAMERAS],
+        readings: Readings::weightless(&seen.servos),
+    };
     let touches = pipeline.perceive_frames(look.images, look.sequences_before).expect("images").touches;
     (touches, seen, robot)
 }
@@ -68,7 +72,7 @@ fn a_thumb_on_the_index_finger_is_no_object() {
     for (tensions, opposition) in std::iter::once(thumb_and_index).chain(fists) {
         let (mut touches, seen, robot) = closed_on_nothing(&bench, tensions, opposition);
         loaded += usize::from(robot.own_loads().iter().any(|load| load.force > 0.2));
-        bench.pipeline.mark_own(&mut touches, &seen.servos, &in_hand).expect("marked");
+        bench.pipeline.mark_own(&mut touches, Readings::weightless(&seen.servos), &in_hand).expect("marked");
         let all = || touches.iter().flat_map(|touch| &touch.patches);
         (own, patches) = (own + all().filter(|patch| patch.own).count(), patches + all().count());
         let grip = Grip::of(&bench.world.cell.hand, &touches, &seen.servos, second.held_joints.as_deref());
@@ -94,12 +98,13 @@ fn a_held_object_is_felt_as_before() {
         let frames = board.capture(hand, 0.0, &grasp.pads, &grasp.forces, &objects);
         let mut touches = bench.pipeline.perceive_frames(&frames, &[None; CAMERAS]).expect("images").touches;
         let (servos, prior) = (grasp.servos(), trusted(grasp.expected));
+        let readings = grasp.readings(&servos);
         for (n, errors) in errors.iter_mut().enumerate() {
-            let estimate = bench.pipeline.estimate_pose(&touches, &servos, &prior, known).expect("a pose");
+            let estimate = bench.pipeline.estimate_pose(&touches, readings, &prior, known).expect("a pose");
             let apart = estimate.palm_from_object.translation.vector - grasp.truth.translation.vector;
             errors.push(apart.norm());
             if n == 0 {
-                bench.pipeline.mark_own(&mut touches, &servos, &[InHand { shape: known, prior }]).expect("marked");
+                bench.pipeline.mark_own(&mut touches, readings, &[InHand { shape: known, prior }]).expect("marked");
             }
         }
         patches += touches.iter().map(|touch| touch.patches.len()).sum::<usize>();

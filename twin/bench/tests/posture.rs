@@ -37,7 +37,8 @@ fn joint_angles_are_as_uncertain_as_they_say() {
         let frames = board.capture(hand, 0.0, &grasp.pads, &grasp.forces, &objects);
         let touches = bench.pipeline.perceive_frames(&frames, &[None; CAMERAS]).expect("images").touches;
         let prior = control::perception::trusted(grasp.expected);
-        let estimate = bench.pipeline.estimate_pose(&touches, &grasp.servos(), &prior, known).expect("a pose");
+        let estimate =
+            bench.pipeline.estimate_pose(&touches, grasp.readings(&grasp.servos()), &prior, known).expect("a pose");
         for digit in Digit::ALL {
             let touched = |touch: &PadTouch| touch.touched() && digit_of(hand.pads[touch.pad].link) == Some(digit);
             if !touches.iter().any(touched) {

@@ -19,7 +19,7 @@ pub use scenarios::phase::Phase;
 
 use crate::guarded::{self, Guarded};
 use crate::inverse_kinematics::ArmServo;
-use crate::motion::approach::approach;
+use crate::motion::approach::in_parts;
 use crate::motion::tension::{against_friction, closing_tension};
 use crate::motion::{LOOK_TIME, Motion, MotionError, Protocol};
 use crate::palpation::{self, Touching};
@@ -29,6 +29,8 @@ use crate::trajectory::PosePath;
 
 /// Share of the way to a touch after which pads are looked at untouched: digits have opened by then.
 const UNTOUCHED: f64 = 0.4;
+/// How far the palm may rise before it goes to the second object, so that what it holds passes above, m.
+const RISES: [f64; 3] = [0.0, 0.05, 0.1];
 
 /// Runs one trial; see the module's page.
 #[derive(Clone)]
@@ -102,15 +104,26 @@ impl Executive {
         self.watch_period = Some(period);
     }
 
-    /// The path that would take the second object with `grasp`: from the present palm pose to where the digits close.
-    pub fn path_to_second(&self, grasp: &Grasp) -> Result<PosePath, MotionError> {
-        let stops = self.motion.stops(self.rise());
-        Ok(approach(&self.protocol.limits, &stops, grasp, &self.second.1)?)
+    /// The stops of the ways from the present palm pose to another, before the approach pose: the shortest way, then higher ones.
+    pub fn ways(&self) -> impl Iterator<Item = Vec<Isometry3<f64>>> {
+        RISES.iter().map(|rise| self.motion.stops(self.rise() + rise))
     }
 
-    /// A path that the arm can follow to where `grasp` closes on what is seen at `percept`; see [`Motion::rehearsed_approach`].
-    pub fn rehearsed_approach(&self, grasp: &Grasp, percept: &Percept) -> Option<PosePath> {
-        self.motion.rehearsed_approach(&self.protocol.limits, grasp, percept, self.rise())
+    /// The path by way of `stops` that takes the second object with `grasp` where it is seen at `percept`: to the approach pose,
+    /// and from there to where the digits close.
+    pub fn path_to_second(
+        &self,
+        stops: &[Isometry3<f64>],
+        grasp: &Grasp,
+        percept: &Percept,
+    ) -> Result<[PosePath; 2], MotionError> {
+        Ok(in_parts(&self.protocol.limits, stops, grasp, percept)?)
+    }
+
+    /// A path by way of `stops` that the arm can follow to where `grasp` closes on what is seen at `percept`; see
+    /// [`Motion::rehearsed_approach`].
+    pub fn rehearsed_approach(&self, stops: &[Isometry3<f64>], grasp: &Grasp, percept: &Percept) -> Option<PosePath> {
+        self.motion.rehearsed_approach(&self.protocol.limits, grasp, percept, stops)
     }
 
     /// How far the palm rises before it goes anywhere else, m: fingers that touch the second object leave it upwards.

@@ -1,7 +1,8 @@
 //! What perception takes: the tactile images of one look and the servos' readings at the same moment.
 
-use hand_model::robot::{ServoState, TactileFrame};
-use hand_model::{ACTUATORS, CAMERAS};
+use hand_model::CAMERAS;
+use hand_model::robot::TactileFrame;
+use touch::Readings;
 
 /// Measurements of one look. No executive, no plan: whoever moves the hand can be felt with.
 #[derive(Debug, Clone, Copy)]
@@ -10,6 +11,6 @@ pub struct Look<'a> {
     pub images: &'a [TactileFrame],
     /// Sequence number that each camera had sent before the images were asked for: what is not newer is stale.
     pub sequences_before: &'a [Option<u64>; CAMERAS],
-    /// Newest servo readings.
-    pub servos: &'a [ServoState; ACTUATORS],
+    /// Newest servo readings, and how the palm is turned.
+    pub readings: Readings<'a>,
 }

@@ -13,6 +13,7 @@ use hand_model::robot::{Command, Observation, ServoState, TactileFrame};
 use hand_model::transmission::friction::CableFriction;
 use hand_model::{ACTUATORS, CAMERAS, Hand};
 use nalgebra::{Isometry3, Translation3, Vector3};
+use touch::Readings;
 
 use self::approach::{approach, duration};
 use self::tension::{approach_tension, servo_goals};
@@ -142,7 +143,8 @@ impl Motion {
 
     /// The last look that was completed or is under way.
     pub fn look(&self) -> Look<'_> {
-        Look { images: &self.images, sequences_before: &self.sequences_before, servos: &self.servos }
+        let readings = Readings::new(&self.servos, &self.palm().rotation);
+        Look { images: &self.images, sequences_before: &self.sequences_before, readings }
     }
 
     /// Largest distance between wanted and reached palm reference, m.
@@ -232,9 +234,8 @@ impl Motion {
         approach(limits, &[self.end()], grasp, percept)
     }
 
-    /// The same, rehearsed by the arm servo: straight or by way of the pose at the very beginning, at full speed or slower.
-    ///
-    /// It first rises by `rise` m.
+    /// The same by way of `stops`, rehearsed by the arm servo: straight or through the pose at the very beginning, at full speed or
+    /// slower.
     ///
     /// A straight path from where a failed try ended can lead the joints to their limits with the palm decimetres off, although
     /// another posture would reach the target. `None` if no path ends there.
@@ -243,11 +244,10 @@ impl Motion {
         limits: &PathLimits,
         grasp: &Grasp,
         percept: &Percept,
-        rise: f64,
+        stops: &[Isometry3<f64>],
     ) -> Option<PosePath> {
-        let straight = self.stops(rise);
-        let by_home = [&straight[..], &[self.home]].concat();
-        let paths = |limits: &PathLimits| [&straight, &by_home].map(|stops| approach(limits, stops, grasp, percept));
+        let by_home = [stops, &[self.home]].concat();
+        let paths = |limits: &PathLimits| [stops, &by_home].map(|stops| approach(limits, stops, grasp, percept));
         self.rehearsed(limits, paths)
     }
 

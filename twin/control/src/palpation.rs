@@ -33,6 +33,8 @@ pub const SETTLING: f64 = 0.1;
 const AROUND: (f64, f64) = (0.012, 0.018);
 /// Mean speed of the guarded motion, m/s.
 const SPEED: f64 = 0.025;
+/// What is found so many of the prior's standard deviations away is something else.
+const FARTHEST: f64 = 4.0;
 /// The hand comes from so far above, m.
 pub const ABOVE: f64 = 0.04;
 
@@ -87,7 +89,8 @@ fn plate(hand: &Hand) -> (Point3<f64>, Vector3<f64>) {
     (middle.into(), facing.normalize())
 }
 
-/// Where an object is in the hand that touches it with free digits; `None` if they feel nothing of it. `first` is what is held.
+/// Where an object is in the hand that touches it with free digits; `None` if they feel nothing that can be it. `first` is what is
+/// held.
 pub fn located(
     senses: &Senses,
     look: &Look,
@@ -97,12 +100,14 @@ pub fn located(
 ) -> Result<Option<PoseEstimate>, TouchError> {
     let (pipeline, shape) = (senses.pipeline(), object as &dyn KnownShape);
     let mut touches = senses.perceive(look)?.touches;
-    pipeline.mark_own(&mut touches, look.servos, &[first, InHand { shape, prior: *prior }])?;
+    pipeline.mark_own(&mut touches, look.readings, &[first, InHand { shape, prior: *prior }])?;
     touches.retain(|touch| is_on(pipeline.hand(), touch.pad, Role::Second.digits()));
     if touches.iter().all(|touch| touch.of_objects().next().is_none()) {
         return Ok(None);
     }
-    pipeline.estimate_pose(&touches, look.servos, prior, shape).map(Some)
+    let found = pipeline.estimate_pose(&touches, look.readings, prior, shape)?;
+    let off = found.palm_from_object.translation.vector - prior.palm_from_object.translation.vector;
+    Ok((off.norm() < FARTHEST * prior.sigma_translation).then_some(found))
 }
 
 /// An object was found `off` (m, world) beside where it was seen, with this covariance (m2), from a prior as wide in all directions

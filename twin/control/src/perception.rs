@@ -152,9 +152,9 @@ pub fn feel(senses: &Senses, look: &Look, object: &KnownObject, expected: &Expec
     let pipeline = senses.pipeline();
     let Perceived { mut touches, faults } = senses.perceive(look)?;
     let prior = trusted(expected.palm_from_object);
-    pipeline.mark_own(&mut touches, look.servos, &[InHand { shape: object, prior }])?;
-    let estimate = pipeline.estimate_pose(&touches, look.servos, &prior, object)?;
-    let grip = Grip::of(pipeline.hand(), &touches, look.servos, expected.second_joints);
+    pipeline.mark_own(&mut touches, look.readings, &[InHand { shape: object, prior }])?;
+    let estimate = pipeline.estimate_pose(&touches, look.readings, &prior, object)?;
+    let grip = Grip::of(pipeline.hand(), &touches, look.readings.servos, expected.second_joints);
     Ok(Felt { touches, faults, estimate, prior: prior.palm_from_object, grip })
 }
 
@@ -166,8 +166,8 @@ pub fn trusted(palm_from_object: Isometry3<f64>) -> PosePrior {
 /// Which objects a look says are in the hand; `objects` are those that should be.
 pub fn grip(senses: &Senses, look: &Look, expected: &Expected, objects: &[InHand]) -> Result<Grip, TouchError> {
     let Perceived { mut touches, .. } = senses.perceive(look)?;
-    senses.pipeline().mark_own(&mut touches, look.servos, objects)?;
-    Ok(Grip::of(senses.pipeline().hand(), &touches, look.servos, expected.second_joints))
+    senses.pipeline().mark_own(&mut touches, look.readings, objects)?;
+    Ok(Grip::of(senses.pipeline().hand(), &touches, look.readings.servos, expected.second_joints))
 }
 
 #[cfg(test)]

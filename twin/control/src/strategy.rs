@@ -77,6 +77,8 @@ pub struct Decision {
     pub aim: Vector3<f64>,
     /// Its rehearsals and aim, to learn from how it goes.
     pub aimed: Aimed,
+    /// Stops on the way to its approach pose.
+    pub way: Vec<Isometry3<f64>>,
     /// Whether it is another than planned.
     pub switched: bool,
     /// Assessment of the plan, aimed at what is seen.
@@ -223,6 +225,30 @@ impl<'a> Scene<'a> {
         }
     }
 
+    /// The way to the approach pose of `grasp` that keeps what moves clear of the target, which is seen at `percept`: of those that
+    /// do so the first, else the one that does best. With its smallest distance, m.
+    fn way(
+        &self,
+        executive: &Executive,
+        grasp: &Grasp,
+        (percept, beside): (&Percept, &Percept),
+    ) -> Result<(f64, Vec<Isometry3<f64>>), StrategyError> {
+        let fixed = placed(self.target, &percept.pose());
+        let mut best = (f64::NEG_INFINITY, Vec::new());
+        for stops in executive.ways() {
+            let [way, _] = executive.path_to_second(&stops, grasp, beside)?;
+            let found = clearance_along(&way, &self.moving, &fixed, 2000)?;
+            let clearance = found.map_or(f64::INFINITY, |found| found.min_distance);
+            if clearance > best.0 {
+                best = (clearance, stops);
+            }
+            if clearance > FAR * self.sigma {
+                break;
+            }
+        }
+        Ok(best)
+    }
+
     /// Smallest distance of `moving` to the target, which is seen at `percept`, while `path` is followed and `grasp` closes.
     fn clearance(
         &self,
@@ -249,23 +275,44 @@ impl<'a> Scene<'a> {
         Ok(clearance)
     }
 
-    /// The clearance of the hold as felt, and the probability of a contact beyond what rehearsals of `candidate` have seen.
-    fn blocked(&self, executive: &Executive, candidate: &Candidate) -> Result<(f64, f64), StrategyError> {
+    /// How the hold as felt gets to the target and takes it with `candidate`, aimed `aim` beside what is seen.
+    fn passage(
+        &self,
+        executive: &Executive,
+        candidate: &Candidate,
+        aim: &Vector3<f64>,
+    ) -> Result<Passage, StrategyError> {
         let (percept, grasp) = (executive.second().1, &candidate.grasp);
-        let path = executive.path_to_second(grasp)?;
-        let clearance = self.clearance(&self.moving, &path, grasp, &percept)?;
-        if clearance > FAR * self.sigma {
-            return Ok((clearance, 0.0));
-        }
+        let beside = Percept { position: percept.position + aim, ..percept };
         let risk = |clearance: f64| normal_cdf(-clearance / self.sigma);
-        let known = match &self.rehearsed {
-            Some(rehearsed) if !candidate.rehearsed.is_empty() => {
-                risk(self.clearance(rehearsed, &path, grasp, &percept)?)
-            }
-            _ => 0.0,
+        let (there, stops) = self.way(executive, grasp, (&percept, &beside))?;
+        let [_, last] = executive.path_to_second(&stops, grasp, &beside)?;
+        let taking = self.clearance(&self.moving, &last, grasp, &percept)?;
+        let contact = if taking > FAR * self.sigma {
+            0.0
+        } else {
+            let known = match &self.rehearsed {
+                Some(rehearsed) if !candidate.rehearsed.is_empty() => {
+                    risk(self.clearance(rehearsed, &last, grasp, &percept)?)
+                }
+                _ => 0.0,
+            };
+            (risk(taking) - known).max(0.0)
         };
-        Ok((clearance, (risk(clearance) - known).max(0.0)))
+        let on_the_way = if there > FAR * self.sigma { 0.0 } else { risk(there) };
+        Ok(Passage { clearance: taking.min(there), contact: 1.0 - (1.0 - contact) * (1.0 - on_the_way), stops })
     }
+}
+
+/// How what is held passes the target.
+struct Passage {
+    /// Smallest distance, m.
+    clearance: f64,
+    /// Probability of a contact beyond what rehearsals have seen: they began where the trial's plan does, and took the same last
+    /// stretch.
+    contact: f64,
+    /// Of the way to the approach pose.
+    stops: Vec<Isometry3<f64>>,
 }
 
 /// A candidate with an aim.
@@ -304,11 +351,12 @@ impl<'a> Aiming<'a> {
         best
     }
 
-    fn assess(&self, executive: &Executive, scene: &Scene) -> Result<Assessment, StrategyError> {
-        let (clearance, blocked) = scene.blocked(executive, self.candidate)?;
-        let free = 1.0 - blocked;
+    /// With the stops of the way there.
+    fn assess(&self, executive: &Executive, scene: &Scene) -> Result<(Assessment, Vec<Isometry3<f64>>), StrategyError> {
+        let Passage { clearance, contact, stops } = scene.passage(executive, self.candidate, &self.aimed.aim)?;
+        let free = 1.0 - contact;
         let odds = Odds { held: self.odds.held * free, contact: 1.0 - (1.0 - self.odds.contact) * free };
-        Ok(Assessment { clearance, risk: odds.contact, held: odds.held, utility: utility(&odds) })
+        Ok((Assessment { clearance, risk: odds.contact, held: odds.held, utility: utility(&odds) }, stops))
     }
 }
 
@@ -322,26 +370,26 @@ pub fn choose(situation: &Situation, candidates: &[Candidate]) -> Result<Option<
     let Some(planned) = candidates.first() else { return Ok(None) };
     let (executive, scene) = (situation.executive, Scene::new(situation));
     let as_planned = Aiming::at(situation, planned, Vector3::zeros());
-    let plan = as_planned.assess(executive, &scene)?;
+    let (plan, stops) = as_planned.assess(executive, &scene)?;
     let mut options: Vec<Aiming> = candidates.iter().map(|candidate| Aiming::best(situation, candidate)).collect();
     options.sort_by(|a, b| utility(&b.odds).total_cmp(&utility(&a.odds)));
     // What is in the way only takes away from an option's worth: those that cannot win are not looked at.
-    let (mut chosen, mut assessment) = (as_planned, plan);
+    let (mut chosen, mut assessment, mut way) = (as_planned, plan, stops);
     for option in options {
         let least = assessment.utility.max(SWITCH_GAIN * plan.utility);
         if utility(&option.odds) <= least {
             break;
         }
-        let assessed = option.assess(executive, &scene)?;
+        let (assessed, stops) = option.assess(executive, &scene)?;
         if assessed.utility > least {
-            (chosen, assessment) = (option, assessed);
+            (chosen, assessment, way) = (option, assessed, stops);
         }
     }
     let grasp = chosen.candidate.grasp.clone();
     let switched = grasp.id != planned.grasp.id;
     let reason = reason(situation.held.name, (&planned.grasp, &plan), (&chosen, &assessment));
     let aim = chosen.aimed.aim;
-    Ok(Some(Decision { grasp, aim, aimed: chosen.aimed, switched, plan, chosen: assessment, reason }))
+    Ok(Some(Decision { grasp, aim, aimed: chosen.aimed, way, switched, plan, chosen: assessment, reason }))
 }
 
 /// The choice in words.

@@ -40,7 +40,7 @@ pub use pad_touch::{HeightMap, PadTouch};
 pub use photometric_stereo::Gradients;
 pub use pipeline::{Perceived, TouchPipeline};
 pub use pose::{KnownShape, PoseEstimate, PoseInputs, PoseOptions, PosePrior, costs_from_pose, estimate_pose};
-pub use posture::Posture;
+pub use posture::{Posture, Readings};
 pub use slip::Slip;
 
 pub use hand_model::pads::IMAGE_SIZE;

@@ -5,14 +5,14 @@
 //! as normal with its own standard deviations, and the likelier one has pressed. Three joints of a digit hang on one cable, so
 //! that a digit in contact is known to some millimetres only: see [`OwnHandOptions`].
 
-use hand_model::robot::ServoState;
-use hand_model::{ACTUATORS, Hand};
+use hand_model::Hand;
 use nalgebra::{Isometry3, Point3, Vector3};
 
 use crate::contacts::Patch;
 use crate::error::TouchError;
 use crate::pad_touch::PadTouch;
 use crate::pose::{KnownShape, PoseOptions, PosePrior, loaded_posture};
+use crate::posture::Readings;
 
 /// Points of a patch that are looked at.
 const POINTS: usize = 8;
@@ -81,14 +81,14 @@ impl Fit {
 pub fn mark_own(
     hand: &Hand,
     touches: &mut [PadTouch],
-    servos: &[ServoState; ACTUATORS],
+    readings: Readings,
     objects: &[InHand],
     (options, pose): (&OwnHandOptions, &PoseOptions),
 ) -> Result<(), TouchError> {
     if touches.iter().all(|touch| touch.patches.is_empty()) {
         return Ok(());
     }
-    let links = hand.tree.forward(&loaded_posture(hand, touches, servos, pose)?);
+    let links = hand.tree.forward(&loaded_posture(hand, touches, readings, pose)?);
     for touch in touches {
         let pad = &hand.pads[touch.pad];
         let place = pad.link.map_or(Isometry3::identity(), |link| links[link]) * pad.link_from_pad;

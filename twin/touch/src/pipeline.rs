@@ -2,8 +2,8 @@
 
 use std::sync::Arc;
 
-use hand_model::robot::{ServoState, TactileFrame, TactileImage};
-use hand_model::{ACTUATORS, CAMERAS, Hand};
+use hand_model::robot::{TactileFrame, TactileImage};
+use hand_model::{CAMERAS, Hand};
 use nalgebra::Isometry3;
 use rayon::prelude::*;
 
@@ -18,6 +18,7 @@ use crate::pad_touch::{HeightMap, PadTouch};
 use crate::photometric_stereo::gradients;
 use crate::poisson::PoissonSolver;
 use crate::pose::{KnownShape, PoseEstimate, PoseInputs, PoseOptions, PosePrior, costs_from_pose, estimate_pose};
+use crate::posture::Readings;
 use crate::{IMAGE_SIZE as N, PIXELS};
 
 /// Columns and rows of the grid of free points on an untouched pad.
@@ -162,14 +163,9 @@ impl TouchPipeline {
 
     /// Marks the patches that the hand itself presses, if the pipeline tells them from objects' ([`Self::own_hand`]); `objects` are
     /// those expected in the hand.
-    pub fn mark_own(
-        &self,
-        touches: &mut [PadTouch],
-        servos: &[ServoState; ACTUATORS],
-        objects: &[InHand],
-    ) -> Result<(), TouchError> {
+    pub fn mark_own(&self, touches: &mut [PadTouch], readings: Readings, objects: &[InHand]) -> Result<(), TouchError> {
         match &self.own_hand {
-            Some(options) => mark_own(&self.hand, touches, servos, objects, (options, &self.pose)),
+            Some(options) => mark_own(&self.hand, touches, readings, objects, (options, &self.pose)),
             None => Ok(()),
         }
     }
@@ -178,33 +174,33 @@ impl TouchPipeline {
     pub fn estimate_pose(
         &self,
         touches: &[PadTouch],
-        servos: &[ServoState; ACTUATORS],
+        readings: Readings,
         prior: &PosePrior,
         shape: &dyn KnownShape,
     ) -> Result<PoseEstimate, TouchError> {
-        estimate_pose(&self.pose_inputs(touches, servos, prior, shape))
+        estimate_pose(&self.pose_inputs(touches, readings, prior, shape))
     }
 
     /// Costs of a given pose of the object (palm frame) under the same evidence: see [`costs_from_pose`].
     pub fn costs_from_pose(
         &self,
         touches: &[PadTouch],
-        servos: &[ServoState; ACTUATORS],
+        readings: Readings,
         prior: &PosePrior,
         shape: &dyn KnownShape,
         pose: &Isometry3<f64>,
     ) -> Result<[f64; 2], TouchError> {
-        costs_from_pose(&self.pose_inputs(touches, servos, prior, shape), pose)
+        costs_from_pose(&self.pose_inputs(touches, readings, prior, shape), pose)
     }
 
     fn pose_inputs<'a>(
         &'a self,
         touches: &'a [PadTouch],
-        servos: &'a [ServoState; ACTUATORS],
+        readings: Readings<'a>,
         prior: &'a PosePrior,
         shape: &'a dyn KnownShape,
     ) -> PoseInputs<'a> {
-        PoseInputs { hand: &self.hand, touches, servos, prior, shape, options: &self.pose }
+        PoseInputs { hand: &self.hand, touches, readings, prior, shape, options: &self.pose }
     }
 
     /// Images of the untouched pads, in camera order.

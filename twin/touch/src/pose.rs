@@ -17,8 +17,7 @@ mod shape;
 mod system;
 mod uncertainty;
 
-use hand_model::robot::ServoState;
-use hand_model::{ACTUATORS, HAND_JOINTS, Hand};
+use hand_model::{HAND_JOINTS, Hand};
 use nalgebra::{DMatrix, Isometry3, Matrix6, Point3, Vector3};
 use problem::{Evidence, Problem, State};
 use rayon::prelude::*;
@@ -27,7 +26,7 @@ use uncertainty::{alternatives, joint_covariance, mixed_covariance, unobservable
 
 use crate::error::TouchError;
 use crate::pad_touch::PadTouch;
-use crate::posture::JointCovariance;
+use crate::posture::{JointCovariance, Readings};
 
 pub use inputs::{PoseInputs, PoseOptions, PosePrior};
 pub use shape::KnownShape;
@@ -123,7 +122,7 @@ pub fn costs_from_pose(inputs: &PoseInputs, pose: &Isometry3<f64>) -> Result<[f6
 pub fn loaded_posture(
     hand: &Hand,
     touches: &[PadTouch],
-    servos: &[ServoState; ACTUATORS],
+    readings: Readings,
     options: &PoseOptions,
 ) -> Result<[f64; HAND_JOINTS], TouchError> {
     struct Nothing;
@@ -133,13 +132,13 @@ pub fn loaded_posture(
         }
     }
     let prior = PosePrior::weak(Isometry3::identity());
-    Ok(prepared(&PoseInputs { hand, touches, servos, prior: &prior, shape: &Nothing, options })?.1.q)
+    Ok(prepared(&PoseInputs { hand, touches, readings, prior: &prior, shape: &Nothing, options })?.1.q)
 }
 
 /// Checks the inputs; gives the problem, its start (joints as servos and contact forces have them without the object, the
 /// object as planned) and the steps that took.
 fn prepared<'a>(inputs: &PoseInputs<'a>) -> Result<(Problem<'a>, State, usize), TouchError> {
-    let PoseInputs { hand, touches, servos, prior, .. } = *inputs;
+    let PoseInputs { hand, touches, readings, prior, .. } = *inputs;
     if let Some(touch) = touches.iter().find(|touch| touch.pad >= hand.pads.len()) {
         return Err(TouchError::Size { what: "pad index of a touch", found: touch.pad, expected: hand.pads.len() });
     }
@@ -149,13 +148,16 @@ fn prepared<'a>(inputs: &PoseInputs<'a>) -> Result<(Problem<'a>, State, usize), 
     if !prior.palm_from_object.to_homogeneous().iter().all(|value| value.is_finite()) {
         return Err(TouchError::NotFinite("the prior pose"));
     }
-    if !servos.iter().all(|servo| servo.position.is_finite() && servo.current.is_finite()) {
+    if !readings.servos.iter().all(|servo| servo.position.is_finite() && servo.current.is_finite()) {
         return Err(TouchError::NotFinite("a servo reading"));
+    }
+    if !readings.gravity.iter().all(|value| value.is_finite()) {
+        return Err(TouchError::NotFinite("gravity"));
     }
     let mut problem = Problem::new(inputs);
     let mut rest = problem.start(prior.palm_from_object);
     let steps = minimise(&problem, &mut rest, Evidence::Joints, 10);
-    problem.settle_torque_sigmas(&rest.q);
+    problem.settle_torques(&rest.q);
     Ok((problem, rest, steps))
 }
 

@@ -9,8 +9,28 @@ use hand_model::digit::Digit;
 use hand_model::robot::ServoState;
 use hand_model::transmission::SPANS;
 use hand_model::transmission::friction::{CableFriction, CableLosses};
-use hand_model::{ACTUATORS, HAND_JOINTS, Hand};
-use nalgebra::{SMatrix, SVector};
+use hand_model::{ACTUATORS, GRAVITY, HAND_JOINTS, Hand};
+use nalgebra::{SMatrix, SVector, UnitQuaternion, Vector3};
+
+/// What the posture follows from, beside what the pads feel.
+#[derive(Debug, Clone, Copy)]
+pub struct Readings<'a> {
+    pub servos: &'a [ServoState; ACTUATORS],
+    /// Gravity along the palm's axes, m/s2; zero where nothing says how the palm is turned.
+    pub gravity: Vector3<f64>,
+}
+
+impl<'a> Readings<'a> {
+    /// Of a hand whose palm is turned as `palm`, by the arm's encoders.
+    pub fn new(servos: &'a [ServoState; ACTUATORS], palm: &UnitQuaternion<f64>) -> Self {
+        Self { servos, gravity: palm.inverse() * Vector3::new(0.0, 0.0, -GRAVITY) }
+    }
+
+    /// Of a hand that may be turned in any way.
+    pub fn weightless(servos: &'a [ServoState; ACTUATORS]) -> Self {
+        Self { servos, gravity: Vector3::zeros() }
+    }
+}
 
 /// Joint angles with the cable readings they follow from.
 #[derive(Debug, Clone, Copy, PartialEq)]

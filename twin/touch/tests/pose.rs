@@ -9,8 +9,8 @@ use nalgebra::{Isometry3, Matrix3, Point3, Translation3, UnitQuaternion, Vector3
 use shapes::{Ball, Block, Ellipsoid};
 use touch::contacts::{ContactOptions, clear_points, find_contacts};
 use touch::{
-    IMAGE_SIZE as N, KnownShape, PIXELS, PadTouch, PoseEstimate, PoseInputs, PoseOptions, PosePrior, TouchError,
-    estimate_pose,
+    IMAGE_SIZE as N, KnownShape, PIXELS, PadTouch, PoseEstimate, PoseInputs, PoseOptions, PosePrior, Readings,
+    TouchError, estimate_pose,
 };
 
 struct Noise(u64);
@@ -212,7 +212,7 @@ fn estimate(
     use_clear: bool,
 ) -> Result<PoseEstimate, TouchError> {
     let options = &PoseOptions { use_clear, ..PoseOptions::default() };
-    estimate_pose(&PoseInputs { hand, touches, servos, prior, shape, options })
+    estimate_pose(&PoseInputs { hand, touches, readings: Readings::weightless(servos), prior, shape, options })
 }
 
 fn median(values: &mut [f64]) -> f64 {

@@ -4,9 +4,10 @@ use anyhow::Result;
 use control::perception::Expected;
 use hand_model::robot::ServoState;
 use hand_model::{ACTUATORS, ARM_JOINTS};
-use nalgebra::Isometry3;
+use nalgebra::{Isometry3, UnitQuaternion};
 use proving::rehearsal::in_hand;
 use serde::{Deserialize, Serialize};
+use touch::Readings;
 
 use super::setup::Setup;
 use super::shared::Bench;
@@ -22,6 +23,8 @@ pub struct HeldGrasp {
     pub object: String,
     /// Position (rad) and current (A) of each servo.
     servos: [[f64; 2]; ACTUATORS],
+    /// How the palm is turned in the world, by the arm's encoders.
+    turned: UnitQuaternion<f64>,
     /// Where the plan has the object.
     pub expected: Isometry3<f64>,
     /// Where it is.
@@ -39,6 +42,11 @@ impl HeldGrasp {
     pub fn servos(&self) -> [ServoState; ACTUATORS] {
         self.servos.map(|[position, current]| ServoState { position, current, ..ServoState::default() })
     }
+
+    /// What its posture follows from, given [`Self::servos`].
+    pub fn readings<'a>(&self, servos: &'a [ServoState; ACTUATORS]) -> Readings<'a> {
+        Readings::new(servos, &self.turned)
+    }
 }
 
 impl Bench {
@@ -55,6 +63,7 @@ impl Bench {
             trial,
             object: start.objects[0].name.clone(),
             servos: snapshot.executive.servos().map(|servo| [servo.position, servo.current]),
+            turned: snapshot.executive.palm().rotation,
             expected: Expected::of(first, percept, second).palm_from_object,
             truth: palm * truth.objects[0],
             pads: self.world.cell.hand.pad_poses(&links),

@@ -28,13 +28,39 @@ pub fn approach(
     grasp: &Grasp,
     percept: &Percept,
 ) -> Result<PosePath, PathError> {
+    let (mut waypoints, last) = waypoints(limits, stops, grasp, percept);
+    waypoints.push(last);
+    PosePath::new(waypoints)
+}
+
+/// The same path in two parts: to the approach pose, and from there.
+pub fn in_parts(
+    limits: &PathLimits,
+    stops: &[Isometry3<f64>],
+    grasp: &Grasp,
+    percept: &Percept,
+) -> Result<[PosePath; 2], PathError> {
+    let (way, last) = waypoints(limits, stops, grasp, percept);
+    let from = way.last().map(|(_, before)| (0.0, *before));
+    Ok([PosePath::new(way)?, PosePath::new(from.into_iter().chain([last]).collect())?])
+}
+
+/// Waypoints, with the times from each to the next, up to the approach pose; and the last.
+fn waypoints(
+    limits: &PathLimits,
+    stops: &[Isometry3<f64>],
+    grasp: &Grasp,
+    percept: &Percept,
+) -> (Vec<Waypoint>, Waypoint) {
     let target = grasp.palm_pose(&percept.position, percept.yaw);
     let before = grasp.pregrasp_pose(&target, APPROACH_DISTANCE);
-    let mut waypoints: Vec<(f64, Isometry3<f64>)> = Vec::with_capacity(stops.len() + 2);
+    let mut waypoints: Vec<Waypoint> = Vec::with_capacity(stops.len() + 2);
     for pose in stops.iter().chain([&before]) {
         let time = waypoints.last().map_or(0.0, |(_, last)| duration(limits, last, pose));
         waypoints.push((time, *pose));
     }
-    waypoints.push((duration(&limits.scaled(LAST_STRETCH), &before, &target), target));
-    PosePath::new(waypoints)
+    (waypoints, (duration(&limits.scaled(LAST_STRETCH), &before, &target), target))
 }
+
+/// Time (s) from the one before, and pose.
+type Waypoint = (f64, Isometry3<f64>);

@@ -216,7 +216,7 @@ impl<'a> Carry<'a> {
         let look = carrier.look();
         let Perceived { touches, .. } = self.senses.perceive(&look)?;
         let hand = self.senses.pipeline().hand();
-        let feels = |digits: &[Digit]| feeling(hand, &touches, look.servos, digits);
+        let feels = |digits: &[Digit]| feeling(hand, &touches, look.readings.servos, digits);
         let new = feels(&skill.grasp.digits());
         let cargo = self.knowledge.cargo;
         let name = &cargo[pick.object].name;

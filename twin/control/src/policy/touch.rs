@@ -219,9 +219,10 @@ impl<'a> Touch<'a> {
         seen: &Percept,
     ) -> Option<(Grasp, PosePath)> {
         candidates.sort_by(|a, b| b.worth.total_cmp(&a.worth));
+        let stops = executive.ways().next().unwrap_or_default();
         candidates.iter().find_map(|candidate| {
             turned(&self.knowledge, &candidate.grasp, seen, &self.knowledge.objects[0])
-                .find_map(|grasp| executive.rehearsed_approach(&grasp, seen).map(|path| (grasp, path)))
+                .find_map(|grasp| executive.rehearsed_approach(&stops, &grasp, seen).map(|path| (grasp, path)))
         })
     }
 
@@ -251,7 +252,7 @@ impl<'a> Touch<'a> {
             let attempt = attempt(&decision, felt);
             let beside = Percept { position: seen.position + decision.aim, ..seen };
             self.story.aimed |= self.seen.is_none_or(|[_, first_look]| beside != first_look);
-            let Some(path) = executive.rehearsed_approach(&decision.grasp, &beside) else {
+            let Some(path) = executive.rehearsed_approach(&decision.way, &decision.grasp, &beside) else {
                 within.retain(|candidate| candidate.grasp.id != decision.grasp.id);
                 continue;
             };
@@ -279,7 +280,7 @@ impl<'a> Touch<'a> {
             held: &held,
             rehearsed: planned.held.zip(planned.held_joints.as_deref()),
             target: &self.solids[1],
-            target_sigma: uncertainty.arm.hypot(uncertainty.eyes),
+            target_sigma: self.located.as_ref().map_or(uncertainty.arm.hypot(uncertainty.eyes), Belief::sigma),
             all: &candidates.iter().flat_map(|candidate| candidate.rehearsed.iter().copied()).collect(),
             belief: self.located.as_ref().unwrap_or(&self.belief),
             looks: self.looks,

@@ -41,7 +41,8 @@ pub fn write(bench: &Bench, eyes: &Eyes, grasps: &[HeldGrasp], folder: &Path) ->
         let known = &bench.known[&grasp.object];
         let frames = eyes.look(grasp, &known.model.shape, bench.seed ^ (n as u64) << 20);
         let touches = bench.pipeline.perceive_frames(&frames, &[None; CAMERAS])?.touches;
-        let estimate = bench.pipeline.estimate_pose(&touches, &grasp.servos(), &trusted(grasp.expected), known)?;
+        let estimate =
+            bench.pipeline.estimate_pose(&touches, grasp.readings(&grasp.servos()), &trusted(grasp.expected), known)?;
         let hand = &bench.world.cell.hand;
         let raw = |camera: usize| frames.iter().find(|frame| frame.camera == camera).map(|frame| &frame.image.rgb);
         let sheet = sheet(hand, &touches, raw);

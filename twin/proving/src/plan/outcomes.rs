@@ -4,8 +4,11 @@
 //! All grasps meet the same draws, so a file keeps a letter for each draw, the wide ones and the near ones apart: `h` held, `m` missed,
 //! `c` contact.
 
+use std::ops::Range;
+
 use anyhow::{Result, bail};
 use control::odds::{Rehearsed, TryOutcome};
+use control::worth::MISSED;
 use grasping::{Grasp, Repertoire, Role};
 use indicatif::ProgressBar;
 use nalgebra::{Rotation3, Vector3};
@@ -18,13 +21,17 @@ use super::{FAILED_WORTH, Plan, PlannedGrasps, Plans};
 use crate::rehearsal::{FirstRehearsal, Snapshot, misaimed, narrow_errors, rehearse_first, try_second, wide_errors};
 use crate::world::World;
 
-/// Draws of wide errors under which each grasp is tried.
-const WIDE: usize = 14;
+/// Draws of wide errors under which a grasp is tried.
+const WIDE: usize = 12;
 /// Draws of the errors that are left once the object has been touched.
 const NARROW: usize = 10;
-/// Grasps of a plan that are tried: the first of those that worked without errors.
-const GRASPS: usize = 5;
-/// The same for each way in which the second object can have fallen over.
+/// The first draws of either kind, under which every grasp is tried that works without errors.
+const HEAT: usize = 3;
+/// Grasps of a plan that went best under those, and are tried under all.
+const GRASPS: usize = 4;
+/// For each way in which the second object can have fallen over, so many of its grasps that work are tried.
+const FALLEN: usize = 4;
+/// So many of them under all errors.
 const FALLEN_GRASPS: usize = 2;
 
 /// How a second grasp went under each draw.
@@ -48,6 +55,12 @@ impl Outcomes {
         };
         let letters = |outcomes: &[TryOutcome]| outcomes.iter().map(letter).collect();
         Self { grasp, outcomes: letters(wide), near: letters(narrow) }
+    }
+
+    /// What it is worth by its letters: a miss counts as much as to a policy that may try again.
+    fn worth(&self) -> f64 {
+        let letters = self.outcomes.chars().chain(self.near.chars());
+        letters.map(|letter| if letter == 'h' { 1.0 } else { MISSED * f64::from(letter == 'm') }).sum()
     }
 
     /// The rehearsals, with the errors in axes that turn with `grasp`'s heading; first the one without errors, which held.
@@ -74,8 +87,8 @@ fn aim_error(noise: &TrialNoise, heading: f64) -> Vector3<f64> {
     Rotation3::from_axis_angle(&Vector3::z_axis(), -heading) * world
 }
 
-/// Tries the first grasps of all `plans` under errors, in the place of what they knew; shows a progress bar unless `quiet`. Takes
-/// two minutes of a core for each plan.
+/// Tries the second grasps of all `plans` under errors, in the place of what they knew; shows a progress bar unless `quiet`. Takes
+/// a minute of a core for each plan.
 pub fn rehearse(world: &World, repertoire: &Repertoire, plans: &mut Plans, quiet: bool) -> Result<()> {
     let progress = if quiet { ProgressBar::hidden() } else { ProgressBar::new(plans.plans.len() as u64) };
     let board = TactileBoard::unit(&world.cell.hand, 0);
@@ -98,13 +111,13 @@ struct Rehearsals<'a> {
 }
 
 impl Rehearsals<'_> {
-    /// Tries the first grasps of `plan` that work without errors; nothing where its first grasp does not hold.
+    /// Tries the second grasps of `plan` that work without errors; nothing where its first grasp does not hold.
     fn rehearse(&self, repertoire: &Repertoire, plan: &mut Plan) -> Result<()> {
         let PlannedGrasps { first, second, .. } = plan.grasps(repertoire)?;
         let worked = second.iter().filter(|second| second.worth > FAILED_WORTH * second.grasp.score);
-        let worked: Vec<&Grasp> = worked.map(|second| &second.grasp).take(GRASPS).collect();
+        let worked: Vec<&Grasp> = worked.map(|second| &second.grasp).collect();
         plan.outcomes = match self.hold(&first, worked.first().copied())? {
-            Some(hold) => self.outcomes(&hold, &worked)?,
+            Some(hold) => self.outcomes(&hold, &worked, GRASPS)?,
             None => Vec::new(),
         };
         plan.fallen.clear();
@@ -114,12 +127,12 @@ impl Rehearsals<'_> {
             let Some(hold) = self.hold(&first, grasps.first().copied())? else { continue };
             let mut works = Vec::new();
             for grasp in grasps {
-                if works.len() < FALLEN_GRASPS && try_second(&hold, grasp)? == TryOutcome::Held {
+                if works.len() < FALLEN && try_second(&hold, grasp)? == TryOutcome::Held {
                     works.push(grasp);
                 }
             }
             if !works.is_empty() {
-                plan.fallen.insert(way.name.clone(), self.outcomes(&hold, &works)?);
+                plan.fallen.insert(way.name.clone(), self.outcomes(&hold, &works, FALLEN_GRASPS)?);
             }
         }
         Ok(())
@@ -132,15 +145,24 @@ impl Rehearsals<'_> {
         Ok(rehearse_first(self.world, &rehearsal, self.board)?.map(|(hold, _)| hold))
     }
 
-    /// How `grasps` go under all errors.
-    fn outcomes(&self, hold: &Snapshot, grasps: &[&Grasp]) -> Result<Vec<Outcomes>> {
-        let outcomes = grasps.iter().map(|grasp| {
-            let under = |errors: &[TrialNoise]| -> Result<Vec<TryOutcome>> {
-                errors.iter().map(|noise| try_second(hold, &misaimed(grasp, noise, 1))).collect()
+    /// How `grasps` go under the first errors of either kind, and the `best` of them under all.
+    fn outcomes(&self, hold: &Snapshot, grasps: &[&Grasp], best: usize) -> Result<Vec<Outcomes>> {
+        let under = |grasp: &Grasp, draws: Range<usize>| -> Result<Outcomes> {
+            let tries = |errors: &[TrialNoise]| -> Result<Vec<TryOutcome>> {
+                let errors = errors.iter().take(draws.end).skip(draws.start);
+                errors.map(|noise| try_second(hold, &misaimed(grasp, noise, 1))).collect()
             };
-            Ok(Outcomes::new(grasp.id, &under(&self.wide)?, &under(&self.narrow)?))
-        });
-        outcomes.collect()
+            Ok(Outcomes::new(grasp.id, &tries(&self.wide)?, &tries(&self.narrow)?))
+        };
+        let mut tried = grasps.iter().map(|grasp| under(grasp, 0..HEAT)).collect::<Result<Vec<_>>>()?;
+        let mut order: Vec<usize> = (0..grasps.len()).collect();
+        order.sort_by(|a, b| tried[*b].worth().total_cmp(&tried[*a].worth()));
+        for n in order.into_iter().take(best) {
+            let rest = under(grasps[n], HEAT..usize::MAX)?;
+            tried[n].outcomes += &rest.outcomes;
+            tried[n].near += &rest.near;
+        }
+        Ok(tried)
     }
 }
 

@@ -1,12 +1,12 @@
 //! Inputs of a pose estimate: touches, servo readings, prior, shape, and the standard deviation of each kind of evidence.
 
-use hand_model::robot::ServoState;
+use hand_model::Hand;
 use hand_model::transmission::friction::CableLosses;
-use hand_model::{ACTUATORS, Hand};
 use nalgebra::Isometry3;
 
 use super::shape::KnownShape;
 use crate::pad_touch::PadTouch;
+use crate::posture::Readings;
 
 /// All inputs of [`estimate_pose`](super::estimate_pose).
 #[derive(Clone, Copy)]
@@ -14,7 +14,7 @@ pub struct PoseInputs<'a> {
     pub hand: &'a Hand,
     /// What the pads feel, at most one element a pad; a pad that is not listed is no evidence.
     pub touches: &'a [PadTouch],
-    pub servos: &'a [ServoState; ACTUATORS],
+    pub readings: Readings<'a>,
     pub prior: &'a PosePrior,
     pub shape: &'a dyn KnownShape,
     pub options: &'a PoseOptions,
@@ -51,8 +51,10 @@ pub struct PoseOptions {
     pub sigma_excursion: f64,
     /// What guides and gears take: the tension at a joint is known up to the capstan's factor, the excursion up to the play.
     pub cables: CableLosses,
-    /// Torque balance of a joint, N m.
+    /// Torque balance of a joint whose cable is slack, N m.
     pub sigma_torque: f64,
+    /// Additional error of the torque balance as a fraction of the cable's torque, added in quadrature.
+    pub tension_torque_fraction: f64,
     /// Additional error of the torque balance as a fraction of the measured contact torque, added in quadrature.
     pub contact_torque_fraction: f64,
     /// Depth of a point without contact inside the object, m.
@@ -89,7 +91,8 @@ impl Default for PoseOptions {
             sigma_normal: 8f64.to_radians(),
             sigma_excursion: 1.5e-4,
             cables: CableLosses::NONE,
-            sigma_torque: 0.03,
+            sigma_torque: 0.003,
+            tension_torque_fraction: 0.25,
             contact_torque_fraction: 0.25,
             sigma_clear: 2.5e-4,
             sigma_limit: 0.02,

@@ -3,6 +3,7 @@
 //! A step (rho, phi, dq, ds) moves a state by pose <- pose * exp(rho, phi) in the object's own axes, and joints and lifts of
 //! pressed pads by addition.
 
+use hand_model::transmission::CablePath;
 use hand_model::{HAND_JOINTS, Hand, PADS};
 use nalgebra::{DVector, Isometry3, Point3, Translation3, UnitQuaternion, Vector3};
 
@@ -65,6 +66,10 @@ pub(super) struct Problem<'a> {
     pub(super) reach: Vec<Vec<usize>>,
     /// The same for a point of each pressed pad: with its lift, whose column comes last.
     pub(super) pressed_reach: Vec<Vec<usize>>,
+    /// Gravity in the palm's frame, m/s2.
+    pub(super) gravity: Vector3<f64>,
+    /// Torque of the digit's own weight about each joint, N m.
+    pub(super) weight: [f64; HAND_JOINTS],
     pub(super) torque_sigma: [f64; HAND_JOINTS],
     /// Standard deviation of a cable's excursion, m.
     pub(super) excursion_sigma: f64,
@@ -72,7 +77,7 @@ pub(super) struct Problem<'a> {
 
 impl<'a> Problem<'a> {
     pub fn new(inputs: &PoseInputs<'a>) -> Self {
-        let PoseInputs { hand, touches, servos, prior, shape, options } = *inputs;
+        let PoseInputs { hand, touches, readings, prior, shape, options } = *inputs;
         let (mut patches, mut clear, mut cables, mut blind) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
         let (mut pressed, mut links, mut own) = (Vec::new(), Vec::new(), Vec::new());
         for touch in touches {
@@ -97,7 +102,7 @@ impl<'a> Problem<'a> {
                 clear.extend(ClearSpot::of_pad(pad.link, at, &place, &touch.clear));
             }
         }
-        let posture = free_posture(hand, servos);
+        let posture = free_posture(hand, readings.servos);
         cables.sort_unstable();
         cables.dedup();
         let mut column = [None; HAND_JOINTS];
@@ -142,10 +147,12 @@ impl<'a> Problem<'a> {
             chains,
             reach,
             pressed_reach,
+            gravity: readings.gravity,
+            weight: [0.0; HAND_JOINTS],
             torque_sigma,
             excursion_sigma: excursion_sigma(hand, options.sigma_excursion, &options.cables),
         };
-        problem.settle_torque_sigmas(&posture.q);
+        problem.settle_torques(&posture.q);
         problem
     }
 
@@ -190,17 +197,40 @@ impl<'a> Problem<'a> {
         self.patches.len()
     }
 
-    /// Sets the standard deviation of each joint's torque balance from the contact torques at `q`.
-    pub fn settle_torque_sigmas(&mut self, q: &[f64; HAND_JOINTS]) {
+    /// Sets what the digits' weight has of each joint's torque balance, and the balance's standard deviation, from the torques at `q`.
+    pub fn settle_torques(&mut self, q: &[f64; HAND_JOINTS]) {
         let kinematics = Kinematics::new(self.hand, &self.chains, q);
         for (joint, rubbing) in self.friction_sigmas(q).into_iter().enumerate() {
             let torque = self.contact_torque(&kinematics, joint).abs();
             // An unmeasured contact on a blind pad loads all joints towards the palm.
             let unfelt = self.blind.iter().any(|&link| kinematics.chain(Some(link)).contains(&joint));
             let felt = self.options.sigma_torque.hypot(self.options.contact_torque_fraction * torque);
-            let felt = felt.hypot(rubbing);
+            let felt = felt.hypot(self.options.tension_torque_fraction * self.cable_torque(joint, q)).hypot(rubbing);
             self.torque_sigma[joint] = if unfelt { felt.hypot(UNFELT_TORQUE) } else { felt };
+            self.weight[joint] = self.weight_torque(&kinematics, joint);
         }
+    }
+
+    /// Torque of a joint's cable at `q`, N m.
+    fn cable_torque(&self, joint: usize, q: &[f64; HAND_JOINTS]) -> f64 {
+        let cables = self.hand.transmission.cables.iter().zip(&self.posture.tensions);
+        let of_cable = |(path, tension): (&CablePath, &f64)| {
+            let guides = path.joints.iter().find(|(crossed, _)| *crossed == joint);
+            guides.map_or(0.0, |(_, guides)| guides.moment_arm(q[joint]) * tension)
+        };
+        cables.map(of_cable).sum()
+    }
+
+    /// Torque about `joint` of the links that it carries, N m.
+    fn weight_torque(&self, kinematics: &Kinematics, joint: usize) -> f64 {
+        let carried = (0..self.hand.masses.len()).filter(|link| kinematics.chain(Some(*link)).contains(&joint));
+        let moment = carried.map(|link| {
+            let body = &self.hand.masses[link];
+            (kinematics.pose(Some(link)) * body.com - kinematics.origin(joint))
+                .coords
+                .cross(&(self.gravity * body.mass))
+        });
+        kinematics.axes[joint].dot(&moment.sum::<Vector3<f64>>())
     }
 
     /// The felt forces (N) with where they act (m), in the frame of the link that carries them: an object's and the hand's own.
@@ -289,5 +319,49 @@ impl<'a> Problem<'a> {
             }
         }
         (sum / count.max(1) as f64).sqrt()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use hand_model::robot::ServoState;
+    use hand_model::{ACTUATORS, GRAVITY};
+
+    use super::*;
+    use crate::posture::Readings;
+
+    struct Far;
+    impl KnownShape for Far {
+        fn signed_distance(&self, _: &Point3<f64>) -> (f64, Vector3<f64>) {
+            (1.0, Vector3::z())
+        }
+    }
+
+    /// The weight's torque about a joint is what its turning takes from the potential energy.
+    #[test]
+    fn weight_does_the_work_that_the_links_lose() {
+        let (hand, options) = (Hand::ftac(), PoseOptions::default());
+        let servos = [ServoState::default(); ACTUATORS];
+        let turned = UnitQuaternion::from_euler_angles(0.4, -0.7, 0.2);
+        let prior = PosePrior::weak(Isometry3::identity());
+        let readings = Readings::new(&servos, &turned);
+        let (hand, prior, options) = (&hand, &prior, &options);
+        let mut problem = Problem::new(&PoseInputs { hand, touches: &[], readings, prior, shape: &Far, options });
+        let q = std::array::from_fn(|joint| 0.1 + 0.03 * joint as f64);
+        problem.settle_torques(&q);
+        let energy = |q: &[f64]| -> f64 {
+            let heights = hand.tree.forward(q).into_iter().zip(&hand.masses);
+            heights.map(|(link, body)| body.mass * GRAVITY * (turned * (link * body.com)).z).sum()
+        };
+        for joint in 0..HAND_JOINTS {
+            let [above, below] = [1e-4, -1e-4].map(|by| {
+                let mut q = q;
+                q[joint] += by;
+                energy(&q)
+            });
+            let expected = (below - above) / 2e-4;
+            assert!((problem.weight[joint] - expected).abs() < 1e-7, "{joint}: {} {expected}", problem.weight[joint]);
+        }
+        assert!(problem.weight.iter().any(|torque| torque.abs() > 1e-3), "{:?}", problem.weight);
     }
 }

@@ -91,7 +91,7 @@ impl Problem<'_> {
                 }
             });
             for (joint, residual, slope) in spring_residuals(self.hand, cable, &state.q, self.posture.tensions[cable]) {
-                let torque = self.contact_torque(kinematics, joint);
+                let torque = self.contact_torque(kinematics, joint) + self.weight[joint];
                 let scale = 1.0 / self.torque_sigma[joint];
                 sink.add((residual - torque) * scale, Loss::Huber(options.huber), columns, &|row| {
                     self.contact_torque_row(kinematics, joint, -scale, row);
@@ -298,6 +298,7 @@ mod tests {
     use super::*;
     use crate::contacts::{Patch, SurfacePoint};
     use crate::pad_touch::PadTouch;
+    use crate::posture::Readings;
 
     struct Ellipsoid(Vector3<f64>);
     impl KnownShape for Ellipsoid {
@@ -363,7 +364,7 @@ mod tests {
             let problem = Problem::new(&PoseInputs {
                 hand: &hand,
                 touches: &touches,
-                servos: &servos,
+                readings: Readings::weightless(&servos),
                 prior: &prior,
                 shape: &shape,
                 options: &options,
