@@ -103,7 +103,7 @@ mod tests {
 
     #[test]
     fn no_spread_draws_nothing() {
-        let layout = Scenario::benchmark().layout;
+        let layout = Layout { spread_xy: 0.0, spread_yaw: 0.0, ..Scenario::benchmark().layout };
         let (mut used, mut fresh) = (trial_rng(1, 2, 3), trial_rng(1, 2, 3));
         assert_eq!(layout.draw(&mut used), [Shift::default(); 2]);
         assert_eq!(uniform(&mut used), uniform(&mut fresh));

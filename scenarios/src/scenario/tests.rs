@@ -20,7 +20,7 @@ fn the_benchmark_is_sound() {
 #[test]
 fn errors_name_the_place_and_what_is_wrong() {
     let kind = error("position_sigma = 0.005", "position_sigma = \"4 mm\"");
-    assert!(kind.starts_with("mine.toml:34: `position_sigma = \"4 mm\""), "{kind}");
+    assert!(kind.starts_with("mine.toml:38: `position_sigma = \"4 mm\""), "{kind}");
     assert!(kind.contains("invalid type: string \"4 mm\", expected f64"), "{kind}");
     let unknown = error("hold_time", "hold_tiem");
     assert!(
@@ -35,7 +35,7 @@ fn errors_name_the_place_and_what_is_wrong() {
     let far = error("first = { x = 0.62", "first = { x = 0.90");
     assert_eq!(
         far,
-        "mine.toml: layout.first.x: found 0.9, expected within reach, 0.5 to 0.72 m, with the spread of 0 m"
+        "mine.toml: layout.first.x: found 0.9, expected within reach, 0.5 to 0.72 m, with the spread of 0.02 m"
     );
     let millimetres = error("xy_sigma = 0.0065", "xy_sigma = 4");
     assert!(millimetres.contains("noise.perception.xy_sigma: found 4, expected 0 to 1"), "{millimetres}");
@@ -47,7 +47,7 @@ fn objects_must_exist_and_stand_clear() {
     let set = ObjectSet::standard();
     scenario.layout.second.y = 0.08;
     let close = scenario.check_objects(&set, Path::new("a.toml")).unwrap_err().to_string();
-    assert!(close.contains("0.060 m apart"), "{close}");
+    assert!(close.contains("0.003 m apart"), "{close}");
     scenario.first[0] = "anvil".into();
     let unknown = scenario.check_objects(&set, Path::new("a.toml")).unwrap_err().to_string();
     assert!(unknown.contains("first: found \"anvil\", expected one of golf_ball"), "{unknown}");

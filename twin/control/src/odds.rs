@@ -252,14 +252,14 @@ mod tests {
     /// A grasp that was lucky in its few draws is not believed to be much better than the others of its object.
     #[test]
     fn luck_counts_for_less() {
-        let with = |outcome| [Rehearsed { error: Vector3::zeros(), outcome }; 4];
+        let with = |outcome| [Rehearsed { error: Vector3::zeros(), outcome }; 40];
         let (lucky, others) = (with(TryOutcome::Held), [with(TryOutcome::Missed); 5].concat());
         let all: Arc<[Rehearsed]> = [&lucky[..], &others].concat().into();
         let alone = Aimed { rehearsed: lucky.into(), all: lucky.into(), heading: 0.0, aim: Vector3::zeros() };
         let among = Aimed { all, ..alone.clone() };
         let belief = Belief::new(&UNCERTAINTY);
         let (alone, among) = (belief.odds(&alone, 1).held, belief.odds(&among, 1).held);
-        assert!(alone > 0.8 && (0.4 * alone..0.6 * alone).contains(&among), "{alone} {among}");
+        assert!(alone > 0.75 && (0.4 * alone..0.6 * alone).contains(&among), "{alone} {among}");
     }
 
     /// Axes turn with the grasp: an error along the world's y is one along x for a grasp turned by a quarter.

@@ -5,16 +5,17 @@ use std::sync::Arc;
 
 use grasping::{Grasp, Role};
 use hand_model::robot::ServoState;
-use hand_model::{ACTUATORS, Digit, Hand};
+use hand_model::{ACTUATORS, Digit, HAND_JOINTS, Hand};
 use nalgebra::{Isometry3, Point3, Vector3};
 use scenarios::geometry::{DistanceGrid, Shape};
 use scenarios::objects::ObjectModel;
+use touch::pose::loaded_posture;
 use touch::posture::{cable_excursion, cable_tension, digit_of};
 use touch::{CameraFault, InHand, KnownShape, PadTouch, Perceived, PoseEstimate, PosePrior, TouchError};
 
 use crate::look::Look;
 use crate::percept::Percept;
-use crate::sensing::Senses;
+use crate::sensing::{Senses, is_on};
 
 /// Error of the plan's idea of where the object will sit in the hand: standard deviations, m and rad.
 const PRIOR_SIGMA: (f64, f64) = (0.012, 0.35);
@@ -79,24 +80,36 @@ const IDLE_CLOSURE: f64 = 0.9;
 /// A finger that stops this much later than when its grasp holds, as a share of a full closing, is stopped by something else: the
 /// thumb, most often.
 const LATE: f64 = 0.25;
+/// A pad's middle this near to an object's surface is on it, m: as far off as the posture of a digit in contact may be.
+const ON_IT: f64 = 0.004;
 
 impl Grip {
     /// An object counts as held when at least two of the parts that hold it feel something: ring, little and palm for the
-    /// first, thumb, index and middle finger for the second. Thumb and index finger often hold with their sides, where no pad
-    /// is; the second object is therefore also taken to be held when its cable says that a finger did not close. So is the first
-    /// by a finger with a blind pad.
+    /// first, thumb, index and middle finger for the second. Digits often hold with their sides, where no pad is; an object is
+    /// therefore also taken to be held when a cable says that a finger did not close.
     ///
     /// `held` is where the joints are (rad) when the second grasp holds, if that is known. A finger that has no part in it, or is
     /// stopped much later, has met the thumb and not the object.
-    pub fn of(hand: &Hand, touches: &[PadTouch], servos: &[ServoState; ACTUATORS], held: Option<&[f64]>) -> Self {
+    /// So has one that feels another part of the hand, or of which one of the pads `on_first` rests on the first object: what those
+    /// feel is not the second.
+    pub fn of(
+        hand: &Hand,
+        touches: &[PadTouch],
+        servos: &[ServoState; ACTUATORS],
+        held: Option<&[f64]>,
+        on_first: &[usize],
+    ) -> Self {
         let of =
             |digit: Option<Digit>| touches.iter().filter(move |touch| digit_of(hand.pads[touch.pad].link) == digit);
         let feels = |digit: Option<Digit>| of(digit).any(PadTouch::touched);
-        let blind = |digit: Digit| of(Some(digit)).any(|touch| touch.blind);
+        let feels_second =
+            |digit: Digit| of(Some(digit)).any(|touch| touch.touched() && !on_first.contains(&touch.pad));
+        let rests = |digit: Digit| on_first.iter().any(|pad| digit_of(hand.pads[*pad].link) == Some(digit));
         let expected = |digit: Digit| {
             held.map(|joints| hand.transmission.cables[digit.index()].excursion(joints) / full_excursion(hand, digit))
         };
-        let blocked = |digit: Digit| blocked(hand, servos, digit);
+        let feels_itself = |digit: Digit| of(Some(digit)).any(|touch| touch.patches.iter().any(|patch| patch.own));
+        let blocked = |digit: Digit| blocked(hand, servos, digit) && !feels_itself(digit) && !rests(digit);
         let takes_part =
             |digit: Digit| digit == Digit::Thumb || expected(digit).is_none_or(|share| share < IDLE_CLOSURE);
         let stopped = |digit: Digit| {
@@ -104,12 +117,14 @@ impl Grip {
                 && takes_part(digit)
                 && expected(digit).is_none_or(|share| closure(hand, servos, digit) < share + LATE)
         };
-        let holds = |digit: &Digit| feels(Some(*digit)) || blind(*digit) && blocked(*digit);
-        let count = |digits: &[Digit]| digits.iter().filter(|digit| holds(digit)).count();
-        let parts: Vec<Digit> = Role::Second.digits().iter().copied().filter(|digit| takes_part(*digit)).collect();
+        // A closed thumb lies where ring and little finger close.
+        let thumb = cable_tension(hand, &servos[Digit::Thumb.index()]) > PULLED;
+        let first = Role::First.digits();
+        let holding = first.iter().filter(|digit| feels(Some(**digit))).count();
+        let taking = Role::Second.digits().iter().filter(|digit| takes_part(**digit) && feels_second(**digit)).count();
         Self {
-            first: count(Role::First.digits()) + usize::from(feels(None)) >= 2,
-            second: count(&parts) >= 2 || stopped(Digit::Index) || stopped(Digit::Middle),
+            first: holding + usize::from(feels(None)) >= 2 || !thumb && first.iter().any(|digit| blocked(*digit)),
+            second: taking >= 2 || stopped(Digit::Index) || stopped(Digit::Middle),
         }
     }
 }
@@ -154,7 +169,7 @@ pub fn feel(senses: &Senses, look: &Look, object: &KnownObject, expected: &Expec
     let prior = trusted(expected.palm_from_object);
     pipeline.mark_own(&mut touches, look.readings, &[InHand { shape: object, prior }])?;
     let estimate = pipeline.estimate_pose(&touches, look.readings, &prior, object)?;
-    let grip = Grip::of(pipeline.hand(), &touches, look.readings.servos, expected.second_joints);
+    let grip = Grip::of(pipeline.hand(), &touches, look.readings.servos, expected.second_joints, &[]);
     Ok(Felt { touches, faults, estimate, prior: prior.palm_from_object, grip })
 }
 
@@ -163,17 +178,29 @@ pub fn trusted(palm_from_object: Isometry3<f64>) -> PosePrior {
     PosePrior { palm_from_object, sigma_translation: PRIOR_SIGMA.0, sigma_rotation: PRIOR_SIGMA.1 }
 }
 
-/// Which objects a look says are in the hand; `objects` are those that should be.
+/// Which objects a look says are in the hand; `objects` are those that should be, the first one first.
 pub fn grip(senses: &Senses, look: &Look, expected: &Expected, objects: &[InHand]) -> Result<Grip, TouchError> {
     let Perceived { mut touches, .. } = senses.perceive(look)?;
     senses.pipeline().mark_own(&mut touches, look.readings, objects)?;
-    Ok(Grip::of(senses.pipeline().hand(), &touches, look.readings.servos, expected.second_joints))
+    let (pipeline, hand) = (senses.pipeline(), senses.pipeline().hand());
+    let q = loaded_posture(hand, &touches, look.readings, &pipeline.pose)?;
+    let on_first = objects.first().map_or(Vec::new(), |first| pads_on(hand, &q, first));
+    Ok(Grip::of(hand, &touches, look.readings.servos, expected.second_joints, &on_first))
+}
+
+/// Pads of free digits that are on the first object, or all but, with the joints at `q` (rad).
+fn pads_on(hand: &Hand, q: &[f64; HAND_JOINTS], first: &InHand) -> Vec<usize> {
+    let object_from_palm = first.prior.palm_from_object.inverse();
+    let pads = hand.pad_poses(&hand.tree.forward(q));
+    let on_it = |pad: &usize| {
+        let middle = object_from_palm * pads[*pad] * Point3::origin();
+        is_on(hand, *pad, Role::Second.digits()) && first.shape.signed_distance(&middle).0 < ON_IT
+    };
+    (0..pads.len()).filter(on_it).collect()
 }
 
 #[cfg(test)]
 pub(crate) mod tests {
-    use hand_model::HAND_JOINTS;
-
     use super::*;
 
     /// Servos of a hand whose cables are pulled with `tension` (N) and taken up by `share` of a full closing, thumb first.
@@ -195,7 +222,7 @@ pub(crate) mod tests {
     #[test]
     fn a_slack_finger_holds_nothing() {
         let hand = Hand::ftac();
-        let slack = Grip::of(&hand, &[], &pulled(&hand, [0.0; 5], 0.0), None);
+        let slack = Grip::of(&hand, &[], &pulled(&hand, [0.0; 5], 0.0), None, &[]);
         assert_eq!(slack, Grip { first: false, second: false });
     }
 
@@ -203,9 +230,9 @@ pub(crate) mod tests {
     #[test]
     fn a_blocked_finger_holds_something() {
         let hand = Hand::ftac();
-        let closed = Grip::of(&hand, &[], &servos(&hand, [1.0; 5]), None);
+        let closed = Grip::of(&hand, &[], &servos(&hand, [1.0; 5]), None, &[]);
         assert_eq!(closed, Grip { first: false, second: false });
-        let blocked = Grip::of(&hand, &[], &servos(&hand, [1.0, 0.5, 1.0, 1.0, 1.0]), None);
+        let blocked = Grip::of(&hand, &[], &servos(&hand, [1.0, 0.5, 1.0, 1.0, 1.0]), None, &[]);
         assert_eq!(blocked, Grip { first: false, second: true });
     }
 
@@ -224,7 +251,7 @@ pub(crate) mod tests {
             joints
         };
         let stopped = servos(&hand, [0.7, 1.0, 0.7, 1.0, 1.0]);
-        let second = |middle: f64| Grip::of(&hand, &[], &stopped, Some(&held(middle))).second;
+        let second = |middle: f64| Grip::of(&hand, &[], &stopped, Some(&held(middle)), &[]).second;
         assert!(second(1.0));
         assert!(!second(0.4) && !second(1.55));
     }

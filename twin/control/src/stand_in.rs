@@ -58,7 +58,8 @@ pub fn stand_ins(
     numbered
         .map(|(number, (grasp, yaw, worth, rehearsed))| {
             let worth = worth * grasp.score;
-            Candidate { grasp: taken_over(&grasp, object, percept, yaw - percept.yaw, number), worth, rehearsed }
+            let grasp = taken_over(&grasp, object, percept, yaw - percept.yaw, number);
+            Candidate { rehearsed, ..Candidate::new(grasp, worth) }
         })
         .collect()
 }

@@ -331,7 +331,8 @@ impl<'a> Aiming<'a> {
         let odds = if candidate.rehearsed.is_empty() {
             Odds { held: candidate.worth * (1.0 - UNREHEARSED_CONTACT), contact: UNREHEARSED_CONTACT }
         } else {
-            situation.belief.odds(&aimed, situation.looks)
+            let odds = situation.belief.odds(&aimed, situation.looks);
+            Odds { held: odds.held * candidate.trust, ..odds }
         };
         Self { candidate, aimed, odds }
     }

@@ -32,6 +32,8 @@ pub struct Candidate {
     pub grasp: Grasp,
     /// Probability of success when nothing is in the way.
     pub worth: f64,
+    /// What is left of it after failures in this very trial, 1 before any: what was rehearsed is not all that happens.
+    pub trust: f64,
     /// How it went under errors of its aim, after the first grasp of the plan; empty where that was not rehearsed.
     pub rehearsed: Arc<[Rehearsed]>,
 }
@@ -39,6 +41,6 @@ pub struct Candidate {
 impl Candidate {
     /// A grasp that was not rehearsed under errors.
     pub fn new(grasp: Grasp, worth: f64) -> Self {
-        Self { grasp, worth, rehearsed: Arc::default() }
+        Self { grasp, worth, trust: 1.0, rehearsed: Arc::default() }
     }
 }

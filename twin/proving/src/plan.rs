@@ -115,7 +115,7 @@ impl Plan {
         };
         let candidate = |grasp: Grasp, worth: f64, outcomes: Option<&Outcomes>| {
             let rehearsed = outcomes.map(|outcomes| outcomes.rehearsed(&grasp)).transpose()?.unwrap_or_default();
-            Ok(Candidate { grasp, worth, rehearsed: rehearsed.into() })
+            Ok(Candidate { rehearsed: rehearsed.into(), ..Candidate::new(grasp, worth) })
         };
         let second = self.second_grasps.iter().map(|(id, worth)| {
             let outcomes = self.outcomes.iter().find(|outcomes| outcomes.grasp == *id);

@@ -48,8 +48,8 @@ pub fn within_reach(knowledge: &Knowledge, wanted: &Wanted, seen: &Percept) -> V
     let turn_into_reach = |candidate: &Candidate| {
         let grasp = turned(knowledge, &candidate.grasp, seen, wanted.object).next()?;
         let failures = wanted.failures.get(&grasp.id).copied().unwrap_or(0);
-        let worth = candidate.worth * worth::FAILED.powi(failures);
-        Some(Candidate { grasp, worth, rehearsed: candidate.rehearsed.clone() })
+        let trust = worth::FAILED.powi(failures);
+        Some(Candidate { grasp, worth: candidate.worth * trust, trust, rehearsed: candidate.rehearsed.clone() })
     };
     let own: Vec<Candidate> = match wanted.object.standing_yaw(&seen.rotation) {
         Some(_) => wanted.candidates.iter().filter_map(turn_into_reach).collect(),
