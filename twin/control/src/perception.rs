@@ -117,10 +117,12 @@ impl Grip {
                 && takes_part(digit)
                 && expected(digit).is_none_or(|share| closure(hand, servos, digit) < share + LATE)
         };
-        // A closed thumb lies where ring and little finger close.
+        // A closed thumb lies where ring and little finger close: then only what pads feel counts, or a digit with a blind one.
         let thumb = cable_tension(hand, &servos[Digit::Thumb.index()]) > PULLED;
         let first = Role::First.digits();
-        let holding = first.iter().filter(|digit| feels(Some(**digit))).count();
+        let blind = |digit: Digit| of(Some(digit)).any(|touch| touch.blind);
+        let holds = |digit: &&Digit| feels(Some(**digit)) || blind(**digit) && blocked(**digit);
+        let holding = first.iter().filter(holds).count();
         let taking = Role::Second.digits().iter().filter(|digit| takes_part(**digit) && feels_second(**digit)).count();
         Self {
             first: holding + usize::from(feels(None)) >= 2 || !thumb && first.iter().any(|digit| blocked(*digit)),
