@@ -1,7 +1,9 @@
 //! The benchmark's repertoire of pick-ups.
 //!
-//! Random proposals are closed and held in physics. Those that hold are varied and tried again under the noise that a planner
-//! expects, and the repertoire keeps the ones that held in the largest share of tries.
+//! Random proposals are closed and held in physics. Those that hold are varied and tried again under errors, and the repertoire
+//! keeps the ones that held in the largest share of tries. First grasps meet errors as wide as a controller of the benchmark's robot
+//! expects, because nothing but the eyes says where the object stands; second grasps meet fewer, because [`crate::plan::outcomes`]
+//! tries them again in each plan.
 
 use anyhow::{Context, Result};
 use grasping::repertoire::{Repertoire, VERSION};
@@ -17,11 +19,14 @@ use sim::tactile::TactileBoard;
 
 use crate::rehearsal::{
     FirstRehearsal, HoldOutcome, Snapshot, StartPosture, misaimed, proving_errors, rehearse_first, rehearse_second,
+    wide_errors,
 };
 use crate::world::World;
 
-/// Draws of the expected noise under which a grasp's robustness is measured, after a try without any.
-const ERRORS: usize = 9;
+/// Draws of wide errors under which a first grasp's robustness is measured, after a try without any.
+const WIDE: usize = 12;
+/// Draws of the expected noise for a second grasp.
+const EXPECTED: usize = 9;
 /// A hold that slips more than this in the time it is watched is none, m.
 const SLIP_LIMIT: f64 = 0.004;
 
@@ -153,7 +158,10 @@ impl Search<'_> {
         keep: usize,
         attempt: impl Fn(&Grasp, &TrialNoise) -> Result<Option<HoldOutcome>> + Sync,
     ) -> Result<Vec<Grasp>> {
-        let errors = &proving_errors(ERRORS)[..];
+        let errors = &match role {
+            Role::First => wide_errors(WIDE),
+            Role::Second => proving_errors(EXPECTED),
+        }[..];
         let Effort { proposals, variations, .. } = self.effort;
         let run = |grasps: Vec<Grasp>, errors: &[TrialNoise], failures: usize| -> Result<Vec<Grasp>> {
             let proven: Vec<Result<Option<Grasp>>> =
@@ -161,7 +169,7 @@ impl Search<'_> {
             proven.into_iter().filter_map(Result::transpose).collect()
         };
         let random = |id: u32| stream(self.seed, &extent.name, role, id);
-        let enough = keep + keep / 2;
+        let enough = (keep + keep / 2).max(ENOUGH);
         let mut found: Vec<Grasp> = Vec::new();
         let mut id = 0;
         while id < proposals && found.len() < enough {
@@ -180,7 +188,7 @@ impl Search<'_> {
         rank(&mut proven);
         for _ in 0..CLIMBS {
             let parents: Vec<Grasp> = proven.iter().take(PARENTS).cloned().collect();
-            if parents.is_empty() || parents.iter().all(|grasp| grasp.score >= 1.0) {
+            if parents.is_empty() || parents.iter().all(|grasp| grasp.score >= ROBUST) {
                 break;
             }
             // A variation is of use if it is better than the worst of the parents.
@@ -195,8 +203,11 @@ impl Search<'_> {
     }
 }
 
-/// Rounds of variation around the most robust grasps.
+/// Grasps that hold without errors and are tried under them, at least where so many are found.
+const ENOUGH: usize = 16;
+/// Rounds of variation around the most robust grasps, until they hold in this share of tries.
 const CLIMBS: usize = 4;
+const ROBUST: f64 = 0.9;
 /// Grasps tried at once; the search stops between batches, so that its result does not depend on the number of threads.
 const BATCH: u32 = 16;
 /// Grasps that climbs start from.
