@@ -10,6 +10,16 @@ pub enum Phase {
     PutDown,
     /// Out of the eyes' way, to look again.
     StepAside,
+    /// Waiting for the decision how to begin, before anything moves.
+    Begin,
+    /// Over the first object, to touch it with free digits.
+    ReachFirst,
+    /// Slowly onto it, until a pad feels it.
+    TouchFirst,
+    /// Still, taking tactile images of it.
+    FeelFirst,
+    /// Waiting for the decision how to take what was felt.
+    LocateFirst,
     /// To the first object.
     ApproachFirst,
     /// Closing on it.
@@ -27,7 +37,7 @@ pub enum Phase {
     /// Still, taking tactile images of it.
     FeelSecond,
     /// Waiting for the decision how to take what was felt.
-    Locate,
+    LocateSecond,
     /// To the second object.
     ApproachSecond,
     /// Closing on it.
@@ -50,9 +60,14 @@ pub enum Phase {
 
 impl Phase {
     /// All phases in order.
-    pub const ALL: [Self; 20] = [
+    pub const ALL: [Self; 25] = [
         Self::PutDown,
         Self::StepAside,
+        Self::Begin,
+        Self::ReachFirst,
+        Self::TouchFirst,
+        Self::FeelFirst,
+        Self::LocateFirst,
         Self::ApproachFirst,
         Self::GraspFirst,
         Self::LiftFirst,
@@ -61,7 +76,7 @@ impl Phase {
         Self::ReachSecond,
         Self::TouchSecond,
         Self::FeelSecond,
-        Self::Locate,
+        Self::LocateSecond,
         Self::ApproachSecond,
         Self::GraspSecond,
         Self::LiftSecond,
@@ -78,6 +93,11 @@ impl Phase {
         match self {
             Self::PutDown => "put down",
             Self::StepAside => "step aside",
+            Self::Begin => "begin",
+            Self::ReachFirst => "reach first",
+            Self::TouchFirst => "touch first",
+            Self::FeelFirst => "feel first",
+            Self::LocateFirst => "locate first",
             Self::ApproachFirst => "approach first",
             Self::GraspFirst => "grasp first",
             Self::LiftFirst => "lift first",
@@ -86,7 +106,7 @@ impl Phase {
             Self::ReachSecond => "reach second",
             Self::TouchSecond => "touch second",
             Self::FeelSecond => "feel second",
-            Self::Locate => "locate",
+            Self::LocateSecond => "locate second",
             Self::ApproachSecond => "approach second",
             Self::GraspSecond => "grasp second",
             Self::LiftSecond => "lift second",

@@ -247,7 +247,7 @@ fn a_trial_that_carries_again_is_judged_by_its_last_carry() {
     let mut referee = Referee::new(RULES, LIMITS);
     let mut time = 0.0;
     // Without the exploratory motion, to end in time.
-    let phases = || Phase::ALL.into_iter().filter(|phase| !(Phase::ReachSecond..=Phase::Locate).contains(phase));
+    let phases = || Phase::ALL.into_iter().filter(|phase| !(Phase::ReachSecond..=Phase::LocateSecond).contains(phase));
     let first = phases().filter(|phase| *phase <= Phase::Carry).map(|phase| (phase, true));
     for (phase, slips) in first.chain(phases().map(|phase| (phase, false))) {
         for step in 0..960 {

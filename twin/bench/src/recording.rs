@@ -15,7 +15,7 @@ use stream::recorder::{Recorder, Settings, Target};
 use stream::{DrawnObject, Level, PoseError, SignalFrame, TrialProperties};
 
 use crate::body::Task;
-use crate::trial::{Bench, Moment, Watcher};
+use crate::trial::{Bench, Means, Moment, Watcher};
 
 /// How recordings of the scene begin: seen from the side of the table.
 pub fn settings() -> Settings {
@@ -81,7 +81,7 @@ impl Shown {
     }
 }
 
-/// Records the part that all conditions share and the branch of one condition.
+/// Records the branch of one condition, after the first grasp that it shares with others if it does.
 pub struct Recording {
     recorder: Option<Recorder>,
     names: [String; 2],
@@ -141,7 +141,8 @@ impl Watcher for Recording {
     }
 
     fn see(&mut self, moment: &Moment) -> Result<()> {
-        if moment.condition.is_some_and(|condition| condition != self.condition) {
+        let begins_otherwise = || Means::of(self.condition).is_some_and(Means::begin_otherwise);
+        if moment.condition.map_or_else(begins_otherwise, |condition| condition != self.condition) {
             return Ok(());
         }
         let Some(recorder) = self.recorder.as_mut() else { return Ok(()) };

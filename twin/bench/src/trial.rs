@@ -34,8 +34,9 @@ use self::branch::{Play, play};
 use self::eyes::Looks;
 
 pub use self::branch::TrialOutcome;
+use self::conditions::Branches;
+pub use self::conditions::Means;
 pub use self::conditions::TrialResults;
-use self::conditions::{Branches, Means};
 pub use self::held::HeldGrasp;
 use self::setup::{Setup, Start};
 pub use self::shared::Bench;
@@ -58,9 +59,13 @@ impl Bench {
         if task.condition != Condition::Ideal {
             setup = setup.drifting(self, task.combination, task.trial);
         }
-        let start = setup.first_grasp(self, Some((source, task)), watcher)?;
+        let means = Means::of(task.condition);
+        let start = match means {
+            Some(means) if means.begin_otherwise() => setup.at_rest(self, Some((source, task)), watcher)?,
+            _ => setup.first_grasp(self, Some((source, task)), watcher)?,
+        };
         let mut body = start.run.snapshot.robot.clone();
-        let played = match Means::of(task.condition) {
+        let played = match means {
             Some(means) => self.touch(&start, self.options(id, looks), means, watcher),
             None => self.plan(&start, self.options(id, looks), watcher),
         };
@@ -80,7 +85,7 @@ impl Bench {
         self.plan(&start, self.options(id, looks), watcher)
     }
 
-    /// One trial: `conditions` from the same first grasp, and from there, unwatched, `touch` without some of its means.
+    /// One trial: all `conditions` with the same errors, and then, unwatched, `touch` without some of its means.
     pub fn trial(
         &self,
         combination: usize,

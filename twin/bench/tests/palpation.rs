@@ -37,16 +37,16 @@ fn an_object_is_where_it_is_felt() {
         let seen = executive.second().1;
         let lateral = second.palm_rotation(seen.yaw) * Vector3::x() * OFF * side;
         executive.see_second(Percept { position: seen.position + lateral, ..seen });
-        let touching = executive.rehearsed_touches(&known[1].model.shape).next().expect("within reach");
+        let touching = executive.rehearsed_touches(1, &known[1].model.shape).next().expect("within reach");
         let guarded = Guarded::new(touching.onto, hand, Role::Second.digits(), |_| true);
-        executive.touch_second(touching.way, guarded);
-        drive(robot, executive, Phase::Locate, |_, _| {}).expect("the touch");
+        executive.touch(1, touching.way, guarded);
+        drive(robot, executive, Phase::LocateSecond, |_, _| {}).expect("the touch");
 
         let seen = executive.second().1.pose();
         let palm_from_object = executive.palm().inverse() * seen;
         let prior = PosePrior { palm_from_object, sigma_translation: 0.01, sigma_rotation: 0.08 };
         let held = InHand { shape: known[0], prior: trusted(felt.estimate.palm_from_object) };
-        let found = located(&senses, &executive.look(), known[1], &prior, held).expect("perceived");
+        let found = located(&senses, &executive.look(), known[1], &prior, Some(held)).expect("perceived");
         let estimate = found.unwrap_or_else(|| panic!("combination {combination}: nothing is felt"));
         let truth = robot.truth();
         let real = (truth.palm.inverse() * truth.objects[1]).translation.vector;

@@ -29,6 +29,9 @@ use crate::trajectory::PosePath;
 
 /// Share of the way to a touch after which pads are looked at untouched: digits have opened by then.
 const UNTOUCHED: f64 = 0.4;
+/// Share of the rise from a touch, and of the whole approach at most, in which the digits that touched keep still: closing for the
+/// grasp at once they would drag the object along.
+const LEAVING: (f64, f64) = (0.9, 0.5);
 /// How far the palm may rise before it goes to the second object, so that what it holds passes above, m.
 const RISES: [f64; 3] = [0.0, 0.05, 0.1];
 
@@ -45,8 +48,10 @@ pub struct Executive {
     watch_period: Option<f64>,
     last_watch: f64,
     slip: Option<SlipWatch>,
-    /// How the second object is touched at present.
+    /// How an object is touched at present.
     guarded: Option<Guarded>,
+    /// Height from which the hand is still rising that has just touched an object, m.
+    left_from: Option<f64>,
 }
 
 /// What moves: posture, palm, images and servo readings.
@@ -79,9 +84,17 @@ impl Executive {
             last_watch: f64::NEG_INFINITY,
             slip: None,
             guarded: None,
+            left_from: None,
         };
         executive.enter(Phase::ApproachFirst)?;
         Ok(executive)
+    }
+
+    /// Before anything has moved: waits in [`Phase::Begin`] for a policy that does not begin with the approach.
+    pub fn wait_to_begin(&mut self) -> Result<(), MotionError> {
+        self.phase = Phase::Begin;
+        self.motion.begin(self.motion.stop(0.0)?);
+        Ok(())
     }
 
     /// The present phase.
@@ -109,9 +122,9 @@ impl Executive {
         RISES.iter().map(|rise| self.motion.stops(self.rise() + rise))
     }
 
-    /// The path by way of `stops` that takes the second object with `grasp` where it is seen at `percept`: to the approach pose,
-    /// and from there to where the digits close.
-    pub fn path_to_second(
+    /// The path by way of `stops` that takes an object with `grasp` where it is seen at `percept`: to the approach pose, and from
+    /// there to where the digits close.
+    pub fn path_to(
         &self,
         stops: &[Isometry3<f64>],
         grasp: &Grasp,
@@ -126,14 +139,15 @@ impl Executive {
         self.motion.rehearsed_approach(&self.protocol.limits, grasp, percept, stops)
     }
 
-    /// How far the palm rises before it goes anywhere else, m: fingers that touch the second object leave it upwards.
+    /// How far the palm rises before it goes anywhere else, m: fingers that touch an object leave it upwards.
     fn rise(&self) -> f64 {
-        if self.phase == Phase::Locate { palpation::ABOVE } else { 0.0 }
+        if matches!(self.phase, Phase::LocateFirst | Phase::LocateSecond) { palpation::RISE } else { 0.0 }
     }
 
-    /// The ways in which the arm can touch an object of this `shape` where it is seen, the usual one first.
-    pub fn rehearsed_touches(&self, shape: &Shape) -> impl Iterator<Item = Touching> {
-        let (motion, limits, (grasp, seen)) = (&self.motion, &self.protocol.limits, &self.second);
+    /// The ways in which the arm can touch the first or second `object` of this `shape` where it is seen, the usual one first.
+    pub fn rehearsed_touches(&self, object: usize, shape: &Shape) -> impl Iterator<Item = Touching> {
+        let (motion, limits, (grasp, seen)) =
+            (&self.motion, &self.protocol.limits, [&self.first, &self.second][object]);
         let onto = palpation::touches(motion.hand(), grasp.yaw + seen.yaw, (shape, seen)).into_iter();
         onto.filter_map(move |onto| {
             let there = onto.start();
@@ -165,6 +179,11 @@ impl Executive {
         self.enter(Phase::ApproachFirst)
     }
 
+    /// The first object is now seen at `percept`.
+    pub fn see_first(&mut self, percept: Percept) {
+        self.first.1 = percept;
+    }
+
     /// The second object is now seen at `percept`.
     pub fn see_second(&mut self, percept: Percept) {
         self.second.1 = percept;
@@ -180,11 +199,11 @@ impl Executive {
         self.slip = Some(SlipWatch::default());
     }
 
-    /// Leaves a decision to touch the second object before it is grasped: along `way`, then on as `guarded` says;
-    /// [`Phase::Locate`] follows.
-    pub fn touch_second(&mut self, way: PosePath, guarded: Guarded) {
+    /// Leaves a decision to touch the first or second `object` before it is grasped: along `way`, then on as `guarded` says;
+    /// [`Phase::LocateFirst`] or [`Phase::LocateSecond`] follows.
+    pub fn touch(&mut self, object: usize, way: PosePath, guarded: Guarded) {
         self.guarded = Some(guarded);
-        self.phase = Phase::ReachSecond;
+        self.phase = [Phase::ReachFirst, Phase::ReachSecond][object];
         self.motion.begin(way);
     }
 
@@ -199,6 +218,8 @@ impl Executive {
     }
 
     fn enter(&mut self, phase: Phase) -> Result<(), MotionError> {
+        let touched = matches!(self.phase, Phase::LocateFirst | Phase::LocateSecond);
+        self.left_from = touched.then(|| self.motion.end().translation.z);
         let (motion, limits) = (&self.motion, &self.protocol.limits);
         let path = match phase {
             Phase::ApproachFirst => motion.approach(limits, &self.first.0, &self.first.1)?,
@@ -206,12 +227,12 @@ impl Executive {
             Phase::GraspFirst => motion.close(self.first.0.raise)?,
             Phase::GraspSecond => motion.close(self.second.0.raise)?,
             Phase::LiftFirst | Phase::LiftSecond => motion.lift(limits, self.protocol.lift)?,
-            Phase::ReachSecond => motion.wait()?,
-            Phase::TouchSecond => match &self.guarded {
+            Phase::ReachFirst | Phase::ReachSecond => motion.wait()?,
+            Phase::TouchFirst | Phase::TouchSecond => match &self.guarded {
                 Some(guarded) => guarded.path().clone(),
                 None => motion.wait()?,
             },
-            Phase::FeelSecond => motion.stop(palpation::SETTLING)?,
+            Phase::FeelFirst | Phase::FeelSecond => motion.stop(palpation::SETTLING)?,
             Phase::Look | Phase::Check | Phase::Verify => motion.rest(LOOK_TIME)?,
             Phase::PutDown => {
                 let (path, open_from) = motion.put_down(limits, self.protocol.lift)?;
@@ -225,7 +246,9 @@ impl Executive {
                 motion.straight(limits, Isometry3::from_parts(Translation3::from(aside), here.rotation))?
             }
             Phase::Hold => motion.rest(self.protocol.hold)?,
-            Phase::Decide | Phase::Locate | Phase::Confirm | Phase::Done => motion.wait()?,
+            Phase::Begin | Phase::Decide | Phase::LocateFirst | Phase::LocateSecond | Phase::Confirm | Phase::Done => {
+                motion.wait()?
+            }
         };
         self.phase = phase;
         if self.is_looking() {
@@ -236,7 +259,7 @@ impl Executive {
     }
 
     fn next_phase(&self) -> Option<Phase> {
-        let touched = |guarded: &Guarded| self.phase == Phase::TouchSecond && guarded.is_over(self.motion.clock());
+        let touched = |guarded: &Guarded| self.is_touching() && guarded.is_over(self.motion.clock());
         if !self.motion.is_over() && !self.guarded.as_ref().is_some_and(touched) {
             return None;
         }
@@ -248,21 +271,42 @@ impl Executive {
             Phase::Look => after_look(Phase::Decide),
             Phase::Check => after_look(Phase::Confirm),
             Phase::PutDown | Phase::StepAside => Some(Phase::Decide),
+            Phase::ReachFirst => Some(Phase::TouchFirst),
+            Phase::TouchFirst => Some(Phase::FeelFirst),
+            Phase::FeelFirst => after_look(Phase::LocateFirst),
             Phase::ReachSecond => Some(Phase::TouchSecond),
             Phase::TouchSecond => Some(Phase::FeelSecond),
-            Phase::FeelSecond => after_look(Phase::Locate),
+            Phase::FeelSecond => after_look(Phase::LocateSecond),
             Phase::ApproachSecond => Some(Phase::GraspSecond),
             Phase::GraspSecond => Some(Phase::LiftSecond),
             Phase::LiftSecond => Some(Phase::Check),
             Phase::Carry => Some(Phase::Hold),
             Phase::Hold => Some(Phase::Verify),
             Phase::Verify => after_look(Phase::Done),
-            Phase::Decide | Phase::Locate | Phase::Confirm | Phase::Done => None,
+            Phase::Begin | Phase::Decide | Phase::LocateFirst | Phase::LocateSecond | Phase::Confirm | Phase::Done => {
+                None
+            }
         }
     }
 
     fn is_looking(&self) -> bool {
-        matches!(self.phase, Phase::Look | Phase::FeelSecond | Phase::Check | Phase::Verify)
+        matches!(self.phase, Phase::Look | Phase::FeelFirst | Phase::FeelSecond | Phase::Check | Phase::Verify)
+    }
+
+    fn is_reaching(&self) -> bool {
+        matches!(self.phase, Phase::ReachFirst | Phase::ReachSecond)
+    }
+
+    fn is_touching(&self) -> bool {
+        matches!(self.phase, Phase::TouchFirst | Phase::TouchSecond)
+    }
+
+    /// Notes when the hand has risen from an object that it touched.
+    fn leave(&mut self) {
+        let height = self.motion.palm().translation.z - LEAVING.0 * palpation::RISE;
+        if self.left_from.is_some_and(|from| height > from) || self.motion.progress() > LEAVING.1 {
+            self.left_from = None;
+        }
     }
 
     fn is_carrying(&self) -> bool {
@@ -273,33 +317,27 @@ impl Executive {
     pub fn tick(&mut self, observation: &Observation) -> Result<Command, MotionError> {
         let looking = self.is_looking();
         self.motion.measure(observation, looking);
-        if let (Phase::ReachSecond | Phase::TouchSecond, Some(guarded)) = (self.phase, &mut self.guarded) {
-            guarded.see(&observation.tactile, (self.phase == Phase::TouchSecond).then_some(self.motion.clock()));
+        let (reaching, touching) = (self.is_reaching(), self.is_touching());
+        if let Some(guarded) = self.guarded.as_mut().filter(|_| reaching || touching) {
+            guarded.see(&observation.tactile, touching.then_some(self.motion.clock()));
         }
         if let Some(next) = self.next_phase() {
             self.enter(next)?;
         }
+        self.leave();
         let arm = self.motion.follow()?;
         let wanted = self.held_tension(observation);
         let wanted = against_friction(self.motion.hand(), &self.protocol.friction, &observation.servos, &wanted);
         let opposition = match self.phase {
-            Phase::StepAside
-            | Phase::ApproachFirst
-            | Phase::GraspFirst
-            | Phase::LiftFirst
-            | Phase::Look
-            | Phase::Decide
-            | Phase::ReachSecond
-            | Phase::TouchSecond
-            | Phase::FeelSecond
-            | Phase::Locate => self.first.0.opposition,
+            Phase::PutDown => self.second.0.opposition,
+            phase if phase < Phase::ApproachSecond => self.first.0.opposition,
             _ => self.second.0.opposition,
         };
         let mut capture = self.is_looking() && self.motion.captures_look();
         let unknown = |guarded: &Guarded| self.motion.progress() > UNTOUCHED && !guarded.knows_untouched();
         let period = match self.phase {
-            Phase::ReachSecond if self.guarded.as_ref().is_some_and(unknown) => Some(guarded::LOOK_PERIOD),
-            Phase::TouchSecond => Some(guarded::LOOK_PERIOD),
+            _ if self.is_reaching() && self.guarded.as_ref().is_some_and(unknown) => Some(guarded::LOOK_PERIOD),
+            _ if self.is_touching() => Some(guarded::LOOK_PERIOD),
             _ if self.slip.is_some() && self.is_carrying() => Some(slip::LOOK_PERIOD),
             _ => self.watch_period,
         };
@@ -312,7 +350,7 @@ impl Executive {
 
     /// Tensions wanted at present, with what the reaction to slip adds, N.
     fn held_tension(&mut self, observation: &Observation) -> [f64; 5] {
-        let (plan, carrying) = (self.wanted_tension(), self.is_carrying());
+        let (plan, carrying) = (self.wanted_tensions(), self.is_carrying());
         let (hand, tick) = (self.motion.hand(), self.motion.tick_length());
         let Some(watch) = &mut self.slip else { return plan };
         if !carrying {
@@ -326,16 +364,27 @@ impl Executive {
     }
 
     /// Tensions that the grasps want in the present phase, N.
-    fn wanted_tension(&self) -> [f64; 5] {
+    pub fn wanted_tensions(&self) -> [f64; 5] {
         let (first, second) = (&self.first.0, &self.second.0);
         let closing = |grasp: &Grasp, digit: usize| closing_tension(grasp, digit, self.motion.clock());
+        let leaving = self.left_from.is_some();
         std::array::from_fn(|digit| match self.phase {
-            Phase::ApproachFirst => first.pre_tension[digit],
-            Phase::GraspFirst => closing(first, digit),
-            Phase::StepAside | Phase::LiftFirst | Phase::Look | Phase::Decide => first.close_tension[digit],
-            Phase::ReachSecond | Phase::TouchSecond | Phase::FeelSecond | Phase::Locate => {
+            Phase::ApproachFirst | Phase::ApproachSecond if leaving => {
                 first.close_tension[digit].max(palpation::TENSION[digit])
             }
+            Phase::ApproachFirst => first.pre_tension[digit],
+            Phase::GraspFirst => closing(first, digit),
+            Phase::Begin => 0.0,
+            Phase::StepAside | Phase::LiftFirst | Phase::Look | Phase::Decide => first.close_tension[digit],
+            // Of an empty hand, ring and little finger close out of the way.
+            Phase::ReachFirst
+            | Phase::TouchFirst
+            | Phase::FeelFirst
+            | Phase::LocateFirst
+            | Phase::ReachSecond
+            | Phase::TouchSecond
+            | Phase::FeelSecond
+            | Phase::LocateSecond => first.close_tension[digit].max(palpation::TENSION[digit]),
             Phase::ApproachSecond => first.close_tension[digit].max(second.pre_tension[digit]),
             Phase::GraspSecond => first.close_tension[digit].max(closing(second, digit)),
             Phase::PutDown if self.motion.clock() >= self.open_from => 0.0,

@@ -1,4 +1,4 @@
-//! Palpation: free digits touch the second object before it is grasped, to find out where it is.
+//! Palpation: free digits touch an object before it is grasped, to find out where it is.
 //!
 //! Vision and arm err by as much as a finger is wide, and both err alike in the touch and in the grasp that follows it at the same
 //! place. Index and middle finger, stretched out, come down on the object's rim from above, slowly, until a pad feels it. The
@@ -36,7 +36,9 @@ const SPEED: f64 = 0.025;
 /// What is found so many of the prior's standard deviations away is something else.
 const FARTHEST: f64 = 4.0;
 /// The hand comes from so far above, m.
-pub const ABOVE: f64 = 0.04;
+const ABOVE: f64 = 0.04;
+/// It leaves so far upwards, m: the fingertips pass above the object when they close.
+pub const RISE: f64 = 0.07;
 
 /// The palm's way onto an object.
 #[derive(Debug, Clone)]
@@ -90,17 +92,18 @@ fn plate(hand: &Hand) -> (Point3<f64>, Vector3<f64>) {
 }
 
 /// Where an object is in the hand that touches it with free digits; `None` if they feel nothing that can be it. `first` is what is
-/// held.
+/// held, if anything is.
 pub fn located(
     senses: &Senses,
     look: &Look,
     object: &KnownObject,
     prior: &PosePrior,
-    first: InHand,
+    first: Option<InHand>,
 ) -> Result<Option<PoseEstimate>, TouchError> {
     let (pipeline, shape) = (senses.pipeline(), object as &dyn KnownShape);
     let mut touches = senses.perceive(look)?.touches;
-    pipeline.mark_own(&mut touches, look.readings, &[first, InHand { shape, prior: *prior }])?;
+    let objects: Vec<InHand> = first.into_iter().chain([InHand { shape, prior: *prior }]).collect();
+    pipeline.mark_own(&mut touches, look.readings, &objects)?;
     touches.retain(|touch| is_on(pipeline.hand(), touch.pad, Role::Second.digits()));
     if touches.iter().all(|touch| touch.of_objects().next().is_none()) {
         return Ok(None);

@@ -52,7 +52,7 @@ pub struct Knowledge<'a> {
     pub time_limit: f64,
     /// How it may try again.
     pub recovery: Recovery,
-    /// Whether it touches the second object to find out where it is, before it grasps it.
+    /// Whether it touches objects to find out where they are, before it grasps them.
     pub explores: bool,
 }
 
@@ -151,7 +151,7 @@ pub enum PolicyError {
     NoPlan(String),
 }
 
-/// A policy of the two-object trial. It is asked in [`Phase::Decide`], [`Phase::Confirm`] and [`Phase::Done`]: first it perceives,
+/// A policy of the two-object trial. It is asked in [`Phase::Begin`] if the executive waits there, in [`Phase::Decide`], [`Phase::Confirm`] and [`Phase::Done`]: first it perceives,
 /// then it decides.
 pub trait Policy {
     /// Takes in what the last look measured.

@@ -153,6 +153,49 @@ fn held_solids(hand: &Hand, held: &Held, (pose, joints): (&Isometry3<f64>, &[f64
     moving
 }
 
+/// The rest of the hand: its palm and the digits that hold nothing, in the palm frame.
+fn free_solids(hand: &Hand, held: &Held) -> Vec<Solid> {
+    let free: Vec<Digit> = Digit::ALL.into_iter().filter(|digit| !held.digits.contains(digit)).collect();
+    hand_solids(hand, &held.joints, &free, true)
+}
+
+/// Smallest distance (m) of `moving` to `fixed` along `path` by way of `stops`: of two stops from the second on, because the hand
+/// may touch something where it is and rises from there.
+fn clearance_after(
+    stops: &[Isometry3<f64>],
+    moving: &[Solid],
+    fixed: &[Solid],
+    path: impl Fn(&[Isometry3<f64>]) -> Result<PosePath, MotionError>,
+) -> Result<f64, StrategyError> {
+    let path = path(&stops[stops.len().min(2) - 1..])?;
+    Ok(clearance_along(&path, moving, fixed, 2000)?.map_or(f64::INFINITY, |found| found.min_distance))
+}
+
+/// The stops of the way to a grasp of the first object that keep the empty hand, with its fingers at `joints` (rad), clear of
+/// `objects` where they are seen: of those that do so the first, else the ones that do best. `path` leads by way of stops to the
+/// approach pose.
+pub fn clear_stops(
+    hand: &Hand,
+    joints: &[f64],
+    objects: [(&[Solid], &Percept); 2],
+    ways: impl Iterator<Item = Vec<Isometry3<f64>>>,
+    path: impl Fn(&[Isometry3<f64>]) -> Result<PosePath, MotionError>,
+) -> Result<Vec<Isometry3<f64>>, StrategyError> {
+    let moving = hand_solids(hand, joints, &Digit::ALL, true);
+    let fixed = objects.map(|(solids, percept)| placed(solids, &percept.pose())).concat();
+    let mut best = (f64::NEG_INFINITY, Vec::new());
+    for stops in ways {
+        let clearance = clearance_after(&stops, &moving, &fixed, &path)?;
+        if clearance > best.0 {
+            best = (clearance, stops);
+        }
+        if clearance > CLEAR {
+            break;
+        }
+    }
+    Ok(best.1)
+}
+
 /// The way that keeps what is held clearest of table and `target`, which is seen at `percept`; of those that keep it clear enough,
 /// the first. `None` where every way brings them together.
 pub fn clearest(
@@ -208,6 +251,8 @@ pub struct Situation<'a> {
 /// The geometry of a decision: what moves with the palm (palm frame), as felt and as rehearsed, and the target (its own frame).
 struct Scene<'a> {
     moving: Vec<Solid>,
+    /// That and the rest of the hand, which is to stay clear on the way to the approach pose.
+    whole: Vec<Solid>,
     rehearsed: Option<Vec<Solid>>,
     target: &'a [Solid],
     sigma: f64,
@@ -217,16 +262,19 @@ impl<'a> Scene<'a> {
     fn new(situation: &Situation<'a>) -> Self {
         let (hand, held) = (situation.hand, situation.held);
         let rehearsed = situation.rehearsed.map(|(pose, joints)| held_solids(hand, held, (&pose, joints)));
+        let moving = held_solids(hand, held, (&held.pose, &held.joints));
+        let whole = [&moving[..], &free_solids(hand, held)].concat();
         Self {
-            moving: held_solids(hand, held, (&held.pose, &held.joints)),
+            moving,
+            whole,
             rehearsed,
             target: situation.target,
             sigma: held.sigma.hypot(situation.target_sigma).max(1e-4),
         }
     }
 
-    /// The way to the approach pose of `grasp` that keeps what moves clear of the target, which is seen at `percept`: of those that
-    /// do so the first, else the one that does best. With its smallest distance, m.
+    /// The way to the approach pose of `grasp` that keeps the whole hand clear of the target, which is seen at `percept`: of those
+    /// that do so the first, else the one that does best. With its smallest distance, m.
     fn way(
         &self,
         executive: &Executive,
@@ -236,9 +284,10 @@ impl<'a> Scene<'a> {
         let fixed = placed(self.target, &percept.pose());
         let mut best = (f64::NEG_INFINITY, Vec::new());
         for stops in executive.ways() {
-            let [way, _] = executive.path_to_second(&stops, grasp, beside)?;
-            let found = clearance_along(&way, &self.moving, &fixed, 2000)?;
-            let clearance = found.map_or(f64::INFINITY, |found| found.min_distance);
+            let clearance = clearance_after(&stops, &self.whole, &fixed, |stops| {
+                let [way, _] = executive.path_to(stops, grasp, beside)?;
+                Ok(way)
+            })?;
             if clearance > best.0 {
                 best = (clearance, stops);
             }
@@ -286,7 +335,7 @@ impl<'a> Scene<'a> {
         let beside = Percept { position: percept.position + aim, ..percept };
         let risk = |clearance: f64| normal_cdf(-clearance / self.sigma);
         let (there, stops) = self.way(executive, grasp, (&percept, &beside))?;
-        let [_, last] = executive.path_to_second(&stops, grasp, &beside)?;
+        let [_, last] = executive.path_to(&stops, grasp, &beside)?;
         let taking = self.clearance(&self.moving, &last, grasp, &percept)?;
         let contact = if taking > FAR * self.sigma {
             0.0

@@ -355,7 +355,7 @@ fn touch_feels_for_the_second_object_first() {
     let behind = in_hand(true, false).map(|injected| Injected { palm_from_object, ..injected });
     for (sensing, then) in [
         (Sensing::ServosOnly, (Step::Play(Phase::Confirm), Phase::ApproachSecond)),
-        (Sensing::TruePose, (Step::Play(Phase::Locate), Phase::ReachSecond)),
+        (Sensing::TruePose, (Step::Play(Phase::LocateSecond), Phase::ReachSecond)),
     ] {
         let (mut touch, mut executive) = (touch_with(sensing), executive.clone());
         touch.perceive(&executive, behind).expect("perceived");
@@ -363,12 +363,44 @@ fn touch_feels_for_the_second_object_first() {
         assert_eq!((step, executive.phase()), then, "{sensing:?}");
         if executive.phase() == Phase::ReachSecond {
             let seen = executive.second().1;
-            run_until(&mut executive, Phase::Locate);
+            run_until(&mut executive, Phase::LocateSecond);
             touch.perceive(&executive, None).expect("perceived");
             let step = touch.decide(&mut executive, &mut eyes, 0.0).expect("decided");
             assert_eq!((step, executive.phase()), (Step::Play(Phase::Confirm), Phase::ApproachSecond));
             assert_eq!(executive.second().1, seen);
             assert!(touch.story().reasons.iter().any(|reason| reason.contains("nothing was felt")));
+        }
+    }
+}
+
+/// A trial that waits for it begins with a touch of the first object, without images with the planned grasp. The digits that
+/// touched keep still until the hand has risen.
+#[test]
+fn touch_feels_for_the_first_object_too() {
+    let table = Table::new();
+    let mut eyes = Watchful::new(&table);
+    let first = table.repertoire.of(FIRST, Role::First).next().expect("a first grasp");
+    for (sensing, then) in [
+        (Sensing::ServosOnly, (Step::Play(Phase::Decide), Phase::ApproachFirst)),
+        (Sensing::Full, (Step::Play(Phase::LocateFirst), Phase::ReachFirst)),
+    ] {
+        let senses = Senses::new(&table.pipeline, sensing).expect("made");
+        let mut touch = Touch::new(Knowledge { explores: true, ..table.knowledge() }, senses, first);
+        let mut executive = table.executive();
+        executive.wait_to_begin().expect("at rest");
+        touch.perceive(&executive, None).expect("perceived");
+        let step = touch.decide(&mut executive, &mut eyes, 0.0).expect("decided");
+        assert_eq!((step, executive.phase()), then, "{sensing:?}");
+        assert_eq!(executive.first().0.id, first.id);
+        if executive.phase() == Phase::ReachFirst {
+            run_until(&mut executive, Phase::LocateFirst);
+            let (height, still) = (executive.end().translation.z, executive.wanted_tensions());
+            touch.perceive(&executive, None).expect("perceived");
+            let step = touch.decide(&mut executive, &mut eyes, 0.0).expect("decided");
+            assert_eq!((step, executive.phase()), (Step::Play(Phase::Decide), Phase::ApproachFirst));
+            assert_eq!(executive.wanted_tensions(), still);
+            run_until(&mut executive, Phase::GraspFirst);
+            assert!(executive.wanted_tensions() != still && executive.end().translation.z < height + 0.1);
         }
     }
 }

@@ -72,8 +72,8 @@ fn a_command_far_from_the_arm_is_not_sent() {
     let mut arm = host(&emulator);
     let mut servoing = Servoing::enter(&mut arm, limits()).expect("enters");
     let good = *servoing.command();
-    let sent = |servoing: &Servoing| servoing.arm().cyclic.counters().sent;
-    let before = sent(&servoing);
+    let sent = |servoing: &mut Servoing| servoing.arm().cyclic.counters().sent;
+    let before = sent(&mut servoing);
     for (joint, bad) in [(1, 0.2), (2, -1.0), (7, f64::NAN), (4, f64::INFINITY)] {
         let mut command = good;
         command[joint - 1] += bad;
@@ -84,9 +84,9 @@ fn a_command_far_from_the_arm_is_not_sent() {
         };
         assert_eq!(named, joint);
     }
-    assert_eq!(sent(&servoing), before, "something was sent");
+    assert_eq!(sent(&mut servoing), before, "something was sent");
     servoing.hold(soon()).expect("holds");
-    assert_eq!(sent(&servoing), before + 1);
+    assert_eq!(sent(&mut servoing), before + 1);
     assert!(emulator.status().commands.largest_step.iter().all(|step| *step < 1e-9));
 }
 

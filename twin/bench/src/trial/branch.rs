@@ -1,4 +1,4 @@
-//! A branch of a trial: one policy from the end of the first grasp to the verdict.
+//! A branch of a trial: one policy from the beginning or the end of the first grasp to the verdict.
 
 use std::sync::Arc;
 use std::time::Instant;
@@ -77,12 +77,14 @@ pub fn play(start: &Start, policy: &mut dyn Policy, with: Play, watcher: &mut dy
     Ok(TrialOutcome { record, tries })
 }
 
-/// The first grasp as it was planned, and what the policy attempted after it.
+/// The first grasp as it was planned, unless the policy began, and what the policy attempted.
 fn tries(start: &Start, attempts: Vec<Attempt>, run: &Run, id: TrialId) -> Vec<TryRecord> {
-    let grasp = start.run.snapshot.executive.first().0.id;
+    let executive = &start.run.snapshot.executive;
+    let grasp = executive.first().0.id;
     let first = Attempt { object: 0, grasp, why: "as planned".to_owned(), ..Attempt::default() };
     let verdicts = run.referee.tries();
-    let all = std::iter::once(first).chain(attempts).enumerate();
+    let planned = (executive.phase() != Phase::Begin).then_some(first);
+    let all = planned.into_iter().chain(attempts).enumerate();
     all.map(|(number, attempt)| TryRecord::new(id, number, &attempt, verdicts.get(number))).collect()
 }
 
@@ -108,7 +110,7 @@ fn decide_and_play(
             played.slowest_ms = played.slowest_ms.max(begun.elapsed().as_secs_f64() * 1e3);
         }
         // The hold is felt before the second object is taken, or touched first.
-        let felt_hold = policy.story().decisions > before || step == Step::Play(Phase::Locate);
+        let felt_hold = policy.story().decisions > before || step == Step::Play(Phase::LocateSecond);
         if phase == Phase::Decide && felt_hold {
             played.at_estimate = played.run.snapshot.robot.truth();
         }

@@ -1,4 +1,4 @@
-//! The conditions of one trial, one after the other from the same first grasp.
+//! The conditions of one trial, one after the other: those that take the first object as planned from the same first grasp.
 
 use anyhow::Result;
 use control::policy::Recovery;
@@ -19,7 +19,7 @@ pub struct Means {
     pub sensing: Sensing,
     /// Of further tries.
     pub recovery: Recovery,
-    /// Whether it touches the second object before it grasps it.
+    /// Whether it touches an object before it grasps it.
     pub explores: bool,
 }
 
@@ -32,6 +32,11 @@ impl Means {
             Condition::Touch => Sensing::Full,
         };
         Some(Self { sensing, recovery: Recovery::FULL, explores: true })
+    }
+
+    /// Whether a trial with these may begin with anything but the planned first grasp.
+    pub fn begin_otherwise(self) -> bool {
+        self.explores && self.sensing != Sensing::ServosOnly
     }
 }
 
@@ -92,18 +97,18 @@ impl Branches<'_> {
     pub fn deliberate(&self, id: TrialId, means: Means, watcher: &mut dyn Watcher) -> Result<TrialOutcome> {
         let Self { bench, setup, start, looks } = self;
         let options = bench.options(id, looks.clone());
-        if let Some(intact) = &bench.intact {
-            if let Some(why) = intact.impossible.get(&id.combination) {
-                return bench.decline(setup, id, why, watcher);
-            }
-            let start = setup.without_digits(bench, id.combination).first_grasp(bench, None, watcher)?;
-            return bench.touch(&start, options, means, watcher);
+        if let Some(why) = bench.intact.as_ref().and_then(|intact| intact.impossible.get(&id.combination)) {
+            return bench.decline(setup, id, why, watcher);
         }
+        let own = bench.intact.as_ref().map(|_| setup.without_digits(bench, id.combination));
+        let mut start = match (means.begin_otherwise(), own) {
+            (true, own) => own.as_ref().unwrap_or(setup).at_rest(bench, None, watcher)?,
+            (false, Some(own)) => own.first_grasp(bench, None, watcher)?,
+            (false, None) => Start::clone(start),
+        };
         if bench.world.scenario.disturbance.slip.is_some_and(|slip| slip.reaction) {
-            let mut start = Start::clone(start);
             start.run.snapshot.executive.react_to_slip();
-            return bench.touch(&start, options, means, watcher);
         }
-        bench.touch(start, options, means, watcher)
+        bench.touch(&start, options, means, watcher)
     }
 }

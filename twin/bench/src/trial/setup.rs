@@ -31,6 +31,8 @@ use crate::body::{Body, BodySource, Task, TrialSetup};
 const WATCH_PERIOD: f64 = 0.2;
 /// A period that no trial outlasts: one look at the untouched pads, s.
 const ONCE: f64 = 1e6;
+/// Time in which the images of a first capture have come, s.
+const FIRST_IMAGES: f64 = 0.5;
 
 /// What a trial begins with.
 pub struct Setup<'a> {
@@ -48,10 +50,10 @@ pub struct Setup<'a> {
     pub disturbances: Disturbances,
 }
 
-/// A trial after its first grasp.
+/// A trial after its first grasp, or about to begin.
 #[derive(Clone)]
 pub struct Start {
-    /// Body, controller and referee in [`Phase::Decide`].
+    /// Body, controller and referee in [`Phase::Decide`] or [`Phase::Begin`].
     pub run: Run,
     /// The two objects as the controller knows them.
     pub objects: [Arc<ObjectModel>; 2],
@@ -144,16 +146,42 @@ impl<'a> Setup<'a> {
         Ok(Start { run, objects, second, fallen, pipeline })
     }
 
-    /// Up to the decision.
-    pub fn first_grasp(&self, bench: &Bench, source: Source, watcher: &mut dyn Watcher) -> Result<Start> {
-        let mut start = self.begin(bench, source, watcher.active())?;
-        match to_decision(&mut start.run, &bench.pipeline, watcher) {
-            Ok(shown) => Ok(Start { pipeline: shown.or(start.pipeline), ..start }),
-            Err(error) => {
-                // Whatever happened, its recording is finished; the first error is the one to tell.
-                let _ = start.run.snapshot.robot.finish(None, Some(&format!("{error:#}")));
-                Err(error)
+    /// About to begin, while the controller waits for a policy. A body that is not simulated shows its untouched pads.
+    pub fn at_rest(&self, bench: &Bench, source: Source, watcher: &mut dyn Watcher) -> Result<Start> {
+        let start = self.begin(bench, source, watcher.active())?;
+        finish_on_error(start, |run| {
+            run.snapshot.executive.wait_to_begin()?;
+            if run.snapshot.robot.branches() {
+                return Ok(None);
             }
+            run.wait(FIRST_IMAGES, None, None, watcher)?;
+            own_backgrounds(run, &bench.pipeline).map(Some)
+        })
+    }
+
+    /// Up to the decision. A body that is not simulated shows its untouched pads on the way to the first object.
+    pub fn first_grasp(&self, bench: &Bench, source: Source, watcher: &mut dyn Watcher) -> Result<Start> {
+        let start = self.begin(bench, source, watcher.active())?;
+        finish_on_error(start, |run| {
+            let mut own = None;
+            if !run.snapshot.robot.branches() {
+                run.play(Phase::GraspFirst, None, None, watcher)?;
+                own = Some(own_backgrounds(run, &bench.pipeline)?);
+            }
+            run.play(Phase::Decide, None, None, watcher)?;
+            Ok(own)
+        })
+    }
+}
+
+/// `start` after `play`, with the perception that comes of it, if any.
+fn finish_on_error(mut start: Start, play: impl FnOnce(&mut Run) -> Result<Option<TouchPipeline>>) -> Result<Start> {
+    match play(&mut start.run) {
+        Ok(shown) => Ok(Start { pipeline: shown.or(start.pipeline), ..start }),
+        Err(error) => {
+            // Whatever happened, its recording is finished; the first error is the one to tell.
+            let _ = start.run.snapshot.robot.finish(None, Some(&format!("{error:#}")));
+            Err(error)
         }
     }
 }
@@ -188,15 +216,9 @@ pub fn draw(bench: &Bench, combination: usize, trial: usize) -> Result<(TrialNoi
     Ok((noise, camera_noise, looks))
 }
 
-/// Plays up to the decision. A body that is not simulated shows its untouched pads on the way to the first object.
-fn to_decision(run: &mut Run, pipeline: &TouchPipeline, watcher: &mut dyn Watcher) -> Result<Option<TouchPipeline>> {
-    let mut own = None;
-    if !run.snapshot.robot.branches() {
-        run.play(Phase::GraspFirst, None, None, watcher)?;
-        own = Some(pipeline.with_backgrounds(backgrounds(run.snapshot.executive.newest_images())?)?);
-    }
-    run.play(Phase::Decide, None, None, watcher)?;
-    Ok(own)
+/// Perception with the backgrounds that the body has shown.
+fn own_backgrounds(run: &Run, pipeline: &TouchPipeline) -> Result<TouchPipeline> {
+    Ok(pipeline.with_backgrounds(backgrounds(run.snapshot.executive.newest_images())?)?)
 }
 
 /// One image a camera, of untouched pads.
@@ -204,7 +226,7 @@ fn backgrounds(frames: &[TactileFrame]) -> Result<Vec<Arc<TactileImage>>> {
     let image = |camera: usize| {
         let frame = frames.iter().rev().find(|frame| frame.camera == camera);
         frame.map(|frame| frame.image.clone()).with_context(|| {
-            format!("camera {camera}: found no image of its untouched pad, expected one on the way to the first object")
+            format!("camera {camera}: found no image of its untouched pad, expected one before anything was touched")
         })
     };
     (0..CAMERAS).map(image).collect()

@@ -3,8 +3,8 @@
 //! At each decision the look is interpreted ([`crate::perception`]), [`crate::recovery`] says what should come next, and
 //! [`crate::strategy`] chooses the grasp of the second object given the pose of the first as felt. What failed is tried again where
 //! the eyes see it now. Where they do not see what is to be taken, the hand steps aside and they look once more; what only comes
-//! later is taken to be where it was seen last, and looked for when its turn comes. Before the second object is taken it is touched
-//! ([`exploration`]).
+//! later is taken to be where it was seen last, and looked for when its turn comes. Before an object is taken it is touched
+//! ([`exploration`]): where the first one sits in the hand decides how well the second one can be taken.
 
 mod exploration;
 
@@ -24,7 +24,7 @@ use crate::percept::{Eyes, Looked, Percept};
 use crate::perception::{Expected, Felt, Grip, feel, grip, trusted};
 use crate::recovery::{Next, probe};
 use crate::sensing::Senses;
-use crate::strategy::{Decision, Held, Situation, choose, object_solids};
+use crate::strategy::{Decision, Held, Situation, choose, clear_stops, object_solids};
 use crate::trajectory::PosePath;
 use crate::worth::{self, Candidate};
 
@@ -58,11 +58,13 @@ pub struct Touch<'a> {
     looks: u32,
     /// What is known about it since the second object was touched where it stands.
     located: Option<Belief>,
+    /// The first object was touched where it stands.
+    first_located: bool,
     felt: Option<Felt>,
     grip: Grip,
     /// The hand has been emptied: the first object comes next, without a look.
     emptied: bool,
-    /// Where the second object is in the hand that has just touched it, if it was felt.
+    /// Where an object is in the hand that has just touched it, if it was felt.
     touched: Option<PoseEstimate>,
     /// The hand has stepped aside so that the eyes find this object.
     sought: Option<usize>,
@@ -84,6 +86,7 @@ impl<'a> Touch<'a> {
             tried: None,
             looks: 1,
             located: None,
+            first_located: false,
             knowledge,
             senses,
             story: Story::default(),
@@ -184,9 +187,18 @@ impl<'a> Touch<'a> {
         let seen = self.see(0, eyes)?;
         self.see_second(executive, eyes)?;
         let Some(seen) = seen else { return self.seek(0, executive, aside) };
-        let seen = Percept { position: seen.position + self.aim, ..seen };
+        executive.see_first(seen);
+        self.first_located = false;
+        self.touch_or_take(0, executive)
+    }
+
+    /// Takes the first object where it is seen or was felt.
+    fn take_first(&mut self, executive: &mut Executive) -> Result<Step, PolicyError> {
+        let seen = executive.first().1;
+        let aim = if self.first_located { Vector3::zeros() } else { self.aim };
+        let seen = Percept { position: seen.position + aim, ..seen };
         let candidates = self.within_reach(Role::First, &seen);
-        let Some((grasp, path)) = self.best_approach(executive, candidates, &seen) else {
+        let Some((grasp, path)) = self.best_approach(executive, candidates, &seen)? else {
             return Ok(self.give_up(0, &seen));
         };
         let why = self.story.reasons.last().cloned().unwrap_or_default();
@@ -208,7 +220,7 @@ impl<'a> Touch<'a> {
         aside: bool,
     ) -> Result<Step, PolicyError> {
         self.see_second(executive, eyes)?;
-        if self.second_is_hidden { self.seek(1, executive, aside) } else { self.touch_or_take(executive) }
+        if self.second_is_hidden { self.seek(1, executive, aside) } else { self.touch_or_take(1, executive) }
     }
 
     /// The best of `candidates` that the arm gets to from where it is, and how.
@@ -217,13 +229,21 @@ impl<'a> Touch<'a> {
         executive: &Executive,
         mut candidates: Vec<Candidate>,
         seen: &Percept,
-    ) -> Option<(Grasp, PosePath)> {
+    ) -> Result<Option<(Grasp, PosePath)>, PolicyError> {
         candidates.sort_by(|a, b| b.worth.total_cmp(&a.worth));
-        let stops = executive.ways().next().unwrap_or_default();
-        candidates.iter().find_map(|candidate| {
-            turned(&self.knowledge, &candidate.grasp, seen, &self.knowledge.objects[0])
-                .find_map(|grasp| executive.rehearsed_approach(&stops, &grasp, seen).map(|path| (grasp, path)))
-        })
+        let (hand, objects) =
+            (executive.hand(), [(&self.solids[0][..], seen), (&self.solids[1][..], &executive.second().1)]);
+        let empty = exploration::empty(hand);
+        for candidate in &candidates {
+            for grasp in turned(&self.knowledge, &candidate.grasp, seen, &self.knowledge.objects[0]) {
+                let path = |stops: &[_]| Ok(executive.path_to(stops, &grasp, seen)?[0].clone());
+                let stops = clear_stops(hand, &empty.joints, objects, executive.ways(), path)?;
+                if let Some(path) = executive.rehearsed_approach(&stops, &grasp, seen) {
+                    return Ok(Some((grasp, path)));
+                }
+            }
+        }
+        Ok(None)
     }
 
     /// What is in the hand.
@@ -322,10 +342,15 @@ impl Policy for Touch<'_> {
             return Ok(());
         }
         self.seen.get_or_insert([executive.first().1, executive.second().1]);
+        if executive.phase() == Phase::Begin {
+            return Ok(());
+        }
         let ((first, percept), (second, _)) = (executive.first(), executive.second());
         let expected = Expected::of(first, percept, second);
-        if executive.phase() == Phase::Locate {
-            return self.perceive_touch(executive, &expected);
+        match executive.phase() {
+            Phase::LocateFirst => return self.perceive_touch(0, executive, &expected),
+            Phase::LocateSecond => return self.perceive_touch(1, executive, &expected),
+            _ => {}
         }
         if executive.phase() == Phase::Decide {
             let mut felt = feel(&self.senses, &executive.look(), self.knowledge.known[0], &expected)?;
@@ -356,9 +381,17 @@ impl Policy for Touch<'_> {
             None => {}
         }
         let phase = executive.phase();
-        if phase == Phase::Locate {
-            self.locate(executive)?;
-            return self.take_second(executive);
+        match phase {
+            Phase::Begin => return self.touch_or_take(0, executive),
+            Phase::LocateFirst => {
+                self.locate_first(executive);
+                return self.take_first(executive);
+            }
+            Phase::LocateSecond => {
+                self.locate_second(executive);
+                return self.take_second(executive);
+            }
+            _ => {}
         }
         let late = time + TRY_TIME > self.knowledge.time_limit;
         let next = if late || !self.knowledge.recovery.retry { Next::GoOn } else { Next::after(phase, self.grip) };
@@ -389,7 +422,7 @@ impl Policy for Touch<'_> {
             Next::GoOn if self.second_is_hidden => self.second_again(executive, eyes, false),
             Next::GoOn => {
                 self.see_better(executive, eyes)?;
-                self.touch_or_take(executive)
+                self.touch_or_take(1, executive)
             }
         }
     }

@@ -1,6 +1,8 @@
-//! The exploratory motion of the policy `touch`: it touches the second object where it stands, and takes in where it is.
+//! The exploratory motion of the policy `touch`: it touches an object where it stands, and takes in where it is.
 
 use grasping::Role;
+use hand_model::Hand;
+use nalgebra::{Isometry3, Matrix3};
 use touch::{InHand, PosePrior};
 
 use super::Touch;
@@ -11,71 +13,99 @@ use crate::palpation::{self, Touching, located};
 use crate::percept::Percept;
 use crate::perception::{Expected, trusted};
 use crate::policy::{PolicyError, Step};
-use crate::strategy::clearest;
+use crate::strategy::{Held, clearest};
 
-/// Standard deviation of how the second object is turned, rad.
+/// Standard deviation of how an object is turned, rad.
 const TURNED: f64 = 0.08;
 
 impl Touch<'_> {
-    /// Touches the second object to find out where it is, if that is possible; else takes it.
-    pub(super) fn touch_or_take(&mut self, executive: &mut Executive) -> Result<Step, PolicyError> {
-        let Some(onto) = self.exploration(executive)? else { return self.take_second(executive) };
-        let object = &self.knowledge.objects[1];
-        self.story.tell(format!("{} is touched from above to find out where it is", object.name));
-        let Touching { way, onto } = onto;
+    /// Touches the first or second `object` to find out where it is, if that is possible; else takes it.
+    pub(super) fn touch_or_take(&mut self, object: usize, executive: &mut Executive) -> Result<Step, PolicyError> {
+        let Some(Touching { way, onto }) = self.exploration(object, executive)? else {
+            return if object == 0 { self.take_first(executive) } else { self.take_second(executive) };
+        };
+        let name = &self.knowledge.objects[object].name;
+        self.story.tell(format!("{name} is touched from above to find out where it is"));
         let hand = executive.hand().clone();
         let guarded = Guarded::new(onto, &hand, Role::Second.digits(), |pad| self.senses.uses(&hand, pad));
-        executive.touch_second(way, guarded);
-        Ok(Step::Play(Phase::Locate))
+        executive.touch(object, way, guarded);
+        Ok(Step::Play([Phase::LocateFirst, Phase::LocateSecond][object]))
     }
 
-    /// How the second object would be touched; `None` if there is nothing to touch it with, or the arm does not get there.
-    fn exploration(&self, executive: &Executive) -> Result<Option<Touching>, PolicyError> {
+    /// How an object would be touched; `None` if there is nothing to touch it with, or the arm does not get there.
+    fn exploration(&self, object: usize, executive: &Executive) -> Result<Option<Touching>, PolicyError> {
         let hand = executive.hand();
         let touches = |pad: usize| palpation::is_touching(hand, pad) && self.senses.uses(hand, pad);
-        let Some(felt) = self.felt.as_ref().filter(|_| self.knowledge.explores) else { return Ok(None) };
-        if !(0..hand.pads.len()).any(touches) {
+        if !self.knowledge.explores || !(0..hand.pads.len()).any(touches) {
             return Ok(None);
         }
-        let target = &self.knowledge.objects[1];
-        let ways = executive.rehearsed_touches(&target.shape);
-        Ok(clearest(hand, &self.held(executive, felt), (&self.solids[1], &executive.second().1), ways)?)
+        let held = match (object, &self.felt) {
+            (0, _) => empty(hand),
+            (_, Some(felt)) => self.held(executive, felt),
+            (_, None) => return Ok(None),
+        };
+        let (_, seen) = [executive.first(), executive.second()][object];
+        let ways = executive.rehearsed_touches(object, &self.knowledge.objects[object].shape);
+        Ok(clearest(hand, &held, (&self.solids[object], seen), ways)?)
     }
 
-    /// Where the object is in the hand that has just touched it.
-    pub(super) fn perceive_touch(&mut self, executive: &Executive, expected: &Expected) -> Result<(), PolicyError> {
+    /// Where an object is in the hand that has just touched it.
+    pub(super) fn perceive_touch(
+        &mut self,
+        object: usize,
+        executive: &Executive,
+        expected: &Expected,
+    ) -> Result<(), PolicyError> {
+        let (_, seen) = [executive.first(), executive.second()][object];
         let prior = PosePrior {
-            palm_from_object: executive.palm().inverse() * executive.second().1.pose(),
-            sigma_translation: self.knowledge.uncertainty.target(self.looks),
+            palm_from_object: executive.palm().inverse() * seen.pose(),
+            sigma_translation: self.knowledge.uncertainty.target(if object == 0 { 1 } else { self.looks }),
             sigma_rotation: TURNED,
         };
         let held = self.felt.as_ref().map_or(expected.palm_from_object, |felt| felt.estimate.palm_from_object);
-        let held = InHand { shape: self.knowledge.known[0], prior: trusted(held) };
-        self.touched = located(&self.senses, &executive.look(), self.knowledge.known[1], &prior, held)?;
+        let held = (object == 1).then(|| InHand { shape: self.knowledge.known[0], prior: trusted(held) });
+        self.touched = located(&self.senses, &executive.look(), self.knowledge.known[object], &prior, held)?;
         Ok(())
     }
 
+    /// Takes in what the touch of the first object told.
+    pub(super) fn locate_first(&mut self, executive: &mut Executive) {
+        let Some((found, _)) = self.found(executive.palm(), &executive.first().1, 1) else { return };
+        executive.see_first(found);
+        self.first_located = true;
+    }
+
     /// Takes in what the touch of the second object told.
-    pub(super) fn locate(&mut self, executive: &mut Executive) -> Result<(), PolicyError> {
+    pub(super) fn locate_second(&mut self, executive: &mut Executive) {
+        let Some((found, covariance)) = self.found(executive.palm(), &executive.second().1, self.looks) else { return };
+        executive.see_second(found);
+        self.located = Belief::located(&covariance);
+        self.looks = 1;
+    }
+
+    /// Where the touched object is that was `seen` in so many looks, and the covariance of its place, m2; in the world.
+    fn found(&mut self, palm: Isometry3<f64>, seen: &Percept, looks: u32) -> Option<(Percept, Matrix3<f64>)> {
         let Some(estimate) = self.touched.take() else {
             self.story.tell("nothing was felt there".to_owned());
-            return Ok(());
+            return None;
         };
-        let (palm, seen) = (executive.palm(), executive.second().1);
         let position = (palm * estimate.palm_from_object).translation.vector;
         let turn = palm.rotation.to_rotation_matrix().into_inner();
         let covariance = turn * estimate.covariance.fixed_view::<3, 3>(0, 0) * turn.transpose();
-        let (looked, level) = (self.knowledge.uncertainty.target(self.looks), self.knowledge.uncertainty.arm);
+        let (looked, level) = (self.knowledge.uncertainty.target(looks), self.knowledge.uncertainty.arm);
         let (off, covariance) = palpation::standing(position - seen.position.coords, &covariance, (looked, level));
-        self.story.tell(format!(
-            "felt ({:.0}, {:.0}, {:.0}) mm beside where it is seen",
-            off.x * 1e3,
-            off.y * 1e3,
-            off.z * 1e3
-        ));
-        executive.see_second(Percept { position: seen.position + off, ..seen });
-        self.located = Belief::located(&covariance);
-        self.looks = 1;
-        Ok(())
+        let [x, y, z]: [f64; 3] = (off * 1e3).into();
+        self.story.tell(format!("felt ({x:.0}, {y:.0}, {z:.0}) mm beside where it is seen"));
+        Some((Percept { position: seen.position + off, ..*seen }, covariance))
     }
+}
+
+/// An empty hand whose ring and little finger are closed.
+pub(super) fn empty(hand: &Hand) -> Held<'static> {
+    let digits = Role::First.digits();
+    let mut joints = vec![0.0; hand.tree.joints.len()];
+    for joint in digits.iter().flat_map(|digit| digit.joints()) {
+        joints[joint] = hand.tree.joints[joint].upper;
+    }
+    Held { name: "nothing", solids: &[], pose: Isometry3::identity(), joints, digits, sigma: 0.0 }
 }
