@@ -138,13 +138,15 @@ fn balls_of_other_sizes() {
 
 #[test]
 fn failed_cameras() {
-    let missing = Run::short("blind_pads");
-    missing.disturbed("cameras failed: ring_distal, little_distal");
-    // The first grasp is the same (but for the time that missing images are waited for); what is felt of it is not.
+    Run::short("blind_pads").disturbed("cameras failed: ring_distal, little_distal");
+    // With most of the pads gone that feel it, the first grasp is nearly the same; what is felt of it is not.
+    let most = r#""ring_middle", "little_middle", "palm_ulnar", "palm_radial", "ring_distal""#;
+    let most = |text: String| one_pair(text.replace("\"ring_distal\"", most));
+    let missing = Run::of("blind_pads", most, &["--combos", "1", "--trials", "1"]);
     let intact = Run::undisturbed("blind_pads");
     let apart = |column: &str| (missing.number("touch", column) - intact.number("touch", column)).abs();
-    assert!(apart("prior_error_mm") < 0.01, "{}", apart("prior_error_mm"));
-    assert!(apart("pose_error_mm") > 0.01, "{}", apart("pose_error_mm"));
+    let (prior, pose) = (apart("prior_error_mm"), apart("pose_error_mm"));
+    assert!(prior < 0.2 && pose > 2.0 * prior, "prior {prior} mm, pose {pose} mm");
     let black = |text: String| one_pair(text.replace("frames = \"missing\"", "frames = \"black\""));
     Run::of("blind_pads", black, &["--combos", "1", "--trials", "1"]).disturbed("cameras failed");
 }
