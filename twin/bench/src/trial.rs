@@ -35,8 +35,7 @@ use self::eyes::Looks;
 
 pub use self::branch::TrialOutcome;
 use self::conditions::Branches;
-pub use self::conditions::Means;
-pub use self::conditions::TrialResults;
+pub use self::conditions::{Means, TrialResults};
 pub use self::held::HeldGrasp;
 use self::setup::{Setup, Start};
 pub use self::shared::Bench;

@@ -142,7 +142,7 @@ fn outline(points: &[Point3<f64>]) -> Vec<parry3d_f64::math::Vector> {
 }
 
 /// `solids` of an object that is at `pose`.
-fn placed(solids: &[Solid], pose: &Isometry3<f64>) -> Vec<Solid> {
+pub fn placed(solids: &[Solid], pose: &Isometry3<f64>) -> Vec<Solid> {
     solids.iter().map(|solid| Solid { pose: pose * solid.pose, ..solid.clone() }).collect()
 }
 
@@ -171,29 +171,35 @@ fn clearance_after(
     Ok(clearance_along(&path, moving, fixed, 2000)?.map_or(f64::INFINITY, |found| found.min_distance))
 }
 
-/// The stops of the way to a grasp of the first object that keep the empty hand, with its fingers at `joints` (rad), clear of
-/// `objects` where they are seen: of those that do so the first, else the ones that do best. `path` leads by way of stops to the
-/// approach pose.
-pub fn clear_stops(
-    hand: &Hand,
-    joints: &[f64],
-    objects: [(&[Solid], &Percept); 2],
-    ways: impl Iterator<Item = Vec<Isometry3<f64>>>,
-    path: impl Fn(&[Isometry3<f64>]) -> Result<PosePath, MotionError>,
-) -> Result<Vec<Isometry3<f64>>, StrategyError> {
-    let moving = hand_solids(hand, joints, &Digit::ALL, true);
-    let fixed = objects.map(|(solids, percept)| placed(solids, &percept.pose())).concat();
-    let mut best = (f64::NEG_INFINITY, Vec::new());
-    for stops in ways {
-        let clearance = clearance_after(&stops, &moving, &fixed, &path)?;
-        if clearance > best.0 {
-            best = (clearance, stops);
+/// Of `options` the first whose clearance (m) is more than `enough`, else the one with the largest; with its clearance.
+fn clear_enough<T>(
+    options: impl Iterator<Item = T>,
+    enough: f64,
+    clearance: impl Fn(&T) -> Result<f64, StrategyError>,
+) -> Result<Option<(f64, T)>, StrategyError> {
+    let mut best: Option<(f64, T)> = None;
+    for option in options {
+        let clearance = clearance(&option)?;
+        if best.as_ref().is_none_or(|(least, _)| clearance > *least) {
+            best = Some((clearance, option));
         }
-        if clearance > CLEAR {
+        if clearance > enough {
             break;
         }
     }
-    Ok(best.1)
+    Ok(best)
+}
+
+/// The stops of the first way that keeps the hand, `moving` with the palm, clear of `fixed`, else of the one that does best. `path`
+/// leads by way of stops to the approach pose.
+pub fn clear_stops(
+    moving: &[Solid],
+    fixed: &[Solid],
+    ways: impl Iterator<Item = Vec<Isometry3<f64>>>,
+    path: impl Fn(&[Isometry3<f64>]) -> Result<PosePath, MotionError>,
+) -> Result<Vec<Isometry3<f64>>, StrategyError> {
+    let best = clear_enough(ways, CLEAR, |stops| clearance_after(stops, moving, fixed, &path))?;
+    Ok(best.map_or_else(Vec::new, |(_, stops)| stops))
 }
 
 /// The way that keeps what is held clearest of table and `target`, which is seen at `percept`; of those that keep it clear enough,
@@ -207,20 +213,14 @@ pub fn clearest(
     let moving = held_solids(hand, held, (&held.pose, &held.joints));
     let mut fixed = placed(target, &percept.pose());
     fixed.push(Solid::table(0.0));
-    let mut best: Option<(f64, Touching)> = None;
-    for way in ways {
+    let best = clear_enough(ways, CLEAR, |way: &Touching| {
         let mut clearance = f64::INFINITY;
         for path in [&way.way, &way.onto] {
             let found = clearance_along(path, &moving, &fixed, 2000)?;
             clearance = clearance.min(found.map_or(f64::INFINITY, |found| found.min_distance));
         }
-        if best.as_ref().is_none_or(|(least, _)| clearance > *least) {
-            best = Some((clearance, way));
-        }
-        if clearance > CLEAR {
-            break;
-        }
-    }
+        Ok(clearance)
+    })?;
     Ok(best.filter(|(clearance, _)| *clearance > 0.0).map(|(_, way)| way))
 }
 
@@ -282,20 +282,13 @@ impl<'a> Scene<'a> {
         (percept, beside): (&Percept, &Percept),
     ) -> Result<(f64, Vec<Isometry3<f64>>), StrategyError> {
         let fixed = placed(self.target, &percept.pose());
-        let mut best = (f64::NEG_INFINITY, Vec::new());
-        for stops in executive.ways() {
-            let clearance = clearance_after(&stops, &self.whole, &fixed, |stops| {
+        let best = clear_enough(executive.ways(), FAR * self.sigma, |stops| {
+            clearance_after(stops, &self.whole, &fixed, |stops| {
                 let [way, _] = executive.path_to(stops, grasp, beside)?;
                 Ok(way)
-            })?;
-            if clearance > best.0 {
-                best = (clearance, stops);
-            }
-            if clearance > FAR * self.sigma {
-                break;
-            }
-        }
-        Ok(best)
+            })
+        })?;
+        Ok(best.unwrap_or((f64::NEG_INFINITY, Vec::new())))
     }
 
     /// Smallest distance of `moving` to the target, which is seen at `percept`, while `path` is followed and `grasp` closes.

@@ -11,20 +11,21 @@ mod exploration;
 use std::collections::BTreeMap;
 
 use grasping::{Grasp, Role};
+use hand_model::Digit;
 use nalgebra::Vector3;
 use scenarios::tries::Attempt;
 use touch::{InHand, PoseEstimate};
 
 use super::reach::{Wanted, turned, within_reach};
 use super::{Injected, Knowledge, Policy, PolicyError, Step, Story};
-use crate::collision::Solid;
+use crate::collision::{Solid, hand_solids};
 use crate::executive::{Executive, Phase};
 use crate::odds::{Aimed, Belief};
 use crate::percept::{Eyes, Looked, Percept};
 use crate::perception::{Expected, Felt, Grip, feel, grip, trusted};
 use crate::recovery::{Next, probe};
 use crate::sensing::Senses;
-use crate::strategy::{Decision, Held, Situation, choose, clear_stops, object_solids};
+use crate::strategy::{Decision, Held, Situation, choose, clear_stops, object_solids, placed};
 use crate::trajectory::PosePath;
 use crate::worth::{self, Candidate};
 
@@ -231,13 +232,14 @@ impl<'a> Touch<'a> {
         seen: &Percept,
     ) -> Result<Option<(Grasp, PosePath)>, PolicyError> {
         candidates.sort_by(|a, b| b.worth.total_cmp(&a.worth));
-        let (hand, objects) =
-            (executive.hand(), [(&self.solids[0][..], seen), (&self.solids[1][..], &executive.second().1)]);
-        let empty = exploration::empty(hand);
+        let hand = executive.hand();
+        let moving = hand_solids(hand, &exploration::empty(hand).joints, &Digit::ALL, true);
+        let [first, second] = &self.solids;
+        let fixed = [placed(first, &seen.pose()), placed(second, &executive.second().1.pose())].concat();
         for candidate in &candidates {
             for grasp in turned(&self.knowledge, &candidate.grasp, seen, &self.knowledge.objects[0]) {
                 let path = |stops: &[_]| Ok(executive.path_to(stops, &grasp, seen)?[0].clone());
-                let stops = clear_stops(hand, &empty.joints, objects, executive.ways(), path)?;
+                let stops = clear_stops(&moving, &fixed, executive.ways(), path)?;
                 if let Some(path) = executive.rehearsed_approach(&stops, &grasp, seen) {
                     return Ok(Some((grasp, path)));
                 }
