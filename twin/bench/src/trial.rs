@@ -164,6 +164,7 @@ impl Bench {
             known: [known(0)?, known(1)?],
             second: start.second.clone(),
             fallen: start.fallen.clone(),
+            others: start.others.clone(),
             uncertainty: self.uncertainty,
             time_limit: self.world.scenario.protocol.time_limit,
             recovery: means.recovery,

@@ -35,6 +35,8 @@ const AROUND: (f64, f64) = (0.012, 0.018);
 const SPEED: f64 = 0.025;
 /// What is found so many of the prior's standard deviations away is something else.
 const FARTHEST: f64 = 4.0;
+/// What a touch says that it leaves of the doubt about where an object is, each axis, m; measured on seed 1.
+pub const LEFT_OVER: f64 = 0.003;
 /// The hand comes from so far above, m.
 const ABOVE: f64 = 0.04;
 /// It leaves so far upwards, m: the fingertips pass above the object when they close.

@@ -25,7 +25,7 @@ use crate::percept::{Eyes, EyesError};
 use crate::perception::{Felt, Grip, KnownObject};
 use crate::strategy::StrategyError;
 use crate::workcell::Workcell;
-use crate::worth::Candidate;
+use crate::worth::{Candidate, Sequence};
 
 pub use self::uncertainty::Uncertainty;
 
@@ -46,6 +46,8 @@ pub struct Knowledge<'a> {
     pub second: Vec<Candidate>,
     /// Rehearsed grasps of the second object in the ways in which it can fall over: each names its way as its object.
     pub fallen: Vec<Candidate>,
+    /// Other first grasps, with the second grasps rehearsed after each.
+    pub others: Vec<Sequence>,
     /// Errors that the controller expects of its robot.
     pub uncertainty: Uncertainty,
     /// Time after which a trial counts as failed, s.

@@ -8,52 +8,34 @@
 //! of that probability. A miss without contact is worth part of a hold, because it can be tried again. The plan is kept unless
 //! another candidate is worth clearly more.
 
+mod solids;
+mod ways;
+
 use std::sync::Arc;
 
 use grasping::Grasp;
-use hand_model::{Digit, Hand};
-use nalgebra::{Isometry3, Point3, Translation3, Vector3};
-use parry3d_f64::shape::SharedShape;
-use scenarios::geometry::{Shape, hull_mesh};
-use scenarios::objects::ObjectModel;
+use hand_model::Hand;
+use nalgebra::{Isometry3, Translation3, Vector3};
 
-use crate::collision::{CollisionError, Solid, clearance_along, clearance_at, hand_solids};
+use crate::collision::{CollisionError, Solid, clearance_along, clearance_at};
 use crate::executive::Executive;
 use crate::motion::MotionError;
 use crate::odds::{Aimed, Belief, Odds, Rehearsed};
-use crate::palpation::Touching;
 use crate::percept::Percept;
 use crate::trajectory::PosePath;
 use crate::worth::{Candidate, MISSED, SWITCH_GAIN, UNREHEARSED_CONTACT};
 
-/// Points kept of a convex part for distance queries, whose cost goes with their number.
-const HULL_POINTS: usize = 96;
-/// A mesh counts as convex here while its hull has less than this many times its volume.
-const NEARLY_CONVEX: f64 = 1.03;
+pub use self::solids::{Held, object_solids, placed};
+use self::solids::{free_solids, held_solids};
+pub use self::ways::{CLEAR, clear_stops, clearest};
+use self::ways::{clear_enough, clearance_after};
+
 /// Stages of the target's way into the hand that are checked.
 const CLOSING_STAGES: usize = 4;
 /// Offsets that are tried of the aim from what is seen, m, along each of the world's x and y.
 const AIMS: [f64; 5] = [-0.008, -0.004, 0.0, 0.004, 0.008];
-/// What is held stays clear enough of things while others are touched, m.
-const CLEAR: f64 = 0.012;
 /// Beyond this many standard deviations a clearance says nothing.
 const FAR: f64 = 2.0;
-
-/// What is in the hand, as estimated.
-#[derive(Clone)]
-pub struct Held<'a> {
-    pub name: &'a str,
-    /// In the object's frame: [`object_solids`].
-    pub solids: &'a [Solid],
-    /// `palm_from_object`.
-    pub pose: Isometry3<f64>,
-    /// Finger angles, rad.
-    pub joints: Vec<f64>,
-    /// Digits that hold it.
-    pub digits: &'a [Digit],
-    /// Standard deviation of its surface's position, m.
-    pub sigma: f64,
-}
 
 /// One candidate's assessment.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -100,132 +82,7 @@ pub enum StrategyError {
     Motion(#[from] MotionError),
 }
 
-/// The solids of an object in its own frame.
-pub fn object_solids(object: &ObjectModel) -> Vec<Solid> {
-    let pose = Isometry3::identity();
-    match &object.shape {
-        Shape::Sphere { radius } => vec![Solid::new(object.name.clone(), SharedShape::ball(*radius), pose)],
-        Shape::Cuboid { half, radius } => vec![Solid::rounded_box(object.name.clone(), *half, *radius, pose)],
-        Shape::Cylinder { radius, half_height } => {
-            let upright = nalgebra::UnitQuaternion::from_axis_angle(&Vector3::x_axis(), std::f64::consts::FRAC_PI_2);
-            vec![Solid::new(object.name.clone(), SharedShape::cylinder(*half_height, *radius), pose * upright)]
-        }
-        Shape::Mesh(mesh) => {
-            let hull_of = |points: &[Point3<f64>]| {
-                Some(Solid::new(object.name.clone(), SharedShape::convex_hull(&outline(points))?, pose))
-            };
-            // Distances to one hull cost a fraction of those to many: slices of what is nearly convex are put together.
-            let whole = hull_mesh(mesh.vertices()).ok().filter(|hull| hull.volume() < NEARLY_CONVEX * mesh.volume());
-            match whole.and_then(|hull| hull_of(hull.vertices())) {
-                Some(hull) => vec![hull],
-                None => mesh.convex_parts().iter().filter_map(|points| hull_of(points)).collect(),
-            }
-        }
-    }
-}
-
-/// The extreme points of a convex part in evenly spread directions: within half a millimetre of the part at these sizes.
-fn outline(points: &[Point3<f64>]) -> Vec<parry3d_f64::math::Vector> {
-    let golden = std::f64::consts::PI * (3.0 - 5f64.sqrt());
-    let mut kept: Vec<usize> = (0..HULL_POINTS)
-        .filter_map(|n| {
-            let z = 1.0 - (2.0 * n as f64 + 1.0) / HULL_POINTS as f64;
-            let (sin, cos) = (golden * n as f64).sin_cos();
-            let direction = Vector3::new((1.0 - z * z).sqrt() * cos, (1.0 - z * z).sqrt() * sin, z);
-            let along = |point: &Point3<f64>| point.coords.dot(&direction);
-            (0..points.len()).max_by(|a, b| along(&points[*a]).total_cmp(&along(&points[*b])))
-        })
-        .collect();
-    kept.sort_unstable();
-    kept.dedup();
-    kept.iter().map(|n| parry3d_f64::math::Vector::new(points[*n].x, points[*n].y, points[*n].z)).collect()
-}
-
-/// `solids` of an object that is at `pose`.
-pub fn placed(solids: &[Solid], pose: &Isometry3<f64>) -> Vec<Solid> {
-    solids.iter().map(|solid| Solid { pose: pose * solid.pose, ..solid.clone() }).collect()
-}
-
-/// What moves with the palm (palm frame) when the held object is at a pose in it, with its digits at these angles.
-fn held_solids(hand: &Hand, held: &Held, (pose, joints): (&Isometry3<f64>, &[f64])) -> Vec<Solid> {
-    let mut moving = placed(held.solids, pose);
-    moving.extend(hand_solids(hand, joints, held.digits, false));
-    moving
-}
-
-/// The rest of the hand: its palm and the digits that hold nothing, in the palm frame.
-fn free_solids(hand: &Hand, held: &Held) -> Vec<Solid> {
-    let free: Vec<Digit> = Digit::ALL.into_iter().filter(|digit| !held.digits.contains(digit)).collect();
-    hand_solids(hand, &held.joints, &free, true)
-}
-
-/// Smallest distance (m) of `moving` to `fixed` along `path` by way of `stops`: of two stops from the second on, because the hand
-/// may touch something where it is and rises from there.
-fn clearance_after(
-    stops: &[Isometry3<f64>],
-    moving: &[Solid],
-    fixed: &[Solid],
-    path: impl Fn(&[Isometry3<f64>]) -> Result<PosePath, MotionError>,
-) -> Result<f64, StrategyError> {
-    let path = path(&stops[stops.len().min(2) - 1..])?;
-    Ok(clearance_along(&path, moving, fixed, 2000)?.map_or(f64::INFINITY, |found| found.min_distance))
-}
-
-/// Of `options` the first whose clearance (m) is more than `enough`, else the one with the largest; with its clearance.
-fn clear_enough<T>(
-    options: impl Iterator<Item = T>,
-    enough: f64,
-    clearance: impl Fn(&T) -> Result<f64, StrategyError>,
-) -> Result<Option<(f64, T)>, StrategyError> {
-    let mut best: Option<(f64, T)> = None;
-    for option in options {
-        let clearance = clearance(&option)?;
-        if best.as_ref().is_none_or(|(least, _)| clearance > *least) {
-            best = Some((clearance, option));
-        }
-        if clearance > enough {
-            break;
-        }
-    }
-    Ok(best)
-}
-
-/// The stops of the first way that keeps the hand, `moving` with the palm, clear of `fixed`, else of the one that does best. `path`
-/// leads by way of stops to the approach pose.
-pub fn clear_stops(
-    moving: &[Solid],
-    fixed: &[Solid],
-    ways: impl Iterator<Item = Vec<Isometry3<f64>>>,
-    path: impl Fn(&[Isometry3<f64>]) -> Result<PosePath, MotionError>,
-) -> Result<Vec<Isometry3<f64>>, StrategyError> {
-    let best = clear_enough(ways, CLEAR, |stops| clearance_after(stops, moving, fixed, &path))?;
-    Ok(best.map_or_else(Vec::new, |(_, stops)| stops))
-}
-
-/// The way that keeps what is held clearest of table and `target`, which is seen at `percept`; of those that keep it clear enough,
-/// the first. `None` where every way brings them together.
-pub fn clearest(
-    hand: &Hand,
-    held: &Held,
-    (target, percept): (&[Solid], &Percept),
-    ways: impl Iterator<Item = Touching>,
-) -> Result<Option<Touching>, StrategyError> {
-    let moving = held_solids(hand, held, (&held.pose, &held.joints));
-    let mut fixed = placed(target, &percept.pose());
-    fixed.push(Solid::table(0.0));
-    let best = clear_enough(ways, CLEAR, |way: &Touching| {
-        let mut clearance = f64::INFINITY;
-        for path in [&way.way, &way.onto] {
-            let found = clearance_along(path, &moving, &fixed, 2000)?;
-            clearance = clearance.min(found.map_or(f64::INFINITY, |found| found.min_distance));
-        }
-        Ok(clearance)
-    })?;
-    Ok(best.filter(|(clearance, _)| *clearance > 0.0).map(|(_, way)| way))
-}
-
 /// What a choice depends on.
-#[derive(Clone, Copy)]
 pub struct Situation<'a> {
     /// Where the palm is, and where the target is seen.
     pub executive: &'a Executive,
@@ -239,7 +96,7 @@ pub struct Situation<'a> {
     /// Standard deviation of perceiving and reaching the target, m.
     pub target_sigma: f64,
     /// Rehearsals of all candidates.
-    pub all: &'a Arc<[Rehearsed]>,
+    pub all: Arc<[Rehearsed]>,
     /// What is known about the error of the aim.
     pub belief: &'a Belief,
     /// How many looks the target's place is the mean of.
@@ -370,12 +227,7 @@ impl<'a> Aiming<'a> {
         let heading = candidate.grasp.yaw + situation.executive.second().1.yaw;
         let (rehearsed, all) = (candidate.rehearsed.clone(), situation.all.clone());
         let aimed = Aimed { rehearsed, all, heading, aim };
-        let odds = if candidate.rehearsed.is_empty() {
-            Odds { held: candidate.worth * (1.0 - UNREHEARSED_CONTACT), contact: UNREHEARSED_CONTACT }
-        } else {
-            let odds = situation.belief.odds(&aimed, situation.looks);
-            Odds { held: odds.held * candidate.trust, ..odds }
-        };
+        let odds = candidate_odds(candidate, &aimed, (situation.belief, situation.looks));
         Self { candidate, aimed, odds }
     }
 
@@ -401,6 +253,31 @@ impl<'a> Aiming<'a> {
         let odds = Odds { held: self.odds.held * free, contact: 1.0 - (1.0 - self.odds.contact) * free };
         Ok((Assessment { clearance, risk: odds.contact, held: odds.held, utility: utility(&odds) }, stops))
     }
+}
+
+/// The odds of a candidate sent as `aimed`, given a belief and the looks at the object.
+fn candidate_odds(candidate: &Candidate, aimed: &Aimed, (belief, looks): (&Belief, u32)) -> Odds {
+    if candidate.rehearsed.is_empty() {
+        return Odds { held: candidate.worth * (1.0 - UNREHEARSED_CONTACT), contact: UNREHEARSED_CONTACT };
+    }
+    let odds = belief.odds(aimed, looks);
+    Odds { held: odds.held * candidate.trust, ..odds }
+}
+
+/// Rehearsals of all `candidates`.
+pub fn rehearsals(candidates: &[Candidate]) -> Arc<[Rehearsed]> {
+    candidates.iter().flat_map(|candidate| candidate.rehearsed.iter().copied()).collect()
+}
+
+/// What the best of `candidates` is worth at an object whose place is known as `belief` says.
+pub fn promise(candidates: &[Candidate], belief: &Belief) -> f64 {
+    let all = rehearsals(candidates);
+    let worth = |candidate: &Candidate| {
+        let (rehearsed, all) = (candidate.rehearsed.clone(), all.clone());
+        let aimed = Aimed { rehearsed, all, heading: candidate.grasp.yaw, aim: Vector3::zeros() };
+        utility(&candidate_odds(candidate, &aimed, (belief, 1)))
+    };
+    candidates.iter().map(worth).fold(0.0, f64::max)
 }
 
 /// What a try with these odds is worth.

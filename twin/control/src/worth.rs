@@ -44,3 +44,10 @@ impl Candidate {
         Self { grasp, worth, trust: 1.0, rehearsed: Arc::default() }
     }
 }
+
+/// A first grasp, and the second grasps that were rehearsed after it.
+#[derive(Debug, Clone)]
+pub struct Sequence {
+    pub first: Grasp,
+    pub second: Vec<Candidate>,
+}

@@ -90,6 +90,7 @@ mod tests {
             second_grasps: Vec::new(),
             outcomes: Vec::new(),
             fallen: Default::default(),
+            others: Vec::new(),
         };
         assert_eq!(plan_of(&plan, &sweep, 3).first, added[1].name);
     }

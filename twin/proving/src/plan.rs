@@ -6,7 +6,8 @@
 //!
 //! The plan is made as in the paper, without any disturbance: the first grasp of the repertoire's order that holds its object, and
 //! after it the first second grasp of the repertoire's order that works. The other second grasps are alternatives. [`outcomes`] tries
-//! the plan and the first of the alternatives under errors, for the odds that a policy goes by.
+//! the plan and the first of the alternatives under errors, for the odds that a policy goes by; where all of them are poor, also
+//! second grasps after other first grasps.
 
 pub mod outcomes;
 pub mod without;
@@ -15,7 +16,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use anyhow::{Context, Result, bail};
-use control::worth::Candidate;
+use control::worth::{Candidate, Sequence};
 use grasping::{Grasp, Repertoire, Role};
 use indicatif::ProgressBar;
 use rayon::prelude::*;
@@ -50,6 +51,18 @@ pub struct Plan {
     /// The same of grasps of the second object where it fell over, by the name of the way in which it lies.
     #[serde(default)]
     pub fallen: BTreeMap<String, Vec<Outcomes>>,
+    /// The same after other first grasps.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub others: Vec<Other>,
+}
+
+/// Another way to take the first object than the plan's, and how second grasps went after it.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+pub struct Other {
+    /// Number of the first grasp in its repertoire.
+    pub first_grasp: u32,
+    /// How second grasps went under errors of their aim.
+    pub outcomes: Vec<Outcomes>,
 }
 
 /// The grasps that a plan names.
@@ -60,6 +73,8 @@ pub struct PlannedGrasps {
     pub second: Vec<Candidate>,
     /// Rehearsed grasps of the second object in the ways in which it can fall over: each names its way as its object.
     pub fallen: Vec<Candidate>,
+    /// Other first grasps, with the second grasps rehearsed after each.
+    pub others: Vec<Sequence>,
 }
 
 /// All plans of a scenario.
@@ -127,7 +142,17 @@ impl Plan {
             let worth = grasp.score;
             candidate(grasp, worth, Some(outcomes))
         });
+        let others = self.others.iter().map(|other| {
+            let second = other.outcomes.iter().map(|outcomes| {
+                let grasp = find(&self.second, Role::Second, outcomes.grasp)?;
+                let worth = grasp.score;
+                candidate(grasp, worth, Some(outcomes))
+            });
+            let first = find(&self.first, Role::First, other.first_grasp)?;
+            Ok(Sequence { first, second: second.collect::<Result<_>>()? })
+        });
         Ok(PlannedGrasps {
+            others: others.collect::<Result<_>>()?,
             first: find(&self.first, Role::First, self.first_grasp)?,
             second: second.collect::<Result<_>>()?,
             fallen: fallen.collect::<Result<_>>()?,
@@ -189,6 +214,7 @@ fn plan_pair(world: &World, repertoire: &Repertoire, board: &TactileBoard, pair:
                 second_grasps,
                 outcomes: Vec::new(),
                 fallen: BTreeMap::new(),
+                others: Vec::new(),
             }));
         }
     }

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use anyhow::{Context as _, Result};
 use control::executive::Phase;
-use control::worth::Candidate;
+use control::worth::{Candidate, Sequence};
 use grasping::Repertoire;
 use hand_model::CAMERAS;
 use hand_model::robot::{TactileFrame, TactileImage};
@@ -61,6 +61,8 @@ pub struct Start {
     pub second: Vec<Candidate>,
     /// Rehearsed grasps of the second object in the ways in which it can fall over.
     pub fallen: Vec<Candidate>,
+    /// Other first grasps, with the second grasps rehearsed after each.
+    pub others: Vec<Sequence>,
     /// Perception with the backgrounds that the body itself has shown, or with frames from before the trial; the bench's own where
     /// the body is simulated and its idle pads show their backgrounds.
     pub pipeline: Option<TouchPipeline>,
@@ -105,7 +107,7 @@ impl<'a> Setup<'a> {
     /// Body, controller and referee of a trial about to begin.
     pub fn begin(&self, bench: &Bench, source: Source, watched: bool) -> Result<Start> {
         let world = &bench.world;
-        let PlannedGrasps { first, second, fallen } = self.plan.grasps(self.repertoire)?;
+        let PlannedGrasps { first, second, fallen, others } = self.plan.grasps(self.repertoire)?;
         let objects = [world.object(&self.plan.first)?, world.object(&self.plan.second)?];
         let disturber = Disturber::new(&self.disturbances, &objects);
         let [first_one, second_one] = resized(&objects, self.disturbances.sizes())?;
@@ -143,7 +145,7 @@ impl<'a> Setup<'a> {
         let latency = world.scenario.effects.eyes.map_or(0.0, |eyes| eyes.latency);
         let history = History::new(latency);
         let run = Run { snapshot, referee, disturber, history, profile: bench.profile.clone() };
-        Ok(Start { run, objects, second, fallen, pipeline })
+        Ok(Start { run, objects, second, fallen, others, pipeline })
     }
 
     /// About to begin, while the controller waits for a policy. A body that is not simulated shows its untouched pads.

@@ -7,27 +7,26 @@
 //! ([`exploration`]): where the first one sits in the hand decides how well the second one can be taken.
 
 mod exploration;
+mod first;
 
 use std::collections::BTreeMap;
 
 use grasping::{Grasp, Role};
-use hand_model::Digit;
 use nalgebra::Vector3;
 use scenarios::tries::Attempt;
 use touch::{InHand, PoseEstimate};
 
-use super::reach::{Wanted, turned, within_reach};
+use super::reach::{Wanted, within_reach};
 use super::{Injected, Knowledge, Policy, PolicyError, Step, Story};
-use crate::collision::{Solid, hand_solids};
+use crate::collision::Solid;
 use crate::executive::{Executive, Phase};
 use crate::odds::{Aimed, Belief};
 use crate::percept::{Eyes, Looked, Percept};
 use crate::perception::{Expected, Felt, Grip, feel, grip, trusted};
 use crate::recovery::{Next, probe};
 use crate::sensing::Senses;
-use crate::strategy::{Decision, Held, Situation, choose, clear_stops, object_solids, placed};
-use crate::trajectory::PosePath;
-use crate::worth::{self, Candidate};
+use crate::strategy::{Assessment, Decision, Held, Situation, choose, object_solids, rehearsals};
+use crate::worth::{Candidate, SWITCH_GAIN};
 
 /// Time that a trial needs from a new try of the first object to its end, s: none begins later.
 const TRY_TIME: f64 = 14.0;
@@ -40,9 +39,11 @@ pub struct Touch<'a> {
     senses: Senses<'a>,
     /// The objects' own solids.
     solids: [Vec<Solid>; 2],
-    /// Grasps of the first object, the planned one first.
+    /// Grasps of the first object, the planned one first; a worth counts the second grasps that can follow.
     first: Vec<Candidate>,
     story: Story,
+    /// The robot's clock at the present decision, s.
+    time: f64,
     /// How often each grasp of the first and of the second object, by its number, has failed.
     failures: [BTreeMap<u32, i32>; 2],
     /// Grasps that failed in a row.
@@ -76,13 +77,10 @@ pub struct Touch<'a> {
 impl<'a> Touch<'a> {
     /// The policy of a trial whose first grasp is planned as `first`.
     pub fn new(knowledge: Knowledge<'a>, senses: Senses<'a>, first: &Grasp) -> Self {
-        let name = &knowledge.objects[0].name;
-        let others = knowledge.repertoire.of(name, Role::First).filter(|grasp| grasp.id != first.id);
-        let others = others.map(|grasp| Candidate::new(grasp.clone(), worth::UNREHEARSED * grasp.score));
-        let planned = Candidate::new(first.clone(), first.score);
         Self {
             solids: [0, 1].map(|object| object_solids(&knowledge.objects[object])),
-            first: std::iter::once(planned).chain(others).collect(),
+            first: first::candidates(&knowledge, first),
+            time: 0.0,
             belief: Belief::new(&knowledge.uncertainty),
             tried: None,
             looks: 1,
@@ -171,46 +169,11 @@ impl<'a> Touch<'a> {
         Ok(Step::Play(Phase::Decide))
     }
 
-    fn within_reach(&self, role: Role, seen: &Percept) -> Vec<Candidate> {
+    fn within_reach(&self, role: Role, executive: &Executive, seen: &Percept) -> Vec<Candidate> {
         let index = usize::from(role == Role::Second);
-        let candidates = [&self.first, &self.knowledge.second][index];
+        let candidates = [&self.first, self.following(executive).1][index];
         let (object, failures) = (&*self.knowledge.objects[index], &self.failures[index]);
         within_reach(&self.knowledge, &Wanted { object, role, candidates, failures }, seen)
-    }
-
-    /// Looks at both objects and takes the first one again; `aside`: the hand is out of the way already.
-    fn first_again(
-        &mut self,
-        executive: &mut Executive,
-        eyes: &mut dyn Eyes,
-        aside: bool,
-    ) -> Result<Step, PolicyError> {
-        let seen = self.see(0, eyes)?;
-        self.see_second(executive, eyes)?;
-        let Some(seen) = seen else { return self.seek(0, executive, aside) };
-        executive.see_first(seen);
-        self.first_located = false;
-        self.touch_or_take(0, executive)
-    }
-
-    /// Takes the first object where it is seen or was felt.
-    fn take_first(&mut self, executive: &mut Executive) -> Result<Step, PolicyError> {
-        let seen = executive.first().1;
-        let aim = if self.first_located { Vector3::zeros() } else { self.aim };
-        let seen = Percept { position: seen.position + aim, ..seen };
-        let candidates = self.within_reach(Role::First, &seen);
-        let Some((grasp, path)) = self.best_approach(executive, candidates, &seen)? else {
-            return Ok(self.give_up(0, &seen));
-        };
-        let why = self.story.reasons.last().cloned().unwrap_or_default();
-        let attempt = Attempt { object: 0, grasp: grasp.id, why, ..Attempt::default() };
-        if let Err(error) = executive.retry_first(grasp, seen) {
-            self.story.reasons.push(error.to_string());
-            return Ok(Step::GiveUp);
-        }
-        executive.redirect(path);
-        self.story.attempts.push(attempt);
-        Ok(Step::Play(Phase::Decide))
     }
 
     /// Looks at the second object and takes it; `aside`: the hand is out of the way already.
@@ -222,30 +185,6 @@ impl<'a> Touch<'a> {
     ) -> Result<Step, PolicyError> {
         self.see_second(executive, eyes)?;
         if self.second_is_hidden { self.seek(1, executive, aside) } else { self.touch_or_take(1, executive) }
-    }
-
-    /// The best of `candidates` that the arm gets to from where it is, and how.
-    fn best_approach(
-        &self,
-        executive: &Executive,
-        mut candidates: Vec<Candidate>,
-        seen: &Percept,
-    ) -> Result<Option<(Grasp, PosePath)>, PolicyError> {
-        candidates.sort_by(|a, b| b.worth.total_cmp(&a.worth));
-        let hand = executive.hand();
-        let moving = hand_solids(hand, &exploration::empty(hand).joints, &Digit::ALL, true);
-        let [first, second] = &self.solids;
-        let fixed = [placed(first, &seen.pose()), placed(second, &executive.second().1.pose())].concat();
-        for candidate in &candidates {
-            for grasp in turned(&self.knowledge, &candidate.grasp, seen, &self.knowledge.objects[0]) {
-                let path = |stops: &[_]| Ok(executive.path_to(stops, &grasp, seen)?[0].clone());
-                let stops = clear_stops(&moving, &fixed, executive.ways(), path)?;
-                if let Some(path) = executive.rehearsed_approach(&stops, &grasp, seen) {
-                    return Ok(Some((grasp, path)));
-                }
-            }
-        }
-        Ok(None)
     }
 
     /// What is in the hand.
@@ -263,13 +202,16 @@ impl<'a> Touch<'a> {
     /// Decides how to take the second object, and begins.
     fn take_second(&mut self, executive: &mut Executive) -> Result<Step, PolicyError> {
         let seen = executive.second().1;
-        let mut within = self.within_reach(Role::Second, &seen);
+        let mut within = self.within_reach(Role::Second, executive, &seen);
         self.story.decisions += 1;
         loop {
             let Some(felt) = self.felt.as_ref().filter(|_| !within.is_empty()) else {
                 return Ok(self.give_up(1, &seen));
             };
             let decision = self.choose(executive, &within, felt)?;
+            if decision.chosen.held < decision.chosen.risk {
+                return self.way_out(executive, &decision);
+            }
             self.story.risk.get_or_insert(decision.plan.risk);
             let attempt = attempt(&decision, felt);
             let beside = Percept { position: seen.position + decision.aim, ..seen };
@@ -294,21 +236,45 @@ impl<'a> Touch<'a> {
     fn choose(&self, executive: &Executive, candidates: &[Candidate], felt: &Felt) -> Result<Decision, PolicyError> {
         let second = &self.knowledge.objects[1];
         let held = self.held(executive, felt);
-        let planned = &self.first[0].grasp;
+        let (first, _) = self.following(executive);
         let uncertainty = &self.knowledge.uncertainty;
         let situation = Situation {
             executive,
             hand: &self.knowledge.cell.hand,
             held: &held,
-            rehearsed: planned.held.zip(planned.held_joints.as_deref()),
+            rehearsed: first.held.zip(first.held_joints.as_deref()),
             target: &self.solids[1],
             target_sigma: self.located.as_ref().map_or(uncertainty.arm.hypot(uncertainty.eyes), Belief::sigma),
-            all: &candidates.iter().flat_map(|candidate| candidate.rehearsed.iter().copied()).collect(),
+            all: rehearsals(candidates),
             belief: self.located.as_ref().unwrap_or(&self.belief),
             looks: self.looks,
             probe: self.aim,
         };
         choose(&situation, candidates)?.ok_or_else(|| PolicyError::NoPlan(second.name.clone()))
+    }
+
+    /// Whether no try begins any more.
+    fn is_late(&self) -> bool {
+        self.time + TRY_TIME > self.knowledge.time_limit
+    }
+
+    /// What is done where a contact is likelier than a hold: the first object is put down and taken otherwise, if that promises
+    /// more, else the second one is left alone.
+    fn way_out(&mut self, executive: &mut Executive, decision: &Decision) -> Result<Step, PolicyError> {
+        let Assessment { held, risk, utility, .. } = decision.chosen;
+        let odds = format!("the best grasp holds with {held:.2} and touches with {risk:.2}");
+        let present = executive.first().0.id;
+        let otherwise = self.otherwise(present).filter(|worth| *worth > SWITCH_GAIN * utility);
+        if otherwise.is_none() || self.is_late() || !self.knowledge.recovery.retry {
+            self.story.tell(format!("declined: {odds}"));
+            return Ok(Step::GiveUp);
+        }
+        self.story.tell(format!("{odds}: the first object is put down and taken otherwise"));
+        self.story.retries += 1;
+        *self.failures[0].entry(present).or_default() += 1;
+        executive.put_down()?;
+        self.emptied = true;
+        Ok(Step::Play(Phase::Decide))
     }
 
     fn give_up(&mut self, index: usize, seen: &Percept) -> Step {
@@ -374,6 +340,7 @@ impl Policy for Touch<'_> {
     }
 
     fn decide(&mut self, executive: &mut Executive, eyes: &mut dyn Eyes, time: f64) -> Result<Step, PolicyError> {
+        self.time = time;
         if std::mem::take(&mut self.emptied) {
             return self.first_again(executive, eyes, false);
         }
@@ -395,8 +362,8 @@ impl Policy for Touch<'_> {
             }
             _ => {}
         }
-        let late = time + TRY_TIME > self.knowledge.time_limit;
-        let next = if late || !self.knowledge.recovery.retry { Next::GoOn } else { Next::after(phase, self.grip) };
+        let next =
+            if self.is_late() || !self.knowledge.recovery.retry { Next::GoOn } else { Next::after(phase, self.grip) };
         if let (Some(tried), Phase::Confirm, Next::SecondAgain) = (self.tried.take(), phase, next) {
             self.belief.failed(&tried, self.looks);
         }

@@ -17,10 +17,12 @@ use scenarios::noise::TrialNoise;
 use serde::{Deserialize, Serialize};
 use sim::tactile::TactileBoard;
 
-use super::{FAILED_WORTH, Plan, PlannedGrasps, Plans};
+use super::{FAILED_WORTH, Other, Plan, PlannedGrasps, Plans};
 use crate::rehearsal::{FirstRehearsal, Snapshot, misaimed, narrow_errors, rehearse_first, try_second, wide_errors};
 use crate::world::World;
 
+/// Other first grasps are tried until some second grasp after one of them is worth this much, near where it was rehearsed.
+const GOOD: f64 = 0.85;
 /// Draws of wide errors under which a grasp is tried.
 const WIDE: usize = 12;
 /// Draws of the errors that are left once the object has been touched.
@@ -59,8 +61,12 @@ impl Outcomes {
 
     /// What it is worth by its letters: a miss counts as much as to a policy that may try again.
     fn worth(&self) -> f64 {
-        let letters = self.outcomes.chars().chain(self.near.chars());
-        letters.map(|letter| if letter == 'h' { 1.0 } else { MISSED * f64::from(letter == 'm') }).sum()
+        worth(self.outcomes.chars().chain(self.near.chars()))
+    }
+
+    /// What a try is worth under narrow errors: 0 where few were drawn.
+    fn worth_once_touched(&self) -> f64 {
+        if self.near.len() < NARROW { 0.0 } else { worth(self.near.chars()) / self.near.len() as f64 }
     }
 
     /// The rehearsals, with the errors in axes that turn with `grasp`'s heading; first the one without errors, which held.
@@ -81,6 +87,11 @@ impl Outcomes {
     }
 }
 
+/// What tries with these letters are worth together.
+fn worth(letters: impl Iterator<Item = char>) -> f64 {
+    letters.map(|letter| if letter == 'h' { 1.0 } else { MISSED * f64::from(letter == 'm') }).sum()
+}
+
 /// By how much the second grasp is aimed beside the object, m, in axes turned by `heading` (rad) about the vertical.
 fn aim_error(noise: &TrialNoise, heading: f64) -> Vector3<f64> {
     let world = noise.objects[1].offset + noise.position;
@@ -95,6 +106,20 @@ pub fn rehearse(world: &World, repertoire: &Repertoire, plans: &mut Plans, quiet
     let rehearsals = Rehearsals { world, board: &board, wide: wide_errors(WIDE), narrow: narrow_errors(NARROW) };
     plans.plans.par_iter_mut().try_for_each(|plan| {
         rehearsals.rehearse(repertoire, plan)?;
+        progress.inc(1);
+        Ok::<(), anyhow::Error>(())
+    })?;
+    progress.finish_and_clear();
+    Ok(())
+}
+
+/// The same after other first grasps, for those of the `plans` none of whose second grasps goes well.
+pub fn rehearse_others(world: &World, repertoire: &Repertoire, plans: &mut Plans, quiet: bool) -> Result<()> {
+    let progress = if quiet { ProgressBar::hidden() } else { ProgressBar::new(plans.plans.len() as u64) };
+    let board = TactileBoard::unit(&world.cell.hand, 0);
+    let rehearsals = Rehearsals { world, board: &board, wide: wide_errors(WIDE), narrow: narrow_errors(NARROW) };
+    plans.plans.par_iter_mut().try_for_each(|plan| {
+        plan.others = rehearsals.others(repertoire, plan)?;
         progress.inc(1);
         Ok::<(), anyhow::Error>(())
     })?;
@@ -136,6 +161,32 @@ impl Rehearsals<'_> {
             }
         }
         Ok(())
+    }
+
+    /// Other first grasps, in the repertoire's order, until a second grasp goes well after one.
+    fn others(&self, repertoire: &Repertoire, plan: &Plan) -> Result<Vec<Other>> {
+        let best = |outcomes: &[Outcomes]| outcomes.iter().map(Outcomes::worth_once_touched).fold(0.0, f64::max);
+        let seconds: Vec<&Grasp> = repertoire.of(&plan.second, Role::Second).collect();
+        let mut others = Vec::new();
+        let mut most = best(&plan.outcomes);
+        for first in repertoire.of(&plan.first, Role::First).filter(|first| first.id != plan.first_grasp) {
+            if most >= GOOD {
+                break;
+            }
+            let Some(hold) = self.hold(first, seconds.first().copied())? else { continue };
+            let mut works = Vec::new();
+            for second in &seconds {
+                if try_second(&hold, second)? == TryOutcome::Held {
+                    works.push(*second);
+                }
+            }
+            let outcomes = self.outcomes(&hold, &works, GRASPS)?;
+            most = most.max(best(&outcomes));
+            if !outcomes.is_empty() {
+                others.push(Other { first_grasp: first.id, outcomes });
+            }
+        }
+        Ok(others)
     }
 
     /// The first object held beside the second, which lies as grasp `any` of it expects.

@@ -113,5 +113,7 @@ pub fn plan(terminal: &Terminal, args: &PlanArgs) -> Outcome {
     };
     outcomes::rehearse(&world, &repertoire, &mut plans, quiet)?;
     plans.write(&args.out)?;
+    outcomes::rehearse_others(&world, &repertoire, &mut plans, quiet)?;
+    plans.write(&args.out)?;
     Ok(None)
 }

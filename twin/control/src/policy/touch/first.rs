@@ -1,0 +1,127 @@
+//! How the first object is taken: with the grasp that is worth most together with the second grasps that can follow it.
+
+use grasping::{Grasp, Role};
+use hand_model::Digit;
+use nalgebra::{Matrix3, Vector3};
+use scenarios::tries::Attempt;
+
+use super::{Touch, exploration};
+use crate::collision::{clearance_along, hand_solids};
+use crate::executive::{Executive, Phase};
+use crate::odds::Belief;
+use crate::palpation;
+use crate::percept::{Eyes, Percept};
+use crate::policy::reach::turned;
+use crate::policy::{Knowledge, PolicyError, Step};
+use crate::strategy::{CLEAR, StrategyError, clear_stops, placed, promise};
+use crate::trajectory::PosePath;
+use crate::worth::{self, Candidate, SWITCH_GAIN};
+
+/// Grasps of the first object, the planned one first, worth what they and the best second grasp after them promise.
+pub(super) fn candidates(knowledge: &Knowledge, planned: &Grasp) -> Vec<Candidate> {
+    let touched = Matrix3::from_diagonal_element(palpation::LEFT_OVER.powi(2));
+    let belief = Belief::located(&touched).filter(|_| knowledge.explores);
+    let belief = belief.unwrap_or_else(|| Belief::new(&knowledge.uncertainty));
+    let as_planned = promise(&knowledge.second, &belief);
+    let worth = |first: &Grasp| match knowledge.others.iter().find(|other| other.first.id == first.id) {
+        Some(other) => promise(&other.second, &belief) / SWITCH_GAIN,
+        None => worth::UNREHEARSED * as_planned,
+    };
+    let name = &knowledge.objects[0].name;
+    let others = knowledge.repertoire.of(name, Role::First).filter(|first| first.id != planned.id);
+    let others = others.map(|first| Candidate::new(first.clone(), first.score * worth(first)));
+    std::iter::once(Candidate::new(planned.clone(), planned.score * as_planned)).chain(others).collect()
+}
+
+impl Touch<'_> {
+    /// The first grasp in use as it was rehearsed, and the second grasps to choose from after it.
+    pub(super) fn following(&self, executive: &Executive) -> (&Grasp, &[Candidate]) {
+        let present = executive.first().0.id;
+        match self.knowledge.others.iter().find(|other| other.first.id == present) {
+            Some(other) => (&other.first, &other.second),
+            None => (&self.first[0].grasp, &self.knowledge.second),
+        }
+    }
+
+    /// What the best first grasp with rehearsed second grasps is worth, but for the `present` one.
+    pub(super) fn otherwise(&self, present: u32) -> Option<f64> {
+        let planned = self.first[0].grasp.id;
+        let rehearsed = |id: u32| id == planned || self.knowledge.others.iter().any(|other| other.first.id == id);
+        let others = self.first.iter().filter(|first| first.grasp.id != present && rehearsed(first.grasp.id));
+        let worth = |first: &Candidate| {
+            let failures = self.failures[0].get(&first.grasp.id).copied().unwrap_or(0);
+            first.worth * worth::FAILED.powi(failures)
+        };
+        others.map(worth).max_by(f64::total_cmp)
+    }
+
+    /// Looks at both objects and takes the first one again; `aside`: the hand is out of the way already.
+    pub(super) fn first_again(
+        &mut self,
+        executive: &mut Executive,
+        eyes: &mut dyn Eyes,
+        aside: bool,
+    ) -> Result<Step, PolicyError> {
+        let seen = self.see(0, eyes)?;
+        self.see_second(executive, eyes)?;
+        let Some(seen) = seen else { return self.seek(0, executive, aside) };
+        executive.see_first(seen);
+        self.first_located = false;
+        self.touch_or_take(0, executive)
+    }
+
+    /// Takes the first object where it is seen or was felt.
+    pub(super) fn take_first(&mut self, executive: &mut Executive) -> Result<Step, PolicyError> {
+        let seen = executive.first().1;
+        let aim = if self.first_located { Vector3::zeros() } else { self.aim };
+        let seen = Percept { position: seen.position + aim, ..seen };
+        let candidates = self.within_reach(Role::First, executive, &seen);
+        let Some((grasp, path)) = self.best_approach(executive, candidates, &seen)? else {
+            return Ok(self.give_up(0, &seen));
+        };
+        let why = self.story.reasons.last().cloned().unwrap_or_default();
+        let attempt = Attempt { object: 0, grasp: grasp.id, why, ..Attempt::default() };
+        if let Err(error) = executive.retry_first(grasp, seen) {
+            self.story.reasons.push(error.to_string());
+            return Ok(Step::GiveUp);
+        }
+        executive.redirect(path);
+        self.story.attempts.push(attempt);
+        Ok(Step::Play(Phase::Decide))
+    }
+
+    /// The best of `candidates` that the arm gets to from where it is without coming near the second object, and how; where each comes
+    /// near, the one that does so least.
+    fn best_approach(
+        &self,
+        executive: &Executive,
+        mut candidates: Vec<Candidate>,
+        seen: &Percept,
+    ) -> Result<Option<(Grasp, PosePath)>, PolicyError> {
+        candidates.sort_by(|a, b| b.worth.total_cmp(&a.worth));
+        let hand = executive.hand();
+        let moving = hand_solids(hand, &exploration::empty(hand).joints, &Digit::ALL, true);
+        let [first, second] = &self.solids;
+        let second = placed(second, &executive.second().1.pose());
+        let both = [placed(first, &seen.pose()), second.clone()].concat();
+        let mut best: Option<(f64, Grasp, PosePath)> = None;
+        for candidate in &candidates {
+            for grasp in turned(&self.knowledge, &candidate.grasp, seen, &self.knowledge.objects[0]) {
+                let path = |stops: &[_]| executive.path_to(stops, &grasp, seen);
+                let (there, stops) =
+                    clear_stops(&moving, &both, executive.ways(), |stops| Ok(path(stops)?[0].clone()))?;
+                let onto = clearance_along(&path(&stops)?[1], &moving, &second, 2000).map_err(StrategyError::from)?;
+                let clearance = onto.map_or(there, |onto| there.min(onto.min_distance));
+                if best.as_ref().is_some_and(|(most, ..)| clearance <= *most) {
+                    continue;
+                }
+                let Some(path) = executive.rehearsed_approach(&stops, &grasp, seen) else { continue };
+                best = Some((clearance, grasp, path));
+                if clearance > CLEAR {
+                    return Ok(best.map(|(_, grasp, path)| (grasp, path)));
+                }
+            }
+        }
+        Ok(best.map(|(_, grasp, path)| (grasp, path)))
+    }
+}

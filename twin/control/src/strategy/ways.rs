@@ -1,0 +1,80 @@
+//! Ways of the hand that stay clear of things: of those that do, the first.
+
+use hand_model::Hand;
+use nalgebra::Isometry3;
+
+use super::StrategyError;
+use super::solids::{Held, held_solids, placed};
+use crate::collision::{Solid, clearance_along};
+use crate::motion::MotionError;
+use crate::palpation::Touching;
+use crate::percept::Percept;
+use crate::trajectory::PosePath;
+
+/// What is held stays clear enough of things while others are touched, m.
+pub const CLEAR: f64 = 0.012;
+
+/// Smallest distance (m) of `moving` to `fixed` along `path` by way of `stops`: of two stops from the second on, because the hand
+/// may touch something where it is and rises from there.
+pub(super) fn clearance_after(
+    stops: &[Isometry3<f64>],
+    moving: &[Solid],
+    fixed: &[Solid],
+    path: impl Fn(&[Isometry3<f64>]) -> Result<PosePath, MotionError>,
+) -> Result<f64, StrategyError> {
+    let path = path(&stops[stops.len().min(2) - 1..])?;
+    Ok(clearance_along(&path, moving, fixed, 2000)?.map_or(f64::INFINITY, |found| found.min_distance))
+}
+
+/// Of `options` the first whose clearance (m) is more than `enough`, else the one with the largest; with its clearance.
+pub(super) fn clear_enough<T>(
+    options: impl Iterator<Item = T>,
+    enough: f64,
+    clearance: impl Fn(&T) -> Result<f64, StrategyError>,
+) -> Result<Option<(f64, T)>, StrategyError> {
+    let mut best: Option<(f64, T)> = None;
+    for option in options {
+        let clearance = clearance(&option)?;
+        if best.as_ref().is_none_or(|(least, _)| clearance > *least) {
+            best = Some((clearance, option));
+        }
+        if clearance > enough {
+            break;
+        }
+    }
+    Ok(best)
+}
+
+/// The stops of the first way that keeps the hand, `moving` with the palm, clear of `fixed`, else of the one that does best; with its
+/// smallest distance, m. `path` leads by way of stops to the approach pose.
+pub fn clear_stops(
+    moving: &[Solid],
+    fixed: &[Solid],
+    ways: impl Iterator<Item = Vec<Isometry3<f64>>>,
+    path: impl Fn(&[Isometry3<f64>]) -> Result<PosePath, MotionError>,
+) -> Result<(f64, Vec<Isometry3<f64>>), StrategyError> {
+    let best = clear_enough(ways, CLEAR, |stops| clearance_after(stops, moving, fixed, &path))?;
+    Ok(best.unwrap_or((f64::NEG_INFINITY, Vec::new())))
+}
+
+/// The way that keeps what is held clearest of table and `target`, which is seen at `percept`; of those that keep it clear enough,
+/// the first. `None` where every way brings them together.
+pub fn clearest(
+    hand: &Hand,
+    held: &Held,
+    (target, percept): (&[Solid], &Percept),
+    ways: impl Iterator<Item = Touching>,
+) -> Result<Option<Touching>, StrategyError> {
+    let moving = held_solids(hand, held, (&held.pose, &held.joints));
+    let mut fixed = placed(target, &percept.pose());
+    fixed.push(Solid::table(0.0));
+    let best = clear_enough(ways, CLEAR, |way: &Touching| {
+        let mut clearance = f64::INFINITY;
+        for path in [&way.way, &way.onto] {
+            let found = clearance_along(path, &moving, &fixed, 2000)?;
+            clearance = clearance.min(found.map_or(f64::INFINITY, |found| found.min_distance));
+        }
+        Ok(clearance)
+    })?;
+    Ok(best.filter(|(clearance, _)| *clearance > 0.0).map(|(_, way)| way))
+}
