@@ -161,6 +161,8 @@ pub enum FailureCause {
     Slipped,
     /// The controller found no way to reach an object.
     Unreachable,
+    /// The controller left the second object alone: a contact was likelier than a hold.
+    Declined,
     /// An object was nowhere to be seen.
     NotSeen,
     /// The controller found no strategy left to try.
@@ -183,6 +185,7 @@ impl std::fmt::Display for FailureCause {
             Self::BothDropped => "both dropped",
             Self::Slipped => "slipped",
             Self::Unreachable => "unreachable",
+            Self::Declined => "declined",
             Self::NotSeen => "not seen",
             Self::NoStrategy => "no strategy",
             Self::RobotFault => "robot fault",

@@ -90,6 +90,8 @@ pub enum Step {
     Finish,
     /// The trial is given up: no grasp is in reach.
     GiveUp,
+    /// The trial is given up: a contact is likelier than a hold, whatever is tried.
+    Decline,
     /// The trial is given up: an object that is needed is nowhere to be seen.
     NotSeen,
 }

@@ -124,6 +124,10 @@ fn decide_and_play(
                 played.run.referee.give_up(FailureCause::Unreachable);
                 break;
             }
+            Step::Decline => {
+                played.run.referee.give_up(FailureCause::Declined);
+                break;
+            }
             Step::NotSeen => {
                 played.run.referee.give_up(FailureCause::NotSeen);
                 break;

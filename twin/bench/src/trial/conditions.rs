@@ -19,7 +19,7 @@ pub struct Means {
     pub sensing: Sensing,
     /// Of further tries.
     pub recovery: Recovery,
-    /// Whether it touches an object before it grasps it.
+    /// Whether it chooses the first grasp, and touches an object before it grasps it where it has pads for that.
     pub explores: bool,
 }
 
@@ -36,7 +36,7 @@ impl Means {
 
     /// Whether a trial with these may begin with anything but the planned first grasp.
     pub fn begin_otherwise(self) -> bool {
-        self.explores && self.sensing != Sensing::ServosOnly
+        self.explores
     }
 }
 

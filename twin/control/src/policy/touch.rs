@@ -79,7 +79,7 @@ impl<'a> Touch<'a> {
     pub fn new(knowledge: Knowledge<'a>, senses: Senses<'a>, first: &Grasp) -> Self {
         Self {
             solids: [0, 1].map(|object| object_solids(&knowledge.objects[object])),
-            first: first::candidates(&knowledge, first),
+            first: first::candidates(&knowledge, &senses, first),
             time: 0.0,
             belief: Belief::new(&knowledge.uncertainty),
             tried: None,
@@ -267,7 +267,7 @@ impl<'a> Touch<'a> {
         let otherwise = self.otherwise(present).filter(|worth| *worth > SWITCH_GAIN * utility);
         if otherwise.is_none() || self.is_late() || !self.knowledge.recovery.retry {
             self.story.tell(format!("declined: {odds}"));
-            return Ok(Step::GiveUp);
+            return Ok(Step::Decline);
         }
         self.story.tell(format!("{odds}: the first object is put down and taken otherwise"));
         self.story.retries += 1;

@@ -12,11 +12,19 @@ use crate::odds::Belief;
 use crate::palpation::{self, Touching, located};
 use crate::percept::Percept;
 use crate::perception::{Expected, trusted};
-use crate::policy::{PolicyError, Step};
+use crate::policy::{Knowledge, PolicyError, Step};
+use crate::sensing::Senses;
 use crate::strategy::{Held, clearest};
 
 /// Standard deviation of how an object is turned, rad.
 const TURNED: f64 = 0.08;
+
+/// Whether objects are touched before they are grasped: there is a pad for it.
+pub(super) fn explores(knowledge: &Knowledge, senses: &Senses) -> bool {
+    let hand = &knowledge.cell.hand;
+    let touches = |pad: usize| palpation::is_touching(hand, pad) && senses.uses(hand, pad);
+    knowledge.explores && (0..hand.pads.len()).any(touches)
+}
 
 impl Touch<'_> {
     /// Touches the first or second `object` to find out where it is, if that is possible; else takes it.
@@ -34,11 +42,10 @@ impl Touch<'_> {
 
     /// How an object would be touched; `None` if there is nothing to touch it with, or the arm does not get there.
     fn exploration(&self, object: usize, executive: &Executive) -> Result<Option<Touching>, PolicyError> {
-        let hand = executive.hand();
-        let touches = |pad: usize| palpation::is_touching(hand, pad) && self.senses.uses(hand, pad);
-        if !self.knowledge.explores || !(0..hand.pads.len()).any(touches) {
+        if !explores(&self.knowledge, &self.senses) {
             return Ok(None);
         }
+        let hand = executive.hand();
         let held = match (object, &self.felt) {
             (0, _) => empty(hand),
             (_, Some(felt)) => self.held(executive, felt),

@@ -5,6 +5,7 @@ use hand_model::Digit;
 use nalgebra::{Matrix3, Vector3};
 use scenarios::tries::Attempt;
 
+use super::exploration::explores;
 use super::{Touch, exploration};
 use crate::collision::{clearance_along, hand_solids};
 use crate::executive::{Executive, Phase};
@@ -13,14 +14,15 @@ use crate::palpation;
 use crate::percept::{Eyes, Percept};
 use crate::policy::reach::turned;
 use crate::policy::{Knowledge, PolicyError, Step};
+use crate::sensing::Senses;
 use crate::strategy::{CLEAR, StrategyError, clear_stops, placed, promise};
 use crate::trajectory::PosePath;
 use crate::worth::{self, Candidate, SWITCH_GAIN};
 
 /// Grasps of the first object, the planned one first, worth what they and the best second grasp after them promise.
-pub(super) fn candidates(knowledge: &Knowledge, planned: &Grasp) -> Vec<Candidate> {
+pub(super) fn candidates(knowledge: &Knowledge, senses: &Senses, planned: &Grasp) -> Vec<Candidate> {
     let touched = Matrix3::from_diagonal_element(palpation::LEFT_OVER.powi(2));
-    let belief = Belief::located(&touched).filter(|_| knowledge.explores);
+    let belief = Belief::located(&touched).filter(|_| explores(knowledge, senses));
     let belief = belief.unwrap_or_else(|| Belief::new(&knowledge.uncertainty));
     let as_planned = promise(&knowledge.second, &belief);
     let worth = |first: &Grasp| match knowledge.others.iter().find(|other| other.first.id == first.id) {
