@@ -1,0 +1,132 @@
+//! The choice of the second grasp.
+
+use std::sync::Arc;
+
+use control::executive::Phase;
+use control::odds::{Belief, Rehearsed, TryOutcome};
+use control::policy::Uncertainty;
+use control::strategy::{Decision, Held, Situation, choose, object_solids};
+use control::worth::Candidate;
+use grasping::Role;
+use nalgebra::{Isometry3, Vector3};
+use scenarios::objects::{ObjectModel, ObjectSet};
+
+use crate::table::*;
+
+/// The choice with a bar of 16 mm x 16 mm x 120 mm, along the palm's normal, held at `x` (m, palm frame).
+fn with_bar_at(x: f64) -> (bool, f64) {
+    let table = Table::new();
+    let mut executive = table.executive();
+    run_until(&mut executive, Phase::Decide);
+    let bar = bar();
+    let digits = Role::First.digits();
+    let [bar, target] = [&bar, &*table.objects[1]].map(object_solids);
+    let held = Held {
+        name: "bar",
+        solids: &bar,
+        pose: Isometry3::translation(x, 0.09, -0.02),
+        joints: vec![0.0; hand_model::HAND_JOINTS],
+        digits,
+        sigma: 0.001,
+    };
+    let hand = &table.cell.hand;
+    let belief = Belief::new(&Uncertainty::standard());
+    let situation = Situation {
+        executive: &executive,
+        hand,
+        held: &held,
+        rehearsed: None,
+        target: &target,
+        target_sigma: 0.002,
+        all: Arc::default(),
+        belief: &belief,
+        looks: 1,
+        probe: Vector3::zeros(),
+    };
+    let decision = choose(&situation, &table.second()).expect("geometry").expect("a plan");
+    (decision.switched, decision.plan.clearance)
+}
+
+fn bar() -> ObjectModel {
+    let cube = ObjectSet::standard().get(FIRST).expect("a cube").clone();
+    let shape = scenarios::Shape::Cuboid { half: Vector3::new(0.008, 0.008, 0.06), radius: 0.0 };
+    ObjectModel { name: "bar".into(), shape, ..(*cube).clone() }
+}
+
+/// A held bar that stands where the plan closes on the next object makes the plan switch to the grasp that closes below it.
+#[test]
+fn a_bar_in_the_way_switches_the_grasp() {
+    let (switched, clearance) = with_bar_at(0.02);
+    assert!(clearance < 0.0, "the plan clears the bar by {clearance} m");
+    assert!(switched);
+}
+
+/// The same bar beside the hand changes nothing.
+#[test]
+fn a_bar_out_of_the_way_keeps_the_plan() {
+    let (switched, clearance) = with_bar_at(-0.10);
+    assert!(clearance > 0.02, "the plan passes the bar at {clearance} m");
+    assert!(!switched);
+}
+
+/// What a choice comes to with rehearsals (plan, other grasp) and a held object that is out of the way.
+fn with_rehearsals(rehearsals: [fn(&Vector3<f64>) -> TryOutcome; 2]) -> Decision {
+    let table = Table::new();
+    let mut executive = table.executive();
+    run_until(&mut executive, Phase::Decide);
+    let bar = bar();
+    let [bar, target] = [&bar, &*table.objects[1]].map(object_solids);
+    let held = Held {
+        name: "bar",
+        solids: &bar,
+        pose: Isometry3::translation(-0.10, 0.09, -0.02),
+        joints: vec![0.0; hand_model::HAND_JOINTS],
+        digits: Role::First.digits(),
+        sigma: 0.001,
+    };
+    let belief = Belief::new(&Uncertainty::standard());
+    let situation = Situation {
+        executive: &executive,
+        hand: &table.cell.hand,
+        held: &held,
+        rehearsed: None,
+        target: &target,
+        target_sigma: 0.002,
+        all: Arc::default(),
+        belief: &belief,
+        looks: 1,
+        probe: Vector3::zeros(),
+    };
+    let steps = || (-4..=4).map(|n| 0.004 * f64::from(n));
+    let errors: Vec<_> = steps().flat_map(|x| steps().map(move |y| Vector3::new(x, y, 0.0))).collect();
+    let rehearsed = |outcome: fn(&Vector3<f64>) -> TryOutcome| {
+        errors.iter().map(|error| Rehearsed { error: *error, outcome: outcome(error) }).collect()
+    };
+    let candidates: Vec<_> = table
+        .second()
+        .into_iter()
+        .zip(rehearsals)
+        .map(|(candidate, how)| Candidate { rehearsed: rehearsed(how), ..candidate })
+        .collect();
+    choose(&situation, &candidates).expect("geometry").expect("a plan")
+}
+
+/// A plan that touches is left for a grasp that misses where the plan touches, because a miss can be tried again.
+#[test]
+fn a_miss_is_better_than_a_contact() {
+    use TryOutcome::{Contact, Held, Missed};
+    let decision = with_rehearsals([
+        |error| if error.x.abs() < 0.006 { Held } else { Contact },
+        |error| if error.x.abs() < 0.006 { Held } else { Missed },
+    ]);
+    assert!(decision.switched && decision.chosen.risk < 0.1 && decision.plan.risk > 0.3, "{}", decision.reason);
+}
+
+/// A plan that touches on one side only is kept and aimed away from it.
+#[test]
+fn the_aim_leaves_the_side_that_touches() {
+    use TryOutcome::{Contact, Held};
+    let decision = with_rehearsals([|error| if error.x < 0.0 { Contact } else { Held }, |_| Contact]);
+    assert!(!decision.switched && decision.aim.x > 0.0, "{}", decision.reason);
+    assert!(decision.chosen.risk < decision.plan.risk - 0.1, "{}", decision.reason);
+}

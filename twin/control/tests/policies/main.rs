@@ -1,0 +1,44 @@
+//! The policies and the choice of grasps, on situations made up for the purpose: no simulator, no images.
+
+mod choice;
+mod retries;
+mod table;
+mod ways_out;
+
+use control::executive::Phase;
+use control::percept::Percept;
+use control::policy::blind::Blind;
+use control::policy::{Policy, Step};
+use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
+
+use self::table::*;
+
+#[test]
+fn blind_carries_out_the_plan_and_never_looks() {
+    let table = Table::new();
+    let mut executive = table.executive();
+    let mut eyes = Watchful::new(&table);
+    let mut blind = Blind::new(table.second()[0].grasp.clone());
+    for (phase, then) in [
+        (Phase::Decide, Step::Play(Phase::Confirm)),
+        (Phase::Confirm, Step::Play(Phase::Done)),
+        (Phase::Done, Step::Finish),
+    ] {
+        run_until(&mut executive, phase);
+        blind.perceive(&executive, in_hand(false, false)).expect("nothing to perceive");
+        assert_eq!(blind.decide(&mut executive, &mut eyes, 0.0).expect("decided"), then);
+    }
+    assert_eq!(eyes.asked, [0, 0]);
+    assert!(blind.story().is_as_planned() && blind.story().reasons.is_empty());
+}
+
+/// The pose that a percept reports is the pose it was made of.
+#[test]
+fn a_percept_keeps_the_pose() {
+    let table = Table::new();
+    let turned = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), 0.4);
+    let pose = Isometry3::from_parts(Translation3::new(0.5, 0.1, 0.02), turned * table.objects[0].rest);
+    let percept = Percept::of(&table.objects[0], &pose);
+    assert!((percept.pose().translation.vector - pose.translation.vector).norm() < 1e-12);
+    assert!(percept.pose().rotation.angle_to(&pose.rotation) < 1e-9);
+}

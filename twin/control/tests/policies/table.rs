@@ -1,0 +1,179 @@
+//! A table, a robot above it and its eyes, made up for the purpose.
+
+use std::sync::Arc;
+
+use control::executive::{Executive, Phase};
+use control::motion::Protocol;
+use control::percept::{Eyes, EyesError, Percept};
+use control::perception::{Grip, KnownObject};
+use control::policy::touch::Touch;
+use control::policy::{Injected, Knowledge, Recovery, Uncertainty};
+use control::sensing::Senses;
+use control::trajectory::PathLimits;
+use control::workcell::Workcell;
+use control::worth::Candidate;
+use grasping::{Grasp, Repertoire, Role};
+use hand_model::pads::IMAGE_SIZE;
+use hand_model::robot::{Observation, TactileImage};
+use hand_model::transmission::friction::CableFriction;
+use hand_model::{Arm, Hand};
+use nalgebra::{Isometry3, Translation3};
+use scenarios::Sensing;
+use scenarios::objects::{ObjectModel, ObjectSet};
+use touch::{PhotometricCalibration, TouchPipeline};
+
+pub const TICK: f64 = 0.02;
+pub const FIRST: &str = "cube_45";
+pub const SECOND: &str = "golf_ball";
+pub const TIME_LIMIT: f64 = 120.0;
+
+pub fn grasp(id: u32, object: &str, role: Role, center: [f64; 3], score: f64) -> Grasp {
+    let mut close_tension = [0.0; 5];
+    for digit in role.digits() {
+        close_tension[digit.index()] = 10.0;
+    }
+    Grasp {
+        id,
+        object: object.into(),
+        role,
+        yaw: 0.0,
+        pitch: 0.0,
+        roll: 0.0,
+        center,
+        pre_tension: [0.0; 5],
+        close_tension,
+        opposition: 0.5,
+        raise: 0.0,
+        thumb_delay: 0.0,
+        held: None,
+        held_joints: None,
+        score,
+    }
+}
+
+/// A robot above a table with two objects in front of it, and what is known about them.
+pub struct Table {
+    pub cell: Workcell,
+    pub library: ObjectSet,
+    pub repertoire: Repertoire,
+    pub objects: [Arc<ObjectModel>; 2],
+    pub known: KnownObject,
+    pub pipeline: TouchPipeline,
+}
+
+impl Table {
+    pub fn new() -> Self {
+        let mut cell = Workcell {
+            hand: Arc::new(Hand::ftac()),
+            arm: Arc::new(Arm::gen3()),
+            world_from_base: Isometry3::identity(),
+            ready: Arm::home(),
+        };
+        let level = grasp(0, FIRST, Role::First, [0.0; 3], 1.0).palm_rotation(0.0);
+        let above = Isometry3::from_parts(Translation3::new(0.55, 0.0, 0.30), level);
+        cell.ready = cell.posture(&above, &Arm::home()).expect("within reach");
+        let library = ObjectSet::standard().with_fallen();
+        let objects = [FIRST, SECOND].map(|name| library.get(name).expect("a standard object").clone());
+        let mut repertoire = Repertoire::default();
+        repertoire.insert(grasp(0, FIRST, Role::First, [-0.02, 0.08, -0.05], 1.0));
+        repertoire.insert(grasp(1, FIRST, Role::First, [-0.02, 0.09, -0.05], 0.9));
+        let image = Arc::new(TactileImage { rgb: vec![100; 3 * IMAGE_SIZE * IMAGE_SIZE] });
+        let calibration = PhotometricCalibration { version: 1, configurations: Default::default() };
+        let backgrounds = vec![image; cell.hand.cameras.len()];
+        let pipeline = TouchPipeline::new(&cell.hand, calibration, backgrounds).expect("made");
+        Self { known: KnownObject::new(objects[0].clone()), cell, library, repertoire, objects, pipeline }
+    }
+
+    pub fn place(&self, index: usize) -> Isometry3<f64> {
+        let object = &self.objects[index];
+        let at = Translation3::new(0.55, [-0.10, 0.10][index], object.rest_height());
+        Isometry3::from_parts(at, object.rest)
+    }
+
+    pub fn percept(&self, index: usize) -> Percept {
+        Percept::of(&self.objects[index], &self.place(index))
+    }
+
+    /// Second grasps; the first one is the plan. They differ in where the object is in the palm's frame.
+    pub fn second(&self) -> Vec<Candidate> {
+        [[0.02, 0.09, -0.05], [0.02, 0.09, -0.12]]
+            .iter()
+            .zip(0..)
+            .map(|(center, id)| Candidate::new(grasp(id, SECOND, Role::Second, *center, 1.0), 1.0))
+            .collect()
+    }
+
+    pub fn executive(&self) -> Executive {
+        let first = self.repertoire.of(FIRST, Role::First).next().expect("a first grasp").clone();
+        let servo = self.cell.arm_servo(self.cell.ready).expect("at rest");
+        let (limits, friction) = (PathLimits::default(), CableFriction::NONE);
+        let protocol = Protocol { lift: 0.12, carry: 0.1, hold: 0.5, limits, friction };
+        let grasps = [(first, self.percept(0)), (self.second()[0].grasp.clone(), self.percept(1))];
+        let [first, second] = grasps;
+        Executive::new(self.cell.hand.clone(), servo, protocol, first, second, TICK).expect("a path")
+    }
+
+    pub fn knowledge(&self) -> Knowledge<'_> {
+        Knowledge {
+            cell: &self.cell,
+            library: &self.library,
+            repertoire: &self.repertoire,
+            objects: self.objects.clone(),
+            known: [&self.known, &self.known],
+            second: self.second(),
+            fallen: Vec::new(),
+            others: Vec::new(),
+            uncertainty: Uncertainty { arm: 0.005, eyes: 0.0065, eyes_lasting: 0.5 },
+            time_limit: TIME_LIMIT,
+            recovery: Recovery::FULL,
+            explores: false,
+        }
+    }
+
+    pub fn touch(&self) -> Touch<'_> {
+        let senses = Senses::new(&self.pipeline, Sensing::TruePose).expect("made");
+        let first = self.repertoire.of(FIRST, Role::First).next().expect("a first grasp");
+        Touch::new(self.knowledge(), senses, first)
+    }
+}
+
+/// Sees the objects in their places and counts how often it was asked.
+pub struct Watchful<'a> {
+    pub table: &'a Table,
+    pub asked: [usize; 2],
+    /// How often each object is still hidden.
+    pub hidden: [usize; 2],
+}
+
+impl<'a> Watchful<'a> {
+    pub fn new(table: &'a Table) -> Self {
+        Self { table, asked: [0, 0], hidden: [0, 0] }
+    }
+}
+
+impl Eyes for Watchful<'_> {
+    fn look(&mut self, object: usize) -> Result<Option<Isometry3<f64>>, EyesError> {
+        self.asked[object] += 1;
+        if self.hidden[object] > 0 {
+            self.hidden[object] -= 1;
+            return Ok(None);
+        }
+        Ok(Some(self.table.place(object)))
+    }
+}
+
+/// Ticks until `phase`, without any image: looks end by their time limit.
+pub fn run_until(executive: &mut Executive, phase: Phase) {
+    for _ in 0..100_000 {
+        if executive.phase() >= phase {
+            return;
+        }
+        executive.tick(&Observation::default()).expect("a command");
+    }
+    panic!("{phase} is not reached");
+}
+
+pub fn in_hand(first: bool, second: bool) -> Option<Injected> {
+    let palm_from_object = Isometry3::translation(-0.02, 0.08, -0.05);
+    Some(Injected { palm_from_object, grip: Grip { first, second } })
+}

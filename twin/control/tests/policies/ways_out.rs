@@ -1,0 +1,81 @@
+//! What the policy `touch` does where every grasp of the second object promises more contact than hold.
+
+use std::sync::Arc;
+
+use control::executive::Phase;
+use control::odds::{Rehearsed, TryOutcome};
+use control::policy::touch::Touch;
+use control::policy::{Knowledge, Policy, Recovery, Step};
+use control::sensing::Senses;
+use control::worth::{Candidate, Sequence};
+use grasping::Role;
+use hand_model::robot::Observation;
+use nalgebra::Vector3;
+use scenarios::Sensing;
+
+use crate::table::*;
+
+/// Second grasps that went like that in rehearsals, wherever they were aimed.
+fn rehearsed(table: &Table, outcome: TryOutcome) -> Vec<Candidate> {
+    let steps = || (-4..=4).map(|n| 0.004 * f64::from(n));
+    let errors = steps().flat_map(|x| steps().map(move |y| Vector3::new(x, y, 0.0)));
+    let rehearsed: Arc<[Rehearsed]> = errors.map(|error| Rehearsed { error, outcome }).collect();
+    table.second().into_iter().map(|candidate| Candidate { rehearsed: rehearsed.clone(), ..candidate }).collect()
+}
+
+/// What is done with the first object in the hand, second grasps that touch after the planned first grasp, and what was rehearsed
+/// after the other one.
+fn with_contacts_after_the_plan(others: Option<TryOutcome>, recovery: Recovery, time: f64) -> (Step, Phase, String) {
+    let table = Table::new();
+    let mut executive = table.executive();
+    let mut eyes = Watchful::new(&table);
+    let mut grasps = table.repertoire.of(FIRST, Role::First);
+    let [planned, other] = [(); 2].map(|()| grasps.next().expect("two first grasps"));
+    let others = others.map(|outcome| Sequence { first: other.clone(), second: rehearsed(&table, outcome) });
+    let knowledge = Knowledge {
+        second: rehearsed(&table, TryOutcome::Contact),
+        others: others.into_iter().collect(),
+        recovery,
+        ..table.knowledge()
+    };
+    let senses = Senses::new(&table.pipeline, Sensing::TruePose).expect("made");
+    let mut touch = Touch::new(knowledge, senses, planned);
+    run_until(&mut executive, Phase::Decide);
+    touch.perceive(&executive, in_hand(true, false)).expect("perceived");
+    let step = touch.decide(&mut executive, &mut eyes, time).expect("decided");
+    let told = touch.story().take_announcements().join("; ");
+    if executive.phase() == Phase::PutDown {
+        while executive.phase() == Phase::PutDown {
+            executive.tick(&Observation::default()).expect("a command");
+        }
+        touch.perceive(&executive, in_hand(false, false)).expect("perceived");
+        touch.decide(&mut executive, &mut eyes, time).expect("decided");
+        assert_eq!(executive.first().0.id, other.id, "it is taken with the other grasp");
+    }
+    (step, executive.phase(), told)
+}
+
+/// Where another first grasp was rehearsed and the second object can be taken after it, the first one is put down and taken so.
+#[test]
+fn the_first_object_is_put_down_and_taken_otherwise() {
+    let (step, phase, told) = with_contacts_after_the_plan(Some(TryOutcome::Held), Recovery::FULL, 0.0);
+    assert_eq!((step, phase), (Step::Play(Phase::Decide), Phase::ApproachFirst), "{told}");
+    assert!(told.contains("put down"), "{told}");
+}
+
+/// Where nothing else is known, what else is known is no better, no time is left or nothing may be tried again, the second object is
+/// left alone.
+#[test]
+fn a_likely_contact_is_declined() {
+    let once = Recovery { retry: false, ..Recovery::FULL };
+    for (others, recovery, time) in [
+        (None, Recovery::FULL, 0.0),
+        (Some(TryOutcome::Contact), Recovery::FULL, 0.0),
+        (Some(TryOutcome::Held), Recovery::FULL, TIME_LIMIT - 1.0),
+        (Some(TryOutcome::Held), once, 0.0),
+    ] {
+        let (step, phase, told) = with_contacts_after_the_plan(others, recovery, time);
+        assert_eq!((step, phase), (Step::Decline, Phase::Decide), "{others:?}: {told}");
+        assert!(told.contains("declined"), "{told}");
+    }
+}
