@@ -1,14 +1,16 @@
-//! Sums trials up: rates per combination, their mean and deviation, tests, percentiles, densities, `summary.json`.
+//! Sums trials up: rates per combination, their mean and deviation, tests, percentiles, densities, the worth of a prediction, `summary.json`.
 
 mod ablation;
 mod distribution;
 mod paired;
+mod prediction;
 mod rates;
 mod summary;
 
 pub use ablation::AblationSummary;
 pub use distribution::{BoxPlot, MeanSd, box_plot, density, percentile, silverman_bandwidth};
 pub use paired::{Difference, Interval, McNemar, TTest, paired_t_test};
+pub use prediction::{Group, Prediction, Rate, roc_area};
 pub use rates::{CombinationRates, combination_rates};
 pub use summary::{
     ConditionSummary, DecisionTime, Differences, MedianP95, PerCondition, PoseError, RunInfo, Summary, Tests, summarise,

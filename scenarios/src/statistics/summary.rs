@@ -7,6 +7,7 @@ use serde::{Deserialize, Serialize};
 use super::ablation::AblationSummary;
 use super::distribution::{MeanSd, percentile};
 use super::paired::{Difference, McNemar, TTest, paired_t_test};
+use super::prediction::Prediction;
 use super::rates::{CombinationRates, combination_rates, pair_up};
 use crate::record::{AblatedTrial, Condition, TrialRecord};
 use crate::referee::FailureCause;
@@ -207,7 +208,7 @@ pub fn summarise(records: &[TrialRecord], ablated: &[AblatedTrial], run: &RunInf
             mcnemar: McNemar::of_success(records, Condition::Touch, Condition::Blind),
         },
         ablations: AblationSummary::all(records, ablated),
-        risk_auc: risk_auc(records),
+        risk_auc: Prediction::of_risk(records).map(|prediction| prediction.area[0]),
         decision_ms: DecisionTime {
             p50: percentile(&decisions, 50.0),
             p99: percentile(&decisions, 99.0),
@@ -245,17 +246,4 @@ fn condition_summary(records: &[TrialRecord], condition: Condition, rates: &[Com
         switched,
         failures,
     }
-}
-
-/// Probability that a blind trial with a contact was predicted a higher risk than one without; ties count half.
-fn risk_auc(records: &[TrialRecord]) -> Option<f64> {
-    let of = |contact: bool| -> Vec<f64> {
-        let blind = records.iter().filter(|record| record.condition == Condition::Blind && record.contact == contact);
-        blind.filter_map(|record| record.risk).collect()
-    };
-    let (with, without) = (of(true), of(false));
-    let pairs = (with.len() * without.len()) as f64;
-    let wins = |a: f64, b: f64| if a > b { 1.0 } else { 0.5 * f64::from(u8::from(a == b)) };
-    let sum: f64 = with.iter().flat_map(|a| without.iter().map(move |b| wins(*a, *b))).sum();
-    (pairs > 0.0).then(|| sum / pairs)
 }

@@ -17,9 +17,9 @@ pub mod shared;
 pub mod watcher;
 
 use anyhow::{Context as _, Result};
-use control::policy::Knowledge;
 use control::policy::blind::Blind;
 use control::policy::touch::Touch;
+use control::policy::{Knowledge, Recovery};
 use control::sensing::Senses;
 use grasping::Grasp;
 use proving::plan::PlannedGrasps;
@@ -30,7 +30,7 @@ use scenarios::referee::FailureCause;
 use scenarios::{Ablation, Sensing};
 use sim::SimulatedRobot;
 
-use self::branch::{Play, play};
+use self::branch::{Play, foretold_risk, play};
 use self::eyes::Looks;
 
 pub use self::branch::TrialOutcome;
@@ -96,19 +96,17 @@ impl Bench {
         let (setup, looks) = Setup::noisy(self, combination, trial)?;
         let start = setup.first_grasp(self, None, watcher)?;
         let branches = Branches { bench: self, setup: &setup, start, looks };
+        let id = |condition| TrialId { combination, trial, condition };
         let mut results = TrialResults::default();
         for &condition in conditions {
-            let id = TrialId { combination, trial, condition };
-            results.add(branches.play(id, watcher)?);
+            results.add(branches.play(id(condition), watcher)?);
         }
-        // The plan is the same whoever carries it out: what touch predicts of it holds for blind.
-        let risk = results.records.iter().rev().find_map(|record| record.risk);
         for record in results.records.iter_mut().filter(|record| record.condition == Condition::Blind) {
-            record.risk = risk;
+            record.risk =
+                self.foretold_risk(&branches.start, self.options(id(Condition::Blind), branches.looks.clone()))?;
         }
-        let id = TrialId { combination, trial, condition: Condition::Touch };
         for &ablation in ablations {
-            let outcome = branches.deliberate(id, ablation.into(), &mut NoWatcher)?;
+            let outcome = branches.deliberate(id(Condition::Touch), ablation.into(), &mut NoWatcher)?;
             results.ablated.push(AblatedTrial { ablation, record: outcome.record });
         }
         Ok(results)
@@ -152,6 +150,20 @@ impl Bench {
 
     /// The branch of the policy `touch`, with what `means` leaves it.
     fn touch(&self, start: &Start, options: Play, means: Means, watcher: &mut dyn Watcher) -> Result<TrialOutcome> {
+        let inject_truth = means.sensing == Sensing::TruePose;
+        play(start, &mut self.touch_policy(start, means)?, Play { inject_truth, ..options }, watcher)
+    }
+
+    /// Risk of a contact if the plan is carried out, as touch predicts it from what is felt after the first grasp; `None` if the first
+    /// object is not felt in the hand.
+    fn foretold_risk(&self, start: &Start, options: Play) -> Result<Option<f64>> {
+        let recovery = Recovery { retry: false, new_look: false };
+        let means = Means { sensing: Sensing::Full, recovery, explores: false };
+        foretold_risk(start, &mut self.touch_policy(start, means)?, options)
+    }
+
+    /// The policy `touch` of a trial.
+    fn touch_policy<'a>(&'a self, start: &'a Start, means: Means) -> Result<Touch<'a>> {
         let known = |index: usize| {
             let object = &start.objects[index];
             self.known.get(&object.name).with_context(|| format!("{} was not made ready to be felt", object.name))
@@ -172,8 +184,7 @@ impl Bench {
         };
         let senses = Senses::new(start.pipeline.as_ref().unwrap_or(&self.pipeline), means.sensing)?;
         let first = &start.run.snapshot.executive.first().0;
-        let mut policy = Touch::new(knowledge, senses, first);
-        play(start, &mut policy, Play { inject_truth: means.sensing == Sensing::TruePose, ..options }, watcher)
+        Ok(Touch::new(knowledge, senses, first))
     }
 
     /// The record of a trial for which touch knows no strategy: it does not begin.

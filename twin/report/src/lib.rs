@@ -1,4 +1,4 @@
-//! The report of a benchmark: `report.html`, one self-contained page, and its two figures as files.
+//! The report of a benchmark: `report.html`, one self-contained page, and its figures as files.
 //!
 //! It is made from the records and their summary alone, so `ftac report` can make it again at any time. [`picture`] draws the
 //! hand, [`plot`] line plots; both are used by the checks too.
@@ -13,6 +13,7 @@ mod page;
 mod paper;
 pub mod picture;
 pub mod plot;
+mod prediction;
 mod run;
 pub mod study_pages;
 pub mod style;
@@ -26,13 +27,16 @@ use scenarios::TrialRecord;
 use scenarios::statistics::Summary;
 use serde_json::Value;
 
-/// Writes `contact.svg`, `clean_success.svg`, where there are ablations `ablations.svg`, and `report.html` into `folder`, which is
+/// Writes `contact.svg`, `clean_success.svg`, `risk.svg` and `ablations.svg` where there is something to show, and `report.html` into `folder`, which is
 /// there already. `run` says how the records came about; of its keys `command` (text or a list of words) is shown as a command line, all others in a table, nested ones
 /// with dotted names, and numbers whose key ends in `_s` as times.
 pub fn write_report(folder: &Path, summary: &Summary, records: &[TrialRecord], run: &Value) -> Result<()> {
     let [contact, clean] = findings::figures(summary, records);
     write_whole(&folder.join("contact.svg"), contact.standalone().as_bytes())?;
     write_whole(&folder.join("clean_success.svg"), clean.standalone().as_bytes())?;
+    if let Some(figure) = prediction::standalone(records) {
+        write_whole(&folder.join("risk.svg"), figure.as_bytes())?;
+    }
     if !summary.ablations.is_empty() {
         let figure = ablation::figure(summary, records, true);
         let head = "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n";

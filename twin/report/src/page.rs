@@ -9,7 +9,7 @@ use serde_json::Value;
 use super::figure::Figure;
 use super::findings::{Rate, combination_lines, harmless_contacts, outcome};
 use super::html::{Column, Table, counted, duration, escape, number, probability};
-use super::{ablation, definitions, paper, run, style};
+use super::{ablation, definitions, paper, prediction, run, style};
 
 /// A difference counts as shown below this chance of its being none.
 const LEVEL: f64 = 0.05;
@@ -32,6 +32,7 @@ pub fn render(summary: &Summary, records: &[TrialRecord], run: &Value, figures: 
     html += &rates(summary, records);
     html += &tests(summary);
     html += &figure_section(figures, summary);
+    html += &prediction::section(records);
     html += &ablation::section(summary, records);
     html += &facts(summary);
     html += &failures(summary, records);
@@ -264,10 +265,6 @@ fn facts(summary: &Summary) -> String {
         ("Pose error, angle, 95th percentile".to_string(), unit(pose.deg.p95, 1, "°")),
         ("The plan’s guess before touch, median".to_string(), unit(pose.prior_mm.median, 2, "mm")),
         ("The plan’s guess before touch, 95th percentile".to_string(), unit(pose.prior_mm.p95, 2, "mm")),
-        (
-            "Predicted risk against contact of blind trials: area under the ROC curve".to_string(),
-            unit(summary.risk_auc, 3, ""),
-        ),
         ("Real-time factor, all threads together".to_string(), unit(summary.real_time_factor, 2, "×")),
         ("Wall time".to_string(), duration(summary.wall_s)),
     ];

@@ -19,6 +19,7 @@ pub const FIGURE: &str = "
 .figure .whisker{stroke:var(--own);stroke-width:1.6;fill:none}
 .figure .median{stroke:var(--own);stroke-width:4}
 .figure .mean{fill:var(--paper);stroke:var(--own);stroke-width:1.6}
+.figure .curve{fill:none;stroke:var(--own);stroke-width:2}
 .figure .dot{fill:var(--own);fill-opacity:.85}
 ";
 

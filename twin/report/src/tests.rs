@@ -1,5 +1,7 @@
 //! The report as a whole, on made-up records.
 
+use std::collections::BTreeSet;
+
 use scenarios::statistics::{RunInfo, summarise};
 use scenarios::{Condition, FailureCause};
 use serde_json::json;
@@ -41,7 +43,8 @@ pub(crate) fn made_up(combinations: usize, trials: usize) -> Vec<TrialRecord> {
                     switched: condition == Condition::Touch && bad,
                     retries: 0,
                     disturbance: String::new(),
-                    risk: None,
+                    risk: (condition == Condition::Blind)
+                        .then(|| f64::from(u8::from(contact)) * 0.6 + 0.02 * trial as f64),
                     reason: "made up".into(),
                     pose_error_mm: (condition == Condition::Touch).then_some(0.5 + 0.31 * trial as f64),
                     pose_error_deg: (condition == Condition::Touch).then_some(1.0 + 0.7 * trial as f64),
@@ -70,7 +73,13 @@ fn report_in(folder: &Path, records: &[TrialRecord]) -> [String; 3] {
 fn report(records: &[TrialRecord]) -> [String; 3] {
     let folder = tempfile::tempdir().unwrap();
     let files = report_in(folder.path(), records);
-    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 3, "temporary files are left");
+    let written: BTreeSet<_> =
+        std::fs::read_dir(folder.path()).unwrap().map(|file| file.unwrap().file_name()).collect();
+    let mut expected: BTreeSet<_> = ["report.html", "contact.svg", "clean_success.svg"].map(Into::into).into();
+    if files[0].contains("risk.svg") {
+        expected.insert("risk.svg".into());
+    }
+    assert_eq!(written, expected);
     files
 }
 
@@ -83,7 +92,8 @@ fn every_combination_is_a_dot_of_every_condition() {
             assert_eq!(column.matches("class=\"dot\"").count(), 60, "{condition}");
         }
     }
-    assert_eq!(page.matches("class=\"dot\"").count(), 480);
+    let before_risk = page.split_once("id=\"risk\"").unwrap().0;
+    assert_eq!(before_risk.matches("class=\"dot\"").count(), 480);
 }
 
 #[test]
@@ -119,6 +129,18 @@ fn the_worst_combination_comes_first() {
     let touch: Vec<f64> = lines.iter().map(|line| line.rates[3].as_ref().unwrap().clean_success_rate).collect();
     assert_eq!(lines.len(), 60);
     assert!(touch.is_sorted() && touch[0] < 1.0);
+}
+
+/// A prediction that is always right has an area of 1, and groups of trials without and with contacts.
+#[test]
+fn the_worth_of_the_predicted_risk_is_shown() {
+    let [page, ..] = report(&made_up(60, 10));
+    let section = page.split_once("id=\"risk\"").unwrap().1.split_once("<h2").unwrap().0;
+    assert!(section.contains("area 1.000 [1.000, 1.000]") && section.contains("observed 0 of"), "{section}");
+    let blind = made_up(60, 10).iter().filter(|record| record.condition == Condition::Blind).count();
+    assert!(section.contains(&format!("in {blind} blind trials")), "{section}");
+    let without: Vec<_> = made_up(6, 2).into_iter().map(|record| TrialRecord { risk: None, ..record }).collect();
+    assert!(report(&without)[0].contains("cannot be compared"));
 }
 
 #[test]

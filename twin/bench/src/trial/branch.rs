@@ -139,6 +139,13 @@ fn decide_and_play(
     Ok(played)
 }
 
+/// The risk of the plan that `policy` finds in its first decision; `None` if it does not feel the first object in the hand.
+pub fn foretold_risk(start: &Start, policy: &mut dyn Policy, mut with: Play) -> Result<Option<f64>> {
+    decide(&mut start.run.clone(), &start.objects, policy, &mut with)?;
+    let held = policy.felt().is_some_and(|felt| felt.grip.first);
+    Ok(if held { policy.story().risk } else { None })
+}
+
 /// One decision: perceive, then decide.
 fn decide(run: &mut Run, objects: &[Arc<ObjectModel>; 2], policy: &mut dyn Policy, with: &mut Play) -> Result<Step> {
     let injected = if with.inject_truth { run.true_state() } else { None };

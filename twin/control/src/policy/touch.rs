@@ -209,10 +209,10 @@ impl<'a> Touch<'a> {
                 return Ok(self.give_up(1, &seen));
             };
             let decision = self.choose(executive, &within, felt)?;
+            self.story.risk.get_or_insert(decision.plan.risk);
             if decision.chosen.held < decision.chosen.risk {
                 return self.way_out(executive, &decision);
             }
-            self.story.risk.get_or_insert(decision.plan.risk);
             let attempt = attempt(&decision, felt);
             let beside = Percept { position: seen.position + decision.aim, ..seen };
             self.story.aimed |= self.seen.is_none_or(|[_, first_look]| beside != first_look);

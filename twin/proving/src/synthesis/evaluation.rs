@@ -8,6 +8,7 @@ use std::time::Instant;
 
 use anyhow::Result;
 use rayon::prelude::*;
+use scenarios::statistics::{Rate, roc_area};
 use serde::Serialize;
 use sim::hand_scene::Pull;
 
@@ -16,54 +17,6 @@ use super::synthesizer::{ChainResult, Checked, Synthesizer};
 
 /// Friction coefficient of the slippery control.
 const SLIPPERY: f64 = 0.1;
-/// Standard normal quantile of a two-sided 95 % interval.
-const Z: f64 = 1.959_963_984_540_054;
-
-/// A rate with its Wilson 95 % interval.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-pub struct Rate {
-    /// Successes.
-    pub count: u64,
-    /// Trials.
-    pub of: u64,
-    /// count / of; none without trials.
-    pub rate: Option<f64>,
-    /// Lower end.
-    pub low: f64,
-    /// Upper end.
-    pub high: f64,
-}
-
-impl Rate {
-    /// `count` successes in `of` trials.
-    pub fn new(count: u64, of: u64) -> Self {
-        if of == 0 {
-            return Self { count, of, rate: None, low: 0.0, high: 1.0 };
-        }
-        let (n, p) = (of as f64, count as f64 / of as f64);
-        let scale = 1.0 / (1.0 + Z * Z / n);
-        let center = scale * (p + Z * Z / (2.0 * n));
-        let half = scale * Z * (p * (1.0 - p) / n + Z * Z / (4.0 * n * n)).sqrt();
-        Self { count, of, rate: Some(p), low: (center - half).max(0.0), high: (center + half).min(1.0) }
-    }
-}
-
-/// Area under the ROC curve: the chance that a random success scores higher than a random failure, ties counting half. None
-/// without both.
-pub fn roc_area(scored: &[(f64, bool)]) -> Option<f64> {
-    let (mut pairs, mut wins) = (0u64, 0.0);
-    for (good, _) in scored.iter().filter(|(_, held)| *held) {
-        for (bad, _) in scored.iter().filter(|(_, held)| !*held) {
-            pairs += 1;
-            wins += match good.total_cmp(bad) {
-                std::cmp::Ordering::Greater => 1.0,
-                std::cmp::Ordering::Equal => 0.5,
-                std::cmp::Ordering::Less => 0.0,
-            };
-        }
-    }
-    (pairs > 0).then(|| wins / pairs as f64)
-}
 
 /// What `eval` prints.
 #[derive(Debug, Clone, Serialize)]
@@ -158,27 +111,4 @@ pub fn evaluate(synthesizer: &Synthesizer, chains: u64) -> Result<Evaluation> {
         roc_area: METRICS.iter().enumerate().map(|(n, name)| (*name, area(n))).collect(),
         wall_s: start.elapsed().as_secs_f64(),
     })
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// Known Wilson intervals (tables): 0 of 10, 5 of 10, 287 of 512.
-    #[test]
-    fn wilson_intervals() {
-        for (count, of, low, high) in [(0, 10, 0.0, 0.2775), (5, 10, 0.2366, 0.7634), (287, 512, 0.5173, 0.6029)] {
-            let rate = Rate::new(count, of);
-            assert!((rate.low - low).abs() < 5e-4 && (rate.high - high).abs() < 5e-4, "{rate:?}");
-        }
-        assert_eq!(Rate::new(0, 0).rate, None);
-    }
-
-    #[test]
-    fn areas_under_known_curves() {
-        let scored = [(0.1, false), (0.4, false), (0.35, true), (0.8, true)];
-        assert_eq!(roc_area(&scored), Some(0.75));
-        assert_eq!(roc_area(&[(1.0, true), (1.0, false)]), Some(0.5));
-        assert_eq!(roc_area(&[(1.0, true)]), None);
-    }
 }

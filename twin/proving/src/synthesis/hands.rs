@@ -11,13 +11,13 @@ use grasping::synthesis::held::{pose_from_array, pose_to_array};
 use hand_model::file::write_whole;
 use indicatif::ProgressBar;
 use nalgebra::Point3;
+use scenarios::statistics::Rate;
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 use sha2::{Digest as _, Sha256};
 
 use super::any;
 use super::any::describe::{self, Described};
-use super::evaluation::Rate;
 use super::search::{self, Start, Verified};
 use super::subject::Subject;
 use super::synthesizer::{Request, Synthesizer};

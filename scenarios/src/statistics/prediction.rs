@@ -1,0 +1,182 @@
+//! How well a predicted probability foretells whether something happens: rates with intervals, the ROC curve, calibration.
+
+use serde::Serialize;
+
+use crate::record::{Condition, TrialRecord};
+
+/// Standard normal quantile of a two-sided 95 % interval.
+const Z: f64 = 1.959_963_984_540_054;
+/// Groups of a calibration curve.
+const GROUPS: usize = 6;
+
+/// A rate with its Wilson 95 % interval.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Rate {
+    /// Successes.
+    pub count: u64,
+    /// Trials.
+    pub of: u64,
+    /// count / of; none without trials.
+    pub rate: Option<f64>,
+    /// Lower end.
+    pub low: f64,
+    /// Upper end.
+    pub high: f64,
+}
+
+impl Rate {
+    /// `count` successes in `of` trials.
+    pub fn new(count: u64, of: u64) -> Self {
+        if of == 0 {
+            return Self { count, of, rate: None, low: 0.0, high: 1.0 };
+        }
+        let (n, p) = (of as f64, count as f64 / of as f64);
+        let scale = 1.0 / (1.0 + Z * Z / n);
+        let center = scale * (p + Z * Z / (2.0 * n));
+        let half = scale * Z * (p * (1.0 - p) / n + Z * Z / (4.0 * n * n)).sqrt();
+        Self { count, of, rate: Some(p), low: (center - half).max(0.0), high: (center + half).min(1.0) }
+    }
+}
+
+/// Area under the ROC curve of scores, each with whether it happened: the chance that something that happened scores higher than
+/// something that did not, ties counting half. None without both.
+pub fn roc_area(scored: &[(f64, bool)]) -> Option<f64> {
+    let curve = roc(scored)?;
+    Some(curve.windows(2).map(|pair| (pair[1][0] - pair[0][0]) * (pair[0][1] + pair[1][1]) / 2.0).sum())
+}
+
+/// The ROC curve from (0, 0) to (1, 1): share of false alarms and share of hits as the threshold falls. None without both outcomes.
+pub fn roc(scored: &[(f64, bool)]) -> Option<Vec<[f64; 2]>> {
+    let mut falling = scored.to_vec();
+    falling.sort_by(|a, b| b.0.total_cmp(&a.0));
+    let happened = scored.iter().filter(|(_, happened)| *happened).count();
+    let not = scored.len() - happened;
+    if happened == 0 || not == 0 {
+        return None;
+    }
+    let (mut curve, mut hits, mut alarms) = (vec![[0.0, 0.0]], 0, 0);
+    for equal in falling.chunk_by(|a, b| a.0 == b.0) {
+        let here = equal.iter().filter(|(_, happened)| *happened).count();
+        hits += here;
+        alarms += equal.len() - here;
+        curve.push([alarms as f64 / not as f64, hits as f64 / happened as f64]);
+    }
+    Some(curve)
+}
+
+/// Predictions of like size, and what came of them.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Group {
+    /// Mean of the predictions.
+    pub predicted: f64,
+    pub observed: Rate,
+}
+
+/// A prediction's worth.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Prediction {
+    /// Each prediction, with whether it happened.
+    pub scored: Vec<(f64, bool)>,
+    /// [`roc`].
+    pub roc: Vec<[f64; 2]>,
+    /// [`roc_area`], with its 95 % interval.
+    pub area: [f64; 3],
+    /// The calibration curve: groups of as equal numbers as ties allow, the lowest predictions first.
+    pub groups: Vec<Group>,
+}
+
+impl Prediction {
+    /// Of predictions with whether they came true; none without both outcomes. The interval is Hanley and McNeil's (Radiology 143, 1982).
+    pub fn of(mut scored: Vec<(f64, bool)>) -> Option<Self> {
+        scored.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let (roc, area) = (roc(&scored)?, roc_area(&scored)?);
+        let happened = scored.iter().filter(|(_, happened)| *happened).count() as f64;
+        let not = scored.len() as f64 - happened;
+        let (one, two) = (area / (2.0 - area), 2.0 * area * area / (1.0 + area));
+        let variance = area * (1.0 - area) + (happened - 1.0) * (one - area * area) + (not - 1.0) * (two - area * area);
+        let half = Z * (variance / (happened * not)).sqrt();
+        let least = scored.len().div_ceil(GROUPS);
+        let mut groups: Vec<Vec<(f64, bool)>> = Vec::new();
+        for equal in scored.chunk_by(|a, b| a.0 == b.0) {
+            match groups.last_mut().filter(|last| last.len() < least) {
+                Some(last) => last.extend(equal),
+                None => groups.push(equal.to_vec()),
+            }
+        }
+        let groups = groups.iter().map(|group| Group {
+            predicted: group.iter().map(|(predicted, _)| predicted).sum::<f64>() / group.len() as f64,
+            observed: Rate::new(group.iter().filter(|(_, happened)| *happened).count() as u64, group.len() as u64),
+        });
+        Some(Self {
+            groups: groups.collect(),
+            roc,
+            area: [area, (area - half).max(0.0), (area + half).min(1.0)],
+            scored,
+        })
+    }
+
+    /// Of the predicted risk of blind trials, with whether there was an unwanted contact. Those without a prediction are left out.
+    pub fn of_risk(records: &[TrialRecord]) -> Option<Self> {
+        let blind = records.iter().filter(|record| record.condition == Condition::Blind);
+        Self::of(blind.filter_map(|record| Some((record.risk?, record.contact))).collect())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    /// Known Wilson intervals (tables): 0 of 10, 5 of 10, 287 of 512.
+    #[test]
+    fn wilson_intervals() {
+        for (count, of, low, high) in [(0, 10, 0.0, 0.2775), (5, 10, 0.2366, 0.7634), (287, 512, 0.5173, 0.6029)] {
+            let rate = Rate::new(count, of);
+            assert!((rate.low - low).abs() < 5e-4 && (rate.high - high).abs() < 5e-4, "{rate:?}");
+        }
+        assert_eq!(Rate::new(0, 0).rate, None);
+    }
+
+    #[test]
+    fn areas_under_known_curves() {
+        let scored = [(0.1, false), (0.4, false), (0.35, true), (0.8, true)];
+        assert_eq!(roc_area(&scored), Some(0.75));
+        assert_eq!(roc_area(&[(1.0, true), (1.0, false)]), Some(0.5));
+        assert_eq!(roc_area(&[(1.0, true)]), None);
+    }
+
+    /// Hanley and McNeil's own example: an area of 0.893 from 51 and 58 cases has a standard error of 0.032.
+    #[test]
+    fn the_interval_of_the_area_is_hanleys() {
+        let rated = |rating: u32, normal: usize, abnormal: usize| {
+            let at = |happened, times| std::iter::repeat_n((f64::from(rating), happened), times);
+            at(false, normal).chain(at(true, abnormal))
+        };
+        let counts = [(1, 33, 3), (2, 6, 2), (3, 6, 2), (4, 11, 11), (5, 2, 33)];
+        let scored =
+            counts.into_iter().flat_map(|(rating, normal, abnormal)| rated(rating, normal, abnormal)).collect();
+        let [area, low, high] = Prediction::of(scored).expect("both outcomes").area;
+        assert!((area - 0.893).abs() < 5e-4 && ((high - low) / (2.0 * Z) - 0.032).abs() < 1e-3, "{area} {low} {high}");
+    }
+
+    proptest! {
+        /// The area is the share of pairs in the right order; groups hold every prediction once, in rising order.
+        #[test]
+        fn area_and_groups_are_of_all_predictions(scored in prop::collection::vec((0u8..12, any::<bool>()), 2..80)) {
+            let scored: Vec<(f64, bool)> = scored.into_iter().map(|(n, happened)| (f64::from(n) / 11.0, happened)).collect();
+            let wins = |a: f64, b: f64| if a > b { 1.0 } else { 0.5 * f64::from(u8::from(a == b)) };
+            let with = |wanted: bool| scored.iter().filter(move |(_, happened)| *happened == wanted).map(|(score, _)| *score);
+            let pairs = (with(true).count() * with(false).count()) as f64;
+            let sum: f64 = with(true).flat_map(|a| with(false).map(move |b| wins(a, b))).sum();
+            let Some(prediction) = Prediction::of(scored.clone()) else {
+                prop_assert_eq!(pairs, 0.0);
+                return Ok(());
+            };
+            prop_assert!((prediction.area[0] - sum / pairs).abs() < 1e-12);
+            prop_assert_eq!(prediction.groups.iter().map(|group| group.observed.of).sum::<u64>(), scored.len() as u64);
+            prop_assert!(prediction.groups.len() <= GROUPS);
+            prop_assert!(prediction.groups.windows(2).all(|pair| pair[0].predicted < pair[1].predicted));
+        }
+    }
+}
