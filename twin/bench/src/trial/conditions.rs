@@ -21,6 +21,8 @@ pub struct Means {
     pub recovery: Recovery,
     /// Whether it chooses the first grasp, and touches an object before it grasps it where it has pads for that.
     pub explores: bool,
+    /// Whether what a pad feels on the way breaks off a try.
+    pub guards: bool,
 }
 
 impl Means {
@@ -31,7 +33,7 @@ impl Means {
             Condition::Reflex => Sensing::ServosOnly,
             Condition::Touch => Sensing::Full,
         };
-        Some(Self { sensing, recovery: Recovery::FULL, explores: true })
+        Some(Self { sensing, recovery: Recovery::FULL, explores: true, guards: true })
     }
 
     /// Whether a trial with these may begin with anything but the planned first grasp.
@@ -43,7 +45,8 @@ impl Means {
 impl From<Ablation> for Means {
     fn from(ablation: Ablation) -> Self {
         let recovery = Recovery { retry: ablation != Ablation::NoRetry, new_look: ablation != Ablation::NoNewLook };
-        Self { sensing: ablation.sensing(), recovery, explores: ablation != Ablation::NoExploration }
+        let [explores, guards] = [Ablation::NoExploration, Ablation::NoGuard].map(|without| ablation != without);
+        Self { sensing: ablation.sensing(), recovery, explores, guards }
     }
 }
 
