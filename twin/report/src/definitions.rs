@@ -5,15 +5,17 @@ pub const SECTION: &str = "<h2 id=\"terms\">What the numbers mean</h2>
 <dl class=\"terms\">
 <dt>Trial</dt>
 <dd>Pick up the first object, look at it with the touch sensors, pick up the second object beside it, carry both, hold both.
-Trials of one combination differ in the drawn execution and perception errors; the blind and the touch trial of the same number
-meet the same errors and share the first grasp.</dd>
+Trials of one combination differ in the drawn execution and perception errors; trials of the same number meet the same
+errors under every condition.</dd>
 <dt>Ideal, blind, reflex, touch</dt>
 <dd><em>Ideal</em> is the plan carried out without any error; as nothing varies then, one trial of each combination is
 enough. <em>Blind</em> carries out the same plan with errors, whatever
-the sensors say. <em>Touch</em> meets the same errors, estimates from the tactile images how the first object really sits in the
-hand, changes the second grasp when the planned one would collide, feels after each lift and after the hold whether both objects
-are there, and tries again what failed, as long as the time allows. <em>Reflex</em> does the same with the servos&#39; encoders and
-currents alone, without any tactile image.</dd>
+the sensors say. <em>Touch</em> meets the same errors. It touches each object before it takes it, to find out where it is, estimates
+from the tactile images how the first object really sits in the hand, and takes the second one with the grasp and the aim that
+promise most. A pad that feels something on the way breaks off the try. After each lift and after the hold it feels
+whether both objects are there, and tries again what failed, as long as the time allows. Where a contact is likelier than a hold
+it puts the first object down and takes it otherwise, or leaves the second one alone (<em>declined</em>). <em>Reflex</em> does the
+same with the servos&#39; encoders and currents alone, without any tactile image.</dd>
 <dt>Contact</dt>
 <dd>Judged by the referee from the simulator&#39;s ground truth (on hardware by the operator), never by the controller: before the
 second grasp has closed, the held first object, a digit holding it, or the palm touches the second object; or the second object
@@ -28,7 +30,7 @@ Clean success is success without any unwanted contact.</dd>
 in the paper; one combination is one independent replicate.</dd>
 <dt>Predicted risk</dt>
 <dd>Probability that the planned second grasp ends in an unwanted contact, as predicted from what was felt of the first object at
-the first decision. The plan of a blind trial is the same, and so is its risk.</dd>
+the first decision. For a blind trial it is predicted in the same way from its own hold, and changes nothing.</dd>
 <dt>Test</dt>
 <dd>Paired one-sided t-test over combinations: is the contact rate higher blind than ideal, are success and clean
 success more frequent with touch than blind, and than reflex? No adjustment for multiple comparisons, as in the paper.</dd>
