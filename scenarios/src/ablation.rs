@@ -26,8 +26,6 @@ pub enum Ablation {
     NoNewLook,
     /// The touch of the second object before it is grasped.
     NoExploration,
-    /// What pads feel on the way to the second object.
-    NoGuard,
 }
 
 /// A name that is no ablation's.
@@ -40,7 +38,7 @@ pub struct UnknownAblation {
 
 impl Ablation {
     /// All ablations in order.
-    pub const ALL: [Self; 10] = [
+    pub const ALL: [Self; 9] = [
         Self::PalmOnly,
         Self::Fingertips,
         Self::QuarterOfPads,
@@ -50,7 +48,6 @@ impl Ablation {
         Self::NoRetry,
         Self::NoNewLook,
         Self::NoExploration,
-        Self::NoGuard,
     ];
 
     /// As files and the command line write it.
@@ -65,7 +62,6 @@ impl Ablation {
             Self::NoRetry => "no_retry",
             Self::NoNewLook => "no_new_look",
             Self::NoExploration => "no_exploration",
-            Self::NoGuard => "no_guard",
         }
     }
 
@@ -75,7 +71,6 @@ impl Ablation {
             Self::NoRetry => "touch without retry",
             Self::NoNewLook => "retry without a new look",
             Self::NoExploration => "touch without an exploratory motion",
-            Self::NoGuard => "touch without guarded motion",
             _ => self.sensing().label(),
         }
     }
@@ -89,7 +84,7 @@ impl Ablation {
             Self::CoarseImages => Sensing::CoarseImages,
             Self::PointsOnly => Sensing::PointsOnly,
             Self::TruePose => Sensing::TruePose,
-            Self::NoRetry | Self::NoNewLook | Self::NoExploration | Self::NoGuard => Sensing::Full,
+            Self::NoRetry | Self::NoNewLook | Self::NoExploration => Sensing::Full,
         }
     }
 }

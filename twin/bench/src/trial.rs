@@ -158,7 +158,7 @@ impl Bench {
     /// object is not felt in the hand.
     fn foretold_risk(&self, start: &Start, options: Play) -> Result<Option<f64>> {
         let recovery = Recovery { retry: false, new_look: false };
-        let means = Means { sensing: Sensing::Full, recovery, explores: false, guards: false };
+        let means = Means { sensing: Sensing::Full, recovery, explores: false };
         foretold_risk(start, &mut self.touch_policy(start, means)?, options)
     }
 
@@ -181,7 +181,6 @@ impl Bench {
             time_limit: self.world.scenario.protocol.time_limit,
             recovery: means.recovery,
             explores: means.explores,
-            guards: means.guards,
         };
         let senses = Senses::new(start.pipeline.as_ref().unwrap_or(&self.pipeline), means.sensing)?;
         let first = &start.run.snapshot.executive.first().0;

@@ -11,13 +11,13 @@ use std::sync::Arc;
 
 use grasping::Grasp;
 use hand_model::Hand;
-use hand_model::robot::{Command, Observation, TactileFrame};
+use hand_model::robot::{Command, Observation};
 use nalgebra::{Isometry3, Translation3, Vector3};
 
 use scenarios::geometry::Shape;
 pub use scenarios::phase::Phase;
 
-use crate::guarded::{self, Guarded, Watch};
+use crate::guarded::{self, Guarded};
 use crate::inverse_kinematics::ArmServo;
 use crate::motion::approach::in_parts;
 use crate::motion::tension::{against_friction, closing_tension};
@@ -50,10 +50,6 @@ pub struct Executive {
     slip: Option<SlipWatch>,
     /// How an object is touched at present.
     guarded: Option<Guarded>,
-    /// Pads that are to feel nothing while the second object is approached and grasped.
-    watch: Option<Watch>,
-    /// Whether one of them has, so that the try is broken off.
-    stopped: bool,
     /// Height from which the hand is still rising that has just touched an object, m.
     left_from: Option<f64>,
 }
@@ -88,8 +84,6 @@ impl Executive {
             last_watch: f64::NEG_INFINITY,
             slip: None,
             guarded: None,
-            watch: None,
-            stopped: false,
             left_from: None,
         };
         executive.enter(Phase::ApproachFirst)?;
@@ -213,17 +207,6 @@ impl Executive {
         self.motion.begin(way);
     }
 
-    /// The approach and the grasp of the second object that have just begun are broken off as soon as one of `watch`'s pads feels
-    /// something: the palm stops and rises with the free digits open, and [`Phase::Check`] follows.
-    pub fn watch_pads(&mut self, watch: Watch) {
-        self.watch = Some(watch);
-    }
-
-    /// The camera whose pad broke off the last try at the second object.
-    pub fn stopped_by(&self) -> Option<usize> {
-        self.watch.as_ref().filter(|_| self.stopped).and_then(Watch::felt).map(|touched| touched.camera)
-    }
-
     /// How often either object was felt to slip so far.
     pub fn slips(&self) -> [u32; 2] {
         self.slip.as_ref().map_or([0; 2], SlipWatch::steps)
@@ -235,9 +218,6 @@ impl Executive {
     }
 
     fn enter(&mut self, phase: Phase) -> Result<(), MotionError> {
-        if matches!(phase, Phase::ApproachFirst | Phase::ApproachSecond) {
-            (self.stopped, self.watch) = (false, None);
-        }
         let touched = matches!(self.phase, Phase::LocateFirst | Phase::LocateSecond);
         self.left_from = touched.then(|| self.motion.end().translation.z);
         let (motion, limits) = (&self.motion, &self.protocol.limits);
@@ -297,8 +277,8 @@ impl Executive {
             Phase::ReachSecond => Some(Phase::TouchSecond),
             Phase::TouchSecond => Some(Phase::FeelSecond),
             Phase::FeelSecond => after_look(Phase::LocateSecond),
-            Phase::ApproachSecond if !self.stopped => Some(Phase::GraspSecond),
-            Phase::ApproachSecond | Phase::GraspSecond => Some(Phase::LiftSecond),
+            Phase::ApproachSecond => Some(Phase::GraspSecond),
+            Phase::GraspSecond => Some(Phase::LiftSecond),
             Phase::LiftSecond => Some(Phase::Check),
             Phase::Carry => Some(Phase::Hold),
             Phase::Hold => Some(Phase::Verify),
@@ -321,28 +301,6 @@ impl Executive {
         matches!(self.phase, Phase::TouchFirst | Phase::TouchSecond)
     }
 
-    /// Whether pads are watched: digits that touched have left, and nothing was felt yet.
-    fn is_watching(&self) -> bool {
-        let taking = matches!(self.phase, Phase::ApproachSecond | Phase::GraspSecond);
-        taking && self.left_from.is_none() && self.watch.is_some() && !self.stopped
-    }
-
-    /// Stops where a watched pad feels something.
-    fn watch(&mut self, arrived: &[TactileFrame]) -> Result<(), MotionError> {
-        if !self.is_watching() {
-            return Ok(());
-        }
-        let clock = self.motion.clock();
-        if let Some(watch) = &mut self.watch {
-            watch.see(arrived, Some(clock));
-            self.stopped = watch.felt().is_some();
-        }
-        if self.stopped {
-            self.motion.begin(self.motion.stop(0.0)?);
-        }
-        Ok(())
-    }
-
     /// Notes when the hand has risen from an object that it touched.
     fn leave(&mut self) {
         let height = self.motion.palm().translation.z - LEAVING.0 * palpation::RISE;
@@ -363,7 +321,6 @@ impl Executive {
         if let Some(guarded) = self.guarded.as_mut().filter(|_| reaching || touching) {
             guarded.see(&observation.tactile, touching.then_some(self.motion.clock()));
         }
-        self.watch(&observation.tactile)?;
         if let Some(next) = self.next_phase() {
             self.enter(next)?;
         }
@@ -380,7 +337,7 @@ impl Executive {
         let unknown = |guarded: &Guarded| self.motion.progress() > UNTOUCHED && !guarded.knows_untouched();
         let period = match self.phase {
             _ if self.is_reaching() && self.guarded.as_ref().is_some_and(unknown) => Some(guarded::LOOK_PERIOD),
-            _ if self.is_touching() || self.is_watching() => Some(guarded::LOOK_PERIOD),
+            _ if self.is_touching() => Some(guarded::LOOK_PERIOD),
             _ if self.slip.is_some() && self.is_carrying() => Some(slip::LOOK_PERIOD),
             _ => self.watch_period,
         };
@@ -429,9 +386,6 @@ impl Executive {
             | Phase::FeelSecond
             | Phase::LocateSecond => first.close_tension[digit].max(palpation::TENSION[digit]),
             Phase::ApproachSecond => first.close_tension[digit].max(second.pre_tension[digit]),
-            Phase::GraspSecond | Phase::LiftSecond | Phase::Check | Phase::Confirm if self.stopped => {
-                first.close_tension[digit].max(second.pre_tension[digit])
-            }
             Phase::GraspSecond => first.close_tension[digit].max(closing(second, digit)),
             Phase::PutDown if self.motion.clock() >= self.open_from => 0.0,
             Phase::PutDown

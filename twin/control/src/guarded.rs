@@ -1,8 +1,6 @@
-//! Guarded motion: a motion that pads can end.
+//! Guarded motion: the palm goes on slowly until a pad feels something, and a little further, so that it feels it well.
 //!
-//! A [`Watch`] looks at pads throughout: a picture that is no longer the first one is a touch. To find an object, the palm goes on
-//! slowly until a pad feels it, and a little further, so that it feels it well ([`Guarded`]). On the way to the second object and
-//! while the digits close on it, pads that felt nothing are watched; what one of them feels there is in the way.
+//! Pads are looked at throughout. A picture that is no longer the one from the way there is a touch.
 
 use std::sync::Arc;
 
@@ -20,67 +18,25 @@ pub const LOOK_PERIOD: f64 = 0.04;
 /// How long the motion goes on after a touch, s.
 const PRESSING: f64 = 0.2;
 
-/// Pads that are watched for a touch.
-#[derive(Debug, Clone)]
-pub struct Watch {
-    watched: [bool; CAMERAS],
-    /// Their first pictures.
-    pictures: Vec<Option<Arc<TactileImage>>>,
-    felt: Option<Touched>,
-}
-
-/// What a watch has felt.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Touched {
-    /// Time on the path, s.
-    pub clock: f64,
-    pub camera: usize,
-}
-
-impl Watch {
-    /// Of the cameras of those pads.
-    pub fn new(hand: &Hand, pads: impl Fn(usize) -> bool) -> Self {
-        let watched = std::array::from_fn(|camera| hand.cameras.get(camera).is_some_and(|camera| pads(camera.pad)));
-        Self { watched, pictures: vec![None; CAMERAS], felt: None }
-    }
-
-    /// The first touch.
-    pub fn felt(&self) -> Option<Touched> {
-        self.felt
-    }
-
-    /// Whether the pictures of untouched pads have arrived.
-    pub fn knows_untouched(&self) -> bool {
-        (0..CAMERAS).all(|camera| !self.watched[camera] || self.pictures[camera].is_some())
-    }
-
-    /// Takes images that arrived at `clock` (s on the path; `None` while a touch would mean nothing).
-    pub fn see(&mut self, arrived: &[TactileFrame], clock: Option<f64>) {
-        for frame in arrived.iter().filter(|frame| self.watched.get(frame.camera).is_some_and(|watched| *watched)) {
-            let picture = &mut self.pictures[frame.camera];
-            match (picture.as_ref(), clock) {
-                (Some(before), Some(clock)) if self.felt.is_none() => {
-                    let changed = find_change(&frame.image, before, &StereoOptions::default()).is_some();
-                    self.felt = changed.then_some(Touched { clock, camera: frame.camera });
-                }
-                (None, _) => *picture = Some(frame.image.clone()),
-                _ => {}
-            }
-        }
-    }
-}
-
-/// A motion that goes on until something is felt.
+/// A guarded motion; see the module's page.
 #[derive(Debug, Clone)]
 pub struct Guarded {
     path: PosePath,
-    watch: Watch,
+    /// Cameras whose pads end it.
+    watched: [bool; CAMERAS],
+    /// Their first pictures.
+    pictures: Vec<Option<Arc<TactileImage>>>,
+    /// Time on the path at which something was felt, s.
+    felt: Option<f64>,
 }
 
 impl Guarded {
     /// Along `path`, until a pad of `digits` feels something, as far as `used` lets it.
     pub fn new(path: PosePath, hand: &Hand, digits: &[Digit], used: impl Fn(usize) -> bool) -> Self {
-        Self { path, watch: Watch::new(hand, |pad| is_on(hand, pad, digits) && used(pad)) }
+        let watched = std::array::from_fn(|camera| {
+            hand.cameras.get(camera).is_some_and(|camera| is_on(hand, camera.pad, digits) && used(camera.pad))
+        });
+        Self { path, watched, pictures: vec![None; CAMERAS], felt: None }
     }
 
     /// The whole way.
@@ -90,17 +46,27 @@ impl Guarded {
 
     /// Whether the motion is over at `clock` (s on its path).
     pub fn is_over(&self, clock: f64) -> bool {
-        clock + 1e-9 >= self.path.duration() || self.watch.felt.is_some_and(|touched| clock >= touched.clock + PRESSING)
+        clock + 1e-9 >= self.path.duration() || self.felt.is_some_and(|felt| clock >= felt + PRESSING)
     }
 
-    /// [`Watch::knows_untouched`].
+    /// Whether the pictures of untouched pads have arrived.
     pub fn knows_untouched(&self) -> bool {
-        self.watch.knows_untouched()
+        (0..CAMERAS).all(|camera| !self.watched[camera] || self.pictures[camera].is_some())
     }
 
-    /// [`Watch::see`]; `None` on the way to where the motion begins.
+    /// Takes images that arrived at `clock` (s on the path; `None` on the way to where it begins).
     pub fn see(&mut self, arrived: &[TactileFrame], clock: Option<f64>) {
-        self.watch.see(arrived, clock);
+        for frame in arrived.iter().filter(|frame| self.watched.get(frame.camera).is_some_and(|watched| *watched)) {
+            let picture = &mut self.pictures[frame.camera];
+            match (picture.as_ref(), clock) {
+                (Some(before), Some(clock)) if self.felt.is_none() => {
+                    let changed = find_change(&frame.image, before, &StereoOptions::default()).is_some();
+                    self.felt = changed.then_some(clock);
+                }
+                (None, _) => *picture = Some(frame.image.clone()),
+                _ => {}
+            }
+        }
     }
 }
 

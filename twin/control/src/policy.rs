@@ -56,8 +56,6 @@ pub struct Knowledge<'a> {
     pub recovery: Recovery,
     /// Whether it touches objects to find out where they are, before it grasps them.
     pub explores: bool,
-    /// Whether what an untouched pad feels breaks off a try at the second object.
-    pub guards: bool,
 }
 
 /// How a policy may try again: everything, but in an ablation.

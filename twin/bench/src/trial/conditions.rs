@@ -21,8 +21,6 @@ pub struct Means {
     pub recovery: Recovery,
     /// Whether it chooses the first grasp, and touches an object before it grasps it where it has pads for that.
     pub explores: bool,
-    /// Whether what a pad feels on the way breaks off a try.
-    pub guards: bool,
 }
 
 impl Means {
@@ -33,7 +31,7 @@ impl Means {
             Condition::Reflex => Sensing::ServosOnly,
             Condition::Touch => Sensing::Full,
         };
-        Some(Self { sensing, recovery: Recovery::FULL, explores: true, guards: true })
+        Some(Self { sensing, recovery: Recovery::FULL, explores: true })
     }
 
     /// Whether a trial with these may begin with anything but the planned first grasp.
@@ -45,8 +43,7 @@ impl Means {
 impl From<Ablation> for Means {
     fn from(ablation: Ablation) -> Self {
         let recovery = Recovery { retry: ablation != Ablation::NoRetry, new_look: ablation != Ablation::NoNewLook };
-        let [explores, guards] = [Ablation::NoExploration, Ablation::NoGuard].map(|without| ablation != without);
-        Self { sensing: ablation.sensing(), recovery, explores, guards }
+        Self { sensing: ablation.sensing(), recovery, explores: ablation != Ablation::NoExploration }
     }
 }
 

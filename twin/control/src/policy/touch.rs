@@ -226,9 +226,6 @@ impl<'a> Touch<'a> {
             executive.see_second(beside);
             executive.decide(decision.grasp)?;
             executive.redirect(path);
-            if let Some(watch) = exploration::watch(&self.knowledge, &self.senses, felt) {
-                executive.watch_pads(watch);
-            }
             self.story.attempts.push(attempt);
             self.story.tell(decision.reason);
             return Ok(Step::Play(Phase::Confirm));
@@ -364,11 +361,6 @@ impl Policy for Touch<'_> {
                 return self.take_second(executive);
             }
             _ => {}
-        }
-        if let Some(camera) = executive.stopped_by().filter(|_| phase == Phase::Confirm) {
-            let hand = executive.hand();
-            let pad = &hand.pads[hand.cameras[camera].pad].name;
-            self.story.tell(format!("stopped: the pad {pad} felt something on the way"));
         }
         let next =
             if self.is_late() || !self.knowledge.recovery.retry { Next::GoOn } else { Next::after(phase, self.grip) };

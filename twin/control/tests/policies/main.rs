@@ -1,7 +1,6 @@
 //! The policies and the choice of grasps, on situations made up for the purpose: no simulator, no images.
 
 mod choice;
-mod guarded;
 mod retries;
 mod table;
 mod ways_out;

@@ -22,7 +22,7 @@ use scenarios::Sensing;
 use scenarios::objects::{ObjectModel, ObjectSet};
 use touch::{PhotometricCalibration, TouchPipeline};
 
-const TICK: f64 = 0.02;
+pub const TICK: f64 = 0.02;
 pub const FIRST: &str = "cube_45";
 pub const SECOND: &str = "golf_ball";
 pub const TIME_LIMIT: f64 = 120.0;
@@ -127,7 +127,6 @@ impl Table {
             time_limit: TIME_LIMIT,
             recovery: Recovery::FULL,
             explores: false,
-            guards: false,
         }
     }
 

@@ -3,17 +3,17 @@
 use grasping::Role;
 use hand_model::Hand;
 use nalgebra::{Isometry3, Matrix3};
-use touch::{InHand, PadTouch, PosePrior};
+use touch::{InHand, PosePrior};
 
 use super::Touch;
 use crate::executive::{Executive, Phase};
-use crate::guarded::{Guarded, Watch};
+use crate::guarded::Guarded;
 use crate::odds::Belief;
 use crate::palpation::{self, Touching, located};
 use crate::percept::Percept;
-use crate::perception::{Expected, Felt, trusted};
+use crate::perception::{Expected, trusted};
 use crate::policy::{Knowledge, PolicyError, Step};
-use crate::sensing::{Senses, is_on};
+use crate::sensing::Senses;
 use crate::strategy::{Held, clearest};
 
 /// Standard deviation of how an object is turned, rad.
@@ -24,15 +24,6 @@ pub(super) fn explores(knowledge: &Knowledge, senses: &Senses) -> bool {
     let hand = &knowledge.cell.hand;
     let touches = |pad: usize| palpation::is_touching(hand, pad) && senses.uses(hand, pad);
     knowledge.explores && (0..hand.pads.len()).any(touches)
-}
-
-/// The pads that are to feel nothing on the way to the second object: of the palm and the holding digits those that feel nothing now.
-pub(super) fn watch(knowledge: &Knowledge, senses: &Senses, felt: &Felt) -> Option<Watch> {
-    let hand = &knowledge.cell.hand;
-    let holds = |pad: usize| hand.pads[pad].link.is_none() || is_on(hand, pad, Role::First.digits());
-    let is_clear = |touch: &PadTouch| touch.patches.is_empty() && !touch.blind;
-    let watched = |pad: usize| holds(pad) && senses.uses(hand, pad) && is_clear(&felt.touches[pad]);
-    (knowledge.guards && (0..hand.pads.len()).any(watched)).then(|| Watch::new(hand, watched))
 }
 
 impl Touch<'_> {
