@@ -12,7 +12,7 @@ errors under every condition.</dd>
 enough. <em>Blind</em> carries out the same plan with errors, whatever
 the sensors say. <em>Touch</em> meets the same errors. It touches each object before it takes it, to find out where it is, estimates
 from the tactile images how the first object really sits in the hand, and takes the second one with the grasp and the aim that
-promise most. A pad that feels something on the way breaks off the try. After each lift and after the hold it feels
+promise most. After each lift and after the hold it feels
 whether both objects are there, and tries again what failed, as long as the time allows. Where a contact is likelier than a hold
 it puts the first object down and takes it otherwise, or leaves the second one alone (<em>declined</em>). <em>Reflex</em> does the
 same with the servos&#39; encoders and currents alone, without any tactile image.</dd>

@@ -61,7 +61,7 @@ pub struct BenchArgs {
     #[arg(long, value_name = "FILE")]
     pub uncertainty: Option<PathBuf>,
     /// Also run touch without one of its means, all of them or those named: palm_only, fingertips, quarter_of_pads,
-    /// coarse_images, points_only, true_pose, no_retry, no_new_look, no_exploration, no_guard.
+    /// coarse_images, points_only, true_pose, no_retry, no_new_look, no_exploration.
     #[arg(long, num_args = 0.., value_delimiter = ',', value_name = "NAMES")]
     pub ablations: Option<Vec<String>>,
     /// Stream every trial to a Rerun viewer as well (one thread).
