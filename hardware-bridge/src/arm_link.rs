@@ -4,11 +4,22 @@ use hand_model::ARM_JOINTS;
 use hand_model::robot::ArmState;
 
 use crate::safety::checks::ArmReading;
+use crate::safety::state::ArmTrouble;
 
-/// The arm does not answer, or refuses; the text is its client's.
+/// The arm does not answer, or refuses; the text is its own, or its client's.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[error("arm: {0}")]
-pub struct ArmLinkError(pub String);
+#[error("arm: {text}")]
+pub struct ArmLinkError {
+    pub trouble: ArmTrouble,
+    pub text: String,
+}
+
+impl ArmLinkError {
+    /// A set-point for an arm that does not follow any.
+    pub fn unready() -> Self {
+        Self { trouble: ArmTrouble::Refused, text: "found a set-point, expected engage() first".to_owned() }
+    }
+}
 
 /// An arm's controller. It is called once per servo cycle and must not block for more than a fraction of one.
 pub trait ArmLink: Send {
@@ -42,7 +53,7 @@ impl LoopbackArm {
 impl ArmLink for LoopbackArm {
     fn read(&mut self, now: f64) -> Result<ArmReading, ArmLinkError> {
         let state = ArmState { position: self.position, ..ArmState::default() };
-        Ok(ArmReading { at: now, state, fault: false })
+        Ok(ArmReading { at: now, state, fault: None })
     }
 
     fn engage(&mut self) -> Result<(), ArmLinkError> {
@@ -52,7 +63,7 @@ impl ArmLink for LoopbackArm {
 
     fn command(&mut self, set_points: &[f64; ARM_JOINTS]) -> Result<(), ArmLinkError> {
         if !self.engaged {
-            return Err(ArmLinkError("found a set-point, expected engage() first".into()));
+            return Err(ArmLinkError::unready());
         }
         self.position = *set_points;
         Ok(())

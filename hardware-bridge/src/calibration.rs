@@ -4,7 +4,7 @@
 //! was replaced or remounted has another offset and is refused. The file carries a CRC of its content, so that edits by hand are refused as well.
 
 use std::f64::consts::TAU;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use hand_model::ACTUATORS;
 use serde::{Deserialize, Serialize};
@@ -90,8 +90,56 @@ impl HandCalibration {
 
     pub fn write(&self, path: &Path) -> Result<(), ConfigError> {
         let text = serde_json::to_string_pretty(self).unwrap_or_default();
-        std::fs::write(path, text + "\n").map_err(|source| ConfigError::Io { path: path.to_owned(), source })
+        write(path, &(text + "\n"))
     }
+}
+
+/// What a calibration that failed had found, kept beside the calibration file.
+pub struct Unfinished(PathBuf);
+
+impl Unfinished {
+    /// Beside the calibration file at `path`.
+    pub fn beside(path: &Path) -> Self {
+        let mut name = path.as_os_str().to_owned();
+        name.push(".part");
+        Self(name.into())
+    }
+
+    pub fn path(&self) -> &Path {
+        &self.0
+    }
+
+    /// The servos found, in the order of `ids`; others than these are refused.
+    pub fn read(&self, ids: &[u8; ACTUATORS]) -> Result<Vec<ServoCalibration>, ConfigError> {
+        let path = &self.0;
+        let text = std::fs::read_to_string(path).map_err(|source| ConfigError::Io { path: path.clone(), source })?;
+        let servos: Vec<ServoCalibration> = serde_json::from_str(&text)
+            .map_err(|error| ConfigError::Syntax { path: path.clone(), message: error.to_string() })?;
+        let known: Vec<u8> = servos.iter().map(|servo| servo.id).collect();
+        if !ids.starts_with(&known) {
+            return Err(ConfigError::Field {
+                path: path.clone(),
+                field: "id".into(),
+                found: format!("{known:?}"),
+                expected: format!("the first of {ids:?}"),
+            });
+        }
+        Ok(servos)
+    }
+
+    pub fn write(&self, servos: &[ServoCalibration]) -> Result<(), ConfigError> {
+        write(&self.0, &(serde_json::to_string_pretty(servos).unwrap_or_default() + "\n"))
+    }
+
+    /// Removes it, if it is there.
+    pub fn remove(&self) {
+        let _ = std::fs::remove_file(&self.0);
+    }
+}
+
+fn write(path: &Path, text: &str) -> Result<(), ConfigError> {
+    hand_model::file::write_whole(path, text.as_bytes())
+        .map_err(|source| ConfigError::Io { path: path.to_owned(), source })
 }
 
 /// Whole turns (rad) to subtract from a servo's readings to get angles from the open mark. After power-up a servo knows its angle only within

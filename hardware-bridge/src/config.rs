@@ -22,16 +22,16 @@
 //! [arm]
 //! kind = "kortex"                       # or "loopback": no arm
 //! host = "192.168.1.10"
-//! user = "admin"
-//! password = "admin"
+//! user = "ftac"
+//! password_file = "arm-password"        # readable by its owner alone; or the variable FTAC_ARM_PASSWORD
 //!
 //! [limits]                              # all of it may be left out
 //! current = 0.6
 //! ```
 
+pub mod secrets;
 mod uvc;
 
-use std::net::IpAddr;
 use std::path::{Path, PathBuf};
 
 use hand_model::{ACTUATORS, Arm};
@@ -42,6 +42,7 @@ use crate::safety::limits::{ArmLimits, Limits, ServoLimits, Watchdogs};
 use crate::servo_bus::BusSettings;
 use crate::xc330;
 
+use secrets::{PASSWORD_VARIABLE, Password, read_password, readable_by_others, syntax_message};
 pub use uvc::{UvcConfig, UvcFormat, UvcSquare};
 
 /// What is wrong with a configuration or calibration file.
@@ -148,7 +149,8 @@ pub enum ArmConfig {
     Loopback,
     /// A Kinova Gen3.
     Kortex {
-        host: IpAddr,
+        /// Name or address.
+        host: String,
         /// Its port for calls.
         #[serde(default = "default_tcp")]
         tcp_port: u16,
@@ -157,8 +159,12 @@ pub enum ArmConfig {
         udp_port: u16,
         /// User of the arm.
         user: String,
-        /// Stored in plain text: use a separate user of the arm for this host.
-        password: String,
+        /// In a file that nobody but its owner may read.
+        #[serde(default, skip_serializing)]
+        password: Option<Password>,
+        /// A file with the password alone, relative to this file.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        password_file: Option<PathBuf>,
     },
 }
 
@@ -242,18 +248,58 @@ impl BridgeConfig {
     /// Reads and checks a configuration; relative paths in it become relative to its folder.
     pub fn read(path: &Path) -> Result<Self, ConfigError> {
         let text = std::fs::read_to_string(path).map_err(|source| ConfigError::Io { path: path.to_owned(), source })?;
-        Self::parse(&text, path)
+        let mut config = Self::parse(&text, path)?;
+        config.find_password(path)?;
+        Ok(config)
     }
 
     /// Reads and checks a configuration's text; `path` is used in errors and for relative paths.
     pub fn parse(text: &str, path: &Path) -> Result<Self, ConfigError> {
         let mut config: Self = toml::from_str(text)
-            .map_err(|error| ConfigError::Syntax { path: path.to_owned(), message: error.to_string() })?;
+            .map_err(|error| ConfigError::Syntax { path: path.to_owned(), message: syntax_message(text, &error) })?;
         config.check(path)?;
         let folder = path.parent().unwrap_or(Path::new(""));
         config.calibration = folder.join(&config.calibration);
         config.stop_socket = folder.join(&config.stop_socket);
         Ok(config)
+    }
+
+    /// Finds the arm's password, in this order: the environment, the file named, the configuration itself. A file with a password that others may
+    /// read is refused.
+    fn find_password(&mut self, path: &Path) -> Result<(), ConfigError> {
+        let ArmConfig::Kortex { password, password_file, .. } = &mut self.arm else { return Ok(()) };
+        let private = |field: &str, file: &Path| {
+            let io = |source| ConfigError::Io { path: file.to_owned(), source };
+            match readable_by_others(file).map_err(io)? {
+                None => Ok(()),
+                Some(mode) => Err(ConfigError::Field {
+                    path: path.to_owned(),
+                    field: field.to_owned(),
+                    found: format!("a password in {}, which others may read (mode {mode})", file.display()),
+                    expected: format!("mode 600 (chmod 600 {}), or {PASSWORD_VARIABLE}", file.display()),
+                }),
+            }
+        };
+        if password.is_some() {
+            private("arm.password", path)?;
+        }
+        if let Some(file) = password_file {
+            let file = path.parent().unwrap_or(Path::new("")).join(&*file);
+            private("arm.password_file", &file)?;
+            *password = Some(read_password(&file).map_err(|source| ConfigError::Io { path: file, source })?);
+        }
+        if let Ok(found) = std::env::var(PASSWORD_VARIABLE) {
+            *password = Some(found.into());
+        }
+        if password.is_none() {
+            return Err(ConfigError::Field {
+                path: path.to_owned(),
+                field: "arm".into(),
+                found: "no password".into(),
+                expected: format!("password_file = \"FILE\", or {PASSWORD_VARIABLE} in the environment"),
+            });
+        }
+        Ok(())
     }
 
     /// As it would stand in a file.

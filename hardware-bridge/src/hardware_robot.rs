@@ -21,6 +21,7 @@ use crate::clock::Clock;
 use crate::config::{BridgeConfig, ConfigError};
 use crate::hand_bus::HandBus;
 use crate::lock::lock;
+use crate::real_time::run_ahead;
 use crate::remote::{RemoteDoor, RemoteError, Wish};
 use crate::safety::checks::Measured;
 use crate::safety::limits::SafeGoal;
@@ -113,7 +114,11 @@ impl HardwareRobot {
         let door = RemoteDoor::open(&config.stop_socket, move |wish| give(&for_door, Order::Remote(wish)))?;
         let thread = std::thread::Builder::new()
             .name("servo cycle".into())
-            .spawn(move || cycle.run())
+            .spawn(move || {
+                let mut cycle = cycle;
+                cycle.report.behind = run_ahead().err();
+                cycle.run();
+            })
             .map_err(ConnectError::Thread)?;
         Ok(Self { shared, cameras, _door: door, thread: Some(thread), clock, next_tick: Instant::now(), sequence: 0 })
     }
@@ -136,11 +141,6 @@ impl HardwareRobot {
     /// Fades the currents, then disables torque.
     pub fn release(&self) -> Result<(), OrderError> {
         self.order(Order::Remote(Wish::Release))
-    }
-
-    /// Continues after a hold.
-    pub fn resume(&self) -> Result<(), OrderError> {
-        self.order(Order::Remote(Wish::Resume))
     }
 
     /// Announces that no command will come for up to `seconds`: the arm stands, the hand keeps its last goals, and the controller's watchdog is

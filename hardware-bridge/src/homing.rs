@@ -1,14 +1,18 @@
 //! Homing: finds a servo's open mark and its travel by driving it against its stops.
 //!
-//! One servo at a time: unwind with a small current until the spool stops at its open mark, wind with a moderate current until the digit stops,
-//! then fade the current so that the springs open the digit gently. The position of the open mark is written to the servo as its homing offset,
-//! so that it reads 0 there.
+//! [`feel`] takes one servo at a time: unwind with a small current until the spool gets no further than its open mark, wind with a moderate current
+//! until the digit gets no further, then fade the current so that the springs open the digit gently. Nothing is written to the servo's EEPROM.
+//! [`store`] writes the open marks of all servos as their homing offsets, so that each reads 0 there.
 
 use std::time::{Duration, Instant};
 
 use crate::calibration::ServoCalibration;
+use crate::protocol2::ReplyError;
 use crate::servo_bus::{BusError, ServoBus};
 use crate::xc330;
+
+/// Where a servo's clock begins again, s.
+const TICKS: f64 = 32.768;
 
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct HomingSettings {
@@ -16,8 +20,9 @@ pub struct HomingSettings {
     pub open_current: f64,
     /// Current for winding to the closed stop, A.
     pub close_current: f64,
-    /// A shaft slower than this, rad/s, for [`HomingSettings::still_for`] stands.
-    pub still: f64,
+    /// A shaft that in [`HomingSettings::still_for`] gets no further than this, rad, has met its stop. It may swing there: gears have play, and a
+    /// stop gives.
+    pub progress: f64,
     /// s.
     pub still_for: f64,
     /// Longest way to a stop, rad: more means that nothing stops the shaft.
@@ -26,6 +31,8 @@ pub struct HomingSettings {
     pub patience: f64,
     /// Time in which the current fades afterwards, s.
     pub fade: f64,
+    /// Silence of the host after which the servo stops by itself, s.
+    pub watchdog: f64,
 }
 
 impl Default for HomingSettings {
@@ -33,16 +40,17 @@ impl Default for HomingSettings {
         Self {
             open_current: 0.06,
             close_current: 0.20,
-            still: 0.05,
+            progress: 0.015,
             still_for: 0.3,
             longest: 7.0,
             patience: 8.0,
             fade: 1.0,
+            watchdog: 1.0,
         }
     }
 }
 
-/// Why a servo was not homed. Its torque is off.
+/// Why a servo was not homed. Its EEPROM is as it was, and its torque is off unless the bus failed.
 #[derive(Debug, thiserror::Error)]
 pub enum HomingError {
     /// The bus failed.
@@ -61,8 +69,10 @@ pub enum HomingError {
         /// rad.
         longest: f64,
     },
-    /// It did not come to rest.
-    #[error("servo {id}: did not come to rest {direction} within {patience} s")]
+    /// It went on and on, slowly.
+    #[error(
+        "servo {id}: still gets further {direction} after {patience} s: is the cable off the spool, or does it slip?"
+    )]
     Restless {
         id: u8,
         /// `opening` or `closing`.
@@ -77,31 +87,78 @@ pub enum HomingError {
         /// rad.
         found: f64,
     },
+    /// The offsets were not all written, and the old ones not all restored.
+    #[error("{reason}; servos {ids:?} keep a new homing offset: calibrate again")]
+    HalfStored {
+        /// What went wrong.
+        reason: BusError,
+        /// Servos with a new offset.
+        ids: Vec<u8>,
+    },
+    #[error("stopped by the operator")]
+    Interrupted,
 }
 
-/// Homes servo `id`, writes its homing offset, and leaves it without torque.
-pub fn home(bus: &mut ServoBus, id: u8, settings: &HomingSettings) -> Result<ServoCalibration, HomingError> {
-    let result = feel(bus, id, settings);
-    // Disable torque in every case.
-    let off = bus.write(id, &xc330::TORQUE_ENABLE, 0.0);
-    let (open, travel) = result?;
-    off?;
-    let unit = xc330::HOMING_OFFSET.unit.per_count();
-    let offset = -(open / unit).round() as i32;
-    bus.write(id, &xc330::HOMING_OFFSET, f64::from(offset) * unit)?;
+/// Feels for the stops of servo `id` and leaves it without torque, its EEPROM unchanged. `interrupted` ends it at once.
+pub fn feel(
+    bus: &mut ServoBus,
+    id: u8,
+    settings: &HomingSettings,
+    interrupted: &dyn Fn() -> bool,
+) -> Result<ServoCalibration, HomingError> {
     let pinged = bus.ping(id)?;
-    Ok(ServoCalibration { id, model: pinged.model, firmware: pinged.firmware, homing_offset: offset, travel })
+    let unit = xc330::HOMING_OFFSET.unit.per_count();
+    let known = bus.read(id, &xc330::HOMING_OFFSET)?;
+    let result = seek_both(bus, id, settings, interrupted);
+    // In every case; a lost answer must not leave the torque on.
+    let mut off = bus.write(id, &xc330::TORQUE_ENABLE, 0.0);
+    for _ in 0..2 {
+        off = off.or_else(|_| bus.write(id, &xc330::TORQUE_ENABLE, 0.0));
+    }
+    let watchdog = bus.write(id, &xc330::BUS_WATCHDOG, 0.0);
+    let (open, travel) = result?;
+    off.and(watchdog)?;
+    let homing_offset = -((open - known) / unit).round() as i32;
+    Ok(ServoCalibration { id, model: pinged.model, firmware: pinged.firmware, homing_offset, travel })
 }
 
-/// The open mark's reading with homing offset 0, and the travel, rad.
-fn feel(bus: &mut ServoBus, id: u8, settings: &HomingSettings) -> Result<(f64, f64), HomingError> {
+/// Writes the homing offsets of all `servos`. Where one cannot be written, those before it get their old ones back.
+pub fn store(bus: &mut ServoBus, servos: &[ServoCalibration]) -> Result<(), HomingError> {
+    let unit = xc330::HOMING_OFFSET.unit.per_count();
+    let old = servos.iter().map(|servo| bus.read(servo.id, &xc330::HOMING_OFFSET)).collect::<Result<Vec<_>, _>>()?;
+    for (n, servo) in servos.iter().enumerate() {
+        let Err(reason) = bus.write(servo.id, &xc330::HOMING_OFFSET, f64::from(servo.homing_offset) * unit) else {
+            continue;
+        };
+        // The one that failed may have heard it, and only its answer was lost.
+        let changed = servos[..=n].iter().zip(&old);
+        let mut ids = Vec::new();
+        for (servo, old) in changed {
+            if bus.write(servo.id, &xc330::HOMING_OFFSET, *old).is_err() {
+                ids.push(servo.id);
+            }
+        }
+        return Err(if ids.is_empty() { reason.into() } else { HomingError::HalfStored { reason, ids } });
+    }
+    Ok(())
+}
+
+/// The open mark's reading, and the travel, rad.
+fn seek_both(
+    bus: &mut ServoBus,
+    id: u8,
+    settings: &HomingSettings,
+    interrupted: &dyn Fn() -> bool,
+) -> Result<(f64, f64), HomingError> {
     bus.write(id, &xc330::TORQUE_ENABLE, 0.0)?;
-    bus.write(id, &xc330::HOMING_OFFSET, 0.0)?;
+    // 0 first: it clears a watchdog that has tripped.
+    bus.write(id, &xc330::BUS_WATCHDOG, 0.0)?;
     bus.write(id, &xc330::GOAL_CURRENT, settings.open_current)?;
+    bus.write(id, &xc330::BUS_WATCHDOG, settings.watchdog)?;
     bus.write(id, &xc330::TORQUE_ENABLE, 1.0)?;
-    let open = seek(bus, id, settings, "opening", -1.0)?;
+    let open = seek(bus, id, settings, interrupted, ("opening", -1.0))?;
     bus.write(id, &xc330::GOAL_CURRENT, settings.close_current)?;
-    let closed = seek(bus, id, settings, "closing", 1.0)?;
+    let closed = seek(bus, id, settings, interrupted, ("closing", 1.0))?;
     let steps = 20;
     for step in (0..steps).rev() {
         bus.write(id, &xc330::GOAL_CURRENT, settings.close_current * f64::from(step) / f64::from(steps))?;
@@ -114,32 +171,107 @@ fn feel(bus: &mut ServoBus, id: u8, settings: &HomingSettings) -> Result<(f64, f
     Ok((open, travel))
 }
 
-/// Goes one way until the shaft stands; its reading there, rad.
+/// Goes one way (its name and sign) until the shaft gets no further; the mean of its readings from then on, rad.
 fn seek(
     bus: &mut ServoBus,
     id: u8,
     settings: &HomingSettings,
-    direction: &'static str,
-    sign: f64,
+    interrupted: &dyn Fn() -> bool,
+    (direction, sign): (&'static str, f64),
 ) -> Result<f64, HomingError> {
-    let start = bus.read(id, &xc330::PRESENT_POSITION)?;
+    let (mut tick, start) = moment(bus, id)?;
     bus.write(id, &xc330::GOAL_POSITION, start + sign * (settings.longest + 1.0))?;
-    let (began, mut moved) = (Instant::now(), Instant::now());
+    let began = Instant::now();
+    // Time on the servo's own clock: a host that is held up must not take a moving shaft for one at its stop.
+    let mut elapsed = 0.0;
+    let mut stop = Stop::new(sign * start);
     loop {
         std::thread::sleep(Duration::from_millis(10));
-        let at = bus.read(id, &xc330::PRESENT_POSITION)?;
+        if interrupted() {
+            return Err(HomingError::Interrupted);
+        }
+        let (now, at) = moment(bus, id)?;
+        elapsed += (now - tick).rem_euclid(TICKS);
+        tick = now;
         let way = (at - start).abs();
         if way > settings.longest {
             return Err(HomingError::NoStop { id, direction, way, longest: settings.longest });
         }
-        if bus.read(id, &xc330::PRESENT_VELOCITY)?.abs() > settings.still {
-            moved = Instant::now();
+        if let Some(mean) = stop.at(elapsed, sign * at, settings) {
+            return Ok(sign * mean);
         }
-        if moved.elapsed().as_secs_f64() > settings.still_for {
-            return Ok(at);
-        }
-        if began.elapsed().as_secs_f64() > settings.patience {
+        let stuck = began.elapsed().as_secs_f64() > 10.0 * settings.patience;
+        if elapsed > settings.patience || stuck {
             return Err(HomingError::Restless { id, direction, patience: settings.patience });
+        }
+    }
+}
+
+/// A servo's own time (s, modulo [`TICKS`]) and its position (rad), both of the same moment.
+fn moment(bus: &mut ServoBus, id: u8) -> Result<(f64, f64), HomingError> {
+    let first = xc330::REALTIME_TICK.address;
+    let last = xc330::PRESENT_POSITION.address + u16::from(xc330::PRESENT_POSITION.size);
+    let mut answer = bus.read_block(id, first, last - first);
+    // One lost answer is no reason to begin again.
+    for _ in 0..2 {
+        answer = answer.or_else(|_| bus.read_block(id, first, last - first));
+    }
+    let block = answer?.data;
+    let read = |register: xc330::Register| {
+        register.read_from(&block, first).ok_or(HomingError::Bus(BusError::Reply(ReplyError::Missing(id))))
+    };
+    Ok((read(xc330::REALTIME_TICK)?, read(xc330::PRESENT_POSITION)?))
+}
+
+/// Looks for the stop in readings that rise on the way to it.
+#[derive(Debug)]
+struct Stop {
+    /// Furthest reading when progress was seen last, rad, and when that was, s.
+    furthest: f64,
+    since: f64,
+    /// Sum and number of the readings since then.
+    sum: f64,
+    count: u32,
+}
+
+impl Stop {
+    fn new(start: f64) -> Self {
+        Self { furthest: start, since: 0.0, sum: 0.0, count: 0 }
+    }
+
+    /// Takes a reading (rad) at a time (s); the mean of those at the stop, once there was no progress for long enough.
+    fn at(&mut self, time: f64, reading: f64, settings: &HomingSettings) -> Option<f64> {
+        if reading > self.furthest + settings.progress {
+            *self = Self { furthest: reading, since: time, sum: 0.0, count: 0 };
+        }
+        self.sum += reading;
+        self.count += 1;
+        // A host that was held up has seen too little.
+        let enough = time - self.since > settings.still_for && self.count > 5;
+        enough.then(|| self.sum / f64::from(self.count))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        /// A shaft that swings at its stop is found there, whatever its speed on the way; one that goes on is not.
+        #[test]
+        fn a_stop_is_found_where_it_is(way in 0.1..4.0_f64, speed in 0.3..6.0_f64, swing in 0.0..0.03_f64, beat in 40.0..140.0_f64) {
+            let settings = HomingSettings::default();
+            let mut stop = Stop::new(0.0);
+            let found = (1..2000).find_map(|n| {
+                let time = 0.01 * f64::from(n);
+                let free = speed * time;
+                let at = if free < way { free } else { way + swing * (beat * time).sin() };
+                stop.at(time, at, &settings)
+            });
+            prop_assert!(found.is_some_and(|found| (found - way).abs() < 0.02 + 0.5 * swing), "{found:?} for {way}");
+            let mut stop = Stop::new(0.0);
+            prop_assert!((1..700).all(|n| stop.at(0.01 * f64::from(n), 0.01 * speed * f64::from(n), &settings).is_none()));
         }
     }
 }

@@ -6,13 +6,17 @@ use std::time::{Duration, Instant};
 use hand_model::ARM_JOINTS;
 use hand_model::arm::Arm as ArmModel;
 use hand_model::robot::ArmState;
+use kortex::link::LinkError;
+use kortex::refusal::Reason;
+use kortex::safety_bank::{self, Report};
 use kortex::servo_loop::{Pacing, ServoLoop};
-use kortex::servoing::Limits;
-use kortex::{Arm, Motion};
+use kortex::servoing::{Limits, fault_of};
+use kortex::{Arm, KortexError, Motion};
 use session_log::Packet;
 
 use crate::arm_link::{ArmLink, ArmLinkError};
 use crate::safety::checks::ArmReading;
+use crate::safety::state::ArmTrouble;
 
 /// What an arm of this model may be commanded, a thousand times a second.
 pub fn limits(arm: &ArmModel) -> Limits {
@@ -61,8 +65,8 @@ pub struct KortexLink {
     reading: Option<ArmReading>,
     looked: Option<Instant>,
     answered: u64,
-    /// Why the loop ended, once it has.
-    fault: Option<String>,
+    /// Why the loop ended, once it has, or what an arm that does not servo reports.
+    fault: Option<ArmLinkError>,
 }
 
 impl KortexLink {
@@ -73,12 +77,13 @@ impl KortexLink {
     }
 
     /// Ends the loop, if one runs, and keeps the arm; why it had ended, if it had.
-    fn take_back(&mut self) -> Option<String> {
+    fn take_back(&mut self) -> Option<ArmLinkError> {
         match std::mem::replace(&mut self.hands, Hands::Lost) {
             Hands::Servoing(servo_loop) => {
-                let (arm, result) = servo_loop.finish();
+                let (mut arm, result) = servo_loop.finish();
+                let failed = result.err().map(|error| explained(&mut arm, &error));
                 self.hands = Hands::Idle(Box::new(arm));
-                result.err().map(|error| error.to_string())
+                failed
             }
             other => {
                 self.hands = other;
@@ -88,8 +93,51 @@ impl KortexLink {
     }
 }
 
-fn failed(error: impl ToString) -> ArmLinkError {
-    ArmLinkError(error.to_string())
+/// What an error of the client means for the operator, and its text.
+pub fn failed(error: &KortexError) -> ArmLinkError {
+    ArmLinkError { trouble: trouble(error), text: error.to_string() }
+}
+
+/// The same; an arm that answers, but does not servo any more, is asked for its faults: its own watchdog ends servoing as another client does.
+fn explained(arm: &mut Arm, error: &KortexError) -> ArmLinkError {
+    let plain = failed(error);
+    if plain.trouble != ArmTrouble::OtherClient {
+        return plain;
+    }
+    match arm.cyclic.feedback().map(|feedback| fault_of(&feedback)) {
+        Ok(Err(fault)) => ArmLinkError { trouble: trouble(&fault), text: format!("{fault}; {error}") },
+        _ => plain,
+    }
+}
+
+fn trouble(error: &KortexError) -> ArmTrouble {
+    let of_report = |report: &Report| {
+        let stopped = report.joints.iter().any(|joint| joint.a & safety_bank::WATCHDOG != 0);
+        if stopped { ArmTrouble::Watchdog } else { ArmTrouble::Fault }
+    };
+    match error {
+        KortexError::EmergencyStop(_) => ArmTrouble::EmergencyStop,
+        KortexError::Fault(report) => of_report(report),
+        KortexError::Link(LinkError::Closed) => ArmTrouble::Closed,
+        KortexError::Link(_)
+        | KortexError::Timeout { .. }
+        | KortexError::Silent { .. }
+        | KortexError::FeedbackLost { .. } => ArmTrouble::Network,
+        KortexError::SessionLost { .. } => ArmTrouble::SessionLost,
+        KortexError::State { .. } | KortexError::ControlMode { .. } => ArmTrouble::OtherClient,
+        KortexError::Refused { refusal, .. } => match refusal.reason {
+            Reason::EmergencyStop => ArmTrouble::EmergencyStop,
+            Reason::InFault => ArmTrouble::Fault,
+            Reason::NotInControl | Reason::ServoingMode => ArmTrouble::OtherClient,
+            _ => ArmTrouble::Refused,
+        },
+        KortexError::Answer { .. } | KortexError::Command(_) => ArmTrouble::Refused,
+    }
+}
+
+fn lost() -> ArmLinkError {
+    let text = "the connection was lost in a change of mode".to_owned();
+    ArmLinkError { trouble: ArmTrouble::Closed, text }
 }
 
 impl ArmLink for KortexLink {
@@ -100,7 +148,8 @@ impl ArmLink for KortexLink {
             // Leaving servoing over a dead network takes a second; the servos' watchdogs do not wait that long.
             let over = servo_loop.is_over();
             let reason = if over { self.take_back() } else { None };
-            self.fault = reason.or(self.fault.take()).or(Some("servoing ended".to_owned()));
+            let ended = || ArmLinkError { trouble: ArmTrouble::Network, text: "servoing ended".to_owned() };
+            self.fault = reason.or(self.fault.take()).or_else(|| Some(ended()));
         }
         match &mut self.hands {
             Hands::Servoing(servo_loop) => {
@@ -109,27 +158,31 @@ impl ArmLink for KortexLink {
                 if snapshot.counters.answered != self.answered || self.reading.is_none() {
                     self.answered = snapshot.counters.answered;
                     self.reading =
-                        Some(ArmReading { at: now, state: arm_state(snapshot.feedback.motion), fault: false });
+                        Some(ArmReading { at: now, state: arm_state(snapshot.feedback.motion), fault: None });
                 }
             }
             // After a fault the arm is not asked again: a dead network would block the servo cycle.
             Hands::Idle(arm) if self.fault.is_none() && self.looked.is_none_or(|looked| looked.elapsed() > LOOK) => {
                 self.looked = Some(Instant::now());
-                arm.keep_up().map_err(failed)?;
-                let feedback = arm.cyclic.feedback().map_err(failed)?;
-                let fault = !feedback.faults.is_empty();
-                self.reading = Some(ArmReading { at: now, state: arm_state(feedback.motion), fault });
+                arm.keep_up().map_err(|error| failed(&error))?;
+                let feedback = arm.cyclic.feedback().map_err(|error| failed(&error))?;
+                let fault = fault_of(&feedback).err().map(|error| failed(&error));
+                let trouble = fault.as_ref().map(|fault| fault.trouble);
+                self.reading = Some(ArmReading { at: now, state: arm_state(feedback.motion), fault: trouble });
+                if let Some(fault) = fault {
+                    return Err(fault);
+                }
             }
             Hands::Idle(_) => {}
-            Hands::Lost => return Err(failed("the connection was lost in a change of mode")),
+            Hands::Lost => return Err(lost()),
         }
         match (&self.fault, self.reading) {
-            (Some(fault), Some(reading)) if !reading.fault => {
-                self.reading = Some(ArmReading { fault: true, ..reading });
-                Err(failed(fault))
+            (Some(fault), Some(reading)) if reading.fault.is_none() => {
+                self.reading = Some(ArmReading { fault: Some(fault.trouble), ..reading });
+                Err(fault.clone())
             }
             (_, Some(reading)) => Ok(reading),
-            (_, None) => Err(failed("no measurement yet")),
+            (_, None) => Err(ArmLinkError { trouble: ArmTrouble::Network, text: "no measurement yet".to_owned() }),
         }
     }
 
@@ -143,23 +196,23 @@ impl ArmLink for KortexLink {
                 let silent_cycles =
                     (self.pacing.host_deadline.as_secs_f64() / limits.cycle.as_secs_f64()).round() as u32;
                 let limits = Limits { silent_cycles, ..limits };
-                let servo_loop = ServoLoop::start(*arm, limits, self.pacing).map_err(failed)?;
+                let servo_loop = ServoLoop::start(*arm, limits, self.pacing).map_err(|error| failed(&error))?;
                 self.answered = 0;
                 self.hands = Hands::Servoing(Box::new(servo_loop));
                 Ok(())
             }
-            _ => Err(failed("the connection was lost in a change of mode")),
+            _ => Err(lost()),
         }
     }
 
     fn command(&mut self, set_points: &[f64; ARM_JOINTS]) -> Result<(), ArmLinkError> {
         match &self.hands {
-            Hands::Servoing(servo_loop) => servo_loop.set_target(*set_points).map_err(failed),
-            _ => Err(failed(self.fault.as_deref().unwrap_or("found a set-point, expected engage() first"))),
+            Hands::Servoing(servo_loop) => servo_loop.set_target(*set_points).map_err(|error| failed(&error.into())),
+            _ => Err(self.fault.clone().unwrap_or_else(ArmLinkError::unready)),
         }
     }
 
     fn disengage(&mut self) -> Result<(), ArmLinkError> {
-        self.take_back().map_or(Ok(()), |error| Err(failed(error)))
+        self.take_back().map_or(Ok(()), Err)
     }
 }

@@ -1,8 +1,10 @@
-//! Remote control of a running bridge: a Unix socket that accepts `hold`, `release`, `resume` and `state`.
+//! Remote control of a running bridge: a Unix socket that accepts `hold`, `release` and `state`.
 //!
 //! One line per request and answer: `ok: <state>` or `no: <reason>`. The socket lives as long as the bridge; a stale one is replaced.
 
+use std::fs::{DirBuilder, Permissions};
 use std::io::{BufRead, BufReader, ErrorKind, Write};
+use std::os::unix::fs::{DirBuilderExt as _, FileTypeExt as _, PermissionsExt as _};
 use std::os::unix::net::{UnixListener, UnixStream};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -17,15 +19,12 @@ pub enum Wish {
     Hold,
     /// Let go.
     Release,
-    /// Go on after a hold.
-    Resume,
     /// Only report the state.
     State,
 }
 
 impl Wish {
-    const ALL: [(Self, &'static str); 4] =
-        [(Self::Hold, "hold"), (Self::Release, "release"), (Self::Resume, "resume"), (Self::State, "state")];
+    const ALL: [(Self, &'static str); 3] = [(Self::Hold, "hold"), (Self::Release, "release"), (Self::State, "state")];
 
     fn word(self) -> &'static str {
         Self::ALL.iter().find(|(wish, _)| *wish == self).map_or("", |(_, word)| word)
@@ -73,13 +72,18 @@ impl RemoteDoor {
         fulfil: impl Fn(Wish) -> Result<String, String> + Send + 'static,
     ) -> Result<Self, RemoteError> {
         let failed = |source| RemoteError::Socket { path: path.to_owned(), source };
-        if path.exists() {
+        if let Ok(found) = std::fs::symlink_metadata(path) {
+            if !found.file_type().is_socket() {
+                return Err(failed(std::io::Error::other(
+                    "found another kind of file there, expected none or a socket",
+                )));
+            }
             if UnixStream::connect(path).is_ok() {
                 return Err(failed(std::io::Error::other("another bridge is running there")));
             }
             std::fs::remove_file(path).map_err(failed)?;
         }
-        let listener = UnixListener::bind(path).map_err(failed)?;
+        let listener = bind_private(path).map_err(failed)?;
         listener.set_nonblocking(true).map_err(failed)?;
         let stop = Arc::new(AtomicBool::new(false));
         let stopped = stop.clone();
@@ -97,6 +101,23 @@ impl RemoteDoor {
             .map_err(failed)?;
         Ok(Self { path: path.to_owned(), stop, thread: Some(thread) })
     }
+}
+
+/// A socket for its owner alone from the beginning, whatever the umask: it is made in a folder that only the owner may enter.
+fn bind_private(path: &Path) -> std::io::Result<UnixListener> {
+    let mut folder = path.as_os_str().to_owned();
+    folder.push(format!(".{}", std::process::id()));
+    let folder = PathBuf::from(folder);
+    DirBuilder::new().mode(0o700).create(&folder)?;
+    let inside = folder.join("s");
+    let made = UnixListener::bind(&inside).and_then(|listener| {
+        std::fs::set_permissions(&inside, Permissions::from_mode(0o600))?;
+        std::fs::rename(&inside, path)?;
+        Ok(listener)
+    });
+    // Empty, or with a socket that is of no use.
+    let _ = std::fs::remove_dir_all(&folder);
+    made
 }
 
 impl Drop for RemoteDoor {
@@ -117,7 +138,7 @@ fn serve(stream: UnixStream, fulfil: &impl Fn(Wish) -> Result<String, String>) -
     BufReader::new(&stream).read_line(&mut line)?;
     let answer = match Wish::from_word(line.trim()) {
         Some(wish) => fulfil(wish),
-        None => Err(format!("found `{}`, expected hold, release, resume or state", line.trim())),
+        None => Err(format!("found `{}`, expected hold, release or state", line.trim())),
     };
     let (word, text) = match answer {
         Ok(text) => ("ok", text),
@@ -159,6 +180,9 @@ mod tests {
         })
         .expect("opens");
         assert_eq!(ask(&path, Wish::Hold).expect("answered"), "held");
+        let mode = std::fs::metadata(&path).expect("there").permissions().mode() & 0o777;
+        assert_eq!(mode, 0o600, "{mode:o}");
+        assert_eq!(std::fs::read_dir(folder.path()).expect("a folder").count(), 1, "nothing but the socket");
         assert!(matches!(ask(&path, Wish::Release), Err(RemoteError::Refused(text)) if text == "not Release"));
         assert!(RemoteDoor::open(&path, |_| Ok(String::new())).is_err(), "one bridge at a time");
         drop(door);
@@ -166,5 +190,8 @@ mod tests {
         let _stale = UnixListener::bind(&path).expect("bound");
         drop(_stale);
         drop(RemoteDoor::open(&path, |_| Ok(String::new())).expect("a stale socket is replaced"));
+        std::fs::write(&path, "somebody's file").expect("written");
+        assert!(RemoteDoor::open(&path, |_| Ok(String::new())).is_err());
+        assert_eq!(std::fs::read_to_string(&path).expect("still there"), "somebody's file");
     }
 }

@@ -19,6 +19,7 @@ use session_log::{Direction, Tap};
 use statistics::BusStatistics;
 use timing::LineTiming;
 
+use crate::exclusive;
 use crate::protocol2::instruction::InstructionError;
 use crate::protocol2::{
     BROADCAST, Decoder, Instruction, Packet, ReplyError, Status, StreamError, fast_sync, sync_read_replies,
@@ -92,10 +93,10 @@ pub struct ServoBus {
 }
 
 impl ServoBus {
-    /// Opens the port raw, 8N1.
+    /// Opens the port raw, 8N1, for this program alone.
     pub fn open(path: &Path, settings: BusSettings) -> Result<Self, BusError> {
-        let port =
-            SerialPort::open(path, settings.baud).map_err(|source| BusError::Port { port: path.to_owned(), source })?;
+        let failed = |source| BusError::Port { port: path.to_owned(), source };
+        let port = exclusive::open(path, settings.baud).map_err(failed)?;
         Ok(Self {
             port,
             path: path.to_owned(),

@@ -53,6 +53,10 @@ pub struct CycleReport {
     pub port_error: Option<String>,
     /// The last error of the arm's client.
     pub arm_error: Option<String>,
+    /// Why this thread does not run ahead of other programs, if it does not.
+    pub behind: Option<String>,
+    /// When this thread last stood still for longer than a device's watchdog, and for how long, s.
+    pub frozen: Option<(Instant, f64)>,
     /// Servos whose torque could not be disabled at the end of a release.
     pub still_on: Vec<String>,
 }
@@ -110,7 +114,17 @@ pub(crate) struct ServoCycle {
 impl ServoCycle {
     pub fn run(mut self) {
         let mut next = Instant::now();
+        let mut begun = next;
+        // Devices whose own watchdogs have run out have stopped by now; what follows is not theirs to answer for.
+        let watchdogs = self.supervisor.limits().watchdogs;
+        let longest = watchdogs.servo_bus.min(watchdogs.arm);
         while !self.shared.stop.load(Ordering::Relaxed) {
+            let gap = begun.elapsed().as_secs_f64();
+            begun = Instant::now();
+            if gap > longest {
+                self.report.frozen = Some((begun, gap));
+                self.supervisor.hold(Cause::Frozen(gap));
+            }
             self.cycle();
             next += self.period;
             let now = Instant::now();
@@ -302,7 +316,6 @@ impl ServoCycle {
                 }
             }
             Order::Remote(Wish::Release) => self.supervisor.release(now).map_err(|error| error.to_string()),
-            Order::Remote(Wish::Resume) => self.resume(now),
         }
     }
 
@@ -326,17 +339,5 @@ impl ServoCycle {
             self.supervisor.connect().map_err(|error| error.to_string())?;
         }
         result
-    }
-
-    fn resume(&mut self, now: f64) -> Result<(), String> {
-        if !matches!(self.supervisor.state(), State::Hold(_)) {
-            return Err(format!("cannot resume while {}", self.supervisor.state()));
-        }
-        if let (Some(hand), None) = (&mut self.hand, &self.dry) {
-            let watchdog = self.supervisor.limits().watchdogs.servo_bus;
-            hand.set_watchdog(0.0).and_then(|()| hand.set_watchdog(watchdog)).map_err(|error| error.to_string())?;
-        }
-        lock(&self.shared.board).asked = None;
-        self.supervisor.resume(&self.measured, now).map_err(|error| error.to_string())
     }
 }

@@ -119,6 +119,7 @@ pub fn provision(config: &BridgeConfig, id: u8) -> Result<(u32, Pinged), Provisi
     std::thread::sleep(SETTLE);
     bus.write(id, &xc330::BAUD_RATE, baud_code(config.servos.baud))?;
     std::thread::sleep(SETTLE);
+    drop(bus);
     let mut bus = ServoBus::open(port, config.bus())?;
     bus.ping(id)?;
     Ok((baud, servo))

@@ -15,7 +15,7 @@ use hardware_bridge::emulator::servo::EmulatedServo;
 use hardware_bridge::emulator::spring_hand::SpringHand;
 use hardware_bridge::emulator::{EmulatedHand, EmulatorSettings};
 use hardware_bridge::hardware_robot::{ConnectError, HardwareRobot};
-use hardware_bridge::homing::{HomingSettings, home};
+use hardware_bridge::homing::{HomingSettings, feel, store};
 use hardware_bridge::remote::{self, Wish};
 use hardware_bridge::safety::state::{Cause, State};
 use hardware_bridge::servo_bus::ServoBus;
@@ -52,8 +52,6 @@ fn hold_and_release_from_another_terminal() {
         robot.wait_for_tick();
     }
     assert!(closed(&mut robot, 2.0), "{:?}", bench.hand.shafts());
-    remote::ask(&socket, Wish::Resume).expect("resumes");
-    drive(&mut robot, ServoGoal::Position { angle: 1.0, current_limit: 0.3 }, |robot| closed(robot, 1.0));
     remote::ask(&socket, Wish::Release).expect("lets go");
     patiently("the torque goes", || robot.state() == State::Connected);
     patiently("the springs open the hand", || bench.hand.shafts().iter().all(|shaft| shaft.position < 0.3));
@@ -72,7 +70,6 @@ fn an_unplugged_servo_ends_in_hold_and_an_overload_in_fault() {
     assert!(bench.hand.shafts()[..5].iter().all(|shaft| (shaft.position - 2.0).abs() < 0.1), "the others hold");
     bench.hand.inject(Event::Overload(2));
     patiently("the fault is seen", || robot.state() == State::Fault(Cause::ServoAlert(1)));
-    assert!(robot.resume().is_err());
     assert!((bench.hand.shafts()[0].position - 2.0).abs() < 0.1);
 }
 
@@ -145,7 +142,10 @@ fn homing() {
     let mut bus = ServoBus::open(hand.servo_port(), bus_settings).expect("opens");
     // A plant that a busy machine holds up for a moment must not look like a shaft at its stop.
     let patient = HomingSettings { still_for: 2.0, patience: 60.0, fade: 0.2, ..HomingSettings::default() };
-    let found = home(&mut bus, 1, &patient).expect("homes");
+    let patient = HomingSettings { watchdog: 2.54, ..patient };
+    let found = feel(&mut bus, 1, &patient, &|| false).expect("feels its stops");
+    assert_eq!(bus.read(1, &xc330::HOMING_OFFSET).expect("read"), 0.0, "nothing is written yet");
+    store(&mut bus, std::slice::from_ref(&found)).expect("stored");
     assert!((found.travel - TRAVEL).abs() < 0.01, "{found:?}");
     assert_eq!(found.homing_offset, -3900);
     patiently("the spring opens it", || hand.shafts()[0].position < 0.05);

@@ -121,7 +121,7 @@ fn a_link_without_network_does_not_keep_its_caller_waiting() {
     let mut told = Vec::new();
     until("the reason", || {
         told.extend(link.read(0.0).err().map(|error| error.to_string()));
-        let fault = link.read(0.0).is_ok_and(|reading| reading.fault);
+        let fault = link.read(0.0).is_ok_and(|reading| reading.fault.is_some());
         fault && link.command(&ArmModel::home()).is_err_and(|error| !error.to_string().contains("servoing ended"))
     });
     assert_eq!(told, ["arm: servoing ended"], "told once, before the farewell was over");

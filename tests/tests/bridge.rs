@@ -2,20 +2,17 @@
 //!
 //! Emulated devices in lock-step depend on no clock. Those in real time run with `--patient`, and the tests wait for events, not for seconds.
 
-use std::fs;
-use std::io::{BufRead, BufReader, Read, Write};
-use std::path::{Path, PathBuf};
-use std::process::{Child, Stdio};
-use std::sync::{Mutex, MutexGuard, PoisonError};
-use std::time::{Duration, Instant};
+mod devices;
 
+use std::fs;
+use std::io::Write;
+use std::path::{Path, PathBuf};
+use std::process::Stdio;
+
+use devices::{Devices, json, text, wait_for_trial};
 use e2e::{ftac, run, stderr};
 use serde_json::Value;
 use tempfile::tempdir;
-
-fn text(path: &Path) -> &str {
-    path.to_str().expect("a UTF-8 path")
-}
 
 /// The only file in a folder.
 fn only_file(folder: &Path) -> PathBuf {
@@ -23,10 +20,6 @@ fn only_file(folder: &Path) -> PathBuf {
         fs::read_dir(folder).expect("a folder").map(|entry| entry.expect("an entry").path()).collect();
     assert_eq!(files.len(), 1, "{files:?}");
     files[0].clone()
-}
-
-fn json(bytes: &[u8]) -> Value {
-    serde_json::from_slice(bytes).unwrap_or_else(|error| panic!("{error}: {}", String::from_utf8_lossy(bytes)))
 }
 
 /// Replays a session.
@@ -154,70 +147,6 @@ fn faults_end_as_they_should() {
     }
 }
 
-/// One real-time trial at a time: each keeps a simulator and a control stack busy.
-static REAL_TIME: Mutex<()> = Mutex::new(());
-
-/// A running emulator in real time.
-struct Devices {
-    _alone: MutexGuard<'static, ()>,
-    child: Child,
-    config: PathBuf,
-}
-
-impl Devices {
-    /// With these arguments more.
-    fn start(folder: &Path, extra: &[&str]) -> Self {
-        let alone = REAL_TIME.lock().unwrap_or_else(PoisonError::into_inner);
-        let dir = folder.join("devices");
-        let usual = ["bridge", "emulate", "--calibrated", "--patient", "--json", "--dir", text(&dir)];
-        let arguments = [&usual, extra].concat();
-        let mut child = ftac(&arguments)
-            .stdin(Stdio::piped())
-            .stdout(Stdio::piped())
-            .stderr(Stdio::null())
-            .spawn()
-            .expect("starts");
-        let mut line = String::new();
-        BufReader::new(child.stdout.as_mut().expect("piped")).read_line(&mut line).expect("says where it is");
-        assert!(json(line.as_bytes())["servos"].is_string(), "{line}");
-        Self { _alone: alone, child, config: dir.join("bridge.toml") }
-    }
-
-    /// What it says at its end.
-    fn end(mut self) -> Value {
-        let mut rest = String::new();
-        self.child.stdout.take().expect("piped").read_to_string(&mut rest).expect("read");
-        self.child.wait().expect("ours");
-        json(rest.lines().last().unwrap_or_default().as_bytes())
-    }
-}
-
-impl Drop for Devices {
-    fn drop(&mut self) {
-        let _ = self.child.kill();
-        let _ = self.child.wait();
-    }
-}
-
-/// Waits until the trial under way has recorded some hundred ticks, on the arm's way to the first object. Its session grows with every tick.
-fn wait_for_trial(host: &mut Child, sessions: &Path) {
-    let recorded = || {
-        fs::read_dir(sessions)
-            .map_or(0, |files| files.flatten().map(|f| f.metadata().map_or(0, |m| m.len())).sum::<u64>())
-    };
-    // Only a trial that hangs takes so long.
-    let give_up = Instant::now() + Duration::from_secs(600);
-    while recorded() < 6_000_000 {
-        if host.try_wait().expect("ours").is_some() {
-            let mut message = String::new();
-            drop(host.stderr.take().map(|mut stderr| stderr.read_to_string(&mut message)));
-            panic!("the trial ended by itself: {message}");
-        }
-        assert!(Instant::now() < give_up, "the trial does not begin");
-        std::thread::sleep(Duration::from_millis(20));
-    }
-}
-
 /// A host under `--robot hardware` that is killed in mid-trial: servos and arm stop by their own watchdogs, and its recording replays to the last tick.
 #[test]
 fn a_killed_host_leaves_everything_standing() {
@@ -272,7 +201,7 @@ fn an_unplugged_camera_board_ends_in_hold() {
         ftac(&arguments).stdin(Stdio::piped()).stdout(Stdio::null()).stderr(Stdio::piped()).spawn().expect("starts");
     host.stdin.take().expect("piped").write_all(b"\nrelease\n").expect("the operator answers");
     wait_for_trial(&mut host, &sessions);
-    devices.child.stdin.as_mut().expect("piped").write_all(b"usb=cameras\n").expect("the plug is pulled");
+    devices.happen("usb=cameras");
     let output = host.wait_with_output().expect("ends");
     let message = stderr(&output);
     assert_eq!(output.status.code(), Some(1), "{message}");

@@ -256,8 +256,11 @@ fn without_faults(arm: &mut Arm) -> Result<Feedback, KortexError> {
     }
 }
 
-/// The error for feedback that reports a fault.
-fn fault_of(feedback: &Feedback) -> Result<(), KortexError> {
+/// What feedback says of faults.
+///
+/// # Errors
+/// [`KortexError::EmergencyStop`], [`KortexError::Fault`].
+pub fn fault_of(feedback: &Feedback) -> Result<(), KortexError> {
     if feedback.faults.is_emergency_stop() {
         return Err(KortexError::EmergencyStop(Box::new(feedback.faults)));
     }

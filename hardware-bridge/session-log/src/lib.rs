@@ -9,17 +9,17 @@
 //! | `seen` | an object's pose from prior perception, an input to the controller besides the robot's |
 //! | `tick` | the end of a control tick |
 //! | `outcome` | the result, in the controller's format |
+//! | `statistics` | JSON: what the body says of its own running |
 //! | `raw/<link>/sent`, `raw/<link>/received` | bytes of a link as they were on the wire |
 //! | metadata `session` | robot, program, seed, tick length, SHA-256 of configuration and calibration |
 //! | `configuration`, `calibration`, `task` | copies of both files, and the description of the task |
 //!
-//! Every message has two times: MCAP's *log time* is the host's monotonic clock since the session began, its *publish
-//! time* the clock of the device or body it is about. All but the raw bytes are protobuf, described in the file
+//! Every message has two times: MCAP's *log time* is the wall clock at the session's beginning plus the host's monotonic clock since then, its
+//! *publish time* the clock of the device or body it is about. All but the raw bytes are protobuf, described in the file
 //! ([`schema`]), so that other people's tools can read it.
 //!
-//! Numbers keep all their bits. Messages are neither chunked nor compressed, and the file is flushed to the
-//! operating system at every tick: a killed program leaves everything up to its last whole tick, and [`reader`]
-//! reads such a file.
+//! Numbers keep all their bits. Each tick is a chunk, not compressed, with an index of its messages, and goes to the operating system at once: a
+//! killed program leaves everything up to its last whole tick, and [`reader`] reads such a file. Viewers find their way by the chunks' indices.
 //!
 //! [`recorder::Recorder`] wraps a robot and writes its session; [`tap::Tap`] adds the bytes of a link. [`replay::Replay`] is a robot that plays a
 //! session back and compares every command with the recorded one, bit by bit. [`comparison`] compares two sessions.

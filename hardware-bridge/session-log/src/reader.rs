@@ -1,15 +1,16 @@
 //! Reading a session, from its beginning, finished or cut short.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, VecDeque};
 use std::fs::File;
 use std::io::{BufReader, Read};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
+use crc::{CRC_32_ISO_HDLC, Crc};
 use hand_model::robot;
-use mcap::McapError;
-use mcap::records::{Record, op};
+use mcap::records::{ChunkHeader, Record, op};
 use mcap::sans_io::{LinearReadEvent, LinearReader, LinearReaderOptions};
+use mcap::{McapError, McapResult};
 use prost::Message;
 
 use crate::error::SessionLogError;
@@ -27,7 +28,9 @@ const LONGEST: usize = 1 << 28;
 const PIECE: usize = 1 << 16;
 
 /// Kinds of records that are read.
-const KNOWN: [u8; 4] = [op::METADATA, op::CHANNEL, op::MESSAGE, op::DATA_END];
+const KNOWN: [u8; 3] = [op::METADATA, op::CHUNK, op::DATA_END];
+/// Kinds of records that are read within a chunk.
+const IN_CHUNK: [u8; 2] = [op::CHANNEL, op::MESSAGE];
 
 /// Something in a session.
 #[derive(Debug, Clone)]
@@ -67,9 +70,13 @@ pub struct Reader {
     path: PathBuf,
     file: BufReader<File>,
     mcap: LinearReader,
+    /// What the last chunk holds.
+    chunk: VecDeque<Record<'static>>,
     topics: BTreeMap<u16, String>,
     last_images: LastImages,
     session: Session,
+    /// When it began, since 1970.
+    begun: Duration,
     whole: bool,
     over: bool,
 }
@@ -85,15 +92,18 @@ impl Reader {
         // The checksum stands at the end of the data: a damaged file is noticed there, one cut short has none.
         let options = LinearReaderOptions::default()
             .with_skip_end_magic(true)
+            .with_emit_chunks(true)
             .with_validate_data_section_crc(true)
             .with_record_length_limit(LONGEST);
         let mut reader = Self {
             path: path.to_owned(),
             file,
             mcap: LinearReader::new_with_options(options),
+            chunk: VecDeque::new(),
             topics: BTreeMap::new(),
             last_images: LastImages::new(),
             session: Session::default(),
+            begun: Duration::ZERO,
             whole: false,
             over: false,
         };
@@ -103,6 +113,11 @@ impl Reader {
 
     pub fn session(&self) -> &Session {
         &self.session
+    }
+
+    /// When it began by the host's wall clock, since 1970.
+    pub fn begun(&self) -> Duration {
+        self.begun
     }
 
     /// Whether the file was finished; known once it has been read to its end.
@@ -124,8 +139,12 @@ impl Reader {
                     let get = |name: &str| metadata.metadata.get(name).cloned().unwrap_or_default();
                     let format = get("format");
                     if format != FORMAT {
-                        return Err(self.field("format", &format, FORMAT));
+                        let found = format!("{format} (written by {})", get("program"));
+                        return Err(self.field("format", &found, FORMAT));
                     }
+                    let begun = get("begun_unix_ns");
+                    let unix = begun.parse().map_err(|_| self.field("begun_unix_ns", &begun, "a whole number"))?;
+                    self.begun = Duration::from_nanos(unix);
                     let (seed, tick) = (get("seed"), get("tick_length_s"));
                     self.session = Session {
                         robot: get("robot"),
@@ -172,7 +191,13 @@ impl Reader {
 
     /// The next record; `None` at the end of the file, wherever that is.
     fn next_record(&mut self) -> Result<Option<Record<'static>>, SessionLogError> {
-        while !self.over {
+        loop {
+            if let Some(record) = self.chunk.pop_front() {
+                return Ok(Some(record));
+            }
+            if self.over {
+                return Ok(None);
+            }
             match self.mcap.next_event() {
                 None | Some(Err(McapError::UnexpectedEof)) => self.over = true,
                 Some(Err(error)) => return Err(SessionLogError::mcap(&self.path)(error)),
@@ -185,12 +210,16 @@ impl Reader {
                 // Only these are of interest. (mcap 0.25 panics on some damaged attachments.)
                 Some(Ok(LinearReadEvent::Record { opcode, data })) if KNOWN.contains(&opcode) => {
                     let record = mcap::parse_record(opcode, data).map_err(SessionLogError::mcap(&self.path))?;
-                    return Ok(Some(record.into_owned()));
+                    match record.into_owned() {
+                        Record::Chunk { header, data } => {
+                            self.chunk = in_chunk(&header, &data).map_err(SessionLogError::mcap(&self.path))?;
+                        }
+                        record => return Ok(Some(record)),
+                    }
                 }
                 Some(Ok(LinearReadEvent::Record { .. })) => {}
             }
         }
-        Ok(None)
     }
 
     /// The next event and its times; `None` at the end.
@@ -208,7 +237,7 @@ impl Reader {
                         return Err(self.field("channel of a message", &found, "one announced before"));
                     };
                     let times = Times {
-                        host: Duration::from_nanos(header.log_time),
+                        host: Duration::from_nanos(header.log_time).saturating_sub(self.begun),
                         device: Duration::from_nanos(header.publish_time),
                     };
                     if let Some(event) = self.event(&topic, header.sequence, &data)? {
@@ -242,6 +271,31 @@ impl Reader {
             SessionLogError::field(&self.path, &format!("{topic} {sequence}, {field}"), found, expected)
         })
     }
+}
+
+/// The records of interest in a chunk, once its checksum has been found right.
+fn in_chunk(header: &ChunkHeader, mut data: &[u8]) -> McapResult<VecDeque<Record<'static>>> {
+    if !header.compression.is_empty() {
+        return Err(McapError::UnsupportedCompression(header.compression.clone()));
+    }
+    let (saved, calculated) = (header.uncompressed_crc, Crc::<u32>::new(&CRC_32_ISO_HDLC).checksum(data));
+    if saved != calculated {
+        return Err(McapError::BadChunkCrc { saved, calculated });
+    }
+    let mut records = VecDeque::new();
+    // Kind, length, content.
+    while let Some(((kind, length), rest)) = data.split_first_chunk().and_then(|([kind], rest)| {
+        let (length, rest) = rest.split_first_chunk()?;
+        Some(((*kind, u64::from_le_bytes(*length)), rest))
+    }) {
+        let length = usize::try_from(length).map_err(|_| McapError::UnexpectedEoc)?;
+        let (content, rest) = rest.split_at_checked(length).ok_or(McapError::UnexpectedEoc)?;
+        if IN_CHUNK.contains(&kind) {
+            records.push_back(mcap::parse_record(kind, content)?.into_owned());
+        }
+        data = rest;
+    }
+    Ok(records)
 }
 
 fn decode<M: Message + Default>(data: &[u8]) -> Result<M, Wrong> {

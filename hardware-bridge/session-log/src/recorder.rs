@@ -38,6 +38,11 @@ impl<R: Robot> Recorder<R> {
         self.write(|writer| writer.seen(object, pose));
     }
 
+    /// Records what the body says of its own running.
+    pub fn statistics(&mut self, json: &[u8]) {
+        self.write(|writer| writer.statistics(json));
+    }
+
     pub fn outcome(&mut self, text: &[u8]) {
         self.write(|writer| writer.outcome(text));
     }

@@ -18,7 +18,7 @@ use crate::schema;
 use crate::tap::{Direction, Packet};
 
 /// Version of the layout described in [`super`].
-pub const FORMAT: &str = "2";
+pub const FORMAT: &str = "3";
 /// Topic of observations.
 pub const OBSERVATION: &str = "observation";
 /// Topic of commands as the controller requested them.
@@ -37,6 +37,8 @@ pub const CALIBRATION: &str = "calibration";
 pub const TASK: &str = "task";
 /// Topic of perceived poses.
 pub const SEEN: &str = "seen";
+/// Topic of what the body says of its own running.
+pub const STATISTICS: &str = "statistics";
 /// Topic of the outcome.
 pub const OUTCOME: &str = "outcome";
 
@@ -77,6 +79,8 @@ pub struct Writer {
     mcap: mcap::Writer<BufWriter<File>>,
     path: PathBuf,
     start: Instant,
+    /// The same on the wall clock, since 1970.
+    begun: Duration,
     channels: BTreeMap<String, (u16, u32)>,
     schemas: BTreeMap<&'static str, u16>,
     last_images: LastImages,
@@ -91,13 +95,14 @@ impl Writer {
     /// [`SessionLogError`].
     pub fn create(path: &Path, session: &Session) -> Result<Self, SessionLogError> {
         let file = File::create_new(path).map_err(SessionLogError::io(path))?;
-        // No chunks: a chunk is readable only when complete, and every tick must be.
-        let options = WriteOptions::new().compression(None).use_chunks(false).library("ftac hardware-bridge");
+        // A chunk is readable only when complete, so each tick is one, made in memory and written at once. Viewers need chunks.
+        let options = WriteOptions::new().compression(None).disable_seeking(true).library("ftac hardware-bridge");
         let mcap = options.create(BufWriter::new(file)).map_err(SessionLogError::mcap(path))?;
         let mut writer = Self {
             mcap,
             path: path.to_owned(),
             start: Instant::now(),
+            begun: SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).unwrap_or_default(),
             channels: BTreeMap::new(),
             schemas: BTreeMap::new(),
             last_images: LastImages::new(),
@@ -109,7 +114,6 @@ impl Writer {
     }
 
     fn head(&mut self, session: &Session) -> mcap::McapResult<()> {
-        let unix = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).unwrap_or_default();
         let entries = [
             ("format", FORMAT.to_owned()),
             ("robot", session.robot.clone()),
@@ -120,7 +124,7 @@ impl Writer {
             ("configuration_sha256", sha256(&session.configuration)),
             ("calibration_sha256", sha256(&session.calibration)),
             ("task_sha256", sha256(&session.task)),
-            ("begun_unix_ns", nanoseconds(unix).to_string()),
+            ("begun_unix_ns", nanoseconds(self.begun).to_string()),
         ];
         let metadata = entries.into_iter().map(|(name, value)| (name.to_owned(), value)).collect();
         self.mcap.write_metadata(&Metadata { name: METADATA.to_owned(), metadata })?;
@@ -207,6 +211,15 @@ impl Writer {
         self.write(OUTCOME, None, host, body, text)
     }
 
+    /// What the body says of its own running, as JSON.
+    ///
+    /// # Errors
+    /// [`SessionLogError`].
+    pub fn statistics(&mut self, json: &[u8]) -> Result<(), SessionLogError> {
+        let (host, body) = (self.host_time(), body_time(self.time));
+        self.write(STATISTICS, None, host, body, json)
+    }
+
     /// The end of a tick. Everything up to here survives the program's death (though not the power's).
     ///
     /// # Errors
@@ -226,7 +239,7 @@ impl Writer {
         self.mcap.into_inner().flush().map_err(SessionLogError::io(&self.path))
     }
 
-    /// Hands everything to the operating system.
+    /// Ends the chunk and hands everything to the operating system.
     fn flush(&mut self) -> Result<(), SessionLogError> {
         self.mcap.flush().map_err(SessionLogError::mcap(&self.path))
     }
@@ -268,7 +281,7 @@ impl Writer {
         let header = MessageHeader {
             channel_id: *channel_id,
             sequence: *sequence,
-            log_time: nanoseconds(host),
+            log_time: nanoseconds(self.begun + host),
             publish_time: device,
         };
         self.mcap.write_to_known_channel(&header, data)

@@ -10,6 +10,7 @@ use kortex::servoing::Limits;
 
 use super::lockstep_arm::{step_towards, whole_milliseconds};
 use crate::kortex_link::limits;
+use crate::safety::state::ArmTrouble;
 
 /// An arm that is commanded a thousand times a second, and its client.
 pub(super) struct DirectArm {
@@ -27,8 +28,8 @@ pub(super) struct DirectArm {
     pub goal: [f64; ARM_JOINTS],
     /// Where the supervisor wants them, rad.
     pub target: Option<[f64; ARM_JOINTS]>,
-    /// Whether a fault has stopped it.
-    pub fault: bool,
+    /// What has stopped it.
+    pub fault: Option<ArmTrouble>,
 }
 
 impl DirectArm {
@@ -44,7 +45,7 @@ impl DirectArm {
             seen: real,
             goal: real.position,
             target: None,
-            fault: false,
+            fault: None,
         };
         // The first command is what was measured.
         arm.command = arm.look(real).position;
@@ -66,7 +67,7 @@ impl DirectArm {
     pub fn pass(&mut self, seconds: f64) {
         let milliseconds = whole_milliseconds(&mut self.rest, seconds);
         for n in 0..milliseconds {
-            if self.fault {
+            if self.fault.is_some() {
                 return;
             }
             let target = self.target.unwrap_or(self.command);
@@ -75,11 +76,13 @@ impl DirectArm {
                 Ok(()) => self.command = next,
                 // The client waits for an arm that is too far behind.
                 Err(CommandError::Lead { .. }) => {}
-                Err(_) => self.fault = true,
+                Err(_) => self.fault = Some(ArmTrouble::Refused),
             }
             let position = self.real.position;
             self.goal = std::array::from_fn(|i| nearest_turn(to_radians(to_wire_angle(self.command[i])), position[i]));
-            self.fault |= (0..ARM_JOINTS).any(|i| (self.goal[i] - position[i]).abs() > self.following_error);
+            if (0..ARM_JOINTS).any(|i| (self.goal[i] - position[i]).abs() > self.following_error) {
+                self.fault.get_or_insert(ArmTrouble::Fault);
+            }
         }
     }
 }
@@ -99,7 +102,7 @@ mod tests {
         arm.target = Some([0.301; ARM_JOINTS]);
         arm.pass(1.0 / 120.0);
         assert!((arm.goal[0] - 0.301).abs() < 3e-7 && arm.goal[0] != 0.301, "{}", arm.goal[0]);
-        assert!(!arm.fault);
+        assert_eq!(arm.fault, None);
     }
 
     /// An arm that does not follow is waited for at 3 degrees; one that is thrown further than 5 degrees is at fault.
@@ -112,9 +115,9 @@ mod tests {
         }
         let lead = arm.goal[2] - 0.3;
         assert!(lead > 2.9_f64.to_radians() && lead <= 3_f64.to_radians() + 1e-6, "{lead}");
-        assert!(!arm.fault);
+        assert_eq!(arm.fault, None);
         arm.look(ArmState { position: [0.2; ARM_JOINTS], ..ArmState::default() });
         arm.pass(1.0 / 120.0);
-        assert!(arm.fault);
+        assert_eq!(arm.fault, Some(ArmTrouble::Fault));
     }
 }

@@ -17,9 +17,10 @@ use session_log::Packet;
 
 use super::plant_arm::SharedArm;
 use crate::arm_link::{ArmLink, ArmLinkError};
-use crate::kortex_link::{arm_state, limits, tap};
+use crate::kortex_link::{arm_state, failed, limits, tap};
 use crate::lock::lock;
 use crate::safety::checks::ArmReading;
+use crate::safety::state::ArmTrouble;
 
 /// Longest wait for an answer on loopback; generous, for busy machines.
 const PATIENCE: Duration = Duration::from_secs(20);
@@ -38,7 +39,7 @@ enum Order {
 }
 
 /// The newest measurements and whether they are new, or the reason why servoing ended.
-type Answer = Result<(ArmState, bool), String>;
+type Answer = Result<(ArmState, bool), ArmLinkError>;
 
 /// The client's thread.
 struct Client {
@@ -48,12 +49,12 @@ struct Client {
     target: Option<[f64; ARM_JOINTS]>,
     state: ArmState,
     at: f64,
-    fault: Option<String>,
+    fault: Option<ArmLinkError>,
 }
 
 impl Client {
     fn ask(&mut self, order: Order) -> Answer {
-        let gone = || "its client is gone".to_owned();
+        let gone = || over("its client is gone");
         self.orders.send(order).map_err(|_| gone())?;
         self.answers.recv().map_err(|_| gone())?
     }
@@ -180,7 +181,7 @@ pub struct LockstepLink {
 
 impl LockstepLink {
     fn client(&self) -> Result<Arc<Mutex<Client>>, ArmLinkError> {
-        self.client.upgrade().ok_or_else(|| ArmLinkError("the emulated arm is switched off".into()))
+        self.client.upgrade().ok_or_else(|| over("the emulated arm is switched off"))
     }
 }
 
@@ -188,13 +189,13 @@ impl ArmLink for LockstepLink {
     fn read(&mut self, _now: f64) -> Result<ArmReading, ArmLinkError> {
         let client = self.client()?;
         let client = lock(&client);
-        Ok(ArmReading { at: client.at, state: client.state, fault: client.fault.is_some() })
+        Ok(ArmReading { at: client.at, state: client.state, fault: client.fault.as_ref().map(|fault| fault.trouble) })
     }
 
     fn engage(&mut self) -> Result<(), ArmLinkError> {
         let client = self.client()?;
         let mut client = lock(&client);
-        let (state, _) = client.ask(Order::Engage).map_err(ArmLinkError)?;
+        let (state, _) = client.ask(Order::Engage)?;
         (client.state, client.engaged, client.target) = (state, true, None);
         Ok(())
     }
@@ -203,7 +204,7 @@ impl ArmLink for LockstepLink {
         let client = self.client()?;
         let mut client = lock(&client);
         if let Some(fault) = &client.fault {
-            return Err(ArmLinkError(fault.clone()));
+            return Err(fault.clone());
         }
         client.target = Some(*set_points);
         Ok(())
@@ -213,7 +214,7 @@ impl ArmLink for LockstepLink {
         let client = self.client()?;
         let mut client = lock(&client);
         client.engaged = false;
-        client.ask(Order::Disengage).map(drop).map_err(ArmLinkError)
+        client.ask(Order::Disengage).map(drop)
     }
 }
 
@@ -229,13 +230,13 @@ fn serve(mut arm: Arm, emulator: &Emulator, orders: &Receiver<Order>, answers: &
                     }
                     follow(servoing, emulator, orders, answers, waited)
                 }
-                Err(error) => Err(error.to_string()),
+                Err(error) => Err(failed(&error)),
             },
             Order::Go(milliseconds, ..) => {
                 emulator.step(milliseconds);
-                Err("found a set-point, expected engage() first".to_owned())
+                Err(ArmLinkError::unready())
             }
-            Order::Look(_) => Err("found a look, expected engage() first".to_owned()),
+            Order::Look(_) => Err(ArmLinkError::unready()),
             Order::Disengage => Ok((ArmState::default(), false)),
         };
         if answers.send(answer).is_err() {
@@ -252,14 +253,13 @@ fn follow(
     answers: &Sender<Answer>,
     waited: &AtomicU64,
 ) -> Answer {
-    let over = || Err("servoing is over".to_owned());
     loop {
-        let Ok(order) = orders.recv() else { return over() };
+        let Ok(order) = orders.recv() else { return Err(over("servoing is over")) };
         let answer = match order {
             Order::Engage => Ok((arm_state(servoing.latest().motion), true)),
             Order::Disengage => {
                 let state = arm_state(servoing.latest().motion);
-                return servoing.leave().map(|()| (state, true)).map_err(|error| error.to_string());
+                return servoing.leave().map(|()| (state, true)).map_err(|error| failed(&error));
             }
             Order::Go(milliseconds, target, lossy) => {
                 go(&mut servoing, emulator, (milliseconds, target, lossy), waited)
@@ -269,11 +269,15 @@ fn follow(
             }
         };
         match answer {
-            Ok(answer) if answers.send(Ok(answer)).is_err() => return over(),
+            Ok(answer) if answers.send(Ok(answer)).is_err() => return Err(over("servoing is over")),
             Ok(_) => {}
-            Err(error) => return Err(error.to_string()),
+            Err(error) => return Err(failed(&error)),
         }
     }
+}
+
+fn over(text: &str) -> ArmLinkError {
+    ArmLinkError { trouble: ArmTrouble::Closed, text: text.to_owned() }
 }
 
 /// Until when an answer is waited for.

@@ -36,6 +36,8 @@ pub struct EmulatedServo {
     voltage: f64,
     heat: f64,
     overloaded_for: f64,
+    /// Time since power-up, s.
+    running_for: f64,
     last_fed: f64,
     silent_until: f64,
     /// Goal held since the watchdog tripped, counts.
@@ -56,6 +58,7 @@ impl EmulatedServo {
             voltage: 11.1,
             heat: 0.0,
             overloaded_for: 0.0,
+            running_for: 0.0,
             last_fed: 0.0,
             silent_until: 0.0,
             held: None,
@@ -176,6 +179,7 @@ impl EmulatedServo {
     /// Lets `dt` pass with the shaft as the plant has it.
     pub fn advance(&mut self, now: f64, dt: f64, shaft: ServoState) {
         self.shaft = shaft;
+        self.running_for += dt;
         self.heat += (HEATING * shaft.current.powi(2) - self.heat) * dt / THERMAL_TIME;
         let stalled = shaft.current.abs() > OVERLOAD_CURRENT && shaft.velocity.abs() < 0.1;
         self.overloaded_for = if stalled { self.overloaded_for + dt } else { 0.0 };
@@ -288,6 +292,7 @@ impl EmulatedServo {
         self.forgotten = self.encoder().div_euclid(4096) * 4096;
         self.held = None;
         self.overloaded_for = 0.0;
+        self.running_for = 0.0;
         self.set(&xc330::GOAL_PWM, self.get(&xc330::PWM_LIMIT));
         self.set(&xc330::GOAL_CURRENT, self.get(&xc330::CURRENT_LIMIT));
         self.show();
@@ -353,6 +358,7 @@ impl EmulatedServo {
     /// Brings the present block up to date.
     fn show(&mut self) {
         let velocity = self.sign() * self.shaft.velocity / xc330::Unit::Velocity.per_count();
+        self.set(&xc330::REALTIME_TICK, (self.running_for * 1e3) as i64 % 32_768);
         self.set(&xc330::PRESENT_CURRENT, (self.sign() * self.shaft.current * 1e3).round() as i64);
         self.set(&xc330::PRESENT_VELOCITY, velocity.round() as i64);
         self.set(&xc330::PRESENT_POSITION, self.position());

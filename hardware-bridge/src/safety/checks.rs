@@ -4,7 +4,7 @@ use hand_model::ACTUATORS;
 use hand_model::robot::{ArmState, Command, ServoGoal, ServoState};
 
 use super::limits::Limits;
-use super::state::Cause;
+use super::state::{ArmTrouble, Cause};
 
 /// A shaft may be this far outside its limits before that is an alarm, rad: cables stretch and encoders round.
 const ANGLE_MARGIN: f64 = 0.15;
@@ -34,8 +34,8 @@ pub struct ArmReading {
     pub at: f64,
     /// Its joints.
     pub state: ArmState,
-    /// Whether it reports a fault.
-    pub fault: bool,
+    /// What is wrong with it.
+    pub fault: Option<ArmTrouble>,
 }
 
 /// The newest measurements of all devices.
@@ -61,8 +61,8 @@ pub fn is_sound(command: &Command) -> bool {
 
 /// What is wrong with what was measured at `now`, the worst first.
 pub fn alarm(measured: &Measured, limits: &Limits, now: f64) -> Option<Cause> {
-    if measured.arm.is_some_and(|arm| arm.fault) {
-        return Some(Cause::ArmFault);
+    if let Some(trouble) = measured.arm.and_then(|arm| arm.fault) {
+        return Some(Cause::ArmFault(trouble));
     }
     let alerts = measured.servos.iter().position(|servo| servo.is_some_and(|servo| servo.alert));
     if let Some(servo) = alerts {
@@ -114,7 +114,7 @@ pub(crate) mod tests {
     pub(crate) fn fine(now: f64) -> Measured {
         let state = ServoState { position: 1.0, velocity: 0.0, current: 0.1, temperature: 30.0 };
         let servo = ServoReading { at: now, state, voltage: 11.1, alert: false };
-        let arm = ArmReading { at: now, state: ArmState::default(), fault: false };
+        let arm = ArmReading { at: now, state: ArmState::default(), fault: None };
         Measured { servos: [Some(servo); ACTUATORS], arm: Some(arm), cameras: true }
     }
 

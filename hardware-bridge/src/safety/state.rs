@@ -28,6 +28,47 @@ pub enum State {
     Fault(Cause),
 }
 
+/// What is wrong with the arm, as far as its operator does something else about it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum ArmTrouble {
+    EmergencyStop,
+    /// A joint or the base reports a fault.
+    Fault,
+    /// The arm stopped by itself because no commands came.
+    Watchdog,
+    /// Nothing comes from it.
+    Network,
+    /// It ended the connection.
+    Closed,
+    /// It does not know our session.
+    SessionLost,
+    /// Somebody else drives it.
+    OtherClient,
+    /// Anything else that it or its client refuses.
+    Refused,
+}
+
+impl fmt::Display for ArmTrouble {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::EmergencyStop => {
+                "its emergency stop is pressed; once the cause is gone, release it and run `ftac bridge clear-faults`"
+            }
+            Self::Fault => "in fault; once the cause is gone, run `ftac bridge clear-faults`",
+            Self::Watchdog => {
+                "it stopped by itself, because no commands came; is this computer overloaded? Then run `ftac bridge clear-faults`"
+            }
+            Self::Network => "nothing comes from it; check the network cable and the arm's supply",
+            Self::Closed => "it ended the connection; did it restart?",
+            Self::SessionLost => "it does not know this session any more; did it restart, or was this program held up?",
+            Self::OtherClient => {
+                "another client has taken control of it (its web page, or another program); end that, then start again"
+            }
+            Self::Refused => "it refused",
+        })
+    }
+}
+
 /// Why the robot does not follow commands.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Cause {
@@ -41,8 +82,10 @@ pub enum Cause {
     ServoSilent(usize, f64),
     /// Silence of the arm, s.
     ArmSilent(f64),
-    /// The arm reports a fault.
-    ArmFault,
+    /// The arm is in trouble.
+    ArmFault(ArmTrouble),
+    /// This program itself, or the whole computer, stood still for so long, s.
+    Frozen(f64),
     /// The camera board is gone.
     CamerasGone,
     /// This servo's angle, rad, is out of its limits.
@@ -66,7 +109,7 @@ pub enum Cause {
 impl Cause {
     /// Whether a device needs attention before the robot can run again.
     pub fn is_fault(&self) -> bool {
-        matches!(self, Self::ServoAlert(_) | Self::TorqueLost(_) | Self::ArmFault)
+        matches!(self, Self::ServoAlert(_) | Self::TorqueLost(_) | Self::ArmFault(_))
     }
 }
 
@@ -83,19 +126,19 @@ impl fmt::Display for Cause {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let ms = |age: &f64| format!("{:.0} ms", 1e3 * age);
         match self {
-            Self::Operator => write!(f, "the operator stopped it; resume when ready"),
+            Self::Operator => write!(f, "the operator stopped it"),
             Self::BadCommand => write!(f, "the controller sent a command that is not a number; this is a bug in it"),
             Self::HostSilent(age) => write!(f, "no command for {}; is the controller running?", ms(age)),
             Self::ServoSilent(n, age) => {
                 write!(f, "{}: no answer for {}; check its plug, the USB adapter and the supply", Servo(*n), ms(age))
             }
             Self::ArmSilent(age) => write!(f, "arm: no word for {}; check the network cable", ms(age)),
-            Self::ArmFault => {
-                write!(
-                    f,
-                    "arm: in fault, or gone from the network; check the cable, then clear it in the arm's web page"
-                )
-            }
+            Self::ArmFault(trouble) => write!(f, "arm: {trouble}"),
+            Self::Frozen(gap) => write!(
+                f,
+                "this program stood still for {}; was it stopped, or the computer suspended or overloaded?",
+                ms(gap)
+            ),
             Self::CamerasGone => write!(f, "camera board: its port is gone; check the USB cable"),
             Self::Angle(n, angle) => {
                 write!(f, "{}: at {angle:.3} rad, out of its limits; look at its spool and cable", Servo(*n))
@@ -115,7 +158,7 @@ impl fmt::Display for Cause {
                 write!(f, "{}: it restarted and has no torque; check the supply, support what is held", Servo(*n))
             }
             Self::WatchdogTripped(n) => {
-                write!(f, "{}: it heard nothing for too long and stopped itself; resume when ready", Servo(*n))
+                write!(f, "{}: it heard nothing for too long and stopped itself", Servo(*n))
             }
         }
     }

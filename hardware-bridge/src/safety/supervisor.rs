@@ -124,16 +124,6 @@ impl Supervisor {
         })
     }
 
-    /// Goes on after a hold; `measured` must be in order.
-    pub fn resume(&mut self, measured: &Measured, now: f64) -> Result<(), CheckFailed> {
-        if let Some(cause) = checks::alarm(measured, &self.limits, now) {
-            return Err(CheckFailed::Alarm(cause));
-        }
-        self.go(State::Armed, "resume", |state| matches!(state, State::Hold(_)))?;
-        self.braking = None;
-        Ok(())
-    }
-
     /// One cycle: what may be sent at `now`.
     pub fn step(&mut self, now: f64, asked: Option<Asked>, measured: &Measured) -> Step {
         let dt = (now - self.stepped).clamp(0.0, LONGEST_STEP);

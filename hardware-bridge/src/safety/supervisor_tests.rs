@@ -154,18 +154,6 @@ fn no_number_no_motion() {
     }
 }
 
-/// Resuming starts from the held goals; the next command moves from there.
-#[test]
-fn resume_goes_on_from_the_hold() {
-    let mut supervisor = armed(0.0);
-    let (before, now) = run(&mut supervisor, &winding(0.2), 100, 0.0);
-    supervisor.hold(Cause::Operator);
-    supervisor.resume(&fine(now), now).expect("all is well");
-    assert_eq!(supervisor.step(now + DT, None, &fine(now + DT)), before);
-    let (after, _) = run(&mut supervisor, &winding(0.2), 1, now + DT);
-    assert!((sent(after).servos[0].angle - sent(before).servos[0].angle).abs() <= 6.0 * DT + 1e-12);
-}
-
 /// Release: the current fades evenly, then the torque goes; afterwards nothing is sent.
 #[test]
 fn release_fades_and_ends_without_torque() {
@@ -196,7 +184,6 @@ enum Move {
     Wait(f64),
     Hold,
     Release,
-    Resume,
     ReArm,
 }
 
@@ -225,7 +212,6 @@ fn moves() -> impl Strategy<Value = Move> {
         2 => (0.0..1.0_f64).prop_map(Move::Wait),
         1 => Just(Move::Hold),
         1 => Just(Move::Release),
-        4 => Just(Move::Resume),
         4 => Just(Move::ReArm),
     ]
 }
@@ -252,7 +238,6 @@ proptest! {
                 Move::Wait(time) => now += time,
                 Move::Hold => supervisor.hold(Cause::Operator),
                 Move::Release => drop(supervisor.release(now)),
-                Move::Resume => drop(supervisor.resume(&measured, now)),
                 Move::ReArm => {
                     if supervisor.state() == State::Connected {
                         supervisor.check(&measured, now).ok();

@@ -18,6 +18,7 @@ use super::deframer::Deframer;
 use super::message::{Image, Message, VERSION};
 use super::{frame, image_data};
 use crate::clock::Clock;
+use crate::exclusive;
 use crate::lock::lock;
 
 /// A USB serial device ignores the rate; a real line at this one carries two images a second.
@@ -109,7 +110,7 @@ impl TactileLink {
     /// Opens the port and greets the board. Times are those of `clock`.
     pub fn open(path: &Path, clock: Clock) -> Result<Self, LinkError> {
         let failed = |source| LinkError::Port { port: path.to_owned(), source };
-        let mut port = SerialPort::open(path, BAUD).map_err(failed)?;
+        let mut port = exclusive::open(path, BAUD).map_err(failed)?;
         port.set_read_timeout(Duration::from_millis(5)).map_err(failed)?;
         port.discard_input_buffer().map_err(failed)?;
         let board = greet(&port, path)?;

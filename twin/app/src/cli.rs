@@ -7,6 +7,7 @@ use clap::{Parser, Subcommand};
 use crate::commands::arm::ArmCommand;
 use crate::commands::bench::BenchArgs;
 use crate::commands::bridge::BridgeCommand;
+use crate::commands::export::ExportCommand;
 use crate::commands::grasps::GraspsCommand;
 use crate::commands::hand::HandCommand;
 use crate::commands::optics::OpticsCommand;
@@ -14,7 +15,7 @@ use crate::commands::touch::TouchCommand;
 use crate::commands::transport::TransportArgs;
 use crate::commands::trial::TrialArgs;
 use crate::commands::{
-    arm, bench, bridge, grasps, hand, lab_book, optics, replay, study, touch, transport, trial, view,
+    arm, bench, bridge, export, grasps, hand, lab_book, optics, replay, study, touch, transport, trial, view,
 };
 use crate::terminal::{Outcome, Terminal};
 
@@ -39,9 +40,9 @@ pub enum Command {
     Trial(TrialArgs),
     /// Carry balls to one place, as many at once as the hand holds, beside one by one.
     Transport(TransportArgs),
-    /// Open a recording or a result folder in the Rerun viewer.
+    /// Open a recording, a session or a result folder in the Rerun viewer.
     View {
-        /// An .rrd file, or a folder with recordings.
+        /// An .rrd file, a session (MCAP), or a folder with either; a session becomes an .rrd beside it.
         path: PathBuf,
     },
     /// Run the control stack on a recorded session (MCAP) and say whether every command comes out identical.
@@ -52,6 +53,9 @@ pub enum Command {
         #[arg(long)]
         against: Option<PathBuf>,
     },
+    /// Recorded sessions in the formats of other programs.
+    #[command(subcommand)]
+    Export(ExportCommand),
     /// Build report.html, trials.csv and summary.json again from result folders; several shards become one.
     Report {
         /// Result folders.
@@ -104,7 +108,8 @@ pub fn run(cli: &Cli) -> Outcome {
         Command::Replay { recording, against: None } => replay::command(terminal, recording),
         Command::Replay { recording, against: Some(other) } => replay::against(terminal, recording, other),
         Command::Transport(args) => transport::run(terminal, args),
-        Command::View { path } => view::run(path),
+        Command::View { path } => view::run(terminal, path),
+        Command::Export(command) => export::run(terminal, command),
         Command::Report { folders, study: true, .. } => study::report::of_folders(terminal, folders),
         Command::Report { lab_book: Some(figures), out, .. } => {
             lab_book::run(terminal, figures, out.as_deref(), &parse_arguments)

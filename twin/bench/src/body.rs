@@ -8,8 +8,10 @@
 //! perception, the operator) is in [`TrialBody`], for the program alone.
 
 pub mod arm_link;
+pub mod disk;
 pub mod emulated;
 pub mod hardware;
+pub mod operator;
 pub mod replayed;
 pub mod rounded;
 
@@ -60,11 +62,17 @@ pub trait TrialBody {
     fn stopped(&self) -> Option<String> {
         None
     }
+    /// Stops it where it is; it holds what it holds.
+    fn hold(&mut self) {}
     /// The controller is about to think: no command comes until it has done so.
     fn pause(&mut self) {}
     /// The trial is over, or was stopped for this reason: whatever is to be done with what the hand holds.
     fn leave(&mut self, _why: Option<&str>) -> Result<()> {
         Ok(())
+    }
+    /// What it says of its own running, for the record.
+    fn statistics(&self) -> Option<serde_json::Value> {
+        None
     }
     /// The verdict, where not the referee judges.
     fn judge(&mut self) -> Result<Option<Verdict>> {
@@ -180,19 +188,31 @@ pub enum Body {
 impl Body {
     /// A body that cannot be cloned. from `source`; its session is recorded if the source says where.
     pub fn open(source: &mut dyn BodySource, setup: &TrialSetup, scene: SimulatedRobot, version: &str) -> Result<Self> {
-        let body = source.open(setup, scene)?;
-        let line = match source.session(setup.task)? {
-            None => Wrapped::Plain(body),
-            Some((path, session)) => {
-                let session = Session {
-                    robot: setup.task.robot.clone(),
-                    program: format!("ftac {version}"),
-                    seed: setup.task.seed,
-                    tick_length: body.tick_length(),
-                    task: serde_json::to_vec(setup.task)?,
-                    ..session
-                };
-                let recorder = Recorder::new(body, Writer::create(&path, &session)?);
+        let mut body = source.open(setup, scene)?;
+        let opened = source.session(setup.task).and_then(|session| {
+            session
+                .map(|(path, session)| {
+                    let session = Session {
+                        robot: setup.task.robot.clone(),
+                        program: format!("ftac {version}"),
+                        seed: setup.task.seed,
+                        tick_length: body.tick_length(),
+                        task: serde_json::to_vec(setup.task)?,
+                        ..session
+                    };
+                    Ok(Writer::create(&path, &session)?)
+                })
+                .transpose()
+        });
+        let line = match opened {
+            Err(error) => {
+                // It is armed: nobody leaves it so without a word.
+                body.leave(Some(&format!("{error:#}")))?;
+                return Err(error);
+            }
+            Ok(None) => Wrapped::Plain(body),
+            Ok(Some(writer)) => {
+                let recorder = Recorder::new(body, writer);
                 Wrapped::Recorded(Box::new(match source.packets() {
                     Some(packets) => recorder.with_packets(packets),
                     None => recorder,
@@ -242,7 +262,19 @@ impl Body {
     pub fn stopped(&self) -> Option<String> {
         match self {
             Self::Simulated(_) => None,
-            Self::Single(single) => single.borrow_mut().body().and_then(|body| body.stopped()),
+            Self::Single(single) => {
+                let mut single = single.borrow_mut();
+                let unwritten = match &single.line {
+                    Some(Wrapped::Recorded(recorder)) => recorder.error().map(ToString::to_string),
+                    _ => None,
+                };
+                let body = single.body()?;
+                if let Some(error) = unwritten {
+                    body.hold();
+                    return Some(format!("hold: the session cannot be written any more ({error}); make room"));
+                }
+                body.stopped()
+            }
         }
     }
 
@@ -269,6 +301,9 @@ impl Body {
         let Self::Single(single) = self else { return Ok(()) };
         let left = single.borrow_mut().body().map_or(Ok(()), |body| body.leave(why));
         if let Some(Wrapped::Recorded(mut recorder)) = single.borrow_mut().line.take() {
+            if let Some(statistics) = recorder.robot().statistics() {
+                recorder.statistics(&serde_json::to_vec(&statistics)?);
+            }
             if let Some(record) = record {
                 recorder.outcome(&serde_json::to_vec(record)?);
             }

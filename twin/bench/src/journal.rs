@@ -13,6 +13,8 @@ use scenarios::tries::TryRecord;
 use scenarios::{Ablation, Scenario};
 use serde::{Deserialize, Serialize};
 
+use crate::body::Task;
+
 /// What a run was asked for; a resumed run must be asked for the same.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct RunRequest {
@@ -48,6 +50,20 @@ impl RunRequest {
     /// The conditions of a trial with noise.
     pub fn noisy(&self) -> Vec<Condition> {
         self.conditions.iter().copied().filter(|condition| Condition::NOISY.contains(condition)).collect()
+    }
+
+    /// A unit under one condition; `watched` where it is recorded for a viewer.
+    pub fn task(&self, unit: Unit, condition: Condition, watched: bool) -> Task {
+        Task {
+            robot: self.robot.clone(),
+            seed: self.seed,
+            combination: unit.combination,
+            trial: unit.trial.unwrap_or(0),
+            condition,
+            watched,
+            combos: self.combos,
+            scenario: self.scenario.clone(),
+        }
     }
 
     /// The scenario that is run.

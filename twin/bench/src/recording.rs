@@ -1,7 +1,10 @@
-//! A watcher that sends a trial to Rerun.
+//! A watcher that sends a trial to Rerun: as it truly is where somebody knows that, otherwise as it is measured and believed to be.
+
+mod measured;
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
+use std::time::{SystemTime, UNIX_EPOCH};
 
 use anyhow::Result;
 use control::executive::Phase;
@@ -14,6 +17,7 @@ use sim::robot::Truth;
 use stream::recorder::{Recorder, Settings, Target};
 use stream::{DrawnObject, Level, PoseError, SignalFrame, TrialProperties};
 
+use self::measured::Measured;
 use crate::body::Task;
 use crate::trial::{Bench, Means, Moment, Watcher};
 
@@ -81,12 +85,42 @@ impl Shown {
     }
 }
 
+/// When time 0 of a body was.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Began {
+    /// Time passes in simulation only.
+    Never,
+    /// Time passes as on the wall, from the first moment that is seen.
+    Now,
+    /// At this time, ns since 1970.
+    At(i64),
+}
+
+impl Began {
+    /// Wall time at `time` (s) of the body, ns since 1970.
+    fn wall(&mut self, time: f64) -> Option<i64> {
+        let since = (time * 1e9) as i64;
+        if *self == Self::Now {
+            let now = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
+            *self = Self::At(now.as_nanos() as i64 - since);
+        }
+        match *self {
+            Self::At(began) => Some(began + since),
+            _ => None,
+        }
+    }
+}
+
 /// Records the branch of one condition, after the first grasp that it shares with others if it does.
 pub struct Recording {
     recorder: Option<Recorder>,
     names: [String; 2],
     objects: [Arc<ObjectModel>; 2],
     condition: Condition,
+    /// Whether nothing but the one branch is played.
+    alone: bool,
+    began: Began,
+    measured: Measured,
     branch: Option<Condition>,
     phase: Option<Phase>,
     told: bool,
@@ -94,8 +128,8 @@ pub struct Recording {
 }
 
 impl Recording {
-    /// Opens the targets for a trial and the branch of its condition.
-    pub fn open(targets: &[Target], bench: &Bench, task: &Task) -> Result<Self> {
+    /// Opens the targets for a trial and the branch of its condition, on a body whose time `began` so.
+    pub fn open(targets: &[Target], bench: &Bench, task: &Task, began: Began) -> Result<Self> {
         let Task { combination, trial, condition, .. } = *task;
         let plan = &bench.plans.plans[combination];
         let objects = [bench.world.object(&plan.first)?, bench.world.object(&plan.second)?];
@@ -114,6 +148,9 @@ impl Recording {
             names,
             objects,
             condition,
+            alone: task.robot != "sim",
+            began,
+            measured: Measured::new(&bench.world.cell),
             branch: None,
             phase: None,
             told: false,
@@ -142,12 +179,17 @@ impl Watcher for Recording {
 
     fn see(&mut self, moment: &Moment) -> Result<()> {
         let begins_otherwise = || Means::of(self.condition).is_some_and(Means::begin_otherwise);
-        if moment.condition.map_or_else(begins_otherwise, |condition| condition != self.condition) {
+        if !self.alone && moment.condition.map_or_else(begins_otherwise, |condition| condition != self.condition) {
             return Ok(());
         }
         let Some(recorder) = self.recorder.as_mut() else { return Ok(()) };
-        let truth = moment.truth;
-        log_scene(recorder, truth, &self.names)?;
+        if let Some(wall) = self.began.wall(moment.time) {
+            recorder.set_wall_time(wall);
+        }
+        match moment.truth {
+            Some(truth) => log_scene(recorder, truth, &self.names)?,
+            None => recorder.set_time(moment.time),
+        }
         let phase = moment.executive.phase();
         if self.phase != Some(phase) {
             self.phase = Some(phase);
@@ -156,12 +198,14 @@ impl Watcher for Recording {
         let mut errors = vec![None, None];
         if let Some(felt) = moment.felt {
             let estimate = felt.estimate.palm_from_object;
-            recorder.log_estimate(&self.names[0], Some(&(truth.palm * estimate)))?;
-            let real = truth.palm.inverse() * truth.objects[0];
-            errors[0] = Some(PoseError {
-                mm: (real.translation.vector - estimate.translation.vector).norm() * 1e3,
-                deg: self.objects[0].symmetry.angle(&real.rotation, &estimate.rotation).to_degrees(),
-            });
+            if let Some(truth) = moment.truth {
+                recorder.log_estimate(&self.names[0], Some(&(truth.palm * estimate)))?;
+                let real = truth.palm.inverse() * truth.objects[0];
+                errors[0] = Some(PoseError {
+                    mm: (real.translation.vector - estimate.translation.vector).norm() * 1e3,
+                    deg: self.objects[0].symmetry.angle(&real.rotation, &estimate.rotation).to_degrees(),
+                });
+            }
             if !self.told {
                 self.told = true;
                 for map in felt.touches.iter().flat_map(|touch| &touch.heights) {
@@ -174,7 +218,10 @@ impl Watcher for Recording {
         }
         let executive = moment.executive;
         self.shown.log(recorder, executive.newest_images())?;
-        log_signals(recorder, truth, executive.servos(), executive.posture(), errors)
+        match moment.truth {
+            Some(truth) => log_signals(recorder, truth, executive.servos(), executive.posture(), errors),
+            None => self.measured.log(recorder, &self.names, executive, moment.felt),
+        }
     }
 
     fn outcome(&mut self, record: &TrialRecord) -> Result<()> {

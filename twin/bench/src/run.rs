@@ -13,9 +13,9 @@ use scenarios::record::{AblatedTrial, Condition, TrialRecord, write_ablated, wri
 use scenarios::statistics::{RunInfo, Summary, summarise};
 use scenarios::tries::{TryRecord, write_tries};
 
-use crate::body::{BodySource, Task};
+use crate::body::BodySource;
 use crate::journal::{Entry, Journal, RunRequest, Unit};
-use crate::recording::Recording;
+use crate::recording::{Began, Recording};
 use crate::trial::profile::Activity;
 use crate::trial::{Bench, NoWatcher, TrialResults};
 use crate::workers;
@@ -69,25 +69,11 @@ fn recorded(record: Record, unit: Unit) -> bool {
 }
 
 fn run_unit(bench: &Bench, request: &RunRequest, unit: Unit, folder: &Path, options: &Options) -> Result<TrialResults> {
-    let record = options.live || recorded(options.record, unit);
+    // What is done with real devices cannot be done again.
+    let record = options.live || recorded(options.record, unit) || request.robot == "hardware";
     let condition = if unit.trial.is_some() { Condition::Touch } else { Condition::Ideal };
-    let task = |condition| Task {
-        robot: request.robot.clone(),
-        seed: request.seed,
-        combination: unit.combination,
-        trial: unit.trial.unwrap_or(0),
-        condition,
-        watched: false,
-        combos: request.combos,
-        scenario: request.scenario.clone(),
-    };
-    if let Some(mut place) = (options.place)(record)? {
-        let conditions = if unit.trial.is_some() { request.noisy() } else { vec![Condition::Ideal] };
-        let mut results = TrialResults::default();
-        for condition in conditions {
-            results.add(bench.play(&task(condition), place.as_mut(), &mut NoWatcher)?);
-        }
-        return Ok(results);
+    if let Some(place) = (options.place)(record)? {
+        return run_conditions(bench, request, unit, folder, options, (place, record));
     }
     if !record {
         return match unit.trial {
@@ -95,25 +81,69 @@ fn run_unit(bench: &Bench, request: &RunRequest, unit: Unit, folder: &Path, opti
             None => Ok(bench.ideal(unit.combination, &mut NoWatcher)?.into()),
         };
     }
-    let name = format!(
-        "combination_{:02}_{}.rrd",
-        unit.combination,
-        unit.trial.map_or("ideal".to_owned(), |trial| format!("trial_{trial}"))
-    );
-    let file = folder.join("recordings").join(&name);
+    recorded_as(&name(unit), folder, options.live, |targets| {
+        let mut recording = Recording::open(targets, bench, &request.task(unit, condition, false), Began::Never)?;
+        let results = match unit.trial {
+            Some(trial) => bench.trial(unit.combination, trial, &request.noisy(), &request.ablations, &mut recording),
+            None => bench.ideal(unit.combination, &mut recording).map(TrialResults::from),
+        };
+        recording.finish()?;
+        results
+    })
+}
+
+/// The conditions of a unit on bodies that cannot be cloned, each with a recording of its own if `record`.
+fn run_conditions(
+    bench: &Bench,
+    request: &RunRequest,
+    unit: Unit,
+    folder: &Path,
+    options: &Options,
+    (mut place, record): (Box<dyn BodySource>, bool),
+) -> Result<TrialResults> {
+    let conditions = if unit.trial.is_some() { request.noisy() } else { vec![Condition::Ideal] };
+    let mut results = TrialResults::default();
+    for condition in conditions {
+        let task = request.task(unit, condition, record);
+        let outcome = match record {
+            false => bench.play(&task, place.as_mut(), &mut NoWatcher)?,
+            true => recorded_as(&format!("{}_{condition}", name(unit)), folder, options.live, |targets| {
+                let began = if place.is_real() { Began::Now } else { Began::Never };
+                let mut recording = Recording::open(targets, bench, &task, began)?;
+                let outcome = bench.play(&task, place.as_mut(), &mut recording);
+                recording.finish()?;
+                outcome
+            })?,
+        };
+        results.add(outcome);
+    }
+    Ok(results)
+}
+
+/// How a unit's recording is called.
+fn name(unit: Unit) -> String {
+    let trial = unit.trial.map_or("ideal".to_owned(), |trial| format!("trial_{trial}"));
+    format!("combination_{:02}_{trial}", unit.combination)
+}
+
+/// Plays into a recording that has its name once it is whole, be it of a trial that was stopped.
+fn recorded_as<T>(
+    name: &str,
+    folder: &Path,
+    live: bool,
+    play: impl FnOnce(&[stream::Target]) -> Result<T>,
+) -> Result<T> {
+    let file = folder.join("recordings").join(format!("{name}.rrd"));
     let partial = file.with_extension("partial.rrd");
     let mut targets = vec![stream::Target::File(partial.clone())];
-    if options.live {
+    if live {
         targets.push(stream::Target::Spawn);
     }
-    let mut recording = Recording::open(&targets, bench, &task(condition))?;
-    let results = match unit.trial {
-        Some(trial) => bench.trial(unit.combination, trial, &request.noisy(), &request.ablations, &mut recording)?,
-        None => bench.ideal(unit.combination, &mut recording)?.into(),
-    };
-    recording.finish()?;
-    std::fs::rename(&partial, &file).with_context(|| file.display().to_string())?;
-    Ok(results)
+    let result = play(&targets);
+    let renamed = std::fs::rename(&partial, &file).with_context(|| file.display().to_string());
+    let result = result?;
+    renamed?;
+    Ok(result)
 }
 
 /// Runs what is left of `request`; the journal keeps every finished unit.
@@ -137,7 +167,7 @@ pub fn run(bench: &Bench, request: &RunRequest, journal: Journal, folder: &Path,
         let TrialResults { records, tries, ablated } = results;
         let entry = Entry { unit: *unit, records, tries, ablated, wall_s: start.elapsed().as_secs_f64() };
         let mut journal = journal.lock().map_err(|_| anyhow::anyhow!("a worker panicked"))?;
-        journal.append(entry)?;
+        journal.append(entry.clone()).map_err(|error| elsewhere(&entry, error))?;
         bar.inc(1);
         bar.set_message(rates(&journal, begun, resumed));
         Ok(())
@@ -160,6 +190,21 @@ pub fn run(bench: &Bench, request: &RunRequest, journal: Journal, folder: &Path,
         record_causes(bench, request, &journal.done, folder, options)?;
     }
     finish(&journal.done, request, folder, wall_s, spent.as_deref())
+}
+
+/// Keeps what the journal could not take among the temporary files, and says where.
+fn elsewhere(entry: &Entry, error: anyhow::Error) -> anyhow::Error {
+    let file = std::env::temp_dir().join(format!(
+        "ftac_combination_{:02}_trial_{}_{}.json",
+        entry.unit.combination,
+        entry.unit.trial.map_or("ideal".to_owned(), |trial| trial.to_string()),
+        std::process::id()
+    ));
+    let text = serde_json::to_string(entry).unwrap_or_default();
+    match std::fs::write(&file, &text) {
+        Ok(()) => error.context(format!("its result is in {}", file.display())),
+        Err(_) => error.context(format!("its result is {text}")),
+    }
 }
 
 /// Plays again, recorded, the first trial of each cause of failure under each condition.

@@ -72,7 +72,13 @@ impl Bench {
         let why = played.as_ref().err().map(|error| format!("{error:#}"));
         let finished = body.finish(played.as_ref().ok().map(|outcome| &outcome.record), why.as_deref());
         let outcome = played?;
-        finished?;
+        // A full disk must not cost the operator's verdict.
+        finished.with_context(|| {
+            format!(
+                "the session is not whole; the verdict was {}",
+                serde_json::to_string(&outcome.record).unwrap_or_default()
+            )
+        })?;
         Ok(outcome)
     }
 

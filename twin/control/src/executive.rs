@@ -27,6 +27,8 @@ use crate::percept::Percept;
 use crate::slip::{self, SlipWatch};
 use crate::trajectory::PosePath;
 
+/// Images that are asked for have come by then or will not come, s.
+const LOST: f64 = 1.0;
 /// Share of the way to a touch after which pads are looked at untouched: digits have opened by then.
 const UNTOUCHED: f64 = 0.4;
 /// Share of the rise from a touch, and of the whole approach at most, in which the digits that touched keep still: closing for the
@@ -47,6 +49,8 @@ pub struct Executive {
     open_from: f64,
     watch_period: Option<f64>,
     last_watch: f64,
+    /// Whether images have come since some were asked for last.
+    answered: bool,
     slip: Option<SlipWatch>,
     /// How an object is touched at present.
     guarded: Option<Guarded>,
@@ -82,6 +86,7 @@ impl Executive {
             open_from: f64::INFINITY,
             watch_period: None,
             last_watch: f64::NEG_INFINITY,
+            answered: true,
             slip: None,
             guarded: None,
             left_from: None,
@@ -112,7 +117,8 @@ impl Executive {
         &self.second
     }
 
-    /// Asks for images every `period` (s) throughout, for a recording; decisions use those of a look alone.
+    /// Asks for images every `period` (s) throughout, for a recording, or as often as the link brings them where that is less often; decisions use
+    /// those of a look alone.
     pub fn watch_images(&mut self, period: f64) {
         self.watch_period = Some(period);
     }
@@ -339,13 +345,19 @@ impl Executive {
             _ if self.is_reaching() && self.guarded.as_ref().is_some_and(unknown) => Some(guarded::LOOK_PERIOD),
             _ if self.is_touching() => Some(guarded::LOOK_PERIOD),
             _ if self.slip.is_some() && self.is_carrying() => Some(slip::LOOK_PERIOD),
-            _ => self.watch_period,
+            _ => self.watch_period.filter(|_| self.is_link_free(observation)),
         };
         if period.is_some_and(|period| observation.time >= self.last_watch + period) {
             self.last_watch = observation.time;
             capture = true;
         }
+        self.answered = !capture && (self.answered || !observation.tactile.is_empty());
         Ok(self.motion.command(arm, &wanted, opposition, capture))
+    }
+
+    /// Whether the images that were asked for last have come, as far as they will.
+    fn is_link_free(&self, observation: &Observation) -> bool {
+        self.answered && observation.tactile.is_empty() || observation.time > self.last_watch + LOST
     }
 
     /// Tensions wanted at present, with what the reaction to slip adds, N.

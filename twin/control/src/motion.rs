@@ -9,7 +9,7 @@ pub mod tension;
 use std::sync::Arc;
 
 use grasping::Grasp;
-use hand_model::robot::{Command, Observation, ServoState, TactileFrame};
+use hand_model::robot::{ArmState, Command, Observation, ServoState, TactileFrame};
 use hand_model::transmission::friction::CableFriction;
 use hand_model::{ACTUATORS, CAMERAS, Hand};
 use nalgebra::{Isometry3, Translation3, Vector3};
@@ -82,6 +82,7 @@ pub struct Motion {
     newest: Vec<TactileFrame>,
     sequences_before: [Option<u64>; CAMERAS],
     servos: [ServoState; ACTUATORS],
+    arm: ArmState,
     tick: f64,
     worst_tracking: f64,
 }
@@ -101,6 +102,7 @@ impl Motion {
             newest: Vec::new(),
             sequences_before: [None; CAMERAS],
             servos: Default::default(),
+            arm: ArmState::default(),
             tick,
             worst_tracking: 0.0,
         })
@@ -134,6 +136,11 @@ impl Motion {
     /// Newest servo readings.
     pub fn servos(&self) -> &[ServoState; ACTUATORS] {
         &self.servos
+    }
+
+    /// Newest readings of the arm.
+    pub fn arm(&self) -> &ArmState {
+        &self.arm
     }
 
     /// Newest images of all cameras, taken at any time.
@@ -304,6 +311,7 @@ impl Motion {
     /// Takes what was measured; `looking`: images belong to a look.
     pub fn measure(&mut self, observation: &Observation, looking: bool) {
         self.servos = observation.servos;
+        self.arm = observation.arm;
         keep_newest(&mut self.newest, &observation.tactile);
         if looking && self.clock > self.path.duration() - 1.5 * self.tick {
             keep_newest(&mut self.images, &observation.tactile);

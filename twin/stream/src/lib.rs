@@ -9,7 +9,7 @@
 //! recording, grasps side by side; [`felt`] is one held object as touch sees it. [`release`] names application, time lines and
 //! the Rerun release.
 //!
-//! Time lines: `sim_time` (s) and `tick` (control ticks). Wall time is not recorded.
+//! Time lines: `sim_time` (s) and `tick` (control ticks); for bodies that live in real time also `wall_time`.
 
 pub mod blueprint;
 pub mod entities;
@@ -30,5 +30,5 @@ pub use error::StreamError;
 pub use mesh::DrawnObject;
 pub use phase::{Level, TrialProperties};
 pub use recorder::{Recorder, Settings, Target};
-pub use release::{APPLICATION, RERUN_VERSION, SIM_TIME, TICK};
+pub use release::{APPLICATION, RERUN_VERSION, SIM_TIME, TICK, WALL_TIME};
 pub use signals::{PoseError, SignalFrame};

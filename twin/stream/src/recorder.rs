@@ -15,7 +15,7 @@ use crate::blueprint::{self, Eye};
 use crate::error::StreamError;
 use crate::mesh::DrawnObject;
 use crate::phase::{self, Level, TrialProperties};
-use crate::release::{APPLICATION, SIM_TIME, TICK};
+use crate::release::{APPLICATION, SIM_TIME, TICK, WALL_TIME};
 use crate::scene;
 use crate::signals::{self, SignalFrame};
 use crate::tactile;
@@ -151,6 +151,11 @@ impl Recorder {
         (self.time, self.tick) = (sim_time, self.tick + 1);
         self.rec.set_duration_secs(SIM_TIME, sim_time);
         self.rec.set_time_sequence(TICK, self.tick);
+    }
+
+    /// Says when what follows was on the wall clock, ns since 1970; call it before [`Recorder::set_time`].
+    pub fn set_wall_time(&mut self, unix_ns: i64) {
+        self.rec.set_timestamp_nanos_since_epoch(WALL_TIME, unix_ns);
     }
 
     /// What identifies the trial.

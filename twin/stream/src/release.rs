@@ -6,5 +6,7 @@ pub const APPLICATION: &str = "ftac";
 pub const SIM_TIME: &str = "sim_time";
 /// The time line that counts control ticks.
 pub const TICK: &str = "tick";
+/// The time line of the wall clock, where there is one.
+pub const WALL_TIME: &str = "wall_time";
 /// The Rerun release that this program writes for.
 pub const RERUN_VERSION: &str = "0.36.3";

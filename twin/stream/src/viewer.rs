@@ -71,18 +71,16 @@ pub fn recordings(path: &Path) -> Result<Vec<PathBuf>, StreamError> {
     if files.is_empty() { Err(nothing()) } else { Ok(files) }
 }
 
-/// Opens a recording, or all recordings of a folder, in a viewer that lives on by itself. Returns the files opened.
-pub fn open(path: &Path) -> Result<Vec<PathBuf>, StreamError> {
-    let files = recordings(path)?;
-    let program = find_viewer().ok_or(StreamError::NoViewer)?;
-    let mut command = Command::new(&program);
+/// Opens recordings in the viewer `program`, which lives on by itself.
+pub fn open(program: &Path, files: &[PathBuf]) -> Result<(), StreamError> {
+    let mut command = Command::new(program);
     // The viewer also listens for programs that log to it: on this machine only.
-    command.args(["--bind", "127.0.0.1", "--port", "auto"]).args(&files);
+    command.args(["--bind", "127.0.0.1", "--port", "auto"]).args(files);
     command.stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null());
     #[cfg(unix)]
     std::os::unix::process::CommandExt::process_group(&mut command, 0);
-    command.spawn().map_err(|source| StreamError::Start { program, source })?;
-    Ok(files)
+    command.spawn().map_err(|source| StreamError::Start { program: program.to_owned(), source })?;
+    Ok(())
 }
 
 /// Starts a viewer to be connected to, or finds the one that listens already; returns its address.

@@ -147,7 +147,7 @@ pub fn benchmark(terminal: &Terminal, args: &BenchArgs) -> Outcome {
     let (request, folder) = request(terminal, args)?;
     let robot = <Body as clap::ValueEnum>::from_str(&request.robot, false)
         .map_err(|_| anyhow::anyhow!("{}: robot: found {}, expected a known body", folder.display(), request.robot))?;
-    check_body(robot, args.config.as_deref())?;
+    check_body(robot, args.config.as_deref(), &request.conditions)?;
     let scenario = request.scenario().with_context(|| folder.display().to_string())?;
     if robot != Body::Sim && !scenario.disturbance.is_none() {
         bail!(

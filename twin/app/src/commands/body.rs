@@ -7,8 +7,12 @@ use bench::body::BodySource;
 use bench::body::emulated::{EmulatedSource, SimulatedSource};
 use bench::body::hardware::HardwareSource;
 use bench::body::rounded::RoundedSource;
+use bench::recording::Began;
+use bench::trial::Means;
 use clap::ValueEnum;
+use hardware_bridge::config::BridgeConfig;
 use proving::world::World;
+use scenarios::record::Condition;
 
 /// Which body runs the trials.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
@@ -33,18 +37,37 @@ impl Body {
             Self::Rounded => "rounded",
         }
     }
+
+    /// When its time 0 is.
+    pub fn began(self) -> Began {
+        match self {
+            Self::Hardware => Began::Now,
+            Self::Sim | Self::Emulated | Self::Rounded => Began::Never,
+        }
+    }
 }
 
-/// Whether body and configuration go together.
-pub fn check_body(robot: Body, config: Option<&Path>) -> Result<()> {
+/// Whether body and configuration go together, and have what the conditions need.
+pub fn check_body(robot: Body, config: Option<&Path>, conditions: &[Condition]) -> Result<()> {
     match (robot, config) {
+        (Body::Hardware, Some(path)) => {
+            let sees = |condition: &&Condition| Means::of(**condition).is_some_and(Means::see_images);
+            let config = BridgeConfig::read(path)?;
+            match conditions.iter().find(sees) {
+                Some(condition) if config.cameras.is_none() && config.uvc.is_empty() => bail!(
+                    "{}: found neither [cameras] nor [[uvc]], expected one of them for the condition {condition}; blind and reflex need none",
+                    path.display()
+                ),
+                _ => Ok(()),
+            }
+        }
         (Body::Hardware, None) => bail!("--robot hardware: found no --config, expected the bridge's configuration"),
         (Body::Sim | Body::Emulated | Body::Rounded, Some(config)) => bail!(
             "--config {}: only the real robot has a configuration, and --robot is {}",
             config.display(),
             robot.name()
         ),
-        _ => Ok(()),
+        (_, None) => Ok(()),
     }
 }
 

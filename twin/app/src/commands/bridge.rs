@@ -1,6 +1,7 @@
 //! `ftac bridge`: everything about the real robot, and its emulator.
 
 mod calibrate;
+mod clear_faults;
 mod doctor;
 mod emulate;
 mod exercise;
@@ -8,6 +9,7 @@ mod faults;
 mod provision;
 mod scan;
 mod shared;
+mod sheet;
 mod stop;
 
 use std::path::PathBuf;
@@ -39,19 +41,15 @@ pub enum BridgeCommand {
         config: ConfigArg,
     },
     /// Find every servo's open mark and travel by feeling. Moves the fingers, one after the other.
-    Calibrate {
-        #[command(flatten)]
-        config: ConfigArg,
-        /// Do not ask before moving.
-        #[arg(long)]
-        yes: bool,
-    },
+    Calibrate(calibrate::CalibrateArgs),
     /// Emulate servos and camera board on pseudo-terminals until interrupted.
     Emulate(emulate::EmulateArgs),
     /// Inject every fault into every phase of a trial on the emulated robot, and say what came of it.
     Faults(faults::FaultArgs),
     /// Close and open the hand gently: the first motion of a new hand.
     Exercise(exercise::ExerciseArgs),
+    /// Draw where the objects of a combination stand, as an A3 sheet in full size.
+    Sheet(sheet::SheetArgs),
     /// Stop the robot that runs in another terminal: it holds what it holds.
     Stop {
         #[command(flatten)]
@@ -60,8 +58,8 @@ pub enum BridgeCommand {
         #[arg(long)]
         release: bool,
     },
-    /// Let a robot that was stopped go on.
-    Resume(ConfigArg),
+    /// Clear the arm's faults once their cause is gone: afterwards it can move again. Asks first.
+    ClearFaults(clear_faults::ClearArgs),
 }
 
 /// Runs a command.
@@ -70,11 +68,12 @@ pub fn run(terminal: &Terminal, command: &BridgeCommand) -> Outcome {
         BridgeCommand::Scan { port, config } => scan::run(terminal, port.as_deref(), config),
         BridgeCommand::Doctor(config) => doctor::run(terminal, &config.read()?),
         BridgeCommand::Provision { actuator, config } => provision::run(terminal, actuator, &config.read()?),
-        BridgeCommand::Calibrate { config, yes } => calibrate::run(terminal, &config.read()?, *yes),
+        BridgeCommand::Calibrate(args) => calibrate::run(terminal, args),
         BridgeCommand::Emulate(args) => emulate::run(terminal, args),
         BridgeCommand::Faults(args) => faults::run(terminal, args),
         BridgeCommand::Exercise(args) => exercise::run(terminal, args),
         BridgeCommand::Stop { config, release } => stop::stop(terminal, &config.read()?, *release),
-        BridgeCommand::Resume(config) => stop::resume(terminal, &config.read()?),
+        BridgeCommand::Sheet(args) => sheet::run(terminal, args),
+        BridgeCommand::ClearFaults(args) => clear_faults::run(terminal, args),
     }
 }

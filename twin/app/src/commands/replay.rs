@@ -17,6 +17,12 @@ use crate::terminal::Terminal;
 /// The command.
 pub fn command(terminal: &Terminal, recording: &Path) -> Result<Option<String>> {
     let task = task(recording)?;
+    let bench = bench_of(terminal, &task, recording)?;
+    run(terminal, &bench, &task, recording)
+}
+
+/// What the trial of a session is played with.
+pub fn bench_of(terminal: &Terminal, task: &Task, recording: &Path) -> Result<Bench> {
     let scenario = Scenario::parse(&task.scenario, recording)?;
     let bench = make_bench(scenario, task.combos, task.seed, terminal.quiet || terminal.json)?;
     if task.combination >= bench.plans.plans.len() {
@@ -27,7 +33,7 @@ pub fn command(terminal: &Terminal, recording: &Path) -> Result<Option<String>> 
             bench.plans.plans.len() - 1
         );
     }
-    run(terminal, &bench, &task, recording)
+    Ok(bench)
 }
 
 /// `--against`: two sessions, observation by observation and command by command; the shortfall is the first bit that differs.
@@ -52,7 +58,7 @@ pub fn against(terminal: &Terminal, recording: &Path, other: &Path) -> Result<Op
 }
 
 /// What the file says of itself.
-fn task(path: &Path) -> Result<Task> {
+pub fn task(path: &Path) -> Result<Task> {
     let reader = Reader::open(path)?;
     serde_json::from_slice(&reader.session().task).with_context(|| {
         format!(
@@ -102,9 +108,15 @@ fn run(terminal: &Terminal, bench: &Bench, task: &Task, path: &Path) -> Result<O
             _ => {}
         }
     }
+    let program = Reader::open(path)?.session().program.clone();
+    let this = concat!("ftac ", env!("CARGO_PKG_VERSION"));
+    let other = if program == this { String::new() } else { format!(" (recorded by {program}, this is {this})") };
     Ok(match (divergence, same) {
-        (Some(divergence), _) => Some(divergence.to_string()),
-        (None, Some(false)) => Some("the decisions differ from the recorded ones".to_owned()),
+        (Some(divergence), _) => Some(format!("{divergence}{other}")),
+        (None, _) if progress.commands == 0 => {
+            Some("the recording ends before its first command: nothing was compared".to_owned())
+        }
+        (None, Some(false)) => Some(format!("the decisions differ from the recorded ones{other}")),
         _ => None,
     })
 }

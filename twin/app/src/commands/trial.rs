@@ -6,7 +6,6 @@ use anyhow::{Context, Result, bail};
 use bench::body::Task;
 use bench::builtin::make_bench;
 use bench::recording::Recording;
-use bench::trial::NoWatcher;
 use clap::{Args, ValueEnum};
 use scenarios::Scenario;
 use scenarios::record::Condition;
@@ -42,7 +41,7 @@ pub struct TrialArgs {
     /// Where tactile images are rendered.
     #[arg(long, value_enum, default_value_t = TactileBackend::Cpu)]
     pub tactile: TactileBackend,
-    /// Recording file; default: recordings/combination_N_trial_K_POLICY.rrd.
+    /// Recording file for the viewer; default: recordings/combination_N_trial_K_POLICY.rrd. Of hardware it shows what is measured and believed.
     #[arg(long)]
     pub out: Option<PathBuf>,
 }
@@ -74,7 +73,7 @@ impl Policy {
 
 /// Plays one trial and records it.
 pub fn trial(terminal: &Terminal, args: &TrialArgs) -> Outcome {
-    check_body(args.robot, args.config.as_deref())?;
+    check_body(args.robot, args.config.as_deref(), &[args.policy.condition()])?;
     let scenario = Scenario::benchmark();
     let combos = (args.combination + 1).min(60);
     let mut bench = make_bench(scenario, combos, terminal.seed, terminal.quiet || terminal.json)?;
@@ -90,18 +89,10 @@ pub fn trial(terminal: &Terminal, args: &TrialArgs) -> Outcome {
         combination: args.combination,
         trial: args.trial,
         condition,
-        watched: args.robot != Body::Hardware,
+        watched: true,
         combos,
         scenario: scenarios::scenario::BENCHMARK.to_owned(),
     };
-    if args.robot == Body::Hardware {
-        let record = match place {
-            Some(mut place) => bench.play(&task, place.as_mut(), &mut NoWatcher)?.record,
-            None => bail!("--robot hardware: found no robot"),
-        };
-        tell_trial(terminal, &record)?;
-        return Ok(failure(&record));
-    }
     let file = args.out.clone().unwrap_or_else(|| {
         PathBuf::from(format!("recordings/combination_{}_trial_{}_{}.rrd", args.combination, args.trial, condition))
     });
@@ -112,15 +103,20 @@ pub fn trial(terminal: &Terminal, args: &TrialArgs) -> Outcome {
     if args.live {
         targets.push(stream::Target::Spawn);
     }
-    let mut recording = Recording::open(&targets, &bench, &task)?;
-    let record = match (place, condition) {
-        (Some(mut place), _) => bench.play(&task, place.as_mut(), &mut recording)?.record,
-        (None, scenarios::Condition::Ideal) => bench.ideal(args.combination, &mut recording)?.record,
-        (None, condition) => {
-            bench.trial(args.combination, args.trial, &[condition], &[], &mut recording)?.records.remove(0)
+    let mut recording = Recording::open(&targets, &bench, &task, args.robot.began())?;
+    let played = match (place, condition) {
+        (Some(mut place), _) => bench.play(&task, place.as_mut(), &mut recording).map(|outcome| outcome.record),
+        (None, scenarios::Condition::Ideal) => {
+            bench.ideal(args.combination, &mut recording).map(|outcome| outcome.record)
         }
+        (None, condition) => bench
+            .trial(args.combination, args.trial, &[condition], &[], &mut recording)
+            .map(|mut results| results.records.remove(0)),
     };
-    recording.finish()?;
+    // Of a trial that was stopped, what was seen until then.
+    let finished = recording.finish();
+    let record = played?;
+    finished?;
     tell_trial(terminal, &record)?;
     if !terminal.json {
         println!("recorded in {0}; see it with `ftac view {0}`", file.display());

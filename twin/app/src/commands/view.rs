@@ -1,14 +1,59 @@
 //! `ftac view`.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
-use crate::terminal::Outcome;
+use anyhow::{Context as _, Result};
+use stream::StreamError;
+use stream::viewer;
 
-/// Opens a recording, or a folder's recordings, in the Rerun viewer.
-pub fn run(path: &Path) -> Outcome {
-    // A benchmark's recordings lie in a folder of their own within its results.
-    let inside = path.join("recordings");
-    let opened = stream::viewer::open(if inside.is_dir() { &inside } else { path })?;
-    eprintln!("opened {} recording(s)", opened.len());
-    Ok(None)
+use super::export;
+use crate::terminal::{Outcome, Terminal};
+
+/// Opens a recording or a session, or a folder's recordings, in the Rerun viewer; where a folder has none, its sessions.
+pub fn run(terminal: &Terminal, path: &Path) -> Outcome {
+    let program = viewer::find_viewer().ok_or(StreamError::NoViewer)?;
+    // A benchmark's recordings and sessions lie in folders of their own within its results.
+    let inside = |name: &str| Some(path.join(name)).filter(|folder| folder.is_dir()).unwrap_or_else(|| path.to_owned());
+    let (recordings, sessions) = (inside("recordings"), inside("sessions"));
+    let mut shortfall = None;
+    let files = if path.extension().is_some_and(|extension| extension == "mcap") {
+        vec![drawn(terminal, path, &mut shortfall)?]
+    } else {
+        match viewer::recordings(&recordings) {
+            Ok(files) => files,
+            Err(error) => {
+                let sessions = in_folder(&sessions).unwrap_or_default();
+                if sessions.is_empty() {
+                    return Err(error.into());
+                }
+                sessions.iter().map(|session| drawn(terminal, session, &mut shortfall)).collect::<Result<_>>()?
+            }
+        }
+    };
+    viewer::open(&program, &files)?;
+    eprintln!("opened {} recording(s)", files.len());
+    Ok(shortfall)
+}
+
+/// The recording beside a session, made now unless it is there and newer.
+fn drawn(terminal: &Terminal, session: &Path, shortfall: &mut Option<String>) -> Result<PathBuf> {
+    let out = session.with_extension("rrd");
+    let changed = |path: &Path| path.metadata().and_then(|found| found.modified());
+    let recorded = changed(session).with_context(|| session.display().to_string())?;
+    if changed(&out).is_ok_and(|drawn| drawn > recorded) {
+        return Ok(out);
+    }
+    let (_, left) = export::rrd(terminal, session, &out)?;
+    *shortfall = shortfall.take().or(left);
+    Ok(out)
+}
+
+/// Sessions in a folder, by name.
+fn in_folder(folder: &Path) -> std::io::Result<Vec<PathBuf>> {
+    let mut files: Vec<PathBuf> = std::fs::read_dir(folder)?
+        .filter_map(|entry| Some(entry.ok()?.path()))
+        .filter(|file| file.extension().is_some_and(|extension| extension == "mcap"))
+        .collect();
+    files.sort();
+    Ok(files)
 }

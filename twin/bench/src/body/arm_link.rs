@@ -1,25 +1,60 @@
 //! The client of the arm that a configuration names.
 
+use std::io::ErrorKind;
+use std::net::ToSocketAddrs as _;
 use std::time::Duration;
 
 use anyhow::{Context as _, Result};
 use hand_model::ARM_JOINTS;
 use hardware_bridge::arm_link::{ArmLink, LoopbackArm};
+use hardware_bridge::config::secrets::Password;
 use hardware_bridge::config::{ArmConfig, BridgeConfig};
 use hardware_bridge::kortex_link::KortexLink;
-use kortex::{Address, Credentials, Timeouts};
+use kortex::link::LinkError;
+use kortex::refusal::Reason;
+use kortex::{Address, Credentials, KortexError, Timeouts};
 
 /// The client of the configured arm, connected. `near` is the posture it is expected in, rad.
 pub fn arm_link(config: &BridgeConfig, near: [f64; ARM_JOINTS]) -> Result<Box<dyn ArmLink>> {
-    match &config.arm {
-        ArmConfig::Loopback => Ok(Box::new(LoopbackArm::at(near))),
-        ArmConfig::Kortex { host, tcp_port, udp_port, user, password } => {
-            let address = Address { tcp: (*host, *tcp_port).into(), udp: (*host, *udp_port).into() };
-            let credentials = Credentials { user: user.clone(), password: password.clone() };
-            let arm = kortex::Arm::connect(address, &credentials, Timeouts::default(), near)
-                .with_context(|| format!("arm at {host}"))?;
+    Ok(match connect(config, near)? {
+        None => Box::new(LoopbackArm::at(near)),
+        Some(arm) => {
             let tick = Duration::from_secs_f64(1.0 / config.servos.rate);
-            Ok(Box::new(KortexLink::new(arm, tick, Duration::from_secs_f64(config.limits.arm_watchdog))))
+            Box::new(KortexLink::new(arm, tick, Duration::from_secs_f64(config.limits.arm_watchdog)))
         }
+    })
+}
+
+/// The configured arm itself, if there is one.
+pub fn connect(config: &BridgeConfig, near: [f64; ARM_JOINTS]) -> Result<Option<kortex::Arm>> {
+    let ArmConfig::Kortex { host, tcp_port, udp_port, user, password, .. } = &config.arm else { return Ok(None) };
+    let resolved = |port: u16| {
+        let mut found = (host.as_str(), port).to_socket_addrs().with_context(|| format!("arm at {host}"))?;
+        found.next().with_context(|| format!("arm at {host}: the name has no address"))
+    };
+    let address = Address { tcp: resolved(*tcp_port)?, udp: resolved(*udp_port)? };
+    let password = password.as_ref().map(Password::reveal).unwrap_or_default().to_owned();
+    let credentials = Credentials { user: user.clone(), password };
+    let arm = kortex::Arm::connect(address, &credentials, Timeouts::default(), near)
+        .map_err(|error| anyhow::anyhow!("arm at {host}, port {tcp_port}: {error}; {}", advice(&error)))?;
+    Ok(Some(arm))
+}
+
+/// What to do about an arm that cannot be connected.
+fn advice(error: &KortexError) -> &'static str {
+    match error {
+        KortexError::Link(LinkError::Io(error)) if error.kind() == ErrorKind::ConnectionRefused => {
+            "something answers at this address, but no arm at this port: check address and port, and whether the arm has started"
+        }
+        KortexError::Link(_) | KortexError::Timeout { .. } | KortexError::Silent { .. } => {
+            "check the network cable, the address and the arm's supply"
+        }
+        KortexError::Refused { refusal, .. } => match refusal.reason {
+            Reason::Login => "check `user` and the password",
+            Reason::NotInControl => "end the other client: the arm's web page, or another program",
+            Reason::NotReady => "wait until it has started",
+            _ => "see the arm's web page",
+        },
+        _ => "see the arm's web page",
     }
 }

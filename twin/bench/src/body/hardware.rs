@@ -1,6 +1,5 @@
 //! The real robot: what it needs of its operator, before, during and after a trial.
 
-use std::io::Write as _;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -9,8 +8,10 @@ use anyhow::{Context as _, Result, bail};
 use hand_model::robot::{Command, Robot, ServoGoal};
 use hand_model::{ACTUATORS, ARM_JOINTS, Arm};
 use hardware_bridge::config::BridgeConfig;
+use hardware_bridge::config::secrets::without_secrets;
 use hardware_bridge::hardware_robot::HardwareRobot;
-use hardware_bridge::safety::state::State;
+use hardware_bridge::real_time::PERMIT;
+use hardware_bridge::safety::state::{Cause, State};
 use nalgebra::Isometry3;
 use scenarios::referee::{FailureCause, Verdict};
 use session_log::{Packet, Session, Tap};
@@ -18,7 +19,9 @@ use sim::SimulatedRobot;
 use sim::robot::Truth;
 
 use super::arm_link::arm_link;
+use super::disk::room_for_session;
 use super::emulated::session_file;
+use super::operator::{Interrupt, ask, ask_unless};
 use super::{BodySource, Glance, Task, TrialBody, TrialSetup};
 
 /// Waited for the first measurements to pass the checks.
@@ -27,6 +30,8 @@ const PATIENCE: Duration = Duration::from_secs(5);
 const SPEED: f64 = 0.3;
 /// Longest wait for an operator who was asked something, s; after that the robot holds.
 const OPERATOR: f64 = 600.0;
+/// A program that stood still so recently may be to blame for what came then.
+const RECENTLY: Duration = Duration::from_secs(5);
 /// How close to it is there, rad.
 const THERE: f64 = 0.01;
 
@@ -37,6 +42,45 @@ pub struct Hardware {
     names: [String; 2],
     /// Longest time to think, s.
     pause: f64,
+    /// From torque on to the end.
+    interrupt: Interrupt,
+}
+
+impl Hardware {
+    /// What the operator answers in mid-trial, while the robot stands still.
+    fn ask(&mut self, question: &str) -> Result<String> {
+        self.robot.pause(OPERATOR);
+        match ask_unless(question, Some(&self.interrupt))? {
+            Some(answer) => Ok(answer),
+            None => bail!(super::Stopped(self.stopped().unwrap_or_default())),
+        }
+    }
+
+    /// Asks until the answer is yes or no.
+    fn yes(&mut self, question: &str) -> Result<bool> {
+        loop {
+            match self.ask(question)?.as_str() {
+                "yes" | "y" => return Ok(true),
+                "no" | "n" => return Ok(false),
+                _ => {}
+            }
+        }
+    }
+
+    /// What went wrong, by number.
+    fn why_not(&mut self) -> Result<FailureCause> {
+        use FailureCause::{
+            BothDropped, FirstDropped, FirstNotPicked, SecondDropped, SecondNotPicked, Slipped, Unreachable,
+        };
+        let causes = [FirstNotPicked, FirstDropped, SecondNotPicked, SecondDropped, BothDropped, Slipped, Unreachable];
+        let list: Vec<String> = (1..).zip(&causes).map(|(n, cause)| format!("{n} {cause}")).collect();
+        loop {
+            let answer = self.ask(&format!("Why not? [{}]", list.join(", ")))?;
+            if let Some(cause) = answer.parse::<usize>().ok().and_then(|n| causes.get(n.wrapping_sub(1))) {
+                return Ok(*cause);
+            }
+        }
+    }
 }
 
 impl TrialBody for Hardware {
@@ -56,16 +100,20 @@ impl TrialBody for Hardware {
     fn look(&mut self, glance: &Glance) -> Result<Option<Isometry3<f64>>> {
         let object = glance.object;
         let place = self.places[object];
-        self.robot.pause(OPERATOR);
         let question = format!(
             "Is {} at {}? Put it there if it can be reached safely, and press Enter.",
             self.names[object],
             shown(&place)
         );
-        ask(&question)?;
+        self.ask(&question)?;
         // With the answer the controller goes on thinking.
         self.pause();
         Ok(Some(place))
+    }
+
+    fn hold(&mut self) {
+        // A robot that cannot hold says why by its state.
+        let _ = self.robot.hold();
     }
 
     fn pause(&mut self) {
@@ -73,23 +121,54 @@ impl TrialBody for Hardware {
     }
 
     fn stopped(&self) -> Option<String> {
-        match self.robot.state() {
-            State::Running | State::Armed => None,
-            state => Some(state.to_string()),
+        if self.interrupt.happened() && matches!(self.robot.state(), State::Running | State::Armed) {
+            // A robot that cannot hold says why by its state.
+            let _ = self.robot.hold();
         }
+        let state = self.robot.state();
+        if matches!(state, State::Running | State::Armed) {
+            return None;
+        }
+        let report = self.robot.report();
+        let own_words = match (state, report.arm_error) {
+            (State::Fault(Cause::ArmFault(_)), Some(words)) => format!(" ({words})"),
+            _ => String::new(),
+        };
+        let frozen = match (state, report.frozen) {
+            (State::Hold(Cause::Frozen(_)) | State::Fault(Cause::Frozen(_)), _) => String::new(),
+            (_, Some((at, gap))) if at.elapsed() < RECENTLY => format!(
+                "; before that this program stood still for {:.0} ms: was it stopped, or the computer suspended or overloaded?",
+                1e3 * gap
+            ),
+            _ => String::new(),
+        };
+        Some(format!("{state}{own_words}{frozen}"))
     }
 
     fn judge(&mut self) -> Result<Option<Verdict>> {
-        self.robot.pause(OPERATOR);
-        let contact = yes(
+        let contact = self.yes(
             "Did the held object, the fingers that hold it, or the palm touch the second one before it was grasped? [yes/no]",
         )?;
-        let success = yes("Were both objects in the hand to the end? [yes/no]")?;
+        let success = self.yes("Were both objects in the hand to the end? [yes/no]")?;
         let cause = match success {
             true => None,
-            false => Some(why_not()?),
+            false => Some(self.why_not()?),
         };
         Ok(Some(Verdict { contact, first_contact: None, success, cause }))
+    }
+
+    fn statistics(&self) -> Option<serde_json::Value> {
+        let report = self.robot.report();
+        let ms = |seconds: f64| 1e3 * seconds;
+        Some(serde_json::json!({
+            "cycles": report.cycles,
+            "late_cycles": report.late,
+            "longest_silence_ms": ms(report.longest_silence),
+            "last_standstill_ms": report.frozen.map(|(_, gap)| ms(gap)),
+            "not_run_ahead": report.behind,
+            "missing_answers": report.bus.missing,
+            "round_trip_ms": {"p50": report.bus.round_trip(0.5).map(ms), "p99": report.bus.round_trip(0.99).map(ms)},
+        }))
     }
 
     /// The hand opens only when somebody says so.
@@ -139,8 +218,8 @@ impl HardwareSource {
     pub fn new(path: &std::path::Path, arm: Arc<Arm>, ready: [f64; ARM_JOINTS], sessions: PathBuf) -> Result<Self> {
         let config = BridgeConfig::read(path)?;
         let bytes = |path: &std::path::Path| std::fs::read(path).with_context(|| path.display().to_string());
-        let about =
-            Session { configuration: bytes(path)?, calibration: bytes(&config.calibration)?, ..Session::default() };
+        let configuration = without_secrets(&String::from_utf8_lossy(&bytes(path)?)).into_bytes();
+        let about = Session { configuration, calibration: bytes(&config.calibration)?, ..Session::default() };
         Ok(Self { config, about, arm, ready, sessions, packets: None })
     }
 }
@@ -148,6 +227,7 @@ impl HardwareSource {
 impl BodySource for HardwareSource {
     fn open(&mut self, setup: &TrialSetup, _: SimulatedRobot) -> Result<Box<dyn TrialBody>> {
         let Task { combination, trial, condition, .. } = setup.task;
+        room_for_session(&self.sessions)?;
         eprintln!("combination {combination}, trial {trial}, {condition}:");
         for (name, place) in &setup.objects {
             eprintln!("  put {name} at {}", shown(place));
@@ -169,11 +249,23 @@ impl BodySource for HardwareSource {
             tactile.tap(Tap::new("cameras", sender));
         }
         self.packets = Some(receiver);
+        if let Some(why) = robot.report().behind {
+            eprintln!(
+                "warning: the servo cycle does not run ahead of other programs ({why}). On a busy computer devices may stop in mid-trial. To permit it:"
+            );
+            PERMIT.iter().for_each(|command| eprintln!("  {command}"));
+            eprintln!("then log in again.");
+        }
+        let interrupt = Interrupt::catch()?;
         robot.arm()?;
         let names = setup.objects.map(|(name, _)| name.to_owned());
         let pause = self.config.limits.pause;
-        let mut hardware = Hardware { robot, places: setup.objects.map(|(_, place)| place), names, pause };
-        go_to(&mut hardware, &self.ready)?;
+        let places = setup.objects.map(|(_, place)| place);
+        let mut hardware = Hardware { robot, places, names, pause, interrupt };
+        if let Err(error) = go_to(&mut hardware, &self.ready) {
+            hardware.leave(Some(&format!("{error:#}")))?;
+            return Err(error);
+        }
         Ok(Box::new(hardware))
     }
 
@@ -225,41 +317,4 @@ fn go_to(hardware: &mut Hardware, posture: &[f64; ARM_JOINTS]) -> Result<()> {
 fn shown(place: &Isometry3<f64>) -> String {
     let t = place.translation.vector;
     format!("x {:.3}, y {:.3}, z {:.3} m", t.x, t.y, t.z)
-}
-
-/// What the operator answers, in the terminal.
-fn ask(question: &str) -> Result<String> {
-    eprint!("{question} ");
-    std::io::stderr().flush()?;
-    let mut line = String::new();
-    if std::io::stdin().read_line(&mut line)? == 0 {
-        bail!("the operator is gone: found the end of the input, expected an answer");
-    }
-    Ok(line.trim().to_owned())
-}
-
-/// What went wrong, by number.
-fn why_not() -> Result<FailureCause> {
-    use FailureCause::{
-        BothDropped, FirstDropped, FirstNotPicked, SecondDropped, SecondNotPicked, Slipped, Unreachable,
-    };
-    let causes = [FirstNotPicked, FirstDropped, SecondNotPicked, SecondDropped, BothDropped, Slipped, Unreachable];
-    let list: Vec<String> = (1..).zip(&causes).map(|(n, cause)| format!("{n} {cause}")).collect();
-    loop {
-        let answer = ask(&format!("Why not? [{}]", list.join(", ")))?;
-        if let Some(cause) = answer.parse::<usize>().ok().and_then(|n| causes.get(n.wrapping_sub(1))) {
-            return Ok(*cause);
-        }
-    }
-}
-
-/// Asks until the answer is one.
-fn yes(question: &str) -> Result<bool> {
-    loop {
-        match ask(question)?.as_str() {
-            "yes" | "y" => return Ok(true),
-            "no" | "n" => return Ok(false),
-            _ => {}
-        }
-    }
 }

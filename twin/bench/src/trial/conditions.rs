@@ -34,6 +34,11 @@ impl Means {
         Some(Self { sensing, recovery: Recovery::FULL, explores: true })
     }
 
+    /// Whether these include tactile images.
+    pub fn see_images(self) -> bool {
+        self.sensing != Sensing::ServosOnly
+    }
+
     /// Whether a trial with these may begin with anything but the planned first grasp.
     pub fn begin_otherwise(self) -> bool {
         self.explores

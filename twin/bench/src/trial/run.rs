@@ -116,11 +116,14 @@ impl Run {
             let activity = if command.capture { Activity::Images } else { Activity::Physics };
             profile.on(activity, || robot.wait_for_tick());
             profile.on(Activity::Referee, || {
-                let Some(truth) = robot.truth() else { return Ok(()) };
-                referee.see(&scene(&truth, executive.phase(), holding));
-                disturber.see(&truth);
-                history.see(&truth);
-                watcher.see(&Moment { truth: &truth, executive, felt, condition, note: note.as_deref() })
+                let truth = robot.truth();
+                if let Some(truth) = &truth {
+                    referee.see(&scene(truth, executive.phase(), holding));
+                    disturber.see(truth);
+                    history.see(truth);
+                }
+                let (time, note) = (robot.time(), note.as_deref());
+                watcher.see(&Moment { time, truth: truth.as_ref(), executive, felt, condition, note })
             })?;
             // The last tick of a recording may also be the last of a trial.
             if let Some(why) = robot.stopped().filter(|_| executive.phase() < Phase::Done) {
@@ -146,8 +149,9 @@ impl Run {
         if !watcher.active() {
             return Ok(());
         }
-        let Some(truth) = robot.truth() else { return Ok(()) };
-        watcher.see(&Moment { truth: &truth, executive, felt, condition: Some(condition), note: Some(note) })
+        let (time, truth) = (robot.time(), robot.truth());
+        let condition = Some(condition);
+        watcher.see(&Moment { time, truth: truth.as_ref(), executive, felt, condition, note: Some(note) })
     }
 
     /// What is truly in the hand, as an estimate to inject.

@@ -20,6 +20,7 @@ use scenarios::sight::Sight;
 use sim::tactile::Drift;
 use touch::TouchPipeline;
 
+use super::conditions::Means;
 use super::disturbance::{Disturber, resized};
 use super::eyes::{History, Looks};
 use super::run::Run;
@@ -29,6 +30,8 @@ use crate::body::{Body, BodySource, Task, TrialSetup};
 
 /// How often a watched trial takes tactile images, s.
 const WATCH_PERIOD: f64 = 0.2;
+/// The same with a real body, s: its sessions keep every pixel, 3.1 MB a look.
+const REAL_WATCH_PERIOD: f64 = 1.0;
 /// A period that no trial outlasts: one look at the untouched pads, s.
 const ONCE: f64 = 1e6;
 /// Time in which the images of a first capture have come, s.
@@ -121,6 +124,7 @@ impl<'a> Setup<'a> {
             pipeline = Some(bench.pipeline.with_backgrounds(board.background_frames())?);
         }
         let watched = source.as_ref().map_or(watched, |(_, task)| task.watched);
+        let period = source.as_ref().filter(|(body, _)| body.is_real()).map_or(WATCH_PERIOD, |_| REAL_WATCH_PERIOD);
         let noise = disturber.first_percepts(&self.noise);
         let start = TrialStart { protocol: world.protocol(), grasps, noise: &noise, arm: world.cell.ready };
         let Snapshot { mut robot, executive } = Snapshot::at_start(world, &start, &real, board)?;
@@ -135,7 +139,7 @@ impl<'a> Setup<'a> {
         };
         let mut snapshot = Snapshot { robot, executive };
         if watched {
-            snapshot.executive.watch_images(WATCH_PERIOD);
+            snapshot.executive.watch_images(period);
         } else if !snapshot.robot.branches() {
             snapshot.executive.watch_images(ONCE);
         }
@@ -161,14 +165,16 @@ impl<'a> Setup<'a> {
         })
     }
 
-    /// Up to the decision. A body that is not simulated shows its untouched pads on the way to the first object.
+    /// Up to the decision. A body that is not simulated shows its untouched pads on the way to the first object, where images will matter.
     pub fn first_grasp(&self, bench: &Bench, source: Source, watcher: &mut dyn Watcher) -> Result<Start> {
+        let condition = source.as_ref().map(|(_, task)| task.condition);
+        let sees = condition.and_then(Means::of).is_some_and(Means::see_images);
         let start = self.begin(bench, source, watcher.active())?;
         finish_on_error(start, |run| {
             let mut own = None;
             if !run.snapshot.robot.branches() {
                 run.play(Phase::GraspFirst, None, None, watcher)?;
-                own = Some(own_backgrounds(run, &bench.pipeline)?);
+                own = sees.then(|| own_backgrounds(run, &bench.pipeline)).transpose()?;
             }
             run.play(Phase::Decide, None, None, watcher)?;
             Ok(own)

@@ -8,8 +8,10 @@ use sim::robot::Truth;
 
 /// What a watcher sees of a tick.
 pub struct Moment<'a> {
-    /// The body's truth.
-    pub truth: &'a Truth,
+    /// Time of the body, s.
+    pub time: f64,
+    /// The body's truth, where somebody knows it.
+    pub truth: Option<&'a Truth>,
     /// The controller.
     pub executive: &'a Executive,
     /// What was felt, once it was.

@@ -6,6 +6,7 @@ use std::time::{Duration, Instant};
 use anyhow::Result;
 use bench::body::arm_link::arm_link;
 use hand_model::{Arm, CAMERAS};
+use hardware_bridge::arm_link::ArmLinkError;
 use hardware_bridge::calibration::HandCalibration;
 use hardware_bridge::cameras::Cameras;
 use hardware_bridge::clock::Clock;
@@ -30,12 +31,12 @@ pub fn run(terminal: &Terminal, config: &BridgeConfig) -> Result<Option<String>>
         Err(error) => findings.push(Finding::new("servo bus", error, "an open port", false)),
     }
     cameras(config, &mut findings);
-    match arm_link(config, Arm::home()).and_then(|mut arm| Ok(arm.read(0.0)?)) {
-        Ok(reading) => {
-            let found = if reading.fault { "a fault" } else { "an answer" };
-            findings.push(Finding::new("arm", found, "no fault", !reading.fault));
-        }
-        Err(error) => findings.push(Finding::new("arm", error, "an answer", false)),
+    match arm_link(config, Arm::home()) {
+        Ok(mut arm) => findings.push(match arm.read(0.0) {
+            Ok(_) => Finding::new("arm", "an answer", "no fault", true),
+            Err(ArmLinkError { trouble, text }) => Finding::new("arm", text, format!("no fault ({trouble})"), false),
+        }),
+        Err(error) => findings.push(Finding::new("arm", format!("{error:#}"), "an answer", false)),
     }
     Ok(tell(terminal, &findings))
 }

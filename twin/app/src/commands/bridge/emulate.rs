@@ -1,8 +1,10 @@
 //! `ftac bridge emulate`: the devices without the hardware, in real time, moved by the simulated robot.
 
 use std::f64::consts::PI;
-use std::io::IsTerminal as _;
-use std::path::PathBuf;
+use std::fs::OpenOptions;
+use std::io::{IsTerminal as _, Write as _};
+use std::os::unix::fs::OpenOptionsExt as _;
+use std::path::{Path, PathBuf};
 use std::str::FromStr;
 use std::sync::mpsc;
 use std::time::{Duration, Instant};
@@ -16,11 +18,12 @@ use hand_model::ACTUATORS;
 use hand_model::robot::Robot;
 use hardware_bridge::calibration::{HandCalibration, ServoCalibration};
 use hardware_bridge::config::{ArmConfig, BridgeConfig, CameraConfig, LimitConfig, ServoConfig};
-use hardware_bridge::emulator::faults::Faults;
+use hardware_bridge::emulator::faults::{Event, Faults};
 use hardware_bridge::emulator::servo::EmulatedServo;
 use hardware_bridge::emulator::spring_hand::SpringHand;
 use hardware_bridge::emulator::{EmulatedHand, EmulatorSettings, Plug};
 use hardware_bridge::xc330;
+use kortex::Credentials;
 use kortex::emulator::{Emulator, EventKind, Injection, Pace, Settings, Status};
 use kortex::safety_bank::FOLLOWING_ERROR;
 
@@ -29,6 +32,9 @@ use crate::terminal::Terminal;
 
 /// Travel of the shafts of [`SpringHand`], rad.
 const TRAVEL: f64 = 4.0;
+/// Who may log in to the emulated arm.
+const USER: &str = "ftac";
+const PASSWORD: &str = "of-the-emulated-arm";
 /// Between two looks at what is due.
 const LOOK: Duration = Duration::from_millis(20);
 
@@ -48,8 +54,8 @@ pub struct EmulateArgs {
     #[arg(long)]
     calibrated: bool,
     /// What goes wrong: CHANCE or WHAT@SECONDS, such as noise=0.1, drop=0.02, overload=3@5, voltage=5.2@3, freeze=7@2, usb=servos@4,
-    /// usb=cameras@4, arm=stop@6 (emergency stop), arm=fault@6, arm=deaf@6, arm=lossy@6. Faults of usb and arm may also be piped in,
-    /// one a line without @SECONDS, and happen at once.
+    /// usb=cameras@4, arm=stop@6 (emergency stop), arm=free@8 (its release), arm=fault@6, arm=deaf@6, arm=lossy@6. What has a time may also be
+    /// piped in, one a line without @SECONDS, and happens at once.
     #[arg(long = "fault")]
     faults: Vec<String>,
     /// One servo as it leaves the factory instead of six provisioned ones, for `bridge provision`.
@@ -74,6 +80,8 @@ const PATIENT_ARM: u64 = 1500;
 enum Mishap {
     Unplugged(Plug),
     Arm(Injection),
+    /// Something that happens to a servo or a camera.
+    Device(Event),
 }
 
 pub fn run(terminal: &Terminal, args: &EmulateArgs) -> Result<Option<String>> {
@@ -96,7 +104,8 @@ pub fn run(terminal: &Terminal, args: &EmulateArgs) -> Result<Option<String>> {
     let arm = match args.springs {
         true => None,
         false => {
-            let usual = Settings { seed: terminal.seed, standstill: STANDS, ..Settings::default() };
+            let credentials = Credentials { user: USER.to_owned(), password: PASSWORD.to_owned() };
+            let usual = Settings { credentials, seed: terminal.seed, standstill: STANDS, ..Settings::default() };
             let cyclic_deadline = if args.patient { PATIENT_ARM } else { usual.cyclic_deadline };
             // A plant held up by a busy machine follows late.
             let following_error = if args.patient { PI } else { usual.following_error };
@@ -133,9 +142,8 @@ fn attend(args: &EmulateArgs, hand: &mut EmulatedHand, arm: Option<&Emulator>, m
     std::thread::spawn(move || {
         let lines = (!std::io::stdin().is_terminal()).then(|| std::io::stdin().lines());
         for line in lines.into_iter().flatten().map_while(Result::ok) {
-            match mishaps(&[format!("{}@0", line.trim())]) {
-                Ok((now, _)) if !now.is_empty() => drop(sender.send(now)),
-                Ok(_) => eprintln!("found `{line}`, expected usb=servos|cameras or arm=stop|fault|deaf|lossy"),
+            match at_once(line.trim()) {
+                Ok(now) => drop(sender.send(now)),
                 Err(error) => eprintln!("{error}"),
             }
         }
@@ -150,6 +158,7 @@ fn attend(args: &EmulateArgs, hand: &mut EmulatedHand, arm: Option<&Emulator>, m
                 (Mishap::Unplugged(plug), _) => hand.unplug(plug),
                 (Mishap::Arm(injection), Some(arm)) => arm.inject(injection),
                 (Mishap::Arm(_), None) => {}
+                (Mishap::Device(event), _) => hand.inject(event),
             }
         }
         if args.until_stopped && stopped(hand, arm) {
@@ -201,6 +210,14 @@ fn tell(terminal: &Terminal, hand: &EmulatedHand, arm: Option<&Status>) {
 /// A fault's text that belongs to servos or cameras.
 type Texts<'a> = Vec<&'a str>;
 
+/// What a line without a time says.
+fn at_once(line: &str) -> Result<Vec<(f64, Mishap)>> {
+    let text = [format!("{line}@0")];
+    let (mut now, rest) = mishaps(&text)?;
+    now.extend(Faults::parse(rest)?.events.into_iter().map(|(at, event)| (at, Mishap::Device(event))));
+    Ok(now)
+}
+
 /// Takes out what is not the servos' or the cameras'.
 fn mishaps(texts: &[String]) -> Result<(Vec<(f64, Mishap)>, Texts<'_>)> {
     let (mut mishaps, mut rest) = (Vec::new(), Vec::new());
@@ -215,6 +232,7 @@ fn mishaps(texts: &[String]) -> Result<(Vec<(f64, Mishap)>, Texts<'_>)> {
                 ("usb", "servos") => Mishap::Unplugged(Plug::Servos),
                 ("usb", "cameras") => Mishap::Unplugged(Plug::Cameras),
                 ("arm", "stop") => Mishap::Arm(Injection::EmergencyStop(true)),
+                ("arm", "free") => Mishap::Arm(Injection::EmergencyStop(false)),
                 ("arm", "fault") => Mishap::Arm(Injection::JointFault { joint: 2, bits: FOLLOWING_ERROR }),
                 ("arm", "deaf") => Mishap::Arm(Injection::Deaf(true)),
                 ("arm", "lossy") => Mishap::Arm(Injection::LoseReplies(0.3)),
@@ -225,7 +243,9 @@ fn mishaps(texts: &[String]) -> Result<(Vec<(f64, Mishap)>, Texts<'_>)> {
         match parsed {
             Some(mishap) => mishaps.push(mishap),
             None => {
-                bail!("fault: found `{text}`, expected usb=servos|cameras@SECONDS or arm=stop|fault|deaf|lossy@SECONDS")
+                bail!(
+                    "fault: found `{text}`, expected usb=servos|cameras@SECONDS or arm=stop|free|fault|deaf|lossy@SECONDS"
+                )
             }
         }
     }
@@ -258,6 +278,15 @@ fn limits(patient: bool) -> LimitConfig {
     }
 }
 
+/// A file for its owner alone.
+fn write_password(path: &Path, password: &str) -> Result<()> {
+    // An older one may be open to others: its permissions would stay.
+    let _ = std::fs::remove_file(path);
+    let mut file =
+        OpenOptions::new().write(true).create_new(true).mode(0o600).open(path).with_context(|| shown(path))?;
+    writeln!(file, "{password}").with_context(|| shown(path))
+}
+
 /// Links to the pseudo-terminals and a configuration that names them.
 fn write_config(args: &EmulateArgs, hand: &EmulatedHand, arm: Option<&Emulator>) -> Result<PathBuf> {
     let folder = std::path::absolute(&args.dir).with_context(|| shown(&args.dir))?;
@@ -267,11 +296,12 @@ fn write_config(args: &EmulateArgs, hand: &EmulatedHand, arm: Option<&Emulator>)
     let arm = match arm.map(Emulator::address) {
         None => ArmConfig::Loopback,
         Some(address) => ArmConfig::Kortex {
-            host: address.tcp.ip(),
+            host: address.tcp.ip().to_string(),
             tcp_port: address.tcp.port(),
             udp_port: address.udp.port(),
-            user: "admin".to_owned(),
-            password: "admin".to_owned(),
+            user: USER.to_owned(),
+            password: None,
+            password_file: Some("arm-password".into()),
         },
     };
     let config = BridgeConfig {
@@ -291,6 +321,7 @@ fn write_config(args: &EmulateArgs, hand: &EmulatedHand, arm: Option<&Emulator>)
         arm,
         limits: limits(args.patient),
     };
+    write_password(&args.dir.join("arm-password"), PASSWORD)?;
     let path = args.dir.join("bridge.toml");
     std::fs::write(&path, config.to_toml()).with_context(|| shown(&path))?;
     Ok(path)

@@ -5,6 +5,7 @@ use std::time::{Duration, Instant};
 
 use anyhow::{Result, bail};
 use bench::body::arm_link::arm_link;
+use bench::body::operator::agreed;
 use clap::Args;
 use hand_model::robot::{Command, Observation, Robot, ServoGoal};
 use hand_model::{ACTUATORS, Arm, CAMERAS};
@@ -14,7 +15,7 @@ use hardware_bridge::hardware_robot::HardwareRobot;
 use hardware_bridge::safety::state::State;
 use hardware_bridge::servo_cycle::DryLines;
 
-use super::shared::{actuator_names, agreed};
+use super::shared::actuator_names;
 use crate::terminal::Terminal;
 
 /// Waited for the first measurements to pass the checks.

@@ -1,4 +1,4 @@
-//! What the bridge's commands share: the configuration's place, findings, questions to the operator.
+//! What the bridge's commands share: the configuration's place, findings.
 
 use std::path::{Path, PathBuf};
 
@@ -49,14 +49,6 @@ pub fn tell(terminal: &Terminal, findings: &[Finding]) -> Option<String> {
     let first = bad.first()?;
     let more = if bad.len() > 1 { format!(" (and {} more)", bad.len() - 1) } else { String::new() };
     Some(format!("{}: found {}, expected {}{more}", first.what, first.found, first.expected))
-}
-
-/// Whether the operator agrees, asked in the terminal.
-pub fn agreed(question: &str) -> Result<bool> {
-    eprint!("{question} [yes/no] ");
-    let mut line = String::new();
-    std::io::stdin().read_line(&mut line)?;
-    Ok(line.trim() == "yes")
 }
 
 /// How a path is shown.

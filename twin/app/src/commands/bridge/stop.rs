@@ -1,4 +1,4 @@
-//! `ftac bridge stop` and `resume`: a word to the robot that runs in another terminal.
+//! `ftac bridge stop`: a word to the robot that runs in another terminal.
 
 use anyhow::Result;
 use hardware_bridge::config::BridgeConfig;
@@ -29,18 +29,6 @@ pub fn stop(terminal: &Terminal, config: &BridgeConfig, release: bool) -> Result
         Err(error @ RemoteError::Nobody { .. }) => Ok(Some(format!(
             "{error}; servos whose program ended hold, or were stopped by their own watchdogs; --release opens the hand"
         ))),
-        Err(error) => Err(error.into()),
-    }
-}
-
-/// Lets a held robot go on.
-pub fn resume(terminal: &Terminal, config: &BridgeConfig) -> Result<Option<String>> {
-    match remote::ask(&config.stop_socket, Wish::Resume) {
-        Ok(state) => {
-            tell(terminal, &state);
-            Ok(None)
-        }
-        Err(RemoteError::Refused(reason)) => Ok(Some(reason)),
         Err(error) => Err(error.into()),
     }
 }

@@ -89,7 +89,8 @@ fn record(terminal: &Terminal, args: &ShowArgs, name: &str, kinds: &[Kind<'_>], 
     }
     // Who names a file wants the file; who does not wants to see it.
     if args.out.is_none() {
-        stream::viewer::open(&file)?;
+        let program = stream::viewer::find_viewer().ok_or(stream::StreamError::NoViewer)?;
+        stream::viewer::open(&program, &[file])?;
     }
     Ok(())
 }

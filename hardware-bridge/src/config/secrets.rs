@@ -1,0 +1,89 @@
+//! Secrets in a configuration: where they may stand, and how they stay out of recordings and messages.
+
+use std::io;
+use std::os::unix::fs::PermissionsExt as _;
+use std::path::Path;
+
+use serde::Deserialize;
+
+/// The variable of the environment that holds the arm's password, before all files.
+pub const PASSWORD_VARIABLE: &str = "FTAC_ARM_PASSWORD";
+/// What a recording has in its place.
+const REMOVED: &str = "(not recorded)";
+
+/// A password: it is neither printed nor written.
+#[derive(Clone, PartialEq, Eq, Deserialize)]
+#[serde(transparent)]
+pub struct Password(String);
+
+impl Password {
+    pub fn reveal(&self) -> &str {
+        &self.0
+    }
+}
+
+impl From<String> for Password {
+    fn from(text: String) -> Self {
+        Self(text)
+    }
+}
+
+impl std::fmt::Debug for Password {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str("Password")
+    }
+}
+
+/// The permissions of a file that others than its owner may read, such as `644`.
+pub fn readable_by_others(path: &Path) -> io::Result<Option<String>> {
+    let mode = std::fs::metadata(path)?.permissions().mode() & 0o777;
+    Ok((mode & 0o077 != 0).then(|| format!("{mode:o}")))
+}
+
+/// The password in a file of its own, without the end of its line.
+pub fn read_password(path: &Path) -> io::Result<Password> {
+    Ok(Password(std::fs::read_to_string(path)?.trim_end_matches(['\n', '\r']).to_owned()))
+}
+
+/// A configuration's text as a recording may keep it. Comments are lost where there was a password.
+pub fn without_secrets(text: &str) -> String {
+    let Ok(mut table) = text.parse::<toml::Table>() else { return String::new() };
+    let arm = table.get_mut("arm").and_then(toml::Value::as_table_mut);
+    match arm.and_then(|arm| arm.get_mut("password")) {
+        Some(password) => *password = toml::Value::String(REMOVED.to_owned()),
+        None => return text.to_owned(),
+    }
+    table.to_string()
+}
+
+/// What a parser found wrong, with the line's number instead of the line: it may hold a password.
+pub fn syntax_message(text: &str, error: &toml::de::Error) -> String {
+    let Some(span) = error.span() else { return error.message().to_owned() };
+    let before = text.get(..span.start).unwrap_or_default();
+    let number = before.matches('\n').count() + 1;
+    let line = text.lines().nth(number - 1).unwrap_or_default();
+    let what = if line.contains("password") { "what follows `password` is no text" } else { error.message() };
+    format!("line {number}: {what}")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_password_stays_out_of_what_is_kept_or_said() {
+        let text = "version = 1 # first\n[arm]\nuser = \"ftac\"\npassword = \"hunter2\"\n";
+        let kept = without_secrets(text);
+        assert!(!kept.contains("hunter2") && kept.contains("user = \"ftac\"") && kept.contains(REMOVED), "{kept}");
+        let without = "version = 1 # first\n[arm]\nuser = \"ftac\"\n";
+        assert_eq!(without_secrets(without), without);
+        let inline = "arm = { user = \"a\", password = 'hunter2' }";
+        assert!(!without_secrets(inline).contains("hunter2"));
+        assert!(!format!("{:?}", Password("hunter2".into())).contains("hunter2"));
+        for wrong in ["[arm]\npassword = hunter2\n", "[arm]\npassword = \"hunter2\n", "a = 1\npassword = 7 hunter2"] {
+            let error = wrong.parse::<toml::Table>().expect_err("no TOML");
+            let message = syntax_message(wrong, &error);
+            assert!(!message.contains("hunter2") && message.starts_with("line 2: "), "{message}");
+        }
+    }
+}

@@ -1,0 +1,80 @@
+//! A serial port for one program at a time, and who that is.
+//!
+//! The device itself is locked (`flock`), which keeps out other runs of this program and ends with its process, however that ends. Other programs are
+//! kept out with TIOCEXCL, except on a pseudo-terminal: there it would outlast a program that is killed.
+
+use std::fs;
+use std::io::{self, ErrorKind};
+use std::os::fd::AsFd;
+use std::os::unix::fs::MetadataExt as _;
+use std::path::Path;
+
+use rustix::fs::{FlockOperation, flock};
+use rustix::termios::ioctl_tiocexcl;
+use serial2::SerialPort;
+
+/// Opens `path` at `baud` for this program alone.
+///
+/// # Errors
+/// The operating system's, and one that names the program that has the port.
+pub fn open(path: &Path, baud: u32) -> io::Result<SerialPort> {
+    let port = SerialPort::open(path, baud).map_err(|error| match error.kind() {
+        ErrorKind::ResourceBusy => taken(path),
+        _ => error,
+    })?;
+    if flock(port.as_fd(), FlockOperation::NonBlockingLockExclusive).is_err() {
+        return Err(taken(path));
+    }
+    let real = fs::canonicalize(path)?;
+    if !real.starts_with("/dev/pts") {
+        ioctl_tiocexcl(port.as_fd())?;
+    }
+    Ok(port)
+}
+
+fn taken(path: &Path) -> io::Error {
+    let owner = owner(path).unwrap_or_else(|| "another program".to_owned());
+    io::Error::new(ErrorKind::ResourceBusy, format!("in use by {owner}"))
+}
+
+/// Who has locked the device, as far as /proc tells.
+fn owner(path: &Path) -> Option<String> {
+    let device = fs::metadata(path).ok()?;
+    let process = locked_by(&fs::read_to_string("/proc/locks").ok()?, device.dev(), device.ino())?;
+    let arguments = fs::read(format!("/proc/{process}/cmdline")).unwrap_or_default();
+    let command: Vec<_> = arguments.split(|byte| *byte == 0).map(String::from_utf8_lossy).collect();
+    Some(format!("process {process}: {}", command.join(" ").trim()))
+}
+
+/// The process that holds a `flock` on an inode, by the lines of /proc/locks (`1: FLOCK  ADVISORY  WRITE 4711 00:18:3 0 EOF`).
+fn locked_by(locks: &str, device: u64, inode: u64) -> Option<u32> {
+    let (major, minor) = (rustix::fs::major(device), rustix::fs::minor(device));
+    let place = format!("{major:02x}:{minor:02x}:{inode}");
+    let line =
+        locks.lines().find(|line| line.contains("FLOCK") && line.split_whitespace().any(|word| word == place))?;
+    line.split_whitespace().nth(4)?.parse().ok()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_owner_is_found_among_others() {
+        let locks = "1: POSIX  ADVISORY  WRITE 12 00:18:3 0 EOF\n2: FLOCK  ADVISORY  WRITE 4711 00:18:3 0 EOF\n";
+        let device = rustix::fs::makedev(0, 0x18);
+        assert_eq!(locked_by(locks, device, 3), Some(4711));
+        assert_eq!(locked_by(locks, device, 4), None);
+    }
+
+    /// A port is opened once; when it is closed, it is free again.
+    #[test]
+    fn one_at_a_time() {
+        let pty = crate::emulator::pty::Pty::open().expect("a pseudo-terminal");
+        let first = open(pty.path(), 57_600).expect("free");
+        let error = open(pty.path(), 57_600).expect_err("taken").to_string();
+        assert!(error.starts_with("in use by process ") && error.contains("hardware_bridge"), "{error}");
+        drop(first);
+        drop(open(pty.path(), 57_600).expect("free again"));
+    }
+}

@@ -1,0 +1,230 @@
+//! What an operator can do and see beside a trial, on emulated devices: faults of the arm told apart and cleared, Ctrl-C, secrets, locks, room on disk.
+
+mod devices;
+
+use std::fs::{self, Permissions};
+use std::io::Write;
+use std::os::unix::fs::PermissionsExt as _;
+use std::path::Path;
+use std::process::{Command, Output, Stdio};
+
+use devices::{Devices, json, text, wait_for_trial};
+use e2e::{ftac, run, stderr};
+use serde_json::Value;
+use tempfile::tempdir;
+
+/// Runs `ftac bridge` with a configuration.
+fn bridge(arguments: &[&str], config: &Path) -> Output {
+    run(&[&["bridge"], arguments, &["--config", text(config), "--json"]].concat())
+}
+
+/// What `bridge doctor` finds of the arm.
+fn arm_row(config: &Path) -> Value {
+    let rows = json(&bridge(&["doctor"], config).stdout)["rows"].clone();
+    rows.as_array().expect("rows").iter().find(|row| row["what"] == "arm").expect("its row").clone()
+}
+
+/// Waits until `doctor` finds the arm so that `there` is true.
+fn arm_until(config: &Path, there: impl Fn(&Value) -> bool) -> Value {
+    std::iter::repeat_with(|| arm_row(config)).take(200).find(there).expect("the arm gets there")
+}
+
+fn replace(config: &Path, from: &str, to: &str) {
+    let before = fs::read_to_string(config).expect("there");
+    assert!(before.contains(from), "{before}");
+    fs::write(config, before.replace(from, to)).expect("written");
+}
+
+/// Each trouble with the arm is called by its name, and cleared only when it is over and somebody says yes.
+#[test]
+fn faults_of_the_arm_are_told_apart_and_cleared() {
+    let folder = tempdir().expect("a folder");
+    let mut devices = Devices::start(folder.path(), &[]);
+    let config = devices.config.clone();
+    assert_eq!(arm_row(&config)["ok"], true);
+
+    // The emergency stop: clearing is refused as long as it is pressed.
+    devices.happen("arm=stop");
+    let row = arm_until(&config, |row| row["ok"] == false);
+    assert!(row["found"].as_str().is_some_and(|found| found.contains("emergency stop")), "{row}");
+    let output = bridge(&["clear-faults", "--yes"], &config);
+    assert_ne!(output.status.code(), Some(0));
+    assert_eq!(arm_row(&config)["ok"], false);
+    devices.happen("arm=free");
+    // Nobody says yes.
+    let mut asked = ftac(&["bridge", "clear-faults", "--config", text(&config)]);
+    let mut asked = asked.stdin(Stdio::piped()).stdout(Stdio::null()).stderr(Stdio::null()).spawn().expect("starts");
+    asked.stdin.take().expect("piped").write_all(b"no\n").expect("answered");
+    assert_eq!(asked.wait().expect("ends").code(), Some(2));
+    assert_eq!(arm_row(&config)["ok"], false);
+    let output = bridge(&["clear-faults", "--yes"], &config);
+    assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+    let cleared = json(&output.stdout);
+    assert!(cleared["before"].as_str().is_some_and(|before| before.contains("emergency")), "{cleared}");
+    assert_eq!(cleared["now"], "none");
+    assert_eq!(arm_row(&config)["ok"], true);
+
+    // A joint's own fault.
+    devices.happen("arm=fault");
+    let row = arm_until(&config, |row| row["ok"] == false);
+    let found = row["found"].as_str().expect("text");
+    assert!(found.contains("joint 2: following error") && !found.contains("emergency"), "{row}");
+    assert_eq!(bridge(&["clear-faults", "--yes"], &config).status.code(), Some(0));
+
+    // A wrong password, which is not repeated.
+    let password = config.with_file_name("arm-password");
+    let right = fs::read(&password).expect("there");
+    fs::write(&password, "hunter2hunter2\n").expect("written");
+    let row = arm_row(&config);
+    assert!(row["found"].as_str().is_some_and(|found| found.contains("wrong user or password")), "{row}");
+    assert!(!row.to_string().contains("hunter2"), "{row}");
+    fs::write(&password, right).expect("written");
+
+    // A port at which nobody listens. (Port 1 of the loopback interface.)
+    let whole = fs::read_to_string(&config).expect("there");
+    let line = whole.lines().find(|line| line.starts_with("tcp_port")).expect("the emulated arm's port").to_owned();
+    replace(&config, &line, "tcp_port = 1");
+    let row = arm_row(&config);
+    assert!(row["found"].as_str().is_some_and(|found| found.contains("no arm at this port")), "{row}");
+}
+
+/// Ctrl-C in mid-trial: the robot holds, the program asks, opens the hand when told so, and ends; the recording is whole.
+#[test]
+fn ctrl_c_ends_in_order() {
+    let folder = tempdir().expect("a folder");
+    let devices = Devices::start(folder.path(), &[]);
+    let sessions = folder.path().join("sessions");
+    let (config, recording) = (text(&devices.config), folder.path().join("trial.rrd"));
+    let arguments = ["trial", "0", "--policy", "blind", "--robot", "hardware", "--config", config];
+    let arguments = [&arguments[..], &["--session", text(&sessions), "--out", text(&recording)]].concat();
+    let mut host =
+        ftac(&arguments).stdin(Stdio::piped()).stdout(Stdio::null()).stderr(Stdio::piped()).spawn().expect("starts");
+    let mut operator = host.stdin.take().expect("piped");
+    operator.write_all(b"\n").expect("go");
+    wait_for_trial(&mut host, &sessions);
+    // A second program is told who has the servos.
+    let second = bridge(&["scan"], &devices.config);
+    assert_eq!(second.status.code(), Some(2));
+    let message = stderr(&second);
+    assert!(message.contains(&format!("in use by process {}", host.id())) && message.contains("trial 0"), "{message}");
+    // And where the stop is, nobody but the owner may knock.
+    let socket = devices.config.with_file_name("stop");
+    assert_eq!(fs::metadata(&socket).expect("open").permissions().mode() & 0o777, 0o600);
+
+    let interrupt = Command::new("kill").args(["-INT", &host.id().to_string()]).status();
+    assert!(interrupt.expect("sent").success());
+    operator.write_all(b"release\n").expect("answered");
+    let output = host.wait_with_output().expect("ends");
+    let message = stderr(&output);
+    assert_eq!(output.status.code(), Some(1), "{message}");
+    assert!(message.contains("STOPPED: hold: the operator stopped it"), "{message}");
+    assert!(!message.contains("left holding"), "{message}");
+    // Torque is off: a released hand can be calibrated, which a held one could be too, but the servos say so themselves.
+    let session = fs::read_dir(&sessions).expect("a folder").next().expect("a file").expect("an entry").path();
+    let replayed = json(&run(&["replay", text(&session), "--json"]).stdout);
+    assert_eq!((&replayed["whole"], &replayed["divergence"]), (&Value::Bool(true), &Value::Null));
+    assert!(recording.exists(), "what was seen until then");
+    // The password is in no recording.
+    let secret = fs::read_to_string(devices.config.with_file_name("arm-password")).expect("there");
+    let bytes = fs::read(&session).expect("readable");
+    assert!(!bytes.windows(secret.trim().len()).any(|window| window == secret.trim().as_bytes()));
+}
+
+/// A file with a password that others may read is refused; nothing that is said holds the password.
+#[test]
+fn passwords_are_for_their_owner_alone() {
+    let folder = tempdir().expect("a folder");
+    let config = folder.path().join("bridge.toml");
+    let toml = "version = 1\ncalibration = \"c.json\"\nstop_socket = \"stop\"\n[servos]\nport = \"/dev/null\"\n\
+                ids = [1, 2, 3, 4, 5, 6]\n[arm]\nkind = \"kortex\"\nhost = \"localhost\"\nuser = \"ftac\"\n";
+    let inline = format!("{toml}password = \"hunter2hunter2\"\n");
+    let doctor = |mode: u32, content: &str| {
+        fs::write(&config, content).expect("written");
+        fs::set_permissions(&config, Permissions::from_mode(mode)).expect("set");
+        let output = ftac(&["bridge", "doctor", "--config", text(&config)])
+            .env_remove("FTAC_ARM_PASSWORD")
+            .output()
+            .expect("runs");
+        let said = format!("{}{}", stderr(&output), String::from_utf8_lossy(&output.stdout));
+        assert!(!said.contains("hunter2"), "{said}");
+        (output.status.code(), said)
+    };
+    let (code, said) = doctor(0o644, &inline);
+    assert!(code == Some(2) && said.contains("mode 644") && said.contains("chmod 600"), "{said}");
+    assert_eq!(doctor(0o600, &inline).0, Some(1), "read, and nothing found at /dev/null");
+    let (code, said) = doctor(0o644, toml);
+    assert!(code == Some(2) && said.contains("password_file") && said.contains("FTAC_ARM_PASSWORD"), "{said}");
+    // Not even where the file is no TOML.
+    let (code, said) = doctor(0o600, &format!("{toml}password = hunter2hunter2\n"));
+    assert!(code == Some(2) && said.contains("line 11"), "{said}");
+    let output = ftac(&["bridge", "doctor", "--config", text(&config)]).env("FTAC_ARM_PASSWORD", "hunter2").output();
+    assert!(!stderr(&output.expect("runs")).contains("hunter2"));
+}
+
+/// Where a session cannot be written, nothing is asked and nothing moves.
+#[test]
+fn a_folder_without_room_is_found_before_the_first_motion() {
+    let folder = tempdir().expect("a folder");
+    let devices = Devices::start(folder.path(), &[]);
+    let file = folder.path().join("file");
+    fs::write(&file, "x").expect("written");
+    let sessions = file.join("sessions");
+    let arguments = ["trial", "0", "--policy", "blind", "--robot", "hardware", "--config", text(&devices.config)];
+    let output = run(&[&arguments[..], &["--session", text(&sessions)]].concat());
+    assert_eq!(output.status.code(), Some(2), "{}", stderr(&output));
+    let message = stderr(&output);
+    assert!(message.contains(text(&sessions)) && !message.contains("The arm will move"), "{message}");
+}
+
+/// A session that ends before its first command is none that is identical.
+#[test]
+fn a_session_without_a_command_is_not_called_identical() {
+    let folder = tempdir().expect("a folder");
+    let (sessions, out) = (folder.path().join("sessions"), folder.path().join("trial.rrd"));
+    let output = run(&["trial", "0", "--policy", "ideal", "--session", text(&sessions), "--out", text(&out)]);
+    assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+    let session = fs::read_dir(&sessions).expect("a folder").next().expect("a file").expect("an entry").path();
+    let bytes = fs::read(&session).expect("readable");
+    // The head is longer than 4 kB and the first chunk of a tick ends later: its first images come with the second.
+    let cut = (1..).map(|n| 1000 * n).find(|cut| {
+        fs::write(&session, &bytes[..*cut]).expect("written");
+        run(&["replay", text(&session), "--json"]).status.code() != Some(2)
+    });
+    let output = run(&["replay", text(&session), "--json"]);
+    assert_eq!(output.status.code(), Some(1), "cut at {cut:?}: {}", stderr(&output));
+    assert!(stderr(&output).contains("nothing was compared"), "{}", stderr(&output));
+    let exported = run(&["export", "rrd", text(&session), "--json"]);
+    assert_eq!(exported.status.code(), Some(2), "{}", stderr(&exported));
+    assert!(!session.with_extension("rrd").exists() && !session.with_extension("partial.rrd").exists());
+}
+
+/// The sheet for the table is in full size: the objects of the benchmark stand 280 mm apart.
+#[test]
+fn objects_are_drawn_where_they_stand() {
+    let folder = tempdir().expect("a folder");
+    let sheet = folder.path().join("sheet.svg");
+    let output = run(&["bridge", "sheet", "0", "--out", text(&sheet), "--json"]);
+    assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+    let objects = json(&output.stdout)["objects"].clone();
+    let place = |n: usize, axis: &str| objects[n][axis].as_f64().expect("a number");
+    let svg = fs::read_to_string(&sheet).expect("drawn");
+    assert!(svg.contains("width=\"420mm\" height=\"297mm\" viewBox=\"0 0 420 297\""), "A3 in millimetres");
+    // The marks of the two centres: `M<left> <y>H...`, 4 mm to the left of each.
+    let centres: Vec<[f64; 2]> = svg
+        .lines()
+        .filter(|line| line.contains("stroke=\"#036\""))
+        .map(|line| {
+            let path = line.split('"').nth(1).expect("its path");
+            let mut numbers = path.split(|c: char| c.is_ascii_uppercase() || c == ' ').filter_map(|n| n.parse().ok());
+            [numbers.next().map(|left: f64| left + 4.0).expect("x"), numbers.next().expect("y")]
+        })
+        .collect();
+    assert_eq!(centres.len(), 2, "{svg}");
+    // The world's y is to the left, its x upwards.
+    let apart = [place(0, "y_m") - place(1, "y_m"), place(0, "x_m") - place(1, "x_m")].map(|metres| 1e3 * metres);
+    assert!((apart[0] - 280.0).abs() < 1.0, "{objects}");
+    assert!((centres[1][0] - centres[0][0] - apart[0]).abs() < 1e-6, "{centres:?}");
+    assert!((centres[1][1] - centres[0][1] - apart[1]).abs() < 1e-6, "{centres:?}");
+    let wrong = run(&["bridge", "sheet", "99", "--out", text(&sheet)]);
+    assert_eq!(wrong.status.code(), Some(2), "{}", stderr(&wrong));
+}

@@ -1,0 +1,64 @@
+//! `ftac bridge clear-faults`: the way out of a fault of the arm.
+
+use std::time::{Duration, Instant};
+
+use anyhow::{Context as _, Result, bail};
+use bench::body::arm_link::connect;
+use bench::body::operator::agreed;
+use clap::Args;
+use hand_model::Arm;
+use hardware_bridge::remote::{self, Wish};
+use kortex::message::ArmState;
+
+use super::shared::ConfigArg;
+use crate::terminal::Terminal;
+
+/// Waited for the arm to report that its faults are gone.
+const PATIENCE: Duration = Duration::from_secs(3);
+
+/// Arguments of `bridge clear-faults`.
+#[derive(Debug, Args)]
+pub struct ClearArgs {
+    #[command(flatten)]
+    config: ConfigArg,
+    /// Do not ask before clearing.
+    #[arg(long)]
+    yes: bool,
+}
+
+pub fn run(terminal: &Terminal, args: &ClearArgs) -> Result<Option<String>> {
+    let config = args.config.read()?;
+    if let Ok(state) = remote::ask(&config.stop_socket, Wish::State) {
+        bail!("a robot is running ({state}); expected none: end its trial first");
+    }
+    let Some(mut arm) = connect(&config, Arm::home())? else { bail!("arm: found kind loopback, expected an arm") };
+    let before = arm.cyclic.feedback()?.faults;
+    let state = arm.base.arm_state()?;
+    if before.is_empty() && state != ArmState::InFault {
+        tell(terminal, "none", "none");
+        return Ok(None);
+    }
+    eprintln!("The arm reports {before}.");
+    let question = "Once its faults are cleared the arm can move again. Is their cause gone, is nobody within its reach, and a hand on its stop?";
+    if !args.yes && !agreed(question)? {
+        bail!("not cleared: the operator did not say yes");
+    }
+    arm.base.clear_faults().context("the arm keeps its faults")?;
+    let begun = Instant::now();
+    let mut left = arm.cyclic.feedback()?.faults;
+    while !left.is_empty() && begun.elapsed() < PATIENCE {
+        std::thread::sleep(Duration::from_millis(50));
+        arm.keep_up()?;
+        left = arm.cyclic.feedback()?.faults;
+    }
+    tell(terminal, &before.to_string(), &left.to_string());
+    Ok((!left.is_empty()).then(|| format!("the arm still reports {left}")))
+}
+
+fn tell(terminal: &Terminal, before: &str, now: &str) {
+    if terminal.json {
+        println!("{}", serde_json::json!({ "before": before, "now": now }));
+    } else {
+        println!("faults before: {before}; now: {now}");
+    }
+}

@@ -1,0 +1,143 @@
+//! `ftac bridge sheet`: where the objects of a combination stand, as a sheet to print in full size and to lay on the table.
+
+use std::path::PathBuf;
+
+use anyhow::{Result, bail};
+use bench::builtin::make_bench;
+use clap::Args;
+use nalgebra::{Isometry3, Point3};
+use scenarios::Scenario;
+use scenarios::noise::TrialNoise;
+use scenarios::objects::ObjectModel;
+
+use super::shared::shown;
+use crate::terminal::Terminal;
+
+/// A3 lying, mm: the long side along the world's y axis.
+const SHEET: [f64; 2] = [420.0, 297.0];
+/// Between two lines of the grid, mm.
+const GRID: f64 = 50.0;
+
+/// Arguments of `bridge sheet`.
+#[derive(Debug, Args)]
+pub struct SheetArgs {
+    /// Number of the combination, from 0.
+    combination: usize,
+    /// The drawing (SVG); default: recordings/sheet_N.svg.
+    #[arg(long)]
+    out: Option<PathBuf>,
+}
+
+pub fn run(terminal: &Terminal, args: &SheetArgs) -> Result<Option<String>> {
+    let bench = make_bench(Scenario::benchmark(), (args.combination + 1).min(60), terminal.seed, true)?;
+    let Some(plan) = bench.plans.plans.get(args.combination) else {
+        bail!("COMBINATION: found {}, expected 0 to {}", args.combination, bench.plans.plans.len() - 1);
+    };
+    let objects = [bench.world.object(&plan.first)?, bench.world.object(&plan.second)?];
+    let places = bench.world.places(&objects, &TrialNoise::none());
+    let out = args.out.clone().unwrap_or_else(|| PathBuf::from(format!("recordings/sheet_{}.svg", args.combination)));
+    let drawing = drawing(args.combination, [(&*objects[0], &places[0]), (&*objects[1], &places[1])]);
+    report::write_whole(&out, drawing.as_bytes())?;
+    if terminal.json {
+        let rows: Vec<_> = objects
+            .iter()
+            .zip(&places)
+            .map(|(object, place)| {
+                let [x, y, z] = place.translation.vector.into();
+                serde_json::json!({"object": object.name, "x_m": x, "y_m": y, "z_m": z, "turn_rad": turn(place)})
+            })
+            .collect();
+        println!("{}", serde_json::json!({"sheet": shown(&out), "objects": rows}));
+    } else {
+        println!(
+            "{}: print it on A3 in full size, check the scale bar, and lay its cross on the table's mark",
+            shown(&out)
+        );
+    }
+    Ok(None)
+}
+
+/// Turn about the vertical, rad.
+fn turn(place: &Isometry3<f64>) -> f64 {
+    place.rotation.euler_angles().2
+}
+
+/// The sheet as seen from above, x upwards and y to the left, 1:1.
+fn drawing(combination: usize, objects: [(&ObjectModel, &Isometry3<f64>); 2]) -> String {
+    // The cross is where a ruler finds it: on whole centimetres.
+    let middle = |axis: usize| {
+        let mean = objects.iter().map(|(_, place)| place.translation.vector[axis]).sum::<f64>() / 2.0;
+        (100.0 * mean).round() / 100.0
+    };
+    let cross = [middle(0), middle(1)];
+    let on_sheet = |point: &Point3<f64>| {
+        [0.5 * SHEET[0] - 1e3 * (point.y - cross[1]), 0.5 * SHEET[1] - 1e3 * (point.x - cross[0])]
+    };
+    let [width, height] = SHEET;
+    let mut svg = format!(
+        "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{width}mm\" height=\"{height}mm\" viewBox=\"0 0 {width} {height}\" \
+         font-family=\"sans-serif\" font-size=\"5\">\n<rect width=\"{width}\" height=\"{height}\" fill=\"white\"/>\n"
+    );
+    let mut put = |text: String| svg.push_str(&text);
+    let [x, y] = [0.5 * width, 0.5 * height];
+    for n in -4..=4 {
+        let at = x + f64::from(n) * GRID;
+        put(format!("<path d=\"M{at} 0V{height}\" stroke=\"#ddd\" stroke-width=\"0.2\"/>\n"));
+        let at = y + f64::from(n) * GRID;
+        put(format!("<path d=\"M0 {at}H{width}\" stroke=\"#ddd\" stroke-width=\"0.2\"/>\n"));
+    }
+    for (n, (object, place)) in objects.iter().enumerate() {
+        let (vertices, triangles, _) = object.shape.triangles();
+        let corners: Vec<[f64; 2]> = vertices.iter().map(|vertex| on_sheet(&(*place * vertex))).collect();
+        let mut outline = String::new();
+        for triangle in &triangles {
+            let [a, b, c] = triangle.map(|corner| corners[corner as usize]);
+            outline += &format!("M{:.2} {:.2}L{:.2} {:.2}L{:.2} {:.2}Z", a[0], a[1], b[0], b[1], c[0], c[1]);
+        }
+        // Every triangle with a border of its own colour: together they are the outline.
+        put(format!(
+            "<path d=\"{outline}\" fill=\"#cfe3f5\" stroke=\"#cfe3f5\" stroke-width=\"0.3\" stroke-linejoin=\"round\"/>\n"
+        ));
+        let [cx, cy] = on_sheet(&Point3::from(place.translation.vector));
+        let front = on_sheet(&(*place * Point3::new(0.03, 0.0, 0.0)));
+        put(format!(
+            "<path d=\"M{} {cy}H{}M{cx} {}V{}\" stroke=\"#036\" stroke-width=\"0.4\"/>\n",
+            cx - 4.0,
+            cx + 4.0,
+            cy - 4.0,
+            cy + 4.0
+        ));
+        put(format!(
+            "<path d=\"M{cx:.2} {cy:.2}L{:.2} {:.2}\" stroke=\"#c30\" stroke-width=\"0.6\"/>\n",
+            front[0], front[1]
+        ));
+        let t = place.translation.vector;
+        put(format!(
+            "<text x=\"{cx:.1}\" y=\"{:.1}\" text-anchor=\"middle\">{}. {}: x {:.3}, y {:.3}, turned {:.0} deg</text>\n",
+            y + 110.0 + 7.0 * n as f64,
+            n + 1,
+            object.name,
+            t.x,
+            t.y,
+            turn(place).to_degrees()
+        ));
+    }
+    put(format!(
+        "<path d=\"M{} {y}H{}M{x} {}V{}\" stroke=\"black\" stroke-width=\"0.4\"/>\n",
+        x - 10.0,
+        x + 10.0,
+        y - 10.0,
+        y + 10.0
+    ));
+    put(format!("<text x=\"{}\" y=\"{}\">cross: x {:.2}, y {:.2} m</text>\n", x + 3.0, y - 3.0, cross[0], cross[1]));
+    put(format!(
+        "<text x=\"{x}\" y=\"8\" text-anchor=\"middle\">combination {combination}, seen from above; away from the arm (x) is up, y is to the left; red: the object's own x axis</text>\n"
+    ));
+    put(format!(
+        "<path d=\"M10 {0}V{1}H110V{0}\" fill=\"none\" stroke=\"black\" stroke-width=\"0.5\"/>\n",
+        height - 14.0,
+        height - 10.0
+    ));
+    put(format!("<text x=\"60\" y=\"{}\" text-anchor=\"middle\">100 mm</text>\n", height - 4.0));
+    svg + "</svg>\n"
+}

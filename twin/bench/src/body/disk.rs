@@ -1,0 +1,45 @@
+//! Room for a session, looked for before anything moves.
+
+use std::path::Path;
+
+use anyhow::{Context as _, Result, bail};
+
+/// What a session may come to, bytes: 10 MB a second were measured with five images a second of each camera, and a trial may last two minutes.
+const SESSION: u64 = 1_500_000_000;
+
+/// Makes the folder and looks whether a session can be written into it.
+pub fn room_for_session(folder: &Path) -> Result<()> {
+    std::fs::create_dir_all(folder).with_context(|| folder.display().to_string())?;
+    // Written and gone again: permissions alone do not tell.
+    tempfile::NamedTempFile::new_in(folder).with_context(|| {
+        format!("{}: found a folder that cannot be written to, expected room for the session", folder.display())
+    })?;
+    let disk = rustix::fs::statvfs(folder).with_context(|| folder.display().to_string())?;
+    let free = disk.f_bavail.saturating_mul(disk.f_frsize);
+    if free < SESSION {
+        bail!(
+            "{}: found {:.2} GB free, expected {:.1} GB or more for the session of a trial",
+            folder.display(),
+            free as f64 / 1e9,
+            SESSION as f64 / 1e9
+        );
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_file_is_no_folder() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let file = folder.path().join("file");
+        std::fs::write(&file, "x").expect("written");
+        assert!(room_for_session(&file.join("sessions")).is_err());
+        let sessions = folder.path().join("a/b");
+        // Whether there is room depends on the disk; the folder is there, and empty, either way.
+        let _ = room_for_session(&sessions);
+        assert_eq!(std::fs::read_dir(&sessions).expect("made").count(), 0);
+    }
+}

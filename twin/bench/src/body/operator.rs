@@ -1,0 +1,100 @@
+//! The operator at the terminal: questions, and Ctrl-C as a wish to end in order.
+
+use std::fs::File;
+use std::io::{self, Read as _, Write as _};
+use std::os::fd::AsFd as _;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, OnceLock};
+
+use anyhow::{Result, bail};
+use rustix::event::{PollFd, PollFlags, Timespec, poll};
+use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
+use signal_hook::flag;
+
+/// Between two looks at whether Ctrl-C was pressed while an answer is awaited.
+const LOOK: Timespec = Timespec { tv_sec: 0, tv_nsec: 50_000_000 };
+
+/// While one is alive, the first Ctrl-C (or SIGTERM, or the end of the terminal) is noted instead of ending the program; the second one ends it.
+pub struct Interrupt {
+    flags: &'static Flags,
+}
+
+struct Flags {
+    happened: Arc<AtomicBool>,
+    /// Whether the next signal ends the program, as it does by default.
+    deadly: Arc<AtomicBool>,
+}
+
+impl Interrupt {
+    /// From now on. There is one operator: a second one at the same time is the same.
+    pub fn catch() -> io::Result<Self> {
+        static FLAGS: OnceLock<Flags> = OnceLock::new();
+        let flags = match FLAGS.get() {
+            Some(flags) => flags,
+            None => {
+                let new = Flags { happened: Arc::default(), deadly: Arc::new(AtomicBool::new(true)) };
+                for signal in [SIGINT, SIGTERM, SIGHUP] {
+                    // In this order: what is deadly is decided before the signal is noted.
+                    flag::register_conditional_default(signal, new.deadly.clone())?;
+                    flag::register(signal, new.deadly.clone())?;
+                    flag::register(signal, new.happened.clone())?;
+                }
+                FLAGS.get_or_init(|| new)
+            }
+        };
+        flags.happened.store(false, Ordering::SeqCst);
+        flags.deadly.store(false, Ordering::SeqCst);
+        Ok(Self { flags })
+    }
+
+    /// Whether the operator wants to end.
+    pub fn happened(&self) -> bool {
+        self.flags.happened.load(Ordering::SeqCst)
+    }
+}
+
+impl Drop for Interrupt {
+    fn drop(&mut self) {
+        self.flags.deadly.store(true, Ordering::SeqCst);
+    }
+}
+
+/// What the operator answers, in the terminal, without the spaces around it; none where `interrupt` came instead.
+pub fn ask_unless(question: &str, interrupt: Option<&Interrupt>) -> Result<Option<String>> {
+    eprint!("{question} ");
+    io::stderr().flush()?;
+    // Unbuffered: whoever asks next, and whoever waits for input, must find what is left.
+    let stdin = io::stdin();
+    let mut input = File::from(stdin.as_fd().try_clone_to_owned()?);
+    let mut line = Vec::new();
+    loop {
+        if interrupt.is_some_and(Interrupt::happened) {
+            eprintln!();
+            return Ok(None);
+        }
+        let ready = poll(&mut [PollFd::new(&input, PollFlags::IN)], Some(&LOOK));
+        match ready {
+            Ok(0) | Err(rustix::io::Errno::INTR) => continue,
+            Ok(_) => {}
+            Err(error) => return Err(io::Error::from(error).into()),
+        }
+        let mut byte = [0];
+        match input.read(&mut byte)? {
+            0 if line.is_empty() => bail!("the operator is gone: found the end of the input, expected an answer"),
+            0 => break,
+            _ if byte == *b"\n" => break,
+            _ => line.extend(byte),
+        }
+    }
+    Ok(Some(String::from_utf8_lossy(&line).trim().to_owned()))
+}
+
+/// What the operator answers; Ctrl-C ends the program unless somebody else catches it.
+pub fn ask(question: &str) -> Result<String> {
+    Ok(ask_unless(question, None)?.unwrap_or_default())
+}
+
+/// Whether the operator says yes, and nothing else.
+pub fn agreed(question: &str) -> Result<bool> {
+    Ok(ask(&format!("{question} [yes/no]"))? == "yes")
+}
