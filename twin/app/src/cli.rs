@@ -2,7 +2,8 @@
 
 use std::path::PathBuf;
 
-use clap::{Parser, Subcommand};
+use clap::{Command as Described, CommandFactory as _, FromArgMatches as _, Parser, Subcommand};
+use clap_complete::Shell;
 
 use crate::commands::arm::ArmCommand;
 use crate::commands::bench::BenchArgs;
@@ -15,7 +16,7 @@ use crate::commands::touch::TouchCommand;
 use crate::commands::transport::TransportArgs;
 use crate::commands::trial::TrialArgs;
 use crate::commands::{
-    arm, bench, bridge, export, grasps, hand, lab_book, optics, replay, study, touch, transport, trial, view,
+    arm, bench, bridge, export, grasps, hand, lab_book, optics, replay, shell, study, touch, transport, trial, view,
 };
 use crate::terminal::{Outcome, Terminal};
 
@@ -97,6 +98,56 @@ pub enum Command {
     /// The real robot's devices, and their emulator.
     #[command(subcommand)]
     Bridge(BridgeCommand),
+    /// Print a script that completes these commands in a shell.
+    Completions {
+        /// The shell.
+        shell: Shell,
+    },
+    /// Write manual pages.
+    Man {
+        /// The folder for them, such as ~/.local/share/man/man1.
+        #[arg(long)]
+        out: PathBuf,
+    },
+}
+
+/// Commands by what people want to do, in the order of `ftac --help`.
+const GROUPS: [(&str, &[&str]); 5] = [
+    ("Run trials", &["bench", "trial", "transport"]),
+    ("Look at results", &["view", "report", "export", "replay"]),
+    ("Study the parts", &["hand", "arm", "grasps", "touch", "optics"]),
+    ("Drive the real robot", &["bridge"]),
+    ("Set up the terminal", &["completions", "man", "help"]),
+];
+
+/// The command line with its help in groups; options take negative numbers.
+pub fn described() -> Described {
+    let command = with_negative_numbers(Cli::command());
+    let mut groups = String::new();
+    for (title, names) in GROUPS {
+        groups += &format!("{title}:\n");
+        for name in names {
+            let about = command.find_subcommand(name).and_then(|found| found.get_about()).map(ToString::to_string);
+            let about = about.unwrap_or_else(|| "Print this message or the help of a command".to_owned());
+            groups += &format!("  {name:<12} {about}\n");
+        }
+        groups.push('\n');
+    }
+    command.help_template(format!("{{about}}\n\n{{usage-heading}} {{usage}}\n\n{groups}Options:\n{{options}}\n"))
+}
+
+/// An option's value may begin with a minus: what is wrong with a negative number the command says itself.
+fn with_negative_numbers(command: Described) -> Described {
+    let command = command.mut_args(|argument| match argument.get_action().takes_values() {
+        true => argument.allow_negative_numbers(true),
+        false => argument,
+    });
+    command.mut_subcommands(with_negative_numbers)
+}
+
+/// What this process was asked for; ends it with a message where that cannot be understood.
+pub fn parse() -> Cli {
+    Cli::from_arg_matches(&described().get_matches()).unwrap_or_else(|error| error.exit())
 }
 
 /// Runs what the command line asks for.
@@ -121,12 +172,14 @@ pub fn run(cli: &Cli) -> Outcome {
         Command::Touch(command) => touch::run(terminal, command),
         Command::Optics(command) => optics::run(terminal, command),
         Command::Bridge(command) => bridge::run(terminal, command),
+        Command::Completions { shell } => shell::completions(*shell),
+        Command::Man { out } => shell::manual(out),
     }
 }
 
 /// Whether `ftac` takes these arguments; the error is the first line of what it says otherwise.
 pub fn parse_arguments(arguments: &[&str]) -> Result<(), String> {
-    match Cli::try_parse_from(std::iter::once("ftac").chain(arguments.iter().copied())) {
+    match described().try_get_matches_from(std::iter::once("ftac").chain(arguments.iter().copied())) {
         Ok(_) => Ok(()),
         Err(error) => Err(error.to_string().lines().next().unwrap_or_default().to_owned()),
     }

@@ -1,6 +1,7 @@
 //! `ftac`: the program people run. Commands, sessions, results, reports.
 //!
-//! Exit codes: 0 done and good, 1 ran but the result falls short (named on stderr), 2 bad usage or bad input.
+//! Exit codes: 0 done and good, 1 ran but the result falls short (named on stderr), 2 bad usage or bad input, 130 interrupted with Ctrl-C:
+//! what is finished is kept.
 
 mod cli;
 mod commands;
@@ -8,10 +9,8 @@ mod terminal;
 
 use std::process::ExitCode;
 
-use clap::Parser;
-
 fn main() -> ExitCode {
-    let cli = cli::Cli::parse();
+    let cli = cli::parse();
     match cli::run(&cli) {
         Ok(None) => ExitCode::SUCCESS,
         Ok(Some(shortfall)) => {
@@ -22,6 +21,10 @@ fn main() -> ExitCode {
         Err(error) if error.chain().any(|cause| cause.is::<bench::body::Stopped>()) => {
             eprintln!("ftac: falls short: {error:#}");
             ExitCode::from(1)
+        }
+        Err(error) if error.chain().any(|cause| cause.is::<bench::run::Interrupted>()) => {
+            eprintln!("ftac: {error:#}");
+            ExitCode::from(130)
         }
         Err(error) => {
             eprintln!("ftac: {error:#}");

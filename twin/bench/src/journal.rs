@@ -2,7 +2,7 @@
 //! killed at any moment loses at most the unit in flight.
 
 use std::collections::BTreeMap;
-use std::fs::{File, OpenOptions};
+use std::fs::{File, OpenOptions, TryLockError};
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
@@ -12,6 +12,7 @@ use scenarios::record::{AblatedTrial, Condition, TrialRecord};
 use scenarios::tries::TryRecord;
 use scenarios::{Ablation, Scenario};
 use serde::{Deserialize, Serialize};
+use sha2::{Digest as _, Sha256};
 
 use crate::body::Task;
 
@@ -66,6 +67,12 @@ impl RunRequest {
         }
     }
 
+    /// Tells runs apart: the first half of the SHA-256 of what was asked for, hexadecimal.
+    pub fn digest(&self) -> Result<String> {
+        let digest = Sha256::digest(serde_json::to_vec(self)?);
+        Ok(digest.iter().take(16).map(|byte| format!("{byte:02x}")).collect())
+    }
+
     /// The scenario that is run.
     pub fn scenario(&self) -> Result<Scenario> {
         let mut scenario = Scenario::parse(&self.scenario, Path::new("run.json"))?;
@@ -95,6 +102,9 @@ pub struct Unit {
 /// Records of a finished unit.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct Entry {
+    /// [`RunRequest::digest`] of the run that it belongs to; none in journals of older programs.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub run: Option<String>,
     /// Which unit.
     pub unit: Unit,
     pub records: Vec<TrialRecord>,
@@ -111,12 +121,26 @@ pub struct Entry {
 /// An open journal.
 pub struct Journal {
     file: File,
+    /// The folder, locked: one run writes into it at a time.
+    _lock: File,
+    /// [`RunRequest::digest`].
+    run: String,
     /// Units finished so far.
     pub done: BTreeMap<Unit, Entry>,
 }
 
 fn path(folder: &Path) -> PathBuf {
     folder.join("journal.jsonl")
+}
+
+/// The folder, locked against another run for as long as it is open.
+fn lock(folder: &Path) -> Result<File> {
+    let file = File::open(folder).with_context(|| folder.display().to_string())?;
+    match file.try_lock() {
+        Ok(()) => Ok(file),
+        Err(TryLockError::WouldBlock) => bail!("{}: another run is writing into it", folder.display()),
+        Err(TryLockError::Error(error)) => Err(error).with_context(|| format!("cannot lock {}", folder.display())),
+    }
 }
 
 impl Journal {
@@ -130,12 +154,13 @@ impl Journal {
                 folder.display()
             );
         }
-        let request = serde_json::to_string_pretty(request)?;
-        std::fs::write(folder.join("run.json"), request)
+        let lock = lock(folder).context("--out")?;
+        let text = serde_json::to_string_pretty(request)?;
+        std::fs::write(folder.join("run.json"), text)
             .with_context(|| format!("--out: cannot write into {}", folder.display()))?;
         let file =
             File::create(path(folder)).with_context(|| format!("--out: cannot write into {}", folder.display()))?;
-        Ok(Self { file, done: BTreeMap::new() })
+        Ok(Self { file, _lock: lock, run: request.digest()?, done: BTreeMap::new() })
     }
 
     /// Reads a run's journal without changing it; a last line cut off by an interruption is left out.
@@ -147,13 +172,23 @@ impl Journal {
         let journal = path(folder);
         let text = std::fs::read_to_string(&journal).with_context(|| format!("cannot read {}", journal.display()))?;
         let whole = text.split_inclusive('\n').filter(|line| line.ends_with('\n'));
-        let done =
-            whole.map_while(|line| serde_json::from_str::<Entry>(line).ok()).map(|entry| (entry.unit, entry)).collect();
+        let (digest, mut done) = (request.digest()?, BTreeMap::new());
+        for (n, entry) in (1..).zip(whole.map_while(|line| serde_json::from_str::<Entry>(line).ok())) {
+            if let Some(found) = entry.run.as_ref().filter(|run| **run != digest) {
+                bail!(
+                    "{}: line {n}: found a unit of run {found}, expected one of run {digest}, which {} describes",
+                    journal.display(),
+                    run.display()
+                );
+            }
+            done.insert(entry.unit, entry);
+        }
         Ok((done, request))
     }
 
     /// Opens the journal of an interrupted run to go on with it.
     pub fn resume(folder: &Path) -> Result<(Self, RunRequest)> {
+        let lock = lock(folder).context("--resume")?;
         let (done, request) = Self::read(folder).context("--resume")?;
         let mut text = String::new();
         for entry in done.values() {
@@ -162,11 +197,12 @@ impl Journal {
         }
         report::write_whole(&path(folder), text.as_bytes())?;
         let file = OpenOptions::new().append(true).open(path(folder))?;
-        Ok((Self { file, done }, request))
+        Ok((Self { file, _lock: lock, run: request.digest()?, done }, request))
     }
 
     /// Adds a finished unit.
-    pub fn append(&mut self, entry: Entry) -> Result<()> {
+    pub fn append(&mut self, mut entry: Entry) -> Result<()> {
+        entry.run = Some(self.run.clone());
         let mut line = serde_json::to_string(&entry)?;
         line.push('\n');
         self.file.write_all(line.as_bytes())?;

@@ -1,7 +1,7 @@
 //! `ftac bench`: the multi-object benchmark, in parallel, journaled, resumable.
 
 use std::collections::BTreeMap;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 use std::time::{Duration, Instant};
 
@@ -14,6 +14,7 @@ use scenarios::statistics::{RunInfo, Summary, summarise};
 use scenarios::tries::{TryRecord, write_tries};
 
 use crate::body::BodySource;
+use crate::body::operator::Interrupt;
 use crate::journal::{Entry, Journal, RunRequest, Unit};
 use crate::recording::{Began, Recording};
 use crate::trial::profile::Activity;
@@ -146,6 +147,17 @@ fn recorded_as<T>(
     Ok(result)
 }
 
+/// Ctrl-C, or SIGTERM: the trials in progress were finished and kept.
+#[derive(Debug, thiserror::Error)]
+#[error("interrupted: {finished} of {of} units of work are finished; go on with `ftac bench --resume {}`", .folder.display())]
+pub struct Interrupted {
+    /// Units in the journal.
+    pub finished: usize,
+    /// Units of the run.
+    pub of: usize,
+    pub folder: PathBuf,
+}
+
 /// Runs what is left of `request`; the journal keeps every finished unit.
 pub fn run(bench: &Bench, request: &RunRequest, journal: Journal, folder: &Path, options: &Options) -> Result<Summary> {
     let begun = Instant::now();
@@ -158,14 +170,20 @@ pub fn run(bench: &Bench, request: &RunRequest, journal: Journal, folder: &Path,
     bar.set_position(resumed as u64);
     bar.enable_steady_tick(Duration::from_secs(1));
     let journal = Mutex::new(journal);
+    // On hardware each trial ends in order by itself.
+    let interrupt = (request.robot != "hardware").then(Interrupt::catch).transpose()?;
     let outcome = workers::for_each(options.jobs, &open, |_, unit| {
+        if interrupt.as_ref().is_some_and(Interrupt::happened) {
+            let finished = journal.lock().map_or(0, |journal| journal.done.len());
+            bail!(Interrupted { finished, of: all.len(), folder: folder.to_owned() });
+        }
         let start = Instant::now();
         let results = run_unit(bench, request, *unit, folder, options).with_context(|| {
             let trial = unit.trial.map_or("ideal run".to_owned(), |trial| format!("trial {trial}"));
             format!("combination {}, {trial}", unit.combination)
         })?;
         let TrialResults { records, tries, ablated } = results;
-        let entry = Entry { unit: *unit, records, tries, ablated, wall_s: start.elapsed().as_secs_f64() };
+        let entry = Entry { run: None, unit: *unit, records, tries, ablated, wall_s: start.elapsed().as_secs_f64() };
         let mut journal = journal.lock().map_err(|_| anyhow::anyhow!("a worker panicked"))?;
         journal.append(entry.clone()).map_err(|error| elsewhere(&entry, error))?;
         bar.inc(1);

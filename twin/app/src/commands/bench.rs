@@ -71,7 +71,13 @@ pub struct BenchArgs {
     #[arg(long, value_enum, default_value_t = TactileBackend::Cpu)]
     pub tactile: TactileBackend,
     /// Go on with the interrupted run in this folder.
-    #[arg(long, conflicts_with_all = ["out", "shard", "scenario"])]
+    #[arg(
+        long,
+        conflicts_with_all = [
+            "combos", "trials", "seed", "conditions", "robot", "scenario", "shard", "out", "noise_scale", "without",
+            "uncertainty", "ablations",
+        ]
+    )]
     pub resume: Option<PathBuf>,
 }
 
@@ -103,6 +109,9 @@ impl From<Record> for Recorded {
 fn request(terminal: &Terminal, args: &BenchArgs) -> Result<(RunRequest, PathBuf)> {
     if args.combos == 0 || args.trials == 0 {
         bail!("--combos and --trials: found {} and {}, expected at least 1 each", args.combos, args.trials);
+    }
+    if args.jobs == Some(0) {
+        bail!("--jobs: found 0, expected at least 1");
     }
     if !(0.0..=10.0).contains(&args.noise_scale) {
         bail!("--noise-scale: found {}, expected 0 to 10", args.noise_scale);
@@ -275,6 +284,11 @@ pub fn report(terminal: &Terminal, folders: &[PathBuf], out: Option<&Path>) -> O
     Ok(None)
 }
 
+/// Whether there is a recording to look at.
+fn recorded(folder: &Path) -> bool {
+    std::fs::read_dir(folder.join("recordings")).is_ok_and(|mut recordings| recordings.next().is_some())
+}
+
 fn tell(terminal: &Terminal, summary: &Summary, folder: &Path) -> Result<()> {
     if terminal.json {
         println!("{}", serde_json::to_string(summary)?);
@@ -336,8 +350,9 @@ fn tell(terminal: &Terminal, summary: &Summary, folder: &Path) -> Result<()> {
         number(Some(summary.real_time_factor.unwrap_or(f64::NAN)), 1)
     );
     println!(
-        "results in {0}: report.html, summary.json, trials.csv; see a trial with `ftac view {0}`",
-        folder.display()
+        "results in {}: report.html, summary.json, trials.csv, tries.csv{}",
+        folder.display(),
+        if recorded(folder) { format!("; see a trial with `ftac view {}`", folder.display()) } else { String::new() }
     );
     Ok(())
 }
