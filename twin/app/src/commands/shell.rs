@@ -1,5 +1,6 @@
 //! `ftac completions` and `ftac man`: what a shell and `man` know of the commands.
 
+use std::io::Write as _;
 use std::path::Path;
 
 use anyhow::Context as _;
@@ -10,7 +11,9 @@ use crate::terminal::Outcome;
 
 /// Prints the script.
 pub fn completions(shell: Shell) -> Outcome {
-    clap_complete::generate(shell, &mut described(), "ftac", &mut std::io::stdout());
+    let mut script = Vec::new();
+    clap_complete::generate(shell, &mut described(), "ftac", &mut script);
+    std::io::stdout().write_all(&script).context("stdout")?;
     Ok(None)
 }
 
