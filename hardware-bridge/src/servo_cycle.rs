@@ -46,6 +46,8 @@ pub struct CycleReport {
     pub cycles: u64,
     /// Cycles that began more than a period late.
     pub late: u64,
+    /// Longest time from the beginning of one cycle to that of the next, s.
+    pub longest_gap: f64,
     /// Longest silence of the controller that was not announced, s.
     pub longest_silence: f64,
     pub bus: BusStatistics,
@@ -121,6 +123,7 @@ impl ServoCycle {
         while !self.shared.stop.load(Ordering::Relaxed) {
             let gap = begun.elapsed().as_secs_f64();
             begun = Instant::now();
+            self.report.longest_gap = self.report.longest_gap.max(gap);
             if gap > longest {
                 self.report.frozen = Some((begun, gap));
                 self.supervisor.hold(Cause::Frozen(gap));

@@ -68,7 +68,7 @@ fn faults_of_the_arm_are_told_apart_and_cleared() {
     devices.happen("arm=fault");
     let row = arm_until(&config, |row| row["ok"] == false);
     let found = row["found"].as_str().expect("text");
-    assert!(found.contains("joint 2: following error") && !found.contains("emergency"), "{row}");
+    assert!(found.contains("joint 3: following error") && !found.contains("emergency"), "{row}");
     assert_eq!(bridge(&["clear-faults", "--yes"], &config).status.code(), Some(0));
 
     // A wrong password, which is not repeated.

@@ -49,6 +49,11 @@ pub fn rrd(terminal: &Terminal, session: &Path, out: &Path) -> Result<(u64, Opti
     let played = bench.play(&task, &mut source, &mut recording);
     recording.finish()?;
     let (progress, divergence) = report.take().context("the trial ended before the recording began")?;
+    let played = played.map(drop).or_else(|error| match error.downcast_ref::<Stopped>() {
+        // Where the recording was cut short, or the controller left it, the trial cannot go on.
+        Some(_) => Ok(()),
+        None => Err(error),
+    });
     if progress.ticks == 0 {
         // Nothing to show, whatever went wrong.
         std::fs::remove_file(&partial).with_context(|| partial.display().to_string())?;
@@ -56,10 +61,7 @@ pub fn rrd(terminal: &Terminal, session: &Path, out: &Path) -> Result<(u64, Opti
         anyhow::bail!("{}: found no whole tick, expected a session that began", session.display());
     }
     std::fs::rename(&partial, out).with_context(|| out.display().to_string())?;
-    match played {
-        Err(error) if error.downcast_ref::<Stopped>().is_none() => return Err(error),
-        _ => {}
-    }
+    played?;
     let left = divergence.map(|divergence| {
         format!(
             "the recording ends where this program ({}) leaves the session: {divergence}",

@@ -30,6 +30,8 @@ const PATIENCE: Duration = Duration::from_secs(5);
 const SPEED: f64 = 0.3;
 /// Longest wait for an operator who was asked something, s; after that the robot holds.
 const OPERATOR: f64 = 600.0;
+/// For so long the servo cycle is watched before the torque goes on.
+const TRIED: Duration = Duration::from_secs(1);
 /// A program that stood still so recently may be to blame for what came then.
 const RECENTLY: Duration = Duration::from_secs(5);
 /// How close to it is there, rad.
@@ -163,6 +165,7 @@ impl TrialBody for Hardware {
         Some(serde_json::json!({
             "cycles": report.cycles,
             "late_cycles": report.late,
+            "longest_gap_ms": ms(report.longest_gap),
             "longest_silence_ms": ms(report.longest_silence),
             "last_standstill_ms": report.frozen.map(|(_, gap)| ms(gap)),
             "not_run_ahead": report.behind,
@@ -255,6 +258,16 @@ impl BodySource for HardwareSource {
             );
             PERMIT.iter().for_each(|command| eprintln!("  {command}"));
             eprintln!("then log in again.");
+        }
+        std::thread::sleep(TRIED);
+        let (gap, limits) = (robot.report().longest_gap, &self.config.limits);
+        let most = 0.5 * limits.servo_watchdog.min(limits.arm_watchdog);
+        if gap > most {
+            bail!(
+                "this computer is too busy to begin: found {:.0} ms between two servo cycles, expected at most {:.0} (half of the shortest watchdog)",
+                1e3 * gap,
+                1e3 * most
+            );
         }
         let interrupt = Interrupt::catch()?;
         robot.arm()?;

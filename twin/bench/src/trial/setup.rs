@@ -34,8 +34,8 @@ const WATCH_PERIOD: f64 = 0.2;
 const REAL_WATCH_PERIOD: f64 = 1.0;
 /// A period that no trial outlasts: one look at the untouched pads, s.
 const ONCE: f64 = 1e6;
-/// Time in which the images of a first capture have come, s.
-const FIRST_IMAGES: f64 = 0.5;
+/// Time in which the images of a first capture usually have come, s, and how often it is waited for them.
+const FIRST_IMAGES: (f64, u32) = (0.5, 10);
 
 /// What a trial begins with.
 pub struct Setup<'a> {
@@ -160,7 +160,13 @@ impl<'a> Setup<'a> {
             if run.snapshot.robot.branches() {
                 return Ok(None);
             }
-            run.wait(FIRST_IMAGES, None, None, watcher)?;
+            let (time, most) = FIRST_IMAGES;
+            for _ in 0..most {
+                run.wait(time, None, None, watcher)?;
+                if run.snapshot.executive.newest_images().len() >= CAMERAS {
+                    break;
+                }
+            }
             own_backgrounds(run, &bench.pipeline).map(Some)
         })
     }
