@@ -80,8 +80,17 @@ fn calibration_folders_that_cannot_be_used() {
     let folder = tempdir().expect("a folder");
     let out = folder.path().join("made.toml");
     let calibrate = |diameter: &str| {
-        let arguments =
-            ["optics", "calibrate", text(folder.path()), "--ball-diameter-mm", diameter, "--out", text(&out)];
+        let arguments = [
+            "optics",
+            "calibrate",
+            text(folder.path()),
+            "--ball-diameter-mm",
+            diameter,
+            "--pixel-mm",
+            "0.03",
+            "--out",
+            text(&out),
+        ];
         let output = run(&arguments);
         assert_eq!(output.status.code(), Some(2));
         assert!(!out.exists(), "left a file behind");
@@ -111,7 +120,17 @@ fn calibration_images_that_cannot_be_used_are_told_by_name() {
     assert_eq!(run(&["optics", "shapes", "--out", text(&sheet)]).status.code(), Some(0));
     let out = here("made.toml");
     let refused = |named: &[&str]| {
-        let arguments = ["optics", "calibrate", text(folder.path()), "--ball-diameter-mm", "4", "--out", text(&out)];
+        let arguments = [
+            "optics",
+            "calibrate",
+            text(folder.path()),
+            "--ball-diameter-mm",
+            "4",
+            "--pixel-mm",
+            "0.03",
+            "--out",
+            text(&out),
+        ];
         let output = run(&arguments);
         assert_eq!(output.status.code(), Some(2));
         assert!(named.iter().all(|part| stderr(&output).contains(part)), "{}", stderr(&output));

@@ -112,7 +112,7 @@ impl Response {
 }
 
 /// F as a table in grey levels, which may exceed 255.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, PartialEq)]
 pub(crate) struct ResponseTable {
     grey: Vec<f32>,
 }

@@ -130,23 +130,41 @@ impl Elastomer {
                 }
             }
         }
-        let mut grown = vec![f32::NEG_INFINITY; penetration.len()];
-        for (at, &own) in penetration.iter().enumerate() {
-            // A point above the surface by more than the coating's thickness touches nothing even when dilated.
-            if own <= -(t as f32) {
+        widest(
+            #[inline(always)]
+            || dilated(penetration, width, height, &cap, -(t as f32)),
+        )
+    }
+}
+
+/// The largest of the values around each pixel, each lowered as `cap` (columns and rows away, by how much) says; values of at most
+/// `least` are left out, because they touch nothing even when dilated.
+#[inline(always)]
+fn dilated(values: &[f32], width: usize, height: usize, cap: &[(isize, isize, f32)], least: f32) -> Vec<f32> {
+    let mut grown = vec![f32::NEG_INFINITY; values.len()];
+    let kept: Vec<f32> = values.iter().map(|value| if *value > least { *value } else { f32::NEG_INFINITY }).collect();
+    // The columns that hold a value, row by row.
+    let filled = |row: usize| {
+        let line = &kept[row * width..(row + 1) * width];
+        let any = |value: &f32| *value > f32::NEG_INFINITY;
+        line.iter().position(any).zip(line.iter().rposition(any))
+    };
+    for (row, (first, last)) in (0..height).filter_map(|row| Some((row, filled(row)?))) {
+        for &(across, down, lower) in cap {
+            let to = row as isize + down;
+            let from = first.max((-across).max(0) as usize);
+            let end = (last + 1).min((width as isize - across).clamp(0, width as isize) as usize);
+            if !(0..height as isize).contains(&to) || from >= end {
                 continue;
             }
-            let (column, row) = ((at % width) as isize, (at / width) as isize);
-            for &(across, down, lower) in &cap {
-                let (column, row) = (column + across, row + down);
-                if (0..width as isize).contains(&column) && (0..height as isize).contains(&row) {
-                    let slot = &mut grown[row as usize * width + column as usize];
-                    *slot = slot.max(own + lower);
-                }
+            let start = to as usize * width + from.wrapping_add_signed(across);
+            let slots = &mut grown[start..start + end - from];
+            for (slot, own) in slots.iter_mut().zip(&kept[row * width + from..row * width + end]) {
+                *slot = slot.max(own + lower);
             }
         }
-        grown
     }
+    grown
 }
 
 /// Radius (pixels) of the box filter that, applied three times, has about the standard deviation `deviation` (pixels).

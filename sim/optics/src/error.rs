@@ -35,6 +35,9 @@ pub enum OpticsError {
     /// A pad or a gel has a size, thickness or stiffness that is not positive.
     #[error("{what} is {value}; expected a positive number")]
     NotPositive { what: &'static str, value: f64 },
+    /// A ball that is too small or too large for a tactile sensor, mm.
+    #[error("ball diameter is {0} mm; expected 0.5 to 60 mm")]
+    BallDiameter(f64),
     /// A pad is too wide for its cover's cylinder.
     #[error("cover: the pad is {found} m wide; expected at most {most} m, 0.8 of the cylinder's diameter")]
     CoverWidth {

@@ -49,7 +49,7 @@
 //! # };
 //! # let background: Vec<f32> = (0..columns * rows).flat_map(grey).collect();
 //! # let file = SensorCalibration {
-//! #     version: 1, columns, rows, pixel_mm: 0.2, contact_over_visible: 1.0, background: String::new(), lens: None, model,
+//! #     version: 1, columns, rows, pixel_mm: 0.2, pixel_interval_mm: None, contact_over_visible: 1.0, background: String::new(), lens: None, model,
 //! # };
 //! # let known = CalibratedSensor::new(file, background)?;
 //! # known.render(&vec![f32::NEG_INFINITY; columns * rows])?.write(&folder.join("background.png"))?;

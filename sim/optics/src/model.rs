@@ -80,6 +80,9 @@ pub const NOMINAL_GREY: f64 = 115.0;
 /// Least distance (m) of a lamp from the gel, in a file and in a fit.
 pub(crate) const NEAREST_LAMP: f64 = 1e-3;
 
+/// Largest width of a kernel and thickness of a coating, m.
+const THICKEST: f64 = 0.02;
+
 /// Distance (m) of the lamps outside the camera's rectangle, inside the housing.
 const RIM: f64 = 0.0015;
 
@@ -213,6 +216,29 @@ impl SensorModel {
     /// An error that names the field for impossible values.
     pub fn check(&self) -> Result<(), OpticsError> {
         let fault = |what: String| Err(OpticsError::Calibration(what));
+        let lamps = self.lamps.iter().flat_map(|lamp| {
+            let Lamp { position, direction, eta, mu, color, size } = lamp;
+            position.iter().chain(direction.iter()).chain([eta, mu, size]).chain(color).copied().collect::<Vec<f64>>()
+        });
+        let numbers =
+            [("gain", &self.gain[..]), ("ambient", &self.ambient), ("reflectance.albedo", &self.reflectance.albedo)];
+        for (name, values) in numbers {
+            if let Some(value) = values.iter().find(|value| !(**value >= 0.0 && value.is_finite())) {
+                return fault(format!("{name} has {value}; expected finite numbers of at least 0"));
+            }
+        }
+        if let Some(value) = lamps.chain(self.camera.position.iter().copied()).find(|value| !value.is_finite()) {
+            return fault(format!("a lamp or the camera has {value}; expected finite numbers"));
+        }
+        if let Some(value) =
+            self.response.iter().flat_map(|response| response.coefficients).find(|value| !value.is_finite())
+        {
+            return fault(format!("response has {value}; expected finite numbers"));
+        }
+        let Elastomer { kernels, coating } = &self.elastomer;
+        if let Some(value) = kernels.iter().chain([coating]).find(|value| !(0.0..=THICKEST).contains(*value)) {
+            return fault(format!("elastomer has {value} m; expected 0 to {THICKEST} m"));
+        }
         for (k, lamp) in self.lamps.iter().enumerate() {
             if !(lamp.direction.norm() - 1.0).abs().le(&1e-3) {
                 return fault(format!("lamps[{k}].direction has length {}; expected 1", lamp.direction.norm()));
@@ -233,7 +259,7 @@ impl SensorModel {
                 self.camera.position.z
             ));
         }
-        if !self.reflectance.roughness.ge(&0.0) {
+        if !(self.reflectance.roughness >= 0.0 && self.reflectance.roughness.is_finite()) {
             return fault(format!("reflectance.roughness is {}; expected at least 0", self.reflectance.roughness));
         }
         if let Some(c) = self.response.iter().position(|response| !response.is_monotonic()) {

@@ -52,6 +52,7 @@ fn made() -> CalibratedSensor {
         columns,
         rows,
         pixel_mm: PIXEL_MM,
+        pixel_interval_mm: None,
         contact_over_visible: 1.0,
         background: String::new(),
         lens: None,
@@ -109,6 +110,20 @@ fn fitted_presses_are_rendered_alike_by_the_fit_and_by_the_renderer() {
         worst = worst.min(similarity::compare(&by_fit, &by_grid, SIZE.0, 0..SIZE.0, 0..SIZE.1).psnr);
     }
     assert!(worst > 38.0, "{worst} dB between the two");
+    // Circles that were drawn off are put back by the model; labels are left alone.
+    let mut off = held_out.clone();
+    for (n, press) in off.presses.iter_mut().enumerate() {
+        press.labelled = n == 0;
+        press.center = [press.center[0] + 14.0, press.center[1] - 9.0];
+    }
+    for (n, (found, truth)) in fit.relocated(&off).presses.iter().zip(&held_out.presses).enumerate() {
+        let far = (found.center[0] - truth.center[0]).hypot(found.center[1] - truth.center[1]);
+        if n == 0 {
+            assert_eq!(found.center, off.presses[0].center);
+        } else {
+            assert!(far < 1.0 && (found.radius / truth.radius - 1.0).abs() < 0.06, "{far} px, radius {}", found.radius);
+        }
+    }
     fs::remove_dir_all(&path).unwrap();
 }
 
@@ -251,4 +266,62 @@ fn raw_presses_are_rectified_and_a_calibration_renders_raw() {
     let folded = Lens { radial: [-3.0, 0.0, 0.0], ..lens };
     assert!(raw.rectified(&folded).unwrap_err().to_string().contains("lens.radial"));
     fs::remove_dir_all(&path).unwrap();
+}
+
+proptest::proptest! {
+    /// Whatever a calibration's text becomes, it is refused or renders numbers.
+    #[test]
+    fn no_calibration_panics(places in proptest::collection::vec((0usize..4000, 0usize..12), 1..6)) {
+        let text = toml::to_string(made().calibration()).expect("a calibration");
+        let mut lines: Vec<String> = text.lines().map(str::to_owned).collect();
+        for (place, what) in places {
+            let at = place % lines.len();
+            let line = &mut lines[at];
+            match what {
+                0 => line.clear(),
+                1 => *line = line.replace("0.", "-0."),
+                2 => *line = line.replace('1', "nan"),
+                3 => *line = line.replace('1', "inf"),
+                4 => *line = line.replace("0.", "1e308"),
+                5 => *line = line.replace("0.0", "1e9"),
+                6 => *line = line.replace('=', "= []#"),
+                7 => line.truncate(place % (line.len() + 1)),
+                8 => *line = line.replace(']', ""),
+                9 => *line = line.replace("0.", "0.00000000"),
+                10 => *line = format!("{line}{line}"),
+                _ => line.push('\u{0}'),
+            }
+        }
+        if let Ok(file) = SensorCalibration::parse(&lines.join("\n"))
+            && file.columns.checked_mul(file.rows).is_some_and(|pixels| pixels <= 40_000)
+        {
+            let (columns, rows) = (file.columns, file.rows);
+            let sensor = CalibratedSensor::new(file, vec![100.0; 3 * columns * rows]).expect("its size");
+            let below: Vec<f32> = (0..columns * rows).map(|at| if at % 7 == 0 { 1e-4 } else { f32::NEG_INFINITY }).collect();
+            let photo = sensor.render(&below).expect("rendered");
+            proptest::prop_assert_eq!(photo.rgb.len(), 3 * columns * rows);
+        }
+    }
+
+    /// Whatever an image's bytes become, it is refused or has a size.
+    #[test]
+    fn no_image_panics(changes in proptest::collection::vec((0usize..100_000, 0u8..=255), 0..12), cut in 0usize..3000) {
+        use std::hash::{DefaultHasher, Hash as _, Hasher as _};
+        let photo = Photo { width: 20, height: 10, rgb: (0..600).map(|i| (i * 7 % 251) as u8).collect() };
+        let mut hasher = DefaultHasher::new();
+        (&changes, cut, std::process::id()).hash(&mut hasher);
+        let path = std::env::temp_dir().join(format!("ftac-image-{:x}.png", hasher.finish()));
+        photo.write(&path).expect("written");
+        let mut bytes = std::fs::read(&path).expect("read");
+        for (place, value) in changes {
+            let at = place % bytes.len();
+            bytes[at] = value;
+        }
+        bytes.truncate(cut.max(1));
+        std::fs::write(&path, &bytes).expect("written");
+        if let Ok(found) = Photo::read(&path) {
+            proptest::prop_assert_eq!(found.rgb.len(), 3 * found.width * found.height);
+        }
+        std::fs::remove_file(&path).expect("removed");
+    }
 }

@@ -2,13 +2,15 @@
 //!
 //! [`calibration`] fits a real sensor and renders held-out presses; [`evaluation`] compares a calibration with images, the gel
 //! with the paper's probe, and fits with a known sensor; [`pad_forces`] compares forces from images with the engine's.
-//! [`render`] presses a mesh into a pad, [`shape_sheet`] twenty known shapes; [`exr`] and [`npy`] write what they show as numbers.
+//! [`reconstruction`] finds the surface in a real sensor's images, on the [`grid`] of the pads' images. [`render`] presses a mesh into a pad, [`shape_sheet`] twenty known shapes; [`exr`] and [`npy`] write what they show as numbers.
 
 pub mod calibration;
 pub mod evaluation;
 pub mod exr;
+pub mod grid;
 pub mod npy;
 pub mod pad_forces;
+pub mod reconstruction;
 pub mod render;
 pub mod shape_sheet;
 

@@ -158,6 +158,18 @@ pub(crate) fn gradient_of([nx, ny]: [f32; 2]) -> [f32; 2] {
 }
 
 impl PhotometricModel {
+    /// An error unless there is a finite weight for every feature.
+    pub fn check(&self) -> Result<(), TouchError> {
+        if self.weights.len() != COLOUR_FEATURES {
+            let (found, expected) = (self.weights.len(), COLOUR_FEATURES);
+            return Err(TouchError::Size { what: "weights of a photometric model", found, expected });
+        }
+        if !self.weights.iter().flatten().flatten().all(|weight| weight.is_finite()) {
+            return Err(TouchError::NotFinite("a weight of a photometric model"));
+        }
+        Ok(())
+    }
+
     pub(crate) fn row(&self, row: usize) -> RowModel {
         let (_, v) = place(0, row);
         let mut folded = [[[0.0; 2]; 3]; COLOUR_FEATURES];
@@ -292,12 +304,7 @@ impl PhotometricCalibration {
             return Err(fault(format!("version {}, expected {VERSION}", calibration.version)));
         }
         for (letter, model) in &calibration.configurations {
-            if model.weights.len() != COLOUR_FEATURES {
-                return Err(fault(format!(
-                    "configuration {letter}: {} weights, expected {COLOUR_FEATURES}",
-                    model.weights.len()
-                )));
-            }
+            model.check().map_err(|error| fault(format!("configuration {letter}: {error}")))?;
         }
         Ok(calibration)
     }

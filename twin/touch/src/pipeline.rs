@@ -7,8 +7,9 @@ use hand_model::{CAMERAS, Hand};
 use nalgebra::Isometry3;
 use rayon::prelude::*;
 
+use crate::PIXELS;
 use crate::calibration::PhotometricCalibration;
-use crate::colour_change::{Region, StereoOptions};
+use crate::colour_change::StereoOptions;
 use crate::contacts::{ContactOptions, clear_points, find_contacts};
 use crate::error::TouchError;
 use crate::frames::{CameraFault, Fault, valid_images};
@@ -16,10 +17,9 @@ use crate::network::{Network, PreparedNetwork};
 use crate::own_hand::{InHand, OwnHandOptions, mark_own};
 use crate::pad_touch::{HeightMap, PadTouch};
 use crate::photometric_stereo::gradients;
-use crate::poisson::PoissonSolver;
+use crate::poisson::{PoissonSolver, rest_level};
 use crate::pose::{KnownShape, PoseEstimate, PoseInputs, PoseOptions, PosePrior, costs_from_pose, estimate_pose};
 use crate::posture::Readings;
-use crate::{IMAGE_SIZE as N, PIXELS};
 
 /// Columns and rows of the grid of free points on an untouched pad.
 const CLEAR: (usize, usize) = (4, 6);
@@ -211,28 +211,6 @@ impl TouchPipeline {
     pub fn hand(&self) -> &Hand {
         &self.hand
     }
-}
-
-/// Height of the untouched gel, because a Poisson solution is determined only up to a constant: the median along the
-/// inner border of the changed region where that is not the image border, else a low quantile along the image border.
-fn rest_level(height: &[f32], region: Region) -> f32 {
-    let mut border: Vec<f32> = Vec::new();
-    for row in region.row_begin..region.row_end {
-        border.extend((region.column_begin > 0).then(|| height[row * N + region.column_begin]));
-        border.extend((region.column_end < N).then(|| height[row * N + region.column_end - 1]));
-    }
-    for column in region.column_begin..region.column_end {
-        border.extend((region.row_begin > 0).then(|| height[region.row_begin * N + column]));
-        border.extend((region.row_end < N).then(|| height[(region.row_end - 1) * N + column]));
-    }
-    let mut quantile = 0.5;
-    if border.len() < N / 4 {
-        quantile = 0.1;
-        border =
-            (0..N).flat_map(|i| [height[i], height[(N - 1) * N + i], height[i * N], height[i * N + N - 1]]).collect();
-    }
-    let at = ((border.len() - 1) as f64 * quantile) as usize;
-    *border.select_nth_unstable_by(at, f32::total_cmp).1
 }
 
 fn check_images(what: &'static str, images: &[Arc<TactileImage>]) -> Result<(), TouchError> {

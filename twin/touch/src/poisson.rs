@@ -11,6 +11,7 @@ use rustfft::{Fft, FftPlanner};
 
 use crate::IMAGE_SIZE as N;
 use crate::PIXELS;
+use crate::colour_change::Region;
 
 /// A solver with planned transforms; cheap to clone.
 #[derive(Clone)]
@@ -76,6 +77,28 @@ impl PoissonSolver {
         }
         field
     }
+}
+
+/// Height of the untouched gel, because a Poisson solution is determined only up to a constant: the median along the
+/// inner border of the changed region where that is not the image border, else a low quantile along the image border.
+pub fn rest_level(height: &[f32], region: Region) -> f32 {
+    let mut border: Vec<f32> = Vec::new();
+    for row in region.row_begin..region.row_end {
+        border.extend((region.column_begin > 0).then(|| height[row * N + region.column_begin]));
+        border.extend((region.column_end < N).then(|| height[row * N + region.column_end - 1]));
+    }
+    for column in region.column_begin..region.column_end {
+        border.extend((region.row_begin > 0).then(|| height[region.row_begin * N + column]));
+        border.extend((region.row_end < N).then(|| height[(region.row_end - 1) * N + column]));
+    }
+    let mut quantile = 0.5;
+    if border.len() < N / 4 {
+        quantile = 0.1;
+        border =
+            (0..N).flat_map(|i| [height[i], height[(N - 1) * N + i], height[i * N], height[i * N + N - 1]]).collect();
+    }
+    let at = ((border.len() - 1) as f64 * quantile) as usize;
+    *border.select_nth_unstable_by(at, f32::total_cmp).1
 }
 
 /// Divergence of the gradients, times dx^2, from half-pixel gradients that are means of neighbours; zero flux at the border.

@@ -48,6 +48,29 @@ impl BallFit {
         image
     }
 
+    /// How far the model is from each press: root mean square difference between rendered and real image within 1.5 visible radii,
+    /// grey levels, less each channel's mean difference, which is drift.
+    pub fn press_errors(&self, folder: &PressFolder) -> Vec<f64> {
+        let error = |press: &BallPress| {
+            let image = self.render_press(press);
+            let (mut sums, mut squares, mut count) = ([0.0; 3], 0.0, 0.0);
+            for pixel in 0..self.size[0] * self.size[1] {
+                let (column, row) = ((pixel % self.size[0]) as f64, (pixel / self.size[0]) as f64);
+                if (column - press.center[0]).hypot(row - press.center[1]) < CROP * press.radius {
+                    for c in 0..3 {
+                        let off = f64::from(image[3 * pixel + c]) - f64::from(press.photo.rgb[3 * pixel + c]);
+                        sums[c] += off;
+                        squares += off * off;
+                    }
+                    count += 1.0;
+                }
+            }
+            let drift: f64 = sums.iter().map(|sum| sum * sum / f64::max(count, 1.0)).sum();
+            ((squares - drift).max(0.0) / (3.0 * f64::max(count, 1.0))).sqrt()
+        };
+        folder.presses.iter().map(error).collect()
+    }
+
     /// Compares rendered with real images; `None` without presses.
     pub fn evaluate(&self, held_out: &PressFolder) -> Option<HeldOut> {
         self.evaluate_with(held_out, |press| self.render_press(press))

@@ -16,6 +16,9 @@ use crate::versioned;
 /// Version of the format.
 pub const VERSION: u32 = 1;
 
+/// Thickest coating, pixels: every pixel is compared with all within it.
+const MOST_COATING: f64 = 200.0;
+
 /// The calibration of one real sensor: image geometry, lens and image-formation model.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -26,6 +29,9 @@ pub struct SensorCalibration {
     pub rows: usize,
     /// Size of a pixel on the gel, mm.
     pub pixel_mm: f64,
+    /// 95 % interval of the size of a pixel, mm, where it was measured.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub pixel_interval_mm: Option<[f64; 2]>,
     /// Ratio of the contact radius of a ball's press to its visible radius.
     pub contact_over_visible: f64,
     /// File name of the image of the untouched gel, in the same folder.
@@ -45,6 +51,7 @@ impl SensorCalibration {
             columns: fit.size[0],
             rows: fit.size[1],
             pixel_mm: 1e3 * fit.pixel,
+            pixel_interval_mm: fit.pixel_interval.map(|ends| ends.map(|end| 1e3 * end)),
             contact_over_visible: fit.contact,
             background,
             lens: fit.lens,
@@ -106,6 +113,16 @@ impl SensorCalibration {
     pub fn parse(text: &str) -> Result<Self, OpticsError> {
         let file: Self = versioned::parse(text, VERSION)?;
         positive("pixel_mm", file.pixel_mm)?;
+        if let Some([low, high]) = file.pixel_interval_mm
+            && !(low > 0.0 && low <= file.pixel_mm && file.pixel_mm <= high && high.is_finite())
+        {
+            let what = format!("pixel_interval_mm: found {low} to {high}; expected it around {}", file.pixel_mm);
+            return Err(OpticsError::calibration(what));
+        }
+        if !(file.contact_over_visible > 0.0 && file.contact_over_visible.is_finite()) {
+            let what = format!("contact_over_visible: found {}; expected a positive number", file.contact_over_visible);
+            return Err(OpticsError::calibration(what));
+        }
         if file.columns == 0 || file.rows == 0 {
             let what = format!("columns, rows: found {} x {}; expected at least 1", file.columns, file.rows);
             return Err(OpticsError::calibration(what));
@@ -114,6 +131,11 @@ impl SensorCalibration {
             lens.check(file.columns, file.rows)?;
         }
         file.model.check()?;
+        let coating = 1e3 * file.model.elastomer.coating / file.pixel_mm;
+        if coating > MOST_COATING {
+            let what = format!("elastomer.coating: found {coating:.0} pixels; expected at most {MOST_COATING}");
+            return Err(OpticsError::calibration(what));
+        }
         Ok(file)
     }
 }

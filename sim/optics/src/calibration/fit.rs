@@ -6,11 +6,12 @@
 //! those images as well: because light adds up, they separate the response from the lamps.
 
 use crate::calibration::assumptions::Assumptions;
+use crate::calibration::background::background_of;
 use crate::calibration::folder::PressFolder;
 use crate::calibration::least_squares::{Options, Parameter, Problem, Solution};
 use crate::calibration::lens::Lens;
 use crate::calibration::parameters::{self as at, PER_LAMP};
-use crate::calibration::samples::{Samples, background_of, noise_of};
+use crate::calibration::samples::{Samples, noise_of};
 use crate::calibration::scene::Scene;
 use crate::error::{OpticsError, positive};
 use crate::model::SensorModel;
@@ -52,6 +53,8 @@ pub struct BallFit {
     pub model: SensorModel,
     /// Size of a pixel, m.
     pub pixel: f64,
+    /// 95 % interval of the size of a pixel, m, where it was measured.
+    pub pixel_interval: Option<[f64; 2]>,
     /// Ratio of a press's contact radius to its visible radius.
     pub contact: f64,
     /// The untouched gel, row-major RGB, grey levels.
@@ -107,6 +110,7 @@ impl BallFit {
         Self {
             model: at::model(&p, scene.assumptions.near_field, noise_of(folder).unwrap_or(0.0)),
             pixel: p[at::PIXEL],
+            pixel_interval: None,
             contact: p[at::CONTACT],
             background,
             size: scene.samples.size,

@@ -34,6 +34,16 @@ pub struct BallPress {
     pub diameter: f64,
     /// Whether centre and radius come from a label file.
     pub labelled: bool,
+    /// Whether the radius is that of the contact, not of the circle that one sees, which the gel's flank makes larger.
+    pub contact_labelled: bool,
+}
+
+/// An image in which no ball's press was found.
+#[derive(Debug, Clone, PartialEq)]
+pub struct LeftOut {
+    pub name: String,
+    pub photo: Photo,
+    pub reason: String,
 }
 
 /// A background and presses, all of one image size.
@@ -45,13 +55,15 @@ pub struct PressFolder {
     pub presses: Vec<BallPress>,
     /// The untouched gel under each lamp alone, ordered by file name; empty if there are no such images.
     pub lamps: Vec<Photo>,
+    /// Images without a label in which no press was found.
+    pub left_out: Vec<LeftOut>,
 }
 
 impl PressFolder {
     /// Reads a folder. `diameter` (m) applies to balls whose label gives none. Presses are detected in the images if
     /// there are no labels or if `ignore_labels` is set.
     pub fn read(folder: &Path, diameter: f64, ignore_labels: bool) -> Result<Self, OpticsError> {
-        positive("ball diameter", diameter)?;
+        check_diameter(diameter)?;
         let (background, files): (Vec<_>, Vec<_>) =
             images_of(folder)?.into_iter().partition(|path| path.file_stem().is_some_and(|stem| stem == "background"));
         let background = match background.first() {
@@ -67,11 +79,20 @@ impl PressFolder {
                 "no press images found; expected PNG or JPEG images beside the background",
             ));
         }
-        let labels = if ignore_labels { Vec::new() } else { read_labels(folder)? };
-        let mut presses = Vec::with_capacity(files.len());
+        let size = [background.width, background.height];
+        let labels = if ignore_labels { Vec::new() } else { read_labels(folder, size)? };
+        let grey = background.is_grey();
+        let (mut presses, mut left_out) = (Vec::with_capacity(files.len()), Vec::new());
         for path in files {
             let photo = Photo::read(&path)?;
-            photo.expect_size([background.width, background.height], &path)?;
+            photo.expect_size(size, &path)?;
+            if photo.is_grey() != grey {
+                let (found, expected) = if grey { ("colours", "grey") } else { ("a grey image", "colours") };
+                return Err(OpticsError::file(
+                    &path,
+                    format!("found {found}; expected {expected}, as in the background"),
+                ));
+            }
             let name = path.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
             let label = labels.iter().find(|label| label.file == name);
             if label.is_none() && !labels.is_empty() {
@@ -79,16 +100,30 @@ impl PressFolder {
             }
             let (center, radius) = match label {
                 Some(label) => (label.center, label.radius),
-                None => {
-                    let found = circle::find(&photo, &background).map_err(|error| OpticsError::file(&path, error))?;
-                    (found.center, found.radius)
-                }
+                None => match circle::find(&photo, &background) {
+                    Ok(found) => (found.center, found.radius),
+                    Err(error) => {
+                        left_out.push(LeftOut { name, photo, reason: error.to_string() });
+                        continue;
+                    }
+                },
             };
             let diameter = label.and_then(|label| label.diameter).unwrap_or(diameter);
-            presses.push(BallPress { name, photo, center, radius, diameter, labelled: label.is_some() });
+            presses.push(BallPress {
+                name,
+                photo,
+                center,
+                radius,
+                diameter,
+                labelled: label.is_some(),
+                contact_labelled: label.is_some_and(|label| label.contact),
+            });
+        }
+        if let (true, Some(first)) = (presses.is_empty(), left_out.first()) {
+            return Err(OpticsError::file(&folder.join(&first.name), &first.reason));
         }
         let lamps = read_lamps(&folder.join("lamps"), &background)?;
-        Ok(Self { background, presses, lamps })
+        Ok(Self { background, presses, lamps, left_out })
     }
 
     /// The same presses with images, centres and radii rectified by this lens.
@@ -107,6 +142,7 @@ impl PressFolder {
             background: lens.rectify(&self.background),
             presses: self.presses.iter().map(press).collect(),
             lamps: self.lamps.iter().map(|photo| lens.rectify(photo)).collect(),
+            left_out: self.left_out.clone(),
         })
     }
 
@@ -120,7 +156,7 @@ impl PressFolder {
         let part = |wanted: bool| {
             let chosen = self.presses.iter().enumerate().filter(|(index, press)| first(*index, press) == wanted);
             let presses = chosen.map(|(_, press)| press.clone()).collect();
-            Self { background: self.background.clone(), presses, lamps: self.lamps.clone() }
+            Self { background: self.background.clone(), presses, lamps: self.lamps.clone(), left_out: Vec::new() }
         };
         (part(true), part(false))
     }
@@ -160,6 +196,15 @@ fn read_lamps(folder: &Path, background: &Photo) -> Result<Vec<Photo>, OpticsErr
     Ok(lamps)
 }
 
+/// Balls from a pinhead to a table-tennis ball and a half: what lies beyond was given in another unit, m.
+const BALLS: std::ops::RangeInclusive<f64> = 0.5e-3..=60e-3;
+
+/// An error for a diameter (m) that no ball pressed into a fingertip sensor has.
+fn check_diameter(diameter: f64) -> Result<(), OpticsError> {
+    positive("ball diameter", diameter)?;
+    if BALLS.contains(&diameter) { Ok(()) } else { Err(OpticsError::BallDiameter(1e3 * diameter)) }
+}
+
 fn is_image(path: &Path) -> bool {
     let extension = path.extension().map(|extension| extension.to_ascii_lowercase());
     extension.is_some_and(|extension| ["png", "jpg", "jpeg"].iter().any(|known| extension == *known))
@@ -170,10 +215,12 @@ struct Label {
     file: String,
     center: [f64; 2],
     radius: f64,
+    /// Whether the radius is the contact's.
+    contact: bool,
     diameter: Option<f64>,
 }
 
-fn read_labels(folder: &Path) -> Result<Vec<Label>, OpticsError> {
+fn read_labels(folder: &Path, [width, height]: [usize; 2]) -> Result<Vec<Label>, OpticsError> {
     let Some(path) =
         ["labels.csv", "labels_auto.csv"].map(|name| folder.join(name)).into_iter().find(|path| path.exists())
     else {
@@ -206,10 +253,36 @@ fn read_labels(folder: &Path) -> Result<Vec<Label>, OpticsError> {
                 ))
             })
         };
+        let within = |column: usize, size: usize| {
+            let found = number(column)?;
+            if found <= size as f64 - 1.0 {
+                return Ok(found);
+            }
+            Err(fault(format!(
+                "line {}, {}: found {found}, outside the image; expected 0 to {}",
+                index + 1,
+                header[column],
+                size - 1
+            )))
+        };
+        let found = number(radius)?;
+        let largest = 0.5 * (width as f64).hypot(height as f64);
+        if !(1.0..=largest).contains(&found) {
+            return Err(fault(format!(
+                "line {}, {}: found {found}; expected 1 to {largest:.0} pixels, half the image's diagonal",
+                index + 1,
+                header[radius]
+            )));
+        }
+        if let Some(column) = diameter {
+            check_diameter(1e-3 * number(column)?)
+                .map_err(|error| fault(format!("line {}, {}: {error}", index + 1, header[column])))?;
+        }
         labels.push(Label {
             file: cells.get(file).copied().unwrap_or("").to_owned(),
-            center: [number(center[0])?, number(center[1])?],
-            radius: number(radius)?,
+            center: [within(center[0], width)?, within(center[1], height)?],
+            radius: found,
+            contact: header[radius] == "contact_radius_px",
             diameter: diameter.map(|column| number(column).map(|mm| mm * 1e-3)).transpose()?,
         });
     }

@@ -49,6 +49,11 @@ impl Photo {
         self.rgb.iter().map(|&grey| f64::from(grey)).sum::<f64>() / self.rgb.len().max(1) as f64
     }
 
+    /// Whether no pixel has a colour.
+    pub fn is_grey(&self) -> bool {
+        self.rgb.chunks_exact(3).all(|pixel| pixel[0] == pixel[1] && pixel[1] == pixel[2])
+    }
+
     #[inline]
     pub fn pixel(&self, column: usize, row: usize) -> [u8; 3] {
         let at = 3 * (row * self.width + column);

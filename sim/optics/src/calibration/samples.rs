@@ -107,41 +107,7 @@ impl Samples {
 }
 
 /// Distance from a press (in visible radii) beyond which a pixel counts as untouched.
-const UNTOUCHED: f64 = 2.5;
-/// Least number of presses that leave a pixel untouched for their median to be its background.
-const ENOUGH: usize = 3;
-
-/// The untouched gel estimated from the presses: each pixel's median over the presses far from it, row-major RGB, grey
-/// levels.
-///
-/// It has less noise than a single frame, and shows the gel in the state it has while something presses elsewhere. Pixels
-/// that too few presses leave untouched take the background image's value.
-pub fn background_of(folder: &PressFolder) -> Vec<f32> {
-    let width = folder.background.width;
-    let mut background = Vec::with_capacity(folder.background.rgb.len());
-    let mut far = Vec::new();
-    for pixel in 0..folder.background.rgb.len() / 3 {
-        let (column, row) = ((pixel % width) as f64, (pixel / width) as f64);
-        far.clear();
-        far.extend(
-            folder
-                .presses
-                .iter()
-                .filter(|press| (press.center[0] - column).hypot(press.center[1] - row) > UNTOUCHED * press.radius),
-        );
-        for at in 3 * pixel..3 * pixel + 3 {
-            if far.len() < ENOUGH {
-                background.push(f32::from(folder.background.rgb[at]));
-                continue;
-            }
-            let mut values: Vec<u8> = far.iter().map(|press| press.photo.rgb[at]).collect();
-            values.sort_unstable();
-            let (low, high) = (values[(values.len() - 1) / 2], values[values.len() / 2]);
-            background.push(0.5 * (f32::from(low) + f32::from(high)));
-        }
-    }
-    background
-}
+pub(crate) const UNTOUCHED: f64 = 2.5;
 
 /// Standard deviation of one frame's noise (grey levels), from untouched pixels of consecutive presses.
 pub(crate) fn noise_of(folder: &PressFolder) -> Option<f64> {

@@ -7,6 +7,7 @@ use nalgebra::{Point3, Vector3};
 use crate::calibration::file::SensorCalibration;
 use crate::calibration::photo::Photo;
 use crate::calibration::profile::RoundSmoothing;
+use crate::camera::ResponseTable;
 use crate::error::OpticsError;
 use crate::shadows::{HeightField, Shadow};
 
@@ -17,6 +18,9 @@ pub struct CalibratedSensor {
     file: SensorCalibration,
     /// Row-major RGB, grey levels.
     background: Vec<f32>,
+    /// Radiance of the background less that of the flat gel by the model.
+    beside_model: Vec<[f32; 3]>,
+    responses: [ResponseTable; 3],
 }
 
 /// On flat gel, a pixel from which more than this share of every lamp is visible shows the background.
@@ -28,7 +32,7 @@ impl CalibratedSensor {
     /// Reads a calibration file and the image beside it.
     pub fn read(path: &Path) -> Result<Self, OpticsError> {
         let (file, background) = SensorCalibration::read(path)?;
-        Ok(Self { file, background })
+        Self::new(file, background)
     }
 
     /// A sensor from its calibration and the image of its untouched gel (row-major RGB, grey levels).
@@ -37,11 +41,29 @@ impl CalibratedSensor {
         if background.len() != expected {
             return Err(OpticsError::ImageSize { found: background.len(), expected });
         }
-        Ok(Self { file, background })
+        let responses = std::array::from_fn(|c| ResponseTable::new(&file.model.response[c]));
+        let mut sensor = Self { file, background, beside_model: Vec::new(), responses };
+        let (w, response) = (sensor.file.columns, sensor.file.model.response);
+        let beside = sensor.background.chunks_exact(3).enumerate().map(|(at, grey)| {
+            let (x, y) = sensor.pixel_center((at % w) as f64, (at / w) as f64);
+            let flat = sensor.radiance(&Point3::new(x, y, 0.0), [0.0; 2], |_| 1.0);
+            std::array::from_fn(|c| (response[c].radiance(f64::from(grey[c]) / 255.0) - flat[c]) as f32)
+        });
+        sensor.beside_model = beside.collect();
+        Ok(sensor)
     }
 
     pub fn model(&self) -> &crate::model::SensorModel {
         &self.file.model
+    }
+
+    pub fn calibration(&self) -> &SensorCalibration {
+        &self.file
+    }
+
+    /// The untouched gel, row-major RGB, grey levels.
+    pub fn background(&self) -> &[f32] {
+        &self.background
     }
 
     /// Columns and rows.
@@ -99,12 +121,19 @@ impl CalibratedSensor {
         self.shade(&gel).into_iter().map(|grey| grey.round().clamp(0.0, 255.0)).collect()
     }
 
+    /// How deep a ball (diameter in m) is pressed in whose visible circle has this radius (pixels), m, and the contact radius
+    /// of that ball grown by the coating, m.
+    pub fn ball_depth(&self, radius: f64, diameter: f64) -> (f64, f64) {
+        let grown = 0.5 * diameter + self.file.model.elastomer.coating;
+        let contact = (radius * 1e-3 * self.file.pixel_mm * self.file.contact_over_visible).min(0.999 * grown);
+        (grown - (grown * grown - contact * contact).sqrt(), contact)
+    }
+
     /// Penetration of a ball (diameter in m) whose press has this visible circle (pixels).
     pub fn ball(&self, center: [f64; 2], radius: f64, diameter: f64) -> Vec<f32> {
         let (pixel, model) = (1e-3 * self.file.pixel_mm, &self.file.model);
         let (ball, grown) = (0.5 * diameter, 0.5 * diameter + model.elastomer.coating);
-        let contact = (radius * pixel * self.file.contact_over_visible).min(0.999 * grown);
-        let deepest = grown - (grown * grown - contact * contact).sqrt();
+        let (deepest, contact) = self.ball_depth(radius, diameter);
         // The circle lies on the bump's flank, which relief moves away from the point below the camera.
         let profile = RoundSmoothing::new(&model.elastomer.kernels, 3.0 * grown, 0.02 * grown).press(grown, contact);
         let part = -profile.at(radius * pixel).0 / model.camera.position.z;
@@ -139,6 +168,7 @@ impl CalibratedSensor {
         };
         let foot = (camera.x / pixel + 0.5 * (w - 1) as f64, 0.5 * (h - 1) as f64 - camera.y / pixel);
         let mut grey = self.background.clone();
+        let mut shares = vec![1.0; model.lamps.len()];
         for (at, grey) in grey.chunks_exact_mut(3).enumerate() {
             let (column, row) = ((at % w) as f64, (at / w) as f64);
             let (mut seen, mut deep) = ((column, row), 0.0);
@@ -154,39 +184,38 @@ impl CalibratedSensor {
                 (depth(seen.0 - 1.0, seen.1) - depth(seen.0 + 1.0, seen.1)) / (2.0 * pixel),
                 (depth(seen.0, seen.1 + 1.0) - depth(seen.0, seen.1 - 1.0)) / (2.0 * pixel),
             ];
-            let shares: Vec<f64> =
-                shadows.iter().map(|shadow| shadow.as_ref().map_or(1.0, |shadow| shadow.at(seen.0, seen.1))).collect();
+            for (share, shadow) in shares.iter_mut().zip(&shadows) {
+                *share = shadow.as_ref().map_or(1.0, |shadow| shadow.at(seen.0, seen.1));
+            }
             let deformed = deep > FLAT_DEPTH || slope[0].abs() > FLAT_SLOPE || slope[1].abs() > FLAT_SLOPE;
             if !deformed && shares.iter().all(|&share| share > LIT) {
                 continue;
             }
             let (x, y) = self.pixel_center(seen.0, seen.1);
-            let (flat_x, flat_y) = self.pixel_center(column, row);
-            let change = self.change(&Point3::new(x, y, -deep), slope, &shares, &Point3::new(flat_x, flat_y, 0.0));
+            let radiance = self.radiance(&Point3::new(x, y, -deep), slope, |k| shares[k]);
             for c in 0..3 {
-                let response = &model.response[c];
-                let radiance = response.radiance(f64::from(grey[c]) / 255.0) + change[c];
-                grey[c] = (255.0 * response.measured(radiance)) as f32;
+                grey[c] = self.responses[c].grey(self.beside_model[at][c] + radiance[c] as f32);
             }
         }
         grey
     }
 
-    /// Radiance of a point on the deformed gel, with the visible share of each lamp, less that of a point on the flat gel.
-    fn change(&self, point: &Point3<f64>, slope: [f64; 2], shares: &[f64], flat: &Point3<f64>) -> [f64; 3] {
+    /// Radiance of a point on the gel by the model, with the visible share of each lamp.
+    fn radiance(&self, point: &Point3<f64>, slope: [f64; 2], share: impl Fn(usize) -> f64) -> [f64; 3] {
         let model = &self.file.model;
         let normal = Vector3::new(slope[0], slope[1], -1.0).normalize();
-        let mut change = model.ambient.map(|ambient| -ambient * 0.5 * (1.0 + normal.z));
-        for (lamp, share) in model.lamps.iter().zip(shares) {
-            let light = |point: &Point3<f64>, normal: &Vector3<f64>| {
-                let (s, kappa) = lamp.at(point);
-                kappa * model.reflectance.factor(normal, &s, &model.camera.viewer(point))
-            };
-            let difference = share * light(point, &normal) - light(flat, &-Vector3::z());
-            for (c, change) in change.iter_mut().enumerate() {
-                *change += model.gain[c] * lamp.color[c] * model.reflectance.albedo[c] * difference;
+        let viewer = model.camera.viewer(point);
+        let mut sum = model.ambient.map(|ambient| ambient * 0.5 * (1.0 - normal.z));
+        for (k, lamp) in model.lamps.iter().enumerate() {
+            let (s, kappa) = lamp.at(point);
+            if kappa <= 0.0 {
+                continue;
+            }
+            let light = share(k) * kappa * model.reflectance.factor(&normal, &s, &viewer);
+            for (c, sum) in sum.iter_mut().enumerate() {
+                *sum += model.gain[c] * lamp.color[c] * model.reflectance.albedo[c] * light;
             }
         }
-        change
+        sum
     }
 }

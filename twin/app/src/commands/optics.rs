@@ -3,6 +3,7 @@
 mod calibrate;
 mod eval;
 mod pads;
+mod reconstruct;
 mod render;
 
 use clap::Subcommand;
@@ -14,6 +15,8 @@ use crate::terminal::{Outcome, Terminal};
 pub enum OpticsCommand {
     /// Fit a real sensor's image-formation model to presses of a ball, and render presses held out.
     Calibrate(calibrate::CalibrateArgs),
+    /// Turn images of a calibrated sensor into normals, heights, contact masks and point clouds.
+    Reconstruct(reconstruct::ReconstructArgs),
     /// Evaluate a calibration, the gel's pressure law, or the fit itself.
     Eval(eval::EvalArgs),
     /// Render what a pad sees when a mesh is pressed into it along its normal.
@@ -28,6 +31,7 @@ pub enum OpticsCommand {
 pub fn run(terminal: &Terminal, command: &OpticsCommand) -> Outcome {
     match command {
         OpticsCommand::Calibrate(args) => calibrate::calibrate(terminal, args),
+        OpticsCommand::Reconstruct(args) => reconstruct::reconstruct(terminal, args),
         OpticsCommand::Eval(args) => eval::eval(terminal, args),
         OpticsCommand::Render(args) => render::render(terminal, args),
         OpticsCommand::Shapes(args) => render::shapes(terminal, args),

@@ -1,6 +1,11 @@
-//! What a pad's cameras see of a mesh that is pressed into the pad along its normal.
+//! What a pad's cameras see of a mesh that is pressed into the pad along its normal; [`real_sensor`] does the same for a sensor
+//! that was calibrated. [`views`] writes what is seen.
 
-use std::path::{Path, PathBuf};
+pub mod real_sensor;
+mod views;
+
+use std::path::Path;
+use std::time::Instant;
 
 use anyhow::{Context, Result, bail};
 use hand_model::Hand;
@@ -13,7 +18,8 @@ use rand_chacha::ChaCha8Rng;
 use scenarios::geometry::Mesh;
 use serde_json::{Value, json};
 
-use super::{exr, npy, sensor_serial};
+use self::views::{Views, normals};
+use super::sensor_serial;
 
 /// Where rays start, m under the pad's plane: below everything, since the mesh's lowest point is put on the plane.
 const RAY_START: f64 = 1e-3;
@@ -114,7 +120,14 @@ impl<'a> PadView<'a> {
         let mut rows = Vec::new();
         for (n, (camera, map)) in self.cameras.iter().zip(&pressed.maps).enumerate() {
             let out = if self.cameras.len() == 1 { out.to_owned() } else { out.with_extension(format!("{n}.png")) };
-            let views = CameraViews::new(&self.sensors[n], map, seed);
+            let sensor = &self.sensors[n];
+            let started = Instant::now();
+            let image = sensor.render(map, &mut ChaCha8Rng::seed_from_u64(seed)).rgb.to_vec();
+            let render_ms = 1e3 * started.elapsed().as_secs_f64();
+            let depths = sensor.gel(map);
+            let size = [IMAGE_SIZE, IMAGE_SIZE];
+            let normals = normals(&sensor.relief(&depths), size, sensor.flat().camera().pixel_size());
+            let views = Views { size, image, depths, normals };
             views.write(self.hand.gel().thickness as f32, &out)?;
             let gel = self.sensors[n].flat().model().elastomer.deform(camera, map);
             let rectangle = gel.map(|gel| gel.rectangle).map(|r| [r.left, r.top, r.right, r.bottom]);
@@ -124,87 +137,16 @@ impl<'a> PadView<'a> {
                 "contact_pixels": map.contact_pixels(),
                 "deepest_mm": 1e3 * f64::from(map.deepest()),
                 "rectangle": rectangle,
+                "render_ms": render_ms,
             }));
         }
         Ok(rows)
     }
 }
 
-/// What one camera sees, row-major.
-struct CameraViews {
-    /// RGB.
-    image: Vec<u8>,
-    /// The gel's indentation along the cover's normals, m.
-    depths: Vec<f32>,
-    /// Pad frame, out of the gel; x, y, z of each pixel.
-    normals: Vec<f32>,
-}
-
-impl CameraViews {
-    fn new(sensor: &CurvedSensor, map: &IndentationMap, seed: u64) -> Self {
-        let image = sensor.render(map, &mut ChaCha8Rng::seed_from_u64(seed));
-        let depths = sensor.gel(map);
-        let normals = normals(&sensor.relief(&depths), sensor.flat().camera().pixel_size());
-        Self { image: image.rgb.to_vec(), depths, normals }
-    }
-
-    /// Image, indentation and normals as PNG, NPY and EXR; `white` is the indentation (m) that the PNG shows white.
-    fn write(&self, white: f32, out: &Path) -> Result<()> {
-        let side = IMAGE_SIZE as u32;
-        let beside = |ending: &str| -> PathBuf { out.with_extension(ending) };
-        let save = |path: &Path, bytes: &[u8], color| {
-            image::save_buffer(path, bytes, side, side, color).with_context(|| format!("--out {}", path.display()))
-        };
-        save(out, &self.image, image::ColorType::Rgb8)?;
-        let greys: Vec<f32> = self.image.iter().map(|&value| f32::from(value) / 255.0).collect();
-        npy::write(&beside("height.npy"), &self.depths, &[IMAGE_SIZE, IMAGE_SIZE])?;
-        npy::write(&beside("normals.npy"), &self.normals, &[IMAGE_SIZE, IMAGE_SIZE, 3])?;
-        npy::write(&beside("npy"), &greys, &[IMAGE_SIZE, IMAGE_SIZE, 3])?;
-        let channel = |values: &[f32], c: usize| values.iter().skip(c).step_by(3).copied().collect::<Vec<f32>>();
-        let colors = |values: &[f32]| [("R", channel(values, 0)), ("G", channel(values, 1)), ("B", channel(values, 2))];
-        exr::write(&beside("exr"), IMAGE_SIZE, &colors(&greys))?;
-        exr::write(&beside("normals.exr"), IMAGE_SIZE, &colors(&self.normals))?;
-        exr::write(&beside("height.exr"), IMAGE_SIZE, &[("Y", self.depths.clone())])?;
-        let grey: Vec<u8> = self.depths.iter().map(|depth| (255.0 * depth / white).clamp(0.0, 255.0) as u8).collect();
-        save(&beside("height.png"), &grey, image::ColorType::L8)?;
-        let color: Vec<u8> = self.normals.iter().map(|value| (127.5 * (value + 1.0)) as u8).collect();
-        save(&beside("normals.png"), &color, image::ColorType::Rgb8)
-    }
-}
-
-/// Normals of a surface at z = -`depth` (m) by central differences; `pixel` is a pixel's size (m).
-fn normals(depth: &[f32], pixel: (f64, f64)) -> Vec<f32> {
-    let depth = |column: usize, row: usize| depth[row * IMAGE_SIZE + column];
-    let last = IMAGE_SIZE - 1;
-    let normal = |at: usize| {
-        let (column, row) = (at % IMAGE_SIZE, at / IMAGE_SIZE);
-        let (left, right) = (column.saturating_sub(1), (column + 1).min(last));
-        let (above, below) = (row.saturating_sub(1), (row + 1).min(last));
-        // Rows run against y; the normal points out of the gel.
-        let zx = (depth(left, row) - depth(right, row)) / ((right - left) as f32 * pixel.0 as f32);
-        let zy = (depth(column, below) - depth(column, above)) / ((below - above) as f32 * pixel.1 as f32);
-        let normal = Vector3::new(-zx, -zy, 1.0).normalize();
-        [normal.x, normal.y, normal.z]
-    };
-    (0..IMAGE_SIZE * IMAGE_SIZE).flat_map(normal).collect()
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    /// A plane that gets deeper by 0.1 to the right and by 0.2 upwards.
-    #[test]
-    fn a_tilted_plane_has_one_normal() {
-        let pixel = (1e-4, 2e-4);
-        let depth: Vec<f32> = (0..IMAGE_SIZE * IMAGE_SIZE)
-            .map(|at| (0.1 * 1e-4 * (at % IMAGE_SIZE) as f64 - 0.2 * 2e-4 * (at / IMAGE_SIZE) as f64) as f32)
-            .collect();
-        let expected = Vector3::new(0.1f32, 0.2, 1.0).normalize();
-        for found in normals(&depth, pixel).chunks_exact(3) {
-            assert!((Vector3::from_column_slice(found) - expected).norm() < 1e-3, "{found:?}");
-        }
-    }
 
     #[test]
     fn a_mesh_stands_on_the_pad_over_its_place() {

@@ -11,7 +11,7 @@ use bench::trial::{Bench, HeldGrasp};
 use serde::Serialize;
 
 use super::images::{Change, Eyes};
-use super::normals::{Measured, RealRow, Sampled, measure, unseen};
+use super::normals::{Measured, RealRow, RealSource, Sampled, measure, unseen};
 use super::poses::{Class, FeltGrasp, PoseSource, Spread, feel, spread};
 
 /// Largest acceptable position error of objects without symmetry: median and 95th percentile, mm.
@@ -24,7 +24,7 @@ pub struct TouchEvaluation {
     /// As built, then under every change of the optics.
     pub changed: Vec<ChangedOptics>,
     /// The table of the real sensor, where its presses are at hand.
-    pub real: Option<Vec<RealRow>>,
+    pub real: Option<(RealSource, Vec<RealRow>)>,
 }
 
 /// Normals and poses under a change of the optics.

@@ -1,7 +1,7 @@
 //! Accuracy of normals and heights: by look-up, by a perceptron and by the network, on shapes, pads and a real sensor that
 //! they were not trained on.
 
-use std::path::Path;
+use std::path::PathBuf;
 use std::sync::Arc;
 
 use anyhow::{Context, Result};
@@ -22,9 +22,6 @@ use super::shapes::{Place, UNSEEN, each, named, press_into};
 /// Presses of each unseen shape, and samples drawn from each press: 4 x 36 x 324 = 46,656.
 const PRESSES: usize = 36;
 const SAMPLES: usize = 324;
-/// A ball of the real presses is 4 mm across, a pixel 0.0295 mm.
-pub const REAL_BALL_MM: f64 = 4.0;
-const REAL_PIXEL_MM: f64 = 0.0295;
 
 /// A press of an unseen shape into a pad of a hand unit, with the pixels that count.
 pub struct Sampled {
@@ -117,9 +114,20 @@ pub struct RealRow {
     pub error: Measured,
 }
 
-/// The real sensor's odd-numbered presses, all pixels inside the ball's circle, by every method.
-pub fn real(folder: &Path, networks: &Networks) -> Result<Vec<RealRow>> {
-    let presses = RealPresses::read(folder, 1e-3 * REAL_BALL_MM, 1e-3 * REAL_PIXEL_MM)?;
+/// Presses of a ball into a real sensor.
+#[derive(Debug, Clone, Serialize)]
+pub struct RealSource {
+    pub folder: PathBuf,
+    /// Diameter of the ball, mm.
+    pub ball_diameter_mm: f64,
+    /// Size of a pixel on the gel, mm.
+    pub pixel_mm: f64,
+}
+
+/// The real sensor's odd-numbered presses, all pixels inside the ball's circle, by every method. The look-up table is fitted to
+/// the even-numbered ones; the networks are those given, whatever sensor they learned from.
+pub fn real(source: &RealSource, networks: &Networks) -> Result<Vec<RealRow>> {
+    let presses = RealPresses::read(&source.folder, 1e-3 * source.ball_diameter_mm, 1e-3 * source.pixel_mm)?;
     let pixel = presses.pixel;
     let [even, odd] = presses.even_odd();
     let even: Vec<(&CalibrationPress, (f64, f64))> = even.iter().map(|press| (press, pixel)).collect();

@@ -1,17 +1,21 @@
 //! `ftac optics render` and `ftac optics shapes`: what a pad sees of a mesh, or of twenty known shapes.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
 use clap::Args;
 use hand_model::Hand;
-use lab::optics::render::{MeshPose, PadView, SensorSource};
+use lab::optics::render::{MeshPose, PadView, SensorSource, real_sensor};
 use lab::optics::shape_sheet::shape_sheet;
 use optics::Cover;
+use optics::calibration::CalibratedSensor;
 use scenarios::geometry::Mesh;
 use serde_json::json;
 
 use crate::terminal::{Outcome, Terminal};
+
+/// How deep a mesh is pressed into a real sensor unless told otherwise, mm.
+const SENSOR_DEPTH_MM: f64 = 0.5;
 
 /// Arguments of `optics render`.
 #[derive(Debug, Args)]
@@ -31,9 +35,17 @@ pub struct RenderArgs {
     /// Serial number of the hand.
     #[arg(long, default_value_t = 7)]
     pub unit: u64,
-    /// Calibration file of the pad (see `optics pads`) instead of the hand's own units.
+    /// Calibration file of the pad (see `optics pads`) instead of the hand's own units, or of a real sensor (see `optics
+    /// calibrate`) instead of a pad.
     #[arg(long, conflicts_with = "unit")]
     pub calibration: Option<PathBuf>,
+    /// For a real sensor: how deep the mesh's lowest point is below the untouched gel, mm. What force that takes is no part of a
+    /// calibration [default: 0.5].
+    #[arg(long, requires = "calibration", conflicts_with = "force")]
+    pub depth_mm: Option<f64>,
+    /// For a real sensor: thickness of its gel, mm, beyond which nothing is pressed.
+    #[arg(long, requires = "calibration", conflicts_with = "force")]
+    pub gel_mm: Option<f64>,
     /// Radius of the pad's cover across the digit, mm, for a pad that is part of a cylinder; default: flat.
     #[arg(long)]
     pub cover_radius_mm: Option<f64>,
@@ -63,8 +75,16 @@ pub struct ShapesArgs {
 pub fn render(terminal: &Terminal, args: &RenderArgs) -> Outcome {
     let hand = Hand::ftac();
     let mesh = Mesh::read_obj(&args.mesh)?;
-    let pad = find_pad(&hand, &args.pad)?;
     let pose = mesh_pose(&args.pose)?;
+    if let Some(path) = &args.calibration
+        && real_sensor::is_sensor(path)?
+    {
+        return render_real(terminal, args, path, (&mesh, &pose));
+    }
+    if args.depth_mm.is_some() || args.gel_mm.is_some() {
+        bail!("--depth-mm, --gel-mm: found a pad's calibration, whose press has a force; expected a sensor's");
+    }
+    let pad = find_pad(&hand, &args.pad)?;
     let cover = match args.cover_radius_mm {
         Some(mm) => Cover::cylinder(1e-3 * mm).and_then(|cover| cover.check(&hand.pads[pad]).map(|()| cover)),
         None => Ok(Cover::FLAT),
@@ -79,10 +99,36 @@ pub fn render(terminal: &Terminal, args: &RenderArgs) -> Outcome {
             json!({"pad": args.pad, "force": pressed.force, "shift_mm": 1e3 * pressed.shift, "cameras": rows})
         );
     } else if !terminal.quiet {
-        eprintln!("{} N on {}: {} camera(s) rendered", pressed.force, args.pad, rows.len());
+        let time: f64 = rows.iter().filter_map(|row| row["render_ms"].as_f64()).sum();
+        eprintln!("{} N on {}: {} camera(s) rendered in {time:.1} ms", pressed.force, args.pad, rows.len());
     }
     let short = (pressed.force - args.force).abs() > 0.01 * args.force;
     Ok(short.then(|| format!("the gel is pressed flat: it bears {:.2} N of {} N", pressed.force, args.force)))
+}
+
+/// Renders a mesh pressed into a real sensor.
+fn render_real(terminal: &Terminal, args: &RenderArgs, path: &Path, pressed: (&Mesh, &MeshPose)) -> Outcome {
+    let positive = |name: &str, mm: f64| {
+        if mm > 0.0 && mm.is_finite() {
+            return Ok(1e-3 * mm);
+        }
+        bail!("{name}: found {mm}, expected a positive number")
+    };
+    let depth = positive("--depth-mm", args.depth_mm.unwrap_or(SENSOR_DEPTH_MM))?;
+    let thickness = args.gel_mm.map(|mm| positive("--gel-mm", mm)).transpose()?;
+    let sensor = CalibratedSensor::read(path)?;
+    let found = real_sensor::render(&sensor, pressed, depth, thickness, &args.out)?;
+    if terminal.json {
+        println!("{found}");
+    } else if !terminal.quiet {
+        eprintln!(
+            "{} mm deep, rendered in {:.1} ms",
+            found["depth_mm"],
+            found["render_ms"].as_f64().unwrap_or(f64::NAN)
+        );
+    }
+    let bottomed = found["bottomed_out"].as_bool().unwrap_or(false);
+    Ok(bottomed.then(|| format!("the gel is pressed flat: it gives {} of {} mm", found["depth_mm"], 1e3 * depth)))
 }
 
 /// Renders the twenty shapes onto one sheet.

@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use anyhow::bail;
+use anyhow::{Result, bail};
 use bench::builtin::{HAND_UNIT, make_bench};
 use bench::networks::Networks;
 use clap::Args;
@@ -10,7 +10,7 @@ use indicatif::{ProgressBar, ProgressStyle};
 use lab::touch::evaluation::{TouchEvaluation, json, table, under_changes};
 use lab::touch::grasps::{Played, grasps};
 use lab::touch::images::{Change, Eyes};
-use lab::touch::normals::real;
+use lab::touch::normals::{RealSource, real};
 use lab::touch::pictures;
 use lab::touch::poses::feel;
 use scenarios::Scenario;
@@ -35,17 +35,23 @@ pub struct EvalArgs {
     /// Measure the networks in this folder instead of those that come with the program.
     #[arg(long)]
     pub networks: Option<PathBuf>,
-    /// Presses of a 4 mm ball into a real GelSight, as `optics calibrate` reads them, 0.0295 mm a pixel; left out where they
-    /// are not at hand.
-    #[arg(long)]
+    /// Presses of a ball into a real GelSight, as `optics calibrate` reads them. The networks that come with the program learned
+    /// from one such sensor; `optics calibrate` measures those that it trains for another.
+    #[arg(long, requires = "ball_diameter_mm", requires = "pixel_mm")]
     pub real: Option<PathBuf>,
+    /// Diameter of that ball, mm (where the labels do not say it).
+    #[arg(long, requires = "real")]
+    pub ball_diameter_mm: Option<f64>,
+    /// Size of a pixel of those images on the gel, mm.
+    #[arg(long, requires = "real")]
+    pub pixel_mm: Option<f64>,
     /// Folder for a recording and a sheet of images of the first grasp of each object.
     #[arg(long)]
     pub out: Option<PathBuf>,
 }
 
-/// Where the real presses lie beside a checkout.
-const REAL: &str = "../shared/data/real-gelsight/taxim_gelsight";
+/// Where the presses of the GelSight that the program's networks know lie beside a checkout, their ball and pixel size (mm).
+const REAL: (&str, f64, f64) = ("../shared/data/real-gelsight/taxim_gelsight", 4.0, 0.0295);
 
 /// Feels the grasps, measures, prints.
 pub fn eval(terminal: &Terminal, args: &EvalArgs) -> Outcome {
@@ -60,11 +66,8 @@ pub fn eval(terminal: &Terminal, args: &EvalArgs) -> Outcome {
         );
     }
     let networks = args.networks.as_deref().map_or_else(Networks::builtin, Networks::read)?;
-    let presses = match &args.real {
-        Some(folder) => Some(folder.clone()),
-        None => Some(PathBuf::from(REAL)).filter(|folder| folder.exists()),
-    };
-    let real = presses.as_deref().map(|folder| real(folder, &networks)).transpose()?;
+    let source = real_source(args)?;
+    let real = source.map(|source| real(&source, &networks).map(|rows| (source, rows))).transpose()?;
     let bench = make_bench(scenario, args.combos, terminal.seed, quiet)?;
     let played = Played { combos: args.combos, trials: args.trials, seed: terminal.seed };
     let grasps = grasps(&bench, played, args.grasps.as_deref(), quiet)?;
@@ -88,4 +91,18 @@ pub fn eval(terminal: &Terminal, args: &EvalArgs) -> Outcome {
         print!("{}", table::to_text(&found));
     }
     Ok(found.shortfall())
+}
+
+/// The real presses that were named, else the known ones if they are at hand.
+fn real_source(args: &EvalArgs) -> Result<Option<RealSource>> {
+    let (Some(folder), Some(ball_diameter_mm), Some(pixel_mm)) = (&args.real, args.ball_diameter_mm, args.pixel_mm)
+    else {
+        let (folder, ball_diameter_mm, pixel_mm) = REAL;
+        let known = RealSource { folder: folder.into(), ball_diameter_mm, pixel_mm };
+        return Ok(Some(known).filter(|source| source.folder.exists()));
+    };
+    if !(pixel_mm > 0.0 && pixel_mm.is_finite()) {
+        bail!("--pixel-mm: found {pixel_mm}, expected a positive number");
+    }
+    Ok(Some(RealSource { folder: folder.clone(), ball_diameter_mm, pixel_mm }))
 }

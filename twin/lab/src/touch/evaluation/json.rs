@@ -8,7 +8,7 @@ use scenarios::statistics::percentile;
 use serde_json::{Map, Value, json};
 
 use super::{TouchEvaluation, of_method, steps};
-use crate::touch::normals::{Measured, RealRow};
+use crate::touch::normals::{Measured, RealRow, RealSource};
 use crate::touch::poses::{Class, FeltGrasp, PoseSource, causes, spread};
 
 /// Everything measured.
@@ -18,7 +18,7 @@ pub fn to_json(found: &TouchEvaluation, seed: u64) -> Result<Value> {
     Ok(json!({
         "seed": seed,
         "grasps": found.felt.len(),
-        "normals": normals(rows, found.real.as_deref()),
+        "normals": normals(rows, found.real.as_ref()),
         "height_rms_um": of_method(rows, IN_USE).and_then(|row| row.height_rms_um),
         "pose": poses(&found.felt)?,
         "error_over_sigma": {"median": percentile(&ratios, 50.0), "p95": percentile(&ratios, 95.0)},
@@ -27,8 +27,8 @@ pub fn to_json(found: &TouchEvaluation, seed: u64) -> Result<Value> {
     }))
 }
 
-fn normals(rows: &[(Method, Measured)], real: Option<&[RealRow]>) -> Value {
-    let best = real.and_then(|real| real.iter().find(|row| row.method == IN_USE && !row.simulated));
+fn normals(rows: &[(Method, Measured)], real: Option<&(RealSource, Vec<RealRow>)>) -> Value {
+    let best = real.and_then(|(_, real)| real.iter().find(|row| row.method == IN_USE && !row.simulated));
     let methods: Map<String, Value> =
         rows.iter().map(|(method, measured)| (method.name().into(), json!(measured))).collect();
     json!({
@@ -36,7 +36,8 @@ fn normals(rows: &[(Method, Measured)], real: Option<&[RealRow]>) -> Value {
         "unseen_shapes": of_method(rows, IN_USE),
         "real": best.map(|row| row.error),
         "unseen_shapes_by_method": methods,
-        "real_by_method": real,
+        "real_by_method": real.map(|(_, rows)| rows),
+        "real_source": real.map(|(source, _)| source),
     })
 }
 

@@ -6,7 +6,7 @@ use bench::networks::{IN_USE, Method};
 use scenarios::statistics::percentile;
 
 use super::{ChangedOptics, TouchEvaluation, steps};
-use crate::touch::normals::{Measured, RealRow};
+use crate::touch::normals::{Measured, RealRow, RealSource};
 use crate::touch::poses::{Causes, Class, FAR, FeltGrasp, PoseSource, Spread, causes, spread};
 
 const SOURCES: [PoseSource; 3] = [PoseSource::Plan, PoseSource::Points, PoseSource::Touch];
@@ -14,7 +14,7 @@ const SOURCES: [PoseSource; 3] = [PoseSource::Plan, PoseSource::Points, PoseSour
 /// Everything measured.
 pub fn to_text(found: &TouchEvaluation) -> String {
     let TouchEvaluation { felt, changed, real } = found;
-    let normals = normals(found.as_built(), real.as_deref());
+    let normals = normals(found.as_built(), real.as_ref());
     let poses = [poses(felt), error_causes(felt)].join("\n");
     format!("{normals}\n{poses}\n{}\n{}", changes(changed), latency(felt))
 }
@@ -49,7 +49,7 @@ fn changes(rows: &[ChangedOptics]) -> String {
     text
 }
 
-fn normals(rows: &[(Method, Measured)], real: Option<&[RealRow]>) -> String {
+fn normals(rows: &[(Method, Measured)], real: Option<&(RealSource, Vec<RealRow>)>) -> String {
     let mut text =
         format!("{:52} {:>9} {:>9} {:>9}   {:>9}\n", "angular error, deg", "mean", "median", "p95", "samples");
     let mut row = |name: String, measured: &Measured| {
@@ -64,9 +64,16 @@ fn normals(rows: &[(Method, Measured)], real: Option<&[RealRow]>) -> String {
         let used = if *method == IN_USE { " (used in trials)" } else { "" };
         row(format!("unseen shapes, {}{used}", method.name()), measured);
     }
-    for RealRow { method, simulated, error } in real.unwrap_or_default() {
+    for RealRow { method, simulated, error } in real.map_or(&[][..], |(_, rows)| rows) {
         let from = if *simulated { "renders of the sensor" } else { "even-numbered presses" };
         row(format!("real GelSight, {} from {from}", method.name()), error);
+    }
+    if let Some((RealSource { folder, ball_diameter_mm, pixel_mm }, _)) = real {
+        text += &format!(
+            "real GelSight: {}, balls of {ball_diameter_mm} mm, pixels of {pixel_mm} mm; the networks are those of the folder that \
+             `--networks` names, else those of the GelSight that the program knows\n",
+            folder.display()
+        );
     }
     text
 }

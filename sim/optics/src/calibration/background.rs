@@ -1,0 +1,181 @@
+//! The untouched gel, estimated from the presses.
+//!
+//! Each pixel takes its median over the presses far from it: that has less noise than a single frame, and shows the gel in the
+//! state it has while something presses elsewhere. Lamps and exposure drift between frames, and each pixel has a different set of
+//! far presses. So each frame is first divided by its brightness relative to the background image, a polynomial of the place
+//! fitted to its untouched pixels; else the sets' borders would be edges in the result. In the end the presses' mean brightness is
+//! put back.
+
+use nalgebra::{SMatrix, SVector};
+
+use crate::calibration::folder::{BallPress, PressFolder};
+use crate::calibration::samples::UNTOUCHED;
+
+/// Least number of presses that leave a pixel untouched for their median to be its background.
+const ENOUGH: usize = 3;
+/// Coefficients of a brightness polynomial: 1, u, v, u^2, uv, v^2.
+const TERMS: usize = 6;
+/// One pixel in so many, along both axes, is used for a fit.
+const STRIDE: usize = 4;
+/// Darker pixels (grey levels) tell no ratio.
+const DARK: u8 = 12;
+/// A pixel whose ratio is farther from the polynomial than this many median deviations is left out of the second fit: a shadow,
+/// or gel that moved.
+const OUTLIER: f64 = 4.0;
+
+type Terms = SVector<f64, TERMS>;
+
+/// Brightness of the three channels relative to the background image.
+type Brightness = [Terms; 3];
+
+/// The untouched gel (row-major RGB, grey levels). Pixels that too few presses leave untouched take the background image's value,
+/// as bright as the presses are in the mean.
+pub fn background_of(folder: &PressFolder) -> Vec<f32> {
+    let (width, height) = (folder.background.width, folder.background.height);
+    let terms = |column: usize, row: usize| terms(column, row, [width, height]);
+    let brightness: Vec<Brightness> = folder.presses.iter().map(|press| brightness(folder, press)).collect();
+    let mut mean = [Terms::zeros(); 3];
+    for (c, mean) in mean.iter_mut().enumerate() {
+        let sum: Terms = brightness.iter().map(|of_press| of_press[c]).sum();
+        *mean = if brightness.is_empty() { unity() } else { sum / brightness.len() as f64 };
+    }
+    let mut background = Vec::with_capacity(folder.background.rgb.len());
+    let (mut far, mut values) = (Vec::new(), Vec::new());
+    for pixel in 0..width * height {
+        let (column, row) = (pixel % width, pixel / width);
+        let at = terms(column, row);
+        far.clear();
+        far.extend((0..folder.presses.len()).filter(|&n| untouched(&folder.presses[n], column, row)));
+        for c in 0..3 {
+            let one = f64::from(folder.background.rgb[3 * pixel + c]);
+            let own = if far.len() < ENOUGH {
+                one
+            } else {
+                let value =
+                    |&n: &usize| f64::from(folder.presses[n].photo.rgb[3 * pixel + c]) / brightness[n][c].dot(&at);
+                values.clear();
+                values.extend(far.iter().map(value));
+                median(&mut values)
+            };
+            background.push((own * mean[c].dot(&at)).clamp(0.0, 255.0) as f32);
+        }
+    }
+    background
+}
+
+fn untouched(press: &BallPress, column: usize, row: usize) -> bool {
+    (press.center[0] - column as f64).hypot(press.center[1] - row as f64) > UNTOUCHED * press.radius
+}
+
+fn terms(column: usize, row: usize, [width, height]: [usize; 2]) -> Terms {
+    let place = |at: usize, size: usize| 2.0 * (at as f64 + 0.5) / size as f64 - 1.0;
+    let (u, v) = (place(column, width), place(row, height));
+    Terms::from([1.0, u, v, u * u, u * v, v * v])
+}
+
+fn unity() -> Terms {
+    let mut terms = Terms::zeros();
+    terms[0] = 1.0;
+    terms
+}
+
+fn median(values: &mut [f64]) -> f64 {
+    values.sort_unstable_by(f64::total_cmp);
+    let (low, high) = (values[(values.len() - 1) / 2], values[values.len() / 2]);
+    0.5 * (low + high)
+}
+
+/// A press's brightness on its untouched pixels; as the background where there are too few.
+fn brightness(folder: &PressFolder, press: &BallPress) -> Brightness {
+    let (width, height) = (folder.background.width, folder.background.height);
+    std::array::from_fn(|c| {
+        let mut ratios = Vec::new();
+        for row in (0..height).step_by(STRIDE) {
+            for column in (0..width).step_by(STRIDE) {
+                let at = 3 * (row * width + column) + c;
+                let before = folder.background.rgb[at];
+                // A saturated pixel shows the sensor's limit, not its brightness.
+                if before > DARK && before < 250 && press.photo.rgb[at] < 250 && untouched(press, column, row) {
+                    let ratio = f64::from(press.photo.rgb[at]) / f64::from(before);
+                    ratios.push((terms(column, row, [width, height]), ratio));
+                }
+            }
+        }
+        let Some(first) = fitted(&ratios) else { return unity() };
+        let off = |(terms, ratio): &(Terms, f64)| (ratio - first.dot(terms)).abs();
+        let typical = median(&mut ratios.iter().map(off).collect::<Vec<f64>>());
+        ratios.retain(|pair| off(pair) <= OUTLIER * typical);
+        let found = fitted(&ratios).unwrap_or(first);
+        // Where no untouched pixel is near, a polynomial may run away.
+        let corners = [(0, 0), (width - 1, 0), (0, height - 1), (width - 1, height - 1), (width / 2, height / 2)];
+        let sane = corners.iter().all(|&(x, y)| (0.3..3.0).contains(&found.dot(&terms(x, y, [width, height]))));
+        if sane { found } else { unity() }
+    })
+}
+
+/// Least squares; `None` with too few points.
+fn fitted(points: &[(Terms, f64)]) -> Option<Terms> {
+    if points.len() < 20 * TERMS {
+        return None;
+    }
+    let mut normal = SMatrix::<f64, TERMS, TERMS>::zeros();
+    let mut right = Terms::zeros();
+    for (terms, value) in points {
+        normal += terms * terms.transpose();
+        right += terms * *value;
+    }
+    Some(normal.cholesky()?.solve(&right))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::calibration::photo::Photo;
+
+    /// Frames of a gel whose lamps drift by up to 15 %, unevenly, each with a press at a place of its own: the estimate has no
+    /// edges where the set of presses changes.
+    #[test]
+    fn drift_leaves_no_edges() {
+        let (width, height) = (160, 120);
+        let gel = |x: f64, y: f64, c: usize| 90.0 + 40.0 * (0.02 * x + 1.3 * c as f64).sin() + 0.2 * y;
+        let gain =
+            |n: usize, x: f64| 1.0 + 0.15 * (2.1 * n as f64).sin() + 0.05 * (1.7 * n as f64).cos() * (x / 80.0 - 1.0);
+        let photo = |shown: &dyn Fn(f64, f64, usize) -> f64| {
+            let at = |i: usize| (((i / 3) % width) as f64, (i / 3 / width) as f64, i % 3);
+            let value = |i: usize| {
+                let (x, y, c) = at(i);
+                shown(x, y, c).round().clamp(0.0, 255.0) as u8
+            };
+            Photo { width, height, rgb: (0..3 * width * height).map(value).collect() }
+        };
+        let presses = (0..16).map(|n| {
+            let center = [30.0 + 25.0 * (n % 4) as f64, 25.0 + 22.0 * (n / 4) as f64];
+            let shown = |x: f64, y: f64, c: usize| {
+                let pressed = (x - center[0]).hypot(y - center[1]) < 12.0;
+                gain(n, x) * gel(x, y, c) + if pressed { 40.0 } else { 0.0 }
+            };
+            BallPress {
+                name: format!("{n}.png"),
+                photo: photo(&shown),
+                center,
+                radius: 12.0,
+                diameter: 4e-3,
+                labelled: true,
+                contact_labelled: true,
+            }
+        });
+        let folder = PressFolder {
+            background: photo(&gel),
+            presses: presses.collect(),
+            lamps: Vec::new(),
+            left_out: Vec::new(),
+        };
+        let found = background_of(&folder);
+        let mean = |x: f64| (0..16).map(|n| gain(n, x)).sum::<f64>() / 16.0;
+        for (i, found) in found.iter().enumerate() {
+            let (x, y, c) = (((i / 3) % width) as f64, (i / 3 / width) as f64, i % 3);
+            let off = f64::from(*found) - mean(x) * gel(x, y, c);
+            assert!(off.abs() < 1.5, "({x}, {y}, {c}): {off}");
+        }
+    }
+}

@@ -1,0 +1,154 @@
+//! The size of a pixel on the gel, and whether it and the balls' diameters can be right.
+//!
+//! The shading of a ball tells its slopes in pixels, and these do not change if ball and pixel grow alike; only the contact's
+//! circle against the ball bounds the size. So it has to be measured: with two points a known distance apart, or by the width of
+//! what the camera sees.
+
+use anyhow::{Result, bail};
+use optics::calibration::{Assumptions, BallFit, BallPress, Effort, PressFolder};
+
+/// What tells the size of a pixel; lengths in m.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum PixelSource {
+    /// It is known.
+    Known(f64),
+    /// Two points of an image (column, row) lie this far apart on the gel.
+    Ruler { ends: [[f64; 2]; 2], length: f64 },
+    /// An image shows this width of the gel.
+    Field(f64),
+    /// Nothing but the presses themselves.
+    Presses,
+}
+
+/// Size of a pixel, and its 95 % interval where it was measured, m.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PixelSize {
+    pub size: f64,
+    pub interval: Option<[f64; 2]>,
+}
+
+/// Standard deviation of a coordinate that someone reads off an image, pixels.
+const READ: f64 = 0.5;
+/// Least distance of a ruler's ends, pixels.
+const SHORTEST: f64 = 20.0;
+/// Largest radius of a contact, and of a circle that one sees around it, over the ball's.
+const LARGEST: [f64; 2] = [1.05, 1.3];
+/// Median radius of the circles over the ball's below which presses are too shallow to calibrate with.
+const SHALLOWEST: f64 = 0.35;
+/// Shares of the largest possible pixel size that are tried where nothing else tells it.
+const SHARES: [f64; 6] = [0.3, 0.4, 0.52, 0.68, 0.84, 1.0];
+/// A size is possible if its fit's residual is at most so many times the best one's.
+const AS_GOOD: f64 = 1.15;
+/// Presses and effort of those fits.
+const FEW: usize = 12;
+const QUICK: Effort = Effort { per_press: 150, starts: 1, steps: [8, 12], split: true };
+
+impl PixelSource {
+    /// The size that the source tells; `columns` is the images' width. `None` if only the presses can.
+    pub fn measured(&self, columns: usize) -> Result<Option<PixelSize>> {
+        let positive = |what: &str, value: f64| {
+            if value > 0.0 && value.is_finite() {
+                return Ok(value);
+            }
+            bail!("{what}: found {} mm, expected a positive number", 1e3 * value)
+        };
+        Ok(Some(match *self {
+            Self::Known(size) => PixelSize { size: positive("--pixel-mm", size)?, interval: None },
+            Self::Field(width) => PixelSize { size: positive("--field-mm", width)? / columns as f64, interval: None },
+            Self::Ruler { ends: [a, b], length } => {
+                let pixels = (a[0] - b[0]).hypot(a[1] - b[1]);
+                if !pixels.is_finite() || pixels < SHORTEST {
+                    bail!("--ruler: found points {pixels:.1} pixels apart, expected at least {SHORTEST}");
+                }
+                let size = positive("--ruler", length)? / pixels;
+                let deviation = size * READ * f64::sqrt(2.0) / pixels;
+                PixelSize { size, interval: Some([size - 1.96 * deviation, size + 1.96 * deviation]) }
+            }
+            Self::Presses => return Ok(None),
+        }))
+    }
+}
+
+/// Radius of a press's circle over its ball's, with pixels of this size (m).
+fn share(press: &BallPress, pixel: f64) -> f64 {
+    press.radius * pixel / (0.5 * press.diameter)
+}
+
+/// An error if circles are larger than their balls, or unless `shallow`, if all are far smaller: then the balls' diameter or the
+/// size of a pixel was given in another unit, or is another ball's.
+pub fn check(folder: &PressFolder, pixel: f64, shallow: bool) -> Result<()> {
+    let sizes = |press: &BallPress| (1e3 * press.radius * pixel, 1e3 * press.diameter);
+    for press in &folder.presses {
+        let (found, (radius, diameter)) = (share(press, pixel), sizes(press));
+        let most = LARGEST[usize::from(!press.contact_labelled)];
+        if found > most {
+            bail!(
+                "{}: found a circle of {radius:.2} mm radius, {found:.2} of the radius of a ball of {diameter} mm; expected at most \
+                 {most}: the ball's diameter or the size of a pixel ({} mm) is wrong",
+                press.name,
+                1e3 * pixel
+            );
+        }
+    }
+    let mut shares: Vec<f64> = folder.presses.iter().map(|press| share(press, pixel)).collect();
+    shares.sort_by(f64::total_cmp);
+    let Some(median) = shares.get(shares.len() / 2) else { return Ok(()) };
+    if *median < SHALLOWEST && !shallow {
+        bail!(
+            "found circles of {median:.2} of their ball's radius (median); expected at least {SHALLOWEST}: the ball's diameter \
+             ({} mm) or the size of a pixel ({} mm) is wrong, or `--shallow` says that the presses are",
+            1e3 * folder.presses[0].diameter,
+            1e3 * pixel
+        );
+    }
+    Ok(())
+}
+
+/// The sizes of a pixel with which the presses can be explained about equally well, and their geometric middle. The largest one
+/// makes the largest circle as large as its ball; the smallest one tried makes it three tenths of that.
+pub fn from_presses(folder: &PressFolder, seed: u64) -> Result<PixelSize> {
+    let (some, _) = folder.split(|n, _| n % folder.presses.len().div_ceil(FEW).max(1) == 0);
+    let most = folder.presses.iter().map(|press| {
+        let visible = LARGEST[usize::from(!press.contact_labelled)];
+        visible * 0.5 * press.diameter / press.radius
+    });
+    let most = most.fold(f64::INFINITY, f64::min);
+    let mut tried = Vec::new();
+    for share in SHARES {
+        let size = share * most;
+        let fit = BallFit::new(&some, Assumptions::full(Some(size)), &QUICK, seed)?;
+        tried.push((size, fit.residual));
+    }
+    let best = tried.iter().map(|(_, residual)| *residual).fold(f64::INFINITY, f64::min);
+    let good = |n: usize| tried[n].1 <= AS_GOOD * best;
+    let possible: Vec<usize> = (0..tried.len()).filter(|&n| good(n)).collect();
+    let (Some(first), Some(last)) = (possible.first(), possible.last()) else {
+        bail!("found no size of a pixel with which the presses can be explained");
+    };
+    // The truth may lie between the last size that is possible and the first one that is not.
+    let low = tried[first.saturating_sub(1)].0;
+    let high = tried[(last + 1).min(tried.len() - 1)].0;
+    Ok(PixelSize { size: (low * high).sqrt(), interval: Some([low, high]) })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_ruler_is_as_exact_as_it_is_long() {
+        let ruler =
+            |pixels: f64| PixelSource::Ruler { ends: [[10.0, 20.0], [10.0 + pixels, 20.0]], length: 0.05e-3 * pixels };
+        let width = |pixels: f64| {
+            let found = ruler(pixels).measured(320).expect("measured").expect("a size");
+            assert!((found.size - 0.05e-3).abs() < 1e-12);
+            let [low, high] = found.interval.expect("an interval");
+            high - low
+        };
+        assert!((width(100.0) / width(300.0) - 3.0).abs() < 1e-9);
+        assert!(ruler(5.0).measured(320).is_err());
+        let field = PixelSource::Field(16e-3).measured(320).expect("measured").expect("a size");
+        assert!((field.size - 0.05e-3).abs() < 1e-12);
+        assert_eq!(PixelSource::Presses.measured(320).expect("no error"), None);
+    }
+}
