@@ -42,7 +42,7 @@ use crate::safety::limits::{ArmLimits, Limits, ServoLimits, Watchdogs};
 use crate::servo_bus::BusSettings;
 use crate::xc330;
 
-use secrets::{PASSWORD_VARIABLE, Password, read_password, readable_by_others, syntax_message};
+use secrets::{Password, syntax_message};
 pub use uvc::{UvcConfig, UvcFormat, UvcSquare};
 
 /// What is wrong with a configuration or calibration file.
@@ -262,44 +262,6 @@ impl BridgeConfig {
         config.calibration = folder.join(&config.calibration);
         config.stop_socket = folder.join(&config.stop_socket);
         Ok(config)
-    }
-
-    /// Finds the arm's password, in this order: the environment, the file named, the configuration itself. A file with a password that others may
-    /// read is refused.
-    fn find_password(&mut self, path: &Path) -> Result<(), ConfigError> {
-        let ArmConfig::Kortex { password, password_file, .. } = &mut self.arm else { return Ok(()) };
-        let private = |field: &str, file: &Path| {
-            let io = |source| ConfigError::Io { path: file.to_owned(), source };
-            match readable_by_others(file).map_err(io)? {
-                None => Ok(()),
-                Some(mode) => Err(ConfigError::Field {
-                    path: path.to_owned(),
-                    field: field.to_owned(),
-                    found: format!("a password in {}, which others may read (mode {mode})", file.display()),
-                    expected: format!("mode 600 (chmod 600 {}), or {PASSWORD_VARIABLE}", file.display()),
-                }),
-            }
-        };
-        if password.is_some() {
-            private("arm.password", path)?;
-        }
-        if let Some(file) = password_file {
-            let file = path.parent().unwrap_or(Path::new("")).join(&*file);
-            private("arm.password_file", &file)?;
-            *password = Some(read_password(&file).map_err(|source| ConfigError::Io { path: file, source })?);
-        }
-        if let Ok(found) = std::env::var(PASSWORD_VARIABLE) {
-            *password = Some(found.into());
-        }
-        if password.is_none() {
-            return Err(ConfigError::Field {
-                path: path.to_owned(),
-                field: "arm".into(),
-                found: "no password".into(),
-                expected: format!("password_file = \"FILE\", or {PASSWORD_VARIABLE} in the environment"),
-            });
-        }
-        Ok(())
     }
 
     /// As it would stand in a file.

@@ -45,7 +45,7 @@ impl Default for HomingSettings {
             longest: 7.0,
             patience: 8.0,
             fade: 1.0,
-            watchdog: 1.0,
+            watchdog: 2.54,
         }
     }
 }
@@ -95,6 +95,12 @@ pub enum HomingError {
         /// Servos with a new offset.
         ids: Vec<u8>,
     },
+    #[error("servo {id}: stopped itself, because it heard nothing for {silence} s: is this computer too busy?")]
+    HeldUp {
+        id: u8,
+        /// s.
+        silence: f64,
+    },
     #[error("stopped by the operator")]
     Interrupted,
 }
@@ -109,7 +115,14 @@ pub fn feel(
     let pinged = bus.ping(id)?;
     let unit = xc330::HOMING_OFFSET.unit.per_count();
     let known = bus.read(id, &xc330::HOMING_OFFSET)?;
-    let result = seek_both(bus, id, settings, interrupted);
+    let result = seek_both(bus, id, settings, interrupted).map_err(|error| {
+        // A servo that has stopped itself refuses goals.
+        let refused = matches!(error, HomingError::Bus(BusError::Reply(ReplyError::Refused { .. })));
+        match bus.read(id, &xc330::BUS_WATCHDOG) {
+            Ok(state) if refused && state < 0.0 => HomingError::HeldUp { id, silence: settings.watchdog },
+            _ => error,
+        }
+    });
     // In every case; a lost answer must not leave the torque on.
     let mut off = bus.write(id, &xc330::TORQUE_ENABLE, 0.0);
     for _ in 0..2 {

@@ -6,6 +6,8 @@ use std::path::Path;
 
 use serde::Deserialize;
 
+use super::{ArmConfig, BridgeConfig, ConfigError};
+
 /// The variable of the environment that holds the arm's password, before all files.
 pub const PASSWORD_VARIABLE: &str = "FTAC_ARM_PASSWORD";
 /// What a recording has in its place.
@@ -35,14 +37,54 @@ impl std::fmt::Debug for Password {
 }
 
 /// The permissions of a file that others than its owner may read, such as `644`.
-pub fn readable_by_others(path: &Path) -> io::Result<Option<String>> {
+fn readable_by_others(path: &Path) -> io::Result<Option<String>> {
     let mode = std::fs::metadata(path)?.permissions().mode() & 0o777;
     Ok((mode & 0o077 != 0).then(|| format!("{mode:o}")))
 }
 
 /// The password in a file of its own, without the end of its line.
-pub fn read_password(path: &Path) -> io::Result<Password> {
+fn read_password(path: &Path) -> io::Result<Password> {
     Ok(Password(std::fs::read_to_string(path)?.trim_end_matches(['\n', '\r']).to_owned()))
+}
+
+impl BridgeConfig {
+    /// Finds the arm's password, in this order: the environment, the file named, the configuration itself. A file with a password that others may
+    /// read is refused.
+    pub(super) fn find_password(&mut self, path: &Path) -> Result<(), ConfigError> {
+        let ArmConfig::Kortex { password, password_file, .. } = &mut self.arm else { return Ok(()) };
+        let private = |field: &str, file: &Path| {
+            let io = |source| ConfigError::Io { path: file.to_owned(), source };
+            match readable_by_others(file).map_err(io)? {
+                None => Ok(()),
+                Some(mode) => Err(ConfigError::Field {
+                    path: path.to_owned(),
+                    field: field.to_owned(),
+                    found: format!("a password in {}, which others may read (mode {mode})", file.display()),
+                    expected: format!("mode 600 (chmod 600 {}), or {PASSWORD_VARIABLE}", file.display()),
+                }),
+            }
+        };
+        if password.is_some() {
+            private("arm.password", path)?;
+        }
+        if let Some(file) = password_file {
+            let file = path.parent().unwrap_or(Path::new("")).join(&*file);
+            private("arm.password_file", &file)?;
+            *password = Some(read_password(&file).map_err(|source| ConfigError::Io { path: file, source })?);
+        }
+        if let Ok(found) = std::env::var(PASSWORD_VARIABLE) {
+            *password = Some(found.into());
+        }
+        if password.is_none() {
+            return Err(ConfigError::Field {
+                path: path.to_owned(),
+                field: "arm".into(),
+                found: "no password".into(),
+                expected: format!("password_file = \"FILE\", or {PASSWORD_VARIABLE} in the environment"),
+            });
+        }
+        Ok(())
+    }
 }
 
 /// A configuration's text as a recording may keep it. Comments are lost where there was a password.

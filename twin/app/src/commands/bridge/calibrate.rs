@@ -52,12 +52,9 @@ pub fn run(terminal: &Terminal, args: &CalibrateArgs) -> Result<Option<String>> 
     if let Err(error) = felt {
         let kept = match servos.len() {
             0 => String::new(),
-            n => format!(
-                " The first {n} are kept in {}: mend the cause, then go on with --continue.",
-                shown(unfinished.path())
-            ),
+            n => format!("; the first {n} are kept in {}, and --continue goes on after them", shown(unfinished.path())),
         };
-        return Err(error.context(format!("Nothing was calibrated, and the last calibration stays.{kept}")));
+        return Err(error.context(format!("nothing was calibrated, and the last calibration stays{kept}")));
     }
     // The servos first: a file without them is refused at the next connection, and calibrating again mends it.
     store(&mut bus, &servos)?;
