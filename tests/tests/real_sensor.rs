@@ -224,7 +224,7 @@ fn what_presses_is_reconstructed_to_scale() {
         for (depth, row) in depths.iter().zip(rows) {
             let (found, error) =
                 (row["depth_mm"].as_f64().expect("a depth"), row["depth_error_mm"].as_f64().expect("an error"));
-            assert!((found / depth - 1.0).abs() < 0.25 && error > 0.0, "{method}: {found} mm, {depth} mm: {row}");
+            assert!((found / depth - 1.0).abs() < 0.4 && error > 0.0, "{method}: {found} mm, {depth} mm: {row}");
         }
     }
     // The height image agrees with the array, and every point of the cloud lies in the gel.

@@ -8,8 +8,9 @@ use std::path::PathBuf;
 use hand_model::Hand;
 use nalgebra::Point3;
 use optics::SensorModel;
+use optics::calibration::background::background_of;
 use optics::calibration::{
-    Assumptions, BallFit, CalibratedSensor, Effort, Lens, Photo, PressFolder, SensorCalibration, similarity,
+    Assumptions, BallFit, BallPress, CalibratedSensor, Effort, Lens, Photo, PressFolder, SensorCalibration, similarity,
 };
 use optics::camera::Pinhole;
 use optics::elastomer::Elastomer;
@@ -266,6 +267,49 @@ fn raw_presses_are_rectified_and_a_calibration_renders_raw() {
     let folded = Lens { radial: [-3.0, 0.0, 0.0], ..lens };
     assert!(raw.rectified(&folded).unwrap_err().to_string().contains("lens.radial"));
     fs::remove_dir_all(&path).unwrap();
+}
+
+/// Frames of a gel whose lamps drift by up to 15 %, unevenly, each with a press at a place of its own: the estimate has no
+/// edges where the set of presses changes.
+#[test]
+fn drift_leaves_no_edges() {
+    let (width, height) = (160, 120);
+    let gel = |x: f64, y: f64, c: usize| 90.0 + 40.0 * (0.02 * x + 1.3 * c as f64).sin() + 0.2 * y;
+    let gain =
+        |n: usize, x: f64| 1.0 + 0.15 * (2.1 * n as f64).sin() + 0.05 * (1.7 * n as f64).cos() * (x / 80.0 - 1.0);
+    let photo = |shown: &dyn Fn(f64, f64, usize) -> f64| {
+        let at = |i: usize| (((i / 3) % width) as f64, (i / 3 / width) as f64, i % 3);
+        let value = |i: usize| {
+            let (x, y, c) = at(i);
+            shown(x, y, c).round().clamp(0.0, 255.0) as u8
+        };
+        Photo { width, height, rgb: (0..3 * width * height).map(value).collect() }
+    };
+    let presses = (0..16).map(|n| {
+        let center = [30.0 + 25.0 * (n % 4) as f64, 25.0 + 22.0 * (n / 4) as f64];
+        let shown = |x: f64, y: f64, c: usize| {
+            let pressed = (x - center[0]).hypot(y - center[1]) < 12.0;
+            gain(n, x) * gel(x, y, c) + if pressed { 40.0 } else { 0.0 }
+        };
+        BallPress {
+            name: format!("{n}.png"),
+            photo: photo(&shown),
+            center,
+            radius: 12.0,
+            diameter: 4e-3,
+            labelled: true,
+            contact_labelled: true,
+        }
+    });
+    let folder =
+        PressFolder { background: photo(&gel), presses: presses.collect(), lamps: Vec::new(), left_out: Vec::new() };
+    let found = background_of(&folder);
+    let mean = |x: f64| (0..16).map(|n| gain(n, x)).sum::<f64>() / 16.0;
+    for (i, found) in found.iter().enumerate() {
+        let (x, y, c) = (((i / 3) % width) as f64, (i / 3 / width) as f64, i % 3);
+        let off = f64::from(*found) - mean(x) * gel(x, y, c);
+        assert!(off.abs() < 1.5, "({x}, {y}, {c}): {off}");
+    }
 }
 
 proptest::proptest! {

@@ -116,8 +116,8 @@ impl CalibrationRun {
         };
         let measured = source.measured(fitted.background.width)?;
         if let Some(PixelSize { size, .. }) = measured {
-            scale::check(&fitted, size, *shallow)?;
-            scale::check(&held_out, size, *shallow)?;
+            scale::check(&fitted, size, *shallow, false)?;
+            scale::check(&held_out, size, *shallow, false)?;
         }
         let PixelSize { size, interval } = measured.map_or_else(|| scale::from_presses(&fitted, seed), Ok)?;
         let effort = Effort::default();
@@ -125,6 +125,9 @@ impl CalibrationRun {
         if fitted.presses.iter().chain(&held_out.presses).any(|press| !press.labelled) {
             let first = BallFit::new(&relocation::reliable(&fitted), assumptions, &effort, seed)?;
             (fitted, held_out) = (first.relocated(&fitted), first.relocated(&held_out));
+            for folder in [&fitted, &held_out] {
+                scale::check(folder, size, *shallow, true)?;
+            }
         }
         let mut fit = BallFit::new(&fitted, assumptions, &effort, seed)?;
         let mut tiles: Vec<Tile> = left_out.iter().map(tile_of).collect();

@@ -75,10 +75,12 @@ fn share(press: &BallPress, pixel: f64) -> f64 {
 }
 
 /// An error if circles are larger than their balls, or unless `shallow`, if all are far smaller: then the balls' diameter or the
-/// size of a pixel was given in another unit, or is another ball's.
-pub fn check(folder: &PressFolder, pixel: f64, shallow: bool) -> Result<()> {
+/// size of a pixel was given in another unit, or is another ball's. `corrected` says that the model has corrected the circles that
+/// were found without labels.
+pub fn check(folder: &PressFolder, pixel: f64, shallow: bool, corrected: bool) -> Result<()> {
     let sizes = |press: &BallPress| (1e3 * press.radius * pixel, 1e3 * press.diameter);
-    for press in &folder.presses {
+    // A circle that was found is judged once the model has corrected it.
+    for press in folder.presses.iter().filter(|press| press.labelled || corrected) {
         let (found, (radius, diameter)) = (share(press, pixel), sizes(press));
         let most = LARGEST[usize::from(!press.contact_labelled)];
         if found > most {

@@ -1,7 +1,8 @@
 //! How far reconstructed surfaces are from balls whose size and contact are known.
 //!
-//! A ball's circle tells the gel's shape inside it and nothing of how far the gel around it sinks. Heights are therefore
-//! compared from the contact's rim inwards: found ones less their mean along the rim, true ones as the ball has them.
+//! A ball's circle tells the gel's shape well inside it. Towards the rim the gel leaves the ball, smoothly, and how far the gel
+//! around it sinks is not known. Heights are therefore compared over the inner [`INNER`] of the contact's radius, less their mean
+//! at that radius; normals over the whole contact, as is usual.
 
 use hand_model::pads::IMAGE_SIZE as N;
 use serde::{Deserialize, Serialize};
@@ -13,6 +14,10 @@ use crate::optics::grid::Grid;
 
 /// Width of a class of slopes in which errors of normals are counted, degrees.
 const CLASS_DEG: f64 = 10.0;
+/// Share of the contact's radius within which the gel surely lies on the ball.
+pub const INNER: f64 = 0.7;
+/// Share of the contact's radius over which the height in the middle is averaged.
+const MIDDLE: f64 = 0.15;
 /// Number of those classes.
 const CLASSES: usize = 8;
 
@@ -23,11 +28,11 @@ pub struct Accuracy {
     pub presses: usize,
     /// Angle between found and true normals inside the contact, degrees.
     pub normals_deg: AngularError,
-    /// Mean of found over true depth of a ball below its contact's rim.
+    /// Mean of found over true depth of a ball's inner part.
     pub depth_ratio: f64,
     /// Root mean square error of that depth over the depth.
     pub depth_relative: f64,
-    /// Root mean square error of the height inside the contact, m.
+    /// Root mean square error of the height over the inner part, m.
     pub height: f64,
     /// Mean of the area that found and true contact share, over the area of both together.
     pub contact_overlap: f64,
@@ -37,11 +42,11 @@ pub struct Accuracy {
 
 /// Found and true surface of one press.
 pub struct BallError {
-    /// Found and true depth below the contact's rim, m.
+    /// Found and true depth of the inner part, m.
     pub depth: [f64; 2],
     /// Mean angle between found and true normals inside the contact, degrees.
     pub normals_deg: f64,
-    /// Root mean square error of the height inside the contact, m.
+    /// Root mean square error of the height over the inner part, m.
     pub height: f64,
 }
 
@@ -73,12 +78,12 @@ pub fn contact_share(reader: &Reconstructor, known: &KnownPresses, grid: Grid, p
     shares.map(|share| (overlap(share), share)).fold((-1.0, 0.35), |a, b| if b.0 > a.0 { b } else { a }).1
 }
 
-/// Mean height along the rim of a ball's contact, m.
-fn rim_height(found: &GridSurface, ball: &KnownBall, grid: Grid, pixel: f64) -> f64 {
+/// Mean height along the edge of a ball's inner part, m.
+fn edge_height(found: &GridSurface, ball: &KnownBall, grid: Grid, pixel: f64) -> f64 {
     let (dx, dy) = grid.pixel(pixel);
     mean_height(found, |i| {
         let [x, y] = ball.offset(grid, pixel, i);
-        (x.hypot(y) - ball.contact).abs() < 0.5 * dx.max(dy)
+        (x.hypot(y) - INNER * ball.contact).abs() < 0.5 * dx.max(dy)
     })
 }
 
@@ -86,7 +91,7 @@ fn rim_height(found: &GridSurface, ball: &KnownBall, grid: Grid, pixel: f64) -> 
 fn middle_height(found: &GridSurface, ball: &KnownBall, grid: Grid, pixel: f64) -> f64 {
     mean_height(found, |i| {
         let [x, y] = ball.offset(grid, pixel, i);
-        x.hypot(y) < 0.15 * ball.contact
+        x.hypot(y) < MIDDLE * ball.contact
     })
 }
 
@@ -119,33 +124,49 @@ pub fn measure(
     let (mut overlap, mut height_squares, mut pixels) = (0.0, 0.0, 0.0);
     for (press, ball) in known.presses.iter().zip(&known.balls) {
         let found = reader.on_grid(&press.image);
-        let rim = found.as_ref().map_or(0.0, |found| rim_height(found, ball, grid, pixel));
-        let (mut own, mut own_squares) = (Vec::new(), 0.0);
+        let edge = found.as_ref().map_or(0.0, |found| edge_height(found, ball, grid, pixel));
+        let inner = INNER * ball.contact;
+        // A disc's mean square radius is half of its radius squared.
+        let middle = MIDDLE * ball.contact * f64::sqrt(0.5);
+        let (Some((true_middle, _)), Some((true_edge, _))) = (ball.at([middle, 0.0]), ball.at([inner, 0.0])) else {
+            continue;
+        };
+        let (mut own, mut own_squares, mut inside) = (Vec::new(), 0.0, 0.0);
         for i in 0..N * N {
-            let Some((height, [tx, ty])) = ball.at(ball.offset(grid, pixel, i)) else { continue };
+            let place = ball.offset(grid, pixel, i);
+            let Some((height, [tx, ty])) = ball.at(place) else { continue };
             let (depth, [gx, gy]) = found.as_ref().map_or((0.0, [0.0; 2]), |found| {
-                (f64::from(found.height[i]) - rim, [f64::from(found.gradients.gx[i]), f64::from(found.gradients.gy[i])])
+                (
+                    f64::from(found.height[i]) - edge,
+                    [f64::from(found.gradients.gx[i]), f64::from(found.gradients.gy[i])],
+                )
             });
             let cross = ((ty - gy).powi(2) + (gx - tx).powi(2) + (tx * gy - ty * gx).powi(2)).sqrt();
             let angle = cross.atan2(tx * gx + ty * gy + 1.0).to_degrees();
             own.push(angle);
-            own_squares += (depth - height).powi(2);
+            if place[0].hypot(place[1]) < inner {
+                own_squares += (depth - (height - true_edge)).powi(2);
+                inside += 1.0;
+            }
             squares[class(gx.hypot(gy))] += angle * angle;
             counts[class(gx.hypot(gy))] += 1.0;
         }
-        if own.is_empty() {
+        if inside == 0.0 {
             continue;
         }
         let count = own.len() as f64;
         rows.push(BallError {
-            depth: [found.as_ref().map_or(0.0, |found| middle_height(found, ball, grid, pixel)) - rim, ball.depth()],
+            depth: [
+                found.as_ref().map_or(0.0, |found| middle_height(found, ball, grid, pixel)) - edge,
+                true_middle - true_edge,
+            ],
             normals_deg: own.iter().sum::<f64>() / count,
-            height: (own_squares / count).sqrt(),
+            height: (own_squares / inside).sqrt(),
         });
-        let inside = |i: usize| ball.at(ball.offset(grid, pixel, i)).is_some();
-        overlap += found.as_ref().map_or(0.0, |found| shared_area(found, share, inside));
+        let in_contact = |i: usize| ball.at(ball.offset(grid, pixel, i)).is_some();
+        overlap += found.as_ref().map_or(0.0, |found| shared_area(found, share, in_contact));
         height_squares += own_squares;
-        pixels += count;
+        pixels += inside;
         angles.append(&mut own);
     }
     let presses = rows.len();

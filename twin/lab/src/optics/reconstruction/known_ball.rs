@@ -34,27 +34,9 @@ impl KnownBall {
         Self { center: press.center, radius, contact: contact.min(0.999 * radius) }
     }
 
-    /// How deep it is pressed in, m.
-    pub fn depth(&self) -> f64 {
-        self.radius - self.rim()
-    }
-
     /// Indentation of each pixel of the pads' grid over a photo with pixels of size `pixel`, m.
     pub fn on_grid(&self, grid: Grid, pixel: f64) -> Vec<f32> {
         (0..N * N).map(|i| self.at(self.offset(grid, pixel, i)).map_or(0.0, |(depth, _)| depth as f32)).collect()
-    }
-
-    /// The press with a gel that is touched, and level, from twice the contact's radius on: what surrounds the contact counts as
-    /// much as the contact. The ring between is left out, because the gel's flank lies there.
-    pub fn with_level_surroundings(&self, press: &CalibrationPress, grid: Grid, pixel: f64) -> CalibrationPress {
-        let mut press = press.clone();
-        for (i, depth) in press.indentation.iter_mut().enumerate() {
-            let [x, y] = self.offset(grid, pixel, i);
-            if x.hypot(y) > 2.0 * self.contact {
-                *depth = f32::MIN_POSITIVE;
-            }
-        }
-        press
     }
 
     /// Offset (m; x right, y up) of a grid pixel from the middle.

@@ -25,8 +25,6 @@ pub const CONFIGURATION: char = 'a';
 const VERSION: u32 = 1;
 // Squares cut from each press, passes over them, squares a step, and the learning rate at the start.
 const CROPS: usize = 40;
-/// Of those, squares from anywhere in the image: they teach what a level gel looks like.
-const LEVEL_CROPS: usize = 15;
 const EPOCHS: usize = 20;
 const BATCH: usize = 32;
 const RATE: f64 = 0.01;
@@ -150,13 +148,7 @@ impl Photometry {
         let samples: Vec<Sample> = known
             .presses
             .iter()
-            .zip(&known.balls)
-            .flat_map(|(press, ball)| {
-                let mut samples = cut(press, (CONFIGURATION, &look_up), pixel, CROPS - LEVEL_CROPS, &mut rng);
-                let anywhere = ball.with_level_surroundings(press, grid, photo_pixel);
-                samples.extend(cut(&anywhere, (CONFIGURATION, &look_up), pixel, LEVEL_CROPS, &mut rng));
-                samples
-            })
+            .flat_map(|press| cut(press, (CONFIGURATION, &look_up), pixel, CROPS, &mut rng))
             .collect();
         let schedule = Schedule { kind: Kind::PerPixel, epochs: EPOCHS, batch: BATCH, rate: RATE, halving: 5, seed };
         let mut training = Training::new(schedule);

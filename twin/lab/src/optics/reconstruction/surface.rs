@@ -17,6 +17,9 @@ use crate::optics::grid::Grid;
 /// Largest drift of a channel's brightness between background and image that is compensated, as a share.
 const MOST_DRIFT: f32 = 0.15;
 
+/// The network's slopes are taken where the look-up finds more than this share of the largest indentation.
+const NETWORK_SHARE: f32 = 0.15;
+
 /// What an image shows, on the pads' grid.
 #[derive(Debug, Clone)]
 pub struct GridSurface {
@@ -117,16 +120,30 @@ impl Reconstructor {
     /// The surface on the pads' grid; `None` where the image shows an untouched gel.
     pub fn on_grid(&self, image: &TactileImage) -> Option<GridSurface> {
         let model = &self.photometry.look_up;
-        let found = match self.method {
-            Method::LookUp => gradients(image, &self.background, model, &self.options),
-            Method::Network => self.network.gradients(image, &self.background, (CONFIGURATION, model), &self.options),
-        };
-        let gradients = found?;
+        let looked_up = gradients(image, &self.background, model, &self.options)?;
+        let (mut found, mut height) = self.integrated(looked_up);
+        if self.method == Method::Network
+            && let Some(learned) =
+                self.network.gradients(image, &self.background, (CONFIGURATION, model), &self.options)
+        {
+            // The network saw colours in and around contacts only: elsewhere it knows less than the look-up.
+            let least = NETWORK_SHARE * height.iter().copied().fold(0.0, f32::max);
+            for i in (0..N * N).filter(|&i| height[i] > least) {
+                (found.gx[i], found.gy[i]) = (learned.gx[i], learned.gy[i]);
+            }
+            (found, height) = self.integrated(found);
+        }
+        let gain = self.photometry.gain(self.method);
+        height.iter_mut().for_each(|value| *value *= gain);
+        Some(GridSurface { gradients: found, height })
+    }
+
+    /// Heights above the untouched gel from slopes, m.
+    fn integrated(&self, gradients: Gradients) -> (Gradients, Vec<f32>) {
         let mut height = self.poisson.solve(&gradients.gx, &gradients.gy, self.grid.pixel(self.pixel));
         let level = rest_level(&height, gradients.region);
-        let gain = self.photometry.gain(self.method);
-        height.iter_mut().for_each(|value| *value = gain * (*value - level));
-        Some(GridSurface { gradients, height })
+        height.iter_mut().for_each(|value| *value -= level);
+        (gradients, height)
     }
 
     /// The surface that a photo shows; `None` where it shows an untouched gel.
