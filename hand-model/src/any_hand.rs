@@ -30,6 +30,9 @@ use crate::hand::MassProperties;
 use crate::kinematics::{Tree, pose_from_xyz_rpy};
 use crate::urdf::{check_masses, fault, frames, parse_robot};
 
+/// No cable of a hand has a longer moment arm, m.
+const LONGEST_ARM: f64 = 1.0;
+
 /// A collision shape of a link.
 #[derive(Debug, Clone)]
 pub struct Solid {
@@ -167,6 +170,10 @@ impl AnyHand {
         }
         (self.damping, self.armature, self.spring) = (file.damping, file.armature, file.spring);
         for actuator in file.actuator {
+            if actuator.arms.is_empty() {
+                let element = format!("actuator[{}]", actuator.name);
+                return Err(fault(path, element, "arms", "none".into(), "at least one joint with its moment arm in m"));
+            }
             let mut arms = Vec::new();
             for (name, arm) in &actuator.arms {
                 let element = format!("actuator[{}].arms", actuator.name);
@@ -183,6 +190,10 @@ impl AnyHand {
                         "a joint that mimics another".into(),
                         "the joint it mimics",
                     ));
+                }
+                if !(arm.abs() > 0.0 && arm.abs() <= LONGEST_ARM) {
+                    let expected = format!("a moment arm in m, not 0 and at most {LONGEST_ARM} either way");
+                    return Err(fault(path, element, name, arm.to_string(), &expected));
                 }
                 arms.push((joint, *arm));
             }
@@ -311,84 +322,4 @@ fn followers(robot: &Robot, tree: &Tree, path: &Path) -> Result<Vec<Follower>, D
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    const URDF: &str = r#"<robot name="clamp">
-      <link name="base"/>
-      <link name="jaw"><inertial><mass value="0.1"/><origin xyz="0.02 0 0" rpy="0 0 0"/>
-        <inertia ixx="1e-5" ixy="0" ixz="0" iyy="1e-5" iyz="0" izz="1e-5"/></inertial>
-        <collision><geometry><box size="0.04 0.01 0.02"/></geometry></collision></link>
-      <link name="tip"><inertial><mass value="0.1"/>
-        <inertia ixx="1e-5" ixy="0" ixz="0" iyy="1e-5" iyz="0" izz="1e-5"/></inertial></link>
-      <link name="other"><inertial><mass value="0.1"/>
-        <inertia ixx="1e-5" ixy="0" ixz="0" iyy="1e-5" iyz="0" izz="1e-5"/></inertial></link>
-      <joint name="hinge" type="revolute"><parent link="base"/><child link="jaw"/><axis xyz="0 1 0"/>
-        <limit lower="0" upper="1" effort="1" velocity="1"/></joint>
-      <joint name="weld" type="fixed"><parent link="jaw"/><child link="tip"/><origin xyz="0.04 0 0" rpy="0 0 0"/></joint>
-      <joint name="second" type="revolute"><parent link="base"/><child link="other"/><axis xyz="0 1 0"/>
-        <limit lower="0" upper="1" effort="1" velocity="1"/><mimic joint="hinge" multiplier="-2"/></joint>
-    </robot>"#;
-    const PULLS: &str = "version = 1\ndamping = 0.01\narmature = 1e-4\nspring = 0.02\n[[actuator]]\nname = \"close\"\narms = { hinge = 0.01 }\n";
-
-    fn parse(urdf: &str, pulls: &str) -> Result<AnyHand, String> {
-        AnyHand::parse(urdf, Path::new("clamp.urdf"), pulls, Path::new("clamp.toml")).map_err(|error| error.to_string())
-    }
-
-    /// Two equal masses 20 mm apart on either side: the sum, the middle, and the parallel-axis term.
-    #[test]
-    fn what_is_fixed_to_a_link_is_part_of_it() {
-        let hand = parse(URDF, PULLS).expect("valid");
-        let jaw = hand.masses[0];
-        assert!((jaw.mass - 0.2).abs() < 1e-12 && (jaw.com.x - 0.03).abs() < 1e-12);
-        assert!((jaw.inertia[(1, 1)] - (2e-5 + 0.2 * 1e-4)).abs() < 1e-12, "{}", jaw.inertia);
-        assert_eq!(hand.followers, [Follower { joint: 1, leader: 0, multiplier: -2.0, offset: 0.0 }]);
-        assert!((hand.torques(&[0.5, 0.0], &[4.0])[0] - (0.04 - 0.01)).abs() < 1e-12);
-    }
-
-    #[test]
-    fn faults_name_file_element_and_field() {
-        let cases = [
-            (
-                URDF.replace("<mass value=\"0.1\"/><origin", "<mass value=\"0\"/><origin"),
-                PULLS.into(),
-                "clamp.urdf: link[jaw].inertial.mass",
-            ),
-            (URDF.replacen("ixx=\"1e-5\"", "ixx=\"0\"", 1), PULLS.into(), "clamp.urdf: link[jaw].inertial.inertia"),
-            (
-                URDF.replace("<mimic joint=\"hinge\"", "<mimic joint=\"hing\""),
-                PULLS.into(),
-                "clamp.urdf: joint[second].mimic.joint: found `hing`",
-            ),
-            (
-                URDF.replace("<box size=\"0.04 0.01 0.02\"/>", "<mesh filename=\"no.stl\"/>"),
-                PULLS.into(),
-                "clamp.urdf: link[jaw].collision[0].mesh.filename",
-            ),
-            (
-                URDF.replace("<parent link=\"jaw\"/>", "<parent link=\"jam\"/>"),
-                PULLS.into(),
-                "clamp.urdf: joint[weld].parent: found `jam`",
-            ),
-            (
-                URDF.replace(
-                    "<parent link=\"base\"/><child link=\"other\"/>",
-                    "<parent link=\"base\"/><child link=\"tip\"/>",
-                ),
-                PULLS.into(),
-                "clamp.urdf: joint[second].child: found `tip`",
-            ),
-            (
-                URDF.into(),
-                PULLS.replace("hinge", "hings"),
-                "clamp.toml: actuator[close].arms.hings: found no such joint",
-            ),
-            (URDF.into(), PULLS.replace("hinge", "second"), "clamp.toml: actuator[close].arms.second"),
-            (URDF.into(), PULLS.replace("0.02", "-1"), "clamp.toml: spring: found -1"),
-        ];
-        for (urdf, pulls, expected) in cases {
-            let error = parse(&urdf, &pulls).expect_err(expected);
-            assert!(error.starts_with(expected), "{error}\n{expected}");
-        }
-    }
-}
+mod tests;

@@ -1,6 +1,8 @@
 //! URDF out and in: the hand's and the arm's URDF are generated from their parameters and checked in (`data/*.urdf`); any
 //! URDF can be read back into a [`Tree`] with errors that name file, element and field.
 
+mod numbers;
+
 use std::fmt::Write as _;
 use std::path::Path;
 
@@ -144,8 +146,10 @@ pub fn read_frames(path: &Path, expected: &[&str]) -> Result<Tree, DataError> {
 }
 
 pub(crate) fn parse_robot(text: &str, path: &Path) -> Result<urdf_rs::Robot, DataError> {
-    urdf_rs::read_from_string(text)
-        .map_err(|error| DataError::field(path, "robot", error, "a well-formed URDF with a <robot> element"))
+    let robot = urdf_rs::read_from_string(text)
+        .map_err(|error| DataError::field(path, "robot", error, "a well-formed URDF with a <robot> element"))?;
+    numbers::check(&robot, path)?;
+    Ok(robot)
 }
 
 /// An error of `path` at an element's field.

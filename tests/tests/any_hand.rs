@@ -87,7 +87,7 @@ fn faults_name_file_element_and_field() {
     let mesh = |file: &str, scale: &str| {
         CLAMP.replacen("<box size=\"0.10 0.01 0.03\"/>", &format!("<mesh filename=\"{file}\"{scale}/>"), 1)
     };
-    let cases: [(String, String, &[&str]); 8] = [
+    let cases: [(String, String, &[&str]); 16] = [
         (
             CLAMP.replacen("<child link=\"left\"/>", "<child link=\"lift\"/>", 1),
             PULLS.into(),
@@ -119,6 +119,42 @@ fn faults_name_file_element_and_field() {
             CLAMP.into(),
             PULLS.replace("turn_right", "turn_up"),
             &["clamp.toml", "actuator[close].arms.turn_up", "turn_left"],
+        ),
+        (
+            CLAMP.replacen("lower=\"0\"", "lower=\"2\"", 1),
+            PULLS.into(),
+            &["clamp.urdf", "joint[turn_left].limit", "lower 2 and upper 1"],
+        ),
+        (CLAMP.replacen("xyz=\"0 0 -1\"", "xyz=\"0 0 0\"", 1), PULLS.into(), &["clamp.urdf", "joint[turn_left].axis"]),
+        (
+            CLAMP.replacen("xyz=\"0 0.03 0\"", "xyz=\"0 nan 0\"", 1),
+            PULLS.into(),
+            &["clamp.urdf", "joint[turn_left].origin.xyz", "NaN"],
+        ),
+        (
+            CLAMP.replacen("size=\"0.10", "size=\"-0.10", 1),
+            PULLS.into(),
+            &["clamp.urdf", "link[left].collision[0].box.size", "-0.1"],
+        ),
+        (
+            CLAMP.replacen("size=\"0.10", "size=\"nan", 1),
+            PULLS.into(),
+            &["clamp.urdf", "link[left].collision[0].box.size", "NaN"],
+        ),
+        (
+            CLAMP.into(),
+            PULLS.replace("turn_left = 0.01", "turn_left = 0.0"),
+            &["clamp.toml", "arms.turn_left: found 0"],
+        ),
+        (
+            CLAMP.into(),
+            PULLS.replace("turn_left = 0.01", "turn_left = nan"),
+            &["clamp.toml", "arms.turn_left: found NaN"],
+        ),
+        (
+            CLAMP.into(),
+            PULLS.replace("turn_left = 0.01, turn_right = 0.01", ""),
+            &["clamp.toml", "actuator[close].arms: found none", "at least one joint"],
         ),
     ];
     for (urdf, pulls, named) in cases {

@@ -100,6 +100,7 @@ fn meshes_that_cannot_be_grasped() {
         (tetrahedron(0.002, true), "a largest extent of 2.00 mm"),
         (tetrahedron(0.4, true), "a smallest extent of 400 mm"),
         (tetrahedron(50.0, true), "millimetres"),
+        (tetrahedron(0.05, true).replacen("v 0.05 0 0", "v nan 0 0", 1), "three finite numbers after v"),
     ];
     for (content, reason) in cases {
         fs::write(&mesh, content).expect("written");

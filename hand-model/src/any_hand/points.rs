@@ -43,6 +43,10 @@ pub fn read(filename: &str, scale: &Vector3<f64>, urdf: &Path, element: &str) ->
     let Some(vertices) = vertices.filter(|vertices| vertices.len() >= 4) else {
         return Err(wrong("filename", format!("no readable vertices in {}", file.display()), "at least four vertices"));
     };
+    if let Some(n) = vertices.iter().position(|vertex| vertex.iter().any(|part| !part.is_finite())) {
+        let found = format!("vertex {} at {:?} in {}", n + 1, vertices[n].as_slice(), file.display());
+        return Err(wrong("filename", found, "finite coordinates"));
+    }
     let open_edges = open_edges(&vertices, &faces);
     let vertices: Vec<Point3<f64>> = vertices.iter().map(|v| Point3::from(v.component_mul(scale))).collect();
     let reach = vertices.iter().map(|vertex| vertex.coords.norm()).fold(0.0, f64::max);

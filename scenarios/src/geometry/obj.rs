@@ -43,8 +43,10 @@ fn parse_triangles(text: &str, path: &Path) -> Result<Triangles, DataError> {
             Some("v") => {
                 let numbers: Option<Vec<f64>> = words.map(|word| word.parse().ok()).collect();
                 match numbers.as_deref() {
-                    Some([x, y, z, ..]) => vertices.push(Point3::new(*x, *y, *z)),
-                    _ => return Err(fault(format!("{line:?}"), "three numbers after v")),
+                    Some([x, y, z, ..]) if [x, y, z].iter().all(|part| part.is_finite()) => {
+                        vertices.push(Point3::new(*x, *y, *z));
+                    }
+                    _ => return Err(fault(format!("{line:?}"), "three finite numbers after v")),
                 }
             }
             Some("f") => {
@@ -70,4 +72,43 @@ fn corner(word: &str, vertices: usize) -> Option<u32> {
     let number: i64 = word.split('/').next()?.parse().ok()?;
     let index = if number < 0 { vertices as i64 + number } else { number - 1 };
     (0..vertices as i64).contains(&index).then_some(index as u32)
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    const TETRAHEDRON: &str = "v 0 0 0\nv 0.05 0 0\nv 0 0.05 0\nv 0 0 0.05\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n";
+
+    #[test]
+    fn a_vertex_that_is_nowhere_is_named() {
+        for word in ["nan", "inf", "-inf"] {
+            let text = TETRAHEDRON.replacen("v 0.05 0 0", &format!("v 0.05 {word} 0"), 1);
+            let error = Mesh::parse_obj(&text, Path::new("thing.obj")).expect_err("refused").to_string();
+            assert!(error.starts_with("thing.obj:2: found ") && error.contains("three finite numbers"), "{error}");
+        }
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(3000))]
+
+        #[test]
+        fn no_bytes_make_it_panic(at in 0usize..100, cut in 0usize..20, bytes in proptest::collection::vec(any::<u8>(), 0..8)) {
+            let start = at % TETRAHEDRON.len();
+            let end = (start + cut).min(TETRAHEDRON.len());
+            let changed = [&TETRAHEDRON.as_bytes()[..start], &bytes, &TETRAHEDRON.as_bytes()[end..]].concat();
+            let _ = Mesh::parse_obj(&String::from_utf8_lossy(&changed), Path::new("thing.obj"));
+        }
+
+        /// Numbers of any size and no order.
+        #[test]
+        fn no_numbers_make_it_panic(numbers in proptest::collection::vec(any::<f64>(), 12), corners in proptest::collection::vec(-6i64..7, 12)) {
+            let vertices: String = numbers.chunks(3).map(|v| format!("v {} {} {}\n", v[0], v[1], v[2])).collect();
+            let faces: String = corners.chunks(3).map(|f| format!("f {} {} {}\n", f[0], f[1], f[2])).collect();
+            let _ = Mesh::parse_obj(&(vertices.clone() + &faces), Path::new("thing.obj"));
+            let _ = Mesh::parse_obj(&(vertices + "f 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"), Path::new("thing.obj"));
+        }
+    }
 }

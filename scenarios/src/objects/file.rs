@@ -233,6 +233,14 @@ impl ShapeFile {
                 mesh("lathe.outline", revolve(&profile, lathe::SEGMENTS), expected)
             }
             Self::Hull { corners } => {
+                if let Some(corner) = corners.iter().find(|corner| corner.iter().any(|part| !part.is_finite())) {
+                    return Err(DataError::field(
+                        path,
+                        "shape.hull.corners",
+                        format!("{corner:?}"),
+                        "finite lengths, m",
+                    ));
+                }
                 let corners: Vec<Point3<f64>> = corners.iter().map(|corner| Point3::from(*corner)).collect();
                 mesh("hull.corners", hull_mesh(&corners), "points that span a volume, m")
             }

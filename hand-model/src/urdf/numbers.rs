@@ -1,0 +1,100 @@
+//! Checks of a URDF's numbers: everything that frames, inertias and collision shapes are built from.
+
+use std::path::Path;
+
+use nalgebra::Vector3;
+use urdf_rs::{Geometry, Joint, JointType, Link, Robot};
+
+use super::fault;
+use crate::data::DataError;
+
+/// No length of a hand or an arm is larger, m.
+const LONGEST: f64 = 10.0;
+/// A shorter axis has no direction.
+const SHORTEST_AXIS: f64 = 1e-6;
+
+/// Refuses what no mechanism can be built from: numbers that are not finite, axes without direction, limits in the wrong
+/// order, shapes without extent, joints that mimic themselves.
+pub fn check(robot: &Robot, path: &Path) -> Result<(), DataError> {
+    for joint in &robot.joints {
+        check_joint(robot, joint, path)?;
+    }
+    robot.links.iter().try_for_each(|link| check_link(link, path))
+}
+
+fn check_joint(robot: &Robot, joint: &Joint, path: &Path) -> Result<(), DataError> {
+    let element = || format!("joint[{}]", joint.name);
+    let wrong = |field: &str, found: String, expected: &str| Err(fault(path, element(), field, found, expected));
+    check_origin(&joint.origin, &element(), path)?;
+    if joint.joint_type == JointType::Fixed {
+        return Ok(());
+    }
+    let axis = Vector3::from(joint.axis.xyz.0);
+    if !(axis.iter().all(|part| part.is_finite()) && (SHORTEST_AXIS..=1.0 / SHORTEST_AXIS).contains(&axis.norm())) {
+        return wrong("axis.xyz", format!("{:?}", joint.axis.xyz.0), "three finite numbers, not all zero");
+    }
+    let (lower, upper) = (joint.limit.lower, joint.limit.upper);
+    if joint.joint_type == JointType::Revolute && !(lower.is_finite() && upper.is_finite() && lower <= upper) {
+        let found = format!("lower {lower} and upper {upper}");
+        return wrong("limit", found, "finite angles in rad, lower at most upper");
+    }
+    if let Some(mimic) = &joint.mimic {
+        for (field, value) in [("mimic.multiplier", mimic.multiplier), ("mimic.offset", mimic.offset)] {
+            if value.is_some_and(|value| !value.is_finite()) {
+                return wrong(field, format!("{}", value.unwrap_or_default()), "a finite number");
+            }
+        }
+        // A chain of mimics with more links than there are joints comes back to where it was.
+        let leader = |name: &str| robot.joints.iter().find(|other| other.name == name)?.mimic.as_ref();
+        let chain = std::iter::successors(Some(mimic), |mimic| leader(&mimic.joint));
+        if chain.take(robot.joints.len() + 1).count() > robot.joints.len() {
+            return wrong("mimic.joint", format!("`{}`, a loop", mimic.joint), "a joint that does not follow this one");
+        }
+    }
+    Ok(())
+}
+
+fn check_link(link: &Link, path: &Path) -> Result<(), DataError> {
+    let element = format!("link[{}]", link.name);
+    let inertial = &link.inertial;
+    check_origin(&inertial.origin, &format!("{element}.inertial"), path)?;
+    let mass = inertial.mass.value;
+    if !(mass.is_finite() && mass >= 0.0) {
+        return Err(fault(path, element, "inertial.mass", mass.to_string(), "a finite mass in kg, 0 or more"));
+    }
+    let i = &inertial.inertia;
+    let moments = [i.ixx, i.ixy, i.ixz, i.iyy, i.iyz, i.izz];
+    if moments.iter().any(|moment| !moment.is_finite()) {
+        return Err(fault(path, element, "inertial.inertia", format!("{moments:?}"), "six finite numbers in kg m2"));
+    }
+    for (n, collision) in link.collision.iter().enumerate() {
+        let element = format!("{element}.collision[{n}]");
+        check_origin(&collision.origin, &element, path)?;
+        let (field, lengths) = match &collision.geometry {
+            Geometry::Box { size } => ("box.size", size.0.to_vec()),
+            Geometry::Sphere { radius } => ("sphere.radius", vec![*radius]),
+            Geometry::Cylinder { radius, length } => ("cylinder", vec![*radius, *length]),
+            // The mesh's reader checks its scale; other shapes are refused by name.
+            _ => continue,
+        };
+        if !lengths.iter().all(|length| *length > 0.0 && *length <= LONGEST) {
+            let expected = format!("more than 0 and at most {LONGEST} m");
+            return Err(fault(path, element, field, format!("{lengths:?}"), &expected));
+        }
+    }
+    Ok(())
+}
+
+fn check_origin(origin: &urdf_rs::Pose, element: &str, path: &Path) -> Result<(), DataError> {
+    for (field, values, most) in [("origin.xyz", origin.xyz.0, LONGEST), ("origin.rpy", origin.rpy.0, f64::MAX)] {
+        if !values.iter().all(|value| value.abs() <= most) {
+            let expected = if most == LONGEST {
+                format!("finite lengths, at most {LONGEST} m")
+            } else {
+                "finite angles in rad".into()
+            };
+            return Err(fault(path, element.into(), field, format!("{values:?}"), &expected));
+        }
+    }
+    Ok(())
+}
