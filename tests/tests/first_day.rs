@@ -43,11 +43,11 @@ fn a_cold_hand_is_calibrated() {
     assert_eq!((&row["found"], &row["ok"]), (&crc, &Value::Bool(true)));
 }
 
-/// Plugs servo 6 in and waits until all six answer.
-fn plug_in_again(devices: &mut Devices) {
-    devices.happen("plug=6");
-    let all = || json(&bridge(&["scan"], &devices.config).stdout)["servos"].as_array().map_or(0, Vec::len) == 6;
-    assert!((0..100).any(|_| all()), "six servos");
+/// Something happens to servo 6; waits until so many servos answer.
+fn servo_6(devices: &mut Devices, event: &str, servos: usize) {
+    devices.happen(event);
+    let found = || json(&bridge(&["scan"], &devices.config).stdout)["servos"].as_array().map_or(0, Vec::len);
+    assert!((0..100).any(|_| found() == servos), "{servos} servos after {event}");
 }
 
 /// A calibration that fails at the last servo changes neither servos nor file, keeps what it found, and goes on from there.
@@ -58,10 +58,10 @@ fn a_failed_calibration_changes_nothing_and_goes_on() {
     let calibration = devices.config.with_file_name("calibration.json");
     let before = fs::read(&calibration).expect("there");
     // A servo that is missing is noticed before any motion.
-    devices.happen("unplug=6");
+    servo_6(&mut devices, "unplug=6", 5);
     let output = bridge(&["calibrate", "--yes"], &devices.config);
     assert!(output.status.code() == Some(2) && stderr(&output).contains("before any motion"), "{}", stderr(&output));
-    plug_in_again(&mut devices);
+    servo_6(&mut devices, "plug=6", 6);
     // Its plug comes off while the others are felt.
     let arguments = ["bridge", "calibrate", "--yes", "--json", "--config", text(&devices.config)];
     let mut felt = ftac(&arguments).stdout(Stdio::null()).stderr(Stdio::piped()).spawn().expect("starts");
@@ -76,7 +76,7 @@ fn a_failed_calibration_changes_nothing_and_goes_on() {
     assert_eq!(fs::read(&calibration).expect("there"), before);
     let kept = json(&fs::read(calibration.with_file_name("calibration.json.part")).expect("kept"));
     assert_eq!(kept.as_array().map(Vec::len), Some(5));
-    plug_in_again(&mut devices);
+    servo_6(&mut devices, "plug=6", 6);
     // The servos still have the offsets of the last calibration.
     let rows = json(&bridge(&["doctor"], &devices.config).stdout)["rows"].clone();
     let row = rows.as_array().expect("rows").iter().find(|row| row["what"] == "calibration");
