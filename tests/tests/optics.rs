@@ -77,8 +77,8 @@ fn a_mesh_in_millimetres_is_refused() {
 
 #[test]
 fn calibration_folders_that_cannot_be_used() {
-    let folder = tempdir().expect("a folder");
-    let out = folder.path().join("made.toml");
+    let (folder, elsewhere) = (tempdir().expect("a folder"), tempdir().expect("a folder"));
+    let out = elsewhere.path().join("made.toml");
     let calibrate = |diameter: &str| {
         let arguments = [
             "optics",
@@ -118,7 +118,8 @@ fn calibration_images_that_cannot_be_used_are_told_by_name() {
     fs::create_dir(&sheet).expect("a folder");
     let sheet = sheet.join("sheet.png");
     assert_eq!(run(&["optics", "shapes", "--out", text(&sheet)]).status.code(), Some(0));
-    let out = here("made.toml");
+    let elsewhere = tempdir().expect("a folder");
+    let out = elsewhere.path().join("made.toml");
     let refused = |named: &[&str]| {
         let arguments = [
             "optics",
