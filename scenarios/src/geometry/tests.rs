@@ -180,7 +180,7 @@ fn obj_files_are_read_and_turned_outwards() {
 fn obj_errors_name_file_line_found_and_expected() {
     assert_eq!(
         obj_error(&TETRAHEDRON.replace("v 0.05 0 0", "v 0.05 zero 0")),
-        "thing.obj:3: found \"v 0.05 zero 0\", expected three numbers after v"
+        "thing.obj:3: found \"v 0.05 zero 0\", expected three finite numbers after v"
     );
     assert_eq!(
         obj_error(&TETRAHEDRON.replace("f 2 3 4", "f 2 3 9")),
