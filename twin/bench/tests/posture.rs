@@ -9,7 +9,7 @@ use touch::PadTouch;
 use touch::posture::digit_of;
 
 /// Of so many combinations the first grasp is felt.
-const HOLDS: usize = 24;
+const HOLDS: usize = 60;
 /// Half width of a region of 95 %, standard deviations.
 const REGION: f64 = 1.96;
 
