@@ -391,7 +391,7 @@ impl Misfits {
 
     /// A label says that there is a ball: an error where there is none.
     fn refuse_labelled(&self) -> Result<()> {
-        for (press, error) in self.presses().filter(|(press, _)| press.labelled) {
+        if let Some((press, error)) = self.presses().find(|(press, _)| press.labelled) {
             bail!(
                 "{}: found what the model of a ball misses by {error:.1} grey levels, other presses by {:.1}; expected a ball where \
                  the label says",
