@@ -1,7 +1,9 @@
-//! Sums trials up: rates per combination, their mean and deviation, tests, percentiles, densities, the worth of a prediction, `summary.json`.
+//! Sums trials up: rates per combination, their mean and deviation, tests, the share of variance between combinations, percentiles,
+//! densities, the worth of a prediction, `summary.json`.
 
 mod ablation;
 mod distribution;
+mod mixed;
 mod paired;
 mod prediction;
 mod rates;
@@ -9,11 +11,13 @@ mod summary;
 
 pub use ablation::AblationSummary;
 pub use distribution::{BoxPlot, MeanSd, box_plot, density, percentile, silverman_bandwidth};
+pub use mixed::Mixed;
 pub use paired::{Difference, Interval, McNemar, TTest, paired_t_test};
 pub use prediction::{Group, Prediction, Rate, roc_area};
 pub use rates::{CombinationRates, combination_rates};
 pub use summary::{
-    ConditionSummary, DecisionTime, Differences, MedianP95, PerCondition, PoseError, RunInfo, Summary, Tests, summarise,
+    ConditionSummary, DecisionTime, Differences, MedianP95, MixedDifferences, PerCondition, PoseError, RunInfo,
+    Summary, Tests, summarise,
 };
 
 #[cfg(test)]

@@ -6,6 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use super::ablation::AblationSummary;
 use super::distribution::{MeanSd, percentile};
+use super::mixed::Mixed;
 use super::paired::{Difference, McNemar, TTest, paired_t_test};
 use super::prediction::Prediction;
 use super::rates::{CombinationRates, combination_rates, pair_up};
@@ -88,6 +89,20 @@ pub struct Differences {
     pub touch_over_reflex: Difference,
     /// Success of `touch` against `blind`, trial by trial.
     pub mcnemar: McNemar,
+    /// Paired trials within combinations.
+    #[serde(default)]
+    pub mixed: MixedDifferences,
+}
+
+/// Differences of outcomes trial by trial, with what lies between combinations apart from what lies within them.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+pub struct MixedDifferences {
+    /// Clean success, `touch` less `blind`.
+    pub clean_success: Mixed,
+    /// Clean success, `touch` less `reflex`.
+    pub touch_over_reflex: Mixed,
+    /// Unwanted contact, `blind` less `touch`.
+    pub contact: Mixed,
 }
 
 /// Decision latency, ms.
@@ -206,6 +221,13 @@ pub fn summarise(records: &[TrialRecord], ablated: &[AblatedTrial], run: &RunInf
             clean_success: Difference::of(&pair_up(touch, blind, clean)),
             touch_over_reflex: Difference::of(&pair_up(touch, reflex, clean)),
             mcnemar: McNemar::of_success(records, Condition::Touch, Condition::Blind),
+            mixed: MixedDifferences {
+                clean_success: Mixed::of(records, Condition::Touch, Condition::Blind, |record| record.clean_success),
+                touch_over_reflex: Mixed::of(records, Condition::Touch, Condition::Reflex, |record| {
+                    record.clean_success
+                }),
+                contact: Mixed::of(records, Condition::Blind, Condition::Touch, |record| record.contact),
+            },
         },
         ablations: AblationSummary::all(records, ablated),
         risk_auc: Prediction::of_risk(records).map(|prediction| prediction.area[0]),

@@ -38,6 +38,9 @@ success more frequent with touch than blind, and than reflex? No adjustment for 
 <dd>d_z is the mean of the paired differences over their standard deviation; intervals are percentiles over 10,000 resamples of
 the combinations. Power is the share of 2,000 resamples of so many combinations in which the t-test stays below 0.05. McNemar&#39;s
 test looks only at trials of the same errors that ended differently.</dd>
+<dt>Mixed model</dt>
+<dd>The difference of a pair of trials is a mean, plus what its combination adds, plus what the trial adds. Variances are those of
+the one-way analysis of variance, the mean is weighted with them. It needs combinations of at least two trials.</dd>
 <dt>Switched</dt>
 <dd>Share of touch trials in which the controller left the plan: another second grasp, or a new try.</dd>
 <dt>Decision time</dt>

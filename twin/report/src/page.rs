@@ -228,7 +228,37 @@ fn differences(summary: &Summary) -> String {
         counts.neither,
         probability(counts.p.unwrap_or(f64::NAN)),
     );
-    table.finish() + &trials
+    table.finish() + &mixed(summary) + &trials
+}
+
+/// Trials within combinations: whether combinations differ, or only their trials.
+fn mixed(summary: &Summary) -> String {
+    let head = [
+        ("difference, trial by trial", Column::Words),
+        ("mean [95 %]", Column::Numbers),
+        ("SD between combinations", Column::Numbers),
+        ("SD within them", Column::Numbers),
+        ("share between", Column::Numbers),
+        ("pairs of trials", Column::Numbers),
+    ];
+    let mut table = Table::new("Mixed model: paired trials within combinations", &head);
+    let of = &summary.differences.mixed;
+    for (name, mixed) in [
+        ("clean success, touch less blind", &of.clean_success),
+        ("clean success, touch less reflex", &of.touch_over_reflex),
+        ("contacts, blind less touch", &of.contact),
+    ] {
+        let mean = &mixed.difference;
+        table.row(&[
+            name.to_string(),
+            format!("{} [{}, {}]", maybe(mean.value, 3), maybe(mean.low, 3), maybe(mean.high, 3)),
+            maybe(mixed.between_sd, 3),
+            maybe(mixed.within_sd, 3),
+            maybe(mixed.intraclass, 2),
+            mixed.trials.to_string(),
+        ]);
+    }
+    table.finish()
 }
 
 fn figure_section(figures: [&Figure; 2], summary: &Summary) -> String {

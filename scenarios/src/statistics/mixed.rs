@@ -1,0 +1,137 @@
+//! Paired trials within combinations: a linear mixed model with one random effect.
+//!
+//! The difference of trial j in combination i is `d_ij = mu + b_i + e_ij`, with `b_i` between combinations and `e_ij` between the
+//! trials of one. The variances are those of the one-way analysis of variance with unequal groups (method of moments, negative
+//! estimates set to 0), and `mu` is the generalised least-squares mean with them (Searle, Casella and McCulloch, *Variance
+//! Components*, ch. 3). Outcomes are 0 or 1, so this is a linear probability model: `mu` is a difference of probabilities.
+
+use std::collections::{BTreeMap, HashMap};
+
+use serde::{Deserialize, Serialize};
+use statrs::distribution::{ContinuousCDF, StudentsT};
+
+use super::paired::Interval;
+use crate::record::{Condition, TrialRecord};
+
+/// How a difference between two conditions varies between combinations and between the trials of one.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+pub struct Mixed {
+    /// Pairs of trials.
+    pub trials: usize,
+    /// `mu` with its 95 % interval: Student's t with one degree of freedom less than combinations.
+    pub difference: Interval,
+    /// Standard deviation of `b_i`; none without combinations of two trials.
+    pub between_sd: Option<f64>,
+    /// Standard deviation of `e_ij`.
+    pub within_sd: Option<f64>,
+    /// Share of the variance that lies between combinations, 0 to 1.
+    pub intraclass: Option<f64>,
+}
+
+impl Mixed {
+    /// Of `outcome` under `first` less that under `second`, over the trials that both conditions played.
+    pub fn of(
+        records: &[TrialRecord],
+        first: Condition,
+        second: Condition,
+        outcome: impl Fn(&TrialRecord) -> bool,
+    ) -> Self {
+        let of = |condition: Condition| records.iter().filter(move |record| record.condition == condition);
+        let id = |record: &TrialRecord| (record.combination, record.trial);
+        let seconds: HashMap<_, bool> = of(second).map(|record| (id(record), outcome(record))).collect();
+        let mut groups: BTreeMap<usize, Vec<f64>> = BTreeMap::new();
+        for record in of(first) {
+            if let Some(other) = seconds.get(&id(record)) {
+                let difference = f64::from(u8::from(outcome(record))) - f64::from(u8::from(*other));
+                groups.entry(record.combination).or_default().push(difference);
+            }
+        }
+        Self::of_groups(&groups.into_values().collect::<Vec<_>>())
+    }
+
+    /// Of differences, a group for each combination; no group is empty.
+    fn of_groups(groups: &[Vec<f64>]) -> Self {
+        let trials: usize = groups.iter().map(Vec::len).sum();
+        let (n, k) = (trials as f64, groups.len() as f64);
+        if groups.len() < 2 || trials == groups.len() {
+            return Self { trials, ..Self::default() };
+        }
+        let means: Vec<f64> = groups.iter().map(|group| group.iter().sum::<f64>() / group.len() as f64).collect();
+        let grand = groups.iter().flatten().sum::<f64>() / n;
+        let each = || groups.iter().zip(&means);
+        let within =
+            each().map(|(group, mean)| group.iter().map(|value| (value - mean).powi(2)).sum::<f64>()).sum::<f64>()
+                / (n - k);
+        let between_square =
+            each().map(|(group, mean)| group.len() as f64 * (mean - grand).powi(2)).sum::<f64>() / (k - 1.0);
+        let squares: f64 = groups.iter().map(|group| (group.len() as f64).powi(2)).sum();
+        let typical = (n - squares / n) / (k - 1.0);
+        let between = ((between_square - within) / typical).max(0.0);
+        let total = between + within;
+        let variances = Self {
+            trials,
+            between_sd: Some(between.sqrt()),
+            within_sd: Some(within.sqrt()),
+            intraclass: (total > 0.0).then(|| between / total),
+            ..Self::default()
+        };
+        if total <= 0.0 {
+            return Self { difference: Interval { value: Some(grand), low: None, high: None }, ..variances };
+        }
+        let weights: Vec<f64> = groups.iter().map(|group| 1.0 / (between + within / group.len() as f64)).collect();
+        let sum: f64 = weights.iter().sum();
+        let mu = weights.iter().zip(&means).map(|(weight, mean)| weight * mean).sum::<f64>() / sum;
+        let reach = StudentsT::new(0.0, 1.0, k - 1.0).ok().map(|students| students.inverse_cdf(0.975) / sum.sqrt());
+        let difference =
+            Interval { value: Some(mu), low: reach.map(|reach| mu - reach), high: reach.map(|reach| mu + reach) };
+        Self { difference, ..variances }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::record::tests::record;
+
+    /// Two balanced groups with means 0.5 and 0: mean squares 1/2 between and 1/2 within, by hand.
+    #[test]
+    fn a_balanced_table_by_hand() {
+        let mixed = Mixed::of_groups(&[vec![1.0, 1.0, 0.0, 0.0], vec![1.0, 0.0, 0.0, -1.0]]);
+        // Within: (4 x 1/4 + 2) / 6 = 1/2. Between: 4 x 2 x 1/16 / 1 = 1/2.
+        assert!((mixed.within_sd.unwrap() - 0.5f64.sqrt()).abs() < 1e-12);
+        assert_eq!(mixed.between_sd, Some(0.0));
+        assert_eq!(mixed.intraclass, Some(0.0));
+        assert!((mixed.difference.value.unwrap() - 0.25).abs() < 1e-12);
+        // Without a part between combinations the standard error is that of eight independent trials: 1/4; t(1) is 12.706.
+        assert!((mixed.difference.high.unwrap() - 0.25 - 12.706 * 0.25).abs() < 1e-3);
+    }
+
+    /// Where trials of a combination agree, only combinations count: the interval is that of their means.
+    #[test]
+    fn trials_that_agree_add_nothing() {
+        let groups: Vec<Vec<f64>> = (0..10).map(|group| vec![f64::from(group % 2); 5]).collect();
+        let mixed = Mixed::of_groups(&groups);
+        assert_eq!(mixed.within_sd, Some(0.0));
+        assert_eq!(mixed.intraclass, Some(1.0));
+        let sd = (10.0f64 * 0.25 / 9.0).sqrt();
+        let reach = 2.262 * sd / 10f64.sqrt();
+        assert!((mixed.difference.high.unwrap() - 0.5 - reach).abs() < 1e-3);
+    }
+
+    #[test]
+    fn only_trials_of_both_conditions_count() {
+        let mut records = Vec::new();
+        for (combination, trial) in [(0, 0), (0, 1), (1, 0), (1, 1)] {
+            let mut touch = record(combination, trial, Condition::Touch);
+            let mut blind = record(combination, trial, Condition::Blind);
+            (touch.clean_success, blind.clean_success) = (true, combination == 0 && trial == 0);
+            records.extend([touch, blind]);
+        }
+        records.push(record(2, 0, Condition::Touch));
+        let mixed = Mixed::of(&records, Condition::Touch, Condition::Blind, |record| record.clean_success);
+        assert_eq!(mixed.trials, 4);
+        assert!((mixed.difference.value.unwrap() - 0.75).abs() < 1e-12);
+        let single = Mixed::of(&records[..2], Condition::Touch, Condition::Blind, |record| record.success);
+        assert_eq!((single.trials, single.difference.value), (1, None));
+    }
+}
