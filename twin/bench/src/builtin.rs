@@ -8,8 +8,9 @@ use control::perception::KnownObject;
 use control::policy::Uncertainty;
 use hand_model::Hand;
 use hand_model::robot::TactileImage;
+use proving::cache::Cache;
 use proving::world::World;
-use proving::{ball_sizes, plan};
+use proving::{ball_sizes, preparation};
 use scenarios::Scenario;
 use sim::SimulatedRobot;
 use sim::tactile::TactileBoard;
@@ -65,8 +66,8 @@ pub fn make_bench(scenario: Scenario, combos: usize, seed: u64, quiet: bool) -> 
     let mut repertoire = proving::builtin::repertoire()?;
     let mut plans = proving::builtin::plans()?;
     if !builtin || combos > plans.plans.len() {
-        eprintln!("this scenario's combinations are not the built-in ones: rehearsing them first");
-        plans = plan::make_plans(&world, &repertoire, combos, seed, quiet)?;
+        let prepared = preparation::prepare(&world, combos, seed, &Cache::standard()?, quiet)?;
+        (repertoire, plans) = (prepared.repertoire, prepared.plans);
     }
     plans.plans.truncate(combos);
     let board = TactileBoard::unit(&world.cell.hand, HAND_UNIT);

@@ -1,13 +1,16 @@
 //! Proofs of grasps in physics.
 //!
 //! A grasp counts only when it has closed and held in the simulator. [`world`] is the robot with its scenario, [`rehearsal`] closes and
-//! holds one grasp, [`pick_ups`] fills the benchmark's repertoire, [`plan`] pairs grasps into combinations, and [`synthesis`] verifies
-//! sampled grasps of any object by any hand. The proven grasps and plans are in `data/`.
+//! holds one grasp, [`pick_ups`] fills the benchmark's repertoire, [`plan`] pairs grasps into combinations, [`preparation`] does both for
+//! objects of a user's own and keeps them in a [`cache`], and [`synthesis`] verifies sampled grasps of any object by any hand. The proven
+//! grasps and plans of the benchmark are in `data/`.
 
 pub mod ball_sizes;
 pub mod builtin;
+pub mod cache;
 pub mod pick_ups;
 pub mod plan;
+pub mod preparation;
 pub mod rehearsal;
 pub mod synthesis;
 pub mod world;

@@ -9,6 +9,7 @@ use anyhow::{Context, Result};
 use grasping::repertoire::{Repertoire, VERSION};
 use grasping::sampler::{ObjectExtent, propose, vary};
 use grasping::{Grasp, Role};
+use indicatif::ProgressBar;
 use nalgebra::Vector3;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
@@ -43,6 +44,23 @@ pub struct Effort {
     pub keep_second: usize,
 }
 
+impl Effort {
+    /// Grasps that are closed for an object and role at most.
+    pub fn attempts(&self) -> u32 {
+        self.proposals + self.variations + CLIMBS as u32 * BATCH
+    }
+}
+
+/// What a search is for.
+#[derive(Debug, Clone, Copy)]
+pub struct Wanted<'a> {
+    /// Objects.
+    pub names: &'a [String],
+    pub roles: &'a [Role],
+    /// For each object and role.
+    pub effort: Effort,
+}
+
 /// What the sampler needs to know of an object.
 pub fn extent(object: &ObjectModel) -> ObjectExtent {
     let reach = |axis: Vector3<f64>| {
@@ -72,26 +90,29 @@ struct Search<'a> {
     seed: u64,
     /// Blank: grasps are proven without touch.
     board: TactileBoard,
+    /// Advances with each grasp that is closed for an object and role.
+    progress: &'a ProgressBar,
 }
 
-/// Fills `repertoire` with grasps of the objects `names` for `roles`; its seed draws them. `found` is told of each object and role
-/// that is done.
+/// Fills `repertoire` with the grasps that are `wanted`; its seed draws them. `progress` runs to [`Effort::attempts`] for each object and
+/// role, and `found` is told of each that is done.
 pub fn generate(
     world: &World,
-    names: &[String],
-    roles: &[Role],
-    effort: Effort,
+    wanted: &Wanted<'_>,
     repertoire: &mut Repertoire,
+    progress: &ProgressBar,
     mut found: impl FnMut(&str, Role, &Repertoire) -> Result<()>,
 ) -> Result<()> {
+    let Wanted { names, roles, effort } = *wanted;
     repertoire.version = VERSION;
-    let search = Search { world, effort, seed: repertoire.seed, board: TactileBoard::blank() };
+    let search = Search { world, effort, seed: repertoire.seed, board: TactileBoard::blank(), progress };
     for role in [Role::First, Role::Second] {
         if !roles.contains(&role) {
             continue;
         }
         let reference = if role == Role::Second { reference_hold(world, names, repertoire)? } else { Vec::new() };
         for name in names {
+            progress.reset();
             let grasps = match role {
                 Role::First => search.find_first(name)?,
                 Role::Second => search.find_second(name, &reference)?,
@@ -166,6 +187,7 @@ impl Search<'_> {
         let run = |grasps: Vec<Grasp>, errors: &[TrialNoise], failures: usize| -> Result<Vec<Grasp>> {
             let proven: Vec<Result<Option<Grasp>>> =
                 grasps.into_par_iter().map(|grasp| prove(grasp, errors, failures, &attempt)).collect();
+            self.progress.inc(proven.len() as u64);
             proven.into_iter().filter_map(Result::transpose).collect()
         };
         let random = |id: u32| stream(self.seed, &extent.name, role, id);
@@ -255,7 +277,7 @@ fn spread(grasps: Vec<Grasp>, keep: usize) -> Vec<Grasp> {
 }
 
 /// The first grasps that hold the smallest graspable object: what occupies ring and little finger while second grasps are proven.
-fn reference_hold(world: &World, names: &[String], repertoire: &Repertoire) -> Result<Vec<Grasp>> {
+pub fn reference_hold(world: &World, names: &[String], repertoire: &Repertoire) -> Result<Vec<Grasp>> {
     let mut candidates: Vec<(f64, Vec<Grasp>)> = Vec::new();
     for name in names.iter().chain(repertoire.grasps.keys()) {
         let grasps: Vec<Grasp> = repertoire.of(name, Role::First).cloned().collect();

@@ -18,8 +18,9 @@ use std::path::Path;
 use anyhow::{Context, Result, bail};
 use control::worth::{Candidate, Sequence};
 use grasping::{Grasp, Repertoire, Role};
-use indicatif::ProgressBar;
+use indicatif::{ProgressBar, ProgressStyle};
 use rayon::prelude::*;
+use scenarios::Scenario;
 use scenarios::combination::{Combination, draw_combinations};
 use serde::{Deserialize, Serialize};
 use sim::tactile::TactileBoard;
@@ -105,6 +106,13 @@ impl Plans {
         Ok(plans)
     }
 
+    /// What these plans say of a pair: its plan, or that it cannot be done; none where they say nothing of it.
+    pub fn of(&self, pair: &Combination) -> Option<Option<&Plan>> {
+        let is = |first: &String, second: &String| (first, second) == (&pair.first, &pair.second);
+        let planned = self.plans.iter().find(|plan| is(&plan.first, &plan.second)).map(Some);
+        planned.or_else(|| self.rejected.iter().any(|(first, second)| is(first, second)).then_some(None))
+    }
+
     /// Writes the file, whole or not at all.
     pub fn write(&self, path: &Path) -> Result<()> {
         let lines: Vec<String> = self.plans.iter().map(serde_json::to_string).collect::<Result<_, _>>()?;
@@ -160,16 +168,21 @@ impl Plan {
     }
 }
 
-/// Rehearses pairs until `count` combinations stand; shows a progress bar unless `quiet`.
-pub fn make_plans(world: &World, repertoire: &Repertoire, count: usize, seed: u64, quiet: bool) -> Result<Plans> {
+/// Plans pairs of `scenario`, drawn by `seed`, until `count` combinations stand; `plan` gives none of a pair that cannot be
+/// done without noise. Shows a progress bar unless `quiet`.
+pub fn make_plans(
+    scenario: &Scenario,
+    count: usize,
+    seed: u64,
+    quiet: bool,
+    plan: impl Fn(&Combination) -> Result<Option<Plan>> + Sync,
+) -> Result<Plans> {
     let progress = if quiet { ProgressBar::hidden() } else { ProgressBar::new(count as u64) };
-    // With cameras, as in a trial: a look ends when its images have come.
-    let board = TactileBoard::unit(&world.cell.hand, 0);
+    progress.set_style(ProgressStyle::with_template("{bar:28} {pos}/{len} combinations planned [{elapsed} < {eta}]")?);
     let mut plans = Plans { version: VERSION, seed, rejected: Vec::new(), plans: Vec::new() };
-    let pairs: Vec<Combination> = draw_combinations(&world.scenario, usize::MAX, seed).collect();
+    let pairs: Vec<Combination> = draw_combinations(scenario, usize::MAX, seed).collect();
     for batch in pairs.chunks(8) {
-        let made: Vec<Result<Option<Plan>>> =
-            batch.par_iter().map(|pair| plan_pair(world, repertoire, &board, pair)).collect();
+        let made: Vec<Result<Option<Plan>>> = batch.par_iter().map(&plan).collect();
         for (pair, made) in batch.iter().zip(made) {
             match made? {
                 Some(plan) if plans.plans.len() < count => {
@@ -195,7 +208,14 @@ pub fn make_plans(world: &World, repertoire: &Repertoire, count: usize, seed: u6
     Ok(plans)
 }
 
-fn plan_pair(world: &World, repertoire: &Repertoire, board: &TactileBoard, pair: &Combination) -> Result<Option<Plan>> {
+/// The plan of a pair, without odds; none if nothing works without errors. `board` has cameras, as in a trial: a look ends when its
+/// images have come.
+pub fn plan_pair(
+    world: &World,
+    repertoire: &Repertoire,
+    board: &TactileBoard,
+    pair: &Combination,
+) -> Result<Option<Plan>> {
     let seconds: Vec<&Grasp> = repertoire.of(&pair.second, Role::Second).collect();
     let Some(any) = seconds.first() else { return Ok(None) };
     for first in repertoire.of(&pair.first, Role::First) {

@@ -127,6 +127,14 @@ pub fn rehearse_others(world: &World, repertoire: &Repertoire, plans: &mut Plans
     Ok(())
 }
 
+/// Both for one plan.
+pub fn rehearse_one(world: &World, repertoire: &Repertoire, board: &TactileBoard, plan: &mut Plan) -> Result<()> {
+    let rehearsals = Rehearsals { world, board, wide: wide_errors(WIDE), narrow: narrow_errors(NARROW) };
+    rehearsals.rehearse(repertoire, plan)?;
+    plan.others = rehearsals.others(repertoire, plan)?;
+    Ok(())
+}
+
 /// What all rehearsals share.
 struct Rehearsals<'a> {
     world: &'a World,

@@ -5,10 +5,12 @@ use std::time::Instant;
 
 use clap::{Args, ValueEnum};
 use grasping::{Repertoire, Role};
-use proving::pick_ups::{self, Effort};
+use proving::pick_ups::{self, Effort, Wanted};
 use proving::plan::{self, Plans, outcomes};
+use proving::preparation::EFFORT;
 use proving::world::World;
 use scenarios::Scenario;
+use sim::tactile::TactileBoard;
 
 use crate::terminal::{Outcome, Terminal};
 
@@ -71,21 +73,27 @@ pub fn make(terminal: &Terminal, args: &PickUpsArgs) -> Outcome {
     let mut repertoire = if out.exists() { Repertoire::read(out)? } else { Repertoire::default() };
     repertoire.command = format!("ftac grasps pick-ups --n {n} --seed {}", terminal.seed);
     repertoire.seed = terminal.seed;
-    let effort = Effort { proposals: n, variations: n / 2, keep_first: 4, keep_second: 14 };
+    let effort = Effort { proposals: n, variations: n / 2, ..EFFORT };
+    let wanted = Wanted { names: &names, roles: &roles, effort };
+    let progress = terminal.progress();
+    progress.set_length(u64::from(effort.attempts()));
     let (mut done, all) = (0, names.len() * roles.len());
     let begun = Instant::now();
     // The file grows object by object: an interruption loses the one in hand, and the rest can be asked for by name.
-    pick_ups::generate(&world, &names, &roles, effort, &mut repertoire, |name, role, repertoire| {
+    pick_ups::generate(&world, &wanted, &mut repertoire, &progress, |name, role, repertoire| {
         repertoire.write(out)?;
         done += 1;
         if !terminal.quiet {
             let count = repertoire.of(name, role).count();
             let minutes = begun.elapsed().as_secs_f64() / 60.0;
             let role = if role == Role::First { "first" } else { "second" };
-            eprintln!("{done:3} of {all}  {name:22} {count:3} {role:6} grasps  {minutes:5.1} min");
+            progress.suspend(|| {
+                eprintln!("{done:3} of {all}  {name:22} {count:3} {role:6} grasps  {minutes:5.1} min");
+            });
         }
         Ok(())
     })?;
+    progress.finish_and_clear();
     Ok(None)
 }
 
@@ -100,7 +108,10 @@ pub fn plan(terminal: &Terminal, args: &PlanArgs) -> Outcome {
     let mut plans = match &args.of {
         Some(file) => Plans::read(file)?,
         None => {
-            let plans = plan::make_plans(&world, &repertoire, args.combos, terminal.seed, quiet)?;
+            let board = TactileBoard::unit(&world.cell.hand, 0);
+            let plans = plan::make_plans(&world.scenario, args.combos, terminal.seed, quiet, |pair| {
+                plan::plan_pair(&world, &repertoire, &board, pair)
+            })?;
             // The odds take longer than the plans: an interruption leaves the plans for --of.
             plans.write(&args.out)?;
             eprintln!(
