@@ -11,6 +11,7 @@ pub mod lab_book;
 pub mod optics;
 pub mod replay;
 mod rows;
+mod scenario;
 pub mod shell;
 pub mod study;
 mod tactile_backend;

@@ -24,9 +24,9 @@ pub struct Terminal {
 }
 
 impl Terminal {
-    /// A progress bar, whose length is not known yet; hidden where nothing but results is wanted.
+    /// A progress bar, whose length is not known yet; lines in a log, hidden where nothing but results is wanted.
     pub fn progress(&self) -> ProgressBar {
-        if self.quiet || self.json { ProgressBar::hidden() } else { ProgressBar::no_length() }
+        ProgressBar::with_draw_target(None, progress::target(self.quiet || self.json))
     }
 
     /// Prints a result: `json` with `--json`, otherwise `text`, which ends its own lines.

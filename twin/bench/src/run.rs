@@ -6,7 +6,6 @@ use std::sync::Mutex;
 use std::time::{Duration, Instant};
 
 use anyhow::{Context, Result, bail};
-use indicatif::{ProgressBar, ProgressStyle};
 use report;
 use scenarios::FailureCause;
 use scenarios::record::{AblatedTrial, Condition, TrialRecord, write_ablated, write_trials};
@@ -164,8 +163,7 @@ pub fn run(bench: &Bench, request: &RunRequest, journal: Journal, folder: &Path,
     let all = units(request);
     std::fs::create_dir_all(folder.join("recordings")).with_context(|| folder.display().to_string())?;
     let open: Vec<Unit> = all.iter().copied().filter(|unit| !journal.done.contains_key(unit)).collect();
-    let bar = if options.quiet { ProgressBar::hidden() } else { ProgressBar::new(all.len() as u64) };
-    bar.set_style(ProgressStyle::with_template("{bar:28} {pos}/{len} {msg} [{elapsed} < {eta}]")?);
+    let bar = progress::bar(all.len() as u64, "units", options.quiet);
     let resumed = all.len() - open.len();
     bar.set_position(resumed as u64);
     bar.enable_steady_tick(Duration::from_secs(1));

@@ -38,7 +38,7 @@ impl Key {
     }
 
     /// The label and the first 64 bits of the SHA-256 of all parts.
-    fn file_name(&self) -> String {
+    pub(crate) fn file_name(&self) -> String {
         let digest = self.digest.clone().finalize();
         let hexadecimal: String = digest.iter().take(8).map(|byte| format!("{byte:02x}")).collect();
         format!("{}-{hexadecimal}.json", self.label)

@@ -18,7 +18,6 @@ use std::path::Path;
 use anyhow::{Context, Result, bail};
 use control::worth::{Candidate, Sequence};
 use grasping::{Grasp, Repertoire, Role};
-use indicatif::{ProgressBar, ProgressStyle};
 use rayon::prelude::*;
 use scenarios::Scenario;
 use scenarios::combination::{Combination, draw_combinations};
@@ -177,8 +176,7 @@ pub fn make_plans(
     quiet: bool,
     plan: impl Fn(&Combination) -> Result<Option<Plan>> + Sync,
 ) -> Result<Plans> {
-    let progress = if quiet { ProgressBar::hidden() } else { ProgressBar::new(count as u64) };
-    progress.set_style(ProgressStyle::with_template("{bar:28} {pos}/{len} combinations planned [{elapsed} < {eta}]")?);
+    let progress = progress::bar(count as u64, "combinations planned", quiet);
     let mut plans = Plans { version: VERSION, seed, rejected: Vec::new(), plans: Vec::new() };
     let pairs: Vec<Combination> = draw_combinations(scenario, usize::MAX, seed).collect();
     for batch in pairs.chunks(8) {

@@ -8,7 +8,6 @@ use std::time::Instant;
 
 use anyhow::{Context, Result};
 use grasping::{Grasp, Repertoire, Role};
-use indicatif::{ProgressBar, ProgressStyle};
 use scenarios::Scenario;
 use scenarios::combination::Combination;
 use scenarios::effects::Effect;
@@ -77,13 +76,15 @@ fn found(object: &ObjectModel, role: Role, count: usize) -> String {
         Role::First => ("first", "ring and little finger"),
         Role::Second => ("second", "thumb, index and middle finger"),
     };
-    match count {
-        0 => format!(
-            "{}: nothing held it by {digits} of {} proposals; it cannot come {order}",
-            object.name, EFFORT.proposals
-        ),
-        _ => format!("{}: {count} grasps by {digits}", object.name),
+    if count > 0 {
+        return format!("{}: {count} grasps by {digits}", object.name);
     }
+    let (low, high) = object.shape.aabb();
+    let [x, y, z] = (high - low).map(|side| (1e3 * side).round()).into();
+    format!(
+        "{} ({x} x {y} x {z} mm, {} kg): none of {} tries by {digits} held it, so it cannot come {order}",
+        object.name, object.mass, EFFORT.proposals
+    )
 }
 
 /// The scenario's own objects and the ways in which they can have fallen, with the roles in which they are to be picked up.
@@ -119,11 +120,7 @@ fn pick_up(
     };
     let label = format!("{}-{}", object.name, if role == Role::First { "first" } else { "second" });
     let key = ground(world, label)?.with(&Described::of(object))?.with(&(role, reference))?;
-    let progress = if quiet { ProgressBar::hidden() } else { ProgressBar::new(u64::from(EFFORT.attempts())) };
-    progress.set_style(ProgressStyle::with_template(&format!(
-        "{} {{bar:28}} {{pos}}/{{len}} at most [{{elapsed}} < {{eta}}]",
-        object.name
-    ))?);
+    let progress = progress::bar(u64::from(EFFORT.attempts()), &format!("tries of {} at most", object.name), quiet);
     let grasps = cache.get_or(&key, || {
         let mut own = repertoire.clone();
         own.grasps.remove(&object.name);
@@ -231,3 +228,6 @@ impl<'a> Described<'a> {
         }
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -9,21 +9,25 @@ use bench::journal::{Journal, RunRequest};
 use bench::run::{self, Options, Record as Recorded};
 use clap::{Args, ValueEnum};
 use control::policy::Uncertainty;
+use scenarios::Ablation;
 use scenarios::effects::Effect;
 use scenarios::record::Condition;
 use scenarios::statistics::Summary;
-use scenarios::{Ablation, Scenario};
 
 use super::body::{Body, check_body, source};
+use super::scenario;
 use super::tactile_backend::TactileBackend;
 use crate::terminal::{Outcome, Terminal};
+
+/// Combinations of a benchmark, as in the paper.
+pub const COMBINATIONS: usize = 60;
 
 /// Arguments of `bench`.
 #[derive(Debug, Args)]
 pub struct BenchArgs {
-    /// Object combinations.
-    #[arg(long, default_value_t = 60)]
-    pub combos: usize,
+    /// Object combinations; default: 60, or all pairs of a scenario that has fewer.
+    #[arg(long)]
+    pub combos: Option<usize>,
     /// Trials of each combination.
     #[arg(long, default_value_t = 10)]
     pub trials: usize,
@@ -107,8 +111,11 @@ impl From<Record> for Recorded {
 
 /// The run that is asked for, or the interrupted one that goes on, and its folder.
 fn request(terminal: &Terminal, args: &BenchArgs) -> Result<(RunRequest, PathBuf)> {
-    if args.combos == 0 || args.trials == 0 {
-        bail!("--combos and --trials: found {} and {}, expected at least 1 each", args.combos, args.trials);
+    if args.combos == Some(0) {
+        bail!("--combos: found 0, expected at least 1");
+    }
+    if args.trials == 0 {
+        bail!("--trials: found 0, expected at least 1");
     }
     if args.jobs == Some(0) {
         bail!("--jobs: found 0, expected at least 1");
@@ -126,17 +133,14 @@ fn request(terminal: &Terminal, args: &BenchArgs) -> Result<(RunRequest, PathBuf
     if let Some(folder) = &args.resume {
         return Ok((Journal::read(folder).context("--resume")?.1, folder.clone()));
     }
-    let path = args.scenario.clone().unwrap_or_else(|| PathBuf::from("benchmark.toml"));
-    let text = match &args.scenario {
-        Some(path) => std::fs::read_to_string(path).with_context(|| format!("--scenario {}", path.display()))?,
-        None => scenarios::scenario::BENCHMARK.to_owned(),
-    };
-    let pairs = Scenario::parse(&text, &path)?.combinations();
-    if args.combos > pairs {
-        bail!("--combos: found {}, expected at most the scenario's {pairs} pairs", args.combos);
+    let (scenario, text) = scenario::read(args.scenario.as_deref())?;
+    let pairs = scenario.combinations();
+    let combos = args.combos.unwrap_or(pairs.min(COMBINATIONS));
+    if combos > pairs {
+        bail!("--combos: found {combos}, expected at most the scenario's {pairs} pairs");
     }
     let request = RunRequest {
-        combos: args.combos,
+        combos,
         trials: args.trials,
         seed: terminal.seed,
         robot: args.robot.name().into(),
@@ -146,7 +150,7 @@ fn request(terminal: &Terminal, args: &BenchArgs) -> Result<(RunRequest, PathBuf
         without: without(&args.without)?,
         uncertainty: uncertainty(args.uncertainty.as_deref())?,
         noise_scale: args.noise_scale,
-        scenario: Scenario::self_contained(&text, &path)?,
+        scenario: text,
     };
     Ok((request, args.out.clone().unwrap_or_else(next_free_folder)))
 }

@@ -11,7 +11,6 @@ use bench::transport::skills::{SkillFile, for_sizes, of_repertoire};
 use clap::Args;
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use control::load::listed;
-use indicatif::ProgressBar;
 use proving::world::World;
 use rayon::prelude::*;
 use scenarios::Scenario;
@@ -177,7 +176,7 @@ fn carry(terminal: &Terminal, args: &TransportArgs, site: &Site) -> Outcome {
     }
     let units: Vec<(Policy, usize)> =
         policies.iter().flat_map(|policy| (0..args.trials).map(move |trial| (*policy, trial))).collect();
-    let bar = if terminal.quiet { ProgressBar::hidden() } else { ProgressBar::new(units.len() as u64) };
+    let bar = progress::bar(units.len() as u64, "trials", terminal.quiet);
     let one = |&(policy, trial): &(Policy, usize)| -> Result<TransportRecord> {
         let record = match args.out.as_ref().filter(|_| trial == 0) {
             Some(folder) => {

@@ -7,11 +7,12 @@ use bench::body::Task;
 use bench::builtin::make_bench;
 use bench::recording::Recording;
 use clap::{Args, ValueEnum};
-use scenarios::Scenario;
 use scenarios::record::Condition;
 use scenarios::record::TrialRecord;
 
+use super::bench::COMBINATIONS;
 use super::body::{Body, check_body, source};
+use super::scenario;
 use super::tactile_backend::TactileBackend;
 use crate::terminal::{Outcome, Terminal};
 
@@ -26,6 +27,9 @@ pub struct TrialArgs {
     /// Policy; `ideal` runs without noise.
     #[arg(long, value_enum, default_value_t = Policy::Touch)]
     pub policy: Policy,
+    /// Scenario file; default: the built-in benchmark.
+    #[arg(long)]
+    pub scenario: Option<PathBuf>,
     /// Body.
     #[arg(long, value_enum, default_value_t = Body::Sim)]
     pub robot: Body,
@@ -74,13 +78,14 @@ impl Policy {
 /// Plays one trial and records it.
 pub fn trial(terminal: &Terminal, args: &TrialArgs) -> Outcome {
     check_body(args.robot, args.config.as_deref(), &[args.policy.condition()])?;
-    let scenario = Scenario::benchmark();
-    let combos = (args.combination + 1).min(60);
+    let (scenario, text) = scenario::read(args.scenario.as_deref())?;
+    let pairs = scenario.combinations().min(COMBINATIONS);
+    if args.combination >= pairs {
+        bail!("COMBO: found {}, expected 0 to {}", args.combination, pairs - 1);
+    }
+    let combos = args.combination + 1;
     let mut bench = make_bench(scenario, combos, terminal.seed, terminal.quiet || terminal.json)?;
     bench.board = args.tactile.board(bench.board);
-    if args.combination >= bench.plans.plans.len() {
-        bail!("COMBO: found {}, expected 0 to {}", args.combination, bench.plans.plans.len() - 1);
-    }
     let condition = args.policy.condition();
     let place = source(&bench.world, args.robot, args.config.as_deref(), args.session.clone())?;
     let task = Task {
@@ -91,7 +96,7 @@ pub fn trial(terminal: &Terminal, args: &TrialArgs) -> Outcome {
         condition,
         watched: true,
         combos,
-        scenario: scenarios::scenario::BENCHMARK.to_owned(),
+        scenario: text,
     };
     let file = args.out.clone().unwrap_or_else(|| {
         PathBuf::from(format!("recordings/combination_{}_trial_{}_{}.rrd", args.combination, args.trial, condition))

@@ -6,7 +6,6 @@ use anyhow::Result;
 use control::arm_clearance::ArmBodies;
 use control::inverse_kinematics::{ArmKinematics, Joints};
 use image::{Rgb, RgbImage};
-use indicatif::ProgressBar;
 use nalgebra::{Isometry3, Translation3};
 use proving::world::World;
 use rayon::prelude::*;
@@ -85,7 +84,7 @@ pub fn row(world: &World, out: Option<&Path>, quiet: bool) -> Result<Row> {
     let side = (0..columns * heights).map(|n| [across(n % columns), 0.0, UP.0 + STEP * (n / columns) as f64]);
     let above = (0..columns * depths).map(|n| [across(n % columns), across(n / columns), LEVEL]);
     let places: Vec<[f64; 3]> = side.chain(above).collect();
-    let bar = if quiet { ProgressBar::hidden() } else { ProgressBar::new(places.len() as u64) };
+    let bar = progress::bar(places.len() as u64, "places", quiet);
     let found: Vec<Place> = places
         .par_iter()
         .map(|at| {

@@ -6,7 +6,6 @@ use std::sync::Mutex;
 use anyhow::{Context, Result, anyhow, bail};
 use bench::trial::{Bench, HeldGrasp};
 use bench::workers;
-use indicatif::ProgressBar;
 use report::write_whole;
 use serde::{Deserialize, Serialize};
 
@@ -44,8 +43,7 @@ pub fn grasps(bench: &Bench, played: Played, file: Option<&Path>, quiet: bool) -
 
 fn play(bench: &Bench, played: Played, quiet: bool) -> Result<Vec<HeldGrasp>> {
     let count = played.combos * played.trials;
-    let bar = if quiet { ProgressBar::hidden() } else { ProgressBar::new(count as u64) };
-    bar.set_style(indicatif::ProgressStyle::with_template("{bar:28} {pos}/{len} grasps [{elapsed} < {eta}]")?);
+    let bar = progress::bar(count as u64, "grasps", quiet);
     let found = Mutex::new(Vec::with_capacity(count));
     let trials: Vec<usize> = (0..count).collect();
     workers::for_each(workers::available(), &trials, |n, _| {

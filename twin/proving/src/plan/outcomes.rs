@@ -10,7 +10,6 @@ use anyhow::{Result, bail};
 use control::odds::{Rehearsed, TryOutcome};
 use control::worth::MISSED;
 use grasping::{Grasp, Repertoire, Role};
-use indicatif::ProgressBar;
 use nalgebra::{Rotation3, Vector3};
 use rayon::prelude::*;
 use scenarios::noise::TrialNoise;
@@ -101,7 +100,7 @@ fn aim_error(noise: &TrialNoise, heading: f64) -> Vector3<f64> {
 /// Tries the second grasps of all `plans` under errors, in the place of what they knew; shows a progress bar unless `quiet`. Takes
 /// a minute of a core for each plan.
 pub fn rehearse(world: &World, repertoire: &Repertoire, plans: &mut Plans, quiet: bool) -> Result<()> {
-    let progress = if quiet { ProgressBar::hidden() } else { ProgressBar::new(plans.plans.len() as u64) };
+    let progress = progress::bar(plans.plans.len() as u64, "plans tried", quiet);
     let board = TactileBoard::unit(&world.cell.hand, 0);
     let rehearsals = Rehearsals { world, board: &board, wide: wide_errors(WIDE), narrow: narrow_errors(NARROW) };
     plans.plans.par_iter_mut().try_for_each(|plan| {
@@ -115,7 +114,7 @@ pub fn rehearse(world: &World, repertoire: &Repertoire, plans: &mut Plans, quiet
 
 /// The same after other first grasps, for those of the `plans` none of whose second grasps goes well.
 pub fn rehearse_others(world: &World, repertoire: &Repertoire, plans: &mut Plans, quiet: bool) -> Result<()> {
-    let progress = if quiet { ProgressBar::hidden() } else { ProgressBar::new(plans.plans.len() as u64) };
+    let progress = progress::bar(plans.plans.len() as u64, "plans tried", quiet);
     let board = TactileBoard::unit(&world.cell.hand, 0);
     let rehearsals = Rehearsals { world, board: &board, wide: wide_errors(WIDE), narrow: narrow_errors(NARROW) };
     plans.plans.par_iter_mut().try_for_each(|plan| {

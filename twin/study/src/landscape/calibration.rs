@@ -75,7 +75,7 @@ impl Calibration {
                 return Ok(known);
             }
         }
-        progress.println(format!("calibrating the pull on {PAIRS} pairs of minima"));
+        progress.suspend(|| eprintln!("calibrating the pull on {PAIRS} pairs of minima"));
         let found = Self::measure(landscape, minima, question, subject);
         let text = serde_json::to_string_pretty(&found).map_err(format)?;
         hand_model::file::write_whole(file, text.as_bytes())

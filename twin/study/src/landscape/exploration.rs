@@ -112,7 +112,7 @@ pub fn sweep(
             map.sort(landscape, state.clone())?;
         }
         let basins = map.basins.len();
-        progress.println(format!("temperature {temperature}, pull {pull:.3}, seed {seed}: {basins} basins"));
+        progress.suspend(|| eprintln!("temperature {temperature}, pull {pull:.3}, seed {seed}: {basins} basins"));
         Ok(basins)
     };
     let Attraction { pull, temperature, .. } = plan.attraction;

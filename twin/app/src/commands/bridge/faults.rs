@@ -44,7 +44,7 @@ pub fn run(terminal: &Terminal, args: &FaultArgs) -> anyhow::Result<Option<Strin
     }
     let quiet = terminal.quiet || terminal.json;
     let bench = make_bench(Scenario::benchmark(), args.rounds.min(60), terminal.seed, quiet)?;
-    let bar = if quiet { indicatif::ProgressBar::hidden() } else { indicatif::ProgressBar::new(0) };
+    let bar = progress::bar(0, "faults", quiet);
     let jobs = args.jobs.unwrap_or_else(bench::workers::available).max(1);
     let matrix = Matrix { bench: &bench, kinds, phases, rounds: args.rounds, jobs, seed: terminal.seed };
     let outcomes = inject_all(&matrix, &bar)?;

@@ -6,7 +6,6 @@ use anyhow::{Result, bail};
 use bench::builtin::{HAND_UNIT, make_bench};
 use bench::networks::Networks;
 use clap::Args;
-use indicatif::{ProgressBar, ProgressStyle};
 use lab::touch::evaluation::{TouchEvaluation, json, table, under_changes};
 use lab::touch::grasps::{Played, grasps};
 use lab::touch::images::{Change, Eyes};
@@ -71,8 +70,7 @@ pub fn eval(terminal: &Terminal, args: &EvalArgs) -> Outcome {
     let bench = make_bench(scenario, args.combos, terminal.seed, quiet)?;
     let played = Played { combos: args.combos, trials: args.trials, seed: terminal.seed };
     let grasps = grasps(&bench, played, args.grasps.as_deref(), quiet)?;
-    let bar = if quiet { ProgressBar::hidden() } else { ProgressBar::new(grasps.len() as u64) };
-    bar.set_style(ProgressStyle::with_template("{bar:28} {pos}/{len} felt [{elapsed} < {eta}]")?);
+    let bar = progress::bar(grasps.len() as u64, "felt", quiet);
     let eyes = Eyes::new(&bench.world.cell.hand, HAND_UNIT, &Change::NONE)?
         .drifting(bench.world.scenario.effects.pads, terminal.seed);
     let felt = feel(&bench, &eyes, &bench.pipeline, &grasps, || bar.inc(1))?;

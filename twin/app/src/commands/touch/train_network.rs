@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Result, bail};
 use clap::{Args, ValueEnum};
-use indicatif::{ProgressBar, ProgressStyle};
+use indicatif::ProgressStyle;
 use lab::touch::training::{TrainingSet, TrainingSource, loss_curves, resume};
 use report::write_whole;
 use serde_json::json;
@@ -66,7 +66,6 @@ pub struct TrainNetworkArgs {
 /// Renders or reads the presses, trains, and writes the network.
 pub fn train_network(terminal: &Terminal, args: &TrainNetworkArgs) -> Outcome {
     check(args)?;
-    let quiet = terminal.quiet || terminal.json;
     let kind = match args.kind {
         KindArg::EncoderDecoder => Kind::EncoderDecoder,
         KindArg::PerPixel => Kind::PerPixel,
@@ -77,7 +76,7 @@ pub fn train_network(terminal: &Terminal, args: &TrainNetworkArgs) -> Outcome {
     let mut training = if args.resume { resume(&state, &schedule)? } else { Training::new(schedule.clone()) };
     training.schedule = schedule;
     let source = source(args);
-    let bar = if quiet { ProgressBar::hidden() } else { ProgressBar::new(0) };
+    let bar = terminal.progress();
     bar.set_style(ProgressStyle::with_template("{bar:28} {pos}/{len} presses [{elapsed} < {eta}]")?);
     if let TrainingSource::Pads { presses } | TrainingSource::Sensor { presses, .. } = source {
         bar.set_length(presses as u64);

@@ -1,0 +1,169 @@
+//! Progress of long work: a bar that is drawn in place on a terminal, and a line now and then where stderr goes into a log.
+
+use std::io::{self, IsTerminal as _, Write};
+use std::sync::Mutex;
+use std::time::{Duration, Instant};
+
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle, TermLike};
+
+/// How often a line goes into a log.
+const PERIOD: Duration = Duration::from_secs(30);
+/// Columns of a line in a log.
+const COLUMNS: u16 = 100;
+
+/// A bar of `length` steps, called `what`, on stderr; hidden if `quiet`. It shows steps, time spent and time left.
+pub fn bar(length: u64, what: &str, quiet: bool) -> ProgressBar {
+    let bar = ProgressBar::with_draw_target(Some(length), target(quiet));
+    let template = format!("{{bar:28}} {{pos}}/{{len}} {what} [{{elapsed}} < {{eta}}] {{msg}}");
+    match ProgressStyle::with_template(&template) {
+        Ok(style) => bar.with_style(style),
+        Err(_) => bar,
+    }
+}
+
+/// Where a bar is drawn: nowhere if `quiet`, else on stderr.
+pub fn target(quiet: bool) -> ProgressDrawTarget {
+    match (quiet, io::stderr().is_terminal()) {
+        (true, _) => ProgressDrawTarget::hidden(),
+        (false, true) => ProgressDrawTarget::stderr(),
+        (false, false) => ProgressDrawTarget::term_like(Box::new(Log::new(io::stderr()))),
+    }
+}
+
+/// A log as a terminal: keeps what a bar draws, and writes it as a line each [`PERIOD`].
+#[derive(Debug)]
+struct Log<W> {
+    state: Mutex<LogState<W>>,
+}
+
+#[derive(Debug)]
+struct LogState<W> {
+    out: W,
+    /// What has been drawn since the last flush.
+    drawn: String,
+    /// When the last line was written; at first, when the work began.
+    written: Instant,
+}
+
+impl<W> Log<W> {
+    fn new(out: W) -> Self {
+        Self { state: Mutex::new(LogState { out, drawn: String::new(), written: Instant::now() }) }
+    }
+}
+
+impl<W: Write> LogState<W> {
+    /// Ends a drawing at `now`.
+    fn flush(&mut self, now: Instant) -> io::Result<()> {
+        let drawn = std::mem::take(&mut self.drawn);
+        let line = drawn.trim();
+        if line.is_empty() || now.duration_since(self.written) < PERIOD {
+            return Ok(());
+        }
+        self.written = now;
+        writeln!(self.out, "{line}")
+    }
+}
+
+impl<W: Write + Send + std::fmt::Debug> TermLike for Log<W> {
+    fn width(&self) -> u16 {
+        COLUMNS
+    }
+
+    fn move_cursor_up(&self, _: usize) -> io::Result<()> {
+        Ok(())
+    }
+
+    fn move_cursor_down(&self, _: usize) -> io::Result<()> {
+        Ok(())
+    }
+
+    fn move_cursor_right(&self, _: usize) -> io::Result<()> {
+        Ok(())
+    }
+
+    fn move_cursor_left(&self, _: usize) -> io::Result<()> {
+        Ok(())
+    }
+
+    fn write_line(&self, text: &str) -> io::Result<()> {
+        self.write_str(text)
+    }
+
+    fn write_str(&self, text: &str) -> io::Result<()> {
+        if let Ok(mut state) = self.state.lock() {
+            state.drawn.push_str(text);
+        }
+        Ok(())
+    }
+
+    fn clear_line(&self) -> io::Result<()> {
+        Ok(())
+    }
+
+    fn flush(&self) -> io::Result<()> {
+        self.state.lock().map_or(Ok(()), |mut state| state.flush(Instant::now()))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Of many drawings the log gets one a period, whole and without control characters.
+    #[test]
+    fn a_log_gets_a_line_now_and_then() {
+        let begun = Instant::now();
+        let mut state = LogState { out: Vec::new(), drawn: String::new(), written: begun };
+        for second in 1..=70 {
+            state.drawn = format!("\r{second}/70 trials   ");
+            state.flush(begun + Duration::from_secs(second)).expect("a log");
+        }
+        assert_eq!(String::from_utf8(state.out).expect("text"), "30/70 trials\n60/70 trials\n");
+    }
+
+    /// A bar's drawing arrives in a log as one line with what it counts.
+    #[test]
+    fn a_bar_draws_into_a_log() {
+        let log = Log::new(Vec::new());
+        log.state.lock().expect("the log").written -= PERIOD;
+        let shared = std::sync::Arc::new(log);
+        #[derive(Debug)]
+        struct Shared(std::sync::Arc<Log<Vec<u8>>>);
+        impl TermLike for Shared {
+            fn width(&self) -> u16 {
+                self.0.width()
+            }
+            fn move_cursor_up(&self, n: usize) -> io::Result<()> {
+                self.0.move_cursor_up(n)
+            }
+            fn move_cursor_down(&self, n: usize) -> io::Result<()> {
+                self.0.move_cursor_down(n)
+            }
+            fn move_cursor_right(&self, n: usize) -> io::Result<()> {
+                self.0.move_cursor_right(n)
+            }
+            fn move_cursor_left(&self, n: usize) -> io::Result<()> {
+                self.0.move_cursor_left(n)
+            }
+            fn write_line(&self, text: &str) -> io::Result<()> {
+                self.0.write_line(text)
+            }
+            fn write_str(&self, text: &str) -> io::Result<()> {
+                self.0.write_str(text)
+            }
+            fn clear_line(&self) -> io::Result<()> {
+                self.0.clear_line()
+            }
+            fn flush(&self) -> io::Result<()> {
+                self.0.flush()
+            }
+        }
+        let bar = bar(4, "trials", true);
+        bar.set_draw_target(ProgressDrawTarget::term_like(Box::new(Shared(shared.clone()))));
+        bar.inc(3);
+        bar.tick();
+        let state = shared.state.lock().expect("the log");
+        let text = String::from_utf8_lossy(&state.out);
+        assert!(text.contains("3/4 trials [") && text.lines().count() == 1 && !text.contains('\r'), "{text:?}");
+    }
+}
