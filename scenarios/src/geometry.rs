@@ -3,6 +3,8 @@
 //! A [`Shape`] lives in its own frame (`object/<name>`), metres. Primitives answer in closed form, meshes through parry.
 //! [`Mesh::mended`] makes a watertight mesh from triangles that are not, by their winding number ([`Winding`]).
 
+mod decomposition;
+
 mod grid;
 mod mend;
 mod mesh;

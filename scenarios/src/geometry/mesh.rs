@@ -9,7 +9,8 @@ use nalgebra::{Matrix3, Point3, Unit, Vector3};
 use parry3d_f64::math::Vector;
 use parry3d_f64::query::{PointQueryWithLocation, Ray, RayCast};
 use parry3d_f64::shape::{TriMesh, TriMeshFlags};
-use parry3d_f64::transformation::vhacd::{VHACD, VHACDParameters};
+
+use super::decomposition::{TOLERANCE, decompose};
 
 /// The largest extent a mesh may have, m: a larger one is probably in millimetres.
 pub const MAX_EXTENT: f64 = 1.0;
@@ -75,6 +76,8 @@ pub struct Mesh {
     center: Point3<f64>,
     unit_inertia: Matrix3<f64>,
     parts: OnceLock<Vec<Vec<Point3<f64>>>>,
+    /// How far convex parts may stand out, m.
+    tolerance: f64,
 }
 
 impl std::fmt::Debug for Mesh {
@@ -127,6 +130,7 @@ impl Mesh {
             center,
             unit_inertia: Matrix3::identity() * second.trace() - second,
             parts: OnceLock::new(),
+            tolerance: TOLERANCE,
         })
     }
 
@@ -135,10 +139,16 @@ impl Mesh {
         Self { parts: OnceLock::from(parts), ..self }
     }
 
+    /// The same with convex parts that stand out of it by at most `tolerance`, m, where it has to be decomposed.
+    pub fn with_tolerance(self, tolerance: f64) -> Self {
+        Self { tolerance, ..self }
+    }
+
     /// The same mesh in a frame at its centre of volume.
     pub fn centered(self) -> Result<Self, GeometryError> {
         let shift = self.center.coords;
-        let moved = Self::new(self.vertices.iter().map(|vertex| vertex - shift).collect(), self.triangles)?;
+        let moved = Self::new(self.vertices.iter().map(|vertex| vertex - shift).collect(), self.triangles)?
+            .with_tolerance(self.tolerance);
         Ok(match self.parts.into_inner() {
             Some(parts) => moved.with_parts(
                 parts.into_iter().map(|part| part.into_iter().map(|point| point - shift).collect()).collect(),
@@ -150,7 +160,8 @@ impl Mesh {
     /// The same mesh `factor` times as large.
     pub fn scaled(&self, factor: f64) -> Result<Self, GeometryError> {
         let larger = |point: &Point3<f64>| point * factor;
-        let mesh = Self::new(self.vertices.iter().map(larger).collect(), self.triangles.clone())?;
+        let mesh = Self::new(self.vertices.iter().map(larger).collect(), self.triangles.clone())?
+            .with_tolerance(self.tolerance);
         Ok(match self.parts.get() {
             Some(parts) => mesh.with_parts(parts.iter().map(|part| part.iter().map(larger).collect()).collect()),
             None => mesh,
@@ -233,19 +244,19 @@ impl Mesh {
         })
     }
 
+    /// Vertices and triangles as the decomposition takes them.
+    pub(super) fn surface(&self) -> (&[Vector], &[[u32; 3]]) {
+        (self.surface.vertices(), self.surface.indices())
+    }
+
     /// Convex point sets that together fill the mesh: as given by its builder, itself if convex, or an approximate
-    /// decomposition (VHACD, worked out at the first call: seconds for a large mesh).
+    /// decomposition, worked out at the first call: seconds for a large mesh.
     pub fn convex_parts(&self) -> &[Vec<Point3<f64>>] {
         self.parts.get_or_init(|| {
             if self.is_convex() {
                 return vec![self.vertices.clone()];
             }
-            let points = self.surface.vertices();
-            VHACD::decompose(&VHACDParameters::default(), points, self.surface.indices(), true)
-                .compute_exact_convex_hulls(points, self.surface.indices())
-                .into_iter()
-                .map(|(hull, _)| hull.into_iter().map(from_parry).collect())
-                .collect()
+            decompose(self, self.tolerance).0
         })
     }
 }

@@ -9,6 +9,7 @@
 //! symmetry = "none"          # or "full", "cube", { axis = { flip = true } }, { fold = { n = 4, flip = false } }; none if left out
 //! [shape.mesh]
 //! file = "my_mug.obj"        # Wavefront OBJ in metres, relative to this file, closed, z up as the object stands
+//! tolerance = 0.001          # m, how far the convex parts of which physics makes it may stand out of it; 1 mm if left out
 //! ```
 //!
 //! Other shapes, lengths in m:
@@ -35,6 +36,8 @@ use crate::geometry::{GeometryError, MAX_EXTENT, Mesh, Shape, hull_mesh, revolve
 const SMALLEST: f64 = 0.005;
 /// The largest mass that the arm could lift with the hand on it, kg.
 const HEAVIEST: f64 = 4.0;
+/// Least and largest tolerance of convex parts, m.
+const TOLERANCES: (f64, f64) = (1e-4, 0.02);
 /// Colour of what has none.
 const GREY: [u8; 3] = [160, 160, 160];
 
@@ -117,6 +120,9 @@ pub enum ShapeFile {
         file: PathBuf,
         /// The OBJ file's text: what [`ObjectFile::read`] found there.
         obj: Option<String>,
+        /// How far the convex parts of which physics makes it may stand out of it, m; 1 mm if left out.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        tolerance: Option<f64>,
     },
 }
 
@@ -132,7 +138,7 @@ impl ObjectFile {
     /// The object in a file's text. `path` is used in errors, and a mesh file is looked for beside it.
     pub fn parse(text: &str, path: &Path) -> Result<Self, DataError> {
         let mut object: Self = parse_toml(text, path)?;
-        if let ShapeFile::Mesh { file, obj: obj @ None } = &mut object.shape {
+        if let ShapeFile::Mesh { file, obj: obj @ None, .. } = &mut object.shape {
             let beside = path.parent().unwrap_or(Path::new("")).join(&*file);
             let text = std::fs::read_to_string(&beside).map_err(|error| {
                 let found = format!("{}: {error}", beside.display());
@@ -244,8 +250,18 @@ impl ShapeFile {
                 let corners: Vec<Point3<f64>> = corners.iter().map(|corner| Point3::from(*corner)).collect();
                 mesh("hull.corners", hull_mesh(&corners), "points that span a volume, m")
             }
-            Self::Mesh { file, obj } => {
+            Self::Mesh { file, obj, tolerance } => {
+                if let Some(tolerance) =
+                    tolerance.filter(|tolerance| !(TOLERANCES.0..=TOLERANCES.1).contains(tolerance))
+                {
+                    let expected = format!("{} to {} m", TOLERANCES.0, TOLERANCES.1);
+                    return Err(DataError::field(path, "shape.mesh.tolerance", tolerance, expected));
+                }
                 let read = Mesh::parse_obj(obj.as_deref().unwrap_or_default(), file);
+                let read = read.map(|mesh| match tolerance {
+                    Some(tolerance) => mesh.with_tolerance(*tolerance),
+                    None => mesh,
+                });
                 mesh("mesh.file", read, "a closed triangle mesh in metres")
             }
         }

@@ -1,0 +1,130 @@
+//! Convex decomposition of a mesh whose parts follow its concavities.
+//!
+//! VHACD cuts a mesh at the resolution and to the concavity that it is given, relative to the mesh's size. Here it is asked for finer
+//! and finer cuts until no part stands out of the surface by more than a tolerance.
+
+use nalgebra::Point3;
+use parry3d_f64::math::Vector;
+use parry3d_f64::transformation::vhacd::{VHACD, VHACDParameters};
+
+use super::mesh::{Mesh, from_parry};
+use super::revolution::hull_mesh;
+
+/// How far a part may stand out of the mesh if nothing else is said, m: less than a fingertip's pad gives.
+pub(super) const TOLERANCE: f64 = 1e-3;
+/// (voxels along the mesh, concavity), coarse to fine.
+const LEVELS: [(u32, f64); 4] = [(64, 0.01), (96, 0.003), (128, 0.001), (192, 0.0003)];
+/// More parts than this slow the physics down: a finer cut is then not taken.
+const MOST_PARTS: usize = 96;
+/// Distance of the points on a part at which it is compared with the mesh, m.
+const SPACING: f64 = 1.5e-3;
+
+/// Convex point sets that together fill `mesh`, and how far they stand out of it at most, m: the first cut within
+/// `tolerance`, m, or the best of those with few enough parts.
+pub(super) fn decompose(mesh: &Mesh, tolerance: f64) -> (Vec<Vec<Point3<f64>>>, f64) {
+    let mut best: Option<(Vec<Vec<Point3<f64>>>, f64)> = None;
+    for (resolution, concavity) in LEVELS {
+        let parts = cut(mesh, VHACDParameters { resolution, concavity, ..VHACDParameters::default() });
+        if best.is_some() && parts.len() > MOST_PARTS {
+            break;
+        }
+        let out = excess(mesh, &parts);
+        if best.as_ref().is_none_or(|(_, least)| out < *least) {
+            best = Some((parts, out));
+        }
+        if out <= tolerance {
+            break;
+        }
+    }
+    best.unwrap_or_default()
+}
+
+fn cut(mesh: &Mesh, parameters: VHACDParameters) -> Vec<Vec<Point3<f64>>> {
+    let (points, triangles) = mesh.surface();
+    VHACD::decompose(&parameters, points, triangles, true)
+        .compute_exact_convex_hulls(points, triangles)
+        .into_iter()
+        .map(|(hull, _): (Vec<Vector>, _)| hull.into_iter().map(from_parry).collect())
+        .collect()
+}
+
+/// How far `parts` stand out of `mesh` at most, m, at points [`SPACING`] apart on their faces.
+fn excess(mesh: &Mesh, parts: &[Vec<Point3<f64>>]) -> f64 {
+    let mut most = 0.0f64;
+    for hull in parts.iter().filter_map(|part| hull_mesh(part).ok()) {
+        for [a, b, c] in hull.triangles().iter().map(|corners| corners.map(|n| hull.vertices()[n as usize])) {
+            let longest = (b - a).norm().max((c - a).norm()).max((c - b).norm());
+            let steps = (longest / SPACING).ceil().max(1.0) as usize;
+            for i in 0..=steps {
+                for j in 0..=steps - i {
+                    let (u, v) = (i as f64 / steps as f64, j as f64 / steps as f64);
+                    most = most.max(mesh.signed_distance(&(a + (b - a) * u + (c - a) * v)).0);
+                }
+            }
+        }
+    }
+    most
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::Shape;
+    use crate::objects::ObjectSet;
+
+    /// A cup: a pot of 60 x 70 mm with walls of 4 mm, without known parts.
+    fn cup() -> Mesh {
+        const SEGMENTS: u32 = 24;
+        let outline = [[30.0, 0.0], [30.0, 70.0], [26.0, 70.0], [26.0, 4.0]];
+        let mut vertices: Vec<Point3<f64>> = vec![Point3::origin(), Point3::new(0.0, 0.0, 0.004)];
+        for [radius, z] in outline {
+            vertices.extend((0..SEGMENTS).map(|n| {
+                let angle = std::f64::consts::TAU * f64::from(n) / f64::from(SEGMENTS);
+                Point3::new(radius * angle.cos(), radius * angle.sin(), z) * 1e-3
+            }));
+        }
+        let at = |ring: u32, n: u32| 2 + ring * SEGMENTS + n % SEGMENTS;
+        let mut triangles = Vec::new();
+        for n in 0..SEGMENTS {
+            triangles.push([0, at(0, n + 1), at(0, n)]);
+            for ring in 0..3 {
+                triangles.push([at(ring, n), at(ring, n + 1), at(ring + 1, n + 1)]);
+                triangles.push([at(ring, n), at(ring + 1, n + 1), at(ring + 1, n)]);
+            }
+            triangles.push([1, at(3, n), at(3, n + 1)]);
+        }
+        Mesh::new(vertices, triangles).expect("a closed mesh")
+    }
+
+    /// One hull of the cup stands out by the depth of its cavity's nearest wall; cut finely, its parts leave the cavity free.
+    #[test]
+    fn parts_follow_a_cavity() {
+        let cup = cup();
+        let whole = excess(&cup, &[cup.vertices().to_vec()]);
+        assert!((whole - 0.026).abs() < 0.002, "{whole}");
+        let coarse = cut(&cup, VHACDParameters::default());
+        let (parts, out) = decompose(&cup, TOLERANCE);
+        println!(
+            "{} parts, {:.2} mm; coarse {} parts, {:.2} mm",
+            parts.len(),
+            1e3 * out,
+            coarse.len(),
+            1e3 * excess(&cup, &coarse)
+        );
+        assert!(out < 0.5 * excess(&cup, &coarse) && parts.len() <= MOST_PARTS);
+        assert_eq!(out, excess(&cup, &parts));
+    }
+
+    /// A mesh that may stand out further keeps its first cut.
+    #[test]
+    fn what_is_good_enough_stays_coarse() {
+        let set = ObjectSet::standard();
+        for name in ["l_block", "caddy"] {
+            let Some(Shape::Mesh(mesh)) = set.get(name).map(|object| &object.shape) else { panic!("{name} is a mesh") };
+            let first = cut(mesh, VHACDParameters::default());
+            assert_eq!(mesh.convex_parts(), first, "{name}: its own tolerance");
+            let (finer, out) = decompose(mesh, TOLERANCE);
+            assert!(finer.len() > first.len() && out < excess(mesh, &first), "{name}: {out} m");
+        }
+    }
+}
