@@ -1,13 +1,14 @@
 //! Shapes of objects and the questions asked of them: signed distance, ray, volume, inertia, tessellation.
 //!
 //! A [`Shape`] lives in its own frame (`object/<name>`), metres. Primitives answer in closed form, meshes through parry.
-//! [`Mesh::mended`] makes a watertight mesh from triangles that are not, by their winding number ([`Winding`]).
+//! Mesh files are OBJ, STL, PLY or glTF. [`Mesh::mended`] makes a watertight mesh from triangles that are not, by their winding number
+//! ([`Winding`]).
 
 mod decomposition;
-
 mod grid;
 mod mend;
 mod mesh;
+mod mesh_file;
 mod obj;
 mod primitive;
 mod revolution;
@@ -17,7 +18,7 @@ mod winding;
 
 pub use grid::DistanceGrid;
 pub use mesh::{GeometryError, MAX_EXTENT, Mesh};
-pub use obj::read_triangles;
+pub use mesh_file::{Triangles, read_triangles, to_obj};
 pub use revolution::{Profile, hull_mesh, revolve};
 pub use shape::Shape;
 pub use tessellation::Tessellation;

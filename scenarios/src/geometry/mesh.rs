@@ -66,7 +66,7 @@ pub enum GeometryError {
     },
 }
 
-/// A watertight, outward-oriented triangle mesh, m. Made by [`Mesh::new`], [`Mesh::read_obj`] or the builders.
+/// A watertight, outward-oriented triangle mesh, m. Made by [`Mesh::new`], [`Mesh::read`] or the builders.
 #[derive(Clone)]
 pub struct Mesh {
     vertices: Vec<Point3<f64>>,

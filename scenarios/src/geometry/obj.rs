@@ -2,34 +2,29 @@
 
 use std::path::Path;
 
-use hand_model::data::{DataError, read_text};
+use hand_model::data::DataError;
 use nalgebra::Point3;
 
 use super::mesh::{GeometryError, Mesh};
+use super::mesh_file::Triangles;
 
 impl Mesh {
-    /// Reads an OBJ file in metres. Faces with more than three corners are split into fans.
-    pub fn read_obj(path: &Path) -> Result<Self, GeometryError> {
-        Self::parse_obj(&read_text(path)?, path)
+    /// Of an OBJ file's text, in metres. Faces with more than three corners are split into fans; `path` is used in errors.
+    pub fn parse_obj(text: &str, path: &Path) -> Result<Self, GeometryError> {
+        Self::parse_obj_in(text, 1.0, path)
     }
 
-    /// The same from text; `path` is used in errors.
-    pub fn parse_obj(text: &str, path: &Path) -> Result<Self, GeometryError> {
-        let (vertices, triangles) = parse_triangles(text, path)?;
+    /// The same of lengths in `unit`, m.
+    pub fn parse_obj_in(text: &str, unit: f64, path: &Path) -> Result<Self, GeometryError> {
+        let (mut vertices, triangles) = parse_triangles(text, path)?;
+        vertices.iter_mut().for_each(|vertex| vertex.coords *= unit);
         Self::new(vertices, triangles)
             .map_err(|source| GeometryError::File { path: path.into(), source: Box::new(source) })
     }
 }
 
-/// Vertices (m) and triangles.
-type Triangles = (Vec<Point3<f64>>, Vec<[u32; 3]>);
-
-/// The vertices and triangles of an OBJ file, whether or not they close a surface.
-pub fn read_triangles(path: &Path) -> Result<Triangles, GeometryError> {
-    Ok(parse_triangles(&read_text(path)?, path)?)
-}
-
-fn parse_triangles(text: &str, path: &Path) -> Result<Triangles, DataError> {
+/// The vertices and triangles of an OBJ file's text, whether or not they close a surface.
+pub(super) fn parse_triangles(text: &str, path: &Path) -> Result<Triangles, DataError> {
     let (mut vertices, mut triangles) = (Vec::new(), Vec::new());
     for (number, line) in text.lines().enumerate() {
         let fault = |found: String, expected: &str| DataError::Line {

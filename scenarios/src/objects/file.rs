@@ -8,7 +8,8 @@
 //! rest = "upright"           # or "lying" (a lathe's), or { turned = [roll, pitch, yaw] } in rad; upright if left out
 //! symmetry = "none"          # or "full", "cube", { axis = { flip = true } }, { fold = { n = 4, flip = false } }; none if left out
 //! [shape.mesh]
-//! file = "my_mug.obj"        # Wavefront OBJ in metres, relative to this file, closed, z up as the object stands
+//! file = "my_mug.obj"        # OBJ, STL, PLY or glTF, relative to this file, closed, z up as the object stands
+//! unit = 0.001               # m, the mesh's unit; 1 if left out
 //! tolerance = 0.001          # m, how far the convex parts of which physics makes it may stand out of it; 1 mm if left out
 //! ```
 //!
@@ -30,7 +31,7 @@ use serde::{Deserialize, Serialize};
 use super::lathe;
 use super::model::ObjectModel;
 use super::symmetry::Symmetry;
-use crate::geometry::{GeometryError, MAX_EXTENT, Mesh, Shape, hull_mesh, revolve};
+use crate::geometry::{GeometryError, MAX_EXTENT, Mesh, Shape, hull_mesh, read_triangles, revolve, to_obj};
 
 /// The smallest length that the physics engine can work with, m.
 const SMALLEST: f64 = 0.005;
@@ -116,10 +117,13 @@ pub enum ShapeFile {
     },
     /// A closed triangle mesh.
     Mesh {
-        /// Wavefront OBJ, relative to the object's file.
+        /// A mesh file, relative to the object's.
         file: PathBuf,
-        /// The OBJ file's text: what [`ObjectFile::read`] found there.
+        /// What [`ObjectFile::read`] found there, as text of an OBJ file.
         obj: Option<String>,
+        /// m.
+        #[serde(default = "one")]
+        unit: f64,
         /// How far the convex parts of which physics makes it may stand out of it, m; 1 mm if left out.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         tolerance: Option<f64>,
@@ -140,11 +144,10 @@ impl ObjectFile {
         let mut object: Self = parse_toml(text, path)?;
         if let ShapeFile::Mesh { file, obj: obj @ None, .. } = &mut object.shape {
             let beside = path.parent().unwrap_or(Path::new("")).join(&*file);
-            let text = std::fs::read_to_string(&beside).map_err(|error| {
-                let found = format!("{}: {error}", beside.display());
-                DataError::field(path, "shape.mesh.file", found, "a Wavefront OBJ file, relative to this file")
-            })?;
-            *obj = Some(text);
+            let expected = "a mesh file (.obj, .stl, .ply, .gltf, .glb), relative to this file";
+            let triangles =
+                read_triangles(&beside).map_err(|error| DataError::field(path, "shape.mesh.file", error, expected))?;
+            *obj = Some(to_obj(&triangles));
         }
         Ok(object)
     }
@@ -250,14 +253,17 @@ impl ShapeFile {
                 let corners: Vec<Point3<f64>> = corners.iter().map(|corner| Point3::from(*corner)).collect();
                 mesh("hull.corners", hull_mesh(&corners), "points that span a volume, m")
             }
-            Self::Mesh { file, obj, tolerance } => {
+            Self::Mesh { file, obj, unit, tolerance } => {
+                if !(*unit > 0.0 && *unit <= 1.0) {
+                    return Err(DataError::field(path, "shape.mesh.unit", unit, "more than 0 and at most 1 m"));
+                }
                 if let Some(tolerance) =
                     tolerance.filter(|tolerance| !(TOLERANCES.0..=TOLERANCES.1).contains(tolerance))
                 {
                     let expected = format!("{} to {} m", TOLERANCES.0, TOLERANCES.1);
                     return Err(DataError::field(path, "shape.mesh.tolerance", tolerance, expected));
                 }
-                let read = Mesh::parse_obj(obj.as_deref().unwrap_or_default(), file);
+                let read = Mesh::parse_obj_in(obj.as_deref().unwrap_or_default(), *unit, file);
                 let read = read.map(|mesh| match tolerance {
                     Some(tolerance) => mesh.with_tolerance(*tolerance),
                     None => mesh,

@@ -74,7 +74,7 @@ pub struct ShapesArgs {
 /// Renders a mesh.
 pub fn render(terminal: &Terminal, args: &RenderArgs) -> Outcome {
     let hand = Hand::ftac();
-    let mesh = Mesh::read_obj(&args.mesh)?;
+    let mesh = Mesh::read(&args.mesh)?;
     let pose = mesh_pose(&args.pose)?;
     if let Some(path) = &args.calibration
         && real_sensor::is_sensor(path)?
