@@ -89,6 +89,7 @@ mod tests {
             first_grasp: id,
             second_grasps: Vec::new(),
             outcomes: Vec::new(),
+            variations: Vec::new(),
             fallen: Default::default(),
             others: Vec::new(),
         };

@@ -10,6 +10,7 @@
 //! second grasps after other first grasps.
 
 pub mod outcomes;
+pub mod variations;
 pub mod without;
 
 use std::collections::BTreeMap;
@@ -54,6 +55,9 @@ pub struct Plan {
     /// The same after other first grasps.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub others: Vec<Other>,
+    /// Second grasps of this combination alone, which the repertoire lacks; outcomes name them like its own.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub variations: Vec<Grasp>,
 }
 
 /// Another way to take the first object than the plan's, and how second grasps went after it.
@@ -126,11 +130,20 @@ impl Plans {
 }
 
 impl Plan {
+    /// Leaves out the variations and their outcomes.
+    fn forget_variations(&mut self) {
+        let gone: Vec<u32> = self.variations.drain(..).map(|grasp| grasp.id).collect();
+        let known = |outcomes: &Outcomes| !gone.contains(&outcomes.grasp);
+        self.outcomes.retain(known);
+        self.others.iter_mut().for_each(|other| other.outcomes.retain(known));
+    }
+
     /// The grasps behind the numbers.
     pub fn grasps(&self, repertoire: &Repertoire) -> Result<PlannedGrasps> {
         let find = |object: &str, role: Role, id: u32| {
             repertoire
                 .of(object, role)
+                .chain(self.variations.iter().filter(|grasp| grasp.object == object && grasp.role == role))
                 .find(|grasp| grasp.id == id)
                 .cloned()
                 .with_context(|| format!("the plan names grasp {id} of {object}, which the repertoire lacks"))
@@ -139,9 +152,13 @@ impl Plan {
             let rehearsed = outcomes.map(|outcomes| outcomes.rehearsed(&grasp)).transpose()?.unwrap_or_default();
             Ok(Candidate { rehearsed: rehearsed.into(), ..Candidate::new(grasp, worth) })
         };
-        let second = self.second_grasps.iter().map(|(id, worth)| {
-            let outcomes = self.outcomes.iter().find(|outcomes| outcomes.grasp == *id);
-            candidate(find(&self.second, Role::Second, *id)?, *worth, outcomes)
+        // A variation after another first grasp is none of the plan's.
+        let own =
+            self.variations.iter().filter(|grasp| self.outcomes.iter().any(|outcomes| outcomes.grasp == grasp.id));
+        let named = self.second_grasps.iter().copied().chain(own.map(|grasp| (grasp.id, grasp.score)));
+        let second = named.map(|(id, worth)| {
+            let outcomes = self.outcomes.iter().find(|outcomes| outcomes.grasp == id);
+            candidate(find(&self.second, Role::Second, id)?, worth, outcomes)
         });
         let fallen = self.fallen.iter().flat_map(|(way, tried)| tried.iter().map(move |outcomes| (way, outcomes)));
         let fallen = fallen.map(|(way, outcomes)| {
@@ -233,6 +250,7 @@ pub fn plan_pair(
                 outcomes: Vec::new(),
                 fallen: BTreeMap::new(),
                 others: Vec::new(),
+                variations: Vec::new(),
             }));
         }
     }

@@ -16,16 +16,16 @@ use scenarios::noise::TrialNoise;
 use serde::{Deserialize, Serialize};
 use sim::tactile::TactileBoard;
 
-use super::{FAILED_WORTH, Other, Plan, PlannedGrasps, Plans};
+use super::{FAILED_WORTH, Other, Plan, PlannedGrasps, Plans, variations};
 use crate::rehearsal::{FirstRehearsal, Snapshot, misaimed, narrow_errors, rehearse_first, try_second, wide_errors};
 use crate::world::World;
 
 /// Other first grasps are tried until some second grasp after one of them is worth this much, near where it was rehearsed.
-const GOOD: f64 = 0.85;
+pub(super) const GOOD: f64 = 0.85;
 /// Draws of wide errors under which a grasp is tried.
 const WIDE: usize = 12;
 /// Draws of the errors that are left once the object has been touched.
-const NARROW: usize = 10;
+pub(super) const NARROW: usize = 10;
 /// The first draws of either kind, under which every grasp is tried that works without errors.
 const HEAT: usize = 3;
 /// Grasps of a plan that went best under those, and are tried under all.
@@ -64,7 +64,7 @@ impl Outcomes {
     }
 
     /// What a try is worth under narrow errors: 0 where few were drawn.
-    fn worth_once_touched(&self) -> f64 {
+    pub(super) fn worth_once_touched(&self) -> f64 {
         if self.near.len() < NARROW { 0.0 } else { worth(self.near.chars()) / self.near.len() as f64 }
     }
 
@@ -102,7 +102,7 @@ fn aim_error(noise: &TrialNoise, heading: f64) -> Vector3<f64> {
 pub fn rehearse(world: &World, repertoire: &Repertoire, plans: &mut Plans, quiet: bool) -> Result<()> {
     let progress = progress::bar(plans.plans.len() as u64, "plans tried", quiet);
     let board = TactileBoard::unit(&world.cell.hand, 0);
-    let rehearsals = Rehearsals { world, board: &board, wide: wide_errors(WIDE), narrow: narrow_errors(NARROW) };
+    let rehearsals = Rehearsals::new(world, &board);
     plans.plans.par_iter_mut().try_for_each(|plan| {
         rehearsals.rehearse(repertoire, plan)?;
         progress.inc(1);
@@ -116,7 +116,7 @@ pub fn rehearse(world: &World, repertoire: &Repertoire, plans: &mut Plans, quiet
 pub fn rehearse_others(world: &World, repertoire: &Repertoire, plans: &mut Plans, quiet: bool) -> Result<()> {
     let progress = progress::bar(plans.plans.len() as u64, "plans tried", quiet);
     let board = TactileBoard::unit(&world.cell.hand, 0);
-    let rehearsals = Rehearsals { world, board: &board, wide: wide_errors(WIDE), narrow: narrow_errors(NARROW) };
+    let rehearsals = Rehearsals::new(world, &board);
     plans.plans.par_iter_mut().try_for_each(|plan| {
         plan.others = rehearsals.others(repertoire, plan)?;
         progress.inc(1);
@@ -128,23 +128,29 @@ pub fn rehearse_others(world: &World, repertoire: &Repertoire, plans: &mut Plans
 
 /// Both for one plan.
 pub fn rehearse_one(world: &World, repertoire: &Repertoire, board: &TactileBoard, plan: &mut Plan) -> Result<()> {
-    let rehearsals = Rehearsals { world, board, wide: wide_errors(WIDE), narrow: narrow_errors(NARROW) };
+    let rehearsals = Rehearsals::new(world, board);
     rehearsals.rehearse(repertoire, plan)?;
     plan.others = rehearsals.others(repertoire, plan)?;
-    Ok(())
+    variations::rehearse_one(world, repertoire, board, plan)
 }
 
 /// What all rehearsals share.
-struct Rehearsals<'a> {
+pub(super) struct Rehearsals<'a> {
     world: &'a World,
     board: &'a TactileBoard,
     wide: Vec<TrialNoise>,
     narrow: Vec<TrialNoise>,
 }
 
-impl Rehearsals<'_> {
+impl<'a> Rehearsals<'a> {
+    /// With the errors that all grasps meet.
+    pub(super) fn new(world: &'a World, board: &'a TactileBoard) -> Self {
+        Self { world, board, wide: wide_errors(WIDE), narrow: narrow_errors(NARROW) }
+    }
+
     /// Tries the second grasps of `plan` that work without errors; nothing where its first grasp does not hold.
     fn rehearse(&self, repertoire: &Repertoire, plan: &mut Plan) -> Result<()> {
+        plan.forget_variations();
         let PlannedGrasps { first, second, .. } = plan.grasps(repertoire)?;
         let worked = second.iter().filter(|second| second.worth > FAILED_WORTH * second.grasp.score);
         let worked: Vec<&Grasp> = worked.map(|second| &second.grasp).collect();
@@ -197,14 +203,14 @@ impl Rehearsals<'_> {
     }
 
     /// The first object held beside the second, which lies as grasp `any` of it expects.
-    fn hold(&self, first: &Grasp, any: Option<&Grasp>) -> Result<Option<Snapshot>> {
+    pub(super) fn hold(&self, first: &Grasp, any: Option<&Grasp>) -> Result<Option<Snapshot>> {
         let Some(any) = any else { return Ok(None) };
         let rehearsal = FirstRehearsal::ideal(self.world, [first, any]);
         Ok(rehearse_first(self.world, &rehearsal, self.board)?.map(|(hold, _)| hold))
     }
 
     /// How `grasps` go under the first errors of either kind, and the `best` of them under all.
-    fn outcomes(&self, hold: &Snapshot, grasps: &[&Grasp], best: usize) -> Result<Vec<Outcomes>> {
+    pub(super) fn outcomes(&self, hold: &Snapshot, grasps: &[&Grasp], best: usize) -> Result<Vec<Outcomes>> {
         let under = |grasp: &Grasp, draws: Range<usize>| -> Result<Outcomes> {
             let tries = |errors: &[TrialNoise]| -> Result<Vec<TryOutcome>> {
                 let errors = errors.iter().take(draws.end).skip(draws.start);

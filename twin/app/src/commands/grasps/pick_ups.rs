@@ -6,7 +6,7 @@ use std::time::Instant;
 use clap::{Args, ValueEnum};
 use grasping::{Repertoire, Role};
 use proving::pick_ups::{self, Effort, Wanted};
-use proving::plan::{self, Plans, outcomes};
+use proving::plan::{self, Plans, outcomes, variations};
 use proving::preparation::EFFORT;
 use proving::world::World;
 use scenarios::Scenario;
@@ -43,6 +43,9 @@ pub struct PlanArgs {
     /// A plan file whose combinations and grasps stay: only their odds under errors are rehearsed anew.
     #[arg(long, conflicts_with = "combos")]
     pub of: Option<PathBuf>,
+    /// Of that file also the odds stay: only grasps of a combination's own are looked for, where none of the known ones goes well.
+    #[arg(long, requires = "of")]
+    pub vary: bool,
     /// The plan file to write.
     #[arg(long)]
     pub out: PathBuf,
@@ -122,9 +125,13 @@ pub fn plan(terminal: &Terminal, args: &PlanArgs) -> Outcome {
             plans
         }
     };
-    outcomes::rehearse(&world, &repertoire, &mut plans, quiet)?;
-    plans.write(&args.out)?;
-    outcomes::rehearse_others(&world, &repertoire, &mut plans, quiet)?;
+    if !args.vary {
+        outcomes::rehearse(&world, &repertoire, &mut plans, quiet)?;
+        plans.write(&args.out)?;
+        outcomes::rehearse_others(&world, &repertoire, &mut plans, quiet)?;
+        plans.write(&args.out)?;
+    }
+    variations::rehearse(&world, &repertoire, &mut plans, quiet)?;
     plans.write(&args.out)?;
     Ok(None)
 }

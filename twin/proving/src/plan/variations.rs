@@ -1,0 +1,133 @@
+//! Variations: where no second grasp of a combination goes well, others are looked for around its best ones, in the combination itself.
+//!
+//! A variation is selected under narrow errors that no odds are counted from, and then tried under those that all grasps meet: being
+//! selected does not flatter its odds.
+
+use anyhow::Result;
+use grasping::sampler::vary;
+use grasping::{Grasp, Repertoire, Role};
+use indicatif::ProgressBar;
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
+use rayon::prelude::*;
+use scenarios::noise::TrialNoise;
+use sha2::{Digest as _, Sha256};
+use sim::tactile::TactileBoard;
+
+use super::outcomes::{GOOD, NARROW, Outcomes, Rehearsals};
+use super::{Plan, Plans};
+use crate::rehearsal::{Snapshot, misaimed, narrow_errors, rehearse_second, try_second};
+use crate::world::World;
+use control::odds::TryOutcome;
+
+/// Rounds of variation around the best grasps so far.
+const ROUNDS: usize = 2;
+/// Variations a round.
+const BATCH: u32 = 16;
+/// Grasps that a round starts from.
+const PARENTS: usize = 3;
+/// Variations that a combination keeps.
+const KEPT: usize = 2;
+/// Numbers of variations begin here: beyond those of a repertoire, also without some digits.
+const FIRST_NUMBER: u32 = 1_000_000;
+
+/// Looks for variations for those of the `plans` none of whose second grasps goes well; shows a progress bar unless `quiet`.
+pub fn rehearse(world: &World, repertoire: &Repertoire, plans: &mut Plans, quiet: bool) -> Result<()> {
+    let progress: ProgressBar = progress::bar(plans.plans.len() as u64, "plans varied", quiet);
+    let board = TactileBoard::unit(&world.cell.hand, 0);
+    plans.plans.par_iter_mut().try_for_each(|plan| {
+        rehearse_one(world, repertoire, &board, plan)?;
+        progress.inc(1);
+        Ok::<(), anyhow::Error>(())
+    })?;
+    progress.finish_and_clear();
+    Ok(())
+}
+
+/// The same for one plan.
+pub fn rehearse_one(world: &World, repertoire: &Repertoire, board: &TactileBoard, plan: &mut Plan) -> Result<()> {
+    plan.forget_variations();
+    let sequences = std::iter::once((plan.first_grasp, &plan.outcomes))
+        .chain(plan.others.iter().map(|other| (other.first_grasp, &other.outcomes)));
+    let best = |outcomes: &[Outcomes]| outcomes.iter().map(Outcomes::worth_once_touched).fold(0.0, f64::max);
+    // Of sequences that are worth the same the first: the plan's own.
+    let Some((first, outcomes)) = sequences.reduce(|a, b| if best(b.1) > best(a.1) { b } else { a }) else {
+        return Ok(());
+    };
+    if best(outcomes) >= GOOD {
+        return Ok(());
+    }
+    let seconds: Vec<&Grasp> = repertoire.of(&plan.second, Role::Second).collect();
+    let Some(grasp) = repertoire.of(&plan.first, Role::First).find(|grasp| grasp.id == first) else { return Ok(()) };
+    let rehearsals = Rehearsals::new(world, board);
+    let Some(hold) = rehearsals.hold(grasp, seconds.first().copied())? else { return Ok(()) };
+    let tried = outcomes.iter().filter(|outcomes| outcomes.near.len() >= NARROW);
+    let parents: Vec<(Grasp, f64)> = tried
+        .filter_map(|outcomes| {
+            let grasp = seconds.iter().find(|grasp| grasp.id == outcomes.grasp)?;
+            Some(((*grasp).clone(), outcomes.worth_once_touched()))
+        })
+        .collect();
+    let kept = Climb { hold: &hold, errors: narrow_errors(2 * NARROW).split_off(NARROW) }.run(parents, plan)?;
+    let grasps: Vec<&Grasp> = kept.iter().collect();
+    let found = rehearsals.outcomes(&hold, &grasps, grasps.len())?;
+    match plan.others.iter_mut().find(|other| other.first_grasp == first && first != plan.first_grasp) {
+        Some(other) => other.outcomes.extend(found),
+        None => plan.outcomes.extend(found),
+    }
+    plan.variations = kept;
+    Ok(())
+}
+
+/// A climb from grasps to better ones beside a hold.
+struct Climb<'a> {
+    hold: &'a Snapshot,
+    /// Under these a variation is selected.
+    errors: Vec<TrialNoise>,
+}
+
+impl Climb<'_> {
+    /// The best variations of `parents`, (grasp, worth), that are better than the best of these.
+    fn run(&self, mut parents: Vec<(Grasp, f64)>, plan: &Plan) -> Result<Vec<Grasp>> {
+        let mut rng = ChaCha8Rng::from_seed(Sha256::digest(format!("{}, {}", plan.first, plan.second)).into());
+        let rank =
+            |grasps: &mut Vec<(Grasp, f64)>| grasps.sort_by(|a, b| b.1.total_cmp(&a.1).then(a.0.id.cmp(&b.0.id)));
+        rank(&mut parents);
+        let standard = parents.first().map_or(0.0, |best| best.1);
+        let mut number = FIRST_NUMBER;
+        for _ in 0..ROUNDS {
+            parents.truncate(PARENTS);
+            let from = parents.clone();
+            let worst = from.iter().map(|parent| parent.1).fold(1.0, f64::min);
+            for n in 0..BATCH as usize {
+                let Some((parent, _)) = from.get(n % from.len().max(1)) else { break };
+                let varied = vary(parent, number, &mut rng);
+                number += 1;
+                parents.extend(self.select(varied, worst)?.filter(|(_, worth)| *worth > worst));
+            }
+            rank(&mut parents);
+        }
+        let better = parents.into_iter().filter(|(grasp, worth)| grasp.id >= FIRST_NUMBER && *worth > standard);
+        Ok(better.map(|(grasp, _)| grasp).take(KEPT).collect())
+    }
+
+    /// `grasp` with how it holds and its share of held tries; none if it fails without errors, or cannot come to `least` any more.
+    fn select(&self, grasp: Grasp, least: f64) -> Result<Option<(Grasp, f64)>> {
+        let (collided, outcome) = rehearse_second(self.hold, &grasp)?;
+        if collided || !outcome.held {
+            return Ok(None);
+        }
+        let count = self.errors.len();
+        let may_fail = ((1.0 - least) * count as f64).floor() as usize;
+        let mut failed = 0;
+        for noise in &self.errors {
+            failed += usize::from(try_second(self.hold, &misaimed(&grasp, noise, 1))? != TryOutcome::Held);
+            if failed > may_fail {
+                return Ok(None);
+            }
+        }
+        let score = 1.0 - failed as f64 / count as f64;
+        let (held, held_joints) = (Some(outcome.palm_from_object), Some(outcome.joints));
+        Ok(Some((Grasp { held, held_joints, score, ..grasp }, score)))
+    }
+}
