@@ -198,7 +198,7 @@ impl Bench {
         watcher.branch(id.condition)?;
         let mut start = setup.begin(self, None, watcher.active())?;
         start.run.referee.give_up(FailureCause::NoStrategy);
-        start.run.tell(why, None, id.condition, watcher)?;
+        start.run.tell((Some(why), None), None, id.condition, watcher)?;
         let names = [start.objects[0].name.as_str(), start.objects[1].name.as_str()];
         let record = TrialRecord { reason: why.to_owned(), ..start.run.record(names, id)? };
         watcher.outcome(&record)?;
