@@ -83,7 +83,8 @@ fn run_unit(bench: &Bench, request: &RunRequest, unit: Unit, folder: &Path, opti
         };
     }
     recorded_as(&name(unit), folder, options.live, |targets| {
-        let mut recording = Recording::open(targets, bench, &request.task(unit, condition, false), Began::Never)?;
+        let mut recording =
+            Recording::open(targets, bench, &request.task(unit, condition, false), (Began::Never, false))?;
         let results = match unit.trial {
             Some(trial) => bench.trial(unit.combination, trial, &request.noisy(), &request.ablations, &mut recording),
             None => bench.ideal(unit.combination, &mut recording).map(TrialResults::from),
@@ -110,7 +111,7 @@ fn run_conditions(
             false => bench.play(&task, place.as_mut(), &mut NoWatcher)?,
             true => recorded_as(&format!("{}_{condition}", name(unit)), folder, options.live, |targets| {
                 let began = if place.is_real() { Began::Now } else { Began::Never };
-                let mut recording = Recording::open(targets, bench, &task, began)?;
+                let mut recording = Recording::open(targets, bench, &task, (began, false))?;
                 let outcome = bench.play(&task, place.as_mut(), &mut recording);
                 recording.finish()?;
                 outcome

@@ -3,12 +3,13 @@
 //! [`setup`] begins a trial and plays its first grasp, [`branch`] plays one policy from there to the verdict and [`conditions`] one
 //! after the other, [`run`] is a trial in progress, and [`eyes`] what prior perception reports of it. [`shared`] is what all trials of
 //! a benchmark share, [`disturbance`] what a scenario does to them on purpose,
-//! [`watcher`] sees every tick, [`profile`] says where the time goes, and [`held`] keeps first grasps for the evaluation of touch.
+//! [`watcher`] sees every tick, [`filming`] keeps it for a film, [`profile`] says where the time goes, and [`held`] keeps first grasps for the evaluation of touch.
 
 pub mod branch;
 mod conditions;
 mod disturbance;
 pub mod eyes;
+pub mod filming;
 pub mod held;
 pub mod profile;
 pub mod run;

@@ -6,6 +6,7 @@
 mod ablation;
 mod definitions;
 mod figure;
+pub mod film;
 mod findings;
 pub mod html;
 pub mod lab_book;

@@ -85,7 +85,7 @@ fn record(path: &Path, hand: &Hand, arm: &Arm) {
         recorder.log_object("tetrahedron", &pose).expect("logs");
         recorder.log_estimate("tetrahedron", (tick % 50 > 10).then_some(&pose)).expect("logs");
         let force = [Vector3::z()];
-        recorder.log_contacts(&[Point3::origin()], if tick > 100 { &force } else { &[] }).expect("logs");
+        recorder.log_contacts(&[Point3::origin()], if tick > 100 { &force } else { &[] }, &[]).expect("logs");
         let frame = SignalFrame {
             tensions: Some([t; 5]),
             pose_errors: vec![Some(PoseError { mm: t, deg: t })],
