@@ -236,7 +236,7 @@ impl Watcher for Recording {
             "{}: {}{}",
             record.condition,
             if record.success { "both objects held" } else { "failed" },
-            record.cause.map_or_else(String::new, |cause| format!(" ({cause:?})")),
+            record.cause.map_or_else(String::new, |cause| format!(" ({cause})")),
         );
         recorder.log_outcome(&format!("{text}{}", if record.contact { ", contact" } else { "" }))?;
         Ok(())

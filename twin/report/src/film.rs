@@ -53,7 +53,7 @@ pub struct Stage<'a> {
 impl Stage<'_> {
     /// A still of `size` pixels around `center` (m), `width` m wide.
     pub fn still(&self, frame: &Frame, size: u32, (center, width): (Point3<f64>, f64)) -> RgbImage {
-        let eye = Vector3::new(0.72, -0.62, 0.42).normalize();
+        let eye = Vector3::new(0.30, -0.88, 0.36).normalize();
         let mut picture = Picture::new(size, View { eye, up: Vector3::z(), center, width });
         let mesh = |mesh: &Mesh| -> (Vec<Point3<f64>>, Vec<Vector3<f64>>) {
             let vertices = mesh.vertices.iter().map(|v| Point3::from(*v).cast());

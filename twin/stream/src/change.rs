@@ -15,6 +15,8 @@ const BRIGHT: f32 = 42.0;
 const TOUCHED: f32 = 12.0;
 /// A pad with this many touched cells is active.
 const ACTIVE: usize = 4;
+/// Levels of change that are told apart.
+const LEVELS: f32 = 12.0;
 /// What a touch looks like on the hand.
 const HOT: [[f32; 3]; 2] = [[255.0, 140.0, 20.0], [255.0, 252.0, 190.0]];
 /// How dark an untouched pad is drawn.
@@ -80,7 +82,9 @@ impl Changes {
         let column = cell(x / camera.w + 0.5);
         let row = cell((camera.center_y - y) / camera.h + 0.5);
         // What an untouched pad drifts by is not drawn.
-        ((self.maps[index][row * CELLS + column] - 0.5 * TOUCHED) / BRIGHT).clamp(0.0, 1.0)
+        let change = ((self.maps[index][row * CELLS + column] - 0.5 * TOUCHED) / BRIGHT).clamp(0.0, 1.0);
+        // Few levels pack well.
+        (change * LEVELS).round() / LEVELS
     }
 }
 

@@ -14,7 +14,7 @@ pub const FINE: u32 = 7;
 /// Points of a pad's sheet along each side.
 pub const PAD_POINTS: u32 = 15;
 /// How far a pad's gel stands over the surface that is felt, m: it must hide the cover below it.
-const LIFT: f64 = 2.5e-4;
+const LIFT: f64 = 5.0e-4;
 /// Share of a cover's thickness that a knuckle has.
 const KNUCKLE: f64 = 0.62;
 /// Half thickness of a camera board, m; how much of its pad it covers, and of the cover's width at most.

@@ -59,11 +59,11 @@ impl Default for Settings {
             scalar_rate: 30.0,
             image_rate: 5.0,
             image_side: 120,
-            change_side: 64,
+            change_side: 56,
             jpeg_quality: 85,
             height_range: 1.0e-3,
             height_idle: 3.0e-5,
-            cable_rate: 6.0,
+            cable_rate: 5.0,
             truth: true,
             flush_timeout: Duration::from_secs(20),
         }

@@ -17,7 +17,7 @@ use stream::viewer;
 use crate::terminal::{Outcome, Terminal};
 
 /// Frames a second, and their size in pixels.
-const FILM: (f64, u32) = (4.0, 360);
+const FILM: (f64, u32) = (3.0, 340);
 /// Stills in a strip, and their size in pixels.
 const STRIP: (usize, u32) = (5, 220);
 const COMPARED: [Condition; 2] = [Condition::Blind, Condition::Touch];

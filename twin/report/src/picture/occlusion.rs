@@ -1,8 +1,8 @@
 //! Soft shadows in corners and dark outlines, from the depth of a picture alone ("screen-space ambient occlusion", Crytek 2007).
 
 /// Radii (m) at which neighbours are asked, and in how many directions.
-const RADII: [f64; 4] = [0.0015, 0.003, 0.006, 0.010];
-const DIRECTIONS: usize = 8;
+const RADII: [f64; 3] = [0.002, 0.005, 0.010];
+const DIRECTIONS: usize = 5;
 /// Opposite neighbours that are nearer than the pixel by this share of the radius, in the mean, hide it: on a plane they are not.
 const NEARER: f64 = 0.10;
 /// A neighbour counts as no further off in depth than this many radii.
