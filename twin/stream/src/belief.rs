@@ -24,6 +24,15 @@ const SMALLEST: f64 = 2.0e-4;
 pub const REJECTED: [u8; 3] = [255, 70, 60];
 pub const CHOSEN: [u8; 3] = [80, 220, 110];
 
+/// A way of an object in the hand.
+#[derive(Debug, Clone, Default)]
+pub struct Way {
+    /// `world_from_object` along it; none: no way is shown.
+    pub poses: Vec<Isometry3<f64>>,
+    /// Where it comes nearest to what is to be taken, and the distance there, m; negative is a collision.
+    pub nearest: Option<(Isometry3<f64>, f64)>,
+}
+
 /// When an object was felt, and how well its place is known.
 #[derive(Debug, Clone)]
 pub struct Felt {

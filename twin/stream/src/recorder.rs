@@ -130,7 +130,7 @@ impl Recorder {
     ) -> Result<Self, StreamError> {
         let live = targets.iter().any(|target| !matches!(target, Target::File(_)));
         // Long batches make small files; a live view wants short ones.
-        let flush_tick = Duration::from_millis(if live { 50 } else { 10_000 });
+        let flush_tick = Duration::from_millis(if live { 50 } else { 30_000 });
         let rec = open(targets, ChunkBatcherConfig { flush_tick, ..ChunkBatcherConfig::DEFAULT })?;
         blueprint::send(&rec)?;
         scene::log_static(&rec, hand, arm, objects)?;

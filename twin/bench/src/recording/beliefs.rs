@@ -3,7 +3,9 @@
 use anyhow::Result;
 use control::perception::Felt;
 use control::policy::Choice;
+use control::strategy::Course;
 use scenarios::phase::Phase;
+use stream::belief::Way;
 use stream::now::Weighed;
 use stream::recorder::Recorder;
 use touch::PoseEstimate;
@@ -54,7 +56,7 @@ impl Beliefs {
         if self.weighing && !decides(phase) {
             self.weighing = false;
             recorder.log_options(Vec::new())?;
-            recorder.log_ways(name, (&[], None), &[])?;
+            recorder.log_ways(name, &Way::default(), &Way::default())?;
         }
         Ok(felt)
     }
@@ -78,11 +80,27 @@ impl Beliefs {
             mark: marked(n, option.planned),
         });
         recorder.log_options(options.collect())?;
-        let rejected = choice.rejected.as_ref();
-        let poses = rejected.map_or(&[][..], |course| &course.poses);
-        let nearest = rejected.and_then(|course| course.nearest);
-        let chosen = choice.course.as_ref().map_or(&[][..], |course| &course.poses);
-        recorder.log_ways(name, (poses, nearest), chosen)?;
+        let way = |course: &Option<Course>| {
+            course
+                .as_ref()
+                .map_or_else(Way::default, |course| Way { poses: course.poses.clone(), nearest: course.nearest })
+        };
+        recorder.log_ways(name, &way(&choice.rejected), &way(&choice.course))?;
         Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// With the hand open, and while an object is put down or taken anew, nothing is believed to be in it.
+    #[test]
+    fn beliefs_last_while_something_is_held() {
+        for phase in [Phase::PutDown, Phase::StepAside, Phase::Begin, Phase::LocateFirst, Phase::ApproachFirst] {
+            assert!(!holds(phase) && !decides(phase), "{}", phase.name());
+        }
+        assert!(holds(Phase::Carry) && !decides(Phase::Carry));
+        assert!(holds(Phase::ApproachSecond) && decides(Phase::ApproachSecond));
     }
 }

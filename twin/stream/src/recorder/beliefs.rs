@@ -4,6 +4,7 @@ use nalgebra::{Isometry3, Matrix3};
 use rerun::Clear;
 
 use super::{FIRST_OBJECT, Recorder};
+use crate::belief::Way;
 use crate::error::StreamError;
 use crate::{belief, entities, scene};
 
@@ -46,16 +47,14 @@ impl Recorder {
         Ok(())
     }
 
-    /// The ways that were weighed, as the object `name` in the hand would go: the plan that was not taken, with the place (if any)
-    /// where it comes nearest to the target at a distance (m), and the one chosen. Empty ways are taken off.
-    pub fn log_ways(
-        &mut self,
-        name: &str,
-        (rejected, nearest): (&[Isometry3<f64>], Option<(Isometry3<f64>, f64)>),
-        chosen: &[Isometry3<f64>],
-    ) -> Result<(), StreamError> {
+    /// The ways that were weighed, as the object `name` in the hand would go: the plan that was not taken, and the one chosen. Empty
+    /// ways are taken off; of the first one it is shown where it comes nearest.
+    pub fn log_ways(&mut self, name: &str, rejected: &Way, chosen: &Way) -> Result<(), StreamError> {
         let index = self.object(name)?;
-        let ways = [(entities::REJECTED, rejected, belief::REJECTED), (entities::CHOSEN, chosen, belief::CHOSEN)];
+        let ways = [
+            (entities::REJECTED, &rejected.poses, belief::REJECTED),
+            (entities::CHOSEN, &chosen.poses, belief::CHOSEN),
+        ];
         // What is logged anew is not cleared before: a clear also hides what comes at the same time.
         for (n, (path, way, color)) in ways.into_iter().enumerate() {
             if !way.is_empty() {
@@ -67,7 +66,7 @@ impl Recorder {
         }
         let path = entities::NEAREST;
         let label = format!("{path}/label");
-        if let Some((pose, distance)) = nearest {
+        if let Some((pose, distance)) = rejected.nearest {
             self.rec.log(path, &belief::collision(&self.objects[index]))?;
             self.rec.log(path, &scene::transform(&pose))?;
             self.rec.log(label, &belief::distance(distance))?;
@@ -75,7 +74,7 @@ impl Recorder {
             self.rec.log(path, &Clear::flat())?;
             self.rec.log(label, &Clear::flat())?;
         }
-        self.ways[2] = nearest.is_some();
+        self.ways[2] = rejected.nearest.is_some();
         Ok(())
     }
 }
