@@ -289,6 +289,9 @@ fn rates(journal: &Journal, begun: Instant, resumed: usize) -> String {
     )
 }
 
+/// Combinations and trials of the whole benchmark.
+const WHOLE: (usize, usize) = (60, 10);
+
 /// What makes a run another than the benchmark it seems to be.
 fn warnings(done: &BTreeMap<Unit, Entry>, request: &RunRequest) -> Vec<String> {
     let mut warnings = Vec::new();
@@ -302,6 +305,13 @@ fn warnings(done: &BTreeMap<Unit, Entry>, request: &RunRequest) -> Vec<String> {
     }
     if let (shard, of @ 2..) = request.shard {
         warnings.push(format!("this is shard {shard} of {of}, not the whole run"));
+    }
+    let (combos, trials) = WHOLE;
+    if request.combos < combos || request.trials < trials {
+        warnings.push(format!(
+            "a part of the benchmark: {} of {combos} combinations, {} of {trials} trials each",
+            request.combos, request.trials
+        ));
     }
     if request.conditions.len() < Condition::ALL.len() {
         let names: Vec<&str> = request.conditions.iter().map(|condition| condition.name()).collect();

@@ -46,8 +46,10 @@ fn map(lines: &[CombinationLine], index: usize, condition: Condition) -> String 
     let (rows, columns) = (names(|line| &line.first), names(|line| &line.second));
     let (width, height) = (NAMES + CELL * columns.len() as f64, NAMES + CELL * rows.len() as f64);
     let mut svg = format!(
-        "<svg xmlns=\"http://www.w3.org/2000/svg\" class=\"figure map\" viewBox=\"0 0 {width} {height}\" role=\"img\" \
-         aria-label=\"clean success of first against second object, {condition}\">\n"
+        "<svg xmlns=\"http://www.w3.org/2000/svg\" class=\"figure map\" style=\"max-width:{:.0}px\" \
+         viewBox=\"0 0 {width} {height}\" role=\"img\" \
+         aria-label=\"clean success of first against second object, {condition}\">\n",
+        1.5 * width
     );
     let middle = |n: usize| NAMES + CELL * (n as f64 + 0.5);
     for (name, row) in &rows {
