@@ -133,7 +133,8 @@ impl Recorder {
         let flush_tick = Duration::from_millis(if live { 50 } else { 30_000 });
         let rec = open(targets, ChunkBatcherConfig { flush_tick, ..ChunkBatcherConfig::DEFAULT })?;
         blueprint::send(&rec)?;
-        scene::log_static(&rec, hand, arm, objects)?;
+        // Where objects truly are nobody knows without truth: then they are drawn as believed alone.
+        scene::log_static(&rec, hand, arm, if settings.truth { objects } else { &[] })?;
         tactile::log_static(&rec, hand)?;
         signals::log_static(&rec, hand, arm, objects)?;
         let mut recorder = Self {
