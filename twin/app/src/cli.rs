@@ -8,6 +8,7 @@ use clap_complete::Shell;
 use crate::commands::arm::ArmCommand;
 use crate::commands::bench::BenchArgs;
 use crate::commands::bridge::BridgeCommand;
+use crate::commands::demo::DemoArgs;
 use crate::commands::export::ExportCommand;
 use crate::commands::grasps::GraspsCommand;
 use crate::commands::hand::HandCommand;
@@ -16,7 +17,8 @@ use crate::commands::touch::TouchCommand;
 use crate::commands::transport::TransportArgs;
 use crate::commands::trial::TrialArgs;
 use crate::commands::{
-    arm, bench, bridge, export, grasps, hand, lab_book, optics, replay, shell, study, touch, transport, trial, view,
+    arm, bench, bridge, demo, export, grasps, hand, lab_book, optics, replay, shell, study, touch, transport, trial,
+    view,
 };
 use crate::terminal::{Outcome, Terminal};
 
@@ -35,6 +37,8 @@ pub struct Cli {
 /// Commands.
 #[derive(Debug, Subcommand)]
 pub enum Command {
+    /// See one trial, touch beside blind: in the viewer, or as a page with a film.
+    Demo(DemoArgs),
     /// Run the multi-object benchmark under all conditions.
     Bench(BenchArgs),
     /// Run one trial and record it.
@@ -113,7 +117,7 @@ pub enum Command {
 
 /// Commands by what people want to do, in the order of `ftac --help`.
 const GROUPS: [(&str, &[&str]); 5] = [
-    ("Run trials", &["bench", "trial", "transport"]),
+    ("Run trials", &["demo", "bench", "trial", "transport"]),
     ("Look at results", &["view", "report", "export", "replay"]),
     ("Study the parts", &["hand", "arm", "grasps", "touch", "optics"]),
     ("Drive the real robot", &["bridge"]),
@@ -154,6 +158,7 @@ pub fn parse() -> Cli {
 pub fn run(cli: &Cli) -> Outcome {
     let terminal = &cli.terminal;
     match &cli.command {
+        Command::Demo(args) => demo::run(terminal, args),
         Command::Bench(args) => bench::benchmark(terminal, args),
         Command::Trial(args) => trial::trial(terminal, args),
         Command::Replay { recording, against: None } => replay::command(terminal, recording),

@@ -4,6 +4,7 @@ pub mod arm;
 pub mod bench;
 mod body;
 pub mod bridge;
+pub mod demo;
 pub mod export;
 pub mod grasps;
 pub mod hand;

@@ -9,6 +9,7 @@ pub mod builtin;
 pub mod faults;
 pub mod journal;
 pub mod networks;
+mod provenance;
 pub mod recording;
 pub mod run;
 pub mod transport;

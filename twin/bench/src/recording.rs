@@ -1,5 +1,6 @@
 //! A watcher that sends a trial to Rerun: as it truly is where somebody knows that, otherwise as it is measured and believed to be.
 
+mod beliefs;
 mod measured;
 
 use std::collections::BTreeMap;
@@ -10,22 +11,17 @@ use anyhow::Result;
 use control::executive::Phase;
 use hand_model::robot::{ServoState, TactileFrame, TactileImage};
 use hand_model::{ACTUATORS, ARM_JOINTS};
-use nalgebra::Isometry3;
+use nalgebra::{Isometry3, Vector3};
 use scenarios::objects::ObjectModel;
 use scenarios::record::{Condition, TrialRecord};
 use sim::robot::Truth;
 use stream::recorder::{Recorder, Settings, Target};
 use stream::{DrawnObject, Level, PoseError, SignalFrame, TrialProperties};
 
+use self::beliefs::Beliefs;
 use self::measured::Measured;
 use crate::body::Task;
 use crate::trial::{Bench, Means, Moment, Watcher};
-
-/// How recordings of the scene begin: seen from the side of the table.
-pub fn settings() -> Settings {
-    let eye = stream::blueprint::Eye { position: [1.04, -0.36, 0.20], target: [0.60, 0.0, 0.12] };
-    Settings { eye, ..Settings::default() }
-}
 
 /// `object` as it is drawn, under `name`.
 pub fn drawn(object: &ObjectModel, name: &str) -> DrawnObject {
@@ -45,7 +41,8 @@ pub fn log_scene(recorder: &mut Recorder, truth: &Truth, names: &[String]) -> Re
     }
     let points: Vec<_> = truth.contacts.iter().map(|contact| contact.point).collect();
     let forces: Vec<_> = truth.contacts.iter().map(|contact| contact.force).collect();
-    recorder.log_contacts(&points, &forces)?;
+    let between = truth.object_contacts.iter().map(|contact| (contact.point, Vector3::z() * contact.force));
+    recorder.log_contacts(&points, &forces, &between.collect::<Vec<_>>())?;
     Ok(())
 }
 
@@ -123,19 +120,25 @@ pub struct Recording {
     measured: Measured,
     branch: Option<Condition>,
     phase: Option<Phase>,
-    told: bool,
+    beliefs: Beliefs,
+    /// Whether the true scene is recorded.
+    truth: bool,
     shown: Shown,
 }
 
 impl Recording {
     /// Opens the targets for a trial and the branch of its condition, on a body whose time `began` so.
-    pub fn open(targets: &[Target], bench: &Bench, task: &Task, began: Began) -> Result<Self> {
+    ///
+    /// Of bodies other than the simulated one it shows what is measured and believed, unless `truth` is asked for.
+    pub fn open(targets: &[Target], bench: &Bench, task: &Task, (began, truth): (Began, bool)) -> Result<Self> {
         let Task { combination, trial, condition, .. } = *task;
         let plan = &bench.plans.plans[combination];
         let objects = [bench.world.object(&plan.first)?, bench.world.object(&plan.second)?];
         let names = ["first", "second"].map(str::to_owned);
         let drawn: Vec<DrawnObject> = objects.iter().zip(&names).map(|(object, name)| drawn(object, name)).collect();
-        let mut recorder = Recorder::open(targets, settings(), &bench.world.cell.hand, &bench.world.cell.arm, &drawn)?;
+        let truth = truth || task.robot == "sim";
+        let settings = Settings { truth, ..Settings::default() };
+        let mut recorder = Recorder::open(targets, settings, &bench.world.cell.hand, &bench.world.cell.arm, &drawn)?;
         recorder.log_properties(&TrialProperties {
             combination: format!("{combination}: {} then {}", plan.first, plan.second),
             trial: trial as u64,
@@ -153,7 +156,8 @@ impl Recording {
             measured: Measured::new(&bench.world.cell),
             branch: None,
             phase: None,
-            told: false,
+            beliefs: Beliefs::default(),
+            truth,
             shown: Shown::default(),
         })
     }
@@ -186,7 +190,8 @@ impl Watcher for Recording {
         if let Some(wall) = self.began.wall(moment.time) {
             recorder.set_wall_time(wall);
         }
-        match moment.truth {
+        let truth = moment.truth.filter(|_| self.truth);
+        match truth {
             Some(truth) => log_scene(recorder, truth, &self.names)?,
             None => recorder.set_time(moment.time),
         }
@@ -195,32 +200,30 @@ impl Watcher for Recording {
             self.phase = Some(phase);
             recorder.log_phase(phase.name())?;
         }
+        let felt = self.beliefs.see(recorder, &self.names[0], phase, moment.felt)?;
         let mut errors = vec![None, None];
-        if let Some(felt) = moment.felt {
+        if let (Some(felt), Some(truth)) = (felt, truth) {
             let estimate = felt.estimate.palm_from_object;
-            if let Some(truth) = moment.truth {
-                recorder.log_estimate(&self.names[0], Some(&(truth.palm * estimate)))?;
-                let real = truth.palm.inverse() * truth.objects[0];
-                errors[0] = Some(PoseError {
-                    mm: (real.translation.vector - estimate.translation.vector).norm() * 1e3,
-                    deg: self.objects[0].symmetry.angle(&real.rotation, &estimate.rotation).to_degrees(),
-                });
-            }
-            if !self.told {
-                self.told = true;
-                for map in felt.touches.iter().flat_map(|touch| &touch.heights) {
-                    recorder.log_height(map.camera, &map.height, 240, 240)?;
-                }
-            }
+            recorder.log_estimate(&self.names[0], Some(&(truth.palm * estimate)))?;
+            let real = truth.palm.inverse() * truth.objects[0];
+            errors[0] = Some(PoseError {
+                mm: (real.translation.vector - estimate.translation.vector).norm() * 1e3,
+                deg: self.objects[0].symmetry.angle(&real.rotation, &estimate.rotation).to_degrees(),
+            });
+        } else if truth.is_some() {
+            recorder.log_estimate(&self.names[0], None)?;
         }
         if let Some(note) = moment.note {
             recorder.log_text(Level::Info, note)?;
         }
+        if let Some(choice) = moment.choice {
+            self.beliefs.weighs(recorder, &self.names[0], choice)?;
+        }
         let executive = moment.executive;
         self.shown.log(recorder, executive.newest_images())?;
-        match moment.truth {
+        match truth {
             Some(truth) => log_signals(recorder, truth, executive.servos(), executive.posture(), errors),
-            None => self.measured.log(recorder, &self.names, executive, moment.felt),
+            None => self.measured.log(recorder, &self.names, executive, felt),
         }
     }
 
@@ -233,7 +236,7 @@ impl Watcher for Recording {
             "{}: {}{}",
             record.condition,
             if record.success { "both objects held" } else { "failed" },
-            record.cause.map_or_else(String::new, |cause| format!(" ({cause:?})")),
+            record.cause.map_or_else(String::new, |cause| format!(" ({cause})")),
         );
         recorder.log_outcome(&format!("{text}{}", if record.contact { ", contact" } else { "" }))?;
         Ok(())

@@ -7,6 +7,7 @@ use std::time::{Duration, Instant};
 
 use anyhow::{Context, Result, bail};
 use report;
+use report::film::{Film, Stage};
 use scenarios::FailureCause;
 use scenarios::record::{AblatedTrial, Condition, TrialRecord, write_ablated, write_trials};
 use scenarios::statistics::{RunInfo, Summary, summarise};
@@ -16,9 +17,10 @@ use crate::body::BodySource;
 use crate::body::operator::Interrupt;
 use crate::journal::{Entry, Journal, RunRequest, Unit};
 use crate::recording::{Began, Recording};
+use crate::trial::filming::{All, Filming};
 use crate::trial::profile::Activity;
 use crate::trial::{Bench, NoWatcher, TrialResults};
-use crate::workers;
+use crate::{provenance, workers};
 
 /// Which trials are recorded.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -82,14 +84,29 @@ fn run_unit(bench: &Bench, request: &RunRequest, unit: Unit, folder: &Path, opti
         };
     }
     recorded_as(&name(unit), folder, options.live, |targets| {
-        let mut recording = Recording::open(targets, bench, &request.task(unit, condition, false), Began::Never)?;
+        let mut recording =
+            Recording::open(targets, bench, &request.task(unit, condition, false), (Began::Never, false))?;
+        let mut filming = Filming::new(condition, 4.0);
+        let mut watchers = All(vec![&mut recording, &mut filming]);
         let results = match unit.trial {
-            Some(trial) => bench.trial(unit.combination, trial, &request.noisy(), &request.ablations, &mut recording),
-            None => bench.ideal(unit.combination, &mut recording).map(TrialResults::from),
+            Some(trial) => bench.trial(unit.combination, trial, &request.noisy(), &request.ablations, &mut watchers),
+            None => bench.ideal(unit.combination, &mut watchers).map(TrialResults::from),
         };
         recording.finish()?;
+        if unit.trial.is_some() && results.is_ok() {
+            strip(bench, unit, &filming.film, folder)?;
+        }
         results
     })
+}
+
+/// Stills of a recorded trial, beside its recording.
+fn strip(bench: &Bench, unit: Unit, film: &Film, folder: &Path) -> Result<()> {
+    let (plan, world) = (&bench.plans.plans[unit.combination], &bench.world);
+    let objects = vec![world.object(&plan.first)?, world.object(&plan.second)?];
+    let stage = Stage { hand: &world.cell.hand, arm: &world.cell.arm, objects };
+    let file = folder.join("recordings").join(format!("{}{}", name(unit), report::pictures::STRIP));
+    report::picture::save(&stage.strip(film, 5, 220), &file)
 }
 
 /// The conditions of a unit on bodies that cannot be cloned, each with a recording of its own if `record`.
@@ -109,7 +126,7 @@ fn run_conditions(
             false => bench.play(&task, place.as_mut(), &mut NoWatcher)?,
             true => recorded_as(&format!("{}_{condition}", name(unit)), folder, options.live, |targets| {
                 let began = if place.is_real() { Began::Now } else { Began::Never };
-                let mut recording = Recording::open(targets, bench, &task, began)?;
+                let mut recording = Recording::open(targets, bench, &task, (began, false))?;
                 let outcome = bench.play(&task, place.as_mut(), &mut recording);
                 recording.finish()?;
                 outcome
@@ -270,6 +287,50 @@ fn rates(journal: &Journal, begun: Instant, resumed: usize) -> String {
     )
 }
 
+/// Combinations and trials of the whole benchmark.
+const WHOLE: (usize, usize) = (60, 10);
+
+/// What makes a run another than the benchmark it seems to be.
+fn warnings(done: &BTreeMap<Unit, Entry>, request: &RunRequest) -> Vec<String> {
+    let mut warnings = Vec::new();
+    let all = units(request);
+    let missing = all.iter().filter(|unit| !done.contains_key(unit)).count();
+    if missing > 0 {
+        warnings.push(format!(
+            "{missing} of {} units of work are missing: the run was not finished, or a shard is left out",
+            all.len()
+        ));
+    }
+    if let (shard, of @ 2..) = request.shard {
+        warnings.push(format!("this is shard {shard} of {of}, not the whole run"));
+    }
+    let (combos, trials) = WHOLE;
+    if request.combos < combos || request.trials < trials {
+        warnings.push(format!(
+            "a part of the benchmark: {} of {combos} combinations, {} of {trials} trials each",
+            request.combos, request.trials
+        ));
+    }
+    if request.conditions.len() < Condition::ALL.len() {
+        let names: Vec<&str> = request.conditions.iter().map(|condition| condition.name()).collect();
+        warnings.push(format!("only these conditions were played: {}", names.join(", ")));
+    }
+    if request.noise_scale != 1.0 {
+        warnings.push(format!("all errors are scaled by {}", request.noise_scale));
+    }
+    if !request.without.is_empty() {
+        let names: Vec<String> = request.without.iter().map(ToString::to_string).collect();
+        warnings.push(format!("effects of reality that are off: {}", names.join(", ")));
+    }
+    if request.uncertainty.is_some() {
+        warnings.push("the controller expects other errors than by default (--uncertainty)".to_owned());
+    }
+    if request.scenario != scenarios::scenario::BENCHMARK {
+        warnings.push("the scenario is not that of the benchmark".to_owned());
+    }
+    warnings
+}
+
 /// `spent` is where the time went, if that is known. Writes `trials.csv`, `tries.csv`, `ablations.csv` where
 /// there are any, `summary.json` and `report.html`, each whole or not at all.
 pub fn finish(
@@ -307,6 +368,19 @@ pub fn finish(
         "version": env!("CARGO_PKG_VERSION"),
         "wall_s": summary.wall_s,
     });
+    run["warnings"] = warnings(done, request).into();
+    let noise = request.scenario()?.noise;
+    run["errors drawn (s.d.)"] = serde_json::json!({
+        "arm, position": format!("{:.1} mm", 1e3 * noise.execution.position_sigma),
+        "arm, rotation": format!("{:.3} rad", noise.execution.rotation_sigma),
+        "eyes, in the plane": format!("{:.1} mm", 1e3 * noise.perception.xy_sigma),
+        "eyes, vertically": format!("{:.1} mm", 1e3 * noise.perception.z_sigma),
+        "eyes, turn": format!("{:.3} rad", noise.perception.yaw_sigma),
+    });
+    run["machine"] = provenance::machine().into();
+    if let Some(commit) = provenance::commit() {
+        run["source tree"] = commit.into();
+    }
     for (part, seconds) in spent.into_iter().flatten() {
         run["threads' time on"][format!("{}_s", part.name())] = (*seconds).into();
     }

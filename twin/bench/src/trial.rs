@@ -3,12 +3,13 @@
 //! [`setup`] begins a trial and plays its first grasp, [`branch`] plays one policy from there to the verdict and [`conditions`] one
 //! after the other, [`run`] is a trial in progress, and [`eyes`] what prior perception reports of it. [`shared`] is what all trials of
 //! a benchmark share, [`disturbance`] what a scenario does to them on purpose,
-//! [`watcher`] sees every tick, [`profile`] says where the time goes, and [`held`] keeps first grasps for the evaluation of touch.
+//! [`watcher`] sees every tick, [`filming`] keeps it for a film, [`profile`] says where the time goes, and [`held`] keeps first grasps for the evaluation of touch.
 
 pub mod branch;
 mod conditions;
 mod disturbance;
 pub mod eyes;
+pub mod filming;
 pub mod held;
 pub mod profile;
 pub mod run;
@@ -198,7 +199,7 @@ impl Bench {
         watcher.branch(id.condition)?;
         let mut start = setup.begin(self, None, watcher.active())?;
         start.run.referee.give_up(FailureCause::NoStrategy);
-        start.run.tell(why, None, id.condition, watcher)?;
+        start.run.tell((Some(why), None), None, id.condition, watcher)?;
         let names = [start.objects[0].name.as_str(), start.objects[1].name.as_str()];
         let record = TrialRecord { reason: why.to_owned(), ..start.run.record(names, id)? };
         watcher.outcome(&record)?;

@@ -23,7 +23,7 @@ use crate::executive::{Executive, Phase};
 use crate::motion::MotionError;
 use crate::percept::{Eyes, EyesError};
 use crate::perception::{Felt, Grip, KnownObject};
-use crate::strategy::StrategyError;
+use crate::strategy::{Course, Decision, StrategyError, Weighed};
 use crate::workcell::Workcell;
 use crate::worth::{Candidate, Sequence};
 
@@ -96,6 +96,32 @@ pub enum Step {
     NotSeen,
 }
 
+/// A decision for whoever watches: what was weighed, and what came of it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Choice {
+    /// The candidates.
+    pub weighed: Vec<Weighed>,
+    /// Place of the chosen one among them; `None` if none was taken.
+    pub chosen: Option<usize>,
+    /// How the plan would have gone, if something else was chosen.
+    pub rejected: Option<Course>,
+    /// How the chosen one goes.
+    pub course: Option<Course>,
+}
+
+impl Choice {
+    /// `decision` as it was made; `declined`: nothing is taken.
+    fn of(decision: &Decision, declined: bool) -> Self {
+        let Decision { weighed, choice, rejected, course, .. } = decision;
+        Self {
+            weighed: weighed.clone(),
+            chosen: (!declined).then_some(*choice),
+            rejected: if declined { Some(course.clone()) } else { rejected.clone() },
+            course: (!declined).then(|| course.clone()),
+        }
+    }
+}
+
 /// What a policy did in a trial, for its record.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Story {
@@ -115,6 +141,8 @@ pub struct Story {
     pub reasons: Vec<String>,
     /// What is about to be done and why, for whoever watches.
     announcements: Vec<String>,
+    /// The latest decision, until somebody takes it.
+    choice: Option<Choice>,
 }
 
 impl Story {
@@ -126,6 +154,11 @@ impl Story {
     /// What was announced since the last call.
     pub fn take_announcements(&mut self) -> Vec<String> {
         std::mem::take(&mut self.announcements)
+    }
+
+    /// The decision that was made since the last call.
+    pub fn take_choice(&mut self) -> Option<Choice> {
+        self.choice.take()
     }
 
     /// A reason that is recorded and announced.

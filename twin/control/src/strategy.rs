@@ -8,6 +8,7 @@
 //! of that probability. A miss without contact is worth part of a hold, because it can be tried again. The plan is kept unless
 //! another candidate is worth clearly more.
 
+mod passage;
 mod solids;
 mod ways;
 
@@ -15,27 +16,21 @@ use std::sync::Arc;
 
 use grasping::Grasp;
 use hand_model::Hand;
-use nalgebra::{Isometry3, Translation3, Vector3};
+use nalgebra::{Isometry3, Vector3};
 
-use crate::collision::{CollisionError, Solid, clearance_along, clearance_at};
+use crate::collision::{CollisionError, Solid};
 use crate::executive::Executive;
 use crate::motion::MotionError;
 use crate::odds::{Aimed, Belief, Odds, Rehearsed};
-use crate::percept::Percept;
-use crate::trajectory::PosePath;
 use crate::worth::{Candidate, MISSED, SWITCH_GAIN, UNREHEARSED_CONTACT};
 
+pub use self::passage::Course;
+use self::passage::{Passage, Scene};
 pub use self::solids::{Held, object_solids, placed};
-use self::solids::{free_solids, held_solids};
 pub use self::ways::{CLEAR, clear_stops, clearest};
-use self::ways::{clear_enough, clearance_after};
 
-/// Stages of the target's way into the hand that are checked.
-const CLOSING_STAGES: usize = 4;
 /// Offsets that are tried of the aim from what is seen, m, along each of the world's x and y.
 const AIMS: [f64; 5] = [-0.008, -0.004, 0.0, 0.004, 0.008];
-/// Beyond this many standard deviations a clearance says nothing.
-const FAR: f64 = 2.0;
 
 /// One candidate's assessment.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -50,9 +45,36 @@ pub struct Assessment {
     pub utility: f64,
 }
 
+/// One candidate as it was weighed.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Weighed {
+    /// Number of the grasp.
+    pub grasp: u32,
+    /// Where it would aim beside what is seen, m, world.
+    pub aim: Vector3<f64>,
+    /// Its odds; with a clearance only where it could still win.
+    pub clearance: Option<f64>,
+    /// Probability of an unwanted contact.
+    pub risk: f64,
+    /// Probability that the object is held.
+    pub held: f64,
+    /// What the try is worth, 0 to 1.
+    pub utility: f64,
+    /// Whether this is the plan.
+    pub planned: bool,
+}
+
 /// What was decided, and why.
 #[derive(Debug, Clone)]
 pub struct Decision {
+    /// All candidates, the plan as seen first, then by their odds.
+    pub weighed: Vec<Weighed>,
+    /// Place of the chosen one among them.
+    pub choice: usize,
+    /// How the plan would have gone, if another grasp or aim was chosen.
+    pub rejected: Option<Course>,
+    /// How the chosen one goes.
+    pub course: Course,
     /// The grasp to use.
     pub grasp: Grasp,
     /// Where to aim beside what is seen, m, world.
@@ -105,115 +127,6 @@ pub struct Situation<'a> {
     pub probe: Vector3<f64>,
 }
 
-/// The geometry of a decision: what moves with the palm (palm frame), as felt and as rehearsed, and the target (its own frame).
-struct Scene<'a> {
-    moving: Vec<Solid>,
-    /// That and the rest of the hand, which is to stay clear on the way to the approach pose.
-    whole: Vec<Solid>,
-    rehearsed: Option<Vec<Solid>>,
-    target: &'a [Solid],
-    sigma: f64,
-}
-
-impl<'a> Scene<'a> {
-    fn new(situation: &Situation<'a>) -> Self {
-        let (hand, held) = (situation.hand, situation.held);
-        let rehearsed = situation.rehearsed.map(|(pose, joints)| held_solids(hand, held, (&pose, joints)));
-        let moving = held_solids(hand, held, (&held.pose, &held.joints));
-        let whole = [&moving[..], &free_solids(hand, held)].concat();
-        Self {
-            moving,
-            whole,
-            rehearsed,
-            target: situation.target,
-            sigma: held.sigma.hypot(situation.target_sigma).max(1e-4),
-        }
-    }
-
-    /// The way to the approach pose of `grasp` that keeps the whole hand clear of the target, which is seen at `percept`: of those
-    /// that do so the first, else the one that does best. With its smallest distance, m.
-    fn way(
-        &self,
-        executive: &Executive,
-        grasp: &Grasp,
-        (percept, beside): (&Percept, &Percept),
-    ) -> Result<(f64, Vec<Isometry3<f64>>), StrategyError> {
-        let fixed = placed(self.target, &percept.pose());
-        let best = clear_enough(executive.ways(), FAR * self.sigma, |stops| {
-            clearance_after(stops, &self.whole, &fixed, |stops| {
-                let [way, _] = executive.path_to(stops, grasp, beside)?;
-                Ok(way)
-            })
-        })?;
-        Ok(best.unwrap_or((f64::NEG_INFINITY, Vec::new())))
-    }
-
-    /// Smallest distance of `moving` to the target, which is seen at `percept`, while `path` is followed and `grasp` closes.
-    fn clearance(
-        &self,
-        moving: &[Solid],
-        path: &PosePath,
-        grasp: &Grasp,
-        percept: &Percept,
-    ) -> Result<f64, StrategyError> {
-        let fixed = placed(self.target, &percept.pose());
-        let mut clearance =
-            clearance_along(path, moving, &fixed, 2000)?.map_or(f64::INFINITY, |found| found.min_distance);
-        let before = path.end().inverse() * percept.pose();
-        if let Some(after) = grasp.held {
-            for stage in 1..=CLOSING_STAGES {
-                let part = stage as f64 / CLOSING_STAGES as f64;
-                // Only the place matters for most targets; the turn into the hand is taken over at the end.
-                let place = before.translation.vector.lerp(&after.translation.vector, part);
-                let rotation = if stage == CLOSING_STAGES { after.rotation } else { before.rotation };
-                let there = Isometry3::from_parts(Translation3::from(place), rotation);
-                let found = clearance_at(&Isometry3::identity(), moving, &placed(self.target, &there))?;
-                clearance = clearance.min(found.map_or(f64::INFINITY, |found| found.min_distance));
-            }
-        }
-        Ok(clearance)
-    }
-
-    /// How the hold as felt gets to the target and takes it with `candidate`, aimed `aim` beside what is seen.
-    fn passage(
-        &self,
-        executive: &Executive,
-        candidate: &Candidate,
-        aim: &Vector3<f64>,
-    ) -> Result<Passage, StrategyError> {
-        let (percept, grasp) = (executive.second().1, &candidate.grasp);
-        let beside = Percept { position: percept.position + aim, ..percept };
-        let risk = |clearance: f64| normal_cdf(-clearance / self.sigma);
-        let (there, stops) = self.way(executive, grasp, (&percept, &beside))?;
-        let [_, last] = executive.path_to(&stops, grasp, &beside)?;
-        let taking = self.clearance(&self.moving, &last, grasp, &percept)?;
-        let contact = if taking > FAR * self.sigma {
-            0.0
-        } else {
-            let known = match &self.rehearsed {
-                Some(rehearsed) if !candidate.rehearsed.is_empty() => {
-                    risk(self.clearance(rehearsed, &last, grasp, &percept)?)
-                }
-                _ => 0.0,
-            };
-            (risk(taking) - known).max(0.0)
-        };
-        let on_the_way = if there > FAR * self.sigma { 0.0 } else { risk(there) };
-        Ok(Passage { clearance: taking.min(there), contact: 1.0 - (1.0 - contact) * (1.0 - on_the_way), stops })
-    }
-}
-
-/// How what is held passes the target.
-struct Passage {
-    /// Smallest distance, m.
-    clearance: f64,
-    /// Probability of a contact beyond what rehearsals have seen: they began where the trial's plan does, and took the same last
-    /// stretch.
-    contact: f64,
-    /// Of the way to the approach pose.
-    stops: Vec<Isometry3<f64>>,
-}
-
 /// A candidate with an aim.
 struct Aiming<'a> {
     candidate: &'a Candidate,
@@ -246,12 +159,23 @@ impl<'a> Aiming<'a> {
         best
     }
 
-    /// With the stops of the way there.
-    fn assess(&self, executive: &Executive, scene: &Scene) -> Result<(Assessment, Vec<Isometry3<f64>>), StrategyError> {
-        let Passage { clearance, contact, stops } = scene.passage(executive, self.candidate, &self.aimed.aim)?;
-        let free = 1.0 - contact;
+    /// With how it goes there.
+    fn assess(&self, executive: &Executive, scene: &Scene) -> Result<(Assessment, Passage), StrategyError> {
+        let passage = scene.passage(executive, self.candidate, &self.aimed.aim)?;
+        let (clearance, free) = (passage.clearance, 1.0 - passage.contact);
         let odds = Odds { held: self.odds.held * free, contact: 1.0 - (1.0 - self.odds.contact) * free };
-        Ok((Assessment { clearance, risk: odds.contact, held: odds.held, utility: utility(&odds) }, stops))
+        Ok((Assessment { clearance, risk: odds.contact, held: odds.held, utility: utility(&odds) }, passage))
+    }
+
+    /// As it was weighed: by its odds alone, or with what is in its way.
+    fn weighed(&self, assessed: Option<&Assessment>, planned: bool) -> Weighed {
+        let Odds { held, contact } = self.odds;
+        let (held, risk, worth) = match assessed {
+            Some(assessed) => (assessed.held, assessed.risk, assessed.utility),
+            None => (held, contact, utility(&self.odds)),
+        };
+        let clearance = assessed.map(|assessed| assessed.clearance);
+        Weighed { grasp: self.candidate.grasp.id, aim: self.aimed.aim, clearance, risk, held, utility: worth, planned }
     }
 }
 
@@ -290,26 +214,46 @@ pub fn choose(situation: &Situation, candidates: &[Candidate]) -> Result<Option<
     let Some(planned) = candidates.first() else { return Ok(None) };
     let (executive, scene) = (situation.executive, Scene::new(situation));
     let as_planned = Aiming::at(situation, planned, Vector3::zeros());
-    let (plan, stops) = as_planned.assess(executive, &scene)?;
+    let (plan, passage) = as_planned.assess(executive, &scene)?;
     let mut options: Vec<Aiming> = candidates.iter().map(|candidate| Aiming::best(situation, candidate)).collect();
     options.sort_by(|a, b| utility(&b.odds).total_cmp(&utility(&a.odds)));
+    let mut weighed = vec![as_planned.weighed(Some(&plan), true)];
+    weighed.extend(options.iter().map(|option| option.weighed(None, false)));
     // What is in the way only takes away from an option's worth: those that cannot win are not looked at.
-    let (mut chosen, mut assessment, mut way) = (as_planned, plan, stops);
-    for option in options {
+    let (mut choice, mut chosen, mut assessment, mut way) = (0, as_planned, plan, passage);
+    let mut planned_way = None;
+    for (n, option) in options.into_iter().enumerate() {
         let least = assessment.utility.max(SWITCH_GAIN * plan.utility);
         if utility(&option.odds) <= least {
             break;
         }
-        let (assessed, stops) = option.assess(executive, &scene)?;
+        let (assessed, passage) = option.assess(executive, &scene)?;
+        weighed[n + 1] = option.weighed(Some(&assessed), false);
         if assessed.utility > least {
-            (chosen, assessment, way) = (option, assessed, stops);
+            let before = std::mem::replace(&mut way, passage);
+            planned_way.get_or_insert(before);
+            (choice, chosen, assessment) = (n + 1, option, assessed);
         }
     }
     let grasp = chosen.candidate.grasp.clone();
     let switched = grasp.id != planned.grasp.id;
     let reason = reason(situation.held.name, (&planned.grasp, &plan), (&chosen, &assessment));
-    let aim = chosen.aimed.aim;
-    Ok(Some(Decision { grasp, aim, aimed: chosen.aimed, way, switched, plan, chosen: assessment, reason }))
+    let (rejected, course) =
+        (planned_way.map(|way| way.course(&situation.held.pose)), way.course(&situation.held.pose));
+    Ok(Some(Decision {
+        weighed,
+        choice,
+        rejected,
+        course,
+        grasp,
+        aim: chosen.aimed.aim,
+        aimed: chosen.aimed,
+        way: way.stops,
+        switched,
+        plan,
+        chosen: assessment,
+        reason,
+    }))
 }
 
 /// The choice in words.
@@ -330,21 +274,4 @@ fn reason(held: &str, plan: (&Grasp, &Assessment), chosen: (&Aiming, &Assessment
         aim.z,
         odds(chosen.1)
     )
-}
-
-/// Distribution function of the standard normal.
-fn normal_cdf(x: f64) -> f64 {
-    0.5 * libm::erfc(-x / std::f64::consts::SQRT_2)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::normal_cdf;
-
-    #[test]
-    fn normal_distribution() {
-        for (x, p) in [(0.0, 0.5), (1.0, 0.841344746), (-1.959963984540054, 0.025)] {
-            assert!((normal_cdf(x) - p).abs() < 1e-9, "{x}");
-        }
-    }
 }

@@ -133,9 +133,31 @@ fn class(column: Column) -> &'static str {
     }
 }
 
+/// Bytes as an address that holds them (RFC 2397).
+pub fn data_uri(media_type: &str, bytes: &[u8]) -> String {
+    const DIGITS: &[u8; 64] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
+    let mut text = format!("data:{media_type};base64,");
+    for chunk in bytes.chunks(3) {
+        let word = chunk.iter().fold(0u32, |word, byte| word << 8 | u32::from(*byte)) << (8 * (3 - chunk.len()));
+        for place in 0..4 {
+            let digit = DIGITS[(word >> (18 - 6 * place) & 63) as usize];
+            text.push(if place <= chunk.len() { char::from(digit) } else { '=' });
+        }
+    }
+    text
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// The test vectors of RFC 4648.
+    #[test]
+    fn base_64() {
+        for (bytes, text) in [("", ""), ("f", "Zg=="), ("fo", "Zm8="), ("foo", "Zm9v"), ("foobar", "Zm9vYmFy")] {
+            assert_eq!(data_uri("x/y", bytes.as_bytes()), format!("data:x/y;base64,{text}"));
+        }
+    }
 
     #[test]
     fn what_html_reads_as_markup_is_escaped() {

@@ -5,13 +5,17 @@
 
 mod ablation;
 mod definitions;
+mod failures;
 mod figure;
+pub mod film;
 mod findings;
+mod heat_map;
 pub mod html;
 pub mod lab_book;
 mod page;
 mod paper;
 pub mod picture;
+pub mod pictures;
 pub mod plot;
 mod prediction;
 mod run;
@@ -42,7 +46,7 @@ pub fn write_report(folder: &Path, summary: &Summary, records: &[TrialRecord], r
         let head = "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n";
         write_whole(&folder.join("ablations.svg"), format!("{head}{figure}").as_bytes())?;
     }
-    let page = page::render(summary, records, run, [&contact, &clean]);
+    let page = page::render(summary, records, run, (folder, [&contact, &clean]))?;
     write_whole(&folder.join("report.html"), page.as_bytes())
 }
 

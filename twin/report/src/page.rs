@@ -1,26 +1,43 @@
 //! The sections of the page.
 
-use std::collections::BTreeSet;
+use std::path::Path;
 
+use anyhow::Result;
 use scenarios::statistics::{Interval, MeanSd, Summary, TTest, combination_rates};
-use scenarios::{Condition, FailureCause, TrialRecord};
+use scenarios::{Condition, TrialRecord};
 use serde_json::Value;
 
 use super::figure::Figure;
-use super::findings::{Rate, combination_lines, harmless_contacts, outcome};
+use super::findings::{Rate, combination_lines, outcome};
 use super::html::{Column, Table, counted, duration, escape, number, probability};
-use super::{ablation, definitions, paper, prediction, run, style};
+use super::{ablation, definitions, failures, heat_map, paper, pictures, prediction, run, style};
 
 /// A difference counts as shown below this chance of its being none.
 const LEVEL: f64 = 0.05;
 
-/// The whole page; `figures` are contact and clean success.
-pub fn render(summary: &Summary, records: &[TrialRecord], run: &Value, figures: [&Figure; 2]) -> String {
+/// The paper that the benchmark is from.
+const SOURCE: &str = "<p class=\"byline\">The benchmark is that of Zhao et al., <i>Embedding high-resolution touch across robotic hands \
+     enables adaptive human-like grasping</i>, Nature Machine Intelligence, 2025, \
+     <a href=\"https://doi.org/10.1038/s42256-025-01053-3\">doi:10.1038/s42256-025-01053-3</a>, in an independent simulation.</p>\n";
+
+/// Sorts a table by a column that is clicked on, upwards and downwards in turn.
+const SORTING: &str = "<script>document.querySelectorAll('thead th').forEach(h=>{h.title='sort';h.onclick=()=>{const k=h.cellIndex,\
+     b=h.closest('table').tBodies[0],v=r=>{const t=r.cells[k].textContent.replace('\u{2212}','-'),n=parseFloat(t);return n===n?n:t},\
+     d=h.dataset.d=h.dataset.d=='1'?-1:1;[...b.rows].sort((x,y)=>{const p=v(x),q=v(y);return d*(p<q?-1:p>q?1:0)}).forEach(r=>\
+     b.append(r))}})</script>\n";
+
+/// The whole page; `folder` may hold recordings, `figures` are contact and clean success.
+pub fn render(
+    summary: &Summary,
+    records: &[TrialRecord],
+    run: &Value,
+    (folder, figures): (&Path, [&Figure; 2]),
+) -> Result<String> {
     let mut html = format!(
         "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
          <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n\
          <title>Multi-object benchmark: {0}, seed {1}</title>\n<style>{2}{3}</style>\n</head>\n<body>\n<main>\n\
-         <h1>Multi-object benchmark</h1>\n<p class=\"byline\">{4}, {5} each, robot: {0}, seed {1}</p>\n",
+         <h1>Multi-object benchmark of the F-TAC Hand</h1>\n{SOURCE}<p class=\"byline\">{4}, {5} each, robot: {0}, seed {1}</p>\n",
         escape(&summary.robot),
         summary.seed,
         style::FIGURE,
@@ -28,19 +45,25 @@ pub fn render(summary: &Summary, records: &[TrialRecord], run: &Value, figures: 
         counted(summary.combos, "object combination"),
         counted(summary.trials_per_combo, "trial"),
     );
+    html += &run::warnings(run);
     html += &verdict(summary, records);
+    html += &pictures::section(folder, records)?;
     html += &rates(summary, records);
     html += &tests(summary);
     html += &figure_section(figures, summary);
+    html += &heat_map::section(records);
     html += &prediction::section(records);
     html += &ablation::section(summary, records);
     html += &facts(summary);
-    html += &failures(summary, records);
+    html += &failures::section(summary, records, folder);
     html += &combinations(records);
     html += &run::section(run);
+    html += definitions::DIFFERENCES;
     html += definitions::SECTION;
-    html += "</main>\n</body>\n</html>\n";
-    html
+    html += "</main>\n";
+    html += SORTING;
+    html += "</body>\n</html>\n";
+    Ok(html)
 }
 
 /// A number that may be missing.
@@ -61,32 +84,42 @@ fn verdict(summary: &Summary, records: &[TrialRecord]) -> String {
     let tested = |test: &TTest| outcome(test).unwrap_or_else(|| "too few combinations to test".to_string());
     let (contact, clean) = (&summary.t_test.contact, &summary.t_test.clean_success);
     let findings = [
-        finding(contact, "Errors cause unwanted contacts", "That errors cause unwanted contacts is not shown"),
         finding(
             clean,
-            "touch raises clean success over blind",
-            "that touch raises clean success over blind is not shown",
+            "Touch raises clean success over blind",
+            "That touch raises clean success over blind is not shown",
         ),
         finding(
             &summary.t_test.touch_over_reflex,
             "its images are needed for that",
             "that its images are needed, and not only its further tries, is not shown",
         ),
+        finding(contact, "errors cause unwanted contacts", "that errors cause unwanted contacts is not shown"),
     ];
     let short = if findings.iter().all(|(shown, _)| *shown) { "" } else { " short" };
     let words = findings.map(|(_, text)| text).join("; ");
+    let Interval { value, low, high } = summary.differences.clean_success.difference;
+    let gain = match (value, low, high) {
+        (Some(value), Some(low), Some(high)) => format!(
+            "; touch less blind {} points, 95 % {} to {}",
+            number(100.0 * value, 1),
+            number(100.0 * low, 1),
+            number(100.0 * high, 1)
+        ),
+        _ => String::new(),
+    };
     format!(
-        "<p class=\"verdict{short}\"><strong>{words}.</strong> Without errors the plan met an unwanted contact in {} of trials; with \
-         errors, blind, in {} ({}; the paper: 0.0 % and 46.5 %), with touch in {}. With the same errors, {} of trials succeeded \
-         cleanly blind, {} with further tries but no tactile image, and {} with touch ({}; the paper: 53.5 % and 100 %).</p>\n",
+        "<p class=\"verdict{short}\"><strong>{words}.</strong> With the same errors, {} of trials succeeded cleanly with touch, {} blind, \
+         and {} with further tries but no tactile image ({}{gain}; the paper: 100 % and 53.5 %). Without errors the plan met an unwanted \
+         contact in {} of trials; with errors, blind, in {} ({}; the paper: 0.0 % and 46.5 %), with touch in {}.</p>\n",
+        percent(conditions.touch.clean_success_rate.mean),
+        percent(conditions.blind.clean_success_rate.mean),
+        percent(conditions.reflex.clean_success_rate.mean),
+        escape(&tested(clean)),
         percent(conditions.ideal.contact_rate.mean),
         percent(conditions.blind.contact_rate.mean),
         escape(&tested(contact)),
         percent(conditions.touch.contact_rate.mean),
-        percent(conditions.blind.clean_success_rate.mean),
-        percent(conditions.reflex.clean_success_rate.mean),
-        percent(conditions.touch.clean_success_rate.mean),
-        escape(&tested(clean)),
     )
 }
 
@@ -303,37 +336,6 @@ fn facts(summary: &Summary) -> String {
         html += &format!("<div><dt>{}</dt><dd>{}</dd></div>\n", escape(&term), escape(&value));
     }
     html + "</dl>\n"
-}
-
-/// Why trials failed.
-fn failures(summary: &Summary, records: &[TrialRecord]) -> String {
-    let by_condition = Condition::ALL.map(|condition| summary.conditions.of(condition));
-    let causes: BTreeSet<FailureCause> = by_condition.iter().flat_map(|one| one.failures.keys().copied()).collect();
-    let mut head = vec![("cause", Column::Words)];
-    head.extend(Condition::ALL.map(|condition| (condition.name(), Column::Numbers)));
-    let mut table = Table::new("Failed trials by cause", &head);
-    let mut row = |name: String, counts: [usize; Condition::ALL.len()]| {
-        let mut cells = vec![name];
-        cells.extend(counts.map(|count| count.to_string()));
-        table.row(&cells);
-    };
-    for cause in causes {
-        row(cause.to_string(), by_condition.map(|one| one.failures.get(&cause).copied().unwrap_or(0)));
-    }
-    let failed = |condition: Condition| records.iter().filter(|r| r.condition == condition && !r.success).count();
-    row("all failed trials".to_string(), Condition::ALL.map(failed));
-    row("all trials".to_string(), by_condition.map(|one| one.trials));
-    let harmless: Vec<String> = Condition::ALL
-        .into_iter()
-        .map(|condition| (condition, harmless_contacts(records, condition)))
-        .filter(|(_, (touched, _))| *touched > 0)
-        .map(|(condition, (touched, succeeded))| format!("{condition}: {succeeded} of {touched}"))
-        .collect();
-    let note = match harmless.is_empty() {
-        true => "No trial had an unwanted contact.".to_string(),
-        false => format!("Trials that succeeded in spite of a contact: {}.", harmless.join("; ")),
-    };
-    format!("<h2 id=\"failures\">Why trials failed</h2>\n{}<p>{}</p>\n", table.finish(), escape(&note))
 }
 
 /// A line per combination.

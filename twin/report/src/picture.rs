@@ -1,13 +1,18 @@
-//! Pictures of the hand: an orthographic software renderer with a depth buffer, lit from the eye and from above.
+//! Pictures of the hand: an orthographic software renderer with a depth buffer, lit from the eye and from above, with soft shadows in
+//! corners.
+
+mod occlusion;
 
 use std::path::Path;
 
 use anyhow::{Context, Result};
 use font8x8::UnicodeFonts;
 use hand_model::Hand;
+use hand_model::pads::Pad;
 use image::{Rgb, RgbImage};
 use nalgebra::{Isometry3, Point3, Vector3};
 use sim::stand::{HandStand, Prop};
+use stream::hand_mesh::{self, Material, Part};
 use stream::mesh::Mesh;
 
 /// Each pixel is the mean of this many by this many.
@@ -17,8 +22,36 @@ const INK: [u8; 3] = [40, 42, 48];
 const COVER: [f64; 3] = [196.0, 199.0, 206.0];
 const PALM: [f64; 3] = [170.0, 174.0, 184.0];
 const PAD: [f64; 3] = [92.0, 120.0, 150.0];
+const CABLE_COLOR: [f64; 3] = [150.0, 60.0, 52.0];
+/// Radius of a cable, m: twice the real one, so that it is seen.
+const CABLE: f64 = 5.0e-4;
+/// Colours of the pads' configurations a to f.
+pub const CONFIGURATIONS: [[f64; 3]; 6] = [
+    [76.0, 146.0, 206.0],
+    [92.0, 176.0, 124.0],
+    [236.0, 168.0, 74.0],
+    [206.0, 96.0, 92.0],
+    [150.0, 116.0, 190.0],
+    [96.0, 178.0, 186.0],
+];
 /// Colours of props, in turn.
 pub const PROPS: [[f64; 3]; 3] = [[226.0, 150.0, 70.0], [120.0, 176.0, 96.0], [190.0, 110.0, 150.0]];
+
+/// Colour of a pad's configuration.
+pub fn configuration_color(pad: &Pad) -> [f64; 3] {
+    let letter = (pad.configuration as usize).wrapping_sub('a' as usize);
+    CONFIGURATIONS.get(letter).copied().unwrap_or(PAD)
+}
+
+fn material_color(material: Material) -> [f64; 3] {
+    match material {
+        Material::Palm => PALM,
+        Material::Cover => COVER,
+        Material::Knuckle => [112.0, 116.0, 126.0],
+        Material::Board => [52.0, 116.0, 84.0],
+        Material::ServoPack => [88.0, 91.0, 100.0],
+    }
+}
 
 /// Where a picture is seen from.
 #[derive(Debug, Clone, Copy)]
@@ -52,6 +85,16 @@ impl View {
             center: Point3::new(0.0, -0.01, -0.01),
             width: 0.22,
         }
+    }
+
+    /// Onto the back of the hand, fingers up.
+    pub fn back() -> Self {
+        Self { eye: Vector3::new(0.3, 0.15, 1.0).normalize(), ..Self::palm() }
+    }
+
+    /// From before the fingertips, palm down.
+    pub fn tips() -> Self {
+        Self { eye: Vector3::new(0.35, 1.0, -0.35).normalize(), up: Vector3::z(), ..Self::palm() }
     }
 
     /// The same view, closer, around another centre.
@@ -108,7 +151,7 @@ impl Picture {
             .iter()
             .map(|normal| {
                 let normal = pose * normal;
-                0.35 + 0.45 * normal.dot(&light).max(0.0) + 0.25 * normal.dot(&self.view.eye).max(0.0)
+                0.42 + 0.42 * normal.dot(&light).max(0.0) + 0.24 * normal.dot(&self.view.eye).max(0.0)
             })
             .collect();
         for corner in triangles {
@@ -162,20 +205,34 @@ impl Picture {
         self.triangles(pose, &vertices, &mesh.triangles, &normals, color);
     }
 
-    /// The hand with its covers and pads at joint angles `q` (rad).
+    /// The hand with all its parts at joint angles `q` (rad).
     pub fn hand(&mut self, hand: &Hand, q: &[f64]) {
-        let links = hand.tree.forward(q);
-        let mut cover = |cover: &hand_model::hand::CoverShape, pose: &Isometry3<f64>, color| {
-            let mesh = Mesh::rounded_box(&cover.half, cover.radius, &cover.link_from_cover);
-            self.mesh(pose, &mesh, color);
-        };
-        cover(&hand.palm_cover, &Isometry3::identity(), PALM);
-        for (link, shape) in hand.covers.iter().enumerate() {
-            cover(shape, &links[link], COVER);
+        self.hand_with(hand, q, |_| PAD);
+    }
+
+    /// The same with a colour for each pad.
+    pub fn hand_with(&mut self, hand: &Hand, q: &[f64], pad_color: impl Fn(&Pad) -> [f64; 3]) {
+        self.hand_at(hand, (&Isometry3::identity(), &hand.tree.forward(q)), pad_color);
+    }
+
+    /// The same with the palm at `scene_from_palm` and the links at `palm_from_link`.
+    pub fn hand_at(
+        &mut self,
+        hand: &Hand,
+        (palm, links): (&Isometry3<f64>, &[Isometry3<f64>]),
+        pad_color: impl Fn(&Pad) -> [f64; 3],
+    ) {
+        for Part { link, material, mesh } in hand_mesh::parts(hand, hand_mesh::FINE) {
+            let pose = link.map_or(*palm, |link| palm * links[link]);
+            self.mesh(&pose, &mesh, material_color(material));
         }
-        for (pad, pose) in hand.pads.iter().zip(hand.pad_poses(&links)) {
-            let sheet = Mesh::sheet(pad.w, pad.h, 9, 2.5e-4, |x, y| pad.surface_height(x, y));
-            self.mesh(&pose, &sheet, PAD);
+        for (pad, pose) in hand.pads.iter().zip(hand.pad_poses(links)) {
+            self.mesh(&(palm * pose), &hand_mesh::pad_sheet(pad), pad_color(pad));
+        }
+        for run in hand_mesh::cables(hand, links) {
+            for pair in run.windows(2) {
+                self.mesh(palm, &Mesh::capsule(pair[0], pair[1], CABLE), CABLE_COLOR);
+            }
         }
     }
 
@@ -227,13 +284,15 @@ impl Picture {
 
     /// The finished picture with a caption.
     pub fn finish(&self, caption: &str) -> RgbImage {
+        let pixel = self.view.width / f64::from(self.size);
+        let shade = occlusion::shading(&self.depth, self.size as usize, pixel);
         let mut image = RgbImage::new(self.size / OVERSAMPLE, self.size / OVERSAMPLE);
         for (x, y, pixel) in image.enumerate_pixels_mut() {
             let mut sum = [0.0; 3];
             for (dx, dy) in (0..OVERSAMPLE).flat_map(|dx| (0..OVERSAMPLE).map(move |dy| (dx, dy))) {
                 let index = ((y * OVERSAMPLE + dy) * self.size + x * OVERSAMPLE + dx) as usize;
                 for (total, part) in sum.iter_mut().zip(self.color[index]) {
-                    *total += part / f64::from(OVERSAMPLE * OVERSAMPLE);
+                    *total += shade[index] * part / f64::from(OVERSAMPLE * OVERSAMPLE);
                 }
             }
             *pixel = Rgb(sum.map(|part| part as u8));
@@ -260,6 +319,22 @@ pub fn text(image: &mut RgbImage, x: i64, y: i64, line: &str, color: [u8; 3]) {
                 }
             }
         }
+    }
+}
+
+/// A square of `side` pixels with its upper left corner at (x, y).
+pub fn swatch(image: &mut RgbImage, (x, y): (i64, i64), side: u32, color: [u8; 3]) {
+    image::imageops::replace(image, &RgbImage::from_pixel(side, side, Rgb(color)), x, y);
+}
+
+/// Writes `line` in ink, `scale` times as large as [`text`].
+pub fn large_text(image: &mut RgbImage, (x, y): (i64, i64), scale: u32, line: &str) {
+    let width = 8 * line.chars().count() as u32;
+    let mut small = RgbImage::from_pixel(width.max(1), 8, Rgb([255; 3]));
+    text(&mut small, 0, 0, line, [0; 3]);
+    for (column, row, _) in small.enumerate_pixels().filter(|(.., pixel)| pixel.0 == [0; 3]) {
+        let at = |start: i64, n: u32| start + i64::from(n * scale);
+        swatch(image, (at(x, column), at(y, row)), scale, INK);
     }
 }
 

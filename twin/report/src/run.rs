@@ -7,6 +7,18 @@ use super::html::{Column, Table, duration, escape, number};
 /// Keys shown first, in this order; what else there is follows in its own order.
 const FIRST: [&str; 6] = ["command", "seed", "robot", "versions", "version", "wall_s"];
 
+/// Key of what the reader must know before anything else: a list of texts.
+const WARNINGS: &str = "warnings";
+
+/// What makes this run another than it seems: at the top, in red. Nothing where there is nothing.
+pub fn warnings(run: &Value) -> String {
+    let Some(list) = run.get(WARNINGS).and_then(Value::as_array).filter(|list| !list.is_empty()) else {
+        return String::new();
+    };
+    let items: String = list.iter().map(|text| format!("<li>{}</li>", escape(&plain(text)))).collect();
+    format!("<ul class=\"warnings\">{items}</ul>\n")
+}
+
 /// The section's HTML.
 pub fn section(run: &Value) -> String {
     let mut html = String::from("<h2 id=\"run\">How it was run</h2>\n");
@@ -20,7 +32,7 @@ pub fn section(run: &Value) -> String {
                 flatten(key, value, &mut rows);
             }
         }
-        for (key, value) in fields.iter().filter(|(key, _)| !FIRST.contains(&key.as_str())) {
+        for (key, value) in fields.iter().filter(|(key, _)| !FIRST.contains(&key.as_str()) && *key != WARNINGS) {
             flatten(key, value, &mut rows);
         }
     } else if !run.is_null() {
@@ -122,6 +134,8 @@ mod tests {
     #[test]
     fn a_run_nobody_described_leaves_a_heading() {
         assert!(section(&Value::Null).starts_with("<h2"));
+        assert!(warnings(&Value::Null).is_empty() && warnings(&json!({"warnings": []})).is_empty());
+        assert!(warnings(&json!({"warnings": ["2 of 4 <b>"]})).contains("<li>2 of 4 &lt;b&gt;</li>"));
         assert!(section(&json!({"command": "ftac bench"})).contains("<code>ftac bench</code>"));
     }
 }

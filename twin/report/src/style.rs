@@ -34,6 +34,12 @@ p,dd,li{max-width:78ch}
 .byline{color:var(--soft);margin:0 0 20px}
 .verdict{background:var(--tint);border-left:5px solid var(--touch);padding:14px 18px;margin:0;max-width:none;font-size:1.06rem}
 .verdict.short{border-color:var(--blind)}
+.warnings{background:#b3121d;color:#fff;border-radius:6px;padding:12px 18px 12px 34px;margin:0 0 16px;max-width:none;font-weight:600}
+.warnings li{max-width:none}
+.maps{display:grid;grid-template-columns:repeat(auto-fit,minmax(min(100%,420px),1fr));gap:20px}.maps text{font-size:10px}
+.objects{display:flex;flex-wrap:wrap;gap:6px}.objects figure{width:96px;text-align:center}.objects figcaption{margin:0;font-size:.78rem;line-height:1.2}
+.objects img{border-radius:6px}.strip img{width:100%;height:auto;border-radius:6px}
+thead th{cursor:pointer}
 .scroll{overflow-x:auto;margin:14px 0}
 table{border-collapse:collapse;font-size:.94rem;min-width:50%}
 caption{text-align:left;color:var(--soft);padding:0 0 6px;font-size:.9rem}
@@ -53,5 +59,5 @@ figcaption{color:var(--soft);font-size:.9rem;margin-top:6px}
 .terms dt{font-weight:600;margin-top:10px}.terms dd{margin:0}
 pre{background:var(--tint);padding:12px 14px;overflow-x:auto;font-size:.9rem;border-radius:6px}
 code{font-family:ui-monospace,Menlo,Consolas,monospace}
-@media print{main{max-width:none;padding:0}tbody tr{break-inside:avoid}figure{break-inside:avoid}}
+@media print{.warnings{-webkit-print-color-adjust:exact;print-color-adjust:exact}main{max-width:none;padding:0}tbody tr{break-inside:avoid}figure{break-inside:avoid}}
 ";

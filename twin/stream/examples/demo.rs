@@ -115,7 +115,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         let on: Vec<usize> = (0..hand.pads.len()).filter(|pad| force(close, *pad) > 0.0).collect();
         let points: Vec<_> = on.iter().map(|pad| palm * pads[*pad] * Point3::origin()).collect();
         let forces: Vec<_> = on.iter().map(|pad| palm * pads[*pad] * Vector3::z() * force(close, *pad)).collect();
-        recorder.log_contacts(&points, &forces)?;
+        recorder.log_contacts(&points, &forces, &[])?;
         if tick % 20 == 0 {
             for (camera, view) in hand.cameras.iter().enumerate() {
                 let wobble = 0.15 * (t * 2.0 + camera as f64).sin();

@@ -1,7 +1,8 @@
 //! The layout of the viewer; it is stored in every recording.
 //!
-//! Left: the world, large, over plots that share a time axis. Right: tactile images and height maps as two pictures of the
-//! opened hand, over the phases and the log.
+//! Left: hand and objects, in a view that goes with the hand (behind it the whole scene), over a view from the palm and plots that share a time axis. Right:
+//! tactile images (behind them their change and height maps) as pictures of the opened hand, over what happens now, the log behind
+//! it, and the phases. The layout is the same for every body.
 //!
 //! Rerun's own builder cannot set a camera, hide a legend or link axes. Those are properties of a view like any other, logged
 //! below its path in the blueprint; [`send`] adds them to what the builder makes.
@@ -23,7 +24,7 @@ use crate::error::StreamError;
 use crate::release::{APPLICATION, SIM_TIME};
 use crate::{entities, tactile};
 
-/// Where the 3D view looks from and to, world frame, m.
+/// Where a 3D view looks from and to, m, in the frame of its origin.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Eye {
     pub position: [f32; 3],
@@ -31,12 +32,12 @@ pub struct Eye {
     pub target: [f32; 3],
 }
 
-impl Default for Eye {
-    /// Over the table in front of the arm, from the side.
-    fn default() -> Self {
-        Self { position: [0.78, -0.34, 0.34], target: [0.42, -0.01, 0.13] }
-    }
-}
+/// On the thumb's side of the hand as it moves, a little above; the arm comes from the palm's.
+const FOLLOWING: Eye = Eye { position: [0.33, -0.08, 0.05], target: [0.0, -0.02, -0.05] };
+/// Over the table in front of the arm.
+const SCENE: Eye = Eye { position: [1.04, -0.46, 0.36], target: [0.40, 0.0, 0.14] };
+/// Onto the palm, from where it grasps.
+const PALM: Eye = Eye { position: [0.07, 0.02, -0.25], target: [0.0, -0.02, -0.02] };
 
 /// Properties of views that the builder does not know, by their place in the blueprint.
 #[derive(Default)]
@@ -55,9 +56,14 @@ impl Properties {
 
     /// A view of things in space, seen from `eye` with `up` upward.
     fn scene(&mut self, name: &str, origin: &str, eye: Eye, up: [f32; 3]) -> ContainerLike {
+        self.scene_of(name, (origin, &["+ $origin/**"]), eye, up)
+    }
+
+    /// The same of these `contents`.
+    fn scene_of(&mut self, name: &str, (origin, contents): (&str, &[&str]), eye: Eye, up: [f32; 3]) -> ContainerLike {
         let controls = EyeControls3D::new().with_position(eye.position).with_look_target(eye.target).with_eye_up(up);
         self.on(
-            Spatial3DView::new(name).with_origin(origin),
+            Spatial3DView::new(name).with_origin(origin).with_contents(contents.iter().copied()),
             vec![
                 ("EyeControls3D", Box::new(controls)),
                 ("Background", Box::new(background([34, 37, 43]))),
@@ -79,45 +85,60 @@ impl Properties {
         let [columns, rows] = tactile::CELLS;
         let range = |size: f32| rerun::datatypes::Range1D([-8.0, f64::from(size)]);
         let [w, h] = tactile::CELL;
-        let bounds = rerun::datatypes::Range2D { x_range: range(columns * w), y_range: range(rows * h) };
+        let bounds =
+            rerun::datatypes::Range2D { x_range: range(columns * w), y_range: range(rows * h + tactile::HEAD) };
         let view = Spatial2DView::new(name).with_origin(origin);
         let bounds = VisualBounds2D::new(bounds);
         self.on(view, vec![("VisualBounds2D", Box::new(bounds)), ("Background", Box::new(background([24, 25, 28])))])
     }
 }
 
-fn layout(eye: Eye) -> (Blueprint, Properties) {
+fn layout() -> (Blueprint, Properties) {
     let mut with = Properties::default();
-    let world = with.scene("World", entities::WORLD, eye, [0.0, 0.0, 1.0]);
+    // The eye goes with the hand through where the arm may be: of the arm only the wrist is shown.
+    let arm: Vec<String> = (0..5).map(|link| format!("- /{}", entities::arm_link(link))).collect();
+    let mut near = vec!["+ /world/**", "- /world/arm/base"];
+    near.extend(arm.iter().map(String::as_str));
+    let up = [0.0, 0.0, 1.0];
+    let world = Tabs::new([
+        with.scene_of("Hand and objects", (entities::FOLLOW, &near), FOLLOWING, up),
+        with.scene("Whole scene", entities::WORLD, SCENE, up),
+    ]);
+    // From below the table would hide everything.
+    let palm = ["+ /world/**", "- /world/table", "- /world/arm/**", "- /world/ways/**"];
+    let palm = with.scene_of("From the palm", (entities::HAND, &palm), PALM, [0.0, 1.0, 0.0]);
     let plots = Vertical::new([
-        Horizontal::new([
+        Tabs::new([
             with.plot("Cable tensions (N)", &[entities::TENSIONS], true),
-            Tabs::new([
-                with.plot("Force on pads (N)", &[entities::PAD_FORCES], false),
-                with.plot("Servo currents (A)", &[entities::CURRENTS], true),
-            ])
-            .into(),
+            with.plot("Servo currents (A)", &[entities::CURRENTS], true),
+            with.plot("Finger joints (deg)", &[entities::JOINT_ANGLES], false),
         ])
         .into(),
-        Horizontal::new([
-            Tabs::new([
-                with.plot("Finger joints (deg)", &[entities::JOINT_ANGLES], false),
-                with.plot("Arm joints (deg)", &[entities::ARM_ANGLES], true),
-            ])
-            .into(),
+        Tabs::new([
+            with.plot("Force on pads (N)", &[entities::PAD_FORCES], false),
             with.plot("Pose error (mm, deg)", &[entities::POSE_ERROR_MM, entities::POSE_ERROR_DEG], true),
+            with.plot("Arm joints (deg)", &[entities::ARM_ANGLES], true),
         ])
         .into(),
     ]);
-    let left = Vertical::new([world, plots.into()]).with_row_shares([0.58, 0.42]);
+    let below = Horizontal::new([palm, plots.into()]).with_column_shares([0.46, 0.54]);
+    let left = Vertical::new([world.into(), below.into()]).with_row_shares([0.58, 0.42]);
     let right = Vertical::new([
-        with.hand_map("Tactile images", entities::TACTILE),
-        with.hand_map("Height maps", entities::HEIGHTS),
+        Tabs::new([
+            with.hand_map("Tactile images", entities::TACTILE),
+            with.hand_map("Change from untouched", entities::CHANGES),
+            with.hand_map("Height maps", entities::HEIGHTS),
+        ])
+        .into(),
+        Tabs::new([
+            ContainerLike::from(TextDocumentView::new("Now").with_origin(entities::NOW)),
+            TextLogView::new("Log").with_origin("trial").into(),
+        ])
+        .into(),
         StateTimelineView::new("Phase").with_origin(entities::PHASE).into(),
-        TextLogView::new("Log").with_origin("trial").into(),
     ])
-    .with_row_shares([0.37, 0.37, 0.09, 0.17]);
-    let blueprint = Blueprint::new(Horizontal::new([left.into(), right.into()]).with_column_shares([0.64, 0.36]))
+    .with_row_shares([0.42, 0.48, 0.10]);
+    let blueprint = Blueprint::new(Horizontal::new([left.into(), right.into()]).with_column_shares([0.61, 0.39]))
         .with_auto_views(false)
         .with_auto_layout(false)
         .with_blueprint_panel(BlueprintPanel::from_state(PanelState::Collapsed))
@@ -131,8 +152,8 @@ fn background(color: [u8; 3]) -> Background {
 }
 
 /// Sends the layout into a recording.
-pub fn send(rec: &RecordingStream, eye: Eye) -> Result<(), StreamError> {
-    deliver(rec, layout(eye))
+pub fn send(rec: &RecordingStream) -> Result<(), StreamError> {
+    deliver(rec, layout())
 }
 
 /// Sends the layout of a gallery of grasps: the hands, and beside them what there is to say.

@@ -1,6 +1,6 @@
 //! All entity paths, in one place.
 //!
-//! `world/...` is what the 3D view shows, `tactile/...` and `heights/...` are the two maps of the hand, `signals/...` are
+//! `world/...` is what the 3D views show, `tactile/...`, `changes/...` and `heights/...` are maps of the hand, `signals/...` are
 //! plotted, `trial/...` is text. Names of objects and pads become one path part each.
 
 use hand_model::Hand;
@@ -12,12 +12,23 @@ pub const TABLE: &str = "world/table";
 pub const ARM_BASE: &str = "world/arm/base";
 /// The palm; the hand's links are below it, in the palm frame.
 pub const HAND: &str = "world/hand";
+/// Moves with the palm and turns with it about the vertical: what the view of the hand looks at.
+pub const FOLLOW: &str = "world/follow";
+/// The cables, palm frame.
+pub const CABLES: &str = "world/hand/cables";
+/// The way of the plan that was not taken, and of what is done instead.
+pub const REJECTED: &str = "world/ways/rejected";
+pub const CHOSEN: &str = "world/ways/chosen";
+/// Where the former comes nearest to the target.
+pub const NEAREST: &str = "world/ways/nearest";
 /// Contact forces.
 pub const CONTACTS: &str = "world/contacts";
 /// Root of the tactile images.
 pub const TACTILE: &str = "tactile";
 /// Root of the height maps.
 pub const HEIGHTS: &str = "heights";
+/// Root of the differences from untouched images.
+pub const CHANGES: &str = "changes";
 /// Root of what is plotted.
 pub const SIGNALS: &str = "signals";
 /// Cable tensions, N.
@@ -38,6 +49,8 @@ pub const POSE_ERROR_DEG: &str = "signals/pose_error_deg";
 pub const PHASE: &str = "trial/phase";
 /// What happens, in words.
 pub const LOG: &str = "trial/log";
+/// What happens now, a page.
+pub const NOW: &str = "trial/now";
 /// The outcome of the trial.
 pub const OUTCOME: &str = "trial/outcome";
 
@@ -82,6 +95,16 @@ pub fn estimate(name: &str) -> String {
     format!("world/estimate/{}", part(name))
 }
 
+/// The covariance of an estimate, below it.
+pub fn covariance(name: &str) -> String {
+    format!("{}/covariance", estimate(name))
+}
+
+/// The difference of a camera's image from the untouched one.
+pub fn change(camera: &str) -> String {
+    format!("{CHANGES}/{}", part(camera))
+}
+
 /// The image of a camera.
 pub fn tactile(camera: &str) -> String {
     format!("{TACTILE}/{}", part(camera))
@@ -99,9 +122,15 @@ pub fn all(hand: &Hand, arm_links: usize, objects: &[&str]) -> Vec<String> {
         TABLE,
         ARM_BASE,
         HAND,
+        FOLLOW,
+        CABLES,
+        REJECTED,
+        NEAREST,
+        CHOSEN,
         CONTACTS,
         TACTILE,
         HEIGHTS,
+        CHANGES,
         SIGNALS,
         TENSIONS,
         CURRENTS,
@@ -112,14 +141,17 @@ pub fn all(hand: &Hand, arm_links: usize, objects: &[&str]) -> Vec<String> {
         POSE_ERROR_DEG,
         PHASE,
         LOG,
+        NOW,
         OUTCOME,
     ];
     let mut paths: Vec<String> = fixed.iter().map(ToString::to_string).collect();
     paths.extend((0..arm_links).map(arm_link));
     paths.extend(hand.tree.joints.iter().map(|joint| hand_link(&joint.name)));
     paths.extend(hand.pads.iter().map(|p| pad(p.link.map(|link| hand.tree.joints[link].name.as_str()), &p.name)));
-    paths.extend(hand.cameras.iter().flat_map(|camera| [tactile(&camera.name), height(&camera.name)]));
-    paths.extend(objects.iter().flat_map(|name| [object(name), estimate(name)]));
+    paths.extend(
+        hand.cameras.iter().flat_map(|camera| [tactile(&camera.name), height(&camera.name), change(&camera.name)]),
+    );
+    paths.extend(objects.iter().flat_map(|name| [object(name), estimate(name), covariance(name)]));
     paths
 }
 

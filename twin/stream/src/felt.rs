@@ -7,12 +7,14 @@ use nalgebra::{Isometry3, Point3, Vector3};
 use rerun::log::ChunkBatcherConfig;
 use rerun::{Arrows3D, EncodedImage, Points3D, TextDocument};
 
+use crate::belief::ghost;
 use crate::blueprint::{self, Eye};
 use crate::entities;
 use crate::error::StreamError;
 use crate::mesh::DrawnObject;
-use crate::recorder::{self, Settings, Target};
-use crate::scene::{drawn, ghost, link_color, log_hand_at, transform};
+use crate::recorder::Settings;
+use crate::scene::{drawn, link_color, log_hand_at, transform};
+use crate::sink::{self, Target};
 
 /// How opaque the true object is, of 255.
 const VEIL: u8 = 70;
@@ -39,14 +41,14 @@ pub struct FeltScene {
 
 /// Writes a scene to `targets`.
 pub fn write(targets: &[Target], hand: &Hand, scene: &FeltScene) -> Result<(), StreamError> {
-    let rec = recorder::open(targets, ChunkBatcherConfig::DEFAULT)?;
+    let rec = sink::open(targets, ChunkBatcherConfig::DEFAULT)?;
     let target = scene.estimate.translation.vector;
     let eye = target + Vector3::new(0.13, 0.06, -0.2);
     blueprint::send_felt(&rec, Eye { position: eye.cast::<f32>().into(), target: target.cast::<f32>().into() })?;
     rec.log_static(entities::GALLERY, &rerun::ViewCoordinates::RIGHT_HAND_Y_UP())?;
     log_hand_at(&rec, &format!("{}/hand", entities::GALLERY), hand, &scene.joints)?;
     for (name, pose, mesh) in [
-        ("estimated", &scene.estimate, ghost(&scene.object)),
+        ("estimated", &scene.estimate, ghost(&scene.object, 0)),
         ("true", &scene.truth, drawn(&scene.object.mesh(), scene.object.color, VEIL)),
     ] {
         let path = format!("{}/{name}", entities::GALLERY);

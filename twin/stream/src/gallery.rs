@@ -9,8 +9,9 @@ use crate::blueprint::{self, Eye};
 use crate::entities;
 use crate::error::StreamError;
 use crate::mesh::{DrawnObject, Mesh};
-use crate::recorder::{self, Settings, Target};
+use crate::recorder::Settings;
 use crate::scene::{drawn, link_color, log_hand_at, transform};
+use crate::sink::{self, Target};
 
 /// Distance between neighbours, m.
 const PITCH: f64 = 0.26;
@@ -80,7 +81,7 @@ pub fn write(
     mu: f64,
     grasps: &[ShownGrasp],
 ) -> Result<(), StreamError> {
-    let rec = recorder::open(targets, ChunkBatcherConfig::DEFAULT)?;
+    let rec = sink::open(targets, ChunkBatcherConfig::DEFAULT)?;
     let columns = (grasps.len() as f64).sqrt().ceil().max(1.0) as usize;
     let rows = grasps.len().div_ceil(columns);
     let center = Vector3::new(0.5 * PITCH * (columns - 1) as f64, -0.5 * PITCH * rows.saturating_sub(1) as f64, -0.02);

@@ -1,7 +1,7 @@
 //! Triangle meshes with normals: the drawn objects, and the simple bodies that the robot is drawn with.
 
 use std::collections::HashMap;
-use std::f32::consts::{FRAC_PI_2, PI};
+use std::f32::consts::{FRAC_PI_2, FRAC_PI_4, PI};
 
 use nalgebra::{Isometry3, Point3, Vector3};
 
@@ -88,14 +88,20 @@ impl Mesh {
 
     /// A rounded box with half extents `half` and rounding `radius`, centred in its frame, moved to `pose`.
     pub fn rounded_box(half: &Vector3<f64>, radius: f64, pose: &Isometry3<f64>) -> Self {
+        Self::smooth_box(half, radius, pose, 2)
+    }
+
+    /// The same whose rounding takes `n` steps from each face to an edge.
+    pub fn smooth_box(half: &Vector3<f64>, radius: f64, pose: &Isometry3<f64>, n: u32) -> Self {
         let half: Vector3<f32> = half.cast();
         let radius = (radius as f32).min(half.min()).max(0.0);
         let inner = half.add_scalar(-radius);
-        // Along an edge: start of the rounding, half way up the rounding, its end, and the same on the other side.
+        // Along an edge: equal turns of the normal from the edge to the flat part, and the same on the other side.
         let steps = |extent: f32| {
-            let (flat, mid) = (extent - radius, extent - radius + radius * (PI / 8.0).tan());
-            [-extent, -mid, -flat, flat, mid, extent]
+            let side = (0..=n).map(move |k| extent - radius + radius * (FRAC_PI_4 * k as f32 / n as f32).tan());
+            side.clone().rev().map(|x| -x).chain(side).collect::<Vec<f32>>()
         };
+        let points = 2 * (n + 1);
         let mut mesh = Self::default();
         for axis in 0..3 {
             let (u, v) = ((axis + 1) % 3, (axis + 2) % 3);
@@ -114,7 +120,7 @@ impl Mesh {
                         mesh.push(core + normal * radius, normal);
                     }
                 }
-                mesh.grid(first, 6, 6, side < 0.0);
+                mesh.grid(first, points, points, side < 0.0);
             }
         }
         mesh.moved(pose)
@@ -122,41 +128,39 @@ impl Mesh {
 
     /// A capsule from `a` to `b`.
     pub fn capsule(a: Point3<f64>, b: Point3<f64>, radius: f64) -> Self {
-        const AROUND: u32 = 20;
-        const RINGS: u32 = 5;
+        Self::smooth_capsule([a, b], radius, (20, 5))
+    }
+
+    /// The same with so many steps around its axis, and so many rings on each end.
+    pub fn smooth_capsule([a, b]: [Point3<f64>; 2], radius: f64, (around, rings): (u32, u32)) -> Self {
         let (a, b, radius) = (a.coords.cast::<f32>(), b.coords.cast::<f32>(), radius as f32);
         let axis = (b - a).try_normalize(1e-6).unwrap_or_else(Vector3::z);
         let x = axis.cross(&if axis.x.abs() < 0.7 { Vector3::x() } else { Vector3::y() }).normalize();
         let y = axis.cross(&x);
         let mut mesh = Self::default();
-        for ring in 0..2 * RINGS {
-            let (center, k) = if ring < RINGS { (a, ring as f32) } else { (b, (ring - 1) as f32) };
-            let latitude = FRAC_PI_2 * (k / (RINGS - 1) as f32 - 1.0);
-            for i in 0..=AROUND {
-                let (sin, cos) = (2.0 * PI * i as f32 / AROUND as f32).sin_cos();
+        for ring in 0..2 * rings {
+            let (center, k) = if ring < rings { (a, ring as f32) } else { (b, (ring - 1) as f32) };
+            let latitude = FRAC_PI_2 * (k / (rings - 1) as f32 - 1.0);
+            for i in 0..=around {
+                let (sin, cos) = (2.0 * PI * i as f32 / around as f32).sin_cos();
                 let normal = (x * cos + y * sin) * latitude.cos() + axis * latitude.sin();
                 mesh.push(center + normal * radius, normal);
             }
         }
-        mesh.grid(0, AROUND + 1, 2 * RINGS, false);
+        mesh.grid(0, around + 1, 2 * rings, false);
         mesh
     }
 
-    /// A surface z = `height`(x, y) over `w` by `h`, `n` by `n` points, lifted by `lift`.
-    pub fn sheet(w: f64, h: f64, n: u32, lift: f64, height: impl Fn(f64, f64) -> f64) -> Self {
+    /// A surface over a grid: `at` gives place and unit normal for each pair of `columns` and `rows`.
+    pub fn surface(columns: &[f64], rows: &[f64], at: impl Fn(f64, f64) -> (Vector3<f64>, Vector3<f64>)) -> Self {
         let mut mesh = Self::default();
-        let at = |i: u32, size: f64| (f64::from(i) / f64::from(n - 1) - 0.5) * size;
-        for j in 0..n {
-            for i in 0..n {
-                let (x, y) = (at(i, w), at(j, h));
-                let (dx, dy) = (0.02 * w, 0.02 * h);
-                let slope_x = (height(x + dx, y) - height(x - dx, y)) / (2.0 * dx);
-                let slope_y = (height(x, y + dy) - height(x, y - dy)) / (2.0 * dy);
-                let normal = Vector3::new(-slope_x, -slope_y, 1.0).normalize();
-                mesh.push(Vector3::new(x, y, height(x, y) + lift).cast(), normal.cast());
+        for y in rows {
+            for x in columns {
+                let (place, normal) = at(*x, *y);
+                mesh.push(place.cast(), normal.cast());
             }
         }
-        mesh.grid(0, n, n, false);
+        mesh.grid(0, columns.len() as u32, rows.len() as u32, false);
         mesh
     }
 
@@ -166,6 +170,14 @@ impl Mesh {
         self.vertices.extend(other.vertices);
         self.normals.extend(other.normals);
         self.triangles.extend(other.triangles.iter().map(|t| t.map(|i| i + first)));
+        self
+    }
+
+    /// This mesh with each vertex moved outwards by `margin`, m.
+    pub fn grown(mut self, margin: f32) -> Self {
+        for (vertex, normal) in self.vertices.iter_mut().zip(&self.normals) {
+            *vertex = std::array::from_fn(|axis| vertex[axis] + margin * normal[axis]);
+        }
         self
     }
 

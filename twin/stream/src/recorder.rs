@@ -1,39 +1,29 @@
 //! The recorder of one trial: where the data go, and what can be logged.
 
-use std::net::{SocketAddr, TcpListener};
-use std::path::{Path, PathBuf};
+mod beliefs;
+mod touch;
+
+use std::path::Path;
 use std::time::Duration;
 
 use hand_model::robot::TactileImage;
 use hand_model::{Arm, Hand};
 use nalgebra::{Isometry3, Point3, Vector3};
 use rerun::log::ChunkBatcherConfig;
-use rerun::sink::{FileSink, GrpcSink, LogSink, MultiSink};
-use rerun::{Clear, RecordingStream, RecordingStreamBuilder};
+use rerun::{Clear, RecordingStream, TextDocument};
 
-use crate::blueprint::{self, Eye};
+use crate::blueprint;
+use crate::change::Changes;
 use crate::error::StreamError;
 use crate::mesh::DrawnObject;
+use crate::now::{Now, Weighed};
 use crate::phase::{self, Level, TrialProperties};
-use crate::release::{APPLICATION, SIM_TIME, TICK, WALL_TIME};
-use crate::scene;
+use crate::release::{SIM_TIME, TICK, WALL_TIME};
 use crate::signals::{self, SignalFrame};
-use crate::tactile;
+pub use crate::sink::Target;
+use crate::sink::open;
 use crate::thin::{Moved, Pace};
-use crate::{entities, viewer};
-
-/// Where a recording goes. Any number of targets at once, at most one of which should be live.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub enum Target {
-    /// A `.rrd` file; an existing one is replaced, its folder is made.
-    File(PathBuf),
-    /// A viewer that is started now, on this machine.
-    Spawn,
-    /// A viewer that already runs, `rerun+http://HOST:PORT/proxy`.
-    Connect(String),
-    /// A server that viewers connect to, at this address.
-    Serve(SocketAddr),
-}
+use crate::{belief, entities, hand_mesh, scene, tactile};
 
 /// How much is recorded.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -46,14 +36,18 @@ pub struct Settings {
     pub image_rate: f64,
     /// Size of a recorded tactile image, pixels.
     pub image_side: usize,
+    /// Size of a recorded difference from the untouched image, pixels.
+    pub change_side: usize,
     /// JPEG quality, 1 to 100.
     pub jpeg_quality: u8,
     /// Height that is drawn brightest, m.
     pub height_range: f32,
     /// Heights that nowhere exceed this are drawn as an idle pad, m.
     pub height_idle: f32,
-    /// Where the 3D view looks.
-    pub eye: Eye,
+    /// Cables and their tensions, Hz.
+    pub cable_rate: f64,
+    /// Whether the true scene is recorded, beside what is measured and believed.
+    pub truth: bool,
     /// How long [`Recorder::finish`] waits for slow targets.
     pub flush_timeout: Duration,
 }
@@ -65,10 +59,12 @@ impl Default for Settings {
             scalar_rate: 30.0,
             image_rate: 5.0,
             image_side: 120,
+            change_side: 56,
             jpeg_quality: 85,
             height_range: 1.0e-3,
             height_idle: 3.0e-5,
-            eye: Eye::default(),
+            cable_rate: 5.0,
+            truth: true,
             flush_timeout: Duration::from_secs(20),
         }
     }
@@ -76,7 +72,11 @@ impl Default for Settings {
 
 const ROBOT: usize = 0;
 const CONTACTS: usize = 1;
-const FIRST_OBJECT: usize = 2;
+const CABLES: usize = 2;
+const PAGE: usize = 3;
+const FIRST_OBJECT: usize = 4;
+/// The page of what happens now is brought up to date this often, Hz.
+const PAGE_RATE: f64 = 0.5;
 
 /// Records one trial; see the crate's page. Dropped without [`Recorder::finish`], it still writes what it has.
 pub struct Recorder {
@@ -96,6 +96,17 @@ pub struct Recorder {
     /// Size of the last height map of each camera, and whether it was idle.
     last_height: Vec<Option<([usize; 2], bool)>>,
     no_contacts: bool,
+    changes: Changes,
+    cables: Pace,
+    /// Cable tensions as they are drawn, in steps.
+    pulled: [u8; 5],
+    pages: Pace,
+    now: Now,
+    page: String,
+    /// When each object was felt last, and how its ellipsoid is called.
+    felt: Vec<Option<belief::Felt>>,
+    /// Whether a rejected way, a chosen one, and a place are shown.
+    ways: [bool; 3],
 }
 
 impl Recorder {
@@ -119,11 +130,12 @@ impl Recorder {
     ) -> Result<Self, StreamError> {
         let live = targets.iter().any(|target| !matches!(target, Target::File(_)));
         // Long batches make small files; a live view wants short ones.
-        let flush_tick = Duration::from_millis(if live { 50 } else { 2000 });
+        let flush_tick = Duration::from_millis(if live { 50 } else { 30_000 });
         let rec = open(targets, ChunkBatcherConfig { flush_tick, ..ChunkBatcherConfig::DEFAULT })?;
-        blueprint::send(&rec, settings.eye)?;
-        scene::log_static(&rec, hand, arm, objects)?;
-        tactile::log_static(&rec, hand, settings.image_side)?;
+        blueprint::send(&rec)?;
+        // Where objects truly are nobody knows without truth: then they are drawn as believed alone.
+        scene::log_static(&rec, hand, arm, if settings.truth { objects } else { &[] })?;
+        tactile::log_static(&rec, hand)?;
         signals::log_static(&rec, hand, arm, objects)?;
         let mut recorder = Self {
             rec,
@@ -141,8 +153,17 @@ impl Recorder {
             last_image: vec![None; hand.cameras.len()],
             last_height: vec![None; hand.cameras.len()],
             no_contacts: true,
+            changes: Changes::new(hand.cameras.len()),
+            cables: Pace::new(settings.cable_rate),
+            pulled: [0; 5],
+            pages: Pace::new(PAGE_RATE),
+            now: Now::new(settings.truth),
+            page: String::new(),
+            felt: vec![None; objects.len()],
+            ways: [false; 3],
         };
         recorder.set_time(0.0);
+        recorder.log_pads()?;
         Ok(recorder)
     }
 
@@ -160,6 +181,7 @@ impl Recorder {
 
     /// What identifies the trial.
     pub fn log_properties(&mut self, properties: &TrialProperties) -> Result<(), StreamError> {
+        self.now.set_title(format!("{} · {} on {}", properties.combination, properties.condition, properties.robot));
         phase::log_properties(&self.rec, properties)
     }
 
@@ -178,9 +200,21 @@ impl Recorder {
             self.pose(&entities::arm_link(k), pose)?;
         }
         self.pose(entities::HAND, palm)?;
+        self.pose(entities::FOLLOW, &scene::beside(palm))?;
         let paths: Vec<_> = self.hand.tree.joints.iter().map(|joint| entities::hand_link(&joint.name)).collect();
+        let mut moved = false;
         for (path, link) in paths.iter().zip(hand_links) {
-            self.pose(path, link)?;
+            moved |= self.pose(path, link)?;
+        }
+        self.log_cables(hand_links, moved)?;
+        self.turn_page(false)
+    }
+
+    /// Cables from guide to guide, coloured by their tension as the last numbers had it.
+    fn log_cables(&mut self, hand_links: &[Isometry3<f64>], moved: bool) -> Result<(), StreamError> {
+        if moved && self.cables.due(CABLES, self.time) {
+            let runs = hand_mesh::cables(&self.hand, hand_links);
+            self.rec.log(entities::CABLES, &scene::cables(&runs, &self.pulled))?;
         }
         Ok(())
     }
@@ -188,95 +222,80 @@ impl Recorder {
     /// `world_from_object` as it is.
     pub fn log_object(&mut self, name: &str, pose: &Isometry3<f64>) -> Result<(), StreamError> {
         let index = self.object(name)?;
-        if self.poses.due(FIRST_OBJECT + 2 * index, self.time) {
+        if self.settings.truth && self.poses.due(FIRST_OBJECT + 2 * index, self.time) {
             self.pose(&entities::object(name), pose)?;
         }
         Ok(())
     }
 
-    /// `world_from_object` as the robot believes it to be; `None` when it believes nothing.
-    pub fn log_estimate(&mut self, name: &str, pose: Option<&Isometry3<f64>>) -> Result<(), StreamError> {
-        let index = self.object(name)?;
-        let path = entities::estimate(name);
-        let Some(pose) = pose else {
-            if self.moved.forget(&path) {
-                self.rec.log(path.as_str(), &Clear::flat())?;
-            }
-            return Ok(());
-        };
-        if !self.moved.knows(&path) {
-            self.rec.log(path.as_str(), &scene::ghost(&self.objects[index]))?;
-        } else if !self.poses.due(FIRST_OBJECT + 2 * index + 1, self.time) {
-            return Ok(());
-        }
-        self.pose(&path, pose)
+    /// What was weighed in a decision; nothing when it is over.
+    pub fn log_options(&mut self, options: Vec<Weighed>) -> Result<(), StreamError> {
+        self.now.set_options(options);
+        self.turn_page(true)
     }
 
-    /// Contact forces (N) at points (m), world frame.
-    pub fn log_contacts(&mut self, points: &[Point3<f64>], forces: &[Vector3<f64>]) -> Result<(), StreamError> {
-        let none = points.is_empty() || forces.is_empty();
-        if (none && self.no_contacts) || !self.poses.due(CONTACTS, self.time) {
+    /// Contact forces (N) at points (m) on the hand and between objects (points and forces alike), world frame.
+    pub fn log_contacts(
+        &mut self,
+        points: &[Point3<f64>],
+        forces: &[Vector3<f64>],
+        between: &[(Point3<f64>, Vector3<f64>)],
+    ) -> Result<(), StreamError> {
+        let none = (points.is_empty() || forces.is_empty()) && between.is_empty();
+        if (none && self.no_contacts) || !self.settings.truth || !self.poses.due(CONTACTS, self.time) {
             return Ok(());
         }
         self.no_contacts = none;
         if none {
             return Ok(self.rec.log(entities::CONTACTS, &Clear::flat())?);
         }
-        Ok(self.rec.log(entities::CONTACTS, &scene::forces(points, forces))?)
-    }
-
-    /// The image of a camera. An image like the last one is not logged again.
-    pub fn log_tactile(&mut self, camera: usize, image: &TactileImage) -> Result<(), StreamError> {
-        let name = self.camera(camera)?;
-        if self.last_image[camera].as_ref().is_some_and(|last| !tactile::differ(last, image))
-            || !self.images.due(camera, self.time)
-        {
-            return Ok(());
-        }
-        let bytes = tactile::encode(image, self.settings.image_side, self.settings.jpeg_quality)
-            .map_err(|reason| StreamError::Image { what: name.clone(), reason })?;
-        self.last_image[camera] = Some(image.clone());
-        Ok(self.rec.log(entities::tactile(&name), &tactile::archetype(bytes))?)
-    }
-
-    /// The height map (m, row-major, `w` by `h`, row 0 distal) of a camera. An idle one is logged once.
-    pub fn log_height(&mut self, camera: usize, heights: &[f32], w: usize, h: usize) -> Result<(), StreamError> {
-        let name = self.camera(camera)?;
-        let idle = heights.iter().all(|height| height.abs() < self.settings.height_idle);
-        let last = self.last_height[camera];
-        if last == Some(([w, h], true)) && idle || !self.heights.due(camera, self.time) {
-            return Ok(());
-        }
-        let range = self.settings.height_range;
-        let (bytes, place) =
-            tactile::height_image(&self.hand, camera, heights, [w, h], range, self.settings.jpeg_quality)
-                .map_err(|reason| StreamError::Image { what: name.clone(), reason })?;
-        let path = entities::height(&name);
-        if last.is_none_or(|(size, _)| size != [w, h]) {
-            self.rec.log_static(path.as_str(), &place)?;
-        }
-        self.last_height[camera] = Some(([w, h], idle));
-        Ok(self.rec.log(path, &tactile::archetype(bytes))?)
+        Ok(self.rec.log(entities::CONTACTS, &scene::forces(points, forces, between))?)
     }
 
     /// The numbers of this moment.
     pub fn log_scalars(&mut self, frame: &SignalFrame) -> Result<(), StreamError> {
+        if let Some(tensions) = frame.tensions {
+            let pulled = tensions.map(scene::tension_step);
+            if pulled != self.pulled && self.cables.due(CABLES + 1, self.time) {
+                self.pulled = pulled;
+                self.rec.log(entities::CABLES, &scene::cable_colors(&pulled))?;
+            }
+        }
         if self.scalars.due(0, self.time) { signals::log(&self.rec, frame) } else { Ok(()) }
     }
 
     /// A new phase of the trial.
     pub fn log_phase(&mut self, phase: &str) -> Result<(), StreamError> {
+        self.now.set_phase(phase);
+        self.turn_page(true)?;
         phase::log_phase(&self.rec, phase)
     }
 
     /// A line of the log.
     pub fn log_text(&mut self, level: Level, text: &str) -> Result<(), StreamError> {
+        self.now.add(self.time, text);
+        self.turn_page(true)?;
         phase::log_text(&self.rec, level, text)
     }
 
     /// How the trial ended.
     pub fn log_outcome(&mut self, outcome: &str) -> Result<(), StreamError> {
+        self.now.set_outcome(outcome);
+        self.turn_page(true)?;
         phase::log_outcome(&self.rec, outcome)
+    }
+
+    /// Brings the page of what happens now up to date, where it is `due` or time has passed.
+    fn turn_page(&mut self, due: bool) -> Result<(), StreamError> {
+        if !self.pages.due(PAGE, self.time) && !due {
+            return Ok(());
+        }
+        let page = self.now.page(self.time);
+        if page != self.page {
+            self.rec.log(entities::NOW, &TextDocument::from_markdown(page.clone()))?;
+            self.page = page;
+        }
+        Ok(())
     }
 
     /// Writes everything to the end and closes; says if something could not be written.
@@ -286,11 +305,13 @@ impl Recorder {
         Ok(())
     }
 
-    fn pose(&mut self, path: &str, pose: &Isometry3<f64>) -> Result<(), StreamError> {
-        if self.moved.check(path, pose) {
+    /// Logs a pose that has moved; whether it has.
+    fn pose(&mut self, path: &str, pose: &Isometry3<f64>) -> Result<bool, StreamError> {
+        let moved = self.moved.check(path, pose);
+        if moved {
             self.rec.log(path, &scene::transform(pose))?;
         }
-        Ok(())
+        Ok(moved)
     }
 
     fn object(&self, name: &str) -> Result<usize, StreamError> {
@@ -301,49 +322,5 @@ impl Recorder {
     fn camera(&self, index: usize) -> Result<String, StreamError> {
         let camera = self.hand.cameras.get(index).ok_or_else(|| StreamError::Unknown(format!("camera {index}")))?;
         Ok(camera.name.clone())
-    }
-}
-
-/// A recording into all of `targets`, without the clocks that Rerun adds; without targets it takes nothing.
-pub(crate) fn open(targets: &[Target], batches: ChunkBatcherConfig) -> Result<RecordingStream, StreamError> {
-    let sinks: Vec<Box<dyn LogSink>> = targets.iter().map(sink).collect::<Result<_, _>>()?;
-    let rec = RecordingStreamBuilder::new(APPLICATION).enabled(!sinks.is_empty()).batcher_config(batches).buffered()?;
-    rec.set_log_time_enabled(false);
-    rec.set_log_tick_enabled(false);
-    rec.set_sink(Box::new(MultiSink::new(sinks)));
-    Ok(rec)
-}
-
-fn sink(target: &Target) -> Result<Box<dyn LogSink>, StreamError> {
-    let grpc = |address: &str| -> Result<Box<dyn LogSink>, StreamError> {
-        let uri = address.parse().map_err(|_| StreamError::Address(address.to_owned()))?;
-        Ok(Box::new(GrpcSink::new(uri)))
-    };
-    match target {
-        Target::File(path) => {
-            if let Some(folder) = path.parent().filter(|folder| !folder.as_os_str().is_empty()) {
-                std::fs::create_dir_all(folder)
-                    .map_err(|source| StreamError::Unwritable { path: path.clone(), source })?;
-            }
-            let unwritable = |source| StreamError::Unwritable { path: path.clone(), source };
-            match FileSink::new(path) {
-                Ok(file) => Ok(Box::new(file)),
-                Err(rerun::sink::FileSinkError::CreateFile { source, .. }) => Err(unwritable(source)),
-                Err(error) => Err(unwritable(std::io::Error::other(error))),
-            }
-        }
-        Target::Spawn => grpc(&viewer::spawn()?),
-        Target::Connect(address) => grpc(address),
-        Target::Serve(address) => {
-            // The server reports a busy port only in its own thread; ask here.
-            drop(TcpListener::bind(address).map_err(|error| StreamError::Address(format!("{address} ({error})")))?);
-            let server = rerun::grpc_server::GrpcServerSink::new(
-                &address.ip().to_string(),
-                address.port(),
-                rerun::ServerOptions::default(),
-            )
-            .map_err(|_| StreamError::Address(address.to_string()))?;
-            Ok(Box::new(server))
-        }
     }
 }

@@ -1,11 +1,14 @@
 //! The 3D scene: meshes, logged once, and the poses that move them.
 
+use std::collections::BTreeMap;
+
 use hand_model::{Arm, Digit, Hand};
-use nalgebra::{Isometry3, Point3, Vector3};
-use rerun::{AsComponents, Mesh3D, RecordingStream, Transform3D};
+use nalgebra::{Isometry3, Point3, UnitQuaternion, Vector3};
+use rerun::{Arrows3D, AsComponents, LineStrips3D, Mesh3D, RecordingStream, Transform3D};
 
 use crate::entities;
 use crate::error::StreamError;
+use crate::hand_mesh::{self, COARSE, Material, Part};
 use crate::mesh::{DrawnObject, Mesh};
 
 /// Radii of the arm's links, m: base, then links 1 to 7.
@@ -16,10 +19,13 @@ const TABLE_COLOR: [u8; 3] = [126, 116, 104];
 /// Half extents of the table and its centre: in front of the arm.
 const TABLE: ([f64; 3], [f64; 3]) = ([0.5, 0.6, 0.02], [0.40, 0.0, -0.0205]);
 const FORCE_COLOR: [u8; 3] = [255, 214, 10];
-/// How transparent an estimate is drawn, and the colour it tends to.
-const GHOST: ([u8; 3], u8) = ([60, 220, 255], 110);
+const BETWEEN_COLOR: [u8; 3] = [255, 70, 60];
 /// Length of the arrow of a force of 1 N, m.
-const METRES_PER_NEWTON: f64 = 0.02;
+const METRES_PER_NEWTON: f64 = 0.005;
+/// Tension that is drawn in the last of this many colours, N.
+const TAUT: (f64, u8) = (40.0, 16);
+/// Radius of a drawn cable, m.
+const CABLE_RADIUS: f32 = 0.0009;
 
 /// Colours of the digits in all views: thumb, index, middle, ring, little.
 pub const DIGIT_COLORS: [[u8; 3]; 5] = [[230, 85, 80], [240, 160, 50], [105, 185, 90], [80, 150, 230], [175, 115, 220]];
@@ -43,6 +49,14 @@ pub fn transform(pose: &Isometry3<f64>) -> Transform3D {
     Transform3D::from_translation_rotation(t, rerun::Quaternion::from_xyzw([q.x, q.y, q.z, q.w]))
 }
 
+/// A frame that goes with the palm and stays upright, x towards the thumb's side. A palm whose thumb points up or down keeps the
+/// world's axes.
+pub fn beside(palm: &Isometry3<f64>) -> Isometry3<f64> {
+    let thumb = palm * Vector3::x();
+    let heading = if thumb.xy().norm() > 0.1 { thumb.y.atan2(thumb.x) } else { 0.0 };
+    Isometry3::from_parts(palm.translation, UnitQuaternion::from_axis_angle(&Vector3::z_axis(), heading))
+}
+
 pub(crate) fn drawn(mesh: &Mesh, [r, g, b]: [u8; 3], alpha: u8) -> Mesh3D {
     Mesh3D::new(mesh.vertices.iter().copied())
         .with_vertex_normals(mesh.normals.iter().copied())
@@ -53,9 +67,7 @@ pub(crate) fn drawn(mesh: &Mesh, [r, g, b]: [u8; 3], alpha: u8) -> Mesh3D {
 /// Logs everything that does not change its shape.
 pub fn log_static(rec: &RecordingStream, hand: &Hand, arm: &Arm, objects: &[DrawnObject]) -> Result<(), StreamError> {
     rec.log_static(entities::WORLD, &rerun::ViewCoordinates::RIGHT_HAND_Z_UP())?;
-    let (half, center) = TABLE;
-    let table = Mesh::rounded_box(&half.into(), 0.004, &Isometry3::translation(center[0], center[1], center[2]));
-    rec.log_static(entities::TABLE, &drawn(&table, TABLE_COLOR, 255))?;
+    rec.log_static(entities::TABLE, &drawn(&table(), TABLE_COLOR, 255))?;
     log_arm(rec, arm)?;
     log_hand(rec, hand)?;
     for object in objects {
@@ -64,81 +76,130 @@ pub fn log_static(rec: &RecordingStream, hand: &Hand, arm: &Arm, objects: &[Draw
     Ok(())
 }
 
-/// The arm has no mesh files: a capsule runs from each joint to the next.
-fn log_arm(rec: &RecordingStream, arm: &Arm) -> Result<(), StreamError> {
+/// The arm has no mesh files: a capsule runs from each joint to the next. The base first, then each link in its frame.
+pub fn arm_parts(arm: &Arm) -> Vec<Mesh> {
     let joints = &arm.tree.joints;
     let to = |offset: &Isometry3<f64>| Point3::from(offset.translation.vector);
-    if let Some(first) = joints.first() {
-        let foot =
-            Mesh::rounded_box(&Vector3::new(0.075, 0.075, 0.012), 0.006, &Isometry3::translation(0.0, 0.0, 0.012));
-        let base = Mesh::capsule(Point3::new(0.0, 0.0, 0.03), to(&first.origin), ARM_RADII[0]).and(foot);
-        rec.log_static(entities::ARM_BASE, &drawn(&base, ARM_COLORS[1], 255))?;
-    }
+    let foot = Mesh::rounded_box(&Vector3::new(0.075, 0.075, 0.012), 0.006, &Isometry3::translation(0.0, 0.0, 0.012));
+    let shoulder = joints.first().map_or(Point3::origin(), |first| to(&first.origin));
+    let mut parts = vec![Mesh::capsule(Point3::new(0.0, 0.0, 0.03), shoulder, ARM_RADII[0]).and(foot)];
     for k in 0..joints.len() {
         let end = joints.get(k + 1).map_or(&arm.last_from_tool, |joint| &joint.origin);
         let radius = ARM_RADII.get(k + 1).copied().unwrap_or(0.036);
-        let link = Mesh::capsule(Point3::origin(), to(end), radius);
-        rec.log_static(entities::arm_link(k), &drawn(&link, ARM_COLORS[k % 2], 255))?;
+        parts.push(Mesh::capsule(Point3::origin(), to(end), radius));
+    }
+    parts
+}
+
+/// The table's top, world frame.
+pub fn table() -> Mesh {
+    let (half, center) = TABLE;
+    Mesh::rounded_box(&half.into(), 0.004, &Isometry3::translation(center[0], center[1], center[2]))
+}
+
+fn log_arm(rec: &RecordingStream, arm: &Arm) -> Result<(), StreamError> {
+    let parts = arm_parts(arm);
+    rec.log_static(entities::ARM_BASE, &drawn(&parts[0], ARM_COLORS[1], 255))?;
+    for (k, link) in parts[1..].iter().enumerate() {
+        rec.log_static(entities::arm_link(k), &drawn(link, ARM_COLORS[k % 2], 255))?;
     }
     Ok(())
 }
 
-fn cover(shape: &hand_model::hand::CoverShape) -> Mesh3D {
-    drawn(&Mesh::rounded_box(&shape.half, shape.radius, &shape.link_from_cover), COVER_COLOR, 255)
+fn material_color(material: Material) -> [u8; 3] {
+    match material {
+        Material::Palm | Material::Cover => COVER_COLOR,
+        Material::Knuckle => [104, 109, 118],
+        Material::Board => [30, 84, 58],
+        Material::ServoPack => [52, 54, 60],
+    }
+}
+
+/// Meshes of the parts of each link and material, below the path of the link.
+fn log_parts(rec: &RecordingStream, hand: &Hand, path: impl Fn(Option<usize>) -> String) -> Result<(), StreamError> {
+    let mut merged: BTreeMap<(Option<usize>, [u8; 3]), Mesh> = BTreeMap::new();
+    for Part { link, material, mesh } in hand_mesh::parts(hand, COARSE) {
+        let known = merged.entry((link, material_color(material))).or_default();
+        *known = std::mem::take(known).and(mesh);
+    }
+    for (n, ((link, color), mesh)) in merged.iter().enumerate() {
+        rec.log_static(format!("{}/part_{n}", path(*link)), &drawn(mesh, *color, 255))?;
+    }
+    Ok(())
 }
 
 /// The hand alone below `root`, with its joints at `angles` (rad), for good.
 pub(crate) fn log_hand_at(rec: &RecordingStream, root: &str, hand: &Hand, angles: &[f64]) -> Result<(), StreamError> {
     let links = hand.tree.forward(angles);
-    rec.log_static(root, &cover(&hand.palm_cover))?;
-    let path = |link: usize| format!("{root}/{}", hand.tree.joints[link].name);
-    for (link, shape) in hand.covers.iter().enumerate() {
-        let (mesh, pose) = (cover(shape), transform(&links[link]));
-        let both: [&dyn AsComponents; 2] = [&mesh, &pose];
-        rec.log_static(path(link), &both)?;
+    let path = |link: Option<usize>| link.map_or(root.to_owned(), |n| format!("{root}/{}", hand.tree.joints[n].name));
+    for (link, pose) in links.iter().enumerate() {
+        rec.log_static(path(Some(link)), &transform(pose))?;
     }
+    log_parts(rec, hand, path)?;
+    rec.log_static(format!("{root}/cables"), &cables(&hand_mesh::cables(hand, &links), &[0; 5]))?;
     for pad in &hand.pads {
-        let sheet = Mesh::sheet(pad.w, pad.h, 7, 2.5e-4, |x, y| pad.surface_height(x, y));
-        let mesh = drawn(&sheet, link_color(pad.link), 255);
+        let mesh = drawn(&hand_mesh::pad_sheet(pad), link_color(pad.link), 255);
         let pose = transform(&pad.link_from_pad);
         let both: [&dyn AsComponents; 2] = [&mesh, &pose];
-        rec.log_static(format!("{}/{}", pad.link.map_or(root.to_owned(), path), pad.name), &both)?;
+        rec.log_static(format!("{}/{}", path(pad.link), pad.name), &both)?;
     }
     Ok(())
 }
 
 fn log_hand(rec: &RecordingStream, hand: &Hand) -> Result<(), StreamError> {
-    // The servo pack fills the room between flange and palm.
-    let pack = Isometry3::from(Vector3::from(hand.parameters.palm.servo_pack_com));
-    let pack = drawn(&Mesh::rounded_box(&Vector3::new(0.036, 0.018, 0.028), 0.008, &pack), [52, 54, 60], 255);
-    rec.log_static(entities::HAND, &cover(&hand.palm_cover))?;
-    rec.log_static(format!("{}/servo_pack", entities::HAND), &pack)?;
-    for (joint, shape) in hand.tree.joints.iter().zip(&hand.covers) {
-        rec.log_static(entities::hand_link(&joint.name), &cover(shape))?;
-    }
+    let name = |link: usize| hand.tree.joints[link].name.as_str();
+    log_parts(rec, hand, |link| link.map_or(entities::HAND.to_owned(), |link| entities::hand_link(name(link))))?;
     for pad in &hand.pads {
-        let sheet = Mesh::sheet(pad.w, pad.h, 7, 2.5e-4, |x, y| pad.surface_height(x, y));
-        let link = pad.link.map(|link| hand.tree.joints[link].name.as_str());
-        let mesh = drawn(&sheet, link_color(pad.link), 255);
+        let mesh = drawn(&hand_mesh::pad_sheet(pad), [255; 3], 255);
         let pose = transform(&pad.link_from_pad);
         let both: [&dyn AsComponents; 2] = [&mesh, &pose];
-        rec.log_static(entities::pad(link, &pad.name), &both)?;
+        rec.log_static(entities::pad(pad.link.map(name), &pad.name), &both)?;
     }
     Ok(())
 }
 
-/// The ghost that stands for an estimated pose.
-pub fn ghost(object: &DrawnObject) -> Mesh3D {
-    let (tint, alpha) = GHOST;
-    let color = std::array::from_fn(|i| ((u16::from(object.color[i]) + 3 * u16::from(tint[i])) / 4) as u8);
-    drawn(&object.mesh(), color, alpha)
+/// Both runs of each cable (palm frame), coloured by tension steps.
+pub fn cables(runs: &[Vec<Point3<f64>>], steps: &[u8; 5]) -> LineStrips3D {
+    let strip =
+        |run: &Vec<Point3<f64>>| run.iter().map(|p| <[f32; 3]>::from(p.coords.cast::<f32>())).collect::<Vec<_>>();
+    LineStrips3D::new(runs.iter().map(strip)).with_radii([CABLE_RADIUS]).with_colors(colors_of_runs(steps))
 }
 
-/// Contact forces (N) as arrows at their points (m, world).
-pub fn forces(points: &[Point3<f64>], forces: &[Vector3<f64>]) -> rerun::Arrows3D {
-    let vectors = forces.iter().map(|f| <[f32; 3]>::from((f * METRES_PER_NEWTON).cast::<f32>()));
-    rerun::Arrows3D::from_vectors(vectors)
-        .with_origins(points.iter().take(forces.len()).map(|p| <[f32; 3]>::from(p.coords.cast::<f32>())))
-        .with_radii([0.0015f32])
-        .with_colors([FORCE_COLOR])
+/// The colours alone.
+pub fn cable_colors(steps: &[u8; 5]) -> LineStrips3D {
+    LineStrips3D::update_fields().with_colors(colors_of_runs(steps))
+}
+
+fn colors_of_runs(steps: &[u8; 5]) -> Vec<[u8; 3]> {
+    steps.iter().flat_map(|step| [tension_color(f64::from(*step) / f64::from(TAUT.1 - 1)); 2]).collect()
+}
+
+/// A tension (N) in steps that can be told apart.
+pub fn tension_step(tension: f64) -> u8 {
+    ((tension / TAUT.0).clamp(0.0, 1.0) * f64::from(TAUT.1 - 1)).round() as u8
+}
+
+/// Blue without tension, over white to red.
+pub fn tension_color(share: f64) -> [u8; 3] {
+    const SCALE: [[f64; 3]; 3] = [[70.0, 130.0, 230.0], [238.0, 232.0, 222.0], [230.0, 50.0, 40.0]];
+    let x = 2.0 * share.clamp(0.0, 1.0);
+    let below = (x as usize).min(1);
+    let part = x - below as f64;
+    std::array::from_fn(|i| (SCALE[below][i] * (1.0 - part) + SCALE[below + 1][i] * part) as u8)
+}
+
+/// Colours (RGBA) of a pad's sheet.
+pub(crate) fn pad_colors(colors: Vec<u32>) -> Mesh3D {
+    Mesh3D::update_fields().with_vertex_colors(colors)
+}
+
+/// Contact forces (N) as arrows at their points (m, world): on the hand, and between objects.
+pub fn forces(points: &[Point3<f64>], forces: &[Vector3<f64>], between: &[(Point3<f64>, Vector3<f64>)]) -> Arrows3D {
+    let on_hand = points.iter().zip(forces).map(|(point, force)| (*point, *force, FORCE_COLOR));
+    let all = on_hand.chain(between.iter().map(|(point, force)| (*point, *force, BETWEEN_COLOR)));
+    let all: Vec<_> = all.collect();
+    Arrows3D::from_vectors(all.iter().map(|(_, f, _)| <[f32; 3]>::from((f * METRES_PER_NEWTON).cast::<f32>())))
+        .with_origins(all.iter().map(|(p, ..)| <[f32; 3]>::from(p.coords.cast::<f32>())))
+        .with_radii([0.0012f32])
+        .with_colors(all.iter().map(|(.., color)| *color))
 }

@@ -1,23 +1,27 @@
-//! Tactile images and height maps: two pictures of the opened hand, with every camera in its place.
+//! Tactile images, their change and height maps: pictures of the opened hand, with every camera in its place, large where it feels something.
 //!
 //! Images are for looking at: JPEG, at half size, and a pad at which nothing happens is logged once. What is measured in
 //! images must be measured before they come here.
 
-use hand_model::Hand;
 use hand_model::pads::IMAGE_SIZE;
 use hand_model::robot::TactileImage;
+use hand_model::{Digit, Hand};
 use image::codecs::jpeg::JpegEncoder;
 use image::{ExtendedColorType, RgbImage, imageops};
 use rerun::{AsComponents, Boxes2D, EncodedImage, RecordingStream, Transform3D};
 
 use crate::entities;
 use crate::error::StreamError;
-use crate::scene::link_color;
+use crate::scene::{DIGIT_COLORS, link_color};
 
-/// Distance of neighbouring cells, across and down, in the units of the 2D views (image pixels).
-pub const CELL: [f32; 2] = [205.0, 168.0];
-/// Size of an image in its cell.
-pub const SIDE: f32 = 120.0;
+/// Distance of neighbouring cells, across and down, in the units of the 2D views.
+pub const CELL: [f32; 2] = [200.0, 196.0];
+/// Size of the image of a pad that feels something, and of an untouched one.
+pub const SIDE: [f32; 2] = [164.0, 84.0];
+/// Room for the digits' names over the picture.
+pub const HEAD: f32 = 52.0;
+/// Maps that are laid out alike.
+const MAPS: [&str; 3] = [entities::TACTILE, entities::CHANGES, entities::HEIGHTS];
 /// Columns and rows of the picture.
 pub const CELLS: [f32; 2] = [5.0, 4.0];
 /// A channel value that differs by more than this has changed; camera noise stays below.
@@ -41,30 +45,67 @@ pub fn cell(hand: &Hand, camera: usize) -> Option<[f32; 2]> {
     })
 }
 
-/// Logs, once, where each image goes and a frame with its name. `side` is the size of the images in pixels.
-pub fn log_static(rec: &RecordingStream, hand: &Hand, side: usize) -> Result<(), StreamError> {
-    let (mut centers, mut colors, mut names) = (Vec::new(), Vec::new(), Vec::new());
-    for (index, camera) in hand.cameras.iter().enumerate() {
-        let Some([column, row]) = cell(hand, index) else { continue };
-        let [x, y] = [column * CELL[0] + 0.5 * (CELL[0] - SIDE), row * CELL[1]];
-        rec.log_static(entities::tactile(&camera.name), &placed(x, y, SIDE / side as f32))?;
-        centers.push([x + 0.5 * SIDE, y + 0.5 * SIDE]);
-        colors.push(link_color(hand.pads[camera.pad].link));
-        names.push(camera.name.replace('_', " "));
-    }
-    let frame = Boxes2D::from_centers_and_half_sizes(centers.clone(), vec![[0.5 * SIDE + 2.0; 2]; centers.len()])
-        .with_colors(colors.clone())
-        .with_radii([1.0f32])
-        .with_draw_order(50.0f32);
-    // A name hangs below its point, so the point is just under the frame.
-    let label = rerun::Points2D::new(centers.iter().map(|[x, y]| [*x, y + 0.5 * SIDE + 2.0]))
+/// Upper left corner and size of a camera's image.
+fn place(hand: &Hand, camera: usize, active: bool) -> Option<[f32; 3]> {
+    let [column, row] = cell(hand, camera)?;
+    let side = SIDE[usize::from(!active)];
+    Some([column * CELL[0] + 0.5 * (CELL[0] - side), row * CELL[1] + HEAD + 0.5 * (SIDE[0] - side), side])
+}
+
+/// Logs, once, the names of the digits over their columns.
+pub fn log_static(rec: &RecordingStream, hand: &Hand) -> Result<(), StreamError> {
+    let columns = [0.0, 1.0, 2.0, 3.0, 4.0].map(|column| (column + 0.5) * CELL[0]);
+    let names = Digit::ALL.map(Digit::name);
+    // The thumb starts lower.
+    let rows = (0..hand.cameras.len()).filter_map(|camera| cell(hand, camera)).filter(|[column, _]| *column == 0.0);
+    let top = rows.map(|[_, row]| row * CELL[1]).fold(f32::INFINITY, f32::min);
+    let points = columns.iter().enumerate().map(|(n, x)| [*x, if n == 0 && top.is_finite() { top } else { 0.0 }]);
+    let heads = rerun::Points2D::new(points)
         .with_labels(names)
         .with_show_labels(true)
-        .with_colors(colors)
+        .with_colors(DIGIT_COLORS)
         .with_radii([0.5f32]);
-    for root in [entities::TACTILE, entities::HEIGHTS] {
-        rec.log_static(format!("{root}/frames"), &frame)?;
-        rec.log_static(format!("{root}/names"), &label)?;
+    for root in MAPS {
+        rec.log_static(format!("{root}/digits"), &heads)?;
+    }
+    Ok(())
+}
+
+/// Logs where each image goes, large where `active` says that its camera feels something, with frames and the names of those. `side`
+/// is the size of tactile images in pixels.
+pub fn log_cells(
+    rec: &RecordingStream,
+    hand: &Hand,
+    (side, change_side): (usize, usize),
+    active: impl Fn(usize) -> bool,
+) -> Result<(), StreamError> {
+    let (mut centers, mut halves, mut colors) = (Vec::new(), Vec::new(), Vec::new());
+    let (mut labelled, mut labels) = (Vec::new(), Vec::new());
+    for (index, camera) in hand.cameras.iter().enumerate() {
+        let Some([x, y, size]) = place(hand, index, active(index)) else { continue };
+        rec.log(entities::tactile(&camera.name), &placed(x, y, size / side as f32))?;
+        rec.log(entities::change(&camera.name), &placed(x, y, size / change_side as f32))?;
+        centers.push([x + 0.5 * size, y + 0.5 * size]);
+        halves.push([0.5 * size + 2.0; 2]);
+        colors.push(link_color(hand.pads[camera.pad].link));
+        if active(index) {
+            // A name hangs below its point.
+            labelled.push([x + 0.5 * size, y + size - 14.0]);
+            labels.push(camera.name.replace('_', " "));
+        }
+    }
+    let frame = Boxes2D::from_centers_and_half_sizes(centers, halves)
+        .with_colors(colors)
+        .with_radii([1.0f32])
+        .with_draw_order(50.0f32);
+    let names = rerun::Points2D::new(labelled)
+        .with_labels(labels)
+        .with_show_labels(true)
+        .with_radii([0.5f32])
+        .with_draw_order(60.0f32);
+    for root in MAPS {
+        rec.log(format!("{root}/frames"), &frame)?;
+        rec.log(format!("{root}/names"), &names)?;
     }
     Ok(())
 }
@@ -125,13 +166,9 @@ pub fn height_image(
         let cells = (0..step * step).map(|k| heights[(j + k / step) * w + i + k % step]);
         color(cells.sum::<f32>() / ((step * step) as f32 * range)).into()
     });
-    let [column, row] = cell(hand, camera).unwrap_or_default();
-    let scale = SIDE / columns.max(rows) as f32;
-    let place = placed(
-        column * CELL[0] + 0.5 * (CELL[0] - columns as f32 * scale),
-        row * CELL[1] + 0.5 * (SIDE - rows as f32 * scale),
-        scale,
-    );
+    let [x, y, side] = place(hand, camera, true).unwrap_or_default();
+    let scale = side / columns.max(rows) as f32;
+    let place = placed(x + 0.5 * (side - columns as f32 * scale), y + 0.5 * (side - rows as f32 * scale), scale);
     Ok((jpeg(&picture, quality)?, place))
 }
 

@@ -9,7 +9,7 @@ use hand_model::robot::TactileImage;
 use hand_model::{Arm, Hand};
 use nalgebra::{Isometry3, Point3, Vector3};
 use rerun::{
-    Arrows3D, ChunkStore, ChunkStoreConfig, Component, ComponentDescriptor, EncodedImage, EntityPath, Scalars,
+    Arrows3D, ChunkStore, ChunkStoreConfig, Clear, Component, ComponentDescriptor, EncodedImage, EntityPath, Scalars,
     StoreKind, TextLog, Transform3D, components,
 };
 use stream::{DrawnObject, Level, PoseError, Recorder, Settings, SignalFrame, StreamError, Target, TrialProperties};
@@ -85,7 +85,7 @@ fn record(path: &Path, hand: &Hand, arm: &Arm) {
         recorder.log_object("tetrahedron", &pose).expect("logs");
         recorder.log_estimate("tetrahedron", (tick % 50 > 10).then_some(&pose)).expect("logs");
         let force = [Vector3::z()];
-        recorder.log_contacts(&[Point3::origin()], if tick > 100 { &force } else { &[] }).expect("logs");
+        recorder.log_contacts(&[Point3::origin()], if tick > 100 { &force } else { &[] }, &[]).expect("logs");
         let frame = SignalFrame {
             tensions: Some([t; 5]),
             pose_errors: vec![Some(PoseError { mm: t, deg: t })],
@@ -225,4 +225,55 @@ fn nothing_is_needed_to_record_nowhere() {
     recorder.set_time(1.0);
     recorder.log_phase("approach").expect("drops");
     recorder.finish().expect("nothing to write");
+}
+
+/// Height maps and beliefs are taken off when what they speak of is gone, once, and come again.
+#[test]
+fn what_is_gone_is_taken_off() {
+    let folder = tempfile::tempdir().expect("folder");
+    let path = folder.path().join("gone.rrd");
+    let hand = Hand::ftac();
+    let mut recorder = Recorder::create(&path, &hand, &Arm::gen3(), &[tetrahedron()]).expect("opens");
+    for round in 0..2 {
+        let time = f64::from(round);
+        recorder.set_time(time);
+        recorder.log_height(3, &[1e-3; 400], 20, 20).expect("logs");
+        recorder.log_estimate("tetrahedron", Some(&Isometry3::translation(0.1, 0.0, time))).expect("logs");
+        recorder.log_felt("tetrahedron", &(nalgebra::Matrix3::identity() * 1e-6)).expect("logs");
+        for later in [0.4, 0.5] {
+            recorder.set_time(time + later);
+            recorder.clear_heights().expect("logs");
+            recorder.log_estimate("tetrahedron", None).expect("logs");
+        }
+    }
+    recorder.finish().expect("writes");
+    let store = read_back(&path);
+    for entity in [entities::height(&hand.cameras[3].name), entities::estimate("tetrahedron")] {
+        let cleared = rows::<components::ClearIsRecursive>(&store, &entity, Clear::descriptor_is_recursive());
+        assert_eq!(cleared.len(), 2, "{entity}");
+        assert!(cleared.iter().all(|row| row.time.is_some_and(|time| (time % 1.0 - 0.4).abs() < 1e-6)), "{entity}");
+    }
+}
+
+/// Without truth no object and no force is recorded, whatever is handed over.
+#[test]
+fn truth_is_recorded_only_where_it_is_shown() {
+    let folder = tempfile::tempdir().expect("folder");
+    let path = folder.path().join("believed.rrd");
+    let settings = Settings { truth: false, ..Settings::default() };
+    let targets = [Target::File(path.clone())];
+    let mut recorder =
+        Recorder::open(&targets, settings, &Hand::ftac(), &Arm::gen3(), &[tetrahedron()]).expect("opens");
+    recorder.set_time(0.1);
+    recorder.log_object("tetrahedron", &Isometry3::translation(0.1, 0.0, 0.0)).expect("dropped");
+    recorder.log_contacts(&[Point3::origin()], &[Vector3::z()], &[]).expect("dropped");
+    recorder.finish().expect("writes");
+    let store = read_back(&path);
+    let moved = rows::<components::Translation3D>(
+        &store,
+        &entities::object("tetrahedron"),
+        Transform3D::descriptor_translation(),
+    );
+    assert!(moved.is_empty());
+    assert!(rows::<components::Vector3D>(&store, entities::CONTACTS, Arrows3D::descriptor_vectors()).is_empty());
 }

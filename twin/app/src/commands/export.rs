@@ -45,7 +45,7 @@ pub fn rrd(terminal: &Terminal, session: &Path, out: &Path) -> Result<(u64, Opti
     let began = began(session)?;
     let (mut source, report) = ReplaySource::new(Replay::new(Reader::open(session)?)?, task.robot == "hardware");
     let partial = out.with_extension("partial.rrd");
-    let mut recording = Recording::open(&[Target::File(partial.clone())], &bench, &task, began)?;
+    let mut recording = Recording::open(&[Target::File(partial.clone())], &bench, &task, (began, false))?;
     let played = bench.play(&task, &mut source, &mut recording);
     recording.finish()?;
     let (progress, divergence) = report.take().context("the trial ended before the recording began")?;

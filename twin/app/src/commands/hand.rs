@@ -1,6 +1,7 @@
-//! `ftac hand`: checks of the body, closing of any hand, scenes for a second engine.
+//! `ftac hand`: checks of the body, closing of any hand, pictures, scenes for a second engine.
 
 mod close;
+mod picture;
 
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -10,6 +11,7 @@ use hand_model::Hand;
 use lab::hand_check as check;
 
 use self::close::CloseArgs;
+use self::picture::PictureArgs;
 use super::rows::show_rows;
 use crate::terminal::{Outcome, Terminal};
 
@@ -20,6 +22,8 @@ pub enum HandCommand {
     Check(CheckArgs),
     /// Close any hand on a ball: a URDF and a file that says what pulls on its joints.
     Close(CloseArgs),
+    /// Draw the hand in any posture, without a screen.
+    Picture(PictureArgs),
     /// Write scenes for a second engine, with the commands and what ours made of them.
     Export {
         /// Folder for the MJCF files and scenes.json.
@@ -60,6 +64,7 @@ pub fn run(terminal: &Terminal, command: &HandCommand) -> Outcome {
     match command {
         HandCommand::Check(args) => hand_check(terminal, args),
         HandCommand::Close(args) => close::run(terminal, args),
+        HandCommand::Picture(args) => picture::run(terminal, args),
         HandCommand::Export { mjcf } => {
             check::second_engine::export(&Arc::new(Hand::ftac()), mjcf)?;
             eprintln!(

@@ -45,6 +45,9 @@ pub struct TrialArgs {
     /// Where tactile images are rendered.
     #[arg(long, value_enum, default_value_t = TactileBackend::Cpu)]
     pub tactile: TactileBackend,
+    /// Also record the true scene of an emulated robot, whose recording shows what is measured and believed otherwise.
+    #[arg(long)]
+    pub truth: bool,
     /// Recording file for the viewer; default: recordings/combination_N_trial_K_POLICY.rrd. Of hardware it shows what is measured and believed.
     #[arg(long)]
     pub out: Option<PathBuf>,
@@ -108,7 +111,7 @@ pub fn trial(terminal: &Terminal, args: &TrialArgs) -> Outcome {
     if args.live {
         targets.push(stream::Target::Spawn);
     }
-    let mut recording = Recording::open(&targets, &bench, &task, args.robot.began())?;
+    let mut recording = Recording::open(&targets, &bench, &task, (args.robot.began(), args.truth))?;
     let played = match (place, condition) {
         (Some(mut place), _) => bench.play(&task, place.as_mut(), &mut recording).map(|outcome| outcome.record),
         (None, scenarios::Condition::Ideal) => {

@@ -5,11 +5,11 @@ use std::path::Path;
 use anyhow::Result;
 use control::carrier::{Carrier, CarryPhase};
 use sim::robot::Truth;
-use stream::recorder::{Recorder, Target};
+use stream::recorder::{Recorder, Settings, Target};
 use stream::{DrawnObject, Level, TrialProperties};
 
 use super::play::{Policy, Site, TransportRecord, Witness};
-use crate::recording::{Shown, drawn, log_scene, log_signals, settings};
+use crate::recording::{Shown, drawn, log_scene, log_signals};
 
 /// Records one transport.
 pub struct Recorded {
@@ -24,7 +24,8 @@ impl Recorded {
     pub fn open(file: &Path, site: &Site, trial: usize, policy: Policy) -> Result<Self> {
         let drawn: Vec<DrawnObject> = site.transport.ball.iter().map(|ball| drawn(&ball.model(), &ball.name)).collect();
         let targets = [Target::File(file.to_owned())];
-        let mut recorder = Recorder::open(&targets, settings(), &site.world.cell.hand, &site.world.cell.arm, &drawn)?;
+        let mut recorder =
+            Recorder::open(&targets, Settings::default(), &site.world.cell.hand, &site.world.cell.arm, &drawn)?;
         recorder.log_properties(&TrialProperties {
             combination: site.transport.name.clone(),
             trial: trial as u64,

@@ -115,7 +115,10 @@ fn decide_and_play(
             played.at_estimate = played.run.snapshot.robot.truth();
         }
         for text in policy.story().take_announcements() {
-            played.run.tell(&text, policy.felt(), condition, watcher)?;
+            played.run.tell((Some(&text), None), policy.felt(), condition, watcher)?;
+        }
+        if let Some(choice) = policy.story().take_choice() {
+            played.run.tell((None, Some(&choice)), policy.felt(), condition, watcher)?;
         }
         let until = match step {
             Step::Play(until) => until,

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use anyhow::{Result, bail};
 use control::executive::{Executive, Phase};
 use control::perception::{Felt, Grip};
-use control::policy::Injected;
+use control::policy::{Choice, Injected};
 use hand_model::Digit;
 use hand_model::robot::Robot;
 use proving::rehearsal::{PALM, Snapshot, digit_bits, in_hand};
@@ -123,7 +123,7 @@ impl Run {
                     history.see(truth);
                 }
                 let (time, note) = (robot.time(), note.as_deref());
-                watcher.see(&Moment { time, truth: truth.as_ref(), executive, felt, condition, note })
+                watcher.see(&Moment { time, truth: truth.as_ref(), executive, felt, condition, note, choice: None })
             })?;
             // The last tick of a recording may also be the last of a trial.
             if let Some(why) = robot.stopped().filter(|_| executive.phase() < Phase::Done) {
@@ -143,15 +143,21 @@ impl Run {
         })
     }
 
-    /// Tells the watcher what is about to be done, and why.
-    pub fn tell(&self, note: &str, felt: Option<&Felt>, condition: Condition, watcher: &mut dyn Watcher) -> Result<()> {
+    /// Tells the watcher what is about to be done and why, or what was weighed for it.
+    pub fn tell(
+        &self,
+        (note, choice): (Option<&str>, Option<&Choice>),
+        felt: Option<&Felt>,
+        condition: Condition,
+        watcher: &mut dyn Watcher,
+    ) -> Result<()> {
         let Snapshot { robot, executive } = &self.snapshot;
         if !watcher.active() {
             return Ok(());
         }
         let (time, truth) = (robot.time(), robot.truth());
         let condition = Some(condition);
-        watcher.see(&Moment { time, truth: truth.as_ref(), executive, felt, condition, note: Some(note) })
+        watcher.see(&Moment { time, truth: truth.as_ref(), executive, felt, condition, note, choice })
     }
 
     /// What is truly in the hand, as an estimate to inject.

@@ -3,6 +3,7 @@
 use anyhow::Result;
 use control::executive::Executive;
 use control::perception::Felt;
+use control::policy::Choice;
 use scenarios::record::{Condition, TrialRecord};
 use sim::robot::Truth;
 
@@ -20,6 +21,8 @@ pub struct Moment<'a> {
     pub condition: Option<Condition>,
     /// What was just decided or done.
     pub note: Option<&'a str>,
+    /// What was just weighed and chosen.
+    pub choice: Option<&'a Choice>,
 }
 
 /// Sees every tick of a trial.

@@ -17,7 +17,7 @@ use scenarios::tries::Attempt;
 use touch::{InHand, PoseEstimate};
 
 use super::reach::{Wanted, within_reach};
-use super::{Injected, Knowledge, Policy, PolicyError, Step, Story};
+use super::{Choice, Injected, Knowledge, Policy, PolicyError, Step, Story};
 use crate::collision::Solid;
 use crate::executive::{Executive, Phase};
 use crate::odds::{Aimed, Belief};
@@ -210,7 +210,9 @@ impl<'a> Touch<'a> {
             };
             let decision = self.choose(executive, &within, felt)?;
             self.story.risk.get_or_insert(decision.plan.risk);
-            if decision.chosen.held < decision.chosen.risk {
+            let declined = decision.chosen.held < decision.chosen.risk;
+            self.story.choice = Some(Choice::of(&decision, declined));
+            if declined {
                 return self.way_out(executive, &decision);
             }
             let attempt = attempt(&decision, felt);

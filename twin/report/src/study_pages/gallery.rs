@@ -7,7 +7,7 @@ use grasping::synthesis::collection::Collection;
 use grasping::synthesis::held::pose_from_array;
 use hand_model::Hand;
 use image::RgbImage;
-use nalgebra::{Isometry3, Point3, UnitVector3, Vector3};
+use nalgebra::{Point3, UnitVector3, Vector3};
 use proving::synthesis::parts::table;
 use proving::synthesis::subject::TEST_FRICTION;
 use scenarios::objects::{ObjectModel, ObjectSet};
@@ -16,7 +16,7 @@ use study::kinds::{Kind, kinds};
 
 use crate::html::escape;
 use crate::picture::{self, Picture, View};
-use crate::{style, write_whole};
+use crate::{pictures, style, write_whole};
 
 /// Sizes of a picture: an object's, a grasp's, pixels.
 const OBJECT_PICTURE: u32 = 200;
@@ -66,17 +66,7 @@ pub fn shown(kind: &Kind<'_>) -> ShownGrasp {
 
 /// A picture of an object on its own, as it rests.
 fn object_picture(model: &ObjectModel, line: &str) -> RgbImage {
-    let view = View {
-        eye: Vector3::new(0.75, -0.9, 0.75).normalize(),
-        up: Vector3::z(),
-        center: Point3::origin(),
-        width: OBJECT_WIDTH,
-    };
-    let mut picture = Picture::new(OBJECT_PICTURE, view);
-    let (vertices, triangles, normals) = model.shape.triangles();
-    let color = model.color.map(f64::from);
-    picture.triangles(&Isometry3::from_parts(Default::default(), model.rest), &vertices, &triangles, &normals, color);
-    picture.finish(&format!("{}\n{line}", model.name))
+    pictures::object(model, OBJECT_PICTURE, OBJECT_WIDTH, &format!("{}\n{line}", model.name))
 }
 
 /// A picture of a grasp: hand, object, contact points and cones.

@@ -1,0 +1,42 @@
+//! Pictures and films that need no screen: `ftac hand picture`, `ftac demo`.
+
+use std::fs;
+
+use e2e::{ftac, stderr};
+use tempfile::tempdir;
+
+#[test]
+fn the_hand_is_drawn_in_any_posture() {
+    let folder = tempdir().expect("a folder");
+    let draw = |name: &str, pose: &str| {
+        let file = folder.path().join(name);
+        let path = file.to_str().expect("UTF-8");
+        let output = ftac(&["hand", "picture", "--pose", pose, "--view", "palm,back", "--size", "128", "--out", path])
+            .output()
+            .expect("runs");
+        assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+        image::open(&file).expect("a picture").to_rgb8()
+    };
+    let (open, fist) = (draw("open.png", "open"), draw("fist.png", "85"));
+    assert_eq!((open.width(), open.height()), (256, 128));
+    // Of stretched fingers more is seen.
+    let ink = |image: &image::RgbImage| image.pixels().filter(|pixel| pixel.0[0] < 240).count();
+    assert!(ink(&open) > ink(&fist) && ink(&fist) > 2000, "{} {}", ink(&open), ink(&fist));
+    let wrong = ftac(&["hand", "picture", "--pose", "claw", "--out", "x.png"]).output().expect("runs");
+    assert_eq!(wrong.status.code(), Some(2));
+    assert!(stderr(&wrong).contains("--pose: found `claw`"), "{}", stderr(&wrong));
+}
+
+#[test]
+fn a_demo_without_a_viewer_is_a_page_with_two_films() {
+    let folder = tempdir().expect("a folder");
+    let path = folder.path().to_str().expect("UTF-8");
+    let output = ftac(&["demo", "--no-viewer", "--out", path]).output().expect("runs");
+    assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+    let page = fs::read_to_string(folder.path().join("index.html")).expect("a page");
+    assert!(page.matches("data:image/jpeg;base64,").count() > 60 && page.matches("class=\"film\"").count() == 2);
+    assert!(!page.contains("src=\"http"), "one file, nothing fetched");
+    for name in ["blind.png", "touch.png", "blind.rrd", "touch.rrd"] {
+        assert!(fs::metadata(folder.path().join(name)).expect(name).len() > 10_000, "{name}");
+    }
+}

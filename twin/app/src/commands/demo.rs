@@ -1,0 +1,134 @@
+//! `ftac demo`: one trial, touch beside blind, in the viewer or as a page with a film.
+
+use std::path::PathBuf;
+
+use anyhow::{Context as _, Result, bail};
+use bench::body::Task;
+use bench::builtin::make_bench;
+use bench::recording::{Began, Recording};
+use bench::trial::filming::{All, Filming};
+use clap::Args;
+use nalgebra::Point3;
+use report::film::{self, Film, Stage};
+use scenarios::{Condition, Scenario, TrialRecord};
+use stream::Target;
+use stream::viewer;
+
+use crate::terminal::{Outcome, Terminal};
+
+/// Frames a second, and their size in pixels.
+const FILM: (f64, u32) = (3.0, 340);
+/// Stills in a strip, and their size in pixels.
+const STRIP: (usize, u32) = (5, 220);
+const COMPARED: [Condition; 2] = [Condition::Blind, Condition::Touch];
+
+/// Arguments of `demo`.
+#[derive(Debug, Args)]
+pub struct DemoArgs {
+    /// Number of the combination, from 0.
+    #[arg(default_value_t = 0)]
+    pub combination: usize,
+    /// Number of the trial, from 0.
+    #[arg(long, default_value_t = 0)]
+    pub trial: usize,
+    /// Folder for the page, the strips of stills and the recordings.
+    #[arg(long, default_value = "recordings/demo")]
+    pub out: PathBuf,
+    /// Only write files, though there is a viewer.
+    #[arg(long)]
+    pub no_viewer: bool,
+}
+
+/// Plays one trial blind and with touch, with the same errors, and shows it.
+pub fn run(terminal: &Terminal, args: &DemoArgs) -> Outcome {
+    let quiet = terminal.quiet || terminal.json;
+    let combos = (args.combination + 1).min(60);
+    let bench = make_bench(Scenario::benchmark(), combos, terminal.seed, quiet)?;
+    let Some(plan) = bench.plans.plans.get(args.combination) else {
+        bail!("COMBO: found {}, expected 0 to {}", args.combination, bench.plans.plans.len() - 1);
+    };
+    std::fs::create_dir_all(&args.out).with_context(|| args.out.display().to_string())?;
+    let program = if args.no_viewer { None } else { viewer::find() };
+    let mut recordings = Vec::new();
+    let mut files = Vec::new();
+    for condition in COMPARED {
+        let file = args.out.join(format!("{condition}.rrd"));
+        let mut targets = vec![Target::File(file.clone())];
+        targets.extend(program.is_some().then_some(Target::Spawn));
+        let task = Task {
+            robot: "sim".to_owned(),
+            seed: terminal.seed,
+            combination: args.combination,
+            trial: args.trial,
+            condition,
+            watched: true,
+            combos,
+            scenario: scenarios::scenario::BENCHMARK.to_owned(),
+        };
+        recordings.push(Recording::open(&targets, &bench, &task, (Began::Never, true))?);
+        files.push(file);
+    }
+    let mut films = COMPARED.map(|condition| Filming::new(condition, FILM.0));
+    let mut watchers = All(Vec::new());
+    watchers.0.extend(recordings.iter_mut().map(|one| one as _));
+    watchers.0.extend(films.iter_mut().map(|one| one as _));
+    let results = bench.trial(args.combination, args.trial, &COMPARED, &[], &mut watchers)?;
+    recordings.into_iter().try_for_each(Recording::finish)?;
+    let world = &bench.world;
+    let objects = vec![world.object(&plan.first)?, world.object(&plan.second)?];
+    let stage = Stage { hand: &world.cell.hand, arm: &world.cell.arm, objects };
+    let films = films.map(|filming| filming.film);
+    let page = write(&stage, &films, args, (terminal.seed, [&plan.first, &plan.second]))?;
+    tell(terminal, &results.records, &page)?;
+    if program.is_none() && !quiet {
+        eprintln!("no viewer: open {} in a browser", page.display());
+    }
+    Ok(None)
+}
+
+/// Writes the page and the strips; the page's path.
+fn write(stage: &Stage, films: &[Film], args: &DemoArgs, (seed, names): (u64, [&String; 2])) -> Result<PathBuf> {
+    let (count, size) = STRIP;
+    for film in films {
+        let file = args.out.join(format!("{}.png", film.title));
+        report::picture::save(&stage.strip(film, count, size), &file)?;
+    }
+    let center = Point3::new(0.03, -0.01, 0.0);
+    let view = report::picture::View::palm().at(center, 0.27);
+    let mut hand = report::picture::Picture::new(420, view);
+    hand.hand_with(stage.hand, &vec![0.25; stage.hand.tree.len()], report::picture::configuration_color);
+    report::picture::save(&hand.finish(""), &args.out.join("hand.png"))?;
+    let [first, second] = names.map(|name| name.replace('_', " "));
+    let about = format!(
+        "<p>The hand takes the {first} with ring and little finger, keeps it, and takes the {second} with thumb, index and middle \
+         finger. Arm and eyes err by some millimetres, alike in both films. <b>Blind</b> carries out the plan. <b>Touch</b> comes \
+         down on each object until a pad feels it, estimates how the first one sits in the hand from the tactile images, and chooses \
+         the grasp and the aim whose odds are best.</p>\n<p>The hand and the task are those of Zhao et al., <i>Embedding \
+         high-resolution touch across robotic hands enables adaptive human-like grasping</i>, Nature Machine Intelligence, 2025 \
+         (<a href=\"https://doi.org/10.1038/s42256-025-01053-3\">doi:10.1038/s42256-025-01053-3</a>). This is a simulation; one trial \
+         says nothing about rates, <code>ftac bench</code> does.</p>\n<p>Made by <code>ftac demo {} --trial {} --seed {seed}</code>; \
+         the recordings beside this page open with <code>ftac view</code>.</p>",
+        args.combination, args.trial
+    );
+    let (rate, size) = FILM;
+    let title = format!("{first}, then {second}: blind beside touch");
+    let html = film::page(stage, films, (size, rate), (&title, &about))?;
+    let page = args.out.join("index.html");
+    report::write_whole(&page, html.as_bytes())?;
+    Ok(page)
+}
+
+fn tell(terminal: &Terminal, records: &[TrialRecord], page: &std::path::Path) -> Result<()> {
+    if terminal.json {
+        println!("{}", serde_json::json!({ "page": page, "trials": records }));
+        return Ok(());
+    }
+    for record in records {
+        let contact = if record.contact { ", with an unwanted contact" } else { "" };
+        let cause = record.cause.map_or(String::new(), |cause| format!(" ({cause})"));
+        let outcome = if record.success { "both objects held".to_owned() } else { format!("failed{cause}") };
+        println!("{:6} {outcome}{contact}", record.condition.name());
+    }
+    println!("{}: the film; {}: the recordings", page.display(), page.with_file_name("*.rrd").display());
+    Ok(())
+}

@@ -1,0 +1,106 @@
+//! What a controller believes and weighs, recorded as long as it speaks of something that is there.
+
+use anyhow::Result;
+use control::perception::Felt;
+use control::policy::Choice;
+use control::strategy::Course;
+use scenarios::phase::Phase;
+use stream::belief::Way;
+use stream::now::Weighed;
+use stream::recorder::Recorder;
+use touch::PoseEstimate;
+
+/// Which phases a belief about the object in the hand lasts through: from its grasp until it is put down or taken anew.
+fn holds(phase: Phase) -> bool {
+    phase >= Phase::LiftFirst
+}
+
+/// Which phases a decision is about.
+fn decides(phase: Phase) -> bool {
+    (Phase::Decide..=Phase::LiftSecond).contains(&phase)
+}
+
+/// What was recorded last.
+#[derive(Default)]
+pub struct Beliefs {
+    /// Cost and patches of the estimate that was recorded, which tell it from others.
+    estimate: Option<(f64, usize)>,
+    /// Whether a decision is shown.
+    weighing: bool,
+}
+
+impl Beliefs {
+    /// Records a new estimate of the object `name` with its height maps, and takes off what has become void. The estimate as far as it
+    /// still holds: an object that was felt to be gone, or was put down, has no place in the hand.
+    pub fn see<'a>(
+        &mut self,
+        recorder: &mut Recorder,
+        name: &str,
+        phase: Phase,
+        felt: Option<&'a Felt>,
+    ) -> Result<Option<&'a Felt>> {
+        let felt = felt.filter(|felt| felt.grip.first && holds(phase));
+        let known = felt.map(|felt| (felt.estimate.cost, felt.estimate.patches));
+        if known != self.estimate {
+            self.estimate = known;
+            recorder.clear_heights()?;
+            if let Some(felt) = felt {
+                for map in felt.touches.iter().flat_map(|touch| &touch.heights) {
+                    recorder.log_height(map.camera, &map.height, 240, 240)?;
+                }
+                let PoseEstimate { palm_from_object, covariance, .. } = &felt.estimate;
+                let turn = palm_from_object.rotation.to_rotation_matrix().into_inner();
+                recorder.log_felt(name, &(turn.transpose() * covariance.fixed_view::<3, 3>(0, 0) * turn))?;
+            }
+        }
+        if self.weighing && !decides(phase) {
+            self.weighing = false;
+            recorder.log_options(Vec::new())?;
+            recorder.log_ways(name, &Way::default(), &Way::default())?;
+        }
+        Ok(felt)
+    }
+
+    /// Records a decision about the way of the object `name` in the hand.
+    pub fn weighs(&mut self, recorder: &mut Recorder, name: &str, choice: &Choice) -> Result<()> {
+        self.weighing = true;
+        let marked = |n: usize, planned: bool| match (choice.chosen == Some(n), planned) {
+            (true, true) => "plan, chosen",
+            (true, false) => "chosen",
+            (false, true) => "plan",
+            (false, false) => "",
+        };
+        let options = choice.weighed.iter().enumerate().map(|(n, option)| Weighed {
+            grasp: option.grasp,
+            aim: [option.aim.x * 1e3, option.aim.y * 1e3],
+            clearance: option.clearance.filter(|clearance| clearance.is_finite()).map(|clearance| clearance * 1e3),
+            risk: option.risk,
+            held: option.held,
+            worth: option.utility,
+            mark: marked(n, option.planned),
+        });
+        recorder.log_options(options.collect())?;
+        let way = |course: &Option<Course>| {
+            course
+                .as_ref()
+                .map_or_else(Way::default, |course| Way { poses: course.poses.clone(), nearest: course.nearest })
+        };
+        recorder.log_ways(name, &way(&choice.rejected), &way(&choice.course))?;
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// With the hand open, and while an object is put down or taken anew, nothing is believed to be in it.
+    #[test]
+    fn beliefs_last_while_something_is_held() {
+        for phase in [Phase::PutDown, Phase::StepAside, Phase::Begin, Phase::LocateFirst, Phase::ApproachFirst] {
+            assert!(!holds(phase) && !decides(phase), "{}", phase.name());
+        }
+        assert!(holds(Phase::Carry) && !decides(Phase::Carry));
+        assert!(holds(Phase::ApproachSecond) && decides(Phase::ApproachSecond));
+    }
+}

@@ -1,0 +1,93 @@
+//! A watcher that keeps where everything was, for a film.
+
+use anyhow::Result;
+use hand_model::ARM_JOINTS;
+use report::film::{Film, Frame};
+use scenarios::record::{Condition, TrialRecord};
+
+use super::{Means, Moment, Watcher};
+
+/// Films the branch of one condition on a body whose truth is known.
+pub struct Filming {
+    condition: Condition,
+    /// Time between frames, s.
+    period: f64,
+    /// The film so far.
+    pub film: Film,
+}
+
+impl Filming {
+    /// Takes `rate` frames a second of `condition`.
+    pub fn new(condition: Condition, rate: f64) -> Self {
+        let film = Film { title: condition.name().to_owned(), ..Film::default() };
+        Self { condition, period: 1.0 / rate, film }
+    }
+}
+
+impl Watcher for Filming {
+    fn active(&self) -> bool {
+        true
+    }
+
+    fn see(&mut self, moment: &Moment) -> Result<()> {
+        let begins_otherwise = || Means::of(self.condition).is_some_and(Means::begin_otherwise);
+        if moment.condition.map_or_else(begins_otherwise, |condition| condition != self.condition) {
+            return Ok(());
+        }
+        if let Some(note) = moment.note {
+            self.film.notes.push((moment.time, note.to_owned()));
+        }
+        let due = self.film.frames.last().is_none_or(|last| moment.time - last.time >= self.period - 1e-9);
+        if let Some(truth) = moment.truth.filter(|_| due) {
+            let (arm, hand) = truth.links.split_at(ARM_JOINTS);
+            let inverse = truth.palm.inverse();
+            self.film.frames.push(Frame {
+                time: moment.time,
+                phase: moment.executive.phase().name().to_owned(),
+                arm: arm.to_vec(),
+                palm: truth.palm,
+                links: hand.iter().map(|link| inverse * link).collect(),
+                objects: truth.objects.clone(),
+            });
+        }
+        Ok(())
+    }
+
+    fn branch(&mut self, _: Condition) -> Result<()> {
+        Ok(())
+    }
+
+    fn outcome(&mut self, record: &TrialRecord) -> Result<()> {
+        if record.condition == self.condition {
+            let contact = if record.contact { ", an unwanted contact" } else { "" };
+            let text = match (record.success, record.cause) {
+                (true, _) => format!("both objects held{contact}"),
+                (false, Some(cause)) => format!("failed: {cause}{contact}"),
+                (false, None) => format!("failed{contact}"),
+            };
+            self.film.outcome = (text, record.clean_success);
+        }
+        Ok(())
+    }
+}
+
+/// Several watchers of one trial.
+pub struct All<'a>(pub Vec<&'a mut dyn Watcher>);
+
+impl Watcher for All<'_> {
+    fn active(&self) -> bool {
+        self.0.iter().any(|one| one.active())
+    }
+
+    fn see(&mut self, moment: &Moment) -> Result<()> {
+        self.0.iter_mut().try_for_each(|one| one.see(moment))
+    }
+
+    fn branch(&mut self, condition: Condition) -> Result<()> {
+        self.0.iter_mut().try_for_each(|one| one.branch(condition))
+    }
+
+    fn outcome(&mut self, record: &TrialRecord) -> Result<()> {
+        self.0.iter_mut().try_for_each(|one| one.outcome(record))
+    }
+}

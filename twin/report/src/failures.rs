@@ -1,0 +1,60 @@
+//! Why trials failed, with links to recordings of it.
+
+use std::collections::BTreeSet;
+use std::path::Path;
+
+use scenarios::statistics::Summary;
+use scenarios::{Condition, FailureCause, TrialRecord};
+
+use super::findings::harmless_contacts;
+use super::html::{Column, Table, escape};
+
+/// The section; `folder` may hold recordings.
+pub fn section(summary: &Summary, records: &[TrialRecord], folder: &Path) -> String {
+    let by_condition = Condition::ALL.map(|condition| summary.conditions.of(condition));
+    let causes: BTreeSet<FailureCause> = by_condition.iter().flat_map(|one| one.failures.keys().copied()).collect();
+    let mut head = vec![("cause", Column::Words)];
+    head.extend(Condition::ALL.map(|condition| (condition.name(), Column::Numbers)));
+    let mut table = Table::new("Failed trials by cause", &head);
+    let recorded = recorded(folder);
+    let mut row = |name: String, counts: [usize; Condition::ALL.len()]| {
+        let mut cells = vec![name];
+        cells.extend(counts.map(|count| count.to_string()));
+        table.row(&cells);
+    };
+    for cause in causes {
+        row(cause.to_string(), by_condition.map(|one| one.failures.get(&cause).copied().unwrap_or(0)));
+    }
+    let failed = |condition: Condition| records.iter().filter(|r| r.condition == condition && !r.success).count();
+    row("all failed trials".to_string(), Condition::ALL.map(failed));
+    row("all trials".to_string(), by_condition.map(|one| one.trials));
+    let harmless: Vec<String> = Condition::ALL
+        .into_iter()
+        .map(|condition| (condition, harmless_contacts(records, condition)))
+        .filter(|(_, (touched, _))| *touched > 0)
+        .map(|(condition, (touched, succeeded))| format!("{condition}: {succeeded} of {touched}"))
+        .collect();
+    let note = match harmless.is_empty() {
+        true => "No trial had an unwanted contact.".to_string(),
+        false => format!("Trials that succeeded in spite of a contact: {}.", harmless.join("; ")),
+    };
+    let links = match recorded.is_empty() {
+        true => "No failure was recorded; <code>--record causes</code> records one of each.".to_string(),
+        false => format!("A recording of each, to open with <code>ftac view</code>: {}.", recorded.join(", ")),
+    };
+    format!("<h2 id=\"failures\">Why trials failed</h2>\n{}<p>{}</p>\n<p>{links}</p>\n", table.finish(), escape(&note))
+}
+
+/// Links to the recordings that `causes.csv` names: one of each cause and condition.
+fn recorded(folder: &Path) -> Vec<String> {
+    let Ok(text) = std::fs::read_to_string(folder.join("causes.csv")) else { return Vec::new() };
+    let fields = text
+        .lines()
+        .skip(1)
+        .filter_map(|line| line.split_once(',').and_then(|(a, rest)| Some((a, rest.rsplit_once(',')?))));
+    fields
+        .map(|(condition, (cause, file))| {
+            format!("<a href=\"{}\">{}: {}</a>", escape(file), escape(condition), escape(cause))
+        })
+        .collect()
+}

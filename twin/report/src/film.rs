@@ -1,0 +1,228 @@
+//! Films of trials, drawn without a screen: as a page that plays them side by side, and as strips of stills.
+
+use std::sync::Arc;
+
+use anyhow::{Context as _, Result};
+use hand_model::{Arm, Hand};
+use image::codecs::jpeg::JpegEncoder;
+use image::{ExtendedColorType, RgbImage};
+use nalgebra::{Isometry3, Point3, Vector3};
+use scenarios::objects::ObjectModel;
+use stream::mesh::Mesh;
+
+use crate::html::{data_uri, escape};
+use crate::picture::{Picture, View, tile};
+use crate::style;
+
+const TABLE: [f64; 3] = [206.0, 196.0, 182.0];
+const ARM: [[f64; 3]; 2] = [[214.0, 217.0, 222.0], [172.0, 177.0, 185.0]];
+/// JPEG quality of a frame.
+const QUALITY: u8 = 72;
+
+/// Where everything was at one time. World frame but for the hand's links, which are in the palm's.
+#[derive(Debug, Clone)]
+pub struct Frame {
+    /// s.
+    pub time: f64,
+    pub phase: String,
+    pub arm: Vec<Isometry3<f64>>,
+    pub palm: Isometry3<f64>,
+    pub links: Vec<Isometry3<f64>>,
+    pub objects: Vec<Isometry3<f64>>,
+}
+
+/// One trial.
+#[derive(Debug, Clone, Default)]
+pub struct Film {
+    /// Over it.
+    pub title: String,
+    /// How it ended, and whether that was good.
+    pub outcome: (String, bool),
+    pub frames: Vec<Frame>,
+    /// What was said, and when, s.
+    pub notes: Vec<(f64, String)>,
+}
+
+/// What does not change in a film.
+pub struct Stage<'a> {
+    pub hand: &'a Hand,
+    pub arm: &'a Arm,
+    pub objects: Vec<Arc<ObjectModel>>,
+}
+
+impl Stage<'_> {
+    /// A still of `size` pixels around `center` (m), `width` m wide.
+    pub fn still(&self, frame: &Frame, size: u32, (center, width): (Point3<f64>, f64)) -> RgbImage {
+        let eye = Vector3::new(0.30, -0.88, 0.36).normalize();
+        let mut picture = Picture::new(size, View { eye, up: Vector3::z(), center, width });
+        let mesh = |mesh: &Mesh| -> (Vec<Point3<f64>>, Vec<Vector3<f64>>) {
+            let vertices = mesh.vertices.iter().map(|v| Point3::from(*v).cast());
+            (vertices.collect(), mesh.normals.iter().map(|n| Vector3::from(*n).cast()).collect())
+        };
+        let table = stream::scene::table();
+        let (vertices, normals) = mesh(&table);
+        picture.triangles(&Isometry3::identity(), &vertices, &table.triangles, &normals, TABLE);
+        let base = Isometry3::identity();
+        for (k, (part, pose)) in
+            stream::scene::arm_parts(self.arm).iter().zip(std::iter::once(&base).chain(&frame.arm)).enumerate()
+        {
+            let (vertices, normals) = mesh(part);
+            picture.triangles(pose, &vertices, &part.triangles, &normals, ARM[k % 2]);
+        }
+        for (model, pose) in self.objects.iter().zip(&frame.objects) {
+            let (vertices, triangles, normals) = model.shape.triangles();
+            picture.triangles(pose, &vertices, &triangles, &normals, model.color.map(f64::from));
+        }
+        picture
+            .hand_at(self.hand, (&frame.palm, &frame.links), |pad| stream::scene::link_color(pad.link).map(f64::from));
+        picture.finish("")
+    }
+
+    /// What a film shows all of: the objects where they begin, and the hand over them.
+    fn around(film: &Film) -> (Point3<f64>, f64) {
+        let Some(first) = film.frames.first() else { return (Point3::origin(), 1.0) };
+        let sum: Vector3<f64> = first.objects.iter().map(|pose| pose.translation.vector).sum();
+        let mut center = Point3::from(sum / first.objects.len().max(1) as f64);
+        center.z += 0.11;
+        (center, 0.56)
+    }
+
+    /// `count` stills side by side: evenly over the time from the first approach to the end, closer to the hand.
+    pub fn strip(&self, film: &Film, count: usize, size: u32) -> RgbImage {
+        let last = film.frames.len().saturating_sub(1);
+        let chosen = (0..count).map(|n| last * (n + 1) / (count + 1).max(2) + last / (2 * (count + 1).max(2)));
+        let stills: Vec<RgbImage> = chosen
+            .filter_map(|index| film.frames.get(index))
+            .map(|frame| {
+                let at = frame.palm.translation.vector - Vector3::z() * 0.05;
+                self.still(frame, size, (Point3::from(at), 0.34))
+            })
+            .collect();
+        tile(&stills, count)
+    }
+
+    /// All frames of a film as JPEG, on all cores.
+    fn frames(&self, film: &Film, size: u32) -> Result<Vec<Vec<u8>>> {
+        let around = Self::around(film);
+        let cores = std::thread::available_parallelism().map_or(1, usize::from);
+        let share = film.frames.len().div_ceil(cores).max(1);
+        let draw = |frames: &[Frame]| -> Result<Vec<Vec<u8>>> {
+            frames.iter().map(|frame| jpeg(&self.still(frame, size, around))).collect()
+        };
+        let parts = std::thread::scope(|scope| {
+            let workers: Vec<_> = film.frames.chunks(share).map(|frames| scope.spawn(move || draw(frames))).collect();
+            workers.into_iter().map(|worker| worker.join()).collect::<Vec<_>>()
+        });
+        let mut all = Vec::new();
+        for part in parts {
+            all.extend(part.map_err(|_| anyhow::anyhow!("a frame could not be drawn"))??);
+        }
+        Ok(all)
+    }
+}
+
+fn jpeg(image: &RgbImage) -> Result<Vec<u8>> {
+    let mut bytes = Vec::new();
+    JpegEncoder::new_with_quality(&mut bytes, QUALITY)
+        .encode(image.as_raw(), image.width(), image.height(), ExtendedColorType::Rgb8)
+        .context("a frame of the film")?;
+    Ok(bytes)
+}
+
+/// A page that plays `films` side by side, frames of `size` pixels, `rate` Hz apart; `about` is the text over them (HTML).
+pub fn page(stage: &Stage, films: &[Film], (size, rate): (u32, f64), (title, about): (&str, &str)) -> Result<String> {
+    let (mut columns, mut data) = (String::new(), String::new());
+    for (n, film) in films.iter().enumerate() {
+        let frames = stage.frames(film, size)?;
+        let first = frames.first().map_or(String::new(), |bytes| data_uri("image/jpeg", bytes));
+        let (outcome, good) = &film.outcome;
+        columns += &format!(
+            "<figure class=\"film\"><h2>{}</h2><img id=\"f{n}\" width=\"{size}\" height=\"{size}\" src=\"{first}\" alt=\"{}\">\
+             <figcaption><b id=\"p{n}\"></b><br><span class=\"{}\">{}</span><ol id=\"n{n}\">{}</ol></figcaption></figure>\n",
+            escape(&film.title),
+            escape(&format!("film of the trial, {}", film.title)),
+            if *good { "good" } else { "bad" },
+            escape(outcome),
+            film.notes
+                .iter()
+                .map(|(at, note)| format!("<li data-t=\"{at:.2}\">{at:.1} s: {}</li>", escape(note)))
+                .collect::<String>(),
+        );
+        let words: Vec<String> =
+            film.frames.iter().map(|frame| format!("{:.1} s: {}", frame.time, frame.phase)).collect();
+        let uris: Vec<String> = frames.iter().map(|bytes| data_uri("image/jpeg", bytes)).collect();
+        data += &format!(
+            "films.push({{frames:{},words:{},times:{}}});\n",
+            serde_json::to_string(&uris)?,
+            serde_json::to_string(&words)?,
+            serde_json::to_string(&film.frames.iter().map(|frame| frame.time).collect::<Vec<_>>())?,
+        );
+    }
+    Ok(format!(
+        "<!DOCTYPE html>\n<html lang=\"en\"><head><meta charset=\"utf-8\"><meta name=\"viewport\" content=\"width=device-width, \
+         initial-scale=1\">\n<title>{0}</title><style>{1}{2}{FILM_STYLE}</style></head>\n<body><main><h1>{0}</h1>\n{about}\n\
+         <div class=\"films\">\n{columns}</div>\n<p class=\"player\"><button id=\"play\">Pause</button> <input id=\"at\" type=\"range\" \
+         min=\"0\" value=\"0\" aria-label=\"time\"></p>\n</main>\n<script>const films=[];const rate={rate};\n{data}{FILM_SCRIPT}</script>\n\
+         </body></html>\n",
+        escape(title),
+        style::FIGURE,
+        style::PAGE,
+    ))
+}
+
+const FILM_STYLE: &str = "
+.films{display:grid;grid-template-columns:repeat(auto-fit,minmax(min(100%,340px),1fr));gap:20px}
+.film h2{border:0;margin:12px 0 6px}.film img{width:100%;height:auto;border-radius:6px;background:var(--tint);display:block}
+.film figcaption{min-height:5em}.film ol{list-style:none;margin:6px 0 0;padding:0;font-size:.86rem}
+.film li{opacity:.35}.film li.said{opacity:1}.good{color:var(--touch);font-weight:600}.bad{color:var(--blind);font-weight:600}
+.player{display:flex;gap:12px;align-items:center;max-width:none}.player input{flex:1}
+@media print{.player{display:none}.film li{opacity:1}}
+";
+
+const FILM_SCRIPT: &str = "
+const last=Math.max(...films.map(f=>f.frames.length))-1,slider=document.getElementById('at'),button=document.getElementById('play');
+slider.max=last;let now=Math.min(last,Math.round(+(location.hash.slice(1)||0)*rate)),playing=!location.hash;
+function show(){films.forEach((f,i)=>{const k=Math.min(now,f.frames.length-1);
+document.getElementById('f'+i).src=f.frames[k];document.getElementById('p'+i).textContent=f.words[k];
+document.querySelectorAll('#n'+i+' li').forEach(l=>l.classList.toggle('said',+l.dataset.t<=f.times[k]+.05))});slider.value=now}
+setInterval(()=>{if(playing){now=now>=last+rate*2?0:now+1;show()}},1000/rate);
+slider.oninput=()=>{now=+slider.value;playing=false;button.textContent='Play';show()};
+button.onclick=()=>{playing=!playing;button.textContent=playing?'Pause':'Play'};button.textContent=playing?'Pause':'Play';show();
+";
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn film(hand: &Hand, arm: &Arm) -> Film {
+        let arm_links = arm.tree.forward(&Arm::home());
+        let frame = |n: usize| Frame {
+            time: n as f64 * 0.25,
+            phase: format!("phase {n}"),
+            arm: arm_links.clone(),
+            palm: Isometry3::translation(0.5, 0.0, 0.3),
+            links: hand.tree.forward(&vec![0.1 * n as f64; hand.tree.len()]),
+            objects: vec![],
+        };
+        Film {
+            title: "touch <1>".into(),
+            outcome: ("both objects held".into(), true),
+            frames: (0..3).map(frame).collect(),
+            notes: vec![(0.25, "felt & decided".into())],
+        }
+    }
+
+    /// The page holds every frame and what was said; names are escaped.
+    #[test]
+    fn a_page_holds_all_frames() {
+        let (hand, arm) = (Hand::ftac(), Arm::gen3());
+        let stage = Stage { hand: &hand, arm: &arm, objects: vec![] };
+        let html = page(&stage, &[film(&hand, &arm)], (64, 4.0), ("A trial", "<p>about</p>")).expect("drawn");
+        assert_eq!(html.matches("data:image/jpeg;base64,").count(), 4, "the first frame, and three in the film");
+        for part in ["touch &lt;1&gt;", "felt &amp; decided", "0.5 s: phase 2", "both objects held"] {
+            assert!(html.contains(part), "{part}");
+        }
+        let strip = stage.strip(&film(&hand, &arm), 2, 64);
+        assert_eq!((strip.width(), strip.height()), (128, 64));
+    }
+}

@@ -1,0 +1,68 @@
+//! Soft shadows in corners and dark outlines, from the depth of a picture alone ("screen-space ambient occlusion", Crytek 2007).
+
+/// Radii (m) at which neighbours are asked, and in how many directions.
+const RADII: [f64; 3] = [0.002, 0.005, 0.010];
+const DIRECTIONS: usize = 5;
+/// Opposite neighbours that are nearer than the pixel by this share of the radius, in the mean, hide it: on a plane they are not.
+const NEARER: f64 = 0.10;
+/// A neighbour counts as no further off in depth than this many radii.
+const MOST: f64 = 1.2;
+/// How dark a pixel gets that is wholly surrounded, and one on an outline.
+const DARKEST: f64 = 0.62;
+const OUTLINE: f64 = 0.35;
+/// A step in depth of this size is an outline, m.
+const STEP: f64 = 0.004;
+
+/// Factor of each pixel's brightness; `depth` (m towards the eye, row-major, square) is minus infinity where nothing is, a pixel is
+/// `pixel` m wide.
+pub fn shading(depth: &[f64], size: usize, pixel: f64) -> Vec<f64> {
+    let at = |x: i64, y: i64| {
+        let inside = |v: i64| (0..size as i64).contains(&v);
+        if inside(x) && inside(y) { depth[y as usize * size + x as usize] } else { f64::NEG_INFINITY }
+    };
+    let directions: Vec<(f64, f64)> =
+        (0..DIRECTIONS).map(|n| (std::f64::consts::PI * (n as f64 + 0.5) / DIRECTIONS as f64).sin_cos()).collect();
+    let one = |index: usize| {
+        let (x, y, here) = ((index % size) as i64, (index / size) as i64, depth[index]);
+        if here == f64::NEG_INFINITY {
+            return 1.0;
+        }
+        let mut hidden = 0.0;
+        for radius in RADII {
+            let reach = (radius / pixel).max(1.0);
+            for (sin, cos) in &directions {
+                let (dx, dy) = ((reach * cos).round() as i64, (reach * sin).round() as i64);
+                let step = |sign: i64| ((at(x + sign * dx, y + sign * dy) - here) / radius).clamp(-MOST, MOST);
+                hidden += ((0.5 * (step(1) + step(-1)) - NEARER) / (0.5 * MOST)).clamp(0.0, 1.0);
+            }
+        }
+        let hidden = hidden / (RADII.len() * DIRECTIONS) as f64;
+        let beside = [(1, 0), (-1, 0), (0, 1), (0, -1)].map(|(dx, dy)| at(x + dx, y + dy));
+        let outline = beside.iter().any(|near| here - near > STEP);
+        (1.0 - DARKEST * (2.2 * hidden).min(1.0)) * if outline { 1.0 - OUTLINE } else { 1.0 }
+    };
+    (0..depth.len()).map(one).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// In the corner between a floor and a step towards the eye it is darker than on the open floor; the background stays.
+    #[test]
+    fn corners_are_darker() {
+        let (size, pixel) = (64, 5e-4);
+        let depth: Vec<f64> = (0..size * size)
+            .map(|n| match n % size {
+                0..4 => f64::NEG_INFINITY,
+                4..32 => 0.0,
+                _ => 0.003,
+            })
+            .collect();
+        let shade = shading(&depth, size, pixel);
+        let row = 32 * size;
+        assert!(shade[row + 30] < 0.85 && shade[row + 12] > 0.99, "{} {}", shade[row + 30], shade[row + 12]);
+        assert_eq!(shade[row + 1], 1.0);
+        assert!((shade[row + 4] - (1.0 - OUTLINE)).abs() < 0.2, "outline {}", shade[row + 4]);
+    }
+}

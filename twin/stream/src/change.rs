@@ -1,0 +1,141 @@
+//! How much a tactile image differs from the untouched pad: as a picture, and as colours of the pads on the hand.
+
+use hand_model::Hand;
+use hand_model::pads::{Camera, IMAGE_SIZE, Pad};
+use hand_model::robot::TactileImage;
+
+use crate::hand_mesh::pad_points;
+use crate::scene::link_color;
+
+/// Cells of a coarse map along each side.
+const CELLS: usize = 24;
+/// Change of a cell's colour that is drawn brightest, levels of 255.
+const BRIGHT: f32 = 42.0;
+/// A cell that changes by more is touched: gel of an untouched pad drifts by less.
+const TOUCHED: f32 = 12.0;
+/// A pad with this many touched cells is active.
+const ACTIVE: usize = 4;
+/// Levels of change that are told apart.
+const LEVELS: f32 = 12.0;
+/// What a touch looks like on the hand.
+const HOT: [[f32; 3]; 2] = [[255.0, 140.0, 20.0], [255.0, 252.0, 190.0]];
+/// How dark an untouched pad is drawn.
+const IDLE: f32 = 0.62;
+
+/// Mean change of each cell's largest channel, rows from the distal edge.
+type Map = [f32; CELLS * CELLS];
+
+/// Untouched images, and what has changed since.
+pub(crate) struct Changes {
+    untouched: Vec<Option<TactileImage>>,
+    maps: Vec<Map>,
+    active: Vec<bool>,
+}
+
+impl Changes {
+    pub fn new(cameras: usize) -> Self {
+        Self { untouched: vec![None; cameras], maps: vec![[0.0; CELLS * CELLS]; cameras], active: vec![false; cameras] }
+    }
+
+    /// Takes in an image; the first one of a camera is that of the untouched pad. Whether the camera begins or ceases to feel.
+    pub fn see(&mut self, camera: usize, image: &TactileImage) -> bool {
+        let untouched = self.untouched[camera].get_or_insert_with(|| image.clone());
+        self.maps[camera] = map(untouched, image);
+        let active = self.maps[camera].iter().filter(|change| **change > TOUCHED).count() >= ACTIVE;
+        std::mem::replace(&mut self.active[camera], active) != active
+    }
+
+    /// Whether a camera feels something.
+    pub fn active(&self, camera: usize) -> bool {
+        self.active[camera]
+    }
+
+    /// The image with the untouched one subtracted, around grey.
+    pub fn difference(&self, camera: usize, image: &TactileImage) -> TactileImage {
+        let untouched = self.untouched[camera].as_ref().unwrap_or(image);
+        let value = |(a, b): (&u8, &u8)| (128 + i16::from(*a) - i16::from(*b)).clamp(0, 255) as u8;
+        TactileImage { rgb: image.rgb.iter().zip(&untouched.rgb).map(value).collect() }
+    }
+
+    /// Colours (RGBA) of the points of a pad's sheet.
+    pub fn colors(&self, hand: &Hand, pad: &Pad) -> Vec<u32> {
+        let base = link_color(pad.link).map(|part| f32::from(part) * IDLE);
+        let [columns, rows] = [pad.w, pad.h].map(|size| pad_points(size, pad.edge_radius));
+        let points = rows.iter().flat_map(|y| columns.iter().map(move |x| (*x, *y)));
+        points
+            .map(|place| {
+                let change = self.at(hand, pad, place);
+                let hot: [f32; 3] = std::array::from_fn(|k| HOT[0][k] + (HOT[1][k] - HOT[0][k]) * change);
+                let share = (1.6 * change).min(1.0);
+                let [r, g, b] = std::array::from_fn(|k| (base[k] + (hot[k] - base[k]) * share) as u32);
+                r << 24 | g << 16 | b << 8 | 255
+            })
+            .collect()
+    }
+
+    /// Change at a place of a pad (m, pad frame), 0 to 1.
+    fn at(&self, hand: &Hand, pad: &Pad, (x, y): (f64, f64)) -> f32 {
+        let sees = |camera: &Camera| (y - camera.center_y).abs() <= 0.5 * camera.h + 1e-9;
+        let Some(index) = pad.cameras.iter().copied().find(|index| sees(&hand.cameras[*index])) else { return 0.0 };
+        let camera = &hand.cameras[index];
+        let cell = |share: f64| ((share * CELLS as f64) as usize).min(CELLS - 1);
+        let column = cell(x / camera.w + 0.5);
+        let row = cell((camera.center_y - y) / camera.h + 0.5);
+        // What an untouched pad drifts by is not drawn.
+        let change = ((self.maps[index][row * CELLS + column] - 0.5 * TOUCHED) / BRIGHT).clamp(0.0, 1.0);
+        // Few levels pack well.
+        (change * LEVELS).round() / LEVELS
+    }
+}
+
+fn map(untouched: &TactileImage, image: &TactileImage) -> Map {
+    let mut map = [0.0; CELLS * CELLS];
+    let side = IMAGE_SIZE / CELLS;
+    if image.rgb.len() != IMAGE_SIZE * IMAGE_SIZE * 3 || image.rgb.len() != untouched.rgb.len() {
+        return map;
+    }
+    for (cell, value) in map.iter_mut().enumerate() {
+        let (row, column) = (cell / CELLS * side, cell % CELLS * side);
+        let mut sums = [0i32; 3];
+        for y in row..row + side {
+            let start = (y * IMAGE_SIZE + column) * 3;
+            let pair = image.rgb[start..start + 3 * side].iter().zip(&untouched.rgb[start..start + 3 * side]);
+            pair.enumerate().for_each(|(n, (a, b))| sums[n % 3] += i32::from(*a) - i32::from(*b));
+        }
+        *value = sums.map(|sum| sum.abs()).into_iter().max().unwrap_or(0) as f32 / (side * side) as f32;
+    }
+    map
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn grey() -> TactileImage {
+        TactileImage { rgb: vec![100; IMAGE_SIZE * IMAGE_SIZE * 3] }
+    }
+
+    /// A press near a pad's distal edge lights the sheet there and nowhere else, and is over when the pad is untouched again.
+    #[test]
+    fn the_hand_lights_where_it_is_touched() {
+        let hand = Hand::ftac();
+        let pad = &hand.pads[hand.cameras[0].pad];
+        let camera = pad.cameras[0];
+        let mut changes = Changes::new(hand.cameras.len());
+        assert!(!changes.see(camera, &grey()) && !changes.active(camera));
+        let idle = changes.colors(&hand, pad);
+        let mut pressed = grey();
+        pressed.rgb[..IMAGE_SIZE * 3 * 60].fill(190);
+        assert!(changes.see(camera, &pressed) && changes.active(camera));
+        let lit = changes.colors(&hand, pad);
+        // The sheet's last row of points is the distal one; the palm's large pad has a camera for each half.
+        let points = idle.len();
+        let distal = hand.cameras[camera].center_y >= 0.0;
+        assert_eq!(lit[points - 1] != idle[points - 1], distal);
+        assert_eq!(lit[0], idle[0]);
+        assert!(lit.iter().zip(&idle).any(|(a, b)| a != b));
+        assert_eq!(changes.difference(camera, &pressed).rgb[0], 218);
+        assert!(changes.see(camera, &grey()) && !changes.active(camera));
+        assert_eq!(changes.colors(&hand, pad), idle);
+    }
+}

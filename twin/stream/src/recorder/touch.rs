@@ -1,0 +1,95 @@
+//! What the pads feel: images, their change, heights.
+
+use hand_model::robot::TactileImage;
+use rerun::Clear;
+
+use super::Recorder;
+use crate::error::StreamError;
+use crate::{entities, scene, tactile};
+
+impl Recorder {
+    /// The image of a camera. An image like the last one is not logged again.
+    pub fn log_tactile(&mut self, camera: usize, image: &TactileImage) -> Result<(), StreamError> {
+        let name = self.camera(camera)?;
+        if self.last_image[camera].as_ref().is_some_and(|last| !tactile::differ(last, image))
+            || !self.images.due(camera, self.time)
+        {
+            return Ok(());
+        }
+        let bytes = tactile::encode(image, self.settings.image_side, self.settings.jpeg_quality)
+            .map_err(|reason| StreamError::Image { what: name.clone(), reason })?;
+        self.last_image[camera] = Some(image.clone());
+        self.rec.log(entities::tactile(&name), &tactile::archetype(bytes))?;
+        self.log_change(camera, image)
+    }
+
+    /// What an image says beside the untouched one: on the hand, in the map of changes, and by how large its pad is drawn.
+    fn log_change(&mut self, camera: usize, image: &TactileImage) -> Result<(), StreamError> {
+        let name = self.camera(camera)?;
+        if self.changes.see(camera, image) {
+            let changes = &self.changes;
+            tactile::log_cells(&self.rec, &self.hand, self.sides(), |camera| changes.active(camera))?;
+            if !self.changes.active(camera) {
+                self.rec.log(entities::change(&name), &Clear::flat())?;
+            }
+        }
+        self.log_pad(self.hand.cameras[camera].pad)?;
+        if !self.changes.active(camera) {
+            return Ok(());
+        }
+        let difference = self.changes.difference(camera, image);
+        let bytes = tactile::encode(&difference, self.settings.change_side, self.settings.jpeg_quality)
+            .map_err(|reason| StreamError::Image { what: name.clone(), reason })?;
+        Ok(self.rec.log(entities::change(&name), &tactile::archetype(bytes))?)
+    }
+
+    /// All pads, as they are before anything was felt.
+    pub(super) fn log_pads(&mut self) -> Result<(), StreamError> {
+        (0..self.hand.pads.len()).try_for_each(|pad| self.log_pad(pad))?;
+        tactile::log_cells(&self.rec, &self.hand, self.sides(), |_| false)
+    }
+
+    /// Sizes of tactile images and of their differences, pixels.
+    fn sides(&self) -> (usize, usize) {
+        (self.settings.image_side, self.settings.change_side)
+    }
+
+    fn log_pad(&mut self, index: usize) -> Result<(), StreamError> {
+        let pad = &self.hand.pads[index];
+        let link = pad.link.map(|link| self.hand.tree.joints[link].name.as_str());
+        let colors = self.changes.colors(&self.hand, pad);
+        Ok(self.rec.log(entities::pad(link, &pad.name), &scene::pad_colors(colors))?)
+    }
+
+    /// Takes off all height maps: what they speak of is gone.
+    pub fn clear_heights(&mut self) -> Result<(), StreamError> {
+        for camera in 0..self.last_height.len() {
+            if let Some((_, idle)) = &mut self.last_height[camera]
+                && !std::mem::replace(idle, true)
+            {
+                self.rec.log(entities::height(&self.hand.cameras[camera].name), &Clear::flat())?;
+            }
+        }
+        Ok(())
+    }
+
+    /// The height map (m, row-major, `w` by `h`, row 0 distal) of a camera. An idle one is logged once.
+    pub fn log_height(&mut self, camera: usize, heights: &[f32], w: usize, h: usize) -> Result<(), StreamError> {
+        let name = self.camera(camera)?;
+        let idle = heights.iter().all(|height| height.abs() < self.settings.height_idle);
+        let last = self.last_height[camera];
+        if last == Some(([w, h], true)) && idle || !self.heights.due(camera, self.time) {
+            return Ok(());
+        }
+        let range = self.settings.height_range;
+        let (bytes, place) =
+            tactile::height_image(&self.hand, camera, heights, [w, h], range, self.settings.jpeg_quality)
+                .map_err(|reason| StreamError::Image { what: name.clone(), reason })?;
+        let path = entities::height(&name);
+        if last.is_none_or(|(size, _)| size != [w, h]) {
+            self.rec.log_static(path.as_str(), &place)?;
+        }
+        self.last_height[camera] = Some(([w, h], idle));
+        Ok(self.rec.log(path, &tactile::archetype(bytes))?)
+    }
+}
