@@ -159,12 +159,12 @@ fn run(hand: &Described, subject: &Subject, request: &Request, number: u64) -> R
             }
         };
         let (margin, penetration) = (closing::margin(subject, &closed)?, closed.stand.penetration());
-        let good = margin >= checks::least_margin(mass) && penetration <= checks::MOST_PENETRATION;
+        let good = margin >= checks::LEAST_MARGIN && penetration <= checks::MOST_PENETRATION;
         if !good && attempt > 0 {
             continue;
         }
         let hold = closing::hold(&closed, &closed.tensions, mass);
-        let verdicts = [margin >= checks::least_margin(mass), penetration <= checks::MOST_PENETRATION, hold.held];
+        let verdicts = [margin >= checks::LEAST_MARGIN, penetration <= checks::MOST_PENETRATION, hold.held];
         if verdicts == [true; 3] {
             let slack: Hold = closing::hold(&closed, &vec![0.0; actuators], mass);
             let held = held(hand, subject, number, &closed, margin, penetration);

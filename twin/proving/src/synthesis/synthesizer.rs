@@ -67,14 +67,14 @@ pub struct Checked {
     pub penetration: f64,
     /// The holding test.
     pub hold: Hold,
-    /// Mass of the object in all tests, kg.
+    /// Mass of the object in the holding test, kg.
     pub mass: f64,
 }
 
 impl Checked {
     /// Verdicts (a), (b), (c).
     pub fn verdicts(&self) -> [bool; 3] {
-        let margin = self.margin >= checks::least_margin(self.mass);
+        let margin = self.margin >= checks::LEAST_MARGIN;
         [margin, self.penetration <= checks::MOST_PENETRATION, self.hold.held]
     }
 
@@ -149,7 +149,7 @@ impl Synthesizer {
                 closings += 1;
                 let Ok(closed) = close(&Aim::varied(&used, &mut rng)) else { continue };
                 let (margin, penetration) = self.measure(&closed).with_context(|| format!("chain {chain}"))?;
-                if margin < checks::least_margin(mass) || penetration > checks::MOST_PENETRATION {
+                if margin < checks::LEAST_MARGIN || penetration > checks::MOST_PENETRATION {
                     continue;
                 }
                 let hold = checks::hold(&closed.scene, &closed.pull, mass);
