@@ -147,6 +147,11 @@ impl AnyHand {
         Ok(hand)
     }
 
+    /// Rest angle of every joint, rad: 0, clamped to its limits.
+    pub fn rest(&self) -> Vec<f64> {
+        self.tree.joints.iter().map(|joint| 0f64.clamp(joint.lower, joint.upper)).collect()
+    }
+
     /// Joint torques (N m) of the actuators' `tensions` (N) and the springs at `q` (rad).
     pub fn torques(&self, q: &[f64], tensions: &[f64]) -> Vec<f64> {
         let mut torques: Vec<f64> = q.iter().map(|angle| -self.spring * angle).collect();

@@ -3,6 +3,8 @@
 //! The values were found by measurement with this hand's geometry (slip, penetration, jitter and cost over time step and
 //! iterations); smaller time steps are not systematically better.
 
+use std::collections::HashSet;
+
 use hand_model::GRAVITY;
 use rapier3d_f64::prelude::*;
 use scenarios::physics::Physics;
@@ -69,6 +71,27 @@ pub struct Engine {
     ccd: CCDSolver,
     /// Covers that give way; none where they are rigid.
     pub soft_covers: Option<SoftCovers>,
+    passing: HashSet<(ColliderHandle, ColliderHandle)>,
+}
+
+/// What the engine asks about contacts.
+struct Hooks<'a> {
+    soft_covers: Option<&'a SoftCovers>,
+    passing: &'a HashSet<(ColliderHandle, ColliderHandle)>,
+}
+
+impl PhysicsHooks for Hooks<'_> {
+    fn filter_contact_pair(&self, context: &PairFilterContext) -> Option<SolverFlags> {
+        let (one, two) = (context.collider1, context.collider2);
+        let passes = self.passing.contains(&(one, two)) || self.passing.contains(&(two, one));
+        (!passes).then(SolverFlags::default)
+    }
+
+    fn modify_solver_contacts(&self, context: &mut ContactModificationContext) {
+        if let Some(covers) = self.soft_covers {
+            covers.modify_solver_contacts(context);
+        }
+    }
 }
 
 impl Engine {
@@ -101,15 +124,22 @@ impl Engine {
             soft_bodies: SoftBodySet::new(),
             ccd: CCDSolver::new(),
             soft_covers: None,
+            passing: HashSet::new(),
         }
+    }
+
+    /// Lets two colliders pass through each other, whatever their groups say.
+    pub fn let_pass(&mut self, one: ColliderHandle, two: ColliderHandle) {
+        for handle in [one, two] {
+            let collider = &mut self.colliders[handle];
+            collider.set_active_hooks(collider.active_hooks() | ActiveHooks::FILTER_CONTACT_PAIRS);
+        }
+        self.passing.insert((one, two));
     }
 
     /// One time step under gravity.
     pub fn step(&mut self) {
-        let hooks: &dyn PhysicsHooks = match &self.soft_covers {
-            Some(covers) => covers,
-            None => &(),
-        };
+        let hooks = Hooks { soft_covers: self.soft_covers.as_ref(), passing: &self.passing };
         self.pipeline.step(
             self.gravity,
             &self.parameters,
@@ -122,7 +152,7 @@ impl Engine {
             &mut self.multibodies,
             &mut self.soft_bodies,
             &mut self.ccd,
-            hooks,
+            &hooks,
             &(),
         );
         if let Some(covers) = &mut self.soft_covers {
@@ -149,6 +179,7 @@ impl Clone for Engine {
             soft_bodies: self.soft_bodies.clone(),
             ccd: self.ccd.clone(),
             soft_covers: self.soft_covers.clone(),
+            passing: self.passing.clone(),
         }
     }
 }

@@ -141,7 +141,8 @@ impl SoftCovers {
             })
             .collect();
         for cover in &covers {
-            colliders[cover.collider].set_active_hooks(ActiveHooks::MODIFY_SOLVER_CONTACTS);
+            let collider = &mut colliders[cover.collider];
+            collider.set_active_hooks(collider.active_hooks() | ActiveHooks::MODIFY_SOLVER_CONTACTS);
         }
         Self {
             gel: Foundation::winkler(&hand.gel()),

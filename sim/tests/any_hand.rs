@@ -7,7 +7,7 @@ use hand_model::any_hand::AnyHand;
 use nalgebra::{Isometry3, Point3};
 use scenarios::Shape;
 use sim::engine::EngineSettings;
-use sim::stand::{AnyStand, Prop};
+use sim::stand::{AnyStand, Prop, passing_links};
 
 fn hand(urdf: &str, pulls: &str) -> Option<Arc<AnyHand>> {
     let path = e2e::shared_data(&format!("hands/{urdf}"))?;
@@ -54,4 +54,49 @@ fn the_ez_gripper_closes_on_a_ball() {
         assert!((led - follower.multiplier * leader).abs() < 0.05, "{led} follows {leader}");
     }
     assert!(forces.iter().filter(|force| **force > 0.1).count() >= 2, "{forces:?}");
+}
+
+/// Two jaws 80 mm apart that a tendon closes by 1 rad, the second as a mimic.
+const CLAMP: &str = r#"<robot name="clamp">
+  <link name="base"><collision><geometry><box size="0.04 0.1 0.02"/></geometry></collision></link>
+  <link name="left"><inertial><mass value="0.1"/><origin xyz="0.04 0 0"/>
+    <inertia ixx="1e-5" ixy="0" ixz="0" iyy="1e-5" iyz="0" izz="1e-5"/></inertial>
+    <collision><origin xyz="0.05 0 0"/><geometry><box size="0.08 0.01 0.02"/></geometry></collision></link>
+  <link name="right"><inertial><mass value="0.1"/><origin xyz="0.04 0 0"/>
+    <inertia ixx="1e-5" ixy="0" ixz="0" iyy="1e-5" iyz="0" izz="1e-5"/></inertial>
+    <collision><origin xyz="0.05 0 0"/><geometry><box size="0.08 0.01 0.02"/></geometry></collision></link>
+  <joint name="a" type="revolute"><parent link="base"/><child link="left"/><origin xyz="0.02 0.04 0"/><axis xyz="0 0 1"/>
+    <limit lower="-1" upper="0" effort="1" velocity="1"/></joint>
+  <joint name="b" type="revolute"><parent link="base"/><child link="right"/><origin xyz="0.02 -0.04 0"/><axis xyz="0 0 1"/>
+    <limit lower="0" upper="1" effort="1" velocity="1"/><mimic joint="a" multiplier="-1"/></joint>
+</robot>"#;
+const TENDON: &str = "version = 1\ndamping = 0.02\narmature = 1e-4\nspring = 0.02\n[[actuator]]\nname = \"close\"\narms = { a = -0.01 }\n";
+
+fn clamp(urdf: &str) -> Arc<AnyHand> {
+    let hand = AnyHand::parse(urdf, Path::new("clamp.urdf"), TENDON, Path::new("clamp.toml"));
+    Arc::new(hand.expect("a clamp"))
+}
+
+/// With nothing between them the jaws stop at each other: their tips meet where sin q = 0.4, long before the limits.
+#[test]
+fn jaws_stop_at_each_other() {
+    let mut stand = AnyStand::new(clamp(CLAMP), EngineSettings::default());
+    stand.run(&[30.0], 2.0);
+    let (angle, deep) = (stand.angles()[1], stand.self_penetration());
+    println!("the jaws stop at {angle:.3} rad, {:.2} mm deep in each other", 1e3 * deep);
+    assert!((0.3..0.5).contains(&angle), "{angle} rad");
+    assert!(deep < 1e-3, "{deep} m");
+    assert_eq!(stand.penetration(), deep);
+}
+
+/// Links that a joint connects, and links that overlap at rest, pass through each other; no others do.
+#[test]
+fn links_that_overlap_at_rest_pass() {
+    assert!(passing_links(&clamp(CLAMP)).is_empty());
+    let wide = CLAMP.replacen("size=\"0.08 0.01 0.02\"", "size=\"0.08 0.17 0.02\"", 1);
+    assert_eq!(passing_links(&clamp(&wide)).into_iter().collect::<Vec<_>>(), [(Some(0), Some(1))]);
+    let mut stand = AnyStand::new(clamp(&wide), EngineSettings::default());
+    stand.run(&[30.0], 2.0);
+    assert!(stand.angles()[1] > 0.9, "{:?}", stand.angles());
+    assert_eq!(stand.self_penetration(), 0.0);
 }

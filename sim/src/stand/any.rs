@@ -1,5 +1,6 @@
 //! Any hand on the stand: a mechanism read from files, moved by the tensions of its actuators.
 
+use std::collections::BTreeSet;
 use std::sync::Arc;
 
 use hand_model::any_hand::{AnyHand, SolidShape};
@@ -7,7 +8,7 @@ use nalgebra::{Isometry3, Point3, UnitVector3, Vector3};
 use rapier3d_f64::geometry::ConvexPolyhedron;
 use rapier3d_f64::prelude::*;
 
-use super::linkage::{Linkage, Mechanism};
+use super::linkage::{self, Linkage, Mechanism};
 use super::prop::Prop;
 use crate::body::groups;
 use crate::contacts::{ContactPoint, contacts_of};
@@ -16,8 +17,8 @@ use crate::drive::JointEffort;
 use crate::engine::EngineSettings;
 use crate::hand_scene::Touch;
 
-/// The hand with what has been put into it. Its own links do not touch each other: the collision boxes of published models
-/// overlap at their joints.
+/// The hand with what has been put into it. Its links collide with each other, but for those that a joint connects and those
+/// that [`passing_links`] names.
 #[derive(Clone)]
 pub struct AnyStand {
     hand: Arc<AnyHand>,
@@ -26,9 +27,9 @@ pub struct AnyStand {
 }
 
 impl AnyStand {
-    /// The hand at joint angles 0, or the nearest within the limits, without gravity.
+    /// The hand at rest, without gravity.
     pub fn new(hand: Arc<AnyHand>, settings: EngineSettings) -> Self {
-        let start: Vec<f64> = hand.tree.joints.iter().map(|joint| 0f64.clamp(joint.lower, joint.upper)).collect();
+        let start = hand.rest();
         Self::at(hand, settings, &start)
     }
 
@@ -44,7 +45,9 @@ impl AnyStand {
                     .friction(0.0)
                     .friction_combine_rule(CoefficientCombineRule::Max)
                     .collision_groups(
-                        InteractionGroups::all().with_memberships(groups::HAND).with_filter(groups::OBJECT),
+                        InteractionGroups::all()
+                            .with_memberships(groups::HAND)
+                            .with_filter(groups::HAND | groups::OBJECT),
                     );
                 Some((solid.link, collider))
             })
@@ -53,6 +56,9 @@ impl AnyStand {
             Mechanism { tree: &hand.tree, masses: &hand.masses, damping: hand.damping, armature: hand.armature };
         let mut linkage = Linkage::new(settings, &mechanism, covers, start);
         linkage.set_gravity(&Vector3::zeros());
+        for (one, two) in passing_links(&hand) {
+            linkage.let_pass(one, two);
+        }
         for follower in &hand.followers {
             linkage.couple(follower.leader, follower.joint, follower.multiplier, follower.offset);
         }
@@ -152,9 +158,15 @@ impl AnyStand {
         contacts.filter_map(touch).collect()
     }
 
-    /// How deep hand and props overlap at most, m.
+    /// How deep hand and props, or two links that collide, overlap at most, m.
     pub fn penetration(&self) -> f64 {
-        self.props.iter().map(|(_, prop)| self.linkage.penetration(*prop)).fold(0.0, f64::max)
+        let props = self.props.iter().map(|(_, prop)| self.linkage.penetration(*prop));
+        props.fold(self.self_penetration(), f64::max)
+    }
+
+    /// How deep two links that collide overlap at most, m.
+    pub fn self_penetration(&self) -> f64 {
+        self.linkage.self_penetration(&self.hand.tree)
     }
 
     /// Joint angles, rad.
@@ -177,6 +189,31 @@ impl AnyStand {
         }
         forces
     }
+}
+
+/// Pairs of links (`None` is the root) that pass through each other: no joint connects them, but their collision shapes overlap
+/// at rest already, as those of published models often do at their joints.
+pub fn passing_links(hand: &AnyHand) -> BTreeSet<(Option<usize>, Option<usize>)> {
+    let links = hand.tree.forward(&hand.rest());
+    let placed: Vec<_> = hand
+        .solids
+        .iter()
+        .filter_map(|solid| {
+            let pose = solid.link.map_or(Isometry3::identity(), |link| links[link]) * solid.link_from_solid;
+            Some((solid.link, convert::pose(&pose), shape(&solid.shape)?))
+        })
+        .collect();
+    let mut passing = BTreeSet::new();
+    for (n, (a, pose_a, shape_a)) in placed.iter().enumerate() {
+        for (b, pose_b, shape_b) in &placed[n + 1..] {
+            let pair = (*a.min(b), *a.max(b));
+            let known = linkage::joined(&hand.tree, *a, *b) || passing.contains(&pair);
+            if !known && linkage::overlap(pose_a, &**shape_a, pose_b, &**shape_b) > 0.0 {
+                passing.insert(pair);
+            }
+        }
+    }
+    passing
 }
 
 /// Vertices and triangles of a shape's surface.

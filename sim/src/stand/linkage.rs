@@ -1,11 +1,15 @@
 //! A tree of revolute joints bolted to the world at its root: the mechanism under every hand on the stand.
 
+use std::collections::BTreeSet;
+
 use hand_model::hand::MassProperties;
 use hand_model::kinematics::Tree;
 use nalgebra::{Isometry3, Vector3};
+use rapier3d_f64::parry::bounding_volume::BoundingVolume as _;
 use rapier3d_f64::parry::query;
 use rapier3d_f64::prelude::{
-    ColliderBuilder, ColliderHandle, MultibodyDofCoupling, MultibodyJointHandle, RigidBodyBuilder, RigidBodyHandle,
+    ColliderBuilder, ColliderHandle, MultibodyDofCoupling, MultibodyJointHandle, Pose, RigidBodyBuilder,
+    RigidBodyHandle, Shape,
 };
 
 use crate::body::{link_body, revolute};
@@ -33,6 +37,8 @@ pub struct Linkage {
     links: Vec<RigidBodyHandle>,
     joints: Vec<MultibodyJointHandle>,
     covers: Vec<(Option<usize>, ColliderHandle)>,
+    /// Pairs of links whose covers pass through each other.
+    passing: BTreeSet<(Option<usize>, Option<usize>)>,
     angles: Vec<f64>,
     speeds: Vec<f64>,
 }
@@ -65,8 +71,15 @@ impl Linkage {
                 (link, engine.colliders.insert_with_parent(collider, body, &mut engine.bodies))
             })
             .collect();
-        let mut linkage =
-            Self { engine, links, joints, covers, angles: start.to_vec(), speeds: vec![0.0; start.len()] };
+        let mut linkage = Self {
+            engine,
+            links,
+            joints,
+            covers,
+            passing: BTreeSet::new(),
+            angles: start.to_vec(),
+            speeds: vec![0.0; start.len()],
+        };
         linkage.settle(start, damping, armature);
         linkage
     }
@@ -82,6 +95,16 @@ impl Linkage {
         multibody.apply_displacements(start);
         multibody.forward_kinematics(&self.engine.bodies, false);
         multibody.update_rigid_bodies(&mut self.engine.bodies, true);
+    }
+
+    /// Lets the covers of two links (`None` is the root) pass through each other.
+    pub fn let_pass(&mut self, one: Option<usize>, two: Option<usize>) {
+        let of = |link: Option<usize>| self.covers.iter().filter(move |(own, _)| *own == link).map(|(_, cover)| *cover);
+        let pairs: Vec<_> = of(one).flat_map(|a| of(two).map(move |b| (a, b))).collect();
+        for (a, b) in pairs {
+            self.engine.let_pass(a, b);
+        }
+        self.passing.insert((one.min(two), one.max(two)));
     }
 
     /// Makes `joint` follow `leader`: q = multiplier * q_leader + offset.
@@ -168,16 +191,12 @@ impl Linkage {
         self.covers.iter().map(|(_, cover)| self.overlap(*cover, collider)).fold(0.0, f64::max)
     }
 
-    /// How deep any two covers whose links no joint connects overlap at most, m.
+    /// How deep any two covers overlap at most, m: of links that no joint connects and that do not pass through each other.
     pub fn self_penetration(&self, tree: &Tree) -> f64 {
-        let joined = |a: Option<usize>, b: Option<usize>| {
-            let parent = |link: Option<usize>| link.and_then(|link| tree.joints[link].parent);
-            a == b || (a.is_some() && parent(a) == b) || (b.is_some() && parent(b) == a)
-        };
         let mut deepest: f64 = 0.0;
         for (i, (a, first)) in self.covers.iter().enumerate() {
             for (b, second) in &self.covers[i + 1..] {
-                if !joined(*a, *b) {
+                if !joined(tree, *a, *b) && !self.passing.contains(&(*a.min(b), *a.max(b))) {
                     deepest = deepest.max(self.overlap(*first, *second));
                 }
             }
@@ -195,10 +214,24 @@ impl Linkage {
             }
         };
         let shape = |handle: ColliderHandle| self.engine.colliders[handle].shape();
-        match query::contact(&pose(a), shape(a), &pose(b), shape(b), 0.0) {
-            Ok(Some(contact)) => (-contact.dist).max(0.0),
-            // No contact, or a pair of shapes that parry cannot compare, which rounded boxes and hulls are not.
-            _ => 0.0,
-        }
+        overlap(&pose(a), shape(a), &pose(b), shape(b))
+    }
+}
+
+/// Whether two links (`None` is the root) are one, or a joint connects them.
+pub fn joined(tree: &Tree, a: Option<usize>, b: Option<usize>) -> bool {
+    let parent = |link: Option<usize>| link.and_then(|link| tree.joints[link].parent);
+    a == b || (a.is_some() && parent(a) == b) || (b.is_some() && parent(b) == a)
+}
+
+/// How deep two shapes at these poses overlap, m; 0 where they do not.
+pub fn overlap(pose_a: &Pose, a: &dyn Shape, pose_b: &Pose, b: &dyn Shape) -> f64 {
+    if !a.compute_aabb(pose_a).intersects(&b.compute_aabb(pose_b)) {
+        return 0.0;
+    }
+    match query::contact(pose_a, a, pose_b, b, 0.0) {
+        Ok(Some(contact)) => (-contact.dist).max(0.0),
+        // No contact, or a pair of shapes that parry cannot compare, which rounded boxes and hulls are not.
+        _ => 0.0,
     }
 }

@@ -210,6 +210,7 @@ pub(crate) mod tests {
             penetration: 0.0,
             moved: [0.0; 2],
             energy: 0.0,
+            proof: None,
         }
     }
 

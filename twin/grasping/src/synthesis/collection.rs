@@ -11,7 +11,7 @@ use std::path::Path;
 use hand_model::{Digit, HAND_JOINTS};
 use serde::{Deserialize, Serialize};
 
-use super::held::{HeldContact, HeldError, HeldGrasp, per_unit};
+use super::held::{HeldContact, HeldError, HeldGrasp, Proof, per_unit};
 
 /// Version of the file format.
 pub const VERSION: u32 = 1;
@@ -60,8 +60,8 @@ pub struct Collection {
 /// Link (-1 is the palm), point, normal, force.
 type ContactRow = (i64, [i64; 3], [i64; 3], i64);
 
-/// Chain; palm_from_object; joints; start; open joints; tensions; opposition; contacts; approach; room; margin, penetration;
-/// moved; energy.
+/// Chain; palm_from_object; joints; start; open joints; tensions; opposition; contacts; approach; room; margin, penetration and, where the
+/// file has them, mass, friction, payload; moved; energy.
 type Row = (
     u64,
     [i64; 7],
@@ -73,7 +73,7 @@ type Row = (
     Vec<ContactRow>,
     [i64; 3],
     Option<i64>,
-    [i64; 2],
+    Vec<i64>,
     [i64; 2],
     i64,
 );
@@ -93,6 +93,10 @@ fn row(grasp: &HeldGrasp) -> Row {
         let (point, normal) = (steps(&contact.point, per_unit::POSE), steps(&contact.normal, per_unit::DIRECTION));
         (link, point, normal, one(contact.force, per_unit::FORCE))
     });
+    let mut checks = vec![one(grasp.margin, per_unit::FORCE), one(grasp.penetration, per_unit::DEPTH)];
+    if let Some(Proof { mass, friction, payload }) = grasp.proof {
+        checks.extend([one(mass, per_unit::MASS), one(friction, per_unit::FRICTION), one(payload, per_unit::MASS)]);
+    }
     (
         grasp.chain,
         steps(&grasp.palm_from_object, per_unit::POSE),
@@ -104,7 +108,7 @@ fn row(grasp: &HeldGrasp) -> Row {
         contacts.collect(),
         steps(&grasp.approach, per_unit::DIRECTION),
         grasp.room.map(|room| one(room, per_unit::POSE)),
-        [one(grasp.margin, per_unit::FORCE), one(grasp.penetration, per_unit::DEPTH)],
+        checks,
         steps(&grasp.moved, per_unit::MOTION),
         one(grasp.energy, per_unit::ENERGY),
     )
@@ -136,6 +140,15 @@ fn grasp(object: &str, row: Row) -> Result<HeldGrasp, String> {
             return Err(format!("{field}: found a quaternion of length {length:.4}, expected 1"));
         }
     }
+    let (margin, penetration, proof) = match checks[..] {
+        [margin, penetration] => (margin, penetration, None),
+        [margin, penetration, mass, friction, payload] => {
+            let kg = |grams: i64| grams as f64 / per_unit::MASS;
+            let friction = friction as f64 / per_unit::FRICTION;
+            (margin, penetration, Some(Proof { mass: kg(mass), friction, payload: kg(payload) }))
+        }
+        _ => return Err(format!("checks: found {} numbers, expected 2 or 5", checks.len())),
+    };
     let touches = |link: Option<usize>| contacts.iter().any(|contact| contact.link == link);
     let digits = Digit::ALL.into_iter().filter(|digit| digit.joints().into_iter().any(|link| touches(Some(link))));
     Ok(HeldGrasp {
@@ -152,10 +165,11 @@ fn grasp(object: &str, row: Row) -> Result<HeldGrasp, String> {
         contacts,
         approach: values(&approach, per_unit::DIRECTION),
         room: room.map(|room| room as f64 / per_unit::POSE),
-        margin: checks[0] as f64 / per_unit::FORCE,
-        penetration: checks[1] as f64 / per_unit::DEPTH,
+        margin: margin as f64 / per_unit::FORCE,
+        penetration: penetration as f64 / per_unit::DEPTH,
         moved: values(&moved, per_unit::MOTION),
         energy: energy as f64 / per_unit::ENERGY,
+        proof,
     })
 }
 

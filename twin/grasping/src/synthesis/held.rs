@@ -54,6 +54,17 @@ impl From<HeldContact> for ContactRow {
     }
 }
 
+/// What a grasp was verified for.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Proof {
+    /// Mass of the object, kg.
+    pub mass: f64,
+    /// Coulomb coefficient between hand and object.
+    pub friction: f64,
+    /// Largest mass that it was found to hold in six directions, kg.
+    pub payload: f64,
+}
+
 /// A grasp held in physics. Lengths in m, angles in rad, tensions and forces in N.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct HeldGrasp {
@@ -89,6 +100,9 @@ pub struct HeldGrasp {
     pub moved: [f64; 2],
     /// Energy of the sample it came from.
     pub energy: f64,
+    /// What it was verified for; `None` in files without it, whose grasps hold 0.1 kg at friction 0.6.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub proof: Option<Proof>,
 }
 
 /// A pose as position and quaternion (i, j, k, w).
@@ -127,6 +141,9 @@ impl HeldGrasp {
         to(std::slice::from_mut(&mut self.penetration), per_unit::DEPTH);
         to(&mut self.moved, per_unit::MOTION);
         to(std::slice::from_mut(&mut self.energy), per_unit::ENERGY);
+        if let Some(proof) = &mut self.proof {
+            to(std::slice::from_mut(&mut proof.payload), per_unit::MASS);
+        }
         self
     }
 
@@ -162,6 +179,10 @@ pub(super) mod per_unit {
     /// Motion of the object, m and rad.
     pub const MOTION: f64 = 1e4;
     pub const ENERGY: f64 = 1e3;
+    /// kg.
+    pub const MASS: f64 = 1e4;
+    /// Friction coefficients.
+    pub const FRICTION: f64 = 1e4;
 }
 
 /// Errors of files of held grasps.
@@ -275,6 +296,7 @@ pub(super) mod tests {
             penetration: 1e-4,
             moved: [1e-3, 0.02],
             energy: 0.9,
+            proof: Some(Proof { mass: 0.1, friction: 0.6, payload: 0.253 }),
         }
     }
 

@@ -41,7 +41,7 @@ impl Mechanism {
     /// Of any hand: equal springs against the moment arms, and coupled joints with their leaders. Joints without an
     /// actuator stay at rest: both limits are the rest angle.
     pub fn of_any(hand: &AnyHand) -> Self {
-        let rest = rest(hand);
+        let rest = hand.rest();
         let mut limits: Vec<(f64, f64)> = rest.iter().map(|q| (*q, *q)).collect();
         let lines = hand.pulls.iter().map(|pull| {
             let mut line: Vec<(usize, f64)> = pull.arms.clone();
@@ -77,11 +77,6 @@ impl Mechanism {
             joints[*joint] = (amount * share).clamp(self.limits[*joint].0, self.limits[*joint].1);
         }
     }
-}
-
-/// Rest angle of every joint, rad: 0, clamped to its limits.
-pub fn rest(hand: &AnyHand) -> Vec<f64> {
-    hand.tree.joints.iter().map(|joint| 0f64.clamp(joint.lower, joint.upper)).collect()
 }
 
 #[cfg(test)]

@@ -12,7 +12,7 @@ use anyhow::{Context, Result};
 use grasping::synthesis::chain::{self, Schedule};
 use grasping::synthesis::energy::{GraspEnergy, Weights};
 use grasping::synthesis::frames::Frames;
-use grasping::synthesis::held::pose_to_array;
+use grasping::synthesis::held::{Proof, pose_to_array};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
@@ -20,6 +20,7 @@ use self::closing::{AnyAim, AnyClosed};
 use self::describe::Described;
 use super::checks::{self, Hold};
 use super::closing::NotClosed;
+use super::load::Load;
 use super::search::Verified;
 use super::subject::Subject;
 use super::synthesizer::Request;
@@ -45,8 +46,10 @@ pub struct AnyHeld {
     pub contacts: Vec<AnyContact>,
     /// Wrench margin.
     pub margin: f64,
-    /// Deepest overlap.
+    /// Deepest overlap, of hand and object or of two links that collide.
     pub penetration: f64,
+    /// What it was verified for.
+    pub proof: Proof,
 }
 
 /// What a search came to.
@@ -65,6 +68,8 @@ pub struct AnyReport {
     pub verified: Verified,
     /// Verified grasps that still held when nothing pulled: has to be few.
     pub held_without_tension: u64,
+    /// Mass (kg) and friction for which grasps are verified, and how much they hold.
+    pub load: Load,
     pub wall_s: f64,
     /// What was found of the hand, in words; warnings begin with `WARNING`.
     pub notes: Vec<String>,
@@ -87,6 +92,7 @@ impl AnyReport {
             format!("(c) held          {}", share(self.verified.c)),
             format!("all three         {}", share(self.verified.all)),
             format!("  of these held without tension {}", self.held_without_tension),
+            self.load.text(),
         ];
         rows.map(|row| row + "\n").concat()
     }
@@ -129,6 +135,7 @@ pub fn search(hand: &Described, subject: &Subject, request: &Request) -> Result<
             }
         }
     }
+    report.load = Load::of(&subject.model, verified.iter().map(|held| held.proof.payload));
     report.wall_s = start.elapsed().as_secs_f64();
     Ok((report, verified))
 }
@@ -140,6 +147,7 @@ fn run(hand: &Described, subject: &Subject, request: &Request, number: u64) -> R
     let mut rng = chain::stream(request.seed, number);
     let end = chain::run(&energy, &mut frames, request.contacts_of(number), &Schedule::default(), &mut rng);
     let actuators = hand.hand.pulls.len();
+    let mass = subject.model.mass;
     let mut first = None;
     for attempt in 0..request.closings {
         let aim = if attempt == 0 { AnyAim::plain(actuators) } else { AnyAim::varied(actuators, &mut rng) };
@@ -155,10 +163,10 @@ fn run(hand: &Described, subject: &Subject, request: &Request, number: u64) -> R
         if !good && attempt > 0 {
             continue;
         }
-        let hold = closing::hold(&closed, &closed.tensions);
+        let hold = closing::hold(&closed, &closed.tensions, mass);
         let verdicts = [margin >= checks::LEAST_MARGIN, penetration <= checks::MOST_PENETRATION, hold.held];
         if verdicts == [true; 3] {
-            let slack: Hold = closing::hold(&closed, &vec![0.0; actuators]);
+            let slack: Hold = closing::hold(&closed, &vec![0.0; actuators], mass);
             let held = held(hand, subject, number, &closed, margin, penetration);
             return Ok(Ok(End { verdicts, held: Some((held, slack.held)) }));
         }
@@ -176,6 +184,8 @@ fn held(hand: &Described, subject: &Subject, chain: u64, closed: &AnyClosed, mar
         .touches
         .iter()
         .map(|touch| (touch.link, touch.point.coords.into(), touch.normal.into_inner().into(), touch.force));
+    let model = &subject.model;
+    let payload = checks::payload(model.mass, |mass| closing::hold(closed, &closed.tensions, mass).held);
     AnyHeld {
         hand: hand.hand.name.clone(),
         object: subject.model.name.clone(),
@@ -186,5 +196,6 @@ fn held(hand: &Described, subject: &Subject, chain: u64, closed: &AnyClosed, mar
         contacts: contacts.collect(),
         margin,
         penetration,
+        proof: Proof { mass: model.mass, friction: model.friction, payload },
     }
 }

@@ -9,10 +9,10 @@ use nalgebra::{Isometry3, Point3, Vector3};
 use sim::hand_scene::{HandScene, Pull, displacement};
 
 use super::closing::Closed;
-use super::subject::{Subject, TEST_FRICTION, TEST_MASS};
+use super::subject::Subject;
 
-/// (a) The margin has to be at least the force of the holding test, N.
-pub const LEAST_MARGIN: f64 = 10.0 * TEST_MASS;
+/// Acceleration of the holding test, m/s2 (DexGraspBench).
+const PULL: f64 = 10.0;
 /// Force limit of the friction-cone program: all normal forces together, N (the paper's total grasp force).
 pub const TOTAL_FORCE: f64 = 10.3;
 /// (b) m.
@@ -20,13 +20,20 @@ pub const MOST_PENETRATION: f64 = 1e-3;
 /// (c) Time for each direction, s, and how far the object may move: m, rad.
 pub const HOLD_TIME: f64 = 2.0;
 const MOST_MOTION: (f64, f64) = (0.05, 15.0 * std::f64::consts::PI / 180.0);
+/// A payload is searched for up to this mass, kg, and until it is known to this ratio.
+const MOST_PAYLOAD: f64 = 10.0;
+const PAYLOAD_RATIO: f64 = 1.1;
+
+/// (a) The margin has to be at least this, N, with [`TOTAL_FORCE`]: the weight of 0.1 kg in the holding test. It judges where the
+/// contacts are, whatever the object weighs: a heavier one may be pressed harder. Whether it is held, (c) tells.
+pub const LEAST_MARGIN: f64 = 1.0;
 
 /// The wrench margin of the contacts that touch, N.
 pub fn margin(subject: &Subject, closed: &Closed) -> Result<f64> {
     let contacts: Vec<Contact> = closed
         .touches
         .iter()
-        .map(|touch| Contact { point: touch.point, normal: touch.normal, friction: TEST_FRICTION })
+        .map(|touch| Contact { point: touch.point, normal: touch.normal, friction: subject.model.friction })
         .collect();
     let center = closed.scene.object() * subject.field.center;
     Ok(wrench_margin(&contacts, &center, subject.field.length, TOTAL_FORCE)?)
@@ -75,10 +82,10 @@ pub struct Hold {
     pub angle: f64,
 }
 
-/// (c) The DexGraspBench protocol: from the closed grasp, a force of 10 m N along each of the six axes for 2 s each, every time
-/// from the same state; stops at the first direction that fails. Motion counts from the closed grasp.
-pub fn hold(scene: &HandScene, pull: &Pull) -> Hold {
-    hold_by(scene.dt(), &scene.object(), |force, steps| {
+/// (c) The DexGraspBench protocol: from the closed grasp, the force of 10 m/s2 on `mass` (kg) along each of the six axes for 2 s
+/// each, every time from the same state; stops at the first direction that fails. Motion counts from the closed grasp.
+pub fn hold(scene: &HandScene, pull: &Pull, mass: f64) -> Hold {
+    hold_by(scene.dt(), mass, &scene.object(), |force, steps| {
         let (mut scene, pull, force) = (scene.clone(), *pull, *force);
         (0..steps).map(move |_| {
             scene.step(&pull, &force);
@@ -90,6 +97,7 @@ pub fn hold(scene: &HandScene, pull: &Pull) -> Hold {
 /// The same for anything that answers, for a force and a number of steps of `dt` (s), with the object's pose after each step.
 pub fn hold_by<Run: Iterator<Item = Isometry3<f64>>>(
     dt: f64,
+    mass: f64,
     start: &Isometry3<f64>,
     run: impl Fn(&Vector3<f64>, usize) -> Run,
 ) -> Hold {
@@ -97,7 +105,7 @@ pub fn hold_by<Run: Iterator<Item = Isometry3<f64>>>(
     let steps = (HOLD_TIME / dt).round() as usize;
     for direction in 0..6 {
         let sign = if direction % 2 == 0 { 1.0 } else { -1.0 };
-        let force = Vector3::ith(direction / 2, sign * 10.0 * TEST_MASS);
+        let force = Vector3::ith(direction / 2, sign * PULL * mass);
         for (step, object) in run(&force, steps).enumerate() {
             if (step + 1) % 24 == 0 || step + 1 == steps {
                 let (distance, angle) = displacement(start, &object);
@@ -110,6 +118,21 @@ pub fn hold_by<Run: Iterator<Item = Isometry3<f64>>>(
         }
     }
     worst
+}
+
+/// The largest mass (kg) that `holds` in six directions, to within a tenth below it: upwards from `held`, which does, by doubling,
+/// then by bisection. The closed grasp stays the one of the object's own mass.
+pub fn payload(held: f64, holds: impl Fn(f64) -> bool) -> f64 {
+    let (mut low, mut high) = (held, 2.0 * held);
+    while high < MOST_PAYLOAD && holds(high) {
+        (low, high) = (high, 2.0 * high);
+    }
+    high = high.min(MOST_PAYLOAD.max(low));
+    while high > PAYLOAD_RATIO * low {
+        let middle = (low * high).sqrt();
+        if holds(middle) { low = middle } else { high = middle }
+    }
+    low
 }
 
 #[cfg(test)]
@@ -129,6 +152,17 @@ mod tests {
         assert!((at(0.02, 0.01, 0.01) - corner).abs() < 1e-12, "the corner is rounded off");
     }
 
+    /// Known to a tenth, from below, wherever it lies; never below what is known to hold, never above the most that is tried.
+    #[test]
+    fn payload_is_found() {
+        for most in [0.1, 0.137, 0.4, 2.9, 9.0] {
+            let found = payload(0.1, |mass| mass <= most);
+            assert!(found <= most && 1.1 * found >= most, "{found} for {most}");
+        }
+        assert!((9.0..=10.0).contains(&payload(0.1, |_| true)));
+        assert_eq!(payload(12.0, |_| true), 12.0);
+    }
+
     /// An object that nothing touches flies off: the test can fail.
     #[test]
     fn a_floating_object_is_not_held() {
@@ -136,7 +170,7 @@ mod tests {
         let subject = Subject::named("ball").expect("the ball");
         let away = Isometry3::translation(0.0, 0.0, -0.5);
         let scene = HandScene::new(&hand, &subject.model, &away, &[0.0; HAND_JOINTS]);
-        let hold = hold(&scene, &Pull { tensions: [0.0; 5], opposition: 0.0 });
+        let hold = hold(&scene, &Pull { tensions: [0.0; 5], opposition: 0.0 }, 0.1);
         assert!(!hold.held && hold.distance > 0.05, "{hold:?}");
     }
 }

@@ -72,7 +72,10 @@ fn row(checked: &Checked) -> Row {
         let slack = Pull { tensions: [0.0; 5], ..checked.closed.pull };
         let mut slippery = checked.closed.scene.clone();
         slippery.set_friction(SLIPPERY);
-        [checks::hold(&checked.closed.scene, &slack).held, checks::hold(&slippery, &checked.closed.pull).held]
+        [
+            checks::hold(&checked.closed.scene, &slack, checked.mass).held,
+            checks::hold(&slippery, &checked.closed.pull, checked.mass).held,
+        ]
     });
     let force = touches.iter().map(|touch| touch.force).sum();
     let metrics = [checked.margin, -terms.total, -terms.balance, force, touches.len() as f64];

@@ -62,7 +62,7 @@ impl ComparedHand {
 }
 
 /// What decides a cell.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Asked {
     /// Name of the hand.
     pub hand: String,
@@ -73,6 +73,9 @@ pub struct Asked {
     contacts: (usize, usize),
     closings: usize,
     seed: u64,
+    /// Mass (kg) and friction of the object.
+    mass: f64,
+    friction: f64,
     /// SHA-256 of the hand's files.
     files: String,
 }
@@ -108,6 +111,7 @@ pub struct Cell {
 impl Cell {
     /// The cell as an earlier run left it in `folder`, or made now and left there.
     pub fn resume(hand: &ComparedHand, object: &str, request: &Request, folder: &Path) -> Result<Self> {
+        let subject = Subject::named(object)?;
         let asked = Asked {
             hand: hand.name().into(),
             object: object.into(),
@@ -115,13 +119,16 @@ impl Cell {
             contacts: request.contacts,
             closings: request.closings,
             seed: request.seed,
+            mass: subject.model.mass,
+            friction: subject.model.friction,
             files: hand.files().into(),
         };
         let plain = |name: &str| name.replace(|c: char| !c.is_ascii_alphanumeric(), "_");
         let path = folder.join(format!("{}-{}.json", plain(&asked.hand), plain(&asked.object)));
         match std::fs::read_to_string(&path) {
             Ok(text) => {
-                let known: Self = serde_json::from_str(&text).with_context(|| path.display().to_string())?;
+                let known: Self = serde_json::from_str(&text)
+                    .with_context(|| format!("{}: not a cell of this version; take another --out", path.display()))?;
                 let (found, expected) = (&known.asked, &asked);
                 ensure!(
                     found == expected,
@@ -133,7 +140,6 @@ impl Cell {
             Err(error) if error.kind() == std::io::ErrorKind::NotFound => {}
             Err(error) => return Err(error).with_context(|| path.display().to_string()),
         }
-        let subject = Subject::named(&asked.object)?;
         let made = match hand {
             ComparedHand::Ours => ours(subject, asked, request)?,
             ComparedHand::Any { hand, .. } => other(hand, &subject, asked, request)?,

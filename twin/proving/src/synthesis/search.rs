@@ -10,6 +10,7 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::closing::NotClosed;
+use super::load::Load;
 use super::synthesizer::{ChainResult, Checked, Synthesizer};
 
 /// Chains between two visits to the file: all threads have work, and an interruption loses little.
@@ -60,6 +61,8 @@ pub struct Report {
     pub duplicates: u64,
     /// Grasps kept and written.
     pub kept: usize,
+    /// Mass (kg) and friction for which grasps are verified, and how much those kept hold.
+    pub load: Load,
     /// Wall time, s.
     pub wall_s: f64,
     /// Iterations of the sampler per second and thread.
@@ -88,6 +91,7 @@ impl Report {
             format!("  at first closing{}; {} closings in all", share(self.plain), self.closings),
             format!("kept              {:5}, without {} near duplicates", self.kept, self.duplicates),
             format!("digits            {}", digits.join(", ")),
+            self.load.text(),
         ];
         rows.map(|row| row + "\n").concat()
     }
@@ -169,6 +173,8 @@ pub fn search(
     }
     progress.finish_and_clear();
     report.kept = kept.len();
+    let payloads = kept.iter().filter_map(|grasp| Some(grasp.proof?.payload));
+    report.load = Load::of(model, payloads);
     report.wall_s = start.elapsed().as_secs_f64();
     report.grasp_steps_per_s = steps as f64 / sampling_s.max(1e-9);
     Ok((report, kept))

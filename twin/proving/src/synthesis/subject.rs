@@ -9,9 +9,9 @@ use nalgebra::{Point3, UnitQuaternion, Vector3};
 use scenarios::geometry::{GeometryError, MAX_EXTENT, Mesh, Shape, read_triangles};
 use scenarios::objects::{ObjectModel, ObjectSet, Symmetry};
 
-/// Mass in the holding test, kg (DexGraspBench).
+/// Mass of a mesh in the holding test where none is given, kg (DexGraspBench).
 pub const TEST_MASS: f64 = 0.1;
-/// Friction coefficient in the holding test (DexGraspBench).
+/// Friction coefficient in the holding test where none is given (DexGraspBench); the objects' own are larger.
 pub const TEST_FRICTION: f64 = 0.6;
 /// Cells of the distance field: this small where the object allows, m; never more than this many along its longest side.
 const FINEST_CELL: f64 = 2.0e-3;
@@ -30,23 +30,23 @@ const LARGEST_FILE: u64 = 256 << 20;
 
 /// An object ready for sampling.
 pub struct Subject {
-    /// As it is tested: mass and friction of the protocol.
+    /// As it is tested, with the mass and the friction of the test.
     pub model: Arc<ObjectModel>,
     pub field: DistanceField,
     pub surface: Vec<Point3<f64>>,
 }
 
 impl Subject {
-    /// An object of the set.
+    /// An object of the set, of its own mass.
     pub fn named(name: &str) -> Result<Self> {
         let set = ObjectSet::repertoire();
         let Some(object) = set.get(name) else {
             bail!("--object: no object is called `{name}`; known are: {}", set.names().join(", "));
         };
-        Self::new(ObjectModel { mass: TEST_MASS, friction: TEST_FRICTION, ..(**object).clone() })
+        Self::new(ObjectModel { friction: TEST_FRICTION, ..(**object).clone() })
     }
 
-    /// A user's mesh, in metres, of the density that makes it weigh what the test wants. One that is not watertight, or has
+    /// A user's mesh, in metres, of the mass [`TEST_MASS`]. One that is not watertight, or has
     /// very many triangles, is rebuilt around its winding number; the second answer says so.
     pub fn from_mesh(path: &Path) -> Result<(Self, Option<String>)> {
         let size = std::fs::metadata(path).with_context(|| format!("--mesh {}", path.display()))?.len();
@@ -97,6 +97,12 @@ impl Subject {
             symmetry: Symmetry::None,
         })?;
         Ok((subject, note))
+    }
+
+    /// The same object of another mass (kg) and friction coefficient.
+    pub fn tested_at(mut self, mass: f64, friction: f64) -> Self {
+        self.model = Arc::new(ObjectModel { mass, friction, ..(*self.model).clone() });
+        self
     }
 
     fn new(model: ObjectModel) -> Result<Self> {

@@ -7,7 +7,7 @@ use anyhow::{Context, Result};
 use grasping::synthesis::chain::{self, Sample, Schedule};
 use grasping::synthesis::energy::{GraspEnergy, Plane, Weights};
 use grasping::synthesis::frames::Frames;
-use grasping::synthesis::held::{HeldContact, HeldGrasp, pose_to_array};
+use grasping::synthesis::held::{HeldContact, HeldGrasp, Proof, pose_to_array};
 use grasping::synthesis::surface::HandSurface;
 use hand_model::{Digit, Hand};
 use nalgebra::{Point3, Unit, Vector3};
@@ -67,6 +67,8 @@ pub struct Checked {
     pub penetration: f64,
     /// The holding test.
     pub hold: Hold,
+    /// Mass of the object in the holding test, kg.
+    pub mass: f64,
 }
 
 impl Checked {
@@ -129,6 +131,7 @@ impl Synthesizer {
         let start = Instant::now();
         let end = chain::run(&energy, &mut frames, self.request.contacts_of(chain), &self.schedule, &mut rng);
         let sampling_s = start.elapsed().as_secs_f64();
+        let mass = self.subject.model.mass;
         let used = closing::digits(&self.surface, &end.best.contacts);
         let mut close =
             |aim: &Aim| closing::close(&self.hand, &self.surface, &self.subject, &end.best, &mut frames, aim);
@@ -136,8 +139,8 @@ impl Synthesizer {
             Err(reason) => Err(reason),
             Ok(closed) => {
                 let (margin, penetration) = self.measure(&closed).with_context(|| format!("chain {chain}"))?;
-                let hold = checks::hold(&closed.scene, &closed.pull);
-                Ok(Checked { sample: end.best.clone(), closed, margin, penetration, hold })
+                let hold = checks::hold(&closed.scene, &closed.pull, mass);
+                Ok(Checked { sample: end.best.clone(), closed, margin, penetration, hold, mass })
             }
         };
         let (mut other, mut closings) = (None, 1);
@@ -149,8 +152,8 @@ impl Synthesizer {
                 if margin < checks::LEAST_MARGIN || penetration > checks::MOST_PENETRATION {
                     continue;
                 }
-                let hold = checks::hold(&closed.scene, &closed.pull);
-                let checked = Checked { sample: end.best.clone(), closed, margin, penetration, hold };
+                let hold = checks::hold(&closed.scene, &closed.pull, mass);
+                let checked = Checked { sample: end.best.clone(), closed, margin, penetration, hold, mass };
                 other = checked.verified().then_some(checked);
             }
         }
@@ -163,7 +166,14 @@ impl Synthesizer {
         Ok((margin, checks::penetration(&self.hand, &self.surface, &self.subject, closed)))
     }
 
-    /// The grasp as it is kept.
+    /// What a verified grasp is good for.
+    fn proof(&self, closed: &Closed) -> Proof {
+        let model = &self.subject.model;
+        let payload = checks::payload(model.mass, |mass| checks::hold(&closed.scene, &closed.pull, mass).held);
+        Proof { mass: model.mass, friction: model.friction, payload }
+    }
+
+    /// The verified grasp as it is kept.
     pub fn held(&self, chain: u64, checked: &Checked) -> HeldGrasp {
         let closed = &checked.closed;
         let palm_from_object = closed.scene.object();
@@ -196,6 +206,7 @@ impl Synthesizer {
             penetration: checked.penetration,
             moved: closed.moved.into(),
             energy: checked.sample.terms.total,
+            proof: Some(self.proof(closed)),
         }
         .rounded()
     }

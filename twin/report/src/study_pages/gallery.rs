@@ -69,6 +69,11 @@ fn object_picture(model: &ObjectModel, line: &str) -> RgbImage {
     pictures::object(model, OBJECT_PICTURE, OBJECT_WIDTH, &format!("{}\n{line}", model.name))
 }
 
+/// Friction for which a kind's grasp was verified.
+pub fn friction(kind: &Kind<'_>) -> f64 {
+    kind.best.proof.map_or(TEST_FRICTION, |proof| proof.friction)
+}
+
 /// A picture of a grasp: hand, object, contact points and cones.
 fn grasp_picture(hand: &Hand, model: &ObjectModel, kind: &Kind<'_>) -> RgbImage {
     let shown = shown(kind);
@@ -80,7 +85,7 @@ fn grasp_picture(hand: &Hand, model: &ObjectModel, kind: &Kind<'_>) -> RgbImage 
     let color = model.color.map(f64::from);
     picture.triangles(&shown.palm_from_object, &vertices, &triangles, &normals, color);
     for contact in &shown.contacts {
-        let cone = friction_cone(contact, TEST_FRICTION);
+        let cone = friction_cone(contact, friction(kind));
         let color = stream::scene::link_color(contact.link).map(f64::from);
         let tips: Vec<Point3<f64>> = cone.vertices.iter().map(|v| Point3::from(*v).cast()).collect();
         picture.veil(&tips, &cone.triangles, color, CONE_COVERS);
@@ -131,8 +136,8 @@ pub fn write(collection: &Collection, only: Option<&str>, set: &ObjectSet, hand:
     picture::save(&picture::tile(&best, COLUMNS), &folder.join("best.png"))?;
     let html = format!(
         "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n<title>Synthesized grasps</title>\n<style>{}{}img{{max-width:100%}}</style>\n\
-         </head>\n<body>\n<main>\n<h1>Synthesized grasps</h1>\n<p class=\"byline\">{}</p>\n<p>Dots are contact points, cones the forces that friction {TEST_FRICTION} \
-         allows there, coloured by digit.</p>\n<h2>Objects</h2>\n<img src=\"objects.png\" alt=\"the objects\">\n<h2>The best grasp of each object's most frequent kind</h2>\n\
+         </head>\n<body>\n<main>\n<h1>Synthesized grasps</h1>\n<p class=\"byline\">{}</p>\n<p>Dots are contact points, cones the forces that the friction of \
+         the proof allows there, coloured by digit.</p>\n<h2>Objects</h2>\n<img src=\"objects.png\" alt=\"the objects\">\n<h2>The best grasp of each object's most frequent kind</h2>\n\
          <img src=\"best.png\" alt=\"a grasp of each object\">\n<h2>Diversity</h2>\n<pre>{}</pre>\n{sections}</main>\n</body>\n</html>\n",
         style::FIGURE,
         style::PAGE,

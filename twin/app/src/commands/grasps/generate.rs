@@ -9,10 +9,15 @@ use proving::synthesis::any;
 use proving::synthesis::any::describe::{self, Described};
 use proving::synthesis::evaluation;
 use proving::synthesis::search::{self, Start};
-use proving::synthesis::subject::Subject;
+use proving::synthesis::subject::{Subject, TEST_FRICTION};
 use proving::synthesis::synthesizer::{Request, Synthesizer};
 
 use crate::terminal::{Outcome, Terminal};
+
+/// What a hand may hold at most, kg, the densest material, kg/m3, and the highest friction coefficient.
+const HEAVIEST: f64 = 10.0;
+const DENSEST: f64 = 25_000.0;
+const MOST_FRICTION: f64 = 3.0;
 
 /// What grasps are synthesized for.
 #[derive(Debug, Args)]
@@ -26,6 +31,15 @@ pub struct SynthesisArgs {
     /// Contact points of a sample: a number, or a range taken in turn, such as 2-5.
     #[arg(long, default_value = "5")]
     pub contacts: String,
+    /// Mass of the object for which grasps are verified, kg; default: the object's own, 0.1 for a mesh.
+    #[arg(long)]
+    pub mass: Option<f64>,
+    /// Density of the object instead of its mass, kg/m3, over the volume of its shape.
+    #[arg(long, conflicts_with = "mass")]
+    pub density: Option<f64>,
+    /// Coulomb friction between hand and object.
+    #[arg(long, default_value_t = TEST_FRICTION)]
+    pub friction: f64,
     /// Keep the hand out of the table on which the object rests.
     #[arg(long)]
     pub table: bool,
@@ -57,6 +71,25 @@ pub struct GenerateArgs {
     pub pulls: Option<PathBuf>,
 }
 
+/// The subject with the mass and the friction of the arguments.
+fn loaded(subject: Subject, args: &SynthesisArgs) -> Result<Subject> {
+    let check = |name: &str, value: f64, most: f64| {
+        anyhow::ensure!(value > 0.0 && value <= most, "--{name}: found {value}, expected more than 0, at most {most}");
+        Ok(value)
+    };
+    let mass = match (args.mass, args.density) {
+        (Some(mass), _) => check("mass", mass, HEAVIEST)?,
+        (None, Some(density)) => {
+            let mass = check("density", density, DENSEST)? * subject.model.shape.volume();
+            check("density", mass, HEAVIEST).map_err(|_| {
+                anyhow::anyhow!("--density: found an object of {mass:.2} kg, expected at most {HEAVIEST} kg")
+            })?
+        }
+        (None, None) => subject.model.mass,
+    };
+    Ok(subject.tested_at(mass, check("friction", args.friction, MOST_FRICTION)?))
+}
+
 fn request(terminal: &Terminal, args: &SynthesisArgs, n: u64, enough: usize) -> Result<(Subject, Request)> {
     if n == 0 {
         bail!("--n: found 0, expected at least 1");
@@ -76,6 +109,7 @@ fn request(terminal: &Terminal, args: &SynthesisArgs, n: u64, enough: usize) -> 
     if args.closings == 0 {
         bail!("--closings: found 0, expected at least 1");
     }
+    let subject = loaded(subject, args)?;
     let request =
         Request { chains: n, enough, contacts, closings: args.closings, seed: terminal.seed, table: args.table };
     Ok((subject, request))
@@ -112,6 +146,11 @@ fn command(terminal: &Terminal, args: &GenerateArgs) -> String {
     let mut options = keep.map_or(String::new(), |keep| format!(" --keep {keep}"));
     options += if synthesis.table { " --table" } else { "" };
     options += &format!(" --closings {}", synthesis.closings);
+    options += &synthesis.mass.map_or(String::new(), |mass| format!(" --mass {mass}"));
+    options += &synthesis.density.map_or(String::new(), |density| format!(" --density {density}"));
+    if synthesis.friction != TEST_FRICTION {
+        options += &format!(" --friction {}", synthesis.friction);
+    }
     format!("ftac grasps generate {what} --n {n} --contacts {}{options} --seed {}", synthesis.contacts, terminal.seed)
 }
 

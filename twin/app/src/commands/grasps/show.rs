@@ -83,7 +83,9 @@ fn record(terminal: &Terminal, args: &ShowArgs, name: &str, kinds: &[Kind<'_>], 
     let model =
         set.get(name).with_context(|| format!("`{name}` is not an object of the set: its shape is not known"))?;
     let file = args.out.clone().unwrap_or_else(|| PathBuf::from(format!("recordings/grasps_{name}.rrd")));
-    gallery::write(&[Target::File(file.clone())], &Hand::ftac(), &drawn(model, name), TEST_FRICTION, &grasps)?;
+    // All grasps of a file come from one search.
+    let friction = kinds.first().map_or(TEST_FRICTION, study_pages::gallery::friction);
+    gallery::write(&[Target::File(file.clone())], &Hand::ftac(), &drawn(model, name), friction, &grasps)?;
     if !terminal.quiet {
         eprintln!("{}: {} kinds; see it with `ftac view {0}`", file.display(), grasps.len());
     }

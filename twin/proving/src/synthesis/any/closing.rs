@@ -15,7 +15,7 @@ use sim::stand::{AnyStand, Prop};
 use super::describe::Described;
 use crate::synthesis::checks::{self, Hold};
 use crate::synthesis::closing::{DAMPING, NotClosed, OFFSET, RISE, SETTLE_DAMPED, SETTLE_FREE, pushed_away};
-use crate::synthesis::subject::{Subject, TEST_FRICTION, TEST_MASS};
+use crate::synthesis::subject::Subject;
 
 /// Range of an actuator's tension, N, and the plain one.
 const TENSIONS: (f64, f64) = (8.0, 60.0);
@@ -134,7 +134,8 @@ pub fn close(
         open_clear(hand, &subject.field, frames, &sample.state.moved(&by)).ok_or(NotClosed::Blocked)?;
     let start = hand.palm_from_root.inverse() * state.object_from_palm.inverse();
     let mut stand = AnyStand::at(hand.hand.clone(), EngineSettings::default(), &state.joints);
-    stand.put(&Prop::new(&subject.model.name, subject.model.shape.clone(), TEST_MASS, TEST_FRICTION), &start);
+    let model = &subject.model;
+    stand.put(&Prop::new(&model.name, model.shape.clone(), model.mass, model.friction), &start);
     stand.release();
     stand.set_prop_damping(DAMPING);
     let before: Vec<f64> = amounts.iter().enumerate().map(|(line, amount)| holding(hand, line, *amount)).collect();
@@ -165,16 +166,17 @@ pub fn object(stand: &AnyStand) -> Isometry3<f64> {
 
 /// Wrench margin, N.
 pub fn margin(subject: &Subject, closed: &AnyClosed) -> Result<f64> {
-    let contact = |touch: &Touch| Contact { point: touch.point, normal: touch.normal, friction: TEST_FRICTION };
+    let contact =
+        |touch: &Touch| Contact { point: touch.point, normal: touch.normal, friction: subject.model.friction };
     let contacts: Vec<Contact> = closed.touches.iter().map(contact).collect();
     let center = object(&closed.stand) * subject.field.center;
     Ok(wrench_margin(&contacts, &center, subject.field.length, checks::TOTAL_FORCE)?)
 }
 
-/// The holding test, under other tensions than the closed ones where the control wants it.
-pub fn hold(closed: &AnyClosed, tensions: &[f64]) -> Hold {
+/// The holding test of an object of `mass` (kg), under other tensions than the closed ones where the control wants it.
+pub fn hold(closed: &AnyClosed, tensions: &[f64], mass: f64) -> Hold {
     let start = object(&closed.stand);
-    checks::hold_by(closed.stand.dt(), &start, |force, dt_steps| {
+    checks::hold_by(closed.stand.dt(), mass, &start, |force, dt_steps| {
         let mut stand = closed.stand.clone();
         let tensions = tensions.to_vec();
         let force = *force;

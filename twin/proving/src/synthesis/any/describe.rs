@@ -12,11 +12,12 @@ use std::sync::Arc;
 
 use anyhow::{Context, Result, bail};
 use grasping::synthesis::frames::PIVOT;
-use grasping::synthesis::mechanism::{Mechanism, rest};
+use grasping::synthesis::mechanism::Mechanism;
 use grasping::synthesis::surface::{Ball, Candidate, HandSurface};
 use hand_model::any_hand::AnyHand;
 use hand_model::kinematics::Tree;
 use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, Vector3};
+use sim::stand::passing_links;
 
 use self::solids::{LinkShapes, SurfacePoint, fill, name, shapes, surface_points};
 
@@ -134,7 +135,7 @@ fn check(hand: &AnyHand, notes: &mut Vec<String>) -> Result<()> {
 
 /// Joint angles from open to closed.
 fn closing_motion(hand: &AnyHand, mechanism: &Mechanism) -> Vec<Vec<f64>> {
-    let open = rest(hand);
+    let open = hand.rest();
     (0..=STEPS)
         .map(|step| {
             let mut joints = open.clone();
@@ -238,9 +239,10 @@ fn may_touch(hand: &AnyHand, closing_motion: &[Vec<f64>], place: &Point3<f64>, l
     motion.norm() > LEAST_MOTION && normal.dot(&motion) > FACES_MOTION * motion.norm()
 }
 
-/// Pairs of links that are kept apart: not joined, and not overlapping already at rest, as published boxes often do.
+/// Pairs of links whose balls the sampler keeps apart: not joined, and not overlapping already at rest, as published boxes often
+/// do. The balls lie inside the shapes: what collides in physics is among these pairs.
 fn pairs(hand: &AnyHand, balls: &[Vec<Ball>], notes: &mut Vec<String>) -> Vec<(usize, usize)> {
-    let open = rest(hand);
+    let open = hand.rest();
     let placed: Vec<Vec<Ball>> = balls
         .iter()
         .enumerate()
@@ -250,20 +252,22 @@ fn pairs(hand: &AnyHand, balls: &[Vec<Ball>], notes: &mut Vec<String>) -> Vec<(u
         })
         .collect();
     let parent = |link: usize| hand.tree.joints[link - 1].parent.map_or(0, |joint| joint + 1);
-    let (mut kept, mut overlap) = (Vec::new(), Vec::new());
+    let mut kept = Vec::new();
     for b in 1..placed.len() {
         for a in (0..b).filter(|a| *a != parent(b)) {
             let meet =
                 placed[a].iter().any(|x| placed[b].iter().any(|y| (x.center - y.center).norm() < x.radius + y.radius));
-            if meet {
-                overlap.push(format!("{}+{}", name(hand, a), name(hand, b)));
-            } else {
+            if !meet {
                 kept.push((a, b));
             }
         }
     }
+    let number = |link: Option<usize>| link.map_or(0, |link| link + 1);
+    let overlap = passing_links(hand);
+    let overlap = overlap.iter().map(|(a, b)| format!("{}+{}", name(hand, number(*a)), name(hand, number(*b))));
+    let overlap: Vec<String> = overlap.collect();
     if !overlap.is_empty() {
-        notes.push(format!("WARNING not kept apart, because they overlap at rest: {}", overlap.join(", ")));
+        notes.push(format!("WARNING pass through each other, because they overlap at rest: {}", overlap.join(", ")));
     }
     kept
 }

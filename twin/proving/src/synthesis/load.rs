@@ -1,0 +1,37 @@
+//! For what mass grasps are verified, and how much more they hold.
+
+use scenarios::objects::ObjectModel;
+use serde::Serialize;
+
+/// Mass and friction of a search, with the payloads of its verified grasps.
+#[derive(Debug, Clone, Default, PartialEq, Serialize)]
+pub struct Load {
+    /// kg.
+    pub mass: f64,
+    /// Coulomb coefficient between hand and object.
+    pub friction: f64,
+    /// Least, median and largest payload of the grasps, kg; none where there is no grasp.
+    pub payload: Option<[f64; 3]>,
+}
+
+impl Load {
+    /// Of grasps of `model` with these payloads (kg).
+    pub fn of(model: &ObjectModel, payloads: impl Iterator<Item = f64>) -> Self {
+        let mut payloads: Vec<f64> = payloads.collect();
+        payloads.sort_by(f64::total_cmp);
+        let payload = match &payloads[..] {
+            [] => None,
+            sorted => Some([sorted[0], sorted[sorted.len() / 2], sorted[sorted.len() - 1]]),
+        };
+        Self { mass: model.mass, friction: model.friction, payload }
+    }
+
+    /// The load in words.
+    pub fn text(&self) -> String {
+        let grams = |kg: f64| format!("{:.0} g", 1e3 * kg);
+        let range = self.payload.map_or(String::new(), |[least, median, most]| {
+            format!("; payload {}, {} to {}", grams(median), grams(least), grams(most))
+        });
+        format!("verified for      {}, friction {}{range}", grams(self.mass), self.friction)
+    }
+}
