@@ -25,8 +25,6 @@ const MOST_TRIANGLES: usize = 40_000;
 /// What the hand can take: the smallest extent is at most its opening, the largest at least a fingertip's width, m.
 const WIDEST: f64 = 0.11;
 const SMALLEST: f64 = 0.008;
-/// A mesh file may be this large, bytes.
-const LARGEST_FILE: u64 = 256 << 20;
 
 /// An object ready for sampling.
 pub struct Subject {
@@ -49,10 +47,6 @@ impl Subject {
     /// A user's mesh, in metres, of the mass [`TEST_MASS`]. One that is not watertight, or has
     /// very many triangles, is rebuilt around its winding number; the second answer says so.
     pub fn from_mesh(path: &Path) -> Result<(Self, Option<String>)> {
-        let size = std::fs::metadata(path).with_context(|| format!("--mesh {}", path.display()))?.len();
-        if size > LARGEST_FILE {
-            bail!("--mesh {}: found {} MB, expected at most {} MB", path.display(), size >> 20, LARGEST_FILE >> 20);
-        }
         // The errors' own text has their cause in it already.
         let (vertices, triangles) = read_triangles(path).map_err(|error| anyhow!("--mesh: {error}"))?;
         let refuse =
