@@ -11,14 +11,19 @@
 //! [[actuator]]
 //! name = "close"
 //! arms = { knuckle_1 = 0.01, knuckle_2 = 0.008 }
+//! [held]                # optional: angles of joints that no actuator pulls, rad
+//! spread = 0.3
 //! ```
 //!
-//! Links on fixed joints become part of the link that carries them. A joint that mimics another follows it. Collision meshes
+//! Links on fixed joints become part of the link that carries them, frames without mass too. A joint that mimics another follows
+//! it. A joint that nothing pulls is held where `[held]` says, otherwise at rest: 0, or the nearest within its limits. Its link
+//! becomes part of the link that carries it. Collision meshes
 //! stand for the convex hull of their points, so that they need not be watertight; [`AnyHand::notes`] names those that are not.
 
+mod held;
 mod points;
 
-use std::collections::{BTreeMap, VecDeque};
+use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::path::Path;
 
 use nalgebra::{Isometry3, Matrix3, Point3, Vector3};
@@ -28,7 +33,7 @@ use urdf_rs::{Geometry, JointType, Robot};
 use crate::data::{DataError, parse_toml, read_text};
 use crate::hand::MassProperties;
 use crate::kinematics::{Tree, pose_from_xyz_rpy};
-use crate::urdf::{check_masses, fault, frames, parse_robot};
+use crate::urdf::{fault, frames, parse_robot};
 
 /// No cable of a hand has a longer moment arm, m.
 const LONGEST_ARM: f64 = 1.0;
@@ -97,6 +102,8 @@ pub struct AnyHand {
     pub damping: f64,
     /// Armature of every joint, kg m2.
     pub armature: f64,
+    /// Joints that are held at an angle (rad), which the tree does not have.
+    pub held: Vec<(String, f64)>,
     /// What was taken otherwise than the files say, a line each.
     pub notes: Vec<String>,
 }
@@ -109,6 +116,8 @@ struct PullsFile {
     armature: f64,
     spring: f64,
     actuator: Vec<PullFile>,
+    #[serde(default)]
+    held: BTreeMap<String, f64>,
 }
 
 #[derive(Deserialize)]
@@ -126,14 +135,17 @@ impl AnyHand {
 
     /// As [`Self::read`], from text; meshes are looked for beside `urdf_path`.
     pub fn parse(urdf: &str, urdf_path: &Path, pulls: &str, pulls_path: &Path) -> Result<Self, DataError> {
-        let robot = parse_robot(urdf, urdf_path)?;
-        check_masses(&robot, urdf_path)?;
+        let mut robot = parse_robot(urdf, urdf_path)?;
+        let file: PullsFile = parse_toml(pulls, pulls_path)?;
+        let pulled: BTreeSet<&str> =
+            file.actuator.iter().flat_map(|actuator| actuator.arms.keys().map(String::as_str)).collect();
+        let held = held::fix(&mut robot, &pulled, &file.held, pulls_path)?;
         let tree = frames(&robot, urdf_path, &[])?;
         let carried = carriers(&robot, &tree);
         let mut notes = Vec::new();
         let mut hand = Self {
             name: robot.name.clone(),
-            masses: masses(&robot, &tree, &carried, urdf_path)?,
+            masses: moving_masses(&robot, &tree, &carried, urdf_path)?,
             solids: solids(&robot, &carried, urdf_path, &mut notes)?,
             followers: followers(&robot, &tree, urdf_path)?,
             tree,
@@ -141,15 +153,21 @@ impl AnyHand {
             spring: 0.0,
             damping: 0.0,
             armature: 0.0,
+            held,
             notes,
         };
-        hand.read_pulls(pulls, pulls_path)?;
+        hand.read_pulls(file, pulls_path)?;
         Ok(hand)
     }
 
-    /// Rest angle of every joint, rad: 0, clamped to its limits.
+    /// Rest angle of every joint, rad: 0, clamped to its limits; of a joint that follows, what its leader's makes it.
     pub fn rest(&self) -> Vec<f64> {
-        self.tree.joints.iter().map(|joint| 0f64.clamp(joint.lower, joint.upper)).collect()
+        let mut rest: Vec<f64> = self.tree.joints.iter().map(|joint| 0f64.clamp(joint.lower, joint.upper)).collect();
+        for Follower { joint, leader, multiplier, offset } in &self.followers {
+            let own = &self.tree.joints[*joint];
+            rest[*joint] = (multiplier * rest[*leader] + offset).clamp(own.lower, own.upper);
+        }
+        rest
     }
 
     /// Joint torques (N m) of the actuators' `tensions` (N) and the springs at `q` (rad).
@@ -163,8 +181,7 @@ impl AnyHand {
         torques
     }
 
-    fn read_pulls(&mut self, text: &str, path: &Path) -> Result<(), DataError> {
-        let file: PullsFile = parse_toml(text, path)?;
+    fn read_pulls(&mut self, file: PullsFile, path: &Path) -> Result<(), DataError> {
         if file.version != 1 {
             return Err(DataError::field(path, "version", file.version, "1"));
         }
@@ -225,6 +242,23 @@ fn carriers(robot: &Robot, tree: &Tree) -> BTreeMap<String, (Option<usize>, Isom
         carried.insert(name, (carrier, pose));
     }
     carried
+}
+
+/// As [`masses`]; every link that a joint moves has some, its own or of what is fixed to it.
+fn moving_masses(
+    robot: &Robot,
+    tree: &Tree,
+    carried: &BTreeMap<String, (Option<usize>, Isometry3<f64>)>,
+    path: &Path,
+) -> Result<Vec<MassProperties>, DataError> {
+    let masses = masses(robot, tree, carried, path)?;
+    if let Some(n) = masses.iter().position(|mass| mass.mass <= 0.0) {
+        let name = &tree.joints[n].name;
+        let link = robot.joints.iter().find(|joint| joint.name == *name).map_or("", |joint| &joint.child.link);
+        let expected = "a positive mass in kg on a link that a joint moves, or on what is fixed to it";
+        return Err(fault(path, format!("link[{link}]"), "inertial.mass", "0".into(), expected));
+    }
+    Ok(masses)
 }
 
 fn masses(

@@ -36,13 +36,57 @@ fn what_is_fixed_to_a_link_is_part_of_it() {
     assert!((hand.torques(&[0.5, 0.0], &[4.0])[0] - (0.04 - 0.01)).abs() < 1e-12);
 }
 
+/// A frame without mass has that of what is fixed to it.
+#[test]
+fn a_frame_without_mass_moves_what_is_fixed_to_it() {
+    let hand =
+        parse(&URDF.replace("<mass value=\"0.1\"/><origin", "<mass value=\"0\"/><origin"), PULLS).expect("valid");
+    assert!((hand.masses[0].mass - 0.1).abs() < 1e-12 && (hand.masses[0].com.x - 0.04).abs() < 1e-12);
+}
+
+/// A joint that nothing pulls turns its link into a part of the one that carries it, at the given angle or at rest; so does a
+/// joint that follows it, with its offset. A joint that follows a pulled one rests at its offset.
+#[test]
+fn joints_that_nothing_pulls_are_held() {
+    let spread = URDF.replace(
+        "<parent link=\"jaw\"/><child link=\"tip\"/><origin xyz=\"0.04 0 0\" rpy=\"0 0 0\"/>",
+        "<parent link=\"jaw\"/><child link=\"tip\"/><origin xyz=\"0.04 0 0\" rpy=\"0 0 0\"/><axis xyz=\"0 0 1\"/>\
+         <limit lower=\"0.2\" upper=\"2\" effort=\"1\" velocity=\"1\"/>",
+    );
+    let spread = spread.replace("\"weld\" type=\"fixed\"", "\"spread\" type=\"revolute\"");
+    let solid = "<collision><origin xyz=\"0.01 0 0\"/><geometry><sphere radius=\"0.005\"/></geometry></collision>";
+    let spread =
+        spread.replacen("izz=\"1e-5\"/></inertial></link>", &format!("izz=\"1e-5\"/></inertial>{solid}</link>"), 1);
+    let tip = |hand: &AnyHand| hand.solids.last().map(|solid| (solid.link, solid.link_from_solid.translation.vector));
+    let rest = parse(&spread, PULLS).expect("valid");
+    assert_eq!((rest.tree.len(), &rest.held[..]), (2, &[("spread".to_owned(), 0.2)][..]));
+    let (link, at) = tip(&rest).expect("a tip");
+    assert!(link == Some(0) && (at.x - 0.04 - 0.01 * 0.2f64.cos()).abs() < 1e-9, "{at}");
+    let given = format!("{PULLS}[held]\nspread = 1.5\n");
+    let (_, at) = tip(&parse(&spread, &given).expect("valid")).expect("a tip");
+    assert!((at.y - 0.01 * 1.5f64.sin()).abs() < 1e-9, "{at}");
+    for (held, expected) in [
+        ("spread = 3.0", "clamp.toml: held.spread: found 3"),
+        ("hinge = 0.1", "clamp.toml: held.hinge: found a joint"),
+        ("wrist = 0.1", "clamp.toml: held.wrist: found no such joint"),
+    ] {
+        let error = parse(&spread, &format!("{PULLS}[held]\n{held}\n")).expect_err(expected);
+        assert!(error.starts_with(expected), "{error}\n{expected}");
+    }
+    let shifted = spread.replace("multiplier=\"-2\"", "multiplier=\"-2\" offset=\"0.3\"");
+    assert_eq!(parse(&shifted, PULLS).expect("valid").rest(), [0.0, 0.3]);
+    let only = PULLS.replace("hinge = 0.01", "spread = 0.01");
+    let held = parse(&shifted, &only).expect("valid").held;
+    assert_eq!(held, [("hinge".to_owned(), 0.0), ("second".to_owned(), 0.3)]);
+}
+
 #[test]
 fn faults_name_file_element_and_field() {
     let cases = [
         (
-            URDF.replace("<mass value=\"0.1\"/><origin", "<mass value=\"0\"/><origin"),
+            URDF.replace("<mass value=\"0.1\"/>", "<mass value=\"0\"/>"),
             PULLS.into(),
-            "clamp.urdf: link[jaw].inertial.mass",
+            "clamp.urdf: link[jaw].inertial.mass: found 0",
         ),
         (URDF.replacen("ixx=\"1e-5\"", "ixx=\"0\"", 1), PULLS.into(), "clamp.urdf: link[jaw].inertial.inertia"),
         (

@@ -312,9 +312,9 @@ impl<'a> GraspEnergy<'a> {
         for line in &self.mechanism.lines {
             let n = line.joints.len() as f64;
             // Position along the line: the mean of the angles, signed by the line's direction.
-            let along = |k: usize| line.share[k].signum() * state.joints[line.joints[k]];
+            let along = |k: usize| line.share[k].signum() * (state.joints[line.joints[k]] - line.offset[k]);
             let mean = (0..line.joints.len()).map(along).sum::<f64>() / n;
-            let off = |k: usize| state.joints[line.joints[k]] - line.share[k] * mean;
+            let off = |k: usize| state.joints[line.joints[k]] - line.offset[k] - line.share[k] * mean;
             let shared: f64 = (0..line.joints.len()).map(|k| off(k) * line.share[k]).sum::<f64>() / n;
             for (k, joint) in line.joints.iter().enumerate() {
                 terms.posture += self.weights.cable * off(k) * off(k);

@@ -10,6 +10,8 @@ pub struct ActuatorLine {
     pub joints: Vec<usize>,
     /// Ratio of each joint's angle to the mean.
     pub share: Vec<f64>,
+    /// Angle of each joint at the line's zero, rad: the offset of a joint that follows another.
+    pub offset: Vec<f64>,
 }
 
 /// Joint limits and actuator lines.
@@ -30,6 +32,7 @@ impl Mechanism {
             ActuatorLine {
                 joints: angles.iter().map(|(joint, _)| *joint).collect(),
                 share: angles.iter().map(|(_, q)| q / mean).collect(),
+                offset: vec![0.0; angles.len()],
             }
         });
         Self {
@@ -43,6 +46,9 @@ impl Mechanism {
     pub fn of_any(hand: &AnyHand) -> Self {
         let rest = hand.rest();
         let mut limits: Vec<(f64, f64)> = rest.iter().map(|q| (*q, *q)).collect();
+        let offset = |joint: usize| {
+            hand.followers.iter().find(|follower| follower.joint == joint).map_or(0.0, |follower| follower.offset)
+        };
         let lines = hand.pulls.iter().map(|pull| {
             let mut line: Vec<(usize, f64)> = pull.arms.clone();
             for follower in &hand.followers {
@@ -55,6 +61,7 @@ impl Mechanism {
             ActuatorLine {
                 joints: line.iter().map(|(joint, _)| *joint).collect(),
                 share: line.iter().map(|(_, arm)| arm / mean).collect(),
+                offset: line.iter().map(|(joint, _)| offset(*joint)).collect(),
             }
         });
         let lines: Vec<ActuatorLine> = lines.collect();
@@ -66,15 +73,16 @@ impl Mechanism {
 
     /// Position along an actuator's line, rad: the mean of its joint angles, signed by the line's direction.
     pub fn amount(&self, line: usize, joints: &[f64]) -> f64 {
-        let ActuatorLine { joints: own, share } = &self.lines[line];
-        own.iter().zip(share).map(|(joint, share)| joints[*joint] * share.signum()).sum::<f64>() / own.len() as f64
+        let ActuatorLine { joints: own, share, offset } = &self.lines[line];
+        let along = own.iter().zip(share).zip(offset);
+        along.map(|((joint, share), offset)| (joints[*joint] - offset) * share.signum()).sum::<f64>() / own.len() as f64
     }
 
     /// Sets the joints of an actuator to the position `amount` on its line, clamped to their limits.
     pub fn set_amount(&self, line: usize, amount: f64, joints: &mut [f64]) {
-        let ActuatorLine { joints: own, share } = &self.lines[line];
-        for (joint, share) in own.iter().zip(share) {
-            joints[*joint] = (amount * share).clamp(self.limits[*joint].0, self.limits[*joint].1);
+        let ActuatorLine { joints: own, share, offset } = &self.lines[line];
+        for ((joint, share), offset) in own.iter().zip(share).zip(offset) {
+            joints[*joint] = (amount * share + offset).clamp(self.limits[*joint].0, self.limits[*joint].1);
         }
     }
 }
@@ -84,7 +92,7 @@ mod tests {
     use super::*;
 
     fn lines() -> Mechanism {
-        let line = ActuatorLine { joints: vec![0, 2], share: vec![1.5, -0.5] };
+        let line = ActuatorLine { joints: vec![0, 2], share: vec![1.5, -0.5], offset: vec![0.0, 0.0] };
         Mechanism { limits: vec![(-1.0, 1.0), (0.3, 0.3), (-0.2, 0.2)], lines: vec![line] }
     }
 
@@ -98,6 +106,10 @@ mod tests {
         assert!((mechanism.amount(0, &joints) - 0.3).abs() < 1e-12);
         mechanism.set_amount(0, 2.0, &mut joints);
         assert_eq!(joints, [1.0, 0.3, -0.2]);
+        let mut shifted = lines();
+        shifted.lines[0].offset[1] = 0.1;
+        shifted.set_amount(0, 0.3, &mut joints);
+        assert!((joints[2] + 0.05).abs() < 1e-12 && (shifted.amount(0, &joints) - 0.3).abs() < 1e-12, "{joints:?}");
     }
 
     /// One line per cable with the joints of its digit, all closing, near the free postures at other tensions too.

@@ -70,6 +70,7 @@ fn describe(hand: AnyHand) -> Result<Described> {
     let closing_motion = closing_motion(&hand, &mechanism);
     let place = closing_point(&hand, &mechanism, &closing_motion, &by_link)?;
     let palm_from_root = palm_frame(&shapes, &place, &mut notes)?;
+    notes.extend(facing_warning(&hand, &mechanism, &closing_motion, &palm_from_root));
     let mut candidates: Vec<Candidate> = Vec::new();
     for (link, points) in by_link.iter().enumerate() {
         let faces: Vec<&SurfacePoint> =
@@ -108,6 +109,9 @@ fn check(hand: &AnyHand, notes: &mut Vec<String>) -> Result<()> {
     if hand.pulls.is_empty() {
         bail!("actuator: found none, expected at least one that pulls a joint");
     }
+    for (name, angle) in &hand.held {
+        notes.push(format!("{name}: no actuator pulls it, it is held at {angle:.3} rad"));
+    }
     for (index, joint) in hand.tree.joints.iter().enumerate() {
         let pulled = hand.pulls.iter().any(|pull| pull.arms.iter().any(|(joint, _)| *joint == index));
         let follows = hand.followers.iter().find(|follower| follower.joint == index);
@@ -115,16 +119,15 @@ fn check(hand: &AnyHand, notes: &mut Vec<String>) -> Result<()> {
             (true, _) => {}
             (false, Some(follower)) => {
                 let leader = &hand.tree.joints[follower.leader].name;
-                notes.push(format!("{}: follows {leader} times {}", joint.name, follower.multiplier));
-                if follower.offset != 0.0 {
-                    notes.push(format!("WARNING {}: offset {} rad is not sampled", joint.name, follower.offset));
-                }
+                let offset = match follower.offset {
+                    0.0 => String::new(),
+                    offset => format!(" plus {offset} rad"),
+                };
+                notes.push(format!("{}: follows {leader} times {}{offset}", joint.name, follower.multiplier));
                 continue;
             }
-            (false, None) => {
-                notes.push(format!("WARNING {}: no actuator pulls it, it stays at rest", joint.name));
-                continue;
-            }
+            // The hand's reader holds what nothing pulls.
+            (false, None) => continue,
         }
         if !(joint.lower.is_finite() && joint.upper.is_finite()) {
             bail!("joint[{}].limit: found none, expected finite limits of a joint that is pulled", joint.name);
@@ -223,6 +226,34 @@ fn palm_frame(shapes: &LinkShapes, place: &Point3<f64>, notes: &mut Vec<String>)
     let turn = UnitQuaternion::rotation_between(&facing, &-Vector3::z())
         .unwrap_or_else(|| UnitQuaternion::from_axis_angle(&Vector3::x_axis(), std::f64::consts::PI));
     Ok(Isometry3::from_parts(Translation3::from(PIVOT - turn * place.coords), turn))
+}
+
+/// A warning if closing takes the last links away from the palm: where the palm's facing was found from another part of the root,
+/// or the arms' signs open the hand.
+fn facing_warning(
+    hand: &AnyHand,
+    mechanism: &Mechanism,
+    closing_motion: &[Vec<f64>],
+    palm_from_root: &Isometry3<f64>,
+) -> Option<String> {
+    let moved = mechanism.lines.iter().flat_map(|line| line.joints.iter().copied());
+    let tips: Vec<usize> =
+        moved.filter(|joint| !hand.tree.joints.iter().any(|other| other.parent == Some(*joint))).collect();
+    let (before, after) = (&closing_motion[STEPS / 2], &closing_motion[STEPS]);
+    let way: Vector3<f64> = tips
+        .iter()
+        .map(|tip| {
+            let ball = Point3::from(hand.masses[*tip].com);
+            pose(hand, after, tip + 1) * ball - pose(hand, before, tip + 1) * ball
+        })
+        .sum();
+    let away = -(palm_from_root * way).z / tips.len() as f64;
+    (away > LEAST_MOTION).then(|| {
+        format!(
+            "WARNING palm: the closing fingertips go {:.0} mm the way it faces; is its facing wrong, or an arm's sign?",
+            1e3 * away
+        )
+    })
 }
 
 /// Whether the closing hand moves a point the way it faces; for the palm, whether it faces where the fingers close.

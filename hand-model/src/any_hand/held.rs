@@ -1,0 +1,89 @@
+//! Joints that no actuator pulls: held at an angle, they are fixed joints.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::Path;
+
+use nalgebra::{Isometry3, Translation3, Unit, UnitQuaternion, Vector3};
+use urdf_rs::{JointType, Robot};
+
+use crate::data::DataError;
+use crate::kinematics::pose_from_xyz_rpy;
+use crate::urdf::fault;
+
+/// Fixes every joint that neither is `pulled` nor follows one that is, at its angle of `given` (rad) or at rest. Answers with
+/// their names and angles.
+pub fn fix(
+    robot: &mut Robot,
+    pulled: &BTreeSet<&str>,
+    given: &BTreeMap<String, f64>,
+    path: &Path,
+) -> Result<Vec<(String, f64)>, DataError> {
+    check(robot, pulled, given, path)?;
+    let moving = |joint: &urdf_rs::Joint| joint.joint_type != JointType::Fixed;
+    let held: Vec<(usize, f64)> = (0..robot.joints.len())
+        .filter(|n| moving(&robot.joints[*n]) && !pulled.contains(leader(robot, *n).0))
+        .map(|n| (n, angle(robot, n, given)))
+        .collect();
+    for (n, angle) in &held {
+        let joint = &mut robot.joints[*n];
+        let axis = Unit::new_normalize(Vector3::from(joint.axis.xyz.0));
+        let turn = UnitQuaternion::from_axis_angle(&axis, *angle);
+        let pose = pose_from_xyz_rpy(joint.origin.xyz.0, joint.origin.rpy.0)
+            * Isometry3::from_parts(Translation3::identity(), turn);
+        let (roll, pitch, yaw) = pose.rotation.euler_angles();
+        joint.origin.rpy.0 = [roll, pitch, yaw];
+        joint.joint_type = JointType::Fixed;
+        joint.mimic = None;
+    }
+    Ok(held.into_iter().map(|(n, angle)| (robot.joints[n].name.clone(), angle)).collect())
+}
+
+/// The joint that joint `n` follows in the end, and its angle as multiple of that joint's and an offset.
+fn leader(robot: &Robot, n: usize) -> (&str, f64, f64) {
+    let joint = &robot.joints[n];
+    let (mut name, mut multiplier, mut offset) = (joint.name.as_str(), 1.0, 0.0);
+    let mut mimic = joint.mimic.as_ref();
+    // The numbers' check has refused loops.
+    while let Some(next) = mimic {
+        offset += multiplier * next.offset.unwrap_or(0.0);
+        multiplier *= next.multiplier.unwrap_or(1.0);
+        name = &next.joint;
+        mimic = robot.joints.iter().find(|other| other.name == next.joint).and_then(|other| other.mimic.as_ref());
+    }
+    (name, multiplier, offset)
+}
+
+fn angle(robot: &Robot, n: usize, given: &BTreeMap<String, f64>) -> f64 {
+    let (name, multiplier, offset) = leader(robot, n);
+    let leads = robot.joints.iter().find(|other| other.name == name);
+    let rest = leads.map_or(0.0, |joint| within(joint, 0.0));
+    let led = given.get(name).copied().unwrap_or(rest);
+    within(&robot.joints[n], multiplier * led + offset)
+}
+
+fn within(joint: &urdf_rs::Joint, angle: f64) -> f64 {
+    match joint.joint_type {
+        JointType::Revolute => angle.clamp(joint.limit.lower, joint.limit.upper),
+        _ => angle,
+    }
+}
+
+fn check(robot: &Robot, pulled: &BTreeSet<&str>, given: &BTreeMap<String, f64>, path: &Path) -> Result<(), DataError> {
+    for (name, angle) in given {
+        let wrong = |found: &str, expected: &str| Err(fault(path, "held".into(), name, found.into(), expected));
+        let Some(joint) = robot.joints.iter().find(|joint| joint.name == *name) else {
+            return wrong("no such joint", "a joint of the URDF");
+        };
+        if joint.joint_type == JointType::Fixed || joint.mimic.is_some() || pulled.contains(name.as_str()) {
+            return wrong("a joint that is fixed, mimics another or is pulled", "a joint that nothing moves");
+        }
+        if !angle.is_finite() || within(joint, *angle) != *angle {
+            let (lower, upper) = (joint.limit.lower, joint.limit.upper);
+            return wrong(
+                &angle.to_string(),
+                &format!("an angle in rad within the joint's limits, {lower} to {upper}"),
+            );
+        }
+    }
+    Ok(())
+}
