@@ -172,7 +172,7 @@ mod tests {
         sorted.sort();
         sorted.dedup();
         assert_eq!(sorted.len(), paths.len());
-        assert_eq!(paths.len(), 18 + 7 + 15 + 17 + 36 + 6);
+        assert_eq!(paths.len(), 25 + 7 + 15 + 17 + 3 * 18 + 3 * 3);
         for path in &paths {
             assert_eq!(rerun::EntityPath::parse_strict(path).expect("strict path").to_string(), format!("/{path}"));
         }
