@@ -314,3 +314,23 @@ fn hands_side_by_side() {
     fs::write(&last, "{").expect("spoilt");
     refused(&arguments[1..], &["F_TAC-ball_50.json"]);
 }
+
+/// One command makes every part and the page; once more, it goes on from what is there and comes to the same figures.
+#[test]
+fn the_whole_study_is_one_command() {
+    let folder = tempdir().expect("a folder");
+    let out = folder.path().join("study");
+    let first = answer(GRASPS, &["study", "--grasps", GRASPS, "--out", text(&out)]);
+    assert_eq!(first["missing"].as_array().map(Vec::len), Some(0), "{first}");
+    for file in ["types.svg", "map.html", "landscape/landscape.html", "landscape/growth.png", "hands.png", "study.html"]
+    {
+        assert!(out.join(file).exists(), "no {file}");
+    }
+    let page = fs::read_to_string(out.join("study.html")).expect("the page");
+    let basins = first["rows"].as_array().expect("rows").iter().find(|row| row["what"] == "basins over six objects");
+    let ours = basins.and_then(|row| row["ours"].as_str()).expect("a count");
+    assert!(page.contains(ours) && page.contains("growth.png"), "{ours}");
+    let again = answer(GRASPS, &["study", "--grasps", GRASPS, "--out", text(&out)]);
+    assert_eq!(first["rows"], again["rows"]);
+    refused(&["study", "--hand", "none.urdf", "--pulls", "none.toml", "--out", text(&out)], &["none.urdf"]);
+}

@@ -13,6 +13,7 @@ use crate::commands::export::ExportCommand;
 use crate::commands::grasps::GraspsCommand;
 use crate::commands::hand::HandCommand;
 use crate::commands::optics::OpticsCommand;
+use crate::commands::study::all::StudyArgs;
 use crate::commands::touch::TouchCommand;
 use crate::commands::transport::TransportArgs;
 use crate::commands::trial::TrialArgs;
@@ -84,6 +85,8 @@ pub enum Command {
         #[arg(long)]
         out: Option<PathBuf>,
     },
+    /// Make the whole grasp study and its page: types, contact maps, energy landscape, hands compared. An interrupted run goes on.
+    Study(StudyArgs),
     /// The hand itself.
     #[command(subcommand)]
     Hand(HandCommand),
@@ -119,7 +122,7 @@ pub enum Command {
 const GROUPS: [(&str, &[&str]); 5] = [
     ("Run trials", &["demo", "bench", "trial", "transport"]),
     ("Look at results", &["view", "report", "export", "replay"]),
-    ("Study the parts", &["hand", "arm", "grasps", "touch", "optics"]),
+    ("Study the parts", &["study", "hand", "arm", "grasps", "touch", "optics"]),
     ("Drive the real robot", &["bridge"]),
     ("Set up the terminal", &["completions", "man", "help"]),
 ];
@@ -171,6 +174,7 @@ pub fn run(cli: &Cli) -> Outcome {
             lab_book::run(terminal, figures, out.as_deref(), &parse_arguments)
         }
         Command::Report { folders, out, .. } => bench::report(terminal, folders, out.as_deref()),
+        Command::Study(args) => study::all::run(terminal, args),
         Command::Hand(command) => hand::run(terminal, command),
         Command::Arm(command) => arm::run(terminal, command),
         Command::Grasps(command) => grasps::run(terminal, command),

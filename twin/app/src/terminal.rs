@@ -6,6 +6,15 @@ use indicatif::ProgressBar;
 /// What a command came to: nothing to say, or in which respect its result falls short.
 pub type Outcome = anyhow::Result<Option<String>>;
 
+/// A result as `--json` prints it and as people read it, and in which respect it falls short.
+#[derive(Debug)]
+pub struct Made {
+    pub json: serde_json::Value,
+    /// Ends its own lines.
+    pub text: String,
+    pub shortfall: Option<String>,
+}
+
 /// Options that every command takes.
 #[derive(Debug, Clone, Args)]
 pub struct Terminal {
@@ -27,6 +36,12 @@ impl Terminal {
     /// A progress bar, whose length is not known yet; lines in a log, hidden where nothing but results is wanted.
     pub fn progress(&self) -> ProgressBar {
         ProgressBar::with_draw_target(None, progress::target(self.quiet || self.json))
+    }
+
+    /// Prints what was made.
+    pub fn finish(&self, made: Made) -> Outcome {
+        self.print(&made.json, &made.text)?;
+        Ok(made.shortfall)
     }
 
     /// Prints a result: `json` with `--json`, otherwise `text`, which ends its own lines.

@@ -2,8 +2,9 @@
 //!
 //! [`source`] reads the grasps and knows their objects; [`classify`] gives each its type and [`annotate`] writes the page on which
 //! people do. [`map`] draws the map of contact, [`landscape`] the tree of basins and barriers, and [`report`] sets all of it beside
-//! the paper. The mathematics is in the crate `study`, the pages are in `report`.
+//! the paper; [`all`] makes everything. The mathematics is in the crate `study`, the pages are in `report`.
 
+pub mod all;
 pub mod annotate;
 pub mod classify;
 pub mod landscape;

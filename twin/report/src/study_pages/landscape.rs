@@ -5,6 +5,7 @@ use std::sync::Arc;
 
 use anyhow::Result;
 use hand_model::Hand;
+use image::RgbImage;
 use scenarios::objects::ObjectModel;
 use study::classification::ClassifiedGrasp;
 use study::landscape::basins::MappedGrasps;
@@ -12,12 +13,32 @@ use study::landscape::basins::MappedGrasps;
 use super::hover;
 use super::scene::Scene;
 use super::tree::{self, Leaf};
+use crate::plot::Plot;
 use crate::write_whole;
 
 /// Basins that the page shows below the tree.
 const LARGEST: usize = 12;
 
-/// Writes `landscape.svg` and `landscape.html` into `folder`. `objects` are in the order of the classification.
+/// Below the heading of the count.
+const COUNT: &str = "The count grows with the grasps that are sorted, so it is one of this many grasps and not of the landscape. The \
+                     paper reports 79 basins over six objects and does not say of how many grasps.";
+/// Basins in the paper.
+const PAPER: f64 = 79.0;
+
+/// Basins after the first grasps, beside the paper's count.
+fn growth(counts: &[(usize, usize)]) -> RgbImage {
+    let most = counts.last().map_or(1.0, |last| last.0 as f64);
+    let ours = counts.iter().map(|(grasps, basins)| [*grasps as f64, *basins as f64]).collect();
+    Plot {
+        title: "Basins found".into(),
+        x: "grasps sorted".into(),
+        y: "basins".into(),
+        lines: vec![("this study".into(), ours), ("paper: 79".into(), vec![[0.0, PAPER], [most, PAPER]])],
+    }
+    .draw()
+}
+
+/// Writes `landscape.svg`, `growth.png` and `landscape.html` into `folder`. `objects` are in the order of the classification.
 pub fn write(folder: &Path, (hand, objects): (&Hand, &[Arc<ObjectModel>]), found: &MappedGrasps<'_>) -> Result<()> {
     let basins = &found.map.basins;
     let shown: Vec<&ClassifiedGrasp> = basins.iter().map(|basin| found.lowest(basin)).collect();
@@ -38,6 +59,7 @@ pub fn write(folder: &Path, (hand, objects): (&Hand, &[Arc<ObjectModel>]), found
     let title = format!("{} basins of {} grasps", basins.len(), found.minima.len());
     let drawing = tree::svg(found.tree, &leaves, &title);
     write_whole(&folder.join("landscape.svg"), drawing.as_bytes())?;
+    growth(&found.growth()).save(folder.join("growth.png"))?;
     let mut largest: Vec<usize> = (0..leaves.len()).collect();
     largest.sort_by_key(|n| (std::cmp::Reverse(leaves[*n].members), *n));
     largest.truncate(LARGEST);
@@ -46,7 +68,8 @@ pub fn write(folder: &Path, (hand, objects): (&Hand, &[Arc<ObjectModel>]), found
                         of their lowest energy. Bars join basins at the energy over which one leads to the other. Point at a \
                         circle to see a grasp of it. Below: the largest basins.";
     let body = format!(
-        "<div style=\"overflow-x:auto\">{drawing}</div>\n<h2>The largest basins</h2>\n{}",
+        "<div style=\"overflow-x:auto\">{drawing}</div>\n<h2>How many basins there are</h2>\n<p>{COUNT}</p>\n\
+         <img src=\"growth.png\" alt=\"basins over grasps\" style=\"max-width:100%\">\n<h2>The largest basins</h2>\n{}",
         hover::gallery(&gallery)
     );
     let page = hover::page(&title, introduction, &body, &Scene::of(hand, objects, shown))?;

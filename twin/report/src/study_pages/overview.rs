@@ -19,22 +19,49 @@ pub fn page(folder: &Path, lines: &[Line], hands: Option<&Value>, sensing: &Sens
     lines.iter().for_each(|line| table.row(&[line.what, line.theirs, &line.ours, &line.difference, &line.why]));
     let mut body = table.finish();
     let picture = |file: &str| std::fs::read_to_string(folder.join(file)).ok();
-    for (title, file, more) in [
-        ("Grasp types by object", "types.svg", None),
-        ("Energy landscape", "landscape/landscape.svg", Some("landscape/landscape.html")),
-        ("Contact maps", "map.svg", Some("map.html")),
+    for (title, caption, file, more) in [
+        (
+            "Grasp types by object",
+            "How many verified grasps of each object have which of the paper's 19 types, given by written rules.",
+            "types.svg",
+            None,
+        ),
+        (
+            "Energy landscape",
+            "Grasps that lead to one another without climbing share a basin, a circle as large as it has grasps and as high as its \
+             lowest energy. A bar joins two basins at the energy over which one leads to the other.",
+            "landscape/landscape.svg",
+            Some("landscape/landscape.html"),
+        ),
+        (
+            "Contact maps",
+            "Each point is a grasp, placed by where it touches the hand: near points touch alike. The line separates power from \
+             precision grasps.",
+            "map.svg",
+            Some("map.html"),
+        ),
     ] {
         if let Some(svg) = picture(file) {
-            body += &format!("<h2>{}</h2>\n<figure>{svg}</figure>\n", escape(title));
+            body += &format!(
+                "<h2>{}</h2>\n<p>{}</p>\n<figure style=\"overflow-x:auto\">{svg}</figure>\n",
+                escape(title),
+                escape(caption)
+            );
             if let Some(page) = more.filter(|page| folder.join(page).exists()) {
                 body += &format!("<p><a href=\"{page}\">{page}</a>: with grasps in 3D under the mouse.</p>\n");
             }
         }
     }
+    if folder.join("landscape/growth.png").exists() {
+        body +=
+            "<figure><img src=\"landscape/growth.png\" alt=\"basins over grasps\" style=\"max-width:100%\"></figure>\n";
+        body += "<p>The number of basins grows with the grasps that are sorted; the paper does not say of how many grasps its 79 are.</p>\n";
+    }
     body += &hand_table(folder, hands);
     body += &sensor_tables(sensing);
     format!(
-        "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n<title>The grasp study</title>\n<style>{}{}</style>\n\
+        "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
+         <meta name=\"viewport\" content=\"width=device-width\">\n<title>The grasp study</title>\n<style>{}{}</style>\n\
          </head>\n<body><main>\n<h1>The grasp study</h1>\n<p class=\"byline\">What the paper reports on grasps, made again from this \
          project's own verified grasps.</p>\n{body}</main></body>\n</html>\n",
         style::FIGURE,

@@ -49,7 +49,7 @@ pub fn svg(tree: &Tree, leaves: &[Leaf], title: &str) -> String {
     let places = tree.places();
     let x = |branch: usize| LEFT + pitch * (places[branch] + 0.5);
     let mut svg = format!(
-        "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {width:.0} 620\" font-family=\"system-ui,Arial,sans-serif\" \
+        "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{width:.0}\" height=\"620\" viewBox=\"0 0 {width:.0} 620\" font-family=\"system-ui,Arial,sans-serif\" \
          font-size=\"12\"><rect width=\"{width:.0}\" height=\"620\" fill=\"#fff\"/>\n<text x=\"8\" y=\"20\" font-size=\"15\" \
          font-weight=\"600\">{}</text>\n",
         escape(title)

@@ -52,14 +52,14 @@ impl<'a> MappedGrasps<'a> {
         self.grasp(own.clone().find(is_minimum).or(own.min()).unwrap_or(0))
     }
 
-    /// Basins after the first grasps, their number doubling: objects take turns, so that each has its share at any time.
-    fn growth(&self) -> Vec<Value> {
+    /// (grasps, basins): basins after the first grasps, their number doubling: objects take turns, so that each has its share at any time.
+    pub fn growth(&self) -> Vec<(usize, usize)> {
         let mut counts: Vec<usize> = (0..).map(|k| self.map.sorted >> k).take_while(|n| *n > 5).collect();
         counts.reverse();
         // A basin's first member founded it.
         let founded =
             |n: usize| self.map.basins.iter().filter(|basin| basin.members.first().is_some_and(|m| *m < n)).count();
-        counts.into_iter().map(|n| json!({ "grasps": n, "basins": founded(n) })).collect()
+        counts.into_iter().map(|n| (n, founded(n))).collect()
     }
 
     /// The figures as `landscape.json` has them.
@@ -83,8 +83,10 @@ impl<'a> MappedGrasps<'a> {
         let count = |category| self.map.basins.iter().filter(|basin| self.majority(basin) == category).count();
         let singles = self.map.basins.iter().filter(|basin| basin.members.len() == 1).count();
         let attraction = &self.map.plan.attraction;
+        let growth: Vec<Value> =
+            self.growth().into_iter().map(|(grasps, basins)| json!({ "grasps": grasps, "basins": basins })).collect();
         json!({
-            "grasps": self.minima.len(), "basins": self.map.basins.len(), "growth": self.growth(),
+            "grasps": self.minima.len(), "basins": self.map.basins.len(), "growth": growth,
             "basins_of_one": singles, "basins_with_several_objects": shared,
             "power": count(Category::Power), "intermediate": count(Category::Intermediate),
             "precision": count(Category::Precision), "trees": self.tree.roots.len(),

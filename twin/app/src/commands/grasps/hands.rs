@@ -15,7 +15,7 @@ use proving::synthesis::synthesizer::Request;
 use report::{study_pages, write_whole};
 use scenarios::objects::ObjectSet;
 
-use crate::terminal::{Outcome, Terminal};
+use crate::terminal::{Made, Outcome, Terminal};
 
 /// Arguments of `grasps hands`.
 #[derive(Debug, Args)]
@@ -49,6 +49,11 @@ pub struct HandsArgs {
 
 /// `ftac grasps hands`.
 pub fn run(terminal: &Terminal, args: &HandsArgs) -> Outcome {
+    terminal.finish(make(terminal, args)?)
+}
+
+/// The comparison.
+pub fn make(terminal: &Terminal, args: &HandsArgs) -> Result<Made> {
     let request = request(terminal, args)?;
     let hands = compared(args)?;
     let folder = args.out.join("hands");
@@ -69,9 +74,12 @@ pub fn run(terminal: &Terminal, args: &HandsArgs) -> Outcome {
     let answer = hands::json(&cells);
     write_whole(&args.out.join("hands.json"), serde_json::to_string_pretty(&answer)?.as_bytes())?;
     let table = hands::table(&hands, &args.objects, &cells);
-    terminal.print(&answer, &format!("{table}{}/hands.png, hands.json\n", args.out.display()))?;
     let nothing = hands.iter().find(|hand| hands::total(&cells, hand.name()).count == 0);
-    Ok(nothing.map(|hand| format!("no grasp of {} was verified on any object", hand.name())))
+    Ok(Made {
+        json: answer,
+        text: format!("{table}{}/hands.png, hands.json\n", args.out.display()),
+        shortfall: nothing.map(|hand| format!("no grasp of {} was verified on any object", hand.name())),
+    })
 }
 
 /// What every hand is asked on every object.
@@ -93,7 +101,7 @@ fn request(terminal: &Terminal, args: &HandsArgs) -> Result<Request> {
 }
 
 /// Our hand and those of the arguments.
-fn compared(args: &HandsArgs) -> Result<Vec<ComparedHand>> {
+pub fn compared(args: &HandsArgs) -> Result<Vec<ComparedHand>> {
     let mut hands = vec![ComparedHand::Ours];
     for (urdf, pulls) in args.hand.iter().zip(&args.pulls) {
         let hand = ComparedHand::read(urdf, pulls)?;

@@ -14,7 +14,7 @@ use study::raters::{RaterPair, agreements};
 use study::summary::Summary;
 
 use super::source::{GraspsArgs, Source};
-use crate::terminal::{Outcome, Terminal};
+use crate::terminal::{Made, Outcome, Terminal};
 
 /// Arguments of `grasps classify`.
 #[derive(Debug, Args)]
@@ -34,10 +34,15 @@ pub struct ClassifyArgs {
 
 /// `ftac grasps classify`.
 pub fn run(terminal: &Terminal, args: &ClassifyArgs) -> Outcome {
-    let classification = Source::read(&args.grasps.paths)?.classification;
-    if let Some(id) = &args.explain {
-        return explain(terminal, &classification, id);
+    match &args.explain {
+        Some(id) => explain(terminal, &Source::read(&args.grasps.paths)?.classification, id),
+        None => terminal.finish(make(args)?),
     }
+}
+
+/// The types of all grasps.
+pub fn make(args: &ClassifyArgs) -> Result<Made> {
+    let classification = Source::read(&args.grasps.paths)?.classification;
     let pairs = agreements(&classification, &labels(&classification, &args.labels)?);
     let summary = Summary::of(&classification);
     let answer = summary.json(&classification, &pairs);
@@ -48,9 +53,12 @@ pub fn run(terminal: &Terminal, args: &ClassifyArgs) -> Outcome {
         write_whole(&folder.join("types.svg"), figure.as_bytes())?;
     }
     let agreement: String = pairs.iter().map(RaterPair::text).map(|line| line + "\n").collect();
-    terminal.print(&answer, &(summary.table(&classification) + &agreement))?;
     let (present, all) = (summary.present(), summary.types.len());
-    Ok((present < all).then(|| format!("{present} of the {all} types are present")))
+    Ok(Made {
+        json: answer,
+        text: summary.table(&classification) + &agreement,
+        shortfall: (present < all).then(|| format!("{present} of the {all} types are present")),
+    })
 }
 
 fn explain(terminal: &Terminal, classification: &Classification, id: &str) -> Outcome {

@@ -21,7 +21,7 @@ use study::landscape::exploration;
 use study::landscape::grasps::{GraspLandscape, GraspState};
 
 use super::source::{GraspsArgs, Source};
-use crate::terminal::{Outcome, Terminal};
+use crate::terminal::{Made, Outcome, Terminal};
 
 /// Arguments of `grasps landscape`.
 #[derive(Debug, Args)]
@@ -53,6 +53,11 @@ const SURFACE_POINTS: usize = 1000;
 
 /// `ftac grasps landscape`.
 pub fn run(terminal: &Terminal, args: &LandscapeArgs) -> Outcome {
+    terminal.finish(make(terminal, args)?)
+}
+
+/// The tree of basins and barriers.
+pub fn make(terminal: &Terminal, args: &LandscapeArgs) -> Result<Made> {
     let positive = |x: f64| x.is_finite() && x > 0.0;
     ensure!(
         args.each > 0 && positive(args.temperature) && args.pull.is_none_or(positive),
@@ -102,9 +107,9 @@ pub fn run(terminal: &Terminal, args: &LandscapeArgs) -> Outcome {
     let answer = found.json(&calibration, sweep);
     study_pages::landscape::write(&args.out, (&source.hand, &source.objects), &found)?;
     write_whole(&args.out.join("landscape.json"), serde_json::to_string_pretty(&answer)?.as_bytes())?;
-    let files = format!("{}/landscape.html, landscape.svg, landscape.json", args.out.display());
-    terminal.print(&answer, &format!("{}{files}\n", basins::text(&answer)))?;
-    Ok(None)
+    let files = format!("{}/landscape.html, landscape.svg, growth.png, landscape.json", args.out.display());
+    let text = format!("{}{files}\n", basins::text(&answer));
+    Ok(Made { json: answer, text, shortfall: None })
 }
 
 /// (place of the object on the command line, grasp), the objects taking turns.

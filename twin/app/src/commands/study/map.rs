@@ -2,13 +2,13 @@
 
 use std::path::PathBuf;
 
-use anyhow::{Context, ensure};
+use anyhow::{Context, Result, ensure};
 use clap::Args;
 use report::{study_pages, write_whole};
 use study::grasp_map::{GraspMaps, MapSettings, check_both_classes, contact_maps};
 
 use super::source::{GraspsArgs, Source};
-use crate::terminal::{Outcome, Terminal};
+use crate::terminal::{Made, Outcome, Terminal};
 
 /// Arguments of `grasps map`.
 #[derive(Debug, Args)]
@@ -28,6 +28,11 @@ pub struct MapArgs {
 
 /// `ftac grasps map`.
 pub fn run(terminal: &Terminal, args: &MapArgs) -> Outcome {
+    terminal.finish(make(terminal, args)?)
+}
+
+/// The maps and the boundary.
+pub fn make(terminal: &Terminal, args: &MapArgs) -> Result<Made> {
     ensure!(
         args.n >= 4 && args.seeds > 0,
         "--n and --seeds: found {} and {}, expected at least 4 and 1",
@@ -46,6 +51,6 @@ pub fn run(terminal: &Terminal, args: &MapArgs) -> Outcome {
     let answer = found.json(&classification, terminal.seed);
     write_whole(&args.out.join("map.json"), serde_json::to_string_pretty(&answer)?.as_bytes())?;
     let text = found.text(classification.grasps.len());
-    terminal.print(&answer, &format!("{text}{}/map.html, map.svg, map.json\n", args.out.display()))?;
-    Ok(None)
+    let text = format!("{text}{}/map.html, map.svg, map.json\n", args.out.display());
+    Ok(Made { json: answer, text, shortfall: None })
 }

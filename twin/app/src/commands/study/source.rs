@@ -14,7 +14,7 @@ use study::attributes::ObjectForm;
 use study::classification::Classification;
 
 /// Where the grasps come from.
-#[derive(Debug, Args)]
+#[derive(Debug, Clone, Args)]
 pub struct GraspsArgs {
     /// Verified grasps: a file of `grasps collection` or `generate`, or a folder of such files (repeatable); default: the
     /// built-in collection.
