@@ -167,3 +167,13 @@ fn grasps_of_another_run() {
     refused(&arguments, &["grasps.json", "not a file of grasps"]);
     assert_eq!(fs::read_to_string(&file).expect("still there"), "no grasps");
 }
+
+/// With --json an error is one JSON object as well, with the words and the exit code.
+#[test]
+fn errors_are_json_too() {
+    let output = run(&["--json", "touch", "eval", "--combos", "0"]);
+    assert_eq!(output.status.code(), Some(2));
+    let error: serde_json::Value = serde_json::from_slice(&output.stdout).expect("one JSON object");
+    assert_eq!(error["code"], 2);
+    assert!(stderr(&output).contains(error["error"].as_str().expect("words")), "{error}");
+}

@@ -11,24 +11,25 @@ use std::process::ExitCode;
 
 fn main() -> ExitCode {
     let cli = cli::parse();
-    match cli::run(&cli) {
-        Ok(None) => ExitCode::SUCCESS,
+    let (code, message) = match cli::run(&cli) {
+        Ok(None) => return ExitCode::SUCCESS,
+        // The result has been printed.
         Ok(Some(shortfall)) => {
             eprintln!("ftac: falls short: {shortfall}");
-            ExitCode::from(1)
+            return ExitCode::from(1);
         }
         // The robot stopped in mid-trial: it ran, and fell short.
-        Err(error) if error.chain().any(|cause| cause.is::<bench::body::Stopped>()) => {
-            eprintln!("ftac: falls short: {error:#}");
-            ExitCode::from(1)
-        }
-        Err(error) if error.chain().any(|cause| cause.is::<bench::run::Interrupted>()) => {
-            eprintln!("ftac: {error:#}");
-            ExitCode::from(130)
-        }
-        Err(error) => {
-            eprintln!("ftac: {error:#}");
-            ExitCode::from(2)
-        }
+        Err(error) if caused_by::<bench::body::Stopped>(&error) => (1, format!("falls short: {error:#}")),
+        Err(error) if caused_by::<bench::run::Interrupted>(&error) => (130, format!("{error:#}")),
+        Err(error) => (2, format!("{error:#}")),
+    };
+    eprintln!("ftac: {message}");
+    if cli.terminal.json {
+        println!("{}", serde_json::json!({ "error": message, "code": code }));
     }
+    ExitCode::from(code)
+}
+
+fn caused_by<E: std::error::Error + Send + Sync + 'static>(error: &anyhow::Error) -> bool {
+    error.chain().any(|cause| cause.is::<E>())
 }
