@@ -1,10 +1,11 @@
-//! Reading scenario files. With `extends = "benchmark"`, everything that a file does not say is as in the benchmark; without
+//! Reading scenario files. With `extends = "benchmark"`, every field that a file does not say is as in the benchmark; without
 //! it, all but the user's own objects, where a trial starts, the effects and the disturbances must be said; effects are then off.
 
 use std::path::{Path, PathBuf};
 
 use hand_model::data::{DataError, parse_toml, read_text};
 use serde::Deserialize;
+use toml::{Table, Value};
 
 use super::definition::{Protocol, Scenario, Start};
 use crate::disturbance::Disturbances;
@@ -53,7 +54,45 @@ struct ScenarioFile {
     disturbance: Disturbances,
 }
 
+/// Tables of a scenario of which a file may state some fields only, at any depth.
+const MERGED: [&str; 6] = ["layout", "noise", "start", "protocol", "referee", "effects"];
+
+/// `own` with the fields that only `base` has.
+fn merge(own: &mut Table, base: &Table) {
+    for (key, value) in base {
+        match (own.get_mut(key), value) {
+            (None, _) => {
+                own.insert(key.clone(), value.clone());
+            }
+            (Some(Value::Table(own)), Value::Table(base)) => merge(own, base),
+            _ => {}
+        }
+    }
+}
+
 impl ScenarioFile {
+    /// The file with the missing fields of the tables that it names in part.
+    fn parse(text: &str, path: &Path) -> Result<Self, DataError> {
+        let mut own: Table = parse_toml(text, path)?;
+        if !own.contains_key("extends") {
+            return parse_toml(text, path);
+        }
+        let base: Table = parse_toml(BENCHMARK, Path::new("benchmark.toml"))?;
+        for key in MERGED {
+            if let (Some(Value::Table(own)), Some(Value::Table(base))) = (own.get_mut(key), base.get(key)) {
+                merge(own, base);
+            }
+        }
+        match own.try_into() {
+            Ok(file) => Ok(file),
+            // The text itself knows the line, unless a field is missing that the benchmark has.
+            Err(error) => match parse_toml::<Self>(text, path) {
+                Err(at_line) if !at_line.to_string().contains("missing field") => Err(at_line),
+                _ => Err(DataError::field(path, "scenario", error.message(), "fields as in benchmark.toml")),
+            },
+        }
+    }
+
     /// The scenario, with what is missing taken from the one that it extends; `path` is used in errors.
     fn complete(mut self, path: &Path) -> Result<Scenario, DataError> {
         // Recordings from before scenarios had a start all began where the benchmark does.
@@ -111,7 +150,7 @@ impl Scenario {
 
     /// Reads and checks a scenario file's text. `path` is used in errors, and objects' files are looked for beside it.
     pub fn parse(text: &str, path: &Path) -> Result<Self, DataError> {
-        let file: ScenarioFile = parse_toml(text, path)?;
+        let file = ScenarioFile::parse(text, path)?;
         let scenario = file.complete(path)?;
         scenario.check(path)?;
         Ok(scenario)

@@ -52,3 +52,21 @@ fn objects_must_exist_and_stand_clear() {
     let unknown = scenario.check_objects(&set, Path::new("a.toml")).unwrap_err().to_string();
     assert!(unknown.contains("first: found \"anvil\", expected one of golf_ball"), "{unknown}");
 }
+
+/// A file that extends the benchmark changes the fields that it names and no others, at any depth.
+#[test]
+fn a_field_alone_can_be_changed() {
+    let parse = |text: &str| {
+        Scenario::parse(&format!("version = 1\nname = \"n\"\nextends = \"benchmark\"\n{text}"), Path::new("n.toml"))
+    };
+    let mut expected = Scenario::benchmark();
+    expected.name = "n".into();
+    expected.noise.execution.position_sigma = 0.01;
+    expected.referee.slip = 0.03;
+    let found = parse("[noise.execution]\nposition_sigma = 0.01\n[referee]\nslip = 0.03\n").expect("valid");
+    assert_eq!(found, expected);
+    let wrong = parse("[noise.execution]\nposition = 0.01\n").expect_err("no such field").to_string();
+    assert!(wrong.starts_with("n.toml:5: `position = 0.01`: unknown field `position`"), "{wrong}");
+    let wrong = parse("[noise.execution]\nposition_sigma = \"wide\"\n").expect_err("no number").to_string();
+    assert!(wrong.contains("n.toml") && wrong.contains("wide"), "{wrong}");
+}

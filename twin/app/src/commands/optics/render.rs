@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context, Result, bail};
+use anyhow::{Context, Result, bail, ensure};
 use clap::Args;
 use hand_model::Hand;
 use lab::optics::render::{MeshPose, PadView, SensorSource, real_sensor};
@@ -71,8 +71,16 @@ pub struct ShapesArgs {
     pub out: PathBuf,
 }
 
+/// Refuses a picture that is no PNG, before any work is done.
+fn expect_png(out: &Path) -> Result<()> {
+    let is_png = out.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("png"));
+    ensure!(is_png, "--out: found {}, expected a file that ends in .png", out.display());
+    Ok(())
+}
+
 /// Renders a mesh.
 pub fn render(terminal: &Terminal, args: &RenderArgs) -> Outcome {
+    expect_png(&args.out)?;
     let hand = Hand::ftac();
     let mesh = Mesh::read(&args.mesh)?;
     let pose = mesh_pose(&args.pose)?;
@@ -133,6 +141,7 @@ fn render_real(terminal: &Terminal, args: &RenderArgs, path: &Path, pressed: (&M
 
 /// Renders the twenty shapes onto one sheet.
 pub fn shapes(terminal: &Terminal, args: &ShapesArgs) -> Outcome {
+    expect_png(&args.out)?;
     let hand = Hand::ftac();
     let pad = find_pad(&hand, &args.pad)?;
     let (sheet, list) = shape_sheet(&hand, pad, args.force, args.unit, terminal.seed)?;

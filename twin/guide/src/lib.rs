@@ -1,0 +1,34 @@
+//! The guide to the F-TAC twin, as pages that build offline:
+//!
+//! ```sh
+//! cargo doc --workspace --no-deps --open
+//! ```
+//!
+//! | page | for whom |
+//! |---|---|
+//! | [`concepts`] | what is computed, each equation beside the function that computes it |
+//! | [`benchmark`] | you run the benchmark, and read what came out |
+//! | [`sensor`] | you own a camera-based tactile sensor |
+//! | [`hand`] | you own a hand, or an object that you want grasped |
+//! | [`files`] | what is in each file |
+//! | [`troubleshooting`] | something is not as it should be |
+//!
+//! There is no code in this crate. `tests/tests/guide.rs` runs the commands of the pages.
+
+#[doc = include_str!("../pages/concepts.md")]
+pub mod concepts {}
+
+#[doc = include_str!("../pages/benchmark.md")]
+pub mod benchmark {}
+
+#[doc = include_str!("../pages/sensor.md")]
+pub mod sensor {}
+
+#[doc = include_str!("../pages/hand.md")]
+pub mod hand {}
+
+#[doc = include_str!("../pages/files.md")]
+pub mod files {}
+
+#[doc = include_str!("../pages/troubleshooting.md")]
+pub mod troubleshooting {}
