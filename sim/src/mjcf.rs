@@ -9,7 +9,7 @@ use std::fmt::Write as _;
 
 use hand_model::hand::{CoverShape, MassProperties};
 use hand_model::kinematics::Joint;
-use hand_model::{ARM_JOINTS, Arm, Hand};
+use hand_model::{ARM_JOINTS, Arm, HAND_JOINTS, Hand};
 use nalgebra::{Isometry3, Point3, Vector3};
 use scenarios::geometry::Shape;
 use scenarios::individuals::ArmDefects;
@@ -17,6 +17,7 @@ use scenarios::physics::Physics;
 
 use crate::body::last_from_palm;
 use crate::drive::OPPOSITION_STIFFNESS;
+use crate::hand_scene::Pull;
 use crate::stand::Prop;
 
 /// Steps of a cover's rounding in its mesh.
@@ -30,6 +31,8 @@ pub struct Scene<'a> {
     pub arm: Option<(&'a Arm, [f64; ARM_JOINTS])>,
     /// Loose things with their pose in the world.
     pub props: &'a [(Prop, Isometry3<f64>)],
+    /// Angles of the hand's joints to begin with, and what is pulled then; rad, N.
+    pub start: Option<([f64; HAND_JOINTS], Pull)>,
     /// m/s2, world.
     pub gravity: Vector3<f64>,
     /// Time step, s.
@@ -79,8 +82,8 @@ pub fn write(scene: &Scene<'_>) -> String {
     out += &contacts(hand);
     out += &tendons(hand);
     out += &actuators(hand, scene.arm.map(|(arm, _)| arm));
-    if let Some((_, posture)) = &scene.arm {
-        out += &keyframe(hand, posture, scene.props);
+    if scene.arm.is_some() || scene.start.is_some() {
+        out += &keyframe(scene);
     }
     out += "</mujoco>\n";
     out
@@ -295,15 +298,19 @@ fn actuators(hand: &Hand, arm: Option<&Arm>) -> String {
     out + "  </actuator>\n"
 }
 
-fn keyframe(hand: &Hand, posture: &[f64; ARM_JOINTS], props: &[(Prop, Isometry3<f64>)]) -> String {
-    let mut qpos: Vec<f64> = posture.to_vec();
-    qpos.extend(vec![0.0; hand.tree.len()]);
-    for (_, pose) in props {
+/// Joints in the order of the bodies: arm, hand, props.
+fn keyframe(scene: &Scene) -> String {
+    let posture = scene.arm.as_ref().map_or(&[][..], |(_, posture)| posture);
+    let (joints, pull) = match scene.start {
+        Some((joints, pull)) => (joints, pull),
+        None => ([0.0; HAND_JOINTS], Pull { tensions: [0.0; 5], opposition: 0.0 }),
+    };
+    let mut qpos: Vec<f64> = [posture, &joints].concat();
+    for (_, pose) in scene.props {
         let (t, q) = (pose.translation.vector, pose.rotation);
         qpos.extend([t.x, t.y, t.z, q.w, q.i, q.j, q.k]);
     }
-    let mut ctrl = vec![0.0; hand.parameters.actuator.len()];
-    ctrl.extend(posture);
+    let ctrl: Vec<f64> = [&pull.tensions[..], &[pull.opposition], posture].concat();
     let join = |values: &[f64]| values.iter().map(|v| format!("{v:.9}")).collect::<Vec<_>>().join(" ");
     format!(
         "  <keyframe>\n    <key name=\"start\" qpos=\"{}\" ctrl=\"{}\"/>\n  </keyframe>\n",
@@ -332,7 +339,7 @@ mod tests {
     #[test]
     fn every_cable_joint_has_its_guides() {
         let hand = Hand::ftac();
-        let scene = Scene { hand: &hand, arm: None, props: &[], gravity: Vector3::zeros(), dt: 0.004 };
+        let scene = Scene { hand: &hand, arm: None, props: &[], start: None, gravity: Vector3::zeros(), dt: 0.004 };
         let text = write(&scene);
         for (joint, _) in hand.transmission.cables.iter().flat_map(|path| &path.joints) {
             for end in ["before", "after"] {

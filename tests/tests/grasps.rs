@@ -150,3 +150,33 @@ fn other_hands_grasp() {
         assert!(answer["notes"].as_array().is_some_and(|notes| notes.len() > 4), "{answer}");
     }
 }
+
+/// A grasp as a scene for another engine: a model whose keyframe has every joint and the object, and the commands that close it.
+#[test]
+fn grasps_are_exported() {
+    let folder = tempdir().expect("a folder");
+    let out = folder.path().join("scenes");
+    let exported = run(&["--json", "grasps", "export", "ball", "--n", "2", "--mjcf", text(&out)]);
+    assert_eq!(exported.status.code(), Some(0), "{}", stderr(&exported));
+    let answer: Value = serde_json::from_slice(&exported.stdout).expect("JSON");
+    let files = answer["files"].as_array().expect("files");
+    assert_eq!(files.len(), 2);
+    for pair in files {
+        let read = |n: usize| fs::read_to_string(pair[n].as_str().expect("a path")).expect("written");
+        let (scene, test) = (read(0), serde_json::from_str::<Value>(&read(1)).expect("JSON"));
+        let values = |name: &str| {
+            let start = scene.find(&format!(" {name}=\"")).expect("a keyframe") + name.len() + 3;
+            scene[start..].split('"').next().map_or(0, |values| values.split_whitespace().count())
+        };
+        // 15 joints, and position and turn of the object; five cables and the opposition.
+        assert_eq!((values("qpos"), values("ctrl")), (15 + 7, 6));
+        assert_eq!((scene.matches("<spatial ").count(), scene.matches("<freejoint ").count()), (5, 1));
+        assert!(test["tensions"].as_array().is_some_and(|all| all.iter().any(|tension| tension.as_f64() > Some(1.0))));
+    }
+    let refused = run(&["grasps", "export", "ball", "--chain", "999999", "--mjcf", text(&out)]);
+    assert!(
+        refused.status.code() == Some(2) && stderr(&refused).contains("--chain: found 999999"),
+        "{}",
+        stderr(&refused)
+    );
+}

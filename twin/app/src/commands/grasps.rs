@@ -1,6 +1,7 @@
 //! `ftac grasps`: synthesis, the benchmark's pick-ups and plans, and the study of grasps.
 
 mod collection;
+mod export;
 mod generate;
 pub mod hands;
 mod pick_ups;
@@ -9,6 +10,7 @@ mod show;
 use clap::Subcommand;
 
 use self::collection::CollectionArgs;
+use self::export::ExportArgs;
 use self::generate::{GenerateArgs, SynthesisArgs};
 use self::pick_ups::{PickUpsArgs, PlanArgs};
 use self::show::ShowArgs;
@@ -32,6 +34,8 @@ pub enum GraspsCommand {
     Collection(CollectionArgs),
     /// Show the best grasp of each kind: digits, contact points and friction cones, room, approach.
     Show(ShowArgs),
+    /// Write held grasps as MJCF scenes with their commands and tests, to close and shake them in a second engine.
+    Export(ExportArgs),
     /// Set hands side by side on the same objects: how often each finds a grasp that holds, with a picture sheet.
     Hands(hands::HandsArgs),
     /// Give every verified grasp one of the paper's 19 types, by rules with reasons; compare with people's labels.
@@ -55,6 +59,7 @@ pub fn run(terminal: &Terminal, command: &GraspsCommand) -> Outcome {
         GraspsCommand::Eval { synthesis, n } => generate::eval(terminal, synthesis, *n),
         GraspsCommand::Collection(args) => collection::make(terminal, args),
         GraspsCommand::Show(args) => show::show(terminal, args),
+        GraspsCommand::Export(args) => export::run(terminal, args),
         GraspsCommand::Hands(args) => hands::run(terminal, args),
         GraspsCommand::Classify(args) => classify::run(terminal, args),
         GraspsCommand::Annotate(args) => annotate::run(terminal, args),

@@ -219,6 +219,7 @@ fn whole(hand: &Arc<Hand>, folder: &Path) -> Result<Value> {
         hand,
         arm: Some((&*arm, start)),
         props: &props,
+        start: None,
         gravity: Vector3::new(0.0, 0.0, -9.81),
         dt: settings.dt,
     };
@@ -257,7 +258,7 @@ pub fn export(hand: &Arc<Hand>, folder: &Path) -> Result<()> {
         let props: Vec<_> = test.prop.iter().cloned().collect();
         // What is held in place feels no gravity; it is turned on with the release.
         let gravity = if test.prop.is_some() { Vector3::zeros() } else { test.gravity };
-        let scene = Scene { hand, arm: None, props: &props, gravity, dt: settings.dt };
+        let scene = Scene { hand, arm: None, props: &props, start: None, gravity, dt: settings.dt };
         write_whole(&folder.join(file(test.name)), mjcf::write(&scene).as_bytes())?;
         scenes.push(run(hand, &test));
     }

@@ -12,14 +12,14 @@ use super::closing::Closed;
 use super::subject::Subject;
 
 /// Acceleration of the holding test, m/s2 (DexGraspBench).
-const PULL: f64 = 10.0;
+pub const PULL: f64 = 10.0;
 /// Force limit of the friction-cone program: all normal forces together, N (the paper's total grasp force).
 pub const TOTAL_FORCE: f64 = 10.3;
 /// (b) m.
 pub const MOST_PENETRATION: f64 = 1e-3;
 /// (c) Time for each direction, s, and how far the object may move: m, rad.
 pub const HOLD_TIME: f64 = 2.0;
-const MOST_MOTION: (f64, f64) = (0.05, 15.0 * std::f64::consts::PI / 180.0);
+pub const MOST_MOTION: (f64, f64) = (0.05, 15.0 * std::f64::consts::PI / 180.0);
 /// A payload is searched for up to this mass, kg, and until it is known to this ratio.
 const MOST_PAYLOAD: f64 = 10.0;
 const PAYLOAD_RATIO: f64 = 1.1;
