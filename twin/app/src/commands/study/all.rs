@@ -73,7 +73,7 @@ pub fn run(terminal: &Terminal, args: &StudyArgs) -> Outcome {
         }
         let made = (part.make)(terminal, args, out.clone()).with_context(|| part.name)?;
         if !terminal.json && !terminal.quiet {
-            print!("{}\n", made.text);
+            println!("{}", made.text);
         }
         shortfalls.extend(made.shortfall);
     }
