@@ -15,7 +15,8 @@
 //! spread = 0.3
 //! ```
 //!
-//! Links on fixed joints become part of the link that carries them, frames without mass too. A joint that mimics another follows
+//! Links on fixed joints become part of the link that carries them, frames without mass too. A link with
+//! mass and no inertia is a point mass ([`AnyHand::notes`] names it). A joint that mimics another follows
 //! it. A joint that nothing pulls is held where `[held]` says, otherwise at rest: 0, or the nearest within its limits. Its link
 //! becomes part of the link that carries it. Collision meshes
 //! stand for the convex hull of their points, so that they need not be watertight; [`AnyHand::notes`] names those that are not.
@@ -37,6 +38,8 @@ use crate::urdf::{fault, frames, parse_robot};
 
 /// No cable of a hand has a longer moment arm, m.
 const LONGEST_ARM: f64 = 1.0;
+/// Least principal moment as a share of the largest: point masses on a line have less, up to rounding.
+const LEAST_MOMENT_RATIO: f64 = 1e-9;
 
 /// A collision shape of a link.
 #[derive(Debug, Clone)]
@@ -139,13 +142,14 @@ impl AnyHand {
         let file: PullsFile = parse_toml(pulls, pulls_path)?;
         let pulled: BTreeSet<&str> =
             file.actuator.iter().flat_map(|actuator| actuator.arms.keys().map(String::as_str)).collect();
+        check_leaders(&robot, urdf_path)?;
         let held = held::fix(&mut robot, &pulled, &file.held, pulls_path)?;
         let tree = frames(&robot, urdf_path, &[])?;
         let carried = carriers(&robot, &tree);
         let mut notes = Vec::new();
         let mut hand = Self {
             name: robot.name.clone(),
-            masses: moving_masses(&robot, &tree, &carried, urdf_path)?,
+            masses: moving_masses(&robot, &tree, &carried, urdf_path, &mut notes)?,
             solids: solids(&robot, &carried, urdf_path, &mut notes)?,
             followers: followers(&robot, &tree, urdf_path)?,
             tree,
@@ -244,19 +248,29 @@ fn carriers(robot: &Robot, tree: &Tree) -> BTreeMap<String, (Option<usize>, Isom
     carried
 }
 
-/// As [`masses`]; every link that a joint moves has some, its own or of what is fixed to it.
+/// As [`masses`]; every link that a joint moves has mass and inertia, its own or of what is fixed to it.
 fn moving_masses(
     robot: &Robot,
     tree: &Tree,
     carried: &BTreeMap<String, (Option<usize>, Isometry3<f64>)>,
     path: &Path,
+    notes: &mut Vec<String>,
 ) -> Result<Vec<MassProperties>, DataError> {
-    let masses = masses(robot, tree, carried, path)?;
-    if let Some(n) = masses.iter().position(|mass| mass.mass <= 0.0) {
-        let name = &tree.joints[n].name;
-        let link = robot.joints.iter().find(|joint| joint.name == *name).map_or("", |joint| &joint.child.link);
-        let expected = "a positive mass in kg on a link that a joint moves, or on what is fixed to it";
-        return Err(fault(path, format!("link[{link}]"), "inertial.mass", "0".into(), expected));
+    let masses = masses(robot, tree, carried, path, notes)?;
+    for (joint, mass) in tree.joints.iter().zip(&masses) {
+        let link = robot.joints.iter().find(|own| own.name == joint.name).map_or("", |own| &own.child.link);
+        let element = format!("link[{link}]");
+        if mass.mass <= 0.0 {
+            let expected = "a positive mass in kg on a link that a joint moves, or on what is fixed to it";
+            return Err(fault(path, element, "inertial.mass", "0".into(), expected));
+        }
+        let moments = mass.inertia.symmetric_eigenvalues();
+        if moments.min() <= LEAST_MOMENT_RATIO * moments.max() {
+            let found = format!("principal moments {:?}", [moments.x, moments.y, moments.z]);
+            let expected =
+                "a positive definite inertia in kg m2 on a link that a joint moves, or on what is fixed to it";
+            return Err(fault(path, element, "inertial.inertia", found, expected));
+        }
     }
     Ok(masses)
 }
@@ -266,6 +280,7 @@ fn masses(
     tree: &Tree,
     carried: &BTreeMap<String, (Option<usize>, Isometry3<f64>)>,
     path: &Path,
+    notes: &mut Vec<String>,
 ) -> Result<Vec<MassProperties>, DataError> {
     let nothing = MassProperties { mass: 0.0, com: Point3::origin(), inertia: Matrix3::zeros() };
     let mut masses = vec![nothing; tree.len()];
@@ -282,7 +297,10 @@ fn masses(
         let turn = place.rotation.to_rotation_matrix();
         let inertia =
             turn * Matrix3::new(i.ixx, i.ixy, i.ixz, i.ixy, i.iyy, i.iyz, i.ixz, i.iyz, i.izz) * turn.transpose();
-        if inertia.symmetric_eigenvalues().min() <= 0.0 {
+        if inertia == Matrix3::zeros() {
+            let (file, link) = (path.display(), &link.name);
+            notes.push(format!("{file}: link[{link}].inertial: {mass} kg without inertia; taken as a point mass"));
+        } else if inertia.symmetric_eigenvalues().min() <= 0.0 {
             let found = format!("{:?}", [i.ixx, i.iyy, i.izz]);
             let expected = "a positive definite inertia in kg m2";
             return Err(fault(path, format!("link[{}]", link.name), "inertial.inertia", found, expected));
@@ -340,6 +358,18 @@ fn solids(
         }
     }
     Ok(solids)
+}
+
+/// A joint that nothing pulls loses its mimic when it is held, so that this comes first.
+fn check_leaders(robot: &Robot, path: &Path) -> Result<(), DataError> {
+    let moving = |name: &str| robot.joints.iter().any(|own| own.name == name && own.joint_type != JointType::Fixed);
+    for joint in robot.joints.iter().filter(|joint| joint.joint_type != JointType::Fixed) {
+        if let Some(mimic) = joint.mimic.as_ref().filter(|mimic| !moving(&mimic.joint)) {
+            let element = format!("joint[{}].mimic", joint.name);
+            return Err(fault(path, element, "joint", format!("`{}`", mimic.joint), "the name of a moving joint"));
+        }
+    }
+    Ok(())
 }
 
 fn followers(robot: &Robot, tree: &Tree, path: &Path) -> Result<Vec<Follower>, DataError> {

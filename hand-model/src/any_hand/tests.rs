@@ -44,6 +44,30 @@ fn a_frame_without_mass_moves_what_is_fixed_to_it() {
     assert!((hand.masses[0].mass - 0.1).abs() < 1e-12 && (hand.masses[0].com.x - 0.04).abs() < 1e-12);
 }
 
+/// A tip frame with mass and no inertia adds its mass and the parallel-axis term, with a note; alone on a joint, or in line with
+/// another such mass, it gives no inertia to turn against.
+#[test]
+fn a_mass_without_inertia_is_a_point() {
+    let none = |text: &str, link: &str| {
+        let at = text.find(link).expect("the link");
+        let (before, after) = text.split_at(at);
+        format!("{before}{}", after.replacen("1e-5", "0", 3))
+    };
+    let tip = none(URDF, "<link name=\"tip\">");
+    let hand = parse(&tip, PULLS).expect("valid");
+    let jaw = hand.masses[0];
+    assert!((jaw.mass - 0.2).abs() < 1e-12 && (jaw.com.x - 0.03).abs() < 1e-12);
+    assert!((jaw.inertia[(1, 1)] - (1e-5 + 0.2 * 1e-4)).abs() < 1e-12, "{}", jaw.inertia);
+    assert_eq!(hand.notes, ["clamp.urdf: link[tip].inertial: 0.1 kg without inertia; taken as a point mass"]);
+    for (urdf, link) in [(none(&tip, "<link name=\"jaw\">"), "jaw"), (none(URDF, "<link name=\"other\">"), "other")] {
+        let error = parse(&urdf, PULLS).expect_err(link);
+        assert!(
+            error.starts_with(&format!("clamp.urdf: link[{link}].inertial.inertia: found principal moments")),
+            "{error}"
+        );
+    }
+}
+
 /// A joint that nothing pulls turns its link into a part of the one that carries it, at the given angle or at rest; so does a
 /// joint that follows it, with its offset. A joint that follows a pulled one rests at its offset.
 #[test]
