@@ -103,6 +103,7 @@ fn lines_of_mixed_sense() {
         let slope = (at(&forth, &mut unused) - at(&back, &mut unused)) / (2.0 * h);
         assert!((slope - gradient[6 + joint]).abs() < 1e-6, "{joint}: {slope} {}", gradient[6 + joint]);
     }
-    (joints[0], joints[3], joints[7]) = (0.2, -0.1, 0.3);
+    // 0.2 along the line; the second joint's offset is 0.1.
+    (joints[0], joints[3], joints[7]) = (0.2, 0.0, 0.3);
     assert!(at(&joints, &mut unused) < 1e-12);
 }
