@@ -1,6 +1,6 @@
 //! The Kapandji test (Kapandji 1986): the thumb's tip to ten points of the hand, reached by the six servos in physics.
 //!
-//! [`target`] has the points, [`reach`] what the joints alone would allow. The commands are found by search: many random
+//! [`target`] has the points, `reach` what the joints alone would allow. The commands are found by search: many random
 //! commands are evaluated in static equilibrium, the nearest ones are run in physics on the stand, and the best of those are
 //! varied until the thumb is there.
 
