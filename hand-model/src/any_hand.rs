@@ -147,11 +147,13 @@ impl AnyHand {
         let tree = frames(&robot, urdf_path, &[])?;
         let carried = carriers(&robot, &tree);
         let mut notes = Vec::new();
+        let masses = masses(&robot, &tree, &carried, urdf_path, &mut notes)?;
+        check_masses(&robot, &tree, &masses, urdf_path)?;
         let mut hand = Self {
             name: robot.name.clone(),
-            masses: moving_masses(&robot, &tree, &carried, urdf_path, &mut notes)?,
+            masses,
             solids: solids(&robot, &carried, urdf_path, &mut notes)?,
-            followers: followers(&robot, &tree, urdf_path)?,
+            followers: followers(&robot, &tree),
             tree,
             pulls: Vec::new(),
             spring: 0.0,
@@ -248,16 +250,9 @@ fn carriers(robot: &Robot, tree: &Tree) -> BTreeMap<String, (Option<usize>, Isom
     carried
 }
 
-/// As [`masses`]; every link that a joint moves has mass and inertia, its own or of what is fixed to it.
-fn moving_masses(
-    robot: &Robot,
-    tree: &Tree,
-    carried: &BTreeMap<String, (Option<usize>, Isometry3<f64>)>,
-    path: &Path,
-    notes: &mut Vec<String>,
-) -> Result<Vec<MassProperties>, DataError> {
-    let masses = masses(robot, tree, carried, path, notes)?;
-    for (joint, mass) in tree.joints.iter().zip(&masses) {
+/// Every link that a joint moves has mass and inertia, its own or of what is fixed to it.
+fn check_masses(robot: &Robot, tree: &Tree, masses: &[MassProperties], path: &Path) -> Result<(), DataError> {
+    for (joint, mass) in tree.joints.iter().zip(masses) {
         let link = robot.joints.iter().find(|own| own.name == joint.name).map_or("", |own| &own.child.link);
         let element = format!("link[{link}]");
         if mass.mass <= 0.0 {
@@ -272,7 +267,7 @@ fn moving_masses(
             return Err(fault(path, element, "inertial.inertia", found, expected));
         }
     }
-    Ok(masses)
+    Ok(())
 }
 
 fn masses(
@@ -372,22 +367,18 @@ fn check_leaders(robot: &Robot, path: &Path) -> Result<(), DataError> {
     Ok(())
 }
 
-fn followers(robot: &Robot, tree: &Tree, path: &Path) -> Result<Vec<Follower>, DataError> {
-    let mut followers = Vec::new();
-    for joint in &robot.joints {
-        let (Some(mimic), Some(index)) = (&joint.mimic, tree.find(&joint.name)) else { continue };
-        let Some(leader) = tree.find(&mimic.joint) else {
-            let element = format!("joint[{}].mimic", joint.name);
-            return Err(fault(path, element, "joint", format!("`{}`", mimic.joint), "the name of a moving joint"));
-        };
-        followers.push(Follower {
-            joint: index,
-            leader,
+/// The joints that follow another; [`check_leaders`] has found the leaders.
+fn followers(robot: &Robot, tree: &Tree) -> Vec<Follower> {
+    let follower = |joint: &urdf_rs::Joint| {
+        let mimic = joint.mimic.as_ref()?;
+        Some(Follower {
+            joint: tree.find(&joint.name)?,
+            leader: tree.find(&mimic.joint)?,
             multiplier: mimic.multiplier.unwrap_or(1.0),
             offset: mimic.offset.unwrap_or(0.0),
-        });
-    }
-    Ok(followers)
+        })
+    };
+    robot.joints.iter().filter_map(follower).collect()
 }
 
 #[cfg(test)]

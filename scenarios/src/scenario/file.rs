@@ -31,7 +31,9 @@ enum Base {
 struct ScenarioFile {
     version: u32,
     name: String,
-    extends: Option<Base>,
+    /// What it extends has been merged into it.
+    #[serde(rename = "extends")]
+    _extends: Option<Base>,
     /// Files of the user's own objects, relative to this file.
     #[serde(default)]
     objects: Vec<PathBuf>,
@@ -45,7 +47,7 @@ struct ScenarioFile {
     start: Option<Start>,
     protocol: Option<Protocol>,
     referee: Option<RefereeRules>,
-    /// What reality adds; nothing where neither this file nor the one it extends says so.
+    /// What reality adds; nothing where the file does not say so.
     effects: Option<Effects>,
     /// Effects of the extended scenario that are off.
     #[serde(default)]
@@ -54,8 +56,8 @@ struct ScenarioFile {
     disturbance: Disturbances,
 }
 
-/// Tables of a scenario of which a file may state some fields only, at any depth.
-const MERGED: [&str; 6] = ["layout", "noise", "start", "protocol", "referee", "effects"];
+/// What an extending file has of the benchmark unless it says otherwise; of a table it may state some fields only, at any depth.
+const INHERITED: [&str; 8] = ["first", "second", "layout", "noise", "start", "protocol", "referee", "effects"];
 
 /// `own` with the fields that only `base` has.
 fn merge(own: &mut Table, base: &Table) {
@@ -71,18 +73,15 @@ fn merge(own: &mut Table, base: &Table) {
 }
 
 impl ScenarioFile {
-    /// The file with the missing fields of the tables that it names in part.
+    /// The file with what it inherits.
     fn parse(text: &str, path: &Path) -> Result<Self, DataError> {
         let mut own: Table = parse_toml(text, path)?;
         if !own.contains_key("extends") {
             return parse_toml(text, path);
         }
-        let base: Table = parse_toml(BENCHMARK, Path::new("benchmark.toml"))?;
-        for key in MERGED {
-            if let (Some(Value::Table(own)), Some(Value::Table(base))) = (own.get_mut(key), base.get(key)) {
-                merge(own, base);
-            }
-        }
+        let mut base: Table = parse_toml(BENCHMARK, Path::new("benchmark.toml"))?;
+        base.retain(|key, _| INHERITED.contains(&key));
+        merge(&mut own, &base);
         match own.try_into() {
             Ok(file) => Ok(file),
             // The text itself knows the line, unless a field is missing that the benchmark has.
@@ -93,12 +92,10 @@ impl ScenarioFile {
         }
     }
 
-    /// The scenario, with what is missing taken from the one that it extends; `path` is used in errors.
+    /// The scenario; `path` is used in errors.
     fn complete(mut self, path: &Path) -> Result<Scenario, DataError> {
         // Recordings from before scenarios had a start all began where the benchmark does.
-        let base = if self.extends.is_some() || self.start.is_none() { Some(built_in()?) } else { None };
-        let start = given("start", self.start, base.as_ref().map(|base| &base.start), path)?;
-        let base = base.as_ref().filter(|_| self.extends.is_some());
+        let start = self.start.map_or_else(|| built_in().map(|base| base.start), Ok)?;
         for file in &self.objects {
             let file = path.parent().unwrap_or(Path::new("")).join(file);
             let object = ObjectFile::read(&file)?;
@@ -110,19 +107,17 @@ impl ScenarioFile {
             version: self.version,
             name: self.name,
             object: self.object,
-            first: given("first", self.first, base.map(|base| &base.first), path)?,
-            second: given("second", self.second, base.map(|base| &base.second), path)?,
-            layout: given("layout", self.layout, base.map(|base| &base.layout), path)?,
-            noise: given("noise", self.noise, base.map(|base| &base.noise), path)?,
+            first: given("first", self.first, path)?,
+            second: given("second", self.second, path)?,
+            layout: given("layout", self.layout, path)?,
+            noise: given("noise", self.noise, path)?,
             start,
-            protocol: given("protocol", self.protocol, base.map(|base| &base.protocol), path)?,
-            referee: given("referee", self.referee, base.map(|base| &base.referee), path)?,
+            protocol: given("protocol", self.protocol, path)?,
+            referee: given("referee", self.referee, path)?,
             effects: self
                 .without
                 .iter()
-                .fold(self.effects.or(base.map(|base| base.effects)).unwrap_or_default(), |effects, effect| {
-                    effects.without(*effect)
-                }),
+                .fold(self.effects.unwrap_or_default(), |effects, effect| effects.without(*effect)),
             disturbance: self.disturbance,
         })
     }
@@ -132,8 +127,8 @@ fn built_in() -> Result<Scenario, DataError> {
     Scenario::parse(BENCHMARK, Path::new("benchmark.toml"))
 }
 
-fn given<T: Clone>(field: &str, value: Option<T>, base: Option<&T>, path: &Path) -> Result<T, DataError> {
-    value.or_else(|| base.cloned()).ok_or_else(|| {
+fn given<T>(field: &str, value: Option<T>, path: &Path) -> Result<T, DataError> {
+    value.ok_or_else(|| {
         let expected = format!("a value, or extends = \"benchmark\" to take the benchmark's {field}");
         DataError::field(path, field, "nothing", expected)
     })

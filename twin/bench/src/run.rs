@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 
 use anyhow::{Context, Result, bail};
 use report;
-use report::film::{Film, Stage};
+use report::film::{self, Film};
 use scenarios::FailureCause;
 use scenarios::record::{AblatedTrial, Condition, TrialRecord, write_ablated, write_trials};
 use scenarios::statistics::{RunInfo, Summary, summarise};
@@ -17,7 +17,7 @@ use crate::body::BodySource;
 use crate::body::operator::Interrupt;
 use crate::journal::{Entry, Journal, RunRequest, Unit};
 use crate::recording::{Began, Recording};
-use crate::trial::filming::{All, Filming};
+use crate::trial::filming::{self, All, Filming};
 use crate::trial::profile::Activity;
 use crate::trial::{Bench, NoWatcher, TrialResults};
 use crate::{provenance, workers};
@@ -102,11 +102,10 @@ fn run_unit(bench: &Bench, request: &RunRequest, unit: Unit, folder: &Path, opti
 
 /// Stills of a recorded trial, beside its recording.
 fn strip(bench: &Bench, unit: Unit, film: &Film, folder: &Path) -> Result<()> {
-    let (plan, world) = (&bench.plans.plans[unit.combination], &bench.world);
-    let objects = vec![world.object(&plan.first)?, world.object(&plan.second)?];
-    let stage = Stage { hand: &world.cell.hand, arm: &world.cell.arm, objects };
+    let (count, size) = film::STILLS;
+    let strip = filming::stage(bench, unit.combination)?.strip(film, count, size);
     let file = folder.join("recordings").join(format!("{}{}", name(unit), report::pictures::STRIP));
-    report::picture::save(&stage.strip(film, 5, 220), &file)
+    report::picture::save(&strip, &file)
 }
 
 /// The conditions of a unit on bodies that cannot be cloned, each with a recording of its own if `record`.

@@ -127,6 +127,18 @@ impl Plans {
         );
         hand_model::file::write_whole(path, text.as_bytes()).with_context(|| format!("cannot write {}", path.display()))
     }
+
+    /// Does `work` on every plan, in parallel; shows a progress bar called `what` unless `quiet`.
+    fn try_each(&mut self, what: &str, quiet: bool, work: impl Fn(&mut Plan) -> Result<()> + Sync) -> Result<()> {
+        let progress = progress::bar(self.plans.len() as u64, what, quiet);
+        self.plans.par_iter_mut().try_for_each(|plan| {
+            work(plan)?;
+            progress.inc(1);
+            Ok::<(), anyhow::Error>(())
+        })?;
+        progress.finish_and_clear();
+        Ok(())
+    }
 }
 
 impl Plan {

@@ -7,6 +7,7 @@ use hand_model::{Arm, Hand};
 use image::codecs::jpeg::JpegEncoder;
 use image::{ExtendedColorType, RgbImage};
 use nalgebra::{Isometry3, Point3, Vector3};
+use rayon::prelude::*;
 use scenarios::objects::ObjectModel;
 use stream::mesh::Mesh;
 
@@ -16,6 +17,8 @@ use crate::style;
 
 const TABLE: [f64; 3] = [206.0, 196.0, 182.0];
 const ARM: [[f64; 3]; 2] = [[214.0, 217.0, 222.0], [172.0, 177.0, 185.0]];
+/// Stills in the strip of a trial, and their size in pixels.
+pub const STILLS: (usize, u32) = (5, 220);
 /// JPEG quality of a frame.
 const QUALITY: u8 = 72;
 
@@ -104,20 +107,7 @@ impl Stage<'_> {
     /// All frames of a film as JPEG, on all cores.
     fn frames(&self, film: &Film, size: u32) -> Result<Vec<Vec<u8>>> {
         let around = Self::around(film);
-        let cores = std::thread::available_parallelism().map_or(1, usize::from);
-        let share = film.frames.len().div_ceil(cores).max(1);
-        let draw = |frames: &[Frame]| -> Result<Vec<Vec<u8>>> {
-            frames.iter().map(|frame| jpeg(&self.still(frame, size, around))).collect()
-        };
-        let parts = std::thread::scope(|scope| {
-            let workers: Vec<_> = film.frames.chunks(share).map(|frames| scope.spawn(move || draw(frames))).collect();
-            workers.into_iter().map(|worker| worker.join()).collect::<Vec<_>>()
-        });
-        let mut all = Vec::new();
-        for part in parts {
-            all.extend(part.map_err(|_| anyhow::anyhow!("a frame could not be drawn"))??);
-        }
-        Ok(all)
+        film.frames.par_iter().map(|frame| jpeg(&self.still(frame, size, around))).collect()
     }
 }
 

@@ -6,7 +6,7 @@ use anyhow::{Context as _, Result, bail};
 use bench::body::Task;
 use bench::builtin::make_bench;
 use bench::recording::{Began, Recording};
-use bench::trial::filming::{All, Filming};
+use bench::trial::filming::{self, All, Filming};
 use clap::Args;
 use nalgebra::Point3;
 use report::film::{self, Film, Stage};
@@ -18,8 +18,6 @@ use crate::terminal::{Outcome, Terminal};
 
 /// Frames a second, and their size in pixels.
 const FILM: (f64, u32) = (3.0, 340);
-/// Stills in a strip, and their size in pixels.
-const STRIP: (usize, u32) = (5, 220);
 const COMPARED: [Condition; 2] = [Condition::Blind, Condition::Touch];
 
 /// Arguments of `demo`.
@@ -74,9 +72,7 @@ pub fn run(terminal: &Terminal, args: &DemoArgs) -> Outcome {
     watchers.0.extend(films.iter_mut().map(|one| one as _));
     let results = bench.trial(args.combination, args.trial, &COMPARED, &[], &mut watchers)?;
     recordings.into_iter().try_for_each(Recording::finish)?;
-    let world = &bench.world;
-    let objects = vec![world.object(&plan.first)?, world.object(&plan.second)?];
-    let stage = Stage { hand: &world.cell.hand, arm: &world.cell.arm, objects };
+    let stage = filming::stage(&bench, args.combination)?;
     let films = films.map(|filming| filming.film);
     let page = write(&stage, &films, args, (terminal.seed, [&plan.first, &plan.second]))?;
     tell(terminal, &results.records, &page)?;
@@ -88,7 +84,7 @@ pub fn run(terminal: &Terminal, args: &DemoArgs) -> Outcome {
 
 /// Writes the page and the strips; the page's path.
 fn write(stage: &Stage, films: &[Film], args: &DemoArgs, (seed, names): (u64, [&String; 2])) -> Result<PathBuf> {
-    let (count, size) = STRIP;
+    let (count, size) = film::STILLS;
     for film in films {
         let file = args.out.join(format!("{}.png", film.title));
         report::picture::save(&stage.strip(film, count, size), &file)?;

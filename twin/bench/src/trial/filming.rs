@@ -2,10 +2,10 @@
 
 use anyhow::Result;
 use hand_model::ARM_JOINTS;
-use report::film::{Film, Frame};
+use report::film::{Film, Frame, Stage};
 use scenarios::record::{Condition, TrialRecord};
 
-use super::{Means, Moment, Watcher};
+use super::{Bench, Means, Moment, Watcher};
 
 /// Films the branch of one condition on a body whose truth is known.
 pub struct Filming {
@@ -69,6 +69,13 @@ impl Watcher for Filming {
         }
         Ok(())
     }
+}
+
+/// What does not change in a film of this combination.
+pub fn stage(bench: &Bench, combination: usize) -> Result<Stage<'_>> {
+    let (plan, world) = (&bench.plans.plans[combination], &bench.world);
+    let objects = vec![world.object(&plan.first)?, world.object(&plan.second)?];
+    Ok(Stage { hand: &world.cell.hand, arm: &world.cell.arm, objects })
 }
 
 /// Several watchers of one trial.

@@ -11,7 +11,6 @@ use control::odds::{Rehearsed, TryOutcome};
 use control::worth::MISSED;
 use grasping::{Grasp, Repertoire, Role};
 use nalgebra::{Rotation3, Vector3};
-use rayon::prelude::*;
 use scenarios::noise::TrialNoise;
 use serde::{Deserialize, Serialize};
 use sim::tactile::TactileBoard;
@@ -100,30 +99,19 @@ fn aim_error(noise: &TrialNoise, heading: f64) -> Vector3<f64> {
 /// Tries the second grasps of all `plans` under errors, in the place of what they knew; shows a progress bar unless `quiet`. Takes
 /// a minute of a core for each plan.
 pub fn rehearse(world: &World, repertoire: &Repertoire, plans: &mut Plans, quiet: bool) -> Result<()> {
-    let progress = progress::bar(plans.plans.len() as u64, "plans tried", quiet);
     let board = TactileBoard::unit(&world.cell.hand, 0);
     let rehearsals = Rehearsals::new(world, &board);
-    plans.plans.par_iter_mut().try_for_each(|plan| {
-        rehearsals.rehearse(repertoire, plan)?;
-        progress.inc(1);
-        Ok::<(), anyhow::Error>(())
-    })?;
-    progress.finish_and_clear();
-    Ok(())
+    plans.try_each("plans tried", quiet, |plan| rehearsals.rehearse(repertoire, plan))
 }
 
 /// The same after other first grasps, for those of the `plans` none of whose second grasps goes well.
 pub fn rehearse_others(world: &World, repertoire: &Repertoire, plans: &mut Plans, quiet: bool) -> Result<()> {
-    let progress = progress::bar(plans.plans.len() as u64, "plans tried", quiet);
     let board = TactileBoard::unit(&world.cell.hand, 0);
     let rehearsals = Rehearsals::new(world, &board);
-    plans.plans.par_iter_mut().try_for_each(|plan| {
+    plans.try_each("plans tried", quiet, |plan| {
         plan.others = rehearsals.others(repertoire, plan)?;
-        progress.inc(1);
-        Ok::<(), anyhow::Error>(())
-    })?;
-    progress.finish_and_clear();
-    Ok(())
+        Ok(())
+    })
 }
 
 /// Both for one plan.

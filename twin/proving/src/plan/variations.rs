@@ -6,10 +6,8 @@
 use anyhow::Result;
 use grasping::sampler::vary;
 use grasping::{Grasp, Repertoire, Role};
-use indicatif::ProgressBar;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
-use rayon::prelude::*;
 use scenarios::noise::TrialNoise;
 use sha2::{Digest as _, Sha256};
 use sim::tactile::TactileBoard;
@@ -33,15 +31,8 @@ const FIRST_NUMBER: u32 = 1_000_000;
 
 /// Looks for variations for those of the `plans` none of whose second grasps goes well; shows a progress bar unless `quiet`.
 pub fn rehearse(world: &World, repertoire: &Repertoire, plans: &mut Plans, quiet: bool) -> Result<()> {
-    let progress: ProgressBar = progress::bar(plans.plans.len() as u64, "plans varied", quiet);
     let board = TactileBoard::unit(&world.cell.hand, 0);
-    plans.plans.par_iter_mut().try_for_each(|plan| {
-        rehearse_one(world, repertoire, &board, plan)?;
-        progress.inc(1);
-        Ok::<(), anyhow::Error>(())
-    })?;
-    progress.finish_and_clear();
-    Ok(())
+    plans.try_each("plans varied", quiet, |plan| rehearse_one(world, repertoire, &board, plan))
 }
 
 /// The same for one plan.

@@ -46,3 +46,8 @@ pub fn read(path: &Path) -> Result<Collection> {
 pub fn built_in() -> Result<Collection> {
     Ok(Collection::parse(include_str!("../../data/synthesized.jsonl"), Path::new("data/synthesized.jsonl"))?)
 }
+
+/// The grasps of `file`, or of the collection that comes with the program.
+pub fn read_or_built_in(file: Option<&Path>) -> Result<Collection> {
+    file.map_or_else(built_in, read)
+}

@@ -5,7 +5,7 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result};
-use grasping::synthesis::held::{HeldGrasp, Proof, pose_from_array};
+use grasping::synthesis::held::{HeldGrasp, pose_from_array};
 use hand_model::Hand;
 use hand_model::file::write_whole;
 use nalgebra::Vector3;
@@ -18,7 +18,7 @@ use sim::stand::Prop;
 
 use super::checks::{HOLD_TIME, MOST_MOTION, PULL};
 use super::closing::{DAMPING, RISE, SETTLE_DAMPED, SETTLE_FREE};
-use super::subject::{TEST_FRICTION, TEST_MASS};
+use super::subject::verified_for;
 
 /// Writes `grasp` of `object` into `folder`: an MJCF scene whose keyframe is the open hand, and a JSON file with the commands, the
 /// test, and what was found here. Answers with both files.
@@ -26,10 +26,7 @@ pub fn write(hand: &Hand, object: &ObjectModel, grasp: &HeldGrasp, folder: &Path
     std::fs::create_dir_all(folder).with_context(|| folder.display().to_string())?;
     let name = format!("{}_{}", grasp.object, grasp.chain);
     let (scene_file, test_file) = (folder.join(format!("{name}.xml")), folder.join(format!("{name}.json")));
-    let (mass, friction) = match grasp.proof {
-        Some(Proof { mass, friction, .. }) => (mass, friction),
-        None => (TEST_MASS, TEST_FRICTION),
-    };
+    let (mass, friction) = verified_for(grasp);
     let props = [(Prop::new("object", object.shape.clone(), mass, friction), pose_from_array(&grasp.start))];
     let open = Pull { tensions: [0.0; 5], opposition: grasp.opposition };
     let dt = EngineSettings::default().dt;

@@ -9,7 +9,7 @@ use hand_model::Hand;
 use image::RgbImage;
 use nalgebra::{Point3, UnitVector3, Vector3};
 use proving::synthesis::parts::table;
-use proving::synthesis::subject::TEST_FRICTION;
+use proving::synthesis::subject::verified_for;
 use scenarios::objects::{ObjectModel, ObjectSet};
 use stream::gallery::{ShownContact, ShownGrasp, friction_cone};
 use study::kinds::{Kind, kinds};
@@ -71,7 +71,7 @@ fn object_picture(model: &ObjectModel, line: &str) -> RgbImage {
 
 /// Friction for which a kind's grasp was verified.
 pub fn friction(kind: &Kind<'_>) -> f64 {
-    kind.best.proof.map_or(TEST_FRICTION, |proof| proof.friction)
+    verified_for(kind.best).1
 }
 
 /// A picture of a grasp: hand, object, contact points and cones.

@@ -33,10 +33,7 @@ pub struct ExportArgs {
 /// `ftac grasps export`.
 pub fn run(terminal: &Terminal, args: &ExportArgs) -> Outcome {
     ensure!(args.n > 0, "--n: found 0, expected at least 1");
-    let collection = match &args.grasps {
-        Some(path) => collection::read(path)?,
-        None => collection::built_in()?,
-    };
+    let collection = collection::read_or_built_in(args.grasps.as_deref())?;
     let set = ObjectSet::repertoire();
     let Some(object) = set.get(&args.object) else {
         bail!("OBJECT: found `{}`, expected one of {}", args.object, set.names().join(", "));

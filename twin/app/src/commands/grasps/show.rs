@@ -41,10 +41,7 @@ pub struct ShowArgs {
 
 /// `ftac grasps show`.
 pub fn show(terminal: &Terminal, args: &ShowArgs) -> Outcome {
-    let collection = match &args.grasps {
-        Some(path) => collection::read(path)?,
-        None => collection::built_in()?,
-    };
+    let collection = collection::read_or_built_in(args.grasps.as_deref())?;
     let object = args.object.as_deref();
     if let Some(name) = object.filter(|name| collection.of(name).is_none()) {
         let known: Vec<&str> = collection.objects.iter().map(|entry| entry.summary.object.as_str()).collect();
