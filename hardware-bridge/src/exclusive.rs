@@ -3,28 +3,38 @@
 //! The device itself is locked (`flock`), which keeps out other runs of this program and ends with its process, however that ends. Other programs are
 //! kept out with TIOCEXCL, except on a pseudo-terminal: there it would outlast a program that is killed.
 
-use std::fs;
+use std::fs::{self, File};
 use std::io::{self, ErrorKind};
-use std::os::fd::AsFd;
-use std::os::unix::fs::MetadataExt as _;
+use std::os::fd::{AsFd, OwnedFd};
+use std::os::unix::fs::{MetadataExt as _, OpenOptionsExt as _};
 use std::path::Path;
 
-use rustix::fs::{FlockOperation, flock};
+use rustix::fs::{FlockOperation, OFlags, flock};
 use rustix::termios::ioctl_tiocexcl;
-use serial2::SerialPort;
+use serial2::{IntoSettings as _, SerialPort};
 
 /// Opens `path` at `baud` for this program alone.
 ///
 /// # Errors
 /// The operating system's, and one that names the program that has the port.
 pub fn open(path: &Path, baud: u32) -> io::Result<SerialPort> {
-    let port = SerialPort::open(path, baud).map_err(|error| match error.kind() {
-        ErrorKind::ResourceBusy => taken(path),
-        _ => error,
-    })?;
-    if flock(port.as_fd(), FlockOperation::NonBlockingLockExclusive).is_err() {
+    let device = File::options()
+        .read(true)
+        .write(true)
+        .custom_flags((OFlags::NONBLOCK | OFlags::NOCTTY).bits().cast_signed())
+        .open(path)
+        .map_err(|error| match error.kind() {
+            ErrorKind::ResourceBusy => taken(path),
+            _ => error,
+        })?;
+    // Locked before it is set up: a rate set by a second program would garble what the first one sends and receives.
+    if flock(&device, FlockOperation::NonBlockingLockExclusive).is_err() {
         return Err(taken(path));
     }
+    let mut port = SerialPort::from(OwnedFd::from(device));
+    let mut settings = port.get_configuration()?;
+    baud.apply_to_settings(&mut settings)?;
+    port.set_configuration(&settings)?;
     let real = fs::canonicalize(path)?;
     if !real.starts_with("/dev/pts") {
         ioctl_tiocexcl(port.as_fd())?;
@@ -67,12 +77,14 @@ mod tests {
         assert_eq!(locked_by(locks, device, 4), None);
     }
 
-    /// A port is opened once; when it is closed, it is free again.
+    /// A port is opened once, and whoever comes second does not touch its settings; when it is closed, it is free again.
     #[test]
     fn one_at_a_time() {
         let pty = crate::emulator::pty::Pty::open().expect("a pseudo-terminal");
         let first = open(pty.path(), 57_600).expect("free");
-        let error = open(pty.path(), 57_600).expect_err("taken").to_string();
+        let error = open(pty.path(), 3_000_000).expect_err("taken").to_string();
+        let settings = first.get_configuration().expect("settings");
+        assert_eq!(settings.get_baud_rate().expect("a rate"), 57_600);
         assert!(error.starts_with("in use by process ") && error.contains("hardware_bridge"), "{error}");
         drop(first);
         drop(open(pty.path(), 57_600).expect("free again"));
