@@ -28,11 +28,6 @@ pub const CALIBRATION_UNIT: u64 = 1;
 /// cameras that drift by several per cent a minute come near.
 const MOST_DRIFT: f32 = 0.15;
 
-/// How far an object's true surface lies from the heights felt in a gel: a constant part (m) and a fraction of the depth, standard deviations.
-/// Set by hand on 848 patches of first grasps (seed 1), felt at the true pose and posture: they are off by 0.13 mm at 0.2 mm of depth and by
-/// 0.35 mm beyond 1.5 mm, deepest at fingertips, whose round cover falls away from the flat pad that images are made of.
-const GEL_LIFT: (f64, f64) = (2e-4, 0.3);
-
 /// The photometric models that come with the program.
 pub fn builtin_calibration() -> Result<PhotometricCalibration> {
     serde_json::from_str(include_str!("../data/calibration.json")).context("data/calibration.json")
@@ -56,7 +51,6 @@ pub fn know_hand(pipeline: &mut TouchPipeline, world: &World) {
     pipeline.pose.cables = world.known_cable_losses();
     if world.scenario.effects.gel.is_some() {
         pipeline.pose.sinking = 1.0;
-        (pipeline.pose.sigma_lift, pipeline.pose.lift_fraction) = GEL_LIFT;
     }
 }
 

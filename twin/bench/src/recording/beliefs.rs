@@ -8,7 +8,6 @@ use scenarios::phase::Phase;
 use stream::belief::Way;
 use stream::now::Weighed;
 use stream::recorder::Recorder;
-use touch::PoseEstimate;
 
 /// Which phases a belief about the object in the hand lasts through: from its grasp until it is put down or taken anew.
 fn holds(phase: Phase) -> bool {
@@ -48,9 +47,9 @@ impl Beliefs {
                 for map in felt.touches.iter().flat_map(|touch| &touch.heights) {
                     recorder.log_height(map.camera, &map.height, 240, 240)?;
                 }
-                let PoseEstimate { palm_from_object, covariance, .. } = &felt.estimate;
-                let turn = palm_from_object.rotation.to_rotation_matrix().into_inner();
-                recorder.log_felt(name, &(turn.transpose() * covariance.fixed_view::<3, 3>(0, 0) * turn))?;
+                let turn = felt.estimate.palm_from_object.rotation.to_rotation_matrix().into_inner();
+                recorder
+                    .log_felt(name, &(turn.transpose() * felt.estimate.region().fixed_view::<3, 3>(0, 0) * turn))?;
             }
         }
         if self.weighing && !decides(phase) {

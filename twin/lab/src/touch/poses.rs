@@ -109,7 +109,7 @@ fn looking_alike(object: &ObjectModel, truth: &Isometry3<f64>, estimate: &Isomet
 /// Squared error of the position in stated standard deviations.
 fn squared(estimate: &PoseEstimate, truth: &Isometry3<f64>) -> Option<f64> {
     let error = estimate.palm_from_object.translation.vector - truth.translation.vector;
-    let covariance: Matrix3<f64> = estimate.covariance.fixed_view::<3, 3>(0, 0).into_owned();
+    let covariance: Matrix3<f64> = estimate.region().fixed_view::<3, 3>(0, 0).into_owned();
     Some(error.dot(&covariance.cholesky()?.solve(&error)))
 }
 

@@ -108,14 +108,13 @@ pub(super) struct PressedPad {
 impl PressedPad {
     /// The pad at `place` on its link. The deepest of its accurately measured patches is taken to lie on the pad.
     pub fn new(place: &Isometry3<f64>, touch: &PadTouch, options: &PoseOptions) -> Self {
-        let of_heights = |patch: &&Patch| height_sigma(patch, options.sigma_height);
-        let best = touch.of_objects().map(|patch| of_heights(&patch)).fold(f64::INFINITY, f64::min);
+        let sigma = |patch: &&Patch| height_sigma(patch, options.sigma_height);
+        let best = touch.of_objects().map(|patch| sigma(&patch)).fold(f64::INFINITY, f64::min);
         let deepest =
-            touch.of_objects().filter(|patch| of_heights(patch) < 2.0 * best).max_by(|a, b| a.peak.total_cmp(&b.peak));
-        let (peak, height) = deepest.map_or((0.0, 0.0), |patch| (patch.peak, of_heights(&patch)));
+            touch.of_objects().filter(|patch| sigma(patch) < 2.0 * best).max_by(|a, b| a.peak.total_cmp(&b.peak));
+        let (peak, height) = deepest.map_or((0.0, 0.0), |patch| (patch.peak, sigma(&patch)));
         let stiff = 1.0 - options.sinking;
-        let sigma = options.sigma_lift.hypot(options.lift_fraction * peak).hypot(stiff * height);
-        Self { normal: place * Vector3::z(), lift: stiff * peak, sigma }
+        Self { normal: place * Vector3::z(), lift: stiff * peak, sigma: options.sigma_lift.hypot(stiff * height) }
     }
 }
 

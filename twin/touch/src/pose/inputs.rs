@@ -45,9 +45,6 @@ pub struct PoseOptions {
     pub sigma_height: f64,
     /// Deviation of the deepest point of a pressed pad from where `sinking` places it, m.
     pub sigma_lift: f64,
-    /// The same as a fraction of the measured depth, added in quadrature: deep presses have steep flanks, of which photometric stereo
-    /// loses a part.
-    pub lift_fraction: f64,
     /// Each component of a measured normal, rad.
     pub sigma_normal: f64,
     /// Cable excursion, m, without the gear's play.
@@ -91,7 +88,6 @@ impl Default for PoseOptions {
         Self {
             sigma_height: 8e-5,
             sigma_lift: 1e-4,
-            lift_fraction: 0.0,
             sigma_normal: 8f64.to_radians(),
             sigma_excursion: 1.5e-4,
             cables: CableLosses::NONE,

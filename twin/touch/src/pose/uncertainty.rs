@@ -5,9 +5,8 @@ use nalgebra::{DMatrix, Isometry3, Matrix3, Matrix6, Vector3, Vector6};
 use super::problem::{Evidence, Problem, State};
 use crate::posture::{JointCovariance, free_covariance};
 
-/// Difference of cost at which a solution is less likely by the factor e. It would be 1 if residuals were independent; those of a pad share
-/// its errors.
-const DOUBT: f64 = 5.0;
+/// Difference of cost at which a solution is less likely by the factor e.
+const DOUBT: f64 = 2.0;
 /// Factor on a solution's covariance for unmodelled errors, calibrated so that errors of simulated grasps lie within it
 /// as often as it predicts.
 const UNMODELLED: f64 = 1.5;
@@ -34,10 +33,9 @@ pub(super) fn alternatives(found: &[(f64, State)]) -> Vec<(Isometry3<f64>, f64)>
 /// no contact constrains keeps the prior's variance.
 pub(super) fn mixed_covariance(problem: &Problem, found: &[(f64, State)]) -> Option<Matrix6<f64>> {
     let (least, best) = found.first()?;
-    let misfit = misfit(problem, *least);
     let (mut sum, mut whole) = (Matrix6::zeros(), 0.0);
     for (cost, state) in found {
-        let weight = ((least - cost) / (DOUBT * misfit)).exp();
+        let weight = ((least - cost) / DOUBT).exp();
         if weight < 1e-4 {
             break;
         }
@@ -45,15 +43,15 @@ pub(super) fn mixed_covariance(problem: &Problem, found: &[(f64, State)]) -> Opt
         let shift = state.pose.translation.vector - best.pose.translation.vector;
         let turn = (state.pose.rotation * best.pose.rotation.inverse()).scaled_axis();
         let away = Vector6::new(shift.x, shift.y, shift.z, turn.x, turn.y, turn.z);
-        sum += (own * (UNMODELLED * misfit) + away * away.transpose()) * weight;
+        sum += (own * UNMODELLED + away * away.transpose()) * weight;
         whole += weight;
     }
     (whole > 0.0).then(|| sum / whole)
 }
 
-/// By how much the residuals of the best solution exceed what the standard deviations promise: the factor on its covariance, at least 1
-/// (the Birge ratio of metrology).
-fn misfit(problem: &Problem, cost: f64) -> f64 {
+/// By how much the residuals of the best solution exceed what the standard deviations promise, at least 1: the Birge ratio of
+/// metrology, by which such a fit's covariance is to be multiplied.
+pub(super) fn misfit(problem: &Problem, cost: f64) -> f64 {
     let promised = problem.options().good_cost * problem.patch_count().max(1) as f64;
     (cost / promised).max(1.0)
 }
