@@ -1,6 +1,9 @@
 //! End-to-end tests of `ftac`: they run the built program as a user would and look at what it prints and leaves behind.
 //!
-//! This library holds only what all of them need: the program, built once, and a run of it.
+//! This library holds only what all of them need: the program, built once, and a run of it. What a run prints with `--json` is held
+//! against the schema that the program gives for it.
+
+mod schema;
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
@@ -59,12 +62,16 @@ pub fn ftac(arguments: &[&str]) -> Command {
 /// Runs `ftac` to its end.
 ///
 /// # Panics
-/// If it cannot be started.
+/// If it cannot be started, or prints with `--json` what its schema does not have.
 pub fn run(arguments: &[&str]) -> Output {
-    match ftac(arguments).output() {
+    let output = match ftac(arguments).output() {
         Ok(output) => output,
         Err(error) => panic!("{}: {error}", binary().display()),
+    };
+    if arguments.contains(&"--json") {
+        schema::check(arguments, &output.stdout);
     }
+    output
 }
 
 /// What a run wrote to stderr.

@@ -18,8 +18,8 @@ use crate::commands::touch::TouchCommand;
 use crate::commands::transport::TransportArgs;
 use crate::commands::trial::TrialArgs;
 use crate::commands::{
-    arm, bench, bridge, demo, export, grasps, hand, lab_book, optics, replay, shell, study, touch, transport, trial,
-    view,
+    arm, bench, bridge, demo, export, grasps, hand, lab_book, optics, replay, schema, shell, study, touch, transport,
+    trial, view,
 };
 use crate::terminal::{Outcome, Terminal};
 
@@ -110,6 +110,11 @@ pub enum Command {
         /// The shell.
         shell: Shell,
     },
+    /// Print what a command prints with `--json`, as JSON Schema.
+    Schema {
+        /// The command, such as `grasps generate`; without one, all.
+        command: Vec<String>,
+    },
     /// Write manual pages.
     Man {
         /// The folder for them, such as ~/.local/share/man/man1.
@@ -124,7 +129,7 @@ const GROUPS: [(&str, &[&str]); 5] = [
     ("Look at results", &["view", "report", "export", "replay"]),
     ("Study the parts", &["study", "hand", "arm", "grasps", "touch", "optics"]),
     ("Drive the real robot", &["bridge"]),
-    ("Set up the terminal", &["completions", "man", "help"]),
+    ("Set up the terminal", &["completions", "man", "schema", "help"]),
 ];
 
 /// The command line with its help in groups; options take negative numbers.
@@ -183,6 +188,7 @@ pub fn run(cli: &Cli) -> Outcome {
         Command::Bridge(command) => bridge::run(terminal, command),
         Command::Completions { shell } => shell::completions(*shell),
         Command::Man { out } => shell::manual(out),
+        Command::Schema { command } => schema::run(terminal, command),
     }
 }
 

@@ -13,6 +13,7 @@ pub mod optics;
 pub mod replay;
 mod rows;
 mod scenario;
+pub mod schema;
 pub mod shell;
 pub mod study;
 mod tactile_backend;

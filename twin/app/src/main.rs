@@ -19,9 +19,9 @@ fn main() -> ExitCode {
             return ExitCode::from(1);
         }
         // The robot stopped in mid-trial: it ran, and fell short.
-        Err(error) if caused_by::<bench::body::Stopped>(&error) => (1, format!("falls short: {error:#}")),
-        Err(error) if caused_by::<bench::run::Interrupted>(&error) => (130, format!("{error:#}")),
-        Err(error) => (2, format!("{error:#}")),
+        Err(error) if caused_by::<bench::body::Stopped>(&error) => (1, format!("falls short: {}", words(&error))),
+        Err(error) if caused_by::<bench::run::Interrupted>(&error) => (130, words(&error)),
+        Err(error) => (2, words(&error)),
     };
     eprintln!("ftac: {message}");
     if cli.terminal.json {
@@ -30,6 +30,32 @@ fn main() -> ExitCode {
     ExitCode::from(code)
 }
 
+/// The error and its causes, each once: many errors have their cause in their own words.
+fn words(error: &anyhow::Error) -> String {
+    error.chain().fold(String::new(), |said, cause| {
+        let cause = cause.to_string();
+        match (said.is_empty(), said.contains(&cause)) {
+            (true, _) => cause,
+            (false, true) => said,
+            (false, false) => said + ": " + &cause,
+        }
+    })
+}
+
 fn caused_by<E: std::error::Error + Send + Sync + 'static>(error: &anyhow::Error) -> bool {
     error.chain().any(|cause| cause.is::<E>())
+}
+
+#[cfg(test)]
+mod tests {
+    use anyhow::Context as _;
+
+    #[test]
+    fn causes_are_said_once() {
+        let cause = std::io::Error::other("no such file");
+        let error = anyhow::Error::from(cause).context("/dev/nope: no such file");
+        assert_eq!(super::words(&error), "/dev/nope: no such file");
+        let error = Err::<(), _>(std::io::Error::other("no such file")).context("--config").expect_err("an error");
+        assert_eq!(super::words(&error), "--config: no such file");
+    }
 }

@@ -67,10 +67,11 @@ pub fn run(terminal: &Terminal, command: &HandCommand) -> Outcome {
         HandCommand::Picture(args) => picture::run(terminal, args),
         HandCommand::Export { mjcf } => {
             check::second_engine::export(&Arc::new(Hand::ftac()), mjcf)?;
-            eprintln!(
-                "{0}: scenes.json and its MJCF files; `python3 tests/mujoco/compare.py {0}` runs them",
+            let text = format!(
+                "{0}: scenes.json and its MJCF files; `python3 tests/mujoco/compare.py {0}` runs them\n",
                 mjcf.display()
             );
+            terminal.print(&serde_json::json!({ "folder": mjcf }), &text)?;
             Ok(None)
         }
     }

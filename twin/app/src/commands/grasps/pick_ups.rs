@@ -10,6 +10,7 @@ use proving::plan::{self, Plans, outcomes, variations};
 use proving::preparation::EFFORT;
 use proving::world::World;
 use scenarios::Scenario;
+use serde_json::{Value, json};
 use sim::tactile::TactileBoard;
 
 use crate::terminal::{Outcome, Terminal};
@@ -97,6 +98,12 @@ pub fn make(terminal: &Terminal, args: &PickUpsArgs) -> Outcome {
         Ok(())
     })?;
     progress.finish_and_clear();
+    let counts = names
+        .iter()
+        .flat_map(|name| roles.iter().map(move |role| (name, *role)))
+        .map(|(name, role)| json!({ "object": name, "role": role, "grasps": repertoire.of(name, role).count() }));
+    let counts: Vec<Value> = counts.collect();
+    terminal.print(&json!({ "repertoire": out, "objects": counts }), &format!("{}\n", out.display()))?;
     Ok(None)
 }
 
@@ -133,5 +140,7 @@ pub fn plan(terminal: &Terminal, args: &PlanArgs) -> Outcome {
     }
     variations::rehearse(&world, &repertoire, &mut plans, quiet)?;
     plans.write(&args.out)?;
+    let made = json!({ "plans": args.out, "combinations": plans.plans.len(), "rejected": plans.rejected.len() });
+    terminal.print(&made, &format!("{}\n", args.out.display()))?;
     Ok(None)
 }

@@ -1,0 +1,119 @@
+//! JSON output against the schemas that `ftac schema` prints.
+
+use std::sync::OnceLock;
+
+use serde_json::{Map, Value};
+
+/// All schemas, as the program prints them.
+fn schemas() -> &'static Value {
+    static SCHEMAS: OnceLock<Value> = OnceLock::new();
+    SCHEMAS.get_or_init(|| {
+        let output = crate::ftac(&["schema"]).output().expect("ftac starts");
+        serde_json::from_slice(&output.stdout).expect("ftac schema prints JSON")
+    })
+}
+
+/// Holds each line of `stdout` against the schema of the command in `arguments`.
+///
+/// # Panics
+/// If a line is not JSON, if the command has no schema, or if the line is not as its schema says; the message names the place.
+pub(crate) fn check(arguments: &[&str], stdout: &[u8]) {
+    let words: Vec<&str> = arguments.iter().copied().filter(|word| !word.starts_with('-')).collect();
+    let commands = schemas()["commands"].as_object().expect("commands");
+    let command = (1..=2).rev().find_map(|count| commands.get_key_value(&words.get(..count)?.join(" ")));
+    let Some((name, schema)) = command else { panic!("ftac schema: none for {arguments:?}") };
+    for line in stdout.split(|byte| *byte == b'\n').filter(|line| !line.is_empty()) {
+        let found: Value = serde_json::from_slice(line).unwrap_or_else(|error| panic!("{name}: {error}"));
+        if fault(&schemas()["error"], &found, "").is_none() {
+            continue;
+        }
+        if let Some(fault) = fault(schema, &found, "") {
+            panic!("{name} --json is not as `ftac schema {name}` says: {fault}");
+        }
+    }
+}
+
+/// The first place in `found` that is not as `schema` says. Of JSON Schema it knows what the schemas here use, and no more.
+fn fault(schema: &Value, found: &Value, at: &str) -> Option<String> {
+    let schema = schema.as_object().expect("a schema is an object");
+    const KNOWN: [&str; 7] =
+        ["$schema", "additionalProperties", "description", "items", "properties", "required", "type"];
+    let unknown: Vec<&String> = schema.keys().filter(|key| !KNOWN.contains(&key.as_str())).collect();
+    assert!(unknown.is_empty(), "{at}: keywords that are not checked: {unknown:?}");
+    if let Some(expected) = schema.get("type")
+        && !types(expected).any(|name| is(found, name))
+    {
+        return Some(format!("{at}: found {found}, expected {expected}"));
+    }
+    match found {
+        Value::Array(items) => {
+            let schema = schema.get("items")?;
+            items.iter().enumerate().find_map(|(n, item)| fault(schema, item, &format!("{at}/{n}")))
+        }
+        Value::Object(fields) => fields_fault(schema, fields, at),
+        _ => None,
+    }
+}
+
+fn fields_fault(schema: &Map<String, Value>, fields: &Map<String, Value>, at: &str) -> Option<String> {
+    let required = schema.get("required").and_then(Value::as_array).into_iter().flatten().filter_map(Value::as_str);
+    let missing = required.into_iter().find(|name| !fields.contains_key(*name));
+    if let Some(name) = missing {
+        return Some(format!("{at}: found no `{name}`"));
+    }
+    fields.iter().find_map(|(name, value)| {
+        let place = format!("{at}/{name}");
+        let own = schema.get("properties").and_then(|properties| properties.get(name));
+        match own.or(schema.get("additionalProperties")) {
+            Some(Value::Bool(false)) => Some(format!("{place}: no such field in the schema")),
+            None | Some(Value::Bool(true)) => None,
+            Some(schema) => fault(schema, value, &place),
+        }
+    })
+}
+
+fn types(expected: &Value) -> impl Iterator<Item = &str> {
+    let many = expected.as_array().into_iter().flatten();
+    many.chain(expected.is_string().then_some(expected)).filter_map(Value::as_str)
+}
+
+fn is(found: &Value, name: &str) -> bool {
+    match name {
+        "null" => found.is_null(),
+        "boolean" => found.is_boolean(),
+        "integer" => found.is_u64() || found.is_i64(),
+        "number" => found.is_number(),
+        "string" => found.is_string(),
+        "array" => found.is_array(),
+        "object" => found.is_object(),
+        _ => panic!("type: found {name}"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use serde_json::json;
+
+    use super::fault;
+
+    #[test]
+    fn faults_name_their_place() {
+        let schema = json!({
+            "type": "object", "required": ["rows"], "additionalProperties": false,
+            "properties": {"rows": {"type": "array", "items": {"type": ["number", "null"]}},
+                           "rates": {"type": "object", "additionalProperties": {"type": "integer"}}},
+        });
+        let of = |found| fault(&schema, &found, "");
+        assert_eq!(of(json!({"rows": [1.5, null], "rates": {"ball": 3}})), None);
+        assert_eq!(
+            of(json!({"rows": [1, "two"]})).as_deref(),
+            Some("/rows/1: found \"two\", expected [\"number\",\"null\"]")
+        );
+        assert_eq!(of(json!({"rates": {}})).as_deref(), Some(": found no `rows`"));
+        assert_eq!(
+            of(json!({"rows": [], "rates": {"ball": 0.5}})).as_deref(),
+            Some("/rates/ball: found 0.5, expected \"integer\"")
+        );
+        assert_eq!(of(json!({"rows": [], "lines": 1})).as_deref(), Some("/lines: no such field in the schema"));
+    }
+}
