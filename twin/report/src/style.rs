@@ -59,5 +59,6 @@ figcaption{color:var(--soft);font-size:.9rem;margin-top:6px}
 .terms dt{font-weight:600;margin-top:10px}.terms dd{margin:0}
 pre{background:var(--tint);padding:12px 14px;overflow-x:auto;font-size:.9rem;border-radius:6px}
 code{font-family:ui-monospace,Menlo,Consolas,monospace}
+@media(max-width:700px){main{padding:20px 14px 48px}table{font-size:.86rem}td:last-child:not(.number){min-width:22em}}
 @media print{.warnings{-webkit-print-color-adjust:exact;print-color-adjust:exact}main{max-width:none;padding:0}tbody tr{break-inside:avoid}figure{break-inside:avoid}}
 ";
