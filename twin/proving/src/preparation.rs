@@ -57,6 +57,13 @@ pub fn prepare(world: &World, count: usize, seed: u64, cache: &Cache, quiet: boo
         }
     }
     let known = known_plans(&world.scenario)?;
+    let planned = known.as_ref().map_or(0, |known| known.plans.len());
+    if !quiet && (count > planned || !own.is_empty()) {
+        eprintln!(
+            "planning combinations that are not among the {planned} that come with the program, in physics, about half a minute each; what is found is kept in {}",
+            cache.folder().display()
+        );
+    }
     let board = TactileBoard::unit(&world.cell.hand, 0);
     let plans = plan::make_plans(&world.scenario, count, seed, quiet, |pair| {
         if let Some(known) = &known
