@@ -23,7 +23,22 @@ const TRANSPORT: &str = include_str!("../../scenarios/data/transport/four_balls.
 
 /// What stands where something else should.
 const ODD: [&str; 16] = [
-    "nan", "inf", "-inf", "-1", "0", "1e308", "-1e-308", "99999999999999999999", "", "\n", "[[", "\"", "é", "\0", "<a>", "true",
+    "nan",
+    "inf",
+    "-inf",
+    "-1",
+    "0",
+    "1e308",
+    "-1e-308",
+    "99999999999999999999",
+    "",
+    "\n",
+    "[[",
+    "\"",
+    "é",
+    "\0",
+    "<a>",
+    "true",
 ];
 
 /// One damage: where, what kind, how much of it.
