@@ -8,7 +8,7 @@ use super::error::FieldError;
 use super::figure::Figure;
 
 /// Options of `cargo` that take no value, and those that do.
-const FLAGS: [&str; 4] = ["--release", "--lib", "--workspace", "--all-targets"];
+const FLAGS: [&str; 5] = ["--release", "--lib", "--workspace", "--all-targets", "--no-run"];
 const OPTIONS: [&str; 8] =
     ["-p", "--package", "--test", "--bench", "--example", "--bin", "--features", "--manifest-path"];
 /// The package that is `ftac`, and what `cargo run` takes without `-p`.
