@@ -18,6 +18,7 @@ use nalgebra::{Isometry3, Point3, Vector3};
 use rapier3d_f64::prelude::{ColliderHandle, RigidBodyHandle, RigidBodyType};
 
 pub use any::{AnyStand, passing_links};
+pub(crate) use any::{excluded_links, hull};
 pub use linkage::{Linkage, Mechanism};
 pub use prop::Prop;
 

@@ -216,6 +216,21 @@ pub fn passing_links(hand: &AnyHand) -> BTreeSet<(Option<usize>, Option<usize>)>
     passing
 }
 
+/// Pairs of links (`None` is the root) that never collide: what a joint connects, and [`passing_links`].
+pub(crate) fn excluded_links(hand: &AnyHand) -> BTreeSet<(Option<usize>, Option<usize>)> {
+    let joined = hand.tree.joints.iter().enumerate().map(|(link, joint)| (joint.parent, Some(link)));
+    passing_links(hand).into_iter().chain(joined).collect()
+}
+
+/// The corners of the convex hull of a mesh's points; none where they span no volume.
+pub(crate) fn hull(points: &[Point3<f64>]) -> Vec<Point3<f64>> {
+    surface(&SolidShape::Hull(points.to_vec()))
+        .into_iter()
+        .flat_map(|(vertices, _)| vertices)
+        .map(|vertex| Point3::from(convert::to_vector(vertex)))
+        .collect()
+}
+
 /// Vertices and triangles of a shape's surface.
 fn surface(shape: &SolidShape) -> Vec<(Vec<Vector>, Vec<[u32; 3]>)> {
     const ROUND: u32 = 20;
