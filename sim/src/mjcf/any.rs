@@ -10,12 +10,12 @@ use hand_model::any_hand::{AnyHand, SolidShape};
 use nalgebra::Isometry3;
 
 use super::{COMPILER, DEFAULTS, inertial, mesh, placed, prop_body, triple};
-use crate::stand::{Prop, excluded_links, hull};
+use crate::stand::{AnyBody, Prop, hull};
 
 /// What is written, without gravity.
 pub struct AnyScene<'a> {
     /// The hand; the frame of its root link is the world.
-    pub hand: &'a AnyHand,
+    pub body: &'a AnyBody,
     /// Loose things with their pose in the world.
     pub props: &'a [(Prop, Isometry3<f64>)],
     /// Angles of the joints (rad) and tensions (N) to begin with.
@@ -26,7 +26,7 @@ pub struct AnyScene<'a> {
 
 /// The scene as MJCF text.
 pub fn write(scene: &AnyScene<'_>) -> String {
-    let hand = scene.hand;
+    let hand = &**scene.body.hand();
     let (mut assets, mut bodies, mut order) = (String::new(), String::new(), Vec::new());
     bodies += "    <body name=\"root\" pos=\"0 0 0\">\n";
     solids(&mut assets, &mut bodies, hand, None);
@@ -48,7 +48,7 @@ pub fn write(scene: &AnyScene<'_>) -> String {
     out += DEFAULTS;
     let _ = write!(out, "  <asset>\n{assets}  </asset>\n  <worldbody>\n{bodies}  </worldbody>\n");
     out += "  <contact>\n";
-    for (a, b) in excluded_links(hand) {
+    for (a, b) in scene.body.excluded() {
         let _ = writeln!(out, "    <exclude body1=\"{}\" body2=\"{}\"/>", body(hand, a), body(hand, b));
     }
     out += "  </contact>\n  <equality>\n";

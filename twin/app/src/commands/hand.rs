@@ -115,7 +115,11 @@ fn hand_check(terminal: &Terminal, args: &CheckArgs) -> Outcome {
 fn hand_grasps(terminal: &Terminal, args: &CheckArgs, hand: &Arc<Hand>) -> Outcome {
     let numbers: Vec<usize> = args.types.iter().map(|number| usize::from(*number)).collect();
     let seeds = (terminal.seed, args.seeds.into());
-    let (over_seeds, results) = check::feix::seeds::over_seeds(hand, seeds, args.tries as usize, &numbers);
+    let types = if numbers.is_empty() { check::feix::types::all().len() } else { numbers.len() };
+    let bar = progress::bar(types as u64 * seeds.1, "types", terminal.quiet || terminal.json);
+    let done = || bar.inc(1);
+    let (over_seeds, results) = check::feix::seeds::over_seeds(hand, seeds, args.tries as usize, &numbers, done);
+    bar.finish_and_clear();
     let text = serde_json::json!({
         "seed": terminal.seed, "seeds": args.seeds, "tries": args.tries, "types": results, "over_seeds": over_seeds,
     });

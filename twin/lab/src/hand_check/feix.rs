@@ -66,13 +66,23 @@ pub struct GraspTypeResult {
     contacts: Vec<Point3<f64>>,
 }
 
-/// Tries types `tries` times: those with these numbers, or all where none is named.
-pub fn run(hand: &Arc<Hand>, seed: u64, tries: usize, numbers: &[usize]) -> Vec<GraspTypeResult> {
+/// Tries types `tries` times: those with these numbers, or all where none is named. `done` is called after each.
+pub fn run(
+    hand: &Arc<Hand>,
+    seed: u64,
+    tries: usize,
+    numbers: &[usize],
+    done: impl Fn() + Sync,
+) -> Vec<GraspTypeResult> {
     let curls = Curls::new(hand);
     let kinds: Vec<GraspType> =
         types::all().into_iter().filter(|kind| numbers.is_empty() || numbers.contains(&kind.number)).collect();
     // One at a time: the last ones take longest.
-    let search = |kind| search::run(hand, &curls, kind, seed, tries).map(|found| outcome(kind, found));
+    let search = |kind| {
+        let found = search::run(hand, &curls, kind, seed, tries).map(|found| outcome(kind, found));
+        done();
+        found
+    };
     kinds.par_iter().with_max_len(1).filter_map(search).collect()
 }
 

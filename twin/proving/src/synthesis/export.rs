@@ -45,7 +45,7 @@ pub fn write_any(hand: &Described, object: &ObjectModel, grasp: &AnyHeld, folder
     let values = |named: &[(String, f64)]| named.iter().map(|(_, value)| *value).collect::<Vec<f64>>();
     let (joints, open) = (values(&grasp.open_joints), values(&grasp.open_tensions));
     let dt = EngineSettings::default().dt;
-    let scene = mjcf::write_any(&AnyScene { hand: &hand.hand, props: &props, start: (&joints, &open), dt });
+    let scene = mjcf::write_any(&AnyScene { body: &hand.body, props: &props, start: (&joints, &open), dt });
     let mut test = test(&grasp.object, grasp.chain, load);
     test["hand"] = json!(hand.hand.name);
     test["open_tensions"] = json!(open);

@@ -25,14 +25,16 @@ pub struct TypeOverSeeds {
 }
 
 /// Runs the search for types (all where `numbers` is empty) with `seeds` seeds from `first` on; the results of the first as well.
+/// `done` is called after each type of each seed.
 pub fn over_seeds(
     hand: &Arc<Hand>,
     (first, seeds): (u64, u64),
     tries: usize,
     numbers: &[usize],
+    done: impl Fn() + Sync,
 ) -> (Vec<TypeOverSeeds>, Vec<GraspTypeResult>) {
     let runs: Vec<Vec<GraspTypeResult>> =
-        (first..first.saturating_add(seeds)).map(|seed| run(hand, seed, tries, numbers)).collect();
+        (first..first.saturating_add(seeds)).map(|seed| run(hand, seed, tries, numbers, &done)).collect();
     let types = runs.first().map_or(0, Vec::len);
     let found = (0..types).map(|n| summary(&runs.iter().filter_map(|run| run.get(n)).collect::<Vec<_>>()));
     (found.collect(), runs.into_iter().next().unwrap_or_default())
