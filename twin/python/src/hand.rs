@@ -34,8 +34,11 @@ pub fn hand(py: Python<'_>) -> PyResult<Bound<'_, PyDict>> {
         })
         .collect();
     all.set_item("pads", pads)?;
-    let cameras: Vec<_> =
-        hand.cameras.iter().map(|camera| (camera.name.as_str(), camera.pad, camera.center_y, camera.w, camera.h)).collect();
+    let cameras: Vec<_> = hand
+        .cameras
+        .iter()
+        .map(|camera| (camera.name.as_str(), camera.pad, camera.center_y, camera.w, camera.h))
+        .collect();
     all.set_item("cameras", cameras)?;
     all.set_item("spool_radius", hand.parameters.cable.spool_radius)?;
     all.set_item("torque_constant", hand.parameters.servo.torque_constant)?;

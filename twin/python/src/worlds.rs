@@ -2,7 +2,7 @@
 
 use std::sync::{Arc, LazyLock, Mutex, PoisonError};
 
-use bench::builtin::make_bench;
+use bench::builtin::make_scenes;
 use bench::environment::episode::EPISODES;
 use bench::trial::Bench;
 use pyo3::prelude::*;
@@ -32,7 +32,7 @@ pub fn shared(py: Python<'_>, reality: bool) -> PyResult<Arc<Bench>> {
             };
         }
         let combos = proving::builtin::plans()?.plans.len();
-        let bench = Arc::new(make_bench(scenario, combos, EPISODES, true)?);
+        let bench = Arc::new(make_scenes(scenario, combos, EPISODES, true)?);
         *shared = Some(bench.clone());
         Ok(bench)
     });

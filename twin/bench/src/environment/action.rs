@@ -15,6 +15,9 @@ use hand_model::{ACTUATORS, ARM_JOINTS};
 /// Current with which the opposition servo holds its angle at most, A.
 const OPPOSITION_CURRENT: f64 = 0.6;
 
+/// Limit of a joint that turns without end, rad.
+const ENDLESS: f64 = 100.0;
+
 /// What the arm is asked to do during one step.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum ArmAction {
@@ -63,7 +66,7 @@ pub struct ActionLimits {
     pub speed: f64,
     /// Of each axis of its angular velocity, rad/s.
     pub turn_speed: f64,
-    /// Of the arm's joints, rad; infinite where a joint is continuous.
+    /// Of the arm's joints, rad; wide where a joint is continuous.
     pub joints: [[f64; 2]; ARM_JOINTS],
     /// Greatest tension of a cable, N.
     pub tension: f64,
@@ -86,7 +89,10 @@ impl ActionLimits {
         Self {
             speed,
             turn_speed,
-            joints: std::array::from_fn(|n| [cell.arm.tree.joints[n].lower, cell.arm.tree.joints[n].upper]),
+            joints: std::array::from_fn(|n| {
+                let joint = &cell.arm.tree.joints[n];
+                [joint.lower.max(-ENDLESS), joint.upper.min(ENDLESS)]
+            }),
             tension,
             opposition: [thumb.lower, thumb.upper],
             spools: std::array::from_fn(|n| match hand.transmission.cables.get(n) {
@@ -105,11 +111,7 @@ impl ActionLimits {
                 within("palm velocity", linear, |_| [-self.speed, self.speed], "m/s")?;
                 within("palm angular velocity", angular, |_| [-self.turn_speed, self.turn_speed], "rad/s")?;
             }
-            ArmAction::Joints(joints) => {
-                within("arm joints", &joints, |n| self.joints[n], "rad")?;
-                // A continuous joint has no limit, and still needs a number.
-                within("arm joints", &joints, |_| [f64::MIN, f64::MAX], "rad")?;
-            }
+            ArmAction::Joints(joints) => within("arm joints", &joints, |n| self.joints[n], "rad")?,
         }
         match action.hand {
             HandAction::Tensions { tensions, opposition } => {

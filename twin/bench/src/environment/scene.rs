@@ -263,10 +263,11 @@ fn moved(pose: &Isometry3<f64>, twist: &Twist, time: f64) -> Isometry3<f64> {
 
 fn placement(world: &World, placed: &Placed) -> Result<ObjectPlacement, SceneError> {
     let Placed { name, place } = placed;
-    let model = world.objects.get(name).cloned().ok_or_else(|| SceneError::Object {
-        name: name.clone(),
-        known: world.objects.names().join(", "),
-    })?;
+    let model = world
+        .objects
+        .get(name)
+        .cloned()
+        .ok_or_else(|| SceneError::Object { name: name.clone(), known: world.objects.names().join(", ") })?;
     let error = |axis, found, expected: String| SceneError::Place { name: name.clone(), axis, found, expected };
     for (axis, found) in [("x", place.x), ("y", place.y)] {
         if !(found.abs() <= FARTHEST) {

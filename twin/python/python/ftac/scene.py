@@ -22,7 +22,10 @@ def command(
     spools: ArrayLike | None,
 ) -> tuple[Any, ...]:
     """Arguments of a native step."""
-    one = lambda what, values, length: None if values is None else numbers(what, values, length)  # noqa: E731
+
+    def one(what: str, values: ArrayLike | None, length: int) -> NDArray[np.float64] | None:
+        return None if values is None else numbers(what, values, length)
+
     return (
         one("twist", twist, 6),
         one("joints", joints, 7),
