@@ -227,7 +227,7 @@ impl Episode {
     fn observe<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let episode = own(&self.0)?;
         let measured = observation(py, &episode.scene)?;
-        measured.set_item("seen", table(py, episode.seen().iter().map(pose_row)))?;
+        measured.set_item("seen", table(py, episode.seen().iter().map(|seen| pose_row(&seen.pose()))))?;
         Ok(measured)
     }
 
@@ -246,6 +246,11 @@ impl Episode {
 
     fn objects(&self) -> PyResult<Vec<String>> {
         Ok(own(&self.0)?.objects().map(str::to_owned).collect())
+    }
+
+    /// Turn (rad) of each object about the vertical from its rest pose, as seen.
+    fn yaws(&self) -> PyResult<Vec<f64>> {
+        Ok(own(&self.0)?.seen().iter().map(|seen| seen.yaw).collect())
     }
 
     fn combination(&self) -> PyResult<usize> {

@@ -6,9 +6,10 @@
 use std::sync::Arc;
 
 use control::motion::tension::against_friction;
+use control::percept::Percept;
 use hand_model::robot::TactileImage;
 use hand_model::{Digit, Hand};
-use nalgebra::{Isometry3, Point3};
+use nalgebra::Point3;
 use proving::rehearsal::{PALM, digit_bits, in_hand};
 use rand::RngExt as _;
 use scenarios::noise::trial_rng;
@@ -108,7 +109,7 @@ pub type Grip = ([f64; 5], f64);
 pub struct Episode {
     pub scene: Scene,
     objects: Vec<Arc<ObjectModel>>,
-    seen: Vec<Isometry3<f64>>,
+    seen: Vec<Percept>,
     combination: usize,
     grip: Grip,
     held_since: Option<f64>,
@@ -139,8 +140,8 @@ impl Episode {
         self.objects.iter().map(|object| object.name.as_str())
     }
 
-    /// `world_from_object` of each object as vision reported it at the beginning, with its error.
-    pub fn seen(&self) -> &[Isometry3<f64>] {
+    /// Each object as vision reported it at the beginning, with its error.
+    pub fn seen(&self) -> &[Percept] {
         &self.seen
     }
 
@@ -199,8 +200,7 @@ fn draw_combination(bench: &Bench, asked: Option<usize>, seed: u64) -> Result<us
 /// What an episode begins with.
 struct Beginning {
     begun: Begun,
-    /// `world_from_object` as seen.
-    seen: Vec<Isometry3<f64>>,
+    seen: Vec<Percept>,
     /// One a camera.
     images: Vec<Arc<TactileImage>>,
     /// rad.
@@ -232,7 +232,7 @@ fn at_rest(
     }
     let images = board.background_frames();
     let robot = SimulatedRobot::new(world.cell.hand.clone(), world.cell.arm.clone(), &scene, board);
-    let seen = world.percepts(&objects, noise).iter().take(count).map(|percept| percept.pose()).collect();
+    let seen = world.percepts(&objects, noise).into_iter().take(count).collect();
     let begun = Begun { robot, posture: world.cell.ready, tensions: [0.0; 5], frame_delay: scene.frame_delay };
     Ok(Beginning { begun, seen, images, opposition: 0.0 })
 }
@@ -256,7 +256,7 @@ fn after_first_grasp(bench: &Bench, combination: usize, trial: usize) -> Result<
         for frame in executive.newest_images() {
             images[frame.camera] = frame.image.clone();
         }
-        let seen = [executive.first().1, executive.second().1].iter().map(|percept| percept.pose()).collect();
+        let seen = vec![executive.first().1, executive.second().1];
         let frame_delay = bench.world.scenario.effects.time.map_or(0.0, |time| time.frame);
         let begun = Begun { robot: *robot, posture: *executive.posture(), tensions, frame_delay };
         return Ok(Beginning { begun, seen, images, opposition: executive.first().0.opposition });

@@ -27,7 +27,7 @@ class Pick(gymnasium.Env[Observation, Vector]):
     """Objects of the benchmark are to be lifted and held for a second.
 
     **Actions** (12,) float32, each from -1 to 1: the palm's velocity (3) and angular velocity (3) in world axes, as shares of 0.25 m/s and 1 rad/s; the five
-    cables' tensions (thumb, index, middle, ring, little) from 0 to 40 N; the thumb's opposition over its range. They hold for 1/20 s.
+    cables' tensions (thumb, index, middle, ring, little) from 0 to 60 N; the thumb's opposition over its range. They hold for 1/20 s.
 
     **Observations**, all float32 but the images; nothing in them is the scene's truth:
 
@@ -54,7 +54,7 @@ class Pick(gymnasium.Env[Observation, Vector]):
 
     metadata: dict[str, Any] = {"render_modes": [], "render_fps": 20}
 
-    SPEED, TURN_SPEED, TENSION = 0.25, 1.0, 40.0
+    SPEED, TURN_SPEED, TENSION = 0.25, 1.0, 60.0
 
     def __init__(
         self,
@@ -98,17 +98,19 @@ class Pick(gymnasium.Env[Observation, Vector]):
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Observation, dict[str, Any]]:
-        """Begins an episode. After ``reset(seed=...)`` everything that follows is the same to the bit."""
+        """Begins an episode. After ``reset(seed=...)`` everything that follows is the same to the bit.
+
+        ``info`` names the ``objects`` and the ``combination``, and has each object's turn about the vertical from its rest pose as seen: ``yaws``, rad.
+        """
         super().reset(seed=seed)
         drawn = int(self.np_random.integers(2**40))
         self._episode = _native.Episode(self.task, self.images, self.combination, drawn, self.reality)
         self._opposition = self._episode.limits()["opposition"]
         tensions, opposition = self._episode.grip()
-        lowest, highest = self._opposition
-        thumb = 2.0 * (opposition - lowest) / (highest - lowest) - 1.0
         pulled = [2.0 * tension / self.TENSION - 1.0 for tension in tensions]
-        self._command = np.clip([*pulled, thumb], -1.0, 1.0).astype(np.float32)
-        return self._observe(), {"objects": self._episode.objects(), "combination": self._episode.combination()}
+        self._command = np.clip([*pulled, self.thumb(opposition)], -1.0, 1.0).astype(np.float32)
+        names, yaws = self._episode.objects(), self._episode.yaws()
+        return self._observe(), {"objects": names, "yaws": yaws, "combination": self._episode.combination()}
 
     def step(self, action: Vector) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
         """Carries out `action` for 1/20 s. ``ValueError`` for one that is not in the action space."""
@@ -133,6 +135,11 @@ class Pick(gymnasium.Env[Observation, Vector]):
     def grip_action(self) -> Vector:
         """The action that moves nothing and pulls as before: what `pick_second` holds the first object with."""
         return np.concatenate([np.zeros(6, dtype=np.float32), self._command])
+
+    def thumb(self, opposition: float) -> float:
+        """Share of the opposition joint's range, -1 to 1, at which it is at `opposition` (rad)."""
+        lowest, highest = self._opposition
+        return float(2.0 * (opposition - lowest) / (highest - lowest) - 1.0)
 
     def _observe(self) -> Observation:
         assert self._episode is not None
