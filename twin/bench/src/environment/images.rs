@@ -97,28 +97,25 @@ fn shrink(images: &[&TactileImage], side: usize, picture: &mut [u8]) {
     }
     let rows = images.len() * IMAGE_SIZE;
     let span = |at: usize, whole: usize| at * whole / side..(at + 1) * whole / side;
-    let mut sums = vec![0_u32; 3 * side];
+    let columns: Vec<_> = (0..side).map(|column| span(column, IMAGE_SIZE)).collect();
+    // Rows first: whole rows add up many values at a time.
+    let mut sums = [0_u32; 3 * IMAGE_SIZE];
     for (at, line) in picture.chunks_exact_mut(3 * side).enumerate() {
         sums.fill(0);
         let covered = span(at, rows);
         for row in covered.clone() {
             let start = 3 * IMAGE_SIZE * (row % IMAGE_SIZE);
-            let pixels = &images[row / IMAGE_SIZE].rgb[start..start + 3 * IMAGE_SIZE];
-            for (column, sum) in sums.chunks_exact_mut(3).enumerate() {
-                let columns = span(column, IMAGE_SIZE);
-                for pixel in pixels[3 * columns.start..3 * columns.end].chunks_exact(3) {
-                    for (sum, value) in sum.iter_mut().zip(pixel) {
-                        *sum += u32::from(*value);
-                    }
-                }
-            }
+            let values = &images[row / IMAGE_SIZE].rgb[start..start + 3 * IMAGE_SIZE];
+            sums.iter_mut().zip(values).for_each(|(sum, value)| *sum += u32::from(*value));
         }
-        for (column, (grey, sum)) in line.chunks_exact_mut(3).zip(sums.chunks_exact(3)).enumerate() {
-            let count = (covered.len() * span(column, IMAGE_SIZE).len()) as u32;
-            for (grey, sum) in grey.iter_mut().zip(sum) {
-                // A mean of bytes is a byte.
-                *grey = ((sum + count / 2) / count) as u8;
+        for (grey, columns) in line.chunks_exact_mut(3).zip(&columns) {
+            let count = (covered.len() * columns.len()) as u32;
+            let mut total = [count / 2; 3];
+            for sum in sums[3 * columns.start..3 * columns.end].chunks_exact(3) {
+                total.iter_mut().zip(sum).for_each(|(total, sum)| *total += sum);
             }
+            // A mean of bytes is a byte.
+            grey.iter_mut().zip(total).for_each(|(grey, total)| *grey = (total / count) as u8);
         }
     }
 }

@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 from ftac import _native
 
 Task = Literal["pick_one", "pick_second", "pick_two"]
-Observation = dict[str, NDArray[Any]]
+Observation = dict[str, Any]
+"""Arrays by name."""
 Vector = NDArray[np.float32]
 
 OBJECTS = {"pick_one": 1, "pick_second": 2, "pick_two": 2}
@@ -84,6 +85,7 @@ class Pick(gymnasium.Env[Observation, Vector]):
         def real(*shape: int) -> spaces.Box:
             return spaces.Box(-np.inf, np.inf, shape, np.float32)
 
+        self._measured = ["servos", "arm", "palm", "seen"]
         observed: dict[str, spaces.Space[Any]] = {
             "servos": real(6, 3),
             "arm": real(7, 3),
@@ -144,8 +146,7 @@ class Pick(gymnasium.Env[Observation, Vector]):
     def _observe(self) -> Observation:
         assert self._episode is not None
         measured = self._episode.observe()
-        names = [name for name in self.observation_space.spaces if name not in ("command", "tactile")]
-        observation: Observation = {name: measured[name].astype(np.float32) for name in names}
+        observation: Observation = {name: measured[name].astype(np.float32) for name in self._measured}
         observation["command"] = self._command.copy()
         if self.images is not None:
             observation["tactile"] = measured["tactile"]

@@ -63,13 +63,13 @@ def collection() -> list[Held]:
 
 
 def _pick_up(grasp: dict[str, Any]) -> PickUp:
-    arrays = {name: np.array(grasp[name]) for name in ("center", "pre_tension", "close_tension")}
+    arrays: dict[str, Any] = {name: np.array(grasp[name]) for name in ("center", "pre_tension", "close_tension")}
     same = ("object", "id", "role", "yaw", "pitch", "roll", "opposition", "thumb_delay", "score")
     return PickUp(raise_=grasp["raise"], **arrays, **{name: grasp[name] for name in same})
 
 
 def _held(grasp: dict[str, Any]) -> Held:
-    arrays = {name: np.array(grasp[name]) for name in ("palm_from_object", "joints", "tensions")}
+    arrays: dict[str, Any] = {name: np.array(grasp[name]) for name in ("palm_from_object", "joints", "tensions")}
     rows = [
         [-1 if link is None else link, *point, *normal, force] for link, point, normal, force in grasp["contacts"]
     ]

@@ -44,7 +44,10 @@ LIMITS: Array = _hand["limits"]
 """Lowest and highest angle of each joint, (15, 2), rad."""
 SPRINGS: Array = _hand["springs"]
 """Stiffness of the spring that opens each joint, (15,), N m/rad."""
-PADS: tuple[Pad, ...] = tuple(Pad(*pad[:5], tuple(pad[5])) for pad in _hand["pads"])
+PADS: tuple[Pad, ...] = tuple(
+    Pad(name, link, configuration, width, height, tuple(cameras))
+    for name, link, configuration, width, height, cameras in _hand["pads"]
+)
 """The 17 pads, in the order of tactile images."""
 CAMERAS: tuple[Camera, ...] = tuple(Camera(*camera) for camera in _hand["cameras"])
 """The 18 cameras: one a pad, two on the palm's ulnar one."""
