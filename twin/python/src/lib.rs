@@ -5,7 +5,7 @@
 //! `RuntimeError`.
 //!
 //! [`arrays`] converts numpy arrays, [`worlds`] holds what scenes share, [`scene`] steps them; [`hand`], [`optics`], [`touch`] and [`grasps`] are
-//! the parts that can be used alone.
+//! the parts that can be used alone, [`trials`] lets a Python object choose in the benchmark.
 
 mod arrays;
 mod grasps;
@@ -13,6 +13,7 @@ mod hand;
 mod optics;
 mod scene;
 mod touch;
+mod trials;
 mod worlds;
 
 use pyo3::prelude::*;
@@ -30,6 +31,8 @@ mod _native {
     use crate::scene::{Episode, Scene};
     #[pymodule_export]
     use crate::touch::heights;
+    #[pymodule_export]
+    use crate::trials::Benchmark;
     #[pymodule_export]
     use crate::worlds::{combinations, objects};
 }

@@ -164,8 +164,8 @@ impl Episode {
         // Half a tick of tolerance: times are sums of ticks.
         let success = self.held_since.is_some_and(|since| truth.time - since > HOLD - 0.004);
         let before = std::mem::replace(&mut self.progress, progress(&truth, &self.objects));
-        // What is not a number is lost as well.
-        let lost = truth.objects.iter().any(|pose| !(pose.translation.z >= FALLEN));
+        let on_hand = |height: f64| height.is_finite() && height >= FALLEN;
+        let lost = !truth.objects.iter().all(|pose| on_hand(pose.translation.z));
         Judgement { held, progress: self.progress, gained: self.progress - before, success, lost }
     }
 }

@@ -270,7 +270,7 @@ fn placement(world: &World, placed: &Placed) -> Result<ObjectPlacement, SceneErr
         .ok_or_else(|| SceneError::Object { name: name.clone(), known: world.objects.names().join(", ") })?;
     let error = |axis, found, expected: String| SceneError::Place { name: name.clone(), axis, found, expected };
     for (axis, found) in [("x", place.x), ("y", place.y)] {
-        if !(found.abs() <= FARTHEST) {
+        if found.is_nan() || found.abs() > FARTHEST {
             return Err(error(axis, found, format!("{} to {FARTHEST} m", -FARTHEST)));
         }
     }

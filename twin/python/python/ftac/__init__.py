@@ -9,6 +9,7 @@ and z out of the surface. ``a_from_b`` maps coordinates in b to a. A pose is sev
 - `optics`: tactile images of what presses into a pad.
 - `touch`: heights and normals from tactile images.
 - `grasps`: the grasps that come with the program.
+- `bench`: your own policy in the benchmark's trials.
 - `envs`: Gymnasium environments; they are registered where ``gymnasium`` is installed.
 
 Bad input raises `ValueError` with what was found and what was expected.
@@ -18,11 +19,11 @@ from __future__ import annotations
 
 import importlib.util
 
-from ftac import grasps, hand, optics, touch
+from ftac import bench, grasps, hand, optics, touch
 from ftac._native import combinations, objects
 from ftac.scene import Scene
 
-__all__ = ["Scene", "combinations", "grasps", "hand", "objects", "optics", "touch"]
+__all__ = ["Scene", "bench", "combinations", "grasps", "hand", "objects", "optics", "touch"]
 
 if importlib.util.find_spec("gymnasium") is not None:
     from ftac import envs

@@ -53,7 +53,7 @@ class Held(NamedTuple):
 @cache
 def repertoire() -> dict[str, list[PickUp]]:
     """The benchmark's pick-ups by object, best first."""
-    return {name: [_pick_up(grasp) for grasp in grasps] for name, grasps in json.loads(_native.repertoire()).items()}
+    return {name: [pick_up(grasp) for grasp in grasps] for name, grasps in json.loads(_native.repertoire()).items()}
 
 
 @cache
@@ -62,7 +62,8 @@ def collection() -> list[Held]:
     return [_held(grasp) for grasp in json.loads(_native.collection())]
 
 
-def _pick_up(grasp: dict[str, Any]) -> PickUp:
+def pick_up(grasp: dict[str, Any]) -> PickUp:
+    """A pick-up from the fields of its file."""
     arrays: dict[str, Any] = {name: np.array(grasp[name]) for name in ("center", "pre_tension", "close_tension")}
     same = ("object", "id", "role", "yaw", "pitch", "roll", "opposition", "thumb_delay", "score")
     return PickUp(raise_=grasp["raise"], **arrays, **{name: grasp[name] for name in same})
