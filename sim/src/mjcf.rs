@@ -5,6 +5,8 @@
 //! `hand_model::transmission`'s cable, so that moment arms agree by construction. A cable's control is its tension (N), the
 //! opposition's the angle of its servo (rad), an arm joint's its set-point (rad).
 
+mod any;
+
 use std::fmt::Write as _;
 
 use hand_model::hand::{CoverShape, MassProperties};
@@ -20,6 +22,13 @@ use crate::drive::OPPOSITION_STIFFNESS;
 use crate::hand_scene::Pull;
 use crate::stand::Prop;
 
+pub use any::{AnyScene, write as write_any};
+
+/// How every scene is read.
+const COMPILER: &str = "  <compiler angle=\"radian\" autolimits=\"true\" balanceinertia=\"false\"/>\n";
+/// The hand has no friction of its own: that of a pair is the prop's.
+const DEFAULTS: &str =
+    "  <default>\n    <geom condim=\"4\" friction=\"0.00001 0.00001 0.00001\" solref=\"0.004 1\"/>\n  </default>\n";
 /// Steps of a cover's rounding in its mesh.
 const ROUNDING: usize = 4;
 
@@ -67,17 +76,14 @@ pub fn write(scene: &Scene<'_>) -> String {
     for (prop, pose) in scene.props {
         prop_body(&mut assets, &mut bodies, prop, pose);
     }
-    let mut out = String::from(
-        "<mujoco model=\"ftac\">\n  <compiler angle=\"radian\" autolimits=\"true\" balanceinertia=\"false\"/>\n",
-    );
+    let mut out = format!("<mujoco model=\"ftac\">\n{COMPILER}");
     let _ = writeln!(
         out,
         "  <option timestep=\"{}\" gravity=\"{}\" integrator=\"implicitfast\" cone=\"elliptic\" impratio=\"10\" noslip_iterations=\"5\"/>",
         scene.dt,
         triple(&scene.gravity)
     );
-    out +=
-        "  <default>\n    <geom condim=\"4\" friction=\"0.00001 0.00001 0.00001\" solref=\"0.004 1\"/>\n  </default>\n";
+    out += DEFAULTS;
     let _ = write!(out, "  <asset>\n{assets}  </asset>\n  <worldbody>\n{bodies}  </worldbody>\n");
     out += &contacts(hand);
     out += &tendons(hand);

@@ -17,7 +17,8 @@ use hand_model::{ACTUATORS, HAND_JOINTS, Hand};
 use nalgebra::{Isometry3, Point3, Vector3};
 use rapier3d_f64::prelude::{ColliderHandle, RigidBodyHandle, RigidBodyType};
 
-pub use any::{AnyStand, passing_links};
+pub(crate) use any::hull;
+pub use any::{AnyBody, AnyStand};
 pub use linkage::{Linkage, Mechanism};
 pub use prop::Prop;
 

@@ -7,7 +7,7 @@ use hand_model::any_hand::AnyHand;
 use nalgebra::{Isometry3, Point3};
 use scenarios::Shape;
 use sim::engine::EngineSettings;
-use sim::stand::{AnyStand, Prop, passing_links};
+use sim::stand::{AnyBody, AnyStand, Prop};
 
 fn hand(urdf: &str, pulls: &str) -> Option<Arc<AnyHand>> {
     let path = e2e::shared_data(&format!("hands/{urdf}"))?;
@@ -18,7 +18,7 @@ fn hand(urdf: &str, pulls: &str) -> Option<Arc<AnyHand>> {
 
 /// Closes on a ball held at `center`, lets go of it, and gives the force of each link on it once all is at rest.
 fn close(hand: &Arc<AnyHand>, center: Point3<f64>, radius: f64, tensions: &[f64]) -> (AnyStand, Vec<f64>) {
-    let mut stand = AnyStand::new(hand.clone(), EngineSettings::default());
+    let mut stand = AnyStand::new(&AnyBody::new(hand.clone()), EngineSettings::default());
     stand.put(
         &Prop::new("ball", Shape::Sphere { radius }, 0.1, 0.8),
         &Isometry3::translation(center.x, center.y, center.z),
@@ -81,7 +81,7 @@ fn clamp(urdf: &str) -> Arc<AnyHand> {
 /// With nothing between them the jaws stop at each other: their tips meet where sin q = 0.4, long before the limits.
 #[test]
 fn jaws_stop_at_each_other() {
-    let mut stand = AnyStand::new(clamp(CLAMP), EngineSettings::default());
+    let mut stand = AnyStand::new(&AnyBody::new(clamp(CLAMP)), EngineSettings::default());
     stand.run(&[30.0], 2.0);
     let (angle, deep) = (stand.angles()[1], stand.self_penetration());
     println!("the jaws stop at {angle:.3} rad, {:.2} mm deep in each other", 1e3 * deep);
@@ -93,10 +93,10 @@ fn jaws_stop_at_each_other() {
 /// Links that a joint connects, and links that overlap at rest, pass through each other; no others do.
 #[test]
 fn links_that_overlap_at_rest_pass() {
-    assert!(passing_links(&clamp(CLAMP)).is_empty());
+    assert!(AnyBody::new(clamp(CLAMP)).passing().is_empty());
     let wide = CLAMP.replacen("size=\"0.08 0.01 0.02\"", "size=\"0.08 0.17 0.02\"", 1);
-    assert_eq!(passing_links(&clamp(&wide)).into_iter().collect::<Vec<_>>(), [(Some(0), Some(1))]);
-    let mut stand = AnyStand::new(clamp(&wide), EngineSettings::default());
+    assert_eq!(AnyBody::new(clamp(&wide)).passing().iter().collect::<Vec<_>>(), [&(Some(0), Some(1))]);
+    let mut stand = AnyStand::new(&AnyBody::new(clamp(&wide)), EngineSettings::default());
     stand.run(&[30.0], 2.0);
     assert!(stand.angles()[1] > 0.9, "{:?}", stand.angles());
     assert_eq!(stand.self_penetration(), 0.0);

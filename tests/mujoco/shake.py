@@ -39,21 +39,22 @@ def shake(path):
     body = model.body("object")
     first = model.joint("object").dofadr[0]
     at = model.joint("object").qposadr[0]
-    data.ctrl[5] = test["opposition"]
-    tensions = np.array(test["tensions"])
+    opened, tensions = np.array(test["open_tensions"]), np.array(test["tensions"])
+    if "opposition" in test:
+        data.ctrl[len(tensions)] = test["opposition"]
     rise, damped = test["rise"], test["rise"] + test["settle_damped"]
     # Damping is a rate here and a force there.
     inertia = np.concatenate([np.full(3, test["mass"]), body.inertia])
     model.dof_damping[first : first + 6] = test["damping"] * inertia
     for step in range(round((damped + test["settle_free"]) * RATE)):
         time = step / RATE
-        data.ctrl[:5] = tensions * min(1.0, time / rise)
+        data.ctrl[: len(tensions)] = opened + (tensions - opened) * min(1.0, time / rise)
         if step == round(damped * RATE):
             model.dof_damping[first : first + 6] = 0.0
         mujoco.mj_step(model, data)
     closed = data.qpos.copy(), data.qvel.copy(), data.act.copy()
     place, turn = closed[0][at : at + 3], closed[0][at + 3 : at + 7]
-    ours = np.array(test["closed"]["palm_from_object"])
+    ours = np.array(test["closed"]["object"])
     apart = float(np.linalg.norm(place - ours[:3]))
     limits, worst = test["shake"], (0.0, 0.0)
     for axis in range(3):

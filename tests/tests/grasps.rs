@@ -71,7 +71,10 @@ fn grasps_are_shown() {
     assert_eq!(answer["objects"].as_array().map(Vec::len), Some(23));
 }
 
-/// A ball of `rings` by twice as many facets, radius 25 mm, in OBJ; the facets of the last `left_out` rings are missing.
+/// Radius of the ball, m.
+const BALL: f64 = 0.025;
+
+/// A ball of `rings` by twice as many facets, radius [`BALL`], in OBJ; the facets of the last `left_out` rings are missing.
 fn ball(rings: usize, left_out: usize) -> String {
     let mut content = String::new();
     let around = 2 * rings;
@@ -80,7 +83,7 @@ fn ball(rings: usize, left_out: usize) -> String {
         for k in 0..around {
             let turn = std::f64::consts::TAU * k as f64 / around as f64;
             let (x, y) = (tilt.sin() * turn.cos(), tilt.sin() * turn.sin());
-            content += &format!("v {:.6} {:.6} {:.6}\n", 0.025 * x, 0.025 * y, 0.025 * tilt.cos());
+            content += &format!("v {:.6} {:.6} {:.6}\n", BALL * x, BALL * y, BALL * tilt.cos());
         }
     }
     for ring in 0..rings - left_out {
@@ -120,7 +123,8 @@ fn broken_and_huge_meshes() {
     assert!(stderr(&output).contains("wind around no volume"), "{}", stderr(&output));
 }
 
-/// Hands of others, from their URDF alone. Their models are not part of this repository.
+/// Hands of others, from their URDF alone, with what becomes of their file of grasps: it is shown, closed again, and exported; what
+/// goes by the digits of our own hand refuses it, and a hand that has changed is noticed. Their models are not part of this repository.
 #[test]
 fn other_hands_grasp() {
     for (urdf, pulls) in [
@@ -128,27 +132,98 @@ fn other_hands_grasp() {
         ("ezgripper_gen2/urdf/ezgripper_dual_gen2_expanded.urdf", "ezgripper.toml"),
     ] {
         let Some(urdf) = e2e::shared_data(&format!("hands/{urdf}")) else { continue };
-        let pulls = root().join("hand-model/data/hands").join(pulls);
-        let arguments = [
-            "grasps",
-            "generate",
-            "--hand",
-            text(&urdf),
-            "--pulls",
-            text(&pulls),
-            "--object",
-            "ball",
-            "--n",
-            "24",
-            "--contacts",
-            "4",
-            "--json",
-        ];
-        let output = run(&arguments);
+        let folder = tempdir().expect("a folder");
+        let pulls_file = folder.path().join(pulls);
+        fs::copy(root().join("hand-model/data/hands").join(pulls), &pulls_file).expect("copied");
+        let file = folder.path().join("grasps.jsonl");
+        let asked = ["grasps", "generate", "--hand", text(&urdf), "--pulls", text(&pulls_file), "--out", text(&file)];
+        let output = run(&[&asked[..], &["--object", "ball", "--n", "24", "--contacts", "4", "--json"]].concat());
         let answer: Value = serde_json::from_slice(&output.stdout).expect("JSON");
-        assert!(answer["verified"]["all"].as_u64() > Some(0), "{answer}");
+        let found = answer["verified"]["all"].as_u64().expect("a count");
+        assert!(found > 0, "{answer}");
         assert!(answer["notes"].as_array().is_some_and(|notes| notes.len() > 4), "{answer}");
+        other_file_is_read(&file, found, folder.path());
+        let refused = run(&["grasps", "classify", "--grasps", text(&file)]);
+        assert_eq!(refused.status.code(), Some(2));
+        assert!(stderr(&refused).contains(":1: hand: found "), "{}", stderr(&refused));
+        let changed = fs::read_to_string(&pulls_file).expect("read") + "# another\n";
+        fs::write(&pulls_file, changed).expect("written");
+        let refused = run(&["grasps", "show", "--grasps", text(&file)]);
+        assert_eq!(refused.status.code(), Some(2));
+        assert!(stderr(&refused).contains("it has changed since"), "{}", stderr(&refused));
     }
+}
+
+/// The `found` grasps of a ball in another hand's file.
+fn other_file_is_read(file: &Path, found: u64, folder: &Path) {
+    let shown = run(&["--json", "grasps", "show", "ball", "--grasps", text(file), "--report", text(folder)]);
+    let answer: Value = serde_json::from_slice(&shown.stdout).expect("JSON");
+    let kinds = answer["objects"][0]["kinds"].as_array().expect("kinds");
+    assert_eq!(kinds.iter().filter_map(|kind| kind["count"].as_u64()).sum::<u64>(), found);
+    assert!(fs::metadata(folder.join("ball.png")).expect("a sheet").len() > 5_000);
+    let again = run(&["--json", "grasps", "eval", "--grasps", text(file)]);
+    assert_eq!(again.status.code(), Some(0), "{}", stderr(&again));
+    let answer: Value = serde_json::from_slice(&again.stdout).expect("JSON");
+    assert_eq!((&answer["verified"]["all"]["count"], &answer["verified"]["all"]["of"]), (&found.into(), &found.into()));
+    assert!(answer["controls"]["no_tension"]["count"].as_u64() < Some(found.div_ceil(2)), "{answer}");
+    let scenes = folder.join("scenes");
+    let exported =
+        run(&["--json", "grasps", "export", "ball", "--grasps", text(file), "--n", "1", "--mjcf", text(&scenes)]);
+    let answer: Value = serde_json::from_slice(&exported.stdout).expect("JSON");
+    let read = |n: usize| fs::read_to_string(answer["files"][0][n].as_str().expect("a path")).expect("written");
+    let (scene, test) = (read(0), serde_json::from_str::<Value>(&read(1)).expect("JSON"));
+    let count = |field: &str| test[field].as_array().map_or(0, Vec::len);
+    assert_eq!(scene.matches("<fixed ").count(), count("tensions"));
+    assert_eq!(scene.matches("type=\"hinge\"").count(), test["closed"]["joints"].as_array().map_or(0, Vec::len));
+    assert_eq!(
+        (count("open_tensions"), scene.matches("<body ").count()),
+        (count("tensions"), scene.matches("</body>").count())
+    );
+}
+
+/// Poses of a mesh are in the frame of its file, wherever its middle is; the file of its grasps is read with the mesh it names.
+#[test]
+fn grasps_of_a_mesh_are_in_its_own_frame() {
+    let folder = tempdir().expect("a folder");
+    let (mesh, file) = (folder.path().join("away.obj"), folder.path().join("away.jsonl"));
+    let aside = [0.03, -0.05, 0.2];
+    let content = ball(24, 0);
+    let moved = content.lines().map(|line| match line.strip_prefix("v ") {
+        Some(rest) => {
+            let at: Vec<f64> = rest.split_whitespace().map(|word| word.parse().expect("a number")).collect();
+            format!("v {} {} {}\n", at[0] + aside[0], at[1] + aside[1], at[2] + aside[2])
+        }
+        None => format!("{line}\n"),
+    });
+    fs::write(&mesh, moved.collect::<String>()).expect("written");
+    let output = run(&["grasps", "generate", "--mesh", text(&mesh), "--n", "12", "--seed", "3", "--out", text(&file)]);
+    assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+    let lines = fs::read_to_string(&file).expect("written");
+    let grasps: Vec<Value> = lines.lines().skip(1).map(|line| serde_json::from_str(line).expect("JSON")).collect();
+    assert!(!grasps.is_empty());
+    for grasp in &grasps {
+        let pose: Vec<f64> = serde_json::from_value(grasp["palm_from_object"].clone()).expect("a pose");
+        let center = turned(&pose[3..], &aside);
+        for contact in grasp["contacts"].as_array().expect("contacts") {
+            let point: Vec<f64> = serde_json::from_value(contact[1].clone()).expect("a point");
+            let radius = (0..3).map(|n| (point[n] - pose[n] - center[n]).powi(2)).sum::<f64>().sqrt();
+            assert!((radius - BALL).abs() < 1.5e-3, "{radius}");
+        }
+    }
+    let again = run(&["--json", "grasps", "eval", "--grasps", text(&file)]);
+    let answer: Value = serde_json::from_slice(&again.stdout).expect("JSON");
+    // Poses are rounded in the file: a grasp that just holds may be lost.
+    assert!(answer["verified"]["c"]["count"].as_u64() >= Some(grasps.len() as u64 / 2), "{answer}");
+}
+
+/// A vector turned by a quaternion i, j, k, w.
+fn turned(q: &[f64], v: &[f64; 3]) -> [f64; 3] {
+    let cross =
+        |a: [f64; 3], b: [f64; 3]| [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
+    let axis = [q[0], q[1], q[2]];
+    let twice = cross(axis, *v).map(|x| 2.0 * x);
+    let again = cross(axis, twice);
+    std::array::from_fn(|n| v[n] + q[3] * twice[n] + again[n])
 }
 
 /// A grasp as a scene for another engine: a model whose keyframe has every joint and the object, and the commands that close it.

@@ -1,6 +1,6 @@
 //! Vertices of mesh files: Wavefront OBJ and STL, binary or text, and whether their faces close.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
 use nalgebra::{Matrix3, Point3, Vector3};
@@ -14,10 +14,15 @@ const LARGEST: f64 = 2.0;
 /// Thinner than this, points span no volume, m.
 const FLAT: f64 = 1e-6;
 
+/// Points whose hull stands in for that of a finely cut mesh: as many directions to begin with, and at most.
+const DIRECTIONS: (usize, usize) = (256, 4096);
+/// How far the hull may lose, m.
+const THINNED: f64 = 1e-4;
+
 /// A mesh file as a cloud of points.
 #[derive(Debug)]
 pub struct Points {
-    /// Vertices, scaled, m.
+    /// Vertices, scaled, m: all, or of a fine mesh those that span its convex hull to 0.1 mm.
     pub vertices: Vec<Point3<f64>>,
     /// Edges that do not have exactly two faces: 0 if the mesh is watertight.
     pub open_edges: usize,
@@ -62,7 +67,42 @@ pub fn read(filename: &str, scale: &Vector3<f64>, urdf: &Path, element: &str) ->
     if thinnest < FLAT {
         return Err(wrong("filename", "points in one plane".into(), "points that span a volume"));
     }
-    Ok(Points { vertices, open_edges })
+    Ok(Points { vertices: thinned(vertices), open_edges })
+}
+
+/// Directions spread evenly over the sphere (Fibonacci).
+fn directions(count: usize) -> impl Iterator<Item = Vector3<f64>> {
+    let golden = std::f64::consts::PI * (3.0 - 5.0_f64.sqrt());
+    (0..count).map(move |n| {
+        let z = 1.0 - (2 * n + 1) as f64 / count as f64;
+        let (sin, cos) = (golden * n as f64).sin_cos();
+        let around = (1.0 - z * z).sqrt();
+        Vector3::new(around * cos, around * sin, z)
+    })
+}
+
+/// The point that is farthest along a direction.
+fn farthest(points: &[Point3<f64>], way: &Vector3<f64>) -> Option<usize> {
+    let along = |n: &usize| points[*n].coords.dot(way);
+    (0..points.len()).max_by(|a, b| along(a).total_cmp(&along(b)))
+}
+
+/// The points that are farthest in one of many directions: their convex hull is that of all to within [`THINNED`], which is checked
+/// along four times as many. All of them where that does not do, or where there are few.
+fn thinned(points: Vec<Point3<f64>>) -> Vec<Point3<f64>> {
+    let mut count = DIRECTIONS.0;
+    while count <= DIRECTIONS.1 && count < points.len() {
+        let kept: BTreeSet<usize> = directions(count).filter_map(|way| farthest(&points, &way)).collect();
+        let kept: Vec<Point3<f64>> = kept.into_iter().map(|n| points[n]).collect();
+        let reach = |points: &[Point3<f64>], way: &Vector3<f64>| {
+            farthest(points, way).map_or(0.0, |n| points[n].coords.dot(way))
+        };
+        if directions(4 * count + 1).all(|way| reach(&points, &way) - reach(&kept, &way) <= THINNED) {
+            return kept;
+        }
+        count *= 2;
+    }
+    points
 }
 
 /// Faces of an STL: its vertices three by three.
@@ -152,6 +192,29 @@ mod tests {
         assert_eq!(open_edges(&corners, &faces[..3]), 3);
         let soup: Vec<Vector3<f64>> = faces.iter().flatten().map(|corner| corners[*corner]).collect();
         assert_eq!(open_edges(&soup, &triples(12)), 0);
+    }
+
+    /// Of a finely cut ball few points are left, and its hull is smaller by less than is allowed; a box keeps its corners.
+    #[test]
+    fn fine_meshes_are_thinned() {
+        let ball: Vec<Point3<f64>> = directions(5000).map(|way| Point3::from(way * 0.012)).collect();
+        let kept = thinned(ball.clone());
+        assert!((100..1000).contains(&kept.len()), "{}", kept.len());
+        let worst = directions(777).map(|way| {
+            let reach = |points: &[Point3<f64>]| points.iter().map(|p| p.coords.dot(&way)).fold(0.0, f64::max);
+            reach(&ball) - reach(&kept)
+        });
+        assert!(worst.fold(0.0, f64::max) <= THINNED);
+        let side: Vec<f64> = (0..20).map(|n| 0.001 * f64::from(n)).collect();
+        let grid: Vec<Point3<f64>> = side
+            .iter()
+            .flat_map(|x| side.iter().flat_map(move |y| [0.0, 0.01].map(|z| Point3::new(*x, *y, z))))
+            .collect();
+        let corners = thinned(grid);
+        for (x, y, z) in [(0.0, 0.0, 0.0), (0.019, 0.0, 0.01), (0.019, 0.019, 0.0), (0.0, 0.019, 0.01)] {
+            assert!(corners.iter().any(|p| (p - Point3::new(x, y, z)).norm() < 1e-9), "{x} {y} {z}");
+        }
+        assert!(corners.len() < 100, "{}", corners.len());
     }
 
     #[test]

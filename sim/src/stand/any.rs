@@ -17,8 +17,66 @@ use crate::drive::JointEffort;
 use crate::engine::EngineSettings;
 use crate::hand_scene::Touch;
 
+/// Two links; `None` is the root.
+pub type LinkPair = (Option<usize>, Option<usize>);
+
+/// A hand with its collision shapes, made once for all of its stands.
+#[derive(Clone)]
+pub struct AnyBody {
+    hand: Arc<AnyHand>,
+    shapes: Vec<(Option<usize>, Pose, SharedShape)>,
+    passing: BTreeSet<LinkPair>,
+}
+
+impl AnyBody {
+    pub fn new(hand: Arc<AnyHand>) -> Self {
+        let shapes = hand
+            .solids
+            .iter()
+            .filter_map(|solid| Some((solid.link, convert::pose(&solid.link_from_solid), shape(&solid.shape)?)))
+            .collect::<Vec<_>>();
+        let passing = passing(&hand, &shapes);
+        Self { hand, shapes, passing }
+    }
+
+    pub fn hand(&self) -> &Arc<AnyHand> {
+        &self.hand
+    }
+
+    /// Pairs of links that pass through each other: no joint connects them, but their collision shapes overlap at rest already, as
+    /// those of published models often do at their joints.
+    pub fn passing(&self) -> &BTreeSet<LinkPair> {
+        &self.passing
+    }
+
+    /// Pairs of links that never collide: what a joint connects, and [`Self::passing`].
+    pub(crate) fn excluded(&self) -> BTreeSet<LinkPair> {
+        let joined = self.hand.tree.joints.iter().enumerate().map(|(link, joint)| (joint.parent, Some(link)));
+        self.passing.iter().copied().chain(joined).collect()
+    }
+}
+
+fn passing(hand: &AnyHand, shapes: &[(Option<usize>, Pose, SharedShape)]) -> BTreeSet<LinkPair> {
+    let links = hand.tree.forward(&hand.rest());
+    let place = |(link, pose, _): &(Option<usize>, Pose, SharedShape)| match link {
+        Some(link) => convert::pose(&links[*link]) * *pose,
+        None => *pose,
+    };
+    let mut passing = BTreeSet::new();
+    for (n, one) in shapes.iter().enumerate() {
+        for other in &shapes[n + 1..] {
+            let pair = (one.0.min(other.0), one.0.max(other.0));
+            let known = linkage::joined(&hand.tree, one.0, other.0) || passing.contains(&pair);
+            if !known && linkage::overlap(&place(one), &*one.2, &place(other), &*other.2) > 0.0 {
+                passing.insert(pair);
+            }
+        }
+    }
+    passing
+}
+
 /// The hand with what has been put into it. Its links collide with each other, but for those that a joint connects and those
-/// that [`passing_links`] names.
+/// that [`AnyBody::passing`] names.
 #[derive(Clone)]
 pub struct AnyStand {
     hand: Arc<AnyHand>,
@@ -28,19 +86,19 @@ pub struct AnyStand {
 
 impl AnyStand {
     /// The hand at rest, without gravity.
-    pub fn new(hand: Arc<AnyHand>, settings: EngineSettings) -> Self {
-        let start = hand.rest();
-        Self::at(hand, settings, &start)
+    pub fn new(body: &AnyBody, settings: EngineSettings) -> Self {
+        Self::at(body, settings, &body.hand.rest())
     }
 
     /// The hand at joint angles `start` (rad), without gravity.
-    pub fn at(hand: Arc<AnyHand>, settings: EngineSettings, start: &[f64]) -> Self {
-        let covers = hand
-            .solids
+    pub fn at(body: &AnyBody, settings: EngineSettings, start: &[f64]) -> Self {
+        let hand = body.hand.clone();
+        let covers = body
+            .shapes
             .iter()
-            .filter_map(|solid| {
-                let collider = ColliderBuilder::new(shape(&solid.shape)?)
-                    .position(convert::pose(&solid.link_from_solid))
+            .map(|(link, pose, shape)| {
+                let collider = ColliderBuilder::new(shape.clone())
+                    .position(*pose)
                     .density(0.0)
                     .friction(0.0)
                     .friction_combine_rule(CoefficientCombineRule::Max)
@@ -49,15 +107,15 @@ impl AnyStand {
                             .with_memberships(groups::HAND)
                             .with_filter(groups::HAND | groups::OBJECT),
                     );
-                Some((solid.link, collider))
+                (*link, collider)
             })
             .collect();
         let mechanism =
             Mechanism { tree: &hand.tree, masses: &hand.masses, damping: hand.damping, armature: hand.armature };
         let mut linkage = Linkage::new(settings, &mechanism, covers, start);
         linkage.set_gravity(&Vector3::zeros());
-        for (one, two) in passing_links(&hand) {
-            linkage.let_pass(one, two);
+        for (one, two) in &body.passing {
+            linkage.let_pass(*one, *two);
         }
         for follower in &hand.followers {
             linkage.couple(follower.leader, follower.joint, follower.multiplier, follower.offset);
@@ -191,29 +249,13 @@ impl AnyStand {
     }
 }
 
-/// Pairs of links (`None` is the root) that pass through each other: no joint connects them, but their collision shapes overlap
-/// at rest already, as those of published models often do at their joints.
-pub fn passing_links(hand: &AnyHand) -> BTreeSet<(Option<usize>, Option<usize>)> {
-    let links = hand.tree.forward(&hand.rest());
-    let placed: Vec<_> = hand
-        .solids
-        .iter()
-        .filter_map(|solid| {
-            let pose = solid.link.map_or(Isometry3::identity(), |link| links[link]) * solid.link_from_solid;
-            Some((solid.link, convert::pose(&pose), shape(&solid.shape)?))
-        })
-        .collect();
-    let mut passing = BTreeSet::new();
-    for (n, (a, pose_a, shape_a)) in placed.iter().enumerate() {
-        for (b, pose_b, shape_b) in &placed[n + 1..] {
-            let pair = (*a.min(b), *a.max(b));
-            let known = linkage::joined(&hand.tree, *a, *b) || passing.contains(&pair);
-            if !known && linkage::overlap(pose_a, &**shape_a, pose_b, &**shape_b) > 0.0 {
-                passing.insert(pair);
-            }
-        }
-    }
-    passing
+/// The corners of the convex hull of a mesh's points; none where they span no volume.
+pub(crate) fn hull(points: &[Point3<f64>]) -> Vec<Point3<f64>> {
+    surface(&SolidShape::Hull(points.to_vec()))
+        .into_iter()
+        .flat_map(|(vertices, _)| vertices)
+        .map(|vertex| Point3::from(convert::to_vector(vertex)))
+        .collect()
 }
 
 /// Vertices and triangles of a shape's surface.

@@ -43,6 +43,18 @@ impl Prop {
         }
     }
 
+    /// Size along the prop's axes, m.
+    pub fn extent(&self) -> Vector3<f64> {
+        let corners = self.parts.iter().flat_map(|(pose, shape)| {
+            let (a, b) = shape.aabb();
+            let corner = move |n: usize, axis: usize| if n >> axis & 1 == 1 { b[axis] } else { a[axis] };
+            (0..8).map(move |n| (pose * Point3::new(corner(n, 0), corner(n, 1), corner(n, 2))).coords)
+        });
+        let nothing = (Vector3::repeat(f64::INFINITY), Vector3::repeat(f64::NEG_INFINITY));
+        let (low, high) = corners.fold(nothing, |(low, high), corner| (low.inf(&corner), high.sup(&corner)));
+        high - low
+    }
+
     /// Centre of mass (m) and inertia about it (kg m2) in the prop's axes.
     pub fn inertia(&self) -> (Point3<f64>, Matrix3<f64>) {
         let volume: f64 = self.parts.iter().map(|(_, shape)| shape.volume()).sum();

@@ -10,7 +10,7 @@ use report::picture::{PROPS, Picture, View, save, tile};
 use scenarios::Shape;
 use serde_json::{Map, Value, json};
 use sim::engine::EngineSettings;
-use sim::stand::{AnyStand, Prop};
+use sim::stand::{AnyBody, AnyStand, Prop};
 
 /// Times to close on the fixed ball, to settle after its release, and under gravity along each direction, s.
 const CLOSE: f64 = 2.0;
@@ -43,7 +43,7 @@ pub struct BallGrip {
 impl BallGrip {
     /// Closes `hand` with these tensions (N, one an actuator) on a ball of `radius` (m) held at `at` (root link's frame, m).
     pub fn close(hand: Arc<AnyHand>, tensions: &[f64], at: &Point3<f64>, radius: f64) -> Self {
-        let open = AnyStand::new(hand.clone(), EngineSettings::default());
+        let open = AnyStand::new(&AnyBody::new(hand.clone()), EngineSettings::default());
         let mut closed = open.clone();
         let ball = Prop::new("ball", Shape::Sphere { radius }, MASS, FRICTION);
         closed.put(&ball, &Isometry3::translation(at.x, at.y, at.z));

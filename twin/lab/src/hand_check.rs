@@ -30,6 +30,8 @@ pub struct CheckOptions<'a> {
     /// Folder for the pictures; none are drawn without.
     pub out: Option<&'a Path>,
     pub seed: u64,
+    /// Seeds of the Kapandji test, from `seed` on.
+    pub seeds: u64,
 }
 
 /// All rows of the check, in order.
@@ -40,7 +42,7 @@ pub fn run(hand: &Arc<Hand>, options: &CheckOptions<'_>) -> Result<Vec<Row>> {
     let mut rows = figures::rows(hand);
     rows.push(figures::coverage(hand, options.out)?);
     rows.push(public_model::row(hand, options.public_model, options.seed)?);
-    rows.push(kapandji::row(hand, options.out, options.seed)?);
+    rows.push(kapandji::row(hand, options.out, (options.seed, options.seeds))?);
     rows.extend(closing_force::rows(hand, options.out)?);
     rows.push(dumbbell::row(hand, options.out)?);
     rows.extend(flexion::rows(hand, options.out)?);

@@ -21,6 +21,8 @@ const CONE: f64 = 0.012;
 const SIDES: u32 = 20;
 /// How opaque objects and cones are, of 255.
 const VEIL: (u8, u8) = (150, 120);
+/// Colour of a hand that is not the gallery's own.
+const OTHER_HAND: [u8; 3] = [176, 182, 192];
 const ARROW_COLOR: [u8; 3] = [255, 214, 10];
 /// Length of the arrow of a force of 1 N, m.
 const METRES_PER_NEWTON: f64 = 0.004;
@@ -38,6 +40,15 @@ pub struct ShownContact {
     pub force: f64,
 }
 
+/// A hand to be shown.
+#[derive(Debug, Clone)]
+pub enum ShownHand {
+    /// The gallery's own, by its joint angles, rad.
+    Own(Vec<f64>),
+    /// Another, as it stands, palm frame.
+    Other(Mesh),
+}
+
 /// A grasp to be shown.
 #[derive(Debug, Clone)]
 pub struct ShownGrasp {
@@ -45,8 +56,7 @@ pub struct ShownGrasp {
     pub name: String,
     /// What there is to say about it, Markdown.
     pub text: String,
-    /// Joint angles, rad.
-    pub joints: Vec<f64>,
+    pub hand: ShownHand,
     /// Pose of the object.
     pub palm_from_object: Isometry3<f64>,
     pub contacts: Vec<ShownContact>,
@@ -118,7 +128,11 @@ impl Gallery<'_> {
     fn show(&self, root: &str, place: &Isometry3<f64>, grasp: &ShownGrasp) -> Result<(), StreamError> {
         let &Self { rec, hand, object, mu } = self;
         rec.log_static(root, &transform(place))?;
-        log_hand_at(rec, &format!("{root}/hand"), hand, &grasp.joints)?;
+        let path = format!("{root}/hand");
+        match &grasp.hand {
+            ShownHand::Own(joints) => log_hand_at(rec, &path, hand, joints)?,
+            ShownHand::Other(mesh) => rec.log_static(path, &drawn(mesh, OTHER_HAND, 255))?,
+        }
         let name = format!("{root}/object");
         rec.log_static(name.as_str(), &transform(&grasp.palm_from_object))?;
         rec.log_static(name.as_str(), &drawn(&object.mesh(), object.color, VEIL.0))?;
@@ -167,7 +181,7 @@ mod tests {
         let grasp = ShownGrasp {
             name: "one".into(),
             text: "holds".into(),
-            joints: vec![0.3; hand.tree.len()],
+            hand: ShownHand::Own(vec![0.3; hand.tree.len()]),
             palm_from_object: Isometry3::identity(),
             contacts: vec![contact],
         };

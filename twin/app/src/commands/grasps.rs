@@ -11,7 +11,7 @@ use clap::Subcommand;
 
 use self::collection::CollectionArgs;
 use self::export::ExportArgs;
-use self::generate::{GenerateArgs, SynthesisArgs};
+use self::generate::{EvalArgs, GenerateArgs};
 use self::pick_ups::{PickUpsArgs, PlanArgs};
 use self::show::ShowArgs;
 use super::study::{annotate, classify, landscape, map};
@@ -22,14 +22,8 @@ use crate::terminal::{Outcome, Terminal};
 pub enum GraspsCommand {
     /// Find grasps for an object by sampling; each is closed by its cables, verified and held in physics.
     Generate(GenerateArgs),
-    /// Measure how well synthesis works: rates, negative controls, what predicts holding.
-    Eval {
-        #[command(flatten)]
-        synthesis: SynthesisArgs,
-        /// Chains.
-        #[arg(long, default_value_t = 128)]
-        n: u64,
-    },
+    /// Measure how well synthesis works: rates, negative controls, what predicts holding; or check the grasps of a file once more.
+    Eval(EvalArgs),
     /// Make the collection of synthesized grasps of all objects; an interrupted run goes on where it was.
     Collection(CollectionArgs),
     /// Show the best grasp of each kind: digits, contact points and friction cones, room, approach.
@@ -56,7 +50,7 @@ pub enum GraspsCommand {
 pub fn run(terminal: &Terminal, command: &GraspsCommand) -> Outcome {
     match command {
         GraspsCommand::Generate(args) => generate::generate(terminal, args),
-        GraspsCommand::Eval { synthesis, n } => generate::eval(terminal, synthesis, *n),
+        GraspsCommand::Eval(args) => generate::eval(terminal, args),
         GraspsCommand::Collection(args) => collection::make(terminal, args),
         GraspsCommand::Show(args) => show::show(terminal, args),
         GraspsCommand::Export(args) => export::run(terminal, args),

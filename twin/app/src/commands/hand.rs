@@ -51,6 +51,9 @@ pub struct CheckArgs {
     /// Attempts at each grasp type at most; the first that holds is kept.
     #[arg(long, default_value_t = 1500, value_parser = clap::value_parser!(u32).range(1..))]
     pub tries: u32,
+    /// Search the Kapandji test's points, or the grasp types, with so many seeds, from --seed on.
+    #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=1000))]
+    pub seeds: u32,
     /// Sweep the engine's settings instead: slip, overlap, jitter and cost over time step and iterations.
     #[arg(long)]
     pub engine: bool,
@@ -99,16 +102,27 @@ fn hand_check(terminal: &Terminal, args: &CheckArgs) -> Outcome {
     if args.grasps {
         return hand_grasps(terminal, args, &hand);
     }
-    let options =
-        check::CheckOptions { public_model: &args.public_model, out: args.out.as_deref(), seed: terminal.seed };
+    let options = check::CheckOptions {
+        public_model: &args.public_model,
+        out: args.out.as_deref(),
+        seed: terminal.seed,
+        seeds: args.seeds.into(),
+    };
     let rows = check::run(&hand, &options)?;
     show_rows(terminal, &rows, args.out.as_deref())
 }
 
 fn hand_grasps(terminal: &Terminal, args: &CheckArgs, hand: &Arc<Hand>) -> Outcome {
     let numbers: Vec<usize> = args.types.iter().map(|number| usize::from(*number)).collect();
-    let results = check::feix::run(hand, terminal.seed, args.tries as usize, &numbers);
-    let text = serde_json::json!({ "seed": terminal.seed, "tries": args.tries, "types": results });
+    let seeds = (terminal.seed, args.seeds.into());
+    let types = if numbers.is_empty() { check::feix::types::all().len() } else { numbers.len() };
+    let bar = progress::bar(types as u64 * seeds.1, "types", terminal.quiet || terminal.json);
+    let done = || bar.inc(1);
+    let (over_seeds, results) = check::feix::seeds::over_seeds(hand, seeds, args.tries as usize, &numbers, done);
+    bar.finish_and_clear();
+    let text = serde_json::json!({
+        "seed": terminal.seed, "seeds": args.seeds, "tries": args.tries, "types": results, "over_seeds": over_seeds,
+    });
     if let Some(folder) = &args.out {
         check::feix::draw(hand, &results, folder)?;
         report::write_whole(&folder.join("grasps.json"), serde_json::to_string_pretty(&text)?.as_bytes())?;
@@ -117,7 +131,11 @@ fn hand_grasps(terminal: &Terminal, args: &CheckArgs, hand: &Arc<Hand>) -> Outco
         println!("{text}");
     } else {
         print!("{}", check::feix::table(&results));
+        if args.seeds > 1 {
+            print!("{}", check::feix::seeds::table(&over_seeds));
+        }
     }
-    let held = results.iter().filter(|result| result.held).count();
-    Ok((held < results.len()).then(|| format!("{held} of {} grasp types are held", results.len())))
+    let held = over_seeds.iter().filter(|kind| kind.held == kind.seeds).count();
+    let seeds = if args.seeds > 1 { " with every seed" } else { "" };
+    Ok((held < results.len()).then(|| format!("{held} of {} grasp types are held{seeds}", results.len())))
 }

@@ -11,7 +11,8 @@ use std::path::Path;
 use hand_model::{Digit, HAND_JOINTS};
 use serde::{Deserialize, Serialize};
 
-use super::held::{HeldContact, HeldError, HeldGrasp, Proof, per_unit};
+use super::grasp_file::GraspFileError;
+use super::held::{HeldContact, HeldGrasp, Proof, per_unit};
 
 /// Version of the file format.
 pub const VERSION: u32 = 1;
@@ -197,14 +198,14 @@ impl Collection {
     }
 
     /// Reads a file.
-    pub fn read(path: &Path) -> Result<Self, HeldError> {
-        let text = std::fs::read_to_string(path).map_err(|source| HeldError::Io { path: path.into(), source })?;
+    pub fn read(path: &Path) -> Result<Self, GraspFileError> {
+        let text = std::fs::read_to_string(path).map_err(|source| GraspFileError::Io { path: path.into(), source })?;
         Self::parse(&text, path)
     }
 
     /// As [`Self::read`], from text; `path` is used in errors.
-    pub fn parse(text: &str, path: &Path) -> Result<Self, HeldError> {
-        let fault = |line: usize, message: String| HeldError::Line { path: path.into(), line: line + 1, message };
+    pub fn parse(text: &str, path: &Path) -> Result<Self, GraspFileError> {
+        let fault = |line: usize, message: String| GraspFileError::Line { path: path.into(), line: line + 1, message };
         let mut lines = text.lines().enumerate();
         let (_, first) = lines.next().ok_or_else(|| fault(0, "found nothing, expected a header".into()))?;
         let header: Header = serde_json::from_str(first).map_err(|error| fault(0, error.to_string()))?;

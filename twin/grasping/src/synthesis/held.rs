@@ -1,30 +1,13 @@
-//! A synthesized grasp as it was held in physics, and its file format.
+//! A synthesized grasp as it was held in physics.
 //!
 //! Unlike [`crate::Grasp`], which is a recipe for picking up in the two-object benchmark, this is a *state*: the pose of
 //! the object, all joint angles, tensions and contacts. It also has what a plan for several objects needs: the digits it
 //! uses, the approach direction, the clearance of the free digits, and the wrench margin.
-//!
-//! The file is JSON lines: a header, then one grasp per line, so that an interrupted run leaves whole grasps. Lengths are
-//! rounded to 0.01 mm, angles to 1e-4 rad, forces to 1 mN.
-
-use std::io::Write;
-use std::path::{Path, PathBuf};
+//! In files lengths are rounded to 0.01 mm, angles to 1e-4 rad, forces to 1 mN. [`AnyHeld`] is the same for a hand from files.
 
 use hand_model::{Digit, HAND_JOINTS};
-use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion};
+use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion, Vector3};
 use serde::{Deserialize, Serialize};
-
-/// Version of the file format.
-pub const VERSION: u32 = 1;
-
-/// First line of a file.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Header {
-    pub version: u32,
-    /// Command that generated it.
-    pub command: String,
-    pub seed: u64,
-}
 
 /// A contact of a held grasp, palm frame. In the file it is a list of its four fields.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -105,6 +88,54 @@ pub struct HeldGrasp {
     pub proof: Option<Proof>,
 }
 
+/// Link (none for the root), point, unit normal into the object, normal force.
+pub type AnyContact = (Option<usize>, [f64; 3], [f64; 3], f64);
+
+/// A verified grasp of a hand from files. m, rad, N, frame of the URDF's root link.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct AnyHeld {
+    pub object: String,
+    /// Number of the chain that found it, which with the header's seed reproduces it.
+    pub chain: u64,
+    /// `root_from_object` when closed: x, y, z, then i, j, k, w.
+    pub root_from_object: [f64; 7],
+    /// Joint angles when closed, by name.
+    pub joints: Vec<(String, f64)>,
+    /// `root_from_object` with the hand open, before it closes.
+    pub start: [f64; 7],
+    /// Joint angles then.
+    pub open_joints: Vec<(String, f64)>,
+    /// Tensions of the actuators that hold the open posture, by name.
+    pub open_tensions: Vec<(String, f64)>,
+    /// Tensions when closed.
+    pub tensions: Vec<(String, f64)>,
+    pub contacts: Vec<AnyContact>,
+    /// Wrench margin, N.
+    pub margin: f64,
+    /// Deepest overlap, of hand and object or of two links that collide.
+    pub penetration: f64,
+    /// Whether it still held when nothing pulled.
+    pub held_without_tension: bool,
+    /// What it was verified for.
+    pub proof: Proof,
+}
+
+impl AnyHeld {
+    /// The same grasp with the object's frame moved by `shift` (m, along the object's own axes).
+    pub fn with_frame_moved(mut self, shift: &Vector3<f64>) -> Self {
+        for pose in [&mut self.root_from_object, &mut self.start] {
+            *pose = moved(pose, shift);
+        }
+        self
+    }
+}
+
+/// A pose of an object whose frame moves by `shift` along the object's own axes.
+fn moved(pose: &[f64; 7], shift: &Vector3<f64>) -> [f64; 7] {
+    pose_to_array(&(pose_from_array(pose) * Translation3::from(*shift)))
+}
+
 /// A pose as position and quaternion (i, j, k, w).
 pub fn pose_to_array(pose: &Isometry3<f64>) -> [f64; 7] {
     let (t, q) = (pose.translation.vector, pose.rotation.quaternion());
@@ -147,6 +178,14 @@ impl HeldGrasp {
         self
     }
 
+    /// The same grasp with the object's frame moved by `shift` (m, along the object's own axes).
+    pub fn with_frame_moved(mut self, shift: &Vector3<f64>) -> Self {
+        for pose in [&mut self.palm_from_object, &mut self.start] {
+            *pose = moved(pose, shift);
+        }
+        self
+    }
+
     /// Whether two grasps are the same for practical purposes: same object and digits, the object's position in the hand
     /// within 5 mm, its orientation within 0.15 rad, every joint within 0.2 rad. `turn` gives the angle between two
     /// orientations of the object, reduced by its symmetry.
@@ -185,91 +224,6 @@ pub(super) mod per_unit {
     pub const FRICTION: f64 = 1e4;
 }
 
-/// Errors of files of held grasps.
-#[derive(Debug, thiserror::Error)]
-pub enum HeldError {
-    /// Not readable or writable.
-    #[error("{path}: {source}")]
-    Io { path: PathBuf, source: std::io::Error },
-    /// Invalid line.
-    #[error("{path}:{line}: {message}")]
-    Line {
-        path: PathBuf,
-        /// From 1.
-        line: usize,
-        message: String,
-    },
-}
-
-/// Appends grasps to a file, one line each.
-#[derive(Debug)]
-pub struct HeldWriter {
-    path: PathBuf,
-    file: std::fs::File,
-}
-
-impl HeldWriter {
-    /// Starts a file, replacing an existing one.
-    pub fn create(path: &Path, header: &Header) -> Result<Self, HeldError> {
-        let io = |source| HeldError::Io { path: path.into(), source };
-        let file = std::fs::File::create(path).map_err(io)?;
-        let mut writer = Self { path: path.into(), file };
-        writer.line(header)?;
-        Ok(writer)
-    }
-
-    /// Continues the file of an interrupted run with the same header, and returns its grasps. An incomplete last line is
-    /// removed.
-    pub fn resume(path: &Path, header: &Header) -> Result<(Self, Vec<HeldGrasp>), HeldError> {
-        let io = |source| HeldError::Io { path: path.into(), source };
-        let mut text = std::fs::read_to_string(path).map_err(io)?;
-        let whole = text.rfind('\n').map_or(0, |end| end + 1);
-        if whole == 0 {
-            return Ok((Self::create(path, header)?, Vec::new()));
-        }
-        text.truncate(whole);
-        let (found, grasps) = parse(&text, path)?;
-        if found != *header {
-            let message = format!("command: found `{}`, expected `{}`", found.command, header.command);
-            return Err(HeldError::Line { path: path.into(), line: 1, message });
-        }
-        let file = std::fs::OpenOptions::new().append(true).open(path).map_err(io)?;
-        file.set_len(whole as u64).map_err(io)?;
-        Ok((Self { path: path.into(), file }, grasps))
-    }
-
-    pub fn add(&mut self, grasp: &HeldGrasp) -> Result<(), HeldError> {
-        self.line(grasp)
-    }
-
-    fn line(&mut self, value: &impl Serialize) -> Result<(), HeldError> {
-        let io = |source| HeldError::Io { path: self.path.clone(), source };
-        let mut text = serde_json::to_string(value).map_err(|error| io(error.into()))?;
-        text.push('\n');
-        self.file.write_all(text.as_bytes()).map_err(io)
-    }
-}
-
-/// Reads a file. An incomplete last line is an error that names it.
-pub fn read(path: &Path) -> Result<(Header, Vec<HeldGrasp>), HeldError> {
-    let text = std::fs::read_to_string(path).map_err(|source| HeldError::Io { path: path.into(), source })?;
-    parse(&text, path)
-}
-
-fn parse(text: &str, path: &Path) -> Result<(Header, Vec<HeldGrasp>), HeldError> {
-    let fault = |line: usize, message: String| HeldError::Line { path: path.into(), line, message };
-    let mut lines = text.lines().enumerate();
-    let (_, first) = lines.next().ok_or_else(|| fault(1, "found nothing, expected a header".into()))?;
-    let header: Header = serde_json::from_str(first).map_err(|error| fault(1, error.to_string()))?;
-    if header.version != VERSION {
-        return Err(fault(1, format!("version: found {}, expected {VERSION}", header.version)));
-    }
-    let grasps = lines
-        .map(|(n, line)| serde_json::from_str(line).map_err(|error| fault(n + 1, error.to_string())))
-        .collect::<Result<_, _>>()?;
-    Ok((header, grasps))
-}
-
 #[cfg(test)]
 pub(super) mod tests {
     use super::*;
@@ -300,39 +254,16 @@ pub(super) mod tests {
         }
     }
 
+    /// Moving the object's frame moves no point of the object: a point's place in the hand stays.
     #[test]
-    fn written_is_read() {
-        let path = std::env::temp_dir().join(format!("held-{}.jsonl", std::process::id()));
-        let header = Header { version: VERSION, command: "test".into(), seed: 5 };
-        let mut writer = HeldWriter::create(&path, &header).expect("created");
-        let grasp = grasp().rounded();
-        writer.add(&grasp).expect("written");
-        let (found, grasps) = read(&path).expect("read");
-        assert_eq!((found, grasps), (header, vec![grasp]));
-        std::fs::write(&path, "{\"version\":9,\"command\":\"\",\"seed\":1}\n").expect("written");
-        let error = read(&path).expect_err("another version").to_string();
-        assert!(error.ends_with(":1: version: found 9, expected 1"), "{error}");
-        std::fs::remove_file(&path).expect("removed");
-    }
-
-    /// A run killed in the middle of a line continues after the last whole one; another command's file is not changed.
-    #[test]
-    fn an_interrupted_file_goes_on() {
-        let path = std::env::temp_dir().join(format!("resumed-{}.jsonl", std::process::id()));
-        let header = Header { version: VERSION, command: "test".into(), seed: 5 };
-        let (first, second) = (grasp().rounded(), HeldGrasp { chain: 9, ..grasp() }.rounded());
-        let mut writer = HeldWriter::create(&path, &header).expect("created");
-        writer.add(&first).expect("written");
-        let whole = std::fs::read_to_string(&path).expect("read");
-        std::fs::write(&path, format!("{whole}{{\"object\":\"ba")).expect("written");
-        let (mut writer, kept) = HeldWriter::resume(&path, &header).expect("resumed");
-        assert_eq!(kept, std::slice::from_ref(&first));
-        writer.add(&second).expect("written");
-        assert_eq!(read(&path).expect("read").1, [first, second]);
-        let other = Header { seed: 6, command: "another".into(), ..header };
-        let error = HeldWriter::resume(&path, &other).expect_err("another run").to_string();
-        assert!(error.ends_with(":1: command: found `test`, expected `another`"), "{error}");
-        std::fs::remove_file(&path).expect("removed");
+    fn a_moved_frame_moves_no_point() {
+        let (shift, grasp) = (Vector3::new(0.01, -0.02, 0.03), grasp());
+        let moved = grasp.clone().with_frame_moved(&shift);
+        let point = nalgebra::Point3::new(0.004, 0.005, 0.006);
+        for (before, after) in [(grasp.palm_from_object, moved.palm_from_object), (grasp.start, moved.start)] {
+            let apart = pose_from_array(&before) * point - pose_from_array(&after) * (point - shift);
+            assert!(apart.norm() < 1e-12, "{apart}");
+        }
     }
 
     #[test]

@@ -5,7 +5,7 @@
 //! fingers touch the object, the palm touches where the type opposes to the palm and does not where it opposes pads, no
 //! digit touches that the type does not name, and the thumb is abducted or adducted as it says. It is *held* when,
 //! formed, the object stays within a centimetre under gravity from each of six directions. Placement and commands are
-//! found by a seeded search ([`search`]) over attempts in physics ([`trial`]), led by how far the missing digits are
+//! found by a seeded search ([`search`]; [`seeds`] repeats it) over attempts in physics ([`trial`]), led by how far the missing digits are
 //! from the object, how far it moves under gravity, and how soon it is lost. Nothing about a type is relaxed to make it
 //! pass; the objects are ours to choose.
 
@@ -14,6 +14,7 @@ mod attempt;
 mod curl;
 mod opposed;
 mod search;
+pub mod seeds;
 mod trial;
 pub mod types;
 
@@ -26,6 +27,10 @@ use nalgebra::{Isometry3, Point3};
 use rayon::prelude::*;
 use report::picture::{Picture, View, save, tile};
 use serde::Serialize;
+
+/// Radius of a contact point, m, and its colour.
+const DOT: f64 = 2e-3;
+const CONTACT: [f64; 3] = [200.0, 30.0, 60.0];
 
 use self::attempt::Attempt;
 use self::curl::Curls;
@@ -56,15 +61,28 @@ pub struct GraspTypeResult {
     pub angles: Vec<f64>,
     #[serde(skip)]
     place: Isometry3<f64>,
+    /// Where the hand touches the object, palm frame.
+    #[serde(skip)]
+    contacts: Vec<Point3<f64>>,
 }
 
-/// Tries types `tries` times: those with these numbers, or all where none is named.
-pub fn run(hand: &Arc<Hand>, seed: u64, tries: usize, numbers: &[usize]) -> Vec<GraspTypeResult> {
+/// Tries types `tries` times: those with these numbers, or all where none is named. `done` is called after each.
+pub fn run(
+    hand: &Arc<Hand>,
+    seed: u64,
+    tries: usize,
+    numbers: &[usize],
+    done: impl Fn() + Sync,
+) -> Vec<GraspTypeResult> {
     let curls = Curls::new(hand);
     let kinds: Vec<GraspType> =
         types::all().into_iter().filter(|kind| numbers.is_empty() || numbers.contains(&kind.number)).collect();
     // One at a time: the last ones take longest.
-    let search = |kind| search::run(hand, &curls, kind, seed, tries).map(|found| outcome(kind, found));
+    let search = |kind| {
+        let found = search::run(hand, &curls, kind, seed, tries).map(|found| outcome(kind, found));
+        done();
+        found
+    };
     kinds.par_iter().with_max_len(1).filter_map(search).collect()
 }
 
@@ -87,30 +105,52 @@ fn outcome(kind: &GraspType, Found { tries, attempt, trial }: Found) -> GraspTyp
         attempt,
         angles: trial.angles.to_vec(),
         place: trial.place,
+        contacts: trial.contacts,
     }
 }
 
-/// A picture of each type's best attempt.
+/// Three pictures of each type's best attempt, with the contacts and the object's size: onto the palm, from the thumb's side and along
+/// the fingers.
 pub fn draw(hand: &Arc<Hand>, outcomes: &[GraspTypeResult], folder: &Path) -> Result<()> {
     std::fs::create_dir_all(folder)?;
     let types = types::all();
     let pictures: Vec<_> = outcomes
         .iter()
-        .map(|outcome| {
+        .flat_map(|outcome| {
             let kind = &types[outcome.number - 1];
-            let mut picture = Picture::new(300, View::palm().at(Point3::new(0.01, -0.005, 0.0), 0.23));
-            picture.hand(hand, &outcome.angles);
-            picture.prop(&kind.prop, &outcome.place, report::picture::PROPS[0]);
             let verdict = match (outcome.held, outcome.formed) {
                 (true, _) => "held".to_string(),
                 (_, true) => format!("held in {} of 6", outcome.directions),
                 _ => "NOT FORMED".to_string(),
             };
             let reason: String = outcome.reason.chars().take(36).collect();
-            picture.finish(&format!("{} {}\n{verdict}\n{reason}", outcome.number, outcome.name))
+            let caption = format!("{} {}\n{verdict}, {}\n{reason}", outcome.number, outcome.name, size(kind));
+            views().map(|(view, name)| {
+                let mut picture = Picture::new(300, view);
+                picture.hand(hand, &outcome.angles);
+                picture.prop(&kind.prop, &outcome.place, report::picture::PROPS[0]);
+                outcome.contacts.iter().for_each(|point| picture.dot(point, DOT, CONTACT));
+                picture.finish(&format!("{caption}{name}"))
+            })
         })
         .collect();
     save(&tile(&pictures, 6), &folder.join("feix.png"))
+}
+
+/// Where a type is seen from, with a word for it.
+fn views() -> [(View, &'static str); 3] {
+    let width = 0.23;
+    [
+        (View::palm().at(Point3::new(0.01, -0.005, 0.0), width), ""),
+        (View::thumb_side().at(Point3::new(0.0, 0.0, -0.01), width), "from the thumb's side"),
+        (View::tips().at(Point3::new(0.01, 0.0, -0.01), width), "along the fingers"),
+    ]
+}
+
+/// Extent (mm) and mass of a type's object.
+fn size(kind: &GraspType) -> String {
+    let extent = kind.prop.extent() * 1e3;
+    format!("{:.0} x {:.0} x {:.0} mm, {:.0} g", extent.x, extent.y, extent.z, 1e3 * kind.prop.mass)
 }
 
 /// The table as text.

@@ -1,10 +1,11 @@
 //! The search of grasps for a hand that is known from its URDF alone.
 //!
 //! [`describe`] finds surface, contact candidates and palm frame; the energy, the sampler and the checks are those of our own
-//! hand; [`closing`] closes in physics with the hand's own actuators.
+//! hand; [`closing`] closes in physics with the hand's own actuators. [`kinds`] sorts what was found.
 
 pub mod closing;
 pub mod describe;
+pub mod kinds;
 
 use std::time::Instant;
 
@@ -12,45 +13,20 @@ use anyhow::{Context, Result};
 use grasping::synthesis::chain::{self, Schedule};
 use grasping::synthesis::energy::{GraspEnergy, Weights};
 use grasping::synthesis::frames::Frames;
-use grasping::synthesis::held::{Proof, pose_to_array};
+use grasping::synthesis::grasp_file::GraspWriter;
+use grasping::synthesis::held::{AnyHeld, Proof, pose_to_array};
+use indicatif::{ProgressBar, ProgressStyle};
 use rayon::prelude::*;
-use serde::{Deserialize, Serialize};
+use serde::Serialize;
 
 use self::closing::{AnyAim, AnyClosed};
 use self::describe::Described;
 use super::checks::{self, Hold};
 use super::closing::NotClosed;
 use super::load::Load;
-use super::search::Verified;
+use super::search::{BATCH, Verified};
 use super::subject::Subject;
 use super::synthesizer::Request;
-
-/// Link (none for the root), point, unit normal into the object, normal force.
-type AnyContact = (Option<usize>, [f64; 3], [f64; 3], f64);
-
-/// A verified grasp of any hand. m, rad, N, root frame.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct AnyHeld {
-    /// Name of the hand.
-    pub hand: String,
-    /// Name of the object.
-    pub object: String,
-    /// Number of its chain.
-    pub chain: u64,
-    /// `root_from_object`: x, y, z, then i, j, k, w.
-    pub root_from_object: [f64; 7],
-    /// Joint angles, by name.
-    pub joints: Vec<(String, f64)>,
-    /// Tensions of the actuators, by name.
-    pub tensions: Vec<(String, f64)>,
-    pub contacts: Vec<AnyContact>,
-    /// Wrench margin.
-    pub margin: f64,
-    /// Deepest overlap, of hand and object or of two links that collide.
-    pub penetration: f64,
-    /// What it was verified for.
-    pub proof: Proof,
-}
 
 /// What a search came to.
 #[derive(Debug, Clone, Default, Serialize)]
@@ -101,16 +77,19 @@ impl AnyReport {
 /// How a chain ended.
 struct End {
     verdicts: [bool; 3],
-    held: Option<(AnyHeld, bool)>,
+    held: Option<AnyHeld>,
 }
 
-/// Runs all chains that are asked for; the verified grasps in the order of their chains.
-pub fn search(hand: &Described, subject: &Subject, request: &Request) -> Result<(AnyReport, Vec<AnyHeld>)> {
+/// Runs all chains that are asked for; every verified grasp goes to `writer` when its batch is done. Answers with what it came to and
+/// the verified grasps in the order of their chains.
+pub fn search(
+    hand: &Described,
+    subject: &Subject,
+    request: &Request,
+    mut writer: Option<GraspWriter>,
+    progress: &ProgressBar,
+) -> Result<(AnyReport, Vec<AnyHeld>)> {
     let start = Instant::now();
-    let ends: Vec<Result<End, NotClosed>> = (0..request.chains)
-        .into_par_iter()
-        .map(|chain| run(hand, subject, request, chain).with_context(|| format!("chain {chain}")))
-        .collect::<Result<_>>()?;
     let mut report = AnyReport {
         hand: hand.hand.name.clone(),
         object: subject.model.name.clone(),
@@ -120,21 +99,38 @@ pub fn search(hand: &Described, subject: &Subject, request: &Request) -> Result<
         notes: hand.notes.clone(),
         ..AnyReport::default()
     };
+    progress.set_length(request.chains);
+    let template = format!("{:16} {{bar:30}} {{pos}}/{{len}} chains, {{msg}} verified [{{elapsed}}]", report.object);
+    progress.set_style(ProgressStyle::with_template(&template)?);
     let mut verified = Vec::new();
-    for end in ends {
-        match end {
-            Err(NotClosed::Blocked) => report.blocked += 1,
-            Err(NotClosed::PushedAway) => report.pushed_away += 1,
-            Ok(end) => {
-                report.found += 1;
-                report.verified.add(end.verdicts);
-                if let Some((held, slack)) = end.held {
-                    report.held_without_tension += u64::from(slack);
+    for first in (0..request.chains).step_by(BATCH as usize) {
+        let ends: Vec<Result<End, NotClosed>> = (first..(first + BATCH).min(request.chains))
+            .into_par_iter()
+            .map(|chain| {
+                let end = run(hand, subject, request, chain).with_context(|| format!("chain {chain}"));
+                progress.inc(1);
+                end
+            })
+            .collect::<Result<_>>()?;
+        for end in ends {
+            match end {
+                Err(NotClosed::Blocked) => report.blocked += 1,
+                Err(NotClosed::PushedAway) => report.pushed_away += 1,
+                Ok(end) => {
+                    report.found += 1;
+                    report.verified.add(end.verdicts);
+                    let Some(held) = end.held else { continue };
+                    report.held_without_tension += u64::from(held.held_without_tension);
+                    if let Some(writer) = &mut writer {
+                        writer.add(&held.clone().with_frame_moved(&subject.origin))?;
+                    }
                     verified.push(held);
                 }
             }
         }
+        progress.set_message(report.verified.all.to_string());
     }
+    progress.finish_and_clear();
     report.load = Load::of(&subject.model, verified.iter().map(|held| held.proof.payload));
     report.wall_s = start.elapsed().as_secs_f64();
     Ok((report, verified))
@@ -167,8 +163,8 @@ fn run(hand: &Described, subject: &Subject, request: &Request, number: u64) -> R
         let verdicts = [margin >= checks::LEAST_MARGIN, penetration <= checks::MOST_PENETRATION, hold.held];
         if verdicts == [true; 3] {
             let slack: Hold = closing::hold(&closed, &vec![0.0; actuators], mass);
-            let held = held(hand, subject, number, &closed, margin, penetration);
-            return Ok(Ok(End { verdicts, held: Some((held, slack.held)) }));
+            let held = held(hand, subject, number, &closed, [margin, penetration], slack.held);
+            return Ok(Ok(End { verdicts, held: Some(held) }));
         }
         if !matches!(first, Some(Ok(_))) {
             first = Some(Ok(End { verdicts, held: None }));
@@ -177,9 +173,21 @@ fn run(hand: &Described, subject: &Subject, request: &Request, number: u64) -> R
     Ok(first.unwrap_or(Err(NotClosed::Blocked)))
 }
 
-fn held(hand: &Described, subject: &Subject, chain: u64, closed: &AnyClosed, margin: f64, penetration: f64) -> AnyHeld {
-    let names = hand.tree.joints.iter().map(|joint| joint.name.clone());
-    let pulls = hand.hand.pulls.iter().map(|pull| pull.name.clone());
+/// A closed grasp as it is kept.
+fn held(
+    hand: &Described,
+    subject: &Subject,
+    chain: u64,
+    closed: &AnyClosed,
+    [margin, penetration]: [f64; 2],
+    held_without_tension: bool,
+) -> AnyHeld {
+    let by_joint = |angles: &[f64]| {
+        hand.tree.joints.iter().map(|joint| joint.name.clone()).zip(angles.iter().copied()).collect::<Vec<_>>()
+    };
+    let by_pull = |tensions: &[f64]| {
+        hand.hand.pulls.iter().map(|pull| pull.name.clone()).zip(tensions.iter().copied()).collect::<Vec<_>>()
+    };
     let contacts = closed
         .touches
         .iter()
@@ -187,15 +195,18 @@ fn held(hand: &Described, subject: &Subject, chain: u64, closed: &AnyClosed, mar
     let model = &subject.model;
     let payload = checks::payload(model.mass, |mass| closing::hold(closed, &closed.tensions, mass).held);
     AnyHeld {
-        hand: hand.hand.name.clone(),
-        object: subject.model.name.clone(),
+        object: model.name.clone(),
         chain,
         root_from_object: pose_to_array(&closing::object(&closed.stand)),
-        joints: names.zip(closed.stand.angles().iter().copied()).collect(),
-        tensions: pulls.zip(closed.tensions.iter().copied()).collect(),
+        joints: by_joint(closed.stand.angles()),
+        start: pose_to_array(&closed.open.start),
+        open_joints: by_joint(&closed.open.joints),
+        open_tensions: by_pull(&closed.open.tensions),
+        tensions: by_pull(&closed.tensions),
         contacts: contacts.collect(),
         margin,
         penetration,
+        held_without_tension,
         proof: Proof { mass: model.mass, friction: model.friction, payload },
     }
 }

@@ -11,7 +11,7 @@ use std::sync::Arc;
 
 use grasping::synthesis::chain::Sample;
 use grasping::synthesis::frames::Frames;
-use grasping::synthesis::posture::{Opened, open_clear};
+use grasping::synthesis::posture::{FreePosture, open_clear};
 use grasping::synthesis::surface::HandSurface;
 use hand_model::{Digit, Hand};
 use nalgebra::{Isometry3, Vector3};
@@ -46,8 +46,8 @@ pub struct Closed {
     /// Scene at rest; cloned for every test.
     pub scene: HandScene,
     pub pull: Pull,
-    /// Where it started.
-    pub opened: Opened,
+    /// The posture it started from.
+    pub open: FreePosture,
     /// `palm_from_object` before closing.
     pub start: Isometry3<f64>,
     /// How far the object moved while the digits closed: m, rad.
@@ -116,13 +116,24 @@ pub fn close(
     let state = sample.state.moved(&by);
     let opened = open_clear(hand, surface, &subject.field, frames, &state).ok_or(NotClosed::Blocked)?;
     let start = opened.state.object_from_palm.inverse();
-    let mut scene = HandScene::new(hand, &subject.model, &start, &opened.open.joints);
-    let before = opened.open.tensions;
-    let after: [f64; 5] = std::array::from_fn(|n| aim.tensions[n].unwrap_or(before[n]));
+    let after = std::array::from_fn(|n| aim.tensions[n].unwrap_or(opened.open.tensions[n]));
+    pull(hand, subject, &start, opened.open, &after)
+}
+
+/// Closes an open hand: its tensions rise to `after` (N), with the object at `start` (`palm_from_object`).
+pub fn pull(
+    hand: &Arc<Hand>,
+    subject: &Subject,
+    start: &Isometry3<f64>,
+    open: FreePosture,
+    after: &[f64; 5],
+) -> Result<Closed, NotClosed> {
+    let mut scene = HandScene::new(hand, &subject.model, start, &open.joints);
+    let before = open.tensions;
     scene.set_object_damping(DAMPING);
     let steps = |time: f64| (time / scene.dt()).round() as usize;
     let (rise, damped, free) = (steps(RISE), steps(SETTLE_DAMPED), steps(SETTLE_FREE));
-    let mut pull = Pull { tensions: before, opposition: opened.open.opposition };
+    let mut pull = Pull { tensions: before, opposition: open.opposition };
     for step in 0..rise + damped + free {
         let part = (step as f64 / rise as f64).min(1.0);
         pull.tensions = std::array::from_fn(|n| before[n] + part * (after[n] - before[n]));
@@ -130,16 +141,16 @@ pub fn close(
             scene.set_object_damping(0.0);
         }
         scene.step(&pull, &Vector3::zeros());
-        if step % 24 == 0 && pushed_away(displacement(&start, &scene.object())) {
+        if step % 24 == 0 && pushed_away(displacement(start, &scene.object())) {
             return Err(NotClosed::PushedAway);
         }
     }
-    let moved = displacement(&start, &scene.object());
+    let moved = displacement(start, &scene.object());
     if pushed_away(moved) {
         return Err(NotClosed::PushedAway);
     }
     let touches = scene.touches();
-    Ok(Closed { scene, pull, opened, start, moved, touches })
+    Ok(Closed { scene, pull, open, start: *start, moved, touches })
 }
 
 /// Whether an object that moved so far (m, rad) was pushed away.

@@ -13,10 +13,11 @@ use serde::Serialize;
 use sim::hand_scene::Pull;
 
 use super::checks;
+use super::closing::Closed;
 use super::synthesizer::{ChainResult, Checked, Synthesizer};
 
 /// Friction coefficient of the slippery control.
-const SLIPPERY: f64 = 0.1;
+pub(super) const SLIPPERY: f64 = 0.1;
 
 /// What `eval` prints.
 #[derive(Debug, Clone, Serialize)]
@@ -55,10 +56,14 @@ impl Evaluation {
     }
 }
 
-struct Row {
-    verdicts: [bool; 3],
-    metrics: [f64; 5],
-    controls: Option<[bool; 2]>,
+/// What became of one closed grasp.
+pub(super) struct Row {
+    /// (a), (b), (c).
+    pub verdicts: [bool; 3],
+    /// In the order of the evaluation's metrics.
+    pub metrics: Vec<f64>,
+    /// Whether it still held without tension, and with little friction, where (c) was passed.
+    pub controls: Option<[bool; 2]>,
 }
 
 /// Metric names, in the order of `Row::metrics`; all are higher for better grasps.
@@ -68,18 +73,18 @@ fn row(checked: &Checked) -> Row {
     let verdicts = checked.verdicts();
     let terms = &checked.sample.terms;
     let touches = &checked.closed.touches;
-    let controls = verdicts[2].then(|| {
-        let slack = Pull { tensions: [0.0; 5], ..checked.closed.pull };
-        let mut slippery = checked.closed.scene.clone();
-        slippery.set_friction(SLIPPERY);
-        [
-            checks::hold(&checked.closed.scene, &slack, checked.mass).held,
-            checks::hold(&slippery, &checked.closed.pull, checked.mass).held,
-        ]
-    });
+    let controls = verdicts[2].then(|| controls(&checked.closed, checked.mass));
     let force = touches.iter().map(|touch| touch.force).sum();
-    let metrics = [checked.margin, -terms.total, -terms.balance, force, touches.len() as f64];
+    let metrics = vec![checked.margin, -terms.total, -terms.balance, force, touches.len() as f64];
     Row { verdicts, metrics, controls }
+}
+
+/// The negative controls on a closed grasp of an object of `mass` (kg): whether it holds without tension, and with little friction.
+pub(super) fn controls(closed: &Closed, mass: f64) -> [bool; 2] {
+    let slack = Pull { tensions: [0.0; 5], ..closed.pull };
+    let mut slippery = closed.scene.clone();
+    slippery.set_friction(SLIPPERY);
+    [checks::hold(&closed.scene, &slack, mass).held, checks::hold(&slippery, &closed.pull, mass).held]
 }
 
 /// Runs `chains` chains and evaluates them.
@@ -91,27 +96,34 @@ pub fn evaluate(synthesizer: &Synthesizer, chains: u64) -> Result<Evaluation> {
         Ok((row, result.grasp().is_ok_and(Checked::verified)))
     };
     let rows: Vec<(Option<Row>, bool)> = (0..chains).into_par_iter().map(run).collect::<Result<_>>()?;
-    let closed: Vec<&Row> = rows.iter().filter_map(|(row, _)| row.as_ref()).collect();
     let in_the_end = rows.iter().filter(|(_, verified)| *verified).count() as u64;
-    let rate =
-        |passed: &dyn Fn(&Row) -> bool| Rate::new(closed.iter().filter(|row| passed(row)).count() as u64, chains);
+    let rows: Vec<Option<Row>> = rows.into_iter().map(|(row, _)| row).collect();
+    let mut evaluation = summarize(&synthesizer.subject.model.name, &rows, &METRICS);
+    evaluation.verified.insert("all, closings tried", Rate::new(in_the_end, chains));
+    evaluation.wall_s = start.elapsed().as_secs_f64();
+    Ok(evaluation)
+}
+
+/// What `rows` come to; none where a grasp did not close. The metrics are those of the rows, by name.
+pub(super) fn summarize(object: &str, rows: &[Option<Row>], metrics: &[&'static str]) -> Evaluation {
+    let (all, closed) = (rows.len() as u64, rows.iter().flatten().collect::<Vec<&Row>>());
+    let rate = |passed: &dyn Fn(&Row) -> bool| Rate::new(closed.iter().filter(|row| passed(row)).count() as u64, all);
     let control = |n: usize| {
         let tried: Vec<bool> = closed.iter().filter_map(|row| row.controls.map(|held| held[n])).collect();
         Rate::new(tried.iter().filter(|held| **held).count() as u64, tried.len() as u64)
     };
     let area = |n: usize| roc_area(&closed.iter().map(|row| (row.metrics[n], row.verdicts[2])).collect::<Vec<_>>());
-    Ok(Evaluation {
-        object: synthesizer.subject.model.name.clone(),
-        found: Rate::new(closed.len() as u64, chains),
+    Evaluation {
+        object: object.into(),
+        found: Rate::new(closed.len() as u64, all),
         verified: BTreeMap::from([
             ("a", rate(&|row| row.verdicts[0])),
             ("b", rate(&|row| row.verdicts[1])),
             ("c", rate(&|row| row.verdicts[2])),
             ("all", rate(&|row| row.verdicts == [true; 3])),
-            ("all, closings tried", Rate::new(in_the_end, chains)),
         ]),
         controls: BTreeMap::from([("no_tension", control(0)), ("friction_0.1", control(1))]),
-        roc_area: METRICS.iter().enumerate().map(|(n, name)| (*name, area(n))).collect(),
-        wall_s: start.elapsed().as_secs_f64(),
-    })
+        roc_area: metrics.iter().enumerate().map(|(n, name)| (*name, area(n))).collect(),
+        wall_s: 0.0,
+    }
 }

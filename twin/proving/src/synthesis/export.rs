@@ -5,17 +5,18 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result};
-use grasping::synthesis::held::{HeldGrasp, pose_from_array};
+use grasping::synthesis::held::{AnyHeld, HeldGrasp, pose_from_array};
 use hand_model::Hand;
 use hand_model::file::write_whole;
 use nalgebra::Vector3;
 use scenarios::objects::ObjectModel;
-use serde_json::json;
+use serde_json::{Value, json};
 use sim::engine::EngineSettings;
 use sim::hand_scene::Pull;
-use sim::mjcf::{self, Scene};
+use sim::mjcf::{self, AnyScene, Scene};
 use sim::stand::Prop;
 
+use super::any::describe::Described;
 use super::checks::{HOLD_TIME, MOST_MOTION, PULL};
 use super::closing::{DAMPING, RISE, SETTLE_DAMPED, SETTLE_FREE};
 use super::subject::verified_for;
@@ -23,24 +24,52 @@ use super::subject::verified_for;
 /// Writes `grasp` of `object` into `folder`: an MJCF scene whose keyframe is the open hand, and a JSON file with the commands, the
 /// test, and what was found here. Answers with both files.
 pub fn write(hand: &Hand, object: &ObjectModel, grasp: &HeldGrasp, folder: &Path) -> Result<[PathBuf; 2]> {
-    std::fs::create_dir_all(folder).with_context(|| folder.display().to_string())?;
-    let name = format!("{}_{}", grasp.object, grasp.chain);
-    let (scene_file, test_file) = (folder.join(format!("{name}.xml")), folder.join(format!("{name}.json")));
-    let (mass, friction) = verified_for(grasp);
-    let props = [(Prop::new("object", object.shape.clone(), mass, friction), pose_from_array(&grasp.start))];
+    let load = verified_for(grasp);
+    let props = [(Prop::new("object", object.shape.clone(), load.0, load.1), pose_from_array(&grasp.start))];
     let open = Pull { tensions: [0.0; 5], opposition: grasp.opposition };
     let dt = EngineSettings::default().dt;
     let start = Some((grasp.open_joints, open));
-    let scene = Scene { hand, arm: None, props: &props, start, gravity: Vector3::zeros(), dt };
-    write_whole(&scene_file, mjcf::write(&scene).as_bytes())?;
-    let test = json!({
-        "model": scene_file.file_name().and_then(|name| name.to_str()),
-        "object": grasp.object, "chain": grasp.chain, "mass": mass, "friction": friction,
-        "tensions": grasp.tensions, "opposition": grasp.opposition,
+    let scene = mjcf::write(&Scene { hand, arm: None, props: &props, start, gravity: Vector3::zeros(), dt });
+    let mut test = test(&grasp.object, grasp.chain, load);
+    test["open_tensions"] = json!(open.tensions);
+    test["tensions"] = json!(grasp.tensions);
+    test["opposition"] = json!(grasp.opposition);
+    test["closed"] = json!({ "object": grasp.palm_from_object, "joints": grasp.joints });
+    files(folder, &format!("{}_{}", grasp.object, grasp.chain), &scene, test)
+}
+
+/// The same for another hand; `object` has the mass and friction of the grasp's proof in the scene, whatever its own are.
+pub fn write_any(hand: &Described, object: &ObjectModel, grasp: &AnyHeld, folder: &Path) -> Result<[PathBuf; 2]> {
+    let load = (grasp.proof.mass, grasp.proof.friction);
+    let props = [(Prop::new("object", object.shape.clone(), load.0, load.1), pose_from_array(&grasp.start))];
+    let values = |named: &[(String, f64)]| named.iter().map(|(_, value)| *value).collect::<Vec<f64>>();
+    let (joints, open) = (values(&grasp.open_joints), values(&grasp.open_tensions));
+    let dt = EngineSettings::default().dt;
+    let scene = mjcf::write_any(&AnyScene { body: &hand.body, props: &props, start: (&joints, &open), dt });
+    let mut test = test(&grasp.object, grasp.chain, load);
+    test["hand"] = json!(hand.hand.name);
+    test["open_tensions"] = json!(open);
+    test["tensions"] = json!(values(&grasp.tensions));
+    test["closed"] = json!({ "object": grasp.root_from_object, "joints": values(&grasp.joints) });
+    files(folder, &format!("{}_{}_{}", hand.hand.name, grasp.object, grasp.chain), &scene, test)
+}
+
+/// What a second engine has to do, and how much the object may move; SI units.
+fn test(object: &str, chain: u64, (mass, friction): (f64, f64)) -> Value {
+    json!({
+        "object": object, "chain": chain, "mass": mass, "friction": friction,
         "rise": RISE, "settle_damped": SETTLE_DAMPED, "settle_free": SETTLE_FREE, "damping": DAMPING,
         "shake": { "force": PULL * mass, "time": HOLD_TIME, "most_distance": MOST_MOTION.0, "most_angle": MOST_MOTION.1 },
-        "closed": { "palm_from_object": grasp.palm_from_object, "joints": grasp.joints },
-    });
+    })
+}
+
+/// Writes a scene and its test.
+fn files(folder: &Path, name: &str, scene: &str, mut test: Value) -> Result<[PathBuf; 2]> {
+    std::fs::create_dir_all(folder).with_context(|| folder.display().to_string())?;
+    let plain = name.replace(|c: char| !c.is_ascii_alphanumeric() && c != '-', "_");
+    let (scene_file, test_file) = (folder.join(format!("{plain}.xml")), folder.join(format!("{plain}.json")));
+    test["model"] = json!(scene_file.file_name().and_then(|name| name.to_str()));
+    write_whole(&scene_file, scene.as_bytes())?;
     write_whole(&test_file, serde_json::to_string_pretty(&test)?.as_bytes())?;
     Ok([scene_file, test_file])
 }

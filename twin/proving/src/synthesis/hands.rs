@@ -14,10 +14,10 @@ use nalgebra::Point3;
 use scenarios::statistics::Rate;
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
-use sha2::{Digest as _, Sha256};
 
 use super::any;
 use super::any::describe::{self, Described};
+use super::grasp_file::source;
 use super::search::{self, Start, Verified};
 use super::subject::Subject;
 use super::synthesizer::{Request, Synthesizer};
@@ -37,11 +37,7 @@ pub enum ComparedHand {
 impl ComparedHand {
     pub fn read(urdf: &Path, pulls: &Path) -> Result<Self> {
         let hand = Box::new(describe::read(urdf, pulls)?);
-        let mut all = Sha256::new();
-        for path in [urdf, pulls] {
-            all.update(std::fs::read(path).with_context(|| path.display().to_string())?);
-        }
-        let files = all.finalize().iter().map(|byte| format!("{byte:02x}")).collect();
+        let files = format!("{} {}", source(urdf)?.sha256, source(pulls)?.sha256);
         Ok(Self::Any { hand, files })
     }
 
@@ -168,7 +164,7 @@ fn ours(subject: Subject, asked: Asked, request: &Request) -> Result<Cell> {
 }
 
 fn other(hand: &Described, subject: &Subject, asked: Asked, request: &Request) -> Result<Cell> {
-    let (report, held) = any::search(hand, subject, request)?;
+    let (report, held) = any::search(hand, subject, request, None, &ProgressBar::hidden())?;
     let best = held.iter().max_by(|a, b| a.margin.total_cmp(&b.margin)).map(|grasp| BestGrasp {
         palm_from_object: pose_to_array(&(hand.palm_from_root * pose_from_array(&grasp.root_from_object))),
         joints: grasp.joints.iter().map(|(_, angle)| *angle).collect(),

@@ -8,7 +8,8 @@ use std::path::Path;
 use anyhow::Result;
 use grasping::synthesis::collection::{Collection, ObjectGrasps, Summary};
 use grasping::synthesis::diversity::{self, Diversity};
-use grasping::synthesis::held::{Header, HeldGrasp, HeldWriter};
+use grasping::synthesis::grasp_file::{GraspWriter, Header};
+use grasping::synthesis::held::HeldGrasp;
 use indicatif::ProgressBar;
 
 use super::search::{self, Report, Start};
@@ -64,11 +65,11 @@ impl Part<'_> {
         Ok(self.grasps(wanted, grasps, chains, short))
     }
 
-    fn open(&self) -> Result<(HeldWriter, Vec<HeldGrasp>)> {
+    fn open(&self) -> Result<(GraspWriter, Vec<HeldGrasp>)> {
         Ok(if self.file.exists() {
-            HeldWriter::resume(self.file, self.header)?
+            GraspWriter::resume(self.file, self.header)?
         } else {
-            (HeldWriter::create(self.file, self.header)?, Vec::new())
+            (GraspWriter::create(self.file, self.header)?, Vec::new())
         })
     }
 

@@ -4,7 +4,8 @@ use std::path::Path;
 use std::time::Instant;
 
 use anyhow::Result;
-use grasping::synthesis::held::{HeldGrasp, HeldWriter};
+use grasping::synthesis::grasp_file::GraspWriter;
+use grasping::synthesis::held::HeldGrasp;
 use indicatif::{ProgressBar, ProgressStyle};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -14,7 +15,7 @@ use super::load::Load;
 use super::synthesizer::{ChainResult, Checked, Synthesizer};
 
 /// Chains between two visits to the file: all threads have work, and an interruption loses little.
-const BATCH: u64 = 32;
+pub const BATCH: u64 = 32;
 
 /// Counts of passed checks.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -111,7 +112,7 @@ pub struct Start {
 pub fn search(
     synthesizer: &Synthesizer,
     from: Start,
-    mut writer: Option<HeldWriter>,
+    mut writer: Option<GraspWriter>,
     progress: &ProgressBar,
 ) -> Result<(Report, Vec<HeldGrasp>)> {
     let start = Instant::now();
@@ -164,7 +165,7 @@ pub fn search(
             }
             if kept.len() < request.enough {
                 if let Some(writer) = &mut writer {
-                    writer.add(&grasp)?;
+                    writer.add(&grasp.clone().with_frame_moved(&synthesizer.subject.origin).rounded())?;
                 }
                 kept.push(grasp);
             }
@@ -214,9 +215,9 @@ mod tests {
         let synthesizer = Synthesizer::new(Subject::named("ball").expect("the ball"), request);
         let folder = tempfile::tempdir().expect("a folder");
         let path = folder.path().join("held.jsonl");
-        let header = grasping::synthesis::held::Header { version: 1, command: String::new(), seed: 3 };
+        let header = grasping::synthesis::grasp_file::Header::new(String::new(), 3);
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads");
-        let writer = HeldWriter::create(&path, &header).expect("created");
+        let writer = GraspWriter::create(&path, &header).expect("created");
         let (report, _) = pool
             .install(|| search(&synthesizer, Start::default(), Some(writer), &ProgressBar::hidden()))
             .expect("searched");

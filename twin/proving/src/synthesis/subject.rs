@@ -33,11 +33,14 @@ const WIDEST: f64 = 0.11;
 const SMALLEST: f64 = 0.008;
 
 /// An object ready for sampling.
+#[derive(Clone)]
 pub struct Subject {
     /// As it is tested, with the mass and the friction of the test.
     pub model: Arc<ObjectModel>,
     pub field: DistanceField,
     pub surface: Vec<Point3<f64>>,
+    /// Origin of the frame of the object's file, in the object's own frame, m: a mesh is tested in a frame at its centre of mass.
+    pub origin: Vector3<f64>,
 }
 
 impl Subject {
@@ -85,9 +88,10 @@ impl Subject {
         let (mesh, note) =
             watertight(vertices, triangles).map_err(|error| anyhow!("--mesh: {}: {error}", path.display()))?;
         // The frame moves to the centre of mass, as it is for all objects.
+        let origin = -mesh.center_of_mass().coords;
         let mesh = mesh.centered().with_context(|| format!("--mesh {}", path.display()))?;
         let name = path.file_stem().map_or("mesh".into(), |stem| stem.to_string_lossy().into_owned());
-        let subject = Self::new(ObjectModel {
+        let mut subject = Self::new(ObjectModel {
             name,
             shape: Shape::Mesh(Arc::new(mesh)),
             mass: TEST_MASS,
@@ -96,6 +100,7 @@ impl Subject {
             rest: UnitQuaternion::identity(),
             symmetry: Symmetry::None,
         })?;
+        subject.origin = origin;
         Ok((subject, note))
     }
 
@@ -113,7 +118,7 @@ impl Subject {
             DistanceField::sample(&low, &high, &center, cell, MARGIN, |point| model.shape.signed_distance(point))
                 .with_context(|| format!("the distance field of {}", model.name))?;
         let surface = model.shape.surface_samples(SURFACE_POINTS);
-        Ok(Self { model: Arc::new(model), field, surface })
+        Ok(Self { model: Arc::new(model), field, surface, origin: Vector3::zeros() })
     }
 }
 

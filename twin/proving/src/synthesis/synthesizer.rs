@@ -194,7 +194,7 @@ impl Synthesizer {
             palm_from_object: pose_to_array(&palm_from_object),
             joints: *closed.scene.angles(),
             start: pose_to_array(&closed.start),
-            open_joints: closed.opened.open.joints,
+            open_joints: closed.open.joints,
             tensions: closed.pull.tensions,
             opposition: closed.pull.opposition,
             contacts: contacts.collect(),

@@ -2,16 +2,17 @@
 
 use std::path::Path;
 
-use anyhow::{Context, Result};
+use anyhow::Result;
 use grasping::synthesis::collection::Collection;
 use grasping::synthesis::held::pose_from_array;
 use hand_model::Hand;
 use image::RgbImage;
 use nalgebra::{Point3, UnitVector3, Vector3};
+use proving::synthesis::grasp_file::GraspFile;
 use proving::synthesis::parts::table;
 use proving::synthesis::subject::verified_for;
-use scenarios::objects::{ObjectModel, ObjectSet};
-use stream::gallery::{ShownContact, ShownGrasp, friction_cone};
+use scenarios::objects::ObjectModel;
+use stream::gallery::{ShownContact, ShownGrasp, ShownHand, friction_cone};
 use study::kinds::{Kind, kinds};
 
 use crate::html::escape;
@@ -58,7 +59,7 @@ pub fn shown(kind: &Kind<'_>) -> ShownGrasp {
     ShownGrasp {
         name: kind.name.clone(),
         text,
-        joints: grasp.joints.to_vec(),
+        hand: ShownHand::Own(grasp.joints.to_vec()),
         palm_from_object: pose_from_array(&grasp.palm_from_object),
         contacts: contacts.collect(),
     }
@@ -80,7 +81,7 @@ fn grasp_picture(hand: &Hand, model: &ObjectModel, kind: &Kind<'_>) -> RgbImage 
     // Between object and palm, and a little higher: the caption takes the top.
     let center = Point3::from(shown.palm_from_object.translation.vector * 0.5 + Vector3::y() * 0.02);
     let mut picture = Picture::new(GRASP_PICTURE, View::palm().at(center, GRASP_WIDTH));
-    picture.hand(hand, &shown.joints);
+    picture.hand(hand, &kind.best.joints);
     let (vertices, triangles, normals) = model.shape.triangles();
     let color = model.color.map(f64::from);
     picture.triangles(&shown.palm_from_object, &vertices, &triangles, &normals, color);
@@ -95,13 +96,12 @@ fn grasp_picture(hand: &Hand, model: &ObjectModel, kind: &Kind<'_>) -> RgbImage 
     picture.finish(&caption)
 }
 
-/// Writes the page into `folder`, which is there already; `only` limits it to one object.
-pub fn write(collection: &Collection, only: Option<&str>, set: &ObjectSet, hand: &Hand, folder: &Path) -> Result<()> {
+/// Writes the page of `collection`, which `file` holds, into `folder`, which is there already; `only` limits it to one object.
+pub fn write(file: &GraspFile, collection: &Collection, only: Option<&str>, hand: &Hand, folder: &Path) -> Result<()> {
     let (mut objects, mut best, mut sections) = (Vec::new(), Vec::new(), String::new());
     for entry in collection.objects.iter().filter(|entry| only.is_none_or(|name| name == entry.summary.object)) {
         let name = &entry.summary.object;
-        let model =
-            set.get(name).with_context(|| format!("`{name}` is not an object of the set: its shape is not known"))?;
+        let model = &*file.model(name)?;
         let (low, high) = model.shape.aabb();
         let size = (high - low) * 1e3;
         objects.push(object_picture(
@@ -150,7 +150,8 @@ pub fn write(collection: &Collection, only: Option<&str>, set: &ObjectSet, hand:
 #[cfg(test)]
 mod tests {
     use grasping::synthesis::held::HeldGrasp;
-    use proving::synthesis::collection;
+    use proving::synthesis::grasp_file;
+    use scenarios::objects::ObjectSet;
 
     use super::*;
 
@@ -158,7 +159,7 @@ mod tests {
     /// that the checks would not pass.
     #[test]
     fn the_built_in_collection_is_whole() {
-        let collection = collection::built_in().expect("reads");
+        let collection = grasp_file::built_in().expect("reads");
         let set = ObjectSet::repertoire();
         for name in set.names() {
             let entry = collection.of(name).unwrap_or_else(|| panic!("grasps of {name}"));

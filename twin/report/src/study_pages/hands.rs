@@ -7,6 +7,7 @@ use grasping::synthesis::held::pose_from_array;
 use hand_model::Hand;
 use image::RgbImage;
 use nalgebra::{Isometry3, Point3, Vector3};
+use proving::synthesis::any::describe::Described;
 use proving::synthesis::hands::{BestGrasp, Cell, ComparedHand};
 use scenarios::objects::{ObjectModel, ObjectSet};
 use sim::engine::EngineSettings;
@@ -48,26 +49,32 @@ fn picture(hand: &ComparedHand, ours: &Hand, model: &ObjectModel, cell: &Cell) -
     };
     let skin = match hand {
         ComparedHand::Ours => Vec::new(),
-        ComparedHand::Any { hand, .. } => {
-            let stand = AnyStand::at(hand.hand.clone(), EngineSettings::default(), &best.joints);
-            stand.triangles().into_iter().map(|triangle| triangle.map(|point| hand.palm_from_root * point)).collect()
-        }
+        ComparedHand::Any { hand, .. } => skin(hand, &best.joints),
     };
     let mut picture = Picture::new(SIZE, view(&skin, model, best));
     match hand {
         ComparedHand::Ours => picture.hand(ours, &best.joints),
-        ComparedHand::Any { .. } => {
-            for [a, b, c] in skin {
-                let Some(normal) = (b - a).cross(&(c - a)).try_normalize(1e-15) else { continue };
-                picture.triangles(&Isometry3::identity(), &[a, b, c], &[[0, 1, 2]], &[normal; 3], STEEL);
-            }
-        }
+        ComparedHand::Any { .. } => draw(&mut picture, &skin),
     }
     let (vertices, triangles, normals) = model.shape.triangles();
     let color = model.color.map(f64::from);
     picture.triangles(&pose_from_array(&best.palm_from_object), &vertices, &triangles, &normals, color);
     best.contacts.iter().for_each(|point| picture.dot(&Point3::from(*point), DOT, CONTACT));
     picture.finish(&format!("{caption}, {:.1} N", best.margin))
+}
+
+/// Another hand's collision shapes at joint angles (rad), three points a triangle, palm frame.
+pub(super) fn skin(hand: &Described, joints: &[f64]) -> Vec<[Point3<f64>; 3]> {
+    let stand = AnyStand::at(&hand.body, EngineSettings::default(), joints);
+    stand.triangles().into_iter().map(|triangle| triangle.map(|point| hand.palm_from_root * point)).collect()
+}
+
+/// Draws another hand's triangles.
+pub(super) fn draw(picture: &mut Picture, skin: &[[Point3<f64>; 3]]) {
+    for [a, b, c] in skin {
+        let Some(normal) = (b - a).cross(&(c - a)).try_normalize(1e-15) else { continue };
+        picture.triangles(&Isometry3::identity(), &[*a, *b, *c], &[[0, 1, 2]], &[normal; 3], STEEL);
+    }
 }
 
 /// Onto the palm, around hand and object; of our hand around the palm's middle and the object.

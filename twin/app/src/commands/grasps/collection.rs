@@ -7,7 +7,7 @@ use anyhow::{Context, Result, ensure};
 use clap::Args;
 use grasping::synthesis::collection::{self, Collection, ObjectGrasps, Summary};
 use grasping::synthesis::diversity::{self, Diversity};
-use grasping::synthesis::held;
+use grasping::synthesis::grasp_file;
 use proving::synthesis::parts::{Part, table};
 use proving::synthesis::search;
 use proving::synthesis::synthesizer::Request;
@@ -115,7 +115,7 @@ fn part(terminal: &Terminal, args: &CollectionArgs, object: &str, request: Reque
         args.contacts, args.closings, terminal.seed
     );
     let file = args.parts.join(format!("{object}.jsonl"));
-    let header = held::Header { version: held::VERSION, command, seed: terminal.seed };
+    let header = grasp_file::Header::new(command, terminal.seed);
     let part = Part { object, file: &file, header: &header };
     if args.pack { part.found(args.each) } else { part.fill(request, &terminal.progress()) }
 }

@@ -2,11 +2,13 @@
 
 use std::path::PathBuf;
 
-use anyhow::{Context, bail, ensure};
+use anyhow::{Context, Result, bail, ensure};
 use clap::Args;
+use grasping::synthesis::held::AnyHeld;
 use hand_model::Hand;
-use proving::synthesis::{collection, export};
-use scenarios::objects::ObjectSet;
+use proving::synthesis::export;
+use proving::synthesis::grasp_file::{GraspFile, Grasps};
+use scenarios::objects::ObjectModel;
 use serde_json::json;
 
 use crate::terminal::{Outcome, Terminal};
@@ -14,7 +16,7 @@ use crate::terminal::{Outcome, Terminal};
 /// Arguments of `grasps export`.
 #[derive(Debug, Args)]
 pub struct ExportArgs {
-    /// Object of the set.
+    /// Object of which the file has grasps.
     pub object: String,
     /// Only the grasp of this chain.
     #[arg(long)]
@@ -33,23 +35,28 @@ pub struct ExportArgs {
 /// `ftac grasps export`.
 pub fn run(terminal: &Terminal, args: &ExportArgs) -> Outcome {
     ensure!(args.n > 0, "--n: found 0, expected at least 1");
-    let collection = collection::read_or_built_in(args.grasps.as_deref())?;
-    let set = ObjectSet::repertoire();
-    let Some(object) = set.get(&args.object) else {
-        bail!("OBJECT: found `{}`, expected one of {}", args.object, set.names().join(", "));
+    let file = GraspFile::read_or_built_in(args.grasps.as_deref())?;
+    let (files, chains) = match &file.grasps {
+        Grasps::Ours(collection) => {
+            let grasps = collection.of(&args.object).map_or(&[][..], |entry| &entry.grasps);
+            let chains: Vec<u64> = grasps.iter().map(|grasp| grasp.chain).collect();
+            let hand = Hand::ftac();
+            (
+                scenes(args, &file, grasps, &chains, |object, grasp| export::write(&hand, object, grasp, &args.mjcf))?,
+                chains,
+            )
+        }
+        Grasps::Other(other) => {
+            let grasps = other.by_object().remove(args.object.as_str()).unwrap_or_default();
+            let chains: Vec<u64> = grasps.iter().map(|grasp| grasp.chain).collect();
+            let write =
+                |object: &ObjectModel, grasp: &&AnyHeld| export::write_any(&other.hand, object, grasp, &args.mjcf);
+            (scenes(args, &file, &grasps, &chains, write)?, chains)
+        }
     };
-    let Some(entry) = collection.of(&args.object) else {
-        bail!("OBJECT: found no grasp of `{}`, expected some", args.object);
-    };
-    let wanted = entry.grasps.iter().filter(|grasp| args.chain.is_none_or(|chain| chain == grasp.chain)).take(args.n);
-    let hand = Hand::ftac();
-    let files = wanted
-        .map(|grasp| export::write(&hand, object, grasp, &args.mjcf))
-        .collect::<anyhow::Result<Vec<_>>>()
-        .with_context(|| format!("--mjcf {}", args.mjcf.display()))?;
     if let (true, Some(chain)) = (files.is_empty(), args.chain) {
-        let known: Vec<String> = entry.grasps.iter().take(5).map(|grasp| grasp.chain.to_string()).collect();
-        bail!("--chain: found {chain}, expected one of {} such as {}", entry.grasps.len(), known.join(", "));
+        let known: Vec<String> = chains.iter().take(5).map(u64::to_string).collect();
+        bail!("--chain: found {chain}, expected one of {} such as {}", chains.len(), known.join(", "));
     }
     terminal.print(
         &json!({ "files": files }),
@@ -60,4 +67,22 @@ pub fn run(terminal: &Terminal, args: &ExportArgs) -> Outcome {
         ),
     )?;
     Ok(None)
+}
+
+/// The scenes of the grasps that are asked for, written by `write`.
+fn scenes<G>(
+    args: &ExportArgs,
+    file: &GraspFile,
+    grasps: &[G],
+    chains: &[u64],
+    write: impl Fn(&ObjectModel, &G) -> Result<[PathBuf; 2]>,
+) -> Result<Vec<[PathBuf; 2]>> {
+    ensure!(!grasps.is_empty(), "OBJECT: found no grasp of `{}`, expected some", args.object);
+    let object = file.model(&args.object)?;
+    let wanted = grasps.iter().zip(chains).filter(|(_, own)| args.chain.is_none_or(|chain| chain == **own));
+    wanted
+        .take(args.n)
+        .map(|(grasp, _)| write(&object, grasp))
+        .collect::<Result<_>>()
+        .with_context(|| format!("--mjcf {}", args.mjcf.display()))
 }

@@ -4,10 +4,12 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Result, bail};
 use clap::Args;
-use grasping::synthesis::held::{Header, HeldWriter, VERSION};
+use grasping::synthesis::grasp_file::{GraspWriter, HandSource, Header};
+use proving::synthesis::again;
 use proving::synthesis::any;
 use proving::synthesis::any::describe::{self, Described};
-use proving::synthesis::evaluation;
+use proving::synthesis::evaluation::{self, Evaluation};
+use proving::synthesis::grasp_file::{GraspFile, source};
 use proving::synthesis::search::{self, Start};
 use proving::synthesis::subject::{Subject, TEST_FRICTION};
 use proving::synthesis::synthesizer::{Request, Synthesizer};
@@ -23,7 +25,7 @@ const MOST_FRICTION: f64 = 3.0;
 #[derive(Debug, Args)]
 pub struct SynthesisArgs {
     /// An object of the set.
-    #[arg(long, required_unless_present = "mesh", conflicts_with = "mesh")]
+    #[arg(long, conflicts_with = "mesh")]
     pub object: Option<String>,
     /// A mesh of your own: OBJ, in metres; one that is not watertight is rebuilt.
     #[arg(long)]
@@ -122,18 +124,27 @@ pub fn generate(terminal: &Terminal, args: &GenerateArgs) -> Outcome {
     }
     let (subject, request) = request(terminal, &args.synthesis, args.n, args.keep.unwrap_or(usize::MAX))?;
     match (&args.hand, &args.pulls) {
-        (Some(hand), Some(pulls)) => by_another_hand(terminal, args, &describe::read(hand, pulls)?, &subject, &request),
+        (Some(hand), Some(pulls)) => by_another_hand(terminal, args, hand, pulls, &subject, &request),
         _ => by_our_hand(terminal, args, subject, request),
     }
 }
 
 fn by_our_hand(terminal: &Terminal, args: &GenerateArgs, subject: Subject, request: Request) -> Outcome {
-    let header = Header { version: VERSION, command: command(terminal, args), seed: terminal.seed };
-    let writer = args.out.as_ref().map(|path| HeldWriter::create(path, &header)).transpose()?;
+    let writer = writer(args, || header(terminal, args))?;
     let synthesizer = Synthesizer::new(subject, request);
     let (report, _) = search::search(&synthesizer, Start::default(), writer, &terminal.progress())?;
     terminal.print(&report, &report.text())?;
     Ok((report.verified.all == 0).then(|| format!("no grasp of {} was verified in {} chains", report.object, args.n)))
+}
+
+/// The file of `--out`, begun with its header.
+fn writer(args: &GenerateArgs, header: impl Fn() -> Result<Header>) -> Result<Option<GraspWriter>> {
+    args.out.as_ref().map(|path| Ok(GraspWriter::create(path, &header()?)?)).transpose()
+}
+
+fn header(terminal: &Terminal, args: &GenerateArgs) -> Result<Header> {
+    let mesh = args.synthesis.mesh.as_deref().map(source).transpose()?;
+    Ok(Header { mesh, ..Header::new(command(terminal, args), terminal.seed) })
 }
 
 /// The command that makes the same file again.
@@ -144,6 +155,9 @@ fn command(terminal: &Terminal, args: &GenerateArgs) -> String {
         (None, mesh) => format!("--mesh {}", mesh.as_deref().unwrap_or(Path::new("")).display()),
     };
     let mut options = keep.map_or(String::new(), |keep| format!(" --keep {keep}"));
+    if let (Some(hand), Some(pulls)) = (&args.hand, &args.pulls) {
+        options += &format!(" --hand {} --pulls {}", hand.display(), pulls.display());
+    }
     options += if synthesis.table { " --table" } else { "" };
     options += &format!(" --closings {}", synthesis.closings);
     options += &synthesis.mass.map_or(String::new(), |mass| format!(" --mass {mass}"));
@@ -157,28 +171,65 @@ fn command(terminal: &Terminal, args: &GenerateArgs) -> String {
 fn by_another_hand(
     terminal: &Terminal,
     args: &GenerateArgs,
-    hand: &Described,
+    urdf: &Path,
+    pulls: &Path,
     subject: &Subject,
     request: &Request,
 ) -> Outcome {
+    let hand: &Described = &describe::read(urdf, pulls)?;
     if !terminal.json {
         hand.notes.iter().for_each(|line| eprintln!("{line}"));
     }
-    let (report, held) = any::search(hand, subject, request)?;
-    if let Some(out) = &args.out {
-        let lines = held.iter().map(|grasp| Ok(serde_json::to_string(grasp)? + "\n")).collect::<Result<String>>()?;
-        report::write_whole(out, lines.as_bytes())?;
-    }
+    let name = hand.hand.name.clone();
+    let source =
+        || Ok::<_, anyhow::Error>(HandSource { name: name.clone(), urdf: source(urdf)?, pulls: source(pulls)? });
+    let writer = writer(args, || Ok(Header { hand: Some(source()?), ..header(terminal, args)? }))?;
+    let (report, _) = any::search(hand, subject, request, writer, &terminal.progress())?;
     terminal.print(&report, &report.text())?;
     let nothing = format!("no grasp of {} was verified in {} chains", report.object, report.requested);
     Ok((report.verified.all == 0).then_some(nothing))
 }
 
+/// Arguments of `grasps eval`.
+#[derive(Debug, Args)]
+pub struct EvalArgs {
+    /// What for.
+    #[command(flatten)]
+    pub synthesis: SynthesisArgs,
+    /// Chains.
+    #[arg(long, default_value_t = 128)]
+    pub n: u64,
+    /// Close and check the grasps of this file once more, of our hand or another, instead of searching; with --object those of one object.
+    #[arg(long, conflicts_with_all = ["mesh", "mass", "density", "table"])]
+    pub grasps: Option<PathBuf>,
+}
+
 /// `ftac grasps eval`.
-pub fn eval(terminal: &Terminal, args: &SynthesisArgs, n: u64) -> Outcome {
+pub fn eval(terminal: &Terminal, args: &EvalArgs) -> Outcome {
+    if args.grasps.is_some() {
+        return eval_again(terminal, args);
+    }
+    let (n, args) = (args.n, &args.synthesis);
     let (subject, request) = request(terminal, args, n, usize::MAX)?;
     let evaluation = evaluation::evaluate(&Synthesizer::new(subject, request), n)?;
     terminal.print(&evaluation, &evaluation.text())?;
     let fooled = evaluation.controls.iter().find(|(_, rate)| rate.low > 0.5);
     Ok(fooled.map(|(name, rate)| format!("the negative control {name} held {} of {}", rate.count, rate.of)))
+}
+
+/// The grasps of a file, closed and checked once more.
+fn eval_again(terminal: &Terminal, args: &EvalArgs) -> Outcome {
+    let file = GraspFile::read_or_built_in(args.grasps.as_deref())?;
+    let object = args.synthesis.object.as_deref();
+    let evaluations = again::evaluate(&file, object)?;
+    if let (true, Some(name)) = (evaluations.is_empty(), object) {
+        bail!("--object: found no grasp of `{name}` in the file, expected some");
+    }
+    for evaluation in &evaluations {
+        terminal.print(evaluation, &evaluation.text())?;
+    }
+    let all = |evaluation: &Evaluation| evaluation.verified.get("all").is_some_and(|rate| rate.count == rate.of);
+    let lost = evaluations.iter().filter(|evaluation| !all(evaluation)).map(|evaluation| evaluation.object.as_str());
+    let lost: Vec<&str> = lost.collect();
+    Ok((!lost.is_empty()).then(|| format!("not every grasp is verified again: {}", lost.join(", "))))
 }

@@ -8,15 +8,15 @@ use clap::Args;
 use grasping::synthesis::collection::Collection;
 use grasping::synthesis::diversity;
 use hand_model::Hand;
-use proving::synthesis::collection;
+use proving::synthesis::any::kinds::{self as any_kinds, AnyKind};
+use proving::synthesis::grasp_file::{GraspFile, Grasps, OtherGrasps};
 use proving::synthesis::parts::table;
 use proving::synthesis::subject::TEST_FRICTION;
 use report::study_pages;
-use scenarios::objects::ObjectSet;
 use serde_json::{Value, json};
 use stream::Target;
 use stream::gallery::{self, ShownGrasp};
-use study::kinds::{self, Kind, kinds};
+use study::kinds::{self, kinds};
 
 use crate::terminal::{Outcome, Terminal};
 
@@ -34,32 +34,78 @@ pub struct ShowArgs {
     /// Recording file; default: recordings/grasps_OBJECT.rrd, which is then opened in the Rerun viewer.
     #[arg(long)]
     pub out: Option<PathBuf>,
-    /// Folder for grasps.html with pictures of objects and grasps, instead of a recording.
+    /// Folder for grasps.html with pictures of objects and grasps, instead of a recording; of another hand, a picture sheet an object.
     #[arg(long, conflicts_with = "out")]
     pub report: Option<PathBuf>,
 }
 
 /// `ftac grasps show`.
 pub fn show(terminal: &Terminal, args: &ShowArgs) -> Outcome {
-    let collection = collection::read_or_built_in(args.grasps.as_deref())?;
-    let object = args.object.as_deref();
-    if let Some(name) = object.filter(|name| collection.of(name).is_none()) {
-        let known: Vec<&str> = collection.objects.iter().map(|entry| entry.summary.object.as_str()).collect();
-        bail!("OBJECT: no grasps of `{name}`; there are some of: {}", known.join(", "));
+    let file = GraspFile::read_or_built_in(args.grasps.as_deref())?;
+    match &file.grasps {
+        Grasps::Ours(collection) => ours(terminal, args, &file, collection),
+        Grasps::Other(other) => another(terminal, args, &file, other),
     }
-    let set = ObjectSet::repertoire();
+}
+
+fn ours(terminal: &Terminal, args: &ShowArgs, file: &GraspFile, collection: &Collection) -> Outcome {
+    let object = args.object.as_deref();
+    known(object, collection.objects.iter().map(|entry| entry.summary.object.as_str()))?;
     if let Some(folder) = &args.report {
         std::fs::create_dir_all(folder).with_context(|| format!("--report {}", folder.display()))?;
-        study_pages::gallery::write(&collection, object, &set, &Hand::ftac(), folder)?;
+        study_pages::gallery::write(file, collection, object, &Hand::ftac(), folder)?;
         eprintln!("{}: grasps.html with its pictures", folder.display());
     }
     let own = object.and_then(|name| collection.of(name)).map(|entry| kinds(&entry.grasps));
-    let text = own.as_ref().map_or_else(|| table(&collection), |own| kinds::table(own));
-    terminal.print(&described(&collection, object), &text)?;
+    let text = own.as_ref().map_or_else(|| table(collection), |own| kinds::table(own));
+    terminal.print(&described(collection, object), &text)?;
     if let (Some(name), Some(own), None) = (object, own, &args.report) {
-        record(terminal, args, name, &own, &set)?;
+        let shown: Vec<ShownGrasp> = own.iter().take(args.kinds).map(study_pages::gallery::shown).collect();
+        // All grasps of a file come from one search.
+        let friction = own.first().map_or(TEST_FRICTION, study_pages::gallery::friction);
+        record(terminal, args, file, name, friction, &shown)?;
     }
     Ok(None)
+}
+
+/// Grasps of a hand from files.
+fn another(terminal: &Terminal, args: &ShowArgs, file: &GraspFile, other: &OtherGrasps) -> Outcome {
+    let by_object = other.by_object();
+    let object = args.object.as_deref();
+    known(object, by_object.keys().copied())?;
+    let wanted = by_object.iter().filter(|(name, _)| object.is_none_or(|object| object == **name));
+    let all: Vec<(&str, Vec<AnyKind<'_>>)> =
+        wanted.map(|(name, grasps)| (*name, any_kinds::kinds(&other.hand, grasps))).collect();
+    if let Some(folder) = &args.report {
+        std::fs::create_dir_all(folder).with_context(|| format!("--report {}", folder.display()))?;
+        for (name, kinds) in &all {
+            let sheet = folder.join(format!("{name}.png"));
+            let shown = &kinds[..kinds.len().min(args.kinds)];
+            study_pages::other_hand::sheet(&other.hand, &*file.model(name)?, shown, &sheet)?;
+            eprintln!("{}", sheet.display());
+        }
+    }
+    let hand = &other.hand.hand.name;
+    let objects: Vec<Value> = all.iter().map(|(name, kinds)| json!({"object": name, "kinds": kinds})).collect();
+    let text: String =
+        all.iter().map(|(name, kinds)| format!("{hand} on {name}\n{}", any_kinds::table(kinds))).collect();
+    terminal.print(&json!({ "hand": hand, "objects": objects }), &text)?;
+    if let (Some(_), [(name, kinds)], None) = (object, &all[..], &args.report) {
+        let shown: Vec<ShownGrasp> =
+            kinds.iter().take(args.kinds).map(|kind| study_pages::other_hand::shown(&other.hand, kind)).collect();
+        let friction = kinds.first().map_or(TEST_FRICTION, |kind| kind.best.proof.friction);
+        record(terminal, args, file, name, friction, &shown)?;
+    }
+    Ok(None)
+}
+
+/// Refuses an object of which there is no grasp.
+fn known<'a>(object: Option<&str>, mut names: impl Iterator<Item = &'a str> + Clone) -> Result<()> {
+    if let Some(name) = object.filter(|name| !names.clone().any(|known| known == *name)) {
+        let known: Vec<&str> = names.by_ref().collect();
+        bail!("OBJECT: no grasps of `{name}`; there are some of: {}", known.join(", "));
+    }
+    Ok(())
 }
 
 /// The kinds of all objects, or of one.
@@ -75,16 +121,19 @@ fn described(collection: &Collection, only: Option<&str>) -> Value {
     json!({ "objects": objects.collect::<Vec<_>>() })
 }
 
-fn record(terminal: &Terminal, args: &ShowArgs, name: &str, kinds: &[Kind<'_>], set: &ObjectSet) -> Result<()> {
-    let grasps: Vec<ShownGrasp> = kinds.iter().take(args.kinds).map(study_pages::gallery::shown).collect();
-    let model =
-        set.get(name).with_context(|| format!("`{name}` is not an object of the set: its shape is not known"))?;
+fn record(
+    terminal: &Terminal,
+    args: &ShowArgs,
+    grasps: &GraspFile,
+    name: &str,
+    friction: f64,
+    shown: &[ShownGrasp],
+) -> Result<()> {
+    let model = grasps.model(name)?;
     let file = args.out.clone().unwrap_or_else(|| PathBuf::from(format!("recordings/grasps_{name}.rrd")));
-    // All grasps of a file come from one search.
-    let friction = kinds.first().map_or(TEST_FRICTION, study_pages::gallery::friction);
-    gallery::write(&[Target::File(file.clone())], &Hand::ftac(), &drawn(model, name), friction, &grasps)?;
+    gallery::write(&[Target::File(file.clone())], &Hand::ftac(), &drawn(&model, name), friction, shown)?;
     if !terminal.quiet {
-        eprintln!("{}: {} kinds; see it with `ftac view {0}`", file.display(), grasps.len());
+        eprintln!("{}: {} kinds; see it with `ftac view {0}`", file.display(), shown.len());
     }
     // Who names a file wants the file; who does not wants to see it.
     if args.out.is_none() {

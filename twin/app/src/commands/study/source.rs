@@ -8,7 +8,7 @@ use clap::Args;
 use grasping::synthesis::collection::Collection;
 use grasping::synthesis::held::HeldGrasp;
 use hand_model::Hand;
-use proving::synthesis::collection;
+use proving::synthesis::grasp_file;
 use scenarios::objects::{ObjectModel, ObjectSet};
 use study::attributes::ObjectForm;
 use study::classification::Classification;
@@ -65,10 +65,10 @@ impl Source {
             grasps.extend(own.map(|grasp| (grasp, from.to_owned())));
         };
         if paths.is_empty() {
-            take(collection::built_in()?, Path::new("built in"));
+            take(grasp_file::built_in()?, Path::new("built in"));
         }
         for file in files(paths)? {
-            take(collection::read(&file)?, &file);
+            take(grasp_file::read(&file).context("--grasps")?, &file);
         }
         if let Some((grasp, file)) = grasps.iter().find(|(grasp, _)| set.get(&grasp.object).is_none()) {
             let (file, known) = (file.display(), set.names().join(", "));

@@ -7,8 +7,8 @@ use serde::Serialize;
 
 use super::types::GraspType;
 
-/// No cable is pulled harder, N.
-pub const STRONGEST: f64 = 90.0;
+/// No cable is pulled harder, N: half of what its servo stalls at, which it can keep up.
+pub const STRONGEST: f64 = 57.5;
 /// Ranges of the thumb's opposition, rad.
 const ABDUCTED: (f64, f64) = (0.7, 1.65);
 const ADDUCTED: (f64, f64) = (0.0, 0.5);
@@ -95,4 +95,18 @@ pub fn opposition_range(kind: &GraspType) -> (f64, f64) {
 /// A command within that range, rad.
 pub fn opposition(kind: &GraspType, rng: &mut ChaCha8Rng) -> f64 {
     within(rng, opposition_range(kind))
+}
+
+#[cfg(test)]
+mod tests {
+    use hand_model::Hand;
+
+    use super::*;
+
+    #[test]
+    fn the_strongest_pull_is_half_the_stall_torque() {
+        let parameters = Hand::ftac().parameters;
+        let stall = parameters.servo.stall_torque / parameters.cable.spool_radius;
+        assert!((STRONGEST - 0.5 * stall).abs() < 1e-9, "{stall} N");
+    }
 }

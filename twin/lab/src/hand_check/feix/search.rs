@@ -122,7 +122,7 @@ mod tests {
         let hand = Arc::new(Hand::ftac());
         let found = |threads| {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("a pool");
-            let outcomes = pool.install(|| run(&hand, 3, 5, &[8, 23]));
+            let outcomes = pool.install(|| run(&hand, 3, 5, &[8, 23], || ()));
             let told = |outcome: &super::super::GraspTypeResult| {
                 (outcome.tries, outcome.attempt.clone(), outcome.angles.clone())
             };

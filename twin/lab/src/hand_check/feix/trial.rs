@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use hand_model::robot::ServoGoal;
 use hand_model::{ACTUATORS, Digit, HAND_JOINTS, Hand};
-use nalgebra::{Isometry3, Vector3};
+use nalgebra::{Isometry3, Point3, Vector3};
 use sim::engine::EngineSettings;
 use sim::stand::{HandStand, tension_goals};
 
@@ -23,6 +23,10 @@ const STAYS: f64 = 0.01;
 const STILL: f64 = 0.01;
 /// An abducted thumb opposes by more than this, an adducted one by less, rad.
 const ABDUCTED: f64 = 0.6;
+/// The two last joints of a stretched finger are bent by less than this together, rad.
+const STRETCHED: f64 = 0.6;
+/// A radian that a finger is bent too far costs as much as so many metres that a digit is off, m.
+const BEND: f64 = 0.02;
 /// Forces below this are no touch, N.
 const TOUCH: f64 = 0.01;
 /// The object may start this deep in the open hand, m.
@@ -51,6 +55,8 @@ pub struct Trial {
     pub angles: [f64; HAND_JOINTS],
     /// `palm_from_object` after settling.
     pub place: Isometry3<f64>,
+    /// Where the hand touches the object then, palm frame, m.
+    pub contacts: Vec<Point3<f64>>,
     /// What the search makes smaller.
     pub cost: f64,
 }
@@ -88,8 +94,13 @@ pub fn run(hand: &Arc<Hand>, kind: &GraspType, attempt: &Attempt, enough: f64) -
         faults.push("the object starts inside the hand".into());
     }
     let (angles, place) = (stand.angles(), stand.pose(prop));
+    let contacts = stand.contacts().iter().map(|contact| contact.point).collect();
     let mut lost = Vec::new();
-    let missing: f64 = kind.digits.iter().map(|digit| gap(&stand, *digit)).sum();
+    let away = |digit: &Digit| match kind.extended.contains(digit) {
+        true => gap(&stand, &digit.joints()[1..]) + BEND * (bent(&stand, *digit) - STRETCHED).max(0.0),
+        false => gap(&stand, &digit.joints()),
+    };
+    let missing: f64 = kind.digits.iter().map(away).sum();
     let mut cost = FAULT * faults.len() as f64 + (missing / MISSING).min(FAULT - 1.0);
     if faults.is_empty() {
         cost = -FAULT;
@@ -104,7 +115,7 @@ pub fn run(hand: &Arc<Hand>, kind: &GraspType, attempt: &Attempt, enough: f64) -
             }
         }
     }
-    (cost <= enough).then_some(Trial { faults, lost, angles, place, cost })
+    (cost <= enough).then_some(Trial { faults, lost, angles, place, contacts, cost })
 }
 
 /// Whether the object stays under gravity along `way`, and the cost: what it moves over [`STAYS`], or 1 and the share of
@@ -135,13 +146,18 @@ fn lock(stand: &HandStand, mut goals: [ServoGoal; ACTUATORS]) -> [ServoGoal; ACT
     goals
 }
 
-/// How far a digit's skin is from the object, m.
-fn gap(stand: &HandStand, digit: Digit) -> f64 {
+/// How far the two last joints of a digit are bent together, rad.
+fn bent(stand: &HandStand, digit: Digit) -> f64 {
+    let [_, middle, last] = digit.joints();
+    stand.angles()[middle] + stand.angles()[last]
+}
+
+/// How far the skin of `links` is from the object, m.
+fn gap(stand: &HandStand, own: &[usize]) -> f64 {
     let (links, pose) = (stand.links(), stand.pose(0));
-    let skin = digit
-        .joints()
-        .into_iter()
-        .flat_map(|link| stand.hand().covers[link].skin(0.004).into_iter().map(move |element| (link, element.point)));
+    let skin = own
+        .iter()
+        .flat_map(|link| stand.hand().covers[*link].skin(0.004).into_iter().map(move |element| (*link, element.point)));
     skin.map(|(link, point)| stand.prop(0).signed_distance(&pose.inverse_transform_point(&(links[link] * point))).0)
         .fold(f64::INFINITY, f64::min)
         .max(0.0)
@@ -160,11 +176,20 @@ fn faults(kind: &GraspType, stand: &HandStand) -> Vec<String> {
         }
     }
     let mut faults = Vec::new();
+    for digit in kind.extended {
+        let (bent, [_, middle, last]) = (bent(stand, *digit), digit.joints());
+        if bent > STRETCHED {
+            faults.push(format!("{} is bent by {:.0} deg", digit.name(), bent.to_degrees()));
+        }
+        if !stand.contacts().iter().any(|contact| contact.link == Some(middle) || contact.link == Some(last)) {
+            faults.push(format!("the {} does not lie on the object beyond its first link", digit.name()));
+        }
+    }
     for digit in Digit::ALL {
         let touches = forces[digit.index()] > TOUCH;
         let named = kind.digits.contains(&digit);
         if named && !touches {
-            faults.push(format!("{} does not touch, {:.1} mm off", digit.name(), gap(stand, digit) * 1e3));
+            faults.push(format!("{} does not touch, {:.1} mm off", digit.name(), gap(stand, &digit.joints()) * 1e3));
         }
         if !named && touches && !kind.helpers.contains(&digit) {
             faults.push(format!("{} touches", digit.name()));

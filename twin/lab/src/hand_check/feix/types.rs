@@ -27,6 +27,8 @@ pub struct GraspType {
     pub helpers: &'static [Digit],
     /// Whether the thumb is abducted.
     pub abducted: bool,
+    /// Digits that lie on the object stretched, with more than their first links.
+    pub extended: &'static [Digit],
     /// What is held; its long axis is z, what the digits oppose across is x.
     pub prop: Prop,
     /// Half its size along x, m.
@@ -86,12 +88,25 @@ pub fn all() -> Vec<GraspType> {
     let mut types: Vec<GraspType> = Vec::new();
     let mut add = |name, opposition, digits, helpers, abducted, (prop, half): (Prop, f64), note| {
         let number = types.len() + 1;
+        let extended = if name == "Index Finger Extension" { &[I][..] } else { NONE };
         let along = match name {
             "Tip Pinch" => TIP,
             "Ring" => BASE,
             _ => PAD,
         };
-        types.push(GraspType { number, name, opposition, digits, helpers, abducted, prop, half, along, note });
+        types.push(GraspType {
+            number,
+            name,
+            opposition,
+            digits,
+            helpers,
+            abducted,
+            extended,
+            prop,
+            half,
+            along,
+            note,
+        });
     };
     add("Large Diameter", Palm, FOUR, THUMB, true, rod(0.036, 0.12, 0.4), "");
     add("Small Diameter", Palm, FOUR, THUMB, true, rod(0.012, 0.12, 0.1), "");

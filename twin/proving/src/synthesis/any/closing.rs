@@ -27,13 +27,27 @@ const OPENING: f64 = 0.06;
 const MOST_STEPS: usize = 60;
 
 /// A closed grasp of any hand, at rest.
+#[derive(Clone)]
 pub struct AnyClosed {
     /// At rest; cloned for every test.
     pub stand: AnyStand,
     /// N, one an actuator.
     pub tensions: Vec<f64>,
+    /// Where it started.
+    pub open: AnyOpen,
     /// What touches, root frame.
     pub touches: Vec<Touch>,
+}
+
+/// An open hand before an object.
+#[derive(Clone)]
+pub struct AnyOpen {
+    /// `root_from_object`.
+    pub start: Isometry3<f64>,
+    /// Angle of every joint, rad.
+    pub joints: Vec<f64>,
+    /// Tensions that hold it, N.
+    pub tensions: Vec<f64>,
 }
 
 /// Tensions and an offset of the hand.
@@ -133,30 +147,36 @@ pub fn close(
     let (state, amounts) =
         open_clear(hand, &subject.field, frames, &sample.state.moved(&by)).ok_or(NotClosed::Blocked)?;
     let start = hand.palm_from_root.inverse() * state.object_from_palm.inverse();
-    let mut stand = AnyStand::at(hand.hand.clone(), EngineSettings::default(), &state.joints);
+    let tensions = amounts.iter().enumerate().map(|(line, amount)| holding(hand, line, *amount)).collect();
+    pull(hand, subject, AnyOpen { start, joints: state.joints, tensions }, &aim.tensions)
+}
+
+/// Closes an open hand: its tensions rise to `after` (N).
+pub fn pull(hand: &Described, subject: &Subject, open: AnyOpen, after: &[f64]) -> Result<AnyClosed, NotClosed> {
+    let AnyOpen { start, joints, tensions: before } = &open;
+    let mut stand = AnyStand::at(&hand.body, EngineSettings::default(), joints);
     let model = &subject.model;
-    stand.put(&Prop::new(&model.name, model.shape.clone(), model.mass, model.friction), &start);
+    stand.put(&Prop::new(&model.name, model.shape.clone(), model.mass, model.friction), start);
     stand.release();
     stand.set_prop_damping(DAMPING);
-    let before: Vec<f64> = amounts.iter().enumerate().map(|(line, amount)| holding(hand, line, *amount)).collect();
     let steps = |time: f64| (time / stand.dt()).round() as usize;
     let (rise, damped, free) = (steps(RISE), steps(SETTLE_DAMPED), steps(SETTLE_FREE));
     for step in 0..rise + damped + free {
         let part = (step as f64 / rise as f64).min(1.0);
-        let tensions: Vec<f64> = before.iter().zip(&aim.tensions).map(|(a, b)| a + part * (b - a)).collect();
+        let tensions: Vec<f64> = before.iter().zip(after).map(|(a, b)| a + part * (b - a)).collect();
         if step == rise + damped {
             stand.set_prop_damping(0.0);
         }
         stand.step(&tensions, &Vector3::zeros());
-        if step % 24 == 0 && pushed_away(displacement(&start, &object(&stand))) {
+        if step % 24 == 0 && pushed_away(displacement(start, &object(&stand))) {
             return Err(NotClosed::PushedAway);
         }
     }
-    if pushed_away(displacement(&start, &object(&stand))) {
+    if pushed_away(displacement(start, &object(&stand))) {
         return Err(NotClosed::PushedAway);
     }
     let touches = stand.touches();
-    Ok(AnyClosed { stand, tensions: aim.tensions.clone(), touches })
+    Ok(AnyClosed { stand, tensions: after.to_vec(), open, touches })
 }
 
 /// `root_from_object`.

@@ -17,7 +17,7 @@ use grasping::synthesis::surface::{Ball, Candidate, HandSurface};
 use hand_model::any_hand::AnyHand;
 use hand_model::kinematics::Tree;
 use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, Vector3};
-use sim::stand::passing_links;
+use sim::stand::AnyBody;
 
 use self::solids::{LinkShapes, SurfacePoint, fill, name, shapes, surface_points};
 
@@ -35,6 +35,8 @@ const STEPS: usize = 8;
 pub struct Described {
     /// As read.
     pub hand: Arc<AnyHand>,
+    /// With its collision shapes.
+    pub body: AnyBody,
     /// Its tree with the palm frame as root.
     pub tree: Tree,
     /// `palm_from_root`.
@@ -86,7 +88,9 @@ fn describe(hand: AnyHand) -> Result<Described> {
     let every = candidates.len().div_ceil(MOST_CANDIDATES);
     candidates = candidates.into_iter().step_by(every.max(1)).collect();
     let balls: Vec<Vec<Ball>> = shapes.iter().map(|own| fill(own)).collect();
-    let pairs = pairs(&hand, &balls, &mut notes);
+    let hand = Arc::new(hand);
+    let body = AnyBody::new(hand.clone());
+    let pairs = pairs(&body, &balls, &mut notes);
     let root = |v: &Vector3<f64>| (palm_from_root * Point3::from(*v)).coords;
     let parts = by_link.iter().zip(balls).enumerate().map(|(link, (points, balls))| {
         let here = |v: &Vector3<f64>| if link == 0 { root(v) } else { *v };
@@ -102,7 +106,7 @@ fn describe(hand: AnyHand) -> Result<Described> {
     for joint in tree.joints.iter_mut().filter(|joint| joint.parent.is_none()) {
         joint.origin = palm_from_root * joint.origin;
     }
-    Ok(Described { hand: Arc::new(hand), tree, palm_from_root, mechanism, surface, notes })
+    Ok(Described { hand, body, tree, palm_from_root, mechanism, surface, notes })
 }
 
 fn check(hand: &AnyHand, notes: &mut Vec<String>) -> Result<()> {
@@ -272,7 +276,8 @@ fn may_touch(hand: &AnyHand, closing_motion: &[Vec<f64>], place: &Point3<f64>, l
 
 /// Pairs of links whose balls the sampler keeps apart: not joined, and not overlapping already at rest, as published boxes often
 /// do. The balls lie inside the shapes: what collides in physics is among these pairs.
-fn pairs(hand: &AnyHand, balls: &[Vec<Ball>], notes: &mut Vec<String>) -> Vec<(usize, usize)> {
+fn pairs(body: &AnyBody, balls: &[Vec<Ball>], notes: &mut Vec<String>) -> Vec<(usize, usize)> {
+    let hand = &**body.hand();
     let open = hand.rest();
     let placed: Vec<Vec<Ball>> = balls
         .iter()
@@ -294,8 +299,7 @@ fn pairs(hand: &AnyHand, balls: &[Vec<Ball>], notes: &mut Vec<String>) -> Vec<(u
         }
     }
     let number = |link: Option<usize>| link.map_or(0, |link| link + 1);
-    let overlap = passing_links(hand);
-    let overlap = overlap.iter().map(|(a, b)| format!("{}+{}", name(hand, number(*a)), name(hand, number(*b))));
+    let overlap = body.passing().iter().map(|(a, b)| format!("{}+{}", name(hand, number(*a)), name(hand, number(*b))));
     let overlap: Vec<String> = overlap.collect();
     if !overlap.is_empty() {
         notes.push(format!("WARNING pass through each other, because they overlap at rest: {}", overlap.join(", ")));

@@ -1,0 +1,73 @@
+//! The grasp types over many seeds: a figure that hangs on one seed is none.
+
+use std::sync::Arc;
+
+use hand_model::Hand;
+use serde::Serialize;
+
+use super::{GraspTypeResult, run};
+
+/// How a type came out over the seeds.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct TypeOverSeeds {
+    /// 1 to 33.
+    pub number: usize,
+    pub name: &'static str,
+    /// Seeds with which it is held, and with which it is formed.
+    pub held: usize,
+    pub formed: usize,
+    /// Seeds that were tried.
+    pub seeds: usize,
+    /// Fewest, median and most attempts.
+    pub tries: [usize; 3],
+    /// Strongest pull of any cable over the seeds, N: least, median, most.
+    pub tension: [f64; 3],
+}
+
+/// Runs the search for types (all where `numbers` is empty) with `seeds` seeds from `first` on; the results of the first as well.
+/// `done` is called after each type of each seed.
+pub fn over_seeds(
+    hand: &Arc<Hand>,
+    (first, seeds): (u64, u64),
+    tries: usize,
+    numbers: &[usize],
+    done: impl Fn() + Sync,
+) -> (Vec<TypeOverSeeds>, Vec<GraspTypeResult>) {
+    let runs: Vec<Vec<GraspTypeResult>> =
+        (first..first.saturating_add(seeds)).map(|seed| run(hand, seed, tries, numbers, &done)).collect();
+    let types = runs.first().map_or(0, Vec::len);
+    let found = (0..types).map(|n| summary(&runs.iter().filter_map(|run| run.get(n)).collect::<Vec<_>>()));
+    (found.collect(), runs.into_iter().next().unwrap_or_default())
+}
+
+/// One type's results, of at least one seed.
+fn summary(results: &[&GraspTypeResult]) -> TypeOverSeeds {
+    let count = |test: fn(&GraspTypeResult) -> bool| results.iter().filter(|result| test(result)).count();
+    let mut tries: Vec<usize> = results.iter().map(|result| result.tries).collect();
+    tries.sort_unstable();
+    let mut tension: Vec<f64> =
+        results.iter().map(|result| result.attempt.tensions.into_iter().fold(0.0, f64::max)).collect();
+    tension.sort_by(f64::total_cmp);
+    let (middle, last) = (results.len() / 2, results.len() - 1);
+    TypeOverSeeds {
+        number: results[0].number,
+        name: results[0].name,
+        held: count(|result| result.held),
+        formed: count(|result| result.formed),
+        seeds: results.len(),
+        tries: [tries[0], tries[middle], tries[last]],
+        tension: [tension[0], tension[middle], tension[last]],
+    }
+}
+
+/// The table as text.
+pub fn table(types: &[TypeOverSeeds]) -> String {
+    let mut text = format!("{:27} {:>8} {:>18} {:>16}\n", "", "held", "tries", "strongest pull N");
+    for TypeOverSeeds { number, name, held, seeds, tries, tension, .. } in types {
+        let tries = format!("{} [{}, {}]", tries[1], tries[0], tries[2]);
+        let tension = format!("{:.0} [{:.0}, {:.0}]", tension[1], tension[0], tension[2]);
+        text += &format!("{number:>2} {name:24} {held:>2} of {seeds:<2} {tries:>18} {tension:>16}\n");
+    }
+    let always = types.iter().filter(|kind| kind.held == kind.seeds).count();
+    text + &format!("{always} of {} held with every seed\n", types.len())
+}

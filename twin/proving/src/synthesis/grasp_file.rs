@@ -1,0 +1,208 @@
+//! Grasps from a file, with what it takes to use them: the hand that found them, and its objects.
+//!
+//! A file is the collection of all objects, which comes with the program, or what one search left: of our own hand, or of another,
+//! which is read from the files that its header names. Poses of an object from a mesh file are in that file's frame on disk, and in
+//! a frame at the centre of mass here.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use anyhow::{Context, Result, bail, ensure};
+use grasping::synthesis::collection::{self, Collection, ObjectGrasps, Summary};
+use grasping::synthesis::grasp_file::{self, GraspFileError, HandSource, Header, Source};
+use grasping::synthesis::held::{AnyHeld, HeldGrasp};
+use scenarios::objects::{ObjectModel, ObjectSet};
+use sha2::{Digest as _, Sha256};
+
+use super::any::describe::{self, Described};
+use super::subject::Subject;
+
+/// Grasps and what they are of.
+pub struct GraspFile {
+    pub grasps: Grasps,
+    set: ObjectSet,
+    /// The object from a mesh file.
+    own: Option<Subject>,
+}
+
+/// Grasps by the hand that found them.
+pub enum Grasps {
+    /// Our own.
+    Ours(Collection),
+    /// Another.
+    Other(Box<OtherGrasps>),
+}
+
+/// Grasps of a hand from files.
+pub struct OtherGrasps {
+    pub header: Header,
+    pub hand: Described,
+    pub grasps: Vec<AnyHeld>,
+}
+
+impl OtherGrasps {
+    /// The grasps by object.
+    pub fn by_object(&self) -> BTreeMap<&str, Vec<&AnyHeld>> {
+        let mut found: BTreeMap<&str, Vec<&AnyHeld>> = BTreeMap::new();
+        self.grasps.iter().for_each(|grasp| found.entry(&grasp.object).or_default().push(grasp));
+        found
+    }
+}
+
+impl GraspFile {
+    /// Reads `file`, or the collection that comes with the program.
+    pub fn read_or_built_in(file: Option<&Path>) -> Result<Self> {
+        match file {
+            Some(path) => Self::read(path).with_context(|| format!("--grasps {}", path.display())),
+            None => Ok(Self { grasps: Grasps::Ours(built_in()?), set: ObjectSet::repertoire(), own: None }),
+        }
+    }
+
+    fn read(path: &Path) -> Result<Self> {
+        let header = grasp_file::read_header(path).ok();
+        let mesh = header.as_ref().and_then(|header| header.mesh.as_ref());
+        let own = mesh.map(|mesh| Ok::<_, anyhow::Error>(Subject::from_mesh(&unchanged(mesh, path, "mesh")?)?.0));
+        let own = own.transpose()?;
+        let back = own.as_ref().map(|subject| -subject.origin);
+        let grasps = match header.and_then(|header| header.hand) {
+            Some(source) => Grasps::Other(Box::new(other(path, &source, back.as_ref())?)),
+            None => {
+                let mut collection = read(path)?;
+                for grasp in collection.objects.iter_mut().flat_map(|entry| &mut entry.grasps) {
+                    if let Some(back) = &back {
+                        *grasp = grasp.clone().with_frame_moved(back);
+                    }
+                }
+                Grasps::Ours(collection)
+            }
+        };
+        Ok(Self { grasps, set: ObjectSet::repertoire(), own })
+    }
+
+    /// The model of an object: of the set, or of the file's own mesh.
+    pub fn model(&self, name: &str) -> Result<Arc<ObjectModel>> {
+        let own = self.own.as_ref().filter(|own| own.model.name == name).map(|own| &own.model);
+        own.or_else(|| self.set.get(name)).cloned().with_context(|| {
+            format!("object: found `{name}`, expected an object of the set, or a file that names its mesh")
+        })
+    }
+
+    /// An object made ready for closings, of the mass (kg) and the friction for which `proof` stands.
+    pub fn subject(&self, name: &str, mass: f64, friction: f64) -> Result<Subject> {
+        let subject = match &self.own {
+            Some(own) if own.model.name == name => own.clone(),
+            _ => Subject::named(name)?,
+        };
+        Ok(subject.tested_at(mass, friction))
+    }
+}
+
+/// What a file is now.
+pub fn source(path: &Path) -> Result<Source> {
+    let bytes = std::fs::read(path).with_context(|| path.display().to_string())?;
+    let sha256 = Sha256::digest(bytes).iter().map(|byte| format!("{byte:02x}")).collect();
+    Ok(Source { path: path.into(), sha256 })
+}
+
+/// Where a file that `field` of a header names is now: where the header says, or beside the grasps. Refused if it has changed.
+fn unchanged(named: &Source, grasps: &Path, field: &str) -> Result<PathBuf> {
+    let beside = named.path.file_name().map(|name| grasps.with_file_name(name));
+    let path = [Some(named.path.clone()), beside].into_iter().flatten().find(|path| path.exists());
+    let Some(path) = path else {
+        bail!(
+            "{}:1: {field}: found no {}, expected it there or beside the grasps",
+            grasps.display(),
+            named.path.display()
+        );
+    };
+    let found = source(&path)?.sha256;
+    ensure!(
+        found == named.sha256,
+        "{}:1: {field}: found {} with SHA-256 {found}, expected {}: it has changed since these grasps were found",
+        grasps.display(),
+        path.display(),
+        named.sha256
+    );
+    Ok(path)
+}
+
+fn other(path: &Path, source: &HandSource, back: Option<&nalgebra::Vector3<f64>>) -> Result<OtherGrasps> {
+    let hand =
+        describe::read(&unchanged(&source.urdf, path, "hand.urdf")?, &unchanged(&source.pulls, path, "hand.pulls")?)?;
+    let (header, grasps): (Header, Vec<AnyHeld>) = grasp_file::read(path)?;
+    ensure!(!grasps.is_empty(), "{}: found no grasp, expected at least one", path.display());
+    let joints = hand.tree.joints.iter().map(|joint| joint.name.as_str());
+    let pulls = hand.hand.pulls.iter().map(|pull| pull.name.as_str());
+    let (joints, pulls): (Vec<&str>, Vec<&str>) = (joints.collect(), pulls.collect());
+    for (n, grasp) in grasps.iter().enumerate() {
+        let named = [
+            ("joints", &grasp.joints, &joints),
+            ("open_joints", &grasp.open_joints, &joints),
+            ("open_tensions", &grasp.open_tensions, &pulls),
+            ("tensions", &grasp.tensions, &pulls),
+        ];
+        for (field, found, expected) in named {
+            let found: Vec<&str> = found.iter().map(|(name, _)| name.as_str()).collect();
+            ensure!(
+                found == *expected,
+                "{}:{}: {field}: found {}, expected {}",
+                path.display(),
+                n + 2,
+                found.join(", "),
+                expected.join(", ")
+            );
+        }
+    }
+    let grasps = match back {
+        Some(back) => grasps.into_iter().map(|grasp| grasp.with_frame_moved(back)).collect(),
+        None => grasps,
+    };
+    Ok(OtherGrasps { header, hand, grasps })
+}
+
+/// The grasps that one search left, as a collection.
+fn of_one_search(header: &Header, grasps: Vec<HeldGrasp>) -> Collection {
+    let mut objects: Vec<ObjectGrasps> = Vec::new();
+    for grasp in grasps {
+        let object = grasp.object.clone();
+        let place = objects.iter().position(|entry| entry.summary.object == object).unwrap_or_else(|| {
+            let summary = Summary { object, wanted: 0, kept: 0, chains: 0, short: None };
+            objects.push(ObjectGrasps { summary, grasps: Vec::new() });
+            objects.len() - 1
+        });
+        let entry = &mut objects[place];
+        entry.summary.kept += 1;
+        entry.summary.wanted += 1;
+        entry.summary.chains = entry.summary.chains.max(grasp.chain + 1);
+        entry.grasps.push(grasp);
+    }
+    let (command, seed) = (header.command.clone(), header.seed);
+    Collection { header: collection::Header { version: collection::VERSION, command, seed }, objects }
+}
+
+/// Reads our own hand's grasps: a collection, or the file of one search; which it is shows in the line after the header.
+pub fn read(path: &Path) -> Result<Collection> {
+    if let Some(hand) = grasp_file::read_header(path).ok().and_then(|header| header.hand) {
+        bail!(
+            "{}:1: hand: found {}, expected grasps of the F-TAC Hand, by whose digits they are judged",
+            path.display(),
+            hand.name
+        );
+    }
+    let line = |error: &GraspFileError| if let GraspFileError::Line { line, .. } = error { *line } else { 0 };
+    let found = match (Collection::read(path), grasp_file::read(path)) {
+        (Ok(collection), _) if !collection.objects.is_empty() => collection,
+        (_, Ok((header, grasps))) => of_one_search(&header, grasps),
+        // The reader that got further is the one that was meant.
+        (Err(compact), Err(single)) if line(&compact) >= line(&single) => Err(compact)?,
+        (_, Err(error)) => Err(error)?,
+    };
+    ensure!(found.grasps().next().is_some(), "{}: found no grasp, expected at least one", path.display());
+    Ok(found)
+}
+
+/// The collection that comes with the program.
+pub fn built_in() -> Result<Collection> {
+    Ok(Collection::parse(include_str!("../../data/synthesized.jsonl"), Path::new("data/synthesized.jsonl"))?)
+}
