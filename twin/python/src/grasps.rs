@@ -17,7 +17,7 @@ pub fn repertoire(py: Python<'_>) -> PyResult<String> {
 #[pyfunction]
 pub fn collection(py: Python<'_>) -> PyResult<String> {
     py.detach(|| {
-        let collection = proving::synthesis::collection::built_in().map_err(|error| failure(&error))?;
+        let collection = proving::synthesis::grasp_file::built_in().map_err(|error| failure(&error))?;
         let grasps: Vec<_> = collection.objects.into_iter().flat_map(|object| object.grasps).collect();
         serde_json::to_string(&grasps).map_err(value_error)
     })

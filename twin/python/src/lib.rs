@@ -28,7 +28,7 @@ mod _native {
     #[pymodule_export]
     use crate::optics::{background, press_heights, press_sphere};
     #[pymodule_export]
-    use crate::scene::{Episode, Scene};
+    use crate::scene::{Episode, Scene, step_all};
     #[pymodule_export]
     use crate::touch::heights;
     #[pymodule_export]

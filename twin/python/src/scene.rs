@@ -7,14 +7,15 @@ use std::sync::{Mutex, MutexGuard, TryLockError};
 use bench::environment::{
     self, Action, ArmAction, EpisodeError, HandAction, Judgement, Options, PadImages, Placed, SceneOptions, Task,
 };
+use bench::workers;
 use control::Twist;
-use numpy::{IntoPyArray, PyArray1};
+use numpy::{IntoPyArray, PyArray1, PyArray3, PyReadonlyArray2, PyUntypedArrayMethods};
 use pyo3::exceptions::PyRuntimeError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use scenarios::layout::Place;
 
-use crate::arrays::{Numbers, failure, fixed, pictures, pose_row, table, value_error};
+use crate::arrays::{Numbers, failure, fixed, picture, pictures, pose_row, table, value_error};
 use crate::worlds::shared;
 
 /// A robot at a table with objects.
@@ -24,6 +25,9 @@ pub struct Scene(Mutex<environment::Scene>);
 /// A task in progress.
 #[pyclass(frozen, module = "ftac._native")]
 pub struct Episode(Mutex<environment::Episode>);
+
+/// Numbers of an action in a row: twist (6), tensions (5), opposition.
+const ROW: usize = 12;
 
 /// The scene, if no other thread has it.
 fn own<T>(mutex: &Mutex<T>) -> PyResult<MutexGuard<'_, T>> {
@@ -161,9 +165,19 @@ impl Scene {
         limits(py, &*own(&self.0)?)
     }
 
+    /// A picture for people.
+    fn picture<'py>(&self, py: Python<'py>, side: u32) -> PyResult<Bound<'py, PyArray3<u8>>> {
+        drawn(py, &*own(&self.0)?, side)
+    }
+
     fn copy(&self) -> PyResult<Self> {
         Ok(Self(Mutex::new(own(&self.0)?.clone())))
     }
+}
+
+fn drawn<'py>(py: Python<'py>, scene: &environment::Scene, side: u32) -> PyResult<Bound<'py, PyArray3<u8>>> {
+    let rgb = py.detach(|| scene.picture(side)).map_err(value_error)?;
+    picture(py, side as usize, rgb)
 }
 
 /// held, progress, gained, success, lost
@@ -239,6 +253,11 @@ impl Episode {
         limits(py, &own(&self.0)?.scene)
     }
 
+    /// A picture for people.
+    fn picture<'py>(&self, py: Python<'py>, side: u32) -> PyResult<Bound<'py, PyArray3<u8>>> {
+        drawn(py, &own(&self.0)?.scene, side)
+    }
+
     /// Tensions (N) and opposition (rad) with which the hand begins.
     fn grip(&self) -> PyResult<([f64; 5], f64)> {
         Ok(own(&self.0)?.grip())
@@ -260,4 +279,44 @@ impl Episode {
     fn copy(&self) -> PyResult<Self> {
         Ok(Self(Mutex::new(own(&self.0)?.clone())))
     }
+}
+
+/// A step of many episodes on `jobs` threads. Row by row: twist, tensions, opposition. If one action is refused, no episode is stepped.
+#[pyfunction]
+pub fn step_all(
+    py: Python<'_>,
+    episodes: Vec<Py<Episode>>,
+    actions: PyReadonlyArray2<'_, f64>,
+    jobs: usize,
+) -> PyResult<Vec<Judged>> {
+    if actions.shape() != [episodes.len(), ROW] {
+        let shape = actions.shape();
+        return Err(value_error(format!("actions: found shape {shape:?}, expected ({}, {ROW})", episodes.len())));
+    }
+    let mut guards = episodes.iter().map(|episode| own(&episode.get().0)).collect::<PyResult<Vec<_>>>()?;
+    let rows = actions.as_slice().map_err(value_error)?.chunks_exact(ROW);
+    let mut work = Vec::with_capacity(guards.len());
+    for (number, (guard, row)) in guards.iter_mut().zip(rows).enumerate() {
+        let action = Action {
+            arm: ArmAction::Twist(Twist::from_column_slice(&row[..6])),
+            hand: HandAction::Tensions { tensions: std::array::from_fn(|n| row[6 + n]), opposition: row[11] },
+        };
+        let refused = |error| value_error(format!("environment {number}: {error}"));
+        guard.scene.limits().check(&action).map_err(refused)?;
+        let episode: &mut environment::Episode = guard;
+        work.push(Mutex::new((episode, action, None)));
+    }
+    let done = py.detach(|| {
+        workers::for_each(jobs, &work, |_, item| {
+            let mut item = item.lock().map_err(|_| anyhow::anyhow!("a step failed half-way"))?;
+            let (episode, action, judgement) = &mut *item;
+            episode.scene.step(action)?;
+            *judgement = Some(judged(episode.judge()));
+            Ok(())
+        })
+    });
+    done.map_err(|error| failure(&error))?;
+    let judgement = |item: Mutex<(_, _, Option<Judged>)>| item.into_inner().ok().and_then(|(_, _, judged)| judged);
+    let missing = || PyRuntimeError::new_err("a step failed half-way: make new environments");
+    work.into_iter().map(|item| judgement(item).ok_or_else(missing)).collect()
 }

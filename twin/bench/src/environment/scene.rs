@@ -11,6 +11,7 @@ use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 use proving::world::World;
 use scenarios::layout::Place;
 use scenarios::noise::TrialNoise;
+use scenarios::objects::ObjectModel;
 use sim::robot::Truth;
 use sim::tactile::TactileBoard;
 use sim::{ObjectPlacement, SceneSetup, SimulatedRobot};
@@ -244,6 +245,11 @@ impl Scene {
     /// The scene as it is: for whoever judges or records, and for no policy.
     pub fn truth(&self) -> Truth {
         self.robot.truth()
+    }
+
+    /// The objects as they really are, in order.
+    pub(super) fn models(&self) -> impl Iterator<Item = &Arc<ObjectModel>> {
+        self.robot.models()
     }
 
     pub fn cell(&self) -> &Workcell {
