@@ -257,11 +257,6 @@ impl SimulatedRobot {
         self.time
     }
 
-    /// The objects as they are, in order: for the recording, like the truth.
-    pub fn models(&self) -> impl Iterator<Item = &Arc<ObjectModel>> {
-        self.objects.iter().map(|(model, ..)| model)
-    }
-
     /// Ground truth, for the referee and the recording only.
     pub fn truth(&self) -> Truth {
         let links = self.body.link_poses(&self.engine);

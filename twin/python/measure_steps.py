@@ -1,6 +1,6 @@
 """Steps per second of ``ftac/PickTwo-v0`` on one core: without images, with 17 of 64 x 64, and with 17 of 240 x 240.
 
-The scripted pick-up of the first object is played, so that hand and object touch for most of the time. Prints a line for each size. Needs the
+The scripted pick-up of the first object is played, so that hand and object touch for most of the time. Times are of the processor, so that other work on the machine counts little. Prints a line for each size. Needs the
 packages ftac and gymnasium:
 
     python twin/python/measure_steps.py [STEPS]
@@ -28,9 +28,9 @@ def measure(images: int | None, steps: int) -> float:
         script = Script(env, grasp, observation["seen"][0], info["yaws"][0])
         for _ in range(min(200, steps - done)):
             action = script.act(observation)
-            begun = time.perf_counter()
+            begun = time.process_time()
             observation, _, over, _, _ = env.step(action)
-            spent += time.perf_counter() - begun
+            spent += time.process_time() - begun
             done += 1
             if over:
                 break

@@ -7,6 +7,7 @@ use std::sync::Arc;
 
 use control::motion::tension::against_friction;
 use control::percept::Percept;
+use hand_model::pads::IMAGE_SIZE;
 use hand_model::robot::TactileImage;
 use hand_model::{Digit, Hand};
 use nalgebra::Point3;
@@ -18,6 +19,7 @@ use sim::SimulatedRobot;
 use sim::robot::Truth;
 use sim::tactile::TactileBoard;
 
+use super::images::{ImageSizeError, reduced};
 use super::scene::{Begun, Scene, SceneError};
 use crate::body::Body;
 use crate::trial::setup::Setup;
@@ -122,8 +124,8 @@ impl Episode {
         let combination = draw_combination(bench, options.combination, seed)?;
         let seed = seed as usize;
         let Beginning { begun, seen, images, opposition } = match options.task {
-            Task::PickSecond => after_first_grasp(bench, combination, seed)?,
-            task => at_rest(bench, combination, seed, (task.objects(), options.images.is_some()))?,
+            Task::PickSecond => after_first_grasp(bench, combination, seed, options.images)?,
+            task => at_rest(bench, combination, seed, (task.objects(), options.images))?,
         };
         let plan = &bench.plans.plans[combination];
         let objects = [&plan.first, &plan.second].into_iter().take(options.task.objects());
@@ -212,7 +214,7 @@ fn at_rest(
     bench: &Bench,
     combination: usize,
     trial: usize,
-    (count, sees): (usize, bool),
+    (count, side): (usize, Option<usize>),
 ) -> Result<Beginning, EpisodeError> {
     let world = &bench.world;
     let (setup, _) = Setup::noisy(bench, combination, trial)?;
@@ -224,11 +226,12 @@ fn at_rest(
     let mut scene = world.scene(&objects, world.cell.ready, noise);
     scene.objects.truncate(count);
     let mut board = TactileBoard::blank();
-    if sees {
+    if let Some(side) = side {
         board = bench.board.with_noise(setup.camera_noise);
         if let Some(drift) = &setup.drift {
             board = board.drifting(drift.clone());
         }
+        board = reduced(board, side).map_err(SceneError::from)?;
     }
     let images = board.background_frames();
     let robot = SimulatedRobot::new(world.cell.hand.clone(), world.cell.arm.clone(), &scene, board);
@@ -238,13 +241,18 @@ fn at_rest(
 }
 
 /// The first object in the hand, by the first of the trials from `trial` on whose first grasp holds.
-fn after_first_grasp(bench: &Bench, combination: usize, trial: usize) -> Result<Beginning, EpisodeError> {
+fn after_first_grasp(
+    bench: &Bench,
+    combination: usize,
+    trial: usize,
+    side: Option<usize>,
+) -> Result<Beginning, EpisodeError> {
     for attempt in 0..MOST_GRASPS {
         // Far from the numbers of other episodes.
         let trial = trial ^ (attempt << 48) as usize;
         let start = Setup::noisy(bench, combination, trial)?.0.first_grasp(bench, None, &mut NoWatcher)?;
         let snapshot = start.run.snapshot;
-        let Body::Simulated(robot) = snapshot.robot else { continue };
+        let Body::Simulated(mut robot) = snapshot.robot else { continue };
         if !in_hand(&robot.truth(), 0) {
             continue;
         }
@@ -255,6 +263,9 @@ fn after_first_grasp(bench: &Bench, combination: usize, trial: usize) -> Result<
         let mut images = bench.board.backgrounds();
         for frame in executive.newest_images() {
             images[frame.camera] = frame.image.clone();
+        }
+        if let Some(side) = side.filter(|side| *side != IMAGE_SIZE) {
+            robot.reduce_images(side).map_err(|_| SceneError::from(ImageSizeError(side)))?;
         }
         let seen = vec![executive.first().1, executive.second().1];
         let frame_delay = bench.world.scenario.effects.time.map_or(0.0, |time| time.frame);

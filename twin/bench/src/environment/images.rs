@@ -1,13 +1,22 @@
 //! The cameras' frames as one picture a pad, all of one size.
+//!
+//! Where pictures are smaller than what the cameras send, the simulated board already makes smaller images ([`reduced`]): forming all
+//! pixels to add them up takes nearly all of a step.
 
 use std::sync::Arc;
 
 use hand_model::Hand;
 use hand_model::pads::IMAGE_SIZE;
 use hand_model::robot::{TactileFrame, TactileImage};
+use sim::tactile::TactileBoard;
 
 /// Smallest side of a picture, pixels.
 pub const LEAST_SIDE: usize = 8;
+
+/// A board whose frames are as large as the pictures.
+pub(super) fn reduced(board: TactileBoard, side: usize) -> Result<TactileBoard, ImageSizeError> {
+    if side == IMAGE_SIZE { Ok(board) } else { board.reduced(side).map_err(|_| ImageSizeError(side)) }
+}
 
 /// A size that pictures cannot have.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
@@ -79,33 +88,35 @@ impl PadImages {
         }
     }
 
-    /// Makes a pad's picture from its cameras' newest images, from the distal one to the proximal one.
+    /// Makes a pad's picture from its cameras' newest images, from the distal one to the proximal one, once there is one of the same size of each.
     fn draw(&mut self, hand: &Hand, pad: usize) {
         let images: Option<Vec<&TactileImage>> =
             hand.pads[pad].cameras.iter().rev().map(|camera| self.newest[*camera].as_deref()).collect();
-        let Some(images) = images else { return };
+        let same_size = |images: &Vec<&TactileImage>| images.iter().all(|image| image.rgb.len() == images[0].rgb.len());
+        let Some(images) = images.filter(same_size) else { return };
         let size = self.side * self.side * 3;
         shrink(&images, self.side, &mut self.rgb[pad * size..(pad + 1) * size]);
     }
 }
 
-/// `images` one below the other, as a picture of `side` x `side` pixels.
+/// `images`, all of one size, one below the other, as a picture of `side` x `side` pixels.
 fn shrink(images: &[&TactileImage], side: usize, picture: &mut [u8]) {
-    if let ([image], IMAGE_SIZE) = (images, side) {
+    let size = images.first().map_or(0, |image| (image.rgb.len() / 3).isqrt());
+    if let ([image], true) = (images, size == side) {
         picture.copy_from_slice(&image.rgb);
         return;
     }
-    let rows = images.len() * IMAGE_SIZE;
+    let rows = images.len() * size;
     let span = |at: usize, whole: usize| at * whole / side..(at + 1) * whole / side;
-    let columns: Vec<_> = (0..side).map(|column| span(column, IMAGE_SIZE)).collect();
+    let columns: Vec<_> = (0..side).map(|column| span(column, size)).collect();
     // Rows first: whole rows add up many values at a time.
-    let mut sums = [0_u32; 3 * IMAGE_SIZE];
+    let mut sums = vec![0_u32; 3 * size];
     for (at, line) in picture.chunks_exact_mut(3 * side).enumerate() {
         sums.fill(0);
         let covered = span(at, rows);
         for row in covered.clone() {
-            let start = 3 * IMAGE_SIZE * (row % IMAGE_SIZE);
-            let values = &images[row / IMAGE_SIZE].rgb[start..start + 3 * IMAGE_SIZE];
+            let start = 3 * size * (row % size);
+            let values = &images[row / size].rgb[start..start + 3 * size];
             sums.iter_mut().zip(values).for_each(|(sum, value)| *sum += u32::from(*value));
         }
         for (grey, columns) in line.chunks_exact_mut(3).zip(&columns) {

@@ -17,7 +17,7 @@ use sim::tactile::TactileBoard;
 use sim::{ObjectPlacement, SceneSetup, SimulatedRobot};
 
 use super::action::{Action, ActionError, ActionLimits, ArmAction, HandAction};
-use super::images::{ImageSizeError, PadImages};
+use super::images::{ImageSizeError, PadImages, reduced};
 
 /// Ticks of the robot in a step: six of 1/120 s.
 pub const TICKS: usize = 6;
@@ -111,7 +111,7 @@ impl Scene {
         let objects = objects.iter().map(|placed| placement(world, placed)).collect::<Result<_, _>>()?;
         let setup = SceneSetup { objects, ..world.bare_scene(world.cell.ready, &TrialNoise::none()) };
         let frame_delay = setup.frame_delay;
-        let board = options.images.map(|_| board.with_noise(options.seed));
+        let board = options.images.map(|side| reduced(board.with_noise(options.seed), side)).transpose()?;
         let backgrounds = board.as_ref().map(TactileBoard::background_frames);
         let (hand, arm) = (world.cell.hand.clone(), world.cell.arm.clone());
         let robot = SimulatedRobot::new(hand, arm, &setup, board.unwrap_or_else(TactileBoard::blank));
