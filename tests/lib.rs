@@ -31,23 +31,26 @@ pub fn binary() -> &'static Path {
             .args(["build", "--release", "--quiet", "--package", "ftac", "--bin", "ftac", "--target-dir"])
             .arg(target_dir())
             .current_dir(root());
-        // What cargo tells a test about its package would make build scripts that look at it (ring's) run again, and with them
-        // everything that hangs on them be built again, here and at the user's next build.
-        for (name, _) in std::env::vars_os() {
-            let known = name.to_string_lossy();
-            if ["CARGO_PKG_", "CARGO_MANIFEST_", "CARGO_CRATE_", "CARGO_PRIMARY_"].iter().any(|p| known.starts_with(p))
-            {
-                build.env_remove(&name);
-            }
-        }
+        forget_package(&mut build);
         let built = build.status();
         assert!(built.as_ref().is_ok_and(|status| status.success()), "ftac does not build: {built:?}");
         target_dir().join("release/ftac")
     })
 }
 
+/// Takes what cargo tells a test about its package out of a build's environment: with it build scripts that look at it (ring's) would run
+/// again, and with them everything that hangs on them be built again, here and at the user's next build.
+pub fn forget_package(build: &mut Command) {
+    for (name, _) in std::env::vars_os() {
+        let known = name.to_string_lossy();
+        if ["CARGO_PKG_", "CARGO_MANIFEST_", "CARGO_CRATE_", "CARGO_PRIMARY_"].iter().any(|p| known.starts_with(p)) {
+            build.env_remove(&name);
+        }
+    }
+}
+
 /// The target folder of the build this test belongs to: the test is `<target>/release/deps/<name>`.
-fn target_dir() -> PathBuf {
+pub fn target_dir() -> PathBuf {
     let test = std::env::current_exe().unwrap_or_default();
     test.ancestors().nth(3).map(Path::to_path_buf).unwrap_or_else(|| root().join("target"))
 }

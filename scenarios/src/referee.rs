@@ -167,6 +167,8 @@ pub enum FailureCause {
     NotSeen,
     /// The controller found no strategy left to try.
     NoStrategy,
+    /// Whoever decides has failed, or has answered what cannot be.
+    PolicyFailed,
     /// The body failed: a servo, a link, a limit.
     RobotFault,
     /// The trial ended before the hold was over.
@@ -188,6 +190,7 @@ impl std::fmt::Display for FailureCause {
             Self::Declined => "declined",
             Self::NotSeen => "not seen",
             Self::NoStrategy => "no strategy",
+            Self::PolicyFailed => "policy failed",
             Self::RobotFault => "robot fault",
             Self::NotFinished => "not finished",
             Self::TooLate => "too late",

@@ -13,7 +13,7 @@ use hand_model::Hand;
 use hand_model::pads::Camera;
 use hand_model::robot::{TactileFrame, TactileImage};
 use nalgebra::{Isometry3, Point3, Unit, Vector3};
-use optics::{CpuRenderer, IndentationMap, Job, OpticsError, Renderer, Sensor, SensorModel, press};
+use optics::{CpuRenderer, IndentationMap, Job, OpticsError, ReducedSensor, Renderer, Sensor, SensorModel, press};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
@@ -41,6 +41,8 @@ pub struct TactileBoard {
     renderer: Arc<dyn Renderer>,
     noise_seed: u64,
     drift: Option<Arc<Drift>>,
+    /// The sensors at a smaller image size, if frames are of that.
+    reduced: Option<Arc<Vec<ReducedSensor>>>,
     sequence: u64,
 }
 
@@ -78,7 +80,7 @@ impl TactileBoard {
 
     /// A board of any renderer's sensors, one a camera.
     pub fn with_renderer(renderer: Arc<dyn Renderer>) -> Self {
-        Self { renderer, noise_seed: 0, drift: None, sequence: 0 }
+        Self { renderer, noise_seed: 0, drift: None, reduced: None, sequence: 0 }
     }
 
     /// The 18 cameras of hand unit number `serial`: each camera is a little different from the next.
@@ -114,9 +116,24 @@ impl TactileBoard {
         Self { drift: Some(Arc::new(drift)), ..self }
     }
 
+    /// The same board with frames of `side` x `side` pixels, made by the CPU: for those who learn from many images, not for perception, which
+    /// takes the full size.
+    pub fn reduced(self, side: usize) -> Result<Self, OpticsError> {
+        let reduced: Result<Vec<_>, _> =
+            self.sensors().par_iter().map(|sensor| ReducedSensor::new(sensor, side)).collect();
+        Ok(Self { reduced: Some(Arc::new(reduced?)), ..self })
+    }
+
     /// Images of the untouched pads, one a camera.
     pub fn backgrounds(&self) -> Vec<Arc<TactileImage>> {
-        self.sensors().iter().map(|sensor| sensor.background().clone()).collect()
+        (0..self.sensors().len()).map(|camera| self.background(camera)).collect()
+    }
+
+    fn background(&self, camera: usize) -> Arc<TactileImage> {
+        match &self.reduced {
+            Some(reduced) => reduced[camera].background().clone(),
+            None => self.sensors()[camera].background().clone(),
+        }
     }
 
     /// One frame a camera of the untouched pads, from before time zero: with noise where the board drifts, else the
@@ -179,7 +196,7 @@ impl TactileBoard {
                         let brightness = self.drift.as_ref().map_or(1.0, |drift| drift.brightness(camera, time));
                         jobs.push(Job { sensor: camera, indentation, noise, brightness });
                     }
-                    None => frames.push(frame(camera, self.sensors()[camera].background().clone())),
+                    None => frames.push(frame(camera, self.background(camera))),
                 }
             }
         }
@@ -191,6 +208,13 @@ impl TactileBoard {
 
     /// Renders; a GPU that fails is said so, and the CPU makes the images.
     fn images(&self, jobs: &[Job<'_>]) -> Vec<TactileImage> {
+        if let Some(reduced) = &self.reduced {
+            let image = |job: &Job<'_>| {
+                let (sensor, mut rng) = (&self.sensors()[job.sensor], ChaCha8Rng::seed_from_u64(job.noise));
+                reduced[job.sensor].render_at(sensor, job.indentation, job.brightness, &mut rng)
+            };
+            return jobs.par_iter().map(image).collect();
+        }
         let on_cpu = |error: OpticsError| {
             eprintln!("{error}; these tactile images come from the CPU");
             let image = |job: &Job<'_>| {

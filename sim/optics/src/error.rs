@@ -11,6 +11,9 @@ pub enum OpticsError {
     /// An image or a map of the wrong length for a calibrated sensor.
     #[error("found {found} values; expected {expected}, by the calibration's image size")]
     ImageSize { found: usize, expected: usize },
+    /// A size that images cannot be reduced to.
+    #[error("reduced image: found {0} pixels a side, expected 1 to 240")]
+    ReducedSize(usize),
     /// A map has a value that is not a number or out of range.
     #[error("pixel (column {column}, row {row}) has the value {value}; expected {expected}")]
     MapValue {

@@ -138,3 +138,4 @@ pub use model::{SensorModel, Variation};
 pub use renderer::{CpuRenderer, Job, Renderer};
 pub use sensor::Sensor;
 pub use sensor::curved::CurvedSensor;
+pub use sensor::reduced::ReducedSensor;

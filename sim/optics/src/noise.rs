@@ -53,6 +53,22 @@ impl ReadOutNoise {
             *byte = quantise(grey * brightness + draw);
         }
     }
+
+    /// Writes a row of mean grey levels as bytes, each with its own factor of the noise.
+    #[inline(always)]
+    pub(crate) fn expose_means(
+        &self,
+        (means, quiet): (&[f32], &[f32]),
+        brightness: f32,
+        bytes: &mut [u8],
+        rng: &mut impl Rng,
+    ) {
+        let start = Self::start(rng);
+        let draws = &self.table[start..start + means.len()];
+        for (byte, ((mean, quiet), draw)) in bytes.iter_mut().zip(means.iter().zip(quiet).zip(draws)) {
+            *byte = quantise(mean * brightness + quiet * draw);
+        }
+    }
 }
 
 /// Nearest of the 256 grey levels.

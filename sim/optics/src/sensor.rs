@@ -2,6 +2,7 @@
 //! indentation to an image.
 
 pub mod curved;
+pub mod reduced;
 
 use std::sync::Arc;
 

@@ -1,7 +1,11 @@
-//! What a camera over the table can see of the objects.
+//! What a camera over the table can see of the objects, and how large the tactile cameras' images are.
+
+use std::sync::Arc;
 
 use nalgebra::Point3;
+use optics::OpticsError;
 use rapier3d_f64::parry::query::Ray;
+use scenarios::objects::ObjectModel;
 
 use super::SimulatedRobot;
 use crate::convert;
@@ -20,5 +24,18 @@ impl SimulatedRobot {
                 handle != own && collider.shape().intersects_ray(collider.position(), &ray, 1.0)
             });
         !hidden
+    }
+
+    /// The objects as they are, in order: for the recording, like the truth.
+    pub fn models(&self) -> impl Iterator<Item = &Arc<ObjectModel>> {
+        self.objects.iter().map(|(model, ..)| model)
+    }
+
+    /// From now on frames are of `side` x `side` pixels; those on their way are lost. See [`TactileBoard::reduced`].
+    pub fn reduce_images(&mut self, side: usize) -> Result<(), OpticsError> {
+        self.tactile = self.tactile.clone().reduced(side)?;
+        self.on_their_way.clear();
+        self.frames.clear();
+        Ok(())
     }
 }

@@ -56,13 +56,33 @@ pub fn know_hand(pipeline: &mut TouchPipeline, world: &World) {
 
 /// Everything that trials of a scenario's first `combos` combinations share.
 pub fn make_bench(scenario: Scenario, combos: usize, seed: u64, quiet: bool) -> Result<Bench> {
+    let mut bench = make_scenes(scenario, combos, seed, quiet)?;
+    let names: BTreeSet<&String> = bench.plans.plans.iter().flat_map(|plan| [&plan.first, &plan.second]).collect();
+    bench.known = names
+        .into_iter()
+        .map(|name| Ok((name.clone(), KnownObject::new(bench.world.object(name)?))))
+        .collect::<Result<BTreeMap<_, _>>>()?;
+    let disturbance = bench.world.scenario.disturbance.clone();
+    if let Some(sweep) = &disturbance.size_sweep {
+        let balls = ball_sizes::add(sweep, &mut bench.world, &mut bench.repertoire)?;
+        bench.known.extend(balls.into_iter().map(|ball| (ball.name.clone(), KnownObject::new(ball))));
+    }
+    if !disturbance.disabled().is_empty() {
+        bench.do_without(disturbance.disabled())?;
+    }
+    Ok(bench)
+}
+
+/// The same with no object made ready to be felt, which takes seconds, and without the scenario's disturbances: for scenes in which no policy
+/// of this program decides.
+pub fn make_scenes(scenario: Scenario, combos: usize, seed: u64, quiet: bool) -> Result<Bench> {
     // Plans are made for the nominal places: a spread of the layout leaves them as they are.
     let benchmark = Scenario::benchmark();
     let planned = |scenario: &Scenario| (scenario.layout.first, scenario.layout.second, scenario.start);
     let builtin = scenario.first == benchmark.first
         && scenario.second == benchmark.second
         && planned(&scenario) == planned(&benchmark);
-    let mut world = World::new(scenario)?;
+    let world = World::new(scenario)?;
     let mut repertoire = proving::builtin::repertoire()?;
     let mut plans = proving::builtin::plans()?;
     if !builtin || combos > plans.plans.len() {
@@ -77,32 +97,18 @@ pub fn make_bench(scenario: Scenario, combos: usize, seed: u64, quiet: bool) -> 
         pipeline.own_hand = pads.self_contact.then(OwnHandOptions::default);
     }
     know_hand(&mut pipeline, &world);
-    let names: BTreeSet<&String> = plans.plans.iter().flat_map(|plan| [&plan.first, &plan.second]).collect();
-    let mut known = names
-        .into_iter()
-        .map(|name| Ok((name.clone(), KnownObject::new(world.object(name)?))))
-        .collect::<Result<BTreeMap<_, _>>>()?;
-    let disturbance = world.scenario.disturbance.clone();
-    if let Some(sweep) = &disturbance.size_sweep {
-        let balls = ball_sizes::add(sweep, &mut world, &mut repertoire)?;
-        known.extend(balls.into_iter().map(|ball| (ball.name.clone(), KnownObject::new(ball))));
-    }
-    let mut bench = Bench {
+    Ok(Bench {
         world,
         repertoire,
         plans,
         board,
         pipeline,
-        known,
+        known: BTreeMap::new(),
         uncertainty: Uncertainty::standard(),
         seed,
         profile: Arc::default(),
         intact: None,
-    };
-    if !disturbance.disabled().is_empty() {
-        bench.do_without(disturbance.disabled())?;
-    }
-    Ok(bench)
+    })
 }
 
 /// The hand, and the simulated robot about to begin the ideal run of a combination of the benchmark.

@@ -19,6 +19,7 @@ pub mod watcher;
 
 use anyhow::{Context as _, Result};
 use control::policy::blind::Blind;
+use control::policy::chosen::{Chooser, Chosen};
 use control::policy::touch::Touch;
 use control::policy::{Knowledge, Recovery};
 use control::sensing::Senses;
@@ -81,6 +82,18 @@ impl Bench {
             )
         })?;
         Ok(outcome)
+    }
+
+    /// One trial in which somebody else chooses how the second object is taken, with the errors that every condition of the trial meets. Its
+    /// record stands under `touch`, whose senses and looks it has.
+    pub fn chosen(&self, combination: usize, trial: usize, chooser: &mut dyn Chooser) -> Result<TrialOutcome> {
+        let (setup, looks) = Setup::noisy(self, combination, trial)?;
+        let start = setup.first_grasp(self, None, &mut NoWatcher)?;
+        let pipeline = start.pipeline.as_ref().unwrap_or(&self.pipeline);
+        let means = Means { sensing: Sensing::Full, recovery: Recovery::FULL, explores: false };
+        let (knowledge, senses) = (self.knowledge(&start, means)?, Senses::new(pipeline, Sensing::Full)?);
+        let id = TrialId { combination, trial, condition: Condition::Touch };
+        play(&start, &mut Chosen::new(knowledge, senses, chooser), self.options(id, looks), &mut NoWatcher)
     }
 
     /// The ideal run of a combination: no noise, blind.
@@ -169,13 +182,13 @@ impl Bench {
         foretold_risk(start, &mut self.touch_policy(start, means)?, options)
     }
 
-    /// The policy `touch` of a trial.
-    fn touch_policy<'a>(&'a self, start: &'a Start, means: Means) -> Result<Touch<'a>> {
+    /// What a policy knows before a trial begins.
+    fn knowledge<'a>(&'a self, start: &Start, means: Means) -> Result<Knowledge<'a>> {
         let known = |index: usize| {
             let object = &start.objects[index];
             self.known.get(&object.name).with_context(|| format!("{} was not made ready to be felt", object.name))
         };
-        let knowledge = Knowledge {
+        Ok(Knowledge {
             cell: &self.world.cell,
             library: &self.world.objects,
             repertoire: &self.repertoire,
@@ -188,7 +201,12 @@ impl Bench {
             time_limit: self.world.scenario.protocol.time_limit,
             recovery: means.recovery,
             explores: means.explores,
-        };
+        })
+    }
+
+    /// The policy `touch` of a trial.
+    fn touch_policy<'a>(&'a self, start: &'a Start, means: Means) -> Result<Touch<'a>> {
+        let knowledge = self.knowledge(start, means)?;
         let senses = Senses::new(start.pipeline.as_ref().unwrap_or(&self.pipeline), means.sensing)?;
         let first = &start.run.snapshot.executive.first().0;
         Ok(Touch::new(knowledge, senses, first))

@@ -1,12 +1,13 @@
 //! Policies: everything that decides, retries, aims and gives up.
 //!
 //! A policy sees what a robot measures and what its [`Eyes`] report. It is asked at the decisions of a trial, acts on the
-//! [`Executive`], and answers how far to play. [`blind`] carries out the plan, [`touch`] adapts to what is felt, [`carry`] decides
-//! what a transport takes next; [`reach`] finds the grasps that the arm can carry out. No type here can name the scene's truth:
+//! [`Executive`], and answers how far to play. [`blind`] carries out the plan, [`touch`] adapts to what is felt, [`chosen`] asks
+//! somebody else, [`carry`] decides what a transport takes next; [`reach`] finds the grasps that the arm can carry out. No type here can name the scene's truth:
 //! the true-pose ablation is an [`Injected`] estimate that comes from outside.
 
 pub mod blind;
 pub mod carry;
+pub mod chosen;
 pub mod reach;
 pub mod touch;
 pub mod uncertainty;
@@ -94,6 +95,8 @@ pub enum Step {
     Decline,
     /// The trial is given up: an object that is needed is nowhere to be seen.
     NotSeen,
+    /// The trial is given up: who decides has failed.
+    Failed,
 }
 
 /// A decision for whoever watches: what was weighed, and what came of it.

@@ -131,6 +131,10 @@ fn decide_and_play(
                 played.run.referee.give_up(FailureCause::Declined);
                 break;
             }
+            Step::Failed => {
+                played.run.referee.give_up(FailureCause::PolicyFailed);
+                break;
+            }
             Step::NotSeen => {
                 played.run.referee.give_up(FailureCause::NotSeen);
                 break;

@@ -1,6 +1,7 @@
 //! The policies and the choice of grasps, on situations made up for the purpose: no simulator, no images.
 
 mod choice;
+mod chosen;
 mod retries;
 mod table;
 mod ways_out;

@@ -1,0 +1,152 @@
+//! What a learner may ask of the robot, and its limits.
+//!
+//! An action out of its limits is refused, with the place and the limits in the error: it is not cut to fit.
+
+use std::f64::consts::FRAC_PI_2;
+
+use control::Twist;
+use control::inverse_kinematics::IkError;
+use control::slip::most_tension;
+use control::trajectory::PathLimits;
+use control::workcell::Workcell;
+use hand_model::robot::ServoGoal;
+use hand_model::{ACTUATORS, ARM_JOINTS};
+
+/// Current with which the opposition servo holds its angle at most, A.
+const OPPOSITION_CURRENT: f64 = 0.6;
+
+/// Limit of a joint that turns without end, rad.
+const ENDLESS: f64 = 100.0;
+
+/// What the arm is asked to do during one step.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum ArmAction {
+    /// Move the palm with this twist: m/s of its origin and rad/s, world axes.
+    Twist(Twist),
+    /// Go to these joint set-points, rad.
+    Joints([f64; ARM_JOINTS]),
+}
+
+/// What the hand's servos are asked to do during one step.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum HandAction {
+    /// Pull the five cables, and turn the thumb's opposition joint.
+    Tensions {
+        /// At the spools, N: thumb, index, middle, ring, little. Reached evenly over the step.
+        tensions: [f64; 5],
+        /// rad.
+        opposition: f64,
+    },
+    /// Turn the six servos to these output angles, rad: a larger one winds more cable.
+    Spools([f64; ACTUATORS]),
+}
+
+/// What is asked of the robot during one step.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Action {
+    pub arm: ArmAction,
+    pub hand: HandAction,
+}
+
+/// Why an action is not carried out; the scene is as it was.
+#[derive(Debug, thiserror::Error)]
+pub enum ActionError {
+    /// A value is not a number, or out of its limits.
+    #[error("{what}[{index}]: found {found}, expected {low} to {high} {unit}")]
+    Range { what: &'static str, index: usize, found: f64, low: f64, high: f64, unit: &'static str },
+    /// The arm's reference cannot be moved.
+    #[error(transparent)]
+    Arm(#[from] IkError),
+}
+
+/// Limits of actions.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ActionLimits {
+    /// Of each axis of the palm's velocity, m/s.
+    pub speed: f64,
+    /// Of each axis of its angular velocity, rad/s.
+    pub turn_speed: f64,
+    /// Of the arm's joints, rad; wide where a joint is continuous.
+    pub joints: [[f64; 2]; ARM_JOINTS],
+    /// Greatest tension of a cable, N.
+    pub tension: f64,
+    /// Of the opposition joint, rad.
+    pub opposition: [f64; 2],
+    /// Of the servos' output angles, rad.
+    pub spools: [[f64; 2]; ACTUATORS],
+    /// Greatest current of a cable's servo, A.
+    current: f64,
+}
+
+impl ActionLimits {
+    /// Of the robot in this cell.
+    pub fn of(cell: &Workcell) -> Self {
+        let (hand, PathLimits { speed, turn_speed, .. }) = (&cell.hand, PathLimits::default());
+        let (servo, cable) = (&hand.parameters.servo, &hand.parameters.cable);
+        let thumb = &hand.tree.joints[hand.transmission.opposition_joint];
+        let tension = most_tension(hand);
+        let stretch = tension / cable.stiffness;
+        Self {
+            speed,
+            turn_speed,
+            joints: std::array::from_fn(|n| {
+                let joint = &cell.arm.tree.joints[n];
+                [joint.lower.max(-ENDLESS), joint.upper.min(ENDLESS)]
+            }),
+            tension,
+            opposition: [thumb.lower, thumb.upper],
+            spools: std::array::from_fn(|n| match hand.transmission.cables.get(n) {
+                Some(path) => [0.0, (path.full_excursion(FRAC_PI_2) + stretch) / cable.spool_radius],
+                None => [thumb.lower, thumb.upper].map(|angle| angle * servo.gear_ratio_opposition),
+            }),
+            current: servo.current_limit,
+        }
+    }
+
+    /// Whether an action keeps to the limits.
+    pub fn check(&self, action: &Action) -> Result<(), ActionError> {
+        match action.arm {
+            ArmAction::Twist(twist) => {
+                let (linear, angular) = twist.as_slice().split_at(3);
+                within("palm velocity", linear, |_| [-self.speed, self.speed], "m/s")?;
+                within("palm angular velocity", angular, |_| [-self.turn_speed, self.turn_speed], "rad/s")?;
+            }
+            ArmAction::Joints(joints) => within("arm joints", &joints, |n| self.joints[n], "rad")?,
+        }
+        match action.hand {
+            HandAction::Tensions { tensions, opposition } => {
+                within("tensions", &tensions, |_| [0.0, self.tension], "N")?;
+                within("opposition", &[opposition], |_| self.opposition, "rad")
+            }
+            HandAction::Spools(angles) => within("spools", &angles, |n| self.spools[n], "rad"),
+        }
+    }
+
+    /// What the servos are asked for by spool angles (rad).
+    pub(super) fn spool_goals(&self, angles: &[f64; ACTUATORS]) -> [ServoGoal; ACTUATORS] {
+        std::array::from_fn(|n| {
+            let current_limit = if n + 1 == ACTUATORS { OPPOSITION_CURRENT } else { self.current };
+            ServoGoal::Position { angle: angles[n], current_limit }
+        })
+    }
+
+    /// What the servos are asked for by tensions (N) and the angle of the opposition joint (rad).
+    pub(super) fn tension_goals(cell: &Workcell, tensions: &[f64; 5], opposition: f64) -> [ServoGoal; ACTUATORS] {
+        cell.hand.servo_goals(tensions, opposition, OPPOSITION_CURRENT)
+    }
+}
+
+fn within(
+    what: &'static str,
+    values: &[f64],
+    limits: impl Fn(usize) -> [f64; 2],
+    unit: &'static str,
+) -> Result<(), ActionError> {
+    for (index, &found) in values.iter().enumerate() {
+        let [low, high] = limits(index);
+        if !(found >= low && found <= high) {
+            return Err(ActionError::Range { what, index, found, low, high, unit });
+        }
+    }
+    Ok(())
+}

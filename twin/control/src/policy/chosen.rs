@@ -1,0 +1,241 @@
+//! A policy that asks somebody else: which grasp takes the second object, aimed where, and whether to try again.
+//!
+//! The [`Chooser`] is told what this crate's own policies know, measurements and estimates, and answers with one of the candidates. Everything
+//! else is as in [`super::touch`]: the look is interpreted, the eyes look anew before a choice, paths are rehearsed, no try begins too late for
+//! the trial. The first object is taken as planned. A chooser that fails, or answers what cannot be, ends its trial with the reason in the record.
+
+use grasping::Grasp;
+use hand_model::ACTUATORS;
+use hand_model::robot::{ArmState, ServoState, TactileFrame};
+use nalgebra::{Isometry3, UnitQuaternion, Vector3};
+use scenarios::tries::Attempt;
+use touch::InHand;
+
+use super::{Injected, Knowledge, Policy, PolicyError, Step, Story};
+use crate::executive::{Executive, Phase};
+use crate::percept::{Eyes, Percept};
+use crate::perception::{Expected, Felt, Grip, feel, grip, trusted};
+use crate::sensing::Senses;
+use crate::worth::Candidate;
+
+/// Time that a trial needs from a new try to its end, s: no choice is asked for later.
+const TRY_TIME: f64 = 10.0;
+/// Farthest that an aim may be beside what is seen along an axis, m, and in angle, rad.
+const FARTHEST: (f64, f64) = (0.1, std::f64::consts::PI);
+
+/// What a chooser knows when it is asked.
+pub struct Situation<'a> {
+    /// [`Phase::Decide`]: the first object should be in the hand. [`Phase::Confirm`]: the second one has been tried and lifted.
+    pub phase: Phase,
+    /// The robot's clock, s.
+    pub time: f64,
+    /// Until the trial has failed, s.
+    pub time_left: f64,
+    /// Tries at the second object so far.
+    pub tries: u32,
+    pub servos: &'a [ServoState; ACTUATORS],
+    pub arm: &'a ArmState,
+    /// `world_from_palm` as commanded.
+    pub palm: Isometry3<f64>,
+    /// Tactile images of the last look, one a camera that has sent one.
+    pub images: &'a [TactileFrame],
+    /// Names of the first and the second object.
+    pub objects: [&'a str; 2],
+    /// Where they were seen last.
+    pub seen: [Percept; 2],
+    /// Whether the second one was seen just now; it is hidden otherwise.
+    pub sees_second: bool,
+    /// The grasp that took the first object.
+    pub first: &'a Grasp,
+    /// Grasps of the second object, the planned one first.
+    pub candidates: &'a [Candidate],
+    /// The first object as felt after its lift.
+    pub felt: Option<&'a Felt>,
+    /// What is felt to be in the hand now.
+    pub grip: Grip,
+}
+
+/// How far beside the place where it is seen an object is aimed at.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Aim {
+    /// m, world.
+    pub x: f64,
+    /// m, world.
+    pub y: f64,
+    /// rad, about the vertical.
+    pub yaw: f64,
+}
+
+/// What a chooser answers.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Answer {
+    /// Take the second object, once more if it has been tried.
+    Take {
+        /// Place among the candidates.
+        candidate: usize,
+        aim: Aim,
+    },
+    /// Carry away what is in the hand. Before the second object was tried: leave it alone.
+    Keep,
+}
+
+/// What a chooser may fail with.
+pub type ChooserError = Box<dyn std::error::Error + Send + Sync>;
+
+/// Somebody who chooses.
+pub trait Chooser {
+    /// Chooses in a situation. It may take as long as it likes: the robot's clock stands.
+    fn choose(&mut self, situation: &Situation) -> Result<Answer, ChooserError>;
+}
+
+/// Asks a [`Chooser`]; see the module's page.
+pub struct Chosen<'a> {
+    knowledge: Knowledge<'a>,
+    senses: Senses<'a>,
+    chooser: &'a mut dyn Chooser,
+    story: Story,
+    tries: u32,
+    felt: Option<Felt>,
+    grip: Grip,
+}
+
+impl<'a> Chosen<'a> {
+    /// A trial's policy with somebody's choices.
+    pub fn new(knowledge: Knowledge<'a>, senses: Senses<'a>, chooser: &'a mut dyn Chooser) -> Self {
+        let grip = Grip { first: false, second: false };
+        Self { knowledge, senses, chooser, story: Story::default(), tries: 0, felt: None, grip }
+    }
+
+    /// What the chooser says; why that cannot be, in words.
+    fn ask(&mut self, executive: &Executive, time: f64, sees_second: bool) -> Result<Answer, String> {
+        let look = executive.look();
+        let situation = Situation {
+            phase: executive.phase(),
+            time,
+            time_left: self.knowledge.time_limit - time,
+            tries: self.tries,
+            servos: executive.servos(),
+            arm: executive.arm(),
+            palm: executive.palm(),
+            images: look.images,
+            objects: self.knowledge.objects.each_ref().map(|object| object.name.as_str()),
+            seen: [executive.first().1, executive.second().1],
+            sees_second,
+            first: &executive.first().0,
+            candidates: &self.knowledge.second,
+            felt: self.felt.as_ref(),
+            grip: self.grip,
+        };
+        let answer = self.chooser.choose(&situation).map_err(|error| format!("the chooser failed: {error}"))?;
+        if let Answer::Take { candidate, aim } = answer {
+            let count = self.knowledge.second.len();
+            if candidate >= count {
+                return Err(format!("the chooser's candidate: found {candidate}, expected less than {count}"));
+            }
+            let Aim { x, y, yaw } = aim;
+            if !(x.abs() <= FARTHEST.0 && y.abs() <= FARTHEST.0 && yaw.abs() <= FARTHEST.1) {
+                let (most, turn) = FARTHEST;
+                return Err(format!("the chooser's aim: found {aim:?}, expected up to {most} m and {turn:.2} rad"));
+            }
+        }
+        Ok(answer)
+    }
+
+    /// Takes the second object with a candidate, aimed beside where it is seen.
+    fn take(&mut self, executive: &mut Executive, candidate: usize, aim: Aim) -> Result<Step, PolicyError> {
+        let grasp = self.knowledge.second[candidate].grasp.clone();
+        let seen = executive.second().1;
+        let turn = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), aim.yaw);
+        let beside = Percept {
+            position: seen.position + Vector3::new(aim.x, aim.y, 0.0),
+            rotation: turn * seen.rotation,
+            yaw: seen.yaw + aim.yaw,
+        };
+        let ways: Vec<_> = executive.ways().collect();
+        let path = ways.iter().find_map(|stops| executive.rehearsed_approach(stops, &grasp, &beside));
+        let Some(path) = path else {
+            let at = beside.position;
+            self.story.tell(format!("grasp {} is out of reach at ({:.2}, {:.2}) m", grasp.id, at.x, at.y));
+            return Ok(Step::GiveUp);
+        };
+        self.tries += 1;
+        self.story.decisions += 1;
+        self.story.retries += u32::from(self.tries > 1);
+        self.story.switched |= candidate > 0;
+        self.story.aimed |= aim != Aim::default();
+        let (id, why) = (grasp.id, "as chosen".to_owned());
+        executive.see_second(beside);
+        executive.decide(grasp)?;
+        executive.redirect(path);
+        self.story.attempts.push(Attempt { object: 1, grasp: id, why, ..Attempt::default() });
+        self.story.tell(format!("grasp {id} was chosen"));
+        Ok(Step::Play(Phase::Confirm))
+    }
+}
+
+impl Policy for Chosen<'_> {
+    fn perceive(&mut self, executive: &Executive, injected: Option<Injected>) -> Result<(), PolicyError> {
+        let ((first, percept), (second, _)) = (executive.first(), executive.second());
+        let expected = Expected::of(first, percept, second);
+        if executive.phase() == Phase::Decide {
+            let mut felt = feel(&self.senses, &executive.look(), self.knowledge.known[0], &expected)?;
+            if let Some(injected) = injected {
+                felt.estimate.palm_from_object = injected.palm_from_object;
+                felt.grip = injected.grip;
+            }
+            self.story.reasons.extend(felt.faults.iter().map(|fault| format!("left out: {fault}")));
+            self.grip = felt.grip;
+            self.felt = Some(felt);
+            return Ok(());
+        }
+        let held = self.felt.as_ref().map_or(expected.palm_from_object, |felt| felt.estimate.palm_from_object);
+        let first = InHand { shape: self.knowledge.known[0], prior: trusted(held) };
+        let second = second.held.map(|held| InHand { shape: self.knowledge.known[1], prior: trusted(held) });
+        let both: Vec<InHand> = std::iter::once(first).chain(second).collect();
+        self.grip = match injected {
+            Some(injected) => injected.grip,
+            None => grip(&self.senses, &executive.look(), &expected, &both)?,
+        };
+        Ok(())
+    }
+
+    fn decide(&mut self, executive: &mut Executive, eyes: &mut dyn Eyes, time: f64) -> Result<Step, PolicyError> {
+        let phase = executive.phase();
+        if phase == Phase::Done {
+            return Ok(Step::Finish);
+        }
+        let seen = eyes.look(1)?.map(|pose| Percept::of(&self.knowledge.objects[1], &pose));
+        if let Some(seen) = seen {
+            executive.see_second(seen);
+        }
+        let late = time + TRY_TIME > self.knowledge.time_limit;
+        let answer = if late { Ok(Answer::Keep) } else { self.ask(executive, time, seen.is_some()) };
+        match answer {
+            Ok(Answer::Take { candidate, aim }) => self.take(executive, candidate, aim),
+            Ok(Answer::Keep) if phase == Phase::Confirm => {
+                executive.confirm()?;
+                Ok(Step::Play(Phase::Done))
+            }
+            Ok(Answer::Keep) => {
+                self.story.tell("the second object is left alone".to_owned());
+                Ok(Step::Decline)
+            }
+            Err(why) => {
+                self.story.tell(why);
+                Ok(Step::Failed)
+            }
+        }
+    }
+
+    fn story(&mut self) -> &mut Story {
+        &mut self.story
+    }
+
+    fn felt(&self) -> Option<&Felt> {
+        self.felt.as_ref()
+    }
+
+    fn deliberates(&self) -> bool {
+        true
+    }
+}

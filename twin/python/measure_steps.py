@@ -1,0 +1,46 @@
+"""Steps per second of ``ftac/PickTwo-v0`` on one core: without images, with 17 of 64 x 64, and with 17 of 240 x 240.
+
+The scripted pick-up of the first object is played, so that hand and object touch for most of the time. Times are of the processor, so that other work on the machine counts little. Prints a line for each size. Needs the
+packages ftac and gymnasium:
+
+    python twin/python/measure_steps.py [STEPS]
+"""
+
+import os
+import sys
+import time
+
+os.environ["RAYON_NUM_THREADS"] = "1"
+
+import gymnasium  # noqa: E402
+
+import ftac  # noqa: E402
+from ftac.scripted import Script  # noqa: E402
+
+
+def measure(images: int | None, steps: int) -> float:
+    """Steps per second over `steps` steps, resets left out."""
+    env = gymnasium.make("ftac/PickTwo-v0", images=images).unwrapped
+    spent, done, seed = 0.0, 0, 0
+    while done < steps:
+        observation, info = env.reset(seed=seed)
+        grasp = ftac.grasps.repertoire()[info["objects"][0]][0]
+        script = Script(env, grasp, observation["seen"][0], info["yaws"][0])
+        for _ in range(min(200, steps - done)):
+            action = script.act(observation)
+            begun = time.process_time()
+            observation, _, over, _, _ = env.step(action)
+            spent += time.process_time() - begun
+            done += 1
+            if over:
+                break
+        seed += 1
+    return done / spent
+
+
+if __name__ == "__main__":
+    count = int(sys.argv[1]) if len(sys.argv) > 1 else 1000
+    for size in (None, 64, 240):
+        name = "no images" if size is None else f"17 images of {size} x {size}"
+        rate = measure(size, count)
+        print(f"{name}: {rate:.0f} steps/s, {rate / 20:.1f} times real time")

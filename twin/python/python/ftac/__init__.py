@@ -1,0 +1,32 @@
+"""The F-TAC Hand on a Kinova Gen3 arm, simulated: scenes, tactile images, grasps, and Gymnasium environments.
+
+SI units and radians throughout. Frames are right-handed: ``world`` has the table's top at z = 0, z up and the arm's base in its origin; ``palm`` has y
+towards the fingertips, x towards the thumb's side and -z out of the palm; ``pad`` has its origin in the middle of the pad's surface, y along the digit
+and z out of the surface. ``a_from_b`` maps coordinates in b to a. A pose is seven numbers: x, y, z and the quaternion x, y, z, w, with w >= 0.
+
+- `Scene`: arm, hand and objects, stepped at 20 Hz.
+- `hand`: kinematics, Jacobians, pads, transmission.
+- `optics`: tactile images of what presses into a pad.
+- `touch`: heights and normals from tactile images.
+- `grasps`: the grasps that come with the program.
+- `bench`: your own policy in the benchmark's trials.
+- `envs`: Gymnasium environments; they are registered where ``gymnasium`` is installed.
+
+Bad input raises `ValueError` with what was found and what was expected.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+
+from ftac import bench, grasps, hand, optics, touch
+from ftac._native import combinations, objects
+from ftac.scene import Scene
+
+__all__ = ["Scene", "bench", "combinations", "grasps", "hand", "objects", "optics", "touch"]
+
+if importlib.util.find_spec("gymnasium") is not None:
+    from ftac import envs
+
+    envs.register()
+    __all__ += ["envs"]

@@ -1,0 +1,170 @@
+"""Your own policy in the trials of the multi-object benchmark.
+
+A policy chooses how the second object is taken once the first is in the hand, and what follows when that was tried. It is told what the built-in
+policies know: measurements, tactile images, what vision reports and what touch makes of it. It is not told how the scene really is. Simulated time
+stands while it thinks.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any, Literal, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ftac import _native
+from ftac.grasps import PickUp, pick_up
+
+Array = NDArray[np.float64]
+Aim = tuple[float, float, float]
+CONDITIONS = ("ideal", "blind", "reflex", "touch")
+"""Conditions of the benchmark: no errors and the plan carried out; errors and the plan; the built-in policy without images; with them."""
+Answer = int | tuple[int, Aim] | None
+
+
+@dataclass(frozen=True)
+class Situation:
+    """What a policy knows when it is asked. Poses are seven numbers (see `ftac`)."""
+
+    phase: Literal["decide", "confirm"]
+    """``decide``: the first object should be in the hand. ``confirm``: the second has been tried and lifted."""
+    time: float
+    """The robot's clock, s."""
+    time_left: float
+    """Until the trial has failed, s."""
+    tries: int
+    """Tries at the second object so far."""
+    servos: Array
+    """(6, 3): output angle (rad), speed (rad/s), current (A)."""
+    arm: Array
+    """(7, 3): joint angle (rad), speed (rad/s), torque (N m)."""
+    palm: Array
+    """``world_from_palm`` as commanded."""
+    tactile: dict[str, NDArray[np.uint8]]
+    """Images (240, 240, 3) of the last look by camera's name; a camera that has sent none is missing."""
+    objects: tuple[str, str]
+    """Names of the first and the second object."""
+    seen: Array
+    """(2, 7): ``world_from_object`` of both where vision saw them last, with its error."""
+    yaws: tuple[float, float]
+    """Their turns about the vertical from the rest pose, as seen, rad."""
+    sees_second: bool
+    """Whether vision has seen the second object just now."""
+    held: Array | None
+    """``palm_from_object`` of the first object as felt after its lift."""
+    held_covariance: Array | None
+    """Of that, (6, 6): position (m) and rotation vector (rad)."""
+    grip: tuple[bool, bool]
+    """Whether each object is felt to be in the hand now."""
+    first: PickUp
+    """The grasp that took the first object."""
+    candidates: tuple[PickUp, ...]
+    """Grasps of the second object, the planned one first."""
+    worth: Array
+    """The plan's probability of success of each candidate."""
+
+
+class Policy(Protocol):
+    """What `play` asks. A method ``reset(info)``, if there is one, is told ``combination``, ``trial`` and ``seed`` before a trial begins."""
+
+    def choose(self, situation: Situation) -> Answer:
+        """The place of one of ``situation.candidates``; or that and how far beside the place where the object is seen it aims: x and y (m, world; up to
+        0.1) and the turn about the vertical (rad). None keeps what is in the hand: the second object is left alone if it has not been tried.
+
+        An exception fails the trial; its traceback is the record's ``reason``.
+        """
+        ...
+
+
+class _Asked:
+    """Between the native module and a policy."""
+
+    def __init__(self, policy: Policy) -> None:
+        self._policy = policy
+
+    def choose(self, told: dict[str, Any]) -> tuple[int, float, float, float] | None:
+        candidates = json.loads(told.pop("candidates"))
+        situation = Situation(
+            first=pick_up(json.loads(told.pop("first"))),
+            candidates=tuple(pick_up(candidate["grasp"]) for candidate in candidates),
+            worth=np.array([candidate["worth"] for candidate in candidates]),
+            objects=tuple(told.pop("objects")),
+            yaws=tuple(told.pop("yaws")),
+            **told,
+        )
+        answer = self._policy.choose(situation)
+        if answer is None:
+            return None
+        index, aim = (answer, (0.0, 0.0, 0.0)) if isinstance(answer, (int, np.integer)) else answer
+        x, y, yaw = aim
+        if not 0 <= index < len(candidates):
+            raise ValueError(f"choose: found candidate {index}, expected 0 to {len(candidates) - 1}")
+        return int(index), float(x), float(y), float(yaw)
+
+
+def play(
+    policy: Policy,
+    *,
+    combinations: Iterable[int] | None = None,
+    trials: int = 1,
+    seed: int = 1,
+    beside: Sequence[str] = (),
+) -> list[dict[str, Any]]:
+    """Plays trials of the benchmark and returns a row for each, which ``pandas.DataFrame`` takes.
+
+    Parameters
+    ----------
+    policy: chooses how the second object is taken.
+    combinations: numbers of combinations (`ftac.combinations`); None for all 60.
+    trials: of each combination.
+    seed: of everything random. 1 is the benchmark's seed of development, 11 to 14 are those that nothing was developed on.
+    beside: conditions that play the same trials with the same errors: ``ideal``, ``blind``, ``reflex``, ``touch``.
+
+    A row has the columns of the benchmark's ``trials.csv``, among them ``success``, ``contact``, ``clean_success``, ``cause``, ``reason`` and ``sim_seconds``; and
+    ``policy``, the class's name or the condition.
+    """
+    if not callable(getattr(policy, "choose", None)):
+        raise ValueError(f"policy: found {type(policy).__name__}, expected an object with a method choose(situation)")
+    if trials < 1:
+        raise ValueError(f"trials: found {trials}, expected 1 or more")
+    unknown = [name for name in beside if name not in CONDITIONS]
+    if unknown:
+        raise ValueError(f"beside: found {unknown[0]!r}, expected some of {', '.join(CONDITIONS)}")
+    numbers = list(range(len(_native.combinations()))) if combinations is None else [int(n) for n in combinations]
+    benchmark, asked, rows = _benchmark(seed), _Asked(policy), []
+    for combination in numbers:
+        for trial in range(trials):
+            reset = getattr(policy, "reset", None)
+            if reset is not None:
+                reset({"combination": combination, "trial": trial, "seed": seed})
+            rows.append(_row(benchmark.play(asked, combination, trial), type(policy).__name__))
+            rows.extend(_row(benchmark.condition(name, combination, trial), name) for name in beside)
+    return rows
+
+
+@lru_cache(maxsize=1)
+def _benchmark(seed: int) -> _native.Benchmark:
+    # Objects are made ready to be felt, which takes seconds.
+    return _native.Benchmark(seed)
+
+
+def rates(rows: Iterable[dict[str, Any]]) -> dict[str, dict[str, float]]:
+    """By policy: ``trials``, and the shares with an unwanted ``contact``, a ``success`` and a ``clean_success``."""
+    by_policy: dict[str, list[dict[str, Any]]] = {}
+    for row in rows:
+        by_policy.setdefault(row["policy"], []).append(row)
+    names = ("contact", "success", "clean_success")
+    return {
+        policy: {"trials": len(own), **{name: sum(row[name] for row in own) / len(own) for name in names}}
+        for policy, own in by_policy.items()
+    }
+
+
+def _row(record: str, policy: str) -> dict[str, Any]:
+    row: dict[str, Any] = json.loads(record)
+    del row["condition"]
+    return {"policy": policy, **row}

@@ -1,0 +1,125 @@
+"""Arm, hand and objects on a table, stepped at 20 Hz."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ftac import _native
+from ftac._arrays import numbers
+
+Place = tuple[str, float, float, float]
+
+
+def command(
+    twist: ArrayLike | None,
+    joints: ArrayLike | None,
+    tensions: ArrayLike | None,
+    opposition: float | None,
+    spools: ArrayLike | None,
+) -> tuple[Any, ...]:
+    """Arguments of a native step."""
+
+    def one(what: str, values: ArrayLike | None, length: int) -> NDArray[np.float64] | None:
+        return None if values is None else numbers(what, values, length)
+
+    return (
+        one("twist", twist, 6),
+        one("joints", joints, 7),
+        one("tensions", tensions, 5),
+        None if opposition is None else float(opposition),
+        one("spools", spools, 6),
+    )
+
+
+class Scene:
+    """A robot at a table with objects.
+
+    Parameters
+    ----------
+    objects:
+        Each is a name (see `ftac.objects`) and the place of its centre on the table: x and y in m (world; the arm reaches about 0.50 to 0.72 and
+        -0.25 to 0.25), and the turn about the vertical in rad. They must stand clear of each other.
+    images:
+        Side of the tactile images in pixels, 8 to 240; None for no images, which is much faster.
+    seed:
+        Of the cameras' noise. The same seed and the same actions give the same bits.
+    reality:
+        Whether covers give way, cables rub, pads feel the hand itself and images arrive late, as in the benchmark.
+    """
+
+    def __init__(
+        self, objects: Sequence[Place] = (), *, images: int | None = None, seed: int = 0, reality: bool = True
+    ) -> None:
+        places = [(str(name), float(x), float(y), float(yaw)) for name, x, y, yaw in objects]
+        self._scene = _native.Scene(places, images, seed, reality)
+        self.objects = [place[0] for place in places]
+        self.limits: dict[str, Any] = self._scene.limits()
+        """Limits of what `step` takes: `speed` (m/s) and `turn_speed` (rad/s) of each axis, `joints` (7, 2) rad, `tension` (N), `opposition` (2,) rad,
+        `spools` (6, 2) rad; and `step`, the length of a step in s."""
+
+    def step(
+        self,
+        *,
+        twist: ArrayLike | None = None,
+        joints: ArrayLike | None = None,
+        tensions: ArrayLike | None = None,
+        opposition: float | None = None,
+        spools: ArrayLike | None = None,
+    ) -> dict[str, Any]:
+        """Lets 1/20 s pass and returns `observe()`.
+
+        The arm moves the palm with ``twist`` (6,): m/s of its origin and rad/s, world axes; or goes to ``joints`` (7,), rad. With neither it keeps still.
+        The hand pulls its cables with ``tensions`` (5,), N at the spools (thumb, index, middle, ring, little), and turns the thumb to ``opposition``, rad;
+        or its servos turn to the output angles ``spools`` (6,), rad. With neither all cables are slack.
+
+        Raises ``ValueError`` where a value is not a number or beyond `limits`; the scene is then as it was.
+        """
+        if tensions is None and spools is None:
+            tensions, opposition = np.zeros(5), 0.0 if opposition is None else opposition
+        elif tensions is not None and opposition is None:
+            opposition = 0.0
+        self._scene.step(*command(twist, joints, tensions, opposition, spools))
+        return self.observe()
+
+    def observe(self) -> dict[str, Any]:
+        """What the robot measures; nothing here is the scene's truth.
+
+        - ``time``: s since the scene began.
+        - ``servos`` (6, 3): output angle (rad), speed (rad/s), current (A) of five cable servos and the thumb's opposition.
+        - ``arm`` (7, 3): joint angle (rad), speed (rad/s), torque (N m).
+        - ``palm`` (7,): ``world_from_palm`` by the arm's encoders and nominal dimensions.
+        - ``tactile`` (17, n, n, 3) uint8: an image a pad (`ftac.hand.PADS`), row 0 at the fingertip's side; only with ``images``.
+        - ``tactile_time`` (17,): when they were taken, s; NaN for those from before the scene.
+        """
+        return self._scene.observe()
+
+    def true_state(self) -> dict[str, Any]:
+        """The scene as it really is, for judging and plotting. No real robot can know it: keep it from policies.
+
+        ``objects`` (n, 7) ``world_from_object``, ``velocities`` (n, 3) m/s, ``palm`` (7,) ``world_from_palm``, ``joints`` (15,) rad, ``tensions`` (5,) N,
+        ``pad_forces`` (17,) N, ``on_table`` n booleans, ``contacts`` (k, 8): object, link (-1 is the palm), point (m, world), force on the object (N, world).
+        """
+        return self._scene.true_state()
+
+    def copy(self) -> Scene:
+        """A scene that goes its own way from the same bits."""
+        twin = object.__new__(Scene)
+        twin._scene, twin.objects, twin.limits = self._scene.copy(), list(self.objects), dict(self.limits)
+        return twin
+
+
+def pose_matrix(pose: ArrayLike) -> NDArray[np.float64]:
+    """A pose of seven numbers as a 4 x 4 matrix."""
+    x, y, z, i, j, k, w = numbers("pose", pose, 7)
+    rotation = [
+        [1 - 2 * (j * j + k * k), 2 * (i * j - k * w), 2 * (i * k + j * w)],
+        [2 * (i * j + k * w), 1 - 2 * (i * i + k * k), 2 * (j * k - i * w)],
+        [2 * (i * k - j * w), 2 * (j * k + i * w), 1 - 2 * (i * i + j * j)],
+    ]
+    matrix = np.eye(4)
+    matrix[:3, :3], matrix[:3, 3] = rotation, [x, y, z]
+    return matrix

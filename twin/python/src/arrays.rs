@@ -1,0 +1,79 @@
+//! Between numpy arrays and the libraries' types.
+
+use nalgebra::Isometry3;
+use numpy::ndarray::{Array2, Array3, Array4};
+use numpy::{IntoPyArray, PyArray2, PyArray3, PyArray4, PyReadonlyArray1, PyUntypedArrayMethods};
+use pyo3::exceptions::{PyRuntimeError, PyValueError};
+use pyo3::prelude::*;
+
+/// An array of numbers as it comes from the package, which has made it contiguous float64.
+pub type Numbers<'py> = PyReadonlyArray1<'py, f64>;
+
+/// Bad input.
+pub fn value_error(error: impl std::fmt::Display) -> PyErr {
+    PyValueError::new_err(error.to_string())
+}
+
+/// Anything else, with its causes.
+pub fn failure(error: &anyhow::Error) -> PyErr {
+    PyRuntimeError::new_err(format!("{error:#}"))
+}
+
+/// Exactly `N` numbers.
+pub fn fixed<const N: usize>(what: &str, numbers: &Numbers) -> PyResult<[f64; N]> {
+    let shape = || value_error(format!("{what}: found {} numbers, expected {N}", numbers.len()));
+    numbers.as_slice().map_err(value_error)?.try_into().map_err(|_| shape())
+}
+
+/// The same, all of them finite.
+pub fn finite<const N: usize>(what: &str, numbers: &Numbers) -> PyResult<[f64; N]> {
+    let found: [f64; N] = fixed(what, numbers)?;
+    match found.iter().position(|value| !value.is_finite()) {
+        Some(index) => Err(value_error(format!("{what}[{index}]: found {}, expected a finite number", found[index]))),
+        None => Ok(found),
+    }
+}
+
+/// x, y, z (m) and the quaternion's x, y, z, w, whose w is not negative: one pose has one row.
+pub fn pose_row(pose: &Isometry3<f64>) -> [f64; 7] {
+    let (t, q) = (pose.translation.vector, pose.rotation.coords);
+    let sign = if q.w < 0.0 { -1.0 } else { 1.0 };
+    [t.x, t.y, t.z, sign * q.x, sign * q.y, sign * q.z, sign * q.w]
+}
+
+/// A table with a row of `N` numbers each.
+pub fn table<'py, const N: usize>(
+    py: Python<'py>,
+    rows: impl ExactSizeIterator<Item = [f64; N]>,
+) -> Bound<'py, PyArray2<f64>> {
+    let mut table = Array2::zeros((rows.len(), N));
+    for (mut line, row) in table.outer_iter_mut().zip(rows) {
+        line.iter_mut().zip(row).for_each(|(to, from)| *to = from);
+    }
+    table.into_pyarray(py)
+}
+
+/// Poses as homogeneous matrices, n x 4 x 4.
+pub fn matrices<'py>(py: Python<'py>, poses: &[Isometry3<f64>]) -> Bound<'py, PyArray3<f64>> {
+    let mut all = Array3::zeros((poses.len(), 4, 4));
+    for (mut to, pose) in all.outer_iter_mut().zip(poses) {
+        let matrix = pose.to_homogeneous();
+        to.indexed_iter_mut().for_each(|(at, to)| *to = matrix[at]);
+    }
+    all.into_pyarray(py)
+}
+
+/// Pictures, count x rows x columns x RGB.
+pub fn pictures(py: Python<'_>, count: usize, side: usize, rgb: Vec<u8>) -> PyResult<Bound<'_, PyArray4<u8>>> {
+    Ok(Array4::from_shape_vec((count, side, side, 3), rgb).map_err(value_error)?.into_pyarray(py))
+}
+
+/// One picture, rows x columns x RGB.
+pub fn picture(py: Python<'_>, side: usize, rgb: Vec<u8>) -> PyResult<Bound<'_, PyArray3<u8>>> {
+    Ok(Array3::from_shape_vec((side, side, 3), rgb).map_err(value_error)?.into_pyarray(py))
+}
+
+/// A map of a picture's pixels, rows x columns.
+pub fn map(py: Python<'_>, side: usize, values: Vec<f32>) -> PyResult<Bound<'_, PyArray2<f32>>> {
+    Ok(Array2::from_shape_vec((side, side), values).map_err(value_error)?.into_pyarray(py))
+}

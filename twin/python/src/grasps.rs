@@ -1,0 +1,24 @@
+//! The grasps that come with the program, as JSON text: the package makes arrays of them.
+
+use pyo3::prelude::*;
+
+use crate::arrays::{failure, value_error};
+
+/// Pick-ups of the benchmark by object.
+#[pyfunction]
+pub fn repertoire(py: Python<'_>) -> PyResult<String> {
+    py.detach(|| {
+        let repertoire = proving::builtin::repertoire().map_err(|error| failure(&error))?;
+        serde_json::to_string(&repertoire.grasps).map_err(value_error)
+    })
+}
+
+/// Synthesized grasps, object by object.
+#[pyfunction]
+pub fn collection(py: Python<'_>) -> PyResult<String> {
+    py.detach(|| {
+        let collection = proving::synthesis::grasp_file::built_in().map_err(|error| failure(&error))?;
+        let grasps: Vec<_> = collection.objects.into_iter().flat_map(|object| object.grasps).collect();
+        serde_json::to_string(&grasps).map_err(value_error)
+    })
+}

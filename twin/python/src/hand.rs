@@ -1,0 +1,119 @@
+//! The hand: kinematics, Jacobians, pads, transmission.
+
+use std::sync::{Arc, LazyLock};
+
+use hand_model::{HAND_JOINTS, Hand, statics};
+use nalgebra::Point3;
+use numpy::ndarray::Array2;
+use numpy::{IntoPyArray, PyArray1, PyArray2, PyArray3};
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+
+use crate::arrays::{Numbers, finite, matrices, table, value_error};
+
+/// The F-TAC Hand as shipped.
+pub static HAND: LazyLock<Arc<Hand>> = LazyLock::new(|| Arc::new(Hand::ftac()));
+
+fn angles(q: &Numbers) -> PyResult<[f64; HAND_JOINTS]> {
+    finite("q", q)
+}
+
+/// Names, limits and constants.
+#[pyfunction]
+pub fn hand(py: Python<'_>) -> PyResult<Bound<'_, PyDict>> {
+    let (hand, all) = (&*HAND, PyDict::new(py));
+    all.set_item("joints", hand.tree.joints.iter().map(|joint| joint.name.as_str()).collect::<Vec<_>>())?;
+    all.set_item("limits", table(py, hand.tree.joints.iter().map(|joint| [joint.lower, joint.upper])))?;
+    all.set_item("springs", PyArray1::from_slice(py, &hand.transmission.springs))?;
+    let pads: Vec<_> = hand
+        .pads
+        .iter()
+        .map(|pad| {
+            let cameras: Vec<&str> = pad.cameras.iter().map(|n| hand.cameras[*n].name.as_str()).collect();
+            (pad.name.as_str(), pad.link, pad.configuration, pad.w, pad.h, cameras)
+        })
+        .collect();
+    all.set_item("pads", pads)?;
+    let cameras: Vec<_> = hand
+        .cameras
+        .iter()
+        .map(|camera| (camera.name.as_str(), camera.pad, camera.center_y, camera.w, camera.h))
+        .collect();
+    all.set_item("cameras", cameras)?;
+    all.set_item("spool_radius", hand.parameters.cable.spool_radius)?;
+    all.set_item("torque_constant", hand.parameters.servo.torque_constant)?;
+    all.set_item("tension", control::slip::most_tension(hand))?;
+    Ok(all)
+}
+
+/// `palm_from_link` of the 15 links.
+#[pyfunction]
+pub fn forward<'py>(py: Python<'py>, q: Numbers<'py>) -> PyResult<Bound<'py, PyArray3<f64>>> {
+    Ok(matrices(py, &HAND.tree.forward(&angles(&q)?)))
+}
+
+/// `palm_from_pad` of the 17 pads.
+#[pyfunction]
+pub fn pad_poses<'py>(py: Python<'py>, q: Numbers<'py>) -> PyResult<Bound<'py, PyArray3<f64>>> {
+    Ok(matrices(py, &HAND.pad_poses(&HAND.tree.forward(&angles(&q)?))))
+}
+
+/// Geometric Jacobian of a point of a link, 6 x 15, palm frame.
+#[pyfunction]
+pub fn jacobian<'py>(
+    py: Python<'py>,
+    q: Numbers<'py>,
+    link: usize,
+    point: Numbers<'py>,
+) -> PyResult<Bound<'py, PyArray2<f64>>> {
+    if link >= HAND_JOINTS {
+        return Err(value_error(format!("link: found {link}, expected 0 to {}", HAND_JOINTS - 1)));
+    }
+    let (poses, point) = (HAND.tree.forward(&angles(&q)?), Point3::from(finite::<3>("point", &point)?));
+    let jacobian = HAND.tree.jacobian(&poses, link, &point);
+    Ok(Array2::from_shape_fn((6, HAND_JOINTS), |at| jacobian[at]).into_pyarray(py))
+}
+
+/// Cable that each digit takes up between 0 and q, m.
+#[pyfunction]
+pub fn excursions<'py>(py: Python<'py>, q: Numbers<'py>) -> PyResult<Bound<'py, PyArray1<f64>>> {
+    let q = angles(&q)?;
+    Ok(PyArray1::from_slice(py, &HAND.transmission.cables.each_ref().map(|cable| cable.excursion(&q))))
+}
+
+/// Moment arm of every cable at every joint, 5 x 15, m.
+#[pyfunction]
+pub fn moment_arms<'py>(py: Python<'py>, q: Numbers<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
+    let q = angles(&q)?;
+    let mut arms = Array2::zeros((HAND.transmission.cables.len(), HAND_JOINTS));
+    for (cable, path) in HAND.transmission.cables.iter().enumerate() {
+        for (joint, guides) in &path.joints {
+            arms[(cable, *joint)] = guides.moment_arm(q[*joint]);
+        }
+    }
+    Ok(arms.into_pyarray(py))
+}
+
+/// Joint torques of cables and springs, N m.
+#[pyfunction]
+pub fn torques<'py>(py: Python<'py>, q: Numbers<'py>, tensions: Numbers<'py>) -> PyResult<Bound<'py, PyArray1<f64>>> {
+    let torques = HAND.transmission.torques(&angles(&q)?, &finite("tensions", &tensions)?);
+    Ok(PyArray1::from_slice(py, &torques))
+}
+
+/// Angles at which the hand comes to rest without contact, rad.
+#[pyfunction]
+pub fn resting_posture<'py>(
+    py: Python<'py>,
+    tensions: Numbers<'py>,
+    opposition: f64,
+) -> PyResult<Bound<'py, PyArray1<f64>>> {
+    if !opposition.is_finite() {
+        return Err(value_error(format!("opposition: found {opposition}, expected a finite angle in rad")));
+    }
+    let tensions = finite::<5>("tensions", &tensions)?;
+    if let Some(n) = tensions.iter().position(|tension| *tension < 0.0) {
+        return Err(value_error(format!("tensions[{n}]: found {}, expected 0 N or more", tensions[n])));
+    }
+    Ok(PyArray1::from_slice(py, &statics::free(&HAND, &tensions, opposition)))
+}

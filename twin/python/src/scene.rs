@@ -1,0 +1,322 @@
+//! Scenes and episodes, stepped from Python.
+//!
+//! Steps run without Python's lock. A scene that is being stepped by one thread cannot be used by another: that is a `RuntimeError`.
+
+use std::sync::{Mutex, MutexGuard, TryLockError};
+
+use bench::environment::{
+    self, Action, ArmAction, EpisodeError, HandAction, Judgement, Options, PadImages, Placed, SceneOptions, Task,
+};
+use bench::workers;
+use control::Twist;
+use numpy::{IntoPyArray, PyArray1, PyArray3, PyReadonlyArray2, PyUntypedArrayMethods};
+use pyo3::exceptions::PyRuntimeError;
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+use scenarios::layout::Place;
+
+use crate::arrays::{Numbers, failure, fixed, picture, pictures, pose_row, table, value_error};
+use crate::worlds::shared;
+
+/// A robot at a table with objects.
+#[pyclass(frozen, module = "ftac._native")]
+pub struct Scene(Mutex<environment::Scene>);
+
+/// A task in progress.
+#[pyclass(frozen, module = "ftac._native")]
+pub struct Episode(Mutex<environment::Episode>);
+
+/// Numbers of an action in a row: twist (6), tensions (5), opposition.
+const ROW: usize = 12;
+
+/// The scene, if no other thread has it.
+fn own<T>(mutex: &Mutex<T>) -> PyResult<MutexGuard<'_, T>> {
+    match mutex.try_lock() {
+        Ok(guard) => Ok(guard),
+        Err(TryLockError::WouldBlock) => {
+            Err(PyRuntimeError::new_err("the scene is being stepped by another thread: give each thread its own"))
+        }
+        Err(TryLockError::Poisoned(_)) => {
+            Err(PyRuntimeError::new_err("a step of the scene failed half-way: make a new one"))
+        }
+    }
+}
+
+/// What is asked for: `twist` or `joints`, and `tensions` with `opposition` or `spools`.
+fn action(
+    (twist, joints): (Option<Numbers>, Option<Numbers>),
+    (tensions, opposition, spools): (Option<Numbers>, Option<f64>, Option<Numbers>),
+) -> PyResult<Action> {
+    let arm = match (twist, joints) {
+        (Some(twist), None) => ArmAction::Twist(Twist::from(fixed::<6>("twist", &twist)?)),
+        (None, Some(joints)) => ArmAction::Joints(fixed("joints", &joints)?),
+        (None, None) => ArmAction::Twist(Twist::zeros()),
+        (Some(_), Some(_)) => return Err(value_error("found twist and joints, expected one of them at most")),
+    };
+    let hand = match (tensions, opposition, spools) {
+        (Some(tensions), Some(opposition), None) => {
+            HandAction::Tensions { tensions: fixed("tensions", &tensions)?, opposition }
+        }
+        (None, None, Some(spools)) => HandAction::Spools(fixed("spools", &spools)?),
+        _ => return Err(value_error("expected either tensions and opposition, or spools")),
+    };
+    Ok(Action { arm, hand })
+}
+
+/// What the robot measures.
+fn observation<'py>(py: Python<'py>, scene: &environment::Scene) -> PyResult<Bound<'py, PyDict>> {
+    let measured = PyDict::new(py);
+    measured.set_item("time", scene.time())?;
+    let servos = scene.servos().iter().map(|servo| [servo.position, servo.velocity, servo.current]);
+    measured.set_item("servos", table(py, servos))?;
+    let arm = scene.arm();
+    let joints = (0..arm.position.len()).map(|n| [arm.position[n], arm.velocity[n], arm.torque[n]]);
+    measured.set_item("arm", table(py, joints))?;
+    measured.set_item("palm", PyArray1::from_slice(py, &pose_row(&scene.palm())))?;
+    if let Some(images) = scene.images() {
+        measured.set_item("tactile", pictures(py, images.times().len(), images.side(), images.rgb().to_vec())?)?;
+        measured.set_item("tactile_time", times(images).into_pyarray(py))?;
+    }
+    Ok(measured)
+}
+
+fn times(images: &PadImages) -> Vec<f64> {
+    images.times().iter().map(|time| time.unwrap_or(f64::NAN)).collect()
+}
+
+/// The scene as it is.
+fn truth<'py>(py: Python<'py>, scene: &environment::Scene) -> PyResult<Bound<'py, PyDict>> {
+    let truth = scene.truth();
+    let all = PyDict::new(py);
+    all.set_item("time", truth.time)?;
+    all.set_item("objects", table(py, truth.objects.iter().map(pose_row)))?;
+    all.set_item("velocities", table(py, truth.velocities.iter().map(|v| [v.x, v.y, v.z])))?;
+    all.set_item("palm", PyArray1::from_slice(py, &pose_row(&truth.palm)))?;
+    all.set_item("joints", truth.hand.into_pyarray(py))?;
+    all.set_item("tensions", PyArray1::from_slice(py, &truth.tensions))?;
+    all.set_item("pad_forces", truth.pad_forces.into_pyarray(py))?;
+    all.set_item("on_table", truth.on_table)?;
+    let contacts = truth.contacts.iter().map(|contact| {
+        let link = contact.link.map_or(-1.0, |link| link as f64);
+        let (p, f) = (contact.point, contact.force);
+        [contact.object as f64, link, p.x, p.y, p.z, f.x, f.y, f.z]
+    });
+    all.set_item("contacts", table(py, contacts))?;
+    Ok(all)
+}
+
+/// Limits of the actions.
+fn limits<'py>(py: Python<'py>, scene: &environment::Scene) -> PyResult<Bound<'py, PyDict>> {
+    let limits = scene.limits();
+    let all = PyDict::new(py);
+    all.set_item("speed", limits.speed)?;
+    all.set_item("turn_speed", limits.turn_speed)?;
+    all.set_item("joints", table(py, limits.joints.into_iter()))?;
+    all.set_item("tension", limits.tension)?;
+    all.set_item("opposition", PyArray1::from_slice(py, &limits.opposition))?;
+    all.set_item("spools", table(py, limits.spools.into_iter()))?;
+    all.set_item("step", scene.step_length())?;
+    Ok(all)
+}
+
+#[pymethods]
+impl Scene {
+    #[new]
+    fn new(
+        py: Python<'_>,
+        objects: Vec<(String, f64, f64, f64)>,
+        images: Option<usize>,
+        seed: u64,
+        reality: bool,
+    ) -> PyResult<Self> {
+        let bench = shared(py, reality)?;
+        let placed: Vec<Placed> =
+            objects.into_iter().map(|(name, x, y, yaw)| Placed { name, place: Place { x, y, yaw } }).collect();
+        let options = SceneOptions { images, seed };
+        let scene = py.detach(|| environment::Scene::new(&bench.world, &bench.board, &placed, options));
+        Ok(Self(Mutex::new(scene.map_err(value_error)?)))
+    }
+
+    #[pyo3(signature = (twist, joints, tensions, opposition, spools))]
+    fn step(
+        &self,
+        py: Python<'_>,
+        twist: Option<Numbers>,
+        joints: Option<Numbers>,
+        tensions: Option<Numbers>,
+        opposition: Option<f64>,
+        spools: Option<Numbers>,
+    ) -> PyResult<()> {
+        let action = action((twist, joints), (tensions, opposition, spools))?;
+        let mut scene = own(&self.0)?;
+        let scene: &mut environment::Scene = &mut scene;
+        py.detach(|| scene.step(&action)).map_err(value_error)
+    }
+
+    fn observe<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        observation(py, &*own(&self.0)?)
+    }
+
+    fn true_state<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        truth(py, &*own(&self.0)?)
+    }
+
+    fn limits<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        limits(py, &*own(&self.0)?)
+    }
+
+    /// A picture for people.
+    fn picture<'py>(&self, py: Python<'py>, side: u32) -> PyResult<Bound<'py, PyArray3<u8>>> {
+        drawn(py, &*own(&self.0)?, side)
+    }
+
+    fn copy(&self) -> PyResult<Self> {
+        Ok(Self(Mutex::new(own(&self.0)?.clone())))
+    }
+}
+
+fn drawn<'py>(py: Python<'py>, scene: &environment::Scene, side: u32) -> PyResult<Bound<'py, PyArray3<u8>>> {
+    let rgb = py.detach(|| scene.picture(side)).map_err(value_error)?;
+    picture(py, side as usize, rgb)
+}
+
+/// held, progress, gained, success, lost
+type Judged = (Vec<bool>, f64, f64, bool, bool);
+
+fn judged(judgement: Judgement) -> Judged {
+    let Judgement { held, progress, gained, success, lost } = judgement;
+    (held, progress, gained, success, lost)
+}
+
+#[pymethods]
+impl Episode {
+    #[new]
+    fn new(
+        py: Python<'_>,
+        task: &str,
+        images: Option<usize>,
+        combination: Option<usize>,
+        seed: u64,
+        reality: bool,
+    ) -> PyResult<Self> {
+        let task = match task {
+            "pick_one" => Task::PickOne,
+            "pick_second" => Task::PickSecond,
+            "pick_two" => Task::PickTwo,
+            found => {
+                return Err(value_error(format!(
+                    "task: found `{found}`, expected `pick_one`, `pick_second` or `pick_two`"
+                )));
+            }
+        };
+        let bench = shared(py, reality)?;
+        let options = Options { task, images, combination };
+        match py.detach(|| environment::Episode::begin(&bench, options, seed)) {
+            Ok(episode) => Ok(Self(Mutex::new(episode))),
+            Err(EpisodeError::Setup(error)) => Err(failure(&error)),
+            Err(error) => Err(value_error(error)),
+        }
+    }
+
+    #[pyo3(signature = (twist, joints, tensions, opposition, spools))]
+    fn step(
+        &self,
+        py: Python<'_>,
+        twist: Option<Numbers>,
+        joints: Option<Numbers>,
+        tensions: Option<Numbers>,
+        opposition: Option<f64>,
+        spools: Option<Numbers>,
+    ) -> PyResult<Judged> {
+        let action = action((twist, joints), (tensions, opposition, spools))?;
+        let mut episode = own(&self.0)?;
+        let episode: &mut environment::Episode = &mut episode;
+        py.detach(|| {
+            episode.scene.step(&action)?;
+            Ok(judged(episode.judge()))
+        })
+        .map_err(|error: environment::ActionError| value_error(error))
+    }
+
+    fn observe<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let episode = own(&self.0)?;
+        let measured = observation(py, &episode.scene)?;
+        measured.set_item("seen", table(py, episode.seen().iter().map(|seen| pose_row(&seen.pose()))))?;
+        Ok(measured)
+    }
+
+    fn true_state<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        truth(py, &own(&self.0)?.scene)
+    }
+
+    fn limits<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        limits(py, &own(&self.0)?.scene)
+    }
+
+    /// A picture for people.
+    fn picture<'py>(&self, py: Python<'py>, side: u32) -> PyResult<Bound<'py, PyArray3<u8>>> {
+        drawn(py, &own(&self.0)?.scene, side)
+    }
+
+    /// Tensions (N) and opposition (rad) with which the hand begins.
+    fn grip(&self) -> PyResult<([f64; 5], f64)> {
+        Ok(own(&self.0)?.grip())
+    }
+
+    fn objects(&self) -> PyResult<Vec<String>> {
+        Ok(own(&self.0)?.objects().map(str::to_owned).collect())
+    }
+
+    /// Turn (rad) of each object about the vertical from its rest pose, as seen.
+    fn yaws(&self) -> PyResult<Vec<f64>> {
+        Ok(own(&self.0)?.seen().iter().map(|seen| seen.yaw).collect())
+    }
+
+    fn combination(&self) -> PyResult<usize> {
+        Ok(own(&self.0)?.combination())
+    }
+
+    fn copy(&self) -> PyResult<Self> {
+        Ok(Self(Mutex::new(own(&self.0)?.clone())))
+    }
+}
+
+/// A step of many episodes on `jobs` threads. Row by row: twist, tensions, opposition. If one action is refused, no episode is stepped.
+#[pyfunction]
+pub fn step_all(
+    py: Python<'_>,
+    episodes: Vec<Py<Episode>>,
+    actions: PyReadonlyArray2<'_, f64>,
+    jobs: usize,
+) -> PyResult<Vec<Judged>> {
+    if actions.shape() != [episodes.len(), ROW] {
+        let shape = actions.shape();
+        return Err(value_error(format!("actions: found shape {shape:?}, expected ({}, {ROW})", episodes.len())));
+    }
+    let mut guards = episodes.iter().map(|episode| own(&episode.get().0)).collect::<PyResult<Vec<_>>>()?;
+    let rows = actions.as_slice().map_err(value_error)?.chunks_exact(ROW);
+    let mut work = Vec::with_capacity(guards.len());
+    for (number, (guard, row)) in guards.iter_mut().zip(rows).enumerate() {
+        let action = Action {
+            arm: ArmAction::Twist(Twist::from_column_slice(&row[..6])),
+            hand: HandAction::Tensions { tensions: std::array::from_fn(|n| row[6 + n]), opposition: row[11] },
+        };
+        let refused = |error| value_error(format!("environment {number}: {error}"));
+        guard.scene.limits().check(&action).map_err(refused)?;
+        let episode: &mut environment::Episode = guard;
+        work.push(Mutex::new((episode, action, None)));
+    }
+    let done = py.detach(|| {
+        workers::for_each(jobs, &work, |_, item| {
+            let mut item = item.lock().map_err(|_| anyhow::anyhow!("a step failed half-way"))?;
+            let (episode, action, judgement) = &mut *item;
+            episode.scene.step(action)?;
+            *judgement = Some(judged(episode.judge()));
+            Ok(())
+        })
+    });
+    done.map_err(|error| failure(&error))?;
+    let judgement = |item: Mutex<(_, _, Option<Judged>)>| item.into_inner().ok().and_then(|(_, _, judged)| judged);
+    let missing = || PyRuntimeError::new_err("a step failed half-way: make new environments");
+    work.into_iter().map(|item| judgement(item).ok_or_else(missing)).collect()
+}

@@ -1,0 +1,77 @@
+"""Policies of one's own in the benchmark's trials."""
+
+import unittest
+
+from ftac import bench
+
+COLUMNS = {"policy", "combination", "trial", "success", "contact", "clean_success", "cause", "reason", "sim_seconds"}
+
+
+class Answers:
+    """Answers by a function of the situation, and keeps the situations."""
+
+    def __init__(self, answer):
+        self.answer, self.situations, self.told = answer, [], []
+
+    def reset(self, info):
+        self.told.append(info)
+
+    def choose(self, situation):
+        self.situations.append(situation)
+        return self.answer(situation)
+
+
+class Bench(unittest.TestCase):
+    def test_a_policy_is_told_what_is_known_and_plays_its_trial(self):
+        policy = Answers(lambda situation: 0 if situation.phase == "decide" else None)
+        rows = bench.play(policy, combinations=[3], trials=2, beside=["blind"])
+        self.assertEqual([row["policy"] for row in rows], ["Answers", "blind"] * 2)
+        self.assertTrue(all(COLUMNS <= set(row) for row in rows))
+        self.assertEqual([info["trial"] for info in policy.told], [0, 1])
+        first = policy.situations[0]
+        self.assertEqual((first.phase, first.tries, first.seen.shape, first.servos.shape), ("decide", 0, (2, 7), (6, 3)))
+        self.assertEqual((len(first.tactile), first.tactile["index_distal"].shape), (18, (240, 240, 3)))
+        self.assertEqual((first.held.shape, first.held_covariance.shape), ((7,), (6, 6)))
+        self.assertTrue(all(grasp.object == first.objects[1] for grasp in first.candidates))
+        self.assertEqual(set(bench.rates(rows)), {"Answers", "blind"})
+        bench._benchmark.cache_clear()
+        (again,) = bench.play(policy, combinations=[3])
+        # How long a decision took is measured in wall time; all else is the same on every run.
+        same = {name: value for name, value in again.items() if name != "decision_ms"}
+        self.assertEqual(same, {name: rows[0][name] for name in same})
+
+    def test_a_policy_that_fails_loses_its_trial_and_nothing_else(self):
+        def fails(situation):
+            raise KeyError("where is it?")
+
+        for answer, words in [
+            (fails, "where is it?"),
+            (lambda situation: 999, "found candidate 999"),
+            (lambda situation: (0, (float("nan"), 0.0, 0.0)), "NaN"),
+            (lambda situation: "the left one", "Error"),
+        ]:
+            (row,) = bench.play(Answers(answer), combinations=[0])
+            self.assertEqual((row["cause"], row["success"]), ("policy_failed", False))
+            self.assertIn(words, row["reason"])
+
+    def test_an_interrupt_ends_the_call(self):
+        def interrupts(situation):
+            raise KeyboardInterrupt
+
+        with self.assertRaises(KeyboardInterrupt):
+            bench.play(Answers(interrupts), combinations=[0])
+
+    def test_what_cannot_be_played_is_refused_in_words(self):
+        policy = Answers(lambda situation: None)
+        for asked, words in [
+            ({"policy": object()}, "expected an object with a method choose"),
+            ({"policy": policy, "trials": 0}, "trials: found 0"),
+            ({"policy": policy, "beside": ["tuch"]}, "beside: found 'tuch'"),
+            ({"policy": policy, "combinations": [60]}, "combination: found 60, expected 0 to 59"),
+        ]:
+            with self.assertRaisesRegex(ValueError, words):
+                bench.play(**asked)
+
+
+if __name__ == "__main__":
+    unittest.main()

@@ -1,0 +1,117 @@
+"""The parts that can be used alone: shapes, units, and what is refused."""
+
+import unittest
+
+import numpy as np
+
+import ftac
+from ftac import grasps, hand, optics, touch
+
+
+class Hand(unittest.TestCase):
+    def test_the_jacobian_is_the_derivative_of_the_kinematics(self):
+        q, link, point, step = np.linspace(0.1, 1.2, 15), hand.JOINTS.index("index_3"), np.array([0.02, 0.01, 0.0]), 1e-6
+        at = lambda q: (hand.forward(q)[link] @ [*point, 1.0])[:3]  # noqa: E731
+        jacobian = hand.jacobian(q, "index_3", point)
+        for joint in range(15):
+            change = np.eye(15)[joint] * step
+            np.testing.assert_allclose((at(q + change) - at(q - change)) / (2 * step), jacobian[:3, joint], atol=1e-8)
+
+    def test_a_resting_hand_has_no_torque_but_at_its_limits(self):
+        tensions = np.full(5, 3.0)
+        q = hand.resting_posture(tensions)
+        torques = hand.torques(q, tensions)
+        inside = (q > hand.LIMITS[:, 0] + 1e-6) & (q < hand.LIMITS[:, 1] - 1e-6)
+        self.assertTrue(inside.sum() >= 10)
+        np.testing.assert_allclose(torques[inside], 0.0, atol=1e-6)
+
+    def test_tension_on_moment_arms_is_torque(self):
+        q = np.full(15, 0.5)
+        tensions = np.array([1.0, 2.0, 3.0, 4.0, 5.0])
+        expected = hand.moment_arms(q).T @ tensions - hand.SPRINGS * q
+        np.testing.assert_allclose(hand.torques(q, tensions), expected, atol=1e-12)
+
+    def test_bad_input_is_refused_in_words(self):
+        for call, words in [
+            (lambda: hand.forward([0.0] * 14), r"q: found shape \(14,\), expected shape \(15,\)"),
+            (lambda: hand.forward([np.nan] * 15), r"q\[0\]: found NaN"),
+            (lambda: hand.forward("no"), "q: expected numbers"),
+            (lambda: hand.jacobian([0.0] * 15, "toe_1"), "link: found 'toe_1'"),
+            (lambda: hand.jacobian([0.0] * 15, 15), "link: found 15, expected 0 to 14"),
+            (lambda: hand.resting_posture([-1.0, 0, 0, 0, 0]), r"tensions\[0\]: found -1"),
+        ]:
+            with self.assertRaisesRegex(ValueError, words):
+                call()
+
+
+class Optics(unittest.TestCase):
+    def test_depth_and_force_are_two_words_for_one_press(self):
+        deep = optics.press_sphere("index_distal", 0.01, depth=0.001)
+        pressed = optics.press_sphere("index_distal", 0.01, force=deep.force)
+        np.testing.assert_allclose(pressed.depth, deep.depth, atol=1e-6)
+        self.assertEqual((deep.image.shape, deep.image.dtype, deep.depth.dtype), ((240, 240, 3), np.uint8, np.float32))
+
+    def test_a_surface_of_heights_is_the_sphere_that_it_describes(self):
+        camera = hand.CAMERAS[hand.camera("index_distal")]
+        at = (np.arange(240) + 0.5) / 240 - 0.5
+        x, y = at[None, :] * camera.width, -at[:, None] * camera.height
+        with np.errstate(invalid="ignore"):
+            heights = 0.01 - np.sqrt(0.01**2 - x**2 - y**2)
+        pressed = optics.press_heights("index_distal", heights, 2.0)
+        sphere = optics.press_sphere("index_distal", 0.01, force=2.0)
+        np.testing.assert_allclose(pressed.depth, sphere.depth, atol=1e-6)
+
+    def test_noise_repeats_by_seed_and_units_differ(self):
+        image = lambda **how: optics.press_sphere("thumb_distal", 0.008, force=1.0, **how).image  # noqa: E731
+        self.assertTrue((image(seed=1) == image(seed=1)).all())
+        self.assertTrue((image(seed=1) != image(seed=2)).any())
+        self.assertTrue((image(unit=1) != image(unit=2)).any())
+
+    def test_bad_input_is_refused_in_words(self):
+        for call, words in [
+            (lambda: optics.background("toe"), "camera: found 'toe'"),
+            (lambda: optics.press_sphere(18, 0.01, force=1.0), "camera: found 18, expected 0 to 17"),
+            (lambda: optics.press_sphere(0, -0.01, force=1.0), "radius: found -0.01"),
+            (lambda: optics.press_sphere(0, 0.01), "expected either a depth or a force"),
+            (lambda: optics.press_sphere(0, 0.01, force=-1.0), "force"),
+            (lambda: optics.press_sphere(0, 0.01, depth=np.nan), "depth: found NaN"),
+            (lambda: optics.press_heights(0, np.zeros((3, 3)), 1.0), "surface: found shape"),
+        ]:
+            with self.assertRaisesRegex(ValueError, words):
+                call()
+
+
+class Touch(unittest.TestCase):
+    def test_an_image_gives_back_what_pressed_and_a_background_is_flat(self):
+        press = optics.press_sphere("middle_distal", 0.01, force=2.0, unit=7)
+        untouched = optics.background("middle_distal", unit=7)
+        felt = touch.surface("middle_distal", press.image, untouched)
+        self.assertLess(abs(felt.indentation.max() - press.depth.max()), 2e-4)
+        np.testing.assert_allclose(np.linalg.norm(felt.normals, axis=2), 1.0, atol=1e-6)
+        flat = touch.surface("middle_distal", untouched, untouched)
+        self.assertEqual(flat.indentation.max(), 0.0)
+        self.assertEqual(flat.points("middle_distal").shape, (240 * 240, 3))
+
+    def test_pictures_of_another_kind_are_refused(self):
+        good = optics.background(0)
+        for bad, words in [
+            (good.astype(np.float32), "image: found dtype float32, expected uint8"),
+            (good[:100], r"image: found shape \[100, 240, 3\]"),
+            (good[:, :, 0], "image: found shape"),
+        ]:
+            with self.assertRaisesRegex(ValueError, words):
+                touch.surface(0, bad, good)
+
+
+class Grasps(unittest.TestCase):
+    def test_what_comes_with_the_program_is_there(self):
+        repertoire, collection = grasps.repertoire(), grasps.collection()
+        self.assertTrue({first for first, _ in ftac.combinations()} <= set(repertoire))
+        self.assertEqual(len(collection), 3450)
+        self.assertEqual(collection[0].joints.shape, (15,))
+        forces = collection[0].contacts[:, 7]
+        self.assertTrue((forces > 0).all())
+
+
+if __name__ == "__main__":
+    unittest.main()

@@ -1,0 +1,139 @@
+"""Scenes and environments: bits by seed, nothing of the truth, and clear words for what cannot be."""
+
+import threading
+import unittest
+import warnings
+
+import gymnasium
+import numpy as np
+from gymnasium.utils.env_checker import check_env
+
+import ftac
+from ftac import envs
+
+OBJECTS = [("lemon", 0.62, 0.14, 0.0), ("box_50", 0.62, -0.14, 0.0)]
+
+
+class Scenes(unittest.TestCase):
+    def test_the_same_actions_give_the_same_bits(self):
+        def played(seed):
+            scene = ftac.Scene(OBJECTS, images=32, seed=seed)
+            for n in range(6):
+                seen = scene.step(twist=[0.1, 0, -0.1, 0, 0.2, 0], tensions=[n] * 5, opposition=0.3)
+            return seen
+
+        one, same = played(4), played(4)
+        for name in one:
+            np.testing.assert_array_equal(one[name], same[name])
+
+    def test_a_copy_goes_its_own_way(self):
+        scene = ftac.Scene(OBJECTS)
+        twin = scene.copy()
+        scene.step(twist=[0.2, 0, 0, 0, 0, 0])
+        self.assertEqual((scene.observe()["time"] > 0, twin.observe()["time"]), (True, 0.0))
+        twin.step(twist=[0.2, 0, 0, 0, 0, 0])
+        np.testing.assert_array_equal(scene.observe()["arm"], twin.observe()["arm"])
+
+    def test_joints_and_spools_are_followed(self):
+        scene = ftac.Scene()
+        joints = scene.observe()["arm"][:, 0]
+        joints[6] += 0.2
+        for _ in range(40):
+            seen = scene.step(joints=joints, spools=[0.0, 1.0, 0.0, 0.0, 0.0, 0.0])
+        self.assertLess(abs(seen["arm"][6, 0] - joints[6]), 0.01)
+        self.assertLess(abs(seen["servos"][1, 0] - 1.0), 0.1)
+        scene.step(twist=[0.0, 0.0, 0.1, 0.0, 0.0, 0.0])
+
+    def test_what_is_no_scene_and_no_action_is_refused_and_changes_nothing(self):
+        scene = ftac.Scene(OBJECTS)
+        for action, words in [
+            ({"twist": [0.0] * 5}, r"twist: found shape \(5,\)"),
+            ({"twist": [np.nan] * 6}, r"palm velocity\[0\]: found NaN"),
+            ({"twist": [9.0] * 6}, r"palm velocity\[0\]: found 9, expected -0.5 to 0.5 m/s"),
+            ({"joints": [9.0] * 7}, r"arm joints\[1\]: found 9"),
+            ({"twist": [0.0] * 6, "joints": [0.0] * 7}, "twist and joints"),
+            ({"tensions": [-1.0] * 5}, r"tensions\[0\]: found -1"),
+            ({"tensions": [0.0] * 5, "spools": [0.0] * 6}, "either tensions and opposition, or spools"),
+            ({"spools": [np.inf] * 6}, r"spools\[0\]: found inf"),
+        ]:
+            with self.assertRaisesRegex(ValueError, words):
+                scene.step(**action)
+        self.assertEqual(scene.observe()["time"], 0.0)
+        for make, words in [
+            (lambda: ftac.Scene([("lemn", 0.6, 0.0, 0.0)]), "no object is called `lemn`; known are: "),
+            (lambda: ftac.Scene([("lemon", np.nan, 0.0, 0.0)]), "object `lemon`, x: found NaN"),
+            (lambda: ftac.Scene(images=241), "found 241 pixels, expected 8 to 240"),
+        ]:
+            with self.assertRaisesRegex(ValueError, words):
+                make()
+
+    def test_two_threads_on_one_scene_never_end_the_interpreter(self):
+        scene, errors = ftac.Scene(OBJECTS), []
+
+        def play():
+            for _ in range(200):
+                try:
+                    scene.step(twist=[0.0] * 6)
+                except RuntimeError as error:
+                    errors.append(str(error))
+
+        threads = [threading.Thread(target=play) for _ in range(2)]
+        for thread in threads:
+            thread.start()
+        for thread in threads:
+            thread.join()
+        self.assertTrue(all("another thread" in error for error in errors))
+        scene.step(twist=[0.0] * 6)
+
+
+class Environments(unittest.TestCase):
+    def test_gymnasium_s_checks_pass(self):
+        for name in ("PickOne", "PickSecond", "PickTwo"):
+            for images in (None, 16):
+                with warnings.catch_warnings():
+                    warnings.simplefilter("ignore")
+                    check_env(gymnasium.make(f"ftac/{name}-v0", images=images).unwrapped)
+
+    def test_observations_hold_nothing_of_the_truth(self):
+        env = envs.Pick("pick_one", images=16)
+        observation, info = env.reset(seed=5)
+        measured = {"servos", "arm", "palm", "command", "seen", "tactile"}
+        self.assertEqual(set(observation), measured)
+        self.assertEqual(set(info), {"objects", "yaws", "combination"})
+        true = env._episode.true_state()["objects"][0]
+        # Vision errs: what is seen is not where the object is.
+        self.assertGreater(np.abs(observation["seen"][0, :3] - true[:3]).max(), 1e-5)
+        _, _, _, _, info = env.step(env.action_space.sample())
+        self.assertEqual(set(info), {"held", "is_success"})
+
+    def test_the_second_pick_begins_with_the_first_object_held_and_keeps_it(self):
+        env = envs.Pick("pick_second")
+        env.reset(seed=2)
+        action = env.grip_action()
+        for _ in range(30):
+            _, _, over, _, info = env.step(action)
+            self.assertFalse(over)
+        self.assertEqual(info["held"], [True, False])
+
+    def test_what_is_not_asked_for_rightly_is_refused(self):
+        env = envs.Pick()
+        with self.assertRaises(gymnasium.error.ResetNeeded):
+            env.step(np.zeros(12))
+        env.reset(seed=1)
+        for action in (np.full(12, np.nan), np.zeros(11), np.full(12, 1.5)):
+            with self.assertRaisesRegex(ValueError, "expected 12 numbers from -1 to 1"):
+                env.step(action)
+        for options, words in [
+            ({"task": "pick_three"}, "task: found 'pick_three'"),
+            ({"reward": "rich"}, "reward: found 'rich'"),
+            ({"images": 7}, "images: found 7"),
+            ({"render_mode": "human"}, "render_mode: found 'human'"),
+        ]:
+            with self.assertRaisesRegex(ValueError, words):
+                envs.Pick(**options)
+        with self.assertRaisesRegex(ValueError, "combination: found 60, expected 0 to 59"):
+            envs.Pick(combination=60).reset(seed=1)
+
+
+if __name__ == "__main__":
+    unittest.main()

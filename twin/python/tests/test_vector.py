@@ -1,0 +1,61 @@
+"""Many environments side by side, and what they look like."""
+
+import unittest
+
+import gymnasium
+import numpy as np
+
+from ftac import envs
+
+
+class Vector(unittest.TestCase):
+    def test_many_do_what_one_does(self):
+        many = gymnasium.make_vec("ftac/PickOne-v0", num_envs=3, images=16, reward="shaped")
+        observed, info = many.reset(seed=7)
+        self.assertEqual((observed["tactile"].shape, len(info["objects"])), ((3, 17, 16, 16, 3), 3))
+        one = envs.Pick("pick_one", images=16, reward="shaped")
+        alone, _ = one.reset(seed=8)
+        rng = np.random.default_rng(0)
+        for _ in range(5):
+            actions = rng.uniform(-1, 1, (3, 12)).astype(np.float32)
+            observed, rewards, terminated, truncated, _ = many.step(actions)
+            alone, reward, *_ = one.step(actions[1])
+            self.assertEqual(rewards[1], reward)
+        for name, value in alone.items():
+            np.testing.assert_array_equal(observed[name][1], value)
+
+    def test_an_episode_that_is_over_begins_anew_in_the_next_step(self):
+        many = envs.VectorPick(2, task="pick_one", max_episode_steps=3)
+        many.reset(seed=1)
+        still = np.zeros((2, 12), dtype=np.float32)
+        truncated = [many.step(still)[3].tolist() for _ in range(7)]
+        ends = [[True, True] if n in (2, 6) else [False, False] for n in range(7)]
+        self.assertEqual(truncated, ends)
+
+    def test_an_action_that_is_refused_steps_none(self):
+        many = envs.VectorPick(2, task="pick_one")
+        before, _ = many.reset(seed=1)
+        bad = np.zeros((2, 12), dtype=np.float32)
+        bad[1, 3] = np.nan
+        for action, words in [(bad, "expected 12 numbers from -1 to 1"), (bad[:1], r"actions: found shape \(1, 12\)")]:
+            with self.assertRaisesRegex(ValueError, words):
+                many.step(action)
+        for env, seen in zip(many.envs, before["arm"]):
+            np.testing.assert_array_equal(env._observe()["arm"], seen)
+
+
+class Pictures(unittest.TestCase):
+    def test_a_picture_shows_the_hand_and_moves_with_it(self):
+        env = gymnasium.make("ftac/PickTwo-v0", render_mode="rgb_array")
+        env.reset(seed=1)
+        before = env.render()
+        self.assertEqual((before.shape, before.dtype), ((480, 480, 3), np.uint8))
+        self.assertGreater(before.std(), 10)
+        for _ in range(10):
+            env.step(np.array([0, 1, 0, 0, 0, 0, -1, -1, -1, -1, -1, 0], dtype=np.float32))
+        self.assertGreater((env.render() != before).mean(), 0.01)
+        self.assertIsNone(gymnasium.make("ftac/PickOne-v0").unwrapped.render())
+
+
+if __name__ == "__main__":
+    unittest.main()
