@@ -39,7 +39,7 @@ const VARIATIONS: usize = 200;
 /// The best of those run so far, which are varied.
 const PARENTS: usize = 4;
 /// Searches from the beginning at most, where the joints could reach the point and no search has.
-const ROUNDS: usize = 6;
+const ROUNDS: usize = 16;
 /// Largest cable tensions tried, N.
 const THUMB_TENSION: f64 = 30.0;
 const FINGER_TENSION: f64 = 20.0;
