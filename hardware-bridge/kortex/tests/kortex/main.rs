@@ -1,5 +1,6 @@
 //! The arm's client against the emulated arm, over loopback TCP and UDP.
 
+mod actions;
 mod dead_host;
 mod fault_matrix;
 mod faults;
