@@ -7,7 +7,7 @@ use super::calls::{
     NEGATIVE_SPEED, NO_ACTION, NOT_MOVING, No, SPEED_TOO_HIGH, TOO_LONG, UNSUPPORTED_ACTION, argument,
 };
 use super::controller::Controller;
-use super::path::{Haste, Path, TOP_SPEED, shortest};
+use super::path::{Haste, Path, TOP_SPEED, soonest};
 use super::plant::Drive;
 use crate::call::{self, Call};
 use crate::degrees;
@@ -90,7 +90,7 @@ impl Controller {
         let target = target(wanted, &position)?;
         let haste = haste(wanted)?;
         if let Haste::Duration(seconds) = haste
-            && seconds < shortest(&position, &target, TOP_SPEED)
+            && seconds < soonest(&position, &target)
         {
             return Err(CANNOT_REACH_SO_SOON);
         }

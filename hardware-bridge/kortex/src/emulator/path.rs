@@ -2,16 +2,22 @@
 
 use crate::joints::JOINTS;
 
-/// Speed of the fastest joint where the host asks for none, rad/s. Our reading.
-const MODEST: f64 = 0.5;
-/// Largest acceleration, rad/s2. Our reading.
-const ACCELERATION: f64 = 1.5;
-/// The slowest joint's top speed, rad/s (published: 69.9 degrees per second).
+/// Where the host asks for no duration: rad/s of the fastest joint, and rad/s2. Our reading.
+const MODEST: Limits = Limits { speed: 0.5, acceleration: 1.5 };
+/// Where it does: the slowest joint's top speed (published: 69.9 degrees per second), and our reading.
+const TOP: Limits = Limits { speed: TOP_SPEED, acceleration: 5.0 };
+/// rad/s.
 pub(super) const TOP_SPEED: f64 = 1.22;
 /// A minimum-jerk curve's top speed is this times distance / duration,
 const PEAK_SPEED: f64 = 1.875;
 /// and its largest acceleration this times distance / duration².
 const PEAK_ACCELERATION: f64 = 5.773_502_691_896_258;
+
+#[derive(Debug, Clone, Copy)]
+struct Limits {
+    speed: f64,
+    acceleration: f64,
+}
 
 /// How fast to go.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -38,8 +44,8 @@ impl Path {
     pub fn new(from: [f64; JOINTS], to: [f64; JOINTS], haste: Haste, start: u64) -> Self {
         let seconds = match haste {
             Haste::Modest => shortest(&from, &to, MODEST),
-            Haste::Duration(seconds) => seconds.max(shortest(&from, &to, TOP_SPEED)),
-            Haste::Speed(speed) => shortest(&from, &to, speed),
+            Haste::Duration(seconds) => seconds.max(soonest(&from, &to)),
+            Haste::Speed(speed) => shortest(&from, &to, Limits { speed, ..MODEST }),
         };
         Self { from, to, start, duration: (seconds * 1e3).ceil() as u64 }
     }
@@ -60,10 +66,14 @@ impl Path {
     }
 }
 
-/// Shortest time for the way with no joint above `speed`, rad/s, nor above the largest acceleration, s.
-pub(super) fn shortest(from: &[f64; JOINTS], to: &[f64; JOINTS], speed: f64) -> f64 {
+/// Shortest time in which the joints can get there, s.
+pub(super) fn soonest(from: &[f64; JOINTS], to: &[f64; JOINTS]) -> f64 {
+    shortest(from, to, TOP)
+}
+
+fn shortest(from: &[f64; JOINTS], to: &[f64; JOINTS], limits: Limits) -> f64 {
     let way = (0..JOINTS).map(|i| (to[i] - from[i]).abs()).fold(0.0, f64::max);
-    (PEAK_SPEED * way / speed).max((PEAK_ACCELERATION * way / ACCELERATION).sqrt())
+    (PEAK_SPEED * way / limits.speed).max((PEAK_ACCELERATION * way / limits.acceleration).sqrt())
 }
 
 #[cfg(test)]
@@ -87,7 +97,7 @@ mod tests {
                 for i in 0..JOINTS {
                     let rate = (next[i] - here[i]) * 1e3;
                     prop_assert!(rate.abs() <= speed * 1.0001, "{rate}");
-                    prop_assert!((rate - before[i]).abs() * 1e3 <= ACCELERATION * 1.01, "{rate} after {}", before[i]);
+                    prop_assert!((rate - before[i]).abs() * 1e3 <= MODEST.acceleration * 1.01, "{rate} after {}", before[i]);
                     before[i] = rate;
                 }
             }
@@ -98,7 +108,7 @@ mod tests {
     fn durations() {
         let to = FROM.map(|angle| angle + 0.5);
         assert_eq!(Path::new(FROM, to, Haste::Duration(4.0), 0).end(), 4000);
-        assert_eq!(Path::new(FROM, to, Haste::Duration(0.01), 0).end(), 1388);
+        assert_eq!(Path::new(FROM, to, Haste::Duration(0.01), 0).end(), 769);
         assert_eq!(Path::new(FROM, FROM, Haste::Modest, 7).end(), 7);
         assert_eq!(Path::new(FROM, FROM, Haste::Modest, 7).at(7), FROM);
     }
