@@ -1,3 +1,5 @@
+use proptest::prelude::*;
+
 use super::*;
 use crate::protocol2::Decoder;
 
@@ -160,4 +162,35 @@ fn registered_writes() {
     assert_eq!(ask(&mut chain, BROADCAST, Instruction::Action, 0.0), []);
     assert!(read(&mut chain, 102, 2).eq([61, 62]));
     assert!(read(&mut chain, 69, 1).eq([0, 0]));
+}
+
+proptest! {
+    /// No packet makes the servos panic, and what they answer are packets.
+    #[test]
+    fn any_packet(
+        instructions in prop::collection::vec(
+            (
+                prop::sample::select(&[1, 2, 3, 4, 5, 8, 0x10, 0x82, 0x83, 0x8A, 0x92, 0x93, 0x9A][..]),
+                prop_oneof![Just(BROADCAST), 1..=7_u8, any::<u8>()],
+                prop_oneof![prop::collection::vec(any::<u8>(), 0..40), prop::collection::vec(0..8_u8, 0..24)],
+            ),
+            1..12,
+        ),
+    ) {
+        let mut chain = chain(&[]);
+        for (n, (instruction, id, parameters)) in instructions.into_iter().enumerate() {
+            let packet = Packet { id, instruction, parameters };
+            let answers = chain.handle(&packet, 20, BAUD, n as f64);
+            chain.advance(n as f64, 0.01, &[ServoState::default(); 6]);
+            if matches!(instruction, 0x8A | 0x9A) {
+                continue;
+            }
+            for answer in answers {
+                let mut decoder = Decoder::default();
+                decoder.push(&answer.bytes);
+                let packet = decoder.next_packet().expect("whole").expect("good");
+                prop_assert!(Status::decode(&packet).is_some());
+            }
+        }
+    }
 }

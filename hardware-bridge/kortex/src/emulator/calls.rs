@@ -194,6 +194,9 @@ impl Controller {
         }
         let mut wanted = [0.0; JOINTS];
         for speed in &speeds.joints {
+            if !speed.value.is_finite() {
+                return Err(INVALID_PARAMETER);
+            }
             *wanted.get_mut(speed.joint as usize).ok_or(COUNT_MISMATCH)? = degrees::to_radians(speed.value);
         }
         self.abort_action(MANUAL_STOP);
@@ -209,6 +212,9 @@ impl Controller {
         let command: Command = argument(request)?;
         if command.actuators.len() != JOINTS {
             return Err(COUNT_MISMATCH);
+        }
+        if command.actuators.iter().any(|actuator| !actuator.position.is_finite()) {
+            return Err(INVALID_PARAMETER);
         }
         if self.faults.is_empty() {
             self.follow(&command);
