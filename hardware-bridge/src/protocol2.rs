@@ -6,10 +6,12 @@
 //! is 0x55 and whose first parameter is an error byte.
 //!
 //! In layers: [`crc`] and [`stuffing`] work on bytes, [`packet`] on one packet, [`decoder`] on the stream; [`instruction`] and [`status`] are the
-//! contents of packets. [`fast_sync`] is the one answer that several servos write into a single packet.
+//! contents of packets, [`bulk`] the parameters that name other registers for every servo. [`fast_sync`] is the one answer that several servos
+//! write into a single packet.
 //!
 //! Source: ROBOTIS e-Manual, "DYNAMIXEL Protocol 2.0"; its example packets are the tests' vectors.
 
+pub mod bulk;
 pub mod crc;
 pub mod decoder;
 pub mod fast_sync;
@@ -18,6 +20,7 @@ pub mod packet;
 pub mod status;
 pub mod stuffing;
 
+pub use bulk::{BulkRead, BulkWrite};
 pub use decoder::{Decoder, StreamError};
 pub use instruction::Instruction;
 pub use packet::{BROADCAST, Packet, PacketError};

@@ -3,11 +3,16 @@
 use std::sync::mpsc;
 use std::time::{Duration, Instant};
 
+use hand_model::ACTUATORS;
 use hand_model::arm::Arm as ArmModel;
 use hardware_bridge::arm_link::ArmLink as _;
+use hardware_bridge::emulator::spring_hand::SpringHand;
+use hardware_bridge::emulator::{EmulatedHand, EmulatorSettings};
 use hardware_bridge::kortex_link::{KortexLink, limits, tap};
+use kortex::base::Notification;
 use kortex::emulator::{Emulator, FirstOrderJoints, Injection, Pace, Settings};
 use kortex::frame::{Frame, Kind};
+use kortex::message::action::ActionEvent;
 use kortex::message::base::ServoingMode;
 use kortex::message::cyclic::{Command, Feedback};
 use kortex::servoing::Servoing;
@@ -125,4 +130,36 @@ fn a_link_without_network_does_not_keep_its_caller_waiting() {
         fault && link.command(&ArmModel::home()).is_err_and(|error| !error.to_string().contains("servoing ended"))
     });
     assert_eq!(told, ["arm: servoing ended"], "told once, before the farewell was over");
+}
+
+/// An action moves the arm that carries the emulated hand, and the arm says where its tool is.
+#[test]
+fn an_action_moves_the_hands_arm() {
+    let hand = EmulatedHand::start(Box::new(SpringHand::new([4.0; ACTUATORS])), EmulatorSettings::default())
+        .expect("pseudo-terminals");
+    let settings = Settings { following_error: std::f64::consts::PI, ..Settings::default() };
+    let credentials = settings.credentials.clone();
+    let emulator =
+        Emulator::start(settings, Box::new(hand.arm_joints()), Pace::RealTime).expect("loopback has free ports");
+    let mut arm = Arm::connect(emulator.address(), &credentials, timeouts(), [0.0; 7]).expect("connects");
+    arm.base.subscribe_to_actions().expect("subscribes");
+    let posture = [0.3, 0.2, -0.1, 0.2, 0.0, 0.1, -0.3];
+    arm.base.reach_joint_angles(&posture, Some(1.0)).expect("begins");
+    let mut events = Vec::new();
+    until("the action is over", || {
+        arm.keep_up().expect("alive");
+        while let Some(Notification::Action { event, .. }) = arm.base.next_notification().expect("readable") {
+            events.push(event);
+        }
+        events.last() == Some(&ActionEvent::End)
+    });
+    assert_eq!(events, [ActionEvent::Start, ActionEvent::End]);
+    let expected = ArmModel::gen3().tool_pose(&posture);
+    until("the plant has taken the last step", || {
+        let pose = arm.base.tool_pose().expect("known");
+        (0..3).all(|i| (pose.position[i] - expected.translation.vector[i]).abs() < 1e-5)
+    });
+    let turn = arm.base.tool_pose().expect("known").angles;
+    let (x, y, z) = expected.rotation.euler_angles();
+    assert!([x, y, z].iter().zip(turn).all(|(expected, found)| (expected - found).abs() < 1e-4), "{turn:?}");
 }

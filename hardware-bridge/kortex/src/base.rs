@@ -1,33 +1,27 @@
 //! The high-level interface of the arm, over TCP: modes, faults, measured angles, joint speeds, devices, notifications.
 
+pub mod actions;
+mod devices;
+
 use std::net::SocketAddr;
 
+pub use devices::Device;
 use prost::Message;
 
 use crate::call::{self, Call};
 use crate::degrees;
 use crate::error::{CommandError, KortexError};
-use crate::joints::JOINTS;
+use crate::joints::{JOINTS, ToolPose};
 use crate::link::TcpLink;
+use crate::message::action::{ActionEvent, ActionNotification};
 use crate::message::base::{
-    ActuatorInformation, ArmStateInformation, JointAngles, JointSpeed, JointSpeeds, ServoingMode,
+    ActuatorInformation, ArmStateInformation, JointAngles, JointSpeed, JointSpeeds, Pose, ServoingMode,
     ServoingModeInformation,
 };
-use crate::message::device::{
-    ControlMode, ControlModeInformation, DeviceHandles, DeviceType, SafetyNotification, SafetyStatus, SerialNumber,
-};
+use crate::message::device::{SafetyNotification, SafetyStatus};
 use crate::message::{ArmState, Empty, NotificationHandle, NotificationOptions};
 use crate::session::{Credentials, Session, Timeouts, decode};
 use crate::tap::Tap;
-
-/// A device inside the arm.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Device {
-    pub kind: DeviceType,
-    pub address: u8,
-    /// Its position in the chain, from the base.
-    pub order: u32,
-}
 
 /// A message that the arm sends unasked.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -43,6 +37,14 @@ pub enum Notification {
         /// The safety's bit in the device's bank A.
         bit: u32,
         status: SafetyStatus,
+    },
+    /// An action began, ended, paused or was aborted.
+    Action {
+        /// Its identifier; 0 for one that the arm does not store.
+        id: u32,
+        event: ActionEvent,
+        /// For an abort, the arm's number for the reason ([`crate::refusal::Refusal::sub_code`]).
+        why: u32,
     },
 }
 
@@ -156,6 +158,21 @@ impl Base {
         Ok(self.ask::<ActuatorInformation>(call::GET_ACTUATOR_COUNT)?.count)
     }
 
+    /// Where the arm measures its tool, in its base frame, with the tool as set on its web page.
+    ///
+    /// # Errors
+    /// As [`Session::call`]; [`KortexError::Answer`] for a pose that is not finite.
+    pub fn tool_pose(&mut self) -> Result<ToolPose, KortexError> {
+        let call = call::GET_TOOL_POSE;
+        let Pose { x, y, z, theta_x, theta_y, theta_z } = self.ask(call)?;
+        if ![x, y, z, theta_x, theta_y, theta_z].iter().all(|value| value.is_finite()) {
+            let found = format!("{:?}", [x, y, z, theta_x, theta_y, theta_z]);
+            return Err(KortexError::Answer { call, field: "pose", found, expected: "finite numbers".to_owned() });
+        }
+        let angles = [theta_x, theta_y, theta_z].map(degrees::to_radians);
+        Ok(ToolPose { position: [x, y, z].map(f64::from), angles })
+    }
+
     /// Measured joint angles, rad, each within half a turn of 0.
     ///
     /// # Errors
@@ -196,58 +213,6 @@ impl Base {
         self.session.call::<Empty>(call::SEND_JOINT_SPEEDS, 0, &argument).map(|_| ())
     }
 
-    /// What the arm consists of, from the base on.
-    ///
-    /// # Errors
-    /// As [`Session::call`]; [`KortexError::Answer`] for an address that fits no header.
-    pub fn devices(&mut self) -> Result<Vec<Device>, KortexError> {
-        let call = call::READ_ALL_DEVICES;
-        let answer: DeviceHandles = self.ask(call)?;
-        let mut devices = Vec::new();
-        for handle in answer.devices {
-            let address = u8::try_from(handle.identifier).map_err(|_| KortexError::Answer {
-                call,
-                field: "device identifier",
-                found: handle.identifier.to_string(),
-                expected: "0 to 255".to_owned(),
-            })?;
-            devices.push(Device { kind: handle.device_type(), address, order: handle.order });
-        }
-        devices.sort_by_key(|device| device.order);
-        Ok(devices)
-    }
-
-    /// Addresses of the seven joints, from the base on.
-    ///
-    /// # Errors
-    /// As [`Base::devices`]; [`KortexError::Answer`] if there are not seven.
-    pub fn actuators(&mut self) -> Result<[u8; JOINTS], KortexError> {
-        let actuators = self.devices()?.into_iter().filter(|device| device.kind.is_actuator());
-        let addresses: Vec<u8> = actuators.map(|device| device.address).collect();
-        addresses.try_into().map_err(|addresses: Vec<u8>| KortexError::Answer {
-            call: call::READ_ALL_DEVICES,
-            field: "number of actuators",
-            found: addresses.len().to_string(),
-            expected: JOINTS.to_string(),
-        })
-    }
-
-    /// Serial number of a device.
-    ///
-    /// # Errors
-    /// As [`Session::call`].
-    pub fn serial_number(&mut self, device: u8) -> Result<String, KortexError> {
-        Ok(self.session.call::<SerialNumber>(call::GET_SERIAL_NUMBER, device, &Empty {})?.serial_number)
-    }
-
-    /// What a joint follows.
-    ///
-    /// # Errors
-    /// As [`Session::call`].
-    pub fn control_mode(&mut self, actuator: u8) -> Result<ControlMode, KortexError> {
-        Ok(self.session.call::<ControlModeInformation>(call::GET_CONTROL_MODE, actuator, &Empty {})?.mode())
-    }
-
     /// Asks to be told of changes of the arm's state and servoing mode, and of every safety of the base and of
     /// `actuators`.
     ///
@@ -279,6 +244,11 @@ impl Base {
                 call::ARM_STATE_TOPIC => Notification::ArmState(decode::<ArmStateInformation>(&frame)?.active_state()),
                 call::SERVOING_MODE_TOPIC => {
                     Notification::ServoingMode(decode::<ServoingModeInformation>(&frame)?.mode())
+                }
+                call::ACTION_TOPIC => {
+                    let action: ActionNotification = decode(&frame)?;
+                    let id = action.handle.map_or(0, |handle| handle.identifier);
+                    Notification::Action { id, event: action.event(), why: action.abort_details }
                 }
                 _ => {
                     let safety: SafetyNotification = decode(&frame)?;

@@ -48,8 +48,17 @@ calls! {
     CREATE_SESSION = 1 / 1, "Session.Create";
     CLOSE_SESSION = 1 / 2, "Session.Close";
     KEEP_ALIVE = 1 / 3, "Session.KeepAlive";
+    READ_ACTION = 2 / 43, "Base.ReadAction";
+    READ_ALL_ACTIONS = 2 / 44, "Base.ReadAllActions";
+    EXECUTE_ACTION_FROM_REFERENCE = 2 / 47, "Base.ExecuteActionFromReference";
+    EXECUTE_ACTION = 2 / 48, "Base.ExecuteAction";
+    PAUSE_ACTION = 2 / 49, "Base.PauseAction";
+    STOP_ACTION = 2 / 50, "Base.StopAction";
+    RESUME_ACTION = 2 / 51, "Base.ResumeAction";
     UNSUBSCRIBE = 2 / 97, "Base.Unsubscribe";
+    ACTION_TOPIC = 2 / 106, "Base.ActionTopic";
     STOP = 2 / 112, "Base.Stop";
+    GET_TOOL_POSE = 2 / 115, "Base.GetMeasuredCartesianPose";
     GET_JOINT_ANGLES = 2 / 126, "Base.GetMeasuredJointAngles";
     SEND_JOINT_SPEEDS = 2 / 132, "Base.SendJointSpeeds";
     APPLY_EMERGENCY_STOP = 2 / 145, "Base.ApplyEmergencyStop";
@@ -62,6 +71,10 @@ calls! {
     ARM_STATE_TOPIC = 2 / 176, "Base.ArmStateTopic";
     REFRESH = 3 / 1, "BaseCyclic.Refresh";
     REFRESH_FEEDBACK = 3 / 3, "BaseCyclic.RefreshFeedback";
+    GET_DEVICE_TYPE = 9 / 3, "DeviceConfig.GetDeviceType";
+    GET_FIRMWARE_VERSION = 9 / 4, "DeviceConfig.GetFirmwareVersion";
+    GET_MODEL_NUMBER = 9 / 6, "DeviceConfig.GetModelNumber";
+    GET_PART_NUMBER = 9 / 7, "DeviceConfig.GetPartNumber";
     GET_SERIAL_NUMBER = 9 / 8, "DeviceConfig.GetSerialNumber";
     SAFETY_TOPIC = 9 / 28, "DeviceConfig.SafetyTopic";
     GET_CONTROL_MODE = 10 / 6, "ActuatorConfig.GetControlMode";
@@ -88,6 +101,10 @@ mod tests {
             (STOP, 0x20070),
             (GET_ACTUATOR_COUNT, 0x200AB),
             (GET_ARM_STATE, 0x200AF),
+            (ACTION_TOPIC, 0x2006A),
+            (READ_ALL_ACTIONS, 0x2002C),
+            (EXECUTE_ACTION_FROM_REFERENCE, 0x2002F),
+            (EXECUTE_ACTION, 0x20030),
         ];
         for (call, id) in observed {
             assert_eq!(call.id(), id, "{call}");

@@ -6,14 +6,21 @@
 //! # What is assumed
 //! Not all reactions of the real arm are published. Where the emulator guesses, it takes the careful side:
 //! - Commands that stop for [`Settings::cyclic_deadline`] raise every joint's watchdog fault and stop the arm.
-//! - A session that ends while its speeds move the arm, or while it servoes, stops the arm.
+//! - A session that ends while its speeds or its action move the arm, or while it servoes, stops the arm.
+//! - An action is aborted by any command that moves or stops the arm and by a change of mode; the next one begins when the
+//!   joints have braked. It takes 0.5 rad/s and 1.5 rad/s² unless it asks for a duration or a speed. Poses, twists and
+//!   sequences are refused: the arm's base here knows no kinematics.
 //! - A joint further than [`Settings::following_error`] from its command raises a following error.
 //! - In fault the arm keeps answering the cyclic exchange, without moving; after an emergency stop it refuses it,
 //!   because the servoing mode is gone.
 
+mod actions;
 mod calls;
 mod controller;
+mod devices;
 mod fault_injection;
+mod notifications;
+mod path;
 mod peer;
 mod plant;
 mod server;

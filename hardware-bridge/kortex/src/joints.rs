@@ -13,3 +13,12 @@ pub struct Motion {
     /// N m.
     pub torque: [f64; JOINTS],
 }
+
+/// Pose of the tool in the arm's base frame.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ToolPose {
+    /// m.
+    pub position: [f64; 3],
+    /// Turns about the base's x, y and z axes, in this order, rad.
+    pub angles: [f64; 3],
+}

@@ -8,7 +8,7 @@
 //!   arguments and results; [`refusal`] and [`safety_bank`]: refusals and faults.
 //! - [`link`] and [`session`]: transport, calls with deadlines, keep-alives, notifications; [`tap`]: copies for a recorder.
 //! - [`joints`] and [`degrees`]: joint quantities, and their units on the wire.
-//! - [`base`]: the high-level interface. [`cyclic`]: the cyclic exchange and its counters. [`arm`]: both.
+//! - [`base`]: the high-level interface, with [`base::actions`]. [`cyclic`]: the cyclic exchange and its counters. [`arm`]: both.
 //! - [`servoing`]: joint commands with seeded entry, checks and clean exit.
 //! - [`servo_loop`]: servoing at 1 kHz in a thread, with targets from a slower controller.
 //! - [`emulator`]: a Gen3 on loopback.
@@ -41,6 +41,6 @@ pub mod tcp_framing;
 
 pub use arm::{Address, Arm};
 pub use error::{CommandError, KortexError};
-pub use joints::{JOINTS, Motion};
+pub use joints::{JOINTS, Motion, ToolPose};
 pub use session::{Credentials, Timeouts};
 pub use tap::{Direction, Tap};

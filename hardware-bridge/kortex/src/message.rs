@@ -3,6 +3,7 @@
 //!
 //! Only the fields this bridge reads or writes are declared; a protobuf reader steps over the others.
 
+pub mod action;
 pub mod base;
 pub mod cyclic;
 pub mod device;

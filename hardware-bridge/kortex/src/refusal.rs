@@ -28,7 +28,7 @@ pub enum Reason {
     ServoingMode,
     /// A joint would leave its range.
     JointLimit,
-    /// Too many, too few, too fast.
+    /// Too many, too few, too fast, too long.
     Motion,
     /// Anything else.
     Other,
@@ -37,8 +37,8 @@ pub enum Reason {
 impl Reason {
     fn from_sub_code(sub_code: u32) -> Self {
         match sub_code {
-            2 | 4 | 5 => Self::Unsupported,
-            3 | 13 | 48 | 49 => Self::InvalidParameter,
+            2 | 4 | 5 | 46 => Self::Unsupported,
+            3 | 13 | 17 | 48 | 49 | 52 => Self::InvalidParameter,
             12 => Self::InvalidSession,
             15 | 16 => Self::Login,
             54 | 130 => Self::NotInControl,
@@ -47,7 +47,7 @@ impl Reason {
             25 => Self::EmergencyStop,
             26 | 27 | 64 | 75 => Self::ServoingMode,
             65 => Self::JointLimit,
-            57 | 59..=61 => Self::Motion,
+            57..=61 | 63 => Self::Motion,
             _ => Self::Other,
         }
     }

@@ -10,6 +10,8 @@ from dynamixel_sdk import (
     DXL_HIWORD,
     DXL_LOBYTE,
     DXL_LOWORD,
+    GroupBulkRead,
+    GroupBulkWrite,
     GroupSyncRead,
     GroupSyncWrite,
     PacketHandler,
@@ -21,6 +23,7 @@ dynamixel_sdk.port_handler.LATENCY_TIMER = 250
 
 IDS = [1, 2, 3, 4, 5, 6]
 OPERATING_MODE, TORQUE_ENABLE, GOAL_CURRENT, GOAL_POSITION, PRESENT_POSITION = 11, 64, 102, 116, 132
+REGISTERED_INSTRUCTION, VOLTAGE, TEMPERATURE = 69, 144, 146
 
 port = PortHandler(sys.argv[1])
 assert port.openPort()
@@ -67,6 +70,27 @@ while True:
     assert time.monotonic() < deadline, moved
 again = [now - then for now, then in zip(positions(True), start)]
 assert all(abs(distance - 400) < 60 for distance in again), again
+
+bulk = GroupBulkRead(port, servos)
+for number in IDS:
+    assert bulk.addParam(number, *((VOLTAGE, 2) if number % 2 else (TEMPERATURE, 1)))
+assert bulk.txRxPacket() == COMM_SUCCESS
+assert [bulk.getData(number, VOLTAGE, 2) for number in (1, 3, 5)] == [111] * 3
+assert all(20 < bulk.getData(number, TEMPERATURE, 1) < 60 for number in (2, 4, 6))
+
+bulk = GroupBulkWrite(port, servos)
+assert bulk.addParam(1, GOAL_CURRENT, 2, [250, 0])
+assert bulk.addParam(2, 65, 1, [1])
+assert bulk.txPacket() == COMM_SUCCESS
+assert servos.read2ByteTxRx(port, 1, GOAL_CURRENT) == (250, COMM_SUCCESS, 0)
+assert servos.read1ByteTxRx(port, 2, 65) == (1, COMM_SUCCESS, 0)
+
+assert servos.regWriteTxRx(port, 3, GOAL_CURRENT, 2, [240, 0]) == (COMM_SUCCESS, 0)
+assert servos.read1ByteTxRx(port, 3, REGISTERED_INSTRUCTION) == (1, COMM_SUCCESS, 0)
+assert servos.read2ByteTxRx(port, 3, GOAL_CURRENT) == (300, COMM_SUCCESS, 0)
+# To all, because the SDK does not wait for the answer of a single servo.
+assert servos.action(port, 254) == COMM_SUCCESS
+assert servos.read2ByteTxRx(port, 3, GOAL_CURRENT) == (240, COMM_SUCCESS, 0)
 
 assert servos.reboot(port, 6) == (COMM_SUCCESS, 0)
 time.sleep(0.5)

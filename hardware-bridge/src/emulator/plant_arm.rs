@@ -5,8 +5,8 @@ use std::sync::{Arc, Mutex};
 
 use hand_model::robot::ArmState;
 use hand_model::{ARM_JOINTS, Arm};
-use kortex::Motion;
 use kortex::emulator::{Drive, Plant};
+use kortex::{Motion, ToolPose};
 
 use crate::lock::lock;
 use crate::safety::limits::ArmLimits;
@@ -20,6 +20,7 @@ struct Joints {
     /// Remaining speeds while braking, rad/s.
     braking: Option<[f64; ARM_JOINTS]>,
     limits: ArmLimits,
+    model: Arm,
 }
 
 /// Between the arm's controller and the plant.
@@ -29,8 +30,9 @@ pub struct SharedArm(Arc<Mutex<Joints>>);
 impl SharedArm {
     /// An arm in this state, which is to stay where it is.
     pub fn at(state: ArmState) -> Self {
-        let limits = ArmLimits::of(&Arm::gen3());
-        Self(Arc::new(Mutex::new(Joints { state, age: 0.0, goal: state.position, braking: None, limits })))
+        let model = Arm::gen3();
+        let limits = ArmLimits::of(&model);
+        Self(Arc::new(Mutex::new(Joints { state, age: 0.0, goal: state.position, braking: None, limits, model })))
     }
 
     /// The controller's goal for the joints, rad.
@@ -81,6 +83,14 @@ impl Plant for SharedArm {
         let ArmState { position, velocity, torque } = lock(&self.0).state;
         Motion { position, velocity, torque }
     }
+
+    /// The tool frame is the interface of the bracelet, as on an arm whose web page has no other tool.
+    fn tool_pose(&self) -> Option<ToolPose> {
+        let joints = lock(&self.0);
+        let pose = joints.model.tool_pose(&joints.state.position);
+        let (x, y, z) = pose.rotation.euler_angles();
+        Some(ToolPose { position: pose.translation.vector.into(), angles: [x, y, z] })
+    }
 }
 
 #[cfg(test)]
@@ -99,6 +109,16 @@ mod tests {
         assert_eq!(arm.goal(), [0.3; ARM_JOINTS]);
         arm.advance(&Drive::Position([0.31; ARM_JOINTS]), 1e-3);
         assert_eq!(arm.goal(), [0.31; ARM_JOINTS]);
+    }
+
+    /// At home the tool points forward, 0.43 m over the base: published as 90, 0 and 90 degrees.
+    #[test]
+    fn tool_at_home() {
+        let arm = SharedArm::at(ArmState { position: Arm::home(), ..ArmState::default() });
+        let ToolPose { position, angles } = arm.tool_pose().expect("known");
+        assert_eq!(angles.map(|angle| angle.to_degrees().round().abs()), [90.0, 0.0, 90.0]);
+        assert!((position[2] - 0.43).abs() < 0.01 && position[1].abs() < 0.03, "{position:?}");
+        assert!(angles[0] > 0.0 && angles[2] > 0.0 && position[0] > 0.3, "{position:?} {angles:?}");
     }
 
     /// Told to stop, it runs out by v^2 / 2a from where it is, not from where it was sent.

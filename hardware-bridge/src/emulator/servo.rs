@@ -3,6 +3,8 @@
 //! It has no clock and no input or output: time and shaft state are arguments, the goal is the result. Where the e-Manual is silent, the
 //! emulator takes the interpretation that is harder on the host, marked "our reading".
 
+mod registered;
+
 use hand_model::robot::{ServoGoal, ServoState};
 
 use crate::config::LimitConfig;
@@ -45,6 +47,8 @@ pub struct EmulatedServo {
     /// When the watchdog tripped last, and how long after the last packet it heard, s.
     tripped_at: Option<(f64, f64)>,
     unplugged: bool,
+    /// The write that waits for an action: first register, bytes.
+    registered: Option<(u16, Vec<u8>)>,
 }
 
 impl EmulatedServo {
@@ -64,6 +68,7 @@ impl EmulatedServo {
             held: None,
             tripped_at: None,
             unplugged: false,
+            registered: None,
         };
         for register in REGISTERS.iter().filter(|register| register.access != Access::Ram) {
             servo.set(register, register.default.unwrap_or(0));
@@ -152,8 +157,15 @@ impl EmulatedServo {
 
     /// Writes bytes from `address` on: all of them, or none and a reason.
     pub fn write(&mut self, address: u16, data: &[u8]) -> Result<(), ServoError> {
-        let mut writes = Vec::new();
-        let (mut place, mut rest) = (address, data);
+        for (register, value) in self.plan(address, data)? {
+            self.apply(register, value);
+        }
+        Ok(())
+    }
+
+    /// What a write would put where, or why it is refused.
+    fn plan(&self, address: u16, data: &[u8]) -> Result<Vec<(&'static Register, i64)>, ServoError> {
+        let (mut place, mut rest, mut writes) = (address, data, Vec::new());
         while !rest.is_empty() {
             let register = REGISTERS.iter().find(|register| register.address == place).ok_or(ServoError::Access)?;
             let size = usize::from(register.size);
@@ -164,10 +176,7 @@ impl EmulatedServo {
             rest = &rest[size..];
             place += u16::from(register.size);
         }
-        for (register, value) in writes {
-            self.apply(register, value);
-        }
-        Ok(())
+        Ok(writes)
     }
 
     /// Restarts it.
@@ -291,6 +300,7 @@ impl EmulatedServo {
         self.set(&xc330::HARDWARE_ERROR_STATUS, 0);
         self.forgotten = self.encoder().div_euclid(4096) * 4096;
         self.held = None;
+        self.forget_registered();
         self.overloaded_for = 0.0;
         self.running_for = 0.0;
         self.set(&xc330::GOAL_PWM, self.get(&xc330::PWM_LIMIT));

@@ -1,8 +1,8 @@
 //! Six emulated servos on one bus: it takes packets and returns answers with their times.
 //!
-//! Line faults are drawn from a seeded generator; nothing else is random. In a sync read a servo answers only after all servos before it, so a
-//! missing servo silences those after it (our reading). Instructions that the bridge does not use (bulk, registered, clear, factory reset) are
-//! refused with error 2.
+//! Line faults are drawn from a seeded generator; nothing else is random. In a sync or bulk read a servo answers only after all servos before it,
+//! so a missing servo silences those after it; a read that is refused breaks a fast answer off (both our reading). Clear, factory reset and
+//! control table backup are refused with error 2.
 
 use hand_model::robot::{ServoGoal, ServoState};
 use rand::{RngExt, SeedableRng};
@@ -11,7 +11,7 @@ use rand_chacha::ChaCha8Rng;
 use super::faults::{Chances, DELAY, Event, Faults};
 use super::servo::EmulatedServo;
 use crate::calibration::HandCalibration;
-use crate::protocol2::{BROADCAST, Instruction, Packet, ServoError, Status, fast_sync};
+use crate::protocol2::{BROADCAST, BulkRead, BulkWrite, Instruction, Packet, ServoError, Status, fast_sync};
 use crate::servo_bus::timing::LineTiming;
 use crate::xc330::{self, hardware_error};
 
@@ -105,21 +105,24 @@ impl ServoChain {
             servo.feed_watchdog(now);
         }
         let statuses = match Instruction::decode(packet) {
-            Ok(Instruction::SyncRead { address, length, ids }) => self.sync_read(&ids, address, length, hears),
+            Ok(Instruction::SyncRead { address, length, ids }) => {
+                self.read_in_turn(&same_of_each(&ids, address, length), hears)
+            }
+            Ok(Instruction::BulkRead(reads)) => self.read_in_turn(&reads, hears),
             Ok(Instruction::FastSyncRead { address, length: size, ids }) => {
-                let statuses = self.sync_read(&ids, address, size, hears);
-                let wire = fast_sync::encode(ids.len(), size.into(), &statuses);
-                return self.send(length, baud, if wire.is_empty() { vec![] } else { vec![(statuses.len(), wire)] });
+                let reads = same_of_each(&ids, address, size);
+                let wires = self.read_fast(&reads, hears);
+                return self.send(length, baud, wires);
+            }
+            Ok(Instruction::FastBulkRead(reads)) => {
+                let wires = self.read_fast(&reads, hears);
+                return self.send(length, baud, wires);
             }
             Ok(Instruction::SyncWrite { address, data, .. }) => {
-                for (id, bytes) in data {
-                    for servo in self.servos.iter_mut().filter(|servo| servo.id() == id && hears(servo)) {
-                        // Refusals of a sync write are lost, as on the real bus.
-                        let _ = servo.write(address, &bytes);
-                    }
-                }
-                Vec::new()
+                let writes = data.into_iter().map(|(id, data)| BulkWrite { id, address, data });
+                self.write_each(writes, hears)
             }
+            Ok(Instruction::BulkWrite(writes)) => self.write_each(writes, hears),
             instruction => {
                 let to_all = packet.id == BROADCAST;
                 let ping = matches!(instruction, Ok(Instruction::Ping));
@@ -138,14 +141,44 @@ impl ServoChain {
         self.send(length, baud, wires)
     }
 
-    fn sync_read(&self, ids: &[u8], address: u16, length: u16, hears: impl Fn(&EmulatedServo) -> bool) -> Vec<Status> {
-        ids.iter()
-            .map_while(|id| self.servos.iter().find(|servo| servo.id() == *id && hears(servo)))
-            .filter_map(|servo| {
-                let data = servo.read(address, length).ok()?;
-                (servo.return_level() > 0).then(|| Status { id: servo.id(), alert: servo.alert(), error: None, data })
+    /// What the servos answer one after the other.
+    fn read_in_turn(&self, reads: &[BulkRead], hears: impl Fn(&EmulatedServo) -> bool) -> Vec<Status> {
+        reads
+            .iter()
+            .map_while(|read| Some((read, self.servos.iter().find(|servo| servo.id() == read.id && hears(servo))?)))
+            .filter(|(_, servo)| servo.return_level() > 0)
+            .map(|(read, servo)| {
+                let (error, data) = match servo.read(read.address, read.length) {
+                    Ok(data) => (None, data),
+                    Err(error) => (Some(error), Vec::new()),
+                };
+                Status { id: servo.id(), alert: servo.alert(), error, data }
             })
             .collect()
+    }
+
+    /// The packet that the servos write together, with their number; none where the first is silent.
+    fn read_fast(&self, reads: &[BulkRead], hears: impl Fn(&EmulatedServo) -> bool) -> Vec<(usize, Vec<u8>)> {
+        let mut statuses = self.read_in_turn(reads, hears);
+        let good = statuses.iter().take_while(|status| status.error.is_none()).count();
+        statuses.truncate(good);
+        let lengths: Vec<usize> = reads.iter().map(|read| read.length.into()).collect();
+        let wire = fast_sync::encode(&lengths, &statuses);
+        if wire.is_empty() { vec![] } else { vec![(statuses.len(), wire)] }
+    }
+
+    /// Writes without answers: refusals are lost, as on the real bus.
+    fn write_each(
+        &mut self,
+        writes: impl IntoIterator<Item = BulkWrite>,
+        hears: impl Fn(&EmulatedServo) -> bool,
+    ) -> Vec<Status> {
+        for write in writes {
+            for servo in self.servos.iter_mut().filter(|servo| servo.id() == write.id && hears(servo)) {
+                let _ = servo.write(write.address, &write.data);
+            }
+        }
+        Vec::new()
     }
 
     /// Times the answers, each written by so many servos, and lets line faults have their way with them.
@@ -180,6 +213,10 @@ impl ServoChain {
     }
 }
 
+fn same_of_each(ids: &[u8], address: u16, length: u16) -> Vec<BulkRead> {
+    ids.iter().map(|id| BulkRead { id: *id, address, length }).collect()
+}
+
 /// What one servo does about an instruction addressed to it; `None` where its status return level keeps it silent.
 fn obey(servo: &mut EmulatedServo, instruction: Option<&Instruction>, now: f64) -> Option<Status> {
     let id = servo.id();
@@ -193,6 +230,8 @@ fn obey(servo: &mut EmulatedServo, instruction: Option<&Instruction>, now: f64) 
         }
         Some(Instruction::Read { address, length }) => (1, servo.read(*address, *length)),
         Some(Instruction::Write { address, data }) => (2, servo.write(*address, data).map(|()| Vec::new())),
+        Some(Instruction::RegWrite { address, data }) => (2, servo.register(*address, data).map(|()| Vec::new())),
+        Some(Instruction::Action) => (2, servo.act().map(|()| Vec::new())),
         Some(Instruction::Reboot) => {
             servo.reboot(now);
             (2, Ok(Vec::new()))
@@ -207,92 +246,5 @@ fn obey(servo: &mut EmulatedServo, instruction: Option<&Instruction>, now: f64) 
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::protocol2::Decoder;
-
-    const BAUD: u32 = 3_000_000;
-
-    fn chain(faults: &[&str]) -> ServoChain {
-        let servos = (1..=6).map(|id| EmulatedServo::provisioned(id, 0)).collect();
-        ServoChain::new(servos, Faults::parse(faults.iter().copied()).expect("faults"), 0.0, 1)
-    }
-
-    fn ask(chain: &mut ServoChain, id: u8, instruction: Instruction, now: f64) -> Vec<Status> {
-        let wire = instruction.encode(id).expect("fits");
-        let mut decoder = Decoder::default();
-        decoder.push(&wire);
-        let packet = decoder.next_packet().expect("whole").expect("good");
-        let answers = chain.handle(&packet, wire.len(), BAUD, now);
-        answers.iter().for_each(|answer| decoder.push(&answer.bytes));
-        decoder.time_out().into_iter().flatten().filter_map(|packet| Status::decode(&packet)).collect()
-    }
-
-    fn ids(statuses: &[Status]) -> Vec<u8> {
-        statuses.iter().map(|status| status.id).collect()
-    }
-
-    #[test]
-    fn broadcast_ping_and_single_reads() {
-        let mut chain = chain(&[]);
-        assert_eq!(ids(&ask(&mut chain, BROADCAST, Instruction::Ping, 0.0)), [1, 2, 3, 4, 5, 6]);
-        let model = ask(&mut chain, 3, Instruction::Read { address: 0, length: 2 }, 0.0);
-        assert_eq!((model[0].id, &model[0].data[..]), (3, &xc330::MODEL.to_le_bytes()[..]));
-        assert_eq!(ids(&ask(&mut chain, 9, Instruction::Ping, 0.0)), [0_u8; 0]);
-    }
-
-    #[test]
-    fn other_rates_are_not_understood() {
-        let mut chain = chain(&[]);
-        let packet = Packet { id: 1, instruction: 1, parameters: vec![] };
-        assert!(chain.handle(&packet, 10, 57_600, 0.0).is_empty());
-    }
-
-    #[test]
-    fn an_unplugged_servo_silences_those_after_it() {
-        let mut chain = chain(&["unplug=3@1"]);
-        let read = || Instruction::SyncRead { address: 126, length: 10, ids: vec![1, 2, 3, 4, 5, 6] };
-        assert_eq!(ask(&mut chain, BROADCAST, read(), 0.5).len(), 6);
-        chain.advance(1.0, 0.01, &[ServoState::default(); 6]);
-        assert_eq!(ids(&ask(&mut chain, BROADCAST, read(), 1.1)), [1, 2]);
-    }
-
-    #[test]
-    fn overloaded_servo_raises_the_alert_bit() {
-        let mut chain = chain(&["overload=2@1"]);
-        chain.advance(1.0, 0.01, &[ServoState::default(); 6]);
-        let statuses = ask(&mut chain, BROADCAST, Instruction::Ping, 1.1);
-        let alerts: Vec<u8> = statuses.iter().filter(|status| status.alert).map(|status| status.id).collect();
-        assert_eq!(alerts, [2]);
-    }
-
-    /// The time of the last answer is the calculated one.
-    #[test]
-    fn line_time() {
-        let mut chain = chain(&[]);
-        let request = Instruction::SyncRead { address: 126, length: 10, ids: vec![1, 2, 3, 4, 5, 6] };
-        let wire = request.encode(BROADCAST).expect("fits");
-        let mut decoder = Decoder::default();
-        decoder.push(&wire);
-        let packet = decoder.next_packet().expect("whole").expect("good");
-        let answers = chain.handle(&packet, wire.len(), BAUD, 0.0);
-        let line = LineTiming { usb_latency: 0.0, ..LineTiming::default() };
-        let expected = line.answers(wire.len(), &[21; 6]);
-        assert!((answers[5].after - expected).abs() < 1e-12);
-    }
-
-    /// Random faults hit about as often as asked for, and the same way with the same seed.
-    #[test]
-    fn chances() {
-        let count = |faults: &[&str]| {
-            let mut chain = chain(faults);
-            (0..1000).map(|n| ask(&mut chain, 1, Instruction::Ping, f64::from(n)).len()).sum::<usize>()
-        };
-        assert_eq!(count(&[]), 1000);
-        assert_eq!(count(&["noise=1"]), 1000);
-        let dropped = count(&["drop=0.1"]);
-        assert!((870..930).contains(&dropped), "{dropped}");
-        assert_eq!(dropped, count(&["drop=0.1"]));
-        assert!((870..930).contains(&count(&["corrupt=0.1"])));
-    }
-}
+#[path = "servo_chain_tests.rs"]
+mod tests;

@@ -1,4 +1,4 @@
-//! The answer to a fast sync read: one packet that several servos write together.
+//! The answer to a fast sync read or a fast bulk read: one packet that several servos write together.
 //!
 //! The first servo sends the packet's head and its own block, each next one appends a block as soon as it has seen the one before.
 //! A block is `error | id | data | crc (2)`; its CRC is that of everything from the packet's first byte on, so every prefix that
@@ -19,14 +19,15 @@ pub fn answer_length(servos: usize, length: usize) -> usize {
     HEAD + servos * (length + BLOCK_OVERHEAD)
 }
 
-/// The answer in which the first `statuses.len()` of `asked` servos took part: the servos' side.
-pub fn encode(asked: usize, length: usize, statuses: &[Status]) -> Vec<u8> {
+/// The answer in which the first `statuses.len()` of the servos took part that were asked for `lengths` bytes: the servos' side.
+pub fn encode(lengths: &[usize], statuses: &[Status]) -> Vec<u8> {
     if statuses.is_empty() {
         return Vec::new();
     }
+    let promised: usize = lengths.iter().map(|length| length + BLOCK_OVERHEAD).sum();
     let mut wire = HEADER.to_vec();
     wire.push(BROADCAST);
-    wire.extend_from_slice(&((1 + asked * (length + BLOCK_OVERHEAD)) as u16).to_le_bytes());
+    wire.extend_from_slice(&u16::try_from(1 + promised).unwrap_or(u16::MAX).to_le_bytes());
     wire.push(STATUS);
     for status in statuses {
         wire.push(status.error_byte());
@@ -86,7 +87,7 @@ mod tests {
     /// Sizes of the facts sheet: 8 + N (L + 4).
     #[test]
     fn size() {
-        let wire = encode(6, 10, &answers(&vec![vec![7; 10]; 6]));
+        let wire = encode(&[10; 6], &answers(&vec![vec![7; 10]; 6]));
         assert_eq!((wire.len(), answer_length(6, 10)), (92, 92));
         assert_eq!(usize::from(u16::from_le_bytes([wire[5], wire[6]])), wire.len() - 7);
     }
@@ -95,7 +96,7 @@ mod tests {
     #[test]
     fn broken_chain() {
         let all = answers(&vec![vec![7; 10]; 3]);
-        let found = replies(&[1, 2, 3, 4, 5, 6], 10, &encode(6, 10, &all));
+        let found = replies(&[1, 2, 3, 4, 5, 6], 10, &encode(&[10; 6], &all));
         assert_eq!(found[..3], all.into_iter().map(Ok).collect::<Vec<_>>());
         assert_eq!(found[3..], [4, 5, 6].map(|id| Err(ReplyError::Missing(id))));
     }
@@ -106,7 +107,7 @@ mod tests {
         fn prefix_of_blocks(garbage in bytes(8), data in prop::collection::vec(prop::collection::vec(any::<u8>(), 6), 1..7), hit in any::<prop::sample::Index>(), change in any::<u8>()) {
             let all = answers(&data);
             let ids: Vec<u8> = all.iter().map(|status| status.id).collect();
-            let mut wire = encode(ids.len(), 6, &all);
+            let mut wire = encode(&vec![6; ids.len()], &all);
             let position = hit.index(wire.len());
             wire[position] ^= change;
             let good = if change == 0 { ids.len() } else { position.saturating_sub(HEAD) / (6 + BLOCK_OVERHEAD) };

@@ -1,8 +1,9 @@
 //! Instructions from the host to the servos.
 
+use super::bulk::{self, BulkRead, BulkWrite};
 use super::packet::{BROADCAST, Packet, PacketError};
 
-/// The instructions this bridge uses.
+/// The instructions that the bridge uses or the emulated servos understand.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Instruction {
     /// Who is there? Answered with model number and firmware version.
@@ -21,6 +22,15 @@ pub enum Instruction {
         /// What to write.
         data: Vec<u8>,
     },
+    /// A write that waits for [`Instruction::Action`].
+    RegWrite {
+        /// First register.
+        address: u16,
+        /// What to write.
+        data: Vec<u8>,
+    },
+    /// Do the write that waits.
+    Action,
     /// Restart; the only way out of a shutdown. Torque is off afterwards.
     Reboot,
     /// The same read from several servos, which answer one after the other in this order.
@@ -50,6 +60,12 @@ pub enum Instruction {
         /// For each servo, exactly that many bytes.
         data: Vec<(u8, Vec<u8>)>,
     },
+    /// Other registers of every servo; they answer one after the other in this order.
+    BulkRead(Vec<BulkRead>),
+    /// A bulk read answered in one packet, as a fast sync read is. Firmware 46 and later.
+    FastBulkRead(Vec<BulkRead>),
+    /// Writes of other registers in every servo. Not answered.
+    BulkWrite(Vec<BulkWrite>),
 }
 
 /// An instruction that cannot be sent or understood.
@@ -58,8 +74,8 @@ pub enum InstructionError {
     /// It does not fit a packet.
     #[error(transparent)]
     Packet(#[from] PacketError),
-    /// A sync write with data of different lengths.
-    #[error("sync write to servo {id}: found {found} bytes, expected {expected}")]
+    /// A sync write with data of different lengths, or a bulk write that is too long.
+    #[error("write to servo {id}: found {found} bytes, expected {expected}")]
     DataLength {
         /// Whose data.
         id: u8,
@@ -68,8 +84,11 @@ pub enum InstructionError {
         /// That of all.
         expected: usize,
     },
-    /// A code this bridge does not use.
-    #[error("instruction: found {0:#04x}, expected one of 01 02 03 08 82 83 8a")]
+    /// A bulk instruction that names a servo twice.
+    #[error("bulk instruction: servo {id} is named twice")]
+    Repeated { id: u8 },
+    /// A code not known here.
+    #[error("instruction: found {0:#04x}, expected one of 01 02 03 04 05 08 82 83 8a 92 93 9a")]
     Unknown(u8),
     /// Parameters that do not fit the instruction.
     #[error("instruction {instruction:#04x}: found {found} parameters, which do not fit it")]
@@ -84,19 +103,29 @@ pub enum InstructionError {
 const PING: u8 = 0x01;
 const READ: u8 = 0x02;
 const WRITE: u8 = 0x03;
+const REG_WRITE: u8 = 0x04;
+const ACTION: u8 = 0x05;
 const REBOOT: u8 = 0x08;
 const SYNC_READ: u8 = 0x82;
 const SYNC_WRITE: u8 = 0x83;
 const FAST_SYNC_READ: u8 = 0x8A;
+const BULK_READ: u8 = 0x92;
+const BULK_WRITE: u8 = 0x93;
+const FAST_BULK_READ: u8 = 0x9A;
 
 impl Instruction {
-    /// The bytes on the wire. Sync instructions are broadcast; `id` is ignored.
+    /// The bytes on the wire. Sync and bulk instructions are broadcast; `id` is ignored.
     pub fn encode(&self, id: u8) -> Result<Vec<u8>, InstructionError> {
         let (instruction, parameters) = match self {
             Self::Ping => (PING, Vec::new()),
+            Self::Action => (ACTION, Vec::new()),
             Self::Reboot => (REBOOT, Vec::new()),
             Self::Read { address, length } => (READ, words(&[*address, *length])),
             Self::Write { address, data } => (WRITE, [words(&[*address]), data.clone()].concat()),
+            Self::RegWrite { address, data } => (REG_WRITE, [words(&[*address]), data.clone()].concat()),
+            Self::BulkRead(reads) => (BULK_READ, bulk::encode_reads(reads)?),
+            Self::FastBulkRead(reads) => (FAST_BULK_READ, bulk::encode_reads(reads)?),
+            Self::BulkWrite(writes) => (BULK_WRITE, bulk::encode_writes(writes)?),
             Self::SyncRead { address, length, ids } => (SYNC_READ, [words(&[*address, *length]), ids.clone()].concat()),
             Self::FastSyncRead { address, length, ids } => {
                 (FAST_SYNC_READ, [words(&[*address, *length]), ids.clone()].concat())
@@ -117,8 +146,7 @@ impl Instruction {
                 (SYNC_WRITE, parameters)
             }
         };
-        let to_all = matches!(self, Self::SyncRead { .. } | Self::FastSyncRead { .. } | Self::SyncWrite { .. });
-        let id = if to_all { BROADCAST } else { id };
+        let id = if instruction >= SYNC_READ { BROADCAST } else { id };
         Ok(Packet { id, instruction, parameters }.encode()?)
     }
 
@@ -128,11 +156,18 @@ impl Instruction {
         let word = |low: u8, high: u8| u16::from_le_bytes([low, high]);
         match (packet.instruction, &packet.parameters[..]) {
             (PING, []) => Ok(Self::Ping),
+            (ACTION, []) => Ok(Self::Action),
             (REBOOT, []) => Ok(Self::Reboot),
             (READ, [a, b, c, d]) => Ok(Self::Read { address: word(*a, *b), length: word(*c, *d) }),
             (WRITE, [a, b, data @ ..]) if !data.is_empty() => {
                 Ok(Self::Write { address: word(*a, *b), data: data.to_vec() })
             }
+            (REG_WRITE, [a, b, data @ ..]) if !data.is_empty() => {
+                Ok(Self::RegWrite { address: word(*a, *b), data: data.to_vec() })
+            }
+            (BULK_READ, parameters) => Ok(Self::BulkRead(bulk::decode_reads(parameters)?.ok_or(unfit)?)),
+            (FAST_BULK_READ, parameters) => Ok(Self::FastBulkRead(bulk::decode_reads(parameters)?.ok_or(unfit)?)),
+            (BULK_WRITE, parameters) => Ok(Self::BulkWrite(bulk::decode_writes(parameters)?.ok_or(unfit)?)),
             (SYNC_READ, [a, b, c, d, ids @ ..]) => {
                 Ok(Self::SyncRead { address: word(*a, *b), length: word(*c, *d), ids: ids.to_vec() })
             }
@@ -144,7 +179,9 @@ impl Instruction {
                 let data = rest.chunks(1 + usize::from(length)).map(|one| (one[0], one[1..].to_vec())).collect();
                 Ok(Self::SyncWrite { address: word(*a, *b), length, data })
             }
-            (PING | READ | WRITE | REBOOT | SYNC_READ | SYNC_WRITE | FAST_SYNC_READ, _) => Err(unfit),
+            (PING | READ | WRITE | REG_WRITE | ACTION | REBOOT | SYNC_READ | SYNC_WRITE | FAST_SYNC_READ, _) => {
+                Err(unfit)
+            }
             (code, _) => Err(InstructionError::Unknown(code)),
         }
     }
@@ -178,6 +215,12 @@ mod tests {
                 1,
                 "FF FF FD 00 01 09 00 03 74 00 00 02 00 00 CA 89",
             ),
+            (
+                Instruction::RegWrite { address: 104, data: position(200) },
+                1,
+                "FF FF FD 00 01 09 00 04 68 00 C8 00 00 00 AE 8E",
+            ),
+            (Instruction::Action, 1, "FF FF FD 00 01 03 00 05 02 CE"),
             (Instruction::Reboot, 1, "FF FF FD 00 01 03 00 08 2F 4E"),
             (
                 Instruction::SyncRead { address: 132, length: 4, ids: vec![1, 2] },
@@ -188,6 +231,22 @@ mod tests {
                 Instruction::SyncWrite { address: 116, length: 4, data: vec![(1, position(150)), (2, position(170))] },
                 BROADCAST,
                 "FF FF FD 00 FE 11 00 83 74 00 04 00 01 96 00 00 00 02 AA 00 00 00 82 87",
+            ),
+            (
+                Instruction::BulkRead(vec![
+                    BulkRead { id: 1, address: 144, length: 2 },
+                    BulkRead { id: 2, address: 146, length: 1 },
+                ]),
+                BROADCAST,
+                "FF FF FD 00 FE 0D 00 92 01 90 00 02 00 02 92 00 01 00 1A 05",
+            ),
+            (
+                Instruction::BulkWrite(vec![
+                    BulkWrite { id: 1, address: 32, data: vec![160, 0] },
+                    BulkWrite { id: 2, address: 31, data: vec![80] },
+                ]),
+                BROADCAST,
+                "FF FF FD 00 FE 10 00 93 01 20 00 02 00 A0 00 02 1F 00 01 00 50 B7 68",
             ),
         ];
         for (instruction, id, expected) in cases {
@@ -211,10 +270,27 @@ mod tests {
         );
     }
 
+    fn reads() -> impl Strategy<Value = Vec<BulkRead>> {
+        prop::collection::btree_map(any::<u8>(), any::<(u16, u16)>(), 0..6).prop_map(|reads| {
+            reads.into_iter().map(|(id, (address, length))| BulkRead { id, address, length }).collect()
+        })
+    }
+
     fn instruction() -> impl Strategy<Value = Instruction> {
         prop_oneof![
             Just(Instruction::Ping),
             Just(Instruction::Reboot),
+            Just(Instruction::Action),
+            (any::<u16>(), any::<u8>(), bytes(30)).prop_map(|(address, first, rest)| Instruction::RegWrite {
+                address,
+                data: [vec![first], rest].concat()
+            }),
+            reads().prop_map(Instruction::BulkRead),
+            reads().prop_map(Instruction::FastBulkRead),
+            prop::collection::btree_map(any::<u8>(), (any::<u16>(), bytes(12)), 0..6).prop_map(|writes| {
+                let write = |(id, (address, data))| BulkWrite { id, address, data };
+                Instruction::BulkWrite(writes.into_iter().map(write).collect())
+            }),
             any::<(u16, u16)>().prop_map(|(address, length)| Instruction::Read { address, length }),
             (any::<u16>(), any::<u8>(), bytes(30))
                 .prop_map(|(address, first, rest)| Instruction::Write { address, data: [vec![first], rest].concat() }),

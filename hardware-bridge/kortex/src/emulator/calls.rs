@@ -2,7 +2,9 @@
 
 use prost::Message;
 
-use super::controller::{Commands, Controller, EventKind, Subscription};
+use super::controller::{Commands, Controller, EventKind};
+use super::devices::device_call;
+use super::notifications::Subscription;
 use super::peer::Peer;
 use super::plant::Drive;
 use crate::call::{self, Call};
@@ -11,30 +13,41 @@ use crate::degrees;
 use crate::frame::{Frame, Header, Kind};
 use crate::joints::JOINTS;
 use crate::message::base::{
-    ActuatorInformation, ArmStateInformation, JointAngle, JointAngles, JointSpeeds, ServoingMode,
+    ActuatorInformation, ArmStateInformation, JointAngle, JointAngles, JointSpeeds, Pose, ServoingMode,
     ServoingModeInformation,
 };
 use crate::message::cyclic::{ActuatorFeedback, BaseFeedback, Command, Feedback, SERVO_ENABLE};
-use crate::message::device::{ControlModeInformation, DeviceHandle, DeviceHandles, DeviceType, SerialNumber};
+use crate::message::device::ControlModeInformation;
 use crate::message::session::CreateSessionInfo;
 use crate::message::{ErrorMessage, NotificationHandle};
 
 /// A refusal: class, reason, text.
-type No = (u8, u16, &'static str);
+pub(super) type No = (u8, u16, &'static str);
 
 const UNSUPPORTED_METHOD: No = (1, 5, "method not supported");
 const INVALID_SESSION: No = (1, 12, "session not recognized");
 const PAYLOAD: No = (1, 13, "payload cannot be decoded");
-const INVALID_PARAMETER: No = (3, 3, "invalid parameter");
 const WRONG_PASSWORD: No = (1, 15, "wrong password");
 const UNKNOWN_USER: No = (1, 16, "unknown user");
-const IN_FAULT: No = (3, 22, "robot in fault");
-const IN_EMERGENCY_STOP: No = (3, 25, "robot in emergency stop");
-const IN_LOW_LEVEL: No = (3, 27, "robot in low-level servoing");
-const COUNT_MISMATCH: No = (3, 57, "not one entry per actuator");
+pub(super) const INVALID_PARAMETER: No = (3, 3, "invalid parameter");
+pub(super) const ENTITY_NOT_FOUND: No = (3, 17, "entity not found");
+pub(super) const NOT_MOVING: No = (3, 19, "robot not moving");
+pub(super) const IN_FAULT: No = (3, 22, "robot in fault");
+pub(super) const IN_EMERGENCY_STOP: No = (3, 25, "robot in emergency stop");
+pub(super) const IN_LOW_LEVEL: No = (3, 27, "robot in low-level servoing");
+pub(super) const UNSUPPORTED_ACTION: No = (3, 46, "action not supported");
+pub(super) const INVALID_DEVICE: No = (3, 52, "no such device");
+pub(super) const MANUAL_STOP: No = (3, 55, "stopped by a command");
+pub(super) const COUNT_MISMATCH: No = (3, 57, "not one entry per actuator");
+pub(super) const CANNOT_REACH_SO_SOON: No = (3, 58, "duration too short");
+pub(super) const NEGATIVE_SPEED: No = (3, 59, "speed negative");
+pub(super) const SPEED_TOO_HIGH: No = (3, 60, "speed too high");
+pub(super) const TOO_LONG: No = (3, 63, "trajectory longer than 100 s");
+pub(super) const JOINT_LIMIT: No = (3, 65, "joint outside its range");
+pub(super) const NO_ACTION: No = (3, 73, "no action to resume");
 const WRONG_MODE: No = (3, 75, "wrong servoing mode, must be low level servoing mode");
 
-fn argument<A: Message + Default>(frame: &Frame) -> Result<A, No> {
+pub(super) fn argument<A: Message + Default>(frame: &Frame) -> Result<A, No> {
     A::decode(frame.payload.as_slice()).map_err(|_| PAYLOAD)
 }
 
@@ -64,7 +77,7 @@ impl Controller {
         let payload = match call {
             call::REFRESH => self.refresh(request)?,
             call::REFRESH_FEEDBACK => self.feedback(0).encode_to_vec(),
-            call::ARM_STATE_TOPIC | call::SERVOING_MODE_TOPIC | call::SAFETY_TOPIC => {
+            call::ARM_STATE_TOPIC | call::SERVOING_MODE_TOPIC | call::SAFETY_TOPIC | call::ACTION_TOPIC => {
                 self.subscribe(peer, session, call, device)?
             }
             call::UNSUBSCRIBE => {
@@ -74,7 +87,10 @@ impl Controller {
             }
             call::SET_SERVOING_MODE => self.change_mode(session, request)?,
             call::SEND_JOINT_SPEEDS => self.follow_speeds(session, request)?,
-            _ => self.simple(session, call, device)?,
+            _ => match self.action_call(session, call, request).or_else(|| device_call(call, device)) {
+                Some(result) => result?,
+                None => self.simple(session, call, device)?,
+            },
         };
         Ok((session, payload))
     }
@@ -110,10 +126,7 @@ impl Controller {
                 Vec::new()
             }
             call::STOP => {
-                if self.mode == ServoingMode::LowLevel {
-                    return Err(IN_LOW_LEVEL);
-                }
-                self.drive = Drive::Hold;
+                self.stop()?;
                 Vec::new()
             }
             call::APPLY_EMERGENCY_STOP => {
@@ -127,8 +140,12 @@ impl Controller {
                 let angle = |(joint, angle): (u32, f64)| JointAngle { joint, value: degrees::to_wire_angle(angle) };
                 JointAngles { joints: (0..).zip(self.motion().position).map(angle).collect() }.encode_to_vec()
             }
-            call::READ_ALL_DEVICES => devices().encode_to_vec(),
-            call::GET_SERIAL_NUMBER => SerialNumber { serial_number: format!("EMULATED-{device}") }.encode_to_vec(),
+            call::GET_TOOL_POSE => {
+                let pose = self.plant.tool_pose().ok_or(UNSUPPORTED_METHOD)?;
+                let ([x, y, z], angles) = (pose.position.map(|metres| metres as f32), pose.angles);
+                let [theta_x, theta_y, theta_z] = angles.map(degrees::to_degrees);
+                Pose { x, y, z, theta_x, theta_y, theta_z }.encode_to_vec()
+            }
             call::GET_CONTROL_MODE => {
                 let mode = usize::from(device).checked_sub(1).and_then(|joint| self.control_modes.get(joint));
                 ControlModeInformation { mode: *mode.ok_or(INVALID_PARAMETER)? }.encode_to_vec()
@@ -147,7 +164,7 @@ impl Controller {
         Ok(NotificationHandle { identifier: u32::from(handle) }.encode_to_vec())
     }
 
-    fn refuse_in_fault(&self) -> Result<(), No> {
+    pub(super) fn refuse_in_fault(&self) -> Result<(), No> {
         match (self.faults.is_emergency_stop(), self.faults.is_empty()) {
             (true, _) => Err(IN_EMERGENCY_STOP),
             (false, false) => Err(IN_FAULT),
@@ -177,8 +194,12 @@ impl Controller {
         }
         let mut wanted = [0.0; JOINTS];
         for speed in &speeds.joints {
+            if !speed.value.is_finite() {
+                return Err(INVALID_PARAMETER);
+            }
             *wanted.get_mut(speed.joint as usize).ok_or(COUNT_MISMATCH)? = degrees::to_radians(speed.value);
         }
+        self.abort_action(MANUAL_STOP);
         self.in_control = Some(session);
         self.drive = if wanted == [0.0; JOINTS] { Drive::Hold } else { Drive::Velocity(wanted) };
         Ok(Vec::new())
@@ -191,6 +212,9 @@ impl Controller {
         let command: Command = argument(request)?;
         if command.actuators.len() != JOINTS {
             return Err(COUNT_MISMATCH);
+        }
+        if command.actuators.iter().any(|actuator| !actuator.position.is_finite()) {
+            return Err(INVALID_PARAMETER);
         }
         if self.faults.is_empty() {
             self.follow(&command);
@@ -249,13 +273,4 @@ impl Controller {
         };
         Feedback { frame_id, base: Some(base), actuators: (0..JOINTS).map(actuator).collect() }
     }
-}
-
-/// Four big joints, three small ones, base and wrist interface, listed in no order of note.
-fn devices() -> DeviceHandles {
-    let joint = |n: u32| (if n <= 4 { DeviceType::BigActuator } else { DeviceType::SmallActuator }, n, n);
-    let others = [(DeviceType::Interconnect, 8, 8), (DeviceType::Base, 0, 0)];
-    let devices = others.into_iter().chain((1..=JOINTS as u32).rev().map(joint));
-    let handle = |(device_type, identifier, order)| DeviceHandle { device_type: device_type as i32, identifier, order };
-    DeviceHandles { devices: devices.map(handle).collect() }
 }

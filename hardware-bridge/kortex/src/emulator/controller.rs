@@ -1,19 +1,21 @@
 //! The emulated arm's base: state, faults, watchdogs, time.
 
-use prost::Message;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 
+use super::actions::Playing;
+use super::calls::{IN_EMERGENCY_STOP, IN_FAULT, MANUAL_STOP};
 use super::fault_injection::{Injection, NetworkFaults};
+use super::notifications::Subscription;
 use super::peer::{Outgoing, Peer};
 use super::plant::{Drive, Plant};
 use super::sessions::Sessions;
-use crate::call::{self, Call};
-use crate::frame::{Frame, Header, Kind};
+use crate::frame::{Frame, Kind};
 use crate::joints::{JOINTS, Motion};
 use crate::message::ArmState;
-use crate::message::base::{ArmStateInformation, ServoingMode, ServoingModeInformation};
-use crate::message::device::{ControlMode, SafetyHandle, SafetyNotification, SafetyStatus};
+use crate::message::action::ActionNotification;
+use crate::message::base::ServoingMode;
+use crate::message::device::ControlMode;
 use crate::safety_bank::{self, Report};
 use crate::session::Credentials;
 
@@ -106,18 +108,10 @@ pub struct Status {
     pub events: Vec<Event>,
 }
 
-pub(super) struct Subscription {
-    pub topic: Call,
-    pub device: u8,
-    pub handle: u16,
-    pub peer: Peer,
-    pub session: u16,
-}
-
 /// The arm's base.
 pub struct Controller {
     pub(super) settings: Settings,
-    plant: Box<dyn Plant>,
+    pub(super) plant: Box<dyn Plant>,
     pub(super) time: u64,
     pub(super) mode: ServoingMode,
     pub(super) drive: Drive,
@@ -134,7 +128,10 @@ pub struct Controller {
     network: NetworkFaults,
     random: ChaCha8Rng,
     delayed: Vec<(u64, Outgoing)>,
-    announced: (ArmState, ServoingMode),
+    pub(super) playing: Option<Playing>,
+    /// Not yet announced.
+    pub(super) action_events: Vec<ActionNotification>,
+    pub(super) announced: (ArmState, ServoingMode),
     moving: bool,
     events: Vec<Event>,
 }
@@ -161,6 +158,8 @@ impl Controller {
             network: NetworkFaults::default(),
             random,
             delayed: Vec::new(),
+            playing: None,
+            action_events: Vec::new(),
             announced: (ArmState::ServoingReady, ServoingMode::SingleLevel),
             moving: false,
             events: Vec::new(),
@@ -189,6 +188,7 @@ impl Controller {
         match (self.faults.is_empty(), self.mode, self.drive) {
             (false, ..) => ArmState::InFault,
             (_, ServoingMode::LowLevel, _) => ArmState::ServoingLowLevel,
+            _ if self.playing.is_some() => ArmState::ServoingPlayingSequence,
             (_, _, Drive::Velocity(_)) => ArmState::ServoingManuallyControlled,
             _ => ArmState::ServoingReady,
         }
@@ -221,6 +221,7 @@ impl Controller {
     /// Advances by a millisecond; returns the frames to send.
     pub fn tick(&mut self) -> Vec<Outgoing> {
         self.time += 1;
+        self.play();
         self.plant.advance(&self.drive, TICK);
         self.watch_following();
         self.watch_commands();
@@ -286,6 +287,7 @@ impl Controller {
     }
 
     pub(super) fn set_mode(&mut self, mode: ServoingMode) {
+        self.abort_action(MANUAL_STOP);
         if self.mode != mode {
             self.mode = mode;
             self.log(EventKind::Mode(mode));
@@ -305,6 +307,7 @@ impl Controller {
         for (banks, bits) in self.faults.joints.iter_mut().zip(joints) {
             banks.a |= bits;
         }
+        self.abort_action(if self.faults.is_emergency_stop() { IN_EMERGENCY_STOP } else { IN_FAULT });
         self.log(EventKind::Fault);
     }
 
@@ -340,41 +343,5 @@ impl Controller {
             self.log(EventKind::StandsStill);
         }
         self.moving = moves;
-    }
-
-    /// Notifications of what changed since the last call.
-    fn announce(&mut self) -> Vec<Outgoing> {
-        let (before, now) = (self.announced, (self.state(), self.mode));
-        self.announced = now;
-        let mut outgoing = Vec::new();
-        for subscription in &self.subscriptions {
-            let payload = match subscription.topic {
-                call::ARM_STATE_TOPIC if now.0 != before.0 => {
-                    ArmStateInformation { active_state: now.0 as i32 }.encode_to_vec()
-                }
-                call::SERVOING_MODE_TOPIC if now.1 != before.1 => {
-                    ServoingModeInformation { mode: now.1 as i32 }.encode_to_vec()
-                }
-                call::SAFETY_TOPIC if now.0 != before.0 && ArmState::InFault == now.0 => {
-                    let banks = match subscription.device {
-                        0 => self.faults.base,
-                        joint => self.faults.joints[usize::from(joint) - 1],
-                    };
-                    // The lowest bit is enough for a notification; the cyclic feedback has them all.
-                    let identifier = banks.a & banks.a.wrapping_neg();
-                    if identifier == 0 {
-                        continue;
-                    }
-                    let safety = Some(SafetyHandle { identifier });
-                    SafetyNotification { safety, status: SafetyStatus::Error as i32 }.encode_to_vec()
-                }
-                _ => continue,
-            };
-            let Subscription { topic: call, device, handle: message, session, peer } = *subscription;
-            let kind = Kind::Notification;
-            let header = Header { kind, device, error: 0, sub_error: 0, session, message, call };
-            outgoing.push((peer, Frame { header, payload }));
-        }
-        outgoing
     }
 }

@@ -1,6 +1,6 @@
 //! The joints of an emulated arm.
 
-use crate::joints::{JOINTS, Motion};
+use crate::joints::{JOINTS, Motion, ToolPose};
 
 /// The controller's command to the joints.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -19,6 +19,10 @@ pub trait Plant: Send {
     fn advance(&mut self, drive: &Drive, seconds: f64);
     /// Angles (rad, not wrapped), speeds, torques.
     fn state(&self) -> Motion;
+    /// Where the tool is; `None` for joints without links.
+    fn tool_pose(&self) -> Option<ToolPose> {
+        None
+    }
 }
 
 /// Joints with first-order lag and a top speed, without load.

@@ -73,3 +73,24 @@ pub struct JointSpeed {
     #[prost(float, tag = "2")]
     pub value: f32,
 }
+
+/// Pose of the tool in the arm's base frame.
+#[derive(Clone, Copy, PartialEq, prost::Message)]
+pub struct Pose {
+    /// m.
+    #[prost(float, tag = "1")]
+    pub x: f32,
+    #[prost(float, tag = "2")]
+    pub y: f32,
+    #[prost(float, tag = "3")]
+    pub z: f32,
+    /// Degrees, about the base's x axis first.
+    #[prost(float, tag = "4")]
+    pub theta_x: f32,
+    /// Then about the base's y axis.
+    #[prost(float, tag = "5")]
+    pub theta_y: f32,
+    /// Then about the base's z axis.
+    #[prost(float, tag = "6")]
+    pub theta_z: f32,
+}

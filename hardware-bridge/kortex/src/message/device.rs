@@ -114,3 +114,31 @@ pub enum SafetyStatus {
     /// Fine.
     Normal = 3,
 }
+
+/// What kind of device answers.
+#[derive(Clone, Copy, PartialEq, Eq, prost::Message)]
+pub struct DeviceTypeInformation {
+    #[prost(enumeration = "DeviceType", tag = "1")]
+    pub device_type: i32,
+}
+
+#[derive(Clone, Copy, PartialEq, Eq, prost::Message)]
+pub struct FirmwareVersion {
+    /// As the maker counts it.
+    #[prost(uint32, tag = "1")]
+    pub firmware_version: u32,
+}
+
+#[derive(Clone, PartialEq, Eq, prost::Message)]
+pub struct ModelNumber {
+    /// At most 24 bytes.
+    #[prost(string, tag = "1")]
+    pub model_number: String,
+}
+
+#[derive(Clone, PartialEq, Eq, prost::Message)]
+pub struct PartNumber {
+    /// At most 24 bytes.
+    #[prost(string, tag = "1")]
+    pub part_number: String,
+}

@@ -1,5 +1,7 @@
 //! The arm's client against the emulated arm, over loopback TCP and UDP.
 
+mod actions;
+mod any_request;
 mod dead_host;
 mod fault_matrix;
 mod faults;
