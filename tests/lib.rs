@@ -58,7 +58,8 @@ pub fn target_dir() -> PathBuf {
 /// A command that runs `ftac` from the workspace's root.
 pub fn ftac(arguments: &[&str]) -> Command {
     let mut command = Command::new(binary());
-    command.args(arguments).current_dir(root());
+    // Tests leave the user's log of devices alone.
+    command.args(arguments).current_dir(root()).env("FTAC_LOG", "");
     command
 }
 

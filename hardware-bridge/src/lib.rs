@@ -10,7 +10,7 @@
 //!   terminal.
 //!
 //! # Bring-up
-//! [`config`] reads `bridge.toml`, [`setup`] checks and provisions servos, [`homing`] finds the open mark, [`calibration`] stores it.
+//! [`config`] reads `bridge.toml`, [`setup`] checks and provisions servos, [`homing`] finds the open mark, [`calibration`] stores it. [`install`] sets up the computer.
 //!
 //! # Without hardware
 //! [`emulator`]: the devices on pseudo-terminals, for any host and any plant; [`emulator::lockstep`]: the whole bridge on such devices, on one emulated
@@ -27,6 +27,7 @@ mod exclusive;
 pub mod hand_bus;
 pub mod hardware_robot;
 pub mod homing;
+pub mod install;
 pub mod kortex_link;
 mod lock;
 pub mod protocol2;

@@ -91,10 +91,29 @@ fn wires_change_nothing() {
     let out = folder.path().join("trial.rrd");
     let arguments = ["trial", "0", "--trial", "1", "--policy", "blind", "--session", text(&sim), "--out", text(&out)];
     assert!(matches!(run(&arguments).status.code(), Some(0 | 1)));
+    a_session_becomes_a_bag(&only_file(&sim), &folder.path().join("bag.mcap"));
     let other = only_file(&folder.path().join("rounded-blind"));
     let output = run(&["replay", text(&other), "--against", text(&only_file(&sim)), "--json"]);
     assert_eq!(output.status.code(), Some(1));
     assert!(json(&output.stdout)["difference"].is_string());
+}
+
+/// A ROS 2 bag of a session: joint states and commands of every tick, images, and each message described in the file.
+fn a_session_becomes_a_bag(session: &Path, bag: &Path) {
+    let exported = run(&["--json", "export", "ros2", text(session), "--out", text(bag)]);
+    assert_eq!(exported.status.code(), Some(0), "{}", stderr(&exported));
+    assert!(json(&exported.stdout)["messages"].as_u64() > Some(2000));
+    let bytes = fs::read(bag).expect("written");
+    assert!(bytes.starts_with(b"\x89MCAP0\r\n") && bytes.ends_with(b"\x89MCAP0\r\n"));
+    let has = |word: &str| bytes.windows(word.len()).any(|found| found == word.as_bytes());
+    for word in
+        ["ros2msg", "sensor_msgs/msg/JointState", "/hand/servo_states", "/tactile/thumb_distal/image_raw", "/outcome"]
+    {
+        assert!(has(word), "{word}");
+    }
+    let twice = run(&["export", "ros2", text(&bag.with_file_name("none.mcap"))]);
+    assert_eq!(twice.status.code(), Some(2));
+    assert!(stderr(&twice).contains("none.mcap"), "{}", stderr(&twice));
 }
 
 /// A trial with touch and noise: what it decides on the emulated devices is decided again on the recording; a changed bit is found.

@@ -198,6 +198,38 @@ fn a_session_without_a_command_is_not_called_identical() {
     assert!(!session.with_extension("rrd").exists() && !session.with_extension("partial.rrd").exists());
 }
 
+/// The computer is set up below a folder: the files name port, program and configuration; without root nothing of the system is
+/// touched; a file of somebody else stays.
+#[test]
+fn the_computer_is_set_up() {
+    let folder = tempdir().expect("a folder");
+    let (config, root) = (folder.path().join("bridge.toml"), folder.path().join("root"));
+    let port = "/dev/serial/by-id/usb-FTDI_USB__-__Serial_Converter_FT4TFKX0-if00-port0";
+    let content = format!(
+        "version = 1\ncalibration = \"calibration.json\"\nstop_socket = \"stop\"\n[servos]\nport = \"{port}\"\n\
+         ids = [1, 2, 3, 4, 5, 6]\n[arm]\nkind = \"loopback\"\n"
+    );
+    fs::write(&config, content).expect("written");
+    let asked = ["bridge", "install", "--config", text(&config), "--root", text(&root), "--json"];
+    let output = run(&asked);
+    assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+    let files = json(&output.stdout)["files"].as_array().cloned().expect("files");
+    let all: Vec<String> =
+        files.iter().map(|file| fs::read_to_string(file["path"].as_str().expect("a path")).expect("written")).collect();
+    assert!(
+        all.len() == 3 && all[0].contains("ATTRS{serial}==\"FT4TFKX0\"") && all[2].contains(text(&config)),
+        "{all:?}"
+    );
+    let removed = run(&[&asked[..], &["--remove"]].concat());
+    assert_eq!(removed.status.code(), Some(0), "{}", stderr(&removed));
+    assert!(files.iter().all(|file| !Path::new(file["path"].as_str().expect("a path")).exists()));
+    let unit = files[2]["path"].as_str().expect("a path");
+    fs::write(unit, "[Unit]\n").expect("written");
+    let refused = run(&asked);
+    assert_eq!(refused.status.code(), Some(2));
+    assert!(stderr(&refused).contains("somebody else"), "{}", stderr(&refused));
+}
+
 /// The sheet for the table is in full size: the objects of the benchmark stand 280 mm apart.
 #[test]
 fn objects_are_drawn_where_they_stand() {

@@ -162,6 +162,16 @@ pub fn parse() -> Cli {
     Cli::from_arg_matches(&described().get_matches()).unwrap_or_else(|error| error.exit())
 }
 
+/// Whether the command is about real devices, or stands for them: these are kept in a log.
+pub fn moves_devices(cli: &Cli) -> bool {
+    match &cli.command {
+        Command::Bridge(_) => true,
+        Command::Trial(args) => args.config.is_some(),
+        Command::Bench(args) => args.config.is_some(),
+        _ => false,
+    }
+}
+
 /// Runs what the command line asks for.
 pub fn run(cli: &Cli) -> Outcome {
     let terminal = &cli.terminal;

@@ -5,17 +5,24 @@
 
 mod cli;
 mod commands;
+mod log_file;
 mod terminal;
 
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
     let cli = cli::parse();
+    let log = cli::moves_devices(&cli).then(log_file::Entry::begin).flatten();
+    let end = |code: u8, message: &str| log.map(|entry| entry.end(code, message));
     let (code, message) = match cli::run(&cli) {
-        Ok(None) => return ExitCode::SUCCESS,
+        Ok(None) => {
+            end(0, "");
+            return ExitCode::SUCCESS;
+        }
         // The result has been printed.
         Ok(Some(shortfall)) => {
             eprintln!("ftac: falls short: {shortfall}");
+            end(1, &shortfall);
             return ExitCode::from(1);
         }
         // The robot stopped in mid-trial: it ran, and fell short.
@@ -24,6 +31,7 @@ fn main() -> ExitCode {
         Err(error) => (2, words(&error)),
     };
     eprintln!("ftac: {message}");
+    end(code, &message);
     if cli.terminal.json {
         println!("{}", serde_json::json!({ "error": message, "code": code }));
     }

@@ -6,6 +6,7 @@ mod doctor;
 mod emulate;
 mod exercise;
 mod faults;
+mod install;
 mod provision;
 mod scan;
 mod shared;
@@ -22,6 +23,8 @@ use crate::terminal::{Outcome, Terminal};
 /// `bridge` commands.
 #[derive(Debug, Subcommand)]
 pub enum BridgeCommand {
+    /// Set up this computer: name and access of the servo adapter, real-time scheduling, a stop at shutdown.
+    Install(install::InstallArgs),
     /// Look for servos on a port, at every rate.
     Scan {
         /// The port; default: the configuration's.
@@ -65,6 +68,7 @@ pub enum BridgeCommand {
 /// Runs a command.
 pub fn run(terminal: &Terminal, command: &BridgeCommand) -> Outcome {
     match command {
+        BridgeCommand::Install(args) => install::run(terminal, args),
         BridgeCommand::Scan { port, config } => scan::run(terminal, port.as_deref(), config),
         BridgeCommand::Doctor(config) => doctor::run(terminal, &config.read()?),
         BridgeCommand::Provision { actuator, config } => provision::run(terminal, actuator, &config.read()?),

@@ -7,6 +7,9 @@ use bench::body::Stopped;
 use bench::body::replayed::ReplaySource;
 use bench::recording::{Began, Recording};
 use clap::Subcommand;
+use hand_model::kinematics::Tree;
+use hand_model::{Arm, Hand};
+use session_log::ros2::{self, Names};
 use session_log::{Event, Reader, Replay};
 use stream::Target;
 
@@ -24,10 +27,21 @@ pub enum ExportCommand {
         #[arg(long)]
         out: Option<PathBuf>,
     },
+    /// A session (MCAP) as a ROS 2 bag (MCAP, profile ros2): joint states, commands and tactile images as standard messages.
+    Ros2 {
+        /// The session's file.
+        session: PathBuf,
+        /// The bag; default: beside the session, ending in .ros2.mcap.
+        #[arg(long)]
+        out: Option<PathBuf>,
+    },
 }
 
 pub fn run(terminal: &Terminal, command: &ExportCommand) -> Outcome {
-    let ExportCommand::Rrd { session, out } = command;
+    let (session, out) = match command {
+        ExportCommand::Rrd { session, out } => (session, out),
+        ExportCommand::Ros2 { session, out } => return ros2(terminal, session, out.as_deref()),
+    };
     let out = out.clone().unwrap_or_else(|| session.with_extension("rrd"));
     let (ticks, shortfall) = rrd(terminal, session, &out)?;
     if terminal.json {
@@ -36,6 +50,26 @@ pub fn run(terminal: &Terminal, command: &ExportCommand) -> Outcome {
         println!("{ticks} ticks in {0}; see them with `ftac view {0}`", out.display());
     }
     Ok(shortfall)
+}
+
+fn ros2(terminal: &Terminal, session: &Path, out: Option<&Path>) -> Outcome {
+    let out = out.map_or_else(|| session.with_extension("ros2.mcap"), Path::to_owned);
+    let (hand, arm) = (Hand::ftac(), Arm::gen3());
+    let joints = |tree: &Tree| tree.joints.iter().map(|joint| joint.name.clone()).collect();
+    let names = Names {
+        arm: joints(&arm.tree),
+        servos: hand.parameters.actuator.iter().map(|actuator| actuator.name.clone()).collect(),
+        cameras: hand.cameras.iter().map(|camera| camera.name.clone()).collect(),
+        torque_constant: hand.parameters.servo.torque_constant,
+    };
+    let reader = Reader::open(session)?;
+    // Nothing half-written stays under the bag's name.
+    let partial = out.with_extension("partial");
+    let messages = ros2::export(reader, &names, &partial).inspect_err(|_| drop(std::fs::remove_file(&partial)))?;
+    std::fs::rename(&partial, &out).with_context(|| out.display().to_string())?;
+    let text = format!("{messages} messages in {0}; `ros2 bag play {0}` plays them\n", out.display());
+    terminal.print(&serde_json::json!({ "bag": out, "messages": messages }), &text)?;
+    Ok((messages == 0).then(|| format!("{}: found nothing measured, expected a session that began", session.display())))
 }
 
 /// Makes the recording `out` of a session: how many ticks it has, and why they are not all that the session has, if so.

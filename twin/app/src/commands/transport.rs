@@ -19,8 +19,8 @@ use scenarios::transport::Transport;
 use serde_json::json;
 use sim::tactile::TactileBoard;
 
-use crate::terminal::Outcome;
-use crate::terminal::Terminal;
+use super::body::Body;
+use crate::terminal::{Outcome, Terminal};
 
 /// Arguments of `transport`.
 #[derive(Debug, Args)]
@@ -46,6 +46,9 @@ pub struct TransportArgs {
     /// A pick of the sequence to search, in order: BALL=DIGIT+DIGIT, such as ball_1=ring+little.
     #[arg(long, requires = "rehearse")]
     pub pick: Vec<WantedText>,
+    /// Which body carries: transports are played on the simulated robot only.
+    #[arg(long, value_enum, default_value = "sim")]
+    pub robot: Body,
     /// Proposals for each pick.
     #[arg(long, default_value_t = 128)]
     pub n: u32,
@@ -60,6 +63,13 @@ fn policies() -> impl TypedValueParser<Value = Policy> {
 pub fn run(terminal: &Terminal, args: &TransportArgs) -> Outcome {
     if args.trials == 0 || args.n == 0 {
         bail!("--trials and --n: found {} and {}, expected at least 1 each", args.trials, args.n);
+    }
+    if args.robot != Body::Sim {
+        bail!(
+            "--robot {}: found a body that does not see where the balls lie after each trip, expected sim: a transport looks at all of them before \
+             it goes on, which only the simulated eyes do",
+            args.robot.name()
+        );
     }
     let transport = match &args.scenario {
         Some(path) => Transport::read(path)?,

@@ -2,7 +2,7 @@
 //!
 //! [`target`] has the points, `reach` what the joints alone would allow. The commands are found by search: many random
 //! commands are evaluated in static equilibrium, the nearest ones are run in physics on the stand, and the best of those are
-//! varied until the thumb is there.
+//! varied until the thumb is there, or all begins anew.
 
 mod reach;
 mod target;
@@ -38,6 +38,8 @@ const STARTS: usize = 30;
 const VARIATIONS: usize = 200;
 /// The best of those run so far, which are varied.
 const PARENTS: usize = 4;
+/// Searches from the beginning at most, where the joints could reach the point and no search has.
+const ROUNDS: usize = 6;
 /// Largest cable tensions tried, N.
 const THUMB_TENSION: f64 = 30.0;
 const FINGER_TENSION: f64 = 20.0;
@@ -140,6 +142,27 @@ fn expected(hand: &Hand, target: &Target, command: &Command) -> [f64; HAND_JOINT
     thumb
 }
 
+/// Searches until the point is reached; once where no joint angles reach it.
+fn search_rounds(
+    hand: &Arc<Hand>,
+    target: &Target,
+    tip: &[Point3<f64>],
+    reach: &Reach,
+    rng: &mut ChaCha8Rng,
+) -> CommandResult {
+    let mut best = search(hand, target, tip, rng);
+    for _ in 1..ROUNDS {
+        if best.reached() || reach.clear > REACHED {
+            break;
+        }
+        let other = search(hand, target, tip, rng);
+        if other.cost() < best.cost() {
+            best = other;
+        }
+    }
+    best
+}
+
 fn search(hand: &Arc<Hand>, target: &Target, tip: &[Point3<f64>], rng: &mut ChaCha8Rng) -> CommandResult {
     let mut looks: Vec<(f64, Command)> = (0..LOOKS)
         .map(|_| {
@@ -223,19 +246,19 @@ pub fn row(hand: &Arc<Hand>, out: Option<&Path>, (seed, seeds): (u64, u64)) -> R
     let all: Vec<(u64, usize)> = (seed..seed.saturating_add(seeds))
         .flat_map(|seed| (0..targets.len()).map(move |point| (seed, point)))
         .collect();
-    let mut results: Vec<CommandResult> = all
-        .par_iter()
-        .with_max_len(1)
-        .map(|(seed, n)| search(hand, &targets[*n], &tip, &mut stream(*seed, *n)))
-        .collect();
-    let counts: Vec<usize> = results.chunks(targets.len()).map(reached).collect();
-    let others = others(&targets, &results);
-    results.truncate(targets.len());
     let reaches: Vec<Reach> = targets
         .par_iter()
         .enumerate()
         .map(|(n, target)| reach(hand, target, &tip, &mut stream(seed, targets.len() + n)))
         .collect();
+    let mut results: Vec<CommandResult> = all
+        .par_iter()
+        .with_max_len(1)
+        .map(|(seed, n)| search_rounds(hand, &targets[*n], &tip, &reaches[*n], &mut stream(*seed, *n)))
+        .collect();
+    let counts: Vec<usize> = results.chunks(targets.len()).map(reached).collect();
+    let others = others(&targets, &results);
+    results.truncate(targets.len());
     let fewest = counts.iter().min().copied().unwrap_or_default();
     let most = counts.iter().max().copied().unwrap_or_default();
     let details: Vec<Value> = targets

@@ -1,0 +1,244 @@
+//! A session as a ROS 2 bag: an MCAP file with the profile `ros2`, whose messages are CDR and described in the file.
+//!
+//! | topic | type | content |
+//! |---|---|---|
+//! | `/arm/joint_states` | `sensor_msgs/msg/JointState` | measured angles (rad), speeds (rad/s), torques (N m) |
+//! | `/arm/joint_commands` | the same | set-points as they were sent |
+//! | `/hand/servo_states` | the same | angles and speeds of the servos' horns, torques by the servos' input current |
+//! | `/hand/servo_commands` | the same | goal angles, or NaN where a servo was given a current; torques by the current or its limit |
+//! | `/tactile/<camera>/image_raw` | `sensor_msgs/msg/Image` | `rgb8`, where a new image arrived |
+//! | `/outcome` | `std_msgs/msg/String` | what came of it |
+//!
+//! Stamps and log times are the session's wall clock. CDR is little-endian XCDR1: a header of four bytes, then every number
+//! at a multiple of its size counted from there.
+
+use std::collections::BTreeMap;
+use std::fs::File;
+use std::io::BufWriter;
+use std::path::Path;
+use std::time::Duration;
+
+use hand_model::pads::IMAGE_SIZE;
+use hand_model::robot::{self, ServoGoal};
+use mcap::WriteOptions;
+use mcap::records::MessageHeader;
+
+use crate::error::SessionLogError;
+use crate::reader::{Event, Reader};
+
+/// How joints are called, and what a servo makes of its current.
+#[derive(Debug, Clone)]
+pub struct Names {
+    pub arm: Vec<String>,
+    /// Actuators, in their order.
+    pub servos: Vec<String>,
+    /// Cameras, by index.
+    pub cameras: Vec<String>,
+    /// Torque of a servo for an input current, N m/A.
+    pub torque_constant: f64,
+}
+
+const HEADER: &str = "std_msgs/Header header\n";
+const JOINT_STATE: &str = "string[] name\nfloat64[] position\nfloat64[] velocity\nfloat64[] effort\n";
+const IMAGE: &str = "uint32 height\nuint32 width\nstring encoding\nuint8 is_bigendian\nuint32 step\nuint8[] data\n";
+/// What a message with a header is made of besides, in the form of a bag.
+const PARTS: &str = "================================================================================\nMSG: std_msgs/Header\n\
+                     builtin_interfaces/Time stamp\nstring frame_id\n\
+                     ================================================================================\nMSG: builtin_interfaces/Time\n\
+                     int32 sec\nuint32 nanosec\n";
+/// Bytes of a pixel.
+const PIXEL: u32 = 3;
+
+/// A message in the making.
+struct Cdr(Vec<u8>);
+
+impl Cdr {
+    fn new() -> Self {
+        Self(vec![0, 1, 0, 0])
+    }
+
+    fn align(&mut self, size: usize) {
+        while !(self.0.len() - 4).is_multiple_of(size) {
+            self.0.push(0);
+        }
+    }
+
+    fn u32(&mut self, value: u32) -> &mut Self {
+        self.align(4);
+        self.0.extend(value.to_le_bytes());
+        self
+    }
+
+    fn string(&mut self, text: &str) -> &mut Self {
+        self.u32(text.len() as u32 + 1);
+        self.0.extend(text.as_bytes());
+        self.0.push(0);
+        self
+    }
+
+    fn strings(&mut self, all: &[String]) -> &mut Self {
+        self.u32(all.len() as u32);
+        for text in all {
+            self.string(text);
+        }
+        self
+    }
+
+    fn numbers(&mut self, all: &[f64]) -> &mut Self {
+        self.u32(all.len() as u32);
+        for value in all {
+            self.align(8);
+            self.0.extend(value.to_le_bytes());
+        }
+        self
+    }
+
+    fn bytes(&mut self, all: &[u8]) -> &mut Self {
+        self.u32(all.len() as u32);
+        self.0.extend(all);
+        self
+    }
+
+    fn header(&mut self, at: Duration, frame: &str) -> &mut Self {
+        self.u32(at.as_secs() as u32).u32(at.subsec_nanos()).string(frame)
+    }
+}
+
+fn joint_state(at: Duration, names: &[String], position: &[f64], velocity: &[f64], effort: &[f64]) -> Vec<u8> {
+    let mut cdr = Cdr::new();
+    cdr.header(at, "").strings(names).numbers(position).numbers(velocity).numbers(effort);
+    cdr.0
+}
+
+fn image(at: Duration, frame: &str, rgb: &[u8]) -> Vec<u8> {
+    let mut cdr = Cdr::new();
+    let side = IMAGE_SIZE as u32;
+    cdr.header(at, frame).u32(side).u32(side).string("rgb8");
+    cdr.0.push(0);
+    cdr.u32(side * PIXEL).bytes(rgb);
+    cdr.0
+}
+
+/// A bag in the making.
+struct Bag<'a> {
+    mcap: mcap::Writer<BufWriter<File>>,
+    path: &'a Path,
+    channels: BTreeMap<String, (u16, u32)>,
+    messages: u64,
+}
+
+impl Bag<'_> {
+    fn add(&mut self, topic: &str, kind: &str, body: &str, at: Duration, data: &[u8]) -> Result<(), SessionLogError> {
+        let fault = SessionLogError::mcap(self.path);
+        let (channel_id, sequence) = match self.channels.get(topic) {
+            Some(known) => *known,
+            None => {
+                let mut add = || {
+                    let schema = self.mcap.add_schema(kind, "ros2msg", body.as_bytes())?;
+                    self.mcap.add_channel(schema, topic, "cdr", &BTreeMap::new())
+                };
+                (add().map_err(SessionLogError::mcap(self.path))?, 0)
+            }
+        };
+        self.channels.insert(topic.to_owned(), (channel_id, sequence + 1));
+        self.messages += 1;
+        let time = at.as_nanos() as u64;
+        let header = MessageHeader { channel_id, sequence, log_time: time, publish_time: time };
+        self.mcap.write_to_known_channel(&header, data).map_err(fault)
+    }
+
+    fn joints(&mut self, topic: &str, at: Duration, data: &[u8]) -> Result<(), SessionLogError> {
+        self.add(topic, "sensor_msgs/msg/JointState", &format!("{HEADER}{JOINT_STATE}{PARTS}"), at, data)
+    }
+}
+
+/// Writes the session that `reader` reads as a bag at `out`, which must not exist; how many messages it has.
+///
+/// # Errors
+/// [`SessionLogError`]: of the session, or of the bag.
+pub fn export(mut reader: Reader, names: &Names, out: &Path) -> Result<u64, SessionLogError> {
+    let file = File::create_new(out).map_err(SessionLogError::io(out))?;
+    let options = WriteOptions::new().compression(None).profile("ros2").library("ftac session-log");
+    let mcap = options.create(BufWriter::new(file)).map_err(SessionLogError::mcap(out))?;
+    let mut bag = Bag { mcap, path: out, channels: BTreeMap::new(), messages: 0 };
+    while let Some((times, event)) = reader.next_event()? {
+        let at = reader.begun() + times.host;
+        match event {
+            Event::Observation(observation) => observed(&mut bag, names, at, &observation)?,
+            Event::Sent(command) => sent(&mut bag, names, at, &command)?,
+            Event::Outcome(words) => {
+                let mut cdr = Cdr::new();
+                cdr.string(&String::from_utf8_lossy(&words));
+                bag.add("/outcome", "std_msgs/msg/String", "string data\n", at, &cdr.0)?;
+            }
+            _ => {}
+        }
+    }
+    bag.mcap.finish().map_err(SessionLogError::mcap(out))?;
+    Ok(bag.messages)
+}
+
+fn observed(
+    bag: &mut Bag<'_>,
+    names: &Names,
+    at: Duration,
+    observation: &robot::Observation,
+) -> Result<(), SessionLogError> {
+    let arm = &observation.arm;
+    bag.joints("/arm/joint_states", at, &joint_state(at, &names.arm, &arm.position, &arm.velocity, &arm.torque))?;
+    let of = |value: fn(&robot::ServoState) -> f64| observation.servos.map(|servo| value(&servo));
+    let torque = of(|servo| servo.current).map(|current| current * names.torque_constant);
+    let state = joint_state(at, &names.servos, &of(|servo| servo.position), &of(|servo| servo.velocity), &torque);
+    bag.joints("/hand/servo_states", at, &state)?;
+    for frame in &observation.tactile {
+        let camera = names.cameras.get(frame.camera).cloned().unwrap_or_else(|| format!("camera_{}", frame.camera));
+        let body = format!("{HEADER}{IMAGE}{PARTS}");
+        let data = image(at, &camera, &frame.image.rgb);
+        bag.add(&format!("/tactile/{camera}/image_raw"), "sensor_msgs/msg/Image", &body, at, &data)?;
+    }
+    Ok(())
+}
+
+fn sent(bag: &mut Bag<'_>, names: &Names, at: Duration, command: &robot::Command) -> Result<(), SessionLogError> {
+    bag.joints("/arm/joint_commands", at, &joint_state(at, &names.arm, &command.arm, &[], &[]))?;
+    let angle = |goal: ServoGoal| match goal {
+        ServoGoal::Position { angle, .. } => angle,
+        ServoGoal::Current(_) => f64::NAN,
+    };
+    let current = |goal: ServoGoal| match goal {
+        ServoGoal::Position { current_limit, .. } => current_limit,
+        ServoGoal::Current(current) => current,
+    };
+    let torque = command.servos.map(|goal| current(goal) * names.torque_constant);
+    let goals = joint_state(at, &names.servos, &command.servos.map(angle), &[], &torque);
+    bag.joints("/hand/servo_commands", at, &goals)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Worked by hand: numbers at multiples of their size after the header, strings with their closing zero.
+    #[test]
+    fn a_joint_state_is_laid_out_as_cdr() {
+        let bytes = joint_state(Duration::new(7, 9), &["ab".into()], &[1.0], &[], &[2.0]);
+        let mut expected = vec![0, 1, 0, 0];
+        expected.extend([7, 0, 0, 0, 9, 0, 0, 0]);
+        // An empty frame: length 1, its zero, then padding.
+        expected.extend([1, 0, 0, 0, 0, 0, 0, 0]);
+        expected.extend([1, 0, 0, 0, 3, 0, 0, 0, b'a', b'b', 0, 0]);
+        // One number at 32.
+        expected.extend([1, 0, 0, 0]);
+        expected.extend(1.0_f64.to_le_bytes());
+        expected.extend([0, 0, 0, 0, 1, 0, 0, 0]);
+        expected.extend(2.0_f64.to_le_bytes());
+        assert_eq!(bytes, expected);
+    }
+
+    #[test]
+    fn an_image_ends_with_its_pixels() {
+        let bytes = image(Duration::ZERO, "pad", &[5; 6]);
+        assert!(bytes.ends_with(&[6, 0, 0, 0, 5, 5, 5, 5, 5, 5]));
+        assert_eq!((bytes.len() - 6) % 4, 0);
+    }
+}

@@ -1,0 +1,119 @@
+//! `ftac bridge install`: the computer's part of the bridge, as files of the system, with what was done in words.
+
+use std::os::unix::fs::MetadataExt as _;
+use std::path::PathBuf;
+use std::process::Command;
+
+use anyhow::{Context, bail, ensure};
+use clap::Args;
+use hardware_bridge::config::BridgeConfig;
+use hardware_bridge::install::{self, Setup};
+use serde_json::json;
+
+use super::shared::ConfigArg;
+use crate::terminal::{Outcome, Terminal};
+
+/// Arguments of `bridge install`.
+#[derive(Debug, Args)]
+pub struct InstallArgs {
+    #[command(flatten)]
+    config: ConfigArg,
+    /// Serial number of the servo adapter; default: the one in the name of the configuration's port, else any known adapter.
+    #[arg(long)]
+    serial: Option<String>,
+    /// Write below this folder instead of /, and tell the system nothing: to look at the files, or for an image.
+    #[arg(long)]
+    root: Option<PathBuf>,
+    /// Take away what was installed.
+    #[arg(long)]
+    remove: bool,
+    /// Only show the files.
+    #[arg(long, conflicts_with = "remove")]
+    dry_run: bool,
+}
+
+/// What makes the system take notice, after the files were written or removed.
+const NOTICE: [&[&str]; 4] = [
+    &["udevadm", "control", "--reload"],
+    &["udevadm", "trigger", "--subsystem-match=tty", "--subsystem-match=usb-serial"],
+    &["systemctl", "daemon-reload"],
+    &["systemctl", "enable", "--now", "ftac-stop.service"],
+];
+/// Before they are removed.
+const FAREWELL: &[&str] = &["systemctl", "disable", "ftac-stop.service"];
+
+/// `ftac bridge install`.
+pub fn run(terminal: &Terminal, args: &InstallArgs) -> Outcome {
+    let file = &args.config.config;
+    let config = std::path::absolute(file).with_context(|| file.display().to_string())?;
+    // A wrong configuration is better found now than when the robot has to be stopped.
+    let bridge = BridgeConfig::read(&config)?;
+    let serial = args.serial.clone().or_else(|| install::serial_of(&bridge.servos.port));
+    if let Some(odd) = serial.as_ref().filter(|serial| !serial.chars().all(|c| c.is_ascii_alphanumeric())) {
+        bail!("--serial: found `{odd}`, expected letters and digits");
+    }
+    let program = std::env::current_exe().context("the program's own place")?;
+    let files = install::files(&Setup { serial, program, config });
+    let root = args.root.clone().unwrap_or_else(|| PathBuf::from("/"));
+    let system = args.root.is_none();
+    if args.dry_run {
+        let text: String =
+            files.iter().map(|file| format!("== {}\n{}\n", root.join(file.path).display(), file.text)).collect();
+        let rows: Vec<_> =
+            files.iter().map(|file| json!({"path": root.join(file.path), "purpose": file.purpose})).collect();
+        terminal.print(&json!({ "files": rows, "done": [] }), &text)?;
+        return Ok(None);
+    }
+    let user = std::fs::metadata("/proc/self").context("/proc/self")?.uid();
+    ensure!(
+        !system || user == 0,
+        "found user {user}, expected root: `sudo {} bridge install --config {}` (or --root FOLDER, or --dry-run)",
+        std::env::args().next().unwrap_or_else(|| "ftac".into()),
+        file.display()
+    );
+    let mut done = Vec::new();
+    let mut failed = Vec::new();
+    let mut tell = |command: &[&str]| match notice(command) {
+        Ok(()) => done.push(command.join(" ")),
+        Err(why) => failed.push(format!("`{}`: {why}", command.join(" "))),
+    };
+    let text = if args.remove {
+        if system {
+            tell(FAREWELL);
+        }
+        let removed = install::remove(&root, &files)?;
+        removed.iter().map(|path| format!("removed {}\n", path.display())).collect::<String>()
+    } else {
+        install::write(&root, &files)?;
+        files.iter().map(|file| format!("{}: {}\n", root.join(file.path).display(), file.purpose)).collect()
+    };
+    if system {
+        let commands = if args.remove { &NOTICE[..3] } else { &NOTICE[..] };
+        commands.iter().for_each(|command| tell(command));
+        // The name under which sudo was called.
+        match std::env::var("SUDO_USER") {
+            Ok(user) if !args.remove => tell(&["usermod", "-a", "-G", "dialout", &user]),
+            _ => {}
+        }
+    }
+    let rows: Vec<_> =
+        files.iter().map(|file| json!({"path": root.join(file.path), "purpose": file.purpose})).collect();
+    let told: String = done.iter().map(|command| format!("done: {command}\n")).collect();
+    let hint = if args.remove {
+        ""
+    } else {
+        "log out and in again: groups and scheduling limits hold from the next login on\n"
+    };
+    terminal.print(&json!({ "files": rows, "done": done }), &format!("{text}{told}{hint}"))?;
+    Ok((!failed.is_empty()).then(|| failed.join("; ")))
+}
+
+/// Runs a program of the system.
+fn notice(command: &[&str]) -> Result<(), String> {
+    let (program, arguments) = command.split_first().ok_or("no program")?;
+    let output = Command::new(program).args(arguments).output().map_err(|error| error.to_string())?;
+    if output.status.success() {
+        return Ok(());
+    }
+    Err(String::from_utf8_lossy(&output.stderr).trim().to_owned())
+}
