@@ -179,7 +179,7 @@ mod tests {
         writer.add(&first).expect("written");
         let whole = std::fs::read_to_string(&path).expect("read");
         std::fs::write(&path, format!("{whole}{{\"object\":\"ba")).expect("written");
-        let (mut writer, kept) = GraspWriter::resume(&path, &header).expect("resumed");
+        let (mut writer, kept) = GraspWriter::resume::<HeldGrasp>(&path, &header).expect("resumed");
         assert_eq!(kept, std::slice::from_ref(&first));
         writer.add(&second).expect("written");
         assert_eq!(read::<HeldGrasp>(&path).expect("read").1, [first, second]);
