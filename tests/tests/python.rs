@@ -81,6 +81,12 @@ fn the_wheel_installs_and_its_examples_run() {
     let wheel = wheel(&python, &folder.path().join("wheels"));
     let install = ["-m", "pip", "install", "--quiet", "--disable-pip-version-check", "--no-deps"];
     run(Command::new(&python).args(install).arg(&wheel)).expect("the wheel installs");
+    // The program comes with it.
+    let program = python.with_file_name("ftac");
+    let version = run(Command::new(&program).arg("--version")).expect("the program runs");
+    assert!(String::from_utf8_lossy(&version.stdout).starts_with("ftac "), "{version:?}");
+    let refused = Command::new(&program).arg("bnch").output().expect("the program runs");
+    assert_eq!(refused.status.code(), Some(2), "{}", stderr(&refused));
     let page = std::fs::read_to_string(root().join("twin/python/README.md")).expect("the page");
     let examples = examples(&page);
     assert!(examples.len() >= 4, "the page has {} examples", examples.len());

@@ -1,5 +1,6 @@
 //! The command line.
 
+use std::ffi::OsString;
 use std::path::PathBuf;
 
 use clap::{Command as Described, CommandFactory as _, FromArgMatches as _, Parser, Subcommand};
@@ -157,9 +158,9 @@ fn with_negative_numbers(command: Described) -> Described {
     command.mut_subcommands(with_negative_numbers)
 }
 
-/// What this process was asked for; ends it with a message where that cannot be understood.
-pub fn parse() -> Cli {
-    Cli::from_arg_matches(&described().get_matches()).unwrap_or_else(|error| error.exit())
+/// What `arguments` ask for; ends the process with a message where that cannot be understood.
+pub fn parse(arguments: impl IntoIterator<Item = OsString>) -> Cli {
+    Cli::from_arg_matches(&described().get_matches_from(arguments)).unwrap_or_else(|error| error.exit())
 }
 
 /// Whether the command is about real devices, or stands for them: these are kept in a log.

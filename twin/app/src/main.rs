@@ -1,69 +1,7 @@
-//! `ftac`: the program people run. Commands, sessions, results, reports.
-//!
-//! Exit codes: 0 done and good, 1 ran but the result falls short (named on stderr), 2 bad usage or bad input, 130 interrupted with Ctrl-C:
-//! what is finished is kept.
-
-mod cli;
-mod commands;
-mod log_file;
-mod terminal;
+//! The program; all of it is in the library.
 
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
-    let cli = cli::parse();
-    let log = cli::moves_devices(&cli).then(log_file::Entry::begin).flatten();
-    let end = |code: u8, message: &str| log.map(|entry| entry.end(code, message));
-    let (code, message) = match cli::run(&cli) {
-        Ok(None) => {
-            end(0, "");
-            return ExitCode::SUCCESS;
-        }
-        // The result has been printed.
-        Ok(Some(shortfall)) => {
-            eprintln!("ftac: falls short: {shortfall}");
-            end(1, &shortfall);
-            return ExitCode::from(1);
-        }
-        // The robot stopped in mid-trial: it ran, and fell short.
-        Err(error) if caused_by::<bench::body::Stopped>(&error) => (1, format!("falls short: {}", words(&error))),
-        Err(error) if caused_by::<bench::run::Interrupted>(&error) => (130, words(&error)),
-        Err(error) => (2, words(&error)),
-    };
-    eprintln!("ftac: {message}");
-    end(code, &message);
-    if cli.terminal.json {
-        println!("{}", serde_json::json!({ "error": message, "code": code }));
-    }
-    ExitCode::from(code)
-}
-
-/// The error and its causes, each once: many errors have their cause in their own words.
-fn words(error: &anyhow::Error) -> String {
-    error.chain().fold(String::new(), |said, cause| {
-        let cause = cause.to_string();
-        match (said.is_empty(), said.contains(&cause)) {
-            (true, _) => cause,
-            (false, true) => said,
-            (false, false) => said + ": " + &cause,
-        }
-    })
-}
-
-fn caused_by<E: std::error::Error + Send + Sync + 'static>(error: &anyhow::Error) -> bool {
-    error.chain().any(|cause| cause.is::<E>())
-}
-
-#[cfg(test)]
-mod tests {
-    use anyhow::Context as _;
-
-    #[test]
-    fn causes_are_said_once() {
-        let cause = std::io::Error::other("no such file");
-        let error = anyhow::Error::from(cause).context("/dev/nope: no such file");
-        assert_eq!(super::words(&error), "/dev/nope: no such file");
-        let error = Err::<(), _>(std::io::Error::other("no such file")).context("--config").expect_err("an error");
-        assert_eq!(super::words(&error), "--config: no such file");
-    }
+    ExitCode::from(ftac::run(std::env::args_os()))
 }

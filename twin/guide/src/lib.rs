@@ -10,10 +10,11 @@
 //! | [`benchmark`] | you run the benchmark, and read what came out |
 //! | [`sensor`] | you own a camera-based tactile sensor |
 //! | [`hand`] | you own a hand, or an object that you want grasped |
+//! | [`python`] | you write Python: tactile images, learning environments, your own policy in the benchmark |
 //! | [`files`] | what is in each file |
 //! | [`troubleshooting`] | something is not as it should be |
 //!
-//! There is no code in this crate. `tests/tests/guide.rs` runs the commands of the pages.
+//! There is no code in this crate. `tests/tests/guide.rs` runs the commands of the pages, `tests/tests/python.rs` the Python examples.
 
 #[doc = include_str!("../pages/concepts.md")]
 pub mod concepts {}
@@ -26,6 +27,9 @@ pub mod sensor {}
 
 #[doc = include_str!("../pages/hand.md")]
 pub mod hand {}
+
+#[doc = include_str!("../../python/README.md")]
+pub mod python {}
 
 #[doc = include_str!("../pages/files.md")]
 pub mod files {}

@@ -11,6 +11,7 @@ mod arrays;
 mod grasps;
 mod hand;
 mod optics;
+mod program;
 mod scene;
 mod touch;
 mod trials;
@@ -27,6 +28,8 @@ mod _native {
     use crate::hand::{excursions, forward, hand, jacobian, moment_arms, pad_poses, resting_posture, torques};
     #[pymodule_export]
     use crate::optics::{background, press_heights, press_sphere};
+    #[pymodule_export]
+    use crate::program::run;
     #[pymodule_export]
     use crate::scene::{Episode, Scene, step_all};
     #[pymodule_export]

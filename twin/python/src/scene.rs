@@ -170,6 +170,10 @@ impl Scene {
         drawn(py, &*own(&self.0)?, side)
     }
 
+    fn __deepcopy__(&self, _memo: &Bound<'_, PyAny>) -> PyResult<Self> {
+        self.copy()
+    }
+
     fn copy(&self) -> PyResult<Self> {
         Ok(Self(Mutex::new(own(&self.0)?.clone())))
     }
@@ -274,6 +278,10 @@ impl Episode {
 
     fn combination(&self) -> PyResult<usize> {
         Ok(own(&self.0)?.combination())
+    }
+
+    fn __deepcopy__(&self, _memo: &Bound<'_, PyAny>) -> PyResult<Self> {
+        self.copy()
     }
 
     fn copy(&self) -> PyResult<Self> {

@@ -36,6 +36,7 @@ class Hand(unittest.TestCase):
             (lambda: hand.forward([0.0] * 14), r"q: found shape \(14,\), expected shape \(15,\)"),
             (lambda: hand.forward([np.nan] * 15), r"q\[0\]: found NaN"),
             (lambda: hand.forward("no"), "q: expected numbers"),
+            (lambda: hand.forward([1j] * 15), "q: found complex numbers"),
             (lambda: hand.jacobian([0.0] * 15, "toe_1"), "link: found 'toe_1'"),
             (lambda: hand.jacobian([0.0] * 15, 15), "link: found 15, expected 0 to 14"),
             (lambda: hand.resting_posture([-1.0, 0, 0, 0, 0]), r"tensions\[0\]: found -1"),
@@ -70,6 +71,8 @@ class Optics(unittest.TestCase):
     def test_bad_input_is_refused_in_words(self):
         for call, words in [
             (lambda: optics.background("toe"), "camera: found 'toe'"),
+            (lambda: optics.background(1.5), "camera: found 1.5, expected a whole number"),
+            (lambda: optics.background(0, unit=-1), "unit: found -1"),
             (lambda: optics.press_sphere(18, 0.01, force=1.0), "camera: found 18, expected 0 to 17"),
             (lambda: optics.press_sphere(0, -0.01, force=1.0), "radius: found -0.01"),
             (lambda: optics.press_sphere(0, 0.01), "expected either a depth or a force"),

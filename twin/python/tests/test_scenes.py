@@ -1,5 +1,6 @@
 """Scenes and environments: bits by seed, nothing of the truth, and clear words for what cannot be."""
 
+import copy
 import threading
 import unittest
 import warnings
@@ -62,7 +63,9 @@ class Scenes(unittest.TestCase):
         for make, words in [
             (lambda: ftac.Scene([("lemn", 0.6, 0.0, 0.0)]), "no object is called `lemn`; known are: "),
             (lambda: ftac.Scene([("lemon", np.nan, 0.0, 0.0)]), "object `lemon`, x: found NaN"),
-            (lambda: ftac.Scene(images=241), "found 241 pixels, expected 8 to 240"),
+            (lambda: ftac.Scene(images=241), "images: found 241, expected 8 to 240"),
+            (lambda: ftac.Scene(images=1.5), "images: found 1.5, expected a whole number"),
+            (lambda: ftac.Scene(seed=-1), "seed: found -1"),
         ]:
             with self.assertRaisesRegex(ValueError, words):
                 make()
@@ -132,7 +135,15 @@ class Environments(unittest.TestCase):
             with self.assertRaisesRegex(ValueError, words):
                 envs.Pick(**options)
         with self.assertRaisesRegex(ValueError, "combination: found 60, expected 0 to 59"):
-            envs.Pick(combination=60).reset(seed=1)
+            envs.Pick(combination=60)
+
+    def test_a_copied_environment_goes_on_alike(self):
+        env = envs.Pick("pick_one", images=16)
+        env.reset(seed=4)
+        twin = copy.deepcopy(env)
+        action = np.full(12, 0.3, dtype=np.float32)
+        for mine, its in zip(env.step(action)[0].values(), twin.step(action)[0].values()):
+            np.testing.assert_array_equal(mine, its)
 
 
 if __name__ == "__main__":

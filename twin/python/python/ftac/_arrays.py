@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+import operator
+from typing import Any
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 
 def numbers(what: str, values: ArrayLike, length: int | None = None) -> NDArray[np.float64]:
     """`values` as a contiguous float64 vector, of `length` if given. ``ValueError`` for anything else."""
+    if np.iscomplexobj(values):
+        raise ValueError(f"{what}: found complex numbers, expected real ones")
     try:
         array = np.ascontiguousarray(values, dtype=np.float64)
     except (TypeError, ValueError) as error:
@@ -16,6 +21,27 @@ def numbers(what: str, values: ArrayLike, length: int | None = None) -> NDArray[
         expected = "one dimension" if length is None else f"shape ({length},)"
         raise ValueError(f"{what}: found shape {np.shape(values)}, expected {expected}")
     return array
+
+
+def whole(what: str, value: Any, low: int, high: int) -> int:
+    """`value` as an int from `low` to `high`. ``ValueError`` for anything else; what is not whole is not rounded in silence."""
+    try:
+        found = operator.index(value)
+    except TypeError:
+        raise ValueError(f"{what}: found {value!r}, expected a whole number from {low} to {high}") from None
+    if not low <= found <= high:
+        raise ValueError(f"{what}: found {found}, expected {low} to {high}")
+    return found
+
+
+def seed_of(value: Any) -> int:
+    """`value` as a seed."""
+    return whole("seed", value, 0, 2**64 - 1)
+
+
+def side_of(images: Any) -> int | None:
+    """`images` as the side of tactile images, pixels, or None."""
+    return None if images is None else whole("images", images, 8, 240)
 
 
 def image(what: str, values: ArrayLike) -> NDArray[np.uint8]:

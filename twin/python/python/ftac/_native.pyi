@@ -65,6 +65,9 @@ def objects() -> list[str]:
 def combinations() -> list[tuple[str, str]]:
     """The benchmark's combinations: names of the first and the second object."""
 
+def run(arguments: list[str]) -> int:
+    """Runs the program `ftac`; the exit code."""
+
 def hand() -> dict[str, Any]: ...
 def forward(q: Array) -> Array: ...
 def pad_poses(q: Array) -> Array: ...

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ftac import _native
+from ftac._arrays import seed_of, whole
 from ftac.grasps import PickUp, pick_up
 
 Array = NDArray[np.float64]
@@ -129,12 +130,12 @@ def play(
     """
     if not callable(getattr(policy, "choose", None)):
         raise ValueError(f"policy: found {type(policy).__name__}, expected an object with a method choose(situation)")
-    if trials < 1:
-        raise ValueError(f"trials: found {trials}, expected 1 or more")
+    trials, seed = whole("trials", trials, 1, 1_000_000), seed_of(seed)
     unknown = [name for name in beside if name not in CONDITIONS]
     if unknown:
         raise ValueError(f"beside: found {unknown[0]!r}, expected some of {', '.join(CONDITIONS)}")
-    numbers = list(range(len(_native.combinations()))) if combinations is None else [int(n) for n in combinations]
+    count = len(_native.combinations())
+    numbers = range(count) if combinations is None else [whole("combination", n, 0, count - 1) for n in combinations]
     benchmark, asked, rows = _benchmark(seed), _Asked(policy), []
     for combination in numbers:
         for trial in range(trials):

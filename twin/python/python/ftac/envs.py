@@ -16,6 +16,7 @@ from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
 from ftac import _native
+from ftac._arrays import side_of, whole
 
 Task = Literal["pick_one", "pick_second", "pick_two"]
 Observation = dict[str, Any]
@@ -79,8 +80,9 @@ class Pick(gymnasium.Env[Observation, Vector]):
             raise ValueError(f"reward: found {reward!r}, expected sparse or shaped")
         if render_mode not in (None, "rgb_array"):
             raise ValueError(f"render_mode: found {render_mode!r}, expected rgb_array or None")
-        if images is not None and not 8 <= images <= 240:
-            raise ValueError(f"images: found {images}, expected 8 to 240 pixels")
+        images = side_of(images)
+        if combination is not None:
+            combination = whole("combination", combination, 0, len(_native.combinations()) - 1)
         self.task, self.images, self.reward, self.combination, self.reality = task, images, reward, combination, reality
         self.render_mode = render_mode
         self._episode: _native.Episode | None = None
@@ -198,8 +200,7 @@ class VectorPick(gymnasium.vector.VectorEnv[Observation, Vector, NDArray[Any]]):
     def __init__(
         self, num_envs: int, *, max_episode_steps: int | None = None, jobs: int | None = None, **options: Any
     ) -> None:
-        if num_envs < 1:
-            raise ValueError(f"num_envs: found {num_envs}, expected 1 or more")
+        num_envs = whole("num_envs", num_envs, 1, 4096)
         self.envs = [Pick(**options) for _ in range(num_envs)]
         self.num_envs, self.jobs = num_envs, jobs or os.cpu_count() or 1
         self.render_mode = self.envs[0].render_mode

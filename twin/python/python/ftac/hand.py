@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ftac import _native
-from ftac._arrays import numbers
+from ftac._arrays import numbers, whole
 
 Array = NDArray[np.float64]
 
@@ -75,9 +75,8 @@ def jacobian(q: ArrayLike, link: int | str, point: ArrayLike = (0.0, 0.0, 0.0)) 
         if link not in JOINTS:
             raise ValueError(f"link: found {link!r}, expected one of {', '.join(JOINTS)}")
         link = JOINTS.index(link)
-    if not 0 <= link < len(JOINTS):
-        raise ValueError(f"link: found {link}, expected 0 to {len(JOINTS) - 1}")
-    return _native.jacobian(numbers("q", q, 15), link, numbers("point", point, 3))
+    index = whole("link", link, 0, len(JOINTS) - 1)
+    return _native.jacobian(numbers("q", q, 15), index, numbers("point", point, 3))
 
 
 def excursions(q: ArrayLike) -> Array:
@@ -107,6 +106,4 @@ def camera(name: int | str) -> int:
         if name not in names:
             raise ValueError(f"camera: found {name!r}, expected one of {', '.join(names)}")
         return names.index(name)
-    if not 0 <= name < len(names):
-        raise ValueError(f"camera: found {name}, expected 0 to {len(names) - 1}")
-    return int(name)
+    return whole("camera", name, 0, len(names) - 1)

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ftac import _native, hand
+from ftac._arrays import seed_of, whole
 
 
 class Press(NamedTuple):
@@ -24,7 +25,7 @@ class Press(NamedTuple):
 
 def background(camera: int | str, *, unit: int | None = None) -> NDArray[np.uint8]:
     """Image of the untouched pad, without read-out noise."""
-    return _native.background(hand.camera(camera), unit)
+    return _native.background(hand.camera(camera), _serial(unit))
 
 
 def press_sphere(
@@ -43,7 +44,9 @@ def press_sphere(
     """
     x, y = center
     return Press(
-        *_native.press_sphere(hand.camera(camera), float(radius), depth, force, (float(x), float(y)), unit, seed)
+        *_native.press_sphere(
+            hand.camera(camera), float(radius), depth, force, (float(x), float(y)), _serial(unit), seed_of(seed)
+        )
     )
 
 
@@ -58,4 +61,8 @@ def press_heights(
     heights = np.ascontiguousarray(surface, dtype=np.float64)
     if heights.ndim != 2:
         raise ValueError(f"surface: found shape {heights.shape}, expected (240, 240)")
-    return Press(*_native.press_heights(hand.camera(camera), heights, float(force), unit, seed))
+    return Press(*_native.press_heights(hand.camera(camera), heights, float(force), _serial(unit), seed_of(seed)))
+
+
+def _serial(unit: int | None) -> int | None:
+    return None if unit is None else whole("unit", unit, 0, 2**32 - 1)

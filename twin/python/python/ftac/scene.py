@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ftac import _native
-from ftac._arrays import numbers
+from ftac._arrays import numbers, seed_of, side_of
 
 Place = tuple[str, float, float, float]
 
@@ -55,7 +55,7 @@ class Scene:
         self, objects: Sequence[Place] = (), *, images: int | None = None, seed: int = 0, reality: bool = True
     ) -> None:
         places = [(str(name), float(x), float(y), float(yaw)) for name, x, y, yaw in objects]
-        self._scene = _native.Scene(places, images, seed, reality)
+        self._scene = _native.Scene(places, side_of(images), seed_of(seed), bool(reality))
         self.objects = [place[0] for place in places]
         self.limits: dict[str, Any] = self._scene.limits()
         """Limits of what `step` takes: `speed` (m/s) and `turn_speed` (rad/s) of each axis, `joints` (7, 2) rad, `tension` (N), `opposition` (2,) rad,
