@@ -49,7 +49,7 @@ pub struct CheckArgs {
     #[arg(long, value_delimiter = ',', requires = "grasps", value_parser = clap::value_parser!(u8).range(1..=33))]
     pub types: Vec<u8>,
     /// Attempts at each grasp type at most; the first that holds is kept.
-    #[arg(long, default_value_t = 1500, value_parser = clap::value_parser!(u32).range(1..))]
+    #[arg(long, default_value_t = 3000, value_parser = clap::value_parser!(u32).range(1..))]
     pub tries: u32,
     /// Search the Kapandji test's points, or the grasp types, with so many seeds, from --seed on.
     #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=1000))]
