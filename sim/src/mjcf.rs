@@ -77,13 +77,7 @@ pub fn write(scene: &Scene<'_>) -> String {
         prop_body(&mut assets, &mut bodies, prop, pose);
     }
     let mut out = format!("<mujoco model=\"ftac\">\n{COMPILER}");
-    let _ = writeln!(
-        out,
-        "  <option timestep=\"{}\" gravity=\"{}\" integrator=\"implicitfast\" cone=\"elliptic\" impratio=\"10\" noslip_iterations=\"5\"/>",
-        scene.dt,
-        triple(&scene.gravity)
-    );
-    out += DEFAULTS;
+    out += &option(scene.dt, &scene.gravity);
     let _ = write!(out, "  <asset>\n{assets}  </asset>\n  <worldbody>\n{bodies}  </worldbody>\n");
     out += &contacts(hand);
     out += &tendons(hand);
@@ -93,6 +87,14 @@ pub fn write(scene: &Scene<'_>) -> String {
     }
     out += "</mujoco>\n";
     out
+}
+
+/// How the engine runs, and what every shape is like.
+fn option(dt: f64, gravity: &Vector3<f64>) -> String {
+    format!(
+        "  <option timestep=\"{dt}\" gravity=\"{}\" integrator=\"implicitfast\" cone=\"elliptic\" impratio=\"10\" noslip_iterations=\"5\"/>\n{DEFAULTS}",
+        triple(gravity)
+    )
 }
 
 fn triple(v: &Vector3<f64>) -> String {
@@ -222,17 +224,22 @@ fn arm_bodies(out: &mut String, arm: &Arm, hand: &Hand) {
 }
 
 fn arm_joint(out: &mut String, joint: &Joint, armature: f64) {
-    let range = if joint.lower.is_finite() {
-        format!("range=\"{:.9} {:.9}\"", joint.lower, joint.upper)
-    } else {
-        "limited=\"false\"".into()
-    };
+    let range = range(joint);
     let axis = triple(&joint.axis);
     let _ = writeln!(
         out,
         "<joint name=\"{}\" type=\"hinge\" axis=\"{axis}\" {range} armature=\"{armature}\"/>",
         joint.name
     );
+}
+
+/// Limits of a joint, if it has any.
+fn range(joint: &Joint) -> String {
+    if joint.lower.is_finite() && joint.upper.is_finite() {
+        format!("range=\"{:.9} {:.9}\"", joint.lower, joint.upper)
+    } else {
+        "limited=\"false\"".into()
+    }
 }
 
 fn prop_body(assets: &mut String, out: &mut String, prop: &Prop, pose: &Isometry3<f64>) {
@@ -311,18 +318,17 @@ fn keyframe(scene: &Scene) -> String {
         Some((joints, pull)) => (joints, pull),
         None => ([0.0; HAND_JOINTS], Pull { tensions: [0.0; 5], opposition: 0.0 }),
     };
-    let mut qpos: Vec<f64> = [posture, &joints].concat();
-    for (_, pose) in scene.props {
+    key([posture, &joints].concat(), scene.props, &[&pull.tensions[..], &[pull.opposition], posture].concat())
+}
+
+/// The keyframe of joint angles (rad), props and controls, all in the order of the model.
+fn key(mut qpos: Vec<f64>, props: &[(Prop, Isometry3<f64>)], ctrl: &[f64]) -> String {
+    for (_, pose) in props {
         let (t, q) = (pose.translation.vector, pose.rotation);
         qpos.extend([t.x, t.y, t.z, q.w, q.i, q.j, q.k]);
     }
-    let ctrl: Vec<f64> = [&pull.tensions[..], &[pull.opposition], posture].concat();
     let join = |values: &[f64]| values.iter().map(|v| format!("{v:.9}")).collect::<Vec<_>>().join(" ");
-    format!(
-        "  <keyframe>\n    <key name=\"start\" qpos=\"{}\" ctrl=\"{}\"/>\n  </keyframe>\n",
-        join(&qpos),
-        join(&ctrl)
-    )
+    format!("  <keyframe>\n    <key name=\"start\" qpos=\"{}\" ctrl=\"{}\"/>\n  </keyframe>\n", join(&qpos), join(ctrl))
 }
 
 #[cfg(test)]

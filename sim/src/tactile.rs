@@ -31,7 +31,7 @@ const BACKGROUND: u64 = 0x00ba_c4c4;
 const RAY_START: f64 = 0.006;
 
 /// Serial number of camera `n` of hand unit `serial`.
-fn unit_seed(serial: u64, n: usize) -> u64 {
+pub fn unit_seed(serial: u64, n: usize) -> u64 {
     serial.wrapping_mul(1000).wrapping_add(n as u64)
 }
 

@@ -7,9 +7,9 @@
 use std::fmt::Write as _;
 
 use hand_model::any_hand::{AnyHand, SolidShape};
-use nalgebra::Isometry3;
+use nalgebra::{Isometry3, Vector3};
 
-use super::{COMPILER, DEFAULTS, inertial, mesh, placed, prop_body, triple};
+use super::{COMPILER, inertial, key, mesh, option, placed, prop_body, range, triple};
 use crate::stand::{AnyBody, Prop, hull};
 
 /// What is written, without gravity.
@@ -40,12 +40,7 @@ pub fn write(scene: &AnyScene<'_>) -> String {
     // Inertias of published models often break the triangle inequality, which MuJoCo insists on.
     let compiler = COMPILER.replace("balanceinertia=\"false\"", "balanceinertia=\"true\"");
     let mut out = format!("<mujoco model=\"{}\">\n{compiler}", escaped(&hand.name));
-    let _ = writeln!(
-        out,
-        "  <option timestep=\"{}\" gravity=\"0 0 0\" integrator=\"implicitfast\" cone=\"elliptic\" impratio=\"10\" noslip_iterations=\"5\"/>",
-        scene.dt
-    );
-    out += DEFAULTS;
+    out += &option(scene.dt, &Vector3::zeros());
     let _ = write!(out, "  <asset>\n{assets}  </asset>\n  <worldbody>\n{bodies}  </worldbody>\n");
     out += "  <contact>\n";
     for (a, b) in scene.body.excluded() {
@@ -74,7 +69,8 @@ pub fn write(scene: &AnyScene<'_>) -> String {
     for (n, pull) in hand.pulls.iter().enumerate() {
         let _ = writeln!(out, "    <motor name=\"{}\" tendon=\"tendon_{n}\"/>", escaped(&pull.name));
     }
-    out + "  </actuator>\n" + &keyframe(scene, &order) + "</mujoco>\n"
+    let qpos = order.iter().map(|joint| scene.start.0[*joint]).collect();
+    out + "  </actuator>\n" + &key(qpos, scene.props, scene.start.1) + "</mujoco>\n"
 }
 
 /// A name as an attribute's value.
@@ -98,15 +94,11 @@ fn link_body(assets: &mut String, out: &mut String, hand: &AnyHand, link: usize,
     order.push(link);
     let _ = writeln!(out, "<body name=\"{name}\" {}>", placed(&joint.origin));
     inertial(out, &hand.masses[link]);
-    let range = if joint.lower.is_finite() && joint.upper.is_finite() {
-        format!("range=\"{:.9} {:.9}\"", joint.lower, joint.upper)
-    } else {
-        "limited=\"false\"".into()
-    };
     let _ = writeln!(
         out,
-        "<joint name=\"{name}\" type=\"hinge\" axis=\"{}\" {range} damping=\"{}\" armature=\"{}\" stiffness=\"{}\"/>",
+        "<joint name=\"{name}\" type=\"hinge\" axis=\"{}\" {} damping=\"{}\" armature=\"{}\" stiffness=\"{}\"/>",
         triple(&joint.axis),
+        range(joint),
         hand.damping,
         hand.armature,
         hand.spring
@@ -138,20 +130,4 @@ fn solids(assets: &mut String, out: &mut String, hand: &AnyHand, link: Option<us
             }
         };
     }
-}
-
-/// Joints in the order of the bodies, then the props.
-fn keyframe(scene: &AnyScene<'_>, order: &[usize]) -> String {
-    let (angles, tensions) = scene.start;
-    let mut qpos: Vec<f64> = order.iter().map(|joint| angles[*joint]).collect();
-    for (_, pose) in scene.props {
-        let (t, q) = (pose.translation.vector, pose.rotation);
-        qpos.extend([t.x, t.y, t.z, q.w, q.i, q.j, q.k]);
-    }
-    let join = |values: &[f64]| values.iter().map(|v| format!("{v:.9}")).collect::<Vec<_>>().join(" ");
-    format!(
-        "  <keyframe>\n    <key name=\"start\" qpos=\"{}\" ctrl=\"{}\"/>\n  </keyframe>\n",
-        join(&qpos),
-        join(tensions)
-    )
 }

@@ -6,7 +6,7 @@
 //! other terms. [`langevin`] is the sampler's kernel, and [`chain`] runs it from a random start to a posture. [`posture`]
 //! projects that posture to one that cables and springs can hold, and opens it clear of the object. Closing it in physics
 //! is up to the caller. [`held`] is the result, [`grasp_file`] keeps those of one search, [`collection`] stores the grasps of many objects in one compact file, and
-//! [`diversity`] measures how different they are.
+//! [`kind`] sorts them and [`diversity`] measures how different they are.
 
 pub mod chain;
 pub mod closure_energy;
@@ -17,6 +17,7 @@ pub mod field;
 pub mod frames;
 pub mod grasp_file;
 pub mod held;
+pub mod kind;
 pub mod langevin;
 pub mod mechanism;
 pub mod posture;

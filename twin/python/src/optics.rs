@@ -4,10 +4,11 @@ use std::sync::Arc;
 
 use hand_model::pads::{Camera, IMAGE_SIZE, Pad};
 use numpy::{PyArray2, PyArray3, PyReadonlyArray2, PyUntypedArrayMethods};
-use optics::{IndentationMap, Sensor, press};
+use optics::{Foundation, IndentationMap, Sensor, press};
 use pyo3::prelude::*;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
+use sim::tactile::unit_seed;
 
 use crate::arrays::{map, picture, value_error};
 use crate::hand::HAND;
@@ -28,8 +29,7 @@ fn camera(index: usize) -> PyResult<(&'static Pad, &'static Camera)> {
 fn sensor(index: usize, unit: Option<u64>) -> PyResult<Sensor> {
     let (pad, camera) = camera(index)?;
     Ok(match unit {
-        // As the simulated hand numbers its cameras.
-        Some(unit) => Sensor::unit(pad, camera, unit.wrapping_mul(1000).wrapping_add(index as u64)),
+        Some(unit) => Sensor::unit(pad, camera, unit_seed(unit, index)),
         None => Sensor::nominal(pad, camera),
     })
 }
@@ -92,7 +92,8 @@ pub fn press_sphere<'py>(
                     lowest(x, y).map_or(0.0, |lowest| (pad.surface_height(x, y) - (lowest - depth)).max(0.0) as f32)
                 });
                 let depths: Vec<f32> = depths.collect();
-                let force = depths.iter().map(|depth| pressure(f64::from(*depth))).sum::<f64>() * area(camera);
+                let gel = Foundation::winkler(&HAND.gel());
+                let force = depths.iter().map(|depth| gel.pressure(f64::from(*depth))).sum::<f64>() * area(camera);
                 Ok((IndentationMap::from_depth(depths)?, force))
             })
         }
@@ -143,11 +144,6 @@ fn balanced(
 fn pixels(camera: &Camera) -> impl Iterator<Item = (f64, f64)> {
     let at = move |row: usize| (0..IMAGE_SIZE).map(move |column| camera.pixel_center(column, row));
     (0..IMAGE_SIZE).flat_map(at)
-}
-
-/// Of the gel at an indentation (m), Pa.
-fn pressure(depth: f64) -> f64 {
-    optics::Foundation::winkler(&HAND.gel()).pressure(depth)
 }
 
 /// Of a pixel, m2.

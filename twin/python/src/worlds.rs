@@ -8,7 +8,6 @@ use bench::trial::Bench;
 use pyo3::prelude::*;
 use scenarios::Scenario;
 use scenarios::effects::Effects;
-use scenarios::noise::{ExecutionNoise, NoiseLevels, PerceptionNoise};
 use scenarios::objects::ObjectSet;
 
 use crate::arrays::failure;
@@ -26,10 +25,7 @@ pub fn shared(py: Python<'_>, reality: bool) -> PyResult<Arc<Bench>> {
         let mut scenario = Scenario::benchmark();
         if !reality {
             scenario.effects = Effects::default();
-            scenario.noise = NoiseLevels {
-                execution: ExecutionNoise { position_sigma: 0.0, rotation_sigma: 0.0 },
-                perception: PerceptionNoise { xy_sigma: 0.0, z_sigma: 0.0, yaw_sigma: 0.0 },
-            };
+            scenario.noise = scenario.noise.scaled(0.0);
         }
         let combos = proving::builtin::plans()?.plans.len();
         let bench = Arc::new(make_scenes(scenario, combos, EPISODES, true)?);

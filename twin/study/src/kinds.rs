@@ -1,35 +1,16 @@
 //! Kinds of grasps: a kind is a set of digits with a kind of opposition.
 
-use std::collections::BTreeMap;
-
 use grasping::synthesis::diversity::{digit_set, opposition};
 use grasping::synthesis::held::HeldGrasp;
+use grasping::synthesis::kind;
 
-/// A kind of grasp: how many there are of it, and the one with the largest wrench margin.
-#[derive(Debug, Clone)]
-pub struct Kind<'a> {
-    /// Digits and opposition.
-    pub name: String,
-    /// Grasps of this kind.
-    pub count: usize,
-    /// The best of them.
-    pub best: &'a HeldGrasp,
-}
+/// A kind of our own hand's grasps.
+pub type Kind<'a> = kind::Kind<'a, HeldGrasp>;
 
 /// The kinds among `grasps`, the most frequent first.
 pub fn kinds(grasps: &[HeldGrasp]) -> Vec<Kind<'_>> {
-    let mut found: BTreeMap<String, Kind<'_>> = BTreeMap::new();
-    for grasp in grasps {
-        let name = format!("{} {}", digit_set(grasp), opposition(grasp).name());
-        let kind = found.entry(name.clone()).or_insert(Kind { name, count: 0, best: grasp });
-        kind.count += 1;
-        if grasp.margin > kind.best.margin {
-            kind.best = grasp;
-        }
-    }
-    let mut kinds: Vec<Kind<'_>> = found.into_values().collect();
-    kinds.sort_by(|a, b| b.count.cmp(&a.count).then_with(|| a.name.cmp(&b.name)));
-    kinds
+    let name = |grasp: &HeldGrasp| format!("{} {}", digit_set(grasp), opposition(grasp).name());
+    kind::kinds(grasps, name, |grasp| grasp.margin)
 }
 
 /// The kinds as a table, a line a kind.

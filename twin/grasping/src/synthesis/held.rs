@@ -131,6 +131,11 @@ impl AnyHeld {
     }
 }
 
+/// The numbers of a list by name.
+pub fn values(named: &[(String, f64)]) -> Vec<f64> {
+    named.iter().map(|(_, value)| *value).collect()
+}
+
 /// A pose of an object whose frame moves by `shift` along the object's own axes.
 fn moved(pose: &[f64; 7], shift: &Vector3<f64>) -> [f64; 7] {
     pose_to_array(&(pose_from_array(pose) * Translation3::from(*shift)))

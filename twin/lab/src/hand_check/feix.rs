@@ -28,14 +28,14 @@ use rayon::prelude::*;
 use report::picture::{Picture, View, save, tile};
 use serde::Serialize;
 
-/// Radius of a contact point, m, and its colour.
-const DOT: f64 = 2e-3;
-const CONTACT: [f64; 3] = [200.0, 30.0, 60.0];
-
 use self::attempt::Attempt;
 use self::curl::Curls;
 use self::search::Found;
 use self::types::GraspType;
+
+/// Radius of a contact point, m, and its colour.
+const DOT: f64 = 2e-3;
+const CONTACT: [f64; 3] = [200.0, 30.0, 60.0];
 
 /// How a type came out.
 #[derive(Debug, Clone, Serialize)]

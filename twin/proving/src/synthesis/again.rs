@@ -6,7 +6,7 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use anyhow::Result;
-use grasping::synthesis::held::{AnyHeld, HeldGrasp, pose_from_array};
+use grasping::synthesis::held::{AnyHeld, HeldGrasp, pose_from_array, values};
 use grasping::synthesis::posture::project;
 use grasping::synthesis::surface::HandSurface;
 use hand_model::Hand;
@@ -94,7 +94,6 @@ fn ours(hand: &Arc<Hand>, surface: &HandSurface, subject: &Subject, grasp: &Held
 }
 
 fn another(hand: &Described, subject: &Subject, grasp: &AnyHeld) -> Result<Option<Row>> {
-    let values = |named: &[(String, f64)]| named.iter().map(|(_, value)| *value).collect::<Vec<f64>>();
     let open = AnyOpen {
         start: pose_from_array(&grasp.start),
         joints: values(&grasp.open_joints),

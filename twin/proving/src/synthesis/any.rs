@@ -15,7 +15,7 @@ use grasping::synthesis::energy::{GraspEnergy, Weights};
 use grasping::synthesis::frames::Frames;
 use grasping::synthesis::grasp_file::GraspWriter;
 use grasping::synthesis::held::{AnyHeld, Proof, pose_to_array};
-use indicatif::{ProgressBar, ProgressStyle};
+use indicatif::ProgressBar;
 use rayon::prelude::*;
 use serde::Serialize;
 
@@ -24,7 +24,7 @@ use self::describe::Described;
 use super::checks::{self, Hold};
 use super::closing::NotClosed;
 use super::load::Load;
-use super::search::{BATCH, Verified};
+use super::search::{BATCH, Verified, show_chains};
 use super::subject::Subject;
 use super::synthesizer::Request;
 
@@ -99,9 +99,7 @@ pub fn search(
         notes: hand.notes.clone(),
         ..AnyReport::default()
     };
-    progress.set_length(request.chains);
-    let template = format!("{:16} {{bar:30}} {{pos}}/{{len}} chains, {{msg}} verified [{{elapsed}}]", report.object);
-    progress.set_style(ProgressStyle::with_template(&template)?);
+    show_chains(progress, &report.object, request.chains)?;
     let mut verified = Vec::new();
     for first in (0..request.chains).step_by(BATCH as usize) {
         let ends: Vec<Result<End, NotClosed>> = (first..(first + BATCH).min(request.chains))

@@ -5,7 +5,7 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result};
-use grasping::synthesis::held::{AnyHeld, HeldGrasp, pose_from_array};
+use grasping::synthesis::held::{AnyHeld, HeldGrasp, pose_from_array, values};
 use hand_model::Hand;
 use hand_model::file::write_whole;
 use nalgebra::Vector3;
@@ -42,7 +42,6 @@ pub fn write(hand: &Hand, object: &ObjectModel, grasp: &HeldGrasp, folder: &Path
 pub fn write_any(hand: &Described, object: &ObjectModel, grasp: &AnyHeld, folder: &Path) -> Result<[PathBuf; 2]> {
     let load = (grasp.proof.mass, grasp.proof.friction);
     let props = [(Prop::new("object", object.shape.clone(), load.0, load.1), pose_from_array(&grasp.start))];
-    let values = |named: &[(String, f64)]| named.iter().map(|(_, value)| *value).collect::<Vec<f64>>();
     let (joints, open) = (values(&grasp.open_joints), values(&grasp.open_tensions));
     let dt = EngineSettings::default().dt;
     let scene = mjcf::write_any(&AnyScene { body: &hand.body, props: &props, start: (&joints, &open), dt });

@@ -7,7 +7,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use anyhow::{Context, Result, ensure};
-use grasping::synthesis::held::{pose_from_array, pose_to_array};
+use grasping::synthesis::held::{pose_from_array, pose_to_array, values};
 use hand_model::file::write_whole;
 use indicatif::ProgressBar;
 use nalgebra::Point3;
@@ -167,7 +167,7 @@ fn other(hand: &Described, subject: &Subject, asked: Asked, request: &Request) -
     let (report, held) = any::search(hand, subject, request, None, &ProgressBar::hidden())?;
     let best = held.iter().max_by(|a, b| a.margin.total_cmp(&b.margin)).map(|grasp| BestGrasp {
         palm_from_object: pose_to_array(&(hand.palm_from_root * pose_from_array(&grasp.root_from_object))),
-        joints: grasp.joints.iter().map(|(_, angle)| *angle).collect(),
+        joints: values(&grasp.joints),
         contacts: grasp
             .contacts
             .iter()

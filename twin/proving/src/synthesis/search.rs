@@ -119,9 +119,7 @@ pub fn search(
     let request = synthesizer.request;
     let model = &synthesizer.subject.model;
     let mut report = Report { object: model.name.clone(), ..Report::default() };
-    progress.set_length(request.chains);
-    let template = format!("{:16} {{bar:30}} {{pos}}/{{len}} chains, {{msg}} verified [{{elapsed}}]", model.name);
-    progress.set_style(ProgressStyle::with_template(&template)?);
+    show_chains(progress, &model.name, request.chains)?;
     progress.set_position(from.chain);
     let (mut steps, mut sampling_s) = (0, 0.0);
     let mut kept = from.kept;
@@ -179,6 +177,14 @@ pub fn search(
     report.wall_s = start.elapsed().as_secs_f64();
     report.grasp_steps_per_s = steps as f64 / sampling_s.max(1e-9);
     Ok((report, kept))
+}
+
+/// Makes `progress` that of a search of so many chains for an object.
+pub(super) fn show_chains(progress: &ProgressBar, object: &str, chains: u64) -> Result<()> {
+    progress.set_length(chains);
+    let template = format!("{object:16} {{bar:30}} {{pos}}/{{len}} chains, {{msg}} verified [{{elapsed}}]");
+    progress.set_style(ProgressStyle::with_template(&template)?);
+    Ok(())
 }
 
 /// Reads `--contacts`: `5` or `2-5`.

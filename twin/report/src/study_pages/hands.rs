@@ -19,9 +19,9 @@ use crate::picture::{Picture, View, save, tile};
 const SIZE: u32 = 230;
 /// Colours of other hands and of contact points.
 const STEEL: [f64; 3] = [176.0, 182.0, 192.0];
-const CONTACT: [f64; 3] = [200.0, 30.0, 60.0];
+pub(super) const CONTACT: [f64; 3] = [200.0, 30.0, 60.0];
 /// Radius of a contact point, m.
-const DOT: f64 = 2.5e-3;
+pub(super) const DOT: f64 = 2.5e-3;
 /// Width of a picture, as a multiple of what is drawn, and how far of it that moves down to leave room for the caption.
 const MARGIN: f64 = 1.35;
 const CAPTION: f64 = 0.07;

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use anyhow::Result;
-use grasping::synthesis::held::{AnyHeld, pose_from_array};
+use grasping::synthesis::held::{pose_from_array, values};
 use image::RgbImage;
 use nalgebra::{Point3, UnitVector3, Vector3};
 use proving::synthesis::any::describe::Described;
@@ -12,14 +12,11 @@ use scenarios::objects::ObjectModel;
 use stream::gallery::{ShownContact, ShownGrasp, ShownHand};
 use stream::mesh::Mesh;
 
-use super::hands::{draw, skin};
+use super::hands::{CONTACT, DOT, draw, skin};
 use crate::picture::{Picture, View, save, tile};
 
 /// Side of a picture, pixels.
 const SIZE: u32 = 260;
-/// Radius of a contact point, m, and its colour.
-const DOT: f64 = 2.5e-3;
-const CONTACT: [f64; 3] = [200.0, 30.0, 60.0];
 /// Width of a picture as a multiple of the diagonal of what is drawn.
 const MARGIN: f64 = 0.95;
 /// Characters of a caption's line.
@@ -33,13 +30,9 @@ pub fn sheet(hand: &Described, model: &ObjectModel, kinds: &[AnyKind<'_>], path:
     save(&tile(&pictures, views.len()), path)
 }
 
-fn joints(grasp: &AnyHeld) -> Vec<f64> {
-    grasp.joints.iter().map(|(_, angle)| *angle).collect()
-}
-
 fn picture(hand: &Described, model: &ObjectModel, kind: &AnyKind<'_>, view: View) -> RgbImage {
     let best = kind.best;
-    let skin = skin(hand, &joints(best));
+    let skin = skin(hand, &values(&best.joints));
     let (low, high) = skin
         .iter()
         .flatten()
@@ -83,7 +76,7 @@ pub fn shown(hand: &Described, kind: &AnyKind<'_>) -> ShownGrasp {
         1e3 * grasp.proof.payload,
         grasp.chain
     );
-    let corners: Vec<Point3<f64>> = skin(hand, &joints(grasp)).into_iter().flatten().collect();
+    let corners: Vec<Point3<f64>> = skin(hand, &values(&grasp.joints)).into_iter().flatten().collect();
     let triangles: Vec<[u32; 3]> = (0..corners.len() as u32 / 3).map(|n| [3 * n, 3 * n + 1, 3 * n + 2]).collect();
     let contacts = grasp.contacts.iter().map(|(link, point, normal, force)| ShownContact {
         link: *link,

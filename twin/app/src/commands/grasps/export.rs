@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use anyhow::{Context, Result, bail, ensure};
 use clap::Args;
-use grasping::synthesis::held::AnyHeld;
+use grasping::synthesis::held::{AnyHeld, HeldGrasp};
 use hand_model::Hand;
 use proving::synthesis::export;
 use proving::synthesis::grasp_file::{GraspFile, Grasps};
@@ -36,28 +36,19 @@ pub struct ExportArgs {
 pub fn run(terminal: &Terminal, args: &ExportArgs) -> Outcome {
     ensure!(args.n > 0, "--n: found 0, expected at least 1");
     let file = GraspFile::read_or_built_in(args.grasps.as_deref())?;
-    let (files, chains) = match &file.grasps {
+    let files = match &file.grasps {
         Grasps::Ours(collection) => {
-            let grasps = collection.of(&args.object).map_or(&[][..], |entry| &entry.grasps);
-            let chains: Vec<u64> = grasps.iter().map(|grasp| grasp.chain).collect();
-            let hand = Hand::ftac();
-            (
-                scenes(args, &file, grasps, &chains, |object, grasp| export::write(&hand, object, grasp, &args.mjcf))?,
-                chains,
-            )
+            let (hand, grasps) = (Hand::ftac(), collection.of(&args.object).map_or(&[][..], |entry| &entry.grasps));
+            let write = |object: &ObjectModel, grasp: &HeldGrasp| export::write(&hand, object, grasp, &args.mjcf);
+            scenes(args, &file, grasps.iter().map(|grasp| (grasp.chain, grasp)).collect(), write)?
         }
         Grasps::Other(other) => {
             let grasps = other.by_object().remove(args.object.as_str()).unwrap_or_default();
-            let chains: Vec<u64> = grasps.iter().map(|grasp| grasp.chain).collect();
             let write =
-                |object: &ObjectModel, grasp: &&AnyHeld| export::write_any(&other.hand, object, grasp, &args.mjcf);
-            (scenes(args, &file, &grasps, &chains, write)?, chains)
+                |object: &ObjectModel, grasp: &AnyHeld| export::write_any(&other.hand, object, grasp, &args.mjcf);
+            scenes(args, &file, grasps.into_iter().map(|grasp| (grasp.chain, grasp)).collect(), write)?
         }
     };
-    if let (true, Some(chain)) = (files.is_empty(), args.chain) {
-        let known: Vec<String> = chains.iter().take(5).map(u64::to_string).collect();
-        bail!("--chain: found {chain}, expected one of {} such as {}", chains.len(), known.join(", "));
-    }
     terminal.print(
         &json!({ "files": files }),
         &format!(
@@ -69,20 +60,24 @@ pub fn run(terminal: &Terminal, args: &ExportArgs) -> Outcome {
     Ok(None)
 }
 
-/// The scenes of the grasps that are asked for, written by `write`.
+/// The scenes of those `grasps`, each with its chain, that are asked for, written by `write`.
 fn scenes<G>(
     args: &ExportArgs,
     file: &GraspFile,
-    grasps: &[G],
-    chains: &[u64],
+    grasps: Vec<(u64, &G)>,
     write: impl Fn(&ObjectModel, &G) -> Result<[PathBuf; 2]>,
 ) -> Result<Vec<[PathBuf; 2]>> {
     ensure!(!grasps.is_empty(), "OBJECT: found no grasp of `{}`, expected some", args.object);
     let object = file.model(&args.object)?;
-    let wanted = grasps.iter().zip(chains).filter(|(_, own)| args.chain.is_none_or(|chain| chain == **own));
-    wanted
+    let wanted = grasps.iter().filter(|(own, _)| args.chain.is_none_or(|chain| chain == *own));
+    let files: Vec<[PathBuf; 2]> = wanted
         .take(args.n)
-        .map(|(grasp, _)| write(&object, grasp))
+        .map(|(_, grasp)| write(&object, grasp))
         .collect::<Result<_>>()
-        .with_context(|| format!("--mjcf {}", args.mjcf.display()))
+        .with_context(|| format!("--mjcf {}", args.mjcf.display()))?;
+    if let (true, Some(chain)) = (files.is_empty(), args.chain) {
+        let known: Vec<String> = grasps.iter().take(5).map(|(own, _)| own.to_string()).collect();
+        bail!("--chain: found {chain}, expected one of {} such as {}", grasps.len(), known.join(", "));
+    }
+    Ok(files)
 }

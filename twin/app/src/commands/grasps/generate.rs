@@ -130,21 +130,25 @@ pub fn generate(terminal: &Terminal, args: &GenerateArgs) -> Outcome {
 }
 
 fn by_our_hand(terminal: &Terminal, args: &GenerateArgs, subject: Subject, request: Request) -> Outcome {
-    let writer = writer(args, || header(terminal, args))?;
+    let writer = writer(terminal, args, None)?;
     let synthesizer = Synthesizer::new(subject, request);
     let (report, _) = search::search(&synthesizer, Start::default(), writer, &terminal.progress())?;
     terminal.print(&report, &report.text())?;
     Ok((report.verified.all == 0).then(|| format!("no grasp of {} was verified in {} chains", report.object, args.n)))
 }
 
-/// The file of `--out`, begun with its header.
-fn writer(args: &GenerateArgs, header: impl Fn() -> Result<Header>) -> Result<Option<GraspWriter>> {
-    args.out.as_ref().map(|path| Ok(GraspWriter::create(path, &header()?)?)).transpose()
-}
-
-fn header(terminal: &Terminal, args: &GenerateArgs) -> Result<Header> {
+/// The file of `--out`, begun with its header; `hand` is the name of another hand.
+fn writer(terminal: &Terminal, args: &GenerateArgs, hand: Option<&str>) -> Result<Option<GraspWriter>> {
+    let Some(path) = &args.out else { return Ok(None) };
+    let hand = match (hand, &args.hand, &args.pulls) {
+        (Some(name), Some(urdf), Some(pulls)) => {
+            Some(HandSource { name: name.into(), urdf: source(urdf)?, pulls: source(pulls)? })
+        }
+        _ => None,
+    };
     let mesh = args.synthesis.mesh.as_deref().map(source).transpose()?;
-    Ok(Header { mesh, ..Header::new(command(terminal, args), terminal.seed) })
+    let header = Header { hand, mesh, ..Header::new(command(terminal, args), terminal.seed) };
+    Ok(Some(GraspWriter::create(path, &header)?))
 }
 
 /// The command that makes the same file again.
@@ -180,10 +184,7 @@ fn by_another_hand(
     if !terminal.json {
         hand.notes.iter().for_each(|line| eprintln!("{line}"));
     }
-    let name = hand.hand.name.clone();
-    let source =
-        || Ok::<_, anyhow::Error>(HandSource { name: name.clone(), urdf: source(urdf)?, pulls: source(pulls)? });
-    let writer = writer(args, || Ok(Header { hand: Some(source()?), ..header(terminal, args)? }))?;
+    let writer = writer(terminal, args, Some(&hand.hand.name))?;
     let (report, _) = any::search(hand, subject, request, writer, &terminal.progress())?;
     terminal.print(&report, &report.text())?;
     let nothing = format!("no grasp of {} was verified in {} chains", report.object, report.requested);

@@ -50,7 +50,7 @@ pub fn show(terminal: &Terminal, args: &ShowArgs) -> Outcome {
 
 fn ours(terminal: &Terminal, args: &ShowArgs, file: &GraspFile, collection: &Collection) -> Outcome {
     let object = args.object.as_deref();
-    known(object, collection.objects.iter().map(|entry| entry.summary.object.as_str()))?;
+    known(object, &collection.objects.iter().map(|entry| entry.summary.object.as_str()).collect::<Vec<_>>())?;
     if let Some(folder) = &args.report {
         std::fs::create_dir_all(folder).with_context(|| format!("--report {}", folder.display()))?;
         study_pages::gallery::write(file, collection, object, &Hand::ftac(), folder)?;
@@ -72,7 +72,7 @@ fn ours(terminal: &Terminal, args: &ShowArgs, file: &GraspFile, collection: &Col
 fn another(terminal: &Terminal, args: &ShowArgs, file: &GraspFile, other: &OtherGrasps) -> Outcome {
     let by_object = other.by_object();
     let object = args.object.as_deref();
-    known(object, by_object.keys().copied())?;
+    known(object, &by_object.keys().copied().collect::<Vec<_>>())?;
     let wanted = by_object.iter().filter(|(name, _)| object.is_none_or(|object| object == **name));
     let all: Vec<(&str, Vec<AnyKind<'_>>)> =
         wanted.map(|(name, grasps)| (*name, any_kinds::kinds(&other.hand, grasps))).collect();
@@ -100,10 +100,9 @@ fn another(terminal: &Terminal, args: &ShowArgs, file: &GraspFile, other: &Other
 }
 
 /// Refuses an object of which there is no grasp.
-fn known<'a>(object: Option<&str>, mut names: impl Iterator<Item = &'a str> + Clone) -> Result<()> {
-    if let Some(name) = object.filter(|name| !names.clone().any(|known| known == *name)) {
-        let known: Vec<&str> = names.by_ref().collect();
-        bail!("OBJECT: no grasps of `{name}`; there are some of: {}", known.join(", "));
+fn known(object: Option<&str>, names: &[&str]) -> Result<()> {
+    if let Some(name) = object.filter(|name| !names.contains(name)) {
+        bail!("OBJECT: no grasps of `{name}`; there are some of: {}", names.join(", "));
     }
     Ok(())
 }
@@ -112,10 +111,7 @@ fn known<'a>(object: Option<&str>, mut names: impl Iterator<Item = &'a str> + Cl
 fn described(collection: &Collection, only: Option<&str>) -> Value {
     let entries = collection.objects.iter().filter(|entry| only.is_none_or(|name| name == entry.summary.object));
     let objects = entries.map(|entry| {
-        let kinds: Vec<_> = kinds(&entry.grasps)
-            .iter()
-            .map(|kind| json!({"kind": kind.name, "count": kind.count, "best": kind.best}))
-            .collect();
+        let kinds = kinds(&entry.grasps);
         json!({"object": entry.summary.object, "diversity": diversity::describe(&entry.grasps), "kinds": kinds})
     });
     json!({ "objects": objects.collect::<Vec<_>>() })
