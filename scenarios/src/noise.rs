@@ -174,6 +174,15 @@ impl TrialNoise {
         self
     }
 
+    /// The same errors where the object that was second is the first.
+    #[must_use]
+    pub fn in_other_order(mut self) -> Self {
+        self.objects.swap(0, 1);
+        self.shifts.swap(0, 1);
+        self.individuals.swap(0, 1);
+        self
+    }
+
     /// Where the palm really goes when it is sent to `world_from_palm`.
     pub fn executed(&self, world_from_palm: &Isometry3<f64>) -> Isometry3<f64> {
         Isometry3::from_parts(

@@ -187,12 +187,17 @@ impl Watcher for Recording {
             return Ok(());
         }
         let Some(recorder) = self.recorder.as_mut() else { return Ok(()) };
+        let (mut names, mut objects) = (self.names.clone(), self.objects.clone());
+        if moment.reversed {
+            names.reverse();
+            objects.reverse();
+        }
         if let Some(wall) = self.began.wall(moment.time) {
             recorder.set_wall_time(wall);
         }
         let truth = moment.truth.filter(|_| self.truth);
         match truth {
-            Some(truth) => log_scene(recorder, truth, &self.names)?,
+            Some(truth) => log_scene(recorder, truth, &names)?,
             None => recorder.set_time(moment.time),
         }
         let phase = moment.executive.phase();
@@ -200,30 +205,30 @@ impl Watcher for Recording {
             self.phase = Some(phase);
             recorder.log_phase(phase.name())?;
         }
-        let felt = self.beliefs.see(recorder, &self.names[0], phase, moment.felt)?;
+        let felt = self.beliefs.see(recorder, &names[0], phase, moment.felt)?;
         let mut errors = vec![None, None];
         if let (Some(felt), Some(truth)) = (felt, truth) {
             let estimate = felt.estimate.palm_from_object;
-            recorder.log_estimate(&self.names[0], Some(&(truth.palm * estimate)))?;
+            recorder.log_estimate(&names[0], Some(&(truth.palm * estimate)))?;
             let real = truth.palm.inverse() * truth.objects[0];
             errors[0] = Some(PoseError {
                 mm: (real.translation.vector - estimate.translation.vector).norm() * 1e3,
-                deg: self.objects[0].symmetry.angle(&real.rotation, &estimate.rotation).to_degrees(),
+                deg: objects[0].symmetry.angle(&real.rotation, &estimate.rotation).to_degrees(),
             });
         } else if truth.is_some() {
-            recorder.log_estimate(&self.names[0], None)?;
+            recorder.log_estimate(&names[0], None)?;
         }
         if let Some(note) = moment.note {
             recorder.log_text(Level::Info, note)?;
         }
         if let Some(choice) = moment.choice {
-            self.beliefs.weighs(recorder, &self.names[0], choice)?;
+            self.beliefs.weighs(recorder, &names[0], choice)?;
         }
         let executive = moment.executive;
         self.shown.log(recorder, executive.newest_images())?;
         match truth {
             Some(truth) => log_signals(recorder, truth, executive.servos(), executive.posture(), errors),
-            None => self.measured.log(recorder, &self.names, executive, felt),
+            None => self.measured.log(recorder, &names, executive, felt),
         }
     }
 

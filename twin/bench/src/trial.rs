@@ -17,16 +17,19 @@ pub mod setup;
 pub mod shared;
 pub mod watcher;
 
+use std::sync::Arc;
+
 use anyhow::{Context as _, Result};
 use control::policy::blind::Blind;
 use control::policy::chosen::{Chooser, Chosen};
 use control::policy::touch::Touch;
-use control::policy::{Knowledge, Recovery};
+use control::policy::{Knowledge, Recovery, Reordered, order};
 use control::sensing::Senses;
 use grasping::Grasp;
 use proving::plan::PlannedGrasps;
 use proving::rehearsal::{Snapshot, TrialStart};
 use scenarios::noise::{TrialNoise, trial_rng};
+use scenarios::objects::ObjectModel;
 use scenarios::record::{AblatedTrial, Condition, TrialId, TrialRecord};
 use scenarios::referee::FailureCause;
 use scenarios::{Ablation, Sensing};
@@ -62,7 +65,9 @@ impl Bench {
         }
         let means = Means::of(task.condition);
         let start = match means {
-            Some(means) if means.begin_otherwise() => setup.at_rest(self, Some((source, task)), watcher)?,
+            Some(means) if means.begin_otherwise() => {
+                setup.ordered(self, means)?.at_rest(self, Some((source, task)), watcher)?
+            }
             _ => setup.first_grasp(self, Some((source, task)), watcher)?,
         };
         let mut body = start.run.snapshot.robot.clone();
@@ -91,7 +96,7 @@ impl Bench {
         let start = setup.first_grasp(self, None, &mut NoWatcher)?;
         let pipeline = start.pipeline.as_ref().unwrap_or(&self.pipeline);
         let means = Means { sensing: Sensing::Full, recovery: Recovery::FULL, explores: false };
-        let (knowledge, senses) = (self.knowledge(&start, means)?, Senses::new(pipeline, Sensing::Full)?);
+        let (knowledge, senses) = (self.knowledge(start.known(), means)?, Senses::new(pipeline, Sensing::Full)?);
         let id = TrialId { combination, trial, condition: Condition::Touch };
         play(&start, &mut Chosen::new(knowledge, senses, chooser), self.options(id, looks), &mut NoWatcher)
     }
@@ -165,7 +170,7 @@ impl Bench {
 
     /// The branch of the policy `blind`.
     fn plan(&self, start: &Start, options: Play, watcher: &mut dyn Watcher) -> Result<TrialOutcome> {
-        play(start, &mut Blind::new(start.second[0].grasp.clone()), options, watcher)
+        play(start, &mut Blind::new(start.grasps.second[0].grasp.clone()), options, watcher)
     }
 
     /// The branch of the policy `touch`, with what `means` leaves it.
@@ -182,31 +187,43 @@ impl Bench {
         foretold_risk(start, &mut self.touch_policy(start, means)?, options)
     }
 
+    /// What the best grasps of a trial that begins as `setup` promise a policy with these `means`.
+    fn promise(&self, setup: &Setup, means: Means) -> Result<f64> {
+        let (grasps, senses) = (setup.plan.grasps(&self.repertoire)?, Senses::new(&self.pipeline, means.sensing)?);
+        let knowledge = self.knowledge((&setup.objects(self)?, &grasps, None), means)?;
+        Ok(order::promise(&knowledge, &senses, &grasps.first))
+    }
+
     /// What a policy knows before a trial begins.
-    fn knowledge<'a>(&'a self, start: &Start, means: Means) -> Result<Knowledge<'a>> {
+    fn knowledge<'a>(
+        &'a self,
+        (objects, grasps, reordered): (&[Arc<ObjectModel>; 2], &PlannedGrasps, Option<Reordered>),
+        means: Means,
+    ) -> Result<Knowledge<'a>> {
         let known = |index: usize| {
-            let object = &start.objects[index];
+            let object = &objects[index];
             self.known.get(&object.name).with_context(|| format!("{} was not made ready to be felt", object.name))
         };
         Ok(Knowledge {
             cell: &self.world.cell,
             library: &self.world.objects,
             repertoire: &self.repertoire,
-            objects: start.objects.clone(),
+            objects: objects.clone(),
             known: [known(0)?, known(1)?],
-            second: start.second.clone(),
-            fallen: start.fallen.clone(),
-            others: start.others.clone(),
+            second: grasps.second.clone(),
+            fallen: grasps.fallen.clone(),
+            others: grasps.others.clone(),
             uncertainty: self.uncertainty,
             time_limit: self.world.scenario.protocol.time_limit,
             recovery: means.recovery,
             explores: means.explores,
+            reordered,
         })
     }
 
     /// The policy `touch` of a trial.
     fn touch_policy<'a>(&'a self, start: &'a Start, means: Means) -> Result<Touch<'a>> {
-        let knowledge = self.knowledge(start, means)?;
+        let knowledge = self.knowledge(start.known(), means)?;
         let senses = Senses::new(start.pipeline.as_ref().unwrap_or(&self.pipeline), means.sensing)?;
         let first = &start.run.snapshot.executive.first().0;
         Ok(Touch::new(knowledge, senses, first))

@@ -2,12 +2,13 @@
 //!
 //! A policy sees what a robot measures and what its [`Eyes`] report. It is asked at the decisions of a trial, acts on the
 //! [`Executive`], and answers how far to play. [`blind`] carries out the plan, [`touch`] adapts to what is felt, [`chosen`] asks
-//! somebody else, [`carry`] decides what a transport takes next; [`reach`] finds the grasps that the arm can carry out. No type here can name the scene's truth:
+//! somebody else, [`order`] says which object is taken first, [`carry`] decides what a transport takes next; [`reach`] finds the grasps that the arm can carry out. No type here can name the scene's truth:
 //! the true-pose ablation is an [`Injected`] estimate that comes from outside.
 
 pub mod blind;
 pub mod carry;
 pub mod chosen;
+pub mod order;
 pub mod reach;
 pub mod touch;
 pub mod uncertainty;
@@ -28,6 +29,7 @@ use crate::strategy::{Course, Decision, StrategyError, Weighed};
 use crate::workcell::Workcell;
 use crate::worth::{Candidate, Sequence};
 
+pub use self::order::Reordered;
 pub use self::uncertainty::Uncertainty;
 
 /// What a policy knows before a trial begins.
@@ -57,6 +59,8 @@ pub struct Knowledge<'a> {
     pub recovery: Recovery,
     /// Whether it touches objects to find out where they are, before it grasps them.
     pub explores: bool,
+    /// Why the objects are taken in another order than planned, if they are.
+    pub reordered: Option<Reordered>,
 }
 
 /// How a policy may try again: everything, but in an ablation.

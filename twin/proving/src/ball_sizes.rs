@@ -90,6 +90,7 @@ mod tests {
             second_grasps: Vec::new(),
             outcomes: Vec::new(),
             variations: Vec::new(),
+            reversed: None,
             fallen: Default::default(),
             others: Vec::new(),
         };

@@ -7,8 +7,9 @@
 //! The plan is made as in the paper, without any disturbance: the first grasp of the repertoire's order that holds its object, and
 //! after it the first second grasp of the repertoire's order that works. The other second grasps are alternatives. [`outcomes`] tries
 //! the plan and the first of the alternatives under errors, for the odds that a policy goes by; where all of them are poor, also
-//! second grasps after other first grasps.
+//! second grasps after other first grasps, and [`other_order`] plans the two objects the other way round.
 
+pub mod other_order;
 pub mod outcomes;
 pub mod variations;
 pub mod without;
@@ -58,6 +59,9 @@ pub struct Plan {
     /// Second grasps of this combination alone, which the repertoire lacks; outcomes name them like its own.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub variations: Vec<Grasp>,
+    /// The plan of the same two objects in the same places, taken in the other order.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub reversed: Option<Box<Plan>>,
 }
 
 /// Another way to take the first object than the plan's, and how second grasps went after it.
@@ -263,6 +267,7 @@ pub fn plan_pair(
                 fallen: BTreeMap::new(),
                 others: Vec::new(),
                 variations: Vec::new(),
+                reversed: None,
             }));
         }
     }

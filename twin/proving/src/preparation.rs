@@ -18,11 +18,11 @@ use sim::tactile::TactileBoard;
 
 use crate::cache::{Cache, Key};
 use crate::pick_ups::{self, Effort};
-use crate::plan::{self, Plan, Plans, outcomes};
+use crate::plan::{self, Plan, Plans, other_order, outcomes};
 use crate::world::World;
 
 /// Rises when a rule of the search changes, or the engine does: what was kept is then searched anew.
-const RULES: u32 = 1;
+const RULES: u32 = 2;
 /// Draws the proposals of pick-ups: they do not depend on a run's own seed.
 const SEED: u64 = 1;
 /// The work that goes into each object and role, as for the benchmark's own.
@@ -154,6 +154,7 @@ fn plan_with_odds(
     let mut planned = plan::plan_pair(world, repertoire, board, pair)?;
     if let Some(plan) = &mut planned {
         outcomes::rehearse_one(world, repertoire, board, plan)?;
+        other_order::rehearse_one(world, repertoire, board, plan)?;
     }
     Ok(planned)
 }

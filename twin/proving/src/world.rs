@@ -46,6 +46,14 @@ impl World {
         Ok(Self { cell, objects: scenario.object_set()?.with_fallen(), scenario })
     }
 
+    /// The same where the object that is taken first stands in the layout's second place, and the other in its first.
+    #[must_use]
+    pub fn in_other_order(&self) -> Self {
+        let mut scenario = self.scenario.clone();
+        std::mem::swap(&mut scenario.layout.first, &mut scenario.layout.second);
+        Self { cell: self.cell.clone(), objects: self.objects.clone(), scenario }
+    }
+
     /// Arm posture for a palm pose, or an error that says it is out of reach.
     pub fn posture(&self, palm: &Isometry3<f64>, seed: &Joints) -> Result<Joints> {
         self.cell

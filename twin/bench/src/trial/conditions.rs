@@ -107,7 +107,7 @@ impl Branches<'_> {
         }
         let own = bench.intact.as_ref().map(|_| setup.without_digits(bench, id.combination));
         let mut start = match (means.begin_otherwise(), own) {
-            (true, own) => own.as_ref().unwrap_or(setup).at_rest(bench, None, watcher)?,
+            (true, own) => own.as_ref().unwrap_or(setup).ordered(bench, means)?.at_rest(bench, None, watcher)?,
             (false, Some(own)) => own.first_grasp(bench, None, watcher)?,
             (false, None) => Start::clone(start),
         };

@@ -41,13 +41,17 @@ impl Watcher for Filming {
         if let Some(truth) = moment.truth.filter(|_| due) {
             let (arm, hand) = truth.links.split_at(ARM_JOINTS);
             let inverse = truth.palm.inverse();
+            let mut objects = truth.objects.clone();
+            if moment.reversed {
+                objects.reverse();
+            }
             self.film.frames.push(Frame {
                 time: moment.time,
                 phase: moment.executive.phase().name().to_owned(),
                 arm: arm.to_vec(),
                 palm: truth.palm,
                 links: hand.iter().map(|link| inverse * link).collect(),
-                objects: truth.objects.clone(),
+                objects,
             });
         }
         Ok(())

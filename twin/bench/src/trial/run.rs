@@ -32,6 +32,8 @@ pub struct Run {
     pub history: History,
     /// Where the time goes.
     pub profile: Arc<Profile>,
+    /// The object that the combination names second is taken first: the body's first object is that one.
+    pub reversed: bool,
 }
 
 impl Run {
@@ -102,7 +104,8 @@ impl Run {
         condition: Option<Condition>,
         watcher: &mut dyn Watcher,
     ) -> Result<()> {
-        let Self { snapshot, referee, disturber, history, profile } = self;
+        let Self { snapshot, referee, disturber, history, profile, reversed } = self;
+        let reversed = *reversed;
         let holding = digit_bits(snapshot.executive.first().0.role.digits());
         let Snapshot { robot, executive } = snapshot;
         while on(executive, robot.time()) {
@@ -123,7 +126,16 @@ impl Run {
                     history.see(truth);
                 }
                 let (time, note) = (robot.time(), note.as_deref());
-                watcher.see(&Moment { time, truth: truth.as_ref(), executive, felt, condition, note, choice: None })
+                watcher.see(&Moment {
+                    time,
+                    truth: truth.as_ref(),
+                    executive,
+                    felt,
+                    condition,
+                    note,
+                    choice: None,
+                    reversed,
+                })
             })?;
             // The last tick of a recording may also be the last of a trial.
             if let Some(why) = robot.stopped().filter(|_| executive.phase() < Phase::Done) {
@@ -157,7 +169,16 @@ impl Run {
         }
         let (time, truth) = (robot.time(), robot.truth());
         let condition = Some(condition);
-        watcher.see(&Moment { time, truth: truth.as_ref(), executive, felt, condition, note, choice })
+        watcher.see(&Moment {
+            time,
+            truth: truth.as_ref(),
+            executive,
+            felt,
+            condition,
+            note,
+            choice,
+            reversed: self.reversed,
+        })
     }
 
     /// What is truly in the hand, as an estimate to inject.

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use anyhow::{Context as _, Result};
 use control::executive::Phase;
-use control::worth::{Candidate, Sequence};
+use control::policy::Reordered;
 use grasping::Repertoire;
 use hand_model::CAMERAS;
 use hand_model::robot::{TactileFrame, TactileImage};
@@ -38,6 +38,7 @@ const ONCE: f64 = 1e6;
 const FIRST_IMAGES: (f64, u32) = (0.5, 10);
 
 /// What a trial begins with.
+#[derive(Clone)]
 pub struct Setup<'a> {
     /// The combination's plan.
     pub plan: Plan,
@@ -51,6 +52,8 @@ pub struct Setup<'a> {
     pub drift: Option<Drift>,
     /// What happens beside noise.
     pub disturbances: Disturbances,
+    /// Why `plan` takes the objects in another order than was planned for the combination, if it does.
+    pub reordered: Option<Reordered>,
 }
 
 /// A trial after its first grasp, or about to begin.
@@ -60,15 +63,20 @@ pub struct Start {
     pub run: Run,
     /// The two objects as the controller knows them.
     pub objects: [Arc<ObjectModel>; 2],
-    /// Grasps of the second object, the planned one first.
-    pub second: Vec<Candidate>,
-    /// Rehearsed grasps of the second object in the ways in which it can fall over.
-    pub fallen: Vec<Candidate>,
-    /// Other first grasps, with the second grasps rehearsed after each.
-    pub others: Vec<Sequence>,
+    /// What was planned for them.
+    pub grasps: PlannedGrasps,
+    /// Why they are taken in another order than planned, if they are.
+    pub reordered: Option<Reordered>,
     /// Perception with the backgrounds that the body itself has shown, or with frames from before the trial; the bench's own where
     /// the body is simulated and its idle pads show their backgrounds.
     pub pipeline: Option<TouchPipeline>,
+}
+
+impl Start {
+    /// What a policy is told of it: the objects, their grasps, and why they come in this order.
+    pub fn known(&self) -> (&[Arc<ObjectModel>; 2], &PlannedGrasps, Option<Reordered>) {
+        (&self.objects, &self.grasps, self.reordered)
+    }
 }
 
 /// On which body a trial is played: a simulated one of its own, or one from a source for a task.
@@ -78,7 +86,8 @@ impl<'a> Setup<'a> {
     /// A combination as it was planned, undisturbed.
     pub fn planned(bench: &'a Bench, combination: usize, noise: TrialNoise, camera_noise: u64) -> Self {
         let (repertoire, plan) = (known(bench).0, plan(bench, combination).clone());
-        Self { plan, repertoire, noise, camera_noise, drift: None, disturbances: Disturbances::default() }
+        let disturbances = Disturbances::default();
+        Self { plan, repertoire, noise, camera_noise, drift: None, disturbances, reordered: None }
     }
 
     /// The same with the noise and the disturbances of a trial, and its later looks.
@@ -107,16 +116,34 @@ impl<'a> Setup<'a> {
         Self { plan, repertoire, disturbances: self.disturbances.clone(), drift: self.drift.clone(), ..*self }
     }
 
+    /// The same trial as a policy with these `means` begins it: with the other object first, if that promises more. Each object stands, errs
+    /// and is as it would in the planned order. A scenario that disturbs the first or the second object keeps the planned order.
+    pub fn ordered(&self, bench: &Bench, means: Means) -> Result<Self> {
+        let Some(reversed) = self.plan.reversed.as_deref().filter(|_| self.disturbances.is_none()) else {
+            return Ok(self.clone());
+        };
+        let other = Self { plan: reversed.clone(), noise: self.noise.in_other_order(), ..self.clone() };
+        let [planned, promised] = [self, &other].map(|setup| bench.promise(setup, means));
+        let reordered = Reordered::of(planned?, promised?);
+        Ok(if reordered.is_some() { Self { reordered, ..other } } else { self.clone() })
+    }
+
+    /// The two objects of its plan.
+    pub fn objects(&self, bench: &Bench) -> Result<[Arc<ObjectModel>; 2]> {
+        Ok([bench.world.object(&self.plan.first)?, bench.world.object(&self.plan.second)?])
+    }
+
     /// Body, controller and referee of a trial about to begin.
     pub fn begin(&self, bench: &Bench, source: Source, watched: bool) -> Result<Start> {
-        let world = &bench.world;
-        let PlannedGrasps { first, second, fallen, others } = self.plan.grasps(self.repertoire)?;
-        let objects = [world.object(&self.plan.first)?, world.object(&self.plan.second)?];
+        let reversed = self.reordered.map(|_| bench.world.in_other_order());
+        let world = reversed.as_ref().unwrap_or(&bench.world);
+        let planned = self.plan.grasps(self.repertoire)?;
+        let objects = self.objects(bench)?;
         let disturber = Disturber::new(&self.disturbances, &objects);
         let [first_one, second_one] = resized(&objects, self.disturbances.sizes())?;
         let [one, other] = &self.noise.individuals;
         let real = [one.of(&first_one)?, other.of(&second_one)?];
-        let grasps = [&first, &second[0].grasp];
+        let grasps = [&planned.first, &planned.second[0].grasp];
         let mut board = bench.board.with_noise(self.camera_noise);
         let mut pipeline = None;
         if let Some(drift) = &self.drift {
@@ -148,8 +175,9 @@ impl<'a> Setup<'a> {
         let referee = Referee::new(world.scenario.referee, limits);
         let latency = world.scenario.effects.eyes.map_or(0.0, |eyes| eyes.latency);
         let history = History::new(latency);
-        let run = Run { snapshot, referee, disturber, history, profile: bench.profile.clone() };
-        Ok(Start { run, objects, second, fallen, others, pipeline })
+        let reversed = self.reordered.is_some();
+        let run = Run { snapshot, referee, disturber, history, profile: bench.profile.clone(), reversed };
+        Ok(Start { run, objects, grasps: planned, reordered: self.reordered, pipeline })
     }
 
     /// About to begin, while the controller waits for a policy. A body that is not simulated shows its untouched pads.

@@ -23,6 +23,8 @@ pub struct Moment<'a> {
     pub note: Option<&'a str>,
     /// What was just weighed and chosen.
     pub choice: Option<&'a Choice>,
+    /// The body's objects are in the other order than the combination names them.
+    pub reversed: bool,
 }
 
 /// Sees every tick of a trial.

@@ -7,7 +7,7 @@
 //! ([`exploration`]): where the first one sits in the hand decides how well the second one can be taken.
 
 mod exploration;
-mod first;
+pub(super) mod first;
 
 use std::collections::BTreeMap;
 
@@ -17,7 +17,7 @@ use scenarios::tries::Attempt;
 use touch::{InHand, PoseEstimate};
 
 use super::reach::{Wanted, within_reach};
-use super::{Choice, Injected, Knowledge, Policy, PolicyError, Step, Story};
+use super::{Choice, Injected, Knowledge, Policy, PolicyError, Reordered, Step, Story};
 use crate::collision::Solid;
 use crate::executive::{Executive, Phase};
 use crate::odds::{Aimed, Belief};
@@ -77,6 +77,11 @@ pub struct Touch<'a> {
 impl<'a> Touch<'a> {
     /// The policy of a trial whose first grasp is planned as `first`.
     pub fn new(knowledge: Knowledge<'a>, senses: Senses<'a>, first: &Grasp) -> Self {
+        let mut story = Story::default();
+        if let Some(Reordered { planned, other }) = knowledge.reordered {
+            let name = &knowledge.objects[0].name;
+            story.tell(format!("{name} is taken first: that promises {other:.2}, the planned order {planned:.2}"));
+        }
         Self {
             solids: [0, 1].map(|object| object_solids(&knowledge.objects[object])),
             first: first::candidates(&knowledge, &senses, first),
@@ -88,7 +93,7 @@ impl<'a> Touch<'a> {
             first_located: false,
             knowledge,
             senses,
-            story: Story::default(),
+            story,
             failures: Default::default(),
             in_a_row: 0,
             seen: None,

@@ -6,7 +6,7 @@ use std::time::Instant;
 use clap::{Args, ValueEnum};
 use grasping::{Repertoire, Role};
 use proving::pick_ups::{self, Effort, Wanted};
-use proving::plan::{self, Plans, outcomes, variations};
+use proving::plan::{self, Plans, other_order, outcomes, variations};
 use proving::preparation::EFFORT;
 use proving::world::World;
 use scenarios::Scenario;
@@ -47,6 +47,9 @@ pub struct PlanArgs {
     /// Of that file also the odds stay: only grasps of a combination's own are looked for, where none of the known ones goes well.
     #[arg(long, requires = "of")]
     pub vary: bool,
+    /// Of that file everything stays: only the other order of its objects is planned, where no sequence of grasps is sure.
+    #[arg(long, requires = "of", conflicts_with = "vary")]
+    pub reverse: bool,
     /// The plan file to write.
     #[arg(long)]
     pub out: PathBuf,
@@ -132,6 +135,10 @@ pub fn plan(terminal: &Terminal, args: &PlanArgs) -> Outcome {
             plans
         }
     };
+    if args.reverse {
+        other_order::rehearse(&world, &repertoire, &mut plans, quiet)?;
+        return planned(terminal, args, &plans);
+    }
     if !args.vary {
         outcomes::rehearse(&world, &repertoire, &mut plans, quiet)?;
         plans.write(&args.out)?;
@@ -139,6 +146,13 @@ pub fn plan(terminal: &Terminal, args: &PlanArgs) -> Outcome {
         plans.write(&args.out)?;
     }
     variations::rehearse(&world, &repertoire, &mut plans, quiet)?;
+    plans.write(&args.out)?;
+    other_order::rehearse(&world, &repertoire, &mut plans, quiet)?;
+    planned(terminal, args, &plans)
+}
+
+/// Writes `plans` and says so.
+fn planned(terminal: &Terminal, args: &PlanArgs, plans: &Plans) -> Outcome {
     plans.write(&args.out)?;
     let made = json!({ "plans": args.out, "combinations": plans.plans.len(), "rejected": plans.rejected.len() });
     terminal.print(&made, &format!("{}\n", args.out.display()))?;

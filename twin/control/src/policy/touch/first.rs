@@ -20,7 +20,7 @@ use crate::trajectory::PosePath;
 use crate::worth::{self, Candidate, SWITCH_GAIN};
 
 /// Grasps of the first object, the planned one first, worth what they and the best second grasp after them promise.
-pub(super) fn candidates(knowledge: &Knowledge, senses: &Senses, planned: &Grasp) -> Vec<Candidate> {
+pub(in crate::policy) fn candidates(knowledge: &Knowledge, senses: &Senses, planned: &Grasp) -> Vec<Candidate> {
     let touched = Matrix3::from_diagonal_element(palpation::LEFT_OVER.powi(2));
     let belief = Belief::located(&touched).filter(|_| explores(knowledge, senses));
     let belief = belief.unwrap_or_else(|| Belief::new(&knowledge.uncertainty));

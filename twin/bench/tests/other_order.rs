@@ -1,0 +1,38 @@
+//! Taking the two objects in the other order changes nothing but the order.
+
+use bench::builtin::make_bench;
+use bench::trial::setup::Setup;
+use bench::trial::{Means, NoWatcher};
+use scenarios::Scenario;
+use scenarios::disturbance::{BlindPads, Blindness, Disturbances};
+use scenarios::record::Condition;
+
+/// Where nothing is sure and the other order promises more, the other object comes first: everything stands, is seen and errs as in the planned
+/// order. A disturbed scenario keeps the planned order.
+#[test]
+fn the_other_order_leaves_everything_where_it_is() {
+    let bench = make_bench(Scenario::benchmark(), 60, 1, true).expect("the built-in benchmark");
+    let means = Means::of(Condition::Touch).expect("touch decides");
+    let mut seen = 0;
+    for combination in (0..60).filter(|n| bench.plans.plans[*n].reversed.is_some()) {
+        let (setup, _) = Setup::noisy(&bench, combination, 0).expect("a trial");
+        let ordered = setup.ordered(&bench, means).expect("an order");
+        if ordered.reordered.is_none() {
+            continue;
+        }
+        seen += 1;
+        let begin = |setup: &Setup| setup.at_rest(&bench, None, &mut NoWatcher).expect("a start");
+        let (planned, other) = (begin(&setup), begin(&ordered));
+        let objects = |start: &bench::trial::setup::Start| start.run.snapshot.robot.truth().expect("simulated").objects;
+        let (there, mut here) = (objects(&planned), objects(&other));
+        here.reverse();
+        assert_eq!(there, here, "{}", ordered.plan.first);
+        let (planned, other) = (&planned.run.snapshot.executive, &other.run.snapshot.executive);
+        assert_eq!((planned.first().1, planned.second().1), (other.second().1, other.first().1));
+        let blind_pads = Some(BlindPads { pads: vec!["ring_distal".to_owned()], frames: Blindness::Black });
+        let disturbances = Disturbances { blind_pads, ..Disturbances::default() };
+        let disturbed = Setup { disturbances, ..setup };
+        assert!(disturbed.ordered(&bench, means).expect("an order").reordered.is_none());
+    }
+    assert!(seen > 0, "no combination is taken in the other order");
+}

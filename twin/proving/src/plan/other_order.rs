@@ -1,0 +1,39 @@
+//! The other order: where no sequence of grasps of a combination is sure, its objects are planned and rehearsed the other way round
+//! as well. They stay where they are: what is taken first then is what stands in the second place of the layout.
+
+use anyhow::Result;
+use grasping::Repertoire;
+use scenarios::combination::Combination;
+use sim::tactile::TactileBoard;
+
+use super::{Outcomes, Plan, Plans, outcomes, plan_pair};
+use crate::world::World;
+
+/// A sequence is sure if its best second grasp is worth this much near where it was rehearsed.
+const SURE: f64 = 0.95;
+
+/// Plans those of the `plans` the other way round in which nothing is sure; shows a progress bar unless `quiet`.
+pub fn rehearse(world: &World, repertoire: &Repertoire, plans: &mut Plans, quiet: bool) -> Result<()> {
+    let board = TactileBoard::unit(&world.cell.hand, 0);
+    plans.try_each("plans reversed", quiet, |plan| rehearse_one(world, repertoire, &board, plan))
+}
+
+/// The same for one plan.
+pub fn rehearse_one(world: &World, repertoire: &Repertoire, board: &TactileBoard, plan: &mut Plan) -> Result<()> {
+    plan.reversed = None;
+    if best(plan) >= SURE {
+        return Ok(());
+    }
+    let world = world.in_other_order();
+    let pair = Combination { id: 0, first: plan.second.clone(), second: plan.first.clone() };
+    let Some(mut reversed) = plan_pair(&world, repertoire, board, &pair)? else { return Ok(()) };
+    outcomes::rehearse_one(&world, repertoire, board, &mut reversed)?;
+    plan.reversed = Some(Box::new(reversed));
+    Ok(())
+}
+
+/// What the best second grasp of `plan` is worth, after whatever first grasp.
+fn best(plan: &Plan) -> f64 {
+    let others = plan.others.iter().flat_map(|other| &other.outcomes);
+    plan.outcomes.iter().chain(others).map(Outcomes::worth_once_touched).fold(0.0, f64::max)
+}
