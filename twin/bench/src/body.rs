@@ -81,7 +81,7 @@ pub trait TrialBody {
 }
 
 /// The one place where a body's robot is driven through the body.
-impl Robot for dyn TrialBody {
+impl Robot for dyn TrialBody + '_ {
     fn observe(&mut self) -> Observation {
         self.robot_mut().observe()
     }

@@ -12,6 +12,7 @@ pub mod journal;
 pub mod networks;
 mod provenance;
 pub mod recording;
+pub mod registration;
 pub mod run;
 pub mod transport;
 pub mod trial;

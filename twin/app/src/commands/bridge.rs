@@ -8,6 +8,7 @@ mod exercise;
 mod faults;
 mod install;
 mod provision;
+mod register;
 mod scan;
 mod shared;
 mod sheet;
@@ -51,6 +52,8 @@ pub enum BridgeCommand {
     Faults(faults::FaultArgs),
     /// Close and open the hand gently: the first motion of a new hand.
     Exercise(exercise::ExerciseArgs),
+    /// Find where the arm's base stands, by touching balls on three marks. Moves arm and hand.
+    Register(register::RegisterArgs),
     /// Draw where the objects of a combination stand, as an A3 sheet in full size.
     Sheet(sheet::SheetArgs),
     /// Stop the robot that runs in another terminal: it holds what it holds.
@@ -78,6 +81,7 @@ pub fn run(terminal: &Terminal, command: &BridgeCommand) -> Outcome {
         BridgeCommand::Exercise(args) => exercise::run(terminal, args),
         BridgeCommand::Stop { config, release } => stop::stop(terminal, &config.read()?, *release),
         BridgeCommand::Sheet(args) => sheet::run(terminal, args),
+        BridgeCommand::Register(args) => register::run(terminal, args),
         BridgeCommand::ClearFaults(args) => clear_faults::run(terminal, args),
     }
 }

@@ -225,18 +225,14 @@ impl HardwareSource {
         let about = Session { configuration, calibration: bytes(&config.calibration)?, ..Session::default() };
         Ok(Self { config, about, arm, ready, sessions, packets: None })
     }
-}
 
-impl BodySource for HardwareSource {
-    fn open(&mut self, setup: &TrialSetup, _: SimulatedRobot) -> Result<Box<dyn TrialBody>> {
-        let Task { combination, trial, condition, .. } = setup.task;
-        room_for_session(&self.sessions)?;
-        eprintln!("combination {combination}, trial {trial}, {condition}:");
-        for (name, place) in &setup.objects {
-            eprintln!("  put {name} at {}", shown(place));
-        }
-        ask("The arm will move to its ready posture, then the trial begins. Empty hand, clear way? Enter begins, `q` ends here.")
-            .and_then(|answer| if answer == "q" { bail!(super::Stopped("the operator ended the list here".into())) } else { Ok(()) })?;
+    /// Whether it has tactile cameras.
+    pub fn has_cameras(&self) -> bool {
+        self.config.cameras.is_some() || !self.config.uvc.is_empty()
+    }
+
+    /// The robot, connected, checked, with torque on and in its ready posture; `objects` belong in these places.
+    pub fn connect(&mut self, objects: [(&str, Isometry3<f64>); 2]) -> Result<Hardware> {
         let link = arm_link(&self.config, self.ready)?;
         let robot = HardwareRobot::connect(&self.config, link, &self.arm, None)?;
         let begun = Instant::now();
@@ -271,15 +267,29 @@ impl BodySource for HardwareSource {
         }
         let interrupt = Interrupt::catch()?;
         robot.arm()?;
-        let names = setup.objects.map(|(name, _)| name.to_owned());
+        let names = objects.map(|(name, _)| name.to_owned());
         let pause = self.config.limits.pause;
-        let places = setup.objects.map(|(_, place)| place);
+        let places = objects.map(|(_, place)| place);
         let mut hardware = Hardware { robot, places, names, pause, interrupt };
         if let Err(error) = go_to(&mut hardware, &self.ready) {
             hardware.leave(Some(&format!("{error:#}")))?;
             return Err(error);
         }
-        Ok(Box::new(hardware))
+        Ok(hardware)
+    }
+}
+
+impl BodySource for HardwareSource {
+    fn open(&mut self, setup: &TrialSetup, _: SimulatedRobot) -> Result<Box<dyn TrialBody>> {
+        let Task { combination, trial, condition, .. } = setup.task;
+        room_for_session(&self.sessions)?;
+        eprintln!("combination {combination}, trial {trial}, {condition}:");
+        for (name, place) in &setup.objects {
+            eprintln!("  put {name} at {}", shown(place));
+        }
+        ask("The arm will move to its ready posture, then the trial begins. Empty hand, clear way? Enter begins, `q` ends here.")
+            .and_then(|answer| if answer == "q" { bail!(super::Stopped("the operator ended the list here".into())) } else { Ok(()) })?;
+        Ok(Box::new(self.connect(setup.objects)?))
     }
 
     fn session(&self, task: &Task) -> Result<Option<(PathBuf, Session)>> {

@@ -236,7 +236,7 @@ fn own_backgrounds(run: &Run, pipeline: &TouchPipeline) -> Result<TouchPipeline>
 }
 
 /// One image a camera, of untouched pads.
-fn backgrounds(frames: &[TactileFrame]) -> Result<Vec<Arc<TactileImage>>> {
+pub fn backgrounds(frames: &[TactileFrame]) -> Result<Vec<Arc<TactileImage>>> {
     let image = |camera: usize| {
         let frame = frames.iter().rev().find(|frame| frame.camera == camera);
         frame.map(|frame| frame.image.clone()).with_context(|| {
