@@ -20,8 +20,10 @@ use std::path::PathBuf;
 use std::rc::Rc;
 
 use anyhow::{Result, anyhow};
+use control::percept::Sighted;
 use hand_model::robot::{Command, Observation, Robot, Tick};
 use nalgebra::{Isometry3, Point3, Quaternion, Translation3, UnitQuaternion};
+use proving::world::World;
 use scenarios::noise::ObjectNoise;
 use scenarios::record::{Condition, TrialRecord};
 use scenarios::referee::Verdict;
@@ -29,6 +31,8 @@ use serde::{Deserialize, Serialize};
 use session_log::{Recorder, Session, Writer};
 use sim::SimulatedRobot;
 use sim::robot::Truth;
+
+use crate::registration;
 
 /// Why a trial ended before its end; the body holds what it holds.
 #[derive(Debug, Clone, thiserror::Error)]
@@ -56,8 +60,8 @@ pub trait TrialBody {
     fn robot_mut(&mut self) -> &mut dyn Robot;
     /// The truth, where somebody knows it: for referee and recording only.
     fn truth(&self) -> Option<Truth>;
-    /// What prior perception says of an object now: `world_from_object`, or nothing if it is hidden.
-    fn look(&mut self, glance: &Glance) -> Result<Option<Isometry3<f64>>>;
+    /// What prior perception says of an object now, or nothing if it is hidden.
+    fn look(&mut self, glance: &Glance) -> Result<Option<Sighted>>;
     /// Why it no longer follows commands, and what to do about it.
     fn stopped(&self) -> Option<String> {
         None
@@ -112,17 +116,17 @@ impl TrialBody for SimulatedRobot {
         Some(self.truth())
     }
 
-    fn look(&mut self, glance: &Glance) -> Result<Option<Isometry3<f64>>> {
+    fn look(&mut self, glance: &Glance) -> Result<Option<Sighted>> {
         let Glance { object, noise, then, camera } = glance;
         let pose = then.unwrap_or_else(|| self.truth().objects[*object]);
         let center = Point3::from(pose.translation.vector);
         let seen = camera.is_none_or(|camera| self.sees(&camera, *object, &center));
-        Ok(seen.then(|| noise.perceived(&pose)))
+        Ok(seen.then(|| noise.perceived(&pose).into()))
     }
 }
 
 /// What a trial is, as a session's file keeps it: enough to set the control stack up again.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Task {
     /// Body: `sim`, `emulated` or `hardware`.
     pub robot: String,
@@ -139,6 +143,43 @@ pub struct Task {
     pub combos: usize,
     /// The scenario's text.
     pub scenario: String,
+    /// How the robot knows where things are.
+    #[serde(flatten)]
+    pub places: Places,
+}
+
+impl Task {
+    /// A seed for what is drawn beside the trial's own errors: another one in every trial.
+    pub fn unit_seed(&self) -> u64 {
+        self.seed.wrapping_mul(1_000_003).wrapping_add((self.combination * 1009 + self.trial) as u64)
+    }
+}
+
+/// How a robot knows where things are beside its scenario.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
+pub struct Places {
+    /// Where the arm's base was registered, `world_from_base` as x, y, z, i, j, k, w; where it nominally stands without.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub base: Option<[f64; 7]>,
+    /// Whether the first looks at the objects come from the body's own eyes too.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub eyes: bool,
+    /// Where an emulated robot's base is hidden: the seed.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub mount: Option<u64>,
+}
+
+impl Places {
+    /// Lets the controller of `world` know where its base was registered, and puts a simulated base where it is hidden.
+    pub fn set_up(&self, world: &mut World) -> Result<()> {
+        if let Some(base) = &self.base {
+            world.cell.world_from_base = pose(base);
+        }
+        if let Some(seed) = self.mount {
+            world.stands = registration::hidden_mount(&registration::Plan::standard()?, seed);
+        }
+        Ok(())
+    }
 }
 
 /// A trial about to begin.
@@ -244,16 +285,17 @@ impl Body {
     }
 
     /// See [`TrialBody::look`]. A recorded session keeps it.
-    pub fn look(&mut self, glance: &Glance) -> Result<Option<Isometry3<f64>>> {
+    pub fn look(&mut self, glance: &Glance) -> Result<Option<Sighted>> {
         match self {
             Self::Simulated(robot) => TrialBody::look(robot.as_mut(), glance),
             Self::Single(single) => {
                 let mut single = single.borrow_mut();
-                let pose = single.body().ok_or_else(|| anyhow!("the trial is over"))?.look(glance)?;
+                let seen = single.body().ok_or_else(|| anyhow!("the trial is over"))?.look(glance)?;
                 if let Some(Wrapped::Recorded(recorder)) = &mut single.line {
-                    recorder.seen(glance.object, pose.as_ref().map(numbers).as_ref());
+                    let seen = seen.as_ref().map(|seen| (numbers(&seen.pose), seen.sigma));
+                    recorder.seen(glance.object, seen.as_ref());
                 }
-                Ok(pose)
+                Ok(seen)
             }
         }
     }
@@ -367,7 +409,7 @@ impl Robot for Body {
 }
 
 /// A pose as seven numbers: x, y, z, i, j, k, w.
-fn numbers(pose: &Isometry3<f64>) -> [f64; 7] {
+pub fn numbers(pose: &Isometry3<f64>) -> [f64; 7] {
     let (t, q) = (pose.translation.vector, pose.rotation.coords);
     [t.x, t.y, t.z, q.x, q.y, q.z, q.w]
 }

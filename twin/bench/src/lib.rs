@@ -16,4 +16,5 @@ pub mod registration;
 pub mod run;
 pub mod transport;
 pub mod trial;
+pub mod vision;
 pub mod workers;

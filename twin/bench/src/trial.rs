@@ -198,6 +198,7 @@ impl Bench {
             fallen: start.fallen.clone(),
             others: start.others.clone(),
             uncertainty: self.uncertainty,
+            sighted: start.sighted,
             time_limit: self.world.scenario.protocol.time_limit,
             recovery: means.recovery,
             explores: means.explores,

@@ -24,7 +24,8 @@ pub fn command(terminal: &Terminal, recording: &Path) -> Result<Option<String>> 
 /// What the trial of a session is played with.
 pub fn bench_of(terminal: &Terminal, task: &Task, recording: &Path) -> Result<Bench> {
     let scenario = Scenario::parse(&task.scenario, recording)?;
-    let bench = make_bench(scenario, task.combos, task.seed, terminal.quiet || terminal.json)?;
+    let mut bench = make_bench(scenario, task.combos, task.seed, terminal.quiet || terminal.json)?;
+    task.places.set_up(&mut bench.world)?;
     if task.combination >= bench.plans.plans.len() {
         bail!(
             "{}: combination: found {}, expected 0 to {}",

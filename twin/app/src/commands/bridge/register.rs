@@ -6,7 +6,7 @@ use anyhow::{Context as _, Result, bail};
 use bench::body::emulated::EmulatedSource;
 use bench::body::hardware::HardwareSource;
 use bench::body::operator::agreed;
-use bench::body::{BodySource as _, Stopped, Task, TrialBody, TrialSetup};
+use bench::body::{BodySource as _, Places, Stopped, Task, TrialBody, TrialSetup};
 use bench::builtin::make_scenes;
 use bench::registration::{Plan, Registrar, RegistrationFile, Step, error, hidden_mount};
 use clap::Args;
@@ -165,6 +165,7 @@ fn task(seed: u64) -> Result<Task> {
         watched: false,
         combos: 1,
         scenario: text,
+        places: Places::default(),
     })
 }
 
