@@ -2,6 +2,7 @@
 
 mod outside;
 mod own_contact;
+mod rearrange;
 mod seeing;
 mod set_points;
 
@@ -220,19 +221,6 @@ impl SimulatedRobot {
     /// A force (N, world axes) during the next tick on object `on`, at its centre of mass, or on the palm's origin.
     pub fn pull(&mut self, on: Option<usize>, force: Vector3<f64>) {
         self.outside.pull(on, force);
-    }
-
-    /// Object `index` stays where it is from now on, whatever pushes it: a ring or a drop of glue keeps it there.
-    pub fn fasten(&mut self, index: usize) {
-        self.engine.bodies[self.objects[index].1].set_body_type(RigidBodyType::Fixed, true);
-    }
-
-    /// Object `index` is put at `world_from_object`, at rest.
-    pub fn put(&mut self, index: usize, world_from_object: &Isometry3<f64>) {
-        let body = &mut self.engine.bodies[self.objects[index].1];
-        body.set_position(convert::pose(world_from_object), true);
-        body.set_linvel(Vector::ZERO, true);
-        body.set_angvel(Vector::ZERO, true);
     }
 
     /// Object `index` has `factor` times the friction of its model from now on.

@@ -6,6 +6,7 @@
 
 pub mod body;
 pub mod builtin;
+pub mod emulated_table;
 pub mod environment;
 pub mod faults;
 pub mod journal;

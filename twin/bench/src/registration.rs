@@ -76,15 +76,19 @@ impl<'a> Registrar<'a> {
         Point3::new(x, y, self.radius)
     }
 
-    /// The simulated robot before balls on all marks that cannot roll, its base at `world_from_base`.
-    pub fn scene(&self, world_from_base: &Isometry3<f64>, board: TactileBoard) -> SimulatedRobot {
+    /// Balls on all marks.
+    pub fn placements(&self) -> Vec<ObjectPlacement> {
         let placement = |mark: usize| ObjectPlacement {
             model: self.ball.model.clone(),
             pose: Isometry3::from_parts(Translation3::from(self.middle(mark).coords), self.ball.model.rest),
         };
+        (0..self.plan.marks.len()).map(placement).collect()
+    }
+
+    /// The simulated robot before balls on all marks that cannot roll, its base at `world_from_base`.
+    pub fn scene(&self, world_from_base: &Isometry3<f64>, board: TactileBoard) -> SimulatedRobot {
         let setup = self.world.bare_scene(self.world.cell.ready, &TrialNoise::none());
-        let objects = (0..self.plan.marks.len()).map(placement).collect();
-        let setup = sim::SceneSetup { world_from_base: *world_from_base, objects, ..setup };
+        let setup = sim::SceneSetup { world_from_base: *world_from_base, objects: self.placements(), ..setup };
         let cell = &self.world.cell;
         let mut robot = SimulatedRobot::new(cell.hand.clone(), cell.arm.clone(), &setup, board);
         (0..self.plan.marks.len()).for_each(|object| robot.fasten(object));

@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
-use bench::builtin::make_bench;
+use bench::builtin::{COMBINATIONS, make_bench};
 use bench::journal::{Journal, RunRequest};
 use bench::run::{self, Options, Record as Recorded};
 use clap::{Args, ValueEnum};
@@ -18,9 +18,6 @@ use super::body::{Body, PlaceArgs, check_body, source};
 use super::scenario;
 use super::tactile_backend::TactileBackend;
 use crate::terminal::{Outcome, Terminal};
-
-/// Combinations of a benchmark, as in the paper.
-pub const COMBINATIONS: usize = 60;
 
 /// Arguments of `bench`.
 #[derive(Debug, Args)]

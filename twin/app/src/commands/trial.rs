@@ -4,13 +4,12 @@ use std::path::PathBuf;
 
 use anyhow::{Context, Result, bail};
 use bench::body::Task;
-use bench::builtin::make_bench;
+use bench::builtin::{COMBINATIONS, make_bench};
 use bench::recording::Recording;
 use clap::{Args, ValueEnum};
 use scenarios::record::Condition;
 use scenarios::record::TrialRecord;
 
-use super::bench::COMBINATIONS;
 use super::body::{Body, PlaceArgs, check_body, source};
 use super::scenario;
 use super::tactile_backend::TactileBackend;
