@@ -35,7 +35,7 @@ pub enum BridgeCommand {
         config: ConfigArg,
     },
     /// Compare every device with what it should be. Moves nothing.
-    Doctor(ConfigArg),
+    Doctor(doctor::DoctorArgs),
     /// Give the one servo on the bus its id and its settings.
     Provision {
         /// Which actuator it will be: thumb, index, middle, ring, little or opposition.
@@ -73,7 +73,7 @@ pub fn run(terminal: &Terminal, command: &BridgeCommand) -> Outcome {
     match command {
         BridgeCommand::Install(args) => install::run(terminal, args),
         BridgeCommand::Scan { port, config } => scan::run(terminal, port.as_deref(), config),
-        BridgeCommand::Doctor(config) => doctor::run(terminal, &config.read()?),
+        BridgeCommand::Doctor(args) => doctor::run(terminal, args),
         BridgeCommand::Provision { actuator, config } => provision::run(terminal, actuator, &config.read()?),
         BridgeCommand::Calibrate(args) => calibrate::run(terminal, args),
         BridgeCommand::Emulate(args) => emulate::run(terminal, args),
