@@ -4,12 +4,14 @@
 //! cover, so that a coarse picture of each, kept while all was well, tells later whether a plug went into another place.
 
 use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
 
 use hand_model::CAMERAS;
 use hand_model::pads::IMAGE_SIZE;
 use hand_model::robot::TactileFrame;
 use serde::{Deserialize, Serialize};
 
+use crate::cameras::Cameras;
 use crate::config::ConfigError;
 
 /// Version of the file.
@@ -29,7 +31,8 @@ pub struct Pictures {
 }
 
 /// A camera whose images are not its own.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+#[error("camera {camera} shows the pad of {shows}")]
 pub struct Mistaken {
     /// Under whose number they come.
     pub camera: usize,
@@ -45,6 +48,23 @@ impl Pictures {
             Ok::<_, usize>(coarse(&frame.image.rgb))
         };
         Ok(Self { version: VERSION, cameras: (0..CAMERAS).map(picture).collect::<Result<_, _>>()? })
+    }
+
+    /// One look with all cameras; what went wrong in words.
+    pub fn look(link: &Cameras, patience: Duration) -> Result<Self, String> {
+        link.take();
+        link.request_capture().map_err(|error| error.to_string())?;
+        let (started, mut frames) = (Instant::now(), Vec::new());
+        loop {
+            frames.extend(link.take());
+            match Self::of(&frames) {
+                Ok(pictures) => return Ok(pictures),
+                Err(camera) if started.elapsed() > patience => {
+                    return Err(format!("found no image of camera {camera}, expected one"));
+                }
+                Err(_) => std::thread::sleep(Duration::from_millis(5)),
+            }
+        }
     }
 
     /// Where they are kept: beside the calibration.

@@ -11,6 +11,7 @@ use hand_model::{ACTUATORS, ARM_JOINTS, Arm};
 use hardware_bridge::config::BridgeConfig;
 use hardware_bridge::config::secrets::without_secrets;
 use hardware_bridge::hardware_robot::HardwareRobot;
+use hardware_bridge::pictures::Pictures;
 use hardware_bridge::real_time::PERMIT;
 use hardware_bridge::safety::state::{Cause, State};
 use nalgebra::Isometry3;
@@ -258,6 +259,21 @@ impl HardwareSource {
         self.eyes.as_ref().map(connect).transpose()
     }
 
+    /// Makes sure that no camera is plugged in where another was, as far as somebody knows.
+    fn compare_pictures(&self, robot: &HardwareRobot) -> Result<()> {
+        let kept = Pictures::read(&Pictures::beside(&self.config.calibration))?;
+        let (Some(kept), Some(cameras)) = (kept, robot.cameras()) else { return Ok(()) };
+        let now = Pictures::look(cameras, PATIENCE).map_err(anyhow::Error::msg)?;
+        let mistaken: Vec<String> = kept.mistaken(&now).iter().map(ToString::to_string).collect();
+        if !mistaken.is_empty() {
+            bail!(
+                "found {}, expected every camera where it was (`ftac bridge doctor --know-cameras` keeps what is right now)",
+                mistaken.join(", ")
+            );
+        }
+        Ok(())
+    }
+
     /// Whether it has tactile cameras.
     pub fn has_cameras(&self) -> bool {
         self.config.cameras.is_some() || !self.config.uvc.is_empty()
@@ -274,6 +290,7 @@ impl HardwareSource {
             }
             std::thread::sleep(Duration::from_millis(20));
         }
+        self.compare_pictures(&robot)?;
         let (sender, receiver) = std::sync::mpsc::channel();
         robot.tap(&sender);
         if let Some(tactile) = robot.tactile() {

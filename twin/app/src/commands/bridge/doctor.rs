@@ -3,7 +3,7 @@
 use std::path::Path;
 use std::time::{Duration, Instant};
 
-use anyhow::{Result, bail};
+use anyhow::{Result, anyhow};
 use bench::body::arm_link::arm_link;
 use clap::Args;
 use hand_model::{Arm, CAMERAS};
@@ -168,9 +168,10 @@ fn pictures(config: &BridgeConfig, link: &Cameras, know: bool) -> Finding {
 /// What is wrong with the cameras' places; `yes` where nothing is, none where nobody knows.
 fn known_pictures(config: &BridgeConfig, link: &Cameras, know: bool) -> Result<Option<String>> {
     let path = Pictures::beside(&config.calibration);
-    let now = look(link)?;
+    let look = || Pictures::look(link, PATIENCE).map_err(|error| anyhow!(error));
+    let now = look()?;
     if know {
-        let alike = now.alike(now.noise(&look(link)?));
+        let alike = now.alike(now.noise(&look()?));
         now.write(&path)?;
         if let Some([one, other]) = alike.first() {
             return Ok(Some(format!("{one} and {other} look alike: they cannot be told apart")));
@@ -178,21 +179,6 @@ fn known_pictures(config: &BridgeConfig, link: &Cameras, know: bool) -> Result<O
     }
     let Some(kept) = Pictures::read(&path)? else { return Ok(None) };
     let wrong = kept.mistaken(&now).into_iter();
-    let wrong: Vec<String> = wrong.map(|one| format!("camera {} shows the pad of {}", one.camera, one.shows)).collect();
+    let wrong: Vec<String> = wrong.map(|one| one.to_string()).collect();
     Ok(Some(if wrong.is_empty() { "yes".to_owned() } else { wrong.join(", ") }))
-}
-
-/// One image of every camera.
-fn look(link: &Cameras) -> Result<Pictures> {
-    link.take();
-    link.request_capture()?;
-    let (started, mut frames) = (Instant::now(), Vec::new());
-    loop {
-        frames.extend(link.take());
-        match Pictures::of(&frames) {
-            Ok(pictures) => return Ok(pictures),
-            Err(camera) if started.elapsed() > PATIENCE => bail!("found no image of camera {camera}, expected one"),
-            Err(_) => std::thread::sleep(Duration::from_millis(5)),
-        }
-    }
 }
