@@ -1,5 +1,5 @@
-//! How a robot knows where things are: objects from a vision system, the arm's base from registration, and an emulated table that a script
-//! rearranges.
+//! How a robot knows where things are: objects from a vision system, the arm's base from registration, devices in the wrong place, and an emulated
+//! table that a script rearranges.
 
 mod devices;
 
@@ -7,7 +7,7 @@ use std::fs;
 use std::io::Write as _;
 use std::net::TcpListener;
 use std::path::Path;
-use std::process::Output;
+use std::process::{Command, Output};
 
 use devices::{Devices, json, text};
 use e2e::{run, stderr};
@@ -94,7 +94,7 @@ fn a_script_rearranges_the_emulated_table() {
     let folder = tempdir().expect("a folder");
     let (truth, eyes) = (folder.path().join("truth.rrd"), folder.path().join("eyes"));
     let address = format!("unix:{}", eyes.display());
-    let devices = Devices::start(folder.path(), &["--truth", text(&truth), "--eyes", &address, "--seconds", "20"]);
+    let devices = Devices::start(folder.path(), &["--truth", text(&truth), "--eyes", &address]);
     let dir = devices.config.parent().expect("its folder").to_owned();
     let told = |line: &str| run(&["bridge", "emulate", "--dir", text(&dir), "--tell", line, "--json"]);
     let answer = |line: &str| {
@@ -118,6 +118,8 @@ fn a_script_rearranges_the_emulated_table() {
     let seen = json(line.as_bytes());
     assert_eq!(seen["object"], "billiard_ball", "{seen}");
     assert_eq!(seen["covariance"].as_array().map(Vec::len), Some(36), "{seen}");
+    let interrupt = Command::new("kill").args(["-INT", &devices.child.id().to_string()]).status();
+    assert!(interrupt.expect("sent").success());
     let end = devices.end();
     assert!(end["ticks"].as_u64().is_some_and(|ticks| ticks > 100), "{end}");
     for recording in ["truth.rrd", "truth-2.rrd", "truth-3.rrd"] {
@@ -125,4 +127,55 @@ fn a_script_rearranges_the_emulated_table() {
     }
     let output = told("objects=back");
     assert!(stderr(&output).contains("expected a running emulator"), "{}", stderr(&output));
+}
+
+/// Ids and cameras that were exchanged and a servo of another model are named by `doctor` and before anything moves.
+#[test]
+fn devices_in_the_wrong_place_are_named() {
+    let folder = tempdir().expect("a folder");
+    let mut devices = Devices::start(folder.path(), &[]);
+    let config = devices.config.clone();
+    let bridge = |arguments: &[&str]| run(&[&["bridge"], arguments, &["--config", text(&config), "--json"]].concat());
+    let row = |what: &str| {
+        let rows = json(&bridge(&["doctor"]).stdout)["rows"].clone();
+        let row = rows
+            .as_array()
+            .expect("rows")
+            .iter()
+            .find(|row| row["what"].as_str().is_some_and(|row| row.contains(what)));
+        row.expect("its row").clone()
+    };
+    let until_wrong = |what: &str| {
+        std::iter::repeat_with(|| row(what)).take(200).find(|row| row["ok"] == false).expect("it is noticed")
+    };
+    let refused = |arguments: &[&str]| {
+        let output = bridge(arguments);
+        assert_eq!(output.status.code(), Some(2), "{}", stderr(&output));
+        stderr(&output)
+    };
+    let pads = "every camera shows its own pad";
+    assert_eq!(row(pads)["found"], "unknown: none are kept");
+    bridge(&["doctor", "--know-cameras"]);
+    assert_eq!(row(pads)["found"], "yes");
+    devices.happen("swap=7");
+    let found = until_wrong(pads)["found"].clone();
+    assert_eq!(found, "camera 7 shows the pad of 8, camera 8 shows the pad of 7");
+    let message = refused(&["register", "--yes"]);
+    assert!(message.contains("camera 7 shows the pad of 8"), "{message}");
+
+    devices.happen("ids=2");
+    until_wrong("homing offset");
+    let message = refused(&["exercise", "--yes"]);
+    assert!(message.contains("index: found homing offset") && message.contains("it is that of middle"), "{message}");
+    devices.happen("model=3");
+    until_wrong("Model Number");
+    for command in ["calibrate", "exercise"] {
+        let message = refused(&[command, "--yes"]);
+        assert!(message.contains("1200") && message.contains("1220"), "{message}");
+    }
+    // The adapter's plug comes off: said in words, not in the operating system's.
+    devices.happen("usb=servos");
+    let message = (0..200).map(|_| stderr(&bridge(&["calibrate", "--yes"]))).find(|message| !message.contains("1200"));
+    let message = message.expect("it is noticed");
+    assert!(message.contains("the port is gone") || message.contains("No such file"), "{message}");
 }

@@ -14,6 +14,7 @@ pub mod hardware;
 pub mod operator;
 pub mod replayed;
 pub mod rounded;
+mod task;
 
 use std::cell::RefCell;
 use std::path::PathBuf;
@@ -23,16 +24,14 @@ use anyhow::{Result, anyhow};
 use control::percept::Sighted;
 use hand_model::robot::{Command, Observation, Robot, Tick};
 use nalgebra::{Isometry3, Point3, Quaternion, Translation3, UnitQuaternion};
-use proving::world::World;
 use scenarios::noise::ObjectNoise;
-use scenarios::record::{Condition, TrialRecord};
+use scenarios::record::TrialRecord;
 use scenarios::referee::Verdict;
-use serde::{Deserialize, Serialize};
 use session_log::{Recorder, Session, Writer};
 use sim::SimulatedRobot;
 use sim::robot::Truth;
 
-use crate::registration;
+pub use self::task::{Places, Task};
 
 /// Why a trial ended before its end; the body holds what it holds.
 #[derive(Debug, Clone, thiserror::Error)]
@@ -122,63 +121,6 @@ impl TrialBody for SimulatedRobot {
         let center = Point3::from(pose.translation.vector);
         let seen = camera.is_none_or(|camera| self.sees(&camera, *object, &center));
         Ok(seen.then(|| noise.perceived(&pose).into()))
-    }
-}
-
-/// What a trial is, as a session's file keeps it: enough to set the control stack up again.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Task {
-    /// Body: `sim`, `emulated` or `hardware`.
-    pub robot: String,
-    /// Seed of everything.
-    pub seed: u64,
-    /// Number of the combination.
-    pub combination: usize,
-    /// Number of the trial.
-    pub trial: usize,
-    pub condition: Condition,
-    /// Whether images were taken throughout for a watcher: commands ask for them.
-    pub watched: bool,
-    /// Combinations that were drawn.
-    pub combos: usize,
-    /// The scenario's text.
-    pub scenario: String,
-    /// How the robot knows where things are.
-    #[serde(flatten)]
-    pub places: Places,
-}
-
-impl Task {
-    /// A seed for what is drawn beside the trial's own errors: another one in every trial.
-    pub fn unit_seed(&self) -> u64 {
-        self.seed.wrapping_mul(1_000_003).wrapping_add((self.combination * 1009 + self.trial) as u64)
-    }
-}
-
-/// How a robot knows where things are beside its scenario.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
-pub struct Places {
-    /// Where the arm's base was registered, `world_from_base` as x, y, z, i, j, k, w; where it nominally stands without.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub base: Option<[f64; 7]>,
-    /// Whether the first looks at the objects come from the body's own eyes too.
-    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
-    pub eyes: bool,
-    /// Where an emulated robot's base is hidden: the seed.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub mount: Option<u64>,
-}
-
-impl Places {
-    /// Lets the controller of `world` know where its base was registered, and puts a simulated base where it is hidden.
-    pub fn set_up(&self, world: &mut World) -> Result<()> {
-        if let Some(base) = &self.base {
-            world.cell.world_from_base = pose(base);
-        }
-        if let Some(seed) = self.mount {
-            world.stands = registration::hidden_mount(&registration::Plan::standard()?, seed);
-        }
-        Ok(())
     }
 }
 

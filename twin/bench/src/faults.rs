@@ -21,17 +21,16 @@ use rand_chacha::ChaCha8Rng;
 use scenarios::record::Condition;
 use session_log::{Event, Reader, Recorder, Session, Writer};
 use sim::robot::Truth;
-use stream::recorder::Target;
 
 use self::kind::{Expected, Kind, tick};
 use self::watch::Watch;
 use crate::body::emulated::{SharedPlant, settings, travel};
-use crate::body::{Places, Task};
-use crate::recording::{Began, Recording};
+use crate::recording::Recording;
 use crate::trial::{Bench, Moment, Watcher as _};
 use crate::workers;
 
 pub mod kind;
+mod recorded;
 mod watch;
 
 /// Waited for an answer of the servos from the fault on, s of real time: what comes at all comes sooner.
@@ -105,32 +104,6 @@ pub struct Matrix<'a> {
     pub record: Option<PathBuf>,
     /// Whether each is streamed to a viewer, too.
     pub live: bool,
-}
-
-impl Matrix<'_> {
-    /// What watches an injection, if anything does.
-    fn watcher(&self, kind: Kind, phase: Phase, round: usize) -> Result<Option<Recording>> {
-        let file = self.record.as_ref().map(|folder| {
-            let name = format!("{}_{}_{round}.rrd", phase.name(), kind.name());
-            Target::File(folder.join(name.replace([' ', '/'], "_")))
-        });
-        let targets: Vec<Target> = file.into_iter().chain(self.live.then_some(Target::Spawn)).collect();
-        if targets.is_empty() {
-            return Ok(None);
-        }
-        let task = Task {
-            robot: "emulated".to_owned(),
-            seed: self.seed,
-            combination: round % self.bench.plans.plans.len(),
-            trial: round,
-            condition: Condition::Ideal,
-            watched: true,
-            combos: self.bench.plans.plans.len(),
-            scenario: scenarios::scenario::BENCHMARK.to_owned(),
-            places: Places::default(),
-        };
-        Recording::open(&targets, self.bench, &task, (Began::Now, false)).map(Some)
-    }
 }
 
 /// Injects `kinds` of faults into `phases` of `rounds` trials; the outcomes in the order of the injections.
@@ -228,6 +201,8 @@ struct Experiment {
     alive: bool,
     /// From the fault on.
     watcher: Option<Recording>,
+    /// The state that was told to it last.
+    told: State,
 }
 
 /// How the robot stopped.
@@ -259,7 +234,17 @@ impl Experiment {
         if recorder.robot().state() != State::Running {
             bail!("found the robot in state `{}` before the fault, expected running", recorder.robot().state());
         }
-        Ok(Self { kind, executive, recorder, plant, watch, ticks: BEFORE as u64, alive: true, watcher: None })
+        Ok(Self {
+            kind,
+            executive,
+            recorder,
+            plant,
+            watch,
+            ticks: BEFORE as u64,
+            alive: true,
+            watcher: None,
+            told: State::Running,
+        })
     }
 
     /// Injects the fault and plays until the robot stands, or long enough.
@@ -295,7 +280,9 @@ impl Experiment {
         if let (Some(watcher), true) = (&mut self.watcher, self.alive) {
             let time = self.recorder.robot().observe().time;
             let state = self.recorder.robot().state();
-            let note = (state != State::Running).then(|| state.to_string());
+            // A state is told once.
+            let note = (self.told != state).then(|| state.to_string());
+            self.told = state;
             let (executive, condition) = (&self.executive, Some(Condition::Ideal));
             let note = note.as_deref();
             watcher.see(&Moment { time, truth: None, executive, felt: None, condition, note, choice: None })?;

@@ -255,7 +255,7 @@ fn tick(body: &mut dyn TrialBody, executive: &mut Executive) -> Result<()> {
     body.send(&command);
     body.wait_for_tick();
     match body.stopped() {
-        Some(why) => bail!(Stopped(format!("{why} while {}", executive.phase().name()))),
+        Some(why) => bail!(Stopped(format!("{why} (phase: {})", executive.phase().name()))),
         None => Ok(()),
     }
 }

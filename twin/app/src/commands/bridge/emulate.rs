@@ -13,6 +13,7 @@ use std::time::{Duration, Instant};
 
 use anyhow::{Context, Result, bail};
 use bench::body::emulated::{CAMERA, settings};
+use bench::body::operator::Interrupt;
 use bench::emulated_table::{EmulatedTable, Wish};
 use bench::faults::STANDS;
 use bench::vision::Address;
@@ -175,8 +176,10 @@ pub fn run(terminal: &Terminal, args: &EmulateArgs) -> Result<Option<String>> {
 
 /// Lets the devices run until the end, with mishaps at their times and requests as they come.
 fn attend(args: &EmulateArgs, running: &mut Running, mut pending: Vec<(f64, Mishap)>, door: &Door) -> Result<()> {
+    // What is being recorded is finished.
+    let interrupt = Interrupt::catch()?;
     let started = Instant::now();
-    while args.seconds.is_none_or(|seconds| started.elapsed().as_secs_f64() < seconds) {
+    while !interrupt.happened() && args.seconds.is_none_or(|seconds| started.elapsed().as_secs_f64() < seconds) {
         std::thread::sleep(LOOK);
         for request in door.requests() {
             let outcome = running.obey(&request.line);
