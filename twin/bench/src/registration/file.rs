@@ -93,7 +93,7 @@ impl RegistrationFile {
             );
         }
         let norm = read.quaternion.iter().map(|value| value * value).sum::<f64>().sqrt();
-        if !((norm - 1.0).abs() < 1e-6) {
+        if !(1.0 - 1e-6..1.0 + 1e-6).contains(&norm) {
             return bad("quaternion", format!("{:?}", read.quaternion), "four numbers of norm 1");
         }
         let angle = read.world_from_base().rotation.angle();

@@ -111,7 +111,7 @@ pub fn read(line: &[u8], number: u64, checks: &Checks, now: f64) -> Result<Measu
     }
     let [x, y, z, w] = quaternion;
     let turn = Quaternion::new(w, x, y, z);
-    if !((turn.norm() - 1.0).abs() < 1e-3) {
+    if !(0.999..1.001).contains(&turn.norm()) {
         return field("quaternion", format!("norm {}", turn.norm()), "norm 1");
     }
     let covariance = Matrix6::from_row_slice(covariance);
