@@ -37,8 +37,7 @@ pub struct SheetArgs {
 pub fn run(terminal: &Terminal, args: &SheetArgs) -> Result<Option<String>> {
     let (what, title, standing) = match args.combination {
         Some(combination) => {
-            let (objects, places) = of_combination(combination, terminal.seed)?;
-            (combination.to_string(), format!("combination {combination}"), objects.into_iter().zip(places).collect())
+            (combination.to_string(), format!("combination {combination}"), of_combination(combination, terminal.seed)?)
         }
         None => ("balls".to_owned(), "balls of the registration".to_owned(), balls(terminal.seed)?),
     };
@@ -66,14 +65,14 @@ pub fn run(terminal: &Terminal, args: &SheetArgs) -> Result<Option<String>> {
 /// Objects, and where they stand.
 type Standing = Vec<(Arc<ObjectModel>, Isometry3<f64>)>;
 
-fn of_combination(combination: usize, seed: u64) -> Result<([Arc<ObjectModel>; 2], [Isometry3<f64>; 2])> {
+fn of_combination(combination: usize, seed: u64) -> Result<Standing> {
     let bench = make_bench(Scenario::benchmark(), (combination + 1).min(60), seed, true)?;
     let Some(plan) = bench.plans.plans.get(combination) else {
         bail!("COMBINATION: found {combination}, expected 0 to {}", bench.plans.plans.len() - 1);
     };
     let objects = [bench.world.object(&plan.first)?, bench.world.object(&plan.second)?];
     let places = bench.world.places(&objects, &TrialNoise::none());
-    Ok((objects, places))
+    Ok(objects.into_iter().zip(places).collect())
 }
 
 fn balls(seed: u64) -> Result<Standing> {
