@@ -243,7 +243,7 @@ impl EmulatedHand {
     /// Injects a fault now.
     pub fn inject(&self, event: Event) {
         match event {
-            Event::Freeze(camera) => lock(&self.shared.board).freeze(camera),
+            event if event.is_of_cameras() => lock(&self.shared.board).happen(event),
             event => lock(&self.shared.chain).happen(event, self.shared.now()),
         }
     }
@@ -322,9 +322,7 @@ fn tick_plant(plant: &mut Plant, shared: &Shared, tick: f64) -> bool {
     shared.arm.set_state(observation.arm);
     let others = lock(&shared.chain).advance(shared.now(), tick, &observation.servos);
     for event in others {
-        if let Event::Freeze(camera) = event {
-            lock(&shared.board).freeze(camera);
-        }
+        lock(&shared.board).happen(event);
     }
     shared.ticks.fetch_add(1, Ordering::Relaxed);
     let Some(first) = observation.tactile.first() else { return true };

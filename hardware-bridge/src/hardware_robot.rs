@@ -11,7 +11,7 @@ use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 use hand_model::robot::{Command, Observation, Robot, ServoGoal, Tick};
-use hand_model::{ACTUATORS, ARM_JOINTS, Arm};
+use hand_model::{ACTUATORS, ARM_JOINTS, Arm, Hand};
 use session_log::{Packet, Tap};
 
 use crate::arm_link::ArmLink;
@@ -62,12 +62,14 @@ pub enum ConnectError {
         expected: String,
     },
     /// Another hand than the calibrated one.
-    #[error(
-        "actuator {actuator}: found homing offset {found}, expected the calibration's {expected}: the servo was replaced or remounted; calibrate"
-    )]
+    #[error("{name}: found homing offset {found}, expected the calibration's {expected}: {why}")]
     Mismatch {
         /// Index of the actuator.
         actuator: usize,
+        /// What it is called.
+        name: String,
+        /// What may have happened.
+        why: String,
         /// Counts in the servo.
         found: i64,
         /// Counts in the file.
@@ -185,15 +187,21 @@ impl HardwareRobot {
 /// Opens the servo bus and makes sure that the servos are the calibrated ones.
 pub(crate) fn open_hand(config: &BridgeConfig, calibration: &HandCalibration) -> Result<HandBus, ConnectError> {
     let mut bus = ServoBus::open(&config.servos.port, config.bus())?;
-    for (n, id) in config.servos.ids.iter().enumerate() {
-        let findings = setup::check(&mut bus, config, *id, &format!("actuator {n}"))?;
+    let names = Hand::ftac().parameters.actuator.into_iter().map(|actuator| actuator.name).collect::<Vec<_>>();
+    for (id, name) in config.servos.ids.iter().zip(&names) {
+        let findings = setup::check(&mut bus, config, *id, name)?;
         if let Some(bad) = findings.into_iter().find(|finding| !finding.good) {
             return Err(ConnectError::Setup { what: bad.what, found: bad.found, expected: bad.expected });
         }
     }
     let mut hand = HandBus::new(bus, config.servos.ids, config.servos.fast_sync_read);
     if let Some((actuator, found, expected)) = hand.compare(calibration)? {
-        return Err(ConnectError::Mismatch { actuator, found, expected });
+        let owner = calibration.servos.iter().zip(&names).find(|(servo, _)| i64::from(servo.homing_offset) == found);
+        let why = match owner {
+            Some((_, owner)) => format!("it is that of {owner}; were their ids exchanged?"),
+            None => "the servo was replaced or remounted; calibrate".to_owned(),
+        };
+        return Err(ConnectError::Mismatch { actuator, name: names[actuator].clone(), why, found, expected });
     }
     Ok(hand)
 }

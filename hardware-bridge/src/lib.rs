@@ -10,7 +10,7 @@
 //!   terminal.
 //!
 //! # Bring-up
-//! [`config`] reads `bridge.toml`, [`setup`] checks and provisions servos, [`homing`] finds the open mark, [`calibration`] stores it. [`install`] sets up the computer.
+//! [`config`] reads `bridge.toml`, [`setup`] checks and provisions servos, [`homing`] finds the open mark, [`calibration`] stores it. [`pictures`] tells cameras apart by what they show. [`install`] sets up the computer.
 //!
 //! # Without hardware
 //! [`emulator`]: the devices on pseudo-terminals, for any host and any plant; [`emulator::lockstep`]: the whole bridge on such devices, on one emulated
@@ -30,6 +30,7 @@ pub mod homing;
 pub mod install;
 pub mod kortex_link;
 mod lock;
+pub mod pictures;
 pub mod protocol2;
 pub mod real_time;
 pub mod remote;

@@ -30,7 +30,7 @@ use crate::xc330::{self, Register, RegisterError};
 #[derive(Debug, thiserror::Error)]
 pub enum BusError {
     /// The port cannot be opened, read or written.
-    #[error("{port}: {source}")]
+    #[error("{port}: {}", said(.source))]
     Port {
         /// Device path.
         port: PathBuf,
@@ -51,6 +51,14 @@ pub enum BusError {
         /// What is wrong with the value.
         source: RegisterError,
     },
+}
+
+/// What the operating system says of a port, and what that means where it is no help.
+fn said(error: &std::io::Error) -> String {
+    // A hung-up terminal reads as ended or as an input and output error.
+    const EIO: i32 = 5;
+    let gone = error.kind() == ErrorKind::UnexpectedEof || error.raw_os_error() == Some(EIO);
+    if gone { format!("the port is gone; check the USB cable and the adapter ({error})") } else { error.to_string() }
 }
 
 /// How a bus is driven.

@@ -137,6 +137,19 @@ impl Engine {
         self.passing.insert((one, two));
     }
 
+    /// Takes a body out of the world, with its colliders.
+    pub fn remove(&mut self, body: RigidBodyHandle) {
+        self.bodies.remove(
+            body,
+            &mut self.islands,
+            &mut self.colliders,
+            &mut self.impulse_joints,
+            &mut self.multibodies,
+            &mut self.soft_bodies,
+            true,
+        );
+    }
+
     /// One time step under gravity.
     pub fn step(&mut self) {
         let hooks = Hooks { soft_covers: self.soft_covers.as_ref(), passing: &self.passing };

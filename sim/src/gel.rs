@@ -161,6 +161,12 @@ impl SoftCovers {
         Some(Give { sink: at.sink, shear: at.load.friction * (self.shear * compliance), force: at.load.force })
     }
 
+    /// From now on these objects may press into the covers, and no others.
+    pub fn replace_objects(&mut self, objects: impl Iterator<Item = (ColliderHandle, Arc<ObjectModel>)>) {
+        self.objects = objects.map(|(collider, model)| Presser { collider, model }).collect();
+        self.contacts.clear();
+    }
+
     /// After a step of `dt` (s): the gel goes on towards the depth at which it bears what the solver found.
     pub fn relax(&mut self, dt: f64, narrow_phase: &NarrowPhase, colliders: &ColliderSet, bodies: &RigidBodySet) {
         let share = if self.relaxation > 0.0 { 1.0 - (-dt / self.relaxation).exp() } else { 1.0 };

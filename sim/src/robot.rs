@@ -2,6 +2,7 @@
 
 mod outside;
 mod own_contact;
+mod rearrange;
 mod seeing;
 mod set_points;
 

@@ -113,8 +113,9 @@ fn values(event: &Event) -> Vec<(String, u64)> {
         Event::Tick(tick) => vec![("time".to_owned(), tick.time.to_bits())],
         Event::Seen(object, pose) => {
             let seen = [("object".to_owned(), *object as u64), ("seen".to_owned(), u64::from(pose.is_some()))];
-            let pose = pose.iter().flatten().map(|value| ("pose".to_owned(), value.to_bits()));
-            seen.into_iter().chain(pose).collect()
+            let numbers = pose.iter().flat_map(|(pose, _)| pose).map(|value| ("pose".to_owned(), value.to_bits()));
+            let sigma = pose.and_then(|(_, sigma)| sigma).map(|sigma| ("sigma".to_owned(), sigma.to_bits()));
+            seen.into_iter().chain(numbers).chain(sigma).collect()
         }
         Event::Outcome(_) | Event::Raw { .. } => Vec::new(),
     }

@@ -101,21 +101,31 @@ pub struct Seen {
     /// World: x, y, z in m, then the quaternion's i, j, k, w; empty if the object was not to be seen.
     #[prost(double, repeated, tag = "2")]
     pub pose: Vec<f64>,
+    /// What perception states of its own error, standard deviation of each of x and y, m.
+    #[prost(double, optional, tag = "3")]
+    pub sigma: Option<f64>,
 }
+
+/// A pose (x, y, z in m, then i, j, k, w) and the standard deviation that is stated of it, m.
+pub type SeenPose = ([f64; 7], Option<f64>);
 
 impl Seen {
     /// For the file.
-    pub fn new(object: usize, pose: Option<&[f64; 7]>) -> Self {
-        Self { object: Some(object as u32), pose: pose.map_or_else(Vec::new, |pose| pose.to_vec()) }
+    pub fn new(object: usize, seen: Option<&SeenPose>) -> Self {
+        Self {
+            object: Some(object as u32),
+            pose: seen.map_or_else(Vec::new, |(pose, _)| pose.to_vec()),
+            sigma: seen.and_then(|(_, sigma)| *sigma),
+        }
     }
 
     /// From the file: which object, and its pose if it was seen.
     ///
     /// # Errors
     /// Names the field that is not as it should be.
-    pub fn read(&self) -> Result<(usize, Option<[f64; 7]>), Wrong> {
+    pub fn read(&self) -> Result<(usize, Option<SeenPose>), Wrong> {
         let pose = if self.pose.is_empty() { None } else { Some(list::<7, _>("pose", &self.pose)?) };
-        Ok((given("object", self.object)? as usize, pose))
+        Ok((given("object", self.object)? as usize, pose.map(|pose| (pose, self.sigma))))
     }
 }
 

@@ -14,7 +14,7 @@ use mcap::{McapError, McapResult};
 use prost::Message;
 
 use crate::error::SessionLogError;
-use crate::message::{Command, LastImages, Observation, Seen, Tick, Wrong};
+use crate::message::{Command, LastImages, Observation, Seen, SeenPose, Tick, Wrong};
 use crate::tap::Direction;
 use crate::writer::{
     ASKED, CALIBRATION, CONFIGURATION, FORMAT, METADATA, OBSERVATION, OUTCOME, SEEN, SENT, Session, TASK, TICK, sha256,
@@ -44,7 +44,7 @@ pub enum Event {
     /// The end of a tick.
     Tick(robot::Tick),
     /// What prior perception says: which object, and its pose if it was to be seen ([`Seen`]).
-    Seen(usize, Option<[f64; 7]>),
+    Seen(usize, Option<SeenPose>),
     /// What came of it, in the controller's words.
     Outcome(Vec<u8>),
     /// Bytes on a link.

@@ -5,6 +5,7 @@ use std::sync::mpsc::Receiver;
 use hand_model::robot::{Command, Observation, Robot, Tick};
 
 use crate::error::SessionLogError;
+use crate::message::SeenPose;
 use crate::tap::Packet;
 use crate::writer::Writer;
 
@@ -34,8 +35,8 @@ impl<R: Robot> Recorder<R> {
     }
 
     /// Records an object's perceived pose.
-    pub fn seen(&mut self, object: usize, pose: Option<&[f64; 7]>) {
-        self.write(|writer| writer.seen(object, pose));
+    pub fn seen(&mut self, object: usize, seen: Option<&SeenPose>) {
+        self.write(|writer| writer.seen(object, seen));
     }
 
     /// Records what the body says of its own running.

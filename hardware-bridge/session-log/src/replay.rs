@@ -7,7 +7,7 @@
 use hand_model::robot::{Command, Observation, Robot, Tick};
 
 use crate::error::SessionLogError;
-use crate::message::bits;
+use crate::message::{SeenPose, bits};
 use crate::reader::{Event, Reader};
 
 /// The first difference between controller and recording.
@@ -155,7 +155,7 @@ impl Replay {
 
     /// What prior perception said of `object` at this point of the recording, which may be that it was not to be seen; `None` once
     /// the recording is left.
-    pub fn seen(&mut self, object: usize) -> Option<Option<[f64; 7]>> {
+    pub fn seen(&mut self, object: usize) -> Option<Option<SeenPose>> {
         let (recorded, pose) = self.take("a look at an object", |event| match event {
             Event::Seen(object, pose) => Some((*object, *pose)),
             _ => None,

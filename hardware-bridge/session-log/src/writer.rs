@@ -13,7 +13,7 @@ use prost::Message;
 use sha2::{Digest, Sha256};
 
 use crate::error::SessionLogError;
-use crate::message::{Command, LastImages, Observation, Seen, Tick};
+use crate::message::{Command, LastImages, Observation, Seen, SeenPose, Tick};
 use crate::schema;
 use crate::tap::{Direction, Packet};
 
@@ -198,8 +198,8 @@ impl Writer {
     ///
     /// # Errors
     /// [`SessionLogError`].
-    pub fn seen(&mut self, object: usize, pose: Option<&[f64; 7]>) -> Result<(), SessionLogError> {
-        self.message(SEEN, "Seen", &Seen::new(object, pose))
+    pub fn seen(&mut self, object: usize, seen: Option<&SeenPose>) -> Result<(), SessionLogError> {
+        self.message(SEEN, "Seen", &Seen::new(object, seen))
     }
 
     /// What came of it, in the controller's words.

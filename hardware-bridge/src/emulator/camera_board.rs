@@ -10,6 +10,7 @@ use hand_model::robot::TactileFrame;
 use rand::{Rng, RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
+use super::faults::Event;
 use crate::tactile_link::deframer::Deframer;
 use crate::tactile_link::message::{CameraFault, Encoding, Image, Message, VERSION};
 use crate::tactile_link::{frame, image_data};
@@ -53,6 +54,8 @@ pub struct CameraBoard {
     sequence: u32,
     /// Frozen cameras and the data they go on sending, once they have any.
     frozen: BTreeMap<u8, Option<Vec<u8>>>,
+    /// This camera and the next are plugged into each other's place.
+    swapped: Option<u8>,
     rng: ChaCha8Rng,
 }
 
@@ -65,6 +68,7 @@ impl CameraBoard {
             deframer: Deframer::default(),
             sequence: 0,
             frozen: BTreeMap::new(),
+            swapped: None,
             rng: ChaCha8Rng::seed_from_u64(seed),
         }
     }
@@ -74,8 +78,22 @@ impl CameraBoard {
         self.jpeg_chance = chance;
     }
 
-    pub fn freeze(&mut self, camera: u8) {
-        self.frozen.entry(camera).or_default();
+    /// Something happens to a camera.
+    pub fn happen(&mut self, event: Event) {
+        match event {
+            Event::Freeze(camera) => drop(self.frozen.entry(camera).or_default()),
+            Event::Swap(camera) => self.swapped = Some(camera),
+            _ => {}
+        }
+    }
+
+    /// The number under which a camera's images are sent.
+    fn plug(&self, camera: u8) -> u8 {
+        match self.swapped {
+            Some(swapped) if camera == swapped => swapped + 1,
+            Some(swapped) if camera == swapped + 1 => swapped,
+            _ => camera,
+        }
     }
 
     /// Takes bytes from the host at `now`, s.
@@ -112,13 +130,13 @@ impl CameraBoard {
     fn image(&mut self, picture: &TactileFrame, taken: f64) -> Message {
         let camera = picture.camera as u8;
         let Some(mut data) = self.coded(camera, &picture.image.rgb) else {
-            return Message::CameraFault { camera, fault: CameraFault::Overrun };
+            return Message::CameraFault { camera: self.plug(camera), fault: CameraFault::Overrun };
         };
         if self.jpeg_chance > 0.0 && self.rng.random_bool(self.jpeg_chance) {
             data.truncate(data.len() / 2);
         }
         Message::Image(Image {
-            camera,
+            camera: self.plug(camera),
             sequence: self.sequence,
             captured_us: self.clock_us(taken),
             width: 240,

@@ -2,7 +2,8 @@
 //!
 //! Chances are per answer (or per image) and drawn from a seeded generator; events happen at a time after the start:
 //! `noise=0.1`, `drop=0.02`, `corrupt=0.01`, `delay=0.05`, `jpeg=0.05`; `overload=3@5` (servo 3 after 5 s), `overheat=2@4`, `voltage=5.2@3`
-//! (the supply, V), `unplug=4@6`, `plug=4@8`, `freeze=7@2` (camera 7).
+//! (the supply, V), `unplug=4@6`, `plug=4@8`, `freeze=7@2` (camera 7), `model=3@0` (servo 3 is of another model), `ids=1@0` (servos 1 and 2 have
+//! each other's id), `swap=7@0` (cameras 7 and 8 are plugged into each other's place).
 
 use std::str::FromStr;
 
@@ -39,6 +40,19 @@ pub enum Event {
     Plug(u8),
     /// This camera sends the same image for ever.
     Freeze(u8),
+    /// The servo with this id is of another model.
+    Model(u8),
+    /// The servo with this id and the one with the next have each other's.
+    Ids(u8),
+    /// This camera and the next are plugged into each other's place.
+    Swap(u8),
+}
+
+impl Event {
+    /// Whether it happens to the camera board rather than to servos.
+    pub fn is_of_cameras(self) -> bool {
+        matches!(self, Self::Freeze(_) | Self::Swap(_))
+    }
 }
 
 /// Everything that will go wrong.
@@ -53,7 +67,7 @@ pub struct Faults {
 /// A fault as it stands on the command line.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[error(
-    "fault: found `{0}`, expected noise|drop|corrupt|delay|jpeg=CHANCE, overload|overheat|unplug|plug|freeze=ID@SECONDS or voltage=VOLTS@SECONDS"
+    "fault: found `{0}`, expected noise|drop|corrupt|delay|jpeg=CHANCE, overload|overheat|unplug|plug|freeze|model|ids|swap=ID@SECONDS or voltage=VOLTS@SECONDS"
 )]
 pub struct FaultSyntax(String);
 
@@ -92,6 +106,9 @@ impl Faults {
             "unplug" => Event::Unplug(what.parse().ok()?),
             "plug" => Event::Plug(what.parse().ok()?),
             "freeze" => Event::Freeze(what.parse().ok()?),
+            "model" => Event::Model(what.parse().ok()?),
+            "ids" => Event::Ids(what.parse().ok()?),
+            "swap" => Event::Swap(what.parse().ok()?),
             _ => return None,
         };
         self.events.push((at, event));

@@ -3,6 +3,7 @@
 //! It has no clock and no input or output: time and shaft state are arguments, the goal is the result. Where the e-Manual is silent, the
 //! emulator takes the interpretation that is harder on the host, marked "our reading".
 
+mod mistaken;
 mod registered;
 
 use hand_model::robot::{ServoGoal, ServoState};

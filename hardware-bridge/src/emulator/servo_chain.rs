@@ -67,7 +67,7 @@ impl ServoChain {
     pub fn advance(&mut self, now: f64, dt: f64, shafts: &[ServoState]) -> Vec<Event> {
         let mut others = Vec::new();
         for event in self.faults.due(now) {
-            if matches!(event, Event::Freeze(_)) {
+            if event.is_of_cameras() {
                 others.push(event);
             } else {
                 self.happen(event, now);
@@ -88,6 +88,9 @@ impl ServoChain {
                 Event::Overheat(id) if id == servo.id() => servo.set_temperature(90.0),
                 Event::Unplug(id) if id == servo.id() => servo.set_unplugged(true, now),
                 Event::Plug(id) if id == servo.id() => servo.set_unplugged(false, now),
+                Event::Model(id) if id == servo.id() => servo.become_other_model(),
+                Event::Ids(id) if id == servo.id() => servo.set_id(id + 1),
+                Event::Ids(id) if id + 1 == servo.id() => servo.set_id(id),
                 _ => {}
             }
         }

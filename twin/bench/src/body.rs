@@ -14,21 +14,24 @@ pub mod hardware;
 pub mod operator;
 pub mod replayed;
 pub mod rounded;
+mod task;
 
 use std::cell::RefCell;
 use std::path::PathBuf;
 use std::rc::Rc;
 
 use anyhow::{Result, anyhow};
+use control::percept::Sighted;
 use hand_model::robot::{Command, Observation, Robot, Tick};
 use nalgebra::{Isometry3, Point3, Quaternion, Translation3, UnitQuaternion};
 use scenarios::noise::ObjectNoise;
-use scenarios::record::{Condition, TrialRecord};
+use scenarios::record::TrialRecord;
 use scenarios::referee::Verdict;
-use serde::{Deserialize, Serialize};
 use session_log::{Recorder, Session, Writer};
 use sim::SimulatedRobot;
 use sim::robot::Truth;
+
+pub use self::task::{Places, Task};
 
 /// Why a trial ended before its end; the body holds what it holds.
 #[derive(Debug, Clone, thiserror::Error)]
@@ -56,8 +59,8 @@ pub trait TrialBody {
     fn robot_mut(&mut self) -> &mut dyn Robot;
     /// The truth, where somebody knows it: for referee and recording only.
     fn truth(&self) -> Option<Truth>;
-    /// What prior perception says of an object now: `world_from_object`, or nothing if it is hidden.
-    fn look(&mut self, glance: &Glance) -> Result<Option<Isometry3<f64>>>;
+    /// What prior perception says of an object now, or nothing if it is hidden.
+    fn look(&mut self, glance: &Glance) -> Result<Option<Sighted>>;
     /// Why it no longer follows commands, and what to do about it.
     fn stopped(&self) -> Option<String> {
         None
@@ -81,7 +84,7 @@ pub trait TrialBody {
 }
 
 /// The one place where a body's robot is driven through the body.
-impl Robot for dyn TrialBody {
+impl Robot for dyn TrialBody + '_ {
     fn observe(&mut self) -> Observation {
         self.robot_mut().observe()
     }
@@ -112,33 +115,13 @@ impl TrialBody for SimulatedRobot {
         Some(self.truth())
     }
 
-    fn look(&mut self, glance: &Glance) -> Result<Option<Isometry3<f64>>> {
+    fn look(&mut self, glance: &Glance) -> Result<Option<Sighted>> {
         let Glance { object, noise, then, camera } = glance;
         let pose = then.unwrap_or_else(|| self.truth().objects[*object]);
         let center = Point3::from(pose.translation.vector);
         let seen = camera.is_none_or(|camera| self.sees(&camera, *object, &center));
-        Ok(seen.then(|| noise.perceived(&pose)))
+        Ok(seen.then(|| noise.perceived(&pose).into()))
     }
-}
-
-/// What a trial is, as a session's file keeps it: enough to set the control stack up again.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Task {
-    /// Body: `sim`, `emulated` or `hardware`.
-    pub robot: String,
-    /// Seed of everything.
-    pub seed: u64,
-    /// Number of the combination.
-    pub combination: usize,
-    /// Number of the trial.
-    pub trial: usize,
-    pub condition: Condition,
-    /// Whether images were taken throughout for a watcher: commands ask for them.
-    pub watched: bool,
-    /// Combinations that were drawn.
-    pub combos: usize,
-    /// The scenario's text.
-    pub scenario: String,
 }
 
 /// A trial about to begin.
@@ -244,16 +227,17 @@ impl Body {
     }
 
     /// See [`TrialBody::look`]. A recorded session keeps it.
-    pub fn look(&mut self, glance: &Glance) -> Result<Option<Isometry3<f64>>> {
+    pub fn look(&mut self, glance: &Glance) -> Result<Option<Sighted>> {
         match self {
             Self::Simulated(robot) => TrialBody::look(robot.as_mut(), glance),
             Self::Single(single) => {
                 let mut single = single.borrow_mut();
-                let pose = single.body().ok_or_else(|| anyhow!("the trial is over"))?.look(glance)?;
+                let seen = single.body().ok_or_else(|| anyhow!("the trial is over"))?.look(glance)?;
                 if let Some(Wrapped::Recorded(recorder)) = &mut single.line {
-                    recorder.seen(glance.object, pose.as_ref().map(numbers).as_ref());
+                    let seen = seen.as_ref().map(|seen| (numbers(&seen.pose), seen.sigma));
+                    recorder.seen(glance.object, seen.as_ref());
                 }
-                Ok(pose)
+                Ok(seen)
             }
         }
     }
@@ -367,7 +351,7 @@ impl Robot for Body {
 }
 
 /// A pose as seven numbers: x, y, z, i, j, k, w.
-fn numbers(pose: &Isometry3<f64>) -> [f64; 7] {
+pub fn numbers(pose: &Isometry3<f64>) -> [f64; 7] {
     let (t, q) = (pose.translation.vector, pose.rotation.coords);
     [t.x, t.y, t.z, q.x, q.y, q.z, q.w]
 }

@@ -3,7 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
-use anyhow::{Context, Result, bail};
+use anyhow::{Context, Result};
 use control::perception::KnownObject;
 use control::policy::Uncertainty;
 use hand_model::Hand;
@@ -12,12 +12,14 @@ use proving::cache::Cache;
 use proving::world::World;
 use proving::{ball_sizes, preparation};
 use scenarios::Scenario;
-use sim::SimulatedRobot;
 use sim::tactile::TactileBoard;
 use touch::{OwnHandOptions, PhotometricCalibration, TouchPipeline};
 
 use crate::networks::{IN_USE, Networks};
 use crate::trial::Bench;
+
+/// Combinations of a benchmark, as in the paper.
+pub const COMBINATIONS: usize = 60;
 
 /// The hand unit that runs the trials ...
 pub const HAND_UNIT: u64 = 7;
@@ -109,13 +111,4 @@ pub fn make_scenes(scenario: Scenario, combos: usize, seed: u64, quiet: bool) ->
         profile: Arc::default(),
         intact: None,
     })
-}
-
-/// The hand, and the simulated robot about to begin the ideal run of a combination of the benchmark.
-pub fn trial_scene(combination: usize, seed: u64, quiet: bool) -> Result<(Arc<Hand>, SimulatedRobot)> {
-    let bench = make_bench(Scenario::benchmark(), (combination + 1).min(60), seed, quiet)?;
-    if combination >= bench.plans.plans.len() {
-        bail!("--combo: found {combination}, expected 0 to {}", bench.plans.plans.len() - 1);
-    }
-    Ok((bench.world.cell.hand.clone(), bench.scene(combination)?))
 }

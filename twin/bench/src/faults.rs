@@ -4,7 +4,7 @@
 //! copy, the controller goes on through the whole bridge, and a moment later something breaks. All times are the emulated clock's.
 
 use std::collections::BTreeMap;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 
 use anyhow::{Context as _, Result, bail};
@@ -18,16 +18,19 @@ use proving::rehearsal::{Snapshot, in_grip};
 use proving::world::World;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
+use scenarios::record::Condition;
 use session_log::{Event, Reader, Recorder, Session, Writer};
 use sim::robot::Truth;
 
 use self::kind::{Expected, Kind, tick};
 use self::watch::Watch;
 use crate::body::emulated::{SharedPlant, settings, travel};
-use crate::trial::Bench;
+use crate::recording::Recording;
+use crate::trial::{Bench, Moment, Watcher as _};
 use crate::workers;
 
 pub mod kind;
+mod recorded;
 mod watch;
 
 /// Waited for an answer of the servos from the fault on, s of real time: what comes at all comes sooner.
@@ -97,11 +100,15 @@ pub struct Matrix<'a> {
     pub jobs: usize,
     /// Seed of everything random.
     pub seed: u64,
+    /// Folder for a recording of each injection for the viewer, made of measurements alone as on hardware.
+    pub record: Option<PathBuf>,
+    /// Whether each is streamed to a viewer, too.
+    pub live: bool,
 }
 
 /// Injects `kinds` of faults into `phases` of `rounds` trials; the outcomes in the order of the injections.
 pub fn inject_all(plan: &Matrix, progress: &indicatif::ProgressBar) -> Result<Vec<Outcome>> {
-    let Matrix { bench, kinds, phases, rounds, jobs: threads, seed } = plan;
+    let Matrix { bench, kinds, phases, rounds, jobs: threads, seed, .. } = plan;
     let mut jobs = Vec::new();
     for round in 0..*rounds {
         let moments = moments(bench, round % bench.plans.plans.len(), seed ^ round as u64)?;
@@ -115,7 +122,8 @@ pub fn inject_all(plan: &Matrix, progress: &indicatif::ProgressBar) -> Result<Ve
     workers::for_each(*threads, &jobs, |n, (kind, phase, snapshot, round)| {
         let file = folder.path().join(format!("{n}.mcap"));
         let seed = seed.wrapping_add(n as u64);
-        let outcome = inject(bench, (*kind, *phase, *round), snapshot, &file, seed)
+        let watcher = plan.watcher(*kind, *phase, *round)?;
+        let outcome = inject(bench, (*kind, *phase, *round), (snapshot, watcher), &file, seed)
             .with_context(|| format!("{} in {}, round {round}", kind.name(), phase.name()))?;
         outcomes.lock().map_err(|_| anyhow::anyhow!("a worker panicked"))?.insert(n, outcome);
         progress.inc(1);
@@ -191,6 +199,10 @@ struct Experiment {
     /// Ticks in which the host took part.
     ticks: u64,
     alive: bool,
+    /// From the fault on.
+    watcher: Option<Recording>,
+    /// The state that was told to it last.
+    told: State,
 }
 
 /// How the robot stopped.
@@ -222,7 +234,17 @@ impl Experiment {
         if recorder.robot().state() != State::Running {
             bail!("found the robot in state `{}` before the fault, expected running", recorder.robot().state());
         }
-        Ok(Self { kind, executive, recorder, plant, watch, ticks: BEFORE as u64, alive: true })
+        Ok(Self {
+            kind,
+            executive,
+            recorder,
+            plant,
+            watch,
+            ticks: BEFORE as u64,
+            alive: true,
+            watcher: None,
+            told: State::Running,
+        })
     }
 
     /// Injects the fault and plays until the robot stands, or long enough.
@@ -255,12 +277,23 @@ impl Experiment {
         self.alive = self.kind.drive(&mut self.recorder, &mut self.executive)? && self.alive;
         self.ticks += u64::from(self.alive);
         self.watch.see(self.recorder.robot());
+        if let (Some(watcher), true) = (&mut self.watcher, self.alive) {
+            let time = self.recorder.robot().observe().time;
+            let state = self.recorder.robot().state();
+            // A state is told once.
+            let note = (self.told != state).then(|| state.to_string());
+            self.told = state;
+            let (executive, condition) = (&self.executive, Some(Condition::Ideal));
+            let note = note.as_deref();
+            watcher.see(&Moment { time, truth: None, executive, felt: None, condition, note, choice: None })?;
+        }
         Ok(())
     }
 
     /// Ends the recording; whether it can be read to its last tick.
     fn finish(self, file: &Path) -> Result<bool> {
-        let Self { kind, recorder, ticks, .. } = self;
+        let Self { kind, recorder, ticks, watcher, .. } = self;
+        watcher.map_or(Ok(()), Recording::finish)?;
         let intact = if kind.kills_the_host() {
             // What the operating system has of the file when the program is gone.
             let copy = file.with_extension("killed.mcap");
@@ -284,12 +317,13 @@ impl Experiment {
 fn inject(
     bench: &Bench,
     injection: (Kind, Phase, usize),
-    moment: &Snapshot,
+    (moment, watcher): (&Snapshot, Option<Recording>),
     file: &Path,
     seed: u64,
 ) -> Result<Outcome> {
     let (kind, phase, round) = injection;
     let mut experiment = Experiment::begin(&bench.world, kind, moment, file, seed)?;
+    experiment.watcher = watcher;
     let truth = experiment.plant.lock().truth();
     // The hand goes down to the second object with the first in it, so that height does not tell what is held.
     let held: Vec<(usize, Isometry3<f64>)> =

@@ -14,7 +14,7 @@ use scenarios::{Ablation, Scenario};
 use serde::{Deserialize, Serialize};
 use sha2::{Digest as _, Sha256};
 
-use crate::body::Task;
+use crate::body::{Places, Task};
 
 /// What a run was asked for; a resumed run must be asked for the same.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -45,6 +45,9 @@ pub struct RunRequest {
     pub noise_scale: f64,
     /// The scenario's text.
     pub scenario: String,
+    /// How the robot knows where things are.
+    #[serde(flatten)]
+    pub places: Places,
 }
 
 impl RunRequest {
@@ -64,6 +67,7 @@ impl RunRequest {
             watched,
             combos: self.combos,
             scenario: self.scenario.clone(),
+            places: self.places,
         }
     }
 

@@ -6,13 +6,16 @@
 
 pub mod body;
 pub mod builtin;
+pub mod emulated_table;
 pub mod environment;
 pub mod faults;
 pub mod journal;
 pub mod networks;
 mod provenance;
 pub mod recording;
+pub mod registration;
 pub mod run;
 pub mod transport;
 pub mod trial;
+pub mod vision;
 pub mod workers;

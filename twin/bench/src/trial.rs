@@ -42,7 +42,7 @@ pub use self::branch::TrialOutcome;
 use self::conditions::Branches;
 pub use self::conditions::{Means, TrialResults};
 pub use self::held::HeldGrasp;
-use self::setup::{Setup, Start};
+use self::setup::{Known, Setup, Start};
 pub use self::shared::Bench;
 pub use self::watcher::{Moment, NoWatcher, Watcher};
 use crate::body::{BodySource, Task};
@@ -190,16 +190,15 @@ impl Bench {
     /// What the best grasps of a trial that begins as `setup` promise a policy with these `means`.
     fn promise(&self, setup: &Setup, means: Means) -> Result<f64> {
         let (grasps, senses) = (setup.plan.grasps(&self.repertoire)?, Senses::new(&self.pipeline, means.sensing)?);
-        let knowledge = self.knowledge((&setup.objects(self)?, &grasps, None), means)?;
+        let objects = setup.objects(self)?;
+        let known = Known { objects: &objects, grasps: &grasps, reordered: None, sighted: [None; 2] };
+        let knowledge = self.knowledge(known, means)?;
         Ok(order::promise(&knowledge, &senses, &grasps.first))
     }
 
     /// What a policy knows before a trial begins.
-    fn knowledge<'a>(
-        &'a self,
-        (objects, grasps, reordered): (&[Arc<ObjectModel>; 2], &PlannedGrasps, Option<Reordered>),
-        means: Means,
-    ) -> Result<Knowledge<'a>> {
+    fn knowledge<'a>(&'a self, trial: Known, means: Means) -> Result<Knowledge<'a>> {
+        let Known { objects, grasps, reordered, sighted } = trial;
         let known = |index: usize| {
             let object = &objects[index];
             self.known.get(&object.name).with_context(|| format!("{} was not made ready to be felt", object.name))
@@ -214,6 +213,7 @@ impl Bench {
             fallen: grasps.fallen.clone(),
             others: grasps.others.clone(),
             uncertainty: self.uncertainty,
+            sighted,
             time_limit: self.world.scenario.protocol.time_limit,
             recovery: means.recovery,
             explores: means.explores,

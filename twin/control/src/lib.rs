@@ -5,7 +5,7 @@
 //!   on it and [`carrier`] a transport; [`guarded`] stops where a pad feels something, [`slip`] answers slip while carrying.
 //! - **Perception.** A [`look`] is all that perception takes. [`perception`] says what is in the hand and where, [`sensing`] what an
 //!   ablation leaves of the senses. [`percept`] is how objects on the table are reported, [`palpation`] how one is touched to find out
-//!   where it is.
+//!   where it is. [`registration`] finds where the arm stands from known points that were touched.
 //! - **Decision.** [`collision`] and [`arm_clearance`] measure distances along a planned motion, [`odds`] says what rehearsals under
 //!   errors make of an aim, [`strategy`] chooses a grasp and its aim by both. [`recovery`] says what follows a failed one, [`stand_in`]
 //!   finds grasps for what fell over, [`load`] plans a transport, and [`worth`] holds the factors by which grasps are ranked.
@@ -28,6 +28,7 @@ pub mod percept;
 pub mod perception;
 pub mod policy;
 pub mod recovery;
+pub mod registration;
 pub mod sensing;
 pub mod slip;
 pub mod stand_in;

@@ -79,10 +79,25 @@ pub struct EyesError {
     pub source: Box<dyn std::error::Error + Send + Sync>,
 }
 
+/// An object as a look reports it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Sighted {
+    /// `world_from_object`, with the look's error.
+    pub pose: Isometry3<f64>,
+    /// What the look states of its own error, standard deviation of each of x and y, m; the usual one where it states none.
+    pub sigma: Option<f64>,
+}
+
+impl From<Isometry3<f64>> for Sighted {
+    fn from(pose: Isometry3<f64>) -> Self {
+        Self { pose, sigma: None }
+    }
+}
+
 /// Prior perception: simulated with errors, a camera, or an operator who puts the object in its place.
 pub trait Eyes {
-    /// Looks at object number `object` anew: `world_from_object`, with this look's error; none if it is not to be seen.
-    fn look(&mut self, object: usize) -> Result<Option<Isometry3<f64>>, EyesError>;
+    /// Looks at object number `object` anew; none if it is not to be seen.
+    fn look(&mut self, object: usize) -> Result<Option<Sighted>, EyesError>;
 }
 
 #[cfg(test)]

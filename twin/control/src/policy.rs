@@ -53,6 +53,8 @@ pub struct Knowledge<'a> {
     pub others: Vec<Sequence>,
     /// Errors that the controller expects of its robot.
     pub uncertainty: Uncertainty,
+    /// What the first look at either object states of its own error, m ([`crate::percept::Sighted::sigma`]).
+    pub sighted: [Option<f64>; 2],
     /// Time after which a trial counts as failed, s.
     pub time_limit: f64,
     /// How it may try again.

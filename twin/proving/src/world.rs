@@ -27,6 +27,8 @@ pub struct World {
     pub objects: ObjectSet,
     /// What is done and how it is judged.
     pub scenario: Scenario,
+    /// Where the arm's base really stands in the simulated world, before a trial's own errors. The controller knows `cell.world_from_base`.
+    pub stands: Isometry3<f64>,
 }
 
 impl World {
@@ -43,7 +45,7 @@ impl World {
         let [x, y, z] = scenario.start.palm;
         let palm = Isometry3::from_parts(Translation3::new(x, y, z), rotation);
         cell.ready = cell.posture(&palm, &Arm::home()).context("the ready pose is out of the arm's reach")?;
-        Ok(Self { cell, objects: scenario.object_set()?.with_fallen(), scenario })
+        Ok(Self { cell, objects: scenario.object_set()?.with_fallen(), scenario, stands: Isometry3::identity() })
     }
 
     /// The same where the object that is taken first stands in the layout's second place, and the other in its first.
@@ -88,8 +90,7 @@ impl World {
     /// The same without any object.
     pub fn bare_scene(&self, start: [f64; ARM_JOINTS], noise: &TrialNoise) -> SceneSetup {
         SceneSetup {
-            world_from_base: Isometry3::from_parts(noise.position.into(), UnitQuaternion::identity())
-                * self.cell.world_from_base,
+            world_from_base: Isometry3::from_parts(noise.position.into(), UnitQuaternion::identity()) * self.stands,
             arm_defects: ArmDefects { mount_rotation: noise.rotation + noise.arm.mount_rotation, ..noise.arm },
             arm_start: start,
             objects: Vec::new(),

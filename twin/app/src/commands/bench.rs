@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
-use bench::builtin::make_bench;
+use bench::builtin::{COMBINATIONS, make_bench};
 use bench::journal::{Journal, RunRequest};
 use bench::run::{self, Options, Record as Recorded};
 use clap::{Args, ValueEnum};
@@ -14,13 +14,10 @@ use scenarios::effects::Effect;
 use scenarios::record::Condition;
 use scenarios::statistics::Summary;
 
-use super::body::{Body, check_body, source};
+use super::body::{Body, PlaceArgs, check_body, source};
 use super::scenario;
 use super::tactile_backend::TactileBackend;
 use crate::terminal::{Outcome, Terminal};
-
-/// Combinations of a benchmark, as in the paper.
-pub const COMBINATIONS: usize = 60;
 
 /// Arguments of `bench`.
 #[derive(Debug, Args)]
@@ -40,6 +37,8 @@ pub struct BenchArgs {
     /// Configuration of the hardware bridge, for --robot hardware.
     #[arg(long)]
     pub config: Option<PathBuf>,
+    #[command(flatten)]
+    pub places: PlaceArgs,
     /// Scenario file; default: the built-in benchmark.
     #[arg(long)]
     pub scenario: Option<PathBuf>,
@@ -79,7 +78,7 @@ pub struct BenchArgs {
         long,
         conflicts_with_all = [
             "combos", "trials", "seed", "conditions", "robot", "scenario", "shard", "out", "noise_scale", "without",
-            "uncertainty", "ablations",
+            "uncertainty", "ablations", "registration", "mount",
         ]
     )]
     pub resume: Option<PathBuf>,
@@ -151,6 +150,7 @@ fn request(terminal: &Terminal, args: &BenchArgs) -> Result<(RunRequest, PathBuf
         uncertainty: uncertainty(args.uncertainty.as_deref())?,
         noise_scale: args.noise_scale,
         scenario: text,
+        places: args.places.places(args.robot)?,
     };
     Ok((request, args.out.clone().unwrap_or_else(next_free_folder)))
 }
@@ -160,6 +160,10 @@ pub fn benchmark(terminal: &Terminal, args: &BenchArgs) -> Outcome {
     let (request, folder) = request(terminal, args)?;
     let robot = <Body as clap::ValueEnum>::from_str(&request.robot, false)
         .map_err(|_| anyhow::anyhow!("{}: robot: found {}, expected a known body", folder.display(), request.robot))?;
+    if request.places.eyes != args.places.eyes.is_some() {
+        let (found, expected) = if request.places.eyes { ("none", "them") } else { ("them", "none") };
+        bail!("--eyes: found {found}, expected {expected}, as the run in {} was begun", folder.display());
+    }
     check_body(robot, args.config.as_deref(), &request.conditions)?;
     let scenario = request.scenario().with_context(|| folder.display().to_string())?;
     if robot != Body::Sim && !scenario.disturbance.is_none() {
@@ -176,13 +180,15 @@ pub fn benchmark(terminal: &Terminal, args: &BenchArgs) -> Outcome {
         if args.live || robot == Body::Hardware { 1 } else { args.jobs.unwrap_or_else(bench::workers::available) };
     // Everything that can be wrong with the input has been found before anything is written.
     let mut bench = make_bench(scenario, request.combos, request.seed, quiet)?;
+    request.places.set_up(&mut bench.world)?;
     bench.board = args.tactile.board(bench.board);
     if let Some(text) = &request.uncertainty {
         bench.uncertainty = Uncertainty::parse(text, Path::new("--uncertainty"))?;
     }
     let sessions = |record: bool| (record || robot == Body::Hardware).then(|| folder.join("sessions"));
-    let place =
-        |record: bool| source(&bench.world, robot, args.config.as_deref(), sessions(record && robot != Body::Sim));
+    let place = |record: bool| {
+        source(&bench.world, robot, (args.config.as_deref(), &args.places), sessions(record && robot != Body::Sim))
+    };
     // A configuration that is wrong is found before anything is written.
     drop(place(false)?);
     let journal = match &args.resume {

@@ -3,13 +3,16 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, Result, bail};
-use bench::body::BodySource;
 use bench::body::emulated::{EmulatedSource, SimulatedSource};
 use bench::body::hardware::HardwareSource;
 use bench::body::rounded::RoundedSource;
+use bench::body::{BodySource, Places, numbers};
 use bench::recording::Began;
+use bench::registration::RegistrationFile;
 use bench::trial::Means;
-use clap::ValueEnum;
+use bench::vision::measurement::Checks;
+use bench::vision::{Vision, VisionSource};
+use clap::{Args, ValueEnum};
 use hardware_bridge::config::BridgeConfig;
 use proving::world::World;
 use scenarios::record::Condition;
@@ -47,6 +50,50 @@ impl Body {
     }
 }
 
+/// How an emulated or real robot knows where things are.
+#[derive(Debug, Clone, Default, Args)]
+pub struct PlaceArgs {
+    /// Vision system that says where objects are, HOST:PORT or unix:PATH, for --robot hardware or emulated: one JSON line a measurement
+    /// with pose, covariance and time. With `emulated`, a camera that comes with the emulated robot.
+    #[arg(long, value_name = "ADDRESS")]
+    pub eyes: Option<VisionSource>,
+    /// Where the arm's base stands, from `ftac bridge register`.
+    #[arg(long, value_name = "FILE")]
+    pub registration: Option<PathBuf>,
+    /// Hide the base of an emulated robot where this seed draws it, beside where the controller takes it to be.
+    #[arg(long, value_name = "N")]
+    pub mount: Option<u64>,
+}
+
+impl PlaceArgs {
+    /// As a trial keeps it.
+    pub fn places(&self, robot: Body) -> Result<Places> {
+        let real = matches!(robot, Body::Hardware | Body::Emulated);
+        if self.eyes.is_some() && !real {
+            bail!("--eyes: found --robot {}, expected emulated or hardware", robot.name());
+        }
+        if self.registration.is_some() && !real {
+            bail!("--registration: found --robot {}, expected emulated or hardware", robot.name());
+        }
+        if self.mount.is_some() && robot != Body::Emulated {
+            bail!("--mount: found --robot {}, expected emulated", robot.name());
+        }
+        if robot == Body::Hardware && self.eyes == Some(VisionSource::Emulated) {
+            bail!("--eyes emulated: found --robot hardware, expected the address of a vision system");
+        }
+        let file = self.registration.as_deref().map(RegistrationFile::read).transpose()?;
+        let base = file.map(|file| numbers(&file.world_from_base()));
+        Ok(Places { base, eyes: self.eyes.is_some(), mount: self.mount })
+    }
+
+    /// The eyes, for objects of this world.
+    fn vision(&self, world: &World) -> Option<Vision> {
+        let known = world.scenario.objects();
+        let checks = Checks::new(known.into_iter().collect(), world.cell.world_from_base);
+        self.eyes.clone().map(|source| Vision { source, checks })
+    }
+}
+
 /// Whether body and configuration go together, and have what the conditions need.
 pub fn check_body(robot: Body, config: Option<&Path>, conditions: &[Condition]) -> Result<()> {
     match (robot, config) {
@@ -75,14 +122,15 @@ pub fn check_body(robot: Body, config: Option<&Path>, conditions: &[Condition]) 
 pub fn source(
     world: &World,
     robot: Body,
-    config: Option<&Path>,
+    (config, places): (Option<&Path>, &PlaceArgs),
     sessions: Option<PathBuf>,
 ) -> Result<Option<Box<dyn BodySource>>> {
     Ok(match (robot, sessions) {
         (Body::Sim, None) => None,
         (Body::Sim, Some(sessions)) => Some(Box::new(SimulatedSource { sessions })),
         (Body::Emulated, sessions) => {
-            Some(Box::new(EmulatedSource::new(world.cell.hand.clone(), world.cell.arm.clone(), sessions)))
+            let source = EmulatedSource::new(world.cell.hand.clone(), world.cell.arm.clone(), sessions);
+            Some(Box::new(source.with_eyes(places.vision(world))))
         }
         (Body::Rounded, sessions) => {
             Some(Box::new(RoundedSource { hand: world.cell.hand.clone(), arm: world.cell.arm.clone(), sessions }))
@@ -90,7 +138,8 @@ pub fn source(
         (Body::Hardware, sessions) => {
             let config = config.context("--config")?;
             let sessions = sessions.unwrap_or_else(|| PathBuf::from("recordings/sessions"));
-            Some(Box::new(HardwareSource::new(config, world.cell.arm.clone(), world.cell.ready, sessions)?))
+            let source = HardwareSource::new(config, world.cell.arm.clone(), world.cell.ready, sessions)?;
+            Some(Box::new(source.with_eyes(places.vision(world))))
         }
     })
 }

@@ -8,6 +8,7 @@ mod exercise;
 mod faults;
 mod install;
 mod provision;
+mod register;
 mod scan;
 mod shared;
 mod sheet;
@@ -34,7 +35,7 @@ pub enum BridgeCommand {
         config: ConfigArg,
     },
     /// Compare every device with what it should be. Moves nothing.
-    Doctor(ConfigArg),
+    Doctor(doctor::DoctorArgs),
     /// Give the one servo on the bus its id and its settings.
     Provision {
         /// Which actuator it will be: thumb, index, middle, ring, little or opposition.
@@ -51,6 +52,8 @@ pub enum BridgeCommand {
     Faults(faults::FaultArgs),
     /// Close and open the hand gently: the first motion of a new hand.
     Exercise(exercise::ExerciseArgs),
+    /// Find where the arm's base stands, by touching balls on three marks. Moves arm and hand.
+    Register(register::RegisterArgs),
     /// Draw where the objects of a combination stand, as an A3 sheet in full size.
     Sheet(sheet::SheetArgs),
     /// Stop the robot that runs in another terminal: it holds what it holds.
@@ -70,7 +73,7 @@ pub fn run(terminal: &Terminal, command: &BridgeCommand) -> Outcome {
     match command {
         BridgeCommand::Install(args) => install::run(terminal, args),
         BridgeCommand::Scan { port, config } => scan::run(terminal, port.as_deref(), config),
-        BridgeCommand::Doctor(config) => doctor::run(terminal, &config.read()?),
+        BridgeCommand::Doctor(args) => doctor::run(terminal, args),
         BridgeCommand::Provision { actuator, config } => provision::run(terminal, actuator, &config.read()?),
         BridgeCommand::Calibrate(args) => calibrate::run(terminal, args),
         BridgeCommand::Emulate(args) => emulate::run(terminal, args),
@@ -78,6 +81,7 @@ pub fn run(terminal: &Terminal, command: &BridgeCommand) -> Outcome {
         BridgeCommand::Exercise(args) => exercise::run(terminal, args),
         BridgeCommand::Stop { config, release } => stop::stop(terminal, &config.read()?, *release),
         BridgeCommand::Sheet(args) => sheet::run(terminal, args),
+        BridgeCommand::Register(args) => register::run(terminal, args),
         BridgeCommand::ClearFaults(args) => clear_faults::run(terminal, args),
     }
 }

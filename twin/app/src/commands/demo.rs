@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use anyhow::{Context as _, Result, bail};
-use bench::body::Task;
+use bench::body::{Places, Task};
 use bench::builtin::make_bench;
 use bench::recording::{Began, Recording};
 use bench::trial::filming::{self, All, Filming};
@@ -62,6 +62,7 @@ pub fn run(terminal: &Terminal, args: &DemoArgs) -> Outcome {
             watched: true,
             combos,
             scenario: scenarios::scenario::BENCHMARK.to_owned(),
+            places: Places::default(),
         };
         recordings.push(Recording::open(&targets, &bench, &task, (Began::Never, true))?);
         files.push(file);

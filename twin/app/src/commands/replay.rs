@@ -16,15 +16,24 @@ use crate::terminal::Terminal;
 
 /// The command.
 pub fn command(terminal: &Terminal, recording: &Path) -> Result<Option<String>> {
-    let task = task(recording)?;
-    let bench = bench_of(terminal, &task, recording)?;
-    run(terminal, &bench, &task, recording)
+    let other = other_program(recording)?;
+    let named = |error: anyhow::Error| match &other {
+        Some(other) => error.context(other.clone()),
+        None => error,
+    };
+    if let (Some(other), false) = (&other, terminal.quiet) {
+        eprintln!("warning: {other}");
+    }
+    let task = task(recording).map_err(named)?;
+    let bench = bench_of(terminal, &task, recording).map_err(named)?;
+    run(terminal, &bench, &task, recording).map_err(named)
 }
 
 /// What the trial of a session is played with.
 pub fn bench_of(terminal: &Terminal, task: &Task, recording: &Path) -> Result<Bench> {
     let scenario = Scenario::parse(&task.scenario, recording)?;
-    let bench = make_bench(scenario, task.combos, task.seed, terminal.quiet || terminal.json)?;
+    let mut bench = make_bench(scenario, task.combos, task.seed, terminal.quiet || terminal.json)?;
+    task.places.set_up(&mut bench.world)?;
     if task.combination >= bench.plans.plans.len() {
         bail!(
             "{}: combination: found {}, expected 0 to {}",
@@ -108,9 +117,7 @@ fn run(terminal: &Terminal, bench: &Bench, task: &Task, path: &Path) -> Result<O
             _ => {}
         }
     }
-    let program = Reader::open(path)?.session().program.clone();
-    let this = concat!("ftac ", env!("CARGO_PKG_VERSION"));
-    let other = if program == this { String::new() } else { format!(" (recorded by {program}, this is {this})") };
+    let other = other_program(path)?.map_or(String::new(), |other| format!(" ({other})"));
     Ok(match (divergence, same) {
         (Some(divergence), _) => Some(format!("{divergence}{other}")),
         (None, _) if progress.commands == 0 => {
@@ -119,6 +126,13 @@ fn run(terminal: &Terminal, bench: &Bench, task: &Task, path: &Path) -> Result<O
         (None, Some(false)) => Some(format!("the decisions differ from the recorded ones{other}")),
         _ => None,
     })
+}
+
+/// Whose session it is, if it is another program's: what differs may be the program's doing.
+pub fn other_program(path: &Path) -> Result<Option<String>> {
+    let program = Reader::open(path)?.session().program.clone();
+    let this = concat!("ftac ", env!("CARGO_PKG_VERSION"));
+    Ok((program != this).then(|| format!("recorded by {program}, this is {this}")))
 }
 
 /// What came of the recorded trial, and whether the file was finished.

@@ -4,14 +4,13 @@ use std::path::PathBuf;
 
 use anyhow::{Context, Result, bail};
 use bench::body::Task;
-use bench::builtin::make_bench;
+use bench::builtin::{COMBINATIONS, make_bench};
 use bench::recording::Recording;
 use clap::{Args, ValueEnum};
 use scenarios::record::Condition;
 use scenarios::record::TrialRecord;
 
-use super::bench::COMBINATIONS;
-use super::body::{Body, check_body, source};
+use super::body::{Body, PlaceArgs, check_body, source};
 use super::scenario;
 use super::tactile_backend::TactileBackend;
 use crate::terminal::{Outcome, Terminal};
@@ -36,6 +35,8 @@ pub struct TrialArgs {
     /// Configuration of the hardware bridge, for --robot hardware.
     #[arg(long)]
     pub config: Option<PathBuf>,
+    #[command(flatten)]
+    pub places: PlaceArgs,
     /// Folder for the session's MCAP file, for `ftac replay`; hardware always records, into recordings/sessions by default.
     #[arg(long)]
     pub session: Option<PathBuf>,
@@ -81,6 +82,7 @@ impl Policy {
 /// Plays one trial and records it.
 pub fn trial(terminal: &Terminal, args: &TrialArgs) -> Outcome {
     check_body(args.robot, args.config.as_deref(), &[args.policy.condition()])?;
+    let places = args.places.places(args.robot)?;
     let (scenario, text) = scenario::read(args.scenario.as_deref())?;
     let pairs = scenario.combinations().min(COMBINATIONS);
     if args.combination >= pairs {
@@ -88,9 +90,10 @@ pub fn trial(terminal: &Terminal, args: &TrialArgs) -> Outcome {
     }
     let combos = args.combination + 1;
     let mut bench = make_bench(scenario, combos, terminal.seed, terminal.quiet || terminal.json)?;
+    places.set_up(&mut bench.world)?;
     bench.board = args.tactile.board(bench.board);
     let condition = args.policy.condition();
-    let place = source(&bench.world, args.robot, args.config.as_deref(), args.session.clone())?;
+    let place = source(&bench.world, args.robot, (args.config.as_deref(), &args.places), args.session.clone())?;
     let task = Task {
         robot: args.robot.name().to_owned(),
         seed: terminal.seed,
@@ -100,6 +103,7 @@ pub fn trial(terminal: &Terminal, args: &TrialArgs) -> Outcome {
         watched: true,
         combos,
         scenario: text,
+        places,
     };
     let file = args.out.clone().unwrap_or_else(|| {
         PathBuf::from(format!("recordings/combination_{}_trial_{}_{}.rrd", args.combination, args.trial, condition))

@@ -5,6 +5,7 @@ use std::sync::mpsc::{self, Receiver};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use anyhow::{Context as _, Result};
+use control::percept::Sighted;
 use hand_model::robot::{Command, Observation, Robot, Tick};
 use hand_model::{ACTUATORS, Arm, Hand};
 use hardware_bridge::config::LimitConfig;
@@ -12,10 +13,12 @@ use hardware_bridge::emulator::EmulatorSettings;
 use hardware_bridge::emulator::camera_board::BoardSettings;
 use hardware_bridge::emulator::lockstep::{LockstepRobot, LockstepSettings};
 use hardware_bridge::safety::state::State;
-use nalgebra::Isometry3;
 use session_log::{Packet, Session};
 use sim::SimulatedRobot;
 use sim::robot::Truth;
+
+use crate::vision::camera::{Camera, CameraSettings, Sight};
+use crate::vision::{Address, Vision, VisionLink, VisionSource};
 
 use super::{BodySource, Glance, Task, TrialBody, TrialSetup};
 
@@ -84,6 +87,10 @@ pub fn settings(hand: &Hand, seed: u64) -> LockstepSettings {
 pub struct Emulated {
     robot: LockstepRobot,
     plant: SharedPlant,
+    /// What looks at the objects in the place of simulated perception, and their names.
+    eyes: Option<(VisionLink, [String; 2])>,
+    /// The camera behind them, if it comes with the robot.
+    _camera: Option<Camera>,
 }
 
 impl TrialBody for Emulated {
@@ -99,8 +106,11 @@ impl TrialBody for Emulated {
         Some(self.plant.lock().truth())
     }
 
-    fn look(&mut self, glance: &Glance) -> Result<Option<Isometry3<f64>>> {
-        TrialBody::look(&mut *self.plant.lock(), glance)
+    fn look(&mut self, glance: &Glance) -> Result<Option<Sighted>> {
+        match &mut self.eyes {
+            Some((link, names)) => Ok(link.look(&names[glance.object], || false)?),
+            None => TrialBody::look(&mut *self.plant.lock(), glance),
+        }
     }
 
     fn stopped(&self) -> Option<String> {
@@ -117,6 +127,7 @@ pub struct EmulatedSource {
     arm: Arc<Arm>,
     /// Folder of the sessions' files, if they are recorded.
     sessions: Option<PathBuf>,
+    eyes: Option<Vision>,
     packets: Option<Receiver<Packet>>,
     about: Option<Session>,
 }
@@ -124,8 +135,23 @@ pub struct EmulatedSource {
 impl EmulatedSource {
     /// With this hand and arm.
     pub fn new(hand: Arc<Hand>, arm: Arc<Arm>, sessions: Option<PathBuf>) -> Self {
-        Self { hand, arm, sessions, packets: None, about: None }
+        Self { hand, arm, sessions, eyes: None, packets: None, about: None }
     }
+
+    /// The same with a vision system that says where objects are.
+    #[must_use]
+    pub fn with_eyes(self, eyes: Option<Vision>) -> Self {
+        Self { eyes, ..self }
+    }
+}
+
+/// How a camera errs that comes with an emulated robot: m, and rad about the vertical. What pose estimators of known objects reach on a table.
+pub const CAMERA: (f64, f64) = (0.003, 0.02);
+
+/// What a camera sees of the plant.
+pub fn sight(plant: &SharedPlant, names: Vec<String>) -> Sight {
+    let plant = plant.clone();
+    Box::new(move || names.iter().cloned().zip(plant.lock().truth().objects).collect())
 }
 
 impl BodySource for EmulatedSource {
@@ -141,7 +167,23 @@ impl BodySource for EmulatedSource {
             calibration: serde_json::to_vec(robot.calibration())?,
             ..Session::default()
         });
-        Ok(Box::new(Emulated { robot, plant }))
+        let names = setup.objects.map(|(name, _)| name.to_owned());
+        let mut camera = None;
+        let eyes = self.eyes.as_ref().map(|eyes| {
+            let address = match &eyes.source {
+                VisionSource::At(address) => address.clone(),
+                VisionSource::Emulated => {
+                    let settings = CameraSettings { sigma: CAMERA, seed: setup.task.unit_seed(), period: None };
+                    let local = Address::Tcp("127.0.0.1:0".to_owned());
+                    let own = Camera::start(&local, settings, sight(&plant, names.to_vec())).context("the camera")?;
+                    let address = own.address().clone();
+                    camera = Some(own);
+                    address
+                }
+            };
+            anyhow::Ok((VisionLink::connect(&address, eyes.checks.clone())?, names))
+        });
+        Ok(Box::new(Emulated { robot, plant, eyes: eyes.transpose()?, _camera: camera }))
     }
 
     fn session(&self, task: &Task) -> Result<Option<(PathBuf, Session)>> {

@@ -5,11 +5,13 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use anyhow::{Context as _, Result, bail};
+use control::percept::Sighted;
 use hand_model::robot::{Command, Robot, ServoGoal};
 use hand_model::{ACTUATORS, ARM_JOINTS, Arm};
 use hardware_bridge::config::BridgeConfig;
 use hardware_bridge::config::secrets::without_secrets;
 use hardware_bridge::hardware_robot::HardwareRobot;
+use hardware_bridge::pictures::Pictures;
 use hardware_bridge::real_time::PERMIT;
 use hardware_bridge::safety::state::{Cause, State};
 use nalgebra::Isometry3;
@@ -17,6 +19,8 @@ use scenarios::referee::{FailureCause, Verdict};
 use session_log::{Packet, Session, Tap};
 use sim::SimulatedRobot;
 use sim::robot::Truth;
+
+use crate::vision::{Vision, VisionError, VisionLink, VisionSource, shown};
 
 use super::arm_link::arm_link;
 use super::disk::room_for_session;
@@ -46,6 +50,7 @@ pub struct Hardware {
     pause: f64,
     /// From torque on to the end.
     interrupt: Interrupt,
+    eyes: Option<VisionLink>,
 }
 
 impl Hardware {
@@ -98,9 +103,19 @@ impl TrialBody for Hardware {
         None
     }
 
-    /// Nobody looks but the operator, who puts the object where it belongs.
-    fn look(&mut self, glance: &Glance) -> Result<Option<Isometry3<f64>>> {
+    /// A vision system looks, or nobody but the operator, who puts the object where it belongs.
+    fn look(&mut self, glance: &Glance) -> Result<Option<Sighted>> {
         let object = glance.object;
+        if let Some(eyes) = &mut self.eyes {
+            self.robot.pause(OPERATOR);
+            let interrupt = &self.interrupt;
+            let seen = eyes.look(&self.names[object], || interrupt.happened());
+            self.pause();
+            return match seen {
+                Err(VisionError::Stopped(_)) => bail!(super::Stopped(self.stopped().unwrap_or_default())),
+                seen => Ok(seen?),
+            };
+        }
         let place = self.places[object];
         let question = format!(
             "Is {} at {}? Put it there if it can be reached safely, and press Enter.",
@@ -110,7 +125,7 @@ impl TrialBody for Hardware {
         self.ask(&question)?;
         // With the answer the controller goes on thinking.
         self.pause();
-        Ok(Some(place))
+        Ok(Some(place.into()))
     }
 
     fn hold(&mut self) {
@@ -213,6 +228,7 @@ pub struct HardwareSource {
     /// Posture in which trials begin, rad.
     ready: [f64; ARM_JOINTS],
     sessions: PathBuf,
+    eyes: Option<Vision>,
     packets: Option<std::sync::mpsc::Receiver<Packet>>,
 }
 
@@ -223,20 +239,48 @@ impl HardwareSource {
         let bytes = |path: &std::path::Path| std::fs::read(path).with_context(|| path.display().to_string());
         let configuration = without_secrets(&String::from_utf8_lossy(&bytes(path)?)).into_bytes();
         let about = Session { configuration, calibration: bytes(&config.calibration)?, ..Session::default() };
-        Ok(Self { config, about, arm, ready, sessions, packets: None })
+        Ok(Self { config, about, arm, ready, sessions, eyes: None, packets: None })
     }
-}
 
-impl BodySource for HardwareSource {
-    fn open(&mut self, setup: &TrialSetup, _: SimulatedRobot) -> Result<Box<dyn TrialBody>> {
-        let Task { combination, trial, condition, .. } = setup.task;
-        room_for_session(&self.sessions)?;
-        eprintln!("combination {combination}, trial {trial}, {condition}:");
-        for (name, place) in &setup.objects {
-            eprintln!("  put {name} at {}", shown(place));
+    /// The same with a vision system that says where objects are.
+    #[must_use]
+    pub fn with_eyes(self, eyes: Option<Vision>) -> Self {
+        Self { eyes, ..self }
+    }
+
+    /// The vision system, connected.
+    fn open_eyes(&self) -> Result<Option<VisionLink>> {
+        let connect = |eyes: &Vision| match &eyes.source {
+            VisionSource::At(address) => Ok(VisionLink::connect(address, eyes.checks.clone())?),
+            VisionSource::Emulated => {
+                bail!("--eyes emulated: found --robot hardware, expected the address of a vision system")
+            }
+        };
+        self.eyes.as_ref().map(connect).transpose()
+    }
+
+    /// Makes sure that no camera is plugged in where another was, as far as somebody knows.
+    fn compare_pictures(&self, robot: &HardwareRobot) -> Result<()> {
+        let kept = Pictures::read(&Pictures::beside(&self.config.calibration))?;
+        let (Some(kept), Some(cameras)) = (kept, robot.cameras()) else { return Ok(()) };
+        let now = Pictures::look(cameras, PATIENCE).map_err(anyhow::Error::msg)?;
+        let mistaken: Vec<String> = kept.mistaken(&now).iter().map(ToString::to_string).collect();
+        if !mistaken.is_empty() {
+            bail!(
+                "found {}, expected every camera where it was (`ftac bridge doctor --know-cameras` keeps what is right now)",
+                mistaken.join(", ")
+            );
         }
-        ask("The arm will move to its ready posture, then the trial begins. Empty hand, clear way? Enter begins, `q` ends here.")
-            .and_then(|answer| if answer == "q" { bail!(super::Stopped("the operator ended the list here".into())) } else { Ok(()) })?;
+        Ok(())
+    }
+
+    /// Whether it has tactile cameras.
+    pub fn has_cameras(&self) -> bool {
+        self.config.cameras.is_some() || !self.config.uvc.is_empty()
+    }
+
+    /// The robot, connected, checked, with torque on and in its ready posture; `objects` belong in these places.
+    pub fn connect(&mut self, objects: [(&str, Isometry3<f64>); 2]) -> Result<Hardware> {
         let link = arm_link(&self.config, self.ready)?;
         let robot = HardwareRobot::connect(&self.config, link, &self.arm, None)?;
         let begun = Instant::now();
@@ -246,6 +290,7 @@ impl BodySource for HardwareSource {
             }
             std::thread::sleep(Duration::from_millis(20));
         }
+        self.compare_pictures(&robot)?;
         let (sender, receiver) = std::sync::mpsc::channel();
         robot.tap(&sender);
         if let Some(tactile) = robot.tactile() {
@@ -271,15 +316,41 @@ impl BodySource for HardwareSource {
         }
         let interrupt = Interrupt::catch()?;
         robot.arm()?;
-        let names = setup.objects.map(|(name, _)| name.to_owned());
+        let names = objects.map(|(name, _)| name.to_owned());
         let pause = self.config.limits.pause;
-        let places = setup.objects.map(|(_, place)| place);
-        let mut hardware = Hardware { robot, places, names, pause, interrupt };
+        let places = objects.map(|(_, place)| place);
+        let mut hardware = Hardware { robot, places, names, pause, interrupt, eyes: None };
         if let Err(error) = go_to(&mut hardware, &self.ready) {
             hardware.leave(Some(&format!("{error:#}")))?;
             return Err(error);
         }
-        Ok(Box::new(hardware))
+        Ok(hardware)
+    }
+}
+
+impl BodySource for HardwareSource {
+    fn open(&mut self, setup: &TrialSetup, _: SimulatedRobot) -> Result<Box<dyn TrialBody>> {
+        let Task { combination, trial, condition, .. } = setup.task;
+        room_for_session(&self.sessions)?;
+        eprintln!("combination {combination}, trial {trial}, {condition}:");
+        let mut eyes = self.open_eyes()?;
+        for (name, place) in &setup.objects {
+            eprintln!("  put {name} at {}", shown(place));
+        }
+        let look = |eyes: &mut VisionLink, name: &str| -> Result<()> {
+            // What cannot be seen is found before anything moves.
+            let seen = eyes.look(name, || false)?;
+            let seen =
+                seen.with_context(|| format!("{name} is hidden, expected it in sight before the trial begins"))?;
+            eprintln!("  {name} is seen at {}", shown(&seen.pose));
+            Ok(())
+        };
+        ask("The arm will move to its ready posture, then the trial begins. Empty hand, clear way? Enter begins, `q` ends here.")
+            .and_then(|answer| if answer == "q" { bail!(super::Stopped("the operator ended the list here".into())) } else { Ok(()) })?;
+        for (name, _) in &setup.objects {
+            eyes.as_mut().map_or(Ok(()), |eyes| look(eyes, name))?;
+        }
+        Ok(Box::new(Hardware { eyes, ..self.connect(setup.objects)? }))
     }
 
     fn session(&self, task: &Task) -> Result<Option<(PathBuf, Session)>> {
@@ -324,10 +395,4 @@ fn go_to(hardware: &mut Hardware, posture: &[f64; ARM_JOINTS]) -> Result<()> {
             );
         }
     }
-}
-
-/// A place on the table in words.
-fn shown(place: &Isometry3<f64>) -> String {
-    let t = place.translation.vector;
-    format!("x {:.3}, y {:.3}, z {:.3} m", t.x, t.y, t.z)
 }

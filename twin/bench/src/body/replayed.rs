@@ -5,8 +5,8 @@ use std::path::PathBuf;
 use std::rc::Rc;
 
 use anyhow::{Result, anyhow};
+use control::percept::Sighted;
 use hand_model::robot::Robot;
-use nalgebra::Isometry3;
 use session_log::replay::{Divergence, Progress};
 use session_log::{Replay, Session};
 use sim::SimulatedRobot;
@@ -36,9 +36,9 @@ impl TrialBody for Replayed {
         None
     }
 
-    fn look(&mut self, glance: &Glance) -> Result<Option<Isometry3<f64>>> {
+    fn look(&mut self, glance: &Glance) -> Result<Option<Sighted>> {
         let seen = self.replay.seen(glance.object);
-        seen.map(|numbers| numbers.map(|numbers| pose(&numbers)))
+        seen.map(|seen| seen.map(|(numbers, sigma)| Sighted { pose: pose(&numbers), sigma }))
             .ok_or_else(|| anyhow!(Stopped("the recording says nothing of it".into())))
     }
 

@@ -8,11 +8,11 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use anyhow::{Result, anyhow};
+use control::percept::Sighted;
 use hand_model::robot::Robot;
 use hand_model::{Arm, Hand};
 use hardware_bridge::emulator::direct::DirectRobot;
 use hardware_bridge::safety::state::State;
-use nalgebra::Isometry3;
 use session_log::Session;
 use sim::SimulatedRobot;
 use sim::robot::Truth;
@@ -39,7 +39,7 @@ impl TrialBody for Rounded {
         Some(self.plant.lock().truth())
     }
 
-    fn look(&mut self, glance: &Glance) -> Result<Option<Isometry3<f64>>> {
+    fn look(&mut self, glance: &Glance) -> Result<Option<Sighted>> {
         TrialBody::look(&mut *self.plant.lock(), glance)
     }
 

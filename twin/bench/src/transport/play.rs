@@ -6,10 +6,10 @@ use anyhow::Result;
 use control::carrier::CarryPhase;
 use control::load::Skill;
 use control::motion::Protocol;
-use control::percept::{Eyes, EyesError};
+use control::percept::{Eyes, EyesError, Sighted};
 use control::policy::carry::{Cargo, Carry, CarryStep, Carrying, Knowledge};
 use control::sensing::Senses;
-use nalgebra::{Isometry3, Vector3};
+use nalgebra::Vector3;
 use proving::world::World;
 use rand_chacha::ChaCha8Rng;
 use scenarios::Sensing;
@@ -225,9 +225,9 @@ struct NoisyEyes<'a> {
 }
 
 impl Eyes for NoisyEyes<'_> {
-    fn look(&mut self, object: usize) -> Result<Option<Isometry3<f64>>, EyesError> {
+    fn look(&mut self, object: usize) -> Result<Option<Sighted>, EyesError> {
         let noise = TrialNoise::draw(self.noise, self.rng).objects[0];
-        Ok(Some(noise.perceived(&self.robot.truth().objects[object])))
+        Ok(Some(noise.perceived(&self.robot.truth().objects[object]).into()))
     }
 }
 

@@ -3,7 +3,7 @@
 use std::collections::VecDeque;
 use std::sync::Arc;
 
-use control::percept::{Eyes, EyesError};
+use control::percept::{Eyes, EyesError, Sighted};
 use nalgebra::{Isometry3, Point3};
 use rand_chacha::ChaCha8Rng;
 use scenarios::noise::{NoiseLevels, ObjectNoise, TrialNoise};
@@ -111,7 +111,7 @@ pub struct NoisyEyes<'a> {
 }
 
 impl Eyes for NoisyEyes<'_> {
-    fn look(&mut self, object: usize) -> Result<Option<Isometry3<f64>>, EyesError> {
+    fn look(&mut self, object: usize) -> Result<Option<Sighted>, EyesError> {
         let camera = self.looks.sight.as_ref().map(|sight| Point3::from(sight.eyes().camera));
         let mut then = None;
         if camera.is_some() {

@@ -139,7 +139,7 @@ impl Run {
             })?;
             // The last tick of a recording may also be the last of a trial.
             if let Some(why) = robot.stopped().filter(|_| executive.phase() < Phase::Done) {
-                bail!(Stopped(format!("{} while {}", why, executive.phase().name())));
+                bail!(Stopped(format!("{why} (phase: {})", executive.phase().name())));
             }
         }
         Ok(())

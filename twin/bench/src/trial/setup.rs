@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use anyhow::{Context as _, Result};
 use control::executive::Phase;
+use control::percept::Percept;
 use control::policy::Reordered;
 use grasping::Repertoire;
 use hand_model::CAMERAS;
@@ -13,7 +14,7 @@ use proving::plan::{Plan, PlannedGrasps, Plans};
 use proving::rehearsal::{Snapshot, TrialStart};
 use scenarios::disturbance::Disturbances;
 use scenarios::effects::Effect;
-use scenarios::noise::{TrialNoise, trial_rng};
+use scenarios::noise::{ObjectNoise, TrialNoise, trial_rng};
 use scenarios::objects::ObjectModel;
 use scenarios::referee::{Limits, Referee};
 use scenarios::sight::Sight;
@@ -26,7 +27,7 @@ use super::eyes::{History, Looks};
 use super::run::Run;
 use super::shared::Bench;
 use super::watcher::Watcher;
-use crate::body::{Body, BodySource, Task, TrialSetup};
+use crate::body::{Body, BodySource, Glance, Task, TrialSetup};
 
 /// How often a watched trial takes tactile images, s.
 const WATCH_PERIOD: f64 = 0.2;
@@ -70,13 +71,59 @@ pub struct Start {
     /// Perception with the backgrounds that the body itself has shown, or with frames from before the trial; the bench's own where
     /// the body is simulated and its idle pads show their backgrounds.
     pub pipeline: Option<TouchPipeline>,
+    /// What the first look at either object states of its own error, m.
+    pub sighted: [Option<f64>; 2],
 }
 
 impl Start {
-    /// What a policy is told of it: the objects, their grasps, and why they come in this order.
-    pub fn known(&self) -> (&[Arc<ObjectModel>; 2], &PlannedGrasps, Option<Reordered>) {
-        (&self.objects, &self.grasps, self.reordered)
+    /// Takes the objects to be where the body's own eyes see them.
+    fn see_first(mut self) -> Result<Self> {
+        match self.look() {
+            Ok(()) => Ok(self),
+            Err(error) => {
+                // Its recording is finished; the first error is the one to tell.
+                let _ = self.run.snapshot.robot.finish(None, Some(&format!("{error:#}")));
+                Err(error)
+            }
+        }
     }
+
+    fn look(&mut self) -> Result<()> {
+        let Snapshot { robot, executive } = &mut self.run.snapshot;
+        let mut seen = |object: usize| {
+            let known = &self.objects[object];
+            let glance = Glance { object, noise: ObjectNoise::default(), then: None, camera: None };
+            let sighted = robot.look(&glance)?.with_context(|| {
+                format!("{}: found it hidden, expected both objects in sight before the trial begins", known.name)
+            })?;
+            self.sighted[object] = sighted.sigma;
+            anyhow::Ok(Percept::of(known, &sighted.pose))
+        };
+        let [first, second] = [seen(0)?, seen(1)?];
+        executive.see_second(second);
+        let grasp = executive.first().0.clone();
+        Ok(executive.retry_first(grasp, first)?)
+    }
+}
+
+impl Start {
+    /// What a policy is told of it.
+    pub fn known(&self) -> Known<'_> {
+        Known { objects: &self.objects, grasps: &self.grasps, reordered: self.reordered, sighted: self.sighted }
+    }
+}
+
+/// What a policy is told of a trial before it begins.
+#[derive(Clone, Copy)]
+pub struct Known<'a> {
+    /// The two objects, the one that is taken first first.
+    pub objects: &'a [Arc<ObjectModel>; 2],
+    /// What was planned for them.
+    pub grasps: &'a PlannedGrasps,
+    /// Why they come in this order, if it is not the planned one.
+    pub reordered: Option<Reordered>,
+    /// What the first look at either object states of its own error, m.
+    pub sighted: [Option<f64>; 2],
 }
 
 /// On which body a trial is played: a simulated one of its own, or one from a source for a task.
@@ -150,6 +197,7 @@ impl<'a> Setup<'a> {
             board = board.drifting(drift.clone());
             pipeline = Some(bench.pipeline.with_backgrounds(board.background_frames())?);
         }
+        let eyes = source.as_ref().is_some_and(|(_, task)| task.places.eyes);
         let watched = source.as_ref().map_or(watched, |(_, task)| task.watched);
         let period = source.as_ref().filter(|(body, _)| body.is_real()).map_or(WATCH_PERIOD, |_| REAL_WATCH_PERIOD);
         let noise = disturber.first_percepts(&self.noise);
@@ -177,7 +225,9 @@ impl<'a> Setup<'a> {
         let history = History::new(latency);
         let reversed = self.reordered.is_some();
         let run = Run { snapshot, referee, disturber, history, profile: bench.profile.clone(), reversed };
-        Ok(Start { run, objects, grasps: planned, reordered: self.reordered, pipeline })
+        let sighted = [None; 2];
+        let start = Start { run, objects, grasps: planned, reordered: self.reordered, pipeline, sighted };
+        if eyes { start.see_first() } else { Ok(start) }
     }
 
     /// About to begin, while the controller waits for a policy. A body that is not simulated shows its untouched pads.
@@ -264,7 +314,7 @@ fn own_backgrounds(run: &Run, pipeline: &TouchPipeline) -> Result<TouchPipeline>
 }
 
 /// One image a camera, of untouched pads.
-fn backgrounds(frames: &[TactileFrame]) -> Result<Vec<Arc<TactileImage>>> {
+pub fn backgrounds(frames: &[TactileFrame]) -> Result<Vec<Arc<TactileImage>>> {
     let image = |camera: usize| {
         let frame = frames.iter().rev().find(|frame| frame.camera == camera);
         frame.map(|frame| frame.image.clone()).with_context(|| {

@@ -137,7 +137,7 @@ impl<'a> Carry<'a> {
         }
         let mut percepts: Vec<(usize, Percept)> = Vec::with_capacity(self.left.len());
         for &object in &self.left {
-            percepts.extend(eyes.look(object)?.map(|seen| (object, Percept::of_ball(&seen))));
+            percepts.extend(eyes.look(object)?.map(|seen| (object, Percept::of_ball(&seen.pose))));
         }
         let of = |object: usize| percepts.iter().find(|(other, _)| *other == object).map(|(_, percept)| *percept);
         if self.carrying != Carrying::Blind || self.had.is_empty() {

@@ -204,7 +204,7 @@ impl Policy for Chosen<'_> {
         if phase == Phase::Done {
             return Ok(Step::Finish);
         }
-        let seen = eyes.look(1)?.map(|pose| Percept::of(&self.knowledge.objects[1], &pose));
+        let seen = eyes.look(1)?.map(|seen| Percept::of(&self.knowledge.objects[1], &seen.pose));
         if let Some(seen) = seen {
             executive.see_second(seen);
         }

@@ -17,7 +17,7 @@ use scenarios::tries::Attempt;
 use touch::{InHand, PoseEstimate};
 
 use super::reach::{Wanted, within_reach};
-use super::{Choice, Injected, Knowledge, Policy, PolicyError, Reordered, Step, Story};
+use super::{Choice, Injected, Knowledge, Policy, PolicyError, Reordered, Step, Story, Uncertainty};
 use crate::collision::Solid;
 use crate::executive::{Executive, Phase};
 use crate::odds::{Aimed, Belief};
@@ -56,6 +56,8 @@ pub struct Touch<'a> {
     belief: Belief,
     /// The last try at the second object, if only the eyes said where it is.
     tried: Option<Aimed>,
+    /// What the latest look at either object states of its own error, m.
+    sighted: [Option<f64>; 2],
     /// Looks that the second object's place is the mean of.
     looks: u32,
     /// What is known about it since the second object was touched where it stands.
@@ -86,7 +88,8 @@ impl<'a> Touch<'a> {
             solids: [0, 1].map(|object| object_solids(&knowledge.objects[object])),
             first: first::candidates(&knowledge, &senses, first),
             time: 0.0,
-            belief: Belief::new(&knowledge.uncertainty),
+            belief: Belief::new(&knowledge.uncertainty.stated(knowledge.sighted[1])),
+            sighted: knowledge.sighted,
             tried: None,
             looks: 1,
             located: None,
@@ -133,11 +136,18 @@ impl<'a> Touch<'a> {
     }
 
     /// The eyes look at an object anew. None if it is hidden.
-    fn see(&self, index: usize, eyes: &mut dyn Eyes) -> Result<Option<Percept>, PolicyError> {
-        match self.seen.filter(|_| !self.knowledge.recovery.new_look) {
-            Some(seen) => Ok(Some(seen[index])),
-            None => Ok(eyes.look(index)?.map(|pose| Percept::of(&self.knowledge.objects[index], &pose))),
+    fn see(&mut self, index: usize, eyes: &mut dyn Eyes) -> Result<Option<Percept>, PolicyError> {
+        if let Some(seen) = self.seen.filter(|_| !self.knowledge.recovery.new_look) {
+            return Ok(Some(seen[index]));
         }
+        let Some(sighted) = eyes.look(index)? else { return Ok(None) };
+        self.sighted[index] = sighted.sigma;
+        Ok(Some(Percept::of(&self.knowledge.objects[index], &sighted.pose)))
+    }
+
+    /// The errors that are expected of where an object is seen and of the arm that goes there.
+    fn uncertainty(&self, object: usize) -> Uncertainty {
+        self.knowledge.uncertainty.stated(self.sighted[object])
     }
 
     /// The same for the second object; the executive keeps the last percept while it is hidden.
@@ -155,7 +165,7 @@ impl<'a> Touch<'a> {
     fn see_better(&mut self, executive: &mut Executive, eyes: &mut dyn Eyes) -> Result<(), PolicyError> {
         let Some(seen) = self.see(1, eyes)?.filter(|_| self.knowledge.recovery.new_look) else { return Ok(()) };
         let known = Looked { mean: executive.second().1, looks: self.looks };
-        let Looked { mean, looks } = known.again(seen, self.knowledge.uncertainty.fresh_look());
+        let Looked { mean, looks } = known.again(seen, self.uncertainty(1).fresh_look());
         executive.see_second(mean);
         self.looks = looks;
         Ok(())
@@ -244,7 +254,7 @@ impl<'a> Touch<'a> {
         let second = &self.knowledge.objects[1];
         let held = self.held(executive, felt);
         let (first, _) = self.following(executive);
-        let uncertainty = &self.knowledge.uncertainty;
+        let uncertainty = self.uncertainty(1);
         let situation = Situation {
             executive,
             hand: &self.knowledge.cell.hand,

@@ -27,6 +27,12 @@ impl Uncertainty {
         Self::parse(text, Path::new("uncertainty.toml")).expect("the built-in uncertainties are valid")
     }
 
+    /// The same where a look states its own standard deviation, m, each of x and y.
+    #[must_use]
+    pub fn stated(self, sigma: Option<f64>) -> Self {
+        Self { eyes: sigma.unwrap_or(self.eyes), ..self }
+    }
+
     /// Standard deviation of the part of a look's error that is new each time, each of x and y, m.
     pub fn fresh_look(&self) -> f64 {
         self.eyes * (1.0 - self.eyes_lasting).sqrt()

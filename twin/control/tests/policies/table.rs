@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use control::executive::{Executive, Phase};
 use control::motion::Protocol;
-use control::percept::{Eyes, EyesError, Percept};
+use control::percept::{Eyes, EyesError, Percept, Sighted};
 use control::perception::{Grip, KnownObject};
 use control::policy::touch::Touch;
 use control::policy::{Injected, Knowledge, Recovery, Uncertainty};
@@ -124,6 +124,7 @@ impl Table {
             fallen: Vec::new(),
             others: Vec::new(),
             uncertainty: Uncertainty { arm: 0.005, eyes: 0.0065, eyes_lasting: 0.5 },
+            sighted: [None; 2],
             time_limit: TIME_LIMIT,
             recovery: Recovery::FULL,
             explores: false,
@@ -152,13 +153,13 @@ impl<'a> Watchful<'a> {
 }
 
 impl Eyes for Watchful<'_> {
-    fn look(&mut self, object: usize) -> Result<Option<Isometry3<f64>>, EyesError> {
+    fn look(&mut self, object: usize) -> Result<Option<Sighted>, EyesError> {
         self.asked[object] += 1;
         if self.hidden[object] > 0 {
             self.hidden[object] -= 1;
             return Ok(None);
         }
-        Ok(Some(self.table.place(object)))
+        Ok(Some(self.table.place(object).into()))
     }
 }
 

@@ -1,6 +1,7 @@
 //! `ftac bridge calibrate`: the open marks and travels of all six servos.
 
 use anyhow::{Context, Result, bail};
+use bench::body::emulated::travel;
 use bench::body::operator::{Interrupt, agreed};
 use clap::Args;
 use hand_model::Hand;
@@ -12,6 +13,9 @@ use hardware_bridge::xc330;
 
 use super::shared::{ConfigArg, actuator_names, shown};
 use crate::terminal::Terminal;
+
+/// A travel that differs by this share from the drawing's is doubted.
+const DOUBTFUL: f64 = 0.2;
 
 /// Arguments of `bridge calibrate`.
 #[derive(Debug, Args)]
@@ -56,6 +60,11 @@ pub fn run(terminal: &Terminal, args: &CalibrateArgs) -> Result<Option<String>> 
         };
         return Err(error.context(format!("nothing was calibrated, and the last calibration stays{kept}")));
     }
+    let doubts = doubts(&servos);
+    doubts.iter().for_each(|doubt| eprintln!("warning: {doubt}"));
+    if !doubts.is_empty() && !args.yes && !agreed("Is every servo where its id says?")? {
+        bail!("nothing was calibrated, and the last calibration stays: the operator did not say yes");
+    }
     // The servos first: a file without them is refused at the next connection, and calibrating again mends it.
     store(&mut bus, &servos)?;
     let servos = servos.try_into().map_err(|_| anyhow::anyhow!("found another number of servos than actuators"))?;
@@ -68,6 +77,24 @@ pub fn run(terminal: &Terminal, args: &CalibrateArgs) -> Result<Option<String>> 
         println!("written to {}, crc {}", shown(&config.calibration), calibration.hash());
     }
     Ok(None)
+}
+
+/// Travels that are far from what the hand's drawing has for the servo, and whose they would be.
+fn doubts(servos: &[ServoCalibration]) -> Vec<String> {
+    let design = travel(&Hand::ftac());
+    let names = actuator_names();
+    let off = |found: f64, actuator: usize| (found / design[actuator] - 1.0).abs();
+    let doubt = |(n, servo): (usize, &ServoCalibration)| {
+        let nearest = (0..design.len()).min_by(|a, b| off(servo.travel, *a).total_cmp(&off(servo.travel, *b)))?;
+        (off(servo.travel, n) > DOUBTFUL).then(|| {
+            let whose = if off(servo.travel, nearest) < DOUBTFUL { format!(", as {} has", names[nearest]) } else { String::new() };
+            format!(
+                "{} (id {}): found a travel of {:.2} rad{whose}, expected about {:.2}: were ids exchanged, or is its cable off?",
+                names[n], servo.id, servo.travel, design[n]
+            )
+        })
+    };
+    servos.iter().enumerate().filter_map(doubt).collect()
 }
 
 /// Makes sure that all servos are there and of the right model.
@@ -104,4 +131,28 @@ fn feel_all(
         unfinished.write(servos)?;
     }
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn exchanged_ids_show_in_the_travels() {
+        let calibrated = |travels: [f64; 6]| -> Vec<ServoCalibration> {
+            let servo = |(n, travel)| ServoCalibration {
+                id: n as u8 + 1,
+                model: xc330::MODEL,
+                firmware: 46,
+                homing_offset: 0,
+                travel,
+            };
+            travels.into_iter().enumerate().map(servo).collect()
+        };
+        // What homing finds on the emulated hand.
+        assert_eq!(doubts(&calibrated([3.40, 4.45, 4.45, 4.45, 4.45, 1.61])), Vec::<String>::new());
+        let doubts = doubts(&calibrated([1.61, 4.45, 4.45, 4.45, 4.45, 3.40]));
+        assert_eq!(doubts.len(), 2);
+        assert!(doubts[0].starts_with("thumb (id 1): found a travel of 1.61 rad, as opposition has"), "{doubts:?}");
+    }
 }

@@ -3,8 +3,9 @@
 use std::path::Path;
 use std::time::{Duration, Instant};
 
-use anyhow::Result;
+use anyhow::{Result, anyhow};
 use bench::body::arm_link::arm_link;
+use clap::Args;
 use hand_model::{Arm, CAMERAS};
 use hardware_bridge::arm_link::ArmLinkError;
 use hardware_bridge::calibration::HandCalibration;
@@ -12,11 +13,12 @@ use hardware_bridge::cameras::Cameras;
 use hardware_bridge::clock::Clock;
 use hardware_bridge::config::BridgeConfig;
 use hardware_bridge::hand_bus::HandBus;
+use hardware_bridge::pictures::Pictures;
 use hardware_bridge::servo_bus::latency_timer::{self, LatencyTimer};
 use hardware_bridge::servo_bus::{BusError, ServoBus};
 use hardware_bridge::setup::{self, Finding};
 
-use super::shared::{actuator_names, tell};
+use super::shared::{ConfigArg, actuator_names, tell};
 use crate::terminal::Terminal;
 
 /// Cycles measured.
@@ -24,13 +26,25 @@ const CYCLES: u32 = 200;
 /// Waited for one image of every camera.
 const PATIENCE: Duration = Duration::from_secs(3);
 
-pub fn run(terminal: &Terminal, config: &BridgeConfig) -> Result<Option<String>> {
+/// Arguments of `bridge doctor`.
+#[derive(Debug, Args)]
+pub struct DoctorArgs {
+    #[command(flatten)]
+    config: ConfigArg,
+    /// All cameras are plugged in where they belong and nothing touches the pads: keep what they show, so that a plug in another place is
+    /// noticed from now on.
+    #[arg(long)]
+    know_cameras: bool,
+}
+
+pub fn run(terminal: &Terminal, args: &DoctorArgs) -> Result<Option<String>> {
+    let config = &args.config.read()?;
     let mut findings = Vec::new();
     match servos(config, &mut findings) {
         Ok(()) => {}
         Err(error) => findings.push(Finding::new("servo bus", error, "an open port", false)),
     }
-    cameras(config, &mut findings);
+    cameras(config, args.know_cameras, &mut findings);
     match arm_link(config, Arm::home()) {
         Ok(mut arm) => findings.push(match arm.read(0.0) {
             Ok(_) => Finding::new("arm", "an answer", "no fault", true),
@@ -99,7 +113,7 @@ fn calibration(config: &BridgeConfig, hand: &mut HandBus, findings: &mut Vec<Fin
     Ok(())
 }
 
-fn cameras(config: &BridgeConfig, findings: &mut Vec<Finding>) {
+fn cameras(config: &BridgeConfig, know: bool, findings: &mut Vec<Finding>) {
     let link = match Cameras::open(config, &Clock::wall()) {
         Ok(Some(link)) => link,
         Ok(None) => {
@@ -128,6 +142,9 @@ fn cameras(config: &BridgeConfig, findings: &mut Vec<Finding>) {
     }
     let took = format!("{} in {:.0} ms", good(), 1e3 * started.elapsed().as_secs_f64());
     findings.push(Finding::new("cameras with an image", took, CAMERAS, good() == CAMERAS));
+    if good() == CAMERAS {
+        findings.push(pictures(config, &link, know));
+    }
     if let Some(error) = link.lost() {
         findings.push(Finding::new("cameras, after that", error, "still there", false));
     }
@@ -136,4 +153,32 @@ fn cameras(config: &BridgeConfig, findings: &mut Vec<Finding>) {
     let ms = uncertainty.map_or("unknown".into(), |seconds| format!("{:.2}", 1e3 * seconds));
     let good = uncertainty.is_some_and(|seconds| seconds < 5e-3);
     findings.push(Finding::new("board clock known to, ms", ms, "below 5", good));
+}
+
+/// Whether every camera shows its own pad.
+fn pictures(config: &BridgeConfig, link: &Cameras, know: bool) -> Finding {
+    let what = "every camera shows its own pad";
+    match known_pictures(config, link, know) {
+        Ok(None) => Finding::new(what, "unknown: none are kept", "pictures kept by --know-cameras", true),
+        Ok(Some(wrong)) => Finding::new(what, &wrong, "yes", wrong == "yes"),
+        Err(error) => Finding::new(what, format!("{error:#}"), "yes", false),
+    }
+}
+
+/// What is wrong with the cameras' places; `yes` where nothing is, none where nobody knows.
+fn known_pictures(config: &BridgeConfig, link: &Cameras, know: bool) -> Result<Option<String>> {
+    let path = Pictures::beside(&config.calibration);
+    let look = || Pictures::look(link, PATIENCE).map_err(|error| anyhow!(error));
+    let now = look()?;
+    if know {
+        let alike = now.alike(now.noise(&look()?));
+        now.write(&path)?;
+        if let Some([one, other]) = alike.first() {
+            return Ok(Some(format!("{one} and {other} look alike: they cannot be told apart")));
+        }
+    }
+    let Some(kept) = Pictures::read(&path)? else { return Ok(None) };
+    let wrong = kept.mistaken(&now).into_iter();
+    let wrong: Vec<String> = wrong.map(|one| one.to_string()).collect();
+    Ok(Some(if wrong.is_empty() { "yes".to_owned() } else { wrong.join(", ") }))
 }

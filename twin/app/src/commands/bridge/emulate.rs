@@ -1,35 +1,46 @@
 //! `ftac bridge emulate`: the devices without the hardware, in real time, moved by the simulated robot.
 
+mod door;
+mod mishap;
+mod truth;
+
 use std::f64::consts::PI;
 use std::fs::OpenOptions;
-use std::io::{IsTerminal as _, Write as _};
+use std::io::Write as _;
 use std::os::unix::fs::OpenOptionsExt as _;
 use std::path::{Path, PathBuf};
-use std::str::FromStr;
-use std::sync::mpsc;
 use std::time::{Duration, Instant};
 
 use anyhow::{Context, Result, bail};
-use bench::body::emulated::{SharedPlant, settings};
-use bench::builtin::trial_scene;
+use bench::body::emulated::{CAMERA, settings};
+use bench::body::operator::Interrupt;
+use bench::emulated_table::{EmulatedTable, Wish};
 use bench::faults::STANDS;
+use bench::vision::Address;
+use bench::vision::camera::{Camera, CameraSettings};
 use clap::Args;
 use hand_model::ACTUATORS;
 use hand_model::robot::Robot;
 use hardware_bridge::calibration::{HandCalibration, ServoCalibration};
 use hardware_bridge::config::{ArmConfig, BridgeConfig, CameraConfig, LimitConfig, ServoConfig};
-use hardware_bridge::emulator::faults::{Event, Faults};
+use hardware_bridge::emulator::faults::Faults;
 use hardware_bridge::emulator::servo::EmulatedServo;
 use hardware_bridge::emulator::spring_hand::SpringHand;
-use hardware_bridge::emulator::{EmulatedHand, EmulatorSettings, Plug};
+use hardware_bridge::emulator::{EmulatedHand, EmulatorSettings};
 use hardware_bridge::xc330;
 use kortex::Credentials;
-use kortex::emulator::{Emulator, EventKind, Injection, Pace, Settings, Status};
-use kortex::safety_bank::FOLLOWING_ERROR;
+use kortex::emulator::{Emulator, EventKind, Pace, Settings, Status};
 
+use self::door::Door;
+use self::mishap::Mishap;
+use self::truth::TruthView;
 use super::shared::shown;
 use crate::terminal::Terminal;
 
+/// Name of the socket on which a running emulator is told things.
+const DOOR: &str = "emulator";
+/// Between two measurements of the emulated vision system.
+const PERIOD: Duration = Duration::from_millis(100);
 /// Travel of the shafts of [`SpringHand`], rad.
 const TRAVEL: f64 = 4.0;
 /// Who may log in to the emulated arm.
@@ -47,15 +58,37 @@ pub struct EmulateArgs {
     /// Combination whose objects stand on the table of the simulated robot.
     #[arg(long, default_value_t = 0)]
     combo: usize,
-    /// Six springs instead of the simulated robot, and no arm.
+    /// The balls of `bridge register` on their marks instead.
     #[arg(long, conflicts_with = "combo")]
+    balls: bool,
+    /// Six springs instead of the simulated robot, and no arm.
+    #[arg(long, conflicts_with_all = ["combo", "balls", "mount", "eyes", "truth", "live"])]
     springs: bool,
+    /// Hide the arm's base where this seed draws it, beside where it nominally stands.
+    #[arg(long, value_name = "N")]
+    mount: Option<u64>,
+    /// Say where the objects are on this socket (HOST:PORT or unix:PATH), as a vision system does for `trial --eyes`: ten times a
+    /// second, wrong by 3 mm and 0.02 rad as drawn from the seed.
+    #[arg(long, value_name = "ADDRESS")]
+    eyes: Option<Address>,
+    /// Record the true scene into this file for the viewer.
+    #[arg(long, value_name = "FILE")]
+    truth: Option<PathBuf>,
+    /// Show the true scene in the viewer.
+    #[arg(long)]
+    live: bool,
+    /// Take lines from the terminal too: Enter alone puts the objects back.
+    #[arg(long)]
+    keys: bool,
+    /// Do nothing but tell the emulator that runs in --dir this line: objects=back, objects=N (a combination), objects=balls, or a fault.
+    #[arg(long, value_name = "LINE")]
+    tell: Option<String>,
     /// Write the calibration too, as if it had been done.
     #[arg(long)]
     calibrated: bool,
     /// What goes wrong: CHANCE or WHAT@SECONDS, such as noise=0.1, drop=0.02, overload=3@5, voltage=5.2@3, freeze=7@2, usb=servos@4,
     /// usb=cameras@4, arm=stop@6 (emergency stop), arm=free@8 (its release), arm=fault@6, arm=deaf@6, arm=lossy@6. What has a time may also be
-    /// piped in, one a line without @SECONDS, and happens at once.
+    /// piped in, one a line without @SECONDS, or told with --tell, and happens at once; objects=back, objects=N and objects=balls too.
     #[arg(long = "fault")]
     faults: Vec<String>,
     /// One servo as it leaves the factory instead of six provisioned ones, for `bridge provision`.
@@ -75,32 +108,32 @@ pub struct EmulateArgs {
 /// The emulated arm's watchdog under `--patient`, ms: shorter than the 2 s after which the arm ends a silent session.
 const PATIENT_ARM: u64 = 1500;
 
-/// What goes wrong outside the servos and the camera board.
-#[derive(Debug, Clone, Copy, PartialEq)]
-enum Mishap {
-    Unplugged(Plug),
-    Arm(Injection),
-    /// Something that happens to a servo or a camera.
-    Device(Event),
-}
-
 pub fn run(terminal: &Terminal, args: &EmulateArgs) -> Result<Option<String>> {
-    let (mishaps, texts) = mishaps(&args.faults)?;
+    if let Some(line) = &args.tell {
+        return tell_running(terminal, &args.dir, line);
+    }
+    let (mishaps, texts) = mishap::mishaps(&args.faults)?;
     let faults = Faults::parse(texts)?;
-    let (plant, travel, usual): (Box<dyn Robot + Send>, _, _) = if args.springs {
-        (Box::new(SpringHand::new([TRAVEL; ACTUATORS])), [TRAVEL; ACTUATORS], EmulatorSettings::default())
-    } else {
-        let (hand, robot) = trial_scene(args.combo, terminal.seed, terminal.quiet || terminal.json)?;
-        let usual = settings(&hand, terminal.seed);
-        (Box::new(SharedPlant::new(robot)), usual.travel, usual.devices)
-    };
+    let (mut table, mut plant): (Option<EmulatedTable>, Box<dyn Robot + Send>) =
+        (None, Box::new(SpringHand::new([TRAVEL; ACTUATORS])));
+    let (mut travel, mut usual) = ([TRAVEL; ACTUATORS], EmulatorSettings::default());
+    if !args.springs {
+        let wish = if args.balls { Wish::Balls } else { Wish::Combination(args.combo) };
+        let standing = EmulatedTable::new(wish, args.mount, terminal.seed)?;
+        let settings = settings(&standing.bench().world.cell.hand, terminal.seed);
+        (travel, usual) = (settings.travel, settings.devices);
+        plant = Box::new(standing.plant().clone());
+        table = Some(standing);
+    }
     let mut settings = EmulatorSettings { faults, seed: terminal.seed, ..usual };
     if args.factory {
         settings.servos = vec![EmulatedServo::factory(2000)];
     }
     let zeros: Vec<i64> = settings.servos.iter().map(EmulatedServo::zero).collect();
     std::fs::create_dir_all(&args.dir).with_context(|| shown(&args.dir))?;
-    let mut hand = EmulatedHand::start(plant, settings)?;
+    let door = Door::open(&args.dir.join(DOOR), args.keys)?;
+    let hand = EmulatedHand::start(plant, settings)?;
+    let camera = camera(args, table.as_ref(), terminal.seed)?;
     let arm = match args.springs {
         true => None,
         false => {
@@ -120,49 +153,80 @@ pub fn run(terminal: &Terminal, args: &EmulateArgs) -> Result<Option<String>> {
         calibration.write(&args.dir.join("calibration.json"))?;
     }
     let address = arm.as_ref().map(|arm| arm.address().tcp.to_string());
+    let eyes = camera.as_ref().map(|camera| camera.address().to_string());
     if terminal.json {
         println!(
             "{}",
-            serde_json::json!({"config": shown(&config), "servos": shown(hand.servo_port()), "cameras": shown(hand.camera_port()), "arm": address})
+            serde_json::json!({"config": shown(&config), "servos": shown(hand.servo_port()), "cameras": shown(hand.camera_port()), "arm": address, "eyes": eyes})
         );
     } else {
         println!("servos on {}, cameras on {}", shown(hand.servo_port()), shown(hand.camera_port()));
         println!("arm on {}", address.as_deref().unwrap_or("none"));
+        if let Some(eyes) = eyes {
+            println!("eyes on {eyes}");
+        }
         println!("try: ftac bridge scan --config {}", shown(&config));
     }
-    attend(args, &mut hand, arm.as_ref(), mishaps);
-    tell(terminal, &hand, arm.as_ref().map(Emulator::status).as_ref());
+    let truth = (args.truth.is_some() || args.live).then(|| TruthView::new(args.truth.clone(), args.live));
+    let mut running = Running { hand, arm, table, truth };
+    attend(args, &mut running, mishaps, &door)?;
+    tell(terminal, &running.hand, running.arm.as_ref().map(Emulator::status).as_ref());
     Ok(None)
 }
 
-/// Lets the devices run until the end, with mishaps at their times, and at once where one comes over a pipe (as `usb=cameras`).
-fn attend(args: &EmulateArgs, hand: &mut EmulatedHand, arm: Option<&Emulator>, mut pending: Vec<(f64, Mishap)>) {
-    let (sender, piped) = mpsc::channel();
-    // Ends with the input; nobody waits for it. A terminal is left alone: to read from it would stop a background job.
-    std::thread::spawn(move || {
-        let lines = (!std::io::stdin().is_terminal()).then(|| std::io::stdin().lines());
-        for line in lines.into_iter().flatten().map_while(Result::ok) {
-            match at_once(line.trim()) {
-                Ok(now) => drop(sender.send(now)),
-                Err(error) => eprintln!("{error}"),
-            }
-        }
-    });
+/// Lets the devices run until the end, with mishaps at their times and requests as they come.
+fn attend(args: &EmulateArgs, running: &mut Running, mut pending: Vec<(f64, Mishap)>, door: &Door) -> Result<()> {
+    // What is being recorded is finished.
+    let interrupt = Interrupt::catch()?;
     let started = Instant::now();
-    while args.seconds.is_none_or(|seconds| started.elapsed().as_secs_f64() < seconds) {
+    while !interrupt.happened() && args.seconds.is_none_or(|seconds| started.elapsed().as_secs_f64() < seconds) {
         std::thread::sleep(LOOK);
-        pending.extend(piped.try_iter().flatten());
+        for request in door.requests() {
+            let outcome = running.obey(&request.line);
+            request.answer(outcome);
+        }
         let now = started.elapsed().as_secs_f64();
         for (_, mishap) in pending.extract_if(.., |(at, _)| *at <= now) {
-            match (mishap, arm) {
-                (Mishap::Unplugged(plug), _) => hand.unplug(plug),
-                (Mishap::Arm(injection), Some(arm)) => arm.inject(injection),
-                (Mishap::Arm(_), None) => {}
-                (Mishap::Device(event), _) => hand.inject(event),
-            }
+            running.suffer(mishap);
         }
-        if args.until_stopped && stopped(hand, arm) {
-            return;
+        if let (Some(truth), Some(table)) = (&mut running.truth, &running.table) {
+            truth.see(table)?;
+        }
+        if args.until_stopped && stopped(&running.hand, running.arm.as_ref()) {
+            break;
+        }
+    }
+    running.truth.take().map_or(Ok(()), TruthView::finish)
+}
+
+/// The devices, and what moves them.
+struct Running {
+    hand: EmulatedHand,
+    arm: Option<Emulator>,
+    table: Option<EmulatedTable>,
+    truth: Option<TruthView>,
+}
+
+impl Running {
+    /// Does what a line asks for at once, and says what came of it.
+    fn obey(&mut self, line: &str) -> Result<String> {
+        let Some(wish) = line.strip_prefix("objects=") else {
+            mishap::at_once(line)?.into_iter().for_each(|mishap| self.suffer(mishap));
+            return Ok("done".to_owned());
+        };
+        let wish = wish.parse().map_err(|error| anyhow::anyhow!("objects: {error}"))?;
+        match &self.table {
+            Some(table) => table.set(wish),
+            None => bail!("objects: found --springs, expected the simulated robot"),
+        }
+    }
+
+    fn suffer(&mut self, mishap: Mishap) {
+        match (mishap, &self.arm) {
+            (Mishap::Unplugged(plug), _) => self.hand.unplug(plug),
+            (Mishap::Arm(injection), Some(arm)) => arm.inject(injection),
+            (Mishap::Arm(_), None) => {}
+            (Mishap::Device(event), _) => self.hand.inject(event),
         }
     }
 }
@@ -207,49 +271,24 @@ fn tell(terminal: &Terminal, hand: &EmulatedHand, arm: Option<&Status>) {
     }
 }
 
-/// A fault's text that belongs to servos or cameras.
-type Texts<'a> = Vec<&'a str>;
-
-/// What a line without a time says.
-fn at_once(line: &str) -> Result<Vec<(f64, Mishap)>> {
-    let text = [format!("{line}@0")];
-    let (mut now, rest) = mishaps(&text)?;
-    now.extend(Faults::parse(rest)?.events.into_iter().map(|(at, event)| (at, Mishap::Device(event))));
-    Ok(now)
+/// What stands for a vision system, if there is to be one.
+fn camera(args: &EmulateArgs, table: Option<&EmulatedTable>, seed: u64) -> Result<Option<Camera>> {
+    let (Some(address), Some(table)) = (&args.eyes, table) else { return Ok(None) };
+    let settings = CameraSettings { sigma: CAMERA, seed, period: Some(PERIOD) };
+    let table = table.clone();
+    let sight = move || table.standing().0.into_iter().zip(table.plant().lock().truth().objects).collect();
+    Camera::start(address, settings, Box::new(sight)).map(Some).with_context(|| format!("--eyes {address}"))
 }
 
-/// Takes out what is not the servos' or the cameras'.
-fn mishaps(texts: &[String]) -> Result<(Vec<(f64, Mishap)>, Texts<'_>)> {
-    let (mut mishaps, mut rest) = (Vec::new(), Vec::new());
-    for text in texts {
-        let Some((name @ ("usb" | "arm"), value)) = text.split_once('=') else {
-            rest.push(text.as_str());
-            continue;
-        };
-        let parsed = value.split_once('@').and_then(|(what, at)| {
-            let at = f64::from_str(at).ok().filter(|at| at.is_finite() && *at >= 0.0)?;
-            let mishap = match (name, what) {
-                ("usb", "servos") => Mishap::Unplugged(Plug::Servos),
-                ("usb", "cameras") => Mishap::Unplugged(Plug::Cameras),
-                ("arm", "stop") => Mishap::Arm(Injection::EmergencyStop(true)),
-                ("arm", "free") => Mishap::Arm(Injection::EmergencyStop(false)),
-                ("arm", "fault") => Mishap::Arm(Injection::JointFault { joint: 2, bits: FOLLOWING_ERROR }),
-                ("arm", "deaf") => Mishap::Arm(Injection::Deaf(true)),
-                ("arm", "lossy") => Mishap::Arm(Injection::LoseReplies(0.3)),
-                _ => return None,
-            };
-            Some((at, mishap))
-        });
-        match parsed {
-            Some(mishap) => mishaps.push(mishap),
-            None => {
-                bail!(
-                    "fault: found `{text}`, expected usb=servos|cameras@SECONDS or arm=stop|free|fault|deaf|lossy@SECONDS"
-                )
-            }
-        }
+/// `--tell`.
+fn tell_running(terminal: &Terminal, dir: &Path, line: &str) -> Result<Option<String>> {
+    let answer = door::tell(&dir.join(DOOR), line)?;
+    if terminal.json {
+        println!("{}", serde_json::json!({"answer": answer}));
+    } else {
+        println!("{answer}");
     }
-    Ok((mishaps, rest))
+    Ok(None)
 }
 
 /// What homing would have found.

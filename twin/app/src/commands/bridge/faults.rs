@@ -1,6 +1,8 @@
 //! `ftac bridge faults`: injects every fault into every phase of a trial on the emulated robot.
 
-use anyhow::bail;
+use std::path::PathBuf;
+
+use anyhow::{Context as _, bail};
 use bench::builtin::make_bench;
 use bench::faults::kind::{ALL, Kind};
 use bench::faults::{Matrix, PHASES, inject_all};
@@ -26,6 +28,12 @@ pub struct FaultArgs {
     /// Threads; default: all cores.
     #[arg(long)]
     jobs: Option<usize>,
+    /// Record every injection for the viewer into this folder, from measurements alone.
+    #[arg(long, value_name = "DIR")]
+    record: Option<PathBuf>,
+    /// Stream every injection to a viewer (one thread).
+    #[arg(long)]
+    live: bool,
 }
 
 /// `ftac bridge faults`.
@@ -45,8 +53,12 @@ pub fn run(terminal: &Terminal, args: &FaultArgs) -> anyhow::Result<Option<Strin
     let quiet = terminal.quiet || terminal.json;
     let bench = make_bench(Scenario::benchmark(), args.rounds.min(60), terminal.seed, quiet)?;
     let bar = progress::bar(0, "faults", quiet);
-    let jobs = args.jobs.unwrap_or_else(bench::workers::available).max(1);
-    let matrix = Matrix { bench: &bench, kinds, phases, rounds: args.rounds, jobs, seed: terminal.seed };
+    if let Some(folder) = &args.record {
+        std::fs::create_dir_all(folder).with_context(|| folder.display().to_string())?;
+    }
+    let jobs = if args.live { 1 } else { args.jobs.unwrap_or_else(bench::workers::available).max(1) };
+    let (record, live) = (args.record.clone(), args.live);
+    let matrix = Matrix { bench: &bench, kinds, phases, rounds: args.rounds, jobs, seed: terminal.seed, record, live };
     let outcomes = inject_all(&matrix, &bar)?;
     bar.finish_and_clear();
     let table = FaultTable::new(&matrix.kinds, &outcomes);

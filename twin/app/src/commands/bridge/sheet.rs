@@ -1,9 +1,11 @@
 //! `ftac bridge sheet`: where the objects of a combination stand, as a sheet to print in full size and to lay on the table.
 
 use std::path::PathBuf;
+use std::sync::Arc;
 
 use anyhow::{Result, bail};
-use bench::builtin::make_bench;
+use bench::builtin::{make_bench, make_scenes};
+use bench::registration::{Plan, Registrar};
 use clap::Args;
 use nalgebra::{Isometry3, Point3};
 use scenarios::Scenario;
@@ -22,26 +24,29 @@ const GRID: f64 = 50.0;
 #[derive(Debug, Args)]
 pub struct SheetArgs {
     /// Number of the combination, from 0.
-    combination: usize,
-    /// The drawing (SVG); default: recordings/sheet_N.svg.
+    #[arg(required_unless_present = "balls")]
+    combination: Option<usize>,
+    /// The balls of `bridge register` on their marks instead.
+    #[arg(long, conflicts_with = "combination")]
+    balls: bool,
+    /// The drawing (SVG); default: recordings/sheet_N.svg, or sheet_balls.svg.
     #[arg(long)]
     out: Option<PathBuf>,
 }
 
 pub fn run(terminal: &Terminal, args: &SheetArgs) -> Result<Option<String>> {
-    let bench = make_bench(Scenario::benchmark(), (args.combination + 1).min(60), terminal.seed, true)?;
-    let Some(plan) = bench.plans.plans.get(args.combination) else {
-        bail!("COMBINATION: found {}, expected 0 to {}", args.combination, bench.plans.plans.len() - 1);
+    let (what, title, standing) = match args.combination {
+        Some(combination) => {
+            (combination.to_string(), format!("combination {combination}"), of_combination(combination, terminal.seed)?)
+        }
+        None => ("balls".to_owned(), "balls of the registration".to_owned(), balls(terminal.seed)?),
     };
-    let objects = [bench.world.object(&plan.first)?, bench.world.object(&plan.second)?];
-    let places = bench.world.places(&objects, &TrialNoise::none());
-    let out = args.out.clone().unwrap_or_else(|| PathBuf::from(format!("recordings/sheet_{}.svg", args.combination)));
-    let drawing = drawing(args.combination, [(&*objects[0], &places[0]), (&*objects[1], &places[1])]);
+    let out = args.out.clone().unwrap_or_else(|| PathBuf::from(format!("recordings/sheet_{what}.svg")));
+    let drawing = drawing(&title, &standing);
     report::write_whole(&out, drawing.as_bytes())?;
     if terminal.json {
-        let rows: Vec<_> = objects
+        let rows: Vec<_> = standing
             .iter()
-            .zip(&places)
             .map(|(object, place)| {
                 let [x, y, z] = place.translation.vector.into();
                 serde_json::json!({"object": object.name, "x_m": x, "y_m": y, "z_m": z, "turn_rad": turn(place)})
@@ -57,16 +62,36 @@ pub fn run(terminal: &Terminal, args: &SheetArgs) -> Result<Option<String>> {
     Ok(None)
 }
 
+/// Objects, and where they stand.
+type Standing = Vec<(Arc<ObjectModel>, Isometry3<f64>)>;
+
+fn of_combination(combination: usize, seed: u64) -> Result<Standing> {
+    let bench = make_bench(Scenario::benchmark(), (combination + 1).min(60), seed, true)?;
+    let Some(plan) = bench.plans.plans.get(combination) else {
+        bail!("COMBINATION: found {combination}, expected 0 to {}", bench.plans.plans.len() - 1);
+    };
+    let objects = [bench.world.object(&plan.first)?, bench.world.object(&plan.second)?];
+    let places = bench.world.places(&objects, &TrialNoise::none());
+    Ok(objects.into_iter().zip(places).collect())
+}
+
+fn balls(seed: u64) -> Result<Standing> {
+    let bench = make_scenes(Scenario::benchmark(), 1, seed, true)?;
+    let plan = Plan::standard()?;
+    let placements = Registrar::new(&bench.world, &plan, &bench.repertoire)?.placements();
+    Ok(placements.into_iter().map(|placement| (placement.model, placement.pose)).collect())
+}
+
 /// Turn about the vertical, rad.
 fn turn(place: &Isometry3<f64>) -> f64 {
     place.rotation.euler_angles().2
 }
 
 /// The sheet as seen from above, x upwards and y to the left, 1:1.
-fn drawing(combination: usize, objects: [(&ObjectModel, &Isometry3<f64>); 2]) -> String {
+fn drawing(title: &str, objects: &Standing) -> String {
     // The cross is where a ruler finds it: on whole centimetres.
     let middle = |axis: usize| {
-        let mean = objects.iter().map(|(_, place)| place.translation.vector[axis]).sum::<f64>() / 2.0;
+        let mean = objects.iter().map(|(_, place)| place.translation.vector[axis]).sum::<f64>() / objects.len() as f64;
         (100.0 * mean).round() / 100.0
     };
     let cross = [middle(0), middle(1)];
@@ -131,7 +156,7 @@ fn drawing(combination: usize, objects: [(&ObjectModel, &Isometry3<f64>); 2]) ->
     ));
     put(format!("<text x=\"{}\" y=\"{}\">cross: x {:.2}, y {:.2} m</text>\n", x + 3.0, y - 3.0, cross[0], cross[1]));
     put(format!(
-        "<text x=\"{x}\" y=\"8\" text-anchor=\"middle\">combination {combination}, seen from above; away from the arm (x) is up, y is to the left; red: the object's own x axis</text>\n"
+        "<text x=\"{x}\" y=\"8\" text-anchor=\"middle\">{title}, seen from above; away from the arm (x) is up, y is to the left; red: the object's own x axis</text>\n"
     ));
     put(format!(
         "<path d=\"M10 {0}V{1}H110V{0}\" fill=\"none\" stroke=\"black\" stroke-width=\"0.5\"/>\n",

@@ -66,7 +66,7 @@ impl Touch<'_> {
         let (_, seen) = [executive.first(), executive.second()][object];
         let prior = PosePrior {
             palm_from_object: executive.palm().inverse() * seen.pose(),
-            sigma_translation: self.knowledge.uncertainty.target(if object == 0 { 1 } else { self.looks }),
+            sigma_translation: self.uncertainty(object).target(if object == 0 { 1 } else { self.looks }),
             sigma_rotation: TURNED,
         };
         let held = self.felt.as_ref().map_or(expected.palm_from_object, |felt| felt.estimate.palm_from_object);
@@ -77,21 +77,28 @@ impl Touch<'_> {
 
     /// Takes in what the touch of the first object told.
     pub(super) fn locate_first(&mut self, executive: &mut Executive) {
-        let Some((found, _)) = self.found(executive.palm(), &executive.first().1, 1) else { return };
+        let Some((found, _)) = self.found(executive.palm(), &executive.first().1, (0, 1)) else { return };
         executive.see_first(found);
         self.first_located = true;
     }
 
     /// Takes in what the touch of the second object told.
     pub(super) fn locate_second(&mut self, executive: &mut Executive) {
-        let Some((found, covariance)) = self.found(executive.palm(), &executive.second().1, self.looks) else { return };
+        let Some((found, covariance)) = self.found(executive.palm(), &executive.second().1, (1, self.looks)) else {
+            return;
+        };
         executive.see_second(found);
         self.located = Belief::located(&covariance);
         self.looks = 1;
     }
 
-    /// Where the touched object is that was `seen` in so many looks, and the covariance of its place, m2; in the world.
-    fn found(&mut self, palm: Isometry3<f64>, seen: &Percept, looks: u32) -> Option<(Percept, Matrix3<f64>)> {
+    /// Where the touched `object` is that was `seen` in so many `looks`, and the covariance of its place, m2; in the world.
+    fn found(
+        &mut self,
+        palm: Isometry3<f64>,
+        seen: &Percept,
+        (object, looks): (usize, u32),
+    ) -> Option<(Percept, Matrix3<f64>)> {
         let Some(estimate) = self.touched.take() else {
             self.story.tell("nothing was felt there".to_owned());
             return None;
@@ -99,7 +106,7 @@ impl Touch<'_> {
         let position = (palm * estimate.palm_from_object).translation.vector;
         let turn = palm.rotation.to_rotation_matrix().into_inner();
         let covariance = turn * estimate.covariance.fixed_view::<3, 3>(0, 0) * turn.transpose();
-        let (looked, level) = (self.knowledge.uncertainty.target(looks), self.knowledge.uncertainty.arm);
+        let (looked, level) = (self.uncertainty(object).target(looks), self.knowledge.uncertainty.arm);
         let (off, covariance) = palpation::standing(position - seen.position.coords, &covariance, (looked, level));
         let [x, y, z]: [f64; 3] = (off * 1e3).into();
         self.story.tell(format!("felt ({x:.0}, {y:.0}, {z:.0}) mm beside where it is seen"));

@@ -23,7 +23,7 @@ use crate::worth::{self, Candidate, SWITCH_GAIN};
 pub(in crate::policy) fn candidates(knowledge: &Knowledge, senses: &Senses, planned: &Grasp) -> Vec<Candidate> {
     let touched = Matrix3::from_diagonal_element(palpation::LEFT_OVER.powi(2));
     let belief = Belief::located(&touched).filter(|_| explores(knowledge, senses));
-    let belief = belief.unwrap_or_else(|| Belief::new(&knowledge.uncertainty));
+    let belief = belief.unwrap_or_else(|| Belief::new(&knowledge.uncertainty.stated(knowledge.sighted[1])));
     let as_planned = promise(&knowledge.second, &belief);
     let worth = |first: &Grasp| match knowledge.others.iter().find(|other| other.first.id == first.id) {
         Some(other) => promise(&other.second, &belief) / SWITCH_GAIN,

@@ -1,0 +1,146 @@
+//! How a running emulator is told things: lines on its standard input, or over a socket of its own.
+
+use std::io::{self, BufRead, BufReader, IsTerminal as _, Read as _, Write};
+use std::os::unix::fs::PermissionsExt as _;
+use std::os::unix::net::{UnixListener, UnixStream};
+use std::path::{Path, PathBuf};
+use std::sync::mpsc::{self, Receiver, Sender};
+use std::time::Duration;
+
+use anyhow::{Context as _, Result, bail};
+
+/// Longest wait for a line or an answer.
+const PATIENCE: Duration = Duration::from_secs(10);
+/// The longest line, bytes.
+const LINE: u64 = 1000;
+
+/// A line, and whoever waits for an answer.
+pub struct Request {
+    pub line: String,
+    from: Option<UnixStream>,
+}
+
+impl Request {
+    /// Says what came of it.
+    pub fn answer(self, outcome: Result<String>) {
+        match (self.from, outcome) {
+            (Some(mut stream), outcome) => {
+                let text = outcome.unwrap_or_else(|error| format!("error: {error:#}"));
+                // Whoever asked may have gone.
+                let _ = writeln!(stream, "{text}");
+            }
+            (None, Ok(text)) if io::stdin().is_terminal() => eprintln!("{text}"),
+            (None, Ok(_)) => {}
+            (None, Err(error)) => eprintln!("{error:#}"),
+        }
+    }
+}
+
+/// Where requests arrive.
+pub struct Door {
+    requests: Receiver<Request>,
+    path: PathBuf,
+}
+
+impl Door {
+    /// A socket at `path`, for its owner alone, and the standard input if it is no terminal, or with `keys` whatever it is: to read from a
+    /// terminal would stop a background job.
+    pub fn open(path: &Path, keys: bool) -> Result<Self> {
+        if UnixStream::connect(path).is_ok() {
+            bail!("{}: an emulator runs in this folder already, expected none", path.display());
+        }
+        // Left by one that was killed.
+        let _ = std::fs::remove_file(path);
+        let listener = UnixListener::bind(path).with_context(|| path.display().to_string())?;
+        std::fs::set_permissions(path, std::fs::Permissions::from_mode(0o600))
+            .with_context(|| path.display().to_string())?;
+        let (sender, requests) = mpsc::channel();
+        let from_socket = sender.clone();
+        // Both threads end with the program; nobody waits for them.
+        std::thread::spawn(move || listener.incoming().flatten().for_each(|stream| take(stream, &from_socket)));
+        std::thread::spawn(move || {
+            let lines = (keys || !io::stdin().is_terminal()).then(|| io::stdin().lines());
+            for line in lines.into_iter().flatten().map_while(Result::ok) {
+                let line = if line.trim().is_empty() { "objects=back" } else { line.trim() }.to_owned();
+                if sender.send(Request { line, from: None }).is_err() {
+                    return;
+                }
+            }
+        });
+        Ok(Self { requests, path: path.to_owned() })
+    }
+
+    /// What has arrived.
+    pub fn requests(&self) -> impl Iterator<Item = Request> {
+        self.requests.try_iter()
+    }
+}
+
+impl Drop for Door {
+    fn drop(&mut self) {
+        // Somebody else may have taken it away.
+        let _ = std::fs::remove_file(&self.path);
+    }
+}
+
+/// One line of a client.
+fn take(stream: UnixStream, to: &Sender<Request>) {
+    let read = || -> io::Result<Request> {
+        stream.set_read_timeout(Some(PATIENCE))?;
+        stream.set_write_timeout(Some(PATIENCE))?;
+        let mut line = String::new();
+        BufReader::new((&stream).take(LINE)).read_line(&mut line)?;
+        Ok(Request { line: line.trim().to_owned(), from: Some(stream.try_clone()?) })
+    };
+    // A client that says nothing in time is left.
+    if let Ok(request) = read() {
+        let _ = to.send(request);
+    }
+}
+
+/// Tells the emulator at `path` a line, and gives back what it answers.
+pub fn tell(path: &Path, line: &str) -> Result<String> {
+    let shown = || format!("{}: found nobody who listens, expected a running emulator", path.display());
+    let mut stream = UnixStream::connect(path).with_context(shown)?;
+    stream.set_read_timeout(Some(PATIENCE))?;
+    writeln!(stream, "{line}")?;
+    let mut answer = String::new();
+    stream.read_to_string(&mut answer).context("the emulator does not answer")?;
+    match answer.trim().strip_prefix("error: ") {
+        Some(error) => bail!("{error}"),
+        None if answer.is_empty() => bail!("the emulator ended before it answered"),
+        None => Ok(answer.trim().to_owned()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_line_is_told_and_answered() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let path = folder.path().join("emulator");
+        assert!(tell(&path, "objects=back").expect_err("nobody").to_string().contains("expected a running emulator"));
+        let door = Door::open(&path, false).expect("open");
+        assert_eq!(std::fs::metadata(&path).expect("there").permissions().mode() & 0o777, 0o600);
+        assert!(Door::open(&path, false).err().expect("taken").to_string().contains("runs in this folder already"));
+        let there = path.clone();
+        let asked = std::thread::spawn(move || [tell(&there, "objects=back"), tell(&there, "nonsense")]);
+        for _ in 0..2 {
+            let request = loop {
+                let mut asked = door.requests.try_iter().filter(|request| request.from.is_some());
+                if let Some(request) = asked.next() {
+                    break request;
+                }
+            };
+            let known = request.line == "objects=back";
+            request.answer(if known { Ok("done".to_owned()) } else { Err(anyhow::anyhow!("not understood")) });
+        }
+        let [good, bad] = asked.join().expect("no panic");
+        assert_eq!(good.expect("answered"), "done");
+        assert_eq!(bad.expect_err("refused").to_string(), "not understood");
+        drop(door);
+        assert!(!path.exists());
+    }
+}

@@ -1,0 +1,85 @@
+//! The true scene of an emulated robot in the viewer. The host's own recording knows nothing of it.
+
+use std::path::{Path, PathBuf};
+
+use anyhow::Result;
+use bench::emulated_table::EmulatedTable;
+use bench::recording::{drawn, log_scene};
+use stream::recorder::{Recorder, Settings, Target};
+
+/// Shows the scene; one recording for each set of objects on the table.
+pub struct TruthView {
+    file: Option<PathBuf>,
+    live: bool,
+    /// With the version of what stands on the table, and how it is called.
+    open: Option<(u64, Recorder, Vec<String>)>,
+    count: usize,
+}
+
+impl TruthView {
+    /// Into `file`, to a viewer if `live`.
+    pub fn new(file: Option<PathBuf>, live: bool) -> Self {
+        Self { file, live, open: None, count: 0 }
+    }
+
+    /// Shows the present moment.
+    pub fn see(&mut self, table: &EmulatedTable) -> Result<()> {
+        let (names, version) = table.standing();
+        let truth = table.plant().lock().truth();
+        if truth.objects.len() != names.len() {
+            // Replaced between the two looks.
+            return Ok(());
+        }
+        if self.open.as_ref().is_none_or(|(open, ..)| *open != version) {
+            self.begin(table, &names, version)?;
+        }
+        let Some((_, recorder, names)) = &mut self.open else { return Ok(()) };
+        log_scene(recorder, &truth, names)
+    }
+
+    fn begin(&mut self, table: &EmulatedTable, standing: &[String], version: u64) -> Result<()> {
+        self.close()?;
+        self.count += 1;
+        let world = &table.bench().world;
+        let names: Vec<String> = (1..).zip(standing).map(|(n, name)| format!("{n}_{name}")).collect();
+        let objects = standing.iter().zip(&names).map(|(model, name)| Ok(drawn(&*world.object(model)?, name)));
+        let objects = objects.collect::<Result<Vec<_>>>()?;
+        let file = self.file.as_deref().map(|file| Target::File(numbered(file, self.count)));
+        let targets: Vec<Target> = file.into_iter().chain(self.live.then_some(Target::Spawn)).collect();
+        let settings = Settings { truth: true, ..Settings::default() };
+        let recorder = Recorder::open(&targets, settings, &world.cell.hand, &world.cell.arm, &objects)?;
+        self.open = Some((version, recorder, names));
+        Ok(())
+    }
+
+    fn close(&mut self) -> Result<()> {
+        self.open.take().map_or(Ok(()), |(_, recorder, _)| Ok(recorder.finish()?))
+    }
+
+    /// Flushes what is left.
+    pub fn finish(mut self) -> Result<()> {
+        self.close()
+    }
+}
+
+/// The file of the recording of this number: the name itself, then `name-2`.
+fn numbered(file: &Path, count: usize) -> PathBuf {
+    if count < 2 {
+        return file.to_owned();
+    }
+    let stem = file.file_stem().unwrap_or_default().to_string_lossy();
+    let extension = file.extension().map_or(String::new(), |extension| format!(".{}", extension.to_string_lossy()));
+    file.with_file_name(format!("{stem}-{count}{extension}"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn later_recordings_have_numbers() {
+        assert_eq!(numbered(Path::new("a/truth.rrd"), 1), Path::new("a/truth.rrd"));
+        assert_eq!(numbered(Path::new("a/truth.rrd"), 2), Path::new("a/truth-2.rrd"));
+        assert_eq!(numbered(Path::new("truth"), 3), Path::new("truth-3"));
+    }
+}

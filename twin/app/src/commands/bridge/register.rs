@@ -1,0 +1,214 @@
+//! `ftac bridge register`: where the arm's base stands on the table, found by touching balls on known marks.
+
+use std::path::PathBuf;
+
+use anyhow::{Context as _, Result, bail};
+use bench::body::emulated::EmulatedSource;
+use bench::body::hardware::HardwareSource;
+use bench::body::operator::agreed;
+use bench::body::{BodySource as _, Places, Stopped, Task, TrialBody, TrialSetup};
+use bench::builtin::make_scenes;
+use bench::registration::{Plan, Registrar, RegistrationFile, Step, error, hidden_mount};
+use clap::Args;
+use nalgebra::Isometry3;
+use scenarios::Scenario;
+use scenarios::record::Condition;
+
+use super::shared::shown;
+use crate::commands::scenario;
+use crate::terminal::Terminal;
+
+/// Arguments of `bridge register`.
+#[derive(Debug, Args)]
+pub struct RegisterArgs {
+    /// Configuration of the bridge.
+    #[arg(long, default_value = "bridge.toml")]
+    config: PathBuf,
+    /// The emulated robot in lock-step instead, its base where seed N hides it; the result is compared with that.
+    #[arg(long, value_name = "N", conflicts_with = "config")]
+    emulated: Option<u64>,
+    /// Where the result goes; default: registration.toml beside the configuration, or in recordings.
+    #[arg(long)]
+    out: Option<PathBuf>,
+    /// Only say where the hand would go, and whether the arm gets there.
+    #[arg(long)]
+    dry_run: bool,
+    /// Do not ask before moving.
+    #[arg(long)]
+    yes: bool,
+}
+
+pub fn run(terminal: &Terminal, args: &RegisterArgs) -> Result<Option<String>> {
+    let plan = Plan::standard()?;
+    let bench = make_scenes(Scenario::benchmark(), 1, terminal.seed, true)?;
+    let registrar = Registrar::new(&bench.world, &plan, &bench.repertoire)?;
+    if args.dry_run {
+        return dry_run(terminal, &registrar, &plan);
+    }
+    let out = args.out.clone().unwrap_or_else(|| match args.emulated {
+        Some(_) => PathBuf::from("recordings/registration.toml"),
+        None => args.config.with_file_name("registration.toml"),
+    });
+    // What cannot be written is found before anything moves.
+    let folder = out.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(std::path::Path::new("."));
+    tempfile::tempfile_in(folder).with_context(|| format!("{}: cannot be written", shown(&out)))?;
+    let truth = args.emulated.map(|seed| hidden_mount(&plan, seed));
+    let mut body: Box<dyn TrialBody> = match truth {
+        Some(truth) => {
+            let scene = registrar.scene(&truth, bench.board.with_noise(terminal.seed));
+            let (cell, task) = (&bench.world.cell, task(terminal.seed)?);
+            let setup = TrialSetup { task: &task, objects: [("", Isometry3::identity()); 2] };
+            EmulatedSource::new(cell.hand.clone(), cell.arm.clone(), None).open(&setup, scene)?
+        }
+        None => {
+            let sessions = folder.join("sessions");
+            let cell = &bench.world.cell;
+            let mut source = HardwareSource::new(&args.config, cell.arm.clone(), cell.ready, sessions)?;
+            if !source.has_cameras() {
+                bail!(
+                    "{}: found neither [cameras] nor [[uvc]], expected one of them: balls are found by touch",
+                    shown(&args.config)
+                );
+            }
+            describe(&registrar, &plan);
+            let question = "The arm will go to its ready posture, then the fingers come down on each ball. Balls on their marks, hand empty, way clear?";
+            if !args.yes && !agreed(question)? {
+                bail!("nothing was moved: the operator did not say yes");
+            }
+            Box::new(source.connect([("the ball", Isometry3::identity()); 2])?)
+        }
+    };
+    let said = terminal.quiet || terminal.json;
+    let mut tell = |step: Step| match step {
+        _ if said => {}
+        Step::Touching(mark, round) => eprint!("mark {}, touch {}: ", mark + 1, round + 1),
+        Step::Felt(off) => eprintln!(
+            "felt ({:.1}, {:.1}, {:.1}) mm beside where it was expected",
+            1e3 * off.x,
+            1e3 * off.y,
+            1e3 * off.z
+        ),
+    };
+    let found = registrar.run(body.as_mut(), &bench.pipeline, &mut tell);
+    if found.is_err() {
+        body.hold();
+    }
+    let why = found.as_ref().err().map(|error| format!("{error:#}"));
+    let left = body.leave(why.as_deref());
+    drop(body);
+    let (registration, points) = match found {
+        Ok(found) => found,
+        Err(error) if error.downcast_ref::<Stopped>().is_some() => {
+            return Ok(Some(format!("not registered: {error:#}")));
+        }
+        Err(error) => return Err(error.context("not registered; no file was written")),
+    };
+    left?;
+    let file = RegistrationFile::new(&registration);
+    report::write_whole(&out, file.to_toml()?.as_bytes())?;
+    let error = truth.map(|truth| error(&registration.world_from_base, &truth, &registration.middle));
+    let before = truth.map(|truth| self::error(&Isometry3::identity(), &truth, &registration.middle));
+    let mm = |metres: f64| 1e3 * metres;
+    let sigma = |from: usize| file.sigma[from..from + 3].iter().map(|sigma| sigma * sigma).sum::<f64>().sqrt();
+    if terminal.json {
+        let pair = |pair: Option<(f64, f64)>| {
+            pair.map(|(place, turn)| serde_json::json!({"mm": mm(place), "deg": turn.to_degrees()}))
+        };
+        println!(
+            "{}",
+            serde_json::json!({
+                "file": shown(&out), "position_m": file.position, "quaternion": file.quaternion,
+                "sigma_mm": mm(sigma(0)), "sigma_deg": sigma(3).to_degrees(),
+                "residuals_mm": file.residuals.iter().map(|residual| mm(*residual)).collect::<Vec<_>>(),
+                "touches": points.len(), "error": pair(error), "error_before": pair(before),
+            })
+        );
+        return Ok(None);
+    }
+    let worst = file.residuals.iter().copied().fold(0.0, f64::max);
+    println!("{} touches; the worst stays {:.1} mm from its mark", points.len(), mm(worst));
+    let turn = registration.world_from_base.rotation.scaled_axis().map(f64::to_degrees);
+    let place = file.position.map(mm);
+    println!(
+        "the base stands at ({:.1}, {:.1}, {:.1}) mm, turned by ({:.2}, {:.2}, {:.2}) deg; known to {:.1} mm and {:.2} deg (standard deviation)",
+        place[0],
+        place[1],
+        place[2],
+        turn.x,
+        turn.y,
+        turn.z,
+        mm(sigma(0)),
+        sigma(3).to_degrees()
+    );
+    if let (Some((place, turn)), Some((was, turned))) = (error, before) {
+        println!(
+            "hidden truth: {:.2} mm and {:.2} deg off, {:.2} mm and {:.2} deg before",
+            mm(place),
+            turn.to_degrees(),
+            mm(was),
+            turned.to_degrees()
+        );
+    }
+    println!("{}: give it to trial and bench with --registration", shown(&out));
+    Ok(None)
+}
+
+/// The task of an emulated robot that plays no trial.
+fn task(seed: u64) -> Result<Task> {
+    let (_, text) = scenario::read(None)?;
+    Ok(Task {
+        robot: "emulated".to_owned(),
+        seed,
+        combination: 0,
+        trial: 0,
+        condition: Condition::Touch,
+        watched: false,
+        combos: 1,
+        scenario: text,
+        places: Places::default(),
+    })
+}
+
+/// Where the balls belong.
+fn describe(registrar: &Registrar, plan: &Plan) {
+    for mark in 0..plan.marks.len() {
+        let middle = registrar.middle(mark);
+        eprintln!("mark {}: a {} at x {:.3}, y {:.3} m", mark + 1, plan.object, middle.x, middle.y);
+    }
+}
+
+fn dry_run(terminal: &Terminal, registrar: &Registrar, plan: &Plan) -> Result<Option<String>> {
+    let times = registrar.dry_run()?;
+    let rows = || {
+        times.iter().enumerate().flat_map(|(mark, times)| {
+            times.iter().zip(&plan.headings).map(move |(time, heading)| (mark, *heading, *time))
+        })
+    };
+    if terminal.json {
+        let rows: Vec<_> = rows()
+            .map(|(mark, heading, time)| {
+                let middle = registrar.middle(mark);
+                serde_json::json!({"mark": mark + 1, "x_m": middle.x, "y_m": middle.y, "z_m": middle.z, "heading_rad": heading, "seconds": time})
+            })
+            .collect();
+        println!("{}", serde_json::json!({"touches": rows}));
+    } else {
+        println!("{:4} {:>8} {:>8} {:>8} {:>12}  way there and onto it", "mark", "x, m", "y, m", "z, m", "turned, deg");
+        for (mark, heading, time) in rows() {
+            let middle = registrar.middle(mark);
+            let time = time.map_or("out of reach".to_owned(), |time| format!("{time:.1} s"));
+            println!(
+                "{:<4} {:>8.3} {:>8.3} {:>8.3} {:>12.0}  {time}",
+                mark + 1,
+                middle.x,
+                middle.y,
+                middle.z,
+                heading.to_degrees()
+            );
+        }
+    }
+    let missed = rows().find(|(_, _, time)| time.is_none());
+    Ok(missed.map(|(mark, heading, _)| {
+        format!("the arm does not reach mark {} turned by {:.0} deg", mark + 1, heading.to_degrees())
+    }))
+}

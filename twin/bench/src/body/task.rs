@@ -1,0 +1,66 @@
+//! What a trial is, and how its robot knows where things are.
+
+use anyhow::Result;
+use proving::world::World;
+use scenarios::record::Condition;
+use serde::{Deserialize, Serialize};
+
+use super::pose;
+use crate::registration;
+
+/// What a trial is, as a session's file keeps it: enough to set the control stack up again.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Task {
+    /// Body: `sim`, `emulated` or `hardware`.
+    pub robot: String,
+    /// Seed of everything.
+    pub seed: u64,
+    /// Number of the combination.
+    pub combination: usize,
+    /// Number of the trial.
+    pub trial: usize,
+    pub condition: Condition,
+    /// Whether images were taken throughout for a watcher: commands ask for them.
+    pub watched: bool,
+    /// Combinations that were drawn.
+    pub combos: usize,
+    /// The scenario's text.
+    pub scenario: String,
+    /// How the robot knows where things are.
+    #[serde(flatten)]
+    pub places: Places,
+}
+
+impl Task {
+    /// A seed for what is drawn beside the trial's own errors: another one in every trial.
+    pub fn unit_seed(&self) -> u64 {
+        self.seed.wrapping_mul(1_000_003).wrapping_add((self.combination * 1009 + self.trial) as u64)
+    }
+}
+
+/// How a robot knows where things are beside its scenario.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
+pub struct Places {
+    /// Where the arm's base was registered, `world_from_base` as x, y, z, i, j, k, w; where it nominally stands without.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub base: Option<[f64; 7]>,
+    /// Whether the first looks at the objects come from the body's own eyes too.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub eyes: bool,
+    /// Where an emulated robot's base is hidden: the seed.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub mount: Option<u64>,
+}
+
+impl Places {
+    /// Lets the controller of `world` know where its base was registered, and puts a simulated base where it is hidden.
+    pub fn set_up(&self, world: &mut World) -> Result<()> {
+        if let Some(base) = &self.base {
+            world.cell.world_from_base = pose(base);
+        }
+        if let Some(seed) = self.mount {
+            world.stands = registration::hidden_mount(&registration::Plan::standard()?, seed);
+        }
+        Ok(())
+    }
+}

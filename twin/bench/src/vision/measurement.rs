@@ -1,0 +1,218 @@
+//! One measurement of a vision system, and what is refused.
+
+use control::percept::Sighted;
+use nalgebra::{Isometry3, Matrix3, Matrix6, Point3, Quaternion, Translation3, UnitQuaternion, Vector3};
+use scenarios::physics::Physics;
+use serde::Deserialize;
+
+/// A measurement may be stamped so far in the future, s.
+const AHEAD: f64 = 0.1;
+/// An object's middle lies between these heights over the table, m.
+const HEIGHTS: (f64, f64) = (-0.02, 0.5);
+/// Standard deviations that are believed, m: nothing is known better or is of use when it is known worse.
+const SIGMAS: (f64, f64) = (1e-5, 0.1);
+
+/// A line, as it is sent.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Line {
+    /// Name as in the scenario.
+    object: String,
+    /// When it was measured: Unix time, s.
+    time: f64,
+    /// What the pose is given in.
+    #[serde(default)]
+    frame: Frame,
+    /// The object's origin, m.
+    position: Option<[f64; 3]>,
+    /// Its rotation, x, y, z, w.
+    quaternion: Option<[f64; 4]>,
+    /// Of x, y, z (m) and the rotation vector (rad) along the frame's axes, row by row: 36 numbers.
+    covariance: Option<Vec<f64>>,
+    /// It is looked for and not to be seen; pose and covariance are left out.
+    #[serde(default)]
+    hidden: bool,
+}
+
+#[derive(Debug, Clone, Copy, Default, Deserialize)]
+#[serde(rename_all = "snake_case")]
+enum Frame {
+    #[default]
+    Table,
+    ArmBase,
+}
+
+/// What a line must agree with.
+#[derive(Debug, Clone)]
+pub struct Checks {
+    /// Names of all objects that there can be.
+    known: Vec<String>,
+    /// For poses in the frame of the arm's base.
+    world_from_base: Isometry3<f64>,
+    /// Lowest and highest x and y of the table, m.
+    table: [(f64, f64); 2],
+}
+
+impl Checks {
+    /// Objects of these names on the standard table.
+    pub fn new(known: Vec<String>, world_from_base: Isometry3<f64>) -> Self {
+        let table = Physics::standard().table;
+        let table = [0, 1].map(|n| (table.center[n] - table.half[n], table.center[n] + table.half[n]));
+        Self { known, world_from_base, table }
+    }
+}
+
+/// A line that cannot be used.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("line {line}: {what}")]
+pub struct Refused {
+    /// Number of the line since the connection.
+    pub line: u64,
+    /// Field, what was found and what was expected.
+    pub what: String,
+}
+
+/// A measurement that can be used.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Measurement {
+    pub object: String,
+    /// Unix time, s.
+    pub time: f64,
+    /// Nothing if the object is hidden.
+    pub sighted: Option<Sighted>,
+}
+
+/// The measurement on a line (its number is for errors), at `now` (Unix time, s).
+pub fn read(line: &[u8], number: u64, checks: &Checks, now: f64) -> Result<Measurement, Refused> {
+    let refused = |what: String| Refused { line: number, what };
+    let line: Line = serde_json::from_slice(line).map_err(|error| refused(error.to_string()))?;
+    let field = |name: &str, found: String, expected: &str| {
+        Err(refused(format!("{}: {name}: found {found}, expected {expected}", line.object)))
+    };
+    if !checks.known.contains(&line.object) {
+        return Err(refused(format!("object: found {}, expected one of {}", line.object, checks.known.join(", "))));
+    }
+    if !line.time.is_finite() || line.time > now + AHEAD {
+        return field("time", format!("{} ({:.2} s ahead)", line.time, line.time - now), "a Unix time that has been");
+    }
+    let Line { object, time, frame, .. } = &line;
+    if line.hidden {
+        return match (line.position, line.quaternion) {
+            (None, None) => Ok(Measurement { object: object.clone(), time: *time, sighted: None }),
+            _ => field("hidden", "a pose too".to_owned(), "either"),
+        };
+    }
+    let (Some(position), Some(quaternion)) = (line.position, line.quaternion) else {
+        return field("position and quaternion", "one or none".to_owned(), "both, or `hidden`: true");
+    };
+    let Some(covariance) = &line.covariance else { return field("covariance", "none".to_owned(), "36 numbers") };
+    if covariance.len() != 36 || !covariance.iter().all(|value| value.is_finite()) {
+        return field("covariance", format!("{} numbers", covariance.len()), "36 finite numbers");
+    }
+    let [x, y, z, w] = quaternion;
+    let turn = Quaternion::new(w, x, y, z);
+    if !(0.999..1.001).contains(&turn.norm()) {
+        return field("quaternion", format!("norm {}", turn.norm()), "norm 1");
+    }
+    let covariance = Matrix6::from_row_slice(covariance);
+    let sound = (covariance - covariance.transpose()).norm() <= 1e-6 * covariance.norm();
+    if !sound || covariance.symmetric_eigenvalues().min() < -1e-9 * covariance.norm() {
+        return field("covariance", "one that is not symmetric or has a negative variance".to_owned(), "a covariance");
+    }
+    let measured = Isometry3::from_parts(Translation3::from(position), UnitQuaternion::from_quaternion(turn));
+    let world = match frame {
+        Frame::Table => Isometry3::identity(),
+        Frame::ArmBase => checks.world_from_base,
+    };
+    let pose = world * measured;
+    let at = Point3::from(pose.translation.vector);
+    let over = checks.table.iter().zip([at.x, at.y]).all(|((low, high), value)| (*low..=*high).contains(&value));
+    if !over || !(HEIGHTS.0..=HEIGHTS.1).contains(&at.z) {
+        return field(
+            "position",
+            format!("({:.3}, {:.3}, {:.3}) m", at.x, at.y, at.z),
+            &format!("a place on the table, x {:?}, y {:?}, z {HEIGHTS:?} m", checks.table[0], checks.table[1]),
+        );
+    }
+    let turn = world.rotation.to_rotation_matrix().into_inner();
+    let place: Matrix3<f64> = turn * covariance.fixed_view::<3, 3>(0, 0) * turn.transpose();
+    let sigma = level_sigma(&place.diagonal());
+    if !(SIGMAS.0..=SIGMAS.1).contains(&sigma) {
+        return field("covariance", format!("a standard deviation of {sigma:e} m"), "0.00001 to 0.1 m");
+    }
+    Ok(Measurement { object: object.clone(), time: *time, sighted: Some(Sighted { pose, sigma: Some(sigma) }) })
+}
+
+/// Of each of x and y, m: root mean square of both.
+fn level_sigma(variances: &Vector3<f64>) -> f64 {
+    (0.5 * (variances.x + variances.y)).sqrt()
+}
+
+/// A line, as a vision system sends it: `object` at `pose` on the table, with standard deviations of x, y, z (m) and of the rotation (rad).
+pub fn line(object: &str, time: f64, pose: &Isometry3<f64>, (place, turn): (f64, f64)) -> String {
+    let sigma = [place, place, place, turn, turn, turn];
+    let covariance: Vec<f64> = (0..36).map(|n| if n % 7 == 0 { sigma[n / 7].powi(2) } else { 0.0 }).collect();
+    let (t, q) = (pose.translation.vector, pose.rotation.coords);
+    serde_json::json!({
+        "object": object, "time": time, "frame": "table",
+        "position": [t.x, t.y, t.z], "quaternion": [q.x, q.y, q.z, q.w], "covariance": covariance,
+    })
+    .to_string()
+        + "\n"
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn checks() -> Checks {
+        Checks::new(vec!["pear".to_owned()], Isometry3::translation(0.0, 0.0, 0.01))
+    }
+
+    fn refusal(from: &str, to: &str) -> String {
+        let good = line("pear", 100.0, &Isometry3::translation(0.62, 0.25, 0.03), (0.003, 0.02));
+        assert!(good.contains(from), "{good}");
+        read(good.replacen(from, to, 1).as_bytes(), 3, &checks(), 100.0).expect_err("bad").to_string()
+    }
+
+    #[test]
+    fn a_line_is_read_as_it_was_written() {
+        let pose = Isometry3::new(Vector3::new(0.62, -0.14, 0.03), Vector3::new(0.0, 0.0, 0.4));
+        let text = line("pear", 100.0, &pose, (0.003, 0.02));
+        let seen = read(text.as_bytes(), 1, &checks(), 100.0).expect("good");
+        let sighted = seen.sighted.expect("seen");
+        assert_eq!((seen.object.as_str(), seen.time), ("pear", 100.0));
+        assert!((sighted.sigma.expect("stated") - 0.003).abs() < 1e-12);
+        assert!((sighted.pose.inverse() * pose).translation.vector.norm() < 1e-12);
+        // The arm's base stands 10 mm over the table.
+        let based = text.replace("\"table\"", "\"arm_base\"");
+        let sighted = read(based.as_bytes(), 1, &checks(), 100.0).expect("good").sighted.expect("seen");
+        assert!((sighted.pose.translation.z - 0.04).abs() < 1e-12);
+    }
+
+    #[test]
+    fn what_cannot_be_is_refused_in_words() {
+        for (from, to, words) in [
+            ("pear", "plum", "line 3: object: found plum, expected one of pear"),
+            ("0.62", "NaN", "line 3: expected value"),
+            ("0.62", "1e999", "out of range"),
+            ("0.62", "6.2", "expected a place on the table"),
+            ("0.03]", "-0.3]", "expected a place on the table"),
+            ("100.0", "101.0", "time: found 101"),
+            ("table", "camera", "camera"),
+            ("\"quaternion\":[0.0", "\"quaternion\":[0.5", "expected norm 1"),
+            ("\"position\"", "\"positions\"", "positions"),
+            ("\"covariance\":[", "\"covariance\":[1.0,", "36 finite numbers"),
+            ("\"covariance\":[9e-6,0.0", "\"covariance\":[9e-6,1.0", "not symmetric"),
+            ("\"covariance\":[9e-6", "\"covariance\":[-9e-6", "negative variance"),
+            ("\"object\"", "\"hidden\": true, \"object\"", "hidden: found a pose too"),
+            ("{", "[", "line 3"),
+        ] {
+            let message = refusal(from, to);
+            assert!(message.contains(words), "{to}: {message}");
+        }
+        let exact = line("pear", 100.0, &Isometry3::translation(0.62, 0.25, 0.03), (0.0, 0.0));
+        let message = read(exact.as_bytes(), 1, &checks(), 100.0).expect_err("never errs").to_string();
+        assert!(message.contains("0.00001 to 0.1 m"), "{message}");
+    }
+}
