@@ -4,11 +4,10 @@
 
 use std::sync::{Mutex, MutexGuard, TryLockError};
 
-use bench::environment::{
-    self, Action, ArmAction, EpisodeError, HandAction, Judgement, Options, PadImages, Placed, SceneOptions, Task,
-};
+use bench::environment::{self, EpisodeError, Judgement, Options, PadImages, Placed, SceneOptions, Task};
 use bench::workers;
 use control::Twist;
+use control::action::{Action, ArmAction, HandAction};
 use numpy::{IntoPyArray, PyArray1, PyArray3, PyReadonlyArray2, PyUntypedArrayMethods};
 use pyo3::exceptions::PyRuntimeError;
 use pyo3::prelude::*;

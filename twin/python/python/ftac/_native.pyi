@@ -55,8 +55,8 @@ def step_all(episodes: list[Episode], actions: Array, jobs: int) -> list[tuple[l
 
 class Benchmark:
     def __init__(self, seed: int) -> None: ...
-    def play(self, policy: Any, combination: int, trial: int) -> str:
-        """`policy.choose(dict)` answers None or a candidate's index with x, y (m) and yaw (rad) of its aim."""
+    def play(self, host: Any, guest: str, wall: bool, combination: int, trial: int) -> str:
+        """`host` is a `policy_host.Host`, `guest` what it says of its policy, as JSON."""
     def condition(self, name: str, combination: int, trial: int) -> str: ...
 
 def objects() -> list[str]:
