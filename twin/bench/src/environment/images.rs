@@ -71,7 +71,7 @@ impl PadImages {
     }
 
     /// Shows untouched pads: an image a camera.
-    pub(crate) fn show_backgrounds(&mut self, hand: &Hand, images: Vec<Arc<TactileImage>>) {
+    pub fn show_backgrounds(&mut self, hand: &Hand, images: Vec<Arc<TactileImage>>) {
         for (newest, image) in self.newest.iter_mut().zip(images) {
             *newest = Some(image);
         }
@@ -81,7 +81,7 @@ impl PadImages {
     }
 
     /// Shows what has arrived.
-    pub(crate) fn show(&mut self, hand: &Hand, frames: Vec<TactileFrame>) {
+    pub fn show(&mut self, hand: &Hand, frames: Vec<TactileFrame>) {
         let mut changed = vec![false; hand.pads.len()];
         for frame in frames {
             let Some(newest) = self.newest.get_mut(frame.camera) else { continue };

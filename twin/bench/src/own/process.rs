@@ -5,7 +5,7 @@
 
 use std::io::{BufRead as _, BufReader, BufWriter, Write as _};
 use std::os::unix::process::CommandExt as _;
-use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
+use std::process::{Child, ChildStdin, ChildStdout, Stdio};
 use std::time::{Duration, Instant};
 
 use anyhow::{Context as _, Result, bail};
@@ -13,9 +13,8 @@ use serde_json::Value;
 
 use super::host::{Array, Guest, Host, HostError};
 use super::pool::Source;
+use super::python;
 
-/// Names the Python that runs policies.
-pub const PYTHON: &str = "FTAC_POLICY_PYTHON";
 /// How long a process may take to end once nobody asks it any more.
 const PATIENCE: Duration = Duration::from_millis(500);
 
@@ -31,16 +30,13 @@ pub struct Process {
 impl Process {
     /// Starts the process of a policy, and waits until it introduces itself.
     pub fn start(source: &Source) -> Result<(Self, Guest)> {
-        let python = std::env::var(PYTHON).unwrap_or_else(|_| "python3".to_owned());
         let asked = format!("{}:{}", source.file.display(), source.class);
-        let mut command = Command::new(&python);
-        command.args(["-m", "ftac.policy_host", &asked]).stdin(Stdio::piped()).stdout(Stdio::piped());
+        let mut command = python::module("ftac.policy_host");
+        command.arg(&asked).stdin(Stdio::piped()).stdout(Stdio::piped());
         // Ctrl-C is for this program, which finishes the trials in progress.
-        let mut child = command.process_group(0).spawn().with_context(|| {
-            format!("--policy: cannot start `{python}`; expected Python with the package ftac, or its path in {PYTHON}")
-        })?;
+        let mut child = command.process_group(0).spawn().with_context(|| python::missing("--policy"))?;
         let (Some(input), Some(output)) = (child.stdin.take(), child.stdout.take()) else {
-            bail!("--policy: `{python}` has no pipes");
+            bail!("--policy: `{}` has no pipes", python::name());
         };
         let questions = Some(BufWriter::new(input));
         let mut process = Self { child, questions, answers: BufReader::new(output), well: true };
@@ -51,7 +47,9 @@ impl Process {
             }
             Err(HostError::Failed(why)) => bail!("--policy {asked}: {why}"),
             Err(error) => bail!(
-                "--policy {asked}: `{python} -m ftac.policy_host` does not answer: {error}; expected Python with the package ftac (`pip install ./twin/python`), or its path in {PYTHON}"
+                "--policy {asked}: `{} -m ftac.policy_host` does not answer: {error}; {}",
+                python::name(),
+                python::EXPECTED
             ),
         }
     }

@@ -126,7 +126,7 @@ class Pick(gymnasium.Env[Observation, Vector]):
         """Carries out `action` for 1/20 s. ``ValueError`` for one that is not in the action space."""
         row = self._row(action)
         assert self._episode is not None
-        return self._judge(action, self._episode.step(row[:6], None, row[6:11], float(row[11]), None))
+        return self._judge(action, self._episode.step((row[:6], None, row[6:11], float(row[11]), None)))
 
     def _row(self, action: Vector) -> NDArray[np.float64]:
         """Twist, tensions, opposition of an action."""
