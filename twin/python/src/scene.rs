@@ -42,8 +42,7 @@ fn own<T>(mutex: &Mutex<T>) -> PyResult<MutexGuard<'_, T>> {
 }
 
 /// What is asked for: `twist` or `joints`, and `tensions` with `opposition` or `spools`, in this order.
-type Asked<'py> =
-    (Option<Numbers<'py>>, Option<Numbers<'py>>, Option<Numbers<'py>>, Option<f64>, Option<Numbers<'py>>);
+type Asked<'py> = (Option<Numbers<'py>>, Option<Numbers<'py>>, Option<Numbers<'py>>, Option<f64>, Option<Numbers<'py>>);
 
 fn action((twist, joints, tensions, opposition, spools): Asked) -> PyResult<Action> {
     let arm = match (twist, joints) {

@@ -119,7 +119,10 @@ fn sessions(folder: &Path) -> Result<Vec<PathBuf>> {
     }
     found.sort();
     if found.is_empty() {
-        bail!("{}: found no session (*.mcap), expected those of `ftac bench --robot emulated --record all`", folder.display());
+        bail!(
+            "{}: found no session (*.mcap), expected those of `ftac bench --robot emulated --record all`",
+            folder.display()
+        );
     }
     Ok(found)
 }
