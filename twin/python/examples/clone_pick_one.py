@@ -12,6 +12,7 @@ It needs numpy and gymnasium beside ftac.
 
 import argparse
 import os
+import sys
 from concurrent.futures import ProcessPoolExecutor
 
 os.environ.setdefault("RAYON_NUM_THREADS", "1")
@@ -95,6 +96,8 @@ def collect(args):
             kept += [rows] if success else []
             if played % 25 == 0:
                 print(f"{played} episodes, {len(kept)} succeeded", flush=True)
+    if not kept:
+        sys.exit(f"none of {played} episodes succeeded: nothing to learn from")
     lengths = [len(rows[0]) for rows in kept]
     measured, felt, action = (np.concatenate([rows[n] for rows in kept]) for n in range(3))
     partial = args.out + ".partial.npz"
@@ -188,7 +191,7 @@ def train(args):
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--combination", type=int, default=0, help="its first object is picked; see ftac.combinations()")
+    parser.add_argument("--combination", type=int, default=1, help="its first object is picked; see ftac.combinations()")
     parser.add_argument("--jobs", type=int, default=os.cpu_count(), help="processes")
     commands = parser.add_subparsers(required=True)
     collecting = commands.add_parser("collect", help="play the script and keep what it did")
