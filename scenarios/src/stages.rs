@@ -68,6 +68,7 @@ mod tests {
     use nalgebra::{Isometry3, Vector3};
 
     use super::*;
+    use crate::referee::{FailureCause, Limits, Referee, RefereeRules};
 
     /// A scene in which the objects are so high over the table and touched so.
     fn scene(time: f64, heights: [f64; 2], touched: [bool; 2]) -> SceneTruth {
@@ -105,6 +106,34 @@ mod tests {
         assert_eq!(see(6.9, [0.09, 0.09], [true, true]), (Phase::Hold, false));
         assert_eq!(see(7.0, [0.09, 0.09], [true, true]), (Phase::Hold, true));
         assert_eq!(see(8.0, [0.03, 0.09], [true, true]), (Phase::ApproachFirst, false));
+    }
+
+    /// A referee who goes by these phases finds a trial won in which both are taken and held, and one lost whose hold breaks off.
+    #[test]
+    fn a_referee_can_judge_by_them() {
+        let rules = RefereeRules { palm_distance: 0.16, slip: 0.02, knock_distance: 0.01 };
+        let judged = |until: f64| {
+            let mut referee = Referee::new(rules, Limits { hold: 1.0, trial: 60.0 });
+            let mut stages = Stages::new(0.16, 0.05, 1.0);
+            let mut time = 0.0;
+            while time < until && !stages.is_done(time) {
+                time += 0.01;
+                let (heights, touched) = match time {
+                    _ if time < 1.0 => ([0.03, 0.03], [false, false]),
+                    _ if time < 3.0 => ([0.1, 0.03], [true, false]),
+                    _ => ([0.1, 0.1], [true, true]),
+                };
+                let mut truth = scene(time, heights, touched);
+                truth.free_digits_on_second = 2 * usize::from(touched[1]);
+                truth.phase = stages.see(&truth);
+                referee.see(&truth);
+            }
+            (referee.verdict(), referee.tries().len())
+        };
+        let (won, tries) = judged(10.0);
+        assert!(won.success && !won.contact && tries == 2, "{won:?}");
+        let (lost, _) = judged(3.5);
+        assert_eq!((lost.success, lost.cause), (false, Some(FailureCause::NotFinished)));
     }
 
     #[test]
