@@ -5,7 +5,7 @@
 //! goes, and [`combination`] draws pairs; [`noise`] draws what goes wrong in a trial, [`individuals`] which arm and which objects
 //! are at hand, [`sight`] what vision makes of them;
 //! [`effects`] are what reality adds to an ideal robot, [`disturbance`] says what is done to a trial on purpose, and it goes through
-//! the phases of [`phase`]; the [`referee`] judges it from ground truth; a [`record::TrialRecord`] keeps the result and a [`tries::TryRecord`] that of each try; with less of
+//! the phases of [`phase`], or those that [`stages`] reads from the scene; the [`referee`] judges it from ground truth; a [`record::TrialRecord`] keeps the result and a [`tries::TryRecord`] that of each try; with less of
 //! its means ([`ablation`], [`sensing`]) an [`record::AblatedTrial`], and [`statistics`] sums all of them up. [`transport`] says which balls are to be
 //! carried, as many as fit at once.
 
@@ -26,6 +26,7 @@ pub mod referee;
 pub mod scenario;
 pub mod sensing;
 pub mod sight;
+pub mod stages;
 pub mod statistics;
 pub mod transport;
 pub mod tries;

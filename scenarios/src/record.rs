@@ -19,14 +19,19 @@ pub enum Condition {
     Reflex,
     /// The same noise, policy `touch`.
     Touch,
+    /// The same noise, a policy of the user's own.
+    Own,
 }
 
 impl Condition {
     /// All conditions in order.
-    pub const ALL: [Self; 4] = [Self::Ideal, Self::Blind, Self::Reflex, Self::Touch];
+    pub const ALL: [Self; 5] = [Self::Ideal, Self::Blind, Self::Reflex, Self::Touch, Self::Own];
+
+    /// Those that come with the program.
+    pub const BUILT_IN: [Self; 4] = [Self::Ideal, Self::Blind, Self::Reflex, Self::Touch];
 
     /// Those of a trial with noise.
-    pub const NOISY: [Self; 3] = [Self::Blind, Self::Reflex, Self::Touch];
+    pub const NOISY: [Self; 4] = [Self::Blind, Self::Reflex, Self::Touch, Self::Own];
 
     /// As files and the command line write it.
     pub fn name(self) -> &'static str {
@@ -35,6 +40,7 @@ impl Condition {
             Self::Blind => "blind",
             Self::Reflex => "reflex",
             Self::Touch => "touch",
+            Self::Own => "own",
         }
     }
 }

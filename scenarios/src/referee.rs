@@ -381,7 +381,7 @@ impl Referee {
         HoldingRule::within(self.rules.palm_distance).holds(&Support {
             held: truth.hand_contacts[object] > 0,
             on_table: truth.on_table[object],
-            distance: in_palm(truth)[object].coords.norm(),
+            distance: distance_in_palm(truth, object),
             height: truth.world_from_object[object].translation.z,
         })
     }
@@ -420,6 +420,11 @@ impl Referee {
 /// Where the second object is, m, world.
 fn second_at(truth: &SceneTruth) -> Point3<f64> {
     truth.world_from_object[1].translation.vector.into()
+}
+
+/// Distance of an object's origin from the palm's, m.
+pub(crate) fn distance_in_palm(truth: &SceneTruth, object: usize) -> f64 {
+    in_palm(truth)[object].coords.norm()
 }
 
 /// Origins of both objects in the palm frame, m.

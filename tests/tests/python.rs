@@ -1,6 +1,6 @@
 //! The Python package: its wheel is built and installed into a fresh environment, where the examples of its page and its own tests run.
 //!
-//! It needs `python3` with `venv`, and downloads maturin, numpy and gymnasium. Without them it says so and passes, unless `FTAC_PYTHON=required`
+//! It needs `python3` with `venv`, and downloads maturin, numpy, gymnasium, pyarrow and av. Without them it says so and passes, unless `FTAC_PYTHON=required`
 //! asks for it.
 
 use std::io::Write as _;
@@ -11,7 +11,7 @@ use e2e::{forget_package, root, stderr, target_dir};
 use tempfile::tempdir;
 
 /// What the test asks of the package registry.
-const PACKAGES: [&str; 3] = ["maturin>=1.9,<2", "numpy", "gymnasium>=1.0"];
+const PACKAGES: [&str; 5] = ["maturin>=1.9,<2", "numpy", "gymnasium>=1.0", "pyarrow", "av"];
 
 /// Python blocks of a page.
 fn examples(page: &str) -> Vec<String> {

@@ -22,10 +22,12 @@
 //! killed program leaves everything up to its last whole tick, and [`reader`] reads such a file. Viewers find their way by the chunks' indices.
 //!
 //! [`recorder::Recorder`] wraps a robot and writes its session; [`tap::Tap`] adds the bytes of a link. [`replay::Replay`] is a robot that plays a
-//! session back and compares every command with the recorded one, bit by bit. [`comparison`] compares two sessions, and [`ros2`] writes one as a ROS 2 bag.
+//! session back and compares every command with the recorded one, bit by bit. [`comparison`] compares two sessions, [`frames`] thins one out for learners, and [`ros2`] writes one as a
+//! ROS 2 bag.
 
 pub mod comparison;
 pub mod error;
+pub mod frames;
 pub mod message;
 pub mod reader;
 pub mod recorder;

@@ -38,6 +38,7 @@ pub struct ConditionSummary {
 
 /// One value per condition.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[serde(bound(serialize = "T: Serialize + Default + PartialEq"))]
 pub struct PerCondition<T> {
     /// No noise, policy `blind`.
     pub ideal: T,
@@ -48,6 +49,13 @@ pub struct PerCondition<T> {
     pub reflex: T,
     /// Noise, policy `touch`.
     pub touch: T,
+    /// Noise, a policy of the user's own; left out where there was none.
+    #[serde(default, skip_serializing_if = "is_default")]
+    pub own: T,
+}
+
+fn is_default<T: Default + PartialEq>(value: &T) -> bool {
+    *value == T::default()
 }
 
 impl<T> PerCondition<T> {
@@ -58,7 +66,16 @@ impl<T> PerCondition<T> {
             Condition::Blind => &self.blind,
             Condition::Reflex => &self.reflex,
             Condition::Touch => &self.touch,
+            Condition::Own => &self.own,
         }
+    }
+}
+
+impl PerCondition<ConditionSummary> {
+    /// The conditions that a table has a place for: those that come with the program, and the user's own if it was played.
+    pub fn listed(&self) -> impl Iterator<Item = Condition> {
+        let own = self.own.trials > 0;
+        Condition::ALL.into_iter().filter(move |condition| own || *condition != Condition::Own)
     }
 }
 
@@ -185,7 +202,7 @@ pub struct Summary {
 /// Sums records up; `ablated` are trials with less of the senses, if any.
 pub fn summarise(records: &[TrialRecord], ablated: &[AblatedTrial], run: &RunInfo) -> Summary {
     let per_condition = Condition::ALL.map(|condition| combination_rates(records, condition));
-    let [ideal, blind, reflex, touch] = &per_condition;
+    let [ideal, blind, reflex, touch, own] = &per_condition;
     let contact = |rates: &CombinationRates| rates.contact_rate;
     let success = |rates: &CombinationRates| rates.success_rate;
     let clean = |rates: &CombinationRates| rates.clean_success_rate;
@@ -208,6 +225,7 @@ pub fn summarise(records: &[TrialRecord], ablated: &[AblatedTrial], run: &RunInf
             blind: summary(Condition::Blind, blind),
             reflex: summary(Condition::Reflex, reflex),
             touch: summary(Condition::Touch, touch),
+            own: summary(Condition::Own, own),
         },
         t_test: Tests {
             contact: paired_t_test(&pair_up(blind, ideal, contact)),

@@ -109,6 +109,7 @@ pub fn make_scenes(scenario: Scenario, combos: usize, seed: u64, quiet: bool) ->
         uncertainty: Uncertainty::standard(),
         seed,
         profile: Arc::default(),
+        own: None,
         intact: None,
     })
 }

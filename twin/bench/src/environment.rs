@@ -1,19 +1,17 @@
 //! Scenes that a learner steps through: the simulated robot at the benchmark's table, twenty actions a second.
 //!
-//! [`action`] says what an action is and checks it, [`scene`] carries actions out and observes, [`images`] brings the cameras' frames to one
+//! [`control::action`] says what an action is and checks it, [`scene`] carries actions out and observes, [`images`] brings the cameras' frames to one
 //! size, [`episode`] begins a task and judges it,
 //! and [`picture`] shows a scene to people.
 //!
 //! What a scene observes is what a robot measures. The truth leaves by [`scene::Scene::truth`] alone; [`episode::Judgement`] is made from it, as
 //! a referee's verdict is.
 
-pub mod action;
 pub mod episode;
 pub mod images;
 pub mod picture;
 pub mod scene;
 
-pub use action::{Action, ActionError, ActionLimits, ArmAction, HandAction};
 pub use episode::{Episode, EpisodeError, Judgement, Options, Task};
 pub use images::{ImageSizeError, PadImages};
 pub use picture::PictureSizeError;

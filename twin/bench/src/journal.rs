@@ -15,6 +15,7 @@ use serde::{Deserialize, Serialize};
 use sha2::{Digest as _, Sha256};
 
 use crate::body::{Places, Task};
+use crate::own::Source;
 
 /// What a run was asked for; a resumed run must be asked for the same.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -40,6 +41,9 @@ pub struct RunRequest {
     /// File of what the controller expects to go wrong; its text, or none for what comes with the program.
     #[serde(default)]
     pub uncertainty: Option<String>,
+    /// The policy of the condition `own`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub policy: Option<Source>,
     /// Factor of the scenario's noise.
     #[serde(default = "unscaled")]
     pub noise_scale: f64,
@@ -88,7 +92,7 @@ impl RunRequest {
 }
 
 fn all_conditions() -> Vec<Condition> {
-    Condition::ALL.to_vec()
+    Condition::BUILT_IN.to_vec()
 }
 
 fn unscaled() -> f64 {

@@ -21,7 +21,7 @@ use stream::{DrawnObject, Level, PoseError, SignalFrame, TrialProperties};
 use self::beliefs::Beliefs;
 use self::measured::Measured;
 use crate::body::Task;
-use crate::trial::{Bench, Means, Moment, Watcher};
+use crate::trial::{Bench, Moment, Watcher};
 
 /// `object` as it is drawn, under `name`.
 pub fn drawn(object: &ObjectModel, name: &str) -> DrawnObject {
@@ -114,6 +114,8 @@ pub struct Recording {
     names: [String; 2],
     objects: [Arc<ObjectModel>; 2],
     condition: Condition,
+    /// Whether the branch has nothing of the first grasp that others share.
+    begins_otherwise: bool,
     /// Whether nothing but the one branch is played.
     alone: bool,
     began: Began,
@@ -151,6 +153,7 @@ impl Recording {
             names,
             objects,
             condition,
+            begins_otherwise: bench.begins_otherwise(condition),
             alone: task.robot != "sim",
             began,
             measured: Measured::new(&bench.world.cell),
@@ -182,8 +185,8 @@ impl Watcher for Recording {
     }
 
     fn see(&mut self, moment: &Moment) -> Result<()> {
-        let begins_otherwise = || Means::of(self.condition).is_some_and(Means::begin_otherwise);
-        if !self.alone && moment.condition.map_or_else(begins_otherwise, |condition| condition != self.condition) {
+        let others = moment.condition.map_or(self.begins_otherwise, |condition| condition != self.condition);
+        if !self.alone && others {
             return Ok(());
         }
         let Some(recorder) = self.recorder.as_mut() else { return Ok(()) };
@@ -227,6 +230,10 @@ impl Watcher for Recording {
         let executive = moment.executive;
         self.shown.log(recorder, executive.newest_images())?;
         match truth {
+            // Where the policy itself moves the robot, the executive asks for nothing.
+            Some(truth) if self.condition == Condition::Own && self.begins_otherwise => {
+                log_signals(recorder, truth, executive.servos(), &executive.arm().position, errors)
+            }
             Some(truth) => log_signals(recorder, truth, executive.servos(), executive.posture(), errors),
             None => self.measured.log(recorder, &names, executive, felt),
         }

@@ -16,6 +16,7 @@ use scenarios::tries::{TryRecord, write_tries};
 use crate::body::BodySource;
 use crate::body::operator::Interrupt;
 use crate::journal::{Entry, Journal, RunRequest, Unit};
+use crate::own::Pace;
 use crate::recording::{Began, Recording};
 use crate::trial::filming::{self, All, Filming};
 use crate::trial::profile::Activity;
@@ -73,7 +74,11 @@ fn recorded(record: Record, unit: Unit) -> bool {
 fn run_unit(bench: &Bench, request: &RunRequest, unit: Unit, folder: &Path, options: &Options) -> Result<TrialResults> {
     // What is done with real devices cannot be done again.
     let record = options.live || recorded(options.record, unit) || request.robot == "hardware";
-    let condition = if unit.trial.is_some() { Condition::Touch } else { Condition::Ideal };
+    let condition = match unit.trial {
+        Some(_) if request.policy.is_some() => Condition::Own,
+        Some(_) => Condition::Touch,
+        None => Condition::Ideal,
+    };
     if let Some(place) = (options.place)(record)? {
         return run_conditions(bench, request, unit, folder, options, (place, record));
     }
@@ -86,7 +91,7 @@ fn run_unit(bench: &Bench, request: &RunRequest, unit: Unit, folder: &Path, opti
     recorded_as(&name(unit), folder, options.live, |targets| {
         let mut recording =
             Recording::open(targets, bench, &request.task(unit, condition, false), (Began::Never, false))?;
-        let mut filming = Filming::new(condition, 4.0);
+        let mut filming = Filming::new(bench, condition, 4.0);
         let mut watchers = All(vec![&mut recording, &mut filming]);
         let results = match unit.trial {
             Some(trial) => bench.trial(unit.combination, trial, &request.noisy(), &request.ablations, &mut watchers),
@@ -310,12 +315,16 @@ fn warnings(done: &BTreeMap<Unit, Entry>, request: &RunRequest) -> Vec<String> {
             request.combos, request.trials
         ));
     }
-    if request.conditions.len() < Condition::ALL.len() {
+    if Condition::BUILT_IN.iter().any(|condition| !request.conditions.contains(condition)) {
         let names: Vec<&str> = request.conditions.iter().map(|condition| condition.name()).collect();
         warnings.push(format!("only these conditions were played: {}", names.join(", ")));
     }
     if request.noise_scale != 1.0 {
         warnings.push(format!("all errors are scaled by {}", request.noise_scale));
+    }
+    if request.policy.as_ref().is_some_and(|policy| policy.pace == Pace::Wall) {
+        warnings
+            .push("time passed while the policy of one's own thought: its results depend on the computer".to_owned());
     }
     if !request.without.is_empty() {
         let names: Vec<String> = request.without.iter().map(ToString::to_string).collect();
@@ -367,6 +376,9 @@ pub fn finish(
         "version": env!("CARGO_PKG_VERSION"),
         "wall_s": summary.wall_s,
     });
+    if let Some(own) = &request.policy {
+        run["own"] = format!("{}:{}, SHA-256 {}", own.file.display(), own.class, own.sha256).into();
+    }
     run["warnings"] = warnings(done, request).into();
     let noise = request.scenario()?.noise;
     run["errors drawn (s.d.)"] = serde_json::json!({

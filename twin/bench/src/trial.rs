@@ -20,14 +20,16 @@ pub mod watcher;
 use std::sync::Arc;
 
 use anyhow::{Context as _, Result};
+use control::action::ActionLimits;
 use control::policy::blind::Blind;
-use control::policy::chosen::{Chooser, Chosen};
+use control::policy::chosen::Chosen;
 use control::policy::touch::Touch;
 use control::policy::{Knowledge, Recovery, Reordered, order};
 use control::sensing::Senses;
 use grasping::Grasp;
 use proving::plan::PlannedGrasps;
 use proving::rehearsal::{Snapshot, TrialStart};
+use rand::RngExt as _;
 use scenarios::noise::{TrialNoise, trial_rng};
 use scenarios::objects::ObjectModel;
 use scenarios::record::{AblatedTrial, Condition, TrialId, TrialRecord};
@@ -46,6 +48,12 @@ use self::setup::{Known, Setup, Start};
 pub use self::shared::Bench;
 pub use self::watcher::{Moment, NoWatcher, Watcher};
 use crate::body::{BodySource, Task};
+use crate::own::chooser::HostChooser;
+use crate::own::message::{self, Info};
+use crate::own::{Guest, Host, Level, Pace, drive};
+
+/// Tells the seeds that the user's own policies get from those of the trials.
+const OWN: u64 = 0x6f77_6e5f_706f_6c69;
 
 impl Bench {
     /// One trial under one condition on a body from `source`.
@@ -68,10 +76,12 @@ impl Bench {
             Some(means) if means.begin_otherwise() => {
                 setup.ordered(self, means)?.at_rest(self, Some((source, task)), watcher)?
             }
+            _ if self.begins_otherwise(task.condition) => setup.at_rest(self, Some((source, task)), watcher)?,
             _ => setup.first_grasp(self, Some((source, task)), watcher)?,
         };
         let mut body = start.run.snapshot.robot.clone();
         let played = match means {
+            _ if task.condition == Condition::Own => self.own(&start, self.options(id, looks), watcher),
             Some(means) => self.touch(&start, self.options(id, looks), means, watcher),
             None => self.plan(&start, self.options(id, looks), watcher),
         };
@@ -89,16 +99,21 @@ impl Bench {
         Ok(outcome)
     }
 
-    /// One trial in which somebody else chooses how the second object is taken, with the errors that every condition of the trial meets. Its
-    /// record stands under `touch`, whose senses and looks it has.
-    pub fn chosen(&self, combination: usize, trial: usize, chooser: &mut dyn Chooser) -> Result<TrialOutcome> {
+    /// One trial in which a policy of the user's own decides, answered for by `host`, with the errors that every condition of the trial meets.
+    pub fn hosted(
+        &self,
+        combination: usize,
+        trial: usize,
+        (guest, pace): (&Guest, Pace),
+        host: &mut dyn Host,
+    ) -> Result<TrialOutcome> {
         let (setup, looks) = Setup::noisy(self, combination, trial)?;
-        let start = setup.first_grasp(self, None, &mut NoWatcher)?;
-        let pipeline = start.pipeline.as_ref().unwrap_or(&self.pipeline);
-        let means = Means { sensing: Sensing::Full, recovery: Recovery::FULL, explores: false };
-        let (knowledge, senses) = (self.knowledge(start.known(), means)?, Senses::new(pipeline, Sensing::Full)?);
-        let id = TrialId { combination, trial, condition: Condition::Touch };
-        play(&start, &mut Chosen::new(knowledge, senses, chooser), self.options(id, looks), &mut NoWatcher)
+        let start = match guest.level {
+            Level::Act => setup.at_rest(self, None, &mut NoWatcher)?,
+            Level::Choose => setup.first_grasp(self, None, &mut NoWatcher)?,
+        };
+        let options = self.options(TrialId { combination, trial, condition: Condition::Own }, looks);
+        self.guest(&start, guest, host, Play { pace, ..options }, &mut NoWatcher)
     }
 
     /// The ideal run of a combination: no noise, blind.
@@ -165,6 +180,7 @@ impl Bench {
             looks,
             decision_time: scenario.effects.time.map_or(0.0, |time| time.decision),
             inject_truth: false,
+            pace: Pace::Stand,
         }
     }
 
@@ -177,6 +193,43 @@ impl Bench {
     fn touch(&self, start: &Start, options: Play, means: Means, watcher: &mut dyn Watcher) -> Result<TrialOutcome> {
         let inject_truth = means.sensing == Sensing::TruePose;
         play(start, &mut self.touch_policy(start, means)?, Play { inject_truth, ..options }, watcher)
+    }
+
+    /// The branch of the user's own policy.
+    fn own(&self, start: &Start, options: Play, watcher: &mut dyn Watcher) -> Result<TrialOutcome> {
+        let own = self.own.as_ref().context("the condition own needs a policy, and none was given (--policy)")?;
+        let options = Play { pace: own.source.pace, ..options };
+        own.with(|host| self.guest(start, &own.guest, host, options, watcher))
+    }
+
+    /// The branch of a policy that `host` answers for.
+    fn guest(
+        &self,
+        start: &Start,
+        guest: &Guest,
+        host: &mut dyn Host,
+        options: Play,
+        watcher: &mut dyn Watcher,
+    ) -> Result<TrialOutcome> {
+        let TrialId { combination, trial, .. } = options.id;
+        let executive = &start.run.snapshot.executive;
+        let limits = ActionLimits::of(&self.world.cell);
+        let reset = message::reset(&Info {
+            combination,
+            trial,
+            seed: trial_rng(self.seed ^ OWN, combination, trial).random(),
+            objects: start.objects.each_ref().map(|object| object.name.as_str()),
+            yaws: [executive.first().1.yaw, executive.second().1.yaw],
+            limits: &limits,
+        });
+        if guest.level == Level::Act {
+            return drive(self, start, (host, &reset, guest.images), &options, watcher);
+        }
+        let means = Means { sensing: Sensing::Full, recovery: Recovery::FULL, explores: false };
+        let pipeline = start.pipeline.as_ref().unwrap_or(&self.pipeline);
+        let (knowledge, senses) = (self.knowledge(start.known(), means)?, Senses::new(pipeline, Sensing::Full)?);
+        let mut chooser = HostChooser::new(host, &self.world.cell.hand, reset);
+        play(start, &mut Chosen::new(knowledge, senses, &mut chooser), options, watcher)
     }
 
     /// Risk of a contact if the plan is carried out, as touch predicts it from what is felt after the first grasp; `None` if the first

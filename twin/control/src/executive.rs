@@ -319,6 +319,11 @@ impl Executive {
         matches!(self.phase, Phase::Carry | Phase::Hold | Phase::Verify)
     }
 
+    /// Takes what was measured in a tick in which somebody else commands.
+    pub fn attend(&mut self, observation: &Observation) {
+        self.motion.measure(observation, false);
+    }
+
     /// One tick: takes what was measured, gives the command.
     pub fn tick(&mut self, observation: &Observation) -> Result<Command, MotionError> {
         let looking = self.is_looking();

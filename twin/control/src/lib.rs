@@ -2,7 +2,8 @@
 //!
 //! - **Motion.** [`trajectory`] makes palm paths within Cartesian limits, [`inverse_kinematics`] turns palm poses into joint set-points
 //!   within the arm's, [`motion`] follows one path after another with cables and cameras. [`executive`] runs a two-object trial
-//!   on it and [`carrier`] a transport; [`guarded`] stops where a pad feels something, [`slip`] answers slip while carrying.
+//!   on it and [`carrier`] a transport; [`action`] carries out what a policy asks for step by step. [`guarded`] stops where a pad feels something,
+//!   [`slip`] answers slip while carrying.
 //! - **Perception.** A [`look`] is all that perception takes. [`perception`] says what is in the hand and where, [`sensing`] what an
 //!   ablation leaves of the senses. [`percept`] is how objects on the table are reported, [`palpation`] how one is touched to find out
 //!   where it is. [`registration`] finds where the arm stands from known points that were touched.
@@ -13,6 +14,7 @@
 //!
 //! [`workcell`] is the robot as the controller knows it. This crate never knows the simulator, the bridge or the scene's truth.
 
+pub mod action;
 pub mod arm_clearance;
 pub mod carrier;
 pub mod collision;

@@ -1,5 +1,6 @@
 //! Between numpy arrays and the libraries' types.
 
+pub use bench::own::message::pose_row;
 use nalgebra::Isometry3;
 use numpy::ndarray::{Array2, Array3, Array4};
 use numpy::{IntoPyArray, PyArray2, PyArray3, PyArray4, PyReadonlyArray1, PyUntypedArrayMethods};
@@ -32,13 +33,6 @@ pub fn finite<const N: usize>(what: &str, numbers: &Numbers) -> PyResult<[f64; N
         Some(index) => Err(value_error(format!("{what}[{index}]: found {}, expected a finite number", found[index]))),
         None => Ok(found),
     }
-}
-
-/// x, y, z (m) and the quaternion's x, y, z, w, whose w is not negative: one pose has one row.
-pub fn pose_row(pose: &Isometry3<f64>) -> [f64; 7] {
-    let (t, q) = (pose.translation.vector, pose.rotation.coords);
-    let sign = if q.w < 0.0 { -1.0 } else { 1.0 };
-    [t.x, t.y, t.z, sign * q.x, sign * q.y, sign * q.z, sign * q.w]
 }
 
 /// A table with a row of `N` numbers each.

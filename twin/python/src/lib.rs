@@ -5,7 +5,7 @@
 //! `RuntimeError`.
 //!
 //! [`arrays`] converts numpy arrays, [`worlds`] holds what scenes share, [`scene`] steps them; [`hand`], [`optics`], [`touch`] and [`grasps`] are
-//! the parts that can be used alone, [`trials`] lets a Python object choose in the benchmark.
+//! the parts that can be used alone, [`trials`] lets a Python object decide in the benchmark's trials, and [`session`] reads recorded ones.
 
 mod arrays;
 mod grasps;
@@ -13,6 +13,7 @@ mod hand;
 mod optics;
 mod program;
 mod scene;
+mod session;
 mod touch;
 mod trials;
 mod worlds;
@@ -32,6 +33,8 @@ mod _native {
     use crate::program::run;
     #[pymodule_export]
     use crate::scene::{Episode, Scene, step_all};
+    #[pymodule_export]
+    use crate::session::session;
     #[pymodule_export]
     use crate::touch::heights;
     #[pymodule_export]

@@ -4,11 +4,10 @@
 
 use std::sync::{Mutex, MutexGuard, TryLockError};
 
-use bench::environment::{
-    self, Action, ArmAction, EpisodeError, HandAction, Judgement, Options, PadImages, Placed, SceneOptions, Task,
-};
+use bench::environment::{self, EpisodeError, Judgement, Options, PadImages, Placed, SceneOptions, Task};
 use bench::workers;
 use control::Twist;
+use control::action::{Action, ActionError, ArmAction, HandAction};
 use numpy::{IntoPyArray, PyArray1, PyArray3, PyReadonlyArray2, PyUntypedArrayMethods};
 use pyo3::exceptions::PyRuntimeError;
 use pyo3::prelude::*;
@@ -42,11 +41,10 @@ fn own<T>(mutex: &Mutex<T>) -> PyResult<MutexGuard<'_, T>> {
     }
 }
 
-/// What is asked for: `twist` or `joints`, and `tensions` with `opposition` or `spools`.
-fn action(
-    (twist, joints): (Option<Numbers>, Option<Numbers>),
-    (tensions, opposition, spools): (Option<Numbers>, Option<f64>, Option<Numbers>),
-) -> PyResult<Action> {
+/// What is asked for: `twist` or `joints`, and `tensions` with `opposition` or `spools`, in this order.
+type Asked<'py> = (Option<Numbers<'py>>, Option<Numbers<'py>>, Option<Numbers<'py>>, Option<f64>, Option<Numbers<'py>>);
+
+fn action((twist, joints, tensions, opposition, spools): Asked) -> PyResult<Action> {
     let arm = match (twist, joints) {
         (Some(twist), None) => ArmAction::Twist(Twist::from(fixed::<6>("twist", &twist)?)),
         (None, Some(joints)) => ArmAction::Joints(fixed("joints", &joints)?),
@@ -137,17 +135,8 @@ impl Scene {
         Ok(Self(Mutex::new(scene.map_err(value_error)?)))
     }
 
-    #[pyo3(signature = (twist, joints, tensions, opposition, spools))]
-    fn step(
-        &self,
-        py: Python<'_>,
-        twist: Option<Numbers>,
-        joints: Option<Numbers>,
-        tensions: Option<Numbers>,
-        opposition: Option<f64>,
-        spools: Option<Numbers>,
-    ) -> PyResult<()> {
-        let action = action((twist, joints), (tensions, opposition, spools))?;
+    fn step(&self, py: Python<'_>, asked: Asked) -> PyResult<()> {
+        let action = action(asked)?;
         let mut scene = own(&self.0)?;
         let scene: &mut environment::Scene = &mut scene;
         py.detach(|| scene.step(&action)).map_err(value_error)
@@ -222,24 +211,15 @@ impl Episode {
         }
     }
 
-    #[pyo3(signature = (twist, joints, tensions, opposition, spools))]
-    fn step(
-        &self,
-        py: Python<'_>,
-        twist: Option<Numbers>,
-        joints: Option<Numbers>,
-        tensions: Option<Numbers>,
-        opposition: Option<f64>,
-        spools: Option<Numbers>,
-    ) -> PyResult<Judged> {
-        let action = action((twist, joints), (tensions, opposition, spools))?;
+    fn step(&self, py: Python<'_>, asked: Asked) -> PyResult<Judged> {
+        let action = action(asked)?;
         let mut episode = own(&self.0)?;
         let episode: &mut environment::Episode = &mut episode;
         py.detach(|| {
             episode.scene.step(&action)?;
             Ok(judged(episode.judge()))
         })
-        .map_err(|error: environment::ActionError| value_error(error))
+        .map_err(|error: ActionError| value_error(error))
     }
 
     fn observe<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {

@@ -1,99 +1,52 @@
-//! Trials of the benchmark in which a Python object chooses how the second object is taken.
+//! Trials of the benchmark in which a Python object decides.
 //!
-//! Everything runs without Python's lock but the choice itself. An exception of the policy fails its trial, with the traceback in the record;
-//! an interrupt ends the call.
-
-use std::sync::Mutex;
+//! It is asked the same questions as a policy in a process of its own, by way of the package's `policy_host`. Everything runs without Python's lock
+//! but the answers. An exception of the policy fails its trial, with the traceback in the record; an interrupt ends the call.
 
 use bench::builtin::make_bench;
+use bench::own::host::Array;
+use bench::own::{Guest, Host, HostError, Pace};
 use bench::trial::{Bench, NoWatcher, TrialOutcome};
-use control::policy::chosen::{Aim, Answer, Chooser, ChooserError, Situation};
-use control::worth::Candidate;
-use nalgebra::Isometry3;
-use numpy::ndarray::Array2;
-use numpy::{IntoPyArray, PyArray1};
-use pyo3::exceptions::PyException;
 use pyo3::prelude::*;
-use pyo3::types::PyDict;
+use pyo3::types::PyBytes;
+use scenarios::Scenario;
 use scenarios::record::{Condition, TrialRecord};
-use scenarios::{Scenario, phase::Phase};
-use serde_json::{Value, json};
+use serde_json::Value;
 
-use crate::arrays::{failure, picture, pose_row, table, value_error};
-use crate::hand::HAND;
+use crate::arrays::{failure, value_error};
 
 /// The benchmark of a seed.
 #[pyclass(frozen, module = "ftac._native")]
 pub struct Benchmark(Bench);
 
-/// A Python object that is asked.
+/// A `policy_host.Host` that is asked.
 struct Asked<'a> {
-    policy: &'a Py<PyAny>,
+    host: &'a Py<PyAny>,
     /// What is no failure of the policy, and ends the call.
-    interrupt: Mutex<Option<PyErr>>,
+    interrupt: Option<PyErr>,
 }
 
-impl Chooser for Asked<'_> {
-    fn choose(&mut self, situation: &Situation) -> Result<Answer, ChooserError> {
-        Python::attach(|py| {
-            let asked = told(py, situation).and_then(|told| self.policy.call_method1(py, "choose", (told,)));
-            let answer = asked.and_then(|answer| answer.extract::<Option<(usize, f64, f64, f64)>>(py));
-            match answer {
-                Ok(None) => Ok(Answer::Keep),
-                Ok(Some((candidate, x, y, yaw))) => Ok(Answer::Take { candidate, aim: Aim { x, y, yaw } }),
-                Err(error) => {
-                    let trace = error.traceback(py).and_then(|trace| trace.format().ok()).unwrap_or_default();
-                    let words = format!("{trace}{error}");
-                    if !error.is_instance_of::<PyException>(py) {
-                        // A lock that only this thread takes is never poisoned.
-                        *self.interrupt.lock().unwrap_or_else(std::sync::PoisonError::into_inner) = Some(error);
-                    }
-                    Err(words.into())
-                }
+impl Host for Asked<'_> {
+    fn ask(&mut self, question: &Value, arrays: &[Array]) -> Result<Value, HostError> {
+        let question = question.to_string();
+        let answer = Python::attach(|py| {
+            let arrays: Vec<_> =
+                arrays.iter().map(|array| (array.shape.clone(), PyBytes::new(py, array.bytes))).collect();
+            self.host.call_method1(py, "answer_text", (question, arrays))?.extract::<String>(py)
+        });
+        let answer: Value = match answer {
+            Ok(text) => serde_json::from_str(&text).map_err(|error| HostError::Answer(error.to_string()))?,
+            Err(error) => {
+                let words = error.to_string();
+                self.interrupt = Some(error);
+                return Err(HostError::Failed(words));
             }
-        })
+        };
+        match answer.get("error").and_then(Value::as_str) {
+            Some(why) => Err(HostError::Failed(why.to_owned())),
+            None => Ok(answer),
+        }
     }
-}
-
-fn candidate(candidate: &Candidate) -> Value {
-    json!({ "grasp": candidate.grasp, "worth": candidate.worth })
-}
-
-/// A situation as the package takes it.
-fn told<'py>(py: Python<'py>, situation: &Situation) -> PyResult<Bound<'py, PyDict>> {
-    let all = PyDict::new(py);
-    all.set_item("phase", if situation.phase == Phase::Decide { "decide" } else { "confirm" })?;
-    all.set_item("time", situation.time)?;
-    all.set_item("time_left", situation.time_left)?;
-    all.set_item("tries", situation.tries)?;
-    let servos = situation.servos.iter().map(|servo| [servo.position, servo.velocity, servo.current]);
-    all.set_item("servos", table(py, servos))?;
-    let arm = situation.arm;
-    let joints = (0..arm.position.len()).map(|n| [arm.position[n], arm.velocity[n], arm.torque[n]]);
-    all.set_item("arm", table(py, joints))?;
-    let row = |pose: &Isometry3<f64>| PyArray1::from_slice(py, &pose_row(pose));
-    all.set_item("palm", row(&situation.palm))?;
-    let images = PyDict::new(py);
-    for frame in situation.images {
-        let camera = HAND.cameras.get(frame.camera).map_or("", |camera| camera.name.as_str());
-        images.set_item(camera, picture(py, touch::IMAGE_SIZE, frame.image.rgb.clone())?)?;
-    }
-    all.set_item("tactile", images)?;
-    all.set_item("objects", situation.objects)?;
-    all.set_item("seen", table(py, situation.seen.iter().map(|seen| pose_row(&seen.pose()))))?;
-    all.set_item("yaws", situation.seen.map(|seen| seen.yaw))?;
-    all.set_item("sees_second", situation.sees_second)?;
-    all.set_item("held", situation.felt.map(|felt| row(&felt.estimate.palm_from_object)))?;
-    let covariance = situation.felt.map(|felt| {
-        let matrix = &felt.estimate.covariance;
-        Array2::from_shape_fn((6, 6), |at| matrix[at]).into_pyarray(py)
-    });
-    all.set_item("held_covariance", covariance)?;
-    all.set_item("grip", (situation.grip.first, situation.grip.second))?;
-    all.set_item("first", json!(situation.first).to_string())?;
-    let candidates: Vec<Value> = situation.candidates.iter().map(candidate).collect();
-    all.set_item("candidates", Value::from(candidates).to_string())?;
-    Ok(all)
 }
 
 fn text(record: &TrialRecord) -> PyResult<String> {
@@ -111,12 +64,22 @@ impl Benchmark {
         Ok(Self(made.map_err(|error| failure(&error))?))
     }
 
-    /// A trial with a policy's choices: its record as JSON.
-    fn play(&self, py: Python<'_>, policy: Py<PyAny>, combination: usize, trial: usize) -> PyResult<String> {
+    /// A trial that a host's policy plays, which it introduces by `guest`: its record as JSON.
+    fn play(
+        &self,
+        py: Python<'_>,
+        host: Py<PyAny>,
+        guest: &str,
+        wall: bool,
+        combination: usize,
+        trial: usize,
+    ) -> PyResult<String> {
         self.check(combination)?;
-        let mut chooser = Asked { policy: &policy, interrupt: Mutex::new(None) };
-        let played = py.detach(|| self.0.chosen(combination, trial, &mut chooser));
-        if let Some(error) = chooser.interrupt.into_inner().unwrap_or_else(std::sync::PoisonError::into_inner) {
+        let guest: Guest = serde_json::from_str(guest).map_err(value_error)?;
+        let pace = if wall { Pace::Wall } else { Pace::Stand };
+        let mut asked = Asked { host: &host, interrupt: None };
+        let played = py.detach(|| self.0.hosted(combination, trial, (&guest, pace), &mut asked));
+        if let Some(error) = asked.interrupt {
             return Err(error);
         }
         py.check_signals()?;

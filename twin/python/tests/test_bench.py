@@ -2,6 +2,8 @@
 
 import unittest
 
+import numpy as np
+
 from ftac import bench
 
 COLUMNS = {"policy", "combination", "trial", "success", "contact", "clean_success", "cause", "reason", "sim_seconds"}
@@ -19,6 +21,30 @@ class Answers:
     def choose(self, situation):
         self.situations.append(situation)
         return self.answer(situation)
+
+
+class Acts:
+    """Does the same in every step."""
+
+    def __init__(self, action):
+        self.action = action
+
+    def act(self, observation):
+        return self.action
+
+
+class Lowers:
+    """Lowers the palm for a second, and keeps what it was told."""
+
+    images = 16
+    ACTION = np.array([0.0, 0.0, -0.2, 0.0, 0.0, 0.0, -1.0, -1.0, -1.0, -1.0, -1.0, -0.5])
+
+    def reset(self, info):
+        self.told, self.seen = info, []
+
+    def act(self, observation):
+        self.seen.append(observation)
+        return self.ACTION if len(self.seen) <= 20 else None
 
 
 class Bench(unittest.TestCase):
@@ -54,6 +80,33 @@ class Bench(unittest.TestCase):
             self.assertEqual((row["cause"], row["success"]), ("policy_failed", False))
             self.assertIn(words, row["reason"])
 
+    def test_a_policy_that_acts_sees_what_is_measured_and_moves_the_robot(self):
+        policy = Lowers()
+        (row,) = bench.play(policy, combinations=[0])
+        self.assertEqual((row["policy"], row["cause"], row["reason"]), ("Lowers", "not_finished", "the policy has finished"))
+        self.assertAlmostEqual(row["sim_seconds"], (len(policy.seen) - 1) / 20, places=6)
+        self.assertEqual(policy.told["objects"], ("salt_mill", "lemon"))
+        first, last = policy.seen[0], policy.seen[-1]
+        self.assertEqual((first["tactile"].shape, first["tactile"].dtype), ((17, 16, 16, 3), np.uint8))
+        self.assertEqual((first["servos"].shape, first["arm"].shape, first["seen"].shape), ((6, 3), (7, 3), (2, 7)))
+        np.testing.assert_allclose(first["command"][:5], -1.0)
+        np.testing.assert_allclose(last["command"], Lowers.ACTION[6:], atol=1e-6)
+        # Down at 0.2 of the greatest speed.
+        fallen = first["palm"][2] - last["palm"][2]
+        self.assertAlmostEqual(fallen, 0.2 * 0.25 * (len(policy.seen) - 1) / 20, delta=0.02)
+        self.assertLess(last["time_left"], first["time_left"])
+
+    def test_a_policy_that_acts_badly_loses_its_trial(self):
+        for action, words in [
+            (np.full(12, np.nan), "expected 12 numbers from -1 to 1"),
+            (np.zeros(7), "expected 12 numbers from -1 to 1"),
+            (np.full(12, 1.5), "expected 12 numbers from -1 to 1"),
+            ("left", "expected 12 numbers from -1 to 1"),
+        ]:
+            (row,) = bench.play(Acts(action), combinations=[0])
+            self.assertEqual(row["cause"], "policy_failed")
+            self.assertIn(words, row["reason"])
+
     def test_an_interrupt_ends_the_call(self):
         def interrupts(situation):
             raise KeyboardInterrupt
@@ -63,8 +116,11 @@ class Bench(unittest.TestCase):
 
     def test_what_cannot_be_played_is_refused_in_words(self):
         policy = Answers(lambda situation: None)
+        both = Acts(None)
+        both.choose = both.act
         for asked, words in [
-            ({"policy": object()}, "expected an object with a method choose"),
+            ({"policy": object()}, "found object with neither, expected an object with a method choose"),
+            ({"policy": both}, "found Acts with choose and act"),
             ({"policy": policy, "trials": 0}, "trials: found 0"),
             ({"policy": policy, "beside": ["tuch"]}, "beside: found 'tuch'"),
             ({"policy": policy, "combinations": [60]}, "combination: found 60, expected 0 to 59"),

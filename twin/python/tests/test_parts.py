@@ -106,7 +106,47 @@ class Touch(unittest.TestCase):
                 touch.surface(0, bad, good)
 
 
+class Meshes(unittest.TestCase):
+    def test_a_ball_of_triangles_presses_as_a_ball_does(self):
+        radius, force = 0.010, 2.0
+        ring, height = np.meshgrid(np.linspace(0.0, 2.0 * np.pi, 73), np.linspace(0.0, np.pi, 145), indexing="ij")
+        flat = np.sin(height)
+        ball = radius * np.stack([flat * np.cos(ring), flat * np.sin(ring), 1.0 - np.cos(height)], axis=2)
+        at = np.arange(73 * 145).reshape(73, 145)
+        one, two, three, four = at[:-1, :-1], at[1:, :-1], at[1:, 1:], at[:-1, 1:]
+        faces = np.concatenate([np.stack(f, axis=2).reshape(-1, 3) for f in [(one, two, three), (one, three, four)]])
+        mesh = optics.press_mesh("index_distal", ball.reshape(-1, 3), faces, force)
+        same = optics.press_sphere("index_distal", radius, force=force)
+        self.assertAlmostEqual(mesh.force, same.force, delta=0.02)
+        np.testing.assert_allclose(mesh.depth, same.depth, atol=2e-5)
+
+    def test_what_is_no_mesh_is_refused(self):
+        square = [[0.0, 0.0, 0.0], [0.01, 0.0, 0.0], [0.0, 0.01, 0.0]]
+        for vertices, faces, words in [
+            ([[0.0, 0.0]], [[0, 0, 0]], r"vertices: found shape \(1, 2\)"),
+            (square, [[0, 1, 3]], "triangles: found 0 to 3, expected 0 to 2"),
+            (square, [[0.0, 1.0, 2.0]], "triangles: found shape"),
+        ]:
+            with self.assertRaisesRegex(ValueError, words):
+                optics.press_mesh(0, vertices, faces, 1.0)
+
+
 class Grasps(unittest.TestCase):
+    def test_grasps_are_generated_and_what_cannot_be_is_refused_in_words(self):
+        found = grasps.generate("egg", chains=1)
+        self.assertLessEqual(len(found), 1)
+        self.assertTrue(all(grasp.object == "egg" and grasp.joints.shape == (15,) for grasp in found))
+        for asked, words in [
+            ({}, "either an object or a mesh"),
+            ({"object": "eg"}, "eg"),
+            ({"mesh": "nowhere.obj"}, "nowhere.obj"),
+            ({"object": "egg", "mass": -1.0}, "--mass: found -1"),
+        ]:
+            with self.assertRaisesRegex(ValueError, words):
+                grasps.generate(**asked)
+        with self.assertRaisesRegex(ValueError, "nowhere"):
+            optics.calibrate("nowhere", ball_diameter_mm=5.0, pixel_mm=0.02)
+
     def test_what_comes_with_the_program_is_there(self):
         repertoire, collection = grasps.repertoire(), grasps.collection()
         self.assertTrue({first for first, _ in ftac.combinations()} <= set(repertoire))

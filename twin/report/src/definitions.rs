@@ -19,7 +19,7 @@ pub const SECTION: &str = "<h2 id=\"terms\">What the numbers mean</h2>
 <dd>Pick up the first object, look at it with the touch sensors, pick up the second object beside it, carry both, hold both.
 Trials of one combination differ in the drawn execution and perception errors; trials of the same number meet the same
 errors under every condition.</dd>
-<dt>Ideal, blind, reflex, touch</dt>
+<dt>Ideal, blind, reflex, touch, own</dt>
 <dd><em>Ideal</em> is the plan carried out without any error; as nothing varies then, one trial of each combination is
 enough. <em>Blind</em> carries out the same plan with errors, whatever
 the sensors say. <em>Touch</em> meets the same errors. It touches each object before it takes it, to find out where it is, estimates
@@ -27,7 +27,8 @@ from the tactile images how the first object really sits in the hand, and takes 
 promise most. After each lift and after the hold it feels
 whether both objects are there, and tries again what failed, as long as the time allows. Where a contact is likelier than a hold
 it puts the first object down and takes it otherwise, or leaves the second one alone (<em>declined</em>). <em>Reflex</em> does the
-same with the servos&#39; encoders and currents alone, without any tactile image.</dd>
+same with the servos&#39; encoders and currents alone, without any tactile image. <em>Own</em>, where there is one, is a policy of whoever
+ran the benchmark, with the same errors.</dd>
 <dt>Contact</dt>
 <dd>Judged by the referee from the simulator&#39;s ground truth (on hardware by the operator), never by the controller: before the
 second grasp has closed, the held first object, a digit holding it, or the palm touches the second object; or the second object

@@ -11,23 +11,24 @@ use super::html::{Column, Table, escape};
 
 /// The section; `folder` may hold recordings.
 pub fn section(summary: &Summary, records: &[TrialRecord], folder: &Path) -> String {
-    let by_condition = Condition::ALL.map(|condition| summary.conditions.of(condition));
+    let listed: Vec<Condition> = summary.conditions.listed().collect();
+    let by_condition: Vec<_> = listed.iter().map(|condition| summary.conditions.of(*condition)).collect();
     let causes: BTreeSet<FailureCause> = by_condition.iter().flat_map(|one| one.failures.keys().copied()).collect();
     let mut head = vec![("cause", Column::Words)];
-    head.extend(Condition::ALL.map(|condition| (condition.name(), Column::Numbers)));
+    head.extend(listed.iter().map(|condition| (condition.name(), Column::Numbers)));
     let mut table = Table::new("Failed trials by cause", &head);
     let recorded = recorded(folder);
-    let mut row = |name: String, counts: [usize; Condition::ALL.len()]| {
+    let mut row = |name: String, counts: Vec<usize>| {
         let mut cells = vec![name];
-        cells.extend(counts.map(|count| count.to_string()));
+        cells.extend(counts.iter().map(ToString::to_string));
         table.row(&cells);
     };
     for cause in causes {
-        row(cause.to_string(), by_condition.map(|one| one.failures.get(&cause).copied().unwrap_or(0)));
+        row(cause.to_string(), by_condition.iter().map(|one| one.failures.get(&cause).copied().unwrap_or(0)).collect());
     }
-    let failed = |condition: Condition| records.iter().filter(|r| r.condition == condition && !r.success).count();
-    row("all failed trials".to_string(), Condition::ALL.map(failed));
-    row("all trials".to_string(), by_condition.map(|one| one.trials));
+    let failed = |condition: &Condition| records.iter().filter(|r| r.condition == *condition && !r.success).count();
+    row("all failed trials".to_string(), listed.iter().map(failed).collect());
+    row("all trials".to_string(), by_condition.iter().map(|one| one.trials).collect());
     let harmless: Vec<String> = Condition::ALL
         .into_iter()
         .map(|condition| (condition, harmless_contacts(records, condition)))

@@ -16,7 +16,6 @@ use crate::picture::{Picture, View, tile};
 use crate::style;
 
 const TABLE: [f64; 3] = [206.0, 196.0, 182.0];
-const ARM: [[f64; 3]; 2] = [[214.0, 217.0, 222.0], [172.0, 177.0, 185.0]];
 /// Stills in the strip of a trial, and their size in pixels.
 pub const STILLS: (usize, u32) = (5, 220);
 /// JPEG quality of a frame.
@@ -65,13 +64,7 @@ impl Stage<'_> {
         let table = stream::scene::table();
         let (vertices, normals) = mesh(&table);
         picture.triangles(&Isometry3::identity(), &vertices, &table.triangles, &normals, TABLE);
-        let base = Isometry3::identity();
-        for (k, (part, pose)) in
-            stream::scene::arm_parts(self.arm).iter().zip(std::iter::once(&base).chain(&frame.arm)).enumerate()
-        {
-            let (vertices, normals) = mesh(part);
-            picture.triangles(pose, &vertices, &part.triangles, &normals, ARM[k % 2]);
-        }
+        picture.arm(self.arm, &frame.arm);
         for (model, pose) in self.objects.iter().zip(&frame.objects) {
             let (vertices, triangles, normals) = model.shape.triangles();
             picture.triangles(pose, &vertices, &triangles, &normals, model.color.map(f64::from));

@@ -59,9 +59,10 @@ fn figure(summary: &Summary, records: &[TrialRecord], rate: Rate, compared: (usi
         Rate::Success => "Success rate",
         Rate::CleanSuccess => "Clean success rate",
     };
-    let groups: Vec<Group> = Condition::ALL
-        .iter()
-        .map(|&condition| group(condition, rate.over_all(summary.conditions.of(condition)), records, rate))
+    let groups: Vec<Group> = summary
+        .conditions
+        .listed()
+        .map(|condition| group(condition, rate.over_all(summary.conditions.of(condition)), records, rate))
         .collect();
     let columns: Vec<String> = groups
         .iter()

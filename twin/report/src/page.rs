@@ -56,7 +56,7 @@ pub fn render(
     html += &ablation::section(summary, records);
     html += &facts(summary);
     html += &failures::section(summary, records, folder);
-    html += &combinations(records);
+    html += &combinations(summary, records);
     html += &run::section(run);
     html += definitions::DIFFERENCES;
     html += definitions::SECTION;
@@ -152,7 +152,7 @@ fn rates(summary: &Summary, records: &[TrialRecord]) -> String {
     let published = |rate: Option<(f64, f64)>| {
         rate.map_or("–".to_string(), |(mean, sd)| format!("{} ({})", number(mean, 3), number(sd, 3)))
     };
-    for condition in Condition::ALL {
+    for condition in summary.conditions.listed() {
         let ours = summary.conditions.of(condition);
         let theirs = paper::rates(condition);
         let cell = |rate: Rate| {
@@ -339,14 +339,15 @@ fn facts(summary: &Summary) -> String {
 }
 
 /// A line per combination.
-fn combinations(records: &[TrialRecord]) -> String {
+fn combinations(summary: &Summary, records: &[TrialRecord]) -> String {
     let mut head = vec![
         ("no.".to_string(), Column::Words),
         ("first object".to_string(), Column::Words),
         ("second object".to_string(), Column::Words),
     ];
+    let listed = || summary.conditions.listed();
     for rate in ["contact", "clean success"] {
-        head.extend(Condition::ALL.map(|condition| (format!("{rate}, {condition}"), Column::Numbers)));
+        head.extend(listed().map(|condition| (format!("{rate}, {condition}"), Column::Numbers)));
     }
     head.push(("switched".to_string(), Column::Numbers));
     let head: Vec<(&str, Column)> = head.iter().map(|(name, column)| (name.as_str(), *column)).collect();
@@ -355,7 +356,10 @@ fn combinations(records: &[TrialRecord]) -> String {
     for line in combination_lines(records) {
         let mut cells = vec![line.combination.to_string(), line.first.clone(), line.second.clone()];
         for rate in [Rate::Contact, Rate::CleanSuccess] {
-            cells.extend(line.rates.iter().map(|rates| maybe(rates.as_ref().map(|rates| rate.of(rates)), 2)));
+            // By their place in `Condition::ALL`, in whose order they are listed.
+            let rates = Condition::ALL.into_iter().zip(&line.rates);
+            let rates = rates.filter(|(condition, _)| listed().any(|listed| listed == *condition));
+            cells.extend(rates.map(|(_, rates)| maybe(rates.as_ref().map(|rates| rate.of(rates)), 2)));
         }
         cells.push(maybe(line.switched, 2));
         table.row(&cells);

@@ -28,7 +28,7 @@ pub fn rates(condition: Condition) -> PaperRates {
     match condition {
         Condition::Ideal => PaperRates { contact: Some((0.0, 0.0)), success: None },
         Condition::Blind => PaperRates { contact: Some((0.465, 0.306)), success: Some((0.535, 0.306)) },
-        Condition::Reflex => PaperRates { contact: None, success: None },
+        Condition::Reflex | Condition::Own => PaperRates { contact: None, success: None },
         Condition::Touch => PaperRates { contact: None, success: Some((1.0, 0.0)) },
     }
 }

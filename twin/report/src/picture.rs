@@ -7,14 +7,16 @@ use std::path::Path;
 
 use anyhow::{Context, Result};
 use font8x8::UnicodeFonts;
-use hand_model::Hand;
 use hand_model::pads::Pad;
+use hand_model::{Arm, Hand};
 use image::{Rgb, RgbImage};
 use nalgebra::{Isometry3, Point3, Vector3};
 use sim::stand::{HandStand, Prop};
 use stream::hand_mesh::{self, Material, Part};
 use stream::mesh::Mesh;
 
+/// Colours of the arm's parts, in turn.
+const ARM: [[f64; 3]; 2] = [[214.0, 217.0, 222.0], [172.0, 177.0, 185.0]];
 /// Each pixel is the mean of this many by this many.
 const OVERSAMPLE: u32 = 2;
 const PAPER: [f64; 3] = [250.0, 250.0, 248.0];
@@ -233,6 +235,15 @@ impl Picture {
             for pair in run.windows(2) {
                 self.mesh(palm, &Mesh::capsule(pair[0], pair[1], CABLE), CABLE_COLOR);
             }
+        }
+    }
+
+    /// An arm with its base in the scene's origin and its moving links at `scene_from_link`.
+    pub fn arm(&mut self, arm: &Arm, links: &[Isometry3<f64>]) {
+        let base = Isometry3::identity();
+        let poses = std::iter::once(&base).chain(links);
+        for (k, (part, pose)) in stream::scene::arm_parts(arm).iter().zip(poses).enumerate() {
+            self.mesh(pose, part, ARM[k % 2]);
         }
     }
 

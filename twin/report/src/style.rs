@@ -3,9 +3,9 @@
 /// The palette, and what the shapes of a figure look like. Goes into the page once and into every figure that stands alone.
 pub const FIGURE: &str = "
 :root{--paper:#ffffff;--ink:#1d2429;--soft:#56626b;--line:#cfd6db;--tint:#f3f6f8;
---ideal:#6b7780;--blind:#b8500c;--reflex:#2b6cb0;--touch:#0b7a4b;color-scheme:light dark}
+--ideal:#6b7780;--blind:#b8500c;--reflex:#2b6cb0;--touch:#0b7a4b;--yours:#7b3fa0;color-scheme:light dark}
 @media (prefers-color-scheme:dark){:root{--paper:#14191d;--ink:#e6ebee;--soft:#a4b0b8;--line:#3a454d;--tint:#1d2429;
---ideal:#a9b4bc;--blind:#f2985a;--reflex:#7fb2e6;--touch:#52c795}}
+--ideal:#a9b4bc;--blind:#f2985a;--reflex:#7fb2e6;--touch:#52c795;--yours:#c79be6}}
 .figure{font-family:system-ui,'Helvetica Neue',Arial,sans-serif;font-size:13px}
 .figure text{fill:var(--ink)}
 .figure .paper{fill:var(--paper)}
@@ -13,7 +13,7 @@ pub const FIGURE: &str = "
 .figure .soft{fill:var(--soft);font-size:12px}
 .figure .grid{stroke:var(--line);stroke-width:1}
 .figure .axis,.figure .bracket{stroke:var(--soft);stroke-width:1;fill:none}
-.figure .ideal{--own:var(--ideal)}.figure .blind{--own:var(--blind)}.figure .reflex{--own:var(--reflex)}.figure .touch{--own:var(--touch)}
+.figure .ideal{--own:var(--ideal)}.figure .blind{--own:var(--blind)}.figure .reflex{--own:var(--reflex)}.figure .touch{--own:var(--touch)}.figure .own{--own:var(--yours)}
 .figure .shade{fill:var(--own);fill-opacity:.28;stroke:var(--own);stroke-width:1}
 .figure .box{fill:var(--paper);stroke:var(--own);stroke-width:1.6}
 .figure .whisker{stroke:var(--own);stroke-width:1.6;fill:none}

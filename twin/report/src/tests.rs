@@ -14,7 +14,7 @@ pub(crate) fn made_up(combinations: usize, trials: usize) -> Vec<TrialRecord> {
     let mut records = Vec::new();
     for combination in 0..combinations {
         for trial in 0..trials {
-            for condition in Condition::ALL {
+            for condition in Condition::BUILT_IN {
                 if condition == Condition::Ideal && trial > 0 {
                     continue;
                 }
@@ -87,7 +87,7 @@ fn report(records: &[TrialRecord]) -> [String; 3] {
 fn every_combination_is_a_dot_of_every_condition() {
     let [page, contact, clean] = report(&made_up(60, 10));
     for svg in [&contact, &clean] {
-        for condition in Condition::ALL {
+        for condition in Condition::BUILT_IN {
             let column = svg.split_once(&format!("<g class=\"{condition}\">")).unwrap().1.split_once("</g>").unwrap().0;
             assert_eq!(column.matches("class=\"dot\"").count(), 60, "{condition}");
         }
@@ -117,6 +117,20 @@ fn the_summarys_numbers_are_on_the_page() {
         assert!(page.contains(&part), "{part} is not on the page");
     }
     assert!(page.contains("Touch raises clean success over blind; that its images are needed"));
+}
+
+/// A policy of the user's own has its column, row and boxes where it was played, and none where it was not.
+#[test]
+fn a_policy_of_ones_own_is_one_more_condition() {
+    let mut records = made_up(6, 2);
+    assert!(!report(&records)[0].contains("clean success, own"));
+    let touch = records.iter().filter(|record| record.condition == Condition::Touch);
+    let own: Vec<_> = touch.map(|record| TrialRecord { condition: Condition::Own, ..record.clone() }).collect();
+    records.extend(own);
+    let [page, contact, _] = report(&records);
+    assert!(page.contains("clean success, own") && page.contains(">own</th>"), "{page}");
+    let column = contact.split_once("<g class=\"own\">").unwrap().1.split_once("</g>").unwrap().0;
+    assert_eq!(column.matches("class=\"dot\"").count(), 6);
 }
 
 #[test]

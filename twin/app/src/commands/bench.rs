@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, Result, bail};
 use bench::builtin::{COMBINATIONS, make_bench};
 use bench::journal::{Journal, RunRequest};
+use bench::own::{Own, Pace, Source};
 use bench::run::{self, Options, Record as Recorded};
 use clap::{Args, ValueEnum};
 use control::policy::Uncertainty;
@@ -31,6 +32,12 @@ pub struct BenchArgs {
     /// Conditions that are played.
     #[arg(long, value_delimiter = ',', default_value = "ideal,blind,reflex,touch", value_name = "CONDITIONS")]
     pub conditions: Vec<String>,
+    /// Policy of your own, which plays as the condition `own` beside the others: a Python class, as FILE.py:CLASS. See twin/python/README.md.
+    #[arg(long, value_name = "FILE:CLASS")]
+    pub policy: Option<String>,
+    /// What passes while your own policy thinks: nothing (`stand`), or as much simulated time as on the wall.
+    #[arg(long, value_enum, default_value_t = PolicyTime::Stand, requires = "policy")]
+    pub policy_time: PolicyTime,
     /// Body.
     #[arg(long, value_enum, default_value_t = Body::Sim)]
     pub robot: Body,
@@ -78,10 +85,19 @@ pub struct BenchArgs {
         long,
         conflicts_with_all = [
             "combos", "trials", "seed", "conditions", "robot", "scenario", "shard", "out", "noise_scale", "without",
-            "uncertainty", "ablations", "registration", "mount",
+            "uncertainty", "ablations", "policy", "policy_time", "registration", "mount",
         ]
     )]
     pub resume: Option<PathBuf>,
+}
+
+/// What passes while a policy of the user's own thinks.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum PolicyTime {
+    /// No simulated time.
+    Stand,
+    /// As much as on the wall. On the real robot it always does.
+    Wall,
 }
 
 /// Which trials are recorded.
@@ -144,10 +160,11 @@ fn request(terminal: &Terminal, args: &BenchArgs) -> Result<(RunRequest, PathBuf
         seed: terminal.seed,
         robot: args.robot.name().into(),
         shard: parse_shard(&args.shard)?,
-        conditions: conditions(&args.conditions)?,
+        conditions: conditions(&args.conditions, args.policy.is_some())?,
         ablations: ablations(args)?,
         without: without(&args.without)?,
         uncertainty: uncertainty(args.uncertainty.as_deref())?,
+        policy: policy(args)?,
         noise_scale: args.noise_scale,
         scenario: text,
         places: args.places.places(args.robot)?,
@@ -185,6 +202,10 @@ pub fn benchmark(terminal: &Terminal, args: &BenchArgs) -> Outcome {
     if let Some(text) = &request.uncertainty {
         bench.uncertainty = Uncertainty::parse(text, Path::new("--uncertainty"))?;
     }
+    if let Some(source) = &request.policy {
+        source.check()?;
+        bench.own = Some(Own::start(source.clone())?);
+    }
     let sessions = |record: bool| (record || robot == Body::Hardware).then(|| folder.join("sessions"));
     let place = |record: bool| {
         source(&bench.world, robot, (args.config.as_deref(), &args.places), sessions(record && robot != Body::Sim))
@@ -214,11 +235,23 @@ fn ablations(args: &BenchArgs) -> Result<Vec<Ablation>> {
     Ok(wanted.into_iter().collect())
 }
 
-/// What `--conditions` asks for, in the order of `trials.csv`.
-fn conditions(names: &[String]) -> Result<Vec<Condition>> {
-    let wanted: BTreeSet<Condition> =
+/// What `--conditions` asks for, in the order of `trials.csv`; with a policy of the user's `own`, that too.
+fn conditions(names: &[String], own: bool) -> Result<Vec<Condition>> {
+    let mut wanted: BTreeSet<Condition> =
         names.iter().map(|name| name.parse()).collect::<Result<_, _>>().context("--conditions")?;
+    if wanted.contains(&Condition::Own) && !own {
+        bail!("--conditions: found own, expected --policy FILE.py:CLASS with it");
+    }
+    wanted.extend(own.then_some(Condition::Own));
     Ok(wanted.into_iter().collect())
+}
+
+/// The policy that `--policy` names.
+fn policy(args: &BenchArgs) -> Result<Option<Source>> {
+    // On the real robot time passes by itself.
+    let waits = args.policy_time == PolicyTime::Wall && args.robot != Body::Hardware;
+    let pace = if waits { Pace::Wall } else { Pace::Stand };
+    args.policy.as_ref().map(|text| Source::parse(text, pace)).transpose()
 }
 
 /// What `--without` asks for.
@@ -270,11 +303,10 @@ pub fn report(terminal: &Terminal, folders: &[PathBuf], out: Option<&Path>) -> O
     let (mut journal, mut request) = Journal::read(&folders[0])?;
     for folder in &folders[1..] {
         let (other, its) = Journal::read(folder)?;
-        if (its.combos, its.trials, its.seed, &its.conditions, &its.scenario)
-            != (request.combos, request.trials, request.seed, &request.conditions, &request.scenario)
-        {
+        let asked = |of: &RunRequest| (of.combos, of.trials, of.seed, of.conditions.clone(), of.scenario.clone());
+        if asked(&its) != asked(&request) || its.policy != request.policy {
             bail!(
-                "{}: its combos, trials, seed, conditions or scenario differ from those of {}; only shards of one run can be merged",
+                "{}: its combos, trials, seed, conditions, policy or scenario differ from those of {}; only shards of one run can be merged",
                 folder.display(),
                 folders[0].display()
             );
@@ -309,7 +341,7 @@ fn tell(terminal: &Terminal, summary: &Summary, folder: &Path) -> Result<()> {
         "{:8} {:>6} {:>17} {:>17} {:>17} {:>9}",
         "", "trials", "contact M (SD)", "success M (SD)", "clean M (SD)", "time (s)"
     );
-    for condition in Condition::ALL {
+    for condition in summary.conditions.listed() {
         let c = summary.conditions.of(condition);
         let pair = |m: &scenarios::statistics::MeanSd| format!("{} ({})", number(m.mean, 3), number(m.sd, 3));
         println!(

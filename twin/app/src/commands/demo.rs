@@ -67,7 +67,7 @@ pub fn run(terminal: &Terminal, args: &DemoArgs) -> Outcome {
         recordings.push(Recording::open(&targets, &bench, &task, (Began::Never, true))?);
         files.push(file);
     }
-    let mut films = COMPARED.map(|condition| Filming::new(condition, FILM.0));
+    let mut films = COMPARED.map(|condition| Filming::new(&bench, condition, FILM.0));
     let mut watchers = All(Vec::new());
     watchers.0.extend(recordings.iter_mut().map(|one| one as _));
     watchers.0.extend(films.iter_mut().map(|one| one as _));

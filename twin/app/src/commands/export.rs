@@ -1,10 +1,12 @@
 //! `ftac export`: recorded sessions in the formats of other programs.
 
 use std::path::{Path, PathBuf};
+use std::process::Stdio;
 
-use anyhow::{Context as _, Result};
+use anyhow::{Context as _, Result, bail};
 use bench::body::Stopped;
 use bench::body::replayed::ReplaySource;
+use bench::own::python;
 use bench::recording::{Began, Recording};
 use clap::Subcommand;
 use hand_model::kinematics::Tree;
@@ -35,12 +37,39 @@ pub enum ExportCommand {
         #[arg(long)]
         out: Option<PathBuf>,
     },
+    /// All sessions of a folder as such bags, which Foxglove and the mcap tools open.
+    Mcap {
+        /// A folder with sessions, such as the result of `ftac bench --robot emulated --record all`.
+        folder: PathBuf,
+        /// Where the bags go; default: beside each session, ending in .ros2.mcap.
+        #[arg(long)]
+        out: Option<PathBuf>,
+    },
+    /// All sessions of a folder as a LeRobot data set (v3.0): measurements, commands, and the pads' images as video. Needs the Python package ftac[lerobot].
+    Lerobot {
+        /// A folder with sessions, such as the result of `ftac bench --robot emulated --record all`.
+        folder: PathBuf,
+        /// The data set's folder, which must not exist; default: FOLDER/lerobot.
+        #[arg(long)]
+        out: Option<PathBuf>,
+        /// Side of the images, pixels, an even number.
+        #[arg(long, default_value_t = 64, value_parser = clap::value_parser!(u16).range(16..=240))]
+        images: u16,
+    },
 }
 
 pub fn run(terminal: &Terminal, command: &ExportCommand) -> Outcome {
     let (session, out) = match command {
         ExportCommand::Rrd { session, out } => (session, out),
-        ExportCommand::Ros2 { session, out } => return ros2(terminal, session, out.as_deref()),
+        ExportCommand::Ros2 { session, out } => {
+            let out = out.clone().unwrap_or_else(|| session.with_extension("ros2.mcap"));
+            let messages = ros2(session, &out)?;
+            let text = format!("{messages} messages in {0}; `ros2 bag play {0}` plays them\n", out.display());
+            terminal.print(&serde_json::json!({ "bag": out, "messages": messages }), &text)?;
+            return Ok((messages == 0).then(|| nothing(session)));
+        }
+        ExportCommand::Mcap { folder, out } => return bags(terminal, folder, out.as_deref()),
+        ExportCommand::Lerobot { folder, out, images } => return lerobot(terminal, folder, out.as_deref(), *images),
     };
     let out = out.clone().unwrap_or_else(|| session.with_extension("rrd"));
     let (ticks, shortfall) = rrd(terminal, session, &out)?;
@@ -52,8 +81,12 @@ pub fn run(terminal: &Terminal, command: &ExportCommand) -> Outcome {
     Ok(shortfall)
 }
 
-fn ros2(terminal: &Terminal, session: &Path, out: Option<&Path>) -> Outcome {
-    let out = out.map_or_else(|| session.with_extension("ros2.mcap"), Path::to_owned);
+fn nothing(session: &Path) -> String {
+    format!("{}: found nothing measured, expected a session that began", session.display())
+}
+
+/// Writes a session as the bag `out`: how many messages it has.
+fn ros2(session: &Path, out: &Path) -> Result<u64> {
     let (hand, arm) = (Hand::ftac(), Arm::gen3());
     let joints = |tree: &Tree| tree.joints.iter().map(|joint| joint.name.clone()).collect();
     let names = Names {
@@ -66,10 +99,72 @@ fn ros2(terminal: &Terminal, session: &Path, out: Option<&Path>) -> Outcome {
     // Nothing half-written stays under the bag's name.
     let partial = out.with_extension("partial");
     let messages = ros2::export(reader, &names, &partial).inspect_err(|_| drop(std::fs::remove_file(&partial)))?;
-    std::fs::rename(&partial, &out).with_context(|| out.display().to_string())?;
-    let text = format!("{messages} messages in {0}; `ros2 bag play {0}` plays them\n", out.display());
-    terminal.print(&serde_json::json!({ "bag": out, "messages": messages }), &text)?;
-    Ok((messages == 0).then(|| format!("{}: found nothing measured, expected a session that began", session.display())))
+    std::fs::rename(&partial, out).with_context(|| out.display().to_string())?;
+    Ok(messages)
+}
+
+/// The sessions of a folder and of its subfolder `sessions`, by name.
+fn sessions(folder: &Path) -> Result<Vec<PathBuf>> {
+    let inner = folder.join("sessions");
+    let mut found = Vec::new();
+    for folder in std::iter::once(folder).chain(inner.is_dir().then_some(inner.as_path())) {
+        let entries = std::fs::read_dir(folder).with_context(|| folder.display().to_string())?;
+        for entry in entries {
+            let path = entry.with_context(|| folder.display().to_string())?.path();
+            let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+            if name.ends_with(".mcap") && !name.ends_with(".ros2.mcap") {
+                found.push(path);
+            }
+        }
+    }
+    found.sort();
+    if found.is_empty() {
+        bail!(
+            "{}: found no session (*.mcap), expected those of `ftac bench --robot emulated --record all`",
+            folder.display()
+        );
+    }
+    Ok(found)
+}
+
+/// All sessions of a folder as bags.
+fn bags(terminal: &Terminal, folder: &Path, out: Option<&Path>) -> Outcome {
+    let all = sessions(folder)?;
+    if let Some(out) = out {
+        std::fs::create_dir_all(out).with_context(|| out.display().to_string())?;
+    }
+    let bar = progress::bar(all.len() as u64, "sessions", terminal.quiet || terminal.json);
+    let (mut bags, mut empty) = (Vec::new(), None);
+    for session in &all {
+        let beside = session.with_extension("ros2.mcap");
+        let bag = out.map_or_else(|| beside.clone(), |out| out.join(beside.file_name().unwrap_or_default()));
+        let messages = ros2(session, &bag)?;
+        if messages == 0 {
+            empty.get_or_insert_with(|| nothing(session));
+        }
+        bags.push(serde_json::json!({ "bag": bag, "messages": messages }));
+        bar.inc(1);
+    }
+    bar.finish_and_clear();
+    let place = out.unwrap_or(folder).display();
+    terminal.print(&serde_json::json!({ "bags": bags }), &format!("{} bags in {place}\n", bags.len()))?;
+    Ok(empty)
+}
+
+/// All sessions of a folder as a LeRobot data set, written by the Python package.
+fn lerobot(terminal: &Terminal, folder: &Path, out: Option<&Path>, images: u16) -> Outcome {
+    let all = sessions(folder)?;
+    let out = out.map_or_else(|| folder.join("lerobot"), Path::to_owned);
+    let mut command = python::module("ftac.lerobot");
+    command.arg(&out).arg(images.to_string()).args(&all).stdin(Stdio::null()).stderr(Stdio::inherit());
+    let output = command.output().with_context(|| python::missing("export lerobot"))?;
+    if !output.status.success() {
+        bail!("export lerobot: the data set was not written ({}); {}", output.status, python::EXPECTED);
+    }
+    let told: serde_json::Value = serde_json::from_slice(&output.stdout).context("export lerobot: its answer")?;
+    let text = format!("{} episodes, {} frames in {}\n", told["episodes"], told["frames"], out.display());
+    terminal.print(&told, &text)?;
+    Ok(None)
 }
 
 /// Makes the recording `out` of a session: how many ticks it has, and why they are not all that the session has, if so.

@@ -8,7 +8,7 @@ use bench::body::{Stopped, Task};
 use bench::builtin::make_bench;
 use bench::trial::{Bench, NoWatcher};
 use scenarios::Scenario;
-use scenarios::record::TrialRecord;
+use scenarios::record::{Condition, TrialRecord};
 use session_log::comparison::compare;
 use session_log::{Event, Reader, Replay};
 
@@ -32,6 +32,12 @@ pub fn command(terminal: &Terminal, recording: &Path) -> Result<Option<String>> 
 /// What the trial of a session is played with.
 pub fn bench_of(terminal: &Terminal, task: &Task, recording: &Path) -> Result<Bench> {
     let scenario = Scenario::parse(&task.scenario, recording)?;
+    if task.condition == Condition::Own {
+        bail!(
+            "{}: condition: found own, expected one that comes with this program: what a policy of one's own answered is not in the session",
+            recording.display()
+        );
+    }
     let mut bench = make_bench(scenario, task.combos, task.seed, terminal.quiet || terminal.json)?;
     task.places.set_up(&mut bench.world)?;
     if task.combination >= bench.plans.plans.len() {

@@ -5,6 +5,7 @@
 
 use std::sync::Arc;
 
+use control::action::TICKS;
 use hand_model::Hand;
 use hand_model::pads::IMAGE_SIZE;
 use hand_model::robot::{TactileFrame, TactileImage};
@@ -22,6 +23,13 @@ pub(super) fn reduced(board: TactileBoard, side: usize) -> Result<TactileBoard, 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 #[error("side of the tactile images: found {0} pixels, expected {LEAST_SIDE} to {IMAGE_SIZE}")]
 pub struct ImageSizeError(pub usize);
+
+/// Tick of a step, from 1, whose images arrive within the step if they take `delay` s.
+pub(crate) fn capture_at(delay: f64, tick: f64) -> usize {
+    // Times are sums of ticks: a thousandth of one is no tick.
+    let under_way = (delay / tick - 1e-3).ceil().max(0.0) as usize;
+    TICKS.saturating_sub(under_way).max(1)
+}
 
 /// The newest picture of every pad. A pixel is the mean of those of the cameras that it covers; the two cameras of a pad show its halves.
 #[derive(Debug, Clone)]
@@ -63,7 +71,7 @@ impl PadImages {
     }
 
     /// Shows untouched pads: an image a camera.
-    pub(super) fn show_backgrounds(&mut self, hand: &Hand, images: Vec<Arc<TactileImage>>) {
+    pub fn show_backgrounds(&mut self, hand: &Hand, images: Vec<Arc<TactileImage>>) {
         for (newest, image) in self.newest.iter_mut().zip(images) {
             *newest = Some(image);
         }
@@ -73,7 +81,7 @@ impl PadImages {
     }
 
     /// Shows what has arrived.
-    pub(super) fn show(&mut self, hand: &Hand, frames: Vec<TactileFrame>) {
+    pub fn show(&mut self, hand: &Hand, frames: Vec<TactileFrame>) {
         let mut changed = vec![false; hand.pads.len()];
         for frame in frames {
             let Some(newest) = self.newest.get_mut(frame.camera) else { continue };

@@ -21,7 +21,7 @@ const EXTENT: [[f64; 2]; 2] = [[0.35, 0.90], [-0.35, 0.35]];
 pub struct PictureSizeError(pub u32);
 
 impl Scene {
-    /// The hand, the objects and the table from before and above: `side` x `side` pixels, row-major RGB. It shows the truth, as a camera would.
+    /// Arm, hand, objects and table from before and above: `side` x `side` pixels, row-major RGB. It shows the truth, as a camera would.
     pub fn picture(&self, side: u32) -> Result<Vec<u8>, PictureSizeError> {
         if !(SIDES[0]..=SIDES[1]).contains(&side) {
             return Err(PictureSizeError(side));
@@ -39,6 +39,7 @@ impl Scene {
             let (vertices, triangles, normals) = model.shape.triangles();
             picture.triangles(pose, &vertices, &triangles, &normals, model.color.map(f64::from));
         }
+        picture.arm(&self.cell().arm, &links[..ARM_JOINTS]);
         let links: Vec<Isometry3<f64>> = links[ARM_JOINTS..].iter().map(|link| palm.inverse() * link).collect();
         picture.hand_at(hand, (palm, &links), |_| PAD);
         Ok(picture.finish("").into_raw())

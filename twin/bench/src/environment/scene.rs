@@ -2,12 +2,12 @@
 
 use std::sync::Arc;
 
-use control::Twist;
-use control::inverse_kinematics::{ArmKinematics, ArmServo, IkError, Joints};
+use control::action::{Action, ActionError, ActionLimits, Stepper, TICKS};
+use control::inverse_kinematics::{ArmKinematics, IkError, Joints};
 use control::workcell::Workcell;
-use hand_model::robot::{ArmState, Command, Observation, Robot, ServoGoal, ServoState, TactileImage};
-use hand_model::{ACTUATORS, ARM_JOINTS};
-use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
+use hand_model::ACTUATORS;
+use hand_model::robot::{ArmState, Command, Observation, Robot, ServoState, TactileImage};
+use nalgebra::Isometry3;
 use proving::world::World;
 use scenarios::layout::Place;
 use scenarios::noise::TrialNoise;
@@ -16,11 +16,8 @@ use sim::robot::Truth;
 use sim::tactile::TactileBoard;
 use sim::{ObjectPlacement, SceneSetup, SimulatedRobot};
 
-use super::action::{Action, ActionError, ActionLimits, ArmAction, HandAction};
-use super::images::{ImageSizeError, PadImages, reduced};
+use super::images::{ImageSizeError, PadImages, capture_at, reduced};
 
-/// Ticks of the robot in a step: six of 1/120 s.
-pub const TICKS: usize = 6;
 /// Most objects in a scene.
 pub const MOST_OBJECTS: usize = 16;
 /// Farthest place of an object from the arm's base along x and y, m.
@@ -61,24 +58,13 @@ pub struct SceneOptions {
     pub seed: u64,
 }
 
-/// What the arm follows.
-#[derive(Debug, Clone)]
-enum Reference {
-    /// The palm's twist.
-    Palm(Box<ArmServo>),
-    /// Joint set-points as they were sent, rad.
-    Joints(Joints),
-}
-
 /// A robot at a table with objects. A clone goes its own way from the same bits.
 #[derive(Clone)]
 pub struct Scene {
     cell: Workcell,
     kinematics: ArmKinematics,
-    limits: Arc<ActionLimits>,
+    stepper: Stepper,
     robot: SimulatedRobot,
-    reference: Reference,
-    tensions: [f64; 5],
     images: Option<PadImages>,
     /// Tick of a step in which images are asked for: the last from which they arrive within the step.
     capture_at: usize,
@@ -133,70 +119,29 @@ impl Scene {
                 Ok::<_, ImageSizeError>(images)
             })
             .transpose()?;
-        // Times are sums of ticks: a thousandth of one is no tick.
-        let under_way = (frame_delay / robot.tick_length() - 1e-3).ceil().max(0.0) as usize;
+        let capture_at = capture_at(frame_delay, robot.tick_length());
         let observation = robot.observe();
         Ok(Self {
             kinematics: cell.kinematics(),
-            limits: Arc::new(ActionLimits::of(cell)),
-            reference: Reference::Palm(Box::new(cell.arm_servo(posture)?)),
+            stepper: Stepper::new(cell, posture, tensions)?,
             cell: cell.clone(),
             robot,
-            tensions,
             images,
-            capture_at: TICKS.saturating_sub(under_way).max(1),
+            capture_at,
             observation,
         })
     }
 
     /// Carries out `action` for a step. An error leaves the scene as it was.
     pub fn step(&mut self, action: &Action) -> Result<(), ActionError> {
-        self.limits.check(action)?;
-        let tick = self.robot.tick_length();
-        let mut reference = match (action.arm, &self.reference) {
-            (ArmAction::Twist(_), Reference::Palm(servo)) => Reference::Palm(servo.clone()),
-            (ArmAction::Twist(_), Reference::Joints(sent)) => Reference::Palm(Box::new(self.cell.arm_servo(*sent)?)),
-            (ArmAction::Joints(joints), _) => Reference::Joints(joints),
-        };
-        // The whole step is planned before any of it is carried out.
-        let mut wanted = [[0.0; ARM_JOINTS]; TICKS];
-        for joints in &mut wanted {
-            *joints = match (&mut reference, action.arm) {
-                (Reference::Palm(servo), ArmAction::Twist(twist)) => {
-                    let target = moved(&servo.palm_pose(), &twist, tick);
-                    servo.step(&target, &twist, tick)?.q
-                }
-                (Reference::Palm(servo), ArmAction::Joints(_)) => *servo.q(),
-                (Reference::Joints(joints), _) => *joints,
-            };
-        }
-        let before = self.tensions;
-        if let HandAction::Tensions { tensions, .. } = action.hand {
-            self.tensions = tensions;
-        }
-        for (n, arm) in wanted.into_iter().enumerate() {
-            let servos = self.servo_goals(&action.hand, &before, (n + 1) as f64 / TICKS as f64);
+        for (n, (arm, servos)) in self.stepper.step(action, self.robot.tick_length())?.into_iter().enumerate() {
             let capture = self.images.is_some() && n + 1 == self.capture_at;
             let sent = self.robot.send(&Command { arm, servos, capture });
             self.robot.wait_for_tick();
-            if let Reference::Joints(joints) = &mut reference {
-                *joints = if n + 1 == TICKS { sent.arm } else { *joints };
-            }
+            self.stepper.sent(sent.arm);
         }
-        self.reference = reference;
         self.observe();
         Ok(())
-    }
-
-    /// Goals of a tick when `part` of the step is over and the tensions were `before` it, N.
-    fn servo_goals(&self, action: &HandAction, before: &[f64; 5], part: f64) -> [ServoGoal; ACTUATORS] {
-        match action {
-            HandAction::Tensions { tensions, opposition } => {
-                let now = std::array::from_fn(|n| before[n] + part * (tensions[n] - before[n]));
-                ActionLimits::tension_goals(&self.cell, &now, *opposition)
-            }
-            HandAction::Spools(angles) => self.limits.spool_goals(angles),
-        }
     }
 
     fn observe(&mut self) {
@@ -209,7 +154,7 @@ impl Scene {
 
     /// Limits of the actions.
     pub fn limits(&self) -> &ActionLimits {
-        &self.limits
+        self.stepper.limits()
     }
 
     /// Length of a step, s.
@@ -255,16 +200,6 @@ impl Scene {
     pub fn cell(&self) -> &Workcell {
         &self.cell
     }
-}
-
-/// `pose` after `time` (s) with `twist`.
-fn moved(pose: &Isometry3<f64>, twist: &Twist, time: f64) -> Isometry3<f64> {
-    let (linear, angular): (Vector3<f64>, Vector3<f64>) =
-        (twist.fixed_rows::<3>(0).into(), twist.fixed_rows::<3>(3).into());
-    Isometry3::from_parts(
-        Translation3::from(pose.translation.vector + linear * time),
-        UnitQuaternion::from_scaled_axis(angular * time) * pose.rotation,
-    )
 }
 
 fn placement(world: &World, placed: &Placed) -> Result<ObjectPlacement, SceneError> {

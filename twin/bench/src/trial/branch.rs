@@ -20,6 +20,7 @@ use super::profile::Activity;
 use super::run::Run;
 use super::setup::Start;
 use super::watcher::Watcher;
+use crate::own::Pace;
 
 /// What is kept of a trial under one condition.
 #[derive(Debug, Clone)]
@@ -44,6 +45,8 @@ pub struct Play<'a> {
     pub decision_time: f64,
     /// Whether the true state is injected in the place of what is felt.
     pub inject_truth: bool,
+    /// What passes while the policy decides, beside `decision_time`.
+    pub pace: Pace,
 }
 
 /// What a branch came to.
@@ -105,7 +108,14 @@ fn decide_and_play(
             played.run.wait(with.decision_time, felt, Some(condition), watcher)?;
         }
         let (before, begun) = (policy.story().decisions, Instant::now());
+        let waiting = (with.pace == Pace::Wall).then(|| played.run.snapshot.executive.clone());
         let step = decide(&mut played.run, &start.objects, policy, &mut with)?;
+        if let Some(waiting) = waiting {
+            let decided = std::mem::replace(&mut played.run.snapshot.executive, waiting);
+            let felt = policy.felt().filter(|_| phase > Phase::Decide);
+            played.run.wait(begun.elapsed().as_secs_f64(), felt, Some(condition), watcher)?;
+            played.run.snapshot.executive = decided;
+        }
         if policy.story().decisions > before {
             played.slowest_ms = played.slowest_ms.max(begun.elapsed().as_secs_f64() * 1e3);
         }

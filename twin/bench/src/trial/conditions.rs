@@ -29,9 +29,9 @@ impl Means {
         let sensing = match condition {
             Condition::Ideal | Condition::Blind => return None,
             Condition::Reflex => Sensing::ServosOnly,
-            Condition::Touch => Sensing::Full,
+            Condition::Touch | Condition::Own => Sensing::Full,
         };
-        Some(Self { sensing, recovery: Recovery::FULL, explores: true })
+        Some(Self { sensing, recovery: Recovery::FULL, explores: condition != Condition::Own })
     }
 
     /// Whether these include tactile images.
@@ -93,9 +93,20 @@ impl Branches<'_> {
     /// One condition.
     pub fn play(&self, id: TrialId, watcher: &mut dyn Watcher) -> Result<TrialOutcome> {
         match Means::of(id.condition) {
+            _ if id.condition == Condition::Own => self.own(id, watcher),
             None => self.bench.plan(&self.start, self.bench.options(id, self.looks.clone()), watcher),
             Some(means) => self.deliberate(id, means, watcher),
         }
+    }
+
+    /// The user's own policy.
+    fn own(&self, id: TrialId, watcher: &mut dyn Watcher) -> Result<TrialOutcome> {
+        let Self { bench, setup, start, looks } = self;
+        let options = bench.options(id, looks.clone());
+        if bench.begins_otherwise(Condition::Own) {
+            return bench.own(&setup.at_rest(bench, None, watcher)?, options, watcher);
+        }
+        bench.own(start, options, watcher)
     }
 
     /// One that decides, with what `means` leaves it.

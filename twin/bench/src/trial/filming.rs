@@ -5,11 +5,13 @@ use hand_model::ARM_JOINTS;
 use report::film::{Film, Frame, Stage};
 use scenarios::record::{Condition, TrialRecord};
 
-use super::{Bench, Means, Moment, Watcher};
+use super::{Bench, Moment, Watcher};
 
 /// Films the branch of one condition on a body whose truth is known.
 pub struct Filming {
     condition: Condition,
+    /// Whether the branch has nothing of the first grasp that others share.
+    begins_otherwise: bool,
     /// Time between frames, s.
     period: f64,
     /// The film so far.
@@ -18,9 +20,9 @@ pub struct Filming {
 
 impl Filming {
     /// Takes `rate` frames a second of `condition`.
-    pub fn new(condition: Condition, rate: f64) -> Self {
+    pub fn new(bench: &Bench, condition: Condition, rate: f64) -> Self {
         let film = Film { title: condition.name().to_owned(), ..Film::default() };
-        Self { condition, period: 1.0 / rate, film }
+        Self { condition, begins_otherwise: bench.begins_otherwise(condition), period: 1.0 / rate, film }
     }
 }
 
@@ -30,8 +32,7 @@ impl Watcher for Filming {
     }
 
     fn see(&mut self, moment: &Moment) -> Result<()> {
-        let begins_otherwise = || Means::of(self.condition).is_some_and(Means::begin_otherwise);
-        if moment.condition.map_or_else(begins_otherwise, |condition| condition != self.condition) {
+        if moment.condition.map_or(self.begins_otherwise, |condition| condition != self.condition) {
             return Ok(());
         }
         if let Some(note) = moment.note {

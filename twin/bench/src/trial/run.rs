@@ -7,10 +7,11 @@ use control::executive::{Executive, Phase};
 use control::perception::{Felt, Grip};
 use control::policy::{Choice, Injected};
 use hand_model::Digit;
-use hand_model::robot::Robot;
+use hand_model::robot::{Command, Robot};
 use proving::rehearsal::{PALM, Snapshot, digit_bits, in_hand};
 use scenarios::record::{Condition, TrialId, TrialRecord};
 use scenarios::referee::{Referee, SceneTruth, Touch, Toucher};
+use scenarios::stages::Stages;
 use sim::robot::Truth;
 
 use super::disturbance::Disturber;
@@ -104,45 +105,51 @@ impl Run {
         condition: Option<Condition>,
         watcher: &mut dyn Watcher,
     ) -> Result<()> {
-        let Self { snapshot, referee, disturber, history, profile, reversed } = self;
-        let reversed = *reversed;
-        let holding = digit_bits(snapshot.executive.first().0.role.digits());
-        let Snapshot { robot, executive } = snapshot;
-        while on(executive, robot.time()) {
+        while on(&self.snapshot.executive, self.snapshot.robot.time()) {
+            let Snapshot { robot, executive } = &mut self.snapshot;
             let observation = robot.observe();
-            let command = profile.on(Activity::Control, || executive.tick(&observation))?;
-            robot.send(&command);
-            let note = match robot {
-                Body::Simulated(robot) => disturber.act(robot, executive),
-                Body::Single(_) => None,
-            };
-            let activity = if command.capture { Activity::Images } else { Activity::Physics };
-            profile.on(activity, || robot.wait_for_tick());
-            profile.on(Activity::Referee, || {
-                let truth = robot.truth();
-                if let Some(truth) = &truth {
-                    referee.see(&scene(truth, executive.phase(), holding));
-                    disturber.see(truth);
-                    history.see(truth);
-                }
-                let (time, note) = (robot.time(), note.as_deref());
-                watcher.see(&Moment {
-                    time,
-                    truth: truth.as_ref(),
-                    executive,
-                    felt,
-                    condition,
-                    note,
-                    choice: None,
-                    reversed,
-                })
-            })?;
-            // The last tick of a recording may also be the last of a trial.
-            if let Some(why) = robot.stopped().filter(|_| executive.phase() < Phase::Done) {
-                bail!(Stopped(format!("{why} (phase: {})", executive.phase().name())));
-            }
+            let command = self.profile.on(Activity::Control, || executive.tick(&observation))?;
+            self.carry_out(&command, None, (felt, condition), watcher)?;
         }
         Ok(())
+    }
+
+    /// One tick with `command`, while referee and watcher look on: what was sent, after limits. The executive says what phase it is, or `stages`
+    /// where it does not command.
+    pub fn carry_out(
+        &mut self,
+        command: &Command,
+        stages: Option<&mut Stages>,
+        (felt, condition): (Option<&Felt>, Option<Condition>),
+        watcher: &mut dyn Watcher,
+    ) -> Result<Command> {
+        let Self { snapshot: Snapshot { robot, executive }, referee, disturber, history, profile, reversed } = self;
+        let reversed = *reversed;
+        let sent = robot.send(command);
+        let note = match robot {
+            Body::Simulated(robot) => disturber.act(robot, executive),
+            Body::Single(_) => None,
+        };
+        let activity = if command.capture { Activity::Images } else { Activity::Physics };
+        profile.on(activity, || robot.wait_for_tick());
+        profile.on(Activity::Referee, || {
+            let truth = robot.truth();
+            if let Some(truth) = &truth {
+                referee.see(&match stages {
+                    Some(stages) => staged(truth, stages),
+                    None => scene(truth, executive.phase(), digit_bits(executive.first().0.role.digits())),
+                });
+                disturber.see(truth);
+                history.see(truth);
+            }
+            let (time, note) = (robot.time(), note.as_deref());
+            watcher.see(&Moment { time, truth: truth.as_ref(), executive, felt, condition, note, choice: None, reversed })
+        })?;
+        // The last tick of a recording may also be the last of a trial.
+        if let Some(why) = robot.stopped().filter(|_| executive.phase() < Phase::Done) {
+            bail!(Stopped(format!("{why} (phase: {})", executive.phase().name())));
+        }
+        Ok(sent)
     }
 
     /// How often the reaction to slip pulled harder, in words.
@@ -189,6 +196,14 @@ impl Run {
             grip: Grip { first: in_hand(&truth, 0), second: in_hand(&truth, 1) },
         })
     }
+}
+
+/// The referee's view of a scene whose phases are read from it. The digits that hold the first object are those that touch it.
+fn staged(truth: &Truth, stages: &mut Stages) -> SceneTruth {
+    let holding = Digit::ALL.iter().map(|digit| digit_bits(&[*digit])).filter(|bits| truth.touched_by[0] & bits != 0);
+    let holding = holding.fold(0, |all, bits| all | bits);
+    let phase = stages.see(&scene(truth, stages.phase(), holding));
+    scene(truth, phase, holding)
 }
 
 /// The referee's view of the scene.

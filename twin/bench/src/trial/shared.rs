@@ -11,10 +11,13 @@ use hand_model::Digit;
 use proving::plan::Plans;
 use proving::plan::without::plan_without;
 use proving::world::World;
+use scenarios::record::Condition;
 use sim::tactile::TactileBoard;
 use touch::TouchPipeline;
 
+use super::conditions::Means;
 use super::profile::Profile;
+use crate::own::{Level, Own};
 
 /// Robot, objects, grasps and plans of a benchmark.
 pub struct Bench {
@@ -36,6 +39,8 @@ pub struct Bench {
     pub seed: u64,
     /// Where the time went.
     pub profile: Arc<Profile>,
+    /// A policy of the user's own, where one plays.
+    pub own: Option<Own>,
     /// What was planned while all digits had power, where some have none: `ideal` and `blind` know nothing else.
     pub intact: Option<Intact>,
 }
@@ -51,6 +56,14 @@ pub struct Intact {
 }
 
 impl Bench {
+    /// Whether a trial under a condition begins with anything but the planned first grasp.
+    pub fn begins_otherwise(&self, condition: Condition) -> bool {
+        match condition {
+            Condition::Own => self.own.as_ref().is_some_and(|own| own.guest.level == Level::Act),
+            _ => Means::of(condition).is_some_and(Means::begin_otherwise),
+        }
+    }
+
     /// From now on `touch` does without `digits`, as well as it can; what was planned stays what `ideal` and `blind` know.
     pub fn do_without(&mut self, digits: &[Digit]) -> Result<()> {
         let without = plan_without(&self.world, &self.repertoire, &self.plans, digits)?;

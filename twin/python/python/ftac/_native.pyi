@@ -1,5 +1,6 @@
 """The native module as the package calls it. Arrays are contiguous float64 unless something else is said."""
 
+import os
 from typing import Any
 
 import numpy as np
@@ -9,18 +10,14 @@ Array = NDArray[np.float64]
 Image = NDArray[np.uint8]
 Map = NDArray[np.float32]
 
+Asked = tuple[Array | None, Array | None, Array | None, float | None, Array | None]
+"""Twist or joints; tensions and opposition, or spools: in this order."""
+
 class Scene:
     def __init__(
         self, objects: list[tuple[str, float, float, float]], images: int | None, seed: int, reality: bool
     ) -> None: ...
-    def step(
-        self,
-        twist: Array | None,
-        joints: Array | None,
-        tensions: Array | None,
-        opposition: float | None,
-        spools: Array | None,
-    ) -> None: ...
+    def step(self, asked: Asked) -> None: ...
     def observe(self) -> dict[str, Any]: ...
     def true_state(self) -> dict[str, Any]: ...
     def limits(self) -> dict[str, Any]: ...
@@ -31,14 +28,7 @@ class Episode:
     def __init__(
         self, task: str, images: int | None, combination: int | None, seed: int, reality: bool
     ) -> None: ...
-    def step(
-        self,
-        twist: Array | None,
-        joints: Array | None,
-        tensions: Array | None,
-        opposition: float | None,
-        spools: Array | None,
-    ) -> tuple[list[bool], float, float, bool, bool]:
+    def step(self, asked: Asked) -> tuple[list[bool], float, float, bool, bool]:
         """held, progress, gained, success, lost"""
     def observe(self) -> dict[str, Any]: ...
     def true_state(self) -> dict[str, Any]: ...
@@ -55,9 +45,12 @@ def step_all(episodes: list[Episode], actions: Array, jobs: int) -> list[tuple[l
 
 class Benchmark:
     def __init__(self, seed: int) -> None: ...
-    def play(self, policy: Any, combination: int, trial: int) -> str:
-        """`policy.choose(dict)` answers None or a candidate's index with x, y (m) and yaw (rad) of its aim."""
+    def play(self, host: Any, guest: str, wall: bool, combination: int, trial: int) -> str:
+        """`host` is a `policy_host.Host`, `guest` what it says of its policy, as JSON."""
     def condition(self, name: str, combination: int, trial: int) -> str: ...
+
+def session(path: os.PathLike[str], ticks: int, side: int) -> dict[str, Any]:
+    """A recorded session, a frame every `ticks` ticks."""
 
 def objects() -> list[str]:
     """Names of the built-in objects."""

@@ -1,8 +1,11 @@
 """Your own policy in the trials of the multi-object benchmark.
 
-A policy chooses how the second object is taken once the first is in the hand, and what follows when that was tried. It is told what the built-in
-policies know: measurements, tactile images, what vision reports and what touch makes of it. It is not told how the scene really is. Simulated time
-stands while it thinks.
+A policy chooses how the second object is taken once the first is in the hand, and what follows when that was tried; or it moves the robot itself. It
+is told what the built-in policies know: measurements, tactile images, what vision reports and what touch makes of it. It is not told how the scene
+really is. Simulated time stands while it thinks, unless something else is asked for.
+
+`play` plays with an object of this process. The command ``ftac bench --policy my_policy.py:MyPolicy`` plays with a class, as a condition of the whole
+benchmark, on any body and with as many threads as there are cores.
 """
 
 from __future__ import annotations
@@ -18,7 +21,7 @@ from numpy.typing import NDArray
 
 from ftac import _native
 from ftac._arrays import seed_of, whole
-from ftac.grasps import PickUp, pick_up
+from ftac.grasps import PickUp
 
 Array = NDArray[np.float64]
 Aim = tuple[float, float, float]
@@ -69,8 +72,12 @@ class Situation:
     """The plan's probability of success of each candidate."""
 
 
-class Policy(Protocol):
-    """What `play` asks. A method ``reset(info)``, if there is one, is told ``combination``, ``trial`` and ``seed`` before a trial begins."""
+class Chooser(Protocol):
+    """A policy that chooses how the second object is taken.
+
+    A method ``reset(info)``, if there is one, is told before a trial is decided: ``combination``, ``trial``, ``objects`` (names), ``yaws`` (their turns as
+    seen, rad) and a ``seed`` for what is random in the policy.
+    """
 
     def choose(self, situation: Situation) -> Answer:
         """The place of one of ``situation.candidates``; or that and how far beside the place where the object is seen it aims: x and y (m, world; up to
@@ -81,30 +88,22 @@ class Policy(Protocol):
         ...
 
 
-class _Asked:
-    """Between the native module and a policy."""
+class Actor(Protocol):
+    """A policy that moves the robot itself, from the beginning of a trial: ``reset`` is as in `Chooser`.
 
-    def __init__(self, policy: Policy) -> None:
-        self._policy = policy
+    An attribute ``images``, if there is one and it is not None, is the side of the tactile images that it gets, 8 to 240 pixels.
+    """
 
-    def choose(self, told: dict[str, Any]) -> tuple[int, float, float, float] | None:
-        candidates = json.loads(told.pop("candidates"))
-        situation = Situation(
-            first=pick_up(json.loads(told.pop("first"))),
-            candidates=tuple(pick_up(candidate["grasp"]) for candidate in candidates),
-            worth=np.array([candidate["worth"] for candidate in candidates]),
-            objects=tuple(told.pop("objects")),
-            yaws=tuple(told.pop("yaws")),
-            **told,
-        )
-        answer = self._policy.choose(situation)
-        if answer is None:
-            return None
-        index, aim = (answer, (0.0, 0.0, 0.0)) if isinstance(answer, (int, np.integer)) else answer
-        x, y, yaw = aim
-        if not 0 <= index < len(candidates):
-            raise ValueError(f"choose: found candidate {index}, expected 0 to {len(candidates) - 1}")
-        return int(index), float(x), float(y), float(yaw)
+    def act(self, observation: dict[str, Any]) -> NDArray[np.floating[Any]] | None:
+        """What is to be done in the next 1/20 s: twelve numbers from -1 to 1, as in ``ftac/PickTwo-v0``. None: it has finished.
+
+        The observation is that environment's, with ``time`` (s) and ``time_left`` (s). The trial succeeds once both objects have been held up for the
+        benchmark's time: it is over then. An exception, or a value that is not a number, fails it.
+        """
+        ...
+
+
+Policy = Chooser | Actor
 
 
 def play(
@@ -114,35 +113,36 @@ def play(
     trials: int = 1,
     seed: int = 1,
     beside: Sequence[str] = (),
+    wall: bool = False,
 ) -> list[dict[str, Any]]:
     """Plays trials of the benchmark and returns a row for each, which ``pandas.DataFrame`` takes.
 
     Parameters
     ----------
-    policy: chooses how the second object is taken.
+    policy: chooses how the second object is taken, or moves the robot.
     combinations: numbers of combinations (`ftac.combinations`); None for all 60.
     trials: of each combination.
     seed: of everything random. 1 is the benchmark's seed of development, 11 to 14 are those that nothing was developed on.
     beside: conditions that play the same trials with the same errors: ``ideal``, ``blind``, ``reflex``, ``touch``.
+    wall: as much simulated time passes while the policy thinks as on the wall. Results depend on the computer then.
 
     A row has the columns of the benchmark's ``trials.csv``, among them ``success``, ``contact``, ``clean_success``, ``cause``, ``reason`` and ``sim_seconds``; and
     ``policy``, the class's name or the condition.
     """
-    if not callable(getattr(policy, "choose", None)):
-        raise ValueError(f"policy: found {type(policy).__name__}, expected an object with a method choose(situation)")
+    # It needs what is defined here.
+    from ftac.policy_host import Host
+
+    host = Host(policy)
     trials, seed = whole("trials", trials, 1, 1_000_000), seed_of(seed)
     unknown = [name for name in beside if name not in CONDITIONS]
     if unknown:
         raise ValueError(f"beside: found {unknown[0]!r}, expected some of {', '.join(CONDITIONS)}")
     count = len(_native.combinations())
     numbers = range(count) if combinations is None else [whole("combination", n, 0, count - 1) for n in combinations]
-    benchmark, asked, rows = _benchmark(seed), _Asked(policy), []
+    benchmark, guest, rows = _benchmark(seed), json.dumps(host.guest()), []
     for combination in numbers:
         for trial in range(trials):
-            reset = getattr(policy, "reset", None)
-            if reset is not None:
-                reset({"combination": combination, "trial": trial, "seed": seed})
-            rows.append(_row(benchmark.play(asked, combination, trial), type(policy).__name__))
+            rows.append(_row(benchmark.play(host, guest, wall, combination, trial), type(policy).__name__))
             rows.extend(_row(benchmark.condition(name, combination, trial), name) for name in beside)
     return rows
 

@@ -15,7 +15,7 @@ from gymnasium import spaces
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
-from ftac import _native
+from ftac import _actions, _native
 from ftac._arrays import side_of, whole
 
 Task = Literal["pick_one", "pick_second", "pick_two"]
@@ -62,7 +62,7 @@ class Pick(gymnasium.Env[Observation, Vector]):
 
     metadata: dict[str, Any] = {"render_modes": ["rgb_array"], "render_fps": 20}
 
-    SPEED, TURN_SPEED, TENSION = 0.25, 1.0, 60.0
+    SPEED, TURN_SPEED, TENSION = _actions.SPEED, _actions.TURN_SPEED, _actions.TENSION
 
     def __init__(
         self,
@@ -94,7 +94,6 @@ class Pick(gymnasium.Env[Observation, Vector]):
         def real(*shape: int) -> spaces.Box:
             return spaces.Box(-np.inf, np.inf, shape, np.float32)
 
-        self._measured = ["servos", "arm", "palm", "seen"]
         observed: dict[str, spaces.Space[Any]] = {
             "servos": real(6, 3),
             "arm": real(7, 3),
@@ -119,8 +118,7 @@ class Pick(gymnasium.Env[Observation, Vector]):
         self._shown = self._episode
         self._opposition = self._episode.limits()["opposition"]
         tensions, opposition = self._episode.grip()
-        pulled = [2.0 * tension / self.TENSION - 1.0 for tension in tensions]
-        self._command = np.clip([*pulled, self.thumb(opposition)], -1.0, 1.0).astype(np.float32)
+        self._command = _actions.command(tensions, opposition, self._opposition)
         names, yaws = self._episode.objects(), self._episode.yaws()
         return self._observe(), {"objects": names, "yaws": yaws, "combination": self._episode.combination()}
 
@@ -128,20 +126,13 @@ class Pick(gymnasium.Env[Observation, Vector]):
         """Carries out `action` for 1/20 s. ``ValueError`` for one that is not in the action space."""
         row = self._row(action)
         assert self._episode is not None
-        return self._judge(action, self._episode.step(row[:6], None, row[6:11], float(row[11]), None))
+        return self._judge(action, self._episode.step((row[:6], None, row[6:11], float(row[11]), None)))
 
     def _row(self, action: Vector) -> NDArray[np.float64]:
         """Twist, tensions, opposition of an action."""
         if self._episode is None:
             raise gymnasium.error.ResetNeeded("the episode is over or has not begun: call reset() first")
-        found = np.asarray(action)
-        if found.shape != (12,) or not np.all(np.abs(found) <= 1.0):
-            raise ValueError(f"action: found {found}, expected 12 numbers from -1 to 1")
-        shares = found.astype(np.float64)
-        lowest, highest = self._opposition
-        opposition = lowest + 0.5 * (shares[11] + 1.0) * (highest - lowest)
-        tensions = 0.5 * (shares[6:11] + 1.0) * self.TENSION
-        return np.concatenate([self.SPEED * shares[:3], self.TURN_SPEED * shares[3:6], tensions, [opposition]])
+        return _actions.row(action, self._opposition)
 
     def _judge(
         self, action: Vector, judged: tuple[list[bool], float, float, bool, bool]
@@ -168,17 +159,11 @@ class Pick(gymnasium.Env[Observation, Vector]):
 
     def thumb(self, opposition: float) -> float:
         """Share of the opposition joint's range, -1 to 1, at which it is at `opposition` (rad)."""
-        lowest, highest = self._opposition
-        return float(2.0 * (opposition - lowest) / (highest - lowest) - 1.0)
+        return _actions.thumb(opposition, self._opposition)
 
     def _observe(self) -> Observation:
         assert self._episode is not None
-        measured = self._episode.observe()
-        observation: Observation = {name: measured[name].astype(np.float32) for name in self._measured}
-        observation["command"] = self._command.copy()
-        if self.images is not None:
-            observation["tactile"] = measured["tactile"]
-        return observation
+        return _actions.observation(self._episode.observe(), self._command)
 
 
 class VectorPick(gymnasium.vector.VectorEnv[Observation, Vector, NDArray[Any]]):

@@ -1,15 +1,20 @@
-"""The grasps that come with the program."""
+"""The grasps that come with the program, and synthesis of others."""
 
 from __future__ import annotations
 
 import json
+import os
+import tempfile
 from functools import cache
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ftac import _native
+from ftac._arrays import seed_of, whole
+from ftac.program import call
 
 Array = NDArray[np.float64]
 
@@ -60,6 +65,43 @@ def repertoire() -> dict[str, list[PickUp]]:
 def collection() -> list[Held]:
     """The synthesized grasps of all objects."""
     return [_held(grasp) for grasp in json.loads(_native.collection())]
+
+
+def generate(
+    object: str | None = None,
+    *,
+    mesh: str | os.PathLike[str] | None = None,
+    chains: int = 64,
+    contacts: str = "5",
+    friction: float | None = None,
+    mass: float | None = None,
+    seed: int = 1,
+) -> list[Held]:
+    """Grasps for an object by sampling, each closed by its cables, verified, and held in physics: ``ftac grasps generate``.
+
+    Parameters
+    ----------
+    object: name of an object of the set (`ftac.objects`); or
+    mesh: an OBJ file, in metres.
+    chains: samples, each of which may leave one grasp; a second or more each on one core.
+    contacts: contact points of a sample: a number, or a range taken in turn, such as ``2-5``.
+    friction: Coulomb friction between hand and object; None for the command's.
+    mass: for which grasps are verified, kg; None for the object's own, or 0.1.
+    seed: of everything random.
+    """
+    if (object is None) == (mesh is None):
+        raise ValueError("expected either an object or a mesh")
+    subject = ["--object", str(object)] if mesh is None else ["--mesh", os.fspath(mesh)]
+    chains, seed = whole("chains", chains, 1, 1_000_000), seed_of(seed)
+    given = {"--friction": friction, "--mass": mass}
+    more = [part for name, value in given.items() if value is not None for part in (name, str(float(value)))]
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "grasps.jsonl"
+        asked = [*subject, "--n", str(chains), "--contacts", contacts, *more, "--seed", str(seed), "--out", str(file)]
+        call("grasps", "generate", *asked)
+        # The first line is about the file.
+        lines = file.read_text().splitlines()[1:] if file.exists() else []
+    return [_held(json.loads(line)) for line in lines]
 
 
 def pick_up(grasp: dict[str, Any]) -> PickUp:

@@ -6,13 +6,15 @@ Images are (240, 240, 3) uint8: row 0 is the pad's distal edge (largest y), colu
 
 from __future__ import annotations
 
-from typing import NamedTuple
+import os
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ftac import _native, hand
 from ftac._arrays import seed_of, whole
+from ftac.program import call
 
 
 class Press(NamedTuple):
@@ -66,3 +68,68 @@ def press_heights(
 
 def _serial(unit: int | None) -> int | None:
     return None if unit is None else whole("unit", unit, 0, 2**32 - 1)
+
+
+def press_mesh(
+    camera: int | str,
+    vertices: ArrayLike,
+    triangles: ArrayLike,
+    force: float,
+    *,
+    unit: int | None = None,
+    seed: int = 0,
+) -> Press:
+    """A mesh pressed in with `force` (N) from above: `vertices` (n, 3), m, pad frame, z out of the pad, from any zero; `triangles` (k, 3), places among them."""
+    points, faces = np.asarray(vertices, dtype=np.float64), np.asarray(triangles)
+    if points.ndim != 2 or points.shape[1] != 3 or not np.isfinite(points).all():
+        raise ValueError(f"vertices: found shape {points.shape}, expected (n, 3) finite numbers")
+    if faces.ndim != 2 or faces.shape[1] != 3 or faces.dtype.kind not in "iu":
+        raise ValueError(f"triangles: found shape {faces.shape} of {faces.dtype}, expected (k, 3) whole numbers")
+    if faces.size and not (0 <= faces.min() and faces.max() < len(points)):
+        raise ValueError(f"triangles: found {faces.min()} to {faces.max()}, expected 0 to {len(points) - 1}")
+    return press_heights(camera, _lowest(hand.CAMERAS[hand.camera(camera)], points[faces]), force, unit=unit, seed=seed)
+
+
+def _lowest(view: hand.Camera, corners: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Height of the lowest of the triangles (k, 3, 3) over every pixel, NaN where there is none."""
+    side = 240
+    heights = np.full((side, side), np.nan)
+    # Columns and rows of the corners; a pixel's middle is a whole number.
+    columns = (corners[..., 0] + 0.5 * view.width) / view.width * side - 0.5
+    rows = (view.center_y + 0.5 * view.height - corners[..., 1]) / view.height * side - 0.5
+    for x, y, z in zip(columns, rows, corners[..., 2]):
+        left, right = max(0, int(np.ceil(x.min()))), min(side - 1, int(np.floor(x.max())))
+        top, bottom = max(0, int(np.ceil(y.min()))), min(side - 1, int(np.floor(y.max())))
+        area = (x[1] - x[0]) * (y[2] - y[0]) - (x[2] - x[0]) * (y[1] - y[0])
+        if left > right or top > bottom or area == 0.0:
+            continue
+        u, v = np.meshgrid(np.arange(left, right + 1), np.arange(top, bottom + 1))
+        first = ((x[1] - u) * (y[2] - v) - (x[2] - u) * (y[1] - v)) / area
+        second = ((x[2] - u) * (y[0] - v) - (x[0] - u) * (y[2] - v)) / area
+        shares = np.stack([first, second, 1.0 - first - second])
+        height = np.where((shares >= -1e-9).all(axis=0), np.tensordot(z, shares, 1), np.nan)
+        part = heights[top : bottom + 1, left : right + 1]
+        part[:] = np.fmin(part, height)
+    return heights
+
+
+def calibrate(
+    folder: str | os.PathLike[str], *, ball_diameter_mm: float, seed: int = 1, **options: str | float | bool
+) -> dict[str, Any]:
+    """Fits a real sensor's image formation to presses of a ball: ``ftac optics calibrate``, whose help says what the folder holds.
+
+    Parameters
+    ----------
+    folder: with ``background.png``, images of presses and perhaps ``labels.csv``.
+    ball_diameter_mm: of the ball, mm.
+    seed: of everything random.
+    options: the command's, with underscores: ``pixel_mm=0.02``, ``shallow=True``.
+
+    Returns what the command prints with ``--json``.
+    """
+    asked: list[str] = []
+    for name, value in options.items():
+        if value is not False and value is not None:
+            asked += [f"--{name.replace('_', '-')}"] + ([] if value is True else [str(value)])
+    ball = ["--ball-diameter-mm", str(float(ball_diameter_mm)), "--seed", str(seed_of(seed))]
+    return call("optics", "calibrate", os.fspath(folder), *ball, *asked)

@@ -82,7 +82,7 @@ class Scene:
             tensions, opposition = np.zeros(5), 0.0 if opposition is None else opposition
         elif tensions is not None and opposition is None:
             opposition = 0.0
-        self._scene.step(*command(twist, joints, tensions, opposition, spools))
+        self._scene.step(command(twist, joints, tensions, opposition, spools))
         return self.observe()
 
     def observe(self) -> dict[str, Any]:

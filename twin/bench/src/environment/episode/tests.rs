@@ -7,7 +7,7 @@ use scenarios::Scenario;
 
 use super::*;
 use crate::builtin::make_scenes;
-use crate::environment::{Action, ActionError, ArmAction, HandAction};
+use control::action::{Action, ActionError, ArmAction, HandAction};
 
 static BENCH: LazyLock<Bench> = LazyLock::new(|| make_scenes(Scenario::benchmark(), 3, EPISODES, true).unwrap());
 

@@ -1,16 +1,22 @@
-//! What a learner may ask of the robot, and its limits.
+//! What a policy that drives the robot step by step may ask of it, and its limits.
 //!
-//! An action out of its limits is refused, with the place and the limits in the error: it is not cut to fit.
+//! A step is a twentieth of a second. An action out of its limits is refused, with the place and the limits in the error: it is not cut to fit.
+//! [`Stepper`] turns actions into what arm and servos are asked for in every tick.
 
 use std::f64::consts::FRAC_PI_2;
 
-use control::Twist;
-use control::inverse_kinematics::IkError;
-use control::slip::most_tension;
-use control::trajectory::PathLimits;
-use control::workcell::Workcell;
 use hand_model::robot::ServoGoal;
 use hand_model::{ACTUATORS, ARM_JOINTS};
+
+use crate::Twist;
+use crate::inverse_kinematics::{IkError, Joints};
+use crate::slip::most_tension;
+use crate::trajectory::PathLimits;
+use crate::workcell::Workcell;
+
+pub use self::stepper::{Stepper, TICKS};
+
+mod stepper;
 
 /// Current with which the opposition servo holds its angle at most, A.
 const OPPOSITION_CURRENT: f64 = 0.6;
@@ -24,7 +30,7 @@ pub enum ArmAction {
     /// Move the palm with this twist: m/s of its origin and rad/s, world axes.
     Twist(Twist),
     /// Go to these joint set-points, rad.
-    Joints([f64; ARM_JOINTS]),
+    Joints(Joints),
 }
 
 /// What the hand's servos are asked to do during one step.
@@ -123,7 +129,7 @@ impl ActionLimits {
     }
 
     /// What the servos are asked for by spool angles (rad).
-    pub(super) fn spool_goals(&self, angles: &[f64; ACTUATORS]) -> [ServoGoal; ACTUATORS] {
+    fn spool_goals(&self, angles: &[f64; ACTUATORS]) -> [ServoGoal; ACTUATORS] {
         std::array::from_fn(|n| {
             let current_limit = if n + 1 == ACTUATORS { OPPOSITION_CURRENT } else { self.current };
             ServoGoal::Position { angle: angles[n], current_limit }
@@ -131,7 +137,7 @@ impl ActionLimits {
     }
 
     /// What the servos are asked for by tensions (N) and the angle of the opposition joint (rad).
-    pub(super) fn tension_goals(cell: &Workcell, tensions: &[f64; 5], opposition: f64) -> [ServoGoal; ACTUATORS] {
+    fn tension_goals(cell: &Workcell, tensions: &[f64; 5], opposition: f64) -> [ServoGoal; ACTUATORS] {
         cell.hand.servo_goals(tensions, opposition, OPPOSITION_CURRENT)
     }
 }

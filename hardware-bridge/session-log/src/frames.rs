@@ -1,0 +1,108 @@
+//! A session at the rate of a learner: every so many ticks what was measured, and what was asked for then.
+
+use hand_model::ACTUATORS;
+use hand_model::robot::{ArmState, Command, ServoGoal, ServoState, TactileFrame};
+
+use crate::error::SessionLogError;
+use crate::reader::{Event, Reader};
+
+/// One frame.
+#[derive(Debug, Clone)]
+pub struct Frame {
+    /// s since the body was started.
+    pub time: f64,
+    pub servos: [ServoState; ACTUATORS],
+    pub arm: ArmState,
+    /// What was sent in answer.
+    pub sent: Command,
+    /// Images that have come since the frame before.
+    pub tactile: Vec<TactileFrame>,
+}
+
+impl Frame {
+    /// What every servo was asked for, as one number each: the output angle (rad) of one that holds a position, the current (A) of another.
+    pub fn servo_goals(&self) -> [f64; ACTUATORS] {
+        self.sent.servos.map(|goal| match goal {
+            ServoGoal::Current(current) => current,
+            ServoGoal::Position { angle, .. } => angle,
+        })
+    }
+}
+
+/// What is left of a session, a frame every `ticks` ticks, and the outcome, if there is one. Of a session that breaks off, the last frame is one
+/// that was answered.
+pub fn frames(reader: &mut Reader, ticks: usize) -> Result<(Vec<Frame>, Option<Vec<u8>>), SessionLogError> {
+    let (mut frames, mut outcome, mut count) = (Vec::new(), None, 0);
+    let (mut latest, mut tactile) = (None, Vec::new());
+    while let Some((_, event)) = reader.next_event()? {
+        match event {
+            Event::Observation(mut observation) => {
+                tactile.append(&mut observation.tactile);
+                latest = Some(observation);
+            }
+            Event::Sent(sent) => {
+                let Some(observation) = latest.take() else { continue };
+                if count % ticks.max(1) == 0 {
+                    let (time, servos, arm) = (observation.time, observation.servos, observation.arm);
+                    frames.push(Frame { time, servos, arm, sent, tactile: std::mem::take(&mut tactile) });
+                }
+                count += 1;
+            }
+            Event::Outcome(text) => outcome = Some(text),
+            _ => {}
+        }
+    }
+    Ok((frames, outcome))
+}
+
+#[cfg(test)]
+mod tests {
+    use hand_model::robot::{Observation, Robot, Tick};
+
+    use super::*;
+    use crate::{Recorder, Session, Writer};
+
+    /// A body whose clock is all that moves.
+    struct Clock(f64);
+
+    impl Robot for Clock {
+        fn observe(&mut self) -> Observation {
+            Observation { time: self.0, ..Observation::default() }
+        }
+
+        fn send(&mut self, command: &Command) -> Command {
+            *command
+        }
+
+        fn wait_for_tick(&mut self) -> Tick {
+            self.0 += 0.01;
+            Tick { time: self.0, lateness: 0.0 }
+        }
+
+        fn tick_length(&self) -> f64 {
+            0.01
+        }
+    }
+
+    #[test]
+    fn every_few_ticks_what_was_measured_and_what_was_sent_then() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("session.mcap");
+        let writer = Writer::create(&path, &Session { tick_length: 0.01, ..Session::default() }).unwrap();
+        let mut recorder = Recorder::new(Clock(0.0), writer);
+        let mut servos = [ServoGoal::Current(0.25); ACTUATORS];
+        servos[5] = ServoGoal::Position { angle: 0.5, current_limit: 0.1 };
+        for n in 0..20 {
+            recorder.observe();
+            recorder.send(&Command { arm: [f64::from(n); 7], servos, capture: false });
+            recorder.wait_for_tick();
+        }
+        recorder.outcome(b"{}");
+        recorder.finish().1.unwrap();
+        let (frames, outcome) = frames(&mut Reader::open(&path).unwrap(), 6).unwrap();
+        assert_eq!(outcome.as_deref(), Some(b"{}".as_slice()));
+        assert_eq!(frames.iter().map(|frame| frame.sent.arm[0]).collect::<Vec<_>>(), [0.0, 6.0, 12.0, 18.0]);
+        assert!((frames[3].time - 0.18).abs() < 1e-9);
+        assert_eq!(frames[0].servo_goals(), [0.25, 0.25, 0.25, 0.25, 0.25, 0.5]);
+    }
+}

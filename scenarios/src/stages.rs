@@ -1,0 +1,147 @@
+//! What a controller is doing that names no phases, read from the scene: a referee judges by it.
+//!
+//! The first object is to be taken first. Once it is in the hand and lifted the second one is approached; once both are, they are held. An
+//! object that is lost meanwhile is to be taken again.
+
+use crate::holding::{HoldingRule, Support};
+use crate::phase::Phase;
+use crate::referee::{SceneTruth, distance_in_palm};
+
+/// Follows one trial.
+#[derive(Debug, Clone)]
+pub struct Stages {
+    /// Distance from the palm up to which an object counts as in the hand, m.
+    reach: f64,
+    /// How far an object must have risen, m.
+    lift: f64,
+    /// How long both must be held, s.
+    hold: f64,
+    phase: Phase,
+    /// Heights at which the objects were first seen, m.
+    rest: Option<[f64; 2]>,
+    held_since: Option<f64>,
+}
+
+impl Stages {
+    /// Objects count as lifted from `lift` (m) on, and both must be held for `hold` (s) within `reach` (m) of the palm.
+    pub fn new(reach: f64, lift: f64, hold: f64) -> Self {
+        Self { reach, lift, hold, phase: Phase::ApproachFirst, rest: None, held_since: None }
+    }
+
+    /// The present phase: [`Phase::ApproachFirst`], [`Phase::ApproachSecond`] or [`Phase::Hold`].
+    pub fn phase(&self) -> Phase {
+        self.phase
+    }
+
+    /// Takes the scene after one tick, in order of time, and says what phase it is in; its own phase is not looked at.
+    pub fn see(&mut self, truth: &SceneTruth) -> Phase {
+        let heights = truth.world_from_object.map(|pose| pose.translation.z);
+        let rest = *self.rest.get_or_insert(heights);
+        let in_hand = |object: usize, lifted: f64| {
+            HoldingRule { reach: self.reach, lifted }.holds(&Support {
+                held: truth.hand_contacts[object] > 0,
+                on_table: truth.on_table[object],
+                distance: distance_in_palm(truth, object),
+                height: heights[object],
+            })
+        };
+        let held = [0, 1].map(|object| in_hand(object, f64::NEG_INFINITY));
+        let lifted = [0, 1].map(|object| in_hand(object, rest[object] + self.lift));
+        self.phase = match (self.phase, held, lifted) {
+            (Phase::Hold, [true, true], _) | (_, _, [true, true]) => Phase::Hold,
+            (Phase::ApproachFirst, _, [false, _]) | (_, [false, _], _) => Phase::ApproachFirst,
+            _ => Phase::ApproachSecond,
+        };
+        self.held_since = (self.phase == Phase::Hold).then(|| self.held_since.unwrap_or(truth.time));
+        self.phase
+    }
+
+    /// Whether both objects have been held for long enough at `time` (s).
+    pub fn is_done(&self, time: f64) -> bool {
+        // Times are sums of ticks.
+        self.held_since.is_some_and(|since| time - since > self.hold - 1e-3)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::{Isometry3, Vector3};
+
+    use super::*;
+    use crate::referee::{FailureCause, Limits, Referee, RefereeRules};
+
+    /// A scene in which the objects are so high over the table and touched so.
+    fn scene(time: f64, heights: [f64; 2], touched: [bool; 2]) -> SceneTruth {
+        SceneTruth {
+            time,
+            phase: Phase::Begin,
+            first_touches_second: false,
+            holding_digits_touch_second: false,
+            palm_touches_second: false,
+            free_digits_on_second: 0,
+            on_second: Vec::new(),
+            hand_contacts: touched.map(usize::from),
+            on_table: heights.map(|height| height < 0.031),
+            world_from_object: heights.map(|height| Isometry3::translation(0.0, 0.0, height)),
+            world_from_palm: Isometry3::translation(0.0, 0.0, heights[0].max(heights[1])),
+        }
+    }
+
+    #[test]
+    fn phases_follow_what_is_lifted_held_and_lost() {
+        let mut stages = Stages::new(0.16, 0.05, 1.0);
+        let mut see = |time, heights, touched| (stages.see(&scene(time, heights, touched)), stages.is_done(time));
+        assert_eq!(see(0.0, [0.03, 0.03], [false; 2]), (Phase::ApproachFirst, false));
+        // Touched, raised a little, and raised.
+        assert_eq!(see(1.0, [0.03, 0.03], [true, false]).0, Phase::ApproachFirst);
+        assert_eq!(see(2.0, [0.05, 0.03], [true, false]).0, Phase::ApproachFirst);
+        assert_eq!(see(3.0, [0.09, 0.03], [true, false]).0, Phase::ApproachSecond);
+        // A second grasp goes down again with what is held.
+        assert_eq!(see(4.0, [0.05, 0.03], [true, true]).0, Phase::ApproachSecond);
+        assert_eq!(see(5.0, [0.09, 0.09], [true, true]), (Phase::Hold, false));
+        assert_eq!(see(5.5, [0.07, 0.07], [true, true]), (Phase::Hold, false));
+        // The second one is lost, regained, and held for a whole second.
+        assert_eq!(see(5.7, [0.09, 0.06], [true, false]).0, Phase::ApproachSecond);
+        assert_eq!(see(6.0, [0.09, 0.09], [true, true]), (Phase::Hold, false));
+        assert_eq!(see(6.9, [0.09, 0.09], [true, true]), (Phase::Hold, false));
+        assert_eq!(see(7.0, [0.09, 0.09], [true, true]), (Phase::Hold, true));
+        assert_eq!(see(8.0, [0.03, 0.09], [true, true]), (Phase::ApproachFirst, false));
+    }
+
+    /// A referee who goes by these phases finds a trial won in which both are taken and held, and one lost whose hold breaks off.
+    #[test]
+    fn a_referee_can_judge_by_them() {
+        let rules = RefereeRules { palm_distance: 0.16, slip: 0.02, knock_distance: 0.01 };
+        let judged = |until: f64| {
+            let mut referee = Referee::new(rules, Limits { hold: 1.0, trial: 60.0 });
+            let mut stages = Stages::new(0.16, 0.05, 1.0);
+            let mut time = 0.0;
+            while time < until && !stages.is_done(time) {
+                time += 0.01;
+                let (heights, touched) = match time {
+                    _ if time < 1.0 => ([0.03, 0.03], [false, false]),
+                    _ if time < 3.0 => ([0.1, 0.03], [true, false]),
+                    _ => ([0.1, 0.1], [true, true]),
+                };
+                let mut truth = scene(time, heights, touched);
+                truth.free_digits_on_second = 2 * usize::from(touched[1]);
+                truth.phase = stages.see(&truth);
+                referee.see(&truth);
+            }
+            (referee.verdict(), referee.tries().len())
+        };
+        let (won, tries) = judged(10.0);
+        assert!(won.success && !won.contact && tries == 2, "{won:?}");
+        let (lost, _) = judged(3.5);
+        assert_eq!((lost.success, lost.cause), (false, Some(FailureCause::NotFinished)));
+    }
+
+    #[test]
+    fn an_object_far_from_the_palm_is_not_in_the_hand() {
+        let mut stages = Stages::new(0.16, 0.05, 1.0);
+        stages.see(&scene(0.0, [0.03, 0.03], [false; 2]));
+        let mut far = scene(1.0, [0.2, 0.03], [true, false]);
+        far.world_from_palm.translation.vector += Vector3::new(0.2, 0.0, 0.0);
+        assert_eq!(stages.see(&far), Phase::ApproachFirst);
+    }
+}

@@ -1,0 +1,213 @@
+"""Behaviour cloning of the scripted pick-up for ``ftac/PickOne-v0``, with and without tactile images.
+
+    python clone_pick_one.py collect --episodes 500 --out trials.npz
+    python clone_pick_one.py train trials.npz --seeds 3 --episodes 100
+
+``collect`` plays the repertoire's best pick-up of one object under the benchmark's errors. The arm is pushed off its way at random while it plays, so that
+the data show how the script finds back. Episodes that succeed are kept. ``train`` fits a small network, once with what the
+pads' images show and once without, and counts how often it lifts the object in episodes that nothing was collected in.
+
+It needs numpy and gymnasium beside ftac.
+"""
+
+import argparse
+import os
+import sys
+from concurrent.futures import ProcessPoolExecutor
+
+os.environ.setdefault("RAYON_NUM_THREADS", "1")
+
+import gymnasium  # noqa: E402
+import numpy as np  # noqa: E402
+
+import ftac  # noqa: E402
+from ftac.scripted import Script, pose_matrix  # noqa: E402
+
+SIDE = 16
+"""Of the tactile images, pixels."""
+CELLS = 4
+"""Side of a pad's picture as the network gets it."""
+PUSH = 0.12
+"""Standard deviation of a push, as a share of the greatest speed; it lasts for PUSH_STEPS."""
+PUSH_STEPS = 6
+HELD_OUT = 1_000_000
+"""Seeds of the episodes that policies are tested in begin here."""
+
+
+def make(combination):
+    return gymnasium.make("ftac/PickOne-v0", images=SIDE, combination=combination).unwrapped
+
+
+def script_of(env, observation, info):
+    return Script(env, ftac.grasps.repertoire()[info["objects"][0]][0], observation["seen"][0], info["yaws"][0])
+
+
+def touch(observation, untouched):
+    """What the pads' images show against untouched ones: changes of colour, -1 to 1, (17 * CELLS * CELLS * 3,)."""
+    change = (observation["tactile"].astype(np.float32) - untouched) / 255.0
+    cells = change.reshape(17, CELLS, SIDE // CELLS, CELLS, SIDE // CELLS, 3).mean(axis=(2, 4))
+    return cells.ravel()
+
+
+def felt_elsewhere(observation):
+    """Where the palm is as the object was seen, what the servos measure, and what was asked for last."""
+    seen, palm = (pose_matrix(pose.astype(np.float64)) for pose in (observation["seen"][0], observation["palm"]))
+    near = np.linalg.inv(seen) @ palm
+    servos = observation["servos"][:, [0, 2]].ravel()
+    return np.concatenate([near[:3, :].ravel(), palm[2:3, 3], servos, observation["command"]]).astype(np.float32)
+
+
+def play(env, seed, policy, push=0.0):
+    """An episode: measurements, touches, the policy's actions, and whether it succeeded."""
+    random = np.random.default_rng(seed)
+    observation, info = env.reset(seed=seed)
+    untouched = observation["tactile"].astype(np.float32)
+    decide = policy(env, observation, info)
+    rows, pushed = ([], [], []), np.zeros(12, dtype=np.float32)
+    for step in range(300):
+        measured, felt = felt_elsewhere(observation), touch(observation, untouched)
+        action = decide(observation, measured, felt)
+        for kept, row in zip(rows, (measured, felt, action)):
+            kept.append(row)
+        if step % PUSH_STEPS == 0:
+            pushed[:6] = push * random.standard_normal(6)
+        observation, _, over, _, info = env.step(np.clip(action + pushed, -1.0, 1.0))
+        if over:
+            break
+    return *(np.array(kept, dtype=np.float32) for kept in rows), bool(info["is_success"])
+
+
+def scripted(env, observation, info):
+    script = script_of(env, observation, info)
+    return lambda observation, measured, felt: script.act(observation)
+
+
+def collected(job):
+    combination, seed = job
+    return play(make(combination), seed, scripted, PUSH)
+
+
+def collect(args):
+    kept, played = [], 0
+    jobs = [(args.combination, seed) for seed in range(args.episodes)]
+    with ProcessPoolExecutor(args.jobs) as workers:
+        for *rows, success in workers.map(collected, jobs, chunksize=5):
+            played += 1
+            kept += [rows] if success else []
+            if played % 25 == 0:
+                print(f"{played} episodes, {len(kept)} succeeded", flush=True)
+    if not kept:
+        sys.exit(f"none of {played} episodes succeeded: nothing to learn from")
+    lengths = [len(rows[0]) for rows in kept]
+    measured, felt, action = (np.concatenate([rows[n] for rows in kept]) for n in range(3))
+    partial = args.out + ".partial.npz"
+    np.savez_compressed(partial, measured=measured, felt=felt, action=action, lengths=lengths, played=played)
+    os.replace(partial, args.out)
+    print(f"{len(kept)} of {played} episodes, {len(action)} steps in {args.out}")
+
+
+class Network:
+    """Two hidden layers of tanh, fitted by Adam to the mean squared error."""
+
+    def __init__(self, inputs, outputs, hidden, random):
+        sizes = [inputs.shape[1], hidden, hidden, outputs.shape[1]]
+        self.mean, self.scale = inputs.mean(axis=0), inputs.std(axis=0) + 1e-3
+        self.low, self.span = outputs.mean(axis=0), outputs.std(axis=0) + 1e-3
+        self.weights = []
+        for before, after in zip(sizes, sizes[1:]):
+            bound = np.sqrt(1.0 / before)
+            self.weights += [random.normal(0.0, bound, (before, after)).astype(np.float32), np.zeros(after, np.float32)]
+
+    def layers(self, inputs):
+        layers = [np.clip((inputs - self.mean) / self.scale, -5.0, 5.0)]
+        for n in range(0, len(self.weights), 2):
+            sums = layers[-1] @ self.weights[n] + self.weights[n + 1]
+            layers.append(np.tanh(sums) if n + 2 < len(self.weights) else sums)
+        return layers
+
+    def __call__(self, inputs):
+        return self.layers(inputs)[-1] * self.span + self.low
+
+    def fit(self, inputs, outputs, epochs, random, batch=256, rate=1e-3):
+        wanted = (outputs - self.low) / self.span
+        first, second, count = [0.0 * w for w in self.weights], [0.0 * w for w in self.weights], 0
+        for epoch in range(epochs):
+            order, total = random.permutation(len(inputs)), 0.0
+            pace = rate * 0.5 * (1.0 + np.cos(np.pi * epoch / epochs))
+            for start in range(0, len(order), batch):
+                chosen = order[start : start + batch]
+                layers = self.layers(inputs[chosen])
+                wrong = (layers[-1] - wanted[chosen]) / len(chosen)
+                total += float((wrong**2).sum()) * len(chosen) ** 2
+                count += 1
+                for n in range(len(self.weights) - 2, -1, -2):
+                    slopes = [layers[n // 2].T @ wrong, wrong.sum(axis=0)]
+                    if n > 0:
+                        wrong = (wrong @ self.weights[n].T) * (1.0 - layers[n // 2] ** 2)
+                    for k, slope in enumerate(slopes, n):
+                        first[k] = 0.9 * first[k] + 0.1 * slope
+                        second[k] = 0.999 * second[k] + 0.001 * slope**2
+                        step = first[k] / (1.0 - 0.9**count) / (np.sqrt(second[k] / (1.0 - 0.999**count)) + 1e-8)
+                        self.weights[k] -= (pace * step).astype(np.float32)
+            if epoch % 10 == 9:
+                print(f"  epoch {epoch + 1}: mean squared error {total / wanted.size:.4f}", flush=True)
+
+
+def tested(job):
+    network, tactile, combination, seed = job
+
+    def policy(*_):
+        def decide(observation, measured, felt):
+            inputs = np.concatenate([measured, felt]) if tactile else measured
+            return np.clip(network(inputs[None])[0], -1.0, 1.0).astype(np.float32)
+
+        return decide
+
+    return play(make(combination), seed, policy)[-1]
+
+
+def expert(job):
+    combination, seed = job
+    return play(make(combination), seed, scripted)[-1]
+
+
+def train(args):
+    data = np.load(args.trials)
+    seeds = [HELD_OUT + n for n in range(args.episodes)]
+    with ProcessPoolExecutor(args.jobs) as workers:
+        best = sum(workers.map(expert, [(args.combination, seed) for seed in seeds]))
+        print(f"the script itself: {best} of {len(seeds)}", flush=True)
+        for tactile in (True, False):
+            name = "with tactile images" if tactile else "without"
+            inputs = np.concatenate([data["measured"], data["felt"]], axis=1) if tactile else data["measured"]
+            for seed in range(args.seeds):
+                random = np.random.default_rng(seed)
+                network = Network(inputs, data["action"], args.hidden, random)
+                network.fit(inputs, data["action"], args.epochs, random)
+                jobs = [(network, tactile, args.combination, episode) for episode in seeds]
+                succeeded = sum(workers.map(tested, jobs))
+                print(f"{name}, seed {seed}: {succeeded} of {len(seeds)} episodes succeed", flush=True)
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--combination", type=int, default=1, help="its first object is picked; see ftac.combinations()")
+    parser.add_argument("--jobs", type=int, default=os.cpu_count(), help="processes")
+    commands = parser.add_subparsers(required=True)
+    collecting = commands.add_parser("collect", help="play the script and keep what it did")
+    collecting.add_argument("--episodes", type=int, default=500)
+    collecting.add_argument("--out", default="trials.npz")
+    collecting.set_defaults(run=collect)
+    training = commands.add_parser("train", help="fit networks and test them")
+    training.add_argument("trials")
+    training.add_argument("--seeds", type=int, default=3, help="networks of each kind")
+    training.add_argument("--episodes", type=int, default=100, help="that each network is tested in")
+    training.add_argument("--epochs", type=int, default=40)
+    training.add_argument("--hidden", type=int, default=128)
+    training.set_defaults(run=train)
+    args = parser.parse_args()
+    args.run(args)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,174 @@
+"""Answers for a policy: ``python -m ftac.policy_host FILE.py:CLASS``, started by ``ftac bench --policy``; or for an object in this process.
+
+A question is JSON with arrays of bytes, an answer is JSON. Both ways of asking lead to `Host.answer`.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+import json
+import os
+import sys
+import traceback
+from pathlib import Path
+from types import ModuleType
+from typing import Any, BinaryIO
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ftac import _actions
+from ftac._arrays import side_of
+from ftac.bench import Situation
+from ftac.grasps import pick_up
+
+Bytes = list[tuple[list[int], bytes]]
+"""Arrays of bytes with their shapes."""
+
+
+class Host:
+    """Answers for `policy`: an object with a method ``choose(situation)`` or ``act(observation)`` (see `ftac.bench.Policy`)."""
+
+    def __init__(self, policy: Any) -> None:
+        levels = [name for name in ("choose", "act") if callable(getattr(policy, name, None))]
+        if len(levels) != 1:
+            found = " and ".join(levels) or "neither"
+            raise ValueError(
+                f"policy: found {type(policy).__name__} with {found}, "
+                "expected an object with a method choose(situation) or act(observation)"
+            )
+        self.policy, self.level = policy, levels[0]
+        self.images = side_of(getattr(policy, "images", None)) if self.level == "act" else None
+        self._opposition = np.zeros(2)
+        self._command = np.zeros(6, dtype=np.float32)
+
+    def guest(self) -> dict[str, Any]:
+        """What the policy is."""
+        return {"name": type(self.policy).__name__, "level": self.level, "images": self.images}
+
+    def answer(self, question: dict[str, Any], arrays: Bytes) -> dict[str, Any]:
+        """The answer to a question; ``{"error": traceback}`` if the policy raises an exception."""
+        try:
+            pictures = [np.frombuffer(data, dtype=np.uint8).reshape(shape) for shape, data in arrays]
+            if question["ask"] == "reset":
+                return self._reset(question)
+            return self._choose(question, pictures) if question["ask"] == "choose" else self._act(question, pictures)
+        except Exception:
+            return {"error": traceback.format_exc().strip()}
+
+    def answer_text(self, question: str, arrays: Bytes) -> str:
+        """The same with JSON's text."""
+        return json.dumps(self.answer(json.loads(question), arrays))
+
+    def _reset(self, question: dict[str, Any]) -> dict[str, Any]:
+        self._opposition = np.array(question["opposition"])
+        # The robot begins with cables that nobody pulls.
+        self._command = _actions.command(np.zeros(5), 0.0, self._opposition)
+        reset = getattr(self.policy, "reset", None)
+        if reset is not None:
+            info = question["info"]
+            reset({**info, "objects": tuple(info["objects"]), "yaws": tuple(info["yaws"])})
+        return {}
+
+    def _choose(self, question: dict[str, Any], pictures: list[NDArray[np.uint8]]) -> dict[str, Any]:
+        told = question["situation"]
+        candidates = told.pop("candidates")
+        for name in ("servos", "arm", "palm", "seen"):
+            told[name] = np.array(told[name])
+        for name in ("held", "held_covariance"):
+            told[name] = None if told[name] is None else np.array(told[name])
+        for name in ("objects", "yaws", "grip"):
+            told[name] = tuple(told[name])
+        situation = Situation(
+            first=pick_up(told.pop("first")),
+            candidates=tuple(pick_up(candidate["grasp"]) for candidate in candidates),
+            worth=np.array([candidate["worth"] for candidate in candidates]),
+            tactile=dict(zip(question["cameras"], pictures)),
+            **told,
+        )
+        answer = self.policy.choose(situation)
+        if answer is None:
+            return {"choice": None}
+        index, aim = (answer, (0.0, 0.0, 0.0)) if isinstance(answer, (int, np.integer)) else answer
+        x, y, yaw = (float(value) for value in aim)
+        if not 0 <= index < len(candidates):
+            raise ValueError(f"choose: found candidate {index}, expected 0 to {len(candidates) - 1}")
+        if not np.all(np.isfinite([x, y, yaw])):
+            raise ValueError(f"choose: found the aim {x}, {y}, {yaw}, which is not finite (NaN), expected numbers")
+        return {"choice": [int(index), x, y, yaw]}
+
+    def _act(self, question: dict[str, Any], pictures: list[NDArray[np.uint8]]) -> dict[str, Any]:
+        measured = question["observation"]
+        if pictures:
+            measured["tactile"] = pictures[0]
+        observation = _actions.observation(measured, self._command)
+        observation["time"], observation["time_left"] = measured["time"], measured["time_left"]
+        action = self.policy.act(observation)
+        if action is None:
+            return {"action": None}
+        row = _actions.row(action, self._opposition)
+        self._command = np.asarray(action)[6:].astype(np.float32)
+        return {
+            "action": {"twist": row[:6].tolist(), "tensions": row[6:11].tolist(), "opposition": float(row[11])}
+        }
+
+
+def load(asked: str) -> Any:
+    """An object of the class that ``FILE.py:CLASS`` names."""
+    file, _, name = asked.rpartition(":")
+    path = Path(file).resolve()
+    spec = importlib.util.spec_from_file_location(path.stem, path)
+    if spec is None or spec.loader is None:
+        raise ImportError(f"{file}: expected a Python file, such as my_policy.py")
+    module = importlib.util.module_from_spec(spec)
+    # What lies beside the file can be imported, and what the file defines can be pickled.
+    sys.path.insert(0, str(path.parent))
+    sys.modules[path.stem] = module
+    spec.loader.exec_module(module)
+    return _class(module, name, file)()
+
+
+def _class(module: ModuleType, name: str, file: str) -> Any:
+    found = getattr(module, name, None)
+    if not isinstance(found, type):
+        classes = [known for known, value in vars(module).items() if isinstance(value, type)]
+        raise AttributeError(f"{file}: found no class {name}, expected one of: {', '.join(classes) or 'none there'}")
+    return found
+
+
+def serve(asked: str, questions: BinaryIO, answers: BinaryIO) -> None:
+    """Answers until the questions end."""
+
+    def say(answer: dict[str, Any]) -> None:
+        answers.write(json.dumps(answer).encode() + b"\n")
+        answers.flush()
+
+    try:
+        host = Host(load(asked))
+    except BaseException:
+        say({"error": traceback.format_exc().strip()})
+        return
+    say(host.guest())
+    while line := questions.readline():
+        question = json.loads(line)
+        arrays = [(shape, questions.read(int(np.prod(shape)))) for shape in question["shapes"]]
+        try:
+            say(host.answer(question, arrays))
+        except BaseException:
+            # An interrupt, or an exit: the policy's own doing.
+            say({"error": traceback.format_exc().strip()})
+            return
+
+
+def main() -> None:
+    """Serves the policy that the first argument names."""
+    questions = os.fdopen(os.dup(0), "rb")
+    answers = os.fdopen(os.dup(1), "wb")
+    # What the policy prints is for people, and it has no questions to read.
+    os.dup2(2, 1)
+    os.dup2(os.open(os.devnull, os.O_RDONLY), 0)
+    serve(sys.argv[1], questions, answers)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,58 @@
+//! Recorded sessions, thinned out for learners.
+
+use std::path::PathBuf;
+
+use bench::environment::PadImages;
+use numpy::ndarray::Array5;
+use numpy::{IntoPyArray, PyArray1};
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+use session_log::frames::{Frame, frames};
+use session_log::{Reader, SessionLogError};
+
+use crate::arrays::{table, value_error};
+use crate::hand::HAND;
+
+/// A session, a frame every `ticks` ticks: measurements, commands, images of `side` pixels, what the trial was, and what came of it, as JSON text.
+#[pyfunction]
+pub fn session(py: Python<'_>, path: PathBuf, ticks: usize, side: usize) -> PyResult<Bound<'_, PyDict>> {
+    let read = py.detach(|| -> Result<_, SessionLogError> {
+        let mut reader = Reader::open(&path)?;
+        let (frames, outcome) = frames(&mut reader, ticks)?;
+        Ok((reader.session().clone(), frames, outcome))
+    });
+    let (about, frames, outcome) = read.map_err(value_error)?;
+    let all = PyDict::new(py);
+    all.set_item("robot", about.robot)?;
+    all.set_item("tick", about.tick_length)?;
+    all.set_item("task", String::from_utf8_lossy(&about.task))?;
+    all.set_item("outcome", outcome.map(|text| String::from_utf8_lossy(&text).into_owned()))?;
+    all.set_item("time", PyArray1::from_iter(py, frames.iter().map(|frame| frame.time)))?;
+    all.set_item("arm", table(py, frames.iter().map(|frame| frame.arm.position)))?;
+    all.set_item("arm_velocity", table(py, frames.iter().map(|frame| frame.arm.velocity)))?;
+    all.set_item("arm_torque", table(py, frames.iter().map(|frame| frame.arm.torque)))?;
+    let servos = |pick: fn(&hand_model::robot::ServoState) -> f64| {
+        table(py, frames.iter().map(move |frame| frame.servos.each_ref().map(pick)))
+    };
+    all.set_item("servos", servos(|servo| servo.position))?;
+    all.set_item("servo_velocity", servos(|servo| servo.velocity))?;
+    all.set_item("servo_current", servos(|servo| servo.current))?;
+    all.set_item("arm_goal", table(py, frames.iter().map(|frame| frame.sent.arm)))?;
+    all.set_item("servo_goal", table(py, frames.iter().map(Frame::servo_goals)))?;
+    let (count, pads) = (frames.len(), HAND.pads.len());
+    let rgb = py.detach(|| pictures(frames, side)).map_err(value_error)?;
+    let rgb = Array5::from_shape_vec((count, pads, side, side, 3), rgb).map_err(value_error)?;
+    all.set_item("tactile", rgb.into_pyarray(py))?;
+    Ok(all)
+}
+
+/// Every frame's newest picture of every pad; black before the first has come.
+fn pictures(frames: Vec<Frame>, side: usize) -> Result<Vec<u8>, bench::environment::ImageSizeError> {
+    let mut images = PadImages::new(&HAND, side)?;
+    let mut rgb = Vec::with_capacity(frames.len() * images.rgb().len());
+    for frame in frames {
+        images.show(&HAND, frame.tactile);
+        rgb.extend_from_slice(images.rgb());
+    }
+    Ok(rgb)
+}
