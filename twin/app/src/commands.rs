@@ -20,4 +20,5 @@ mod tactile_backend;
 pub mod touch;
 pub mod transport;
 pub mod trial;
+pub mod twin;
 pub mod view;

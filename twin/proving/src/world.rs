@@ -15,6 +15,7 @@ use hand_model::{ARM_JOINTS, Arm, Hand};
 use nalgebra::{Isometry3, Matrix3, Rotation3, Translation3, UnitQuaternion, Vector3};
 use scenarios::Scenario;
 use scenarios::individuals::ArmDefects;
+use scenarios::individuals::robot::RobotIndividual;
 use scenarios::noise::TrialNoise;
 use scenarios::objects::{ObjectModel, ObjectSet};
 use sim::{ObjectPlacement, SceneSetup, SimulatedRobot};
@@ -32,9 +33,16 @@ pub struct World {
 impl World {
     /// The standard robot and objects, for a scenario.
     pub fn new(scenario: Scenario) -> Result<Self> {
+        Self::of(scenario, None)
+    }
+
+    /// The same with one individual of the robots built from the drawing, of which the control stack knows everything.
+    pub fn of(scenario: Scenario, individual: Option<&RobotIndividual>) -> Result<Self> {
+        let (hand, arm) = (Hand::ftac(), Arm::gen3());
+        let (hand, arm) = individual.map_or((hand.clone(), arm.clone()), |own| (own.hand(&hand), own.arm(&arm)));
         let mut cell = Workcell {
-            hand: Arc::new(Hand::ftac()),
-            arm: Arc::new(Arm::gen3()),
+            hand: Arc::new(hand),
+            arm: Arc::new(arm),
             world_from_base: Isometry3::identity(),
             ready: Arm::home(),
         };

@@ -47,6 +47,13 @@ pub struct EmulateArgs {
     /// Combination whose objects stand on the table of the simulated robot.
     #[arg(long, default_value_t = 0)]
     combo: usize,
+    /// Which of the robots built from the drawing it is: its servos, cables, springs, pads, mount and arm differ from the drawing by
+    /// what was drawn for this number; 0 is the robot as drawn.
+    #[arg(long, default_value_t = 0, conflicts_with = "springs")]
+    individual: u64,
+    /// Where the individual's true parameters go (JSON), for evaluation alone.
+    #[arg(long, conflicts_with = "springs")]
+    truth_out: Option<PathBuf>,
     /// Six springs instead of the simulated robot, and no arm.
     #[arg(long, conflicts_with = "combo")]
     springs: bool,
@@ -90,7 +97,11 @@ pub fn run(terminal: &Terminal, args: &EmulateArgs) -> Result<Option<String>> {
     let (plant, travel, usual): (Box<dyn Robot + Send>, _, _) = if args.springs {
         (Box::new(SpringHand::new([TRAVEL; ACTUATORS])), [TRAVEL; ACTUATORS], EmulatorSettings::default())
     } else {
-        let (hand, robot) = trial_scene(args.combo, terminal.seed, terminal.quiet || terminal.json)?;
+        let (hand, robot) =
+            trial_scene(args.combo, terminal.seed, terminal.quiet || terminal.json, args.individual)?;
+        if let Some(path) = &args.truth_out {
+            crate::commands::twin::write_truth(path, args.individual)?;
+        }
         let usual = settings(&hand, terminal.seed);
         (Box::new(SharedPlant::new(robot)), usual.travel, usual.devices)
     };
