@@ -8,6 +8,7 @@ pub mod demo;
 pub mod export;
 pub mod grasps;
 pub mod hand;
+mod individual;
 pub mod lab_book;
 pub mod optics;
 pub mod replay;

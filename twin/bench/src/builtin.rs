@@ -1,12 +1,13 @@
 //! What comes with the program: repertoire, plans, calibrations and networks, and the bench they make of a scenario.
 
 use std::collections::{BTreeMap, BTreeSet};
+use std::path::Path;
 use std::sync::Arc;
 
 use anyhow::{Context, Result, bail};
 use control::perception::KnownObject;
 use control::policy::Uncertainty;
-use hand_model::Hand;
+use hand_model::{Arm, Hand};
 use hand_model::robot::TactileImage;
 use proving::cache::Cache;
 use proving::world::World;
@@ -14,6 +15,7 @@ use proving::{ball_sizes, preparation};
 use scenarios::Scenario;
 use scenarios::effects::Effect;
 use scenarios::individuals::Individual;
+use scenarios::individuals::file::IdentifiedRobot;
 use scenarios::individuals::robot::RobotIndividual;
 use sim::SimulatedRobot;
 use sim::tactile::TactileBoard;
@@ -87,6 +89,20 @@ pub fn make_bench_of(
     Ok(bench)
 }
 
+/// The same of the robot that the text of an `individual.toml` describes, if there is one; `path` is used in errors.
+pub fn make_identified(
+    individual: Option<&str>,
+    path: &Path,
+    scenario: Scenario,
+    combos: usize,
+    seed: u64,
+    quiet: bool,
+) -> Result<Bench> {
+    let hand = Hand::ftac();
+    let own = individual.map(|text| IdentifiedRobot::parse(text, path, &hand)).transpose()?;
+    make_bench_of(own.as_ref().map(|own| &own.individual), scenario, combos, seed, quiet)
+}
+
 /// The same with no object made ready to be felt, which takes seconds, and without the scenario's disturbances: for scenes in which no policy
 /// of this program decides.
 pub fn make_scenes(scenario: Scenario, combos: usize, seed: u64, quiet: bool) -> Result<Bench> {
@@ -133,6 +149,14 @@ fn make_scenes_of(
         profile: Arc::default(),
         intact: None,
     })
+}
+
+/// Makes the body of a bench individual `number` of the robots built from the drawing, of which the control stack knows nothing; its pads'
+/// cameras stay the bench's.
+pub fn hide_plant(bench: &mut Bench, number: u64) {
+    let (hand, arm) = (Hand::ftac(), Arm::gen3());
+    let own = RobotIndividual::draw(&hand, number);
+    bench.world.plant = Some((Arc::new(own.hand(&hand)), Arc::new(own.arm(&arm))));
 }
 
 /// A bench whose robot is individual `number` of those built from the drawing, with objects and tactile cameras of its own; number 0 is the

@@ -180,39 +180,81 @@ mod tests {
     use crate::excitation::play as excite;
     use crate::identify::identify;
     use crate::script::Script;
-    use crate::trace::Kept;
+    use crate::trace::{Kept, Trace};
+
+    /// Short motions in two postures.
+    fn short() -> Script {
+        let mut script = Script::standard();
+        script.posture.truncate(2);
+        script.motion.retain(|motion| motion.current > 0.06);
+        script.motion.iter_mut().for_each(|motion| motion.time = 1.0);
+        script.motion.dedup_by(|a, b| a.actuators == b.actuators);
+        script
+    }
+
+    fn drawing() -> (Hand, Arm, CableLosses) {
+        let hand = Hand::ftac();
+        let losses = CableLosses { friction: hand.parameters.cable.friction, backlash: 0.0044 };
+        (hand, Arm::gen3(), losses)
+    }
+
+    fn excited(truth: &RobotIndividual, script: &Script) -> Trace {
+        let (hand, arm, losses) = drawing();
+        let mut kept = Kept::new(body(truth, &hand, &arm, losses, Arm::home()));
+        let played = excite::<_, ()>(&mut kept, &hand, script, (&Arm::home(), 0), |_| Ok(()), |_| true);
+        assert_eq!(played, Ok(true));
+        kept.trace("sim")
+    }
+
+    /// The twin of a digit moves as the simulated robot does when it knows everything of it.
+    #[test]
+    fn the_twin_that_knows_all_moves_as_the_robot_does() {
+        let (hand, arm, losses) = drawing();
+        let truth = RobotIndividual::draw(&hand, 1);
+        let [joint, tip, servo] =
+            compare(&truth, (&hand, &arm), losses, &Arm::home(), &[&truth]).remove(0).summary();
+        assert!(joint < 0.002 && tip < 0.0004 && servo < 0.004, "{joint} rad, {tip} m, {servo} rad");
+    }
+
+    /// Of a robot that is not the drawing's a short excitation shows most of what its free motion depends on.
+    #[test]
+    fn an_individual_is_found() {
+        let (hand, arm, losses) = drawing();
+        let truth = RobotIndividual::draw(&hand, 1);
+        let trace = excited(&truth, &short());
+        // The same session twice says no more than once.
+        let found = identify(&hand, &arm, losses, &[trace.clone(), trace]).unwrap();
+        assert_eq!(found.robot.sessions.len(), 1);
+        assert!(found.fits.iter().all(|fit| fit.residuals[1] < 0.2 * fit.residuals[0]), "{:?}", found.fits);
+        let designed = RobotIndividual::designed(&hand);
+        let both = compare(&truth, (&hand, &arm), losses, &Arm::home(), &[&designed, &found.robot.individual]);
+        let [before, after] = [0, 1].map(|n| both[n].summary()[0]);
+        assert!(after < 0.0175 && after < 0.4 * before, "{before} rad, {after} rad");
+        let [identified, others] = coverage(&found.robot, &truth);
+        // 95 %, to within three standard errors.
+        assert!(identified.of > 30 && identified.and(others).share() > 0.88, "{identified:?} {others:?}");
+    }
+
+    /// Joints' zeros and the arm move nothing in a free motion: their estimates stay the prior, and are said to.
+    #[test]
+    fn what_a_free_motion_does_not_show_stays_the_prior() {
+        let (hand, arm, losses) = drawing();
+        let found = identify(&hand, &arm, losses, &[excited(&RobotIndividual::draw(&hand, 2), &short())]).unwrap();
+        for (estimate, parameter) in found.robot.estimates.iter().zip(found.robot.individual.parameters()) {
+            if ["joint_zero", "encoder", "position", "turn"].contains(&parameter.quantity.name()) {
+                assert!(!estimate.identified, "{}", estimate.name);
+                assert_eq!((estimate.deviation, estimate.sigma), (parameter.spread.mean, parameter.spread.sigma));
+            }
+        }
+    }
 
     #[test]
-    fn trial_run() {
-        let (hand, arm) = (Hand::ftac(), Arm::gen3());
-        let friction = hand.parameters.cable.friction;
-        let losses = CableLosses { friction, backlash: 0.0044 };
-        let script = Script::standard();
-        for number in 1..=std::env::var("INDIVIDUALS").ok().and_then(|n| n.parse().ok()).unwrap_or(1) {
-            let begun = std::time::Instant::now();
-            let truth = RobotIndividual::draw(&hand, number);
-            let mut kept = Kept::new(body(&truth, &hand, &arm, losses, Arm::home()));
-            excite::<_, ()>(&mut kept, &hand, &script, (&Arm::home(), 0), |_| Ok(()), |_| true).unwrap();
-            let trace = kept.trace("sim");
-            let seconds = trace.source.seconds;
-            println!("{number}: {seconds:.1} s in {:.1} s", begun.elapsed().as_secs_f64());
-            let found = identify(&hand, &arm, losses, &[trace]).unwrap();
-            println!("identified after {:.1} s", begun.elapsed().as_secs_f64());
-            for (n, fit) in found.fits.iter().enumerate() {
-                println!("{n}: {} motions {} samples, rms {:.2} -> {:.3} deg, alike {:.1}, delay {:.2} ms", fit.motions, fit.samples, fit.residuals[0].to_degrees(), fit.residuals[1].to_degrees(), fit.correlated, 1e3 * fit.delay);
-                for (k, place) in fit.places.iter().enumerate() {
-                    let (p, t) = (&found.robot.estimates[*place], truth.deviations()[*place]);
-                    let prior = truth.parameters()[*place].spread.sigma;
-                    println!("   {:26} found {:8.4} true {:8.4} sigma {:.4} of {:.4}  z {:.1} {}", p.name, fit.deviations[k], t, p.sigma, prior, (fit.deviations[k] - t) / p.sigma, if p.identified { "*" } else { "" });
-                }
-            }
-            let designed = RobotIndividual::designed(&hand);
-            let all = compare(&truth, (&hand, &arm), losses, &Arm::home(), &[&designed, &found.robot.individual, &truth]);
-            for one in &all {
-                let [q, tip, servo] = one.summary();
-                println!("joints {:.2} deg, tips {:.2} mm, servos {:.3} deg", q.to_degrees(), 1e3 * tip, servo.to_degrees());
-            }
-            println!("coverage {:?}, {:.1} s", coverage(&found.robot, &truth), begun.elapsed().as_secs_f64());
-        }
+    fn a_session_that_leaves_an_actuator_alone_is_refused_by_its_name() {
+        let (hand, arm, losses) = drawing();
+        let mut script = short();
+        script.motion.retain(|motion| motion.actuators != ["thumb"]);
+        let trace = excited(&RobotIndividual::designed(&hand), &script);
+        let error = identify(&hand, &arm, losses, &[trace]).unwrap_err().to_string();
+        assert!(error.contains("motions of `thumb`: found none, expected at least one"), "{error}");
     }
 }

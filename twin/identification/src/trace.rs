@@ -135,3 +135,24 @@ fn digest(path: &Path) -> std::io::Result<String> {
     std::io::copy(&mut File::open(path)?, &mut sha)?;
     Ok(sha.finalize().iter().map(|byte| format!("{byte:02x}")).collect())
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::script::Script;
+
+    #[test]
+    fn a_session_of_something_else_is_refused() {
+        let hand = Hand::ftac();
+        let refused = |task: &[u8]| {
+            check_task(Path::new("a.mcap"), task, &hand).map_or_else(|error| error.to_string(), |()| String::new())
+        };
+        let mut task = Task::new(&hand, &Script::standard(), 0);
+        assert_eq!(refused(&serde_json::to_vec(&task).unwrap()), "");
+        assert_eq!(refused(b""), "a.mcap: task: found none, expected a session of `ftac twin excite`");
+        assert!(refused(b"{\"combination\": 3}").starts_with("a.mcap: task: found that of another session"));
+        task.hand = "other".into();
+        let words = refused(&serde_json::to_vec(&task).unwrap());
+        assert_eq!(words, "a.mcap: task.hand: found `other`, expected `ftac`");
+    }
+}

@@ -28,6 +28,8 @@ pub struct World {
     pub objects: ObjectSet,
     /// What is done and how it is judged.
     pub scenario: Scenario,
+    /// Hand and arm of the body, where they are not those that the control stack knows.
+    pub plant: Option<(Arc<Hand>, Arc<Arm>)>,
 }
 
 impl World {
@@ -51,7 +53,12 @@ impl World {
         let [x, y, z] = scenario.start.palm;
         let palm = Isometry3::from_parts(Translation3::new(x, y, z), rotation);
         cell.ready = cell.posture(&palm, &Arm::home()).context("the ready pose is out of the arm's reach")?;
-        Ok(Self { cell, objects: scenario.object_set()?.with_fallen(), scenario })
+        Ok(Self { cell, objects: scenario.object_set()?.with_fallen(), scenario, plant: None })
+    }
+
+    /// Hand and arm of the body.
+    pub fn body(&self) -> (Arc<Hand>, Arc<Arm>) {
+        self.plant.clone().unwrap_or_else(|| (self.cell.hand.clone(), self.cell.arm.clone()))
     }
 
     /// Arm posture for a palm pose, or an error that says it is out of reach.

@@ -62,6 +62,7 @@ pub fn run(terminal: &Terminal, args: &DemoArgs) -> Outcome {
             watched: true,
             combos,
             scenario: scenarios::scenario::BENCHMARK.to_owned(),
+            individual: None,
         };
         recordings.push(Recording::open(&targets, &bench, &task, (Began::Never, true))?);
         files.push(file);

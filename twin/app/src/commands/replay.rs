@@ -5,7 +5,7 @@ use std::path::Path;
 use anyhow::{Context as _, Result, bail};
 use bench::body::replayed::ReplaySource;
 use bench::body::{Stopped, Task};
-use bench::builtin::make_bench;
+use bench::builtin::make_identified;
 use bench::trial::{Bench, NoWatcher};
 use scenarios::Scenario;
 use scenarios::record::TrialRecord;
@@ -24,7 +24,9 @@ pub fn command(terminal: &Terminal, recording: &Path) -> Result<Option<String>> 
 /// What the trial of a session is played with.
 pub fn bench_of(terminal: &Terminal, task: &Task, recording: &Path) -> Result<Bench> {
     let scenario = Scenario::parse(&task.scenario, recording)?;
-    let bench = make_bench(scenario, task.combos, task.seed, terminal.quiet || terminal.json)?;
+    let quiet = terminal.quiet || terminal.json;
+    let bench =
+        make_identified(task.individual.as_deref(), recording, scenario, task.combos, task.seed, quiet)?;
     if task.combination >= bench.plans.plans.len() {
         bail!(
             "{}: combination: found {}, expected 0 to {}",
