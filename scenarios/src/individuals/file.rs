@@ -156,8 +156,7 @@ impl IdentifiedRobot {
         }
         let body = toml::to_string(&contents).map_err(|error| DataError::field(path, "file", error, "a table"))?;
         if digest(&body) != found {
-            let expected =
-                "the digest of what the file says: it was changed after `ftac twin identify` wrote it; identify the robot again";
+            let expected = "the digest of what the file says: it was changed after `ftac twin identify` wrote it; identify the robot again";
             return fault("digest".into(), format!("`{found}`"), expected);
         }
         Ok(Self::new(hand, contents.parameter, contents.covariance, contents.session))

@@ -197,7 +197,8 @@ pub fn parameters(hand: &Hand) -> Vec<Parameter> {
     let of = |quantity: Quantity| {
         let spread = &SPREADS[&quantity];
         quantity.owners(hand).into_iter().enumerate().map(move |(index, owner)| {
-            let name = if owner.is_empty() { quantity.name().to_owned() } else { format!("{owner}.{}", quantity.name()) };
+            let name =
+                if owner.is_empty() { quantity.name().to_owned() } else { format!("{owner}.{}", quantity.name()) };
             Parameter { name, quantity, index, spread: spread.clone() }
         })
     };

@@ -7,8 +7,8 @@ use std::sync::Arc;
 use anyhow::{Context, Result, bail};
 use control::perception::KnownObject;
 use control::policy::Uncertainty;
-use hand_model::{Arm, Hand};
 use hand_model::robot::TactileImage;
+use hand_model::{Arm, Hand};
 use proving::cache::Cache;
 use proving::world::World;
 use proving::{ball_sizes, preparation};
@@ -181,12 +181,7 @@ pub fn make_individual(number: u64, scenario: Scenario, combos: usize, seed: u64
 }
 
 /// The hand, and the simulated robot about to begin the ideal run of a combination of the benchmark; see [`make_individual`].
-pub fn trial_scene(
-    combination: usize,
-    seed: u64,
-    quiet: bool,
-    individual: u64,
-) -> Result<(Arc<Hand>, SimulatedRobot)> {
+pub fn trial_scene(combination: usize, seed: u64, quiet: bool, individual: u64) -> Result<(Arc<Hand>, SimulatedRobot)> {
     let bench = make_individual(individual, Scenario::benchmark(), (combination + 1).min(60), seed, quiet)?;
     if combination >= bench.plans.plans.len() {
         bail!("--combo: found {combination}, expected 0 to {}", bench.plans.plans.len() - 1);

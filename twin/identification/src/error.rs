@@ -13,18 +13,10 @@ pub enum IdentificationError {
     #[error(transparent)]
     Session(#[from] SessionLogError),
     #[error("{path}: {source}")]
-    Io {
-        path: PathBuf,
-        source: std::io::Error,
-    },
+    Io { path: PathBuf, source: std::io::Error },
     /// A session of something else.
     #[error("{path}: {field}: found {found}, expected {expected}")]
-    NotAnExcitation {
-        path: PathBuf,
-        field: String,
-        found: String,
-        expected: String,
-    },
+    NotAnExcitation { path: PathBuf, field: String, found: String, expected: String },
     /// No session moves this actuator.
     #[error(
         "{sessions}: motions of `{actuator}`: found none, expected at least one free motion; run `ftac twin excite` to its end"

@@ -79,7 +79,13 @@ pub fn median(values: &[f64]) -> f64 {
 }
 
 /// The simulated robot of an individual, its hand open, the arm in a posture that its encoders show as `start`, with nothing in reach.
-pub fn body(individual: &RobotIndividual, hand: &Hand, arm: &Arm, losses: CableLosses, start: [f64; ARM_JOINTS]) -> SimulatedRobot {
+pub fn body(
+    individual: &RobotIndividual,
+    hand: &Hand,
+    arm: &Arm,
+    losses: CableLosses,
+    start: [f64; ARM_JOINTS],
+) -> SimulatedRobot {
     let (hand, arm) = (Arc::new(individual.hand(hand)), Arc::new(individual.arm(arm)));
     let setup = SceneSetup { cables: losses, ..SceneSetup::ideal(Isometry3::identity(), start) };
     SimulatedRobot::new(hand, arm, &setup, TactileBoard::blank())
@@ -211,8 +217,7 @@ mod tests {
     fn the_twin_that_knows_all_moves_as_the_robot_does() {
         let (hand, arm, losses) = drawing();
         let truth = RobotIndividual::draw(&hand, 1);
-        let [joint, tip, servo] =
-            compare(&truth, (&hand, &arm), losses, &Arm::home(), &[&truth]).remove(0).summary();
+        let [joint, tip, servo] = compare(&truth, (&hand, &arm), losses, &Arm::home(), &[&truth]).remove(0).summary();
         assert!(joint < 0.002 && tip < 0.0004 && servo < 0.004, "{joint} rad, {tip} m, {servo} rad");
     }
 

@@ -62,7 +62,9 @@ pub fn searched(individual: &RobotIndividual, hand: &Hand, actuator: usize) -> V
     let own = |quantity| individual.place(quantity, actuator);
     let of_joints = |quantity| joints.iter().filter_map(move |joint| individual.place(quantity, *joint));
     let mut places: Vec<usize> = of_joints(Quantity::Spring).chain(of_joints(Quantity::SpringRest)).collect();
-    places.extend([Quantity::TorqueConstant, Quantity::ServoFriction, Quantity::ServoDamping].into_iter().filter_map(own));
+    places.extend(
+        [Quantity::TorqueConstant, Quantity::ServoFriction, Quantity::ServoDamping].into_iter().filter_map(own),
+    );
     if actuator < hand.cables.len() {
         let cable = [Quantity::SpoolRadius, Quantity::CableStiffness, Quantity::GuideFriction, Quantity::GuideTurn];
         places.extend(cable.into_iter().filter_map(own));
@@ -128,7 +130,8 @@ pub fn fit(hand: &Hand, losses: CableLosses, motions: &[FreeMotion], from: &Robo
     for steps in [8, 12] {
         let bounds = vec![(-RANGE, RANGE); n];
         let jacobian = |p: &[f64], at: &[f64]| jacobian(&search, p, at, sigma);
-        let problem = Problem { residuals: |p: &[f64]| search.residuals(p, sigma), jacobian, bounds, groups: Vec::new() };
+        let problem =
+            Problem { residuals: |p: &[f64]| search.residuals(p, sigma), jacobian, bounds, groups: Vec::new() };
         let options = Options { steps, scale: OUTLIER, tolerance: 1e-4 };
         p = problem.minimise(&p, &options).parameters;
         let left = search.angles(&p);
@@ -139,7 +142,8 @@ pub fn fit(hand: &Hand, losses: CableLosses, motions: &[FreeMotion], from: &Robo
     let at = search.residuals(&p, sigma);
     let slopes = jacobian(&search, &p, &at, sigma);
     // Positive definite: the prior's rows are a unit matrix.
-    let posterior = (slopes.transpose() * &slopes).cholesky().map_or_else(|| DMatrix::identity(n, n), |found| found.inverse());
+    let posterior =
+        (slopes.transpose() * &slopes).cholesky().map_or_else(|| DMatrix::identity(n, n), |found| found.inverse());
     let found = search.individual(&p[..places.len()]);
     let spread: Vec<f64> = places.iter().map(|place| from.parameters()[*place].spread.sigma).collect();
     Fit {

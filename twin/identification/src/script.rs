@@ -173,8 +173,7 @@ mod tests {
             ("\"index\"", "\"sixth\"", "motion[0].actuators: found `sixth`"),
             ("arm_speed = 0.35", "arm_speed = 9.0", "arm_speed: found 9"),
         ] {
-            let error =
-                Script::parse(&text.replacen(from, to, 1), Path::new("mine.toml"), &Hand::ftac()).unwrap_err();
+            let error = Script::parse(&text.replacen(from, to, 1), Path::new("mine.toml"), &Hand::ftac()).unwrap_err();
             assert!(error.to_string().contains(says), "{error}");
         }
     }

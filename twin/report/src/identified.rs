@@ -66,11 +66,29 @@ fn advice(parameters: &[ParameterRow]) -> Vec<String> {
             advice.push(format!("{}: {words}", open.join(", ")));
         }
     };
-    say(&["joint_zero"], "a free motion does not show where a link stands on its stop; touch a ball of known size with each fingertip");
-    say(&["encoder", "position", "turn"], "a free hand does not show where the arm's joints and its mount are; touch a fixed ball from several sides");
-    say(&["gel_stiffness", "gel_thickness", "pad_friction"], "nothing touched a pad; press each on a ball of known size");
     say(
-        &["spring", "spring_rest", "torque_constant", "spool_radius", "cable_stiffness", "guide_friction", "guide_turn", "servo_damping"],
+        &["joint_zero"],
+        "a free motion does not show where a link stands on its stop; touch a ball of known size with each fingertip",
+    );
+    say(
+        &["encoder", "position", "turn"],
+        "a free hand does not show where the arm's joints and its mount are; touch a fixed ball from several sides",
+    );
+    say(
+        &["gel_stiffness", "gel_thickness", "pad_friction"],
+        "nothing touched a pad; press each on a ball of known size",
+    );
+    say(
+        &[
+            "spring",
+            "spring_rest",
+            "torque_constant",
+            "spool_radius",
+            "cable_stiffness",
+            "guide_friction",
+            "guide_turn",
+            "servo_damping",
+        ],
         "the motions leave some of these open; more postures of the arm, or more speeds and loads, in the script",
     );
     advice
@@ -79,7 +97,11 @@ fn advice(parameters: &[ParameterRow]) -> Vec<String> {
 /// The rows as words for a terminal.
 pub fn text(actuators: &[ActuatorRow], parameters: &[ParameterRow]) -> String {
     let mut text = String::new();
-    let _ = writeln!(text, "{:<12} {:>8} {:>8} {:>16} {:>16}", "actuator", "motions", "samples", "drawing, deg", "identified, deg");
+    let _ = writeln!(
+        text,
+        "{:<12} {:>8} {:>8} {:>16} {:>16}",
+        "actuator", "motions", "samples", "drawing, deg", "identified, deg"
+    );
     for row in actuators {
         let _ = writeln!(
             text,
@@ -97,7 +119,10 @@ pub fn text(actuators: &[ActuatorRow], parameters: &[ParameterRow]) -> String {
         let _ = writeln!(text, "{name:<28} {deviation:>12} {interval:>12} {spread:>14}");
     }
     let open = parameters.iter().filter(|row| !row.identified).count();
-    let _ = writeln!(text, "\n{open} parameters are not identifiable from these sessions and stay as the drawing has them:");
+    let _ = writeln!(
+        text,
+        "\n{open} parameters are not identifiable from these sessions and stay as the drawing has them:"
+    );
     for line in advice(parameters) {
         let _ = writeln!(text, "  {line}");
     }

@@ -156,8 +156,7 @@ pub fn excursion_residual(hand: &Hand, cable: usize, q: &[f64], excursion: f64) 
 pub fn spring_residuals(hand: &Hand, cable: usize, q: &[f64], tension: f64) -> impl Iterator<Item = (usize, f64, f64)> {
     hand.transmission.cables[cable].joints.iter().map(move |(joint, guides)| {
         const STEP: f64 = 1e-5;
-        let (torque, spring) =
-            (hand.transmission.spring_torque(*joint, q[*joint]), hand.transmission.springs[*joint]);
+        let (torque, spring) = (hand.transmission.spring_torque(*joint, q[*joint]), hand.transmission.springs[*joint]);
         let angle = q[*joint];
         let slope = (guides.moment_arm(angle + STEP) - guides.moment_arm(angle - STEP)) / (2.0 * STEP);
         (*joint, torque - guides.moment_arm(angle) * tension, spring - slope * tension)

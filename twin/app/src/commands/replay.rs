@@ -25,8 +25,7 @@ pub fn command(terminal: &Terminal, recording: &Path) -> Result<Option<String>> 
 pub fn bench_of(terminal: &Terminal, task: &Task, recording: &Path) -> Result<Bench> {
     let scenario = Scenario::parse(&task.scenario, recording)?;
     let quiet = terminal.quiet || terminal.json;
-    let bench =
-        make_identified(task.individual.as_deref(), recording, scenario, task.combos, task.seed, quiet)?;
+    let bench = make_identified(task.individual.as_deref(), recording, scenario, task.combos, task.seed, quiet)?;
     if task.combination >= bench.plans.plans.len() {
         bail!(
             "{}: combination: found {}, expected 0 to {}",

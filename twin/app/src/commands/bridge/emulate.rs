@@ -97,8 +97,7 @@ pub fn run(terminal: &Terminal, args: &EmulateArgs) -> Result<Option<String>> {
     let (plant, travel, usual): (Box<dyn Robot + Send>, _, _) = if args.springs {
         (Box::new(SpringHand::new([TRAVEL; ACTUATORS])), [TRAVEL; ACTUATORS], EmulatorSettings::default())
     } else {
-        let (hand, robot) =
-            trial_scene(args.combo, terminal.seed, terminal.quiet || terminal.json, args.individual)?;
+        let (hand, robot) = trial_scene(args.combo, terminal.seed, terminal.quiet || terminal.json, args.individual)?;
         if let Some(path) = &args.truth_out {
             crate::commands::twin::write_truth(path, args.individual)?;
         }

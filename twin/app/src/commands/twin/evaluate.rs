@@ -67,7 +67,8 @@ pub fn run(terminal: &Terminal, args: &EvaluateArgs) -> Outcome {
     let rows = rows?;
     let total = |of: fn(&Row) -> Coverage| rows.iter().map(of).fold(Coverage::default(), Coverage::and);
     let (identified, others) = (total(|row| row.identified), total(|row| row.others));
-    let medians = |of: fn(&Row) -> [f64; 2]| [0, 1].map(|n| median(&rows.iter().map(|row| of(row)[n]).collect::<Vec<_>>()));
+    let medians =
+        |of: fn(&Row) -> [f64; 2]| [0, 1].map(|n| median(&rows.iter().map(|row| of(row)[n]).collect::<Vec<_>>()));
     let (joint, tip) = (medians(|row| row.joint), medians(|row| row.tip));
     let mut text = format!(
         "{:>10} {:>12} {:>12} {:>18} {:>18} {:>20}\n",

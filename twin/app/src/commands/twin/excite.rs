@@ -8,8 +8,8 @@ use bench::body::arm_link::arm_link;
 use bench::body::emulated::{SharedPlant, settings};
 use bench::body::operator::{Interrupt, agreed};
 use clap::Args;
-use hand_model::robot::{Command, Observation, Robot, Tick};
 use hand_model::Arm;
+use hand_model::robot::{Command, Observation, Robot, Tick};
 use hardware_bridge::config::BridgeConfig;
 use hardware_bridge::config::secrets::without_secrets;
 use hardware_bridge::emulator::direct::DirectRobot;
@@ -331,9 +331,8 @@ fn real(path: &Path, yes: bool) -> Result<(Bodied, Session)> {
 fn tell(terminal: &Terminal, args: &ExciteArgs, record: &Record, dry: bool) -> Outcome {
     let steps = record.script.steps();
     let seconds: f64 = steps.iter().skip(record.done).map(|step| record.script.length(step.motion)).sum();
-    let sessions: Vec<String> = (1..=record.parts)
-        .map(|part| args.folder.join(format!("part_{part}.mcap")).display().to_string())
-        .collect();
+    let sessions: Vec<String> =
+        (1..=record.parts).map(|part| args.folder.join(format!("part_{part}.mcap")).display().to_string()).collect();
     let mut text = String::new();
     if dry {
         for line in described(&record.script).iter().skip(record.done) {

@@ -33,11 +33,7 @@ pub fn run(terminal: &Terminal, args: &IdentifyArgs) -> Outcome {
     for path in files(&args.sessions)? {
         let trace = Trace::read(&path, &drawing.hand)?;
         if !trace.whole {
-            eprintln!(
-                "{}: the file is cut short; {:.0} s of it are used",
-                path.display(),
-                trace.source.seconds
-            );
+            eprintln!("{}: the file is cut short; {:.0} s of it are used", path.display(), trace.source.seconds);
         }
         traces.push(trace);
     }
