@@ -3,12 +3,11 @@
 //! Least squares over the servo's angle at every few ticks, with a prior from the drawing: each deviation is searched in units of its
 //! spread, and counts as one more residual. What the twin leaves unexplained is no white noise: errors of neighbouring samples are
 //! alike. So the residuals are weighted by their own standard deviation times the square root of the number of samples over which
-//! they stay alike, found in a first round; the covariance is that of the second. Beside the parameters a delay and a turn of the palm
-//! are searched: arm and mount hold it a little otherwise than they say, and gravity pulls on the fingers from there.
+//! they stay alike, found in a first round; the covariance is that of the second.
 
 use hand_model::Hand;
 use hand_model::transmission::friction::CableLosses;
-use nalgebra::{DMatrix, UnitQuaternion, Vector3};
+use nalgebra::DMatrix;
 use optics::calibration::least_squares::{Options, Problem, forward_differences};
 use scenarios::individuals::robot::RobotIndividual;
 use scenarios::individuals::spread::Quantity;
@@ -28,10 +27,6 @@ const OUTLIER: f64 = 4.0;
 const RANGE: f64 = 4.0;
 /// Standard deviation of the delay between a command and what is measured, s.
 const DELAY: f64 = 0.01;
-/// Standard deviation of the palm's turn beside where arm and mount are believed to hold it, about each of its axes, rad.
-const TILT: f64 = 0.02;
-/// Searched beside the individual's parameters: the delay and the palm's turn.
-const BESIDE: usize = 4;
 /// Step of the differences, in spreads.
 const STEP: f64 = 0.01;
 /// Below this share of its spread a parameter's standard deviation says that the session taught something.
@@ -48,8 +43,6 @@ pub struct Fit {
     pub covariance: DMatrix<f64>,
     /// Delay between a command and what is measured, s.
     pub delay: f64,
-    /// Rotation vector of the palm beside where it is believed to be, palm axes, rad: gravity pulls on the fingers from there.
-    pub tilt: Vector3<f64>,
     /// Root mean square of the servo angle's residual under the drawing, and under what was found, rad.
     pub residuals: [f64; 2],
     /// Samples over which residuals stay alike.
@@ -102,16 +95,11 @@ impl Search<'_> {
         individual
     }
 
-    /// Delay (s) and tilt (rad) at `p`, where they come last, in units of their standard deviations.
-    fn beside(&self, p: &[f64]) -> (f64, Vector3<f64>) {
-        let own = &p[self.places.len()..];
-        (own[0] * DELAY, Vector3::from_column_slice(&own[1..BESIDE]) * TILT)
-    }
-
-    /// Residuals of all samples, rad.
+    /// Residuals of all samples, rad, with the delay (s) last in `p` in units of [`DELAY`].
     fn angles(&self, p: &[f64]) -> Vec<f64> {
         let hand = self.individual(&p[..self.places.len()]).hand(self.hand);
-        angle_residuals(&hand, self.losses, self.motions, self.beside(p))
+        let delay = p[self.places.len()] * DELAY;
+        angle_residuals(&hand, self.losses, self.motions, delay)
     }
 
     fn residuals(&self, p: &[f64], sigma: f64) -> Vec<f64> {
@@ -121,18 +109,11 @@ impl Search<'_> {
     }
 }
 
-/// Of the samples of `motions`: what the twin of `hand` shows less what was measured, rad, with a delay (s) and a tilt of the palm (rad).
-pub fn angle_residuals(
-    hand: &Hand,
-    losses: CableLosses,
-    motions: &[FreeMotion],
-    (delay, tilt): (f64, Vector3<f64>),
-) -> Vec<f64> {
-    let turn = UnitQuaternion::from_scaled_axis(-tilt);
+/// Of the samples of `motions`: what the twin of `hand` shows less what was measured, rad.
+pub fn angle_residuals(hand: &Hand, losses: CableLosses, motions: &[FreeMotion], delay: f64) -> Vec<f64> {
     let of = |motion: &FreeMotion| {
         let sample = |(shown, angle): (Shown, &f64)| shown.servo - delay * shown.speed - angle;
-        let gravity = motion.gravity.iter().map(|gravity| turn * gravity).collect();
-        let shown = play(hand, losses, &FreeMotion { gravity, ..motion.clone() });
+        let shown = play(hand, losses, motion);
         shown.into_iter().zip(&motion.angles).step_by(THINNED).map(sample).collect::<Vec<f64>>()
     };
     motions.iter().flat_map(of).collect()
@@ -142,9 +123,9 @@ pub fn angle_residuals(
 pub fn fit(hand: &Hand, losses: CableLosses, motions: &[FreeMotion], from: &RobotIndividual) -> Fit {
     let places = searched(from, hand, motions.first().map_or(0, |motion| motion.actuator));
     let search = Search { hand, losses, motions, places: &places, from };
-    let n = places.len() + BESIDE;
+    let n = places.len() + 1;
     let mut p = vec![0.0; n];
-    let designed = rms(&angle_residuals(hand, losses, motions, (0.0, Vector3::zeros())));
+    let designed = rms(&angle_residuals(hand, losses, motions, 0.0));
     let (mut sigma, mut correlated) = (FIRST_SIGMA, 1.0);
     for steps in [8, 12] {
         let bounds = vec![(-RANGE, RANGE); n];
@@ -165,12 +146,10 @@ pub fn fit(hand: &Hand, losses: CableLosses, motions: &[FreeMotion], from: &Robo
         (slopes.transpose() * &slopes).cholesky().map_or_else(|| DMatrix::identity(n, n), |found| found.inverse());
     let found = search.individual(&p[..places.len()]);
     let spread: Vec<f64> = places.iter().map(|place| from.parameters()[*place].spread.sigma).collect();
-    let (delay, tilt) = search.beside(&p);
     Fit {
         deviations: places.iter().map(|place| found.deviations()[*place]).collect(),
-        covariance: DMatrix::from_fn(places.len(), places.len(), |i, j| posterior[(i, j)] * spread[i] * spread[j]),
-        delay,
-        tilt,
+        covariance: DMatrix::from_fn(n - 1, n - 1, |i, j| posterior[(i, j)] * spread[i] * spread[j]),
+        delay: p[n - 1] * DELAY,
         residuals: [designed, rms(&left)],
         correlated,
         samples: left.len(),
