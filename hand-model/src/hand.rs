@@ -8,8 +8,9 @@ use crate::ACTUATORS;
 use crate::data::DataError;
 use crate::kinematics::{Joint, Tree, pose_from_xyz_rpy};
 use crate::pads::{Camera, Pad};
-use crate::parameters::{Cover, Gel, HandParameters, Handedness, JointParameters, PadParameters};
+use crate::parameters::{Cable, Cover, Gel, HandParameters, Handedness, JointParameters, PadParameters, Servo};
 use crate::robot::ServoGoal;
+use crate::transmission::friction::CableFriction;
 use crate::transmission::{CablePath, Guides, Transmission};
 
 /// A rounded box that stands for a link in contact.
@@ -122,6 +123,10 @@ pub struct Hand {
     pub cameras: Vec<Camera>,
     /// Cables, springs, opposition.
     pub transmission: Transmission,
+    /// The six servos: alike as drawn, each its own in one individual.
+    pub servos: [Servo; ACTUATORS],
+    /// The five cables with their spools.
+    pub cables: [Cable; 5],
 }
 
 impl Hand {
@@ -147,12 +152,26 @@ impl Hand {
     /// What the servos are asked for five cable tensions (N, held by current) and the angle of the opposition joint (rad), which
     /// takes `current_limit` (A) at most.
     pub fn servo_goals(&self, tensions: &[f64; 5], opposition: f64, current_limit: f64) -> [ServoGoal; ACTUATORS] {
-        let servo = &self.parameters.servo;
-        let to_current = self.parameters.cable.spool_radius / servo.torque_constant;
         std::array::from_fn(|n| match tensions.get(n) {
-            Some(tension) => ServoGoal::Current(tension * to_current),
-            None => ServoGoal::Position { angle: opposition * servo.gear_ratio_opposition, current_limit },
+            Some(tension) => {
+                let to_current = self.cables[n].spool_radius / self.servos[n].torque_constant;
+                ServoGoal::Current(tension * to_current)
+            }
+            None => ServoGoal::Position { angle: opposition * self.servos[n].gear_ratio_opposition, current_limit },
         })
+    }
+
+    /// What the guides of cable `n` take where those of the hand as drawn take `drawn`.
+    pub fn guides(&self, n: usize, drawn: &CableFriction) -> CableFriction {
+        let (own, design) = (&self.cables[n].friction, &self.parameters.cable.friction);
+        if own == design {
+            return *drawn;
+        }
+        CableFriction {
+            coefficient: drawn.coefficient * own.coefficient / design.coefficient,
+            presliding: drawn.presliding * own.presliding / design.presliding,
+            routing: drawn.routing * own.routing / design.routing,
+        }
     }
 
     fn build(mut parameters: HandParameters) -> Self {
@@ -208,7 +227,10 @@ impl Hand {
                 cables,
                 opposition_joint,
                 springs: std::array::from_fn(|joint| parameters.joint[joint].spring),
+                rests: [0.0; crate::HAND_JOINTS],
             },
+            servos: [parameters.servo; ACTUATORS],
+            cables: [parameters.cable; 5],
             parameters,
         }
     }

@@ -88,6 +88,9 @@ pub struct Servo {
     pub rotor_inertia: f64,
     /// Viscous loss at the output, N m s/rad.
     pub damping: f64,
+    /// Dry friction of motor and gear at the output, N m.
+    #[serde(default)]
+    pub friction: f64,
     /// Servo turns per turn of the thumb's CMC joint.
     pub gear_ratio_opposition: f64,
 }

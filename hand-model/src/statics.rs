@@ -92,7 +92,8 @@ pub fn free_sliding(hand: &Hand, tensions: &[f64; 5], opposition: f64, slid: &Sl
     angles[hand.transmission.opposition_joint] = opposition;
     for (cable, tension) in tensions.iter().enumerate() {
         let upper = std::f64::consts::FRAC_PI_2;
-        let found = hand.transmission.free_angles_sliding(cable, *tension, upper, &slid.friction, slid.state);
+        let friction = hand.guides(cable, &slid.friction);
+        let found = hand.transmission.free_angles_sliding(cable, *tension, upper, &friction, slid.state);
         for (joint, angle) in found {
             angles[joint] = angle.clamp(hand.tree.joints[joint].lower, hand.tree.joints[joint].upper);
         }
@@ -122,7 +123,8 @@ pub fn against(
             for _ in 0..ROUNDS {
                 let before = angles;
                 let path = &hand.transmission.cables[digit.index()];
-                let spans = path.span_tensions(&angles, tension, &slid.friction, &[slid.state; SPANS]);
+                let friction = hand.guides(digit.index(), &slid.friction);
+                let spans = path.span_tensions(&angles, tension, &friction, &[slid.state; SPANS]);
                 let rest = problem.relax(&mut angles, &spans);
                 if rest > FAILURE {
                     return Err(NoEquilibrium { digit: digit.name(), tension, found: rest });
@@ -158,9 +160,9 @@ impl<F: Fn(&Point3<f64>) -> (f64, Vector3<f64>)> Problem<'_, F> {
         let (mut energy, mut gradient, mut hessian) = (0.0, DVector::zeros(n), DMatrix::zeros(n, n));
         for (row, (joint, guides)) in path.joints.iter().enumerate() {
             let (q, k) = (angles[*joint], self.hand.transmission.springs[*joint]);
-            let tension = spans[row];
-            energy += 0.5 * k * q * q - tension * guides.excursion(q);
-            gradient[row] = k * q - tension * guides.moment_arm(q);
+            let (tension, turn) = (spans[row], q - self.hand.transmission.rests[*joint]);
+            energy += 0.5 * k * turn * turn - tension * guides.excursion(q);
+            gradient[row] = k * turn - tension * guides.moment_arm(q);
             let h = 1e-5;
             let slope = (guides.moment_arm(q + h) - guides.moment_arm(q - h)) / (2.0 * h);
             hessian[(row, row)] = (k - tension * slope).max(0.1 * k);

@@ -134,11 +134,18 @@ pub struct Transmission {
     pub cables: [CablePath; 5],
     /// Joint that the sixth actuator turns.
     pub opposition_joint: usize,
-    /// Torsion spring of each joint, N m/rad, rest at 0.
+    /// Torsion spring of each joint, N m/rad.
     pub springs: [f64; crate::HAND_JOINTS],
+    /// Angle at which each spring is at rest, rad: 0 as drawn, negative where it presses the open joint on its stop.
+    pub rests: [f64; crate::HAND_JOINTS],
 }
 
 impl Transmission {
+    /// What the spring of `joint` at angle `q` (rad) needs to stand there, N m.
+    pub fn spring_torque(&self, joint: usize, q: f64) -> f64 {
+        self.springs[joint] * (q - self.rests[joint])
+    }
+
     /// Joint torques (N m) of cable `tensions` (N) and springs at `q` (rad), opposition drive excluded.
     pub fn torques(&self, q: &[f64], tensions: &[f64; 5]) -> [f64; crate::HAND_JOINTS] {
         self.span_torques(q, &tensions.map(|tension| [tension; SPANS]))
@@ -146,7 +153,7 @@ impl Transmission {
 
     /// As [`Self::torques`], with the tension (N) of each cable's spans.
     pub fn span_torques(&self, q: &[f64], spans: &[[f64; SPANS]; 5]) -> [f64; crate::HAND_JOINTS] {
-        let mut torques: [f64; crate::HAND_JOINTS] = std::array::from_fn(|joint| -self.springs[joint] * q[joint]);
+        let mut torques: [f64; crate::HAND_JOINTS] = std::array::from_fn(|joint| -self.spring_torque(joint, q[joint]));
         for (cable, tensions) in self.cables.iter().zip(spans) {
             for ((joint, guides), tension) in cable.joints.iter().zip(tensions) {
                 torques[*joint] += guides.moment_arm(q[*joint]) * tension;
@@ -160,7 +167,7 @@ impl Transmission {
         let (mut num, mut den) = (0.0, 0.0);
         for (joint, guides) in &self.cables[cable].joints {
             let r = guides.moment_arm(q[*joint]);
-            num += r * (torque[*joint] + self.springs[*joint] * q[*joint]);
+            num += r * (torque[*joint] + self.spring_torque(*joint, q[*joint]));
             den += r * r;
         }
         num / den
@@ -185,7 +192,7 @@ impl Transmission {
         for (joint, guides) in &self.cables[cable].joints {
             let span = |q: f64| carried * friction.ratio(state, turned + guides.wraps(q)[0]);
             // K q - r(q) T is increasing wherever springs dominate the growth of r: bisect, which never diverges.
-            let residual = |q: f64| self.springs[*joint] * q - guides.moment_arm(q) * span(q);
+            let residual = |q: f64| self.spring_torque(*joint, q) - guides.moment_arm(q) * span(q);
             let (mut low, mut high) = (0.0, upper);
             let angle = if residual(upper) <= 0.0 {
                 upper

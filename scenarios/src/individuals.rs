@@ -1,4 +1,10 @@
-//! Individuals: how one arm and one object differ from the models that a controller has of them, drawn once a trial.
+//! Individuals: how one arm and one object differ from the models that a controller has of them, drawn once a trial; and how one
+//! whole [`robot`] differs from its drawing, for as long as it lives. [`spread`] says what differs and by how much, [`file`](mod@file) keeps what
+//! was identified of one.
+
+pub mod file;
+pub mod robot;
+pub mod spread;
 
 use std::sync::Arc;
 

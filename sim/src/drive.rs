@@ -23,7 +23,8 @@ pub struct JointEffort {
 #[derive(Debug, Clone)]
 pub struct HandDrive {
     servos: [ServoModel; ACTUATORS],
-    friction: CableFriction,
+    /// Of each cable.
+    friction: [CableFriction; 5],
     slides: [[f64; SPANS]; 5],
     /// Cable tensions at the spools in the last step, N.
     pub tensions: [f64; 5],
@@ -33,8 +34,8 @@ impl HandDrive {
     /// All cables slack, all servos at rest, guides and gears with these losses.
     pub fn new(hand: &Hand, losses: CableLosses) -> Self {
         Self {
-            servos: std::array::from_fn(|_| ServoModel::new(hand.parameters.servo, losses.backlash)),
-            friction: losses.friction,
+            servos: std::array::from_fn(|n| ServoModel::new(hand.servos[n], losses.backlash)),
+            friction: std::array::from_fn(|n| hand.guides(n, &losses.friction)),
             slides: [[0.0; SPANS]; 5],
             tensions: [0.0; 5],
         }
@@ -60,17 +61,16 @@ impl HandDrive {
         qd: &[f64; HAND_JOINTS],
         dt: f64,
     ) -> [JointEffort; HAND_JOINTS] {
-        let cable = hand.parameters.cable;
         let transmission = &hand.transmission;
         for (n, path) in transmission.cables.iter().enumerate() {
             let excursion = path.excursion(q);
             let rate = path.excursion_rate(q, qd);
-            self.tensions[n] = self.servos[n].step_cable(&cable, excursion, rate, dt);
+            self.tensions[n] = self.servos[n].step_cable(&hand.cables[n], excursion, rate, dt);
         }
         let spans = self.span_tensions(hand, q, qd, dt);
         let torques = transmission.span_torques(q, &spans);
         let mut stiffness = transmission.springs;
-        for (path, tension) in transmission.cables.iter().zip(&self.tensions) {
+        for ((path, tension), cable) in transmission.cables.iter().zip(&self.tensions).zip(&hand.cables) {
             if *tension > 0.0 {
                 for (joint, guides) in &path.joints {
                     stiffness[*joint] += cable.stiffness * guides.moment_arm(q[*joint]).powi(2);
@@ -91,27 +91,28 @@ impl HandDrive {
         qd: &[f64; HAND_JOINTS],
         dt: f64,
     ) -> [[f64; SPANS]; 5] {
-        if self.friction.coefficient == 0.0 {
-            return self.tensions.map(|tension| [tension; SPANS]);
-        }
         std::array::from_fn(|n| {
+            let friction = &self.friction[n];
+            if friction.coefficient == 0.0 {
+                return [self.tensions[n]; SPANS];
+            }
             let path = &hand.transmission.cables[n];
             for (state, speed) in self.slides[n].iter_mut().zip(path.sliding(q, qd)) {
-                *state = self.friction.slid(*state, speed * dt);
+                *state = friction.slid(*state, speed * dt);
             }
-            path.span_tensions(q, self.tensions[n], &self.friction, &self.slides[n])
+            path.span_tensions(q, self.tensions[n], friction, &self.slides[n])
         })
     }
 
     /// The sixth servo turns the thumb's CMC joint through a stiff shaft.
     fn step_opposition(&mut self, hand: &Hand, q: &[f64; HAND_JOINTS], dt: f64) -> JointEffort {
         let joint = hand.transmission.opposition_joint;
-        let ratio = hand.parameters.servo.gear_ratio_opposition;
+        let ratio = hand.servos[5].gear_ratio_opposition;
         let servo = &mut self.servos[5];
         let twist = servo.beyond_play(servo.angle / ratio - q[joint], ratio);
         let torque = OPPOSITION_STIFFNESS * twist;
         servo.step_shaft(torque / ratio, dt);
-        let spring = hand.transmission.springs[joint] * q[joint];
+        let spring = hand.transmission.spring_torque(joint, q[joint]);
         JointEffort { torque: torque - spring, stiffness: OPPOSITION_STIFFNESS }
     }
 }

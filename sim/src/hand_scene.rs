@@ -139,9 +139,9 @@ impl HandScene {
         let torques = transmission.torques(&self.angles, &pull.tensions);
         for (joint, free) in torques.into_iter().enumerate() {
             let (torque, stiffness) = if joint == transmission.opposition_joint {
-                let limit = self.hand.parameters.servo.stall_torque * self.hand.parameters.servo.gear_ratio_opposition;
+                let limit = self.hand.servos[5].stall_torque * self.hand.servos[5].gear_ratio_opposition;
                 let servo = (OPPOSITION_STIFFNESS * (pull.opposition - self.angles[joint])).clamp(-limit, limit);
-                (servo - transmission.springs[joint] * self.angles[joint], OPPOSITION_STIFFNESS)
+                (servo - transmission.spring_torque(joint, self.angles[joint]), OPPOSITION_STIFFNESS)
             } else {
                 (free, transmission.springs[joint])
             };

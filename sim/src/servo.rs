@@ -96,6 +96,11 @@ impl ServoModel {
     fn advance(&mut self, load: f64, h: f64) {
         let torque = self.motor_torque() - load - self.parameters.damping * self.speed;
         self.speed += torque / self.parameters.rotor_inertia * h;
+        if self.parameters.friction > 0.0 {
+            // Dry friction takes speed until none is left.
+            let most = self.parameters.friction / self.parameters.rotor_inertia * h;
+            self.speed -= self.speed.clamp(-most, most);
+        }
         self.angle += self.speed * h;
     }
 

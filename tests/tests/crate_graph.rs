@@ -75,7 +75,17 @@ fn what_decides_never_reaches_a_body() {
     let graph = Graph::read();
     for decides in ["control", "touch", "grasping", "study"] {
         let reach = graph.reach(decides);
-        for body in ["sim", "optics", "hardware-bridge", "kortex", "session-log", "bench", "proving", "rapier3d-f64"] {
+        for body in [
+            "sim",
+            "optics",
+            "hardware-bridge",
+            "kortex",
+            "session-log",
+            "bench",
+            "proving",
+            "identification",
+            "rapier3d-f64",
+        ] {
             assert!(!reach.contains(body), "{decides} reaches {body}");
         }
     }

@@ -18,9 +18,10 @@ use crate::commands::study::all::StudyArgs;
 use crate::commands::touch::TouchCommand;
 use crate::commands::transport::TransportArgs;
 use crate::commands::trial::TrialArgs;
+use crate::commands::twin::TwinCommand;
 use crate::commands::{
     arm, bench, bridge, demo, export, grasps, hand, lab_book, optics, replay, schema, shell, study, touch, transport,
-    trial, view,
+    trial, twin, view,
 };
 use crate::terminal::{Outcome, Terminal};
 
@@ -103,6 +104,9 @@ pub enum Command {
     /// Tactile images.
     #[command(subcommand)]
     Optics(OpticsCommand),
+    /// One robot of those built from the drawing: excited, identified, and used in its place.
+    #[command(subcommand)]
+    Twin(TwinCommand),
     /// The real robot's devices, and their emulator.
     #[command(subcommand)]
     Bridge(BridgeCommand),
@@ -129,7 +133,7 @@ const GROUPS: [(&str, &[&str]); 5] = [
     ("Run trials", &["demo", "bench", "trial", "transport"]),
     ("Look at results", &["view", "report", "export", "replay"]),
     ("Study the parts", &["study", "hand", "arm", "grasps", "touch", "optics"]),
-    ("Drive the real robot", &["bridge"]),
+    ("Drive the real robot", &["bridge", "twin"]),
     ("Set up the terminal", &["completions", "man", "schema", "help"]),
 ];
 
@@ -169,6 +173,7 @@ pub fn moves_devices(cli: &Cli) -> bool {
         Command::Bridge(_) => true,
         Command::Trial(args) => args.config.is_some(),
         Command::Bench(args) => args.config.is_some(),
+        Command::Twin(TwinCommand::Excite(args)) => args.config.is_some(),
         _ => false,
     }
 }
@@ -197,6 +202,7 @@ pub fn run(cli: &Cli) -> Outcome {
         Command::Touch(command) => touch::run(terminal, command),
         Command::Optics(command) => optics::run(terminal, command),
         Command::Bridge(command) => bridge::run(terminal, command),
+        Command::Twin(command) => twin::run(terminal, command),
         Command::Completions { shell } => shell::completions(*shell),
         Command::Man { out } => shell::manual(out),
         Command::Schema { command } => schema::run(terminal, command),

@@ -1,17 +1,22 @@
 //! What comes with the program: repertoire, plans, calibrations and networks, and the bench they make of a scenario.
 
 use std::collections::{BTreeMap, BTreeSet};
+use std::path::Path;
 use std::sync::Arc;
 
 use anyhow::{Context, Result};
 use control::perception::KnownObject;
 use control::policy::Uncertainty;
-use hand_model::Hand;
 use hand_model::robot::TactileImage;
+use hand_model::{Arm, Hand};
 use proving::cache::Cache;
 use proving::world::World;
 use proving::{ball_sizes, preparation};
 use scenarios::Scenario;
+use scenarios::effects::Effect;
+use scenarios::individuals::Individual;
+use scenarios::individuals::file::IdentifiedRobot;
+use scenarios::individuals::robot::RobotIndividual;
 use sim::tactile::TactileBoard;
 use touch::{OwnHandOptions, PhotometricCalibration, TouchPipeline};
 
@@ -58,7 +63,18 @@ pub fn know_hand(pipeline: &mut TouchPipeline, world: &World) {
 
 /// Everything that trials of a scenario's first `combos` combinations share.
 pub fn make_bench(scenario: Scenario, combos: usize, seed: u64, quiet: bool) -> Result<Bench> {
-    let mut bench = make_scenes(scenario, combos, seed, quiet)?;
+    make_bench_of(None, scenario, combos, seed, quiet)
+}
+
+/// The same of one individual of the robots built from the drawing, body and control stack alike; its plans are the drawing's.
+pub fn make_bench_of(
+    individual: Option<&RobotIndividual>,
+    scenario: Scenario,
+    combos: usize,
+    seed: u64,
+    quiet: bool,
+) -> Result<Bench> {
+    let mut bench = make_scenes_of(individual, scenario, combos, seed, quiet)?;
     let names: BTreeSet<&String> = bench.plans.plans.iter().flat_map(|plan| [&plan.first, &plan.second]).collect();
     bench.known = names
         .into_iter()
@@ -75,16 +91,40 @@ pub fn make_bench(scenario: Scenario, combos: usize, seed: u64, quiet: bool) -> 
     Ok(bench)
 }
 
+/// The same of the robot that the text of an `individual.toml` describes, if there is one; `path` is used in errors.
+pub fn make_identified(
+    individual: Option<&str>,
+    path: &Path,
+    scenario: Scenario,
+    combos: usize,
+    seed: u64,
+    quiet: bool,
+) -> Result<Bench> {
+    let hand = Hand::ftac();
+    let own = individual.map(|text| IdentifiedRobot::parse(text, path, &hand)).transpose()?;
+    make_bench_of(own.as_ref().map(|own| &own.individual), scenario, combos, seed, quiet)
+}
+
 /// The same with no object made ready to be felt, which takes seconds, and without the scenario's disturbances: for scenes in which no policy
 /// of this program decides.
 pub fn make_scenes(scenario: Scenario, combos: usize, seed: u64, quiet: bool) -> Result<Bench> {
+    make_scenes_of(None, scenario, combos, seed, quiet)
+}
+
+fn make_scenes_of(
+    individual: Option<&RobotIndividual>,
+    scenario: Scenario,
+    combos: usize,
+    seed: u64,
+    quiet: bool,
+) -> Result<Bench> {
     // Plans are made for the nominal places: a spread of the layout leaves them as they are.
     let benchmark = Scenario::benchmark();
     let planned = |scenario: &Scenario| (scenario.layout.first, scenario.layout.second, scenario.start);
     let builtin = scenario.first == benchmark.first
         && scenario.second == benchmark.second
         && planned(&scenario) == planned(&benchmark);
-    let world = World::new(scenario)?;
+    let world = World::of(scenario, individual)?;
     let mut repertoire = proving::builtin::repertoire()?;
     let mut plans = proving::builtin::plans()?;
     if !builtin || combos > plans.plans.len() {
@@ -112,4 +152,33 @@ pub fn make_scenes(scenario: Scenario, combos: usize, seed: u64, quiet: bool) ->
         own: None,
         intact: None,
     })
+}
+
+/// Makes the body of a bench individual `number` of the robots built from the drawing, of which the control stack knows nothing; its pads'
+/// cameras stay the bench's.
+pub fn hide_plant(bench: &mut Bench, number: u64) {
+    let (hand, arm) = (Hand::ftac(), Arm::gen3());
+    let own = RobotIndividual::draw(&hand, number);
+    bench.world.plant = Some((Arc::new(own.hand(&hand)), Arc::new(own.arm(&arm))));
+}
+
+/// A bench whose robot is individual `number` of those built from the drawing, with objects and tactile cameras of its own; number 0 is the
+/// robot as drawn among objects like their models. What an emulated robot is made of.
+pub fn make_individual(number: u64, scenario: Scenario, combos: usize, seed: u64, quiet: bool) -> Result<Bench> {
+    let Some(cameras) = RobotIndividual::cameras(number) else { return make_scenes(scenario, combos, seed, quiet) };
+    let own = RobotIndividual::draw(&Hand::ftac(), number);
+    let mut bench = make_scenes_of(Some(&own), scenario, combos, seed, quiet)?;
+    bench.board = TactileBoard::unit(&bench.world.cell.hand, cameras);
+    let spread = bench.world.scenario.effects.objects;
+    let models: Vec<_> = bench.world.objects.iter().cloned().collect();
+    for model in &models {
+        // An object that has fallen is the same one.
+        let own_name = |name: &str| name.split('/').next().map(str::to_owned);
+        let place = models.iter().position(|other| own_name(&other.name) == own_name(&model.name)).unwrap_or(0);
+        let mut rng = Effect::Objects.stream(number, place, 0);
+        let one = spread.map_or(Individual::AS_MODELLED, |spread| Individual::draw(&spread, &mut rng));
+        let real = Individual { friction: one.friction * own.pad_friction(), ..one }.of(model)?;
+        bench.world.objects.insert((*real).clone());
+    }
+    Ok(bench)
 }

@@ -10,7 +10,7 @@ use scenarios::noise::TrialNoise;
 use sim::{ObjectPlacement, SimulatedRobot};
 
 use crate::body::emulated::SharedPlant;
-use crate::builtin::{COMBINATIONS, make_scenes};
+use crate::builtin::{COMBINATIONS, make_individual};
 use crate::registration::{Plan, Registrar, hidden_mount};
 use crate::trial::Bench;
 
@@ -59,9 +59,10 @@ pub struct EmulatedTable {
 }
 
 impl EmulatedTable {
-    /// A robot about to begin, with what `wish` says on its table; its base is hidden where seed `mount` draws it, if given.
-    pub fn new(wish: Wish, mount: Option<u64>, seed: u64) -> Result<Self> {
-        let mut bench = make_scenes(Scenario::benchmark(), COMBINATIONS, seed, true)?;
+    /// Robot `individual` of those built from the drawing, 0 the drawing's own, about to begin with what `wish` says on its table; its base
+    /// is hidden where seed `mount` draws it, if given.
+    pub fn new(wish: Wish, (mount, individual): (Option<u64>, u64), seed: u64) -> Result<Self> {
+        let mut bench = make_individual(individual, Scenario::benchmark(), COMBINATIONS, seed, true)?;
         let plan = Plan::standard()?;
         if let Some(seed) = mount {
             bench.world.stands = hidden_mount(&plan, seed);
@@ -146,7 +147,7 @@ mod tests {
     /// What was pushed away is back in its place; another combination stands where its plan has it; balls stay whatever pushes them.
     #[test]
     fn objects_are_put_back_replaced_and_fastened() {
-        let table = EmulatedTable::new(Wish::Combination(0), None, 1).expect("a table");
+        let table = EmulatedTable::new(Wish::Combination(0), (None, 0), 1).expect("a table");
         let wait = |ticks: usize| {
             for _ in 0..ticks {
                 table.plant().lock().wait_for_tick();

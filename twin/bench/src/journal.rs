@@ -49,6 +49,12 @@ pub struct RunRequest {
     pub noise_scale: f64,
     /// The scenario's text.
     pub scenario: String,
+    /// File of the robot that body and control stack are; its text, or none for the drawing's.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub individual: Option<String>,
+    /// Number of the individual that the body is and the control stack does not know, if it is one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub plant: Option<u64>,
     /// How the robot knows where things are.
     #[serde(flatten)]
     pub places: Places,
@@ -71,6 +77,7 @@ impl RunRequest {
             watched,
             combos: self.combos,
             scenario: self.scenario.clone(),
+            individual: self.individual.clone(),
             places: self.places,
         }
     }

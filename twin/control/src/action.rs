@@ -88,10 +88,8 @@ impl ActionLimits {
     /// Of the robot in this cell.
     pub fn of(cell: &Workcell) -> Self {
         let (hand, PathLimits { speed, turn_speed, .. }) = (&cell.hand, PathLimits::default());
-        let (servo, cable) = (&hand.parameters.servo, &hand.parameters.cable);
         let thumb = &hand.tree.joints[hand.transmission.opposition_joint];
         let tension = most_tension(hand);
-        let stretch = tension / cable.stiffness;
         Self {
             speed,
             turn_speed,
@@ -102,10 +100,13 @@ impl ActionLimits {
             tension,
             opposition: [thumb.lower, thumb.upper],
             spools: std::array::from_fn(|n| match hand.transmission.cables.get(n) {
-                Some(path) => [0.0, (path.full_excursion(FRAC_PI_2) + stretch) / cable.spool_radius],
-                None => [thumb.lower, thumb.upper].map(|angle| angle * servo.gear_ratio_opposition),
+                Some(path) => {
+                    let stretch = tension / hand.cables[n].stiffness;
+                    [0.0, (path.full_excursion(FRAC_PI_2) + stretch) / hand.cables[n].spool_radius]
+                }
+                None => [thumb.lower, thumb.upper].map(|angle| angle * hand.servos[n].gear_ratio_opposition),
             }),
-            current: servo.current_limit,
+            current: hand.servos.iter().map(|servo| servo.current_limit).fold(f64::INFINITY, f64::min),
         }
     }
 

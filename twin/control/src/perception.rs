@@ -118,7 +118,7 @@ impl Grip {
                 && expected(digit).is_none_or(|share| closure(hand, servos, digit) < share + LATE)
         };
         // A closed thumb lies where ring and little finger close: then only what pads feel counts, or a digit with a blind one.
-        let thumb = cable_tension(hand, &servos[Digit::Thumb.index()]) > PULLED;
+        let thumb = cable_tension(hand, Digit::Thumb.index(), &servos[Digit::Thumb.index()]) > PULLED;
         let first = Role::First.digits();
         let blind = |digit: Digit| of(Some(digit)).any(|touch| touch.blind);
         let holds = |digit: &&Digit| feels(Some(**digit)) || blind(**digit) && blocked(**digit);
@@ -134,13 +134,13 @@ impl Grip {
 /// Whether something is in a closing digit's way: its cable is taken up by less than a full closing. A digit that is not pulled
 /// tells nothing.
 pub fn blocked(hand: &Hand, servos: &[ServoState; ACTUATORS], digit: Digit) -> bool {
-    let pulled = cable_tension(hand, &servos[digit.index()]) > PULLED;
+    let pulled = cable_tension(hand, digit.index(), &servos[digit.index()]) > PULLED;
     pulled && closure(hand, servos, digit) < BLOCKED_CLOSURE
 }
 
 /// How far a digit has closed, as a share of a full closing.
 fn closure(hand: &Hand, servos: &[ServoState; ACTUATORS], digit: Digit) -> f64 {
-    cable_excursion(hand, &servos[digit.index()]) / full_excursion(hand, digit)
+    cable_excursion(hand, digit.index(), &servos[digit.index()]) / full_excursion(hand, digit)
 }
 
 fn full_excursion(hand: &Hand, digit: Digit) -> f64 {

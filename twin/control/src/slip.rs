@@ -39,10 +39,10 @@ pub struct SlipWatch {
     pictures: Vec<Option<Arc<TactileImage>>>,
 }
 
-/// The most that a servo can pull, N.
+/// The most that every servo can pull, N.
 pub fn most_tension(hand: &Hand) -> f64 {
-    let servo = &hand.parameters.servo;
-    servo.current_limit * servo.torque_constant / hand.parameters.cable.spool_radius
+    let pull = |n: usize| hand.servos[n].current_limit * hand.servos[n].torque_constant / hand.cables[n].spool_radius;
+    (0..hand.cables.len()).map(pull).fold(f64::INFINITY, f64::min)
 }
 
 /// What holds one object.
@@ -82,7 +82,7 @@ impl SlipWatch {
         most: f64,
         dt: f64,
     ) -> [f64; 5] {
-        let cables: [f64; 5] = std::array::from_fn(|n| servos[n].position * hand.parameters.cable.spool_radius);
+        let cables: [f64; 5] = std::array::from_fn(|n| servos[n].position * hand.cables[n].spool_radius);
         let seen = self.seen(hand, arrived);
         let mut tension = *plan;
         for (role, grip) in [Role::First, Role::Second].into_iter().zip(&mut self.grips) {

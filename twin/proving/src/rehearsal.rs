@@ -69,12 +69,8 @@ impl Snapshot {
     ) -> Result<Self> {
         let TrialStart { protocol, grasps, noise, arm: start } = *start;
         let seen = world.percepts(objects, noise);
-        let robot = SimulatedRobot::new(
-            world.cell.hand.clone(),
-            world.cell.arm.clone(),
-            &world.scene(objects, start, noise),
-            board,
-        );
+        let (hand, arm) = world.body();
+        let robot = SimulatedRobot::new(hand, arm, &world.scene(objects, start, noise), board);
         let tick = hand_model::robot::Robot::tick_length(&robot);
         let [first, second] = std::array::from_fn(|n| (grasps[n].clone(), seen[n]));
         let executive =

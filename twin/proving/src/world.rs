@@ -15,11 +15,13 @@ use hand_model::{ARM_JOINTS, Arm, Hand};
 use nalgebra::{Isometry3, Matrix3, Rotation3, Translation3, UnitQuaternion, Vector3};
 use scenarios::Scenario;
 use scenarios::individuals::ArmDefects;
+use scenarios::individuals::robot::RobotIndividual;
 use scenarios::noise::TrialNoise;
 use scenarios::objects::{ObjectModel, ObjectSet};
 use sim::{ObjectPlacement, SceneSetup, SimulatedRobot};
 
 /// What every trial of a scenario shares.
+#[derive(Clone)]
 pub struct World {
     /// Hand, arm, and where they stand.
     pub cell: Workcell,
@@ -29,14 +31,23 @@ pub struct World {
     pub scenario: Scenario,
     /// Where the arm's base really stands in the simulated world, before a trial's own errors. The controller knows `cell.world_from_base`.
     pub stands: Isometry3<f64>,
+    /// Hand and arm of the body, where they are not those that the control stack knows.
+    pub plant: Option<(Arc<Hand>, Arc<Arm>)>,
 }
 
 impl World {
     /// The standard robot and objects, for a scenario.
     pub fn new(scenario: Scenario) -> Result<Self> {
+        Self::of(scenario, None)
+    }
+
+    /// The same with one individual of the robots built from the drawing, of which the control stack knows everything.
+    pub fn of(scenario: Scenario, individual: Option<&RobotIndividual>) -> Result<Self> {
+        let (hand, arm) = (Hand::ftac(), Arm::gen3());
+        let (hand, arm) = individual.map_or((hand.clone(), arm.clone()), |own| (own.hand(&hand), own.arm(&arm)));
         let mut cell = Workcell {
-            hand: Arc::new(Hand::ftac()),
-            arm: Arc::new(Arm::gen3()),
+            hand: Arc::new(hand),
+            arm: Arc::new(arm),
             world_from_base: Isometry3::identity(),
             ready: Arm::home(),
         };
@@ -45,15 +56,21 @@ impl World {
         let [x, y, z] = scenario.start.palm;
         let palm = Isometry3::from_parts(Translation3::new(x, y, z), rotation);
         cell.ready = cell.posture(&palm, &Arm::home()).context("the ready pose is out of the arm's reach")?;
-        Ok(Self { cell, objects: scenario.object_set()?.with_fallen(), scenario, stands: Isometry3::identity() })
+        let objects = scenario.object_set()?.with_fallen();
+        Ok(Self { cell, objects, scenario, stands: Isometry3::identity(), plant: None })
+    }
+
+    /// Hand and arm of the body.
+    pub fn body(&self) -> (Arc<Hand>, Arc<Arm>) {
+        self.plant.clone().unwrap_or_else(|| (self.cell.hand.clone(), self.cell.arm.clone()))
     }
 
     /// The same where the object that is taken first stands in the layout's second place, and the other in its first.
     #[must_use]
     pub fn in_other_order(&self) -> Self {
-        let mut scenario = self.scenario.clone();
-        std::mem::swap(&mut scenario.layout.first, &mut scenario.layout.second);
-        Self { cell: self.cell.clone(), objects: self.objects.clone(), scenario }
+        let mut other = self.clone();
+        std::mem::swap(&mut other.scenario.layout.first, &mut other.scenario.layout.second);
+        other
     }
 
     /// Arm posture for a palm pose, or an error that says it is out of reach.

@@ -11,6 +11,7 @@ pub mod film;
 mod findings;
 mod heat_map;
 pub mod html;
+pub mod identified;
 pub mod lab_book;
 mod page;
 mod paper;

@@ -44,32 +44,33 @@ pub struct Posture {
 }
 
 /// Tension (N, never negative) of a cable whose servo is at rest.
-pub fn cable_tension(hand: &Hand, servo: &ServoState) -> f64 {
-    (hand.parameters.servo.torque_constant * servo.current / hand.parameters.cable.spool_radius).max(0.0)
+pub fn cable_tension(hand: &Hand, cable: usize, servo: &ServoState) -> f64 {
+    (hand.servos[cable].torque_constant * servo.current / hand.cables[cable].spool_radius).max(0.0)
 }
 
 /// Excursion (m) of a cable: the wound length less the cable's stretch. Negative for a slack cable.
-pub fn cable_excursion(hand: &Hand, servo: &ServoState) -> f64 {
-    servo.position * hand.parameters.cable.spool_radius - cable_tension(hand, servo) / hand.parameters.cable.stiffness
+pub fn cable_excursion(hand: &Hand, cable: usize, servo: &ServoState) -> f64 {
+    let own = &hand.cables[cable];
+    servo.position * own.spool_radius - cable_tension(hand, cable, servo) / own.stiffness
 }
 
 /// Angle (rad) of the opposition joint, within its limits.
 pub fn opposition_angle(hand: &Hand, servo: &ServoState) -> f64 {
     let joint = &hand.tree.joints[hand.transmission.opposition_joint];
-    (servo.position / hand.parameters.servo.gear_ratio_opposition).clamp(joint.lower, joint.upper)
+    (servo.position / hand.servos[5].gear_ratio_opposition).clamp(joint.lower, joint.upper)
 }
 
 /// The posture of a hand that touches nothing: the spring equilibrium that takes up the measured excursions.
 pub fn free_posture(hand: &Hand, servos: &[ServoState; ACTUATORS]) -> Posture {
     let mut q = [0.0; HAND_JOINTS];
     q[hand.transmission.opposition_joint] = opposition_angle(hand, &servos[5]);
-    let excursions = std::array::from_fn(|cable| cable_excursion(hand, &servos[cable]));
+    let excursions = std::array::from_fn(|cable| cable_excursion(hand, cable, &servos[cable]));
     for (cable, &excursion) in excursions.iter().enumerate() {
         for (joint, angle) in free_digit(hand, cable, excursion) {
             q[joint] = angle;
         }
     }
-    Posture { q, tensions: std::array::from_fn(|cable| cable_tension(hand, &servos[cable])), excursions }
+    Posture { q, tensions: std::array::from_fn(|cable| cable_tension(hand, cable, &servos[cable])), excursions }
 }
 
 /// Covariance of all joint angles, rad2.
@@ -120,6 +121,7 @@ pub fn free_digit_sliding(
     friction: &CableFriction,
     state: f64,
 ) -> Vec<(usize, f64)> {
+    let friction = &hand.guides(cable, friction);
     let angles =
         |tension: f64, upper: f64| hand.transmission.free_angles_sliding(cable, tension, upper, friction, state);
     let path = &hand.transmission.cables[cable];
@@ -154,9 +156,10 @@ pub fn excursion_residual(hand: &Hand, cable: usize, q: &[f64], excursion: f64) 
 pub fn spring_residuals(hand: &Hand, cable: usize, q: &[f64], tension: f64) -> impl Iterator<Item = (usize, f64, f64)> {
     hand.transmission.cables[cable].joints.iter().map(move |(joint, guides)| {
         const STEP: f64 = 1e-5;
-        let (angle, spring) = (q[*joint], hand.transmission.springs[*joint]);
+        let (torque, spring) = (hand.transmission.spring_torque(*joint, q[*joint]), hand.transmission.springs[*joint]);
+        let angle = q[*joint];
         let slope = (guides.moment_arm(angle + STEP) - guides.moment_arm(angle - STEP)) / (2.0 * STEP);
-        (*joint, spring * angle - guides.moment_arm(angle) * tension, spring - slope * tension)
+        (*joint, torque - guides.moment_arm(angle) * tension, spring - slope * tension)
     })
 }
 
@@ -165,16 +168,18 @@ pub fn spring_residuals(hand: &Hand, cable: usize, q: &[f64], tension: f64) -> i
 /// One that slides is at an end of that range, so half the range is taken for the standard deviation.
 pub fn friction_sigmas(hand: &Hand, cable: usize, q: &[f64], tension: f64, losses: &CableLosses) -> [f64; SPANS] {
     let path = &hand.transmission.cables[cable];
-    let mut sigmas = path.wraps(q, &losses.friction);
+    let friction = hand.guides(cable, &losses.friction);
+    let mut sigmas = path.wraps(q, &friction);
     for (sigma, (joint, guides)) in sigmas.iter_mut().zip(&path.joints) {
-        *sigma = guides.moment_arm(q[*joint]).abs() * tension * (losses.friction.coefficient * *sigma).sinh();
+        *sigma = guides.moment_arm(q[*joint]).abs() * tension * (friction.coefficient * *sigma).sinh();
     }
     sigmas
 }
 
-/// Standard deviation of a measured excursion, m: `sigma` and half the play of the servo's gear.
+/// Standard deviation of a measured excursion, m: `sigma` and half the play of the servo's gear at the largest spool.
 pub fn excursion_sigma(hand: &Hand, sigma: f64, losses: &CableLosses) -> f64 {
-    sigma.hypot(0.5 * losses.backlash * hand.parameters.cable.spool_radius)
+    let radius = hand.cables.iter().map(|cable| cable.spool_radius).fold(0.0, f64::max);
+    sigma.hypot(0.5 * losses.backlash * radius)
 }
 
 /// The digit whose chain holds `link`; `None` for the palm.

@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
-use bench::builtin::{COMBINATIONS, make_bench};
+use bench::builtin::{COMBINATIONS, hide_plant, make_identified};
 use bench::journal::{Journal, RunRequest};
 use bench::own::{Own, Pace, Source};
 use bench::run::{self, Options, Record as Recorded};
@@ -70,6 +70,13 @@ pub struct BenchArgs {
     /// What the controller expects to go wrong: a file like twin/control/data/uncertainty.toml, which is the default.
     #[arg(long, value_name = "FILE")]
     pub uncertainty: Option<PathBuf>,
+    /// The robot that body and control stack are: a file of `ftac twin identify`; default: the robot as drawn.
+    #[arg(long, value_name = "FILE")]
+    pub individual: Option<PathBuf>,
+    /// Which of the robots built from the drawing a simulated or emulated body is, unknown to the control stack; default: what the control
+    /// stack takes it for.
+    #[arg(long, value_name = "N")]
+    pub plant: Option<u64>,
     /// Also run touch without one of its means, all of them or those named: palm_only, fingertips, quarter_of_pads,
     /// coarse_images, points_only, true_pose, no_retry, no_new_look, no_exploration.
     #[arg(long, num_args = 0.., value_delimiter = ',', value_name = "NAMES")]
@@ -85,7 +92,7 @@ pub struct BenchArgs {
         long,
         conflicts_with_all = [
             "combos", "trials", "seed", "conditions", "robot", "scenario", "shard", "out", "noise_scale", "without",
-            "uncertainty", "ablations", "policy", "policy_time", "registration", "mount",
+            "uncertainty", "ablations", "policy", "policy_time", "registration", "mount", "individual", "plant",
         ]
     )]
     pub resume: Option<PathBuf>,
@@ -168,6 +175,8 @@ fn request(terminal: &Terminal, args: &BenchArgs) -> Result<(RunRequest, PathBuf
         noise_scale: args.noise_scale,
         scenario: text,
         places: args.places.places(args.robot)?,
+        individual: super::individual::text(args.individual.as_deref())?.0,
+        plant: args.plant,
     };
     Ok((request, args.out.clone().unwrap_or_else(next_free_folder)))
 }
@@ -192,12 +201,20 @@ pub fn benchmark(terminal: &Terminal, args: &BenchArgs) -> Outcome {
     if !request.ablations.is_empty() && !scenario.disturbance.disabled().is_empty() {
         bail!("--ablations: the scenario has disabled_digits, found both, expected one of them");
     }
+    if robot == Body::Hardware && request.plant.is_some() {
+        bail!("--plant: --robot is hardware, which is the individual that it is");
+    }
     let quiet = terminal.quiet || terminal.json;
     let jobs =
         if args.live || robot == Body::Hardware { 1 } else { args.jobs.unwrap_or_else(bench::workers::available) };
     // Everything that can be wrong with the input has been found before anything is written.
-    let mut bench = make_bench(scenario, request.combos, request.seed, quiet)?;
+    let (individual, named) = (request.individual.as_deref(), Path::new("--individual"));
+    let mut bench = make_identified(individual, named, scenario, request.combos, request.seed, quiet)?;
     request.places.set_up(&mut bench.world)?;
+    super::individual::say_whose_pads(robot, &request.conditions);
+    if let Some(number) = request.plant {
+        hide_plant(&mut bench, number);
+    }
     bench.board = args.tactile.board(bench.board);
     if let Some(text) = &request.uncertainty {
         bench.uncertainty = Uncertainty::parse(text, Path::new("--uncertainty"))?;

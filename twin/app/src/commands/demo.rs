@@ -63,6 +63,7 @@ pub fn run(terminal: &Terminal, args: &DemoArgs) -> Outcome {
             combos,
             scenario: scenarios::scenario::BENCHMARK.to_owned(),
             places: Places::default(),
+            individual: None,
         };
         recordings.push(Recording::open(&targets, &bench, &task, (Began::Never, true))?);
         files.push(file);

@@ -5,7 +5,7 @@ use std::path::Path;
 use anyhow::{Context as _, Result, bail};
 use bench::body::replayed::ReplaySource;
 use bench::body::{Stopped, Task};
-use bench::builtin::make_bench;
+use bench::builtin::make_identified;
 use bench::trial::{Bench, NoWatcher};
 use scenarios::Scenario;
 use scenarios::record::{Condition, TrialRecord};
@@ -38,7 +38,8 @@ pub fn bench_of(terminal: &Terminal, task: &Task, recording: &Path) -> Result<Be
             recording.display()
         );
     }
-    let mut bench = make_bench(scenario, task.combos, task.seed, terminal.quiet || terminal.json)?;
+    let quiet = terminal.quiet || terminal.json;
+    let mut bench = make_identified(task.individual.as_deref(), recording, scenario, task.combos, task.seed, quiet)?;
     task.places.set_up(&mut bench.world)?;
     if task.combination >= bench.plans.plans.len() {
         bail!(

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use anyhow::{Context, Result, bail};
 use bench::body::Task;
-use bench::builtin::{COMBINATIONS, make_bench};
+use bench::builtin::{COMBINATIONS, make_identified};
 use bench::recording::Recording;
 use clap::{Args, ValueEnum};
 use scenarios::record::Condition;
@@ -32,6 +32,9 @@ pub struct TrialArgs {
     /// Body.
     #[arg(long, value_enum, default_value_t = Body::Sim)]
     pub robot: Body,
+    /// The robot that body and control stack are: a file of `ftac twin identify`; default: the robot as drawn.
+    #[arg(long, value_name = "FILE")]
+    pub individual: Option<PathBuf>,
     /// Configuration of the hardware bridge, for --robot hardware.
     #[arg(long)]
     pub config: Option<PathBuf>,
@@ -89,8 +92,11 @@ pub fn trial(terminal: &Terminal, args: &TrialArgs) -> Outcome {
         bail!("COMBO: found {}, expected 0 to {}", args.combination, pairs - 1);
     }
     let combos = args.combination + 1;
-    let mut bench = make_bench(scenario, combos, terminal.seed, terminal.quiet || terminal.json)?;
+    let (individual, path) = super::individual::text(args.individual.as_deref())?;
+    let quiet = terminal.quiet || terminal.json;
+    let mut bench = make_identified(individual.as_deref(), &path, scenario, combos, terminal.seed, quiet)?;
     places.set_up(&mut bench.world)?;
+    super::individual::say_whose_pads(args.robot, &[args.policy.condition()]);
     bench.board = args.tactile.board(bench.board);
     let condition = args.policy.condition();
     let place = source(&bench.world, args.robot, (args.config.as_deref(), &args.places), args.session.clone())?;
@@ -104,6 +110,7 @@ pub fn trial(terminal: &Terminal, args: &TrialArgs) -> Outcome {
         combos,
         scenario: text,
         places,
+        individual,
     };
     let file = args.out.clone().unwrap_or_else(|| {
         PathBuf::from(format!("recordings/combination_{}_trial_{}_{}.rrd", args.combination, args.trial, condition))

@@ -65,10 +65,9 @@ impl Robot for SharedPlant {
 
 /// Travel of every shaft of a hand, rad: the closing of all joints, and the cable's stretch.
 pub fn travel(hand: &Hand) -> [f64; ACTUATORS] {
-    let parameters = &hand.parameters;
     std::array::from_fn(|n| match hand.transmission.cables.get(n) {
-        Some(cable) => cable.full_excursion(std::f64::consts::FRAC_PI_2) / parameters.cable.spool_radius + STRETCH,
-        None => std::f64::consts::FRAC_PI_2 * parameters.servo.gear_ratio_opposition + STRETCH,
+        Some(cable) => cable.full_excursion(std::f64::consts::FRAC_PI_2) / hand.cables[n].spool_radius + STRETCH,
+        None => std::f64::consts::FRAC_PI_2 * hand.servos[n].gear_ratio_opposition + STRETCH,
     })
 }
 

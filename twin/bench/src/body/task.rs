@@ -26,6 +26,9 @@ pub struct Task {
     pub combos: usize,
     /// The scenario's text.
     pub scenario: String,
+    /// Text of the file of the robot that body and control stack are, where they are not the drawing's.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub individual: Option<String>,
     /// How the robot knows where things are.
     #[serde(flatten)]
     pub places: Places,

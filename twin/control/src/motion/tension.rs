@@ -31,8 +31,9 @@ pub fn against_friction(
     }
     std::array::from_fn(|cable| {
         let full = hand.transmission.cables[cable].full_excursion(FRAC_PI_2);
-        let angle = FRAC_PI_2 * (cable_excursion(hand, &servos[cable]) / full).clamp(0.0, 1.0);
+        let angle = FRAC_PI_2 * (cable_excursion(hand, cable, &servos[cable]) / full).clamp(0.0, 1.0);
         // All of the first joint's turn is behind the guide before the second joint, and half of the second's own.
+        let friction = hand.guides(cable, friction);
         wanted[cable] / friction.ratio(1.0, friction.routing + 1.5 * angle)
     })
 }

@@ -162,7 +162,7 @@ pub(super) fn obstructed(hand: &Hand, posture: &Posture, cable: usize) -> bool {
     let path = &hand.transmission.cables[cable];
     let joints = path.joints.iter().map(|(joint, guides)| {
         let arm = guides.moment_arm(posture.q[*joint]);
-        (hand.transmission.springs[*joint] * posture.q[*joint], arm)
+        (hand.transmission.spring_torque(*joint, posture.q[*joint]), arm)
     });
     // The tension that balances the springs of a free digit, weighted by the joints' moment arms.
     let (torque, arm) = joints.fold((0.0, 0.0), |(torque, arm), (t, a)| (torque + t * a, arm + a * a));

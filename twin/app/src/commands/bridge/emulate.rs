@@ -58,6 +58,13 @@ pub struct EmulateArgs {
     /// Combination whose objects stand on the table of the simulated robot.
     #[arg(long, default_value_t = 0)]
     combo: usize,
+    /// Which of the robots built from the drawing it is: its servos, cables, springs, pads, mount and arm differ from the drawing by
+    /// what was drawn for this number; 0 is the robot as drawn.
+    #[arg(long, default_value_t = 0, conflicts_with = "springs")]
+    individual: u64,
+    /// Where the individual's true parameters go (JSON), for evaluation alone.
+    #[arg(long, conflicts_with = "springs")]
+    truth_out: Option<PathBuf>,
     /// The balls of `bridge register` on their marks instead.
     #[arg(long, conflicts_with = "combo")]
     balls: bool,
@@ -119,7 +126,10 @@ pub fn run(terminal: &Terminal, args: &EmulateArgs) -> Result<Option<String>> {
     let (mut travel, mut usual) = ([TRAVEL; ACTUATORS], EmulatorSettings::default());
     if !args.springs {
         let wish = if args.balls { Wish::Balls } else { Wish::Combination(args.combo) };
-        let standing = EmulatedTable::new(wish, args.mount, terminal.seed)?;
+        let standing = EmulatedTable::new(wish, (args.mount, args.individual), terminal.seed)?;
+        if let Some(path) = &args.truth_out {
+            crate::commands::twin::write_truth(path, args.individual)?;
+        }
         let settings = settings(&standing.bench().world.cell.hand, terminal.seed);
         (travel, usual) = (settings.travel, settings.devices);
         plant = Box::new(standing.plant().clone());

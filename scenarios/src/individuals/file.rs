@@ -1,0 +1,246 @@
+//! `individual.toml`: what was identified of one robot, how surely, and from which sessions.
+//!
+//! The file has a digest of its own contents: an estimate with a covariance is no place to write other numbers in by hand.
+
+use std::path::Path;
+
+use hand_model::data::{DataError, parse_toml, read_text};
+use hand_model::{Arm, Hand};
+use serde::{Deserialize, Serialize};
+use sha2::{Digest as _, Sha256};
+
+use super::robot::RobotIndividual;
+use super::spread::Kind;
+
+/// Version of the file's format.
+const VERSION: u32 = 1;
+
+/// A session that an estimate was made from.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Source {
+    /// Its file, as it was named.
+    pub file: String,
+    /// SHA-256 of the file in hexadecimal digits.
+    pub sha256: String,
+    /// `sim`, `emulated`, `rounded`, `hardware`.
+    pub robot: String,
+    /// Length, s.
+    pub seconds: f64,
+}
+
+/// What is known of one parameter.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Estimate {
+    /// As [`super::spread::Parameter::name`].
+    pub name: String,
+    /// How the deviation changes the drawing's value.
+    pub kind: Kind,
+    /// Best estimate; the prior's mean where nothing was learnt.
+    pub deviation: f64,
+    /// Its standard deviation; the prior's where nothing was learnt.
+    pub sigma: f64,
+    /// Whether the sessions say more than the drawing did.
+    pub identified: bool,
+}
+
+/// Covariance of some parameters' deviations, in rows.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Covariance {
+    pub parameters: Vec<String>,
+    pub rows: Vec<Vec<f64>>,
+}
+
+/// What an estimate was made of and by.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Contents {
+    version: u32,
+    /// Name of the hand's drawing.
+    hand: String,
+    /// Program and version that wrote it.
+    program: String,
+    session: Vec<Source>,
+    parameter: Vec<Estimate>,
+    covariance: Vec<Covariance>,
+}
+
+#[derive(Serialize, Deserialize)]
+struct Sealed {
+    digest: String,
+    #[serde(flatten)]
+    contents: Contents,
+}
+
+/// A robot as its sessions show it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct IdentifiedRobot {
+    /// Best estimate of every parameter.
+    pub individual: RobotIndividual,
+    /// Of every parameter, in the individual's order.
+    pub estimates: Vec<Estimate>,
+    pub covariances: Vec<Covariance>,
+    pub sessions: Vec<Source>,
+}
+
+impl IdentifiedRobot {
+    /// From an estimate of every parameter of `hand`'s individuals, in their order.
+    pub fn new(hand: &Hand, estimates: Vec<Estimate>, covariances: Vec<Covariance>, sessions: Vec<Source>) -> Self {
+        let mut individual = RobotIndividual::designed(hand);
+        for (place, estimate) in estimates.iter().enumerate() {
+            individual.set(place, estimate.deviation);
+        }
+        Self { individual, estimates, covariances, sessions }
+    }
+
+    /// The hand and the arm that it makes of those `drawn`.
+    pub fn apply(&self, hand: &Hand, arm: &Arm) -> (Hand, Arm) {
+        (self.individual.hand(hand), self.individual.arm(arm))
+    }
+
+    /// The file's text.
+    pub fn to_toml(&self, hand: &Hand, program: &str) -> Result<String, toml::ser::Error> {
+        let contents = Contents {
+            version: VERSION,
+            hand: hand.parameters.name.clone(),
+            program: program.to_owned(),
+            session: self.sessions.clone(),
+            parameter: self.estimates.clone(),
+            covariance: self.covariances.clone(),
+        };
+        let body = toml::to_string(&contents)?;
+        Ok(format!("digest = \"{}\"\n{body}", digest(&body)))
+    }
+
+    /// Reads and checks a file.
+    pub fn read(path: &Path, hand: &Hand) -> Result<Self, DataError> {
+        Self::parse(&read_text(path)?, path, hand)
+    }
+
+    /// Reads and checks a file's text; `path` is used in errors.
+    pub fn parse(text: &str, path: &Path, hand: &Hand) -> Result<Self, DataError> {
+        let Sealed { digest: found, contents } = parse_toml(text, path)?;
+        let fault = |field: String, found: String, expected: &str| Err(DataError::field(path, field, found, expected));
+        if contents.version != VERSION {
+            return fault("version".into(), contents.version.to_string(), "1");
+        }
+        if contents.hand != hand.parameters.name {
+            return fault("hand".into(), format!("`{}`", contents.hand), &format!("`{}`", hand.parameters.name));
+        }
+        let designed = RobotIndividual::designed(hand);
+        for (parameter, estimate) in designed.parameters().iter().zip(&contents.parameter) {
+            let field = |what: &str| format!("parameter[{}].{what}", estimate.name);
+            if estimate.name != parameter.name {
+                return fault(field("name"), format!("`{}`", estimate.name), &format!("`{}`", parameter.name));
+            }
+            if estimate.kind != parameter.spread.kind {
+                let expected = format!("{:?}", parameter.spread.kind).to_lowercase();
+                return fault(field("kind"), format!("{:?}", estimate.kind).to_lowercase(), &expected);
+            }
+            // A factor of e or a turn of a radian is no hand built from this drawing.
+            if !(estimate.deviation.is_finite() && estimate.deviation.abs() < 1.0) {
+                return fault(field("deviation"), estimate.deviation.to_string(), "a number between -1 and 1");
+            }
+            if !(estimate.sigma.is_finite() && estimate.sigma > 0.0) {
+                return fault(field("sigma"), estimate.sigma.to_string(), "a positive number");
+            }
+        }
+        if contents.parameter.len() != designed.parameters().len() {
+            let expected = format!("all {} of this hand", designed.parameters().len());
+            return fault("parameter".into(), format!("{} parameters", contents.parameter.len()), &expected);
+        }
+        for block in &contents.covariance {
+            check_covariance(block, &designed, path)?;
+        }
+        let body = toml::to_string(&contents).map_err(|error| DataError::field(path, "file", error, "a table"))?;
+        if digest(&body) != found {
+            let expected = "the digest of what the file says: it was changed after `ftac twin identify` wrote it; identify the robot again";
+            return fault("digest".into(), format!("`{found}`"), expected);
+        }
+        Ok(Self::new(hand, contents.parameter, contents.covariance, contents.session))
+    }
+}
+
+fn digest(body: &str) -> String {
+    Sha256::digest(body.as_bytes()).iter().map(|byte| format!("{byte:02x}")).collect()
+}
+
+/// A block names parameters, and is a covariance matrix.
+fn check_covariance(block: &Covariance, robot: &RobotIndividual, path: &Path) -> Result<(), DataError> {
+    let n = block.parameters.len();
+    let field = format!("covariance[{}].rows", block.parameters.first().map_or("", String::as_str));
+    if let Some(unknown) = block.parameters.iter().find(|name| robot.find(name).is_none()) {
+        let expected = "names of parameters";
+        return Err(DataError::field(path, "covariance.parameters", format!("`{unknown}`"), expected));
+    }
+    if block.rows.len() != n || block.rows.iter().any(|row| row.len() != n) {
+        return Err(DataError::field(path, field, "another shape", format!("{n} rows of {n} numbers")));
+    }
+    let matrix = nalgebra::DMatrix::from_fn(n, n, |row, column| block.rows[row][column]);
+    let symmetric = (&matrix - matrix.transpose()).amax() <= 1e-9 * matrix.amax();
+    if !symmetric || matrix.cholesky().is_none() {
+        return Err(DataError::field(path, field, "no covariance", "a symmetric, positive definite matrix"));
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn identified() -> (Hand, IdentifiedRobot) {
+        let hand = Hand::ftac();
+        let robot = RobotIndividual::draw(&hand, 2);
+        let estimates: Vec<Estimate> = robot
+            .parameters()
+            .iter()
+            .zip(robot.deviations())
+            .map(|(parameter, deviation)| Estimate {
+                name: parameter.name.clone(),
+                kind: parameter.spread.kind,
+                deviation: *deviation,
+                sigma: parameter.spread.sigma,
+                identified: true,
+            })
+            .collect();
+        let names = vec!["index_1.spring".to_owned(), "index_2.spring".to_owned()];
+        let block = Covariance { parameters: names, rows: vec![vec![2e-4, 1e-4], vec![1e-4, 3e-4]] };
+        let source = Source { file: "a.mcap".into(), sha256: "00".into(), robot: "sim".into(), seconds: 1.5 };
+        let robot = IdentifiedRobot::new(&hand, estimates, vec![block], vec![source]);
+        (hand, robot)
+    }
+
+    #[test]
+    fn a_file_is_read_back_to_the_last_bit() {
+        let (hand, robot) = identified();
+        let text = robot.to_toml(&hand, "ftac test").unwrap();
+        assert_eq!(IdentifiedRobot::parse(&text, Path::new("individual.toml"), &hand).unwrap(), robot);
+    }
+
+    /// Each wrong file is refused in words that name file and field.
+    #[test]
+    fn a_changed_file_is_refused() {
+        let (hand, robot) = identified();
+        let text = robot.to_toml(&hand, "ftac test").unwrap();
+        let number = text.lines().find(|line| line.starts_with("deviation")).unwrap().to_owned();
+        for (from, to, says) in [
+            (number.as_str(), "deviation = 0.01", "individual.toml: digest: found `"),
+            (number.as_str(), "deviation = 4.0", "parameter[thumb_1.spring].deviation: found 4"),
+            (number.as_str(), "deviation = nan", "parameter[thumb_1.spring].deviation: found NaN"),
+            ("hand = \"ftac\"", "hand = \"other\"", "individual.toml: hand: found `other`, expected `ftac`"),
+            ("name = \"thumb_2.spring\"", "name = \"thumb_9.spring\"", "expected `thumb_2.spring`"),
+            ("[0.0001, 0.0003]", "[0.0001]", "covariance[index_1.spring].rows"),
+            ("[0.0001, 0.0003]", "[0.0001, -0.0003]", "positive definite"),
+            ("version = 1", "version = 7", "version: found 7, expected 1"),
+        ] {
+            assert!(text.contains(from), "{from}");
+            let changed = text.replacen(from, to, 1);
+            let error = IdentifiedRobot::parse(&changed, Path::new("individual.toml"), &hand).unwrap_err().to_string();
+            assert!(error.contains(says), "{says}: {error}");
+        }
+        let torn = &text[..text.len() / 2];
+        assert!(IdentifiedRobot::parse(torn, Path::new("individual.toml"), &hand).is_err());
+    }
+}

@@ -1,0 +1,245 @@
+//! One robot of those built from a drawing: its deviations, drawn or identified, and the hand and arm that they make.
+
+use hand_model::{Arm, Hand};
+use nalgebra::{UnitQuaternion, Vector3};
+use rand::SeedableRng as _;
+use rand_chacha::ChaCha8Rng;
+use serde::Serialize;
+
+use super::ArmDefects;
+use super::spread::{Kind, Parameter, Quantity, parameters};
+use crate::noise::gaussian;
+
+/// Stream of the generator from which robots are drawn: no trial draws from it.
+const STREAM: u64 = 1 << 20;
+/// Number of the first individual's tactile cameras among the units of [`optics`]; lower ones are those of benchmark and calibration.
+///
+/// [`optics`]: https://docs.rs/optics
+const FIRST_CAMERAS: u64 = 1000;
+
+/// How one robot differs from its drawing.
+#[derive(Debug, Clone, PartialEq)]
+pub struct RobotIndividual {
+    parameters: Vec<Parameter>,
+    /// Of each parameter, in the order of [`parameters`].
+    deviations: Vec<f64>,
+}
+
+/// A parameter of an individual, as the truth file writes it.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[allow(missing_docs)]
+pub struct Deviation {
+    pub parameter: String,
+    pub kind: Kind,
+    pub unit: &'static str,
+    pub deviation: f64,
+}
+
+impl RobotIndividual {
+    /// The robot as drawn.
+    pub fn designed(hand: &Hand) -> Self {
+        let parameters = parameters(hand);
+        Self { deviations: vec![0.0; parameters.len()], parameters }
+    }
+
+    /// Individual `number`: the same number, the same robot. Number 0 is the robot as drawn.
+    pub fn draw(hand: &Hand, number: u64) -> Self {
+        let mut robot = Self::designed(hand);
+        if number == 0 {
+            return robot;
+        }
+        let mut rng = ChaCha8Rng::seed_from_u64(number);
+        rng.set_stream(STREAM);
+        for (deviation, parameter) in robot.deviations.iter_mut().zip(&robot.parameters) {
+            *deviation = parameter.spread.mean + parameter.spread.sigma * gaussian(&mut rng);
+        }
+        robot
+    }
+
+    /// Serial number of the tactile cameras of individual `number`, if it has its own.
+    pub fn cameras(number: u64) -> Option<u64> {
+        (number > 0).then_some(FIRST_CAMERAS + number)
+    }
+
+    /// What can differ.
+    pub fn parameters(&self) -> &[Parameter] {
+        &self.parameters
+    }
+
+    /// All deviations, in the order of [`Self::parameters`].
+    pub fn deviations(&self) -> &[f64] {
+        &self.deviations
+    }
+
+    /// Place of the parameter called `name`.
+    pub fn find(&self, name: &str) -> Option<usize> {
+        self.parameters.iter().position(|parameter| parameter.name == name)
+    }
+
+    /// Place of a quantity of one owner.
+    pub fn place(&self, quantity: Quantity, index: usize) -> Option<usize> {
+        self.parameters.iter().position(|parameter| parameter.quantity == quantity && parameter.index == index)
+    }
+
+    /// Deviation of a quantity of one owner; 0 where there is no such owner.
+    pub fn deviation(&self, quantity: Quantity, index: usize) -> f64 {
+        self.place(quantity, index).map_or(0.0, |place| self.deviations[place])
+    }
+
+    /// Changes the deviation at `place`.
+    pub fn set(&mut self, place: usize, deviation: f64) {
+        self.deviations[place] = deviation;
+    }
+
+    /// All deviations by name.
+    pub fn described(&self) -> Vec<Deviation> {
+        let describe = |(parameter, deviation): (&Parameter, &f64)| Deviation {
+            parameter: parameter.name.clone(),
+            kind: parameter.spread.kind,
+            unit: parameter.quantity.unit(),
+            deviation: *deviation,
+        };
+        self.parameters.iter().zip(&self.deviations).map(describe).collect()
+    }
+
+    /// The hand that it makes of the one `drawn`, its turn on the flange included.
+    pub fn hand(&self, drawn: &Hand) -> Hand {
+        let mut hand = drawn.clone();
+        for (parameter, &deviation) in self.parameters.iter().zip(&self.deviations) {
+            if deviation != 0.0 {
+                change_hand(&mut hand, parameter, deviation);
+            }
+        }
+        let arm = self.arm_defects();
+        if arm != ArmDefects::default() {
+            hand.palm_from_flange *= arm.mount().inverse();
+        }
+        hand
+    }
+
+    /// The arm that it makes of the one `drawn`: its joints are where their encoders say.
+    pub fn arm(&self, drawn: &Arm) -> Arm {
+        let mut arm = drawn.clone();
+        for (n, joint) in arm.tree.joints.iter_mut().enumerate() {
+            let shown = self.deviation(Quantity::ArmEncoder, n);
+            if shown != 0.0 {
+                joint.origin *= UnitQuaternion::from_axis_angle(&joint.axis, -shown);
+            }
+        }
+        arm
+    }
+
+    /// Encoders and mount as a simulated arm's defects, without a payload.
+    pub fn arm_defects(&self) -> ArmDefects {
+        let axes = |quantity| Vector3::from_fn(|axis, _| self.deviation(quantity, axis));
+        ArmDefects {
+            encoders: std::array::from_fn(|joint| self.deviation(Quantity::ArmEncoder, joint)),
+            mount_position: axes(Quantity::MountPosition),
+            mount_rotation: axes(Quantity::MountTurn),
+            payload: 0.0,
+        }
+    }
+
+    /// Friction of its pads on any object over the drawing's.
+    pub fn pad_friction(&self) -> f64 {
+        self.deviation(Quantity::PadFriction, 0).exp()
+    }
+}
+
+fn change_hand(hand: &mut Hand, parameter: &Parameter, deviation: f64) {
+    let n = parameter.index;
+    let value = match parameter.quantity {
+        Quantity::Spring => &mut hand.transmission.springs[n],
+        Quantity::SpringRest => &mut hand.transmission.rests[n],
+        Quantity::SpoolRadius => &mut hand.cables[n].spool_radius,
+        Quantity::CableStiffness => &mut hand.cables[n].stiffness,
+        Quantity::GuideFriction => &mut hand.cables[n].friction.coefficient,
+        Quantity::GuideTurn => &mut hand.cables[n].friction.routing,
+        Quantity::TorqueConstant => &mut hand.servos[n].torque_constant,
+        Quantity::ServoFriction => &mut hand.servos[n].friction,
+        Quantity::ServoDamping => &mut hand.servos[n].damping,
+        Quantity::GelStiffness => &mut hand.parameters.gel.stiffness,
+        Quantity::GelThickness => &mut hand.parameters.gel.thickness,
+        Quantity::JointZero => {
+            let joint = &mut hand.tree.joints[n];
+            joint.origin *= UnitQuaternion::from_axis_angle(&joint.axis, deviation);
+            return;
+        }
+        // Of the scene, the arm, and the mount: see `pad_friction`, `arm`, `hand`.
+        Quantity::PadFriction | Quantity::ArmEncoder | Quantity::MountPosition | Quantity::MountTurn => return,
+    };
+    match parameter.spread.kind {
+        Kind::Factor => *value *= deviation.exp(),
+        Kind::Offset => *value += deviation,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn drawn() -> (Hand, Arm) {
+        (Hand::ftac(), Arm::gen3())
+    }
+
+    #[test]
+    fn one_number_is_one_robot_and_another_is_another() {
+        let (hand, _) = drawn();
+        let robot = RobotIndividual::draw(&hand, 3);
+        assert_eq!(robot, RobotIndividual::draw(&hand, 3));
+        let other = RobotIndividual::draw(&hand, 4);
+        assert!(robot.deviations().iter().zip(other.deviations()).all(|(a, b)| a != b));
+    }
+
+    /// Individual 0 is the drawing to the last bit.
+    #[test]
+    fn number_0_is_the_drawing() {
+        let (hand, arm) = drawn();
+        let robot = RobotIndividual::draw(&hand, 0);
+        assert_eq!(format!("{:?}", robot.hand(&hand)), format!("{hand:?}"));
+        assert_eq!(format!("{:?}", robot.arm(&arm)), format!("{arm:?}"));
+    }
+
+    /// Each parameter changes the robot, and nothing but what it names: the same deviation there and back is the drawing again.
+    #[test]
+    fn every_parameter_changes_something() {
+        let (hand, arm) = drawn();
+        let (text, arm_text) = (format!("{hand:?}"), format!("{arm:?}"));
+        for place in 0..RobotIndividual::designed(&hand).parameters().len() {
+            let mut robot = RobotIndividual::designed(&hand);
+            robot.set(place, 0.01);
+            let changed = format!("{:?}", robot.hand(&hand)) != text
+                || format!("{:?}", robot.arm(&arm)) != arm_text
+                || robot.pad_friction() != 1.0;
+            assert!(changed, "{}", robot.parameters()[place].name);
+        }
+    }
+
+    /// A robot whose errors are in its model stands where one stands whose errors are in its body.
+    #[test]
+    fn its_arm_is_the_one_with_these_defects() {
+        let (hand, arm) = drawn();
+        let robot = RobotIndividual::draw(&hand, 5);
+        let shown = Arm::home();
+        let defects = robot.arm_defects();
+        let body = arm.tool_pose(&defects.real(&shown)) * defects.mount() * hand.palm_from_flange.inverse();
+        let model = robot.arm(&arm).tool_pose(&shown) * robot.hand(&hand).palm_from_flange.inverse();
+        let off = body.inv_mul(&model);
+        assert!(off.translation.vector.norm() < 1e-12 && off.rotation.angle() < 1e-9, "{off}");
+    }
+
+    /// 400 robots: each quantity spreads as its data file says, to within 5 standard errors.
+    #[test]
+    fn deviations_spread_as_stated() {
+        let (hand, _) = drawn();
+        let robots: Vec<_> = (1..=400).map(|number| RobotIndividual::draw(&hand, number)).collect();
+        for (place, parameter) in robots[0].parameters().iter().enumerate() {
+            let spread = &parameter.spread;
+            let scaled = robots.iter().map(|robot| (robot.deviations()[place] - spread.mean) / spread.sigma);
+            let (sum, squares) = scaled.fold((0.0, 0.0), |(sum, squares), z| (sum + z, squares + z * z));
+            // A Gaussian cut at three standard deviations has 0.9733 of its variance.
+            assert!((sum / 400.0_f64).abs() < 0.25, "{}: {}", parameter.name, sum / 400.0);
+            assert!((squares / 400.0 / 0.9733 - 1.0).abs() < 0.36, "{}: {}", parameter.name, squares / 400.0);
+        }
+    }
+}

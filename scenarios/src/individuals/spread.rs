@@ -1,0 +1,227 @@
+//! What differs between robots built from one drawing, and by how much: `data/individuals.toml`.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+use std::sync::LazyLock;
+
+use hand_model::data::{DataError, parse_toml};
+use hand_model::{ACTUATORS, ARM_JOINTS, Hand};
+use serde::{Deserialize, Serialize};
+
+use crate::Scenario;
+
+/// What differs.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Quantity {
+    /// Stiffness of a joint's spring.
+    Spring,
+    /// Angle at which it is at rest.
+    SpringRest,
+    /// Angle of a link on its open stop.
+    JointZero,
+    /// Of a cable.
+    SpoolRadius,
+    /// Of a cable against stretch.
+    CableStiffness,
+    /// Coefficient of a cable in its guides.
+    GuideFriction,
+    /// Turn of a cable in the palm.
+    GuideTurn,
+    /// Of a servo.
+    TorqueConstant,
+    /// Dry friction of a servo.
+    ServoFriction,
+    /// Viscous loss of a servo.
+    ServoDamping,
+    /// Of all pads.
+    GelStiffness,
+    /// Of all pads.
+    GelThickness,
+    /// Of all pads on any object.
+    PadFriction,
+    /// What an arm joint's encoder shows too much.
+    ArmEncoder,
+    /// Place of the hand on its flange.
+    MountPosition,
+    /// Turn of the hand on its flange.
+    MountTurn,
+}
+
+/// How a deviation changes the drawing's value.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Kind {
+    /// The drawing's value times exp(deviation).
+    Factor,
+    /// The drawing's value plus the deviation, SI.
+    Offset,
+}
+
+/// A Gaussian of deviations, cut at three standard deviations.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Spread {
+    pub kind: Kind,
+    #[serde(default)]
+    pub mean: f64,
+    pub sigma: f64,
+    /// Where the figures come from.
+    pub source: String,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct SpreadFile {
+    version: u32,
+    spread: BTreeMap<Quantity, Spread>,
+}
+
+/// One scalar in which individuals differ.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Parameter {
+    /// `<owner>.<quantity>`, such as `index_1.spring`; the quantity alone where it belongs to the whole hand.
+    pub name: String,
+    pub quantity: Quantity,
+    /// Index of the joint, cable, servo, arm joint or axis.
+    pub index: usize,
+    pub spread: Spread,
+}
+
+impl Quantity {
+    /// All of them, in the order in which they are drawn.
+    pub const ALL: [Self; 16] = [
+        Self::Spring,
+        Self::SpringRest,
+        Self::JointZero,
+        Self::SpoolRadius,
+        Self::CableStiffness,
+        Self::GuideFriction,
+        Self::GuideTurn,
+        Self::TorqueConstant,
+        Self::ServoFriction,
+        Self::ServoDamping,
+        Self::GelStiffness,
+        Self::GelThickness,
+        Self::PadFriction,
+        Self::ArmEncoder,
+        Self::MountPosition,
+        Self::MountTurn,
+    ];
+
+    /// As files write it.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Spring => "spring",
+            Self::SpringRest => "spring_rest",
+            Self::JointZero => "joint_zero",
+            Self::SpoolRadius => "spool_radius",
+            Self::CableStiffness => "cable_stiffness",
+            Self::GuideFriction => "guide_friction",
+            Self::GuideTurn => "guide_turn",
+            Self::TorqueConstant => "torque_constant",
+            Self::ServoFriction => "servo_friction",
+            Self::ServoDamping => "servo_damping",
+            Self::GelStiffness => "gel_stiffness",
+            Self::GelThickness => "gel_thickness",
+            Self::PadFriction => "pad_friction",
+            Self::ArmEncoder => "encoder",
+            Self::MountPosition => "position",
+            Self::MountTurn => "turn",
+        }
+    }
+
+    /// Unit of its deviation.
+    pub fn unit(self) -> &'static str {
+        match self {
+            Self::SpringRest | Self::JointZero | Self::ArmEncoder | Self::MountTurn => "rad",
+            Self::ServoFriction => "N m",
+            Self::MountPosition => "m",
+            _ => "log",
+        }
+    }
+
+    /// Whose it is, by name; one empty name where it belongs to the whole hand.
+    fn owners(self, hand: &Hand) -> Vec<String> {
+        let actuators = || hand.parameters.actuator.iter().map(|actuator| actuator.name.clone());
+        match self {
+            Self::Spring | Self::SpringRest | Self::JointZero => {
+                hand.tree.joints.iter().map(|joint| joint.name.clone()).collect()
+            }
+            Self::SpoolRadius | Self::CableStiffness | Self::GuideFriction | Self::GuideTurn => {
+                actuators().take(hand.cables.len()).collect()
+            }
+            Self::TorqueConstant | Self::ServoFriction | Self::ServoDamping => actuators().take(ACTUATORS).collect(),
+            Self::GelStiffness | Self::GelThickness | Self::PadFriction => vec![String::new()],
+            Self::ArmEncoder => (1..=ARM_JOINTS).map(|joint| format!("arm_{joint}")).collect(),
+            Self::MountPosition | Self::MountTurn => ["x", "y", "z"].map(|axis| format!("mount_{axis}")).to_vec(),
+        }
+    }
+}
+
+static SPREADS: LazyLock<BTreeMap<Quantity, Spread>> = LazyLock::new(|| {
+    let path = Path::new("individuals.toml");
+    let mut spreads =
+        parse_spreads(include_str!("../../data/individuals.toml"), path).expect("the built-in spreads are valid");
+    let arm = Scenario::benchmark().effects.arm.expect("the benchmark's arm errs");
+    for (quantity, sigma) in [
+        (Quantity::ArmEncoder, arm.encoder_sigma),
+        (Quantity::MountPosition, arm.mount_position_sigma),
+        (Quantity::MountTurn, arm.mount_rotation_sigma),
+    ] {
+        let source = "the benchmark's [effects.arm]".to_owned();
+        spreads.insert(quantity, Spread { kind: Kind::Offset, mean: 0.0, sigma, source });
+    }
+    spreads
+});
+
+fn parse_spreads(text: &str, path: &Path) -> Result<BTreeMap<Quantity, Spread>, DataError> {
+    let file: SpreadFile = parse_toml(text, path)?;
+    if file.version != 1 {
+        return Err(DataError::field(path, "version", file.version, "1"));
+    }
+    for (quantity, spread) in &file.spread {
+        if !(spread.sigma.is_finite() && spread.sigma > 0.0 && spread.mean.is_finite()) {
+            let field = format!("spread.{}.sigma", quantity.name());
+            return Err(DataError::field(path, field, spread.sigma, "a positive number, and a finite mean"));
+        }
+    }
+    Ok(file.spread)
+}
+
+/// Everything in which individuals of `hand` on its arm differ, in the order in which it is drawn.
+///
+/// # Panics
+/// Never in a tested build: the spreads are compiled in and a test reads them.
+pub fn parameters(hand: &Hand) -> Vec<Parameter> {
+    let of = |quantity: Quantity| {
+        let spread = &SPREADS[&quantity];
+        quantity.owners(hand).into_iter().enumerate().map(move |(index, owner)| {
+            let name =
+                if owner.is_empty() { quantity.name().to_owned() } else { format!("{owner}.{}", quantity.name()) };
+            Parameter { name, quantity, index, spread: spread.clone() }
+        })
+    };
+    Quantity::ALL.into_iter().flat_map(of).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_quantity_has_a_spread_with_a_source_and_names_are_unique() {
+        let all = parameters(&Hand::ftac());
+        assert_eq!(all.len(), 3 * 15 + 4 * 5 + 3 * 6 + 3 + 7 + 6);
+        assert!(all.iter().all(|parameter| parameter.spread.source.len() > 10));
+        let names: std::collections::BTreeSet<_> = all.iter().map(|parameter| &parameter.name).collect();
+        assert_eq!(names.len(), all.len());
+    }
+
+    #[test]
+    fn a_spread_that_is_none_is_named() {
+        let text = "version = 1\n[spread.spring]\nkind = \"factor\"\nsigma = -0.1\nsource = \"a guess\"\n";
+        let error = parse_spreads(text, Path::new("mine.toml")).unwrap_err().to_string();
+        assert!(error.starts_with("mine.toml: spread.spring.sigma: found -0.1"), "{error}");
+    }
+}

@@ -1,0 +1,132 @@
+//! One robot of those built from the drawing: excited, interrupted, identified, used.
+
+use std::fs;
+use std::path::Path;
+use std::process::{Command, Output, Stdio};
+use std::time::Duration;
+
+use e2e::{ftac, run, stderr};
+use serde_json::Value;
+use tempfile::tempdir;
+
+/// Every actuator once, in one posture.
+const SCRIPT: &str = r#"
+version = 1
+open_current = 0.15
+open_time = 1.0
+stay = 0.2
+slack = 0.3
+arm_speed = 0.5
+[[posture]]
+name = "ready"
+turn = [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]
+[[motion]]
+actuators = ["index", "middle", "ring", "little"]
+current = 0.07
+time = 1.0
+[[motion]]
+actuators = ["thumb"]
+current = 0.065
+time = 1.0
+[[motion]]
+actuators = ["opposition"]
+current = 0.07
+time = 1.0
+"#;
+
+fn text(path: &Path) -> &str {
+    path.to_str().expect("a UTF-8 path")
+}
+
+/// What a run printed with `--json`.
+fn json(output: &Output) -> Value {
+    assert!(output.status.success(), "{}", stderr(output));
+    serde_json::from_slice(&output.stdout).expect("one JSON object")
+}
+
+/// Exit code 2, and every one of `words`.
+fn refused(arguments: &[&str], words: &[&str]) {
+    let output = run(arguments);
+    let said = stderr(&output);
+    assert_eq!(output.status.code(), Some(2), "ftac {arguments:?}: {said}");
+    for word in words {
+        assert!(said.contains(word), "ftac {arguments:?} does not name {word:?}: {said}");
+    }
+}
+
+/// From a hidden individual to a file that trials take, and what is wrong with files that are not that.
+#[test]
+fn a_robot_is_excited_identified_and_used() {
+    let folder = tempdir().expect("a folder");
+    let at = |name: &str| folder.path().join(name);
+    let (script, sessions, truth, found) = (at("short.toml"), at("sessions"), at("truth.json"), at("individual.toml"));
+    fs::write(&script, SCRIPT).expect("written");
+    let excite = ["twin", "excite", text(&sessions), "--individual", "3", "--script", text(&script)];
+
+    let dry = json(&run(&[&excite[..], &["--dry-run", "--json"]].concat()));
+    assert_eq!((&dry["steps"], &dry["done"]), (&3.into(), &0.into()));
+    assert!(!sessions.exists(), "a dry run leaves nothing behind");
+
+    let done = json(&run(&[&excite[..], &["--truth-out", text(&truth), "--json"]].concat()));
+    assert_eq!(done["done"], 3);
+    assert!(fs::read_to_string(&truth).expect("the truth").contains("\"index_1.spring\""));
+    let another = [&excite[..4], &["4", "--script", text(&script)]].concat();
+    refused(&another, &["excitation.json", "another robot, individual or script"]);
+
+    let identified = json(&run(&["twin", "identify", text(&sessions), "--out", text(&found), "--json"]));
+    for row in identified["actuators"].as_array().expect("rows") {
+        let [before, after] = ["residual_before", "residual_after"].map(|key| row[key].as_f64().expect("a number"));
+        assert!(after < 0.2 * before, "{row}");
+    }
+    let page = fs::read_to_string(found.with_extension("html")).expect("the page");
+    assert!(page.contains("index_1.spring") && page.contains("What to measure more"));
+
+    // The same robot again, bit by bit, and a session that was cut short.
+    let again = at("again");
+    assert!(run(&["twin", "excite", text(&again), "--individual", "3", "--script", text(&script)]).status.success());
+    let cut = fs::read(again.join("part_1.mcap")).expect("a session");
+    fs::write(again.join("part_1.mcap"), &cut[..cut.len() - 2000]).expect("written");
+    let second = at("second.toml");
+    let output = run(&["twin", "identify", text(&again), "--out", text(&second)]);
+    assert!(output.status.success() && stderr(&output).contains("cut short"), "{}", stderr(&output));
+
+    // A trial with it, and none with one that was edited.
+    let record = at("trial.rrd");
+    let trial = ["trial", "0", "--policy", "ideal", "--out", text(&record), "--individual"];
+    let output = run(&[&trial[..], &[text(&found)]].concat());
+    assert!(matches!(output.status.code(), Some(0 | 1)), "{}", stderr(&output));
+    let written = fs::read_to_string(&found).expect("the file");
+    let edited = at("edited.toml");
+    let line = written.lines().find(|line| line.starts_with("deviation")).expect("a deviation");
+    fs::write(&edited, written.replacen(line, "deviation = 0.0123", 1)).expect("written");
+    refused(&[&trial[..], &[text(&edited)]].concat(), &["edited.toml", "digest", "identify the robot again"]);
+    fs::write(&edited, &written[..written.len() / 2]).expect("written");
+    refused(&[&trial[..], &[text(&edited)]].concat(), &["edited.toml"]);
+    let output = ["--out", text(&edited)];
+    refused(&[&["twin", "identify", text(&truth)], &output[..]].concat(), &["truth.json"]);
+    refused(&[&["twin", "identify", text(folder.path())], &output[..]].concat(), &["sessions: found none"]);
+}
+
+/// Ctrl-C keeps what is done, and the same command goes on from there.
+#[test]
+fn an_interrupted_excitation_goes_on() {
+    let folder = tempdir().expect("a folder");
+    let sessions = folder.path().join("sessions");
+    let script = folder.path().join("short.toml");
+    fs::write(&script, SCRIPT.replace("time = 1.0", "time = 12.0")).expect("written");
+    let excite = ["twin", "excite", text(&sessions), "--script", text(&script)];
+    let mut child = ftac(&excite).stdout(Stdio::null()).stderr(Stdio::piped()).spawn().expect("starts");
+    let state = || fs::read_to_string(sessions.join("excitation.json")).unwrap_or_default();
+    while !state().contains("\"done\": 1") {
+        assert!(child.try_wait().expect("ours").is_none(), "it ended before a step was done");
+        std::thread::sleep(Duration::from_millis(2));
+    }
+    assert!(Command::new("kill").args(["-INT", &child.id().to_string()]).status().expect("kill runs").success());
+    let output = child.wait_with_output().expect("ours");
+    assert_eq!(output.status.code(), Some(130), "{}", stderr(&output));
+    assert!(stderr(&output).contains("of 3 steps are done"), "{}", stderr(&output));
+    let done = json(&run(&[&excite[..], &["--json"]].concat()));
+    assert_eq!((&done["done"], done["sessions"].as_array().map(Vec::len)), (&3.into(), Some(2)));
+    let found = folder.path().join("individual.toml");
+    assert!(run(&["twin", "identify", text(&sessions), "--out", text(&found)]).status.success());
+}

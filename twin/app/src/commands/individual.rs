@@ -1,0 +1,30 @@
+//! Which robot a command is about, and whose pads it feels with.
+
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context as _, Result};
+use bench::trial::Means;
+use hand_model::Hand;
+use scenarios::individuals::file::IdentifiedRobot;
+use scenarios::record::Condition;
+
+use super::body::Body;
+
+/// The text of the file that `--individual` names, once it is known to be good, and the name for errors.
+pub fn text(path: Option<&Path>) -> Result<(Option<String>, PathBuf)> {
+    let named = PathBuf::from("--individual");
+    let Some(path) = path else { return Ok((None, named)) };
+    let text = hand_model::data::read_text(path).context("--individual")?;
+    IdentifiedRobot::parse(&text, path, &Hand::ftac()).context("--individual")?;
+    Ok((Some(text), named))
+}
+
+/// Says that a real hand is felt with as if its pads were those of the drawing, where images are looked at.
+pub fn say_whose_pads(robot: Body, conditions: &[Condition]) {
+    let sees = |condition: &Condition| Means::of(*condition).is_some_and(Means::see_images);
+    if robot == Body::Hardware && conditions.iter().any(sees) {
+        eprintln!(
+            "warning: touch uses the designed pads' calibration, and takes objects to sink in as its scenario says: this hand's own pads have none"
+        );
+    }
+}

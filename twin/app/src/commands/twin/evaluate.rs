@@ -1,0 +1,147 @@
+//! `ftac twin evaluate`: identified robots beside the truth, over individuals whose parameters were drawn and hidden.
+
+use anyhow::{Result, anyhow, bail};
+use bench::body::emulated::{SharedPlant, settings};
+use clap::Args;
+use hand_model::Arm;
+use hardware_bridge::emulator::direct::DirectRobot;
+use identification::evaluation::{Coverage, body, compare, coverage, median};
+use identification::excitation::play;
+use identification::trace::Kept;
+use identification::{Script, identify};
+use rayon::prelude::*;
+use scenarios::individuals::robot::RobotIndividual;
+use serde::Serialize;
+
+use super::Drawing;
+use crate::terminal::{Outcome, Terminal};
+
+/// Goals of the evaluation: share of parameters in their intervals, and the median error of a joint, rad.
+const COVERAGE: [f64; 2] = [0.90, 0.98];
+const JOINT_ERROR: f64 = 0.017_453;
+
+/// Arguments of `twin evaluate`.
+#[derive(Debug, Args)]
+pub struct EvaluateArgs {
+    /// Number of the first individual.
+    #[arg(long, default_value_t = 101)]
+    pub from: u64,
+    /// How many individuals.
+    #[arg(long, default_value_t = 20)]
+    pub count: u64,
+}
+
+/// What came of one individual.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+struct Row {
+    individual: u64,
+    /// Parameters in their 95 % intervals: those that the session taught something about, and the others.
+    identified: Coverage,
+    others: Coverage,
+    /// Median error of a joint's angle in a free motion on which nothing was identified, rad: as drawn, and identified.
+    joint: [f64; 2],
+    /// Median error of a fingertip in the palm frame in that motion, m.
+    tip: [f64; 2],
+    /// Root mean square error of a servo's angle in it, rad.
+    servo: [f64; 2],
+    /// Fingertip errors with the joints' zeros known, m: what the free motion itself leaves.
+    tip_zeroed: f64,
+}
+
+pub fn run(terminal: &Terminal, args: &EvaluateArgs) -> Outcome {
+    if args.count == 0 || args.from == 0 {
+        bail!("--from, --count: found {}, {}, expected at least 1", args.from, args.count);
+    }
+    let drawing = Drawing::new()?;
+    let bar = terminal.progress();
+    bar.set_length(args.count);
+    let rows: Result<Vec<Row>> = (args.from..args.from + args.count)
+        .into_par_iter()
+        .map(|number| {
+            let row = evaluate(&drawing, number, terminal.seed)?;
+            bar.inc(1);
+            Ok(row)
+        })
+        .collect();
+    bar.finish_and_clear();
+    let rows = rows?;
+    let total = |of: fn(&Row) -> Coverage| rows.iter().map(of).fold(Coverage::default(), Coverage::and);
+    let (identified, others) = (total(|row| row.identified), total(|row| row.others));
+    let medians =
+        |of: fn(&Row) -> [f64; 2]| [0, 1].map(|n| median(&rows.iter().map(|row| of(row)[n]).collect::<Vec<_>>()));
+    let (joint, tip) = (medians(|row| row.joint), medians(|row| row.tip));
+    let mut text = format!(
+        "{:>10} {:>12} {:>12} {:>18} {:>18} {:>20}\n",
+        "individual", "identified", "others", "joint, deg", "fingertip, mm", "servo rms, deg"
+    );
+    for row in &rows {
+        let pair = |values: [f64; 2], scale: f64| format!("{:.2} -> {:.2}", scale * values[0], scale * values[1]);
+        text += &format!(
+            "{:>10} {:>12} {:>12} {:>18} {:>18} {:>20}\n",
+            row.individual,
+            format!("{}/{}", row.identified.inside, row.identified.of),
+            format!("{}/{}", row.others.inside, row.others.of),
+            pair(row.joint, 1f64.to_degrees()),
+            pair(row.tip, 1e3),
+            pair(row.servo, 1f64.to_degrees())
+        );
+    }
+    text += &format!(
+        "{:>10} {:>12} {:>12} {:>18} {:>18}\n",
+        "all",
+        format!("{:.1} %", 100.0 * identified.share()),
+        format!("{:.1} %", 100.0 * others.share()),
+        format!("{:.2} -> {:.2}", joint[0].to_degrees(), joint[1].to_degrees()),
+        format!("{:.2} -> {:.2}", 1e3 * tip[0], 1e3 * tip[1])
+    );
+    let json = serde_json::json!({
+        "seed": terminal.seed,
+        "individuals": rows,
+        "coverage": {"identified": identified.share(), "others": others.share()},
+        "joint_rad": joint,
+        "tip_m": tip,
+    });
+    terminal.print(&json, &text)?;
+    let covered = (COVERAGE[0]..=COVERAGE[1]).contains(&identified.share());
+    let mut short = Vec::new();
+    if !covered {
+        short.push(format!("{:.1} % of parameters in their intervals, expected 90 to 98", 100.0 * identified.share()));
+    }
+    if joint[1] > JOINT_ERROR {
+        short.push(format!("joints err by {:.2} deg, expected below 1", joint[1].to_degrees()));
+    }
+    Ok((!short.is_empty()).then(|| short.join("; ")))
+}
+
+/// Excites, identifies and compares one individual, behind all that the bridge does to commands and measurements.
+fn evaluate(drawing: &Drawing, number: u64, seed: u64) -> Result<Row> {
+    let Drawing { hand, arm, losses } = drawing;
+    let truth = RobotIndividual::draw(hand, number);
+    let plant = SharedPlant::new(body(&truth, hand, arm, *losses, Arm::home()));
+    let settings = settings(&truth.hand(hand), seed);
+    let robot = DirectRobot::start(Box::new(plant), settings, arm).map_err(|error| anyhow!("{error}"))?;
+    let mut kept = Kept::new(robot);
+    play(&mut kept, hand, &Script::standard(), (&Arm::home(), 0), |_| Ok::<(), anyhow::Error>(()), |_| true)?;
+    let found = identify(hand, arm, *losses, &[kept.trace("rounded")])?.robot;
+    let [identified, others] = coverage(&found, &truth);
+    let designed = RobotIndividual::designed(hand);
+    let mut zeroed = found.individual.clone();
+    for (place, parameter) in truth.parameters().iter().enumerate() {
+        if parameter.quantity == scenarios::individuals::spread::Quantity::JointZero {
+            zeroed.set(place, truth.deviations()[place]);
+        }
+    }
+    let believed = [&designed, &found.individual, &zeroed];
+    let differences = compare(&truth, (hand, arm), *losses, &Arm::home(), &believed);
+    let summaries: Vec<[f64; 3]> = differences.iter().map(|found| found.summary()).collect();
+    let both = |n: usize| [summaries[0][n], summaries[1][n]];
+    Ok(Row {
+        individual: number,
+        identified,
+        others,
+        joint: both(0),
+        tip: both(1),
+        servo: both(2),
+        tip_zeroed: summaries[2][1],
+    })
+}

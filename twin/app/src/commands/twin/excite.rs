@@ -1,0 +1,362 @@
+//! `ftac twin excite`: a scripted, resumable excitation of any body, recorded as a session.
+
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+
+use anyhow::{Context as _, Result, bail};
+use bench::body::arm_link::arm_link;
+use bench::body::emulated::{SharedPlant, settings};
+use bench::body::operator::{Interrupt, agreed};
+use clap::Args;
+use hand_model::Arm;
+use hand_model::robot::{Command, Observation, Robot, Tick};
+use hardware_bridge::config::BridgeConfig;
+use hardware_bridge::config::secrets::without_secrets;
+use hardware_bridge::emulator::direct::DirectRobot;
+use hardware_bridge::emulator::lockstep::LockstepRobot;
+use hardware_bridge::hardware_robot::HardwareRobot;
+use hardware_bridge::safety::state::State;
+use identification::Script;
+use identification::excitation::{Progress, Task, described, play};
+use scenarios::individuals::robot::RobotIndividual;
+use serde::{Deserialize, Serialize};
+use session_log::{Recorder, Session, Writer};
+
+use super::Drawing;
+use crate::commands::body::{Body, check_body};
+use crate::terminal::{Outcome, Terminal};
+
+/// Waited for the first measurements to pass the checks.
+const PATIENCE: Duration = Duration::from_secs(5);
+/// File that says how far an excitation came.
+const STATE: &str = "excitation.json";
+
+/// Arguments of `twin excite`.
+#[derive(Debug, Args)]
+pub struct ExciteArgs {
+    /// Folder of the sessions; one with an unfinished excitation goes on from its last finished step.
+    pub folder: PathBuf,
+    /// Body.
+    #[arg(long, value_enum, default_value_t = Body::Rounded)]
+    pub robot: Body,
+    /// Configuration of the hardware bridge, for --robot hardware.
+    #[arg(long)]
+    pub config: Option<PathBuf>,
+    /// Script of the excitation; default: the built-in one.
+    #[arg(long)]
+    pub script: Option<PathBuf>,
+    /// Which individual a simulated or emulated robot is; 0 is the robot as drawn.
+    #[arg(long, default_value_t = 0)]
+    pub individual: u64,
+    /// Where the individual's true parameters go, for evaluation alone.
+    #[arg(long)]
+    pub truth_out: Option<PathBuf>,
+    /// Only print what would be done.
+    #[arg(long)]
+    pub dry_run: bool,
+    /// Do not ask before moving a real robot.
+    #[arg(long)]
+    pub yes: bool,
+}
+
+/// Ctrl-C, or SIGTERM: what is done was kept, and the robot stands.
+#[derive(Debug)]
+pub struct Interrupted {
+    done: usize,
+    of: usize,
+}
+
+impl std::fmt::Display for Interrupted {
+    fn fmt(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(
+            formatter,
+            "interrupted: {} of {} steps are done; the same command goes on from there",
+            self.done, self.of
+        )
+    }
+}
+
+impl std::error::Error for Interrupted {}
+
+/// How far an excitation came.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Record {
+    version: u32,
+    robot: String,
+    /// Of a simulated or emulated robot.
+    individual: u64,
+    script: Script,
+    /// Steps that are done, from the first on.
+    done: usize,
+    /// Sessions that were begun.
+    parts: usize,
+}
+
+impl Record {
+    fn read(folder: &Path) -> Result<Option<Self>> {
+        let path = folder.join(STATE);
+        if !path.exists() {
+            return Ok(None);
+        }
+        let text = std::fs::read_to_string(&path).with_context(|| path.display().to_string())?;
+        let record: Self = serde_json::from_str(&text).with_context(|| path.display().to_string())?;
+        let steps = record.script.steps().len();
+        if record.version != 1 || record.done > steps {
+            bail!(
+                "{}: version, done: found {}, {}, expected 1 and at most {steps}",
+                path.display(),
+                record.version,
+                record.done
+            );
+        }
+        Ok(Some(record))
+    }
+
+    fn write(&self, folder: &Path) -> Result<()> {
+        let path = folder.join(STATE);
+        report::write_whole(&path, serde_json::to_string_pretty(self)?.as_bytes())?;
+        Ok(())
+    }
+}
+
+/// A body behind all that stands between it and a controller.
+enum Bodied {
+    Free(Box<dyn Robot>),
+    Direct(Box<DirectRobot>),
+    Lockstep(Box<LockstepRobot>),
+    Real(Box<HardwareRobot>),
+}
+
+impl Bodied {
+    fn robot(&mut self) -> &mut dyn Robot {
+        match self {
+            Self::Free(robot) => robot.as_mut(),
+            Self::Direct(robot) => robot.as_mut(),
+            Self::Lockstep(robot) => robot.as_mut(),
+            Self::Real(robot) => robot.as_mut(),
+        }
+    }
+
+    /// Why it no longer runs, if so.
+    fn stopped(&self) -> Option<String> {
+        let state = match self {
+            Self::Free(_) => return None,
+            Self::Direct(robot) => robot.state(),
+            Self::Lockstep(robot) => robot.state(),
+            Self::Real(robot) => robot.state(),
+        };
+        (!matches!(state, State::Running | State::Armed)).then(|| state.to_string())
+    }
+}
+
+impl Robot for Bodied {
+    fn observe(&mut self) -> Observation {
+        self.robot().observe()
+    }
+
+    fn send(&mut self, command: &Command) -> Command {
+        self.robot().send(command)
+    }
+
+    fn wait_for_tick(&mut self) -> Tick {
+        self.robot().wait_for_tick()
+    }
+
+    fn tick_length(&self) -> f64 {
+        match self {
+            Self::Free(robot) => robot.tick_length(),
+            Self::Direct(robot) => robot.tick_length(),
+            Self::Lockstep(robot) => robot.tick_length(),
+            Self::Real(robot) => robot.tick_length(),
+        }
+    }
+}
+
+pub fn run(terminal: &Terminal, args: &ExciteArgs) -> Outcome {
+    check_body(args.robot, args.config.as_deref(), &[])?;
+    if args.robot == Body::Hardware && (args.individual != 0 || args.truth_out.is_some()) {
+        bail!("--individual, --truth-out: --robot is hardware, which is the individual that it is");
+    }
+    let drawing = Drawing::new()?;
+    let script = match &args.script {
+        None => Script::standard(),
+        Some(path) => {
+            let text = std::fs::read_to_string(path).with_context(|| path.display().to_string())?;
+            Script::parse(&text, path, &drawing.hand)?
+        }
+    };
+    let asked = Record {
+        version: 1,
+        robot: args.robot.name().to_owned(),
+        individual: args.individual,
+        script,
+        done: 0,
+        parts: 0,
+    };
+    let mut record = match Record::read(&args.folder)? {
+        None => asked,
+        Some(begun) => {
+            let same = Record { done: begun.done, parts: begun.parts, ..asked.clone() };
+            if begun != same {
+                bail!(
+                    "{}: found an excitation of another robot, individual or script, expected the same; give a folder of its own",
+                    args.folder.join(STATE).display()
+                );
+            }
+            begun
+        }
+    };
+    let steps = record.script.steps().len();
+    if args.dry_run {
+        return tell(terminal, args, &record, true);
+    }
+    if record.done == steps {
+        eprintln!("all {steps} steps are done");
+        return tell(terminal, args, &record, false);
+    }
+    std::fs::create_dir_all(&args.folder).with_context(|| args.folder.display().to_string())?;
+    if let Some(path) = &args.truth_out {
+        super::write_truth(path, args.individual)?;
+    }
+    let (body, about) = open(terminal, args, &drawing)?;
+    record.parts += 1;
+    record.write(&args.folder)?;
+    let session = Session {
+        robot: record.robot.clone(),
+        program: format!("ftac {}", env!("CARGO_PKG_VERSION")),
+        seed: terminal.seed,
+        tick_length: body.tick_length(),
+        task: serde_json::to_vec(&Task::new(&drawing.hand, &record.script, record.done))?,
+        ..about
+    };
+    let interrupt = Interrupt::catch()?;
+    let path = args.folder.join(format!("part_{}.mcap", record.parts));
+    let mut recorder = Recorder::new(body, Writer::create(&path, &session)?);
+    let played = excite(terminal, args, &drawing, &mut record, (&mut recorder, &interrupt));
+    let (body, finished) = recorder.finish();
+    if let Bodied::Real(robot) = body {
+        robot.release()?;
+    }
+    if let Some(why) = played? {
+        finished?;
+        if interrupt.happened() {
+            return Err(Interrupted { done: record.done, of: steps }.into());
+        }
+        return Ok(Some(format!("{why} after {} of {steps} steps; the same command goes on from there", record.done)));
+    }
+    finished?;
+    tell(terminal, args, &record, false)
+}
+
+/// Plays what is left. Why it stopped before the end, if it did.
+fn excite(
+    terminal: &Terminal,
+    args: &ExciteArgs,
+    drawing: &Drawing,
+    record: &mut Record,
+    (recorder, interrupt): (&mut Recorder<Bodied>, &Interrupt),
+) -> Result<Option<String>> {
+    let bar = terminal.progress();
+    bar.set_length(record.script.steps().len() as u64);
+    bar.set_position(record.done as u64);
+    let (script, first) = (record.script.clone(), record.done);
+    let heard = |progress| {
+        if let Progress::Done(step) = progress {
+            bar.set_position(step as u64 + 1);
+            record.done = step + 1;
+            record.write(&args.folder)?;
+        }
+        Ok::<(), anyhow::Error>(())
+    };
+    let mut stopped = None;
+    let goes_on = |recorder: &mut Recorder<Bodied>| {
+        stopped = if interrupt.happened() { Some("interrupted".to_owned()) } else { recorder.robot().stopped() };
+        stopped.is_none()
+    };
+    let played = play(recorder, &drawing.hand, &script, (&Arm::home(), first), heard, goes_on);
+    bar.finish_and_clear();
+    Ok(if played? { None } else { Some(stopped.unwrap_or_default()) })
+}
+
+/// The body that was asked for, armed, and what its sessions say of it.
+fn open(terminal: &Terminal, args: &ExciteArgs, drawing: &Drawing) -> Result<(Bodied, Session)> {
+    if args.robot == Body::Hardware {
+        let path = args.config.as_deref().context("--config")?;
+        return real(path, args.yes);
+    }
+    let individual = RobotIndividual::draw(&drawing.hand, args.individual);
+    let Drawing { hand, arm, losses } = drawing;
+    let robot = identification::evaluation::body(&individual, hand, arm, *losses, Arm::home());
+    let settings = settings(&individual.hand(hand), terminal.seed);
+    let about = Session::default();
+    Ok(match args.robot {
+        Body::Rounded => {
+            let robot = DirectRobot::start(Box::new(SharedPlant::new(robot)), settings, arm)?;
+            (Bodied::Direct(Box::new(robot)), about)
+        }
+        Body::Emulated => {
+            let robot = LockstepRobot::start(Box::new(SharedPlant::new(robot)), settings, arm, None)?;
+            let configuration = robot.config().to_toml().into_bytes();
+            let calibration = serde_json::to_vec(robot.calibration())?;
+            (Bodied::Lockstep(Box::new(robot)), Session { configuration, calibration, ..about })
+        }
+        Body::Sim | Body::Hardware => (Bodied::Free(Box::new(robot)), about),
+    })
+}
+
+/// The real robot under the configuration at `path`, armed once its operator agrees.
+fn real(path: &Path, yes: bool) -> Result<(Bodied, Session)> {
+    let config = BridgeConfig::read(path)?;
+    let bytes = |path: &Path| std::fs::read(path).with_context(|| path.display().to_string());
+    let configuration = without_secrets(&String::from_utf8_lossy(&bytes(path)?)).into_bytes();
+    let about = Session { configuration, calibration: bytes(&config.calibration)?, ..Session::default() };
+    let robot = HardwareRobot::connect(&config, arm_link(&config, Arm::home())?, &Arm::gen3(), None)?;
+    let begun = Instant::now();
+    while let Err(error) = robot.check() {
+        if begun.elapsed() > PATIENCE {
+            bail!("the checks do not pass: {error}");
+        }
+        std::thread::sleep(Duration::from_millis(20));
+    }
+    let question = "The arm will go to its home posture in a straight line of its joints and turn its wrist there, the hand will close and open for minutes. Is the way clear, and the hand empty?";
+    if !yes && !agreed(question)? {
+        bail!("not armed: the operator did not say yes");
+    }
+    robot.arm()?;
+    Ok((Bodied::Real(Box::new(robot)), about))
+}
+
+/// What was done, or is to be done.
+fn tell(terminal: &Terminal, args: &ExciteArgs, record: &Record, dry: bool) -> Outcome {
+    let steps = record.script.steps();
+    let seconds: f64 = steps.iter().skip(record.done).map(|step| record.script.length(step.motion)).sum();
+    let sessions: Vec<String> =
+        (1..=record.parts).map(|part| args.folder.join(format!("part_{part}.mcap")).display().to_string()).collect();
+    let mut text = String::new();
+    if dry {
+        for line in described(&record.script).iter().skip(record.done) {
+            text += &format!("{line}\n");
+        }
+        text += &format!(
+            "{} steps to do, about {:.0} s and the arm's way between {} postures; nothing was moved\n",
+            steps.len() - record.done,
+            seconds,
+            record.script.posture.len()
+        );
+    } else {
+        text += &format!("{} of {} steps done, in {}\n", record.done, steps.len(), sessions.join(", "));
+        text += &format!("next: ftac twin identify {}\n", args.folder.display());
+    }
+    let json = serde_json::json!({
+        "folder": args.folder.display().to_string(),
+        "robot": record.robot,
+        "dry_run": dry,
+        "steps": steps.len(),
+        "done": record.done,
+        "seconds_left": seconds,
+        "sessions": sessions,
+    });
+    terminal.print(&json, &text)?;
+    Ok(None)
+}

@@ -1,0 +1,125 @@
+//! `ftac twin identify`: from sessions of an excitation to `individual.toml` and a page about it.
+
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context as _, Result, bail};
+use clap::Args;
+use identification::{Identification, Trace, identify};
+use report::identified::{ActuatorRow, ParameterRow};
+
+use super::Drawing;
+use crate::terminal::{Outcome, Terminal};
+
+/// A servo that the twin leaves unexplained by more than this (rad, root mean square) is not the drawing's.
+const MOST_RESIDUAL: f64 = 0.0175;
+
+/// Arguments of `twin identify`.
+#[derive(Debug, Args)]
+pub struct IdentifyArgs {
+    /// Sessions of `ftac twin excite`, or its folders.
+    #[arg(required = true)]
+    pub sessions: Vec<PathBuf>,
+    /// Where the parameters go.
+    #[arg(long, default_value = "individual.toml")]
+    pub out: PathBuf,
+    /// Where the page goes; default: beside --out, with the ending html.
+    #[arg(long)]
+    pub report: Option<PathBuf>,
+}
+
+pub fn run(terminal: &Terminal, args: &IdentifyArgs) -> Outcome {
+    let drawing = Drawing::new()?;
+    let mut traces = Vec::new();
+    for path in files(&args.sessions)? {
+        let trace = Trace::read(&path, &drawing.hand)?;
+        if !trace.whole {
+            eprintln!("{}: the file is cut short; {:.0} s of it are used", path.display(), trace.source.seconds);
+        }
+        traces.push(trace);
+    }
+    let found = identify(&drawing.hand, &drawing.arm, drawing.losses, &traces)?;
+    let program = format!("ftac {}", env!("CARGO_PKG_VERSION"));
+    let text = found.robot.to_toml(&drawing.hand, &program)?;
+    report::write_whole(&args.out, text.as_bytes())?;
+    let page = args.report.clone().unwrap_or_else(|| args.out.with_extension("html"));
+    let (actuators, parameters) = rows(&drawing, &found);
+    report::write_whole(&page, report::identified::page(&actuators, &parameters, &found.robot.sessions).as_bytes())?;
+    let json = serde_json::json!({
+        "individual": args.out.display().to_string(),
+        "page": page.display().to_string(),
+        "sessions": found.robot.sessions,
+        "actuators": actuators,
+        "parameters": parameters,
+    });
+    let mut words = report::identified::text(&actuators, &parameters);
+    words += &format!("{} and {} written\n", args.out.display(), page.display());
+    terminal.print(&json, &words)?;
+    let off: Vec<String> = actuators
+        .iter()
+        .filter(|row| row.residual_after > MOST_RESIDUAL)
+        .map(|row| format!("{} by {:.1} deg", row.actuator, row.residual_after.to_degrees()))
+        .collect();
+    Ok((!off.is_empty()).then(|| format!("the twin does not move as the sessions show: {}", off.join(", "))))
+}
+
+/// The sessions that were named, those of folders in their order.
+fn files(named: &[PathBuf]) -> Result<Vec<PathBuf>> {
+    let mut files = Vec::new();
+    for path in named {
+        if !path.is_dir() {
+            files.push(path.clone());
+            continue;
+        }
+        let mut own = sessions_in(path)?;
+        if own.is_empty() {
+            bail!("{}: sessions: found none, expected part_1.mcap of `ftac twin excite`", path.display());
+        }
+        own.sort();
+        files.append(&mut own);
+    }
+    Ok(files)
+}
+
+fn sessions_in(folder: &Path) -> Result<Vec<PathBuf>> {
+    let entries = std::fs::read_dir(folder).with_context(|| folder.display().to_string())?;
+    let mut found = Vec::new();
+    for entry in entries {
+        let path = entry.with_context(|| folder.display().to_string())?.path();
+        if path.extension().is_some_and(|ending| ending == "mcap") {
+            found.push(path);
+        }
+    }
+    Ok(found)
+}
+
+/// What was found, as pages and terminals show it.
+fn rows(drawing: &Drawing, found: &Identification) -> (Vec<ActuatorRow>, Vec<ParameterRow>) {
+    let names = drawing.hand.parameters.actuator.iter().map(|actuator| actuator.name.clone());
+    let actuators = names
+        .zip(&found.fits)
+        .map(|(actuator, fit)| ActuatorRow {
+            actuator,
+            motions: fit.motions,
+            samples: fit.samples,
+            residual_before: fit.residuals[0],
+            residual_after: fit.residuals[1],
+            alike: fit.correlated,
+            delay: fit.delay,
+        })
+        .collect();
+    let individual = &found.robot.individual;
+    let parameters = individual
+        .parameters()
+        .iter()
+        .zip(&found.robot.estimates)
+        .map(|(parameter, estimate)| ParameterRow {
+            parameter: estimate.name.clone(),
+            unit: parameter.quantity.unit().to_owned(),
+            deviation: estimate.deviation,
+            sigma: estimate.sigma,
+            spread: parameter.spread.sigma,
+            identified: estimate.identified,
+        })
+        .collect();
+    (actuators, parameters)
+}

@@ -1,0 +1,29 @@
+//! What can keep a robot from being identified.
+
+use std::path::PathBuf;
+
+use hand_model::DataError;
+use session_log::SessionLogError;
+
+/// A session or a script that nothing can be identified from.
+#[derive(Debug, thiserror::Error)]
+pub enum IdentificationError {
+    #[error(transparent)]
+    Data(#[from] DataError),
+    #[error(transparent)]
+    Session(#[from] SessionLogError),
+    #[error("{path}: {source}")]
+    Io { path: PathBuf, source: std::io::Error },
+    /// A session of something else.
+    #[error("{path}: {field}: found {found}, expected {expected}")]
+    NotAnExcitation { path: PathBuf, field: String, found: String, expected: String },
+    /// No session moves this actuator.
+    #[error(
+        "{sessions}: motions of `{actuator}`: found none, expected at least one free motion; run `ftac twin excite` to its end"
+    )]
+    NotExcited {
+        /// The sessions' files.
+        sessions: String,
+        actuator: String,
+    },
+}

@@ -1,0 +1,181 @@
+//! What was identified beside the truth: for bodies whose parameters somebody drew, and for nobody else.
+
+use hand_model::robot::{Command, Robot as _, ServoGoal};
+use hand_model::transmission::friction::CableLosses;
+use hand_model::{ACTUATORS, ARM_JOINTS, Arm, Digit, Hand};
+use nalgebra::Isometry3;
+use scenarios::individuals::file::IdentifiedRobot;
+use scenarios::individuals::robot::RobotIndividual;
+use serde::Serialize;
+use sim::tactile::TactileBoard;
+use sim::{SceneSetup, SimulatedRobot};
+use std::sync::Arc;
+
+use crate::fit::rms;
+use crate::free_digit::{fingertip, play};
+use crate::free_motion::{FreeMotion, gravity};
+
+/// Half of a 95 % interval, in standard deviations.
+const HALF_INTERVAL: f64 = 1.959_964;
+
+/// How many of some parameters lie in their 95 % intervals.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize)]
+pub struct Coverage {
+    pub inside: usize,
+    pub of: usize,
+}
+
+impl Coverage {
+    fn count(&mut self, inside: bool) {
+        self.of += 1;
+        self.inside += usize::from(inside);
+    }
+
+    /// Both together.
+    #[must_use]
+    pub fn and(self, other: Self) -> Self {
+        Self { inside: self.inside + other.inside, of: self.of + other.of }
+    }
+
+    /// Share of those inside.
+    pub fn share(self) -> f64 {
+        self.inside as f64 / self.of.max(1) as f64
+    }
+}
+
+/// Coverage of the parameters that the sessions taught something about, and of the rest.
+pub fn coverage(found: &IdentifiedRobot, truth: &RobotIndividual) -> [Coverage; 2] {
+    let mut counts = [Coverage::default(); 2];
+    for (estimate, truth) in found.estimates.iter().zip(truth.deviations()) {
+        let inside = (estimate.deviation - truth).abs() <= HALF_INTERVAL * estimate.sigma;
+        counts[usize::from(!estimate.identified)].count(inside);
+    }
+    counts
+}
+
+/// How the free motion of the true robot and of a believed one differ.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Differences {
+    /// Of every joint that moves, at every sample, rad.
+    pub joints: Vec<f64>,
+    /// Of every moving fingertip in the palm frame, m.
+    pub tips: Vec<f64>,
+    /// Of the servos, rad.
+    pub servos: Vec<f64>,
+}
+
+impl Differences {
+    /// Median of the joints' (rad) and of the fingertips' (m) difference, and root mean square of the servos' (rad).
+    pub fn summary(&self) -> [f64; 3] {
+        [median(&self.joints), median(&self.tips), rms(&self.servos)]
+    }
+}
+
+/// Median; NaN of nothing.
+pub fn median(values: &[f64]) -> f64 {
+    let mut sorted = values.to_vec();
+    sorted.sort_by(f64::total_cmp);
+    sorted.get(sorted.len() / 2).copied().unwrap_or(f64::NAN)
+}
+
+/// The simulated robot of an individual, its hand open, the arm in a posture that its encoders show as `start`, with nothing in reach.
+pub fn body(
+    individual: &RobotIndividual,
+    hand: &Hand,
+    arm: &Arm,
+    losses: CableLosses,
+    start: [f64; ARM_JOINTS],
+) -> SimulatedRobot {
+    let (hand, arm) = (Arc::new(individual.hand(hand)), Arc::new(individual.arm(arm)));
+    let setup = SceneSetup { cables: losses, ..SceneSetup::ideal(Isometry3::identity(), start) };
+    SimulatedRobot::new(hand, arm, &setup, TactileBoard::blank())
+}
+
+/// Motions on which nothing was identified: stairs of currents (A), 0.4 s each, one actuator after another.
+const STAIRS: [f64; 10] = [0.02, 0.055, 0.03, 0.06, 0.065, 0.015, 0.045, 0.05, 0.025, 0.0];
+/// Length of a stair, s.
+const STAIR: f64 = 0.4;
+/// Added to the arm's posture for them, rad: no posture of the script.
+const TURN: [f64; ARM_JOINTS] = [0.0, 0.0, 0.0, 0.0, 0.0, 0.4, 0.8];
+
+/// Plays the stairs on the true robot, and on the twins of the hands `believed`; `start` is the arm's ready posture.
+pub fn compare(
+    truth: &RobotIndividual,
+    (hand, arm): (&Hand, &Arm),
+    losses: CableLosses,
+    start: &[f64; ARM_JOINTS],
+    believed: &[&RobotIndividual],
+) -> Vec<Differences> {
+    let start = std::array::from_fn(|joint| start[joint] + TURN[joint]);
+    let real = truth.hand(hand);
+    let hands: Vec<Hand> = believed.iter().map(|own| own.hand(hand)).collect();
+    let mut differences = vec![Differences::default(); hands.len()];
+    for actuator in 0..ACTUATORS {
+        let mut robot = body(truth, hand, arm, losses, start);
+        let (motion, angles) = stairs(&mut robot, actuator, hand, arm);
+        for (own, differences) in hands.iter().zip(&mut differences) {
+            note(own, &real, &motion, &angles, losses, differences);
+        }
+    }
+    differences
+}
+
+type Angles = Vec<[f64; hand_model::HAND_JOINTS]>;
+
+/// Plays the stairs with one actuator: the motion as measured, and the true joint angles before each tick.
+fn stairs(robot: &mut SimulatedRobot, actuator: usize, hand: &Hand, arm: &Arm) -> (FreeMotion, Angles) {
+    let tick = robot.tick_length();
+    let mut motion = FreeMotion {
+        actuator,
+        tick,
+        currents: Vec::new(),
+        angles: Vec::new(),
+        opposition: Vec::new(),
+        gravity: Vec::new(),
+    };
+    let mut angles = Vec::new();
+    let hold = robot.observe().arm.position;
+    let mut servos = [ServoGoal::Position { angle: 0.0, current_limit: 0.15 }; ACTUATORS];
+    for _ in 0..(1.0 / tick) as usize {
+        robot.send(&Command { arm: hold, servos, capture: false });
+        robot.wait_for_tick();
+    }
+    for current in STAIRS {
+        for _ in 0..(STAIR / tick) as usize {
+            let observation = robot.observe();
+            motion.push(&observation, current, gravity(hand, arm, &observation.arm.position));
+            angles.push(robot.truth().hand.try_into().unwrap_or([0.0; hand_model::HAND_JOINTS]));
+            servos[actuator] = ServoGoal::Current(current);
+            robot.send(&Command { arm: hold, servos, capture: false });
+            robot.wait_for_tick();
+        }
+    }
+    (motion, angles)
+}
+
+/// Adds how the twin of `own` differs from the `real` hand whose joints were at `angles` in `motion`.
+fn note(
+    own: &Hand,
+    real: &Hand,
+    motion: &FreeMotion,
+    angles: &Angles,
+    losses: CableLosses,
+    differences: &mut Differences,
+) {
+    let joints: Vec<usize> = match own.transmission.cables.get(motion.actuator) {
+        Some(path) => path.joints.iter().map(|(joint, _)| *joint).collect(),
+        None => vec![own.transmission.opposition_joint],
+    };
+    let digit = Digit::ALL.get(motion.actuator).copied().unwrap_or(Digit::Thumb);
+    let [.., last] = digit.joints();
+    for (shown, (angle, truth)) in play(own, losses, motion).iter().zip(motion.angles.iter().zip(angles)).step_by(6) {
+        differences.servos.push(shown.servo - angle);
+        let mut believed = *truth;
+        for (joint, angle) in joints.iter().zip(shown.joints) {
+            differences.joints.push((angle - truth[*joint]).abs());
+            believed[*joint] = angle;
+        }
+        let tip = |hand: &Hand, q: &[f64; hand_model::HAND_JOINTS]| hand.tree.forward(q)[last] * fingertip(hand, last);
+        differences.tips.push((tip(own, &believed) - tip(real, truth)).norm());
+    }
+}

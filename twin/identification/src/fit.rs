@@ -1,0 +1,194 @@
+//! The parameters with which the twin of one actuator's digit moves as a session shows.
+//!
+//! Least squares over the servo's angle at every few ticks, with a prior from the drawing: each deviation is searched in units of its
+//! spread, and counts as one more residual. What the twin leaves unexplained is no white noise: errors of neighbouring samples are
+//! alike. So the residuals are weighted by their own standard deviation times the square root of the number of samples over which
+//! they stay alike, found in a first round; the covariance is that of the second.
+
+use hand_model::Hand;
+use hand_model::transmission::friction::CableLosses;
+use nalgebra::DMatrix;
+use optics::calibration::least_squares::{Options, Problem, forward_differences};
+use scenarios::individuals::robot::RobotIndividual;
+use scenarios::individuals::spread::Quantity;
+
+use crate::free_digit::{Shown, play};
+use crate::free_motion::FreeMotion;
+
+/// Every so many ticks is a sample.
+const THINNED: usize = 6;
+/// Standard deviation of an angle in the first round, rad.
+const FIRST_SIGMA: f64 = 0.01;
+/// Of an encoder's step of 4096 a turn, rad: no residual is known better.
+const QUANTISATION: f64 = 0.000_443;
+/// Residuals beyond this many standard deviations are outliers.
+const OUTLIER: f64 = 4.0;
+/// Deviations are searched within this many spreads.
+const RANGE: f64 = 4.0;
+/// Standard deviation of the delay between a command and what is measured, s.
+const DELAY: f64 = 0.01;
+/// Step of the differences, in spreads.
+const STEP: f64 = 0.01;
+/// Below this share of its spread a parameter's standard deviation says that the session taught something.
+pub const TAUGHT: f64 = 0.8;
+
+/// What was found of one actuator.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Fit {
+    /// Places in the individual of what was searched.
+    pub places: Vec<usize>,
+    /// Their deviations.
+    pub deviations: Vec<f64>,
+    /// Covariance of these.
+    pub covariance: DMatrix<f64>,
+    /// Delay between a command and what is measured, s.
+    pub delay: f64,
+    /// Root mean square of the servo angle's residual under the drawing, and under what was found, rad.
+    pub residuals: [f64; 2],
+    /// Samples over which residuals stay alike.
+    pub correlated: f64,
+    /// Number of samples.
+    pub samples: usize,
+    /// Number of motions.
+    pub motions: usize,
+}
+
+/// Everything about `actuator` that a free motion may show.
+pub fn searched(individual: &RobotIndividual, hand: &Hand, actuator: usize) -> Vec<usize> {
+    let joints: Vec<usize> = match hand.transmission.cables.get(actuator) {
+        Some(path) => path.joints.iter().map(|(joint, _)| *joint).collect(),
+        None => vec![hand.transmission.opposition_joint],
+    };
+    let own = |quantity| individual.place(quantity, actuator);
+    let of_joints = |quantity| joints.iter().filter_map(move |joint| individual.place(quantity, *joint));
+    let mut places: Vec<usize> = of_joints(Quantity::Spring).chain(of_joints(Quantity::SpringRest)).collect();
+    places.extend(
+        [Quantity::TorqueConstant, Quantity::ServoFriction, Quantity::ServoDamping].into_iter().filter_map(own),
+    );
+    if actuator < hand.cables.len() {
+        let cable = [Quantity::SpoolRadius, Quantity::CableStiffness, Quantity::GuideFriction, Quantity::GuideTurn];
+        places.extend(cable.into_iter().filter_map(own));
+    }
+    places
+}
+
+/// A search over one actuator's motions.
+struct Search<'a> {
+    hand: &'a Hand,
+    losses: CableLosses,
+    motions: &'a [FreeMotion],
+    places: &'a [usize],
+    from: &'a RobotIndividual,
+}
+
+impl Search<'_> {
+    /// The individual with deviations at `p`, in spreads from their means.
+    fn individual(&self, p: &[f64]) -> RobotIndividual {
+        let mut individual = self.from.clone();
+        for (place, z) in self.places.iter().zip(p) {
+            let spread = individual.parameters()[*place].spread.clone();
+            let deviation = spread.mean + z * spread.sigma;
+            // Friction takes, it does not give.
+            let friction = individual.parameters()[*place].quantity == Quantity::ServoFriction;
+            individual.set(*place, if friction { deviation.max(0.0) } else { deviation });
+        }
+        individual
+    }
+
+    /// Residuals of all samples, rad, with the delay (s) last in `p` in units of [`DELAY`].
+    fn angles(&self, p: &[f64]) -> Vec<f64> {
+        let hand = self.individual(&p[..self.places.len()]).hand(self.hand);
+        let delay = p[self.places.len()] * DELAY;
+        angle_residuals(&hand, self.losses, self.motions, delay)
+    }
+
+    fn residuals(&self, p: &[f64], sigma: f64) -> Vec<f64> {
+        let mut residuals: Vec<f64> = self.angles(p).into_iter().map(|residual| residual / sigma).collect();
+        residuals.extend_from_slice(p);
+        residuals
+    }
+}
+
+/// Of the samples of `motions`: what the twin of `hand` shows less what was measured, rad.
+pub fn angle_residuals(hand: &Hand, losses: CableLosses, motions: &[FreeMotion], delay: f64) -> Vec<f64> {
+    let of = |motion: &FreeMotion| {
+        let sample = |(shown, angle): (Shown, &f64)| shown.servo - delay * shown.speed - angle;
+        let shown = play(hand, losses, motion);
+        shown.into_iter().zip(&motion.angles).step_by(THINNED).map(sample).collect::<Vec<f64>>()
+    };
+    motions.iter().flat_map(of).collect()
+}
+
+/// Fits what `motions` of one actuator show, from and about the individual `from`.
+pub fn fit(hand: &Hand, losses: CableLosses, motions: &[FreeMotion], from: &RobotIndividual) -> Fit {
+    let places = searched(from, hand, motions.first().map_or(0, |motion| motion.actuator));
+    let search = Search { hand, losses, motions, places: &places, from };
+    let n = places.len() + 1;
+    let mut p = vec![0.0; n];
+    let designed = rms(&angle_residuals(hand, losses, motions, 0.0));
+    let (mut sigma, mut correlated) = (FIRST_SIGMA, 1.0);
+    for steps in [8, 12] {
+        let bounds = vec![(-RANGE, RANGE); n];
+        let jacobian = |p: &[f64], at: &[f64]| jacobian(&search, p, at, sigma);
+        let problem =
+            Problem { residuals: |p: &[f64]| search.residuals(p, sigma), jacobian, bounds, groups: Vec::new() };
+        let options = Options { steps, scale: OUTLIER, tolerance: 1e-4 };
+        p = problem.minimise(&p, &options).parameters;
+        let left = search.angles(&p);
+        correlated = alike(&left);
+        sigma = rms(&left).max(QUANTISATION) * correlated.sqrt();
+    }
+    let left = search.angles(&p);
+    let at = search.residuals(&p, sigma);
+    let slopes = jacobian(&search, &p, &at, sigma);
+    // Positive definite: the prior's rows are a unit matrix.
+    let posterior =
+        (slopes.transpose() * &slopes).cholesky().map_or_else(|| DMatrix::identity(n, n), |found| found.inverse());
+    let found = search.individual(&p[..places.len()]);
+    let spread: Vec<f64> = places.iter().map(|place| from.parameters()[*place].spread.sigma).collect();
+    Fit {
+        deviations: places.iter().map(|place| found.deviations()[*place]).collect(),
+        covariance: DMatrix::from_fn(n - 1, n - 1, |i, j| posterior[(i, j)] * spread[i] * spread[j]),
+        delay: p[n - 1] * DELAY,
+        residuals: [designed, rms(&left)],
+        correlated,
+        samples: left.len(),
+        motions: motions.len(),
+        places,
+    }
+}
+
+fn jacobian(search: &Search, p: &[f64], at: &[f64], sigma: f64) -> DMatrix<f64> {
+    let bounds = vec![(-RANGE, RANGE); p.len()];
+    forward_differences(p, at, &bounds, STEP / (2.0 * RANGE), |q, _| search.residuals(q, sigma))
+}
+
+/// Root mean square.
+pub fn rms(values: &[f64]) -> f64 {
+    (values.iter().map(|value| value * value).sum::<f64>() / values.len().max(1) as f64).sqrt()
+}
+
+/// Over how many samples a series stays alike: the sum of its autocorrelation up to where it first falls below a twentieth, both ways.
+fn alike(series: &[f64]) -> f64 {
+    let power: f64 = series.iter().map(|value| value * value).sum();
+    if power <= 0.0 {
+        return 1.0;
+    }
+    let at = |lag: usize| series.iter().zip(&series[lag..]).map(|(a, b)| a * b).sum::<f64>() / power;
+    1.0 + 2.0 * (1..series.len() / 4).map(at).take_while(|share| *share > 0.05).sum::<f64>()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn neighbours_of_a_moving_average_are_alike_over_its_length() {
+        use rand::{RngExt as _, SeedableRng as _};
+        let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(1);
+        let white: Vec<f64> = (0..20_000).map(|_| rng.random_range(-1.0..1.0)).collect();
+        assert!(alike(&white) < 1.2, "{}", alike(&white));
+        let mean: Vec<f64> = white.windows(8).map(|window| window.iter().sum()).collect();
+        assert!((alike(&mean) / 8.0 - 1.0).abs() < 0.15, "{}", alike(&mean));
+    }
+}

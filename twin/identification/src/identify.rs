@@ -1,0 +1,94 @@
+//! Identifies a robot from its sessions, actuator by actuator.
+
+use std::collections::BTreeMap;
+
+use hand_model::transmission::friction::CableLosses;
+use hand_model::{ACTUATORS, Arm, Hand};
+use rayon::prelude::*;
+use scenarios::individuals::file::{Covariance, Estimate, IdentifiedRobot};
+use scenarios::individuals::robot::RobotIndividual;
+
+use crate::error::IdentificationError;
+use crate::fit::{Fit, TAUGHT, fit};
+use crate::free_motion::{FreeMotion, free_motions};
+use crate::trace::Trace;
+
+/// Index of the actuator that turns the thumb.
+const OPPOSITION: usize = ACTUATORS - 1;
+
+/// A robot, and how it was found.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Identification {
+    pub robot: IdentifiedRobot,
+    /// Of each actuator.
+    pub fits: [Fit; ACTUATORS],
+}
+
+/// Identifies the robot of `traces`, one of those built from `hand` and `arm`, whose guides and gears take `losses` as drawn.
+///
+/// # Errors
+/// An actuator that no session moves.
+pub fn identify(
+    hand: &Hand,
+    arm: &Arm,
+    losses: CableLosses,
+    traces: &[Trace],
+) -> Result<Identification, IdentificationError> {
+    // Of one robot, no session may be counted twice.
+    let distinct: BTreeMap<&str, &Trace> = traces.iter().map(|trace| (trace.source.sha256.as_str(), trace)).collect();
+    let motions: Vec<Vec<FreeMotion>> = (0..ACTUATORS)
+        .map(|actuator| distinct.values().flat_map(|trace| free_motions(trace, actuator, hand, arm)).collect())
+        .collect();
+    if let Some(missing) = motions.iter().position(Vec::is_empty) {
+        let files: Vec<String> = traces.iter().map(|trace| trace.path.display().to_string()).collect();
+        let actuator = hand.parameters.actuator[missing].name.clone();
+        return Err(IdentificationError::NotExcited { sessions: files.join(", "), actuator });
+    }
+    let prior = prior(hand);
+    let mut fits: Vec<Fit> = motions[..OPPOSITION].par_iter().map(|own| fit(hand, losses, own, &prior)).collect();
+    // The opposition turns the thumb as it hangs on its springs.
+    let mut known = prior.clone();
+    for fit in &fits {
+        fit.places.iter().zip(&fit.deviations).for_each(|(place, deviation)| known.set(*place, *deviation));
+    }
+    fits.push(fit(hand, losses, &motions[OPPOSITION], &known));
+    let mut estimates: Vec<Estimate> = prior
+        .parameters()
+        .iter()
+        .zip(prior.deviations())
+        .map(|(parameter, deviation)| Estimate {
+            name: parameter.name.clone(),
+            kind: parameter.spread.kind,
+            deviation: *deviation,
+            sigma: parameter.spread.sigma,
+            identified: false,
+        })
+        .collect();
+    let mut covariances = Vec::new();
+    for fit in &fits {
+        for (n, place) in fit.places.iter().enumerate() {
+            let estimate = &mut estimates[*place];
+            let sigma = fit.covariance[(n, n)].sqrt();
+            estimate.identified = sigma < TAUGHT * estimate.sigma;
+            (estimate.deviation, estimate.sigma) = (fit.deviations[n], sigma);
+        }
+        covariances.push(Covariance {
+            parameters: fit.places.iter().map(|place| estimates[*place].name.clone()).collect(),
+            rows: fit.covariance.row_iter().map(|row| row.iter().copied().collect()).collect(),
+        });
+    }
+    let sources = distinct.values().map(|trace| trace.source.clone()).collect();
+    let robot = IdentifiedRobot::new(hand, estimates, covariances, sources);
+    let fits = fits.try_into().unwrap_or_else(|_| unreachable!("a fit for each actuator"));
+    Ok(Identification { robot, fits })
+}
+
+/// What is known before any session: the mean of all robots built from the drawing.
+fn prior(hand: &Hand) -> RobotIndividual {
+    let mut prior = RobotIndividual::designed(hand);
+    for place in 0..prior.parameters().len() {
+        let mean = prior.parameters()[place].spread.mean;
+        prior.set(place, mean);
+    }
+    prior
+}

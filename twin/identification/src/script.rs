@@ -1,0 +1,180 @@
+//! What an excitation does, as data: `data/excitation.toml`.
+
+use std::path::Path;
+
+use hand_model::data::{DataError, parse_toml};
+use hand_model::{ACTUATORS, ARM_JOINTS, Hand};
+use serde::{Deserialize, Serialize};
+
+/// Greatest current of a motion, A: no more is needed to bend a free finger.
+const MOST_CURRENT: f64 = 0.2;
+
+/// A posture of the arm.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Posture {
+    pub name: String,
+    /// Added to the ready posture's angles, rad.
+    pub turn: [f64; ARM_JOINTS],
+}
+
+/// Winding some cables under a current that rises and falls.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Motion {
+    /// Names.
+    pub actuators: Vec<String>,
+    /// Greatest current, A.
+    pub current: f64,
+    /// In which it rises, and falls again, s.
+    pub time: f64,
+}
+
+/// Every motion in every posture.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Script {
+    pub version: u32,
+    /// Of the position control that opens the hand, A.
+    pub open_current: f64,
+    /// For which the hand opens before a motion, s.
+    pub open_time: f64,
+    /// At the greatest current, s.
+    pub stay: f64,
+    /// Without current after it has fallen, s.
+    pub slack: f64,
+    /// Of the fastest arm joint, rad/s.
+    pub arm_speed: f64,
+    pub posture: Vec<Posture>,
+    pub motion: Vec<Motion>,
+}
+
+/// One motion in one posture.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Step<'a> {
+    pub posture: &'a Posture,
+    pub motion: &'a Motion,
+}
+
+impl Script {
+    /// The script that comes with the program.
+    ///
+    /// # Panics
+    /// Never in a tested build: the file is compiled in and a test reads it.
+    pub fn standard() -> Self {
+        Self::parse(include_str!("../data/excitation.toml"), Path::new("excitation.toml"), &Hand::ftac())
+            .expect("the built-in script is valid")
+    }
+
+    /// Reads and checks a script's text; `path` is used in errors.
+    pub fn parse(text: &str, path: &Path, hand: &Hand) -> Result<Self, DataError> {
+        let script: Self = parse_toml(text, path)?;
+        let fault = |field: &str, found: String, expected: &str| Err(DataError::field(path, field, found, expected));
+        if script.version != 1 {
+            return fault("version", script.version.to_string(), "1");
+        }
+        let within = |value: f64, low: f64, high: f64| value.is_finite() && (low..=high).contains(&value);
+        for (field, value, low, high) in [
+            ("open_current", script.open_current, 0.05, 0.4),
+            ("open_time", script.open_time, 0.5, 10.0),
+            ("stay", script.stay, 0.0, 10.0),
+            ("slack", script.slack, 0.1, 10.0),
+            ("arm_speed", script.arm_speed, 0.01, 0.8),
+        ] {
+            if !within(value, low, high) {
+                return fault(field, value.to_string(), &format!("{low} to {high} (SI units)"));
+            }
+        }
+        for posture in &script.posture {
+            if let Some(turn) = posture.turn.iter().find(|turn| !within(**turn, -4.0, 4.0)) {
+                return fault(&format!("posture[{}].turn", posture.name), turn.to_string(), "angles within 4 rad");
+            }
+        }
+        for (n, motion) in script.motion.iter().enumerate() {
+            let field = |what: &str| format!("motion[{n}].{what}");
+            if !within(motion.current, 0.002, MOST_CURRENT) {
+                return fault(&field("current"), motion.current.to_string(), "0.002 to 0.2 A");
+            }
+            if !within(motion.time, 0.3, 60.0) {
+                return fault(&field("time"), motion.time.to_string(), "0.3 to 60 s");
+            }
+            for name in &motion.actuators {
+                if actuator(hand, name).is_none() {
+                    return fault(&field("actuators"), format!("`{name}`"), "names of the hand's actuators");
+                }
+            }
+        }
+        if script.posture.is_empty() || script.motion.is_empty() {
+            return fault("posture/motion", "none".into(), "at least one of each");
+        }
+        Ok(script)
+    }
+
+    /// Its steps in order.
+    pub fn steps(&self) -> Vec<Step<'_>> {
+        let of = |posture| self.motion.iter().map(move |motion| Step { posture, motion });
+        self.posture.iter().flat_map(of).collect()
+    }
+
+    /// Current (A) of a motion `elapsed` (s) after its beginning; none when it is over. Whole milliamperes, which is what a servo takes.
+    pub fn current(&self, motion: &Motion, elapsed: f64) -> Option<f64> {
+        let falls = motion.time + self.stay;
+        let share = match elapsed {
+            t if t < motion.time => t / motion.time,
+            t if t < falls => 1.0,
+            t if t < falls + motion.time => 1.0 - (t - falls) / motion.time,
+            t if t < falls + motion.time + self.slack => 0.0,
+            _ => return None,
+        };
+        Some((1e3 * share * motion.current).round() / 1e3)
+    }
+
+    /// Length of a step without the arm's way, s.
+    pub fn length(&self, motion: &Motion) -> f64 {
+        self.open_time + 2.0 * motion.time + self.stay + self.slack
+    }
+}
+
+/// Index of an actuator by name.
+pub fn actuator(hand: &Hand, name: &str) -> Option<usize> {
+    hand.parameters.actuator.iter().take(ACTUATORS).position(|actuator| actuator.name == name)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_standard_script_moves_every_actuator_in_every_posture() {
+        let (script, hand) = (Script::standard(), Hand::ftac());
+        for own in &hand.parameters.actuator {
+            assert!(script.motion.iter().any(|motion| motion.actuators.contains(&own.name)), "{}", own.name);
+        }
+        assert_eq!(script.steps().len(), script.posture.len() * script.motion.len());
+    }
+
+    /// A current rises, stays, falls to nothing and ends.
+    #[test]
+    fn a_current_rises_and_falls() {
+        let script = Script::standard();
+        let motion = &script.motion[1];
+        assert_eq!(script.current(motion, 0.0), Some(0.0));
+        assert_eq!(script.current(motion, 3.1), Some(0.07));
+        assert_eq!(script.current(motion, 4.8), Some(0.035));
+        assert_eq!(script.current(motion, 6.5), Some(0.0));
+        assert_eq!(script.current(motion, 7.0), None);
+    }
+
+    #[test]
+    fn a_wrong_script_is_refused_by_field() {
+        let text = include_str!("../data/excitation.toml");
+        for (from, to, says) in [
+            ("current = 0.035", "current = 2.0", "mine.toml: motion[0].current: found 2, expected 0.002 to 0.2 A"),
+            ("\"index\"", "\"sixth\"", "motion[0].actuators: found `sixth`"),
+            ("arm_speed = 0.35", "arm_speed = 9.0", "arm_speed: found 9"),
+        ] {
+            let error = Script::parse(&text.replacen(from, to, 1), Path::new("mine.toml"), &Hand::ftac()).unwrap_err();
+            assert!(error.to_string().contains(says), "{error}");
+        }
+    }
+}

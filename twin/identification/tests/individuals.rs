@@ -1,0 +1,84 @@
+//! A robot that is not the drawing's: what its motion shows of it, and what it does not.
+
+use hand_model::transmission::friction::CableLosses;
+use hand_model::{Arm, Hand};
+use identification::evaluation::{body, compare, coverage};
+use identification::excitation::play as excite;
+use identification::trace::{Kept, Trace};
+use identification::{Script, identify};
+use scenarios::individuals::robot::RobotIndividual;
+
+/// Short motions in two postures.
+fn short() -> Script {
+    let mut script = Script::standard();
+    script.posture.truncate(2);
+    script.motion.retain(|motion| motion.current > 0.06);
+    script.motion.iter_mut().for_each(|motion| motion.time = 1.0);
+    script.motion.dedup_by(|a, b| a.actuators == b.actuators);
+    script
+}
+
+fn drawing() -> (Hand, Arm, CableLosses) {
+    let hand = Hand::ftac();
+    let losses = CableLosses { friction: hand.parameters.cable.friction, backlash: 0.0044 };
+    (hand, Arm::gen3(), losses)
+}
+
+fn excited(truth: &RobotIndividual, script: &Script) -> Trace {
+    let (hand, arm, losses) = drawing();
+    let mut kept = Kept::new(body(truth, &hand, &arm, losses, Arm::home()));
+    let played = excite::<_, ()>(&mut kept, &hand, script, (&Arm::home(), 0), |_| Ok(()), |_| true);
+    assert_eq!(played, Ok(true));
+    kept.trace("sim")
+}
+
+/// The twin of a digit moves as the simulated robot does when it knows everything of it.
+#[test]
+fn the_twin_that_knows_all_moves_as_the_robot_does() {
+    let (hand, arm, losses) = drawing();
+    let truth = RobotIndividual::draw(&hand, 1);
+    let [joint, tip, servo] = compare(&truth, (&hand, &arm), losses, &Arm::home(), &[&truth]).remove(0).summary();
+    assert!(joint < 0.002 && tip < 0.0004 && servo < 0.004, "{joint} rad, {tip} m, {servo} rad");
+}
+
+/// Of a robot that is not the drawing's a short excitation shows most of what its free motion depends on.
+#[test]
+fn an_individual_is_found() {
+    let (hand, arm, losses) = drawing();
+    let truth = RobotIndividual::draw(&hand, 1);
+    let trace = excited(&truth, &short());
+    // The same session twice says no more than once.
+    let found = identify(&hand, &arm, losses, &[trace.clone(), trace]).unwrap();
+    assert_eq!(found.robot.sessions.len(), 1);
+    assert!(found.fits.iter().all(|fit| fit.residuals[1] < 0.2 * fit.residuals[0]), "{:?}", found.fits);
+    let designed = RobotIndividual::designed(&hand);
+    let both = compare(&truth, (&hand, &arm), losses, &Arm::home(), &[&designed, &found.robot.individual]);
+    let [before, after] = [0, 1].map(|n| both[n].summary()[0]);
+    assert!(after < 0.0175 && after < 0.4 * before, "{before} rad, {after} rad");
+    let [identified, others] = coverage(&found.robot, &truth);
+    // 95 %, to within three standard errors.
+    assert!(identified.of > 30 && identified.and(others).share() > 0.88, "{identified:?} {others:?}");
+}
+
+/// Joints' zeros and the arm move nothing in a free motion: their estimates stay the prior, and are said to.
+#[test]
+fn what_a_free_motion_does_not_show_stays_the_prior() {
+    let (hand, arm, losses) = drawing();
+    let found = identify(&hand, &arm, losses, &[excited(&RobotIndividual::draw(&hand, 2), &short())]).unwrap();
+    for (estimate, parameter) in found.robot.estimates.iter().zip(found.robot.individual.parameters()) {
+        if ["joint_zero", "encoder", "position", "turn"].contains(&parameter.quantity.name()) {
+            assert!(!estimate.identified, "{}", estimate.name);
+            assert_eq!((estimate.deviation, estimate.sigma), (parameter.spread.mean, parameter.spread.sigma));
+        }
+    }
+}
+
+#[test]
+fn a_session_that_leaves_an_actuator_alone_is_refused_by_its_name() {
+    let (hand, arm, losses) = drawing();
+    let mut script = short();
+    script.motion.retain(|motion| motion.actuators != ["thumb"]);
+    let trace = excited(&RobotIndividual::designed(&hand), &script);
+    let error = identify(&hand, &arm, losses, &[trace]).unwrap_err().to_string();
+    assert!(error.contains("motions of `thumb`: found none, expected at least one"), "{error}");
+}

@@ -1,0 +1,186 @@
+//! What was identified of a robot, as a page and as words: how well its twin moves, which parameters the sessions show, which they do not,
+//! and what to measure more.
+
+use std::fmt::Write as _;
+
+use scenarios::individuals::file::Source;
+use serde::Serialize;
+
+use crate::html::{Column, Table, escape};
+use crate::style;
+
+/// Half of a 95 % interval, in standard deviations.
+const HALF_INTERVAL: f64 = 1.96;
+
+/// How the twin of one actuator moves.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct ActuatorRow {
+    pub actuator: String,
+    pub motions: usize,
+    pub samples: usize,
+    /// Root mean square of the servo's angle under the drawing, rad.
+    pub residual_before: f64,
+    /// The same under what was found, rad.
+    pub residual_after: f64,
+    /// Samples over which a residual stays alike.
+    pub alike: f64,
+    /// Between a command and what is measured, s.
+    pub delay: f64,
+}
+
+/// What is known of one parameter.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct ParameterRow {
+    pub parameter: String,
+    /// `log`: logarithm of the factor on the drawing's value.
+    pub unit: String,
+    pub deviation: f64,
+    pub sigma: f64,
+    /// Standard deviation among robots built from the drawing.
+    pub spread: f64,
+    pub identified: bool,
+}
+
+impl ParameterRow {
+    /// In words: a factor's deviation as per cent, angles in degrees.
+    fn cells(&self) -> [String; 4] {
+        let (scale, unit, decimals) = match self.unit.as_str() {
+            "log" => (100.0, "%", 1),
+            "rad" => (180.0 / std::f64::consts::PI, "deg", 2),
+            "m" => (1e3, "mm", 2),
+            "N m" => (1e3, "mN m", 2),
+            other => (1.0, other, 3),
+        };
+        let of = |value: f64| format!("{:.decimals$} {unit}", scale * value);
+        [self.parameter.clone(), of(self.deviation), of(HALF_INTERVAL * self.sigma), of(HALF_INTERVAL * self.spread)]
+    }
+}
+
+/// What to measure more, by what the sessions did not show.
+fn advice(parameters: &[ParameterRow]) -> Vec<String> {
+    let missing = |ending: &str| parameters.iter().any(|row| !row.identified && row.parameter.ends_with(ending));
+    let mut advice = Vec::new();
+    let mut say = |endings: &[&str], words: &str| {
+        let open: Vec<&str> = endings.iter().copied().filter(|ending| missing(ending)).collect();
+        if !open.is_empty() {
+            advice.push(format!("{}: {words}", open.join(", ")));
+        }
+    };
+    say(
+        &["joint_zero"],
+        "a free motion does not show where a link stands on its stop; touch a ball of known size with each fingertip",
+    );
+    say(
+        &["encoder", "position", "turn"],
+        "a free hand does not show where the arm's joints and its mount are; touch a fixed ball from several sides",
+    );
+    say(
+        &["gel_stiffness", "gel_thickness", "pad_friction"],
+        "nothing touched a pad; press each on a ball of known size",
+    );
+    say(
+        &[
+            "spring",
+            "spring_rest",
+            "torque_constant",
+            "spool_radius",
+            "cable_stiffness",
+            "guide_friction",
+            "guide_turn",
+            "servo_damping",
+        ],
+        "the motions leave some of these open; more postures of the arm, or more speeds and loads, in the script",
+    );
+    advice
+}
+
+/// The rows as words for a terminal.
+pub fn text(actuators: &[ActuatorRow], parameters: &[ParameterRow]) -> String {
+    let mut text = String::new();
+    let _ = writeln!(
+        text,
+        "{:<12} {:>8} {:>8} {:>16} {:>16}",
+        "actuator", "motions", "samples", "drawing, deg", "identified, deg"
+    );
+    for row in actuators {
+        let _ = writeln!(
+            text,
+            "{:<12} {:>8} {:>8} {:>16.2} {:>16.3}",
+            row.actuator,
+            row.motions,
+            row.samples,
+            row.residual_before.to_degrees(),
+            row.residual_after.to_degrees()
+        );
+    }
+    let _ = writeln!(text, "\n{:<28} {:>12} {:>12} {:>14}", "parameter", "deviation", "95 %: +-", "drawing: +-");
+    for row in parameters.iter().filter(|row| row.identified) {
+        let [name, deviation, interval, spread] = row.cells();
+        let _ = writeln!(text, "{name:<28} {deviation:>12} {interval:>12} {spread:>14}");
+    }
+    let open = parameters.iter().filter(|row| !row.identified).count();
+    let _ = writeln!(
+        text,
+        "\n{open} parameters are not identifiable from these sessions and stay as the drawing has them:"
+    );
+    for line in advice(parameters) {
+        let _ = writeln!(text, "  {line}");
+    }
+    text
+}
+
+/// A page that needs nothing else.
+pub fn page(actuators: &[ActuatorRow], parameters: &[ParameterRow], sessions: &[Source]) -> String {
+    let mut motion = Table::new(
+        "How the servos move: root mean square of what the twin leaves unexplained",
+        &[
+            ("actuator", Column::Words),
+            ("motions", Column::Numbers),
+            ("samples", Column::Numbers),
+            ("as drawn, deg", Column::Numbers),
+            ("identified, deg", Column::Numbers),
+            ("delay, ms", Column::Numbers),
+        ],
+    );
+    for row in actuators {
+        motion.row(&[
+            row.actuator.clone(),
+            row.motions.to_string(),
+            row.samples.to_string(),
+            format!("{:.2}", row.residual_before.to_degrees()),
+            format!("{:.3}", row.residual_after.to_degrees()),
+            format!("{:.1}", 1e3 * row.delay),
+        ]);
+    }
+    let table = |caption: &str, identified: bool| {
+        let head = [
+            ("parameter", Column::Words),
+            ("deviation from the drawing", Column::Numbers),
+            ("95 % interval: ±", Column::Numbers),
+            ("before any session: ±", Column::Numbers),
+        ];
+        let mut table = Table::new(caption, &head);
+        parameters.iter().filter(|row| row.identified == identified).for_each(|row| table.row(&row.cells()));
+        table.finish()
+    };
+    let mut source = Table::new(
+        "Sessions",
+        &[("file", Column::Words), ("robot", Column::Words), ("s", Column::Numbers), ("SHA-256", Column::Words)],
+    );
+    for session in sessions {
+        source.row(&[&session.file, &session.robot, &format!("{:.0}", session.seconds), &session.sha256]);
+    }
+    let advice: String = advice(parameters).iter().map(|line| format!("<li>{}</li>", escape(line))).collect();
+    format!(
+        "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
+         <meta name=\"viewport\" content=\"width=device-width\">\n<title>One robot, identified</title>\n<style>{}{}</style>\n\
+         </head>\n<body><main>\n<h1>One robot, identified</h1>\n{}{}\n<h2>What to measure more</h2>\n<ul>{advice}</ul>\n{}{}\
+         </main></body>\n</html>\n",
+        style::FIGURE,
+        style::PAGE,
+        motion.finish(),
+        table("What the sessions show", true),
+        table("What they do not show: the drawing's value, and its spread", false),
+        source.finish()
+    )
+}
