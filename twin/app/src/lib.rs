@@ -32,6 +32,7 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> u8 {
         // The robot stopped in mid-trial: it ran, and fell short.
         Err(error) if caused_by::<bench::body::Stopped>(&error) => (1, format!("falls short: {}", words(&error))),
         Err(error) if caused_by::<bench::run::Interrupted>(&error) => (130, words(&error)),
+        Err(error) if caused_by::<sweep::work::Interrupted>(&error) => (130, words(&error)),
         Err(error) => (2, words(&error)),
     };
     eprintln!("ftac: {message}");

@@ -50,7 +50,7 @@ pub struct Options<'a> {
 }
 
 /// Units of a request, in order.
-fn units(request: &RunRequest) -> Vec<Unit> {
+pub fn units(request: &RunRequest) -> Vec<Unit> {
     let (shard, of) = request.shard;
     let ideal = request.conditions.contains(&Condition::Ideal).then_some(None);
     let trials = if request.noisy().is_empty() { 0 } else { request.trials };
@@ -70,7 +70,14 @@ fn recorded(record: Record, unit: Unit) -> bool {
     }
 }
 
-fn run_unit(bench: &Bench, request: &RunRequest, unit: Unit, folder: &Path, options: &Options) -> Result<TrialResults> {
+/// Plays one unit; its recording, if `options` ask for one, goes below `folder`.
+pub fn run_unit(
+    bench: &Bench,
+    request: &RunRequest,
+    unit: Unit,
+    folder: &Path,
+    options: &Options,
+) -> Result<TrialResults> {
     // What is done with real devices cannot be done again.
     let record = options.live || recorded(options.record, unit) || request.robot == "hardware";
     let condition = if unit.trial.is_some() { Condition::Touch } else { Condition::Ideal };

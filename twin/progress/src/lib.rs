@@ -4,7 +4,8 @@ use std::io::{self, IsTerminal as _, Write};
 use std::sync::Mutex;
 use std::time::{Duration, Instant};
 
-use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle, TermLike};
+pub use indicatif::ProgressBar;
+use indicatif::{ProgressDrawTarget, ProgressStyle, TermLike};
 
 /// How often a line goes into a log.
 const PERIOD: Duration = Duration::from_secs(30);
