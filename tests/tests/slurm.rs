@@ -240,10 +240,13 @@ fn a_sweep_survives_a_lost_node_a_killed_worker_and_a_full_disk() {
         shown.split_whitespace().find_map(|word| word.strip_prefix("Restarts=")?.parse::<u32>().ok()).unwrap_or(0)
     };
     slurm.until("requeued", &out, || restarts("1") > 0 || restarts("2") > 0);
+    // Room is there when nobody has the file open any more.
+    drop(full);
     fs::remove_file(&filler).expect("removed");
 
     // A second submission joins the first.
     let again = slurm.command(binary(), &submit);
+    assert!(again.status.success(), "{}", stderr(&again));
     assert_eq!((&json(&again)["outcome"], json(&again)["array"].to_string()), (&Value::from("joined"), job.clone()));
 
     // A worker is killed in mid-unit ...

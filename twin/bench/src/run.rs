@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 use anyhow::{Context, Result, bail};
 use report;
@@ -189,7 +189,6 @@ pub fn run(bench: &Bench, request: &RunRequest, journal: Journal, folder: &Path,
     let bar = progress::bar(all.len() as u64, "units", options.quiet);
     let resumed = all.len() - open.len();
     bar.set_position(resumed as u64);
-    bar.enable_steady_tick(Duration::from_secs(1));
     let journal = Mutex::new(journal);
     // On hardware each trial ends in order by itself.
     let interrupt = (request.robot != "hardware").then(Interrupt::catch).transpose()?;

@@ -23,5 +23,7 @@ pub mod play;
 pub mod rows;
 pub mod slurm;
 pub mod status;
+#[cfg(test)]
+mod synthetic;
 pub mod table;
 pub mod work;

@@ -292,8 +292,9 @@ fn csv_contrasts(rows: &[Contrast]) -> String {
     std::iter::once("contrast,at,outcome,difference,low,high,n\n".to_owned()).chain(rows.iter().map(line)).collect()
 }
 
-/// Replays the recorded times of a sweep's units on more cores, repeated until there are `trials`, and writes `makespan.html`.
-pub fn makespan(folder: &Folder, trials: Option<usize>) -> Result<(Vec<Point>, String)> {
+/// Replays the recorded times of a sweep's units on more cores, repeated until there are `trials`, `join` neighbours taken as one, and writes
+/// `makespan.html`.
+pub fn makespan(folder: &Folder, trials: Option<usize>, join: usize) -> Result<(Vec<Point>, String)> {
     let file = folder.path.join("merged/units.csv");
     let text = std::fs::read_to_string(&file).with_context(|| {
         format!("{}: found no times, expected those that `ftac sweep merge` leaves", file.display())
@@ -322,6 +323,7 @@ pub fn makespan(folder: &Folder, trials: Option<usize>) -> Result<(Vec<Point>, S
         units.push(*seconds);
         count += trials;
     }
+    let units: Vec<f64> = units.chunks(join).map(|units| units.iter().sum()).collect();
     let assumed = Assumptions::USUAL;
     let points: Vec<Point> = CORES.iter().map(|cores| replay(&units, *cores, &assumed)).collect();
     let work: f64 = units.iter().sum();
@@ -360,7 +362,7 @@ pub fn makespan(folder: &Folder, trials: Option<usize>) -> Result<(Vec<Point>, S
     let body = format!(
         "<p>{} of work in {} ({}), the longest {}. {limit} at least 80 % of the cores' time is work; beyond, a worker has too few units: what is \
          left at the end is one unit's time, and {} begin only after {} s of start.</p>\n{}<h2>Assumptions</h2>\n<ul>\n\
-         <li>Times are those recorded when the units were played, in the plan's order{}; they hold for such a core under such a load.</li>\n\
+         <li>Times are those recorded when the units were played, in the plan's order{}{}; they hold for such a core under such a load.</li>\n\
          <li>A worker begins {} s after it is submitted; a real queue may take hours, which is not in it.</li>\n\
          <li>{} metadata operations of the file system a unit (claim, two temporary files, renames, removal), and one look a worker at the \
          folder, {} operations a unit of the plan; the server does {} in a second, one after the other.</li>\n\
@@ -373,6 +375,7 @@ pub fn makespan(folder: &Folder, trials: Option<usize>) -> Result<(Vec<Point>, S
         assumed.start_s,
         table.finish(),
         if wanted > own { ", repeated until there are as many trials" } else { "" },
+        if join > 1 { format!(", {join} neighbours taken as one unit") } else { String::new() },
         assumed.start_s,
         assumed.operations,
         assumed.looks,

@@ -102,7 +102,8 @@ pub fn array_script(sweep: &Folder, program: &Path, options: &Options, workers: 
         text,
         "\n{} sweep run {here} --jobs {} --worker \"$SLURM_ARRAY_TASK_ID/{workers}\"\ncode=$?\n\
          # What failed here may work on another node. A unit that is at fault itself fails there too, and is named by `ftac sweep status`.\n\
-         if [ $code -ne 0 ] && [ \"${{SLURM_RESTART_COUNT:-0}}\" -lt {RETRIES} ]; then\n\
+         # Code 130: it was told to end, by scancel or because Slurm wants the node; what Slurm wants back it requeues itself.\n\
+         if [ $code -ne 0 ] && [ $code -ne 130 ] && [ \"${{SLURM_RESTART_COUNT:-0}}\" -lt {RETRIES} ]; then\n\
          \x20   echo \"worker ended with code $code: requeued\"\n\
          \x20   scontrol requeue \"${{SLURM_ARRAY_JOB_ID}}_${{SLURM_ARRAY_TASK_ID}}\"\nfi\nexit $code\n",
         quoted(&program.to_string_lossy()),

@@ -67,7 +67,6 @@ pub fn work(folder: &Folder, options: Options) -> Result<Done> {
     let bar = progress::bar(trials as u64, "trials", options.quiet);
     bar.set_position(before as u64);
     bar.reset_eta();
-    bar.enable_steady_tick(Duration::from_secs(1));
     let worker = Worker {
         folder,
         claims: Claims::new(&folder.path)?,

@@ -45,6 +45,9 @@ pub enum SweepCommand {
         /// Repeat its units until there are so many trials.
         #[arg(long)]
         trials: Option<usize>,
+        /// Take so many neighbouring units as one: what longer units would do.
+        #[arg(long, default_value_t = 1)]
+        join: usize,
     },
 }
 
@@ -100,7 +103,7 @@ pub fn run(terminal: &Terminal, command: &SweepCommand) -> Outcome {
         SweepCommand::Submit(args) => submit(terminal, args),
         SweepCommand::Status { folder } => tell_status(terminal, folder),
         SweepCommand::Merge { folder } => join(terminal, folder),
-        SweepCommand::Makespan { folder, trials } => makespan(terminal, folder, *trials),
+        SweepCommand::Makespan { folder, trials, join } => makespan(terminal, folder, *trials, *join),
     }
 }
 
@@ -263,7 +266,7 @@ fn submit(terminal: &Terminal, args: &SubmitArgs) -> Outcome {
     let (what, jobs, text) = match &submitted {
         Submitted::New(jobs) => {
             let text = format!(
-                "{} workers are job {}, job {} joins their results; see `ftac sweep status {}`\n",
+                "{} workers are job {1}, job {2} joins their results; see `ftac sweep status {3}`; `scancel {2} {1}` ends it\n",
                 jobs.workers,
                 jobs.array,
                 jobs.merge,
@@ -334,9 +337,12 @@ fn tell_status(terminal: &Terminal, path: &Path) -> Outcome {
     terminal.finish(Made { json, text, shortfall: None })
 }
 
-fn makespan(terminal: &Terminal, path: &Path, trials: Option<usize>) -> Outcome {
+fn makespan(terminal: &Terminal, path: &Path, trials: Option<usize>, join: usize) -> Outcome {
+    if join == 0 {
+        bail!("--join: found 0, expected at least 1");
+    }
     let folder = Folder::open(path)?;
-    let (points, text) = sweep::page::makespan(&folder, trials)?;
+    let (points, text) = sweep::page::makespan(&folder, trials, join)?;
     terminal.finish(Made { json: json!({ "points": points }), text, shortfall: None })
 }
 
