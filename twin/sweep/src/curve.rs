@@ -146,8 +146,9 @@ mod tests {
     #[test]
     fn rates_and_contrasts_are_over_pairs() {
         let mut outcomes = outcomes();
+        let places: Vec<Place> = (0..2).flat_map(|pair| outcomes.places(pair).collect::<Vec<_>>()).collect();
         for point in 0..6 {
-            for place in [0, 1].iter().flat_map(|pair| outcomes.places(*pair).collect::<Vec<_>>()) {
+            for &place in &places {
                 for arm in 0..2 {
                     let won = outcomes.level(point, 0) == 0 || (place[1] == 0 && arm == 1);
                     outcomes.set(point, place, arm, if won { &[Outcome::CleanSuccess] } else { &[] });
