@@ -36,10 +36,15 @@ pub(crate) fn check(arguments: &[&str], stdout: &[u8]) {
 /// The first place in `found` that is not as `schema` says. Of JSON Schema it knows what the schemas here use, and no more.
 fn fault(schema: &Value, found: &Value, at: &str) -> Option<String> {
     let schema = schema.as_object().expect("a schema is an object");
-    const KNOWN: [&str; 7] =
-        ["$schema", "additionalProperties", "description", "items", "properties", "required", "type"];
+    const KNOWN: [&str; 8] =
+        ["$schema", "additionalProperties", "anyOf", "description", "items", "properties", "required", "type"];
     let unknown: Vec<&String> = schema.keys().filter(|key| !KNOWN.contains(&key.as_str())).collect();
     assert!(unknown.is_empty(), "{at}: keywords that are not checked: {unknown:?}");
+    if let Some(Value::Array(either)) = schema.get("anyOf") {
+        // Of none of them: what is wrong with the first tells most.
+        let faults: Vec<String> = either.iter().map_while(|schema| fault(schema, found, at)).collect();
+        return (faults.len() == either.len()).then(|| faults.into_iter().next()).flatten();
+    }
     if let Some(expected) = schema.get("type")
         && !types(expected).any(|name| is(found, name))
     {

@@ -136,6 +136,7 @@ fn only_one_crate_names_each_engine() {
     assert_eq!(graph.users("rerun"), ["stream"]);
     assert_eq!(graph.users("rapier3d-f64"), ["sim"]);
     assert_eq!(graph.users("clap"), ["ftac"]);
+    assert_eq!(graph.users("parquet"), ["sweep"]);
 }
 
 /// Design, section 1: "Arrows, and no others".
@@ -176,6 +177,8 @@ fn members_know_only_whom_they_may() {
                 "progress",
             ],
         ),
+        // A sweep plays the benchmark's trials and reports them: what it knows of the world below, it knows through `bench`.
+        ("sweep", &["hand-model", "scenarios", "control", "bench", "report", "progress"]),
         ("e2e", &[]),
     ]);
     for (member, may) in allowed {

@@ -71,6 +71,16 @@ fn the_benchmark_runners_page() {
 }
 
 #[test]
+fn the_sweep_page() {
+    let folder = run_page("sweep.md");
+    for file in ["swept/report.html", "swept/contrasts.csv", "swept/makespan.html", "swept/merged/units.csv"] {
+        assert!(folder.path().join(file).exists(), "no {file}");
+    }
+    // The page shows the file that is run.
+    assert!(page("sweep.md").contains(&fs::read_to_string(folder.path().join("noise.toml")).expect("a file")));
+}
+
+#[test]
 fn the_sensor_owners_page() {
     let folder = run_page("sensor.md");
     assert!(folder.path().join("pad.png").exists() && folder.path().join("pads").exists());

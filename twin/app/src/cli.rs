@@ -15,13 +15,14 @@ use crate::commands::grasps::GraspsCommand;
 use crate::commands::hand::HandCommand;
 use crate::commands::optics::OpticsCommand;
 use crate::commands::study::all::StudyArgs;
+use crate::commands::sweep::SweepCommand;
 use crate::commands::touch::TouchCommand;
 use crate::commands::transport::TransportArgs;
 use crate::commands::trial::TrialArgs;
 use crate::commands::twin::TwinCommand;
 use crate::commands::{
-    arm, bench, bridge, demo, export, grasps, hand, lab_book, optics, replay, schema, shell, study, touch, transport,
-    trial, twin, view,
+    arm, bench, bridge, demo, export, grasps, hand, lab_book, optics, replay, schema, shell, study, sweep, touch,
+    transport, trial, twin, view,
 };
 use crate::terminal::{Outcome, Terminal};
 
@@ -44,6 +45,9 @@ pub enum Command {
     Demo(DemoArgs),
     /// Run the multi-object benchmark under all conditions.
     Bench(BenchArgs),
+    /// Many benchmarks along axes, on this machine or on Slurm.
+    #[command(subcommand)]
+    Sweep(SweepCommand),
     /// Run one trial and record it.
     Trial(TrialArgs),
     /// Carry balls to one place, as many at once as the hand holds, beside one by one.
@@ -64,7 +68,7 @@ pub enum Command {
     /// Recorded sessions in the formats of other programs.
     #[command(subcommand)]
     Export(ExportCommand),
-    /// Build report.html, trials.csv and summary.json again from result folders; several shards become one.
+    /// Build report.html, trials.csv and summary.json again from result folders; several shards become one. Of a sweep: curves and contrasts.
     Report {
         /// Result folders.
         #[arg(required_unless_present_any = ["study", "lab_book"])]
@@ -130,7 +134,7 @@ pub enum Command {
 
 /// Commands by what people want to do, in the order of `ftac --help`.
 const GROUPS: [(&str, &[&str]); 5] = [
-    ("Run trials", &["demo", "bench", "trial", "transport"]),
+    ("Run trials", &["demo", "bench", "sweep", "trial", "transport"]),
     ("Look at results", &["view", "report", "export", "replay"]),
     ("Study the parts", &["study", "hand", "arm", "grasps", "touch", "optics"]),
     ("Drive the real robot", &["bridge", "twin"]),
@@ -184,6 +188,7 @@ pub fn run(cli: &Cli) -> Outcome {
     match &cli.command {
         Command::Demo(args) => demo::run(terminal, args),
         Command::Bench(args) => bench::benchmark(terminal, args),
+        Command::Sweep(command) => sweep::run(terminal, command),
         Command::Trial(args) => trial::trial(terminal, args),
         Command::Replay { recording, against: None } => replay::command(terminal, recording),
         Command::Replay { recording, against: Some(other) } => replay::against(terminal, recording, other),
@@ -193,6 +198,9 @@ pub fn run(cli: &Cli) -> Outcome {
         Command::Report { folders, study: true, .. } => study::report::of_folders(terminal, folders),
         Command::Report { lab_book: Some(figures), out, .. } => {
             lab_book::run(terminal, figures, out.as_deref(), &parse_arguments)
+        }
+        Command::Report { folders, out, .. } if folders.len() == 1 && ::sweep::folder::Folder::is_at(&folders[0]) => {
+            sweep::report(terminal, &folders[0], out.as_deref())
         }
         Command::Report { folders, out, .. } => bench::report(terminal, folders, out.as_deref()),
         Command::Study(args) => study::all::run(terminal, args),

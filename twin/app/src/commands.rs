@@ -17,6 +17,7 @@ mod scenario;
 pub mod schema;
 pub mod shell;
 pub mod study;
+pub mod sweep;
 mod tactile_backend;
 pub mod touch;
 pub mod transport;

@@ -35,7 +35,7 @@ pub struct Terminal {
 impl Terminal {
     /// A progress bar, whose length is not known yet; lines in a log, hidden where nothing but results is wanted.
     pub fn progress(&self) -> ProgressBar {
-        ProgressBar::with_draw_target(None, progress::target(self.quiet || self.json))
+        progress::open(self.quiet || self.json)
     }
 
     /// Prints what was made.

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 use anyhow::{Context, Result, bail};
 use report;
@@ -51,7 +51,7 @@ pub struct Options<'a> {
 }
 
 /// Units of a request, in order.
-fn units(request: &RunRequest) -> Vec<Unit> {
+pub fn units(request: &RunRequest) -> Vec<Unit> {
     let (shard, of) = request.shard;
     let ideal = request.conditions.contains(&Condition::Ideal).then_some(None);
     let trials = if request.noisy().is_empty() { 0 } else { request.trials };
@@ -71,7 +71,14 @@ fn recorded(record: Record, unit: Unit) -> bool {
     }
 }
 
-fn run_unit(bench: &Bench, request: &RunRequest, unit: Unit, folder: &Path, options: &Options) -> Result<TrialResults> {
+/// Plays one unit; its recording, if `options` ask for one, goes below `folder`.
+pub fn run_unit(
+    bench: &Bench,
+    request: &RunRequest,
+    unit: Unit,
+    folder: &Path,
+    options: &Options,
+) -> Result<TrialResults> {
     // What is done with real devices cannot be done again.
     let record = options.live || recorded(options.record, unit) || request.robot == "hardware";
     let condition = match unit.trial {
@@ -187,7 +194,6 @@ pub fn run(bench: &Bench, request: &RunRequest, journal: Journal, folder: &Path,
     let bar = progress::bar(all.len() as u64, "units", options.quiet);
     let resumed = all.len() - open.len();
     bar.set_position(resumed as u64);
-    bar.enable_steady_tick(Duration::from_secs(1));
     let journal = Mutex::new(journal);
     // On hardware each trial ends in order by itself.
     let interrupt = (request.robot != "hardware").then(Interrupt::catch).transpose()?;

@@ -8,6 +8,7 @@
 //! |---|---|
 //! | [`concepts`] | what is computed, each equation beside the function that computes it |
 //! | [`benchmark`] | you run the benchmark, and read what came out |
+//! | [`sweep`] | you have a question that takes many benchmarks: axes, Slurm, Parquet |
 //! | [`sensor`] | you own a camera-based tactile sensor |
 //! | [`hand`] | you own a hand, or an object that you want grasped |
 //! | [`python`] | you write Python: tactile images, learning environments, your own policy in the benchmark |
@@ -21,6 +22,9 @@ pub mod concepts {}
 
 #[doc = include_str!("../pages/benchmark.md")]
 pub mod benchmark {}
+
+#[doc = include_str!("../pages/sweep.md")]
+pub mod sweep {}
 
 #[doc = include_str!("../pages/sensor.md")]
 pub mod sensor {}

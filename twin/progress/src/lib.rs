@@ -4,20 +4,48 @@ use std::io::{self, IsTerminal as _, Write};
 use std::sync::Mutex;
 use std::time::{Duration, Instant};
 
-use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle, TermLike};
+pub use indicatif::ProgressBar;
+use indicatif::{ProgressDrawTarget, ProgressState, ProgressStyle, TermLike};
 
 /// How often a line goes into a log.
 const PERIOD: Duration = Duration::from_secs(30);
 /// Columns of a line in a log.
-const COLUMNS: u16 = 100;
+const COLUMNS: u16 = 160;
+/// How often a bar is drawn while nothing happens, so that a log has its lines in long steps, too.
+const TICK: Duration = Duration::from_secs(1);
 
-/// A bar of `length` steps, called `what`, on stderr; hidden if `quiet`. It shows steps, time spent and time left.
+/// A bar of `length` steps, called `what`, on stderr; hidden if `quiet`. It shows steps, time spent, time left and rate.
 pub fn bar(length: u64, what: &str, quiet: bool) -> ProgressBar {
-    let bar = ProgressBar::with_draw_target(Some(length), target(quiet));
-    let template = format!("{{bar:28}} {{pos}}/{{len}} {what} [{{elapsed}} < {{eta}}] {{msg}}");
-    match ProgressStyle::with_template(&template) {
-        Ok(style) => bar.with_style(style),
+    drawn(Some(length), what, quiet)
+}
+
+/// The same whose length is not known yet.
+pub fn open(quiet: bool) -> ProgressBar {
+    drawn(None, "", quiet)
+}
+
+fn drawn(length: Option<u64>, what: &str, quiet: bool) -> ProgressBar {
+    let bar = ProgressBar::with_draw_target(length, target(quiet));
+    let template = format!("{{bar:28}} {{pos}}/{{len}} {what} [{{elapsed}} < {{eta}}, {{rate}}] {{msg}}");
+    let bar = match ProgressStyle::with_template(&template) {
+        Ok(style) => bar.with_style(style.with_key("rate", |state: &ProgressState, to: &mut dyn std::fmt::Write| {
+            // A bar has nowhere to tell that it cannot be drawn.
+            let _ = to.write_str(&rate(state.per_sec()));
+        })),
         Err(_) => bar,
+    };
+    if !bar.is_hidden() {
+        bar.enable_steady_tick(TICK);
+    }
+    bar
+}
+
+/// Steps a second, or a minute or hour where they are slow.
+fn rate(per_second: f64) -> String {
+    match per_second {
+        fast if fast >= 1.0 => format!("{fast:.1}/s"),
+        slow if slow >= 1.0 / 60.0 => format!("{:.1}/min", 60.0 * slow),
+        slower => format!("{:.1}/h", 3600.0 * slower),
     }
 }
 
@@ -119,6 +147,11 @@ mod tests {
             state.flush(begun + Duration::from_secs(second)).expect("a log");
         }
         assert_eq!(String::from_utf8(state.out).expect("text"), "30/70 trials\n60/70 trials\n");
+    }
+
+    #[test]
+    fn rates_are_in_a_unit_that_can_be_read() {
+        assert_eq!([12.34, 0.5, 0.001, 0.0].map(rate), ["12.3/s", "30.0/min", "3.6/h", "0.0/h"]);
     }
 
     /// A bar's drawing arrives in a log as one line with what it counts.

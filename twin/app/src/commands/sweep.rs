@@ -1,0 +1,355 @@
+//! `ftac sweep`: many benchmarks along axes, on this machine or on Slurm.
+
+use std::fmt::Write as _;
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context as _, Result, bail};
+use clap::{Args, Subcommand};
+use serde_json::json;
+use sweep::file::Sweep;
+use sweep::folder::Folder;
+use sweep::merge::{Merged, merge};
+use sweep::plan::Plan;
+use sweep::slurm::{self, Submitted, Task};
+use sweep::status::status;
+use sweep::work::{self, Options};
+
+use crate::terminal::{Made, Outcome, Terminal};
+
+/// `sweep` commands.
+#[derive(Debug, Subcommand)]
+pub enum SweepCommand {
+    /// Say what a sweep comes to: points, trials, units of work, time and room.
+    Plan {
+        /// The sweep's file (TOML).
+        file: PathBuf,
+    },
+    /// Play a sweep on this machine; the same command goes on after an interruption, and joins others that play it.
+    Run(RunArgs),
+    /// Hand a sweep to Slurm: an array of workers, and a job that joins their results.
+    Submit(SubmitArgs),
+    /// Say how far a sweep is, and what Slurm says of its jobs.
+    Status {
+        /// The result folder.
+        folder: PathBuf,
+    },
+    /// Join the results of all finished units: a Parquet file a point, and a digest of what came out.
+    Merge {
+        /// The result folder.
+        folder: PathBuf,
+    },
+    /// Replay the recorded times of a sweep's units on 1 to 1,000 cores, and write it as a page.
+    Makespan {
+        /// The result folder of a sweep with units that were played.
+        folder: PathBuf,
+        /// Repeat its units until there are so many trials.
+        #[arg(long)]
+        trials: Option<usize>,
+        /// Take so many neighbouring units as one: what longer units would do.
+        #[arg(long, default_value_t = 1)]
+        join: usize,
+    },
+}
+
+/// Arguments of `sweep run`.
+#[derive(Debug, Args)]
+pub struct RunArgs {
+    /// The sweep's file (TOML), or the result folder of one that is to go on.
+    pub path: PathBuf,
+    /// Result folder; needed with a file.
+    #[arg(long)]
+    pub out: Option<PathBuf>,
+    /// Threads, each of which plays a unit; default: all cores.
+    #[arg(long)]
+    pub jobs: Option<usize>,
+    /// Only help: be worker i of n, as `i/n`, and do not wait for units that others play.
+    #[arg(long)]
+    pub worker: Option<String>,
+}
+
+/// Arguments of `sweep submit`.
+#[derive(Debug, Args)]
+pub struct SubmitArgs {
+    /// The sweep's file (TOML), or the result folder of one that is to go on.
+    pub path: PathBuf,
+    /// Result folder, which all nodes see; needed with a file.
+    #[arg(long)]
+    pub out: Option<PathBuf>,
+    /// Slurm partition; default: the cluster's.
+    #[arg(long)]
+    pub partition: Option<String>,
+    /// Workers at most.
+    #[arg(long, default_value_t = 100)]
+    pub max_jobs: usize,
+    /// Cores of a worker; it plays as many units at once.
+    #[arg(long, default_value_t = 1)]
+    pub cpus: usize,
+    /// Memory of a worker, such as 2G; default: the cluster's.
+    #[arg(long)]
+    pub memory: Option<String>,
+    /// Time limit of a worker, such as 4:00:00; default: the partition's. A worker that reaches it is not requeued: the sweep is submitted again.
+    #[arg(long)]
+    pub time: Option<String>,
+    /// How often the sweep has submitted itself again.
+    #[arg(long, default_value_t = 0, hide = true)]
+    pub round: u32,
+}
+
+/// Runs a command.
+pub fn run(terminal: &Terminal, command: &SweepCommand) -> Outcome {
+    match command {
+        SweepCommand::Plan { file } => plan(terminal, file),
+        SweepCommand::Run(args) => play(terminal, args),
+        SweepCommand::Submit(args) => submit(terminal, args),
+        SweepCommand::Status { folder } => tell_status(terminal, folder),
+        SweepCommand::Merge { folder } => join(terminal, folder),
+        SweepCommand::Makespan { folder, trials, join } => makespan(terminal, folder, *trials, *join),
+    }
+}
+
+/// A duration as people say it.
+fn time(seconds: f64) -> String {
+    report::html::duration(seconds)
+}
+
+fn plan(terminal: &Terminal, file: &Path) -> Outcome {
+    let plan = Plan::of(&Sweep::read(file)?)?;
+    let cores = bench::workers::available();
+    let (units, rows, bytes) = (plan.units.len(), plan.rows(), plan.bytes()?);
+    let here = plan.core_s / cores.min(units) as f64;
+    let mut text = format!("{}\n\n", plan.name);
+    for axis in &plan.axes {
+        let levels: Vec<String> = axis.levels.iter().take(12).map(ToString::to_string).collect();
+        let more = if axis.levels.len() > 12 { ", ..." } else { "" };
+        let _ = writeln!(text, "{:28} {:>6}  {}{more}", axis.name, axis.levels.len(), levels.join(", "));
+    }
+    let names: Vec<&str> = plan.policies.iter().map(|policy| policy.name()).collect();
+    let _ = writeln!(text, "{:28} {:>6}", "seed", plan.seeds.len());
+    let _ = writeln!(text, "{:28} {:>6}  {}", "policy", names.len(), names.join(", "));
+    if !plan.ablations.is_empty() {
+        let names: Vec<&str> = plan.ablations.iter().map(|ablation| ablation.name()).collect();
+        let _ = writeln!(text, "{:28} {:>6}  {}", "ablation", names.len(), names.join(", "));
+    }
+    let _ = writeln!(text, "{:28} {:>6}", "pairs of objects", plan.combos);
+    let _ = writeln!(text, "{:28} {:>6}", "trials of a pair", plan.trials);
+    let _ = writeln!(
+        text,
+        "\n{} points, {rows} trials (one under one policy each), {units} units of work\nabout {} of one core, {} on the {cores} of this machine; about {:.0} MB",
+        plan.points(),
+        time(plan.core_s),
+        time(here),
+        bytes / 1e6
+    );
+    let units: Vec<&str> = plan.units.iter().map(|unit| unit.id.as_str()).collect();
+    let json = json!({
+        "name": plan.name, "points": plan.points(), "trials": rows, "units": units, "core_s": plan.core_s,
+        "wall_s": here, "bytes": bytes, "sweep": plan.digest(),
+    });
+    terminal.finish(Made { json, text, shortfall: None })
+}
+
+/// The result folder that is asked for: of a file and `--out`, or one that is there.
+fn folder(path: &Path, out: Option<&Path>) -> Result<Folder> {
+    match (path.is_dir(), out) {
+        (true, None) => Folder::open(path),
+        (true, Some(out)) => bail!(
+            "--out: found {} beside the folder {}, expected it with a sweep's file only",
+            out.display(),
+            path.display()
+        ),
+        (false, Some(out)) => Folder::join(out, Plan::of(&Sweep::read(path)?)?),
+        (false, None) => bail!("--out: found nothing, expected the folder for the results of {}", path.display()),
+    }
+}
+
+/// `i/n`.
+fn worker(text: &str) -> Result<(usize, usize)> {
+    let parts = text.split_once('/').and_then(|(i, n)| Some((i.parse().ok()?, n.parse().ok()?)));
+    match parts {
+        Some((i, n)) if (1..=n).contains(&i) => Ok((i, n)),
+        _ => bail!("--worker: found `{text}`, expected i/n with 1 <= i <= n, such as 1/2"),
+    }
+}
+
+fn play(terminal: &Terminal, args: &RunArgs) -> Outcome {
+    if args.jobs == Some(0) {
+        bail!("--jobs: found 0, expected at least 1");
+    }
+    let worker = args.worker.as_deref().map(worker).transpose()?;
+    let folder = folder(&args.path, args.out.as_deref())?;
+    let jobs = args.jobs.unwrap_or_else(bench::workers::available);
+    let quiet = terminal.quiet || terminal.json;
+    let done = work::work(&folder, Options { jobs, quiet, worker })?;
+    let failed: Vec<_> = done.failed.iter().map(|(unit, reason)| json!({ "unit": unit, "reason": reason })).collect();
+    let mut json = json!({
+        "folder": folder.path, "played": done.played, "finished": done.finished, "units": done.of, "failed": failed,
+        "wall_s": done.wall_s, "merged": null,
+    });
+    let mut text = format!(
+        "{} of {} units are finished, {} of them played by this worker in {}\n",
+        done.finished,
+        done.of,
+        done.played,
+        time(done.wall_s)
+    );
+    let mut shortfall = done.failed.first().map(|(unit, reason)| {
+        let of = done.failed.len();
+        format!("{of} of {} units failed; the first is {unit}: {reason}", done.of)
+    });
+    // One of many workers leaves that to the job that comes behind them.
+    if worker.is_none() && done.finished > 0 {
+        let merged = merge(&folder, quiet)?;
+        text += &tell_merged(&folder, &merged);
+        json["merged"] = merged_json(&merged);
+        shortfall = shortfall.or_else(|| short(&merged));
+    }
+    terminal.finish(Made { json, text, shortfall })
+}
+
+fn merged_json(merged: &Merged) -> serde_json::Value {
+    let broken: Vec<_> = merged.broken.iter().map(|(unit, reason)| json!({ "unit": unit, "reason": reason })).collect();
+    json!({
+        "units": merged.units, "missing": merged.missing, "broken": broken, "trials": merged.trials, "tries": merged.tries,
+        "core_s": merged.core_s, "digest": merged.digest,
+    })
+}
+
+fn tell_merged(folder: &Folder, merged: &Merged) -> String {
+    let mut text = String::new();
+    for (unit, reason) in &merged.broken {
+        let _ =
+            writeln!(text, "unit {unit} is broken: {reason}; it is kept in {}", folder.path.join("corrupt").display());
+    }
+    let _ = writeln!(
+        text,
+        "{} trials and {} tries in {}; digest {}\na page: `ftac report {}`",
+        merged.trials,
+        merged.tries,
+        folder.path.join("merged").display(),
+        merged.digest,
+        folder.path.display()
+    );
+    text
+}
+
+/// In which respect joined results fall short.
+fn short(merged: &Merged) -> Option<String> {
+    (merged.missing > 0).then(|| format!("{} of {} units are missing", merged.missing, merged.missing + merged.units))
+}
+
+fn join(terminal: &Terminal, path: &Path) -> Outcome {
+    let folder = Folder::open(path)?;
+    let merged = merge(&folder, terminal.quiet || terminal.json)?;
+    let (json, text) = (merged_json(&merged), tell_merged(&folder, &merged));
+    terminal.finish(Made { json, text, shortfall: short(&merged) })
+}
+
+fn submit(terminal: &Terminal, args: &SubmitArgs) -> Outcome {
+    for (name, value) in [("--max-jobs", args.max_jobs), ("--cpus", args.cpus)] {
+        if value == 0 {
+            bail!("{name}: found 0, expected at least 1");
+        }
+    }
+    let folder = folder(&args.path, args.out.as_deref())?;
+    // Jobs begin elsewhere.
+    let folder = Folder { path: folder.path.canonicalize().context("--out")?, ..folder };
+    let options = slurm::Options {
+        partition: args.partition.clone(),
+        max_jobs: args.max_jobs,
+        cpus: args.cpus,
+        memory: args.memory.clone(),
+        time: args.time.clone(),
+        round: args.round,
+    };
+    let program = std::env::current_exe().context("the program's own path")?;
+    let submitted = slurm::submit(&folder, &program, &options)?;
+    let (what, jobs, text) = match &submitted {
+        Submitted::New(jobs) => {
+            let text = format!(
+                "{} workers are job {1}, job {2} joins their results; see `ftac sweep status {3}`; `scancel {2} {1}` ends it\n",
+                jobs.workers,
+                jobs.array,
+                jobs.merge,
+                folder.path.display()
+            );
+            ("submitted", Some(jobs), text)
+        }
+        Submitted::Joined(jobs) => (
+            "joined",
+            Some(jobs),
+            format!("jobs {} and {} of this sweep are under way already\n", jobs.array, jobs.merge),
+        ),
+        Submitted::Finished => {
+            let path = folder.path.display();
+            ("finished", None, format!("all units are finished; join them with `ftac sweep merge {path}`\n"))
+        }
+    };
+    let json = json!({
+        "folder": folder.path, "outcome": what, "array": jobs.map(|jobs| jobs.array), "merge": jobs.map(|jobs| jobs.merge),
+        "workers": jobs.map(|jobs| jobs.workers),
+    });
+    terminal.finish(Made { json, text, shortfall: None })
+}
+
+fn tell_status(terminal: &Terminal, path: &Path) -> Outcome {
+    let folder = Folder::open(path)?;
+    let now = status(&folder)?;
+    let jobs = slurm::jobs(&folder)?;
+    let tasks: Result<Vec<Task>> = jobs.as_ref().map_or_else(|| Ok(Vec::new()), slurm::queue);
+    let number = |value: Option<f64>| value.map_or("-".to_owned(), |value| format!("{value:.0}"));
+    let mut text = format!(
+        "{}\n{:>8} of {} units finished, {} running, {} failed\n{:>8} of {} trials, {} a minute, {} left\n",
+        folder.plan.name,
+        now.finished,
+        now.of,
+        now.running,
+        now.failed.len(),
+        now.trials,
+        now.of_trials,
+        number(now.trials_per_minute),
+        now.left_s.map_or("-".to_owned(), time)
+    );
+    for (unit, failure) in &now.failed {
+        let _ = writeln!(text, "unit {unit} failed on {}: {}", failure.by, failure.reason);
+    }
+    let mut unheard = None;
+    match &tasks {
+        Ok(tasks) => {
+            for task in tasks {
+                let _ = writeln!(text, "job {:14} {:12} {:>4} {}", task.id, task.state, task.count, task.reason);
+            }
+        }
+        Err(error) => {
+            unheard = Some(format!("{error:#}"));
+            let _ = writeln!(text, "Slurm does not say how its jobs are: {error:#}");
+        }
+    }
+    let failed: Vec<_> = now
+        .failed
+        .iter()
+        .map(|(unit, failure)| json!({ "unit": unit, "reason": failure.reason, "by": failure.by }))
+        .collect();
+    let json = json!({
+        "name": folder.plan.name, "finished": now.finished, "units": now.of, "running": now.running, "failed": failed,
+        "trials": now.trials, "of_trials": now.of_trials, "trials_per_minute": now.trials_per_minute, "left_s": now.left_s,
+        "jobs": tasks.unwrap_or_default(), "slurm_error": unheard,
+    });
+    terminal.finish(Made { json, text, shortfall: None })
+}
+
+fn makespan(terminal: &Terminal, path: &Path, trials: Option<usize>, join: usize) -> Outcome {
+    if join == 0 {
+        bail!("--join: found 0, expected at least 1");
+    }
+    let folder = Folder::open(path)?;
+    let (points, text) = sweep::page::makespan(&folder, trials, join)?;
+    terminal.finish(Made { json: json!({ "points": points }), text, shortfall: None })
+}
+
+/// `ftac report` of a sweep's folder.
+pub fn report(terminal: &Terminal, path: &Path, out: Option<&Path>) -> Outcome {
+    let folder = Folder::open(path)?;
+    let made = sweep::page::report(&folder, out.unwrap_or(path))?;
+    let text = format!("{}results in {}: report.html, curves.csv, contrasts.csv\n", made.text, made.folder.display());
+    terminal.finish(Made { json: made.json, text, shortfall: None })
+}

@@ -1,0 +1,344 @@
+//! What can vary in a sweep: fields of a run, and any field of its scenario.
+
+use std::path::{Path, PathBuf};
+
+use bench::journal::RunRequest;
+use control::policy::Uncertainty;
+use hand_model::data::{DataError, read_text};
+use scenarios::effects::Effect;
+use scenarios::{Ablation, Condition, Scenario};
+use toml::{Table, Value};
+
+use crate::near::near;
+
+/// What an axis without a scenario's field varies.
+const FIELDS: [&str; 8] = ["seed", "policy", "ablation", "robot", "scenario", "noise_scale", "without", "uncertainty"];
+/// What the name of an axis over a field of the scenario begins with.
+const SCENARIO: &str = "scenario.";
+/// Bodies that a sweep can play on: nobody stands beside it.
+const ROBOTS: [&str; 3] = ["sim", "emulated", "rounded"];
+
+/// What an axis varies.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Field {
+    Seed,
+    /// Conditions of a trial: they are played from the same errors and are compared trial by trial.
+    Policy,
+    /// The policy `touch` without one of its means, on the same trials.
+    Ablation,
+    Robot,
+    /// Scenario files.
+    Scenario,
+    /// Factor of the scenario's noise.
+    NoiseScale,
+    /// Effects that are off, as `bench --without` takes them.
+    Without,
+    /// Files of what the controller expects to go wrong.
+    Uncertainty,
+    /// A field of the scenario: its path, with dots.
+    OfScenario(String),
+}
+
+impl Field {
+    /// Of an axis in `path`.
+    pub fn parse(name: &str, path: &Path) -> Result<Self, DataError> {
+        Ok(match name {
+            "seed" => Self::Seed,
+            "policy" => Self::Policy,
+            "ablation" => Self::Ablation,
+            "robot" => Self::Robot,
+            "scenario" => Self::Scenario,
+            "noise_scale" => Self::NoiseScale,
+            "without" => Self::Without,
+            "uncertainty" => Self::Uncertainty,
+            _ => match name.strip_prefix(SCENARIO) {
+                Some(field) if !field.is_empty() => Self::OfScenario(field.to_owned()),
+                _ => {
+                    let fields = scenario_fields(&Scenario::benchmark());
+                    let prefixed: Vec<String> = fields.iter().map(|field| format!("{SCENARIO}{field}")).collect();
+                    let near = near(name, FIELDS.into_iter().chain(prefixed.iter().map(String::as_str)));
+                    let expected = format!(
+                        "one of {}, or a field of the scenario such as scenario.noise.perception.xy_sigma; near it: {}",
+                        FIELDS.join(", "),
+                        near.join(", ")
+                    );
+                    return Err(DataError::field(path, format!("axes.{name}"), "a name of no field", expected));
+                }
+            },
+        })
+    }
+}
+
+/// A value of an axis.
+#[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize)]
+#[serde(untagged)]
+pub enum Level {
+    Whole(i64),
+    Number(f64),
+    Flag(bool),
+    Text(String),
+    /// Of a field that is a list.
+    List(Vec<Value>),
+}
+
+impl Level {
+    /// Of a value in a file; none of a table.
+    pub fn of(value: &Value) -> Option<Self> {
+        Some(match value {
+            Value::Integer(whole) => Self::Whole(*whole),
+            Value::Float(number) => Self::Number(*number),
+            Value::Boolean(flag) => Self::Flag(*flag),
+            Value::String(text) => Self::Text(text.clone()),
+            Value::Array(list) => Self::List(list.clone()),
+            Value::Table(_) | Value::Datetime(_) => return None,
+        })
+    }
+
+    fn value(&self) -> Value {
+        match self {
+            Self::Whole(whole) => Value::Integer(*whole),
+            Self::Number(number) => Value::Float(*number),
+            Self::Flag(flag) => Value::Boolean(*flag),
+            Self::Text(text) => Value::String(text.clone()),
+            Self::List(list) => Value::Array(list.clone()),
+        }
+    }
+
+    /// As a number, where it is one.
+    pub fn number(&self) -> Option<f64> {
+        match self {
+            Self::Whole(whole) => Some(*whole as f64),
+            Self::Number(number) => Some(*number),
+            Self::Flag(_) | Self::Text(_) | Self::List(_) => None,
+        }
+    }
+}
+
+impl std::fmt::Display for Level {
+    fn fmt(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::Whole(whole) => write!(formatter, "{whole}"),
+            Self::Number(number) => write!(formatter, "{number}"),
+            Self::Flag(flag) => write!(formatter, "{flag}"),
+            Self::Text(text) => formatter.write_str(if text.is_empty() { "none" } else { text }),
+            Self::List(list) => formatter.write_str(&Value::Array(list.clone()).to_string()),
+        }
+    }
+}
+
+/// A run that is being put together, one axis after the other.
+#[derive(Debug, Clone)]
+pub struct Draft {
+    /// Where the sweep's file is; files that it names are relative to it.
+    pub file: PathBuf,
+    pub request: RunRequest,
+    /// Fields of the scenario that are set at the end: path and value.
+    pub set: Vec<(String, Level)>,
+}
+
+impl Draft {
+    /// An error about a value of axis `name`.
+    fn wrong(&self, name: &str, found: impl ToString, expected: impl Into<String>) -> DataError {
+        DataError::field(&self.file, format!("axes.{name}"), found, expected)
+    }
+
+    fn beside(&self, name: &str) -> PathBuf {
+        self.file.parent().unwrap_or(Path::new("")).join(name)
+    }
+
+    /// The same with `level` in `field`.
+    pub fn with(mut self, field: &Field, level: &Level) -> Result<Self, DataError> {
+        match (field, level) {
+            (Field::Seed, Level::Whole(seed)) if *seed >= 0 => self.request.seed = seed.unsigned_abs(),
+            (Field::Seed, other) => return Err(self.wrong("seed", other, "whole numbers from 0 on")),
+            (Field::Robot, Level::Text(robot)) if ROBOTS.contains(&robot.as_str()) => {
+                self.request.robot = robot.clone()
+            }
+            (Field::Robot, other) => return Err(self.wrong("robot", other, format!("one of {}", ROBOTS.join(", ")))),
+            (Field::NoiseScale, level) => match level.number() {
+                Some(scale) if (0.0..=10.0).contains(&scale) => self.request.noise_scale = scale,
+                _ => return Err(self.wrong("noise_scale", level, "numbers from 0 to 10")),
+            },
+            (Field::Without, Level::Text(names)) => {
+                let names: Vec<&str> = names.split(',').map(str::trim).filter(|name| !name.is_empty()).collect();
+                self.request.without = match names[..] {
+                    ["all"] => Effect::ALL.to_vec(),
+                    _ => names
+                        .iter()
+                        .map(|name| {
+                            name.parse::<Effect>().map_err(|error| self.wrong("without", name, error.to_string()))
+                        })
+                        .collect::<Result<_, _>>()?,
+                };
+            }
+            (Field::Without, other) => {
+                return Err(self.wrong("without", other, "texts with names of effects, such as \"eyes,arm\""));
+            }
+            (Field::Uncertainty, Level::Text(file)) => {
+                let path = self.beside(file);
+                let text = read_text(&path)?;
+                Uncertainty::parse(&text, &path)?;
+                self.request.uncertainty = Some(text);
+            }
+            (Field::Uncertainty, other) => return Err(self.wrong("uncertainty", other, "names of files")),
+            (Field::Scenario, Level::Text(name)) => {
+                self.request.scenario = match name.as_str() {
+                    "benchmark" => scenarios::scenario::BENCHMARK.to_owned(),
+                    file => {
+                        let path = self.beside(file);
+                        Scenario::self_contained(&read_text(&path)?, &path)?
+                    }
+                };
+            }
+            (Field::Scenario, other) => {
+                return Err(self.wrong("scenario", other, "names of scenario files, or \"benchmark\""));
+            }
+            (Field::OfScenario(field), level) => self.set.push((field.clone(), level.clone())),
+            // These are not different runs.
+            (Field::Policy | Field::Ablation, _) => {}
+        }
+        Ok(self)
+    }
+
+    /// The run, once everything about it is known to be good.
+    pub fn finish(mut self) -> Result<RunRequest, DataError> {
+        if !self.set.is_empty() {
+            self.request.scenario = self.scenario_text()?;
+        }
+        let scenario = Scenario::parse(&self.request.scenario, &self.file)?;
+        let request = &self.request;
+        if request.combos > scenario.combinations() {
+            let expected = format!("at most the scenario's {} pairs", scenario.combinations());
+            return Err(DataError::field(&self.file, "combos", request.combos, expected));
+        }
+        if request.robot != "sim" {
+            let other = [
+                (request.noise_scale != 1.0, "noise_scale"),
+                (!request.ablations.is_empty(), "ablation"),
+                (!scenario.disturbance.is_none(), "a scenario with a [disturbance]"),
+            ];
+            if let Some((_, what)) = other.iter().find(|(is, _)| *is) {
+                let found = format!("{} with {what}", request.robot);
+                return Err(self.wrong("robot", found, "sim, the only body that it can be done with"));
+            }
+        }
+        if !request.ablations.is_empty() && !scenario.disturbance.disabled().is_empty() {
+            return Err(self.wrong("ablation", "a scenario with disabled_digits", "one of them"));
+        }
+        Ok(self.request)
+    }
+
+    /// The scenario with the fields that are set.
+    fn scenario_text(&self) -> Result<String, DataError> {
+        let scenario = Scenario::parse(&self.request.scenario, &self.file)?;
+        let table = |scenario: &Scenario| {
+            Table::try_from(scenario)
+                .map_err(|error| DataError::field(&self.file, "scenario", error, "what TOML holds"))
+        };
+        let mut edited = table(&scenario)?;
+        for (field, level) in &self.set {
+            if place(&mut edited, field, level.value()).is_none() {
+                return Err(self.no_field(&scenario, field));
+            }
+        }
+        let text = edited.to_string();
+        let names: Vec<String> = self.set.iter().map(|(field, _)| format!("axes.{SCENARIO}{field}")).collect();
+        let parsed = Scenario::parse(&text, Path::new("scenario")).map_err(|error| {
+            let unknown = error.to_string().contains("unknown field");
+            match self.set.iter().find(|(field, _)| unknown && !has(&scenario, field)) {
+                Some((field, _)) => self.no_field(&scenario, field),
+                None => DataError::field(&self.file, names.join(", "), error, "values that the scenario takes"),
+            }
+        })?;
+        // A field that the scenario does not know must not be swept in vain.
+        let mut read_back = table(&parsed)?;
+        for (field, level) in &self.set {
+            let found = place(&mut read_back, field, level.value());
+            let same = found.is_some_and(|found| match (&found, level.number()) {
+                (Some(Value::Float(found)), Some(number)) => *found == number,
+                (Some(found), _) => *found == level.value(),
+                (None, _) => false,
+            });
+            if !same {
+                return Err(self.no_field(&scenario, field));
+            }
+        }
+        Ok(text)
+    }
+
+    fn no_field(&self, scenario: &Scenario, field: &str) -> DataError {
+        let fields = scenario_fields(scenario);
+        let expected =
+            format!("a field of the scenario; near it: {}", near(field, fields.iter().map(String::as_str)).join(", "));
+        DataError::field(&self.file, format!("axes.{SCENARIO}{field}"), "a name of no field", expected)
+    }
+}
+
+/// Puts `value` where `path` says and returns what stood there; outer none if the path leads through what is no table.
+fn place(table: &mut Table, path: &str, value: Value) -> Option<Option<Value>> {
+    match path.split_once('.') {
+        None => Some(match (table.get(path), value) {
+            // Whole numbers are numbers, too.
+            (Some(Value::Float(_)), Value::Integer(whole)) => table.insert(path.to_owned(), Value::Float(whole as f64)),
+            (_, value) => table.insert(path.to_owned(), value),
+        }),
+        Some((first, rest)) => match table.entry(first.to_owned()).or_insert_with(|| Value::Table(Table::new())) {
+            Value::Table(inner) => place(inner, rest, value),
+            Value::Array(list) => {
+                let slot = list.get_mut(rest.parse::<usize>().ok()?)?;
+                Some(Some(std::mem::replace(slot, value)))
+            }
+            _ => None,
+        },
+    }
+}
+
+fn has(scenario: &Scenario, field: &str) -> bool {
+    scenario_fields(scenario).iter().any(|known| known == field)
+}
+
+/// Paths of all fields that a scenario has.
+fn scenario_fields(scenario: &Scenario) -> Vec<String> {
+    fn leaves(table: &Table, prefix: &str, into: &mut Vec<String>) {
+        for (key, value) in table {
+            let path = format!("{prefix}{key}");
+            match value {
+                Value::Table(inner) => leaves(inner, &format!("{path}."), into),
+                _ => into.push(path),
+            }
+        }
+    }
+    let mut fields = Vec::new();
+    if let Ok(table) = Table::try_from(scenario) {
+        leaves(&table, "", &mut fields);
+    }
+    fields
+}
+
+/// Names of an axis over policies or ablations, in the order of the benchmark.
+pub fn names<T: std::str::FromStr + Ord>(name: &str, levels: &[Level], file: &Path) -> Result<Vec<T>, DataError>
+where
+    T::Err: std::fmt::Display,
+{
+    let wrong = |found: &Level, expected: String| DataError::field(file, format!("axes.{name}"), found, expected);
+    let mut found = levels
+        .iter()
+        .map(|level| match level {
+            Level::Text(text) => text.parse::<T>().map_err(|error| wrong(level, error.to_string())),
+            other => Err(wrong(other, "texts".to_owned())),
+        })
+        .collect::<Result<Vec<T>, _>>()?;
+    found.sort();
+    found.dedup();
+    Ok(found)
+}
+
+/// [`names`] of conditions.
+pub fn policies(levels: &[Level], file: &Path) -> Result<Vec<Condition>, DataError> {
+    names("policy", levels, file)
+}
+
+/// [`names`] of ablations.
+pub fn ablations(levels: &[Level], file: &Path) -> Result<Vec<Ablation>, DataError> {
+    names("ablation", levels, file)
+}

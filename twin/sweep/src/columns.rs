@@ -1,0 +1,193 @@
+//! What is kept of a trial and of a try: the columns of a sweep's Parquet files, their meaning and their version.
+//!
+//! A file has these columns in this order, with one `axis_...` column for each axis behind `seed`. All may be empty (null) in principle; those
+//! not said to be empty sometimes never are. The file's metadata name the version (`ftac.schema`), the unit (`ftac.unit`) and the program.
+
+use crate::axis::Level;
+use crate::plan::PlannedAxis;
+
+/// Version of the tables. A column that is added, renamed or means something else makes a new one.
+pub const VERSION: u32 = 1;
+
+/// What a column holds.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Kind {
+    /// INT64.
+    Whole,
+    /// DOUBLE.
+    Number,
+    /// BOOLEAN.
+    Flag,
+    /// UTF-8.
+    Text,
+}
+
+/// A column.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Column {
+    pub name: String,
+    pub kind: Kind,
+    /// What it means; units SI unless its name says otherwise.
+    pub about: &'static str,
+}
+
+/// Which table.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Which {
+    /// A row a trial and condition.
+    Trials,
+    /// A row a try.
+    Tries,
+}
+
+impl Which {
+    pub const ALL: [Self; 2] = [Self::Trials, Self::Tries];
+
+    /// Of its folder.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Trials => "trials",
+            Self::Tries => "tries",
+        }
+    }
+
+    /// Its columns in a sweep with `axes`.
+    pub fn columns(self, axes: &[PlannedAxis]) -> Vec<Column> {
+        let fixed =
+            |&(name, kind, about): &(&'static str, Kind, &'static str)| Column { name: name.into(), kind, about };
+        let axis = |axis: &PlannedAxis| {
+            let numbers = axis.levels.iter().all(|level| level.number().is_some());
+            let flags = axis.levels.iter().all(|level| matches!(level, Level::Flag(_)));
+            let kind = if numbers {
+                Kind::Number
+            } else if flags {
+                Kind::Flag
+            } else {
+                Kind::Text
+            };
+            Column { name: axis.column.clone(), kind, about: "value of the axis" }
+        };
+        let own: Vec<Column> = match self {
+            Self::Trials => TRIALS.iter().map(fixed).collect(),
+            Self::Tries => TRIES.iter().map(fixed).chain(covariance()).collect(),
+        };
+        PLACE.iter().map(fixed).chain(axes.iter().map(axis)).chain(own).collect()
+    }
+}
+
+use Kind::{Flag, Number, Text, Whole};
+
+/// Columns that hold wall time: they differ from run to run, and are no part of a result's digest.
+pub const WALL: [&str; 1] = ["decision_ms"];
+
+/// Where in the sweep a row belongs.
+pub const PLACE: [(&str, Kind, &str); 4] = [
+    ("point", Whole, "number of the point, from 0: one value of each axis but seed, policy and ablation"),
+    ("unit", Text, "the unit of work that played it"),
+    ("robot", Text, "body: sim, emulated or rounded"),
+    ("seed", Whole, "seed of everything random"),
+];
+
+const ID: [(&str, Kind, &str); 3] = [
+    ("combination", Whole, "pair of objects, from 0"),
+    ("trial", Whole, "number of the trial within its combination, from 0; 0 under ideal"),
+    ("policy", Text, "condition: ideal, blind, reflex or touch"),
+];
+
+/// Of a trial, as in `trials.csv`.
+const TRIALS: [(&str, Kind, &str); 23] = [
+    ID[0],
+    ID[1],
+    ID[2],
+    ("ablation", Text, "what was taken from touch; empty where nothing was"),
+    ("first", Text, "first object"),
+    ("second", Text, "second object"),
+    ("contact", Flag, "an unwanted contact in any try"),
+    ("contact_with", Text, "with what the first one was; empty without"),
+    ("contact_s", Number, "when, s since the trial began; empty without"),
+    ("contact_n", Number, "its greatest force, N; empty without"),
+    ("success", Flag, "both objects held at the end"),
+    ("clean_success", Flag, "success without any unwanted contact"),
+    ("cause", Text, "cause of a failure; empty on success"),
+    ("switched", Flag, "the policy left the planned strategy"),
+    ("retries", Whole, "how often a grasp was tried again"),
+    ("reason", Text, "why the policy switched and tried again, or did not"),
+    ("disturbance", Text, "what was done to the trial beside noise"),
+    ("risk", Number, "predicted probability of an unwanted contact; empty where none was made"),
+    ("pose_error_mm", Number, "of the first object in the hand, mm; empty where it was not felt"),
+    ("pose_error_deg", Number, "the same, deg"),
+    ("prior_error_mm", Number, "of the plan's guess, mm"),
+    ("sim_seconds", Number, "simulated time, s"),
+    ("decision_ms", Number, "slowest decision, ms of wall time: differs from run to run; empty without a decision"),
+];
+
+/// Of a try, as in `tries.csv`, with lists as columns. The covariance follows.
+const TRIES: [(&str, Kind, &str); 26] = [
+    ID[0],
+    ID[1],
+    ID[2],
+    ("try", Whole, "number within its trial, from 0"),
+    ("object", Text, "first or second"),
+    ("grasp", Whole, "number of the grasp"),
+    ("why", Text, "why this grasp"),
+    ("clearance_mm", Number, "predicted, mm; may be empty"),
+    ("risk", Number, "predicted probability of an unwanted contact; may be empty"),
+    ("felt_x", Number, "first object as felt, m, palm frame; the six are empty where it was not felt"),
+    ("felt_y", Number, "m"),
+    ("felt_z", Number, "m"),
+    ("felt_rx", Number, "rotation vector, rad"),
+    ("felt_ry", Number, "rad"),
+    ("felt_rz", Number, "rad"),
+    ("contact_with", Text, "with what the first unwanted contact was; empty without, and so are the next"),
+    ("contact_by", Text, "what touched: first_object, palm, or a link by its number"),
+    ("contact_s", Number, "when, s since the trial began"),
+    ("contact_phase", Text, "in which phase"),
+    ("contact_x", Number, "where, m, world"),
+    ("contact_y", Number, "m"),
+    ("contact_z", Number, "m"),
+    ("contact_n", Number, "greatest force, N"),
+    ("picked", Flag, "the object was in the hand when its lift had ended; empty where it was not lifted"),
+    ("begun_s", Number, "s since the trial began"),
+    ("ended_s", Number, "s since the trial began"),
+];
+
+/// Names of the felt pose's six coordinates.
+pub const POSE: [&str; 6] = ["x", "y", "z", "rx", "ry", "rz"];
+
+/// Upper triangle of the felt pose's covariance, row by row.
+fn covariance() -> impl Iterator<Item = Column> {
+    let pairs = (0..6).flat_map(|row| (row..6).map(move |column| (POSE[row], POSE[column])));
+    pairs.map(|(row, column)| Column {
+        name: format!("cov_{row}_{column}"),
+        kind: Kind::Number,
+        about: "covariance of the felt pose, m and rad",
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeSet;
+
+    use super::*;
+
+    /// The tables keep everything that `trials.csv` does.
+    #[test]
+    fn no_column_of_a_trial_is_left_out() {
+        let own: BTreeSet<String> = Which::Trials.columns(&[]).into_iter().map(|column| column.name).collect();
+        for name in scenarios::record::COLUMNS {
+            // The sweep's word for what the benchmark calls a condition.
+            let name = if name == "condition" { "policy" } else { name };
+            assert!(own.contains(name), "{name}");
+        }
+        assert_eq!(own.len(), scenarios::record::COLUMNS.len() + PLACE.len() + 1);
+    }
+
+    #[test]
+    fn names_are_there_once() {
+        for which in Which::ALL {
+            let columns = which.columns(&[]);
+            let names: BTreeSet<&str> = columns.iter().map(|column| column.name.as_str()).collect();
+            assert_eq!(names.len(), columns.len());
+        }
+    }
+}

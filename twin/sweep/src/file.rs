@@ -1,0 +1,156 @@
+//! The file of a sweep: what is played at every point, and the axes that the points lie on.
+
+use std::path::{Path, PathBuf};
+
+use hand_model::data::{DataError, parse_toml, read_text};
+use serde::Deserialize;
+use toml::{Table, Value};
+
+use crate::axis::{Field, Level};
+
+/// The version of sweep files this crate reads.
+pub const VERSION: u32 = 1;
+/// Most values of an axis.
+const MOST: usize = 100_000;
+
+/// A sweep as its file has it.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct SweepFile {
+    version: u32,
+    name: String,
+    #[serde(default = "combinations")]
+    combos: usize,
+    trials: usize,
+    #[serde(default = "minutes")]
+    unit_minutes: f64,
+    #[serde(default)]
+    axes: Table,
+}
+
+/// As the benchmark has.
+fn combinations() -> usize {
+    60
+}
+
+fn minutes() -> f64 {
+    3.0
+}
+
+/// An axis and its values.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Axis {
+    /// As the file writes it.
+    pub name: String,
+    pub field: Field,
+    /// Each once, in the file's order.
+    pub levels: Vec<Level>,
+}
+
+/// A sweep.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Sweep {
+    /// The file, for errors and for files that it names.
+    pub file: PathBuf,
+    /// For people.
+    pub name: String,
+    /// Pairs of objects at every point.
+    pub combos: usize,
+    /// Trials of each pair.
+    pub trials: usize,
+    /// How long a unit of work takes one core, about, min.
+    pub unit_minutes: f64,
+    /// By name.
+    pub axes: Vec<Axis>,
+}
+
+impl Sweep {
+    /// Reads and checks a file.
+    pub fn read(path: &Path) -> Result<Self, DataError> {
+        Self::parse(&read_text(path)?, path)
+    }
+
+    /// Of a file's text; `path` is used in errors, and files that it names are looked for beside it.
+    pub fn parse(text: &str, path: &Path) -> Result<Self, DataError> {
+        let file: SweepFile = parse_toml(text, path)?;
+        let wrong = |field: &str, found: String, expected: &str| Err(DataError::field(path, field, found, expected));
+        if file.version != VERSION {
+            return wrong("version", file.version.to_string(), &VERSION.to_string());
+        }
+        for (field, value) in [("combos", file.combos), ("trials", file.trials)] {
+            if value == 0 {
+                return wrong(field, "0: an empty sweep".to_owned(), "at least 1");
+            }
+        }
+        if !(file.unit_minutes > 0.0 && file.unit_minutes <= 1440.0) {
+            return wrong("unit_minutes", file.unit_minutes.to_string(), "more than 0 and at most 1440");
+        }
+        let axes = file.axes.iter().map(|(name, value)| axis(name, value, path)).collect::<Result<Vec<_>, _>>()?;
+        Ok(Self {
+            file: path.to_owned(),
+            name: file.name,
+            combos: file.combos,
+            trials: file.trials,
+            unit_minutes: file.unit_minutes,
+            axes: axes.into_iter().flatten().collect(),
+        })
+    }
+
+    /// The values of an axis; none if it is not swept.
+    pub fn levels(&self, field: &Field) -> Option<&[Level]> {
+        self.axes.iter().find(|axis| axis.field == *field).map(|axis| axis.levels.as_slice())
+    }
+}
+
+/// The axes below a name: `[axes.scenario.noise]` is another way to write fields of the scenario.
+fn axis(name: &str, value: &Value, path: &Path) -> Result<Vec<Axis>, DataError> {
+    let levels = match value {
+        Value::Array(values) => values
+            .iter()
+            .map(|value| {
+                let kinds = "numbers, texts, true, false or lists";
+                Level::of(value).ok_or_else(|| DataError::field(path, format!("axes.{name}"), value, kinds))
+            })
+            .collect::<Result<Vec<_>, _>>()?,
+        Value::Table(table) if table.keys().all(|key| ["from", "to", "steps"].contains(&key.as_str())) => range(table)
+            .ok_or_else(|| {
+                let expected = "{ from = A, to = B, steps = N } with N of at least 2 and at most 100000";
+                DataError::field(path, format!("axes.{name}"), value, expected)
+            })?,
+        Value::Table(table) => {
+            let below = |(key, value): (&String, &Value)| axis(&format!("{name}.{key}"), value, path);
+            return Ok(table.iter().map(below).collect::<Result<Vec<_>, _>>()?.concat());
+        }
+        other => {
+            let expected = "a list of values, or { from = A, to = B, steps = N }";
+            return Err(DataError::field(path, format!("axes.{name}"), other, expected));
+        }
+    };
+    let field = Field::parse(name, path)?;
+    let wrong = |found: String, expected: &str| Err(DataError::field(path, format!("axes.{name}"), found, expected));
+    if levels.is_empty() {
+        return wrong("no value: an empty sweep".to_owned(), "at least one");
+    }
+    if levels.iter().any(|level| level.number().is_some_and(|number| !number.is_finite())) {
+        return wrong("a number that is not finite".to_owned(), "finite numbers");
+    }
+    if let Some(n) = (1..levels.len()).find(|&n| levels[..n].contains(&levels[n])) {
+        return wrong(format!("{} twice", levels[n]), "every value once");
+    }
+    Ok(vec![Axis { name: name.to_owned(), field, levels }])
+}
+
+/// Even steps from one value to another; whole numbers where all of them are.
+fn range(table: &Table) -> Option<Vec<Level>> {
+    let steps = usize::try_from(table.get("steps")?.as_integer()?).ok().filter(|steps| (2..=MOST).contains(steps))?;
+    let (from, to) = (Level::of(table.get("from")?)?, Level::of(table.get("to")?)?);
+    let intervals = steps as i64 - 1;
+    if let (Level::Whole(from), Level::Whole(to)) = (&from, &to) {
+        let span = to.checked_sub(*from)?;
+        if span % intervals == 0 {
+            return Some((0..=intervals).map(|n| Level::Whole(from + n * (span / intervals))).collect());
+        }
+    }
+    let (from, to) = (from.number()?, to.number()?);
+    Some((0..steps).map(|n| Level::Number(from + (to - from) * n as f64 / intervals as f64)).collect())
+}

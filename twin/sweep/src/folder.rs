@@ -1,0 +1,191 @@
+//! The result folder: all that the workers of a sweep share.
+//!
+//! Every file is written under another name, synced and renamed, as a network file system wants it: what has its name is whole.
+//!
+//! | path | what |
+//! |---|---|
+//! | `plan.json` | the sweep, as planned |
+//! | `units/trials/ID.parquet` | trials of a finished unit; it is written last, so that a unit with this file is finished |
+//! | `units/tries/ID.parquet` | their tries |
+//! | `claims/ID` | a worker plays this unit now ([`crate::claim`]) |
+//! | `failed/ID.json` | the last attempt at this unit failed, and why |
+//! | `corrupt/` | units' files that were found broken |
+//! | `merged/trials/`, `merged/tries/`, `merged/units.csv` | all units' rows, a file a point; the units' times ([`crate::merge`]) |
+//! | `slurm/` | scripts, numbers and logs of jobs ([`crate::slurm`]) |
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::ffi::OsStr;
+use std::fs;
+use std::io::ErrorKind;
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context as _, Result, bail};
+use report::write_whole;
+use serde::{Deserialize, Serialize};
+
+use crate::columns::Which;
+use crate::plan::Plan;
+use crate::table::Reader;
+
+/// How an attempt at a unit failed.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Failure {
+    pub reason: String,
+    /// Who tried: machine, process, job.
+    pub by: String,
+}
+
+/// A result folder and its plan.
+#[derive(Debug)]
+pub struct Folder {
+    pub path: PathBuf,
+    pub plan: Plan,
+}
+
+const PLAN: &str = "plan.json";
+
+impl Folder {
+    /// Whether `path` is the folder of a sweep.
+    pub fn is_at(path: &Path) -> bool {
+        path.join(PLAN).is_file()
+    }
+
+    /// The sweep in `path`.
+    pub fn open(path: &Path) -> Result<Self> {
+        let file = path.join(PLAN);
+        let text = fs::read_to_string(&file)
+            .with_context(|| format!("{}: found no sweep (cannot read {})", path.display(), file.display()))?;
+        let plan: Plan = serde_json::from_str(&text).with_context(|| file.display().to_string())?;
+        if plan.version != crate::columns::VERSION {
+            bail!("{}: version: found {}, expected {}", file.display(), plan.version, crate::columns::VERSION);
+        }
+        Ok(Self { path: path.to_owned(), plan })
+    }
+
+    /// The folder for `plan`: a new one, or the one that holds this sweep already. Another sweep's is refused.
+    pub fn join(path: &Path, plan: Plan) -> Result<Self> {
+        if !Self::is_at(path) {
+            for folder in ["units/trials", "units/tries", "claims", "failed"] {
+                let folder = path.join(folder);
+                fs::create_dir_all(&folder)
+                    .with_context(|| format!("--out: cannot create the folder {}", folder.display()))?;
+            }
+            // Of two that begin at the same time one is first.
+            let mut draft = tempfile::NamedTempFile::new_in(path).with_context(|| path.display().to_string())?;
+            std::io::Write::write_all(&mut draft, plan.to_json()?.as_bytes())?;
+            draft.as_file().sync_all()?;
+            match fs::hard_link(draft.path(), path.join(PLAN)) {
+                Err(error) if error.kind() != ErrorKind::AlreadyExists => {
+                    return Err(error).with_context(|| path.join(PLAN).display().to_string());
+                }
+                _ => {}
+            }
+        }
+        let held = Self::open(path)?;
+        match plan.differs(&held.plan) {
+            None => Ok(held),
+            Some(how) => bail!(
+                "--out: {} holds another sweep, or this one before it was changed: {how}; name another folder (nothing was changed in this one)",
+                path.display()
+            ),
+        }
+    }
+
+    /// A unit's file.
+    pub fn unit(&self, which: Which, id: &str) -> PathBuf {
+        self.path.join("units").join(which.name()).join(format!("{id}.parquet"))
+    }
+
+    /// Whether a unit is finished, as the file system has it now.
+    pub fn is_finished(&self, id: &str) -> bool {
+        self.unit(Which::Trials, id).is_file()
+    }
+
+    /// The plan's units that are finished.
+    pub fn finished(&self) -> Result<BTreeSet<String>> {
+        let found = names(&self.path.join("units/trials"), "parquet")?;
+        let planned: BTreeSet<&str> = self.plan.units.iter().map(|unit| unit.id.as_str()).collect();
+        Ok(found.into_iter().filter(|id| planned.contains(id.as_str())).collect())
+    }
+
+    /// Keeps a finished unit: its tries first.
+    pub fn keep(&self, id: &str, tries: &[u8], trials: &[u8]) -> Result<()> {
+        write_whole(&self.unit(Which::Tries, id), tries)?;
+        write_whole(&self.unit(Which::Trials, id), trials)?;
+        match fs::remove_file(self.failure(id)) {
+            Err(error) if error.kind() != ErrorKind::NotFound => Err(error).context("failed/"),
+            _ => Ok(()),
+        }
+    }
+
+    fn failure(&self, id: &str) -> PathBuf {
+        self.path.join("failed").join(format!("{id}.json"))
+    }
+
+    /// Notes that an attempt at a unit failed.
+    pub fn note_failure(&self, id: &str, failure: &Failure) -> Result<()> {
+        write_whole(&self.failure(id), &serde_json::to_vec_pretty(failure)?)
+    }
+
+    /// Units whose last attempt failed.
+    pub fn failures(&self) -> Result<BTreeMap<String, Failure>> {
+        let ids = names(&self.path.join("failed"), "json")?;
+        let read = |id: String| {
+            let file = self.failure(&id);
+            let text = fs::read_to_string(&file).with_context(|| file.display().to_string())?;
+            Ok((id, serde_json::from_str(&text).with_context(|| file.display().to_string())?))
+        };
+        ids.into_iter().map(read).collect()
+    }
+
+    /// A finished unit's file, if it is whole and says that it is this unit's.
+    pub fn checked(&self, which: Which, id: &str) -> Result<Reader> {
+        let path = self.unit(which, id);
+        let reader = Reader::open(&path)?;
+        for (key, expected) in [("ftac.schema", crate::columns::VERSION.to_string()), ("ftac.unit", id.to_owned())] {
+            let found = reader.metadata(key).unwrap_or("nothing");
+            if found != expected {
+                bail!("{}: {key}: found {found}, expected {expected}", path.display());
+            }
+        }
+        Ok(reader)
+    }
+
+    /// Lays the files of a unit aside, so that it is played again.
+    pub fn lay_aside(&self, id: &str) -> Result<PathBuf> {
+        let aside = self.path.join("corrupt");
+        fs::create_dir_all(&aside).with_context(|| aside.display().to_string())?;
+        let mut to = PathBuf::new();
+        for which in Which::ALL {
+            let from = self.unit(which, id);
+            // An older one that was found broken is kept, too.
+            to = (0..)
+                .map(|n| aside.join(format!("{id}.{}.{n}.parquet", which.name())))
+                .find(|path| !path.exists())
+                .unwrap_or_default();
+            match fs::rename(&from, &to) {
+                Err(error) if error.kind() != ErrorKind::NotFound => {
+                    return Err(error).with_context(|| from.display().to_string());
+                }
+                _ => {}
+            }
+        }
+        Ok(to)
+    }
+}
+
+/// Names, without their ending, of the files in `folder` that end so.
+fn names(folder: &Path, ending: &str) -> Result<BTreeSet<String>> {
+    let entries = match fs::read_dir(folder) {
+        Err(error) if error.kind() == ErrorKind::NotFound => return Ok(BTreeSet::new()),
+        entries => entries.with_context(|| folder.display().to_string())?,
+    };
+    let mut found = BTreeSet::new();
+    for entry in entries {
+        let path = entry.with_context(|| folder.display().to_string())?.path();
+        if path.extension() == Some(OsStr::new(ending)) {
+            found.extend(path.file_stem().and_then(OsStr::to_str).map(str::to_owned));
+        }
+    }
+    Ok(found)
+}

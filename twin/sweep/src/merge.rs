@@ -1,0 +1,134 @@
+//! Joins the files of all units: a file a point, rows in order, and a digest of what came out.
+
+use std::fmt::Write as _;
+use std::path::PathBuf;
+
+use anyhow::{Context as _, Result};
+use report::write_whole;
+use sha2::{Digest as _, Sha256};
+
+use crate::columns::{VERSION, WALL, Which};
+use crate::folder::Folder;
+use crate::plan::{Unit, hex};
+use crate::table::{Reader, Table};
+
+/// What was joined.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Merged {
+    pub units: usize,
+    /// Units that are not finished: they are left out.
+    pub missing: usize,
+    /// Units whose files were broken, and what was wrong; they were laid aside and count as missing.
+    pub broken: Vec<(String, String)>,
+    /// Rows of the trials' table.
+    pub trials: usize,
+    /// Rows of the tries' table.
+    pub tries: usize,
+    /// Of all rows but those columns that hold wall time, and the names of units: the same results have the same digest, however they were made.
+    pub digest: String,
+    /// Time that the units took, summed, s.
+    pub core_s: f64,
+}
+
+/// The file of a point.
+pub fn path(folder: &Folder, which: Which, point: usize) -> PathBuf {
+    folder.path.join("merged").join(which.name()).join(format!("point-{point:05}.parquet"))
+}
+
+/// Order of rows.
+fn sorting(which: Which) -> &'static [&'static str] {
+    match which {
+        Which::Trials => &["point", "seed", "combination", "trial", "policy", "ablation"],
+        Which::Tries => &["point", "seed", "combination", "trial", "policy", "try"],
+    }
+}
+
+/// Joins what is finished.
+pub fn merge(folder: &Folder, quiet: bool) -> Result<Merged> {
+    for which in Which::ALL {
+        let folder = folder.path.join("merged").join(which.name());
+        std::fs::create_dir_all(&folder).with_context(|| folder.display().to_string())?;
+    }
+    let finished = folder.finished()?;
+    let points = folder.plan.points();
+    let mut by_point: Vec<Vec<&Unit>> = vec![Vec::new(); points];
+    for unit in folder.plan.units.iter().filter(|unit| finished.contains(&unit.id)) {
+        by_point[folder.plan.runs[unit.run].point].push(unit);
+    }
+    let mut merged =
+        Merged { units: 0, missing: 0, broken: Vec::new(), trials: 0, tries: 0, digest: String::new(), core_s: 0.0 };
+    let mut digests = Which::ALL.map(|_| Sha256::new());
+    let mut times = "unit,point,seed,trials,seconds\n".to_owned();
+    let bar = progress::bar(points as u64, "points joined", quiet);
+    for (point, units) in by_point.iter().enumerate() {
+        let mut tables = Which::ALL.map(|which| Table::new(which.columns(&folder.plan.axes)));
+        for unit in units {
+            match read(folder, unit) {
+                Ok((read, seconds)) => {
+                    for (table, more) in tables.iter_mut().zip(read) {
+                        table.append(more)?;
+                    }
+                    merged.units += 1;
+                    merged.core_s += seconds;
+                    let seed = folder.plan.runs[unit.run].request.seed;
+                    let _ = writeln!(times, "{},{point},{seed},{},{seconds}", unit.id, unit.count);
+                }
+                Err(error) => {
+                    folder.lay_aside(&unit.id)?;
+                    merged.broken.push((unit.id.clone(), format!("{error:#}")));
+                }
+            }
+        }
+        for ((which, table), digest) in Which::ALL.into_iter().zip(&mut tables).zip(&mut digests) {
+            table.sort(sorting(which))?;
+            add(digest, table);
+            let metadata = [("ftac.schema", VERSION.to_string()), ("ftac.point", point.to_string())];
+            write_whole(&path(folder, which, point), &table.to_parquet(&metadata)?)?;
+        }
+        merged.trials += tables[0].rows;
+        merged.tries += tables[1].rows;
+        bar.inc(1);
+    }
+    bar.finish_and_clear();
+    write_whole(&folder.path.join("merged/units.csv"), times.as_bytes())?;
+    merged.missing = folder.plan.units.len() - merged.units;
+    let both: Vec<u8> = digests.into_iter().flat_map(Sha256::finalize).collect();
+    merged.digest = hex(&Sha256::digest(both));
+    Ok(merged)
+}
+
+/// A unit's tables, and how long it took, s.
+fn read(folder: &Folder, unit: &Unit) -> Result<([Table; 2], f64)> {
+    let open = |which: Which| folder.checked(which, &unit.id);
+    let readers: [Reader; 2] = [open(Which::Trials)?, open(Which::Tries)?];
+    let seconds = readers[0].metadata("ftac.seconds").and_then(|text| text.parse().ok()).unwrap_or(f64::NAN);
+    let table = |which: Which, reader: &Reader| {
+        let path = folder.unit(which, &unit.id);
+        reader.read(&which.columns(&folder.plan.axes)).with_context(|| path.display().to_string())
+    };
+    Ok(([table(Which::Trials, &readers[0])?, table(Which::Tries, &readers[1])?], seconds))
+}
+
+/// Adds rows to a digest.
+fn add(digest: &mut Sha256, table: &Table) {
+    let counted = |name: &str| name != "unit" && !WALL.contains(&name);
+    let values: Vec<_> = table
+        .columns
+        .iter()
+        .zip(&table.values)
+        .filter(|(column, _)| counted(&column.name))
+        .map(|(_, values)| values)
+        .collect();
+    for row in 0..table.rows {
+        for values in &values {
+            match values.bytes(row) {
+                None => digest.update([0]),
+                Some(bytes) => {
+                    digest.update([1]);
+                    digest.update((bytes.len() as u64).to_le_bytes());
+                    digest.update(bytes);
+                }
+            }
+        }
+    }
+}

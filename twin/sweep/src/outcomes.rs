@@ -1,0 +1,215 @@
+//! What came of every trial of a sweep, in a byte each: a grid over points, seeds, pairs of objects, trials and arms.
+//!
+//! An arm is a policy, or `touch` without one of its means. A million trials take a megabyte.
+
+use std::collections::BTreeMap;
+
+use anyhow::{Context as _, Result, bail};
+
+use crate::columns::{Column, Kind, Which};
+use crate::folder::Folder;
+use crate::merge::{merge, path};
+use crate::plan::Plan;
+use crate::table::{Reader, Values};
+
+/// What is asked of a trial.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Outcome {
+    CleanSuccess,
+    Success,
+    Contact,
+}
+
+impl Outcome {
+    pub const ALL: [Self; 3] = [Self::CleanSuccess, Self::Success, Self::Contact];
+
+    /// As tables write it.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::CleanSuccess => "clean_success",
+            Self::Success => "success",
+            Self::Contact => "contact",
+        }
+    }
+
+    /// In words.
+    pub fn label(self) -> &'static str {
+        match self {
+            Self::CleanSuccess => "clean success",
+            Self::Success => "success",
+            Self::Contact => "unwanted contact",
+        }
+    }
+
+    fn bit(self) -> u8 {
+        match self {
+            Self::CleanSuccess => 2,
+            Self::Success => 4,
+            Self::Contact => 8,
+        }
+    }
+}
+
+/// Set where a trial was played.
+const PLAYED: u8 = 1;
+
+/// The grid.
+#[derive(Debug, Clone)]
+pub struct Outcomes {
+    /// Names of the arms: policies in the benchmark's order, then ablations.
+    pub arms: Vec<String>,
+    /// Levels of each axis.
+    sizes: Vec<usize>,
+    seeds: usize,
+    pub combos: usize,
+    trials: usize,
+    bits: Vec<u8>,
+}
+
+/// Trials that have the same place but for the arm and the axes: [seed, combination, trial].
+pub type Place = [usize; 3];
+
+impl Outcomes {
+    /// An empty grid of a plan.
+    pub fn new(plan: &Plan) -> Self {
+        let policies = plan.policies.iter().map(|policy| policy.name().to_owned());
+        let arms: Vec<String> =
+            policies.chain(plan.ablations.iter().map(|ablation| ablation.name().to_owned())).collect();
+        let size = plan.points() * plan.seeds.len() * plan.combos * plan.trials * arms.len();
+        Self {
+            sizes: plan.axes.iter().map(|axis| axis.levels.len()).collect(),
+            seeds: plan.seeds.len(),
+            combos: plan.combos,
+            trials: plan.trials,
+            bits: vec![0; size],
+            arms,
+        }
+    }
+
+    /// All of a sweep's; its units are joined first where that has not been done since the last of them was finished.
+    pub fn read(folder: &Folder, quiet: bool) -> Result<Self> {
+        let times = std::fs::read_to_string(folder.path.join("merged/units.csv")).unwrap_or_default();
+        if times.lines().count().saturating_sub(1) != folder.finished()?.len() || times.is_empty() {
+            merge(folder, quiet)?;
+        }
+        let mut outcomes = Self::new(&folder.plan);
+        let seeds: BTreeMap<i64, usize> =
+            folder.plan.seeds.iter().enumerate().map(|(n, seed)| (seed.cast_signed(), n)).collect();
+        let arms: BTreeMap<Vec<u8>, usize> =
+            outcomes.arms.iter().enumerate().map(|(n, arm)| (arm.clone().into_bytes(), n)).collect();
+        for point in 0..folder.plan.points() {
+            let file = path(folder, Which::Trials, point);
+            outcomes.add(&Reader::open(&file)?, point, &seeds, &arms).with_context(|| file.display().to_string())?;
+        }
+        Ok(outcomes)
+    }
+
+    /// Adds a file of one point.
+    fn add(
+        &mut self,
+        reader: &Reader,
+        point: usize,
+        seeds: &BTreeMap<i64, usize>,
+        arms: &BTreeMap<Vec<u8>, usize>,
+    ) -> Result<()> {
+        let columns = columns();
+        for group in reader.groups(&columns)? {
+            let group = group?;
+            let [seed, combination, trial, policy, ablation, contact, success, clean] = &group.values[..] else {
+                bail!("found {} columns", group.values.len());
+            };
+            let (Values::Whole(seed), Values::Whole(combination), Values::Whole(trial)) = (seed, combination, trial)
+            else {
+                bail!("columns of another kind");
+            };
+            let (Values::Text(policy), Values::Text(ablation)) = (policy, ablation) else {
+                bail!("columns of another kind");
+            };
+            let (Values::Flag(contact), Values::Flag(success), Values::Flag(clean)) = (contact, success, clean) else {
+                bail!("columns of another kind");
+            };
+            for row in 0..group.rows {
+                let whole = |values: &[Option<i64>]| values[row].and_then(|value| usize::try_from(value).ok());
+                let arm = ablation[row].as_ref().or(policy[row].as_ref()).and_then(|name| arms.get(name.data()));
+                let seed = seed[row].and_then(|seed| seeds.get(&seed));
+                let (Some(arm), Some(seed), Some(combination), Some(trial)) =
+                    (arm, seed, whole(combination), whole(trial))
+                else {
+                    bail!("row {row}: found a trial that the plan does not have");
+                };
+                let at = self.at(point, [*seed, combination, trial], *arm);
+                let at = at.with_context(|| format!("row {row}: found a trial that the plan does not have"))?;
+                let bit = |flag: &[Option<bool>], outcome: Outcome| {
+                    if flag[row] == Some(true) { outcome.bit() } else { 0 }
+                };
+                self.bits[at] = PLAYED
+                    | bit(contact, Outcome::Contact)
+                    | bit(success, Outcome::Success)
+                    | bit(clean, Outcome::CleanSuccess);
+            }
+        }
+        Ok(())
+    }
+
+    fn at(&self, point: usize, [seed, combination, trial]: Place, arm: usize) -> Option<usize> {
+        let fits = combination < self.combos && trial < self.trials;
+        let at =
+            (((point * self.seeds + seed) * self.combos + combination) * self.trials + trial) * self.arms.len() + arm;
+        fits.then_some(at).filter(|at| *at < self.bits.len())
+    }
+
+    /// Notes what came of a trial.
+    #[cfg(test)]
+    pub fn set(&mut self, point: usize, place: Place, arm: usize, outcomes: &[Outcome]) {
+        let at = self.at(point, place, arm).expect("in the grid");
+        self.bits[at] = outcomes.iter().fold(PLAYED, |bits, outcome| bits | outcome.bit());
+    }
+
+    /// What came of a trial; none if it was not played.
+    pub fn get(&self, point: usize, place: Place, arm: usize, outcome: Outcome) -> Option<bool> {
+        let bits = *self.bits.get(self.at(point, place, arm)?)?;
+        (bits & PLAYED != 0).then_some(bits & outcome.bit() != 0)
+    }
+
+    /// Trials that were played.
+    pub fn played(&self) -> usize {
+        self.bits.iter().filter(|bits| **bits != 0).count()
+    }
+
+    /// Trials of the plan, without those that an ideal condition does not repeat.
+    pub fn points(&self) -> usize {
+        self.sizes.iter().product()
+    }
+
+    /// Which level of an axis a point has.
+    pub fn level(&self, point: usize, axis: usize) -> usize {
+        let later: usize = self.sizes[axis + 1..].iter().product();
+        point / later % self.sizes[axis]
+    }
+
+    /// The point that differs from `point` in the level of one axis.
+    pub fn with_level(&self, point: usize, axis: usize, level: usize) -> usize {
+        let later: usize = self.sizes[axis + 1..].iter().product();
+        point + later * level - later * self.level(point, axis)
+    }
+
+    /// Every seed, pair of objects and trial, by pair.
+    pub fn places(&self, combination: usize) -> impl Iterator<Item = Place> + '_ {
+        (0..self.seeds).flat_map(move |seed| (0..self.trials).map(move |trial| [seed, combination, trial]))
+    }
+}
+
+/// The columns that are read.
+fn columns() -> Vec<Column> {
+    let all = [
+        ("seed", Kind::Whole),
+        ("combination", Kind::Whole),
+        ("trial", Kind::Whole),
+        ("policy", Kind::Text),
+        ("ablation", Kind::Text),
+        ("contact", Kind::Flag),
+        ("success", Kind::Flag),
+        ("clean_success", Kind::Flag),
+    ];
+    all.map(|(name, kind)| Column { name: name.into(), kind, about: "" }).to_vec()
+}

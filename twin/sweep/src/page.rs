@@ -1,0 +1,388 @@
+//! The report of a sweep: `report.html` with curves and contrasts, and both as tables; and the page of a replay on more cores.
+
+use std::fmt::Write as _;
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context as _, Result, bail};
+use report::html::{Column, Table, counted, duration, escape, number};
+use report::{style, write_whole};
+use serde_json::json;
+
+use crate::curve::{self, Contrast, Estimate};
+use crate::figure::{Figure, Line};
+use crate::folder::Folder;
+use crate::makespan::{Assumptions, CORES, Point, replay};
+use crate::outcomes::{Outcome, Outcomes};
+use crate::plan::PlannedAxis;
+
+/// A report that was made.
+pub struct Made {
+    pub text: String,
+    pub json: serde_json::Value,
+    pub folder: PathBuf,
+}
+
+/// The whole page.
+fn page(title: &str, body: &str) -> String {
+    format!(
+        "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n<meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n\
+         <title>{0}</title>\n<style>{1}{2}</style>\n</head>\n<body>\n<main>\n<h1>{0}</h1>\n{body}</main>\n</body>\n</html>\n",
+        escape(title),
+        style::FIGURE,
+        style::PAGE
+    )
+}
+
+/// A rate of a level.
+#[derive(Debug, Clone, serde::Serialize)]
+struct CurveRow {
+    axis: String,
+    level: String,
+    arm: String,
+    outcome: &'static str,
+    #[serde(flatten)]
+    estimate: Estimate,
+}
+
+/// Makes the report of what is finished.
+pub fn report(folder: &Folder, out: &Path) -> Result<Made> {
+    let outcomes = Outcomes::read(folder, true)?;
+    let plan = &folder.plan;
+    let played = outcomes.played();
+    if played == 0 {
+        bail!("{}: no trial is finished", folder.path.display());
+    }
+    let curves = curves(&outcomes, &plan.axes);
+    let contrasts = contrasts(&outcomes, &plan.axes);
+    let (finished, units) = (folder.finished()?.len(), plan.units.len());
+    let mut html = format!(
+        "<p class=\"byline\">{}, {}, {}, {} of {}; {}</p>\n",
+        counted(plan.points(), "point"),
+        counted(plan.seeds.len(), "seed"),
+        counted(plan.combos, "pair of objects").replace("objectss", "objects"),
+        counted(plan.trials, "trial"),
+        "each pair",
+        counted(played, "trial") + " under one policy each",
+    );
+    if finished < units {
+        let _ = writeln!(
+            html,
+            "<ul class=\"warnings\"><li>{} of {units} units of work are missing</li></ul>",
+            units - finished
+        );
+    }
+    html += &overall(&outcomes);
+    html += &figures(&outcomes, &plan.axes);
+    html += &contrast_table(&contrasts);
+    html += METHOD;
+    std::fs::create_dir_all(out).with_context(|| out.display().to_string())?;
+    write_whole(&out.join("report.html"), page(&format!("Sweep: {}", plan.name), &html).as_bytes())?;
+    write_whole(&out.join("curves.csv"), csv_curves(&curves).as_bytes())?;
+    write_whole(&out.join("contrasts.csv"), csv_contrasts(&contrasts).as_bytes())?;
+    let mut text =
+        format!("{played} trials in {finished} of {units} units\n\n{:44} {:>7}  {:>18} {:>9}\n", "", "", "95 %", "n");
+    for (arm, name) in outcomes.arms.iter().enumerate() {
+        if let Some(rate) = curve::rate(&outcomes, None, arm, Outcome::CleanSuccess) {
+            let _ = writeln!(text, "{}", line(&format!("clean success, {name}"), &rate));
+        }
+    }
+    for contrast in contrasts.iter().filter(|row| row.at == ALL && row.outcome == Outcome::CleanSuccess.name()) {
+        let _ = writeln!(text, "{}", line(&format!("clean success, {}", contrast.what), &contrast.estimate));
+    }
+    let json = json!({
+        "sweep": plan.name, "trials": played, "units": finished, "of_units": units, "curves": curves, "contrasts": contrasts,
+    });
+    Ok(Made { text, json, folder: out.to_owned() })
+}
+
+/// Where a contrast is over everything.
+const ALL: &str = "all points";
+
+const METHOD: &str = "<h2>How these numbers are made</h2>\n<p>A rate is the mean over pairs of objects of each pair's share of trials; a contrast \
+    is the mean over pairs of each pair's mean difference between trials that met the same errors (the same point but for what is compared, seed, \
+    pair and trial). Intervals are 95 % by Student's t over pairs of objects, because trials of one pair are alike. Many contrasts are shown: of \
+    twenty without any effect one excludes 0 by chance.</p>\n";
+
+fn line(what: &str, estimate: &Estimate) -> String {
+    let interval = match (estimate.low, estimate.high) {
+        (Some(low), Some(high)) => format!("{low:.3} to {high:.3}"),
+        _ => "-".to_owned(),
+    };
+    format!("{what:44} {:>7.3}  {interval:>18} {:>9}", estimate.value, estimate.n)
+}
+
+fn interval(estimate: &Estimate) -> String {
+    match (estimate.low, estimate.high) {
+        (Some(low), Some(high)) => format!("{} to {}", number(low, 3), number(high, 3)),
+        _ => "–".to_owned(),
+    }
+}
+
+fn overall(outcomes: &Outcomes) -> String {
+    let head = [
+        ("policy", Column::Words),
+        ("trials", Column::Numbers),
+        ("clean success", Column::Numbers),
+        ("95 %", Column::Numbers),
+        ("success", Column::Numbers),
+        ("unwanted contact", Column::Numbers),
+    ];
+    let mut table = Table::new("All points together", &head);
+    for (arm, name) in outcomes.arms.iter().enumerate() {
+        let rates = Outcome::ALL.map(|outcome| curve::rate(outcomes, None, arm, outcome));
+        if let [Some(clean), Some(success), Some(contact)] = rates {
+            let rate = |rate: Estimate| number(rate.value, 3);
+            table.row(&[
+                name.clone(),
+                clean.n.to_string(),
+                rate(clean),
+                interval(&clean),
+                rate(success),
+                rate(contact),
+            ]);
+        }
+    }
+    format!("<h2>Rates</h2>\n{}", table.finish())
+}
+
+fn curves(outcomes: &Outcomes, axes: &[PlannedAxis]) -> Vec<CurveRow> {
+    let mut rows = Vec::new();
+    for (n, axis) in axes.iter().enumerate() {
+        for (level, value) in axis.levels.iter().enumerate() {
+            for (arm, name) in outcomes.arms.iter().enumerate() {
+                for outcome in Outcome::ALL {
+                    rows.extend(curve::rate(outcomes, Some((n, level)), arm, outcome).map(|estimate| CurveRow {
+                        axis: axis.name.clone(),
+                        level: value.to_string(),
+                        arm: name.clone(),
+                        outcome: outcome.name(),
+                        estimate,
+                    }));
+                }
+            }
+        }
+    }
+    rows
+}
+
+fn figures(outcomes: &Outcomes, axes: &[PlannedAxis]) -> String {
+    let mut html = String::new();
+    for (n, axis) in axes.iter().enumerate().filter(|(_, axis)| axis.levels.len() > 1) {
+        let numbers = axis.levels.iter().all(|level| level.number().is_some());
+        let place = |level: usize| match axis.levels[level].number() {
+            Some(number) if numbers => number,
+            _ => level as f64,
+        };
+        let figure = |outcome: Outcome| Figure {
+            title: format!("{} over {}", outcome.label(), axis.name),
+            axis: axis.name.clone(),
+            ticks: (0..axis.levels.len()).map(|level| (place(level), axis.levels[level].to_string())).collect(),
+            lines: outcomes
+                .arms
+                .iter()
+                .enumerate()
+                .map(|(arm, name)| Line {
+                    name: name.clone(),
+                    points: (0..axis.levels.len())
+                        .filter_map(|level| {
+                            Some((place(level), curve::rate(outcomes, Some((n, level)), arm, outcome)?))
+                        })
+                        .collect(),
+                })
+                .filter(|line| !line.points.is_empty())
+                .collect(),
+        };
+        let _ = write!(
+            html,
+            "<h2>{}</h2>\n<div class=\"figures\"><figure>{}</figure><figure>{}</figure></div>\n",
+            escape(&axis.name),
+            figure(Outcome::CleanSuccess).svg(),
+            figure(Outcome::Contact).svg()
+        );
+    }
+    html
+}
+
+fn contrasts(outcomes: &Outcomes, axes: &[PlannedAxis]) -> Vec<Contrast> {
+    let mut rows = Vec::new();
+    let mut places = vec![(None, ALL.to_owned())];
+    for (n, axis) in axes.iter().enumerate().filter(|(_, axis)| axis.levels.len() > 1) {
+        places.extend(
+            axis.levels.iter().enumerate().map(|(level, value)| (Some((n, level)), format!("{} = {value}", axis.name))),
+        );
+    }
+    let touch = outcomes.arms.iter().position(|arm| arm == "touch");
+    // Against touch where it was played, else against the first arm.
+    let base = touch.unwrap_or(0);
+    for (arm, name) in outcomes.arms.iter().enumerate().filter(|(arm, _)| *arm != base) {
+        for (of, at) in &places {
+            for outcome in Outcome::ALL {
+                rows.extend(curve::arms(outcomes, *of, (base, arm), outcome).map(|estimate| Contrast {
+                    what: format!("{} - {name}", outcomes.arms[base]),
+                    at: at.clone(),
+                    outcome: outcome.name(),
+                    estimate,
+                }));
+            }
+        }
+    }
+    for (n, axis) in axes.iter().enumerate() {
+        for level in 1..axis.levels.len() {
+            for (arm, name) in outcomes.arms.iter().enumerate() {
+                for outcome in Outcome::ALL {
+                    rows.extend(curve::levels(outcomes, n, (level, 0), arm, outcome).map(|estimate| Contrast {
+                        what: format!("{}: {} - {}", axis.name, axis.levels[level], axis.levels[0]),
+                        at: name.clone(),
+                        outcome: outcome.name(),
+                        estimate,
+                    }));
+                }
+            }
+        }
+    }
+    rows
+}
+
+fn contrast_table(contrasts: &[Contrast]) -> String {
+    let head = [
+        ("contrast", Column::Words),
+        ("at", Column::Words),
+        ("outcome", Column::Words),
+        ("difference", Column::Numbers),
+        ("95 %", Column::Numbers),
+        ("pairs of trials", Column::Numbers),
+    ];
+    let mut table = Table::new("Paired by trial; all outcomes are in contrasts.csv", &head);
+    for row in contrasts.iter().filter(|row| row.outcome == Outcome::CleanSuccess.name()) {
+        let cells = [
+            row.what.clone(),
+            row.at.clone(),
+            Outcome::CleanSuccess.label().to_owned(),
+            number(row.estimate.value, 3),
+            interval(&row.estimate),
+            row.estimate.n.to_string(),
+        ];
+        table.row(&cells);
+    }
+    format!("<h2>Contrasts</h2>\n{}", table.finish())
+}
+
+/// A field of a CSV file.
+fn field(text: &str) -> String {
+    if text.contains([',', '"', '\n']) { format!("\"{}\"", text.replace('"', "\"\"")) } else { text.to_owned() }
+}
+
+fn csv_estimate(estimate: &Estimate) -> String {
+    let maybe = |value: Option<f64>| value.map_or(String::new(), |value| value.to_string());
+    format!("{},{},{},{}", estimate.value, maybe(estimate.low), maybe(estimate.high), estimate.n)
+}
+
+fn csv_curves(rows: &[CurveRow]) -> String {
+    let line = |row: &CurveRow| {
+        let words = [&row.axis, &row.level, &row.arm].map(|text| field(text)).join(",");
+        format!("{words},{},{}\n", row.outcome, csv_estimate(&row.estimate))
+    };
+    std::iter::once("axis,level,arm,outcome,value,low,high,n\n".to_owned()).chain(rows.iter().map(line)).collect()
+}
+
+fn csv_contrasts(rows: &[Contrast]) -> String {
+    let line = |row: &Contrast| {
+        format!("{},{},{},{}\n", field(&row.what), field(&row.at), row.outcome, csv_estimate(&row.estimate))
+    };
+    std::iter::once("contrast,at,outcome,difference,low,high,n\n".to_owned()).chain(rows.iter().map(line)).collect()
+}
+
+/// Replays the recorded times of a sweep's units on more cores, repeated until there are `trials`, `join` neighbours taken as one, and writes
+/// `makespan.html`.
+pub fn makespan(folder: &Folder, trials: Option<usize>, join: usize) -> Result<(Vec<Point>, String)> {
+    let file = folder.path.join("merged/units.csv");
+    let text = std::fs::read_to_string(&file).with_context(|| {
+        format!("{}: found no times, expected those that `ftac sweep merge` leaves", file.display())
+    })?;
+    let mut recorded = Vec::new();
+    for (n, row) in text.lines().enumerate().skip(1) {
+        let cells: Vec<&str> = row.split(',').collect();
+        let count = cells.get(3).and_then(|cell| cell.parse::<usize>().ok());
+        let seconds = cells.get(4).and_then(|cell| cell.parse::<f64>().ok()).filter(|seconds| seconds.is_finite());
+        match count.zip(seconds) {
+            Some(unit) => recorded.push(unit),
+            None => bail!("{}:{}: found `{row}`, expected unit,point,seed,trials,seconds", file.display(), n + 1),
+        }
+    }
+    let own: usize = recorded.iter().map(|(count, _)| count).sum();
+    if own == 0 {
+        bail!("{}: found no finished unit, expected at least one", file.display());
+    }
+    let wanted = trials.unwrap_or(own).max(own);
+    let mut units = Vec::new();
+    let mut count = 0;
+    for (trials, seconds) in recorded.iter().cycle() {
+        if count >= wanted {
+            break;
+        }
+        units.push(*seconds);
+        count += trials;
+    }
+    let units: Vec<f64> = units.chunks(join).map(|units| units.iter().sum()).collect();
+    let assumed = Assumptions::USUAL;
+    let points: Vec<Point> = CORES.iter().map(|cores| replay(&units, *cores, &assumed)).collect();
+    let work: f64 = units.iter().sum();
+    let longest = units.iter().copied().fold(0.0, f64::max);
+    let mut said =
+        format!("{:>6} {:>16} {:>11} {:>8} {:>14}\n", "cores", "makespan", "efficiency", "tail", "operations/s");
+    let head = [
+        ("cores", Column::Numbers),
+        ("makespan", Column::Numbers),
+        ("efficiency", Column::Numbers),
+        ("tail", Column::Numbers),
+        ("file system, operations/s", Column::Numbers),
+    ];
+    let mut table = Table::new("Replay", &head);
+    for point in &points {
+        let cells = [
+            point.cores.to_string(),
+            duration(point.makespan_s),
+            number(point.efficiency, 3),
+            number(point.tail, 3),
+            number(point.operations_per_s, 2),
+        ];
+        table.row(&cells);
+        let _ = writeln!(
+            said,
+            "{:>6} {:>16} {:>11.3} {:>8.3} {:>14.2}",
+            point.cores,
+            duration(point.makespan_s),
+            point.efficiency,
+            point.tail,
+            point.operations_per_s
+        );
+    }
+    let useful = points.iter().filter(|point| point.efficiency >= 0.8).map(|point| point.cores).max();
+    let limit = useful.map_or("On none of these numbers of cores".to_owned(), |cores| format!("Up to {cores} cores"));
+    let body = format!(
+        "<p>{} of work in {} ({}), the longest {}. {limit} at least 80 % of the cores' time is work; beyond, a worker has too few units: what is \
+         left at the end is one unit's time, and {} begin only after {} s of start.</p>\n{}<h2>Assumptions</h2>\n<ul>\n\
+         <li>Times are those recorded when the units were played, in the plan's order{}{}; they hold for such a core under such a load.</li>\n\
+         <li>A worker begins {} s after it is submitted; a real queue may take hours, which is not in it.</li>\n\
+         <li>{} metadata operations of the file system a unit (claim, two temporary files, renames, removal), and one look a worker at the \
+         folder, {} operations a unit of the plan; the server does {} in a second, one after the other.</li>\n\
+         <li>No node is lost. A lost one costs its unit in progress, and the wait until Slurm requeues it.</li>\n</ul>\n",
+        duration(work),
+        counted(units.len(), "unit"),
+        counted(count, "trial of a pair").replace("pairs", "pair"),
+        duration(longest),
+        counted(CORES[CORES.len() - 1], "worker"),
+        assumed.start_s,
+        table.finish(),
+        if wanted > own { ", repeated until there are as many trials" } else { "" },
+        if join > 1 { format!(", {join} neighbours taken as one unit") } else { String::new() },
+        assumed.start_s,
+        assumed.operations,
+        assumed.looks,
+        assumed.operations_per_s,
+    );
+    let out = folder.path.join("makespan.html");
+    write_whole(&out, page(&format!("More cores: {}", folder.plan.name), &body).as_bytes())?;
+    let _ = writeln!(said, "page: {}", out.display());
+    Ok((points, said))
+}

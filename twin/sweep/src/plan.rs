@@ -1,0 +1,310 @@
+//! The plan of a sweep: points, runs and units of work.
+//!
+//! A point has one value of each axis but seed, policy and ablation; a run is a point under one seed. A run's trials are cut into units of a
+//! few minutes, each named by its content: what is played, under which request and in which version of the tables.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::Path;
+
+use anyhow::{Context as _, Result, bail};
+use bench::journal::{RunRequest, Unit as TrialUnit};
+use bench::run;
+use hand_model::data::DataError;
+use scenarios::{Ablation, Condition};
+use serde::{Deserialize, Serialize};
+use sha2::{Digest as _, Sha256};
+
+use crate::axis::{self, Draft, Field, Level};
+use crate::columns;
+use crate::file::Sweep;
+
+/// What a trial costs, as measured on the machine that the file names.
+const COST: &str = include_str!("../data/cost.toml");
+
+/// Time and room that trials take.
+#[derive(Debug, Clone, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Cost {
+    /// A trial under one condition, s of one core.
+    trial_s: BTreeMap<String, f64>,
+    /// Factor of it on other bodies than the simulated one.
+    other_body: f64,
+    /// What a run takes before its first trial, s of one core.
+    run_s: f64,
+    /// In the units' files, bytes a trial, with its tries.
+    bytes: f64,
+}
+
+impl Cost {
+    /// What comes with the program.
+    pub fn builtin() -> Result<Self, DataError> {
+        hand_model::data::parse_toml(COST, Path::new("data/cost.toml"))
+    }
+
+    fn of(&self, condition: Condition) -> f64 {
+        self.trial_s.get(condition.name()).copied().unwrap_or(1.0)
+    }
+
+    /// Of a unit of the benchmark, s of one core.
+    fn unit_s(&self, request: &RunRequest, unit: TrialUnit) -> f64 {
+        let body = if request.robot == "sim" { 1.0 } else { self.other_body };
+        body * match unit.trial {
+            None => self.of(Condition::Ideal),
+            Some(_) => {
+                let played: f64 = request.noisy().into_iter().map(|condition| self.of(condition)).sum();
+                played + request.ablations.len() as f64 * self.of(Condition::Touch)
+            }
+        }
+    }
+}
+
+/// An axis of the plan: its name and values.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct PlannedAxis {
+    /// As the sweep's file writes it.
+    pub name: String,
+    /// The column that holds its value.
+    pub column: String,
+    pub levels: Vec<Level>,
+}
+
+/// A run: all trials of a point under one seed.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Run {
+    /// Number of the point.
+    pub point: usize,
+    /// Which value of each axis, in the order of [`Plan::axes`].
+    pub at: Vec<usize>,
+    /// What is played.
+    pub request: RunRequest,
+}
+
+/// A unit of work: some of a run's trials.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Unit {
+    /// By content, hexadecimal.
+    pub id: String,
+    /// Which run.
+    pub run: usize,
+    /// The first of the run's trials ...
+    pub from: usize,
+    /// ... and how many.
+    pub count: usize,
+}
+
+/// All of a sweep's work.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Plan {
+    /// Version of the tables.
+    pub version: u32,
+    pub name: String,
+    /// All axes but seed, policy and ablation.
+    pub axes: Vec<PlannedAxis>,
+    pub seeds: Vec<u64>,
+    pub policies: Vec<Condition>,
+    pub ablations: Vec<Ablation>,
+    pub combos: usize,
+    pub trials: usize,
+    /// Expected time of all units on one core, s.
+    pub core_s: f64,
+    /// Texts of the runs' scenarios, each once; a run's request has the number of its own.
+    pub scenarios: Vec<String>,
+    pub runs: Vec<Run>,
+    pub units: Vec<Unit>,
+}
+
+impl Plan {
+    /// What a sweep comes to.
+    pub fn of(sweep: &Sweep) -> Result<Self> {
+        let cost = Cost::builtin()?;
+        let varied = |axis: &&crate::file::Axis| !matches!(axis.field, Field::Seed | Field::Policy | Field::Ablation);
+        let axes: Vec<_> = sweep.axes.iter().filter(varied).collect();
+        let policies = match sweep.levels(&Field::Policy) {
+            Some(levels) => axis::policies(levels, &sweep.file)?,
+            None => Condition::NOISY.to_vec(),
+        };
+        let ablations = axis::ablations(sweep.levels(&Field::Ablation).unwrap_or_default(), &sweep.file)?;
+        let seeds = sweep.levels(&Field::Seed).map_or_else(|| vec![Level::Whole(1)], <[Level]>::to_vec);
+        let request = RunRequest {
+            combos: sweep.combos,
+            trials: sweep.trials,
+            seed: 1,
+            robot: "sim".to_owned(),
+            shard: (1, 1),
+            conditions: policies.clone(),
+            ablations: ablations.clone(),
+            without: Vec::new(),
+            uncertainty: None,
+            noise_scale: 1.0,
+            scenario: scenarios::scenario::BENCHMARK.to_owned(),
+        };
+        let mut plan = Self {
+            version: columns::VERSION,
+            name: sweep.name.clone(),
+            axes: columns_of(&axes),
+            seeds: Vec::new(),
+            policies,
+            ablations,
+            combos: sweep.combos,
+            trials: sweep.trials,
+            core_s: 0.0,
+            scenarios: Vec::new(),
+            runs: Vec::new(),
+            units: Vec::new(),
+        };
+        let start = Draft { file: sweep.file.clone(), request, set: Vec::new() };
+        let sizes: Vec<usize> = axes.iter().map(|axis| axis.levels.len()).collect();
+        for (point, at) in grid(&sizes).enumerate() {
+            let mut draft = start.clone();
+            for (axis, level) in axes.iter().zip(&at) {
+                draft = draft.with(&axis.field, &axis.levels[*level])?;
+            }
+            let request = draft.finish()?;
+            for seed in &seeds {
+                let seeded = Draft { file: sweep.file.clone(), request: request.clone(), set: Vec::new() };
+                let request = seeded.with(&Field::Seed, seed)?.request;
+                plan.cut(Run { point, at: at.clone(), request }, sweep.unit_minutes, &cost)?;
+            }
+        }
+        plan.seeds = plan.runs.iter().map(|run| run.request.seed).collect::<BTreeSet<_>>().into_iter().collect();
+        if plan.units.is_empty() {
+            bail!("{}: found an empty sweep, expected at least one trial", sweep.file.display());
+        }
+        plan.core_s += plan.runs.len() as f64 * cost.run_s;
+        Ok(plan)
+    }
+
+    /// Adds a run, cut into units.
+    fn cut(&mut self, mut run: Run, minutes: f64, cost: &Cost) -> Result<()> {
+        let trials = run::units(&run.request);
+        let seconds: Vec<f64> = trials.iter().map(|unit| cost.unit_s(&run.request, *unit)).collect();
+        let digest = run.request.digest()?;
+        let all: f64 = seconds.iter().sum();
+        // Of even length: the last one is not a scrap.
+        let pieces = ((all / (60.0 * minutes)).ceil() as usize).clamp(1, trials.len().max(1));
+        for piece in 0..pieces {
+            let [from, to] = [piece, piece + 1].map(|n| n * trials.len() / pieces);
+            if to > from {
+                let id = name(&digest, from, to - from);
+                self.units.push(Unit { id, run: self.runs.len(), from, count: to - from });
+            }
+        }
+        self.core_s += all;
+        let scenario = self.scenarios.iter().position(|text| *text == run.request.scenario);
+        let scenario = scenario.unwrap_or_else(|| {
+            self.scenarios.push(run.request.scenario.clone());
+            self.scenarios.len() - 1
+        });
+        run.request.scenario = scenario.to_string();
+        self.runs.push(run);
+        Ok(())
+    }
+
+    /// The request of a run with its scenario.
+    pub fn request(&self, run: usize) -> Result<RunRequest> {
+        let run = self.runs.get(run).with_context(|| format!("the plan has no run {run}"))?;
+        let number: Option<usize> = run.request.scenario.parse().ok();
+        let text = number.and_then(|number| self.scenarios.get(number));
+        let text = text.with_context(|| format!("the plan has no scenario {}", run.request.scenario))?;
+        Ok(RunRequest { scenario: text.clone(), ..run.request.clone() })
+    }
+
+    /// The trials of a unit.
+    pub fn trials(&self, unit: &Unit) -> Result<Vec<TrialUnit>> {
+        let all = run::units(&self.request(unit.run)?);
+        all.get(unit.from..unit.from + unit.count).map(<[_]>::to_vec).context("the plan's units do not fit its runs")
+    }
+
+    /// Rows of the trials' table when all is done.
+    pub fn rows(&self) -> usize {
+        let noisy = self.policies.iter().filter(|policy| **policy != Condition::Ideal).count();
+        let ideal = usize::from(noisy < self.policies.len());
+        self.runs.len() * self.combos * (ideal + self.trials * (noisy + self.ablations.len()))
+    }
+
+    /// Points.
+    pub fn points(&self) -> usize {
+        self.axes.iter().map(|axis| axis.levels.len()).product()
+    }
+
+    /// Expected size of the units' files, bytes.
+    pub fn bytes(&self) -> Result<f64> {
+        Ok(self.rows() as f64 * Cost::builtin()?.bytes)
+    }
+
+    /// The plan as a file, without an older one's.
+    pub fn to_json(&self) -> Result<String> {
+        Ok(serde_json::to_string(self)?)
+    }
+
+    /// Tells sweeps apart: what is played, wherever its units were cut.
+    pub fn digest(&self) -> String {
+        let ids: Vec<&str> = self.units.iter().map(|unit| unit.id.as_str()).collect();
+        hex(&Sha256::digest(ids.join(" ")))
+    }
+
+    /// In which respect another plan is another sweep; none if it is the same.
+    pub fn differs(&self, other: &Self) -> Option<String> {
+        if self.units == other.units && self.axes == other.axes {
+            return None;
+        }
+        let numbers = [
+            ("combos", self.combos, other.combos),
+            ("trials", self.trials, other.trials),
+            ("axes", self.axes.len(), other.axes.len()),
+            ("seeds", self.seeds.len(), other.seeds.len()),
+            ("policies", self.policies.len(), other.policies.len()),
+            ("ablations", self.ablations.len(), other.ablations.len()),
+        ];
+        if let Some((what, found, expected)) = numbers.into_iter().find(|(_, found, expected)| found != expected) {
+            return Some(format!("{what}: found {found}, expected {expected}"));
+        }
+        for (own, its) in self.axes.iter().zip(&other.axes) {
+            if own != its {
+                let list = |axis: &PlannedAxis| {
+                    let levels: Vec<String> = axis.levels.iter().map(ToString::to_string).collect();
+                    format!("{} = [{}]", axis.name, levels.join(", "))
+                };
+                return Some(format!("axes: found {}, expected {}", list(own), list(its)));
+            }
+        }
+        let known: BTreeSet<&str> = other.units.iter().map(|unit| unit.id.as_str()).collect();
+        let new = self.units.iter().filter(|unit| !known.contains(unit.id.as_str())).count();
+        Some(format!("found {new} of {} units that are not among its {}", self.units.len(), other.units.len()))
+    }
+}
+
+/// Every choice of one of each of `sizes`, the last one fastest.
+fn grid(sizes: &[usize]) -> impl Iterator<Item = Vec<usize>> {
+    let count: usize = sizes.iter().product();
+    (0..count).map(move |mut n| {
+        let mut at = vec![0; sizes.len()];
+        for (place, size) in at.iter_mut().zip(sizes).rev() {
+            (*place, n) = (n % size, n / size);
+        }
+        at
+    })
+}
+
+/// Short names for axes where they stay different: the last word of the path.
+fn columns_of(axes: &[&crate::file::Axis]) -> Vec<PlannedAxis> {
+    let short = |name: &str| name.rsplit('.').next().unwrap_or(name).to_owned();
+    axes.iter()
+        .map(|axis| {
+            let own = short(&axis.name);
+            let alone = axes.iter().filter(|other| short(&other.name) == own).count() == 1;
+            let column = if alone { own } else { axis.name.replace('.', "_") };
+            PlannedAxis { name: axis.name.clone(), column: format!("axis_{column}"), levels: axis.levels.clone() }
+        })
+        .collect()
+}
+
+/// A unit's name: of what is played, not of where it stands in a plan.
+fn name(request: &str, from: usize, count: usize) -> String {
+    hex(&Sha256::digest(format!("{} {request} {from} {count}", columns::VERSION)))
+}
+
+/// The first half of a SHA-256, hexadecimal.
+pub fn hex(digest: &[u8]) -> String {
+    digest.iter().take(16).map(|byte| format!("{byte:02x}")).collect()
+}

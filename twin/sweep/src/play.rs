@@ -1,0 +1,115 @@
+//! Plays a unit of a sweep with the functions of the benchmark.
+
+use std::path::Path;
+use std::sync::{Arc, Mutex};
+use std::time::Instant;
+
+use anyhow::{Context as _, Result, anyhow};
+use bench::body::BodySource;
+use bench::body::emulated::EmulatedSource;
+use bench::body::rounded::RoundedSource;
+use bench::builtin::make_bench;
+use bench::journal::RunRequest;
+use bench::run::{Options, Record, run_unit};
+use bench::trial::Bench;
+use control::policy::Uncertainty;
+
+use crate::columns;
+use crate::plan::{Plan, Unit};
+use crate::rows::Rows;
+
+/// The tables of a finished unit as files.
+pub struct Played {
+    pub tries: Vec<u8>,
+    pub trials: Vec<u8>,
+    pub seconds: f64,
+}
+
+/// Benches that were made: units of one run need the same.
+pub struct Benches {
+    made: Mutex<Vec<(String, Slot)>>,
+    /// How many are kept.
+    most: usize,
+}
+
+type Slot = Arc<Mutex<Option<Arc<Bench>>>>;
+
+impl Benches {
+    /// For so many workers.
+    pub fn new(workers: usize) -> Self {
+        Self { made: Mutex::default(), most: workers.max(1) }
+    }
+
+    /// The bench of a request: one that was made, or a new one.
+    fn of(&self, request: &RunRequest) -> Result<Arc<Bench>> {
+        let key =
+            RunRequest { conditions: Vec::new(), ablations: Vec::new(), trials: 0, ..request.clone() }.digest()?;
+        let poisoned = || anyhow!("a worker panicked");
+        let slot = {
+            let mut made = self.made.lock().map_err(|_| poisoned())?;
+            match made.iter().position(|(own, _)| *own == key) {
+                Some(at) => made[at].1.clone(),
+                None => {
+                    made.truncate(self.most.saturating_sub(1));
+                    made.insert(0, (key, Slot::default()));
+                    made[0].1.clone()
+                }
+            }
+        };
+        // Those that want the same one wait for it; others go on.
+        let mut slot = slot.lock().map_err(|_| poisoned())?;
+        if slot.is_none() {
+            let mut bench = make_bench(request.scenario()?, request.combos, request.seed, true)?;
+            if let Some(text) = &request.uncertainty {
+                bench.uncertainty = Uncertainty::parse(text, Path::new("uncertainty"))?;
+            }
+            *slot = Some(Arc::new(bench));
+        }
+        slot.clone().context("a bench")
+    }
+}
+
+/// Where bodies come from that cannot be cloned; none for simulated ones.
+fn source(bench: &Bench, robot: &str) -> Result<Option<Box<dyn BodySource>>> {
+    let (hand, arm) = (bench.world.cell.hand.clone(), bench.world.cell.arm.clone());
+    Ok(match robot {
+        "sim" => None,
+        "emulated" => Some(Box::new(EmulatedSource::new(hand, arm, None))),
+        "rounded" => Some(Box::new(RoundedSource { hand, arm, sessions: None })),
+        other => return Err(anyhow!("robot: found {other}, expected sim, emulated or rounded")),
+    })
+}
+
+/// Plays all trials of a unit; between two of them `stop` may end it, and then nothing comes of it.
+pub fn play(
+    plan: &Plan,
+    unit: &Unit,
+    benches: &Benches,
+    stop: &(dyn Fn() -> bool + Sync),
+    done: &(dyn Fn() + Sync),
+) -> Result<Option<Played>> {
+    let begun = Instant::now();
+    let request = plan.request(unit.run)?;
+    let bench = benches.of(&request)?;
+    let place = |_| source(&bench, &request.robot);
+    let options = Options { jobs: 1, record: Record::None, quiet: true, live: false, place: &place };
+    let mut rows = Rows::new(plan, unit)?;
+    for trial in plan.trials(unit)? {
+        if stop() {
+            return Ok(None);
+        }
+        let results = run_unit(&bench, &request, trial, Path::new(""), &options)
+            .with_context(|| format!("combination {}, trial {:?}", trial.combination, trial.trial))?;
+        rows.add(&results)?;
+        done();
+    }
+    let seconds = begun.elapsed().as_secs_f64();
+    let metadata = [
+        ("ftac.schema", columns::VERSION.to_string()),
+        ("ftac.unit", unit.id.clone()),
+        ("ftac.point", plan.runs[unit.run].point.to_string()),
+        ("ftac.seconds", seconds.to_string()),
+        ("ftac.program", env!("CARGO_PKG_VERSION").to_owned()),
+    ];
+    Ok(Some(Played { tries: rows.tries.to_parquet(&metadata)?, trials: rows.trials.to_parquet(&metadata)?, seconds }))
+}

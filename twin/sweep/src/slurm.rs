@@ -1,0 +1,287 @@
+//! Hands a sweep to Slurm: an array of workers, and a job that joins their results when all of them are over.
+//!
+//! Workers claim units ([`crate::claim`]), so that it does not matter how many there are or which of them are lost. Slurm requeues those that lose
+//! their node; one whose program fails requeues itself, a few times. Should units be missing in the end, the last job submits the sweep again.
+
+use std::fmt::Write as _;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use anyhow::{Context as _, Result, anyhow, bail};
+use report::write_whole;
+use serde::{Deserialize, Serialize};
+
+use crate::claim::Claims;
+use crate::folder::Folder;
+
+/// How often a worker whose program failed is requeued, and a sweep with missing units is submitted again.
+pub const RETRIES: u32 = 3;
+
+/// What is asked of Slurm.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Options {
+    pub partition: Option<String>,
+    /// Workers at most.
+    pub max_jobs: usize,
+    /// Cores of a worker.
+    pub cpus: usize,
+    /// Memory of a worker, as Slurm writes it.
+    pub memory: Option<String>,
+    /// Time limit of a worker, as Slurm writes it.
+    pub time: Option<String>,
+    /// How often the sweep has been submitted again by itself.
+    pub round: u32,
+}
+
+/// Jobs that were submitted.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Jobs {
+    /// Of the workers' array.
+    pub array: u64,
+    /// Of the one that joins the results.
+    pub merge: u64,
+    /// Workers.
+    pub workers: usize,
+    pub options: Options,
+}
+
+/// What became of a submission.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Submitted {
+    /// Jobs were submitted.
+    New(Jobs),
+    /// Jobs of this sweep are under way already.
+    Joined(Jobs),
+    /// Nothing is left to play.
+    Finished,
+}
+
+fn folder(sweep: &Folder) -> PathBuf {
+    sweep.path.join("slurm")
+}
+
+/// The jobs of the last submission; none if there was none.
+pub fn jobs(sweep: &Folder) -> Result<Option<Jobs>> {
+    let file = folder(sweep).join("jobs.json");
+    match fs::read_to_string(&file) {
+        Err(error) if error.kind() == std::io::ErrorKind::NotFound => Ok(None),
+        text => {
+            let text = text.with_context(|| file.display().to_string())?;
+            serde_json::from_str(&text).map(Some).with_context(|| file.display().to_string())
+        }
+    }
+}
+
+/// A text as one word of a shell.
+fn quoted(text: &str) -> String {
+    format!("'{}'", text.replace('\'', "'\\''"))
+}
+
+/// The script of the workers.
+pub fn array_script(sweep: &Folder, program: &Path, options: &Options, workers: usize) -> String {
+    let here = quoted(&sweep.path.to_string_lossy());
+    let mut text =
+        "#!/bin/bash\n# Workers of a sweep. Each plays units that nobody else has claimed until none is left.\n"
+            .to_owned();
+    let mut ask = |what: &str| {
+        let _ = writeln!(text, "#SBATCH {what}");
+    };
+    ask("--job-name=ftac-sweep");
+    ask(&format!("--array=1-{workers}"));
+    ask(&format!("--output={}", folder(sweep).join("worker-%A_%a.log").display()));
+    ask("--open-mode=append");
+    ask("--requeue");
+    ask(&format!("--ntasks=1 --cpus-per-task={}", options.cpus));
+    for (name, value) in [("partition", &options.partition), ("mem", &options.memory), ("time", &options.time)] {
+        if let Some(value) = value {
+            ask(&format!("--{name}={value}"));
+        }
+    }
+    let _ = write!(
+        text,
+        "\n{} sweep run {here} --jobs {} --worker \"$SLURM_ARRAY_TASK_ID/{workers}\"\ncode=$?\n\
+         # What failed here may work on another node. A unit that is at fault itself fails there too, and is named by `ftac sweep status`.\n\
+         # Code 130: it was told to end, by scancel or because Slurm wants the node; what Slurm wants back it requeues itself.\n\
+         if [ $code -ne 0 ] && [ $code -ne 130 ] && [ \"${{SLURM_RESTART_COUNT:-0}}\" -lt {RETRIES} ]; then\n\
+         \x20   echo \"worker ended with code $code: requeued\"\n\
+         \x20   scontrol requeue \"${{SLURM_ARRAY_JOB_ID}}_${{SLURM_ARRAY_TASK_ID}}\"\nfi\nexit $code\n",
+        quoted(&program.to_string_lossy()),
+        options.cpus,
+    );
+    text
+}
+
+/// The script that joins the results.
+pub fn merge_script(sweep: &Folder, program: &Path, options: &Options) -> String {
+    let (program, here) = (quoted(&program.to_string_lossy()), quoted(&sweep.path.to_string_lossy()));
+    let mut text =
+        "#!/bin/bash\n# Joins the results of a sweep's workers when all of them are over, however they ended.\n"
+            .to_owned();
+    let mut ask = |what: &str| {
+        let _ = writeln!(text, "#SBATCH {what}");
+    };
+    ask("--job-name=ftac-merge");
+    ask(&format!("--output={}", folder(sweep).join("merge-%j.log").display()));
+    ask("--open-mode=append");
+    ask("--requeue");
+    ask("--ntasks=1 --cpus-per-task=1");
+    if let Some(partition) = &options.partition {
+        ask(&format!("--partition={partition}"));
+    }
+    if options.round < RETRIES {
+        let mut again =
+            format!("--max-jobs {} --cpus {} --round {}", options.max_jobs, options.cpus, options.round + 1);
+        for (name, value) in [("partition", &options.partition), ("memory", &options.memory), ("time", &options.time)] {
+            if let Some(value) = value {
+                let _ = write!(again, " --{name} {}", quoted(value));
+            }
+        }
+        let _ = write!(
+            text,
+            "\n{program} sweep merge {here} && exit 0\n# Units are missing: workers were lost, or failed too often.\nexec {program} sweep submit {here} {again}\n"
+        );
+    } else {
+        let _ = write!(text, "\nexec {program} sweep merge {here}\n");
+    }
+    text
+}
+
+/// Runs one of Slurm's commands; what it says goes into the error.
+fn slurm(program: &str, arguments: &[&str]) -> Result<String> {
+    let output = Command::new(program).args(arguments).output().map_err(|error| match error.kind() {
+        std::io::ErrorKind::NotFound => {
+            anyhow!("found no `{program}` on the path, expected Slurm's; without Slurm, `ftac sweep run` plays the sweep on this machine")
+        }
+        _ => anyhow!("{program}: {error}"),
+    })?;
+    if !output.status.success() {
+        bail!("{program} {}: {}", arguments.join(" "), String::from_utf8_lossy(&output.stderr).trim());
+    }
+    Ok(String::from_utf8_lossy(&output.stdout).trim().to_owned())
+}
+
+/// Submits a script; the number of its job.
+fn submit_script(script: &Path, more: &[&str]) -> Result<u64> {
+    let script = script.to_string_lossy();
+    let said = slurm("sbatch", &[&["--parsable"], more, &[script.as_ref()]].concat())?;
+    let number = said.split(';').next().and_then(|number| number.trim().parse().ok());
+    number.with_context(|| format!("sbatch: found `{said}`, expected the number of a job"))
+}
+
+/// Submits what is left of a sweep, unless jobs of it are under way.
+pub fn submit(sweep: &Folder, program: &Path, options: &Options) -> Result<Submitted> {
+    let left = sweep.plan.units.len() - sweep.finished()?.len();
+    if left == 0 {
+        return Ok(Submitted::Finished);
+    }
+    let here = folder(sweep);
+    fs::create_dir_all(&here).with_context(|| here.display().to_string())?;
+    // Two submissions at the same time: one waits for what comes of the other.
+    let claims = Claims::new(&sweep.path)?;
+    let mut waited = 0;
+    let _claim = loop {
+        match claims.take("submission")? {
+            Some(claim) => break claim,
+            None if waited < 60 => {
+                waited += 1;
+                std::thread::sleep(std::time::Duration::from_secs(1));
+            }
+            None => bail!("{}: another submission is under way", sweep.path.display()),
+        }
+    };
+    if let Some(known) = jobs(sweep)? {
+        // The job that joins the results submits the sweep again: it does not wait for itself.
+        let own = claims.holder().job.as_ref().is_some_and(|job| *job == known.merge.to_string());
+        if !own && queue(&known)?.iter().any(|task| task.is_under_way()) {
+            return Ok(Submitted::Joined(known));
+        }
+    }
+    let workers = left.div_ceil(options.cpus.max(1)).min(options.max_jobs).max(1);
+    let (array, merge) = (here.join("workers.sh"), here.join("merge.sh"));
+    write_whole(&array, array_script(sweep, program, options, workers).as_bytes())?;
+    write_whole(&merge, merge_script(sweep, program, options).as_bytes())?;
+    let first = submit_script(&array, &[])?;
+    let second = submit_script(&merge, &[&format!("--dependency=afterany:{first}")]).inspect_err(|_| {
+        // Workers without anybody who joins their results are not what was asked for.
+        let _ = slurm("scancel", &[&first.to_string()]);
+    })?;
+    let submitted = Jobs { array: first, merge: second, workers, options: options.clone() };
+    write_whole(&here.join("jobs.json"), &serde_json::to_vec_pretty(&submitted)?)?;
+    Ok(Submitted::New(submitted))
+}
+
+/// A job or task, as Slurm sees it.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+pub struct Task {
+    /// Such as `12_3`, or `12_[4-9]` for those that have not begun.
+    pub id: String,
+    /// Such as `RUNNING`.
+    pub state: String,
+    /// Where it runs, or why it does not.
+    pub reason: String,
+    /// How many tasks the line stands for.
+    pub count: usize,
+}
+
+impl Task {
+    /// Whether something may still come of it.
+    pub fn is_under_way(&self) -> bool {
+        const OVER: [&str; 8] =
+            ["COMPLETED", "CANCELLED", "FAILED", "TIMEOUT", "NODE_FAIL", "OUT_OF_MEMORY", "BOOT_FAIL", "DEADLINE"];
+        !OVER.iter().any(|state| self.state.starts_with(state))
+    }
+}
+
+/// What Slurm says of the jobs of a submission; nothing of those that it has forgotten.
+pub fn queue(jobs: &Jobs) -> Result<Vec<Task>> {
+    let ids = format!("{},{}", jobs.array, jobs.merge);
+    let said = slurm("squeue", &["--noheader", "--states=all", "--format=%i|%T|%R", "--jobs", &ids]);
+    match said {
+        Ok(said) => Ok(said.lines().filter_map(task).collect()),
+        // Both are forgotten.
+        Err(error) if error.to_string().contains("Invalid job id") => Ok(Vec::new()),
+        Err(error) => Err(error),
+    }
+}
+
+fn task(line: &str) -> Option<Task> {
+    let mut parts = line.splitn(3, '|');
+    let (id, state, reason) = (parts.next()?, parts.next()?, parts.next()?);
+    Some(Task { id: id.into(), state: state.into(), reason: reason.into(), count: count(id) })
+}
+
+/// Tasks of an id such as `7_3`, `7_[1-4,9]` or `7_[1-8%2]`.
+fn count(id: &str) -> usize {
+    let Some((_, list)) = id.split_once("_[") else { return 1 };
+    let list = list.trim_end_matches(']').split('%').next().unwrap_or_default();
+    list.split(',')
+        .map(|part| match part.split_once('-') {
+            Some((from, to)) => match (from.parse::<usize>(), to.parse::<usize>()) {
+                (Ok(from), Ok(to)) => to.saturating_sub(from) + 1,
+                _ => 1,
+            },
+            None => 1,
+        })
+        .sum()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn tasks_are_counted() {
+        for (id, tasks) in [("7", 1), ("7_3", 1), ("7_[1-4,9]", 5), ("7_[1-8%2]", 8)] {
+            assert_eq!(count(id), tasks, "{id}");
+        }
+        let task = task("7_2|PENDING|(BeginTime)").expect("a task");
+        assert!(task.is_under_way() && task.reason == "(BeginTime)");
+    }
+
+    #[test]
+    fn words_stay_one_word() {
+        assert_eq!(quoted("a b"), "'a b'");
+        assert_eq!(quoted("it's"), "'it'\\''s'");
+    }
+}

@@ -1,0 +1,104 @@
+//! A sweep of made-up results, to measure what a million trials ask of a report.
+//!
+//! ```sh
+//! FTAC_SYNTHETIC=/tmp/million cargo test --release --workspace --lib a_million_made_up_trials -- --ignored --nocapture
+//! ftac report /tmp/million
+//! ```
+
+use std::path::{Path, PathBuf};
+
+use bench::trial::TrialResults;
+use scenarios::record::{AblatedTrial, Condition, TrialRecord};
+
+use crate::columns::{VERSION, Which};
+use crate::file::Sweep;
+use crate::folder::Folder;
+use crate::merge::merge;
+use crate::outcomes::Outcomes;
+use crate::plan::{Plan, Unit};
+use crate::rows::Rows;
+
+const SWEEP: &str = "version = 1\nname = \"made up, for measuring\"\ncombos = 60\ntrials = 10\nunit_minutes = 30.0\n[axes]\n\
+                     policy = [\"blind\", \"reflex\", \"touch\"]\nseed = { from = 1, to = SEEDS, steps = SEEDS }\n\
+                     noise_scale = { from = 0.0, to = 2.0, steps = 11 }\n";
+
+fn record(combination: usize, trial: usize, condition: Condition, draw: u64) -> TrialRecord {
+    let lost = draw % 5 < 2;
+    TrialRecord {
+        combination,
+        trial,
+        condition,
+        first: format!("object_{}", combination % 30),
+        second: format!("object_{}", combination % 28),
+        contact: draw.is_multiple_of(7),
+        contact_with: None,
+        contact_s: None,
+        contact_n: None,
+        success: !lost,
+        clean_success: !lost && !draw.is_multiple_of(7),
+        cause: None,
+        switched: draw.is_multiple_of(3),
+        retries: (draw % 3) as u32,
+        reason: format!("odds {:.3}", draw as f64 / 1e3),
+        disturbance: String::new(),
+        risk: Some(draw as f64 / 1e4),
+        pose_error_mm: None,
+        pose_error_deg: None,
+        prior_error_mm: None,
+        sim_seconds: 14.0 + draw as f64 / 1e3,
+        decision_ms: None,
+    }
+}
+
+fn unit(folder: &Folder, unit: &Unit) {
+    let mut rows = Rows::new(&folder.plan, unit).expect("rows");
+    for (n, trial) in folder.plan.trials(unit).expect("trials").into_iter().enumerate() {
+        let records = Condition::NOISY.map(|condition| {
+            let draw = (unit.from + n) as u64 * 2_654_435_761 % 9_973 + condition as u64 * 17;
+            record(trial.combination, trial.trial.unwrap_or(0), condition, draw)
+        });
+        let ablated = Vec::<AblatedTrial>::new();
+        rows.add(&TrialResults { records: records.to_vec(), tries: Vec::new(), ablated }).expect("added");
+    }
+    let metadata =
+        [("ftac.schema", VERSION.to_string()), ("ftac.unit", unit.id.clone()), ("ftac.seconds", "100".to_owned())];
+    let [tries, trials] = [rows.tries, rows.trials].map(|table| table.to_parquet(&metadata).expect("a file"));
+    folder.keep(&unit.id, &tries, &trials).expect("kept");
+}
+
+fn sweep(path: &Path, seeds: usize) -> Folder {
+    let text = SWEEP.replace("SEEDS", &seeds.to_string());
+    let plan = Plan::of(&Sweep::parse(&text, Path::new("made-up.toml")).expect("a sweep")).expect("a plan");
+    let folder = Folder::join(path, plan).expect("a folder");
+    folder.plan.units.iter().for_each(|one| unit(&folder, one));
+    folder
+}
+
+/// Everything that was kept is found again, and the digest does not hang on the order in which units were played.
+#[test]
+fn what_is_kept_is_reported() {
+    let [one, other] = [(); 2].map(|()| tempfile::tempdir().expect("a folder"));
+    let folder = sweep(one.path(), 2);
+    let merged = merge(&folder, true).expect("merged");
+    assert_eq!((merged.trials, merged.missing, merged.broken.len()), (folder.plan.rows(), 0, 0));
+    let outcomes = Outcomes::read(&folder, true).expect("read");
+    assert_eq!(outcomes.played(), 2 * 11 * 600 * 3);
+    let made = crate::page::report(&folder, one.path()).expect("a report");
+    assert_eq!(made.json["trials"], 2 * 11 * 600 * 3);
+    let reversed = Folder::join(other.path(), folder.plan.clone()).expect("a folder");
+    reversed.plan.units.iter().rev().for_each(|one| unit(&reversed, one));
+    assert_eq!(merge(&reversed, true).expect("merged").digest, merged.digest);
+    // A unit less is another result.
+    std::fs::remove_file(reversed.unit(Which::Trials, &folder.plan.units[0].id)).expect("removed");
+    let less = merge(&reversed, true).expect("merged");
+    assert!(less.missing == 1 && less.digest != merged.digest);
+}
+
+#[test]
+#[ignore = "writes a million trials where FTAC_SYNTHETIC says"]
+fn a_million_made_up_trials() {
+    let path = PathBuf::from(std::env::var_os("FTAC_SYNTHETIC").expect("FTAC_SYNTHETIC names a folder"));
+    let folder = sweep(&path, 51);
+    let merged = merge(&folder, true).expect("merged");
+    println!("{} trials in {}", merged.trials, path.display());
+}

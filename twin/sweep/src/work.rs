@@ -1,0 +1,216 @@
+//! A worker: plays what is left of a sweep, unit after unit.
+
+use std::collections::BTreeSet;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::path::PathBuf;
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::time::{Duration, Instant};
+
+use anyhow::{Context as _, Result, anyhow, bail};
+use bench::body::operator::Interrupt;
+
+use crate::claim::Claims;
+use crate::columns::Which;
+use crate::folder::{Failure, Folder};
+use crate::plan::Unit;
+use crate::play::{Benches, play};
+
+/// How long to wait before looking again at units that others play.
+const LOOK: Duration = Duration::from_secs(5);
+
+/// How to work.
+#[derive(Debug, Clone, Copy)]
+pub struct Options {
+    /// Threads; each plays a unit of its own.
+    pub jobs: usize,
+    /// No progress.
+    pub quiet: bool,
+    /// Worker `i` of `n`, from 1: where it begins, so that not all begin with the same unit. It does not wait for units that others play.
+    pub worker: Option<(usize, usize)>,
+}
+
+/// What a worker did.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Done {
+    /// Units that it played.
+    pub played: usize,
+    /// Units that are finished now ...
+    pub finished: usize,
+    /// ... of so many.
+    pub of: usize,
+    /// Units that could not be played, and why.
+    pub failed: Vec<(String, String)>,
+    /// s of this worker.
+    pub wall_s: f64,
+}
+
+/// Ctrl-C, or SIGTERM: finished units are kept.
+#[derive(Debug, thiserror::Error)]
+#[error("interrupted: {finished} of {of} units are finished; go on with `ftac sweep run {}`", .folder.display())]
+pub struct Interrupted {
+    pub finished: usize,
+    pub of: usize,
+    pub folder: PathBuf,
+}
+
+/// Plays what is left, on several threads. What fails is noted and the next unit begun, but a result that cannot be written ends it.
+pub fn work(folder: &Folder, options: Options) -> Result<Done> {
+    let begun = Instant::now();
+    if options.worker.is_none() {
+        lay_broken_aside(folder)?;
+    }
+    let plan = &folder.plan;
+    let trials: usize = plan.units.iter().map(|unit| unit.count).sum();
+    let finished = folder.finished()?;
+    let before: usize = plan.units.iter().filter(|unit| finished.contains(&unit.id)).map(|unit| unit.count).sum();
+    let bar = progress::bar(trials as u64, "trials", options.quiet);
+    bar.set_position(before as u64);
+    bar.reset_eta();
+    let worker = Worker {
+        folder,
+        claims: Claims::new(&folder.path)?,
+        benches: Benches::new(options.jobs),
+        interrupt: Interrupt::catch()?,
+        bar: &bar,
+        failed: Mutex::default(),
+        played: AtomicUsize::new(0),
+        stopped: Mutex::default(),
+    };
+    let order = order(plan.units.len(), options.worker);
+    loop {
+        let finished = folder.finished()?;
+        let failed = worker.failed_ids()?;
+        let open: Vec<&Unit> = order
+            .iter()
+            .map(|n| &plan.units[*n])
+            .filter(|unit| !finished.contains(&unit.id) && !failed.contains(&unit.id))
+            .collect();
+        if open.is_empty() {
+            break;
+        }
+        let played = worker.pass(&open, options.jobs)?;
+        // What is left is played by others.
+        if played == 0 && options.worker.is_some() {
+            break;
+        }
+        if played == 0 {
+            bar.set_message("waiting for units that others play");
+            std::thread::sleep(LOOK);
+            let now = folder.finished()?;
+            bar.set_position(
+                plan.units.iter().filter(|unit| now.contains(&unit.id)).map(|unit| unit.count as u64).sum(),
+            );
+            if worker.interrupt.happened() {
+                bail!(Interrupted { finished: now.len(), of: plan.units.len(), folder: folder.path.clone() });
+            }
+        }
+    }
+    bar.finish_and_clear();
+    let failed = worker.failed.into_inner().map_err(|_| anyhow!("a worker panicked"))?;
+    Ok(Done {
+        played: worker.played.into_inner(),
+        finished: folder.finished()?.len(),
+        of: plan.units.len(),
+        failed,
+        wall_s: begun.elapsed().as_secs_f64(),
+    })
+}
+
+/// In which order units are looked at: neighbours share what is made ready for them, and workers begin apart.
+fn order(units: usize, worker: Option<(usize, usize)>) -> Vec<usize> {
+    let start = worker.map_or(0, |(i, n)| units * (i - 1) / n.max(1));
+    (start..units).chain(0..start).collect()
+}
+
+/// Finished units whose files are broken are played again; the files are kept.
+fn lay_broken_aside(folder: &Folder) -> Result<()> {
+    for id in folder.finished()? {
+        for which in Which::ALL {
+            if let Err(error) = folder.checked(which, &id) {
+                let aside = folder.lay_aside(&id)?;
+                eprintln!("{error:#}; it is kept as {}, and its unit is played again", aside.display());
+                break;
+            }
+        }
+    }
+    Ok(())
+}
+
+struct Worker<'a> {
+    folder: &'a Folder,
+    claims: Claims,
+    benches: Benches,
+    interrupt: Interrupt,
+    bar: &'a progress::ProgressBar,
+    failed: Mutex<Vec<(String, String)>>,
+    played: AtomicUsize,
+    /// Why no further unit is begun.
+    stopped: Mutex<Option<anyhow::Error>>,
+}
+
+impl Worker<'_> {
+    fn failed_ids(&self) -> Result<BTreeSet<String>> {
+        let failed = self.failed.lock().map_err(|_| anyhow!("a worker panicked"))?;
+        Ok(failed.iter().map(|(id, _)| id.clone()).collect())
+    }
+
+    /// Looks at every open unit once, and plays those that are free; how many.
+    fn pass(&self, open: &[&Unit], jobs: usize) -> Result<usize> {
+        let before = self.played.load(Ordering::Relaxed) + self.failed_ids()?.len();
+        bench::workers::for_each(jobs, open, |_, unit| {
+            if self.interrupt.happened() {
+                let finished = self.folder.finished()?.len();
+                bail!(Interrupted { finished, of: self.folder.plan.units.len(), folder: self.folder.path.clone() });
+            }
+            if self.stopped.lock().is_ok_and(|stopped| stopped.is_some()) {
+                return Ok(());
+            }
+            self.unit(unit)
+        })?;
+        if let Some(error) = self.stopped.lock().ok().and_then(|mut stopped| stopped.take()) {
+            return Err(error);
+        }
+        Ok(self.played.load(Ordering::Relaxed) + self.failed_ids()?.len() - before)
+    }
+
+    fn unit(&self, unit: &Unit) -> Result<()> {
+        let Some(_claim) = self.claims.take(&unit.id)? else { return Ok(()) };
+        // Another worker may have finished it since it was looked at.
+        if self.folder.is_finished(&unit.id) {
+            return Ok(());
+        }
+        let stop = || self.interrupt.happened();
+        let done = || self.bar.inc(1);
+        let outcome = catch_unwind(AssertUnwindSafe(|| play(&self.folder.plan, unit, &self.benches, &stop, &done)));
+        let outcome = outcome.unwrap_or_else(|panic| {
+            let words = panic.downcast_ref::<String>().map(String::as_str).or(panic.downcast_ref::<&str>().copied());
+            Err(anyhow!("it panicked: {}", words.unwrap_or("without a word")))
+        });
+        match outcome {
+            Ok(None) => Ok(()),
+            Ok(Some(played)) => {
+                let kept = self.folder.keep(&unit.id, &played.tries, &played.trials);
+                if let Err(error) = kept {
+                    // Whatever else is played could not be written either.
+                    let error = error.context(format!("the results of unit {} cannot be kept", unit.id));
+                    if let Ok(mut stopped) = self.stopped.lock() {
+                        stopped.get_or_insert(error);
+                    }
+                    return Ok(());
+                }
+                self.played.fetch_add(1, Ordering::Relaxed);
+                Ok(())
+            }
+            Err(error) => {
+                let failure = Failure { reason: format!("{error:#}"), by: self.claims.holder().to_string() };
+                eprintln!("unit {} failed: {}", unit.id, failure.reason);
+                self.failed
+                    .lock()
+                    .map_err(|_| anyhow!("a worker panicked"))?
+                    .push((unit.id.clone(), failure.reason.clone()));
+                self.folder.note_failure(&unit.id, &failure).context("the unit's failure cannot be noted")
+            }
+        }
+    }
+}
