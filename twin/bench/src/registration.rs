@@ -38,6 +38,8 @@ pub use file::Plan;
 const TURNED: f64 = 0.08;
 /// The untouched pads are asked for so long, s.
 const FIRST_IMAGES: f64 = 5.0;
+/// How often a ball is touched that is not felt.
+const TRIES: usize = 3;
 /// No part of the way takes longer, s.
 const LONGEST: f64 = 60.0;
 
@@ -47,6 +49,8 @@ pub enum Step<'a> {
     Touching(usize, usize),
     /// It was felt so far beside where it was expected, m, world.
     Felt(&'a Vector3<f64>),
+    /// Nothing was felt that can be it.
+    Nothing,
 }
 
 /// A hand that goes from ball to ball.
@@ -143,9 +147,17 @@ impl<'a> Registrar<'a> {
         let mut points = Vec::new();
         for (round, heading) in self.plan.headings.iter().enumerate() {
             for mark in 0..self.plan.marks.len() {
-                tell(Step::Touching(mark, round));
                 let expected = cell_from_world * self.middle(mark);
-                let felt = self.touch(body, &mut executive, &senses, &expected, *heading, round)?;
+                let mut felt = None;
+                // Images that come late on a busy computer can miss a touch.
+                for _ in 0..TRIES {
+                    tell(Step::Touching(mark, round));
+                    felt = self.touch(body, &mut executive, &senses, &expected, *heading, round)?;
+                    if felt.is_some() {
+                        break;
+                    }
+                    tell(Step::Nothing);
+                }
                 let found = felt.with_context(|| {
                     format!(
                         "mark {}: found nothing that feels like a {} within {:.0} mm, expected it on its mark",

@@ -82,6 +82,7 @@ pub fn run(terminal: &Terminal, args: &RegisterArgs) -> Result<Option<String>> {
     let mut tell = |step: Step| match step {
         _ if said => {}
         Step::Touching(mark, round) => eprint!("mark {}, touch {}: ", mark + 1, round + 1),
+        Step::Nothing => eprintln!("nothing felt"),
         Step::Felt(off) => eprintln!(
             "felt ({:.1}, {:.1}, {:.1}) mm beside where it was expected",
             1e3 * off.x,

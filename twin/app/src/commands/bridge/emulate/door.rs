@@ -92,8 +92,10 @@ fn take(stream: UnixStream, to: &Sender<Request>) {
         BufReader::new((&stream).take(LINE)).read_line(&mut line)?;
         Ok(Request { line: line.trim().to_owned(), from: Some(stream.try_clone()?) })
     };
-    // A client that says nothing in time is left.
-    if let Ok(request) = read() {
+    // A client that says nothing, or nothing in time, is left.
+    if let Ok(request) = read()
+        && !request.line.is_empty()
+    {
         let _ = to.send(request);
     }
 }
