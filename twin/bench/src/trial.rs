@@ -17,21 +17,18 @@ pub mod setup;
 pub mod shared;
 pub mod watcher;
 
-use std::sync::Arc;
-
 use anyhow::{Context as _, Result};
 use control::action::ActionLimits;
 use control::policy::blind::Blind;
 use control::policy::chosen::Chosen;
 use control::policy::touch::Touch;
-use control::policy::{Knowledge, Recovery, Reordered, order};
+use control::policy::{Knowledge, Recovery, order};
 use control::sensing::Senses;
 use grasping::Grasp;
 use proving::plan::PlannedGrasps;
 use proving::rehearsal::{Snapshot, TrialStart};
 use rand::RngExt as _;
 use scenarios::noise::{TrialNoise, trial_rng};
-use scenarios::objects::ObjectModel;
 use scenarios::record::{AblatedTrial, Condition, TrialId, TrialRecord};
 use scenarios::referee::FailureCause;
 use scenarios::{Ablation, Sensing};

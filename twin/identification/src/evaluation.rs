@@ -75,7 +75,9 @@ impl Differences {
 pub fn median(values: &[f64]) -> f64 {
     let mut sorted = values.to_vec();
     sorted.sort_by(f64::total_cmp);
-    sorted.get(sorted.len() / 2).copied().unwrap_or(f64::NAN)
+    let at = |place: usize| sorted.get(place).copied().unwrap_or(f64::NAN);
+    let upper = at(sorted.len() / 2);
+    if sorted.len() % 2 == 1 { upper } else { 0.5 * (upper + at((sorted.len() / 2).wrapping_sub(1))) }
 }
 
 /// The simulated robot of an individual, its hand open, the arm in a posture that its encoders show as `start`, with nothing in reach.
