@@ -27,9 +27,16 @@ SIDE = 16
 """Of the tactile images, pixels."""
 CELLS = 4
 """Side of a pad's picture as the network gets it."""
+LEAST = 0.02
+"""Change of colour, as a share of its range, below which a cell counts as untouched: noise and the cameras' drift, by which a network would tell the time and
+the episode."""
 PUSH = 0.12
 """Standard deviation of a push, as a share of the greatest speed; it lasts for PUSH_STEPS."""
 PUSH_STEPS = 6
+FLOOR = 0.05
+"""Inputs that vary by less are not scaled up further."""
+NEAR = [3, 7, 11]
+"""Where `felt_elsewhere` has the palm's place as the object was seen, m."""
 HELD_OUT = 1_000_000
 """Seeds of the episodes that policies are tested in begin here."""
 
@@ -43,10 +50,10 @@ def script_of(env, observation, info):
 
 
 def touch(observation, untouched):
-    """What the pads' images show against untouched ones: changes of colour, -1 to 1, (17 * CELLS * CELLS * 3,)."""
+    """What the pads' images show against untouched ones: changes of colour beyond LEAST, (17 * CELLS * CELLS * 3,)."""
     change = (observation["tactile"].astype(np.float32) - untouched) / 255.0
-    cells = change.reshape(17, CELLS, SIDE // CELLS, CELLS, SIDE // CELLS, 3).mean(axis=(2, 4))
-    return cells.ravel()
+    cells = change.reshape(17, CELLS, SIDE // CELLS, CELLS, SIDE // CELLS, 3).mean(axis=(2, 4)).ravel()
+    return 20.0 * np.sign(cells) * np.maximum(np.abs(cells) - LEAST, 0.0)
 
 
 def felt_elsewhere(observation):
@@ -63,9 +70,12 @@ def play(env, seed, policy, push=0.0):
     observation, info = env.reset(seed=seed)
     untouched = observation["tactile"].astype(np.float32)
     decide = policy(env, observation, info)
-    rows, pushed = ([], [], []), np.zeros(12, dtype=np.float32)
+    rows, pushed, nearest = ([], [], []), np.zeros(12, dtype=np.float32), np.inf
     for step in range(300):
         measured, felt = felt_elsewhere(observation), touch(observation, untouched)
+        # The script goes by stages: the same place is passed on the way down and on the way up.
+        nearest = min(nearest, float(np.linalg.norm(measured[NEAR])))
+        measured = np.concatenate([np.array([step / 300.0, nearest], dtype=np.float32), measured])
         action = decide(observation, measured, felt)
         for kept, row in zip(rows, (measured, felt, action)):
             kept.append(row)
@@ -111,7 +121,7 @@ class Network:
 
     def __init__(self, inputs, outputs, hidden, random):
         sizes = [inputs.shape[1], hidden, hidden, outputs.shape[1]]
-        self.mean, self.scale = inputs.mean(axis=0), inputs.std(axis=0) + 1e-3
+        self.mean, self.scale = inputs.mean(axis=0), np.maximum(inputs.std(axis=0), FLOOR)
         self.low, self.span = outputs.mean(axis=0), outputs.std(axis=0) + 1e-3
         self.weights = []
         for before, after in zip(sizes, sizes[1:]):
@@ -153,13 +163,24 @@ class Network:
                 print(f"  epoch {epoch + 1}: mean squared error {total / wanted.size:.4f}", flush=True)
 
 
+def wanted(measured, action):
+    """What a network is to answer: the palm's twist, and by how much tensions and opposition change. Asked for the tensions themselves, it would repeat the
+    last ones, which it is told, and never close the hand."""
+    return np.concatenate([action[:, :6], action[:, 6:] - measured[:, -6:]], axis=1)
+
+
+def carried_out(measured, answer):
+    """The action that an answer asks for."""
+    return np.clip(np.concatenate([answer[:6], measured[-6:] + answer[6:]]), -1.0, 1.0).astype(np.float32)
+
+
 def tested(job):
     network, tactile, combination, seed = job
 
     def policy(*_):
         def decide(observation, measured, felt):
             inputs = np.concatenate([measured, felt]) if tactile else measured
-            return np.clip(network(inputs[None])[0], -1.0, 1.0).astype(np.float32)
+            return carried_out(measured, network(inputs[None])[0])
 
         return decide
 
@@ -182,8 +203,9 @@ def train(args):
             inputs = np.concatenate([data["measured"], data["felt"]], axis=1) if tactile else data["measured"]
             for seed in range(args.seeds):
                 random = np.random.default_rng(seed)
-                network = Network(inputs, data["action"], args.hidden, random)
-                network.fit(inputs, data["action"], args.epochs, random)
+                answers = wanted(data["measured"], data["action"])
+                network = Network(inputs, answers, args.hidden, random)
+                network.fit(inputs, answers, args.epochs, random)
                 jobs = [(network, tactile, args.combination, episode) for episode in seeds]
                 succeeded = sum(workers.map(tested, jobs))
                 print(f"{name}, seed {seed}: {succeeded} of {len(seeds)} episodes succeed", flush=True)
