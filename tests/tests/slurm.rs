@@ -129,11 +129,12 @@ impl Drop for Daemons {
 fn configuration(folder: &Path) -> String {
     let host = fs::read_to_string("/proc/sys/kernel/hostname").expect("a name");
     let (host, here) = (host.trim(), folder.display());
+    // How long a requeued job waits; below 5 s Slurm takes its default of two minutes.
     // Ports of this process: two tests at a time keep apart.
     let port = 20_000 + std::process::id() % 10_000 * 4;
     format!(
         "ClusterName=twin\nSlurmctldHost={host}(127.0.0.1)\nSlurmctldPort={port}\nSlurmUser=root\nSlurmdUser=root\nAuthType=auth/munge\n\
-         AuthInfo=socket={here}/munge.socket,cred_expire=2\nStateSaveLocation={here}/state\nSlurmdSpoolDir={here}/%n\n\
+         AuthInfo=socket={here}/munge.socket,cred_expire=5\nStateSaveLocation={here}/state\nSlurmdSpoolDir={here}/%n\n\
          SlurmctldPidFile={here}/ctld.pid\nSlurmdPidFile={here}/%n.pid\nSlurmctldLogFile={here}/ctld.log\nSlurmdLogFile={here}/%n.log\n\
          ProctrackType=proctrack/linuxproc\nTaskPlugin=task/none\nJobAcctGatherType=jobacct_gather/none\n\
          AccountingStorageType=accounting_storage/none\nSchedulerParameters=sched_interval=1,sched_min_interval=200000,bf_interval=1\n\
