@@ -285,7 +285,16 @@ impl Experiment {
             self.told = state;
             let (executive, condition) = (&self.executive, Some(Condition::Ideal));
             let note = note.as_deref();
-            watcher.see(&Moment { time, truth: None, executive, felt: None, condition, note, choice: None, reversed: false })?;
+            watcher.see(&Moment {
+                time,
+                truth: None,
+                executive,
+                felt: None,
+                condition,
+                note,
+                choice: None,
+                reversed: false,
+            })?;
         }
         Ok(())
     }

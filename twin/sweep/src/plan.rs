@@ -7,6 +7,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
 use anyhow::{Context as _, Result, bail};
+use bench::body::Places;
 use bench::journal::{RunRequest, Unit as TrialUnit};
 use bench::run;
 use hand_model::data::DataError;
@@ -137,6 +138,10 @@ impl Plan {
             uncertainty: None,
             noise_scale: 1.0,
             scenario: scenarios::scenario::BENCHMARK.to_owned(),
+            policy: None,
+            individual: None,
+            plant: None,
+            places: Places::default(),
         };
         let mut plan = Self {
             version: columns::VERSION,

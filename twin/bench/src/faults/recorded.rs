@@ -32,6 +32,7 @@ impl Matrix<'_> {
             watched: true,
             combos: self.bench.plans.plans.len(),
             scenario: scenarios::scenario::BENCHMARK.to_owned(),
+            individual: None,
             places: Places::default(),
         };
         Recording::open(&targets, self.bench, &task, (Began::Now, false)).map(Some)

@@ -143,7 +143,16 @@ impl Run {
                 history.see(truth);
             }
             let (time, note) = (robot.time(), note.as_deref());
-            watcher.see(&Moment { time, truth: truth.as_ref(), executive, felt, condition, note, choice: None, reversed })
+            watcher.see(&Moment {
+                time,
+                truth: truth.as_ref(),
+                executive,
+                felt,
+                condition,
+                note,
+                choice: None,
+                reversed,
+            })
         })?;
         // The last tick of a recording may also be the last of a trial.
         if let Some(why) = robot.stopped().filter(|_| executive.phase() < Phase::Done) {

@@ -166,6 +166,7 @@ fn task(seed: u64) -> Result<Task> {
         watched: false,
         combos: 1,
         scenario: text,
+        individual: None,
         places: Places::default(),
     })
 }
