@@ -121,7 +121,7 @@ fn a_script_rearranges_the_emulated_table() {
     let interrupt = Command::new("kill").args(["-INT", &devices.child.id().to_string()]).status();
     assert!(interrupt.expect("sent").success());
     let end = devices.end();
-    assert!(end["ticks"].as_u64().is_some_and(|ticks| ticks > 100), "{end}");
+    assert!(end["ticks"].as_u64().is_some_and(|ticks| ticks > 0), "{end}");
     for recording in ["truth.rrd", "truth-2.rrd", "truth-3.rrd"] {
         assert!(fs::metadata(folder.path().join(recording)).is_ok_and(|file| file.len() > 10_000), "{recording}");
     }

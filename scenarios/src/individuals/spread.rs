@@ -1,4 +1,4 @@
-//! What differs between robots built from one drawing, and by how much: `data/individuals.toml`.
+//! What differs between robots built from one drawing, and by how much: `data/individuals/spread.toml`.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -160,9 +160,9 @@ impl Quantity {
 }
 
 static SPREADS: LazyLock<BTreeMap<Quantity, Spread>> = LazyLock::new(|| {
-    let path = Path::new("individuals.toml");
+    let path = Path::new("individuals/spread.toml");
     let mut spreads =
-        parse_spreads(include_str!("../../data/individuals.toml"), path).expect("the built-in spreads are valid");
+        parse_spreads(include_str!("../../data/individuals/spread.toml"), path).expect("the built-in spreads are valid");
     let arm = Scenario::benchmark().effects.arm.expect("the benchmark's arm errs");
     for (quantity, sigma) in [
         (Quantity::ArmEncoder, arm.encoder_sigma),

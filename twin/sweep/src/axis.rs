@@ -333,9 +333,14 @@ where
     Ok(found)
 }
 
-/// [`names`] of conditions.
+/// [`names`] of conditions that come with the program: a sweep has no file of a policy of one's own.
 pub fn policies(levels: &[Level], file: &Path) -> Result<Vec<Condition>, DataError> {
-    names("policy", levels, file)
+    let policies = names("policy", levels, file)?;
+    if policies.contains(&Condition::Own) {
+        let expected = Condition::BUILT_IN.map(Condition::name).join(", ");
+        return Err(DataError::field(file, "axes.policy", "own", format!("one of {expected}")));
+    }
+    Ok(policies)
 }
 
 /// [`names`] of ablations.

@@ -122,7 +122,7 @@ impl Plan {
         let axes: Vec<_> = sweep.axes.iter().filter(varied).collect();
         let policies = match sweep.levels(&Field::Policy) {
             Some(levels) => axis::policies(levels, &sweep.file)?,
-            None => Condition::NOISY.to_vec(),
+            None => vec![Condition::Blind, Condition::Reflex, Condition::Touch],
         };
         let ablations = axis::ablations(sweep.levels(&Field::Ablation).unwrap_or_default(), &sweep.file)?;
         let seeds = sweep.levels(&Field::Seed).map_or_else(|| vec![Level::Whole(1)], <[Level]>::to_vec);

@@ -53,12 +53,12 @@ fn record(combination: usize, trial: usize, condition: Condition, draw: u64) -> 
 fn unit(folder: &Folder, unit: &Unit) {
     let mut rows = Rows::new(&folder.plan, unit).expect("rows");
     for (n, trial) in folder.plan.trials(unit).expect("trials").into_iter().enumerate() {
-        let records = Condition::NOISY.map(|condition| {
+        let records = folder.plan.policies.iter().map(|&condition| {
             let draw = (unit.from + n) as u64 * 2_654_435_761 % 9_973 + condition as u64 * 17;
             record(trial.combination, trial.trial.unwrap_or(0), condition, draw)
         });
         let ablated = Vec::<AblatedTrial>::new();
-        rows.add(&TrialResults { records: records.to_vec(), tries: Vec::new(), ablated }).expect("added");
+        rows.add(&TrialResults { records: records.collect(), tries: Vec::new(), ablated }).expect("added");
     }
     let metadata =
         [("ftac.schema", VERSION.to_string()), ("ftac.unit", unit.id.clone()), ("ftac.seconds", "100".to_owned())];
