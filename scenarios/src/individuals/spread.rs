@@ -161,8 +161,8 @@ impl Quantity {
 
 static SPREADS: LazyLock<BTreeMap<Quantity, Spread>> = LazyLock::new(|| {
     let path = Path::new("individuals/spread.toml");
-    let mut spreads =
-        parse_spreads(include_str!("../../data/individuals/spread.toml"), path).expect("the built-in spreads are valid");
+    let mut spreads = parse_spreads(include_str!("../../data/individuals/spread.toml"), path)
+        .expect("the built-in spreads are valid");
     let arm = Scenario::benchmark().effects.arm.expect("the benchmark's arm errs");
     for (quantity, sigma) in [
         (Quantity::ArmEncoder, arm.encoder_sigma),
