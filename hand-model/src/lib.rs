@@ -14,6 +14,7 @@
 pub mod any_hand;
 pub mod arm;
 pub mod data;
+pub mod digest;
 pub mod digit;
 pub mod file;
 pub mod hand;

@@ -7,6 +7,7 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use crc::{CRC_32_ISO_HDLC, Crc};
+use hand_model::digest::sha256;
 use hand_model::robot;
 use mcap::records::{ChunkHeader, Record, op};
 use mcap::sans_io::{LinearReadEvent, LinearReader, LinearReaderOptions};
@@ -17,7 +18,7 @@ use crate::error::SessionLogError;
 use crate::message::{Command, LastImages, Observation, Seen, SeenPose, Tick, Wrong};
 use crate::tap::Direction;
 use crate::writer::{
-    ASKED, CALIBRATION, CONFIGURATION, FORMAT, METADATA, OBSERVATION, OUTCOME, SEEN, SENT, Session, TASK, TICK, sha256,
+    ASKED, CALIBRATION, CONFIGURATION, FORMAT, METADATA, OBSERVATION, OUTCOME, SEEN, SENT, Session, TASK, TICK,
 };
 
 /// The longest record taken, bytes: an observation with an image of every camera has 3.2 MB. A damaged length must not

@@ -6,11 +6,11 @@ use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant, SystemTime};
 
+use hand_model::digest::sha256;
 use hand_model::robot;
 use mcap::WriteOptions;
 use mcap::records::{MessageHeader, Metadata};
 use prost::Message;
-use sha2::{Digest, Sha256};
 
 use crate::error::SessionLogError;
 use crate::message::{Command, LastImages, Observation, Seen, SeenPose, Tick};
@@ -58,11 +58,6 @@ pub struct Session {
     pub calibration: Vec<u8>,
     /// The task in the controller's own format: all that a replay needs to set it up again; may be empty.
     pub task: Vec<u8>,
-}
-
-/// SHA-256 of `bytes` in hexadecimal digits.
-pub fn sha256(bytes: &[u8]) -> String {
-    Sha256::digest(bytes).iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
 fn nanoseconds(duration: Duration) -> u64 {

@@ -4,13 +4,13 @@
 
 use std::path::Path;
 
-use hand_model::data::{DataError, parse_toml, read_text};
-use hand_model::{Arm, Hand};
+use hand_model::Hand;
+use hand_model::data::{DataError, parse_toml};
+use hand_model::digest::sha256;
 use serde::{Deserialize, Serialize};
-use sha2::{Digest as _, Sha256};
 
 use super::robot::RobotIndividual;
-use super::spread::Kind;
+use super::spread::{Kind, Parameter, Spread};
 
 /// Version of the file's format.
 const VERSION: u32 = 1;
@@ -43,6 +43,14 @@ pub struct Estimate {
     pub sigma: f64,
     /// Whether the sessions say more than the drawing did.
     pub identified: bool,
+}
+
+impl Estimate {
+    /// What the drawing says of a parameter, where nothing was learnt.
+    pub fn drawn(parameter: &Parameter, deviation: f64) -> Self {
+        let Spread { kind, sigma, .. } = parameter.spread;
+        Self { name: parameter.name.clone(), kind, deviation, sigma, identified: false }
+    }
 }
 
 /// Covariance of some parameters' deviations, in rows.
@@ -95,11 +103,6 @@ impl IdentifiedRobot {
         Self { individual, estimates, covariances, sessions }
     }
 
-    /// The hand and the arm that it makes of those `drawn`.
-    pub fn apply(&self, hand: &Hand, arm: &Arm) -> (Hand, Arm) {
-        (self.individual.hand(hand), self.individual.arm(arm))
-    }
-
     /// The file's text.
     pub fn to_toml(&self, hand: &Hand, program: &str) -> Result<String, toml::ser::Error> {
         let contents = Contents {
@@ -111,12 +114,7 @@ impl IdentifiedRobot {
             covariance: self.covariances.clone(),
         };
         let body = toml::to_string(&contents)?;
-        Ok(format!("digest = \"{}\"\n{body}", digest(&body)))
-    }
-
-    /// Reads and checks a file.
-    pub fn read(path: &Path, hand: &Hand) -> Result<Self, DataError> {
-        Self::parse(&read_text(path)?, path, hand)
+        Ok(format!("digest = \"{}\"\n{body}", sha256(body.as_bytes())))
     }
 
     /// Reads and checks a file's text; `path` is used in errors.
@@ -155,16 +153,12 @@ impl IdentifiedRobot {
             check_covariance(block, &designed, path)?;
         }
         let body = toml::to_string(&contents).map_err(|error| DataError::field(path, "file", error, "a table"))?;
-        if digest(&body) != found {
+        if sha256(body.as_bytes()) != found {
             let expected = "the digest of what the file says: it was changed after `ftac twin identify` wrote it; identify the robot again";
             return fault("digest".into(), format!("`{found}`"), expected);
         }
         Ok(Self::new(hand, contents.parameter, contents.covariance, contents.session))
     }
-}
-
-fn digest(body: &str) -> String {
-    Sha256::digest(body.as_bytes()).iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
 /// A block names parameters, and is a covariance matrix.
@@ -197,13 +191,7 @@ mod tests {
             .parameters()
             .iter()
             .zip(robot.deviations())
-            .map(|(parameter, deviation)| Estimate {
-                name: parameter.name.clone(),
-                kind: parameter.spread.kind,
-                deviation: *deviation,
-                sigma: parameter.spread.sigma,
-                identified: true,
-            })
+            .map(|(parameter, deviation)| Estimate { identified: true, ..Estimate::drawn(parameter, *deviation) })
             .collect();
         let names = vec!["index_1.spring".to_owned(), "index_2.spring".to_owned()];
         let block = Covariance { parameters: names, rows: vec![vec![2e-4, 1e-4], vec![1e-4, 3e-4]] };

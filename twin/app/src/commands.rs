@@ -15,6 +15,7 @@ pub mod replay;
 mod rows;
 mod scenario;
 pub mod schema;
+mod sessions;
 pub mod shell;
 pub mod study;
 pub mod sweep;

@@ -7,12 +7,12 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
+use hand_model::digest::sha256;
 use scenarios::effects::Effect;
 use scenarios::record::{AblatedTrial, Condition, TrialRecord};
 use scenarios::tries::TryRecord;
 use scenarios::{Ablation, Scenario};
 use serde::{Deserialize, Serialize};
-use sha2::{Digest as _, Sha256};
 
 use crate::body::{Places, Task};
 use crate::own::Source;
@@ -84,8 +84,7 @@ impl RunRequest {
 
     /// Tells runs apart: the first half of the SHA-256 of what was asked for, hexadecimal.
     pub fn digest(&self) -> Result<String> {
-        let digest = Sha256::digest(serde_json::to_vec(self)?);
-        Ok(digest.iter().take(16).map(|byte| format!("{byte:02x}")).collect())
+        Ok(sha256(&serde_json::to_vec(self)?)[..32].to_owned())
     }
 
     /// The scenario that is run.

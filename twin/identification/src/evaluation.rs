@@ -6,6 +6,7 @@ use hand_model::{ACTUATORS, ARM_JOINTS, Arm, Digit, Hand};
 use nalgebra::Isometry3;
 use scenarios::individuals::file::IdentifiedRobot;
 use scenarios::individuals::robot::RobotIndividual;
+use scenarios::statistics::percentile;
 use serde::Serialize;
 use sim::tactile::TactileBoard;
 use sim::{SceneSetup, SimulatedRobot};
@@ -73,11 +74,7 @@ impl Differences {
 
 /// Median; NaN of nothing.
 pub fn median(values: &[f64]) -> f64 {
-    let mut sorted = values.to_vec();
-    sorted.sort_by(f64::total_cmp);
-    let at = |place: usize| sorted.get(place).copied().unwrap_or(f64::NAN);
-    let upper = at(sorted.len() / 2);
-    if sorted.len() % 2 == 1 { upper } else { 0.5 * (upper + at((sorted.len() / 2).wrapping_sub(1))) }
+    percentile(values, 50.0).unwrap_or(f64::NAN)
 }
 
 /// The simulated robot of an individual, its hand open, the arm in a posture that its encoders show as `start`, with nothing in reach.

@@ -54,7 +54,7 @@ pub struct Fit {
 }
 
 /// Everything about `actuator` that a free motion may show.
-pub fn searched(individual: &RobotIndividual, hand: &Hand, actuator: usize) -> Vec<usize> {
+fn searched(individual: &RobotIndividual, hand: &Hand, actuator: usize) -> Vec<usize> {
     let joints: Vec<usize> = match hand.transmission.cables.get(actuator) {
         Some(path) => path.joints.iter().map(|(joint, _)| *joint).collect(),
         None => vec![hand.transmission.opposition_joint],
@@ -110,7 +110,7 @@ impl Search<'_> {
 }
 
 /// Of the samples of `motions`: what the twin of `hand` shows less what was measured, rad.
-pub fn angle_residuals(hand: &Hand, losses: CableLosses, motions: &[FreeMotion], delay: f64) -> Vec<f64> {
+fn angle_residuals(hand: &Hand, losses: CableLosses, motions: &[FreeMotion], delay: f64) -> Vec<f64> {
     let of = |motion: &FreeMotion| {
         let sample = |(shown, angle): (Shown, &f64)| shown.servo - delay * shown.speed - angle;
         let shown = play(hand, losses, motion);
@@ -126,7 +126,7 @@ pub fn fit(hand: &Hand, losses: CableLosses, motions: &[FreeMotion], from: &Robo
     let n = places.len() + 1;
     let mut p = vec![0.0; n];
     let designed = rms(&angle_residuals(hand, losses, motions, 0.0));
-    let (mut sigma, mut correlated) = (FIRST_SIGMA, 1.0);
+    let (mut sigma, mut correlated, mut left) = (FIRST_SIGMA, 1.0, Vec::new());
     for steps in [8, 12] {
         let bounds = vec![(-RANGE, RANGE); n];
         let jacobian = |p: &[f64], at: &[f64]| jacobian(&search, p, at, sigma);
@@ -134,12 +134,11 @@ pub fn fit(hand: &Hand, losses: CableLosses, motions: &[FreeMotion], from: &Robo
             Problem { residuals: |p: &[f64]| search.residuals(p, sigma), jacobian, bounds, groups: Vec::new() };
         let options = Options { steps, scale: OUTLIER, tolerance: 1e-4 };
         p = problem.minimise(&p, &options).parameters;
-        let left = search.angles(&p);
+        left = search.angles(&p);
         correlated = alike(&left);
         sigma = rms(&left).max(QUANTISATION) * correlated.sqrt();
     }
-    let left = search.angles(&p);
-    let at = search.residuals(&p, sigma);
+    let at: Vec<f64> = left.iter().map(|residual| residual / sigma).chain(p.iter().copied()).collect();
     let slopes = jacobian(&search, &p, &at, sigma);
     // Positive definite: the prior's rows are a unit matrix.
     let posterior =

@@ -40,7 +40,7 @@ pub fn identify(
         .map(|actuator| distinct.values().flat_map(|trace| free_motions(trace, actuator, hand, arm)).collect())
         .collect();
     if let Some(missing) = motions.iter().position(Vec::is_empty) {
-        let files: Vec<String> = traces.iter().map(|trace| trace.path.display().to_string()).collect();
+        let files: Vec<String> = traces.iter().map(|trace| trace.source.file.clone()).collect();
         let actuator = hand.parameters.actuator[missing].name.clone();
         return Err(IdentificationError::NotExcited { sessions: files.join(", "), actuator });
     }
@@ -56,13 +56,7 @@ pub fn identify(
         .parameters()
         .iter()
         .zip(prior.deviations())
-        .map(|(parameter, deviation)| Estimate {
-            name: parameter.name.clone(),
-            kind: parameter.spread.kind,
-            deviation: *deviation,
-            sigma: parameter.spread.sigma,
-            identified: false,
-        })
+        .map(|(parameter, deviation)| Estimate::drawn(parameter, *deviation))
         .collect();
     let mut covariances = Vec::new();
     for fit in &fits {

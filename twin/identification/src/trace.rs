@@ -1,13 +1,13 @@
 //! A session of an excitation, read back: what was measured and what was sent, tick by tick.
 
-use std::fs::File;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
+use hand_model::digest::sha256;
 use hand_model::robot::{Command, Observation, Robot, ServoGoal, ServoState, Tick};
 use hand_model::{ACTUATORS, ARM_JOINTS, Hand};
 use scenarios::individuals::file::Source;
-use session_log::{Event, Reader};
-use sha2::{Digest as _, Sha256};
+use session_log::Reader;
+use session_log::frames::{Frame, frames};
 
 use crate::error::IdentificationError;
 use crate::excitation::{NAME, Task};
@@ -26,7 +26,6 @@ pub struct Row {
 /// A session's ticks.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Trace {
-    pub path: PathBuf,
     pub rows: Vec<Row>,
     /// Length of a tick, s.
     pub tick: f64,
@@ -42,23 +41,21 @@ impl Trace {
         let mut reader = Reader::open(path)?;
         let session = reader.session().clone();
         check_task(path, &session.task, hand)?;
-        let mut rows: Vec<Row> = Vec::new();
-        let mut observed: Option<Observation> = None;
-        while let Some((_, event)) = reader.next_event()? {
-            match event {
-                Event::Observation(observation) => observed = Some(observation),
-                Event::Sent(command) => rows.extend(observed.take().map(|observation| row(&observation, &command))),
-                _ => {}
-            }
-        }
-        let seconds = rows.last().zip(rows.first()).map_or(0.0, |(last, first)| last.time - first.time);
+        let (frames, _) = frames(&mut reader, 1)?;
+        let row = |frame: &Frame| {
+            let Frame { time, servos, arm, sent, .. } = frame;
+            Row { time: *time, servos: *servos, arm: arm.position, goals: sent.servos }
+        };
+        let rows: Vec<Row> = frames.iter().map(row).collect();
+        let seconds = seconds(&rows);
+        let digest = std::fs::read(path).map(|bytes| sha256(&bytes));
         let source = Source {
             file: path.display().to_string(),
-            sha256: digest(path).map_err(|source| IdentificationError::Io { path: path.into(), source })?,
+            sha256: digest.map_err(|source| IdentificationError::Io { path: path.into(), source })?,
             robot: session.robot,
             seconds,
         };
-        Ok(Self { path: path.into(), rows, tick: session.tick_length, source, whole: reader.is_whole() })
+        Ok(Self { rows, tick: session.tick_length, source, whole: reader.is_whole() })
     }
 }
 
@@ -77,11 +74,15 @@ impl<R: Robot> Kept<R> {
 
     /// What passed through it; `robot` is the body's kind.
     pub fn trace(self, robot: &str) -> Trace {
-        let seconds = self.rows.last().zip(self.rows.first()).map_or(0.0, |(last, first)| last.time - first.time);
-        let kept = "kept in memory".to_owned();
-        let source = Source { file: kept.clone(), sha256: String::new(), robot: robot.to_owned(), seconds };
-        Trace { path: kept.into(), rows: self.rows, tick: self.robot.tick_length(), source, whole: true }
+        let file = "kept in memory".to_owned();
+        let source = Source { file, sha256: String::new(), robot: robot.to_owned(), seconds: seconds(&self.rows) };
+        Trace { rows: self.rows, tick: self.robot.tick_length(), source, whole: true }
     }
+}
+
+/// From the first tick to the last, s.
+fn seconds(rows: &[Row]) -> f64 {
+    rows.last().zip(rows.first()).map_or(0.0, |(last, first)| last.time - first.time)
 }
 
 /// What is kept of a tick.
@@ -128,12 +129,6 @@ fn check_task(path: &Path, task: &[u8], hand: &Hand) -> Result<(), Identificatio
         return fault("task.hand", format!("`{}`", task.hand), format!("`{}`", hand.parameters.name));
     }
     Ok(())
-}
-
-fn digest(path: &Path) -> std::io::Result<String> {
-    let mut sha = Sha256::new();
-    std::io::copy(&mut File::open(path)?, &mut sha)?;
-    Ok(sha.finalize().iter().map(|byte| format!("{byte:02x}")).collect())
 }
 
 #[cfg(test)]

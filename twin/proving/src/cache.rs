@@ -4,6 +4,7 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result};
+use hand_model::digest::hexadecimal;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 use sha2::{Digest as _, Sha256};
@@ -40,8 +41,7 @@ impl Key {
     /// The label and the first 64 bits of the SHA-256 of all parts.
     pub(crate) fn file_name(&self) -> String {
         let digest = self.digest.clone().finalize();
-        let hexadecimal: String = digest.iter().take(8).map(|byte| format!("{byte:02x}")).collect();
-        format!("{}-{hexadecimal}.json", self.label)
+        format!("{}-{}.json", self.label, hexadecimal(&digest[..8]))
     }
 }
 

@@ -99,17 +99,7 @@ impl Figure {
     }
 
     fn axes(&self, svg: &mut String) {
-        for tenth in [0, 2, 4, 6, 8, 10] {
-            let rate = f64::from(tenth) / 10.0;
-            let y = height(rate);
-            let _ = writeln!(
-                svg,
-                "<line class=\"grid\" x1=\"{LEFT}\" x2=\"{RIGHT}\" y1=\"{y:.1}\" y2=\"{y:.1}\"/>\
-                 <text class=\"soft\" text-anchor=\"end\" x=\"{:.1}\" y=\"{:.1}\">{rate:.1}</text>",
-                LEFT - 7.0,
-                y + 4.0
-            );
-        }
+        rate_grid(svg, [LEFT, RIGHT], height);
         let middle = (TOP + BOTTOM) / 2.0;
         let _ = writeln!(
             svg,
@@ -133,6 +123,21 @@ impl Figure {
             (a + b) / 2.0,
             y - 7.0,
             escape(text)
+        );
+    }
+}
+
+/// Lines at the fifths of a rate from 0 to 1, with their values on the left.
+pub fn rate_grid(svg: &mut String, [left, right]: [f64; 2], height: impl Fn(f64) -> f64) {
+    for tenth in [0, 2, 4, 6, 8, 10] {
+        let rate = f64::from(tenth) / 10.0;
+        let y = height(rate);
+        let _ = writeln!(
+            svg,
+            "<line class=\"grid\" x1=\"{left}\" x2=\"{right}\" y1=\"{y:.1}\" y2=\"{y:.1}\"/>\
+             <text class=\"soft\" text-anchor=\"end\" x=\"{:.1}\" y=\"{:.1}\">{rate:.1}</text>",
+            left - 7.0,
+            y + 4.0
         );
     }
 }

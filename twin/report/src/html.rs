@@ -1,6 +1,8 @@
-//! Small pieces of HTML: escaping, numbers in words and figures, tables.
+//! Small pieces of HTML: escaping, numbers in words and figures, tables, and the page around them.
 
 use std::fmt::Write as _;
+
+use crate::style;
 
 /// `text` with the five characters that mean something to HTML, XML and quoted attributes replaced.
 pub fn escape(text: &str) -> String {
@@ -131,6 +133,18 @@ fn class(column: Column) -> &'static str {
         Column::Words => "",
         Column::Numbers => " class=\"number\"",
     }
+}
+
+/// A whole page in the report's style, `body` below its title.
+pub fn whole_page(title: &str, body: &str) -> String {
+    format!(
+        "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
+         <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n<title>{0}</title>\n<style>{1}{2}</style>\n\
+         </head>\n<body>\n<main>\n<h1>{0}</h1>\n{body}</main>\n</body>\n</html>\n",
+        escape(title),
+        style::FIGURE,
+        style::PAGE
+    )
 }
 
 /// Bytes as an address that holds them (RFC 2397).

@@ -6,8 +6,7 @@ use std::fmt::Write as _;
 use scenarios::individuals::file::Source;
 use serde::Serialize;
 
-use crate::html::{Column, Table, escape};
-use crate::style;
+use crate::html::{Column, Table, escape, whole_page};
 
 /// Half of a 95 % interval, in standard deviations.
 const HALF_INTERVAL: f64 = 1.96;
@@ -171,16 +170,12 @@ pub fn page(actuators: &[ActuatorRow], parameters: &[ParameterRow], sessions: &[
         source.row(&[&session.file, &session.robot, &format!("{:.0}", session.seconds), &session.sha256]);
     }
     let advice: String = advice(parameters).iter().map(|line| format!("<li>{}</li>", escape(line))).collect();
-    format!(
-        "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
-         <meta name=\"viewport\" content=\"width=device-width\">\n<title>One robot, identified</title>\n<style>{}{}</style>\n\
-         </head>\n<body><main>\n<h1>One robot, identified</h1>\n{}{}\n<h2>What to measure more</h2>\n<ul>{advice}</ul>\n{}{}\
-         </main></body>\n</html>\n",
-        style::FIGURE,
-        style::PAGE,
+    let body = format!(
+        "{}{}\n<h2>What to measure more</h2>\n<ul>{advice}</ul>\n{}{}",
         motion.finish(),
         table("What the sessions show", true),
         table("What they do not show: the drawing's value, and its spread", false),
         source.finish()
-    )
+    );
+    whole_page("One robot, identified", &body)
 }

@@ -6,7 +6,7 @@
 mod ablation;
 mod definitions;
 mod failures;
-mod figure;
+pub mod figure;
 pub mod film;
 mod findings;
 mod heat_map;

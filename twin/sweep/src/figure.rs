@@ -2,6 +2,7 @@
 
 use std::fmt::Write as _;
 
+use report::figure::rate_grid;
 use report::html::{escape, number};
 
 use crate::curve::Estimate;
@@ -12,8 +13,6 @@ const LEFT: f64 = 50.0;
 const RIGHT: f64 = WIDTH - 120.0;
 const TOP: f64 = 44.0;
 const BOTTOM: f64 = HEIGHT - 56.0;
-/// Rates that the axis shows.
-const RANGE: (f64, f64) = (0.0, 1.0);
 
 /// An arm's line.
 pub struct Line {
@@ -41,23 +40,13 @@ impl Figure {
             .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), (x, _)| (low.min(*x), high.max(*x)));
         let span = if high > low { high - low } else { 1.0 };
         let across = |x: f64| LEFT + 16.0 + (x - low) / span * (RIGHT - LEFT - 32.0);
-        let down = |y: f64| BOTTOM - (y - RANGE.0) / (RANGE.1 - RANGE.0) * (BOTTOM - TOP);
+        let down = |rate: f64| BOTTOM - rate * (BOTTOM - TOP);
         let mut svg = format!(
             "<svg xmlns=\"http://www.w3.org/2000/svg\" class=\"figure\" viewBox=\"0 0 {WIDTH} {HEIGHT}\" role=\"img\" aria-label=\"{0}\">\n\
              <rect class=\"paper\" width=\"{WIDTH}\" height=\"{HEIGHT}\"/><text class=\"title\" x=\"8\" y=\"22\">{0}</text>\n",
             escape(&self.title)
         );
-        for tenth in [0, 2, 4, 6, 8, 10] {
-            let rate = f64::from(tenth) / 10.0;
-            let y = down(rate);
-            let _ = writeln!(
-                svg,
-                "<line class=\"grid\" x1=\"{LEFT}\" x2=\"{RIGHT}\" y1=\"{y:.1}\" y2=\"{y:.1}\"/>\
-                 <text class=\"soft\" text-anchor=\"end\" x=\"{:.1}\" y=\"{:.1}\">{rate:.1}</text>",
-                LEFT - 7.0,
-                y + 4.0
-            );
-        }
+        rate_grid(&mut svg, [LEFT, RIGHT], down);
         for (x, label) in &self.ticks {
             let _ = writeln!(
                 svg,

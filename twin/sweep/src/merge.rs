@@ -9,7 +9,7 @@ use sha2::{Digest as _, Sha256};
 
 use crate::columns::{VERSION, WALL, Which};
 use crate::folder::Folder;
-use crate::plan::{Unit, hex};
+use crate::plan::{Unit, short_digest};
 use crate::table::{Reader, Table};
 
 /// What was joined.
@@ -93,7 +93,7 @@ pub fn merge(folder: &Folder, quiet: bool) -> Result<Merged> {
     write_whole(&folder.path.join("merged/units.csv"), times.as_bytes())?;
     merged.missing = folder.plan.units.len() - merged.units;
     let both: Vec<u8> = digests.into_iter().flat_map(Sha256::finalize).collect();
-    merged.digest = hex(&Sha256::digest(both));
+    merged.digest = short_digest(both);
     Ok(merged)
 }
 

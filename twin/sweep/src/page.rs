@@ -4,8 +4,8 @@ use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, Result, bail};
-use report::html::{Column, Table, counted, duration, escape, number};
-use report::{style, write_whole};
+use report::html::{Column, Table, counted, duration, escape, number, whole_page};
+use report::write_whole;
 use serde_json::json;
 
 use crate::curve::{self, Contrast, Estimate};
@@ -20,17 +20,6 @@ pub struct Made {
     pub text: String,
     pub json: serde_json::Value,
     pub folder: PathBuf,
-}
-
-/// The whole page.
-fn page(title: &str, body: &str) -> String {
-    format!(
-        "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n<meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n\
-         <title>{0}</title>\n<style>{1}{2}</style>\n</head>\n<body>\n<main>\n<h1>{0}</h1>\n{body}</main>\n</body>\n</html>\n",
-        escape(title),
-        style::FIGURE,
-        style::PAGE
-    )
 }
 
 /// A rate of a level.
@@ -76,9 +65,11 @@ pub fn report(folder: &Folder, out: &Path) -> Result<Made> {
     html += &contrast_table(&contrasts);
     html += METHOD;
     std::fs::create_dir_all(out).with_context(|| out.display().to_string())?;
-    write_whole(&out.join("report.html"), page(&format!("Sweep: {}", plan.name), &html).as_bytes())?;
-    write_whole(&out.join("curves.csv"), csv_curves(&curves).as_bytes())?;
-    write_whole(&out.join("contrasts.csv"), csv_contrasts(&contrasts).as_bytes())?;
+    write_whole(&out.join("report.html"), whole_page(&format!("Sweep: {}", plan.name), &html).as_bytes())?;
+    let rows = curves.iter().map(|row| ([&*row.axis, &row.level, &row.arm, row.outcome], &row.estimate));
+    write_whole(&out.join("curves.csv"), &comma_separated((["axis", "level", "arm", "outcome"], "value"), rows)?)?;
+    let rows = contrasts.iter().map(|row| ([&*row.what, &row.at, row.outcome], &row.estimate));
+    write_whole(&out.join("contrasts.csv"), &comma_separated((["contrast", "at", "outcome"], "difference"), rows)?)?;
     let mut text =
         format!("{played} trials in {finished} of {units} units\n\n{:44} {:>7}  {:>18} {:>9}\n", "", "", "95 %", "n");
     for (arm, name) in outcomes.arms.iter().enumerate() {
@@ -267,29 +258,19 @@ fn contrast_table(contrasts: &[Contrast]) -> String {
     format!("<h2>Contrasts</h2>\n{}", table.finish())
 }
 
-/// A field of a CSV file.
-fn field(text: &str) -> String {
-    if text.contains([',', '"', '\n']) { format!("\"{}\"", text.replace('"', "\"\"")) } else { text.to_owned() }
-}
-
-fn csv_estimate(estimate: &Estimate) -> String {
+/// A table as CSV, an estimate a row under the name `value`.
+fn comma_separated<'a, const N: usize>(
+    (head, value): ([&str; N], &str),
+    rows: impl Iterator<Item = ([&'a str; N], &'a Estimate)>,
+) -> Result<Vec<u8>> {
     let maybe = |value: Option<f64>| value.map_or(String::new(), |value| value.to_string());
-    format!("{},{},{},{}", estimate.value, maybe(estimate.low), maybe(estimate.high), estimate.n)
-}
-
-fn csv_curves(rows: &[CurveRow]) -> String {
-    let line = |row: &CurveRow| {
-        let words = [&row.axis, &row.level, &row.arm].map(|text| field(text)).join(",");
-        format!("{words},{},{}\n", row.outcome, csv_estimate(&row.estimate))
-    };
-    std::iter::once("axis,level,arm,outcome,value,low,high,n\n".to_owned()).chain(rows.iter().map(line)).collect()
-}
-
-fn csv_contrasts(rows: &[Contrast]) -> String {
-    let line = |row: &Contrast| {
-        format!("{},{},{},{}\n", field(&row.what), field(&row.at), row.outcome, csv_estimate(&row.estimate))
-    };
-    std::iter::once("contrast,at,outcome,difference,low,high,n\n".to_owned()).chain(rows.iter().map(line)).collect()
+    let mut writer = csv::Writer::from_writer(Vec::new());
+    writer.write_record(head.into_iter().chain([value, "low", "high", "n"]))?;
+    for (words, of) in rows {
+        let numbers = [of.value.to_string(), maybe(of.low), maybe(of.high), of.n.to_string()];
+        writer.write_record(words.into_iter().chain(numbers.iter().map(String::as_str)))?;
+    }
+    Ok(writer.into_inner()?)
 }
 
 /// Replays the recorded times of a sweep's units on more cores, repeated until there are `trials`, `join` neighbours taken as one, and writes
@@ -382,7 +363,7 @@ pub fn makespan(folder: &Folder, trials: Option<usize>, join: usize) -> Result<(
         assumed.operations_per_s,
     );
     let out = folder.path.join("makespan.html");
-    write_whole(&out, page(&format!("More cores: {}", folder.plan.name), &body).as_bytes())?;
+    write_whole(&out, whole_page(&format!("More cores: {}", folder.plan.name), &body).as_bytes())?;
     let _ = writeln!(said, "page: {}", out.display());
     Ok((points, said))
 }

@@ -11,9 +11,9 @@ use bench::body::Places;
 use bench::journal::{RunRequest, Unit as TrialUnit};
 use bench::run;
 use hand_model::data::DataError;
+use hand_model::digest::sha256;
 use scenarios::{Ablation, Condition};
 use serde::{Deserialize, Serialize};
-use sha2::{Digest as _, Sha256};
 
 use crate::axis::{self, Draft, Field, Level};
 use crate::columns;
@@ -245,7 +245,7 @@ impl Plan {
     /// Tells sweeps apart: what is played, wherever its units were cut.
     pub fn digest(&self) -> String {
         let ids: Vec<&str> = self.units.iter().map(|unit| unit.id.as_str()).collect();
-        hex(&Sha256::digest(ids.join(" ")))
+        short_digest(ids.join(" "))
     }
 
     /// In which respect another plan is another sweep; none if it is the same.
@@ -306,10 +306,10 @@ fn columns_of(axes: &[&crate::file::Axis]) -> Vec<PlannedAxis> {
 
 /// A unit's name: of what is played, not of where it stands in a plan.
 fn name(request: &str, from: usize, count: usize) -> String {
-    hex(&Sha256::digest(format!("{} {request} {from} {count}", columns::VERSION)))
+    short_digest(format!("{} {request} {from} {count}", columns::VERSION))
 }
 
-/// The first half of a SHA-256, hexadecimal.
-pub fn hex(digest: &[u8]) -> String {
-    digest.iter().take(16).map(|byte| format!("{byte:02x}")).collect()
+/// The first half of the SHA-256 of `bytes`, hexadecimal.
+pub fn short_digest(bytes: impl AsRef<[u8]>) -> String {
+    sha256(bytes.as_ref())[..32].to_owned()
 }

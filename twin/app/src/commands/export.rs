@@ -16,6 +16,7 @@ use session_log::{Event, Reader, Replay};
 use stream::Target;
 
 use super::replay::{bench_of, task};
+use super::sessions::{BAG, sessions_in};
 use crate::terminal::{Outcome, Terminal};
 
 /// `export` commands.
@@ -62,7 +63,7 @@ pub fn run(terminal: &Terminal, command: &ExportCommand) -> Outcome {
     let (session, out) = match command {
         ExportCommand::Rrd { session, out } => (session, out),
         ExportCommand::Ros2 { session, out } => {
-            let out = out.clone().unwrap_or_else(|| session.with_extension("ros2.mcap"));
+            let out = out.clone().unwrap_or_else(|| session.with_extension(&BAG[1..]));
             let messages = ros2(session, &out)?;
             let text = format!("{messages} messages in {0}; `ros2 bag play {0}` plays them\n", out.display());
             terminal.print(&serde_json::json!({ "bag": out, "messages": messages }), &text)?;
@@ -108,14 +109,7 @@ fn sessions(folder: &Path) -> Result<Vec<PathBuf>> {
     let inner = folder.join("sessions");
     let mut found = Vec::new();
     for folder in std::iter::once(folder).chain(inner.is_dir().then_some(inner.as_path())) {
-        let entries = std::fs::read_dir(folder).with_context(|| folder.display().to_string())?;
-        for entry in entries {
-            let path = entry.with_context(|| folder.display().to_string())?.path();
-            let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
-            if name.ends_with(".mcap") && !name.ends_with(".ros2.mcap") {
-                found.push(path);
-            }
-        }
+        found.append(&mut sessions_in(folder)?);
     }
     found.sort();
     if found.is_empty() {
@@ -136,7 +130,7 @@ fn bags(terminal: &Terminal, folder: &Path, out: Option<&Path>) -> Outcome {
     let bar = progress::bar(all.len() as u64, "sessions", terminal.quiet || terminal.json);
     let (mut bags, mut empty) = (Vec::new(), None);
     for session in &all {
-        let beside = session.with_extension("ros2.mcap");
+        let beside = session.with_extension(&BAG[1..]);
         let bag = out.map_or_else(|| beside.clone(), |out| out.join(beside.file_name().unwrap_or_default()));
         let messages = ros2(session, &bag)?;
         if messages == 0 {

@@ -7,6 +7,7 @@ use stream::StreamError;
 use stream::viewer;
 
 use super::export;
+use super::sessions::sessions_in;
 use crate::terminal::{Outcome, Terminal};
 
 /// Opens a recording or a session, or a folder's recordings, in the Rerun viewer; where a folder has none, its sessions.
@@ -22,7 +23,7 @@ pub fn run(terminal: &Terminal, path: &Path) -> Outcome {
         match viewer::recordings(&recordings) {
             Ok(files) => files,
             Err(error) => {
-                let sessions = in_folder(&sessions).unwrap_or_default();
+                let sessions = sessions_in(&sessions).unwrap_or_default();
                 if sessions.is_empty() {
                     return Err(error.into());
                 }
@@ -46,14 +47,4 @@ fn drawn(terminal: &Terminal, session: &Path, shortfall: &mut Option<String>) ->
     let (_, left) = export::rrd(terminal, session, &out)?;
     *shortfall = shortfall.take().or(left);
     Ok(out)
-}
-
-/// Sessions in a folder, by name.
-fn in_folder(folder: &Path) -> std::io::Result<Vec<PathBuf>> {
-    let mut files: Vec<PathBuf> = std::fs::read_dir(folder)?
-        .filter_map(|entry| Some(entry.ok()?.path()))
-        .filter(|file| file.extension().is_some_and(|extension| extension == "mcap"))
-        .collect();
-    files.sort();
-    Ok(files)
 }

@@ -4,8 +4,8 @@ use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 
 use anyhow::{Context as _, Result, bail};
+use hand_model::digest::sha256;
 use serde::{Deserialize, Serialize};
-use sha2::{Digest as _, Sha256};
 
 use super::host::{Guest, Host};
 use super::process::Process;
@@ -59,7 +59,7 @@ impl Source {
 
 fn digest(file: &Path) -> Result<String> {
     let bytes = std::fs::read(file).with_context(|| format!("--policy: cannot read {}", file.display()))?;
-    Ok(Sha256::digest(&bytes).iter().map(|byte| format!("{byte:02x}")).collect())
+    Ok(sha256(&bytes))
 }
 
 /// The user's policy, and its processes that wait: one for every thread that plays.

@@ -12,8 +12,8 @@ use anyhow::{Context, Result, bail, ensure};
 use grasping::synthesis::collection::{self, Collection, ObjectGrasps, Summary};
 use grasping::synthesis::grasp_file::{self, GraspFileError, HandSource, Header, Source};
 use grasping::synthesis::held::{AnyHeld, HeldGrasp};
+use hand_model::digest::sha256;
 use scenarios::objects::{ObjectModel, ObjectSet};
-use sha2::{Digest as _, Sha256};
 
 use super::any::describe::{self, Described};
 use super::subject::Subject;
@@ -101,8 +101,7 @@ impl GraspFile {
 /// What a file is now.
 pub fn source(path: &Path) -> Result<Source> {
     let bytes = std::fs::read(path).with_context(|| path.display().to_string())?;
-    let sha256 = Sha256::digest(bytes).iter().map(|byte| format!("{byte:02x}")).collect();
-    Ok(Source { path: path.into(), sha256 })
+    Ok(Source { path: path.into(), sha256: sha256(&bytes) })
 }
 
 /// Where a file that `field` of a header names is now: where the header says, or beside the grasps. Refused if it has changed.

@@ -6,8 +6,7 @@ use serde_json::Value;
 use study::sensors::OTHERS;
 
 use super::comparison::{Line, Sensing};
-use crate::html::{Column, Table, escape, number};
-use crate::style;
+use crate::html::{Column, Table, escape, number, whole_page};
 
 /// The page. Pictures and the pages of the parts are taken from `folder` as far as they are there; `hands` is `hands.json`.
 pub fn page(folder: &Path, lines: &[Line], hands: Option<&Value>, sensing: &Sensing) -> String {
@@ -59,14 +58,8 @@ pub fn page(folder: &Path, lines: &[Line], hands: Option<&Value>, sensing: &Sens
     }
     body += &hand_table(folder, hands);
     body += &sensor_tables(sensing);
-    format!(
-        "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
-         <meta name=\"viewport\" content=\"width=device-width\">\n<title>The grasp study</title>\n<style>{}{}</style>\n\
-         </head>\n<body><main>\n<h1>The grasp study</h1>\n<p class=\"byline\">What the paper reports on grasps, made again from this \
-         project's own verified grasps.</p>\n{body}</main></body>\n</html>\n",
-        style::FIGURE,
-        style::PAGE
-    )
+    let about = "<p class=\"byline\">What the paper reports on grasps, made again from this project's own verified grasps.</p>\n";
+    whole_page("The grasp study", &(about.to_owned() + &body))
 }
 
 /// Success by object and hand, as `hands.json` has it, and its picture sheet.

@@ -1,13 +1,14 @@
 //! `ftac twin identify`: from sessions of an excitation to `individual.toml` and a page about it.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
-use anyhow::{Context as _, Result, bail};
+use anyhow::{Result, bail};
 use clap::Args;
 use identification::{Identification, Trace, identify};
 use report::identified::{ActuatorRow, ParameterRow};
 
 use super::Drawing;
+use crate::commands::sessions::sessions_in;
 use crate::terminal::{Outcome, Terminal};
 
 /// A servo that the twin leaves unexplained by more than this (rad, root mean square) is not the drawing's.
@@ -74,22 +75,9 @@ fn files(named: &[PathBuf]) -> Result<Vec<PathBuf>> {
         if own.is_empty() {
             bail!("{}: sessions: found none, expected part_1.mcap of `ftac twin excite`", path.display());
         }
-        own.sort();
         files.append(&mut own);
     }
     Ok(files)
-}
-
-fn sessions_in(folder: &Path) -> Result<Vec<PathBuf>> {
-    let entries = std::fs::read_dir(folder).with_context(|| folder.display().to_string())?;
-    let mut found = Vec::new();
-    for entry in entries {
-        let path = entry.with_context(|| folder.display().to_string())?.path();
-        if path.extension().is_some_and(|ending| ending == "mcap") {
-            found.push(path);
-        }
-    }
-    Ok(found)
 }
 
 /// What was found, as pages and terminals show it.
