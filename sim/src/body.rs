@@ -104,14 +104,14 @@ pub(crate) fn link_body(world: &Isometry3<f64>, mass: &MassProperties) -> RigidB
 }
 
 impl RobotBody {
-    /// Adds arm (at `world_from_base`) and hand to the engine at the given angles, which are the true ones.
+    /// Adds arm (at `world_from_base`) and hand to the engine at the given angles of arm and hand, which are the true ones.
     pub fn insert(
         engine: &mut Engine,
         arm: &Arm,
         hand: &Hand,
         world_from_base: &Isometry3<f64>,
         defects: &ArmDefects,
-        arm_q: &[f64; ARM_JOINTS],
+        (arm_q, hand_q): (&[f64; ARM_JOINTS], &[f64; HAND_JOINTS]),
     ) -> Self {
         let arm_poses = arm.tree.forward(arm_q);
         let base = engine.bodies.insert(RigidBodyBuilder::fixed().pose(convert::pose(world_from_base)));
@@ -178,11 +178,17 @@ impl RobotBody {
         }
         links.extend(&hand_links);
         let mut robot = Self { links, joints, covers, masses };
-        robot.initialise(engine, arm, hand, arm_q);
+        robot.initialise(engine, arm, hand, (arm_q, hand_q));
         robot
     }
 
-    fn initialise(&mut self, engine: &mut Engine, arm: &Arm, hand: &Hand, arm_q: &[f64; ARM_JOINTS]) {
+    fn initialise(
+        &mut self,
+        engine: &mut Engine,
+        arm: &Arm,
+        hand: &Hand,
+        (arm_q, hand_q): (&[f64; ARM_JOINTS], &[f64; HAND_JOINTS]),
+    ) {
         let defaults = hand.parameters.joint_defaults;
         let bodies = &engine.bodies;
         let Some((multibody, _)) = engine.multibodies.get_mut(self.joints[0]) else { return };
@@ -197,8 +203,7 @@ impl RobotBody {
             multibody.damping_mut()[i] = defaults.damping;
             multibody.armature_mut()[i] = defaults.armature;
         }
-        let mut displacement = vec![0.0; ARM_JOINTS + HAND_JOINTS];
-        displacement[..ARM_JOINTS].copy_from_slice(arm_q);
+        let displacement = [&arm_q[..], &hand_q[..]].concat();
         multibody.apply_displacements(&displacement);
         multibody.forward_kinematics(bodies, false);
         multibody.update_rigid_bodies(&mut engine.bodies, true);

@@ -10,6 +10,10 @@ use crate::servo::ServoModel;
 /// Stiffness of the shaft between the opposition servo and the thumb's CMC joint, N m/rad.
 pub const OPPOSITION_STIFFNESS: f64 = 8.0;
 
+/// State of a guide ([`CableFriction::slid`]) whose cable was pulled in and then came to rest, where nothing else is known. Set by hand: with it 30
+/// of 30 planned grasps that hold from their own first grasp hold from its posture as well; with 0 and 1 it is 26 and 27.
+const AT_REST: f64 = 0.5;
+
 /// What acts on a finger joint during one physics step.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct JointEffort {
@@ -39,6 +43,18 @@ impl HandDrive {
             slides: [[0.0; SPANS]; 5],
             tensions: [0.0; 5],
         }
+    }
+
+    /// The same with the servos at these angles (rad), and with the guides of wound cables in [`AT_REST`].
+    #[must_use]
+    pub fn wound(mut self, angles: &[f64; ACTUATORS]) -> Self {
+        for (servo, angle) in self.servos.iter_mut().zip(angles) {
+            servo.angle = *angle;
+        }
+        for (slides, angle) in self.slides.iter_mut().zip(angles) {
+            *slides = [if *angle > 0.0 { AT_REST } else { 0.0 }; SPANS];
+        }
+        self
     }
 
     /// Sets what each servo is asked for.

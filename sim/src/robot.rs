@@ -31,7 +31,7 @@ use crate::tactile::{Loads, TactileBoard};
 use outside::{Outside, Target};
 use set_points::{Limits, SetPoint};
 
-pub use crate::scene::{ObjectPlacement, SceneSetup};
+pub use crate::scene::{HandPosture, ObjectPlacement, SceneSetup};
 pub use crate::truth::{HandContact, ObjectContact, Truth};
 
 /// Physics steps in one control tick (240 Hz / 2 = 120 Hz).
@@ -88,12 +88,24 @@ fn soft_covers(
 }
 
 impl SimulatedRobot {
-    /// Builds the scene.
+    /// Builds the scene, the hand open.
     pub fn new(hand: Arc<Hand>, arm: Arc<Arm>, setup: &SceneSetup, tactile: TactileBoard) -> Self {
+        Self::in_posture(hand, arm, setup, &HandPosture::default(), tactile)
+    }
+
+    /// Builds the scene with the hand in `posture`, at rest.
+    pub fn in_posture(
+        hand: Arc<Hand>,
+        arm: Arc<Arm>,
+        setup: &SceneSetup,
+        posture: &HandPosture,
+        tactile: TactileBoard,
+    ) -> Self {
         let mut engine = Engine::new(setup.engine);
         let defects = setup.arm_defects;
         let start = defects.real(&setup.arm_start);
-        let body = RobotBody::insert(&mut engine, &arm, &hand, &setup.world_from_base, &defects, &start);
+        let body =
+            RobotBody::insert(&mut engine, &arm, &hand, &setup.world_from_base, &defects, (&start, &posture.joints));
         let Table { center, half, .. } = Physics::standard().table;
         let table_shape = ColliderBuilder::cuboid(half[0], half[1], half[2])
             .position(Pose::from_translation(Vector::new(center[0], center[1], center[2])))
@@ -108,7 +120,7 @@ impl SimulatedRobot {
         let state = body.joint_state(&engine);
         let count = objects.len();
         Self {
-            drive: HandDrive::new(&hand, setup.cables),
+            drive: HandDrive::new(&hand, setup.cables).wound(&posture.servos),
             defects,
             last_from_palm: last_from_palm(&arm, &hand, &defects),
             hand,

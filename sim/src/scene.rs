@@ -2,8 +2,8 @@
 
 use std::sync::Arc;
 
-use hand_model::ARM_JOINTS;
 use hand_model::transmission::friction::CableLosses;
+use hand_model::{ACTUATORS, ARM_JOINTS, HAND_JOINTS};
 use nalgebra::Isometry3;
 use rapier3d_f64::prelude::*;
 use scenarios::effects::Gel;
@@ -64,6 +64,15 @@ impl SceneSetup {
             engine: EngineSettings::default(),
         }
     }
+}
+
+/// How the hand is when a scene begins.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct HandPosture {
+    /// Joint angles, rad.
+    pub joints: [f64; HAND_JOINTS],
+    /// Servo angles, rad.
+    pub servos: [f64; ACTUATORS],
 }
 
 /// Half extents of the floor, m: what rolls stops long before its edge, and nothing is fast enough to pass through it in a step.

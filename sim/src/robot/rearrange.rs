@@ -18,6 +18,11 @@ impl SimulatedRobot {
         self.engine.bodies[self.objects[index].1].set_body_type(RigidBodyType::Fixed, true);
     }
 
+    /// Object `index` moves freely again.
+    pub fn release(&mut self, index: usize) {
+        self.engine.bodies[self.objects[index].1].set_body_type(RigidBodyType::Dynamic, true);
+    }
+
     /// Object `index` is put at `world_from_object`, at rest.
     pub fn put(&mut self, index: usize, world_from_object: &Isometry3<f64>) {
         let body = &mut self.engine.bodies[self.objects[index].1];

@@ -149,6 +149,7 @@ fn make_scenes_of(
         uncertainty: Uncertainty::standard(),
         seed,
         profile: Arc::default(),
+        twin: None,
         own: None,
         intact: None,
     })

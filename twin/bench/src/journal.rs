@@ -55,6 +55,9 @@ pub struct RunRequest {
     /// Number of the individual that the body is and the control stack does not know, if it is one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub plant: Option<u64>,
+    /// Whether policies that decide play second grasps in a twin of the scene before they choose one.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub foresees: bool,
     /// How the robot knows where things are.
     #[serde(flatten)]
     pub places: Places,
@@ -78,6 +81,7 @@ impl RunRequest {
             combos: self.combos,
             scenario: self.scenario.clone(),
             individual: self.individual.clone(),
+            foresees: self.foresees,
             places: self.places,
         }
     }

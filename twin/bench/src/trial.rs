@@ -19,6 +19,7 @@ pub mod watcher;
 
 use anyhow::{Context as _, Result};
 use control::action::ActionLimits;
+use control::foresight::Foresees;
 use control::policy::blind::Blind;
 use control::policy::chosen::Chosen;
 use control::policy::touch::Touch;
@@ -189,7 +190,8 @@ impl Bench {
     /// The branch of the policy `touch`, with what `means` leaves it.
     fn touch(&self, start: &Start, options: Play, means: Means, watcher: &mut dyn Watcher) -> Result<TrialOutcome> {
         let inject_truth = means.sensing == Sensing::TruePose;
-        play(start, &mut self.touch_policy(start, means)?, Play { inject_truth, ..options }, watcher)
+        let mut policy = self.touch_policy(start, self.knowledge(start.known(), means)?, means)?;
+        play(start, &mut policy, Play { inject_truth, ..options }, watcher)
     }
 
     /// The branch of the user's own policy.
@@ -234,7 +236,9 @@ impl Bench {
     fn foretold_risk(&self, start: &Start, options: Play) -> Result<Option<f64>> {
         let recovery = Recovery { retry: false, new_look: false };
         let means = Means { sensing: Sensing::Full, recovery, explores: false };
-        foretold_risk(start, &mut self.touch_policy(start, means)?, options)
+        let foresees = self.twin.as_ref().map(|twin| Foresees::plan(twin));
+        let knowledge = Knowledge { foresees, ..self.knowledge(start.known(), means)? };
+        foretold_risk(start, &mut self.touch_policy(start, knowledge, means)?, options)
     }
 
     /// What the best grasps of a trial that begins as `setup` promise a policy with these `means`.
@@ -267,13 +271,13 @@ impl Bench {
             time_limit: self.world.scenario.protocol.time_limit,
             recovery: means.recovery,
             explores: means.explores,
+            foresees: self.twin.as_ref().map(|twin| Foresees::best(twin)),
             reordered,
         })
     }
 
-    /// The policy `touch` of a trial.
-    fn touch_policy<'a>(&'a self, start: &'a Start, means: Means) -> Result<Touch<'a>> {
-        let knowledge = self.knowledge(start.known(), means)?;
+    /// The policy `touch` of a trial, with this `knowledge`.
+    fn touch_policy<'a>(&'a self, start: &'a Start, knowledge: Knowledge<'a>, means: Means) -> Result<Touch<'a>> {
         let senses = Senses::new(start.pipeline.as_ref().unwrap_or(&self.pipeline), means.sensing)?;
         let first = &start.run.snapshot.executive.first().0;
         Ok(Touch::new(knowledge, senses, first))

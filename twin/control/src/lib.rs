@@ -8,7 +8,7 @@
 //!   ablation leaves of the senses. [`percept`] is how objects on the table are reported, [`palpation`] how one is touched to find out
 //!   where it is. [`registration`] finds where the arm stands from known points that were touched.
 //! - **Decision.** [`collision`] and [`arm_clearance`] measure distances along a planned motion, [`odds`] says what rehearsals under
-//!   errors make of an aim, [`strategy`] chooses a grasp and its aim by both. [`recovery`] says what follows a failed one, [`stand_in`]
+//!   errors make of an aim, [`foresight`] what a twin of the scene does, [`strategy`] chooses a grasp and its aim by them. [`recovery`] says what follows a failed one, [`stand_in`]
 //!   finds grasps for what fell over, [`load`] plans a transport, and [`worth`] holds the factors by which grasps are ranked.
 //!   [`policy`] puts it together.
 //!
@@ -19,6 +19,7 @@ pub mod arm_clearance;
 pub mod carrier;
 pub mod collision;
 pub mod executive;
+pub mod foresight;
 pub mod guarded;
 pub mod inverse_kinematics;
 pub mod load;

@@ -117,6 +117,22 @@ impl Belief {
         self.values.iter().zip(&self.weights).map(|(value, weight)| value * *weight).sum()
     }
 
+    /// Number `n` of `of` values of the lasting error that stand for all of them: each for an equal share of the weights, m.
+    pub(crate) fn value(&self, n: usize, of: usize) -> Vector3<f64> {
+        let mut left = (n as f64 + 0.5) / of as f64;
+        let reached = |weight: &f64| {
+            left -= weight;
+            left <= 0.0
+        };
+        let place = self.weights.iter().position(reached).unwrap_or(self.values.len() - 1);
+        self.values[place]
+    }
+
+    /// Standard deviation of the part of the error that is new in the mean of `looks` looks, each of x and y, m.
+    pub(crate) fn fresh(&self, looks: u32) -> f64 {
+        self.fresh / f64::from(looks.max(1)).sqrt()
+    }
+
     /// Standard deviation of the lasting error, root of the mean over the axes, m.
     pub fn sigma(&self) -> f64 {
         let mean = self.mean();
@@ -127,7 +143,7 @@ impl Belief {
 
     /// The odds if the lasting error were `value`.
     fn at(&self, aimed: &Aimed, value: &Vector3<f64>, looks: u32) -> Odds {
-        let width = (self.fresh / f64::from(looks.max(1)).sqrt()).max(NARROWEST);
+        let width = self.fresh(looks).max(NARROWEST);
         let off = value + aimed.aim;
         let level = Rotation2::new(-aimed.heading) * Vector2::new(off.x, off.y);
         let off = Vector3::new(level.x, level.y, off.z);

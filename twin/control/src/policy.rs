@@ -22,6 +22,7 @@ use scenarios::objects::{ObjectModel, ObjectSet};
 use scenarios::tries::Attempt;
 
 use crate::executive::{Executive, Phase};
+use crate::foresight::Foresees;
 use crate::motion::MotionError;
 use crate::percept::{Eyes, EyesError};
 use crate::perception::{Felt, Grip, KnownObject};
@@ -61,6 +62,8 @@ pub struct Knowledge<'a> {
     pub recovery: Recovery,
     /// Whether it touches objects to find out where they are, before it grasps them.
     pub explores: bool,
+    /// How it plays second grasps in a twin of the scene before it chooses one, if it does.
+    pub foresees: Option<Foresees<'a>>,
     /// Why the objects are taken in another order than planned, if they are.
     pub reordered: Option<Reordered>,
 }

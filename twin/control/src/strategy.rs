@@ -8,6 +8,7 @@
 //! of that probability. A miss without contact is worth part of a hold, because it can be tried again. The plan is kept unless
 //! another candidate is worth clearly more.
 
+mod foreseen;
 mod passage;
 mod solids;
 mod ways;
@@ -20,10 +21,12 @@ use nalgebra::{Isometry3, Vector3};
 
 use crate::collision::{CollisionError, Solid};
 use crate::executive::Executive;
+use crate::foresight::{Foreseen, TwinError};
 use crate::motion::MotionError;
 use crate::odds::{Aimed, Belief, Odds, Rehearsed};
 use crate::worth::{Candidate, MISSED, SWITCH_GAIN, UNREHEARSED_CONTACT};
 
+pub use self::foreseen::Foresight;
 pub use self::passage::Course;
 use self::passage::{Passage, Scene};
 pub use self::solids::{Held, object_solids, placed};
@@ -102,6 +105,9 @@ pub enum StrategyError {
     /// A path could not be planned.
     #[error(transparent)]
     Motion(#[from] MotionError),
+    /// The twin failed.
+    #[error(transparent)]
+    Twin(#[from] TwinError),
 }
 
 /// What a choice depends on.
@@ -125,6 +131,8 @@ pub struct Situation<'a> {
     pub looks: u32,
     /// Where to aim with a grasp that was not rehearsed, m, world.
     pub probe: Vector3<f64>,
+    /// A twin in which the best are played before one is chosen.
+    pub foresight: Option<Foresight<'a>>,
 }
 
 /// A candidate with an aim.
@@ -157,6 +165,11 @@ impl<'a> Aiming<'a> {
             }
         }
         best
+    }
+
+    /// Whether it is the same grasp with the same aim.
+    fn is(&self, other: &Aiming) -> bool {
+        self.candidate.grasp.id == other.candidate.grasp.id && self.aimed.aim == other.aimed.aim
     }
 
     /// With how it goes there.
@@ -209,51 +222,90 @@ fn utility(odds: &Odds) -> f64 {
     odds.held + MISSED * (1.0 - odds.held - odds.contact)
 }
 
+/// A candidate whose way was looked at.
+struct Considered<'a> {
+    /// Its place among those that were weighed.
+    place: usize,
+    aiming: Aiming<'a>,
+    assessment: Assessment,
+    passage: Passage,
+    /// What came of it in the twin.
+    foreseen: Option<Foreseen>,
+}
+
 /// Chooses among `candidates`; the first is the plan. None if there are none.
 pub fn choose(situation: &Situation, candidates: &[Candidate]) -> Result<Option<Decision>, StrategyError> {
     let Some(planned) = candidates.first() else { return Ok(None) };
-    let (executive, scene) = (situation.executive, Scene::new(situation));
-    let as_planned = Aiming::at(situation, planned, Vector3::zeros());
-    let (plan, passage) = as_planned.assess(executive, &scene)?;
+    let scene = Scene::new(situation);
+    let aiming = Aiming::at(situation, planned, Vector3::zeros());
+    let (assessment, passage) = aiming.assess(situation.executive, &scene)?;
+    let mut plan = Considered { place: 0, aiming, assessment, passage, foreseen: None };
     let mut options: Vec<Aiming> = candidates.iter().map(|candidate| Aiming::best(situation, candidate)).collect();
     options.sort_by(|a, b| utility(&b.odds).total_cmp(&utility(&a.odds)));
-    let mut weighed = vec![as_planned.weighed(Some(&plan), true)];
+    let mut weighed = vec![plan.aiming.weighed(Some(&plan.assessment), true)];
     weighed.extend(options.iter().map(|option| option.weighed(None, false)));
-    // What is in the way only takes away from an option's worth: those that cannot win are not looked at.
-    let (mut choice, mut chosen, mut assessment, mut way) = (0, as_planned, plan, passage);
-    let mut planned_way = None;
-    for (n, option) in options.into_iter().enumerate() {
-        let least = assessment.utility.max(SWITCH_GAIN * plan.utility);
-        if utility(&option.odds) <= least {
-            break;
-        }
-        let (assessed, passage) = option.assess(executive, &scene)?;
-        weighed[n + 1] = option.weighed(Some(&assessed), false);
-        if assessed.utility > least {
-            let before = std::mem::replace(&mut way, passage);
-            planned_way.get_or_insert(before);
-            (choice, chosen, assessment) = (n + 1, option, assessed);
-        }
-    }
-    let grasp = chosen.candidate.grasp.clone();
+    let other = match &situation.foresight {
+        Some(foresight) => foresight.best(situation, &scene, &mut plan, options, &mut weighed)?,
+        None => best_by_odds(situation.executive, &scene, &plan, options, &mut weighed)?,
+    };
+    let plan_assessment = plan.assessment;
+    let (chosen, rejected) = match other {
+        Some(other) => (other, Some(plan.passage)),
+        None => (plan, None),
+    };
+    let Considered { place: choice, aiming, assessment, passage: way, foreseen } = chosen;
+    let grasp = aiming.candidate.grasp.clone();
     let switched = grasp.id != planned.grasp.id;
-    let reason = reason(situation.held.name, (&planned.grasp, &plan), (&chosen, &assessment));
-    let (rejected, course) =
-        (planned_way.map(|way| way.course(&situation.held.pose)), way.course(&situation.held.pose));
+    let mut reason = reason(situation.held.name, (&planned.grasp, &plan_assessment), (&aiming, &assessment));
+    match foreseen {
+        Some(Foreseen { played, held, contact }) => {
+            reason.push_str(&format!("; of {played} tries in the twin {held} hold and {contact} touch"));
+        }
+        None if situation.foresight.is_some() => {
+            reason.push_str("; not played: there is no such hold or way in the twin")
+        }
+        None => {}
+    }
+    let course = way.course(&situation.held.pose);
     Ok(Some(Decision {
         weighed,
         choice,
-        rejected,
+        rejected: rejected.map(|way| way.course(&situation.held.pose)),
         course,
         grasp,
-        aim: chosen.aimed.aim,
-        aimed: chosen.aimed,
+        aim: aiming.aimed.aim,
+        aimed: aiming.aimed,
         way: way.stops,
         switched,
-        plan,
+        plan: plan_assessment,
         chosen: assessment,
         reason,
     }))
+}
+
+/// The best of `options`, ranked by their odds, if it is worth clearly more than the `plan`. What is in the way only takes away from an
+/// option's worth: those that cannot win are not looked at.
+fn best_by_odds<'a>(
+    executive: &Executive,
+    scene: &Scene,
+    plan: &Considered,
+    options: Vec<Aiming<'a>>,
+    weighed: &mut [Weighed],
+) -> Result<Option<Considered<'a>>, StrategyError> {
+    let mut best: Option<Considered> = None;
+    for (n, aiming) in options.into_iter().enumerate() {
+        let utmost = best.as_ref().map_or(plan.assessment.utility, |best| best.assessment.utility);
+        let least = utmost.max(SWITCH_GAIN * plan.assessment.utility);
+        if utility(&aiming.odds) <= least {
+            break;
+        }
+        let (assessment, passage) = aiming.assess(executive, scene)?;
+        weighed[n + 1] = aiming.weighed(Some(&assessment), false);
+        if assessment.utility > least {
+            best = Some(Considered { place: n + 1, aiming, assessment, passage, foreseen: None });
+        }
+    }
+    Ok(best)
 }
 
 /// The choice in words.

@@ -2,7 +2,8 @@
 //!
 //! A grasp counts only when it has closed and held in the simulator. [`world`] is the robot with its scenario, [`rehearsal`] closes and
 //! holds one grasp, [`pick_ups`] fills the benchmark's repertoire, [`plan`] pairs grasps into combinations, [`preparation`] does both for
-//! objects of a user's own and keeps them in a [`cache`], and [`synthesis`] verifies sampled grasps of any object by any hand. The proven
+//! objects of a user's own and keeps them in a [`cache`], and [`synthesis`] verifies sampled grasps of any object by any hand. [`twin`] plays tries
+//! before a policy chooses one. The proven
 //! grasps and plans of the benchmark are in `data/`.
 
 pub mod ball_sizes;
@@ -13,4 +14,5 @@ pub mod plan;
 pub mod preparation;
 pub mod rehearsal;
 pub mod synthesis;
+pub mod twin;
 pub mod world;

@@ -211,9 +211,27 @@ pub fn rehearse_second(snapshot: &Snapshot, second: &Grasp) -> Result<(bool, Hol
 pub fn try_second(snapshot: &Snapshot, second: &Grasp) -> Result<TryOutcome> {
     let Snapshot { mut robot, mut executive } = snapshot.clone();
     executive.decide(second.clone())?;
-    let mut watch = SecondWatch::new(&executive);
+    play_try(&mut robot, &mut executive)
+}
+
+/// Plays a try at the second object, which `executive` is about to approach, until both are carried.
+pub fn play_try_and_carry(mut robot: SimulatedRobot, mut executive: Executive) -> Result<TryOutcome> {
+    let lifted = play_try(&mut robot, &mut executive)?;
+    if lifted != TryOutcome::Held {
+        return Ok(lifted);
+    }
+    drive(&mut robot, &mut executive, Phase::Confirm, |_, _| {})?;
+    executive.confirm()?;
+    drive(&mut robot, &mut executive, Phase::Hold, |_, _| {})?;
+    let truth = robot.truth();
+    Ok(if in_hand(&truth, 0) && in_hand(&truth, 1) { TryOutcome::Held } else { TryOutcome::Missed })
+}
+
+/// Plays a try at the second object, which `executive` is about to approach, up to the end of its lift.
+fn play_try(robot: &mut SimulatedRobot, executive: &mut Executive) -> Result<TryOutcome> {
+    let mut watch = SecondWatch::new(executive);
     for phase in [Phase::GraspSecond, Phase::LiftSecond, Phase::Check] {
-        watch.drive(&mut robot, &mut executive, phase)?;
+        watch.drive(robot, executive, phase)?;
         if watch.collided {
             return Ok(TryOutcome::Contact);
         }

@@ -141,6 +141,7 @@ impl Plan {
             policy: None,
             individual: None,
             plant: None,
+            foresees: false,
             places: Places::default(),
         };
         let mut plan = Self {

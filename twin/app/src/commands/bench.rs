@@ -73,6 +73,9 @@ pub struct BenchArgs {
     /// The robot that body and control stack are: a file of `ftac twin identify`; default: the robot as drawn.
     #[arg(long, value_name = "FILE")]
     pub individual: Option<PathBuf>,
+    /// Touch and reflex play second grasps in a twin of the scene before they choose one, from the state as felt.
+    #[arg(long)]
+    pub foresee: bool,
     /// Which of the robots built from the drawing a simulated or emulated body is, unknown to the control stack; default: what the control
     /// stack takes it for.
     #[arg(long, value_name = "N")]
@@ -93,6 +96,7 @@ pub struct BenchArgs {
         conflicts_with_all = [
             "combos", "trials", "seed", "conditions", "robot", "scenario", "shard", "out", "noise_scale", "without",
             "uncertainty", "ablations", "policy", "policy_time", "registration", "mount", "individual", "plant",
+            "foresee",
         ]
     )]
     pub resume: Option<PathBuf>,
@@ -177,6 +181,7 @@ fn request(terminal: &Terminal, args: &BenchArgs) -> Result<(RunRequest, PathBuf
         places: args.places.places(args.robot)?,
         individual: super::individual::text(args.individual.as_deref())?.0,
         plant: args.plant,
+        foresees: args.foresee,
     };
     Ok((request, args.out.clone().unwrap_or_else(next_free_folder)))
 }
@@ -216,6 +221,9 @@ pub fn benchmark(terminal: &Terminal, args: &BenchArgs) -> Outcome {
         hide_plant(&mut bench, number);
     }
     bench.board = args.tactile.board(bench.board);
+    if request.foresees {
+        bench.foresee();
+    }
     if let Some(text) = &request.uncertainty {
         bench.uncertainty = Uncertainty::parse(text, Path::new("--uncertainty"))?;
     }

@@ -35,6 +35,9 @@ pub struct TrialArgs {
     /// The robot that body and control stack are: a file of `ftac twin identify`; default: the robot as drawn.
     #[arg(long, value_name = "FILE")]
     pub individual: Option<PathBuf>,
+    /// Play second grasps in a twin of the scene before one is chosen, from the state as felt.
+    #[arg(long)]
+    pub foresee: bool,
     /// Configuration of the hardware bridge, for --robot hardware.
     #[arg(long)]
     pub config: Option<PathBuf>,
@@ -98,6 +101,9 @@ pub fn trial(terminal: &Terminal, args: &TrialArgs) -> Outcome {
     places.set_up(&mut bench.world)?;
     super::individual::say_whose_pads(args.robot, &[args.policy.condition()]);
     bench.board = args.tactile.board(bench.board);
+    if args.foresee {
+        bench.foresee();
+    }
     let condition = args.policy.condition();
     let place = source(&bench.world, args.robot, (args.config.as_deref(), &args.places), args.session.clone())?;
     let task = Task {
@@ -111,6 +117,7 @@ pub fn trial(terminal: &Terminal, args: &TrialArgs) -> Outcome {
         scenario: text,
         places,
         individual,
+        foresees: args.foresee,
     };
     let file = args.out.clone().unwrap_or_else(|| {
         PathBuf::from(format!("recordings/combination_{}_trial_{}_{}.rrd", args.combination, args.trial, condition))

@@ -10,6 +10,7 @@ use grasping::Repertoire;
 use hand_model::Digit;
 use proving::plan::Plans;
 use proving::plan::without::plan_without;
+use proving::twin::SceneTwin;
 use proving::world::World;
 use scenarios::record::Condition;
 use sim::tactile::TactileBoard;
@@ -39,6 +40,8 @@ pub struct Bench {
     pub seed: u64,
     /// Where the time went.
     pub profile: Arc<Profile>,
+    /// A twin of the scene in which `touch` and `reflex` play second grasps before they choose one, where they may.
+    pub twin: Option<SceneTwin>,
     /// A policy of the user's own, where one plays.
     pub own: Option<Own>,
     /// What was planned while all digits had power, where some have none: `ideal` and `blind` know nothing else.
@@ -62,6 +65,11 @@ impl Bench {
             Condition::Own => self.own.as_ref().is_some_and(|own| own.guest.level == Level::Act),
             _ => Means::of(condition).is_some_and(Means::begin_otherwise),
         }
+    }
+
+    /// From now on policies that decide play second grasps in a twin of the scene before they choose one.
+    pub fn foresee(&mut self) {
+        self.twin = Some(SceneTwin::new(self.world.clone(), self.board.clone()));
     }
 
     /// From now on `touch` does without `digits`, as well as it can; what was planned stays what `ideal` and `blind` know.

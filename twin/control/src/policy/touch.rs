@@ -25,7 +25,7 @@ use crate::percept::{Eyes, Looked, Percept};
 use crate::perception::{Expected, Felt, Grip, feel, grip, trusted};
 use crate::recovery::{Next, probe};
 use crate::sensing::Senses;
-use crate::strategy::{Assessment, Decision, Held, Situation, choose, object_solids, rehearsals};
+use crate::strategy::{Assessment, Decision, Foresight, Held, Situation, choose, object_solids, rehearsals};
 use crate::worth::{Candidate, SWITCH_GAIN};
 
 /// Time that a trial needs from a new try of the first object to its end, s: none begins later.
@@ -266,6 +266,11 @@ impl<'a> Touch<'a> {
             belief: self.located.as_ref().unwrap_or(&self.belief),
             looks: self.looks,
             probe: self.aim,
+            foresight: self.knowledge.foresees.map(|foresees| Foresight {
+                foresees,
+                objects: &self.knowledge.objects,
+                covariance: &felt.estimate.covariance,
+            }),
         };
         choose(&situation, candidates)?.ok_or_else(|| PolicyError::NoPlan(second.name.clone()))
     }

@@ -1,11 +1,13 @@
 //! The choice of the second grasp.
 
+use std::ops::Range;
 use std::sync::Arc;
 
-use control::executive::Phase;
+use control::executive::{Executive, Phase};
+use control::foresight::{Foresees, Imagined, Scene, Twin, TwinError};
 use control::odds::{Belief, Rehearsed, TryOutcome};
 use control::policy::Uncertainty;
-use control::strategy::{Decision, Held, Situation, choose, object_solids};
+use control::strategy::{Decision, Foresight, Held, Situation, choose, object_solids};
 use control::worth::Candidate;
 use grasping::Role;
 use nalgebra::{Isometry3, Vector3};
@@ -42,6 +44,7 @@ fn with_bar_at(x: f64) -> (bool, f64) {
         belief: &belief,
         looks: 1,
         probe: Vector3::zeros(),
+        foresight: None,
     };
     let decision = choose(&situation, &table.second()).expect("geometry").expect("a plan");
     (decision.switched, decision.plan.clearance)
@@ -71,6 +74,27 @@ fn a_bar_out_of_the_way_keeps_the_plan() {
 
 /// What a choice comes to with rehearsals (plan, other grasp) and a held object that is out of the way.
 fn with_rehearsals(rehearsals: [fn(&Vector3<f64>) -> TryOutcome; 2]) -> Decision {
+    with_twin(rehearsals, None)
+}
+
+/// A twin in which the grasp of this number touches, and every other one holds.
+struct Touches(u32);
+
+impl Twin for Touches {
+    fn imagine(&self, _: &Scene) -> Result<Box<dyn Imagined>, TwinError> {
+        Ok(Box::new(Self(self.0)))
+    }
+}
+
+impl Imagined for Touches {
+    fn play(&self, going: &Executive, draws: Range<usize>) -> Result<Vec<Option<TryOutcome>>, TwinError> {
+        let outcome = if going.second().0.id == self.0 { TryOutcome::Contact } else { TryOutcome::Held };
+        Ok(vec![Some(outcome); draws.len()])
+    }
+}
+
+/// The same for one who plays it in a twin first.
+fn with_twin(rehearsals: [fn(&Vector3<f64>) -> TryOutcome; 2], twin: Option<&dyn Twin>) -> Decision {
     let table = Table::new();
     let mut executive = table.executive();
     run_until(&mut executive, Phase::Decide);
@@ -85,6 +109,7 @@ fn with_rehearsals(rehearsals: [fn(&Vector3<f64>) -> TryOutcome; 2]) -> Decision
         sigma: 0.001,
     };
     let belief = Belief::new(&Uncertainty::standard());
+    let covariance = nalgebra::Matrix6::zeros();
     let situation = Situation {
         executive: &executive,
         hand: &table.cell.hand,
@@ -96,6 +121,11 @@ fn with_rehearsals(rehearsals: [fn(&Vector3<f64>) -> TryOutcome; 2]) -> Decision
         belief: &belief,
         looks: 1,
         probe: Vector3::zeros(),
+        foresight: twin.map(|twin| Foresight {
+            foresees: Foresees::best(twin),
+            objects: &table.objects,
+            covariance: &covariance,
+        }),
     };
     let steps = || (-4..=4).map(|n| 0.004 * f64::from(n));
     let errors: Vec<_> = steps().flat_map(|x| steps().map(move |y| Vector3::new(x, y, 0.0))).collect();
@@ -129,4 +159,17 @@ fn the_aim_leaves_the_side_that_touches() {
     let decision = with_rehearsals([|error| if error.x < 0.0 { Contact } else { Held }, |_| Contact]);
     assert!(!decision.switched && decision.aim.x > 0.0, "{}", decision.reason);
     assert!(decision.chosen.risk < decision.plan.risk - 0.1, "{}", decision.reason);
+}
+
+/// A plan that rehearsals trust is left when it touches in the twin, and says so.
+#[test]
+fn what_touches_in_the_twin_is_left() {
+    let held: [fn(&Vector3<f64>) -> TryOutcome; 2] = [|_| TryOutcome::Held, |_| TryOutcome::Held];
+    let [plan, other] = [0, 1].map(|n| Table::new().second()[n].grasp.id);
+    assert!(!with_rehearsals(held).switched);
+    let decision = with_twin(held, Some(&Touches(plan)));
+    assert!(decision.switched && decision.plan.risk > 0.5 && decision.chosen.risk < 0.1, "{}", decision.reason);
+    assert!(decision.reason.contains("of 8 tries in the twin 8 hold and 0 touch"), "{}", decision.reason);
+    let decision = with_twin(held, Some(&Touches(other)));
+    assert!(!decision.switched && decision.plan.risk < 0.1, "{}", decision.reason);
 }

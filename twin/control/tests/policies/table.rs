@@ -128,6 +128,7 @@ impl Table {
             time_limit: TIME_LIMIT,
             recovery: Recovery::FULL,
             explores: false,
+            foresees: None,
             reordered: None,
         }
     }

@@ -167,6 +167,7 @@ fn task(seed: u64) -> Result<Task> {
         combos: 1,
         scenario: text,
         individual: None,
+        foresees: false,
         places: Places::default(),
     })
 }

@@ -1,0 +1,45 @@
+//! The twin of a scene, built from what is believed, does what the scene does.
+
+use bench::builtin::make_scenes;
+use control::executive::Phase;
+use control::foresight::{Draw, Scene, Twin};
+use control::odds::TryOutcome;
+use nalgebra::Translation3;
+use proving::twin::SceneTwin;
+use proving::world::drive;
+use scenarios::Scenario;
+
+/// From a hold and a place that are known, the planned grasp holds in the twin as it does in the plan's own run; where the target is a hand's
+/// breadth off, it does not. An object that is not in the hand is no hold.
+#[test]
+fn the_planned_grasp_holds_in_the_twin_where_the_target_is() {
+    let bench = make_scenes(Scenario::benchmark(), 3, 1, true).expect("the built-in benchmark");
+    // Objects in the twin are as modelled, as they are in the plan's own run.
+    let mut world = bench.world.clone();
+    world.scenario.effects.objects = None;
+    for combination in 0..3 {
+        let (mut snapshot, second) = bench.ideal_start(combination).expect("a start");
+        drive(&mut snapshot.robot, &mut snapshot.executive, Phase::Decide, |_, _| {}).expect("a hold");
+        let (truth, executive) = (snapshot.robot.truth(), &snapshot.executive);
+        let plan = &bench.plans.plans[combination];
+        let objects = [&plan.first, &plan.second].map(|name| bench.world.object(name).expect("known"));
+        let held = truth.palm.inverse() * truth.objects[0];
+        let beside = |x: f64| Translation3::new(x, 0.0, 0.0) * truth.objects[1];
+        let draws = [
+            Draw { held, target: beside(0.0) },
+            Draw { held, target: beside(0.09) },
+            Draw { held: Translation3::new(0.0, 0.0, -0.3) * held, target: beside(0.0) },
+        ];
+        let twin = SceneTwin::new(world.clone(), bench.board.clone());
+        let imagined =
+            twin.imagine(&Scene { executive, objects: &objects, joints: &truth.hand, draws: &draws }).expect("a scene");
+        let mut going = executive.clone();
+        going.decide(second).expect("a path");
+        let outcomes = imagined.play(&going, 0..3).expect("played");
+        assert_eq!(outcomes[0], Some(TryOutcome::Held), "{} and {}", plan.first, plan.second);
+        assert_ne!(outcomes[1], Some(TryOutcome::Held), "{} and {}", plan.first, plan.second);
+        assert_eq!(outcomes[2], None, "{} and {}", plan.first, plan.second);
+        // Another time, the same.
+        assert_eq!(imagined.play(&going, 0..1).expect("played"), outcomes[..1]);
+    }
+}

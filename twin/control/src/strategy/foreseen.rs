@@ -1,0 +1,111 @@
+//! The choice by foresight: those that are best by odds and geometry are played in the twin, one after the other, until one is good.
+
+use std::sync::Arc;
+
+use nalgebra::Matrix6;
+use scenarios::objects::ObjectModel;
+
+use super::passage::Scene;
+use super::{Aiming, Assessment, Considered, Situation, StrategyError, Weighed, utility};
+use crate::executive::Executive;
+use crate::foresight::{self, Foreseen, Foresees, Imagined, PAIRS, Unknown};
+use crate::odds::Odds;
+use crate::percept::Percept;
+use crate::worth::SWITCH_GAIN;
+
+/// No other is played after one that is worth at least this much. Set by hand on seed 1.
+const GOOD: f64 = 0.9;
+
+/// What it takes to play candidates.
+#[derive(Clone, Copy)]
+pub struct Foresight<'a> {
+    pub foresees: Foresees<'a>,
+    /// The held object and the target.
+    pub objects: &'a [Arc<ObjectModel>; 2],
+    /// Covariance of the held object's pose, m and rad, palm axes.
+    pub covariance: &'a Matrix6<f64>,
+}
+
+impl Foresight<'_> {
+    /// The best of `options`, ranked by their odds, if it is worth clearly more than the `plan`. Each is played in its turn, until one is
+    /// good.
+    pub(super) fn best<'a>(
+        &self,
+        situation: &Situation,
+        scene: &Scene,
+        plan: &mut Considered,
+        options: Vec<Aiming<'a>>,
+        weighed: &mut [Weighed],
+    ) -> Result<Option<Considered<'a>>, StrategyError> {
+        let executive = situation.executive;
+        let draws = foresight::draws(&Unknown {
+            held: (situation.held.pose, self.covariance),
+            target: executive.second().1,
+            belief: situation.belief,
+            looks: situation.looks,
+        });
+        let (objects, joints) = (self.objects, &situation.held.joints[..]);
+        let imagined = self.foresees.twin.imagine(&foresight::Scene { executive, objects, joints, draws: &draws })?;
+        let imagined = imagined.as_ref();
+        let others = options.into_iter().enumerate().filter(|(_, aiming)| !aiming.is(&plan.aiming));
+        let others: Vec<_> = others.take(self.foresees.others).collect();
+        let mut best: Option<Considered> = None;
+        for (n, aiming) in others {
+            if plan.foreseen.is_none() && utility(&aiming.odds) <= SWITCH_GAIN * plan.assessment.utility {
+                play(executive, imagined, plan, worth(best.as_ref()))?;
+            }
+            let played = plan.foreseen.map_or(f64::NEG_INFINITY, |_| plan.assessment.utility);
+            let utmost = worth(best.as_ref()).max(played);
+            if utmost >= GOOD {
+                break;
+            }
+            let (assessment, passage) = aiming.assess(executive, scene)?;
+            let mut one = Considered { place: n + 1, aiming, assessment, passage, foreseen: None };
+            play(executive, imagined, &mut one, utmost)?;
+            weighed[n + 1] = one.aiming.weighed(Some(&one.assessment), false);
+            if one.assessment.utility > worth(best.as_ref()) {
+                best = Some(one);
+            }
+        }
+        if plan.foreseen.is_none() && worth(best.as_ref()) < GOOD {
+            play(executive, imagined, plan, worth(best.as_ref()))?;
+        }
+        weighed[0] = plan.aiming.weighed(Some(&plan.assessment), true);
+        Ok(best.filter(|best| best.assessment.utility > SWITCH_GAIN * plan.assessment.utility))
+    }
+}
+
+/// What one is worth, if there is one.
+fn worth(one: Option<&Considered>) -> f64 {
+    one.map_or(f64::NEG_INFINITY, |one| one.assessment.utility)
+}
+
+/// Plays `one` under half of the draws, and under the others if it can still be worth more than `least`. If the arm finds no way, it keeps
+/// its odds.
+fn play(executive: &Executive, twin: &dyn Imagined, one: &mut Considered, least: f64) -> Result<(), StrategyError> {
+    let Some(going) = going(executive, one)? else { return Ok(()) };
+    let odds = Odds { held: one.assessment.held, contact: one.assessment.risk };
+    let mut foreseen = Foreseen::default();
+    for (draws, left) in [(0..PAIRS, 2 * PAIRS), (PAIRS..2 * PAIRS, PAIRS)] {
+        if utility(&foreseen.at_best(left as u32).with(&odds)) <= least {
+            break;
+        }
+        foreseen.count(&twin.play(&going, draws)?);
+    }
+    let odds = foreseen.with(&odds);
+    one.assessment = Assessment { held: odds.held, risk: odds.contact, utility: utility(&odds), ..one.assessment };
+    one.foreseen = (foreseen.played > 0).then_some(foreseen);
+    Ok(())
+}
+
+/// The executive on its way to try `one`; none if the arm does not get there.
+fn going(executive: &Executive, one: &Considered) -> Result<Option<Executive>, StrategyError> {
+    let (seen, grasp) = (executive.second().1, &one.aiming.candidate.grasp);
+    let beside = Percept { position: seen.position + one.aiming.aimed.aim, ..seen };
+    let Some(path) = executive.rehearsed_approach(&one.passage.stops, grasp, &beside) else { return Ok(None) };
+    let mut going = executive.clone();
+    going.see_second(beside);
+    going.decide(grasp.clone())?;
+    going.redirect(path);
+    Ok(Some(going))
+}

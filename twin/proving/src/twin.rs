@@ -1,0 +1,144 @@
+//! The twin of a scene: a simulated robot in the state that a controller believes in, to play tries before one is chosen.
+//!
+//! It is built from what the controller knows: the robot as drawn or identified, the objects' models, measured joint angles, the held
+//! object as felt, the target as seen. It never meets the body that the trial is played on. A hold is made anew for each draw: the held
+//! object is fastened where it is felt in digits that are as felt, servos and tensions are as measured, and it is let go. The arm's height
+//! over the table takes up what is not known of the target's height, because that stands on the table.
+
+use std::ops::Range;
+use std::sync::Arc;
+
+use anyhow::{Context as _, Result};
+use control::executive::Executive;
+use control::foresight::{Draw, Imagined, Scene, Twin, TwinError};
+use control::odds::TryOutcome;
+use hand_model::robot::Robot as _;
+use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
+use rayon::prelude::*;
+use scenarios::individuals::{ArmDefects, Individual};
+use scenarios::noise::trial_rng;
+use scenarios::objects::ObjectModel;
+use sim::robot::HandPosture;
+use sim::tactile::TactileBoard;
+use sim::{ObjectPlacement, SceneSetup, SimulatedRobot};
+
+use crate::rehearsal::{in_grip, play_try_and_carry};
+use crate::world::World;
+
+/// Time in which digits press on the fastened object, and in which it then settles, s.
+const PRESSING: (f64, f64) = (0.15, 0.25);
+/// How far above its place the target waits for that, m.
+const ASIDE: f64 = 1.0;
+/// Seed of the individual objects of the draws; no trial of a benchmark draws them.
+const SEED: u64 = 0x0074_7769_6e;
+
+/// Builds scenes of a world as its controller knows it.
+pub struct SceneTwin {
+    world: World,
+    board: TactileBoard,
+}
+
+impl SceneTwin {
+    /// Of a world; nothing is drawn with `board`.
+    pub fn new(world: World, board: TactileBoard) -> Self {
+        Self { world, board }
+    }
+
+    /// The objects of draw `number`: as much lighter or heavier, smoother or rougher, smaller or larger than their models as the world's objects
+    /// are in their spread. The same ones in every scene.
+    fn objects(&self, models: &[Arc<ObjectModel>; 2], number: usize) -> Result<[Arc<ObjectModel>; 2]> {
+        let Some(spread) = &self.world.scenario.effects.objects else { return Ok(models.clone()) };
+        let mut rng = trial_rng(SEED, 0, number);
+        let [first, second] = models.each_ref().map(|model| Individual::draw(spread, &mut rng).of(model));
+        Ok([first?, second?])
+    }
+
+    /// The robot with the first object in its hand and the second one in its place, as one draw has it; none if it is not held.
+    fn hold(&self, scene: &Scene, number: usize, draw: &Draw) -> Result<Option<SimulatedRobot>> {
+        let [first, second] = self.objects(scene.objects, number)?;
+        let (target, above) = standing(&second, &draw.target);
+        let mut executive = scene.executive.clone();
+        executive.watch_images(f64::INFINITY);
+        let level = Translation3::from(Vector3::z() * above);
+        let aside = Translation3::from(Vector3::z() * ASIDE);
+        let objects = vec![
+            ObjectPlacement { model: first, pose: level * executive.palm() * draw.held },
+            ObjectPlacement { model: second, pose: aside * target },
+        ];
+        let setup = SceneSetup {
+            world_from_base: level * self.world.cell.world_from_base,
+            arm_defects: ArmDefects::default(),
+            arm_start: executive.arm().position,
+            objects,
+            frame_delay: 0.0,
+            floor: None,
+            self_contact: false,
+            cables: self.world.known_cable_losses(),
+            gel: self.world.scenario.effects.gel,
+            engine: sim::engine::EngineSettings::default(),
+        };
+        let cell = &self.world.cell;
+        let servos = executive.servos().map(|servo| servo.position);
+        let joints = std::array::from_fn(|joint| scene.joints.get(joint).copied().unwrap_or(0.0));
+        let posture = HandPosture { joints, servos };
+        let (hand, arm) = (cell.hand.clone(), cell.arm.clone());
+        let mut robot = SimulatedRobot::in_posture(hand, arm, &setup, &posture, self.board.clone());
+        (robot.fasten(0), robot.fasten(1));
+        play(&mut robot, &mut executive, PRESSING.0)?;
+        robot.release(0);
+        play(&mut robot, &mut executive, PRESSING.1)?;
+        if !in_grip(&robot.truth(), 0) {
+            return Ok(None);
+        }
+        robot.put(1, &target);
+        robot.release(1);
+        Ok(Some(robot))
+    }
+}
+
+/// The holds of a scene under its draws.
+struct Holds(Vec<Option<SimulatedRobot>>);
+
+/// The pose in which an object stands on the table that is believed to be at `pose`, and how much higher that is, m.
+fn standing(object: &ObjectModel, pose: &Isometry3<f64>) -> (Isometry3<f64>, f64) {
+    let upright = |yaw: f64| UnitQuaternion::from_axis_angle(&Vector3::z_axis(), yaw) * object.rest;
+    let rotation = object.standing_yaw(&pose.rotation).map_or(pose.rotation, upright);
+    let height = -object.shape.lowest(&rotation);
+    let at = pose.translation.vector;
+    (Isometry3::from_parts(Translation3::new(at.x, at.y, height), rotation), height - at.z)
+}
+
+/// `executive` waits for `time` s.
+fn play(robot: &mut SimulatedRobot, executive: &mut Executive, time: f64) -> Result<()> {
+    for _ in 0..(time / robot.tick_length()).round() as usize {
+        let command = executive.tick(&robot.observe())?;
+        robot.send(&command);
+        robot.wait_for_tick();
+    }
+    Ok(())
+}
+
+impl Twin for SceneTwin {
+    fn imagine(&self, scene: &Scene) -> Result<Box<dyn Imagined>, TwinError> {
+        let hold = |(number, draw)| self.hold(scene, number, draw).context("the hold of the first object");
+        let holds = scene
+            .draws
+            .par_iter()
+            .enumerate()
+            .map(hold)
+            .collect::<Result<_>>()
+            .map_err(|error| TwinError(error.into()))?;
+        Ok(Box::new(Holds(holds)))
+    }
+}
+
+impl Imagined for Holds {
+    fn play(&self, going: &Executive, draws: Range<usize>) -> Result<Vec<Option<TryOutcome>>, TwinError> {
+        let mut going = going.clone();
+        going.watch_images(f64::INFINITY);
+        let one = |robot: &Option<SimulatedRobot>| {
+            robot.as_ref().map(|robot| play_try_and_carry(robot.clone(), going.clone())).transpose()
+        };
+        self.0[draws].par_iter().map(one).collect::<Result<_>>().map_err(|error| TwinError(error.into()))
+    }
+}
