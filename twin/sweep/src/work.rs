@@ -68,7 +68,7 @@ pub fn work(folder: &Folder, options: Options) -> Result<Done> {
     let worker = Worker {
         folder,
         claims: Claims::new(&folder.path)?,
-        benches: Benches::new(options.jobs),
+        benches: Benches::new(options.jobs, options.quiet),
         interrupt: Interrupt::catch()?,
         bar: &bar,
         failed: Mutex::default(),
