@@ -45,7 +45,8 @@ fn drawn(length: Option<u64>, done: u64, what: &str, quiet: bool) -> ProgressBar
                     let _ = to.write_str(&rate(per_second(state)));
                 })
                 .with_key("left", move |state: &ProgressState, to: &mut dyn std::fmt::Write| {
-                    let _ = to.write_str(&left(state.len().unwrap_or(0).saturating_sub(state.pos()), per_second(state)));
+                    let _ =
+                        to.write_str(&left(state.len().unwrap_or(0).saturating_sub(state.pos()), per_second(state)));
                 }),
         ),
         Err(_) => bar,
@@ -180,7 +181,10 @@ mod tests {
 
     #[test]
     fn time_left_is_that_of_the_rate() {
-        assert_eq!([(30, 0.5), (7200, 1.0), (0, 1.0), (5, 0.0)].map(|(steps, rate)| left(steps, rate)), ["60s", "2h", "0s", "?"]);
+        assert_eq!(
+            [(30, 0.5), (7200, 1.0), (0, 1.0), (5, 0.0)].map(|(steps, rate)| left(steps, rate)),
+            ["60s", "2h", "0s", "?"]
+        );
     }
 
     /// A bar's drawing arrives in a log as one line with what it counts.
