@@ -191,9 +191,8 @@ pub fn run(bench: &Bench, request: &RunRequest, journal: Journal, folder: &Path,
     let all = units(request);
     std::fs::create_dir_all(folder.join("recordings")).with_context(|| folder.display().to_string())?;
     let open: Vec<Unit> = all.iter().copied().filter(|unit| !journal.done.contains_key(unit)).collect();
-    let bar = progress::bar(all.len() as u64, "units", options.quiet);
     let resumed = all.len() - open.len();
-    bar.set_position(resumed as u64);
+    let bar = progress::resumed(all.len() as u64, resumed as u64, "units", options.quiet);
     let journal = Mutex::new(journal);
     // On hardware each trial ends in order by itself.
     let interrupt = (request.robot != "hardware").then(Interrupt::catch).transpose()?;

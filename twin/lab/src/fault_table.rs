@@ -36,11 +36,12 @@ impl FaultTable {
 
     pub fn to_text(&self) -> String {
         let mut text = format!(
-            "{:34} {:>12} {:>8} {:>8} {:>18} {:>18} {:>8} {:>12} {:>9} {:>7}\n",
+            "{:34} {:>12} {:>8} {:>8} {:>8} {:>18} {:>18} {:>8} {:>12} {:>9} {:>7}\n",
             "fault",
             "expected",
             "injected",
             "so",
+            "stopped",
             "ms to hold (max)",
             "arm stands (max)",
             "outside",
@@ -51,6 +52,7 @@ impl FaultTable {
         for row in &self.rows {
             text += &line(row);
         }
+        text += "a fault with which the robot `goes on` may end in a hold as well\n";
         text += "* the fault itself takes a servo's torque: what that digit held may fall, whatever the others hold\n";
         text += &format!(
             "{} faults in {} phases, {} goals of servos and joints held to their limits; times on the emulated clock: until the \
@@ -73,11 +75,12 @@ fn line(row: &Value) -> String {
     let lost = format!("{} of {}{}", row["lost"], row["held"], if row["takes_torque"] == true { "*" } else { "" });
     let number = |name: &str| row[name].to_string();
     format!(
-        "{:34} {:>12} {:>8} {:>8} {:>18} {:>18} {:>8} {:>12} {:>9.1} {:>7}\n",
+        "{:34} {:>12} {:>8} {:>8} {:>8} {:>18} {:>18} {:>8} {:>12} {:>9.1} {:>7}\n",
         row["fault"].as_str().unwrap_or_default(),
         row["expected"].as_str().unwrap_or_default(),
         number("injected"),
         number("as_expected"),
+        number("stopped"),
         format!("{} ({})", ms("stopped_ms_median"), ms("stopped_ms_max")),
         format!("{} ({})", ms("safe_ms_median"), ms("safe_ms_max")),
         number("outside_limits"),

@@ -5,7 +5,7 @@ use std::sync::Mutex;
 use std::time::{Duration, Instant};
 
 pub use indicatif::ProgressBar;
-use indicatif::{ProgressDrawTarget, ProgressState, ProgressStyle, TermLike};
+use indicatif::{HumanDuration, ProgressDrawTarget, ProgressState, ProgressStyle, TermLike};
 
 /// How often a line goes into a log.
 const PERIOD: Duration = Duration::from_secs(30);
@@ -16,28 +16,53 @@ const TICK: Duration = Duration::from_secs(1);
 
 /// A bar of `length` steps, called `what`, on stderr; hidden if `quiet`. It shows steps, time spent, time left and rate.
 pub fn bar(length: u64, what: &str, quiet: bool) -> ProgressBar {
-    drawn(Some(length), what, quiet)
+    drawn(Some(length), 0, what, quiet)
+}
+
+/// The same of work that goes on after `done` steps: they say nothing of the rate.
+pub fn resumed(length: u64, done: u64, what: &str, quiet: bool) -> ProgressBar {
+    drawn(Some(length), done, what, quiet)
 }
 
 /// The same whose length is not known yet.
 pub fn open(quiet: bool) -> ProgressBar {
-    drawn(None, "", quiet)
+    drawn(None, 0, "", quiet)
 }
 
-fn drawn(length: Option<u64>, what: &str, quiet: bool) -> ProgressBar {
-    let bar = ProgressBar::with_draw_target(length, target(quiet));
-    let template = format!("{{bar:28}} {{pos}}/{{len}} {what} [{{elapsed}} < {{eta}}, {{rate}}] {{msg}}");
+fn drawn(length: Option<u64>, done: u64, what: &str, quiet: bool) -> ProgressBar {
+    let bar = ProgressBar::with_draw_target(length, target(quiet)).with_position(done);
+    let template = format!("{{bar:28}} {{pos}}/{{len}} {what} [{{elapsed}} < {{left}}, {{rate}}] {{msg}}");
+    let begun = Instant::now();
+    // Over all of the time: the bar's own estimate looks back for seconds, and steps may take minutes.
+    let per_second = move |state: &ProgressState| {
+        state.pos().saturating_sub(done) as f64 / begun.elapsed().as_secs_f64().max(f64::MIN_POSITIVE)
+    };
     let bar = match ProgressStyle::with_template(&template) {
-        Ok(style) => bar.with_style(style.with_key("rate", |state: &ProgressState, to: &mut dyn std::fmt::Write| {
-            // A bar has nowhere to tell that it cannot be drawn.
-            let _ = to.write_str(&rate(state.per_sec()));
-        })),
+        // A bar has nowhere to tell that it cannot be drawn.
+        Ok(style) => bar.with_style(
+            style
+                .with_key("rate", move |state: &ProgressState, to: &mut dyn std::fmt::Write| {
+                    let _ = to.write_str(&rate(per_second(state)));
+                })
+                .with_key("left", move |state: &ProgressState, to: &mut dyn std::fmt::Write| {
+                    let _ =
+                        to.write_str(&left(state.len().unwrap_or(0).saturating_sub(state.pos()), per_second(state)));
+                }),
+        ),
         Err(_) => bar,
     };
     if !bar.is_hidden() {
         bar.enable_steady_tick(TICK);
     }
     bar
+}
+
+/// How long `steps` take at a rate; not known before the first one.
+fn left(steps: u64, per_second: f64) -> String {
+    match Duration::try_from_secs_f64(steps as f64 / per_second) {
+        Ok(left) => format!("{:#}", HumanDuration(left)),
+        Err(_) => "?".to_owned(),
+    }
 }
 
 /// Steps a second, or a minute or hour where they are slow.
@@ -152,6 +177,14 @@ mod tests {
     #[test]
     fn rates_are_in_a_unit_that_can_be_read() {
         assert_eq!([12.34, 0.5, 0.001, 0.0].map(rate), ["12.3/s", "30.0/min", "3.6/h", "0.0/h"]);
+    }
+
+    #[test]
+    fn time_left_is_that_of_the_rate() {
+        assert_eq!(
+            [(30, 0.5), (7200, 1.0), (0, 1.0), (5, 0.0)].map(|(steps, rate)| left(steps, rate)),
+            ["60s", "2h", "0s", "?"]
+        );
     }
 
     /// A bar's drawing arrives in a log as one line with what it counts.

@@ -22,6 +22,9 @@ use crate::file::Sweep;
 /// What a trial costs, as measured on the machine that the file names.
 const COST: &str = include_str!("../data/cost.toml");
 
+/// Most trials of a sweep.
+const MOST: f64 = 1e8;
+
 /// Time and room that trials take.
 #[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -160,6 +163,11 @@ impl Plan {
         };
         let start = Draft { file: sweep.file.clone(), request, set: Vec::new() };
         let sizes: Vec<usize> = axes.iter().map(|axis| axis.levels.len()).collect();
+        let trials = [&sizes[..], &[seeds.len(), plan.combos, plan.trials]].concat().into_iter();
+        let trials: f64 = trials.map(|size| size as f64).product();
+        if trials > MOST {
+            bail!("{}: found {trials:.0} trials of each policy, expected at most {MOST:.0}", sweep.file.display());
+        }
         for (point, at) in grid(&sizes).enumerate() {
             let mut draft = start.clone();
             for (axis, level) in axes.iter().zip(&at) {

@@ -30,14 +30,16 @@ pub struct Benches {
     made: Mutex<Vec<(String, Slot)>>,
     /// How many are kept.
     most: usize,
+    /// Nothing is said of a search for plans that do not come with the program.
+    quiet: bool,
 }
 
 type Slot = Arc<Mutex<Option<Arc<Bench>>>>;
 
 impl Benches {
     /// For so many workers.
-    pub fn new(workers: usize) -> Self {
-        Self { made: Mutex::default(), most: workers.max(1) }
+    pub fn new(workers: usize, quiet: bool) -> Self {
+        Self { made: Mutex::default(), most: workers.max(1), quiet }
     }
 
     /// The bench of a request: one that was made, or a new one.
@@ -59,7 +61,7 @@ impl Benches {
         // Those that want the same one wait for it; others go on.
         let mut slot = slot.lock().map_err(|_| poisoned())?;
         if slot.is_none() {
-            let mut bench = make_bench(request.scenario()?, request.combos, request.seed, true)?;
+            let mut bench = make_bench(request.scenario()?, request.combos, request.seed, self.quiet)?;
             if let Some(text) = &request.uncertainty {
                 bench.uncertainty = Uncertainty::parse(text, Path::new("uncertainty"))?;
             }

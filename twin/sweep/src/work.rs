@@ -64,13 +64,11 @@ pub fn work(folder: &Folder, options: Options) -> Result<Done> {
     let trials: usize = plan.units.iter().map(|unit| unit.count).sum();
     let finished = folder.finished()?;
     let before: usize = plan.units.iter().filter(|unit| finished.contains(&unit.id)).map(|unit| unit.count).sum();
-    let bar = progress::bar(trials as u64, "trials", options.quiet);
-    bar.set_position(before as u64);
-    bar.reset_eta();
+    let bar = progress::resumed(trials as u64, before as u64, "trials", options.quiet);
     let worker = Worker {
         folder,
         claims: Claims::new(&folder.path)?,
-        benches: Benches::new(options.jobs),
+        benches: Benches::new(options.jobs, options.quiet),
         interrupt: Interrupt::catch()?,
         bar: &bar,
         failed: Mutex::default(),

@@ -1,7 +1,7 @@
 //! The operator at the terminal: questions, and Ctrl-C as a wish to end in order.
 
 use std::fs::File;
-use std::io::{self, Read as _, Write as _};
+use std::io::{self, IsTerminal as _, Read as _, Write as _};
 use std::os::fd::AsFd as _;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, OnceLock};
@@ -86,7 +86,12 @@ pub fn ask_unless(question: &str, interrupt: Option<&Interrupt>) -> Result<Optio
             _ => line.extend(byte),
         }
     }
-    Ok(Some(String::from_utf8_lossy(&line).trim().to_owned()))
+    let answer = String::from_utf8_lossy(&line).trim().to_owned();
+    // A terminal has shown it; a log of answers from a script reads the same.
+    if !stdin.is_terminal() {
+        eprintln!("{answer}");
+    }
+    Ok(Some(answer))
 }
 
 /// What the operator answers; Ctrl-C ends the program unless somebody else catches it.
