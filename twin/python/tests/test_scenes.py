@@ -60,7 +60,7 @@ class Scenes(unittest.TestCase):
             ({"twist": ["left"] * 6}, "twist: expected numbers"),
             ({"twist": [1j] * 6}, "twist: found complex numbers"),
             ({"tensions": np.zeros((5, 1))}, r"tensions: found shape \(5, 1\), expected shape \(5,\)"),
-            ({"tensions": [0.0] * 5, "opposition": np.nan}, "opposition: found NaN"),
+            ({"tensions": [0.0] * 5, "opposition": np.nan}, r"opposition\[0\]: found NaN"),
         ]:
             with self.assertRaisesRegex(ValueError, words):
                 scene.step(**action)
