@@ -1,6 +1,6 @@
 """Reinforcement learning of ``ftac/PickOne-v0`` for one object with Stable-Baselines3 (SAC): a policy that corrects the scripted pick-up.
 
-    python learn_pick_one.py --combination 40 --episodes 300 --out learning
+    python learn_pick_one.py --combination 3 --episodes 160 --random 40 --out learning
 
 The script (`ftac.scripted`) carries out the repertoire's pick-up and never looks whether that helps. The policy is asked twice an episode: at the beginning,
 where to aim beside what vision saw; and over the object, before the hand closes, how. It sees what is measured then. The reward is the environment's shaped
@@ -155,9 +155,9 @@ class Curve(BaseCallback):
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--combination", type=int, default=40, help="its first object is picked; see ftac.combinations()")
-    parser.add_argument("--episodes", type=int, default=300, help="of training")
-    parser.add_argument("--random", type=int, default=100, help="episodes at the beginning with decisions at random")
+    parser.add_argument("--combination", type=int, default=3, help="its first object is picked; see ftac.combinations()")
+    parser.add_argument("--episodes", type=int, default=160, help="of training")
+    parser.add_argument("--random", type=int, default=40, help="episodes at the beginning with decisions at random")
     parser.add_argument("--tests", type=int, default=100, help="episodes of each test")
     parser.add_argument("--first-seed", type=int, default=HELD_OUT, help="of the test episodes")
     parser.add_argument("--seed", type=int, default=1)
