@@ -10,10 +10,13 @@ mod drift;
 use std::sync::Arc;
 
 use hand_model::Hand;
-use hand_model::pads::Camera;
+use hand_model::pads::{Camera, IMAGE_SIZE};
 use hand_model::robot::{TactileFrame, TactileImage};
 use nalgebra::{Isometry3, Point3, Unit, Vector3};
-use optics::{CpuRenderer, IndentationMap, Job, OpticsError, ReducedSensor, Renderer, Sensor, SensorModel, press};
+use optics::indentation::press_rasters;
+use optics::{
+    CpuRenderer, Foundation, IndentationMap, Job, OpticsError, Raster, ReducedSensor, Renderer, Sensor, SensorModel,
+};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
@@ -25,6 +28,8 @@ pub use drift::Drift;
 const REACH: f64 = 0.005;
 /// Forces below this leave the pad idle, N.
 const LEAST_FORCE: f64 = 0.02;
+/// Radii of a shape's bounding ball beyond which a ray surely misses the shape.
+const MISSES: f64 = 1.001;
 /// Stands for the moment of a capture in the seed of a background frame's noise: no capture's time comes near.
 const BACKGROUND: u64 = 0x00ba_c4c4;
 /// Rays start this deep under the pad's surface, m: deeper than any contact, inside the phalanx.
@@ -181,8 +186,9 @@ impl TactileBoard {
         if self.sensors().is_empty() {
             return Vec::new();
         }
+        let side = self.reduced.as_ref().map_or(IMAGE_SIZE, |reduced| reduced[0].raster().side());
         let pressed: Vec<Option<Vec<IndentationMap>>> =
-            hand.pads.par_iter().enumerate().map(|(n, _)| press_all(hand, n, loads)).collect();
+            hand.pads.par_iter().enumerate().map(|(n, _)| press_all(hand, n, side, loads)).collect();
         // By time, not by count: who else asked for images changes nothing.
         let moment = (time * 1e4).round() as u64;
         let (mut jobs, mut frames, idle) = (Vec::new(), Vec::new(), IndentationMap::idle());
@@ -227,20 +233,22 @@ impl TactileBoard {
     }
 }
 
-/// What objects and the hand itself press into a pad, one map a camera; `None` where nothing does. Bodies that press with
-/// forces of their own press one by one, and every pixel shows the deepest of them: their contacts lie side by side.
-fn press_all(hand: &Hand, index: usize, loads: &Loads) -> Option<Vec<IndentationMap>> {
-    let world_from_pad = &loads.pads[index];
-    let objects = press_pad(hand, index, world_from_pad, loads.forces[index], loads.objects);
+/// What objects and the hand itself press into a pad, one map of `side` x `side` pixels a camera; `None` where nothing does. Bodies that press
+/// with forces of their own press one by one, and every pixel shows the deepest of them: their contacts lie side by side.
+fn press_all(hand: &Hand, index: usize, side: usize, loads: &Loads) -> Option<Vec<IndentationMap>> {
+    let press = |force, objects: &[(&Shape, Isometry3<f64>)]| {
+        press_pad(hand, (index, side), &loads.pads[index], force, objects)
+    };
+    let objects = press(loads.forces[index], loads.objects);
     let own = loads.own.iter().filter(|load| load.pad == index);
-    let own = own.filter_map(|load| press_pad(hand, index, world_from_pad, load.force, &[(&load.shape, load.pose)]));
+    let own = own.filter_map(|load| press(load.force, &[(&load.shape, load.pose)]));
     objects.into_iter().chain(own).reduce(|a, b| a.iter().zip(&b).map(|(a, b)| a.deeper(b)).collect())
 }
 
 /// What presses into a pad with one `force` (N), one map a camera; `None` where nothing does.
 fn press_pad(
     hand: &Hand,
-    index: usize,
+    (index, side): (usize, usize),
     world_from_pad: &Isometry3<f64>,
     force: f64,
     objects: &[(&Shape, Isometry3<f64>)],
@@ -250,23 +258,27 @@ fn press_pad(
         return None;
     }
     let half = 0.5 * pad.h.hypot(pad.w);
-    let near: Vec<(&Shape, Isometry3<f64>)> = objects
+    let near: Vec<(&Shape, Isometry3<f64>, Point3<f64>, f64)> = objects
         .iter()
-        .map(|(shape, pose)| (*shape, pose.inverse() * world_from_pad))
-        .filter(|(shape, object_from_pad)| {
-            object_from_pad.translation.vector.norm() < shape.bounding_radius() + half + REACH
+        .map(|(shape, pose)| (*shape, pose.inverse() * world_from_pad, shape.bounding_radius()))
+        .filter(|(_, object_from_pad, radius)| object_from_pad.translation.vector.norm() < radius + half + REACH)
+        .map(|(shape, object_from_pad, radius)| {
+            let middle = object_from_pad.inverse_transform_point(&Point3::origin());
+            // A ray farther away than this misses the ball around the shape, and the shape.
+            (shape, object_from_pad, middle, (radius * MISSES).powi(2))
         })
         .collect();
     let lowest = |x: f64, y: f64| {
         near.iter()
-            .filter_map(|(shape, object_from_pad)| {
+            .filter(|(_, _, middle, square)| (x - middle.x).powi(2) + (y - middle.y).powi(2) < *square)
+            .filter_map(|(shape, object_from_pad, ..)| {
                 let origin = object_from_pad * Point3::new(x, y, -RAY_START);
                 let direction = Unit::new_unchecked(object_from_pad * Vector3::z());
                 shape.ray(&origin, &direction).map(|distance| distance - RAY_START)
             })
             .reduce(f64::min)
     };
-    let cameras: Vec<&Camera> = pad.cameras.iter().map(|camera| &hand.cameras[*camera]).collect();
+    let rasters: Vec<Raster> = pad.cameras.iter().map(|camera| Raster::of(&hand.cameras[*camera], side)).collect();
     // Only a shape with a broken ray query can fail here; its pad shows nothing rather than something wrong.
-    press(pad, &cameras, &hand.gel(), force, lowest).ok().map(|pressed| pressed.maps)
+    press_rasters(pad, &rasters, &Foundation::winkler(&hand.gel()), force, lowest).ok().map(|pressed| pressed.maps)
 }

@@ -10,6 +10,7 @@ use hand_model::pads::{Camera, IMAGE_SIZE};
 use serde::{Deserialize, Serialize};
 
 use crate::indentation::{IndentationMap, Rectangle};
+use crate::raster::Raster;
 use crate::wide::widest;
 
 /// The smoothing of the gel.
@@ -59,16 +60,17 @@ impl Elastomer {
     /// As [`Self::deform`], over a rectangle that reaches at least `reach` (m) beyond the contact.
     pub fn deform_over(&self, camera: &Camera, map: &IndentationMap, reach: f64) -> Option<DeformedGel> {
         let rectangle = self.rectangle(camera, map, reach)?;
-        let depth = self.smooth(map.cut(&rectangle), rectangle.width(), rectangle.height(), camera.pixel_size());
+        let pixel = Raster::of(camera, map.side()).pixel_size();
+        let depth = self.smooth(map.cut(&rectangle), rectangle.width(), rectangle.height(), pixel);
         Some(DeformedGel { rectangle, depth })
     }
 
     /// The rectangle over which [`Self::deform_over`] computes the gel; `None` on an untouched pad.
     pub(crate) fn rectangle(&self, camera: &Camera, map: &IndentationMap, reach: f64) -> Option<Rectangle> {
-        let (dx, dy) = camera.pixel_size();
+        let (dx, dy) = Raster::of(camera, map.side()).pixel_size();
         let least = ((reach / dx).ceil() as usize, (reach / dy).ceil() as usize);
         let margin = self.margin((dx, dy));
-        Some(map.contact()?.grown(margin.0.max(least.0), margin.1.max(least.1)).even())
+        Some(map.contact()?.grown(margin.0.max(least.0), margin.1.max(least.1), map.side()).even(map.side()))
     }
 
     /// Reach of the smoothing beyond a contact, in columns and rows of pixels of this size (m).

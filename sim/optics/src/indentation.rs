@@ -6,16 +6,19 @@
 //! the given force: the sum of the pressures under `penetration + shift`, times the pixels' area. The hand's own gel is a
 //! Winkler foundation.
 
+mod balance;
+
 use hand_model::pads::{Camera, IMAGE_SIZE, Pad};
 use hand_model::parameters::Gel;
 
 use crate::error::{OpticsError, check_force, positive};
 use crate::foundation::Foundation;
+use crate::raster::Raster;
+use balance::{Balanced, balance};
 
 pub const PIXELS: usize = IMAGE_SIZE * IMAGE_SIZE;
-/// Spacing of the coarse pass of [`press`], pixels.
-const BLOCK: usize = 4;
-const BLOCKS: usize = IMAGE_SIZE / BLOCK;
+/// Largest spacing of the coarse pass of [`press`], pixels, and the blocks that are wanted along a side at least.
+const BLOCK: (usize, usize) = (4, 32);
 
 /// A rectangle of pixels, half open.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -29,19 +32,20 @@ pub struct Rectangle {
 }
 
 impl Rectangle {
-    /// The rectangle extended by `columns` and `rows` on each side, clipped to the image.
-    pub fn grown(&self, columns: usize, rows: usize) -> Self {
+    /// The rectangle extended by `columns` and `rows` on each side, clipped to an image of `side` x `side` pixels.
+    pub(crate) fn grown(&self, columns: usize, rows: usize, side: usize) -> Self {
         Self {
             left: self.left.saturating_sub(columns),
             top: self.top.saturating_sub(rows),
-            right: (self.right + columns).min(IMAGE_SIZE),
-            bottom: (self.bottom + rows).min(IMAGE_SIZE),
+            right: (self.right + columns).min(side),
+            bottom: (self.bottom + rows).min(side),
         }
     }
 
-    /// The rectangle extended to even columns and rows, so that cells of 2 x 2 pixels are aligned in all rectangles.
-    pub(crate) fn even(&self) -> Self {
-        let up = |end: usize| end.next_multiple_of(2).min(IMAGE_SIZE);
+    /// The rectangle extended to even columns and rows, so that cells of 2 x 2 pixels are aligned in all rectangles of an image of `side` x `side`
+    /// pixels.
+    pub(crate) fn even(&self, side: usize) -> Self {
+        let up = |end: usize| end.next_multiple_of(2).min(side);
         Self { left: self.left & !1, top: self.top & !1, right: up(self.right), bottom: up(self.bottom) }
     }
 
@@ -58,6 +62,7 @@ impl Rectangle {
 /// negative infinity where there is no object).
 #[derive(Debug, Clone, PartialEq)]
 pub struct GapMap {
+    side: usize,
     pixel_area: f64,
     penetration: Vec<f32>,
 }
@@ -67,22 +72,31 @@ impl GapMap {
     pub fn sample(
         pad: &Pad,
         camera: &Camera,
+        z_object: impl FnMut(f64, f64) -> Option<f64>,
+    ) -> Result<Self, OpticsError> {
+        Self::sample_on(pad, &Raster::full(camera), z_object)
+    }
+
+    fn sample_on(
+        pad: &Pad,
+        raster: &Raster,
         mut z_object: impl FnMut(f64, f64) -> Option<f64>,
     ) -> Result<Self, OpticsError> {
-        let mut penetration = Vec::with_capacity(PIXELS);
-        for row in 0..IMAGE_SIZE {
-            for column in 0..IMAGE_SIZE {
-                let (x, y) = camera.pixel_center(column, row);
+        let side = raster.side();
+        let mut penetration = Vec::with_capacity(side * side);
+        for row in 0..side {
+            for column in 0..side {
+                let (x, y) = raster.pixel_center(column, row);
                 penetration.push(penetration_at(pad, x, y, &mut z_object)?);
             }
         }
-        Self::from_penetration(camera, penetration)
+        Ok(Self { side, pixel_area: pixel_area(raster)?, penetration })
     }
 
     /// A map of given values, row-major, m.
     pub fn from_penetration(camera: &Camera, penetration: Vec<f32>) -> Result<Self, OpticsError> {
         check(&penetration, "a number below infinity", |value| value < f32::INFINITY)?;
-        Ok(Self { pixel_area: pixel_area(camera)?, penetration })
+        Ok(Self { side: IMAGE_SIZE, pixel_area: pixel_area(&Raster::full(camera))?, penetration })
     }
 
     /// Row-major, m.
@@ -94,6 +108,7 @@ impl GapMap {
 /// How deep the gel is pressed in, pixel by pixel, from zero to the gel's thickness (m), inside the contact only.
 #[derive(Debug, Clone, PartialEq)]
 pub struct IndentationMap {
+    side: usize,
     depth: Vec<f32>,
     contact: Option<Rectangle>,
 }
@@ -101,14 +116,18 @@ pub struct IndentationMap {
 impl IndentationMap {
     /// The map of an untouched pad.
     pub fn idle() -> Self {
-        Self { depth: Vec::new(), contact: None }
+        Self { side: IMAGE_SIZE, depth: Vec::new(), contact: None }
     }
 
     /// A map from 240 x 240 depths (row-major, m), each finite and not negative.
     pub fn from_depth(depth: Vec<f32>) -> Result<Self, OpticsError> {
         check(&depth, "a finite depth of at least 0 m", |value| value >= 0.0 && value.is_finite())?;
+        Ok(Self::of_depth(IMAGE_SIZE, depth))
+    }
+
+    fn of_depth(side: usize, depth: Vec<f32>) -> Self {
         let mut contact: Option<Rectangle> = None;
-        for (row, line) in depth.chunks_exact(IMAGE_SIZE).enumerate() {
+        for (row, line) in depth.chunks_exact(side).enumerate() {
             let Some(left) = line.iter().position(|&depth| depth > 0.0) else { continue };
             let right = line.iter().rposition(|&depth| depth > 0.0).unwrap_or(left) + 1;
             let old = contact.unwrap_or(Rectangle { left, top: row, right, bottom: row });
@@ -119,7 +138,12 @@ impl IndentationMap {
                 bottom: row + 1,
             });
         }
-        Ok(if contact.is_none() { Self::idle() } else { Self { depth, contact } })
+        if contact.is_none() { Self::idle() } else { Self { side, depth, contact } }
+    }
+
+    /// Pixels along a side of the map; an untouched pad's map fits any.
+    pub fn side(&self) -> usize {
+        self.side
     }
 
     /// Smallest rectangle that holds the contact; `None` on an untouched pad.
@@ -127,7 +151,7 @@ impl IndentationMap {
         self.contact
     }
 
-    /// The deeper of two maps at every pixel: what bodies that press side by side leave together.
+    /// The deeper of two maps of the same side at every pixel: what bodies that press side by side leave together.
     #[must_use]
     pub fn deeper(&self, other: &Self) -> Self {
         let (Some(a), Some(b)) = (self.contact, other.contact) else {
@@ -140,12 +164,12 @@ impl IndentationMap {
             bottom: a.bottom.max(b.bottom),
         };
         let depth = self.depth.iter().zip(&other.depth).map(|(a, b)| a.max(*b)).collect();
-        Self { depth, contact: Some(contact) }
+        Self { side: self.side, depth, contact: Some(contact) }
     }
 
     /// Depth of a pixel, m.
     pub fn depth(&self, column: usize, row: usize) -> f32 {
-        self.depth.get(row * IMAGE_SIZE + column).copied().unwrap_or(0.0)
+        self.depth.get(row * self.side + column).copied().unwrap_or(0.0)
     }
 
     /// The depths of a rectangle, row-major.
@@ -153,7 +177,7 @@ impl IndentationMap {
         if self.depth.is_empty() {
             return vec![0.0; rectangle.width() * rectangle.height()];
         }
-        let rows = self.depth.chunks_exact(IMAGE_SIZE).take(rectangle.bottom).skip(rectangle.top);
+        let rows = self.depth.chunks_exact(self.side).take(rectangle.bottom).skip(rectangle.top);
         rows.flat_map(|row| &row[rectangle.left..rectangle.right]).copied().collect()
     }
 
@@ -203,58 +227,107 @@ pub fn press_on(
     cameras: &[&Camera],
     gel: &Foundation,
     force: f64,
+    z_object: impl FnMut(f64, f64) -> Option<f64>,
+) -> Result<Press, OpticsError> {
+    let rasters: Vec<Raster> = cameras.iter().map(|camera| Raster::full(camera)).collect();
+    press_rasters(pad, &rasters, gel, force, z_object)
+}
+
+/// As [`press_on`], with maps on other pixels than the cameras' own: on coarser ones the contact's border is coarser too, and so is the force.
+pub fn press_rasters(
+    pad: &Pad,
+    rasters: &[Raster],
+    gel: &Foundation,
+    force: f64,
     mut z_object: impl FnMut(f64, f64) -> Option<f64>,
 ) -> Result<Press, OpticsError> {
     check_force(force)?;
     if force == 0.0 {
-        return Ok(Press { shift: 0.0, force: 0.0, maps: vec![IndentationMap::idle(); cameras.len()] });
+        return Ok(Press { shift: 0.0, force: 0.0, maps: vec![IndentationMap::idle(); rasters.len()] });
     }
-    let mut coarse = Vec::with_capacity(cameras.len());
-    for camera in cameras {
-        let ((x0, y0), (dx, dy)) = (camera.pixel_center(0, 0), camera.pixel_size());
-        let middle = 0.5 * (BLOCK - 1) as f64;
-        let mut map = Vec::with_capacity(BLOCKS * BLOCKS);
-        for block in 0..BLOCKS * BLOCKS {
-            let (column, row) = ((block % BLOCKS * BLOCK) as f64 + middle, (block / BLOCKS * BLOCK) as f64 + middle);
-            map.push(penetration_at(pad, x0 + column * dx, y0 - row * dy, &mut z_object)?);
-        }
-        coarse.push((map, pixel_area(camera)? * (BLOCK * BLOCK) as f64));
+    let mut coarse = Vec::with_capacity(rasters.len());
+    for raster in rasters {
+        coarse.push(Blocks::sample(pad, raster, &mut z_object)?);
     }
-    let Some(estimate) = balance(coarse.iter().map(|(map, area)| (map.as_slice(), *area)), gel, force)? else {
-        let gaps: Result<Vec<_>, _> = cameras.iter().map(|camera| GapMap::sample(pad, camera, &mut z_object)).collect();
+    let areas = coarse.iter().map(|blocks| (blocks.penetration.as_slice(), blocks.area));
+    let Some(estimate) = balance(areas, gel, force)? else {
+        let gaps: Result<Vec<_>, _> =
+            rasters.iter().map(|raster| GapMap::sample_on(pad, raster, &mut z_object)).collect();
         return press_gaps_on(&gaps?, gel, force);
     };
-    let mut gaps: Vec<GapMap> = coarse
-        .iter()
-        .map(|(_, area)| GapMap {
-            pixel_area: area / (BLOCK * BLOCK) as f64,
-            penetration: vec![f32::NEG_INFINITY; PIXELS],
-        })
-        .collect();
-    let mut seen = vec![false; BLOCKS * BLOCKS * cameras.len()];
+    let empty = |raster: &Raster| {
+        let side = raster.side();
+        Ok(GapMap { side, pixel_area: pixel_area(raster)?, penetration: vec![f32::NEG_INFINITY; side * side] })
+    };
+    let mut gaps: Vec<GapMap> = rasters.iter().map(empty).collect::<Result<_, OpticsError>>()?;
     let mut reach = estimate.shift + 1e-5;
     loop {
-        for ((index, camera), (map, _)) in cameras.iter().enumerate().zip(&coarse) {
-            for block in 0..BLOCKS * BLOCKS {
-                let flag = index * BLOCKS * BLOCKS + block;
-                if seen[flag] || !near(map, block, -reach as f32) {
+        for ((raster, blocks), gap) in rasters.iter().zip(&mut coarse).zip(&mut gaps) {
+            for block in 0..blocks.penetration.len() {
+                if blocks.seen[block] || !blocks.near(block, -reach as f32) {
                     continue;
                 }
-                seen[flag] = true;
-                for pixel in 0..BLOCK * BLOCK {
-                    let (column, row) =
-                        (block % BLOCKS * BLOCK + pixel % BLOCK, block / BLOCKS * BLOCK + pixel / BLOCK);
-                    let (x, y) = camera.pixel_center(column, row);
-                    gaps[index].penetration[row * IMAGE_SIZE + column] = penetration_at(pad, x, y, &mut z_object)?;
+                blocks.seen[block] = true;
+                for (column, row) in blocks.pixels(block) {
+                    let (x, y) = raster.pixel_center(column, row);
+                    gap.penetration[row * raster.side() + column] = penetration_at(pad, x, y, &mut z_object)?;
                 }
             }
         }
         let found = balance(gaps.iter().map(|gap| (gap.penetration.as_slice(), gap.pixel_area)), gel, force)?;
         match found {
             Some(found) if found.shift > reach => reach = found.shift + 1e-5,
-            Some(found) => return finish(&gaps, gel, found),
+            Some(found) => return Ok(finish(&gaps, gel, found)),
             None => return press_gaps_on(&gaps, gel, force),
         }
+    }
+}
+
+/// Squares of pixels, each sampled in its middle.
+struct Blocks {
+    /// Pixels along a side of the image, and of a block.
+    side: usize,
+    block: usize,
+    /// Blocks along a side.
+    count: usize,
+    /// m2.
+    area: f64,
+    /// As that of a [`GapMap`], row-major.
+    penetration: Vec<f32>,
+    /// Those whose pixels were sampled.
+    seen: Vec<bool>,
+}
+
+impl Blocks {
+    fn sample(
+        pad: &Pad,
+        raster: &Raster,
+        z_object: &mut impl FnMut(f64, f64) -> Option<f64>,
+    ) -> Result<Self, OpticsError> {
+        let (side, ((x0, y0), (dx, dy))) = (raster.side(), (raster.pixel_center(0, 0), raster.pixel_size()));
+        let block = (side / BLOCK.1).clamp(1, BLOCK.0);
+        let (count, middle) = (side.div_ceil(block), 0.5 * (block - 1) as f64);
+        let mut penetration = Vec::with_capacity(count * count);
+        for at in 0..count * count {
+            let (column, row) = ((at % count * block) as f64 + middle, (at / count * block) as f64 + middle);
+            penetration.push(penetration_at(pad, x0 + column * dx, y0 - row * dy, z_object)?);
+        }
+        let area = pixel_area(raster)? * (block * block) as f64;
+        Ok(Self { side, block, count, area, penetration, seen: vec![false; count * count] })
+    }
+
+    /// Whether a block or one of its eight neighbours penetrates by more than `threshold`.
+    fn near(&self, block: usize, threshold: f32) -> bool {
+        let (column, row) = (block % self.count, block / self.count);
+        let around = |at: usize| at.saturating_sub(1)..(at + 2).min(self.count);
+        around(row).any(|r| around(column).any(|c| self.penetration[r * self.count + c] > threshold))
+    }
+
+    /// Columns and rows of a block's pixels.
+    fn pixels(&self, block: usize) -> impl Iterator<Item = (usize, usize)> + use<> {
+        let (left, top) = (block % self.count * self.block, block / self.count * self.block);
+        let (right, bottom) = ((left + self.block).min(self.side), (top + self.block).min(self.side));
+        (top..bottom).flat_map(move |row| (left..right).map(move |column| (column, row)))
     }
 }
 
@@ -268,97 +341,18 @@ pub fn press_gaps_on(gaps: &[GapMap], gel: &Foundation, force: f64) -> Result<Pr
     check_force(force)?;
     let found = balance(gaps.iter().map(|gap| (gap.penetration.as_slice(), gap.pixel_area)), gel, force)?;
     match found {
-        Some(balanced) if force > 0.0 => finish(gaps, gel, balanced),
+        Some(balanced) if force > 0.0 => Ok(finish(gaps, gel, balanced)),
         _ => Ok(Press { shift: 0.0, force: 0.0, maps: vec![IndentationMap::idle(); gaps.len()] }),
     }
 }
 
-fn finish(gaps: &[GapMap], gel: &Foundation, balanced: Balanced) -> Result<Press, OpticsError> {
+fn finish(gaps: &[GapMap], gel: &Foundation, balanced: Balanced) -> Press {
     let (shift, limit) = (balanced.shift as f32, gel.thickness as f32);
-    let maps: Result<Vec<_>, _> = gaps
-        .iter()
-        .map(|gap| IndentationMap::from_depth(gap.penetration.iter().map(|p| (p + shift).clamp(0.0, limit)).collect()))
-        .collect();
-    Ok(Press { shift: balanced.shift, force: balanced.force, maps: maps? })
-}
-
-/// Whether a block or one of its eight neighbours penetrates by more than `threshold`.
-fn near(map: &[f32], block: usize, threshold: f32) -> bool {
-    let (column, row) = (block % BLOCKS, block / BLOCKS);
-    (row.saturating_sub(1)..(row + 2).min(BLOCKS))
-        .any(|r| (column.saturating_sub(1)..(column + 2).min(BLOCKS)).any(|c| map[r * BLOCKS + c] > threshold))
-}
-
-/// Step (m) of the finite difference for the slope of a pressure law.
-const NUDGE: f64 = 1e-8;
-
-struct Balanced {
-    shift: f64,
-    force: f64,
-}
-
-/// Solves the force balance by bracketed Newton iteration; `None` where nothing is above the pad.
-fn balance<'a>(
-    maps: impl Iterator<Item = (&'a [f32], f64)>,
-    gel: &Foundation,
-    force: f64,
-) -> Result<Option<Balanced>, OpticsError> {
-    gel.check()?;
-    let winkler = gel.exponent == 1.0 && gel.hardening == 0.0;
-    let stiffness = gel.modulus / gel.thickness;
-    let maps: Vec<(Vec<f32>, f64)> =
-        maps.map(|(map, area)| (map.iter().copied().filter(|p| p.is_finite()).collect(), area)).collect();
-    let all = || maps.iter().flat_map(|(map, _)| map);
-    let (deepest, shallowest) =
-        all().fold((f32::NEG_INFINITY, f32::INFINITY), |(most, least), &p| (most.max(p), least.min(p)));
-    if !deepest.is_finite() {
-        return Ok(None);
-    }
-    let limit = gel.thickness as f32;
-    let evaluate = |shift: f64| {
-        let shift = shift as f32;
-        maps.iter().fold((0.0, 0.0), |(force, slope), (map, area)| {
-            if !winkler {
-                let bears = |shift: f64| area * map.iter().map(|&p| gel.pressure(f64::from(p) + shift)).sum::<f64>();
-                let found = bears(f64::from(shift));
-                return (force + found, slope + (bears(f64::from(shift) + NUDGE) - found) / NUDGE);
-            }
-            let weight = area * stiffness;
-            let (mut sum, mut active) = (0.0f64, 0u32);
-            for p in map {
-                let depth = p + shift;
-                sum += f64::from(depth.clamp(0.0, limit));
-                active += u32::from(depth > 0.0 && depth < limit);
-            }
-            (force + weight * sum, slope + weight * f64::from(active))
-        })
+    let map = |gap: &GapMap| {
+        let depth = gap.penetration.iter().map(|p| (p + shift).clamp(0.0, limit)).collect();
+        IndentationMap::of_depth(gap.side, depth)
     };
-    let (mut low, mut high) = (-f64::from(deepest), gel.thickness - f64::from(deepest));
-    if evaluate(high).0 < force {
-        low = high;
-        high = gel.thickness - f64::from(shallowest) + 1e-6;
-        let (most, _) = evaluate(high);
-        if most <= force {
-            return Ok(Some(Balanced { shift: high, force: most }));
-        }
-    }
-    let mut shift = 0.5 * (low + high);
-    for _ in 0..60 {
-        let (found, slope) = evaluate(shift);
-        if found > force {
-            high = shift
-        } else {
-            low = shift
-        }
-        let newton = shift - (found - force) / slope;
-        let next = if newton > low && newton < high { newton } else { 0.5 * (low + high) };
-        let step = (next - shift).abs();
-        shift = next;
-        if step < 1e-9 {
-            break;
-        }
-    }
-    Ok(Some(Balanced { shift, force: evaluate(shift).0 }))
+    Press { shift: balanced.shift, force: balanced.force, maps: gaps.iter().map(map).collect() }
 }
 
 fn penetration_at(
@@ -388,9 +382,9 @@ fn check(map: &[f32], expected: &'static str, good: impl Fn(f32) -> bool) -> Res
     }
 }
 
-fn pixel_area(camera: &Camera) -> Result<f64, OpticsError> {
-    positive("camera width", camera.w)?;
-    positive("camera height", camera.h)?;
-    let (dx, dy) = camera.pixel_size();
+fn pixel_area(raster: &Raster) -> Result<f64, OpticsError> {
+    let (dx, dy) = raster.pixel_size();
+    positive("camera width", dx)?;
+    positive("camera height", dy)?;
     Ok(dx * dy)
 }

@@ -54,11 +54,11 @@ impl ReadOutNoise {
         }
     }
 
-    /// Writes a row of mean grey levels as bytes, each with its own factor of the noise.
+    /// Writes a row of mean grey levels as bytes; the noise has a factor of the row's and one of each value's.
     #[inline(always)]
     pub(crate) fn expose_means(
         &self,
-        (means, quiet): (&[f32], &[f32]),
+        (means, quiet, row): (&[f32], &[f32], f32),
         brightness: f32,
         bytes: &mut [u8],
         rng: &mut impl Rng,
@@ -66,7 +66,7 @@ impl ReadOutNoise {
         let start = Self::start(rng);
         let draws = &self.table[start..start + means.len()];
         for (byte, ((mean, quiet), draw)) in bytes.iter_mut().zip(means.iter().zip(quiet).zip(draws)) {
-            *byte = quantise(mean * brightness + quiet * draw);
+            *byte = quantise(mean * brightness + row * quiet * draw);
         }
     }
 }

@@ -21,6 +21,7 @@ use crate::indentation::{IndentationMap, PIXELS};
 use crate::lamps::Lamp;
 use crate::model::SensorModel;
 use crate::noise::{ReadOutNoise, quantise, texture};
+use crate::raster::Raster;
 use crate::shading::{Shading, SurfaceRow};
 use crate::shadows::{HeightField, Shadow};
 use crate::wide::widest;
@@ -195,12 +196,16 @@ impl Sensor {
 
     /// The shadow of each lamp over the gel's rectangle; `None` for a lamp that casts none.
     pub fn shadows(&self, gel: &DeformedGel) -> Vec<Option<Shadow>> {
+        self.shadows_on(&Raster::full(&self.camera), gel)
+    }
+
+    fn shadows_on(&self, raster: &Raster, gel: &DeformedGel) -> Vec<Option<Shadow>> {
         let area = &gel.rectangle;
         let field = HeightField {
             width: area.width(),
             height: area.height(),
-            first: self.camera.pixel_center(area.left, area.top),
-            pixel: self.camera.pixel_size(),
+            first: raster.pixel_center(area.left, area.top),
+            pixel: raster.pixel_size(),
             depth: &gel.depth,
         };
         field.shadows(&self.model.lamps)
@@ -227,12 +232,12 @@ impl Sensor {
         brightness: f32,
         rng: &mut impl Rng,
     ) -> TactileImage {
-        let mut rgb = vec![0; 3 * PIXELS];
+        let (mut rgb, raster) = (vec![0; 3 * PIXELS], Raster::full(&self.camera));
         let mut row = SurfaceRow::new();
         let mut grey = [0.0f32; 3 * IMAGE_SIZE];
         for (index, bytes) in rgb.chunks_exact_mut(3 * IMAGE_SIZE).enumerate() {
             let background = &self.background_grey[3 * IMAGE_SIZE * index..3 * IMAGE_SIZE * (index + 1)];
-            let span = gel.and_then(|gel| self.shade_row(gel, shadows, index, &mut row));
+            let span = gel.and_then(|gel| self.shade_row(&raster, gel, shadows, index, &mut row));
             let Some((left, right)) = span else {
                 self.noise.expose(background, brightness, bytes, rng);
                 continue;
@@ -252,10 +257,11 @@ impl Sensor {
         TactileImage { rgb }
     }
 
-    /// Shades the deformed or shadowed part of an image row; gives its half-open range of columns.
+    /// Shades the deformed or shadowed part of a row of a gel on these pixels; gives its half-open range of columns.
     #[inline(always)]
     fn shade_row(
         &self,
+        raster: &Raster,
         gel: &DeformedGel,
         shadows: &[Option<Shadow>],
         index: usize,
@@ -265,7 +271,7 @@ impl Sensor {
         if index < area.top || index >= area.bottom {
             return None;
         }
-        let (width, (dx, dy)) = (area.width(), self.camera.pixel_size());
+        let (width, (dx, dy)) = (area.width(), raster.pixel_size());
         let line = |row: usize| &gel.depth[(row - area.top) * width..(row - area.top + 1) * width];
         let (above, here, below) =
             (line(index.max(area.top + 1) - 1), line(index), line((index + 1).min(area.bottom - 1)));
@@ -295,7 +301,7 @@ impl Sensor {
             };
         }
         let (first, last) = span.map(|(first, last)| (first, last.min(width - 1) + 1))?;
-        let start = self.camera.pixel_center(area.left + first, index);
+        let start = raster.pixel_center(area.left + first, index);
         row.set(&self.model.camera, start, dx, &z[first..last], [&slopes[0][first..last], &slopes[1][first..last]]);
         self.shading.shade(row, shadows, (first, index - area.top));
         Some((area.left + first, area.left + last))

@@ -4,8 +4,9 @@
     python clone_pick_one.py train trials.npz --seeds 3 --episodes 100
 
 ``collect`` plays the repertoire's best pick-up of one object under the benchmark's errors. The arm is pushed off its way at random while it plays, so that
-the data show how the script finds back. Episodes that succeed are kept. ``train`` fits a small network, once with what the
-pads' images show and once without, and counts how often it lifts the object in episodes that nothing was collected in.
+the data show how the script finds back. Episodes that succeed are kept. ``train`` fits small networks, with what the pads' images show and without, and
+counts how often each lifts the object in episodes that nothing was collected in. The script goes by stages, so the networks see the last second: what was
+measured and asked for now and `BEFORE` steps ago.
 
 It needs numpy and gymnasium beside ftac.
 """
@@ -25,7 +26,7 @@ from ftac.scripted import Script, pose_matrix  # noqa: E402
 
 SIDE = 16
 """Of the tactile images, pixels."""
-CELLS = 4
+CELLS = 2
 """Side of a pad's picture as the network gets it."""
 LEAST = 0.02
 """Change of colour, as a share of its range, below which a cell counts as untouched: noise and the cameras' drift, by which a network would tell the time and
@@ -35,14 +36,19 @@ PUSH = 0.12
 PUSH_STEPS = 6
 FLOOR = 0.05
 """Inputs that vary by less are not scaled up further."""
+BEFORE = [0, 3, 8, 22]
+"""Steps of 1/20 s ago of what a network sees; the hand closes in 22."""
 NEAR = [3, 7, 11]
 """Where `felt_elsewhere` has the palm's place as the object was seen, m."""
+CLOSE = 0.01
+"""Distance from the place where the hand closes over which a network sees it finely, m."""
 HELD_OUT = 1_000_000
-"""Seeds of the episodes that policies are tested in begin here."""
+"""Seeds of the episodes that policies are tested in begin here, unless others are asked for."""
 
 
-def make(combination):
-    return gymnasium.make("ftac/PickOne-v0", images=SIDE, combination=combination).unwrapped
+def make(combination, tactile=True):
+    images = SIDE if tactile else None
+    return gymnasium.make("ftac/PickOne-v0", images=images, combination=combination).unwrapped
 
 
 def script_of(env, observation, info):
@@ -68,23 +74,39 @@ def play(env, seed, policy, push=0.0):
     """An episode: measurements, touches, the policy's actions, and whether it succeeded."""
     random = np.random.default_rng(seed)
     observation, info = env.reset(seed=seed)
-    untouched = observation["tactile"].astype(np.float32)
+    untouched = observation["tactile"].astype(np.float32) if env.images else None
     decide = policy(env, observation, info)
-    rows, pushed, nearest = ([], [], []), np.zeros(12, dtype=np.float32), np.inf
+    rows, pushed = ([], [], []), np.zeros(12, dtype=np.float32)
     for step in range(300):
-        measured, felt = felt_elsewhere(observation), touch(observation, untouched)
-        # The script goes by stages: the same place is passed on the way down and on the way up.
-        nearest = min(nearest, float(np.linalg.norm(measured[NEAR])))
-        measured = np.concatenate([np.array([step / 300.0, nearest], dtype=np.float32), measured])
-        action = decide(observation, measured, felt)
-        for kept, row in zip(rows, (measured, felt, action)):
-            kept.append(row)
+        felt = touch(observation, untouched) if env.images else np.zeros(0, dtype=np.float32)
+        rows[0].append(felt_elsewhere(observation))
+        rows[1].append(felt)
+        action = decide(observation, rows[0], rows[1])
+        rows[2].append(action)
         if step % PUSH_STEPS == 0:
             pushed[:6] = push * random.standard_normal(6)
         observation, _, over, _, info = env.step(np.clip(action + pushed, -1.0, 1.0))
         if over:
             break
     return *(np.array(kept, dtype=np.float32) for kept in rows), bool(info["is_success"])
+
+
+def inputs_of(measured, felt, steps, place):
+    """What a network sees in these steps of an episode, from all its measurements and touches: the palm finely about the `place` where the hand closes, and
+    the last second. What was before the beginning is as in the beginning."""
+    parts = [np.clip((measured[steps][:, NEAR] - place) / CLOSE, -3.0, 3.0), felt[steps]]
+    parts += [measured[np.maximum(steps - before, 0)] for before in BEFORE]
+    return np.concatenate(parts, axis=1)
+
+
+def place_of(episodes):
+    """Where the palm is when the hand begins to close, as the object is seen: the mean over episodes, m."""
+    places = []
+    for measured, _, _ in episodes:
+        # The digits have their first posture after a second at most, and close later.
+        change = np.abs(measured[20:, -6:-1] - measured[20, -6:-1]).max(axis=1)
+        places.append(measured[20 + int(np.argmax(change > 0.1)), NEAR])
+    return np.mean(places, axis=0)
 
 
 def scripted(env, observation, info):
@@ -175,40 +197,57 @@ def carried_out(measured, answer):
 
 
 def tested(job):
-    network, tactile, combination, seed = job
+    network, place, tactile, combination, seed = job
 
     def policy(*_):
         def decide(observation, measured, felt):
-            inputs = np.concatenate([measured, felt]) if tactile else measured
-            return carried_out(measured, network(inputs[None])[0])
+            now = np.array([len(measured) - 1])
+            inputs = inputs_of(np.array(measured), np.array(felt), now, place)
+            return carried_out(measured[-1], network(inputs)[0])
 
         return decide
 
-    return play(make(combination), seed, policy)[-1]
+    return play(make(combination, tactile), seed, policy)[-1]
 
 
 def expert(job):
     combination, seed = job
-    return play(make(combination), seed, scripted)[-1]
+    return play(make(combination, False), seed, scripted)[-1]
+
+
+def interval(count, of, z=1.96):
+    """95 % interval of a share (Wilson)."""
+    share, spread = count / of, z * z / of
+    middle, half = share + spread / 2, z * np.sqrt(share * (1 - share) / of + spread / (4 * of))
+    return f"{count} of {of} ({max(0.0, (middle - half) / (1 + spread)):.2f} to {min(1.0, (middle + half) / (1 + spread)):.2f})"
 
 
 def train(args):
     data = np.load(args.trials)
-    seeds = [HELD_OUT + n for n in range(args.episodes)]
+    ends = np.cumsum(data["lengths"])[:-1]
+    episodes = list(zip(*(np.split(data[name], ends) for name in ("measured", "felt", "action"))))
+    place = place_of(episodes)
+    seeds = [args.first_seed + n for n in range(args.episodes)]
     with ProcessPoolExecutor(args.jobs) as workers:
         best = sum(workers.map(expert, [(args.combination, seed) for seed in seeds]))
-        print(f"the script itself: {best} of {len(seeds)}", flush=True)
+        print(f"the script itself: {interval(best, len(seeds))}", flush=True)
         for tactile in (True, False):
-            name = "with tactile images" if tactile else "without"
-            inputs = np.concatenate([data["measured"], data["felt"]], axis=1) if tactile else data["measured"]
+            name, total = "with tactile images" if tactile else "without", 0
+            rows = []
+            for measured, felt, _ in episodes:
+                felt = felt if tactile else felt[:, :0]
+                rows.append(inputs_of(measured, felt, np.arange(len(measured)), place))
+            inputs = np.concatenate(rows)
+            answers = wanted(data["measured"], data["action"])
             for seed in range(args.seeds):
                 random = np.random.default_rng(seed)
-                answers = wanted(data["measured"], data["action"])
                 network = Network(inputs, answers, args.hidden, random)
                 network.fit(inputs, answers, args.epochs, random)
-                jobs = [(network, tactile, args.combination, episode) for episode in seeds]
+                jobs = [(network, place, tactile, args.combination, episode) for episode in seeds]
                 succeeded = sum(workers.map(tested, jobs))
-                print(f"{name}, seed {seed}: {succeeded} of {len(seeds)} episodes succeed", flush=True)
+                total += succeeded
+                print(f"{name}, seed {seed}: {interval(succeeded, len(seeds))} episodes succeed", flush=True)
+            print(f"{name}, all networks: {total} of {args.seeds * len(seeds)}", flush=True)
 
 
 def main():
@@ -224,6 +263,7 @@ def main():
     training.add_argument("trials")
     training.add_argument("--seeds", type=int, default=3, help="networks of each kind")
     training.add_argument("--episodes", type=int, default=100, help="that each network is tested in")
+    training.add_argument("--first-seed", type=int, default=HELD_OUT, help="of these episodes")
     training.add_argument("--epochs", type=int, default=40)
     training.add_argument("--hidden", type=int, default=128)
     training.set_defaults(run=train)

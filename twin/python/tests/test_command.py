@@ -31,6 +31,12 @@ class Keeps:
 class Ends:
     def act(self, observation):
         raise SystemExit(3)
+
+class Begins:
+    def __init__(self):
+        raise OSError("no weights here")
+
+    act = None
 """
 
 
@@ -40,6 +46,8 @@ class Command(unittest.TestCase):
         self.addCleanup(folder.cleanup)
         self.folder = Path(folder.name)
         (self.folder / "mine.py").write_text(POLICY)
+        (self.folder / "typo.py").write_text("class Keeps\n    pass\n")
+        (self.folder / "needs.py").write_text("import nobody_has_this\n\nclass Keeps:\n    pass\n")
 
     def run_ftac(self, *arguments, code=0):
         environment = {**os.environ, "FTAC_LOG": ""}
@@ -73,8 +81,11 @@ class Command(unittest.TestCase):
 
     def test_what_cannot_play_is_refused_before_anything_is_written(self):
         for arguments, words in [
-            (["--policy", "mine.py:Nobody"], "found no class Nobody, expected one of: Lowers, Keeps, Ends"),
+            (["--policy", "mine.py:Nobody"], "found no class Nobody, expected one of: Lowers, Keeps, Ends, Begins"),
             (["--policy", "nowhere.py:Keeps"], "cannot read nowhere.py"),
+            (["--policy", "typo.py:Keeps"], "SyntaxError"),
+            (["--policy", "needs.py:Keeps"], "No module named 'nobody_has_this'"),
+            (["--policy", "mine.py:Begins"], "no weights here"),
             (["--policy", "mine.py"], "found `mine.py`, expected FILE.py:CLASS"),
             (["--conditions", "own"], "expected --policy FILE.py:CLASS with it"),
         ]:

@@ -10,7 +10,8 @@ import numpy as np
 from gymnasium.utils.env_checker import check_env
 
 import ftac
-from ftac import envs
+from ftac import _native, envs
+from ftac.scripted import Script
 
 OBJECTS = [("lemon", 0.62, 0.14, 0.0), ("box_50", 0.62, -0.14, 0.0)]
 
@@ -56,6 +57,10 @@ class Scenes(unittest.TestCase):
             ({"tensions": [-1.0] * 5}, r"tensions\[0\]: found -1"),
             ({"tensions": [0.0] * 5, "spools": [0.0] * 6}, "either tensions and opposition, or spools"),
             ({"spools": [np.inf] * 6}, r"spools\[0\]: found inf"),
+            ({"twist": ["left"] * 6}, "twist: expected numbers"),
+            ({"twist": [1j] * 6}, "twist: found complex numbers"),
+            ({"tensions": np.zeros((5, 1))}, r"tensions: found shape \(5, 1\), expected shape \(5,\)"),
+            ({"tensions": [0.0] * 5, "opposition": np.nan}, r"opposition\[0\]: found NaN"),
         ]:
             with self.assertRaisesRegex(ValueError, words):
                 scene.step(**action)
@@ -87,6 +92,15 @@ class Scenes(unittest.TestCase):
             thread.join()
         self.assertTrue(all("another thread" in error for error in errors))
         scene.step(twist=[0.0] * 6)
+
+    def test_a_scene_that_is_in_use_is_refused_and_goes_on_after_it(self):
+        env = envs.Pick()
+        before, _ = env.reset(seed=1)
+        # The second of the two finds what the first has taken.
+        with self.assertRaisesRegex(RuntimeError, "another thread"):
+            _native.step_all([env._episode, env._episode], np.zeros((2, 12)), 2)
+        np.testing.assert_array_equal(env._observe()["arm"], before["arm"])
+        env.step(np.zeros(12, dtype=np.float32))
 
 
 class Environments(unittest.TestCase):
@@ -123,7 +137,8 @@ class Environments(unittest.TestCase):
         with self.assertRaises(gymnasium.error.ResetNeeded):
             env.step(np.zeros(12))
         env.reset(seed=1)
-        for action in (np.full(12, np.nan), np.zeros(11), np.full(12, 1.5)):
+        others = [np.zeros(12, dtype=complex), np.zeros(12, dtype=bool), ["left"] * 12, "left", None, [None] * 12]
+        for action in (np.full(12, np.nan), np.zeros(11), np.zeros((1, 12)), np.full(12, 1.5), *others):
             with self.assertRaisesRegex(ValueError, "expected 12 numbers from -1 to 1"):
                 env.step(action)
         for options, words in [
@@ -136,6 +151,20 @@ class Environments(unittest.TestCase):
                 envs.Pick(**options)
         with self.assertRaisesRegex(ValueError, "combination: found 60, expected 0 to 59"):
             envs.Pick(combination=60)
+
+    def test_an_episode_that_is_over_is_not_stepped(self):
+        env = envs.Pick(combination=0, reality=False)
+        observation, info = env.reset(seed=3)
+        script = Script(env, ftac.grasps.repertoire()[info["objects"][0]][0], observation["seen"][0], info["yaws"][0])
+        over = False
+        while not over:
+            observation, _, over, _, info = env.step(script.act(observation))
+        self.assertTrue(info["is_success"])
+        for _ in range(2):
+            with self.assertRaisesRegex(gymnasium.error.ResetNeeded, "the episode is over"):
+                env.step(script.act(observation))
+        env.reset(seed=3)
+        env.step(np.zeros(12, dtype=np.float32))
 
     def test_a_copied_environment_goes_on_alike(self):
         env = envs.Pick("pick_one", images=16)

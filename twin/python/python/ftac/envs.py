@@ -53,7 +53,8 @@ class Pick(gymnasium.Env[Observation, Vector]):
     Parameters
     ----------
     task: ``pick_one`` (one object alone), ``pick_second`` (the first one is in the hand already) or ``pick_two``.
-    images: side of the tactile images in pixels, 8 to 240; None for none.
+    images: side of the tactile images in pixels, 8 to 240; None for none. Smaller ones are formed on 64 or more points a side, which is quick; the log says how
+        far they are from the mean of full ones (a grey level, and more at sharp edges).
     reward: ``sparse`` or ``shaped``.
     combination: number of a combination of the benchmark (see `ftac.combinations`); None draws one for every episode.
     reality: the benchmark's errors of arm and vision and effects of reality; without it nothing errs.
