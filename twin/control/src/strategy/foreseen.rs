@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use nalgebra::Matrix6;
+use nalgebra::{Matrix6, Vector3};
 use scenarios::objects::ObjectModel;
 
 use super::passage::Scene;
@@ -15,6 +15,10 @@ use crate::worth::SWITCH_GAIN;
 
 /// No other is played after one that is worth at least this much. Set by hand on seed 1.
 const GOOD: f64 = 0.9;
+
+/// How often and by how much (m) the aim of the best is moved where none is good.
+const ROUNDS: usize = 2;
+const STEP: f64 = 0.005;
 
 /// What it takes to play candidates.
 #[derive(Clone, Copy)]
@@ -33,9 +37,9 @@ impl Foresight<'_> {
         &self,
         situation: &Situation,
         scene: &Scene,
-        plan: &mut Considered,
+        plan: &mut Considered<'a>,
         options: Vec<Aiming<'a>>,
-        weighed: &mut [Weighed],
+        weighed: &mut Vec<Weighed>,
     ) -> Result<Option<Considered<'a>>, StrategyError> {
         let executive = situation.executive;
         let draws = foresight::draws(&Unknown {
@@ -71,7 +75,45 @@ impl Foresight<'_> {
             play(executive, imagined, plan, worth(best.as_ref()))?;
         }
         weighed[0] = plan.aiming.weighed(Some(&plan.assessment), true);
+        if self.foresees.others > 0 {
+            self.search_aims(situation, scene, imagined, plan, &mut best, weighed)?;
+        }
         Ok(best.filter(|best| best.assessment.utility > SWITCH_GAIN * plan.assessment.utility))
+    }
+}
+
+impl Foresight<'_> {
+    /// While nothing is good, the grasp that is best is aimed a little to every side of where it is aimed best.
+    fn search_aims<'a>(
+        &self,
+        situation: &Situation,
+        scene: &Scene,
+        twin: &dyn Imagined,
+        plan: &Considered<'a>,
+        best: &mut Option<Considered<'a>>,
+        weighed: &mut Vec<Weighed>,
+    ) -> Result<(), StrategyError> {
+        for _ in 0..ROUNDS {
+            let center = best.as_ref().filter(|best| best.assessment.utility > plan.assessment.utility).unwrap_or(plan);
+            let (candidate, aim, utmost) =
+                (center.aiming.candidate, center.aiming.aimed.aim, center.assessment.utility);
+            if utmost >= GOOD {
+                break;
+            }
+            for step in [Vector3::x(), -Vector3::x(), Vector3::y(), -Vector3::y(), Vector3::z(), -Vector3::z()] {
+                let aiming = Aiming::at(situation, candidate, aim + STEP * step);
+                let (assessment, passage) = aiming.assess(situation.executive, scene)?;
+                let place = weighed.len();
+                let mut one = Considered { place, aiming, assessment, passage, foreseen: None };
+                let least = worth(best.as_ref()).max(utmost);
+                play(situation.executive, twin, &mut one, least)?;
+                weighed.push(one.aiming.weighed(Some(&one.assessment), false));
+                if one.foreseen.is_some() && one.assessment.utility > least {
+                    *best = Some(one);
+                }
+            }
+        }
+        Ok(())
     }
 }
 
