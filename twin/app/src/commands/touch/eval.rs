@@ -68,10 +68,10 @@ pub fn eval(terminal: &Terminal, args: &EvalArgs) -> Outcome {
             scenario.combinations()
         );
     }
+    let own = crate::commands::individual::robot(args.individual.as_deref())?;
     let networks = args.networks.as_deref().map_or_else(Networks::builtin, Networks::read)?;
     let source = real_source(args)?;
     let real = source.map(|source| real(&source, &networks).map(|rows| (source, rows))).transpose()?;
-    let own = crate::commands::individual::robot(args.individual.as_deref())?;
     let bench = make_bench_of(own.as_ref(), scenario, args.combos, terminal.seed, quiet)?;
     let played = Played { combos: args.combos, trials: args.trials, seed: terminal.seed };
     let grasps = grasps(&bench, played, args.grasps.as_deref(), quiet)?;
