@@ -102,6 +102,20 @@ fn a_robot_is_excited_identified_and_used() {
     refused(&[&trial[..], &[text(&edited)]].concat(), &["edited.toml", "digest", "identify the robot again"]);
     fs::write(&edited, &written[..written.len() / 2]).expect("written");
     refused(&[&trial[..], &[text(&edited)]].concat(), &["edited.toml"]);
+    // The other doors refuse it in the same words before they do anything, and take the good one.
+    let pads = at("pads");
+    for door in [
+        &["touch", "train", "--presses", "1", "--out", text(&pads)][..],
+        &["touch", "eval", "--combos", "1", "--trials", "1"],
+        &["optics", "pads", "--out", text(&pads)],
+        &["bridge", "register", "--emulated", "1", "--dry-run"],
+    ] {
+        refused(&[door, &["--individual", text(&edited)]].concat(), &["--individual", "edited.toml"]);
+    }
+    assert!(!pads.exists(), "a refused command leaves nothing behind");
+    let own = ["optics", "pads", "--out", text(&pads), "--individual", text(&found)];
+    assert!(run(&own).status.success() && pads.join("index_distal.toml").exists());
+    // No hand is where the edited one would be; a session of a trial is none of an excitation.
     let output = ["--out", text(&edited)];
     refused(&[&["twin", "identify", text(&truth)], &output[..]].concat(), &["truth.json"]);
     refused(&[&["twin", "identify", text(folder.path())], &output[..]].concat(), &["sessions: found none"]);
@@ -129,4 +143,16 @@ fn an_interrupted_excitation_goes_on() {
     assert_eq!((&done["done"], done["sessions"].as_array().map(Vec::len)), (&3.into(), Some(2)));
     let found = folder.path().join("individual.toml");
     assert!(run(&["twin", "identify", text(&sessions), "--out", text(&found)]).status.success());
+    // What it wrote of itself, damaged: refused by name, and nothing moves.
+    let kept = state();
+    for (damaged, says) in [
+        (kept.replace("\"done\": 3", "\"done\": 99"), "found 1, 99, expected 1 and at most 3"),
+        (kept.replace("\"done\"", "\"finished\""), "excitation.json"),
+        (kept[..kept.len() / 2].to_owned(), "excitation.json"),
+    ] {
+        assert_ne!(damaged, kept);
+        fs::write(sessions.join("excitation.json"), damaged).expect("written");
+        refused(&excite, &["excitation.json", says]);
+    }
+    assert!(!sessions.join("part_3.mcap").exists(), "a refused excitation begins no session");
 }

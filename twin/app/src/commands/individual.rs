@@ -6,6 +6,7 @@ use anyhow::{Context as _, Result};
 use bench::trial::Means;
 use hand_model::Hand;
 use scenarios::individuals::file::IdentifiedRobot;
+use scenarios::individuals::robot::RobotIndividual;
 use scenarios::record::Condition;
 
 use super::body::Body;
@@ -17,6 +18,19 @@ pub fn text(path: Option<&Path>) -> Result<(Option<String>, PathBuf)> {
     let text = hand_model::data::read_text(path).context("--individual")?;
     IdentifiedRobot::parse(&text, path, &Hand::ftac()).context("--individual")?;
     Ok((Some(text), named))
+}
+
+/// The robot that `--individual` names, if it names one.
+pub fn robot(path: Option<&Path>) -> Result<Option<RobotIndividual>> {
+    let Some(path) = path else { return Ok(None) };
+    let text = hand_model::data::read_text(path).context("--individual")?;
+    Ok(Some(IdentifiedRobot::parse(&text, path, &Hand::ftac()).context("--individual")?.individual))
+}
+
+/// The hand that it has; the drawing's without one.
+pub fn hand(path: Option<&Path>) -> Result<Hand> {
+    let drawn = Hand::ftac();
+    Ok(robot(path)?.map_or_else(|| drawn.clone(), |own| own.hand(&drawn)))
 }
 
 /// Says that a real hand is felt with as if its pads were those of the drawing, where images are looked at.

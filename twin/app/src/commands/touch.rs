@@ -7,7 +7,6 @@ use std::path::{Path, PathBuf};
 
 use bench::builtin::CALIBRATION_UNIT;
 use clap::Subcommand;
-use hand_model::Hand;
 use lab::touch::calibration;
 
 use self::eval::EvalArgs;
@@ -25,6 +24,10 @@ pub enum TouchCommand {
         /// The calibration file to write.
         #[arg(long)]
         out: PathBuf,
+        /// Robot of `ftac twin identify`: its gel's stiffness and thickness are taken, which keep the drawing's values as long as no
+        /// session shows them.
+        #[arg(long)]
+        individual: Option<PathBuf>,
     },
     /// Train the network of photometric stereo on rendered presses of known shapes.
     TrainNetwork(TrainNetworkArgs),
@@ -35,14 +38,14 @@ pub enum TouchCommand {
 /// Runs a command.
 pub fn run(terminal: &Terminal, command: &TouchCommand) -> Outcome {
     match command {
-        TouchCommand::Train { presses, out } => touch_train(terminal, *presses, out),
+        TouchCommand::Train { presses, out, individual } => touch_train(terminal, *presses, out, individual.as_deref()),
         TouchCommand::TrainNetwork(args) => train_network::train_network(terminal, args),
         TouchCommand::Eval(args) => eval::eval(terminal, args),
     }
 }
 
-fn touch_train(terminal: &Terminal, presses: usize, out: &Path) -> Outcome {
-    let hand = Hand::ftac();
+fn touch_train(terminal: &Terminal, presses: usize, out: &Path, individual: Option<&Path>) -> Outcome {
+    let hand = super::individual::hand(individual)?;
     let (calibration, error) = calibration::train(&hand, CALIBRATION_UNIT, presses, terminal.seed)?;
     calibration.write(out)?;
     if terminal.json {

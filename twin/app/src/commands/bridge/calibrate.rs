@@ -1,5 +1,7 @@
 //! `ftac bridge calibrate`: the open marks and travels of all six servos.
 
+use std::path::PathBuf;
+
 use anyhow::{Context, Result, bail};
 use bench::body::emulated::travel;
 use bench::body::operator::{Interrupt, agreed};
@@ -25,6 +27,9 @@ pub struct CalibrateArgs {
     /// Go on after a calibration that failed, with the servo that failed; those found before it must not have been remounted since.
     #[arg(long = "continue")]
     go_on: bool,
+    /// Robot of `ftac twin identify`: travels are compared with those of its spools instead of the drawing's.
+    #[arg(long)]
+    individual: Option<PathBuf>,
     /// Do not ask before moving.
     #[arg(long)]
     yes: bool,
@@ -32,6 +37,7 @@ pub struct CalibrateArgs {
 
 pub fn run(terminal: &Terminal, args: &CalibrateArgs) -> Result<Option<String>> {
     let config = args.config.read()?;
+    let hand = crate::commands::individual::hand(args.individual.as_deref())?;
     let unfinished = Unfinished::beside(&config.calibration);
     let mut servos = match args.go_on {
         true => unfinished.read(&config.servos.ids).context("--continue")?,
@@ -60,7 +66,7 @@ pub fn run(terminal: &Terminal, args: &CalibrateArgs) -> Result<Option<String>> 
         };
         return Err(error.context(format!("nothing was calibrated, and the last calibration stays{kept}")));
     }
-    let doubts = doubts(&servos);
+    let doubts = doubts(&hand, &servos);
     doubts.iter().for_each(|doubt| eprintln!("warning: {doubt}"));
     if !doubts.is_empty() && !args.yes && !agreed("Is every servo where its id says?")? {
         bail!("nothing was calibrated, and the last calibration stays: the operator did not say yes");
@@ -68,7 +74,7 @@ pub fn run(terminal: &Terminal, args: &CalibrateArgs) -> Result<Option<String>> 
     // The servos first: a file without them is refused at the next connection, and calibrating again mends it.
     store(&mut bus, &servos)?;
     let servos = servos.try_into().map_err(|_| anyhow::anyhow!("found another number of servos than actuators"))?;
-    let calibration = HandCalibration::new(&Hand::ftac().parameters.name, servos);
+    let calibration = HandCalibration::new(&hand.parameters.name, servos);
     calibration.write(&config.calibration)?;
     unfinished.remove();
     if terminal.json {
@@ -79,9 +85,9 @@ pub fn run(terminal: &Terminal, args: &CalibrateArgs) -> Result<Option<String>> 
     Ok(None)
 }
 
-/// Travels that are far from what the hand's drawing has for the servo, and whose they would be.
-fn doubts(servos: &[ServoCalibration]) -> Vec<String> {
-    let design = travel(&Hand::ftac());
+/// Travels that are far from what `hand` has for the servo, and whose they would be.
+fn doubts(hand: &Hand, servos: &[ServoCalibration]) -> Vec<String> {
+    let design = travel(hand);
     let names = actuator_names();
     let off = |found: f64, actuator: usize| (found / design[actuator] - 1.0).abs();
     let doubt = |(n, servo): (usize, &ServoCalibration)| {
@@ -150,8 +156,8 @@ mod tests {
             travels.into_iter().enumerate().map(servo).collect()
         };
         // What homing finds on the emulated hand.
-        assert_eq!(doubts(&calibrated([3.40, 4.45, 4.45, 4.45, 4.45, 1.61])), Vec::<String>::new());
-        let doubts = doubts(&calibrated([1.61, 4.45, 4.45, 4.45, 4.45, 3.40]));
+        assert_eq!(doubts(&Hand::ftac(), &calibrated([3.40, 4.45, 4.45, 4.45, 4.45, 1.61])), Vec::<String>::new());
+        let doubts = doubts(&Hand::ftac(), &calibrated([1.61, 4.45, 4.45, 4.45, 4.45, 3.40]));
         assert_eq!(doubts.len(), 2);
         assert!(doubts[0].starts_with("thumb (id 1): found a travel of 1.61 rad, as opposition has"), "{doubts:?}");
     }

@@ -7,7 +7,7 @@ use bench::body::emulated::EmulatedSource;
 use bench::body::hardware::HardwareSource;
 use bench::body::operator::agreed;
 use bench::body::{BodySource as _, Places, Stopped, Task, TrialBody, TrialSetup};
-use bench::builtin::make_scenes;
+use bench::builtin::{make_bench_of, make_scenes};
 use bench::registration::{Plan, Registrar, RegistrationFile, Step, error, hidden_mount};
 use clap::Args;
 use nalgebra::Isometry3;
@@ -27,6 +27,9 @@ pub struct RegisterArgs {
     /// The emulated robot in lock-step instead, its base where seed N hides it; the result is compared with that.
     #[arg(long, value_name = "N", conflicts_with = "config")]
     emulated: Option<u64>,
+    /// Robot of `ftac twin identify`: where its pads are on its hand and its hand on its arm; an emulated robot is this one too.
+    #[arg(long)]
+    individual: Option<PathBuf>,
     /// Where the result goes; default: registration.toml beside the configuration, or in recordings.
     #[arg(long)]
     out: Option<PathBuf>,
@@ -40,7 +43,11 @@ pub struct RegisterArgs {
 
 pub fn run(terminal: &Terminal, args: &RegisterArgs) -> Result<Option<String>> {
     let plan = Plan::standard()?;
-    let bench = make_scenes(Scenario::benchmark(), 1, terminal.seed, true)?;
+    let own = crate::commands::individual::robot(args.individual.as_deref())?;
+    let bench = match &own {
+        None => make_scenes(Scenario::benchmark(), 1, terminal.seed, true)?,
+        Some(_) => make_bench_of(own.as_ref(), Scenario::benchmark(), 1, terminal.seed, true)?,
+    };
     let registrar = Registrar::new(&bench.world, &plan, &bench.repertoire)?;
     if args.dry_run {
         return dry_run(terminal, &registrar, &plan);

@@ -4,7 +4,6 @@ use std::path::PathBuf;
 
 use anyhow::{Context, bail};
 use clap::Args;
-use hand_model::Hand;
 use optics::pads::PadOptics;
 use serde_json::json;
 
@@ -20,6 +19,10 @@ pub struct PadsArgs {
     /// Serial number of a hand: its own units instead of the design.
     #[arg(long)]
     pub unit: Option<u64>,
+    /// Robot of `ftac twin identify`: its gel's stiffness and thickness are taken, which keep the drawing's values as long as no session
+    /// shows them.
+    #[arg(long)]
+    pub individual: Option<PathBuf>,
 }
 
 /// Writes the files.
@@ -27,7 +30,7 @@ pub fn pads(terminal: &Terminal, args: &PadsArgs) -> Outcome {
     if args.out.is_file() {
         bail!("--out {}: found a file; expected a folder", args.out.display());
     }
-    let hand = Hand::ftac();
+    let hand = crate::commands::individual::hand(args.individual.as_deref())?;
     let mut files = Vec::new();
     for pad in &hand.pads {
         let design = PadOptics::nominal(&hand, pad);

@@ -49,6 +49,10 @@ pub struct RenderArgs {
     /// Radius of the pad's cover across the digit, mm, for a pad that is part of a cylinder; default: flat.
     #[arg(long)]
     pub cover_radius_mm: Option<f64>,
+    /// Robot of `ftac twin identify`: its gel's stiffness and thickness are taken, which keep the drawing's values as long as no session
+    /// shows them.
+    #[arg(long, conflicts_with = "calibration")]
+    pub individual: Option<PathBuf>,
     /// The PNG to write; image, height map (m, along the cover's normals) and normals go beside it, as PNG, EXR and NPY.
     #[arg(long)]
     pub out: PathBuf,
@@ -81,7 +85,7 @@ fn expect_png(out: &Path) -> Result<()> {
 /// Renders a mesh.
 pub fn render(terminal: &Terminal, args: &RenderArgs) -> Outcome {
     expect_png(&args.out)?;
-    let hand = Hand::ftac();
+    let hand = crate::commands::individual::hand(args.individual.as_deref())?;
     let mesh = Mesh::read(&args.mesh)?;
     let pose = mesh_pose(&args.pose)?;
     if let Some(path) = &args.calibration

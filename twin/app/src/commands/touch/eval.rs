@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use anyhow::{Result, bail};
-use bench::builtin::{HAND_UNIT, make_bench};
+use bench::builtin::{HAND_UNIT, make_bench_of};
 use bench::networks::Networks;
 use clap::Args;
 use lab::touch::evaluation::{TouchEvaluation, json, table, under_changes};
@@ -44,6 +44,10 @@ pub struct EvalArgs {
     /// Size of a pixel of those images on the gel, mm.
     #[arg(long, requires = "real")]
     pub pixel_mm: Option<f64>,
+    /// Robot of `ftac twin identify`: hand, cables, servos and arm are its, for the body as for perception; its pads' calibration is the
+    /// designed one. Grasps kept by --grasps are those of another robot.
+    #[arg(long, conflicts_with = "grasps")]
+    pub individual: Option<PathBuf>,
     /// Folder for a recording and a sheet of images of the first grasp of each object.
     #[arg(long)]
     pub out: Option<PathBuf>,
@@ -64,10 +68,11 @@ pub fn eval(terminal: &Terminal, args: &EvalArgs) -> Outcome {
             scenario.combinations()
         );
     }
+    let own = crate::commands::individual::robot(args.individual.as_deref())?;
     let networks = args.networks.as_deref().map_or_else(Networks::builtin, Networks::read)?;
     let source = real_source(args)?;
     let real = source.map(|source| real(&source, &networks).map(|rows| (source, rows))).transpose()?;
-    let bench = make_bench(scenario, args.combos, terminal.seed, quiet)?;
+    let bench = make_bench_of(own.as_ref(), scenario, args.combos, terminal.seed, quiet)?;
     let played = Played { combos: args.combos, trials: args.trials, seed: terminal.seed };
     let grasps = grasps(&bench, played, args.grasps.as_deref(), quiet)?;
     let bar = progress::bar(grasps.len() as u64, "felt", quiet);
