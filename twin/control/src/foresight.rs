@@ -178,6 +178,7 @@ mod tests {
     use nalgebra::{Matrix3, Point3};
 
     use super::*;
+    use crate::odds::{Aimed, Rehearsed};
 
     fn percept() -> Percept {
         Percept { position: Point3::new(0.6, 0.1, 0.03), rotation: UnitQuaternion::identity(), yaw: 0.0 }
@@ -222,31 +223,28 @@ mod tests {
         assert!((0.3..3.0).contains(&(spread.sqrt() / 0.004)), "{spread}");
     }
 
+    /// By how much the draws put the target beside where it is seen, m.
+    fn offs(belief: &Belief) -> Vec<Vector3<f64>> {
+        let held = (Isometry3::identity(), &Matrix6::zeros());
+        let all = draws(&Unknown { held, target: percept(), belief, looks: 1 });
+        all.iter().map(|draw| draw.target.translation.vector - percept().position.coords).collect()
+    }
+
     /// The hand that goes too far along x finds the target too far back.
     #[test]
     fn an_error_of_the_aim_is_a_target_on_the_other_side() {
         let mut belief = Belief::located(&(Matrix3::identity() * 0.003_f64.powi(2))).expect("positive definite");
-        let unknown = |belief| {
-            let unknown =
-                Unknown { held: (Isometry3::identity(), &Matrix6::zeros()), target: percept(), belief, looks: 1 };
-            draws(&unknown)
-                .iter()
-                .map(|draw| draw.target.translation.vector - percept().position.coords)
-                .collect::<Vec<_>>()
-        };
-        let offs = unknown(&belief);
-        assert!(offs.iter().sum::<Vector3<f64>>().norm() / (offs.len() as f64) < 0.003, "{offs:?}");
+        let mean = |belief: &Belief| offs(belief).iter().sum::<Vector3<f64>>() / (2 * PAIRS) as f64;
+        assert!(mean(&belief).norm() < 0.003, "{}", mean(&belief));
         // What failed wherever the error is positive has taught that it is.
-        let wall = |x: f64| if x < 0.0 { TryOutcome::Held } else { TryOutcome::Missed };
-        let rehearsed: Arc<[crate::odds::Rehearsed]> = (-20..=20)
+        let outcome = |x: f64| if x < 0.0 { TryOutcome::Held } else { TryOutcome::Missed };
+        let rehearsed: Arc<[Rehearsed]> = (-20..=20)
             .map(|n| 0.001 * f64::from(n))
-            .map(|x| crate::odds::Rehearsed { error: Vector3::new(x, 0.0, 0.0), outcome: wall(x) })
+            .map(|x| Rehearsed { error: Vector3::new(x, 0.0, 0.0), outcome: outcome(x) })
             .collect();
-        let aimed =
-            crate::odds::Aimed { rehearsed: rehearsed.clone(), all: rehearsed, heading: 0.0, aim: Vector3::zeros() };
+        let aimed = Aimed { rehearsed: rehearsed.clone(), all: rehearsed, heading: 0.0, aim: Vector3::zeros() };
         (0..6).for_each(|_| belief.failed(&aimed, 1));
-        let mean = unknown(&belief).iter().sum::<Vector3<f64>>() / offs.len() as f64;
-        assert!(mean.x < -0.001, "{mean}");
+        assert!(mean(&belief).x < -0.001, "{}", mean(&belief));
     }
 
     #[test]
