@@ -80,6 +80,8 @@ impl SimulatedRobot {
     /// Object `index` weighs `more` from now on, kg, spread over it as before.
     pub fn add_mass(&mut self, index: usize, more: f64) {
         let (model, body, _) = &self.objects[index];
+        // Before the first step after it was put in, the engine has not summed up its mass yet.
+        self.engine.bodies[*body].recompute_mass_properties_from_colliders(&self.engine.colliders);
         let mass = self.engine.bodies[*body].mass() + more;
         let (com, inertia) = model.shape.inertia(mass);
         let properties = MassProperties::with_inertia_matrix(convert::point(&com), mass, convert::matrix(&inertia));

@@ -25,8 +25,6 @@ pub struct Innovation {
     pub tensions: [f64; 5],
     /// Torques of the arm's motors less the twin's, N m.
     pub arm_torque: [f64; ARM_JOINTS],
-    /// Angles of the arm less the twin's, rad.
-    pub arm_angle: [f64; ARM_JOINTS],
 }
 
 /// The simulated robot that the controller believes to drive.
@@ -59,7 +57,6 @@ impl Twin {
             opposition: torque(ACTUATORS - 1),
             tensions: *self.robot.tensions(),
             arm_torque: std::array::from_fn(|n| arm.torque[n] - own.arm.torque[n]),
-            arm_angle: std::array::from_fn(|n| arm.position[n] - own.arm.position[n]),
         };
         self.robot.follow_servos(servos);
         innovation
@@ -69,10 +66,5 @@ impl Twin {
     pub fn follow(&mut self, sent: &Command) {
         self.robot.send(&Command { capture: false, ..*sent });
         self.robot.wait_for_tick();
-    }
-
-    /// The simulated robot, for its poses.
-    pub fn robot(&self) -> &SimulatedRobot {
-        &self.robot
     }
 }
