@@ -116,7 +116,6 @@ fn a_cable_slips_by_its_length() {
         (angle, truth.tensions[index], hand.cables[index].spool_radius * angle - taken)
     };
     let (whole, slipped) = (at_rest(0.0), at_rest(0.002));
-    println!("{whole:?} {slipped:?}");
     assert!((whole.0 - slipped.0).abs() < 0.01, "the servo stays: {whole:?} {slipped:?}");
     assert!(slipped.1 > 0.1 && slipped.1 < 0.98 * whole.1, "tension: {whole:?} {slipped:?}");
     assert!(whole.2.abs() < 3e-5 && (slipped.2 - 0.002).abs() < 3e-5, "slack: {whole:?} {slipped:?}");
@@ -148,7 +147,6 @@ fn a_stuck_joint_stays_where_it_is() {
     pull(&mut sound, 1.2);
     let moved = |robot: &SimulatedRobot, joint: usize| robot.truth().hand[joint] - before[joint];
     let of = [mcp, pip, dip].map(|joint| (moved(&sound, joint), moved(&robot, joint)));
-    println!("{of:?}");
     assert!(of[1].0 > 0.1 && of[1].1.abs() < 0.005, "{of:?}");
     assert!(of[0].1 > 0.1 && of[2].1 > 0.1, "{of:?}");
     others_as_in(&sound, &robot, Digit::Middle.index());

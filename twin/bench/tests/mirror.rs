@@ -53,11 +53,9 @@ fn residuals(broken: Option<usize>) -> Vec<(f64, [f64; 5])> {
 fn a_broken_cable_leaves_what_a_sound_one_stays_within() {
     let ring = Digit::Ring.index();
     for (time, loads) in residuals(None) {
-        println!("sound {time:.3} {loads:.3?}");
         assert!(loads.iter().all(|load| load.abs() < SOUND), "at {time} s: {loads:?}");
     }
     for (time, loads) in residuals(Some(ring)) {
-        println!("broken {time:.3} {loads:.3?}");
         for (n, load) in loads.iter().enumerate().filter(|(n, _)| *n != ring || time < BREAK) {
             assert!(load.abs() < SOUND, "cable {n} at {time} s: {load}");
         }
