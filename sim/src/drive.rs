@@ -30,6 +30,8 @@ pub struct HandDrive {
     /// Of each cable.
     friction: [CableFriction; 5],
     slides: [[f64; SPANS]; 5],
+    /// Cable that each spool has let go, m: what slipped on it, or more than there is where the cable broke.
+    let_go: [f64; 5],
     /// Cable tensions at the spools in the last step, N.
     pub tensions: [f64; 5],
 }
@@ -41,6 +43,7 @@ impl HandDrive {
             servos: std::array::from_fn(|n| ServoModel::new(hand.servos[n], losses.backlash)),
             friction: std::array::from_fn(|n| hand.guides(n, &losses.friction)),
             slides: [[0.0; SPANS]; 5],
+            let_go: [0.0; 5],
             tensions: [0.0; 5],
         }
     }
@@ -69,6 +72,23 @@ impl HandDrive {
         std::array::from_fn(|n| self.servos[n].state())
     }
 
+    /// The spool of cable `n` lets go of `length` more of it, m.
+    pub fn let_go(&mut self, n: usize, length: f64) {
+        self.let_go[n] += length;
+    }
+
+    /// Servo `n` gives `factor` times its torque from now on.
+    pub fn weaken(&mut self, n: usize, factor: f64) {
+        self.servos[n].weaken(factor);
+    }
+
+    /// Each servo is where `measured` says, and as fast.
+    pub fn follow(&mut self, measured: &[ServoState; ACTUATORS]) {
+        for (servo, measured) in self.servos.iter_mut().zip(measured) {
+            (servo.angle, servo.speed) = (measured.position, measured.velocity);
+        }
+    }
+
     /// Advances the servos by `dt` (s) on joints at angles `q` (rad) that turn at `qd` (rad/s).
     pub fn step(
         &mut self,
@@ -81,7 +101,7 @@ impl HandDrive {
         for (n, path) in transmission.cables.iter().enumerate() {
             let excursion = path.excursion(q);
             let rate = path.excursion_rate(q, qd);
-            self.tensions[n] = self.servos[n].step_cable(&hand.cables[n], excursion, rate, dt);
+            self.tensions[n] = self.servos[n].step_cable(&hand.cables[n], excursion + self.let_go[n], rate, dt);
         }
         let spans = self.span_tensions(hand, q, qd, dt);
         let torques = transmission.span_torques(q, &spans);

@@ -1,5 +1,7 @@
 //! The simulated body behind [`hand_model::robot::Robot`], and the side door to ground truth.
 
+mod breaking;
+mod following;
 mod outside;
 mod own_contact;
 mod rearrange;
@@ -28,6 +30,7 @@ use crate::engine::{Engine, EngineSettings};
 use crate::gel::SoftCovers;
 use crate::scene::{insert_floor, insert_object};
 use crate::tactile::{Loads, TactileBoard};
+use breaking::Broken;
 use outside::{Outside, Target};
 use set_points::{Limits, SetPoint};
 
@@ -69,6 +72,7 @@ pub struct SimulatedRobot {
     on_their_way: VecDeque<(f64, Vec<hand_model::robot::TactileFrame>)>,
     self_contact: bool,
     outside: Outside,
+    broken: Broken,
 }
 
 /// An object's model, body and collider.
@@ -146,6 +150,7 @@ impl SimulatedRobot {
             on_their_way: VecDeque::new(),
             self_contact: setup.self_contact,
             outside: Outside::default(),
+            broken: Broken::default(),
         }
     }
 
@@ -162,6 +167,7 @@ impl SimulatedRobot {
         self.arm_torque = self.body.drive_arm(&mut self.engine, &self.arm, &state, goal, &gravity);
         let efforts = self.drive.step(&self.hand, &state.hand, &state.hand_speed, dt);
         for (joint, effort) in efforts.iter().enumerate() {
+            let effort = self.broken.effort(joint, state.hand[joint], *effort);
             self.body.drive_finger(&mut self.engine, &state, joint, effort.torque, effort.stiffness);
         }
         self.engine.step();
@@ -374,6 +380,7 @@ impl SimulatedRobot {
         let loads = Loads { pads: &pads, forces: &truth.pad_forces, objects: &objects, own: &own };
         let mut frames = self.tactile.capture_loads(&self.hand, self.time, &loads);
         self.outside.drop_failed_frames(&mut frames);
+        self.broken.spoil(&mut frames);
         self.on_their_way.push_back((self.time + self.frame_delay, frames));
     }
 

@@ -38,6 +38,12 @@ impl ServoModel {
         Self { parameters, angle: 0.0, speed: 0.0, current: 0.0, goal: ServoGoal::Current(0.0), play }
     }
 
+    /// Gives `factor` times its torque from now on, at the same currents and speeds.
+    pub fn weaken(&mut self, factor: f64) {
+        self.parameters.torque_constant *= factor;
+        self.parameters.stall_torque *= factor;
+    }
+
     fn motor_torque(&mut self) -> f64 {
         let p = &self.parameters;
         let (wanted, limit) = match self.goal {

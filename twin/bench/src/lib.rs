@@ -10,6 +10,7 @@ pub mod emulated_table;
 pub mod environment;
 pub mod faults;
 pub mod journal;
+pub mod mirror;
 pub mod networks;
 pub mod own;
 mod provenance;

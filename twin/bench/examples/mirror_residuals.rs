@@ -1,0 +1,114 @@
+//! Residuals of a twin beside the simulated robot of a blind trial, as comma-separated values, with a fault of the plant on request.
+//!
+//! `mirror_residuals COMBINATION TRIAL PLANT FAULT PHASE PROGRESS FILE` plays trial TRIAL (seed 1, all effects) with the robot as drawn (PLANT 0) or
+//! hidden individual PLANT. FAULT strikes once phase PHASE has come to PROGRESS (0 to 1), and the trial ends 1.5 s later. It is one of
+//! `none`, `break N`, `slip N` (2 mm), `weak N` (0.6 of the torque), N a digit from the thumb's 0; `stick J` (finger joint J), `heavy` (the first
+//! object, by 0.4 kg) and `push` (15 N on the palm for half a second); a fault and its number are one argument.
+
+use std::fs::File;
+use std::io::{BufWriter, Write};
+use std::time::{Duration, Instant};
+
+use anyhow::{Context, bail, ensure};
+use bench::body::Body;
+use bench::builtin::{hide_plant, make_scenes};
+use bench::mirror::twin::Twin;
+use bench::trial::setup::Setup;
+use control::executive::Phase;
+use hand_model::HAND_JOINTS;
+use hand_model::robot::Robot;
+use nalgebra::Vector3;
+use scenarios::Scenario;
+use sim::SimulatedRobot;
+
+/// Goes on for so long after the fault, s.
+const AFTER: f64 = 1.5;
+/// Force on the palm, N, world axes, and how long it lasts, s.
+const PUSH: (Vector3<f64>, f64) = (Vector3::new(10.6, 10.6, 0.0), 0.5);
+
+/// Breaks what `fault` names.
+fn strike(robot: &mut SimulatedRobot, fault: &str) -> anyhow::Result<()> {
+    let (what, number) = fault.split_once(' ').unwrap_or((fault, ""));
+    let below = |end: usize| -> anyhow::Result<usize> {
+        let n = number.parse().with_context(|| format!("FAULT: a number after \"{what}\", not \"{number}\""))?;
+        ensure!(n < end, "FAULT: {n} after \"{what}\", expected a number below {end}");
+        Ok(n)
+    };
+    match what {
+        "none" | "push" => {}
+        "break" => robot.break_cable(below(5)?),
+        "slip" => robot.slip_cable(below(5)?, 0.002),
+        "weak" => robot.weaken_servo(below(5)?, 0.6),
+        "stick" => robot.stick_joint(below(HAND_JOINTS)?),
+        "heavy" => robot.add_mass(0, 0.4),
+        _ => bail!("FAULT: \"{fault}\", expected none, break N, slip N, weak N, stick J, heavy or push"),
+    }
+    Ok(())
+}
+
+fn main() -> anyhow::Result<()> {
+    let arguments: Vec<String> = std::env::args().skip(1).collect();
+    let [combination, trial, plant, fault, phase, progress, file] = &arguments[..] else {
+        bail!("expected COMBINATION TRIAL PLANT FAULT PHASE PROGRESS FILE, found {} arguments", arguments.len());
+    };
+    let (combination, trial): (usize, usize) = (combination.parse()?, trial.parse()?);
+    let (plant, progress): (u64, f64) = (plant.parse()?, progress.parse()?);
+    let mut bench = make_scenes(Scenario::benchmark(), combination + 1, 1, true)?;
+    if plant > 0 {
+        hide_plant(&mut bench, plant);
+    }
+    let (setup, _) = Setup::noisy(&bench, combination, trial)?;
+    let start = setup.begin(&bench, None, true)?;
+    let second = start.grasps.second.first().context("no grasp of the second object")?.grasp.clone();
+    let mut played = start.run.snapshot;
+    let Body::Simulated(robot) = &mut played.robot else { bail!("the body is not the simulated one") };
+    let executive = &mut played.executive;
+    let mut out = BufWriter::new(File::create(file).with_context(|| file.clone())?);
+    writeln!(out, "time_s,phase,struck,loads_n,opposition_nm,twin_tensions_n,arm_torques_nm,servos_rad")?;
+    let mut twin: Option<Twin> = None;
+    let mut struck: Option<f64> = None;
+    let (mut spent, mut ticks) = (Duration::ZERO, 0u32);
+    while executive.phase() < Phase::Done {
+        match executive.phase() {
+            Phase::Decide => executive.decide(second.clone())?,
+            Phase::Confirm => executive.confirm()?,
+            _ => {}
+        }
+        let seen = robot.observe();
+        let command = executive.tick(&seen)?;
+        let sent = robot.send(&command);
+        let name = executive.phase().name();
+        if struck.is_none() && name == phase && executive.progress() >= progress {
+            strike(robot, fault)?;
+            struck = Some(seen.time);
+        }
+        if fault == "push" && struck.is_some_and(|at| seen.time < at + PUSH.1) {
+            robot.pull(None, PUSH.0);
+        }
+        let begun = Instant::now();
+        let twin = twin.get_or_insert_with(|| Twin::new(&bench.world, &seen.arm.position));
+        let innovation = twin.correct(&seen.servos, &seen.arm);
+        twin.follow(&sent);
+        spent += begun.elapsed();
+        ticks += 1;
+        let row = |values: &[f64]| values.iter().map(|value| format!("{value:.4}")).collect::<Vec<_>>().join(" ");
+        writeln!(
+            out,
+            "{:.4},{name},{},{},{:.4},{},{},{}",
+            seen.time,
+            u8::from(struck.is_some()),
+            row(&innovation.loads),
+            innovation.opposition,
+            row(&innovation.tensions),
+            row(&innovation.arm_torque),
+            row(&seen.servos.map(|servo| servo.position)),
+        )?;
+        robot.wait_for_tick();
+        if struck.is_some_and(|at| seen.time > at + AFTER) {
+            break;
+        }
+    }
+    out.flush()?;
+    println!("{ticks} ticks, {:.3} ms a tick", 1e3 * spent.as_secs_f64() / f64::from(ticks.max(1)));
+    Ok(())
+}

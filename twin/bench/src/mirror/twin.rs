@@ -1,0 +1,70 @@
+//! The twin itself: the simulated robot as the controller knows it, moved by the same commands and kept beside the robot by its measurements.
+//!
+//! It is an observer in the sense of Luenberger. Before each tick its servos are put where the robot's were measured; then both get the same
+//! command. By how much the robot's spools are faster a tick later than the twin's is the innovation: multiplied by the rotor's inertia over the
+//! tick it is the torque that acted on the robot's spool and not on the twin's. The twin touches nothing, so that of a sound robot
+//! this is what contact does to a digit: a load, never a pull. Finger joints have no encoders; the twin's go where cables, springs and weight
+//! take them. The arm follows its own position control; what its motors give beyond the twin's is what loads the robot's.
+
+use std::sync::Arc;
+
+use hand_model::robot::{ArmState, Command, Robot, ServoState};
+use hand_model::{ACTUATORS, ARM_JOINTS, Hand};
+use proving::world::World;
+use sim::tactile::TactileBoard;
+use sim::{SceneSetup, SimulatedRobot};
+
+/// What the robot did in a tick that the twin did not.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Innovation {
+    /// Load of each cable beyond the twin's, at the spool, N: positive holds the digit open, as a contact does.
+    pub loads: [f64; 5],
+    /// Torque on the opposition servo beyond the twin's, N m at its output.
+    pub opposition: f64,
+    /// Cable tensions of the twin, N.
+    pub tensions: [f64; 5],
+    /// Torques of the arm's motors less the twin's, N m.
+    pub arm_torque: [f64; ARM_JOINTS],
+}
+
+/// The simulated robot that the controller believes to drive.
+#[derive(Clone)]
+pub struct Twin {
+    robot: SimulatedRobot,
+    hand: Arc<Hand>,
+    tick: f64,
+}
+
+impl Twin {
+    /// Hand, arm, base and cables as the controller of `world` knows them, the arm at rest where it was measured (rad).
+    pub fn new(world: &World, arm: &[f64; ARM_JOINTS]) -> Self {
+        let cell = &world.cell;
+        let setup = SceneSetup { cables: world.known_cable_losses(), ..SceneSetup::ideal(cell.world_from_base, *arm) };
+        let robot = SimulatedRobot::new(cell.hand.clone(), cell.arm.clone(), &setup, TactileBoard::blank());
+        let tick = robot.tick_length();
+        Self { robot, hand: cell.hand.clone(), tick }
+    }
+
+    /// Takes what was measured at the end of a tick; what the robot did in it that the twin did not.
+    pub fn correct(&mut self, servos: &[ServoState; ACTUATORS], arm: &ArmState) -> Innovation {
+        let own = self.robot.observe();
+        let torque = |n: usize| {
+            let faster = servos[n].velocity - own.servos[n].velocity;
+            -self.hand.servos[n].rotor_inertia * faster / self.tick
+        };
+        let innovation = Innovation {
+            loads: std::array::from_fn(|n| torque(n) / self.hand.cables[n].spool_radius),
+            opposition: torque(ACTUATORS - 1),
+            tensions: *self.robot.tensions(),
+            arm_torque: std::array::from_fn(|n| arm.torque[n] - own.arm.torque[n]),
+        };
+        self.robot.follow_servos(servos);
+        innovation
+    }
+
+    /// The next tick, with what was sent to the robot.
+    pub fn follow(&mut self, sent: &Command) {
+        self.robot.send(&Command { capture: false, ..*sent });
+        self.robot.wait_for_tick();
+    }
+}
