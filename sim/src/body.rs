@@ -25,6 +25,9 @@ pub mod groups {
     pub const TABLE: Group = Group::GROUP_4;
 }
 
+/// Index of a hinge's degree of freedom, the turn about its x, among a joint's six.
+const HINGE: usize = 3;
+
 /// Handles of the multibody.
 #[derive(Clone)]
 pub struct RobotBody {
@@ -284,12 +287,23 @@ impl RobotBody {
     }
 
     fn set_torque(&self, engine: &mut Engine, index: usize, angle: f64, torque: f64, stiffness: f64) {
+        let slack = engine.limit_slack();
         if let Some((multibody, link)) = engine.multibodies.get_mut(self.joints[index])
             && let Some(link) = multibody.link_mut(link)
         {
-            link.joint.set_spring(3, stiffness, angle + torque / stiffness);
+            load_hinge(&mut link.joint, angle, torque, stiffness, slack);
         }
     }
+}
+
+/// Sets a hinge's torque (N m) for the next step at its present `angle` (rad), with an implicit stiffness (N m/rad), by a spring
+/// with a shifted rest angle. Its limits are on only where it is beyond one or within `slack` (rad) of it: elsewhere they could
+/// not push, and would cost the engine a solved constraint all the same.
+pub(crate) fn load_hinge(joint: &mut MultibodyJoint, angle: f64, torque: f64, stiffness: f64, slack: f64) {
+    joint.set_spring(HINGE, stiffness, angle + torque / stiffness);
+    let limits = joint.data.limits[HINGE];
+    let close = angle < limits.min + slack || angle > limits.max - slack;
+    joint.data.limit_axes.set(JointAxesMask::ANG_X, close);
 }
 
 fn merge(a: &MassProperties, b: &MassProperties, a_from_b: &Isometry3<f64>) -> MassProperties {

@@ -14,6 +14,9 @@ use crate::gel::SoftCovers;
 /// The scale of a scene by which the solver judges what is far and what is fast, m: a hand's breadth.
 const LENGTH_UNIT: f64 = 0.1;
 
+/// More than a joint turns in a step, rad.
+const LIMIT_SLACK: f64 = 0.2;
+
 /// Solver settings.
 #[derive(Debug, Clone, Copy)]
 pub struct EngineSettings {
@@ -126,6 +129,12 @@ impl Engine {
             soft_covers: None,
             passing: HashSet::new(),
         }
+    }
+
+    /// How near to a limit (rad) a joint must be at the start of a step for the limit to count in it. With one outer iteration
+    /// the engine looks at the angle at the start alone; with more it looks again under way.
+    pub(crate) fn limit_slack(&self) -> f64 {
+        if self.settings.solver_iterations > 1 { LIMIT_SLACK } else { 0.0 }
     }
 
     /// Lets two colliders pass through each other, whatever their groups say.

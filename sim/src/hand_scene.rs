@@ -12,7 +12,7 @@ use nalgebra::{Isometry3, Point3, UnitVector3, Vector3};
 use rapier3d_f64::prelude::*;
 use scenarios::objects::ObjectModel;
 
-use crate::body::{cover_collider, groups, link_body, revolute};
+use crate::body::{cover_collider, groups, link_body, load_hinge, revolute};
 use crate::contacts::contacts_of;
 use crate::convert;
 use crate::drive::OPPOSITION_STIFFNESS;
@@ -137,6 +137,7 @@ impl HandScene {
     pub fn step(&mut self, pull: &Pull, force: &Vector3<f64>) {
         let transmission = &self.hand.transmission;
         let torques = transmission.torques(&self.angles, &pull.tensions);
+        let slack = self.engine.limit_slack();
         for (joint, free) in torques.into_iter().enumerate() {
             let (torque, stiffness) = if joint == transmission.opposition_joint {
                 let limit = self.hand.servos[5].stall_torque * self.hand.servos[5].gear_ratio_opposition;
@@ -148,7 +149,7 @@ impl HandScene {
             if let Some((multibody, link)) = self.engine.multibodies.get_mut(self.joints[joint])
                 && let Some(link) = multibody.link_mut(link)
             {
-                link.joint.set_spring(3, stiffness, self.angles[joint] + torque / stiffness);
+                load_hinge(&mut link.joint, self.angles[joint], torque, stiffness, slack);
             }
         }
         let body = &mut self.engine.bodies[self.body];

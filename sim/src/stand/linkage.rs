@@ -12,7 +12,7 @@ use rapier3d_f64::prelude::{
     RigidBodyHandle, Shape,
 };
 
-use crate::body::{link_body, revolute};
+use crate::body::{link_body, load_hinge, revolute};
 use crate::convert;
 use crate::drive::JointEffort;
 use crate::engine::{Engine, EngineSettings};
@@ -128,12 +128,12 @@ impl Linkage {
 
     /// One physics step under these efforts, one a joint.
     pub fn step(&mut self, efforts: &[JointEffort]) {
+        let slack = self.engine.limit_slack();
         for ((handle, effort), angle) in self.joints.iter().zip(efforts).zip(&self.angles) {
             if let Some((multibody, link)) = self.engine.multibodies.get_mut(*handle)
                 && let Some(link) = multibody.link_mut(link)
             {
-                // As in `body`: the rest angle is shifted so that the spring's torque is the wanted one here and now.
-                link.joint.set_spring(3, effort.stiffness, angle + effort.torque / effort.stiffness);
+                load_hinge(&mut link.joint, *angle, effort.torque, effort.stiffness, slack);
             }
         }
         self.engine.step();
