@@ -165,3 +165,30 @@ fn a_collision_keeps_momentum() {
     // The engine pushes both at points that are a contact's gap apart: spin is kept less well than motion.
     assert!((after.1 - before.1).length() < 0.05 * before.1.length(), "{} {}", before.1, after.1);
 }
+
+/// A joint that is pushed against a limit stops there, however many outer iterations a step has, and leaves it when it is pushed back.
+#[test]
+fn a_limit_stops_a_joint() {
+    let joint = Joint {
+        name: "door".into(),
+        parent: None,
+        origin: Isometry3::identity(),
+        axis: Vector3::z_axis(),
+        lower: -0.2,
+        upper: 0.5,
+    };
+    let tree = Tree { joints: vec![joint] };
+    let masses = [MassProperties { mass: 0.05, com: Point3::new(0.05, 0.0, 0.0), inertia: Matrix3::identity() * 4e-5 }];
+    for solver_iterations in [1, 4] {
+        let settings = EngineSettings { solver_iterations, ..EngineSettings::default() };
+        let mechanism = Mechanism { tree: &tree, masses: &masses, damping: 1e-3, armature: 1e-4 };
+        let mut door = Linkage::new(settings, &mechanism, Vec::new(), &[0.0]);
+        for (torque, limit) in [(0.05, 0.5), (-0.05, -0.2), (0.05, 0.5)] {
+            for _ in 0..240 {
+                door.step(&[JointEffort { torque, stiffness: 1e-3 }]);
+            }
+            let angle = door.angles()[0];
+            assert!((angle - limit).abs() < 0.02, "{solver_iterations} iterations, {torque} N m: {angle}, not {limit}");
+        }
+    }
+}
