@@ -169,6 +169,14 @@ impl Executive {
         self.enter(Phase::ApproachSecond)
     }
 
+    /// The same by `path`, with the second object taken to be at `percept`.
+    pub fn take_second(&mut self, grasp: Grasp, percept: Percept, path: PosePath) -> Result<(), MotionError> {
+        self.see_second(percept);
+        self.decide(grasp)?;
+        self.redirect(path);
+        Ok(())
+    }
+
     /// Takes `path` instead of the straight approach that has just begun.
     pub fn redirect(&mut self, path: PosePath) {
         self.motion.redirect(path);

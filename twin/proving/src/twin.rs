@@ -15,7 +15,7 @@ use control::odds::TryOutcome;
 use hand_model::robot::Robot as _;
 use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 use rayon::prelude::*;
-use scenarios::individuals::{ArmDefects, Individual};
+use scenarios::individuals::Individual;
 use scenarios::noise::trial_rng;
 use scenarios::objects::ObjectModel;
 use sim::robot::HandPosture;
@@ -65,17 +65,12 @@ impl SceneTwin {
             ObjectPlacement { model: first, pose: level * executive.palm() * draw.held },
             ObjectPlacement { model: second, pose: aside * target },
         ];
+        let base = level * self.world.cell.world_from_base;
         let setup = SceneSetup {
-            world_from_base: level * self.world.cell.world_from_base,
-            arm_defects: ArmDefects::default(),
-            arm_start: executive.arm().position,
             objects,
-            frame_delay: 0.0,
-            floor: None,
-            self_contact: false,
             cables: self.world.known_cable_losses(),
             gel: self.world.scenario.effects.gel,
-            engine: sim::engine::EngineSettings::default(),
+            ..SceneSetup::ideal(base, executive.arm().position)
         };
         let cell = &self.world.cell;
         let servos = executive.servos().map(|servo| servo.position);

@@ -240,9 +240,7 @@ impl<'a> Touch<'a> {
             self.story.switched |= decision.switched;
             // What failed at an object that was touched tells nothing of where the eyes see things.
             self.tried = self.located.is_none().then_some(decision.aimed);
-            executive.see_second(beside);
-            executive.decide(decision.grasp)?;
-            executive.redirect(path);
+            executive.take_second(decision.grasp, beside, path)?;
             self.story.attempts.push(attempt);
             self.story.tell(decision.reason);
             return Ok(Step::Play(Phase::Confirm));

@@ -80,9 +80,7 @@ impl Foresight<'_> {
         }
         Ok(best.filter(|best| best.assessment.utility > SWITCH_GAIN * plan.assessment.utility))
     }
-}
 
-impl Foresight<'_> {
     /// While nothing is good, the grasp that is best is aimed a little to every side of where it is aimed best.
     fn search_aims<'a>(
         &self,
@@ -146,8 +144,6 @@ fn going(executive: &Executive, one: &Considered) -> Result<Option<Executive>, S
     let beside = Percept { position: seen.position + one.aiming.aimed.aim, ..seen };
     let Some(path) = executive.rehearsed_approach(&one.passage.stops, grasp, &beside) else { return Ok(None) };
     let mut going = executive.clone();
-    going.see_second(beside);
-    going.decide(grasp.clone())?;
-    going.redirect(path);
+    going.take_second(grasp.clone(), beside, path)?;
     Ok(Some(going))
 }
