@@ -105,8 +105,8 @@ pub fn make_identified(
     make_bench_of(own.as_ref().map(|own| &own.individual), scenario, combos, seed, quiet)
 }
 
-/// The same with no object made ready to be felt, which takes seconds, and without the scenario's disturbances: for scenes in which no policy
-/// of this program decides.
+/// The same with no object that can be felt and without the scenario's disturbances: for scenes in which no policy of this program
+/// decides.
 pub fn make_scenes(scenario: Scenario, combos: usize, seed: u64, quiet: bool) -> Result<Bench> {
     make_scenes_of(None, scenario, combos, seed, quiet)
 }

@@ -1,7 +1,7 @@
 //! From tactile images to what is held: which objects are in the hand, and where the first one sits in it.
 
 use std::f64::consts::FRAC_PI_2;
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 use grasping::{Grasp, Role};
 use hand_model::robot::ServoState;
@@ -23,26 +23,27 @@ const PRIOR_SIGMA: (f64, f64) = (0.012, 0.35);
 /// Cell of the distance grids of meshes and how far they reach beyond the shape, m.
 const GRID: (f64, f64) = (0.001, 0.012);
 
-/// An object whose shape can be registered quickly: meshes carry a distance grid.
+/// An object whose shape can be registered quickly: a mesh gets a distance grid the first time it is asked for a distance, which takes
+/// some tenths of a second.
 #[derive(Debug, Clone)]
 pub struct KnownObject {
     pub model: Arc<ObjectModel>,
-    grid: Option<DistanceGrid>,
+    grid: OnceLock<DistanceGrid>,
 }
 
 impl KnownObject {
-    /// Prepares an object; a mesh takes some tenths of a second.
     pub fn new(model: Arc<ObjectModel>) -> Self {
-        let grid = matches!(model.shape, Shape::Mesh(_)).then(|| DistanceGrid::new(&model.shape, GRID.0, GRID.1));
-        Self { model, grid }
+        Self { model, grid: OnceLock::new() }
     }
 }
 
 impl KnownShape for KnownObject {
     fn signed_distance(&self, point: &Point3<f64>) -> (f64, Vector3<f64>) {
-        match &self.grid {
-            Some(grid) => grid.signed_distance(point),
-            None => self.model.shape.signed_distance(point),
+        match &self.model.shape {
+            shape @ Shape::Mesh(_) => {
+                self.grid.get_or_init(|| DistanceGrid::new(shape, GRID.0, GRID.1)).signed_distance(point)
+            }
+            shape => shape.signed_distance(point),
         }
     }
 }
