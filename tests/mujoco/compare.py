@@ -31,6 +31,8 @@ POSITION_GAIN, POSITION_DAMPING = 6.0, 0.25
 RATE = 960.0
 # Steps a second among which the lowest is looked for at which MuJoCo holds a thing as still as ours does.
 RATES = (240.0, 480.0, 960.0, 1920.0)
+# How MuJoCo treats friction: pyramids as by default, and cones whose friction is ten times stiffer than their normal direction.
+CONES = {(0, 1.0): "MuJoCo, pyramids", (1, 10.0): "MuJoCo, cones"}
 # Slips below this count as none, mm.
 NO_SLIP = 0.05
 # Added inertia of a prop that is held in place, kg and kg m2.
@@ -203,6 +205,34 @@ def speed(step_us, rate):
     return {"step_us": step_us, "real_time": 1e6 / (step_us * rate)}
 
 
+def refine(folder, scene, setup):
+    """Closings with ever shorter steps, in both engines: where each comes to rest, degrees, and its closing force, N."""
+    rows = []
+    for entry in scene["refined"]:
+        row = {"rate": entry["rate"], "ours": (np.degrees(entry["angles"]), entry["closing_force_n"])}
+        for cone, ratio in CONES:
+            run = Run(folder, scene, setup, entry["rate"])
+            run.model.opt.cone, run.model.opt.impratio = cone, ratio
+            run.hold(scene["prop"])
+            for phase in scene["phases"]:
+                run.advance(phase, phase["seconds"])
+            angles = np.degrees([run.data.qpos[joint] for joint in run.joints])
+            row[CONES[cone, ratio]] = (angles, run.force_sum(scene["prop"])[0])
+        rows.append(row)
+    return rows
+
+
+def print_refined(scene, rows):
+    names = ["ours", *CONES.values()]
+    last = {name: rows[-1][name][0] for name in names}
+    print(f"\n{scene['name']}: largest joint difference, deg, from the same engine at {rows[-1]['rate']:.0f} Hz, and closing force, N")
+    print(f"{'Hz':>6} " + " ".join(f"{name:>26}" for name in names) + f" {'ours from ' + names[-1]:>30}")
+    for row in rows:
+        cells = [f"{np.abs(row[name][0] - last[name]).max():14.1f} {row[name][1]:9.1f} N" for name in names]
+        apart = np.abs(row["ours"][0] - row[names[-1]][0])
+        print(f"{row['rate']:6.0f} " + " ".join(f"{cell:>26}" for cell in cells) + f" {apart.max():22.1f} {apart.mean():7.1f}")
+
+
 def whole(folder, scene, setup):
     run = Run(folder, scene, setup)
     run.advance(scene, scene["seconds"])
@@ -251,6 +281,9 @@ def main():
         print(
             f"{row['name']:18} {ours['slip_mm']:8.2f} {theirs['slip_mm']:10.2f} {found} {ours['real_time']:12.1f} {theirs['real_time']:14.1f} {ratio:6.2f}"
         )
+    for scene in setup["scenes"]:
+        if scene["refined"]:
+            print_refined(scene, refine(arguments.folder, scene, setup))
     if arguments.json:
         arguments.json.write_text(json.dumps({"scenes": rows, "equal_slip": equal}, indent=1))
     free = rows[0]["angle_deg"]

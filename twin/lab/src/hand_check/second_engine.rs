@@ -33,13 +33,18 @@ const HOLD: f64 = 5.0;
 /// finger that is pulled hard on a fixed thing slides where it should stick.
 const FINE: usize = 4;
 
+/// By how much the steps of a closing are made shorter, to see where each engine's posture goes as they do.
+const SHORTER: [u32; 5] = [1, 2, 4, 8, 16];
+
 /// A stretch of constant commands.
+#[derive(Clone)]
 struct Phase {
     seconds: f64,
     tensions: [f64; 5],
     opposition: f64,
 }
 
+#[derive(Clone)]
 struct StandTest {
     name: &'static str,
     prop: Option<(Prop, Isometry3<f64>)>,
@@ -125,6 +130,21 @@ fn file(name: &str) -> String {
     format!("{}.xml", name.replace(' ', "_"))
 }
 
+/// Where the digits come to rest on a prop that does not move, with [`FINE`] outer iterations and ever shorter steps.
+fn refined(hand: &Arc<Hand>, test: &StandTest) -> Vec<Value> {
+    let closing = StandTest { let_go: false, gripping: Vec::new(), ..test.clone() };
+    let standard = EngineSettings::default();
+    SHORTER
+        .iter()
+        .map(|&shorter| {
+            let dt = standard.dt / f64::from(shorter);
+            let run = ours(hand, &closing, EngineSettings { dt, solver_iterations: FINE, ..standard });
+            let rest = run["angles"].as_array().and_then(|motion| motion.last());
+            json!({ "rate": 1.0 / dt, "angles": rest, "closing_force_n": run["result"]["closing_force_n"] })
+        })
+        .collect()
+}
+
 /// Runs a test in our engine: the motion, what came of it, and the time of a step.
 fn ours(hand: &Arc<Hand>, test: &StandTest, settings: EngineSettings) -> Value {
     // MuJoCo's tendons have the same tension all along.
@@ -174,8 +194,9 @@ fn ours(hand: &Arc<Hand>, test: &StandTest, settings: EngineSettings) -> Value {
     json!({ "angles": motion, "result": result, "step_us": wall / steps * 1e6 })
 }
 
-/// What the second engine needs to run a test, and what ours found: with the settings of trials, and with [`FINE`] ones.
-fn run(hand: &Arc<Hand>, test: &StandTest) -> Value {
+/// What the second engine needs to run a test, and what ours found: with the settings of trials, with [`FINE`] ones, and, if asked for, with
+/// those and shorter steps.
+fn run(hand: &Arc<Hand>, test: &StandTest, refine: bool) -> Value {
     let settings = EngineSettings::default();
     let told =
         |phase: &Phase| json!({ "seconds": phase.seconds, "tensions": phase.tensions, "opposition": phase.opposition });
@@ -192,6 +213,7 @@ fn run(hand: &Arc<Hand>, test: &StandTest) -> Value {
         "hold": HOLD,
         "ours": ours(hand, test, settings),
         "fine": ours(hand, test, EngineSettings { solver_iterations: FINE, ..settings }),
+        "refined": if refine && test.prop.is_some() { refined(hand, test) } else { Vec::new() },
     })
 }
 
@@ -249,8 +271,8 @@ fn whole(hand: &Arc<Hand>, folder: &Path) -> Result<Value> {
     }))
 }
 
-/// Writes the scenes to `folder`: an MJCF file each, and `scenes.json`.
-pub fn export(hand: &Arc<Hand>, folder: &Path) -> Result<()> {
+/// Writes the scenes to `folder`: an MJCF file each, and `scenes.json`. `refine` adds closings with shorter steps, which take a minute.
+pub fn export(hand: &Arc<Hand>, folder: &Path, refine: bool) -> Result<()> {
     std::fs::create_dir_all(folder).with_context(|| folder.display().to_string())?;
     let settings = EngineSettings::default();
     let mut scenes = Vec::new();
@@ -260,7 +282,7 @@ pub fn export(hand: &Arc<Hand>, folder: &Path) -> Result<()> {
         let gravity = if test.prop.is_some() { Vector3::zeros() } else { test.gravity };
         let scene = Scene { hand, arm: None, props: &props, start: None, gravity, dt: settings.dt };
         write_whole(&folder.join(file(test.name)), mjcf::write(&scene).as_bytes())?;
-        scenes.push(run(hand, &test));
+        scenes.push(run(hand, &test, refine));
     }
     let servo = hand.parameters.servo;
     let cable = hand.parameters.cable;
