@@ -31,8 +31,6 @@ POSITION_GAIN, POSITION_DAMPING = 6.0, 0.25
 RATE = 960.0
 # Steps a second among which the lowest is looked for at which MuJoCo holds a thing as still as ours does.
 RATES = (240.0, 480.0, 960.0, 1920.0)
-# How MuJoCo treats friction: pyramids as by default, and cones whose friction is ten times stiffer than their normal direction.
-CONES = {(0, 1.0): "MuJoCo, pyramids", (1, 10.0): "MuJoCo, cones"}
 # Slips below this count as none, mm.
 NO_SLIP = 0.05
 # Added inertia of a prop that is held in place, kg and kg m2.
@@ -206,31 +204,27 @@ def speed(step_us, rate):
 
 
 def refine(folder, scene, setup):
-    """Closings with ever shorter steps, in both engines: where each comes to rest, degrees, and its closing force, N."""
+    """Closings with ever shorter steps: steps a second, and for each engine where it comes to rest (degrees) and its closing force (N)."""
     rows = []
     for entry in scene["refined"]:
-        row = {"rate": entry["rate"], "ours": (np.degrees(entry["angles"]), entry["closing_force_n"])}
-        for cone, ratio in CONES:
-            run = Run(folder, scene, setup, entry["rate"])
-            run.model.opt.cone, run.model.opt.impratio = cone, ratio
-            run.hold(scene["prop"])
-            for phase in scene["phases"]:
-                run.advance(phase, phase["seconds"])
-            angles = np.degrees([run.data.qpos[joint] for joint in run.joints])
-            row[CONES[cone, ratio]] = (angles, run.force_sum(scene["prop"])[0])
-        rows.append(row)
+        run = Run(folder, scene, setup, entry["rate"])
+        run.hold(scene["prop"])
+        for phase in scene["phases"]:
+            run.advance(phase, phase["seconds"])
+        angles = np.degrees([run.data.qpos[joint] for joint in run.joints])
+        ours, theirs = (np.degrees(entry["angles"]), entry["closing_force_n"]), (angles, run.force_sum(scene["prop"])[0])
+        rows.append((entry["rate"], ours, theirs))
     return rows
 
 
 def print_refined(scene, rows):
-    names = ["ours", *CONES.values()]
-    last = {name: rows[-1][name][0] for name in names}
-    print(f"\n{scene['name']}: largest joint difference, deg, from the same engine at {rows[-1]['rate']:.0f} Hz, and closing force, N")
-    print(f"{'Hz':>6} " + " ".join(f"{name:>26}" for name in names) + f" {'ours from ' + names[-1]:>30}")
-    for row in rows:
-        cells = [f"{np.abs(row[name][0] - last[name]).max():14.1f} {row[name][1]:9.1f} N" for name in names]
-        apart = np.abs(row["ours"][0] - row[names[-1]][0])
-        print(f"{row['rate']:6.0f} " + " ".join(f"{cell:>26}" for cell in cells) + f" {apart.max():22.1f} {apart.mean():7.1f}")
+    rate, ours_at_last, theirs_at_last = rows[-1]
+    print(f"\n{scene['name']}: largest joint difference from the same engine at {rate:.0f} Hz, and between the engines (most, mean)")
+    print(f"{'Hz':>6} {'ours deg':>9} {'MuJoCo deg':>11} {'apart deg':>15} {'closing N':>15}")
+    for rate, (ours, force), (theirs, their_force) in rows:
+        own, its = np.abs(ours - ours_at_last[0]).max(), np.abs(theirs - theirs_at_last[0]).max()
+        apart = np.abs(ours - theirs)
+        print(f"{rate:6.0f} {own:9.1f} {its:11.1f} {apart.max():8.1f} {apart.mean():6.1f} {force:7.1f} {their_force:7.1f}")
 
 
 def whole(folder, scene, setup):

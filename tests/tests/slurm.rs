@@ -147,7 +147,8 @@ fn configuration(folder: &Path) -> String {
     )
 }
 
-fn cluster(folder: &Path) -> Daemons {
+/// The two nodes; what their workers share is a disk of so many megabytes.
+fn cluster(folder: &Path, megabytes: u32) -> Daemons {
     for name in ["state", "n1", "n2", "nfs"] {
         fs::create_dir_all(folder.join(name)).expect("a folder");
     }
@@ -174,9 +175,9 @@ fn cluster(folder: &Path) -> Daemons {
     daemons.start("n1", "slurmd", &["-N", "n1", "-D"]);
     daemons.start("n2", "slurmd", &["-N", "n2", "-D"]);
     daemons.until("two idle nodes", folder, || daemons.says("sinfo", &["-N", "-h", "-o", "%T"]) == "idle\nidle\n");
-    // What the workers share is a small disk.
     let disk = folder.join("nfs");
-    let mounted = Command::new("mount").args(["-t", "tmpfs", "-o", "size=8m", "tmpfs", text(&disk)]).status();
+    let mounted =
+        Command::new("mount").args(["-t", "tmpfs", "-o", &format!("size={megabytes}m"), "tmpfs", text(&disk)]).status();
     assert!(mounted.is_ok_and(|status| status.success()), "a small file system cannot be mounted");
     daemons.mounted = Some(disk);
     daemons
@@ -221,7 +222,7 @@ fn a_sweep_survives_a_lost_node_a_killed_worker_and_a_full_disk() {
     let expected = json(&local)["merged"]["digest"].clone();
     assert!(expected.is_string());
 
-    let mut slurm = cluster(folder.path());
+    let mut slurm = cluster(folder.path(), 8);
     let out = folder.path().join("nfs/sweep");
     let submit = ["sweep", "submit", text(&file), "--out", text(&out), "--max-jobs", "2", "--json"];
     let refused = slurm.command(binary(), &[&submit[..], &["--partition", "nosuch"]].concat());
@@ -277,4 +278,41 @@ fn a_sweep_survives_a_lost_node_a_killed_worker_and_a_full_disk() {
     assert_eq!(json(&found)["digest"], expected, "{}", slurm.story(&out));
     let nothing = slurm.command(binary(), &submit);
     assert_eq!(json(&nothing)["outcome"], "finished");
+}
+
+/// The sweep of the file `FTAC_SWEEP` has the same digest on two nodes as on this machine; both wall times are printed. It takes as long as the
+/// sweep does, twice:
+/// `FTAC_SWEEP=FILE cargo test --release --workspace --test slurm -- --ignored --nocapture`.
+#[test]
+#[ignore = "takes as long as the sweep that it is given"]
+fn a_sweep_of_ones_own_is_the_same_on_two_nodes() {
+    let file = std::env::var("FTAC_SWEEP").expect("FTAC_SWEEP: the sweep's file");
+    slurm_is_installed().expect("Slurm");
+    let folder = tempdir().expect("a folder");
+    let here = folder.path().join("here");
+    let begun = Instant::now();
+    let local = run(&["sweep", "run", &file, "--out", text(&here), "--json"]);
+    assert!(local.status.success(), "{}", stderr(&local));
+    let alone = begun.elapsed();
+    let slurm = cluster(folder.path(), 512);
+    let out = folder.path().join("nfs/sweep");
+    let begun = Instant::now();
+    let submitted =
+        slurm.command(binary(), &["sweep", "submit", &file, "--out", text(&out), "--max-jobs", "2", "--json"]);
+    assert!(submitted.status.success(), "{}", stderr(&submitted));
+    let status = || json(&slurm.command(binary(), &["sweep", "status", text(&out), "--json"]));
+    let all = units(&here);
+    while units(&out) < all {
+        let queue = slurm.says("squeue", &["-h", "-o", "%T"]);
+        assert!(!queue.trim().is_empty() || units(&out) == all, "no job is left\n{}", slurm.story(&out));
+        sleep(Duration::from_secs(2));
+    }
+    let two_nodes = begun.elapsed();
+    assert_eq!(status()["slurm_error"], Value::Null);
+    let found = slurm.command(binary(), &["sweep", "merge", text(&out), "--json"]);
+    assert!(found.status.success(), "{}", stderr(&found));
+    let digests = [json(&local)["merged"]["digest"].clone(), json(&found)["digest"].clone()];
+    let told = format!("{all} units: {alone:.0?} here, {two_nodes:.0?} on two nodes, digests {digests:?}\n");
+    std::io::stderr().write_all(told.as_bytes()).expect("stderr");
+    assert_eq!(digests[0], digests[1], "{}", slurm.story(&out));
 }

@@ -170,7 +170,7 @@ impl Carrier {
     /// One tick: takes what was measured, gives the command.
     pub fn tick(&mut self, observation: &Observation) -> Result<Command, MotionError> {
         let looking = self.phase == CarryPhase::Look;
-        self.motion.measure(observation, looking);
+        self.motion.measure(observation, if looking { &observation.tactile } else { &[] });
         self.advance()?;
         let arm = self.motion.follow()?;
         let wanted = self.wanted_tension();

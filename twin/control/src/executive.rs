@@ -11,7 +11,7 @@ use std::sync::Arc;
 
 use grasping::Grasp;
 use hand_model::Hand;
-use hand_model::robot::{Command, Observation};
+use hand_model::robot::{Command, Observation, TactileFrame};
 use nalgebra::{Isometry3, Translation3, Vector3};
 
 use scenarios::geometry::Shape;
@@ -26,9 +26,8 @@ use crate::palpation::{self, Touching};
 use crate::percept::Percept;
 use crate::slip::{self, SlipWatch};
 use crate::trajectory::PosePath;
+use crate::watch::Watch;
 
-/// Images that are asked for have come by then or will not come, s.
-const LOST: f64 = 1.0;
 /// Share of the way to a touch after which pads are looked at untouched: digits have opened by then.
 const UNTOUCHED: f64 = 0.4;
 /// Share of the rise from a touch, and of the whole approach at most, in which the digits that touched keep still: closing for the
@@ -47,10 +46,10 @@ pub struct Executive {
     phase: Phase,
     /// Time on the path of [`Phase::PutDown`] at which the digits open, s.
     open_from: f64,
-    watch_period: Option<f64>,
-    last_watch: f64,
-    /// Whether images have come since some were asked for last.
-    answered: bool,
+    /// When images were last asked for between looks, s.
+    last_images: f64,
+    /// Images that nothing is decided by.
+    watch: Watch,
     slip: Option<SlipWatch>,
     /// How an object is touched at present.
     guarded: Option<Guarded>,
@@ -84,9 +83,8 @@ impl Executive {
             second,
             phase: Phase::ApproachFirst,
             open_from: f64::INFINITY,
-            watch_period: None,
-            last_watch: f64::NEG_INFINITY,
-            answered: true,
+            last_images: f64::NEG_INFINITY,
+            watch: Watch::default(),
             slip: None,
             guarded: None,
             left_from: None,
@@ -117,10 +115,10 @@ impl Executive {
         &self.second
     }
 
-    /// Asks for images every `period` (s) throughout, for a recording, or as often as the link brings them where that is less often; decisions use
-    /// those of a look alone.
+    /// Asks for images every `period` (s) throughout, for a recording, or as often as the link brings them where that is less often; nothing is
+    /// decided by them.
     pub fn watch_images(&mut self, period: f64) {
-        self.watch_period = Some(period);
+        self.watch.period = Some(period);
     }
 
     /// The stops of the ways from the present palm pose to another, before the approach pose: the shortest way, then higher ones.
@@ -329,23 +327,23 @@ impl Executive {
 
     /// Takes what was measured in a tick in which somebody else commands.
     pub fn attend(&mut self, observation: &Observation) {
-        self.motion.measure(observation, false);
+        self.motion.measure(observation, &[]);
     }
 
     /// One tick: takes what was measured, gives the command.
     pub fn tick(&mut self, observation: &Observation) -> Result<Command, MotionError> {
-        let looking = self.is_looking();
-        self.motion.measure(observation, looking);
+        let images = self.watch.others(&observation.tactile, self.motion.tick_length());
+        self.motion.measure(observation, if self.is_looking() { &images } else { &[] });
         let (reaching, touching) = (self.is_reaching(), self.is_touching());
         if let Some(guarded) = self.guarded.as_mut().filter(|_| reaching || touching) {
-            guarded.see(&observation.tactile, touching.then_some(self.motion.clock()));
+            guarded.see(&images, touching.then_some(self.motion.clock()));
         }
         if let Some(next) = self.next_phase() {
             self.enter(next)?;
         }
         self.leave();
         let arm = self.motion.follow()?;
-        let wanted = self.held_tension(observation);
+        let wanted = self.held_tension(observation, &images);
         let wanted = against_friction(self.motion.hand(), &self.protocol.friction, &observation.servos, &wanted);
         let opposition = match self.phase {
             Phase::PutDown => self.second.0.opposition,
@@ -358,23 +356,18 @@ impl Executive {
             _ if self.is_reaching() && self.guarded.as_ref().is_some_and(unknown) => Some(guarded::LOOK_PERIOD),
             _ if self.is_touching() => Some(guarded::LOOK_PERIOD),
             _ if self.slip.is_some() && self.is_carrying() => Some(slip::LOOK_PERIOD),
-            _ => self.watch_period.filter(|_| self.is_link_free(observation)),
+            _ => None,
         };
-        if period.is_some_and(|period| observation.time >= self.last_watch + period) {
-            self.last_watch = observation.time;
+        if period.is_some_and(|period| observation.time >= self.last_images + period) {
+            self.last_images = observation.time;
             capture = true;
         }
-        self.answered = !capture && (self.answered || !observation.tactile.is_empty());
+        capture = self.watch.captures(observation, capture, period.is_none());
         Ok(self.motion.command(arm, &wanted, opposition, capture))
     }
 
-    /// Whether the images that were asked for last have come, as far as they will.
-    fn is_link_free(&self, observation: &Observation) -> bool {
-        self.answered && observation.tactile.is_empty() || observation.time > self.last_watch + LOST
-    }
-
     /// Tensions wanted at present, with what the reaction to slip adds, N.
-    fn held_tension(&mut self, observation: &Observation) -> [f64; 5] {
+    fn held_tension(&mut self, observation: &Observation, images: &[TactileFrame]) -> [f64; 5] {
         let (plan, carrying) = (self.wanted_tensions(), self.is_carrying());
         let (hand, tick) = (self.motion.hand(), self.motion.tick_length());
         let Some(watch) = &mut self.slip else { return plan };
@@ -385,7 +378,7 @@ impl Executive {
             return plan;
         }
         let most = slip::most_tension(hand);
-        watch.tick(hand, &observation.servos, &observation.tactile, &plan, most, tick)
+        watch.tick(hand, &observation.servos, images, &plan, most, tick)
     }
 
     /// Tensions that the grasps want in the present phase, N.

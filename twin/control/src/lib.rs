@@ -3,7 +3,7 @@
 //! - **Motion.** [`trajectory`] makes palm paths within Cartesian limits, [`inverse_kinematics`] turns palm poses into joint set-points
 //!   within the arm's, [`motion`] follows one path after another with cables and cameras. [`executive`] runs a two-object trial
 //!   on it and [`carrier`] a transport; [`action`] carries out what a policy asks for step by step. [`guarded`] stops where a pad feels something,
-//!   [`slip`] answers slip while carrying.
+//!   [`slip`] answers slip while carrying; `watch` takes the images of a recording, by which nothing is decided.
 //! - **Perception.** A [`look`] is all that perception takes. [`perception`] says what is in the hand and where, [`sensing`] what an
 //!   ablation leaves of the senses. [`percept`] is how objects on the table are reported, [`palpation`] how one is touched to find out
 //!   where it is. [`registration`] finds where the arm stands from known points that were touched.
@@ -37,6 +37,7 @@ pub mod slip;
 pub mod stand_in;
 pub mod strategy;
 pub mod trajectory;
+mod watch;
 pub mod workcell;
 pub mod worth;
 

@@ -308,13 +308,13 @@ impl Motion {
         (self.clock - self.path.duration() + self.tick).abs() < 0.6 * self.tick
     }
 
-    /// Takes what was measured; `looking`: images belong to a look.
-    pub fn measure(&mut self, observation: &Observation, looking: bool) {
+    /// Takes what was measured; those of the images that arrived that are `looked` at belong to a look.
+    pub fn measure(&mut self, observation: &Observation, looked: &[TactileFrame]) {
         self.servos = observation.servos;
         self.arm = observation.arm;
         keep_newest(&mut self.newest, &observation.tactile);
-        if looking && self.clock > self.path.duration() - 1.5 * self.tick {
-            keep_newest(&mut self.images, &observation.tactile);
+        if self.clock > self.path.duration() - 1.5 * self.tick {
+            keep_newest(&mut self.images, looked);
         }
     }
 

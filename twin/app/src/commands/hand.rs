@@ -29,6 +29,9 @@ pub enum HandCommand {
         /// Folder for the MJCF files and scenes.json.
         #[arg(long)]
         mjcf: PathBuf,
+        /// Friction coefficient of ball, cylinder and box, 0 to 2.
+        #[arg(long, default_value_t = 0.8)]
+        friction: f64,
         /// Also close the digits on each prop with steps up to 16 times shorter, to see where both engines' postures go; takes a minute.
         #[arg(long)]
         refine: bool,
@@ -71,8 +74,11 @@ pub fn run(terminal: &Terminal, command: &HandCommand) -> Outcome {
         HandCommand::Check(args) => hand_check(terminal, args),
         HandCommand::Close(args) => close::run(terminal, args),
         HandCommand::Picture(args) => picture::run(terminal, args),
-        HandCommand::Export { mjcf, refine } => {
-            check::second_engine::export(&Arc::new(Hand::ftac()), mjcf, *refine)?;
+        HandCommand::Export { mjcf, friction, refine } => {
+            if !(0.0..=2.0).contains(friction) {
+                anyhow::bail!("--friction: found {friction}, expected 0 to 2");
+            }
+            check::second_engine::export(&Arc::new(Hand::ftac()), mjcf, *friction, *refine)?;
             let text = format!(
                 "{0}: scenes.json and its MJCF files; `python3 tests/mujoco/compare.py {0}` runs them\n",
                 mjcf.display()

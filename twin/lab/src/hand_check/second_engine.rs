@@ -78,16 +78,17 @@ impl StandTest {
     }
 }
 
-fn stand_tests(hand: &Hand) -> Vec<StandTest> {
+/// The scenes; `friction` is that of ball, cylinder and box.
+fn stand_tests(hand: &Hand, friction: f64) -> Vec<StandTest> {
     let skin = hand.palm_cover.link_from_cover.translation.z - hand.palm_cover.half.z;
     let across = UnitQuaternion::from_axis_angle(&Vector3::y_axis(), std::f64::consts::FRAC_PI_2);
     let under = |x: f64, y: f64, half: f64, turn: UnitQuaternion<f64>| {
         Isometry3::from_parts(Vector3::new(x, y, skin - half - 5e-4).into(), turn)
     };
-    let ball = Prop::new("ball", Shape::Sphere { radius: 0.03 }, 0.06, 0.8);
-    let cylinder = Prop::new("cylinder", Shape::Cylinder { radius: 0.025, half_height: 0.06 }, 0.3, 0.8);
+    let ball = Prop::new("ball", Shape::Sphere { radius: 0.03 }, 0.06, friction);
+    let cylinder = Prop::new("cylinder", Shape::Cylinder { radius: 0.025, half_height: 0.06 }, 0.3, friction);
     let half = Vector3::new(0.045, 0.022, 0.022);
-    let block = Prop::new("box", Shape::Cuboid { half, radius: 0.002 }, 0.2, 0.8);
+    let block = Prop::new("box", Shape::Cuboid { half, radius: 0.002 }, 0.2, friction);
     let (at_ball, at_cylinder, at_block) = (
         under(0.0, 0.0, 0.03, UnitQuaternion::identity()),
         under(0.0, -0.005, 0.025, across),
@@ -271,12 +272,13 @@ fn whole(hand: &Arc<Hand>, folder: &Path) -> Result<Value> {
     }))
 }
 
-/// Writes the scenes to `folder`: an MJCF file each, and `scenes.json`. `refine` adds closings with shorter steps, which take a minute.
-pub fn export(hand: &Arc<Hand>, folder: &Path, refine: bool) -> Result<()> {
+/// Writes the scenes to `folder`: an MJCF file each, and `scenes.json`. `friction` is that of ball, cylinder and box. `refine` adds
+/// closings with shorter steps, which take a minute.
+pub fn export(hand: &Arc<Hand>, folder: &Path, friction: f64, refine: bool) -> Result<()> {
     std::fs::create_dir_all(folder).with_context(|| folder.display().to_string())?;
     let settings = EngineSettings::default();
     let mut scenes = Vec::new();
-    for test in stand_tests(hand) {
+    for test in stand_tests(hand, friction) {
         let props: Vec<_> = test.prop.iter().cloned().collect();
         // What is held in place feels no gravity; it is turned on with the release.
         let gravity = if test.prop.is_some() { Vector3::zeros() } else { test.gravity };
