@@ -75,7 +75,10 @@ pub struct Mesh {
     volume: f64,
     center: Point3<f64>,
     unit_inertia: Matrix3<f64>,
-    parts: OnceLock<Vec<Vec<Point3<f64>>>>,
+    /// Convex point sets that its builder knows to fill it.
+    given: Option<Vec<Vec<Point3<f64>>>>,
+    /// Those that were worked out, where none were given.
+    found: OnceLock<Vec<Vec<Point3<f64>>>>,
     /// How far convex parts may stand out, m.
     tolerance: f64,
 }
@@ -129,14 +132,15 @@ impl Mesh {
             volume,
             center,
             unit_inertia: Matrix3::identity() * second.trace() - second,
-            parts: OnceLock::new(),
+            given: None,
+            found: OnceLock::new(),
             tolerance: TOLERANCE,
         })
     }
 
     /// The same with convex point sets known to fill it, in the same frame.
     pub fn with_parts(self, parts: Vec<Vec<Point3<f64>>>) -> Self {
-        Self { parts: OnceLock::from(parts), ..self }
+        Self { given: Some(parts), ..self }
     }
 
     /// The same with convex parts that stand out of it by at most `tolerance`, m, where it has to be decomposed.
@@ -149,7 +153,7 @@ impl Mesh {
         let shift = self.center.coords;
         let moved = Self::new(self.vertices.iter().map(|vertex| vertex - shift).collect(), self.triangles)?
             .with_tolerance(self.tolerance);
-        Ok(match self.parts.into_inner() {
+        Ok(match self.given {
             Some(parts) => moved.with_parts(
                 parts.into_iter().map(|part| part.into_iter().map(|point| point - shift).collect()).collect(),
             ),
@@ -157,15 +161,11 @@ impl Mesh {
         })
     }
 
-    /// The same mesh `factor` times as large.
+    /// The same mesh `factor` times as large, its convex parts those of this one: cut anew, it would come apart a little differently.
     pub fn scaled(&self, factor: f64) -> Result<Self, GeometryError> {
-        let larger = |point: &Point3<f64>| point * factor;
-        let mesh = Self::new(self.vertices.iter().map(larger).collect(), self.triangles.clone())?
-            .with_tolerance(self.tolerance);
-        Ok(match self.parts.get() {
-            Some(parts) => mesh.with_parts(parts.iter().map(|part| part.iter().map(larger).collect()).collect()),
-            None => mesh,
-        })
+        let larger = |points: &[Point3<f64>]| points.iter().map(|point| point * factor).collect::<Vec<_>>();
+        let mesh = Self::new(larger(&self.vertices), self.triangles.clone())?.with_tolerance(self.tolerance);
+        Ok(mesh.with_parts(self.convex_parts().iter().map(|part| larger(part)).collect()))
     }
 
     /// m.
@@ -252,12 +252,13 @@ impl Mesh {
     /// Convex point sets that together fill the mesh: as given by its builder, itself if convex, or an approximate
     /// decomposition, worked out at the first call: seconds for a large mesh.
     pub fn convex_parts(&self) -> &[Vec<Point3<f64>>] {
-        self.parts.get_or_init(|| {
+        let find = || {
             if self.is_convex() {
                 return vec![self.vertices.clone()];
             }
             decompose(self, self.tolerance).0
-        })
+        };
+        self.given.as_deref().unwrap_or_else(|| self.found.get_or_init(find))
     }
 }
 

@@ -214,4 +214,9 @@ fn a_hollow_mesh_without_known_parts_is_decomposed() {
     assert!(mesh.signed_distance(&Point3::new(0.03, 0.03, 0.01)).0 > 0.0);
     let volume: f64 = mesh.convex_parts().iter().map(|part| hull_mesh(part).unwrap().volume()).sum();
     assert!(mesh.convex_parts().len() >= 2 && (volume / mesh.volume() - 1.0).abs() < 0.1, "{volume}");
+    // A larger one comes apart in the same way, whoever asked for the parts of the first before.
+    let fresh = Mesh::new(mesh.vertices().to_vec(), mesh.triangles().to_vec()).unwrap();
+    let (asked, unasked) = (mesh.scaled(1.03).unwrap(), fresh.scaled(1.03).unwrap());
+    assert_eq!(asked.convex_parts(), unasked.convex_parts());
+    assert_eq!(asked.convex_parts()[0][0], mesh.convex_parts()[0][0] * 1.03);
 }
