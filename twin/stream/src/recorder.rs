@@ -13,6 +13,7 @@ use nalgebra::{Isometry3, Point3, Vector3};
 use rerun::log::ChunkBatcherConfig;
 use rerun::{Clear, RecordingStream, TextDocument};
 
+pub use self::twin::TwinFrame;
 use crate::blueprint;
 use crate::change::Changes;
 use crate::error::StreamError;
@@ -21,7 +22,6 @@ use crate::now::{Now, Weighed};
 use crate::phase::{self, Level, TrialProperties};
 use crate::release::{SIM_TIME, TICK, WALL_TIME};
 use crate::signals::{self, SignalFrame};
-pub use self::twin::TwinFrame;
 pub use crate::sink::Target;
 use crate::sink::open;
 use crate::thin::{Moved, Pace};

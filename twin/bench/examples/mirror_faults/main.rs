@@ -204,10 +204,15 @@ fn main() -> Result<()> {
         tally.delays.sort_by(f64::total_cmp);
         let middle = tally.delays.get(tally.delays.len() / 2).copied().unwrap_or(f64::NAN);
         let Tally { struck: of, named: right, wrong, .. } = *tally;
-        println!("{kind:18} {right:4} of {of:4} named, median after {middle:.3} s; beside it something wrong in {wrong}");
+        println!(
+            "{kind:18} {right:4} of {of:4} named, median after {middle:.3} s; beside it something wrong in {wrong}"
+        );
         (struck, named) = (struck + of, named + right);
     }
-    println!("all                {named:4} of {struck:4}, {:.1} %", 100.0 * f64::from(named) / f64::from(struck.max(1)));
+    println!(
+        "all                {named:4} of {struck:4}, {:.1} %",
+        100.0 * f64::from(named) / f64::from(struck.max(1))
+    );
     println!("sound: {seconds:.0} s simulated, {false_alarms} named wrongly {alarms:?}");
     println!("the mirror took {:.3} ms a tick", 1e3 * spent.as_secs_f64() / f64::from(ticks.max(1)));
     Ok(())

@@ -18,6 +18,7 @@ struct Truths {
     shared: Happened,
     branch: Option<Happened>,
     all: BTreeMap<Condition, Happened>,
+    phases: Vec<(Option<Condition>, f64, &'static str)>,
     seconds: f64,
     last: f64,
 }
@@ -36,6 +37,7 @@ impl Watcher for Truths {
             Some(_) => self.branch.get_or_insert_with(|| self.shared.clone()),
         };
         happened.see(truth, moment.executive.phase());
+        self.phases.push((moment.condition, moment.time, moment.executive.phase().name()));
         Ok(())
     }
 
@@ -65,13 +67,17 @@ pub fn main(arguments: &[String]) -> Result<()> {
     let (mut seconds, mut wrongly) = (0.0, 0);
     for combination in from..to {
         let mut truths = Truths::default();
-        let mut mirroring = Mirroring::new(&bench, None, true);
+        let mut mirroring = Mirroring::new(&bench, None);
         bench.trial(combination, 0, &conditions, &[], &mut All(vec![&mut mirroring, &mut truths]))?;
         for named in mirroring.finish(Condition::Blind) {
-            let right =
-                truths.all.get(&named.condition).is_some_and(|happened| happened.justifies(&named.divergence));
+            let right = truths.all.get(&named.condition).is_some_and(|happened| happened.justifies(&named.divergence));
             let rightly = if right { "rightly" } else { "wrongly" };
-            println!("{combination} {}: {}, {rightly}", named.condition, named.divergence);
+            let at = |(condition, time, _): &&(Option<Condition>, f64, &str)| {
+                condition.is_none_or(|condition| condition == named.condition)
+                    && (time - named.divergence.time).abs() < 1e-6
+            };
+            let phase = truths.phases.iter().rev().find(at).map_or("", |(.., phase)| phase);
+            println!("{combination} {} ({phase}): {}, {rightly}", named.condition, named.divergence);
             wrongly += u32::from(!right);
         }
         seconds += truths.seconds;

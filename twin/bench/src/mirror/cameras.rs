@@ -2,9 +2,9 @@
 
 use std::sync::Arc;
 
-use hand_model::robot::{TactileFrame, TactileImage};
 use hand_model::CAMERAS;
 use hand_model::pads::IMAGE_SIZE;
+use hand_model::robot::{TactileFrame, TactileImage};
 
 use super::cables::Finding;
 use super::divergence::Kind;
@@ -103,7 +103,7 @@ impl CameraWatch {
                 camera.dead = true;
                 found.push((n, (Kind::CameraDead, f64::from(camera.sent - camera.repeats), f64::from(usual))));
             }
-            if behind == 0 {
+            if behind == 0 && camera.dimmed == 0 {
                 camera.dead &= frozen;
             }
         }
@@ -118,8 +118,16 @@ impl CameraWatch {
             let Some(shares) = brightness(&camera.first, &now) else { continue };
             let brightest = shares.iter().copied().fold(f64::EPSILON, f64::max);
             let worst = shares.iter().copied().fold(f64::INFINITY, f64::min) / brightest;
-            camera.dimmed = if worst < limits.colour { camera.dimmed + 1 } else { 0 };
-            if camera.dimmed >= limits.drifted && !camera.drifted {
+            let black = shares.iter().all(|share| *share < limits.black);
+            let dim = black || worst < limits.colour;
+            camera.dimmed = if dim { camera.dimmed + 1 } else { 0 };
+            if camera.dimmed < limits.drifted {
+                continue;
+            }
+            if black && !camera.dead {
+                camera.dead = true;
+                found.push((n, (Kind::CameraDead, 0.0, 1.0)));
+            } else if !black && !camera.drifted {
                 camera.drifted = true;
                 found.push((n, (Kind::PadDrifted, worst, 1.0)));
             }
@@ -167,6 +175,13 @@ mod tests {
     fn idle_pads_without_noise_are_not_dead() {
         let still = TactileImage { rgb: vec![90; IMAGE_SIZE * IMAGE_SIZE * 3] };
         assert_eq!(named(|_, _, _| Some(still.clone())), []);
+    }
+
+    #[test]
+    fn a_camera_that_sees_black_is_dead() {
+        let black = TactileImage { rgb: vec![0; IMAGE_SIZE * IMAGE_SIZE * 3] };
+        let named = named(|n, camera, image| Some(if camera == 7 && n >= 3 { black.clone() } else { image }));
+        assert_eq!(named.iter().map(|(_, camera, kind)| (*camera, *kind)).collect::<Vec<_>>(), [(7, Kind::CameraDead)]);
     }
 
     #[test]

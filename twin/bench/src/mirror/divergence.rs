@@ -118,13 +118,8 @@ mod tests {
 
     #[test]
     fn a_divergence_reads_as_a_sentence_and_as_a_row() {
-        let lost = Divergence {
-            time: 3.25,
-            kind: Kind::CableBroken,
-            part: "ring".to_owned(),
-            found: 0.0,
-            expected: 7.125,
-        };
+        let lost =
+            Divergence { time: 3.25, kind: Kind::CableBroken, part: "ring".to_owned(), found: 0.0, expected: 7.125 };
         assert_eq!(lost.to_string(), "3.25 s: ring: cable broken (found 0.00, expected 7.12 N of tension)");
         let id = TrialId { combination: 4, trial: 1, condition: Condition::Touch };
         let table = write_table([(id, &lost)].into_iter());

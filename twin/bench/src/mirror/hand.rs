@@ -3,6 +3,7 @@
 use std::collections::VecDeque;
 
 use control::executive::Phase;
+use grasping::Role;
 use nalgebra::Vector3;
 
 use super::cables::Finding;
@@ -10,6 +11,10 @@ use super::divergence::Kind;
 use super::limits::HandLimits;
 use super::residuals::Residuals;
 
+/// A force that stays within this range for some ticks is at rest, N.
+const STILL: f64 = 0.4;
+/// A force that changes by more within a tenth of a second pushes the hand, N.
+const PUSH: f64 = 1.5;
 /// m/s2.
 const GRAVITY: f64 = 9.81;
 
@@ -93,10 +98,10 @@ fn lasts(since: &mut Option<f64>, now: bool, time: f64, long: f64) -> bool {
 }
 
 impl HandWatch {
-    /// Whether something pushed the hand within the last hundredths of a second.
+    /// Whether something pushes the hand, or did within the last hundredths of a second.
     pub fn is_pushed(&self) -> bool {
         let newest = self.past.back().map_or_else(Vector3::zeros, |(_, force)| *force);
-        self.past.iter().rev().take(12).any(|(_, force)| (newest - force).norm() > 1.5)
+        self.touching || self.past.iter().rev().take(12).any(|(_, force)| (newest - force).norm() > PUSH)
     }
 
     /// One tick.
@@ -117,9 +122,10 @@ impl HandWatch {
         let found = self
             .contact(limits, tick, &moved, quiet)
             .or_else(|| self.lost_weight(limits, tick, should, quiet))
-            .or_else(|| self.lost_digits(limits, tick, should))
-            .or_else(|| self.payload(limits, tick, should, quiet));
-        if should == 0 && quiet && !self.touching {
+            .or_else(|| self.lost_digits(limits, tick, should, quiet))
+            .or_else(|| self.payload(limits, tick, &moved, (should, quiet)));
+        let early = tick.phase < Phase::LiftFirst && tick.progress < limits.empty[0];
+        if should == 0 && quiet && early && !self.touching && moved.norm() < limits.empty[1] {
             // The empty hand's own: what the arm's model leaves out.
             let before = *self.empty.get_or_insert(force);
             self.empty = Some(before + 0.05 * (force - before));
@@ -136,7 +142,11 @@ impl HandWatch {
     /// A force on the hand that the phase does not expect. While grasping, and of weights that come and go, only what is level counts.
     fn contact(&mut self, limits: &HandLimits, tick: &HandTick, moved: &Vector3<f64>, quiet: bool) -> Option<Finding> {
         let level = moved.xy().norm();
-        let (size, least) = if quiet { (level.max(moved.z), limits.contact) } else { (level, limits.contact_grasping) };
+        let (size, least) = match quiet {
+            true => (level.max(moved.z), limits.contact),
+            false if level > moved.z.abs() => (level, limits.contact_level),
+            false => (0.0, limits.contact_level),
+        };
         let now = size > least;
         let lasts = lasts(&mut self.contact_since, now, tick.time, limits.contact_time);
         if !now {
@@ -151,6 +161,12 @@ impl HandWatch {
         Some((Kind::UnexpectedContact, size, 0.0))
     }
 
+    /// Whether the force has stayed within `range` (N) for some ticks.
+    fn is_steady(&self, range: f64) -> bool {
+        let newest = self.past.back().map_or_else(Vector3::zeros, |(_, force)| *force);
+        self.past.iter().rev().take(4).all(|(_, force)| (newest - force).norm() < range)
+    }
+
     /// Weight on the hand now, N, where it can be told.
     fn weighs(&self, force: &Vector3<f64>) -> Option<f64> {
         self.empty.map(|empty| empty.z - force.z)
@@ -161,21 +177,25 @@ impl HandWatch {
         let had = self.weight.unwrap_or(0.0);
         let gone = had - weight;
         let single = if should == 2 { tick.masses[0].min(tick.masses[1]) } else { tick.masses[0] } * GRAVITY;
-        let lost = gone > (limits.lost_share * single).max(limits.lost_least);
+        // Of what is heavier than planned more must go.
+        let single = if should == 1 || self.overloaded { single.max(had) } else { single };
+        // What pushes the hand up takes more than there was.
+        let pushed = gone > single + limits.lost_least || !self.is_steady(0.5 * limits.lost_least);
+        let lost = gone > (limits.lost_share * single).max(limits.lost_least) && !pushed;
         if lasts(&mut self.lost_since, lost, tick.time, limits.lost_time) {
             self.weight = Some(weight);
             self.lost += 1;
             return (self.lost <= 2).then_some((Kind::ObjectLost, weight, had));
         }
-        if !lost {
+        if !lost && !pushed {
             self.weight = Some(self.weight.map_or(weight, |had| had + 0.1 * (weight - had)));
         }
         None
     }
 
     /// Digits that carried something and bear no more than a free digit does.
-    fn lost_digits(&mut self, limits: &HandLimits, tick: &HandTick, should: usize) -> Option<Finding> {
-        let mut dropped = 0;
+    fn lost_digits(&mut self, limits: &HandLimits, tick: &HandTick, should: usize, quiet: bool) -> Option<Finding> {
+        let mut dropped = [false; 5];
         for (n, cable) in tick.residuals.cables.iter().enumerate() {
             let load = cable.tension - cable.free;
             let free = load.abs() < (limits.free_share * cable.pulled).max(0.5);
@@ -187,22 +207,38 @@ impl HandWatch {
             let free = lasts(&mut self.free_since[n], free && self.carrying[n], tick.time, limits.free_time);
             if free {
                 self.carrying[n] = false;
-                dropped += 1;
+                dropped[n] = true;
             }
         }
-        let left = self.carrying.iter().filter(|carrying| **carrying).count();
-        if dropped == 0 || left > 0 || self.lost >= should {
+        // An object is gone when the last of the digits that have it bears nothing.
+        let gone = |role: Role| {
+            let digits = role.digits().iter().map(|digit| digit.index());
+            digits.clone().any(|n| dropped[n]) && !digits.clone().any(|n| self.carrying[n])
+        };
+        let object = [Role::First, Role::Second].into_iter().take(should).position(gone)?;
+        let single = tick.masses[object] * GRAVITY;
+        let still = self.weighs(&tick.residuals.force).filter(|_| quiet && should == 1 && self.is_steady(STILL));
+        // Digits of the first object change their hold while the second one is raised, and it may rest in the palm.
+        let moves = tick.phase == Phase::LiftSecond && !quiet;
+        if moves || self.lost >= should || still.is_some_and(|weight| weight > 0.5 * single) {
             return None;
         }
-        self.lost = should;
+        self.lost += 1;
         self.weight = None;
-        Some((Kind::ObjectLost, 0.0, tick.masses[..should].iter().sum::<f64>() * GRAVITY))
+        Some((Kind::ObjectLost, 0.0, single))
     }
 
-    fn payload(&mut self, limits: &HandLimits, tick: &HandTick, should: usize, quiet: bool) -> Option<Finding> {
+    fn payload(
+        &mut self,
+        limits: &HandLimits,
+        tick: &HandTick,
+        moved: &Vector3<f64>,
+        (should, quiet): (usize, bool),
+    ) -> Option<Finding> {
         let weight = self.weighs(&tick.residuals.force).filter(|_| quiet && should > 0 && !self.touching)?;
         let expected = tick.masses[..should].iter().sum::<f64>();
-        let more = weight - GRAVITY * expected > limits.payload;
+        // What pushes pushes sideways, too.
+        let more = weight - GRAVITY * expected > limits.payload && moved.xy().norm() < PUSH;
         if !lasts(&mut self.payload_since, more, tick.time, limits.payload_time) || self.overloaded {
             return None;
         }

@@ -27,7 +27,9 @@ pub struct CableLimits {
     pub least: f64,
     pub longest_slip: f64,
     pub shortest_slip: f64,
+    pub whole_travel: f64,
     pub slack_time: f64,
+    pub gripping: f64,
     pub weak_step: f64,
     pub weak_decay: [f64; 2],
     pub weak_before: f64,
@@ -43,13 +45,14 @@ pub struct HandLimits {
     pub memory: f64,
     pub contact: f64,
     pub contact_time: f64,
-    pub contact_grasping: f64,
+    pub contact_level: f64,
     pub arriving: f64,
     pub leaving: f64,
     pub payload: f64,
     pub payload_time: f64,
     pub lost_share: f64,
     pub lost_least: f64,
+    pub empty: [f64; 2],
     pub lost_time: f64,
     pub carrying: f64,
     pub free_share: f64,
@@ -63,6 +66,7 @@ pub struct CameraLimits {
     pub missed: u32,
     pub colour: f64,
     pub drifted: u32,
+    pub black: f64,
 }
 
 impl Limits {

@@ -101,8 +101,7 @@ mod tests {
         let (hand, arm) = (Hand::ftac(), Arm::gen3());
         let links = arm.tree.forward(&Arm::home());
         let point = nalgebra::Point3::new(0.02, 0.0, -0.1);
-        let jacobian: SMatrix<f64, 6, 7> =
-            arm.tree.jacobian(&links, 6, &point).fixed_view::<6, 7>(0, 0).into_owned();
+        let jacobian: SMatrix<f64, 6, 7> = arm.tree.jacobian(&links, 6, &point).fixed_view::<6, 7>(0, 0).into_owned();
         let force = Vector3::new(3.0, -4.0, -6.0);
         let torque = -(jacobian.fixed_rows::<3>(0).transpose() * force);
         let states = [&[ServoState::default(); ACTUATORS]; 2];

@@ -20,8 +20,6 @@ pub struct Mirroring<'a> {
     bench: &'a Bench,
     /// Where it is shown, if anywhere.
     recording: Option<&'a mut Recording>,
-    /// Asks for images throughout.
-    images: bool,
     /// What conditions share, and the branch that is played; each with the time of its last tick, s.
     shared: Option<(Mirror, f64)>,
     branch: Option<(Mirror, f64)>,
@@ -32,18 +30,9 @@ pub struct Mirroring<'a> {
 }
 
 impl<'a> Mirroring<'a> {
-    /// Beside the trials of `bench`, shown in `recording`; `images`: pads are looked at throughout.
-    pub fn new(bench: &'a Bench, recording: Option<&'a mut Recording>, images: bool) -> Self {
-        Self {
-            bench,
-            recording,
-            images,
-            shared: None,
-            branch: None,
-            named: Vec::new(),
-            ticks: 0,
-            spent: Duration::ZERO,
-        }
+    /// Beside the trials of `bench`, shown in `recording`.
+    pub fn new(bench: &'a Bench, recording: Option<&'a mut Recording>) -> Self {
+        Self { bench, recording, shared: None, branch: None, named: Vec::new(), ticks: 0, spent: Duration::ZERO }
     }
 
     /// What was named, branch by branch; a branch that was stopped included.
@@ -94,7 +83,7 @@ impl<'a> Mirroring<'a> {
 
 impl Watcher for Mirroring<'_> {
     fn active(&self) -> bool {
-        self.images || self.recording.is_some()
+        true
     }
 
     fn see(&mut self, moment: &Moment) -> Result<()> {
