@@ -24,11 +24,20 @@ struct Slack {
     since: f64,
     /// Cable on the spool when it began, m.
     wound: f64,
-    /// Whether something pushed a hand whose digit gripped nothing: it may have pushed it closed.
+    /// Whether the digit was pulled so hard that it may grip something.
+    grips: bool,
+    /// Whether something pushed the hand at that time: it may push a digit closed that grips nothing.
     pushed: bool,
     /// Whether it went from bearing its load to bearing none within a tick.
     sudden: bool,
     named: bool,
+}
+
+impl Slack {
+    /// Whether nothing but the cable itself explains it.
+    fn is_certain(&self) -> bool {
+        self.sudden && (self.grips || !self.pushed)
+    }
 }
 
 /// Whether the newest of `past` bears nothing and the one before bore as much as the one before that.
@@ -87,13 +96,14 @@ impl CableWatch {
             since: time,
             wound: before.map_or(cable.wound, |before| before.wound),
             sudden: fell_at_once(&self.past),
-            pushed: pushed && cable.pulled < limits.gripping,
+            grips: before.is_some_and(|before| before.pulled > limits.gripping),
+            pushed,
             named: false,
         });
         let wound = cable.wound - slack.wound;
         // Somebody who pushes a digit closed takes some ticks for it, and no further than it closes.
-        slack.pushed |= pushed && cable.pulled < limits.gripping && time < slack.since + REBOUND;
-        let broken = if slack.sudden && !slack.pushed {
+        slack.pushed |= pushed && time < slack.since + REBOUND;
+        let broken = if slack.is_certain() {
             wound > limits.longest_slip || time - slack.since > limits.slack_time
         } else {
             wound > limits.whole_travel
@@ -119,7 +129,7 @@ impl CableWatch {
             return None;
         }
         let bounded = (limits.shortest_slip..limits.longest_slip).contains(&wound);
-        let slipped = slack.sudden && !slack.pushed && !slack.named && bounded;
+        let slipped = slack.is_certain() && !slack.named && bounded;
         slipped.then_some((Kind::CableSlipped, 1e3 * wound, 0.0))
     }
 

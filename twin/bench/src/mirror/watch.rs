@@ -82,8 +82,9 @@ impl<'a> Mirroring<'a> {
 }
 
 impl Watcher for Mirroring<'_> {
+    /// It takes the images that come: asking for more would move the looks of a policy in time.
     fn active(&self) -> bool {
-        true
+        self.recording.as_ref().is_some_and(|recording| recording.active())
     }
 
     fn see(&mut self, moment: &Moment) -> Result<()> {
