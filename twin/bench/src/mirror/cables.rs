@@ -9,7 +9,7 @@ use super::residuals::Cable;
 /// Ticks that are kept.
 const KEPT: usize = 7;
 /// By how much a servo's current may change over those ticks, of itself, where a step of its torque is looked for.
-const STEADY: f64 = 0.45;
+const STEADY: f64 = 0.6;
 
 /// A spool that meets the end of its slack rebounds from it for no longer than this, s.
 const REBOUND: f64 = 0.08;

@@ -217,10 +217,11 @@ impl HandWatch {
         };
         let object = [Role::First, Role::Second].into_iter().take(should).position(gone)?;
         let single = tick.masses[object] * GRAVITY;
-        let still = self.weighs(&tick.residuals.force).filter(|_| quiet && should == 1 && self.is_steady(STILL));
+        let whole = tick.masses[..should].iter().sum::<f64>() * GRAVITY;
+        let still = self.weighs(&tick.residuals.force).filter(|_| quiet && self.is_steady(STILL));
         // Digits of the first object change their hold while the second one is raised, and it may rest in the palm.
         let moves = tick.phase == Phase::LiftSecond && !quiet;
-        if moves || self.lost >= should || still.is_some_and(|weight| weight > 0.5 * single) {
+        if moves || self.lost >= should || still.is_some_and(|weight| weight > whole - 0.5 * single) {
             return None;
         }
         self.lost += 1;
@@ -239,7 +240,9 @@ impl HandWatch {
         let expected = tick.masses[..should].iter().sum::<f64>();
         // What pushes pushes sideways, too.
         let more = weight - GRAVITY * expected > limits.payload && moved.xy().norm() < PUSH;
-        if !lasts(&mut self.payload_since, more, tick.time, limits.payload_time) || self.overloaded {
+        let lasts = lasts(&mut self.payload_since, more, tick.time, limits.payload_time);
+        // A weight comes and stays; what touches the hand pushes harder and harder.
+        if !lasts || self.overloaded || !self.is_steady(STILL) {
             return None;
         }
         self.overloaded = true;
