@@ -271,7 +271,7 @@ mod tests {
                 _ => (Phase::Decide, own + object + force),
             };
             let residuals = Residuals { force, ..Residuals::default() };
-            let tick = HandTick { time, phase, progress: 0.5, residuals: &residuals, masses: [0.1, 0.2] };
+            let tick = HandTick { time, phase, progress: 0.3, residuals: &residuals, masses: [0.1, 0.2] };
             watch.see(&limits, &tick).map(|(kind, ..)| kind)
         };
         (0..240).filter_map(see).collect()

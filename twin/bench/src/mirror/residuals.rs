@@ -104,9 +104,9 @@ mod tests {
         let jacobian: SMatrix<f64, 6, 7> = arm.tree.jacobian(&links, 6, &point).fixed_view::<6, 7>(0, 0).into_owned();
         let force = Vector3::new(3.0, -4.0, -6.0);
         let torque = -(jacobian.fixed_rows::<3>(0).transpose() * force);
-        let states = [&[ServoState::default(); ACTUATORS]; 2];
+        let still = [ServoState::default(); ACTUATORS];
         let innovation = Innovation { arm_torque: torque.into(), ..innovation() };
-        let found = Residuals::new(&hand, states, 0.01, &innovation, &jacobian).force;
+        let found = Residuals::new(&hand, [&still; 2], 0.01, &innovation, &jacobian).force;
         assert!((found - force).norm() < 1e-6, "{found}");
     }
 }
