@@ -55,6 +55,19 @@ fn trials(folder: &Path) -> Vec<Vec<String>> {
     rows
 }
 
+/// A mirror names what it finds in a table of its own and changes nothing else: it only looks.
+#[test]
+fn a_mirror_changes_no_row() {
+    let folder = tempdir().expect("a folder");
+    bench(&["--mirror", "--out", text(folder.path())]);
+    assert_eq!(trials(folder.path()), trials(reference()));
+    let named = fs::read_to_string(folder.path().join("divergences.csv")).expect("divergences.csv");
+    let mut lines = named.lines();
+    assert_eq!(lines.next(), Some("combination,trial,condition,time_s,divergence,part,found,expected"));
+    assert!(lines.all(|line| line.split(',').count() == 8), "{named}");
+    assert!(!reference().join("divergences.csv").exists(), "only where a mirror looked on");
+}
+
 /// A condition that is played alone gives the rows it gives beside the others, but for the risk that touch would have predicted.
 #[test]
 fn conditions_can_be_played_alone() {

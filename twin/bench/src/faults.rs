@@ -289,6 +289,7 @@ impl Experiment {
                 time,
                 truth: None,
                 executive,
+                sent: None,
                 felt: None,
                 condition,
                 note,

@@ -15,6 +15,7 @@ use scenarios::{Ablation, Scenario};
 use serde::{Deserialize, Serialize};
 
 use crate::body::{Places, Task};
+use crate::mirror::divergence::Named;
 use crate::own::Source;
 
 /// What a run was asked for; a resumed run must be asked for the same.
@@ -58,6 +59,9 @@ pub struct RunRequest {
     /// Whether policies that decide play second grasps in a twin of the scene before they choose one.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub foresees: bool,
+    /// Whether a mirror looks on and names what differs.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub mirrors: bool,
     /// How the robot knows where things are.
     #[serde(flatten)]
     pub places: Places,
@@ -132,6 +136,9 @@ pub struct Entry {
     /// The same trial with some of its means taken away.
     #[serde(default)]
     pub ablated: Vec<AblatedTrial>,
+    /// What a mirror named in it.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub divergences: Vec<Named>,
     /// Wall time it took, s.
     pub wall_s: f64,
 }

@@ -2,7 +2,7 @@
 //!
 //! [`body`] holds the bodies on which a trial can be played, [`trial`] plays one, [`run`] plays a benchmark's many in parallel,
 //! [`journal`] keeps what is finished, [`recording`] shows a trial in Rerun. [`transport`] carries several objects in one trip,
-//! [`faults`] injects device faults into trials, [`own`] lets a policy of the user's decide in them, [`environment`] lets a learner step through scenes. [`workers`] are the threads it all runs on.
+//! [`mirror`] lets a twin look on and names what differs, [`faults`] injects device faults into trials, [`own`] lets a policy of the user's decide in them, [`environment`] lets a learner step through scenes. [`workers`] are the threads it all runs on.
 
 pub mod body;
 pub mod builtin;

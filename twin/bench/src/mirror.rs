@@ -1,5 +1,152 @@
-//! The mirror: a twin that runs beside the robot, fed with the same commands and corrected by its measurements.
+//! The mirror: a twin that runs beside the robot, fed with the same commands and corrected by its measurements, and what it names.
 //!
-//! [`twin`] gives the residuals, tick by tick. It takes measurements and sent commands alone and cannot reach the robot's truth.
+//! [`twin`] is the observer, [`seen`] all that it is told, [`residuals`] what is left between robot and twin. [`cables`], [`hand`] and [`cameras`]
+//! find what is amiss in that, by the limits of [`limits`]; [`divergence`] has the words for it. [`belief`] is where the object in the hand was felt.
+//! [`watch`] lets a mirror look on while trials are played. A mirror only looks: it takes measurements, sent commands and what
+//! the controller believes ([`seen::Seen`]), cannot reach the robot's truth, and gives nothing back to whoever commands.
 
+pub mod belief;
+pub mod cables;
+pub mod cameras;
+pub mod divergence;
+pub mod hand;
+pub mod limits;
+pub mod residuals;
+pub mod seen;
 pub mod twin;
+pub mod watch;
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+use control::inverse_kinematics::ArmKinematics;
+use hand_model::robot::ServoState;
+use hand_model::{ACTUATORS, ARM_JOINTS, Digit, Hand};
+use nalgebra::Isometry3;
+use proving::world::World;
+
+use self::belief::{Belief, Believes};
+use self::cables::{CableWatch, Finding};
+use self::cameras::CameraWatch;
+use self::divergence::{Divergence, Kind};
+use self::hand::{HandTick, HandWatch};
+use self::limits::{Limits, LimitsError};
+use self::residuals::Residuals;
+use self::seen::Seen;
+use self::twin::Twin;
+
+/// A twin beside a robot, and all that was named so far.
+#[derive(Clone)]
+pub struct Mirror {
+    twin: Twin,
+    hand: Arc<Hand>,
+    kinematics: ArmKinematics,
+    limits: Limits,
+    /// Masses of objects as the controller knows them, kg.
+    masses: Arc<BTreeMap<String, f64>>,
+    before: [ServoState; ACTUATORS],
+    residuals: Residuals,
+    cables: [CableWatch; 5],
+    handle: HandWatch,
+    cameras: CameraWatch,
+    believes: Believes,
+    named: Vec<Divergence>,
+}
+
+impl Mirror {
+    /// Of the robot that the controller of `world` knows, its arm at rest where it was measured (rad).
+    pub fn new(world: &World, arm: &[f64; ARM_JOINTS]) -> Result<Self, LimitsError> {
+        let masses = world.objects.iter().map(|object| (object.name.clone(), object.mass)).collect();
+        Ok(Self {
+            twin: Twin::new(world, arm),
+            hand: world.cell.hand.clone(),
+            kinematics: world.cell.kinematics(),
+            limits: Limits::standard()?,
+            masses: Arc::new(masses),
+            before: [ServoState::default(); ACTUATORS],
+            residuals: Residuals::default(),
+            cables: Default::default(),
+            handle: HandWatch::default(),
+            cameras: CameraWatch::default(),
+            believes: Believes::default(),
+            named: Vec::new(),
+        })
+    }
+
+    /// A fresh mirror of a robot that went on unseen, its arm now at rest where it was measured (rad); what was named stays.
+    pub fn restarted(self, world: &World, arm: &[f64; ARM_JOINTS]) -> Result<Self, LimitsError> {
+        Ok(Self { named: self.named, ..Self::new(world, arm)? })
+    }
+
+    /// One tick; what was named in it.
+    pub fn see(&mut self, seen: &Seen) -> &[Divergence] {
+        let known = self.named.len();
+        let innovation = self.twin.correct(seen.servos, seen.arm);
+        let (_, jacobian) = self.kinematics.jacobian(&seen.arm.position);
+        let readings = [&self.before, seen.servos];
+        self.residuals = Residuals::new(&self.hand, readings, self.twin.tick_length(), &innovation, &jacobian);
+        self.before = *seen.servos;
+        self.believes.see(seen.time, seen.phase, seen.felt);
+        self.look_at_hand(seen);
+        self.look_at_cables(seen.time);
+        let cameras = self.cameras.see(&self.limits.camera, seen.images);
+        for (camera, finding) in cameras {
+            let part = self.hand.cameras.get(camera).map_or_else(String::new, |camera| camera.name.clone());
+            self.name(seen.time, part, finding);
+        }
+        self.twin.follow(seen.sent);
+        &self.named[known..]
+    }
+
+    fn look_at_hand(&mut self, seen: &Seen) {
+        let mass = |name: &str| self.masses.get(name).copied().unwrap_or(0.0);
+        let tick = HandTick {
+            time: seen.time,
+            phase: seen.phase,
+            progress: seen.progress,
+            residuals: &self.residuals,
+            masses: seen.objects.map(mass),
+        };
+        if let Some(finding) = self.handle.see(&self.limits.hand, &tick) {
+            if finding.0 == Kind::ObjectLost {
+                self.believes.lose();
+            }
+            self.name(seen.time, "hand".to_owned(), finding);
+        }
+    }
+
+    fn look_at_cables(&mut self, time: f64) {
+        let pushed = self.handle.is_pushed();
+        for digit in Digit::ALL {
+            let n = digit.index();
+            let finding = self.cables[n].see(&self.limits.cable, time, &self.residuals.cables[n], pushed);
+            if let Some(finding) = finding {
+                self.name(time, digit.name().to_owned(), finding);
+            }
+        }
+    }
+
+    fn name(&mut self, time: f64, part: String, (kind, found, expected): Finding) {
+        self.named.push(Divergence { time, kind, part, found, expected });
+    }
+
+    /// All that was named.
+    pub fn named(&self) -> &[Divergence] {
+        &self.named
+    }
+
+    /// Residuals of the last tick.
+    pub fn residuals(&self) -> &Residuals {
+        &self.residuals
+    }
+
+    /// The twin.
+    pub fn twin(&self) -> &Twin {
+        &self.twin
+    }
+
+    /// The object that is believed to be in the hand, and `world_from_object` there.
+    pub fn object(&self) -> Option<(&Belief, Isometry3<f64>)> {
+        self.believes.object().map(|belief| (belief, self.twin.palm() * belief.palm_from_object))
+    }
+}

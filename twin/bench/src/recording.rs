@@ -2,6 +2,7 @@
 
 mod beliefs;
 mod measured;
+mod mirrored;
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -10,7 +11,7 @@ use std::time::{SystemTime, UNIX_EPOCH};
 use anyhow::Result;
 use control::executive::Phase;
 use hand_model::robot::{ServoState, TactileFrame, TactileImage};
-use hand_model::{ACTUATORS, ARM_JOINTS};
+use hand_model::{ACTUATORS, ARM_JOINTS, Arm};
 use nalgebra::{Isometry3, Vector3};
 use scenarios::objects::ObjectModel;
 use scenarios::record::{Condition, TrialRecord};
@@ -126,6 +127,11 @@ pub struct Recording {
     /// Whether the true scene is recorded.
     truth: bool,
     shown: Shown,
+    arm: Arc<Arm>,
+    /// Whether the body's objects are in the other order than the combination names them.
+    reversed: bool,
+    /// Whether the last moment was recorded: others' branches are not.
+    shows: bool,
 }
 
 impl Recording {
@@ -162,6 +168,9 @@ impl Recording {
             beliefs: Beliefs::default(),
             truth,
             shown: Shown::default(),
+            arm: bench.world.cell.arm.clone(),
+            reversed: false,
+            shows: false,
         })
     }
 
@@ -186,11 +195,13 @@ impl Watcher for Recording {
 
     fn see(&mut self, moment: &Moment) -> Result<()> {
         let others = moment.condition.map_or(self.begins_otherwise, |condition| condition != self.condition);
-        if !self.alone && others {
+        self.shows = self.alone || !others;
+        if !self.shows {
             return Ok(());
         }
         let Some(recorder) = self.recorder.as_mut() else { return Ok(()) };
         let (mut names, mut objects) = (self.names.clone(), self.objects.clone());
+        self.reversed = moment.reversed;
         if moment.reversed {
             names.reverse();
             objects.reverse();

@@ -9,18 +9,20 @@ use anyhow::{Context, Result, bail};
 use report;
 use report::film::{self, Film};
 use scenarios::FailureCause;
-use scenarios::record::{AblatedTrial, Condition, TrialRecord, write_ablated, write_trials};
+use scenarios::record::{AblatedTrial, Condition, TrialId, TrialRecord, write_ablated, write_trials};
 use scenarios::statistics::{RunInfo, Summary, summarise};
 use scenarios::tries::{TryRecord, write_tries};
 
 use crate::body::BodySource;
 use crate::body::operator::Interrupt;
 use crate::journal::{Entry, Journal, RunRequest, Unit};
+use crate::mirror::divergence::write_table;
+use crate::mirror::watch::Mirroring;
 use crate::own::Pace;
 use crate::recording::{Began, Recording};
 use crate::trial::filming::{self, All, Filming};
 use crate::trial::profile::Activity;
-use crate::trial::{Bench, NoWatcher, TrialResults};
+use crate::trial::{Bench, NoWatcher, TrialResults, Watcher};
 use crate::{provenance, workers};
 
 /// Which trials are recorded.
@@ -89,27 +91,46 @@ pub fn run_unit(
     if let Some(place) = (options.place)(record)? {
         return run_conditions(bench, request, unit, folder, options, (place, record));
     }
+    let play = |watcher: &mut dyn Watcher| match unit.trial {
+        Some(trial) => bench.trial(unit.combination, trial, &request.noisy(), &request.ablations, watcher),
+        None => bench.ideal(unit.combination, watcher).map(TrialResults::from),
+    };
     if !record {
-        return match unit.trial {
-            Some(trial) => bench.trial(unit.combination, trial, &request.noisy(), &request.ablations, &mut NoWatcher),
-            None => Ok(bench.ideal(unit.combination, &mut NoWatcher)?.into()),
-        };
+        return beside(bench, request, None, condition, play);
     }
     recorded_as(&name(unit), folder, options.live, |targets| {
         let mut recording =
             Recording::open(targets, bench, &request.task(unit, condition, false), (Began::Never, false))?;
         let mut filming = Filming::new(bench, condition, 4.0);
-        let mut watchers = All(vec![&mut recording, &mut filming]);
-        let results = match unit.trial {
-            Some(trial) => bench.trial(unit.combination, trial, &request.noisy(), &request.ablations, &mut watchers),
-            None => bench.ideal(unit.combination, &mut watchers).map(TrialResults::from),
-        };
+        let results = beside(bench, request, Some(&mut recording), condition, |watcher| {
+            play(&mut All(vec![watcher, &mut filming]))
+        });
         recording.finish()?;
         if unit.trial.is_some() && results.is_ok() {
             strip(bench, unit, &filming.film, folder)?;
         }
         results
     })
+}
+
+/// What `play` comes to with `recording` as its watcher, and a mirror beside the robot where `request` asks for one; `condition` is that of a trial
+/// that stops.
+fn beside(
+    bench: &Bench,
+    request: &RunRequest,
+    recording: Option<&mut Recording>,
+    condition: Condition,
+    play: impl FnOnce(&mut dyn Watcher) -> Result<TrialResults>,
+) -> Result<TrialResults> {
+    if !request.mirrors {
+        return match recording {
+            Some(recording) => play(recording),
+            None => play(&mut NoWatcher),
+        };
+    }
+    let mut mirroring = Mirroring::new(bench, recording);
+    let results = play(&mut mirroring)?;
+    Ok(TrialResults { divergences: mirroring.finish(condition), ..results })
 }
 
 /// Stills of a recorded trial, beside its recording.
@@ -133,17 +154,20 @@ fn run_conditions(
     let mut results = TrialResults::default();
     for condition in conditions {
         let task = request.task(unit, condition, record);
-        let outcome = match record {
-            false => bench.play(&task, place.as_mut(), &mut NoWatcher)?,
+        let began = if place.is_real() { Began::Now } else { Began::Never };
+        let play = |watcher: &mut dyn Watcher| bench.play(&task, place.as_mut(), watcher).map(TrialResults::from);
+        let one = match record {
+            false => beside(bench, request, None, condition, play)?,
             true => recorded_as(&format!("{}_{condition}", name(unit)), folder, options.live, |targets| {
-                let began = if place.is_real() { Began::Now } else { Began::Never };
                 let mut recording = Recording::open(targets, bench, &task, (began, false))?;
-                let outcome = bench.play(&task, place.as_mut(), &mut recording);
+                let one = beside(bench, request, Some(&mut recording), condition, play);
                 recording.finish()?;
-                outcome
+                one
             })?,
         };
-        results.add(outcome);
+        results.records.extend(one.records);
+        results.tries.extend(one.tries);
+        results.divergences.extend(one.divergences);
     }
     Ok(results)
 }
@@ -206,8 +230,9 @@ pub fn run(bench: &Bench, request: &RunRequest, journal: Journal, folder: &Path,
             let trial = unit.trial.map_or("ideal run".to_owned(), |trial| format!("trial {trial}"));
             format!("combination {}, {trial}", unit.combination)
         })?;
-        let TrialResults { records, tries, ablated } = results;
-        let entry = Entry { run: None, unit: *unit, records, tries, ablated, wall_s: start.elapsed().as_secs_f64() };
+        let TrialResults { records, tries, ablated, divergences } = results;
+        let wall_s = start.elapsed().as_secs_f64();
+        let entry = Entry { run: None, unit: *unit, records, tries, ablated, divergences, wall_s };
         let mut journal = journal.lock().map_err(|_| anyhow::anyhow!("a worker panicked"))?;
         journal.append(entry.clone()).map_err(|error| elsewhere(&entry, error))?;
         bar.inc(1);
@@ -345,7 +370,7 @@ fn warnings(done: &BTreeMap<Unit, Entry>, request: &RunRequest) -> Vec<String> {
 }
 
 /// `spent` is where the time went, if that is known. Writes `trials.csv`, `tries.csv`, `ablations.csv` where
-/// there are any, `summary.json` and `report.html`, each whole or not at all.
+/// there are any, `divergences.csv` where a mirror looked on, `summary.json` and `report.html`, each whole or not at all.
 pub fn finish(
     done: &BTreeMap<Unit, Entry>,
     request: &RunRequest,
@@ -368,6 +393,13 @@ pub fn finish(
     let mut table = Vec::new();
     write_tries(&tries, &mut table)?;
     report::write_whole(&folder.join("tries.csv"), &table)?;
+    if request.mirrors {
+        let named = done.values().flat_map(|entry| entry.divergences.iter().map(move |named| (entry.unit, named)));
+        let rows = named.map(|(Unit { combination, trial }, named)| {
+            (TrialId { combination, trial: trial.unwrap_or(0), condition: named.condition }, &named.divergence)
+        });
+        report::write_whole(&folder.join("divergences.csv"), write_table(rows).as_bytes())?;
+    }
     if !ablated.is_empty() {
         let mut table = Vec::new();
         write_ablated(&ablated, &mut table)?;

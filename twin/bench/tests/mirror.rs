@@ -1,10 +1,22 @@
-//! The twin beside a simulated robot: residuals of a sound one are small in free motion, those of a broken one are not.
+//! The mirror beside a simulated robot: residuals of a sound one are small in free motion, those of a broken one are not; what breaks is named, a
+//! sound robot raises nothing, and whoever is mirrored does not notice.
 
+use anyhow::Result;
+use bench::builtin::make_bench;
+use bench::mirror::Mirror;
+use bench::mirror::divergence::{Divergence, Kind};
+use bench::mirror::seen::Seen;
 use bench::mirror::twin::Twin;
+use bench::mirror::watch::Mirroring;
+use bench::trial::filming::All;
+use bench::trial::{Moment, Watcher};
+use control::executive::Phase;
 use hand_model::robot::{Command, Robot, ServoGoal};
 use hand_model::{Arm, Digit};
+use nalgebra::{Isometry3, Vector3};
 use proving::world::World;
 use scenarios::Scenario;
+use scenarios::record::{Condition, TrialRecord};
 use sim::tactile::TactileBoard;
 use sim::{SceneSetup, SimulatedRobot};
 
@@ -16,13 +28,29 @@ const END: f64 = 2.0;
 /// When the cable breaks, s.
 const BREAK: f64 = 1.5;
 
+/// Within this time a fault is to be named, s.
+const WITHIN: f64 = 0.5;
+
+/// The robot of `world` as drawn, its hand empty, and the command of the motion at `time` (s): the hand closes while the arm moves.
+fn robot(world: &World) -> SimulatedRobot {
+    let cell = &world.cell;
+    let setup = SceneSetup { cables: world.cable_losses(), ..SceneSetup::ideal(cell.world_from_base, Arm::home()) };
+    SimulatedRobot::new(cell.hand.clone(), cell.arm.clone(), &setup, TactileBoard::blank())
+}
+
+fn command(time: f64) -> Command {
+    let mut arm = Arm::home();
+    arm[0] += 0.1 * time;
+    let mut servos = [ServoGoal::Current(0.05 * (time / WINDING).min(1.0)); 6];
+    servos[5] = ServoGoal::Current(0.0);
+    Command { arm, servos, capture: false }
+}
+
 /// Residuals of the five cables, N, mean of each four ticks, with the time of the last (s), of a robot as drawn that closes its hand on
 /// nothing while its arm moves; cable `broken` breaks at [`BREAK`].
 fn residuals(broken: Option<usize>) -> Vec<(f64, [f64; 5])> {
     let world = World::new(Scenario::benchmark()).expect("the world");
-    let cell = &world.cell;
-    let setup = SceneSetup { cables: world.cable_losses(), ..SceneSetup::ideal(cell.world_from_base, Arm::home()) };
-    let mut robot = SimulatedRobot::new(cell.hand.clone(), cell.arm.clone(), &setup, TactileBoard::blank());
+    let mut robot = robot(&world);
     let mut twin = Twin::new(&world, &robot.observe().arm.position);
     let mut broken = broken;
     let mut all = Vec::new();
@@ -33,11 +61,7 @@ fn residuals(broken: Option<usize>) -> Vec<(f64, [f64; 5])> {
         }
         let innovation = twin.correct(&seen.servos, &seen.arm);
         all.push((seen.time, innovation.loads));
-        let mut arm = Arm::home();
-        arm[0] += 0.1 * seen.time;
-        let mut servos = [ServoGoal::Current(0.05 * (seen.time / WINDING).min(1.0)); 6];
-        servos[5] = ServoGoal::Current(0.0);
-        let sent = robot.send(&Command { arm, servos, capture: false });
+        let sent = robot.send(&command(seen.time));
         twin.follow(&sent);
         robot.wait_for_tick();
     }
@@ -61,4 +85,93 @@ fn a_broken_cable_leaves_what_a_sound_one_stays_within() {
         }
         assert!(time < BREAK + 0.1 || loads[ring] < -10.0 * SOUND, "at {time} s: {loads:?}");
     }
+}
+
+/// What a mirror names of the same motion, in which `strike` is done to the robot once at [`BREAK`], and `press` in each tick from then on.
+fn named(strike: impl FnOnce(&mut SimulatedRobot), press: impl Fn(&mut SimulatedRobot)) -> Vec<Divergence> {
+    let world = World::new(Scenario::benchmark()).expect("the world");
+    let mut robot = robot(&world);
+    let mut mirror = Mirror::new(&world, &robot.observe().arm.position).expect("a mirror");
+    let mut strike = Some(strike);
+    while robot.time() < END {
+        let seen = robot.observe();
+        if let Some(strike) = strike.take_if(|_| seen.time >= BREAK) {
+            strike(&mut robot);
+        }
+        let sent = robot.send(&command(seen.time));
+        if strike.is_none() {
+            press(&mut robot);
+        }
+        robot.wait_for_tick();
+        mirror.see(&Seen {
+            time: robot.time(),
+            servos: &seen.servos,
+            arm: &seen.arm,
+            images: &[],
+            sent: &sent,
+            phase: Phase::ApproachFirst,
+            progress: 0.5 * robot.time() / END,
+            objects: ["golf_ball", "can_66"],
+            felt: None,
+        });
+    }
+    mirror.named().to_vec()
+}
+
+#[test]
+fn a_sound_robot_raises_nothing() {
+    assert_eq!(named(|_| {}, |_| {}), []);
+}
+
+/// Each fault is named once, with its digit, and soon.
+#[test]
+fn faults_are_named() {
+    let (ring, index) = (Digit::Ring.index(), Digit::Index.index());
+    let push = Vector3::new(0.0, 12.0, 0.0);
+    let cases = [
+        (named(|robot| robot.break_cable(ring), |_| {}), Kind::CableBroken, "ring"),
+        (named(|robot| robot.slip_cable(index, 0.003), |_| {}), Kind::CableSlipped, "index"),
+        (named(|robot| robot.weaken_servo(ring, 0.6), |_| {}), Kind::ServoWeak, "ring"),
+        (named(|_| {}, |robot| robot.pull(None, push)), Kind::UnexpectedContact, "hand"),
+    ];
+    for (named, kind, part) in cases {
+        let [only] = &named[..] else { panic!("{kind}: {named:?}") };
+        assert_eq!((only.kind, only.part.as_str()), (kind, part));
+        assert!((BREAK..BREAK + WITHIN).contains(&only.time), "{only}");
+    }
+}
+
+/// Keeps where joints and objects were.
+#[derive(Default)]
+struct Trace(Vec<(f64, Vec<f64>, Vec<Isometry3<f64>>)>);
+
+impl Watcher for Trace {
+    fn active(&self) -> bool {
+        false
+    }
+    fn see(&mut self, moment: &Moment) -> Result<()> {
+        let truth = moment.truth.expect("the simulated body's");
+        self.0.push((moment.time, truth.hand.clone(), truth.objects.clone()));
+        Ok(())
+    }
+    fn branch(&mut self, _: Condition) -> Result<()> {
+        Ok(())
+    }
+    fn outcome(&mut self, _: &TrialRecord) -> Result<()> {
+        Ok(())
+    }
+}
+
+/// Every bit of a trial is the same with a mirror beside it.
+#[test]
+fn a_mirror_changes_no_bit_of_a_trial() {
+    let bench = make_bench(Scenario::benchmark(), 1, 1, true).expect("a bench");
+    let (mut alone, mut beside) = (Trace::default(), Trace::default());
+    let without = bench.trial(0, 0, &[Condition::Blind], &[], &mut alone).expect("a trial");
+    let mut mirroring = Mirroring::new(&bench, None);
+    let with = bench.trial(0, 0, &[Condition::Blind], &[], &mut All(vec![&mut mirroring, &mut beside]));
+    assert_eq!(without.records, with.expect("a trial").records);
+    assert!(mirroring.effort().0 as usize == beside.0.len(), "the mirror saw every tick");
+    assert_eq!(alone.0.len(), beside.0.len());
+    assert!(alone.0 == beside.0, "joints and objects");
 }

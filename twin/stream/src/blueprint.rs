@@ -118,6 +118,7 @@ fn layout() -> (Blueprint, Properties) {
             with.plot("Force on pads (N)", &[entities::PAD_FORCES], false),
             with.plot("Pose error (mm, deg)", &[entities::POSE_ERROR_MM, entities::POSE_ERROR_DEG], true),
             with.plot("Arm joints (deg)", &[entities::ARM_ANGLES], true),
+            with.plot("Beyond the twin (N)", &[entities::TWIN_LOADS, entities::TWIN_FORCE], true),
         ])
         .into(),
     ]);

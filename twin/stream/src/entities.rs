@@ -21,6 +21,9 @@ pub const REJECTED: &str = "world/ways/rejected";
 pub const CHOSEN: &str = "world/ways/chosen";
 /// Where the former comes nearest to the target.
 pub const NEAREST: &str = "world/ways/nearest";
+/// The twin of a mirror: its palm, with the hand's links below it; its arm's links are beside that.
+pub const TWIN: &str = "world/twin";
+pub const TWIN_HAND: &str = "world/twin/hand";
 /// Contact forces.
 pub const CONTACTS: &str = "world/contacts";
 /// Root of the tactile images.
@@ -45,6 +48,10 @@ pub const PAD_FORCES: &str = "signals/pad_force";
 pub const POSE_ERROR_MM: &str = "signals/pose_error_mm";
 /// Errors of the estimated object poses, degrees.
 pub const POSE_ERROR_DEG: &str = "signals/pose_error_deg";
+/// Load of each cable beyond the twin's, N.
+pub const TWIN_LOADS: &str = "signals/twin_load";
+/// Force on the hand that the twin does not feel, N.
+pub const TWIN_FORCE: &str = "signals/twin_force";
 /// The phase of the trial, a state.
 pub const PHASE: &str = "trial/phase";
 /// What happens, in words.
@@ -75,6 +82,21 @@ pub fn arm_link(k: usize) -> String {
 /// A link of the hand.
 pub fn hand_link(name: &str) -> String {
     format!("{HAND}/{}", part(name))
+}
+
+/// A link of the twin's arm.
+pub fn twin_arm_link(k: usize) -> String {
+    format!("{TWIN}/arm_link_{}", k + 1)
+}
+
+/// A link of the twin's hand.
+pub fn twin_hand_link(name: &str) -> String {
+    format!("{TWIN_HAND}/{}", part(name))
+}
+
+/// An object as a mirror believes it to be in the twin's hand.
+pub fn twin_object(name: &str) -> String {
+    format!("{TWIN}/objects/{}", part(name))
 }
 
 /// A pad, below the link that carries it (`None`: the palm).
@@ -127,6 +149,8 @@ pub fn all(hand: &Hand, arm_links: usize, objects: &[&str]) -> Vec<String> {
         REJECTED,
         NEAREST,
         CHOSEN,
+        TWIN,
+        TWIN_HAND,
         CONTACTS,
         TACTILE,
         HEIGHTS,
@@ -139,6 +163,8 @@ pub fn all(hand: &Hand, arm_links: usize, objects: &[&str]) -> Vec<String> {
         PAD_FORCES,
         POSE_ERROR_MM,
         POSE_ERROR_DEG,
+        TWIN_LOADS,
+        TWIN_FORCE,
         PHASE,
         LOG,
         NOW,
@@ -146,12 +172,13 @@ pub fn all(hand: &Hand, arm_links: usize, objects: &[&str]) -> Vec<String> {
     ];
     let mut paths: Vec<String> = fixed.iter().map(ToString::to_string).collect();
     paths.extend((0..arm_links).map(arm_link));
-    paths.extend(hand.tree.joints.iter().map(|joint| hand_link(&joint.name)));
+    paths.extend((0..arm_links).map(twin_arm_link));
+    paths.extend(hand.tree.joints.iter().flat_map(|joint| [hand_link(&joint.name), twin_hand_link(&joint.name)]));
     paths.extend(hand.pads.iter().map(|p| pad(p.link.map(|link| hand.tree.joints[link].name.as_str()), &p.name)));
     paths.extend(
         hand.cameras.iter().flat_map(|camera| [tactile(&camera.name), height(&camera.name), change(&camera.name)]),
     );
-    paths.extend(objects.iter().flat_map(|name| [object(name), estimate(name), covariance(name)]));
+    paths.extend(objects.iter().flat_map(|name| [object(name), estimate(name), covariance(name), twin_object(name)]));
     paths
 }
 
@@ -172,7 +199,7 @@ mod tests {
         sorted.sort();
         sorted.dedup();
         assert_eq!(sorted.len(), paths.len());
-        assert_eq!(paths.len(), 25 + 7 + 15 + 17 + 3 * 18 + 3 * 3);
+        assert_eq!(paths.len(), 29 + 2 * 7 + 2 * 15 + 17 + 3 * 18 + 4 * 3);
         for path in &paths {
             assert_eq!(rerun::EntityPath::parse_strict(path).expect("strict path").to_string(), format!("/{path}"));
         }

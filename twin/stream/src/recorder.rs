@@ -2,6 +2,7 @@
 
 mod beliefs;
 mod touch;
+mod twin;
 
 use std::path::Path;
 use std::time::Duration;
@@ -12,6 +13,7 @@ use nalgebra::{Isometry3, Point3, Vector3};
 use rerun::log::ChunkBatcherConfig;
 use rerun::{Clear, RecordingStream, TextDocument};
 
+pub use self::twin::TwinFrame;
 use crate::blueprint;
 use crate::change::Changes;
 use crate::error::StreamError;
@@ -74,7 +76,9 @@ const ROBOT: usize = 0;
 const CONTACTS: usize = 1;
 const CABLES: usize = 2;
 const PAGE: usize = 3;
-const FIRST_OBJECT: usize = 4;
+const TWIN: usize = 4;
+const TWIN_OBJECT: usize = 5;
+const FIRST_OBJECT: usize = 6;
 /// The page of what happens now is brought up to date this often, Hz.
 const PAGE_RATE: f64 = 0.5;
 
@@ -105,6 +109,9 @@ pub struct Recorder {
     page: String,
     /// When each object was felt last, and how its ellipsoid is called.
     felt: Vec<Option<belief::Felt>>,
+    /// Whether the twin of a mirror is shown, and what it believes to hold.
+    twin: bool,
+    twin_object: Option<usize>,
     /// Whether a rejected way, a chosen one, and a place are shown.
     ways: [bool; 3],
 }
@@ -160,6 +167,8 @@ impl Recorder {
             now: Now::new(settings.truth),
             page: String::new(),
             felt: vec![None; objects.len()],
+            twin: false,
+            twin_object: None,
             ways: [false; 3],
         };
         recorder.set_time(0.0);

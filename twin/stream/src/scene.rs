@@ -128,6 +128,30 @@ fn log_parts(rec: &RecordingStream, hand: &Hand, path: impl Fn(Option<usize>) ->
     Ok(())
 }
 
+/// Colour and transparency of a twin.
+const TWIN_COLOR: ([u8; 3], u8) = ([60, 220, 255], 70);
+
+/// The twin of hand and arm, for good: a tinted shell of each link.
+pub(crate) fn log_twin(rec: &RecordingStream, hand: &Hand, arm: &Arm) -> Result<(), StreamError> {
+    let (color, alpha) = TWIN_COLOR;
+    for (k, link) in arm_parts(arm)[1..].iter().enumerate() {
+        rec.log_static(entities::twin_arm_link(k), &drawn(link, color, alpha))?;
+    }
+    let mut merged: BTreeMap<Option<usize>, Mesh> = BTreeMap::new();
+    for Part { link, mesh, .. } in hand_mesh::parts(hand, COARSE) {
+        let known = merged.entry(link).or_default();
+        *known = std::mem::take(known).and(mesh);
+    }
+    for (link, mesh) in &merged {
+        let path = link.map_or_else(
+            || format!("{}/palm", entities::TWIN_HAND),
+            |link| entities::twin_hand_link(&hand.tree.joints[link].name),
+        );
+        rec.log_static(path, &drawn(mesh, color, alpha))?;
+    }
+    Ok(())
+}
+
 /// The hand alone below `root`, with its joints at `angles` (rad), for good.
 pub(crate) fn log_hand_at(rec: &RecordingStream, root: &str, hand: &Hand, angles: &[f64]) -> Result<(), StreamError> {
     let links = hand.tree.forward(angles);

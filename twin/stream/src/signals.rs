@@ -59,12 +59,22 @@ pub fn log_static(rec: &RecordingStream, hand: &Hand, arm: &Arm, objects: &[Draw
     let pads = hand.pads.iter().map(|pad| pad.name.replace('_', " ")).collect();
     let colors = hand.pads.iter().map(|pad| shade(link_color(pad.link), pad.link.map_or(0, |link| link % 3))).collect();
     rec.log_static(entities::PAD_FORCES, &lines(pads, colors))?;
+    rec.log_static(entities::TWIN_LOADS, &lines(digits, DIGIT_COLORS.to_vec()))?;
+    let axes = ["x", "y", "z"].map(|axis| format!("{axis} (N)")).to_vec();
+    rec.log_static(entities::TWIN_FORCE, &lines(axes, DIGIT_COLORS[..3].to_vec()))?;
     for (path, unit) in [(entities::POSE_ERROR_MM, "mm"), (entities::POSE_ERROR_DEG, "deg")] {
         let names = objects.iter().map(|object| format!("{} ({unit})", object.name)).collect();
         let step = if unit == "mm" { 0 } else { 1 };
         rec.log_static(path, &lines(names, objects.iter().map(|object| shade(object.color, step)).collect()))?;
     }
     Ok(())
+}
+
+/// Logs what is left between a robot and its twin: loads of the cables (N), and the force on the hand (N, world axes).
+pub fn log_residuals(rec: &RecordingStream, loads: &[f64; 5], force: &[f64; 3]) -> Result<(), StreamError> {
+    let rounded = |values: &[f64]| Scalars::new(values.iter().map(|v| (v * 1e3).round() * 1e-3).collect::<Vec<_>>());
+    rec.log(entities::TWIN_LOADS, &rounded(loads))?;
+    Ok(rec.log(entities::TWIN_FORCE, &rounded(force))?)
 }
 
 /// Logs one moment.

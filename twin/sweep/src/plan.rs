@@ -145,6 +145,7 @@ impl Plan {
             individual: None,
             plant: None,
             foresees: false,
+            mirrors: false,
             places: Places::default(),
         };
         let mut plan = Self {

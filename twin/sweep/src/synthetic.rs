@@ -58,7 +58,7 @@ fn unit(folder: &Folder, unit: &Unit) {
             record(trial.combination, trial.trial.unwrap_or(0), condition, draw)
         });
         let ablated = Vec::<AblatedTrial>::new();
-        rows.add(&TrialResults { records: records.collect(), tries: Vec::new(), ablated }).expect("added");
+        rows.add(&TrialResults { records: records.collect(), ablated, ..TrialResults::default() }).expect("added");
     }
     let metadata =
         [("ftac.schema", VERSION.to_string()), ("ftac.unit", unit.id.clone()), ("ftac.seconds", "100".to_owned())];

@@ -76,6 +76,9 @@ pub struct BenchArgs {
     /// Touch and reflex play second grasps in a twin of the scene before they choose one, from the state as felt.
     #[arg(long)]
     pub foresee: bool,
+    /// Let a twin run beside the robot and name what differs, in divergences.csv.
+    #[arg(long)]
+    pub mirror: bool,
     /// Which of the robots built from the drawing a simulated or emulated body is, unknown to the control stack; default: what the control
     /// stack takes it for.
     #[arg(long, value_name = "N")]
@@ -96,7 +99,7 @@ pub struct BenchArgs {
         conflicts_with_all = [
             "combos", "trials", "seed", "conditions", "robot", "scenario", "shard", "out", "noise_scale", "without",
             "uncertainty", "ablations", "policy", "policy_time", "registration", "mount", "individual", "plant",
-            "foresee",
+            "foresee", "mirror",
         ]
     )]
     pub resume: Option<PathBuf>,
@@ -182,6 +185,7 @@ fn request(terminal: &Terminal, args: &BenchArgs) -> Result<(RunRequest, PathBuf
         individual: super::individual::text(args.individual.as_deref())?.0,
         plant: args.plant,
         foresees: args.foresee,
+        mirrors: args.mirror,
     };
     Ok((request, args.out.clone().unwrap_or_else(next_free_folder)))
 }

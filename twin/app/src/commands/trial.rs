@@ -5,7 +5,10 @@ use std::path::PathBuf;
 use anyhow::{Context, Result, bail};
 use bench::body::Task;
 use bench::builtin::{COMBINATIONS, make_identified};
+use bench::mirror::divergence::Divergence;
+use bench::mirror::watch::Mirroring;
 use bench::recording::Recording;
+use bench::trial::Watcher;
 use clap::{Args, ValueEnum};
 use scenarios::record::Condition;
 use scenarios::record::TrialRecord;
@@ -38,6 +41,9 @@ pub struct TrialArgs {
     /// Play second grasps in a twin of the scene before one is chosen, from the state as felt.
     #[arg(long)]
     pub foresee: bool,
+    /// Let a twin run beside the robot, show it as a ghost, and name what differs.
+    #[arg(long)]
+    pub mirror: bool,
     /// Configuration of the hardware bridge, for --robot hardware.
     #[arg(long)]
     pub config: Option<PathBuf>,
@@ -105,7 +111,7 @@ pub fn trial(terminal: &Terminal, args: &TrialArgs) -> Outcome {
         bench.foresee();
     }
     let condition = args.policy.condition();
-    let place = source(&bench.world, args.robot, (args.config.as_deref(), &args.places), args.session.clone())?;
+    let mut place = source(&bench.world, args.robot, (args.config.as_deref(), &args.places), args.session.clone())?;
     let task = Task {
         robot: args.robot.name().to_owned(),
         seed: terminal.seed,
@@ -130,20 +136,29 @@ pub fn trial(terminal: &Terminal, args: &TrialArgs) -> Outcome {
         targets.push(stream::Target::Spawn);
     }
     let mut recording = Recording::open(&targets, &bench, &task, (args.robot.began(), args.truth))?;
-    let played = match (place, condition) {
-        (Some(mut place), _) => bench.play(&task, place.as_mut(), &mut recording).map(|outcome| outcome.record),
-        (None, scenarios::Condition::Ideal) => {
-            bench.ideal(args.combination, &mut recording).map(|outcome| outcome.record)
-        }
+    let mut play = |watcher: &mut dyn Watcher| match (&mut place, condition) {
+        (Some(place), _) => bench.play(&task, place.as_mut(), watcher).map(|outcome| outcome.record),
+        (None, Condition::Ideal) => bench.ideal(args.combination, watcher).map(|outcome| outcome.record),
         (None, condition) => bench
-            .trial(args.combination, args.trial, &[condition], &[], &mut recording)
+            .trial(args.combination, args.trial, &[condition], &[], watcher)
             .map(|mut results| results.records.remove(0)),
+    };
+    let (played, named) = if args.mirror {
+        let mut mirroring = Mirroring::new(&bench, Some(&mut recording));
+        let played = play(&mut mirroring);
+        let named = mirroring.finish(condition);
+        (played, Some(named.into_iter().map(|named| named.divergence).collect::<Vec<_>>()))
+    } else {
+        (play(&mut recording), None)
     };
     // Of a trial that was stopped, what was seen until then.
     let finished = recording.finish();
+    if let Some(named) = named.as_ref().filter(|_| !terminal.json) {
+        tell_divergences(named);
+    }
     let record = played?;
     finished?;
-    tell_trial(terminal, &record)?;
+    tell_trial(terminal, &record, named.as_deref())?;
     if !terminal.json {
         println!("recorded in {0}; see it with `ftac view {0}`", file.display());
     }
@@ -156,9 +171,24 @@ fn failure(record: &TrialRecord) -> Option<String> {
     (!record.success).then(|| format!("the trial failed: {cause}"))
 }
 
-fn tell_trial(terminal: &Terminal, record: &TrialRecord) -> Result<()> {
+/// What a mirror named, a line each.
+fn tell_divergences(named: &[Divergence]) {
+    match named {
+        [] => println!("mirror: nothing differs between robot and twin that it can name"),
+        named => named.iter().for_each(|divergence| println!("mirror: {divergence}")),
+    }
+}
+
+/// The record; with `named` as `divergences` where a mirror looked on.
+fn tell_trial(terminal: &Terminal, record: &TrialRecord, named: Option<&[Divergence]>) -> Result<()> {
     if terminal.json {
-        println!("{}", serde_json::to_string(record)?);
+        let Some(named) = named else {
+            println!("{}", serde_json::to_string(record)?);
+            return Ok(());
+        };
+        let mut told = serde_json::to_value(record)?;
+        told["divergences"] = serde_json::to_value(named)?;
+        println!("{told}");
         return Ok(());
     }
     println!(

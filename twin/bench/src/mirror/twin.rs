@@ -10,6 +10,7 @@ use std::sync::Arc;
 
 use hand_model::robot::{ArmState, Command, Robot, ServoState};
 use hand_model::{ACTUATORS, ARM_JOINTS, Hand};
+use nalgebra::Isometry3;
 use proving::world::World;
 use sim::tactile::TactileBoard;
 use sim::{SceneSetup, SimulatedRobot};
@@ -60,6 +61,21 @@ impl Twin {
         };
         self.robot.follow_servos(servos);
         innovation
+    }
+
+    /// Length of a tick, s.
+    pub fn tick_length(&self) -> f64 {
+        self.tick
+    }
+
+    /// `world_from_palm` of the twin.
+    pub fn palm(&self) -> Isometry3<f64> {
+        self.robot.truth().palm
+    }
+
+    /// `world_from_link` of the twin's arm and then of its hand.
+    pub fn links(&self) -> Vec<Isometry3<f64>> {
+        self.robot.truth().links
     }
 
     /// The next tick, with what was sent to the robot.

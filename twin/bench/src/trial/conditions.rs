@@ -11,6 +11,7 @@ use super::eyes::Looks;
 use super::setup::{Setup, Start};
 use super::shared::Bench;
 use super::watcher::Watcher;
+use crate::mirror::divergence::Named;
 
 /// What the policy `touch` may use.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -61,6 +62,8 @@ pub struct TrialResults {
     pub tries: Vec<TryRecord>,
     /// The policy `touch` with one of its means taken away.
     pub ablated: Vec<AblatedTrial>,
+    /// What a mirror named, where one looked on.
+    pub divergences: Vec<Named>,
 }
 
 impl TrialResults {
@@ -73,7 +76,7 @@ impl TrialResults {
 
 impl From<TrialOutcome> for TrialResults {
     fn from(outcome: TrialOutcome) -> Self {
-        Self { records: vec![outcome.record], tries: outcome.tries, ablated: Vec::new() }
+        Self { records: vec![outcome.record], tries: outcome.tries, ..Self::default() }
     }
 }
 

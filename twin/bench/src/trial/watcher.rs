@@ -4,6 +4,7 @@ use anyhow::Result;
 use control::executive::Executive;
 use control::perception::Felt;
 use control::policy::Choice;
+use hand_model::robot::Command;
 use scenarios::record::{Condition, TrialRecord};
 use sim::robot::Truth;
 
@@ -15,6 +16,8 @@ pub struct Moment<'a> {
     pub truth: Option<&'a Truth>,
     /// The controller.
     pub executive: &'a Executive,
+    /// What was sent in this tick, after limits; `None` where no tick passed.
+    pub sent: Option<&'a Command>,
     /// What was felt, once it was.
     pub felt: Option<&'a Felt>,
     /// The condition, or `None` while all conditions share the first grasp.

@@ -1,0 +1,219 @@
+//! What a mirror names: faults of the plant at drawn moments of blind trials, and sound trials.
+//!
+//! `mirror_faults SEED FROM TO PLANT MOMENTS` plays trial 0 of combinations FROM to TO - 1 (all effects) with the robot as drawn (PLANT 0) or hidden
+//! individual PLANT. At MOMENTS drawn moments of each trial, one fault of each kind that can show then strikes in a branch of its own, which is
+//! played for as long as a name may take. A name counts if kind and part are right. What is named on the way that neither the fault nor
+//! what really happened explains is counted as wrong; so is what is named in the sound trial itself.
+//!
+//! `mirror_faults sound SEED FROM TO PLANT CONDITIONS` plays sound trials under conditions (such as `blind,touch`) with a mirror beside them.
+
+mod fault;
+mod happened;
+mod sound;
+
+use std::collections::BTreeMap;
+use std::time::{Duration, Instant};
+
+use anyhow::{Context, Result, bail};
+use bench::body::Body;
+use bench::builtin::{hide_plant, make_scenes};
+use bench::mirror::Mirror;
+use bench::mirror::divergence::Divergence;
+use bench::mirror::seen::Seen;
+use bench::trial::Bench;
+use bench::trial::setup::Setup;
+use control::executive::{Executive, Phase};
+use grasping::Grasp;
+use hand_model::Hand;
+use hand_model::robot::Robot;
+use rand::{RngExt as _, SeedableRng as _};
+use rand_chacha::ChaCha8Rng;
+use scenarios::Scenario;
+use sim::SimulatedRobot;
+
+use self::fault::{Fault, KINDS, same};
+use self::happened::Happened;
+
+/// Within this time after a fault its name counts, s.
+const WITHIN: f64 = 0.5;
+/// Moments are drawn at least this far apart, s, and from this time on: before it no image was taken twice.
+const APART: (f64, f64) = (0.3, 0.6);
+/// Length of the trials that moments are drawn from, s.
+const TRIAL: f64 = 12.0;
+
+/// A trial in progress.
+#[derive(Clone)]
+struct Play {
+    robot: Box<SimulatedRobot>,
+    executive: Executive,
+    mirror: Option<Mirror>,
+    happened: Happened,
+    second: Grasp,
+    spent: (u32, Duration),
+}
+
+impl Play {
+    /// One tick, with what a fault does in it.
+    fn tick(&mut self, bench: &Bench, fault: Option<&Fault>) -> Result<()> {
+        match self.executive.phase() {
+            Phase::Decide => self.executive.decide(self.second.clone())?,
+            Phase::Confirm => self.executive.confirm()?,
+            _ => {}
+        }
+        let seen = self.robot.observe();
+        let command = self.executive.tick(&seen)?;
+        let sent = self.robot.send(&command);
+        if let Some(fault) = fault {
+            fault.press(&mut self.robot);
+        }
+        self.robot.wait_for_tick();
+        self.happened.see(&self.robot.truth(), self.executive.phase());
+        let begun = Instant::now();
+        let seen = Seen::of(&self.executive, self.robot.time(), &sent, None);
+        let mirror = match &mut self.mirror {
+            Some(mirror) => mirror,
+            none => none.insert(Mirror::new(&bench.world, &seen.arm.position)?),
+        };
+        mirror.see(&seen);
+        self.spent.0 += 1;
+        self.spent.1 += begun.elapsed();
+        Ok(())
+    }
+
+    fn named(&self) -> &[Divergence] {
+        self.mirror.as_ref().map_or(&[], Mirror::named)
+    }
+
+    fn is_over(&self) -> bool {
+        self.executive.phase() >= Phase::Done
+    }
+}
+
+/// What came of the faults of one kind.
+#[derive(Debug, Default)]
+struct Tally {
+    struck: u32,
+    named: u32,
+    /// Named, but something else was, too, that nothing explains.
+    wrong: u32,
+    delays: Vec<f64>,
+}
+
+/// Plays the branches of one moment.
+fn strike(bench: &Bench, play: &Play, rng: &mut ChaCha8Rng, label: &str, tallies: &mut [Tally]) -> Result<()> {
+    let hand: &Hand = &bench.world.cell.hand;
+    let Some(residuals) = play.mirror.as_ref().map(Mirror::residuals) else { return Ok(()) };
+    let mut sound = play.clone();
+    let (begun, known) = (play.robot.time(), play.named().len());
+    let end = begun + WITHIN - 1e-6;
+    while sound.robot.time() < end && !sound.is_over() {
+        sound.tick(bench, None)?;
+    }
+    if sound.is_over() {
+        return Ok(());
+    }
+    for (kind, fault) in Fault::draw(rng, hand, (&play.robot, &play.executive), residuals) {
+        let mut branch = play.clone();
+        fault.strike(&mut branch.robot, hand)?;
+        while branch.robot.time() < end && !branch.is_over() {
+            branch.tick(bench, Some(&fault))?;
+        }
+        let named = &branch.named()[known..];
+        let right = named.iter().find(|named| fault.is(named, hand));
+        let explained = |one: &Divergence| {
+            fault.is(one, hand)
+                || branch.happened.justifies(one)
+                || sound.named()[known..].iter().any(|other| same(one, other))
+        };
+        let wrong: Vec<String> = named.iter().filter(|one| !explained(one)).map(ToString::to_string).collect();
+        let tally = &mut tallies[kind];
+        tally.struck += 1;
+        tally.named += u32::from(right.is_some());
+        tally.wrong += u32::from(!wrong.is_empty());
+        tally.delays.extend(right.map(|right| right.time - begun));
+        if right.is_none() || !wrong.is_empty() {
+            let what = if right.is_none() { "missed" } else { "named" };
+            println!("{label} {fault:?}: {what}; {}", wrong.join("; "));
+        }
+    }
+    Ok(())
+}
+
+/// Plays the faults of one trial; its sound part, and what was named in that.
+fn trial(
+    bench: &Bench,
+    (combination, moments): (usize, usize),
+    rng: &mut ChaCha8Rng,
+    tallies: &mut [Tally],
+) -> Result<Play> {
+    let (setup, _) = Setup::noisy(bench, combination, 0)?;
+    let start = setup.begin(bench, None, true)?;
+    let second = start.grasps.second.first().context("no grasp of the second object")?.grasp.clone();
+    let snapshot = start.run.snapshot;
+    let Body::Simulated(robot) = snapshot.robot else { bail!("the body is not the simulated one") };
+    let (executive, happened) = (snapshot.executive, Happened::default());
+    let mut play = Play { robot, executive, mirror: None, happened, second, spent: Default::default() };
+    let mut times: Vec<f64> = (0..moments).map(|_| rng.random_range(APART.1..TRIAL)).collect();
+    times.sort_by(f64::total_cmp);
+    times.dedup_by(|later, earlier| *later - *earlier < APART.0);
+    let mut times = times.into_iter().peekable();
+    while !play.is_over() {
+        if times.next_if(|time| play.robot.time() >= *time).is_some() {
+            let (phase, progress) = (play.executive.phase().name(), play.executive.progress());
+            let label = format!("{combination} at {:.2} s ({phase} {progress:.2})", play.robot.time());
+            strike(bench, &play, rng, &label, tallies)?;
+        }
+        play.tick(bench, None)?;
+    }
+    Ok(play)
+}
+
+fn main() -> Result<()> {
+    let arguments: Vec<String> = std::env::args().skip(1).collect();
+    if let [mode, rest @ ..] = &arguments[..]
+        && mode == "sound"
+    {
+        return sound::main(rest);
+    }
+    let [seed, from, to, plant, moments] = &arguments[..] else {
+        bail!("expected SEED FROM TO PLANT MOMENTS, found {} arguments", arguments.len());
+    };
+    let (seed, plant): (u64, u64) = (seed.parse()?, plant.parse()?);
+    let (from, to, moments): (usize, usize, usize) = (from.parse()?, to.parse()?, moments.parse()?);
+    let mut bench = make_scenes(Scenario::benchmark(), to, seed, true)?;
+    if plant > 0 {
+        hide_plant(&mut bench, plant);
+    }
+    let mut tallies: Vec<Tally> = KINDS.iter().map(|_| Tally::default()).collect();
+    let (mut seconds, mut false_alarms, mut ticks, mut spent) = (0.0, 0, 0, Duration::ZERO);
+    let mut alarms: BTreeMap<&str, u32> = BTreeMap::new();
+    for combination in from..to {
+        let mut rng = ChaCha8Rng::seed_from_u64(seed * 1000 + combination as u64);
+        let play = trial(&bench, (combination, moments), &mut rng, &mut tallies)?;
+        for named in play.named() {
+            let right = play.happened.justifies(named);
+            println!("{combination} sound: {named}{}", if right { ", rightly" } else { ", wrongly" });
+            false_alarms += u32::from(!right);
+            *alarms.entry(named.kind.name()).or_default() += u32::from(!right);
+        }
+        seconds += play.robot.time();
+        (ticks, spent) = (ticks + play.spent.0, spent + play.spent.1);
+    }
+    let (mut struck, mut named) = (0, 0);
+    for (kind, tally) in KINDS.iter().zip(&mut tallies) {
+        tally.delays.sort_by(f64::total_cmp);
+        let middle = tally.delays.get(tally.delays.len() / 2).copied().unwrap_or(f64::NAN);
+        let Tally { struck: of, named: right, wrong, .. } = *tally;
+        println!(
+            "{kind:18} {right:4} of {of:4} named, median after {middle:.3} s; beside it something wrong in {wrong}"
+        );
+        (struck, named) = (struck + of, named + right);
+    }
+    println!(
+        "all                {named:4} of {struck:4}, {:.1} %",
+        100.0 * f64::from(named) / f64::from(struck.max(1))
+    );
+    println!("sound: {seconds:.0} s simulated, {false_alarms} named wrongly {alarms:?}");
+    println!("the mirror took {:.3} ms a tick", 1e3 * spent.as_secs_f64() / f64::from(ticks.max(1)));
+    Ok(())
+}

@@ -1,0 +1,235 @@
+//! Detectors for a digit's cable, servo and joints, from one tick to the next.
+
+use std::collections::VecDeque;
+
+use super::divergence::Kind;
+use super::limits::CableLimits;
+use super::residuals::Cable;
+
+/// Ticks that are kept.
+const KEPT: usize = 7;
+/// By how much a servo's current may change over those ticks, of itself, where a step of its torque is looked for.
+const STEADY: f64 = 0.6;
+
+/// A spool that meets the end of its slack rebounds from it for no longer than this, s.
+const REBOUND: f64 = 0.08;
+
+/// A finding: what, and the numbers found and expected.
+pub type Finding = (Kind, f64, f64);
+
+/// A cable that bears nothing at present.
+#[derive(Debug, Clone, Copy)]
+struct Slack {
+    /// s.
+    since: f64,
+    /// Cable on the spool when it began, m.
+    wound: f64,
+    /// Whether the digit was pulled so hard that it may grip something.
+    grips: bool,
+    /// Whether something pushed the hand at that time: it may push a digit closed that grips nothing.
+    pushed: bool,
+    /// Whether it went from bearing its load to bearing none within a tick.
+    sudden: bool,
+    named: bool,
+}
+
+impl Slack {
+    /// Whether nothing but the cable itself explains it.
+    fn is_certain(&self) -> bool {
+        self.sudden && (self.grips || !self.pushed)
+    }
+}
+
+/// Whether the newest of `past` bears nothing and the one before bore as much as the one before that.
+fn fell_at_once(past: &VecDeque<Cable>) -> bool {
+    let mut newest = past.iter().rev().map(|cable| (cable.tension, cable.pulled));
+    let (Some((now, _)), Some((before, pulled)), Some((earlier, _))) = (newest.next(), newest.next(), newest.next())
+    else {
+        return false;
+    };
+    before > 0.4 * pulled && before - now > 0.65 * (earlier - now)
+}
+
+/// Watches one digit.
+#[derive(Debug, Clone, Default)]
+pub struct CableWatch {
+    /// The last ticks, newest last.
+    past: VecDeque<Cable>,
+    slack: Option<Slack>,
+    /// Since when the digit has closed against a small load, s.
+    held_back: Option<f64>,
+    /// A slack that has just ended: when, and how much was wound, m.
+    ended: Option<(f64, Slack, f64)>,
+}
+
+impl CableWatch {
+    /// One tick at `time` (s); `pushed`: something pushes the hand.
+    pub fn see(&mut self, limits: &CableLimits, time: f64, cable: &Cable, pushed: bool) -> Option<Finding> {
+        self.past.push_back(*cable);
+        if self.past.len() > KEPT {
+            self.past.pop_front();
+        }
+        self.slack(limits, time, cable, pushed)
+            .or_else(|| self.slipped(limits, time, cable))
+            .or_else(|| self.weak(limits))
+            .or_else(|| self.stuck(limits, time, cable))
+    }
+
+    /// Cables that bear nothing although they are wound in.
+    fn slack(&mut self, limits: &CableLimits, time: f64, cable: &Cable, pushed: bool) -> Option<Finding> {
+        let bears_nothing = cable.tension < limits.slack_share * cable.pulled + limits.slack;
+        let tells = self.slack.is_some() || cable.free > limits.least;
+        if !(bears_nothing && tells && cable.pulled > limits.least) {
+            if let Some(slack) = self.slack.take() {
+                self.ended = Some((time, slack, cable.wound - slack.wound));
+            }
+            return None;
+        }
+        // A spool that meets the end of its slack rebounds.
+        if let (None, Some((at, again, _))) = (&self.slack, self.ended)
+            && time < at + REBOUND
+        {
+            (self.slack, self.ended) = (Some(again), None);
+        }
+        let before = self.past.iter().rev().nth(1);
+        let slack = self.slack.get_or_insert_with(|| Slack {
+            since: time,
+            wound: before.map_or(cable.wound, |before| before.wound),
+            sudden: fell_at_once(&self.past),
+            grips: before.is_some_and(|before| before.pulled > limits.gripping),
+            pushed,
+            named: false,
+        });
+        let wound = cable.wound - slack.wound;
+        // Somebody who pushes a digit closed takes some ticks for it, and no further than it closes.
+        slack.pushed |= pushed && time < slack.since + REBOUND;
+        let broken = if slack.is_certain() {
+            wound > limits.longest_slip || time - slack.since > limits.slack_time
+        } else {
+            wound > limits.whole_travel
+        };
+        if slack.named || !broken {
+            return None;
+        }
+        slack.named = true;
+        Some((Kind::CableBroken, cable.tension.max(0.0), cable.free))
+    }
+
+    /// A slack that began suddenly and ended after a little winding.
+    fn slipped(&mut self, limits: &CableLimits, time: f64, cable: &Cable) -> Option<Finding> {
+        let (at, slack, wound) = self.ended?;
+        // Only then is it known that the spool has not gone on without its cable.
+        if time < at + REBOUND {
+            return None;
+        }
+        self.ended = None;
+        if cable.tension < 0.3 * cable.pulled {
+            // It goes on, somewhat unsteadily: the current falls as the spool comes near its highest speed.
+            self.slack = Some(slack);
+            return None;
+        }
+        let bounded = (limits.shortest_slip..limits.longest_slip).contains(&wound);
+        let slipped = slack.is_certain() && !slack.named && bounded;
+        slipped.then_some((Kind::CableSlipped, 1e3 * wound, 0.0))
+    }
+
+    /// Torque that goes missing within a tick.
+    fn weak(&self, limits: &CableLimits) -> Option<Finding> {
+        if self.past.len() < KEPT || self.slack.is_some() {
+            return None;
+        }
+        let c: Vec<f64> = self.past.iter().map(|cable| cable.pulled).collect();
+        let r: Vec<f64> = self.past.iter().map(|cable| cable.tension / cable.pulled.max(limits.slack)).collect();
+        let (last, i) = (KEPT - 1, KEPT - 3);
+        let step = r[i] - r[i - 1];
+        let before = limits.weak_before * step;
+        let steady = c.iter().all(|pulled| *pulled > limits.least && (pulled - c[last]).abs() < STEADY * c[last]);
+        let begins = (r[i - 1] - r[i - 2]).abs() < before && (r[i - 2] - r[i - 3]).abs() < before;
+        let decays = r[i + 1] < r[i] - 0.03 * step
+            && r[i + 1] > r[i] - limits.weak_decay[0] * step
+            && r[last] < r[i + 1]
+            && r[last] > r[i] - limits.weak_decay[1] * step;
+        let slower = self.past[i].speed < self.past[i - 1].speed;
+        (steady && step > limits.weak_step && begins && decays && slower).then_some((Kind::ServoWeak, 1.0 - step, 1.0))
+    }
+
+    /// A digit that closes on against a small load: one joint holds it back, the others go on.
+    fn stuck(&mut self, limits: &CableLimits, time: f64, cable: &Cable) -> Option<Finding> {
+        let [low, high] = limits.stuck_load;
+        let load = cable.tension - cable.free;
+        if !(low..high).contains(&load) || cable.speed < limits.stuck_speed {
+            self.held_back = None;
+            return None;
+        }
+        let since = *self.held_back.get_or_insert(time);
+        if time < since + limits.stuck_time {
+            return None;
+        }
+        self.held_back = Some(f64::INFINITY);
+        Some((Kind::JointStuck, load, 0.0))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::limits::Limits;
+    use super::*;
+
+    /// Length of a tick, s.
+    const TICK: f64 = 1.0 / 120.0;
+
+    /// What is named of these tensions (N) of a cable that is pulled with 10 N and wound at `speed` (m/s), and when.
+    fn named(tensions: &[f64], speed: f64) -> Vec<(usize, Kind)> {
+        named_of(10.0, false, tensions, speed)
+    }
+
+    /// The same pulled with `pulled` (N), by a hand that is `pushed`.
+    fn named_of(pulled: f64, pushed: bool, tensions: &[f64], speed: f64) -> Vec<(usize, Kind)> {
+        let limits = Limits::standard().expect("the limits").cable;
+        let mut watch = CableWatch::default();
+        let see = |(n, tension): (usize, &f64)| {
+            let (time, wound) = (n as f64 * TICK, n as f64 * TICK * speed);
+            let cable = Cable { tension: *tension, free: 6.0, pulled, wound, speed: speed - 1e-4 * n as f64 };
+            watch.see(&limits, time, &cable, pushed).map(|(kind, ..)| (n, kind))
+        };
+        tensions.iter().enumerate().filter_map(see).collect()
+    }
+
+    /// Ten ticks of 10 N, `slack` ticks of nothing, twenty of 10 N.
+    fn dip(slack: usize) -> Vec<f64> {
+        [vec![10.0; 10], vec![0.0; slack], vec![10.0; 20]].concat()
+    }
+
+    #[test]
+    fn a_cable_that_stays_slack_is_broken_and_one_that_recovers_has_slipped() {
+        let broken = named(&dip(40), 0.04);
+        assert!(matches!(broken[..], [(n, Kind::CableBroken)] if (25..35).contains(&n)), "{broken:?}");
+        let slipped = named(&dip(6), 0.04);
+        assert!(matches!(slipped[..], [(n, Kind::CableSlipped)] if n < 30), "{slipped:?}");
+        let pushed_closed = [vec![10.0; 10], vec![8.0, 5.0, 2.5], vec![0.0; 30], vec![10.0; 10]].concat();
+        assert_eq!(named(&pushed_closed, 0.04), [], "somebody pushed the digit closed");
+        assert_eq!(named_of(3.0, true, &dip(6), 0.04), [], "what pushes the hand may push a free digit closed");
+        assert_eq!(named(&[10.0; 60], 0.04), []);
+    }
+
+    /// A step of the torque decays; an impact grows over some ticks and goes at once.
+    #[test]
+    fn a_weak_servo_steps_and_an_impact_does_not() {
+        let rest = [10.0; 8];
+        let weak = [&rest[..], &[13.9, 13.3, 12.2, 11.0, 9.7, 9.0]].concat();
+        assert!(matches!(named(&weak, 0.0)[..], [(10, Kind::ServoWeak)]));
+        let impact = [&rest[..], &[11.0, 12.5, 13.9, 13.0, 11.0, 10.0]].concat();
+        assert_eq!(named(&impact, 0.0), []);
+        let knock = [&rest[..], &[13.9, 13.8, 9.5, 9.0, 10.0, 10.0]].concat();
+        assert_eq!(named(&knock, 0.0), []);
+    }
+
+    /// A load that stays small while the digit goes on closing.
+    #[test]
+    fn a_stuck_joint_holds_back_for_long() {
+        let load = |ticks: usize| [vec![6.0; 5], vec![8.0; ticks], vec![6.0; 5]].concat();
+        assert!(matches!(named(&load(25), 0.045)[..], [(_, Kind::JointStuck)]));
+        assert_eq!(named(&load(12), 0.045), []);
+        assert_eq!(named(&load(25), 0.01), []);
+    }
+}

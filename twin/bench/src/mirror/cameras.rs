@@ -1,0 +1,205 @@
+//! Detectors for the cameras behind the pads: dead ones, frozen ones, and lamps that have lost their light.
+
+use std::sync::Arc;
+
+use hand_model::CAMERAS;
+use hand_model::pads::IMAGE_SIZE;
+use hand_model::robot::{TactileFrame, TactileImage};
+
+use super::cables::Finding;
+use super::divergence::Kind;
+use super::limits::CameraLimits;
+
+/// Pixels between those that are compared, in both directions.
+const STRIDE: usize = 10;
+/// Darker values than this tell no ratio.
+const DARK: u8 = 24;
+
+/// What is known of one camera.
+#[derive(Debug, Clone, Default)]
+struct Camera {
+    newest: Option<(u64, Arc<TactileImage>)>,
+    /// Samples of its first image, RGB.
+    first: Vec<[u8; 3]>,
+    /// Images that it has sent.
+    sent: u32,
+    /// Images in a row that repeat the one before, and whether the newest does.
+    repeats: u32,
+    repeated: bool,
+    /// Images in a row of a colour that has lost its light.
+    dimmed: u32,
+    dead: bool,
+    drifted: bool,
+}
+
+/// Watches all cameras.
+#[derive(Debug, Clone)]
+pub struct CameraWatch {
+    cameras: Vec<Camera>,
+}
+
+impl Default for CameraWatch {
+    fn default() -> Self {
+        Self { cameras: vec![Camera::default(); CAMERAS] }
+    }
+}
+
+/// The values of every tenth pixel of every tenth row, RGB; none of an image of another size.
+fn samples(image: &TactileImage) -> Vec<[u8; 3]> {
+    if image.rgb.len() != IMAGE_SIZE * IMAGE_SIZE * 3 {
+        return Vec::new();
+    }
+    let rows = (STRIDE / 2..IMAGE_SIZE).step_by(STRIDE);
+    rows.flat_map(|row| (STRIDE / 2..IMAGE_SIZE).step_by(STRIDE).map(move |column| row * IMAGE_SIZE + column))
+        .map(|pixel| std::array::from_fn(|channel| image.rgb[3 * pixel + channel]))
+        .collect()
+}
+
+/// The median over the samples of how bright each colour is, as a share of `first`.
+fn brightness(first: &[[u8; 3]], now: &[[u8; 3]]) -> Option<[f64; 3]> {
+    let mut medians = [0.0; 3];
+    for (channel, median) in medians.iter_mut().enumerate() {
+        let lit = first.iter().zip(now).filter(|(first, _)| first[channel] > DARK);
+        let mut shares: Vec<f64> =
+            lit.map(|(first, now)| f64::from(now[channel]) / f64::from(first[channel])).collect();
+        if shares.len() < 20 {
+            return None;
+        }
+        let middle = shares.len() / 2;
+        *median = *shares.select_nth_unstable_by(middle, f64::total_cmp).1;
+    }
+    Some(medians)
+}
+
+impl CameraWatch {
+    /// Takes the newest images of all cameras; what is found, with the camera.
+    pub fn see(&mut self, limits: &CameraLimits, images: &[TactileFrame]) -> Vec<(usize, Finding)> {
+        let mut fresh = Vec::new();
+        for frame in images.iter().filter(|frame| frame.camera < CAMERAS) {
+            let camera = &mut self.cameras[frame.camera];
+            if camera.newest.as_ref().is_some_and(|(sequence, _)| *sequence == frame.sequence) {
+                continue;
+            }
+            let before = camera.newest.replace((frame.sequence, frame.image.clone()));
+            let same = |image: &Arc<TactileImage>| Arc::ptr_eq(image, &frame.image) || **image == *frame.image;
+            camera.repeated = before.is_some_and(|(_, image)| same(&image));
+            camera.repeats = if camera.repeated { camera.repeats + 1 } else { 0 };
+            camera.sent += 1;
+            fresh.push(frame.camera);
+        }
+        if fresh.is_empty() {
+            return Vec::new();
+        }
+        let mut sent: Vec<u32> = self.cameras.iter().map(|camera| camera.sent).collect();
+        sent.sort_unstable();
+        let usual = sent[CAMERAS / 2];
+        // Without read-out noise an idle pad repeats its image: then most do.
+        let lively = self.cameras.iter().filter(|camera| !camera.repeated).count() > CAMERAS / 2;
+        let mut found = Vec::new();
+        for (n, camera) in self.cameras.iter_mut().enumerate() {
+            let behind = usual.saturating_sub(camera.sent);
+            let frozen = lively && camera.repeats >= limits.missed;
+            if !camera.dead && (behind >= limits.missed || frozen) {
+                camera.dead = true;
+                found.push((n, (Kind::CameraDead, f64::from(camera.sent - camera.repeats), f64::from(usual))));
+            }
+            if behind == 0 && camera.dimmed == 0 {
+                camera.dead &= frozen;
+            }
+        }
+        for n in fresh {
+            let camera = &mut self.cameras[n];
+            let Some((_, image)) = &camera.newest else { continue };
+            let now = samples(image);
+            if camera.first.is_empty() {
+                camera.first = now;
+                continue;
+            }
+            let Some(shares) = brightness(&camera.first, &now) else { continue };
+            let brightest = shares.iter().copied().fold(f64::EPSILON, f64::max);
+            let worst = shares.iter().copied().fold(f64::INFINITY, f64::min) / brightest;
+            let black = shares.iter().all(|share| *share < limits.black);
+            let dim = black || worst < limits.colour;
+            camera.dimmed = if dim { camera.dimmed + 1 } else { 0 };
+            if camera.dimmed < limits.drifted {
+                continue;
+            }
+            if black && !camera.dead {
+                camera.dead = true;
+                found.push((n, (Kind::CameraDead, 0.0, 1.0)));
+            } else if !black && !camera.drifted {
+                camera.drifted = true;
+                found.push((n, (Kind::PadDrifted, worst, 1.0)));
+            }
+        }
+        found
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::limits::Limits;
+    use super::*;
+
+    /// What is named of eight captures, of which each camera's image of capture `n` is what `image` makes of its usual one.
+    fn named(image: impl Fn(usize, usize, TactileImage) -> Option<TactileImage>) -> Vec<(usize, usize, Kind)> {
+        let limits = Limits::standard().expect("the limits").camera;
+        let mut watch = CameraWatch::default();
+        let mut newest: Vec<TactileFrame> = Vec::new();
+        let mut all = Vec::new();
+        for n in 0..8 {
+            for camera in 0..CAMERAS {
+                let noise = |pixel: usize| 100 + ((pixel * 7 + n * 13 + camera) % 5) as u8;
+                let usual = TactileImage { rgb: (0..IMAGE_SIZE * IMAGE_SIZE * 3).map(noise).collect() };
+                let Some(image) = image(n, camera, usual) else { continue };
+                newest.retain(|frame| frame.camera != camera);
+                newest.push(TactileFrame { camera, time: n as f64, sequence: n as u64, image: Arc::new(image) });
+            }
+            all.extend(watch.see(&limits, &newest).into_iter().map(|(camera, (kind, ..))| (n, camera, kind)));
+        }
+        all
+    }
+
+    #[test]
+    fn cameras_that_send_nothing_or_the_same_are_dead() {
+        assert_eq!(named(|_, _, image| Some(image)), []);
+        let gone = named(|n, camera, image| (camera != 3 || n < 4).then_some(image));
+        assert_eq!(gone, [(5, 3, Kind::CameraDead)]);
+        let frozen = TactileImage { rgb: vec![90; IMAGE_SIZE * IMAGE_SIZE * 3] };
+        let frozen = named(|n, camera, image| Some(if camera == 5 && n >= 3 { frozen.clone() } else { image }));
+        assert_eq!(frozen, [(5, 5, Kind::CameraDead)]);
+    }
+
+    /// Without noise all idle pads repeat their images: nothing is wrong with them.
+    #[test]
+    fn idle_pads_without_noise_are_not_dead() {
+        let still = TactileImage { rgb: vec![90; IMAGE_SIZE * IMAGE_SIZE * 3] };
+        assert_eq!(named(|_, _, _| Some(still.clone())), []);
+    }
+
+    #[test]
+    fn a_camera_that_sees_black_is_dead() {
+        let black = TactileImage { rgb: vec![0; IMAGE_SIZE * IMAGE_SIZE * 3] };
+        let named = named(|n, camera, image| Some(if camera == 7 && n >= 3 { black.clone() } else { image }));
+        assert_eq!(named.iter().map(|(_, camera, kind)| (*camera, *kind)).collect::<Vec<_>>(), [(7, Kind::CameraDead)]);
+    }
+
+    #[test]
+    fn a_colour_that_has_lost_its_light_is_a_pad_that_drifted() {
+        let dim = |n: usize, camera: usize, mut image: TactileImage| {
+            if camera == 2 && n >= 4 {
+                image.rgb.iter_mut().skip(1).step_by(3).for_each(|value| *value = (f64::from(*value) * 0.6) as u8);
+            }
+            Some(image)
+        };
+        assert_eq!(named(dim), [(5, 2, Kind::PadDrifted)]);
+        // A contact changes a part of the image, and all colours.
+        let touched = |n: usize, _: usize, mut image: TactileImage| {
+            if n >= 4 {
+                image.rgb.iter_mut().take(IMAGE_SIZE * IMAGE_SIZE).for_each(|value| *value /= 2);
+            }
+            Some(image)
+        };
+        assert_eq!(named(touched), []);
+    }
+}

@@ -1,0 +1,136 @@
+//! What a mirror names: how a robot differs from its twin, in words for people.
+
+use std::fmt;
+
+use scenarios::record::{Condition, TrialId};
+use serde::{Deserialize, Serialize};
+
+/// What differs.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Kind {
+    CableBroken,
+    CableSlipped,
+    ServoWeak,
+    JointStuck,
+    ObjectLost,
+    UnexpectedContact,
+    OtherPayload,
+    PadDrifted,
+    CameraDead,
+}
+
+impl Kind {
+    /// All of them.
+    pub const ALL: [Self; 9] = [
+        Self::CableBroken,
+        Self::CableSlipped,
+        Self::ServoWeak,
+        Self::JointStuck,
+        Self::ObjectLost,
+        Self::UnexpectedContact,
+        Self::OtherPayload,
+        Self::PadDrifted,
+        Self::CameraDead,
+    ];
+
+    /// As tables write it.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::CableBroken => "cable_broken",
+            Self::CableSlipped => "cable_slipped",
+            Self::ServoWeak => "servo_weak",
+            Self::JointStuck => "joint_stuck",
+            Self::ObjectLost => "object_lost",
+            Self::UnexpectedContact => "unexpected_contact",
+            Self::OtherPayload => "other_payload",
+            Self::PadDrifted => "pad_drifted",
+            Self::CameraDead => "camera_dead",
+        }
+    }
+
+    /// In words, and what its numbers are.
+    fn words(self) -> (&'static str, &'static str) {
+        match self {
+            Self::CableBroken => ("cable broken", "N of tension"),
+            Self::CableSlipped => ("cable slipped on its spool", "mm wound in slack"),
+            Self::ServoWeak => ("servo weak", "of its torque"),
+            Self::JointStuck => ("joint stuck", "N on the free digit"),
+            Self::ObjectLost => ("object lost", "N on the hand"),
+            Self::UnexpectedContact => ("unexpected contact", "N on the hand"),
+            Self::OtherPayload => ("payload other than planned", "kg"),
+            Self::PadDrifted => ("pad drifted", "of a colour's light"),
+            Self::CameraDead => ("camera dead", "images"),
+        }
+    }
+}
+
+impl fmt::Display for Kind {
+    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        f.write_str(self.name())
+    }
+}
+
+/// A divergence that was named.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Divergence {
+    /// When it was named, s of the body.
+    pub time: f64,
+    pub kind: Kind,
+    /// Of what: a digit, a camera, the hand, an object.
+    pub part: String,
+    /// What was measured; the unit goes with the kind.
+    pub found: f64,
+    /// What the twin has in its place.
+    pub expected: f64,
+}
+
+impl fmt::Display for Divergence {
+    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        let (words, unit) = self.kind.words();
+        let Self { time, part, found, expected, .. } = self;
+        write!(f, "{time:.2} s: {part}: {words} (found {found:.2}, expected {expected:.2} {unit})")
+    }
+}
+
+/// A divergence with its trial, a row of `divergences.csv`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Named {
+    pub condition: Condition,
+    #[serde(flatten)]
+    pub divergence: Divergence,
+}
+
+/// Writes the table `divergences.csv`: one row a divergence.
+pub fn write_table<'a>(rows: impl Iterator<Item = (TrialId, &'a Divergence)>) -> String {
+    let mut table = "combination,trial,condition,time_s,divergence,part,found,expected\n".to_owned();
+    for (id, row) in rows {
+        let Divergence { time, kind, part, found, expected } = row;
+        let TrialId { combination, trial, condition } = id;
+        table += &format!("{combination},{trial},{condition},{time:.4},{kind},{part},{found:.4},{expected:.4}\n");
+    }
+    table
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_divergence_reads_as_a_sentence_and_as_a_row() {
+        let lost =
+            Divergence { time: 3.25, kind: Kind::CableBroken, part: "ring".to_owned(), found: 0.0, expected: 7.125 };
+        assert_eq!(lost.to_string(), "3.25 s: ring: cable broken (found 0.00, expected 7.12 N of tension)");
+        let id = TrialId { combination: 4, trial: 1, condition: Condition::Touch };
+        let table = write_table([(id, &lost)].into_iter());
+        assert_eq!(table.lines().nth(1), Some("4,1,touch,3.2500,cable_broken,ring,0.0000,7.1250"));
+    }
+
+    /// Names are those that serde writes, and no two are alike.
+    #[test]
+    fn names_are_those_of_the_journal() {
+        for kind in Kind::ALL {
+            assert_eq!(serde_json::to_string(&kind).expect("a name"), format!("\"{kind}\""));
+        }
+    }
+}

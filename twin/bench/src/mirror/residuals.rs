@@ -1,0 +1,112 @@
+//! What is left between robot and twin, as quantities that can be told apart: tensions of cables, and the force on the hand.
+
+use hand_model::robot::ServoState;
+use hand_model::{ACTUATORS, Hand};
+use nalgebra::{SMatrix, SVector, Vector3};
+
+use super::twin::Innovation;
+
+/// Smallest singular value of the arm's Jacobian that is inverted: along what the arm hardly moves, forces on the hand are not told.
+const SINGULAR: f64 = 0.05;
+/// Below this speed dry friction is taken to be smaller in proportion, rad/s.
+const CREEP: f64 = 0.1;
+
+/// What a cable does.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Cable {
+    /// Tension that it bears, N: what the servo's current gives, less what turns its rotor and what its bearings take.
+    pub tension: f64,
+    /// Tension of the twin's, N: a free digit's with the spool where the robot's is.
+    pub free: f64,
+    /// Tension that the current would hold at rest, N.
+    pub pulled: f64,
+    /// Cable on the spool, m, and how fast it is wound in, m/s.
+    pub wound: f64,
+    pub speed: f64,
+}
+
+/// Residuals of a tick.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Residuals {
+    pub cables: [Cable; 5],
+    /// Force that acts on the robot's hand and not on the twin's, world axes, N.
+    pub force: Vector3<f64>,
+}
+
+impl Residuals {
+    /// Of a tick of `tick` (s) between the readings `before` and `now`, with the arm's `jacobian` at the palm (world axes).
+    pub fn new(
+        hand: &Hand,
+        [before, now]: [&[ServoState; ACTUATORS]; 2],
+        tick: f64,
+        innovation: &Innovation,
+        jacobian: &SMatrix<f64, 6, 7>,
+    ) -> Self {
+        let cable = |n: usize| {
+            let (servo, radius) = (&hand.servos[n], hand.cables[n].spool_radius);
+            let (before, now) = (&before[n], &now[n]);
+            let speed = 0.5 * (before.velocity + now.velocity);
+            let dry = servo.friction * (speed / CREEP).clamp(-1.0, 1.0);
+            let torque = 0.5 * servo.torque_constant * (before.current + now.current)
+                - servo.damping * speed
+                - dry
+                - servo.rotor_inertia * (now.velocity - before.velocity) / tick;
+            Cable {
+                tension: torque / radius,
+                free: innovation.tensions[n],
+                pulled: servo.torque_constant * now.current / radius,
+                wound: radius * now.position,
+                speed: radius * now.velocity,
+            }
+        };
+        // The arm holds against what acts on the hand: torque = -J^T wrench.
+        let torque = SVector::<f64, 7>::from(innovation.arm_torque);
+        let wrench = jacobian.transpose().svd(true, true).solve(&-torque, SINGULAR);
+        let force = wrench.map_or_else(|_| Vector3::zeros(), |wrench| wrench.fixed_rows::<3>(0).into_owned());
+        Self { cables: std::array::from_fn(cable), force }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use hand_model::Arm;
+
+    use super::*;
+
+    fn innovation() -> Innovation {
+        Innovation::default()
+    }
+
+    /// At rest a cable bears what the current holds; a spool that speeds up under it bears nothing.
+    #[test]
+    fn a_cable_bears_what_does_not_turn_the_rotor() {
+        let hand = Hand::ftac();
+        let (servo, radius) = (&hand.servos[1], hand.cables[1].spool_radius);
+        let still = ServoState { current: 0.1, ..ServoState::default() };
+        let jacobian = SMatrix::<f64, 6, 7>::zeros();
+        let holding = Residuals::new(&hand, [&[still; ACTUATORS]; 2], 0.01, &innovation(), &jacobian).cables[1];
+        assert!((holding.tension - 0.1 * servo.torque_constant / radius).abs() < 1e-9);
+        assert_eq!(holding.tension, holding.pulled);
+        // Torque 0.1 A over the rotor's inertia, less what the bearings take at the mean speed.
+        let faster = 0.1 * servo.torque_constant * 0.01 / (servo.rotor_inertia + 0.5 * 0.01 * servo.damping);
+        let spun = ServoState { velocity: faster, ..still };
+        let states = [&[still; ACTUATORS], &[spun; ACTUATORS]];
+        let free = Residuals::new(&hand, states, 0.01, &innovation(), &jacobian).cables[1];
+        assert!(free.tension.abs() < 1e-9, "{}", free.tension);
+    }
+
+    /// Torques of a force on the palm give the force back.
+    #[test]
+    fn a_force_on_the_palm_is_found() {
+        let (hand, arm) = (Hand::ftac(), Arm::gen3());
+        let links = arm.tree.forward(&Arm::home());
+        let point = nalgebra::Point3::new(0.02, 0.0, -0.1);
+        let jacobian: SMatrix<f64, 6, 7> = arm.tree.jacobian(&links, 6, &point).fixed_view::<6, 7>(0, 0).into_owned();
+        let force = Vector3::new(3.0, -4.0, -6.0);
+        let torque = -(jacobian.fixed_rows::<3>(0).transpose() * force);
+        let still = [ServoState::default(); ACTUATORS];
+        let innovation = Innovation { arm_torque: torque.into(), ..innovation() };
+        let found = Residuals::new(&hand, [&still; 2], 0.01, &innovation, &jacobian).force;
+        assert!((found - force).norm() < 1e-6, "{found}");
+    }
+}

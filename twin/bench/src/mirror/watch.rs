@@ -1,0 +1,106 @@
+//! A mirror that looks on while a trial is played, whichever way it branches.
+
+use std::time::Duration;
+use std::time::Instant;
+
+use anyhow::Result;
+use scenarios::record::{Condition, TrialRecord};
+
+use super::Mirror;
+use super::divergence::Named;
+use super::seen::Seen;
+use crate::recording::Recording;
+use crate::trial::{Bench, Moment, Watcher};
+
+/// Two ticks are apart by no more than this many of their length.
+const CONTIGUOUS: f64 = 1.5;
+
+/// A mirror beside a trial: what conditions share, and each one's own.
+pub struct Mirroring<'a> {
+    bench: &'a Bench,
+    /// Where it is shown, if anywhere.
+    recording: Option<&'a mut Recording>,
+    /// What conditions share, and the branch that is played; each with the time of its last tick, s.
+    shared: Option<(Mirror, f64)>,
+    branch: Option<(Mirror, f64)>,
+    /// What was named in the branches that are over.
+    named: Vec<Named>,
+    ticks: u32,
+    spent: Duration,
+}
+
+impl<'a> Mirroring<'a> {
+    /// Beside the trials of `bench`, shown in `recording`.
+    pub fn new(bench: &'a Bench, recording: Option<&'a mut Recording>) -> Self {
+        Self { bench, recording, shared: None, branch: None, named: Vec::new(), ticks: 0, spent: Duration::ZERO }
+    }
+
+    /// What was named, branch by branch; a branch that was stopped included.
+    pub fn finish(mut self, condition: Condition) -> Vec<Named> {
+        self.close(condition);
+        self.named
+    }
+
+    /// Ticks seen, and the time that the mirror took for them.
+    pub fn effort(&self) -> (u32, Duration) {
+        (self.ticks, self.spent)
+    }
+
+    fn close(&mut self, condition: Condition) {
+        if let Some((mirror, _)) = self.branch.take() {
+            let all = mirror.named().iter().cloned();
+            self.named.extend(all.map(|divergence| Named { condition, divergence }));
+        }
+    }
+
+    fn tick(&mut self, moment: &Moment) -> Result<()> {
+        let Some(sent) = moment.sent else { return Ok(()) };
+        let seen = Seen::of(moment.executive, moment.time, sent, moment.felt);
+        let begun = Instant::now();
+        let tick = CONTIGUOUS * moment.executive.tick_length();
+        let goes_on = |known: &(Mirror, f64)| (0.0..tick).contains(&(moment.time - known.1));
+        let (world, arm) = (&self.bench.world, &seen.arm.position);
+        let known = match moment.condition {
+            None => self.shared.take().filter(goes_on),
+            Some(_) => self.branch.take().or_else(|| self.shared.as_ref().filter(|known| goes_on(known)).cloned()),
+        };
+        let mut mirror = match known {
+            Some(known) if goes_on(&known) => known.0,
+            Some((mirror, _)) => mirror.restarted(world, arm)?,
+            None => Mirror::new(world, arm)?,
+        };
+        let fresh: Vec<String> = mirror.see(&seen).iter().map(ToString::to_string).collect();
+        self.ticks += 1;
+        self.spent += begun.elapsed();
+        if let Some(recording) = &mut self.recording {
+            recording.log_mirror(&mirror, &fresh)?;
+        }
+        let keep = if moment.condition.is_some() { &mut self.branch } else { &mut self.shared };
+        *keep = Some((mirror, moment.time));
+        Ok(())
+    }
+}
+
+impl Watcher for Mirroring<'_> {
+    /// It takes the images that come: asking for more would move the looks of a policy in time.
+    fn active(&self) -> bool {
+        self.recording.as_ref().is_some_and(|recording| recording.active())
+    }
+
+    fn see(&mut self, moment: &Moment) -> Result<()> {
+        if let Some(recording) = &mut self.recording {
+            recording.see(moment)?;
+        }
+        self.tick(moment)
+    }
+
+    fn branch(&mut self, condition: Condition) -> Result<()> {
+        self.branch = None;
+        self.recording.as_mut().map_or(Ok(()), |recording| recording.branch(condition))
+    }
+
+    fn outcome(&mut self, record: &TrialRecord) -> Result<()> {
+        self.close(record.condition);
+        self.recording.as_mut().map_or(Ok(()), |recording| recording.outcome(record))
+    }
+}

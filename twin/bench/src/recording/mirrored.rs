@@ -1,0 +1,36 @@
+//! The twin of a mirror beside the robot, what is left between them, and what was named.
+
+use anyhow::Result;
+use hand_model::ARM_JOINTS;
+use stream::Level;
+use stream::recorder::TwinFrame;
+
+use super::Recording;
+use crate::mirror::Mirror;
+
+impl Recording {
+    /// Records the twin at the moment that was seen last, and what was named in it, in words.
+    pub fn log_mirror(&mut self, mirror: &Mirror, named: &[String]) -> Result<()> {
+        let Some(recorder) = self.recorder.as_mut().filter(|_| self.shows) else { return Ok(()) };
+        let links = mirror.twin().links();
+        let (arm, hand) = links.split_at(ARM_JOINTS);
+        let residuals = mirror.residuals();
+        let object = mirror.object().map(|(belief, pose)| {
+            let turn = belief.palm_from_object.rotation.to_rotation_matrix().into_inner();
+            let place = turn.transpose() * belief.covariance.fixed_view::<3, 3>(0, 0) * turn;
+            (self.names[usize::from(self.reversed)].as_str(), pose, place)
+        });
+        recorder.log_twin(
+            &self.arm,
+            &TwinFrame {
+                arm,
+                palm: mirror.twin().palm(),
+                hand,
+                loads: residuals.cables.map(|cable| cable.tension - cable.free),
+                force: residuals.force.into(),
+                object,
+            },
+        )?;
+        named.iter().try_for_each(|text| Ok(recorder.log_text(Level::Warn, text)?))
+    }
+}
