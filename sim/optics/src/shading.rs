@@ -227,6 +227,8 @@ mod tests {
             Shading::new(&[lamp], &reflectance, [1.0; 3], [40.0, 0.0, 200.0]).shade(&mut row, &[], (0, 0));
             let point = Point3::new(x, y, z);
             let (s, kappa) = lamp.at(&point);
+            // With an exponent near 0 a lamp's light ends abruptly to its side, where rounding decides.
+            prop_assume!(s.dot(&lamp.direction).abs() > 1e-5);
             let exact = reflectance.radiance(kappa, &Vector3::new(zx, zy, -1.0).normalize(), &s, &camera.viewer(&point));
             for c in 0..3 {
                 let open = 0.5 * (1.0 + 1.0 / (1.0 + zx * zx + zy * zy).sqrt());

@@ -162,7 +162,7 @@ fn small_image(hand: &Hand, sensor: &Sensor, side: usize) -> Result<f64> {
     let small = ReducedSensor::new(sensor, side)?;
     let camera = sensor.camera();
     let gel = Foundation::winkler(&hand.gel());
-    let rasters = [small.raster().clone()];
+    let rasters = [*small.raster()];
     let pressed = press_rasters(&hand.pads[camera.pad], &rasters, &gel, FORCE, |x, y| ball(x, y - camera.center_y))?;
     Ok(timed(|| drop(black_box(small.render_at(sensor, &pressed.maps[0], 1.0, &mut ChaCha8Rng::seed_from_u64(1))))))
 }

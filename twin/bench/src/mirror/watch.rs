@@ -82,7 +82,7 @@ impl<'a> Mirroring<'a> {
 }
 
 impl Watcher for Mirroring<'_> {
-    /// It takes the images that come: asking for more would move the looks of a policy in time.
+    /// It takes the images that come: more would cost more than the trial.
     fn active(&self) -> bool {
         self.recording.as_ref().is_some_and(|recording| recording.active())
     }
