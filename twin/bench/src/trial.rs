@@ -255,7 +255,8 @@ impl Bench {
         let Known { objects, grasps, reordered, sighted } = trial;
         let known = |index: usize| {
             let object = &objects[index];
-            self.known.get(&object.name).with_context(|| format!("{} was not made ready to be felt", object.name))
+            let known = self.known.get(&object.name);
+            known.inspect(|known| known.prepare()).with_context(|| format!("{} cannot be felt", object.name))
         };
         Ok(Knowledge {
             cell: &self.world.cell,

@@ -23,8 +23,8 @@ const PRIOR_SIGMA: (f64, f64) = (0.012, 0.35);
 /// Cell of the distance grids of meshes and how far they reach beyond the shape, m.
 const GRID: (f64, f64) = (0.001, 0.012);
 
-/// An object whose shape can be registered quickly: a mesh gets a distance grid the first time it is asked for a distance, which takes
-/// some tenths of a second.
+/// An object whose shape can be registered quickly: a mesh gets a distance grid, which takes some tenths of a second, when it is
+/// prepared or first asked for a distance.
 #[derive(Debug, Clone)]
 pub struct KnownObject {
     pub model: Arc<ObjectModel>,
@@ -35,14 +35,23 @@ impl KnownObject {
     pub fn new(model: Arc<ObjectModel>) -> Self {
         Self { model, grid: OnceLock::new() }
     }
+
+    /// Makes the grid if there is none yet, so that no decision waits for it.
+    pub fn prepare(&self) {
+        if let shape @ Shape::Mesh(_) = &self.model.shape {
+            self.grid_of(shape);
+        }
+    }
+
+    fn grid_of(&self, shape: &Shape) -> &DistanceGrid {
+        self.grid.get_or_init(|| DistanceGrid::new(shape, GRID.0, GRID.1))
+    }
 }
 
 impl KnownShape for KnownObject {
     fn signed_distance(&self, point: &Point3<f64>) -> (f64, Vector3<f64>) {
         match &self.model.shape {
-            shape @ Shape::Mesh(_) => {
-                self.grid.get_or_init(|| DistanceGrid::new(shape, GRID.0, GRID.1)).signed_distance(point)
-            }
+            shape @ Shape::Mesh(_) => self.grid_of(shape).signed_distance(point),
             shape => shape.signed_distance(point),
         }
     }

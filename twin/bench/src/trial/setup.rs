@@ -5,6 +5,7 @@ use std::sync::Arc;
 use anyhow::{Context as _, Result};
 use control::executive::Phase;
 use control::percept::Percept;
+use control::perception::KnownObject;
 use control::policy::Reordered;
 use grasping::Repertoire;
 use hand_model::CAMERAS;
@@ -186,6 +187,10 @@ impl<'a> Setup<'a> {
         let world = reversed.as_ref().unwrap_or(&bench.world);
         let planned = self.plan.grasps(self.repertoire)?;
         let objects = self.objects(bench)?;
+        if source.is_some() {
+            // A body in real time does not wait for it later.
+            objects.iter().filter_map(|object| bench.known.get(&object.name)).for_each(KnownObject::prepare);
+        }
         let disturber = Disturber::new(&self.disturbances, &objects);
         let [first_one, second_one] = resized(&objects, self.disturbances.sizes())?;
         let [one, other] = &self.noise.individuals;
