@@ -4,6 +4,7 @@ use std::collections::VecDeque;
 
 use control::executive::Phase;
 use grasping::Role;
+use hand_model::GRAVITY;
 use nalgebra::Vector3;
 
 use super::cables::Finding;
@@ -15,8 +16,6 @@ use super::residuals::Residuals;
 const STILL: f64 = 0.4;
 /// A force that changes by more within a tenth of a second pushes the hand, N.
 const PUSH: f64 = 1.5;
-/// m/s2.
-const GRAVITY: f64 = 9.81;
 
 /// What a phase lets expect of the forces on the hand.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
