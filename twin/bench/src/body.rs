@@ -242,16 +242,21 @@ impl Body {
         }
     }
 
+    /// Whether its session, if it has one, can still be written.
+    pub fn is_written(&self) -> bool {
+        match self {
+            Self::Simulated(_) => true,
+            Self::Single(single) => single.borrow().unwritten().is_none(),
+        }
+    }
+
     /// See [`TrialBody::stopped`].
     pub fn stopped(&self) -> Option<String> {
         match self {
             Self::Simulated(_) => None,
             Self::Single(single) => {
                 let mut single = single.borrow_mut();
-                let unwritten = match &single.line {
-                    Some(Wrapped::Recorded(recorder)) => recorder.error().map(ToString::to_string),
-                    _ => None,
-                };
+                let unwritten = single.unwritten();
                 let body = single.body()?;
                 if let Some(error) = unwritten {
                     body.hold();
@@ -300,6 +305,14 @@ impl Body {
 }
 
 impl SingleBody {
+    /// Why its session cannot be written any more.
+    fn unwritten(&self) -> Option<String> {
+        match &self.line {
+            Some(Wrapped::Recorded(recorder)) => recorder.error().map(ToString::to_string),
+            _ => None,
+        }
+    }
+
     fn body(&mut self) -> Option<&mut Box<dyn TrialBody>> {
         self.line.as_mut().map(|line| match line {
             Wrapped::Plain(body) => body,

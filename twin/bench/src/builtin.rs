@@ -150,6 +150,7 @@ fn make_scenes_of(
         seed,
         profile: Arc::default(),
         twin: None,
+        outlasts_faults: false,
         own: None,
         intact: None,
     })

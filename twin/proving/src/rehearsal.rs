@@ -18,7 +18,7 @@ use scenarios::objects::ObjectModel;
 use sim::robot::{SimulatedRobot, Truth};
 use sim::tactile::TactileBoard;
 
-use crate::world::{World, drive};
+use crate::world::{World, drive, tick};
 
 /// Seed of the errors under which grasps are proven; no trial of a benchmark draws them.
 const PROVING_SEED: u64 = 0x005e_ed0f_9a05;
@@ -167,14 +167,16 @@ impl SecondWatch {
         Self { holding: digit_bits(first_digits), free, gripped: false, collided: false }
     }
 
-    /// Plays up to `phase`.
+    /// Plays up to `phase`, or to a collision.
     fn drive(&mut self, robot: &mut SimulatedRobot, executive: &mut Executive, phase: Phase) -> Result<()> {
-        drive(robot, executive, phase, |robot, executive| {
+        while executive.phase() < phase && !self.collided {
+            tick(robot, executive)?;
             // The palm may touch what two free digits have.
             self.gripped |= self.free.iter().filter(|digit| robot.touches(1, **digit)).count() >= 2;
             let unwanted = if self.gripped { self.holding } else { self.holding | PALM };
-            self.collided |= executive.phase() < Phase::LiftSecond && robot.touches(1, unwanted);
-        })
+            self.collided = executive.phase() < Phase::LiftSecond && robot.touches(1, unwanted);
+        }
+        Ok(())
     }
 }
 

@@ -23,7 +23,7 @@ use sim::tactile::TactileBoard;
 use sim::{ObjectPlacement, SceneSetup, SimulatedRobot};
 
 use crate::rehearsal::{in_grip, play_try_and_carry};
-use crate::world::World;
+use crate::world::{World, tick};
 
 /// Time in which digits press on the fastened object, and in which it then settles, s.
 const PRESSING: (f64, f64) = (0.15, 0.25);
@@ -107,9 +107,7 @@ fn standing(object: &ObjectModel, pose: &Isometry3<f64>) -> (Isometry3<f64>, f64
 /// `executive` waits for `time` s.
 fn play(robot: &mut SimulatedRobot, executive: &mut Executive, time: f64) -> Result<()> {
     for _ in 0..(time / robot.tick_length()).round() as usize {
-        let command = executive.tick(&robot.observe())?;
-        robot.send(&command);
-        robot.wait_for_tick();
+        tick(robot, executive)?;
     }
     Ok(())
 }

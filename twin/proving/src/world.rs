@@ -174,12 +174,17 @@ pub fn drive(
     mut watch: impl FnMut(&SimulatedRobot, &Executive),
 ) -> Result<()> {
     while executive.phase() < until {
-        let observation = robot.observe();
-        let command = executive.tick(&observation)?;
-        robot.send(&command);
-        robot.wait_for_tick();
+        tick(robot, executive)?;
         watch(robot, executive);
     }
+    Ok(())
+}
+
+/// One tick of `robot` as `executive` commands it.
+pub fn tick(robot: &mut SimulatedRobot, executive: &mut Executive) -> Result<()> {
+    let command = executive.tick(&robot.observe())?;
+    robot.send(&command);
+    robot.wait_for_tick();
     Ok(())
 }
 

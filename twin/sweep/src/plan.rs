@@ -144,7 +144,7 @@ impl Plan {
             policy: None,
             individual: None,
             plant: None,
-            foresees: false,
+            foresees: None,
             mirrors: false,
             places: Places::default(),
         };

@@ -41,9 +41,7 @@ pub fn bench_of(terminal: &Terminal, task: &Task, recording: &Path) -> Result<Be
     let quiet = terminal.quiet || terminal.json;
     let mut bench = make_identified(task.individual.as_deref(), recording, scenario, task.combos, task.seed, quiet)?;
     task.places.set_up(&mut bench.world)?;
-    if task.foresees {
-        bench.foresee();
-    }
+    bench.foresee(task.foresees);
     if task.combination >= bench.plans.plans.len() {
         bail!(
             "{}: combination: found {}, expected 0 to {}",

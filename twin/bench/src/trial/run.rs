@@ -9,6 +9,7 @@ use control::policy::{Choice, Injected};
 use hand_model::Digit;
 use hand_model::robot::{Command, Robot};
 use proving::rehearsal::{PALM, Snapshot, digit_bits, in_hand};
+use scenarios::FailureCause;
 use scenarios::record::{Condition, TrialId, TrialRecord};
 use scenarios::referee::{Referee, SceneTruth, Touch, Toucher};
 use scenarios::stages::Stages;
@@ -35,6 +36,10 @@ pub struct Run {
     pub profile: Arc<Profile>,
     /// The object that the combination names second is taken first: the body's first object is that one.
     pub reversed: bool,
+    /// Whether a trial whose body stops has failed, instead of being none.
+    pub outlasts_faults: bool,
+    /// Why the body stopped.
+    pub fault: Option<String>,
 }
 
 impl Run {
@@ -105,7 +110,7 @@ impl Run {
         condition: Option<Condition>,
         watcher: &mut dyn Watcher,
     ) -> Result<()> {
-        while on(&self.snapshot.executive, self.snapshot.robot.time()) {
+        while self.fault.is_none() && on(&self.snapshot.executive, self.snapshot.robot.time()) {
             let Snapshot { robot, executive } = &mut self.snapshot;
             let observation = robot.observe();
             let command = self.profile.on(Activity::Control, || executive.tick(&observation))?;
@@ -123,8 +128,8 @@ impl Run {
         (felt, condition): (Option<&Felt>, Option<Condition>),
         watcher: &mut dyn Watcher,
     ) -> Result<Command> {
-        let Self { snapshot: Snapshot { robot, executive }, referee, disturber, history, profile, reversed } = self;
-        let reversed = *reversed;
+        let Self { snapshot: Snapshot { robot, executive }, referee, disturber, history, profile, .. } = self;
+        let reversed = self.reversed;
         let sent = robot.send(command);
         let note = match robot {
             Body::Simulated(robot) => disturber.act(robot, executive),
@@ -157,7 +162,12 @@ impl Run {
         })?;
         // The last tick of a recording may also be the last of a trial.
         if let Some(why) = robot.stopped().filter(|_| executive.phase() < Phase::Done) {
-            bail!(Stopped(format!("{why} (phase: {})", executive.phase().name())));
+            let why = format!("{why} (phase: {})", executive.phase().name());
+            if !self.outlasts_faults || !robot.is_written() {
+                bail!(Stopped(why));
+            }
+            referee.give_up(FailureCause::RobotFault);
+            self.fault = Some(why);
         }
         Ok(sent)
     }

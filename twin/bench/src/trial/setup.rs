@@ -229,7 +229,16 @@ impl<'a> Setup<'a> {
         let latency = world.scenario.effects.eyes.map_or(0.0, |eyes| eyes.latency);
         let history = History::new(latency);
         let reversed = self.reordered.is_some();
-        let run = Run { snapshot, referee, disturber, history, profile: bench.profile.clone(), reversed };
+        let run = Run {
+            snapshot,
+            referee,
+            disturber,
+            history,
+            profile: bench.profile.clone(),
+            reversed,
+            outlasts_faults: bench.outlasts_faults,
+            fault: None,
+        };
         let sighted = [None; 2];
         let start = Start { run, objects, grasps: planned, reordered: self.reordered, pipeline, sighted };
         if eyes { start.see_first() } else { Ok(start) }
