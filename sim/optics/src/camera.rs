@@ -10,6 +10,8 @@ use hand_model::pads::{Camera, IMAGE_SIZE};
 use nalgebra::{Matrix3, Point3, Vector3};
 use serde::{Deserialize, Serialize};
 
+use crate::wide::whole;
+
 /// A perspective camera that looks along the pad's +z.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -136,8 +138,9 @@ impl ResponseTable {
     #[inline(always)]
     pub(crate) fn grey(&self, radiance: f32) -> f32 {
         let at = (radiance * (Self::CELLS as f64 / Self::END) as f32).clamp(0.0, Self::CELLS as f32);
-        let cell = at as usize;
-        let part = at - cell as f32;
-        self.grey[cell] + part * (self.grey[cell + 1] - self.grey[cell])
+        let cell = whole(at).min(Self::CELLS as u32) as usize;
+        let part = at - cell as i32 as f32;
+        let [low, high] = [0, 1].map(|next| self.grey[cell + next]);
+        low + part * (high - low)
     }
 }

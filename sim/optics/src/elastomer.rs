@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::indentation::{IndentationMap, Rectangle};
 use crate::raster::Raster;
-use crate::wide::widest;
+use crate::wide::{transpose, widest};
 
 /// The smoothing of the gel.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -198,20 +198,6 @@ fn box_filter(from: &[f32], to: &mut [f32], width: usize, height: usize, radius:
         for (((out, sum), enters), leaves) in line.iter_mut().zip(&mut sum).zip(enters).zip(leaves) {
             *out = *sum * scale;
             *sum += enters - leaves;
-        }
-    }
-}
-
-#[inline(always)]
-fn transpose(from: &[f32], to: &mut [f32], width: usize, height: usize) {
-    const TILE: usize = 8;
-    for top in (0..height).step_by(TILE) {
-        for left in (0..width).step_by(TILE) {
-            for column in left..(left + TILE).min(width) {
-                for row in top..(top + TILE).min(height) {
-                    to[column * height + row] = from[row * width + column];
-                }
-            }
         }
     }
 }

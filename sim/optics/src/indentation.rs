@@ -177,13 +177,21 @@ impl IndentationMap {
         if self.depth.is_empty() {
             return vec![0.0; rectangle.width() * rectangle.height()];
         }
-        let rows = self.depth.chunks_exact(self.side).take(rectangle.bottom).skip(rectangle.top);
-        rows.flat_map(|row| &row[rectangle.left..rectangle.right]).copied().collect()
+        let mut cut = Vec::with_capacity(rectangle.width() * rectangle.height());
+        self.rows(rectangle).for_each(|row| cut.extend_from_slice(row));
+        cut
+    }
+
+    /// The rows of a rectangle of a map that is touched.
+    fn rows(&self, rectangle: &Rectangle) -> impl Iterator<Item = &[f32]> {
+        let (left, right) = (rectangle.left, rectangle.right);
+        self.depth.chunks_exact(self.side).take(rectangle.bottom).skip(rectangle.top).map(move |row| &row[left..right])
     }
 
     /// Largest depth, m.
     pub fn deepest(&self) -> f32 {
-        self.depth.iter().copied().fold(0.0, f32::max)
+        let contact = self.contact.iter().flat_map(|contact| self.rows(contact));
+        contact.flatten().copied().fold(0.0, f32::max)
     }
 
     pub fn contact_pixels(&self) -> usize {

@@ -7,6 +7,7 @@ use rand_chacha::rand_core::SeedableRng;
 use rand_distr::{Distribution, StandardNormal};
 
 use crate::indentation::PIXELS;
+use crate::wide::whole;
 
 /// Read-out noise: independent normal draws of one standard deviation, added to every value of an image.
 ///
@@ -74,7 +75,7 @@ impl ReadOutNoise {
 /// Nearest of the 256 grey levels.
 #[inline(always)]
 pub(crate) fn quantise(grey: f32) -> u8 {
-    (grey + 0.5).clamp(0.0, 255.0) as u8
+    whole((grey + 0.5).clamp(0.0, 255.0)) as u8
 }
 
 /// Texture of a unit's background (grey levels, row-major RGB): blotches of a few millimetres and a fine grain, both

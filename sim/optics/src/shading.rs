@@ -48,21 +48,35 @@ impl SurfaceRow {
         let (px, py, pz) = (camera.position.x as f32, camera.position.y as f32, camera.position.z as f32);
         self.len = n;
         self.y = y as f32;
-        let (zx, zy) = (&slopes[0][..n], &slopes[1][..n]);
-        for i in 0..n {
-            let x = x0 as f32 + i as f32 * dx as f32;
-            let inverse = 1.0 / (zx[i] * zx[i] + zy[i] * zy[i] + 1.0).sqrt();
-            let normal = [zx[i] * inverse, zy[i] * inverse, -inverse];
-            let v = [px - x, py - self.y, pz - z[i]];
-            let inverse = 1.0 / (v[0] * v[0] + v[1] * v[1] + v[2] * v[2]).sqrt();
-            let viewer = v.map(|v| v * inverse);
-            self.x[i] = x;
-            self.z[i] = z[i];
-            self.cos_r[i] = normal[0] * viewer[0] + normal[1] * viewer[1] + normal[2] * viewer[2];
-            for axis in 0..3 {
-                self.normal[axis][i] = normal[axis];
-                self.viewer[axis][i] = viewer[axis];
+        for (k, start) in (0..n).step_by(LANES).enumerate() {
+            let lanes = |line: &[f32]| {
+                let mut lanes = [0.0f32; LANES];
+                let part = &line[start..n.min(start + LANES)];
+                lanes[..part.len()].copy_from_slice(part);
+                lanes
+            };
+            let (z, zx, zy) = (lanes(z), lanes(slopes[0]), lanes(slopes[1]));
+            let mut line = [0.0; LANES];
+            let (mut normal, mut viewer, mut cos_r) = ([line; 3], [line; 3], line);
+            for i in 0..LANES {
+                let x = x0 as f32 + (start as i32 + i as i32) as f32 * dx as f32;
+                line[i] = x;
+                let inverse = 1.0 / (zx[i] * zx[i] + zy[i] * zy[i] + 1.0).sqrt();
+                let n = [zx[i] * inverse, zy[i] * inverse, -inverse];
+                let v = [px - x, py - self.y, pz - z[i]];
+                let inverse = 1.0 / (v[0] * v[0] + v[1] * v[1] + v[2] * v[2]).sqrt();
+                let v = v.map(|v| v * inverse);
+                cos_r[i] = n[0] * v[0] + n[1] * v[1] + n[2] * v[2];
+                for axis in 0..3 {
+                    (normal[axis][i], viewer[axis][i]) = (n[axis], v[axis]);
+                }
             }
+            let set = |into: &mut Line, lanes: [f32; LANES]| into.as_chunks_mut::<LANES>().0[k] = lanes;
+            set(&mut self.x, line);
+            set(&mut self.z, z);
+            set(&mut self.cos_r, cos_r);
+            self.normal.iter_mut().zip(normal).for_each(|(into, lanes)| set(into, lanes));
+            self.viewer.iter_mut().zip(viewer).for_each(|(into, lanes)| set(into, lanes));
         }
     }
 }

@@ -25,7 +25,7 @@
 mod trace;
 
 use crate::lamps::Lamp;
-use crate::shadows::trace::{Axes, Grid, trace};
+use crate::shadows::trace::{Axes, Depths, Grid, Horizons, trace};
 
 /// Pixels along a cell's side.
 const CELL: usize = 2;
@@ -61,7 +61,7 @@ pub struct Shadow {
 struct Cells {
     width: usize,
     height: usize,
-    depth: Vec<f32>,
+    depths: Depths,
     deepest: f32,
     /// Lipschitz bound of the depth.
     steepest: f32,
@@ -74,16 +74,16 @@ const CLEARANCE: f32 = 1.25;
 impl HeightField<'_> {
     /// `None` if the lamp casts no shadow.
     pub fn shadow(&self, lamp: &Lamp) -> Option<Shadow> {
-        self.shadow_on(&self.cells(), lamp)
+        self.shadow_on(&self.cells(), lamp, &mut Horizons::default())
     }
 
     /// One element per lamp.
     pub fn shadows(&self, lamps: &[Lamp]) -> Vec<Option<Shadow>> {
-        let cells = self.cells();
-        lamps.iter().map(|lamp| self.shadow_on(&cells, lamp)).collect()
+        let (cells, mut horizons) = (self.cells(), Horizons::default());
+        lamps.iter().map(|lamp| self.shadow_on(&cells, lamp, &mut horizons)).collect()
     }
 
-    fn shadow_on(&self, cells: &Cells, lamp: &Lamp) -> Option<Shadow> {
+    fn shadow_on(&self, cells: &Cells, lamp: &Lamp, horizons: &mut Horizons) -> Option<Shadow> {
         if self.cannot_shade(cells, lamp) {
             return None;
         }
@@ -96,7 +96,7 @@ impl HeightField<'_> {
             soft: 1.0 / lamp.size.max(1e-6) as f32,
             rows: Axes { outer: (height, place.1, size.1), inner: (width, place.0, size.0) },
         };
-        let share = trace(&grid, &cells.depth);
+        let share = trace(&grid, &cells.depths, horizons);
         if !share.iter().any(|&share| share < UNSHADED) {
             return None;
         }
@@ -141,28 +141,31 @@ impl HeightField<'_> {
         let (width, height) = (self.width.div_ceil(CELL), self.height.div_ceil(CELL));
         let mut depth = Vec::with_capacity(width * height);
         for row in 0..height {
-            let rows = [CELL * row, (CELL * row + 1).min(self.height - 1)];
-            let lines = rows.map(|row| &self.depth[row * self.width..(row + 1) * self.width]);
-            for column in 0..width {
-                let (left, right) = (CELL * column, (CELL * column + 1).min(self.width - 1));
-                depth.push(0.25 * lines.iter().map(|line| line[left] + line[right]).sum::<f32>());
-            }
+            let line = |row: usize| &self.depth[row * self.width..(row + 1) * self.width];
+            let (above, below) = (line(CELL * row), line((CELL * row + 1).min(self.height - 1)));
+            let pairs = above.chunks(CELL).zip(below.chunks(CELL));
+            depth.extend(pairs.map(|(above, below)| {
+                let sum = |pair: &[f32]| pair[0] + pair[pair.len() - 1];
+                0.25 * (sum(above) + sum(below))
+            }));
         }
-        let largest =
-            |pairs: &mut dyn Iterator<Item = (&f32, &f32)>| pairs.map(|(a, b)| (a - b).abs()).fold(0.0f32, f32::max);
-        let across = largest(&mut depth.chunks_exact(width).flat_map(|row| row.iter().zip(&row[1..])));
-        let down = largest(&mut depth.iter().zip(depth.get(width..).unwrap_or_default()));
+        let apart = |a: &[f32], b: &[f32]| highest(a.iter().zip(b).map(|(a, b)| (a - b).abs()));
+        let across = depth.chunks_exact(width).map(|row| apart(row, &row[1..])).fold(0.0, f32::max);
+        let down = apart(&depth, depth.get(width..).unwrap_or_default());
         // Beyond the border the gel is untouched: a raised border counts as a step.
-        let border = |(at, depth): (usize, &f32)| {
-            let (column, row) = (at % width, at / width);
-            if column == 0 || row == 0 || column + 1 == width || row + 1 == height { *depth } else { 0.0 }
-        };
-        let border = depth.iter().enumerate().map(border).fold(0.0f32, f32::max);
+        let sides = depth.chunks_exact(width).map(|row| row[0].max(row[width - 1]));
+        let ends = depth[..width].iter().chain(&depth[width * (height - 1)..]);
+        let border = highest(sides.chain(ends.copied()));
         let (_, size) = self.grid();
         let steepest = (across.max(border) / size.0).hypot(down.max(border) / size.1);
-        let deepest = depth.iter().copied().fold(0.0, f32::max);
-        Cells { width, height, depth, deepest, steepest }
+        let deepest = highest(depth.iter().copied());
+        Cells { width, height, depths: Depths::new(depth, width), deepest, steepest }
     }
+}
+
+/// The largest of some numbers; 0 if none is.
+fn highest(values: impl Iterator<Item = f32>) -> f32 {
+    values.fold(0.0, f32::max)
 }
 
 impl Shadow {
@@ -251,7 +254,7 @@ mod tests {
                 let place = (((lamp.position.x - first.0) as f32) / size.0, ((first.1 - lamp.position.y) as f32) / size.1);
                 let rows = Axes { outer: (cells.height, place.1, size.1), inner: (cells.width, place.0, size.0) };
                 let grid = Grid { lamp_depth: high as f32, soft: (1.0 / lamp.size) as f32, rows };
-                prop_assert!(trace(&grid, &cells.depth).iter().all(|&share| share >= UNSHADED));
+                prop_assert!(trace(&grid, &cells.depths, &mut Horizons::default()).iter().all(|&share| share >= UNSHADED));
             }
         }
     }

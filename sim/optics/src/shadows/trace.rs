@@ -5,7 +5,9 @@
 //! the lines do not depend on each other and are vectorised. Lines are rows, or columns if the lamp is beside the grid
 //! and more cells can be vectorised that way. The arithmetic of a cell is the same either way.
 
-use crate::wide::widest;
+use std::ops::Range;
+
+use crate::wide::{transpose, widest};
 
 /// Number of cells along an axis, the lamp's position on it (in cells), and a cell's size (m).
 pub(super) type Axis = (usize, f32, f32);
@@ -34,6 +36,28 @@ struct Edge {
     distance: f32,
 }
 
+/// Depths of all cells, row by row and column by column.
+#[derive(Debug)]
+pub(super) struct Depths {
+    pub(super) rows: Vec<f32>,
+    columns: Vec<f32>,
+}
+
+impl Depths {
+    /// Of rows of `width` cells.
+    pub(super) fn new(rows: Vec<f32>, width: usize) -> Self {
+        let columns = turn(&rows, width);
+        Self { rows, columns }
+    }
+}
+
+/// Horizons of all cells: room that one lamp after another uses.
+#[derive(Debug, Default)]
+pub(super) struct Horizons {
+    tangent: Vec<f32>,
+    distance: Vec<f32>,
+}
+
 /// All horizons and visible shares, line by line.
 struct Field<'a> {
     grid: &'a Grid,
@@ -41,28 +65,37 @@ struct Field<'a> {
     /// Whether lines are columns.
     columns: bool,
     depth: &'a [f32],
-    tangent: Vec<f32>,
-    distance: Vec<f32>,
+    tangent: &'a mut [f32],
+    distance: &'a mut [f32],
     share: Vec<f32>,
 }
 
 /// Visible share of the lamp for each cell, row-major.
-pub(super) fn trace(grid: &Grid, depth: &[f32]) -> Vec<f32> {
+pub(super) fn trace(grid: &Grid, depths: &Depths, horizons: &mut Horizons) -> Vec<f32> {
     let Axes { outer: (height, lamp_y, _), inner: (width, lamp_x, _) } = grid.rows;
     let beside = lamp_x <= 0.0 || lamp_x > (width - 1) as f32;
     let (across, down) = (lamp_x - 0.5 * width as f32, lamp_y - 0.5 * height as f32);
     if beside && across.abs() > down.abs() {
-        let turned = turn(depth, width);
         let axes = Axes { outer: grid.rows.inner, inner: grid.rows.outer };
-        return turn(&Field::new(grid, axes, true, &turned).trace(), height);
+        return turn(&Field::new(grid, axes, true, &depths.columns, horizons).trace(), height);
     }
-    Field::new(grid, grid.rows, false, depth).trace()
+    Field::new(grid, grid.rows, false, &depths.rows, horizons).trace()
 }
 
 /// Transposes.
 fn turn(values: &[f32], width: usize) -> Vec<f32> {
-    let height = values.len() / width;
-    (0..width).flat_map(|column| (0..height).map(move |row| values[row * width + column])).collect()
+    let mut turned = vec![0.0; values.len()];
+    transpose(values, &mut turned, width, values.len() / width);
+    turned
+}
+
+/// The first of `range` for which `holds`, which holds for all after it; the range's end if there is none.
+fn first_of(mut range: Range<usize>, holds: impl Fn(usize) -> bool) -> usize {
+    while !range.is_empty() {
+        let middle = range.start.midpoint(range.end);
+        if holds(middle) { range.end = middle } else { range.start = middle + 1 }
+    }
+    range.end
 }
 
 /// Indices outwards from a position: first those below it from high to low, then those above it.
@@ -72,17 +105,13 @@ fn outwards(place: f32, count: usize) -> impl Iterator<Item = usize> {
 }
 
 impl<'a> Field<'a> {
-    fn new(grid: &'a Grid, axes: Axes, columns: bool, depth: &'a [f32]) -> Self {
+    fn new(grid: &'a Grid, axes: Axes, columns: bool, depth: &'a [f32], horizons: &'a mut Horizons) -> Self {
         let count = depth.len();
-        Self {
-            grid,
-            axes,
-            columns,
-            depth,
-            tangent: vec![0.0; count],
-            distance: vec![0.0; count],
-            share: vec![1.0; count],
-        }
+        // Every cell's horizon is written before another one asks for it.
+        horizons.tangent.resize(count, 0.0);
+        horizons.distance.resize(count, 0.0);
+        let Horizons { tangent, distance } = horizons;
+        Self { grid, axes, columns, depth, tangent, distance, share: vec![1.0; count] }
     }
 
     fn trace(mut self) -> Vec<f32> {
@@ -122,45 +151,79 @@ impl<'a> Field<'a> {
         let ((lines, lamp_u, _), (count, lamp_v, _)) = (self.axes.outer, self.axes.inner);
         let u = lamp_u - line as f32;
         let next = line as isize + u.signum() as isize;
-        let inside = (0..lines as isize).contains(&next);
+        if !(0..lines as isize).contains(&next) || u.abs() <= 1.0 {
+            outwards(lamp_v, count).for_each(|i| self.cell(line, i, own));
+            return;
+        }
         let looks_across = |i: usize| {
             let v = (lamp_v - i as f32).abs();
             if self.columns { u.abs() >= v } else { u.abs() > v }
         };
-        let (first, last) = match (0..count).find(|&i| looks_across(i)) {
-            Some(first) => (first, (first..count).rfind(|&i| looks_across(i)).map_or(first, |last| last + 1)),
-            None => (0, 0),
+        let start = (lamp_v.max(0.0).ceil() as usize).min(count);
+        let nearest = lamp_v.round().clamp(0.0, (count - 1) as f32) as usize;
+        let (first, last) = if looks_across(nearest) {
+            (first_of(0..nearest, looks_across), first_of(nearest..count, |i| !looks_across(i)))
+        } else {
+            (start, start)
         };
-        let quick = inside && u.abs() > 1.0;
-        if quick {
-            // Cells before the lamp interpolate with the next one, cells beyond it with the previous one; the border has
-            // none.
-            let turn = ((lamp_v.floor() + 1.0).clamp(first as f32, last as f32)) as usize;
-            let next = next as usize;
-            widest(
-                #[inline(always)]
-                || {
-                    self.across(line, next, first..turn.min(count - 1), 1, own);
-                    self.across(line, next, turn.max(1)..last, -1, own);
-                },
-            );
-            if turn == count && turn > first {
-                self.cell(line, count - 1, own);
-            }
-            if turn == 0 && last > 0 {
-                self.cell(line, 0, own);
-            }
+        // Cells before the lamp interpolate with the next one, cells beyond it with the previous one; the border has
+        // none.
+        let turn = ((lamp_v.floor() + 1.0).clamp(first as f32, last as f32)) as usize;
+        let next = next as usize;
+        widest(
+            #[inline(always)]
+            || {
+                self.across(line, next, first..turn.min(count - 1), 1, own);
+                self.across(line, next, turn.max(1)..last, -1, own);
+            },
+        );
+        if turn == count && turn > first {
+            self.cell(line, count - 1, own);
         }
-        for i in outwards(lamp_v, count) {
-            if !(quick && (first..last).contains(&i)) {
-                self.cell(line, i, own);
-            }
+        if turn == 0 && last > 0 {
+            self.cell(line, 0, own);
+        }
+        if first == count {
+            self.cell(line, count - 1, own);
+        }
+        if last == 0 {
+            self.cell(line, 0, own);
+        }
+        self.along(line, next, (0..first.min(count - 1)).rev(), 1, own);
+        self.along(line, next, last.max(1)..count, -1, own);
+    }
+
+    /// Cells of a line that take the horizon from the one at `side` in their own line, and its neighbour in the line `next`.
+    fn along(
+        &mut self,
+        line: usize,
+        next: usize,
+        cells: impl Iterator<Item = usize>,
+        side: isize,
+        own: &[Vec<f32>; 3],
+    ) {
+        let ((_, lamp_u, _), (count, _, _)) = (self.axes.outer, self.axes.inner);
+        let (u, soft) = (lamp_u - line as f32, self.grid.soft);
+        let (tangent_from, tangent) = two_lines(self.tangent, next, line, count);
+        let (distance_from, distance) = two_lines(self.distance, next, line, count);
+        let share = &mut self.share[line * count..][..count];
+        let [own, away, inverse] = own.each_ref().map(|line| &line[..count]);
+        for i in cells {
+            let nearer = i.wrapping_add_signed(side);
+            let part = (u * inverse[i]).abs();
+            let highest = tangent[nearer] + part * (tangent_from[nearer] - tangent[nearer]);
+            let near = away[i] * (1.0 - inverse[i]);
+            let met = (distance[nearer] + part * (distance_from[nearer] - distance[nearer])).min(near);
+            share[i] = seen(own[i], highest, away[i], met, soft);
+            let hidden = own[i] < highest;
+            tangent[i] = if hidden { highest } else { own[i] };
+            distance[i] = if hidden { met } else { away[i] };
         }
     }
 
     /// Cells of a line that take the horizon from the line `next`, between their own index there and the one at `side`.
     #[inline(always)]
-    fn across(&mut self, line: usize, next: usize, cells: std::ops::Range<usize>, side: isize, own: &[Vec<f32>; 3]) {
+    fn across(&mut self, line: usize, next: usize, cells: Range<usize>, side: isize, own: &[Vec<f32>; 3]) {
         if cells.is_empty() {
             return;
         }
@@ -168,8 +231,8 @@ impl<'a> Field<'a> {
         let (soft, columns) = (self.grid.soft, self.columns);
         let beside = cells.start.wrapping_add_signed(side)..cells.end.wrapping_add_signed(side);
         // Both lines are in one array; only one of them is written.
-        let (tangent_from, tangent) = two_lines(&mut self.tangent, next, line, count);
-        let (distance_from, distance) = two_lines(&mut self.distance, next, line, count);
+        let (tangent_from, tangent) = two_lines(self.tangent, next, line, count);
+        let (distance_from, distance) = two_lines(self.distance, next, line, count);
         let (a_tangent, b_tangent) = (&tangent_from[cells.clone()], &tangent_from[beside.clone()]);
         let (a_distance, b_distance) = (&distance_from[cells.clone()], &distance_from[beside]);
         let (tangent, distance) = (&mut tangent[cells.clone()], &mut distance[cells.clone()]);

@@ -88,7 +88,7 @@ fn ours(hand: &Arc<Hand>, surface: &HandSurface, subject: &Subject, grasp: &Held
     };
     let margin = checks::margin(subject, &closed)?;
     let penetration = checks::penetration(hand, surface, subject, &closed);
-    let held = checks::hold(&closed.scene, &closed.pull, subject.model.mass).held;
+    let held = checks::hold(&closed, subject.model.mass).held;
     let controls = held.then(|| evaluation::controls(&closed, subject.model.mass));
     Ok(Some(row(margin, penetration, held, closed.touches.len(), controls)))
 }
@@ -102,14 +102,12 @@ fn another(hand: &Described, subject: &Subject, grasp: &AnyHeld) -> Result<Optio
     let Ok(closed) = any_closing::pull(hand, subject, open, &values(&grasp.tensions)) else { return Ok(None) };
     let margin = any_closing::margin(subject, &closed)?;
     let mass = subject.model.mass;
-    let held = any_closing::hold(&closed, &closed.tensions, mass).held;
+    let held = checks::hold(&closed, mass).held;
     let controls = held.then(|| {
-        let mut slippery: AnyClosed = closed.clone();
+        let slack = AnyClosed { tensions: vec![0.0; closed.tensions.len()], ..closed.clone() };
+        let mut slippery = closed.clone();
         slippery.stand.set_friction(SLIPPERY);
-        [
-            any_closing::hold(&closed, &vec![0.0; closed.tensions.len()], mass).held,
-            any_closing::hold(&slippery, &slippery.tensions, mass).held,
-        ]
+        [checks::hold(&slack, mass).held, checks::hold(&slippery, mass).held]
     });
     Ok(Some(row(margin, closed.stand.penetration(), held, closed.touches.len(), controls)))
 }

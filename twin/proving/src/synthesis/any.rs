@@ -157,11 +157,12 @@ fn run(hand: &Described, subject: &Subject, request: &Request, number: u64) -> R
         if !good && attempt > 0 {
             continue;
         }
-        let hold = closing::hold(&closed, &closed.tensions, mass);
+        let hold = checks::hold(&closed, mass);
         let verdicts = [margin >= checks::LEAST_MARGIN, penetration <= checks::MOST_PENETRATION, hold.held];
         if verdicts == [true; 3] {
-            let slack: Hold = closing::hold(&closed, &vec![0.0; actuators], mass);
-            let held = held(hand, subject, number, &closed, [margin, penetration], slack.held);
+            let slack = AnyClosed { tensions: vec![0.0; actuators], ..closed.clone() };
+            let slack = checks::hold(&slack, mass).held;
+            let held = held(hand, subject, number, &closed, [margin, penetration], &hold, slack);
             return Ok(Ok(End { verdicts, held: Some(held) }));
         }
         if !matches!(first, Some(Ok(_))) {
@@ -178,6 +179,7 @@ fn held(
     chain: u64,
     closed: &AnyClosed,
     [margin, penetration]: [f64; 2],
+    hold: &Hold,
     held_without_tension: bool,
 ) -> AnyHeld {
     let by_joint = |angles: &[f64]| {
@@ -191,7 +193,7 @@ fn held(
         .iter()
         .map(|touch| (touch.link, touch.point.coords.into(), touch.normal.into_inner().into(), touch.force));
     let model = &subject.model;
-    let payload = checks::payload(model.mass, |mass| closing::hold(closed, &closed.tensions, mass).held);
+    let payload = checks::payload(closed, model.mass, hold);
     AnyHeld {
         object: model.name.clone(),
         chain,

@@ -6,7 +6,7 @@ use grasping::synthesis::surface::HandSurface;
 use hand_model::Hand;
 use hand_model::hand::CoverShape;
 use nalgebra::{Isometry3, Point3, Vector3};
-use sim::hand_scene::{HandScene, Pull, displacement};
+use sim::hand_scene::displacement;
 
 use super::closing::Closed;
 use super::subject::Subject;
@@ -20,6 +20,10 @@ pub const MOST_PENETRATION: f64 = 1e-3;
 /// (c) Time for each direction, s, and how far the object may move: m, rad.
 pub const HOLD_TIME: f64 = 2.0;
 pub const MOST_MOTION: (f64, f64) = (0.05, 15.0 * std::f64::consts::PI / 180.0);
+/// Steps between two looks at the object in the holding test, and how far it and the joints move between two at rest: m, rad. At that
+/// pace the object would be at a thousandth of the limits in the end.
+const LOOK: usize = 24;
+const AT_REST: f64 = 1e-6;
 /// A payload is searched for up to this mass, kg, and until it is known to this ratio.
 const MOST_PAYLOAD: f64 = 10.0;
 const PAYLOAD_RATIO: f64 = 1.1;
@@ -71,74 +75,150 @@ fn cover_distance(cover: &CoverShape, p: &Point3<f64>) -> f64 {
     q.map(|x| x.max(0.0)).norm() + q.max().min(0.0) - cover.radius
 }
 
+/// How far the object moved under one force, until it had gone too far.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Motion {
+    /// m.
+    distance: f64,
+    /// rad.
+    angle: f64,
+}
+
+impl Motion {
+    /// Of what is allowed: above one it is not held.
+    fn share(&self) -> f64 {
+        (self.distance / MOST_MOTION.0).max(self.angle / MOST_MOTION.1)
+    }
+
+    fn is_held(&self) -> bool {
+        self.distance <= MOST_MOTION.0 && self.angle <= MOST_MOTION.1
+    }
+}
+
 /// How a holding test went.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Hold {
     /// Within the limits in all six directions.
     pub held: bool,
-    /// Largest motion, m.
-    pub distance: f64,
-    /// Largest turn, rad.
-    pub angle: f64,
+    /// Largest motion in each direction as a share of what is allowed; none where an earlier direction failed.
+    pub shares: [f64; 6],
+}
+
+impl Hold {
+    /// The directions, the one with the largest motion first.
+    fn weakest_first(&self) -> [usize; 6] {
+        let mut order = [0, 1, 2, 3, 4, 5];
+        order.sort_by(|a, b| self.shares[*b].total_cmp(&self.shares[*a]));
+        order
+    }
+}
+
+/// A closed grasp that pulls on; cloned for every test.
+pub trait Pulling: Clone {
+    /// Length of a step, s.
+    fn dt(&self) -> f64;
+    /// Pose of the object.
+    fn object(&self) -> Isometry3<f64>;
+    /// Angles of the joints, rad.
+    fn joints(&self) -> &[f64];
+    /// One step with a force (N) on the object's centre of mass.
+    fn step(&mut self, force: &Vector3<f64>);
 }
 
 /// (c) The DexGraspBench protocol: from the closed grasp, the force of 10 m/s2 on `mass` (kg) along each of the six axes for 2 s
 /// each, every time from the same state; stops at the first direction that fails. Motion counts from the closed grasp.
-pub fn hold(scene: &HandScene, pull: &Pull, mass: f64) -> Hold {
-    hold_by(scene.dt(), mass, &scene.object(), |force, steps| {
-        let (mut scene, pull, force) = (scene.clone(), *pull, *force);
-        (0..steps).map(move |_| {
-            scene.step(&pull, &force);
-            scene.object()
-        })
-    })
-}
-
-/// The same for anything that answers, for a force and a number of steps of `dt` (s), with the object's pose after each step.
-pub fn hold_by<Run: Iterator<Item = Isometry3<f64>>>(
-    dt: f64,
-    mass: f64,
-    start: &Isometry3<f64>,
-    run: impl Fn(&Vector3<f64>, usize) -> Run,
-) -> Hold {
-    let mut worst = Hold { held: true, distance: 0.0, angle: 0.0 };
-    let steps = (HOLD_TIME / dt).round() as usize;
+pub fn hold(closed: &impl Pulling, mass: f64) -> Hold {
+    let mut hold = Hold { held: true, shares: [0.0; 6] };
     for direction in 0..6 {
-        let sign = if direction % 2 == 0 { 1.0 } else { -1.0 };
-        let force = Vector3::ith(direction / 2, sign * PULL * mass);
-        for (step, object) in run(&force, steps).enumerate() {
-            if (step + 1) % 24 == 0 || step + 1 == steps {
-                let (distance, angle) = displacement(start, &object);
-                worst.distance = worst.distance.max(distance);
-                worst.angle = worst.angle.max(angle);
-                if distance > MOST_MOTION.0 || angle > MOST_MOTION.1 {
-                    return Hold { held: false, ..worst };
-                }
-            }
+        let motion = along(closed, direction, mass);
+        hold.shares[direction] = motion.share();
+        if !motion.is_held() {
+            return Hold { held: false, ..hold };
         }
     }
-    worst
+    hold
 }
 
-/// The largest mass (kg) that `holds` in six directions, to within a tenth below it: upwards from `held`, which does, by doubling,
-/// then by bisection. The closed grasp stays the one of the object's own mass.
-pub fn payload(held: f64, holds: impl Fn(f64) -> bool) -> f64 {
+/// The largest mass (kg) that is held in six directions, to within a tenth below it: upwards from `mass`, for which `hold` was passed.
+/// The closed grasp stays the one of that mass.
+pub fn payload(closed: &impl Pulling, mass: f64, hold: &Hold) -> f64 {
+    largest(mass, hold.weakest_first(), |direction, mass| along(closed, direction, mass).is_held())
+}
+
+/// The motion in one direction of the holding test. What has come to rest stays, so that the rest of the time is spared.
+fn along(closed: &impl Pulling, direction: usize, mass: f64) -> Motion {
+    let (start, mut pulling) = (closed.object(), closed.clone());
+    let sign = if direction.is_multiple_of(2) { 1.0 } else { -1.0 };
+    let force = Vector3::ith(direction / 2, sign * PULL * mass);
+    let steps = (HOLD_TIME / closed.dt()).round() as usize;
+    let mut most = Motion { distance: 0.0, angle: 0.0 };
+    let mut before = (start, closed.joints().to_vec());
+    for step in 1..=steps {
+        pulling.step(&force);
+        if step.is_multiple_of(LOOK) || step == steps {
+            let now = (pulling.object(), pulling.joints().to_vec());
+            let (distance, angle) = displacement(&start, &now.0);
+            most = Motion { distance: most.distance.max(distance), angle: most.angle.max(angle) };
+            if !most.is_held() || at_rest(&before, &now) {
+                break;
+            }
+            before = now;
+        }
+    }
+    most
+}
+
+/// Whether object and joints did not move between two looks.
+fn at_rest(before: &(Isometry3<f64>, Vec<f64>), now: &(Isometry3<f64>, Vec<f64>)) -> bool {
+    let (distance, angle) = displacement(&before.0, &now.0);
+    distance < AT_REST && angle < AT_REST && before.1.iter().zip(&now.1).all(|(a, b)| (a - b).abs() < AT_REST)
+}
+
+/// The masses among which a payload is searched for, upwards from `held`: every second one doubles, and between two lie as many as make
+/// [`PAYLOAD_RATIO`].
+fn masses(held: f64) -> Vec<f64> {
+    fn between(low: f64, high: f64, into: &mut Vec<f64>) {
+        if high > PAYLOAD_RATIO * low {
+            let middle = (low * high).sqrt();
+            between(low, middle, into);
+            between(middle, high, into);
+        } else {
+            into.push(low);
+        }
+    }
+    let mut masses = Vec::new();
     let (mut low, mut high) = (held, 2.0 * held);
-    while high < MOST_PAYLOAD && holds(high) {
+    while high < MOST_PAYLOAD {
+        between(low, high, &mut masses);
         (low, high) = (high, 2.0 * high);
     }
-    high = high.min(MOST_PAYLOAD.max(low));
-    while high > PAYLOAD_RATIO * low {
-        let middle = (low * high).sqrt();
-        if holds(middle) { low = middle } else { high = middle }
+    between(low, MOST_PAYLOAD.max(low), &mut masses);
+    masses
+}
+
+/// The largest of [`masses`] that `holds` in every direction; the first is known to. What one direction holds is mostly held by the next,
+/// so that one question is enough for it, above all where the weakest comes first.
+fn largest(held: f64, directions: [usize; 6], holds: impl Fn(usize, f64) -> bool) -> f64 {
+    let masses = masses(held);
+    let [weakest, others @ ..] = directions;
+    let mut best = masses[1..].partition_point(|mass| holds(weakest, *mass));
+    for direction in others {
+        let (mut low, mut high, mut stride) = (best, best + 1, 1);
+        while low > 0 && !holds(direction, masses[low]) {
+            (low, high) = (low.saturating_sub(stride), low);
+            stride *= 2;
+        }
+        best = low + masses[low + 1..high].partition_point(|mass| holds(direction, *mass));
     }
-    low
+    masses[best]
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use grasping::synthesis::posture::project;
     use hand_model::HAND_JOINTS;
+    use sim::hand_scene::{HandScene, Pull};
     use std::sync::Arc;
 
     #[test]
@@ -152,25 +232,76 @@ mod tests {
         assert!((at(0.02, 0.01, 0.01) - corner).abs() < 1e-12, "the corner is rounded off");
     }
 
-    /// Known to a tenth, from below, wherever it lies; never below what is known to hold, never above the most that is tried.
+    /// Known to a tenth, from below, whichever direction is weakest; never below what is known to hold, never above the most that
+    /// is tried.
     #[test]
-    fn payload_is_found() {
+    fn the_largest_mass_is_found() {
         for most in [0.1, 0.137, 0.4, 2.9, 9.0] {
-            let found = payload(0.1, |mass| mass <= most);
-            assert!(found <= most && 1.1 * found >= most, "{found} for {most}");
+            for weakest in 0..6 {
+                let holds = |direction, mass| mass <= if direction == weakest { most } else { 1.5 * most };
+                let found = largest(0.1, [0, 1, 2, 3, 4, 5], holds);
+                assert!(found <= most && 1.1 * found >= most, "{found} for {most} in direction {weakest}");
+            }
         }
-        assert!((9.0..=10.0).contains(&payload(0.1, |_| true)));
-        assert_eq!(payload(12.0, |_| true), 12.0);
+        assert!((9.0..=10.0).contains(&largest(0.1, [0, 1, 2, 3, 4, 5], |_, _| true)));
+        assert_eq!(largest(12.0, [0, 1, 2, 3, 4, 5], |_, _| true), 12.0);
+        assert_eq!(largest(0.1, [0, 1, 2, 3, 4, 5], |_, _| false), 0.1);
     }
 
-    /// An object that nothing touches flies off: the test can fail.
+    /// Every mass is a tenth above the one before, or less, and doublings of the first are among them.
+    #[test]
+    fn masses_are_close() {
+        let masses = masses(0.1);
+        assert!(masses.windows(2).all(|pair| pair[0] < pair[1] && pair[1] <= PAYLOAD_RATIO * pair[0]), "{masses:?}");
+        assert!([0.1, 0.2, 0.4, 0.8, 1.6, 3.2, 6.4].iter().all(|doubled| masses.contains(doubled)), "{masses:?}");
+    }
+
+    /// An object that jumps away after a second, and a joint that turns at this pace, rad a step.
+    #[derive(Clone)]
+    struct Late {
+        steps: usize,
+        turn: f64,
+        joint: [f64; 1],
+    }
+
+    impl Pulling for Late {
+        fn dt(&self) -> f64 {
+            1.0 / 240.0
+        }
+
+        fn object(&self) -> Isometry3<f64> {
+            Isometry3::translation(if self.steps > 240 { 1.0 } else { 0.0 }, 0.0, 0.0)
+        }
+
+        fn joints(&self) -> &[f64] {
+            &self.joint
+        }
+
+        fn step(&mut self, _: &Vector3<f64>) {
+            self.steps += 1;
+            self.joint[0] += self.turn;
+        }
+    }
+
+    /// Only what is at rest as a whole is not looked at any longer.
+    #[test]
+    fn a_joint_that_creeps_keeps_the_test_going() {
+        let held = |turn| along(&Late { steps: 0, turn, joint: [0.0] }, 0, 0.1).is_held();
+        assert!(!held(1e-7), "the object is seen to go");
+        assert!(held(0.0), "nothing moves, so nothing can come");
+    }
+
+    /// An object that nothing touches flies off: the test can fail, and says which way the motion was.
     #[test]
     fn a_floating_object_is_not_held() {
         let hand = Arc::new(Hand::ftac());
         let subject = Subject::named("ball").expect("the ball");
         let away = Isometry3::translation(0.0, 0.0, -0.5);
         let scene = HandScene::new(&hand, &subject.model, &away, &[0.0; HAND_JOINTS]);
-        let hold = hold(&scene, &Pull { tensions: [0.0; 5], opposition: 0.0 }, 0.1);
-        assert!(!hold.held && hold.distance > 0.05, "{hold:?}");
+        let pull = Pull { tensions: [0.0; 5], opposition: 0.0 };
+        let open = project(&hand, &[0.0; HAND_JOINTS]);
+        let closed = Closed { scene, pull, open, start: away, moved: (0.0, 0.0), touches: Vec::new() };
+        let hold = hold(&closed, 0.1);
+        assert!(!hold.held && hold.shares[0] > 1.0 && hold.shares[1..] == [0.0; 5], "{hold:?}");
     }
 }

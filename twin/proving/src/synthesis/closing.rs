@@ -19,6 +19,7 @@ use rand::{Rng, RngExt};
 use rand_distr::StandardNormal;
 use sim::hand_scene::{HandScene, Pull, Touch, displacement};
 
+use super::checks::Pulling;
 use super::subject::Subject;
 
 /// Tension of a digit that closes, N: the plain one, and the range of others.
@@ -53,6 +54,24 @@ pub struct Closed {
     /// How far the object moved while the digits closed: m, rad.
     pub moved: (f64, f64),
     pub touches: Vec<Touch>,
+}
+
+impl Pulling for Closed {
+    fn dt(&self) -> f64 {
+        self.scene.dt()
+    }
+
+    fn object(&self) -> Isometry3<f64> {
+        self.scene.object()
+    }
+
+    fn joints(&self) -> &[f64] {
+        self.scene.angles()
+    }
+
+    fn step(&mut self, force: &Vector3<f64>) {
+        self.scene.step(&self.pull, force);
+    }
 }
 
 /// Why a sample did not become a closed grasp.

@@ -10,7 +10,6 @@ use anyhow::Result;
 use rayon::prelude::*;
 use scenarios::statistics::{Rate, roc_area};
 use serde::Serialize;
-use sim::hand_scene::Pull;
 
 use super::checks;
 use super::closing::Closed;
@@ -81,10 +80,11 @@ fn row(checked: &Checked) -> Row {
 
 /// The negative controls on a closed grasp of an object of `mass` (kg): whether it holds without tension, and with little friction.
 pub(super) fn controls(closed: &Closed, mass: f64) -> [bool; 2] {
-    let slack = Pull { tensions: [0.0; 5], ..closed.pull };
-    let mut slippery = closed.scene.clone();
-    slippery.set_friction(SLIPPERY);
-    [checks::hold(&closed.scene, &slack, mass).held, checks::hold(&slippery, &closed.pull, mass).held]
+    let mut slack = closed.clone();
+    slack.pull.tensions = [0.0; 5];
+    let mut slippery = closed.clone();
+    slippery.scene.set_friction(SLIPPERY);
+    [checks::hold(&slack, mass).held, checks::hold(&slippery, mass).held]
 }
 
 /// Runs `chains` chains and evaluates them.

@@ -5,7 +5,7 @@ use std::time::Instant;
 
 use anyhow::Result;
 use grasping::synthesis::grasp_file::GraspWriter;
-use grasping::synthesis::held::HeldGrasp;
+use grasping::synthesis::held::{HeldGrasp, Proof};
 use indicatif::{ProgressBar, ProgressStyle};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -130,7 +130,9 @@ pub fn search(
         let chains = first..(first + BATCH).min(request.chains);
         let results: Vec<(u64, ChainResult)> =
             chains.into_par_iter().map(|chain| Ok((chain, synthesizer.run(chain)?))).collect::<Result<_>>()?;
-        for (chain, result) in results {
+        let before = kept.len();
+        let mut fresh: Vec<&Checked> = Vec::new();
+        for (chain, result) in &results {
             steps += result.steps;
             sampling_s += result.sampling_s;
             report.requested += 1;
@@ -153,19 +155,24 @@ pub fn search(
             if !checked.verified() {
                 continue;
             }
-            let grasp = synthesizer.held(chain, checked);
+            let grasp = synthesizer.held(*chain, checked);
             for digit in &grasp.digits {
                 *report.digits.entry(digit.name()).or_default() += 1;
             }
             if kept.iter().any(|other| other.nearly_equals(&grasp, |a, b| model.symmetry.angle(a, b))) {
                 report.duplicates += 1;
-                continue;
-            }
-            if kept.len() < request.enough {
-                if let Some(writer) = &mut writer {
-                    writer.add(&grasp.clone().with_frame_moved(&synthesizer.subject.origin).rounded())?;
-                }
+            } else if kept.len() < request.enough {
                 kept.push(grasp);
+                fresh.push(checked);
+            }
+        }
+        // A proof costs more than all that went before, so only what is kept gets one.
+        let proofs: Vec<Proof> = fresh.into_par_iter().map(|checked| synthesizer.proof(checked)).collect();
+        for (grasp, proof) in kept[before..].iter_mut().zip(proofs) {
+            grasp.proof = Some(proof);
+            *grasp = grasp.clone().rounded();
+            if let Some(writer) = &mut writer {
+                writer.add(&grasp.clone().with_frame_moved(&synthesizer.subject.origin).rounded())?;
             }
         }
         progress.set_message(report.verified.all.to_string());

@@ -139,7 +139,7 @@ impl Synthesizer {
             Err(reason) => Err(reason),
             Ok(closed) => {
                 let (margin, penetration) = self.measure(&closed).with_context(|| format!("chain {chain}"))?;
-                let hold = checks::hold(&closed.scene, &closed.pull, mass);
+                let hold = checks::hold(&closed, mass);
                 Ok(Checked { sample: end.best.clone(), closed, margin, penetration, hold, mass })
             }
         };
@@ -152,7 +152,7 @@ impl Synthesizer {
                 if margin < checks::LEAST_MARGIN || penetration > checks::MOST_PENETRATION {
                     continue;
                 }
-                let hold = checks::hold(&closed.scene, &closed.pull, mass);
+                let hold = checks::hold(&closed, mass);
                 let checked = Checked { sample: end.best.clone(), closed, margin, penetration, hold, mass };
                 other = checked.verified().then_some(checked);
             }
@@ -167,13 +167,12 @@ impl Synthesizer {
     }
 
     /// What a verified grasp is good for.
-    fn proof(&self, closed: &Closed) -> Proof {
-        let model = &self.subject.model;
-        let payload = checks::payload(model.mass, |mass| checks::hold(&closed.scene, &closed.pull, mass).held);
-        Proof { mass: model.mass, friction: model.friction, payload }
+    pub fn proof(&self, checked: &Checked) -> Proof {
+        let payload = checks::payload(&checked.closed, checked.mass, &checked.hold);
+        Proof { mass: checked.mass, friction: self.subject.model.friction, payload }
     }
 
-    /// The verified grasp as it is kept.
+    /// The verified grasp as it is kept, without its [`Self::proof`].
     pub fn held(&self, chain: u64, checked: &Checked) -> HeldGrasp {
         let closed = &checked.closed;
         let palm_from_object = closed.scene.object();
@@ -206,7 +205,7 @@ impl Synthesizer {
             penetration: checked.penetration,
             moved: closed.moved.into(),
             energy: checked.sample.terms.total,
-            proof: Some(self.proof(closed)),
+            proof: None,
         }
         .rounded()
     }

@@ -13,7 +13,7 @@ use sim::hand_scene::{Touch, displacement};
 use sim::stand::{AnyStand, Prop};
 
 use super::describe::Described;
-use crate::synthesis::checks::{self, Hold};
+use crate::synthesis::checks::{self, Pulling};
 use crate::synthesis::closing::{DAMPING, NotClosed, OFFSET, RISE, SETTLE_DAMPED, SETTLE_FREE, pushed_away};
 use crate::synthesis::subject::Subject;
 
@@ -37,6 +37,24 @@ pub struct AnyClosed {
     pub open: AnyOpen,
     /// What touches, root frame.
     pub touches: Vec<Touch>,
+}
+
+impl Pulling for AnyClosed {
+    fn dt(&self) -> f64 {
+        self.stand.dt()
+    }
+
+    fn object(&self) -> Isometry3<f64> {
+        object(&self.stand)
+    }
+
+    fn joints(&self) -> &[f64] {
+        self.stand.angles()
+    }
+
+    fn step(&mut self, force: &Vector3<f64>) {
+        self.stand.step(&self.tensions, force);
+    }
 }
 
 /// An open hand before an object.
@@ -191,18 +209,4 @@ pub fn margin(subject: &Subject, closed: &AnyClosed) -> Result<f64> {
     let contacts: Vec<Contact> = closed.touches.iter().map(contact).collect();
     let center = object(&closed.stand) * subject.field.center;
     Ok(wrench_margin(&contacts, &center, subject.field.length, checks::TOTAL_FORCE)?)
-}
-
-/// The holding test of an object of `mass` (kg), under other tensions than the closed ones where the control wants it.
-pub fn hold(closed: &AnyClosed, tensions: &[f64], mass: f64) -> Hold {
-    let start = object(&closed.stand);
-    checks::hold_by(closed.stand.dt(), mass, &start, |force, dt_steps| {
-        let mut stand = closed.stand.clone();
-        let tensions = tensions.to_vec();
-        let force = *force;
-        (0..dt_steps).map(move |_| {
-            stand.step(&tensions, &force);
-            object(&stand)
-        })
-    })
 }
