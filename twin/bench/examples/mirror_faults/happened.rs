@@ -14,7 +14,7 @@ pub struct Happened {
     held: [bool; 2],
     lost: Vec<f64>,
     touched: Vec<f64>,
-    /// When an object was not in the hand that should have been.
+    /// When an object was not in the hand that should have been, or was left lying while it should have been raised.
     missing: Vec<f64>,
 }
 
@@ -26,14 +26,13 @@ impl Happened {
             self.lost.push(truth.time);
         }
         self.held = held;
-        let should = [phase > Phase::LiftFirst, phase > Phase::LiftSecond];
-        if (0..2).any(|n| should[n] && !held[n]) {
+        let touched = |n: usize| truth.touched_by.get(n).is_some_and(|by| *by != 0);
+        let missing = |n: usize, lift: Phase| phase > lift && !held[n] || phase == lift && !touched(n);
+        if missing(0, Phase::LiftFirst) || missing(1, Phase::LiftSecond) {
             self.missing.push(truth.time);
         }
         // Contact with an object that is not in the hand, or of one that is with another.
-        let second = truth.touched_by.get(1).is_some_and(|by| *by != 0) && !held[1];
-        let first = truth.touched_by.first().is_some_and(|by| *by != 0) && !held[0];
-        if first || second || !truth.object_pairs.is_empty() {
+        if (0..2).any(|n| touched(n) && !held[n]) || !truth.object_pairs.is_empty() {
             self.touched.push(truth.time);
         }
     }
