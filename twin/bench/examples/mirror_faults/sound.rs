@@ -6,14 +6,15 @@ use anyhow::{Result, bail};
 use bench::mirror::watch::Mirroring;
 use bench::trial::filming::All;
 use bench::trial::{Moment, Watcher};
+use hand_model::Hand;
 use scenarios::record::{Condition, TrialRecord};
 
 use crate::happened::Happened;
 use crate::make;
 
 /// Looks at the truth while a mirror looks at measurements.
-#[derive(Default)]
-struct Truths {
+struct Truths<'a> {
+    hand: &'a Hand,
     shared: Happened,
     branch: Option<Happened>,
     all: BTreeMap<Condition, Happened>,
@@ -22,7 +23,7 @@ struct Truths {
     last: f64,
 }
 
-impl Watcher for Truths {
+impl Watcher for Truths<'_> {
     fn active(&self) -> bool {
         true
     }
@@ -35,7 +36,7 @@ impl Watcher for Truths {
             None => &mut self.shared,
             Some(_) => self.branch.get_or_insert_with(|| self.shared.clone()),
         };
-        happened.see(truth, moment.executive.phase());
+        happened.see(truth, self.hand, moment.executive.phase());
         self.phases.push((moment.condition, moment.time, moment.executive.phase().name()));
         Ok(())
     }
@@ -64,7 +65,15 @@ pub fn main(arguments: &[String]) -> Result<()> {
     let bench = make(to, seed.parse()?, plant.parse()?, individual.first())?;
     let (mut seconds, mut wrongly) = (0.0, 0);
     for (combination, trial) in (from..to).flat_map(|combination| (0..trials).map(move |trial| (combination, trial))) {
-        let mut truths = Truths::default();
+        let mut truths = Truths {
+            hand: &bench.world.cell.hand,
+            shared: Happened::default(),
+            branch: None,
+            all: BTreeMap::new(),
+            phases: Vec::new(),
+            seconds: 0.0,
+            last: 0.0,
+        };
         let mut mirroring = Mirroring::new(&bench, None);
         bench.trial(combination, trial, &conditions, &[], &mut All(vec![&mut mirroring, &mut truths]))?;
         for named in mirroring.finish(Condition::Blind) {
