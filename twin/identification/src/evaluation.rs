@@ -14,7 +14,7 @@ use std::sync::Arc;
 
 use crate::fit::rms;
 use crate::free_digit::{fingertip, play};
-use crate::free_motion::{FreeMotion, gravity};
+use crate::free_motion::FreeMotion;
 
 /// Half of a 95 % interval, in standard deviations.
 const HALF_INTERVAL: f64 = 1.959_964;
@@ -130,6 +130,7 @@ fn stairs(robot: &mut SimulatedRobot, actuator: usize, hand: &Hand, arm: &Arm) -
         currents: Vec::new(),
         angles: Vec::new(),
         opposition: Vec::new(),
+        arm: Vec::new(),
         gravity: Vec::new(),
     };
     let mut angles = Vec::new();
@@ -142,7 +143,7 @@ fn stairs(robot: &mut SimulatedRobot, actuator: usize, hand: &Hand, arm: &Arm) -
     for current in STAIRS {
         for _ in 0..(STAIR / tick) as usize {
             let observation = robot.observe();
-            motion.push(&observation, current, gravity(hand, arm, &observation.arm.position));
+            motion.push(&observation, current, hand, arm);
             angles.push(robot.truth().hand.try_into().unwrap_or([0.0; hand_model::HAND_JOINTS]));
             servos[actuator] = ServoGoal::Current(current);
             robot.send(&Command { arm: hold, servos, capture: false });

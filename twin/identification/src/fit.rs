@@ -3,17 +3,18 @@
 //! Least squares over the servo's angle at every few ticks, with a prior from the drawing: each deviation is searched in units of its
 //! spread, and counts as one more residual. What the twin leaves unexplained is no white noise: errors of neighbouring samples are
 //! alike. So the residuals are weighted by their own standard deviation times the square root of the number of samples over which
-//! they stay alike, found in a first round; the covariance is that of the second.
+//! they stay alike, found in a first round; the covariance is that of the second, with what the fit does not search ([`interval`](crate::interval)).
 
-use hand_model::Hand;
 use hand_model::transmission::friction::CableLosses;
+use hand_model::{Arm, Hand};
 use nalgebra::DMatrix;
 use optics::calibration::least_squares::{Options, Problem, forward_differences};
 use scenarios::individuals::robot::RobotIndividual;
-use scenarios::individuals::spread::Quantity;
+use scenarios::individuals::spread::{Parameter, Quantity};
 
 use crate::free_digit::{Shown, play};
 use crate::free_motion::FreeMotion;
+use crate::interval::covariance;
 
 /// Every so many ticks is a sample.
 const THINNED: usize = 6;
@@ -72,9 +73,24 @@ fn searched(individual: &RobotIndividual, hand: &Hand, actuator: usize) -> Vec<u
     places
 }
 
+/// What a free motion of `actuator` depends on as well and that it cannot show: where gravity pulls from, and links on their stops.
+fn unsearched(individual: &RobotIndividual, hand: &Hand, actuator: usize) -> Vec<usize> {
+    let cables = &hand.transmission.cables;
+    // What the opposition turns is the thumb.
+    let last = cables.get(actuator).unwrap_or(&cables[0]).joints.last();
+    let carried = last.map_or_else(Vec::new, |(joint, _)| hand.tree.chain(*joint));
+    let moves = |parameter: &Parameter| match parameter.quantity {
+        Quantity::ArmEncoder | Quantity::MountTurn => true,
+        Quantity::JointZero => carried.contains(&parameter.index),
+        _ => false,
+    };
+    (0..individual.parameters().len()).filter(|place| moves(&individual.parameters()[*place])).collect()
+}
+
 /// A search over one actuator's motions.
 struct Search<'a> {
     hand: &'a Hand,
+    arm: &'a Arm,
     losses: CableLosses,
     motions: &'a [FreeMotion],
     places: &'a [usize],
@@ -102,6 +118,19 @@ impl Search<'_> {
         angle_residuals(&hand, self.losses, self.motions, delay)
     }
 
+    /// By how much the samples' residuals at `p`, which are `at` (rad), change with the quantity at `place`, by its spread.
+    fn change(&self, p: &[f64], at: &[f64], place: usize) -> Vec<f64> {
+        let mut individual = self.individual(&p[..self.places.len()]);
+        let spread = &individual.parameters()[place].spread;
+        let moved = spread.mean + STEP * spread.sigma;
+        individual.set(place, moved);
+        let (hand, arm) = (individual.hand(self.hand), individual.arm(self.arm));
+        let motions: Vec<FreeMotion> = self.motions.iter().map(|motion| motion.under(&hand, &arm)).collect();
+        let delay = p[self.places.len()] * DELAY;
+        let moved = angle_residuals(&hand, self.losses, &motions, delay);
+        moved.iter().zip(at).map(|(moved, at)| (moved - at) / STEP).collect()
+    }
+
     fn residuals(&self, p: &[f64], sigma: f64) -> Vec<f64> {
         let mut residuals: Vec<f64> = self.angles(p).into_iter().map(|residual| residual / sigma).collect();
         residuals.extend_from_slice(p);
@@ -120,9 +149,10 @@ fn angle_residuals(hand: &Hand, losses: CableLosses, motions: &[FreeMotion], del
 }
 
 /// Fits what `motions` of one actuator show, from and about the individual `from`.
-pub fn fit(hand: &Hand, losses: CableLosses, motions: &[FreeMotion], from: &RobotIndividual) -> Fit {
-    let places = searched(from, hand, motions.first().map_or(0, |motion| motion.actuator));
-    let search = Search { hand, losses, motions, places: &places, from };
+pub fn fit((hand, arm): (&Hand, &Arm), losses: CableLosses, motions: &[FreeMotion], from: &RobotIndividual) -> Fit {
+    let actuator = motions.first().map_or(0, |motion| motion.actuator);
+    let places = searched(from, hand, actuator);
+    let search = Search { hand, arm, losses, motions, places: &places, from };
     let n = places.len() + 1;
     let mut p = vec![0.0; n];
     let designed = rms(&angle_residuals(hand, losses, motions, 0.0));
@@ -140,14 +170,14 @@ pub fn fit(hand: &Hand, losses: CableLosses, motions: &[FreeMotion], from: &Robo
     }
     let at: Vec<f64> = left.iter().map(|residual| residual / sigma).chain(p.iter().copied()).collect();
     let slopes = jacobian(&search, &p, &at, sigma);
-    // Positive definite: the prior's rows are a unit matrix.
-    let posterior =
-        (slopes.transpose() * &slopes).cholesky().map_or_else(|| DMatrix::identity(n, n), |found| found.inverse());
+    let others = unsearched(from, hand, actuator);
+    let changes: Vec<f64> = others.iter().flat_map(|place| search.change(&p, &left, *place)).collect();
+    let covariance = covariance(&slopes, &(DMatrix::from_vec(left.len(), others.len(), changes) / sigma));
     let found = search.individual(&p[..places.len()]);
     let spread: Vec<f64> = places.iter().map(|place| from.parameters()[*place].spread.sigma).collect();
     Fit {
         deviations: places.iter().map(|place| found.deviations()[*place]).collect(),
-        covariance: DMatrix::from_fn(n - 1, n - 1, |i, j| posterior[(i, j)] * spread[i] * spread[j]),
+        covariance: DMatrix::from_fn(n - 1, n - 1, |i, j| covariance[(i, j)] * spread[i] * spread[j]),
         delay: p[n - 1] * DELAY,
         residuals: [designed, rms(&left)],
         correlated,

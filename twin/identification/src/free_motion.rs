@@ -1,7 +1,7 @@
 //! Pieces of a session in which one actuator winds under current while nothing but its own digit is in its way.
 
 use hand_model::robot::{Observation, ServoGoal};
-use hand_model::{Arm, GRAVITY, Hand};
+use hand_model::{ARM_JOINTS, Arm, GRAVITY, Hand};
 use nalgebra::{Isometry3, Vector3};
 
 use crate::trace::{Row, Trace};
@@ -19,6 +19,8 @@ pub struct FreeMotion {
     pub angles: Vec<f64>,
     /// Angle of the opposition servo, rad.
     pub opposition: Vec<f64>,
+    /// What the arm's encoders showed, rad.
+    pub arm: Vec<[f64; ARM_JOINTS]>,
     /// Gravity along the palm's axes, m/s2.
     pub gravity: Vec<Vector3<f64>>,
 }
@@ -53,21 +55,29 @@ impl FreeMotion {
             currents: rows.iter().map(current).collect(),
             angles: rows.iter().map(|row| row.servos[actuator].position).collect(),
             opposition: rows.iter().map(|row| row.servos[5].position).collect(),
+            arm: rows.iter().map(|row| row.arm).collect(),
             gravity: rows.iter().map(|row| gravity(hand, arm, &row.arm)).collect(),
         }
     }
 
-    /// Appends what was observed before a tick, and the current sent in it (A).
-    pub fn push(&mut self, observation: &Observation, current: f64, gravity: Vector3<f64>) {
+    /// The same motion, of another `hand` on another `arm`: gravity pulls from elsewhere.
+    #[must_use]
+    pub fn under(&self, hand: &Hand, arm: &Arm) -> Self {
+        Self { gravity: self.arm.iter().map(|shown| gravity(hand, arm, shown)).collect(), ..self.clone() }
+    }
+
+    /// Appends what was observed before a tick, and the current sent in it (A), by `hand` and `arm` as they are believed to be.
+    pub fn push(&mut self, observation: &Observation, current: f64, hand: &Hand, arm: &Arm) {
         self.currents.push(current);
         self.angles.push(observation.servos[self.actuator].position);
         self.opposition.push(observation.servos[5].position);
-        self.gravity.push(gravity);
+        self.arm.push(observation.arm.position);
+        self.gravity.push(gravity(hand, arm, &observation.arm.position));
     }
 }
 
 /// Gravity along the palm's axes of an arm whose encoders show `shown`, m/s2; its base stands upright.
-pub fn gravity(hand: &Hand, arm: &Arm, shown: &[f64; hand_model::ARM_JOINTS]) -> Vector3<f64> {
+fn gravity(hand: &Hand, arm: &Arm, shown: &[f64; ARM_JOINTS]) -> Vector3<f64> {
     let palm: Isometry3<f64> = arm.tool_pose(shown) * hand.palm_from_flange.inverse();
     palm.rotation.inverse() * Vector3::new(0.0, 0.0, -GRAVITY)
 }

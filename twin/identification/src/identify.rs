@@ -45,13 +45,14 @@ pub fn identify(
         return Err(IdentificationError::NotExcited { sessions: files.join(", "), actuator });
     }
     let prior = prior(hand);
-    let mut fits: Vec<Fit> = motions[..OPPOSITION].par_iter().map(|own| fit(hand, losses, own, &prior)).collect();
+    let mut fits: Vec<Fit> =
+        motions[..OPPOSITION].par_iter().map(|own| fit((hand, arm), losses, own, &prior)).collect();
     // The opposition turns the thumb as it hangs on its springs.
     let mut known = prior.clone();
     for fit in &fits {
         fit.places.iter().zip(&fit.deviations).for_each(|(place, deviation)| known.set(*place, *deviation));
     }
-    fits.push(fit(hand, losses, &motions[OPPOSITION], &known));
+    fits.push(fit((hand, arm), losses, &motions[OPPOSITION], &known));
     let mut estimates: Vec<Estimate> = prior
         .parameters()
         .iter()

@@ -3,7 +3,7 @@
 //! The story in order: a [`script`] says how to move a robot so that its motion shows what it is made of, and [`excitation`] moves
 //! it; [`trace`] reads such a session back and cuts the [`free_motion`]s out of it; [`free_digit`] is the twin of one digit that moves
 //! freely; [`fit`] finds the parameters with which it moves as the session shows, and [`identify`](mod@identify) does so for all actuators;
-//! [`evaluation`] sets what was found beside the truth, where there is one to read.
+//! [`interval`] says how surely they are known; [`evaluation`] sets what was found beside the truth, where there is one to read.
 
 pub mod error;
 pub mod evaluation;
@@ -12,6 +12,7 @@ pub mod fit;
 pub mod free_digit;
 pub mod free_motion;
 pub mod identify;
+pub mod interval;
 pub mod script;
 pub mod trace;
 

@@ -56,7 +56,8 @@ fn an_individual_is_found() {
     let [before, after] = [0, 1].map(|n| both[n].summary()[0]);
     assert!(after < 0.035 && after < 0.5 * before, "{before} rad, {after} rad");
     let [identified, others] = coverage(&found.robot, &truth);
-    assert!(identified.of > 30, "{identified:?} {others:?}");
+    // 40 of 66 are in intervals that leave out what is not searched.
+    assert!(identified.of > 30 && identified.share() > 0.75, "{identified:?} {others:?}");
     // Joints' zeros and the arm move nothing in a free motion: they stay the prior, and are said to.
     for (estimate, parameter) in found.robot.estimates.iter().zip(found.robot.individual.parameters()) {
         if ["joint_zero", "encoder", "position", "turn"].contains(&parameter.quantity.name()) {

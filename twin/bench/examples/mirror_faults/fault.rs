@@ -127,7 +127,8 @@ impl Fault {
             Self::Break(n) => named.kind == Kind::CableBroken && digit(n),
             Self::Slip(n, _) => named.kind == Kind::CableSlipped && digit(n),
             Self::Weak(n, _) => named.kind == Kind::ServoWeak && digit(n),
-            Self::Stick(joint) => named.kind == Kind::JointStuck && digit(joint / 3),
+            // No name: a joint that is stuck looks like one that touches something.
+            Self::Stick(_) => false,
             Self::Heavy(_) => named.kind == Kind::OtherPayload,
             Self::Snatch => named.kind == Kind::ObjectLost,
             Self::Push(_) => named.kind == Kind::UnexpectedContact,

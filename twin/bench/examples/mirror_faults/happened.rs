@@ -2,11 +2,25 @@
 
 use bench::mirror::divergence::{Divergence, Kind};
 use control::executive::Phase;
+use hand_model::{ARM_JOINTS, Hand};
 use proving::rehearsal::in_hand;
 use sim::robot::Truth;
 
 /// Before a name is given, what it names happened within this time, s.
 const BEFORE: f64 = 1.0;
+
+/// A cover touches the table below this height, m.
+const ON_TABLE: f64 = 0.0005;
+
+/// Whether a link of `hand` touches the table, whose surface is at height 0: the lowest point of its cover, a rounded box, is on it.
+fn on_table(truth: &Truth, hand: &Hand) -> bool {
+    hand.covers.iter().zip(&truth.links[ARM_JOINTS..]).any(|(cover, link)| {
+        let pose = link * cover.link_from_cover;
+        let box_half = cover.half.add_scalar(-cover.radius);
+        let down = pose.rotation.to_rotation_matrix().matrix().row(2).abs().transpose().dot(&box_half);
+        pose.translation.z - down - cover.radius < ON_TABLE
+    })
+}
 
 /// Times at which something happened that can rightly be named, s.
 #[derive(Debug, Clone, Default)]
@@ -14,26 +28,26 @@ pub struct Happened {
     held: [bool; 2],
     lost: Vec<f64>,
     touched: Vec<f64>,
-    /// When an object was not in the hand that should have been.
+    /// When an object was not in the hand that should have been, or was left lying while it should have been raised.
     missing: Vec<f64>,
 }
 
 impl Happened {
     /// One tick.
-    pub fn see(&mut self, truth: &Truth, phase: Phase) {
+    pub fn see(&mut self, truth: &Truth, hand: &Hand, phase: Phase) {
         let held = [in_hand(truth, 0), in_hand(truth, 1)];
         if (0..2).any(|n| self.held[n] && !held[n]) {
             self.lost.push(truth.time);
         }
         self.held = held;
-        let should = [phase > Phase::LiftFirst, phase > Phase::LiftSecond];
-        if (0..2).any(|n| should[n] && !held[n]) {
+        let touched = |n: usize| truth.touched_by.get(n).is_some_and(|by| *by != 0);
+        let missing = |n: usize, lift: Phase| phase > lift && !held[n] || phase == lift && !touched(n);
+        if missing(0, Phase::LiftFirst) || missing(1, Phase::LiftSecond) {
             self.missing.push(truth.time);
         }
-        // Contact with an object that is not in the hand, or of one that is with another.
-        let second = truth.touched_by.get(1).is_some_and(|by| *by != 0) && !held[1];
-        let first = truth.touched_by.first().is_some_and(|by| *by != 0) && !held[0];
-        if first || second || !truth.object_pairs.is_empty() {
+        // Contact with the table or an object that is not in the hand, or of one that is with another.
+        let apart = (0..2).any(|n| touched(n) && !held[n]) || !truth.object_pairs.is_empty();
+        if apart || on_table(truth, hand) {
             self.touched.push(truth.time);
         }
     }

@@ -1,22 +1,27 @@
 //! What a mirror names: faults of the plant at drawn moments of blind trials, and sound trials.
 //!
-//! `mirror_faults SEED FROM TO PLANT MOMENTS` plays trial 0 of combinations FROM to TO - 1 (all effects) with the robot as drawn (PLANT 0) or hidden
+//! `mirror_faults SEED FROM TO PLANT MOMENTS [INDIVIDUAL]` plays trial 0 of combinations FROM to TO - 1 (all effects) with the robot as drawn (PLANT 0) or hidden
 //! individual PLANT. At MOMENTS drawn moments of each trial, one fault of each kind that can show then strikes in a branch of its own, which is
 //! played for as long as a name may take. A name counts if kind and part are right. What is named on the way that neither the fault nor
 //! what really happened explains is counted as wrong; so is what is named in the sound trial itself.
 //!
-//! `mirror_faults sound SEED FROM TO PLANT CONDITIONS` plays sound trials under conditions (such as `blind,touch`) with a mirror beside them.
+//! `mirror_faults sound SEED FROM TO PLANT CONDITIONS TRIALS [INDIVIDUAL]` plays trials 0 to TRIALS - 1 of them under conditions (such as
+//! `blind,touch`) with a mirror beside them and nothing broken.
+//!
+//! INDIVIDUAL is the file of an identified robot (`ftac twin identify`): what the control stack and the twin take the robot to be. Without it they
+//! take it to be as drawn.
 
 mod fault;
 mod happened;
 mod sound;
 
 use std::collections::BTreeMap;
+use std::path::Path;
 use std::time::{Duration, Instant};
 
 use anyhow::{Context, Result, bail};
 use bench::body::Body;
-use bench::builtin::{hide_plant, make_scenes};
+use bench::builtin::{hide_plant, make_identified};
 use bench::mirror::Mirror;
 use bench::mirror::divergence::Divergence;
 use bench::mirror::seen::Seen;
@@ -67,7 +72,7 @@ impl Play {
             fault.press(&mut self.robot);
         }
         self.robot.wait_for_tick();
-        self.happened.see(&self.robot.truth(), self.executive.phase());
+        self.happened.see(&self.robot.truth(), &bench.world.cell.hand, self.executive.phase());
         let begun = Instant::now();
         let seen = Seen::of(&self.executive, self.robot.time(), &sent, None);
         let mirror = match &mut self.mirror {
@@ -168,6 +173,18 @@ fn trial(
     Ok(play)
 }
 
+/// The first `combos` combinations with the body of hidden individual `plant`, or of the robot as drawn; the control stack has the robot of the file
+/// `individual`, or the one as drawn.
+fn make(combos: usize, seed: u64, plant: u64, individual: Option<&String>) -> Result<Bench> {
+    let path = individual.map_or(Path::new(""), Path::new);
+    let text = individual.map(|_| hand_model::data::read_text(path)).transpose()?;
+    let mut bench = make_identified(text.as_deref(), path, Scenario::benchmark(), combos, seed, true)?;
+    if plant > 0 {
+        hide_plant(&mut bench, plant);
+    }
+    Ok(bench)
+}
+
 fn main() -> Result<()> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
     if let [mode, rest @ ..] = &arguments[..]
@@ -175,15 +192,12 @@ fn main() -> Result<()> {
     {
         return sound::main(rest);
     }
-    let [seed, from, to, plant, moments] = &arguments[..] else {
-        bail!("expected SEED FROM TO PLANT MOMENTS, found {} arguments", arguments.len());
+    let [seed, from, to, plant, moments, individual @ ..] = &arguments[..] else {
+        bail!("expected SEED FROM TO PLANT MOMENTS [INDIVIDUAL], found {} arguments", arguments.len());
     };
     let (seed, plant): (u64, u64) = (seed.parse()?, plant.parse()?);
     let (from, to, moments): (usize, usize, usize) = (from.parse()?, to.parse()?, moments.parse()?);
-    let mut bench = make_scenes(Scenario::benchmark(), to, seed, true)?;
-    if plant > 0 {
-        hide_plant(&mut bench, plant);
-    }
+    let bench = make(to, seed, plant, individual.first())?;
     let mut tallies: Vec<Tally> = KINDS.iter().map(|_| Tally::default()).collect();
     let (mut seconds, mut false_alarms, mut ticks, mut spent) = (0.0, 0, 0, Duration::ZERO);
     let mut alarms: BTreeMap<&str, u32> = BTreeMap::new();

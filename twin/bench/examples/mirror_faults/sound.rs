@@ -3,18 +3,18 @@
 use std::collections::BTreeMap;
 
 use anyhow::{Result, bail};
-use bench::builtin::{hide_plant, make_bench};
 use bench::mirror::watch::Mirroring;
 use bench::trial::filming::All;
 use bench::trial::{Moment, Watcher};
-use scenarios::Scenario;
+use hand_model::Hand;
 use scenarios::record::{Condition, TrialRecord};
 
 use crate::happened::Happened;
+use crate::make;
 
 /// Looks at the truth while a mirror looks at measurements.
-#[derive(Default)]
-struct Truths {
+struct Truths<'a> {
+    hand: &'a Hand,
     shared: Happened,
     branch: Option<Happened>,
     all: BTreeMap<Condition, Happened>,
@@ -23,7 +23,7 @@ struct Truths {
     last: f64,
 }
 
-impl Watcher for Truths {
+impl Watcher for Truths<'_> {
     fn active(&self) -> bool {
         true
     }
@@ -36,7 +36,7 @@ impl Watcher for Truths {
             None => &mut self.shared,
             Some(_) => self.branch.get_or_insert_with(|| self.shared.clone()),
         };
-        happened.see(truth, moment.executive.phase());
+        happened.see(truth, self.hand, moment.executive.phase());
         self.phases.push((moment.condition, moment.time, moment.executive.phase().name()));
         Ok(())
     }
@@ -52,23 +52,30 @@ impl Watcher for Truths {
     }
 }
 
-/// `SEED FROM TO PLANT CONDITIONS`.
+/// `SEED FROM TO PLANT CONDITIONS TRIALS [INDIVIDUAL]`.
 pub fn main(arguments: &[String]) -> Result<()> {
-    let [seed, from, to, plant, conditions] = arguments else {
-        bail!("expected sound SEED FROM TO PLANT CONDITIONS, found {} arguments after sound", arguments.len());
+    let [seed, from, to, plant, conditions, trials, individual @ ..] = arguments else {
+        bail!(
+            "expected sound SEED FROM TO PLANT CONDITIONS TRIALS [INDIVIDUAL], found {} after sound",
+            arguments.len()
+        );
     };
-    let (seed, plant): (u64, u64) = (seed.parse()?, plant.parse()?);
-    let (from, to): (usize, usize) = (from.parse()?, to.parse()?);
+    let (from, to, trials): (usize, usize, usize) = (from.parse()?, to.parse()?, trials.parse()?);
     let conditions = conditions.split(',').map(str::parse).collect::<Result<Vec<Condition>, _>>()?;
-    let mut bench = make_bench(Scenario::benchmark(), to, seed, true)?;
-    if plant > 0 {
-        hide_plant(&mut bench, plant);
-    }
+    let bench = make(to, seed.parse()?, plant.parse()?, individual.first())?;
     let (mut seconds, mut wrongly) = (0.0, 0);
-    for combination in from..to {
-        let mut truths = Truths::default();
+    for (combination, trial) in (from..to).flat_map(|combination| (0..trials).map(move |trial| (combination, trial))) {
+        let mut truths = Truths {
+            hand: &bench.world.cell.hand,
+            shared: Happened::default(),
+            branch: None,
+            all: BTreeMap::new(),
+            phases: Vec::new(),
+            seconds: 0.0,
+            last: 0.0,
+        };
         let mut mirroring = Mirroring::new(&bench, None);
-        bench.trial(combination, 0, &conditions, &[], &mut All(vec![&mut mirroring, &mut truths]))?;
+        bench.trial(combination, trial, &conditions, &[], &mut All(vec![&mut mirroring, &mut truths]))?;
         for named in mirroring.finish(Condition::Blind) {
             let right = truths.all.get(&named.condition).is_some_and(|happened| happened.justifies(&named.divergence));
             let rightly = if right { "rightly" } else { "wrongly" };
@@ -77,7 +84,7 @@ pub fn main(arguments: &[String]) -> Result<()> {
                     && (time - named.divergence.time).abs() < 1e-6
             };
             let phase = truths.phases.iter().rev().find(at).map_or("", |(.., phase)| phase);
-            println!("{combination} {} ({phase}): {}, {rightly}", named.condition, named.divergence);
+            println!("{combination}/{trial} {} ({phase}): {}, {rightly}", named.condition, named.divergence);
             wrongly += u32::from(!right);
         }
         seconds += truths.seconds;

@@ -14,6 +14,9 @@ const STEADY: f64 = 0.6;
 /// A spool that meets the end of its slack rebounds from it for no longer than this, s.
 const REBOUND: f64 = 0.08;
 
+/// Of its tension, what a taut cable bears a tick later where nothing gives, at least.
+const TAUT_BEFORE: f64 = 0.93;
+
 /// A finding: what, and the numbers found and expected.
 pub type Finding = (Kind, f64, f64);
 
@@ -40,14 +43,23 @@ impl Slack {
     }
 }
 
-/// Whether the newest of `past` bears nothing and the one before bore as much as the one before that.
-fn fell_at_once(past: &VecDeque<Cable>) -> bool {
-    let mut newest = past.iter().rev().map(|cable| (cable.tension, cable.pulled));
-    let (Some((now, _)), Some((before, pulled)), Some((earlier, _))) = (newest.next(), newest.next(), newest.next())
-    else {
-        return false;
-    };
-    before > 0.4 * pulled && before - now > 0.65 * (earlier - now)
+/// Whether the newest of `past` bears nothing and the one before bore as much as the one before that; or, of a cable that `grips`, the one before
+/// had lost most of its load already: a spool that runs takes two ticks to lose it.
+fn fell_at_once(past: &VecDeque<Cable>, grips: f64) -> bool {
+    let [now, before, earlier, first] = newest(past);
+    let bore = |cable: Cable| cable.tension > 0.4 * cable.pulled;
+    let within_one =
+        bore(before) && bore(earlier) && before.tension - now.tension > 0.65 * (earlier.tension - now.tension);
+    let within_two = earlier.tension > grips
+        && before.tension < 0.4 * earlier.tension
+        && earlier.tension - now.tension > 0.8 * (first.tension - now.tension);
+    within_one || within_two
+}
+
+/// The four newest ticks, newest first; slack cables where there are fewer.
+fn newest(past: &VecDeque<Cable>) -> [Cable; 4] {
+    let mut newest = past.iter().rev().copied();
+    std::array::from_fn(|_| newest.next().unwrap_or_default())
 }
 
 /// Watches one digit.
@@ -56,8 +68,6 @@ pub struct CableWatch {
     /// The last ticks, newest last.
     past: VecDeque<Cable>,
     slack: Option<Slack>,
-    /// Since when the digit has closed against a small load, s.
-    held_back: Option<f64>,
     /// A slack that has just ended: when, and how much was wound, m.
     ended: Option<(f64, Slack, f64)>,
 }
@@ -72,7 +82,6 @@ impl CableWatch {
         self.slack(limits, time, cable, pushed)
             .or_else(|| self.slipped(limits, time, cable))
             .or_else(|| self.weak(limits))
-            .or_else(|| self.stuck(limits, time, cable))
     }
 
     /// Cables that bear nothing although they are wound in.
@@ -80,7 +89,8 @@ impl CableWatch {
         let bears_nothing = cable.tension < limits.slack_share * cable.pulled + limits.slack;
         let tells = self.slack.is_some() || cable.free > limits.least;
         if !(bears_nothing && tells && cable.pulled > limits.least) {
-            if let Some(slack) = self.slack.take() {
+            let gave = self.gave(limits).then(|| self.begin(limits, time, pushed));
+            if let Some(slack) = self.slack.take().or(gave.filter(|_| self.ended.is_none())) {
                 self.ended = Some((time, slack, cable.wound - slack.wound));
             }
             return None;
@@ -91,28 +101,43 @@ impl CableWatch {
         {
             (self.slack, self.ended) = (Some(again), None);
         }
-        let before = self.past.iter().rev().nth(1);
-        let slack = self.slack.get_or_insert_with(|| Slack {
-            since: time,
-            wound: before.map_or(cable.wound, |before| before.wound),
-            sudden: fell_at_once(&self.past),
-            grips: before.is_some_and(|before| before.pulled > limits.gripping),
-            pushed,
-            named: false,
-        });
+        let begun = self.begin(limits, time, pushed);
+        let slack = self.slack.get_or_insert(begun);
         let wound = cable.wound - slack.wound;
         // Somebody who pushes a digit closed takes some ticks for it, and no further than it closes.
         slack.pushed |= pushed && time < slack.since + REBOUND;
         let broken = if slack.is_certain() {
             wound > limits.longest_slip || time - slack.since > limits.slack_time
         } else {
-            wound > limits.whole_travel
+            wound > limits.pushed_closed
         };
         if slack.named || !broken {
             return None;
         }
         slack.named = true;
         Some((Kind::CableBroken, cable.tension.max(0.0), cable.free))
+    }
+
+    /// A slack that begins now.
+    fn begin(&self, limits: &CableLimits, time: f64, pushed: bool) -> Slack {
+        let [_, before, ..] = newest(&self.past);
+        Slack {
+            since: time,
+            wound: before.wound,
+            sudden: fell_at_once(&self.past, limits.gripping) || self.gave(limits),
+            grips: before.pulled > limits.gripping,
+            pushed,
+            named: false,
+        }
+    }
+
+    /// Whether a taut cable lost most of its load within a tick, while the servo pulled as before: so much tension that a short slip leaves some.
+    fn gave(&self, limits: &CableLimits) -> bool {
+        let [now, before, earlier, _] = newest(&self.past);
+        before.tension > limits.taut
+            && now.tension < limits.taut_share * before.tension
+            && before.tension > TAUT_BEFORE * earlier.tension
+            && (before.pulled - earlier.pulled).abs() < (1.0 - TAUT_BEFORE) * before.pulled
     }
 
     /// A slack that began suddenly and ended after a little winding.
@@ -141,32 +166,17 @@ impl CableWatch {
         let c: Vec<f64> = self.past.iter().map(|cable| cable.pulled).collect();
         let r: Vec<f64> = self.past.iter().map(|cable| cable.tension / cable.pulled.max(limits.slack)).collect();
         let (last, i) = (KEPT - 1, KEPT - 3);
-        let step = r[i] - r[i - 1];
-        let before = limits.weak_before * step;
+        // What goes on changing as it did before is no step.
+        let bend = |n: usize| r[n] - 2.0 * r[n - 1] + r[n - 2];
+        let (step, jump) = (r[i] - r[i - 1], bend(i));
         let steady = c.iter().all(|pulled| *pulled > limits.least && (pulled - c[last]).abs() < STEADY * c[last]);
-        let begins = (r[i - 1] - r[i - 2]).abs() < before && (r[i - 2] - r[i - 3]).abs() < before;
+        let begins = jump > limits.weak_step && bend(i - 1).abs().max(bend(i - 2).abs()) < limits.weak_before * jump;
         let decays = r[i + 1] < r[i] - 0.03 * step
             && r[i + 1] > r[i] - limits.weak_decay[0] * step
-            && r[last] < r[i + 1]
+            && r[last] < r[i]
             && r[last] > r[i] - limits.weak_decay[1] * step;
         let slower = self.past[i].speed < self.past[i - 1].speed;
         (steady && step > limits.weak_step && begins && decays && slower).then_some((Kind::ServoWeak, 1.0 - step, 1.0))
-    }
-
-    /// A digit that closes on against a small load: one joint holds it back, the others go on.
-    fn stuck(&mut self, limits: &CableLimits, time: f64, cable: &Cable) -> Option<Finding> {
-        let [low, high] = limits.stuck_load;
-        let load = cable.tension - cable.free;
-        if !(low..high).contains(&load) || cable.speed < limits.stuck_speed {
-            self.held_back = None;
-            return None;
-        }
-        let since = *self.held_back.get_or_insert(time);
-        if time < since + limits.stuck_time {
-            return None;
-        }
-        self.held_back = Some(f64::INFINITY);
-        Some((Kind::JointStuck, load, 0.0))
     }
 }
 
@@ -210,6 +220,19 @@ mod tests {
         assert_eq!(named(&pushed_closed, 0.04), [], "somebody pushed the digit closed");
         assert_eq!(named_of(3.0, true, &dip(6), 0.04), [], "what pushes the hand may push a free digit closed");
         assert_eq!(named(&[10.0; 60], 0.04), []);
+        let pushed_far = [vec![10.0; 10], vec![8.0, 5.0, 2.5], vec![0.0; 60]].concat();
+        assert!(matches!(named(&pushed_far, 0.04)[..], [(_, Kind::CableBroken)]), "nobody pushes a digit so far");
+    }
+
+    /// So much tension that a short slip leaves some, and a spool that takes two ticks to lose its load.
+    #[test]
+    fn a_taut_cable_slips_without_slack_and_a_fast_one_breaks_in_two_ticks() {
+        let slip = [vec![30.0; 10], vec![9.0, 14.0, 20.0], vec![30.0; 20]].concat();
+        assert!(matches!(named_of(30.0, false, &slip, 0.04)[..], [(_, Kind::CableSlipped)]));
+        let let_go = [vec![30.0; 10], vec![25.0, 20.0, 14.0, 9.0, 14.0, 20.0], vec![30.0; 20]].concat();
+        assert_eq!(named_of(30.0, false, &let_go, 0.04), [], "an object that goes");
+        let broken = [vec![10.0; 10], vec![2.0], vec![0.0; 40]].concat();
+        assert!(matches!(named(&broken, 0.04)[..], [(n, Kind::CableBroken)] if n < 35));
     }
 
     /// A step of the torque decays; an impact grows over some ticks and goes at once.
@@ -222,14 +245,5 @@ mod tests {
         assert_eq!(named(&impact, 0.0), []);
         let knock = [&rest[..], &[13.9, 13.8, 9.5, 9.0, 10.0, 10.0]].concat();
         assert_eq!(named(&knock, 0.0), []);
-    }
-
-    /// A load that stays small while the digit goes on closing.
-    #[test]
-    fn a_stuck_joint_holds_back_for_long() {
-        let load = |ticks: usize| [vec![6.0; 5], vec![8.0; ticks], vec![6.0; 5]].concat();
-        assert!(matches!(named(&load(25), 0.045)[..], [(_, Kind::JointStuck)]));
-        assert_eq!(named(&load(12), 0.045), []);
-        assert_eq!(named(&load(25), 0.01), []);
     }
 }

@@ -12,7 +12,6 @@ pub enum Kind {
     CableBroken,
     CableSlipped,
     ServoWeak,
-    JointStuck,
     ObjectLost,
     UnexpectedContact,
     OtherPayload,
@@ -22,11 +21,10 @@ pub enum Kind {
 
 impl Kind {
     /// All of them.
-    pub const ALL: [Self; 9] = [
+    pub const ALL: [Self; 8] = [
         Self::CableBroken,
         Self::CableSlipped,
         Self::ServoWeak,
-        Self::JointStuck,
         Self::ObjectLost,
         Self::UnexpectedContact,
         Self::OtherPayload,
@@ -40,7 +38,6 @@ impl Kind {
             Self::CableBroken => "cable_broken",
             Self::CableSlipped => "cable_slipped",
             Self::ServoWeak => "servo_weak",
-            Self::JointStuck => "joint_stuck",
             Self::ObjectLost => "object_lost",
             Self::UnexpectedContact => "unexpected_contact",
             Self::OtherPayload => "other_payload",
@@ -55,7 +52,6 @@ impl Kind {
             Self::CableBroken => ("cable broken", "N of tension"),
             Self::CableSlipped => ("cable slipped on its spool", "mm wound in slack"),
             Self::ServoWeak => ("servo weak", "of its torque"),
-            Self::JointStuck => ("joint stuck", "N on the free digit"),
             Self::ObjectLost => ("object lost", "N on the hand"),
             Self::UnexpectedContact => ("unexpected contact", "N on the hand"),
             Self::OtherPayload => ("payload other than planned", "kg"),
