@@ -32,6 +32,18 @@ pub struct Contact {
     pub spin_damping: f64,
 }
 
+/// Friction as a bristle: surfaces that stick go back where they were.
+#[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Sticking {
+    /// Share of the displacement that is undone in a step.
+    pub back: f64,
+    /// The displacement of one surface along the other beyond which it slides, m.
+    pub elastic: f64,
+    /// The turn about the normal beyond which it does, rad.
+    pub elastic_turn: f64,
+}
+
 /// Table and contacts.
 #[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -40,6 +52,8 @@ pub struct Physics {
     pub table: Table,
     /// How bodies touch.
     pub contact: Contact,
+    /// How what the hand holds sticks to it.
+    pub sticking: Sticking,
 }
 
 static STANDARD: LazyLock<Physics> = LazyLock::new(|| {
@@ -65,7 +79,7 @@ mod tests {
     /// Scenario files place objects on z = 0, within reach of the arm.
     #[test]
     fn the_table_lies_under_every_place_within_reach() {
-        let Physics { table, contact } = Physics::standard();
+        let Physics { table, contact, .. } = Physics::standard();
         assert_eq!(table.center[2] + table.half[2], 0.0);
         let layout = Scenario::benchmark().layout;
         for (axis, [low, high]) in [(0, layout.reach_x), (1, layout.reach_y)] {

@@ -86,6 +86,7 @@ pub(crate) fn cover_collider(cover: &CoverShape) -> ColliderBuilder {
     ColliderBuilder::round_cuboid(inner.x, inner.y, inner.z, cover.radius)
         .position(convert::pose(&cover.link_from_cover))
         .density(0.0)
+        .active_hooks(ActiveHooks::MODIFY_SOLVER_CONTACTS)
         .friction(0.0)
         // An object's own coefficient is the one against the hand's elastomer; on the table it is capped.
         .friction_combine_rule(CoefficientCombineRule::Max)

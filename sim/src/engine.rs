@@ -7,9 +7,10 @@ use std::collections::HashSet;
 
 use hand_model::GRAVITY;
 use rapier3d_f64::prelude::*;
-use scenarios::physics::Physics;
+use scenarios::physics::{self, Physics};
 
 use crate::gel::SoftCovers;
+use crate::stick::Sticking;
 
 /// The scale of a scene by which the solver judges what is far and what is fast, m: a hand's breadth.
 const LENGTH_UNIT: f64 = 0.1;
@@ -35,11 +36,13 @@ pub struct EngineSettings {
     /// Rolling resistance coefficient of objects on the table (lever arm of the normal force over the height of the centre of
     /// mass): balls on felt or a short carpet have 0.02 to 0.07. The engine has no rolling friction of its own.
     pub rolling_resistance: f64,
+    /// How the contacts of covers stick, if they do better than the solver's own.
+    pub sticking: Option<physics::Sticking>,
 }
 
 impl Default for EngineSettings {
     fn default() -> Self {
-        let Physics { contact, table } = Physics::standard();
+        let Physics { contact, table, .. } = Physics::standard();
         Self {
             dt: 1.0 / 240.0,
             solver_iterations: 1,
@@ -48,7 +51,15 @@ impl Default for EngineSettings {
             contact_damping_ratio: contact.damping_ratio,
             table_friction: table.friction,
             rolling_resistance: table.rolling_resistance,
+            sticking: None,
         }
+    }
+}
+
+impl EngineSettings {
+    /// The standard settings, and what covers hold sticks to them.
+    pub fn sticking() -> Self {
+        Self { sticking: Some(Physics::standard().sticking), ..Self::default() }
     }
 }
 
@@ -74,12 +85,15 @@ pub struct Engine {
     ccd: CCDSolver,
     /// Covers that give way; none where they are rigid.
     pub soft_covers: Option<SoftCovers>,
+    sticking: Option<Sticking>,
     passing: HashSet<(ColliderHandle, ColliderHandle)>,
 }
 
 /// What the engine asks about contacts.
 struct Hooks<'a> {
     soft_covers: Option<&'a SoftCovers>,
+    sticking: Option<&'a Sticking>,
+    dt: f64,
     passing: &'a HashSet<(ColliderHandle, ColliderHandle)>,
 }
 
@@ -93,6 +107,9 @@ impl PhysicsHooks for Hooks<'_> {
     fn modify_solver_contacts(&self, context: &mut ContactModificationContext) {
         if let Some(covers) = self.soft_covers {
             covers.modify_solver_contacts(context);
+        }
+        if let Some(sticking) = self.sticking {
+            sticking.modify_solver_contacts(context, self.dt);
         }
     }
 }
@@ -127,6 +144,7 @@ impl Engine {
             soft_bodies: SoftBodySet::new(),
             ccd: CCDSolver::new(),
             soft_covers: None,
+            sticking: settings.sticking.map(Sticking::new),
             passing: HashSet::new(),
         }
     }
@@ -161,7 +179,8 @@ impl Engine {
 
     /// One time step under gravity.
     pub fn step(&mut self) {
-        let hooks = Hooks { soft_covers: self.soft_covers.as_ref(), passing: &self.passing };
+        let (soft_covers, sticking, dt) = (self.soft_covers.as_ref(), self.sticking.as_ref(), self.settings.dt);
+        let hooks = Hooks { soft_covers, sticking, dt, passing: &self.passing };
         self.pipeline.step(
             self.gravity,
             &self.parameters,
@@ -179,6 +198,9 @@ impl Engine {
         );
         if let Some(covers) = &mut self.soft_covers {
             covers.relax(self.settings.dt, &self.narrow_phase, &self.colliders, &self.bodies);
+        }
+        if let Some(sticking) = &mut self.sticking {
+            sticking.follow(&self.narrow_phase, &self.colliders, &self.bodies);
         }
     }
 }
@@ -201,6 +223,7 @@ impl Clone for Engine {
             soft_bodies: self.soft_bodies.clone(),
             ccd: self.ccd.clone(),
             soft_covers: self.soft_covers.clone(),
+            sticking: self.sticking.clone(),
             passing: self.passing.clone(),
         }
     }

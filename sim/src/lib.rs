@@ -27,6 +27,7 @@ pub mod robot;
 pub mod scene;
 pub mod servo;
 pub mod stand;
+mod stick;
 pub mod tactile;
 pub mod truth;
 

@@ -6,7 +6,7 @@ use hand_model::hand::MassProperties;
 use hand_model::kinematics::{Joint, Tree};
 use hand_model::robot::ServoGoal;
 use hand_model::{ACTUATORS, Hand};
-use nalgebra::{Isometry3, Matrix3, Point3, Vector3};
+use nalgebra::{Isometry3, Matrix3, Point3, UnitQuaternion, Vector3};
 use scenarios::Shape;
 use sim::drive::JointEffort;
 use sim::engine::EngineSettings;
@@ -191,4 +191,33 @@ fn a_limit_stops_a_joint() {
             assert!((angle - limit).abs() < 0.02, "{solver_iterations} iterations, {torque} N m: {angle}, not {limit}");
         }
     }
+}
+
+/// A bar held by four fingers creeps as long as friction is left to the solver, and stays where its surfaces stick.
+#[test]
+fn a_held_bar_does_not_creep_where_it_sticks() {
+    let hand = Arc::new(Hand::ftac());
+    let skin = hand.palm_cover.link_from_cover.translation.z - hand.palm_cover.half.z;
+    let across = UnitQuaternion::from_axis_angle(&Vector3::y_axis(), std::f64::consts::FRAC_PI_2);
+    let place = Isometry3::from_parts(Vector3::new(0.0026, 0.013, skin - 0.0165).into(), across);
+    let slip = |settings| {
+        let mut stand = HandStand::new(hand.clone(), settings);
+        let bar = stand.put(Prop::dumbbell(0.016, 0.12, 0.045, 0.045, 2.5), &place);
+        let [goals, hard] = [60.0, 100.0].map(|pull| tension_goals(&hand, &[0.0, pull, pull, pull, pull], 0.0));
+        stand.run(&goals, 1.5);
+        stand.release(bar);
+        stand.run(&goals, 1.0);
+        // Gripping hard brings bar and phalanges to where they rest.
+        for _ in 0..6 {
+            stand.run(&hard, 0.5);
+            stand.run(&goals, 0.5);
+        }
+        stand.set_gravity(&Vector3::new(0.0, 9.81, 0.0));
+        stand.run(&goals, 1.0);
+        let before = stand.pose(bar);
+        stand.run(&goals, 5.0);
+        (stand.pose(bar).translation.vector - before.translation.vector).norm()
+    };
+    let (creeping, sticking) = (slip(EngineSettings::default()), slip(EngineSettings::sticking()));
+    assert!(sticking < 5e-5 && creeping > 4.0 * sticking, "{creeping} m, {sticking} m");
 }

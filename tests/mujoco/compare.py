@@ -254,7 +254,7 @@ def main():
     rows = [compare(arguments.folder, scene, setup) for scene in setup["scenes"]]
     rows.append(whole(arguments.folder, setup["whole"], setup))
     print(f"MuJoCo {mujoco.__version__} at {RATE:.0f} Hz; each cell ours / MuJoCo, the first three ours / ours with four outer iterations / MuJoCo")
-    print("angles: difference at rest, most and mean, ours as in trials; the same with four outer iterations")
+    print("angles: difference at rest, most and mean, ours as hands without an arm are simulated; the same with four outer iterations")
     print(f"{'scene':18} {'angles deg':>23} {'closing N':>21} {'holding N':>21} {'slip 5 s mm':>21} {'overlap mm':>13} {'us/step':>13} {'x real time':>15}")
     for row in rows:
         pair = lambda key, digits=1: f"{number(row['ours'].get(key), digits)} / {number(row['mujoco'].get(key), digits)}"

@@ -98,6 +98,7 @@ impl AnyStand {
             .iter()
             .map(|(link, pose, shape)| {
                 let collider = ColliderBuilder::new(shape.clone())
+                    .active_hooks(ActiveHooks::MODIFY_SOLVER_CONTACTS)
                     .position(*pose)
                     .density(0.0)
                     .friction(0.0)

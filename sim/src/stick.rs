@@ -1,0 +1,187 @@
+//! Static friction that does not creep.
+//!
+//! The solver finds friction at the level of velocities and leaves an error in every step, so that what is held slides slowly under a
+//! load that friction could bear. Here the displacement of the surfaces along each other is added up for every contact of a cover, as in
+//! the bristle models of friction (Haessig and Friedland 1991), and the contact is asked to go back by a share of it in the next step. A
+//! displacement never counts as more than what is elastic: what slides further has slid. The force stays the solver's, within the cone of
+//! friction. Rolling adds nothing, because surfaces that roll do not move along each other.
+
+use nalgebra::{Isometry3, Point3, Vector3};
+use rapier3d_f64::prelude::*;
+use scenarios::physics::Sticking as Limits;
+
+use crate::convert;
+
+/// A contact between two colliders.
+#[derive(Debug, Clone)]
+struct Contact {
+    pair: [ColliderHandle; 2],
+    /// Middle of what bears load, world, m.
+    middle: Point3<f64>,
+    /// `world_from_collider` of both.
+    poses: [Isometry3<f64>; 2],
+    /// How far the second surface has moved along the first, world, m.
+    displacement: Vector3<f64>,
+    /// By how much it has turned against the first about the normal, rad.
+    turn: f64,
+    /// Unit normal, out of the first, world.
+    normal: Vector3<f64>,
+}
+
+/// The contacts that stick. A clone goes on bit by bit as the original.
+#[derive(Debug, Clone)]
+pub struct Sticking {
+    limits: Limits,
+    contacts: Vec<Contact>,
+}
+
+impl Sticking {
+    /// Of a world without contacts.
+    pub fn new(limits: Limits) -> Self {
+        Self { limits, contacts: Vec::new() }
+    }
+
+    /// After a step: takes in how the surfaces moved.
+    pub fn follow(&mut self, narrow_phase: &NarrowPhase, colliders: &ColliderSet, bodies: &RigidBodySet) {
+        let mut contacts = Vec::with_capacity(self.contacts.len() + 2);
+        for pair in narrow_phase.contact_pairs() {
+            let handles = [pair.collider1, pair.collider2];
+            if handles.iter().filter(|handle| sticks(&colliders[**handle])).count() != 1 {
+                continue;
+            }
+            let Some((middle, normal)) = loaded(pair, bodies) else { continue };
+            let poses = handles.map(|handle| convert::to_pose(colliders[handle].position()));
+            let (mut displacement, mut turn) = (Vector3::zeros(), 0.0);
+            if let Some(known) = self.contacts.iter().find(|known| known.pair == handles) {
+                let moved: [Isometry3<f64>; 2] = std::array::from_fn(|n| poses[n] * known.poses[n].inverse());
+                let slid = moved[1] * known.middle - moved[0] * known.middle;
+                displacement = moved[0].rotation * known.displacement + slid;
+                displacement -= normal * normal.dot(&displacement);
+                displacement = displacement.cap_magnitude(self.limits.elastic);
+                let turned = (moved[1].rotation * moved[0].rotation.inverse()).scaled_axis();
+                turn = (known.turn + normal.dot(&turned)).clamp(-self.limits.elastic_turn, self.limits.elastic_turn);
+            }
+            contacts.push(Contact { pair: handles, middle, poses, displacement, turn, normal });
+        }
+        self.contacts = contacts;
+    }
+
+    /// Asks a contact to go back; `dt` is the length of a step, s.
+    pub fn modify_solver_contacts(&self, context: &mut ContactModificationContext, dt: f64) {
+        let pair = [context.collider1, context.collider2];
+        let Some(known) = self.contacts.iter().find(|known| known.pair == pair) else { return };
+        let Some(rigid) = context.rigid_mut() else { return };
+        for contact in rigid.solver_contacts.iter_mut() {
+            let arm = convert::to_vector(contact.anchor1) - known.middle.coords;
+            let back = known.displacement + known.turn * known.normal.cross(&arm);
+            // As if the first surface moved by itself: the second one follows it.
+            contact.tangent_velocity = convert::vector(&(back * (-self.limits.back / dt)));
+        }
+    }
+}
+
+/// Whether the contacts of a collider stick: it may change them.
+fn sticks(collider: &Collider) -> bool {
+    collider.active_hooks().contains(ActiveHooks::MODIFY_SOLVER_CONTACTS)
+}
+
+/// Middle of what bears load in a contact, world, m, and the unit normal out of the first collider.
+fn loaded(pair: &ContactPair, bodies: &RigidBodySet) -> Option<(Point3<f64>, Vector3<f64>)> {
+    let (mut middle, mut normal, mut sum) = (Vector3::zeros(), Vector3::zeros(), 0.0);
+    for manifold in pair.solver_manifolds() {
+        for contact in &manifold.data.solver_contacts {
+            let Some(point) = manifold.points.get(contact.contact_indices()[0] as usize) else { continue };
+            let impulse = point.data.impulse;
+            if impulse > 0.0 {
+                let (a, b) = manifold.data.solver_contact_world_points(contact, bodies);
+                middle += (convert::to_vector(a) + convert::to_vector(b)) * (0.5 * impulse);
+                normal += convert::to_vector(manifold.data.normal) * impulse;
+                sum += impulse;
+            }
+        }
+    }
+    Some((Point3::from(middle / sum), normal.try_normalize(1e-12)?)).filter(|_| sum > 0.0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::engine::{Engine, EngineSettings};
+
+    const FRICTION: f64 = 0.6;
+
+    /// How far (m) a cube on a plate goes in two seconds in which it is pulled by `share` of its weight along the plate, and its speed then, m/s.
+    fn pulled(settings: EngineSettings, share: f64) -> (f64, f64) {
+        let mut engine = Engine::new(settings);
+        engine.gravity = Vector::new(0.0, 0.0, -9.81);
+        let plate = ColliderBuilder::cuboid(20.0, 20.0, 0.01)
+            .translation(Vector::new(0.0, 0.0, -0.01))
+            .friction(FRICTION)
+            .active_hooks(ActiveHooks::MODIFY_SOLVER_CONTACTS);
+        engine.colliders.insert(plate);
+        let (mass, half) = (0.2, 0.02);
+        let spread = Matrix::from_diagonal(Vector::splat(mass * half * half * 2.0 / 3.0));
+        let inertia = MassProperties::with_inertia_matrix(Vector::ZERO, mass, spread);
+        let cube = RigidBodyBuilder::dynamic().translation(Vector::new(0.0, 0.0, half)).can_sleep(false);
+        let cube = engine.bodies.insert(cube.additional_mass_properties(inertia));
+        let collider = ColliderBuilder::cuboid(half, half, half).density(0.0).friction(FRICTION);
+        engine.colliders.insert_with_parent(collider, cube, &mut engine.bodies);
+        for _ in 0..120 {
+            engine.step();
+        }
+        engine.gravity.x = share * 9.81;
+        let start = engine.bodies[cube].translation();
+        for _ in 0..480 {
+            engine.step();
+        }
+        let body = &engine.bodies[cube];
+        ((body.translation() - start).length(), body.linvel().x)
+    }
+
+    /// Below the cone of friction nothing moves further than what is elastic, and then not at all; above it the cube slides as it does without.
+    #[test]
+    fn a_cube_sticks_within_the_cone_of_friction() {
+        let sticking = EngineSettings::sticking();
+        for share in [0.1, 0.3, 0.55] {
+            let (way, speed) = pulled(sticking, share);
+            assert!(way < 1e-5 && speed.abs() < 1e-5, "{share}: {way} m, {speed} m/s");
+        }
+        for share in [0.7, 0.9] {
+            let (way, speed) = pulled(sticking, share);
+            let acceleration = (share - FRICTION) * 9.81;
+            assert!((way / (0.5 * acceleration * 4.0) - 1.0).abs() < 0.02, "{share}: {way} m");
+            assert!((speed / (2.0 * acceleration) - 1.0).abs() < 0.02, "{share}: {speed} m/s");
+        }
+    }
+
+    /// A surface that rolls on another leaves no displacement: the ball goes as far as without.
+    #[test]
+    fn a_rolling_ball_is_not_held() {
+        let rolled = |settings| {
+            let mut engine = Engine::new(settings);
+            engine.gravity = Vector::new(0.0, 0.0, -9.81);
+            let plate = ColliderBuilder::cuboid(20.0, 20.0, 0.01)
+                .translation(Vector::new(0.0, 0.0, -0.01))
+                .friction(FRICTION)
+                .active_hooks(ActiveHooks::MODIFY_SOLVER_CONTACTS);
+            engine.colliders.insert(plate);
+            let (mass, radius) = (0.2, 0.02);
+            let spread = Matrix::from_diagonal(Vector::splat(0.4 * mass * radius * radius));
+            let inertia = MassProperties::with_inertia_matrix(Vector::ZERO, mass, spread);
+            let ball = RigidBodyBuilder::dynamic()
+                .translation(Vector::new(0.0, 0.0, radius))
+                .linvel(Vector::new(0.3, 0.0, 0.0))
+                .angvel(Vector::new(0.0, 0.3 / radius, 0.0))
+                .can_sleep(false);
+            let ball = engine.bodies.insert(ball.additional_mass_properties(inertia));
+            let collider = ColliderBuilder::ball(radius).density(0.0).friction(FRICTION);
+            engine.colliders.insert_with_parent(collider, ball, &mut engine.bodies);
+            for _ in 0..240 {
+                engine.step();
+            }
+            engine.bodies[ball].translation().x
+        };
+        let (free, sticking) = (rolled(EngineSettings::default()), rolled(EngineSettings::sticking()));
+        assert!(free > 0.2 && (sticking / free - 1.0).abs() < 0.01, "{free} m, {sticking} m");
+    }
+}
