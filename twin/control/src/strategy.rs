@@ -161,7 +161,8 @@ impl<'a> Aiming<'a> {
             return Self::at(situation, candidate, situation.probe);
         }
         let mut best = Self::at(situation, candidate, Vector3::zeros());
-        for (x, y) in AIMS.iter().flat_map(|x| AIMS.iter().map(move |y| (*x, *y))) {
+        let aims = AIMS.iter().flat_map(|x| AIMS.iter().map(move |y| (*x, *y)));
+        for (x, y) in aims.filter(|aim| *aim != (0.0, 0.0)) {
             let other = Self::at(situation, candidate, Vector3::new(x, y, 0.0));
             if utility(&other.odds) > utility(&best.odds) {
                 best = other;
