@@ -17,12 +17,12 @@ use crate::body::BodySource;
 use crate::body::operator::Interrupt;
 use crate::journal::{Entry, Journal, RunRequest, Unit};
 use crate::mirror::divergence::write_table;
-use crate::mirror::watch::Mirroring;
+use crate::mirror::watch;
 use crate::own::Pace;
 use crate::recording::{Began, Recording};
 use crate::trial::filming::{self, All, Filming};
 use crate::trial::profile::Activity;
-use crate::trial::{Bench, NoWatcher, TrialResults, Watcher};
+use crate::trial::{Bench, TrialResults, Watcher};
 use crate::{provenance, workers};
 
 /// Which trials are recorded.
@@ -122,15 +122,8 @@ fn beside(
     condition: Condition,
     play: impl FnOnce(&mut dyn Watcher) -> Result<TrialResults>,
 ) -> Result<TrialResults> {
-    if !request.mirrors {
-        return match recording {
-            Some(recording) => play(recording),
-            None => play(&mut NoWatcher),
-        };
-    }
-    let mut mirroring = Mirroring::new(bench, recording);
-    let results = play(&mut mirroring)?;
-    Ok(TrialResults { divergences: mirroring.finish(condition), ..results })
+    let (results, named) = watch::beside(bench, recording, (request.mirrors, condition), play);
+    Ok(TrialResults { divergences: named.unwrap_or_default(), ..results? })
 }
 
 /// Stills of a recorded trial, beside its recording.

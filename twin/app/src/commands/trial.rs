@@ -6,7 +6,7 @@ use anyhow::{Context, Result, bail};
 use bench::body::Task;
 use bench::builtin::{COMBINATIONS, make_identified};
 use bench::mirror::divergence::Divergence;
-use bench::mirror::watch::Mirroring;
+use bench::mirror::watch::beside;
 use bench::recording::Recording;
 use bench::trial::Watcher;
 use clap::{Args, ValueEnum};
@@ -136,21 +136,15 @@ pub fn trial(terminal: &Terminal, args: &TrialArgs) -> Outcome {
         targets.push(stream::Target::Spawn);
     }
     let mut recording = Recording::open(&targets, &bench, &task, (args.robot.began(), args.truth))?;
-    let mut play = |watcher: &mut dyn Watcher| match (&mut place, condition) {
+    let play = |watcher: &mut dyn Watcher| match (&mut place, condition) {
         (Some(place), _) => bench.play(&task, place.as_mut(), watcher).map(|outcome| outcome.record),
         (None, Condition::Ideal) => bench.ideal(args.combination, watcher).map(|outcome| outcome.record),
         (None, condition) => bench
             .trial(args.combination, args.trial, &[condition], &[], watcher)
             .map(|mut results| results.records.remove(0)),
     };
-    let (played, named) = if args.mirror {
-        let mut mirroring = Mirroring::new(&bench, Some(&mut recording));
-        let played = play(&mut mirroring);
-        let named = mirroring.finish(condition);
-        (played, Some(named.into_iter().map(|named| named.divergence).collect::<Vec<_>>()))
-    } else {
-        (play(&mut recording), None)
-    };
+    let (played, named) = beside(&bench, Some(&mut recording), (args.mirror, condition), play);
+    let named = named.map(|named| named.into_iter().map(|named| named.divergence).collect::<Vec<_>>());
     // Of a trial that was stopped, what was seen until then.
     let finished = recording.finish();
     if let Some(named) = named.as_ref().filter(|_| !terminal.json) {

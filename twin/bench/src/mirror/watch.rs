@@ -10,10 +10,30 @@ use super::Mirror;
 use super::divergence::Named;
 use super::seen::Seen;
 use crate::recording::Recording;
-use crate::trial::{Bench, Moment, Watcher};
+use crate::trial::{Bench, Moment, NoWatcher, Watcher};
 
 /// Two ticks are apart by no more than this many of their length.
 const CONTIGUOUS: f64 = 1.5;
+
+/// What `play` comes to with `recording` as its watcher, if there is one, and what a mirror beside it named, if it `mirrors`; of a trial that was stopped under
+/// `condition` what was named until then.
+pub fn beside<T>(
+    bench: &Bench,
+    recording: Option<&mut Recording>,
+    (mirrors, condition): (bool, Condition),
+    play: impl FnOnce(&mut dyn Watcher) -> Result<T>,
+) -> (Result<T>, Option<Vec<Named>>) {
+    if mirrors {
+        let mut mirroring = Mirroring::new(bench, recording);
+        let played = play(&mut mirroring);
+        return (played, Some(mirroring.finish(condition)));
+    }
+    let played = match recording {
+        Some(recording) => play(recording),
+        None => play(&mut NoWatcher),
+    };
+    (played, None)
+}
 
 /// A mirror beside a trial: what conditions share, and each one's own.
 pub struct Mirroring<'a> {
