@@ -181,9 +181,6 @@ pub struct TimeBudget {
     pub frame: f64,
     /// A decision that is made from measurements, s: the simulated robot waits so long, however long it took.
     pub decision: f64,
-    /// A try that is played in a twin before a grasp is chosen, s.
-    #[serde(default)]
-    pub play: f64,
 }
 
 /// The effects of a scenario; what is `None` is off.
@@ -289,12 +286,8 @@ impl Effects {
         if let Some(Floor { height }) = self.floor {
             values.push(("floor.height", height, [-3.0, -0.2]));
         }
-        if let Some(TimeBudget { frame, decision, play }) = self.time {
-            values.extend([
-                ("time.frame", frame, [0.0, 1.0]),
-                ("time.decision", decision, [0.0, 10.0]),
-                ("time.play", play, [0.0, 10.0]),
-            ]);
+        if let Some(TimeBudget { frame, decision }) = self.time {
+            values.extend([("time.frame", frame, [0.0, 1.0]), ("time.decision", decision, [0.0, 10.0])]);
         }
         match values.into_iter().find(|(_, value, [low, high])| !(low..=high).contains(&value)) {
             None => Ok(()),

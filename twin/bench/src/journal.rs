@@ -56,9 +56,9 @@ pub struct RunRequest {
     /// Number of the individual that the body is and the control stack does not know, if it is one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub plant: Option<u64>,
-    /// In how many tries at most policies that decide play second grasps in a twin of the scene before they choose one, if they do.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub foresees: Option<u32>,
+    /// Whether policies that decide play second grasps in a twin of the scene before they choose one.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub foresees: bool,
     /// Whether a mirror looks on and names what differs.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub mirrors: bool,

@@ -177,7 +177,6 @@ impl Bench {
             library: &self.world.objects,
             looks,
             decision_time: scenario.effects.time.map_or(0.0, |time| time.decision),
-            play_time: scenario.effects.time.map_or(0.0, |time| time.play),
             inject_truth: false,
             pace: Pace::Stand,
         }
@@ -237,7 +236,7 @@ impl Bench {
     fn foretold_risk(&self, start: &Start, options: Play) -> Result<Option<f64>> {
         let recovery = Recovery { retry: false, new_look: false };
         let means = Means { sensing: Sensing::Full, recovery, explores: false };
-        let foresees = self.twin.as_ref().map(|(twin, plays)| Foresees::plan(twin, *plays));
+        let foresees = self.twin.as_ref().map(|twin| Foresees::plan(twin));
         let knowledge = Knowledge { foresees, ..self.knowledge(start.known(), means)? };
         foretold_risk(start, &mut self.touch_policy(start, knowledge, means)?, options)
     }
@@ -273,7 +272,7 @@ impl Bench {
             time_limit: self.world.scenario.protocol.time_limit,
             recovery: means.recovery,
             explores: means.explores,
-            foresees: self.twin.as_ref().map(|(twin, plays)| Foresees::best(twin, *plays)),
+            foresees: self.twin.as_ref().map(|twin| Foresees::best(twin)),
             reordered,
         })
     }

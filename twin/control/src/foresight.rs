@@ -21,10 +21,6 @@ use crate::percept::Percept;
 
 /// Draws of what is not known, twice this many: each comes with its mirror image.
 pub(crate) const PAIRS: usize = 4;
-/// Tries that are played at most in a decision, unless it is said.
-pub const PLAYS: u32 = 96;
-/// Tries that are played at once.
-pub(crate) const AT_ONCE: u32 = 2;
 /// How many are played at most beside the plan.
 const OTHERS: usize = 10;
 /// The odds by rehearsal count as this many plays. Set by hand on seed 1.
@@ -77,21 +73,19 @@ pub trait Imagined {
 #[derive(Clone, Copy)]
 pub struct Foresees<'a> {
     pub twin: &'a dyn Twin,
-    /// How many candidates are played at most beside the plan.
+    /// How many are played at most beside the plan.
     pub others: usize,
-    /// How many tries are played at most in a decision.
-    pub plays: u32,
 }
 
 impl<'a> Foresees<'a> {
-    /// The plan and the best others, in so many tries at most.
-    pub fn best(twin: &'a dyn Twin, plays: u32) -> Self {
-        Self { twin, others: OTHERS, plays }
+    /// The plan and the best others.
+    pub fn best(twin: &'a dyn Twin) -> Self {
+        Self { twin, others: OTHERS }
     }
 
     /// The plan alone.
-    pub fn plan(twin: &'a dyn Twin, plays: u32) -> Self {
-        Self { twin, others: 0, plays }
+    pub fn plan(twin: &'a dyn Twin) -> Self {
+        Self { twin, others: 0 }
     }
 }
 

@@ -145,8 +145,6 @@ pub struct Story {
     pub aimed: bool,
     /// Decisions how to take the second object.
     pub decisions: u32,
-    /// Tries that were played in a twin for them.
-    pub plays: u32,
     /// Predicted risk of the planned second grasp, as the first decision found it.
     pub risk: Option<f64>,
     /// What was attempted after the first grasp, in order.

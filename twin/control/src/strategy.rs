@@ -27,7 +27,6 @@ use crate::odds::{Aimed, Belief, Odds, Rehearsed};
 use crate::worth::{Candidate, MISSED, SWITCH_GAIN, UNREHEARSED_CONTACT};
 
 pub use self::foreseen::Foresight;
-use self::foreseen::Outcome;
 pub use self::passage::Course;
 use self::passage::{Passage, Scene};
 pub use self::solids::{Held, object_solids, placed};
@@ -93,8 +92,6 @@ pub struct Decision {
     pub plan: Assessment,
     /// Assessment of the chosen grasp.
     pub chosen: Assessment,
-    /// How many tries were played in a twin.
-    pub plays: u32,
     /// The reason in words.
     pub reason: String,
 }
@@ -243,20 +240,14 @@ pub fn choose(situation: &Situation, candidates: &[Candidate]) -> Result<Option<
     let scene = Scene::new(situation);
     let aiming = Aiming::at(situation, planned, Vector3::zeros());
     let (assessment, passage) = aiming.assess(situation.executive, &scene)?;
-    let plan = Considered { place: 0, aiming, assessment, passage, foreseen: None };
+    let mut plan = Considered { place: 0, aiming, assessment, passage, foreseen: None };
     let mut options: Vec<Aiming> = candidates.iter().map(|candidate| Aiming::best(situation, candidate)).collect();
     options.sort_by(|a, b| utility(&b.odds).total_cmp(&utility(&a.odds)));
     let mut weighed = vec![plan.aiming.weighed(Some(&plan.assessment), true)];
     weighed.extend(options.iter().map(|option| option.weighed(None, false)));
-    let (plan, other, plays) = match &situation.foresight {
-        Some(foresight) => {
-            let Outcome { plan, other, plays } = foresight.best(situation, &scene, plan, options, &mut weighed)?;
-            (plan, other, plays)
-        }
-        None => {
-            let other = best_by_odds(situation.executive, &scene, &plan, options, &mut weighed)?;
-            (plan, other, 0)
-        }
+    let other = match &situation.foresight {
+        Some(foresight) => foresight.best(situation, &scene, &mut plan, options, &mut weighed)?,
+        None => best_by_odds(situation.executive, &scene, &plan, options, &mut weighed)?,
     };
     let plan_assessment = plan.assessment;
     let (chosen, rejected) = match other {
@@ -272,7 +263,7 @@ pub fn choose(situation: &Situation, candidates: &[Candidate]) -> Result<Option<
             reason.push_str(&format!("; of {played} tries in the twin {held} hold and {contact} touch"));
         }
         None if situation.foresight.is_some() => {
-            reason.push_str("; not played: no such hold or way in the twin, or no play left")
+            reason.push_str("; not played: there is no such hold or way in the twin")
         }
         None => {}
     }
@@ -289,7 +280,6 @@ pub fn choose(situation: &Situation, candidates: &[Candidate]) -> Result<Option<
         switched,
         plan: plan_assessment,
         chosen: assessment,
-        plays,
         reason,
     }))
 }

@@ -144,7 +144,7 @@ impl Plan {
             policy: None,
             individual: None,
             plant: None,
-            foresees: None,
+            foresees: false,
             mirrors: false,
             places: Places::default(),
         };

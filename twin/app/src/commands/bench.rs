@@ -9,7 +9,6 @@ use bench::journal::{Journal, RunRequest};
 use bench::own::{Own, Pace, Source};
 use bench::run::{self, Options, Record as Recorded};
 use clap::{Args, ValueEnum};
-use control::foresight::PLAYS;
 use control::policy::Uncertainty;
 use scenarios::Ablation;
 use scenarios::effects::Effect;
@@ -74,9 +73,9 @@ pub struct BenchArgs {
     /// The robot that body and control stack are: a file of `ftac twin identify`; default: the robot as drawn.
     #[arg(long, value_name = "FILE")]
     pub individual: Option<PathBuf>,
-    /// Touch and reflex play second grasps in a twin of the scene before they choose one, from the state as felt, in so many tries at most.
-    #[arg(long, value_name = "PLAYS", num_args = 0..=1, require_equals = true, value_parser = clap::value_parser!(u32).range(2..))]
-    pub foresee: Option<Option<u32>>,
+    /// Touch and reflex play second grasps in a twin of the scene before they choose one, from the state as felt.
+    #[arg(long)]
+    pub foresee: bool,
     /// Let a twin run beside the robot and name what differs, in divergences.csv.
     #[arg(long)]
     pub mirror: bool,
@@ -185,7 +184,7 @@ fn request(terminal: &Terminal, args: &BenchArgs) -> Result<(RunRequest, PathBuf
         places: args.places.places(args.robot)?,
         individual: super::individual::text(args.individual.as_deref())?.0,
         plant: args.plant,
-        foresees: args.foresee.map(|plays| plays.unwrap_or(PLAYS)),
+        foresees: args.foresee,
         mirrors: args.mirror,
     };
     Ok((request, args.out.clone().unwrap_or_else(next_free_folder)))

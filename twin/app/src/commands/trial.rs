@@ -10,7 +10,6 @@ use bench::mirror::watch::beside;
 use bench::recording::Recording;
 use bench::trial::Watcher;
 use clap::{Args, ValueEnum};
-use control::foresight::PLAYS;
 use scenarios::record::Condition;
 use scenarios::record::TrialRecord;
 
@@ -39,9 +38,9 @@ pub struct TrialArgs {
     /// The robot that body and control stack are: a file of `ftac twin identify`; default: the robot as drawn.
     #[arg(long, value_name = "FILE")]
     pub individual: Option<PathBuf>,
-    /// Play second grasps in a twin of the scene before one is chosen, from the state as felt, in so many tries at most.
-    #[arg(long, value_name = "PLAYS", num_args = 0..=1, require_equals = true, value_parser = clap::value_parser!(u32).range(2..))]
-    pub foresee: Option<Option<u32>>,
+    /// Play second grasps in a twin of the scene before one is chosen, from the state as felt.
+    #[arg(long)]
+    pub foresee: bool,
     /// Let a twin run beside the robot, show it as a ghost, and name what differs.
     #[arg(long)]
     pub mirror: bool,
@@ -108,8 +107,7 @@ pub fn trial(terminal: &Terminal, args: &TrialArgs) -> Outcome {
     places.set_up(&mut bench.world)?;
     super::individual::say_whose_pads(args.robot, &[args.policy.condition()]);
     bench.board = args.tactile.board(bench.board);
-    let foresees = args.foresee.map(|plays| plays.unwrap_or(PLAYS));
-    bench.foresee(foresees);
+    bench.foresee(args.foresee);
     let condition = args.policy.condition();
     let mut place = source(&bench.world, args.robot, (args.config.as_deref(), &args.places), args.session.clone())?;
     let task = Task {
@@ -123,7 +121,7 @@ pub fn trial(terminal: &Terminal, args: &TrialArgs) -> Outcome {
         scenario: text,
         places,
         individual,
-        foresees,
+        foresees: args.foresee,
     };
     let file = args.out.clone().unwrap_or_else(|| {
         PathBuf::from(format!("recordings/combination_{}_trial_{}_{}.rrd", args.combination, args.trial, condition))

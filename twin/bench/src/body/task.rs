@@ -29,9 +29,9 @@ pub struct Task {
     /// Text of the file of the robot that body and control stack are, where they are not the drawing's.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub individual: Option<String>,
-    /// In how many tries at most policies that decide play second grasps in a twin of the scene before they choose one, if they do.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub foresees: Option<u32>,
+    /// Whether second grasps were played in a twin of the scene before one was chosen.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub foresees: bool,
     /// How the robot knows where things are.
     #[serde(flatten)]
     pub places: Places,

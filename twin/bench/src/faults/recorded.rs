@@ -33,7 +33,7 @@ impl Matrix<'_> {
             combos: self.bench.plans.plans.len(),
             scenario: scenarios::scenario::BENCHMARK.to_owned(),
             individual: None,
-            foresees: None,
+            foresees: false,
             places: Places::default(),
         };
         Recording::open(&targets, self.bench, &task, (Began::Now, false)).map(Some)

@@ -43,8 +43,6 @@ pub struct Play<'a> {
     pub looks: Looks,
     /// How long a decision from measurements takes, s.
     pub decision_time: f64,
-    /// How long a try takes that is played in a twin for it, s.
-    pub play_time: f64,
     /// Whether the true state is injected in the place of what is felt.
     pub inject_truth: bool,
     /// What passes while the policy decides, beside `decision_time`.
@@ -114,20 +112,12 @@ fn decide_and_play(
             played.run.wait(with.decision_time, felt, Some(condition), watcher)?;
         }
         let (before, begun) = (policy.story().decisions, Instant::now());
-        let plays = policy.story().plays;
-        let waiting = played.run.snapshot.executive.clone();
+        let waiting = (with.pace == Pace::Wall).then(|| played.run.snapshot.executive.clone());
         let step = decide(&mut played.run, &start.objects, policy, &mut with)?;
-        let thought = match with.pace {
-            Pace::Wall => begun.elapsed().as_secs_f64(),
-            Pace::Stand if played.run.snapshot.robot.branches() => {
-                with.play_time * f64::from(policy.story().plays - plays)
-            }
-            Pace::Stand => 0.0,
-        };
-        if thought > 0.0 {
+        if let Some(waiting) = waiting {
             let decided = std::mem::replace(&mut played.run.snapshot.executive, waiting);
             let felt = policy.felt().filter(|_| phase > Phase::Decide);
-            played.run.wait(thought, felt, Some(condition), watcher)?;
+            played.run.wait(begun.elapsed().as_secs_f64(), felt, Some(condition), watcher)?;
             played.run.snapshot.executive = decided;
         }
         if policy.story().decisions > before {

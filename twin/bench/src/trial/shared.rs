@@ -40,9 +40,8 @@ pub struct Bench {
     pub seed: u64,
     /// Where the time went.
     pub profile: Arc<Profile>,
-    /// A twin of the scene in which `touch` and `reflex` play second grasps before they choose one, and how many tries at most, where they
-    /// may.
-    pub twin: Option<(SceneTwin, u32)>,
+    /// A twin of the scene in which `touch` and `reflex` play second grasps before they choose one, where they may.
+    pub twin: Option<SceneTwin>,
     /// Whether a trial whose body stops has failed and others follow, instead of nothing being played any more.
     pub outlasts_faults: bool,
     /// A policy of the user's own, where one plays.
@@ -70,10 +69,9 @@ impl Bench {
         }
     }
 
-    /// From now on policies that decide play second grasps in a twin of the scene before they choose one, in so many tries at most; `None`
-    /// if they do not.
-    pub fn foresee(&mut self, plays: Option<u32>) {
-        self.twin = plays.map(|plays| (SceneTwin::new(self.world.clone(), self.board.clone()), plays));
+    /// Whether policies that decide play second grasps in a twin of the scene before they choose one.
+    pub fn foresee(&mut self, foresees: bool) {
+        self.twin = foresees.then(|| SceneTwin::new(self.world.clone(), self.board.clone()));
     }
 
     /// From now on `touch` does without `digits`, as well as it can; what was planned stays what `ideal` and `blind` know.

@@ -224,7 +224,6 @@ impl<'a> Touch<'a> {
                 return Ok(self.give_up(1, &seen));
             };
             let decision = self.choose(executive, &within, felt)?;
-            self.story.plays += decision.plays;
             self.story.risk.get_or_insert(decision.plan.risk);
             let declined = decision.chosen.held < decision.chosen.risk;
             self.story.choice = Some(Choice::of(&decision, declined));

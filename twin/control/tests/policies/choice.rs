@@ -4,7 +4,7 @@ use std::ops::Range;
 use std::sync::Arc;
 
 use control::executive::{Executive, Phase};
-use control::foresight::{Foresees, Imagined, PLAYS, Scene, Twin, TwinError};
+use control::foresight::{Foresees, Imagined, Scene, Twin, TwinError};
 use control::odds::{Belief, Rehearsed, TryOutcome};
 use control::policy::Uncertainty;
 use control::strategy::{Decision, Foresight, Held, Situation, choose, object_solids};
@@ -93,8 +93,8 @@ impl Imagined for Touches {
     }
 }
 
-/// The same for one who plays it in a twin first, in so many tries at most.
-fn with_twin(rehearsals: [fn(&Vector3<f64>) -> TryOutcome; 2], twin: Option<(&dyn Twin, u32)>) -> Decision {
+/// The same for one who plays it in a twin first.
+fn with_twin(rehearsals: [fn(&Vector3<f64>) -> TryOutcome; 2], twin: Option<&dyn Twin>) -> Decision {
     let table = Table::new();
     let mut executive = table.executive();
     run_until(&mut executive, Phase::Decide);
@@ -121,8 +121,8 @@ fn with_twin(rehearsals: [fn(&Vector3<f64>) -> TryOutcome; 2], twin: Option<(&dy
         belief: &belief,
         looks: 1,
         probe: Vector3::zeros(),
-        foresight: twin.map(|(twin, plays)| Foresight {
-            foresees: Foresees::best(twin, plays),
+        foresight: twin.map(|twin| Foresight {
+            foresees: Foresees::best(twin),
             objects: &table.objects,
             covariance: &covariance,
         }),
@@ -167,23 +167,9 @@ fn what_touches_in_the_twin_is_left() {
     let held: [fn(&Vector3<f64>) -> TryOutcome; 2] = [|_| TryOutcome::Held, |_| TryOutcome::Held];
     let [plan, other] = [0, 1].map(|n| Table::new().second()[n].grasp.id);
     assert!(!with_rehearsals(held).switched);
-    let decision = with_twin(held, Some((&Touches(plan), PLAYS)));
+    let decision = with_twin(held, Some(&Touches(plan)));
     assert!(decision.switched && decision.plan.risk > 0.5 && decision.chosen.risk < 0.1, "{}", decision.reason);
     assert!(decision.reason.contains("of 8 tries in the twin 8 hold and 0 touch"), "{}", decision.reason);
-    let decision = with_twin(held, Some((&Touches(other), PLAYS)));
+    let decision = with_twin(held, Some(&Touches(other)));
     assert!(!decision.switched && decision.plan.risk < 0.1, "{}", decision.reason);
-    assert_eq!(decision.plays, 8, "the plan is good: {}", decision.reason);
-}
-
-/// What leads is played, so that few plays are enough to leave a plan that touches; there are never more than allowed.
-#[test]
-fn few_plays_go_to_what_leads() {
-    let held: [fn(&Vector3<f64>) -> TryOutcome; 2] = [|_| TryOutcome::Held, |_| TryOutcome::Held];
-    let plan = Table::new().second()[0].grasp.id;
-    for (most, of_chosen) in [(4, 2), (6, 4), (PLAYS, 8)] {
-        let decision = with_twin(held, Some((&Touches(plan), most)));
-        assert!(decision.switched && decision.plays <= most, "{} plays: {}", decision.plays, decision.reason);
-        let said = format!("of {of_chosen} tries in the twin {of_chosen} hold and 0 touch");
-        assert!(decision.reason.contains(&said), "{}", decision.reason);
-    }
 }
