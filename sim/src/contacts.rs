@@ -19,6 +19,29 @@ pub struct ContactPoint {
     pub force: f64,
 }
 
+/// A contact point that bears load.
+pub(crate) struct Loaded<'a> {
+    /// World position, m.
+    pub middle: Vector3<f64>,
+    /// Unit normal out of the pair's first collider, world.
+    pub normal: Vector3<f64>,
+    /// What the solver found, N s.
+    pub data: &'a ContactData,
+}
+
+/// The contact points of a pair that bear load.
+pub(crate) fn loaded<'a>(pair: &'a ContactPair, bodies: &'a RigidBodySet) -> impl Iterator<Item = Loaded<'a>> {
+    pair.solver_manifolds().iter().flat_map(move |manifold| {
+        let normal = convert::to_vector(manifold.data.normal);
+        manifold.data.solver_contacts.iter().filter_map(move |contact| {
+            let point = manifold.points.get(contact.contact_indices()[0] as usize)?;
+            let (a, b) = manifold.data.solver_contact_world_points(contact, bodies);
+            let middle = (convert::to_vector(a) + convert::to_vector(b)) * 0.5;
+            (point.data.impulse > 0.0).then_some(Loaded { middle, normal, data: &point.data })
+        })
+    })
+}
+
 /// All loaded contact points of `collider`.
 pub fn contacts_of(engine: &Engine, collider: ColliderHandle) -> Vec<ContactPoint> {
     let dt = engine.settings.dt;
@@ -26,20 +49,12 @@ pub fn contacts_of(engine: &Engine, collider: ColliderHandle) -> Vec<ContactPoin
     for pair in engine.narrow_phase.contact_pairs_with(collider) {
         let first = pair.collider1 == collider;
         let other = if first { pair.collider2 } else { pair.collider1 };
-        for manifold in pair.solver_manifolds() {
-            let normal = convert::to_vector(manifold.data.normal) * if first { 1.0 } else { -1.0 };
-            for contact in &manifold.data.solver_contacts {
-                let index = contact.contact_indices()[0] as usize;
-                let Some(point) = manifold.points.get(index) else { continue };
-                let force = point.data.impulse / dt;
-                if force <= 0.0 {
-                    continue;
-                }
-                let (a, b) = manifold.data.solver_contact_world_points(contact, &engine.bodies);
-                let middle = (convert::to_vector(a) + convert::to_vector(b)) * 0.5;
-                found.push(ContactPoint { other, point: middle.into(), normal, force });
-            }
-        }
+        found.extend(loaded(pair, &engine.bodies).map(|at| ContactPoint {
+            other,
+            point: at.middle.into(),
+            normal: at.normal * if first { 1.0 } else { -1.0 },
+            force: at.data.impulse / dt,
+        }));
     }
     found
 }

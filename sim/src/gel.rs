@@ -17,6 +17,7 @@ use scenarios::effects;
 use scenarios::geometry::Shape;
 use scenarios::objects::ObjectModel;
 
+use crate::contacts::loaded;
 use crate::convert;
 use crate::press_curve::{Gap, PressCurve, Surface};
 
@@ -233,21 +234,13 @@ impl SoftCovers {
 fn load(pair: &ContactPair, cover: ColliderHandle, dt: f64, bodies: &RigidBodySet) -> Load {
     let out = if pair.collider1 == cover { 1.0 } else { -1.0 };
     let mut load = Load::default();
-    for manifold in pair.solver_manifolds() {
-        let normal = convert::to_vector(manifold.data.normal) * out;
-        for contact in &manifold.data.solver_contacts {
-            let Some(point) = manifold.points.get(contact.contact_indices()[0] as usize) else { continue };
-            let force = point.data.impulse / dt;
-            if force <= 0.0 {
-                continue;
-            }
-            let (a, b) = manifold.data.solver_contact_world_points(contact, bodies);
-            load.force += force;
-            load.middle += (convert::to_vector(a) + convert::to_vector(b)) * (0.5 * force);
-            load.out += normal * force;
-            // The solver's tangent impulses act on the second body's behalf against the first.
-            load.friction += convert::to_vector(point.data.warmstart_tangent_world) * (out / dt);
-        }
+    for at in loaded(pair, bodies) {
+        let force = at.data.impulse / dt;
+        load.force += force;
+        load.middle += at.middle * force;
+        load.out += at.normal * out * force;
+        // The solver's tangent impulses act on the second body's behalf against the first.
+        load.friction += convert::to_vector(at.data.warmstart_tangent_world) * (out / dt);
     }
     if load.force > 0.0 {
         load.middle /= load.force;

@@ -10,6 +10,7 @@ use nalgebra::{Isometry3, Point3, Vector3};
 use rapier3d_f64::prelude::*;
 use scenarios::physics::Sticking as Limits;
 
+use crate::contacts::loaded;
 use crate::convert;
 
 /// A contact between two colliders.
@@ -49,7 +50,7 @@ impl Sticking {
             if handles.iter().filter(|handle| sticks(&colliders[**handle])).count() != 1 {
                 continue;
             }
-            let Some((middle, normal)) = loaded(pair, bodies) else { continue };
+            let Some((middle, normal)) = self::middle(pair, bodies) else { continue };
             let poses = handles.map(|handle| convert::to_pose(colliders[handle].position()));
             let (mut displacement, mut turn) = (Vector3::zeros(), 0.0);
             if let Some(known) = self.contacts.iter().find(|known| known.pair == handles) {
@@ -86,21 +87,15 @@ fn sticks(collider: &Collider) -> bool {
 }
 
 /// Middle of what bears load in a contact, world, m, and the unit normal out of the first collider.
-fn loaded(pair: &ContactPair, bodies: &RigidBodySet) -> Option<(Point3<f64>, Vector3<f64>)> {
+fn middle(pair: &ContactPair, bodies: &RigidBodySet) -> Option<(Point3<f64>, Vector3<f64>)> {
     let (mut middle, mut normal, mut sum) = (Vector3::zeros(), Vector3::zeros(), 0.0);
-    for manifold in pair.solver_manifolds() {
-        for contact in &manifold.data.solver_contacts {
-            let Some(point) = manifold.points.get(contact.contact_indices()[0] as usize) else { continue };
-            let impulse = point.data.impulse;
-            if impulse > 0.0 {
-                let (a, b) = manifold.data.solver_contact_world_points(contact, bodies);
-                middle += (convert::to_vector(a) + convert::to_vector(b)) * (0.5 * impulse);
-                normal += convert::to_vector(manifold.data.normal) * impulse;
-                sum += impulse;
-            }
-        }
+    for at in loaded(pair, bodies) {
+        let impulse = at.data.impulse;
+        middle += at.middle * impulse;
+        normal += at.normal * impulse;
+        sum += impulse;
     }
-    Some((Point3::from(middle / sum), normal.try_normalize(1e-12)?)).filter(|_| sum > 0.0)
+    Some((Point3::from(middle / sum), normal.try_normalize(1e-12)?))
 }
 
 #[cfg(test)]
@@ -110,8 +105,12 @@ mod tests {
 
     const FRICTION: f64 = 0.6;
 
-    /// How far (m) a cube on a plate goes in two seconds in which it is pulled by `share` of its weight along the plate, and its speed then, m/s.
-    fn pulled(settings: EngineSettings, share: f64) -> (f64, f64) {
+    /// A plate whose contacts stick if the settings say so, and a body of `mass` (kg) and `inertia` (kg m2, about any axis) on it.
+    fn on_plate(
+        settings: EngineSettings,
+        (body, mass, inertia): (RigidBodyBuilder, f64, f64),
+        shape: ColliderBuilder,
+    ) -> (Engine, RigidBodyHandle) {
         let mut engine = Engine::new(settings);
         engine.gravity = Vector::new(0.0, 0.0, -9.81);
         let plate = ColliderBuilder::cuboid(20.0, 20.0, 0.01)
@@ -119,13 +118,19 @@ mod tests {
             .friction(FRICTION)
             .active_hooks(ActiveHooks::MODIFY_SOLVER_CONTACTS);
         engine.colliders.insert(plate);
+        let spread = Matrix::from_diagonal(Vector::splat(inertia));
+        let properties = MassProperties::with_inertia_matrix(Vector::ZERO, mass, spread);
+        let body = engine.bodies.insert(body.can_sleep(false).additional_mass_properties(properties));
+        engine.colliders.insert_with_parent(shape.density(0.0).friction(FRICTION), body, &mut engine.bodies);
+        (engine, body)
+    }
+
+    /// How far (m) a cube on a plate goes in two seconds in which it is pulled by `share` of its weight along the plate, and its speed then, m/s.
+    fn pulled(settings: EngineSettings, share: f64) -> (f64, f64) {
         let (mass, half) = (0.2, 0.02);
-        let spread = Matrix::from_diagonal(Vector::splat(mass * half * half * 2.0 / 3.0));
-        let inertia = MassProperties::with_inertia_matrix(Vector::ZERO, mass, spread);
-        let cube = RigidBodyBuilder::dynamic().translation(Vector::new(0.0, 0.0, half)).can_sleep(false);
-        let cube = engine.bodies.insert(cube.additional_mass_properties(inertia));
-        let collider = ColliderBuilder::cuboid(half, half, half).density(0.0).friction(FRICTION);
-        engine.colliders.insert_with_parent(collider, cube, &mut engine.bodies);
+        let body = RigidBodyBuilder::dynamic().translation(Vector::new(0.0, 0.0, half));
+        let inertia = mass * half * half * 2.0 / 3.0;
+        let (mut engine, cube) = on_plate(settings, (body, mass, inertia), ColliderBuilder::cuboid(half, half, half));
         for _ in 0..120 {
             engine.step();
         }
@@ -158,24 +163,13 @@ mod tests {
     #[test]
     fn a_rolling_ball_is_not_held() {
         let rolled = |settings| {
-            let mut engine = Engine::new(settings);
-            engine.gravity = Vector::new(0.0, 0.0, -9.81);
-            let plate = ColliderBuilder::cuboid(20.0, 20.0, 0.01)
-                .translation(Vector::new(0.0, 0.0, -0.01))
-                .friction(FRICTION)
-                .active_hooks(ActiveHooks::MODIFY_SOLVER_CONTACTS);
-            engine.colliders.insert(plate);
             let (mass, radius) = (0.2, 0.02);
-            let spread = Matrix::from_diagonal(Vector::splat(0.4 * mass * radius * radius));
-            let inertia = MassProperties::with_inertia_matrix(Vector::ZERO, mass, spread);
-            let ball = RigidBodyBuilder::dynamic()
+            let body = RigidBodyBuilder::dynamic()
                 .translation(Vector::new(0.0, 0.0, radius))
                 .linvel(Vector::new(0.3, 0.0, 0.0))
-                .angvel(Vector::new(0.0, 0.3 / radius, 0.0))
-                .can_sleep(false);
-            let ball = engine.bodies.insert(ball.additional_mass_properties(inertia));
-            let collider = ColliderBuilder::ball(radius).density(0.0).friction(FRICTION);
-            engine.colliders.insert_with_parent(collider, ball, &mut engine.bodies);
+                .angvel(Vector::new(0.0, 0.3 / radius, 0.0));
+            let inertia = 0.4 * mass * radius * radius;
+            let (mut engine, ball) = on_plate(settings, (body, mass, inertia), ColliderBuilder::ball(radius));
             for _ in 0..240 {
                 engine.step();
             }

@@ -65,7 +65,7 @@ fn picture(hand: &ComparedHand, ours: &Hand, model: &ObjectModel, cell: &Cell) -
 
 /// Another hand's collision shapes at joint angles (rad), three points a triangle, palm frame.
 pub(super) fn skin(hand: &Described, joints: &[f64]) -> Vec<[Point3<f64>; 3]> {
-    let stand = AnyStand::at(&hand.body, EngineSettings::sticking(), joints);
+    let stand = AnyStand::at(&hand.body, EngineSettings::default(), joints);
     stand.triangles().into_iter().map(|triangle| triangle.map(|point| hand.palm_from_root * point)).collect()
 }
 
