@@ -315,6 +315,8 @@ fn tick_plant(plant: &mut Plant, shared: &Shared, tick: f64) -> bool {
         *goal = drive;
     }
     let capture = shared.capture.swap(false, Ordering::AcqRel);
+    // Of a stepped clock the tick has passed already. On a running one it begins now, however soon the plant is done with it.
+    let end = if shared.stepped() { shared.now() } else { shared.now() + tick };
     plant.robot.send(&Command { arm: shared.arm.goal(), servos, capture });
     plant.robot.wait_for_tick();
     let observation = plant.robot.observe();
@@ -326,7 +328,7 @@ fn tick_plant(plant: &mut Plant, shared: &Shared, tick: f64) -> bool {
     }
     shared.ticks.fetch_add(1, Ordering::Relaxed);
     let Some(first) = observation.tactile.first() else { return true };
-    let taken = shared.now() - (observation.time - first.time);
+    let taken = end - (observation.time - first.time);
     shared.images.fetch_add(observation.tactile.len() as u64, Ordering::Relaxed);
     plant.images.send((taken, observation.tactile)).is_ok()
 }
