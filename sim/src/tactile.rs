@@ -20,7 +20,7 @@ use optics::{
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
-use scenarios::geometry::Shape;
+use scenarios::geometry::{Relief, Shape};
 
 pub use drift::Drift;
 
@@ -257,28 +257,53 @@ fn press_pad(
     if force < LEAST_FORCE {
         return None;
     }
+    let rasters: Vec<Raster> = pad.cameras.iter().map(|camera| Raster::of(&hand.cameras[*camera], side)).collect();
+    let window = rasters.iter().fold(([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]), |(low, high), raster| {
+        let ((left, top), (right, bottom)) = (raster.pixel_center(0, 0), raster.pixel_center(side - 1, side - 1));
+        ([low[0].min(left), low[1].min(bottom)], [high[0].max(right), high[1].max(top)])
+    });
     let half = 0.5 * pad.h.hypot(pad.w);
-    let near: Vec<(&Shape, Isometry3<f64>, Point3<f64>, f64)> = objects
+    let near: Vec<Underside> = objects
         .iter()
         .map(|(shape, pose)| (*shape, pose.inverse() * world_from_pad, shape.bounding_radius()))
         .filter(|(_, object_from_pad, radius)| object_from_pad.translation.vector.norm() < radius + half + REACH)
-        .map(|(shape, object_from_pad, radius)| {
-            let middle = object_from_pad.inverse_transform_point(&Point3::origin());
-            // A ray farther away than this misses the ball around the shape, and the shape.
-            (shape, object_from_pad, middle, (radius * MISSES).powi(2))
-        })
+        .map(|(shape, object_from_pad, radius)| Underside::new(shape, object_from_pad, radius, window))
         .collect();
-    let lowest = |x: f64, y: f64| {
-        near.iter()
-            .filter(|(_, _, middle, square)| (x - middle.x).powi(2) + (y - middle.y).powi(2) < *square)
-            .filter_map(|(shape, object_from_pad, ..)| {
+    let lowest = |x: f64, y: f64| near.iter().filter_map(|object| object.height(x, y)).reduce(f64::min);
+    // Only a shape with a broken ray query can fail here; its pad shows nothing rather than something wrong.
+    press_rasters(pad, &rasters, &Foundation::winkler(&hand.gel()), force, lowest).ok().map(|pressed| pressed.maps)
+}
+
+/// What of an object looks at a pad.
+enum Underside<'a> {
+    Mesh(Relief),
+    /// A shape that answers rays in closed form: `object_from_pad`, its middle in the pad's frame, and the square of the distance of a ray
+    /// from it, m2, that surely misses the shape.
+    Closed(&'a Shape, Isometry3<f64>, Point3<f64>, f64),
+}
+
+impl<'a> Underside<'a> {
+    /// `radius` is that of the shape's bounding ball, m; rays run over the `window` of the pad.
+    fn new(shape: &'a Shape, object_from_pad: Isometry3<f64>, radius: f64, window: ([f64; 2], [f64; 2])) -> Self {
+        if let Shape::Mesh(mesh) = shape {
+            return Self::Mesh(Relief::new(mesh, &object_from_pad.inverse(), -RAY_START, window));
+        }
+        let middle = object_from_pad.inverse_transform_point(&Point3::origin());
+        Self::Closed(shape, object_from_pad, middle, (radius * MISSES).powi(2))
+    }
+
+    /// Lowest point over (x, y), pad frame, m.
+    fn height(&self, x: f64, y: f64) -> Option<f64> {
+        match self {
+            Self::Mesh(relief) => relief.height(x, y),
+            Self::Closed(shape, object_from_pad, middle, square) => {
+                if (x - middle.x).powi(2) + (y - middle.y).powi(2) >= *square {
+                    return None;
+                }
                 let origin = object_from_pad * Point3::new(x, y, -RAY_START);
                 let direction = Unit::new_unchecked(object_from_pad * Vector3::z());
                 shape.ray(&origin, &direction).map(|distance| distance - RAY_START)
-            })
-            .reduce(f64::min)
-    };
-    let rasters: Vec<Raster> = pad.cameras.iter().map(|camera| Raster::of(&hand.cameras[*camera], side)).collect();
-    // Only a shape with a broken ray query can fail here; its pad shows nothing rather than something wrong.
-    press_rasters(pad, &rasters, &Foundation::winkler(&hand.gel()), force, lowest).ok().map(|pressed| pressed.maps)
+            }
+        }
+    }
 }
