@@ -36,13 +36,13 @@ pub struct EngineSettings {
     /// Rolling resistance coefficient of objects on the table (lever arm of the normal force over the height of the centre of
     /// mass): balls on felt or a short carpet have 0.02 to 0.07. The engine has no rolling friction of its own.
     pub rolling_resistance: f64,
-    /// How the contacts of covers stick, if they do better than the solver's own.
+    /// How the contacts of covers stick; without it they have the solver's friction, which creeps.
     pub sticking: Option<physics::Sticking>,
 }
 
 impl Default for EngineSettings {
     fn default() -> Self {
-        let Physics { contact, table, .. } = Physics::standard();
+        let Physics { contact, table, sticking, .. } = Physics::standard();
         Self {
             dt: 1.0 / 240.0,
             solver_iterations: 1,
@@ -51,15 +51,8 @@ impl Default for EngineSettings {
             contact_damping_ratio: contact.damping_ratio,
             table_friction: table.friction,
             rolling_resistance: table.rolling_resistance,
-            sticking: None,
+            sticking: Some(sticking),
         }
-    }
-}
-
-impl EngineSettings {
-    /// The standard settings, and what covers hold sticks to them.
-    pub fn sticking() -> Self {
-        Self { sticking: Some(Physics::standard().sticking), ..Self::default() }
     }
 }
 

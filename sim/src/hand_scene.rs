@@ -64,7 +64,7 @@ impl HandScene {
         palm_from_object: &Isometry3<f64>,
         angles: &[f64; HAND_JOINTS],
     ) -> Self {
-        let mut engine = Engine::new(EngineSettings::sticking());
+        let mut engine = Engine::new(EngineSettings::default());
         engine.gravity = Vector::ZERO;
         let palm = engine.bodies.insert(RigidBodyBuilder::fixed());
         // Neighbouring links do not collide. The engine sees to that along a digit; between the palm's cover and the first

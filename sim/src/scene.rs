@@ -61,7 +61,7 @@ impl SceneSetup {
             self_contact: false,
             cables: CableLosses::NONE,
             gel: None,
-            engine: EngineSettings::sticking(),
+            engine: EngineSettings::default(),
         }
     }
 }

@@ -171,7 +171,8 @@ mod tests {
         fn as_single_rays(turn in prop::array::uniform3(-3.0..3.0_f64), place in prop::array::uniform3(-0.02..0.02_f64)) {
             const START: f64 = -0.006;
             let pose = Isometry3::new(Vector3::from(place), Vector3::from(turn));
-            let meshes = ObjectSet::standard().iter().filter_map(|object| match &object.shape {
+            let set = ObjectSet::standard();
+            let meshes = set.iter().filter_map(|object| match &object.shape {
                 Shape::Mesh(mesh) => Some((&object.name, mesh)),
                 _ => None,
             });
@@ -199,16 +200,16 @@ mod tests {
     fn what_no_ray_meets() {
         let set = ObjectSet::standard();
         let mesh = set.iter().find_map(|object| match &object.shape {
-            Shape::Mesh(mesh) => Some(mesh.clone()),
+            Shape::Mesh(mesh) => Some(mesh),
             _ => None,
         });
         let mesh = mesh.expect("one has a mesh");
         let far = Isometry3::translation(1.0, 0.0, 0.0);
         let below = Isometry3::translation(0.0, 0.0, -1.0);
         let window = ([-0.01; 2], [0.01; 2]);
-        assert_eq!(Relief::new(&mesh, &far, 0.0, window).height(0.0, 0.0), None);
-        assert_eq!(Relief::new(&mesh, &below, 0.0, window).height(0.0, 0.0), None);
-        let here = Relief::new(&mesh, &Isometry3::identity(), -1.0, window);
+        assert_eq!(Relief::new(mesh, &far, 0.0, window).height(0.0, 0.0), None);
+        assert_eq!(Relief::new(mesh, &below, 0.0, window).height(0.0, 0.0), None);
+        let here = Relief::new(mesh, &Isometry3::identity(), -1.0, window);
         assert!(here.height(0.0, 0.0).is_some());
         assert_eq!(here.height(0.3, 0.0), None);
     }

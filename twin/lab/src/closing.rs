@@ -43,7 +43,7 @@ pub struct BallGrip {
 impl BallGrip {
     /// Closes `hand` with these tensions (N, one an actuator) on a ball of `radius` (m) held at `at` (root link's frame, m).
     pub fn close(hand: Arc<AnyHand>, tensions: &[f64], at: &Point3<f64>, radius: f64) -> Self {
-        let open = AnyStand::new(&AnyBody::new(hand.clone()), EngineSettings::sticking());
+        let open = AnyStand::new(&AnyBody::new(hand.clone()), EngineSettings::default());
         let mut closed = open.clone();
         let ball = Prop::new("ball", Shape::Sphere { radius }, MASS, FRICTION);
         closed.put(&ball, &Isometry3::translation(at.x, at.y, at.z));

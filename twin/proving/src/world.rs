@@ -116,7 +116,7 @@ impl World {
             self_contact: self.scenario.effects.pads.is_some_and(|pads| pads.self_contact),
             cables: self.cable_losses(),
             gel: self.scenario.effects.gel,
-            engine: sim::engine::EngineSettings::sticking(),
+            engine: sim::engine::EngineSettings::default(),
         }
     }
 

@@ -71,7 +71,7 @@ pub fn gripping() -> Vec<([f64; 5], f64)> {
 /// Closes on the held dumbbell, lets go of it, grips hard, and takes its weight along `down` (palm frame).
 /// Returns the stand and the slip (m) of ten seconds after settling.
 fn hold(hand: &Arc<Hand>, down: &Vector3<f64>) -> (HandStand, f64) {
-    let mut stand = HandStand::new(hand.clone(), EngineSettings::sticking());
+    let mut stand = HandStand::new(hand.clone(), EngineSettings::default());
     let bell = stand.put(prop(), &place(hand));
     let goals = tension_goals(hand, &tensions(), 0.0);
     stand.run(&goals, CLOSE);

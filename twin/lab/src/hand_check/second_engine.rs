@@ -134,7 +134,7 @@ fn file(name: &str) -> String {
 /// Where the digits come to rest on a prop that does not move, with [`FINE`] outer iterations and ever shorter steps.
 fn refined(hand: &Arc<Hand>, test: &StandTest) -> Vec<Value> {
     let closing = StandTest { let_go: false, gripping: Vec::new(), ..test.clone() };
-    let standard = EngineSettings::sticking();
+    let standard = EngineSettings::default();
     SHORTER
         .iter()
         .map(|&shorter| {
@@ -198,7 +198,7 @@ fn ours(hand: &Arc<Hand>, test: &StandTest, settings: EngineSettings) -> Value {
 /// What the second engine needs to run a test, and what ours found: with the settings of hands without an arm, with [`FINE`] ones, and, if asked for,
 /// with those and shorter steps.
 fn run(hand: &Arc<Hand>, test: &StandTest, refine: bool) -> Value {
-    let settings = EngineSettings::sticking();
+    let settings = EngineSettings::default();
     let told =
         |phase: &Phase| json!({ "seconds": phase.seconds, "tensions": phase.tensions, "opposition": phase.opposition });
     json!({

@@ -172,7 +172,7 @@ pub fn close(
 /// Closes an open hand: its tensions rise to `after` (N).
 pub fn pull(hand: &Described, subject: &Subject, open: AnyOpen, after: &[f64]) -> Result<AnyClosed, NotClosed> {
     let AnyOpen { start, joints, tensions: before } = &open;
-    let mut stand = AnyStand::at(&hand.body, EngineSettings::sticking(), joints);
+    let mut stand = AnyStand::at(&hand.body, EngineSettings::default(), joints);
     let model = &subject.model;
     stand.put(&Prop::new(&model.name, model.shape.clone(), model.mass, model.friction), start);
     stand.release();
