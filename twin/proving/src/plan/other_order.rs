@@ -9,10 +9,8 @@ use sim::tactile::TactileBoard;
 use super::{Outcomes, Plan, Plans, outcomes, plan_pair};
 use crate::world::World;
 
-/// A sequence is sure if its best second grasp is worth this much near where it was rehearsed,
+/// A sequence is sure if its best second grasp is worth this much near where it was rehearsed.
 const SURE: f64 = 0.95;
-/// and this much under all errors, wide and narrow.
-const SURE_UNDER_ALL: f64 = 0.85;
 
 /// Plans those of the `plans` the other way round in which nothing is sure; shows a progress bar unless `quiet`.
 pub fn rehearse(world: &World, repertoire: &Repertoire, plans: &mut Plans, quiet: bool) -> Result<()> {
@@ -23,7 +21,7 @@ pub fn rehearse(world: &World, repertoire: &Repertoire, plans: &mut Plans, quiet
 /// The same for one plan.
 pub fn rehearse_one(world: &World, repertoire: &Repertoire, board: &TactileBoard, plan: &mut Plan) -> Result<()> {
     plan.reversed = None;
-    if best(plan, Outcomes::worth_once_touched) >= SURE && best(plan, Outcomes::worth_under_all) >= SURE_UNDER_ALL {
+    if best(plan) >= SURE {
         return Ok(());
     }
     let world = world.in_other_order();
@@ -35,7 +33,7 @@ pub fn rehearse_one(world: &World, repertoire: &Repertoire, board: &TactileBoard
 }
 
 /// What the best second grasp of `plan` is worth, after whatever first grasp.
-fn best(plan: &Plan, worth: fn(&Outcomes) -> f64) -> f64 {
+fn best(plan: &Plan) -> f64 {
     let others = plan.others.iter().flat_map(|other| &other.outcomes);
-    plan.outcomes.iter().chain(others).map(worth).fold(0.0, f64::max)
+    plan.outcomes.iter().chain(others).map(Outcomes::worth_once_touched).fold(0.0, f64::max)
 }

@@ -67,11 +67,6 @@ impl Outcomes {
         if self.near.len() < NARROW { 0.0 } else { worth(self.near.chars()) / self.near.len() as f64 }
     }
 
-    /// What a try is worth under all errors: 0 where few were drawn.
-    pub(super) fn worth_under_all(&self) -> f64 {
-        if self.near.len() < NARROW { 0.0 } else { self.worth() / (self.outcomes.len() + self.near.len()) as f64 }
-    }
-
     /// The rehearsals, with the errors in axes that turn with `grasp`'s heading; first the one without errors, which held.
     pub fn rehearsed(&self, grasp: &Grasp) -> Result<Vec<Rehearsed>> {
         let with = |(error, letter): (TrialNoise, char)| {
