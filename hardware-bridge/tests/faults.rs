@@ -151,7 +151,6 @@ fn frozen_and_killed_hosts() {
     for signal in ["STOP", "KILL"] {
         let bench = bench(&[]);
         let file = bench.folder.path().join("bridge.toml");
-        std::fs::write(&file, bench.config.to_toml()).expect("written");
         let mut host = Process::new(std::env::current_exe().expect("this test"))
             .args(["--exact", "host_process", "--ignored"])
             .env("FTAC_BRIDGE_TOML", &file)
@@ -173,7 +172,7 @@ fn frozen_and_killed_hosts() {
 #[ignore = "run by frozen_and_killed_hosts in a process of its own"]
 fn host_process() {
     let Ok(file) = std::env::var("FTAC_BRIDGE_TOML") else { return };
-    let config = BridgeConfig::read(file.as_ref()).expect("a configuration");
+    let config = common::forgiving(BridgeConfig::read(file.as_ref()).expect("a configuration"));
     let arm = Box::new(hardware_bridge::arm_link::LoopbackArm::default());
     let mut robot = HardwareRobot::connect(&config, arm, &hand_model::Arm::gen3(), None).expect("connects");
     patiently("the checks pass", || robot.check().is_ok());

@@ -35,13 +35,15 @@ pub(crate) fn transpose(from: &[f32], to: &mut [f32], width: usize, height: usiz
     }
 }
 
-/// Runs `work` compiled for AVX2 where the machine has it. What `work` calls must be inlined into it to gain.
+/// Runs `work` compiled for AVX-512 or AVX2 where the machine has it. What `work` calls must be inlined into it to gain.
 #[cfg(target_arch = "x86_64")]
 #[inline]
 pub(crate) fn widest<R>(work: impl FnOnce() -> R) -> R {
-    match pulp::x86::V3::try_new() {
-        Some(simd) => simd.vectorize(work),
-        None => work(),
+    use pulp::x86::{V3, V4};
+    match (V4::try_new(), V3::try_new()) {
+        (Some(simd), _) => simd.vectorize(work),
+        (None, Some(simd)) => simd.vectorize(work),
+        (None, None) => work(),
     }
 }
 

@@ -18,6 +18,8 @@ pub const VERSION: u32 = 1;
 
 /// Thickest coating, pixels: every pixel is compared with all within it.
 const MOST_COATING: f64 = 200.0;
+/// Largest pixel, mm on the gel.
+const MOST_PIXEL: f64 = 10.0;
 
 /// The calibration of one real sensor: image geometry, lens and image-formation model.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -113,6 +115,10 @@ impl SensorCalibration {
     pub fn parse(text: &str) -> Result<Self, OpticsError> {
         let file: Self = versioned::parse(text, VERSION)?;
         positive("pixel_mm", file.pixel_mm)?;
+        if file.pixel_mm > MOST_PIXEL {
+            let what = format!("pixel_mm: found {}; expected at most {MOST_PIXEL}", file.pixel_mm);
+            return Err(OpticsError::calibration(what));
+        }
         if let Some([low, high]) = file.pixel_interval_mm
             && !(low > 0.0 && low <= file.pixel_mm && file.pixel_mm <= high && high.is_finite())
         {
