@@ -44,11 +44,11 @@ fn environment(folder: &Path) -> Result<PathBuf, String> {
     Ok(python)
 }
 
-/// The wheel, built in the target folder that this test was built in: all but the package itself is there.
+/// The wheel, built in the target folder that this test was built in. What other platforms need may have to be downloaded: `maturin` asks for all.
 fn wheel(python: &Path, out: &Path) -> PathBuf {
     let mut build = Command::new(python);
     build
-        .args(["-m", "maturin", "build", "--release", "--locked", "--offline", "--manifest-path"])
+        .args(["-m", "maturin", "build", "--release", "--locked", "--manifest-path"])
         .arg(root().join("twin/python/Cargo.toml"))
         .arg("--target-dir")
         .arg(target_dir())

@@ -45,7 +45,7 @@ fn four_balls_one_pushed() {
     let plan = "plan: golf_ball with little (holds";
     for next in [
         plan,
-        "softball with thumb+index+middle+ring",
+        "softball with thumb+index+middle",
         "on golf_ball",
         "nothing felt of golf_ball",
         "yoga_ball with thumb+index+middle",

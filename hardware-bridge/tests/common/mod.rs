@@ -100,8 +100,19 @@ pub fn plant_time(hand: &EmulatedHand, seconds: f64) {
     patiently("the plant's time has passed", || hand.ticks().0 >= until);
 }
 
+/// Connects, again where a machine that is held up loses an answer.
+fn connected(bench: &Bench) -> HardwareRobot {
+    let deadline = Instant::now() + PATIENCE;
+    loop {
+        match connect(bench, None) {
+            Err(ConnectError::Bus(_)) if Instant::now() < deadline => {}
+            other => return other.expect("connects"),
+        }
+    }
+}
+
 pub fn armed(bench: &Bench) -> HardwareRobot {
-    let robot = connect(bench, None).expect("connects");
+    let robot = connected(bench);
     patiently("the checks pass", || robot.check().is_ok());
     robot.arm().expect("arms");
     robot

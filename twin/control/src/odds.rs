@@ -24,6 +24,12 @@ const NARROWEST: f64 = 0.004;
 const UNKNOWN: f64 = 0.2;
 /// What a rehearsal of another grasp of the same object counts.
 const OTHERS: f64 = 0.2;
+/// Aims along each axis of the square of [`Belief::odds_around`], an odd number.
+pub const AIMS: usize = 5;
+/// Their distance, m.
+const AIM_STEP: f64 = 0.004;
+/// Largest logarithm of a factor between neighbours in that square: beyond it no kernel reaches.
+const MOST_APART: f64 = 300.0;
 
 /// How a try at the second object went.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -103,6 +109,50 @@ impl Belief {
         odds
     }
 
+    /// [`Self::odds`] of a square of aims: the middle one is that of `aimed`, [`aim_beside`] tells where the others are.
+    ///
+    /// A kernel is a product over the world's axes, and along an axis its values at evenly spaced aims are those of a power series:
+    /// `exp(-(d - n s)^2 / 2 w^2) = exp(-d^2 / 2 w^2) exp(d s / w^2)^n exp(-s^2 / 2 w^2)^(n^2)`.
+    pub fn odds_around(&self, aimed: &Aimed, looks: u32) -> [[Odds; AIMS]; AIMS] {
+        let width = self.fresh(looks).max(NARROWEST);
+        let inverse = 1.0 / (width * width);
+        let turn = Rotation2::new(aimed.heading);
+        let counted = |rehearsed: &Rehearsed, share| {
+            let level = turn * rehearsed.error.xy();
+            (Vector3::new(level.x, level.y, rehearsed.error.z) - aimed.aim, share, rehearsed.outcome)
+        };
+        let own = aimed.rehearsed.iter().map(|rehearsed| counted(rehearsed, 1.0 - OTHERS));
+        let all = aimed.all.iter().map(|rehearsed| counted(rehearsed, OTHERS));
+        let rehearsals: Vec<_> = own.chain(all).collect();
+        let mut odds = [[Odds { held: 0.0, contact: 0.0 }; AIMS]; AIMS];
+        for (value, weight) in self.values.iter().zip(&self.weights) {
+            // Sums over rehearsals that held, touched and missed.
+            let mut sums = [[[0.0; AIMS]; AIMS]; 3];
+            for (error, share, outcome) in &rehearsals {
+                let off = error - value;
+                let middle = share * (-0.5 * off.norm_squared() * inverse).exp();
+                let (x, y) = (beside(off.x, inverse), beside(off.y, inverse));
+                let sum = &mut sums[match outcome {
+                    TryOutcome::Held => 0,
+                    TryOutcome::Contact => 1,
+                    TryOutcome::Missed => 2,
+                }];
+                for (line, x) in sum.iter_mut().zip(x) {
+                    line.iter_mut().zip(y).for_each(|(sum, y)| *sum += middle * x * y);
+                }
+            }
+            for (x, line) in odds.iter_mut().enumerate() {
+                for (y, odds) in line.iter_mut().enumerate() {
+                    let [held, contact, missed] = sums.map(|sum| sum[x][y]);
+                    let share = weight / (UNKNOWN + held + contact + missed);
+                    odds.held += share * held;
+                    odds.contact += share * (0.5 * UNKNOWN + contact);
+                }
+            }
+        }
+        odds
+    }
+
     /// Takes in that a try did not hold the object.
     pub fn failed(&mut self, aimed: &Aimed, looks: u32) {
         let likely: Vec<f64> = self.values.iter().map(|value| 1.0 - self.at(aimed, value, looks).held).collect();
@@ -161,6 +211,27 @@ impl Belief {
         }
         Odds { held: held / sum, contact: contact / sum }
     }
+}
+
+/// Where an aim of [`Belief::odds_around`] is beside the middle one along an axis, m.
+pub fn aim_beside(n: usize) -> f64 {
+    (n as f64 - (AIMS / 2) as f64) * AIM_STEP
+}
+
+/// The kernel along an axis at the aims [`aim_beside`] the middle one, from which a rehearsal is `off` (m), over its value there; one over
+/// the squared width, 1/m2.
+fn beside(off: f64, inverse: f64) -> [f64; AIMS] {
+    let step = (off * AIM_STEP * inverse).clamp(-MOST_APART, MOST_APART).exp();
+    let fall = (-0.5 * AIM_STEP * AIM_STEP * inverse).exp();
+    let (mut values, back) = ([1.0; AIMS], step.recip());
+    // From n to n + 1 the last factor falls by its power 2 n + 1.
+    let (mut up, mut down) = (step * fall, back * fall);
+    for n in 1..=AIMS / 2 {
+        values[AIMS / 2 + n] = values[AIMS / 2 + n - 1] * up;
+        values[AIMS / 2 - n] = values[AIMS / 2 + 1 - n] * down;
+        (up, down) = (up * fall * fall, down * fall * fall);
+    }
+    values
 }
 
 /// Point number `n` (from 1) of three standard normals that fill space evenly: Halton's sequence by Box and Muller's transform.
@@ -230,6 +301,25 @@ mod tests {
             assert!((odds.held - (below(0.0075 - x) - below(-0.0045 - x))).abs() < 0.08, "{x}: {odds:?}");
         }
         assert!(belief.odds(&aimed(0.006), 1).contact < belief.odds(&aimed(0.0), 1).contact);
+    }
+
+    /// The square of aims has the odds of each of them, near rehearsals and far from all.
+    #[test]
+    fn odds_around_are_those_of_each_aim() {
+        let mut belief = Belief::new(&UNCERTAINTY);
+        belief.failed(&aimed(0.002), 1);
+        for (at, heading, looks) in [(0.0, 0.0, 1), (0.004, 0.7, 2), (-0.03, -2.0, 3), (0.5, 0.3, 1), (30.0, 0.0, 1)] {
+            let middle = Aimed { heading, aim: Vector3::new(at, -0.001, 0.002), ..aimed(0.0) };
+            let around = belief.odds_around(&middle, looks);
+            for (x, line) in around.iter().enumerate() {
+                for (y, found) in line.iter().enumerate() {
+                    let beside = Vector3::new(aim_beside(x), aim_beside(y), 0.0);
+                    let exact = belief.odds(&Aimed { aim: middle.aim + beside, ..middle.clone() }, looks);
+                    let off = (found.held - exact.held).abs().max((found.contact - exact.contact).abs());
+                    assert!(off < 1e-12, "({x}, {y}) at {at}: {found:?} {exact:?}");
+                }
+            }
+        }
     }
 
     /// What is rehearsed nowhere near holds nothing.

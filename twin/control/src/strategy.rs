@@ -23,7 +23,7 @@ use crate::collision::{CollisionError, Solid};
 use crate::executive::Executive;
 use crate::foresight::{Foreseen, TwinError};
 use crate::motion::MotionError;
-use crate::odds::{Aimed, Belief, Odds, Rehearsed};
+use crate::odds::{Aimed, Belief, Odds, Rehearsed, aim_beside};
 use crate::worth::{Candidate, MISSED, SWITCH_GAIN, UNREHEARSED_CONTACT};
 
 pub use self::foreseen::Foresight;
@@ -31,9 +31,6 @@ pub use self::passage::Course;
 use self::passage::{Passage, Scene};
 pub use self::solids::{Held, object_solids, placed};
 pub use self::ways::{CLEAR, clear_stops, clearest};
-
-/// Offsets that are tried of the aim from what is seen, m, along each of the world's x and y.
-const AIMS: [f64; 5] = [-0.008, -0.004, 0.0, 0.004, 0.008];
 
 /// One candidate's assessment.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -158,11 +155,13 @@ impl<'a> Aiming<'a> {
             return Self::at(situation, candidate, situation.probe);
         }
         let mut best = Self::at(situation, candidate, Vector3::zeros());
-        let aims = AIMS.iter().flat_map(|x| AIMS.iter().map(move |y| (*x, *y)));
-        for (x, y) in aims.filter(|aim| *aim != (0.0, 0.0)) {
-            let other = Self::at(situation, candidate, Vector3::new(x, y, 0.0));
-            if utility(&other.odds) > utility(&best.odds) {
-                best = other;
+        let around = situation.belief.odds_around(&best.aimed, situation.looks);
+        for (x, line) in around.iter().enumerate() {
+            for (y, odds) in line.iter().enumerate() {
+                let odds = Odds { held: odds.held * candidate.trust, ..*odds };
+                if utility(&odds) > utility(&best.odds) {
+                    (best.odds, best.aimed.aim) = (odds, Vector3::new(aim_beside(x), aim_beside(y), 0.0));
+                }
             }
         }
         best
