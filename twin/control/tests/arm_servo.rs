@@ -168,7 +168,7 @@ fn time_per_step() {
         let micros = begin.elapsed().as_secs_f64() * 1e6;
         if step.solved == QpPath::Interior { interior.push(micros) } else { bounded.push(micros) }
     }
-    for (name, mut times) in [("closed form", interior), ("clarabel", bounded)] {
+    for (name, mut times) in [("closed form", interior), ("at bounds", bounded)] {
         times.sort_by(f64::total_cmp);
         let at = |share: f64| times[(times.len() as f64 * share) as usize];
         println!("{name}: {} steps, p50 {:.1} us, p99 {:.1} us", times.len(), at(0.5), at(0.99));
