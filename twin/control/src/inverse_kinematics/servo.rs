@@ -120,7 +120,7 @@ impl ArmServo {
     }
 
     /// Follows `path` with a copy of this servo, in ticks of `dt` (s), and `settle` (s) beyond its end: what a motion will come
-    /// to before it is made. It takes some 40 us a tick where joint limits are active.
+    /// to before it is made. It takes some 4 us a tick.
     pub fn rehearse(&self, path: &PosePath, settle: f64, dt: f64) -> Result<Rehearsal, IkError> {
         let mut servo = self.clone();
         let mut out = Rehearsal { q: servo.q_ref, ..Rehearsal::default() };

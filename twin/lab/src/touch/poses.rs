@@ -126,6 +126,8 @@ pub fn feel(
         .enumerate()
         .map(|(n, grasp)| {
             let known: &KnownObject = &bench.known[&grasp.object];
+            // As a trial does before it begins.
+            known.prepare();
             let object = &known.model;
             let seed = bench.seed ^ (n as u64) << 20;
             let frames = eyes.look(grasp, &object.shape, seed);
