@@ -137,7 +137,7 @@ fn while_gripping() {
 #[test]
 fn no_arming_with_an_alarm() {
     let bench = bench(&[]);
-    let robot = common::connect(&bench, None).expect("connects");
+    let robot = common::connected(&bench);
     bench.hand.inject(Event::Overheat(5));
     let hot = || robot.check().is_err_and(|error| error.0 == CheckFailed::Alarm(Cause::ServoAlert(4)).to_string());
     patiently("the alert is seen", hot);

@@ -177,7 +177,7 @@ fn images(robot: &mut HardwareRobot, captures: usize) -> Vec<TactileFrame> {
 #[test]
 fn tactile_images() {
     let bench = bench(&["jpeg=0.1"]);
-    let mut robot = connect(&bench, None).expect("connects");
+    let mut robot = common::connected(&bench);
     let uncertainty = |robot: &HardwareRobot| robot.tactile().and_then(TactileLink::clock_uncertainty);
     patiently("the board says its time", || uncertainty(&robot).is_some());
     let (first, before) = (uncertainty(&robot).expect("asked"), robot.observe().time);
@@ -203,7 +203,7 @@ fn tactile_images() {
 #[test]
 fn a_frozen_camera_is_noticed() {
     let bench = bench(&[]);
-    let mut robot = connect(&bench, None).expect("connects");
+    let mut robot = common::connected(&bench);
     bench.hand.inject(Event::Freeze(7));
     images(&mut robot, 6);
     let frozen: Vec<bool> = robot.tactile().expect("cameras").cameras().iter().map(|camera| camera.frozen()).collect();

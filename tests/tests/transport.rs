@@ -34,7 +34,7 @@ fn more_than_one_at_once() {
     assert_eq!(kept, result);
 }
 
-/// Planned: the golf ball with the little finger and the softball with the rest. The push takes the golf ball out of the little
+/// Planned: the golf ball with the little finger and the softball with thumb, index and middle finger. The push takes the golf ball out of the little
 /// finger; touch feels nothing there, and other balls are taken, among them the yoga ball by thumb, index and middle finger.
 #[test]
 fn four_balls_one_pushed() {
@@ -45,7 +45,7 @@ fn four_balls_one_pushed() {
     let plan = "plan: golf_ball with little (holds";
     for next in [
         plan,
-        "softball with thumb+index+middle",
+        "softball with thumb+index+middle (holds",
         "on golf_ball",
         "nothing felt of golf_ball",
         "yoga_ball with thumb+index+middle",

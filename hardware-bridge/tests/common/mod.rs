@@ -60,8 +60,9 @@ pub fn bench(faults: &[&str]) -> Bench {
         hand.servo_port(),
         hand.camera_port()
     );
-    let config = forgiving(BridgeConfig::parse(&text, &folder.path().join("bridge.toml")).expect("a configuration"));
-    std::fs::write(folder.path().join("bridge.toml"), text).expect("written");
+    let file = folder.path().join("bridge.toml");
+    std::fs::write(&file, text).expect("written");
+    let config = forgiving(BridgeConfig::read(&file).expect("a configuration"));
     let mut bus = ServoBus::open(hand.servo_port(), config.bus()).expect("opens");
     let servos = std::array::from_fn(|n| {
         let id = n as u8 + 1;
@@ -101,14 +102,15 @@ pub fn plant_time(hand: &EmulatedHand, seconds: f64) {
 }
 
 /// Connects, again where a machine that is held up loses an answer.
-fn connected(bench: &Bench) -> HardwareRobot {
-    let deadline = Instant::now() + PATIENCE;
-    loop {
-        match connect(bench, None) {
-            Err(ConnectError::Bus(_)) if Instant::now() < deadline => {}
-            other => return other.expect("connects"),
+pub fn connected(bench: &Bench) -> HardwareRobot {
+    let mut robot = connect(bench, None);
+    patiently("all servos answer", || {
+        if let Err(ConnectError::Bus(_)) = robot {
+            robot = connect(bench, None);
         }
-    }
+        !matches!(robot, Err(ConnectError::Bus(_)))
+    });
+    robot.expect("connects")
 }
 
 pub fn armed(bench: &Bench) -> HardwareRobot {

@@ -116,6 +116,7 @@ impl Belief {
     pub fn odds_around(&self, aimed: &Aimed, looks: u32) -> [[Odds; AIMS]; AIMS] {
         let width = self.fresh(looks).max(NARROWEST);
         let inverse = 1.0 / (width * width);
+        let fall = (-0.5 * AIM_STEP * AIM_STEP * inverse).exp();
         let turn = Rotation2::new(aimed.heading);
         let counted = |rehearsed: &Rehearsed, share| {
             let level = turn * rehearsed.error.xy();
@@ -131,7 +132,7 @@ impl Belief {
             for (error, share, outcome) in &rehearsals {
                 let off = error - value;
                 let middle = share * (-0.5 * off.norm_squared() * inverse).exp();
-                let (x, y) = (beside(off.x, inverse), beside(off.y, inverse));
+                let [x, y] = [off.x, off.y].map(|off| beside(off * AIM_STEP * inverse, fall));
                 let sum = &mut sums[match outcome {
                     TryOutcome::Held => 0,
                     TryOutcome::Contact => 1,
@@ -218,11 +219,10 @@ pub fn aim_beside(n: usize) -> f64 {
     (n as f64 - (AIMS / 2) as f64) * AIM_STEP
 }
 
-/// The kernel along an axis at the aims [`aim_beside`] the middle one, from which a rehearsal is `off` (m), over its value there; one over
-/// the squared width, 1/m2.
-fn beside(off: f64, inverse: f64) -> [f64; AIMS] {
-    let step = (off * AIM_STEP * inverse).clamp(-MOST_APART, MOST_APART).exp();
-    let fall = (-0.5 * AIM_STEP * AIM_STEP * inverse).exp();
+/// The kernel along an axis at the aims [`aim_beside`] the middle one, over its value there: `slope` is d s / w^2 and `fall`
+/// exp(-s^2 / 2 w^2), as [`Belief::odds_around`] names them.
+fn beside(slope: f64, fall: f64) -> [f64; AIMS] {
+    let step = slope.clamp(-MOST_APART, MOST_APART).exp();
     let (mut values, back) = ([1.0; AIMS], step.recip());
     // From n to n + 1 the last factor falls by its power 2 n + 1.
     let (mut up, mut down) = (step * fall, back * fall);
