@@ -224,7 +224,8 @@ pub(crate) fn gaussian(rng: &mut ChaCha8Rng) -> f64 {
     }
 }
 
-pub(crate) fn vector(rng: &mut ChaCha8Rng, sigma: f64) -> Vector3<f64> {
+/// A vector of independent draws from it, times `sigma`.
+pub fn vector(rng: &mut ChaCha8Rng, sigma: f64) -> Vector3<f64> {
     let [x, y, z] = [(); 3].map(|()| gaussian(rng) * sigma);
     Vector3::new(x, y, z)
 }

@@ -31,6 +31,8 @@ const SAME_FORCE: (f64, f64) = (2.0, 0.1);
 const EVERY: u32 = 4;
 /// Least cosine between the normals of a contact and of the pad that it is on.
 const FACING: f64 = 0.8;
+/// Least share of a step's relaxation against a fastened object: that with which a contact begins.
+const LEAST_SHARE: f64 = 0.02;
 /// Depth that is none, m.
 const NOTHING: f64 = 1e-7;
 
@@ -89,6 +91,24 @@ struct Contact {
     curve: Option<Shared>,
     /// Steps since `curve` was made.
     age: u32,
+    /// Against an object that is fastened: share of the way to its depth that the sink went last, and how long that way was, m.
+    last: (f64, f64),
+}
+
+impl Contact {
+    /// The share of the way `off` (m) to its depth that the sink goes now, at most `share`. A fastened object does not give way: force and sink
+    /// answer each other so sharply that the whole share makes the contact chatter. So it is halved where the way has turned round since the
+    /// last step, and grows while it has not (the rule of resilient propagation, Riedmiller and Braun 1993).
+    fn damped(&mut self, off: f64, share: f64) -> f64 {
+        let (before, way) = self.last;
+        let next = match off * way {
+            turned if turned < -NOTHING * NOTHING => 0.5 * before,
+            same if same > NOTHING * NOTHING => 1.1 * before,
+            _ => before,
+        };
+        self.last = (next.clamp(LEAST_SHARE * share, share), off);
+        self.last.0
+    }
 }
 
 /// A curve and what it was made for.
@@ -180,7 +200,8 @@ impl SoftCovers {
                 if load.force <= 0.0 && known.is_none() {
                     continue;
                 }
-                let fresh = Contact { cover, object, sink: 0.0, load, curve: None, age: EVERY };
+                let last = (LEAST_SHARE * share, 0.0);
+                let fresh = Contact { cover, object, sink: 0.0, load, curve: None, age: EVERY, last };
                 let mut contact = known.map_or(fresh, |at| self.contacts[at].clone());
                 contact.load = load;
                 self.renew_curve(&mut contact, colliders);
@@ -188,7 +209,11 @@ impl SoftCovers {
                     Some(shared) if load.force > 0.0 => shared.curve.depth(load.force),
                     _ => 0.0,
                 };
-                contact.sink += share * (depth - contact.sink);
+                let off = depth - contact.sink;
+                let parent = colliders[presser.collider].parent();
+                let fastened = parent.is_some_and(|body| bodies[body].is_fixed());
+                let share = if fastened { contact.damped(off, share) } else { share };
+                contact.sink += share * off;
                 if contact.sink > NOTHING || load.force > 0.0 {
                     contacts.push(contact);
                 }

@@ -3,19 +3,34 @@
 use hand_model::robot::{Command, Robot as _, ServoGoal};
 use hand_model::transmission::friction::CableLosses;
 use hand_model::{ACTUATORS, ARM_JOINTS, Arm, Digit, Hand};
-use nalgebra::Isometry3;
+use nalgebra::{Isometry3, Point3, UnitQuaternion};
+use rand::{RngExt as _, SeedableRng as _};
+use rand_chacha::ChaCha8Rng;
+use scenarios::effects::Gel;
+use scenarios::geometry::{GeometryError, Shape};
 use scenarios::individuals::file::IdentifiedRobot;
 use scenarios::individuals::robot::RobotIndividual;
+use scenarios::individuals::spread::Quantity;
+use scenarios::noise::vector;
+use scenarios::objects::{ObjectModel, Symmetry};
 use scenarios::statistics::percentile;
 use serde::Serialize;
 use sim::tactile::TactileBoard;
-use sim::{SceneSetup, SimulatedRobot};
+use sim::{ObjectPlacement, SceneSetup, SimulatedRobot};
 use std::sync::Arc;
 
+use crate::ball::Ball;
 use crate::fit::rms;
 use crate::free_digit::{fingertip, play};
 use crate::free_motion::FreeMotion;
 
+/// Density of the ball, kg/m3, and its friction on a pad.
+const STEEL: f64 = 7850.0;
+const BALL_FRICTION: f64 = 0.8;
+/// Stream of the generator from which the ball's place is drawn.
+const BALL_STREAM: u64 = (1 << 20) + 1;
+/// Postures of the arm in which fingertips are looked at.
+const REACHES: usize = 40;
 /// Half of a 95 % interval, in standard deviations.
 const HALF_INTERVAL: f64 = 1.959_964;
 
@@ -88,6 +103,89 @@ pub fn body(
     let (hand, arm) = (Arc::new(individual.hand(hand)), Arc::new(individual.arm(arm)));
     let setup = SceneSetup { cables: losses, ..SceneSetup::ideal(Isometry3::identity(), start) };
     SimulatedRobot::new(hand, arm, &setup, TactileBoard::blank())
+}
+
+/// An individual's surroundings while it is excited: known to the emulator, and hidden from everything else.
+#[derive(Clone)]
+pub struct Surroundings {
+    /// Tactile cameras, its own.
+    pub board: TactileBoard,
+    /// How its covers give way.
+    pub gel: Option<Gel>,
+    /// Where the ball really is: `world_from_ball`, and its radius, m.
+    pub ball: Option<(Isometry3<f64>, f64)>,
+}
+
+/// Where the ball of individual `number` really is, m, in the frame of the arm's base: drawn about where somebody measured it.
+pub fn true_place(ball: &Ball, number: u64) -> Point3<f64> {
+    let mut rng = ChaCha8Rng::seed_from_u64(number);
+    rng.set_stream(BALL_STREAM);
+    ball.middle() + vector(&mut rng, ball.uncertain)
+}
+
+/// The same robot among its surroundings, as long as it is excited.
+pub fn excited_body(
+    individual: &RobotIndividual,
+    (hand, arm): (&Hand, &Arm),
+    losses: CableLosses,
+    start: [f64; ARM_JOINTS],
+    surroundings: &Surroundings,
+) -> Result<SimulatedRobot, GeometryError> {
+    let (hand, arm) = (Arc::new(individual.hand(hand)), Arc::new(individual.arm(arm)));
+    let mut objects = Vec::new();
+    if let Some((pose, radius)) = surroundings.ball {
+        let model = Arc::new(ObjectModel {
+            name: "ball".to_owned(),
+            shape: Shape::Sphere { radius },
+            mass: STEEL * 4.0 / 3.0 * std::f64::consts::PI * radius.powi(3),
+            friction: BALL_FRICTION * individual.pad_friction(),
+            color: [200; 3],
+            rest: UnitQuaternion::identity(),
+            symmetry: Symmetry::Full,
+        });
+        objects.push(ObjectPlacement { model, pose });
+    }
+    let fixed = !objects.is_empty();
+    let base = SceneSetup::ideal(Isometry3::identity(), start);
+    let setup = SceneSetup { cables: losses, gel: surroundings.gel, objects, ..base };
+    let mut robot = SimulatedRobot::new(hand, arm, &setup, surroundings.board.clone());
+    if fixed {
+        robot.fasten(0);
+    }
+    Ok(robot)
+}
+
+/// How far a fingertip is from where a believed robot has it, m, in the frame of the arm's base: all fingertips of the hand with its joints at
+/// `bend` (rad) in `REACHES` postures of the arm about `start`. Joint 1's encoder is taken as known: it turns the whole robot about its base,
+/// which is where the base stands and no property of the robot's own.
+pub fn reach(
+    truth: &RobotIndividual,
+    believed: &RobotIndividual,
+    (hand, arm): (&Hand, &Arm),
+    start: &[f64; ARM_JOINTS],
+    bend: f64,
+) -> Vec<f64> {
+    let mut registered = believed.clone();
+    if let Some(place) = truth.place(Quantity::ArmEncoder, 0) {
+        registered.set(place, truth.deviations()[place]);
+    }
+    let bodies = [truth, &registered].map(|own| (own.hand(hand), own.arm(arm)));
+    let joints = [bend; hand_model::HAND_JOINTS];
+    let mut rng = ChaCha8Rng::seed_from_u64(1);
+    let mut errors = Vec::new();
+    for _ in 0..REACHES {
+        let shown: [f64; ARM_JOINTS] = std::array::from_fn(|joint| start[joint] + rng.random_range(-0.5..0.5));
+        let tips = bodies.each_ref().map(|(hand, arm)| {
+            let palm = arm.tool_pose(&shown) * hand.palm_from_flange.inverse();
+            let links = hand.tree.forward(&joints);
+            Digit::ALL.map(|digit| {
+                let [.., last] = digit.joints();
+                palm * links[last] * fingertip(hand, last)
+            })
+        });
+        errors.extend(tips[0].iter().zip(&tips[1]).map(|(real, believed)| (real - believed).norm()));
+    }
+    errors
 }
 
 /// Motions on which nothing was identified: stairs of currents (A), 0.4 s each, one actuator after another.

@@ -1,13 +1,24 @@
 //! Moves a robot by a [`Script`]: any body, simulated, emulated or real; limits are the body's own.
 
 use hand_model::robot::{Command, Robot, ServoGoal};
-use hand_model::{ACTUATORS, ARM_JOINTS, Hand};
+use hand_model::{ACTUATORS, ARM_JOINTS, Arm, Hand};
 use serde::{Deserialize, Serialize};
+use touch::PhotometricCalibration;
 
-use crate::script::{Script, Step, actuator};
+use crate::ball::Approach;
+use crate::pressing::Aim;
+use crate::script::{Motion, Posture, Script, Step, actuator};
+use crate::touches::{PAUSE, PressImages};
 
 /// How close to a posture the arm's set-points are there, rad.
 const THERE: f64 = 1e-4;
+
+/// Images that have not come after this time are not waited for, s.
+const LATEST: f64 = 0.3;
+
+/// Images of a look, and ticks from one to the next: an odd number, so that what goes to and fro from tick to tick averages out.
+const IMAGES: usize = 2;
+const BETWEEN: usize = 5;
 
 /// What a session of an excitation says it is.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -40,28 +51,56 @@ pub enum Progress {
     Begins(usize),
     /// A step is done.
     Done(usize),
+    /// The arm does not get there with everything clear: the step is left out.
+    OutOfReach(usize),
 }
 
-/// Plays the script's steps from `first` on, from wherever the robot stands; `ready` is the posture that they turn from. `heard` is told of
+/// What an excitation goes by.
+#[derive(Debug, Clone, Copy)]
+pub struct Means<'a> {
+    pub hand: &'a Hand,
+    pub arm: &'a Arm,
+    /// With which the pads are read while they are pressed: that of the drawing's, as long as there is no other.
+    pub pads: &'a PhotometricCalibration,
+    pub script: &'a Script,
+    /// Posture that the script's turn from, rad.
+    pub ready: [f64; ARM_JOINTS],
+}
+
+/// Plays the script's steps from `first` on, from wherever the robot stands. `heard` is told of
 /// each step; `goes_on` is asked at each tick. Returns whether all was played. The hand is open at the end.
 pub fn play<R: Robot, E>(
     robot: &mut R,
-    hand: &Hand,
-    script: &Script,
-    (ready, first): (&[f64; ARM_JOINTS], usize),
+    means: &Means,
+    first: usize,
     mut heard: impl FnMut(Progress) -> Result<(), E>,
     mut goes_on: impl FnMut(&mut R) -> bool,
 ) -> Result<bool, E> {
     let observation = robot.observe();
-    let mut player = Player { robot, time: observation.time, arm: observation.arm.position, script };
-    for (n, step) in script.steps().iter().enumerate().skip(first) {
+    let (time, arm, images) = (observation.time, observation.arm.position, PressImages::default());
+    let mut player = Player { robot, time, arm, script: means.script, images };
+    let mut aim = means.script.ball.as_ref().map(|ball| Aim::new(means, ball));
+    for (n, step) in means.script.steps(means.hand).iter().enumerate().skip(first) {
         heard(Progress::Begins(n))?;
-        if !player.step(hand, step, ready, &mut goes_on) {
+        let went_on = match (step, &mut aim) {
+            (Step::Press(_, press), Some(aim)) => match aim.at(press, &player.arm) {
+                Some(approach) => player.press(press.camera, &approach, aim, &mut goes_on),
+                None => {
+                    heard(Progress::OutOfReach(n))?;
+                    continue;
+                }
+            },
+            (Step::Motion(posture, motion), _) => {
+                player.motion((means.hand, &means.ready), posture, motion, &mut goes_on)
+            }
+            (Step::Press(..), None) => true,
+        };
+        if !went_on {
             return Ok(false);
         }
         heard(Progress::Done(n))?;
     }
-    Ok(player.open(script.open_time, &mut goes_on))
+    Ok(player.open(means.script.open_time, &mut goes_on))
 }
 
 struct Player<'a, R> {
@@ -71,6 +110,7 @@ struct Player<'a, R> {
     /// Set-points, rad.
     arm: [f64; ARM_JOINTS],
     script: &'a Script,
+    images: PressImages,
 }
 
 impl<R: Robot> Player<'_, R> {
@@ -80,12 +120,23 @@ impl<R: Robot> Player<'_, R> {
     }
 
     fn tick(&mut self, servos: [ServoGoal; ACTUATORS], goes_on: &mut impl FnMut(&mut R) -> bool) -> bool {
+        self.tick_and(servos, false, goes_on)
+    }
+
+    fn tick_and(
+        &mut self,
+        servos: [ServoGoal; ACTUATORS],
+        capture: bool,
+        goes_on: &mut impl FnMut(&mut R) -> bool,
+    ) -> bool {
         if !goes_on(self.robot) {
             return false;
         }
-        self.robot.send(&Command { arm: self.arm, servos, capture: false });
+        self.robot.send(&Command { arm: self.arm, servos, capture });
         self.robot.wait_for_tick();
-        self.time = self.robot.observe().time;
+        let observation = self.robot.observe();
+        self.time = observation.time;
+        self.images.see(&observation);
         true
     }
 
@@ -100,30 +151,72 @@ impl<R: Robot> Player<'_, R> {
         true
     }
 
-    fn step(
+    fn motion(
         &mut self,
-        hand: &Hand,
-        step: &Step,
-        ready: &[f64; ARM_JOINTS],
+        (hand, ready): (&Hand, &[f64; ARM_JOINTS]),
+        posture: &Posture,
+        motion: &Motion,
         goes_on: &mut impl FnMut(&mut R) -> bool,
     ) -> bool {
-        let target: [f64; ARM_JOINTS] = std::array::from_fn(|joint| ready[joint] + step.posture.turn[joint]);
+        let target: [f64; ARM_JOINTS] = std::array::from_fn(|joint| ready[joint] + posture.turn[joint]);
         if !self.go(&target, goes_on) || !self.open(self.script.open_time, goes_on) {
             return false;
         }
-        let moved: Vec<usize> = step.motion.actuators.iter().filter_map(|name| actuator(hand, name)).collect();
+        let moved: Vec<usize> = motion.actuators.iter().filter_map(|name| actuator(hand, name)).collect();
         let begun = self.time;
         // A quarter of a tick: times are sums of ticks.
         let early = 0.25 * self.robot.tick_length();
         loop {
             let elapsed = self.time - begun + early;
-            let Some(current) = self.script.current(step.motion, elapsed) else { return true };
+            let Some(current) = self.script.current(motion, elapsed) else { return true };
             let mut servos = self.opening();
             moved.iter().for_each(|n| servos[*n] = ServoGoal::Current(current));
             if !self.tick(servos, goes_on) {
                 return false;
             }
         }
+    }
+
+    /// Presses the pad of `camera` on the ball, deeper from look to look until it is deep enough, and leaves it again.
+    fn press(
+        &mut self,
+        camera: usize,
+        approach: &Approach,
+        aim: &mut Aim,
+        goes_on: &mut impl FnMut(&mut R) -> bool,
+    ) -> bool {
+        // The first look after a pause is at untouched pads.
+        if !self.go(&approach.hover, goes_on) || !self.open(PAUSE + LATEST, goes_on) || !self.look(goes_on) {
+            return false;
+        }
+        for posture in &approach.way {
+            if !self.go(posture, goes_on) || !self.open(aim.ball().settle, goes_on) || !self.look(goes_on) {
+                return false;
+            }
+            if aim.is_deep(camera, &self.images) {
+                break;
+            }
+        }
+        aim.learn(&self.images);
+        approach.way.first().is_none_or(|back| self.go(back, goes_on)) && self.go(&approach.hover, goes_on)
+    }
+
+    /// Asks for images a few times and waits for them, but not for ever.
+    fn look(&mut self, goes_on: &mut impl FnMut(&mut R) -> bool) -> bool {
+        for _ in 0..IMAGES {
+            let asked = self.time;
+            if !self.tick_and(self.opening(), true, goes_on) {
+                return false;
+            }
+            let mut ticks = 1;
+            while ticks < BETWEEN || (self.images.newest_time() <= asked && self.time < asked + LATEST) {
+                if !self.tick(self.opening(), goes_on) {
+                    return false;
+                }
+                ticks += 1;
+            }
+        }
+        true
     }
 
     /// Moves the arm's set-points in a straight line, all joints at once.
@@ -146,17 +239,19 @@ impl<R: Robot> Player<'_, R> {
 }
 
 /// What an operator reads before anything moves: a line a step.
-pub fn described(script: &Script) -> Vec<String> {
+pub fn described(script: &Script, hand: &Hand) -> Vec<String> {
     let line = |(n, step): (usize, Step)| {
-        format!(
-            "{:3}  {:26} {:32} up to {:3.0} mA in {:.1} s, {:4.1} s in all",
-            n + 1,
-            step.posture.name,
-            step.motion.actuators.join(", "),
-            1e3 * step.motion.current,
-            step.motion.time,
-            script.length(step.motion)
-        )
+        let (what, how) = match &step {
+            Step::Motion(posture, motion) => (
+                format!("{:26} {:32}", posture.name, motion.actuators.join(", ")),
+                format!("up to {:3.0} mA in {:.1} s", 1e3 * motion.current, motion.time),
+            ),
+            Step::Press(ball, press) => (
+                format!("{:26} {:32}", "ball", hand.cameras[press.camera].name),
+                format!("at {:+.2} {:+.2}, {:.1} mm deep", press.spot[0], press.spot[1], 1e3 * ball.depth),
+            ),
+        };
+        format!("{:3}  {what} {how}, {:4.1} s in all", n + 1, script.length(&step))
     };
-    script.steps().into_iter().enumerate().map(line).collect()
+    script.steps(hand).into_iter().enumerate().map(line).collect()
 }

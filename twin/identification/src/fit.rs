@@ -15,6 +15,7 @@ use scenarios::individuals::spread::{Parameter, Quantity};
 use crate::free_digit::{Shown, play};
 use crate::free_motion::FreeMotion;
 use crate::interval::covariance;
+use crate::kinematic_calibration::KinematicCalibration;
 
 /// Every so many ticks is a sample.
 const THINNED: usize = 6;
@@ -118,11 +119,10 @@ impl Search<'_> {
         angle_residuals(&hand, self.losses, self.motions, delay)
     }
 
-    /// By how much the samples' residuals at `p`, which are `at` (rad), change with the quantity at `place`, by its spread.
+    /// By how much the samples' residuals at `p`, which are `at` (rad), change with the quantity at `place`, by its drawing's spread.
     fn change(&self, p: &[f64], at: &[f64], place: usize) -> Vec<f64> {
         let mut individual = self.individual(&p[..self.places.len()]);
-        let spread = &individual.parameters()[place].spread;
-        let moved = spread.mean + STEP * spread.sigma;
+        let moved = individual.deviations()[place] + STEP * individual.parameters()[place].spread.sigma;
         individual.set(place, moved);
         let (hand, arm) = (individual.hand(self.hand), individual.arm(self.arm));
         let motions: Vec<FreeMotion> = self.motions.iter().map(|motion| motion.under(&hand, &arm)).collect();
@@ -148,8 +148,15 @@ fn angle_residuals(hand: &Hand, losses: CableLosses, motions: &[FreeMotion], del
     motions.iter().flat_map(of).collect()
 }
 
-/// Fits what `motions` of one actuator show, from and about the individual `from`.
-pub fn fit((hand, arm): (&Hand, &Arm), losses: CableLosses, motions: &[FreeMotion], from: &RobotIndividual) -> Fit {
+/// Fits what `motions` of one actuator show, from and about the individual `from`, of which `touches` say how surely arm, mount and links
+/// are known.
+pub fn fit(
+    (hand, arm): (&Hand, &Arm),
+    losses: CableLosses,
+    motions: &[FreeMotion],
+    from: &RobotIndividual,
+    touches: &KinematicCalibration,
+) -> Fit {
     let actuator = motions.first().map_or(0, |motion| motion.actuator);
     let places = searched(from, hand, actuator);
     let search = Search { hand, arm, losses, motions, places: &places, from };
@@ -172,7 +179,8 @@ pub fn fit((hand, arm): (&Hand, &Arm), losses: CableLosses, motions: &[FreeMotio
     let slopes = jacobian(&search, &p, &at, sigma);
     let others = unsearched(from, hand, actuator);
     let changes: Vec<f64> = others.iter().flat_map(|place| search.change(&p, &left, *place)).collect();
-    let covariance = covariance(&slopes, &(DMatrix::from_vec(left.len(), others.len(), changes) / sigma));
+    let changes = DMatrix::from_vec(left.len(), others.len(), changes) * touches.root(&others);
+    let covariance = covariance(&slopes, &(changes / sigma));
     let found = search.individual(&p[..places.len()]);
     let spread: Vec<f64> = places.iter().map(|place| from.parameters()[*place].spread.sigma).collect();
     Fit {

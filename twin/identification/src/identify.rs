@@ -4,13 +4,17 @@ use std::collections::BTreeMap;
 
 use hand_model::transmission::friction::CableLosses;
 use hand_model::{ACTUATORS, Arm, Hand};
+use nalgebra::DMatrix;
 use rayon::prelude::*;
 use scenarios::individuals::file::{Covariance, Estimate, IdentifiedRobot};
 use scenarios::individuals::robot::RobotIndividual;
+use touch::PhotometricCalibration;
 
 use crate::error::IdentificationError;
 use crate::fit::{Fit, TAUGHT, fit};
 use crate::free_motion::{FreeMotion, free_motions};
+use crate::kinematic_calibration::{KinematicCalibration, Touch, calibrate};
+use crate::touches::touches;
 use crate::trace::Trace;
 
 /// Index of the actuator that turns the thumb.
@@ -22,44 +26,67 @@ pub struct Identification {
     pub robot: IdentifiedRobot,
     /// Of each actuator.
     pub fits: [Fit; ACTUATORS],
+    /// What touches of a ball show; the drawing where there are none.
+    pub kinematics: KinematicCalibration,
 }
 
-/// Identifies the robot of `traces`, one of those built from `hand` and `arm`, whose guides and gears take `losses` as drawn.
+/// Identifies the robot of `traces`, one of those built from `hand` and `arm`, whose guides and gears take `losses` as drawn; `pads` reads
+/// images of pressed pads. All touches are of one ball in one place.
 ///
 /// # Errors
 /// An actuator that no session moves.
 pub fn identify(
-    hand: &Hand,
-    arm: &Arm,
+    (hand, arm): (&Hand, &Arm),
     losses: CableLosses,
+    pads: &PhotometricCalibration,
     traces: &[Trace],
 ) -> Result<Identification, IdentificationError> {
     // Of one robot, no session may be counted twice.
     let distinct: BTreeMap<&str, &Trace> = traces.iter().map(|trace| (trace.source.sha256.as_str(), trace)).collect();
+    let designed = prior(hand);
+    let ball = distinct.values().find_map(|trace| trace.ball.as_ref());
+    let felt: Vec<Touch> = ball.map_or_else(Vec::new, |ball| {
+        distinct.values().flat_map(|trace| touches(hand, pads, ball.radius, &trace.pressed)).collect()
+    });
+    let kinematics = match ball {
+        Some(ball) => calibrate((hand, arm), ball, &designed, &felt),
+        None => KinematicCalibration::unknown(&designed),
+    };
+    // Where gravity pulls from is what touches say of arm and mount.
+    let prior = kinematics.individual.clone();
+    let (own_hand, own_arm) = (prior.hand(hand), prior.arm(arm));
     let motions: Vec<Vec<FreeMotion>> = (0..ACTUATORS)
-        .map(|actuator| distinct.values().flat_map(|trace| free_motions(trace, actuator, hand, arm)).collect())
+        .map(|actuator| distinct.values().flat_map(|trace| free_motions(trace, actuator, &own_hand, &own_arm)).collect())
         .collect();
     if let Some(missing) = motions.iter().position(Vec::is_empty) {
         let files: Vec<String> = traces.iter().map(|trace| trace.source.file.clone()).collect();
         let actuator = hand.parameters.actuator[missing].name.clone();
         return Err(IdentificationError::NotExcited { sessions: files.join(", "), actuator });
     }
-    let prior = prior(hand);
     let mut fits: Vec<Fit> =
-        motions[..OPPOSITION].par_iter().map(|own| fit((hand, arm), losses, own, &prior)).collect();
+        motions[..OPPOSITION].par_iter().map(|own| fit((hand, arm), losses, own, &prior, &kinematics)).collect();
     // The opposition turns the thumb as it hangs on its springs.
     let mut known = prior.clone();
     for fit in &fits {
         fit.places.iter().zip(&fit.deviations).for_each(|(place, deviation)| known.set(*place, *deviation));
     }
-    fits.push(fit((hand, arm), losses, &motions[OPPOSITION], &known));
-    let mut estimates: Vec<Estimate> = prior
+    fits.push(fit((hand, arm), losses, &motions[OPPOSITION], &known, &kinematics));
+    let mut estimates: Vec<Estimate> = designed
         .parameters()
         .iter()
-        .zip(prior.deviations())
+        .zip(designed.deviations())
         .map(|(parameter, deviation)| Estimate::drawn(parameter, *deviation))
         .collect();
     let mut covariances = Vec::new();
+    if kinematics.touches > 0 {
+        for (n, place) in kinematics.places.iter().enumerate() {
+            let estimate = &mut estimates[*place];
+            estimate.identified = kinematics.taught(n);
+            estimate.deviation = prior.deviations()[*place];
+            estimate.sigma = kinematics.covariance[(n, n)].sqrt();
+        }
+        covariances.push(block(&estimates, &kinematics.places, &kinematics.covariance));
+    }
     for fit in &fits {
         for (n, place) in fit.places.iter().enumerate() {
             let estimate = &mut estimates[*place];
@@ -67,15 +94,20 @@ pub fn identify(
             estimate.identified = sigma < TAUGHT * estimate.sigma;
             (estimate.deviation, estimate.sigma) = (fit.deviations[n], sigma);
         }
-        covariances.push(Covariance {
-            parameters: fit.places.iter().map(|place| estimates[*place].name.clone()).collect(),
-            rows: fit.covariance.row_iter().map(|row| row.iter().copied().collect()).collect(),
-        });
+        covariances.push(block(&estimates, &fit.places, &fit.covariance));
     }
     let sources = distinct.values().map(|trace| trace.source.clone()).collect();
     let robot = IdentifiedRobot::new(hand, estimates, covariances, sources);
     let fits = fits.try_into().unwrap_or_else(|_| unreachable!("a fit for each actuator"));
-    Ok(Identification { robot, fits })
+    Ok(Identification { robot, fits, kinematics })
+}
+
+/// A covariance by its parameters' names.
+fn block(estimates: &[Estimate], places: &[usize], covariance: &DMatrix<f64>) -> Covariance {
+    Covariance {
+        parameters: places.iter().map(|place| estimates[*place].name.clone()).collect(),
+        rows: covariance.row_iter().map(|row| row.iter().copied().collect()).collect(),
+    }
 }
 
 /// What is known before any session: the mean of all robots built from the drawing.

@@ -6,6 +6,8 @@ use hand_model::data::{DataError, parse_toml};
 use hand_model::{ACTUATORS, ARM_JOINTS, Hand};
 use serde::{Deserialize, Serialize};
 
+use crate::ball::{Ball, Press};
+
 /// Greatest current of a motion, A: no more is needed to bend a free finger.
 const MOST_CURRENT: f64 = 0.2;
 
@@ -30,7 +32,7 @@ pub struct Motion {
     pub time: f64,
 }
 
-/// Every motion in every posture.
+/// Every motion in every posture, and presses of all pads on a ball if there is one.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Script {
@@ -47,13 +49,17 @@ pub struct Script {
     pub arm_speed: f64,
     pub posture: Vec<Posture>,
     pub motion: Vec<Motion>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub ball: Option<Ball>,
 }
 
-/// One motion in one posture.
+/// What is done at one go.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Step<'a> {
-    pub posture: &'a Posture,
-    pub motion: &'a Motion,
+pub enum Step<'a> {
+    /// One motion in one posture.
+    Motion(&'a Posture, &'a Motion),
+    /// One press on the ball.
+    Press(&'a Ball, Press),
 }
 
 impl Script {
@@ -107,13 +113,19 @@ impl Script {
         if script.posture.is_empty() || script.motion.is_empty() {
             return fault("posture/motion", "none".into(), "at least one of each");
         }
+        if let Some(ball) = &script.ball {
+            check_ball(ball, path)?;
+        }
         Ok(script)
     }
 
-    /// Its steps in order.
-    pub fn steps(&self) -> Vec<Step<'_>> {
-        let of = |posture| self.motion.iter().map(move |motion| Step { posture, motion });
-        self.posture.iter().flat_map(of).collect()
+    /// Its steps with `hand` in order: motions first, so that the ball is put in its place when they are done.
+    pub fn steps(&self, hand: &Hand) -> Vec<Step<'_>> {
+        let of = |posture| self.motion.iter().map(move |motion| Step::Motion(posture, motion));
+        let motions = self.posture.iter().flat_map(of);
+        let presses = |ball: &'_ Ball| ball.presses(hand);
+        let on = self.ball.iter().flat_map(|ball| presses(ball).into_iter().map(move |press| Step::Press(ball, press)));
+        motions.chain(on).collect()
     }
 
     /// Current (A) of a motion `elapsed` (s) after its beginning; none when it is over. Whole milliamperes, which is what a servo takes.
@@ -129,10 +141,40 @@ impl Script {
         Some((1e3 * share * motion.current).round() / 1e3)
     }
 
-    /// Length of a step without the arm's way, s.
-    pub fn length(&self, motion: &Motion) -> f64 {
-        self.open_time + 2.0 * motion.time + self.stay + self.slack
+    /// Length of a step without the arm's way, s; of a press that feels the ball where it is expected.
+    pub fn length(&self, step: &Step) -> f64 {
+        match step {
+            Step::Motion(_, motion) => self.open_time + 2.0 * motion.time + self.stay + self.slack,
+            Step::Press(ball, _) => ball.settle * (2.0 + ball.depth / ball.stride),
+        }
     }
+}
+
+fn check_ball(ball: &Ball, path: &Path) -> Result<(), DataError> {
+    let shares = ball.spots.iter().flatten().map(|share| ("spots", *share, -0.4, 0.4));
+    let [x, y, z] = ball.place;
+    let values = [
+        ("radius", ball.radius, 0.003, 0.03),
+        ("place", x, 0.2, 0.8),
+        ("place", y, -0.5, 0.5),
+        ("place", z, 0.1, 0.7),
+        ("uncertain", ball.uncertain, 1e-4, 0.01),
+        ("tilt", ball.tilt, 0.0, 0.6),
+        ("standoff", ball.standoff, 0.02, 0.1),
+        ("stride", ball.stride, 1e-4, 0.001),
+        ("settle", ball.settle, 0.05, 2.0),
+        ("depth", ball.depth, 2e-4, 0.002),
+    ];
+    for (field, value, low, high) in values.into_iter().chain(shares) {
+        if !(value.is_finite() && (low..=high).contains(&value)) {
+            let expected = format!("{low} to {high} (SI units)");
+            return Err(DataError::field(path, format!("ball.{field}"), value, expected));
+        }
+    }
+    if ball.spots.is_empty() {
+        return Err(DataError::field(path, "ball.spots", "none", "at least one"));
+    }
+    Ok(())
 }
 
 /// Index of an actuator by name.
@@ -150,7 +192,9 @@ mod tests {
         for own in &hand.parameters.actuator {
             assert!(script.motion.iter().any(|motion| motion.actuators.contains(&own.name)), "{}", own.name);
         }
-        assert_eq!(script.steps().len(), script.posture.len() * script.motion.len());
+        let presses = script.ball.as_ref().expect("a ball").presses(&hand);
+        assert_eq!(script.steps(&hand).len(), script.posture.len() * script.motion.len() + presses.len());
+        assert!((0..hand.cameras.len()).all(|camera| presses.iter().any(|press| press.camera == camera)));
     }
 
     /// A current rises, stays, falls to nothing and ends.
@@ -172,6 +216,8 @@ mod tests {
             ("current = 0.035", "current = 2.0", "mine.toml: motion[0].current: found 2, expected 0.002 to 0.2 A"),
             ("\"index\"", "\"sixth\"", "motion[0].actuators: found `sixth`"),
             ("arm_speed = 0.35", "arm_speed = 9.0", "arm_speed: found 9"),
+            ("depth = ", "depth = 1", "ball.depth: found 1"),
+            ("spots = [", "spots = [[0.9, 0.0], ", "ball.spots: found 0.9"),
         ] {
             let error = Script::parse(&text.replacen(from, to, 1), Path::new("mine.toml"), &Hand::ftac()).unwrap_err();
             assert!(error.to_string().contains(says), "{error}");

@@ -7,10 +7,13 @@ use hand_model::robot::{Command, Observation, Robot, ServoGoal, ServoState, Tick
 use hand_model::{ACTUATORS, ARM_JOINTS, Hand};
 use scenarios::individuals::file::Source;
 use session_log::Reader;
-use session_log::frames::{Frame, frames};
+use session_log::reader::Event;
 
+use crate::ball::Ball;
 use crate::error::IdentificationError;
 use crate::excitation::{NAME, Task};
+use crate::script::Script;
+use crate::touches::{PressImage, PressImages};
 
 /// A tick: what was measured at its beginning, and what was sent then.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -23,10 +26,14 @@ pub struct Row {
     pub goals: [ServoGoal; ACTUATORS],
 }
 
-/// A session's ticks.
+/// What a session has of a robot.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Trace {
     pub rows: Vec<Row>,
+    /// Images of pressed pads.
+    pub pressed: Vec<PressImage>,
+    /// On what they were pressed, if there was a ball.
+    pub ball: Option<Ball>,
     /// Length of a tick, s.
     pub tick: f64,
     /// Where it comes from.
@@ -40,43 +47,66 @@ impl Trace {
     pub fn read(path: &Path, hand: &Hand) -> Result<Self, IdentificationError> {
         let mut reader = Reader::open(path)?;
         let session = reader.session().clone();
-        check_task(path, &session.task, hand)?;
-        let (frames, _) = frames(&mut reader, 1)?;
-        let row = |frame: &Frame| {
-            let Frame { time, servos, arm, sent, .. } = frame;
-            Row { time: *time, servos: *servos, arm: arm.position, goals: sent.servos }
-        };
-        let rows: Vec<Row> = frames.iter().map(row).collect();
-        let seconds = seconds(&rows);
+        let task = check_task(path, &session.task, hand)?;
+        let mut ticks = Ticks::default();
+        while let Some((_, event)) = reader.next_event()? {
+            match event {
+                Event::Observation(observation) => ticks.observed(&observation),
+                Event::Sent(sent) => ticks.sent(&sent),
+                _ => {}
+            }
+        }
         let digest = std::fs::read(path).map(|bytes| sha256(&bytes));
         let source = Source {
             file: path.display().to_string(),
             sha256: digest.map_err(|source| IdentificationError::Io { path: path.into(), source })?,
             robot: session.robot,
-            seconds,
+            seconds: seconds(&ticks.rows),
         };
-        Ok(Self { rows, tick: session.tick_length, source, whole: reader.is_whole() })
+        let (rows, pressed) = (ticks.rows, ticks.images.into_all());
+        Ok(Self { rows, pressed, ball: task.script.ball, tick: session.tick_length, source, whole: reader.is_whole() })
+    }
+}
+
+/// What is kept of a session's ticks.
+#[derive(Default)]
+struct Ticks {
+    observed: Option<Row>,
+    rows: Vec<Row>,
+    images: PressImages,
+}
+
+impl Ticks {
+    fn observed(&mut self, observation: &Observation) {
+        self.images.see(observation);
+        let goals = [ServoGoal::Current(0.0); ACTUATORS];
+        self.observed =
+            Some(Row { time: observation.time, servos: observation.servos, arm: observation.arm.position, goals });
+    }
+
+    fn sent(&mut self, sent: &Command) {
+        self.rows.extend(self.observed.take().map(|row| Row { goals: sent.servos, ..row }));
     }
 }
 
 /// A robot whose ticks are kept in memory instead of in a file.
 pub struct Kept<R> {
     robot: R,
-    observed: Option<Observation>,
-    rows: Vec<Row>,
+    ticks: Ticks,
 }
 
 impl<R: Robot> Kept<R> {
     /// Around `robot`.
     pub fn new(robot: R) -> Self {
-        Self { robot, observed: None, rows: Vec::new() }
+        Self { robot, ticks: Ticks::default() }
     }
 
-    /// What passed through it; `robot` is the body's kind.
-    pub fn trace(self, robot: &str) -> Trace {
+    /// What passed through it under `script`; `robot` is the body's kind.
+    pub fn trace(self, robot: &str, script: &Script) -> Trace {
+        let (rows, pressed) = (self.ticks.rows, self.ticks.images.into_all());
         let file = "kept in memory".to_owned();
-        let source = Source { file, sha256: String::new(), robot: robot.to_owned(), seconds: seconds(&self.rows) };
-        Trace { rows: self.rows, tick: self.robot.tick_length(), source, whole: true }
+        let source = Source { file, sha256: String::new(), robot: robot.to_owned(), seconds: seconds(&rows) };
+        Trace { rows, pressed, ball: script.ball.clone(), tick: self.robot.tick_length(), source, whole: true }
     }
 }
 
@@ -85,21 +115,16 @@ fn seconds(rows: &[Row]) -> f64 {
     rows.last().zip(rows.first()).map_or(0.0, |(last, first)| last.time - first.time)
 }
 
-/// What is kept of a tick.
-fn row(observation: &Observation, sent: &Command) -> Row {
-    Row { time: observation.time, servos: observation.servos, arm: observation.arm.position, goals: sent.servos }
-}
-
 impl<R: Robot> Robot for Kept<R> {
     fn observe(&mut self) -> Observation {
         let observation = self.robot.observe();
-        self.observed = Some(observation.clone());
+        self.ticks.observed(&observation);
         observation
     }
 
     fn send(&mut self, command: &Command) -> Command {
         let sent = self.robot.send(command);
-        self.rows.extend(self.observed.take().map(|observation| row(&observation, &sent)));
+        self.ticks.sent(&sent);
         sent
     }
 
@@ -112,7 +137,7 @@ impl<R: Robot> Robot for Kept<R> {
     }
 }
 
-fn check_task(path: &Path, task: &[u8], hand: &Hand) -> Result<(), IdentificationError> {
+fn check_task(path: &Path, task: &[u8], hand: &Hand) -> Result<Task, IdentificationError> {
     let fault = |field: &str, found: String, expected: String| {
         Err(IdentificationError::NotAnExcitation { path: path.into(), field: field.into(), found, expected })
     };
@@ -128,19 +153,18 @@ fn check_task(path: &Path, task: &[u8], hand: &Hand) -> Result<(), Identificatio
     if task.hand != hand.parameters.name {
         return fault("task.hand", format!("`{}`", task.hand), format!("`{}`", hand.parameters.name));
     }
-    Ok(())
+    Ok(task)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::script::Script;
 
     #[test]
     fn a_session_of_something_else_is_refused() {
         let hand = Hand::ftac();
         let refused = |task: &[u8]| {
-            check_task(Path::new("a.mcap"), task, &hand).map_or_else(|error| error.to_string(), |()| String::new())
+            check_task(Path::new("a.mcap"), task, &hand).map_or_else(|error| error.to_string(), |_| String::new())
         };
         let mut task = Task::new(&hand, &Script::standard(), 0);
         assert_eq!(refused(&serde_json::to_vec(&task).unwrap()), "");

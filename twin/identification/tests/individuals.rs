@@ -3,7 +3,7 @@
 use hand_model::transmission::friction::CableLosses;
 use hand_model::{Arm, Hand};
 use identification::evaluation::{body, compare, coverage};
-use identification::excitation::play as excite;
+use identification::excitation::{Means, play as excite};
 use identification::trace::{Kept, Trace};
 use identification::{Script, identify};
 use scenarios::individuals::robot::RobotIndividual;
@@ -15,6 +15,7 @@ fn short() -> Script {
     script.motion.retain(|motion| motion.current > 0.06);
     script.motion.iter_mut().for_each(|motion| motion.time = 1.0);
     script.motion.dedup_by(|a, b| a.actuators == b.actuators);
+    script.ball = None;
     script
 }
 
@@ -27,9 +28,11 @@ fn drawing() -> (Hand, Arm, CableLosses) {
 fn excited(truth: &RobotIndividual, script: &Script) -> Trace {
     let (hand, arm, losses) = drawing();
     let mut kept = Kept::new(body(truth, &hand, &arm, losses, Arm::home()));
-    let played = excite::<_, ()>(&mut kept, &hand, script, (&Arm::home(), 0), |_| Ok(()), |_| true);
+    let pads = builtin_calibration();
+    let means = Means { hand: &hand, arm: &arm, pads: &pads, script, ready: Arm::home() };
+    let played = excite::<_, ()>(&mut kept, &means, 0, |_| Ok(()), |_| true);
     assert_eq!(played, Ok(true));
-    kept.trace("sim")
+    kept.trace("sim", script)
 }
 
 /// The twin of a digit moves as the simulated robot does when it knows everything of it.
@@ -48,7 +51,7 @@ fn an_individual_is_found() {
     let truth = RobotIndividual::draw(&hand, 1);
     let trace = excited(&truth, &short());
     // The same session twice says no more than once.
-    let found = identify(&hand, &arm, losses, &[trace.clone(), trace]).unwrap();
+    let found = identify((&hand, &arm), losses, &builtin_calibration(), &[trace.clone(), trace]).unwrap();
     assert_eq!(found.robot.sessions.len(), 1);
     assert!(found.fits.iter().all(|fit| fit.residuals[1] < 0.2 * fit.residuals[0]), "{:?}", found.fits);
     let designed = RobotIndividual::designed(&hand);
@@ -73,6 +76,6 @@ fn a_session_that_leaves_an_actuator_alone_is_refused_by_its_name() {
     let mut script = short();
     script.motion.retain(|motion| motion.actuators != ["thumb"]);
     let trace = excited(&RobotIndividual::designed(&hand), &script);
-    let error = identify(&hand, &arm, losses, &[trace]).unwrap_err().to_string();
+    let error = identify((&hand, &arm), losses, &builtin_calibration(), &[trace]).unwrap_err().to_string();
     assert!(error.contains("motions of `thumb`: found none, expected at least one"), "{error}");
 }

@@ -7,12 +7,22 @@ pub mod identify;
 use std::path::Path;
 
 use anyhow::Result;
+use bench::builtin::{HAND_UNIT, builtin_calibration};
 use clap::Subcommand;
 use hand_model::transmission::friction::CableLosses;
 use hand_model::{Arm, Hand};
+use identification::Script;
+use identification::ball::Ball;
+use identification::evaluation::{Surroundings, excited_body, true_place};
+use identification::excitation::Means;
+use nalgebra::{Isometry3, Translation3};
 use proving::world::World;
 use scenarios::Scenario;
+use scenarios::effects::Gel;
 use scenarios::individuals::robot::RobotIndividual;
+use sim::SimulatedRobot;
+use sim::tactile::TactileBoard;
+use touch::PhotometricCalibration;
 
 use crate::terminal::{Outcome, Terminal};
 
@@ -46,17 +56,36 @@ pub fn write_truth(path: &Path, number: u64) -> Result<()> {
     report::write_whole(path, serde_json::to_string_pretty(&text)?.as_bytes())
 }
 
-/// The robot as drawn, and what its cables and gears take.
+/// The robot as drawn, what its cables and gears take, and how its pads' images are read.
 pub struct Drawing {
     pub hand: Hand,
     pub arm: Arm,
     pub losses: CableLosses,
+    pub pads: PhotometricCalibration,
+    gel: Option<Gel>,
 }
 
 impl Drawing {
     /// That of the benchmark.
     pub fn new() -> Result<Self> {
-        let losses = World::new(Scenario::benchmark())?.known_cable_losses();
-        Ok(Self { hand: Hand::ftac(), arm: Arm::gen3(), losses })
+        let world = World::new(Scenario::benchmark())?;
+        let (losses, gel) = (world.known_cable_losses(), world.scenario.effects.gel);
+        Ok(Self { hand: Hand::ftac(), arm: Arm::gen3(), losses, pads: builtin_calibration()?, gel })
+    }
+
+    /// What an excitation by `script` goes by.
+    pub fn means<'a>(&'a self, script: &'a Script) -> Means<'a> {
+        Means { hand: &self.hand, arm: &self.arm, pads: &self.pads, script, ready: Arm::home() }
+    }
+
+    /// The simulated robot that individual `number` is, before the ball of an excitation if there is one; `seed` draws its cameras' noise.
+    pub fn plant(&self, number: u64, seed: u64, ball: Option<&Ball>) -> Result<SimulatedRobot> {
+        let Self { hand, arm, losses, gel, .. } = self;
+        let truth = RobotIndividual::draw(hand, number);
+        let own = truth.hand(hand);
+        let board = TactileBoard::unit(&own, RobotIndividual::cameras(number).unwrap_or(HAND_UNIT)).with_noise(seed);
+        let place = |ball: &Ball| (Isometry3::from(Translation3::from(true_place(ball, number))), ball.radius);
+        let surroundings = Surroundings { board, gel: *gel, ball: ball.map(place) };
+        Ok(excited_body(&truth, (hand, arm), *losses, Arm::home(), &surroundings)?)
     }
 }

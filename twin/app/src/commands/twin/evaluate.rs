@@ -5,7 +5,7 @@ use bench::body::emulated::{SharedPlant, settings};
 use clap::Args;
 use hand_model::Arm;
 use hardware_bridge::emulator::direct::DirectRobot;
-use identification::evaluation::{Coverage, body, compare, coverage, median};
+use identification::evaluation::{Coverage, compare, coverage, median, reach};
 use identification::excitation::play;
 use identification::trace::Kept;
 use identification::{Script, identify};
@@ -16,9 +16,11 @@ use serde::Serialize;
 use super::Drawing;
 use crate::terminal::{Outcome, Terminal};
 
-/// Goals of the evaluation: share of parameters in their intervals, and the median error of a joint, rad.
+/// Goals of the evaluation: share of parameters in their intervals, the median error of a joint, rad, ...
 const COVERAGE: [f64; 2] = [0.90, 0.98];
 const JOINT_ERROR: f64 = 0.017_453;
+/// ... and that of a fingertip on the arm, m.
+const REACH_ERROR: f64 = 1e-3;
 
 /// Arguments of `twin evaluate`.
 #[derive(Debug, Args)]
@@ -44,8 +46,11 @@ struct Row {
     tip: [f64; 2],
     /// Root mean square error of a servo's angle in it, rad.
     servo: [f64; 2],
-    /// Fingertip errors with the joints' zeros known, m: what the free motion itself leaves.
-    tip_zeroed: f64,
+    /// Median error of a fingertip in the frame of the arm's base, wherever the arm reaches, m: as drawn, and identified.
+    reach: [f64; 2],
+    /// Touches of the ball, and how far they stay from it, m, root mean square: as drawn, and identified.
+    touches: usize,
+    ball: [f64; 2],
 }
 
 pub fn run(terminal: &Terminal, args: &EvaluateArgs) -> Outcome {
@@ -69,30 +74,41 @@ pub fn run(terminal: &Terminal, args: &EvaluateArgs) -> Outcome {
     let (identified, others) = (total(|row| row.identified), total(|row| row.others));
     let medians =
         |of: fn(&Row) -> [f64; 2]| [0, 1].map(|n| median(&rows.iter().map(|row| of(row)[n]).collect::<Vec<_>>()));
-    let (joint, tip) = (medians(|row| row.joint), medians(|row| row.tip));
+    let (joint, tip, reach) = (medians(|row| row.joint), medians(|row| row.tip), medians(|row| row.reach));
     let mut text = format!(
-        "{:>10} {:>12} {:>12} {:>18} {:>18} {:>20}\n",
-        "individual", "identified", "others", "joint, deg", "fingertip, mm", "servo rms, deg"
+        "{:>10} {:>12} {:>12} {:>18} {:>18} {:>20} {:>18} {:>24}\n",
+        "individual",
+        "identified",
+        "others",
+        "joint, deg",
+        "fingertip, mm",
+        "servo rms, deg",
+        "reach, mm",
+        "touches of the ball, mm"
     );
     for row in &rows {
         let pair = |values: [f64; 2], scale: f64| format!("{:.2} -> {:.2}", scale * values[0], scale * values[1]);
         text += &format!(
-            "{:>10} {:>12} {:>12} {:>18} {:>18} {:>20}\n",
+            "{:>10} {:>12} {:>12} {:>18} {:>18} {:>20} {:>18} {:>24}\n",
             row.individual,
             format!("{}/{}", row.identified.inside, row.identified.of),
             format!("{}/{}", row.others.inside, row.others.of),
             pair(row.joint, 1f64.to_degrees()),
             pair(row.tip, 1e3),
-            pair(row.servo, 1f64.to_degrees())
+            pair(row.servo, 1f64.to_degrees()),
+            pair(row.reach, 1e3),
+            format!("{}: {}", row.touches, pair(row.ball, 1e3))
         );
     }
     text += &format!(
-        "{:>10} {:>12} {:>12} {:>18} {:>18}\n",
+        "{:>10} {:>12} {:>12} {:>18} {:>18} {:>20} {:>18}\n",
         "all",
         format!("{:.1} %", 100.0 * identified.share()),
         format!("{:.1} %", 100.0 * others.share()),
         format!("{:.2} -> {:.2}", joint[0].to_degrees(), joint[1].to_degrees()),
-        format!("{:.2} -> {:.2}", 1e3 * tip[0], 1e3 * tip[1])
+        format!("{:.2} -> {:.2}", 1e3 * tip[0], 1e3 * tip[1]),
+        "",
+        format!("{:.2} -> {:.2}", 1e3 * reach[0], 1e3 * reach[1])
     );
     let json = serde_json::json!({
         "seed": terminal.seed,
@@ -100,6 +116,7 @@ pub fn run(terminal: &Terminal, args: &EvaluateArgs) -> Outcome {
         "coverage": {"identified": identified.share(), "others": others.share()},
         "joint_rad": joint,
         "tip_m": tip,
+        "reach_m": reach,
     });
     terminal.print(&json, &text)?;
     let covered = (COVERAGE[0]..=COVERAGE[1]).contains(&identified.share());
@@ -110,31 +127,33 @@ pub fn run(terminal: &Terminal, args: &EvaluateArgs) -> Outcome {
     if joint[1] > JOINT_ERROR {
         short.push(format!("joints err by {:.2} deg, expected below 1", joint[1].to_degrees()));
     }
+    if reach[1] > REACH_ERROR {
+        short.push(format!("fingertips err by {:.2} mm, expected below 1", 1e3 * reach[1]));
+    }
     Ok((!short.is_empty()).then(|| short.join("; ")))
 }
 
+/// Joint angles of the hand whose fingertips are looked at, rad.
+const BEND: f64 = 0.4;
+
 /// Excites, identifies and compares one individual, behind all that the bridge does to commands and measurements.
 fn evaluate(drawing: &Drawing, number: u64, seed: u64) -> Result<Row> {
-    let Drawing { hand, arm, losses } = drawing;
+    let Drawing { hand, arm, losses, .. } = drawing;
     let truth = RobotIndividual::draw(hand, number);
-    let plant = SharedPlant::new(body(&truth, hand, arm, *losses, Arm::home()));
+    let script = Script::standard();
+    let plant = SharedPlant::new(drawing.plant(number, seed, script.ball.as_ref())?);
     let settings = settings(&truth.hand(hand), seed);
     let robot = DirectRobot::start(Box::new(plant), settings, arm).map_err(|error| anyhow!("{error}"))?;
     let mut kept = Kept::new(robot);
-    play(&mut kept, hand, &Script::standard(), (&Arm::home(), 0), |_| Ok::<(), anyhow::Error>(()), |_| true)?;
-    let found = identify(hand, arm, *losses, &[kept.trace("rounded")])?.robot;
+    play(&mut kept, &drawing.means(&script), 0, |_| Ok::<(), anyhow::Error>(()), |_| true)?;
+    let identification = identify((hand, arm), *losses, &drawing.pads, &[kept.trace("rounded", &script)])?;
+    let (found, kinematics) = (identification.robot, identification.kinematics);
     let [identified, others] = coverage(&found, &truth);
     let designed = RobotIndividual::designed(hand);
-    let mut zeroed = found.individual.clone();
-    for (place, parameter) in truth.parameters().iter().enumerate() {
-        if parameter.quantity == scenarios::individuals::spread::Quantity::JointZero {
-            zeroed.set(place, truth.deviations()[place]);
-        }
-    }
-    let believed = [&designed, &found.individual, &zeroed];
-    let differences = compare(&truth, (hand, arm), *losses, &Arm::home(), &believed);
+    let differences = compare(&truth, (hand, arm), *losses, &Arm::home(), &[&designed, &found.individual]);
     let summaries: Vec<[f64; 3]> = differences.iter().map(|found| found.summary()).collect();
     let both = |n: usize| [summaries[0][n], summaries[1][n]];
+    let reached = |own| median(&reach(&truth, own, (hand, arm), &Arm::home(), BEND));
     Ok(Row {
         individual: number,
         identified,
@@ -142,6 +161,8 @@ fn evaluate(drawing: &Drawing, number: u64, seed: u64) -> Result<Row> {
         joint: both(0),
         tip: both(1),
         servo: both(2),
-        tip_zeroed: summaries[2][1],
+        reach: [reached(&designed), reached(&found.individual)],
+        touches: kinematics.touches,
+        ball: kinematics.residuals,
     })
 }

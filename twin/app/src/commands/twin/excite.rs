@@ -8,7 +8,7 @@ use bench::body::arm_link::arm_link;
 use bench::body::emulated::{SharedPlant, settings};
 use bench::body::operator::{Interrupt, agreed};
 use clap::Args;
-use hand_model::Arm;
+use hand_model::{Arm, Hand};
 use hand_model::robot::{Command, Observation, Robot, Tick};
 use hardware_bridge::config::BridgeConfig;
 use hardware_bridge::config::secrets::without_secrets;
@@ -101,7 +101,7 @@ impl Record {
         }
         let text = std::fs::read_to_string(&path).with_context(|| path.display().to_string())?;
         let record: Self = serde_json::from_str(&text).with_context(|| path.display().to_string())?;
-        let steps = record.script.steps().len();
+        let steps = record.script.steps(&Hand::ftac()).len();
         if record.version != 1 || record.done > steps {
             bail!(
                 "{}: version, done: found {}, {}, expected 1 and at most {steps}",
@@ -207,7 +207,7 @@ pub fn run(terminal: &Terminal, args: &ExciteArgs) -> Outcome {
             begun
         }
     };
-    let steps = record.script.steps().len();
+    let steps = record.script.steps(&drawing.hand).len();
     if args.dry_run {
         return tell(terminal, args, &record, true);
     }
@@ -219,7 +219,7 @@ pub fn run(terminal: &Terminal, args: &ExciteArgs) -> Outcome {
     if let Some(path) = &args.truth_out {
         super::write_truth(path, args.individual)?;
     }
-    let (body, about) = open(terminal, args, &drawing)?;
+    let (body, about) = open(terminal, args, &drawing, &record.script)?;
     record.parts += 1;
     record.write(&args.folder)?;
     let session = Session {
@@ -258,11 +258,14 @@ fn excite(
     (recorder, interrupt): (&mut Recorder<Bodied>, &Interrupt),
 ) -> Result<Option<String>> {
     let bar = terminal.progress();
-    bar.set_length(record.script.steps().len() as u64);
+    bar.set_length(record.script.steps(&drawing.hand).len() as u64);
     bar.set_position(record.done as u64);
     let (script, first) = (record.script.clone(), record.done);
     let heard = |progress| {
-        if let Progress::Done(step) = progress {
+        if let Progress::OutOfReach(step) = progress {
+            eprintln!("step {}: the arm does not get there with everything clear; it is left out", step + 1);
+        }
+        if let Progress::Done(step) | Progress::OutOfReach(step) = progress {
             bar.set_position(step as u64 + 1);
             record.done = step + 1;
             record.write(&args.folder)?;
@@ -274,20 +277,20 @@ fn excite(
         stopped = if interrupt.happened() { Some("interrupted".to_owned()) } else { recorder.robot().stopped() };
         stopped.is_none()
     };
-    let played = play(recorder, &drawing.hand, &script, (&Arm::home(), first), heard, goes_on);
+    let played = play(recorder, &drawing.means(&script), first, heard, goes_on);
     bar.finish_and_clear();
     Ok(if played? { None } else { Some(stopped.unwrap_or_default()) })
 }
 
 /// The body that was asked for, armed, and what its sessions say of it.
-fn open(terminal: &Terminal, args: &ExciteArgs, drawing: &Drawing) -> Result<(Bodied, Session)> {
+fn open(terminal: &Terminal, args: &ExciteArgs, drawing: &Drawing, script: &Script) -> Result<(Bodied, Session)> {
     if args.robot == Body::Hardware {
         let path = args.config.as_deref().context("--config")?;
-        return real(path, args.yes);
+        return real(path, args.yes, script);
     }
     let individual = RobotIndividual::draw(&drawing.hand, args.individual);
-    let Drawing { hand, arm, losses } = drawing;
-    let robot = identification::evaluation::body(&individual, hand, arm, *losses, Arm::home());
+    let Drawing { hand, arm, .. } = drawing;
+    let robot = drawing.plant(args.individual, terminal.seed, script.ball.as_ref())?;
     let settings = settings(&individual.hand(hand), terminal.seed);
     let about = Session::default();
     Ok(match args.robot {
@@ -306,7 +309,7 @@ fn open(terminal: &Terminal, args: &ExciteArgs, drawing: &Drawing) -> Result<(Bo
 }
 
 /// The real robot under the configuration at `path`, armed once its operator agrees.
-fn real(path: &Path, yes: bool) -> Result<(Bodied, Session)> {
+fn real(path: &Path, yes: bool, script: &Script) -> Result<(Bodied, Session)> {
     let config = BridgeConfig::read(path)?;
     let bytes = |path: &Path| std::fs::read(path).with_context(|| path.display().to_string());
     let configuration = without_secrets(&String::from_utf8_lossy(&bytes(path)?)).into_bytes();
@@ -319,8 +322,16 @@ fn real(path: &Path, yes: bool) -> Result<(Bodied, Session)> {
         }
         std::thread::sleep(Duration::from_millis(20));
     }
-    let question = "The arm will go to its home posture in a straight line of its joints and turn its wrist there, the hand will close and open for minutes. Is the way clear, and the hand empty?";
-    if !yes && !agreed(question)? {
+    let mut question = "The arm will go to its home posture in a straight line of its joints and turn its wrist there, the hand will close and open for minutes.".to_owned();
+    if let Some(ball) = &script.ball {
+        let [x, y, z] = ball.place;
+        question += &format!(
+            " Then it presses every pad on a ball of {:.0} mm on a post, {x:.3} m before, {y:.3} m beside and {z:.3} m over its base.",
+            2e3 * ball.radius
+        );
+    }
+    question += " Is the way clear, the hand empty, and everything in its place?";
+    if !yes && !agreed(&question)? {
         bail!("not armed: the operator did not say yes");
     }
     robot.arm()?;
@@ -329,20 +340,20 @@ fn real(path: &Path, yes: bool) -> Result<(Bodied, Session)> {
 
 /// What was done, or is to be done.
 fn tell(terminal: &Terminal, args: &ExciteArgs, record: &Record, dry: bool) -> Outcome {
-    let steps = record.script.steps();
-    let seconds: f64 = steps.iter().skip(record.done).map(|step| record.script.length(step.motion)).sum();
+    let hand = Hand::ftac();
+    let steps = record.script.steps(&hand);
+    let seconds: f64 = steps.iter().skip(record.done).map(|step| record.script.length(step)).sum();
     let sessions: Vec<String> =
         (1..=record.parts).map(|part| args.folder.join(format!("part_{part}.mcap")).display().to_string()).collect();
     let mut text = String::new();
     if dry {
-        for line in described(&record.script).iter().skip(record.done) {
+        for line in described(&record.script, &hand).iter().skip(record.done) {
             text += &format!("{line}\n");
         }
         text += &format!(
-            "{} steps to do, about {:.0} s and the arm's way between {} postures; nothing was moved\n",
+            "{} steps to do, about {:.0} s and the arm's ways between them; nothing was moved\n",
             steps.len() - record.done,
-            seconds,
-            record.script.posture.len()
+            seconds
         );
     } else {
         text += &format!("{} of {} steps done, in {}\n", record.done, steps.len(), sessions.join(", "));

@@ -38,7 +38,7 @@ pub fn run(terminal: &Terminal, args: &IdentifyArgs) -> Outcome {
         }
         traces.push(trace);
     }
-    let found = identify(&drawing.hand, &drawing.arm, drawing.losses, &traces)?;
+    let found = identify((&drawing.hand, &drawing.arm), drawing.losses, &drawing.pads, &traces)?;
     let program = format!("ftac {}", env!("CARGO_PKG_VERSION"));
     let text = found.robot.to_toml(&drawing.hand, &program)?;
     report::write_whole(&args.out, text.as_bytes())?;

@@ -1,0 +1,177 @@
+//! The ball on which pads are pressed: what the script says of it, and how the arm brings a pad onto it.
+//!
+//! A ball is fixed on a thin post in the hand's reach. Each camera's part of its pad is pressed on it at several spots, every time with
+//! the hand turned and tilted otherwise: then touches show the arm's joints and the hand's mount as well as the links of the fingers,
+//! which are pushed onto their stops.
+
+use control::inverse_kinematics::{ArmKinematics, Joints, Mount};
+use hand_model::hand::CoverShape;
+use hand_model::{ARM_JOINTS, Arm, HAND_JOINTS, Hand};
+use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, Vector3};
+use serde::{Deserialize, Serialize};
+
+/// Turns of the hand about the vertical that are tried for a press, ...
+const HEADINGS: usize = 16;
+/// ... with these shares of its tilt.
+const TILTS: [f64; 3] = [1.0, 0.5, 0.0];
+/// Headings, tilts and their directions of successive presses: fractions that never come close to each other again, those of the golden
+/// ratio and its relatives of higher degree (Roberts 2018).
+const SPREAD: [f64; 3] = [0.819_173, 0.671_044, 0.549_701];
+/// No other link comes closer to the ball than this, m, ...
+const CLEARANCE: f64 = 0.002;
+/// ... nor to the post below it, from its middle line, ...
+const POST: f64 = 0.012;
+/// ... nor to the table, on which the arm stands.
+const TABLE: f64 = 0.03;
+/// Points along each axis of a cover that are looked at.
+const GRID: i32 = 3;
+
+/// A ball that is fixed in the hand's reach, and how pads are pressed on it.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Ball {
+    /// m.
+    pub radius: f64,
+    /// Its middle, m, in the frame of the arm's base, as somebody has measured it.
+    pub place: [f64; 3],
+    /// Standard deviation of that along each axis, m.
+    pub uncertain: f64,
+    /// Where a camera's part of its pad is pressed, as shares of its width and height from its middle.
+    pub spots: Vec<[f64; 2]>,
+    /// Greatest angle between the direction in which a pad is pressed and the vertical, rad.
+    pub tilt: f64,
+    /// Distance from the ball at which the arm goes from one press to the next, m.
+    pub standoff: f64,
+    /// Between one look at the pad and the next, m.
+    pub stride: f64,
+    /// For which the arm stands before a look, s.
+    pub settle: f64,
+    /// How far a pad is pressed onto the ball at most, m.
+    pub depth: f64,
+}
+
+/// One press.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Press {
+    /// Of all presses of a script.
+    pub number: usize,
+    /// Index of the camera.
+    pub camera: usize,
+    /// See [`Ball::spots`].
+    pub spot: [f64; 2],
+}
+
+/// Where the arm goes for a press.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Approach {
+    /// At the standoff.
+    pub hover: Joints,
+    /// A stride apart, the deepest last.
+    pub way: Vec<Joints>,
+}
+
+impl Ball {
+    /// Its middle, m, in the frame of the arm's base.
+    pub fn middle(&self) -> Point3<f64> {
+        Point3::from(self.place)
+    }
+
+    /// All presses: each spot of every camera, spot by spot, so that an unfinished excitation has touched with every pad.
+    pub fn presses(&self, hand: &Hand) -> Vec<Press> {
+        let of = |spot: &[f64; 2]| (0..hand.cameras.len()).map(move |camera| (camera, *spot)).collect::<Vec<_>>();
+        let all = self.spots.iter().flat_map(of).enumerate();
+        all.map(|(number, (camera, spot))| Press { number, camera, spot }).collect()
+    }
+}
+
+/// `palm_from_pad` of an open hand whose links are on their stops.
+pub fn palm_from_pad(hand: &Hand, pad: usize) -> Isometry3<f64> {
+    let pad = &hand.pads[pad];
+    let link = pad.link.map_or_else(Isometry3::identity, |link| hand.tree.forward(&[0.0; HAND_JOINTS])[link]);
+    link * pad.link_from_pad
+}
+
+/// Kinematics of a robot whose base is the world's origin.
+pub fn kinematics(hand: &Hand, arm: &Arm) -> ArmKinematics {
+    let mount = Mount { world_from_base: Isometry3::identity(), tool_from_palm: hand.palm_from_flange.inverse() };
+    ArmKinematics::new(arm.clone(), mount)
+}
+
+/// How the arm of a robot believed to be `hand` on `arm` brings a pad onto a ball believed to be at `middle`, looking from `early` (m) before
+/// the pad should touch to as much behind its greatest depth. The first heading that the arm reaches with everything else clear; none
+/// where there is no such.
+pub fn approach(
+    (hand, arm): (&Hand, &Arm),
+    ball: &Ball,
+    press: &Press,
+    middle: &Point3<f64>,
+    early: f64,
+    from: &Joints,
+) -> Option<Approach> {
+    let kinematics = kinematics(hand, arm);
+    let camera = &hand.cameras[press.camera];
+    let pad = &hand.pads[camera.pad];
+    let (x, y) = (press.spot[0] * camera.w, camera.center_y + press.spot[1] * camera.h);
+    // Over the flat middle of a pad, where its surface is level.
+    let spot = Point3::new(x, y, pad.surface_height(x, y));
+    let palm_from_pad = palm_from_pad(hand, camera.pad);
+    let [heading, tilt, side] = SPREAD.map(|step| (0.5 + step * press.number as f64).fract());
+    let tries = TILTS.into_iter().flat_map(|share| (0..HEADINGS).map(move |n| (share, n)));
+    tries.into_iter().find_map(|(share, n)| {
+        let (tilt, side) = (share * ball.tilt * tilt.sqrt(), std::f64::consts::TAU * side);
+        let down = Vector3::new(tilt.sin() * side.cos(), tilt.sin() * side.sin(), -tilt.cos());
+        // `world_from_palm` with the spot so far from where the ball's surface is, against `down`.
+        let palm_at = |turn: &UnitQuaternion<f64>, off: f64| {
+            let place = middle - down * (ball.radius + off);
+            let pose = Isometry3::from_parts(Translation3::from(place - turn * spot), *turn);
+            pose * palm_from_pad.inverse()
+        };
+        let about = std::f64::consts::TAU * (heading + n as f64 / HEADINGS as f64);
+        let flat = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), about)
+            * UnitQuaternion::from_axis_angle(&Vector3::x_axis(), std::f64::consts::PI);
+        let turn = UnitQuaternion::rotation_between(&(flat * Vector3::z()), &down)? * flat;
+        if !is_clear(hand, pad.link, &palm_at(&turn, 0.0), ball, middle) {
+            return None;
+        }
+        let hover = kinematics.solve(&palm_at(&turn, ball.standoff), from)?;
+        let looks = ((2.0 * early + ball.depth) / ball.stride).ceil() as usize;
+        let mut way: Vec<Joints> = Vec::with_capacity(looks + 1);
+        for look in 0..=looks {
+            let seed = way.last().unwrap_or(&hover);
+            let next = kinematics.solve(&palm_at(&turn, early - look as f64 * ball.stride), seed)?;
+            // Another branch of the arm's posture is no straight way.
+            if (0..ARM_JOINTS).any(|joint| (next[joint] - seed[joint]).abs() > 0.5) {
+                return None;
+            }
+            way.push(next);
+        }
+        Some(Approach { hover, way })
+    })
+}
+
+/// Whether all links but `pressed` keep away from ball, post and table with the palm at `palm`.
+fn is_clear(hand: &Hand, pressed: Option<usize>, palm: &Isometry3<f64>, ball: &Ball, middle: &Point3<f64>) -> bool {
+    let links = hand.tree.forward(&[0.0; HAND_JOINTS]);
+    let covers = std::iter::once((None, palm, &hand.palm_cover));
+    let placed: Vec<Isometry3<f64>> = links.iter().map(|link| palm * link).collect();
+    let fingers = placed.iter().zip(&hand.covers).enumerate().map(|(n, (pose, cover))| (Some(n), pose, cover));
+    covers.chain(fingers).all(|(link, pose, cover)| {
+        points(cover).all(|point| {
+            let point = pose * point;
+            let beside = (point - middle).xy().norm();
+            let below = point.z < middle.z - ball.radius && beside < POST;
+            let near = link != pressed && (point - middle).norm() < ball.radius + CLEARANCE;
+            point.z > TABLE && !below && !near
+        })
+    })
+}
+
+/// A grid of points of a cover, link frame.
+fn points(cover: &CoverShape) -> impl Iterator<Item = Point3<f64>> + '_ {
+    let steps = move || -GRID..=GRID;
+    let grid = steps().flat_map(move |x| steps().flat_map(move |y| steps().map(move |z| [x, y, z])));
+    grid.map(|at| {
+        let share = Vector3::from(at.map(|n| f64::from(n) / f64::from(GRID)));
+        cover.link_from_cover * Point3::from(share.component_mul(&cover.half))
+    })
+}

@@ -1,0 +1,298 @@
+//! Kinematic calibration: the arm's encoders, the hand's mount and the links' stops, from pads that have touched one fixed ball.
+//!
+//! Where a pad feels the ball's middle, the robot's kinematics say where that is in the frame of the arm's base; for the right robot all
+//! touches say the same place: calibration by a single endpoint constraint (Meggiolaro, Scriffignano and Dubowsky 2000), here with a
+//! sensor that says where the end touches. Least squares over encoders, mount, stops and the ball's place, each with its prior.
+
+use control::inverse_kinematics::Joints;
+use hand_model::{Arm, HAND_JOINTS, Hand};
+use nalgebra::{DMatrix, Isometry3, Matrix3, Point3, Vector3};
+use optics::Foundation;
+use optics::calibration::least_squares::{Options, Problem, forward_differences};
+use scenarios::individuals::robot::RobotIndividual;
+use scenarios::individuals::spread::Quantity;
+
+use crate::ball::Ball;
+use crate::fit::TAUGHT;
+
+/// What no model of pad and link explains of a touch, m along the pad and along its normal.
+const UNEXPLAINED: [f64; 2] = [2e-4, 1e-4];
+/// How all touches of a pad err alike, m along each axis: cameras sit a little otherwise, gels differ in thickness.
+const OF_PAD: [f64; 3] = [2e-4, 2.5e-4, 1.5e-4];
+/// How all touches err alike: the gel of all pads is of one batch.
+const OF_HAND: [f64; 3] = [1e-4, 1e-4, 2e-4];
+/// How all touches of links err alike: a link swings onto its stop while its cover already sticks to the ball, which shears the cover.
+const OF_LINKS: [f64; 3] = [2e-4, 6e-4, 2e-4];
+/// A spring is at rest at most so far closed, rad: three spreads and a little for its rate.
+const CLOSED: f64 = 0.18;
+/// What the weight of links adds, N m.
+const WEIGHT: f64 = 0.004;
+/// Residuals beyond this many standard deviations are outliers.
+const OUTLIER: f64 = 3.0;
+/// Deviations are searched within this many spreads.
+const RANGE: f64 = 5.0;
+/// Step of the differences, in spreads.
+const STEP: f64 = 1e-3;
+
+/// A touch.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Touch {
+    /// Index of the camera that saw it.
+    pub camera: usize,
+    /// What the arm's encoders showed, rad.
+    pub arm: Joints,
+    /// Angle of the opposition servo, rad.
+    pub opposition: f64,
+    /// The ball's middle, m, pad frame.
+    pub center: Point3<f64>,
+    /// m2.
+    pub covariance: Matrix3<f64>,
+}
+
+impl Touch {
+    /// How deep the ball is in the pad, m.
+    pub fn depth(&self, hand: &Hand, ball: &Ball) -> f64 {
+        let pad = &hand.pads[hand.cameras[self.camera].pad];
+        let [x, y, z] = self.center.coords.data.0[0];
+        pad.surface_height(x, y) + ball.radius - z
+    }
+
+    /// Whether it pushes every link between palm and pad onto its stop: its force, by the gel's law, turns each of their joints open by more
+    /// than any spring and the links' own weight turn it shut.
+    fn is_on_stops(&self, hand: &Hand, ball: &Ball) -> bool {
+        let pad = &hand.pads[hand.cameras[self.camera].pad];
+        let Some(link) = pad.link else { return true };
+        let force = Foundation::winkler(&hand.gel()).ball_force(ball.radius, self.depth(hand, ball));
+        let links = hand.tree.forward(&[0.0; HAND_JOINTS]);
+        let place = links[link] * pad.link_from_pad;
+        let (point, push) = (place * self.center, place * Vector3::z() * -force);
+        hand.tree.chain(link).into_iter().filter(|joint| *joint != hand.transmission.opposition_joint).all(|joint| {
+            let axis = links[joint].rotation * hand.tree.joints[joint].axis.into_inner();
+            let opening = -axis.dot(&(point - links[joint] * Point3::origin()).cross(&push));
+            opening > hand.transmission.springs[joint] * CLOSED + WEIGHT
+        })
+    }
+}
+
+/// What touches show.
+#[derive(Debug, Clone, PartialEq)]
+pub struct KinematicCalibration {
+    /// The robot, in everything else that from which the search began.
+    pub individual: RobotIndividual,
+    /// Places in it of what was searched.
+    pub places: Vec<usize>,
+    /// Covariance of their deviations.
+    pub covariance: DMatrix<f64>,
+    /// The ball's middle, m, in the frame of the arm's base.
+    pub ball: Point3<f64>,
+    /// All that was found, from the means in units of the spreads, ...
+    found: Vec<f64>,
+    /// ... and its covariance.
+    scaled: DMatrix<f64>,
+    /// Root mean square distance between where touches show the ball and where it is, m: under the drawing with the ball where it fits
+    /// best, and under what was found.
+    pub residuals: [f64; 2],
+    pub touches: usize,
+}
+
+/// The kinematic parameters of an individual.
+pub fn searched(individual: &RobotIndividual) -> Vec<usize> {
+    let kinematic = |quantity| {
+        use Quantity::{ArmEncoder, JointZero, MountPosition, MountTurn};
+        matches!(quantity, ArmEncoder | MountPosition | MountTurn | JointZero)
+    };
+    let parameters = individual.parameters();
+    (0..parameters.len()).filter(|place| kinematic(parameters[*place].quantity)).collect()
+}
+
+/// Where a robot has the ball's middle that one of its pads feels, in the frame of the arm's base.
+fn felt_at((hand, arm): (&Hand, &Arm), touch: &Touch) -> (Point3<f64>, Isometry3<f64>) {
+    let pad = &hand.pads[hand.cameras[touch.camera].pad];
+    let mut joints = [0.0; HAND_JOINTS];
+    joints[hand.transmission.opposition_joint] = (touch.opposition / hand.servos[5].gear_ratio_opposition).max(0.0);
+    let palm = arm.tool_pose(&touch.arm) * hand.palm_from_flange.inverse();
+    let link = pad.link.map_or_else(Isometry3::identity, |link| hand.tree.forward(&joints)[link]);
+    let pose = palm * link * pad.link_from_pad;
+    (pose * touch.center, pose)
+}
+
+struct Search<'a> {
+    hand: &'a Hand,
+    arm: &'a Arm,
+    ball: &'a Ball,
+    from: &'a RobotIndividual,
+    places: &'a [usize],
+    touches: &'a [Touch],
+}
+
+impl Search<'_> {
+    fn individual(&self, p: &[f64]) -> RobotIndividual {
+        let mut individual = self.from.clone();
+        for (place, z) in self.places.iter().zip(p) {
+            let spread = &individual.parameters()[*place].spread;
+            let deviation = spread.mean + z * spread.sigma;
+            individual.set(*place, deviation);
+        }
+        individual
+    }
+
+    fn middle(&self, p: &[f64]) -> Point3<f64> {
+        self.ball.middle() + self.ball.uncertain * self.vector(p, 0)
+    }
+
+    /// The `n`-th vector behind the individual's parameters: the ball's place, what all touches err by alike, those of links,
+    /// and those of each pad.
+    fn vector(&self, p: &[f64], n: usize) -> Vector3<f64> {
+        Vector3::from_fn(|axis, _| p[self.places.len() + 3 * n + axis])
+    }
+
+    /// Number of all that is searched.
+    fn len(&self) -> usize {
+        self.places.len() + 3 * (3 + self.hand.pads.len())
+    }
+
+    /// From where the ball is to where each touch has it, m.
+    fn distances(&self, p: &[f64]) -> Vec<(Vector3<f64>, Matrix3<f64>)> {
+        let individual = self.individual(p);
+        let (hand, arm, middle) = (individual.hand(self.hand), individual.arm(self.arm), self.middle(p));
+        let of = |touch: &Touch| {
+            let pad = self.hand.cameras[touch.camera].pad;
+            let alike = |n: usize, sigma: [f64; 3]| self.vector(p, n).component_mul(&Vector3::from(sigma));
+            let of_links = self.hand.pads[pad].link.map_or_else(Vector3::zeros, |_| alike(2, OF_LINKS));
+            let alike = alike(1, OF_HAND) + of_links + alike(3 + pad, OF_PAD);
+            let center = touch.center - alike;
+            let (at, pose) = felt_at((&hand, &arm), &Touch { center, ..*touch });
+            let turn = pose.rotation.to_rotation_matrix().into_inner();
+            let [along, across] = UNEXPLAINED;
+            let model = Matrix3::from_diagonal(&Vector3::new(along, along, across).map(|sigma| sigma * sigma));
+            (at - middle, turn * (touch.covariance + model) * turn.transpose())
+        };
+        self.touches.iter().map(of).collect()
+    }
+
+    /// In standard deviations times `scale`, and the prior's.
+    fn residuals(&self, p: &[f64], scale: f64) -> Vec<f64> {
+        let whitened = |(off, covariance): (Vector3<f64>, Matrix3<f64>)| {
+            let white = covariance.cholesky().and_then(|root| root.l().solve_lower_triangular(&off));
+            (white.unwrap_or(off / UNEXPLAINED[0]) / scale).data.0[0]
+        };
+        self.distances(p).into_iter().flat_map(whitened).chain(p.iter().copied()).collect()
+    }
+
+    fn jacobian(&self, p: &[f64], at: &[f64], scale: f64) -> DMatrix<f64> {
+        let bounds = vec![(-RANGE, RANGE); p.len()];
+        forward_differences(p, at, &bounds, STEP / (2.0 * RANGE), |q, _| self.residuals(q, scale))
+    }
+}
+
+/// Root mean square of the distances, m.
+fn rms(distances: &[(Vector3<f64>, Matrix3<f64>)]) -> f64 {
+    let sum: f64 = distances.iter().map(|(off, _)| off.norm_squared()).sum();
+    (sum / distances.len().max(1) as f64).sqrt()
+}
+
+/// Calibrates the robot `from`, one of those built from `hand` and `arm`, by those of its touches of a ball that push the links onto their
+/// stops. Without touches: the prior.
+pub fn calibrate(
+    (hand, arm): (&Hand, &Arm),
+    ball: &Ball,
+    from: &RobotIndividual,
+    touches: &[Touch],
+) -> KinematicCalibration {
+    let places = searched(from);
+    let sure: Vec<Touch> = touches.iter().filter(|touch| touch.is_on_stops(hand, ball)).copied().collect();
+    let touches = &sure[..];
+    let search = Search { hand, arm, ball, from, places: &places, touches };
+    let n = search.len();
+    let (mut p, mut scale) = (vec![0.0; n], 1.0);
+    let prior = search.distances(&p);
+    let center = prior.iter().fold(Vector3::zeros(), |sum, (off, _)| sum + off) / prior.len().max(1) as f64;
+    let designed = rms(&prior.iter().map(|(off, covariance)| (off - center, *covariance)).collect::<Vec<_>>());
+    for _ in 0..3 {
+        let bounds = vec![(-RANGE, RANGE); n];
+        let jacobian = |p: &[f64], at: &[f64]| search.jacobian(p, at, scale);
+        let problem =
+            Problem { residuals: |p: &[f64]| search.residuals(p, scale), jacobian, bounds, groups: Vec::new() };
+        p = problem.minimise(&p, &Options { steps: 20, scale: OUTLIER, tolerance: 1e-6 }).parameters;
+        let white = search.residuals(&p, 1.0);
+        let mut squares: Vec<f64> = white[..3 * touches.len()].iter().map(|value| value * value).collect();
+        squares.sort_by(f64::total_cmp);
+        // Of a normal distribution the median square is 0.455 variances. No touch is known better than its covariance says.
+        scale = squares.get(squares.len() / 2).map_or(1.0, |median| (median / 0.455).sqrt().max(1.0));
+    }
+    let slopes = search.jacobian(&p, &search.residuals(&p, scale), scale);
+    let scaled = slopes.tr_mul(&slopes).cholesky().map_or_else(|| DMatrix::identity(n, n), |root| root.inverse());
+    let spread: Vec<f64> = places.iter().map(|place| from.parameters()[*place].spread.sigma).collect();
+    KinematicCalibration {
+        individual: search.individual(&p),
+        covariance: DMatrix::from_fn(places.len(), places.len(), |i, j| scaled[(i, j)] * spread[i] * spread[j]),
+        ball: search.middle(&p),
+        residuals: [designed, rms(&search.distances(&p))],
+        touches: touches.len(),
+        places,
+        found: p,
+        scaled,
+    }
+}
+
+impl KinematicCalibration {
+    /// Of a robot that has touched nothing, `prior`.
+    pub fn unknown(prior: &RobotIndividual) -> Self {
+        let places = searched(prior);
+        let n = places.len();
+        let spread: Vec<f64> = places.iter().map(|place| prior.parameters()[*place].spread.sigma).collect();
+        Self {
+            individual: prior.clone(),
+            covariance: DMatrix::from_fn(n, n, |i, j| if i == j { spread[i] * spread[j] } else { 0.0 }),
+            ball: Point3::origin(),
+            residuals: [f64::NAN; 2],
+            touches: 0,
+            found: vec![0.0; n],
+            scaled: DMatrix::identity(n, n),
+            places,
+        }
+    }
+
+    /// Standard deviation of where a pad that comes to the ball with the arm at `shown` will feel it along its normal, m; `hand` and `arm`
+    /// are the drawing.
+    pub fn along_normal(&self, (hand, arm): (&Hand, &Arm), ball: &Ball, camera: usize, shown: &Joints) -> f64 {
+        let own = (self.individual.hand(hand), self.individual.arm(arm));
+        let touch = Touch {
+            camera,
+            arm: *shown,
+            opposition: 0.0,
+            center: Point3::origin(),
+            covariance: Matrix3::zeros(),
+        };
+        let (_, pose) = felt_at((&own.0, &own.1), &touch);
+        let touches = [Touch { center: pose.inverse() * self.ball, ..touch }];
+        let search =
+            Search { hand, arm, ball, from: &self.individual, places: &self.places, touches: &touches };
+        let normal = pose * Vector3::z();
+        let along = |p: &[f64]| search.distances(p)[0].0.dot(&normal);
+        let at = along(&self.found);
+        let slopes = DMatrix::from_fn(self.found.len(), 1, |i, _| {
+            let mut moved = self.found.clone();
+            moved[i] += STEP;
+            (along(&moved) - at) / STEP
+        });
+        (slopes.tr_mul(&self.scaled) * &slopes)[(0, 0)].max(0.0).sqrt()
+    }
+
+    /// Root of the covariance of what is at these places of the individual, in spreads: columns of independent errors.
+    pub fn root(&self, places: &[usize]) -> DMatrix<f64> {
+        let own: Vec<Option<usize>> =
+            places.iter().map(|place| self.places.iter().position(|known| known == place)).collect();
+        let entry = |i: usize, j: usize| match (own[i], own[j]) {
+            (Some(a), Some(b)) => self.scaled[(a, b)],
+            _ => f64::from(u8::from(i == j)),
+        };
+        let covariance = DMatrix::from_fn(places.len(), places.len(), entry);
+        covariance.cholesky().map_or_else(|| DMatrix::identity(places.len(), places.len()), |root| root.l())
+    }
+
+    /// Whether the touches say more of what is at `n` of [`Self::places`] than the drawing.
+    pub fn taught(&self, n: usize) -> bool {
+        self.scaled[(n, n)].sqrt() < TAUGHT
+    }
+}

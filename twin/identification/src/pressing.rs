@@ -1,0 +1,73 @@
+//! Where to press: by the robot as its presses so far show it.
+//!
+//! A robot as drawn misses a ball by a good part of a pad's width. Each press is aimed with the kinematic calibration of those before it, and
+//! begins as far before the ball as that is unsure.
+
+use control::inverse_kinematics::Joints;
+use hand_model::{Arm, Hand};
+use scenarios::individuals::robot::RobotIndividual;
+use touch::PhotometricCalibration;
+
+use crate::ball::{Approach, Ball, Press, approach};
+use crate::excitation::Means;
+use crate::kinematic_calibration::{KinematicCalibration, Touch, calibrate};
+use crate::touches::{PressImages, touches};
+
+/// How far before the ball a press begins, in standard deviations of where it is felt, ...
+const EARLY: f64 = 3.0;
+/// ... and between these, m.
+const EARLIEST: [f64; 2] = [0.001, 0.02];
+/// With so many touches the aim is as good as it needs to be; it is found again after every so many.
+const ENOUGH: (usize, usize) = (12, 6);
+
+/// What presses are aimed by.
+pub struct Aim<'a> {
+    hand: &'a Hand,
+    arm: &'a Arm,
+    pads: &'a PhotometricCalibration,
+    ball: &'a Ball,
+    touches: Vec<Touch>,
+    found: KinematicCalibration,
+}
+
+impl<'a> Aim<'a> {
+    /// By the drawing.
+    pub fn new(means: &Means<'a>, ball: &'a Ball) -> Self {
+        let Means { hand, arm, pads, .. } = *means;
+        let found = calibrate((hand, arm), ball, &RobotIndividual::designed(hand), &[]);
+        Self { hand, arm, pads, ball, touches: Vec::new(), found }
+    }
+
+    /// The ball.
+    pub fn ball(&self) -> &'a Ball {
+        self.ball
+    }
+
+    /// The way to a press from where the arm stands.
+    pub fn at(&self, press: &Press, from: &Joints) -> Option<Approach> {
+        let own = (self.found.individual.hand(self.hand), self.found.individual.arm(self.arm));
+        let way = |early| approach((&own.0, &own.1), self.ball, press, &self.found.ball, early, from);
+        let near = way(EARLIEST[0])?;
+        let unsure =
+            self.found.along_normal((self.hand, self.arm), self.ball, press.camera, near.way.last().unwrap_or(from));
+        way((EARLY * unsure).clamp(EARLIEST[0], EARLIEST[1]))
+    }
+
+    /// Whether the newest look of `camera` shows the ball deep enough in its pad.
+    pub fn is_deep(&self, camera: usize, images: &PressImages) -> bool {
+        let newest = images.of_look().filter(|image| image.camera == camera);
+        let touch = touches(self.hand, self.pads, self.ball.radius, newest);
+        touch.first().is_some_and(|touch| touch.depth(self.hand, self.ball) >= self.ball.depth)
+    }
+
+    /// Takes what the newest press has shown.
+    pub fn learn(&mut self, images: &PressImages) {
+        let before = self.touches.len();
+        self.touches.extend(touches(self.hand, self.pads, self.ball.radius, images.of_press()));
+        let now = self.touches.len();
+        if now > before && (now <= ENOUGH.0 || before / ENOUGH.1 != now / ENOUGH.1) {
+            self.found =
+                calibrate((self.hand, self.arm), self.ball, &RobotIndividual::designed(self.hand), &self.touches);
+        }
+    }
+}

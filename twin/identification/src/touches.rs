@@ -1,0 +1,163 @@
+//! Images of pads that are pressed on the ball, as a session has them, and what they say of where it is.
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+use control::inverse_kinematics::Joints;
+use hand_model::robot::{Observation, TactileImage};
+use hand_model::{CAMERAS, Hand};
+use nalgebra::{Point3, Vector3};
+use rayon::prelude::*;
+use touch::ball_press::{BallPlace, BallPress, locate};
+use touch::colour_change::find_change;
+use touch::{PhotometricCalibration, StereoOptions};
+
+use crate::kinematic_calibration::Touch;
+
+/// Images that come later than this after those before them are of untouched pads: a press is over, and another begins, s.
+pub const PAUSE: f64 = 0.6;
+
+/// Images that come later than this after those before them belong to another look, s.
+const LOOK: f64 = 0.1;
+
+/// An image of a pressed pad.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PressImage {
+    /// Number of the press, in the order of the session.
+    pub press: usize,
+    /// Number of the look, in the order of the session: the arm stands during a look.
+    pub look: usize,
+    pub camera: usize,
+    /// What the arm's encoders showed, rad.
+    pub arm: Joints,
+    /// Angle of the opposition servo, rad.
+    pub opposition: f64,
+    pub image: Arc<TactileImage>,
+    /// The pad before the press.
+    pub background: Arc<TactileImage>,
+}
+
+/// The images of a session that show something, press by press.
+#[derive(Debug, Clone)]
+pub struct PressImages {
+    /// In which a frame came last, s.
+    last: f64,
+    press: usize,
+    look: usize,
+    backgrounds: [Option<Arc<TactileImage>>; CAMERAS],
+    images: Vec<PressImage>,
+}
+
+impl Default for PressImages {
+    fn default() -> Self {
+        Self {
+            last: f64::NEG_INFINITY,
+            press: 0,
+            look: 0,
+            backgrounds: std::array::from_fn(|_| None),
+            images: Vec::new(),
+        }
+    }
+}
+
+impl PressImages {
+    /// Takes what a robot observed. The arm stands while images are taken.
+    pub fn see(&mut self, observation: &Observation) {
+        if observation.tactile.is_empty() {
+            return;
+        }
+        if observation.time > self.last + PAUSE {
+            self.press += 1;
+            self.backgrounds = std::array::from_fn(|_| None);
+        }
+        self.look += usize::from(observation.time > self.last + LOOK);
+        self.last = observation.time;
+        for frame in &observation.tactile {
+            let Some(background) = self.backgrounds.get_mut(frame.camera) else { continue };
+            let background = background.get_or_insert_with(|| frame.image.clone());
+            if find_change(&frame.image, background, &StereoOptions::default()).is_some() {
+                self.images.push(PressImage {
+                    press: self.press,
+                    look: self.look,
+                    camera: frame.camera,
+                    arm: observation.arm.position,
+                    opposition: observation.servos[5].position,
+                    image: frame.image.clone(),
+                    background: background.clone(),
+                });
+            }
+        }
+    }
+
+    /// All of them.
+    pub fn into_all(self) -> Vec<PressImage> {
+        self.images
+    }
+
+    /// Those of the newest press.
+    pub fn of_press(&self) -> impl Iterator<Item = &PressImage> {
+        self.images.iter().rev().take_while(|image| image.press == self.press)
+    }
+
+    /// Those of the newest look.
+    pub fn of_look(&self) -> impl Iterator<Item = &PressImage> {
+        self.images.iter().rev().take_while(|image| image.look == self.look)
+    }
+
+    /// When the newest image came, s; before any: minus infinity.
+    pub fn newest_time(&self) -> f64 {
+        self.last
+    }
+}
+
+impl PressImage {
+    /// As perception takes it; `radius` is the ball's, m.
+    pub fn ball_press(&self, radius: f64) -> BallPress {
+        BallPress {
+            camera: self.camera,
+            image: self.image.clone(),
+            background: self.background.clone(),
+            radius,
+        }
+    }
+}
+
+/// One touch of each camera in each press in which it can tell where the ball is: that of the look that shows the deepest contact, the mean of
+/// its images.
+pub fn touches<'a>(
+    hand: &Hand,
+    calibration: &PhotometricCalibration,
+    radius: f64,
+    images: impl IntoIterator<Item = &'a PressImage>,
+) -> Vec<Touch> {
+    let images: Vec<&PressImage> = images.into_iter().collect();
+    let located: Vec<Option<BallPlace>> =
+        images.par_iter().map(|image| locate(hand, calibration, &image.ball_press(radius)).ok().flatten()).collect();
+    let mut looks: BTreeMap<(usize, usize, usize), Vec<(&PressImage, BallPlace)>> = BTreeMap::new();
+    for (image, place) in images.into_iter().zip(located) {
+        let look = looks.entry((image.press, image.camera, image.look)).or_default();
+        look.extend(place.map(|place| (image, place)));
+    }
+    let mut deepest: BTreeMap<(usize, usize), Touch> = BTreeMap::new();
+    for ((press, camera, _), look) in &looks {
+        let Some(touch) = mean(look) else { continue };
+        let known = deepest.entry((*press, *camera)).or_insert(touch);
+        if touch.center.z < known.center.z {
+            *known = touch;
+        }
+    }
+    deepest.into_values().collect()
+}
+
+/// What the images of a look say together. Their errors are alike: those of calibration and lens.
+fn mean(look: &[(&PressImage, BallPlace)]) -> Option<Touch> {
+    let (first, place) = look.first()?;
+    let sum = look.iter().fold(Vector3::zeros(), |sum, (_, place)| sum + place.center.coords);
+    Some(Touch {
+        camera: first.camera,
+        arm: first.arm,
+        opposition: first.opposition,
+        center: Point3::from(sum / look.len() as f64),
+        covariance: place.covariance,
+    })
+}
