@@ -1,10 +1,11 @@
 //! Touch on known presses and grasps: what it is trained on, and how accurate normals and in-hand poses are.
 //!
-//! [`shapes`] presses known shapes into simulated pads, [`real`] reads presses of a real sensor. [`calibration`] fits the
+//! [`shapes`] presses known shapes into simulated pads, [`balls`] a ball all over them, [`real`] reads presses of a real sensor. [`calibration`] fits the
 //! photometric model and [`training`] the network to them; [`normals`] measures both. [`grasps`] plays first grasps,
 //! [`images`] shows them under changed optics, [`poses`] compares the felt pose with the true one, and [`pictures`] draws it.
 //! [`evaluation`] brings all of it together.
 
+pub mod balls;
 pub mod calibration;
 pub mod evaluation;
 pub mod grasps;

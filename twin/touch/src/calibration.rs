@@ -318,18 +318,20 @@ impl PhotometricCalibration {
 }
 
 fn check(hand: &Hand, press: &CalibrationPress) -> Result<(), TouchError> {
-    if press.camera >= hand.cameras.len() {
-        return Err(TouchError::Size {
-            what: "camera index of a press",
-            found: press.camera,
-            expected: hand.cameras.len(),
-        });
+    check_images(hand, press.camera, [&press.image, &press.background])?;
+    match press.indentation.len() {
+        PIXELS => Ok(()),
+        found => Err(TouchError::Size { what: "indentation values of a press", found, expected: PIXELS }),
     }
-    for (what, found, expected) in [
-        ("bytes of a press image", press.image.rgb.len(), 3 * PIXELS),
-        ("bytes of a press background", press.background.rgb.len(), 3 * PIXELS),
-        ("indentation values of a press", press.indentation.len(), PIXELS),
-    ] {
+}
+
+/// An error unless the hand has the camera and a press's image and background have its size.
+pub(crate) fn check_images(hand: &Hand, camera: usize, images: [&TactileImage; 2]) -> Result<(), TouchError> {
+    if camera >= hand.cameras.len() {
+        return Err(TouchError::Size { what: "camera index of a press", found: camera, expected: hand.cameras.len() });
+    }
+    for (what, image) in ["bytes of a press image", "bytes of a press background"].into_iter().zip(images) {
+        let (found, expected) = (image.rgb.len(), 3 * PIXELS);
         if found != expected {
             return Err(TouchError::Size { what, found, expected });
         }

@@ -8,12 +8,15 @@
 //! [`posture`] estimates fifteen joint angles from six servos. [`pose`] registers patches, untouched pads and servo
 //! readings to the known shape of the object. [`pipeline`] runs all of it for the 18 cameras of the hand.
 //!
+//! [`ball_press`] finds a ball of known radius that is pressed into a pad.
+//!
 //! This crate knows the hand model and nothing of simulators or hardware, and it never sees ground truth.
 //!
 //! # Conventions
 //! SI units. The indentation `h` is positive into the gel; its gradients are `gx = dh/dx` and `gy = dh/dy` in the pad frame.
 //! Images, gradient fields and height maps are row-major, [`IMAGE_SIZE`] squared, row 0 at the distal edge (largest y).
 
+pub mod ball_press;
 pub mod calibration;
 pub mod colour_change;
 pub mod contacts;
@@ -29,6 +32,7 @@ pub mod pose;
 pub mod posture;
 pub mod slip;
 
+pub use ball_press::{BallPlace, BallPress};
 pub use calibration::{AngularError, CalibrationPress, PhotometricCalibration, PhotometricModel};
 pub use colour_change::StereoOptions;
 pub use contacts::{ContactOptions, Patch, SurfacePoint};

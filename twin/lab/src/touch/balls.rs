@@ -1,0 +1,62 @@
+//! A session of presses on one ball: every camera's pad at several places, each with several forces.
+
+use anyhow::Result;
+use hand_model::Hand;
+use nalgebra::Point3;
+use optics::{Sensor, press};
+use rand::{Rng, RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use sim::tactile::TactileBoard;
+use touch::BallPress;
+
+use super::shapes::ball;
+
+/// Where a pad is pressed, as shares of the camera's view from its middle.
+pub const PLACES: [[f64; 2]; 5] = [[0.0, 0.0], [0.3, 0.0], [-0.3, 0.0], [0.0, 0.3], [0.0, -0.3]];
+/// Forces at each place, N.
+pub const FORCES: [f64; 4] = [1.0, 2.0, 3.0, 4.0];
+/// How far a press misses its place, as a share of the view.
+const ASIDE: f64 = 0.02;
+
+/// A press and where the ball's middle truly is (m, pad frame).
+pub struct KnownBall {
+    pub press: BallPress,
+    pub center: Point3<f64>,
+}
+
+/// Presses a ball of `radius` (m) with a force (N) at a place (m, pad frame) into the pad that camera `index` looks at.
+pub fn press_ball(
+    hand: &Hand,
+    (index, sensor): (usize, &Sensor),
+    radius: f64,
+    ([x, y], force): ([f64; 2], f64),
+    rng: &mut impl Rng,
+) -> Result<KnownBall> {
+    let camera = &hand.cameras[index];
+    let pad = &hand.pads[camera.pad];
+    let top = pad.surface_height(x, y);
+    let pressed = press(pad, &[camera], &hand.gel(), force, |px, py| ball(radius, px - x, py - y).map(|z| top + z))?;
+    let press = BallPress {
+        camera: index,
+        image: std::sync::Arc::new(sensor.render(&pressed.maps[0], rng)),
+        background: sensor.background().clone(),
+        radius,
+    };
+    Ok(KnownBall { press, center: Point3::new(x, y, top + radius - pressed.shift) })
+}
+
+/// Presses at [`PLACES`] with [`FORCES`] into the pads of all cameras.
+pub fn session(hand: &Hand, board: &TactileBoard, radius: f64, seed: u64) -> Result<Vec<KnownBall>> {
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    let mut presses = Vec::new();
+    for (index, camera) in hand.cameras.iter().enumerate() {
+        for place in PLACES {
+            for force in FORCES {
+                let mut aside = || rng.random_range(-ASIDE..ASIDE);
+                let at = [(place[0] + aside()) * camera.w, camera.center_y + (place[1] + aside()) * camera.h];
+                presses.push(press_ball(hand, (index, &board.sensors()[index]), radius, (at, force), &mut rng)?);
+            }
+        }
+    }
+    Ok(presses)
+}
