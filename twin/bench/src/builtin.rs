@@ -53,6 +53,24 @@ pub fn look_up_touch(hand: &Hand, backgrounds: Vec<Arc<TactileImage>>) -> Result
     Ok(pipeline)
 }
 
+/// A calibration of every pad of `hand` from a file's text; `path` is used in errors.
+pub fn parse_pads(hand: &Hand, text: &str, path: &Path) -> Result<PhotometricCalibration> {
+    let calibration = PhotometricCalibration::parse(text, path)?;
+    for pad in &hand.pads {
+        calibration.model(pad.configuration).with_context(|| path.display().to_string())?;
+    }
+    Ok(calibration)
+}
+
+/// Lets a bench's touch read images by the calibration of a file's text instead of the built-in one; without a text nothing changes.
+pub fn read_pads_by(bench: &mut Bench, text: Option<&str>, path: &Path) -> Result<()> {
+    if let Some(text) = text {
+        let calibration = parse_pads(&bench.world.cell.hand, text, path)?;
+        bench.pipeline = bench.pipeline.with_calibration(calibration);
+    }
+    Ok(())
+}
+
 /// Tells perception what it may know of the scenario's hand: what cables lose, and how far objects sink into pads.
 pub fn know_hand(pipeline: &mut TouchPipeline, world: &World) {
     pipeline.pose.cables = world.known_cable_losses();

@@ -53,6 +53,9 @@ pub struct RunRequest {
     /// File of the robot that body and control stack are; its text, or none for the drawing's.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub individual: Option<String>,
+    /// File of the calibration by which touch reads images; its text, or none for what comes with the program.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub pads: Option<String>,
     /// Number of the individual that the body is and the control stack does not know, if it is one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub plant: Option<u64>,
@@ -85,6 +88,7 @@ impl RunRequest {
             combos: self.combos,
             scenario: self.scenario.clone(),
             individual: self.individual.clone(),
+            pads: self.pads.clone(),
             foresees: self.foresees,
             places: self.places,
         }

@@ -67,6 +67,7 @@ fn play(bench: &Bench, condition: Condition, after: f64) -> Result<TrialRecord> 
         combos: 1,
         scenario: String::new(),
         individual: None,
+        pads: None,
         foresees: false,
         places: Places::default(),
     };

@@ -60,6 +60,7 @@ fn main() {
     let trace = kept.trace("sim", &script);
     println!("{} images in {:?}", trace.pressed.len(), begun.elapsed());
     let felt = touches(&hand, &pads, ball.radius, &trace.pressed);
+    for touch in &felt { println!("S {} {}", hand.cameras[touch.camera].name, touch.is_on_stops(&hand, &ball)); }
     println!("{} touches {:?}", felt.len(), begun.elapsed());
     let designed = RobotIndividual::designed(&hand);
     let found = calibrate((&hand, &arm), &ball, &designed, &felt);

@@ -59,7 +59,7 @@ impl Touch {
 
     /// Whether it pushes every link between palm and pad onto its stop: its force, by the gel's law, turns each of their joints open by more
     /// than any spring and the links' own weight turn it shut.
-    fn is_on_stops(&self, hand: &Hand, ball: &Ball) -> bool {
+    pub fn is_on_stops(&self, hand: &Hand, ball: &Ball) -> bool {
         let pad = &hand.pads[hand.cameras[self.camera].pad];
         let Some(link) = pad.link else { return true };
         let force = Foundation::winkler(&hand.gel()).ball_force(ball.radius, self.depth(hand, ball));

@@ -3,11 +3,12 @@
 use bench::builtin::builtin_calibration;
 use hand_model::Hand;
 use lab::touch::balls::{press_ball, session};
-use nalgebra::Vector3;
+use lab::touch::own_pads::{measure, placing, with_a_lamp_at};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 use sim::tactile::TactileBoard;
-use touch::ball_press::locate;
+use touch::ball_press::{calibrate, locate};
+use touch::{BallPress, TouchError};
 
 const RADIUS: f64 = 0.008;
 const UNIT: u64 = 1101;
@@ -17,18 +18,46 @@ const UNIT: u64 = 1101;
 fn the_ball_is_found_wherever_it_presses() {
     let (hand, calibration) = (Hand::ftac(), builtin_calibration().unwrap());
     let presses = session(&hand, &TactileBoard::unit(&hand, UNIT), RADIUS, 1).unwrap();
-    let (mut squares, mut shares) = (Vector3::zeros(), Vector3::zeros());
-    for known in &presses {
-        let place = locate(&hand, &calibration, &known.press).unwrap().expect("a ball");
-        let square = (place.center - known.center).map(|error| error * error);
-        squares += square;
-        shares += square.component_div(&place.covariance.diagonal());
-    }
-    let count = presses.len() as f64;
-    let rms = (squares / count).map(f64::sqrt);
-    assert!(rms.x < 0.08e-3 && rms.y < 0.08e-3 && rms.z < 0.05e-3, "{rms}");
-    let share = shares.sum() / (3.0 * count);
-    assert!((0.4..2.0).contains(&share), "mean squared error over variance: {share}");
+    let found = placing(&hand, &calibration, &presses).unwrap();
+    assert_eq!(found.found, found.of);
+    assert!(found.rms.x < 0.08e-3 && found.rms.y < 0.08e-3 && found.rms.z < 0.05e-3, "{found:?}");
+    assert!((0.4..2.0).contains(&found.over_variance.mean()), "{found:?}");
+}
+
+/// With a lamp that has grown dim, the fingertips are read by presses on a ball nearly as well as by a laboratory, and better than by
+/// another unit's calibration.
+#[test]
+fn pads_calibrate_themselves_on_a_ball() {
+    let (hand, other) = (Hand::ftac(), builtin_calibration().unwrap());
+    let dim = with_a_lamp_at(&hand, UNIT, 0.3).unwrap();
+    let found = measure(&hand, &other, (&dim, RADIUS), |camera| is_tip(&hand, camera), 1).unwrap();
+    let [other, own, laboratory] = [&found.other, &found.own, &found.laboratory].map(|normals| normals.all.mean);
+    assert!(own < 1.2 * laboratory && own < other, "{found:?}");
+    assert!(found.report.after.mean < 0.9 * found.report.before.mean, "{found:?}");
+}
+
+/// From a calibration that knows these very presses nothing is gained, nor without presses.
+#[test]
+fn a_calibration_that_is_no_better_is_refused() {
+    let (hand, other) = (Hand::ftac(), builtin_calibration().unwrap());
+    let known = session(&hand, &TactileBoard::unit(&hand, UNIT), RADIUS, 1).unwrap();
+    let presses: Vec<BallPress> =
+        known.into_iter().map(|known| known.press).filter(|press| is_tip(&hand, press.camera)).collect();
+    let mut own = other.clone();
+    let refusal = (0..8).find_map(|_| match calibrate(&hand, &presses, &own) {
+        Ok((better, _)) => {
+            own = better;
+            None
+        }
+        Err(error) => Some(error),
+    });
+    assert!(matches!(refusal, Some(TouchError::NoBetter { .. })), "{refusal:?}");
+    assert_ne!(own, other, "the first one is better");
+    assert!(matches!(calibrate(&hand, &[], &other), Err(TouchError::NoBetter { .. })));
+}
+
+fn is_tip(hand: &Hand, camera: usize) -> bool {
+    hand.pads[hand.cameras[camera].pad].configuration == 'a'
 }
 
 #[test]
@@ -46,7 +75,7 @@ fn no_ball_is_found_where_none_is_or_part_of_one() {
         assert_eq!(locate(&hand, &calibration, &press).unwrap(), None, "{what}");
     }
     // A ball that is told to be half as large as it is.
-    let other = touch::BallPress { radius: 0.5 * RADIUS, ..press(RADIUS, 0.0, 2.0) };
+    let other = BallPress { radius: 0.5 * RADIUS, ..press(RADIUS, 0.0, 2.0) };
     assert_eq!(locate(&hand, &calibration, &other).unwrap(), None);
     let mut nowhere = press(RADIUS, 0.0, 2.0);
     nowhere.camera = hand.cameras.len();

@@ -143,6 +143,7 @@ impl Plan {
             scenario: scenarios::scenario::BENCHMARK.to_owned(),
             policy: None,
             individual: None,
+            pads: None,
             plant: None,
             foresees: false,
             mirrors: false,

@@ -6,6 +6,9 @@
 //! the contact's rim, where they break off, tells the depth.
 
 mod impression;
+mod own_calibration;
+
+pub use own_calibration::{OwnCalibrationReport, calibrate};
 
 use std::sync::Arc;
 

@@ -26,6 +26,10 @@ pub const COLOUR_FEATURES: usize = 19;
 pub const PLACE_FEATURES: usize = 6;
 const FEATURES: usize = COLOUR_FEATURES * PLACE_FEATURES;
 const VERSION: u32 = 1;
+/// Ridge of a fit to presses alone, and of one to the change of a model, relative to each feature's own energy in the presses. The larger
+/// one keeps the features of steep slopes, which a ball shows at its contact's rim only, near the model's.
+const RIDGE: f64 = 1e-5;
+const KEPT: f64 = 0.1;
 /// Largest sine of a predicted slope angle.
 pub(crate) const STEEPEST: f32 = 0.95;
 
@@ -138,6 +142,18 @@ impl RowModel {
         }
     }
 
+    /// The same of one pixel, with steep ones beyond what a normal can have.
+    fn unbounded(&self, column: usize, change: [f32; 3]) -> [f64; 2] {
+        let (u, _) = place(column, 0);
+        let mut normal = [0.0; 2];
+        for ([feature], [w0, w1, w2]) in colour_features(change.map(|value| [value])).iter().zip(&self.0) {
+            for axis in 0..2 {
+                normal[axis] += f64::from(feature * (w0[axis] + u * (w1[axis] + u * w2[axis])));
+            }
+        }
+        normal
+    }
+
     /// Gradients (dh/dx, dh/dy) of those pixels.
     pub(crate) fn gradients(&self, column: usize, changes: &[[f32; 3]], gx: &mut [f32], gy: &mut [f32]) {
         self.normals(column, changes, |i, normal| [gx[i], gy[i]] = gradient_of(normal));
@@ -185,6 +201,15 @@ impl PhotometricModel {
 
     /// Fits a model to presses that share a sensor configuration, each with its pixel size (dx, dy; m).
     pub fn fit(configuration: char, presses: &[(&CalibrationPress, (f64, f64))]) -> Result<Self, TouchError> {
+        Self::corrected(None, configuration, presses)
+    }
+
+    /// The same, from a model that stays as it is where the presses say little: for slopes steeper than theirs.
+    fn corrected(
+        before: Option<&Self>,
+        configuration: char,
+        presses: &[(&CalibrationPress, (f64, f64))],
+    ) -> Result<Self, TouchError> {
         let mut normal = DMatrix::<f64>::zeros(FEATURES, FEATURES);
         let mut right = DMatrix::<f64>::zeros(FEATURES, 2);
         let mut samples = 0;
@@ -201,6 +226,7 @@ impl PhotometricModel {
         for (press, pixel) in presses {
             let change = colour_change(&press.image, &press.background, Change::WHOLE);
             for row in 1..N - 1 {
+                let known = before.map(|model| model.row(row));
                 for column in 1..N - 1 {
                     let i = row * N + column;
                     let touched = press.indentation[i] > 0.0;
@@ -218,8 +244,9 @@ impl PhotometricModel {
                             rows[(k * PLACE_FEATURES + l, filled)] = f64::from(colour * place);
                         }
                     }
-                    labels[(0, filled)] = gx * nz;
-                    labels[(1, filled)] = gy * nz;
+                    let [x, y] = known.as_ref().map_or([0.0; 2], |model| model.unbounded(column, change[i]));
+                    labels[(0, filled)] = gx * nz - x;
+                    labels[(1, filled)] = gy * nz - y;
                     filled += 1;
                     if filled == BLOCK {
                         flush(&rows, &labels, filled);
@@ -233,15 +260,22 @@ impl PhotometricModel {
         if samples < needed {
             return Err(TouchError::TooFewSamples { configuration, samples, needed });
         }
+        let ridge = if before.is_some() { KEPT } else { RIDGE };
         // Ridge relative to each feature's own energy, so that small cubic features are not penalised more.
         for k in 0..FEATURES {
-            normal[(k, k)] += 1e-5 * normal[(k, k)] + 1e-9 * samples as f64 * 1e-3;
+            normal[(k, k)] += ridge * normal[(k, k)] + 1e-9 * samples as f64 * 1e-3;
         }
         let solution = normal.cholesky().ok_or(TouchError::Singular("the photometric regression"))?.solve(&right);
         let column = |axis: usize| -> DVector<f64> { solution.column(axis).into_owned() };
         let (x, y) = (column(0), column(1));
+        let known = |k: usize, l: usize| before.map_or([0.0; 2], |model| model.weights[k][l]);
         let weights = (0..COLOUR_FEATURES)
-            .map(|k| std::array::from_fn(|l| [x[k * PLACE_FEATURES + l] as f32, y[k * PLACE_FEATURES + l] as f32]))
+            .map(|k| {
+                std::array::from_fn(|l| {
+                    let ([a, b], at) = (known(k, l), k * PLACE_FEATURES + l);
+                    [a + x[at] as f32, b + y[at] as f32]
+                })
+            })
             .collect();
         Ok(Self { weights })
     }
@@ -258,6 +292,19 @@ pub(crate) fn slope(indentation: &[f32], i: usize, (dx, dy): (f64, f64)) -> (f64
 impl PhotometricCalibration {
     /// Fits a model for every sensor configuration that occurs in `presses`.
     pub fn fit(hand: &Hand, presses: &[CalibrationPress]) -> Result<Self, TouchError> {
+        Self::fit_from(None, hand, presses)
+    }
+
+    /// This calibration corrected by presses: where they say little, it stays as it is. Configurations that do not occur in `presses` are
+    /// kept.
+    pub fn corrected(&self, hand: &Hand, presses: &[CalibrationPress]) -> Result<Self, TouchError> {
+        let corrected = Self::fit_from(Some(self), hand, presses)?;
+        let mut configurations = self.configurations.clone();
+        configurations.extend(corrected.configurations);
+        Ok(Self { version: VERSION, configurations })
+    }
+
+    fn fit_from(before: Option<&Self>, hand: &Hand, presses: &[CalibrationPress]) -> Result<Self, TouchError> {
         let mut groups: BTreeMap<char, Vec<_>> = BTreeMap::new();
         for press in presses {
             check(hand, press)?;
@@ -266,7 +313,10 @@ impl PhotometricCalibration {
         }
         let configurations = groups
             .into_iter()
-            .map(|(letter, group)| Ok((letter, PhotometricModel::fit(letter, &group)?)))
+            .map(|(letter, group)| {
+                let before = before.map(|calibration| calibration.model(letter)).transpose()?;
+                Ok((letter, PhotometricModel::corrected(before, letter, &group)?))
+            })
             .collect::<Result<_, TouchError>>()?;
         Ok(Self { version: VERSION, configurations })
     }
@@ -298,8 +348,13 @@ impl PhotometricCalibration {
     /// Reads a calibration file (JSON).
     pub fn read(path: &Path) -> Result<Self, TouchError> {
         let text = std::fs::read_to_string(path).map_err(|source| TouchError::Io { path: path.into(), source })?;
+        Self::parse(&text, path)
+    }
+
+    /// The same from a file's text; `path` is used in errors.
+    pub fn parse(text: &str, path: &Path) -> Result<Self, TouchError> {
         let fault = |message: String| TouchError::Format { path: path.into(), message };
-        let calibration: Self = serde_json::from_str(&text).map_err(|error| fault(error.to_string()))?;
+        let calibration: Self = serde_json::from_str(text).map_err(|error| fault(error.to_string()))?;
         if calibration.version != VERSION {
             return Err(fault(format!("version {}, expected {VERSION}", calibration.version)));
         }

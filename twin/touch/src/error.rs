@@ -38,6 +38,16 @@ pub enum TouchError {
         "configuration `{configuration}`: {samples} labelled contact pixels, at least {needed} are needed: press more often or deeper"
     )]
     TooFewSamples { configuration: char, samples: usize, needed: usize },
+    /// A calibration from presses is no better than the one at hand.
+    #[error(
+        "calibration from presses on a ball: normals of held-out presses are {after:.2} deg off on the mean, expected less than the {before:.2} deg of the calibration at hand"
+    )]
+    NoBetter {
+        /// Mean angular error of the calibration at hand, degrees.
+        before: f64,
+        /// That of the one from presses.
+        after: f64,
+    },
     /// Wrong number of elements.
     #[error("{what}: found {found}, expected {expected}")]
     Size { what: &'static str, found: usize, expected: usize },

@@ -76,6 +76,11 @@ impl TouchPipeline {
         Self { network: Some(network.prepare()), ..self.clone() }
     }
 
+    /// The same pipeline with slopes by another calibration.
+    pub fn with_calibration(&self, calibration: PhotometricCalibration) -> Self {
+        Self { calibration, ..self.clone() }
+    }
+
     /// The same pipeline with other background images, one per camera.
     pub fn with_backgrounds(&self, backgrounds: Vec<Arc<TactileImage>>) -> Result<Self, TouchError> {
         check_images("background", &backgrounds)?;

@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
-use bench::builtin::{COMBINATIONS, hide_plant, make_identified};
+use bench::builtin::{COMBINATIONS, hide_plant, make_identified, read_pads_by};
 use bench::journal::{Journal, RunRequest};
 use bench::own::{Own, Pace, Source};
 use bench::run::{self, Options, Record as Recorded};
@@ -73,6 +73,10 @@ pub struct BenchArgs {
     /// The robot that body and control stack are: a file of `ftac twin identify`; default: the robot as drawn.
     #[arg(long, value_name = "FILE")]
     pub individual: Option<PathBuf>,
+    /// Calibration of the pads by which touch reads images: a file of `ftac touch train`, or of the hand's own pads; default: the designed
+    /// pads'.
+    #[arg(long, value_name = "FILE")]
+    pub pads: Option<PathBuf>,
     /// Touch and reflex play second grasps in a twin of the scene before they choose one, from the state as felt.
     #[arg(long)]
     pub foresee: bool,
@@ -99,7 +103,7 @@ pub struct BenchArgs {
         conflicts_with_all = [
             "combos", "trials", "seed", "conditions", "robot", "scenario", "shard", "out", "noise_scale", "without",
             "uncertainty", "ablations", "policy", "policy_time", "registration", "mount", "individual", "plant",
-            "foresee", "mirror",
+            "foresee", "mirror", "pads",
         ]
     )]
     pub resume: Option<PathBuf>,
@@ -183,6 +187,7 @@ fn request(terminal: &Terminal, args: &BenchArgs) -> Result<(RunRequest, PathBuf
         scenario: text,
         places: args.places.places(args.robot)?,
         individual: super::individual::text(args.individual.as_deref())?.0,
+        pads: super::individual::pads(args.pads.as_deref())?,
         plant: args.plant,
         foresees: args.foresee,
         mirrors: args.mirror,
@@ -220,7 +225,8 @@ pub fn benchmark(terminal: &Terminal, args: &BenchArgs) -> Outcome {
     let (individual, named) = (request.individual.as_deref(), Path::new("--individual"));
     let mut bench = make_identified(individual, named, scenario, request.combos, request.seed, quiet)?;
     request.places.set_up(&mut bench.world)?;
-    super::individual::say_whose_pads(robot, &request.conditions);
+    read_pads_by(&mut bench, request.pads.as_deref(), Path::new("--pads"))?;
+    super::individual::say_whose_pads(robot, &request.conditions, request.pads.as_deref());
     if let Some(number) = request.plant {
         hide_plant(&mut bench, number);
     }

@@ -64,6 +64,7 @@ pub fn run(terminal: &Terminal, args: &DemoArgs) -> Outcome {
             scenario: scenarios::scenario::BENCHMARK.to_owned(),
             places: Places::default(),
             individual: None,
+            pads: None,
             foresees: false,
         };
         recordings.push(Recording::open(&targets, &bench, &task, (Began::Never, true))?);

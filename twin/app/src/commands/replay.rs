@@ -5,7 +5,7 @@ use std::path::Path;
 use anyhow::{Context as _, Result, bail};
 use bench::body::replayed::ReplaySource;
 use bench::body::{Stopped, Task};
-use bench::builtin::make_identified;
+use bench::builtin::{make_identified, read_pads_by};
 use bench::trial::{Bench, NoWatcher};
 use scenarios::Scenario;
 use scenarios::record::{Condition, TrialRecord};
@@ -41,6 +41,7 @@ pub fn bench_of(terminal: &Terminal, task: &Task, recording: &Path) -> Result<Be
     let quiet = terminal.quiet || terminal.json;
     let mut bench = make_identified(task.individual.as_deref(), recording, scenario, task.combos, task.seed, quiet)?;
     task.places.set_up(&mut bench.world)?;
+    read_pads_by(&mut bench, task.pads.as_deref(), recording)?;
     bench.foresee(task.foresees);
     if task.combination >= bench.plans.plans.len() {
         bail!(

@@ -1,10 +1,10 @@
 //! `ftac trial`.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
 use bench::body::Task;
-use bench::builtin::{COMBINATIONS, make_identified};
+use bench::builtin::{COMBINATIONS, make_identified, read_pads_by};
 use bench::mirror::divergence::Divergence;
 use bench::mirror::watch::beside;
 use bench::recording::Recording;
@@ -38,6 +38,10 @@ pub struct TrialArgs {
     /// The robot that body and control stack are: a file of `ftac twin identify`; default: the robot as drawn.
     #[arg(long, value_name = "FILE")]
     pub individual: Option<PathBuf>,
+    /// Calibration of the pads by which touch reads images: a file of `ftac touch train`, or of the hand's own pads; default: the designed
+    /// pads'.
+    #[arg(long, value_name = "FILE")]
+    pub pads: Option<PathBuf>,
     /// Play second grasps in a twin of the scene before one is chosen, from the state as felt.
     #[arg(long)]
     pub foresee: bool,
@@ -102,10 +106,12 @@ pub fn trial(terminal: &Terminal, args: &TrialArgs) -> Outcome {
     }
     let combos = args.combination + 1;
     let (individual, path) = super::individual::text(args.individual.as_deref())?;
+    let pads = super::individual::pads(args.pads.as_deref())?;
     let quiet = terminal.quiet || terminal.json;
     let mut bench = make_identified(individual.as_deref(), &path, scenario, combos, terminal.seed, quiet)?;
     places.set_up(&mut bench.world)?;
-    super::individual::say_whose_pads(args.robot, &[args.policy.condition()]);
+    read_pads_by(&mut bench, pads.as_deref(), Path::new("--pads"))?;
+    super::individual::say_whose_pads(args.robot, &[args.policy.condition()], pads.as_deref());
     bench.board = args.tactile.board(bench.board);
     bench.foresee(args.foresee);
     let condition = args.policy.condition();
@@ -121,6 +127,7 @@ pub fn trial(terminal: &Terminal, args: &TrialArgs) -> Outcome {
         scenario: text,
         places,
         individual,
+        pads,
         foresees: args.foresee,
     };
     let file = args.out.clone().unwrap_or_else(|| {

@@ -29,6 +29,9 @@ pub struct Task {
     /// Text of the file of the robot that body and control stack are, where they are not the drawing's.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub individual: Option<String>,
+    /// Text of the file of the calibration by which touch reads images, where it is not the one that comes with the program.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub pads: Option<String>,
     /// Whether second grasps were played in a twin of the scene before one was chosen.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub foresees: bool,

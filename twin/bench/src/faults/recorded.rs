@@ -33,6 +33,7 @@ impl Matrix<'_> {
             combos: self.bench.plans.plans.len(),
             scenario: scenarios::scenario::BENCHMARK.to_owned(),
             individual: None,
+            pads: None,
             foresees: false,
             places: Places::default(),
         };

@@ -174,6 +174,7 @@ fn task(seed: u64) -> Result<Task> {
         combos: 1,
         scenario: text,
         individual: None,
+        pads: None,
         foresees: false,
         places: Places::default(),
     })

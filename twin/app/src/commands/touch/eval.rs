@@ -1,9 +1,9 @@
 //! `ftac touch eval`: how accurate touch is, from images to poses, and how long it takes.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use anyhow::{Result, bail};
-use bench::builtin::{HAND_UNIT, make_bench_of};
+use bench::builtin::{HAND_UNIT, make_bench_of, read_pads_by};
 use bench::networks::Networks;
 use clap::Args;
 use lab::touch::evaluation::{TouchEvaluation, json, table, under_changes};
@@ -48,6 +48,10 @@ pub struct EvalArgs {
     /// designed one. Grasps kept by --grasps are those of another robot.
     #[arg(long, conflicts_with = "grasps")]
     pub individual: Option<PathBuf>,
+    /// Calibration of the pads by which grasps are felt: a file of `ftac touch train`, or of the hand's own pads; default: the designed
+    /// pads'.
+    #[arg(long, value_name = "FILE")]
+    pub pads: Option<PathBuf>,
     /// Folder for a recording and a sheet of images of the first grasp of each object.
     #[arg(long)]
     pub out: Option<PathBuf>,
@@ -72,7 +76,9 @@ pub fn eval(terminal: &Terminal, args: &EvalArgs) -> Outcome {
     let networks = args.networks.as_deref().map_or_else(Networks::builtin, Networks::read)?;
     let source = real_source(args)?;
     let real = source.map(|source| real(&source, &networks).map(|rows| (source, rows))).transpose()?;
-    let bench = make_bench_of(own.as_ref(), scenario, args.combos, terminal.seed, quiet)?;
+    let pads = crate::commands::individual::pads(args.pads.as_deref())?;
+    let mut bench = make_bench_of(own.as_ref(), scenario, args.combos, terminal.seed, quiet)?;
+    read_pads_by(&mut bench, pads.as_deref(), Path::new("--pads"))?;
     let played = Played { combos: args.combos, trials: args.trials, seed: terminal.seed };
     let grasps = grasps(&bench, played, args.grasps.as_deref(), quiet)?;
     let bar = progress::bar(grasps.len() as u64, "felt", quiet);

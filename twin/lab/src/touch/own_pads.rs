@@ -1,0 +1,121 @@
+//! What the pads' own calibration from presses on a ball is worth, beside that of another unit and that of a laboratory.
+
+use anyhow::Result;
+use hand_model::Hand;
+use nalgebra::Vector3;
+use optics::SensorModel;
+use sim::tactile::TactileBoard;
+use touch::ball_press::{OwnCalibrationReport, calibrate, locate};
+use touch::calibration::{angle, contact_pixels};
+use touch::photometric_stereo::gradients;
+use touch::{AngularError, BallPress, CalibrationPress, PhotometricCalibration, StereoOptions, TouchError};
+
+use super::balls::{KnownBall, session};
+use super::calibration::presses;
+
+/// Presses of each camera in a laboratory, and held out.
+const LABORATORY: usize = 20;
+const HELD_OUT: usize = 9;
+/// Steepest slopes of the classes by which errors are split, degrees; steeper ones are the last class.
+pub const STEEPEST: [f64; 4] = [10.0, 20.0, 30.0, 45.0];
+
+/// Errors of the balls' middles where they were found.
+#[derive(Debug, Clone, Copy)]
+pub struct Placing {
+    pub found: usize,
+    pub of: usize,
+    /// Root mean square, m.
+    pub rms: Vector3<f64>,
+    /// Mean of the squared errors over their stated variances, x, y, z.
+    pub over_variance: Vector3<f64>,
+}
+
+/// How far `calibration` places the balls of presses off.
+pub fn placing(hand: &Hand, calibration: &PhotometricCalibration, known: &[KnownBall]) -> Result<Placing, TouchError> {
+    let (mut found, mut squares, mut shares) = (0, Vector3::zeros(), Vector3::zeros());
+    for ball in known {
+        let Some(place) = locate(hand, calibration, &ball.press)? else { continue };
+        let square = (place.center - ball.center).map(|error| error * error);
+        found += 1;
+        squares += square;
+        shares += square.component_div(&place.covariance.diagonal());
+    }
+    let count = found as f64;
+    Ok(Placing { found, of: known.len(), rms: (squares / count).map(f64::sqrt), over_variance: shares / count })
+}
+
+/// Normals of held-out laboratory presses by one calibration.
+#[derive(Debug, Clone)]
+pub struct Normals {
+    pub all: AngularError,
+    /// By the true slope: up to each of [`STEEPEST`], and beyond.
+    pub by_slope: Vec<AngularError>,
+}
+
+impl Normals {
+    fn of(hand: &Hand, calibration: &PhotometricCalibration, held_out: &[CalibrationPress]) -> Result<Self> {
+        let mut classes = vec![Vec::new(); STEEPEST.len() + 1];
+        for press in held_out {
+            let camera = &hand.cameras[press.camera];
+            let model = calibration.model(hand.pads[camera.pad].configuration)?;
+            let seen = gradients(&press.image, &press.background, model, &StereoOptions::default());
+            for i in contact_pixels(press) {
+                let level = angle(press, i, camera.pixel_size(), [0.0; 2]);
+                let at = seen.as_ref().map_or([0.0; 2], |seen| [f64::from(seen.gx[i]), f64::from(seen.gy[i])]);
+                let class = STEEPEST.iter().position(|steepest| level < *steepest).unwrap_or(STEEPEST.len());
+                classes[class].push(angle(press, i, camera.pixel_size(), at));
+            }
+        }
+        let all = calibration.evaluate(hand, held_out)?;
+        Ok(Self { all, by_slope: classes.into_iter().map(AngularError::of).collect() })
+    }
+}
+
+/// One hand unit's pads by three calibrations.
+#[derive(Debug)]
+pub struct OwnPads {
+    /// By the calibration of another unit.
+    pub other: Normals,
+    /// By the calibration of a laboratory that has this unit.
+    pub laboratory: Normals,
+    /// By the calibration from presses on a ball.
+    pub own: Normals,
+    pub report: OwnCalibrationReport,
+    /// Of the ball, by the other unit's calibration and by the own one.
+    pub places: [Placing; 2],
+}
+
+/// The cameras of hand unit `serial`, with one of each camera's lamps `strength` times as bright.
+pub fn with_a_lamp_at(hand: &Hand, serial: u64, strength: f64) -> Result<TactileBoard> {
+    let dim = |_: usize, model: &mut SensorModel| {
+        if let Some(lamp) = model.lamps.first_mut() {
+            lamp.eta *= strength;
+        }
+    };
+    Ok(TactileBoard::changed(hand, serial, dim)?)
+}
+
+/// Calibrates the pads of a board from presses on a ball of `radius` (m) and in the laboratory way, those of its cameras that `wanted`
+/// picks; `other` is another unit's calibration.
+pub fn measure(
+    hand: &Hand,
+    other: &PhotometricCalibration,
+    (board, radius): (&TactileBoard, f64),
+    wanted: impl Fn(usize) -> bool,
+    seed: u64,
+) -> Result<OwnPads> {
+    let kept = |per_camera: usize, seed: u64| -> Result<Vec<CalibrationPress>> {
+        let mut made = presses(hand, board, per_camera, seed)?;
+        made.retain(|press| wanted(press.camera));
+        Ok(made)
+    };
+    let held_out = kept(HELD_OUT, seed + 1)?;
+    let laboratory = PhotometricCalibration::fit(hand, &kept(LABORATORY, seed + 2)?)?;
+    let mut known = session(hand, board, radius, seed)?;
+    known.retain(|known| wanted(known.press.camera));
+    let session: Vec<BallPress> = known.iter().map(|known| known.press.clone()).collect();
+    let (own, report) = calibrate(hand, &session, other)?;
+    let normals = |calibration| Normals::of(hand, calibration, &held_out);
+    let places = [placing(hand, other, &known)?, placing(hand, &own, &known)?];
+    Ok(OwnPads { other: normals(other)?, laboratory: normals(&laboratory)?, own: normals(&own)?, report, places })
+}
