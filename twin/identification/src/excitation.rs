@@ -83,7 +83,7 @@ pub fn play<R: Robot, E>(
     for (n, step) in means.script.steps(means.hand).iter().enumerate().skip(first) {
         heard(Progress::Begins(n))?;
         let went_on = match (step, &mut aim) {
-            (Step::Press(_, press), Some(aim)) => match aim.at(press, &player.arm) {
+            (Step::Press(_, press), Some(aim)) => match aim.at(press) {
                 Some(approach) => player.press(press.camera, &approach, aim, &mut goes_on),
                 None => {
                     heard(Progress::OutOfReach(n))?;

@@ -56,7 +56,9 @@ pub fn identify(
     let prior = kinematics.individual.clone();
     let (own_hand, own_arm) = (prior.hand(hand), prior.arm(arm));
     let motions: Vec<Vec<FreeMotion>> = (0..ACTUATORS)
-        .map(|actuator| distinct.values().flat_map(|trace| free_motions(trace, actuator, &own_hand, &own_arm)).collect())
+        .map(|actuator| {
+            distinct.values().flat_map(|trace| free_motions(trace, actuator, &own_hand, &own_arm)).collect()
+        })
         .collect();
     if let Some(missing) = motions.iter().position(Vec::is_empty) {
         let files: Vec<String> = traces.iter().map(|trace| trace.source.file.clone()).collect();

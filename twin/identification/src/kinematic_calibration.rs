@@ -257,17 +257,11 @@ impl KinematicCalibration {
     /// are the drawing.
     pub fn along_normal(&self, (hand, arm): (&Hand, &Arm), ball: &Ball, camera: usize, shown: &Joints) -> f64 {
         let own = (self.individual.hand(hand), self.individual.arm(arm));
-        let touch = Touch {
-            camera,
-            arm: *shown,
-            opposition: 0.0,
-            center: Point3::origin(),
-            covariance: Matrix3::zeros(),
-        };
+        let touch =
+            Touch { camera, arm: *shown, opposition: 0.0, center: Point3::origin(), covariance: Matrix3::zeros() };
         let (_, pose) = felt_at((&own.0, &own.1), &touch);
         let touches = [Touch { center: pose.inverse() * self.ball, ..touch }];
-        let search =
-            Search { hand, arm, ball, from: &self.individual, places: &self.places, touches: &touches };
+        let search = Search { hand, arm, ball, from: &self.individual, places: &self.places, touches: &touches };
         let normal = pose * Vector3::z();
         let along = |p: &[f64]| search.distances(p)[0].0.dot(&normal);
         let at = along(&self.found);

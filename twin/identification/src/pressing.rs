@@ -26,6 +26,7 @@ pub struct Aim<'a> {
     arm: &'a Arm,
     pads: &'a PhotometricCalibration,
     ball: &'a Ball,
+    ready: Joints,
     touches: Vec<Touch>,
     found: KinematicCalibration,
 }
@@ -33,9 +34,9 @@ pub struct Aim<'a> {
 impl<'a> Aim<'a> {
     /// By the drawing.
     pub fn new(means: &Means<'a>, ball: &'a Ball) -> Self {
-        let Means { hand, arm, pads, .. } = *means;
+        let Means { hand, arm, pads, ready, .. } = *means;
         let found = calibrate((hand, arm), ball, &RobotIndividual::designed(hand), &[]);
-        Self { hand, arm, pads, ball, touches: Vec::new(), found }
+        Self { hand, arm, pads, ball, ready, touches: Vec::new(), found }
     }
 
     /// The ball.
@@ -43,13 +44,17 @@ impl<'a> Aim<'a> {
         self.ball
     }
 
-    /// The way to a press from where the arm stands.
-    pub fn at(&self, press: &Press, from: &Joints) -> Option<Approach> {
+    /// The way to a press, with the arm bent as in its ready posture: from press to press its joints do not wind up.
+    pub fn at(&self, press: &Press) -> Option<Approach> {
         let own = (self.found.individual.hand(self.hand), self.found.individual.arm(self.arm));
-        let way = |early| approach((&own.0, &own.1), self.ball, press, &self.found.ball, early, from);
+        let way = |early| approach((&own.0, &own.1), self.ball, press, &self.found.ball, early, &self.ready);
         let near = way(EARLIEST[0])?;
-        let unsure =
-            self.found.along_normal((self.hand, self.arm), self.ball, press.camera, near.way.last().unwrap_or(from));
+        let unsure = self.found.along_normal(
+            (self.hand, self.arm),
+            self.ball,
+            press.camera,
+            near.way.last().unwrap_or(&self.ready),
+        );
         way((EARLY * unsure).clamp(EARLIEST[0], EARLIEST[1]))
     }
 

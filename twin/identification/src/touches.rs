@@ -113,12 +113,7 @@ impl PressImages {
 impl PressImage {
     /// As perception takes it; `radius` is the ball's, m.
     pub fn ball_press(&self, radius: f64) -> BallPress {
-        BallPress {
-            camera: self.camera,
-            image: self.image.clone(),
-            background: self.background.clone(),
-            radius,
-        }
+        BallPress { camera: self.camera, image: self.image.clone(), background: self.background.clone(), radius }
     }
 }
 
