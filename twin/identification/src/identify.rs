@@ -8,8 +8,10 @@ use nalgebra::DMatrix;
 use rayon::prelude::*;
 use scenarios::individuals::file::{Covariance, Estimate, IdentifiedRobot};
 use scenarios::individuals::robot::RobotIndividual;
-use touch::PhotometricCalibration;
+use touch::ball_press::{self, BallPress, OwnCalibrationReport};
+use touch::{PhotometricCalibration, TouchError};
 
+use crate::ball::Ball;
 use crate::error::IdentificationError;
 use crate::fit::{Fit, TAUGHT, fit};
 use crate::free_motion::{FreeMotion, free_motions};
@@ -102,6 +104,23 @@ pub fn identify(
     let robot = IdentifiedRobot::new(hand, estimates, covariances, sources);
     let fits = fits.try_into().unwrap_or_else(|_| unreachable!("a fit for each actuator"));
     Ok(Identification { robot, fits, kinematics })
+}
+
+/// The photometric calibration of the pads that the sessions press on a ball, from that of others, `pads`; nothing where none is pressed.
+///
+/// # Errors
+/// A result that is no better than `pads`.
+pub fn own_pads(
+    hand: &Hand,
+    pads: &PhotometricCalibration,
+    traces: &[Trace],
+) -> Option<Result<(PhotometricCalibration, OwnCalibrationReport), TouchError>> {
+    let pressed = |trace: &Trace| {
+        let of = |ball: &Ball| trace.pressed.iter().map(|image| image.ball_press(ball.radius)).collect::<Vec<_>>();
+        trace.ball.as_ref().map_or_else(Vec::new, of)
+    };
+    let presses: Vec<BallPress> = traces.iter().flat_map(pressed).collect();
+    (!presses.is_empty()).then(|| ball_press::calibrate(hand, &presses, pads))
 }
 
 /// A covariance by its parameters' names.

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use control::inverse_kinematics::Joints;
-use hand_model::robot::{Observation, TactileImage};
+use hand_model::robot::{Command, Observation, Robot, TactileImage, Tick};
 use hand_model::{CAMERAS, Hand};
 use nalgebra::{Point3, Vector3};
 use rayon::prelude::*;
@@ -107,6 +107,73 @@ impl PressImages {
     /// When the newest image came, s; before any: minus infinity.
     pub fn newest_time(&self) -> f64 {
         self.last
+    }
+}
+
+/// A robot that passes on only images that say something: those of untouched pads after a pause, and those of pads that have changed since. A
+/// session of it has a twentieth of the images.
+pub struct Thinned<R> {
+    robot: R,
+    last: f64,
+    backgrounds: [Option<Arc<TactileImage>>; CAMERAS],
+}
+
+impl<R> Thinned<R> {
+    /// Around `robot`.
+    pub fn new(robot: R) -> Self {
+        Self { robot, last: f64::NEG_INFINITY, backgrounds: std::array::from_fn(|_| None) }
+    }
+
+    /// The robot.
+    pub fn robot(&self) -> &R {
+        &self.robot
+    }
+
+    /// The robot, for itself.
+    pub fn into_robot(self) -> R {
+        self.robot
+    }
+}
+
+impl<R: Robot> Robot for Thinned<R> {
+    fn observe(&mut self) -> Observation {
+        let mut observation = self.robot.observe();
+        if !observation.tactile.is_empty() {
+            if observation.time > self.last + PAUSE {
+                self.backgrounds = std::array::from_fn(|_| None);
+            }
+            self.last = observation.time;
+            let backgrounds = &mut self.backgrounds;
+            // One frame is always passed on: it says that images came.
+            let mut passed = 0;
+            observation.tactile.retain(|frame| {
+                let Some(background) = backgrounds.get_mut(frame.camera) else { return false };
+                let says = match background {
+                    None => {
+                        *background = Some(frame.image.clone());
+                        true
+                    }
+                    Some(background) => {
+                        find_change(&frame.image, background, &StereoOptions::default()).is_some() || passed == 0
+                    }
+                };
+                passed += usize::from(says);
+                says
+            });
+        }
+        observation
+    }
+
+    fn send(&mut self, command: &Command) -> Command {
+        self.robot.send(command)
+    }
+
+    fn wait_for_tick(&mut self) -> Tick {
+        self.robot.wait_for_tick()
+    }
+
+    fn tick_length(&self) -> f64 {
+        self.robot.tick_length()
     }
 }
 

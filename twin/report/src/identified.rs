@@ -65,17 +65,14 @@ fn advice(parameters: &[ParameterRow]) -> Vec<String> {
             advice.push(format!("{}: {words}", open.join(", ")));
         }
     };
-    say(
-        &["joint_zero"],
-        "a free motion does not show where a link stands on its stop; touch a ball of known size with each fingertip",
-    );
+    say(&["joint_zero"], "touches of a ball do not push every link onto its stop; press each pad on one, further out");
     say(
         &["encoder", "position", "turn"],
-        "a free hand does not show where the arm's joints and its mount are; touch a fixed ball from several sides",
+        "touches of a ball leave some of these open: what turns the whole robot about its base is where the base stands (`ftac bridge register`)",
     );
     say(
         &["gel_stiffness", "gel_thickness", "pad_friction"],
-        "nothing touched a pad; press each on a ball of known size",
+        "how deep pads give way under what force, and how they stick, is not searched yet",
     );
     say(
         &[

@@ -18,6 +18,7 @@ use hardware_bridge::hardware_robot::HardwareRobot;
 use hardware_bridge::safety::state::State;
 use identification::Script;
 use identification::excitation::{Progress, Task, described, play};
+use identification::touches::Thinned;
 use scenarios::individuals::robot::RobotIndividual;
 use serde::{Deserialize, Serialize};
 use session_log::{Recorder, Session, Writer};
@@ -232,10 +233,10 @@ pub fn run(terminal: &Terminal, args: &ExciteArgs) -> Outcome {
     };
     let interrupt = Interrupt::catch()?;
     let path = args.folder.join(format!("part_{}.mcap", record.parts));
-    let mut recorder = Recorder::new(body, Writer::create(&path, &session)?);
+    let mut recorder = Recorder::new(Thinned::new(body), Writer::create(&path, &session)?);
     let played = excite(terminal, args, &drawing, &mut record, (&mut recorder, &interrupt));
     let (body, finished) = recorder.finish();
-    if let Bodied::Real(robot) = body {
+    if let Bodied::Real(robot) = body.into_robot() {
         robot.release()?;
     }
     if let Some(why) = played? {
@@ -255,7 +256,7 @@ fn excite(
     args: &ExciteArgs,
     drawing: &Drawing,
     record: &mut Record,
-    (recorder, interrupt): (&mut Recorder<Bodied>, &Interrupt),
+    (recorder, interrupt): (&mut Recorder<Thinned<Bodied>>, &Interrupt),
 ) -> Result<Option<String>> {
     let bar = terminal.progress();
     bar.set_length(record.script.steps(&drawing.hand).len() as u64);
@@ -273,8 +274,9 @@ fn excite(
         Ok::<(), anyhow::Error>(())
     };
     let mut stopped = None;
-    let goes_on = |recorder: &mut Recorder<Bodied>| {
-        stopped = if interrupt.happened() { Some("interrupted".to_owned()) } else { recorder.robot().stopped() };
+    let goes_on = |recorder: &mut Recorder<Thinned<Bodied>>| {
+        stopped =
+            if interrupt.happened() { Some("interrupted".to_owned()) } else { recorder.robot().robot().stopped() };
         stopped.is_none()
     };
     let played = play(recorder, &drawing.means(&script), first, heard, goes_on);

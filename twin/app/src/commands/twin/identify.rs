@@ -4,8 +4,11 @@ use std::path::PathBuf;
 
 use anyhow::{Result, bail};
 use clap::Args;
+use identification::identify::own_pads;
 use identification::{Identification, Trace, identify};
 use report::identified::{ActuatorRow, ParameterRow};
+use touch::ball_press::OwnCalibrationReport;
+use touch::{PhotometricCalibration, TouchError};
 
 use super::Drawing;
 use crate::commands::sessions::sessions_in;
@@ -23,6 +26,9 @@ pub struct IdentifyArgs {
     /// Where the parameters go.
     #[arg(long, default_value = "individual.toml")]
     pub out: PathBuf,
+    /// Where the pads' own photometric calibration goes, if the sessions press pads on a ball; default: beside --out, with the ending pads.json.
+    #[arg(long)]
+    pub pads: Option<PathBuf>,
     /// Where the page goes; default: beside --out, with the ending html.
     #[arg(long)]
     pub report: Option<PathBuf>,
@@ -45,7 +51,12 @@ pub fn run(terminal: &Terminal, args: &IdentifyArgs) -> Outcome {
     let page = args.report.clone().unwrap_or_else(|| args.out.with_extension("html"));
     let (actuators, parameters) = rows(&drawing, &found);
     report::write_whole(&page, report::identified::page(&actuators, &parameters, &found.robot.sessions).as_bytes())?;
+    let (pads, told) = keep_pads(args, own_pads(&drawing.hand, &drawing.pads, &traces))?;
+    let kinematics = &found.kinematics;
     let json = serde_json::json!({
+        "touches": kinematics.touches,
+        "touches_rms_m": kinematics.residuals,
+        "pads": pads.map(|path| path.display().to_string()),
         "individual": args.out.display().to_string(),
         "page": page.display().to_string(),
         "sessions": found.robot.sessions,
@@ -53,6 +64,14 @@ pub fn run(terminal: &Terminal, args: &IdentifyArgs) -> Outcome {
         "parameters": parameters,
     });
     let mut words = report::identified::text(&actuators, &parameters);
+    if kinematics.touches > 0 {
+        let [drawn, identified] = kinematics.residuals.map(|residual| 1e3 * residual);
+        words += &format!(
+            "\n{} touches stay {identified:.2} mm from one ball (root mean square), {drawn:.2} mm as drawn\n",
+            kinematics.touches
+        );
+    }
+    words += &told;
     words += &format!("{} and {} written\n", args.out.display(), page.display());
     terminal.print(&json, &words)?;
     let off: Vec<String> = actuators
@@ -61,6 +80,29 @@ pub fn run(terminal: &Terminal, args: &IdentifyArgs) -> Outcome {
         .map(|row| format!("{} by {:.1} deg", row.actuator, row.residual_after.to_degrees()))
         .collect();
     Ok((!off.is_empty()).then(|| format!("the twin does not move as the sessions show: {}", off.join(", "))))
+}
+
+/// A calibration of the pads' own, or why there is none.
+type OwnPads = Result<(PhotometricCalibration, OwnCalibrationReport), TouchError>;
+
+/// Writes the pads' own calibration where there is one: its file, and what is to be said.
+fn keep_pads(args: &IdentifyArgs, found: Option<OwnPads>) -> Result<(Option<PathBuf>, String)> {
+    Ok(match found {
+        None => (None, String::new()),
+        Some(Err(error)) => (None, format!("no calibration of the pads' own: {error}\n")),
+        Some(Ok((calibration, told))) => {
+            let path = args.pads.clone().unwrap_or_else(|| args.out.with_extension("pads.json"));
+            calibration.write(&path)?;
+            let words = format!(
+                "{}: the pads' own calibration, of {} images; normals of held-out ones err by {:.2} deg, {:.2} with the designed pads'\n",
+                path.display(),
+                told.located,
+                told.after.mean,
+                told.before.mean
+            );
+            (Some(path), words)
+        }
+    })
 }
 
 /// The sessions that were named, those of folders in their order.
