@@ -121,6 +121,45 @@ fn a_robot_is_excited_identified_and_used() {
     refused(&[&["twin", "identify", text(folder.path())], &output[..]].concat(), &["sessions: found none"]);
 }
 
+/// Pads that are pressed on a ball show arm and mount, and their own calibration or why there is none.
+#[test]
+fn presses_on_a_ball_show_the_arm() {
+    let folder = tempdir().expect("a folder");
+    let (script, sessions) = (folder.path().join("ball.toml"), folder.path().join("sessions"));
+    let ball = r#"
+[ball]
+radius = 0.008
+place = [0.50, 0.25, 0.25]
+uncertain = 0.003
+spots = [[0.0, 0.0]]
+tilt = 0.35
+standoff = 0.04
+stride = 0.0004
+settle = 0.2
+depth = 0.0013
+"#;
+    fs::write(&script, format!("{SCRIPT}{ball}")).expect("written");
+    let excite = ["twin", "excite", text(&sessions), "--individual", "2", "--script", text(&script), "--json"];
+    let done = json(&run(&excite));
+    assert_eq!(done["done"], 3 + 18);
+    let found = folder.path().join("individual.toml");
+    let identified = json(&run(&["twin", "identify", text(&sessions), "--out", text(&found), "--json"]));
+    assert!(identified["touches"].as_u64().expect("a number") >= 6, "{}", identified["touches"]);
+    let [drawn, own] = [0, 1].map(|n| identified["touches_rms_m"][n].as_f64().expect("a number"));
+    assert!(own < 0.5 * drawn && own < 5e-4, "{own} {drawn}");
+    let encoder = |row: &&Value| row["parameter"] == "arm_4.encoder";
+    let row = identified["parameters"].as_array().expect("rows").iter().find(encoder).expect("an encoder");
+    assert_eq!(row["identified"], true);
+    if let Some(pads) = identified["pads"].as_str() {
+        let record = folder.path().join("trial.rrd");
+        let output = run(&["trial", "0", "--policy", "blind", "--out", text(&record), "--pads", pads]);
+        assert!(matches!(output.status.code(), Some(0 | 1)), "{}", stderr(&output));
+    }
+    // A ball that no hand can be pressed on.
+    fs::write(&script, format!("{SCRIPT}{}", ball.replace("depth = 0.0013", "depth = 0.9"))).expect("written");
+    refused(&excite[..7], &["ball.toml: ball.depth: found 0.9, expected 0.0002 to 0.002"]);
+}
+
 /// Ctrl-C keeps what is done, and the same command goes on from there.
 #[test]
 fn an_interrupted_excitation_goes_on() {

@@ -188,3 +188,29 @@ fn a_press_rests_and_branches() {
         }
     }
 }
+
+/// Against what does not give way the force answers the sink thirty times as sharply as the gel: the whole share of a step's relaxation goes to
+/// and fro for ever, the damped one comes to rest.
+#[test]
+fn a_contact_with_a_fastened_object_comes_to_rest() {
+    let (gel, wall, share, deep) = (1.8e3, 6e4, 0.13, 1e-3);
+    let way = |sink: f64| wall * (deep - sink).max(0.0) / gel - sink;
+    let fresh = Contact {
+        cover: 0,
+        object: 0,
+        sink: 0.0,
+        load: Load::default(),
+        curve: None,
+        age: 0,
+        last: (LEAST_SHARE * share, 0.0),
+    };
+    let (mut plain, mut contact) = (0.0, fresh);
+    for _ in 0..200 {
+        plain += share * way(plain);
+        let off = way(contact.sink);
+        contact.sink += contact.damped(off, share) * off;
+    }
+    let rest = deep * wall / (wall + gel);
+    assert!((contact.sink - rest).abs() < 1e-5, "{} {rest}", contact.sink);
+    assert!((plain - rest).abs() > 1e-5 || way(plain).abs() > 1e-4, "{plain}");
+}

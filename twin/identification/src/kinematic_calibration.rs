@@ -59,7 +59,7 @@ impl Touch {
 
     /// Whether it pushes every link between palm and pad onto its stop: its force, by the gel's law, turns each of their joints open by more
     /// than any spring and the links' own weight turn it shut.
-    pub fn is_on_stops(&self, hand: &Hand, ball: &Ball) -> bool {
+    fn is_on_stops(&self, hand: &Hand, ball: &Ball) -> bool {
         let pad = &hand.pads[hand.cameras[self.camera].pad];
         let Some(link) = pad.link else { return true };
         let force = Foundation::winkler(&hand.gel()).ball_force(ball.radius, self.depth(hand, ball));
@@ -288,5 +288,87 @@ impl KinematicCalibration {
     /// Whether the touches say more of what is at `n` of [`Self::places`] than the drawing.
     pub fn taught(&self, n: usize) -> bool {
         self.scaled[(n, n)].sqrt() < TAUGHT
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use rand::{RngExt as _, SeedableRng as _};
+
+    use super::*;
+    use crate::evaluation::{median, reach};
+    use crate::script::Script;
+
+    const DEPTH: f64 = 0.0015;
+
+    /// Exact touches of a ball by `truth`, each pad five times with the arm all around its home posture.
+    fn touched(truth: &RobotIndividual, ball: &Ball) -> (Hand, Arm, Vec<Touch>) {
+        let (hand, arm) = (Hand::ftac(), Arm::gen3());
+        let own = (truth.hand(&hand), truth.arm(&arm));
+        let middle = ball.middle() + Vector3::new(0.002, -0.001, 0.003);
+        let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(4);
+        let touches = (0..5 * hand.cameras.len()).map(|n| {
+            let shown = Arm::home().map(|angle| angle + rng.random_range(-0.6..0.6));
+            let bare = Touch {
+                camera: n % hand.cameras.len(),
+                arm: shown,
+                opposition: 0.0,
+                center: Point3::new(0.0, 0.0, ball.radius - DEPTH),
+                covariance: Matrix3::from_diagonal_element(1e-10),
+            };
+            // Wherever the arm has the pad, the ball is where it is: a touch at arm's length.
+            let (_, pose) = felt_at((&own.0, &own.1), &bare);
+            Touch { center: pose.inverse() * middle, ..bare }
+        });
+        (hand.clone(), arm.clone(), touches.collect())
+    }
+
+    /// Touches that are exact show a robot to a fraction of a millimetre, and the place of the ball.
+    #[test]
+    fn exact_touches_show_the_robot() {
+        let ball = Script::standard().ball.expect("a ball");
+        let designed = RobotIndividual::designed(&Hand::ftac());
+        let truth = RobotIndividual::draw(&Hand::ftac(), 9);
+        let (hand, arm, mut touches) = touched(&truth, &ball);
+        // A link that a touch does not push onto its stop says nothing: only the palm's are taken.
+        touches.retain(|touch| hand.pads[hand.cameras[touch.camera].pad].link.is_none());
+        let found = calibrate((&hand, &arm), &ball, &designed, &touches);
+        assert_eq!(found.touches, touches.len());
+        assert!(found.residuals[1] < 0.1 * found.residuals[0], "{:?}", found.residuals);
+        let error = |own| median(&reach(&truth, own, (&hand, &arm), &Arm::home(), 0.0));
+        assert!(error(&found.individual) < 0.4 * error(&designed), "{} {}", error(&found.individual), error(&designed));
+        for joint in 1..6 {
+            let place = truth.place(Quantity::ArmEncoder, joint).expect("an encoder");
+            let n = found.places.iter().position(|own| *own == place).expect("searched");
+            assert!(found.taught(n), "{joint}");
+            let off = found.individual.deviations()[place] - truth.deviations()[place];
+            assert!(off.abs() < 4.0 * found.covariance[(n, n)].sqrt(), "{joint}: {off}");
+        }
+    }
+
+    /// Without touches everything stays the drawing's, with its spread.
+    #[test]
+    fn no_touches_say_nothing() {
+        let ball = Script::standard().ball.expect("a ball");
+        let designed = RobotIndividual::designed(&Hand::ftac());
+        let found = calibrate((&Hand::ftac(), &Arm::gen3()), &ball, &designed, &[]);
+        assert!((0..found.places.len()).all(|n| !found.taught(n)));
+        assert!((found.ball - ball.middle()).norm() < 1e-12);
+    }
+
+    /// A pad that is pressed close to its link's joint does not open that joint: the link hangs on its spring.
+    #[test]
+    fn a_touch_near_a_joint_says_nothing_of_its_stop() {
+        let (hand, ball) = (Hand::ftac(), Script::standard().ball.expect("a ball"));
+        let camera = hand.cameras.iter().position(|camera| camera.name == "index_middle").expect("a camera");
+        let touch = |y: f64, depth: f64| Touch {
+            camera,
+            arm: Arm::home(),
+            opposition: 0.0,
+            center: Point3::new(0.0, y, ball.radius - depth),
+            covariance: Matrix3::identity(),
+        };
+        assert!(touch(0.008, DEPTH).is_on_stops(&hand, &ball));
+        assert!(!touch(0.008, 2e-4).is_on_stops(&hand, &ball), "hardly any force");
     }
 }

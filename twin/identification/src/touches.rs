@@ -195,7 +195,7 @@ pub fn touches<'a>(
     let images: Vec<&PressImage> = images.into_iter().collect();
     let located: Vec<Option<BallPlace>> =
         images.par_iter().map(|image| locate(hand, calibration, &image.ball_press(radius)).ok().flatten()).collect();
-    let mut looks: BTreeMap<(usize, usize, usize), Vec<(&PressImage, BallPlace)>> = BTreeMap::new();
+    let mut looks: BTreeMap<(usize, usize, usize), Look> = BTreeMap::new();
     for (image, place) in images.into_iter().zip(located) {
         let look = looks.entry((image.press, image.camera, image.look)).or_default();
         look.extend(place.map(|place| (image, place)));
@@ -211,8 +211,11 @@ pub fn touches<'a>(
     deepest.into_values().collect()
 }
 
+/// The images of a camera in a look that show the ball.
+type Look<'a> = Vec<(&'a PressImage, BallPlace)>;
+
 /// What the images of a look say together. Their errors are alike: those of calibration and lens.
-fn mean(look: &[(&PressImage, BallPlace)]) -> Option<Touch> {
+fn mean(look: &Look) -> Option<Touch> {
     let (first, place) = look.first()?;
     let sum = look.iter().fold(Vector3::zeros(), |sum, (_, place)| sum + place.center.coords);
     Some(Touch {

@@ -7,6 +7,12 @@ use identification::excitation::{Means, play as excite};
 use identification::trace::{Kept, Trace};
 use identification::{Script, identify};
 use scenarios::individuals::robot::RobotIndividual;
+use touch::PhotometricCalibration;
+
+/// That of the designed pads.
+fn builtin_calibration() -> PhotometricCalibration {
+    serde_json::from_str(include_str!("../../bench/data/calibration.json")).expect("a calibration")
+}
 
 /// Short motions in two postures.
 fn short() -> Script {
