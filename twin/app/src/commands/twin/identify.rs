@@ -55,7 +55,7 @@ pub fn run(terminal: &Terminal, args: &IdentifyArgs) -> Outcome {
     let kinematics = &found.kinematics;
     let json = serde_json::json!({
         "touches": kinematics.touches,
-        "touches_rms_m": kinematics.residuals,
+        "touches_rms_m": (kinematics.touches > 0).then_some(kinematics.residuals),
         "pads": pads.map(|path| path.display().to_string()),
         "individual": args.out.display().to_string(),
         "page": page.display().to_string(),
