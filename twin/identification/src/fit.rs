@@ -6,7 +6,7 @@
 //! they stay alike, found in a first round; the covariance is that of the second, with what the fit does not search ([`interval`](crate::interval)).
 
 use hand_model::transmission::friction::CableLosses;
-use hand_model::{Arm, Hand};
+use hand_model::{ARM_JOINTS, Arm, Hand};
 use nalgebra::DMatrix;
 use optics::calibration::least_squares::{Options, Problem, forward_differences};
 use scenarios::individuals::robot::RobotIndividual;
@@ -14,7 +14,7 @@ use scenarios::individuals::spread::{Parameter, Quantity};
 
 use crate::free_digit::{Shown, play};
 use crate::free_motion::FreeMotion;
-use crate::interval::covariance;
+use crate::interval::{Piece, covariance};
 use crate::kinematic_calibration::KinematicCalibration;
 
 /// Every so many ticks is a sample.
@@ -31,6 +31,8 @@ const RANGE: f64 = 4.0;
 const DELAY: f64 = 0.01;
 /// Step of the differences, in spreads.
 const STEP: f64 = 0.01;
+/// Postures of the arm closer than this in every joint are one, rad.
+const SAME_POSTURE: f64 = 0.05;
 /// Below this share of its spread a parameter's standard deviation says that the session taught something.
 pub const TAUGHT: f64 = 0.8;
 
@@ -180,7 +182,7 @@ pub fn fit(
     let others = unsearched(from, hand, actuator);
     let changes: Vec<f64> = others.iter().flat_map(|place| search.change(&p, &left, *place)).collect();
     let changes = DMatrix::from_vec(left.len(), others.len(), changes) * touches.root(&others);
-    let covariance = covariance(&slopes, &(changes / sigma));
+    let covariance = covariance(&slopes, &(changes / sigma), &by_posture(motions, &at));
     let found = search.individual(&p[..places.len()]);
     let spread: Vec<f64> = places.iter().map(|place| from.parameters()[*place].spread.sigma).collect();
     Fit {
@@ -193,6 +195,25 @@ pub fn fit(
         motions: motions.len(),
         places,
     }
+}
+
+/// The samples' residuals `at` in pieces: those of all motions in one posture of the arm.
+fn by_posture(motions: &[FreeMotion], at: &[f64]) -> Vec<Piece> {
+    let mut pieces: Vec<([f64; ARM_JOINTS], Piece)> = Vec::new();
+    let mut row = 0;
+    for motion in motions {
+        let shown = motion.arm.first().copied().unwrap_or_default();
+        let near = |other: &[f64; ARM_JOINTS]| shown.iter().zip(other).all(|(a, b)| (a - b).abs() < SAME_POSTURE);
+        let known = pieces.iter().position(|(other, _)| near(other));
+        let piece = known.unwrap_or_else(|| {
+            pieces.push((shown, Vec::new()));
+            pieces.len() - 1
+        });
+        let samples = motion.angles.len().div_ceil(THINNED);
+        pieces[piece].1.extend((row..row + samples).map(|n| (n, at[n])));
+        row += samples;
+    }
+    pieces.into_iter().map(|(_, piece)| piece).collect()
 }
 
 fn jacobian(search: &Search, p: &[f64], at: &[f64], sigma: f64) -> DMatrix<f64> {
