@@ -93,8 +93,7 @@ pub fn palm_from_pad(hand: &Hand, pad: usize) -> Isometry3<f64> {
 
 /// Kinematics of a robot whose base is the world's origin.
 pub fn kinematics(hand: &Hand, arm: &Arm) -> ArmKinematics {
-    let mount = Mount { world_from_base: Isometry3::identity(), tool_from_palm: hand.palm_from_flange.inverse() };
-    ArmKinematics::new(arm.clone(), mount)
+    ArmKinematics::new(arm.clone(), Mount::of_hand(hand, 0.0))
 }
 
 /// How the arm of a robot believed to be `hand` on `arm` brings a pad onto a ball believed to be at `middle`, looking from `early` (m) before
