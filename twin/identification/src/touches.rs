@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use control::inverse_kinematics::Joints;
-use hand_model::robot::{Command, Observation, Robot, TactileImage, Tick};
+use hand_model::robot::{Command, Observation, Robot, TactileFrame, TactileImage, Tick};
 use hand_model::{CAMERAS, Hand};
 use nalgebra::{Point3, Vector3};
 use rayon::prelude::*;
@@ -37,27 +37,61 @@ pub struct PressImage {
     pub background: Arc<TactileImage>,
 }
 
-/// The images of a session that show something, press by press.
+/// The untouched pads before a press: the first image of each camera after a pause.
 #[derive(Debug, Clone)]
-pub struct PressImages {
-    /// In which a frame came last, s.
+struct Backgrounds {
+    /// When images came last, s.
     last: f64,
-    press: usize,
-    look: usize,
-    backgrounds: [Option<Arc<TactileImage>>; CAMERAS],
-    images: Vec<PressImage>,
+    images: [Option<Arc<TactileImage>>; CAMERAS],
 }
 
-impl Default for PressImages {
+impl Default for Backgrounds {
     fn default() -> Self {
-        Self {
-            last: f64::NEG_INFINITY,
-            press: 0,
-            look: 0,
-            backgrounds: std::array::from_fn(|_| None),
-            images: Vec::new(),
-        }
+        Self { last: f64::NEG_INFINITY, images: std::array::from_fn(|_| None) }
     }
+}
+
+impl Backgrounds {
+    /// Notes that images came at `time` (s): whether after a pause.
+    fn come(&mut self, time: f64) -> bool {
+        let paused = time > self.last + PAUSE;
+        if paused {
+            self.images = std::array::from_fn(|_| None);
+        }
+        self.last = time;
+        paused
+    }
+
+    /// What a frame is.
+    fn compare(&mut self, frame: &TactileFrame) -> Option<Compared<'_>> {
+        let background = self.images.get_mut(frame.camera)?;
+        if background.is_none() {
+            *background = Some(frame.image.clone());
+            return Some(Compared::First);
+        }
+        let background = background.as_ref()?;
+        let changed = find_change(&frame.image, background, &StereoOptions::default()).is_some();
+        Some(if changed { Compared::Changed(background) } else { Compared::Same })
+    }
+}
+
+/// A frame beside the untouched pad.
+enum Compared<'a> {
+    /// It is the untouched pad.
+    First,
+    /// It looks like it.
+    Same,
+    /// It differs from this.
+    Changed(&'a Arc<TactileImage>),
+}
+
+/// The images of a session that show something, press by press.
+#[derive(Debug, Clone, Default)]
+pub struct PressImages {
+    press: usize,
+    look: usize,
+    backgrounds: Backgrounds,
+    images: Vec<PressImage>,
 }
 
 impl PressImages {
@@ -66,16 +100,10 @@ impl PressImages {
         if observation.tactile.is_empty() {
             return;
         }
-        if observation.time > self.last + PAUSE {
-            self.press += 1;
-            self.backgrounds = std::array::from_fn(|_| None);
-        }
-        self.look += usize::from(observation.time > self.last + LOOK);
-        self.last = observation.time;
+        self.look += usize::from(observation.time > self.backgrounds.last + LOOK);
+        self.press += usize::from(self.backgrounds.come(observation.time));
         for frame in &observation.tactile {
-            let Some(background) = self.backgrounds.get_mut(frame.camera) else { continue };
-            let background = background.get_or_insert_with(|| frame.image.clone());
-            if find_change(&frame.image, background, &StereoOptions::default()).is_some() {
+            if let Some(Compared::Changed(background)) = self.backgrounds.compare(frame) {
                 self.images.push(PressImage {
                     press: self.press,
                     look: self.look,
@@ -106,7 +134,7 @@ impl PressImages {
 
     /// When the newest image came, s; before any: minus infinity.
     pub fn newest_time(&self) -> f64 {
-        self.last
+        self.backgrounds.last
     }
 }
 
@@ -114,14 +142,13 @@ impl PressImages {
 /// session of it has a twentieth of the images.
 pub struct Thinned<R> {
     robot: R,
-    last: f64,
-    backgrounds: [Option<Arc<TactileImage>>; CAMERAS],
+    backgrounds: Backgrounds,
 }
 
 impl<R> Thinned<R> {
     /// Around `robot`.
     pub fn new(robot: R) -> Self {
-        Self { robot, last: f64::NEG_INFINITY, backgrounds: std::array::from_fn(|_| None) }
+        Self { robot, backgrounds: Backgrounds::default() }
     }
 
     /// The robot.
@@ -139,24 +166,12 @@ impl<R: Robot> Robot for Thinned<R> {
     fn observe(&mut self) -> Observation {
         let mut observation = self.robot.observe();
         if !observation.tactile.is_empty() {
-            if observation.time > self.last + PAUSE {
-                self.backgrounds = std::array::from_fn(|_| None);
-            }
-            self.last = observation.time;
-            let backgrounds = &mut self.backgrounds;
+            self.backgrounds.come(observation.time);
             // One frame is always passed on: it says that images came.
             let mut passed = 0;
             observation.tactile.retain(|frame| {
-                let Some(background) = backgrounds.get_mut(frame.camera) else { return false };
-                let says = match background {
-                    None => {
-                        *background = Some(frame.image.clone());
-                        true
-                    }
-                    Some(background) => {
-                        find_change(&frame.image, background, &StereoOptions::default()).is_some() || passed == 0
-                    }
-                };
+                let Some(compared) = self.backgrounds.compare(frame) else { return false };
+                let says = passed == 0 || !matches!(compared, Compared::Same);
                 passed += usize::from(says);
                 says
             });
