@@ -192,6 +192,8 @@ pub fn reach(
 const STAIRS: [f64; 10] = [0.02, 0.055, 0.03, 0.06, 0.065, 0.015, 0.045, 0.05, 0.025, 0.0];
 /// Length of a stair, s.
 const STAIR: f64 = 0.4;
+/// For so long the hand opens before them, s.
+const LED: f64 = 1.0;
 /// Added to the arm's posture for them, rad: no posture of the script.
 const TURN: [f64; ARM_JOINTS] = [0.0, 0.0, 0.0, 0.0, 0.0, 0.4, 0.8];
 
@@ -225,7 +227,8 @@ fn stairs(robot: &mut SimulatedRobot, actuator: usize, hand: &Hand, arm: &Arm) -
     let mut motion = FreeMotion {
         actuator,
         tick,
-        currents: Vec::new(),
+        lead_in: 0,
+        goals: Vec::new(),
         angles: Vec::new(),
         opposition: Vec::new(),
         arm: Vec::new(),
@@ -234,21 +237,20 @@ fn stairs(robot: &mut SimulatedRobot, actuator: usize, hand: &Hand, arm: &Arm) -
     let mut angles = Vec::new();
     let hold = robot.observe().arm.position;
     let mut servos = [ServoGoal::Position { angle: 0.0, current_limit: 0.15 }; ACTUATORS];
-    for _ in 0..(1.0 / tick) as usize {
-        robot.send(&Command { arm: hold, servos, capture: false });
-        robot.wait_for_tick();
-    }
-    for current in STAIRS {
-        for _ in 0..(STAIR / tick) as usize {
+    let opening = [(servos[actuator], LED)];
+    let stairs = STAIRS.map(|current| (ServoGoal::Current(current), STAIR));
+    for (goal, length) in opening.into_iter().chain(stairs) {
+        for _ in 0..(length / tick) as usize {
             let observation = robot.observe();
-            motion.push(&observation, current, hand, arm);
+            motion.push(&observation, goal, hand, arm);
             angles.push(robot.truth().hand.try_into().unwrap_or([0.0; hand_model::HAND_JOINTS]));
-            servos[actuator] = ServoGoal::Current(current);
+            servos[actuator] = goal;
             robot.send(&Command { arm: hold, servos, capture: false });
             robot.wait_for_tick();
         }
     }
-    (motion, angles)
+    motion.lead_in = (LED / tick) as usize;
+    (motion, angles.split_off((LED / tick) as usize))
 }
 
 /// Adds how the twin of `own` differs from the `real` hand whose joints were at `angles` in `motion`.
@@ -266,7 +268,7 @@ fn note(
     };
     let digit = Digit::ALL.get(motion.actuator).copied().unwrap_or(Digit::Thumb);
     let [.., last] = digit.joints();
-    for (shown, (angle, truth)) in play(own, losses, motion).iter().zip(motion.angles.iter().zip(angles)).step_by(6) {
+    for (shown, (angle, truth)) in play(own, losses, motion).iter().zip(motion.measured().iter().zip(angles)).step_by(6) {
         differences.servos.push(shown.servo - angle);
         let mut believed = *truth;
         for (joint, angle) in joints.iter().zip(shown.joints) {

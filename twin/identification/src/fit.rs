@@ -4,15 +4,17 @@
 //! spread, and counts as one more residual. What the twin leaves unexplained is no white noise: errors of neighbouring samples are
 //! alike. So the residuals are weighted by their own standard deviation times the square root of the number of samples over which
 //! they stay alike, found in a first round; the covariance is that of the second, with what the fit does not search ([`interval`](crate::interval)).
+//! The cost has several minima: which joint of a digit leaves its stop first is told by small differences only, so the search begins anew
+//! with the springs' rests of neighbouring joints moved apart, either way. Dry friction makes the residuals rough: slopes are those of secants.
 
 use hand_model::transmission::friction::CableLosses;
 use hand_model::{ARM_JOINTS, Arm, Hand};
 use nalgebra::DMatrix;
-use optics::calibration::least_squares::{Options, Problem, forward_differences};
+use optics::calibration::least_squares::{Options, Problem, Solution};
 use scenarios::individuals::robot::RobotIndividual;
 use scenarios::individuals::spread::{Parameter, Quantity};
 
-use crate::free_digit::{Shown, play};
+use crate::free_digit::play;
 use crate::free_motion::FreeMotion;
 use crate::interval::{Piece, covariance};
 use crate::kinematic_calibration::KinematicCalibration;
@@ -29,8 +31,14 @@ const OUTLIER: f64 = 4.0;
 const RANGE: f64 = 4.0;
 /// Standard deviation of the delay between a command and what is measured, s.
 const DELAY: f64 = 0.01;
-/// Step of the differences, in spreads.
-const STEP: f64 = 0.01;
+/// Half of a secant in the search, in spreads.
+const STEP: f64 = 0.1;
+/// Halves of secants for intervals are as many standard deviations, within ...
+const SECANT: f64 = 2.0;
+/// ... these bounds, in spreads.
+const SECANTS: [f64; 2] = [0.02, 0.5];
+/// By how much rests of neighbouring joints are moved apart for another start, in spreads.
+const APART: f64 = 1.0;
 /// Postures of the arm closer than this in every joint are one, rad.
 const SAME_POSTURE: f64 = 0.05;
 /// Below this share of its spread a parameter's standard deviation says that the session taught something.
@@ -121,16 +129,61 @@ impl Search<'_> {
         angle_residuals(&hand, self.losses, self.motions, delay)
     }
 
-    /// By how much the samples' residuals at `p`, which are `at` (rad), change with the quantity at `place`, by its drawing's spread.
-    fn change(&self, p: &[f64], at: &[f64], place: usize) -> Vec<f64> {
-        let mut individual = self.individual(&p[..self.places.len()]);
-        let moved = individual.deviations()[place] + STEP * individual.parameters()[place].spread.sigma;
-        individual.set(place, moved);
-        let (hand, arm) = (individual.hand(self.hand), individual.arm(self.arm));
-        let motions: Vec<FreeMotion> = self.motions.iter().map(|motion| motion.under(&hand, &arm)).collect();
+    /// By how much the samples' residuals at `p` (rad) change with the quantity at `place`, by its drawing's spread, over a secant that goes
+    /// `half` a spread to either side.
+    fn change(&self, p: &[f64], place: usize, half: f64) -> Vec<f64> {
         let delay = p[self.places.len()] * DELAY;
-        let moved = angle_residuals(&hand, self.losses, &motions, delay);
-        moved.iter().zip(at).map(|(moved, at)| (moved - at) / STEP).collect()
+        let moved = |way: f64| {
+            let mut individual = self.individual(&p[..self.places.len()]);
+            let moved = individual.deviations()[place] + way * individual.parameters()[place].spread.sigma;
+            individual.set(place, moved);
+            let (hand, arm) = (individual.hand(self.hand), individual.arm(self.arm));
+            let motions: Vec<FreeMotion> = self.motions.iter().map(|motion| motion.under(&hand, &arm)).collect();
+            angle_residuals(&hand, self.losses, &motions, delay)
+        };
+        moved(half).iter().zip(moved(-half)).map(|(up, down)| (up - down) / (2.0 * half)).collect()
+    }
+
+    /// Slopes of [`Self::residuals`] over secants that go `halves` to either side.
+    fn slopes(&self, p: &[f64], sigma: f64, halves: &[f64]) -> DMatrix<f64> {
+        let column = |n: usize| {
+            let moved = |way: f64| {
+                let mut moved = p.to_vec();
+                moved[n] += way;
+                self.residuals(&moved, sigma)
+            };
+            let (up, down) = (moved(halves[n]), moved(-halves[n]));
+            up.into_iter().zip(down).map(|(up, down)| (up - down) / (2.0 * halves[n])).collect::<Vec<f64>>()
+        };
+        let columns: Vec<f64> = (0..p.len()).flat_map(column).collect();
+        DMatrix::from_vec(columns.len() / p.len(), p.len(), columns)
+    }
+
+    /// The minimum about `start`.
+    fn minimise(&self, start: &[f64], sigma: f64, steps: usize) -> Solution {
+        let bounds = vec![(-RANGE, RANGE); start.len()];
+        let jacobian = |p: &[f64], _: &[f64]| self.slopes(p, sigma, &vec![STEP; p.len()]);
+        let problem = Problem { residuals: |p: &[f64]| self.residuals(p, sigma), jacobian, bounds, groups: Vec::new() };
+        problem.minimise(start, &Options { steps, scale: OUTLIER, tolerance: 1e-4 })
+    }
+
+    /// The lowest of the minima about `start` and about it with the rests of neighbouring joints moved apart.
+    fn lowest(&self, start: &[f64], sigma: f64, steps: usize) -> Vec<f64> {
+        let is_rest = |n: &usize| self.from.parameters()[self.places[*n]].quantity == Quantity::SpringRest;
+        let rests: Vec<usize> = (0..self.places.len()).filter(is_rest).collect();
+        let mut best = self.minimise(start, sigma, steps);
+        for pair in rests.windows(2) {
+            for way in [APART, -APART] {
+                let mut other = best.parameters.clone();
+                other[pair[0]] += way;
+                other[pair[1]] -= way;
+                let other = self.minimise(&other, sigma, steps);
+                if other.cost < best.cost {
+                    best = other;
+                }
+            }
+        }
+        best.parameters
     }
 
     fn residuals(&self, p: &[f64], sigma: f64) -> Vec<f64> {
@@ -140,12 +193,18 @@ impl Search<'_> {
     }
 }
 
+/// Ticks of a motion that are samples. What an encoder at rest shows is off by the same part of its step all the time: it counts once.
+fn samples(motion: &FreeMotion) -> impl Iterator<Item = usize> + '_ {
+    let angles = motion.measured();
+    let mut last = f64::NAN;
+    (0..angles.len()).step_by(THINNED).filter(move |n| std::mem::replace(&mut last, angles[*n]) != angles[*n])
+}
+
 /// Of the samples of `motions`: what the twin of `hand` shows less what was measured, rad.
 fn angle_residuals(hand: &Hand, losses: CableLosses, motions: &[FreeMotion], delay: f64) -> Vec<f64> {
     let of = |motion: &FreeMotion| {
-        let sample = |(shown, angle): (Shown, &f64)| shown.servo - delay * shown.speed - angle;
         let shown = play(hand, losses, motion);
-        shown.into_iter().zip(&motion.angles).step_by(THINNED).map(sample).collect::<Vec<f64>>()
+        samples(motion).map(|n| shown[n].servo - delay * shown[n].speed - motion.measured()[n]).collect::<Vec<f64>>()
     };
     motions.iter().flat_map(of).collect()
 }
@@ -167,22 +226,26 @@ pub fn fit(
     let designed = rms(&angle_residuals(hand, losses, motions, 0.0));
     let (mut sigma, mut correlated, mut left) = (FIRST_SIGMA, 1.0, Vec::new());
     for steps in [8, 12] {
-        let bounds = vec![(-RANGE, RANGE); n];
-        let jacobian = |p: &[f64], at: &[f64]| jacobian(&search, p, at, sigma);
-        let problem =
-            Problem { residuals: |p: &[f64]| search.residuals(p, sigma), jacobian, bounds, groups: Vec::new() };
-        let options = Options { steps, scale: OUTLIER, tolerance: 1e-4 };
-        p = problem.minimise(&p, &options).parameters;
+        p = match sigma == FIRST_SIGMA {
+            true => search.minimise(&p, sigma, steps).parameters,
+            false => search.lowest(&p, sigma, steps),
+        };
         left = search.angles(&p);
         correlated = alike(&left);
         sigma = rms(&left).max(QUANTISATION) * correlated.sqrt();
     }
     let at: Vec<f64> = left.iter().map(|residual| residual / sigma).chain(p.iter().copied()).collect();
-    let slopes = jacobian(&search, &p, &at, sigma);
     let others = unsearched(from, hand, actuator);
-    let changes: Vec<f64> = others.iter().flat_map(|place| search.change(&p, &left, *place)).collect();
-    let changes = DMatrix::from_vec(left.len(), others.len(), changes) * touches.root(&others);
-    let covariance = covariance(&slopes, &(changes / sigma), &by_posture(motions, &at));
+    let root = touches.root(&others);
+    let half = |deviation: f64| (SECANT * deviation).clamp(SECANTS[0], SECANTS[1]);
+    let change = |(n, place): (usize, &usize)| search.change(&p, *place, half(root.row(n).norm()));
+    let changes: Vec<f64> = others.iter().enumerate().flat_map(change).collect();
+    let changes = DMatrix::from_vec(left.len(), others.len(), changes) * root / sigma;
+    let pieces = by_posture(motions, &at);
+    let within = |halves: &[f64]| covariance(&search.slopes(&p, sigma, halves), &changes, &pieces);
+    let first = within(&vec![STEP; n]);
+    let halves: Vec<f64> = first.diagonal().iter().map(|variance| half(variance.sqrt())).collect();
+    let covariance = within(&halves);
     let found = search.individual(&p[..places.len()]);
     let spread: Vec<f64> = places.iter().map(|place| from.parameters()[*place].spread.sigma).collect();
     Fit {
@@ -202,23 +265,18 @@ fn by_posture(motions: &[FreeMotion], at: &[f64]) -> Vec<Piece> {
     let mut pieces: Vec<([f64; ARM_JOINTS], Piece)> = Vec::new();
     let mut row = 0;
     for motion in motions {
-        let shown = motion.arm.first().copied().unwrap_or_default();
+        let shown = motion.arm[motion.lead_in];
         let near = |other: &[f64; ARM_JOINTS]| shown.iter().zip(other).all(|(a, b)| (a - b).abs() < SAME_POSTURE);
         let known = pieces.iter().position(|(other, _)| near(other));
         let piece = known.unwrap_or_else(|| {
             pieces.push((shown, Vec::new()));
             pieces.len() - 1
         });
-        let samples = motion.angles.len().div_ceil(THINNED);
+        let samples = samples(motion).count();
         pieces[piece].1.extend((row..row + samples).map(|n| (n, at[n])));
         row += samples;
     }
     pieces.into_iter().map(|(_, piece)| piece).collect()
-}
-
-fn jacobian(search: &Search, p: &[f64], at: &[f64], sigma: f64) -> DMatrix<f64> {
-    let bounds = vec![(-RANGE, RANGE); p.len()];
-    forward_differences(p, at, &bounds, STEP / (2.0 * RANGE), |q, _| search.residuals(q, sigma))
 }
 
 /// Root mean square.

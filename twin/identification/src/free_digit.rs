@@ -1,24 +1,26 @@
 //! The twin of one digit that moves freely: its servo, its cable and its joints, without the rest of the robot.
 //!
-//! The servo is the simulator's own. Each joint is an oscillator of its own: the inertia of what it carries, damping, spring, cable
-//! and weight; what the joints of a digit feel of each other's acceleration is left out, and so is the arm. In a slow motion that is
-//! a thousandth of the springs' torques.
+//! The servo is the simulator's own. What the joints of a digit feel of each other's acceleration is in their [`chain`](crate::chain)'s mass
+//! matrix; what the arm gives way is left out. Before a motion the digit is led as the robot
+//! was: its servo goes where the encoder showed it, so that cable, guides and gear come to the end of their hystereses at which they were.
 
-use hand_model::hand::MassProperties;
 use hand_model::robot::ServoGoal;
 use hand_model::transmission::SPANS;
 use hand_model::transmission::friction::CableLosses;
 use hand_model::{ACTUATORS, Hand};
-use nalgebra::{Isometry3, Point3, UnitQuaternion, Vector3};
+use nalgebra::Point3;
 use sim::drive::OPPOSITION_STIFFNESS;
 use sim::servo::ServoModel;
 
+use crate::chain::{Chain, Drive, MOST_LINKS};
 use crate::free_motion::FreeMotion;
 
 /// Steps of the twin in a tick: as many as the simulator's.
 const STEPS: usize = 2;
-/// For so long a digit comes to rest before a motion, s.
+/// For so long a digit comes to rest before it is led, s.
 const SETTLING: f64 = 0.8;
+/// Index of the actuator that turns the thumb.
+pub const OPPOSITION: usize = ACTUATORS - 1;
 
 /// What the twin shows before a tick.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -31,64 +33,6 @@ pub struct Shown {
     pub joints: [f64; SPANS],
 }
 
-/// The links of a digit from the palm out.
-struct Chain<'a> {
-    hand: &'a Hand,
-    links: Vec<usize>,
-    /// Of each of `links`.
-    angles: Vec<f64>,
-}
-
-impl Chain<'_> {
-    /// Weight's torque on each link's joint, N m, under `gravity` (palm axes, m/s2).
-    fn weights(&self, gravity: &Vector3<f64>) -> Vec<f64> {
-        let poses = self.poses();
-        let torque = |joint: usize| {
-            let axis = poses[joint] * self.hand.tree.joints[self.links[joint]].axis.into_inner();
-            let carried = joint..self.links.len();
-            carried
-                .map(|link| {
-                    let MassProperties { mass, com, .. } = &self.hand.masses[self.links[link]];
-                    let lever = (poses[link] * com).coords - poses[joint].translation.vector;
-                    axis.dot(&lever.cross(gravity)) * mass
-                })
-                .sum()
-        };
-        (0..self.links.len()).map(torque).collect()
-    }
-
-    /// Inertia about each link's joint of what it carries, kg m2.
-    fn inertias(&self) -> Vec<f64> {
-        let poses = self.poses();
-        let inertia = |joint: usize| {
-            let axis = poses[joint] * self.hand.tree.joints[self.links[joint]].axis.into_inner();
-            let carried = joint..self.links.len();
-            carried
-                .map(|link| {
-                    let MassProperties { mass, com, inertia } = &self.hand.masses[self.links[link]];
-                    let lever = (poses[link] * com).coords - poses[joint].translation.vector;
-                    let own = poses[link].rotation.inverse() * axis;
-                    own.dot(&(inertia * own)) + mass * axis.cross(&lever).norm_squared()
-                })
-                .sum()
-        };
-        (0..self.links.len()).map(inertia).collect()
-    }
-
-    fn poses(&self) -> Vec<Isometry3<f64>> {
-        let mut pose = Isometry3::identity();
-        self.links
-            .iter()
-            .zip(&self.angles)
-            .map(|(link, angle)| {
-                let joint = &self.hand.tree.joints[*link];
-                pose *= joint.origin * UnitQuaternion::from_axis_angle(&joint.axis, *angle);
-                pose
-            })
-            .collect()
-    }
-}
-
 /// One actuator with the digit on it.
 struct FreeDigit<'a> {
     hand: &'a Hand,
@@ -97,26 +41,29 @@ struct FreeDigit<'a> {
     chain: Chain<'a>,
     /// Places in the chain of the joints that the actuator moves.
     moved: Vec<usize>,
-    inertias: Vec<f64>,
-    speeds: [f64; SPANS],
     slides: [f64; SPANS],
     servo: ServoModel,
 }
 
-/// Plays a motion's currents: what the twin of `hand` with `losses` in its guides and gears shows before each tick.
+/// Plays a motion: what the twin of `hand` with `losses` in its guides and gears shows before each tick behind the lead-in.
 pub fn play(hand: &Hand, losses: CableLosses, motion: &FreeMotion) -> Vec<Shown> {
     let mut digit = FreeDigit::at_rest(hand, losses, motion);
-    let mut shown = Vec::with_capacity(motion.currents.len());
-    for (n, current) in motion.currents.iter().enumerate() {
-        shown.push(digit.shown());
-        digit.servo.goal = ServoGoal::Current(*current);
-        digit.tick(motion, n, false);
+    for n in 0..motion.lead_in {
+        digit.led(motion, n);
     }
-    shown
+    digit.servo.angle = motion.angles[motion.lead_in];
+    (motion.lead_in..motion.goals.len())
+        .map(|n| {
+            let shown = digit.shown();
+            digit.servo.goal = motion.goals[n];
+            digit.tick(motion, n);
+            shown
+        })
+        .collect()
 }
 
 impl<'a> FreeDigit<'a> {
-    /// Open, where a motion begins.
+    /// Open, where the lead-in begins.
     fn at_rest(hand: &'a Hand, losses: CableLosses, motion: &FreeMotion) -> Self {
         let n = motion.actuator;
         let joints: Vec<usize> = match hand.transmission.cables.get(n) {
@@ -125,20 +72,18 @@ impl<'a> FreeDigit<'a> {
         };
         let last = match n {
             // What the opposition carries is the whole thumb.
-            5 => hand.transmission.cables[0].joints.last().map_or(joints[0], |(joint, _)| *joint),
+            OPPOSITION => hand.transmission.cables[0].joints.last().map_or(joints[0], |(joint, _)| *joint),
             _ => joints[joints.len() - 1],
         };
         let links = hand.tree.chain(last);
         let moved: Vec<usize> = joints.iter().filter_map(|joint| links.iter().position(|link| link == joint)).collect();
-        let angles: Vec<f64> = links.iter().map(|link| hand.transmission.rests[*link].max(0.0)).collect();
-        let chain = Chain { hand, links, angles };
-        let mut servo = ServoModel::new(hand.servos[n.min(ACTUATORS - 1)], losses.backlash);
-        servo.angle = motion.angles.first().copied().unwrap_or_default();
-        let inertias = chain.inertias();
-        let (speeds, slides) = ([0.0; SPANS], [-1.0; SPANS]);
-        let mut digit = Self { hand, actuator: n, losses, chain, moved, inertias, speeds, slides, servo };
+        let chain = Chain::at_rest(hand, links);
+        let mut servo = ServoModel::new(hand.servos[n], losses.backlash);
+        servo.goal = ServoGoal::Current(0.0);
+        let mut digit = Self { hand, actuator: n, losses, chain, moved, slides: [-1.0; SPANS], servo };
         for _ in 0..(SETTLING / motion.tick) as usize {
-            digit.tick(motion, 0, true);
+            (digit.servo.angle, digit.servo.speed) = (motion.angles[0], 0.0);
+            digit.tick(motion, 0);
         }
         digit
     }
@@ -149,57 +94,60 @@ impl<'a> FreeDigit<'a> {
         Shown { servo: self.servo.angle, speed: self.servo.speed, joints }
     }
 
-    /// Lets tick `n` of the motion pass; `held`: with the servo where it is.
-    fn tick(&mut self, motion: &FreeMotion, n: usize, held: bool) {
-        if self.actuator < 5 && self.chain.links[0] == self.hand.transmission.opposition_joint {
-            self.chain.angles[0] = motion.opposition[n] / self.hand.servos[5].gear_ratio_opposition;
-        }
-        let weights = self.chain.weights(&motion.gravity[n]);
-        if self.actuator >= 5 {
-            self.hang(&weights);
-        }
+    /// Lets tick `n` of the lead-in pass, with the servo where and as fast as the encoder showed it.
+    fn led(&mut self, motion: &FreeMotion, n: usize) {
+        (self.servo.angle, self.servo.speed) = (motion.angles[n], (motion.angles[n + 1] - motion.angles[n]) / motion.tick);
+        self.servo.goal = motion.goals[n];
+        self.tick(motion, n);
+    }
+
+    /// Lets tick `n` of the motion pass.
+    fn tick(&mut self, motion: &FreeMotion, n: usize) {
+        let turning = (self.actuator != OPPOSITION
+            && self.chain.links[0] == self.hand.transmission.opposition_joint)
+            .then(|| self.turned_thumb(motion, n));
+        let dynamics = self.chain.dynamics(&motion.gravity[n]);
         let dt = motion.tick / STEPS as f64;
         for _ in 0..STEPS {
-            let before = (self.servo.angle, self.servo.speed);
-            let efforts = if self.actuator < 5 { self.pull(dt) } else { self.turn(dt) };
-            if held {
-                (self.servo.angle, self.servo.speed) = before;
+            let mut drives = if self.actuator == OPPOSITION { self.turn(dt) } else { self.pull(dt) };
+            if let Some(speed) = turning {
+                drives[0] = Drive::Turned(speed);
             }
-            self.advance(&efforts, &weights, dt);
+            self.chain.advance(&dynamics, &drives, dt);
         }
     }
 
-    /// The thumb's other joints hang on their springs while the opposition turns it; their cable is slack.
-    fn hang(&mut self, weights: &[f64]) {
-        for (place, link) in self.chain.links.iter().enumerate().filter(|(place, _)| !self.moved.contains(place)) {
-            let joint = &self.hand.tree.joints[*link];
-            let springs = &self.hand.transmission;
-            let hanging = springs.rests[*link] + weights[place] / springs.springs[*link];
-            self.chain.angles[place] = hanging.clamp(joint.lower, joint.upper);
-        }
+    /// Puts the thumb where its opposition servo is, and says how fast that turns it, rad/s.
+    fn turned_thumb(&mut self, motion: &FreeMotion, n: usize) -> f64 {
+        let ratio = self.hand.servos[OPPOSITION].gear_ratio_opposition;
+        let joint = &self.hand.tree.joints[self.chain.links[0]];
+        let at = |n: usize| (motion.opposition[n] / ratio).clamp(joint.lower, joint.upper);
+        self.chain.angles[0] = at(n);
+        (at((n + 1).min(motion.opposition.len() - 1)) - at(n)) / motion.tick
     }
 
-    /// Torque at the present angle (N m) and stiffness (N m/rad) of each joint on the cable, as in the simulator's drive.
-    fn pull(&mut self, dt: f64) -> [(f64, f64); SPANS] {
+    /// What moves each joint of the cable's digit, as in the simulator's drive.
+    fn pull(&mut self, dt: f64) -> [Drive; MOST_LINKS] {
         let (hand, n) = (self.hand, self.actuator);
         let (path, cable) = (&hand.transmission.cables[n], &hand.cables[n]);
         let (mut excursion, mut rate) = (0.0, 0.0);
         let mut arms = [0.0; SPANS];
         for (slot, (_, guides)) in path.joints.iter().enumerate() {
-            let q = self.chain.angles[self.moved[slot]];
+            let place = self.moved[slot];
+            let q = self.chain.angles[place];
             arms[slot] = guides.moment_arm(q);
             excursion += guides.excursion(q);
-            rate += arms[slot] * self.speeds[slot];
+            rate += arms[slot] * self.chain.speeds[place];
         }
         let tension = self.servo.step_cable(cable, excursion, rate, dt);
         let friction = hand.guides(n, &self.losses.friction);
         let mut sliding = 0.0;
         for slot in (0..path.joints.len()).rev() {
-            sliding += arms[slot] * self.speeds[slot];
+            sliding += arms[slot] * self.chain.speeds[self.moved[slot]];
             self.slides[slot] = friction.slid(self.slides[slot], sliding * dt);
         }
         let (mut carried, mut turned) = (tension, friction.routing);
-        let mut efforts = [(0.0, 0.0); SPANS];
+        let mut drives = self.springs();
         for (slot, (joint, guides)) in path.joints.iter().enumerate() {
             let q = self.chain.angles[self.moved[slot]];
             let [before, after] = guides.wraps(q);
@@ -207,38 +155,32 @@ impl<'a> FreeDigit<'a> {
             turned = after;
             let taut = if tension > 0.0 { cable.stiffness * arms[slot] * arms[slot] } else { 0.0 };
             let torque = arms[slot] * carried - hand.transmission.spring_torque(*joint, q);
-            efforts[slot] = (torque, hand.transmission.springs[*joint] + taut);
+            drives[self.moved[slot]] = Drive::Effort(torque, hand.transmission.springs[*joint] + taut);
         }
-        efforts
+        drives
     }
 
-    /// The same of the opposition joint on its shaft.
-    fn turn(&mut self, dt: f64) -> [(f64, f64); SPANS] {
+    /// What moves each of the thumb's joints while the opposition turns on its shaft: the others hang on their springs, their cable is slack.
+    fn turn(&mut self, dt: f64) -> [Drive; MOST_LINKS] {
         let joint = self.hand.transmission.opposition_joint;
-        let (q, ratio) = (self.chain.angles[self.moved[0]], self.hand.servos[5].gear_ratio_opposition);
+        let (q, ratio) = (self.chain.angles[self.moved[0]], self.hand.servos[OPPOSITION].gear_ratio_opposition);
         let twist = self.servo.beyond_play(self.servo.angle / ratio - q, ratio);
         let torque = OPPOSITION_STIFFNESS * twist;
         self.servo.step_shaft(torque / ratio, dt);
         let spring = self.hand.transmission.spring_torque(joint, q);
-        let mut efforts = [(0.0, 0.0); SPANS];
-        efforts[0] = (torque - spring, OPPOSITION_STIFFNESS);
-        efforts
+        let mut drives = self.springs();
+        drives[self.moved[0]] = Drive::Effort(torque - spring, OPPOSITION_STIFFNESS);
+        drives
     }
 
-    /// An implicit step of every joint, which stops at its stops.
-    fn advance(&mut self, efforts: &[(f64, f64); SPANS], weights: &[f64], dt: f64) {
-        let defaults = self.hand.parameters.joint_defaults;
-        for (slot, place) in self.moved.iter().enumerate() {
-            let (torque, stiffness) = efforts[slot];
-            let inertia = defaults.armature + self.inertias[*place];
-            let speed = (inertia * self.speeds[slot] + dt * (torque + weights[*place]))
-                / (inertia + dt * defaults.damping + dt * dt * stiffness);
-            let joint = &self.hand.tree.joints[self.chain.links[*place]];
-            let angle = self.chain.angles[*place] + dt * speed;
-            let stopped = angle.clamp(joint.lower, joint.upper);
-            self.speeds[slot] = if stopped == angle { speed } else { 0.0 };
-            self.chain.angles[*place] = stopped;
+    /// What springs alone do.
+    fn springs(&self) -> [Drive; MOST_LINKS] {
+        let mut drives = [Drive::Turned(0.0); MOST_LINKS];
+        for ((drive, link), angle) in drives.iter_mut().zip(&self.chain.links).zip(&self.chain.angles) {
+            let springs = &self.hand.transmission;
+            *drive = Drive::Effort(-springs.spring_torque(*link, *angle), springs.springs[*link]);
         }
+        drives
     }
 }
 

@@ -6,15 +6,17 @@ use nalgebra::{Isometry3, Vector3};
 
 use crate::trace::{Row, Trace};
 
-/// A motion of one actuator, tick by tick.
+/// A motion of one actuator and what led to it, tick by tick.
 #[derive(Debug, Clone, PartialEq)]
 pub struct FreeMotion {
     /// Index of the actuator.
     pub actuator: usize,
     /// Length of a tick, s.
     pub tick: f64,
-    /// What the servo was sent, A.
-    pub currents: Vec<f64>,
+    /// So many ticks lead to it, in which the hand opens and the arm comes.
+    pub lead_in: usize,
+    /// What the servo was sent.
+    pub goals: Vec<ServoGoal>,
     /// What its encoder showed before each tick, rad.
     pub angles: Vec<f64>,
     /// Angle of the opposition servo, rad.
@@ -27,37 +29,44 @@ pub struct FreeMotion {
 
 /// Shortest motion, in ticks.
 const SHORTEST: usize = 60;
+/// Longest lead-in, s.
+const LEAD_IN: f64 = 6.0;
 
 /// All motions of `actuator` in a session, by the arm and the hand as they are believed to be.
 pub fn free_motions(trace: &Trace, actuator: usize, hand: &Hand, arm: &Arm) -> Vec<FreeMotion> {
     let under_current = |row: &&Row| matches!(row.goals[actuator], ServoGoal::Current(_));
-    let mut motions = Vec::new();
-    let mut rows = trace.rows.iter().peekable();
-    while rows.peek().is_some() {
-        while rows.next_if(|row| !under_current(row)).is_some() {}
-        let own: Vec<&Row> = std::iter::from_fn(|| rows.next_if(under_current)).collect();
-        if own.len() >= SHORTEST {
-            motions.push(FreeMotion::of(&own, actuator, trace.tick, hand, arm));
+    let longest = (LEAD_IN / trace.tick) as usize;
+    let rows = &trace.rows;
+    let (mut motions, mut free) = (Vec::new(), 0);
+    while free < rows.len() {
+        let begin = free + rows[free..].iter().take_while(|row| !under_current(row)).count();
+        let end = begin + rows[begin..].iter().take_while(under_current).count();
+        if end - begin >= SHORTEST {
+            let led = free.max(begin.saturating_sub(longest));
+            motions.push(FreeMotion::of(&rows[led..end], begin - led, actuator, trace.tick, hand, arm));
         }
+        free = end;
     }
     motions
 }
 
 impl FreeMotion {
-    fn of(rows: &[&Row], actuator: usize, tick: f64, hand: &Hand, arm: &Arm) -> Self {
-        let current = |row: &&Row| match row.goals[actuator] {
-            ServoGoal::Current(current) => current,
-            ServoGoal::Position { .. } => 0.0,
-        };
+    fn of(rows: &[Row], lead_in: usize, actuator: usize, tick: f64, hand: &Hand, arm: &Arm) -> Self {
         Self {
             actuator,
             tick,
-            currents: rows.iter().map(current).collect(),
+            lead_in,
+            goals: rows.iter().map(|row| row.goals[actuator]).collect(),
             angles: rows.iter().map(|row| row.servos[actuator].position).collect(),
             opposition: rows.iter().map(|row| row.servos[5].position).collect(),
             arm: rows.iter().map(|row| row.arm).collect(),
             gravity: rows.iter().map(|row| gravity(hand, arm, &row.arm)).collect(),
         }
+    }
+
+    /// What the encoder showed before each tick of the motion itself, rad.
+    pub fn measured(&self) -> &[f64] {
+        &self.angles[self.lead_in..]
     }
 
     /// The same motion, of another `hand` on another `arm`: gravity pulls from elsewhere.
@@ -66,9 +75,9 @@ impl FreeMotion {
         Self { gravity: self.arm.iter().map(|shown| gravity(hand, arm, shown)).collect(), ..self.clone() }
     }
 
-    /// Appends what was observed before a tick, and the current sent in it (A), by `hand` and `arm` as they are believed to be.
-    pub fn push(&mut self, observation: &Observation, current: f64, hand: &Hand, arm: &Arm) {
-        self.currents.push(current);
+    /// Appends what was observed before a tick, and what the servo was sent in it, by `hand` and `arm` as they are believed to be.
+    pub fn push(&mut self, observation: &Observation, goal: ServoGoal, hand: &Hand, arm: &Arm) {
+        self.goals.push(goal);
         self.angles.push(observation.servos[self.actuator].position);
         self.opposition.push(observation.servos[5].position);
         self.arm.push(observation.arm.position);

@@ -14,13 +14,11 @@ use touch::{PhotometricCalibration, TouchError};
 use crate::ball::Ball;
 use crate::error::IdentificationError;
 use crate::fit::{Fit, TAUGHT, fit};
+use crate::free_digit::OPPOSITION;
 use crate::free_motion::{FreeMotion, free_motions};
 use crate::kinematic_calibration::{KinematicCalibration, Touch, calibrate};
 use crate::touches::touches;
 use crate::trace::Trace;
-
-/// Index of the actuator that turns the thumb.
-const OPPOSITION: usize = ACTUATORS - 1;
 
 /// A robot, and how it was found.
 #[derive(Debug, Clone, PartialEq)]

@@ -3,10 +3,11 @@
 //! The story in order: a [`script`] says how to move a robot so that its motion shows what it is made of, and how to press its pads on a
 //! [`ball`]; [`excitation`] does both, [`pressing`] aims the presses. [`trace`] reads such a session back and cuts the [`free_motion`]s and the [`touches`] out of it.
 //! [`kinematic_calibration`] finds from touches how arm, mount and links differ. [`free_digit`] is the twin of one digit that moves
-//! freely; [`fit`] finds the parameters with which it moves as the session shows, and [`identify`](mod@identify) does so for all actuators;
+//! freely, a [`chain`] on its servo; [`fit`] finds the parameters with which it moves as the session shows, and [`identify`](mod@identify) does so for all actuators;
 //! [`interval`] says how surely they are known; [`evaluation`] sets what was found beside the truth, where there is one to read.
 
 pub mod ball;
+pub mod chain;
 pub mod error;
 pub mod evaluation;
 pub mod excitation;

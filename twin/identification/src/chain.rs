@@ -1,0 +1,162 @@
+//! The links of a digit from the palm out: the torques of weight and speed, their mass matrix, and an implicit step of their joints.
+
+use hand_model::Hand;
+use hand_model::hand::MassProperties;
+use nalgebra::{Isometry3, Matrix4, UnitQuaternion, Vector3, Vector4};
+
+/// Most joints between palm and fingertip.
+pub const MOST_LINKS: usize = 4;
+
+/// What moves a joint in a step.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Drive {
+    /// Torque at the present angle, N m, and the stiffness with which it falls as the joint goes on, N m/rad.
+    Effort(f64, f64),
+    /// Something stronger turns it at this speed, rad/s.
+    Turned(f64),
+}
+
+/// The links of a digit from the palm out.
+#[derive(Debug, Clone)]
+pub struct Chain<'a> {
+    pub hand: &'a Hand,
+    /// Indices of the joints.
+    pub links: Vec<usize>,
+    /// Of each of `links`, rad.
+    pub angles: [f64; MOST_LINKS],
+    /// rad/s.
+    pub speeds: [f64; MOST_LINKS],
+}
+
+/// What acts on a chain in one posture, and its inertia.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Dynamics {
+    /// Torque of weight, Coriolis and centrifugal forces on each joint, N m.
+    pub loads: [f64; MOST_LINKS],
+    /// kg m2; rows and columns without a joint are those of the unit matrix.
+    pub masses: Matrix4<f64>,
+}
+
+impl<'a> Chain<'a> {
+    /// At rest, each joint where its spring has it.
+    pub fn at_rest(hand: &'a Hand, links: Vec<usize>) -> Self {
+        let mut angles = [0.0; MOST_LINKS];
+        angles.iter_mut().zip(&links).for_each(|(angle, link)| *angle = hand.transmission.rests[*link].max(0.0));
+        Self { hand, links, angles, speeds: [0.0; MOST_LINKS] }
+    }
+
+    /// Under `gravity` (palm axes, m/s2).
+    pub fn dynamics(&self, gravity: &Vector3<f64>) -> Dynamics {
+        let poses = self.poses();
+        let count = self.links.len();
+        let mut axes = [Vector3::zeros(); MOST_LINKS];
+        for (axis, (pose, link)) in axes.iter_mut().zip(poses.iter().zip(&self.links)) {
+            *axis = pose * self.hand.tree.joints[*link].axis.into_inner();
+        }
+        let (mut loads, mut masses) = ([0.0; MOST_LINKS], Matrix4::identity());
+        masses.view_mut((0, 0), (count, count)).fill(0.0);
+        // Of the link at hand: its turn, and how its turn and its joint would gather speed if no joint did.
+        let (mut turn, mut turning, mut rising) = (Vector3::zeros(), Vector3::zeros(), Vector3::zeros());
+        let mut origin = Vector3::zeros();
+        for link in 0..count {
+            let MassProperties { mass, com, inertia } = &self.hand.masses[self.links[link]];
+            let at = poses[link].translation.vector;
+            let speeding = |lever: Vector3<f64>, turn: Vector3<f64>, turning: Vector3<f64>| {
+                turning.cross(&lever) + turn.cross(&turn.cross(&lever))
+            };
+            rising += speeding(at - origin, turn, turning);
+            origin = at;
+            let own = axes[link] * self.speeds[link];
+            turning += turn.cross(&own);
+            turn += own;
+            let middle = (poses[link] * com).coords;
+            let axes_of = poses[link].rotation.to_rotation_matrix().into_inner();
+            let inertia = axes_of * inertia * axes_of.transpose();
+            let push = (gravity - rising - speeding(middle - at, turn, turning)) * *mass;
+            let twist = -(inertia * turning + turn.cross(&(inertia * turn)));
+            let mut carries = [Vector3::zeros(); MOST_LINKS];
+            for joint in 0..=link {
+                carries[joint] = axes[joint].cross(&(middle - poses[joint].translation.vector));
+                loads[joint] += carries[joint].dot(&push) + axes[joint].dot(&twist);
+                for other in 0..=joint {
+                    let shared = mass * carries[joint].dot(&carries[other]) + axes[joint].dot(&(inertia * axes[other]));
+                    masses[(joint, other)] += shared;
+                    if other < joint {
+                        masses[(other, joint)] += shared;
+                    }
+                }
+            }
+        }
+        Dynamics { loads, masses }
+    }
+
+    /// An implicit step of `dt` (s) of every joint, which stops at its stops: `(M + A + dt D + dt2 K) v' = (M + A) v + dt torque`, with
+    /// armature `A`, damping `D` and stiffness `K`.
+    pub fn advance(&mut self, dynamics: &Dynamics, drives: &[Drive; MOST_LINKS], dt: f64) {
+        let defaults = self.hand.parameters.joint_defaults;
+        let mut masses = dynamics.masses;
+        let mut implicit = [0.0; MOST_LINKS];
+        let mut torques = Vector4::zeros();
+        let mut turned = [None; MOST_LINKS];
+        for n in 0..self.links.len() {
+            masses[(n, n)] += defaults.armature;
+            match drives[n] {
+                Drive::Effort(torque, stiffness) => {
+                    torques[n] = torque + dynamics.loads[n];
+                    implicit[n] = dt * defaults.damping + dt * dt * stiffness;
+                }
+                Drive::Turned(speed) => turned[n] = Some(speed),
+            }
+        }
+        let right = masses * Vector4::from(self.speeds) + dt * torques;
+        let system = masses + Matrix4::from_diagonal(&Vector4::from(implicit));
+        let mut speeds = with_known(&system, &right, &turned);
+        let mut stopped = [false; MOST_LINKS];
+        for n in 0..self.links.len() {
+            let joint = &self.hand.tree.joints[self.links[n]];
+            let to = self.angles[n] + dt * speeds[n];
+            let stop = to.clamp(joint.lower, joint.upper);
+            if turned[n].is_none() && stop != to {
+                (turned[n], stopped[n]) = (Some((stop - self.angles[n]) / dt), true);
+            }
+        }
+        if stopped.contains(&true) {
+            speeds = with_known(&system, &right, &turned);
+        }
+        for n in 0..self.links.len() {
+            let joint = &self.hand.tree.joints[self.links[n]];
+            self.angles[n] = (self.angles[n] + dt * speeds[n]).clamp(joint.lower, joint.upper);
+            self.speeds[n] = if stopped[n] { 0.0 } else { speeds[n] };
+        }
+    }
+
+    fn poses(&self) -> [Isometry3<f64>; MOST_LINKS] {
+        let mut poses = [Isometry3::identity(); MOST_LINKS];
+        let mut pose = Isometry3::identity();
+        for ((own, link), angle) in poses.iter_mut().zip(&self.links).zip(&self.angles) {
+            let joint = &self.hand.tree.joints[*link];
+            pose *= joint.origin * UnitQuaternion::from_axis_angle(&joint.axis, *angle);
+            *own = pose;
+        }
+        poses
+    }
+}
+
+/// Solves a symmetric system of which some unknowns are known.
+fn with_known(system: &Matrix4<f64>, right: &Vector4<f64>, known: &[Option<f64>; MOST_LINKS]) -> Vector4<f64> {
+    let (mut reduced, mut rest) = (*system, *right);
+    for (n, value) in known.iter().enumerate() {
+        let Some(value) = value else { continue };
+        rest -= system.column(n) * *value;
+        reduced.row_mut(n).fill(0.0);
+        reduced.column_mut(n).fill(0.0);
+        reduced[(n, n)] = 1.0;
+    }
+    for (n, value) in known.iter().enumerate() {
+        if let Some(value) = value {
+            rest[n] = *value;
+        }
+    }
+    // Positive definite: masses are, and what is added to their diagonal is not negative.
+    reduced.cholesky().map_or_else(Vector4::zeros, |root| root.solve(&rest))
+}
