@@ -268,7 +268,8 @@ fn note(
     };
     let digit = Digit::ALL.get(motion.actuator).copied().unwrap_or(Digit::Thumb);
     let [.., last] = digit.joints();
-    for (shown, (angle, truth)) in play(own, losses, motion).iter().zip(motion.measured().iter().zip(angles)).step_by(6) {
+    for (shown, (angle, truth)) in play(own, losses, motion).iter().zip(motion.measured().iter().zip(angles)).step_by(6)
+    {
         differences.servos.push(shown.servo - angle);
         let mut believed = *truth;
         for (joint, angle) in joints.iter().zip(shown.joints) {

@@ -37,6 +37,10 @@ const STEP: f64 = 0.1;
 const SECANT: f64 = 2.0;
 /// ... these bounds, in spreads.
 const SECANTS: [f64; 2] = [0.02, 0.5];
+/// Most steps of a search.
+const STEPS: usize = 12;
+/// Rounds of the search: the residuals' weight, from those of a round before, is right for the last alone.
+const ROUNDS: usize = 4;
 /// By how much rests of neighbouring joints are moved apart for another start, in spreads.
 const APART: f64 = 1.0;
 /// Postures of the arm closer than this in every joint are one, rad.
@@ -160,24 +164,24 @@ impl Search<'_> {
     }
 
     /// The minimum about `start`.
-    fn minimise(&self, start: &[f64], sigma: f64, steps: usize) -> Solution {
+    fn minimise(&self, start: &[f64], sigma: f64) -> Solution {
         let bounds = vec![(-RANGE, RANGE); start.len()];
         let jacobian = |p: &[f64], _: &[f64]| self.slopes(p, sigma, &vec![STEP; p.len()]);
         let problem = Problem { residuals: |p: &[f64]| self.residuals(p, sigma), jacobian, bounds, groups: Vec::new() };
-        problem.minimise(start, &Options { steps, scale: OUTLIER, tolerance: 1e-4 })
+        problem.minimise(start, &Options { steps: STEPS, scale: OUTLIER, tolerance: 1e-4 })
     }
 
     /// The lowest of the minima about `start` and about it with the rests of neighbouring joints moved apart.
-    fn lowest(&self, start: &[f64], sigma: f64, steps: usize) -> Vec<f64> {
+    fn lowest(&self, start: &[f64], sigma: f64) -> Vec<f64> {
         let is_rest = |n: &usize| self.from.parameters()[self.places[*n]].quantity == Quantity::SpringRest;
         let rests: Vec<usize> = (0..self.places.len()).filter(is_rest).collect();
-        let mut best = self.minimise(start, sigma, steps);
+        let mut best = self.minimise(start, sigma);
         for pair in rests.windows(2) {
             for way in [APART, -APART] {
                 let mut other = best.parameters.clone();
                 other[pair[0]] += way;
                 other[pair[1]] -= way;
-                let other = self.minimise(&other, sigma, steps);
+                let other = self.minimise(&other, sigma);
                 if other.cost < best.cost {
                     best = other;
                 }
@@ -225,10 +229,10 @@ pub fn fit(
     let mut p = vec![0.0; n];
     let designed = rms(&angle_residuals(hand, losses, motions, 0.0));
     let (mut sigma, mut correlated, mut left) = (FIRST_SIGMA, 1.0, Vec::new());
-    for steps in [8, 12] {
-        p = match sigma == FIRST_SIGMA {
-            true => search.minimise(&p, sigma, steps).parameters,
-            false => search.lowest(&p, sigma, steps),
+    for round in 0..ROUNDS {
+        p = match round {
+            1 => search.lowest(&p, sigma),
+            _ => search.minimise(&p, sigma).parameters,
         };
         left = search.angles(&p);
         correlated = alike(&left);

@@ -96,19 +96,19 @@ impl<'a> FreeDigit<'a> {
 
     /// Lets tick `n` of the lead-in pass, with the servo where and as fast as the encoder showed it.
     fn led(&mut self, motion: &FreeMotion, n: usize) {
-        (self.servo.angle, self.servo.speed) = (motion.angles[n], (motion.angles[n + 1] - motion.angles[n]) / motion.tick);
+        (self.servo.angle, self.servo.speed) =
+            (motion.angles[n], (motion.angles[n + 1] - motion.angles[n]) / motion.tick);
         self.servo.goal = motion.goals[n];
         self.tick(motion, n);
     }
 
     /// Lets tick `n` of the motion pass.
     fn tick(&mut self, motion: &FreeMotion, n: usize) {
-        let turning = (self.actuator != OPPOSITION
-            && self.chain.links[0] == self.hand.transmission.opposition_joint)
+        let turning = (self.actuator != OPPOSITION && self.chain.links[0] == self.hand.transmission.opposition_joint)
             .then(|| self.turned_thumb(motion, n));
-        let dynamics = self.chain.dynamics(&motion.gravity[n]);
         let dt = motion.tick / STEPS as f64;
         for _ in 0..STEPS {
+            let dynamics = self.chain.dynamics(&motion.gravity[n]);
             let mut drives = if self.actuator == OPPOSITION { self.turn(dt) } else { self.pull(dt) };
             if let Some(speed) = turning {
                 drives[0] = Drive::Turned(speed);
