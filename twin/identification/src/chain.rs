@@ -160,3 +160,114 @@ fn with_known(system: &Matrix4<f64>, right: &Vector4<f64>, known: &[Option<f64>;
     // Positive definite: masses are, and what is added to their diagonal is not negative.
     reduced.cholesky().map_or_else(Vector4::zeros, |root| root.solve(&rest))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const GRAVITY: Vector3<f64> = Vector3::new(2.0, -5.0, 8.0);
+
+    /// A middle finger that nothing damps, in the middle of its travel, moving.
+    fn swinging(hand: &Hand) -> Chain<'_> {
+        let mut chain = Chain::at_rest(hand, hand.tree.chain(8));
+        chain.angles = [0.6, 0.8, 0.7, 0.0];
+        chain.speeds = [2.0, -3.0, 4.0, 0.0];
+        chain
+    }
+
+    fn undamped() -> Hand {
+        let mut hand = Hand::ftac();
+        (hand.parameters.joint_defaults.damping, hand.parameters.joint_defaults.armature) = (0.0, 0.0);
+        hand
+    }
+
+    /// J.
+    fn potential(chain: &Chain) -> f64 {
+        let poses = chain.poses();
+        let of = |(pose, link): (&Isometry3<f64>, &usize)| {
+            let MassProperties { mass, com, .. } = &chain.hand.masses[*link];
+            -mass * GRAVITY.dot(&(pose * com).coords)
+        };
+        poses.iter().zip(&chain.links).map(of).sum()
+    }
+
+    /// J, by the links' own speeds over `dt` (s).
+    fn kinetic(chain: &Chain, dt: f64) -> f64 {
+        let at = |way: f64| {
+            let mut moved = chain.clone();
+            moved.angles.iter_mut().zip(&chain.speeds).for_each(|(angle, speed)| *angle += way * dt * speed);
+            moved.poses()
+        };
+        let (before, after) = (at(-0.5), at(0.5));
+        let of = |(n, link): (usize, &usize)| {
+            let MassProperties { mass, com, inertia } = &chain.hand.masses[*link];
+            let speed = (after[n] * com - before[n] * com) / dt;
+            let turn = (before[n].rotation.inverse() * after[n].rotation).scaled_axis() / dt;
+            0.5 * mass * speed.norm_squared() + 0.5 * turn.dot(&(inertia * turn))
+        };
+        chain.links.iter().enumerate().map(of).sum()
+    }
+
+    /// At rest the load is the weight's: the potential energy's gradient.
+    #[test]
+    fn a_load_at_rest_is_the_potential_s_gradient() {
+        let hand = Hand::ftac();
+        let mut chain = swinging(&hand);
+        chain.speeds = [0.0; MOST_LINKS];
+        let loads = chain.dynamics(&GRAVITY).loads;
+        for n in 0..chain.links.len() {
+            let moved = |way: f64| {
+                let mut moved = chain.clone();
+                moved.angles[n] += way;
+                potential(&moved)
+            };
+            let gradient = (moved(1e-5) - moved(-1e-5)) / 2e-5;
+            assert!((loads[n] + gradient).abs() < 1e-9, "{n} {} {gradient}", loads[n]);
+        }
+    }
+
+    #[test]
+    fn the_mass_matrix_has_the_links_kinetic_energy() {
+        let hand = Hand::ftac();
+        let chain = swinging(&hand);
+        let speeds = Vector4::from(chain.speeds);
+        let energy = 0.5 * speeds.dot(&(chain.dynamics(&GRAVITY).masses * speeds));
+        let links = kinetic(&chain, 1e-5);
+        assert!((energy - links).abs() < 1e-6 * links, "{energy} {links}");
+    }
+
+    /// Nothing but weight acts on it: Coriolis and centrifugal forces do no work.
+    #[test]
+    fn a_chain_without_damping_keeps_its_energy() {
+        let hand = undamped();
+        let mut chain = swinging(&hand);
+        let energy = |chain: &Chain| {
+            let speeds = Vector4::from(chain.speeds);
+            0.5 * speeds.dot(&(chain.dynamics(&GRAVITY).masses * speeds)) + potential(chain)
+        };
+        let (before, kinetic) = (energy(&chain), energy(&chain) - potential(&chain));
+        for _ in 0..4000 {
+            let dynamics = chain.dynamics(&GRAVITY);
+            chain.advance(&dynamics, &[Drive::Effort(0.0, 0.0); MOST_LINKS], 1e-5);
+        }
+        assert!(chain.angles[..3].iter().all(|angle| (0.1..1.5).contains(angle)), "{:?}", chain.angles);
+        let after = energy(&chain);
+        assert!((after - before).abs() < 2e-3 * kinetic, "{before} {after} of {kinetic}");
+    }
+
+    /// A joint turned by something stronger goes as fast as that, and one at its stop stays there.
+    #[test]
+    fn turned_joints_turn_and_stops_stop() {
+        let hand = Hand::ftac();
+        let mut chain = swinging(&hand);
+        chain.angles[2] = hand.tree.joints[chain.links[2]].lower;
+        chain.speeds = [0.0; MOST_LINKS];
+        let mut drives = [Drive::Effort(-0.1, 0.0); MOST_LINKS];
+        drives[0] = Drive::Turned(0.5);
+        let dynamics = chain.dynamics(&GRAVITY);
+        chain.advance(&dynamics, &drives, 1e-3);
+        assert!((chain.angles[0] - 0.6005).abs() < 1e-12 && chain.speeds[0] == 0.5, "{chain:?}");
+        assert_eq!((chain.angles[2], chain.speeds[2]), (hand.tree.joints[chain.links[2]].lower, 0.0));
+        assert!(chain.angles[1] < 0.8);
+    }
+}

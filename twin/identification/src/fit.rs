@@ -300,6 +300,9 @@ fn alike(series: &[f64]) -> f64 {
 
 #[cfg(test)]
 mod tests {
+    use hand_model::robot::ServoGoal;
+    use nalgebra::Vector3;
+
     use super::*;
 
     #[test]
@@ -310,5 +313,43 @@ mod tests {
         assert!(alike(&white) < 1.2, "{}", alike(&white));
         let mean: Vec<f64> = white.windows(8).map(|window| window.iter().sum()).collect();
         assert!((alike(&mean) / 8.0 - 1.0).abs() < 0.15, "{}", alike(&mean));
+    }
+
+    /// A motion of the twin of `hand` itself, as an encoder shows it: a current rises and falls in `time` (s), the palm hangs as `gravity` says.
+    fn shown(hand: &Hand, losses: CableLosses, actuator: usize, time: f64, gravity: Vector3<f64>) -> FreeMotion {
+        let tick = 1.0 / 120.0;
+        let ramp = (time / tick) as usize;
+        let current = |n: usize| 0.07 * (n.min(2 * ramp - n.min(2 * ramp)) as f64 / ramp as f64);
+        let goals: Vec<ServoGoal> =
+            (0..2 * ramp).map(|n| ServoGoal::Current((1e3 * current(n)).round() / 1e3)).collect();
+        let n = goals.len();
+        let (arm, opposition, gravity) = (vec![[0.0; ARM_JOINTS]; n], vec![0.0; n], vec![gravity; n]);
+        let mut motion =
+            FreeMotion { actuator, tick, lead_in: 0, goals, angles: vec![0.0; n], opposition, arm, gravity };
+        let step = std::f64::consts::TAU / 4096.0;
+        motion.angles = play(hand, losses, &motion).iter().map(|shown| (shown.servo / step).round() * step).collect();
+        motion
+    }
+
+    /// Which of two joints leaves its stop first is found, though the search begins where both do.
+    #[test]
+    fn springs_whose_rests_are_far_apart_are_found() {
+        let (hand, arm) = (Hand::ftac(), Arm::gen3());
+        let losses = CableLosses { friction: hand.parameters.cable.friction, backlash: 0.0 };
+        let mut truth = RobotIndividual::designed(&hand);
+        let rests = [4, 5].map(|joint| truth.place(Quantity::SpringRest, joint).unwrap());
+        for (place, rest) in rests.into_iter().zip([0.06, -0.05]) {
+            truth.set(place, rest);
+        }
+        let sides = [Vector3::new(0.0, 0.0, -9.8), Vector3::new(0.0, 0.0, 9.8)];
+        let motions = sides.map(|gravity| shown(&truth.hand(&hand), losses, 1, 2.0, gravity));
+        let designed = RobotIndividual::designed(&hand);
+        // The arm of these motions stands for none.
+        let touches = KinematicCalibration::unknown(&designed);
+        let found = fit((&hand, &arm), losses, &motions, &designed, &touches);
+        for (place, rest) in rests.into_iter().zip([0.06, -0.05]) {
+            let n = found.places.iter().position(|searched| *searched == place).unwrap();
+            assert!((found.deviations[n] - rest).abs() < 0.01, "{} {rest}", found.deviations[n]);
+        }
     }
 }
