@@ -191,12 +191,12 @@ impl CableWatch {
         let exceeds = excess > limits.weak_step
             && beyond(i - 1).max(beyond(i - 2)) < limits.weak_before * excess
             && c[last] > limits.weak_pulled
-            && r[i - 1] - r[i - 2] < 0.5 * step
-            && r[..i].iter().all(|share| *share > 0.5);
+            && r[i - 1] - r[i - 2] < limits.weak_slows * step
+            && r[..i].iter().all(|share| *share > limits.weak_bears);
         // A digit that moves free bears what the twin's does, and with a weak servo a share more that stays.
         let e: Vec<f64> =
             self.past.iter().map(|cable| (cable.tension - cable.free) / cable.pulled.max(limits.slack)).collect();
-        let lags = e[..i].iter().any(|share| *share < -0.3);
+        let lags = e[..i].iter().any(|share| *share < limits.weak_lags);
         let bends = bends && !(pushed > Pushed::No && lags && c[last] < limits.weak_pulled);
         let begins = bends || exceeds;
         let b = KEPT - 4;
@@ -207,7 +207,7 @@ impl CableWatch {
             && more > limits.weak_free[3]
             && e[b] - e[b - 1] > limits.weak_free[1] * more
             && e[b + 1..].iter().all(stays)
-            && t(b + 1) - t(b) < 0.5 * (t(b) - t(b - 1))
+            && t(b + 1) - t(b) < limits.weak_slows * (t(b) - t(b - 1))
             && c.iter().all(|pulled| *pulled > limits.weak_pulled);
         if free {
             return Some((Kind::ServoWeak, 1.0 - more, 1.0));
@@ -240,7 +240,8 @@ mod tests {
         let mut watch = CableWatch::default();
         let see = |(n, tension): (usize, &f64)| {
             let (time, wound) = (n as f64 * TICK, n as f64 * TICK * speed);
-            let cable = Cable { tension: *tension, free: 6.0, pulled, held: 0.0, wound, speed: speed - 1e-4 * n as f64 };
+            let cable =
+                Cable { tension: *tension, free: 6.0, pulled, held: 0.0, wound, speed: speed - 1e-4 * n as f64 };
             watch.see(&limits, time, &cable, pushed).map(|(kind, ..)| (n, kind))
         };
         tensions.iter().enumerate().filter_map(see).collect()

@@ -38,6 +38,9 @@ pub struct CableLimits {
     pub weak_before: f64,
     pub weak_free: [f64; 4],
     pub weak_pulled: f64,
+    pub weak_slows: f64,
+    pub weak_bears: f64,
+    pub weak_lags: f64,
 }
 
 /// Limits for what acts on the hand.

@@ -32,12 +32,7 @@ fn applied(past: &VecDeque<(f64, Vector3<f64>)>, count: usize, lag: f64) -> Opti
 
 /// The step that shows in the newest of `past` (times in s, forces in N) and has stayed for `stays` ticks since, by the limits for where contact is
 /// `expected` or not.
-pub fn step(
-    past: &VecDeque<(f64, Vector3<f64>)>,
-    limits: &StepLimits,
-    expected: bool,
-    stays: usize,
-) -> Option<Step> {
+pub fn step(past: &VecDeque<(f64, Vector3<f64>)>, limits: &StepLimits, expected: bool, stays: usize) -> Option<Step> {
     let forces = applied(past, RESTING + SHOWING + stays, limits.lag)?;
     let (rest, after) = forces.split_at(RESTING);
     let base = rest[RESTING - BASE..].iter().sum::<Vector3<f64>>() / BASE as f64;
