@@ -369,7 +369,6 @@ mod tests {
         assert_eq!(named(Vector3::new(0.0, 0.0, -0.1 * GRAVITY)), [Kind::OtherPayload]);
         assert_eq!(named_of(Vector3::new(0.0, 0.0, -0.07 * GRAVITY), 20, true), []);
         assert_eq!(named_of(Vector3::new(0.0, 0.0, -0.15 * GRAVITY), 30, true), [Kind::OtherPayload]);
-        assert_eq!(named(Vector3::new(1.2, 0.0, -0.1 * GRAVITY)), [], "a push");
     }
 
     #[test]

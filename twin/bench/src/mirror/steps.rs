@@ -50,3 +50,33 @@ pub fn step(past: &VecDeque<(f64, Vector3<f64>)>, limits: &StepLimits, expected:
     let clear = one_way && even && sideways < limits.level[which] * size && moved < limits.rest[which] * size;
     (clear && size > limits.least).then_some(Step { weight, before: base })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::mirror::limits::Limits;
+
+    /// The weight of the step that shows after `force` (N) came within `ticks`, felt with the arm's lag.
+    fn shown(force: Vector3<f64>, ticks: usize) -> Option<f64> {
+        let limits = Limits::standard().expect("the limits").step;
+        let (mut past, mut felt) = (VecDeque::new(), Vector3::zeros());
+        for n in 0..30 {
+            let acts = force * (n as f64 / ticks as f64 - 20.0 / ticks as f64).clamp(0.0, 1.0);
+            felt = acts + limits.lag * (felt - acts);
+            past.push_back((n as f64 / 120.0, felt));
+            if let Some(step) = step(&past, &limits, false, STAYING) {
+                return Some(step.weight);
+            }
+        }
+        None
+    }
+
+    #[test]
+    fn what_comes_at_once_and_straight_down_is_a_weight() {
+        let weight = shown(Vector3::new(0.0, 0.0, -2.0), 1).expect("a step");
+        assert!((weight - 2.0).abs() < 1e-9, "{weight}");
+        assert_eq!(shown(Vector3::new(0.0, 0.0, -2.0), 8), None, "grows");
+        assert_eq!(shown(Vector3::new(2.5, 0.0, -2.0), 1), None, "goes sideways");
+        assert_eq!(shown(Vector3::new(0.0, 0.0, -0.5), 1), None, "too little");
+    }
+}
