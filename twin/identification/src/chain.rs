@@ -215,14 +215,14 @@ mod tests {
         let mut chain = swinging(&hand);
         chain.speeds = [0.0; MOST_LINKS];
         let loads = chain.dynamics(&GRAVITY).loads;
-        for n in 0..chain.links.len() {
+        for (n, load) in loads.iter().enumerate().take(chain.links.len()) {
             let moved = |way: f64| {
                 let mut moved = chain.clone();
                 moved.angles[n] += way;
                 potential(&moved)
             };
             let gradient = (moved(1e-5) - moved(-1e-5)) / 2e-5;
-            assert!((loads[n] + gradient).abs() < 1e-9, "{n} {} {gradient}", loads[n]);
+            assert!((load + gradient).abs() < 1e-9, "{n} {load} {gradient}");
         }
     }
 
