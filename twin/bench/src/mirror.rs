@@ -1,7 +1,7 @@
 //! The mirror: a twin that runs beside the robot, fed with the same commands and corrected by its measurements, and what it names.
 //!
-//! [`twin`] is the observer, [`seen`] all that it is told, [`residuals`] what is left between robot and twin. [`cables`], [`hand`] with [`steps`], and
-//! [`cameras`] find what is amiss in that, by the limits of [`limits`]; [`divergence`] has the words for it. [`belief`] is where the object in the hand was felt.
+//! [`twin`] is the observer, [`seen`] all that it is told, [`residuals`] what is left between robot and twin. [`cables`], [`hand`] and [`cameras`]
+//! find what is amiss in that, by the limits of [`limits`]; [`divergence`] has the words for it. [`belief`] is where the object in the hand was felt.
 //! [`watch`] lets a mirror look on while trials are played. A mirror only looks: it takes measurements, sent commands and what
 //! the controller believes ([`seen::Seen`]), cannot reach the robot's truth, and gives nothing back to whoever commands.
 
@@ -13,7 +13,6 @@ pub mod hand;
 pub mod limits;
 pub mod residuals;
 pub mod seen;
-pub mod steps;
 pub mod twin;
 pub mod watch;
 
@@ -22,7 +21,7 @@ use std::sync::Arc;
 
 use control::inverse_kinematics::ArmKinematics;
 use hand_model::robot::ServoState;
-use hand_model::{ACTUATORS, ARM_JOINTS, Arm, Digit, Hand};
+use hand_model::{ACTUATORS, ARM_JOINTS, Digit, Hand};
 use nalgebra::Isometry3;
 use proving::world::World;
 
@@ -41,7 +40,6 @@ use self::twin::Twin;
 pub struct Mirror {
     twin: Twin,
     hand: Arc<Hand>,
-    arm: Arc<Arm>,
     kinematics: ArmKinematics,
     limits: Limits,
     /// Masses of objects as the controller knows them, kg.
@@ -62,7 +60,6 @@ impl Mirror {
         Ok(Self {
             twin: Twin::new(world, arm),
             hand: world.cell.hand.clone(),
-            arm: world.cell.arm.clone(),
             kinematics: world.cell.kinematics(),
             limits: Limits::standard()?,
             masses: Arc::new(masses),
@@ -101,17 +98,7 @@ impl Mirror {
         &self.named[known..]
     }
 
-    /// Whether a joint of the arm, at `angles` (rad), is so near its stop that this may bear some of what loads the hand.
-    fn is_on_stop(&self, angles: &[f64; ARM_JOINTS]) -> bool {
-        let near = self.limits.hand.stop;
-        self.arm.tree.joints.iter().zip(angles).any(|(joint, at)| at - joint.lower < near || joint.upper - at < near)
-    }
-
     fn look_at_hand(&mut self, seen: &Seen) {
-        if self.is_on_stop(&seen.arm.position) {
-            self.handle.see_nothing();
-            return;
-        }
         let mass = |name: &str| self.masses.get(name).copied().unwrap_or(0.0);
         let tick = HandTick {
             time: seen.time,
@@ -120,7 +107,7 @@ impl Mirror {
             residuals: &self.residuals,
             masses: seen.objects.map(mass),
         };
-        if let Some(finding) = self.handle.see(&self.limits, &tick) {
+        if let Some(finding) = self.handle.see(&self.limits.hand, &tick) {
             if finding.0 == Kind::ObjectLost {
                 self.believes.lose();
             }
@@ -129,7 +116,7 @@ impl Mirror {
     }
 
     fn look_at_cables(&mut self, time: f64) {
-        let pushed = self.handle.pushed(&self.limits.hand);
+        let pushed = self.handle.is_pushed();
         for digit in Digit::ALL {
             let n = digit.index();
             let finding = self.cables[n].see(&self.limits.cable, time, &self.residuals.cables[n], pushed);

@@ -7,7 +7,7 @@ use super::limits::CableLimits;
 use super::residuals::Cable;
 
 /// Ticks that are kept.
-const KEPT: usize = 8;
+const KEPT: usize = 7;
 /// By how much a servo's current may change over those ticks, of itself, where a step of its torque is looked for.
 const STEADY: f64 = 0.6;
 
@@ -16,16 +16,6 @@ const REBOUND: f64 = 0.08;
 
 /// Of its tension, what a taut cable bears a tick later where nothing gives, at least.
 const TAUT_BEFORE: f64 = 0.93;
-
-/// How something pushes the hand.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Default)]
-pub enum Pushed {
-    #[default]
-    No,
-    Yes,
-    /// So hard that it may hold digits closed that grip something.
-    Hard,
-}
 
 /// A finding: what, and the numbers found and expected.
 pub type Finding = (Kind, f64, f64);
@@ -40,7 +30,7 @@ struct Slack {
     /// Whether the digit was pulled so hard that it may grip something.
     grips: bool,
     /// Whether something pushed the hand at that time: it may push a digit closed that grips nothing.
-    pushed: Pushed,
+    pushed: bool,
     /// Whether it went from bearing its load to bearing none within a tick.
     sudden: bool,
     named: bool,
@@ -49,7 +39,7 @@ struct Slack {
 impl Slack {
     /// Whether nothing but the cable itself explains it.
     fn is_certain(&self) -> bool {
-        self.sudden && self.pushed != Pushed::Hard && (self.grips || self.pushed == Pushed::No)
+        self.sudden && (self.grips || !self.pushed)
     }
 }
 
@@ -84,18 +74,18 @@ pub struct CableWatch {
 
 impl CableWatch {
     /// One tick at `time` (s); `pushed`: something pushes the hand.
-    pub fn see(&mut self, limits: &CableLimits, time: f64, cable: &Cable, pushed: Pushed) -> Option<Finding> {
+    pub fn see(&mut self, limits: &CableLimits, time: f64, cable: &Cable, pushed: bool) -> Option<Finding> {
         self.past.push_back(*cable);
         if self.past.len() > KEPT {
             self.past.pop_front();
         }
         self.slack(limits, time, cable, pushed)
             .or_else(|| self.slipped(limits, time, cable))
-            .or_else(|| self.weak(limits, pushed))
+            .or_else(|| self.weak(limits))
     }
 
     /// Cables that bear nothing although they are wound in.
-    fn slack(&mut self, limits: &CableLimits, time: f64, cable: &Cable, pushed: Pushed) -> Option<Finding> {
+    fn slack(&mut self, limits: &CableLimits, time: f64, cable: &Cable, pushed: bool) -> Option<Finding> {
         let bears_nothing = cable.tension < limits.slack_share * cable.pulled + limits.slack;
         let tells = self.slack.is_some() || cable.free > limits.least;
         if !(bears_nothing && tells && cable.pulled > limits.least) {
@@ -115,9 +105,7 @@ impl CableWatch {
         let slack = self.slack.get_or_insert(begun);
         let wound = cable.wound - slack.wound;
         // Somebody who pushes a digit closed takes some ticks for it, and no further than it closes.
-        if time < slack.since + REBOUND {
-            slack.pushed = slack.pushed.max(pushed);
-        }
+        slack.pushed |= pushed && time < slack.since + REBOUND;
         let broken = if slack.is_certain() {
             wound > limits.longest_slip || time - slack.since > limits.slack_time
         } else {
@@ -131,7 +119,7 @@ impl CableWatch {
     }
 
     /// A slack that begins now.
-    fn begin(&self, limits: &CableLimits, time: f64, pushed: Pushed) -> Slack {
+    fn begin(&self, limits: &CableLimits, time: f64, pushed: bool) -> Slack {
         let [_, before, ..] = newest(&self.past);
         Slack {
             since: time,
@@ -171,47 +159,18 @@ impl CableWatch {
     }
 
     /// Torque that goes missing within a tick.
-    fn weak(&self, limits: &CableLimits, pushed: Pushed) -> Option<Finding> {
+    fn weak(&self, limits: &CableLimits) -> Option<Finding> {
         if self.past.len() < KEPT || self.slack.is_some() {
             return None;
         }
         let c: Vec<f64> = self.past.iter().map(|cable| cable.pulled).collect();
         let r: Vec<f64> = self.past.iter().map(|cable| cable.tension / cable.pulled.max(limits.slack)).collect();
         let (last, i) = (KEPT - 1, KEPT - 3);
-        // What a digit that is held back adds is no step: its spool winds it.
-        let beyond = |n: usize| {
-            let [before, now] = [self.past[n - 1], self.past[n]];
-            (now.tension - before.tension - now.held) / now.pulled.max(limits.slack)
-        };
         // What goes on changing as it did before is no step.
         let bend = |n: usize| r[n] - 2.0 * r[n - 1] + r[n - 2];
-        let (step, jump, excess) = (r[i] - r[i - 1], bend(i), beyond(i));
+        let (step, jump) = (r[i] - r[i - 1], bend(i));
         let steady = c.iter().all(|pulled| *pulled > limits.least && (pulled - c[last]).abs() < STEADY * c[last]);
-        let bends = jump > limits.weak_step && (2..i).all(|n| bend(n).abs() < limits.weak_before * jump);
-        let exceeds = excess > limits.weak_step
-            && beyond(i - 1).max(beyond(i - 2)) < limits.weak_before * excess
-            && c[last] > limits.weak_pulled
-            && r[i - 1] - r[i - 2] < limits.weak_slows * step
-            && r[..i].iter().all(|share| *share > limits.weak_bears);
-        // A digit that moves free bears what the twin's does, and with a weak servo a share more that stays.
-        let e: Vec<f64> =
-            self.past.iter().map(|cable| (cable.tension - cable.free) / cable.pulled.max(limits.slack)).collect();
-        let lags = e[..i].iter().any(|share| *share < limits.weak_lags);
-        let bends = bends && !(pushed > Pushed::No && lags && c[last] < limits.weak_pulled);
-        let begins = bends || exceeds;
-        let b = KEPT - 4;
-        let more = (e[b + 1] + e[b + 2] + e[last]) / 3.0;
-        let t = |n: usize| self.past[n].tension;
-        let stays = |share: &f64| (share - more).abs() < limits.weak_free[2] * more;
-        let free = e[..b].iter().all(|share| share.abs() < limits.weak_free[0])
-            && more > limits.weak_free[3]
-            && e[b] - e[b - 1] > limits.weak_free[1] * more
-            && e[b + 1..].iter().all(stays)
-            && t(b + 1) - t(b) < limits.weak_slows * (t(b) - t(b - 1))
-            && c.iter().all(|pulled| *pulled > limits.weak_pulled);
-        if free {
-            return Some((Kind::ServoWeak, 1.0 - more, 1.0));
-        }
+        let begins = jump > limits.weak_step && bend(i - 1).abs().max(bend(i - 2).abs()) < limits.weak_before * jump;
         let decays = r[i + 1] < r[i] - 0.03 * step
             && r[i + 1] > r[i] - limits.weak_decay[0] * step
             && r[last] < r[i]
@@ -231,17 +190,16 @@ mod tests {
 
     /// What is named of these tensions (N) of a cable that is pulled with 10 N and wound at `speed` (m/s), and when.
     fn named(tensions: &[f64], speed: f64) -> Vec<(usize, Kind)> {
-        named_of(10.0, Pushed::No, tensions, speed)
+        named_of(10.0, false, tensions, speed)
     }
 
     /// The same pulled with `pulled` (N), by a hand that is `pushed`.
-    fn named_of(pulled: f64, pushed: Pushed, tensions: &[f64], speed: f64) -> Vec<(usize, Kind)> {
+    fn named_of(pulled: f64, pushed: bool, tensions: &[f64], speed: f64) -> Vec<(usize, Kind)> {
         let limits = Limits::standard().expect("the limits").cable;
         let mut watch = CableWatch::default();
         let see = |(n, tension): (usize, &f64)| {
             let (time, wound) = (n as f64 * TICK, n as f64 * TICK * speed);
-            let cable =
-                Cable { tension: *tension, free: 6.0, pulled, held: 0.0, wound, speed: speed - 1e-4 * n as f64 };
+            let cable = Cable { tension: *tension, free: 6.0, pulled, wound, speed: speed - 1e-4 * n as f64 };
             watch.see(&limits, time, &cable, pushed).map(|(kind, ..)| (n, kind))
         };
         tensions.iter().enumerate().filter_map(see).collect()
@@ -260,7 +218,7 @@ mod tests {
         assert!(matches!(slipped[..], [(n, Kind::CableSlipped)] if n < 30), "{slipped:?}");
         let pushed_closed = [vec![10.0; 10], vec![8.0, 5.0, 2.5], vec![0.0; 30], vec![10.0; 10]].concat();
         assert_eq!(named(&pushed_closed, 0.04), [], "somebody pushed the digit closed");
-        assert_eq!(named_of(3.0, Pushed::Yes, &dip(6), 0.04), [], "what pushes the hand may push a free digit closed");
+        assert_eq!(named_of(3.0, true, &dip(6), 0.04), [], "what pushes the hand may push a free digit closed");
         assert_eq!(named(&[10.0; 60], 0.04), []);
         let pushed_far = [vec![10.0; 10], vec![8.0, 5.0, 2.5], vec![0.0; 60]].concat();
         assert!(matches!(named(&pushed_far, 0.04)[..], [(_, Kind::CableBroken)]), "nobody pushes a digit so far");
@@ -270,9 +228,9 @@ mod tests {
     #[test]
     fn a_taut_cable_slips_without_slack_and_a_fast_one_breaks_in_two_ticks() {
         let slip = [vec![30.0; 10], vec![9.0, 14.0, 20.0], vec![30.0; 20]].concat();
-        assert!(matches!(named_of(30.0, Pushed::No, &slip, 0.04)[..], [(_, Kind::CableSlipped)]));
+        assert!(matches!(named_of(30.0, false, &slip, 0.04)[..], [(_, Kind::CableSlipped)]));
         let let_go = [vec![30.0; 10], vec![25.0, 20.0, 14.0, 9.0, 14.0, 20.0], vec![30.0; 20]].concat();
-        assert_eq!(named_of(30.0, Pushed::No, &let_go, 0.04), [], "an object that goes");
+        assert_eq!(named_of(30.0, false, &let_go, 0.04), [], "an object that goes");
         let broken = [vec![10.0; 10], vec![2.0], vec![0.0; 40]].concat();
         assert!(matches!(named(&broken, 0.04)[..], [(n, Kind::CableBroken)] if n < 35));
     }

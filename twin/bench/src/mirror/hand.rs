@@ -7,18 +7,18 @@ use grasping::Role;
 use hand_model::GRAVITY;
 use nalgebra::Vector3;
 
-use super::cables::{Finding, Pushed};
+use super::cables::Finding;
 use super::divergence::Kind;
-use super::limits::{HandLimits, Limits};
+use super::limits::HandLimits;
 use super::residuals::Residuals;
-use super::steps::{STAYING, Step, step};
 
 /// A force that stays within this range for some ticks is at rest, N.
 const STILL: f64 = 0.4;
+/// Ticks in which a weight comes, and for which the force rests before.
+const COMING: usize = 4;
+const RESTING: usize = 11;
 /// A force that changes by more within a tenth of a second pushes the hand, N.
 const PUSH: f64 = 1.5;
-/// A hand that holds something is pushed up by so much, N, only where it meets something else, too.
-const PUSHED_UP: f64 = 0.5;
 
 /// What a phase lets expect of the forces on the hand.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -80,9 +80,8 @@ pub struct HandWatch {
     weight: Option<f64>,
     contact_since: Option<f64>,
     payload_since: Option<f64>,
-    /// When weight last came or went at once, s, and how much more than it should the hand holds since, N.
-    stepped: Option<f64>,
-    more: f64,
+    /// When weight was last felt to come, s.
+    added: Option<f64>,
     lost_since: Option<f64>,
     /// Digits that carry a load, and since when they are free, s.
     carrying: [bool; 5],
@@ -91,9 +90,10 @@ pub struct HandWatch {
     touching: bool,
     overloaded: bool,
     lost: usize,
-    /// How many objects should have been in the hand, and whether it puts them down.
+    /// How many objects should have been in the hand.
     should: usize,
-    puts_down: bool,
+    /// For how many ticks the phase has expected nothing to touch the hand, and as many objects in it.
+    quiet: usize,
 }
 
 /// Since when `now` has held, s: whether that is `long` enough.
@@ -107,34 +107,21 @@ fn lasts(since: &mut Option<f64>, now: bool, time: f64, long: f64) -> bool {
 
 impl HandWatch {
     /// Whether something pushes the hand, or did within the last hundredths of a second.
-    pub fn pushed(&self, limits: &HandLimits) -> Pushed {
+    pub fn is_pushed(&self) -> bool {
         let newest = self.past.back().map_or_else(Vector3::zeros, |(_, force)| *force);
-        let empty = self.empty.unwrap_or_else(Vector3::zeros);
-        if self.puts_down && self.past.iter().any(|(_, force)| (force - empty).norm() > limits.hard) {
-            return Pushed::Hard;
-        }
-        let changes = self.past.iter().rev().take(12).any(|(_, force)| (newest - force).norm() > PUSH);
-        if self.touching || changes { Pushed::Yes } else { Pushed::No }
-    }
-
-    /// A tick in which nothing can be told of the forces on the hand: a joint of the arm is on its stop.
-    pub fn see_nothing(&mut self) {
-        self.past.clear();
-        self.tensions.clear();
-        (self.contact_since, self.payload_since, self.lost_since) = (None, None, None);
-        self.touching = false;
+        self.touching || self.past.iter().rev().take(12).any(|(_, force)| (newest - force).norm() > PUSH)
     }
 
     /// One tick.
-    pub fn see(&mut self, all: &Limits, tick: &HandTick) -> Option<Finding> {
-        let limits = &all.hand;
+    pub fn see(&mut self, limits: &HandLimits, tick: &HandTick) -> Option<Finding> {
         let force = tick.residuals.force;
         let should = held(limits, tick.phase, tick.progress);
         if should < self.should {
-            (self.weight, self.lost, self.overloaded, self.more) = (None, 0, false, 0.0);
+            (self.weight, self.lost, self.overloaded) = (None, 0, false);
         }
         let quiet = expects(limits, tick.phase, tick.progress) == Expects::Nothing;
-        (self.should, self.puts_down) = (should, tick.phase == Phase::PutDown);
+        self.quiet = if quiet && should == self.should { self.quiet + 1 } else { 0 };
+        self.should = should;
         let usual = self.usual();
         self.past.push_back((tick.time, force));
         self.tensions.push_back(tick.residuals.cables.map(|cable| cable.tension));
@@ -147,7 +134,7 @@ impl HandWatch {
             .contact(limits, tick, &moved, quiet)
             .or_else(|| self.lost_weight(limits, tick, should, quiet))
             .or_else(|| self.lost_digits(limits, tick, should, quiet))
-            .or_else(|| self.stepped(all, tick, should, quiet))
+            .or_else(|| self.added(limits, tick, should))
             .or_else(|| self.payload(limits, tick, &moved, (should, quiet)));
         let early = tick.phase < Phase::LiftFirst && tick.progress < limits.empty[0];
         if should == 0 && quiet && early && !self.touching && moved.norm() < limits.empty[1] {
@@ -264,33 +251,28 @@ impl HandWatch {
         Some((Kind::ObjectLost, 0.0, single))
     }
 
-    /// Weight that comes or goes at once, whatever the hand carried before.
-    fn stepped(&mut self, limits: &Limits, tick: &HandTick, should: usize, quiet: bool) -> Option<Finding> {
-        let again = self.stepped.is_none_or(|at| tick.time > at + limits.hand.memory);
-        let stayed = step(&self.past, &limits.step, !quiet, STAYING);
-        // A heavy object may fall out before its weight has stayed.
-        let comes = |step: &Step| step.weight > 0.0 && quiet;
-        let step = stayed.or_else(|| step(&self.past, &limits.step, !quiet, 0).filter(comes));
-        let step = step.filter(|_| should > 0 && again && !self.touching)?;
-        let expected = tick.masses[..should].iter().sum::<f64>();
-        if step.weight < 0.0 {
-            // What the hand meets as it arrives pushes it up.
-            let arrives = !quiet && !matches!(tick.phase, Phase::GraspSecond | Phase::LiftFirst | Phase::LiftSecond);
-            let most = limits.step.most * GRAVITY * expected + self.more;
-            if self.lost >= should || arrives || -step.weight > most {
-                return None;
-            }
-            (self.stepped, self.weight) = (Some(tick.time), None);
-            self.lost += 1;
-            return Some((Kind::ObjectLost, GRAVITY * expected + step.weight, GRAVITY * expected));
-        }
-        let pushed_up = self.empty.is_some_and(|empty| step.before.z > empty.z + PUSHED_UP);
-        if !quiet && (step.weight > limits.step.heaviest || pushed_up) {
+    /// Weight that comes within some ticks, whatever the hand carried before. What touches the hand pushes level, too, or harder and harder.
+    fn added(&mut self, limits: &HandLimits, tick: &HandTick, should: usize) -> Option<Finding> {
+        let again = self.added.is_none_or(|at| tick.time > at + limits.memory);
+        if should == 0 || self.touching || !again || self.quiet.min(self.past.len()) < RESTING + COMING {
             return None;
         }
-        (self.stepped, self.overloaded) = (Some(tick.time), true);
-        self.more += step.weight;
-        Some((Kind::OtherPayload, expected + step.weight / GRAVITY, expected))
+        let forces: Vec<Vector3<f64>> =
+            self.past.iter().skip(self.past.len() - RESTING - COMING).map(|(_, force)| *force).collect();
+        let (resting, coming) = forces.split_at(RESTING);
+        let (least, most) = resting.iter().fold((resting[0], resting[0]), |(a, b), force| (a.inf(force), b.sup(force)));
+        let rest = resting.iter().sum::<Vector3<f64>>() / RESTING as f64;
+        let down: Vec<f64> = coming.iter().map(|force| rest.z - force.z).collect();
+        let step = down.iter().copied().fold(0.0, f64::max);
+        let level = coming.iter().map(|force| (force - rest).xy().amax()).fold(0.0, f64::max);
+        let [early, late] = limits.added_early;
+        let comes = step > limits.added && down[1] > early * step && down[COMING - 1] > late * step;
+        if !comes || (most - least).max() > limits.added_rest || level > limits.added_level * step {
+            return None;
+        }
+        (self.added, self.overloaded) = (Some(tick.time), true);
+        let expected = tick.masses[..should].iter().sum::<f64>();
+        Some((Kind::OtherPayload, expected + step / GRAVITY, expected))
     }
 
     fn payload(
@@ -318,32 +300,29 @@ impl HandWatch {
 mod tests {
     use hand_model::Digit;
 
+    use super::super::limits::Limits;
     use super::*;
 
     const TICK: f64 = 1.0 / 120.0;
 
     /// What is named of a hand that approaches for half a second, lifts 0.1 kg as it should, and is then loaded with `force` (N) beyond that, which
-    /// comes within `ticks`; its ring finger holds the object, and goes on to if it still `grips`. The arm's torques follow with their lag.
+    /// comes within `ticks`; its ring finger holds the object, and goes on to if it still `grips`.
     fn named_of(force: Vector3<f64>, ticks: usize, grips: bool) -> Vec<Kind> {
-        let limits = Limits::standard().expect("the limits");
+        let limits = Limits::standard().expect("the limits").hand;
         let mut watch = HandWatch::default();
         let own = Vector3::new(0.4, -0.2, -1.0);
         let object = Vector3::new(0.0, 0.0, -0.1 * GRAVITY);
-        let mut felt = own;
         let see = |n: usize| {
             let time = n as f64 * TICK;
-            let share = |from: usize, ticks: usize| (n.saturating_sub(from) as f64 / ticks as f64).min(1.0);
-            let (phase, progress) = match n {
-                0..60 => (Phase::ApproachFirst, 0.3),
-                60..120 => (Phase::LiftFirst, share(60, 60)),
-                120..180 => (Phase::Look, 0.3),
-                _ => (Phase::Decide, 0.3),
+            let come = (n.saturating_sub(179) as f64 / ticks as f64).min(1.0);
+            let (phase, force) = match n {
+                0..60 => (Phase::ApproachFirst, own),
+                60..180 => (Phase::Look, own + object),
+                _ => (Phase::Decide, own + object + come * force),
             };
-            let acts = own + share(60, 30) * object + share(179, ticks) * force;
-            felt = acts + limits.step.lag * (felt - acts);
-            let mut residuals = Residuals { force: felt, ..Residuals::default() };
+            let mut residuals = Residuals { force, ..Residuals::default() };
             residuals.cables[Digit::Ring.index()].tension = if n < 60 || n >= 180 && !grips { 0.0 } else { 2.0 };
-            let tick = HandTick { time, phase, progress, residuals: &residuals, masses: [0.1, 0.2] };
+            let tick = HandTick { time, phase, progress: 0.3, residuals: &residuals, masses: [0.1, 0.2] };
             watch.see(&limits, &tick).map(|(kind, ..)| kind)
         };
         (0..240).filter_map(see).collect()
@@ -354,21 +333,21 @@ mod tests {
     }
 
     #[test]
-    fn weight_that_goes_is_an_object_lost_if_it_goes_at_once_or_a_digit_felt_it_go() {
+    fn weight_that_goes_is_an_object_lost_if_a_digit_felt_it_go() {
         assert_eq!(named(Vector3::zeros()), []);
         let gone = Vector3::new(0.0, 0.0, 0.1 * GRAVITY);
         assert_eq!(named_of(gone, 1, false), [Kind::ObjectLost]);
-        assert_eq!(named_of(gone, 1, true), [Kind::ObjectLost], "what goes at once is weight");
-        assert_eq!(named_of(gone, 20, true), [], "the arm's friction");
+        assert_eq!(named_of(gone, 1, true), [], "the arm's friction");
     }
 
     /// What comes at once is a weight, even if it is less than what both objects weigh; what comes slowly is none until it is too much for long.
     #[test]
     fn weight_that_comes_is_another_payload() {
         assert_eq!(named(Vector3::new(0.0, 0.0, -0.15 * GRAVITY)), [Kind::OtherPayload]);
-        assert_eq!(named(Vector3::new(0.0, 0.0, -0.1 * GRAVITY)), [Kind::OtherPayload]);
+        assert_eq!(named(Vector3::new(0.0, 0.0, -0.07 * GRAVITY)), [Kind::OtherPayload]);
         assert_eq!(named_of(Vector3::new(0.0, 0.0, -0.07 * GRAVITY), 20, true), []);
         assert_eq!(named_of(Vector3::new(0.0, 0.0, -0.15 * GRAVITY), 30, true), [Kind::OtherPayload]);
+        assert_eq!(named(Vector3::new(0.8, 0.0, -0.07 * GRAVITY)), [], "a push");
     }
 
     #[test]
