@@ -221,7 +221,7 @@ pub fn compare(
 
 type Angles = Vec<[f64; hand_model::HAND_JOINTS]>;
 
-/// Plays the stairs with one actuator: the motion as measured, and the true joint angles before each tick.
+/// Plays the stairs with one actuator: the motion as measured, and the true joint angles before each tick behind its lead-in.
 fn stairs(robot: &mut SimulatedRobot, actuator: usize, hand: &Hand, arm: &Arm) -> (FreeMotion, Angles) {
     let tick = robot.tick_length();
     let mut motion = FreeMotion {
@@ -250,7 +250,8 @@ fn stairs(robot: &mut SimulatedRobot, actuator: usize, hand: &Hand, arm: &Arm) -
         }
     }
     motion.lead_in = (LED / tick) as usize;
-    (motion, angles.split_off((LED / tick) as usize))
+    let angles = angles.split_off(motion.lead_in);
+    (motion, angles)
 }
 
 /// Adds how the twin of `own` differs from the `real` hand whose joints were at `angles` in `motion`.

@@ -3,7 +3,7 @@
 //! Least squares over the servo's angle at every few ticks, with a prior from the drawing: each deviation is searched in units of its
 //! spread, and counts as one more residual. What the twin leaves unexplained is no white noise: errors of neighbouring samples are
 //! alike. So the residuals are weighted by their own standard deviation times the square root of the number of samples over which
-//! they stay alike, found in a first round; the covariance is that of the second, with what the fit does not search ([`interval`](crate::interval)).
+//! they stay alike, both found in the round before; the covariance is that of the last, with what the fit does not search ([`interval`](crate::interval)).
 //! The cost has several minima: which joint of a digit leaves its stop first is told by small differences only, so the search begins anew
 //! with the springs' rests of neighbouring joints moved apart, either way. Dry friction makes the residuals rough: slopes are those of secants.
 
