@@ -48,6 +48,21 @@ pub struct Ball {
     pub settle: f64,
     /// How far a pad is pressed onto the ball at most, m.
     pub depth: f64,
+    /// Pads of the palm then slide over it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub slide: Option<Slide>,
+}
+
+/// How a pad slides over the ball, and what is known of its friction.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Slide {
+    /// m, along the pad.
+    pub way: f64,
+    /// Of the ball against a pad as drawn, as somebody has measured it.
+    pub friction: f64,
+    /// Standard deviation of that, as a share of it.
+    pub uncertain: f64,
 }
 
 /// One press.
@@ -146,6 +161,31 @@ pub fn approach(
         }
         Some(Approach { hover, way })
     })
+}
+
+/// The way of a pad over the ball: from where the arm stands `at` along the pad's width, so that the ball comes towards its middle, in strides.
+/// None where the arm does not reach so far, and for pads of links, which a push from the side may turn.
+pub fn sideways(
+    (hand, arm): (&Hand, &Arm),
+    ball: &Ball,
+    slide: &Slide,
+    press: &Press,
+    at: &Joints,
+) -> Option<Vec<Joints>> {
+    let pad = &hand.pads[hand.cameras[press.camera].pad];
+    if pad.link.is_some() {
+        return None;
+    }
+    let kinematics = kinematics(hand, arm);
+    let palm = kinematics.palm_pose(at);
+    let along = palm * pad.link_from_pad * Vector3::x() * if press.spot[0] < 0.0 { -1.0 } else { 1.0 };
+    let strides = (slide.way / ball.stride).ceil() as usize;
+    let mut way: Vec<Joints> = Vec::with_capacity(strides);
+    for stride in 1..=strides {
+        let next = Translation3::from(along * (stride as f64 * ball.stride)) * palm;
+        way.push(kinematics.solve(&next, way.last().unwrap_or(at))?);
+    }
+    Some(way)
 }
 
 /// Whether all links but `pressed` keep away from ball, post and table with the palm at `palm`.

@@ -3,7 +3,7 @@
 use hand_model::robot::{Command, Robot as _, ServoGoal};
 use hand_model::transmission::friction::CableLosses;
 use hand_model::{ACTUATORS, ARM_JOINTS, Arm, Digit, Hand};
-use nalgebra::{Isometry3, Point3, UnitQuaternion};
+use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion};
 use rand::{RngExt as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
 use scenarios::effects::Gel;
@@ -24,7 +24,7 @@ use crate::fit::rms;
 use crate::free_digit::{fingertip, play};
 use crate::free_motion::FreeMotion;
 
-/// Density of the ball, kg/m3, and its friction on a pad.
+/// Density of the ball, kg/m3, and its friction on a pad where no slide asks for it.
 const STEEL: f64 = 7850.0;
 const BALL_FRICTION: f64 = 0.8;
 /// Stream of the generator from which the ball's place is drawn.
@@ -112,15 +112,31 @@ pub struct Surroundings {
     pub board: TactileBoard,
     /// How its covers give way.
     pub gel: Option<Gel>,
-    /// Where the ball really is: `world_from_ball`, and its radius, m.
-    pub ball: Option<(Isometry3<f64>, f64)>,
+    pub ball: Option<TrueBall>,
 }
 
-/// Where the ball of individual `number` really is, m, in the frame of the arm's base: drawn about where somebody measured it.
-pub fn true_place(ball: &Ball, number: u64) -> Point3<f64> {
-    let mut rng = ChaCha8Rng::seed_from_u64(number);
-    rng.set_stream(BALL_STREAM);
-    ball.middle() + vector(&mut rng, ball.uncertain)
+/// The ball as it really is.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct TrueBall {
+    /// Its middle, m, in the frame of the arm's base.
+    pub middle: Point3<f64>,
+    /// m.
+    pub radius: f64,
+    /// On a pad as drawn.
+    pub friction: f64,
+}
+
+impl TrueBall {
+    /// That of individual `number`: drawn about what somebody measured.
+    pub fn draw(ball: &Ball, number: u64) -> Self {
+        let mut rng = ChaCha8Rng::seed_from_u64(number);
+        rng.set_stream(BALL_STREAM);
+        let middle = ball.middle() + vector(&mut rng, ball.uncertain);
+        let friction = ball.slide.as_ref().map_or(BALL_FRICTION, |slide| {
+            slide.friction * vector(&mut rng, slide.uncertain).x.exp()
+        });
+        Self { middle, radius: ball.radius, friction }
+    }
 }
 
 /// The same robot among its surroundings, as long as it is excited.
@@ -133,12 +149,13 @@ pub fn excited_body(
 ) -> Result<SimulatedRobot, GeometryError> {
     let (hand, arm) = (Arc::new(individual.hand(hand)), Arc::new(individual.arm(arm)));
     let mut objects = Vec::new();
-    if let Some((pose, radius)) = surroundings.ball {
+    if let Some(TrueBall { middle, radius, friction }) = surroundings.ball {
+        let pose = Isometry3::from(Translation3::from(middle));
         let model = Arc::new(ObjectModel {
             name: "ball".to_owned(),
             shape: Shape::Sphere { radius },
             mass: STEEL * 4.0 / 3.0 * std::f64::consts::PI * radius.powi(3),
-            friction: BALL_FRICTION * individual.pad_friction(),
+            friction: friction * individual.pad_friction(),
             color: [200; 3],
             rest: UnitQuaternion::identity(),
             symmetry: Symmetry::Full,

@@ -5,7 +5,7 @@ use hand_model::{ACTUATORS, ARM_JOINTS, Arm, Hand};
 use serde::{Deserialize, Serialize};
 use touch::PhotometricCalibration;
 
-use crate::ball::Approach;
+use crate::ball::{Approach, Press};
 use crate::pressing::Aim;
 use crate::script::{Motion, Posture, Script, Step, actuator};
 use crate::touches::{PAUSE, PressImages};
@@ -84,7 +84,7 @@ pub fn play<R: Robot, E>(
         heard(Progress::Begins(n))?;
         let went_on = match (step, &mut aim) {
             (Step::Press(_, press), Some(aim)) => match aim.at(press) {
-                Some(approach) => player.press(press.camera, &approach, aim, &mut goes_on),
+                Some(approach) => player.press(press, &approach, aim, &mut goes_on),
                 None => {
                     heard(Progress::OutOfReach(n))?;
                     continue;
@@ -177,10 +177,10 @@ impl<R: Robot> Player<'_, R> {
         }
     }
 
-    /// Presses the pad of `camera` on the ball, deeper from look to look until it is deep enough, and leaves it again.
+    /// Presses a pad on the ball, deeper from look to look until it is deep enough, slides over it, and leaves it again.
     fn press(
         &mut self,
-        camera: usize,
+        press: &Press,
         approach: &Approach,
         aim: &mut Aim,
         goes_on: &mut impl FnMut(&mut R) -> bool,
@@ -193,11 +193,17 @@ impl<R: Robot> Player<'_, R> {
             if !self.go(posture, goes_on) || !self.open(aim.ball().settle, goes_on) || !self.look(goes_on) {
                 return false;
             }
-            if aim.is_deep(camera, &self.images) {
+            if aim.is_deep(press.camera, &self.images) {
                 break;
             }
         }
         aim.learn(&self.images);
+        let at = self.arm;
+        for posture in aim.sideways(press, &at).unwrap_or_default() {
+            if !self.go(&posture, goes_on) || !self.open(aim.ball().settle, goes_on) {
+                return false;
+            }
+        }
         approach.way.first().is_none_or(|back| self.go(back, goes_on)) && self.go(&approach.hover, goes_on)
     }
 
@@ -251,7 +257,7 @@ pub fn described(script: &Script, hand: &Hand) -> Vec<String> {
                 format!("at {:+.2} {:+.2}, {:.1} mm deep", press.spot[0], press.spot[1], 1e3 * ball.depth),
             ),
         };
-        format!("{:3}  {what} {how}, {:4.1} s in all", n + 1, script.length(&step))
+        format!("{:3}  {what} {how}, {:4.1} s in all", n + 1, script.length(&step, hand))
     };
     script.steps(hand).into_iter().enumerate().map(line).collect()
 }

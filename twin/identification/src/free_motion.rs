@@ -59,8 +59,8 @@ impl FreeMotion {
             goals: rows.iter().map(|row| row.goals[actuator]).collect(),
             angles: rows.iter().map(|row| row.servos[actuator].position).collect(),
             opposition: rows.iter().map(|row| row.servos[5].position).collect(),
-            arm: rows.iter().map(|row| row.arm).collect(),
-            gravity: rows.iter().map(|row| gravity(hand, arm, &row.arm)).collect(),
+            arm: rows.iter().map(|row| row.arm.position).collect(),
+            gravity: rows.iter().map(|row| gravity(hand, arm, &row.arm.position)).collect(),
         }
     }
 

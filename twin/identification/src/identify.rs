@@ -8,6 +8,7 @@ use nalgebra::DMatrix;
 use rayon::prelude::*;
 use scenarios::individuals::file::{Covariance, Estimate, IdentifiedRobot};
 use scenarios::individuals::robot::RobotIndividual;
+use scenarios::individuals::spread::Quantity;
 use touch::ball_press::{self, BallPress, OwnCalibrationReport};
 use touch::{PhotometricCalibration, TouchError};
 
@@ -17,7 +18,8 @@ use crate::fit::{Fit, TAUGHT, fit};
 use crate::free_digit::OPPOSITION;
 use crate::free_motion::{FreeMotion, free_motions};
 use crate::kinematic_calibration::{KinematicCalibration, Touch, calibrate};
-use crate::touches::touches;
+use crate::pad_mechanics::{PadMechanics, Shown};
+use crate::touches::{LookTouch, deepest, look_touches};
 use crate::trace::Trace;
 
 /// A robot, and how it was found.
@@ -28,6 +30,8 @@ pub struct Identification {
     pub fits: [Fit; ACTUATORS],
     /// What touches of a ball show; the drawing where there are none.
     pub kinematics: KinematicCalibration,
+    /// What presses and slides of the palm's pads show.
+    pub mechanics: PadMechanics,
 }
 
 /// Identifies the robot of `traces`, one of those built from `hand` and `arm`, whose guides and gears take `losses` as drawn; `pads` reads
@@ -45,9 +49,10 @@ pub fn identify(
     let distinct: BTreeMap<&str, &Trace> = traces.iter().map(|trace| (trace.source.sha256.as_str(), trace)).collect();
     let designed = prior(hand);
     let ball = distinct.values().find_map(|trace| trace.ball.as_ref());
-    let felt: Vec<Touch> = ball.map_or_else(Vec::new, |ball| {
-        distinct.values().flat_map(|trace| touches(hand, pads, ball.radius, &trace.pressed)).collect()
+    let looks: Vec<Vec<LookTouch>> = ball.map_or_else(Vec::new, |ball| {
+        distinct.values().map(|trace| look_touches(hand, pads, ball.radius, &trace.pressed)).collect()
     });
+    let felt: Vec<Touch> = looks.iter().flat_map(|looks| deepest(looks)).collect();
     let kinematics = match ball {
         Some(ball) => calibrate((hand, arm), ball, &designed, &felt),
         None => KinematicCalibration::unknown(&designed),
@@ -55,6 +60,13 @@ pub fn identify(
     // Where gravity pulls from is what touches say of arm and mount.
     let prior = kinematics.individual.clone();
     let (own_hand, own_arm) = (prior.hand(hand), prior.arm(arm));
+    let mut shown = Shown::default();
+    if let Some(ball) = ball {
+        for (trace, looks) in distinct.values().zip(&looks) {
+            shown.add(hand, (&own_hand, &own_arm), (ball, &kinematics.ball), trace, looks);
+        }
+    }
+    let mechanics = shown.together(ball.and_then(|ball| ball.slide.as_ref()));
     let motions: Vec<Vec<FreeMotion>> = (0..ACTUATORS)
         .map(|actuator| {
             distinct.values().flat_map(|trace| free_motions(trace, actuator, &own_hand, &own_arm)).collect()
@@ -98,10 +110,21 @@ pub fn identify(
         }
         covariances.push(block(&estimates, &fit.places, &fit.covariance));
     }
+    let measured = [(Quantity::GelStiffness, mechanics.stiffness), (Quantity::PadFriction, mechanics.friction)];
+    for (quantity, factor) in measured {
+        if let Some((place, factor)) = designed.place(quantity, 0).zip(factor) {
+            let estimate = &mut estimates[place];
+            let (before, now) = (estimate.sigma.powi(-2), factor.sigma.powi(-2));
+            let sigma = (before + now).powf(-0.5);
+            estimate.deviation = (before * estimate.deviation + now * factor.deviation) / (before + now);
+            estimate.identified = sigma < TAUGHT * estimate.sigma;
+            estimate.sigma = sigma;
+        }
+    }
     let sources = distinct.values().map(|trace| trace.source.clone()).collect();
     let robot = IdentifiedRobot::new(hand, estimates, covariances, sources);
     let fits = fits.try_into().unwrap_or_else(|_| unreachable!("a fit for each actuator"));
-    Ok(Identification { robot, fits, kinematics })
+    Ok(Identification { robot, fits, kinematics, mechanics })
 }
 
 /// The photometric calibration of the pads that the sessions press on a ball, from that of others, `pads`; nothing where none is pressed.

@@ -6,6 +6,7 @@
 //! freely, a [`chain`] on its servo; [`fit`] finds the parameters with which it moves as the session shows, and [`identify`](mod@identify) does so for all actuators;
 //! [`interval`] says how surely they are known; [`evaluation`] sets what was found beside the truth, where there is one to read.
 
+pub mod arm_load;
 pub mod ball;
 pub mod chain;
 pub mod error;
@@ -17,6 +18,7 @@ pub mod free_motion;
 pub mod identify;
 pub mod interval;
 pub mod kinematic_calibration;
+pub mod pad_mechanics;
 pub mod pressing;
 pub mod script;
 pub mod touches;

@@ -8,7 +8,7 @@ use hand_model::{Arm, Hand};
 use scenarios::individuals::robot::RobotIndividual;
 use touch::PhotometricCalibration;
 
-use crate::ball::{Approach, Ball, Press, approach};
+use crate::ball::{Approach, Ball, Press, approach, sideways};
 use crate::excitation::Means;
 use crate::kinematic_calibration::{KinematicCalibration, Touch, calibrate};
 use crate::touches::{PressImages, touches};
@@ -56,6 +56,13 @@ impl<'a> Aim<'a> {
             near.way.last().unwrap_or(&self.ready),
         );
         way((EARLY * unsure).clamp(EARLIEST[0], EARLIEST[1]))
+    }
+
+    /// The way of a press's pad over the ball from where the arm stands `at`, if it slides.
+    pub fn sideways(&self, press: &Press, at: &Joints) -> Option<Vec<Joints>> {
+        let slide = self.ball.slide.as_ref()?;
+        let own = (self.found.individual.hand(self.hand), self.found.individual.arm(self.arm));
+        sideways((&own.0, &own.1), self.ball, slide, press, at)
     }
 
     /// Whether the newest look of `camera` shows the ball deep enough in its pad.

@@ -142,10 +142,14 @@ impl Script {
     }
 
     /// Length of a step without the arm's way, s; of a press that feels the ball where it is expected.
-    pub fn length(&self, step: &Step) -> f64 {
+    pub fn length(&self, step: &Step, hand: &Hand) -> f64 {
         match step {
             Step::Motion(_, motion) => self.open_time + 2.0 * motion.time + self.stay + self.slack,
-            Step::Press(ball, _) => ball.settle * (2.0 + ball.depth / ball.stride),
+            Step::Press(ball, press) => {
+                let on_palm = hand.pads[hand.cameras[press.camera].pad].link.is_none();
+                let slides = ball.slide.as_ref().filter(|_| on_palm).map_or(0.0, |slide| slide.way);
+                ball.settle * (2.0 + (ball.depth + slides) / ball.stride)
+            }
         }
     }
 }
@@ -165,7 +169,14 @@ fn check_ball(ball: &Ball, path: &Path) -> Result<(), DataError> {
         ("settle", ball.settle, 0.05, 2.0),
         ("depth", ball.depth, 2e-4, 0.002),
     ];
-    for (field, value, low, high) in values.into_iter().chain(shares) {
+    let slide = ball.slide.iter().flat_map(|slide| {
+        [
+            ("slide.way", slide.way, 0.003, 0.01),
+            ("slide.friction", slide.friction, 0.1, 2.0),
+            ("slide.uncertain", slide.uncertain, 0.0, 0.2),
+        ]
+    });
+    for (field, value, low, high) in values.into_iter().chain(slide).chain(shares) {
         if !(value.is_finite() && (low..=high).contains(&value)) {
             let expected = format!("{low} to {high} (SI units)");
             return Err(DataError::field(path, format!("ball.{field}"), value, expected));

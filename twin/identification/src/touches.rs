@@ -25,7 +25,7 @@ const LOOK: f64 = 0.1;
 pub struct PressImage {
     /// Number of the press, in the order of the session.
     pub press: usize,
-    /// Number of the look, in the order of the session: the arm stands during a look.
+    /// Index of the look: the arm stands during a look.
     pub look: usize,
     pub camera: usize,
     /// What the arm's encoders showed, rad.
@@ -85,13 +85,22 @@ enum Compared<'a> {
     Changed(&'a Arc<TactileImage>),
 }
 
+/// When images were taken that belong together; the arm stood meanwhile.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Look {
+    /// Number of the press, in the order of the session.
+    pub press: usize,
+    /// When its first and its last image came, s.
+    pub times: [f64; 2],
+}
+
 /// The images of a session that show something, press by press.
 #[derive(Debug, Clone, Default)]
 pub struct PressImages {
     press: usize,
-    look: usize,
     backgrounds: Backgrounds,
     images: Vec<PressImage>,
+    looks: Vec<Look>,
 }
 
 impl PressImages {
@@ -100,13 +109,17 @@ impl PressImages {
         if observation.tactile.is_empty() {
             return;
         }
-        self.look += usize::from(observation.time > self.backgrounds.last + LOOK);
+        let begins = observation.time > self.backgrounds.last + LOOK;
         self.press += usize::from(self.backgrounds.come(observation.time));
+        match self.looks.last_mut() {
+            Some(look) if !begins => look.times[1] = observation.time,
+            _ => self.looks.push(Look { press: self.press, times: [observation.time; 2] }),
+        }
         for frame in &observation.tactile {
             if let Some(Compared::Changed(background)) = self.backgrounds.compare(frame) {
                 self.images.push(PressImage {
                     press: self.press,
-                    look: self.look,
+                    look: self.looks.len() - 1,
                     camera: frame.camera,
                     arm: observation.arm.position,
                     opposition: observation.servos[5].position,
@@ -117,9 +130,9 @@ impl PressImages {
         }
     }
 
-    /// All of them.
-    pub fn into_all(self) -> Vec<PressImage> {
-        self.images
+    /// All of them, and all looks.
+    pub fn into_all(self) -> (Vec<PressImage>, Vec<Look>) {
+        (self.images, self.looks)
     }
 
     /// Those of the newest press.
@@ -129,7 +142,7 @@ impl PressImages {
 
     /// Those of the newest look.
     pub fn of_look(&self) -> impl Iterator<Item = &PressImage> {
-        self.images.iter().rev().take_while(|image| image.look == self.look)
+        self.images.iter().rev().take_while(|image| image.look + 1 == self.looks.len())
     }
 
     /// When the newest image came, s; before any: minus infinity.
@@ -199,38 +212,62 @@ impl PressImage {
     }
 }
 
-/// One touch of each camera in each press in which it can tell where the ball is: that of the look that shows the deepest contact, the mean of
-/// its images.
+/// What a camera shows of the ball in a look.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct LookTouch {
+    /// Number of the press.
+    pub press: usize,
+    /// Index of the look.
+    pub look: usize,
+    pub touch: Touch,
+}
+
+/// What each camera shows in each look in which it can tell where the ball is, the mean of its images: in the order of presses and cameras.
+pub fn look_touches<'a>(
+    hand: &Hand,
+    calibration: &PhotometricCalibration,
+    radius: f64,
+    images: impl IntoIterator<Item = &'a PressImage>,
+) -> Vec<LookTouch> {
+    let images: Vec<&PressImage> = images.into_iter().collect();
+    let located: Vec<Option<BallPlace>> =
+        images.par_iter().map(|image| locate(hand, calibration, &image.ball_press(radius)).ok().flatten()).collect();
+    let mut looks: BTreeMap<(usize, usize, usize), Seen> = BTreeMap::new();
+    for (image, place) in images.into_iter().zip(located) {
+        let look = looks.entry((image.press, image.camera, image.look)).or_default();
+        look.extend(place.map(|place| (image, place)));
+    }
+    let of = |(&(press, _, look), seen): (&_, &Seen)| mean(seen).map(|touch| LookTouch { press, look, touch });
+    looks.iter().filter_map(of).collect()
+}
+
+/// One touch of each camera in each press: that of the look that shows the deepest contact.
+pub fn deepest(looks: &[LookTouch]) -> Vec<Touch> {
+    let mut deepest: BTreeMap<(usize, usize), Touch> = BTreeMap::new();
+    for LookTouch { press, touch, .. } in looks {
+        let known = deepest.entry((*press, touch.camera)).or_insert(*touch);
+        if touch.center.z < known.center.z {
+            *known = *touch;
+        }
+    }
+    deepest.into_values().collect()
+}
+
+/// The [`deepest`] touches of some images.
 pub fn touches<'a>(
     hand: &Hand,
     calibration: &PhotometricCalibration,
     radius: f64,
     images: impl IntoIterator<Item = &'a PressImage>,
 ) -> Vec<Touch> {
-    let images: Vec<&PressImage> = images.into_iter().collect();
-    let located: Vec<Option<BallPlace>> =
-        images.par_iter().map(|image| locate(hand, calibration, &image.ball_press(radius)).ok().flatten()).collect();
-    let mut looks: BTreeMap<(usize, usize, usize), Look> = BTreeMap::new();
-    for (image, place) in images.into_iter().zip(located) {
-        let look = looks.entry((image.press, image.camera, image.look)).or_default();
-        look.extend(place.map(|place| (image, place)));
-    }
-    let mut deepest: BTreeMap<(usize, usize), Touch> = BTreeMap::new();
-    for ((press, camera, _), look) in &looks {
-        let Some(touch) = mean(look) else { continue };
-        let known = deepest.entry((*press, *camera)).or_insert(touch);
-        if touch.center.z < known.center.z {
-            *known = touch;
-        }
-    }
-    deepest.into_values().collect()
+    deepest(&look_touches(hand, calibration, radius, images))
 }
 
 /// The images of a camera in a look that show the ball.
-type Look<'a> = Vec<(&'a PressImage, BallPlace)>;
+type Seen<'a> = Vec<(&'a PressImage, BallPlace)>;
 
 /// What the images of a look say together. Their errors are alike: those of calibration and lens.
-fn mean(look: &Look) -> Option<Touch> {
+fn mean(look: &Seen) -> Option<Touch> {
     let (first, place) = look.first()?;
     let sum = look.iter().fold(Vector3::zeros(), |sum, (_, place)| sum + place.center.coords);
     Some(Touch {

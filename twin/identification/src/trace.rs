@@ -3,8 +3,8 @@
 use std::path::Path;
 
 use hand_model::digest::sha256;
-use hand_model::robot::{Command, Observation, Robot, ServoGoal, ServoState, Tick};
-use hand_model::{ACTUATORS, ARM_JOINTS, Hand};
+use hand_model::robot::{ArmState, Command, Observation, Robot, ServoGoal, ServoState, Tick};
+use hand_model::{ACTUATORS, Hand};
 use scenarios::individuals::file::Source;
 use session_log::Reader;
 use session_log::reader::Event;
@@ -13,7 +13,7 @@ use crate::ball::Ball;
 use crate::error::IdentificationError;
 use crate::excitation::{NAME, Task};
 use crate::script::Script;
-use crate::touches::{PressImage, PressImages};
+use crate::touches::{Look, PressImage, PressImages};
 
 /// A tick: what was measured at its beginning, and what was sent then.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -21,8 +21,7 @@ pub struct Row {
     /// s.
     pub time: f64,
     pub servos: [ServoState; ACTUATORS],
-    /// rad.
-    pub arm: [f64; ARM_JOINTS],
+    pub arm: ArmState,
     pub goals: [ServoGoal; ACTUATORS],
 }
 
@@ -32,6 +31,8 @@ pub struct Trace {
     pub rows: Vec<Row>,
     /// Images of pressed pads.
     pub pressed: Vec<PressImage>,
+    /// When pads were looked at.
+    pub looks: Vec<Look>,
     /// On what they were pressed, if there was a ball.
     pub ball: Option<Ball>,
     /// Length of a tick, s.
@@ -63,8 +64,8 @@ impl Trace {
             robot: session.robot,
             seconds: seconds(&ticks.rows),
         };
-        let (rows, pressed) = (ticks.rows, ticks.images.into_all());
-        Ok(Self { rows, pressed, ball: task.script.ball, tick: session.tick_length, source, whole: reader.is_whole() })
+        let (pressed, looks) = ticks.images.into_all();
+        Ok(Self { rows: ticks.rows, pressed, looks, ball: task.script.ball, tick: session.tick_length, source, whole: reader.is_whole() })
     }
 }
 
@@ -81,7 +82,7 @@ impl Ticks {
         self.images.see(observation);
         let goals = [ServoGoal::Current(0.0); ACTUATORS];
         self.observed =
-            Some(Row { time: observation.time, servos: observation.servos, arm: observation.arm.position, goals });
+            Some(Row { time: observation.time, servos: observation.servos, arm: observation.arm, goals });
     }
 
     fn sent(&mut self, sent: &Command) {
@@ -103,10 +104,11 @@ impl<R: Robot> Kept<R> {
 
     /// What passed through it under `script`; `robot` is the body's kind.
     pub fn trace(self, robot: &str, script: &Script) -> Trace {
-        let (rows, pressed) = (self.ticks.rows, self.ticks.images.into_all());
+        let Ticks { rows, images, .. } = self.ticks;
+        let (pressed, looks) = images.into_all();
         let file = "kept in memory".to_owned();
         let source = Source { file, sha256: String::new(), robot: robot.to_owned(), seconds: seconds(&rows) };
-        Trace { rows, pressed, ball: script.ball.clone(), tick: self.robot.tick_length(), source, whole: true }
+        Trace { rows, pressed, looks, ball: script.ball.clone(), tick: self.robot.tick_length(), source, whole: true }
     }
 }
 

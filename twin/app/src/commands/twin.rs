@@ -13,9 +13,8 @@ use hand_model::transmission::friction::CableLosses;
 use hand_model::{Arm, Hand};
 use identification::Script;
 use identification::ball::Ball;
-use identification::evaluation::{Surroundings, excited_body, true_place};
+use identification::evaluation::{Surroundings, TrueBall, excited_body};
 use identification::excitation::Means;
-use nalgebra::{Isometry3, Translation3};
 use proving::world::World;
 use scenarios::Scenario;
 use scenarios::effects::Gel;
@@ -84,8 +83,7 @@ impl Drawing {
         let truth = RobotIndividual::draw(hand, number);
         let own = truth.hand(hand);
         let board = TactileBoard::unit(&own, RobotIndividual::cameras(number).unwrap_or(HAND_UNIT)).with_noise(seed);
-        let place = |ball: &Ball| (Isometry3::from(Translation3::from(true_place(ball, number))), ball.radius);
-        let surroundings = Surroundings { board, gel: *gel, ball: ball.map(place) };
+        let surroundings = Surroundings { board, gel: *gel, ball: ball.map(|ball| TrueBall::draw(ball, number)) };
         Ok(excited_body(&truth, (hand, arm), *losses, Arm::home(), &surroundings)?)
     }
 }

@@ -344,7 +344,7 @@ fn real(path: &Path, yes: bool, script: &Script) -> Result<(Bodied, Session)> {
 fn tell(terminal: &Terminal, args: &ExciteArgs, record: &Record, dry: bool) -> Outcome {
     let hand = Hand::ftac();
     let steps = record.script.steps(&hand);
-    let seconds: f64 = steps.iter().skip(record.done).map(|step| record.script.length(step)).sum();
+    let seconds: f64 = steps.iter().skip(record.done).map(|step| record.script.length(step, &hand)).sum();
     let sessions: Vec<String> =
         (1..=record.parts).map(|part| args.folder.join(format!("part_{part}.mcap")).display().to_string()).collect();
     let mut text = String::new();

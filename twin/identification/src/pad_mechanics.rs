@@ -1,0 +1,264 @@
+//! How stiff the gel is and how pads stick, from the arm's torques while pads of the palm press on a ball and slide over it.
+//!
+//! A pad of the palm is one with the arm: what it bears is what the arm's joints bear ([`arm_load`](crate::arm_load)). Its image says how deep the ball is
+//! in it, so that the gel's law says what it would bear as drawn; the ratio is that of the stiffnesses. While the pad slides, friction over
+//! normal force is the coefficient of friction (Coulomb).
+
+use std::collections::BTreeMap;
+
+use hand_model::pads::Pad;
+use hand_model::robot::ArmState;
+use hand_model::{ARM_JOINTS, Arm, Hand};
+use nalgebra::{Isometry3, Point3, Vector3};
+use optics::Foundation;
+use scenarios::statistics::percentile;
+
+use crate::arm_load::force;
+use crate::ball::{Ball, Slide};
+use crate::touches::LookTouch;
+use crate::trace::{Row, Trace};
+
+/// Before a look that shows the pad at least so far from the ball nothing bears on it, m.
+const CLEAR: f64 = 4e-4;
+/// Least depth at which an image tells the force, m: the error of a depth counts twice.
+const DEEP: f64 = 1e-3;
+/// The ball has left its place in the gel after so much of a slide, m.
+const SLID: f64 = 2.5e-3;
+/// A pad that has risen by more than this slides no longer, m.
+const RISEN: f64 = 3e-4;
+/// Least time for which a pad slides, ticks.
+const LONG: usize = 20;
+/// What all presses err by alike, as a share of the stiffness: images show depths 2 to 3 % wrong.
+/// By hand, from individuals 1 to 3.
+const ALIKE: f64 = 0.03;
+/// What one press errs by, as a share: stiffness, friction. Of few presses the scatter says little; by hand, from individuals 1 to 3.
+const ONE: [f64; 2] = [0.05, 0.015];
+/// Spacing of the points at which pressure is summed, m.
+const GRID: f64 = 1e-4;
+
+/// What presses say of a factor on the drawing's value.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Factor {
+    /// Its logarithm.
+    pub deviation: f64,
+    /// Standard deviation of that.
+    pub sigma: f64,
+    /// How many presses say so.
+    pub presses: usize,
+}
+
+/// What presses say of pads and gel; nothing where too little was pressed.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct PadMechanics {
+    pub stiffness: Option<Factor>,
+    pub friction: Option<Factor>,
+}
+
+/// What presses of some sessions show, factor by factor.
+#[derive(Debug, Clone, Default)]
+pub struct Shown {
+    /// Logarithms, one a press.
+    stiffness: Vec<f64>,
+    friction: Vec<f64>,
+}
+
+impl Shown {
+    /// Adds what a session shows whose looks have `touched`, of a robot that is `own` beside the drawing `hand`, with the ball's middle at `middle` (m, frame
+    /// of the arm's base).
+    pub fn add(
+        &mut self,
+        hand: &Hand,
+        own: (&Hand, &Arm),
+        (ball, middle): (&Ball, &Point3<f64>),
+        trace: &Trace,
+        touched: &[LookTouch],
+    ) {
+        let gel = Foundation::winkler(&hand.gel());
+        let mut presses: BTreeMap<(usize, usize), Vec<&LookTouch>> = BTreeMap::new();
+        for touch in touched {
+            presses.entry((touch.press, touch.touch.camera)).or_default().push(touch);
+        }
+        for ((press, camera), looks) in presses {
+            let pad = &hand.pads[hand.cameras[camera].pad];
+            if pad.link.is_some() {
+                continue;
+            }
+            let Some(pressing) = Pressing::new(own, (ball, middle), trace, press, pad) else { continue };
+            let ratios: Vec<f64> = looks
+                .iter()
+                .filter(|look| look.touch.depth(hand, ball) > DEEP)
+                .filter_map(|look| {
+                    let borne = -pressing.at_look(look.look)?.force.z;
+                    let drawn = pad_force(pad, &gel, &look.touch.center, ball.radius);
+                    (borne > 0.0 && drawn > 0.0).then(|| (borne / drawn).ln())
+                })
+                .collect();
+            self.stiffness.extend(percentile(&ratios, 50.0));
+            if let Some(slide) = &ball.slide {
+                self.friction.extend(pressing.sliding().map(|friction| (friction / slide.friction).ln()));
+            }
+        }
+    }
+
+    /// What they say together.
+    pub fn together(&self, slide: Option<&Slide>) -> PadMechanics {
+        let known = slide.map_or(0.0, |slide| slide.uncertain);
+        PadMechanics {
+            stiffness: factor(&self.stiffness, ONE[0], ALIKE),
+            friction: factor(&self.friction, ONE[1], known),
+        }
+    }
+}
+
+/// The median of presses that err by `one` each, more where they scatter more, and by `alike` all of them.
+fn factor(presses: &[f64], one: f64, alike: f64) -> Option<Factor> {
+    let deviation = percentile(presses, 50.0)?;
+    let off: Vec<f64> = presses.iter().map(|press| (press - deviation).abs()).collect();
+    // Of a normal distribution the median of what is off is 0.6745 standard deviations, and a median has 1.57 times a mean's variance.
+    let scatter = percentile(&off, 50.0)? / 0.6745;
+    let own = one.max(scatter).powi(2) * 1.57 / presses.len() as f64;
+    Some(Factor { deviation, sigma: (own + alike * alike).sqrt(), presses: presses.len() })
+}
+
+/// Force (N) on a ball of this radius (m) whose middle is at `center` (pad frame) under the pressure law `gel`, over all of the pad's surface.
+fn pad_force(pad: &Pad, gel: &Foundation, center: &Point3<f64>, radius: f64) -> f64 {
+    let reach = (radius / GRID) as i32;
+    let steps = || (-reach..=reach).map(|n| f64::from(n) * GRID);
+    let pressure = |across: f64, along: f64| {
+        let (x, y) = (center.x + across, center.y + along);
+        let square = radius * radius - across * across - along * along;
+        let on = square > 0.0 && x.abs() < 0.5 * pad.w && y.abs() < 0.5 * pad.h;
+        if on { gel.pressure((pad.surface_height(x, y) - center.z + square.sqrt()).max(0.0)) } else { 0.0 }
+    };
+    steps().flat_map(|x| steps().map(move |y| (x, y))).map(|(x, y)| pressure(x, y)).sum::<f64>() * GRID * GRID
+}
+
+/// What a pad of the palm bears in a moment of a press.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Load {
+    /// The ball's middle, m, pad frame, by the arm alone.
+    middle: Point3<f64>,
+    /// On the pad, N, pad frame: z is out of it.
+    force: Vector3<f64>,
+}
+
+/// A press of a pad of the palm.
+struct Pressing<'a> {
+    own: (&'a Hand, &'a Arm),
+    middle: &'a Point3<f64>,
+    trace: &'a Trace,
+    pad: &'a Pad,
+    /// The arm before anything touched the pad.
+    before: ArmState,
+    /// Number of the press.
+    press: usize,
+}
+
+impl<'a> Pressing<'a> {
+    /// None where no look shows the pad clear of the ball.
+    fn new(
+        own: (&'a Hand, &'a Arm),
+        (ball, middle): (&Ball, &'a Point3<f64>),
+        trace: &'a Trace,
+        press: usize,
+        pad: &'a Pad,
+    ) -> Option<Self> {
+        let mut pressing = Self { own, middle, trace, pad, before: ArmState::default(), press };
+        let looks = (0..trace.looks.len()).filter(|look| trace.looks[*look].press == press);
+        let is_clear = |shown: &ArmState| {
+            let at = pressing.middle_at(shown);
+            at.z - ball.radius - pad.surface_height(at.x, at.y) > CLEAR
+        };
+        let before = looks.map_while(|look| pressing.shown(look)).take_while(is_clear).last()?;
+        pressing.before = before;
+        Some(pressing)
+    }
+
+    /// `base_from_pad` where the arm shows this.
+    fn pose(&self, shown: &ArmState) -> Isometry3<f64> {
+        let (hand, arm) = self.own;
+        arm.tool_pose(&shown.position) * hand.palm_from_flange.inverse() * self.pad.link_from_pad
+    }
+
+    fn middle_at(&self, shown: &ArmState) -> Point3<f64> {
+        self.pose(shown).inverse_transform_point(self.middle)
+    }
+
+    fn rows(&self, from: f64, to: f64) -> &[Row] {
+        let at = |time: f64| self.trace.rows.partition_point(|row| row.time < time);
+        &self.trace.rows[at(from)..at(to).max(at(from))]
+    }
+
+    /// The mean of what the arm showed in a look.
+    fn shown(&self, look: usize) -> Option<ArmState> {
+        let [from, to] = self.trace.looks.get(look)?.times;
+        let half = 0.5 * self.trace.tick;
+        let rows = self.rows(from - half, to + half);
+        let mean = |value: fn(&ArmState) -> [f64; ARM_JOINTS]| {
+            std::array::from_fn(|joint| rows.iter().map(|row| value(&row.arm)[joint]).sum::<f64>() / rows.len() as f64)
+        };
+        (!rows.is_empty()).then(|| ArmState {
+            position: mean(|arm| arm.position),
+            velocity: mean(|arm| arm.velocity),
+            torque: mean(|arm| arm.torque),
+        })
+    }
+
+    fn load(&self, shown: &ArmState) -> Option<Load> {
+        let (hand, arm) = self.own;
+        let force = force((hand, arm), [&self.before, shown], self.middle)?;
+        let pose = self.pose(shown);
+        Some(Load { middle: self.middle_at(shown), force: pose.inverse_transform_vector(&force) })
+    }
+
+    fn at_look(&self, look: usize) -> Option<Load> {
+        self.load(&self.shown(look)?)
+    }
+
+    /// Median of friction over normal force in the ticks behind the last look in which the pad slides; none where it hardly does.
+    fn sliding(&self) -> Option<f64> {
+        let looks = &self.trace.looks;
+        let last = looks.iter().rposition(|look| look.press == self.press)?;
+        let from = self.middle_at(&self.shown(last)?);
+        let end = looks.get(last + 1).map_or(f64::INFINITY, |next| next.times[0]);
+        let ratios: Vec<f64> = self
+            .rows(looks[last].times[1], end)
+            .iter()
+            .filter(|row| {
+                let way = self.middle_at(&row.arm) - from;
+                way.xy().norm() > SLID && way.z.abs() < RISEN
+            })
+            .filter_map(|row| self.load(&row.arm))
+            .filter(|load| load.force.z < 0.0)
+            .map(|load| load.force.xy().norm() / -load.force.z)
+            .collect();
+        if ratios.len() < LONG { None } else { percentile(&ratios, 50.0) }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// On a pad's flat middle the sum over its surface is the ball's own law; over its edge less bears.
+    #[test]
+    fn a_pad_bears_less_at_its_edge() {
+        let hand = Hand::ftac();
+        let pad = hand.pads.iter().find(|pad| pad.link.is_none()).expect("a pad of the palm");
+        let gel = Foundation::winkler(&hand.gel());
+        let (radius, depth) = (0.008, 0.0012);
+        let at = |x: f64| pad_force(pad, &gel, &Point3::new(x, 0.0, radius - depth), radius);
+        let law = gel.ball_force(radius, depth);
+        assert!((at(0.0) / law - 1.0).abs() < 0.01, "{} {law}", at(0.0));
+        assert!(at(0.5 * pad.w - pad.edge_radius) < 0.9 * law);
+    }
+
+    /// One press that is far off moves a median little and makes it less sure; what all presses err by stays however many they are.
+    #[test]
+    fn a_factor_is_the_median_of_its_presses() {
+        let presses: Vec<f64> = (0..100).map(|n| 0.1 + 0.01 * f64::from(n % 5 - 2)).chain([9.0]).collect();
+        let found = factor(&presses, 0.001, 0.03).expect("a factor");
+        assert!((found.deviation - 0.1).abs() < 1e-9 && (0.03..0.031).contains(&found.sigma), "{found:?}");
+        assert!(factor(&[], 0.1, 0.1).is_none());
+    }
+}
