@@ -137,6 +137,10 @@ standoff = 0.04
 stride = 0.0004
 settle = 0.2
 depth = 0.0013
+[ball.slide]
+way = 0.004
+friction = 0.8
+uncertain = 0.02
 "#;
     fs::write(&script, format!("{SCRIPT}{ball}")).expect("written");
     let excite = ["twin", "excite", text(&sessions), "--individual", "2", "--script", text(&script), "--json"];
@@ -147,17 +151,37 @@ depth = 0.0013
     assert!(identified["touches"].as_u64().expect("a number") >= 6, "{}", identified["touches"]);
     let [drawn, own] = [0, 1].map(|n| identified["touches_rms_m"][n].as_f64().expect("a number"));
     assert!(own < 0.5 * drawn && own < 5e-4, "{own} {drawn}");
-    let encoder = |row: &&Value| row["parameter"] == "arm_4.encoder";
-    let row = identified["parameters"].as_array().expect("rows").iter().find(encoder).expect("an encoder");
-    assert_eq!(row["identified"], true);
+    let row = |name: &str| {
+        let rows = identified["parameters"].as_array().expect("rows");
+        rows.iter().find(|row| row["parameter"] == name).expect("a row")
+    };
+    assert_eq!(row("arm_4.encoder")["identified"], true);
+    // What pads bear and how they stick, within three standard deviations of what only the truth file says.
+    let truth = folder.path().join("truth.json");
+    let again = [&excite[..7], &["--truth-out", text(&truth)]].concat();
+    assert!(run(&again).status.success(), "an excitation that is done still says what the truth is");
+    let truth: Value = serde_json::from_str(&fs::read_to_string(&truth).expect("the truth")).expect("JSON");
+    for name in ["gel_stiffness", "pad_friction"] {
+        let rows = truth["parameters"].as_array().expect("rows");
+        let real = rows.iter().find(|row| row["parameter"] == name).expect("a parameter")["deviation"].as_f64();
+        let [found, sigma] = ["deviation", "sigma"].map(|key| row(name)[key].as_f64().expect("a number"));
+        assert_eq!(row(name)["identified"], true, "{name}");
+        assert!((found - real.expect("a number")).abs() < 3.0 * sigma, "{name}: {found} {real:?} {sigma}");
+    }
+    assert_eq!(row("gel_thickness")["identified"], false);
     if let Some(pads) = identified["pads"].as_str() {
         let record = folder.path().join("trial.rrd");
         let output = run(&["trial", "0", "--policy", "blind", "--out", text(&record), "--pads", pads]);
         assert!(matches!(output.status.code(), Some(0 | 1)), "{}", stderr(&output));
     }
     // A ball that no hand can be pressed on.
-    fs::write(&script, format!("{SCRIPT}{}", ball.replace("depth = 0.0013", "depth = 0.9"))).expect("written");
-    refused(&excite[..7], &["ball.toml: ball.depth: found 0.9, expected 0.0002 to 0.002"]);
+    for (from, to, says) in [
+        ("depth = 0.0013", "depth = 0.9", "ball.toml: ball.depth: found 0.9, expected 0.0002 to 0.002"),
+        ("way = 0.004", "way = 4.0", "ball.toml: ball.slide.way: found 4, expected 0.003 to 0.01"),
+    ] {
+        fs::write(&script, format!("{SCRIPT}{}", ball.replace(from, to))).expect("written");
+        refused(&excite[..7], &[says]);
+    }
 }
 
 /// Ctrl-C keeps what is done, and the same command goes on from there.

@@ -11,7 +11,8 @@ pub fn weight(hand: &Hand, arm: &Arm, angles: &[f64; ARM_JOINTS]) -> Torques {
     let poses = arm.tree.forward(angles);
     let palm = poses[ARM_JOINTS - 1] * arm.last_from_tool * hand.palm_from_flange.inverse();
     let links = hand.tree.forward(&[0.0; HAND_JOINTS]);
-    let of_arm = arm.masses.iter().zip(&poses).enumerate().map(|(link, (mass, pose))| (link, mass.mass, pose * mass.com));
+    let of_arm =
+        arm.masses.iter().zip(&poses).enumerate().map(|(link, (mass, pose))| (link, mass.mass, pose * mass.com));
     let on_palm = |pose: Isometry3<f64>, mass: &hand_model::hand::MassProperties| {
         (ARM_JOINTS - 1, mass.mass, palm * pose * mass.com)
     };
@@ -35,11 +36,7 @@ fn held(arm: &Arm, poses: &[Isometry3<f64>], link: usize, point: &Point3<f64>, f
 
 /// The force (N, axes of the arm's base) at `point` of the hand that explains best by how much the arm's torques `now` differ from those `before`,
 /// when nothing touched the hand; a force alone, no torque. None where the arm's posture does not tell.
-pub fn force(
-    (hand, arm): (&Hand, &Arm),
-    [before, now]: [&ArmState; 2],
-    point: &Point3<f64>,
-) -> Option<Vector3<f64>> {
+pub fn force((hand, arm): (&Hand, &Arm), [before, now]: [&ArmState; 2], point: &Point3<f64>) -> Option<Vector3<f64>> {
     let heavier = weight(hand, arm, &now.position) - weight(hand, arm, &before.position);
     let more = Torques::from(now.torque) - Torques::from(before.torque) - heavier;
     let poses = arm.tree.forward(&now.position);
@@ -62,7 +59,8 @@ mod tests {
             let palm = arm.tool_pose(angles) * hand.palm_from_flange.inverse();
             let links = hand.tree.forward(&[0.0; HAND_JOINTS]);
             let of_arm: f64 = arm.masses.iter().zip(&poses).map(|(mass, pose)| mass.mass * (pose * mass.com).z).sum();
-            let of_hand: f64 = hand.masses.iter().zip(&links).map(|(mass, pose)| mass.mass * (palm * pose * mass.com).z).sum();
+            let of_hand: f64 =
+                hand.masses.iter().zip(&links).map(|(mass, pose)| mass.mass * (palm * pose * mass.com).z).sum();
             GRAVITY * (of_arm + of_hand + hand.palm_mass.mass * (palm * hand.palm_mass.com).z)
         };
         let at = [0.3, -0.5, 0.2, 1.7, -0.4, 0.9, 0.1];
@@ -82,8 +80,8 @@ mod tests {
         let push = Vector3::new(0.4, -1.1, 2.3);
         let point = arm.tool_pose(&to) * Point3::new(0.01, -0.03, 0.1);
         let of = |angles: [f64; ARM_JOINTS], force: Vector3<f64>| {
-            let torque = weight(&hand, &arm, &angles)
-                + held(&arm, &arm.tree.forward(&angles), ARM_JOINTS - 1, &point, &force);
+            let torque =
+                weight(&hand, &arm, &angles) + held(&arm, &arm.tree.forward(&angles), ARM_JOINTS - 1, &point, &force);
             ArmState { position: angles, velocity: [0.0; ARM_JOINTS], torque: torque.into() }
         };
         let found = force((&hand, &arm), [&of(from, Vector3::zeros()), &of(to, push)], &point).expect("a force");

@@ -132,9 +132,10 @@ impl TrueBall {
         let mut rng = ChaCha8Rng::seed_from_u64(number);
         rng.set_stream(BALL_STREAM);
         let middle = ball.middle() + vector(&mut rng, ball.uncertain);
-        let friction = ball.slide.as_ref().map_or(BALL_FRICTION, |slide| {
-            slide.friction * vector(&mut rng, slide.uncertain).x.exp()
-        });
+        let friction = ball
+            .slide
+            .as_ref()
+            .map_or(BALL_FRICTION, |slide| slide.friction * vector(&mut rng, slide.uncertain).x.exp());
         Self { middle, radius: ball.radius, friction }
     }
 }

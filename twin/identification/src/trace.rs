@@ -65,7 +65,15 @@ impl Trace {
             seconds: seconds(&ticks.rows),
         };
         let (pressed, looks) = ticks.images.into_all();
-        Ok(Self { rows: ticks.rows, pressed, looks, ball: task.script.ball, tick: session.tick_length, source, whole: reader.is_whole() })
+        Ok(Self {
+            rows: ticks.rows,
+            pressed,
+            looks,
+            ball: task.script.ball,
+            tick: session.tick_length,
+            source,
+            whole: reader.is_whole(),
+        })
     }
 }
 
@@ -81,8 +89,7 @@ impl Ticks {
     fn observed(&mut self, observation: &Observation) {
         self.images.see(observation);
         let goals = [ServoGoal::Current(0.0); ACTUATORS];
-        self.observed =
-            Some(Row { time: observation.time, servos: observation.servos, arm: observation.arm, goals });
+        self.observed = Some(Row { time: observation.time, servos: observation.servos, arm: observation.arm, goals });
     }
 
     fn sent(&mut self, sent: &Command) {

@@ -71,8 +71,12 @@ fn advice(parameters: &[ParameterRow]) -> Vec<String> {
         "touches of a ball leave some of these open: what turns the whole robot about its base is where the base stands (`ftac bridge register`)",
     );
     say(
-        &["gel_stiffness", "gel_thickness", "pad_friction"],
-        "how deep pads give way under what force, and how they stick, is not searched yet",
+        &["gel_stiffness", "pad_friction"],
+        "too few pads of the palm press on a ball and slide over it; more spots, or a ball that the palm reaches more easily",
+    );
+    say(
+        &["gel_thickness"],
+        "a pad bears the same at any thickness of its gel, down to the bottom; only a calliper tells",
     );
     say(
         &[

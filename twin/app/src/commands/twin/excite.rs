@@ -212,14 +212,14 @@ pub fn run(terminal: &Terminal, args: &ExciteArgs) -> Outcome {
     if args.dry_run {
         return tell(terminal, args, &record, true);
     }
+    if let Some(path) = &args.truth_out {
+        super::write_truth(path, args.individual)?;
+    }
     if record.done == steps {
         eprintln!("all {steps} steps are done");
         return tell(terminal, args, &record, false);
     }
     std::fs::create_dir_all(&args.folder).with_context(|| args.folder.display().to_string())?;
-    if let Some(path) = &args.truth_out {
-        super::write_truth(path, args.individual)?;
-    }
     let (body, about) = open(terminal, args, &drawing, &record.script)?;
     record.parts += 1;
     record.write(&args.folder)?;
