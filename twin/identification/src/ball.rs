@@ -23,6 +23,10 @@ const CLEARANCE: f64 = 0.002;
 const POST: f64 = 0.012;
 /// ... nor to the table, on which the arm stands.
 const TABLE: f64 = 0.03;
+/// The joints before the wrist turn by no more than this from where the arm begins, rad: the others would bring its elbow to the other side.
+const MOST_TURN: f64 = 1.5;
+/// How many joints that are.
+const SIDED: usize = 4;
 /// Points along each axis of a cover that are looked at.
 const GRID: i32 = 3;
 
@@ -148,6 +152,10 @@ pub fn approach(
             return None;
         }
         let hover = kinematics.solve(&palm_at(&turn, ball.standoff), from)?;
+        // Straight lines of the joints lead from press to press: none may lead round to the other side of the arm.
+        if hover.iter().zip(from).take(SIDED).any(|(to, from)| (to - from).abs() > MOST_TURN) {
+            return None;
+        }
         let looks = ((2.0 * early + ball.depth) / ball.stride).ceil() as usize;
         let mut way: Vec<Joints> = Vec::with_capacity(looks + 1);
         for look in 0..=looks {

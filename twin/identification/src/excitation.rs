@@ -1,6 +1,6 @@
 //! Moves a robot by a [`Script`]: any body, simulated, emulated or real; limits are the body's own.
 
-use hand_model::robot::{Command, Robot, ServoGoal};
+use hand_model::robot::{ArmState, Command, Robot, ServoGoal};
 use hand_model::{ACTUATORS, ARM_JOINTS, Arm, Hand};
 use serde::{Deserialize, Serialize};
 use touch::PhotometricCalibration;
@@ -19,6 +19,10 @@ const LATEST: f64 = 0.3;
 /// Images of a look, and ticks from one to the next: an odd number, so that what goes to and fro from tick to tick averages out.
 const IMAGES: usize = 2;
 const BETWEEN: usize = 5;
+
+/// A press ends where the arm bears more than this, N, whatever the images show: four times what the deepest press
+/// takes. A joint near its stop may look like 9 N.
+const MOST_FORCE: f64 = 12.0;
 
 /// What a session of an excitation says it is.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -78,7 +82,7 @@ pub fn play<R: Robot, E>(
 ) -> Result<bool, E> {
     let observation = robot.observe();
     let (time, arm, images) = (observation.time, observation.arm.position, PressImages::default());
-    let mut player = Player { robot, time, arm, script: means.script, images };
+    let mut player = Player { robot, time, arm, felt: observation.arm, script: means.script, images };
     let mut aim = means.script.ball.as_ref().map(|ball| Aim::new(means, ball));
     for (n, step) in means.script.steps(means.hand).iter().enumerate().skip(first) {
         heard(Progress::Begins(n))?;
@@ -109,6 +113,8 @@ struct Player<'a, R> {
     time: f64,
     /// Set-points, rad.
     arm: [f64; ARM_JOINTS],
+    /// What the arm last reported.
+    felt: ArmState,
     script: &'a Script,
     images: PressImages,
 }
@@ -135,7 +141,7 @@ impl<R: Robot> Player<'_, R> {
         self.robot.send(&Command { arm: self.arm, servos, capture });
         self.robot.wait_for_tick();
         let observation = self.robot.observe();
-        self.time = observation.time;
+        (self.time, self.felt) = (observation.time, observation.arm);
         self.images.see(&observation);
         true
     }
@@ -189,11 +195,12 @@ impl<R: Robot> Player<'_, R> {
         if !self.go(&approach.hover, goes_on) || !self.open(PAUSE + LATEST, goes_on) || !self.look(goes_on) {
             return false;
         }
+        let clear = self.felt;
         for posture in &approach.way {
             if !self.go(posture, goes_on) || !self.open(aim.ball().settle, goes_on) || !self.look(goes_on) {
                 return false;
             }
-            if aim.is_deep(press.camera, &self.images) {
+            if aim.is_deep(press.camera, &self.images) || aim.force(&clear, &self.felt) > MOST_FORCE {
                 break;
             }
         }

@@ -4,10 +4,12 @@
 //! begins as far before the ball as that is unsure.
 
 use control::inverse_kinematics::Joints;
+use hand_model::robot::ArmState;
 use hand_model::{Arm, Hand};
 use scenarios::individuals::robot::RobotIndividual;
 use touch::PhotometricCalibration;
 
+use crate::arm_load::force;
 use crate::ball::{Approach, Ball, Press, approach, sideways};
 use crate::excitation::Means;
 use crate::kinematic_calibration::{KinematicCalibration, Touch, calibrate};
@@ -70,6 +72,12 @@ impl<'a> Aim<'a> {
         let newest = images.of_look().filter(|image| image.camera == camera);
         let touch = touches(self.hand, self.pads, self.ball.radius, newest);
         touch.first().is_some_and(|touch| touch.depth(self.hand, self.ball) >= self.ball.depth)
+    }
+
+    /// How hard something pushes on the hand about where the ball is, N, by the arm's torques `now` beside those `before` it touched.
+    pub fn force(&self, before: &ArmState, now: &ArmState) -> f64 {
+        let own = (self.found.individual.hand(self.hand), self.found.individual.arm(self.arm));
+        force((&own.0, &own.1), [before, now], &self.found.ball).map_or(0.0, |force| force.norm())
     }
 
     /// Takes what the newest press has shown.
