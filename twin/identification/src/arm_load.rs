@@ -27,11 +27,8 @@ pub fn weight(hand: &Hand, arm: &Arm, angles: &[f64; ARM_JOINTS]) -> Torques {
 
 /// Torques that hold a link against a `force` (N) at a point of it, N m.
 fn held(arm: &Arm, poses: &[Isometry3<f64>], link: usize, point: &Point3<f64>, force: &Vector3<f64>) -> Torques {
-    let moment = |joint: usize| {
-        let axis = poses[joint] * arm.tree.joints[joint].axis.into_inner();
-        axis.dot(&(point.coords - poses[joint].translation.vector).cross(force))
-    };
-    Torques::from_fn(|joint, _| if joint <= link { -moment(joint) } else { 0.0 })
+    let jacobian = arm.tree.jacobian(poses, link, &poses[link].inverse_transform_point(point));
+    Torques::from_fn(|joint, _| -jacobian.fixed_view::<3, 1>(0, joint).dot(force))
 }
 
 /// The force (N, axes of the arm's base) at `point` of the hand that explains best by how much the arm's torques `now` differ from those `before`,

@@ -95,6 +95,11 @@ impl Ball {
         Point3::from(self.place)
     }
 
+    /// How the pad of a press slides, if it does: those of links do not, because a push from the side may turn them.
+    pub fn slide_of(&self, hand: &Hand, press: &Press) -> Option<&Slide> {
+        self.slide.as_ref().filter(|_| hand.pads[hand.cameras[press.camera].pad].link.is_none())
+    }
+
     /// All presses: each spot of every camera, spot by spot, so that an unfinished excitation has touched with every pad.
     pub fn presses(&self, hand: &Hand) -> Vec<Press> {
         let of = |spot: &[f64; 2]| (0..hand.cameras.len()).map(move |camera| (camera, *spot)).collect::<Vec<_>>();
@@ -172,18 +177,10 @@ pub fn approach(
 }
 
 /// The way of a pad over the ball: from where the arm stands `at` along the pad's width, so that the ball comes towards its middle, in strides.
-/// None where the arm does not reach so far, and for pads of links, which a push from the side may turn.
-pub fn sideways(
-    (hand, arm): (&Hand, &Arm),
-    ball: &Ball,
-    slide: &Slide,
-    press: &Press,
-    at: &Joints,
-) -> Option<Vec<Joints>> {
+/// None where the arm does not reach so far, and for pads that do not slide.
+pub fn sideways((hand, arm): (&Hand, &Arm), ball: &Ball, press: &Press, at: &Joints) -> Option<Vec<Joints>> {
+    let slide = ball.slide_of(hand, press)?;
     let pad = &hand.pads[hand.cameras[press.camera].pad];
-    if pad.link.is_some() {
-        return None;
-    }
     let kinematics = kinematics(hand, arm);
     let palm = kinematics.palm_pose(at);
     let along = palm * pad.link_from_pad * Vector3::x() * if press.spot[0] < 0.0 { -1.0 } else { 1.0 };

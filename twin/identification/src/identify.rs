@@ -18,7 +18,7 @@ use crate::fit::{Fit, TAUGHT, fit};
 use crate::free_digit::OPPOSITION;
 use crate::free_motion::{FreeMotion, free_motions};
 use crate::kinematic_calibration::{KinematicCalibration, Touch, calibrate};
-use crate::pad_mechanics::{PadMechanics, Shown};
+use crate::pad_mechanics::Shown;
 use crate::touches::{LookTouch, deepest, look_touches};
 use crate::trace::Trace;
 
@@ -30,8 +30,6 @@ pub struct Identification {
     pub fits: [Fit; ACTUATORS],
     /// What touches of a ball show; the drawing where there are none.
     pub kinematics: KinematicCalibration,
-    /// What presses and slides of the palm's pads show.
-    pub mechanics: PadMechanics,
 }
 
 /// Identifies the robot of `traces`, one of those built from `hand` and `arm`, whose guides and gears take `losses` as drawn; `pads` reads
@@ -124,7 +122,7 @@ pub fn identify(
     let sources = distinct.values().map(|trace| trace.source.clone()).collect();
     let robot = IdentifiedRobot::new(hand, estimates, covariances, sources);
     let fits = fits.try_into().unwrap_or_else(|_| unreachable!("a fit for each actuator"));
-    Ok(Identification { robot, fits, kinematics, mechanics })
+    Ok(Identification { robot, fits, kinematics })
 }
 
 /// The photometric calibration of the pads that the sessions press on a ball, from that of others, `pads`; nothing where none is pressed.

@@ -43,8 +43,6 @@ pub struct Factor {
     pub deviation: f64,
     /// Standard deviation of that.
     pub sigma: f64,
-    /// How many presses say so.
-    pub presses: usize,
 }
 
 /// What presses say of pads and gel; nothing where too little was pressed.
@@ -117,7 +115,7 @@ fn factor(presses: &[f64], one: f64, alike: f64) -> Option<Factor> {
     // Of a normal distribution the median of what is off is 0.6745 standard deviations, and a median has 1.57 times a mean's variance.
     let scatter = percentile(&off, 50.0)? / 0.6745;
     let own = one.max(scatter).powi(2) * 1.57 / presses.len() as f64;
-    Some(Factor { deviation, sigma: (own + alike * alike).sqrt(), presses: presses.len() })
+    Some(Factor { deviation, sigma: (own + alike * alike).sqrt() })
 }
 
 /// Force (N) on a ball of this radius (m) whose middle is at `center` (pad frame) under the pressure law `gel`, over all of the pad's surface.
@@ -199,14 +197,13 @@ impl<'a> Pressing<'a> {
         };
         (!rows.is_empty()).then(|| ArmState {
             position: mean(|arm| arm.position),
-            velocity: mean(|arm| arm.velocity),
             torque: mean(|arm| arm.torque),
+            ..ArmState::default()
         })
     }
 
     fn load(&self, shown: &ArmState) -> Option<Load> {
-        let (hand, arm) = self.own;
-        let force = force((hand, arm), [&self.before, shown], self.middle)?;
+        let force = force(self.own, [&self.before, shown], self.middle)?;
         let pose = self.pose(shown);
         Some(Load { middle: self.middle_at(shown), force: pose.inverse_transform_vector(&force) })
     }

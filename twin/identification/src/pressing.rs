@@ -31,6 +31,8 @@ pub struct Aim<'a> {
     ready: Joints,
     touches: Vec<Touch>,
     found: KinematicCalibration,
+    /// The robot that it describes.
+    own: (Hand, Arm),
 }
 
 impl<'a> Aim<'a> {
@@ -38,7 +40,12 @@ impl<'a> Aim<'a> {
     pub fn new(means: &Means<'a>, ball: &'a Ball) -> Self {
         let Means { hand, arm, pads, ready, .. } = *means;
         let found = calibrate((hand, arm), ball, &RobotIndividual::designed(hand), &[]);
-        Self { hand, arm, pads, ball, ready, touches: Vec::new(), found }
+        let own = (found.individual.hand(hand), found.individual.arm(arm));
+        Self { hand, arm, pads, ball, ready, touches: Vec::new(), found, own }
+    }
+
+    fn own(&self) -> (&Hand, &Arm) {
+        (&self.own.0, &self.own.1)
     }
 
     /// The ball.
@@ -48,8 +55,7 @@ impl<'a> Aim<'a> {
 
     /// The way to a press, with the arm bent as in its ready posture: from press to press its joints do not wind up.
     pub fn at(&self, press: &Press) -> Option<Approach> {
-        let own = (self.found.individual.hand(self.hand), self.found.individual.arm(self.arm));
-        let way = |early| approach((&own.0, &own.1), self.ball, press, &self.found.ball, early, &self.ready);
+        let way = |early| approach(self.own(), self.ball, press, &self.found.ball, early, &self.ready);
         let near = way(EARLIEST[0])?;
         let unsure = self.found.along_normal(
             (self.hand, self.arm),
@@ -62,9 +68,7 @@ impl<'a> Aim<'a> {
 
     /// The way of a press's pad over the ball from where the arm stands `at`, if it slides.
     pub fn sideways(&self, press: &Press, at: &Joints) -> Option<Vec<Joints>> {
-        let slide = self.ball.slide.as_ref()?;
-        let own = (self.found.individual.hand(self.hand), self.found.individual.arm(self.arm));
-        sideways((&own.0, &own.1), self.ball, slide, press, at)
+        sideways(self.own(), self.ball, press, at)
     }
 
     /// Whether the newest look of `camera` shows the ball deep enough in its pad.
@@ -76,8 +80,7 @@ impl<'a> Aim<'a> {
 
     /// How hard something pushes on the hand about where the ball is, N, by the arm's torques `now` beside those `before` it touched.
     pub fn force(&self, before: &ArmState, now: &ArmState) -> f64 {
-        let own = (self.found.individual.hand(self.hand), self.found.individual.arm(self.arm));
-        force((&own.0, &own.1), [before, now], &self.found.ball).map_or(0.0, |force| force.norm())
+        force(self.own(), [before, now], &self.found.ball).map_or(0.0, |force| force.norm())
     }
 
     /// Takes what the newest press has shown.
@@ -88,6 +91,7 @@ impl<'a> Aim<'a> {
         if now > before && (now <= ENOUGH.0 || before / ENOUGH.1 != now / ENOUGH.1) {
             self.found =
                 calibrate((self.hand, self.arm), self.ball, &RobotIndividual::designed(self.hand), &self.touches);
+            self.own = (self.found.individual.hand(self.hand), self.found.individual.arm(self.arm));
         }
     }
 }

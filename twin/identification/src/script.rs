@@ -146,8 +146,7 @@ impl Script {
         match step {
             Step::Motion(_, motion) => self.open_time + 2.0 * motion.time + self.stay + self.slack,
             Step::Press(ball, press) => {
-                let on_palm = hand.pads[hand.cameras[press.camera].pad].link.is_none();
-                let slides = ball.slide.as_ref().filter(|_| on_palm).map_or(0.0, |slide| slide.way);
+                let slides = ball.slide_of(hand, press).map_or(0.0, |slide| slide.way);
                 ball.settle * (2.0 + (ball.depth + slides) / ball.stride)
             }
         }
