@@ -35,6 +35,8 @@ pub struct RobotBody {
     joints: Vec<MultibodyJointHandle>,
     /// Palm cover, then the 15 link covers.
     pub covers: Vec<ColliderHandle>,
+    /// The arm's wrist capsules.
+    pub wrist: Vec<ColliderHandle>,
     /// As gravity compensation knows them.
     masses: Vec<MassProperties>,
 }
@@ -153,13 +155,14 @@ impl RobotBody {
         palm_cover.link_from_cover = last_from_palm * palm_cover.link_from_cover;
         let mut covers =
             vec![engine.colliders.insert_with_parent(cover_collider(&palm_cover), palm_link, &mut engine.bodies)];
+        let mut wrist = Vec::new();
         for WristCapsule { link, end, radius } in &arm.wrist {
             let capsule = ColliderBuilder::capsule_from_endpoints(Vector::ZERO, convert::vector(end), *radius)
                 .density(0.0)
                 .collision_groups(
                     InteractionGroups::all().with_memberships(groups::ARM).with_filter(groups::TABLE | groups::OBJECT),
                 );
-            engine.colliders.insert_with_parent(capsule, links[*link], &mut engine.bodies);
+            wrist.push(engine.colliders.insert_with_parent(capsule, links[*link], &mut engine.bodies));
         }
         let world_from_palm = world_from_base * arm_poses[ARM_JOINTS - 1] * last_from_palm;
         let hand_poses = hand.tree.forward(&[0.0; HAND_JOINTS]);
@@ -181,7 +184,7 @@ impl RobotBody {
             masses.push(hand.masses[i]);
         }
         links.extend(&hand_links);
-        let mut robot = Self { links, joints, covers, masses };
+        let mut robot = Self { links, joints, covers, wrist, masses };
         robot.initialise(engine, arm, hand, (arm_q, hand_q));
         robot
     }

@@ -64,6 +64,7 @@ pub struct SimulatedRobot {
     touched_by: Vec<u32>,
     object_pairs: Vec<(usize, usize)>,
     on_table: Vec<bool>,
+    collides: bool,
     tactile: TactileBoard,
     frames: Vec<hand_model::robot::TactileFrame>,
     /// From exposure to [`Robot::observe`], s.
@@ -144,6 +145,7 @@ impl SimulatedRobot {
             touched_by: vec![0; count],
             object_pairs: Vec::new(),
             on_table: vec![false; count],
+            collides: false,
             tactile,
             frames: Vec::new(),
             frame_delay: setup.frame_delay,
@@ -200,7 +202,7 @@ impl SimulatedRobot {
     fn note_contacts(&mut self) {
         for (index, (_, _, collider)) in self.objects.iter().enumerate() {
             for pair in self.engine.narrow_phase.contact_pairs_with(*collider) {
-                if !pair.solver_manifolds().iter().any(|m| m.points.iter().any(|p| p.data.impulse > 0.0)) {
+                if !bears(pair) {
                     continue;
                 }
                 let other = if pair.collider1 == *collider { pair.collider2 } else { pair.collider1 };
@@ -213,8 +215,16 @@ impl SimulatedRobot {
                     && !self.object_pairs.contains(&(index, second))
                 {
                     self.object_pairs.push((index, second));
+                } else {
+                    self.collides |= self.body.wrist.contains(&other);
                 }
             }
+        }
+        let grounds = std::iter::once(self.table).chain(self.floor.map(|(floor, _)| floor));
+        for ground in grounds {
+            let robot = |collider| self.body.covers.contains(&collider) || self.body.wrist.contains(&collider);
+            let mut pairs = self.engine.narrow_phase.contact_pairs_with(ground);
+            self.collides |= pairs.any(|pair| (robot(pair.collider1) || robot(pair.collider2)) && bears(pair));
         }
     }
 
@@ -321,6 +331,7 @@ impl SimulatedRobot {
             touched_by: self.touched_by.clone(),
             object_pairs: self.object_pairs.clone(),
             on_table: self.on_table.clone(),
+            collides: self.collides,
             pad_forces,
             links,
         }
@@ -394,6 +405,11 @@ impl SimulatedRobot {
     }
 }
 
+/// Whether anything presses where two colliders are near.
+fn bears(pair: &ContactPair) -> bool {
+    pair.solver_manifolds().iter().any(|manifold| manifold.points.iter().any(|point| point.data.impulse > 0.0))
+}
+
 impl Robot for SimulatedRobot {
     fn observe(&mut self) -> Observation {
         Observation {
@@ -426,6 +442,7 @@ impl Robot for SimulatedRobot {
 
     fn wait_for_tick(&mut self) -> Tick {
         self.touched_by.fill(0);
+        self.collides = false;
         self.object_pairs.clear();
         self.on_table.fill(false);
         let (tick, goal) = (self.tick_length(), self.goal());

@@ -54,6 +54,8 @@ pub struct Truth {
     pub object_pairs: Vec<(usize, usize)>,
     /// Objects that touched the table at any step of the tick.
     pub on_table: Vec<bool>,
+    /// Whether hand or wrist touched table or floor, or the wrist an object, at any step of the tick.
+    pub collides: bool,
     /// Normal force on each pad, N.
     pub pad_forces: Vec<f64>,
 }

@@ -9,7 +9,8 @@ use std::sync::Mutex;
 
 use anyhow::{Context as _, Result, bail};
 use control::executive::{Executive, Phase};
-use hand_model::robot::Robot;
+use grasping::Grasp;
+use hand_model::robot::{Command, Robot};
 use hardware_bridge::emulator::lockstep::LockstepRobot;
 use hardware_bridge::safety::state::State;
 use kortex::emulator::EventKind;
@@ -22,9 +23,12 @@ use scenarios::record::Condition;
 use session_log::{Event, Reader, Recorder, Session, Writer};
 use sim::robot::Truth;
 
-use self::kind::{Expected, Kind, tick};
+use self::kind::{Expected, Kind, Teller, tick};
 use self::watch::Watch;
 use crate::body::emulated::{SharedPlant, settings, travel};
+use crate::mirror::Mirror;
+use crate::mirror::divergence::Divergence;
+use crate::mirror::seen::Seen;
 use crate::recording::Recording;
 use crate::trial::{Bench, Moment, Watcher as _};
 use crate::workers;
@@ -37,6 +41,8 @@ mod watch;
 const SLACK: f64 = 0.04;
 /// Ticks through the bridge before the fault, and after the safe state.
 const BEFORE: usize = 10;
+/// ... where a mirror looks on: it feels that the body changes.
+const BEFORE_MIRRORED: usize = 40;
 const AFTER: usize = 60;
 /// Longest wait for a safe state, ticks.
 const LONGEST: usize = 180;
@@ -44,6 +50,9 @@ const LONGEST: usize = 180;
 pub const STANDS: f64 = 0.02;
 /// An object that moved further than this in the palm is lost, m.
 const SLIPPED: f64 = 0.02;
+/// A mirror gets images so often, s, and a fault must be named within this time, s.
+const IMAGES: f64 = 0.2;
+pub const NAMED_WITHIN: f64 = 0.5;
 /// Phases with a beginning and an end.
 pub const PHASES: [Phase; 12] = [
     Phase::ApproachFirst,
@@ -85,6 +94,24 @@ pub struct Outcome {
     pub moved: f64,
     /// Whether the recording could be read to its last tick.
     pub intact: bool,
+    /// Who names it and what the mirror named, if there was one.
+    pub mirrored: Option<Mirrored>,
+}
+
+/// What a mirror beside an injection came to.
+#[derive(Debug, Clone)]
+pub struct Mirrored {
+    /// From the fault until whoever can tell it ([`Kind::teller`]) names it, ms; `None` where nobody did within [`NAMED_WITHIN`].
+    pub told_ms: Option<f64>,
+    /// What the mirror named that is not the fault's name.
+    pub wrong: Vec<String>,
+}
+
+impl Mirrored {
+    /// Whether the fault has its name, or rightly none, and nothing else was named.
+    pub fn is_right(&self, kind: Kind) -> bool {
+        self.wrong.is_empty() && (kind.teller() == Teller::Nobody || self.told_ms.is_some())
+    }
 }
 
 /// Which faults go into which phases.
@@ -104,6 +131,8 @@ pub struct Matrix<'a> {
     pub record: Option<PathBuf>,
     /// Whether each is streamed to a viewer, too.
     pub live: bool,
+    /// Whether a mirror runs beside each.
+    pub mirror: bool,
 }
 
 /// Injects `kinds` of faults into `phases` of `rounds` trials; the outcomes in the order of the injections.
@@ -111,19 +140,19 @@ pub fn inject_all(plan: &Matrix, progress: &indicatif::ProgressBar) -> Result<Ve
     let Matrix { bench, kinds, phases, rounds, jobs: threads, seed, .. } = plan;
     let mut jobs = Vec::new();
     for round in 0..*rounds {
-        let moments = moments(bench, round % bench.plans.plans.len(), seed ^ round as u64)?;
-        for (phase, snapshot) in moments.into_iter().filter(|(phase, _)| phases.contains(phase)) {
-            jobs.extend(kinds.iter().map(|kind| (*kind, phase, snapshot.clone(), round)));
+        let moments = moments(bench, round % bench.plans.plans.len(), seed ^ round as u64, plan.mirror)?;
+        for (phase, moment) in moments.into_iter().filter(|(phase, _)| phases.contains(phase)) {
+            jobs.extend(kinds.iter().map(|kind| (*kind, phase, moment.clone(), round)));
         }
     }
     progress.set_length(jobs.len() as u64);
     let outcomes = Mutex::new(BTreeMap::new());
     let folder = tempfile::tempdir().context("a folder for recordings")?;
-    workers::for_each(*threads, &jobs, |n, (kind, phase, snapshot, round)| {
+    workers::for_each(*threads, &jobs, |n, (kind, phase, moment, round)| {
         let file = folder.path().join(format!("{n}.mcap"));
         let seed = seed.wrapping_add(n as u64);
         let watcher = plan.watcher(*kind, *phase, *round)?;
-        let outcome = inject(bench, (*kind, *phase, *round), (snapshot, watcher), &file, seed)
+        let outcome = inject(bench, (*kind, *phase, *round), (moment, watcher), &file, seed)
             .with_context(|| format!("{} in {}, round {round}", kind.name(), phase.name()))?;
         outcomes.lock().map_err(|_| anyhow::anyhow!("a worker panicked"))?.insert(n, outcome);
         progress.inc(1);
@@ -132,58 +161,93 @@ pub fn inject_all(plan: &Matrix, progress: &indicatif::ProgressBar) -> Result<Ve
     Ok(outcomes.into_inner().unwrap_or_default().into_values().collect())
 }
 
-/// Body and controller in each phase of a combination's ideal run, at a drawn moment.
-fn moments(bench: &Bench, combination: usize, seed: u64) -> Result<Vec<(Phase, Snapshot)>> {
+/// Body and controller, and a mirror that looks on.
+#[derive(Clone)]
+struct Watched {
+    snapshot: Snapshot,
+    mirror: Option<Mirror>,
+}
+
+impl Watched {
+    /// About to begin the ideal run of a combination, and the grasp of the second object.
+    fn start(bench: &Bench, combination: usize, mirrored: bool) -> Result<(Self, Grasp)> {
+        let (mut snapshot, second) = bench.ideal_start(combination)?;
+        let mirror = if mirrored {
+            snapshot.executive.watch_images(IMAGES);
+            Some(Mirror::new(&bench.world, &bench.world.cell.ready)?)
+        } else {
+            None
+        };
+        Ok((Self { snapshot, mirror }, second))
+    }
+
+    fn tick(&mut self) -> Result<()> {
+        let Self { snapshot: Snapshot { robot, executive }, mirror } = self;
+        let sent = tick(robot, executive)?;
+        if let Some(mirror) = mirror {
+            mirror.see(&Seen::of(executive, robot.time(), &sent, None));
+        }
+        Ok(())
+    }
+
+    fn phase(&self) -> Phase {
+        self.snapshot.executive.phase()
+    }
+}
+
+/// Body, controller and mirror in each phase of a combination's ideal run, at a drawn moment.
+fn moments(bench: &Bench, combination: usize, seed: u64, mirrored: bool) -> Result<Vec<(Phase, Watched)>> {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let mut lengths: BTreeMap<Phase, usize> = BTreeMap::new();
-    let mut count = |snapshot: &Snapshot| *lengths.entry(snapshot.executive.phase()).or_default() += 1;
-    play(bench, combination, &mut count)?;
-    put_down(bench, combination, &mut count)?;
+    let mut count = |watched: &Watched| *lengths.entry(watched.phase()).or_default() += 1;
+    play((bench, combination, false), &mut count)?;
+    put_down((bench, combination, false), &mut count)?;
+    let before = if mirrored { BEFORE_MIRRORED } else { BEFORE };
     // Not in the last ticks: the fault shall strike in the phase.
     let drawn: BTreeMap<Phase, usize> = lengths
         .into_iter()
-        .map(|(phase, length)| (phase, rng.random_range(1..=length.saturating_sub(BEFORE + 5).max(1))))
+        .map(|(phase, length)| (phase, rng.random_range(1..=length.saturating_sub(before + 5).max(1))))
         .collect();
     let (mut moments, mut counts) = (Vec::new(), BTreeMap::<Phase, usize>::new());
-    let mut take = |snapshot: &Snapshot| {
-        let phase = snapshot.executive.phase();
+    let mut take = |watched: &Watched| {
+        let phase = watched.phase();
         let count = counts.entry(phase).or_default();
         *count += 1;
         if PHASES.contains(&phase) && drawn.get(&phase) == Some(count) {
-            moments.push((phase, snapshot.clone()));
+            moments.push((phase, watched.clone()));
         }
     };
-    play(bench, combination, &mut take)?;
-    put_down(bench, combination, &mut take)?;
+    play((bench, combination, mirrored), &mut take)?;
+    put_down((bench, combination, mirrored), &mut take)?;
     Ok(moments)
 }
 
-/// Plays the ideal run of a combination in simulation; `see` is shown every tick.
-fn play(bench: &Bench, combination: usize, see: &mut impl FnMut(&Snapshot)) -> Result<()> {
-    let (mut snapshot, second) = bench.ideal_start(combination)?;
-    while snapshot.executive.phase() < Phase::Done {
-        match snapshot.executive.phase() {
-            Phase::Decide => snapshot.executive.decide(second.clone())?,
-            Phase::Confirm => snapshot.executive.confirm()?,
+/// Plays the ideal run of a combination in simulation, mirrored or not; `see` is shown every tick.
+fn play((bench, combination, mirrored): (&Bench, usize, bool), see: &mut impl FnMut(&Watched)) -> Result<()> {
+    let (mut watched, second) = Watched::start(bench, combination, mirrored)?;
+    while watched.phase() < Phase::Done {
+        match watched.phase() {
+            Phase::Decide => watched.snapshot.executive.decide(second.clone())?,
+            Phase::Confirm => watched.snapshot.executive.confirm()?,
             _ => {}
         }
-        tick(&mut snapshot.robot, &mut snapshot.executive)?;
-        see(&snapshot);
+        watched.tick()?;
+        see(&watched);
     }
     Ok(())
 }
 
 /// Plays to the decision and lays the first object down again, as touch does when it has lost its hold; `see` is shown the laying down.
-fn put_down(bench: &Bench, combination: usize, see: &mut impl FnMut(&Snapshot)) -> Result<()> {
-    let (mut snapshot, _) = bench.ideal_start(combination)?;
-    while snapshot.executive.phase() < Phase::Decide {
-        tick(&mut snapshot.robot, &mut snapshot.executive)?;
+fn put_down((bench, combination, mirrored): (&Bench, usize, bool), see: &mut impl FnMut(&Watched)) -> Result<()> {
+    let (mut watched, _) = Watched::start(bench, combination, mirrored)?;
+    while watched.phase() < Phase::Decide {
+        watched.tick()?;
     }
-    snapshot.executive.put_down()?;
-    while snapshot.executive.phase() == Phase::PutDown {
-        tick(&mut snapshot.robot, &mut snapshot.executive)?;
-        if snapshot.executive.phase() == Phase::PutDown {
-            see(&snapshot);
+    watched.snapshot.executive.put_down()?;
+    while watched.phase() == Phase::PutDown {
+        watched.tick()?;
+        if watched.phase() == Phase::PutDown {
+            see(&watched);
         }
     }
     Ok(())
@@ -203,6 +267,11 @@ struct Experiment {
     watcher: Option<Recording>,
     /// The state that was told to it last.
     told: State,
+    /// Looks on as long as the robot follows its commands.
+    mirror: Option<Mirror>,
+    /// What the mirror has named since the fault, and when the supervisor first said that something is wrong, s.
+    named: Vec<Divergence>,
+    held_at: Option<f64>,
 }
 
 /// How the robot stopped.
@@ -218,18 +287,26 @@ struct Stop {
 
 impl Experiment {
     /// Plays [`BEFORE`] ticks through the bridge; the recording goes to `file`.
-    fn begin(world: &World, kind: Kind, moment: &Snapshot, file: &Path, seed: u64) -> Result<Self> {
-        let Snapshot { robot, mut executive } = moment.clone();
+    fn begin(world: &World, kind: Kind, moment: &Watched, file: &Path, seed: u64) -> Result<Self> {
+        let Watched { snapshot: Snapshot { robot, mut executive }, mut mirror } = moment.clone();
         let (hand, arm) = (&world.cell.hand, &world.cell.arm);
         let plant = SharedPlant::new(robot);
+        if mirror.is_some() {
+            // The devices' clock begins anew.
+            executive.watch_images(IMAGES);
+        }
         let robot = LockstepRobot::start(Box::new(plant.clone()), settings(hand, seed), arm, None)?;
         let session =
             Session { robot: "emulated".into(), seed, tick_length: robot.tick_length(), ..Session::default() };
         let mut recorder = Recorder::new(robot, Writer::create(file, &session)?);
         let mut watch = Watch::new(travel(hand));
-        for _ in 0..BEFORE {
-            tick(&mut recorder, &mut executive)?;
+        let before = if mirror.is_some() { BEFORE_MIRRORED } else { BEFORE };
+        for _ in 0..before {
+            let sent = tick(&mut recorder, &mut executive)?;
             watch.see(recorder.robot());
+            if let Some(mirror) = &mut mirror {
+                mirror.see(&Seen::of(&executive, plant.lock().truth().time, &sent, None));
+            }
         }
         if recorder.robot().state() != State::Running {
             bail!("found the robot in state `{}` before the fault, expected running", recorder.robot().state());
@@ -240,10 +317,13 @@ impl Experiment {
             recorder,
             plant,
             watch,
-            ticks: BEFORE as u64,
+            ticks: before as u64,
             alive: true,
             watcher: None,
             told: State::Running,
+            mirror,
+            named: Vec::new(),
+            held_at: None,
         })
     }
 
@@ -274,11 +354,13 @@ impl Experiment {
     }
 
     fn tick(&mut self) -> Result<()> {
-        self.alive = self.kind.drive(&mut self.recorder, &mut self.executive)? && self.alive;
+        let sent = self.kind.drive(&mut self.recorder, &mut self.executive)?;
+        self.alive = self.alive && !self.kind.kills_the_host();
         self.ticks += u64::from(self.alive);
         self.watch.see(self.recorder.robot());
+        self.reflect(sent.as_ref());
         if let (Some(watcher), true) = (&mut self.watcher, self.alive) {
-            let time = self.recorder.robot().observe().time;
+            let time = self.plant.lock().truth().time;
             let state = self.recorder.robot().state();
             // A state is told once.
             let note = (self.told != state).then(|| state.to_string());
@@ -298,6 +380,33 @@ impl Experiment {
             })?;
         }
         Ok(())
+    }
+
+    /// The mirror sees the tick in which `sent` was sent. It ends with the first that the robot does not follow: there the supervisor tells.
+    fn reflect(&mut self, sent: Option<&Command>) {
+        if self.recorder.robot().state() != State::Running {
+            self.held_at = self.held_at.or_else(|| Some(self.plant.lock().truth().time));
+        }
+        let (Some(mirror), Some(sent), None) = (&mut self.mirror, sent, self.held_at) else { return };
+        let time = self.plant.lock().truth().time;
+        self.named.extend_from_slice(mirror.see(&Seen::of(&self.executive, time, sent, None)));
+    }
+
+    /// What the mirror came to of a fault that struck at `since` (s).
+    fn mirrored(&self, since: f64) -> Option<Mirrored> {
+        self.mirror.as_ref()?;
+        let teller = self.kind.teller();
+        let (named, other): (Vec<_>, Vec<_>) = self.named.iter().partition(|named| match teller {
+            Teller::Mirror(kind) => named.kind == kind,
+            _ => false,
+        });
+        let told = match teller {
+            Teller::Nobody => None,
+            Teller::Supervisor => self.held_at,
+            Teller::Mirror(_) => named.first().map(|named| named.time),
+        };
+        let told_ms = told.map(|time| time - since).filter(|delay| *delay < NAMED_WITHIN).map(|delay| 1e3 * delay);
+        Some(Mirrored { told_ms, wrong: other.iter().map(ToString::to_string).collect() })
     }
 
     /// Ends the recording; whether it can be read to its last tick.
@@ -327,7 +436,7 @@ impl Experiment {
 fn inject(
     bench: &Bench,
     injection: (Kind, Phase, usize),
-    (moment, watcher): (&Snapshot, Option<Recording>),
+    (moment, watcher): (&Watched, Option<Recording>),
     file: &Path,
     seed: u64,
 ) -> Result<Outcome> {
@@ -338,7 +447,8 @@ fn inject(
     // The hand goes down to the second object with the first in it, so that height does not tell what is held.
     let held: Vec<(usize, Isometry3<f64>)> =
         (0..2).filter(|object| in_grip(&truth, *object)).map(|object| (object, in_palm(&truth, object))).collect();
-    let Stop { stopped, safe, speed } = experiment.strike(truth.time)?;
+    let since = truth.time;
+    let Stop { stopped, safe, speed } = experiment.strike(since)?;
     let truth = experiment.plant.lock().truth();
     // Where the robot goes on it may let go on purpose.
     let after = held.iter().filter(|_| safe.is_some()).map(|(object, before)| {
@@ -363,6 +473,7 @@ fn inject(
         held: held.len(),
         lost,
         moved,
+        mirrored: experiment.mirrored(since),
         intact: experiment.finish(file)?,
     })
 }

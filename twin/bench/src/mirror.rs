@@ -1,7 +1,7 @@
 //! The mirror: a twin that runs beside the robot, fed with the same commands and corrected by its measurements, and what it names.
 //!
-//! [`twin`] is the observer, [`seen`] all that it is told, [`residuals`] what is left between robot and twin. [`cables`], [`hand`] and [`cameras`]
-//! find what is amiss in that, by the limits of [`limits`]; [`divergence`] has the words for it. [`belief`] is where the object in the hand was felt.
+//! [`twin`] is the observer, [`seen`] all that it is told, [`residuals`] what is left between robot and twin. [`cables`], [`torque`], [`hand`] with [`steps`], and
+//! [`cameras`] find what is amiss in that, by the limits of [`limits`]; [`divergence`] has the words for it. [`belief`] is where the object in the hand was felt.
 //! [`watch`] lets a mirror look on while trials are played. A mirror only looks: it takes measurements, sent commands and what
 //! the controller believes ([`seen::Seen`]), cannot reach the robot's truth, and gives nothing back to whoever commands.
 
@@ -11,8 +11,11 @@ pub mod cameras;
 pub mod divergence;
 pub mod hand;
 pub mod limits;
+pub mod outside;
 pub mod residuals;
 pub mod seen;
+pub mod steps;
+pub mod torque;
 pub mod twin;
 pub mod watch;
 
@@ -20,8 +23,8 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use control::inverse_kinematics::ArmKinematics;
-use hand_model::robot::ServoState;
-use hand_model::{ACTUATORS, ARM_JOINTS, Digit, Hand};
+use hand_model::robot::{ArmState, ServoState};
+use hand_model::{ACTUATORS, ARM_JOINTS, Arm, Digit, Hand};
 use nalgebra::Isometry3;
 use proving::world::World;
 
@@ -40,11 +43,13 @@ use self::twin::Twin;
 pub struct Mirror {
     twin: Twin,
     hand: Arc<Hand>,
+    arm: Arc<Arm>,
     kinematics: ArmKinematics,
     limits: Limits,
     /// Masses of objects as the controller knows them, kg.
     masses: Arc<BTreeMap<String, f64>>,
     before: [ServoState; ACTUATORS],
+    arm_before: ArmState,
     residuals: Residuals,
     cables: [CableWatch; 5],
     handle: HandWatch,
@@ -60,10 +65,12 @@ impl Mirror {
         Ok(Self {
             twin: Twin::new(world, arm),
             hand: world.cell.hand.clone(),
+            arm: world.cell.arm.clone(),
             kinematics: world.cell.kinematics(),
             limits: Limits::standard()?,
             masses: Arc::new(masses),
             before: [ServoState::default(); ACTUATORS],
+            arm_before: ArmState::default(),
             residuals: Residuals::default(),
             cables: Default::default(),
             handle: HandWatch::default(),
@@ -87,18 +94,31 @@ impl Mirror {
         self.residuals = Residuals::new(&self.hand, readings, self.twin.tick_length(), &innovation, &jacobian);
         self.before = *seen.servos;
         self.believes.see(seen.time, seen.phase, seen.felt);
-        self.look_at_hand(seen);
+        // An arm that says the same to the last bit is not heard any more: the twin moves on, and what they differ by is no force.
+        if std::mem::replace(&mut self.arm_before, *seen.arm) != *seen.arm {
+            self.look_at_hand(seen);
+        }
         self.look_at_cables(seen.time);
-        let cameras = self.cameras.see(&self.limits.camera, seen.images);
+        let cameras = self.cameras.see(&self.limits.camera, (seen.time, seen.sent.capture), seen.images);
         for (camera, finding) in cameras {
-            let part = self.hand.cameras.get(camera).map_or_else(String::new, |camera| camera.name.clone());
+            let part = camera.map_or_else(|| "all cameras".to_owned(), |camera| self.hand.cameras[camera].name.clone());
             self.name(seen.time, part, finding);
         }
         self.twin.follow(seen.sent);
         &self.named[known..]
     }
 
+    /// Whether a joint of the arm, at `angles` (rad), is so near its stop that this may bear some of what loads the hand.
+    fn is_on_stop(&self, angles: &[f64; ARM_JOINTS]) -> bool {
+        let near = self.limits.hand.stop;
+        self.arm.tree.joints.iter().zip(angles).any(|(joint, at)| at - joint.lower < near || joint.upper - at < near)
+    }
+
     fn look_at_hand(&mut self, seen: &Seen) {
+        if self.is_on_stop(&seen.arm.position) {
+            self.handle.see_nothing();
+            return;
+        }
         let mass = |name: &str| self.masses.get(name).copied().unwrap_or(0.0);
         let tick = HandTick {
             time: seen.time,
@@ -107,7 +127,7 @@ impl Mirror {
             residuals: &self.residuals,
             masses: seen.objects.map(mass),
         };
-        if let Some(finding) = self.handle.see(&self.limits.hand, &tick) {
+        if let Some(finding) = self.handle.see(&self.limits, &tick) {
             if finding.0 == Kind::ObjectLost {
                 self.believes.lose();
             }
@@ -116,10 +136,10 @@ impl Mirror {
     }
 
     fn look_at_cables(&mut self, time: f64) {
-        let pushed = self.handle.is_pushed();
+        let outside = self.handle.outside(&self.limits.hand);
         for digit in Digit::ALL {
             let n = digit.index();
-            let finding = self.cables[n].see(&self.limits.cable, time, &self.residuals.cables[n], pushed);
+            let finding = self.cables[n].see(&self.limits.cable, time, &self.residuals.cables[n], outside);
             if let Some(finding) = finding {
                 self.name(time, digit.name().to_owned(), finding);
             }

@@ -118,7 +118,7 @@ impl Executive {
     /// Asks for images every `period` (s) throughout, for a recording, or as often as the link brings them where that is less often; nothing is
     /// decided by them.
     pub fn watch_images(&mut self, period: f64) {
-        self.watch.period = Some(period);
+        self.watch.begin(period);
     }
 
     /// The stops of the ways from the present palm pose to another, before the approach pose: the shortest way, then higher ones.

@@ -9,7 +9,7 @@ const LOST: f64 = 1.0;
 #[derive(Debug, Clone)]
 pub struct Watch {
     /// How often, s; never where there is none.
-    pub period: Option<f64>,
+    period: Option<f64>,
     /// When it asked last, s.
     last: f64,
     /// Whether images have come since any were asked for last.
@@ -25,6 +25,11 @@ impl Default for Watch {
 }
 
 impl Watch {
+    /// Asks every `period` (s) from now on, whatever clock it went by before.
+    pub fn begin(&mut self, period: f64) {
+        (self.period, self.last) = (Some(period), f64::NEG_INFINITY);
+    }
+
     /// Those of the images that `arrived` that it did not ask for. A simulated camera exposes at the end of the `tick` (s) in which it is
     /// asked; what a real one takes at any other time counts as somebody else's.
     pub fn others(&self, arrived: &[TactileFrame], tick: f64) -> Vec<TactileFrame> {

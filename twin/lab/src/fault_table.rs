@@ -2,8 +2,8 @@
 
 use std::collections::BTreeSet;
 
-use bench::faults::Outcome as FaultOutcome;
-use bench::faults::kind::{Expected, Kind};
+use bench::faults::kind::{Expected, Kind, Teller};
+use bench::faults::{Mirrored, NAMED_WITHIN, Outcome as FaultOutcome};
 use serde_json::{Value, json};
 
 /// All outcomes, summed by fault.
@@ -15,6 +15,8 @@ pub struct FaultTable {
     phases: usize,
     /// Goals of servos and joints that were compared with their limits.
     checked: u64,
+    /// Whether a mirror ran beside each.
+    mirrored: bool,
 }
 
 impl FaultTable {
@@ -26,11 +28,12 @@ impl FaultTable {
             injected: outcomes.len(),
             phases: outcomes.iter().map(|outcome| outcome.phase).collect::<BTreeSet<_>>().len(),
             checked: outcomes.iter().map(|outcome| outcome.checked).sum(),
+            mirrored: outcomes.iter().any(|outcome| outcome.mirrored.is_some()),
         }
     }
 
     pub fn to_json(&self) -> Value {
-        let Self { rows, wrong, injected, phases, checked } = self;
+        let Self { rows, wrong, injected, phases, checked, .. } = self;
         json!({ "injected": injected, "phases": phases, "goals_checked": checked, "rows": rows, "wrong": wrong })
     }
 
@@ -52,12 +55,43 @@ impl FaultTable {
         for row in &self.rows {
             text += &line(row);
         }
+        if self.mirrored {
+            text += &self.names();
+        }
         text += "a fault with which the robot `goes on` may end in a hold as well\n";
         text += "* the fault itself takes a servo's torque: what that digit held may fall, whatever the others hold\n";
         text += &format!(
             "{} faults in {} phases, {} goals of servos and joints held to their limits; times on the emulated clock: until the \
              supervisor holds (or servos and arm have stopped by themselves), and until the arm stands\n",
             self.injected, self.phases, self.checked
+        );
+        text
+    }
+
+    /// Who named each fault, how often and how soon, and how often something else was named.
+    fn names(&self) -> String {
+        let mut text = format!(
+            "\n{:34} {:>12} {:>8} {:>8} {:>18} {:>8}\n",
+            "fault", "told by", "injected", "rightly", "ms to name (max)", "wrongly"
+        );
+        for row in &self.rows {
+            let name = &row["named"];
+            let ms = |key: &str| name[key].as_f64().map_or("-".to_owned(), |ms| format!("{ms:.0}"));
+            text += &format!(
+                "{:34} {:>12} {:>8} {:>8} {:>18} {:>8}\n",
+                row["fault"].as_str().unwrap_or_default(),
+                name["teller"].as_str().unwrap_or_default(),
+                row["injected"].to_string(),
+                name["rightly"].to_string(),
+                format!("{} ({})", ms("told_ms_median"), ms("told_ms_max")),
+                name["wrongly"].to_string(),
+            );
+        }
+        let sum = |key: &str| self.rows.iter().filter_map(|row| row["named"][key].as_u64()).sum::<u64>();
+        text += &format!(
+            "{} of {} named rightly within {NAMED_WITHIN} s and nothing else beside them\n\n",
+            sum("rightly"),
+            self.injected
         );
         text
     }
@@ -126,6 +160,29 @@ fn row(kind: Kind, outcomes: &[FaultOutcome]) -> Value {
         "moved_mm_max": of.iter().map(|outcome| outcome.moved).fold(0.0, f64::max),
         "takes_torque": kind.takes_torque(),
         "recordings_intact": sum(|outcome| usize::from(outcome.intact)),
+        "named": named(kind, &of),
+    })
+}
+
+/// What was named beside outcomes `of` one fault; null where no mirror ran.
+fn named(kind: Kind, of: &[&FaultOutcome]) -> Value {
+    let all: Vec<&Mirrored> = of.iter().filter_map(|outcome| outcome.mirrored.as_ref()).collect();
+    if all.is_empty() {
+        return Value::Null;
+    }
+    let mut times: Vec<f64> = all.iter().filter_map(|mirrored| mirrored.told_ms).collect();
+    times.sort_by(f64::total_cmp);
+    json!({
+        "teller": match kind.teller() {
+            Teller::Nobody => "nobody",
+            Teller::Supervisor => "supervisor",
+            Teller::Mirror(_) => "mirror",
+        },
+        "rightly": all.iter().filter(|mirrored| mirrored.is_right(kind)).count(),
+        "told_ms_median": times.get(times.len() / 2),
+        "told_ms_max": times.last(),
+        "wrongly": all.iter().filter(|mirrored| !mirrored.wrong.is_empty()).count(),
+        "wrong": all.iter().flat_map(|mirrored| mirrored.wrong.clone()).collect::<Vec<_>>(),
     })
 }
 

@@ -2,25 +2,11 @@
 
 use bench::mirror::divergence::{Divergence, Kind};
 use control::executive::Phase;
-use hand_model::{ARM_JOINTS, Hand};
 use proving::rehearsal::in_hand;
 use sim::robot::Truth;
 
 /// Before a name is given, what it names happened within this time, s.
 const BEFORE: f64 = 1.0;
-
-/// A cover touches the table below this height, m.
-const ON_TABLE: f64 = 0.0005;
-
-/// Whether a link of `hand` touches the table, whose surface is at height 0: the lowest point of its cover, a rounded box, is on it.
-fn on_table(truth: &Truth, hand: &Hand) -> bool {
-    hand.covers.iter().zip(&truth.links[ARM_JOINTS..]).any(|(cover, link)| {
-        let pose = link * cover.link_from_cover;
-        let box_half = cover.half.add_scalar(-cover.radius);
-        let down = pose.rotation.to_rotation_matrix().matrix().row(2).abs().transpose().dot(&box_half);
-        pose.translation.z - down - cover.radius < ON_TABLE
-    })
-}
 
 /// Times at which something happened that can rightly be named, s.
 #[derive(Debug, Clone, Default)]
@@ -34,7 +20,7 @@ pub struct Happened {
 
 impl Happened {
     /// One tick.
-    pub fn see(&mut self, truth: &Truth, hand: &Hand, phase: Phase) {
+    pub fn see(&mut self, truth: &Truth, phase: Phase) {
         let held = [in_hand(truth, 0), in_hand(truth, 1)];
         if (0..2).any(|n| self.held[n] && !held[n]) {
             self.lost.push(truth.time);
@@ -45,9 +31,9 @@ impl Happened {
         if missing(0, Phase::LiftFirst) || missing(1, Phase::LiftSecond) {
             self.missing.push(truth.time);
         }
-        // Contact with the table or an object that is not in the hand, or of one that is with another.
+        // Contact with table, floor, or an object that is not in the hand, or of one that is with another.
         let apart = (0..2).any(|n| touched(n) && !held[n]) || !truth.object_pairs.is_empty();
-        if apart || on_table(truth, hand) {
+        if apart || truth.collides {
             self.touched.push(truth.time);
         }
     }

@@ -72,7 +72,7 @@ impl Play {
             fault.press(&mut self.robot);
         }
         self.robot.wait_for_tick();
-        self.happened.see(&self.robot.truth(), &bench.world.cell.hand, self.executive.phase());
+        self.happened.see(&self.robot.truth(), self.executive.phase());
         let begun = Instant::now();
         let seen = Seen::of(&self.executive, self.robot.time(), &sent, None);
         let mirror = match &mut self.mirror {

@@ -6,15 +6,13 @@ use anyhow::{Result, bail};
 use bench::mirror::watch::Mirroring;
 use bench::trial::filming::All;
 use bench::trial::{Moment, Watcher};
-use hand_model::Hand;
 use scenarios::record::{Condition, TrialRecord};
 
 use crate::happened::Happened;
 use crate::make;
 
 /// Looks at the truth while a mirror looks at measurements.
-struct Truths<'a> {
-    hand: &'a Hand,
+struct Truths {
     shared: Happened,
     branch: Option<Happened>,
     all: BTreeMap<Condition, Happened>,
@@ -23,7 +21,7 @@ struct Truths<'a> {
     last: f64,
 }
 
-impl Watcher for Truths<'_> {
+impl Watcher for Truths {
     fn active(&self) -> bool {
         true
     }
@@ -36,7 +34,7 @@ impl Watcher for Truths<'_> {
             None => &mut self.shared,
             Some(_) => self.branch.get_or_insert_with(|| self.shared.clone()),
         };
-        happened.see(truth, self.hand, moment.executive.phase());
+        happened.see(truth, moment.executive.phase());
         self.phases.push((moment.condition, moment.time, moment.executive.phase().name()));
         Ok(())
     }
@@ -66,7 +64,6 @@ pub fn main(arguments: &[String]) -> Result<()> {
     let (mut seconds, mut wrongly) = (0.0, 0);
     for (combination, trial) in (from..to).flat_map(|combination| (0..trials).map(move |trial| (combination, trial))) {
         let mut truths = Truths {
-            hand: &bench.world.cell.hand,
             shared: Happened::default(),
             branch: None,
             all: BTreeMap::new(),

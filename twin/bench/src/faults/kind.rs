@@ -2,7 +2,7 @@
 
 use anyhow::Result;
 use control::executive::Executive;
-use hand_model::robot::{Robot, ServoGoal};
+use hand_model::robot::{Command, Robot, ServoGoal};
 use hardware_bridge::emulator::Plug;
 use hardware_bridge::emulator::faults::{Chances, Event};
 use hardware_bridge::emulator::lockstep::LockstepRobot;
@@ -10,6 +10,8 @@ use hardware_bridge::safety::state::State;
 use kortex::emulator::Injection;
 use kortex::safety_bank::FOLLOWING_ERROR;
 use session_log::Recorder;
+
+use crate::mirror::divergence::Kind as Divergence;
 
 /// A servo that breaks: the index finger's.
 const SERVO: u8 = 2;
@@ -81,6 +83,17 @@ pub enum Expected {
     StopsItself,
 }
 
+/// Who can say that something is wrong.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Teller {
+    /// Nobody: links make up for it, or the host is gone, and a mirror must name nothing.
+    Nobody,
+    /// The supervisor, by holding the robot.
+    Supervisor,
+    /// A mirror, by this name.
+    Mirror(Divergence),
+}
+
 impl Expected {
     /// Whether the end fits.
     pub fn fits(self, state: &State, safe: bool) -> bool {
@@ -134,6 +147,15 @@ impl Kind {
         }
     }
 
+    /// Who must say so.
+    pub fn teller(self) -> Teller {
+        match self {
+            Self::CameraFrozen | Self::JpegCut => Teller::Mirror(Divergence::CameraDead),
+            kind if matches!(kind.expected(), Expected::GoesOn | Expected::StopsItself) => Teller::Nobody,
+            _ => Teller::Supervisor,
+        }
+    }
+
     /// Whether it takes a servo's torque, so that what that servo held may fall whatever the bridge does.
     pub fn takes_torque(self) -> bool {
         matches!(self, Self::Overload | Self::Overheat | Self::BrownOut | Self::ServoUnplugged)
@@ -179,13 +201,12 @@ impl Kind {
         }
     }
 
-    /// One tick afterwards; whether the host still took part in it.
-    pub fn drive(self, recorder: &mut Recorder<LockstepRobot>, executive: &mut Executive) -> Result<bool> {
+    /// One tick afterwards; the command that was sent, if the controller took part in it.
+    pub fn drive(self, recorder: &mut Recorder<LockstepRobot>, executive: &mut Executive) -> Result<Option<Command>> {
         match self {
+            // Past the recorder, which died with the host.
             Self::HostKilled => {
-                // Past the recorder, which died with the host.
                 recorder.robot().wait_for_tick();
-                return Ok(false);
             }
             Self::ControllerSilent => {
                 recorder.robot().idle_cycle();
@@ -198,19 +219,19 @@ impl Kind {
                 recorder.send(&command);
                 recorder.wait_for_tick();
             }
-            _ => tick(recorder, executive)?,
+            _ => return tick(recorder, executive).map(Some),
         }
-        Ok(true)
+        Ok(None)
     }
 }
 
-/// Plays one tick of `robot` under `executive`.
-pub(super) fn tick(robot: &mut impl Robot, executive: &mut Executive) -> Result<()> {
+/// Plays one tick of `robot` under `executive`; the command that was sent.
+pub(super) fn tick(robot: &mut impl Robot, executive: &mut Executive) -> Result<Command> {
     let observation = robot.observe();
     let command = executive.tick(&observation)?;
-    robot.send(&command);
+    let sent = robot.send(&command);
     robot.wait_for_tick();
-    Ok(())
+    Ok(sent)
 }
 
 /// Injects a fault into the emulated arm.

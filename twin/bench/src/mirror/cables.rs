@@ -1,16 +1,15 @@
-//! Detectors for a digit's cable, servo and joints, from one tick to the next.
+//! Detectors for a digit's cable, from one tick to the next: one that is slack has broken, one that is taut again has slipped.
 
 use std::collections::VecDeque;
 
 use super::divergence::Kind;
 use super::limits::CableLimits;
+use super::outside::{Outside, Pushed};
 use super::residuals::Cable;
+use super::torque::missing;
 
 /// Ticks that are kept.
-const KEPT: usize = 7;
-/// By how much a servo's current may change over those ticks, of itself, where a step of its torque is looked for.
-const STEADY: f64 = 0.6;
-
+pub const KEPT: usize = 8;
 /// A spool that meets the end of its slack rebounds from it for no longer than this, s.
 const REBOUND: f64 = 0.08;
 
@@ -30,16 +29,18 @@ struct Slack {
     /// Whether the digit was pulled so hard that it may grip something.
     grips: bool,
     /// Whether something pushed the hand at that time: it may push a digit closed that grips nothing.
-    pushed: bool,
+    pushed: Pushed,
     /// Whether it went from bearing its load to bearing none within a tick.
     sudden: bool,
+    /// Whether it did so from a firm pull: no push does that.
+    firm: bool,
     named: bool,
 }
 
 impl Slack {
     /// Whether nothing but the cable itself explains it.
     fn is_certain(&self) -> bool {
-        self.sudden && (self.grips || !self.pushed)
+        self.firm || self.sudden && self.pushed != Pushed::Hard && (self.grips || self.pushed == Pushed::No)
     }
 }
 
@@ -73,19 +74,21 @@ pub struct CableWatch {
 }
 
 impl CableWatch {
-    /// One tick at `time` (s); `pushed`: something pushes the hand.
-    pub fn see(&mut self, limits: &CableLimits, time: f64, cable: &Cable, pushed: bool) -> Option<Finding> {
+    /// One tick at `time` (s), with what acts on the hand from outside.
+    pub fn see(&mut self, limits: &CableLimits, time: f64, cable: &Cable, outside: Outside) -> Option<Finding> {
         self.past.push_back(*cable);
         if self.past.len() > KEPT {
             self.past.pop_front();
         }
-        self.slack(limits, time, cable, pushed)
-            .or_else(|| self.slipped(limits, time, cable))
-            .or_else(|| self.weak(limits))
+        self.slack(limits, time, cable, outside.pushed).or_else(|| self.slipped(limits, time, cable)).or_else(|| {
+            let past: [Cable; KEPT] = self.past.iter().copied().collect::<Vec<_>>().try_into().ok()?;
+            let share = missing(limits, &past, outside).filter(|_| self.slack.is_none())?;
+            Some((Kind::ServoWeak, 1.0 - share, 1.0))
+        })
     }
 
     /// Cables that bear nothing although they are wound in.
-    fn slack(&mut self, limits: &CableLimits, time: f64, cable: &Cable, pushed: bool) -> Option<Finding> {
+    fn slack(&mut self, limits: &CableLimits, time: f64, cable: &Cable, pushed: Pushed) -> Option<Finding> {
         let bears_nothing = cable.tension < limits.slack_share * cable.pulled + limits.slack;
         let tells = self.slack.is_some() || cable.free > limits.least;
         if !(bears_nothing && tells && cable.pulled > limits.least) {
@@ -105,7 +108,9 @@ impl CableWatch {
         let slack = self.slack.get_or_insert(begun);
         let wound = cable.wound - slack.wound;
         // Somebody who pushes a digit closed takes some ticks for it, and no further than it closes.
-        slack.pushed |= pushed && time < slack.since + REBOUND;
+        if time < slack.since + REBOUND {
+            slack.pushed = slack.pushed.max(pushed);
+        }
         let broken = if slack.is_certain() {
             wound > limits.longest_slip || time - slack.since > limits.slack_time
         } else {
@@ -119,14 +124,17 @@ impl CableWatch {
     }
 
     /// A slack that begins now.
-    fn begin(&self, limits: &CableLimits, time: f64, pushed: bool) -> Slack {
-        let [_, before, ..] = newest(&self.past);
+    fn begin(&self, limits: &CableLimits, time: f64, pushed: Pushed) -> Slack {
+        let [now, before, earlier, _] = newest(&self.past);
         Slack {
             since: time,
             wound: before.wound,
             sudden: fell_at_once(&self.past, limits.gripping) || self.gave(limits),
             grips: before.pulled > limits.gripping,
             pushed,
+            firm: before.tension > limits.firm
+                && now.tension < limits.slack_share * before.tension
+                && earlier.tension > TAUT_BEFORE * before.tension,
             named: false,
         }
     }
@@ -157,27 +165,6 @@ impl CableWatch {
         let slipped = slack.is_certain() && !slack.named && bounded;
         slipped.then_some((Kind::CableSlipped, 1e3 * wound, 0.0))
     }
-
-    /// Torque that goes missing within a tick.
-    fn weak(&self, limits: &CableLimits) -> Option<Finding> {
-        if self.past.len() < KEPT || self.slack.is_some() {
-            return None;
-        }
-        let c: Vec<f64> = self.past.iter().map(|cable| cable.pulled).collect();
-        let r: Vec<f64> = self.past.iter().map(|cable| cable.tension / cable.pulled.max(limits.slack)).collect();
-        let (last, i) = (KEPT - 1, KEPT - 3);
-        // What goes on changing as it did before is no step.
-        let bend = |n: usize| r[n] - 2.0 * r[n - 1] + r[n - 2];
-        let (step, jump) = (r[i] - r[i - 1], bend(i));
-        let steady = c.iter().all(|pulled| *pulled > limits.least && (pulled - c[last]).abs() < STEADY * c[last]);
-        let begins = jump > limits.weak_step && bend(i - 1).abs().max(bend(i - 2).abs()) < limits.weak_before * jump;
-        let decays = r[i + 1] < r[i] - 0.03 * step
-            && r[i + 1] > r[i] - limits.weak_decay[0] * step
-            && r[last] < r[i]
-            && r[last] > r[i] - limits.weak_decay[1] * step;
-        let slower = self.past[i].speed < self.past[i - 1].speed;
-        (steady && step > limits.weak_step && begins && decays && slower).then_some((Kind::ServoWeak, 1.0 - step, 1.0))
-    }
 }
 
 #[cfg(test)]
@@ -190,17 +177,18 @@ mod tests {
 
     /// What is named of these tensions (N) of a cable that is pulled with 10 N and wound at `speed` (m/s), and when.
     fn named(tensions: &[f64], speed: f64) -> Vec<(usize, Kind)> {
-        named_of(10.0, false, tensions, speed)
+        named_of(10.0, Pushed::No, tensions, speed)
     }
 
     /// The same pulled with `pulled` (N), by a hand that is `pushed`.
-    fn named_of(pulled: f64, pushed: bool, tensions: &[f64], speed: f64) -> Vec<(usize, Kind)> {
+    fn named_of(pulled: f64, pushed: Pushed, tensions: &[f64], speed: f64) -> Vec<(usize, Kind)> {
         let limits = Limits::standard().expect("the limits").cable;
         let mut watch = CableWatch::default();
         let see = |(n, tension): (usize, &f64)| {
             let (time, wound) = (n as f64 * TICK, n as f64 * TICK * speed);
-            let cable = Cable { tension: *tension, free: 6.0, pulled, wound, speed: speed - 1e-4 * n as f64 };
-            watch.see(&limits, time, &cable, pushed).map(|(kind, ..)| (n, kind))
+            let cable =
+                Cable { tension: *tension, free: 6.0, pulled, held: 0.0, wound, speed: speed - 1e-4 * n as f64 };
+            watch.see(&limits, time, &cable, Outside { pushed, jolt: 0.0 }).map(|(kind, ..)| (n, kind))
         };
         tensions.iter().enumerate().filter_map(see).collect()
     }
@@ -218,7 +206,7 @@ mod tests {
         assert!(matches!(slipped[..], [(n, Kind::CableSlipped)] if n < 30), "{slipped:?}");
         let pushed_closed = [vec![10.0; 10], vec![8.0, 5.0, 2.5], vec![0.0; 30], vec![10.0; 10]].concat();
         assert_eq!(named(&pushed_closed, 0.04), [], "somebody pushed the digit closed");
-        assert_eq!(named_of(3.0, true, &dip(6), 0.04), [], "what pushes the hand may push a free digit closed");
+        assert_eq!(named_of(3.0, Pushed::Yes, &dip(6), 0.04), [], "what pushes the hand may push a free digit closed");
         assert_eq!(named(&[10.0; 60], 0.04), []);
         let pushed_far = [vec![10.0; 10], vec![8.0, 5.0, 2.5], vec![0.0; 60]].concat();
         assert!(matches!(named(&pushed_far, 0.04)[..], [(_, Kind::CableBroken)]), "nobody pushes a digit so far");
@@ -228,22 +216,10 @@ mod tests {
     #[test]
     fn a_taut_cable_slips_without_slack_and_a_fast_one_breaks_in_two_ticks() {
         let slip = [vec![30.0; 10], vec![9.0, 14.0, 20.0], vec![30.0; 20]].concat();
-        assert!(matches!(named_of(30.0, false, &slip, 0.04)[..], [(_, Kind::CableSlipped)]));
+        assert!(matches!(named_of(30.0, Pushed::No, &slip, 0.04)[..], [(_, Kind::CableSlipped)]));
         let let_go = [vec![30.0; 10], vec![25.0, 20.0, 14.0, 9.0, 14.0, 20.0], vec![30.0; 20]].concat();
-        assert_eq!(named_of(30.0, false, &let_go, 0.04), [], "an object that goes");
+        assert_eq!(named_of(30.0, Pushed::No, &let_go, 0.04), [], "an object that goes");
         let broken = [vec![10.0; 10], vec![2.0], vec![0.0; 40]].concat();
         assert!(matches!(named(&broken, 0.04)[..], [(n, Kind::CableBroken)] if n < 35));
-    }
-
-    /// A step of the torque decays; an impact grows over some ticks and goes at once.
-    #[test]
-    fn a_weak_servo_steps_and_an_impact_does_not() {
-        let rest = [10.0; 8];
-        let weak = [&rest[..], &[13.9, 13.3, 12.2, 11.0, 9.7, 9.0]].concat();
-        assert!(matches!(named(&weak, 0.0)[..], [(10, Kind::ServoWeak)]));
-        let impact = [&rest[..], &[11.0, 12.5, 13.9, 13.0, 11.0, 10.0]].concat();
-        assert_eq!(named(&impact, 0.0), []);
-        let knock = [&rest[..], &[13.9, 13.8, 9.5, 9.0, 10.0, 10.0]].concat();
-        assert_eq!(named(&knock, 0.0), []);
     }
 }

@@ -36,11 +36,14 @@ struct Camera {
 #[derive(Debug, Clone)]
 pub struct CameraWatch {
     cameras: Vec<Camera>,
+    /// Since when images have been asked for and none has come, s, and whether that was named.
+    waits_since: Option<f64>,
+    silent: bool,
 }
 
 impl Default for CameraWatch {
     fn default() -> Self {
-        Self { cameras: vec![Camera::default(); CAMERAS] }
+        Self { cameras: vec![Camera::default(); CAMERAS], waits_since: None, silent: false }
     }
 }
 
@@ -72,8 +75,14 @@ fn brightness(first: &[[u8; 3]], now: &[[u8; 3]]) -> Option<[f64; 3]> {
 }
 
 impl CameraWatch {
-    /// Takes the newest images of all cameras; what is found, with the camera.
-    pub fn see(&mut self, limits: &CameraLimits, images: &[TactileFrame]) -> Vec<(usize, Finding)> {
+    /// Takes the newest images of all cameras at `time` (s), in which new ones were `asked` for or not; what is found, with the camera, or none
+    /// where it is all of them.
+    pub fn see(
+        &mut self,
+        limits: &CameraLimits,
+        (time, asked): (f64, bool),
+        images: &[TactileFrame],
+    ) -> Vec<(Option<usize>, Finding)> {
         let mut fresh = Vec::new();
         for frame in images.iter().filter(|frame| frame.camera < CAMERAS) {
             let camera = &mut self.cameras[frame.camera];
@@ -88,20 +97,26 @@ impl CameraWatch {
             fresh.push(frame.camera);
         }
         if fresh.is_empty() {
-            return Vec::new();
+            let waits = asked.then_some(time);
+            self.waits_since = self.waits_since.or(waits);
+            let silent = self.waits_since.is_some_and(|since| time > since + limits.silent);
+            let named = silent && !std::mem::replace(&mut self.silent, silent);
+            return if named { vec![(None, (Kind::CameraDead, 0.0, 1.0))] } else { Vec::new() };
         }
+        (self.waits_since, self.silent) = (asked.then_some(time), false);
         let mut sent: Vec<u32> = self.cameras.iter().map(|camera| camera.sent).collect();
         sent.sort_unstable();
         let usual = sent[CAMERAS / 2];
         // Without read-out noise an idle pad repeats its image: then most do.
-        let lively = self.cameras.iter().filter(|camera| !camera.repeated).count() > CAMERAS / 2;
+        let repeating = self.cameras.iter().filter(|camera| camera.repeated).count();
+        let (lively, alone) = (repeating <= CAMERAS / 2, repeating == 1);
         let mut found = Vec::new();
         for (n, camera) in self.cameras.iter_mut().enumerate() {
             let behind = usual.saturating_sub(camera.sent);
-            let frozen = lively && camera.repeats >= limits.missed;
+            let frozen = lively && camera.repeats >= limits.missed || alone && camera.repeated;
             if !camera.dead && (behind >= limits.missed || frozen) {
                 camera.dead = true;
-                found.push((n, (Kind::CameraDead, f64::from(camera.sent - camera.repeats), f64::from(usual))));
+                found.push((Some(n), (Kind::CameraDead, f64::from(camera.sent - camera.repeats), f64::from(usual))));
             }
             if behind == 0 && camera.dimmed == 0 {
                 camera.dead &= frozen;
@@ -126,10 +141,10 @@ impl CameraWatch {
             }
             if black && !camera.dead {
                 camera.dead = true;
-                found.push((n, (Kind::CameraDead, 0.0, 1.0)));
+                found.push((Some(n), (Kind::CameraDead, 0.0, 1.0)));
             } else if !black && !camera.drifted {
                 camera.drifted = true;
-                found.push((n, (Kind::PadDrifted, worst, 1.0)));
+                found.push((Some(n), (Kind::PadDrifted, worst, 1.0)));
             }
         }
         found
@@ -155,7 +170,8 @@ mod tests {
                 newest.retain(|frame| frame.camera != camera);
                 newest.push(TactileFrame { camera, time: n as f64, sequence: n as u64, image: Arc::new(image) });
             }
-            all.extend(watch.see(&limits, &newest).into_iter().map(|(camera, (kind, ..))| (n, camera, kind)));
+            let found = watch.see(&limits, (0.2 * n as f64, true), &newest);
+            all.extend(found.into_iter().map(|(camera, (kind, ..))| (n, camera.unwrap_or(CAMERAS), kind)));
         }
         all
     }
@@ -167,7 +183,9 @@ mod tests {
         assert_eq!(gone, [(5, 3, Kind::CameraDead)]);
         let frozen = TactileImage { rgb: vec![90; IMAGE_SIZE * IMAGE_SIZE * 3] };
         let frozen = named(|n, camera, image| Some(if camera == 5 && n >= 3 { frozen.clone() } else { image }));
-        assert_eq!(frozen, [(5, 5, Kind::CameraDead)]);
+        assert_eq!(frozen, [(4, 5, Kind::CameraDead)]);
+        let silent = named(|n, _, image| (n < 3).then_some(image));
+        assert_eq!(silent, [(4, CAMERAS, Kind::CameraDead)], "nothing has come for longer than it takes");
     }
 
     /// Without noise all idle pads repeat their images: nothing is wrong with them.

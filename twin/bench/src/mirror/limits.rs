@@ -15,6 +15,7 @@ pub struct Limits {
     _version: u32,
     pub cable: CableLimits,
     pub hand: HandLimits,
+    pub step: StepLimits,
     pub camera: CameraLimits,
 }
 
@@ -32,9 +33,20 @@ pub struct CableLimits {
     pub taut_share: f64,
     pub slack_time: f64,
     pub gripping: f64,
+    pub firm: f64,
+    pub jolt: f64,
+    pub closing: f64,
+    pub weak_still: f64,
     pub weak_step: f64,
     pub weak_decay: [f64; 2],
     pub weak_before: f64,
+    pub weak_free: [f64; 4],
+    pub weak_share: f64,
+    pub weak_least: f64,
+    pub weak_pulled: f64,
+    pub weak_slows: f64,
+    pub weak_bears: f64,
+    pub weak_lags: f64,
 }
 
 /// Limits for what acts on the hand.
@@ -42,6 +54,8 @@ pub struct CableLimits {
 #[serde(deny_unknown_fields)]
 pub struct HandLimits {
     pub memory: f64,
+    pub stop: f64,
+    pub hard: f64,
     pub contact: f64,
     pub contact_time: f64,
     pub contact_level: f64,
@@ -49,10 +63,6 @@ pub struct HandLimits {
     pub leaving: f64,
     pub payload: f64,
     pub payload_time: f64,
-    pub added: f64,
-    pub added_rest: f64,
-    pub added_early: [f64; 2],
-    pub added_level: f64,
     pub lost_share: f64,
     pub lost_least: f64,
     pub let_go: f64,
@@ -61,12 +71,27 @@ pub struct HandLimits {
     pub carrying: f64,
     pub free_share: f64,
     pub free_time: f64,
+    pub gone_time: f64,
+}
+
+/// Limits for steps of the force on the hand, each pair without and with contact expected.
+#[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct StepLimits {
+    pub lag: f64,
+    pub least: f64,
+    pub most: f64,
+    pub heaviest: f64,
+    pub even: [f64; 2],
+    pub level: [f64; 2],
+    pub rest: [f64; 2],
 }
 
 /// Limits for cameras.
 #[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct CameraLimits {
+    pub silent: f64,
     pub missed: u32,
     pub colour: f64,
     pub drifted: u32,

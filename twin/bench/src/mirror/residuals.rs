@@ -20,6 +20,8 @@ pub struct Cable {
     pub free: f64,
     /// Tension that the current would hold at rest, N.
     pub pulled: f64,
+    /// By how much its tension would have grown in the tick had its digit not moved, N.
+    pub held: f64,
     /// Cable on the spool, m, and how fast it is wound in, m/s.
     pub wound: f64,
     pub speed: f64,
@@ -55,6 +57,7 @@ impl Residuals {
                 tension: torque / radius,
                 free: innovation.tensions[n],
                 pulled: servo.torque_constant * now.current / radius,
+                held: (hand.cables[n].stiffness * radius * speed * tick).max(0.0),
                 wound: radius * now.position,
                 speed: radius * now.velocity,
             }

@@ -34,6 +34,9 @@ pub struct FaultArgs {
     /// Stream every injection to a viewer (one thread).
     #[arg(long)]
     live: bool,
+    /// Let a twin run beside each, and say who names the fault, how soon, and what is named wrongly.
+    #[arg(long)]
+    mirror: bool,
 }
 
 /// `ftac bridge faults`.
@@ -57,8 +60,9 @@ pub fn run(terminal: &Terminal, args: &FaultArgs) -> anyhow::Result<Option<Strin
         std::fs::create_dir_all(folder).with_context(|| folder.display().to_string())?;
     }
     let jobs = if args.live { 1 } else { args.jobs.unwrap_or_else(bench::workers::available).max(1) };
-    let (record, live) = (args.record.clone(), args.live);
-    let matrix = Matrix { bench: &bench, kinds, phases, rounds: args.rounds, jobs, seed: terminal.seed, record, live };
+    let (record, live, mirror) = (args.record.clone(), args.live, args.mirror);
+    let matrix =
+        Matrix { bench: &bench, kinds, phases, rounds: args.rounds, jobs, seed: terminal.seed, record, live, mirror };
     let outcomes = inject_all(&matrix, &bar)?;
     bar.finish_and_clear();
     let table = FaultTable::new(&matrix.kinds, &outcomes);
