@@ -13,6 +13,9 @@ pub const KEPT: usize = 8;
 /// A spool that meets the end of its slack rebounds from it for no longer than this, s.
 const REBOUND: f64 = 0.08;
 
+/// A servo that is named weak is not named again within this time, s.
+const AGAIN: f64 = 0.25;
+
 /// Of its tension, what a taut cable bears a tick later where nothing gives, at least.
 const TAUT_BEFORE: f64 = 0.93;
 
@@ -69,6 +72,8 @@ pub struct CableWatch {
     /// The last ticks, newest last.
     past: VecDeque<Cable>,
     slack: Option<Slack>,
+    /// When the servo was last named weak, s.
+    weakened: Option<f64>,
     /// A slack that has just ended: when, and how much was wound, m.
     ended: Option<(f64, Slack, f64)>,
 }
@@ -82,7 +87,9 @@ impl CableWatch {
         }
         self.slack(limits, time, cable, outside.pushed).or_else(|| self.slipped(limits, time, cable)).or_else(|| {
             let past: [Cable; KEPT] = self.past.iter().copied().collect::<Vec<_>>().try_into().ok()?;
-            let share = missing(limits, &past, outside).filter(|_| self.slack.is_none())?;
+            let again = self.weakened.is_some_and(|at| time < at + AGAIN);
+            let share = missing(limits, &past, outside).filter(|_| self.slack.is_none() && !again)?;
+            self.weakened = Some(time);
             Some((Kind::ServoWeak, 1.0 - share, 1.0))
         })
     }
