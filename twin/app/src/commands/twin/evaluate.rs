@@ -141,7 +141,7 @@ fn evaluate(drawing: &Drawing, number: u64, seed: u64) -> Result<Row> {
     let Drawing { hand, arm, losses, .. } = drawing;
     let truth = RobotIndividual::draw(hand, number);
     let script = Script::standard();
-    let plant = SharedPlant::new(drawing.plant(number, seed, script.ball.as_ref())?);
+    let plant = SharedPlant::new(drawing.plant(number, seed, &script)?);
     let settings = settings(&truth.hand(hand), seed);
     let robot = DirectRobot::start(Box::new(plant), settings, arm).map_err(|error| anyhow!("{error}"))?;
     let mut kept = Kept::new(robot);
