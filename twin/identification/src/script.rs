@@ -257,7 +257,7 @@ mod tests {
             ("hold = ", "hold = 60 # ", "weight.hold: found 60, expected 0.2 to 10"),
             ("lift = ", "lift = nan # ", "weight.lift: found NaN"),
             (
-                "turn = [-0.4, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]",
+                "turn = [0.4, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]",
                 "turn = [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]",
                 "weight.posture[ahead].turn: found that of `ready`, expected 0.05 rad in some joint",
             ),

@@ -6,7 +6,7 @@
 
 use hand_model::robot::{ArmState, ServoGoal};
 use hand_model::{ARM_JOINTS, Arm, GRAVITY, Hand};
-use nalgebra::{DMatrix, Isometry3, SVector, Vector3};
+use nalgebra::{DMatrix, Point3, SVector, Vector3};
 use optics::calibration::least_squares::{Options, Problem, forward_differences};
 use scenarios::individuals::robot::RobotIndividual;
 use scenarios::individuals::spread::Quantity;
@@ -21,8 +21,8 @@ use crate::weight::Weight;
 const THERE: f64 = 0.01;
 /// ... for this share of the script's time at least.
 const LONG: f64 = 0.8;
-/// Of the time in which it stands the last share counts: it comes to rest before.
-const RESTED: f64 = 0.5;
+/// Of the time in which it stands this part counts, as shares of it: it comes to rest before, and sets off after.
+const RESTED: [f64; 2] = [0.5, 0.9];
 /// The object is in the hand where at least this share of its weight is felt.
 const FELT: f64 = 0.5;
 /// Spread of where the weight acts about the palm's origin along each axis, m: it is somewhere in the hand.
@@ -123,7 +123,8 @@ pub fn begin(rows: &[Row], weight: &Weight, ready: &[f64; ARM_JOINTS], tick: f64
 fn stands(weighed: &Weighed, tick: f64) -> Vec<Stand> {
     let Weighed { weight, ready, rows } = weighed;
     let of = |(begin, end, posture): (usize, usize, usize)| {
-        let rested = &rows[end - (RESTED * (end - begin) as f64) as usize..end];
+        let [from, to] = RESTED.map(|share| begin + (share * (end - begin) as f64) as usize);
+        let rested = &rows[from..to];
         let count = rested.len().max(1) as f64;
         let mean = |value: fn(&ArmState) -> [f64; ARM_JOINTS]| -> [f64; ARM_JOINTS] {
             std::array::from_fn(|joint| rested.iter().map(|row| value(&row.arm)[joint]).sum::<f64>() / count)
@@ -179,7 +180,6 @@ impl Pair {
 
 /// A posture as a robot believed to be one has it.
 struct Posture {
-    palm: Isometry3<f64>,
     /// What holds a unit of force down at the palm's origin, N m over N, and for each metre along the palm's axes from there.
     levers: [Torques; 4],
     /// By how much the robot's own weight differs between the two times, N m.
@@ -191,12 +191,11 @@ impl Posture {
         let poses = arm.tree.forward(&pair.full.position);
         let palm = arm.tool_pose(&pair.full.position) * hand.palm_from_flange.inverse();
         let at = |offset: Vector3<f64>| {
-            held_by_last(arm, &poses, &(palm * nalgebra::Point3::from(offset)), &-Vector3::z())
+            held_by_last(arm, &poses, &(palm * Point3::from(offset)), &-Vector3::z())
         };
         let origin = at(Vector3::zeros());
         let along = |axis| at(Vector3::ith(axis, 1.0)) - origin;
         Self {
-            palm,
             levers: [origin, along(0), along(1), along(2)],
             own: own_weight(hand, arm, &pair.full.position) - own_weight(hand, arm, &pair.empty.position),
         }

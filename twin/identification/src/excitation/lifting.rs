@@ -6,7 +6,7 @@ use grasping::Grasp;
 use hand_model::robot::{ArmState, Robot};
 use hand_model::{ARM_JOINTS, Arm, GRAVITY, Hand};
 
-use super::{Means, Player};
+use super::{MOST_FORCE, Means, Player};
 use crate::arm_load::force;
 use crate::weight::{Part, PickUp, Weight};
 
@@ -64,13 +64,18 @@ impl<R: Robot> Player<'_, R> {
         let Some(clear) = self.stand(&stands[0], weight.hold, goes_on) else { return Weighed::Stopped };
         let mut ended = Weighed::OutOfReach;
         for way in weight.pick_ups(own, &object, means.grasps, &stands[0]).take(TRIES) {
-            if !self.pick_up(means, &way, goes_on) {
-                return Weighed::Stopped;
+            match self.pick_up(means, own, (&way, &clear), goes_on) {
+                Weighed::Done => {}
+                Weighed::NotLifted => {
+                    ended = Weighed::NotLifted;
+                    continue;
+                }
+                other => return other,
             }
             let Some(loaded) = self.stand(&stands[0], weight.hold, goes_on) else { return Weighed::Stopped };
             let palm = own.1.tool_pose(&loaded.position) * own.0.palm_from_flange.inverse();
             let borne = force(own, [&clear, &loaded], &palm.translation.vector.into()).map_or(0.0, |force| -force.z);
-            if borne > FELT * weight.mass * GRAVITY {
+                if borne > FELT * weight.mass * GRAVITY {
                 let held = stands[1..].iter().all(|at| self.stand(at, weight.hold, goes_on).is_some());
                 return if held && self.put_down(&way, &stands[0], goes_on) { Weighed::Done } else { Weighed::Stopped };
             }
@@ -108,21 +113,41 @@ impl<R: Robot> Player<'_, R> {
         Some(ArmState { position: mean(sum.position), torque: mean(sum.torque), ..ArmState::default() })
     }
 
-    /// Goes to the object, closes the digits on it and lifts it.
-    fn pick_up(&mut self, means: &Means, way: &PickUp, goes_on: &mut impl FnMut(&mut R) -> bool) -> bool {
-        let Some((begin, on)) = way.approach.split_first() else { return false };
+    /// Goes to the object, closes the digits on it and lifts it. Where the hand, which has shown `clear` with nothing in its way, pushes hard against something
+    /// before that, it goes back with nothing lifted.
+    fn pick_up(
+        &mut self,
+        means: &Means,
+        own: (&Hand, &Arm),
+        (way, clear): (&PickUp, &ArmState),
+        goes_on: &mut impl FnMut(&mut R) -> bool,
+    ) -> Weighed {
+        let Some((begin, on)) = way.approach.split_first() else { return Weighed::OutOfReach };
         let (grasp, mut pull) = (&way.grasp, [0.0; 5]);
         let begun = self.go(begin, goes_on);
         // Digits take the shape in which they come to the object.
         if !begun || !self.pull_for(means, grasp, &mut pull, -CLOSING_TIME, goes_on) {
-            return false;
+            return Weighed::Stopped;
         }
         let slow = SLOW * self.script.arm_speed;
-        let arrived = on.iter().all(|at| self.go_at(at, slow, goes_on));
-        if !arrived || !self.pull_for(means, grasp, &mut pull, 0.0, goes_on) {
-            return false;
+        for (n, at) in on.iter().enumerate() {
+            if !self.go_at(at, slow, goes_on) {
+                return Weighed::Stopped;
+            }
+            let palm = own.1.tool_pose(&self.felt.position) * own.0.palm_from_flange.inverse();
+            let pushed = force(own, [clear, &self.felt], &palm.translation.vector.into());
+            if pushed.is_some_and(|pushed| pushed.norm() > MOST_FORCE) {
+                self.grip = None;
+                let back = on[..n].iter().rev().chain([begin]).all(|at| self.go_at(at, slow, goes_on));
+                return if back { Weighed::NotLifted } else { Weighed::Stopped };
+            }
         }
-        way.raise.iter().chain(&way.lift).all(|at| self.go_at(at, slow, goes_on))
+        let closed = self.pull_for(means, grasp, &mut pull, 0.0, goes_on);
+        if closed && way.raise.iter().chain(&way.lift).all(|at| self.go_at(at, slow, goes_on)) {
+            Weighed::Done
+        } else {
+            Weighed::Stopped
+        }
     }
 
     /// Pulls for [`CLOSING_TIME`] as `grasp` does from `time` (s) on after it has begun to close; before that, as it comes to the object.
