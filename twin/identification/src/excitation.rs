@@ -32,15 +32,13 @@ const MOST_FORCE: f64 = 12.0;
 
 /// A robot that sends its arm further than this from where it was asked to, rad, ...
 const HELD: f64 = 0.02;
-/// ... or whose arm stays so far behind, rad, which is more than any press bends it, ...
-const BEHIND: f64 = 0.06;
 /// ... for longer than this, s, holds it.
 const HELD_TIME: f64 = 1.0;
 
 /// The robot holds the arm: what would be played on would show another posture than the script's.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 #[error(
-    "joint {joint} of the arm is held: asked for {asked:.3} rad, sent {sent:.3} rad, measured {measured:.3} rad, since {since:.1} s of the session; the robot's limits let no arm go there, or not so fast, or something is in its way"
+    "joint {joint} of the arm is held by the robot: asked for {asked:.3} rad, sent {sent:.3} rad, since {since:.1} s of the session; its limits let no arm go there, or not so fast"
 )]
 pub struct ArmHeld {
     /// From 1.
@@ -49,8 +47,6 @@ pub struct ArmHeld {
     pub asked: f64,
     /// What the robot made of it, rad.
     pub sent: f64,
-    /// Where the arm is, rad.
-    pub measured: f64,
     /// When that began, s.
     pub since: f64,
 }
@@ -219,20 +215,10 @@ impl<R: Robot> Player<'_, R> {
 
     /// Notes where the robot has `sent` the arm (rad). The joint that is furthest from where it was asked to go, once that has lasted too long.
     fn lags(&mut self, sent: &[f64; ARM_JOINTS]) -> Option<ArmHeld> {
-        // In units of what is too far.
-        let off = |joint: &usize| {
-            let off = |at: f64, most: f64| (self.arm[*joint] - at).abs() / most;
-            off(sent[*joint], HELD).max(off(self.felt.position[*joint], BEHIND))
-        };
-        let worst = (0..ARM_JOINTS).max_by(|a, b| off(a).total_cmp(&off(b))).filter(|joint| off(joint) > 1.0);
+        let off = |joint: &usize| (self.arm[*joint] - sent[*joint]).abs();
+        let worst = (0..ARM_JOINTS).max_by(|a, b| off(a).total_cmp(&off(b))).filter(|joint| off(joint) > HELD);
         let since = self.lag.map_or(self.time, |lag| lag.since);
-        self.lag = worst.map(|joint| ArmHeld {
-            joint: joint + 1,
-            asked: self.arm[joint],
-            sent: sent[joint],
-            measured: self.felt.position[joint],
-            since,
-        });
+        self.lag = worst.map(|joint| ArmHeld { joint: joint + 1, asked: self.arm[joint], sent: sent[joint], since });
         self.lag.filter(|_| self.time - since > HELD_TIME)
     }
 
@@ -376,3 +362,6 @@ pub fn described(script: &Script, hand: &Hand) -> Vec<String> {
     };
     script.steps(hand).into_iter().enumerate().map(line).collect()
 }
+
+#[cfg(test)]
+mod tests;

@@ -327,3 +327,84 @@ pub fn weigh(
     };
     Some(Gains { deviations, covariance, postures: pairs.len(), residuals: [drawn, search.rms(&p)] })
 }
+
+#[cfg(test)]
+mod tests {
+    use hand_model::ACTUATORS;
+    use hand_model::robot::ServoState;
+
+    use super::*;
+    use crate::Script;
+
+    const TICK: f64 = 1.0 / 120.0;
+
+    /// A session in which an arm of these gains (logarithms) stands in every posture of the standard script, with an empty hand and then with a
+    /// weight at `middle` (m, palm frame).
+    fn session(deviations: &[f64; ARM_JOINTS], mass: f64, middle: &Vector3<f64>) -> Weighed {
+        let (hand, arm) = (Hand::ftac(), Arm::gen3());
+        let (weight, ready) = (Script::standard().weight.expect("a weight"), Arm::home());
+        let mut rows = Vec::new();
+        for full in [false, true] {
+            for n in 0..weight.posture.len() {
+                let position = weight.stand(n, &ready);
+                let poses = arm.tree.forward(&position);
+                let at = arm.tool_pose(&position) * hand.palm_from_flange.inverse() * Point3::from(*middle);
+                let down = Vector3::z() * (-GRAVITY * mass);
+                let load = if full { held_by_last(&arm, &poses, &at, &down) } else { Torques::zeros() };
+                let bears = own_weight(&hand, &arm, &position) + load;
+                let torque = std::array::from_fn(|joint| deviations[joint].exp() * bears[joint]);
+                let goal = ServoGoal::Position { angle: 0.0, current_limit: 0.1 };
+                let goal = if full { ServoGoal::Current(0.2) } else { goal };
+                for _ in 0..(weight.hold / TICK) as usize {
+                    rows.push(Row {
+                        time: rows.len() as f64 * TICK,
+                        servos: [ServoState::default(); ACTUATORS],
+                        arm: ArmState { position, torque, ..ArmState::default() },
+                        goals: [goal; ACTUATORS],
+                    });
+                }
+            }
+        }
+        Weighed { weight, ready, rows }
+    }
+
+    fn found(weighed: &Weighed) -> Option<Gains> {
+        let (hand, arm) = (Hand::ftac(), Arm::gen3());
+        let known = KinematicCalibration::unknown(&RobotIndividual::designed(&hand));
+        weigh((&hand, &arm), &known, (weighed, TICK))
+    }
+
+    /// Gains are found again wherever in the hand the weight acts; that of joint 1, whose axis is upright, stays as drawn and is said to.
+    #[test]
+    fn gains_are_found_again() {
+        let deviations = [0.04, -0.03, 0.05, 0.03, -0.04, 0.06, 0.01];
+        let weighed = session(&deviations, 0.18, &Vector3::new(-0.02, 0.03, -0.04));
+        let gains = found(&weighed).expect("gains");
+        let prior = RobotIndividual::designed(&Hand::ftac());
+        assert_eq!(gains.postures, weighed.weight.posture.len());
+        assert!(gains.residuals[1] < 0.2 * gains.residuals[0] && gains.residuals[1] < 1e-3, "{:?}", gains.residuals);
+        for joint in 1..ARM_JOINTS {
+            let sigma = gains.covariance[(joint, joint)].sqrt();
+            assert!((gains.deviations[joint] - deviations[joint]).abs() < 2.0 * sigma, "{joint}: {gains:?}");
+        }
+        assert!([1, 3].iter().all(|joint| gains.taught(*joint, &prior)), "{gains:?}");
+        assert!(!gains.taught(0, &prior) && gains.deviations[0].abs() < 1e-6, "{gains:?}");
+    }
+
+    /// A scale that is wrong by so much makes every gain that it shows wrong by as much: the unit of torque is the scale's.
+    #[test]
+    fn the_unit_is_the_scales() {
+        let mut weighed = session(&[0.0; ARM_JOINTS], 0.18 * 0.03_f64.exp(), &Vector3::new(-0.02, 0.03, -0.04));
+        let gains = found(&weighed).expect("gains");
+        assert!((gains.deviations[1] - 0.03).abs() < 0.008, "{gains:?}");
+        weighed.weight.mass_uncertain = 0.03 * weighed.weight.mass;
+        let unsure = found(&weighed).expect("gains");
+        assert!(unsure.covariance[(1, 1)] > 2.0 * gains.covariance[(1, 1)], "{unsure:?} {gains:?}");
+    }
+
+    /// Nothing in the hand shows nothing.
+    #[test]
+    fn an_empty_hand_shows_nothing() {
+        assert_eq!(found(&session(&[0.02; ARM_JOINTS], 0.0, &Vector3::zeros())), None);
+    }
+}

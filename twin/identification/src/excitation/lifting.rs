@@ -6,7 +6,7 @@ use grasping::Grasp;
 use hand_model::robot::{ArmState, Robot};
 use hand_model::{ARM_JOINTS, Arm, GRAVITY, Hand};
 
-use super::{MOST_FORCE, Means, Player};
+use super::{Means, Player};
 use crate::arm_load::force;
 use crate::weight::{Part, PickUp, Weight};
 
@@ -18,6 +18,8 @@ const SLOW: f64 = 0.3;
 const LETTING_GO: f64 = 1.0;
 /// So many ways to grasp it are tried.
 const TRIES: usize = 3;
+/// A hand that pushes harder than this on its way to the object, N, does not get there: by what its arm is off it may come onto the table.
+const MOST_PUSH: f64 = 30.0;
 /// Something is in the hand where at least this share of its weight is felt.
 const FELT: f64 = 0.5;
 
@@ -64,7 +66,7 @@ impl<R: Robot> Player<'_, R> {
         let Some(clear) = self.stand(&stands[0], weight.hold, goes_on) else { return Weighed::Stopped };
         let mut ended = Weighed::OutOfReach;
         for way in weight.pick_ups(own, &object, means.grasps, &stands[0]).take(TRIES) {
-            match self.pick_up(means, own, (&way, &clear), goes_on) {
+            match self.pick_up(means, own, &way, goes_on) {
                 Weighed::Done => {}
                 Weighed::NotLifted => {
                     ended = Weighed::NotLifted;
@@ -113,13 +115,12 @@ impl<R: Robot> Player<'_, R> {
         Some(ArmState { position: mean(sum.position), torque: mean(sum.torque), ..ArmState::default() })
     }
 
-    /// Goes to the object, closes the digits on it and lifts it. Where the hand, which has shown `clear` with nothing in its way, pushes hard against something
-    /// before that, it goes back with nothing lifted.
+    /// Goes to the object, closes the digits on it and lifts it. Where the hand pushes hard against something before that, it goes back with nothing lifted.
     fn pick_up(
         &mut self,
         means: &Means,
         own: (&Hand, &Arm),
-        (way, clear): (&PickUp, &ArmState),
+        way: &PickUp,
         goes_on: &mut impl FnMut(&mut R) -> bool,
     ) -> Weighed {
         let Some((begin, on)) = way.approach.split_first() else { return Weighed::OutOfReach };
@@ -129,14 +130,14 @@ impl<R: Robot> Player<'_, R> {
         if !begun || !self.pull_for(means, grasp, &mut pull, -CLOSING_TIME, goes_on) {
             return Weighed::Stopped;
         }
-        let slow = SLOW * self.script.arm_speed;
+        let (slow, clear) = (SLOW * self.script.arm_speed, self.felt);
         for (n, at) in on.iter().enumerate() {
             if !self.go_at(at, slow, goes_on) {
                 return Weighed::Stopped;
             }
             let palm = own.1.tool_pose(&self.felt.position) * own.0.palm_from_flange.inverse();
-            let pushed = force(own, [clear, &self.felt], &palm.translation.vector.into());
-            if pushed.is_some_and(|pushed| pushed.norm() > MOST_FORCE) {
+            let pushed = force(own, [&clear, &self.felt], &palm.translation.vector.into());
+            if pushed.is_some_and(|pushed| pushed.norm() > MOST_PUSH) {
                 self.grip = None;
                 let back = on[..n].iter().rev().chain([begin]).all(|at| self.go_at(at, slow, goes_on));
                 return if back { Weighed::NotLifted } else { Weighed::Stopped };
