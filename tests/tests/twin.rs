@@ -198,7 +198,11 @@ turn = [0.4, 0.0, 0.0, 0.0, 1.4, 0.6, 0.8]
         ("depth = 0.0013", "depth = 0.9", "ball.toml: ball.depth: found 0.9, expected 0.0002 to 0.002"),
         ("way = 0.004", "way = 4.0", "ball.toml: ball.slide.way: found 4, expected 0.003 to 0.01"),
         ("mass = 0.18", "mass = 18", "ball.toml: weight.mass: found 18, expected 0.02 to 2"),
-        ("\"vase\"", "\"multimeter\"", "ball.toml: weight.object: found `multimeter`, expected an object that grasps are known of"),
+        (
+            "\"vase\"",
+            "\"multimeter\"",
+            "ball.toml: weight.object: found `multimeter`, expected an object that grasps are known of",
+        ),
     ] {
         fs::write(&script, format!("{SCRIPT}{}", ball.replace(from, to))).expect("written");
         refused(&excite[..7], &[says]);

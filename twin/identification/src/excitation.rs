@@ -314,12 +314,7 @@ impl<R: Robot> Player<'_, R> {
     }
 
     /// The same at `speed` (rad/s) of the fastest joint.
-    fn go_at(
-        &mut self,
-        target: &[f64; ARM_JOINTS],
-        speed: f64,
-        goes_on: &mut impl FnMut(&mut R) -> bool,
-    ) -> bool {
+    fn go_at(&mut self, target: &[f64; ARM_JOINTS], speed: f64, goes_on: &mut impl FnMut(&mut R) -> bool) -> bool {
         loop {
             let way: [f64; ARM_JOINTS] = std::array::from_fn(|joint| target[joint] - self.arm[joint]);
             let longest = way.iter().fold(0.0_f64, |longest, way| longest.max(way.abs()));

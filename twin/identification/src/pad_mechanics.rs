@@ -115,7 +115,8 @@ impl PadMechanics {
     pub fn under_gains(self, moved: &[Self], step: f64, covariance: &DMatrix<f64>) -> Self {
         let wider = |of: fn(&Self) -> Option<Factor>| {
             let factor = of(&self)?;
-            let slope = |joint: usize| (of(&moved[joint]).map_or(0.0, |moved| moved.deviation - factor.deviation)) / step;
+            let slope =
+                |joint: usize| (of(&moved[joint]).map_or(0.0, |moved| moved.deviation - factor.deviation)) / step;
             let slopes = SVector::<f64, ARM_JOINTS>::from_fn(|joint, _| slope(joint));
             let more = (slopes.transpose() * covariance * slopes)[(0, 0)];
             Some(Factor { sigma: (factor.sigma.powi(2) + more).sqrt(), ..factor })

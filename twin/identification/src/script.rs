@@ -253,7 +253,7 @@ mod tests {
             ("object = ", "object = \"my \" # ", "weight.object: found `my `, expected the name of a built-in object"),
             ("mass = ", "mass = 40", "mine.toml: weight.mass: found 40"),
             ("mass_uncertain = ", "mass_uncertain = 3", "weight.mass_uncertain: found 3"),
-            ("place = [0.5", "place = [0.9", "weight.place: found 0.9"),
+            ("place = [0.55", "place = [0.95", "weight.place: found 0.95"),
             ("hold = ", "hold = 60 # ", "weight.hold: found 60, expected 0.2 to 10"),
             ("lift = ", "lift = nan # ", "weight.lift: found NaN"),
             (

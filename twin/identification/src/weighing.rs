@@ -162,7 +162,8 @@ impl Pair {
             let empty = stands.iter().rfind(|stand| !stand.closed && stand.posture == full.posture)?;
             let palm = own.1.tool_pose(&full.shown.position) * own.0.palm_from_flange.inverse();
             let borne = -force(own, [&empty.shown, &full.shown], &palm.translation.vector.into())?.z;
-            let sigma = |joint: usize| (full.scatter[joint].powi(2) + empty.scatter[joint].powi(2) + REST * REST).sqrt();
+            let sigma =
+                |joint: usize| (full.scatter[joint].powi(2) + empty.scatter[joint].powi(2) + REST * REST).sqrt();
             (borne > FELT * weighed.weight.mass * GRAVITY).then(|| Self {
                 empty: empty.shown,
                 full: full.shown,
@@ -190,9 +191,7 @@ impl Posture {
     fn of((hand, arm): (&Hand, &Arm), pair: &Pair) -> Self {
         let poses = arm.tree.forward(&pair.full.position);
         let palm = arm.tool_pose(&pair.full.position) * hand.palm_from_flange.inverse();
-        let at = |offset: Vector3<f64>| {
-            held_by_last(arm, &poses, &(palm * Point3::from(offset)), &-Vector3::z())
-        };
+        let at = |offset: Vector3<f64>| held_by_last(arm, &poses, &(palm * Point3::from(offset)), &-Vector3::z());
         let origin = at(Vector3::zeros());
         let along = |axis| at(Vector3::ith(axis, 1.0)) - origin;
         Self {
@@ -254,8 +253,7 @@ impl<'a> Search<'a> {
     fn minimum(&self, scale: f64) -> Vec<f64> {
         let bounds = vec![(-RANGE, RANGE); self.len()];
         let jacobian = |p: &[f64], at: &[f64]| self.jacobian(p, at, scale);
-        let problem =
-            Problem { residuals: |p: &[f64]| self.residuals(p, scale), jacobian, bounds, groups: Vec::new() };
+        let problem = Problem { residuals: |p: &[f64]| self.residuals(p, scale), jacobian, bounds, groups: Vec::new() };
         let start = vec![0.0; self.len()];
         problem.minimise(&start, &Options { steps: 30, scale: NO_OUTLIER, tolerance: 1e-9 }).parameters
     }
@@ -296,8 +294,7 @@ pub fn weigh(
     let slopes = search.jacobian(&p, &search.residuals(&p, scale), scale);
     let scaled = slopes.tr_mul(&slopes).cholesky().map_or_else(|| DMatrix::identity(n, n), |root| root.inverse());
     let spread = search.spread;
-    let mut covariance =
-        DMatrix::from_fn(ARM_JOINTS, ARM_JOINTS, |i, j| scaled[(i, j)] * spread[i].1 * spread[j].1);
+    let mut covariance = DMatrix::from_fn(ARM_JOINTS, ARM_JOINTS, |i, j| scaled[(i, j)] * spread[i].1 * spread[j].1);
     let deviations = search.deviations(&p);
     // Levers are known as surely as arm and mount: what that moves counts as well.
     let moved = |place: usize, by: f64| {

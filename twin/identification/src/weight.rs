@@ -91,7 +91,8 @@ impl Weight {
 
     /// Refuses what cannot be lifted; `others` are the script's other postures. `path` is used in errors.
     pub fn check(&self, others: &[Posture], path: &Path) -> Result<(), DataError> {
-        let fault = |field: String, found: String, expected: String| Err(DataError::field(path, field, found, expected));
+        let fault =
+            |field: String, found: String, expected: String| Err(DataError::field(path, field, found, expected));
         let values = [
             ("mass", self.mass, 0.02, 2.0),
             ("mass_uncertain", self.mass_uncertain, 1e-5, 0.1 * self.mass),
@@ -195,6 +196,7 @@ impl Weight {
 /// Whether the open hand with its palm at `palm` is over the table.
 fn is_over_table(hand: &Hand, palm: &Isometry3<f64>) -> bool {
     let links = hand.tree.forward(&[0.0; HAND_JOINTS]);
-    let covers = std::iter::once((*palm, &hand.palm_cover)).chain(links.iter().map(|link| palm * link).zip(&hand.covers));
+    let covers =
+        std::iter::once((*palm, &hand.palm_cover)).chain(links.iter().map(|link| palm * link).zip(&hand.covers));
     covers.into_iter().all(|(pose, cover)| points(cover).all(|point| (pose * point).z > TABLE))
 }

@@ -20,6 +20,8 @@ const LETTING_GO: f64 = 1.0;
 const TRIES: usize = 3;
 /// A hand that pushes harder than this on its way to the object, N, does not get there: by what its arm is off it may come onto the table.
 const MOST_PUSH: f64 = 30.0;
+/// An arm whose encoders show it further than this from its posture, rad, does not stand there: something is in its way.
+const OFF: f64 = 0.008;
 /// Something is in the hand where at least this share of its weight is felt.
 const FELT: f64 = 0.5;
 
@@ -35,6 +37,11 @@ pub(super) enum Weighed {
     Stopped,
 }
 
+/// Whether the arm is where it was asked to stand.
+fn is_there(shown: &ArmState, at: &[f64; ARM_JOINTS]) -> bool {
+    shown.position.iter().zip(at).all(|(shown, at)| (shown - at).abs() < OFF)
+}
+
 impl<R: Robot> Player<'_, R> {
     /// One part of weighing, by a robot believed to be `own`.
     pub(super) fn weigh(
@@ -47,7 +54,9 @@ impl<R: Robot> Player<'_, R> {
         match part {
             Part::Empty(posture) => {
                 let at = weight.stand(posture, &means.ready);
-                if self.stand(&at, weight.hold, goes_on).is_some() { Weighed::Done } else { Weighed::Stopped }
+                self.stand(&at, weight.hold, goes_on).map_or(Weighed::Stopped, |shown| {
+                    if is_there(&shown, &at) { Weighed::Done } else { Weighed::OutOfReach }
+                })
             }
             Part::Lifted => self.lift(means, own, weight, goes_on),
         }
@@ -61,9 +70,11 @@ impl<R: Robot> Player<'_, R> {
         goes_on: &mut impl FnMut(&mut R) -> bool,
     ) -> Weighed {
         let Some(object) = weight.model() else { return Weighed::OutOfReach };
-        let stands: Vec<[f64; ARM_JOINTS]> =
-            (0..weight.posture.len()).map(|n| weight.stand(n, &means.ready)).collect();
+        let stands: Vec<[f64; ARM_JOINTS]> = (0..weight.posture.len()).map(|n| weight.stand(n, &means.ready)).collect();
         let Some(clear) = self.stand(&stands[0], weight.hold, goes_on) else { return Weighed::Stopped };
+        if !is_there(&clear, &stands[0]) {
+            return Weighed::OutOfReach;
+        }
         let mut ended = Weighed::OutOfReach;
         for way in weight.pick_ups(own, &object, means.grasps, &stands[0]).take(TRIES) {
             match self.pick_up(means, own, &way, goes_on) {
@@ -77,7 +88,7 @@ impl<R: Robot> Player<'_, R> {
             let Some(loaded) = self.stand(&stands[0], weight.hold, goes_on) else { return Weighed::Stopped };
             let palm = own.1.tool_pose(&loaded.position) * own.0.palm_from_flange.inverse();
             let borne = force(own, [&clear, &loaded], &palm.translation.vector.into()).map_or(0.0, |force| -force.z);
-                if borne > FELT * weight.mass * GRAVITY {
+            if borne > FELT * weight.mass * GRAVITY {
                 let held = stands[1..].iter().all(|at| self.stand(at, weight.hold, goes_on).is_some());
                 return if held && self.put_down(&way, &stands[0], goes_on) { Weighed::Done } else { Weighed::Stopped };
             }
@@ -177,12 +188,7 @@ impl<R: Robot> Player<'_, R> {
     }
 
     /// Puts the object down where it was picked up, and goes back to `stand`.
-    fn put_down(
-        &mut self,
-        way: &PickUp,
-        stand: &[f64; ARM_JOINTS],
-        goes_on: &mut impl FnMut(&mut R) -> bool,
-    ) -> bool {
+    fn put_down(&mut self, way: &PickUp, stand: &[f64; ARM_JOINTS], goes_on: &mut impl FnMut(&mut R) -> bool) -> bool {
         let slow = SLOW * self.script.arm_speed;
         let Some((above, down)) = way.lift.split_last() else { return false };
         let down = down.iter().rev().chain(way.raise.iter().rev()).chain(way.approach.last());

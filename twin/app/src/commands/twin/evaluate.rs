@@ -6,7 +6,7 @@ use clap::Args;
 use hand_model::Arm;
 use hardware_bridge::emulator::direct::DirectRobot;
 use identification::evaluation::{Coverage, compare, coverage, median, reach};
-use identification::excitation::play;
+use identification::excitation::{ArmHeld, Progress, play};
 use identification::trace::Kept;
 use identification::{Script, identify};
 use rayon::prelude::*;
@@ -54,6 +54,8 @@ struct Row {
     /// Postures in which the weighed object was in the hand, and what its torques leave unexplained, N m, root mean square: as drawn, and identified.
     held: usize,
     weight: [f64; 2],
+    /// Why its excitation ended before its last step, and after how many, if so: it is identified from what was played.
+    stopped: Option<String>,
 }
 
 pub fn run(terminal: &Terminal, args: &EvaluateArgs) -> Outcome {
@@ -125,7 +127,8 @@ pub fn run(terminal: &Terminal, args: &EvaluateArgs) -> Outcome {
     });
     terminal.print(&json, &text)?;
     let covered = (COVERAGE[0]..=COVERAGE[1]).contains(&identified.share());
-    let mut short = Vec::new();
+    let stopped = |row: &Row| row.stopped.as_ref().map(|why| format!("individual {}: {why}", row.individual));
+    let mut short: Vec<String> = rows.iter().filter_map(stopped).collect();
     if !covered {
         short.push(format!("{:.1} % of parameters in their intervals, expected 90 to 98", 100.0 * identified.share()));
     }
@@ -150,7 +153,15 @@ fn evaluate(drawing: &Drawing, number: u64, seed: u64) -> Result<Row> {
     let settings = settings(&truth.hand(hand), seed);
     let robot = DirectRobot::start(Box::new(plant), settings, arm).map_err(|error| anyhow!("{error}"))?;
     let mut kept = Kept::new(robot);
-    play(&mut kept, &drawing.means(&script), 0, |_| Ok::<(), anyhow::Error>(()), |_| true)?;
+    let mut done = 0;
+    let heard = |progress| {
+        if let Progress::Done(step) | Progress::OutOfReach(step) | Progress::NotLifted(step) = progress {
+            done = step + 1;
+        }
+        Ok::<(), ArmHeld>(())
+    };
+    let stopped = play(&mut kept, &drawing.means(&script), 0, heard, |_| true).err();
+    let stopped = stopped.map(|held| format!("{held}; after {done} of {} steps", script.steps(hand).len()));
     let identification = identify((hand, arm), *losses, &drawing.pads, &[kept.trace("rounded", &script)])?;
     let (found, kinematics, gains) = (identification.robot, identification.kinematics, identification.gains);
     let [identified, others] = coverage(&found, &truth);
@@ -171,5 +182,6 @@ fn evaluate(drawing: &Drawing, number: u64, seed: u64) -> Result<Row> {
         ball: kinematics.residuals,
         held: gains.postures,
         weight: gains.residuals,
+        stopped,
     })
 }
