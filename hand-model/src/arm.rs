@@ -78,6 +78,8 @@ pub struct Arm {
     pub masses: Vec<MassProperties>,
     /// Mass of the base, kg.
     pub base_mass: f64,
+    /// What the joints' torque sensors show over what the joints bear: 1 as drawn.
+    pub torque_gains: [f64; ARM_JOINTS],
     /// Stiffness of the joints' position control, N m/rad.
     pub stiffness: [f64; ARM_JOINTS],
     /// Damping of the joints' position control, N m s/rad.
@@ -136,6 +138,7 @@ impl Arm {
             effort_limits: std::array::from_fn(|i| file.joint[i].effort),
             masses,
             base_mass: file.base_mass,
+            torque_gains: [1.0; ARM_JOINTS],
             stiffness: std::array::from_fn(|i| file.joint[i].stiffness),
             damping: std::array::from_fn(|i| file.joint[i].damping),
             armature: file.armature,
@@ -148,6 +151,11 @@ impl Arm {
     /// `base_from_tool` at joint angles `q` (rad).
     pub fn tool_pose(&self, q: &[f64; ARM_JOINTS]) -> Isometry3<f64> {
         self.tree.forward(q)[ARM_JOINTS - 1] * self.last_from_tool
+    }
+
+    /// What the joints bear, N m, where their sensors show `torque`.
+    pub fn borne(&self, torque: &[f64; ARM_JOINTS]) -> [f64; ARM_JOINTS] {
+        std::array::from_fn(|joint| torque[joint] / self.torque_gains[joint])
     }
 
     /// The published "home" posture: tool horizontal, 0.43 m over the base plane.

@@ -419,7 +419,7 @@ impl Robot for SimulatedRobot {
             arm: ArmState {
                 position: self.defects.shown(&self.state.arm),
                 velocity: self.state.arm_speed,
-                torque: self.arm_torque,
+                torque: std::array::from_fn(|joint| self.arm.torque_gains[joint] * self.arm_torque[joint]),
             },
             tactile: std::mem::take(&mut self.frames),
         }

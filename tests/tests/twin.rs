@@ -121,7 +121,7 @@ fn a_robot_is_excited_identified_and_used() {
     refused(&[&["twin", "identify", text(folder.path())], &output[..]].concat(), &["sessions: found none"]);
 }
 
-/// Pads that are pressed on a ball show arm and mount, and their own calibration or why there is none.
+/// Pads that are pressed on a ball show arm and mount, and their own calibration or why there is none; a weighed object shows the torque sensors.
 #[test]
 fn presses_on_a_ball_show_the_arm() {
     let folder = tempdir().expect("a folder");
@@ -141,11 +141,28 @@ depth = 0.0013
 way = 0.004
 friction = 0.8
 uncertain = 0.02
+[weight]
+object = "vase"
+mass = 0.18
+mass_uncertain = 0.0005
+place = [0.55, -0.20]
+place_uncertain = 0.003
+lift = 0.1
+hold = 1.0
+[[weight.posture]]
+name = "ahead"
+turn = [0.4, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]
+[[weight.posture]]
+name = "stretched"
+turn = [0.4, 0.5, 0.0, 0.6, 0.0, 0.0, -1.4]
+[[weight.posture]]
+name = "forearm turned"
+turn = [0.4, 0.0, 0.0, 0.0, 1.4, 0.6, 0.8]
 "#;
     fs::write(&script, format!("{SCRIPT}{ball}")).expect("written");
     let excite = ["twin", "excite", text(&sessions), "--individual", "2", "--script", text(&script), "--json"];
     let done = json(&run(&excite));
-    assert_eq!(done["done"], 3 + 18);
+    assert_eq!(done["done"], 3 + 18 + 3 + 1);
     let found = folder.path().join("individual.toml");
     let identified = json(&run(&["twin", "identify", text(&sessions), "--out", text(&found), "--json"]));
     assert!(identified["touches"].as_u64().expect("a number") >= 6, "{}", identified["touches"]);
@@ -161,7 +178,8 @@ uncertain = 0.02
     let again = [&excite[..7], &["--truth-out", text(&truth)]].concat();
     assert!(run(&again).status.success(), "an excitation that is done still says what the truth is");
     let truth: Value = serde_json::from_str(&fs::read_to_string(&truth).expect("the truth")).expect("JSON");
-    for name in ["gel_stiffness", "pad_friction"] {
+    assert_eq!(identified["weighed_postures"], 3);
+    for name in ["gel_stiffness", "pad_friction", "arm_2.torque_gain", "arm_4.torque_gain"] {
         let rows = truth["parameters"].as_array().expect("rows");
         let real = rows.iter().find(|row| row["parameter"] == name).expect("a parameter")["deviation"].as_f64();
         let [found, sigma] = ["deviation", "sigma"].map(|key| row(name)[key].as_f64().expect("a number"));
@@ -169,6 +187,7 @@ uncertain = 0.02
         assert!((found - real.expect("a number")).abs() < 3.0 * sigma, "{name}: {found} {real:?} {sigma}");
     }
     assert_eq!(row("gel_thickness")["identified"], false);
+    assert_eq!(row("arm_1.torque_gain")["identified"], false, "its axis is upright");
     if let Some(pads) = identified["pads"].as_str() {
         let record = folder.path().join("trial.rrd");
         let output = run(&["trial", "0", "--policy", "blind", "--out", text(&record), "--pads", pads]);
@@ -178,6 +197,12 @@ uncertain = 0.02
     for (from, to, says) in [
         ("depth = 0.0013", "depth = 0.9", "ball.toml: ball.depth: found 0.9, expected 0.0002 to 0.002"),
         ("way = 0.004", "way = 4.0", "ball.toml: ball.slide.way: found 4, expected 0.003 to 0.01"),
+        ("mass = 0.18", "mass = 18", "ball.toml: weight.mass: found 18, expected 0.02 to 2"),
+        (
+            "\"vase\"",
+            "\"multimeter\"",
+            "ball.toml: weight.object: found `multimeter`, expected an object that grasps are known of",
+        ),
     ] {
         fs::write(&script, format!("{SCRIPT}{}", ball.replace(from, to))).expect("written");
         refused(&excite[..7], &[says]);

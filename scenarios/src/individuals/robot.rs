@@ -117,7 +117,7 @@ impl RobotIndividual {
         hand
     }
 
-    /// The arm that it makes of the one `drawn`: its joints are where their encoders say.
+    /// The arm that it makes of the one `drawn`: its joints are where their encoders say, and bear what their torque sensors say over the gains.
     pub fn arm(&self, drawn: &Arm) -> Arm {
         let mut arm = drawn.clone();
         for (n, joint) in arm.tree.joints.iter_mut().enumerate() {
@@ -125,6 +125,9 @@ impl RobotIndividual {
             if shown != 0.0 {
                 joint.origin *= UnitQuaternion::from_axis_angle(&joint.axis, -shown);
             }
+        }
+        for (n, gain) in arm.torque_gains.iter_mut().enumerate() {
+            *gain *= self.deviation(Quantity::ArmTorqueGain, n).exp();
         }
         arm
     }
@@ -166,7 +169,11 @@ fn change_hand(hand: &mut Hand, parameter: &Parameter, deviation: f64) {
             return;
         }
         // Of the scene, the arm, and the mount: see `pad_friction`, `arm`, `hand`.
-        Quantity::PadFriction | Quantity::ArmEncoder | Quantity::MountPosition | Quantity::MountTurn => return,
+        Quantity::PadFriction
+        | Quantity::ArmEncoder
+        | Quantity::MountPosition
+        | Quantity::MountTurn
+        | Quantity::ArmTorqueGain => return,
     };
     match parameter.spread.kind {
         Kind::Factor => *value *= deviation.exp(),
@@ -192,6 +199,37 @@ mod tests {
     }
 
     /// Individual 0 is the drawing to the last bit.
+    /// Quantities that were added last leave what was drawn before as it was, to the last bit.
+    #[test]
+    fn what_was_drawn_stays() {
+        let (hand, _) = drawn();
+        for (number, values) in [
+            (
+                1,
+                [
+                    -0.126_033_701_871_569_1,
+                    0.119_315_638_679_151_47,
+                    -0.046_850_226_987_972_03,
+                    0.007_909_367_740_810_578,
+                ],
+            ),
+            (
+                103,
+                [
+                    0.002_322_185_563_571_736,
+                    -0.155_256_554_134_939_6,
+                    0.053_005_435_418_221_15,
+                    0.003_501_963_613_274_089_4,
+                ],
+            ),
+        ] {
+            let robot = RobotIndividual::draw(&hand, number);
+            let names = ["thumb_1.spring", "thumb.cable_stiffness", "pad_friction", "mount_z.turn"];
+            let found = names.map(|name| robot.deviations()[robot.find(name).expect("a parameter")]);
+            assert_eq!(found.map(f64::to_bits), values.map(f64::to_bits), "{number}: {found:?}");
+        }
+    }
+
     #[test]
     fn number_0_is_the_drawing() {
         let (hand, arm) = drawn();

@@ -46,6 +46,8 @@ pub enum Quantity {
     MountPosition,
     /// Turn of the hand on its flange.
     MountTurn,
+    /// Of an arm joint's torque sensing: what it shows over what the joint bears.
+    ArmTorqueGain,
 }
 
 /// How a deviation changes the drawing's value.
@@ -89,8 +91,8 @@ pub struct Parameter {
 }
 
 impl Quantity {
-    /// All of them, in the order in which they are drawn.
-    pub const ALL: [Self; 16] = [
+    /// All of them, in the order in which they are drawn: a new one comes last, so that all others keep what was drawn of them.
+    pub const ALL: [Self; 17] = [
         Self::Spring,
         Self::SpringRest,
         Self::JointZero,
@@ -107,6 +109,7 @@ impl Quantity {
         Self::ArmEncoder,
         Self::MountPosition,
         Self::MountTurn,
+        Self::ArmTorqueGain,
     ];
 
     /// As files write it.
@@ -128,6 +131,7 @@ impl Quantity {
             Self::ArmEncoder => "encoder",
             Self::MountPosition => "position",
             Self::MountTurn => "turn",
+            Self::ArmTorqueGain => "torque_gain",
         }
     }
 
@@ -153,7 +157,7 @@ impl Quantity {
             }
             Self::TorqueConstant | Self::ServoFriction | Self::ServoDamping => actuators().take(ACTUATORS).collect(),
             Self::GelStiffness | Self::GelThickness | Self::PadFriction => vec![String::new()],
-            Self::ArmEncoder => (1..=ARM_JOINTS).map(|joint| format!("arm_{joint}")).collect(),
+            Self::ArmEncoder | Self::ArmTorqueGain => (1..=ARM_JOINTS).map(|joint| format!("arm_{joint}")).collect(),
             Self::MountPosition | Self::MountTurn => ["x", "y", "z"].map(|axis| format!("mount_{axis}")).to_vec(),
         }
     }
@@ -212,7 +216,7 @@ mod tests {
     #[test]
     fn every_quantity_has_a_spread_with_a_source_and_names_are_unique() {
         let all = parameters(&Hand::ftac());
-        assert_eq!(all.len(), 3 * 15 + 4 * 5 + 3 * 6 + 3 + 7 + 6);
+        assert_eq!(all.len(), 3 * 15 + 4 * 5 + 3 * 6 + 3 + 7 + 6 + 7);
         assert!(all.iter().all(|parameter| parameter.spread.source.len() > 10));
         let names: std::collections::BTreeSet<_> = all.iter().map(|parameter| &parameter.name).collect();
         assert_eq!(names.len(), all.len());

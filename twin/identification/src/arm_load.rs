@@ -25,6 +25,11 @@ pub fn weight(hand: &Hand, arm: &Arm, angles: &[f64; ARM_JOINTS]) -> Torques {
     torques
 }
 
+/// Torques that hold the last link of an arm whose links are at `poses` against a `force` (N) at a point of it, N m.
+pub(crate) fn held_by_last(arm: &Arm, poses: &[Isometry3<f64>], point: &Point3<f64>, force: &Vector3<f64>) -> Torques {
+    held(arm, poses, ARM_JOINTS - 1, point, force)
+}
+
 /// Torques that hold a link against a `force` (N) at a point of it, N m.
 fn held(arm: &Arm, poses: &[Isometry3<f64>], link: usize, point: &Point3<f64>, force: &Vector3<f64>) -> Torques {
     let jacobian = arm.tree.jacobian(poses, link, &poses[link].inverse_transform_point(point));
@@ -35,7 +40,7 @@ fn held(arm: &Arm, poses: &[Isometry3<f64>], link: usize, point: &Point3<f64>, f
 /// when nothing touched the hand; a force alone, no torque. None where the arm's posture does not tell.
 pub fn force((hand, arm): (&Hand, &Arm), [before, now]: [&ArmState; 2], point: &Point3<f64>) -> Option<Vector3<f64>> {
     let heavier = weight(hand, arm, &now.position) - weight(hand, arm, &before.position);
-    let more = Torques::from(now.torque) - Torques::from(before.torque) - heavier;
+    let more = Torques::from(arm.borne(&now.torque)) - Torques::from(arm.borne(&before.torque)) - heavier;
     let poses = arm.tree.forward(&now.position);
     let slopes = [0, 1, 2].map(|axis| held(arm, &poses, ARM_JOINTS - 1, point, &Vector3::ith(axis, 1.0)));
     let square = Matrix3::from_fn(|i, j| slopes[i].dot(&slopes[j]));

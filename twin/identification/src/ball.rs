@@ -24,9 +24,9 @@ const POST: f64 = 0.012;
 /// ... nor to the table, on which the arm stands.
 const TABLE: f64 = 0.03;
 /// The joints before the wrist turn by no more than this from where the arm begins, rad: the others would bring its elbow to the other side.
-const MOST_TURN: f64 = 1.5;
+pub(crate) const MOST_TURN: f64 = 1.5;
 /// How many joints that are.
-const SIDED: usize = 4;
+pub(crate) const SIDED: usize = 4;
 /// Points along each axis of a cover that are looked at.
 const GRID: i32 = 3;
 
@@ -211,7 +211,7 @@ fn is_clear(hand: &Hand, pressed: Option<usize>, palm: &Isometry3<f64>, ball: &B
 }
 
 /// A grid of points of a cover, link frame.
-fn points(cover: &CoverShape) -> impl Iterator<Item = Point3<f64>> + '_ {
+pub(crate) fn points(cover: &CoverShape) -> impl Iterator<Item = Point3<f64>> + '_ {
     let steps = move || -GRID..=GRID;
     let grid = steps().flat_map(move |x| steps().flat_map(move |y| steps().map(move |z| [x, y, z])));
     grid.map(|at| {

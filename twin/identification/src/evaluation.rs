@@ -23,12 +23,15 @@ use crate::ball::Ball;
 use crate::fit::rms;
 use crate::free_digit::{fingertip, play};
 use crate::free_motion::FreeMotion;
+use crate::weight::Weight;
 
 /// Density of the ball, kg/m3, and its friction on a pad where no slide asks for it.
 const STEEL: f64 = 7850.0;
 const BALL_FRICTION: f64 = 0.8;
 /// Stream of the generator from which the ball's place is drawn.
 const BALL_STREAM: u64 = (1 << 20) + 1;
+/// The same of the weighed object's mass and place.
+const WEIGHT_STREAM: u64 = (1 << 20) + 2;
 /// Postures of the arm in which fingertips are looked at.
 const REACHES: usize = 40;
 /// Half of a 95 % interval, in standard deviations.
@@ -113,6 +116,7 @@ pub struct Surroundings {
     /// How its covers give way.
     pub gel: Option<Gel>,
     pub ball: Option<TrueBall>,
+    pub weight: Option<TrueWeight>,
 }
 
 /// The ball as it really is.
@@ -140,6 +144,29 @@ impl TrueBall {
     }
 }
 
+/// The weighed object as it really is, and where somebody has really put it.
+#[derive(Debug, Clone)]
+pub struct TrueWeight {
+    /// Of its true mass; its friction is that on a pad as drawn.
+    pub model: ObjectModel,
+    /// In the frame of the arm's base.
+    pub pose: Isometry3<f64>,
+}
+
+impl TrueWeight {
+    /// That of individual `number`: drawn about what the scale and somebody's ruler have shown. None of an unknown object.
+    pub fn draw(weight: &Weight, number: u64) -> Option<Self> {
+        let mut rng = ChaCha8Rng::seed_from_u64(number);
+        rng.set_stream(WEIGHT_STREAM);
+        let mass = weight.mass + vector(&mut rng, weight.mass_uncertain).x;
+        let model = ObjectModel { mass, ..weight.model()? };
+        let off = vector(&mut rng, weight.place_uncertain);
+        let [x, y] = weight.place;
+        let pose = Isometry3::from_parts(Translation3::new(x + off.x, y + off.y, model.rest_height()), model.rest);
+        Some(Self { model, pose })
+    }
+}
+
 /// The same robot among its surroundings, as long as it is excited.
 pub fn excited_body(
     individual: &RobotIndividual,
@@ -164,6 +191,10 @@ pub fn excited_body(
         objects.push(ObjectPlacement { model, pose });
     }
     let fixed = !objects.is_empty();
+    if let Some(TrueWeight { model, pose }) = &surroundings.weight {
+        let friction = model.friction * individual.pad_friction();
+        objects.push(ObjectPlacement { model: Arc::new(ObjectModel { friction, ..model.clone() }), pose: *pose });
+    }
     let base = SceneSetup::ideal(Isometry3::identity(), start);
     let setup = SceneSetup { cables: losses, gel: surroundings.gel, objects, ..base };
     let mut robot = SimulatedRobot::new(hand, arm, &setup, surroundings.board.clone());

@@ -1,6 +1,10 @@
 //! Moves a robot by a [`Script`]: any body, simulated, emulated or real; limits are the body's own.
 
-use hand_model::robot::{ArmState, Command, Robot, ServoGoal};
+mod lifting;
+
+use grasping::Grasp;
+use hand_model::robot::{ArmState, Command, Robot, ServoGoal, ServoState};
+use hand_model::transmission::friction::CableFriction;
 use hand_model::{ACTUATORS, ARM_JOINTS, Arm, Hand};
 use serde::{Deserialize, Serialize};
 use touch::PhotometricCalibration;
@@ -9,6 +13,8 @@ use crate::ball::{Approach, Press};
 use crate::pressing::Aim;
 use crate::script::{Motion, Posture, Script, Step, actuator};
 use crate::touches::{PAUSE, PressImages};
+use crate::weight::Part;
+use lifting::Weighed;
 
 /// How close to a posture the arm's set-points are there, rad.
 const THERE: f64 = 1e-4;
@@ -23,6 +29,27 @@ const BETWEEN: usize = 5;
 /// A press ends where the arm bears more than this, N, whatever the images show: four times what the deepest press
 /// takes. A joint near its stop may look like 9 N.
 const MOST_FORCE: f64 = 12.0;
+
+/// A robot that sends its arm further than this from where it was asked to, rad, ...
+const HELD: f64 = 0.02;
+/// ... for longer than this, s, holds it.
+const HELD_TIME: f64 = 1.0;
+
+/// The robot holds the arm: what would be played on would show another posture than the script's.
+#[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
+#[error(
+    "joint {joint} of the arm is held by the robot: asked for {asked:.3} rad, sent {sent:.3} rad, since {since:.1} s of the session; its limits let no arm go there, or not so fast"
+)]
+pub struct ArmHeld {
+    /// From 1.
+    pub joint: usize,
+    /// Set-point that was asked for, rad.
+    pub asked: f64,
+    /// What the robot made of it, rad.
+    pub sent: f64,
+    /// When that began, s.
+    pub since: f64,
+}
 
 /// What a session of an excitation says it is.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -57,6 +84,8 @@ pub enum Progress {
     Done(usize),
     /// The arm does not get there with everything clear: the step is left out.
     OutOfReach(usize),
+    /// No weight is felt in the hand: the step is left out.
+    NotLifted(usize),
 }
 
 /// What an excitation goes by.
@@ -67,13 +96,20 @@ pub struct Means<'a> {
     /// With which the pads are read while they are pressed: that of the drawing's, as long as there is no other.
     pub pads: &'a PhotometricCalibration,
     pub script: &'a Script,
+    /// Of the weighed object, best first.
+    pub grasps: &'a [Grasp],
+    /// What guides take as drawn: servos pull that much harder.
+    pub friction: CableFriction,
     /// Posture that the script's turn from, rad.
     pub ready: [f64; ARM_JOINTS],
 }
 
 /// Plays the script's steps from `first` on, from wherever the robot stands. `heard` is told of
 /// each step; `goes_on` is asked at each tick. Returns whether all was played. The hand is open at the end.
-pub fn play<R: Robot, E>(
+///
+/// # Errors
+/// What `heard` says, and [`ArmHeld`].
+pub fn play<R: Robot, E: From<ArmHeld>>(
     robot: &mut R,
     means: &Means,
     first: usize,
@@ -82,7 +118,8 @@ pub fn play<R: Robot, E>(
 ) -> Result<bool, E> {
     let observation = robot.observe();
     let (time, arm, images) = (observation.time, observation.arm.position, PressImages::default());
-    let mut player = Player { robot, time, arm, felt: observation.arm, script: means.script, images };
+    let (felt, servos, script) = (observation.arm, observation.servos, means.script);
+    let mut player = Player { robot, time, arm, felt, servos, script, images, grip: None, lag: None, held: None };
     let mut aim = means.script.ball.as_ref().map(|ball| Aim::new(means, ball));
     for (n, step) in means.script.steps(means.hand).iter().enumerate().skip(first) {
         heard(Progress::Begins(n))?;
@@ -98,13 +135,29 @@ pub fn play<R: Robot, E>(
                 player.motion((means.hand, &means.ready), posture, motion, &mut goes_on)
             }
             (Step::Press(..), None) => true,
+            (Step::Weigh(weight, part), aim) => {
+                let own = aim.as_ref().map_or((means.hand, means.arm), |aim| aim.own());
+                match player.weigh(means, own, (weight, *part), &mut goes_on) {
+                    Weighed::Done => true,
+                    Weighed::Stopped => false,
+                    Weighed::OutOfReach => {
+                        heard(Progress::OutOfReach(n))?;
+                        continue;
+                    }
+                    Weighed::NotLifted => {
+                        heard(Progress::NotLifted(n))?;
+                        continue;
+                    }
+                }
+            }
         };
         if !went_on {
-            return Ok(false);
+            return player.held.map_or(Ok(false), |held| Err(held.into()));
         }
         heard(Progress::Done(n))?;
     }
-    Ok(player.open(means.script.open_time, &mut goes_on))
+    let opened = player.open(means.script.open_time, &mut goes_on);
+    player.held.map_or(Ok(opened), |held| Err(held.into()))
 }
 
 struct Player<'a, R> {
@@ -115,18 +168,28 @@ struct Player<'a, R> {
     arm: [f64; ARM_JOINTS],
     /// What the arm last reported.
     felt: ArmState,
+    /// What the servos last reported.
+    servos: [ServoState; ACTUATORS],
     script: &'a Script,
     images: PressImages,
+    /// Goals of servos that hold something; none: the hand is open.
+    grip: Option<[ServoGoal; ACTUATORS]>,
+    /// Of an arm that is sent elsewhere than it was asked to: where to, as long as it lasts.
+    lag: Option<ArmHeld>,
+    /// The same once it has lasted too long.
+    held: Option<ArmHeld>,
 }
 
 impl<R: Robot> Player<'_, R> {
-    /// Goals of servos that hold the hand open.
-    fn opening(&self) -> [ServoGoal; ACTUATORS] {
-        [ServoGoal::Position { angle: 0.0, current_limit: self.script.open_current }; ACTUATORS]
+    /// Goals of servos that hold the hand open, or what is in it.
+    fn holding(&self) -> [ServoGoal; ACTUATORS] {
+        let open = ServoGoal::Position { angle: 0.0, current_limit: self.script.open_current };
+        self.grip.unwrap_or([open; ACTUATORS])
     }
 
-    fn tick(&mut self, servos: [ServoGoal; ACTUATORS], goes_on: &mut impl FnMut(&mut R) -> bool) -> bool {
-        self.tick_and(servos, false, goes_on)
+    /// A tick in which the hand stays as it is.
+    fn tick(&mut self, goes_on: &mut impl FnMut(&mut R) -> bool) -> bool {
+        self.tick_and(self.holding(), false, goes_on)
     }
 
     fn tick_and(
@@ -138,19 +201,32 @@ impl<R: Robot> Player<'_, R> {
         if !goes_on(self.robot) {
             return false;
         }
-        self.robot.send(&Command { arm: self.arm, servos, capture });
+        let sent = self.robot.send(&Command { arm: self.arm, servos, capture });
+        self.held = self.held.or_else(|| self.lags(&sent.arm));
+        if self.held.is_some() {
+            return false;
+        }
         self.robot.wait_for_tick();
         let observation = self.robot.observe();
-        (self.time, self.felt) = (observation.time, observation.arm);
+        (self.time, self.felt, self.servos) = (observation.time, observation.arm, observation.servos);
         self.images.see(&observation);
         true
     }
 
-    /// Holds the hand open for a while.
+    /// Notes where the robot has `sent` the arm (rad). The joint that is furthest from where it was asked to go, once that has lasted too long.
+    fn lags(&mut self, sent: &[f64; ARM_JOINTS]) -> Option<ArmHeld> {
+        let off = |joint: &usize| (self.arm[*joint] - sent[*joint]).abs();
+        let worst = (0..ARM_JOINTS).max_by(|a, b| off(a).total_cmp(&off(b))).filter(|joint| off(joint) > HELD);
+        let since = self.lag.map_or(self.time, |lag| lag.since);
+        self.lag = worst.map(|joint| ArmHeld { joint: joint + 1, asked: self.arm[joint], sent: sent[joint], since });
+        self.lag.filter(|_| self.time - since > HELD_TIME)
+    }
+
+    /// Holds the hand as it is for a while.
     fn open(&mut self, time: f64, goes_on: &mut impl FnMut(&mut R) -> bool) -> bool {
         let end = self.time + time;
         while self.time < end {
-            if !self.tick(self.opening(), goes_on) {
+            if !self.tick(goes_on) {
                 return false;
             }
         }
@@ -175,9 +251,9 @@ impl<R: Robot> Player<'_, R> {
         loop {
             let elapsed = self.time - begun + early;
             let Some(current) = self.script.current(motion, elapsed) else { return true };
-            let mut servos = self.opening();
+            let mut servos = self.holding();
             moved.iter().for_each(|n| servos[*n] = ServoGoal::Current(current));
-            if !self.tick(servos, goes_on) {
+            if !self.tick_and(servos, false, goes_on) {
                 return false;
             }
         }
@@ -218,12 +294,12 @@ impl<R: Robot> Player<'_, R> {
     fn look(&mut self, goes_on: &mut impl FnMut(&mut R) -> bool) -> bool {
         for _ in 0..IMAGES {
             let asked = self.time;
-            if !self.tick_and(self.opening(), true, goes_on) {
+            if !self.tick_and(self.holding(), true, goes_on) {
                 return false;
             }
             let mut ticks = 1;
             while ticks < BETWEEN || (self.images.newest_time() <= asked && self.time < asked + LATEST) {
-                if !self.tick(self.opening(), goes_on) {
+                if !self.tick(goes_on) {
                     return false;
                 }
                 ticks += 1;
@@ -232,19 +308,24 @@ impl<R: Robot> Player<'_, R> {
         true
     }
 
-    /// Moves the arm's set-points in a straight line, all joints at once.
+    /// Moves the arm's set-points in a straight line, all joints at once, at the script's speed.
     fn go(&mut self, target: &[f64; ARM_JOINTS], goes_on: &mut impl FnMut(&mut R) -> bool) -> bool {
+        self.go_at(target, self.script.arm_speed, goes_on)
+    }
+
+    /// The same at `speed` (rad/s) of the fastest joint.
+    fn go_at(&mut self, target: &[f64; ARM_JOINTS], speed: f64, goes_on: &mut impl FnMut(&mut R) -> bool) -> bool {
         loop {
             let way: [f64; ARM_JOINTS] = std::array::from_fn(|joint| target[joint] - self.arm[joint]);
             let longest = way.iter().fold(0.0_f64, |longest, way| longest.max(way.abs()));
             if longest < THERE {
                 return true;
             }
-            let share = (self.script.arm_speed * self.robot.tick_length() / longest).min(1.0);
+            let share = (speed * self.robot.tick_length() / longest).min(1.0);
             for (at, way) in self.arm.iter_mut().zip(way) {
                 *at += share * way;
             }
-            if !self.tick(self.opening(), goes_on) {
+            if !self.tick(goes_on) {
                 return false;
             }
         }
@@ -263,8 +344,19 @@ pub fn described(script: &Script, hand: &Hand) -> Vec<String> {
                 format!("{:26} {:32}", "ball", hand.cameras[press.camera].name),
                 format!("at {:+.2} {:+.2}, {:.1} mm deep", press.spot[0], press.spot[1], 1e3 * ball.depth),
             ),
+            Step::Weigh(weight, Part::Empty(posture)) => (
+                format!("{:26} {:32}", weight.posture[*posture].name, "weighing, hand empty"),
+                format!("stands for {:.1} s", weight.hold),
+            ),
+            Step::Weigh(weight, Part::Lifted) => (
+                format!("{:26} {:32}", weight.object, "picked up, held, put down"),
+                format!("{:.0} g, in {} postures", 1e3 * weight.mass, weight.posture.len()),
+            ),
         };
         format!("{:3}  {what} {how}, {:4.1} s in all", n + 1, script.length(&step, hand))
     };
     script.steps(hand).into_iter().enumerate().map(line).collect()
 }
+
+#[cfg(test)]
+mod tests;

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use hand_model::transmission::friction::CableLosses;
-use hand_model::{ACTUATORS, Arm, Hand};
+use hand_model::{ACTUATORS, ARM_JOINTS, Arm, Hand};
 use nalgebra::DMatrix;
 use rayon::prelude::*;
 use scenarios::individuals::file::{Covariance, Estimate, IdentifiedRobot};
@@ -18,9 +18,13 @@ use crate::fit::{Fit, TAUGHT, fit};
 use crate::free_digit::OPPOSITION;
 use crate::free_motion::{FreeMotion, free_motions};
 use crate::kinematic_calibration::{KinematicCalibration, Touch, calibrate};
-use crate::pad_mechanics::Shown;
+use crate::pad_mechanics::{PadMechanics, Shown};
 use crate::touches::{LookTouch, deepest, look_touches};
 use crate::trace::Trace;
+use crate::weighing::{Gains, weigh};
+
+/// By so much the logarithm of a torque gain is changed to see what depends on it.
+const GAIN_STEP: f64 = 0.01;
 
 /// A robot, and how it was found.
 #[derive(Debug, Clone, PartialEq)]
@@ -30,6 +34,8 @@ pub struct Identification {
     pub fits: [Fit; ACTUATORS],
     /// What touches of a ball show; the drawing where there are none.
     pub kinematics: KinematicCalibration,
+    /// What a weighed object shows; the drawing where there is none.
+    pub gains: Gains,
 }
 
 /// Identifies the robot of `traces`, one of those built from `hand` and `arm`, whose guides and gears take `losses` as drawn; `pads` reads
@@ -56,15 +62,33 @@ pub fn identify(
         None => KinematicCalibration::unknown(&designed),
     };
     // Where gravity pulls from is what touches say of arm and mount.
-    let prior = kinematics.individual.clone();
+    let mut prior = kinematics.individual.clone();
+    // Each weighing has a grip of its own; of several the last one counts.
+    let weighed = distinct.values().filter_map(|trace| Some((trace.weighed.as_ref()?, trace.tick)));
+    let gains = weighed.filter_map(|weighed| weigh((hand, arm), &kinematics, weighed)).last();
+    let gains = gains.unwrap_or_else(|| Gains::unknown(&prior));
+    let gain_places: Vec<usize> =
+        (0..ARM_JOINTS).filter_map(|joint| prior.place(Quantity::ArmTorqueGain, joint)).collect();
+    gain_places.iter().zip(gains.deviations).for_each(|(place, deviation)| prior.set(*place, deviation));
     let (own_hand, own_arm) = (prior.hand(hand), prior.arm(arm));
-    let mut shown = Shown::default();
-    if let Some(ball) = ball {
-        for (trace, looks) in distinct.values().zip(&looks) {
-            shown.add(hand, (&own_hand, &own_arm), (ball, &kinematics.ball), trace, looks);
+    let mechanics_with = |own_arm: &Arm| {
+        let mut shown = Shown::default();
+        if let Some(ball) = ball {
+            for (trace, looks) in distinct.values().zip(&looks) {
+                shown.add(hand, (&own_hand, own_arm), (ball, &kinematics.ball), trace, looks);
+            }
         }
-    }
-    let mechanics = shown.together(ball.and_then(|ball| ball.slide.as_ref()));
+        shown.together(ball.and_then(|ball| ball.slide.as_ref()))
+    };
+    let moved: Vec<PadMechanics> = (0..ARM_JOINTS)
+        .into_par_iter()
+        .map(|joint| {
+            let mut moved = own_arm.clone();
+            moved.torque_gains[joint] *= GAIN_STEP.exp();
+            mechanics_with(&moved)
+        })
+        .collect();
+    let mechanics = mechanics_with(&own_arm).under_gains(&moved, GAIN_STEP, &gains.covariance);
     let motions: Vec<Vec<FreeMotion>> = (0..ACTUATORS)
         .map(|actuator| {
             distinct.values().flat_map(|trace| free_motions(trace, actuator, &own_hand, &own_arm)).collect()
@@ -108,6 +132,15 @@ pub fn identify(
         }
         covariances.push(block(&estimates, &fit.places, &fit.covariance));
     }
+    if gains.postures > 0 {
+        for (joint, place) in gain_places.iter().enumerate() {
+            let estimate = &mut estimates[*place];
+            estimate.identified = gains.taught(joint, &designed);
+            estimate.deviation = gains.deviations[joint];
+            estimate.sigma = gains.covariance[(joint, joint)].sqrt();
+        }
+        covariances.push(block(&estimates, &gain_places, &gains.covariance));
+    }
     let measured = [(Quantity::GelStiffness, mechanics.stiffness), (Quantity::PadFriction, mechanics.friction)];
     for (quantity, factor) in measured {
         if let Some((place, factor)) = designed.place(quantity, 0).zip(factor) {
@@ -122,7 +155,7 @@ pub fn identify(
     let sources = distinct.values().map(|trace| trace.source.clone()).collect();
     let robot = IdentifiedRobot::new(hand, estimates, covariances, sources);
     let fits = fits.try_into().unwrap_or_else(|_| unreachable!("a fit for each actuator"));
-    Ok(Identification { robot, fits, kinematics })
+    Ok(Identification { robot, fits, kinematics, gains })
 }
 
 /// The photometric calibration of the pads that the sessions press on a ball, from that of others, `pads`; nothing where none is pressed.

@@ -1,8 +1,8 @@
 //! Which one of the robots built from one drawing this is.
 //!
 //! The story in order: a [`script`] says how to move a robot so that its motion shows what it is made of, and how to press its pads on a
-//! [`ball`]; [`excitation`] does both, [`pressing`] aims the presses. [`trace`] reads such a session back and cuts the [`free_motion`]s and the [`touches`] out of it.
-//! [`kinematic_calibration`] finds from touches how arm, mount and links differ. [`free_digit`] is the twin of one digit that moves
+//! [`ball`], and to lift a [`weight`]; [`excitation`] does all that, [`pressing`] aims the presses. [`trace`] reads such a session back and cuts the [`free_motion`]s and the [`touches`] out of it.
+//! [`kinematic_calibration`] finds from touches how arm, mount and links differ, [`weighing`] what the arm's torque sensors show of a known weight. [`free_digit`] is the twin of one digit that moves
 //! freely, a [`chain`] on its servo; [`fit`] finds the parameters with which it moves as the session shows, and [`identify`](mod@identify) does so for all actuators;
 //! [`interval`] says how surely they are known; [`evaluation`] sets what was found beside the truth, where there is one to read.
 
@@ -23,6 +23,8 @@ pub mod pressing;
 pub mod script;
 pub mod touches;
 pub mod trace;
+pub mod weighing;
+pub mod weight;
 
 pub use error::IdentificationError;
 pub use identify::{Identification, identify};

@@ -9,7 +9,7 @@ use std::collections::BTreeMap;
 use hand_model::pads::Pad;
 use hand_model::robot::ArmState;
 use hand_model::{ARM_JOINTS, Arm, Hand};
-use nalgebra::{Isometry3, Point3, Vector3};
+use nalgebra::{DMatrix, Isometry3, Point3, SVector, Vector3};
 use optics::Foundation;
 use scenarios::statistics::percentile;
 
@@ -105,6 +105,23 @@ impl Shown {
             stiffness: factor(&self.stiffness, ONE[0], ALIKE),
             friction: factor(&self.friction, ONE[1], known),
         }
+    }
+}
+
+impl PadMechanics {
+    /// The same of an arm whose torque gains are as sure as `covariance` of their logarithms says: `moved` is what presses say where the
+    /// logarithm of each in turn is `step` greater.
+    #[must_use]
+    pub fn under_gains(self, moved: &[Self], step: f64, covariance: &DMatrix<f64>) -> Self {
+        let wider = |of: fn(&Self) -> Option<Factor>| {
+            let factor = of(&self)?;
+            let slope =
+                |joint: usize| (of(&moved[joint]).map_or(0.0, |moved| moved.deviation - factor.deviation)) / step;
+            let slopes = SVector::<f64, ARM_JOINTS>::from_fn(|joint, _| slope(joint));
+            let more = (slopes.transpose() * covariance * slopes)[(0, 0)];
+            Some(Factor { sigma: (factor.sigma.powi(2) + more).sqrt(), ..factor })
+        };
+        Self { stiffness: wider(|all| all.stiffness), friction: wider(|all| all.friction) }
     }
 }
 
@@ -248,6 +265,18 @@ mod tests {
         let law = gel.ball_force(radius, depth);
         assert!((at(0.0) / law - 1.0).abs() < 0.01, "{} {law}", at(0.0));
         assert!(at(0.5 * pad.w - pad.edge_radius) < 0.9 * law);
+    }
+
+    /// A stiffness that goes with the mean of all gains is as unsure as that mean; friction that goes with none stays as sure as it was.
+    #[test]
+    fn unsure_gains_make_stiffness_unsure() {
+        let factor = |deviation| Some(Factor { deviation, sigma: 0.03 });
+        let found = PadMechanics { stiffness: factor(0.1), friction: factor(0.2) };
+        let moved = [PadMechanics { stiffness: factor(0.1 - 0.01 / 7.0), friction: factor(0.2) }; ARM_JOINTS];
+        let covariance = DMatrix::from_element(ARM_JOINTS, ARM_JOINTS, 0.04 * 0.04);
+        let wider = found.under_gains(&moved, 0.01, &covariance);
+        assert!((wider.stiffness.expect("a factor").sigma - 0.05).abs() < 1e-9, "{wider:?}");
+        assert_eq!(wider.friction, found.friction);
     }
 
     /// One press that is far off moves a median little and makes it less sure; what all presses err by stays however many they are.

@@ -44,7 +44,8 @@ impl<'a> Aim<'a> {
         Self { hand, arm, pads, ball, ready, touches: Vec::new(), found, own }
     }
 
-    fn own(&self) -> (&Hand, &Arm) {
+    /// The robot as its presses so far show it.
+    pub fn own(&self) -> (&Hand, &Arm) {
         (&self.own.0, &self.own.1)
     }
 

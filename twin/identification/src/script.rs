@@ -7,6 +7,7 @@ use hand_model::{ACTUATORS, ARM_JOINTS, Hand};
 use serde::{Deserialize, Serialize};
 
 use crate::ball::{Ball, Press};
+use crate::weight::{APART, Part, Weight};
 
 /// Greatest current of a motion, A: no more is needed to bend a free finger.
 const MOST_CURRENT: f64 = 0.2;
@@ -32,7 +33,7 @@ pub struct Motion {
     pub time: f64,
 }
 
-/// Every motion in every posture, and presses of all pads on a ball if there is one.
+/// Every motion in every posture, presses of all pads on a ball if there is one, and a weighed object that is lifted.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Script {
@@ -51,6 +52,15 @@ pub struct Script {
     pub motion: Vec<Motion>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub ball: Option<Ball>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub weight: Option<Weight>,
+}
+
+impl Posture {
+    /// Whether some joint stands clearly otherwise than in `other`.
+    pub fn is_apart(&self, other: &Self) -> bool {
+        self.turn.iter().zip(&other.turn).any(|(own, other)| (own - other).abs() >= APART)
+    }
 }
 
 /// What is done at one go.
@@ -60,6 +70,8 @@ pub enum Step<'a> {
     Motion(&'a Posture, &'a Motion),
     /// One press on the ball.
     Press(&'a Ball, Press),
+    /// One part of weighing.
+    Weigh(&'a Weight, Part),
 }
 
 impl Script {
@@ -116,16 +128,22 @@ impl Script {
         if let Some(ball) = &script.ball {
             check_ball(ball, path)?;
         }
+        if let Some(weight) = &script.weight {
+            weight.check(&script.posture, path)?;
+        }
         Ok(script)
     }
 
-    /// Its steps with `hand` in order: motions first, so that the ball is put in its place when they are done.
+    /// Its steps with `hand` in order: motions first, so that the ball is put in its place when they are done; the weighed object last, so that the arm is known by
+    /// then.
     pub fn steps(&self, hand: &Hand) -> Vec<Step<'_>> {
         let of = |posture| self.motion.iter().map(move |motion| Step::Motion(posture, motion));
         let motions = self.posture.iter().flat_map(of);
         let presses = |ball: &'_ Ball| ball.presses(hand);
         let on = self.ball.iter().flat_map(|ball| presses(ball).into_iter().map(move |press| Step::Press(ball, press)));
-        motions.chain(on).collect()
+        let weighing =
+            self.weight.iter().flat_map(|weight| weight.parts().into_iter().map(move |part| Step::Weigh(weight, part)));
+        motions.chain(on).chain(weighing).collect()
     }
 
     /// Current (A) of a motion `elapsed` (s) after its beginning; none when it is over. Whole milliamperes, which is what a servo takes.
@@ -149,6 +167,8 @@ impl Script {
                 let slides = ball.slide_of(hand, press).map_or(0.0, |slide| slide.way);
                 ball.settle * (2.0 + (ball.depth + slides) / ball.stride)
             }
+            Step::Weigh(weight, Part::Empty(_)) => weight.hold,
+            Step::Weigh(weight, Part::Lifted) => weight.hold * (1 + weight.posture.len()) as f64,
         }
     }
 }
@@ -203,7 +223,9 @@ mod tests {
             assert!(script.motion.iter().any(|motion| motion.actuators.contains(&own.name)), "{}", own.name);
         }
         let presses = script.ball.as_ref().expect("a ball").presses(&hand);
-        assert_eq!(script.steps(&hand).len(), script.posture.len() * script.motion.len() + presses.len());
+        let weighing = script.weight.as_ref().expect("a weight").parts();
+        let motions = script.posture.len() * script.motion.len();
+        assert_eq!(script.steps(&hand).len(), motions + presses.len() + weighing.len());
         assert!((0..hand.cameras.len()).all(|camera| presses.iter().any(|press| press.camera == camera)));
     }
 
@@ -228,6 +250,17 @@ mod tests {
             ("arm_speed = 0.35", "arm_speed = 9.0", "arm_speed: found 9"),
             ("depth = ", "depth = 1", "ball.depth: found 1"),
             ("spots = [", "spots = [[0.9, 0.0], ", "ball.spots: found 0.9"),
+            ("object = ", "object = \"my \" # ", "weight.object: found `my `, expected the name of a built-in object"),
+            ("mass = ", "mass = 40", "mine.toml: weight.mass: found 40"),
+            ("mass_uncertain = ", "mass_uncertain = 3", "weight.mass_uncertain: found 3"),
+            ("place = [0.55", "place = [0.95", "weight.place: found 0.95"),
+            ("hold = ", "hold = 60 # ", "weight.hold: found 60, expected 0.2 to 10"),
+            ("lift = ", "lift = nan # ", "weight.lift: found NaN"),
+            (
+                "turn = [0.4, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]",
+                "turn = [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]",
+                "weight.posture[ahead].turn: found that of `ready`, expected 0.05 rad in some joint",
+            ),
         ] {
             let error = Script::parse(&text.replacen(from, to, 1), Path::new("mine.toml"), &Hand::ftac()).unwrap_err();
             assert!(error.to_string().contains(says), "{error}");

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use hand_model::digest::sha256;
 use hand_model::robot::{ArmState, Command, Observation, Robot, ServoGoal, ServoState, Tick};
-use hand_model::{ACTUATORS, Hand};
+use hand_model::{ACTUATORS, ARM_JOINTS, Arm, Hand};
 use scenarios::individuals::file::Source;
 use session_log::Reader;
 use session_log::reader::Event;
@@ -14,6 +14,8 @@ use crate::error::IdentificationError;
 use crate::excitation::{NAME, Task};
 use crate::script::Script;
 use crate::touches::{Look, PressImage, PressImages};
+use crate::weighing::begin;
+use crate::weight::Weight;
 
 /// A tick: what was measured at its beginning, and what was sent then.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -25,9 +27,20 @@ pub struct Row {
     pub goals: [ServoGoal; ACTUATORS],
 }
 
+/// The weighed object of a session, and the ticks of weighing.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Weighed {
+    pub weight: Weight,
+    /// Posture that the script's turn from, rad.
+    pub ready: [f64; ARM_JOINTS],
+    /// From when the arm first stood in one of the postures.
+    pub rows: Vec<Row>,
+}
+
 /// What a session has of a robot.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Trace {
+    /// All but those of weighing.
     pub rows: Vec<Row>,
     /// Images of pressed pads.
     pub pressed: Vec<PressImage>,
@@ -35,6 +48,8 @@ pub struct Trace {
     pub looks: Vec<Look>,
     /// On what they were pressed, if there was a ball.
     pub ball: Option<Ball>,
+    /// What was weighed, if anything.
+    pub weighed: Option<Weighed>,
     /// Length of a tick, s.
     pub tick: f64,
     /// Where it comes from.
@@ -65,11 +80,13 @@ impl Trace {
             seconds: seconds(&ticks.rows),
         };
         let (pressed, looks) = ticks.images.into_all();
+        let (rows, weighed) = split(ticks.rows, &task.script, session.tick_length);
         Ok(Self {
-            rows: ticks.rows,
+            rows,
             pressed,
             looks,
             ball: task.script.ball,
+            weighed,
             tick: session.tick_length,
             source,
             whole: reader.is_whole(),
@@ -115,8 +132,20 @@ impl<R: Robot> Kept<R> {
         let (pressed, looks) = images.into_all();
         let file = "kept in memory".to_owned();
         let source = Source { file, sha256: String::new(), robot: robot.to_owned(), seconds: seconds(&rows) };
-        Trace { rows, pressed, looks, ball: script.ball.clone(), tick: self.robot.tick_length(), source, whole: true }
+        let (ball, tick) = (script.ball.clone(), self.robot.tick_length());
+        let (rows, weighed) = split(rows, script, tick);
+        Trace { rows, pressed, looks, ball, weighed, tick, source, whole: true }
     }
+}
+
+/// The ticks before weighing, and those of it.
+fn split(mut rows: Vec<Row>, script: &Script, tick: f64) -> (Vec<Row>, Option<Weighed>) {
+    // Excitations turn from the posture that the arm calls home.
+    let ready = Arm::home();
+    let Some(weight) = &script.weight else { return (rows, None) };
+    let Some(begin) = begin(&rows, weight, &ready, tick) else { return (rows, None) };
+    let weighed = rows.split_off(begin);
+    (rows, Some(Weighed { weight: weight.clone(), ready, rows: weighed }))
 }
 
 /// From the first tick to the last, s.

@@ -3,7 +3,7 @@
 use hand_model::transmission::friction::CableLosses;
 use hand_model::{Arm, Hand};
 use identification::evaluation::{body, compare, coverage};
-use identification::excitation::{Means, play as excite};
+use identification::excitation::{ArmHeld, Means, play as excite};
 use identification::trace::{Kept, Trace};
 use identification::{Script, identify};
 use scenarios::individuals::robot::RobotIndividual;
@@ -22,6 +22,7 @@ fn short() -> Script {
     script.motion.iter_mut().for_each(|motion| motion.time = 1.0);
     script.motion.dedup_by(|a, b| a.actuators == b.actuators);
     script.ball = None;
+    script.weight = None;
     script
 }
 
@@ -35,8 +36,9 @@ fn excited(truth: &RobotIndividual, script: &Script) -> Trace {
     let (hand, arm, losses) = drawing();
     let mut kept = Kept::new(body(truth, &hand, &arm, losses, Arm::home()));
     let pads = builtin_calibration();
-    let means = Means { hand: &hand, arm: &arm, pads: &pads, script, ready: Arm::home() };
-    let played = excite::<_, ()>(&mut kept, &means, 0, |_| Ok(()), |_| true);
+    let friction = losses.friction;
+    let means = Means { hand: &hand, arm: &arm, pads: &pads, script, grasps: &[], friction, ready: Arm::home() };
+    let played = excite::<_, ArmHeld>(&mut kept, &means, 0, |_| Ok(()), |_| true);
     assert_eq!(played, Ok(true));
     kept.trace("sim", script)
 }
@@ -67,9 +69,9 @@ fn an_individual_is_found() {
     let [identified, others] = coverage(&found.robot, &truth);
     // 40 of 66 are in intervals that leave out what is not searched.
     assert!(identified.of > 30 && identified.share() > 0.75, "{identified:?} {others:?}");
-    // Joints' zeros and the arm move nothing in a free motion: they stay the prior, and are said to.
+    // Joints' zeros, the arm and its torque sensors move nothing in a free motion: they stay the prior, and are said to.
     for (estimate, parameter) in found.robot.estimates.iter().zip(found.robot.individual.parameters()) {
-        if ["joint_zero", "encoder", "position", "turn"].contains(&parameter.quantity.name()) {
+        if ["joint_zero", "encoder", "position", "turn", "torque_gain"].contains(&parameter.quantity.name()) {
             assert!(!estimate.identified, "{}", estimate.name);
             assert_eq!((estimate.deviation, estimate.sigma), (parameter.spread.mean, parameter.spread.sigma));
         }

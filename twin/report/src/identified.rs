@@ -75,6 +75,10 @@ fn advice(parameters: &[ParameterRow]) -> Vec<String> {
         "too few pads of the palm press on a ball and slide over it; more spots, or a ball that the palm reaches more easily",
     );
     say(
+        &["torque_gain"],
+        "a weighed object in the hand shows the gain of every joint that it turns; more postures, a heavier object, or one that is weighed at all; never joint 1, whose axis is upright",
+    );
+    say(
         &["gel_thickness"],
         "a pad bears the same at any thickness of its gel, down to the bottom; only a calliper tells",
     );

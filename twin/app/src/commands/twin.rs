@@ -9,11 +9,11 @@ use std::path::Path;
 use anyhow::Result;
 use bench::builtin::{HAND_UNIT, builtin_calibration};
 use clap::Subcommand;
+use grasping::{Grasp, Repertoire};
 use hand_model::transmission::friction::CableLosses;
 use hand_model::{Arm, Hand};
 use identification::Script;
-use identification::ball::Ball;
-use identification::evaluation::{Surroundings, TrueBall, excited_body};
+use identification::evaluation::{Surroundings, TrueBall, TrueWeight, excited_body};
 use identification::excitation::Means;
 use proving::world::World;
 use scenarios::Scenario;
@@ -62,6 +62,7 @@ pub struct Drawing {
     pub losses: CableLosses,
     pub pads: PhotometricCalibration,
     gel: Option<Gel>,
+    repertoire: Repertoire,
 }
 
 impl Drawing {
@@ -69,21 +70,32 @@ impl Drawing {
     pub fn new() -> Result<Self> {
         let world = World::new(Scenario::benchmark())?;
         let (losses, gel) = (world.known_cable_losses(), world.scenario.effects.gel);
-        Ok(Self { hand: Hand::ftac(), arm: Arm::gen3(), losses, pads: builtin_calibration()?, gel })
+        let repertoire = proving::builtin::repertoire()?;
+        Ok(Self { hand: Hand::ftac(), arm: Arm::gen3(), losses, pads: builtin_calibration()?, gel, repertoire })
     }
 
     /// What an excitation by `script` goes by.
     pub fn means<'a>(&'a self, script: &'a Script) -> Means<'a> {
-        Means { hand: &self.hand, arm: &self.arm, pads: &self.pads, script, ready: Arm::home() }
+        let Self { hand, arm, pads, losses, .. } = self;
+        let grasps = self.grasps(script);
+        Means { hand, arm, pads, script, grasps, friction: losses.friction, ready: Arm::home() }
     }
 
-    /// The simulated robot that individual `number` is, before the ball of an excitation if there is one; `seed` draws its cameras' noise.
-    pub fn plant(&self, number: u64, seed: u64, ball: Option<&Ball>) -> Result<SimulatedRobot> {
+    /// Known grasps of the object that a script weighs, best first; none where it weighs none.
+    pub fn grasps(&self, script: &Script) -> &[Grasp] {
+        let known = |name: &String| self.repertoire.grasps.get(name).map(Vec::as_slice);
+        script.weight.as_ref().and_then(|weight| known(&weight.object)).unwrap_or_default()
+    }
+
+    /// The simulated robot that individual `number` is, with what an excitation by `script` needs around it; `seed` draws its cameras' noise.
+    pub fn plant(&self, number: u64, seed: u64, script: &Script) -> Result<SimulatedRobot> {
         let Self { hand, arm, losses, gel, .. } = self;
         let truth = RobotIndividual::draw(hand, number);
         let own = truth.hand(hand);
         let board = TactileBoard::unit(&own, RobotIndividual::cameras(number).unwrap_or(HAND_UNIT)).with_noise(seed);
-        let surroundings = Surroundings { board, gel: *gel, ball: ball.map(|ball| TrueBall::draw(ball, number)) };
+        let ball = script.ball.as_ref().map(|ball| TrueBall::draw(ball, number));
+        let weight = script.weight.as_ref().and_then(|weight| TrueWeight::draw(weight, number));
+        let surroundings = Surroundings { board, gel: *gel, ball, weight };
         Ok(excited_body(&truth, (hand, arm), *losses, Arm::home(), &surroundings)?)
     }
 }

@@ -39,7 +39,7 @@ pub fn against_friction(
 }
 
 /// Moves the tensions `now` towards `wanted` (N) for one tick (s), within [`TENSION_RATE`].
-pub(super) fn approach_tension(now: &mut [f64; 5], wanted: &[f64; 5], tick: f64) {
+pub fn approach_tension(now: &mut [f64; 5], wanted: &[f64; 5], tick: f64) {
     for (now, wanted) in now.iter_mut().zip(wanted) {
         *now += (wanted - *now).clamp(-TENSION_RATE * tick, TENSION_RATE * tick);
     }

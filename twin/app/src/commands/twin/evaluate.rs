@@ -1,12 +1,12 @@
 //! `ftac twin evaluate`: identified robots beside the truth, over individuals whose parameters were drawn and hidden.
 
-use anyhow::{Result, anyhow, bail};
+use anyhow::{Context as _, Result, anyhow, bail};
 use bench::body::emulated::{SharedPlant, settings};
 use clap::Args;
 use hand_model::Arm;
 use hardware_bridge::emulator::direct::DirectRobot;
 use identification::evaluation::{Coverage, compare, coverage, median, reach};
-use identification::excitation::play;
+use identification::excitation::{ArmHeld, Progress, play};
 use identification::trace::Kept;
 use identification::{Script, identify};
 use rayon::prelude::*;
@@ -51,6 +51,11 @@ struct Row {
     /// Touches of the ball, and how far they stay from it, m, root mean square: as drawn, and identified.
     touches: usize,
     ball: [f64; 2],
+    /// Postures in which the weighed object was in the hand, and what its torques leave unexplained, N m, root mean square: as drawn, and identified.
+    held: usize,
+    weight: [f64; 2],
+    /// Why its excitation ended before its last step, and after how many, if so: it is identified from what was played.
+    stopped: Option<String>,
 }
 
 pub fn run(terminal: &Terminal, args: &EvaluateArgs) -> Outcome {
@@ -63,7 +68,7 @@ pub fn run(terminal: &Terminal, args: &EvaluateArgs) -> Outcome {
     let rows: Result<Vec<Row>> = (args.from..args.from + args.count)
         .into_par_iter()
         .map(|number| {
-            let row = evaluate(&drawing, number, terminal.seed)?;
+            let row = evaluate(&drawing, number, terminal.seed).with_context(|| format!("individual {number}"))?;
             bar.inc(1);
             Ok(row)
         })
@@ -76,7 +81,7 @@ pub fn run(terminal: &Terminal, args: &EvaluateArgs) -> Outcome {
         |of: fn(&Row) -> [f64; 2]| [0, 1].map(|n| median(&rows.iter().map(|row| of(row)[n]).collect::<Vec<_>>()));
     let (joint, tip, reach) = (medians(|row| row.joint), medians(|row| row.tip), medians(|row| row.reach));
     let mut text = format!(
-        "{:>10} {:>12} {:>12} {:>18} {:>18} {:>20} {:>18} {:>24}\n",
+        "{:>10} {:>12} {:>12} {:>18} {:>18} {:>20} {:>18} {:>24} {:>26}\n",
         "individual",
         "identified",
         "others",
@@ -84,12 +89,13 @@ pub fn run(terminal: &Terminal, args: &EvaluateArgs) -> Outcome {
         "fingertip, mm",
         "servo rms, deg",
         "reach, mm",
-        "touches of the ball, mm"
+        "touches of the ball, mm",
+        "weight in postures, mN m"
     );
     for row in &rows {
         let pair = |values: [f64; 2], scale: f64| format!("{:.2} -> {:.2}", scale * values[0], scale * values[1]);
         text += &format!(
-            "{:>10} {:>12} {:>12} {:>18} {:>18} {:>20} {:>18} {:>24}\n",
+            "{:>10} {:>12} {:>12} {:>18} {:>18} {:>20} {:>18} {:>24} {:>26}\n",
             row.individual,
             format!("{}/{}", row.identified.inside, row.identified.of),
             format!("{}/{}", row.others.inside, row.others.of),
@@ -97,7 +103,8 @@ pub fn run(terminal: &Terminal, args: &EvaluateArgs) -> Outcome {
             pair(row.tip, 1e3),
             pair(row.servo, 1f64.to_degrees()),
             pair(row.reach, 1e3),
-            format!("{}: {}", row.touches, pair(row.ball, 1e3))
+            format!("{}: {}", row.touches, pair(row.ball, 1e3)),
+            format!("{}: {}", row.held, pair(row.weight, 1e3))
         );
     }
     text += &format!(
@@ -120,7 +127,8 @@ pub fn run(terminal: &Terminal, args: &EvaluateArgs) -> Outcome {
     });
     terminal.print(&json, &text)?;
     let covered = (COVERAGE[0]..=COVERAGE[1]).contains(&identified.share());
-    let mut short = Vec::new();
+    let stopped = |row: &Row| row.stopped.as_ref().map(|why| format!("individual {}: {why}", row.individual));
+    let mut short: Vec<String> = rows.iter().filter_map(stopped).collect();
     if !covered {
         short.push(format!("{:.1} % of parameters in their intervals, expected 90 to 98", 100.0 * identified.share()));
     }
@@ -141,13 +149,21 @@ fn evaluate(drawing: &Drawing, number: u64, seed: u64) -> Result<Row> {
     let Drawing { hand, arm, losses, .. } = drawing;
     let truth = RobotIndividual::draw(hand, number);
     let script = Script::standard();
-    let plant = SharedPlant::new(drawing.plant(number, seed, script.ball.as_ref())?);
+    let plant = SharedPlant::new(drawing.plant(number, seed, &script)?);
     let settings = settings(&truth.hand(hand), seed);
     let robot = DirectRobot::start(Box::new(plant), settings, arm).map_err(|error| anyhow!("{error}"))?;
     let mut kept = Kept::new(robot);
-    play(&mut kept, &drawing.means(&script), 0, |_| Ok::<(), anyhow::Error>(()), |_| true)?;
+    let mut done = 0;
+    let heard = |progress| {
+        if let Progress::Done(step) | Progress::OutOfReach(step) | Progress::NotLifted(step) = progress {
+            done = step + 1;
+        }
+        Ok::<(), ArmHeld>(())
+    };
+    let stopped = play(&mut kept, &drawing.means(&script), 0, heard, |_| true).err();
+    let stopped = stopped.map(|held| format!("{held}; after {done} of {} steps", script.steps(hand).len()));
     let identification = identify((hand, arm), *losses, &drawing.pads, &[kept.trace("rounded", &script)])?;
-    let (found, kinematics) = (identification.robot, identification.kinematics);
+    let (found, kinematics, gains) = (identification.robot, identification.kinematics, identification.gains);
     let [identified, others] = coverage(&found, &truth);
     let designed = RobotIndividual::designed(hand);
     let differences = compare(&truth, (hand, arm), *losses, &Arm::home(), &[&designed, &found.individual]);
@@ -164,5 +180,8 @@ fn evaluate(drawing: &Drawing, number: u64, seed: u64) -> Result<Row> {
         reach: [reached(&designed), reached(&found.individual)],
         touches: kinematics.touches,
         ball: kinematics.residuals,
+        held: gains.postures,
+        weight: gains.residuals,
+        stopped,
     })
 }

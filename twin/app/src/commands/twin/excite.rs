@@ -187,6 +187,13 @@ pub fn run(terminal: &Terminal, args: &ExciteArgs) -> Outcome {
             Script::parse(&text, path, &drawing.hand)?
         }
     };
+    if let Some(weight) = script.weight.as_ref().filter(|_| drawing.grasps(&script).is_empty()) {
+        bail!(
+            "{}: weight.object: found `{}`, expected an object that grasps are known of",
+            args.script.as_deref().unwrap_or(Path::new("excitation.toml")).display(),
+            weight.object
+        );
+    }
     let asked = Record {
         version: 1,
         robot: args.robot.name().to_owned(),
@@ -266,7 +273,10 @@ fn excite(
         if let Progress::OutOfReach(step) = progress {
             eprintln!("step {}: the arm does not get there with everything clear; it is left out", step + 1);
         }
-        if let Progress::Done(step) | Progress::OutOfReach(step) = progress {
+        if let Progress::NotLifted(step) = progress {
+            eprintln!("step {}: no weight is felt in the hand, the object was not lifted; it is left out", step + 1);
+        }
+        if let Progress::Done(step) | Progress::OutOfReach(step) | Progress::NotLifted(step) = progress {
             bar.set_position(step as u64 + 1);
             record.done = step + 1;
             record.write(&args.folder)?;
@@ -292,7 +302,7 @@ fn open(terminal: &Terminal, args: &ExciteArgs, drawing: &Drawing, script: &Scri
     }
     let individual = RobotIndividual::draw(&drawing.hand, args.individual);
     let Drawing { hand, arm, .. } = drawing;
-    let robot = drawing.plant(args.individual, terminal.seed, script.ball.as_ref())?;
+    let robot = drawing.plant(args.individual, terminal.seed, script)?;
     let settings = settings(&individual.hand(hand), terminal.seed);
     let about = Session::default();
     Ok(match args.robot {
@@ -330,6 +340,14 @@ fn real(path: &Path, yes: bool, script: &Script) -> Result<(Bodied, Session)> {
         question += &format!(
             " Then it presses every pad on a ball of {:.0} mm on a post, {x:.3} m before, {y:.3} m beside and {z:.3} m over its base.",
             2e3 * ball.radius
+        );
+    }
+    if let Some(weight) = &script.weight {
+        let [x, y] = weight.place;
+        question += &format!(
+            " Last, it lifts the {} of {:.0} g that stands on the table {x:.3} m before and {y:.3} m beside its base, turns it about, and puts it down again.",
+            weight.object,
+            1e3 * weight.mass
         );
     }
     question += " Is the way clear, the hand empty, and everything in its place?";

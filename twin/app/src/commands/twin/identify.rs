@@ -56,6 +56,8 @@ pub fn run(terminal: &Terminal, args: &IdentifyArgs) -> Outcome {
     let json = serde_json::json!({
         "touches": kinematics.touches,
         "touches_rms_m": (kinematics.touches > 0).then_some(kinematics.residuals),
+        "weighed_postures": found.gains.postures,
+        "weight_rms_nm": (found.gains.postures > 0).then_some(found.gains.residuals),
         "pads": pads.map(|path| path.display().to_string()),
         "individual": args.out.display().to_string(),
         "page": page.display().to_string(),
@@ -69,6 +71,14 @@ pub fn run(terminal: &Terminal, args: &IdentifyArgs) -> Outcome {
         words += &format!(
             "\n{} touches stay {identified:.2} mm from one ball (root mean square), {drawn:.2} mm as drawn\n",
             kinematics.touches
+        );
+    }
+    let gains = &found.gains;
+    if gains.postures > 0 {
+        let [drawn, identified] = gains.residuals.map(|residual| 1e3 * residual);
+        words += &format!(
+            "\n{} postures with the weighed object: the arm's torques are {identified:.1} mN m off its weight (root mean square), {drawn:.1} mN m as drawn\n",
+            gains.postures
         );
     }
     words += &told;

@@ -1,0 +1,206 @@
+//! Standing with an empty hand, and with the weighed object in it.
+
+use control::motion::CLOSING_TIME;
+use control::motion::tension::{against_friction, approach_tension, closing_tension};
+use grasping::Grasp;
+use hand_model::robot::{ArmState, Robot};
+use hand_model::{ARM_JOINTS, Arm, GRAVITY, Hand};
+
+use super::{Means, Player};
+use crate::arm_load::force;
+use crate::weight::{Part, PickUp, Weight};
+
+/// Current limit of the opposition servo while it holds, A.
+const OPPOSITION_CURRENT: f64 = 0.6;
+/// Share of the script's speed with which the hand comes to the object, and rises with it.
+const SLOW: f64 = 0.3;
+/// So long the digits open after the object was put down, s.
+const LETTING_GO: f64 = 1.0;
+/// So many ways to grasp it are tried.
+const TRIES: usize = 3;
+/// A hand that pushes harder than this on its way to the object, N, does not get there: by what its arm is off it may come onto the table.
+const MOST_PUSH: f64 = 30.0;
+/// An arm whose encoders show it further than this from its posture, rad, does not stand there: something is in its way.
+const OFF: f64 = 0.008;
+/// Something is in the hand where at least this share of its weight is felt.
+const FELT: f64 = 0.5;
+
+/// How weighing ended.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Weighed {
+    Done,
+    /// Nothing is felt in the hand.
+    NotLifted,
+    /// The arm does not get there with everything clear.
+    OutOfReach,
+    /// Somebody, or the robot, has stopped it.
+    Stopped,
+}
+
+/// Whether the arm is where it was asked to stand.
+fn is_there(shown: &ArmState, at: &[f64; ARM_JOINTS]) -> bool {
+    shown.position.iter().zip(at).all(|(shown, at)| (shown - at).abs() < OFF)
+}
+
+impl<R: Robot> Player<'_, R> {
+    /// One part of weighing, by a robot believed to be `own`.
+    pub(super) fn weigh(
+        &mut self,
+        means: &Means,
+        own: (&Hand, &Arm),
+        (weight, part): (&Weight, Part),
+        goes_on: &mut impl FnMut(&mut R) -> bool,
+    ) -> Weighed {
+        match part {
+            Part::Empty(posture) => {
+                let at = weight.stand(posture, &means.ready);
+                self.stand(&at, weight.hold, goes_on).map_or(Weighed::Stopped, |shown| {
+                    if is_there(&shown, &at) { Weighed::Done } else { Weighed::OutOfReach }
+                })
+            }
+            Part::Lifted => self.lift(means, own, weight, goes_on),
+        }
+    }
+
+    fn lift(
+        &mut self,
+        means: &Means,
+        own: (&Hand, &Arm),
+        weight: &Weight,
+        goes_on: &mut impl FnMut(&mut R) -> bool,
+    ) -> Weighed {
+        let Some(object) = weight.model() else { return Weighed::OutOfReach };
+        let stands: Vec<[f64; ARM_JOINTS]> = (0..weight.posture.len()).map(|n| weight.stand(n, &means.ready)).collect();
+        let Some(clear) = self.stand(&stands[0], weight.hold, goes_on) else { return Weighed::Stopped };
+        if !is_there(&clear, &stands[0]) {
+            return Weighed::OutOfReach;
+        }
+        let mut ended = Weighed::OutOfReach;
+        for way in weight.pick_ups(own, &object, means.grasps, &stands[0]).take(TRIES) {
+            match self.pick_up(means, own, &way, goes_on) {
+                Weighed::Done => {}
+                Weighed::NotLifted => {
+                    ended = Weighed::NotLifted;
+                    continue;
+                }
+                other => return other,
+            }
+            let Some(loaded) = self.stand(&stands[0], weight.hold, goes_on) else { return Weighed::Stopped };
+            let palm = own.1.tool_pose(&loaded.position) * own.0.palm_from_flange.inverse();
+            let borne = force(own, [&clear, &loaded], &palm.translation.vector.into()).map_or(0.0, |force| -force.z);
+            if borne > FELT * weight.mass * GRAVITY {
+                let held = stands[1..].iter().all(|at| self.stand(at, weight.hold, goes_on).is_some());
+                return if held && self.put_down(&way, &stands[0], goes_on) { Weighed::Done } else { Weighed::Stopped };
+            }
+            ended = Weighed::NotLifted;
+            self.grip = None;
+            if !self.open(LETTING_GO, goes_on) {
+                return Weighed::Stopped;
+            }
+        }
+        ended
+    }
+
+    /// Goes to a posture and stands there for `time` (s): the mean of what the arm shows in the second half of that.
+    fn stand(
+        &mut self,
+        at: &[f64; ARM_JOINTS],
+        time: f64,
+        goes_on: &mut impl FnMut(&mut R) -> bool,
+    ) -> Option<ArmState> {
+        if !self.go(at, goes_on) || !self.open(0.5 * time, goes_on) {
+            return None;
+        }
+        let (end, mut sum, mut ticks) = (self.time + 0.5 * time, ArmState::default(), 0.0);
+        while self.time < end {
+            if !self.tick(goes_on) {
+                return None;
+            }
+            ticks += 1.0;
+            for joint in 0..ARM_JOINTS {
+                sum.position[joint] += self.felt.position[joint];
+                sum.torque[joint] += self.felt.torque[joint];
+            }
+        }
+        let mean = |sum: [f64; ARM_JOINTS]| sum.map(|sum| sum / f64::max(ticks, 1.0));
+        Some(ArmState { position: mean(sum.position), torque: mean(sum.torque), ..ArmState::default() })
+    }
+
+    /// Goes to the object, closes the digits on it and lifts it. Where the hand pushes hard against something before that, it goes back with nothing lifted.
+    fn pick_up(
+        &mut self,
+        means: &Means,
+        own: (&Hand, &Arm),
+        way: &PickUp,
+        goes_on: &mut impl FnMut(&mut R) -> bool,
+    ) -> Weighed {
+        let Some((begin, on)) = way.approach.split_first() else { return Weighed::OutOfReach };
+        let (grasp, mut pull) = (&way.grasp, [0.0; 5]);
+        let begun = self.go(begin, goes_on);
+        // Digits take the shape in which they come to the object.
+        if !begun || !self.pull_for(means, grasp, &mut pull, -CLOSING_TIME, goes_on) {
+            return Weighed::Stopped;
+        }
+        let (slow, clear) = (SLOW * self.script.arm_speed, self.felt);
+        for (n, at) in on.iter().enumerate() {
+            if !self.go_at(at, slow, goes_on) {
+                return Weighed::Stopped;
+            }
+            let palm = own.1.tool_pose(&self.felt.position) * own.0.palm_from_flange.inverse();
+            let pushed = force(own, [&clear, &self.felt], &palm.translation.vector.into());
+            if pushed.is_some_and(|pushed| pushed.norm() > MOST_PUSH) {
+                self.grip = None;
+                let back = on[..n].iter().rev().chain([begin]).all(|at| self.go_at(at, slow, goes_on));
+                return if back { Weighed::NotLifted } else { Weighed::Stopped };
+            }
+        }
+        let closed = self.pull_for(means, grasp, &mut pull, 0.0, goes_on);
+        if closed && way.raise.iter().chain(&way.lift).all(|at| self.go_at(at, slow, goes_on)) {
+            Weighed::Done
+        } else {
+            Weighed::Stopped
+        }
+    }
+
+    /// Pulls for [`CLOSING_TIME`] as `grasp` does from `time` (s) on after it has begun to close; before that, as it comes to the object.
+    fn pull_for(
+        &mut self,
+        means: &Means,
+        grasp: &Grasp,
+        pull: &mut [f64; 5],
+        mut time: f64,
+        goes_on: &mut impl FnMut(&mut R) -> bool,
+    ) -> bool {
+        let (tick, end) = (self.robot.tick_length(), time + CLOSING_TIME);
+        while time < end {
+            let wanted: [f64; 5] = std::array::from_fn(|digit| {
+                if time < 0.0 { grasp.pre_tension[digit] } else { closing_tension(grasp, digit, time) }
+            });
+            let wanted = against_friction(means.hand, &means.friction, &self.servos, &wanted);
+            approach_tension(pull, &wanted, tick);
+            self.grip = Some(means.hand.servo_goals(pull, grasp.opposition, OPPOSITION_CURRENT));
+            if !self.tick(goes_on) {
+                return false;
+            }
+            time += tick;
+        }
+        true
+    }
+
+    /// Puts the object down where it was picked up, and goes back to `stand`.
+    fn put_down(&mut self, way: &PickUp, stand: &[f64; ARM_JOINTS], goes_on: &mut impl FnMut(&mut R) -> bool) -> bool {
+        let slow = SLOW * self.script.arm_speed;
+        let Some((above, down)) = way.lift.split_last() else { return false };
+        let down = down.iter().rev().chain(way.raise.iter().rev()).chain(way.approach.last());
+        if !self.go(stand, goes_on) || !self.go(above, goes_on) {
+            return false;
+        }
+        if !down.into_iter().all(|at| self.go_at(at, slow, goes_on)) {
+            return false;
+        }
+        self.grip = None;
+        self.open(LETTING_GO, goes_on)
+            && way.approach.iter().rev().all(|at| self.go_at(at, slow, goes_on))
+            && self.go(stand, goes_on)
+    }
+}

@@ -1,0 +1,86 @@
+use std::path::Path;
+
+use hand_model::robot::{Observation, Tick};
+
+use super::*;
+
+/// An arm that is where it is sent, but for a joint that is not sent beyond a limit.
+struct Limited {
+    time: f64,
+    sent: [f64; ARM_JOINTS],
+    /// Joint, greatest angle (rad).
+    limit: Option<(usize, f64)>,
+}
+
+impl Limited {
+    fn new(limit: Option<(usize, f64)>) -> Self {
+        Self { time: 0.0, sent: Arm::home(), limit }
+    }
+}
+
+impl Robot for Limited {
+    fn observe(&mut self) -> Observation {
+        let arm = ArmState { position: self.sent, ..ArmState::default() };
+        Observation { time: self.time, arm, ..Observation::default() }
+    }
+
+    fn send(&mut self, command: &Command) -> Command {
+        self.sent = command.arm;
+        if let Some((joint, most)) = self.limit {
+            self.sent[joint] = self.sent[joint].min(most);
+        }
+        Command { arm: self.sent, ..*command }
+    }
+
+    fn wait_for_tick(&mut self) -> Tick {
+        self.time += self.tick_length();
+        Tick { time: self.time, lateness: 0.0 }
+    }
+
+    fn tick_length(&self) -> f64 {
+        1.0 / 120.0
+    }
+}
+
+/// One motion as it stands, and one with joint 6 turned by 0.9 rad.
+fn script() -> Script {
+    let mut script = Script::standard();
+    script.posture.retain(|posture| ["ready", "fingers up"].contains(&posture.name.as_str()));
+    script.motion.truncate(1);
+    (script.ball, script.weight) = (None, None);
+    script
+}
+
+/// How an excitation of `robot` ends, and the steps that were done.
+fn played(mut robot: Limited) -> (Result<bool, ArmHeld>, Vec<usize>) {
+    let (hand, arm, script) = (Hand::ftac(), Arm::gen3(), script());
+    let text = include_str!("../../../bench/data/calibration.json");
+    let pads = PhotometricCalibration::parse(text, Path::new("calibration.json")).expect("a calibration");
+    let friction = CableFriction::NONE;
+    let means =
+        Means { hand: &hand, arm: &arm, pads: &pads, script: &script, grasps: &[], friction, ready: Arm::home() };
+    let mut done = Vec::new();
+    let heard = |progress| {
+        if let Progress::Done(step) = progress {
+            done.push(step);
+        }
+        Ok(())
+    };
+    (play(&mut robot, &means, 0, heard, |_| true), done)
+}
+
+#[test]
+fn an_arm_that_goes_where_it_is_asked_is_played_on() {
+    assert_eq!(played(Limited::new(None)), (Ok(true), vec![0, 1]));
+}
+
+/// A robot that sends the arm no further: the joint is named, and what was done before stays done.
+#[test]
+fn an_arm_that_is_held_stops_the_excitation() {
+    let most = Arm::home()[5] + 0.4;
+    let (ended, done) = played(Limited::new(Some((5, most))));
+    let held = ended.expect_err("held");
+    assert_eq!((held.joint, held.sent, done.as_slice()), (6, most, &[0][..]), "{held}");
+    assert!(held.asked > most + 0.02 && held.since > 1.0, "{held}");
+    assert!(held.to_string().contains("joint 6 of the arm is held by the robot: asked for"), "{held}");
+}

@@ -1,0 +1,202 @@
+//! The weighed object that the hand lifts: what the script says of it, and how the arm picks it up.
+//!
+//! The arm stands in some postures with an empty hand, and in the same ones with the object in it. By how much its torques differ is
+//! the weight of the object, which a scale has told: that shows the gains of the torque sensors ([`weighing`](crate::weighing)).
+
+use std::path::Path;
+
+use control::inverse_kinematics::Joints;
+use control::motion::approach::APPROACH_DISTANCE;
+use grasping::Grasp;
+use hand_model::data::DataError;
+use hand_model::{ARM_JOINTS, Arm, HAND_JOINTS, Hand};
+use nalgebra::{Isometry3, Point3, Translation3, Vector3};
+use scenarios::objects::{ObjectModel, ObjectSet};
+use serde::{Deserialize, Serialize};
+
+use crate::ball::{MOST_TURN, SIDED, kinematics, points};
+use crate::script::Posture;
+
+/// Two postures of a script differ by this in some joint at least, rad: a session tells by them what is stood in.
+pub const APART: f64 = 0.05;
+/// Turns of the hand about an object that looks the same from all sides that are tried.
+const HEADINGS: usize = 16;
+/// Length of a piece of the straight way to the object and up from it, m.
+const PIECE: f64 = 0.005;
+/// Between two pieces no joint turns by more, rad: another branch of the arm's posture is no straight way.
+const MOST_STEP: f64 = 0.3;
+/// No link of the hand comes closer to the table than this on its way to the object, m, ...
+const TABLE: f64 = 0.01;
+/// ... at so many places of the way.
+const PLACES: usize = 20;
+
+/// An object of known mass, and how it is lifted.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Weight {
+    /// Its name among the built-in objects.
+    pub object: String,
+    /// kg, as a scale has shown it.
+    pub mass: f64,
+    /// Standard deviation of that, kg.
+    pub mass_uncertain: f64,
+    /// Where somebody puts it on the table, which the arm stands on: its middle, m, in the frame of the arm's base, unturned.
+    pub place: [f64; 2],
+    /// Standard deviation of that along each axis, m.
+    pub place_uncertain: f64,
+    /// How far it is lifted before it is carried anywhere, m.
+    pub lift: f64,
+    /// For which the arm stands in each posture, s.
+    pub hold: f64,
+    /// In which it is held.
+    pub posture: Vec<Posture>,
+}
+
+/// What is done at one go.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Part {
+    /// The arm stands in the posture of this index, the hand empty.
+    Empty(usize),
+    /// The object is picked up, held in every posture, and put down again.
+    Lifted,
+}
+
+/// The way of a pick-up.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PickUp {
+    pub grasp: Grasp,
+    /// From before the object to where the digits close.
+    pub approach: Vec<Joints>,
+    /// From there on, while they close.
+    pub raise: Vec<Joints>,
+    /// Straight up.
+    pub lift: Vec<Joints>,
+}
+
+impl Weight {
+    /// The object's model; none of an unknown one, which [`Weight::check`] refuses.
+    pub fn model(&self) -> Option<ObjectModel> {
+        ObjectSet::standard().get(&self.object).map(|model| (**model).clone())
+    }
+
+    /// All parts, in order.
+    pub fn parts(&self) -> Vec<Part> {
+        (0..self.posture.len()).map(Part::Empty).chain([Part::Lifted]).collect()
+    }
+
+    /// The arm in posture `n` of an arm that is `ready`, rad.
+    pub fn stand(&self, n: usize, ready: &Joints) -> Joints {
+        std::array::from_fn(|joint| ready[joint] + self.posture[n].turn[joint])
+    }
+
+    /// Refuses what cannot be lifted; `others` are the script's other postures. `path` is used in errors.
+    pub fn check(&self, others: &[Posture], path: &Path) -> Result<(), DataError> {
+        let fault =
+            |field: String, found: String, expected: String| Err(DataError::field(path, field, found, expected));
+        let values = [
+            ("mass", self.mass, 0.02, 2.0),
+            ("mass_uncertain", self.mass_uncertain, 1e-5, 0.1 * self.mass),
+            ("place", self.place[0], 0.3, 0.75),
+            ("place", self.place[1], -0.5, 0.5),
+            ("place_uncertain", self.place_uncertain, 1e-4, 0.01),
+            ("lift", self.lift, 0.03, 0.3),
+            ("hold", self.hold, 0.2, 10.0),
+        ];
+        for (field, value, low, high) in values {
+            if !(value.is_finite() && (low..=high).contains(&value)) {
+                return fault(format!("weight.{field}"), value.to_string(), format!("{low} to {high} (SI units)"));
+            }
+        }
+        if self.model().is_none() {
+            let expected = "the name of a built-in object".to_owned();
+            return fault("weight.object".into(), format!("`{}`", self.object), expected);
+        }
+        if self.posture.is_empty() {
+            return fault("weight.posture".into(), "none".into(), "at least one".into());
+        }
+        for (n, posture) in self.posture.iter().enumerate() {
+            let field = || format!("weight.posture[{}].turn", posture.name);
+            if let Some(turn) = posture.turn.iter().find(|turn| !(turn.is_finite() && turn.abs() <= 4.0)) {
+                return fault(field(), turn.to_string(), "angles within 4 rad".into());
+            }
+            if let Some(same) = others.iter().chain(&self.posture[..n]).find(|other| !posture.is_apart(other)) {
+                let expected = format!("{APART} rad in some joint from every other posture");
+                return fault(field(), format!("that of `{}`", same.name), expected);
+            }
+        }
+        Ok(())
+    }
+
+    /// How the arm of a robot believed to be `hand` on `arm` picks up what stands in its place with one of `grasps`, coming from posture `from`: the
+    /// first heading of each grasp that it reaches without going below the table.
+    pub fn pick_ups<'a>(
+        &'a self,
+        (hand, arm): (&'a Hand, &'a Arm),
+        object: &'a ObjectModel,
+        grasps: &'a [Grasp],
+        from: &'a Joints,
+    ) -> impl Iterator<Item = PickUp> + 'a {
+        let [x, y] = self.place;
+        let middle = Point3::new(x, y, object.rest_height());
+        let turns = if object.round_about_vertical(&object.rest) { HEADINGS } else { 1 };
+        let yaws = (0..turns).map(move |n| std::f64::consts::TAU * n as f64 / turns as f64);
+        grasps.iter().filter_map(move |grasp| {
+            yaws.clone().find_map(|yaw| self.pick_up((hand, arm), grasp, &grasp.palm_pose(&middle, yaw), from))
+        })
+    }
+
+    fn pick_up(
+        &self,
+        (hand, arm): (&Hand, &Arm),
+        grasp: &Grasp,
+        target: &Isometry3<f64>,
+        from: &Joints,
+    ) -> Option<PickUp> {
+        let kinematics = kinematics(hand, arm);
+        let before = grasp.pregrasp_pose(target, APPROACH_DISTANCE);
+        let begin = kinematics.solve(&before, from)?;
+        // Straight lines of the joints lead there and back: none may lead round to the other side of the arm.
+        if begin.iter().zip(from).take(SIDED).any(|(to, from)| (to - from).abs() > MOST_TURN) {
+            return None;
+        }
+        let straight = |from: &Joints, start: &Isometry3<f64>, end: &Isometry3<f64>| {
+            let way = end.translation.vector - start.translation.vector;
+            let pieces = (way.norm() / PIECE).ceil().max(1.0) as usize;
+            let mut joints: Vec<Joints> = Vec::with_capacity(pieces);
+            for piece in 1..=pieces {
+                let along = start.translation.vector + way * (piece as f64 / pieces as f64);
+                let seed = joints.last().unwrap_or(from);
+                let next = kinematics.solve(&Isometry3::from_parts(Translation3::from(along), start.rotation), seed)?;
+                if (0..ARM_JOINTS).any(|joint| (next[joint] - seed[joint]).abs() > MOST_STEP) {
+                    return None;
+                }
+                joints.push(next);
+            }
+            Some(joints)
+        };
+        let above = |pose: &Isometry3<f64>, height: f64| Translation3::from(Vector3::z() * height) * pose;
+        let (raised, lifted) = (above(target, grasp.raise), above(target, grasp.raise + self.lift));
+        let mut approach = vec![begin];
+        approach.extend(straight(&begin, &before, target)?);
+        let raise = straight(approach.last()?, target, &raised)?;
+        let lift = straight(raise.last()?, &raised, &lifted)?;
+        let on_the_way = (0..=PLACES).map(|n| {
+            let share = n as f64 / PLACES as f64;
+            kinematics.palm_pose(&std::array::from_fn(|joint| from[joint] + share * (begin[joint] - from[joint])))
+        });
+        on_the_way.into_iter().all(|palm| is_over_table(hand, &palm)).then(|| PickUp {
+            grasp: grasp.clone(),
+            approach,
+            raise,
+            lift,
+        })
+    }
+}
+
+/// Whether the open hand with its palm at `palm` is over the table.
+fn is_over_table(hand: &Hand, palm: &Isometry3<f64>) -> bool {
+    let links = hand.tree.forward(&[0.0; HAND_JOINTS]);
+    let covers =
+        std::iter::once((*palm, &hand.palm_cover)).chain(links.iter().map(|link| palm * link).zip(&hand.covers));
+    covers.into_iter().all(|(pose, cover)| points(cover).all(|point| (pose * point).z > TABLE))
+}
