@@ -19,6 +19,8 @@ const TILTS: [f64; 3] = [1.0, 0.5, 0.0];
 const SPREAD: [f64; 3] = [0.819_173, 0.671_044, 0.549_701];
 /// No other link comes closer to the ball than this, m, ...
 const CLEARANCE: f64 = 0.002;
+/// ... (on the way from one press to the next than this: half of a usual standoff), ...
+const FREE: f64 = 0.02;
 /// ... nor to the post below it, from its middle line, ...
 const POST: f64 = 0.012;
 /// ... nor to the table, on which the arm stands.
@@ -27,6 +29,11 @@ const TABLE: f64 = 0.03;
 pub(crate) const MOST_TURN: f64 = 1.5;
 /// How many joints that are.
 pub(crate) const SIDED: usize = 4;
+/// Where the straight way from press to press is not free the hand rises by one of these, m, by which no joint may turn more than this, rad.
+const RISES: [f64; 3] = [0.06, 0.1, 0.15];
+const MOST_RISE: f64 = 0.8;
+/// Pieces of such a way that are looked at.
+const PLACES: usize = 12;
 /// Points along each axis of a cover that are looked at.
 const GRID: i32 = 3;
 
@@ -83,6 +90,8 @@ pub struct Press {
 /// Where the arm goes for a press.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Approach {
+    /// On the way there, where the straight way is not free.
+    pub round: Vec<Joints>,
     /// At the standoff.
     pub hover: Joints,
     /// A stride apart, the deepest last.
@@ -153,7 +162,7 @@ pub fn approach(
         let flat = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), about)
             * UnitQuaternion::from_axis_angle(&Vector3::x_axis(), std::f64::consts::PI);
         let turn = UnitQuaternion::rotation_between(&(flat * Vector3::z()), &down)? * flat;
-        if !is_clear(hand, pad.link, &palm_at(&turn, 0.0), ball, middle) {
+        if !is_clear(hand, Some(pad.link), &palm_at(&turn, 0.0), ball, middle) {
             return None;
         }
         let hover = kinematics.solve(&palm_at(&turn, ball.standoff), from)?;
@@ -172,7 +181,7 @@ pub fn approach(
             }
             way.push(next);
         }
-        Some(Approach { hover, way })
+        Some(Approach { round: Vec::new(), hover, way })
     })
 }
 
@@ -193,8 +202,46 @@ pub fn sideways((hand, arm): (&Hand, &Arm), ball: &Ball, press: &Press, at: &Joi
     Some(way)
 }
 
-/// Whether all links but `pressed` keep away from ball, post and table with the palm at `palm`.
-fn is_clear(hand: &Hand, pressed: Option<usize>, palm: &Isometry3<f64>, ball: &Ball, middle: &Point3<f64>) -> bool {
+/// Where the arm of a robot believed to be `hand` on `arm` goes in between on its way `from` one posture `to` another, both beside the ball: nowhere if
+/// the straight way is free, or else up and down again. None where even so it is not free.
+pub fn round(
+    (hand, arm): (&Hand, &Arm),
+    ball: &Ball,
+    middle: &Point3<f64>,
+    [from, to]: [&Joints; 2],
+) -> Option<Vec<Joints>> {
+    let kinematics = kinematics(hand, arm);
+    let free = |from: &Joints, to: &Joints| {
+        (0..=PLACES).all(|n| {
+            let share = n as f64 / PLACES as f64;
+            let at: Joints = std::array::from_fn(|joint| from[joint] + share * (to[joint] - from[joint]));
+            is_clear(hand, None, &kinematics.palm_pose(&at), ball, middle)
+        })
+    };
+    let above = |at: &Joints, by: f64| {
+        let up = kinematics.solve(&(Translation3::new(0.0, 0.0, by) * kinematics.palm_pose(at)), at)?;
+        (0..ARM_JOINTS).all(|joint| (up[joint] - at[joint]).abs() < MOST_RISE).then_some(up)
+    };
+    if free(from, to) {
+        return Some(Vec::new());
+    }
+    RISES.iter().find_map(|by| {
+        let up = [above(from, *by)?, above(to, *by)?];
+        // What is beside the ball already may be nearer to it than that.
+        (free(&up[0], &up[1]) && free(&up[1], to)).then(|| up.to_vec())
+    })
+}
+
+/// Whether all links but the one that is pressed (none of it is the palm), or all of them where none is, keep away from ball, post and table with the palm at
+/// `palm`.
+fn is_clear(
+    hand: &Hand,
+    pressed: Option<Option<usize>>,
+    palm: &Isometry3<f64>,
+    ball: &Ball,
+    middle: &Point3<f64>,
+) -> bool {
+    let clearance = if pressed.is_some() { CLEARANCE } else { FREE };
     let links = hand.tree.forward(&[0.0; HAND_JOINTS]);
     let covers = std::iter::once((None, palm, &hand.palm_cover));
     let placed: Vec<Isometry3<f64>> = links.iter().map(|link| palm * link).collect();
@@ -204,7 +251,7 @@ fn is_clear(hand: &Hand, pressed: Option<usize>, palm: &Isometry3<f64>, ball: &B
             let point = pose * point;
             let beside = (point - middle).xy().norm();
             let below = point.z < middle.z - ball.radius && beside < POST;
-            let near = link != pressed && (point - middle).norm() < ball.radius + CLEARANCE;
+            let near = pressed != Some(link) && (point - middle).norm() < ball.radius + clearance;
             point.z > TABLE && !below && !near
         })
     })

@@ -86,6 +86,18 @@ pub enum Progress {
     OutOfReach(usize),
     /// No weight is felt in the hand: the step is left out.
     NotLifted(usize),
+    /// The robot held the arm, which has gone back: the rest of the step is left out.
+    Blocked(usize, ArmHeld),
+}
+
+impl Progress {
+    /// The step that is over with it, played or left out.
+    pub fn over(self) -> Option<usize> {
+        match self {
+            Self::Begins(_) => None,
+            Self::Done(step) | Self::OutOfReach(step) | Self::NotLifted(step) | Self::Blocked(step, _) => Some(step),
+        }
+    }
 }
 
 /// What an excitation goes by.
@@ -123,23 +135,24 @@ pub fn play<R: Robot, E: From<ArmHeld>>(
     let mut aim = means.script.ball.as_ref().map(|ball| Aim::new(means, ball));
     for (n, step) in means.script.steps(means.hand).iter().enumerate().skip(first) {
         heard(Progress::Begins(n))?;
-        let went_on = match (step, &mut aim) {
-            (Step::Press(_, press), Some(aim)) => match aim.at(press) {
-                Some(approach) => player.press(press, &approach, aim, &mut goes_on),
+        let (went_on, back) = match (step, &mut aim) {
+            (Step::Press(_, press), Some(aim)) => match aim.at(press, &player.arm) {
+                Some(approach) => (player.press(press, &approach, aim, &mut goes_on), Some(approach.hover)),
                 None => {
                     heard(Progress::OutOfReach(n))?;
                     continue;
                 }
             },
             (Step::Motion(posture, motion), _) => {
-                player.motion((means.hand, &means.ready), posture, motion, &mut goes_on)
+                (player.motion((means.hand, &means.ready), posture, motion, &mut goes_on), None)
             }
-            (Step::Press(..), None) => true,
+            (Step::Press(..), None) => (true, None),
             (Step::Weigh(weight, part), aim) => {
                 let own = aim.as_ref().map_or((means.hand, means.arm), |aim| aim.own());
+                let back = Some(weight.stand(0, &means.ready));
                 match player.weigh(means, own, (weight, *part), &mut goes_on) {
-                    Weighed::Done => true,
-                    Weighed::Stopped => false,
+                    Weighed::Done => (true, back),
+                    Weighed::Stopped => (false, back),
                     Weighed::OutOfReach => {
                         heard(Progress::OutOfReach(n))?;
                         continue;
@@ -152,7 +165,12 @@ pub fn play<R: Robot, E: From<ArmHeld>>(
             }
         };
         if !went_on {
-            return player.held.map_or(Ok(false), |held| Err(held.into()));
+            let Some(held) = player.held else { return Ok(false) };
+            match back {
+                Some(back) if player.goes_back(&back, &mut goes_on) => heard(Progress::Blocked(n, held))?,
+                _ => return player.held.map_or(Ok(false), |held| Err(held.into())),
+            }
+            continue;
         }
         heard(Progress::Done(n))?;
     }
@@ -213,6 +231,13 @@ impl<R: Robot> Player<'_, R> {
         true
     }
 
+    /// Takes an arm that is held back to where the way was free, from where the robot has it.
+    fn goes_back(&mut self, to: &[f64; ARM_JOINTS], goes_on: &mut impl FnMut(&mut R) -> bool) -> bool {
+        (self.held, self.lag, self.grip) = (None, None, None);
+        self.arm = self.felt.position;
+        self.go(to, goes_on)
+    }
+
     /// Notes where the robot has `sent` the arm (rad). The joint that is furthest from where it was asked to go, once that has lasted too long.
     fn lags(&mut self, sent: &[f64; ARM_JOINTS]) -> Option<ArmHeld> {
         let off = |joint: &usize| (self.arm[*joint] - sent[*joint]).abs();
@@ -268,7 +293,8 @@ impl<R: Robot> Player<'_, R> {
         goes_on: &mut impl FnMut(&mut R) -> bool,
     ) -> bool {
         // The first look after a pause is at untouched pads.
-        if !self.go(&approach.hover, goes_on) || !self.open(PAUSE + LATEST, goes_on) || !self.look(goes_on) {
+        let hovers = approach.round.iter().chain([&approach.hover]).all(|at| self.go(at, goes_on));
+        if !hovers || !self.open(PAUSE + LATEST, goes_on) || !self.look(goes_on) {
             return false;
         }
         let clear = self.felt;

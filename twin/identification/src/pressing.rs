@@ -10,7 +10,7 @@ use scenarios::individuals::robot::RobotIndividual;
 use touch::PhotometricCalibration;
 
 use crate::arm_load::force;
-use crate::ball::{Approach, Ball, Press, approach, sideways};
+use crate::ball::{Approach, Ball, Press, approach, round, sideways};
 use crate::excitation::Means;
 use crate::kinematic_calibration::{KinematicCalibration, Touch, calibrate};
 use crate::touches::{PressImages, touches};
@@ -54,8 +54,8 @@ impl<'a> Aim<'a> {
         self.ball
     }
 
-    /// The way to a press, with the arm bent as in its ready posture: from press to press its joints do not wind up.
-    pub fn at(&self, press: &Press) -> Option<Approach> {
+    /// The way `from` where the arm is to a press, with the arm bent as in its ready posture: from press to press its joints do not wind up.
+    pub fn at(&self, press: &Press, from: &Joints) -> Option<Approach> {
         let way = |early| approach(self.own(), self.ball, press, &self.found.ball, early, &self.ready);
         let near = way(EARLIEST[0])?;
         let unsure = self.found.along_normal(
@@ -64,7 +64,9 @@ impl<'a> Aim<'a> {
             press.camera,
             near.way.last().unwrap_or(&self.ready),
         );
-        way((EARLY * unsure).clamp(EARLIEST[0], EARLIEST[1]))
+        let approach = way((EARLY * unsure).clamp(EARLIEST[0], EARLIEST[1]))?;
+        let round = round(self.own(), self.ball, &self.found.ball, [from, &approach.hover])?;
+        Some(Approach { round, ..approach })
     }
 
     /// The way of a press's pad over the ball from where the arm stands `at`, if it slides.

@@ -9,7 +9,7 @@
 use std::sync::Arc;
 
 use hand_model::robot::{ArmState, Command, Robot, ServoState};
-use hand_model::{ACTUATORS, ARM_JOINTS, Hand};
+use hand_model::{ACTUATORS, ARM_JOINTS, Arm, Hand};
 use nalgebra::Isometry3;
 use proving::world::World;
 use sim::tactile::TactileBoard;
@@ -24,7 +24,7 @@ pub struct Innovation {
     pub opposition: f64,
     /// Cable tensions of the twin, N.
     pub tensions: [f64; 5],
-    /// Torques of the arm's motors less the twin's, N m.
+    /// Torques that the arm's joints bear less the twin's, N m.
     pub arm_torque: [f64; ARM_JOINTS],
 }
 
@@ -33,6 +33,7 @@ pub struct Innovation {
 pub struct Twin {
     robot: SimulatedRobot,
     hand: Arc<Hand>,
+    arm: Arc<Arm>,
     tick: f64,
 }
 
@@ -43,7 +44,7 @@ impl Twin {
         let setup = SceneSetup { cables: world.known_cable_losses(), ..SceneSetup::ideal(cell.world_from_base, *arm) };
         let robot = SimulatedRobot::new(cell.hand.clone(), cell.arm.clone(), &setup, TactileBoard::blank());
         let tick = robot.tick_length();
-        Self { robot, hand: cell.hand.clone(), tick }
+        Self { robot, hand: cell.hand.clone(), arm: cell.arm.clone(), tick }
     }
 
     /// Takes what was measured at the end of a tick; what the robot did in it that the twin did not.
@@ -57,7 +58,7 @@ impl Twin {
             loads: std::array::from_fn(|n| torque(n) / self.hand.cables[n].spool_radius),
             opposition: torque(ACTUATORS - 1),
             tensions: *self.robot.tensions(),
-            arm_torque: std::array::from_fn(|n| arm.torque[n] - own.arm.torque[n]),
+            arm_torque: self.arm.borne(&std::array::from_fn(|n| arm.torque[n] - own.arm.torque[n])),
         };
         self.robot.follow_servos(servos);
         innovation

@@ -154,9 +154,10 @@ fn evaluate(drawing: &Drawing, number: u64, seed: u64) -> Result<Row> {
     let robot = DirectRobot::start(Box::new(plant), settings, arm).map_err(|error| anyhow!("{error}"))?;
     let mut kept = Kept::new(robot);
     let mut done = 0;
-    let heard = |progress| {
-        if let Progress::Done(step) | Progress::OutOfReach(step) | Progress::NotLifted(step) = progress {
-            done = step + 1;
+    let heard = |progress: Progress| {
+        done = progress.over().map_or(done, |step| step + 1);
+        if let Progress::Blocked(step, held) = progress {
+            eprintln!("individual {number}, step {}: {held}", step + 1);
         }
         Ok::<(), ArmHeld>(())
     };

@@ -269,14 +269,21 @@ fn excite(
     bar.set_length(record.script.steps(&drawing.hand).len() as u64);
     bar.set_position(record.done as u64);
     let (script, first) = (record.script.clone(), record.done);
-    let heard = |progress| {
-        if let Progress::OutOfReach(step) = progress {
-            eprintln!("step {}: the arm does not get there with everything clear; it is left out", step + 1);
+    let heard = |progress: Progress| {
+        let left_out = match progress {
+            Progress::OutOfReach(step) => {
+                Some((step, "the arm does not get there with everything clear; it is left out".to_owned()))
+            }
+            Progress::NotLifted(step) => {
+                Some((step, "no weight is felt in the hand, the object was not lifted; it is left out".to_owned()))
+            }
+            Progress::Blocked(step, held) => Some((step, format!("{held}; the rest of it is left out"))),
+            Progress::Begins(_) | Progress::Done(_) => None,
+        };
+        if let Some((step, why)) = left_out {
+            eprintln!("step {}: {why}", step + 1);
         }
-        if let Progress::NotLifted(step) = progress {
-            eprintln!("step {}: no weight is felt in the hand, the object was not lifted; it is left out", step + 1);
-        }
-        if let Progress::Done(step) | Progress::OutOfReach(step) | Progress::NotLifted(step) = progress {
+        if let Some(step) = progress.over() {
             bar.set_position(step as u64 + 1);
             record.done = step + 1;
             record.write(&args.folder)?;
