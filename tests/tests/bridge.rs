@@ -164,6 +164,12 @@ fn faults_end_as_they_should() {
         assert_eq!(matrix["injected"], 12, "{fault} in every phase");
         assert_eq!(matrix["rows"][0]["recordings_intact"], 12);
     }
+    // No camera sends an image that can be read: the robot goes on, and a mirror says so.
+    let output =
+        run(&["bridge", "faults", "--rounds", "1", "--only", "JPEGs", "--phase", "second", "--mirror", "--json"]);
+    let matrix = json(&output.stdout);
+    let named = &matrix["rows"][0]["named"];
+    assert_eq!((&named["teller"], &named["rightly"]), (&"mirror".into(), &matrix["injected"]), "{named}");
 }
 
 /// A host under `--robot hardware` that is killed in mid-trial: servos and arm stop by their own watchdogs, and its recording replays to the last tick.
