@@ -65,7 +65,7 @@ pub fn identify(
     let mut prior = kinematics.individual.clone();
     // Each weighing has a grip of its own; of several the last one counts.
     let weighed = distinct.values().filter_map(|trace| Some((trace.weighed.as_ref()?, trace.tick)));
-    let gains = weighed.filter_map(|weighed| weigh((hand, arm), &kinematics, weighed)).last();
+    let gains = weighed.filter_map(|weighed| weigh((hand, arm), &kinematics, weighed)).next_back();
     let gains = gains.unwrap_or_else(|| Gains::unknown(&prior));
     let gain_places: Vec<usize> =
         (0..ARM_JOINTS).filter_map(|joint| prior.place(Quantity::ArmTorqueGain, joint)).collect();
