@@ -9,7 +9,6 @@ use std::sync::Mutex;
 
 use anyhow::{Context as _, Result, bail};
 use control::executive::{Executive, Phase};
-use grasping::Grasp;
 use hand_model::robot::{Command, Robot};
 use hardware_bridge::emulator::lockstep::LockstepRobot;
 use hardware_bridge::safety::state::State;
@@ -17,13 +16,12 @@ use kortex::emulator::EventKind;
 use nalgebra::Isometry3;
 use proving::rehearsal::{Snapshot, in_grip};
 use proving::world::World;
-use rand::{RngExt, SeedableRng};
-use rand_chacha::ChaCha8Rng;
 use scenarios::record::Condition;
 use session_log::{Event, Reader, Recorder, Session, Writer};
 use sim::robot::Truth;
 
 use self::kind::{Expected, Kind, Teller, tick};
+use self::moments::{Watched, moments};
 use self::watch::Watch;
 use crate::body::emulated::{SharedPlant, settings, travel};
 use crate::mirror::Mirror;
@@ -34,6 +32,7 @@ use crate::trial::{Bench, Moment, Watcher as _};
 use crate::workers;
 
 pub mod kind;
+mod moments;
 mod recorded;
 mod watch;
 
@@ -114,6 +113,11 @@ impl Mirrored {
     }
 }
 
+/// Ticks through the bridge before a fault.
+fn before(mirrored: bool) -> usize {
+    if mirrored { BEFORE_MIRRORED } else { BEFORE }
+}
+
 /// Which faults go into which phases.
 pub struct Matrix<'a> {
     /// Trials and what they need.
@@ -159,98 +163,6 @@ pub fn inject_all(plan: &Matrix, progress: &indicatif::ProgressBar) -> Result<Ve
         Ok(())
     })?;
     Ok(outcomes.into_inner().unwrap_or_default().into_values().collect())
-}
-
-/// Body and controller, and a mirror that looks on.
-#[derive(Clone)]
-struct Watched {
-    snapshot: Snapshot,
-    mirror: Option<Mirror>,
-}
-
-impl Watched {
-    /// About to begin the ideal run of a combination, and the grasp of the second object.
-    fn start(bench: &Bench, combination: usize, mirrored: bool) -> Result<(Self, Grasp)> {
-        let (mut snapshot, second) = bench.ideal_start(combination)?;
-        let mirror = if mirrored {
-            snapshot.executive.watch_images(IMAGES);
-            Some(Mirror::new(&bench.world, &bench.world.cell.ready)?)
-        } else {
-            None
-        };
-        Ok((Self { snapshot, mirror }, second))
-    }
-
-    fn tick(&mut self) -> Result<()> {
-        let Self { snapshot: Snapshot { robot, executive }, mirror } = self;
-        let sent = tick(robot, executive)?;
-        if let Some(mirror) = mirror {
-            mirror.see(&Seen::of(executive, robot.time(), &sent, None));
-        }
-        Ok(())
-    }
-
-    fn phase(&self) -> Phase {
-        self.snapshot.executive.phase()
-    }
-}
-
-/// Body, controller and mirror in each phase of a combination's ideal run, at a drawn moment.
-fn moments(bench: &Bench, combination: usize, seed: u64, mirrored: bool) -> Result<Vec<(Phase, Watched)>> {
-    let mut rng = ChaCha8Rng::seed_from_u64(seed);
-    let mut lengths: BTreeMap<Phase, usize> = BTreeMap::new();
-    let mut count = |watched: &Watched| *lengths.entry(watched.phase()).or_default() += 1;
-    play((bench, combination, false), &mut count)?;
-    put_down((bench, combination, false), &mut count)?;
-    let before = if mirrored { BEFORE_MIRRORED } else { BEFORE };
-    // Not in the last ticks: the fault shall strike in the phase.
-    let drawn: BTreeMap<Phase, usize> = lengths
-        .into_iter()
-        .map(|(phase, length)| (phase, rng.random_range(1..=length.saturating_sub(before + 5).max(1))))
-        .collect();
-    let (mut moments, mut counts) = (Vec::new(), BTreeMap::<Phase, usize>::new());
-    let mut take = |watched: &Watched| {
-        let phase = watched.phase();
-        let count = counts.entry(phase).or_default();
-        *count += 1;
-        if PHASES.contains(&phase) && drawn.get(&phase) == Some(count) {
-            moments.push((phase, watched.clone()));
-        }
-    };
-    play((bench, combination, mirrored), &mut take)?;
-    put_down((bench, combination, mirrored), &mut take)?;
-    Ok(moments)
-}
-
-/// Plays the ideal run of a combination in simulation, mirrored or not; `see` is shown every tick.
-fn play((bench, combination, mirrored): (&Bench, usize, bool), see: &mut impl FnMut(&Watched)) -> Result<()> {
-    let (mut watched, second) = Watched::start(bench, combination, mirrored)?;
-    while watched.phase() < Phase::Done {
-        match watched.phase() {
-            Phase::Decide => watched.snapshot.executive.decide(second.clone())?,
-            Phase::Confirm => watched.snapshot.executive.confirm()?,
-            _ => {}
-        }
-        watched.tick()?;
-        see(&watched);
-    }
-    Ok(())
-}
-
-/// Plays to the decision and lays the first object down again, as touch does when it has lost its hold; `see` is shown the laying down.
-fn put_down((bench, combination, mirrored): (&Bench, usize, bool), see: &mut impl FnMut(&Watched)) -> Result<()> {
-    let (mut watched, _) = Watched::start(bench, combination, mirrored)?;
-    while watched.phase() < Phase::Decide {
-        watched.tick()?;
-    }
-    watched.snapshot.executive.put_down()?;
-    while watched.phase() == Phase::PutDown {
-        watched.tick()?;
-        if watched.phase() == Phase::PutDown {
-            see(&watched);
-        }
-    }
-    Ok(())
 }
 
 /// One injection: a copy of body and controller at a moment of a trial, with the emulated devices around it.
@@ -300,7 +212,7 @@ impl Experiment {
             Session { robot: "emulated".into(), seed, tick_length: robot.tick_length(), ..Session::default() };
         let mut recorder = Recorder::new(robot, Writer::create(file, &session)?);
         let mut watch = Watch::new(travel(hand));
-        let before = if mirror.is_some() { BEFORE_MIRRORED } else { BEFORE };
+        let before = before(mirror.is_some());
         for _ in 0..before {
             let sent = tick(&mut recorder, &mut executive)?;
             watch.see(recorder.robot());

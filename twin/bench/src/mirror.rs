@@ -1,7 +1,7 @@
 //! The mirror: a twin that runs beside the robot, fed with the same commands and corrected by its measurements, and what it names.
 //!
 //! [`twin`] is the observer, [`seen`] all that it is told, [`residuals`] what is left between robot and twin. [`cables`], [`torque`], [`hand`] with [`steps`], and
-//! [`cameras`] find what is amiss in that, by the limits of [`limits`]; [`divergence`] has the words for it. [`belief`] is where the object in the hand was felt.
+//! [`cameras`] find what is amiss in that, by what a phase lets expect ([`expected`]), what acts from [`outside`], and the limits of [`limits`]; [`divergence`] has the words for it. [`belief`] is where the object in the hand was felt.
 //! [`watch`] lets a mirror look on while trials are played. A mirror only looks: it takes measurements, sent commands and what
 //! the controller believes ([`seen::Seen`]), cannot reach the robot's truth, and gives nothing back to whoever commands.
 
@@ -9,6 +9,7 @@ pub mod belief;
 pub mod cables;
 pub mod cameras;
 pub mod divergence;
+pub mod expected;
 pub mod hand;
 pub mod limits;
 pub mod outside;

@@ -9,6 +9,7 @@ use nalgebra::Vector3;
 
 use super::cables::Finding;
 use super::divergence::Kind;
+use super::expected::{Expects, expects, held};
 use super::limits::{HandLimits, Limits};
 use super::outside::{Outside, Pushed};
 use super::residuals::Residuals;
@@ -28,40 +29,6 @@ const WEIGHED: usize = 4;
 const JOLTED: usize = 6;
 /// Contacts that follow each other within this time are one, s.
 const AGAIN: f64 = 0.3;
-
-/// What a phase lets expect of the forces on the hand.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Expects {
-    /// The hand moves through the air, or stands still.
-    Nothing,
-    /// It meets objects, and the table.
-    Contact,
-}
-
-fn expects(limits: &HandLimits, phase: Phase, progress: f64) -> Expects {
-    match phase {
-        Phase::ApproachFirst | Phase::ApproachSecond | Phase::ReachFirst | Phase::ReachSecond => {
-            if progress < limits.arriving { Expects::Nothing } else { Expects::Contact }
-        }
-        Phase::LiftFirst | Phase::LiftSecond if progress > limits.leaving => Expects::Nothing,
-        Phase::Begin | Phase::StepAside | Phase::Look | Phase::Decide => Expects::Nothing,
-        Phase::Check | Phase::Confirm | Phase::Carry | Phase::Hold | Phase::Verify => Expects::Nothing,
-        _ => Expects::Contact,
-    }
-}
-
-/// How many of the two objects should be in the hand, and lifted.
-fn held(limits: &HandLimits, phase: Phase, progress: f64) -> usize {
-    let lifted = |before: usize| if progress > limits.leaving { before + 1 } else { before };
-    match phase {
-        Phase::LiftFirst => lifted(0),
-        Phase::LiftSecond => lifted(1),
-        Phase::Look | Phase::Decide => 1,
-        phase if phase > Phase::LiftSecond => 2,
-        phase if phase > Phase::Decide => 1,
-        _ => 0,
-    }
-}
 
 /// What is asked of the hand in a tick.
 #[derive(Debug, Clone, Copy)]
