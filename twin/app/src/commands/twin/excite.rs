@@ -342,20 +342,8 @@ fn real(path: &Path, yes: bool, script: &Script) -> Result<(Bodied, Session)> {
         std::thread::sleep(Duration::from_millis(20));
     }
     let mut question = "The arm will go to its home posture in a straight line of its joints and turn its wrist there, the hand will close and open for minutes.".to_owned();
-    if let Some(ball) = &script.ball {
-        let [x, y, z] = ball.place;
-        question += &format!(
-            " Then it presses every pad on a ball of {:.0} mm on a post, {x:.3} m before, {y:.3} m beside and {z:.3} m over its base.",
-            2e3 * ball.radius
-        );
-    }
-    if let Some(weight) = &script.weight {
-        let [x, y] = weight.place;
-        question += &format!(
-            " Last, it lifts the {} of {:.0} g that stands on the table {x:.3} m before and {y:.3} m beside its base, turns it about, and puts it down again.",
-            weight.object,
-            1e3 * weight.mass
-        );
+    for thing in things(script) {
+        question += &format!(" {thing}");
     }
     question += " Is the way clear, the hand empty, and everything in its place?";
     if !yes && !agreed(&question)? {
@@ -363,6 +351,27 @@ fn real(path: &Path, yes: bool, script: &Script) -> Result<(Bodied, Session)> {
     }
     robot.arm()?;
     Ok((Bodied::Real(Box::new(robot)), about))
+}
+
+/// What stands about the robot and what is done with it, a sentence each.
+fn things(script: &Script) -> Vec<String> {
+    let ball = script.ball.as_ref().map(|ball| {
+        let [x, y, z] = ball.place;
+        format!(
+            "It presses every pad on a ball of {:.0} mm on a post, {x:.3} m before, {y:.3} m beside and {z:.3} m over its base.",
+            2e3 * ball.radius
+        )
+    });
+    let weight = script.weight.as_ref().map(|weight| {
+        let [x, y] = weight.place;
+        format!(
+            "Last, it lifts the {} of {:.0} g that stands on the table {x:.3} m before and {y:.3} m beside its base, turns it about, and puts it down again; \
+             before an excitation goes on that was stopped meanwhile, somebody puts it back there.",
+            weight.object,
+            1e3 * weight.mass
+        )
+    });
+    ball.into_iter().chain(weight).collect()
 }
 
 /// What was done, or is to be done.
@@ -376,6 +385,9 @@ fn tell(terminal: &Terminal, args: &ExciteArgs, record: &Record, dry: bool) -> O
     if dry {
         for line in described(&record.script, &hand).iter().skip(record.done) {
             text += &format!("{line}\n");
+        }
+        for thing in things(&record.script) {
+            text += &format!("{thing}\n");
         }
         text += &format!(
             "{} steps to do, about {:.0} s and the arm's ways between them; nothing was moved\n",
