@@ -198,7 +198,6 @@ mod tests {
         assert!(robot.deviations().iter().zip(other.deviations()).all(|(a, b)| a != b));
     }
 
-    /// Individual 0 is the drawing to the last bit.
     /// Quantities that were added last leave what was drawn before as it was, to the last bit.
     #[test]
     fn what_was_drawn_stays() {
@@ -230,6 +229,7 @@ mod tests {
         }
     }
 
+    /// Individual 0 is the drawing to the last bit.
     #[test]
     fn number_0_is_the_drawing() {
         let (hand, arm) = drawn();

@@ -217,7 +217,7 @@ impl Experiment {
             let sent = tick(&mut recorder, &mut executive)?;
             watch.see(recorder.robot());
             if let Some(mirror) = &mut mirror {
-                mirror.see(&Seen::of(&executive, plant.lock().truth().time, &sent, None));
+                mirror.see(&Seen::of(&executive, plant.lock().time(), &sent, None));
             }
         }
         if recorder.robot().state() != State::Running {
@@ -247,7 +247,7 @@ impl Experiment {
         let patience = if self.kind.expected() == Expected::GoesOn { AFTER } else { LONGEST };
         for _ in 0..patience {
             self.tick()?;
-            let now = 1e3 * (self.plant.lock().truth().time - since);
+            let now = 1e3 * (self.plant.lock().time() - since);
             if is_stopped(self.kind, self.recorder.robot()) {
                 let fastest = fastest_joint(self.recorder.robot());
                 if stop.stopped.is_none() {
@@ -272,7 +272,7 @@ impl Experiment {
         self.watch.see(self.recorder.robot());
         self.reflect(sent.as_ref());
         if let (Some(watcher), true) = (&mut self.watcher, self.alive) {
-            let time = self.plant.lock().truth().time;
+            let time = self.plant.lock().time();
             let state = self.recorder.robot().state();
             // A state is told once.
             let note = (self.told != state).then(|| state.to_string());
@@ -297,10 +297,10 @@ impl Experiment {
     /// The mirror sees the tick in which `sent` was sent. It ends with the first that the robot does not follow: there the supervisor tells.
     fn reflect(&mut self, sent: Option<&Command>) {
         if self.recorder.robot().state() != State::Running {
-            self.held_at = self.held_at.or_else(|| Some(self.plant.lock().truth().time));
+            self.held_at = self.held_at.or_else(|| Some(self.plant.lock().time()));
         }
         let (Some(mirror), Some(sent), None) = (&mut self.mirror, sent, self.held_at) else { return };
-        let time = self.plant.lock().truth().time;
+        let time = self.plant.lock().time();
         self.named.extend_from_slice(mirror.see(&Seen::of(&self.executive, time, sent, None)));
     }
 

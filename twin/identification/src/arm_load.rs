@@ -6,6 +6,9 @@ use nalgebra::{Isometry3, Matrix3, Point3, SVector, Vector3};
 
 type Torques = SVector<f64, ARM_JOINTS>;
 
+/// Something is in the hand where at least this share of its weight is felt.
+const FELT: f64 = 0.5;
+
 /// Torques that hold the arm and an open hand against their weight, N m.
 pub fn weight(hand: &Hand, arm: &Arm, angles: &[f64; ARM_JOINTS]) -> Torques {
     let poses = arm.tree.forward(angles);
@@ -23,6 +26,21 @@ pub fn weight(hand: &Hand, arm: &Arm, angles: &[f64; ARM_JOINTS]) -> Torques {
         torques += held(arm, &poses, link, &middle, &Vector3::new(0.0, 0.0, -GRAVITY * mass));
     }
     torques
+}
+
+/// The palm of a robot whose encoders show `angles`, in the frame of the arm's base.
+pub(crate) fn palm((hand, arm): (&Hand, &Arm), angles: &[f64; ARM_JOINTS]) -> Isometry3<f64> {
+    arm.tool_pose(angles) * hand.palm_from_flange.inverse()
+}
+
+/// The force at the palm ([`force`]).
+pub(crate) fn force_on_palm(own: (&Hand, &Arm), states: [&ArmState; 2]) -> Option<Vector3<f64>> {
+    force(own, states, &palm(own, &states[1].position).translation.vector.into())
+}
+
+/// Whether the hand bears at least half of a `mass` (kg) more than it did.
+pub(crate) fn bears(own: (&Hand, &Arm), states: [&ArmState; 2], mass: f64) -> bool {
+    force_on_palm(own, states).is_some_and(|force| -force.z > FELT * mass * GRAVITY)
 }
 
 /// Torques that hold the last link of an arm whose links are at `poses` against a `force` (N) at a point of it, N m.

@@ -26,9 +26,9 @@ const POST: f64 = 0.012;
 /// ... nor to the table, on which the arm stands.
 const TABLE: f64 = 0.03;
 /// The joints before the wrist turn by no more than this from where the arm begins, rad: the others would bring its elbow to the other side.
-pub(crate) const MOST_TURN: f64 = 1.5;
+const MOST_TURN: f64 = 1.5;
 /// How many joints that are.
-pub(crate) const SIDED: usize = 4;
+const SIDED: usize = 4;
 /// Where the straight way from press to press is not free the hand rises by one of these, m, by which no joint may turn more than this, rad.
 const RISES: [f64; 3] = [0.06, 0.1, 0.15];
 const MOST_RISE: f64 = 0.8;
@@ -167,7 +167,7 @@ pub fn approach(
         }
         let hover = kinematics.solve(&palm_at(&turn, ball.standoff), from)?;
         // Straight lines of the joints lead from press to press: none may lead round to the other side of the arm.
-        if hover.iter().zip(from).take(SIDED).any(|(to, from)| (to - from).abs() > MOST_TURN) {
+        if !keeps_its_side(from, &hover) {
             return None;
         }
         let looks = ((2.0 * early + ball.depth) / ball.stride).ceil() as usize;
@@ -202,6 +202,32 @@ pub fn sideways((hand, arm): (&Hand, &Arm), ball: &Ball, press: &Press, at: &Joi
     Some(way)
 }
 
+/// Whether an arm that goes `from` one posture `to` another keeps its elbow on the same side.
+pub(crate) fn keeps_its_side(from: &Joints, to: &Joints) -> bool {
+    to.iter().zip(from).take(SIDED).all(|(to, from)| (to - from).abs() <= MOST_TURN)
+}
+
+/// Postures on the straight way of the joints `from` one `to` another, in so many `pieces`, both ends included.
+pub(crate) fn straight(from: &Joints, to: &Joints, pieces: usize) -> impl Iterator<Item = Joints> {
+    let (from, to) = (*from, *to);
+    (0..=pieces).map(move |n| {
+        let share = n as f64 / pieces as f64;
+        std::array::from_fn(|joint| from[joint] + share * (to[joint] - from[joint]))
+    })
+}
+
+/// Covers of an open hand with its palm at `palm`: of the palm, which is no link, and of all links, each where the link is.
+pub(crate) fn covers<'a>(
+    hand: &'a Hand,
+    palm: &Isometry3<f64>,
+) -> impl Iterator<Item = (Option<usize>, Isometry3<f64>, &'a CoverShape)> {
+    let palm = *palm;
+    let links = hand.tree.forward(&[0.0; HAND_JOINTS]);
+    let fingers =
+        links.into_iter().zip(&hand.covers).enumerate().map(move |(n, (link, cover))| (Some(n), palm * link, cover));
+    std::iter::once((None, palm, &hand.palm_cover)).chain(fingers)
+}
+
 /// Where the arm of a robot believed to be `hand` on `arm` goes in between on its way `from` one posture `to` another, both beside the ball: nowhere if
 /// the straight way is free, or else up and down again. None where even so it is not free.
 pub fn round(
@@ -212,11 +238,7 @@ pub fn round(
 ) -> Option<Vec<Joints>> {
     let kinematics = kinematics(hand, arm);
     let free = |from: &Joints, to: &Joints| {
-        (0..=PLACES).all(|n| {
-            let share = n as f64 / PLACES as f64;
-            let at: Joints = std::array::from_fn(|joint| from[joint] + share * (to[joint] - from[joint]));
-            is_clear(hand, None, &kinematics.palm_pose(&at), ball, middle)
-        })
+        straight(from, to, PLACES).all(|at| is_clear(hand, None, &kinematics.palm_pose(&at), ball, middle))
     };
     let above = |at: &Joints, by: f64| {
         let up = kinematics.solve(&(Translation3::new(0.0, 0.0, by) * kinematics.palm_pose(at)), at)?;
@@ -242,11 +264,7 @@ fn is_clear(
     middle: &Point3<f64>,
 ) -> bool {
     let clearance = if pressed.is_some() { CLEARANCE } else { FREE };
-    let links = hand.tree.forward(&[0.0; HAND_JOINTS]);
-    let covers = std::iter::once((None, palm, &hand.palm_cover));
-    let placed: Vec<Isometry3<f64>> = links.iter().map(|link| palm * link).collect();
-    let fingers = placed.iter().zip(&hand.covers).enumerate().map(|(n, (pose, cover))| (Some(n), pose, cover));
-    covers.chain(fingers).all(|(link, pose, cover)| {
+    covers(hand, palm).all(|(link, pose, cover)| {
         points(cover).all(|point| {
             let point = pose * point;
             let beside = (point - middle).xy().norm();

@@ -14,7 +14,7 @@ use crate::pressing::Aim;
 use crate::script::{Motion, Posture, Script, Step, actuator};
 use crate::touches::{PAUSE, PressImages};
 use crate::weight::Part;
-use lifting::Weighed;
+use lifting::Ended;
 
 /// How close to a posture the arm's set-points are there, rad.
 const THERE: f64 = 1e-4;
@@ -151,13 +151,13 @@ pub fn play<R: Robot, E: From<ArmHeld>>(
                 let own = aim.as_ref().map_or((means.hand, means.arm), |aim| aim.own());
                 let back = Some(weight.stand(0, &means.ready));
                 match player.weigh(means, own, (weight, *part), &mut goes_on) {
-                    Weighed::Done => (true, back),
-                    Weighed::Stopped => (false, back),
-                    Weighed::OutOfReach => {
+                    Ended::Done => (true, back),
+                    Ended::Stopped => (false, back),
+                    Ended::OutOfReach => {
                         heard(Progress::OutOfReach(n))?;
                         continue;
                     }
-                    Weighed::NotLifted => {
+                    Ended::NotLifted => {
                         heard(Progress::NotLifted(n))?;
                         continue;
                     }

@@ -11,7 +11,7 @@ use optics::calibration::least_squares::{Options, Problem, forward_differences};
 use scenarios::individuals::robot::RobotIndividual;
 use scenarios::individuals::spread::Quantity;
 
-use crate::arm_load::{force, held_by_last, weight as own_weight};
+use crate::arm_load::{bears, held_by_last, palm, weight as own_weight};
 use crate::fit::TAUGHT;
 use crate::kinematic_calibration::KinematicCalibration;
 use crate::trace::{Row, Weighed};
@@ -23,8 +23,6 @@ const THERE: f64 = 0.01;
 const LONG: f64 = 0.8;
 /// Of the time in which it stands this part counts, as shares of it: it comes to rest before, and sets off after.
 const RESTED: [f64; 2] = [0.5, 0.9];
-/// The object is in the hand where at least this share of its weight is felt.
-const FELT: f64 = 0.5;
 /// Spread of where the weight acts about the palm's origin along each axis, m: it is somewhere in the hand.
 const SOMEWHERE: f64 = 0.06;
 /// How far that moves from posture to posture along each axis, m: the object in its grip, and the digits, which hang otherwise when they are empty.
@@ -160,11 +158,9 @@ impl Pair {
         let stands = stands(weighed, tick);
         let pair = |full: &Stand| {
             let empty = stands.iter().rfind(|stand| !stand.closed && stand.posture == full.posture)?;
-            let palm = own.1.tool_pose(&full.shown.position) * own.0.palm_from_flange.inverse();
-            let borne = -force(own, [&empty.shown, &full.shown], &palm.translation.vector.into())?.z;
             let sigma =
                 |joint: usize| (full.scatter[joint].powi(2) + empty.scatter[joint].powi(2) + REST * REST).sqrt();
-            (borne > FELT * weighed.weight.mass * GRAVITY).then(|| Self {
+            bears(own, [&empty.shown, &full.shown], weighed.weight.mass).then(|| Self {
                 empty: empty.shown,
                 full: full.shown,
                 sigma: std::array::from_fn(sigma),
@@ -190,7 +186,7 @@ struct Posture {
 impl Posture {
     fn of((hand, arm): (&Hand, &Arm), pair: &Pair) -> Self {
         let poses = arm.tree.forward(&pair.full.position);
-        let palm = arm.tool_pose(&pair.full.position) * hand.palm_from_flange.inverse();
+        let palm = palm((hand, arm), &pair.full.position);
         let at = |offset: Vector3<f64>| held_by_last(arm, &poses, &(palm * Point3::from(offset)), &-Vector3::z());
         let origin = at(Vector3::zeros());
         let along = |axis| at(Vector3::ith(axis, 1.0)) - origin;

@@ -9,12 +9,12 @@ use control::inverse_kinematics::Joints;
 use control::motion::approach::APPROACH_DISTANCE;
 use grasping::Grasp;
 use hand_model::data::DataError;
-use hand_model::{ARM_JOINTS, Arm, HAND_JOINTS, Hand};
+use hand_model::{ARM_JOINTS, Arm, Hand};
 use nalgebra::{Isometry3, Point3, Translation3, Vector3};
 use scenarios::objects::{ObjectModel, ObjectSet};
 use serde::{Deserialize, Serialize};
 
-use crate::ball::{MOST_TURN, SIDED, kinematics, points};
+use crate::ball::{covers, keeps_its_side, kinematics, points, straight};
 use crate::script::Posture;
 
 /// Two postures of a script differ by this in some joint at least, rad: a session tells by them what is stood in.
@@ -156,10 +156,10 @@ impl Weight {
         let before = grasp.pregrasp_pose(target, APPROACH_DISTANCE);
         let begin = kinematics.solve(&before, from)?;
         // Straight lines of the joints lead there and back: none may lead round to the other side of the arm.
-        if begin.iter().zip(from).take(SIDED).any(|(to, from)| (to - from).abs() > MOST_TURN) {
+        if !keeps_its_side(from, &begin) {
             return None;
         }
-        let straight = |from: &Joints, start: &Isometry3<f64>, end: &Isometry3<f64>| {
+        let line = |from: &Joints, start: &Isometry3<f64>, end: &Isometry3<f64>| {
             let way = end.translation.vector - start.translation.vector;
             let pieces = (way.norm() / PIECE).ceil().max(1.0) as usize;
             let mut joints: Vec<Joints> = Vec::with_capacity(pieces);
@@ -177,14 +177,10 @@ impl Weight {
         let above = |pose: &Isometry3<f64>, height: f64| Translation3::from(Vector3::z() * height) * pose;
         let (raised, lifted) = (above(target, grasp.raise), above(target, grasp.raise + self.lift));
         let mut approach = vec![begin];
-        approach.extend(straight(&begin, &before, target)?);
-        let raise = straight(approach.last()?, target, &raised)?;
-        let lift = straight(raise.last()?, &raised, &lifted)?;
-        let on_the_way = (0..=PLACES).map(|n| {
-            let share = n as f64 / PLACES as f64;
-            kinematics.palm_pose(&std::array::from_fn(|joint| from[joint] + share * (begin[joint] - from[joint])))
-        });
-        on_the_way.into_iter().all(|palm| is_over_table(hand, &palm)).then(|| PickUp {
+        approach.extend(line(&begin, &before, target)?);
+        let raise = line(approach.last()?, target, &raised)?;
+        let lift = line(raise.last()?, &raised, &lifted)?;
+        straight(from, &begin, PLACES).all(|at| is_over_table(hand, &kinematics.palm_pose(&at))).then(|| PickUp {
             grasp: grasp.clone(),
             approach,
             raise,
@@ -195,8 +191,5 @@ impl Weight {
 
 /// Whether the open hand with its palm at `palm` is over the table.
 fn is_over_table(hand: &Hand, palm: &Isometry3<f64>) -> bool {
-    let links = hand.tree.forward(&[0.0; HAND_JOINTS]);
-    let covers =
-        std::iter::once((*palm, &hand.palm_cover)).chain(links.iter().map(|link| palm * link).zip(&hand.covers));
-    covers.into_iter().all(|(pose, cover)| points(cover).all(|point| (pose * point).z > TABLE))
+    covers(hand, palm).all(|(_, pose, cover)| points(cover).all(|point| (pose * point).z > TABLE))
 }

@@ -86,7 +86,10 @@ impl CableWatch {
             self.past.pop_front();
         }
         self.slack(limits, time, cable, outside.pushed).or_else(|| self.slipped(limits, time, cable)).or_else(|| {
-            let past: [Cable; KEPT] = self.past.iter().copied().collect::<Vec<_>>().try_into().ok()?;
+            if self.past.len() < KEPT {
+                return None;
+            }
+            let past: [Cable; KEPT] = std::array::from_fn(|n| self.past[n]);
             let again = self.weakened.is_some_and(|at| time < at + AGAIN);
             let share = missing(limits, &past, outside).filter(|_| self.slack.is_none() && !again)?;
             self.weakened = Some(time);

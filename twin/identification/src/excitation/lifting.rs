@@ -4,10 +4,10 @@ use control::motion::CLOSING_TIME;
 use control::motion::tension::{against_friction, approach_tension, closing_tension};
 use grasping::Grasp;
 use hand_model::robot::{ArmState, Robot};
-use hand_model::{ARM_JOINTS, Arm, GRAVITY, Hand};
+use hand_model::{ARM_JOINTS, Arm, Hand};
 
 use super::{Means, Player};
-use crate::arm_load::force;
+use crate::arm_load::{bears, force_on_palm};
 use crate::weight::{Part, PickUp, Weight};
 
 /// Current limit of the opposition servo while it holds, A.
@@ -22,12 +22,10 @@ const TRIES: usize = 3;
 const MOST_PUSH: f64 = 30.0;
 /// An arm whose encoders show it further than this from its posture, rad, does not stand there: something is in its way.
 const OFF: f64 = 0.008;
-/// Something is in the hand where at least this share of its weight is felt.
-const FELT: f64 = 0.5;
 
 /// How weighing ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Weighed {
+pub(super) enum Ended {
     Done,
     /// Nothing is felt in the hand.
     NotLifted,
@@ -50,13 +48,12 @@ impl<R: Robot> Player<'_, R> {
         own: (&Hand, &Arm),
         (weight, part): (&Weight, Part),
         goes_on: &mut impl FnMut(&mut R) -> bool,
-    ) -> Weighed {
+    ) -> Ended {
         match part {
             Part::Empty(posture) => {
                 let at = weight.stand(posture, &means.ready);
-                self.stand(&at, weight.hold, goes_on).map_or(Weighed::Stopped, |shown| {
-                    if is_there(&shown, &at) { Weighed::Done } else { Weighed::OutOfReach }
-                })
+                self.stand(&at, weight.hold, goes_on)
+                    .map_or(Ended::Stopped, |shown| if is_there(&shown, &at) { Ended::Done } else { Ended::OutOfReach })
             }
             Part::Lifted => self.lift(means, own, weight, goes_on),
         }
@@ -68,34 +65,32 @@ impl<R: Robot> Player<'_, R> {
         own: (&Hand, &Arm),
         weight: &Weight,
         goes_on: &mut impl FnMut(&mut R) -> bool,
-    ) -> Weighed {
-        let Some(object) = weight.model() else { return Weighed::OutOfReach };
+    ) -> Ended {
+        let Some(object) = weight.model() else { return Ended::OutOfReach };
         let stands: Vec<[f64; ARM_JOINTS]> = (0..weight.posture.len()).map(|n| weight.stand(n, &means.ready)).collect();
-        let Some(clear) = self.stand(&stands[0], weight.hold, goes_on) else { return Weighed::Stopped };
+        let Some(clear) = self.stand(&stands[0], weight.hold, goes_on) else { return Ended::Stopped };
         if !is_there(&clear, &stands[0]) {
-            return Weighed::OutOfReach;
+            return Ended::OutOfReach;
         }
-        let mut ended = Weighed::OutOfReach;
+        let mut ended = Ended::OutOfReach;
         for way in weight.pick_ups(own, &object, means.grasps, &stands[0]).take(TRIES) {
             match self.pick_up(means, own, &way, goes_on) {
-                Weighed::Done => {}
-                Weighed::NotLifted => {
-                    ended = Weighed::NotLifted;
+                Ended::Done => {}
+                Ended::NotLifted => {
+                    ended = Ended::NotLifted;
                     continue;
                 }
                 other => return other,
             }
-            let Some(loaded) = self.stand(&stands[0], weight.hold, goes_on) else { return Weighed::Stopped };
-            let palm = own.1.tool_pose(&loaded.position) * own.0.palm_from_flange.inverse();
-            let borne = force(own, [&clear, &loaded], &palm.translation.vector.into()).map_or(0.0, |force| -force.z);
-            if borne > FELT * weight.mass * GRAVITY {
+            let Some(loaded) = self.stand(&stands[0], weight.hold, goes_on) else { return Ended::Stopped };
+            if bears(own, [&clear, &loaded], weight.mass) {
                 let held = stands[1..].iter().all(|at| self.stand(at, weight.hold, goes_on).is_some());
-                return if held && self.put_down(&way, &stands[0], goes_on) { Weighed::Done } else { Weighed::Stopped };
+                return if held && self.put_down(&way, &stands[0], goes_on) { Ended::Done } else { Ended::Stopped };
             }
-            ended = Weighed::NotLifted;
+            ended = Ended::NotLifted;
             self.grip = None;
             if !self.open(LETTING_GO, goes_on) {
-                return Weighed::Stopped;
+                return Ended::Stopped;
             }
         }
         ended
@@ -133,32 +128,30 @@ impl<R: Robot> Player<'_, R> {
         own: (&Hand, &Arm),
         way: &PickUp,
         goes_on: &mut impl FnMut(&mut R) -> bool,
-    ) -> Weighed {
-        let Some((begin, on)) = way.approach.split_first() else { return Weighed::OutOfReach };
+    ) -> Ended {
+        let Some((begin, on)) = way.approach.split_first() else { return Ended::OutOfReach };
         let (grasp, mut pull) = (&way.grasp, [0.0; 5]);
         let begun = self.go(begin, goes_on);
         // Digits take the shape in which they come to the object.
         if !begun || !self.pull_for(means, grasp, &mut pull, -CLOSING_TIME, goes_on) {
-            return Weighed::Stopped;
+            return Ended::Stopped;
         }
         let (slow, clear) = (SLOW * self.script.arm_speed, self.felt);
         for (n, at) in on.iter().enumerate() {
             if !self.go_at(at, slow, goes_on) {
-                return Weighed::Stopped;
+                return Ended::Stopped;
             }
-            let palm = own.1.tool_pose(&self.felt.position) * own.0.palm_from_flange.inverse();
-            let pushed = force(own, [&clear, &self.felt], &palm.translation.vector.into());
-            if pushed.is_some_and(|pushed| pushed.norm() > MOST_PUSH) {
+            if force_on_palm(own, [&clear, &self.felt]).is_some_and(|pushed| pushed.norm() > MOST_PUSH) {
                 self.grip = None;
                 let back = on[..n].iter().rev().chain([begin]).all(|at| self.go_at(at, slow, goes_on));
-                return if back { Weighed::NotLifted } else { Weighed::Stopped };
+                return if back { Ended::NotLifted } else { Ended::Stopped };
             }
         }
         let closed = self.pull_for(means, grasp, &mut pull, 0.0, goes_on);
         if closed && way.raise.iter().chain(&way.lift).all(|at| self.go_at(at, slow, goes_on)) {
-            Weighed::Done
+            Ended::Done
         } else {
-            Weighed::Stopped
+            Ended::Stopped
         }
     }
 
