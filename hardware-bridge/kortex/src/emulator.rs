@@ -5,7 +5,10 @@
 //!
 //! # What is assumed
 //! Not all reactions of the real arm are published. Where the emulator guesses, it takes the careful side:
-//! - Commands that stop for [`Settings::cyclic_deadline`] raise every joint's watchdog fault and stop the arm.
+//! - Commands that stop for [`Settings::cyclic_deadline`] raise every joint's watchdog fault and stop the arm. One that has
+//!   arrived and was not read yet has not failed to come.
+//! - A session ends without a call for its session timeout, or without any sign of life for its connection timeout;
+//!   keep-alives are signs of life and no calls.
 //! - A session that ends while its speeds or its action move the arm, or while it servoes, stops the arm.
 //! - An action is aborted by any command that moves or stops the arm and by a change of mode; the next one begins when the
 //!   joints have braked. It takes 0.5 rad/s and 1.5 rad/s² unless it asks for a duration or a speed. Poses, twists and
@@ -25,6 +28,7 @@ mod peer;
 mod plant;
 mod server;
 mod sessions;
+mod sockets;
 
 pub use controller::{Commands, Controller, Event, EventKind, Settings, Status};
 pub use fault_injection::Injection;
