@@ -80,8 +80,8 @@ impl KortexLink {
     fn take_back(&mut self) -> Option<ArmLinkError> {
         match std::mem::replace(&mut self.hands, Hands::Lost) {
             Hands::Servoing(servo_loop) => {
-                let (mut arm, result) = servo_loop.finish();
-                let failed = result.err().map(|error| explained(&mut arm, &error));
+                let (arm, result) = servo_loop.finish();
+                let failed = result.err().map(|error| failed(&error));
                 self.hands = Hands::Idle(Box::new(arm));
                 failed
             }
@@ -98,18 +98,6 @@ pub fn failed(error: &KortexError) -> ArmLinkError {
     ArmLinkError { trouble: trouble(error), text: error.to_string() }
 }
 
-/// The same; an arm that answers, but does not servo any more, is asked for its faults: its own watchdog ends servoing as another client does.
-fn explained(arm: &mut Arm, error: &KortexError) -> ArmLinkError {
-    let plain = failed(error);
-    if plain.trouble != ArmTrouble::OtherClient {
-        return plain;
-    }
-    match arm.cyclic.feedback().map(|feedback| fault_of(&feedback)) {
-        Ok(Err(fault)) => ArmLinkError { trouble: trouble(&fault), text: format!("{fault}; {error}") },
-        _ => plain,
-    }
-}
-
 fn trouble(error: &KortexError) -> ArmTrouble {
     let of_report = |report: &Report| {
         let stopped = report.joints.iter().any(|joint| joint.a & safety_bank::WATCHDOG != 0);
@@ -124,7 +112,11 @@ fn trouble(error: &KortexError) -> ArmTrouble {
         | KortexError::Silent { .. }
         | KortexError::FeedbackLost { .. } => ArmTrouble::Network,
         KortexError::SessionLost { .. } => ArmTrouble::SessionLost,
-        KortexError::State { .. } | KortexError::ControlMode { .. } => ArmTrouble::OtherClient,
+        KortexError::SessionExpired { .. } | KortexError::HostLate { .. } => ArmTrouble::HostLate,
+        KortexError::CommandsLost { .. } => ArmTrouble::CommandsLost,
+        KortexError::State { .. } | KortexError::ControlMode { .. } | KortexError::TakenOver { .. } => {
+            ArmTrouble::OtherClient
+        }
         KortexError::Refused { refusal, .. } => match refusal.reason {
             Reason::EmergencyStop => ArmTrouble::EmergencyStop,
             Reason::InFault => ArmTrouble::Fault,

@@ -163,3 +163,26 @@ fn an_action_moves_the_hands_arm() {
     let (x, y, z) = expected.rotation.euler_angles();
     assert!([x, y, z].iter().zip(turn).all(|(expected, found)| (expected - found).abs() < 1e-4), "{turn:?}");
 }
+
+/// The bridge keeps the arm past its session timeout, servoing and not.
+#[test]
+fn the_session_timeout_passes_unnoticed() {
+    let emulator = emulator(Settings { cyclic_deadline: 60_000, ..Settings::default() }, Pace::RealTime);
+    let short = Timeouts { session: Duration::from_secs(2), keep_alive: Duration::from_millis(20), ..timeouts() };
+    let credentials = Settings::default().credentials;
+    let arm = Arm::connect(emulator.address(), &credentials, short, ArmModel::home()).expect("connects");
+    let mut link = KortexLink::new(arm, Duration::from_millis(10), Duration::from_secs(60));
+    let mut past = |link: &mut KortexLink| {
+        let begun = emulator.status().time;
+        until("two session timeouts have passed", || {
+            link.read(0.0).map_or_else(|error| panic!("lost: {error}"), drop);
+            emulator.status().time > begun + 4000
+        });
+    };
+    past(&mut link);
+    link.engage().expect("engages");
+    until("the first word", || link.read(0.0).is_ok());
+    past(&mut link);
+    link.disengage().expect("leaves");
+    assert_eq!(emulator.status().sessions.len(), 2);
+}

@@ -66,7 +66,7 @@ impl Base {
     /// The link's and the login's.
     pub fn connect(address: SocketAddr, credentials: &Credentials, timeouts: Timeouts) -> Result<Self, KortexError> {
         let link = TcpLink::connect(address, timeouts.call)?;
-        let session = Session::create(link, credentials, timeouts)?;
+        let session = Session::create(link, credentials, timeouts, call::GET_ARM_STATE)?;
         Ok(Self { session, subscriptions: Vec::new() })
     }
 

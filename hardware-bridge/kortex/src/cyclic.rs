@@ -7,7 +7,7 @@
 
 use std::collections::VecDeque;
 use std::net::SocketAddr;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use crate::call;
 use crate::degrees::{self, Turns};
@@ -24,6 +24,9 @@ use crate::tap::Tap;
 
 /// Commands without an answer after which the oldest counts as lost.
 const OUTSTANDING: usize = 256;
+
+/// Measurements that have not come after so long are asked for again.
+const ASK_AGAIN: Duration = Duration::from_millis(20);
 
 /// Measurements of the arm.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -88,7 +91,7 @@ impl Cyclic {
         timeouts: Timeouts,
         near: [f64; JOINTS],
     ) -> Result<Self, KortexError> {
-        let session = Session::create(UdpLink::connect(address)?, credentials, timeouts)?;
+        let session = Session::create(UdpLink::connect(address)?, credentials, timeouts, call::REFRESH_FEEDBACK)?;
         let (turns, counters) = (Turns::near(near), Counters::default());
         Ok(Self { session, turns, frame: 0, outstanding: VecDeque::new(), newest: None, counters })
     }
@@ -108,7 +111,7 @@ impl Cyclic {
         self.session.tap(tap);
     }
 
-    /// Keeps the session alive without waiting; not needed while commands flow.
+    /// Keeps the session alive without waiting; commands that flow do so too.
     ///
     /// # Errors
     /// As [`Session::keep_up`].
@@ -124,13 +127,30 @@ impl Cyclic {
         self.session.close()
     }
 
-    /// Measurements, in any mode, without a command.
+    /// Measurements, in any mode, without a command. A lost datagram is asked for again.
     ///
     /// # Errors
     /// As [`Session::call`]; [`KortexError::Answer`] for measurements that are none.
     pub fn feedback(&mut self) -> Result<Feedback, KortexError> {
-        let wire = self.session.call(call::REFRESH_FEEDBACK, 0, &Empty {})?;
-        self.read(&wire)
+        let call = call::REFRESH_FEEDBACK;
+        let after = self.session.timeouts().call;
+        let deadline = Instant::now() + after;
+        let mut asked = Vec::new();
+        while asked.is_empty() || Instant::now() < deadline {
+            asked.push(self.session.post(call, 0, &Empty {})?);
+            let patience = deadline.min(Instant::now() + ASK_AGAIN);
+            while let Some(response) = self.session.next_response(patience)? {
+                if response.header.call != call || !asked.contains(&response.header.message) {
+                    self.counters.stray += 1;
+                    continue;
+                }
+                return match Refusal::of(&response) {
+                    Some(refusal) => Err(self.session.refused(call, refusal)),
+                    None => self.read(&decode(&response)?),
+                };
+            }
+        }
+        Err(KortexError::Timeout { call, after })
     }
 
     /// Commands all joints to `angles` (rad) and waits for the answer until `deadline`. `None` when nothing new came;
@@ -178,7 +198,7 @@ impl Cyclic {
         };
         self.outstanding.remove(place);
         if let Some(refusal) = Refusal::of(response) {
-            return Err(KortexError::refused(response.header.call, self.session.number(), refusal));
+            return Err(self.session.refused(response.header.call, refusal));
         }
         if message != current {
             self.counters.late += 1;

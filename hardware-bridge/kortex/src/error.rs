@@ -5,6 +5,7 @@ use std::time::Duration;
 use crate::call::Call;
 use crate::link::LinkError;
 use crate::message::ArmState;
+use crate::message::base::ServoingMode;
 use crate::message::device::ControlMode;
 use crate::refusal::{Reason, Refusal};
 use crate::safety_bank::Report;
@@ -22,12 +23,50 @@ pub enum KortexError {
         /// How long was waited.
         after: Duration,
     },
-    /// The arm does not know our session any more: it timed out or the arm restarted. A new session is needed.
-    #[error("{call}: session {session} is lost")]
+    /// The arm does not know our session any more, though nothing was left undone to keep it: the arm restarted, or
+    /// somebody ended it. A new session is needed.
+    #[error("{call}: the arm does not know session {session} any more, which was kept in time")]
     SessionLost {
         call: Call,
         /// The session's number.
         session: u16,
+    },
+    /// Our session ended because this program did not keep it. A new session is needed.
+    #[error("{call}: session {session} ran out: this program was silent for {silent:?}, and it allows {allowed:?}")]
+    SessionExpired {
+        call: Call,
+        /// The session's number.
+        session: u16,
+        /// How long this program sent nothing, or no call.
+        silent: Duration,
+        /// How long the session lasts without.
+        allowed: Duration,
+    },
+    /// Another client has ended our low-level servoing: our session is open, and no fault is active.
+    #[error("another client took over: the servoing mode is {found:?}, expected {:?}", ServoingMode::LowLevel)]
+    TakenOver {
+        /// The mode it was changed to.
+        found: ServoingMode,
+    },
+    /// The arm stopped itself because no command reached it in time, and this program sent none in time.
+    #[error("the arm stopped itself for want of commands: this program sent none for {gap:?} ({report})")]
+    HostLate {
+        /// The longest time between two commands of the last second or so.
+        gap: Duration,
+        report: Box<Report>,
+    },
+    /// The arm stopped itself because no command reached it in time, though they were sent in time.
+    #[error(
+        "the arm stopped itself for want of commands, which were sent at most {gap:?} apart: the network lost them or \
+         held them up ({missed} of the last {sent} unanswered in time; {report})"
+    )]
+    CommandsLost {
+        /// The longest time between two commands of the last second or so.
+        gap: Duration,
+        /// Commands of that time, and those without an answer in their cycle.
+        sent: u64,
+        missed: u64,
+        report: Box<Report>,
     },
     /// Keep-alives are not answered.
     #[error("the arm has been silent for {silent:?}, longer than the session's {allowed:?}")]
@@ -83,14 +122,6 @@ pub enum KortexError {
 }
 
 impl KortexError {
-    /// The error of a refusal.
-    pub fn refused(call: Call, session: u16, refusal: Refusal) -> Self {
-        match refusal.reason {
-            Reason::InvalidSession => Self::SessionLost { call, session },
-            _ => Self::Refused { call, refusal },
-        }
-    }
-
     /// The reason of a refusal.
     pub fn reason(&self) -> Option<Reason> {
         match self {

@@ -15,7 +15,8 @@
 //!
 //! # What holds on a real arm
 //! The wire format was taken from the maker's client and public message definitions. Nothing here has moved a real Gen3.
-//! Only the arm can show what it does, and how fast, when commands stop; the threshold of its following error; whether
+//! Only the arm can show what it does, and how fast, when commands stop; which calls its session timeout counts (here all
+//! but keep-alives, as the maker describes it); the threshold of its following error; whether
 //! notification handles are counted as [`base::Base::subscribe`] assumes; and how it reacts to a session that times out
 //! in motion.
 
@@ -31,6 +32,7 @@ pub mod joints;
 pub mod link;
 mod lock;
 pub mod message;
+mod recent;
 pub mod refusal;
 pub mod safety_bank;
 pub mod servo_loop;

@@ -126,6 +126,11 @@ impl Report {
         *self == Self::default()
     }
 
+    /// Whether every joint's watchdog has stopped it: commands did not reach the arm.
+    pub fn is_watchdog(&self) -> bool {
+        self.joints.iter().all(|joint| joint.a & WATCHDOG != 0)
+    }
+
     /// Whether an emergency stop or the open emergency line is among them.
     pub fn is_emergency_stop(&self) -> bool {
         self.base.a & (EMERGENCY_STOP | EMERGENCY_LINE) != 0

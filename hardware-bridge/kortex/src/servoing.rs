@@ -23,7 +23,11 @@ use crate::joints::JOINTS;
 use crate::message::ArmState;
 use crate::message::base::ServoingMode;
 use crate::message::device::ControlMode;
+use crate::recent::{Cycles, Recent};
 use crate::refusal::Reason;
+
+/// Commands further apart than so many cycles are late enough to starve the arm.
+const LATE_CYCLES: u32 = 10;
 
 /// Limits of a command.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -109,6 +113,7 @@ pub struct Servoing<'a> {
     command: [f64; JOINTS],
     latest: Feedback,
     silent: u32,
+    recent: Recent,
     left: bool,
 }
 
@@ -128,8 +133,15 @@ impl<'a> Servoing<'a> {
         }
         let before = without_faults(arm)?;
         arm.base.set_servoing_mode(ServoingMode::LowLevel)?;
-        let mut servoing =
-            Self { arm, limits, command: before.motion.position, latest: before, silent: 0, left: false };
+        let mut servoing = Self {
+            arm,
+            limits,
+            command: before.motion.position,
+            latest: before,
+            silent: 0,
+            recent: Recent::new(Instant::now()),
+            left: false,
+        };
         servoing.seed()?;
         Ok(servoing)
     }
@@ -194,19 +206,20 @@ impl<'a> Servoing<'a> {
     fn cycle(&mut self, deadline: Instant) -> Result<bool, KortexError> {
         let fresh = self.exchange(deadline)?;
         if self.latest.state != ArmState::ServoingLowLevel {
-            return Err(KortexError::State { found: self.latest.state, expected: ArmState::ServoingLowLevel });
+            return Err(self.turned_out());
         }
         Ok(fresh)
     }
 
     fn exchange(&mut self, deadline: Instant) -> Result<bool, KortexError> {
         self.arm.base.keep_up()?;
+        self.recent.note_sent(Instant::now());
         let fresh = match self.arm.cyclic.refresh(&self.command, deadline) {
-            // The arm left low-level servoing on its own; its faults tell the reason.
+            // The arm left low-level servoing; its faults tell the reason, if it did so by itself.
             Err(error) if error.reason() == Some(Reason::ServoingMode) => {
                 self.latest = self.arm.cyclic.feedback()?;
-                fault_of(&self.latest)?;
-                return Err(error);
+                self.fault()?;
+                return Err(self.turned_out());
             }
             result => result?,
         };
@@ -214,13 +227,41 @@ impl<'a> Servoing<'a> {
             self.latest = feedback;
             self.silent = 0;
         } else {
+            self.recent.note_missed();
             self.silent += 1;
             if self.silent > self.limits.silent_cycles {
                 return Err(KortexError::FeedbackLost { ticks: self.silent, allowed: self.limits.silent_cycles });
             }
         }
-        fault_of(&self.latest)?;
+        self.fault()?;
         Ok(fresh.is_some())
+    }
+
+    /// What the newest measurements say of faults. A watchdog's is told by its cause: this program, or the network.
+    fn fault(&self) -> Result<(), KortexError> {
+        let error = match fault_of(&self.latest) {
+            Err(KortexError::Fault(report)) if report.is_watchdog() => {
+                let Cycles { gap, sent, missed } = self.recent.cycles();
+                match gap > self.limits.cycle * LATE_CYCLES {
+                    true => KortexError::HostLate { gap, report },
+                    false => KortexError::CommandsLost { gap, sent, missed, report },
+                }
+            }
+            result => return result,
+        };
+        Err(error)
+    }
+
+    /// Why the arm is not in low-level servoing any more, without a fault. Our own session's end does that too, so it
+    /// is asked.
+    fn turned_out(&mut self) -> KortexError {
+        match self.arm.base.servoing_mode() {
+            Ok(ServoingMode::LowLevel) => {
+                KortexError::State { found: self.latest.state, expected: ArmState::ServoingLowLevel }
+            }
+            Ok(found) => KortexError::TakenOver { found },
+            Err(error) => error,
+        }
     }
 
     /// Returns control to the arm's base, which holds the arm in place.

@@ -1,7 +1,11 @@
 //! A session: calls with deadlines, keep-alives, notifications.
 //!
+//! The arm ends a session for two reasons: no sign of life for its connection timeout, or no *call* for its session
+//! timeout. Keep-alives are signs of life and no calls. So [`Session::keep_up`] sends both: a keep-alive every
+//! [`Timeouts::keep_alive`], and a cheap call where no other one was made for a while.
+//!
 //! There is no thread here: the owner of a session calls [`Session::keep_up`] often enough. When the host hangs, its
-//! keep-alives stop and the arm notices; a helper thread would keep the session of a dead controller alive.
+//! signs of life stop and the arm notices; a helper thread would keep the session of a dead controller alive.
 
 use std::collections::VecDeque;
 use std::time::{Duration, Instant};
@@ -9,12 +13,13 @@ use std::time::{Duration, Instant};
 use prost::Message;
 
 use crate::call::{self, Call};
+use crate::cyclic::is_younger;
 use crate::error::KortexError;
 use crate::frame::{Frame, Header, Kind};
 use crate::link::Link;
 use crate::message::Empty;
 use crate::message::session::CreateSessionInfo;
-use crate::refusal::Refusal;
+use crate::refusal::{Reason, Refusal};
 use crate::tap::Tap;
 
 #[derive(Clone, PartialEq, Eq)]
@@ -29,6 +34,9 @@ impl std::fmt::Debug for Credentials {
         write!(f, "Credentials {{ user: {:?} }}", self.user)
     }
 }
+
+/// A session is kept by a call every so many parts of its timeout: some may be lost or late.
+const CALLS_PER_TIMEOUT: u32 = 6;
 
 /// Deadlines of a session.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -55,6 +63,15 @@ impl Default for Timeouts {
     }
 }
 
+/// This program was silent for longer than a session allows.
+#[derive(Debug, Clone, Copy)]
+struct Neglect {
+    silent: Duration,
+    allowed: Duration,
+    /// Number of the first message after that; an answer to it says that the session lives.
+    message: u16,
+}
+
 /// A session on a link. Dropping it closes it as well as can be done without waiting.
 #[derive(Debug)]
 pub struct Session<L: Link> {
@@ -63,19 +80,27 @@ pub struct Session<L: Link> {
     next_message: u16,
     timeouts: Timeouts,
     next_keep_alive: Instant,
+    /// The call that keeps the session where no other is made: without an argument, of the base, and cheap.
+    kept_by: Call,
+    /// Those of them that were sent and not answered.
+    keeping: VecDeque<u16>,
+    /// When anything, and when a call, was sent last.
+    last_sign: Instant,
+    last_call: Instant,
     /// Since when the arm owes us a sign of life.
     unanswered: Option<Instant>,
+    neglected: Option<Neglect>,
     notifications: VecDeque<Frame>,
     stray: u64,
 }
 
 impl<L: Link> Session<L> {
-    /// Logs in.
+    /// Logs in. `kept_by` is called where no other call is made for long: without an argument, and cheap.
     ///
     /// # Errors
     /// [`KortexError::Refused`] with [`crate::refusal::Reason::Login`] for a wrong name or password; a link's errors;
     /// no answer.
-    pub fn create(link: L, credentials: &Credentials, timeouts: Timeouts) -> Result<Self, KortexError> {
+    pub fn create(link: L, credentials: &Credentials, timeouts: Timeouts, kept_by: Call) -> Result<Self, KortexError> {
         let now = Instant::now();
         let next_keep_alive = now + timeouts.connection;
         let mut session = Self {
@@ -84,7 +109,12 @@ impl<L: Link> Session<L> {
             next_message: 1,
             timeouts,
             next_keep_alive,
+            kept_by,
+            keeping: VecDeque::new(),
+            last_sign: now,
+            last_call: now,
             unanswered: None,
+            neglected: None,
             notifications: VecDeque::new(),
             stray: 0,
         };
@@ -149,7 +179,7 @@ impl<L: Link> Session<L> {
                 continue;
             }
             return match Refusal::of(&frame) {
-                Some(refusal) => Err(KortexError::refused(call, self.number, refusal)),
+                Some(refusal) => Err(self.refused(call, refusal)),
                 None => Ok(frame),
             };
         }
@@ -161,6 +191,7 @@ impl<L: Link> Session<L> {
     /// # Errors
     /// The link's.
     pub fn post(&mut self, call: Call, device: u8, argument: &impl Message) -> Result<u16, KortexError> {
+        self.note_sign(call != call::KEEP_ALIVE);
         let message = self.next_message;
         self.next_message = self.next_message.wrapping_add(1);
         let (session, kind) = (self.number, Kind::Request);
@@ -169,15 +200,53 @@ impl<L: Link> Session<L> {
         Ok(message)
     }
 
-    /// The next answer to anything but a keep-alive, waiting until `deadline`; notifications that come meanwhile are
-    /// kept, and keep-alives sent.
+    /// Something is sent: whether the session was still to be counted on.
+    fn note_sign(&mut self, is_call: bool) {
+        let now = Instant::now();
+        let Timeouts { session, connection, .. } = self.timeouts;
+        for (last, allowed) in [(self.last_sign, connection), (self.last_call, session)] {
+            let silent = now - last;
+            if self.number != 0 && silent > allowed {
+                self.neglected = Some(Neglect { silent, allowed, message: self.next_message });
+            }
+        }
+        self.last_sign = now;
+        if is_call {
+            self.last_call = now;
+        }
+    }
+
+    /// An answer to what was sent since it was neglected: the session has lived through it.
+    fn note_answer(&mut self, header: &Header) {
+        let since = |first: u16| header.message == first || is_younger(header.message, first);
+        if header.kind == Kind::Response && header.error == 0 && self.neglected.is_some_and(|it| since(it.message)) {
+            self.neglected = None;
+        }
+    }
+
+    /// The error of a refusal. The arm does not say why it no longer knows a session; what this program did says it.
+    pub fn refused(&self, call: Call, refusal: Refusal) -> KortexError {
+        let session = self.number;
+        match (refusal.reason, self.neglected) {
+            (Reason::InvalidSession, Some(Neglect { silent, allowed, .. })) => {
+                KortexError::SessionExpired { call, session, silent, allowed }
+            }
+            (Reason::InvalidSession, None) => KortexError::SessionLost { call, session },
+            _ => KortexError::Refused { call, refusal },
+        }
+    }
+
+    /// The next answer to a call of the owner's, waiting until `deadline`; notifications that come meanwhile are kept,
+    /// and what keeps the session is sent.
     ///
     /// # Errors
-    /// The link's; [`KortexError::SessionLost`] when the arm refuses a keep-alive; [`KortexError::Silent`].
+    /// The link's; [`KortexError::SessionLost`] or [`KortexError::SessionExpired`] when the arm does not know the
+    /// session any more; [`KortexError::Silent`].
     pub fn next_response(&mut self, deadline: Instant) -> Result<Option<Frame>, KortexError> {
         loop {
             let now = Instant::now();
             if now >= self.next_keep_alive {
+                self.keep_session(now)?;
                 self.post(call::KEEP_ALIVE, 0, &Empty {})?;
                 self.next_keep_alive = now + self.timeouts.keep_alive;
                 self.unanswered.get_or_insert(now);
@@ -193,20 +262,43 @@ impl<L: Link> Session<L> {
                 continue;
             };
             self.unanswered = None;
+            self.note_answer(&frame.header);
             match (frame.header.kind, frame.header.call) {
                 (Kind::Response, call::KEEP_ALIVE) => {
                     if let Some(refusal) = Refusal::of(&frame) {
-                        return Err(KortexError::refused(call::KEEP_ALIVE, self.number, refusal));
+                        return Err(self.refused(call::KEEP_ALIVE, refusal));
                     }
                 }
-                (Kind::Response, _) => return Ok(Some(frame)),
+                (Kind::Response, _) => {
+                    let Some(place) = self.keeping.iter().position(|sent| *sent == frame.header.message) else {
+                        return Ok(Some(frame));
+                    };
+                    self.keeping.remove(place);
+                    // Refused for another reason it is a call all the same.
+                    if let Some(refusal) = Refusal::of(&frame).filter(|no| no.reason == Reason::InvalidSession) {
+                        return Err(self.refused(self.kept_by, refusal));
+                    }
+                }
                 (Kind::Notification, _) => self.notifications.push_back(frame),
                 (Kind::Request, _) => self.stray += 1,
             }
         }
     }
 
-    /// Sends a keep-alive if one is due and takes in what has come, without waiting. To be called every few
+    /// Makes the call that keeps the session, if no other one was made for a part of its timeout.
+    fn keep_session(&mut self, now: Instant) -> Result<(), KortexError> {
+        if self.number == 0 || now - self.last_call < self.timeouts.session / CALLS_PER_TIMEOUT {
+            return Ok(());
+        }
+        let message = self.post(self.kept_by, 0, &Empty {})?;
+        self.keeping.push_back(message);
+        if self.keeping.len() > CALLS_PER_TIMEOUT as usize {
+            self.keeping.pop_front();
+        }
+        Ok(())
+    }
+
+    /// Sends what keeps the session if it is due and takes in what has come, without waiting. To be called every few
     /// milliseconds.
     ///
     /// # Errors

@@ -93,9 +93,10 @@ impl LockstepArm {
         let emulator = Emulator::start(settings, Box::new(joints), Pace::Stepped)
             .map_err(|error| KortexError::Link(error.into()))?;
         let emulator = Arc::new(emulator);
-        // An emulated session's seconds pass between two of the host's.
+        // An emulated session's seconds pass between two of the host's. A keep-alive at a time of the host's would be a
+        // datagram more for a lossy network to draw for.
         let hour = Duration::from_secs(3600);
-        let timeouts = Timeouts { call: CALL, session: hour, connection: hour, ..Timeouts::default() };
+        let timeouts = Timeouts { call: CALL, session: hour, connection: hour, keep_alive: hour };
         let mut arm = Arm::connect(emulator.address(), &credentials, timeouts, near)?;
         if let Some(packets) = packets {
             tap(&mut arm, packets);

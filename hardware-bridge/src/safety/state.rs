@@ -38,9 +38,13 @@ pub enum ArmTrouble {
     Watchdog,
     /// Nothing comes from it.
     Network,
+    /// It got no commands in time, though they were sent in time.
+    CommandsLost,
+    /// It got no commands in time, or its session ran out, because this program was held up.
+    HostLate,
     /// It ended the connection.
     Closed,
-    /// It does not know our session.
+    /// It does not know our session, which was kept.
     SessionLost,
     /// Somebody else drives it.
     OtherClient,
@@ -59,8 +63,14 @@ impl fmt::Display for ArmTrouble {
                 "it stopped by itself, because no commands came; is this computer overloaded? Then run `ftac bridge clear-faults`"
             }
             Self::Network => "nothing comes from it; check the network cable and the arm's supply",
+            Self::CommandsLost => {
+                "commands that were sent in time did not reach it: the network loses or delays them; use a cable of its own, without a switch that others use. Then run `ftac bridge clear-faults`"
+            }
+            Self::HostLate => {
+                "this program was held up, and it heard nothing for too long; is this computer overloaded, or was it suspended? Then run `ftac bridge clear-faults`"
+            }
             Self::Closed => "it ended the connection; did it restart?",
-            Self::SessionLost => "it does not know this session any more; did it restart, or was this program held up?",
+            Self::SessionLost => "it does not know this session any more, which was kept in time; did it restart?",
             Self::OtherClient => {
                 "another client has taken control of it (its web page, or another program); end that, then start again"
             }
@@ -152,7 +162,11 @@ impl fmt::Display for Cause {
             Self::Temperature(n, celsius) => write!(f, "{}: {celsius:.0} C; let it cool", Servo(*n)),
             Self::Voltage(n, volts) => write!(f, "{}: {volts:.1} V at its plug; check the supply", Servo(*n)),
             Self::ServoAlert(n) => {
-                write!(f, "{}: it reports a hardware error; support what is held, then reboot it", Servo(*n))
+                write!(
+                    f,
+                    "{}: it reports a hardware error; support what is held, then run `ftac bridge reboot`",
+                    Servo(*n)
+                )
             }
             Self::TorqueLost(n) => {
                 write!(f, "{}: it restarted and has no torque; check the supply, support what is held", Servo(*n))

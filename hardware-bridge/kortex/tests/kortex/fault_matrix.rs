@@ -52,8 +52,9 @@ fn fits(kind: Kind, error: &KortexError) -> bool {
         Kind::EmergencyStop => matches!(error, KortexError::EmergencyStop(_)),
         Kind::SessionsForgotten => matches!(error, KortexError::SessionLost { .. }),
         Kind::Deaf | Kind::RepliesLost => matches!(error, KortexError::FeedbackLost { .. }),
-        Kind::ModeStolen => error.reason() == Some(kortex::refusal::Reason::ServoingMode),
-        Kind::HostSilent => matches!(error, KortexError::Fault(report) if report.to_string().contains("watchdog")),
+        Kind::ModeStolen => matches!(error, KortexError::TakenOver { found: ServoingMode::SingleLevel }),
+        // The arm's time passed without the host's, which saw no gap; a busy machine makes one.
+        Kind::HostSilent => matches!(error, KortexError::CommandsLost { .. } | KortexError::HostLate { .. }),
         Kind::BadCommand => matches!(error, KortexError::Command(_)),
     }
 }

@@ -5,6 +5,7 @@ mod any_request;
 mod dead_host;
 mod fault_matrix;
 mod faults;
+mod lost_arm;
 mod servo_loop;
 mod servoing;
 mod session;

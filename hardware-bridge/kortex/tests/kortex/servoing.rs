@@ -234,15 +234,3 @@ fn a_joint_in_another_control_mode_is_refused() {
     assert_eq!(error.to_string(), "joint 5 is in control mode Torque, expected Position");
     assert_eq!(emulator.status().mode, ServoingMode::SingleLevel);
 }
-
-/// Somebody else takes the arm out of low-level servoing, without any fault.
-#[test]
-fn a_mode_changed_by_another_session_is_noticed() {
-    let emulator = emulator();
-    let mut arm = host(&emulator);
-    let mut other = host(&emulator);
-    let mut servoing = Servoing::enter(&mut arm, limits()).expect("enters");
-    other.base.set_servoing_mode(ServoingMode::SingleLevel).expect("takes over");
-    let error = servoing.hold(soon()).expect_err("refused");
-    assert_eq!(error.reason(), Some(kortex::refusal::Reason::ServoingMode), "{error}");
-}

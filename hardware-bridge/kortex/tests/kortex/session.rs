@@ -5,7 +5,7 @@ use std::time::Duration;
 use hand_model::arm::Arm as ArmModel;
 use kortex::JOINTS;
 use kortex::base::{Base, Notification};
-use kortex::call::Call;
+use kortex::call::{self, Call};
 use kortex::emulator::{EventKind, Injection, Pace};
 use kortex::link::{TcpLink, UdpLink};
 use kortex::message::base::ServoingMode;
@@ -80,7 +80,7 @@ fn measured_angles_are_in_radians() {
 fn an_unknown_call_is_refused_by_name() {
     let emulator = emulator();
     let link = UdpLink::connect(emulator.address().udp).expect("binds");
-    let mut session = Session::create(link, &credentials(), timeouts()).expect("logs in");
+    let mut session = Session::create(link, &credentials(), timeouts(), call::REFRESH_FEEDBACK).expect("logs in");
     let error = session.call::<Empty>(Call { service: 3, function: 2 }, 0, &Empty {}).expect_err("refused");
     assert_eq!(error.reason(), Some(Reason::Unsupported));
     assert!(error.to_string().starts_with("3.2: not supported"), "{error}");
@@ -114,7 +114,7 @@ fn keep_alives_keep_sessions_alive() {
     assert_eq!(emulator.status().sessions, sessions);
     until("the sessions have expired", || emulator.status().sessions.is_empty());
     let error = arm.base.arm_state().expect_err("expired");
-    assert!(matches!(error, KortexError::SessionLost { .. }), "{error}");
+    assert!(matches!(error, KortexError::SessionExpired { allowed, .. } if allowed == connection), "{error}");
 }
 
 #[test]
@@ -127,7 +127,7 @@ fn a_deaf_arm_is_a_timeout_and_then_silence() {
         ..Timeouts::default()
     };
     let link = TcpLink::connect(emulator.address().tcp, PATIENCE).expect("connects");
-    let mut session = Session::create(link, &credentials(), timeouts).expect("logs in");
+    let mut session = Session::create(link, &credentials(), timeouts, call::GET_ARM_STATE).expect("logs in");
     emulator.inject(Injection::Deaf(true));
     let state = kortex::call::GET_ARM_STATE;
     let error = session.call::<Empty>(state, 0, &Empty {}).expect_err("no answer");

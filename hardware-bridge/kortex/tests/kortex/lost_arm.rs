@@ -1,0 +1,157 @@
+//! The arm is lost, or not: what keeps a session, and the reasons for the end of servoing, told apart.
+
+use std::time::{Duration, Instant};
+
+use hand_model::arm::Arm as ArmModel;
+use kortex::emulator::{Emulator, EventKind, Injection, Pace};
+use kortex::message::base::ServoingMode;
+use kortex::servoing::{Limits, Servoing};
+use kortex::{Arm, KortexError, Timeouts};
+
+use crate::support::*;
+
+/// The arm's watchdog, ms, where it is to stay out of it.
+const NEVER: u64 = 3_600_000;
+const MILLISECOND: Duration = Duration::from_millis(1);
+
+/// Timeouts whose session lasts `session` without a call.
+fn short(session: Duration) -> Timeouts {
+    Timeouts { session, keep_alive: Duration::from_millis(5), ..timeouts() }
+}
+
+fn connected(emulator: &Emulator, timeouts: Timeouts) -> Arm {
+    Arm::connect(emulator.address(), &credentials(), timeouts, ArmModel::home()).expect("connects")
+}
+
+/// Keep-alives are no calls: a session that has nothing else ends with its timeout, in the middle of servoing. The arm's
+/// time passes no faster than the host's, so that a machine that stalls stalls both.
+#[test]
+fn servoing_outlives_the_session_timeout() {
+    let emulator = emulator();
+    let session = Duration::from_millis(600);
+    let mut arm = connected(&emulator, short(session));
+    let sessions = emulator.status().sessions;
+    let mut servoing = Servoing::enter(&mut arm, limits()).expect("enters");
+    for cycle in 0..2000 {
+        std::thread::sleep(MILLISECOND);
+        servoing.hold(soon()).unwrap_or_else(|error| panic!("lost after {cycle} ms: {error}"));
+        emulator.step(1);
+    }
+    servoing.leave().expect("leaves");
+    assert_eq!(emulator.status().sessions, sessions);
+}
+
+/// The same without servoing, as while an operator is asked something: over TCP and over UDP.
+#[test]
+fn an_idle_arm_outlives_the_session_timeout() {
+    let emulator = emulator();
+    let mut arm = connected(&emulator, short(Duration::from_millis(600)));
+    let sessions = emulator.status().sessions;
+    for cycle in 0..2000 {
+        std::thread::sleep(MILLISECOND);
+        arm.keep_up().unwrap_or_else(|error| panic!("lost after {cycle} ms: {error}"));
+        emulator.step(1);
+    }
+    assert_eq!(emulator.status().sessions, sessions);
+    arm.base.clear_faults().expect("still ours");
+}
+
+/// Servoing on an arm with this watchdog, ms, until `end` has done its work and the host notices.
+fn ended(cyclic_deadline: u64, timeouts: Timeouts, limits: Limits, end: impl FnOnce(&Emulator)) -> KortexError {
+    let emulator = emulator_with(ArmModel::home(), Pace::Stepped, cyclic_deadline);
+    let mut arm = connected(&emulator, timeouts);
+    let mut servoing = Servoing::enter(&mut arm, limits).expect("enters");
+    for _ in 0..50 {
+        servoing.hold(soon()).expect("holds");
+        emulator.step(1);
+    }
+    end(&emulator);
+    servoing.hold(soon()).expect_err("over")
+}
+
+#[test]
+fn a_second_client_is_told() {
+    let error = ended(NEVER, timeouts(), limits(), |emulator| {
+        host(emulator).base.set_servoing_mode(ServoingMode::SingleLevel).expect("takes over");
+    });
+    assert!(matches!(error, KortexError::TakenOver { found: ServoingMode::SingleLevel }), "{error}");
+}
+
+/// The arm forgets: nothing this program did.
+#[test]
+fn an_arm_that_restarted_is_told() {
+    let error = ended(NEVER, timeouts(), limits(), |emulator| emulator.inject(Injection::ForgetSessions));
+    assert!(matches!(error, KortexError::SessionLost { .. }), "{error}");
+}
+
+/// This program stands still for longer than its session allows: the arm is lost by its own doing.
+#[test]
+fn a_session_that_ran_out_is_told() {
+    let timeouts = Timeouts { connection: Duration::from_millis(200), ..timeouts() };
+    let held_up = |emulator: &Emulator| {
+        std::thread::sleep(Duration::from_millis(300));
+        emulator.step(300);
+    };
+    let error = ended(NEVER, timeouts, limits(), held_up);
+    let KortexError::SessionExpired { silent, allowed, .. } = error else { panic!("{error}") };
+    assert!(silent >= Duration::from_millis(300) && allowed == Duration::from_millis(200), "{error}");
+}
+
+/// This program sends nothing for longer than the arm's watchdog waits.
+#[test]
+fn a_busy_computer_is_told() {
+    let late = |emulator: &Emulator| {
+        std::thread::sleep(Duration::from_millis(100));
+        emulator.step(60);
+    };
+    let error = ended(50, timeouts(), limits(), late);
+    let KortexError::HostLate { gap, .. } = &error else { panic!("{error}") };
+    assert!(*gap >= Duration::from_millis(100), "{error}");
+    assert!(error.to_string().contains("joint 7: watchdog"), "{error}");
+}
+
+/// Commands are sent in time and do not arrive.
+#[test]
+fn a_lossy_network_is_told() {
+    let emulator = emulator_with(ArmModel::home(), Pace::Stepped, 50);
+    let mut arm = host(&emulator);
+    // In time on however busy a machine.
+    let mut servoing = Servoing::enter(&mut arm, Limits { cycle: PATIENCE, ..limits() }).expect("enters");
+    emulator.inject(Injection::LoseCommands(1.0));
+    for _ in 0..60 {
+        assert!(!servoing.hold(Instant::now() + Duration::from_micros(100)).expect("not noticed yet"));
+        emulator.step(1);
+    }
+    emulator.inject(Injection::LoseCommands(0.0));
+    let error = servoing.hold(soon()).expect_err("stopped");
+    let KortexError::CommandsLost { missed, sent, .. } = error else { panic!("{error}") };
+    assert!(missed >= 60 && sent > missed, "{error}");
+}
+
+/// One lost datagram is no arm that does not answer.
+#[test]
+fn lost_measurements_are_asked_for_again() {
+    let emulator = emulator();
+    let mut arm = host(&emulator);
+    emulator.inject(Injection::LoseReplies(0.5));
+    for _ in 0..20 {
+        arm.cyclic.feedback().expect("comes in the end");
+    }
+}
+
+/// A command that has arrived and that the emulator has not read yet is no missing one: time does not pass before it is
+/// read.
+#[test]
+fn a_command_that_waits_in_the_socket_is_not_missing() {
+    let emulator = emulator_with(ArmModel::home(), Pace::Stepped, 2);
+    let mut arm = host(&emulator);
+    let mut servoing = Servoing::enter(&mut arm, patient_limits()).expect("enters");
+    let before = emulator.status().commands.followed;
+    for cycle in 1..=500 {
+        // Sent, and not waited for.
+        servoing.hold(Instant::now()).expect("sent");
+        emulator.step(1);
+        assert_eq!(emulator.status().commands.followed, before + cycle, "a command was passed over");
+    }
+    assert_eq!(time_of(&emulator, EventKind::Watchdog), None);
+}

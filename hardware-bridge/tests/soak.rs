@@ -1,0 +1,86 @@
+//! Long runs on the emulated devices in real time. Run them alone on an idle machine, for example before a release:
+//! `cargo test --release -p hardware-bridge --test soak -- --ignored --nocapture`.
+
+mod common;
+
+use std::time::{Duration, Instant};
+
+use common::{Bench, bench, forgiving, patiently};
+use hand_model::robot::{Command, Robot, ServoGoal};
+use hand_model::{ACTUATORS, Arm};
+use hardware_bridge::hardware_robot::HardwareRobot;
+use hardware_bridge::kortex_link::KortexLink;
+use hardware_bridge::safety::state::State;
+use kortex::Timeouts;
+use kortex::emulator::{Emulator, EventKind, Pace, Settings};
+
+/// Fifteen sessions of the usual timeout.
+const LENGTH: Duration = Duration::from_secs(900);
+/// The controller moves the robot for so long, then says for as long that it will be silent, as while an operator is asked.
+const SPELL: Duration = Duration::from_secs(90);
+
+/// The whole bridge, with the usual timeouts, moves hand and arm and waits, in turns, for 15 minutes.
+#[test]
+#[ignore = "15 minutes in real time"]
+fn fifteen_minutes_on_emulated_devices() {
+    let Bench { hand, config, folder: _folder } = bench(&[]);
+    let settings = Settings { cyclic_deadline: 1500, following_error: std::f64::consts::PI, ..Settings::default() };
+    let credentials = settings.credentials.clone();
+    let emulator = Emulator::start(settings, Box::new(hand.arm_joints()), Pace::RealTime).expect("free ports");
+    let near = hand.arm_joints().state().position;
+    let arm = kortex::Arm::connect(emulator.address(), &credentials, Timeouts::default(), near).expect("connects");
+    let sessions = emulator.status().sessions;
+    let link = KortexLink::new(arm, Duration::from_millis(5), Duration::from_secs(5));
+    let config = forgiving(config);
+    let mut robot = HardwareRobot::connect(&config, Box::new(link), &Arm::gen3(), None).expect("connects");
+    patiently("the checks pass", || robot.check().is_ok());
+    robot.arm().expect("arms");
+
+    let begun = Instant::now();
+    let home = robot.observe().arm.position;
+    let mut told = 0;
+    while begun.elapsed() < LENGTH {
+        let elapsed = begun.elapsed().as_secs_f64();
+        let spell = (elapsed / SPELL.as_secs_f64()) as u64;
+        if told != spell {
+            told = spell;
+            println!("{elapsed:.0} s: {}", seen(&robot, &emulator));
+        }
+        if spell % 2 == 1 {
+            robot.pause(10.0);
+            robot.observe();
+            std::thread::sleep(Duration::from_millis(50));
+        } else {
+            // 0.1 rad at 0.1 Hz: far below the joints' top speeds.
+            let phase = elapsed * std::f64::consts::TAU * 0.1;
+            let goal = home.map(|angle| angle + 0.1 * phase.sin());
+            let current = 0.06 + 0.03 * phase.sin();
+            robot.send(&Command { arm: goal, servos: [ServoGoal::Current(current); ACTUATORS], capture: false });
+            robot.wait_for_tick();
+        }
+        let state = robot.state();
+        assert!(
+            matches!(state, State::Running | State::Armed),
+            "after {elapsed:.0} s: {state}; {:?}; {}",
+            robot.report().arm_error,
+            seen(&robot, &emulator)
+        );
+    }
+    println!("{:.0} s: {}", begun.elapsed().as_secs_f64(), seen(&robot, &emulator));
+    assert_eq!(emulator.status().sessions, sessions, "the sessions of the beginning");
+    let events = emulator.status().events;
+    assert!(!events.iter().any(|event| matches!(event.what, EventKind::SessionExpired(_) | EventKind::Watchdog)));
+}
+
+fn seen(robot: &HardwareRobot, emulator: &Emulator) -> String {
+    let (report, status) = (robot.report(), emulator.status());
+    format!(
+        "{} servo cycles, {} late, longest gap {:.0} ms; {} answers missing; arm at {} s of its own time, {} commands followed",
+        report.cycles,
+        report.late,
+        1e3 * report.longest_gap,
+        report.bus.missing,
+        status.time / 1000,
+        status.commands.followed
+    )
+}
