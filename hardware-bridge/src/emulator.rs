@@ -35,9 +35,10 @@ use hand_model::ACTUATORS;
 use hand_model::robot::{Command, Robot, ServoGoal, ServoState, TactileFrame};
 use plant_arm::SharedArm;
 use pty::{Pty, PtyError};
+use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use serial2::SerialPort;
 use servo::EmulatedServo;
-use servo_chain::ServoChain;
+use servo_chain::{Answer, ServoChain};
 
 use crate::calibration::HandCalibration;
 use crate::clock::Clock;
@@ -84,6 +85,8 @@ pub enum Plug {
 }
 
 struct Shared {
+    /// The devices' end of the servo line, to see whether bytes wait in it; none once it is unplugged.
+    servo_line: Mutex<Option<SerialPort>>,
     servos_gone: AtomicBool,
     cameras_gone: AtomicBool,
     chain: Mutex<ServoChain>,
@@ -111,6 +114,19 @@ impl Shared {
     fn running(&self) -> bool {
         !self.stop.load(Ordering::Relaxed)
     }
+
+    /// Whether the host has sent bytes that the servos have not read yet.
+    fn bytes_wait(&self) -> bool {
+        lock(&self.servo_line).as_ref().is_some_and(|line| has_bytes(line, Duration::ZERO))
+    }
+}
+
+/// Whether there is something to read on `port`, which is waited for.
+fn has_bytes(port: &SerialPort, patience: Duration) -> bool {
+    let patience = Timespec { tv_sec: patience.as_secs() as i64, tv_nsec: patience.subsec_nanos().into() };
+    let mut polled = [PollFd::new(port, PollFlags::IN)];
+    let ready = poll(&mut polled, Some(&patience)).unwrap_or(0);
+    ready > 0 && polled[0].revents().contains(PollFlags::IN)
 }
 
 /// The running emulator; it ends when dropped.
@@ -151,6 +167,7 @@ impl EmulatedHand {
         let mut chain = ServoChain::new(settings.servos, settings.faults, settings.usb_latency, settings.seed);
         chain.advance(clock.now(), 0.0, &shafts);
         let shared = Arc::new(Shared {
+            servo_line: Mutex::new(Some(port_of(&servo_pty)?)),
             servos_gone: AtomicBool::new(false),
             cameras_gone: AtomicBool::new(false),
             chain: Mutex::new(chain),
@@ -237,6 +254,9 @@ impl EmulatedHand {
             Plug::Cameras => (&self.shared.cameras_gone, &mut self.board_pty),
         };
         gone.store(true, Ordering::Relaxed);
+        if plug == Plug::Servos {
+            *lock(&self.shared.servo_line) = None;
+        }
         self.gone.extend(pty.take().map(Pty::hang_up));
     }
 
@@ -322,7 +342,14 @@ fn tick_plant(plant: &mut Plant, shared: &Shared, tick: f64) -> bool {
     let observation = plant.robot.observe();
     *lock(&shared.shafts) = observation.servos;
     shared.arm.set_state(observation.arm);
-    let others = lock(&shared.chain).advance(shared.now(), tick, &observation.servos);
+    let others = {
+        let mut chain = lock(&shared.chain);
+        // A packet that waits to be read is no missing one.
+        if shared.bytes_wait() {
+            chain.feed_watchdogs(shared.now());
+        }
+        chain.advance(shared.now(), tick, &observation.servos)
+    };
     for event in others {
         lock(&shared.board).happen(event);
     }
@@ -360,13 +387,24 @@ fn run_servos(mut port: SerialPort, shared: &Shared) {
         return;
     }
     while shared.running() && !shared.servos_gone.load(Ordering::Relaxed) {
+        if !has_bytes(&port, WAIT) {
+            continue;
+        }
+        // Bytes are on the line or with the servos, never between.
+        let mut chain = lock(&shared.chain);
         let Ok(count) = port.read(&mut buffer) else { continue };
         let arrived = Instant::now();
         let baud = port.get_configuration().and_then(|settings| settings.get_baud_rate()).unwrap_or(0);
         decoder.push(&buffer[..count]);
-        for packet in decoder.drain().into_iter().flatten() {
-            let length = packet.encode().map_or(0, |wire| wire.len());
-            let answers = lock(&shared.chain).handle(&packet, length, baud, shared.now());
+        let packets = decoder.drain().into_iter().flatten();
+        let answers: Vec<Vec<Answer>> = packets
+            .map(|packet| {
+                let length = packet.encode().map_or(0, |wire| wire.len());
+                chain.handle(&packet, length, baud, shared.now())
+            })
+            .collect();
+        drop(chain);
+        for answers in answers {
             for late in held_back.drain(..) {
                 let _ = port.write_all(&late);
             }

@@ -172,3 +172,23 @@ fn a_late_answer_is_not_mistaken() {
     assert_eq!(bus.read_block(6, xc330::TORQUE_ENABLE.address, 1).expect("an answer").data, [1]);
     servo.join().expect("the servo");
 }
+
+/// A packet that waits in the pseudo-terminal because the machine is busy feeds the bus watchdog: it has come.
+#[test]
+fn a_packet_that_waits_to_be_read_is_not_missing() {
+    let (mut hand, mut bus) = start();
+    for id in IDS {
+        bus.write(id, &xc330::TORQUE_ENABLE, 1.0).expect("on");
+        bus.write(id, &xc330::BUS_WATCHDOG, 0.02).expect("20 ms");
+    }
+    for _ in 0..500 {
+        // Not answered, so that nobody waits until it is read.
+        bus.sync_write_register(&IDS, &xc330::LED, 1.0).expect("sent");
+        pass(&mut hand, 0.01);
+    }
+    assert_eq!(hand.watchdogs_tripped(), 0);
+    // And without packets it trips.
+    present(&mut bus);
+    pass(&mut hand, 0.05);
+    assert_eq!(hand.watchdogs_tripped(), 6);
+}

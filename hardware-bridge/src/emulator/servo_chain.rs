@@ -101,6 +101,13 @@ impl ServoChain {
         self.faults.chances = chances;
     }
 
+    /// Something is on the line: the bus watchdogs of all servos that listen are fed.
+    pub fn feed_watchdogs(&mut self, now: f64) {
+        for servo in self.servos.iter_mut().filter(|servo| servo.listens(now)) {
+            servo.feed_watchdog(now);
+        }
+    }
+
     /// Answers a packet of `length` bytes that arrived at `now` at `baud`; servos set to another rate do not understand it.
     pub fn handle(&mut self, packet: &Packet, length: usize, baud: u32, now: f64) -> Vec<Answer> {
         let hears = |servo: &EmulatedServo| servo.listens(now) && servo.baud() == baud;
