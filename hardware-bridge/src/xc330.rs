@@ -4,8 +4,8 @@
 //! [`Register::read`] converts back. The servo ignores its
 //! own position limits (48, 52) in current and current-based position mode: the sender must clamp its goals.
 //!
-//! Source: ROBOTIS e-Manual, XC330-T288. Its indirect-data area is left out: the published descriptions contradict each other
-//! on its place, and the two blocks the control loop needs are contiguous without it ([`GOAL_BLOCK`], [`PRESENT_BLOCK`]).
+//! Source: ROBOTIS e-Manual, XC330-T288. The control loop does without indirect addressing, whose place changed with the firmware
+//! ([`Indirect`]): the two blocks that it needs are contiguous ([`GOAL_BLOCK`], [`PRESENT_BLOCK`]).
 
 use std::f64::consts::TAU;
 use std::ops::Range;
@@ -238,26 +238,73 @@ control_table! {
     BACKUP_READY:          147 1 "Backup Ready"            Read   None, (0, 1) Plain;
 }
 
+/// Indirect addressing: bytes of the data area stand for the bytes that the addresses name.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Indirect {
+    /// Where the data area starts.
+    pub data: u16,
+    /// Bytes in it, each with an address of two bytes from [`Indirect::ADDRESSES`] on.
+    pub slots: u16,
+}
+
+impl Indirect {
+    /// Where the addresses start.
+    pub const ADDRESSES: u16 = 168;
+    /// The first firmware with the shorter area that the e-Manual describes.
+    const SHORTER_FROM: u8 = 52;
+
+    /// As this firmware has it. ROBOTIS' model files have the data at 224 for older firmware and at 208 from 52 on; the addresses
+    /// fill what is before it.
+    pub fn of(firmware: u8) -> Self {
+        if firmware >= Self::SHORTER_FROM { Self { data: 208, slots: 20 } } else { Self { data: 224, slots: 28 } }
+    }
+}
+
 /// Bits of the hardware error status register.
 pub mod hardware_error {
     /// Input voltage out of its limits.
     pub const VOLTAGE: u8 = 1 << 0;
     /// Too hot.
     pub const OVERHEAT: u8 = 1 << 2;
+    pub const ENCODER: u8 = 1 << 3;
+    /// Electrical shock, or too little power for the motor.
+    pub const SHOCK: u8 = 1 << 4;
     /// Load beyond the maximum for too long.
     pub const OVERLOAD: u8 = 1 << 5;
+
+    /// Names of the set bits; `none` without any.
+    pub fn words(bits: u8) -> String {
+        let named = [
+            (VOLTAGE, "input voltage"),
+            (OVERHEAT, "overheating"),
+            (ENCODER, "encoder"),
+            (SHOCK, "electrical shock"),
+            (OVERLOAD, "overload"),
+        ];
+        let known = named.iter().fold(0, |known, (bit, _)| known | bit);
+        let mut words: Vec<String> =
+            named.iter().filter(|(bit, _)| bits & bit != 0).map(|(_, name)| (*name).to_owned()).collect();
+        if bits & !known != 0 {
+            words.push(format!("bits {:#04x}", bits & !known));
+        }
+        if words.is_empty() { "none".to_owned() } else { words.join(", ") }
+    }
 }
 
-/// Operating modes. Velocity (1) and PWM (16) control are not used.
+/// Operating modes.
 pub mod mode {
     /// Current control.
     pub const CURRENT: i64 = 0;
+    /// Velocity control.
+    pub const VELOCITY: i64 = 1;
     /// Position control within one turn.
     pub const POSITION: i64 = 3;
     /// Multi-turn position control.
     pub const EXTENDED: i64 = 4;
     /// Multi-turn position control under a current limit.
     pub const CURRENT_POSITION: i64 = 5;
+    /// The duty cycle itself.
+    pub const PWM: i64 = 16;
 }
 
 #[cfg(test)]

@@ -3,7 +3,9 @@
 //! It has no clock and no input or output: time and shaft state are arguments, the goal is the result. Where the e-Manual is silent, the
 //! emulator takes the interpretation that is harder on the host, marked "our reading".
 
+mod indirect;
 mod mistaken;
+mod open_loop;
 mod registered;
 
 use hand_model::robot::{ServoGoal, ServoState};
@@ -11,6 +13,8 @@ use hand_model::robot::{ServoGoal, ServoState};
 use crate::config::LimitConfig;
 use crate::protocol2::ServoError;
 use crate::xc330::{self, Access, REGISTERS, Register, hardware_error, mode};
+
+use self::indirect::Change;
 
 /// Off the bus after a reboot, s.
 const REBOOT_TIME: f64 = 0.34;
@@ -25,8 +29,8 @@ const THERMAL_TIME: f64 = 120.0;
 const AMBIENT: f64 = 28.0;
 /// Watchdog register after it tripped: -1.
 const TRIPPED: u8 = 0xFF;
-/// Firmware that knows fast sync read.
-const FIRMWARE: i64 = 46;
+/// Firmware that knows fast sync read, and has its indirect data where ROBOTIS' older model file has it.
+const FIRMWARE: u8 = 46;
 
 #[derive(Debug, Clone)]
 pub struct EmulatedServo {
@@ -45,6 +49,8 @@ pub struct EmulatedServo {
     silent_until: f64,
     /// Goal held since the watchdog tripped, counts.
     held: Option<i64>,
+    /// Goal of velocity control, counts.
+    sweep: f64,
     /// When the watchdog tripped last, and how long after the last packet it heard, s.
     tripped_at: Option<(f64, f64)>,
     unplugged: bool,
@@ -67,6 +73,7 @@ impl EmulatedServo {
             last_fed: 0.0,
             silent_until: 0.0,
             held: None,
+            sweep: 0.0,
             tripped_at: None,
             unplugged: false,
             registered: None,
@@ -74,9 +81,17 @@ impl EmulatedServo {
         for register in REGISTERS.iter().filter(|register| register.access != Access::Ram) {
             servo.set(register, register.default.unwrap_or(0));
         }
-        servo.set(&xc330::FIRMWARE_VERSION, FIRMWARE);
+        servo.set(&xc330::FIRMWARE_VERSION, FIRMWARE.into());
         servo.power_up();
         servo
+    }
+
+    /// The same servo with another firmware, started anew.
+    #[must_use]
+    pub fn with_firmware(mut self, version: u8) -> Self {
+        self.set(&xc330::FIRMWARE_VERSION, version.into());
+        self.power_up();
+        self
     }
 
     /// A servo that has been provisioned: `id`, 3 Mbaud, no return delay, current-based position control, the usual current limit.
@@ -149,23 +164,28 @@ impl EmulatedServo {
 
     /// What is in `length` bytes from `address` on.
     pub fn read(&self, address: u16, length: u16) -> Result<Vec<u8>, ServoError> {
-        let (start, end) = (usize::from(address), usize::from(address) + usize::from(length));
         if length == 0 {
             return Err(ServoError::DataLength);
         }
-        self.memory.get(start..end).map(<[u8]>::to_vec).ok_or(ServoError::Access)
+        let end = address.checked_add(length).filter(|end| usize::from(*end) <= self.memory.len());
+        let end = end.ok_or(ServoError::Access)?;
+        Ok((address..end).map(|place| self.memory[usize::from(self.behind(place))]).collect())
     }
 
     /// Writes bytes from `address` on: all of them, or none and a reason.
     pub fn write(&mut self, address: u16, data: &[u8]) -> Result<(), ServoError> {
-        for (register, value) in self.plan(address, data)? {
-            self.apply(register, value);
+        for change in self.plan(address, data)? {
+            match change {
+                Change::Register(register, value) => self.apply(register, value),
+                Change::Pointer(slot, target) => self.point(slot, target),
+                Change::Byte(place, byte) => self.memory[usize::from(place)] = byte,
+            }
         }
         Ok(())
     }
 
-    /// What a write would put where, or why it is refused.
-    fn plan(&self, address: u16, data: &[u8]) -> Result<Vec<(&'static Register, i64)>, ServoError> {
+    /// What a write to registers would put where, or why it is refused.
+    fn plan_registers(&self, address: u16, data: &[u8]) -> Result<Vec<Change>, ServoError> {
         let (mut place, mut rest, mut writes) = (address, data, Vec::new());
         while !rest.is_empty() {
             let register = REGISTERS.iter().find(|register| register.address == place).ok_or(ServoError::Access)?;
@@ -173,7 +193,7 @@ impl EmulatedServo {
             let bytes = rest.get(..size).ok_or(ServoError::DataLength)?;
             let value = decode(register, bytes);
             self.check(register, value)?;
-            writes.push((register, value));
+            writes.push(Change::Register(register, value));
             rest = &rest[size..];
             place += u16::from(register.size);
         }
@@ -210,6 +230,7 @@ impl EmulatedServo {
             self.tripped_at = Some((now, now - self.last_fed));
             self.held = Some(self.position());
         }
+        self.sweep_on(dt);
         self.show();
     }
 
@@ -225,6 +246,10 @@ impl EmulatedServo {
         match self.get(&xc330::OPERATING_MODE) {
             mode::CURRENT if self.held.is_some() => ServoGoal::Current(0.0),
             mode::CURRENT => ServoGoal::Current(self.sign() * goal_current),
+            mode::PWM => ServoGoal::Current(if self.held.is_some() { 0.0 } else { self.open_loop_current() }),
+            mode::VELOCITY if self.held.is_none() => {
+                ServoGoal::Position { angle: self.angle_of(self.sweep.round() as i64), current_limit }
+            }
             mode::CURRENT_POSITION => toward(goal_current.abs().min(current_limit)),
             _ => toward(current_limit),
         }
@@ -301,6 +326,7 @@ impl EmulatedServo {
         self.set(&xc330::HARDWARE_ERROR_STATUS, 0);
         self.forgotten = self.encoder().div_euclid(4096) * 4096;
         self.held = None;
+        self.forget_pointers();
         self.forget_registered();
         self.overloaded_for = 0.0;
         self.running_for = 0.0;
@@ -325,7 +351,9 @@ impl EmulatedServo {
         if goal && self.watchdog_tripped() {
             return Err(ServoError::DataRange);
         }
-        if is(&xc330::OPERATING_MODE) && !matches!(value, 0 | 3 | 4 | 5) || is(&xc330::BUS_WATCHDOG) && value < 0 {
+        if is(&xc330::OPERATING_MODE) && !matches!(value, 0 | 1 | 3 | 4 | 5 | 16)
+            || is(&xc330::BUS_WATCHDOG) && value < 0
+        {
             return Err(ServoError::DataRange);
         }
         if is(&xc330::TORQUE_ENABLE) && value == 1 && self.shut_down() {
@@ -349,6 +377,7 @@ impl EmulatedServo {
         let turned_on = register.address == xc330::TORQUE_ENABLE.address && value == 1 && !self.torque();
         if turned_on {
             self.set(&xc330::GOAL_POSITION, self.position());
+            self.sweep = self.position() as f64;
         }
         if register.address == xc330::BUS_WATCHDOG.address && value == 0 {
             self.held = None;
@@ -360,6 +389,7 @@ impl EmulatedServo {
             }
             self.set(&xc330::PROFILE_ACCELERATION, 0);
             self.set(&xc330::PROFILE_VELOCITY, 0);
+            self.set(&xc330::GOAL_VELOCITY, 0);
             self.set(&xc330::GOAL_PWM, self.get(&xc330::PWM_LIMIT));
             self.set(&xc330::GOAL_CURRENT, self.get(&xc330::CURRENT_LIMIT));
         }

@@ -40,7 +40,7 @@ fn refusals() {
     write(&mut servo, &xc330::CURRENT_LIMIT, 0.5).expect("lower");
     assert_eq!(write(&mut servo, &xc330::GOAL_CURRENT, 0.6), Err(ServoError::DataLimit));
     assert_eq!(servo.read(250, 10), Err(ServoError::Access));
-    assert_eq!(write(&mut servo, &xc330::OPERATING_MODE, 16.0), Err(ServoError::DataRange));
+    assert_eq!(write(&mut servo, &xc330::OPERATING_MODE, 2.0), Err(ServoError::DataRange));
 }
 
 /// A write that fails in one register changes none.

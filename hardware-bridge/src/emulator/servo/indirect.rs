@@ -1,0 +1,162 @@
+//! Indirect addressing: a data area whose bytes stand for bytes elsewhere in the control table.
+
+use super::EmulatedServo;
+use crate::protocol2::ServoError;
+use crate::xc330::{self, Indirect, Register};
+
+/// The first address that may be pointed at: the first in RAM.
+const FIRST: u16 = xc330::TORQUE_ENABLE.address;
+
+/// What a write changes.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) enum Change {
+    /// A register, in counts.
+    Register(&'static Register, i64),
+    /// Where a byte of the data area points.
+    Pointer(u16, u16),
+    /// A byte of the data area that points at itself.
+    Byte(u16, u8),
+}
+
+impl EmulatedServo {
+    fn indirect(&self) -> Indirect {
+        Indirect::of(self.get(&xc330::FIRMWARE_VERSION) as u8)
+    }
+
+    /// Where the byte of the data area number `slot` points.
+    fn target(&self, slot: u16) -> u16 {
+        let place = usize::from(Indirect::ADDRESSES + 2 * slot);
+        u16::from_le_bytes([self.memory[place], self.memory[place + 1]])
+    }
+
+    pub(super) fn point(&mut self, slot: u16, target: u16) {
+        let place = usize::from(Indirect::ADDRESSES + 2 * slot);
+        self.memory[place..place + 2].copy_from_slice(&target.to_le_bytes());
+    }
+
+    /// The address for which `address` stands.
+    pub(super) fn behind(&self, address: u16) -> u16 {
+        let Indirect { data, slots } = self.indirect();
+        if (data..data + slots).contains(&address) { self.target(address - data) } else { address }
+    }
+
+    /// As at power-up: every byte of the data area stands for itself.
+    pub(super) fn forget_pointers(&mut self) {
+        let Indirect { data, slots } = self.indirect();
+        for slot in 0..slots {
+            self.point(slot, data + slot);
+            self.memory[usize::from(data + slot)] = 0;
+        }
+    }
+
+    /// What a write would put where, or why it is refused. Whole registers only, also by way of the data area (our reading).
+    pub(super) fn plan(&self, address: u16, data: &[u8]) -> Result<Vec<Change>, ServoError> {
+        let area = self.indirect();
+        let (mut place, mut rest, mut changes) = (address, data, Vec::new());
+        while let Some(&byte) = rest.first() {
+            let taken = if (Indirect::ADDRESSES..Indirect::ADDRESSES + 2 * area.slots).contains(&place) {
+                changes.push(pointer(area, place, rest)?);
+                2
+            } else if (area.data..area.data + area.slots).contains(&place) {
+                let target = self.behind(place);
+                if (area.data..area.data + area.slots).contains(&target) {
+                    changes.push(Change::Byte(target, byte));
+                    1
+                } else {
+                    let run = self.run(area, place, rest.len() as u16);
+                    changes.extend(self.plan_registers(target, &rest[..usize::from(run)])?);
+                    run
+                }
+            } else {
+                let before_area = Indirect::ADDRESSES.saturating_sub(place);
+                let run = if before_area == 0 { rest.len() } else { rest.len().min(before_area.into()) };
+                changes.extend(self.plan_registers(place, &rest[..run])?);
+                run as u16
+            };
+            rest = &rest[usize::from(taken)..];
+            place += taken;
+        }
+        Ok(changes)
+    }
+
+    /// How many bytes of the data area from `place` on, at most `most`, stand for bytes in a row.
+    fn run(&self, area: Indirect, place: u16, most: u16) -> u16 {
+        let target = self.behind(place);
+        let most = most.min(area.data + area.slots - place);
+        (1..most).find(|n| self.behind(place + n) != target + n).unwrap_or(most)
+    }
+}
+
+/// A write to the addresses.
+fn pointer(area: Indirect, place: u16, rest: &[u8]) -> Result<Change, ServoError> {
+    let offset = place - Indirect::ADDRESSES;
+    let [low, high] = *rest.first_chunk::<2>().filter(|_| offset.is_multiple_of(2)).ok_or(ServoError::DataLength)?;
+    let target = u16::from_le_bytes([low, high]);
+    let pointable = FIRST..Indirect::ADDRESSES;
+    let itself = area.data..area.data + area.slots;
+    if !pointable.contains(&target) && !itself.contains(&target) {
+        return Err(ServoError::DataRange);
+    }
+    Ok(Change::Pointer(offset / 2, target))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn addresses(servo: &mut EmulatedServo, slot: u16, targets: &[u16]) -> Result<(), ServoError> {
+        let bytes: Vec<u8> = targets.iter().flat_map(|target| target.to_le_bytes()).collect();
+        servo.write(Indirect::ADDRESSES + 2 * slot, &bytes)
+    }
+
+    fn registers(all: &[Register]) -> Vec<u16> {
+        all.iter().flat_map(|register| register.address..register.address + u16::from(register.size)).collect()
+    }
+
+    /// As ROBOTIS' ROS 2 interface sets it up: goals by the first slots, measurements by those from the seventh on.
+    #[test]
+    fn goals_and_measurements_are_where_the_firmware_has_them() {
+        for (firmware, data) in [(46, 224), (51, 224), (52, 208)] {
+            let mut servo = EmulatedServo::provisioned(1, 0).with_firmware(firmware);
+            let goals = registers(&[xc330::GOAL_POSITION, xc330::GOAL_CURRENT]);
+            addresses(&mut servo, 0, &goals).expect("set up");
+            let shown = registers(&[xc330::PRESENT_INPUT_VOLTAGE, xc330::HARDWARE_ERROR_STATUS]);
+            addresses(&mut servo, 6, &shown).expect("set up");
+            let mut wish = 1000_i32.to_le_bytes().to_vec();
+            wish.extend(120_i16.to_le_bytes());
+            servo.write(data, &wish).expect("written");
+            assert_eq!(servo.read(xc330::GOAL_POSITION.address, 4), Ok(wish[..4].to_vec()), "firmware {firmware}");
+            assert_eq!(servo.read(xc330::GOAL_CURRENT.address, 2), Ok(wish[4..].to_vec()));
+            assert_eq!(servo.read(data, 6), Ok(wish));
+            assert_eq!(servo.read(data + 6, 3), Ok(vec![111, 0, 0]), "11.1 V and no error");
+        }
+    }
+
+    /// What is refused directly is refused on this way too, and then nothing is written.
+    #[test]
+    fn refusals_reach_through() {
+        let mut servo = EmulatedServo::provisioned(1, 0);
+        let targets = registers(&[xc330::GOAL_CURRENT, xc330::PRESENT_CURRENT]);
+        addresses(&mut servo, 0, &targets).expect("set up");
+        let before = servo.read(xc330::GOAL_CURRENT.address, 2);
+        assert_eq!(servo.write(224, &[50, 0, 0, 0]), Err(ServoError::Access), "a measurement");
+        assert_eq!(servo.write(224, &[50]), Err(ServoError::DataLength), "half a register");
+        assert_eq!(servo.read(xc330::GOAL_CURRENT.address, 2), before);
+        assert_eq!(addresses(&mut servo, 0, &[11]), Err(ServoError::DataRange), "EEPROM");
+        assert_eq!(servo.write(Indirect::ADDRESSES, &[64]), Err(ServoError::DataLength));
+    }
+
+    /// Bytes that point nowhere keep what is written, and a restart forgets all of it.
+    #[test]
+    fn bytes_of_their_own_and_a_restart() {
+        let mut servo = EmulatedServo::provisioned(1, 0);
+        servo.write(224, &[1, 2, 3]).expect("kept");
+        assert_eq!(servo.read(224, 3), Ok(vec![1, 2, 3]));
+        addresses(&mut servo, 1, &[xc330::LED.address]).expect("set up");
+        servo.write(224, &[7, 1, 9]).expect("one of them is the LED");
+        assert_eq!(servo.read(xc330::LED.address, 1), Ok(vec![1]));
+        servo.reboot(0.0);
+        assert_eq!(servo.read(224, 3), Ok(vec![0, 0, 0]));
+        assert_eq!(servo.read(Indirect::ADDRESSES, 4), Ok(vec![224, 0, 225, 0]));
+    }
+}
