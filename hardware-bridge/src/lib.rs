@@ -10,7 +10,8 @@
 //!   terminal.
 //!
 //! # Bring-up
-//! [`config`] reads `bridge.toml`, [`setup`] checks and provisions servos, [`homing`] finds the open mark, [`calibration`] stores it. [`pictures`] tells cameras apart by what they show. [`install`] sets up the computer.
+//! [`config`] reads `bridge.toml`, [`setup`] checks and provisions servos, [`homing`] finds the open mark, [`calibration`] stores it; [`reboot`] brings back a servo that has shut
+//! down. [`pictures`] tells cameras apart by what they show. [`install`] sets up the computer.
 //!
 //! # Without hardware
 //! [`emulator`]: the devices on pseudo-terminals, for any host and any plant; [`emulator::lockstep`]: the whole bridge on such devices, on one emulated
@@ -33,6 +34,7 @@ mod lock;
 pub mod pictures;
 pub mod protocol2;
 pub mod real_time;
+pub mod reboot;
 pub mod remote;
 pub mod safety;
 pub mod servo_bus;

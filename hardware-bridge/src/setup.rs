@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use crate::config::BridgeConfig;
 use crate::servo_bus::{BusError, BusSettings, Pinged, ServoBus};
-use crate::xc330::{self, Register};
+use crate::xc330::{self, Register, hardware_error};
 
 /// Operating mode 5, current-based position control: force and position in one mode, so that no mode is switched under load.
 const MODE: f64 = 5.0;
@@ -60,7 +60,8 @@ pub fn check(bus: &mut ServoBus, config: &BridgeConfig, id: u8, name: &str) -> R
         findings.push(Finding::new(what(register.name), found, value, good));
     }
     let error = bus.read(id, &xc330::HARDWARE_ERROR_STATUS)?;
-    findings.push(Finding::new(what("Hardware Error Status"), error, "0", error == 0.0));
+    let (words, mended) = (hardware_error::words(error as u8), "none (else `ftac bridge reboot`)");
+    findings.push(Finding::new(what("Hardware Error Status"), words, mended, error == 0.0));
     let volts = bus.read(id, &xc330::PRESENT_INPUT_VOLTAGE)?;
     let [low, high] = config.limits.voltage;
     let good = (low..=high).contains(&volts);

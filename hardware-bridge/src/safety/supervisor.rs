@@ -85,7 +85,7 @@ impl Supervisor {
         if let Some(cause) = checks::alarm(measured, &self.limits, now) {
             return Err(CheckFailed::Alarm(cause));
         }
-        self.go(State::Checked, "be checked", |state| matches!(state, State::Connected))?;
+        self.go(State::Checked, "be checked", |state| matches!(state, State::Connected | State::Checked))?;
         Ok(())
     }
 

@@ -1,0 +1,64 @@
+//! The way back of a servo that has shut down or reports an error: a restart, and a look at what came back.
+//!
+//! A restart takes the torque and everything in RAM. It is never done unasked: what the servo held falls.
+
+use std::time::{Duration, Instant};
+
+use crate::calibration::{ServoCalibration, turns_to_forget};
+use crate::config::BridgeConfig;
+use crate::servo_bus::{BusError, ServoBus};
+use crate::setup::{self, Finding};
+use crate::xc330;
+
+/// Longest wait for a servo that restarts; about a third of a second is usual.
+const PATIENCE: Duration = Duration::from_secs(3);
+/// Between two questions whether it is back.
+const AGAIN: Duration = Duration::from_millis(50);
+/// How far outside its travel a shaft may be, rad: cables stretch.
+const MARGIN: f64 = 0.15;
+
+/// The hardware error status of a servo.
+pub fn error_status(bus: &mut ServoBus, id: u8) -> Result<u8, BusError> {
+    Ok(bus.read(id, &xc330::HARDWARE_ERROR_STATUS)? as u8)
+}
+
+/// Restarts a servo and waits until it answers again.
+pub fn reboot(bus: &mut ServoBus, id: u8) -> Result<(), BusError> {
+    // Its consent may be lost, or the restart be faster than it: the servo is asked for itself afterwards.
+    let consent = bus.reboot(id);
+    let begun = Instant::now();
+    std::thread::sleep(AGAIN);
+    loop {
+        match bus.ping(id) {
+            Ok(_) => return Ok(()),
+            Err(error) if begun.elapsed() > PATIENCE => return consent.and(Err(error)),
+            Err(_) => std::thread::sleep(AGAIN),
+        }
+    }
+}
+
+/// What came back: settings, errors, supply and temperature, torque, and whether it is the calibrated servo and knows its angle.
+pub fn check(
+    bus: &mut ServoBus,
+    config: &BridgeConfig,
+    (id, name): (u8, &str),
+    calibration: Option<&ServoCalibration>,
+) -> Result<Vec<Finding>, BusError> {
+    let mut findings = setup::check(bus, config, id, name)?;
+    let what = |thing: &str| format!("{name} ({id}): {thing}");
+    let torque = bus.read(id, &xc330::TORQUE_ENABLE)?;
+    findings.push(Finding::new(what("torque"), if torque == 0.0 { "off" } else { "on" }, "off", torque == 0.0));
+    let Some(calibration) = calibration else {
+        findings.push(Finding::new(what("calibration"), "none", "any", true));
+        return Ok(findings);
+    };
+    let offset = (bus.read(id, &xc330::HOMING_OFFSET)? / xc330::HOMING_OFFSET.unit.per_count()).round() as i64;
+    let expected = i64::from(calibration.homing_offset);
+    findings.push(Finding::new(what("Homing Offset, counts"), offset, expected, offset == expected));
+    let raw = bus.read(id, &xc330::PRESENT_POSITION)?;
+    let angle = raw - turns_to_forget(raw);
+    let good = (-MARGIN..=calibration.travel + MARGIN).contains(&angle);
+    let travel = format!("0 to {:.2}", calibration.travel);
+    findings.push(Finding::new(what("angle from the open mark, rad"), format!("{angle:.2}"), travel, good));
+    Ok(findings)
+}
