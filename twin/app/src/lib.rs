@@ -5,6 +5,10 @@
 //! Exit codes: 0 done and good, 1 ran but the result falls short (named on stderr), 2 bad usage or bad input, 130 interrupted with Ctrl-C:
 //! what is finished is kept.
 
+// What is printed may hold text of others: `println!` and its siblings are the ones that make it printable.
+#[macro_use]
+extern crate progress;
+
 mod cli;
 mod commands;
 mod log_file;

@@ -66,7 +66,12 @@ impl Entry {
         }
         rotate(&self.file, LONGEST)?;
         // One write a line: lines of two programs do not mix.
-        let line = format!("{:.3} {} {}\n", Timestamp::now(), std::process::id(), words.replace('\n', " "));
+        let line = format!(
+            "{:.3} {} {}\n",
+            Timestamp::now(),
+            std::process::id(),
+            progress::printable(&words.replace('\n', " "))
+        );
         OpenOptions::new().create(true).append(true).open(&self.file)?.write_all(line.as_bytes())
     }
 }

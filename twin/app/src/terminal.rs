@@ -54,3 +54,16 @@ impl Terminal {
         Ok(())
     }
 }
+
+#[cfg(test)]
+mod tests {
+    /// What `--json` prints is read as what it was, and holds no order to a terminal.
+    #[test]
+    fn json_with_escape_sequences_stays_json() {
+        let value = serde_json::json!({ "reason": "\u{1b}[2J\u{9b}1m\u{7f}\u{202e}\r\"\\" });
+        let text = value.to_string();
+        let shown = progress::printable(&text);
+        assert!(shown.is_ascii() && !shown.contains(|letter: char| letter.is_control()), "{shown:?}");
+        assert_eq!(serde_json::from_str::<serde_json::Value>(&shown).expect("JSON"), value);
+    }
+}

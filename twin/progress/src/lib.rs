@@ -1,4 +1,7 @@
-//! Progress of long work: a bar that is drawn in place on a terminal, and a line now and then where stderr goes into a log.
+//! Progress of long work: a bar that is drawn in place on a terminal, and a line now and then where stderr goes into a log; and text of others as a
+//! terminal may have it ([`printable`]).
+
+mod printable;
 
 use std::io::{self, IsTerminal as _, Write};
 use std::sync::Mutex;
@@ -6,6 +9,8 @@ use std::time::{Duration, Instant};
 
 pub use indicatif::ProgressBar;
 use indicatif::{HumanDuration, ProgressDrawTarget, ProgressState, ProgressStyle, TermLike};
+
+pub use self::printable::{printable, write_to_stderr};
 
 /// How often a line goes into a log.
 const PERIOD: Duration = Duration::from_secs(30);

@@ -6,6 +6,10 @@
 //! before a policy chooses one. The proven
 //! grasps and plans of the benchmark are in `data/`.
 
+// What is printed may hold text of others: `println!` and its siblings are the ones that make it printable.
+#[macro_use]
+extern crate progress;
+
 pub mod ball_sizes;
 pub mod builtin;
 pub mod cache;

@@ -64,7 +64,7 @@ pub fn make(terminal: &Terminal, args: &HandsArgs) -> Result<Made> {
     let mut cells = Vec::new();
     for hand in &hands {
         for object in &args.objects {
-            bar.set_message(format!("{} on {object}", hand.name()));
+            bar.set_message(progress::printable(&format!("{} on {object}", hand.name())).into_owned());
             cells.push(Cell::resume(hand, object, &request, &folder)?);
             bar.inc(1);
         }
