@@ -100,6 +100,7 @@ fn name(event: &Event) -> &'static str {
         Event::Sent(_) => "command sent",
         Event::Tick(_) => "tick",
         Event::Seen(..) => "seen",
+        Event::Unseen(_) => "failed look",
         Event::Outcome(_) => "outcome",
         Event::Raw { .. } => "raw",
     }
@@ -117,7 +118,7 @@ fn values(event: &Event) -> Vec<(String, u64)> {
             let sigma = pose.and_then(|(_, sigma)| sigma).map(|sigma| ("sigma".to_owned(), sigma.to_bits()));
             seen.into_iter().chain(numbers).chain(sigma).collect()
         }
-        Event::Outcome(_) | Event::Raw { .. } => Vec::new(),
+        Event::Unseen(_) | Event::Outcome(_) | Event::Raw { .. } => Vec::new(),
     }
 }
 

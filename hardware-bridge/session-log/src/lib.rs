@@ -7,6 +7,7 @@
 //! | `observation` | what [`Robot::observe`](hand_model::robot::Robot::observe) gave, images included |
 //! | `command/asked`, `command/sent` | the command requested by the controller, and the one sent after limits |
 //! | `seen` | an object's pose from prior perception, an input to the controller besides the robot's |
+//! | `unseen` | why prior perception failed, where a look ended the trial |
 //! | `tick` | the end of a control tick |
 //! | `outcome` | the result, in the controller's format |
 //! | `statistics` | JSON: what the body says of its own running |

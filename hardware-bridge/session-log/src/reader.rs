@@ -18,7 +18,7 @@ use crate::error::SessionLogError;
 use crate::message::{Command, LastImages, Observation, Seen, SeenPose, Tick, Wrong};
 use crate::tap::Direction;
 use crate::writer::{
-    ASKED, CALIBRATION, CONFIGURATION, FORMAT, METADATA, OBSERVATION, OUTCOME, SEEN, SENT, Session, TASK, TICK,
+    ASKED, CALIBRATION, CONFIGURATION, FORMAT, METADATA, OBSERVATION, OUTCOME, SEEN, SENT, Session, TASK, TICK, UNSEEN,
 };
 
 /// The longest record taken, bytes: an observation with an image of every camera has 3.2 MB. A damaged length must not
@@ -46,6 +46,8 @@ pub enum Event {
     Tick(robot::Tick),
     /// What prior perception says: which object, and its pose if it was to be seen ([`Seen`]).
     Seen(usize, Option<SeenPose>),
+    /// Why a look failed.
+    Unseen(String),
     /// What came of it, in the controller's words.
     Outcome(Vec<u8>),
     /// Bytes on a link.
@@ -261,6 +263,7 @@ impl Reader {
             SEEN => {
                 decode(data).and_then(|message: Seen| message.read()).map(|(object, pose)| Event::Seen(object, pose))
             }
+            UNSEEN => Ok(Event::Unseen(String::from_utf8_lossy(data).into_owned())),
             OUTCOME => Ok(Event::Outcome(data.to_owned())),
             TICK => decode(data).and_then(Tick::read).map(Event::Tick),
             _ => match raw_topic(topic) {

@@ -39,6 +39,11 @@ impl<R: Robot> Recorder<R> {
         self.write(|writer| writer.seen(object, seen));
     }
 
+    /// Records why a look failed.
+    pub fn unseen(&mut self, why: &str) {
+        self.write(|writer| writer.unseen(why));
+    }
+
     /// Records what the body says of its own running.
     pub fn statistics(&mut self, json: &[u8]) {
         self.write(|writer| writer.statistics(json));

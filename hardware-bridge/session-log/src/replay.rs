@@ -144,7 +144,7 @@ impl Replay {
                 Event::Observation(_) => "an observation",
                 Event::Asked(_) | Event::Sent(_) => "a command",
                 Event::Tick(_) => "a tick",
-                Event::Seen(..) => "a look at an object",
+                Event::Seen(..) | Event::Unseen(_) => "a look at an object",
                 Event::Raw { .. } => "bytes",
                 Event::Outcome(_) => "the outcome",
             };
@@ -153,20 +153,25 @@ impl Replay {
         taken
     }
 
-    /// What prior perception said of `object` at this point of the recording, which may be that it was not to be seen; `None` once
-    /// the recording is left.
-    pub fn seen(&mut self, object: usize) -> Option<Option<SeenPose>> {
-        let (recorded, pose) = self.take("a look at an object", |event| match event {
-            Event::Seen(object, pose) => Some((*object, *pose)),
+    /// What prior perception said of `object` at this point of the recording, which may be that it was not to be seen, or why the look failed; `None`
+    /// once the recording is left.
+    pub fn seen(&mut self, object: usize) -> Option<Result<Option<SeenPose>, String>> {
+        let taken = self.take("a look at an object", |event| match event {
+            Event::Seen(object, pose) => Some(Ok((*object, *pose))),
+            Event::Unseen(why) => Some(Err(why.clone())),
             _ => None,
         })?;
+        let (recorded, pose) = match taken {
+            Ok(seen) => seen,
+            Err(why) => return Some(Err(why)),
+        };
         if recorded != object {
             let (recorded, found) =
                 (["object 0", "object 1"][recorded.min(1)], ["object 0", "object 1"][object.min(1)]);
             self.divergence = Some(Divergence::Order { tick: self.progress.ticks, recorded, found });
             return None;
         }
-        Some(pose)
+        Some(Ok(pose))
     }
 
     fn compare(&mut self, recorded: &Command, found: &Command) {

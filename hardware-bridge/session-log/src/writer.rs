@@ -37,6 +37,8 @@ pub const CALIBRATION: &str = "calibration";
 pub const TASK: &str = "task";
 /// Topic of perceived poses.
 pub const SEEN: &str = "seen";
+/// Topic of looks that failed.
+pub const UNSEEN: &str = "unseen";
 /// Topic of what the body says of its own running.
 pub const STATISTICS: &str = "statistics";
 /// Topic of the outcome.
@@ -195,6 +197,15 @@ impl Writer {
     /// [`SessionLogError`].
     pub fn seen(&mut self, object: usize, seen: Option<&SeenPose>) -> Result<(), SessionLogError> {
         self.message(SEEN, "Seen", &Seen::new(object, seen))
+    }
+
+    /// A look that failed, and why: the trial ends with it.
+    ///
+    /// # Errors
+    /// [`SessionLogError`].
+    pub fn unseen(&mut self, why: &str) -> Result<(), SessionLogError> {
+        let (host, body) = (self.host_time(), body_time(self.time));
+        self.write(UNSEEN, None, host, body, why.as_bytes())
     }
 
     /// What came of it, in the controller's words.

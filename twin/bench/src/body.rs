@@ -38,6 +38,11 @@ pub use self::task::{Places, Task};
 #[error("{0}")]
 pub struct Stopped(pub String);
 
+/// A recorded look that failed, and why.
+#[derive(Debug, Clone, thiserror::Error)]
+#[error("{0}")]
+pub struct LookFailed(pub String);
+
 /// A look of prior perception.
 #[derive(Debug, Clone, Copy)]
 pub struct Glance {
@@ -232,12 +237,19 @@ impl Body {
             Self::Simulated(robot) => TrialBody::look(robot.as_mut(), glance),
             Self::Single(single) => {
                 let mut single = single.borrow_mut();
-                let seen = single.body().ok_or_else(|| anyhow!("the trial is over"))?.look(glance)?;
+                let seen = single.body().ok_or_else(|| anyhow!("the trial is over"))?.look(glance);
                 if let Some(Wrapped::Recorded(recorder)) = &mut single.line {
-                    let seen = seen.as_ref().map(|seen| (numbers(&seen.pose), seen.sigma));
-                    recorder.seen(glance.object, seen.as_ref());
+                    match &seen {
+                        Ok(seen) => {
+                            let seen = seen.as_ref().map(|seen| (numbers(&seen.pose), seen.sigma));
+                            recorder.seen(glance.object, seen.as_ref());
+                        }
+                        // Who stopped it did so whatever would have been seen.
+                        Err(error) if error.is::<Stopped>() => {}
+                        Err(error) => recorder.unseen(&format!("{error:#}")),
+                    }
                 }
-                Ok(seen)
+                seen
             }
         }
     }

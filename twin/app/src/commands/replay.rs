@@ -4,7 +4,7 @@ use std::path::Path;
 
 use anyhow::{Context as _, Result, bail};
 use bench::body::replayed::ReplaySource;
-use bench::body::{Stopped, Task};
+use bench::body::{LookFailed, Stopped, Task};
 use bench::builtin::{make_identified, read_pads_by};
 use bench::trial::{Bench, NoWatcher};
 use scenarios::Scenario;
@@ -91,11 +91,14 @@ fn run(terminal: &Terminal, bench: &Bench, task: &Task, path: &Path) -> Result<O
     let (outcome, whole) = outcome(path)?;
     let (mut source, report) = ReplaySource::new(Replay::new(Reader::open(path)?)?, task.robot == "hardware");
     let played = bench.play(task, &mut source, &mut NoWatcher);
-    let played = match played {
-        Ok(outcome) => Some(outcome.record),
+    let (played, failed) = match played {
+        Ok(outcome) => (Some(outcome.record), None),
         // Where the recording was cut short, or the controller left it, the trial cannot go on.
-        Err(error) if error.downcast_ref::<Stopped>().is_some() => None,
-        Err(error) => return Err(error),
+        Err(error) if error.chain().any(|cause| cause.is::<Stopped>()) => (None, None),
+        Err(error) => match error.chain().find_map(|cause| cause.downcast_ref::<LookFailed>()) {
+            Some(LookFailed(why)) => (None, Some(why.clone())),
+            None => return Err(error),
+        },
     };
     let (progress, divergence) = report.take().context("the trial ended before the recording began")?;
     let decided = |record: &TrialRecord| (record.switched, record.retries, record.reason.clone());
@@ -109,7 +112,7 @@ fn run(terminal: &Terminal, bench: &Bench, task: &Task, path: &Path) -> Result<O
             serde_json::json!({
                 "robot": task.robot, "combination": task.combination, "trial": task.trial, "condition": task.condition,
                 "ticks": progress.ticks, "identical_commands": progress.commands, "whole": whole,
-                "divergence": divergence.as_ref().map(ToString::to_string), "same_decisions": same,
+                "divergence": divergence.as_ref().map(ToString::to_string), "same_decisions": same, "failed_look": failed,
             })
         );
     } else {
@@ -120,6 +123,9 @@ fn run(terminal: &Terminal, bench: &Bench, task: &Task, path: &Path) -> Result<O
                 println!("the same decisions: {}", record.reason)
             }
             (Some(_), Some(true)) => println!("the same decisions"),
+            (None, _) if failed.is_some() => {
+                println!("it ends in the same failed look: {}", failed.as_deref().unwrap_or_default())
+            }
             (None, _) => {
                 println!("the recording ends before the trial does{}", if whole { "" } else { ", in mid-write" })
             }
@@ -129,7 +135,7 @@ fn run(terminal: &Terminal, bench: &Bench, task: &Task, path: &Path) -> Result<O
     let other = other_program(path)?.map_or(String::new(), |other| format!(" ({other})"));
     Ok(match (divergence, same) {
         (Some(divergence), _) => Some(format!("{divergence}{other}")),
-        (None, _) if progress.commands == 0 => {
+        (None, _) if progress.commands == 0 && failed.is_none() => {
             Some("the recording ends before its first command: nothing was compared".to_owned())
         }
         (None, Some(false)) => Some(format!("the decisions differ from the recorded ones{other}")),

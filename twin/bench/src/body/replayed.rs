@@ -12,7 +12,7 @@ use session_log::{Replay, Session};
 use sim::SimulatedRobot;
 use sim::robot::Truth;
 
-use super::{BodySource, Glance, Stopped, Task, TrialBody, TrialSetup, pose};
+use super::{BodySource, Glance, LookFailed, Stopped, Task, TrialBody, TrialSetup, pose};
 
 /// How far a replay came, and how it left the recording if it did.
 pub type Report = Rc<Cell<Option<(Progress, Option<Divergence>)>>>;
@@ -37,9 +37,11 @@ impl TrialBody for Replayed {
     }
 
     fn look(&mut self, glance: &Glance) -> Result<Option<Sighted>> {
-        let seen = self.replay.seen(glance.object);
-        seen.map(|seen| seen.map(|(numbers, sigma)| Sighted { pose: pose(&numbers), sigma }))
-            .ok_or_else(|| anyhow!(Stopped("the recording says nothing of it".into())))
+        match self.replay.seen(glance.object) {
+            Some(Ok(seen)) => Ok(seen.map(|(numbers, sigma)| Sighted { pose: pose(&numbers), sigma })),
+            Some(Err(why)) => Err(anyhow!(LookFailed(why))),
+            None => Err(anyhow!(Stopped("the recording says nothing of it".into()))),
+        }
     }
 
     fn stopped(&self) -> Option<String> {

@@ -121,7 +121,9 @@ impl Eyes for NoisyEyes<'_> {
         let noise = self.looks.later(self.noise, object, &self.objects[object], self.library, then.as_ref());
         let noise = self.disturber.perceived_noise(object, &noise);
         let glance = Glance { object, noise, then, camera };
-        self.robot.look(&glance).map_err(|error| EyesError { object, source: error.into() })
+        // Whoever asks for the cause of the error finds it under this one.
+        let boxed = |error: anyhow::Error| error.reallocate_into_boxed_dyn_error_without_backtrace();
+        self.robot.look(&glance).map_err(|error| EyesError { object, source: boxed(error) })
     }
 }
 
