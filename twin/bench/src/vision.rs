@@ -9,26 +9,27 @@
 //! stands for a vision system on emulated robots.
 //!
 //! Each look writes one line `{"look": NAME}`. A system that measures when asked answers it; one that measures all the time need not
-//! read it. Only what was measured after the question counts.
+//! read it. Only what was measured after the question counts. Between looks the [`connection`] is read on, however long the operator takes; one
+//! that was lost is made anew at the next look.
 
 pub mod camera;
+mod connection;
 pub mod measurement;
 mod stream;
 
-use std::io::{Read as _, Write as _};
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
 use control::percept::Sighted;
 use nalgebra::Isometry3;
 
+use self::connection::{Connection, Ended};
 use self::measurement::{Checks, Refused, read};
-use self::stream::Stream;
 
 pub use self::stream::Address;
 
 /// Longest wait for a measurement.
 const PATIENCE: Duration = Duration::from_secs(3);
-/// Between two looks at whether somebody wants to stop.
+/// Between two looks at whether somebody wants to stop, and between two tries to connect anew.
 const LOOK: Duration = Duration::from_millis(50);
 /// A measurement may be so much older than the question, s: clocks of two computers differ.
 const SKEW: f64 = 0.05;
@@ -40,10 +41,13 @@ const LINE: usize = 1 << 16;
 pub enum VisionError {
     #[error("--eyes {address}: {source}")]
     Io { address: String, source: std::io::Error },
-    #[error("--eyes {address}: the other side closed the connection while {object} was looked for")]
-    Closed { address: String, object: String },
-    #[error("--eyes {address}: found a line of more than {LINE} bytes, expected one JSON object a line")]
-    Line { address: String },
+    /// The connection ends whenever it is made.
+    #[error(
+        "--eyes {address}: the connection was lost while {object} was looked for, and each time it was made anew: {why}"
+    )]
+    Lost { address: String, object: String, why: Ended },
+    #[error("--eyes {address}: {}", Ended::Endless)]
+    Endless { address: String },
     /// Nothing usable came in time.
     #[error("--eyes {address}: {object}: found {}, expected a measurement of it within {:.0} s", said(.refused), PATIENCE.as_secs_f64())]
     Nothing {
@@ -62,40 +66,58 @@ fn said(refused: &Option<Refused>) -> String {
 
 /// The connection to a vision system.
 pub struct VisionLink {
-    address: String,
-    stream: Stream,
+    address: Address,
+    connection: Connection,
     checks: Checks,
-    /// What has arrived of a line.
-    pending: Vec<u8>,
-    lines: u64,
 }
 
 impl VisionLink {
     /// To the system at `address`.
     pub fn connect(address: &Address, checks: Checks) -> Result<Self, VisionError> {
-        let shown = address.to_string();
-        let failed = |source| VisionError::Io { address: shown.clone(), source };
-        let stream = Stream::connect(address).and_then(|stream| stream.waits(LOOK).map(|()| stream)).map_err(failed)?;
-        Ok(Self { address: shown, stream, checks, pending: Vec::new(), lines: 0 })
+        let connection =
+            Connection::open(address).map_err(|source| VisionError::Io { address: address.to_string(), source })?;
+        Ok(Self { address: address.clone(), connection, checks })
     }
 
     /// Where `object` is now; `None` where the system says that it does not see it. `stop` ends the wait.
     pub fn look(&mut self, object: &str, stop: impl Fn() -> bool) -> Result<Option<Sighted>, VisionError> {
-        let asked = now();
-        let question = serde_json::json!({"look": object}).to_string() + "\n";
-        self.stream.write_all(question.as_bytes()).map_err(|source| self.failed(source))?;
-        let begun = Instant::now();
-        let mut refused = None;
+        let (begun, address) = (Instant::now(), self.address.to_string());
+        let (mut refused, mut lost) = (None, self.connection.ended());
+        let mut asked = None;
         while begun.elapsed() < PATIENCE {
             if stop() {
                 return Err(VisionError::Stopped(object.to_owned()));
             }
-            let Some(line) = self.line(object)? else { continue };
-            match read(&line, self.lines, &self.checks, now()) {
+            if let Some(why) = &lost {
+                self.connect_anew(why)?;
+                (lost, asked) = (None, None);
+            }
+            let since = match asked {
+                Some(since) => since,
+                None => match self.ask(object) {
+                    Ok(since) => *asked.insert(since),
+                    Err(why) => {
+                        lost = Some(why);
+                        std::thread::sleep(LOOK);
+                        continue;
+                    }
+                },
+            };
+            let (number, line) = match self.connection.line(LOOK) {
+                Ok(Some(line)) => line,
+                Ok(None) => continue,
+                Err(Ended::Endless) => return Err(VisionError::Endless { address }),
+                Err(why) => {
+                    lost = Some(why);
+                    std::thread::sleep(LOOK);
+                    continue;
+                }
+            };
+            match read(&line, number, &self.checks, now()) {
                 Ok(seen) if seen.object != object => {}
-                Ok(seen) if seen.time < asked - SKEW => {
+                Ok(seen) if seen.time < since - SKEW => {
                     refused = Some(Refused {
-                        line: self.lines,
+                        line: number,
                         what: format!(
                             "a measurement of {object} that is {:.2} s old (taken before it was asked for)",
                             now() - seen.time
@@ -106,34 +128,31 @@ impl VisionLink {
                 Err(error) => refused = Some(error),
             }
         }
-        Err(VisionError::Nothing { address: self.address.clone(), object: object.to_owned(), refused })
-    }
-
-    /// The next line, if it has arrived.
-    fn line(&mut self, object: &str) -> Result<Option<Vec<u8>>, VisionError> {
-        loop {
-            if let Some(end) = self.pending.iter().position(|byte| *byte == b'\n') {
-                let line: Vec<u8> = self.pending.drain(..=end).collect();
-                self.lines += 1;
-                return Ok(Some(line));
-            }
-            if self.pending.len() > LINE {
-                return Err(VisionError::Line { address: self.address.clone() });
-            }
-            let mut buffer = [0; 4096];
-            match self.stream.read(&mut buffer) {
-                Ok(0) => {
-                    return Err(VisionError::Closed { address: self.address.clone(), object: object.to_owned() });
-                }
-                Ok(count) => self.pending.extend(&buffer[..count]),
-                Err(error) if is_early(&error) => return Ok(None),
-                Err(error) => return Err(self.failed(error)),
-            }
+        let object = object.to_owned();
+        match lost {
+            Some(why) => Err(VisionError::Lost { address, object, why }),
+            None => Err(VisionError::Nothing { address, object, refused }),
         }
     }
 
-    fn failed(&self, source: std::io::Error) -> VisionError {
-        VisionError::Io { address: self.address.clone(), source }
+    /// Asks for `object`, and says when (Unix time, s).
+    fn ask(&mut self, object: &str) -> Result<f64, Ended> {
+        let asked = now();
+        let question = serde_json::json!({"look": object}).to_string() + "\n";
+        self.connection.write(&question).map_err(|error| Ended::Failed(error.to_string()))?;
+        Ok(asked)
+    }
+
+    /// Connects once more after the connection was lost.
+    fn connect_anew(&mut self, why: &Ended) -> Result<(), VisionError> {
+        let failed = |error: std::io::Error| {
+            let words = format!("the connection was lost ({why}) and cannot be made anew: {error}");
+            let source = std::io::Error::new(error.kind(), words);
+            VisionError::Io { address: self.address.to_string(), source }
+        };
+        self.connection = Connection::open(&self.address).map_err(failed)?;
+        eprintln!("--eyes {}: the connection was lost ({why}) and is made anew", self.address);
+        Ok(())
     }
 }
 
@@ -180,7 +199,7 @@ pub(crate) fn shown(place: &Isometry3<f64>) -> String {
 
 #[cfg(test)]
 mod tests {
-    use std::io::{BufRead as _, BufReader};
+    use std::io::{BufRead as _, BufReader, Write as _};
     use std::net::TcpListener;
 
     use super::*;
@@ -255,9 +274,80 @@ mod tests {
         let address: Address = listener.local_addr().expect("its address").to_string().parse().expect("an address");
         let mut link = VisionLink::connect(&address, checks()).expect("connects");
         drop(listener.accept().expect("a client"));
-        assert!(link.look("pear", || false).is_err());
         drop(listener);
+        let error = link.look("pear", || false).expect_err("gone").to_string();
+        assert!(error.starts_with("--eyes 127.0.0.1:") && error.contains("cannot be made anew"), "{error}");
         let error = VisionLink::connect(&address, checks()).err().expect("nobody there").to_string();
         assert!(error.starts_with("--eyes 127.0.0.1:"), "{error}");
+    }
+
+    /// A system that sends on while the operator thinks is read on: it never finds its line full, and the next look has the newest measurement.
+    #[test]
+    fn an_operator_who_takes_long_finds_the_eyes_open() {
+        let listener = TcpListener::bind("127.0.0.1:0").expect("a port");
+        let address: Address = listener.local_addr().expect("its address").to_string().parse().expect("an address");
+        let (sender, sent) = std::sync::mpsc::channel();
+        std::thread::spawn(move || {
+            let (mut stream, _) = listener.accept().expect("a client");
+            // As strict as the emulated camera: a client that takes nothing is left.
+            stream.set_write_timeout(Some(Duration::from_millis(500))).expect("set");
+            let line = good("pear");
+            // More than sockets hold: what 40 s and more of measuring bring, at once.
+            for n in 0..40_000 {
+                if writeln!(stream, "{}", line.replace("TIME", &format!("{:.4}", now()))).is_err() {
+                    let _ = sender.send(n);
+                    return;
+                }
+            }
+            let _ = sender.send(40_000);
+            while writeln!(stream, "{}", line.replace("TIME", &format!("{:.4}", now()))).is_ok() {
+                std::thread::sleep(Duration::from_millis(10));
+            }
+        });
+        let mut link = VisionLink::connect(&address, checks()).expect("connects");
+        // The operator thinks until all of it was sent, or refused.
+        assert_eq!(sent.recv().expect("sends"), 40_000, "lines taken");
+        link.look("pear", || false).expect("a look").expect("seen");
+    }
+
+    /// Each look finds the system again that closes its connection after every answer, or was started anew in between.
+    #[test]
+    fn a_connection_that_was_lost_is_made_anew() {
+        let listener = TcpListener::bind("127.0.0.1:0").expect("a port");
+        let address: Address = listener.local_addr().expect("its address").to_string().parse().expect("an address");
+        std::thread::spawn(move || {
+            for stream in listener.incoming().flatten() {
+                let mut question = String::new();
+                let _ = BufReader::new(&stream).read_line(&mut question);
+                let _ = writeln!(&stream, "{}", good("pear").replace("TIME", &format!("{:.4}", now())));
+            }
+        });
+        let mut link = VisionLink::connect(&address, checks()).expect("connects");
+        for _ in 0..3 {
+            link.look("pear", || false).expect("a look").expect("seen");
+        }
+    }
+
+    /// An address that swallows every packet is told within seconds, not after the minutes of the operating system.
+    #[test]
+    fn an_address_that_says_nothing_is_told_soon() {
+        let listener = TcpListener::bind("127.0.0.1:0").expect("a port");
+        let there = listener.local_addr().expect("its address");
+        // Nobody accepts: once as many wait as may, no other is answered.
+        let connect = |_| std::net::TcpStream::connect_timeout(&there, Duration::from_millis(200)).ok();
+        let _waiting: Vec<_> = (0..10_000).map_while(connect).collect();
+        let address: Address = there.to_string().parse().expect("an address");
+        let error = VisionLink::connect(&address, checks()).err().expect("no answer").to_string();
+        assert!(error.contains(&address.to_string()) && error.contains("no answer within 3 s"), "{error}");
+    }
+
+    /// Text from the network that would clear a terminal is told, and does not.
+    #[test]
+    fn escape_sequences_from_the_eyes_are_told_in_words() {
+        let address = system(&[r#"{"object": "\u001b[2Jpear", "time": TIME, "hidden": true}"#, "\u{1b}]0;owned\u{7}"]);
+        let mut link = VisionLink::connect(&address, checks()).expect("connects");
+        let error = link.look("pear", || false).expect_err("nothing usable").to_string();
+        let shown = progress::printable(&error);
+        assert!(!shown.contains(|letter: char| letter.is_control()), "{shown:?}");
     }
 }

@@ -13,7 +13,7 @@ use scenarios::noise::trial_rng;
 
 use super::measurement::line;
 use super::stream::{Listener, Stream};
-use super::{Address, is_early, now};
+use super::{Address, LINE, is_early, now};
 
 /// Between two looks at clients and questions.
 const TICK: Duration = Duration::from_millis(5);
@@ -116,6 +116,10 @@ impl Client {
             Ok(count) => self.pending.extend(&buffer[..count]),
             Err(error) if is_early(&error) => {}
             Err(_) => return None,
+        }
+        if self.pending.len() > LINE {
+            // No question is so long.
+            return None;
         }
         let mut questions = Vec::new();
         while let Some(end) = self.pending.iter().position(|byte| *byte == b'\n') {

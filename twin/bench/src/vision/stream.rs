@@ -2,10 +2,11 @@
 
 use std::fmt;
 use std::io::{self, Read, Write};
-use std::net::{TcpListener, TcpStream};
+use std::net::{Shutdown, TcpListener, TcpStream, ToSocketAddrs as _};
 use std::os::unix::net::{UnixListener, UnixStream};
 use std::path::PathBuf;
 use std::str::FromStr;
+use std::sync::mpsc;
 use std::time::Duration;
 
 /// Where a vision system is: `HOST:PORT`, or `unix:PATH`.
@@ -45,11 +46,41 @@ pub enum Stream {
 }
 
 impl Stream {
-    pub fn connect(address: &Address) -> io::Result<Self> {
-        Ok(match address {
-            Address::Tcp(address) => Self::Tcp(TcpStream::connect(address)?),
-            Address::Unix(path) => Self::Unix(UnixStream::connect(path)?),
+    /// Connects to `address` within `limit`.
+    pub fn connect(address: &Address, limit: Duration) -> io::Result<Self> {
+        let (sender, receiver) = mpsc::channel();
+        let to = address.clone();
+        // Neither resolving a name nor connecting to a Unix socket has a time limit of its own: nobody waits for a thread that takes longer.
+        std::thread::Builder::new().name("connect".into()).spawn(move || sender.send(connect(&to, limit)))?;
+        receiver.recv_timeout(limit).unwrap_or_else(|_| {
+            let words =
+                format!("found no answer within {:.0} s, expected a vision system that listens", limit.as_secs_f64());
+            Err(io::Error::new(io::ErrorKind::TimedOut, words))
         })
+    }
+
+    /// Another hold of the same connection.
+    pub fn try_clone(&self) -> io::Result<Self> {
+        match self {
+            Self::Tcp(stream) => stream.try_clone().map(Self::Tcp),
+            Self::Unix(stream) => stream.try_clone().map(Self::Unix),
+        }
+    }
+
+    /// Ends it, for all who hold it.
+    pub fn shutdown(&self, how: Shutdown) -> io::Result<()> {
+        match self {
+            Self::Tcp(stream) => stream.shutdown(how),
+            Self::Unix(stream) => stream.shutdown(how),
+        }
+    }
+
+    /// Writes wait no longer than this.
+    pub fn write_timeout(&self, time: Duration) -> io::Result<()> {
+        match self {
+            Self::Tcp(stream) => stream.set_write_timeout(Some(time)),
+            Self::Unix(stream) => stream.set_write_timeout(Some(time)),
+        }
     }
 
     /// Reads and writes wait no longer than this.
@@ -63,6 +94,22 @@ impl Stream {
             }
         }
     }
+}
+
+/// Connects to the first of the addresses that answers, each tried for `limit`.
+fn connect(address: &Address, limit: Duration) -> io::Result<Stream> {
+    let name = match address {
+        Address::Unix(path) => return UnixStream::connect(path).map(Stream::Unix),
+        Address::Tcp(name) => name,
+    };
+    let mut failed = io::Error::new(io::ErrorKind::NotFound, "found no address of that host");
+    for address in name.to_socket_addrs()? {
+        match TcpStream::connect_timeout(&address, limit) {
+            Ok(stream) => return Ok(Stream::Tcp(stream)),
+            Err(error) => failed = error,
+        }
+    }
+    Err(failed)
 }
 
 impl Read for Stream {

@@ -1,0 +1,165 @@
+//! A connection that is read all the time: what nobody asks for yet never holds the other side up, and takes bounded memory.
+
+use std::collections::VecDeque;
+use std::io::{self, Read as _, Write as _};
+use std::net::Shutdown;
+use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
+use std::thread::JoinHandle;
+use std::time::Duration;
+
+use super::stream::Stream;
+use super::{Address, LINE, is_early};
+
+/// Longest wait for a connection, and for the name of its host to be resolved.
+const CONNECTING: Duration = Duration::from_secs(3);
+/// Longest wait for room to write a question.
+const WRITING: Duration = Duration::from_secs(1);
+/// Of lines that nobody has taken so many bytes are kept, the newest.
+const KEPT: usize = 1 << 20;
+
+/// Why nothing more comes.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+pub enum Ended {
+    #[error("the other side closed it")]
+    Closed,
+    #[error("{0}")]
+    Failed(String),
+    /// No line ends within [`LINE`].
+    #[error("found a line of more than {LINE} bytes, expected one JSON object a line")]
+    Endless,
+}
+
+/// What the reader has heard.
+#[derive(Debug, Default)]
+struct Heard {
+    /// Lines that nobody has taken, with their numbers from 1.
+    lines: VecDeque<(u64, Vec<u8>)>,
+    /// Bytes in them.
+    bytes: usize,
+    count: u64,
+    ended: Option<Ended>,
+}
+
+impl Heard {
+    fn push(&mut self, line: Vec<u8>) {
+        self.count += 1;
+        self.bytes += line.len();
+        self.lines.push_back((self.count, line));
+        while self.bytes > KEPT {
+            let oldest = self.lines.pop_front();
+            self.bytes -= oldest.map_or(self.bytes, |(_, line)| line.len());
+        }
+    }
+
+    fn pop(&mut self) -> Option<(u64, Vec<u8>)> {
+        let (number, line) = self.lines.pop_front()?;
+        self.bytes -= line.len();
+        Some((number, line))
+    }
+}
+
+#[derive(Debug, Default)]
+struct Shared {
+    heard: Mutex<Heard>,
+    news: Condvar,
+}
+
+impl Shared {
+    fn lock(&self) -> MutexGuard<'_, Heard> {
+        // Whoever panicked with it has said so.
+        self.heard.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+/// An open connection and its reader, which ends with it.
+pub struct Connection {
+    stream: Stream,
+    shared: Arc<Shared>,
+    reader: Option<JoinHandle<()>>,
+}
+
+impl Connection {
+    /// To `address`, within [`CONNECTING`].
+    pub fn open(address: &Address) -> io::Result<Self> {
+        let stream = Stream::connect(address, CONNECTING)?;
+        stream.write_timeout(WRITING)?;
+        let (theirs, shared) = (stream.try_clone()?, Arc::new(Shared::default()));
+        let to = shared.clone();
+        let reader = std::thread::Builder::new().name("eyes".into()).spawn(move || read(theirs, &to))?;
+        Ok(Self { stream, shared, reader: Some(reader) })
+    }
+
+    /// Why it has ended, if it has.
+    pub fn ended(&self) -> Option<Ended> {
+        self.shared.lock().ended.clone()
+    }
+
+    pub fn write(&mut self, text: &str) -> io::Result<()> {
+        self.stream.write_all(text.as_bytes())
+    }
+
+    /// The oldest line that is kept, with its number; `None` if there is none within `wait`.
+    pub fn line(&self, wait: Duration) -> Result<Option<(u64, Vec<u8>)>, Ended> {
+        let heard = self.shared.lock();
+        let silent = |heard: &mut Heard| heard.lines.is_empty() && heard.ended.is_none();
+        let waited = self.shared.news.wait_timeout_while(heard, wait, silent);
+        let mut heard = waited.unwrap_or_else(PoisonError::into_inner).0;
+        match (heard.pop(), &heard.ended) {
+            (None, Some(ended)) => Err(ended.clone()),
+            (line, _) => Ok(line),
+        }
+    }
+}
+
+impl Drop for Connection {
+    fn drop(&mut self) {
+        // A connection that is gone already has woken its reader.
+        let _ = self.stream.shutdown(Shutdown::Both);
+        if let Some(reader) = self.reader.take() {
+            // A panic is reported by the thread's own panic message.
+            let _ = reader.join();
+        }
+    }
+}
+
+fn read(mut stream: Stream, shared: &Shared) {
+    let (mut pending, mut buffer) = (Vec::new(), [0; 4096]);
+    let ended = loop {
+        match stream.read(&mut buffer) {
+            Ok(0) => break Ended::Closed,
+            Ok(count) => pending.extend(&buffer[..count]),
+            Err(error) if is_early(&error) => continue,
+            Err(error) => break Ended::Failed(error.to_string()),
+        }
+        let mut heard = shared.lock();
+        while let Some(end) = pending.iter().position(|byte| *byte == b'\n') {
+            heard.push(pending.drain(..=end).collect());
+        }
+        drop(heard);
+        shared.news.notify_all();
+        if pending.len() > LINE {
+            break Ended::Endless;
+        }
+    };
+    shared.lock().ended = Some(ended);
+    shared.news.notify_all();
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Whatever nobody takes, what is kept stays bounded and the newest.
+    #[test]
+    fn lines_that_nobody_takes_are_bounded() {
+        let mut heard = Heard::default();
+        for n in 0..5000 {
+            heard.push(format!("{n:1000}\n").into_bytes());
+        }
+        assert!(heard.bytes <= KEPT && heard.lines.len() > 1000, "{}", heard.lines.len());
+        let newest = heard.lines.back().expect("kept").clone();
+        assert_eq!((newest.0, newest.1), (5000, format!("{:1000}\n", 4999).into_bytes()));
+        while heard.pop().is_some() {}
+        assert_eq!(heard.bytes, 0);
+    }
+}
