@@ -33,6 +33,7 @@ use crate::workers;
 
 pub mod kind;
 mod moments;
+pub mod plant;
 mod recorded;
 mod watch;
 

@@ -1,11 +1,11 @@
 //! Faults of the plant, how they are drawn, and what must be named for each.
 
-use anyhow::{Context, Result};
+use bench::faults::plant::PlantFault;
 use bench::mirror::divergence::{Divergence, Kind};
 use bench::mirror::residuals::Residuals;
 use control::executive::{Executive, Phase};
 use hand_model::{CAMERAS, Digit, Hand};
-use nalgebra::{Isometry3, Vector3};
+use nalgebra::Vector3;
 use proving::rehearsal::in_hand;
 use rand::RngExt as _;
 use rand_chacha::ChaCha8Rng;
@@ -30,27 +30,9 @@ pub const KINDS: [&str; 11] = [
 /// Cables pulled with less show nothing of what is wrong with them, N; joints of digits that close more slowly than this (m/s) neither.
 const PULLED: f64 = 1.5;
 const CLOSING: f64 = 0.01;
-/// Where a snatched object goes: beside the table's middle.
-const AWAY: [f64; 3] = [0.3, 0.6, 0.1];
-
 /// A fault that can strike.
 #[derive(Debug, Clone)]
-pub enum Fault {
-    Break(usize),
-    /// By m.
-    Slip(usize, f64),
-    /// To a share of the torque.
-    Weak(usize, f64),
-    Stick(usize),
-    /// By kg.
-    Heavy(f64),
-    Snatch,
-    /// N, for as long as it is looked at.
-    Push(Vector3<f64>),
-    Freeze(usize),
-    Blind(usize, Blindness),
-    Dim(usize, usize, f32),
-}
+pub struct Fault(PlantFault);
 
 impl Fault {
     /// A fault of each kind that can show at this moment.
@@ -72,69 +54,54 @@ impl Fault {
         let (slip, share, more) =
             (rng.random_range(0.0015..0.004), rng.random_range(0.5..0.75), rng.random_range(0.12..0.4));
         let (joint, channel, left) = (rng.random_range(0..3), rng.random_range(0..3), rng.random_range(0.3..0.7));
-        drawn.extend(broken.map(|n| (0, Self::Break(n))));
-        drawn.extend(slipped.map(|n| (1, Self::Slip(n, slip))));
-        drawn.extend(weak.map(|n| (2, Self::Weak(n, share))));
+        drawn.extend(broken.map(|n| (0, PlantFault::Break(n))));
+        drawn.extend(slipped.map(|n| (1, PlantFault::Slip(n, slip))));
+        drawn.extend(weak.map(|n| (2, PlantFault::Weak(n, share))));
         // The thumb's first joint is turned by a servo of its own.
         let joint_of = |n: usize| Digit::ALL[n].joints()[if n == 0 { joint.max(1) } else { joint }];
-        drawn.extend(stuck.map(|n| (3, Self::Stick(joint_of(n)))));
+        drawn.extend(stuck.map(|n| (3, PlantFault::Stick(joint_of(n)))));
         let phase = executive.phase();
         let lifted = phase > Phase::LiftFirst || phase == Phase::LiftFirst && executive.progress() > 0.4;
         if lifted && in_hand(&robot.truth(), 0) {
-            drawn.extend([(4, Self::Heavy(more)), (5, Self::Snatch)]);
+            drawn.extend([(4, PlantFault::Heavy(0, more)), (5, PlantFault::Snatch(0))]);
         }
-        drawn.push((6, Self::Push(push)));
-        drawn.push((7, Self::Freeze(frozen)));
+        drawn.push((6, PlantFault::Push(push)));
+        drawn.push((7, PlantFault::Freeze(frozen)));
         let pad = |camera: usize| hand.cameras[camera].pad;
-        drawn.push((8, Self::Blind(pad(missing), Blindness::Missing)));
-        drawn.push((9, Self::Blind(pad(black), Blindness::Black)));
-        drawn.push((10, Self::Dim(dim, channel, left)));
-        drawn
+        drawn.push((8, PlantFault::Blind(pad(missing), Blindness::Missing)));
+        drawn.push((9, PlantFault::Blind(pad(black), Blindness::Black)));
+        drawn.push((10, PlantFault::Dim(dim, channel, left)));
+        drawn.into_iter().map(|(kind, fault)| (kind, Self(fault))).collect()
     }
 
     /// Strikes.
-    pub fn strike(&self, robot: &mut SimulatedRobot, hand: &Hand) -> Result<()> {
-        match *self {
-            Self::Break(n) => robot.break_cable(n),
-            Self::Slip(n, length) => robot.slip_cable(n, length),
-            Self::Weak(n, share) => robot.weaken_servo(n, share),
-            Self::Stick(joint) => robot.stick_joint(joint),
-            Self::Heavy(more) => robot.add_mass(0, more),
-            Self::Snatch => robot.put(0, &Isometry3::translation(AWAY[0], AWAY[1], AWAY[2])),
-            Self::Push(_) => {}
-            Self::Freeze(camera) => robot.freeze_camera(camera),
-            Self::Blind(pad, how) => {
-                let name = hand.pads.get(pad).context("a pad")?.name.clone();
-                robot.fail_cameras(&[name], how);
-            }
-            Self::Dim(camera, channel, left) => robot.dim_lamp(camera, channel, left),
-        }
-        Ok(())
+    pub fn strike(&self, robot: &mut SimulatedRobot, hand: &Hand) {
+        self.0.strike(robot, hand);
     }
 
     /// What lasts with every tick.
     pub fn press(&self, robot: &mut SimulatedRobot) {
-        if let Self::Push(force) = self {
-            robot.pull(None, *force);
-        }
+        self.0.press(robot);
     }
 
     /// Whether `named` is its right name, part included.
     pub fn is(&self, named: &Divergence, hand: &Hand) -> bool {
         let digit = |n: usize| named.part == Digit::ALL[n].name();
         let camera = |n: usize| named.part == hand.cameras[n].name;
-        match *self {
-            Self::Break(n) => named.kind == Kind::CableBroken && digit(n),
-            Self::Slip(n, _) => named.kind == Kind::CableSlipped && digit(n),
-            Self::Weak(n, _) => named.kind == Kind::ServoWeak && digit(n),
+        match self.0 {
+            PlantFault::Break(n) => named.kind == Kind::CableBroken && digit(n),
+            PlantFault::Slip(n, _) => named.kind == Kind::CableSlipped && digit(n),
+            PlantFault::Weak(n, _) => named.kind == Kind::ServoWeak && digit(n),
             // No name: a joint that is stuck looks like one that touches something.
-            Self::Stick(_) => false,
-            Self::Heavy(_) => named.kind == Kind::OtherPayload,
-            Self::Snatch => named.kind == Kind::ObjectLost,
-            Self::Push(_) => named.kind == Kind::UnexpectedContact,
-            Self::Freeze(n) => named.kind == Kind::CameraDead && camera(n),
-            Self::Blind(pad, _) => named.kind == Kind::CameraDead && hand.pads[pad].cameras.iter().any(|n| camera(*n)),
-            Self::Dim(n, ..) => named.kind == Kind::PadDrifted && camera(n),
+            PlantFault::Stick(_) => false,
+            PlantFault::Heavy(..) => named.kind == Kind::OtherPayload,
+            PlantFault::Snatch(_) => named.kind == Kind::ObjectLost,
+            PlantFault::Push(_) => named.kind == Kind::UnexpectedContact,
+            PlantFault::Freeze(n) => named.kind == Kind::CameraDead && camera(n),
+            PlantFault::Blind(pad, _) => {
+                named.kind == Kind::CameraDead && hand.pads[pad].cameras.iter().any(|n| camera(*n))
+            }
+            PlantFault::Dim(n, ..) => named.kind == Kind::PadDrifted && camera(n),
         }
     }
 }

@@ -119,7 +119,7 @@ fn strike(bench: &Bench, play: &Play, rng: &mut ChaCha8Rng, label: &str, tallies
     }
     for (kind, fault) in Fault::draw(rng, hand, (&play.robot, &play.executive), residuals) {
         let mut branch = play.clone();
-        fault.strike(&mut branch.robot, hand)?;
+        fault.strike(&mut branch.robot, hand);
         while branch.robot.time() < end && !branch.is_over() {
             branch.tick(bench, Some(&fault))?;
         }

@@ -16,6 +16,7 @@ use bench::body::emulated::{CAMERA, settings};
 use bench::body::operator::Interrupt;
 use bench::emulated_table::{EmulatedTable, Wish};
 use bench::faults::STANDS;
+use bench::faults::plant::Breakable;
 use bench::vision::Address;
 use bench::vision::camera::{Camera, CameraSettings};
 use clap::Args;
@@ -23,7 +24,6 @@ use hand_model::ACTUATORS;
 use hand_model::robot::Robot;
 use hardware_bridge::calibration::{HandCalibration, ServoCalibration};
 use hardware_bridge::config::{ArmConfig, BridgeConfig, CameraConfig, LimitConfig, ServoConfig};
-use hardware_bridge::emulator::faults::Faults;
 use hardware_bridge::emulator::servo::EmulatedServo;
 use hardware_bridge::emulator::spring_hand::SpringHand;
 use hardware_bridge::emulator::{EmulatedHand, EmulatorSettings};
@@ -87,15 +87,19 @@ pub struct EmulateArgs {
     /// Take lines from the terminal too: Enter alone puts the objects back.
     #[arg(long)]
     keys: bool,
-    /// Do nothing but tell the emulator that runs in --dir this line: objects=back, objects=N (a combination), objects=balls, or a fault.
+    /// Do nothing but tell the emulator that runs in --dir this line: objects=back, objects=N (a combination), objects=balls, or a
+    /// fault as for --fault without its time: freeze=7, slip=ring:3, snatch=1, arm=stop.
     #[arg(long, value_name = "LINE")]
     tell: Option<String>,
     /// Write the calibration too, as if it had been done.
     #[arg(long)]
     calibrated: bool,
     /// What goes wrong: CHANCE or WHAT@SECONDS, such as noise=0.1, drop=0.02, overload=3@5, voltage=5.2@3, freeze=7@2, usb=servos@4,
-    /// usb=cameras@4, arm=stop@6 (emergency stop), arm=free@8 (its release), arm=fault@6, arm=deaf@6, arm=lossy@6. What has a time may also be
-    /// piped in, one a line without @SECONDS, or told with --tell, and happens at once; objects=back, objects=N and objects=balls too.
+    /// usb=cameras@4, arm=stop@6 (emergency stop), arm=free@8 (its release), arm=fault@6, arm=deaf@6, arm=lossy@6; and of the robot itself
+    /// break=ring@5 (a cable), slip=ring:3@5 (by 3 mm on its spool), weak=ring:0.6@5 (a servo gives 0.6 of its torque), stick=JOINT@5, heavy=1:0.3@5
+    /// (object 1 weighs 0.3 kg more), snatch=1@5 (object 1 is taken away), push=12@5 (12 N on the palm for half a second), dim=7:red:0.5@5 (half of the
+    /// red light of camera 7), blind=PAD:missing@5 or blind=PAD:black@5. What has a time may also be piped in, one a line without @SECONDS, or told with
+    /// --tell, and happens at once; objects=back, objects=N and objects=balls too.
     #[arg(long = "fault")]
     faults: Vec<String>,
     /// One servo as it leaves the factory instead of six provisioned ones, for `bridge provision`.
@@ -112,6 +116,10 @@ pub struct EmulateArgs {
     seconds: Option<f64>,
 }
 
+/// Why cables and objects cannot be broken or moved.
+const NO_PLANT: &str =
+    "fault: found --springs, expected the simulated robot, whose cables, joints and objects it is about";
+
 /// The emulated arm's watchdog under `--patient`, ms: shorter than the 2 s after which the arm ends a silent session.
 const PATIENT_ARM: u64 = 1500;
 
@@ -119,8 +127,11 @@ pub fn run(terminal: &Terminal, args: &EmulateArgs) -> Result<Option<String>> {
     if let Some(line) = &args.tell {
         return tell_running(terminal, &args.dir, line);
     }
-    let (mishaps, texts) = mishap::mishaps(&args.faults)?;
-    let faults = Faults::parse(texts)?;
+    let (mishaps, faults) = mishap::mishaps(&args.faults)?;
+    if args.springs && mishaps.iter().any(|(_, mishap)| matches!(mishap, Mishap::Plant(_))) {
+        bail!(NO_PLANT);
+    }
+    let mut breakable = None;
     let (mut table, mut plant): (Option<EmulatedTable>, Box<dyn Robot + Send>) =
         (None, Box::new(SpringHand::new([TRAVEL; ACTUATORS])));
     let (mut travel, mut usual) = ([TRAVEL; ACTUATORS], EmulatorSettings::default());
@@ -132,7 +143,9 @@ pub fn run(terminal: &Terminal, args: &EmulateArgs) -> Result<Option<String>> {
         }
         let settings = settings(&standing.bench().world.cell.hand, terminal.seed);
         (travel, usual) = (settings.travel, settings.devices);
-        plant = Box::new(standing.plant().clone());
+        let broken = Breakable::new(standing.plant().clone());
+        plant = Box::new(broken.clone());
+        breakable = Some(broken);
         table = Some(standing);
     }
     let mut settings = EmulatorSettings { faults, seed: terminal.seed, ..usual };
@@ -178,7 +191,7 @@ pub fn run(terminal: &Terminal, args: &EmulateArgs) -> Result<Option<String>> {
         println!("try: ftac bridge scan --config {}", shown(&config));
     }
     let truth = (args.truth.is_some() || args.live).then(|| TruthView::new(args.truth.clone(), args.live));
-    let mut running = Running { hand, arm, table, truth };
+    let mut running = Running { hand, arm, table, breakable, truth };
     attend(args, &mut running, mishaps, &door)?;
     tell(terminal, &running.hand, running.arm.as_ref().map(Emulator::status).as_ref());
     Ok(None)
@@ -214,6 +227,8 @@ struct Running {
     hand: EmulatedHand,
     arm: Option<Emulator>,
     table: Option<EmulatedTable>,
+    /// The simulated robot, if there is one.
+    breakable: Option<Breakable>,
     truth: Option<TruthView>,
 }
 
@@ -221,7 +236,11 @@ impl Running {
     /// Does what a line asks for at once, and says what came of it.
     fn obey(&mut self, line: &str) -> Result<String> {
         let Some(wish) = line.strip_prefix("objects=") else {
-            mishap::at_once(line)?.into_iter().for_each(|mishap| self.suffer(mishap));
+            let mishaps = mishap::at_once(line)?;
+            if self.breakable.is_none() && mishaps.iter().any(|mishap| matches!(mishap, Mishap::Plant(_))) {
+                bail!(NO_PLANT);
+            }
+            mishaps.into_iter().for_each(|mishap| self.suffer(mishap));
             return Ok("done".to_owned());
         };
         let wish = wish.parse().map_err(|error| anyhow::anyhow!("objects: {error}"))?;
@@ -237,6 +256,11 @@ impl Running {
             (Mishap::Arm(injection), Some(arm)) => arm.inject(injection),
             (Mishap::Arm(_), None) => {}
             (Mishap::Device(event), _) => self.hand.inject(event),
+            (Mishap::Plant(fault), _) => {
+                if let (Some(breakable), Some(table)) = (&self.breakable, &self.table) {
+                    breakable.suffer(&fault, &table.bench().world.cell.hand);
+                }
+            }
         }
     }
 }

@@ -2,7 +2,9 @@
 
 use std::str::FromStr;
 
-use anyhow::{Result, bail};
+use anyhow::{Result, anyhow, bail};
+use bench::faults::plant::{PlantFault, TOLD};
+use hand_model::Hand;
 use hardware_bridge::emulator::Plug;
 use hardware_bridge::emulator::faults::{Event, Faults};
 use kortex::emulator::Injection;
@@ -15,23 +17,29 @@ pub enum Mishap {
     Arm(Injection),
     /// Something that happens to a servo or a camera.
     Device(Event),
+    /// Something that happens to the simulated robot behind them.
+    Plant(PlantFault),
 }
-
-/// A fault's text that belongs to servos or cameras.
-type Texts<'a> = Vec<&'a str>;
 
 /// What a line without a time says.
 pub fn at_once(line: &str) -> Result<Vec<Mishap>> {
-    let text = [format!("{line}@0")];
-    let (mut now, rest) = mishaps(&text)?;
-    now.extend(Faults::parse(rest)?.events.into_iter().map(|(at, event)| (at, Mishap::Device(event))));
+    let (mut now, faults) = mishaps(&[format!("{line}@0")])?;
+    now.extend(faults.events.into_iter().map(|(at, event)| (at, Mishap::Device(event))));
     Ok(now.into_iter().map(|(_, mishap)| mishap).collect())
 }
 
-/// Takes out what is not the servos' or the cameras'.
-pub fn mishaps(texts: &[String]) -> Result<(Vec<(f64, Mishap)>, Texts<'_>)> {
+/// What happens to servos and cameras by themselves, and what somebody else has to do to the rest, each at its time, s.
+pub fn mishaps(texts: &[String]) -> Result<(Vec<(f64, Mishap)>, Faults)> {
     let (mut mishaps, mut rest) = (Vec::new(), Vec::new());
+    let hand = Hand::ftac();
     for text in texts {
+        let (what, at) = text.split_once('@').map_or((text.as_str(), None), |(what, at)| (what, Some(at)));
+        if let Some(fault) = PlantFault::parse(what, &hand)? {
+            let at = at.and_then(|at| at.parse().ok()).filter(|at: &f64| at.is_finite() && *at >= 0.0);
+            let at = at.ok_or_else(|| anyhow!("fault: found `{text}`, expected {what}@SECONDS"))?;
+            mishaps.push((at, Mishap::Plant(fault)));
+            continue;
+        }
         let Some((name @ ("usb" | "arm"), value)) = text.split_once('=') else {
             rest.push(text.as_str());
             continue;
@@ -59,5 +67,8 @@ pub fn mishaps(texts: &[String]) -> Result<(Vec<(f64, Mishap)>, Texts<'_>)> {
             }
         }
     }
-    Ok((mishaps, rest))
+    let faults = Faults::parse(rest).map_err(|error| {
+        anyhow!("{error}; usb=servos|cameras@SECONDS, arm=stop|free|fault|deaf|lossy@SECONDS; or, each with @SECONDS, {TOLD}")
+    })?;
+    Ok((mishaps, faults))
 }
