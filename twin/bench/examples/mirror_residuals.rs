@@ -87,7 +87,7 @@ fn main() -> anyhow::Result<()> {
         }
         let begun = Instant::now();
         let twin = twin.get_or_insert_with(|| Twin::new(&bench.world, &seen.arm.position));
-        let innovation = twin.correct(&seen.servos, &seen.arm);
+        let innovation = twin.correct(&seen.servos, &seen.arm, false);
         twin.follow(&sent);
         spent += begun.elapsed();
         ticks += 1;

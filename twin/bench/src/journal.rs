@@ -90,6 +90,7 @@ impl RunRequest {
             individual: self.individual.clone(),
             pads: self.pads.clone(),
             foresees: self.foresees,
+            mirrored: self.mirrors,
             places: self.places,
         }
     }

@@ -1,6 +1,6 @@
 //! The mirror: a twin that runs beside the robot, fed with the same commands and corrected by its measurements, and what it names.
 //!
-//! [`twin`] is the observer, [`seen`] all that it is told, [`residuals`] what is left between robot and twin. [`cables`], [`torque`], [`hand`] with [`steps`], and
+//! [`twin`] is the observer, [`seen`] all that it is told, [`pace`] makes even ticks of that where a robot keeps real time, [`residuals`] what is left between robot and twin. [`cables`], [`torque`], [`hand`] with [`steps`], and
 //! [`cameras`] find what is amiss in that, by what a phase lets expect ([`expected`]), what acts from [`outside`], and the limits of [`limits`]; [`divergence`] has the words for it. [`belief`] is where the object in the hand was felt.
 //! [`watch`] lets a mirror look on while trials are played. A mirror only looks: it takes measurements, sent commands and what
 //! the controller believes ([`seen::Seen`]), cannot reach the robot's truth, and gives nothing back to whoever commands.
@@ -13,6 +13,7 @@ pub mod expected;
 pub mod hand;
 pub mod limits;
 pub mod outside;
+pub mod pace;
 pub mod residuals;
 pub mod seen;
 pub mod steps;
@@ -35,6 +36,7 @@ use self::cameras::CameraWatch;
 use self::divergence::{Divergence, Kind};
 use self::hand::{HandTick, HandWatch};
 use self::limits::{Limits, LimitsError};
+use self::pace::{Look, Pace, Passed};
 use self::residuals::Residuals;
 use self::seen::Seen;
 use self::twin::Twin;
@@ -43,6 +45,9 @@ use self::twin::Twin;
 #[derive(Clone)]
 pub struct Mirror {
     twin: Twin,
+    pace: Pace,
+    /// Gaps after which what was seen before told nothing any more.
+    gaps: u32,
     hand: Arc<Hand>,
     arm: Arc<Arm>,
     kinematics: ArmKinematics,
@@ -65,6 +70,8 @@ impl Mirror {
         let masses = world.objects.iter().map(|object| (object.name.clone(), object.mass)).collect();
         Ok(Self {
             twin: Twin::new(world, arm),
+            pace: Pace::default(),
+            gaps: 0,
             hand: world.cell.hand.clone(),
             arm: world.cell.arm.clone(),
             kinematics: world.cell.kinematics(),
@@ -81,15 +88,49 @@ impl Mirror {
         })
     }
 
-    /// A fresh mirror of a robot that went on unseen, its arm now at rest where it was measured (rad); what was named stays.
-    pub fn restarted(self, world: &World, arm: &[f64; ARM_JOINTS]) -> Result<Self, LimitsError> {
-        Ok(Self { named: self.named, ..Self::new(world, arm)? })
-    }
-
-    /// One tick; what was named in it.
+    /// What is seen now, a tick after the look before or whenever the robot's host had the time; what was named of it.
     pub fn see(&mut self, seen: &Seen) -> &[Divergence] {
         let known = self.named.len();
-        let innovation = self.twin.correct(seen.servos, seen.arm);
+        let look = Look { time: seen.time, servos: *seen.servos, arm: *seen.arm, sent: *seen.sent };
+        match self.pace.take(&look, self.twin.tick_length()) {
+            Passed::Tick => self.tick(seen),
+            Passed::Even(ticks) => {
+                for Look { time, servos, arm, sent } in &ticks {
+                    self.tick(&Seen { time: *time, servos, arm, sent, ..*seen });
+                }
+            }
+            Passed::Gap(ticks) => {
+                self.gaps += 1;
+                self.go_on_unseen(ticks, seen);
+            }
+        }
+        let cameras =
+            self.cameras.see(&self.limits.camera, (seen.time, seen.sent.capture, self.pace.is_uneven()), seen.images);
+        for (camera, finding) in cameras {
+            let part = camera.map_or_else(|| "all cameras".to_owned(), |camera| self.hand.cameras[camera].name.clone());
+            self.name(seen.time, part, finding);
+        }
+        &self.named[known..]
+    }
+
+    /// The twin follows its last command for so many ticks; cables and hand are then looked at as for the first time, cameras and beliefs are as
+    /// they were.
+    fn go_on_unseen(&mut self, ticks: usize, seen: &Seen) {
+        for _ in 0..ticks {
+            self.twin.go_on();
+        }
+        self.twin.correct(seen.servos, seen.arm, true);
+        self.before = *seen.servos;
+        self.arm_before = *seen.arm;
+        self.cables = Default::default();
+        self.handle.see_nothing();
+        self.believes.see(seen.time, seen.phase, seen.felt);
+        self.twin.follow(seen.sent);
+    }
+
+    /// One tick.
+    fn tick(&mut self, seen: &Seen) {
+        let innovation = self.twin.correct(seen.servos, seen.arm, self.pace.is_uneven());
         let (_, jacobian) = self.kinematics.jacobian(&seen.arm.position);
         let readings = [&self.before, seen.servos];
         self.residuals = Residuals::new(&self.hand, readings, self.twin.tick_length(), &innovation, &jacobian);
@@ -100,13 +141,12 @@ impl Mirror {
             self.look_at_hand(seen);
         }
         self.look_at_cables(seen.time);
-        let cameras = self.cameras.see(&self.limits.camera, (seen.time, seen.sent.capture), seen.images);
-        for (camera, finding) in cameras {
-            let part = camera.map_or_else(|| "all cameras".to_owned(), |camera| self.hand.cameras[camera].name.clone());
-            self.name(seen.time, part, finding);
-        }
         self.twin.follow(seen.sent);
-        &self.named[known..]
+    }
+
+    /// Gaps so far after which what had been seen before told nothing any more.
+    pub fn gaps(&self) -> u32 {
+        self.gaps
     }
 
     /// Whether a joint of the arm, at `angles` (rad), is so near its stop that this may bear some of what loads the hand.

@@ -122,7 +122,8 @@ fn beside(
     condition: Condition,
     play: impl FnOnce(&mut dyn Watcher) -> Result<TrialResults>,
 ) -> Result<TrialResults> {
-    let (results, named) = watch::beside(bench, recording, (request.mirrors, condition), play);
+    let (results, named) =
+        watch::beside(bench, recording, (request.mirrors, request.robot == "hardware", condition), play);
     Ok(TrialResults { divergences: named.unwrap_or_default(), ..results? })
 }
 

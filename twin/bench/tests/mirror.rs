@@ -1,6 +1,8 @@
 //! The mirror beside a simulated robot: residuals of a sound one are small in free motion, those of a broken one are not; what breaks is named, a
 //! sound robot raises nothing, and whoever is mirrored does not notice.
 
+use std::sync::Arc;
+
 use anyhow::Result;
 use bench::builtin::make_bench;
 use bench::mirror::Mirror;
@@ -11,8 +13,9 @@ use bench::mirror::watch::Mirroring;
 use bench::trial::filming::All;
 use bench::trial::{Moment, Watcher};
 use control::executive::Phase;
-use hand_model::robot::{Command, Robot, ServoGoal};
-use hand_model::{Arm, Digit};
+use hand_model::pads::IMAGE_SIZE;
+use hand_model::robot::{Command, Robot, ServoGoal, TactileFrame, TactileImage};
+use hand_model::{Arm, CAMERAS, Digit};
 use nalgebra::{Isometry3, Vector3};
 use proving::world::World;
 use scenarios::Scenario;
@@ -59,7 +62,7 @@ fn residuals(broken: Option<usize>) -> Vec<(f64, [f64; 5])> {
         if let Some(n) = broken.take_if(|_| seen.time >= BREAK) {
             robot.break_cable(n);
         }
-        let innovation = twin.correct(&seen.servos, &seen.arm);
+        let innovation = twin.correct(&seen.servos, &seen.arm, false);
         all.push((seen.time, innovation.loads));
         let sent = robot.send(&command(seen.time));
         twin.follow(&sent);
@@ -141,6 +144,100 @@ fn faults_are_named() {
     }
 }
 
+/// How many of its ticks a robot has gone on between two looks of a host that others keep busy, and how late within a tick each look comes.
+const BUSY: [(usize, f64); 12] = [
+    (1, 0.0),
+    (1, 0.3),
+    (2, 0.1),
+    (1, 0.8),
+    (4, 0.2),
+    (1, 0.0),
+    (1, 0.5),
+    (3, 0.9),
+    (1, 0.1),
+    (7, 0.4),
+    (2, 0.0),
+    (1, 0.6),
+];
+
+/// The images of all cameras of capture `n`, with read-out noise; those of camera `frozen` are always the same.
+fn images(n: u64, frozen: Option<usize>) -> Vec<TactileFrame> {
+    let image = |camera: usize| {
+        let n = if frozen == Some(camera) { 0 } else { n };
+        let noise = |pixel: usize| 100 + ((pixel as u64 * 7 + n * 13 + camera as u64) % 5) as u8;
+        Arc::new(TactileImage { rgb: (0..IMAGE_SIZE * IMAGE_SIZE * 3).map(noise).collect() })
+    };
+    (0..CAMERAS)
+        .map(|camera| TactileFrame { camera, time: 0.2 * n as f64, sequence: n, image: image(camera) })
+        .collect()
+}
+
+/// What a mirror names of the same motion seen by a busy host, with its mirror; `strike` is done to the robot once at [`BREAK`], and from then on camera
+/// `frozen` sends the same image.
+fn named_in_real_time(strike: impl FnOnce(&mut SimulatedRobot), frozen: Option<usize>) -> Mirror {
+    let world = World::new(Scenario::benchmark()).expect("the world");
+    let mut robot = robot(&world);
+    let tick = robot.tick_length();
+    let mut mirror = Mirror::new(&world, &robot.observe().arm.position).expect("a mirror");
+    let (mut strike, mut last) = (Some(strike), 0.0);
+    let mut known = images(0, None);
+    for (ticks, late) in BUSY.into_iter().cycle() {
+        let seen = robot.observe();
+        let time = seen.time + late * tick;
+        if time >= END {
+            break;
+        }
+        if let Some(strike) = strike.take_if(|_| seen.time >= BREAK) {
+            strike(&mut robot);
+        }
+        let capture = seen.time >= last + 0.2;
+        if capture {
+            last = seen.time;
+            known = images((seen.time / 0.2) as u64, frozen.filter(|_| seen.time >= BREAK));
+        }
+        let sent = robot.send(&Command { capture, ..command(seen.time) });
+        for _ in 0..ticks {
+            robot.wait_for_tick();
+        }
+        mirror.see(&Seen {
+            time,
+            servos: &seen.servos,
+            arm: &seen.arm,
+            images: &known,
+            sent: &sent,
+            phase: Phase::ApproachFirst,
+            progress: 0.5 * time / END,
+            objects: ["golf_ball", "can_66"],
+            felt: None,
+        });
+    }
+    mirror
+}
+
+/// A host that is busy looks late, twice within a tick, or not at all for some: the mirror follows without ever beginning anew, and names nothing of
+/// a sound robot.
+#[test]
+fn late_and_dropped_ticks_are_no_restart() {
+    let mirror = named_in_real_time(|_| {}, None);
+    assert_eq!((mirror.gaps(), mirror.named()), (0, &[][..]));
+}
+
+/// A camera that freezes is told by its images, however unevenly they are looked at; so is a cable that breaks.
+#[test]
+fn a_frozen_camera_is_named_in_real_time() {
+    let camera = 7;
+    let mirror = named_in_real_time(|_| {}, Some(camera));
+    let [only] = mirror.named() else { panic!("{:?}", mirror.named()) };
+    assert_eq!(only.kind, Kind::CameraDead);
+    assert!((BREAK..BREAK + WITHIN).contains(&only.time), "{only}");
+    assert_eq!(mirror.gaps(), 0);
+
+    let mirror = named_in_real_time(|robot| robot.break_cable(Digit::Ring.index()), None);
+    let [only] = mirror.named() else { panic!("{:?}", mirror.named()) };
+    assert_eq!((only.kind, only.part.as_str()), (Kind::CableBroken, "ring"));
+    assert!((BREAK..BREAK + WITHIN).contains(&only.time), "{only}");
+}
+
 /// Keeps where joints and objects were.
 #[derive(Default)]
 struct Trace(Vec<(f64, Vec<f64>, Vec<Isometry3<f64>>)>);
@@ -172,6 +269,7 @@ fn a_mirror_changes_no_bit_of_a_trial() {
     let with = bench.trial(0, 0, &[Condition::Blind], &[], &mut All(vec![&mut mirroring, &mut beside]));
     assert_eq!(without.records, with.expect("a trial").records);
     assert!(mirroring.effort().0 as usize == beside.0.len(), "the mirror saw every tick");
+    assert_eq!(mirroring.gaps(), 0);
     assert_eq!(alone.0.len(), beside.0.len());
     assert!(alone.0 == beside.0, "joints and objects");
 }

@@ -69,6 +69,7 @@ fn play(bench: &Bench, condition: Condition, after: f64) -> Result<TrialRecord> 
         individual: None,
         pads: None,
         foresees: false,
+        mirrored: false,
         places: Places::default(),
     };
     Ok(bench.play(&task, &mut Source { after }, &mut NoWatcher)?.record)

@@ -66,6 +66,7 @@ pub fn run(terminal: &Terminal, args: &DemoArgs) -> Outcome {
             individual: None,
             pads: None,
             foresees: false,
+            mirrored: false,
         };
         recordings.push(Recording::open(&targets, &bench, &task, (Began::Never, true))?);
         files.push(file);

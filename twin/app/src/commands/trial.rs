@@ -129,6 +129,7 @@ pub fn trial(terminal: &Terminal, args: &TrialArgs) -> Outcome {
         individual,
         pads,
         foresees: args.foresee,
+        mirrored: args.mirror,
     };
     let file = args.out.clone().unwrap_or_else(|| {
         PathBuf::from(format!("recordings/combination_{}_trial_{}_{}.rrd", args.combination, args.trial, condition))
@@ -148,7 +149,8 @@ pub fn trial(terminal: &Terminal, args: &TrialArgs) -> Outcome {
             .trial(args.combination, args.trial, &[condition], &[], watcher)
             .map(|mut results| results.records.remove(0)),
     };
-    let (played, named) = beside(&bench, Some(&mut recording), (args.mirror, condition), play);
+    let tells = args.robot == Body::Hardware && !terminal.quiet;
+    let (played, named) = beside(&bench, Some(&mut recording), (args.mirror, tells, condition), play);
     let named = named.map(|named| named.into_iter().map(|named| named.divergence).collect::<Vec<_>>());
     // Of a trial that was stopped, what was seen until then.
     let finished = recording.finish();

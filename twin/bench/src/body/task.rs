@@ -35,6 +35,9 @@ pub struct Task {
     /// Whether second grasps were played in a twin of the scene before one was chosen.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub foresees: bool,
+    /// Whether a mirror looked on: of a real robot images were taken more often for it.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub mirrored: bool,
     /// How the robot knows where things are.
     #[serde(flatten)]
     pub places: Places,

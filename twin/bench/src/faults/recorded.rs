@@ -35,6 +35,7 @@ impl Matrix<'_> {
             individual: None,
             pads: None,
             foresees: false,
+            mirrored: false,
             places: Places::default(),
         };
         Recording::open(&targets, self.bench, &task, (Began::Now, false)).map(Some)

@@ -39,11 +39,13 @@ pub struct CameraWatch {
     /// Since when images have been asked for and none has come, s, and whether that was named.
     waits_since: Option<f64>,
     silent: bool,
+    /// The longest wait that ended with images, s.
+    longest: f64,
 }
 
 impl Default for CameraWatch {
     fn default() -> Self {
-        Self { cameras: vec![Camera::default(); CAMERAS], waits_since: None, silent: false }
+        Self { cameras: vec![Camera::default(); CAMERAS], waits_since: None, silent: false, longest: 0.0 }
     }
 }
 
@@ -76,11 +78,11 @@ fn brightness(first: &[[u8; 3]], now: &[[u8; 3]]) -> Option<[f64; 3]> {
 
 impl CameraWatch {
     /// Takes the newest images of all cameras at `time` (s), in which new ones were `asked` for or not; what is found, with the camera, or none
-    /// where it is all of them.
+    /// where it is all of them. In `real_time` images take as long as host and link do: only what takes much longer than it ever did is silence.
     pub fn see(
         &mut self,
         limits: &CameraLimits,
-        (time, asked): (f64, bool),
+        (time, asked, real_time): (f64, bool, bool),
         images: &[TactileFrame],
     ) -> Vec<(Option<usize>, Finding)> {
         let mut fresh = Vec::new();
@@ -99,10 +101,12 @@ impl CameraWatch {
         if fresh.is_empty() {
             let waits = asked.then_some(time);
             self.waits_since = self.waits_since.or(waits);
-            let silent = self.waits_since.is_some_and(|since| time > since + limits.silent);
+            let patience = if real_time { limits.silent_real.max(3.0 * self.longest) } else { limits.silent };
+            let silent = self.waits_since.is_some_and(|since| time > since + patience);
             let named = silent && !std::mem::replace(&mut self.silent, silent);
             return if named { vec![(None, (Kind::CameraDead, 0.0, 1.0))] } else { Vec::new() };
         }
+        self.longest = self.longest.max(self.waits_since.map_or(0.0, |since| time - since));
         (self.waits_since, self.silent) = (asked.then_some(time), false);
         let mut sent: Vec<u32> = self.cameras.iter().map(|camera| camera.sent).collect();
         sent.sort_unstable();
@@ -170,7 +174,7 @@ mod tests {
                 newest.retain(|frame| frame.camera != camera);
                 newest.push(TactileFrame { camera, time: n as f64, sequence: n as u64, image: Arc::new(image) });
             }
-            let found = watch.see(&limits, (0.2 * n as f64, true), &newest);
+            let found = watch.see(&limits, (0.2 * n as f64, true, false), &newest);
             all.extend(found.into_iter().map(|(camera, (kind, ..))| (n, camera.unwrap_or(CAMERAS), kind)));
         }
         all

@@ -92,6 +92,7 @@ pub struct StepLimits {
 #[serde(deny_unknown_fields)]
 pub struct CameraLimits {
     pub silent: f64,
+    pub silent_real: f64,
     pub missed: u32,
     pub colour: f64,
     pub drifted: u32,

@@ -4,8 +4,10 @@
 //! command. By how much the robot's spools are faster a tick later than the twin's is the innovation: multiplied by the rotor's inertia over the
 //! tick it is the torque that acted on the robot's spool and not on the twin's. The twin touches nothing, so that of a sound robot
 //! this is what contact does to a digit: a load, never a pull. Finger joints have no encoders; the twin's go where cables, springs and weight
-//! take them. The arm follows its own position control; what its motors give beyond the twin's is what loads the robot's.
+//! take them. The arm follows its own position control; what its motors give beyond the twin's is what loads the robot's. Of a robot that is seen at
+//! uneven times that is what they give beyond all that the twin's gave within [`LAG`]: each set-point reaches the robot some ticks earlier or later.
 
+use std::collections::VecDeque;
 use std::sync::Arc;
 
 use hand_model::robot::{ArmState, Command, Robot, ServoState};
@@ -35,7 +37,12 @@ pub struct Twin {
     hand: Arc<Hand>,
     arm: Arc<Arm>,
     tick: f64,
+    /// Torques of its arm in the newest ticks, N m, the newest last.
+    torques: VecDeque<[f64; ARM_JOINTS]>,
 }
+
+/// A robot in real time does what the twin did within so many ticks: a servo cycle, the arm's network, and a tick of either side.
+const LAG: usize = 6;
 
 impl Twin {
     /// Hand, arm, base and cables as the controller of `world` knows them, the arm at rest where it was measured (rad).
@@ -44,12 +51,21 @@ impl Twin {
         let setup = SceneSetup { cables: world.known_cable_losses(), ..SceneSetup::ideal(cell.world_from_base, *arm) };
         let robot = SimulatedRobot::new(cell.hand.clone(), cell.arm.clone(), &setup, TactileBoard::blank());
         let tick = robot.tick_length();
-        Self { robot, hand: cell.hand.clone(), arm: cell.arm.clone(), tick }
+        Self { robot, hand: cell.hand.clone(), arm: cell.arm.clone(), tick, torques: VecDeque::new() }
     }
 
-    /// Takes what was measured at the end of a tick; what the robot did in it that the twin did not.
-    pub fn correct(&mut self, servos: &[ServoState; ACTUATORS], arm: &ArmState) -> Innovation {
+    /// Takes what was measured at the end of a tick, of a robot that is seen at uneven times if `late`; what the robot did in it that the twin did not.
+    pub fn correct(&mut self, servos: &[ServoState; ACTUATORS], arm: &ArmState, late: bool) -> Innovation {
         let own = self.robot.observe();
+        self.torques.push_back(own.arm.torque);
+        while self.torques.len() > if late { LAG } else { 1 } {
+            self.torques.pop_front();
+        }
+        let given = |n: usize| {
+            let all = self.torques.iter().map(|torques| torques[n]);
+            let (least, most) = all.fold((f64::MAX, f64::MIN), |(a, b), torque| (a.min(torque), b.max(torque)));
+            arm.torque[n].clamp(least, most)
+        };
         let torque = |n: usize| {
             let faster = servos[n].velocity - own.servos[n].velocity;
             -self.hand.servos[n].rotor_inertia * faster / self.tick
@@ -58,7 +74,7 @@ impl Twin {
             loads: std::array::from_fn(|n| torque(n) / self.hand.cables[n].spool_radius),
             opposition: torque(ACTUATORS - 1),
             tensions: *self.robot.tensions(),
-            arm_torque: self.arm.borne(&std::array::from_fn(|n| arm.torque[n] - own.arm.torque[n])),
+            arm_torque: self.arm.borne(&std::array::from_fn(|n| arm.torque[n] - given(n))),
         };
         self.robot.follow_servos(servos);
         innovation
@@ -77,6 +93,11 @@ impl Twin {
     /// `world_from_link` of the twin's arm and then of its hand.
     pub fn links(&self) -> Vec<Isometry3<f64>> {
         self.robot.truth().links
+    }
+
+    /// The next tick, with what was sent last.
+    pub fn go_on(&mut self) {
+        self.robot.wait_for_tick();
     }
 
     /// The next tick, with what was sent to the robot.

@@ -12,19 +12,16 @@ use super::seen::Seen;
 use crate::recording::Recording;
 use crate::trial::{Bench, Moment, NoWatcher, Watcher};
 
-/// Two ticks are apart by no more than this many of their length.
-const CONTIGUOUS: f64 = 1.5;
-
-/// What `play` comes to with `recording` as its watcher, if there is one, and what a mirror beside it named, if it `mirrors`; of a trial that was stopped under
-/// `condition` what was named until then.
+/// What `play` comes to with `recording` as its watcher, if there is one, and what a mirror beside it named, if it `mirrors`, which it `tells` at once beside a
+/// real robot; of a trial that was stopped under `condition` what was named until then.
 pub fn beside<T>(
     bench: &Bench,
     recording: Option<&mut Recording>,
-    (mirrors, condition): (bool, Condition),
+    (mirrors, tells, condition): (bool, bool, Condition),
     play: impl FnOnce(&mut dyn Watcher) -> Result<T>,
 ) -> (Result<T>, Option<Vec<Named>>) {
     if mirrors {
-        let mut mirroring = Mirroring::new(bench, recording);
+        let mut mirroring = Mirroring::new(bench, recording).telling(tells);
         let played = play(&mut mirroring);
         return (played, Some(mirroring.finish(condition)));
     }
@@ -47,18 +44,47 @@ pub struct Mirroring<'a> {
     named: Vec<Named>,
     ticks: u32,
     spent: Duration,
+    /// Gaps in what was seen.
+    gaps: u32,
+    /// Whether what is named is said at once, on stderr: to whoever stands beside a robot.
+    tells: bool,
 }
 
 impl<'a> Mirroring<'a> {
     /// Beside the trials of `bench`, shown in `recording`.
     pub fn new(bench: &'a Bench, recording: Option<&'a mut Recording>) -> Self {
-        Self { bench, recording, shared: None, branch: None, named: Vec::new(), ticks: 0, spent: Duration::ZERO }
+        Self {
+            bench,
+            recording,
+            shared: None,
+            branch: None,
+            named: Vec::new(),
+            ticks: 0,
+            spent: Duration::ZERO,
+            gaps: 0,
+            tells: false,
+        }
+    }
+
+    /// The same beside a real robot: what is named is said at once, and at the end how well the mirror kept up.
+    #[must_use]
+    pub fn telling(self, tells: bool) -> Self {
+        Self { tells, ..self }
     }
 
     /// What was named, branch by branch; a branch that was stopped included.
     pub fn finish(mut self, condition: Condition) -> Vec<Named> {
         self.close(condition);
+        if self.tells {
+            let ms = 1e3 * self.spent.as_secs_f64() / f64::from(self.ticks.max(1));
+            eprintln!("mirror: {} ticks seen, {} gaps; {ms:.2} ms a tick", self.ticks, self.gaps);
+        }
         self.named
+    }
+
+    /// Gaps so far after which what had been seen before told nothing any more: see [`super::pace`].
+    pub fn gaps(&self) -> u32 {
+        self.gaps
     }
 
     /// Ticks seen, and the time that the mirror took for them.
@@ -77,21 +103,24 @@ impl<'a> Mirroring<'a> {
         let Some(sent) = moment.sent else { return Ok(()) };
         let seen = Seen::of(moment.executive, moment.time, sent, moment.felt);
         let begun = Instant::now();
-        let tick = CONTIGUOUS * moment.executive.tick_length();
-        let goes_on = |known: &(Mirror, f64)| (0.0..tick).contains(&(moment.time - known.1));
-        let (world, arm) = (&self.bench.world, &seen.arm.position);
+        // Another trial begins at an earlier time.
+        let goes_on = |known: &(Mirror, f64)| moment.time > known.1;
         let known = match moment.condition {
-            None => self.shared.take().filter(goes_on),
-            Some(_) => self.branch.take().or_else(|| self.shared.as_ref().filter(|known| goes_on(known)).cloned()),
+            None => self.shared.take(),
+            Some(_) => self.branch.take().or_else(|| self.shared.clone()),
         };
-        let mut mirror = match known {
-            Some(known) if goes_on(&known) => known.0,
-            Some((mirror, _)) => mirror.restarted(world, arm)?,
-            None => Mirror::new(world, arm)?,
+        let mut mirror = match known.filter(goes_on) {
+            Some((mirror, _)) => mirror,
+            None => Mirror::new(&self.bench.world, &seen.arm.position)?,
         };
+        let gaps = mirror.gaps();
         let fresh: Vec<String> = mirror.see(&seen).iter().map(ToString::to_string).collect();
         self.ticks += 1;
+        self.gaps += mirror.gaps() - gaps;
         self.spent += begun.elapsed();
+        if self.tells {
+            fresh.iter().for_each(|named| eprintln!("mirror: {named}"));
+        }
         if let Some(recording) = &mut self.recording {
             recording.log_mirror(&mirror, &fresh)?;
         }

@@ -32,7 +32,7 @@ use crate::body::{Body, BodySource, Glance, Task, TrialSetup};
 
 /// How often a watched trial takes tactile images, s.
 const WATCH_PERIOD: f64 = 0.2;
-/// The same with a real body, s: its sessions keep every pixel, 3.1 MB a look.
+/// The same with a real body beside which no mirror looks on, s: its sessions keep every pixel, 3.1 MB a look.
 const REAL_WATCH_PERIOD: f64 = 1.0;
 /// A period that no trial outlasts: one look at the untouched pads, s.
 const ONCE: f64 = 1e6;
@@ -204,7 +204,9 @@ impl<'a> Setup<'a> {
         }
         let eyes = source.as_ref().is_some_and(|(_, task)| task.places.eyes);
         let watched = source.as_ref().map_or(watched, |(_, task)| task.watched);
-        let period = source.as_ref().filter(|(body, _)| body.is_real()).map_or(WATCH_PERIOD, |_| REAL_WATCH_PERIOD);
+        let in_reality = source.as_ref().filter(|(body, _)| body.is_real());
+        let mirrored = in_reality.is_some_and(|(_, task)| task.mirrored);
+        let period = if in_reality.is_some() && !mirrored { REAL_WATCH_PERIOD } else { WATCH_PERIOD };
         let noise = disturber.first_percepts(&self.noise);
         let start = TrialStart { protocol: world.protocol(), grasps, noise: &noise, arm: world.cell.ready };
         let Snapshot { mut robot, executive } = Snapshot::at_start(world, &start, &real, board)?;
@@ -218,7 +220,7 @@ impl<'a> Setup<'a> {
             }
         };
         let mut snapshot = Snapshot { robot, executive };
-        if watched {
+        if watched || mirrored {
             snapshot.executive.watch_images(period);
         } else if !snapshot.robot.branches() {
             snapshot.executive.watch_images(ONCE);

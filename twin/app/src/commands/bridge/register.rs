@@ -176,6 +176,7 @@ fn task(seed: u64) -> Result<Task> {
         individual: None,
         pads: None,
         foresees: false,
+        mirrored: false,
         places: Places::default(),
     })
 }

@@ -1,0 +1,156 @@
+//! Even ticks out of what was seen at uneven times.
+//!
+//! Detectors compare one tick with the next, and the twin moves by ticks. A simulated robot is seen at every tick of its own, and what is seen passes
+//! unchanged. A real one is seen when its host has the time: some milliseconds early or late, or not at all for a while. Then measurements between
+//! the last look and this one lie on the straight line between both, and the command is the one that was in force at that time.
+
+use hand_model::robot::{ArmState, Command, ServoState};
+use hand_model::{ACTUATORS, ARM_JOINTS};
+
+/// Looks whose distance differs from a tick by less than this are even, s.
+const EVEN: f64 = 1e-6;
+/// Between looks that are no further apart something is known of every tick, s. After a longer gap the past tells nothing of the present.
+const LONGEST: f64 = 0.1;
+/// Of a longer gap, the twin follows the last command for no more than so many ticks: then it is where that leads.
+const SETTLING: usize = 30;
+
+/// What was seen at a time: measurements, and the command that was sent upon them.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Look {
+    /// s.
+    pub time: f64,
+    pub servos: [ServoState; ACTUATORS],
+    pub arm: ArmState,
+    pub sent: Command,
+}
+
+/// What a look comes to.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Passed {
+    /// Just a tick after the one before, or the first.
+    Tick,
+    /// At another time: the even ticks up to now, none where less than one has passed.
+    Even(Vec<Look>),
+    /// After a gap: the ticks in which the twin follows the last command. What was seen before it tells nothing any more.
+    Gap(usize),
+}
+
+/// Keeps the time.
+#[derive(Debug, Clone, Default)]
+pub struct Pace {
+    last: Option<Look>,
+    /// Time of the newest even tick, s.
+    at: f64,
+    /// Whether looks come at uneven times.
+    uneven: bool,
+}
+
+impl Pace {
+    /// Whether looks have come at uneven times: measurements and twin may then be some ticks apart.
+    pub fn is_uneven(&self) -> bool {
+        self.uneven
+    }
+
+    /// Takes a look; `tick` is the length of a tick, s.
+    pub fn take(&mut self, now: &Look, tick: f64) -> Passed {
+        let Some(last) = self.last.replace(*now) else {
+            self.at = now.time;
+            return Passed::Tick;
+        };
+        let past = now.time - last.time;
+        if !self.uneven && (past - tick).abs() < EVEN {
+            self.at = now.time;
+            return Passed::Tick;
+        }
+        self.uneven = true;
+        if !(0.0..LONGEST).contains(&past) {
+            self.at = now.time;
+            let ticks = (past / tick).max(0.0) as usize;
+            return Passed::Gap(ticks.min(SETTLING));
+        }
+        let mut ticks = Vec::new();
+        while self.at + tick <= now.time {
+            self.at += tick;
+            ticks.push(between(&last, now, self.at));
+        }
+        Passed::Even(ticks)
+    }
+}
+
+/// What there was at time `at` (s) between two looks.
+fn between(last: &Look, now: &Look, at: f64) -> Look {
+    let share = if now.time > last.time { ((at - last.time) / (now.time - last.time)).clamp(0.0, 1.0) } else { 1.0 };
+    let mix = |from: f64, to: f64| from + share * (to - from);
+    let servo = |n: usize| {
+        let (from, to) = (&last.servos[n], &now.servos[n]);
+        ServoState {
+            position: mix(from.position, to.position),
+            velocity: mix(from.velocity, to.velocity),
+            current: mix(from.current, to.current),
+            temperature: to.temperature,
+        }
+    };
+    let joints = |from: &[f64; ARM_JOINTS], to: &[f64; ARM_JOINTS]| std::array::from_fn(|n| mix(from[n], to[n]));
+    let arm = ArmState {
+        position: joints(&last.arm.position, &now.arm.position),
+        velocity: joints(&last.arm.velocity, &now.arm.velocity),
+        torque: joints(&last.arm.torque, &now.arm.torque),
+    };
+    let sent = if share < 1.0 { last.sent } else { now.sent };
+    Look { time: at, servos: std::array::from_fn(servo), arm, sent }
+}
+
+#[cfg(test)]
+mod tests {
+    use hand_model::robot::ServoGoal;
+
+    use super::*;
+
+    const TICK: f64 = 1.0 / 120.0;
+
+    /// A look at `time` (s) at servos that turn by a radian a second.
+    fn look(time: f64) -> Look {
+        let servo = ServoState { position: time, velocity: 1.0, ..ServoState::default() };
+        let sent = Command { arm: [time; ARM_JOINTS], servos: [ServoGoal::Current(0.0); ACTUATORS], capture: false };
+        Look { time, servos: [servo; ACTUATORS], arm: ArmState::default(), sent }
+    }
+
+    #[test]
+    fn even_looks_pass_unchanged() {
+        let mut pace = Pace::default();
+        for n in 0..500 {
+            assert_eq!(pace.take(&look(f64::from(n) * TICK), TICK), Passed::Tick);
+        }
+        assert!(!pace.is_uneven());
+    }
+
+    /// Looks that are late, early or left out make even ticks, as many as time has passed, with what was there at their times.
+    #[test]
+    fn uneven_looks_make_even_ticks() {
+        let mut pace = Pace::default();
+        let (mut all, mut time) = (Vec::new(), 0.0);
+        pace.take(&look(0.0), TICK);
+        for n in 0..600 {
+            time += TICK * [0.4, 1.0, 1.6, 3.2, 0.1, 1.0, 4.9][n % 7];
+            let Passed::Even(ticks) = pace.take(&look(time), TICK) else { panic!("at {time} s") };
+            assert!(ticks.len() <= 6, "{}", ticks.len());
+            all.extend(ticks);
+        }
+        assert!((all.len() as f64 * TICK - time).abs() <= TICK, "{} ticks in {time} s", all.len());
+        for (n, tick) in all.iter().enumerate() {
+            assert!((tick.time - (n + 1) as f64 * TICK).abs() < 1e-9);
+            assert!((tick.servos[0].position - tick.time).abs() < 1e-9);
+            assert!(tick.sent.arm[0] <= tick.time + 1e-9, "no command before it was sent");
+        }
+    }
+
+    /// A gap takes no longer to make up for than it takes to settle, and time goes on from there.
+    #[test]
+    fn a_gap_costs_a_bounded_number_of_ticks() {
+        let mut pace = Pace::default();
+        pace.take(&look(0.0), TICK);
+        assert_eq!(pace.take(&look(24.5 * TICK), TICK), Passed::Gap(24));
+        assert_eq!(pace.take(&look(40.0), TICK), Passed::Gap(SETTLING));
+        assert!(matches!(pace.take(&look(40.0 + 1.5 * TICK), TICK), Passed::Even(ticks) if ticks.len() == 1));
+    }
+}
