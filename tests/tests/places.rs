@@ -88,6 +88,46 @@ fn places_that_cannot_be_are_refused() {
     );
 }
 
+/// Eyes that say nothing usable end a trial: its session says why, and is replayed to the same failure. What they send clears no terminal, and neither
+/// does a scenario of a stranger.
+#[test]
+fn a_failed_look_replays_and_escape_sequences_reach_no_terminal() {
+    let folder = tempdir().expect("a folder");
+    let listener = TcpListener::bind("127.0.0.1:0").expect("a port");
+    let address = listener.local_addr().expect("its address").to_string();
+    std::thread::spawn(move || {
+        for mut stream in listener.incoming().flatten() {
+            let _ = stream.write_all(b"{\"object\": \"\\u001b[2Jplum\\u009b1m\", \"time\": 1.0, \"hidden\": true}\n");
+            std::thread::park();
+        }
+    });
+    let harmless = |output: &Output, words: &str| {
+        let said = format!("{}{}", stderr(output), String::from_utf8_lossy(&output.stdout));
+        assert!(said.contains(words), "{said:?}");
+        let order = said.chars().find(|letter| letter.is_control() && !matches!(letter, '\n' | '\t'));
+        assert_eq!(order, None, "{said:?}");
+    };
+    let (sessions, out) = (folder.path().join("sessions"), folder.path().join("trial.rrd"));
+    let eyes = ["trial", "0", "--policy", "blind", "--robot", "emulated", "--eyes", &address];
+    let output = run(&[&eyes[..], &["--session", text(&sessions), "--out", text(&out)]].concat());
+    assert_eq!(output.status.code(), Some(2));
+    harmless(&output, "found \\u001b[2Jplum\\u009b1m, expected one of");
+    let session = fs::read_dir(&sessions).expect("a folder").next().expect("a file").expect("an entry").path();
+    let replayed = run(&["replay", text(&session), "--json"]);
+    harmless(&replayed, "plum");
+    assert_eq!(replayed.status.code(), Some(0), "{}", stderr(&replayed));
+    let found = json(&replayed.stdout);
+    let why = found["failed_look"].as_str().expect("why");
+    assert!(why.contains("salt_mill") && why.contains("\u{1b}[2Jplum"), "{found}");
+    harmless(&run(&["replay", text(&session)]), "it ends in the same failed look: --eyes 127.0.0.1");
+
+    let scenario = folder.path().join("scenario.toml");
+    fs::write(&scenario, "version = 1\n\"\\u001b]0;owned\\u0007\" = 1\n").expect("written");
+    let output = run(&["trial", "0", "--scenario", text(&scenario)]);
+    assert_eq!(output.status.code(), Some(2));
+    harmless(&output, "owned");
+}
+
 /// The emulated table in real time: a script asks for other objects and puts them back, eyes say where they are, and the true scene is recorded.
 #[test]
 fn a_script_rearranges_the_emulated_table() {
@@ -106,8 +146,17 @@ fn a_script_rearranges_the_emulated_table() {
     assert!(answer("objects=7").starts_with("on the table: "));
     assert_eq!(answer("objects=balls"), "on the table: billiard_ball, billiard_ball, billiard_ball");
     assert_eq!(answer("unplug=6"), "done");
-    for (line, words) in [("objects=60", "expected 0 to 59"), ("objects=", "expected back, balls"), ("dance", "dance")]
+    for fault in ["break=ring", "slip=index:3", "weak=thumb:0.6", "heavy=1:0.3", "push=12", "dim=7:red:0.5", "snatch=1"]
     {
+        assert_eq!(answer(fault), "done", "{fault}");
+    }
+    for (line, words) in [
+        ("objects=60", "expected 0 to 59"),
+        ("objects=", "expected back, balls"),
+        ("dance", "dance"),
+        ("dance=1", "break=DIGIT, slip=DIGIT:MM"),
+        ("slip=toe:3", "found `toe`, expected a digit"),
+    ] {
         let output = told(line);
         assert!(output.status.code() == Some(2) && stderr(&output).contains(words), "{}", stderr(&output));
     }
