@@ -4,6 +4,8 @@ use std::path::{Path, PathBuf};
 
 use serde::de::DeserializeOwned;
 
+use crate::file;
+
 /// What can be wrong with a data file.
 #[derive(Debug, thiserror::Error)]
 pub enum DataError {
@@ -69,23 +71,49 @@ impl DataError {
     }
 }
 
-/// The text of a file.
+/// The text of a regular file of a size that is read whole.
 pub fn read_text(path: &Path) -> Result<String, DataError> {
-    std::fs::read_to_string(path).map_err(|source| DataError::Io { path: path.into(), source })
+    file::read_text(path).map_err(|source| DataError::Io { path: path.into(), source })
 }
 
 /// The value of a TOML text; `path` is used in errors only.
+///
+/// An error shows the line of a field that the data has. Of a field that it does not have it shows the name alone, and of a text that is no TOML
+/// nothing: such a file may be anything, and is not for whoever reads the error.
 pub fn parse_toml<T: DeserializeOwned>(text: &str, path: &Path) -> Result<T, DataError> {
     toml::from_str(text).map_err(|error| {
-        let at = error.span().map_or(0, |span| span.start).min(text.len());
-        let line = text.get(..at).unwrap_or_default().matches('\n').count();
-        DataError::Syntax {
-            path: path.into(),
-            line: line + 1,
-            found: text.lines().nth(line).unwrap_or_default().trim().into(),
-            message: error.message().into(),
+        let span = error.span().unwrap_or_default();
+        let before = text.get(..span.start).unwrap_or_default();
+        let number = before.matches('\n').count();
+        let line = text.lines().nth(number).unwrap_or_default().trim();
+        if text.parse::<toml::Table>().is_err() {
+            let column = before.lines().next_back().map_or(0, |line| line.chars().count());
+            let column = if before.ends_with('\n') { 0 } else { column };
+            return DataError::Line {
+                path: path.into(),
+                line: number + 1,
+                found: format!("no TOML from column {} on", column + 1),
+                expected: "TOML: name = value".into(),
+            };
         }
+        let name = text.get(span).unwrap_or_default();
+        let names = |rest: &str| rest.trim_start().starts_with('=');
+        let found = if !name.is_empty() && line.strip_prefix(name).is_some_and(names) { name } else { line };
+        let message = shortened(error.message(), LONGEST_MESSAGE);
+        DataError::Syntax { path: path.into(), line: number + 1, found: shortened(found, SHOWN), message }
     })
+}
+
+/// Longest piece of a file that an error shows, characters.
+const SHOWN: usize = 80;
+/// Longest message of a parser that an error shows, characters: one may repeat a value.
+const LONGEST_MESSAGE: usize = 1000;
+
+/// The first `most` characters of `text`.
+fn shortened(text: &str, most: usize) -> String {
+    let mut letters = text.chars();
+    let shown: String = letters.by_ref().take(most).collect();
+    if letters.next().is_some() { shown + "..." } else { shown }
 }
 
 #[cfg(test)]
@@ -106,7 +134,28 @@ mod tests {
         assert_eq!(error, "ball.toml:2: `radius = \"2 cm\"`: invalid type: string \"2 cm\", expected f64");
         let unknown =
             parse_toml::<Ball>("radius = 1.0\nradios = 2.0\n", Path::new("ball.toml")).unwrap_err().to_string();
-        assert!(unknown.starts_with("ball.toml:2: `radios = 2.0`: unknown field `radios`"), "{unknown}");
+        assert!(unknown.starts_with("ball.toml:2: `radios`: unknown field `radios`"), "{unknown}");
+        let missing = parse_toml::<Ball>("\n", Path::new("ball.toml")).unwrap_err().to_string();
+        assert!(missing.contains("missing field `radius`"), "{missing}");
+    }
+
+    #[test]
+    fn a_file_of_another_kind_is_not_echoed() {
+        for (text, at) in [
+            ("root:$6$salt$hash:19000:0:99999:7:::\n", "ball.toml:1: found no TOML from column "),
+            ("radius = 1.0\nhunter2\n", "ball.toml:2: found no TOML from column "),
+            ("password = \"hunter2\"\n", "ball.toml:1: `password`: unknown field `password`"),
+            ("password = { of_the = \"hunter2\" }\n", "ball.toml:1: `password`: unknown field `password`"),
+            ("[secrets]\ntoken = \"hunter2\"\n", "ball.toml:1: `[secrets]`: unknown field `secrets`"),
+        ] {
+            let error = parse_toml::<Ball>(text, Path::new("ball.toml")).unwrap_err().to_string();
+            assert!(error.starts_with(at), "{error}");
+            assert!(!error.contains("hunter2") && !error.contains("hash") && !error.contains("root"), "{error}");
+        }
+        let long = format!("radius = \"{}\"\n", "x".repeat(1000));
+        let error = parse_toml::<Ball>(&long, Path::new("ball.toml")).unwrap_err();
+        let DataError::Syntax { found, .. } = error else { panic!("{error}") };
+        assert_eq!(found.chars().count(), SHOWN + 3);
     }
 
     #[test]

@@ -1,8 +1,8 @@
-//! Writing a file whole or not at all.
+//! Writing a file whole or not at all, and reading one that is sure to end.
 
-use std::fs::Permissions;
-use std::io::{self, Write as _};
-use std::os::unix::fs::PermissionsExt as _;
+use std::fs::{File, FileType, Permissions};
+use std::io::{self, Read as _, Write as _};
+use std::os::unix::fs::{FileTypeExt as _, PermissionsExt as _};
 use std::path::Path;
 
 use tempfile::Builder;
@@ -25,6 +25,53 @@ pub fn write_whole(path: &Path, bytes: &[u8]) -> io::Result<()> {
     file.as_file().sync_all()?;
     file.persist(path)?;
     Ok(())
+}
+
+/// Largest text that is read whole, bytes: a million grasps, or a scenario with large meshes in it.
+pub const LARGEST: u64 = 1 << 30;
+
+/// Opens a regular file of at most `most` bytes. A pipe, a device or a folder is refused before it is opened: reading it might never end.
+///
+/// # Errors
+/// The operating system's, or [`io::ErrorKind::InvalidInput`] with what was found and expected. Neither names the file.
+pub fn open_regular(path: &Path, most: u64) -> io::Result<File> {
+    let refused = |found: String, expected: String| {
+        Err(io::Error::new(io::ErrorKind::InvalidInput, format!("found {found}, expected {expected}")))
+    };
+    let about = std::fs::metadata(path)?;
+    if !about.is_file() {
+        return refused(kind_of(about.file_type()).to_owned(), "a regular file".to_owned());
+    }
+    if about.len() > most {
+        return refused(format!("{} MB", about.len() >> 20), format!("at most {} MB", most >> 20));
+    }
+    File::open(path)
+}
+
+/// The bytes of a regular file of at most `most` bytes; errors as of [`open_regular`].
+pub fn read_regular(path: &Path, most: u64) -> io::Result<Vec<u8>> {
+    let mut bytes = Vec::new();
+    // It may grow while it is read, and those of /proc state no size.
+    open_regular(path, most)?.take(most).read_to_end(&mut bytes)?;
+    Ok(bytes)
+}
+
+/// The text of a regular file of a size that is read whole; errors as of [`open_regular`], and for what is no UTF-8.
+pub fn read_text(path: &Path) -> io::Result<String> {
+    String::from_utf8(read_regular(path, LARGEST)?).map_err(|error| {
+        let place = error.utf8_error().valid_up_to() + 1;
+        io::Error::new(io::ErrorKind::InvalidData, format!("found no UTF-8 from byte {place} on, expected text"))
+    })
+}
+
+fn kind_of(kind: FileType) -> &'static str {
+    match kind {
+        kind if kind.is_dir() => "a folder",
+        kind if kind.is_fifo() => "a pipe",
+        kind if kind.is_socket() => "a socket",
+        kind if kind.is_char_device() || kind.is_block_device() => "a device",
+        _ => "something else",
+    }
 }
 
 #[cfg(test)]
@@ -73,5 +120,24 @@ mod tests {
         assert_eq!(missing.kind(), io::ErrorKind::NotFound);
         write_whole(folder.path(), b"x").expect_err("a folder is not a file");
         assert_eq!(fs::read_dir(folder.path()).expect("listed").count(), 0);
+    }
+
+    #[test]
+    fn a_pipe_or_a_device_is_refused_instead_of_hanging() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let pipe = folder.path().join("pipe");
+        assert!(std::process::Command::new("mkfifo").arg(&pipe).status().expect("mkfifo runs").success());
+        let words = |path: &Path| read_regular(path, LARGEST).expect_err("refused").to_string();
+        assert_eq!(words(&pipe), "found a pipe, expected a regular file");
+        assert_eq!(words(Path::new("/dev/zero")), "found a device, expected a regular file");
+        assert_eq!(words(folder.path()), "found a folder, expected a regular file");
+        let sparse = folder.path().join("sparse");
+        fs::File::create(&sparse).and_then(|file| file.set_len(2 * LARGEST)).expect("made");
+        assert_eq!(words(&sparse), "found 2048 MB, expected at most 1024 MB");
+        fs::write(&sparse, b"text\xff").expect("written");
+        let error = read_text(&sparse).expect_err("no text").to_string();
+        assert_eq!(error, "found no UTF-8 from byte 5 on, expected text");
+        fs::write(&sparse, "whole").expect("written");
+        assert_eq!(read_regular(&sparse, LARGEST).expect("read"), b"whole");
     }
 }

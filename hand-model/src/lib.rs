@@ -4,7 +4,8 @@
 //! The story in order: [`parameters`] reads the one file with all numbers (`data/ftac_hand.toml`); [`hand`] turns it into a
 //! [`kinematics::Tree`] with covers, [`pads`] and a [`transmission`]; [`arm`] does the same for the Gen3; [`urdf`] writes both
 //! as URDF and reads any URDF back, [`any_hand`] makes a hand of one; [`statics`] finds where the digits come to rest; [`robot`] says what a body measures and what it can be told.
-//! [`file`] writes a file whole or not at all, for every crate that writes one.
+//! [`file`] writes a file whole or not at all and reads one that is sure to end, [`reach`] says which files a text may name, and [`child`] starts other
+//! programs without our secrets, for every crate that does.
 //!
 //! # Frames
 //! Right-handed, SI. `palm`: y towards the fingertips, x towards the thumb side, -z out of the palm. Link frames: x along the
@@ -13,6 +14,7 @@
 
 pub mod any_hand;
 pub mod arm;
+pub mod child;
 pub mod data;
 pub mod digest;
 pub mod digit;
@@ -21,6 +23,7 @@ pub mod hand;
 pub mod kinematics;
 pub mod pads;
 pub mod parameters;
+pub mod reach;
 pub mod robot;
 pub mod statics;
 pub mod transmission;

@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
+use hand_model::reach::Reach;
 use scenarios::{ObjectFile, Scenario};
 
 /// A wedge, 40 mm long and wide, 30 mm high on one side.
@@ -41,11 +42,12 @@ fn a_scenario_brings_its_own_object_and_it_stands_on_the_table() {
 #[test]
 fn a_self_contained_text_is_the_same_scenario_elsewhere() {
     let path = folder("elsewhere").join("mine.toml");
-    let text = Scenario::self_contained(SCENARIO, &path).expect("a good scenario");
+    let text = Scenario::self_contained(SCENARIO, &path, Reach::beside(&path)).expect("a good scenario");
     let moved = Scenario::parse(&text, Path::new("/nowhere/run.json")).expect("a scenario that needs no file");
     assert_eq!(moved, Scenario::read(&path).expect("a good scenario"));
     assert!(moved.object_set().expect("good objects").get("my_wedge").is_some());
-    let benchmark = Scenario::self_contained(scenarios::scenario::BENCHMARK, Path::new("benchmark.toml"));
+    let benchmark =
+        Scenario::self_contained(scenarios::scenario::BENCHMARK, Path::new("benchmark.toml"), Reach::Nothing);
     assert_eq!(benchmark.expect("the benchmark"), scenarios::scenario::BENCHMARK);
 }
 
@@ -82,6 +84,67 @@ fn a_mesh_that_is_not_there_is_named() {
     let folder = folder("missing");
     std::fs::write(folder.join("things/my_wedge.toml"), OBJECT.replace("wedge.obj", "wege.obj"))
         .expect("a file of the test");
-    let error = ObjectFile::read(&folder.join("things/my_wedge.toml")).expect_err("refused").to_string();
+    let file = folder.join("things/my_wedge.toml");
+    let error = ObjectFile::read(&file, Reach::beside(&file)).expect_err("refused").to_string();
     assert!(error.contains("my_wedge.toml: shape.mesh.file: found ") && error.contains("wege.obj"), "{error}");
+}
+
+/// A stranger's scenario, its object or its mesh names a file elsewhere: what is in it is neither read nor told.
+#[test]
+fn a_scenario_reads_no_file_outside_its_folder() {
+    let folder = folder("outside");
+    let scenario = folder.join("mine.toml");
+    let secret = Path::new(env!("CARGO_TARGET_TMPDIR")).join("own_object/secret.toml");
+    std::fs::write(&secret, "root:$6$hunter2:19000:0:99999:7:::\n").expect("written");
+    let mesh = secret.with_extension("obj");
+    std::fs::write(&mesh, "v hunter2\n").expect("written");
+    let link = folder.join("things/link.toml");
+    if !link.is_symlink() {
+        std::os::unix::fs::symlink(&secret, &link).expect("linked");
+    }
+    let refused = |objects: &str, object: &str, words: &str| {
+        std::fs::write(folder.join("things/my_wedge.toml"), object).expect("written");
+        let text = SCENARIO.replace("things/my_wedge.toml", objects);
+        std::fs::write(&scenario, &text).expect("written");
+        let error = Scenario::read(&scenario).expect_err("refused").to_string();
+        assert!(error.contains(words) && !error.contains("hunter2"), "{error}");
+        let error = Scenario::parse(&text, Path::new("trial.mcap")).expect_err("refused").to_string();
+        assert!(error.contains("objects[0]: found ") && error.contains("expected no file"), "{error}");
+    };
+    for outside in ["/etc/shadow", "../../secret.toml", secret.to_str().expect("text"), "things/link.toml"] {
+        refused(outside, OBJECT, "expected a file below ");
+    }
+    let beyond = OBJECT.replace("meshes/wedge.obj", mesh.to_str().expect("text"));
+    refused("things/my_wedge.toml", &beyond, "shape.mesh.file: found ");
+    // The user may let it.
+    let anywhere = Scenario::parse_within(SCENARIO, &folder.join("things/deeper/x.toml"), Reach::Anywhere);
+    assert!(anywhere.expect_err("no such file").to_string().contains("things/deeper/things/my_wedge.toml"));
+}
+
+/// A pipe in the place of an object's file or its mesh is refused by name: reading it would not end.
+#[test]
+fn a_pipe_for_an_object_is_refused() {
+    let folder = folder("pipe");
+    for name in ["things/my_wedge.toml", "things/meshes/wedge.obj"] {
+        let file = folder.join(name);
+        let before = std::fs::read(&file).expect("a file of the test");
+        std::fs::remove_file(&file).expect("removed");
+        assert!(std::process::Command::new("mkfifo").arg(&file).status().expect("mkfifo runs").success());
+        let error = Scenario::read(&folder.join("mine.toml")).expect_err("refused").to_string();
+        std::fs::remove_file(&file).expect("removed");
+        std::fs::write(&file, before).expect("written");
+        assert!(error.contains(name.rsplit('/').next().expect("a name")), "{error}");
+        assert!(error.contains("found a pipe, expected a regular file"), "{error}");
+    }
+}
+
+/// Numbers of a file that ask for more than there can be.
+#[test]
+fn counts_that_cannot_be_are_refused() {
+    let path = Path::new("my_wedge.toml");
+    let text = "name = \"ball\"\nmass = 0.1\nfriction = 0.5\nsymmetry = { fold = { n = 4000000000, flip = true } }\n\
+                [shape.sphere]\ndiameter = 0.05\n";
+    let object = ObjectFile::parse(text, path, Reach::Nothing).expect("an object's file");
+    let error = object.model(path).expect_err("refused").to_string();
+    assert!(error.contains("symmetry.fold.n: found 4000000000, expected 1 to 360"), "{error}");
 }

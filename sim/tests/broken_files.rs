@@ -5,6 +5,7 @@
 use std::path::Path;
 
 use hand_model::any_hand::AnyHand;
+use hand_model::reach::Reach;
 use proptest::prelude::*;
 use scenarios::geometry::Mesh;
 use scenarios::transport::Transport;
@@ -99,7 +100,7 @@ proptest! {
     #[test]
     fn objects(damages in damages(), which in 0usize..3) {
         let path = Path::new("object.toml");
-        if let Ok(file) = ObjectFile::parse(&damaged(OBJECTS[which], &damages), path)
+        if let Ok(file) = ObjectFile::parse(&damaged(OBJECTS[which], &damages), path, Reach::Nothing)
             && let Ok(object) = file.model(path)
         {
             prop_assert!(object.mass > 0.0 && object.shape.volume() > 0.0);

@@ -47,7 +47,7 @@ fn a_file_extends_the_benchmark() {
     let alone = Scenario::parse("version = 1\nname = \"mine\"\n", Path::new("mine.toml")).unwrap_err().to_string();
     assert!(alone.contains("mine.toml: first: found nothing, expected a value, or extends"), "{alone}");
     let unknown = error("extends_more = 1\n");
-    assert!(unknown.contains("mine.toml:4: `extends_more = 1`") && unknown.contains("unknown field"), "{unknown}");
+    assert!(unknown.contains("mine.toml:4: `extends_more`") && unknown.contains("unknown field"), "{unknown}");
 }
 
 #[test]
@@ -55,7 +55,7 @@ fn errors_name_line_and_field() {
     let push = "[disturbance.push]\non = \"first\"\nforce = [0.0, 3.0, 0.0]\nphase = \"grasp_first\"\nat = 0.5\nduration = 0.2\n";
     assert!(parse(push).is_ok());
     let unknown = error(&push.replace("duration", "durration"));
-    assert!(unknown.starts_with("mine.toml:9: `durration = 0.2`"), "{unknown}");
+    assert!(unknown.starts_with("mine.toml:9: `durration`"), "{unknown}");
     assert!(unknown.contains("unknown field `durration`, expected one of"), "{unknown}");
     let kind = error("[disturbance.earthquake]\nforce = 1\n");
     assert!(kind.contains("mine.toml:4:") && kind.contains("earthquake") && kind.contains("`push`"), "{kind}");

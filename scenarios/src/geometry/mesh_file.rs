@@ -8,6 +8,8 @@ use std::path::Path;
 
 use gltf::buffer::Source;
 use hand_model::data::DataError;
+use hand_model::file::read_regular;
+use hand_model::reach::Reach;
 use nalgebra::{Matrix4, Point3};
 use ply_rs_bw::parser::Parser;
 use ply_rs_bw::ply::{DefaultElement, Property};
@@ -18,9 +20,6 @@ use super::obj::parse_triangles;
 /// Vertices (in the file's unit) and triangles.
 pub type Triangles = (Vec<Point3<f64>>, Vec<[u32; 3]>);
 
-/// A mesh file may be this large, bytes.
-const LARGEST: u64 = 256 << 20;
-
 impl Mesh {
     /// Reads a mesh file of any of these kinds, in metres.
     pub fn read(path: &Path) -> Result<Self, GeometryError> {
@@ -30,15 +29,13 @@ impl Mesh {
     }
 }
 
+/// A mesh file may be this large, bytes.
+const LARGEST: u64 = 256 << 20;
+
 /// The vertices and triangles of a mesh file, whether or not they close a surface.
 pub fn read_triangles(path: &Path) -> Result<Triangles, DataError> {
     let io = |source| DataError::Io { path: path.into(), source };
-    let size = std::fs::metadata(path).map_err(io)?.len();
-    if size > LARGEST {
-        let found = format!("{} MB", size >> 20);
-        return Err(DataError::field(path, "size", found, format!("at most {} MB", LARGEST >> 20)));
-    }
-    let bytes = std::fs::read(path).map_err(io)?;
+    let bytes = read_regular(path, LARGEST).map_err(io)?;
     let extension = path.extension().and_then(|end| end.to_str()).unwrap_or_default().to_lowercase();
     match extension.as_str() {
         "obj" => {
@@ -137,8 +134,9 @@ fn gltf(bytes: &[u8], path: &Path) -> Result<Triangles, DataError> {
                 "a file beside this one; or save it as .glb",
             )),
             Source::Uri(uri) => {
-                let beside = path.parent().unwrap_or(Path::new("")).join(uri);
-                std::fs::read(&beside).map_err(|error| {
+                let field = format!("buffers[{}].uri", buffer.index());
+                let beside = Reach::beside(path).resolve(path, &field, Path::new(uri))?;
+                read_regular(&beside, LARGEST).map_err(|error| {
                     let found = format!("{}: {error}", beside.display());
                     fault(format!("buffers[{}].uri", buffer.index()), found, "a file beside this one")
                 })
@@ -149,7 +147,12 @@ fn gltf(bytes: &[u8], path: &Path) -> Result<Triangles, DataError> {
     let upright = Matrix4::new(1.0, 0.0, 0.0, 0.0, 0.0, 0.0, -1.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0);
     let mut open: Vec<(gltf::Node<'_>, Matrix4<f64>)> =
         file.scenes().flat_map(|scene| scene.nodes().map(|node| (node, upright)).collect::<Vec<_>>()).collect();
+    let mut visited = vec![false; file.nodes().len()];
     while let Some((node, parent)) = open.pop() {
+        // A tree, as the format demands: a node below itself would never end.
+        if std::mem::replace(&mut visited[node.index()], true) {
+            return Err(fault(format!("nodes[{}]", node.index()), "two parents".into(), "one parent at most"));
+        }
         let place = parent * Matrix4::from(node.transform().matrix()).cast::<f64>();
         open.extend(node.children().map(|child| (child, place)));
         for primitive in node.mesh().into_iter().flat_map(|mesh| mesh.primitives().collect::<Vec<_>>()) {

@@ -2,6 +2,8 @@
 
 use std::path::Path;
 
+use hand_model::reach::Reach;
+
 use super::file::ObjectFile;
 use super::set::ObjectSet;
 
@@ -68,7 +70,7 @@ impl ObjectSet {
         let mut set = Self::default();
         for (name, text) in groups.iter().copied().flatten() {
             let path = Path::new(name);
-            let object = ObjectFile::parse(text, path).and_then(|file| file.model(path));
+            let object = ObjectFile::parse(text, path, Reach::Nothing).and_then(|file| file.model(path));
             set.insert(object.expect("the built-in objects are valid"));
         }
         set

@@ -25,6 +25,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use hand_model::data::{DataError, parse_toml, read_text};
+use hand_model::reach::Reach;
 use nalgebra::{Point3, UnitQuaternion, Vector3};
 use serde::{Deserialize, Serialize};
 
@@ -39,6 +40,8 @@ const SMALLEST: f64 = 0.005;
 const HEAVIEST: f64 = 4.0;
 /// Least and largest tolerance of convex parts, m.
 const TOLERANCES: (f64, f64) = (1e-4, 0.02);
+/// Most copies in a whole turn: what has more is a surface of revolution.
+const MOST_FOLDS: u32 = 360;
 /// Colour of what has none.
 const GREY: [u8; 3] = [160, 160, 160];
 
@@ -139,11 +142,11 @@ fn one() -> f64 {
 }
 
 impl ObjectFile {
-    /// The object in a file's text. `path` is used in errors, and a mesh file is looked for beside it.
-    pub fn parse(text: &str, path: &Path) -> Result<Self, DataError> {
+    /// The object in a file's text. `path` is used in errors, and a mesh file that is within `reach` is looked for beside it.
+    pub fn parse(text: &str, path: &Path, reach: Reach) -> Result<Self, DataError> {
         let mut object: Self = parse_toml(text, path)?;
         if let ShapeFile::Mesh { file, obj: obj @ None, .. } = &mut object.shape {
-            let beside = path.parent().unwrap_or(Path::new("")).join(&*file);
+            let beside = reach.resolve(path, "shape.mesh.file", file)?;
             let expected = "a mesh file (.obj, .stl, .ply, .gltf, .glb), relative to this file";
             let triangles =
                 read_triangles(&beside).map_err(|error| DataError::field(path, "shape.mesh.file", error, expected))?;
@@ -152,9 +155,9 @@ impl ObjectFile {
         Ok(object)
     }
 
-    /// Reads an object's file and its mesh file.
-    pub fn read(path: &Path) -> Result<Self, DataError> {
-        Self::parse(&read_text(path)?, path)
+    /// Reads an object's file and its mesh file, which is within `reach`.
+    pub fn read(path: &Path, reach: Reach) -> Result<Self, DataError> {
+        Self::parse(&read_text(path)?, path, reach)
     }
 
     /// The object, if all its values make sense; `path` is used in errors.
@@ -191,8 +194,10 @@ impl ObjectFile {
         if !(0.0..=2.0).contains(&self.friction) {
             return Err(DataError::field(path, "friction", self.friction, "0 to 2"));
         }
-        if let Symmetry::Fold { n: 0, .. } = self.symmetry {
-            return Err(DataError::field(path, "symmetry.fold.n", 0, "at least 1"));
+        if let Symmetry::Fold { n, .. } = self.symmetry
+            && !(1..=MOST_FOLDS).contains(&n)
+        {
+            return Err(DataError::field(path, "symmetry.fold.n", n, format!("1 to {MOST_FOLDS}")));
         }
         if let Rest::Turned(angles) = self.rest
             && angles.iter().any(|angle| !angle.is_finite())

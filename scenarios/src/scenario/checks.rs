@@ -8,6 +8,9 @@ use super::definition::{Scenario, VERSION};
 use crate::geometry::Shape;
 use crate::objects::ObjectSet;
 
+/// Most objects that may come first, or second.
+const MOST_OBJECTS: usize = 1000;
+
 impl Scenario {
     /// Checks that `set` has every object named and that all of them stand clear of each other; `path` is used in errors.
     pub fn check_objects(&self, set: &ObjectSet, path: &Path) -> Result<(), DataError> {
@@ -61,6 +64,14 @@ impl Scenario {
         for (field, names) in [("first", &self.first), ("second", &self.second)] {
             if names.is_empty() {
                 return Err(DataError::field(path, field, "no object", "at least one"));
+            }
+            if names.len() > MOST_OBJECTS {
+                return Err(DataError::field(
+                    path,
+                    field,
+                    format!("{} names", names.len()),
+                    format!("at most {MOST_OBJECTS}"),
+                ));
             }
             if let Some(n) = (1..names.len()).find(|&n| names[..n].contains(&names[n])) {
                 return Err(DataError::field(path, field, format!("{:?} twice", names[n]), "every name once"));

@@ -4,6 +4,7 @@
 use std::path::{Path, PathBuf};
 
 use hand_model::data::{DataError, parse_toml, read_text};
+use hand_model::reach::Reach;
 use serde::Deserialize;
 use toml::{Table, Value};
 
@@ -92,13 +93,13 @@ impl ScenarioFile {
         }
     }
 
-    /// The scenario; `path` is used in errors.
-    fn complete(mut self, path: &Path) -> Result<Scenario, DataError> {
+    /// The scenario, with the objects' files that are within `reach`; `path` is used in errors.
+    fn complete(mut self, path: &Path, reach: Reach) -> Result<Scenario, DataError> {
         // Recordings from before scenarios had a start all began where the benchmark does.
         let start = self.start.map_or_else(|| built_in().map(|base| base.start), Ok)?;
-        for file in &self.objects {
-            let file = path.parent().unwrap_or(Path::new("")).join(file);
-            let object = ObjectFile::read(&file)?;
+        for (n, file) in self.objects.iter().enumerate() {
+            let file = reach.resolve(path, &format!("objects[{n}]"), file)?;
+            let object = ObjectFile::read(&file, reach)?;
             // Here an error can still name the object's file.
             object.model(&file)?;
             self.object.push(object);
@@ -143,23 +144,28 @@ impl Scenario {
         built_in().expect("the built-in scenario is valid")
     }
 
-    /// Reads and checks a scenario file's text. `path` is used in errors, and objects' files are looked for beside it.
+    /// Reads and checks the text of a scenario that names no file, as sessions and results keep it. `path` is used in errors.
     pub fn parse(text: &str, path: &Path) -> Result<Self, DataError> {
+        Self::parse_within(text, path, Reach::Nothing)
+    }
+
+    /// The same of a text that may name objects' files within `reach`, relative to `path`.
+    pub fn parse_within(text: &str, path: &Path, reach: Reach) -> Result<Self, DataError> {
         let file = ScenarioFile::parse(text, path)?;
-        let scenario = file.complete(path)?;
+        let scenario = file.complete(path, reach)?;
         scenario.check(path)?;
         Ok(scenario)
     }
 
-    /// Reads and checks a scenario file.
+    /// Reads and checks a scenario file; objects' files are below its folder.
     pub fn read(path: &Path) -> Result<Self, DataError> {
-        Self::parse(&read_text(path)?, path)
+        Self::parse_within(&read_text(path)?, path, Reach::beside(path))
     }
 
     /// A text of the same scenario that needs no other file: `text` itself, or, where it names objects' files, one with these and
     /// their meshes in it. A run keeps this text, so that it can go on, or be replayed, elsewhere.
-    pub fn self_contained(text: &str, path: &Path) -> Result<String, DataError> {
-        let scenario = Self::parse(text, path)?;
+    pub fn self_contained(text: &str, path: &Path, reach: Reach) -> Result<String, DataError> {
+        let scenario = Self::parse_within(text, path, reach)?;
         if scenario.object.is_empty() {
             return Ok(text.to_owned());
         }

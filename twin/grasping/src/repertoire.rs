@@ -45,7 +45,8 @@ impl Repertoire {
     }
 
     pub fn read(path: &Path) -> Result<Self, RepertoireError> {
-        let text = std::fs::read_to_string(path).map_err(|source| RepertoireError::Io { path: path.into(), source })?;
+        let text =
+            hand_model::file::read_text(path).map_err(|source| RepertoireError::Io { path: path.into(), source })?;
         Self::parse(&text, path)
     }
 

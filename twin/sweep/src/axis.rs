@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use bench::journal::RunRequest;
 use control::policy::Uncertainty;
 use hand_model::data::{DataError, read_text};
+use hand_model::reach::Reach;
 use scenarios::effects::Effect;
 use scenarios::{Ablation, Condition, Scenario};
 use toml::{Table, Value};
@@ -142,8 +143,9 @@ impl Draft {
         DataError::field(&self.file, format!("axes.{name}"), found, expected)
     }
 
-    fn beside(&self, name: &str) -> PathBuf {
-        self.file.parent().unwrap_or(Path::new("")).join(name)
+    /// A file that the sweep's file names: one below its folder.
+    fn beside(&self, axis: &str, name: &str) -> Result<PathBuf, DataError> {
+        Reach::beside(&self.file).resolve(&self.file, &format!("axes.{axis}"), Path::new(name))
     }
 
     /// The same with `level` in `field`.
@@ -175,7 +177,7 @@ impl Draft {
                 return Err(self.wrong("without", other, "texts with names of effects, such as \"eyes,arm\""));
             }
             (Field::Uncertainty, Level::Text(file)) => {
-                let path = self.beside(file);
+                let path = self.beside("uncertainty", file)?;
                 let text = read_text(&path)?;
                 Uncertainty::parse(&text, &path)?;
                 self.request.uncertainty = Some(text);
@@ -185,8 +187,8 @@ impl Draft {
                 self.request.scenario = match name.as_str() {
                     "benchmark" => scenarios::scenario::BENCHMARK.to_owned(),
                     file => {
-                        let path = self.beside(file);
-                        Scenario::self_contained(&read_text(&path)?, &path)?
+                        let path = self.beside("scenario", file)?;
+                        Scenario::self_contained(&read_text(&path)?, &path, Reach::beside(&self.file))?
                     }
                 };
             }

@@ -133,7 +133,7 @@ impl Network {
 
     /// Reads a network file.
     pub fn read(path: &Path) -> Result<Self, TouchError> {
-        let text = std::fs::read_to_string(path).map_err(|source| TouchError::Io { path: path.into(), source })?;
+        let text = hand_model::file::read_text(path).map_err(|source| TouchError::Io { path: path.into(), source })?;
         Self::parse(&text, path)
     }
 

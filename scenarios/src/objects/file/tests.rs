@@ -4,7 +4,7 @@ const BALL: &str = "name = \"my_ball\"\nmass = 0.1\nfriction = 0.5\n[shape.spher
 
 fn model(text: &str) -> Result<ObjectModel, DataError> {
     let path = Path::new("/home/me/my_ball.toml");
-    ObjectFile::parse(text, path)?.model(path)
+    ObjectFile::parse(text, path, Reach::Nothing)?.model(path)
 }
 
 fn refused(from: &str, to: &str) -> String {
@@ -34,7 +34,7 @@ fn a_bad_value_is_refused_by_file_field_found_and_expected() {
     assert!(refused("friction = 0.5", "friction = 0.5\nrest = \"lying\"").contains("rest: found \"lying\""));
     let unknown = refused("diameter = 0.05", "diamter = 0.05");
     assert!(
-        unknown.starts_with("/home/me/my_ball.toml:5: `diamter = 0.05`: unexpected keys in table: diamter, available"),
+        unknown.starts_with("/home/me/my_ball.toml:5: `diamter`: unexpected keys in table: diamter, available"),
         "{unknown}"
     );
     let missing = refused("mass = 0.1\n", "");

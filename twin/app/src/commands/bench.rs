@@ -16,7 +16,7 @@ use scenarios::record::Condition;
 use scenarios::statistics::Summary;
 
 use super::body::{Body, PlaceArgs, check_body, source};
-use super::scenario;
+use super::scenario::ScenarioArgs;
 use super::tactile_backend::TactileBackend;
 use crate::terminal::{Outcome, Terminal};
 
@@ -46,9 +46,8 @@ pub struct BenchArgs {
     pub config: Option<PathBuf>,
     #[command(flatten)]
     pub places: PlaceArgs,
-    /// Scenario file; default: the built-in benchmark.
-    #[arg(long)]
-    pub scenario: Option<PathBuf>,
+    #[command(flatten)]
+    pub scenario: ScenarioArgs,
     /// Threads; default: all cores.
     #[arg(long)]
     pub jobs: Option<usize>,
@@ -166,7 +165,7 @@ fn request(terminal: &Terminal, args: &BenchArgs) -> Result<(RunRequest, PathBuf
     if let Some(folder) = &args.resume {
         return Ok((Journal::read(folder).context("--resume")?.1, folder.clone()));
     }
-    let (scenario, text) = scenario::read(args.scenario.as_deref())?;
+    let (scenario, text) = args.scenario.read()?;
     let pairs = scenario.combinations();
     let combos = args.combos.unwrap_or(pairs.min(COMBINATIONS));
     if combos > pairs {

@@ -1,16 +1,43 @@
 //! `--scenario FILE`, of the commands that play trials.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use anyhow::{Context, Result};
+use clap::Args;
+use hand_model::data::{DataError, read_text};
+use hand_model::reach::{BELOW, Reach};
 use scenarios::Scenario;
 
-/// The scenario in `file`, or the built-in benchmark, and its text with all the files that it names in it.
-pub fn read(file: Option<&Path>) -> Result<(Scenario, String)> {
-    let path = file.map_or_else(|| PathBuf::from("benchmark.toml"), Path::to_path_buf);
-    let text = match file {
-        Some(path) => std::fs::read_to_string(path).with_context(|| format!("--scenario {}", path.display()))?,
-        None => scenarios::scenario::BENCHMARK.to_owned(),
-    };
-    Ok((Scenario::parse(&text, &path)?, Scenario::self_contained(&text, &path)?))
+/// Which scenario.
+#[derive(Debug, Clone, Default, Args)]
+pub struct ScenarioArgs {
+    /// Scenario file; default: the built-in benchmark. Files that it names lie below its folder.
+    #[arg(long)]
+    pub scenario: Option<PathBuf>,
+    /// Let the scenario name files anywhere, not only below its own folder.
+    #[arg(long, requires = "scenario")]
+    pub any_files: bool,
+}
+
+impl ScenarioArgs {
+    /// The scenario, and its text with all the files that it names in it.
+    pub fn read(&self) -> Result<(Scenario, String)> {
+        let Some(path) = &self.scenario else {
+            return Ok((Scenario::benchmark(), scenarios::scenario::BENCHMARK.to_owned()));
+        };
+        let text = read_text(path).context("--scenario")?;
+        let reach = if self.any_files { Reach::Anywhere } else { Reach::beside(path) };
+        let scenario = Scenario::parse_within(&text, path, reach).map_err(with_the_way_out)?;
+        Ok((scenario, Scenario::self_contained(&text, path, reach)?))
+    }
+}
+
+/// An error about a file out of reach, with the option that reaches it.
+fn with_the_way_out(mut error: DataError) -> DataError {
+    if let DataError::Field { expected, .. } = &mut error
+        && expected.starts_with(BELOW)
+    {
+        expected.push_str(", or --any-files with a scenario of your own");
+    }
+    error
 }

@@ -14,7 +14,7 @@ use scenarios::record::Condition;
 use scenarios::record::TrialRecord;
 
 use super::body::{Body, PlaceArgs, check_body, source};
-use super::scenario;
+use super::scenario::ScenarioArgs;
 use super::tactile_backend::TactileBackend;
 use crate::terminal::{Outcome, Terminal};
 
@@ -29,9 +29,8 @@ pub struct TrialArgs {
     /// Policy; `ideal` runs without noise.
     #[arg(long, value_enum, default_value_t = Policy::Touch)]
     pub policy: Policy,
-    /// Scenario file; default: the built-in benchmark.
-    #[arg(long)]
-    pub scenario: Option<PathBuf>,
+    #[command(flatten)]
+    pub scenario: ScenarioArgs,
     /// Body.
     #[arg(long, value_enum, default_value_t = Body::Sim)]
     pub robot: Body,
@@ -99,7 +98,7 @@ impl Policy {
 pub fn trial(terminal: &Terminal, args: &TrialArgs) -> Outcome {
     check_body(args.robot, args.config.as_deref(), &[args.policy.condition()])?;
     let places = args.places.places(args.robot)?;
-    let (scenario, text) = scenario::read(args.scenario.as_deref())?;
+    let (scenario, text) = args.scenario.read()?;
     let pairs = scenario.combinations().min(COMBINATIONS);
     if args.combination >= pairs {
         bail!("COMBO: found {}, expected 0 to {}", args.combination, pairs - 1);

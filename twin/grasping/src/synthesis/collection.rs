@@ -199,7 +199,8 @@ impl Collection {
 
     /// Reads a file.
     pub fn read(path: &Path) -> Result<Self, GraspFileError> {
-        let text = std::fs::read_to_string(path).map_err(|source| GraspFileError::Io { path: path.into(), source })?;
+        let text =
+            hand_model::file::read_text(path).map_err(|source| GraspFileError::Io { path: path.into(), source })?;
         Self::parse(&text, path)
     }
 

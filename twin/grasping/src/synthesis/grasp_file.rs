@@ -4,7 +4,7 @@
 //! [`HeldGrasp`](super::held::HeldGrasp)s of our own hand, or [`AnyHeld`](super::held::AnyHeld)s where the header names another. Poses of
 //! an object of the set are in the set's frame, those of a mesh in the frame of its file.
 
-use std::io::{BufRead, BufReader, Write};
+use std::io::{BufRead, BufReader, Read as _, Write};
 use std::path::{Path, PathBuf};
 
 use serde::de::{DeserializeOwned, IgnoredAny};
@@ -122,15 +122,19 @@ impl GraspWriter {
 
 /// Reads a file. An incomplete last line is an error that names it.
 pub fn read<G: DeserializeOwned>(path: &Path) -> Result<(Header, Vec<G>), GraspFileError> {
-    let text = std::fs::read_to_string(path).map_err(|source| GraspFileError::Io { path: path.into(), source })?;
+    let text = hand_model::file::read_text(path).map_err(|source| GraspFileError::Io { path: path.into(), source })?;
     parse(&text, path)
 }
+
+/// Longest header, bytes.
+const LONGEST_HEADER: u64 = 1 << 20;
 
 /// The header alone; of a file that is none of this kind an error.
 pub fn read_header(path: &Path) -> Result<Header, GraspFileError> {
     let io = |source| GraspFileError::Io { path: path.into(), source };
     let mut first = String::new();
-    BufReader::new(std::fs::File::open(path).map_err(io)?).read_line(&mut first).map_err(io)?;
+    let file = hand_model::file::open_regular(path, u64::MAX).map_err(io)?;
+    BufReader::new(file.take(LONGEST_HEADER)).read_line(&mut first).map_err(io)?;
     Ok(parse::<IgnoredAny>(&first, path)?.0)
 }
 

@@ -100,7 +100,8 @@ impl GraspFile {
 
 /// What a file is now.
 pub fn source(path: &Path) -> Result<Source> {
-    let bytes = std::fs::read(path).with_context(|| path.display().to_string())?;
+    let bytes =
+        hand_model::file::read_regular(path, hand_model::file::LARGEST).with_context(|| path.display().to_string())?;
     Ok(Source { path: path.into(), sha256: sha256(&bytes) })
 }
 

@@ -15,7 +15,7 @@ use scenarios::Scenario;
 use scenarios::record::Condition;
 
 use super::shared::shown;
-use crate::commands::scenario;
+use crate::commands::scenario::ScenarioArgs;
 use crate::terminal::Terminal;
 
 /// Arguments of `bridge register`.
@@ -163,7 +163,7 @@ pub fn run(terminal: &Terminal, args: &RegisterArgs) -> Result<Option<String>> {
 
 /// The task of an emulated robot that plays no trial.
 fn task(seed: u64) -> Result<Task> {
-    let (_, text) = scenario::read(None)?;
+    let (_, text) = ScenarioArgs::default().read()?;
     Ok(Task {
         robot: "emulated".to_owned(),
         seed,

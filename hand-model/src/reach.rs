@@ -1,0 +1,163 @@
+//! Which files a text may name.
+//!
+//! A scenario or a sweep may come from a stranger. The files that it names are read on behalf of whoever runs it, and what is in them may be shown in
+//! an error or kept in a result: it must not choose them freely.
+
+use std::path::{Component, Path, PathBuf};
+
+use crate::data::DataError;
+
+/// Which files a text may name.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Reach<'a> {
+    /// None: the text has everything in it, as those in sessions and results do.
+    Nothing,
+    /// Those below a folder, symbolic links resolved.
+    Below(&'a Path),
+    /// Any: the user has said so.
+    Anywhere,
+}
+
+/// How an error says what it expects instead of a file out of reach.
+pub const BELOW: &str = "a file below ";
+
+impl<'a> Reach<'a> {
+    /// Files below the folder of `file`.
+    pub fn beside(file: &'a Path) -> Self {
+        Self::Below(folder_of(file))
+    }
+
+    /// The file that `field` of the text in `file` names as `name`, relative to `file`.
+    ///
+    /// # Errors
+    /// [`DataError::Field`] for a name out of reach; nothing is said of what is there.
+    pub fn resolve(self, file: &Path, field: &str, name: &Path) -> Result<PathBuf, DataError> {
+        let named = folder_of(file).join(name);
+        let refused = |expected: String| {
+            Err(DataError::field(file, field, format!("{:?}", name.display().to_string()), expected))
+        };
+        match self {
+            Self::Anywhere => Ok(named),
+            Self::Nothing => refused("no file: this text must have everything in it".to_owned()),
+            Self::Below(root) => {
+                // By the name first: an error says nothing of files elsewhere, not even that they exist.
+                let inside = plain(&named).is_some_and(|named| plain(root).is_some_and(|root| named.starts_with(root)));
+                let inside = inside
+                    && match (named.canonicalize(), root.canonicalize()) {
+                        (Ok(named), Ok(root)) => named.starts_with(root),
+                        // What is not there is told by whoever reads it.
+                        _ => !named.is_symlink(),
+                    };
+                if inside {
+                    return Ok(named);
+                }
+                refused(format!("{BELOW}{}", shown(root).display()))
+            }
+        }
+    }
+}
+
+/// Refuses a folder of results in which a file is a symbolic link to one elsewhere: what is written there would replace that one.
+///
+/// # Errors
+/// [`DataError::Field`] with the link's name; [`DataError::Io`] for a folder that cannot be read.
+pub fn check_links(folder: &Path) -> Result<(), DataError> {
+    let io = |source| DataError::Io { path: folder.into(), source };
+    let root = folder.canonicalize().map_err(io)?;
+    for entry in folder.read_dir().map_err(io)? {
+        let path = entry.map_err(io)?.path();
+        let target = path.canonicalize().ok().filter(|target| path.is_symlink() && target.is_file());
+        if let Some(target) = target.filter(|target| !target.starts_with(&root)) {
+            let found = format!("a symbolic link to {}", target.display());
+            return Err(DataError::field(&path, "kind of file", found, "a file in this folder"));
+        }
+    }
+    Ok(())
+}
+
+fn folder_of(file: &Path) -> &Path {
+    shown(file.parent().unwrap_or(Path::new("")))
+}
+
+/// The empty path is the current folder.
+fn shown(folder: &Path) -> &Path {
+    if folder.as_os_str().is_empty() { Path::new(".") } else { folder }
+}
+
+/// The absolute path without `.` and `..`, by its names alone.
+fn plain(path: &Path) -> Option<PathBuf> {
+    let mut parts = PathBuf::new();
+    for part in std::path::absolute(path).ok()?.components() {
+        match part {
+            Component::ParentDir => drop(parts.pop()),
+            Component::CurDir => {}
+            part => parts.push(part),
+        }
+    }
+    Some(parts)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn results_are_not_written_through_links() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let (results, theirs) = (folder.path().join("results"), folder.path().join("profile"));
+        std::fs::create_dir(&results).expect("made");
+        std::fs::write(&theirs, "mine").expect("written");
+        std::fs::write(results.join("a.csv"), "").expect("written");
+        std::os::unix::fs::symlink("a.csv", results.join("b.csv")).expect("linked");
+        check_links(&results).expect("a link within");
+        std::os::unix::fs::symlink(&theirs, results.join("trials.csv")).expect("linked");
+        let words = check_links(&results).expect_err("a link out").to_string();
+        assert!(
+            words.contains("trials.csv: kind of file: found a symbolic link to ") && words.contains("profile"),
+            "{words}"
+        );
+    }
+
+    #[test]
+    fn a_text_reads_no_file_outside_its_folder() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let (inner, outer) = (folder.path().join("inner"), folder.path().join("secret.toml"));
+        std::fs::create_dir_all(inner.join("things")).expect("made");
+        std::fs::write(inner.join("things/mug.toml"), "").expect("written");
+        std::fs::write(&outer, "").expect("written");
+        std::os::unix::fs::symlink(&outer, inner.join("things/link.toml")).expect("linked");
+        std::os::unix::fs::symlink(folder.path(), inner.join("up")).expect("linked");
+        let file = inner.join("scenario.toml");
+        let reach = Reach::beside(&file);
+        let resolve = |name: &str| reach.resolve(&file, "objects[0]", Path::new(name));
+        for good in
+            ["things/mug.toml", "./things/../things/mug.toml", inner.join("things/mug.toml").to_str().expect("text")]
+        {
+            assert!(resolve(good).expect("in reach").ends_with("mug.toml"));
+        }
+        assert_eq!(resolve("things/absent.toml").expect("in reach"), inner.join("things/absent.toml"));
+        let elsewhere = outer.to_str().expect("text");
+        for bad in [
+            "/etc/shadow",
+            "/nowhere/at/all",
+            "../secret.toml",
+            "things/../../secret.toml",
+            elsewhere,
+            "things/link.toml",
+            "up/secret.toml",
+        ] {
+            let words = resolve(bad).expect_err("out of reach").to_string();
+            assert!(words.contains("objects[0]: found ") && words.contains("expected a file below "), "{words}");
+            assert_eq!(Reach::Anywhere.resolve(&file, "objects[0]", Path::new(bad)).expect("any"), inner.join(bad));
+        }
+        let words =
+            Reach::Nothing.resolve(&file, "objects[0]", Path::new("things/mug.toml")).expect_err("none").to_string();
+        assert!(words.contains("found \"things/mug.toml\", expected no file"), "{words}");
+        // Relative to the current folder.
+        assert!(
+            Reach::beside(Path::new("scenario.toml"))
+                .resolve(Path::new("scenario.toml"), "a", Path::new("Cargo.toml"))
+                .is_ok()
+        );
+    }
+}
