@@ -6,8 +6,9 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
+use hand_model::pads::IMAGE_SIZE;
 use hand_model::robot::{self, ServoGoal, ServoState, TactileImage};
-use hand_model::{ACTUATORS, ARM_JOINTS};
+use hand_model::{ACTUATORS, ARM_JOINTS, CAMERAS};
 
 /// [`robot::Observation`].
 #[derive(Clone, PartialEq, prost::Message)]
@@ -129,6 +130,18 @@ impl Seen {
     }
 }
 
+/// Which images an observation may have.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Images {
+    /// Those of this hand's cameras, all of one size.
+    OfTheHand,
+    /// Those of any other robot.
+    Any,
+}
+
+/// Pixels of an image of this hand's cameras.
+const PIXELS: usize = IMAGE_SIZE * IMAGE_SIZE;
+
 /// The last image of every camera: what a frame without pixels stands for.
 pub type LastImages = BTreeMap<usize, Arc<TactileImage>>;
 
@@ -161,11 +174,11 @@ impl Observation {
         }
     }
 
-    /// From the file. `last` are the images read before, and is brought up to date.
+    /// From the file, with images as `images` says. `last` are the images read before, and is brought up to date.
     ///
     /// # Errors
     /// Names the field that is not as it should be.
-    pub fn read(self, last: &mut LastImages) -> Result<robot::Observation, Wrong> {
+    pub fn read(self, last: &mut LastImages, images: Images) -> Result<robot::Observation, Wrong> {
         let position = list::<ACTUATORS, _>("servo_position", &self.servo_position)?;
         let velocity = list::<ACTUATORS, _>("servo_velocity", &self.servo_velocity)?;
         let current = list::<ACTUATORS, _>("servo_current", &self.servo_current)?;
@@ -185,7 +198,7 @@ impl Observation {
                 velocity: list::<ARM_JOINTS, _>("arm_velocity", &self.arm_velocity)?,
                 torque: list::<ARM_JOINTS, _>("arm_torque", &self.arm_torque)?,
             },
-            tactile: self.tactile.into_iter().map(|frame| frame.read(last)).collect::<Result<_, _>>()?,
+            tactile: self.tactile.into_iter().map(|frame| frame.read(last, images)).collect::<Result<_, _>>()?,
         })
     }
 }
@@ -203,10 +216,16 @@ impl TactileFrame {
         }
     }
 
-    fn read(self, last: &mut LastImages) -> Result<robot::TactileFrame, Wrong> {
+    fn read(self, last: &mut LastImages, images: Images) -> Result<robot::TactileFrame, Wrong> {
         let camera = given("tactile.camera", self.camera)? as usize;
+        if images == Images::OfTheHand && camera >= CAMERAS {
+            return Err(("tactile.camera", camera.to_string(), format!("0 to {}", CAMERAS - 1)));
+        }
         let image =
             match self.rgb {
+                Some(rgb) if images == Images::OfTheHand && rgb.len() != PIXELS * 3 => {
+                    return Err(("tactile.rgb", format!("{} bytes", rgb.len()), format!("{} bytes", PIXELS * 3)));
+                }
                 Some(rgb) => Arc::new(TactileImage { rgb }),
                 None => Arc::clone(last.get(&camera).ok_or_else(|| {
                     ("tactile.rgb", "missing".to_owned(), format!("the first image of camera {camera}"))
@@ -337,7 +356,7 @@ pub(super) mod tests {
             };
             let written = Observation::new(&observation, &mut LastImages::new());
             let back = Observation::decode(written.encode_to_vec().as_slice())?;
-            let back = back.read(&mut LastImages::new()).expect("readable");
+            let back = back.read(&mut LastImages::new(), Images::Any).expect("readable");
             // Written again, equal numbers are equal bytes.
             let again = Observation::new(&back, &mut LastImages::new());
             prop_assert_eq!(again.encode_to_vec(), written.encode_to_vec());
@@ -370,7 +389,7 @@ pub(super) mod tests {
         let written = Observation::new(&observation, &mut LastImages::new());
         let has_pixels: Vec<bool> = written.tactile.iter().map(|frame| frame.rgb.is_some()).collect();
         assert_eq!(has_pixels, [true, true, false, false, true, false]);
-        let back = written.read(&mut LastImages::new()).expect("readable");
+        let back = written.read(&mut LastImages::new(), Images::Any).expect("readable");
         for (found, expected) in back.tactile.iter().zip(&observation.tactile) {
             assert_eq!((found.camera, found.sequence), (expected.camera, expected.sequence));
             assert_eq!(found.image, expected.image);
@@ -386,7 +405,21 @@ pub(super) mod tests {
         let frame = TactileFrame { camera: Some(3), ..Default::default() };
         let observation =
             Observation { tactile: vec![frame], ..Observation::new(&Default::default(), &mut LastImages::new()) };
-        let wrong = observation.read(&mut LastImages::new()).expect_err("no image yet");
+        let wrong = observation.read(&mut LastImages::new(), Images::Any).expect_err("no image yet");
         assert_eq!(wrong.0, "tactile.rgb");
+    }
+
+    #[test]
+    fn an_image_that_no_camera_of_the_hand_takes_is_refused() {
+        let read = |camera, bytes| {
+            let frame =
+                TactileFrame { camera: Some(camera), time: Some(0.0), sequence: Some(0), rgb: Some(vec![0; bytes]) };
+            let observation =
+                Observation { tactile: vec![frame], ..Observation::new(&Default::default(), &mut LastImages::new()) };
+            observation.read(&mut LastImages::new(), Images::OfTheHand).map(|_| ())
+        };
+        assert_eq!(read(17, 172_800), Ok(()));
+        assert_eq!(read(18, 172_800), Err(("tactile.camera", "18".to_owned(), "0 to 17".to_owned())));
+        assert_eq!(read(0, 48), Err(("tactile.rgb", "48 bytes".to_owned(), "172800 bytes".to_owned())));
     }
 }

@@ -8,6 +8,7 @@ use std::time::Duration;
 
 use crc::{CRC_32_ISO_HDLC, Crc};
 use hand_model::digest::sha256;
+use hand_model::file::open_regular;
 use hand_model::robot;
 use mcap::records::{ChunkHeader, Record, op};
 use mcap::sans_io::{LinearReadEvent, LinearReader, LinearReaderOptions};
@@ -15,7 +16,7 @@ use mcap::{McapError, McapResult};
 use prost::Message;
 
 use crate::error::SessionLogError;
-use crate::message::{Command, LastImages, Observation, Seen, SeenPose, Tick, Wrong};
+use crate::message::{Command, Images, LastImages, Observation, Seen, SeenPose, Tick, Wrong};
 use crate::tap::Direction;
 use crate::writer::{
     ASKED, CALIBRATION, CONFIGURATION, FORMAT, METADATA, OBSERVATION, OUTCOME, SEEN, SENT, Session, TASK, TICK, UNSEEN,
@@ -24,6 +25,9 @@ use crate::writer::{
 /// The longest record taken, bytes: an observation with an image of every camera has 3.2 MB. A damaged length must not
 /// be believed.
 const LONGEST: usize = 1 << 28;
+
+/// The longest tick taken, s.
+const LONGEST_TICK: f64 = 1.0;
 
 /// Bytes read at once, at most.
 const PIECE: usize = 1 << 16;
@@ -76,6 +80,7 @@ pub struct Reader {
     /// What the last chunk holds.
     chunk: VecDeque<Record<'static>>,
     topics: BTreeMap<u16, String>,
+    images: Images,
     last_images: LastImages,
     session: Session,
     /// When it began, since 1970.
@@ -88,10 +93,18 @@ impl Reader {
     /// Opens a file and reads what session it is of.
     ///
     /// # Errors
-    /// [`SessionLogError`]: no such file, not MCAP, no session of ours, another format, a configuration or calibration
+    /// [`SessionLogError`]: no such file or no regular one, not MCAP, no session of ours, another format, a configuration or calibration
     /// that does not have its hash.
     pub fn open(path: &Path) -> Result<Self, SessionLogError> {
-        let file = BufReader::new(File::open(path).map_err(SessionLogError::io(path))?);
+        Self::open_with(path, Images::OfTheHand)
+    }
+
+    /// The same of a robot whose cameras are as `images` says.
+    ///
+    /// # Errors
+    /// [`SessionLogError`].
+    pub fn open_with(path: &Path, images: Images) -> Result<Self, SessionLogError> {
+        let file = BufReader::new(open_regular(path, u64::MAX).map_err(SessionLogError::io(path))?);
         // The checksum stands at the end of the data: a damaged file is noticed there, one cut short has none.
         let options = LinearReaderOptions::default()
             .with_skip_end_magic(true)
@@ -104,6 +117,7 @@ impl Reader {
             mcap: LinearReader::new_with_options(options),
             chunk: VecDeque::new(),
             topics: BTreeMap::new(),
+            images,
             last_images: LastImages::new(),
             session: Session::default(),
             begun: Duration::ZERO,
@@ -153,7 +167,9 @@ impl Reader {
                         robot: get("robot"),
                         program: get("program"),
                         seed: seed.parse().map_err(|_| self.field("seed", &seed, "a whole number"))?,
-                        tick_length: tick.parse().map_err(|_| self.field("tick_length_s", &tick, "a number"))?,
+                        tick_length: (tick.parse().ok())
+                            .filter(|tick| (0.0..=LONGEST_TICK).contains(tick))
+                            .ok_or_else(|| self.field("tick_length_s", &tick, "a number from 0 to 1"))?,
                         ..Session::default()
                     };
                     hashes = Some([get("configuration_sha256"), get("calibration_sha256"), get("task_sha256")]);
@@ -255,9 +271,11 @@ impl Reader {
 
     /// What is on `topic`; `None` for a topic of somebody else.
     fn event(&mut self, topic: &str, sequence: u32, data: &[u8]) -> Result<Option<Event>, SessionLogError> {
-        let images = &mut self.last_images;
+        let (last, images) = (&mut self.last_images, self.images);
         let event = match topic {
-            OBSERVATION => decode(data).and_then(|message: Observation| message.read(images)).map(Event::Observation),
+            OBSERVATION => {
+                decode(data).and_then(|message: Observation| message.read(last, images)).map(Event::Observation)
+            }
             ASKED => decode(data).and_then(|message: Command| message.read()).map(Event::Asked),
             SENT => decode(data).and_then(|message: Command| message.read()).map(Event::Sent),
             SEEN => {

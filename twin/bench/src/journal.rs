@@ -8,6 +8,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
 use hand_model::digest::sha256;
+use hand_model::reach::check_links;
 use scenarios::effects::Effect;
 use scenarios::record::{AblatedTrial, Condition, TrialRecord};
 use scenarios::tries::TryRecord;
@@ -196,11 +197,16 @@ impl Journal {
     /// Reads a run's journal without changing it; a last line cut off by an interruption is left out.
     pub fn read(folder: &Path) -> Result<(BTreeMap<Unit, Entry>, RunRequest)> {
         let run = folder.join("run.json");
-        let text = std::fs::read_to_string(&run)
+        if folder.is_dir() {
+            check_links(folder)?;
+        }
+        let text = hand_model::file::read_text(&run)
             .with_context(|| format!("{} holds no run (cannot read {})", folder.display(), run.display()))?;
         let request: RunRequest = serde_json::from_str(&text).with_context(|| run.display().to_string())?;
+        request.check(&run)?;
         let journal = path(folder);
-        let text = std::fs::read_to_string(&journal).with_context(|| format!("cannot read {}", journal.display()))?;
+        let text =
+            hand_model::file::read_text(&journal).with_context(|| format!("cannot read {}", journal.display()))?;
         let whole = text.split_inclusive('\n').filter(|line| line.ends_with('\n'));
         let (digest, mut done) = (request.digest()?, BTreeMap::new());
         for (n, entry) in (1..).zip(whole.map_while(|line| serde_json::from_str::<Entry>(line).ok())) {

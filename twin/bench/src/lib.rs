@@ -9,6 +9,7 @@
 extern crate progress;
 
 pub mod body;
+mod bounds;
 pub mod builtin;
 pub mod emulated_table;
 pub mod environment;

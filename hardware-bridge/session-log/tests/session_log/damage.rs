@@ -114,6 +114,10 @@ fn other_files_are_refused_by_name() {
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path().join("other.mcap");
     assert!(matches!(Reader::open(&path), Err(SessionLogError::Io { .. })));
+    assert!(std::process::Command::new("mkfifo").arg(&path).status().expect("mkfifo runs").success());
+    let error = Reader::open(&path).err().expect("refused").to_string();
+    assert!(error.ends_with("other.mcap: found a pipe, expected a regular file"), "{error}");
+    std::fs::remove_file(&path).expect("removed");
     std::fs::write(&path, "a session of another kind").expect("written");
     assert!(matches!(Reader::open(&path), Err(SessionLogError::Mcap { .. })));
     std::fs::remove_file(&path).expect("removed");

@@ -5,7 +5,7 @@ use std::process::Stdio;
 
 use anyhow::{Context as _, Result, bail};
 use bench::body::Stopped;
-use bench::body::replayed::ReplaySource;
+use bench::body::replayed::{ReplaySource, check};
 use bench::own::python;
 use bench::recording::{Began, Recording};
 use clap::Subcommand;
@@ -163,11 +163,14 @@ fn lerobot(terminal: &Terminal, folder: &Path, out: Option<&Path>, images: u16) 
 
 /// Makes the recording `out` of a session: how many ticks it has, and why they are not all that the session has, if so.
 pub fn rrd(terminal: &Terminal, session: &Path, out: &Path) -> Result<(u64, Option<String>)> {
-    let task = task(session)?;
-    let bench = bench_of(terminal, &task, session)?;
+    let (task, scenario) = task(session)?;
+    let bench = bench_of(terminal, &task, scenario, session)?;
+    check(session)?;
     let began = began(session)?;
     let (mut source, report) = ReplaySource::new(Replay::new(Reader::open(session)?)?, task.robot == "hardware");
     let partial = out.with_extension("partial.rrd");
+    // One that is there may be a link to somewhere else.
+    drop(std::fs::remove_file(&partial));
     let mut recording = Recording::open(&[Target::File(partial.clone())], &bench, &task, (began, false))?;
     let played = bench.play(&task, &mut source, &mut recording);
     recording.finish()?;
@@ -203,7 +206,7 @@ fn began(session: &Path) -> Result<Began> {
     while let Some((times, event)) = reader.next_event()? {
         if let Event::Observation(observation) = event {
             let host = (reader.begun() + times.host).as_nanos() as i64;
-            return Ok(Began::At(host - (observation.time * 1e9) as i64));
+            return Ok(Began::At(host.saturating_sub((observation.time * 1e9) as i64)));
         }
     }
     Ok(Began::Never)

@@ -3,14 +3,14 @@
 use std::path::Path;
 
 use anyhow::{Context as _, Result, bail};
-use bench::body::replayed::ReplaySource;
+use bench::body::replayed::{ReplaySource, check};
 use bench::body::{LookFailed, Stopped, Task};
 use bench::builtin::{make_identified, read_pads_by};
 use bench::trial::{Bench, NoWatcher};
 use scenarios::Scenario;
 use scenarios::record::{Condition, TrialRecord};
 use session_log::comparison::compare;
-use session_log::{Event, Reader, Replay};
+use session_log::{Reader, Replay};
 
 use crate::terminal::Terminal;
 
@@ -24,14 +24,13 @@ pub fn command(terminal: &Terminal, recording: &Path) -> Result<Option<String>> 
     if let (Some(other), false) = (&other, terminal.quiet) {
         eprintln!("warning: {other}");
     }
-    let task = task(recording).map_err(named)?;
-    let bench = bench_of(terminal, &task, recording).map_err(named)?;
+    let (task, scenario) = task(recording).map_err(named)?;
+    let bench = bench_of(terminal, &task, scenario, recording).map_err(named)?;
     run(terminal, &bench, &task, recording).map_err(named)
 }
 
 /// What the trial of a session is played with.
-pub fn bench_of(terminal: &Terminal, task: &Task, recording: &Path) -> Result<Bench> {
-    let scenario = Scenario::parse(&task.scenario, recording)?;
+pub fn bench_of(terminal: &Terminal, task: &Task, scenario: Scenario, recording: &Path) -> Result<Bench> {
     if task.condition == Condition::Own {
         bail!(
             "{}: condition: found own, expected one that comes with this program: what a policy of one's own answered is not in the session",
@@ -39,7 +38,9 @@ pub fn bench_of(terminal: &Terminal, task: &Task, recording: &Path) -> Result<Be
         );
     }
     let quiet = terminal.quiet || terminal.json;
-    let mut bench = make_identified(task.individual.as_deref(), recording, scenario, task.combos, task.seed, quiet)?;
+    // A shorter draw is the beginning of a longer one.
+    let combos = task.combination + 1;
+    let mut bench = make_identified(task.individual.as_deref(), recording, scenario, combos, task.seed, quiet)?;
     task.places.set_up(&mut bench.world)?;
     read_pads_by(&mut bench, task.pads.as_deref(), recording)?;
     bench.foresee(task.foresees);
@@ -48,7 +49,7 @@ pub fn bench_of(terminal: &Terminal, task: &Task, recording: &Path) -> Result<Be
             "{}: combination: found {}, expected 0 to {}",
             recording.display(),
             task.combination,
-            bench.plans.plans.len() - 1
+            bench.plans.plans.len().saturating_sub(1)
         );
     }
     Ok(bench)
@@ -75,15 +76,9 @@ pub fn against(terminal: &Terminal, recording: &Path, other: &Path) -> Result<Op
     Ok(difference)
 }
 
-/// What the file says of itself.
-pub fn task(path: &Path) -> Result<Task> {
-    let reader = Reader::open(path)?;
-    serde_json::from_slice(&reader.session().task).with_context(|| {
-        format!(
-            "{}: task: found no trial, expected one recorded by `ftac trial --session` or `ftac bench`",
-            path.display()
-        )
-    })
+/// What the file says of itself: the task and its scenario, with everything that they need in them.
+pub fn task(path: &Path) -> Result<(Task, Scenario)> {
+    Ok(Task::parse(&Reader::open(path)?.session().task, path)?)
 }
 
 /// Runs it; the shortfall is where it left the recording.
@@ -152,12 +147,7 @@ pub fn other_program(path: &Path) -> Result<Option<String>> {
 
 /// What came of the recorded trial, and whether the file was finished.
 fn outcome(path: &Path) -> Result<(Option<TrialRecord>, bool)> {
-    let mut reader = Reader::open(path)?;
-    let mut outcome = None;
-    while let Some((_, event)) = reader.next_event()? {
-        if let Event::Outcome(text) = event {
-            outcome = Some(serde_json::from_slice(&text).with_context(|| format!("{}: outcome", path.display()))?);
-        }
-    }
-    Ok((outcome, reader.is_whole()))
+    let (outcome, whole) = check(path)?;
+    let read = |text: Vec<u8>| serde_json::from_slice(&text).with_context(|| format!("{}: outcome", path.display()));
+    Ok((outcome.map(read).transpose()?, whole))
 }

@@ -1,14 +1,15 @@
 //! A recorded session as a body: the control stack runs on it again.
 
 use std::cell::Cell;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::rc::Rc;
 
 use anyhow::{Result, anyhow};
 use control::percept::Sighted;
+use hand_model::data::DataError;
 use hand_model::robot::Robot;
 use session_log::replay::{Divergence, Progress};
-use session_log::{Replay, Session};
+use session_log::{Event, Reader, Replay, Session};
 use sim::SimulatedRobot;
 use sim::robot::Truth;
 
@@ -16,6 +17,41 @@ use super::{BodySource, Glance, LookFailed, Stopped, Task, TrialBody, TrialSetup
 
 /// How far a replay came, and how it left the recording if it did.
 pub type Report = Rc<Cell<Option<(Progress, Option<Divergence>)>>>;
+
+/// Shortest tick that a robot has, s.
+const LEAST_TICK: f64 = 1e-4;
+
+/// Reads the session at `path` to its end: its outcome, if it has one, and whether it was finished.
+///
+/// # Errors
+/// A session that cannot be read, or that no controller can run on: one without ticks, or with places and times that are no numbers.
+pub fn check(path: &Path) -> Result<(Option<Vec<u8>>, bool)> {
+    let mut reader = Reader::open(path)?;
+    let tick = reader.session().tick_length;
+    if tick < LEAST_TICK {
+        return Err(DataError::field(path, "tick_length_s", tick, format!("at least {LEAST_TICK}")).into());
+    }
+    let mut outcome = None;
+    while let Some((_, event)) = reader.next_event()? {
+        let numbers: Vec<f64> = match event {
+            Event::Observation(observation) => std::iter::once(observation.time)
+                .chain(observation.servos.iter().map(|servo| servo.position))
+                .chain(observation.arm.position)
+                .collect(),
+            Event::Tick(tick) => vec![tick.time],
+            Event::Seen(_, Some((pose, _))) => pose.to_vec(),
+            Event::Outcome(text) => {
+                outcome = Some(text);
+                continue;
+            }
+            _ => continue,
+        };
+        if let Some(number) = numbers.iter().find(|number| !number.is_finite()) {
+            return Err(DataError::field(path, "what was measured", number, "finite times, angles and poses").into());
+        }
+    }
+    Ok((outcome, reader.is_whole()))
+}
 
 /// A recording in the place of a robot; reports when dropped.
 pub struct Replayed {
