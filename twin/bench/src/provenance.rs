@@ -1,6 +1,6 @@
 //! On what a run was made: machine and source tree.
 
-use std::process::Command;
+use hand_model::child;
 
 /// Processor, cores and system.
 pub fn machine() -> String {
@@ -14,7 +14,7 @@ pub fn machine() -> String {
 /// The commit of the source tree that the program was built from, as it is now, where that is still there.
 pub fn commit() -> Option<String> {
     let git = |arguments: &[&str]| {
-        let output = Command::new("git").args(["-C", env!("CARGO_MANIFEST_DIR")]).args(arguments).output().ok()?;
+        let output = child::command("git").args(["-C", env!("CARGO_MANIFEST_DIR")]).args(arguments).output().ok()?;
         output.status.success().then(|| String::from_utf8_lossy(&output.stdout).trim().to_owned())
     };
     let commit = git(&["rev-parse", "HEAD"])?;

@@ -1,7 +1,9 @@
 //! Finds and starts the Rerun viewer, which is a separate program.
 
 use std::path::{Path, PathBuf};
-use std::process::{Command, Stdio};
+use std::process::Stdio;
+
+use hand_model::child;
 
 use crate::error::StreamError;
 use crate::release::RERUN_VERSION;
@@ -44,7 +46,7 @@ pub fn find() -> Option<Viewer> {
     let name = format!("rerun{}", std::env::consts::EXE_SUFFIX);
     let on_path = std::env::split_paths(&path).map(|folder| folder.join(&name)).find(|file| file.is_file());
     let program = named.or(on_path).filter(|program| program.is_file())?;
-    let output = Command::new(&program).arg("--version").stdin(Stdio::null()).output().ok()?;
+    let output = child::command(&program).arg("--version").stdin(Stdio::null()).output().ok()?;
     let version = version_of(&String::from_utf8_lossy(&output.stdout));
     Some(Viewer { program, version })
 }
@@ -73,7 +75,7 @@ pub fn recordings(path: &Path) -> Result<Vec<PathBuf>, StreamError> {
 
 /// Opens recordings in the viewer `program`, which lives on by itself.
 pub fn open(program: &Path, files: &[PathBuf]) -> Result<(), StreamError> {
-    let mut command = Command::new(program);
+    let mut command = child::command(program);
     // The viewer also listens for programs that log to it: on this machine only.
     command.args(["--bind", "127.0.0.1", "--port", "auto"]).args(files);
     command.stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null());
@@ -89,6 +91,7 @@ pub fn spawn() -> Result<String, StreamError> {
     let options = rerun::SpawnOptions {
         executable_path: Some(program.to_string_lossy().into_owned()),
         extra_args: vec!["--bind".to_owned(), "127.0.0.1".to_owned()],
+        extra_env: child::blanked(),
         hide_welcome_screen: true,
         ..rerun::SpawnOptions::default()
     };

@@ -6,9 +6,9 @@
 use std::fmt::Write as _;
 use std::fs;
 use std::path::{Path, PathBuf};
-use std::process::Command;
 
 use anyhow::{Context as _, Result, anyhow, bail};
+use hand_model::child;
 use report::write_whole;
 use serde::{Deserialize, Serialize};
 
@@ -149,7 +149,7 @@ pub fn merge_script(sweep: &Folder, program: &Path, options: &Options) -> String
 
 /// Runs one of Slurm's commands; what it says goes into the error.
 fn slurm(program: &str, arguments: &[&str]) -> Result<String> {
-    let output = Command::new(program).args(arguments).output().map_err(|error| match error.kind() {
+    let output = child::command(program).args(arguments).output().map_err(|error| match error.kind() {
         std::io::ErrorKind::NotFound => {
             anyhow!("found no `{program}` on the path, expected Slurm's; without Slurm, `ftac sweep run` plays the sweep on this machine")
         }

@@ -2,10 +2,10 @@
 
 use std::os::unix::fs::MetadataExt as _;
 use std::path::PathBuf;
-use std::process::Command;
 
 use anyhow::{Context, bail, ensure};
 use clap::Args;
+use hand_model::child;
 use hardware_bridge::config::BridgeConfig;
 use hardware_bridge::install::{self, Setup};
 use serde_json::json;
@@ -111,7 +111,7 @@ pub fn run(terminal: &Terminal, args: &InstallArgs) -> Outcome {
 /// Runs a program of the system.
 fn notice(command: &[&str]) -> Result<(), String> {
     let (program, arguments) = command.split_first().ok_or("no program")?;
-    let output = Command::new(program).args(arguments).output().map_err(|error| error.to_string())?;
+    let output = child::command(program).args(arguments).output().map_err(|error| error.to_string())?;
     if output.status.success() {
         return Ok(());
     }
