@@ -408,7 +408,8 @@ pub fn finish(
         "wall_s": summary.wall_s,
     });
     if let Some(own) = &request.policy {
-        run["own"] = format!("{}:{}, SHA-256 {}", own.file.display(), own.class, own.sha256).into();
+        let arguments: String = own.arguments.iter().map(|(name, value)| format!(" {name}={value}")).collect();
+        run["own"] = format!("{}:{}{arguments}, SHA-256 {}", own.file.display(), own.class, own.sha256).into();
     }
     run["warnings"] = warnings(done, request).into();
     let noise = request.scenario()?.noise;

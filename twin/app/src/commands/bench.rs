@@ -35,6 +35,12 @@ pub struct BenchArgs {
     /// Policy of your own, which plays as the condition `own` beside the others: a Python class, as FILE.py:CLASS. See twin/python/README.md.
     #[arg(long, value_name = "FILE:CLASS")]
     pub policy: Option<String>,
+    /// What the class of your own policy is made with, once for each of its arguments. A value that is JSON is that (0.5, true, [1, 2]), any other is text.
+    #[arg(long, value_name = "KEY=VALUE", requires = "policy")]
+    pub policy_arg: Vec<String>,
+    /// How long your own policy may take for an answer, s; default: 60. One that takes longer fails its trial, and its process is ended.
+    #[arg(long, value_name = "SECONDS", requires = "policy", value_parser = clap::value_parser!(u32).range(1..=86_400))]
+    pub policy_timeout: Option<u32>,
     /// What passes while your own policy thinks: nothing (`stand`), or as much simulated time as on the wall.
     #[arg(long, value_enum, default_value_t = PolicyTime::Stand, requires = "policy")]
     pub policy_time: PolicyTime,
@@ -101,7 +107,7 @@ pub struct BenchArgs {
         long,
         conflicts_with_all = [
             "combos", "trials", "seed", "conditions", "robot", "scenario", "shard", "out", "noise_scale", "without",
-            "uncertainty", "ablations", "policy", "policy_time", "registration", "mount", "individual", "plant",
+            "uncertainty", "ablations", "policy_arg", "policy_timeout", "policy_time", "registration", "mount", "individual", "plant",
             "foresee", "mirror", "pads",
         ]
     )]
@@ -163,7 +169,9 @@ fn request(terminal: &Terminal, args: &BenchArgs) -> Result<(RunRequest, PathBuf
         );
     }
     if let Some(folder) = &args.resume {
-        return Ok((Journal::read(folder).context("--resume")?.1, folder.clone()));
+        let request = Journal::read(folder).context("--resume")?.1;
+        check_policy(request.policy.as_ref(), args.policy.as_deref(), folder)?;
+        return Ok((request, folder.clone()));
     }
     let (scenario, text) = args.scenario.read()?;
     let pairs = scenario.combinations();
@@ -285,7 +293,27 @@ fn policy(args: &BenchArgs) -> Result<Option<Source>> {
     // On the real robot time passes by itself.
     let waits = args.policy_time == PolicyTime::Wall && args.robot != Body::Hardware;
     let pace = if waits { Pace::Wall } else { Pace::Stand };
-    args.policy.as_ref().map(|text| Source::parse(text, pace)).transpose()
+    let Some(text) = &args.policy else { return Ok(None) };
+    let source = Source::parse(text, &args.policy_arg, pace)?;
+    Ok(Some(Source { timeout: args.policy_timeout.unwrap_or(source.timeout), ..source }))
+}
+
+/// A folder may be another's: which program runs is not for its files to say, but for the command line.
+fn check_policy(kept: Option<&Source>, named: Option<&str>, folder: &Path) -> Result<()> {
+    let of = |source: &Source| format!("{}:{}", source.file.display(), source.class);
+    match (kept, named) {
+        (None, None) => Ok(()),
+        (Some(kept), Some(named)) if of(kept) == named => Ok(()),
+        (None, Some(named)) => {
+            bail!("--policy: found {named}, expected none, as the run in {} was begun", folder.display())
+        }
+        (Some(kept), found) => bail!(
+            "--resume {}: found {}, expected --policy {}, which the run was begun with: a folder does not choose what runs",
+            folder.display(),
+            found.map_or("no --policy".to_owned(), |found| format!("--policy {found}")),
+            of(kept)
+        ),
+    }
 }
 
 /// What `--without` asks for.

@@ -19,6 +19,10 @@ pub struct Interrupt {
     flags: &'static Flags,
 }
 
+/// Those of all that catch: there is one operator.
+static FLAGS: OnceLock<Flags> = OnceLock::new();
+
+#[derive(Debug)]
 struct Flags {
     happened: Arc<AtomicBool>,
     /// Whether the next signal ends the program, as it does by default.
@@ -28,7 +32,6 @@ struct Flags {
 impl Interrupt {
     /// From now on. There is one operator: a second one at the same time is the same.
     pub fn catch() -> io::Result<Self> {
-        static FLAGS: OnceLock<Flags> = OnceLock::new();
         let flags = match FLAGS.get() {
             Some(flags) => flags,
             None => {
@@ -51,6 +54,11 @@ impl Interrupt {
     pub fn happened(&self) -> bool {
         self.flags.happened.load(Ordering::SeqCst)
     }
+}
+
+/// Whether the operator wants to end and somebody catches that wish.
+pub fn is_interrupted() -> bool {
+    FLAGS.get().is_some_and(|flags| !flags.deadly.load(Ordering::SeqCst) && flags.happened.load(Ordering::SeqCst))
 }
 
 impl Drop for Interrupt {

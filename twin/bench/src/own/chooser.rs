@@ -1,7 +1,10 @@
 //! A policy that chooses grasps, asked through its host.
 
+use std::sync::Arc;
+
 use control::policy::chosen::{Answer, Chooser, ChooserError, Situation};
 use hand_model::Hand;
+use hand_model::robot::TactileImage;
 use serde_json::Value;
 
 use super::host::{Array, Host};
@@ -11,14 +14,16 @@ use super::message;
 pub struct HostChooser<'a> {
     host: &'a mut dyn Host,
     hand: &'a Hand,
+    /// Images of the untouched pads, one a camera.
+    untouched: &'a [Arc<TactileImage>],
     /// What is asked first.
     reset: Option<Value>,
 }
 
 impl<'a> HostChooser<'a> {
-    /// For a trial that begins with the question `reset`.
-    pub fn new(host: &'a mut dyn Host, hand: &'a Hand, reset: Value) -> Self {
-        Self { host, hand, reset: Some(reset) }
+    /// For a trial that begins with the question `reset`, on a hand whose pads look like `untouched` before anything touches them.
+    pub fn new(host: &'a mut dyn Host, hand: &'a Hand, untouched: &'a [Arc<TactileImage>], reset: Value) -> Self {
+        Self { host, hand, untouched, reset: Some(reset) }
     }
 }
 
@@ -27,7 +32,8 @@ impl Chooser for HostChooser<'_> {
         if let Some(reset) = self.reset.take() {
             self.host.ask(&reset, &[])?;
         }
-        let pictures: Vec<Array> = situation.images.iter().map(|frame| Array::picture(&frame.image)).collect();
+        let images = situation.images.iter().map(|frame| &frame.image).chain(self.untouched);
+        let pictures: Vec<Array> = images.map(Array::picture).collect();
         Ok(message::chosen(self.host.ask(&message::choose(self.hand, situation), &pictures)?)?)
     }
 }

@@ -89,7 +89,8 @@ pub fn drive(
         seen: [executive.first().1.pose(), executive.second().1.pose()],
         run: start.run.clone(),
     };
-    let end = match host.ask(reset, &[]) {
+    let untouched = driven.camera.as_ref().map(Camera::array);
+    let end = match host.ask(reset, untouched.as_slice()) {
         Ok(_) => driven.play(host, with, watcher)?,
         Err(error) => End::Failed(error.to_string()),
     };
@@ -125,6 +126,12 @@ impl Camera {
         images.show_backgrounds(&bench.world.cell.hand, pipeline.backgrounds().to_vec());
         let delay = bench.world.scenario.effects.time.map_or(0.0, |time| time.frame);
         Ok(Self { images, at: capture_at(delay, start.run.snapshot.robot.tick_length()), asked: None })
+    }
+
+    /// The newest picture of every pad.
+    fn array(&self) -> Array<'_> {
+        let (pads, side) = (self.images.times().len(), self.images.side());
+        Array { shape: vec![pads, side, side, 3], bytes: self.images.rgb() }
     }
 }
 
@@ -178,10 +185,7 @@ impl Driven<'_> {
             palm: self.kinematics.palm_pose(&executive.arm().position),
             seen: self.seen,
         };
-        let tactile = self.camera.as_ref().map(|Camera { images, .. }| Array {
-            shape: vec![images.times().len(), images.side(), images.side(), 3],
-            bytes: images.rgb(),
-        });
+        let tactile = self.camera.as_ref().map(Camera::array);
         message::acted(host.ask(&message::act(&observed), tactile.as_slice())?)
     }
 

@@ -1,6 +1,7 @@
 //! Whoever answers for a policy.
 
 use std::sync::Arc;
+use std::time::Duration;
 
 use hand_model::robot::TactileImage;
 use serde::{Deserialize, Serialize};
@@ -39,6 +40,12 @@ pub enum HostError {
     /// What it says is no answer.
     #[error("the policy's answer: {0}")]
     Answer(String),
+    /// It took too long.
+    #[error("the policy has not answered within {} s (--policy-timeout): its process was ended", .0.as_secs())]
+    Late(Duration),
+    /// The operator wanted to end while it thought.
+    #[error("interrupted while the policy thought")]
+    Interrupted,
     /// The pipes to it do not work.
     #[error("the policy's process: {0}")]
     Pipe(#[from] std::io::Error),
@@ -61,6 +68,6 @@ impl<'a> Array<'a> {
 
 /// Answers for a policy: a process of its own, or an object in this one.
 pub trait Host {
-    /// Asks a question, to which `arrays` belong, and waits for the answer as long as it takes.
+    /// Asks a question, to which `arrays` belong, and waits for the answer: as long as it takes, or as its host lets it.
     fn ask(&mut self, question: &Value, arrays: &[Array]) -> Result<Value, HostError>;
 }

@@ -42,7 +42,7 @@ pub struct Info<'a> {
     pub limits: &'a ActionLimits,
 }
 
-/// A trial begins.
+/// A trial begins. To a policy that acts and wants images belongs an array: pictures of the untouched pads.
 pub fn reset(info: &Info) -> Value {
     json!({
         "ask": "reset",
@@ -53,7 +53,7 @@ pub fn reset(info: &Info) -> Value {
     })
 }
 
-/// How the second object is to be taken.
+/// How the second object is to be taken. Arrays that belong to it: the situation's images, then those of all untouched pads, one a camera.
 pub fn choose(hand: &Hand, situation: &Situation) -> Value {
     let camera = |camera: usize| hand.cameras.get(camera).map_or("", |camera| camera.name.as_str());
     let covariance = situation.felt.map(|felt| {
@@ -64,6 +64,7 @@ pub fn choose(hand: &Hand, situation: &Situation) -> Value {
     json!({
         "ask": "choose",
         "cameras": situation.images.iter().map(|frame| camera(frame.camera)).collect::<Vec<_>>(),
+        "untouched": hand.cameras.iter().map(|camera| &camera.name).collect::<Vec<_>>(),
         "situation": {
             "phase": if situation.phase == Phase::Decide { "decide" } else { "confirm" },
             "time": situation.time,

@@ -1,9 +1,9 @@
-//! A policy in a process of its own: `python3 -m ftac.policy_host FILE:CLASS`.
+//! A policy in a process of its own: `python3 -m ftac.policy_host FILE:CLASS ARGUMENTS`, the arguments as a JSON object.
 //!
 //! Questions go to its standard input: a line of JSON, whose `shapes` say which arrays of bytes follow. Answers come from its standard output, a
 //! line of JSON each: `{"error": ...}` is a policy that failed. Its first line introduces it. What the policy prints goes to standard error.
 
-use std::io::{BufRead as _, BufReader, BufWriter, Write as _};
+use std::io::{BufRead as _, BufReader, BufWriter, Read as _, Write as _};
 use std::os::unix::process::CommandExt as _;
 use std::process::{Child, ChildStdin, ChildStdout, Stdio};
 use std::time::{Duration, Instant};
@@ -11,20 +11,35 @@ use std::time::{Duration, Instant};
 use anyhow::{Context as _, Result, bail};
 use serde_json::Value;
 
+use super::deadline::{Deadline, Ended};
 use super::host::{Array, Guest, Host, HostError};
-use super::pool::Source;
+use super::pool::{Interrupted, Source};
 use super::python;
 
 /// How long a process may take to end once nobody asks it any more.
 const PATIENCE: Duration = Duration::from_millis(500);
+/// How long a policy may take to introduce itself: large libraries and weights are read meanwhile.
+const START: Duration = Duration::from_secs(300);
+
+/// The longest answer, bytes.
+const LONGEST: u64 = 1 << 24;
 
 /// A policy's process.
 pub struct Process {
+    pipes: Pipes,
+    deadline: Deadline,
+    /// For an answer.
+    limit: Duration,
+    /// Whether every question was answered.
+    well: bool,
+    interrupted: bool,
+}
+
+/// The process itself, and the ways to it.
+struct Pipes {
     child: Child,
     questions: Option<BufWriter<ChildStdin>>,
     answers: BufReader<ChildStdout>,
-    /// Whether every question was answered.
-    well: bool,
 }
 
 impl Process {
@@ -32,20 +47,31 @@ impl Process {
     pub fn start(source: &Source) -> Result<(Self, Guest)> {
         let asked = format!("{}:{}", source.file.display(), source.class);
         let mut command = python::module("ftac.policy_host");
-        command.arg(&asked).stdin(Stdio::piped()).stdout(Stdio::piped());
-        // Ctrl-C is for this program, which finishes the trials in progress.
+        command.arg(&asked).arg(serde_json::to_string(&source.arguments)?);
+        command.stdin(Stdio::piped()).stdout(Stdio::piped());
+        // Ctrl-C is for this program, which finishes the trials in progress. A group of its own ends as one.
         let mut child = command.process_group(0).spawn().with_context(|| python::missing("--policy"))?;
+        let deadline = Deadline::over(child.id());
         let (Some(input), Some(output)) = (child.stdin.take(), child.stdout.take()) else {
+            deadline.end();
             bail!("--policy: `{}` has no pipes", python::name());
         };
-        let questions = Some(BufWriter::new(input));
-        let mut process = Self { child, questions, answers: BufReader::new(output), well: true };
-        match process.answer() {
+        let pipes = Pipes { child, questions: Some(BufWriter::new(input)), answers: BufReader::new(output) };
+        let limit = Duration::from_secs(source.timeout.into());
+        let mut process = Self { pipes, deadline, limit, well: true, interrupted: false };
+        match process.within(START.max(limit), Pipes::answer) {
             Ok(guest) => {
                 let guest = serde_json::from_value(guest).context("--policy: its introduction")?;
                 Ok((process, guest))
             }
             Err(HostError::Failed(why)) => bail!("--policy {asked}: {why}"),
+            Err(HostError::Late(limit)) => {
+                bail!(
+                    "--policy {asked}: found a class that was not made within {} s, expected one that is",
+                    limit.as_secs()
+                )
+            }
+            Err(HostError::Interrupted) => bail!(Interrupted),
             Err(error) => bail!(
                 "--policy {asked}: `{} -m ftac.policy_host` does not answer: {error}; {}",
                 python::name(),
@@ -59,9 +85,32 @@ impl Process {
         self.well
     }
 
+    /// Whether the operator wanted to end while it thought.
+    pub fn was_interrupted(&self) -> bool {
+        self.interrupted
+    }
+
+    /// What `talk` with the process comes to within `limit`.
+    fn within(
+        &mut self,
+        limit: Duration,
+        talk: impl FnOnce(&mut Pipes) -> Result<Value, HostError>,
+    ) -> Result<Value, HostError> {
+        let said = self.deadline.within(limit, || talk(&mut self.pipes)).map_err(|error| match error {
+            Ok(Ended::Late(limit)) => HostError::Late(limit),
+            Ok(Ended::Interrupted) => HostError::Interrupted,
+            Err(error) => error,
+        });
+        self.well &= said.is_ok();
+        self.interrupted |= matches!(said, Err(HostError::Interrupted));
+        said
+    }
+}
+
+impl Pipes {
     fn answer(&mut self) -> Result<Value, HostError> {
         let mut line = String::new();
-        if self.answers.read_line(&mut line)? == 0 {
+        if self.answers.by_ref().take(LONGEST).read_line(&mut line)? == 0 {
             return Err(HostError::Ended(self.child.wait()?.to_string()));
         }
         match serde_json::from_str::<Value>(&line) {
@@ -95,25 +144,20 @@ impl Process {
 
 impl Host for Process {
     fn ask(&mut self, question: &Value, arrays: &[Array]) -> Result<Value, HostError> {
-        let answer = self.put(question, arrays).and_then(|()| self.answer());
-        self.well &= answer.is_ok();
-        answer
+        self.within(self.limit, |pipes| pipes.put(question, arrays).and_then(|()| pipes.answer()))
     }
 }
 
 impl Drop for Process {
     fn drop(&mut self) {
         // The end of its input is its end.
-        drop(self.questions.take());
+        drop(self.pipes.questions.take());
         let begun = Instant::now();
-        while begun.elapsed() < PATIENCE {
-            if !matches!(self.child.try_wait(), Ok(None)) {
-                return;
-            }
+        while begun.elapsed() < PATIENCE && matches!(self.pipes.child.try_wait(), Ok(None)) {
             std::thread::sleep(Duration::from_millis(5));
         }
-        // It is our own child, and was not waited for: it ends now.
-        let _ = self.child.kill();
-        let _ = self.child.wait();
+        // It, if it did not end, and what it has started.
+        self.deadline.end();
+        let _ = self.pipes.child.wait();
     }
 }

@@ -2,6 +2,8 @@
 
 use std::process::Command;
 
+use hand_model::child;
+
 /// Names it.
 const VARIABLE: &str = "FTAC_POLICY_PYTHON";
 /// What it must have.
@@ -14,9 +16,15 @@ pub fn name() -> String {
 }
 
 /// Runs a module of the package.
+///
+/// Unlike `python -m`, it finds no modules in the current folder: that may be a stranger's, with results or sessions in it.
 pub fn module(module: &str) -> Command {
-    let mut command = Command::new(name());
-    command.args(["-m", module]);
+    let mut command = child::command(name());
+    let run = format!(
+        "import sys; sys.path[:] = [path for path in sys.path if path]; from runpy import run_module; \
+         run_module('{module}', run_name='__main__', alter_sys=True)"
+    );
+    command.args(["-c", &run]);
     command
 }
 
