@@ -153,6 +153,14 @@ impl Arm {
         self.tree.forward(q)[ARM_JOINTS - 1] * self.last_from_tool
     }
 
+    /// Far ends of the tubes around base and links ([`Self::radii`]), m, each in its own link's frame, in which the tube begins at the origin.
+    pub fn tube_ends(&self) -> [Vector3<f64>; ARM_JOINTS + 1] {
+        std::array::from_fn(|link| match self.tree.joints.get(link) {
+            Some(next) => next.origin.translation.vector,
+            None => self.last_from_tool.translation.vector,
+        })
+    }
+
     /// What the joints bear, N m, where their sensors show `torque`.
     pub fn borne(&self, torque: &[f64; ARM_JOINTS]) -> [f64; ARM_JOINTS] {
         std::array::from_fn(|joint| torque[joint] / self.torque_gains[joint])

@@ -33,14 +33,11 @@ impl ArmBodies {
     /// Bodies of the arm of `kinematics` with `hand` open.
     pub fn new(kinematics: &ArmKinematics, hand: &Hand) -> Self {
         let arm = kinematics.arm();
-        let end = |link: usize| match arm.tree.joints.get(link) {
-            Some(next) => next.origin.translation.vector,
-            None => arm.last_from_tool.translation.vector,
-        };
+        let ends = arm.tube_ends();
         let links = (0..=ARM_JOINTS)
             .map(|n| {
                 let name = n.checked_sub(1).map_or("base", |link| arm.links[link].as_str());
-                let to = end(n);
+                let to = ends[n];
                 let tip = Vector::new(to.x, to.y, to.z);
                 Solid::new(name, SharedShape::segment(Vector::ZERO, tip), Isometry3::identity()).grown(arm.radii[n])
             })

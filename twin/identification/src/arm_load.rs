@@ -1,32 +1,13 @@
 //! What pushes on the hand, from the torques of the arm's joints.
 
+pub use hand_model::load::weight;
+use hand_model::load::{Torques, held};
 use hand_model::robot::ArmState;
-use hand_model::{ARM_JOINTS, Arm, GRAVITY, HAND_JOINTS, Hand};
-use nalgebra::{Isometry3, Matrix3, Point3, SVector, Vector3};
-
-type Torques = SVector<f64, ARM_JOINTS>;
+use hand_model::{ARM_JOINTS, Arm, GRAVITY, Hand};
+use nalgebra::{Isometry3, Matrix3, Point3, Vector3};
 
 /// Something is in the hand where at least this share of its weight is felt.
 const FELT: f64 = 0.5;
-
-/// Torques that hold the arm and an open hand against their weight, N m.
-pub fn weight(hand: &Hand, arm: &Arm, angles: &[f64; ARM_JOINTS]) -> Torques {
-    let poses = arm.tree.forward(angles);
-    let palm = poses[ARM_JOINTS - 1] * arm.last_from_tool * hand.palm_from_flange.inverse();
-    let links = hand.tree.forward(&[0.0; HAND_JOINTS]);
-    let of_arm =
-        arm.masses.iter().zip(&poses).enumerate().map(|(link, (mass, pose))| (link, mass.mass, pose * mass.com));
-    let on_palm = |pose: Isometry3<f64>, mass: &hand_model::hand::MassProperties| {
-        (ARM_JOINTS - 1, mass.mass, palm * pose * mass.com)
-    };
-    let of_hand = links.iter().zip(&hand.masses).map(|(pose, mass)| on_palm(*pose, mass));
-    let palm_itself = std::iter::once(on_palm(Isometry3::identity(), &hand.palm_mass));
-    let mut torques = Torques::zeros();
-    for (link, mass, middle) in of_arm.chain(of_hand).chain(palm_itself) {
-        torques += held(arm, &poses, link, &middle, &Vector3::new(0.0, 0.0, -GRAVITY * mass));
-    }
-    torques
-}
 
 /// The palm of a robot whose encoders show `angles`, in the frame of the arm's base.
 pub(crate) fn palm((hand, arm): (&Hand, &Arm), angles: &[f64; ARM_JOINTS]) -> Isometry3<f64> {
@@ -48,12 +29,6 @@ pub(crate) fn held_by_last(arm: &Arm, poses: &[Isometry3<f64>], point: &Point3<f
     held(arm, poses, ARM_JOINTS - 1, point, force)
 }
 
-/// Torques that hold a link against a `force` (N) at a point of it, N m.
-fn held(arm: &Arm, poses: &[Isometry3<f64>], link: usize, point: &Point3<f64>, force: &Vector3<f64>) -> Torques {
-    let jacobian = arm.tree.jacobian(poses, link, &poses[link].inverse_transform_point(point));
-    Torques::from_fn(|joint, _| -jacobian.fixed_view::<3, 1>(0, joint).dot(force))
-}
-
 /// The force (N, axes of the arm's base) at `point` of the hand that explains best by how much the arm's torques `now` differ from those `before`,
 /// when nothing touched the hand; a force alone, no torque. None where the arm's posture does not tell.
 pub fn force((hand, arm): (&Hand, &Arm), [before, now]: [&ArmState; 2], point: &Point3<f64>) -> Option<Vector3<f64>> {
@@ -69,28 +44,6 @@ pub fn force((hand, arm): (&Hand, &Arm), [before, now]: [&ArmState; 2], point: &
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    /// The torques of weight are the slope of its energy.
-    #[test]
-    fn weight_is_the_slope_of_energy() {
-        let (hand, arm) = (Hand::ftac(), Arm::gen3());
-        let energy = |angles: &[f64; ARM_JOINTS]| {
-            let poses = arm.tree.forward(angles);
-            let palm = arm.tool_pose(angles) * hand.palm_from_flange.inverse();
-            let links = hand.tree.forward(&[0.0; HAND_JOINTS]);
-            let of_arm: f64 = arm.masses.iter().zip(&poses).map(|(mass, pose)| mass.mass * (pose * mass.com).z).sum();
-            let of_hand: f64 =
-                hand.masses.iter().zip(&links).map(|(mass, pose)| mass.mass * (palm * pose * mass.com).z).sum();
-            GRAVITY * (of_arm + of_hand + hand.palm_mass.mass * (palm * hand.palm_mass.com).z)
-        };
-        let at = [0.3, -0.5, 0.2, 1.7, -0.4, 0.9, 0.1];
-        let torques = weight(&hand, &arm, &at);
-        for joint in 0..ARM_JOINTS {
-            let moved = |by: f64| std::array::from_fn(|n| at[n] + if n == joint { by } else { 0.0 });
-            let slope = (energy(&moved(1e-5)) - energy(&moved(-1e-5))) / 2e-5;
-            assert!((torques[joint] - slope).abs() < 1e-6, "{joint}: {} {slope}", torques[joint]);
-        }
-    }
 
     /// A force is found again from the torques that hold it, wherever the arm has gone meanwhile.
     #[test]

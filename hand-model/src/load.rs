@@ -1,0 +1,119 @@
+//! Static loads on the arm's joints: its own weight and the hand's, and forces on its links.
+
+use nalgebra::{Isometry3, Point3, SVector, Vector3};
+
+use crate::hand::MassProperties;
+use crate::{ARM_JOINTS, Arm, GRAVITY, HAND_JOINTS, Hand};
+
+/// One torque a joint of the arm, N m.
+pub type Torques = SVector<f64, ARM_JOINTS>;
+
+/// Torques that hold the arm and an open hand against their weight, N m.
+pub fn weight(hand: &Hand, arm: &Arm, angles: &[f64; ARM_JOINTS]) -> Torques {
+    let poses = arm.tree.forward(angles);
+    let palm = poses[ARM_JOINTS - 1] * arm.last_from_tool * hand.palm_from_flange.inverse();
+    let links = hand.tree.forward(&[0.0; HAND_JOINTS]);
+    let of_arm =
+        arm.masses.iter().zip(&poses).enumerate().map(|(link, (mass, pose))| (link, mass.mass, pose * mass.com));
+    let on_palm = |pose: Isometry3<f64>, mass: &MassProperties| (ARM_JOINTS - 1, mass.mass, palm * pose * mass.com);
+    let of_hand = links.iter().zip(&hand.masses).map(|(pose, mass)| on_palm(*pose, mass));
+    let palm_itself = std::iter::once(on_palm(Isometry3::identity(), &hand.palm_mass));
+    let mut torques = Torques::zeros();
+    for (link, mass, middle) in of_arm.chain(of_hand).chain(palm_itself) {
+        torques += held(arm, &poses, link, &middle, &Vector3::new(0.0, 0.0, -GRAVITY * mass));
+    }
+    torques
+}
+
+/// Torques that hold a link against a `force` (N) at a point of it, N m.
+pub fn held(arm: &Arm, poses: &[Isometry3<f64>], link: usize, point: &Point3<f64>, force: &Vector3<f64>) -> Torques {
+    let jacobian = arm.tree.jacobian(poses, link, &poses[link].inverse_transform_point(point));
+    Torques::from_fn(|joint, _| -jacobian.fixed_view::<3, 1>(0, joint).dot(force))
+}
+
+/// Arm and hand as point masses: for loops that need the torques of weight and acceleration in every cycle.
+#[derive(Debug, Clone)]
+pub struct LoadModel {
+    arm: Arm,
+    /// Link, mass (kg) and its centre in the link's frame, m.
+    masses: Vec<(usize, f64, Point3<f64>)>,
+    last_from_palm: Isometry3<f64>,
+}
+
+impl LoadModel {
+    /// Of an arm with an open hand.
+    pub fn new(hand: &Hand, arm: &Arm) -> Self {
+        let last_from_palm = arm.last_from_tool * hand.palm_from_flange.inverse();
+        let links = hand.tree.forward(&[0.0; HAND_JOINTS]);
+        let of_links = hand.masses.iter().zip(&links).map(|(mass, pose)| (mass.mass, pose * mass.com));
+        let of_hand: Vec<_> = of_links.chain([(hand.palm_mass.mass, hand.palm_mass.com)]).collect();
+        let total: f64 = of_hand.iter().map(|(mass, _)| mass).sum();
+        let middle = of_hand.iter().fold(Vector3::zeros(), |sum, (mass, at)| sum + at.coords * *mass) / total;
+        let of_arm = arm.masses.iter().enumerate().map(|(link, mass)| (link, mass.mass, mass.com));
+        let masses = of_arm.chain([(ARM_JOINTS - 1, total, last_from_palm * Point3::from(middle))]).collect();
+        Self { arm: arm.clone(), masses, last_from_palm }
+    }
+
+    /// Torques that move arm and hand with an `acceleration` (rad/s2) of the joints and hold their weight, N m. Speeds and the links' own moments of
+    /// inertia are left out.
+    pub fn moving(&self, poses: &[Isometry3<f64>], acceleration: &[f64; ARM_JOINTS]) -> Torques {
+        let mut torques = Torques::from_fn(|joint, _| self.arm.armature * acceleration[joint]);
+        for (link, mass, at) in &self.masses {
+            let jacobian = self.arm.tree.jacobian(poses, *link, at);
+            let linear = jacobian.fixed_rows::<3>(0);
+            let upwards = linear * Torques::from(*acceleration) + Vector3::new(0.0, 0.0, GRAVITY);
+            torques += linear.transpose() * (upwards * *mass);
+        }
+        torques
+    }
+
+    /// Torques that hold a mass of 1 kg in the palm, N m.
+    pub fn per_payload(&self, poses: &[Isometry3<f64>]) -> Torques {
+        let last = ARM_JOINTS - 1;
+        let at = poses[last] * self.last_from_palm * Point3::origin();
+        held(&self.arm, poses, last, &at, &Vector3::new(0.0, 0.0, -GRAVITY))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// At rest the point masses weigh as much as arm and hand; a joint that is accelerated alone needs its own inertia: 1 kg at 1 m is 1 kg m2.
+    #[test]
+    fn point_masses_weigh_and_resist() {
+        let (hand, arm) = (Hand::ftac(), Arm::gen3());
+        let model = LoadModel::new(&hand, &arm);
+        let at = [0.3, -0.5, 0.2, 1.7, -0.4, 0.9, 0.1];
+        let poses = arm.tree.forward(&at);
+        let rest = model.moving(&poses, &[0.0; ARM_JOINTS]);
+        assert!((rest - weight(&hand, &arm, &at)).norm() < 1e-9, "{rest}");
+        // Turning about the vertical: the sum of masses times squared distances from it, and the drive's.
+        let turned = model.moving(&poses, &[-2.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0])[0] - rest[0];
+        let inertia: f64 =
+            model.masses.iter().map(|(link, mass, at)| mass * (poses[*link] * at).coords.xy().norm_squared()).sum();
+        assert!((turned + 2.0 * (inertia + arm.armature)).abs() < 1e-9, "{turned} {inertia}");
+    }
+
+    /// The torques of weight are the slope of its energy.
+    #[test]
+    fn weight_is_the_slope_of_energy() {
+        let (hand, arm) = (Hand::ftac(), Arm::gen3());
+        let energy = |angles: &[f64; ARM_JOINTS]| {
+            let poses = arm.tree.forward(angles);
+            let palm = arm.tool_pose(angles) * hand.palm_from_flange.inverse();
+            let links = hand.tree.forward(&[0.0; HAND_JOINTS]);
+            let of_arm: f64 = arm.masses.iter().zip(&poses).map(|(mass, pose)| mass.mass * (pose * mass.com).z).sum();
+            let of_hand: f64 =
+                hand.masses.iter().zip(&links).map(|(mass, pose)| mass.mass * (palm * pose * mass.com).z).sum();
+            GRAVITY * (of_arm + of_hand + hand.palm_mass.mass * (palm * hand.palm_mass.com).z)
+        };
+        let at = [0.3, -0.5, 0.2, 1.7, -0.4, 0.9, 0.1];
+        let torques = weight(&hand, &arm, &at);
+        for joint in 0..ARM_JOINTS {
+            let moved = |by: f64| std::array::from_fn(|n| at[n] + if n == joint { by } else { 0.0 });
+            let slope = (energy(&moved(1e-5)) - energy(&moved(-1e-5))) / 2e-5;
+            assert!((torques[joint] - slope).abs() < 1e-6, "{joint}: {} {slope}", torques[joint]);
+        }
+    }
+}
