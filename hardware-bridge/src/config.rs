@@ -3,7 +3,7 @@
 //! ```toml
 //! version = 1
 //! calibration = "calibration.json"      # beside this file
-//! stop_socket = "/tmp/ftac-bridge.sock" # socket of `ftac bridge stop`
+//! stop_socket = "stop"                  # a further stop socket, beside the one that any terminal finds; may be left out
 //!
 //! [servos]
 //! port = "/dev/serial/by-id/usb-FTDI_..."
@@ -85,8 +85,12 @@ pub struct BridgeConfig {
     pub version: u32,
     /// Calibration file, relative to this file.
     pub calibration: PathBuf,
-    /// Socket of the remote stop, relative to this file.
-    pub stop_socket: PathBuf,
+    /// A further socket of the remote stop, for the owner alone, relative to this file ([`crate::remote::places`] has the usual one).
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub stop_socket: Option<PathBuf>,
+    /// The file it was read from; empty for none.
+    #[serde(skip)]
+    pub file: PathBuf,
     /// The servo bus.
     pub servos: ServoConfig,
     /// The camera board; without it the robot has no touch.
@@ -186,6 +190,12 @@ pub struct LimitConfig {
     pub current: f64,
     /// Greatest current while holding, A.
     pub hold_current: f64,
+    /// The same for what has nothing to do with the arm: its password is not looked for.
+    pub fn read_without_password(path: &Path) -> Result<Self, ConfigError> {
+        let text = std::fs::read_to_string(path).map_err(|source| ConfigError::Io { path: path.to_owned(), source })?;
+        Self::parse(&text, path)
+    }
+
     /// Hottest servo, degrees Celsius.
     pub temperature: f64,
     /// Least and greatest supply, V.
@@ -247,8 +257,7 @@ impl LimitConfig {
 impl BridgeConfig {
     /// Reads and checks a configuration; relative paths in it become relative to its folder.
     pub fn read(path: &Path) -> Result<Self, ConfigError> {
-        let text = std::fs::read_to_string(path).map_err(|source| ConfigError::Io { path: path.to_owned(), source })?;
-        let mut config = Self::parse(&text, path)?;
+        let mut config = Self::read_without_password(path)?;
         config.find_password(path)?;
         Ok(config)
     }
@@ -260,7 +269,8 @@ impl BridgeConfig {
         config.check(path)?;
         let folder = path.parent().unwrap_or(Path::new(""));
         config.calibration = folder.join(&config.calibration);
-        config.stop_socket = folder.join(&config.stop_socket);
+        config.stop_socket = config.stop_socket.map(|socket| folder.join(socket));
+        config.file = path.to_owned();
         Ok(config)
     }
 
@@ -276,6 +286,7 @@ impl BridgeConfig {
     }
 
     /// What is allowed, with the servos' travel (rad) from the calibration.
+        let again = BridgeConfig { file: config.file.clone(), ..again };
     pub fn limits(&self, travel: &[f64; ACTUATORS], arm: &Arm) -> Limits {
         self.limits.limits(travel, arm)
     }

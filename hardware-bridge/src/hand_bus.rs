@@ -1,7 +1,7 @@
 //! The six servos as one hand: angles from the open mark, goals, torque, watchdog, audit.
 
-use hand_model::ACTUATORS;
 use hand_model::robot::ServoState;
+use hand_model::{ACTUATORS, Digit};
 
 use crate::calibration::{HandCalibration, turns_to_forget};
 use crate::protocol2::{ReplyError, Status};
@@ -14,6 +14,8 @@ use crate::xc330::{self, PRESENT_BLOCK_LONG, Register};
 /// From torque enable to bus watchdog: what an audit reads.
 const AUDIT_START: u16 = xc330::TORQUE_ENABLE.address;
 const AUDIT_LENGTH: u16 = xc330::BUS_WATCHDOG.address + 1 - AUDIT_START;
+/// Times to ask a servo that does not answer.
+const TRIES: usize = 2;
 
 /// The servos behind an open bus.
 #[derive(Debug)]
@@ -82,10 +84,24 @@ impl HandBus {
         self.set_watchdog(watchdog)
     }
 
-    /// Disables the torque of every servo, even if some fail; returns the failures.
-    pub fn torque_off(&mut self) -> Vec<BusError> {
+    /// Disables the torque of every servo, even if some fail, and reads back whether it is off; says of which servos it is not known to be.
+    pub fn torque_off(&mut self) -> Vec<String> {
         let ids = self.ids;
-        self.bus.set_torque(&ids, false).into_iter().filter_map(Result::err).collect()
+        // A lost answer must not leave a torque on.
+        for _ in 0..TRIES {
+            if self.bus.set_torque(&ids, false).iter().all(Result::is_ok) {
+                break;
+            }
+        }
+        let names = Digit::ALL.map(Digit::name).into_iter().chain(["opposition"]);
+        let unsure = names.zip(ids).filter_map(|(name, id)| {
+            let mut off = self.bus.expect(id, &xc330::TORQUE_ENABLE, 0.0);
+            for _ in 1..TRIES {
+                off = off.or_else(|_| self.bus.expect(id, &xc330::TORQUE_ENABLE, 0.0));
+            }
+            off.err().map(|error| format!("{name}: {error}"))
+        });
+        unsure.collect()
     }
 
     /// Sets the servos' bus watchdog, s; 0 switches it off and clears one that tripped. Every servo is asked for its consent.

@@ -4,6 +4,7 @@
 //! [`HardwareRobot::arm`] enables torque; commands move nothing before that. A dropped robot keeps holding: only an explicit release opens the hand.
 
 use std::collections::VecDeque;
+use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc;
 use std::sync::{Arc, Condvar, Mutex};
@@ -22,7 +23,8 @@ use crate::config::{BridgeConfig, ConfigError};
 use crate::hand_bus::HandBus;
 use crate::lock::lock;
 use crate::real_time::run_ahead;
-use crate::remote::{RemoteDoor, RemoteError, Wish};
+use crate::remote::door::{Fulfil, RemoteDoor};
+use crate::remote::{RemoteError, Wish, places};
 use crate::safety::checks::Measured;
 use crate::safety::limits::SafeGoal;
 use crate::safety::state::State;
@@ -32,6 +34,7 @@ use crate::servo_cycle::{Board, CycleReport, DryLines, Order, ServoCycle, Shared
 use crate::setup;
 use crate::tactile_link::TactileLink;
 
+use crate::wishes;
 /// Length of a control tick, s: the simulated robot's.
 const TICK: f64 = 1.0 / 120.0;
 /// Cycles between two audits of one servo each.
@@ -89,7 +92,8 @@ pub struct OrderError(pub String);
 pub struct HardwareRobot {
     shared: Arc<Shared>,
     cameras: Option<Cameras>,
-    _door: RemoteDoor,
+    doors: Vec<RemoteDoor>,
+    release_time: f64,
     thread: Option<JoinHandle<()>>,
     clock: Clock,
     next_tick: Instant,
@@ -112,8 +116,7 @@ impl HardwareRobot {
         let cycle = servo_cycle(config, &calibration, hand, arm, arm_model, clock.clone());
         let cycle = ServoCycle { dry, ..cycle };
         let shared = cycle.shared.clone();
-        let for_door = shared.clone();
-        let door = RemoteDoor::open(&config.stop_socket, move |wish| give(&for_door, Order::Remote(wish)))?;
+        let doors = stop_sockets(config, &shared, &clock)?;
         let thread = std::thread::Builder::new()
             .name("servo cycle".into())
             .spawn(move || {
@@ -122,7 +125,8 @@ impl HardwareRobot {
                 cycle.run();
             })
             .map_err(ConnectError::Thread)?;
-        Ok(Self { shared, cameras, _door: door, thread: Some(thread), clock, next_tick: Instant::now(), sequence: 0 })
+        let (release_time, next_tick) = (config.limits.release_time, Instant::now());
+        Ok(Self { shared, cameras, doors, release_time, thread: Some(thread), clock, next_tick, sequence: 0 })
     }
 
     /// Checks the newest measurements; the robot may be armed once they pass.
@@ -140,9 +144,19 @@ impl HardwareRobot {
         self.order(Order::Remote(Wish::Hold))
     }
 
-    /// Fades the currents, then disables torque.
-    pub fn release(&self) -> Result<(), OrderError> {
-        self.order(Order::Remote(Wish::Release))
+    /// Fades the currents, disables torque, and reads back whether it is off; says of how many servos.
+    pub fn release(&self) -> Result<String, OrderError> {
+        wishes::fulfil(&self.shared, &self.clock, Wish::Release, self.release_time).map_err(OrderError)
+    }
+
+    /// What is measured now: whether the arm stands, how many servos answer.
+    pub fn standing(&self) -> String {
+        wishes::standing(&lock(&self.shared.board), self.now())
+    }
+
+    /// Where another terminal can stop this robot.
+    pub fn stop_sockets(&self) -> impl Iterator<Item = &Path> {
+        self.doors.iter().map(RemoteDoor::path)
     }
 
     /// Announces that no command will come for up to `seconds`: the arm stands, the hand keeps its last goals, and the controller's watchdog is
@@ -183,6 +197,23 @@ impl HardwareRobot {
         self.clock.now()
     }
 }
+/// The sockets on which this robot can be stopped: the one that any terminal finds, and the configured one.
+fn stop_sockets(config: &BridgeConfig, shared: &Arc<Shared>, clock: &Clock) -> Result<Vec<RemoteDoor>, RemoteError> {
+    let failed = |source| RemoteError::Socket { path: places::SHARED.into(), source };
+    let folder = places::folder().map_err(failed)?;
+    places::sweep(&folder.path);
+    // A configuration that was not read from a file has the name of its port.
+    let file = if config.file.as_os_str().is_empty() { &config.servos.port } else { &config.file };
+    let of = format!("{}, process {}", file.display(), std::process::id());
+    let (shared, clock, release_time) = (shared.clone(), clock.clone(), config.limits.release_time);
+    let fulfil: Arc<Fulfil> = Arc::new(move |wish| wishes::fulfil(&shared, &clock, wish, release_time));
+    let mut doors = vec![RemoteDoor::open(&places::socket(&folder.path, file), folder.group, &of, fulfil.clone())?];
+    if let Some(own) = &config.stop_socket {
+        doors.push(RemoteDoor::open(own, None, &of, fulfil)?);
+    }
+    Ok(doors)
+}
+
 
 /// Opens the servo bus and makes sure that the servos are the calibrated ones.
 pub(crate) fn open_hand(config: &BridgeConfig, calibration: &HandCalibration) -> Result<HandBus, ConnectError> {
@@ -257,7 +288,7 @@ pub(crate) fn servo_cycle(
 }
 
 /// Gives an order to the servo cycle and waits for the answer.
-fn give(shared: &Shared, order: Order) -> Result<String, String> {
+pub(crate) fn give(shared: &Shared, order: Order) -> Result<String, String> {
     let (answer, answered) = mpsc::channel();
     lock(&shared.board).orders.push_back((order, answer));
     answered.recv_timeout(PATIENCE).unwrap_or_else(|_| Err("the servo cycle does not answer".into()))

@@ -50,7 +50,7 @@ impl Default for HomingSettings {
     }
 }
 
-/// Why a servo was not homed. Its EEPROM is as it was, and its torque is off unless the bus failed.
+/// Why a servo was not homed. Its EEPROM is as it was, and its torque was read back as off unless [`HomingError::TorqueOn`] says otherwise.
 #[derive(Debug, thiserror::Error)]
 pub enum HomingError {
     /// The bus failed.
@@ -101,6 +101,9 @@ pub enum HomingError {
         /// s.
         silence: f64,
     },
+    /// What came before, if it did not end well, and why the torque is not known to be off.
+    #[error("{first}servo {id}: its torque may be on ({why}): switch the supply off")]
+    TorqueOn { id: u8, first: String, why: BusError },
     #[error("stopped by the operator")]
     Interrupted,
 }
@@ -124,15 +127,25 @@ pub fn feel(
         }
     });
     // In every case; a lost answer must not leave the torque on.
-    let mut off = bus.write(id, &xc330::TORQUE_ENABLE, 0.0);
+    let mut off = torque_off(bus, id);
     for _ in 0..2 {
-        off = off.or_else(|_| bus.write(id, &xc330::TORQUE_ENABLE, 0.0));
+        off = off.or_else(|_| torque_off(bus, id));
     }
     let watchdog = bus.write(id, &xc330::BUS_WATCHDOG, 0.0);
+    if let Err(why) = off {
+        let first = result.err().map_or_else(String::new, |error| format!("{error}; "));
+        return Err(HomingError::TorqueOn { id, first, why });
+    }
     let (open, travel) = result?;
-    off.and(watchdog)?;
+    watchdog?;
     let homing_offset = -((open - known) / unit).round() as i32;
     Ok(ServoCalibration { id, model: pinged.model, firmware: pinged.firmware, homing_offset, travel })
+}
+
+/// Switches the torque off and reads that back.
+fn torque_off(bus: &mut ServoBus, id: u8) -> Result<(), BusError> {
+    bus.write(id, &xc330::TORQUE_ENABLE, 0.0)?;
+    bus.expect(id, &xc330::TORQUE_ENABLE, 0.0)
 }
 
 /// Writes the homing offsets of all `servos`. Where one cannot be written, those before it get their old ones back.
@@ -140,7 +153,9 @@ pub fn store(bus: &mut ServoBus, servos: &[ServoCalibration]) -> Result<(), Homi
     let unit = xc330::HOMING_OFFSET.unit.per_count();
     let old = servos.iter().map(|servo| bus.read(servo.id, &xc330::HOMING_OFFSET)).collect::<Result<Vec<_>, _>>()?;
     for (n, servo) in servos.iter().enumerate() {
-        let Err(reason) = bus.write(servo.id, &xc330::HOMING_OFFSET, f64::from(servo.homing_offset) * unit) else {
+        let wanted = f64::from(servo.homing_offset) * unit;
+        let written = bus.write(servo.id, &xc330::HOMING_OFFSET, wanted);
+        let Err(reason) = written.and_then(|()| bus.expect(servo.id, &xc330::HOMING_OFFSET, wanted)) else {
             continue;
         };
         // The one that failed may have heard it, and only its answer was lost.

@@ -1,15 +1,26 @@
-//! What a computer needs so that the bridge runs as a tool: names and access of the servo adapter, real-time scheduling, a stop at shutdown.
+//! What a computer needs so that the bridge runs as a tool: names and access of the servo adapter, real-time scheduling, a folder for stop
+//! sockets, a stop at shutdown.
 //!
 //! [`files`] says what would be written; [`write`] writes it below a root folder and [`remove`] takes it away again. Files of others are
-//! left alone: every file begins with [`MARK`].
+//! left alone: every text begins with [`MARK`], and the program lies beside one that does.
+//!
+//! # The stop at shutdown
+//! It runs a copy of the program that root alone may change, under a user that exists only for it and may do nothing but write to the operators'
+//! stop sockets. A program or a configuration in somebody's home is neither run nor read, and need not be there any more.
 
+use std::fs::Permissions;
 use std::io;
+use std::os::unix::fs::PermissionsExt as _;
 use std::path::{Path, PathBuf};
 
 use hand_model::file::write_whole;
 
+use crate::remote::places;
+
 /// First line of every file that is ours.
 pub const MARK: &str = "# Written by `ftac bridge install`; `ftac bridge install --remove` takes it away.\n";
+/// The group of those who may use the servos and stop robots.
+pub const GROUP: &str = "dialout";
 /// The adapters that speak to servos: FT232H (U2D2) and FT232R, by vendor and product.
 const ADAPTERS: [(&str, &str); 2] = [("0403", "6014"), ("0403", "6001")];
 
@@ -27,10 +38,16 @@ pub enum InstallError {
 pub struct Setup {
     /// Serial number of the adapter; any adapter of a known kind without one.
     pub serial: Option<String>,
-    /// The program, as an absolute path.
+    /// The program that is copied for the stop at shutdown.
     pub program: PathBuf,
-    /// The bridge's configuration, as an absolute path.
-    pub config: PathBuf,
+}
+
+/// What a file of the installation holds.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Content {
+    Text(String),
+    /// A copy of this program.
+    Program(PathBuf),
 }
 
 /// A file that makes up the installation.
@@ -40,8 +57,18 @@ pub struct InstallFile {
     pub path: &'static str,
     /// What it is for, in words.
     pub purpose: &'static str,
-    pub text: String,
+    pub content: Content,
 }
+
+impl InstallFile {
+    fn text(path: &'static str, purpose: &'static str, text: String) -> Self {
+        Self { path, purpose, content: Content::Text(text) }
+    }
+}
+
+/// The program's copy, and the text that says whose it is.
+const PROGRAM: &str = "usr/local/lib/ftac/ftac";
+const PROGRAM_NOTE: &str = "usr/local/lib/ftac/README";
 
 /// The serial number in a port's name below `/dev/serial/by-id`, as udev makes it: `usb-VENDOR_MODEL_SERIAL-if00-port0`.
 pub fn serial_of(port: &Path) -> Option<String> {
@@ -60,97 +87,136 @@ pub fn files(setup: &Setup) -> Vec<InstallFile> {
         .map(|(vendor, product)| {
             format!(
                 "SUBSYSTEM==\"tty\", ATTRS{{idVendor}}==\"{vendor}\", ATTRS{{idProduct}}==\"{product}\"{serial}, \
-                 SYMLINK+=\"ftac-servos\", GROUP=\"dialout\", MODE=\"0660\"\n"
+                 SYMLINK+=\"ftac-servos\", GROUP=\"{GROUP}\", MODE=\"0660\"\n"
             )
         })
         .collect();
     let rules = format!(
-        "{MARK}# The servo adapter as /dev/ftac-servos for the group dialout; 1 ms instead of 16 until it passes short answers on.\n{adapters}\
+        "{MARK}# The servo adapter as /dev/ftac-servos for the group {GROUP}; 1 ms instead of 16 until it passes short answers on.\n{adapters}\
          ACTION==\"add\", SUBSYSTEM==\"usb-serial\", DRIVER==\"ftdi_sio\", ATTR{{latency_timer}}=\"1\"\n"
     );
-    let (program, config) = (quoted(&setup.program), quoted(&setup.config));
     let unit = format!(
-        "{MARK}[Unit]\nDescription=Holds the F-TAC hand and its arm before this computer shuts down\n\n\
+        "{MARK}[Unit]\nDescription=Holds F-TAC hands and their arms before this computer shuts down\n\
+         # It is stopped before these are: the arm's network, and the programs of users.\n\
+         After=network.target systemd-user-sessions.service systemd-tmpfiles-setup.service\n\n\
          [Service]\nType=oneshot\nRemainAfterExit=yes\nExecStart=/bin/true\n\
          # Where no robot is running there is nothing to stop.\n\
-         ExecStop=-{program} bridge stop --config {config}\nTimeoutStopSec=5\n\n[Install]\nWantedBy=multi-user.target\n"
+         ExecStop=-/{PROGRAM} bridge stop\nTimeoutStopSec=10\n\
+         # It may write to the stop sockets, and nothing else.\n\
+         DynamicUser=yes\nSupplementaryGroups={GROUP}\nEnvironment=FTAC_LOG=\nNoNewPrivileges=yes\nCapabilityBoundingSet=\n\
+         ProtectSystem=strict\nProtectHome=yes\nPrivateDevices=yes\nRestrictAddressFamilies=AF_UNIX\n\n\
+         [Install]\nWantedBy=multi-user.target\n"
     );
-    let limits = format!("{MARK}@dialout - rtprio 50\n@dialout - memlock unlimited\n");
+    let limits = format!("{MARK}@{GROUP} - rtprio 50\n@{GROUP} - memlock unlimited\n");
+    // Members make sockets there, and cannot take away each other's.
+    let runtime = format!("{MARK}d {} 3770 root {GROUP} -\n", places::SHARED);
+    let note = format!("{MARK}# The program beside this file is run by ftac-stop.service, and by nothing else.\n");
     vec![
+        InstallFile::text(
+            "etc/udev/rules.d/70-ftac.rules",
+            "names the servo adapter /dev/ftac-servos, lets the group dialout use it, sets its latency timer to 1 ms",
+            rules,
+        ),
+        InstallFile::text(
+            "etc/security/limits.d/ftac.conf",
+            "permits first-in-first-out scheduling to the group dialout, from the next login on",
+            limits,
+        ),
+        InstallFile::text(
+            "etc/tmpfiles.d/ftac.conf",
+            "makes /run/ftac at boot: there every member of the group dialout can stop a robot, whoever runs it",
+            runtime,
+        ),
+        InstallFile::text(PROGRAM_NOTE, "says whose the program beside it is", note),
         InstallFile {
-            path: "etc/udev/rules.d/70-ftac.rules",
-            purpose: "names the servo adapter /dev/ftac-servos, lets the group dialout use it, sets its latency timer to 1 ms",
-            text: rules,
+            path: PROGRAM,
+            purpose: "a copy of this program that root alone may change, for the stop at shutdown",
+            content: Content::Program(setup.program.clone()),
         },
-        InstallFile {
-            path: "etc/security/limits.d/ftac.conf",
-            purpose: "permits first-in-first-out scheduling to the group dialout, from the next login on",
-            text: limits,
-        },
-        InstallFile {
-            path: "etc/systemd/system/ftac-stop.service",
-            purpose: "stops a running robot before the computer shuts down; `systemctl stop ftac-stop` does too",
-            text: unit,
-        },
+        InstallFile::text(
+            "etc/systemd/system/ftac-stop.service",
+            "stops running robots before the computer shuts down; `systemctl stop ftac-stop` does too",
+            unit,
+        ),
     ]
-}
-
-/// A path as a word of a systemd unit.
-fn quoted(path: &Path) -> String {
-    let text = path.display().to_string().replace('\\', "\\\\").replace('"', "\\\"").replace('%', "%%");
-    format!("\"{text}\"")
 }
 
 fn io_error(path: &Path) -> impl FnOnce(io::Error) -> InstallError + '_ {
     move |source| InstallError::Io { path: path.to_owned(), source }
 }
 
-/// Whether a file is there and ours.
-fn ours(path: &Path) -> Result<bool, InstallError> {
-    match std::fs::read_to_string(path) {
+/// Whether a file is there and ours. A program is what the text beside it says.
+fn ours(root: &Path, file: &InstallFile) -> Result<bool, InstallError> {
+    let path = root.join(file.path);
+    let text = match file.content {
+        Content::Text(_) => path.clone(),
+        Content::Program(_) if path.exists() => path.with_file_name("README"),
+        Content::Program(_) => return Ok(false),
+    };
+    match std::fs::read_to_string(&text) {
         Ok(text) if text.starts_with(MARK) => Ok(true),
-        Ok(_) => Err(InstallError::Foreign { path: path.to_owned() }),
-        Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(false),
-        Err(error) => Err(io_error(path)(error)),
+        Ok(_) => Err(InstallError::Foreign { path }),
+        Err(error) if error.kind() == io::ErrorKind::NotFound => match file.content {
+            Content::Text(_) => Ok(false),
+            Content::Program(_) => Err(InstallError::Foreign { path }),
+        },
+        Err(error) => Err(io_error(&text)(error)),
     }
 }
 
 /// Writes all files below `root`, none where one of them is somebody else's.
 pub fn write(root: &Path, files: &[InstallFile]) -> Result<(), InstallError> {
     for file in files {
-        ours(&root.join(file.path))?;
+        ours(root, file)?;
     }
     for file in files {
         let path = root.join(file.path);
         if let Some(folder) = path.parent() {
             std::fs::create_dir_all(folder).map_err(io_error(folder))?;
         }
-        write_whole(&path, file.text.as_bytes()).map_err(io_error(&path))?;
+        match &file.content {
+            Content::Text(text) => write_whole(&path, text.as_bytes()).map_err(io_error(&path))?,
+            Content::Program(program) => {
+                let bytes = std::fs::read(program).map_err(io_error(program))?;
+                write_whole(&path, &bytes).map_err(io_error(&path))?;
+                std::fs::set_permissions(&path, Permissions::from_mode(0o755)).map_err(io_error(&path))?;
+            }
+        }
     }
     Ok(())
 }
 
 /// Removes those files below `root` that are there and ours; answers with them.
 pub fn remove(root: &Path, files: &[InstallFile]) -> Result<Vec<PathBuf>, InstallError> {
-    let mut removed = Vec::new();
-    for path in files.iter().map(|file| root.join(file.path)) {
-        if ours(&path)? {
-            std::fs::remove_file(&path).map_err(io_error(&path))?;
-            removed.push(path);
+    let mut there = Vec::new();
+    for file in files {
+        if ours(root, file)? {
+            there.push(root.join(file.path));
         }
     }
-    Ok(removed)
+    for path in &there {
+        std::fs::remove_file(path).map_err(io_error(path))?;
+    }
+    // Empty now, unless somebody else has put something there.
+    let _ = std::fs::remove_dir(root.join(PROGRAM).with_file_name(""));
+    Ok(there)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    fn setup() -> Setup {
-        Setup {
-            serial: Some("FT4TFKX0".into()),
-            program: "/opt/f tac/ftac".into(),
-            config: "/etc/ftac/50%.toml".into(),
+    /// A setup whose program is in somebody's home.
+    fn setup(home: &Path) -> Setup {
+        let program = home.join("f tac");
+        std::fs::write(&program, "the program").expect("written");
+        Setup { serial: Some("FT4TFKX0".into()), program }
+    }
+
+    fn text(file: &InstallFile) -> &str {
+        match &file.content {
+            Content::Text(text) => text,
+            Content::Program(_) => "",
         }
     }
 
@@ -162,29 +228,46 @@ mod tests {
         assert_eq!(of("ttyUSB0"), None);
     }
 
+    /// What runs at shutdown is a copy that nobody but root can change, under a user of its own; no path of a user is in the unit.
     #[test]
-    fn files_name_adapter_program_and_configuration() {
-        let files = files(&setup());
-        assert!(files.iter().all(|file| file.text.starts_with(MARK)));
-        assert!(files[0].text.contains("ATTRS{serial}==\"FT4TFKX0\", SYMLINK+=\"ftac-servos\""), "{}", files[0].text);
-        let stop = "ExecStop=-\"/opt/f tac/ftac\" bridge stop --config \"/etc/ftac/50%%.toml\"\n";
-        assert!(files[2].text.contains(stop), "{}", files[2].text);
+    fn the_service_runs_no_program_that_a_user_can_change() {
+        let root = tempfile::tempdir().expect("a folder");
+        let files = files(&setup(root.path()));
+        assert!(
+            text(&files[0]).contains("ATTRS{serial}==\"FT4TFKX0\", SYMLINK+=\"ftac-servos\""),
+            "{}",
+            text(&files[0])
+        );
+        let unit = text(&files[5]);
+        assert!(unit.contains("ExecStop=-/usr/local/lib/ftac/ftac bridge stop\n"), "{unit}");
+        assert!(unit.contains("DynamicUser=yes\nSupplementaryGroups=dialout\n"), "{unit}");
+        assert!(!unit.contains(&root.path().display().to_string()) && !unit.contains("--config"), "{unit}");
+        write(root.path(), &files).expect("written");
+        let copy = root.path().join(PROGRAM);
+        assert_eq!(std::fs::read(&copy).expect("copied"), b"the program");
+        assert_eq!(std::fs::metadata(&copy).expect("there").permissions().mode() & 0o777, 0o755);
     }
 
     /// Written twice is written once; somebody else's file stops everything before anything is written, and is never removed.
     #[test]
     fn others_files_are_left_alone() {
         let root = tempfile::tempdir().expect("a folder");
-        let files = files(&setup());
+        let files = files(&setup(root.path()));
+        assert!(files.iter().all(|file| matches!(file.content, Content::Program(_)) || text(file).starts_with(MARK)));
         write(root.path(), &files).expect("written");
         write(root.path(), &files).expect("written again");
-        assert_eq!(remove(root.path(), &files).expect("removed").len(), 3);
+        assert_eq!(remove(root.path(), &files).expect("removed").len(), files.len());
+        assert!(!root.path().join("usr/local/lib/ftac").exists());
         assert!(remove(root.path(), &files).expect("nothing there").is_empty());
-        let unit = root.path().join(files[2].path);
-        std::fs::write(&unit, "[Unit]\n").expect("written");
-        let error = write(root.path(), &files).expect_err("somebody else's").to_string();
-        assert!(error.contains("ftac-stop.service: found a file of somebody else"), "{error}");
-        assert!(!root.path().join(files[0].path).exists());
-        assert!(remove(root.path(), &files).is_err() && unit.exists());
+        for foreign in [5, 4] {
+            let path = root.path().join(files[foreign].path);
+            std::fs::create_dir_all(path.parent().expect("a folder")).expect("made");
+            std::fs::write(&path, "[Unit]\n").expect("written");
+            let error = write(root.path(), &files).expect_err("somebody else's").to_string();
+            assert!(error.contains(files[foreign].path) && error.contains("found a file of somebody else"), "{error}");
+            assert!(!root.path().join(files[0].path).exists());
+            assert!(remove(root.path(), &files).is_err() && path.exists());
+            std::fs::remove_file(&path).expect("removed");
+        }
     }
 }

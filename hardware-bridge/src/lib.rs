@@ -7,7 +7,7 @@
 //! - [`arm_link`]: the interface to an arm; [`kortex_link`]: a Gen3 behind it, through the crate [`kortex`].
 //! - [`safety`]: the supervisor between controller and motors.
 //! - [`servo_cycle`]: the 200 Hz thread that joins all of these; [`hardware_robot`]: the controller's handle on it; [`remote`]: that of another
-//!   terminal.
+//!   terminal, with `wishes` for what comes of it.
 //!
 //! # Bring-up
 //! [`config`] reads `bridge.toml`, [`setup`] checks and provisions servos, [`homing`] finds the open mark, [`calibration`] stores it; [`reboot`] brings back a servo that has shut
@@ -42,4 +42,5 @@ pub mod servo_cycle;
 pub mod setup;
 pub mod tactile_link;
 pub mod uvc;
+mod wishes;
 pub mod xc330;

@@ -1,16 +1,21 @@
 //! Remote control of a running bridge: a Unix socket that accepts `hold`, `release` and `state`.
 //!
-//! One line per request and answer: `ok: <state>` or `no: <reason>`. The socket lives as long as the bridge; a stale one is replaced.
+//! A request is one line. The answer is two: `ok: <what was read back>` or `no: <reason>`, then `of: <which robot>`. [`door`] answers, [`ask`]
+//! asks, [`places`] says where the sockets are: whoever may write to one of them needs nothing else to stop the robot.
 
-use std::fs::{DirBuilder, Permissions};
-use std::io::{BufRead, BufReader, ErrorKind, Write};
-use std::os::unix::fs::{DirBuilderExt as _, FileTypeExt as _, PermissionsExt as _};
-use std::os::unix::net::{UnixListener, UnixStream};
+pub mod door;
+pub mod places;
+
+use std::io::{self, ErrorKind, Read as _, Write as _};
+use std::os::unix::net::UnixStream;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
-use std::thread::JoinHandle;
-use std::time::Duration;
+use std::sync::mpsc;
+use std::time::{Duration, Instant};
+
+pub use door::RemoteDoor;
+
+/// Longest answer, bytes.
+const ANSWER: usize = 4096;
 
 /// What another terminal may want.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -33,6 +38,14 @@ impl Wish {
     fn from_word(word: &str) -> Option<Self> {
         Self::ALL.iter().find(|(_, known)| *known == word).map(|(wish, _)| *wish)
     }
+
+    /// Longest wait for an answer: a release is answered when the torque has been read back.
+    fn patience(self) -> Duration {
+        match self {
+            Self::Hold | Self::State => Duration::from_secs(5),
+            Self::Release => Duration::from_secs(20),
+        }
+    }
 }
 
 /// Why a wish did not come through.
@@ -44,7 +57,7 @@ pub enum RemoteError {
         /// The socket.
         path: PathBuf,
         /// The operating system's reason.
-        source: std::io::Error,
+        source: io::Error,
     },
     /// No bridge is running.
     #[error("{path}: no bridge is running there")]
@@ -52,146 +65,98 @@ pub enum RemoteError {
         /// The socket.
         path: PathBuf,
     },
-    /// The bridge would not.
-    #[error("the bridge refused: {0}")]
-    Refused(String),
+    /// The bridge would not, or could not confirm it.
+    #[error("{of}: {reason}")]
+    Refused {
+        /// Which robot.
+        of: String,
+        reason: String,
+    },
 }
 
-/// The open door; closes when dropped.
-#[derive(Debug)]
-pub struct RemoteDoor {
-    path: PathBuf,
-    stop: Arc<AtomicBool>,
-    thread: Option<JoinHandle<()>>,
-}
-
-impl RemoteDoor {
-    /// Listens at `path`; every wish is handed to `fulfil`, whose answer goes back.
-    pub fn open(
-        path: &Path,
-        fulfil: impl Fn(Wish) -> Result<String, String> + Send + 'static,
-    ) -> Result<Self, RemoteError> {
-        let failed = |source| RemoteError::Socket { path: path.to_owned(), source };
-        if let Ok(found) = std::fs::symlink_metadata(path) {
-            if !found.file_type().is_socket() {
-                return Err(failed(std::io::Error::other(
-                    "found another kind of file there, expected none or a socket",
-                )));
-            }
-            if UnixStream::connect(path).is_ok() {
-                return Err(failed(std::io::Error::other("another bridge is running there")));
-            }
-            std::fs::remove_file(path).map_err(failed)?;
-        }
-        let listener = bind_private(path).map_err(failed)?;
-        listener.set_nonblocking(true).map_err(failed)?;
-        let stop = Arc::new(AtomicBool::new(false));
-        let stopped = stop.clone();
-        let thread = std::thread::Builder::new()
-            .name("remote".into())
-            .spawn(move || {
-                while !stopped.load(Ordering::Relaxed) {
-                    match listener.accept() {
-                        // A caller that hangs up early gets no answer, and needs none.
-                        Ok((stream, _)) => drop(serve(stream, &fulfil)),
-                        Err(_) => std::thread::sleep(Duration::from_millis(5)),
-                    }
-                }
-            })
-            .map_err(failed)?;
-        Ok(Self { path: path.to_owned(), stop, thread: Some(thread) })
-    }
-}
-
-/// A socket for its owner alone from the beginning, whatever the umask: it is made in a folder that only the owner may enter.
-fn bind_private(path: &Path) -> std::io::Result<UnixListener> {
-    let mut folder = path.as_os_str().to_owned();
-    folder.push(format!(".{}", std::process::id()));
-    let folder = PathBuf::from(folder);
-    DirBuilder::new().mode(0o700).create(&folder)?;
-    let inside = folder.join("s");
-    let made = UnixListener::bind(&inside).and_then(|listener| {
-        std::fs::set_permissions(&inside, Permissions::from_mode(0o600))?;
-        std::fs::rename(&inside, path)?;
-        Ok(listener)
-    });
-    // Empty, or with a socket that is of no use.
-    let _ = std::fs::remove_dir_all(&folder);
-    made
-}
-
-impl Drop for RemoteDoor {
-    fn drop(&mut self) {
-        self.stop.store(true, Ordering::Relaxed);
-        if let Some(thread) = self.thread.take() {
-            // A thread that panicked has said so itself.
-            let _ = thread.join();
-        }
-        let _ = std::fs::remove_file(&self.path);
-    }
-}
-
-fn serve(stream: UnixStream, fulfil: &impl Fn(Wish) -> Result<String, String>) -> std::io::Result<()> {
-    stream.set_nonblocking(false)?;
-    stream.set_read_timeout(Some(Duration::from_millis(500)))?;
-    let mut line = String::new();
-    BufReader::new(&stream).read_line(&mut line)?;
-    let answer = match Wish::from_word(line.trim()) {
-        Some(wish) => fulfil(wish),
-        None => Err(format!("found `{}`, expected hold, release or state", line.trim())),
-    };
-    let (word, text) = match answer {
-        Ok(text) => ("ok", text),
-        Err(text) => ("no", text),
-    };
-    writeln!(&stream, "{word}: {}", text.replace('\n', " "))
+/// What a bridge did.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Answer {
+    /// As read back.
+    pub text: String,
+    /// Which robot: its configuration and process.
+    pub of: String,
 }
 
 /// Brings a wish to the bridge that listens at `path`; gives back what it says.
-pub fn ask(path: &Path, wish: Wish) -> Result<String, RemoteError> {
-    let failed = |source: std::io::Error| match source.kind() {
-        ErrorKind::NotFound | ErrorKind::ConnectionRefused => RemoteError::Nobody { path: path.to_owned() },
-        _ => RemoteError::Socket { path: path.to_owned(), source },
-    };
-    let stream = UnixStream::connect(path).map_err(failed)?;
-    stream.set_read_timeout(Some(Duration::from_secs(3))).map_err(failed)?;
-    writeln!(&stream, "{}", wish.word()).map_err(failed)?;
-    let mut line = String::new();
-    BufReader::new(&stream).read_line(&mut line).map_err(failed)?;
-    match line.trim().split_once(": ") {
-        Some(("ok", text)) => Ok(text.to_owned()),
-        Some(("no", text)) => Err(RemoteError::Refused(text.to_owned())),
-        _ => Err(RemoteError::Refused(format!("found `{}`, expected ok or no", line.trim()))),
+pub fn ask(path: &Path, wish: Wish) -> Result<Answer, RemoteError> {
+    ask_all(&[path.to_owned()], wish).pop().map_or_else(|| Err(Nobody(path).into()), |(_, answer)| answer)
+}
+
+/// Brings a wish to several bridges at the same time: one that does not answer keeps no other waiting.
+pub fn ask_all(paths: &[PathBuf], wish: Wish) -> Vec<(PathBuf, Result<Answer, RemoteError>)> {
+    let deadline = Instant::now() + wish.patience();
+    let asked = paths.iter().map(|path| {
+        let (sender, answer) = mpsc::channel();
+        let there = path.clone();
+        // Connecting blocks where nobody accepts; then this thread is left behind.
+        std::thread::spawn(move || sender.send(exchange(&there, wish, deadline)));
+        (path, answer)
+    });
+    let asked: Vec<_> = asked.collect();
+    let answers = asked.into_iter().map(|(path, answer)| {
+        let left = deadline.saturating_duration_since(Instant::now()) + Duration::from_millis(200);
+        let late = || Err(ErrorKind::TimedOut.into());
+        let result = answer.recv_timeout(left).unwrap_or_else(|_| late());
+        let result = result.map_err(|source| match source.kind() {
+            ErrorKind::NotFound | ErrorKind::ConnectionRefused => Nobody(path).into(),
+            _ => RemoteError::Socket { path: path.clone(), source },
+        });
+        (path.clone(), result.and_then(|text| understood(&text)))
+    });
+    answers.collect()
+}
+
+struct Nobody<'a>(&'a Path);
+
+impl From<Nobody<'_>> for RemoteError {
+    fn from(Nobody(path): Nobody<'_>) -> Self {
+        Self::Nobody { path: path.to_owned() }
     }
 }
 
-#[cfg(test)]
-mod tests {
-    use super::*;
+/// Asks, and reads to the end of the answer, until `deadline`.
+fn exchange(path: &Path, wish: Wish, deadline: Instant) -> io::Result<String> {
+    let mut stream = UnixStream::connect(path)?;
+    stream.set_write_timeout(Some(wish.patience()))?;
+    writeln!(stream, "{}", wish.word())?;
+    let mut answer = Vec::new();
+    let mut piece = [0; 512];
+    loop {
+        let left = deadline.saturating_duration_since(Instant::now());
+        if left.is_zero() {
+            return Err(ErrorKind::TimedOut.into());
+        }
+        stream.set_read_timeout(Some(left))?;
+        match stream.read(&mut piece)? {
+            0 => break,
+            length => answer.extend_from_slice(&piece[..length]),
+        }
+        if answer.len() > ANSWER {
+            return Err(io::Error::other(format!("found an answer of more than {ANSWER} bytes")));
+        }
+    }
+    Ok(String::from_utf8_lossy(&answer).into_owned())
+}
 
-    #[test]
-    fn asks_and_answers() {
-        let folder = tempfile::tempdir().expect("a folder");
-        let path = folder.path().join("stop");
-        assert!(matches!(ask(&path, Wish::Hold), Err(RemoteError::Nobody { .. })));
-        let door = RemoteDoor::open(&path, |wish| match wish {
-            Wish::Hold => Ok("held".into()),
-            other => Err(format!("not {other:?}")),
-        })
-        .expect("opens");
-        assert_eq!(ask(&path, Wish::Hold).expect("answered"), "held");
-        let mode = std::fs::metadata(&path).expect("there").permissions().mode() & 0o777;
-        assert_eq!(mode, 0o600, "{mode:o}");
-        assert_eq!(std::fs::read_dir(folder.path()).expect("a folder").count(), 1, "nothing but the socket");
-        assert!(matches!(ask(&path, Wish::Release), Err(RemoteError::Refused(text)) if text == "not Release"));
-        assert!(RemoteDoor::open(&path, |_| Ok(String::new())).is_err(), "one bridge at a time");
-        drop(door);
-        assert!(!path.exists());
-        let _stale = UnixListener::bind(&path).expect("bound");
-        drop(_stale);
-        drop(RemoteDoor::open(&path, |_| Ok(String::new())).expect("a stale socket is replaced"));
-        std::fs::write(&path, "somebody's file").expect("written");
-        assert!(RemoteDoor::open(&path, |_| Ok(String::new())).is_err());
-        assert_eq!(std::fs::read_to_string(&path).expect("still there"), "somebody's file");
+fn understood(text: &str) -> Result<Answer, RemoteError> {
+    // Whoever made the socket wrote this: nothing of it may steer a terminal.
+    let plain = |text: &str| text.escape_debug().to_string().replace("\\'", "'").replace("\\\"", "\"");
+    let mut lines = text.lines();
+    let first = lines.next().unwrap_or_default();
+    let of = plain(lines.next().and_then(|line| line.strip_prefix("of: ")).unwrap_or("unnamed robot"));
+    match first.split_once(": ") {
+        Some(("ok", text)) => Ok(Answer { text: plain(text), of }),
+        Some(("no", text)) => Err(RemoteError::Refused { of, reason: plain(text) }),
+        _ if text.is_empty() => {
+            let reason = "it ended before it answered: what became of the wish is not known".to_owned();
+            Err(RemoteError::Refused { of, reason })
+        }
+        _ => Err(RemoteError::Refused { of, reason: format!("found `{}`, expected ok or no", plain(first)) }),
     }
 }

@@ -51,6 +51,15 @@ pub enum BusError {
         /// What is wrong with the value.
         source: RegisterError,
     },
+    /// A register that does not hold what was written.
+    #[error("servo {id}: {register}: read back {found}, expected {expected}")]
+    ReadBack {
+        /// Which servo.
+        id: u8,
+        register: &'static str,
+        found: f64,
+        expected: f64,
+    },
 }
 
 /// What the operating system says of a port, and what that means where it is no help.
@@ -175,6 +184,15 @@ impl ServoBus {
         let data = register.write(si).map_err(|source| BusError::Register { id, source })?;
         self.ask_one(id, &Instruction::Write { address: register.address, data }, 0)?;
         Ok(())
+    }
+
+    /// Makes sure that a register holds a value, but for its resolution.
+    pub fn expect(&mut self, id: u8, register: &Register, expected: f64) -> Result<(), BusError> {
+        let found = self.read(id, register)?;
+        if register.holds(found, expected) {
+            return Ok(());
+        }
+        Err(BusError::ReadBack { id, register: register.name, found, expected })
     }
 
     /// Restarts a servo: the way out of a shutdown, and the loss of its torque and of everything in its RAM. It is off the bus for

@@ -59,7 +59,7 @@ pub struct CycleReport {
     pub behind: Option<String>,
     /// When this thread last stood still for longer than a device's watchdog, and for how long, s.
     pub frozen: Option<(Instant, f64)>,
-    /// Servos whose torque could not be disabled at the end of a release.
+    /// Servos whose torque was not read back as off at the end of a release, and why.
     pub still_on: Vec<String>,
 }
 
@@ -248,8 +248,10 @@ impl ServoCycle {
             return;
         }
         self.report.still_on = match &mut self.hand {
-            Some(hand) => hand.torque_off().iter().map(ToString::to_string).collect(),
-            None => vec!["all servos: their port is gone".to_owned()],
+            self.report.still_on =
+                self.ids.iter().map(|id| format!("servo {id}: dry run, nothing was written")).collect();
+            Some(hand) => hand.torque_off(),
+            None => self.ids.iter().map(|id| format!("servo {id}: its port is gone")).collect(),
         };
         if let Err(error) = self.arm.disengage() {
             self.report.arm_error = Some(error.to_string());
@@ -303,6 +305,8 @@ impl ServoCycle {
             // The sender of the order may be gone.
             let _ = answer.send(result);
         }
+            // Whoever reads the board after the answer finds what was answered.
+            lock(&self.shared.board).state = self.supervisor.state();
     }
 
     fn obey(&mut self, order: Order) -> Result<(), String> {
@@ -314,7 +318,7 @@ impl ServoCycle {
             Order::Remote(Wish::Hold) => {
                 self.supervisor.hold(Cause::Operator);
                 match self.supervisor.state() {
-                    State::Hold(_) | State::Fault(_) => Ok(()),
+                    State::Hold(_) | State::Fault(_) | State::Connected => Ok(()),
                     state => Err(format!("cannot hold while {state}")),
                 }
             }

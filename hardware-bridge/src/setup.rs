@@ -56,7 +56,7 @@ pub fn check(bus: &mut ServoBus, config: &BridgeConfig, id: u8, name: &str) -> R
         vec![Finding::new(what("Model Number"), pinged.model, xc330::MODEL, pinged.model == xc330::MODEL)];
     for (register, value) in wanted(config) {
         let found = bus.read(id, &register)?;
-        let good = (found - value).abs() <= 0.51 * register.unit.per_count();
+        let good = register.holds(found, value);
         findings.push(Finding::new(what(register.name), found, value, good));
     }
     let error = bus.read(id, &xc330::HARDWARE_ERROR_STATUS)?;
@@ -100,7 +100,7 @@ pub enum ProvisionError {
     },
 }
 
-/// Gives the one servo on the bus the id `id` and the settings it needs; gives back what it was.
+/// Gives the one servo on the bus the id `id` and the settings it needs, and reads all of them back; gives back what it was.
 pub fn provision(config: &BridgeConfig, id: u8) -> Result<(u32, Pinged), ProvisionError> {
     let port = &config.servos.port;
     let found = scan(port)?;
@@ -123,5 +123,10 @@ pub fn provision(config: &BridgeConfig, id: u8) -> Result<(u32, Pinged), Provisi
     drop(bus);
     let mut bus = ServoBus::open(port, config.bus())?;
     bus.ping(id)?;
+    let rest =
+        [(xc330::TORQUE_ENABLE, 0.0), (xc330::ID, f64::from(id)), (xc330::BAUD_RATE, baud_code(config.servos.baud))];
+    for (register, expected) in wanted(config).into_iter().chain(rest) {
+        bus.expect(id, &register, expected)?;
+    }
     Ok((baud, servo))
 }

@@ -126,6 +126,11 @@ pub enum RegisterError {
 }
 
 impl Register {
+    /// Whether a value is the expected one, but for the register's resolution.
+    pub fn holds(&self, found: f64, expected: f64) -> bool {
+        (found - expected).abs() <= 0.51 * self.unit.per_count()
+    }
+
     /// Whether negative values exist (two's complement).
     pub fn signed(&self) -> bool {
         self.range.0 < 0

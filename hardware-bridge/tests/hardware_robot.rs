@@ -15,11 +15,12 @@ use hardware_bridge::emulator::faults::Event;
 use hardware_bridge::emulator::servo::EmulatedServo;
 use hardware_bridge::emulator::spring_hand::SpringHand;
 use hardware_bridge::emulator::{EmulatedHand, EmulatorSettings};
+use hardware_bridge::hand_bus::HandBus;
 use hardware_bridge::hardware_robot::{ConnectError, HardwareRobot};
 use hardware_bridge::homing::{HomingSettings, feel, store};
-use hardware_bridge::remote::{self, Wish};
+use hardware_bridge::remote::{self, Wish, places};
 use hardware_bridge::safety::state::{Cause, State};
-use hardware_bridge::servo_bus::ServoBus;
+use hardware_bridge::servo_bus::{BusSettings, ServoBus};
 use hardware_bridge::servo_cycle::DryLines;
 use hardware_bridge::tactile_link::TactileLink;
 use hardware_bridge::xc330;
@@ -46,19 +47,41 @@ fn hold_and_release_from_another_terminal() {
     let mut robot = armed(&bench);
     let goal = ServoGoal::Position { angle: 2.0, current_limit: 0.3 };
     drive(&mut robot, goal, |robot| closed(robot, 2.0));
-    let socket = bench.config.stop_socket.clone();
-    let said = remote::ask(&socket, Wish::Hold).expect("obeyed");
-    assert!(said.starts_with("hold: the operator"), "{said}");
+    let socket = bench.config.stop_socket.clone().expect("configured");
+    // The one that any terminal finds, by the path of the configuration alone.
+    let usual: Vec<_> = robot.stop_sockets().map(Path::to_owned).collect();
+    assert!(usual.len() == 2 && places::is_of(&usual[0], &bench.config.file) && usual[1] == socket, "{usual:?}");
+    let said = remote::ask(&usual[0], Wish::Hold).expect("obeyed");
+    assert!(said.text.starts_with("hold: the operator stopped it; the arm stands, 6 of 6 servos"), "{said:?}");
+    assert!(said.of.contains("bridge.toml, process "), "{said:?}");
     for _ in 0..60 {
         robot.send(&command(ServoGoal::Position { angle: 0.0, current_limit: 0.3 }));
         robot.wait_for_tick();
     }
     assert!(closed(&mut robot, 2.0), "{:?}", bench.hand.shafts());
-    remote::ask(&socket, Wish::Release).expect("lets go");
-    patiently("the torque goes", || robot.state() == State::Connected);
+    let said = remote::ask(&socket, Wish::Release).expect("lets go").text;
+    assert_eq!((said.as_str(), robot.state()), ("torque read back as off from 6 of 6 servos", State::Connected));
     patiently("the springs open the hand", || bench.hand.shafts().iter().all(|shaft| shaft.position < 0.3));
     assert!(bench.hand.drives().iter().all(|drive| *drive == ServoGoal::Current(0.0)));
     assert!(robot.report().still_on.is_empty());
+}
+
+/// A release says of which servos the torque is not known to be off, and does not call that success.
+#[test]
+fn a_release_that_no_servo_answers_is_not_called_off() {
+    let bench = bench(&[]);
+    let mut robot = armed(&bench);
+    drive(&mut robot, ServoGoal::Current(0.09), |robot| closed(robot, 2.0));
+    bench.hand.inject(Event::Unplug(2));
+    let said = robot.release().expect_err("one does not answer").to_string();
+    assert!(said.starts_with("torque read back as off from 5 of 6 servos; index: servo 2: "), "{said}");
+    // And directly, with no bridge in between and all plugs out.
+    drop(robot);
+    (1..=6).for_each(|id| bench.hand.inject(Event::Unplug(id)));
+    let settings = BusSettings { slack: 0.01, ..bench.config.bus() };
+    let bus = ServoBus::open(bench.hand.servo_port(), settings).expect("opens");
+    let unsure = HandBus::new(bus, bench.config.servos.ids, false).torque_off();
+    assert_eq!(unsure.len(), 6, "{unsure:?}");
 }
 
 #[test]

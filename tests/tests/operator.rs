@@ -198,8 +198,8 @@ fn a_session_without_a_command_is_not_called_identical() {
     assert!(!session.with_extension("rrd").exists() && !session.with_extension("partial.rrd").exists());
 }
 
-/// The computer is set up below a folder: the files name port, program and configuration; without root nothing of the system is
-/// touched; a file of somebody else stays.
+/// The computer is set up below a folder: the files name the port; the stop at shutdown runs nothing that a user can change; without
+/// root nothing of the system is touched; a file of somebody else stays.
 #[test]
 fn the_computer_is_set_up() {
     let folder = tempdir().expect("a folder");
@@ -214,16 +214,17 @@ fn the_computer_is_set_up() {
     let output = run(&asked);
     assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
     let files = json(&output.stdout)["files"].as_array().cloned().expect("files");
-    let all: Vec<String> =
-        files.iter().map(|file| fs::read_to_string(file["path"].as_str().expect("a path")).expect("written")).collect();
-    assert!(
-        all.len() == 3 && all[0].contains("ATTRS{serial}==\"FT4TFKX0\"") && all[2].contains(text(&config)),
-        "{all:?}"
-    );
+    let path = |n: usize| Path::new(files[n]["path"].as_str().expect("a path"));
+    let [rules, unit] = [0, 5].map(|n| fs::read_to_string(path(n)).expect("written"));
+    assert!(files.len() == 6 && rules.contains("ATTRS{serial}==\"FT4TFKX0\""), "{files:?} {rules}");
+    // What runs at shutdown is the copy, without a configuration.
+    let program = fs::metadata(path(4)).expect("copied");
+    assert!(program.permissions().mode() & 0o777 == 0o755 && program.len() > 1_000_000);
+    assert!(unit.contains("DynamicUser=yes") && !unit.contains(text(folder.path())), "{unit}");
     let removed = run(&[&asked[..], &["--remove"]].concat());
     assert_eq!(removed.status.code(), Some(0), "{}", stderr(&removed));
     assert!(files.iter().all(|file| !Path::new(file["path"].as_str().expect("a path")).exists()));
-    let unit = files[2]["path"].as_str().expect("a path");
+    let unit = files[5]["path"].as_str().expect("a path");
     fs::write(unit, "[Unit]\n").expect("written");
     let refused = run(&asked);
     assert_eq!(refused.status.code(), Some(2));

@@ -256,7 +256,8 @@ fn configuration(servos: &Path, cameras: &Path, tick: f64, limits: LimitConfig, 
     BridgeConfig {
         version: 1,
         calibration: "calibration.json".into(),
-        stop_socket: "stop".into(),
+        stop_socket: None,
+        file: "".into(),
         servos: ServoConfig {
             port: servos.to_owned(),
             ids: [1, 2, 3, 4, 5, 6],

@@ -56,14 +56,8 @@ pub enum BridgeCommand {
     Register(register::RegisterArgs),
     /// Draw where the objects of a combination stand, as an A3 sheet in full size.
     Sheet(sheet::SheetArgs),
-    /// Stop the robot that runs in another terminal: it holds what it holds.
-    Stop {
-        #[command(flatten)]
-        config: ConfigArg,
-        /// Let go instead: the springs open the hand.
-        #[arg(long)]
-        release: bool,
-    },
+    /// Stop the robots that run in other terminals: they hold what they hold.
+    Stop(stop::StopArgs),
     /// Clear the arm's faults once their cause is gone: afterwards it can move again. Asks first.
     ClearFaults(clear_faults::ClearArgs),
 }
@@ -74,12 +68,12 @@ pub fn run(terminal: &Terminal, command: &BridgeCommand) -> Outcome {
         BridgeCommand::Install(args) => install::run(terminal, args),
         BridgeCommand::Scan { port, config } => scan::run(terminal, port.as_deref(), config),
         BridgeCommand::Doctor(args) => doctor::run(terminal, args),
-        BridgeCommand::Provision { actuator, config } => provision::run(terminal, actuator, &config.read()?),
+        BridgeCommand::Provision { actuator, config } => provision::run(terminal, actuator, config),
         BridgeCommand::Calibrate(args) => calibrate::run(terminal, args),
         BridgeCommand::Emulate(args) => emulate::run(terminal, args),
         BridgeCommand::Faults(args) => faults::run(terminal, args),
         BridgeCommand::Exercise(args) => exercise::run(terminal, args),
-        BridgeCommand::Stop { config, release } => stop::stop(terminal, &config.read()?, *release),
+        BridgeCommand::Stop(args) => stop::run(terminal, args),
         BridgeCommand::Sheet(args) => sheet::run(terminal, args),
         BridgeCommand::Register(args) => register::run(terminal, args),
         BridgeCommand::ClearFaults(args) => clear_faults::run(terminal, args),

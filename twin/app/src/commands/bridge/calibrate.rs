@@ -36,7 +36,7 @@ pub struct CalibrateArgs {
 }
 
 pub fn run(terminal: &Terminal, args: &CalibrateArgs) -> Result<Option<String>> {
-    let config = args.config.read()?;
+    let config = args.config.read_without_password()?;
     let hand = crate::commands::individual::hand(args.individual.as_deref())?;
     let unfinished = Unfinished::beside(&config.calibration);
     let mut servos = match args.go_on {

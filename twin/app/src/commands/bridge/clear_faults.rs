@@ -7,7 +7,7 @@ use bench::body::arm_link::connect;
 use bench::body::operator::agreed;
 use clap::Args;
 use hand_model::Arm;
-use hardware_bridge::remote::{self, Wish};
+use hardware_bridge::remote::{self, Wish, places};
 use kortex::message::ArmState;
 
 use super::shared::ConfigArg;
@@ -28,8 +28,10 @@ pub struct ClearArgs {
 
 pub fn run(terminal: &Terminal, args: &ClearArgs) -> Result<Option<String>> {
     let config = args.config.read()?;
-    if let Ok(state) = remote::ask(&config.stop_socket, Wish::State) {
-        bail!("a robot is running ({state}); expected none: end its trial first");
+    let own: Vec<_> =
+        places::find().0.into_iter().filter(|socket| places::is_of(socket, &args.config.config)).collect();
+    if let Some(robot) = remote::ask_all(&own, Wish::State).into_iter().find_map(|(_, answer)| answer.ok()) {
+        bail!("a robot is running ({}: {}); expected none: end its trial first", robot.of, robot.text);
     }
     let Some(mut arm) = connect(&config, Arm::home())? else { bail!("arm: found kind loopback, expected an arm") };
     let before = arm.cyclic.feedback()?.faults;
@@ -51,8 +53,10 @@ pub fn run(terminal: &Terminal, args: &ClearArgs) -> Result<Option<String>> {
         arm.keep_up()?;
         left = arm.cyclic.feedback()?.faults;
     }
+    let state = arm.base.arm_state()?;
     tell(terminal, &before.to_string(), &left.to_string());
-    Ok((!left.is_empty()).then(|| format!("the arm still reports {left}")))
+    let still = || format!("the arm still reports {left}, and that it is in state {state:?}");
+    Ok((!left.is_empty() || state == ArmState::InFault).then(still))
 }
 
 fn tell(terminal: &Terminal, before: &str, now: &str) {

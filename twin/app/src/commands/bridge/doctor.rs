@@ -14,11 +14,12 @@ use hardware_bridge::clock::Clock;
 use hardware_bridge::config::BridgeConfig;
 use hardware_bridge::hand_bus::HandBus;
 use hardware_bridge::pictures::Pictures;
+use hardware_bridge::remote::places::{self, Folder};
 use hardware_bridge::servo_bus::latency_timer::{self, LatencyTimer};
 use hardware_bridge::servo_bus::{BusError, ServoBus};
 use hardware_bridge::setup::{self, Finding};
 
-use super::shared::{ConfigArg, actuator_names, tell};
+use super::shared::{ConfigArg, actuator_names, shown, tell};
 use crate::terminal::Terminal;
 
 /// Cycles measured.
@@ -39,7 +40,7 @@ pub struct DoctorArgs {
 
 pub fn run(terminal: &Terminal, args: &DoctorArgs) -> Result<Option<String>> {
     let config = &args.config.read()?;
-    let mut findings = Vec::new();
+    let mut findings = vec![stop_socket()];
     match servos(config, &mut findings) {
         Ok(()) => {}
         Err(error) => findings.push(Finding::new("servo bus", error, "an open port", false)),
@@ -53,6 +54,20 @@ pub fn run(terminal: &Terminal, args: &DoctorArgs) -> Result<Option<String>> {
         Err(error) => findings.push(Finding::new("arm", format!("{error:#}"), "an answer", false)),
     }
     Ok(tell(terminal, &findings))
+}
+
+/// Where `ftac bridge stop` will find a robot, and who may stop it.
+fn stop_socket() -> Finding {
+    let what = "stop socket";
+    match places::folder() {
+        Ok(Folder { path, why_own: None, .. }) => {
+            Finding::new(what, shown(&path), "open to the operators' group", true)
+        }
+        Ok(Folder { path, why_own: Some(why), .. }) => {
+            Finding::new(what, format!("{}, for this user alone", shown(&path)), format!("any folder ({why})"), true)
+        }
+        Err(error) => Finding::new(what, error, "a folder for it", false),
+    }
 }
 
 fn servos(config: &BridgeConfig, findings: &mut Vec<Finding>) -> Result<(), BusError> {

@@ -380,7 +380,8 @@ fn write_config(args: &EmulateArgs, hand: &EmulatedHand, arm: Option<&Emulator>)
     let config = BridgeConfig {
         version: 1,
         calibration: "calibration.json".into(),
-        stop_socket: "stop".into(),
+        stop_socket: Some("stop".into()),
+        file: folder.join("bridge.toml"),
         servos: ServoConfig {
             port: servos,
             ids: [1, 2, 3, 4, 5, 6],

@@ -6,8 +6,7 @@ use std::path::PathBuf;
 use anyhow::{Context, bail, ensure};
 use clap::Args;
 use hand_model::child;
-use hardware_bridge::config::BridgeConfig;
-use hardware_bridge::install::{self, Setup};
+use hardware_bridge::install::{self, Content, GROUP, Setup};
 use serde_json::json;
 
 use super::shared::ConfigArg;
@@ -33,10 +32,11 @@ pub struct InstallArgs {
 }
 
 /// What makes the system take notice, after the files were written or removed.
-const NOTICE: [&[&str]; 4] = [
+const NOTICE: [&[&str]; 5] = [
     &["udevadm", "control", "--reload"],
     &["udevadm", "trigger", "--subsystem-match=tty", "--subsystem-match=usb-serial"],
     &["systemctl", "daemon-reload"],
+    &["systemd-tmpfiles", "--create", "/etc/tmpfiles.d/ftac.conf"],
     &["systemctl", "enable", "--now", "ftac-stop.service"],
 ];
 /// Before they are removed.
@@ -44,21 +44,32 @@ const FAREWELL: &[&str] = &["systemctl", "disable", "ftac-stop.service"];
 
 /// `ftac bridge install`.
 pub fn run(terminal: &Terminal, args: &InstallArgs) -> Outcome {
-    let file = &args.config.config;
-    let config = std::path::absolute(file).with_context(|| file.display().to_string())?;
-    // A wrong configuration is better found now than when the robot has to be stopped.
-    let bridge = BridgeConfig::read(&config)?;
-    let serial = args.serial.clone().or_else(|| install::serial_of(&bridge.servos.port));
+    // The configuration tells the adapter, and nothing else.
+    let serial = match &args.serial {
+        Some(serial) => Some(serial.clone()),
+        None => {
+            let bridge =
+                args.config.read_without_password().context("--serial names an adapter without a configuration")?;
+            install::serial_of(&bridge.servos.port)
+        }
+    };
     if let Some(odd) = serial.as_ref().filter(|serial| !serial.chars().all(|c| c.is_ascii_alphanumeric())) {
         bail!("--serial: found `{odd}`, expected letters and digits");
     }
     let program = std::env::current_exe().context("the program's own place")?;
-    let files = install::files(&Setup { serial, program, config });
+    let files = install::files(&Setup { serial, program });
     let root = args.root.clone().unwrap_or_else(|| PathBuf::from("/"));
     let system = args.root.is_none();
     if args.dry_run {
-        let text: String =
-            files.iter().map(|file| format!("== {}\n{}\n", root.join(file.path).display(), file.text)).collect();
+        let text: String = files
+            .iter()
+            .map(|file| match &file.content {
+                Content::Text(text) => format!("== {}\n{text}\n", root.join(file.path).display()),
+                Content::Program(program) => {
+                    format!("== {}\na copy of {}\n\n", root.join(file.path).display(), program.display())
+                }
+            })
+            .collect();
         let rows: Vec<_> =
             files.iter().map(|file| json!({"path": root.join(file.path), "purpose": file.purpose})).collect();
         terminal.print(&json!({ "files": rows, "done": [] }), &text)?;
@@ -69,7 +80,7 @@ pub fn run(terminal: &Terminal, args: &InstallArgs) -> Outcome {
         !system || user == 0,
         "found user {user}, expected root: `sudo {} bridge install --config {}` (or --root FOLDER, or --dry-run)",
         std::env::args().next().unwrap_or_else(|| "ftac".into()),
-        file.display()
+        args.config.config.display()
     );
     let mut done = Vec::new();
     let mut failed = Vec::new();
@@ -92,7 +103,7 @@ pub fn run(terminal: &Terminal, args: &InstallArgs) -> Outcome {
         commands.iter().for_each(|command| tell(command));
         // The name under which sudo was called.
         match std::env::var("SUDO_USER") {
-            Ok(user) if !args.remove => tell(&["usermod", "-a", "-G", "dialout", &user]),
+            Ok(user) if !args.remove => tell(&["usermod", "-a", "-G", GROUP, &user]),
             _ => {}
         }
     }

@@ -3,14 +3,14 @@
 use std::path::Path;
 
 use anyhow::{Context, Result};
-use hardware_bridge::config::BridgeConfig;
 use hardware_bridge::servo_bus::latency_timer::{self, LatencyTimer};
 use hardware_bridge::setup;
 
-use super::shared::actuator_names;
+use super::shared::{ConfigArg, actuator_names};
 use crate::terminal::Terminal;
 
-pub fn run(terminal: &Terminal, actuator: &str, config: &BridgeConfig) -> Result<Option<String>> {
+pub fn run(terminal: &Terminal, actuator: &str, config: &ConfigArg) -> Result<Option<String>> {
+    let config = &config.read_without_password()?;
     let names = actuator_names();
     let n = names
         .iter()

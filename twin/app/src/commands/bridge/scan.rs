@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use anyhow::Result;
+use anyhow::{Context as _, Result};
 use hardware_bridge::setup;
 
 use super::shared::ConfigArg;
@@ -11,7 +11,7 @@ use crate::terminal::Terminal;
 pub fn run(terminal: &Terminal, port: Option<&Path>, config: &ConfigArg) -> Result<Option<String>> {
     let port = match port {
         Some(port) => port.to_owned(),
-        None => config.read()?.servos.port,
+        None => config.read_without_password().context("--port names a port without a configuration")?.servos.port,
     };
     let found = setup::scan(&port)?;
     if terminal.json {

@@ -22,6 +22,11 @@ impl ConfigArg {
     pub fn read(&self) -> Result<BridgeConfig> {
         Ok(BridgeConfig::read(&self.config)?)
     }
+
+    /// For what has nothing to do with the arm: its password is not looked for.
+    pub fn read_without_password(&self) -> Result<BridgeConfig> {
+        Ok(BridgeConfig::read_without_password(&self.config)?)
+    }
 }
 
 /// The actuators' names, in order.

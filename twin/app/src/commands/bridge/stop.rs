@@ -1,42 +1,117 @@
-//! `ftac bridge stop`: a word to the robot that runs in another terminal.
+//! `ftac bridge stop`: a word to the robots that run in other terminals.
+//!
+//! It needs their stop sockets and nothing else: no configuration that can be read, no password, no port.
 
-use anyhow::Result;
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context as _, Result, bail};
+use clap::Args;
 use hardware_bridge::config::BridgeConfig;
-use hardware_bridge::remote::{self, RemoteError, Wish};
+use hardware_bridge::hand_bus::HandBus;
+use hardware_bridge::remote::{self, Answer, RemoteError, Wish, places};
 use hardware_bridge::servo_bus::ServoBus;
+use serde_json::json;
 
-use crate::terminal::Terminal;
+use super::shared::shown;
+use crate::terminal::{Outcome, Terminal};
 
-/// Stops the running robot. Where none runs, a release still takes the torque off the servos, directly.
-pub fn stop(terminal: &Terminal, config: &BridgeConfig, release: bool) -> Result<Option<String>> {
-    let wish = if release { Wish::Release } else { Wish::Hold };
-    match remote::ask(&config.stop_socket, wish) {
-        Ok(state) => {
-            tell(terminal, &state);
-            Ok(None)
-        }
-        Err(RemoteError::Nobody { .. }) if release => {
-            let mut bus = ServoBus::open(&config.servos.port, config.bus())?;
-            let failed: Vec<String> = bus
-                .set_torque(&config.servos.ids, false)
-                .into_iter()
-                .filter_map(Result::err)
-                .map(|e| e.to_string())
-                .collect();
-            tell(terminal, "no bridge is running; torque is off");
-            Ok((!failed.is_empty()).then(|| failed.join("; ")))
-        }
-        Err(error @ RemoteError::Nobody { .. }) => Ok(Some(format!(
-            "{error}; servos whose program ended hold, or were stopped by their own watchdogs; --release opens the hand"
-        ))),
-        Err(error) => Err(error.into()),
-    }
+/// Arguments of `bridge stop`.
+#[derive(Debug, Args)]
+pub struct StopArgs {
+    /// Only the robot that was started with this configuration, whatever the file holds by now; default: all robots on this computer
+    /// that this user may stop.
+    #[arg(long)]
+    config: Option<PathBuf>,
+    /// Only the robot that listens on this stop socket.
+    #[arg(long, conflicts_with = "config")]
+    socket: Option<PathBuf>,
+    /// Let go instead: the springs open the hand. Of several robots one must be named. Where none runs, the torque is taken off
+    /// the servos of --config directly.
+    #[arg(long)]
+    release: bool,
 }
 
-fn tell(terminal: &Terminal, state: &str) {
+/// `ftac bridge stop`.
+pub fn run(terminal: &Terminal, args: &StopArgs) -> Outcome {
+    let wish = if args.release { Wish::Release } else { Wish::Hold };
+    let (sockets, looked) = sockets(args);
+    if args.release && sockets.len() > 1 {
+        let robots = live(remote::ask_all(&sockets, Wish::State));
+        if robots.len() > 1 {
+            let listed: Vec<String> = robots.iter().map(|(socket, _)| shown(socket)).collect();
+            let (count, listed) = (robots.len(), listed.join(", "));
+            bail!("found {count} robots, expected one to let go of: name it by --config or --socket ({listed})");
+        }
+    }
+    let answers = live(remote::ask_all(&sockets, wish));
+    if answers.is_empty() {
+        return nobody(terminal, args, &looked);
+    }
+    tell(terminal, &answers);
+    let failed: Vec<String> =
+        answers.iter().filter_map(|(_, answer)| Some(answer.as_ref().err()?.to_string())).collect();
+    Ok((!failed.is_empty()).then(|| failed.join("; ")))
+}
+
+type Told = (PathBuf, Result<Answer, RemoteError>);
+
+/// Those behind whose sockets somebody is.
+fn live(answers: Vec<Told>) -> Vec<Told> {
+    answers.into_iter().filter(|(_, answer)| !matches!(answer, Err(RemoteError::Nobody { .. }))).collect()
+}
+
+/// The sockets to write to, and where was looked for them.
+fn sockets(args: &StopArgs) -> (Vec<PathBuf>, Vec<PathBuf>) {
+    if let Some(socket) = &args.socket {
+        return (vec![socket.clone()], vec![socket.clone()]);
+    }
+    let (mut sockets, mut looked) = places::find();
+    if let Some(config) = &args.config {
+        sockets.retain(|socket| places::is_of(socket, config));
+        // One that the configuration names may be all that this user can reach; one that cannot be read names none.
+        let own = BridgeConfig::read_without_password(config).ok().and_then(|config| config.stop_socket);
+        if sockets.is_empty() {
+            sockets.extend(own.iter().cloned());
+        }
+        looked.extend(own);
+    }
+    (sockets, looked)
+}
+
+/// No bridge is running: a release still takes the torque off the servos, directly.
+fn nobody(terminal: &Terminal, args: &StopArgs, looked: &[PathBuf]) -> Outcome {
+    let looked: Vec<String> = looked.iter().map(|place| shown(place)).collect();
+    let nobody = format!("no bridge is running that this user may stop (looked in {})", looked.join(", "));
+    if !args.release {
+        let rest = "servos whose program ended hold, or were stopped by their own watchdogs; --release opens the hand";
+        return Ok(Some(format!("{nobody}; {rest}")));
+    }
+    let file = args.config.as_deref().unwrap_or(Path::new("bridge.toml"));
+    let config = BridgeConfig::read_without_password(file)
+        .with_context(|| format!("{nobody}; to take the torque off the servos directly, their port is needed"))?;
+    let bus = ServoBus::open(&config.servos.port, config.bus()).context(nobody.clone())?;
+    let unsure = HandBus::new(bus, config.servos.ids, config.servos.fast_sync_read).torque_off();
+    let count = config.servos.ids.len();
+    let state = format!("torque read back as off from {} of {count} servos", count - unsure.len());
+    terminal.print(&json!({"robots": [], "state": state, "unsure": unsure}), &format!("{nobody}; {state}\n"))?;
+    Ok((!unsure.is_empty()).then(|| format!("the torque may be on: {}", unsure.join("; "))))
+}
+
+fn tell(terminal: &Terminal, answers: &[Told]) {
+    let row = |(socket, answer): &Told| match answer {
+        Ok(Answer { text, of }) => json!({"socket": socket, "robot": of, "state": text, "ok": true}),
+        Err(RemoteError::Refused { of, reason }) => {
+            json!({"socket": socket, "robot": of, "state": reason, "ok": false})
+        }
+        Err(error) => json!({"socket": socket, "state": error.to_string(), "ok": false}),
+    };
     if terminal.json {
-        println!("{}", serde_json::json!({ "state": state }));
-    } else {
-        println!("{state}");
+        println!("{}", json!({"robots": answers.iter().map(row).collect::<Vec<_>>()}));
+        return;
+    }
+    for (_, answer) in answers {
+        if let Ok(Answer { text, of }) = answer {
+            println!("{of}: {text}");
+        }
     }
 }

@@ -1,0 +1,216 @@
+//! The running bridge's end of its stop sockets.
+//!
+//! One thread looks after all callers at once. A caller has [`LINE_TIMEOUT`] for its line, however it drips, and is answered on a thread of its
+//! own: neither one that is slow nor one that waits for a release keeps another from stopping the robot.
+
+use std::fs::{DirBuilder, Permissions};
+use std::io::{self, ErrorKind, Read as _, Write as _};
+use std::os::unix::fs::{DirBuilderExt as _, FileTypeExt as _, MetadataExt as _, PermissionsExt as _};
+use std::os::unix::net::{UnixListener, UnixStream};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
+
+use rustix::event::{PollFd, PollFlags, Timespec, poll};
+
+use super::{RemoteError, Wish};
+
+/// A caller's time for its whole line.
+const LINE_TIMEOUT: Duration = Duration::from_millis(500);
+/// Longest line, bytes.
+const LINE: usize = 64;
+/// Callers that are waited for at once; the one that has been here longest leaves for a new one.
+const CALLERS: usize = 64;
+/// Requests under way at once, beside those to hold.
+const REQUESTS: usize = 32;
+/// Between two looks at whether the bridge has ended.
+const LOOK: Timespec = Timespec { tv_sec: 0, tv_nsec: 20_000_000 };
+
+/// What answers a wish: with what was read back, or why not.
+pub type Fulfil = dyn Fn(Wish) -> Result<String, String> + Send + Sync;
+
+/// An open socket; closes when dropped.
+#[derive(Debug)]
+pub struct RemoteDoor {
+    path: PathBuf,
+    stop: Arc<AtomicBool>,
+    thread: Option<JoinHandle<()>>,
+}
+
+impl RemoteDoor {
+    /// Listens at `path`, for `group` as well as for the owner if one is given; every wish is handed to `fulfil`, whose answer goes back with the
+    /// robot's name `of`.
+    pub fn open(path: &Path, group: Option<u32>, of: &str, fulfil: Arc<Fulfil>) -> Result<Self, RemoteError> {
+        let failed = |source| RemoteError::Socket { path: path.to_owned(), source };
+        if let Ok(found) = std::fs::symlink_metadata(path) {
+            if !found.file_type().is_socket() {
+                return Err(failed(io::Error::other("found another kind of file there, expected none or a socket")));
+            }
+            if UnixStream::connect(path).is_ok() {
+                return Err(failed(io::Error::other("another bridge is running there")));
+            }
+            std::fs::remove_file(path).map_err(failed)?;
+        }
+        let listener = bind(path, group).map_err(failed)?;
+        listener.set_nonblocking(true).map_err(failed)?;
+        let stop = Arc::new(AtomicBool::new(false));
+        let (stopped, of) = (stop.clone(), of.to_owned());
+        let thread = std::thread::Builder::new()
+            .name("remote".into())
+            .spawn(move || attend(&listener, &of, &fulfil, &stopped))
+            .map_err(failed)?;
+        Ok(Self { path: path.to_owned(), stop, thread: Some(thread) })
+    }
+
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+}
+
+impl Drop for RemoteDoor {
+    fn drop(&mut self) {
+        self.stop.store(true, Ordering::Relaxed);
+        if let Some(thread) = self.thread.take() {
+            // A thread that panicked has said so itself.
+            let _ = thread.join();
+        }
+        let _ = std::fs::remove_file(&self.path);
+    }
+}
+
+/// A socket for its owner and `group` alone from the beginning, whatever the umask: it is made in a folder that only the owner may enter.
+fn bind(path: &Path, group: Option<u32>) -> io::Result<UnixListener> {
+    let mut folder = path.as_os_str().to_owned();
+    folder.push(format!(".{}", std::process::id()));
+    let folder = PathBuf::from(folder);
+    DirBuilder::new().mode(0o700).create(&folder)?;
+    let inside = folder.join("s");
+    let made = UnixListener::bind(&inside).and_then(|listener| {
+        if let Some(group) = group.filter(|group| std::fs::metadata(&inside).is_ok_and(|made| made.gid() != *group)) {
+            std::os::unix::fs::chown(&inside, None, Some(group))?;
+        }
+        std::fs::set_permissions(&inside, Permissions::from_mode(if group.is_some() { 0o660 } else { 0o600 }))?;
+        std::fs::rename(&inside, path)?;
+        Ok(listener)
+    });
+    // Empty, or with a socket that is of no use.
+    let _ = std::fs::remove_dir_all(&folder);
+    made
+}
+
+/// Somebody who has connected and not said a whole line yet.
+struct Caller {
+    stream: UnixStream,
+    said: Vec<u8>,
+    until: Instant,
+}
+
+/// What reading from a caller came to.
+enum Heard {
+    Line(String),
+    Nothing,
+    /// It has gone, or goes on without an end of the line.
+    Over,
+}
+
+impl Caller {
+    fn hear(&mut self) -> Heard {
+        let mut piece = [0; LINE];
+        loop {
+            match self.stream.read(&mut piece) {
+                Ok(0) => return Heard::Over,
+                Ok(length) => self.said.extend_from_slice(&piece[..length]),
+                Err(error) if error.kind() == ErrorKind::WouldBlock => return Heard::Nothing,
+                Err(error) if error.kind() == ErrorKind::Interrupted => {}
+                Err(_) => return Heard::Over,
+            }
+            if let Some(end) = self.said.iter().position(|byte| *byte == b'\n') {
+                return Heard::Line(String::from_utf8_lossy(&self.said[..end]).trim().to_owned());
+            }
+            if self.said.len() > LINE {
+                return Heard::Over;
+            }
+        }
+    }
+}
+
+/// Looks after callers until `stopped`.
+fn attend(listener: &UnixListener, of: &str, fulfil: &Arc<Fulfil>, stopped: &AtomicBool) {
+    let mut callers: Vec<Caller> = Vec::new();
+    let under_way = Arc::new(AtomicUsize::new(0));
+    while !stopped.load(Ordering::Relaxed) {
+        let mut watched = vec![PollFd::new(listener, PollFlags::IN)];
+        watched.extend(callers.iter().map(|caller| PollFd::new(&caller.stream, PollFlags::IN)));
+        if poll(&mut watched, Some(&LOOK)).is_err() {
+            // Interrupted by a signal, or out of memory.
+            std::thread::sleep(Duration::from_millis(1));
+        }
+        drop(watched);
+        loop {
+            match listener.accept() {
+                Ok((stream, _)) if stream.set_nonblocking(true).is_ok() => {
+                    callers.push(Caller { stream, said: Vec::new(), until: Instant::now() + LINE_TIMEOUT });
+                }
+                Ok(_) => {}
+                Err(error) if error.kind() == ErrorKind::WouldBlock => break,
+                Err(_) => {
+                    // Out of file descriptors, for instance.
+                    std::thread::sleep(Duration::from_millis(5));
+                    break;
+                }
+            }
+        }
+        let now = Instant::now();
+        let mut waiting = Vec::with_capacity(callers.len());
+        for mut caller in callers.drain(..) {
+            match caller.hear() {
+                Heard::Line(line) => answer(caller.stream, &line, of, fulfil, &under_way),
+                Heard::Nothing if now < caller.until => waiting.push(caller),
+                Heard::Nothing => {
+                    let text = format!("found no whole line within {} ms", LINE_TIMEOUT.as_millis());
+                    say(&caller.stream, of, &Err(text));
+                }
+                Heard::Over => {}
+            }
+        }
+        let too_many = waiting.len().saturating_sub(CALLERS);
+        callers = waiting.split_off(too_many);
+    }
+}
+
+/// Answers a line on a thread of its own.
+fn answer(stream: UnixStream, line: &str, of: &str, fulfil: &Arc<Fulfil>, under_way: &Arc<AtomicUsize>) {
+    let Some(wish) = Wish::from_word(line) else {
+        return say(&stream, of, &Err(format!("found {line:?}, expected hold, release or state")));
+    };
+    if wish != Wish::Hold && under_way.load(Ordering::Relaxed) >= REQUESTS {
+        return say(&stream, of, &Err(format!("busy with {REQUESTS} requests; hold is always taken")));
+    }
+    under_way.fetch_add(1, Ordering::Relaxed);
+    let (fulfil, of, count, stream) = (fulfil.clone(), of.to_owned(), under_way.clone(), Arc::new(stream));
+    let work = move || {
+        say(&stream, &of, &fulfil(wish));
+        count.fetch_sub(1, Ordering::Relaxed);
+    };
+    // Where no thread can be had, others wait.
+    if std::thread::Builder::new().name("remote request".into()).spawn(work.clone()).is_err() {
+        work();
+    }
+}
+
+/// Writes an answer, which fits into the socket's buffer.
+fn say(mut stream: &UnixStream, of: &str, answer: &Result<String, String>) {
+    let (word, text) = match answer {
+        Ok(text) => ("ok", text),
+        Err(text) => ("no", text),
+    };
+    let line = |text: &str| text.replace(['\n', '\r'], " ");
+    // A caller that hangs up early gets no answer, and needs none.
+    let _ = stream.write_all(format!("{word}: {}\nof: {}\n", line(text), line(of)).as_bytes());
+}
+
+#[cfg(test)]
+#[path = "door_tests.rs"]
+mod tests;

@@ -1,0 +1,201 @@
+//! Where stop sockets are, so that any terminal finds them without a configuration.
+//!
+//! On a computer that `ftac bridge install` has set up they are in [`SHARED`], open to the group of the operators. Elsewhere they are in a folder of
+//! the user who runs the robot, open to that user alone (and to root). A socket is called `NAME-KEY.PROCESS.stop`; the key is that of the path of
+//! the robot's configuration, so that `--config FILE` finds its robot whatever the file holds by now.
+
+use std::fs::{DirBuilder, Metadata};
+use std::io;
+use std::os::unix::fs::{DirBuilderExt as _, FileTypeExt as _, MetadataExt as _};
+use std::path::{Path, PathBuf};
+
+use crc::{CRC_32_ISCSI, Crc};
+
+/// The operators' folder, made at boot (`tmpfiles.d`): `root:dialout`, mode 3770.
+pub const SHARED: &str = "/run/ftac";
+/// How the names of stop sockets end.
+const SUFFIX: &str = ".stop";
+/// Longest readable part of a socket's name, characters: paths of sockets end at 107 bytes.
+const NAME: usize = 20;
+
+/// A folder for the stop sockets of this process.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Folder {
+    pub path: PathBuf,
+    /// The group that may stop robots as well, if it is the operators' folder.
+    pub group: Option<u32>,
+    /// Why it is not the operators' folder, if it is not.
+    pub why_own: Option<String>,
+}
+
+/// This process's user.
+pub fn user() -> io::Result<u32> {
+    Ok(std::fs::metadata("/proc/self")?.uid())
+}
+
+/// The folder in which this process's robot can be stopped, made if it is the user's own.
+///
+/// # Errors
+/// The user's own folder cannot be made, or somebody else has made it.
+pub fn folder() -> io::Result<Folder> {
+    folder_at(Path::new(SHARED), &own_folder(user()?))
+}
+
+fn folder_at(shared: &Path, own: &Path) -> io::Result<Folder> {
+    let why_own = match std::fs::metadata(shared) {
+        Err(error) => format!("{}: {error}; `ftac bridge install` makes it", shared.display()),
+        Ok(found) if found.mode() & 0o002 != 0 => format!("{}: anybody may write there", shared.display()),
+        Ok(found) => match tempfile_in(shared) {
+            Ok(()) => return Ok(Folder { path: shared.to_owned(), group: Some(found.gid()), why_own: None }),
+            Err(error) => {
+                format!("{}: {error}; is this user in its group, and logged in since?", shared.display())
+            }
+        },
+    };
+    let failed = |text: String| io::Error::other(format!("{}: {text}", own.display()));
+    let user = user()?;
+    match DirBuilder::new().mode(0o700).create(own) {
+        Err(error) if error.kind() != io::ErrorKind::AlreadyExists => return Err(failed(error.to_string())),
+        _ => {}
+    }
+    // Somebody else may have been there first, where anybody may write.
+    let found = std::fs::symlink_metadata(own)?;
+    if !is_private(&found, user) {
+        let (owner, mode) = (found.uid(), found.mode() & 0o7777);
+        return Err(failed(format!(
+            "found owner {owner} and mode {mode:o}, expected a folder of user {user} with mode 700"
+        )));
+    }
+    Ok(Folder { path: own.to_owned(), group: None, why_own: Some(why_own) })
+}
+
+fn is_private(found: &Metadata, user: u32) -> bool {
+    found.is_dir() && found.uid() == user && found.mode() & 0o077 == 0
+}
+
+/// Whether something can be made in a folder.
+fn tempfile_in(folder: &Path) -> io::Result<()> {
+    let probe = folder.join(format!(".{}", std::process::id()));
+    DirBuilder::new().mode(0o700).create(&probe)?;
+    std::fs::remove_dir(&probe)
+}
+
+/// A user's own folder: below that of the login session, whether or not the environment names it.
+fn own_folder(user: u32) -> PathBuf {
+    let session = PathBuf::from(format!("/run/user/{user}"));
+    match std::fs::metadata(&session) {
+        Ok(found) if found.uid() == user => session.join("ftac"),
+        _ => temporary(user),
+    }
+}
+
+/// Not below `TMPDIR`, which may differ from one terminal to the next.
+fn temporary(user: u32) -> PathBuf {
+    PathBuf::from(format!("/tmp/ftac-{user}"))
+}
+
+/// What the socket of the robot with this configuration is called, but for the process.
+pub fn stem(config: &Path) -> String {
+    let whole = match (config.parent().map(Path::canonicalize), config.file_name()) {
+        (Some(Ok(folder)), Some(file)) => folder.join(file),
+        _ => std::path::absolute(config).unwrap_or_else(|_| config.to_owned()),
+    };
+    let key = Crc::<u32>::new(&CRC_32_ISCSI).checksum(whole.as_os_str().as_encoded_bytes());
+    let folder = whole.parent().and_then(Path::file_name).unwrap_or_default().to_string_lossy().into_owned();
+    let name: String = folder.chars().filter(|c| c.is_ascii_alphanumeric()).take(NAME).collect();
+    format!("{name}-{key:08x}")
+}
+
+/// The socket of this process's robot in `folder`.
+pub fn socket(folder: &Path, config: &Path) -> PathBuf {
+    folder.join(format!("{}.{}{SUFFIX}", stem(config), std::process::id()))
+}
+
+/// The stop sockets on this computer that this user can see, and the folders that were looked in: those of all users, as far as they may be read.
+pub fn find() -> (Vec<PathBuf>, Vec<PathBuf>) {
+    let own = user().map(own_folder);
+    let mut folders = vec![PathBuf::from(SHARED)];
+    folders.extend(own);
+    let children = |folder: &Path| -> Vec<PathBuf> {
+        std::fs::read_dir(folder).into_iter().flatten().flatten().map(|entry| entry.path()).collect()
+    };
+    folders.extend(children(Path::new("/run/user")).into_iter().map(|session| session.join("ftac")));
+    // Of the user that its name says: anybody may make folders there.
+    let own = |path: &PathBuf| std::fs::symlink_metadata(path).is_ok_and(|found| *path == temporary(found.uid()));
+    folders.extend(children(Path::new("/tmp")).into_iter().filter(own));
+    folders.sort();
+    folders.dedup();
+    folders.retain(|folder| folder.is_dir());
+    (folders.iter().flat_map(|folder| sockets_in(folder)).collect(), folders)
+}
+
+/// The stop sockets in a folder, sorted.
+pub fn sockets_in(folder: &Path) -> Vec<PathBuf> {
+    let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
+    let is_one = |entry: &std::fs::DirEntry| {
+        entry.file_type().is_ok_and(|kind| kind.is_socket()) && entry.file_name().to_string_lossy().ends_with(SUFFIX)
+    };
+    let mut sockets: Vec<PathBuf> = entries.filter(is_one).map(|entry| entry.path()).collect();
+    sockets.sort();
+    sockets
+}
+
+/// Whether a socket is that of the robot with this configuration.
+pub fn is_of(socket: &Path, config: &Path) -> bool {
+    let name = socket.file_name().unwrap_or_default().to_string_lossy().into_owned();
+    name.strip_prefix(&stem(config)).is_some_and(|rest| rest.starts_with('.'))
+}
+
+/// Takes away sockets in `folder` that this user's robots have left: nobody listens there any more.
+pub fn sweep(folder: &Path) {
+    for socket in sockets_in(folder) {
+        let refused = std::os::unix::net::UnixStream::connect(&socket).map_err(|error| error.kind());
+        if refused.err() == Some(io::ErrorKind::ConnectionRefused) {
+            // One of another user stays, and harms nobody.
+            let _ = std::fs::remove_file(&socket);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::fs::Permissions;
+    use std::os::unix::fs::PermissionsExt as _;
+
+    /// The operators' folder is used where it can be; else the user's own, and why is said; one that somebody else could have made is refused.
+    #[test]
+    fn the_folder_is_the_operators_or_ones_own() {
+        let root = tempfile::tempdir().expect("a folder");
+        let (shared, own) = (root.path().join("shared"), root.path().join("own"));
+        let found = folder_at(&shared, &own).expect("its own");
+        assert_eq!((&found.path, found.group), (&own, None));
+        assert!(found.why_own.expect("said").contains("`ftac bridge install` makes it"));
+        assert_eq!(std::fs::metadata(&own).expect("made").mode() & 0o777, 0o700);
+        std::fs::create_dir(&shared).expect("made");
+        std::fs::set_permissions(&shared, Permissions::from_mode(0o3770)).expect("set");
+        let found = folder_at(&shared, &own).expect("the operators'");
+        assert_eq!((&found.path, found.group.is_some(), found.why_own), (&shared, true, None));
+        std::fs::set_permissions(&shared, Permissions::from_mode(0o777)).expect("set");
+        assert_eq!(folder_at(&shared, &own).expect("its own").path, own, "not where anybody may write");
+        std::fs::set_permissions(&own, Permissions::from_mode(0o755)).expect("set");
+        let error = folder_at(&shared, &own).expect_err("open to others").to_string();
+        assert!(error.contains("mode 755") && error.contains("mode 700"), "{error}");
+    }
+
+    /// A configuration names its robot's socket by its path, whatever it holds and whether it is there.
+    #[test]
+    fn a_robot_is_found_by_the_path_of_its_configuration() {
+        let root = tempfile::tempdir().expect("a folder");
+        let config = root.path().join("bridge.toml");
+        let one = socket(root.path(), &config);
+        assert!(is_of(&one, &config) && is_of(&one, &root.path().join(".").join("bridge.toml")));
+        assert!(!is_of(&one, &root.path().join("other.toml")) && one.to_string_lossy().ends_with(".stop"));
+        let listener = std::os::unix::net::UnixListener::bind(&one).expect("bound");
+        sweep(root.path());
+        assert_eq!(sockets_in(root.path()), [one], "somebody listens");
+        drop(listener);
+        sweep(root.path());
+        assert!(sockets_in(root.path()).is_empty());
+    }
+}

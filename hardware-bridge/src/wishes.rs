@@ -1,0 +1,83 @@
+//! What comes of an operator's wish, from another terminal or from this program: told as it was measured.
+
+use std::time::{Duration, Instant};
+
+use hand_model::ACTUATORS;
+
+use crate::clock::Clock;
+use crate::hardware_robot::give;
+use crate::lock::lock;
+use crate::remote::Wish;
+use crate::safety::state::State;
+use crate::servo_cycle::{Board, Order, Shared};
+
+/// A joint of the arm that is slower stands, rad/s.
+const STANDS: f64 = 0.02;
+/// A measurement older than this says nothing about now, s.
+const FRESH: f64 = 0.3;
+/// Longest wait until the arm is measured to stand, and between two looks.
+const BRAKING: Duration = Duration::from_secs(1);
+const LOOK: Duration = Duration::from_millis(5);
+/// Longest wait for the end of a release, beyond the time in which its current fades.
+const LETTING_GO: Duration = Duration::from_secs(6);
+
+/// Brings a wish to the servo cycle and waits for what comes of it.
+///
+/// # Errors
+/// It was refused, or could not be confirmed.
+pub(crate) fn fulfil(shared: &Shared, clock: &Clock, wish: Wish, release_time: f64) -> Result<String, String> {
+    let state = give(shared, Order::Remote(wish))?;
+    match wish {
+        Wish::Hold if lock(&shared.board).state == State::Connected => {
+            Ok(format!("{state}, without torque by this program; it has to be checked again before it moves"))
+        }
+        Wish::State => Ok(format!("{state}; {}", standing(&lock(&shared.board), clock.now()))),
+        Wish::Hold => {
+            let begun = Instant::now();
+            while speed(&lock(&shared.board), clock.now()).is_none_or(|speed| speed > STANDS)
+                && begun.elapsed() < BRAKING
+            {
+                std::thread::sleep(LOOK);
+            }
+            let board = lock(&shared.board);
+            Ok(format!("{}; {}", board.state, standing(&board, clock.now())))
+        }
+        Wish::Release => released(shared, Duration::from_secs_f64(release_time) + LETTING_GO),
+    }
+}
+
+/// Waits until a release has ended.
+fn released(shared: &Shared, patience: Duration) -> Result<String, String> {
+    let begun = Instant::now();
+    loop {
+        let board = lock(&shared.board);
+        match board.state {
+            State::Connected => {
+                let unsure = &board.report.still_on;
+                let off = format!("torque read back as off from {} of {ACTUATORS} servos", ACTUATORS - unsure.len());
+                return if unsure.is_empty() { Ok(off) } else { Err(format!("{off}; {}", unsure.join("; "))) };
+            }
+            State::Release { .. } if begun.elapsed() < patience => {}
+            state => return Err(format!("not released: found {state}, expected connected, without torque")),
+        }
+        drop(board);
+        std::thread::sleep(LOOK);
+    }
+}
+
+/// Speed of the arm's fastest joint, rad/s, if it was measured lately.
+fn speed(board: &Board, now: f64) -> Option<f64> {
+    let arm = board.measured.arm.filter(|arm| now - arm.at <= FRESH)?;
+    Some(arm.state.velocity.iter().fold(0.0, |most, speed| speed.abs().max(most)))
+}
+
+/// What is measured of arm and servos at `now`, in words.
+pub(crate) fn standing(board: &Board, now: f64) -> String {
+    let arm = match speed(board, now) {
+        None => "nothing is heard from the arm".to_owned(),
+        Some(speed) if speed <= STANDS => "the arm stands".to_owned(),
+        Some(speed) => format!("the arm moves at {speed:.2} rad/s"),
+    };
+    let servos = board.measured.servos.iter().flatten().filter(|servo| now - servo.at <= FRESH).count();
+    format!("{arm}, {servos} of {ACTUATORS} servos answer")
+}
