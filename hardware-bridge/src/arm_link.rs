@@ -34,6 +34,11 @@ pub trait ArmLink: Send {
 
     /// Stops the arm at its position and leaves set-point mode.
     fn disengage(&mut self) -> Result<(), ArmLinkError>;
+
+    /// Whether its readings hold measured torques.
+    fn senses_torque(&self) -> bool {
+        true
+    }
 }
 
 /// A stand-in for an arm: each set-point is measured one call later.
@@ -72,5 +77,9 @@ impl ArmLink for LoopbackArm {
     fn disengage(&mut self) -> Result<(), ArmLinkError> {
         self.engaged = false;
         Ok(())
+    }
+
+    fn senses_torque(&self) -> bool {
+        false
     }
 }

@@ -29,6 +29,7 @@
 //! current = 0.6
 //! ```
 
+mod limits;
 pub mod secrets;
 mod uvc;
 
@@ -38,10 +39,11 @@ use hand_model::{ACTUATORS, Arm};
 use kortex::arm::{TCP_PORT, UDP_PORT};
 use serde::{Deserialize, Serialize};
 
-use crate::safety::limits::{ArmLimits, Limits, ServoLimits, Watchdogs};
+use crate::safety::limits::Limits;
 use crate::servo_bus::BusSettings;
 use crate::xc330;
 
+pub use limits::{ArmLimitConfig, LimitConfig, SpaceConfig};
 use secrets::{Password, syntax_message};
 pub use uvc::{UvcConfig, UvcFormat, UvcSquare};
 
@@ -180,86 +182,18 @@ fn default_udp() -> u16 {
     UDP_PORT
 }
 
-/// Limits, the same for every servo.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct LimitConfig {
-    /// Fastest change of a servo's goal, rad/s.
-    pub speed: f64,
-    /// Greatest goal current, A.
-    pub current: f64,
-    /// Greatest current while holding, A.
-    pub hold_current: f64,
-    /// The same for what has nothing to do with the arm: its password is not looked for.
-    pub fn read_without_password(path: &Path) -> Result<Self, ConfigError> {
-        let text = std::fs::read_to_string(path).map_err(|source| ConfigError::Io { path: path.to_owned(), source })?;
-        Self::parse(&text, path)
-    }
-
-    /// Hottest servo, degrees Celsius.
-    pub temperature: f64,
-    /// Least and greatest supply, V.
-    pub voltage: [f64; 2],
-    /// Oldest servo measurement to act on, s.
-    pub staleness: f64,
-    /// The servos' own bus watchdog, s, in steps of 0.02.
-    pub servo_watchdog: f64,
-    /// Longest silence of the arm, s.
-    pub arm_watchdog: f64,
-    /// Longest silence of the controller, s, while it moves the robot.
-    pub host_watchdog: f64,
-    /// Longest silence that the controller announces because it has to think, s.
-    pub pause: f64,
-    /// Time in which a release lets the current fade, s.
-    pub release_time: f64,
-}
-
-impl Default for LimitConfig {
-    fn default() -> Self {
-        Self {
-            speed: 6.0,
-            current: 0.6,
-            hold_current: 0.4,
-            temperature: 60.0,
-            voltage: [9.0, 12.6],
-            staleness: 0.05,
-            servo_watchdog: 0.1,
-            arm_watchdog: 0.1,
-            host_watchdog: 0.3,
-            pause: 5.0,
-            release_time: 1.0,
-        }
-    }
-}
-
-impl LimitConfig {
-    /// All limits, for servos with this travel (rad) and for this arm.
-    pub fn limits(&self, travel: &[f64; ACTUATORS], arm: &Arm) -> Limits {
-        let own = self;
-        let servos = travel.map(|travel| ServoLimits {
-            angle: (0.0, travel),
-            speed: own.speed,
-            current: own.current,
-            hold_current: own.hold_current,
-            temperature: own.temperature,
-        });
-        Limits {
-            servos,
-            arm: ArmLimits::of(arm),
-            voltage: (own.voltage[0], own.voltage[1]),
-            staleness: own.staleness,
-            watchdogs: Watchdogs { servo_bus: own.servo_watchdog, arm: own.arm_watchdog, host: own.host_watchdog },
-            release_time: own.release_time,
-        }
-    }
-}
-
 impl BridgeConfig {
     /// Reads and checks a configuration; relative paths in it become relative to its folder.
     pub fn read(path: &Path) -> Result<Self, ConfigError> {
         let mut config = Self::read_without_password(path)?;
         config.find_password(path)?;
         Ok(config)
+    }
+
+    /// The same for what has nothing to do with the arm: its password is not looked for.
+    pub fn read_without_password(path: &Path) -> Result<Self, ConfigError> {
+        let text = std::fs::read_to_string(path).map_err(|source| ConfigError::Io { path: path.to_owned(), source })?;
+        Self::parse(&text, path)
     }
 
     /// Reads and checks a configuration's text; `path` is used in errors and for relative paths.
@@ -286,7 +220,6 @@ impl BridgeConfig {
     }
 
     /// What is allowed, with the servos' travel (rad) from the calibration.
-        let again = BridgeConfig { file: config.file.clone(), ..again };
     pub fn limits(&self, travel: &[f64; ACTUATORS], arm: &Arm) -> Limits {
         self.limits.limits(travel, arm)
     }
@@ -312,26 +245,13 @@ impl BridgeConfig {
         if let Some((name, found, expected)) = uvc::wrong_squares(&self.uvc) {
             return field(&name, found, expected);
         }
-        let own = &self.limits;
-        let ranges = [
-            ("servos.rate", self.servos.rate, 20.0, 500.0),
-            ("servos.slack", self.servos.slack, 0.001, 1.0),
-            ("limits.speed", own.speed, 0.1, 10.0),
-            ("limits.current", own.current, 0.01, 0.91),
-            ("limits.hold_current", own.hold_current, 0.0, own.current),
-            ("limits.temperature", own.temperature, 30.0, 70.0),
-            ("limits.voltage[0]", own.voltage[0], 5.5, own.voltage[1]),
-            ("limits.voltage[1]", own.voltage[1], own.voltage[0], 14.0),
-            ("limits.staleness", own.staleness, 2.0 / self.servos.rate, 1.0),
-            ("limits.servo_watchdog", own.servo_watchdog, 0.04_f64.max(2.0 / self.servos.rate), 2.54),
-            ("limits.arm_watchdog", own.arm_watchdog, 0.01, 1.0),
-            ("limits.host_watchdog", own.host_watchdog, 0.02, 10.0),
-            ("limits.pause", own.pause, own.host_watchdog, 60.0),
-            ("limits.release_time", own.release_time, 0.1, 10.0),
-        ];
+        let (rate, slack) = (self.servos.rate, self.servos.slack);
+        let mut ranges =
+            vec![("servos.rate".to_owned(), rate, 20.0, 500.0), ("servos.slack".to_owned(), slack, 0.001, 1.0)];
+        ranges.extend(self.limits.ranges(rate));
         for (name, value, low, high) in ranges {
             if !(low..=high).contains(&value) {
-                return field(name, value.to_string(), format!("{low} to {high}"));
+                return field(&name, value.to_string(), format!("{low} to {high}"));
             }
         }
         Ok(())
@@ -366,6 +286,7 @@ pub(super) mod tests {
         assert_eq!((config.servos.baud, config.servos.rate, config.limits.current), (3_000_000, 200.0, 0.5));
         assert_eq!(config.calibration, Path::new("x/calibration.json"));
         let again = BridgeConfig::parse(&config.to_toml(), Path::new("bridge.toml")).expect("its own words");
+        let again = BridgeConfig { file: config.file.clone(), ..again };
         assert_eq!(again, config);
     }
 

@@ -26,17 +26,16 @@ use crate::real_time::run_ahead;
 use crate::remote::door::{Fulfil, RemoteDoor};
 use crate::remote::{RemoteError, Wish, places};
 use crate::safety::checks::Measured;
-use crate::safety::limits::SafeGoal;
+use crate::safety::limits::{Limits, SafeGoal};
+use crate::safety::set_points::TICK;
 use crate::safety::state::State;
 use crate::safety::supervisor::{SafeCommand, Supervisor};
 use crate::servo_bus::{BusError, ServoBus};
 use crate::servo_cycle::{Board, CycleReport, DryLines, Order, ServoCycle, Shared};
 use crate::setup;
 use crate::tactile_link::TactileLink;
-
 use crate::wishes;
-/// Length of a control tick, s: the simulated robot's.
-const TICK: f64 = 1.0 / 120.0;
+
 /// Cycles between two audits of one servo each.
 const AUDIT_EVERY: u64 = 5;
 /// Longest wait for the cycle that uses a command, and for the answer to an order.
@@ -197,6 +196,7 @@ impl HardwareRobot {
         self.clock.now()
     }
 }
+
 /// The sockets on which this robot can be stopped: the one that any terminal finds, and the configured one.
 fn stop_sockets(config: &BridgeConfig, shared: &Arc<Shared>, clock: &Clock) -> Result<Vec<RemoteDoor>, RemoteError> {
     let failed = |source| RemoteError::Socket { path: places::SHARED.into(), source };
@@ -213,7 +213,6 @@ fn stop_sockets(config: &BridgeConfig, shared: &Arc<Shared>, clock: &Clock) -> R
     }
     Ok(doors)
 }
-
 
 /// Opens the servo bus and makes sure that the servos are the calibrated ones.
 pub(crate) fn open_hand(config: &BridgeConfig, calibration: &HandCalibration) -> Result<HandBus, ConnectError> {
@@ -246,7 +245,9 @@ pub(crate) fn servo_cycle(
     arm_model: &Arm,
     clock: Clock,
 ) -> ServoCycle {
-    let mut supervisor = Supervisor::new(config.limits(&calibration.travel(), arm_model));
+    let limits = config.limits(&calibration.travel(), arm_model);
+    let press = limits.press.filter(|_| arm.senses_torque());
+    let mut supervisor = Supervisor::new(Limits { press, ..limits }).watching(&Hand::ftac(), arm_model);
     // A new supervisor is disconnected, so this cannot be refused.
     let _ = supervisor.connect();
     let measured = Measured { servos: [None; ACTUATORS], arm: None, cameras: true };

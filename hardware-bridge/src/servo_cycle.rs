@@ -22,7 +22,7 @@ use crate::lock::lock;
 use crate::remote::Wish;
 use crate::safety::checks::Measured;
 use crate::safety::state::{Cause, State};
-use crate::safety::supervisor::{Asked, SafeCommand, Step, Supervisor};
+use crate::safety::supervisor::{Asked, Margins, SafeCommand, Step, Supervisor};
 use crate::servo_bus::statistics::BusStatistics;
 use crate::servo_bus::{BusSettings, ServoBus};
 
@@ -61,6 +61,8 @@ pub struct CycleReport {
     pub frozen: Option<(Instant, f64)>,
     /// Servos whose torque was not read back as off at the end of a release, and why.
     pub still_on: Vec<String>,
+    /// How near to their limits arm and hand have come.
+    pub margins: Margins,
 }
 
 type Answer = Sender<Result<String, String>>;
@@ -158,7 +160,7 @@ impl ServoCycle {
         };
         let now = self.now();
         // Silence counts from the end of a pause that was announced.
-        let asked = asked.as_ref().map(|(command, at)| Asked { command, at: at.max(quiet_until.min(now)) });
+        let asked = asked.as_ref().map(|(command, at)| Asked { command, at: at.max(quiet_until.min(now)), number });
         if let (State::Running, Some(asked)) = (self.supervisor.state(), asked) {
             self.report.longest_silence = self.report.longest_silence.max(now - asked.at);
         }
@@ -170,6 +172,7 @@ impl ServoCycle {
         }
         self.audit();
         self.report.cycles += 1;
+        self.report.margins = self.supervisor.margins();
         let mut board = lock(&self.shared.board);
         if let Step::Send(command) = step {
             board.sent = command;
@@ -245,11 +248,11 @@ impl ServoCycle {
     /// The end of a release.
     fn let_go(&mut self) {
         if self.dry.is_some() {
+            self.report.still_on =
+                self.ids.iter().map(|id| format!("servo {id}: dry run, nothing was written")).collect();
             return;
         }
         self.report.still_on = match &mut self.hand {
-            self.report.still_on =
-                self.ids.iter().map(|id| format!("servo {id}: dry run, nothing was written")).collect();
             Some(hand) => hand.torque_off(),
             None => self.ids.iter().map(|id| format!("servo {id}: its port is gone")).collect(),
         };
@@ -302,11 +305,11 @@ impl ServoCycle {
         let orders = std::mem::take(&mut lock(&self.shared.board).orders);
         for (order, answer) in orders {
             let result = self.obey(order).map(|()| self.supervisor.state().to_string());
+            // Whoever reads the board after the answer finds what was answered.
+            lock(&self.shared.board).state = self.supervisor.state();
             // The sender of the order may be gone.
             let _ = answer.send(result);
         }
-            // Whoever reads the board after the answer finds what was answered.
-            lock(&self.shared.board).state = self.supervisor.state();
     }
 
     fn obey(&mut self, order: Order) -> Result<(), String> {

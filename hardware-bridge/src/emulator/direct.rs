@@ -7,7 +7,7 @@
 use std::sync::Arc;
 
 use hand_model::robot::{Command, Observation, Robot, TactileFrame, Tick};
-use hand_model::{ACTUATORS, Arm};
+use hand_model::{ACTUATORS, Arm, Hand};
 
 use super::camera_board::CameraBoard;
 use super::direct_arm::DirectArm;
@@ -38,6 +38,8 @@ pub struct DirectRobot {
     capture: bool,
     time: f64,
     sequence: u64,
+    /// Commands so far.
+    asked: u64,
 }
 
 impl DirectRobot {
@@ -53,7 +55,8 @@ impl DirectRobot {
         let devices = settings.devices;
         let observation = plant.observe();
         let calibration = calibrated(&devices.servos, &settings.travel);
-        let mut supervisor = Supervisor::new(settings.limits.limits(&settings.travel, arm_model));
+        let mut supervisor =
+            Supervisor::new(settings.limits.limits(&settings.travel, arm_model)).watching(&Hand::ftac(), arm_model);
         supervisor.connect()?;
         let mut robot = Self {
             plant,
@@ -68,6 +71,7 @@ impl DirectRobot {
             capture: false,
             time: 0.0,
             sequence: 0,
+            asked: 0,
         };
         for (n, servo) in robot.servos.iter_mut().enumerate() {
             servo.advance(0.0, 0.0, observation.servos[n]);
@@ -145,9 +149,9 @@ impl Robot for DirectRobot {
 
     fn send(&mut self, command: &Command) -> Command {
         self.capture = command.capture;
-        if let Step::Send(safe) =
-            self.supervisor.step(self.time, Some(Asked { command, at: self.time }), &self.measured)
-        {
+        self.asked += 1;
+        let asked = Asked { command, at: self.time, number: self.asked };
+        if let Step::Send(safe) = self.supervisor.step(self.time, Some(asked), &self.measured) {
             self.sent = safe;
             self.arm.target = Some(safe.arm);
             self.write_goals();

@@ -6,6 +6,10 @@
 use hand_model::robot::ServoGoal;
 use hand_model::{ACTUATORS, ARM_JOINTS, Arm};
 
+use super::pressing::PressLimits;
+use super::set_points::Motion;
+use super::space::SpaceLimits;
+
 /// How far ahead of the shaft the goal of a pure current command is put, rad: enough to saturate the servo's position control (P gain 900:
 /// full duty from 0.2 rad on), little enough to come back from quickly.
 pub const LEAD: f64 = 1.0;
@@ -37,6 +41,8 @@ pub struct ArmLimits {
     pub speed: [f64; ARM_JOINTS],
     /// How fast each set-point slows down when the arm is stopped, rad/s2.
     pub deceleration: [f64; ARM_JOINTS],
+    /// Bounds of acceleration and jerk of each set-point, if there are any.
+    pub motion: Option<[Motion; ARM_JOINTS]>,
 }
 
 /// When silence is too long.
@@ -64,6 +70,10 @@ pub struct Limits {
     pub watchdogs: Watchdogs,
     /// Time in which a release lets the current fade, s.
     pub release_time: f64,
+    /// How much the arm may press; nothing is known of an arm without torque sensors.
+    pub press: Option<PressLimits>,
+    /// Where arm and hand may be.
+    pub space: Option<SpaceLimits>,
 }
 
 /// What is sent to one servo: current-based position control.
@@ -109,7 +119,13 @@ impl ArmLimits {
             angle: std::array::from_fn(|joint| (arm.tree.joints[joint].lower, arm.tree.joints[joint].upper)),
             speed: arm.velocity_limits,
             deceleration: arm.acceleration_limits,
+            motion: None,
         }
+    }
+
+    /// Where an arm whose set-points are at `at` (rad) and move at `speed` (rad/s) comes to a stand when it is stopped, rad.
+    pub fn stand(&self, at: &[f64; ARM_JOINTS], speed: &[f64; ARM_JOINTS]) -> [f64; ARM_JOINTS] {
+        std::array::from_fn(|joint| at[joint] + 0.5 * speed[joint] * speed[joint].abs() / self.deceleration[joint])
     }
 
     /// The set-points that may be sent, `dt` (s) after `previous`.
@@ -150,10 +166,22 @@ pub(crate) mod tests {
 
     pub(crate) fn limits() -> Limits {
         let servo = ServoLimits { angle: (0.0, 4.5), speed: 6.0, current: 0.6, hold_current: 0.4, temperature: 60.0 };
-        let arm =
-            ArmLimits { angle: [(-2.0, 2.0); ARM_JOINTS], speed: [1.0; ARM_JOINTS], deceleration: [8.0; ARM_JOINTS] };
-        let watchdogs = Watchdogs { servo_bus: 0.1, arm: 0.1, host: 0.5 };
-        Limits { servos: [servo; ACTUATORS], arm, voltage: (9.0, 12.5), staleness: 0.05, watchdogs, release_time: 1.0 }
+        let arm = ArmLimits {
+            angle: [(-2.0, 2.0); ARM_JOINTS],
+            speed: [1.0; ARM_JOINTS],
+            deceleration: [8.0; ARM_JOINTS],
+            motion: None,
+        };
+        Limits {
+            servos: [servo; ACTUATORS],
+            arm,
+            voltage: (9.0, 12.5),
+            staleness: 0.05,
+            watchdogs: Watchdogs { servo_bus: 0.1, arm: 0.1, host: 0.5 },
+            release_time: 1.0,
+            press: None,
+            space: None,
+        }
     }
 
     /// Winding: the goal runs ahead of the shaft by the lead and no further; opening starts from there, not from the end of the range.

@@ -4,6 +4,9 @@ use std::fmt;
 
 use hand_model::Digit;
 
+use super::bodies::Body;
+use super::space::Side;
+
 /// Where the robot is between being a box of parts and running.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum State {
@@ -92,6 +95,16 @@ pub enum Cause {
     ServoSilent(usize, f64),
     /// Silence of the arm, s.
     ArmSilent(f64),
+    /// This joint of the arm bears this torque, N m, for longer than a jolt.
+    ArmTorque(usize, f64),
+    /// This joint bears so much more than weight, motion and payload explain, N m, for longer than a jolt.
+    ArmPress(usize, f64),
+    /// The controller sends this part so far below the table, m.
+    Table(Body, f64),
+    /// The controller sends this part so far out of the workspace, m.
+    Workspace(Body, Side, f64),
+    /// The controller sends these parts so near to each other, m.
+    SelfCollision(Body, Body, f64),
     /// The arm is in trouble.
     ArmFault(ArmTrouble),
     /// This program itself, or the whole computer, stood still for so long, s.
@@ -144,6 +157,29 @@ impl fmt::Display for Cause {
             }
             Self::ArmSilent(age) => write!(f, "arm: no word for {}; check the network cable", ms(age)),
             Self::ArmFault(trouble) => write!(f, "arm: {trouble}"),
+            Self::ArmTorque(joint, torque) => write!(
+                f,
+                "arm joint {}: {torque:.1} N m, above its limit (limits.arm.torque); what does it press against, or carry?",
+                joint + 1
+            ),
+            Self::ArmPress(joint, torque) => write!(
+                f,
+                "arm joint {}: {torque:.1} N m more than weight, motion and payload explain (limits.arm.residual); what does it press against?",
+                joint + 1
+            ),
+            Self::Table(body, below) => write!(
+                f,
+                "the controller sends {body} {:.0} mm below the table (limits.space.table, tolerance)",
+                1e3 * below
+            ),
+            Self::Workspace(body, side, outside) => {
+                write!(f, "the controller sends {body} {:.0} mm out of the workspace ({side})", 1e3 * outside)
+            }
+            Self::SelfCollision(one, other, distance) => write!(
+                f,
+                "the controller sends {one} to {:.0} mm from {other} (limits.space.clearance)",
+                1e3 * distance
+            ),
             Self::Frozen(gap) => write!(
                 f,
                 "this program stood still for {}; was it stopped, or the computer suspended or overloaded?",

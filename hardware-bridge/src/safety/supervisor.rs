@@ -1,14 +1,19 @@
 //! The supervisor: in each cycle it turns the requested command and the measurements into the command that may be sent.
 
 use hand_model::robot::{Command, ServoGoal};
-use hand_model::{ACTUATORS, ARM_JOINTS};
+use hand_model::{ACTUATORS, ARM_JOINTS, Arm, Hand};
 
 use super::checks::{self, Measured};
 use super::limits::{Limits, SafeGoal};
+use super::pressing::{PressWatch, Pressed};
+use super::set_points::SetPoints;
+use super::space::{Room, SpaceWatch};
 use super::state::{Cause, Refused, State};
 
 /// Longest time between two steps that still counts for how far a goal may move, s: after a pause nothing may jump.
 const LONGEST_STEP: f64 = 0.02;
+/// A controller that was silent for longer has let the arm stand, s.
+const STANDS_AFTER: f64 = 0.05;
 
 /// What may be sent.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -43,6 +48,15 @@ pub struct Asked<'a> {
     pub command: &'a Command,
     /// s.
     pub at: f64,
+    /// Which one it is: the same number is the same command.
+    pub number: u64,
+}
+
+/// How near to their limits arm and hand have come.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Margins {
+    pub pressed: Option<Pressed>,
+    pub room: Option<Room>,
 }
 
 #[derive(Debug, Clone)]
@@ -52,6 +66,13 @@ pub struct Supervisor {
     sent: SafeCommand,
     /// Speeds that are left of the arm's set-points since it was stopped, rad/s.
     braking: Option<[f64; ARM_JOINTS]>,
+    /// Where an arm that pressed was measured to be: it is sent there, rad.
+    giving_way: Option<[f64; ARM_JOINTS]>,
+    set_points: SetPoints,
+    /// Number and time (s) of the command that they follow.
+    followed: Option<(u64, f64)>,
+    press: Option<PressWatch>,
+    space: Option<SpaceWatch>,
     stepped: f64,
 }
 
@@ -59,7 +80,32 @@ impl Supervisor {
     /// A supervisor of a robot that is not connected.
     pub fn new(limits: Limits) -> Self {
         let sent = SafeCommand { servos: [SafeGoal::default(); ACTUATORS], arm: [0.0; ARM_JOINTS] };
-        Self { limits, state: State::Disconnected, sent, braking: None, stepped: 0.0 }
+        Self {
+            limits,
+            state: State::Disconnected,
+            sent,
+            braking: None,
+            giving_way: None,
+            set_points: SetPoints::at(&sent.arm),
+            followed: None,
+            press: None,
+            space: None,
+            stepped: 0.0,
+        }
+    }
+
+    /// The same for an arm of this model, which is watched for what it presses and where it goes, as far as there are limits for that.
+    #[must_use]
+    pub fn watching(self, hand: &Hand, arm: &Arm) -> Self {
+        let press = self.limits.press.map(|limits| PressWatch::new(hand, arm, limits));
+        let space = self.limits.space.map(|limits| SpaceWatch::new(hand, arm, limits));
+        Self { press, space, ..self }
+    }
+
+    /// How near to their limits arm and hand have come.
+    pub fn margins(&self) -> Margins {
+        let (press, space) = (self.press.as_ref(), self.space.as_ref());
+        Margins { pressed: press.map(PressWatch::pressed), room: space.map(SpaceWatch::room) }
     }
 
     pub fn state(&self) -> State {
@@ -105,11 +151,16 @@ impl Supervisor {
             *goal = measured.arm.map_or(0.0, |arm| arm.state.position[joint]).clamp(low, high);
         }
         self.stepped = now;
+        (self.set_points, self.followed) = (SetPoints::at(&self.sent.arm), None);
+        (self.braking, self.giving_way) = (None, None);
         Ok(self.sent)
     }
 
-    /// Stops and holds.
+    /// Stops and holds. A robot that is not armed yet has to be checked again before it is.
     pub fn hold(&mut self, cause: Cause) {
+        if self.state == State::Checked {
+            self.state = State::Connected;
+        }
         if matches!(self.state, State::Armed | State::Running) {
             self.state = if cause.is_fault() { State::Fault(cause) } else { State::Hold(cause) };
         } else if matches!(self.state, State::Hold(_)) && cause.is_fault() {
@@ -132,8 +183,12 @@ impl Supervisor {
         if let Some(cause) = checks::alarm(measured, &self.limits, now).filter(|_| on) {
             self.hold(cause);
         }
+        self.feel(measured, now, dt);
         if matches!(self.state, State::Armed | State::Running) {
             self.listen(asked, now);
+        }
+        if let (State::Running, Some(asked)) = (self.state, asked) {
+            self.lead(&asked, measured);
         }
         match self.state {
             State::Disconnected | State::Connected | State::Checked => Step::Silent,
@@ -159,8 +214,42 @@ impl Supervisor {
         }
     }
 
-    /// Lets the arm come to a stand, beginning with the speed at which it moves.
+    /// Takes note of what the arm feels; one that presses too hard is stopped, if it is not already, and gives way.
+    fn feel(&mut self, measured: &Measured, now: f64, dt: f64) {
+        let on = !matches!(self.state, State::Disconnected | State::Connected | State::Checked);
+        let fresh = measured.arm.filter(|arm| now - arm.at <= self.limits.watchdogs.arm);
+        let (Some(press), Some(arm), true) = (&mut self.press, fresh, on) else { return };
+        let Some(cause) = press.see(&arm.state, &self.set_points.accelerations(), dt) else { return };
+        press.forget();
+        self.hold(cause);
+        self.giving_way = Some(arm.state.position);
+    }
+
+    /// Leads the set-points on where a new command wants them, unless arm and hand may not be where they would come to a stand.
+    fn lead(&mut self, asked: &Asked, measured: &Measured) {
+        if self.followed.is_some_and(|(number, _)| number == asked.number) {
+            return;
+        }
+        let stood = self.followed.is_some_and(|(_, at)| asked.at - at > STANDS_AFTER);
+        self.followed = Some((asked.number, asked.at));
+        let from = if stood { self.set_points.rested() } else { self.set_points };
+        let arm = &self.limits.arm;
+        let wanted = &asked.command.arm;
+        let next = arm.motion.as_ref().map_or_else(|| SetPoints::at(wanted), |motion| from.follow(wanted, motion));
+        let (standing, now) = (arm.stand(&next.angles(), &next.speeds()), arm.stand(&from.angles(), &from.speeds()));
+        let servos = measured.servos.map(|servo| servo.map_or(0.0, |servo| servo.state.position));
+        match self.space.as_mut().and_then(|space| space.see(&standing, &now, &servos)) {
+            Some(cause) => self.hold(cause),
+            None => self.set_points = next,
+        }
+    }
+
+    /// Lets the arm come to a stand, beginning with the speed at which it moves; one that gives way goes back to where it was measured to be.
     fn brake(&mut self, measured: &Measured, dt: f64) {
+        if let Some(place) = &self.giving_way {
+            self.sent.arm = self.limits.arm.limit(place, &self.sent.arm, dt);
+            return;
+        }
         let moving = || measured.arm.map_or([0.0; ARM_JOINTS], |arm| arm.state.velocity);
         let speed = self.braking.unwrap_or_else(moving);
         let (arm, slower) = self.limits.arm.brake(&self.sent.arm, &speed, dt);
@@ -189,7 +278,7 @@ impl Supervisor {
             let limits = &self.limits.servos[n];
             self.sent.servos[n] = limits.limit(&command.servos[n], servo.state.position, self.sent.servos[n], dt);
         }
-        self.sent.arm = self.limits.arm.limit(&command.arm, &self.sent.arm, dt);
+        self.sent.arm = self.limits.arm.limit(&self.set_points.angles(), &self.sent.arm, dt);
     }
 
     /// The current limit falls linearly to 0 within the release time, independent of the current before.

@@ -1,7 +1,10 @@
+use hand_model::load::LoadModel;
+use hand_model::robot::ArmState;
 use proptest::prelude::*;
 
 use super::super::checks::tests::fine;
 use super::super::limits::tests::limits;
+use super::super::pressing::PressLimits;
 use super::*;
 
 const DT: f64 = 0.005;
@@ -18,8 +21,9 @@ fn winding(current: f64) -> Command {
     Command { arm: [0.5; ARM_JOINTS], servos: [ServoGoal::Current(current); ACTUATORS], capture: false }
 }
 
+/// Two commands of different times are different ones.
 fn asked(command: &Command, at: f64) -> Option<Asked<'_>> {
-    Some(Asked { command, at })
+    Some(Asked { command, at, number: at.to_bits() })
 }
 
 /// Runs `supervisor` with `command` for so many cycles from `now` on; gives back the last decision and the time.
@@ -55,6 +59,59 @@ fn the_way_up_is_in_order_only() {
     assert_eq!(first.servos[0], SafeGoal { angle: 1.0, current: 0.0 }, "no motion, no force at first");
     assert_eq!(supervisor.step(0.41, None, &fine(0.41)), Step::Send(first));
     assert_eq!(supervisor.state(), State::Armed);
+}
+
+/// A stop that comes before the torque is not forgotten: what was checked must be checked again.
+#[test]
+fn a_stop_before_the_torque_is_kept() {
+    let mut supervisor = Supervisor::new(limits());
+    supervisor.connect().expect("connects");
+    supervisor.check(&fine(0.0), 0.0).expect("fine");
+    supervisor.hold(Cause::Operator);
+    let refused = supervisor.arm(&fine(0.1), 0.1).expect_err("stopped").to_string();
+    assert_eq!(refused, "cannot arm while connected");
+}
+
+/// An arm that presses is stopped by name and gives way: it is sent to where it is, and no longer to where it was to go. So does one that presses in a
+/// hold of another cause.
+#[test]
+fn an_arm_that_presses_gives_way() {
+    let press = PressLimits { torque: [30.0; 7], residual: [10.0; 7], payload: 0.0, jolt: 0.02 };
+    let mut limits = Limits { press: Some(press), ..limits() };
+    limits.arm.angle = [(-7.0, 7.0); ARM_JOINTS];
+    let mut supervisor = Supervisor::new(limits).watching(&Hand::ftac(), &Arm::gen3());
+    let model = LoadModel::new(&Hand::ftac(), &Arm::gen3());
+    let feeling = |now: f64, position: [f64; 7], more: f64| {
+        let mut measured = fine(now);
+        let mut torque: [f64; 7] = model.moving(&Arm::gen3().tree.forward(&position), &[0.0; 7]).into();
+        torque[3] += more;
+        let arm = measured.arm.as_mut().expect("there");
+        arm.state = ArmState { position, velocity: [0.0; 7], torque };
+        measured
+    };
+    let (home, mut beyond) = (Arm::home(), Arm::home());
+    beyond[3] -= 0.03;
+    let command = Command { arm: beyond, ..winding(0.1) };
+    supervisor.connect().expect("connects");
+    supervisor.check(&feeling(0.0, home, 0.0), 0.0).expect("fine");
+    supervisor.arm(&feeling(0.0, home, 0.0), 0.0).expect("checked");
+    let mut now = 0.0;
+    let mut step = |supervisor: &mut Supervisor, more: f64, cycles: usize| {
+        let mut last = Step::Silent;
+        for _ in 0..cycles {
+            now += DT;
+            last = supervisor.step(now, asked(&command, now), &feeling(now, home, more));
+        }
+        sent(last).arm
+    };
+    assert_eq!(step(&mut supervisor, 9.0, 60), beyond, "pressed, within the limit");
+    assert_eq!(step(&mut supervisor, 12.0, 3), beyond, "a jolt");
+    assert_eq!(supervisor.state(), State::Running);
+    let given_way = step(&mut supervisor, 12.0, 20);
+    assert!(matches!(supervisor.state(), State::Hold(Cause::ArmPress(3, torque)) if (torque - 12.0).abs() < 1e-6));
+    assert_eq!(given_way, home, "where it is measured to be");
+    let words = supervisor.state().to_string();
+    assert!(words.contains("arm joint 4: 12.0 N m more than weight, motion and payload explain"), "{words}");
 }
 
 #[test]

@@ -11,7 +11,7 @@ use scenarios::geometry::Shape;
 use scenarios::physics::{Physics, Table};
 
 use super::SimulatedRobot;
-use crate::contacts::contacts_of;
+use crate::contacts::{contacts_of, normal_force};
 use crate::tactile::OwnLoad;
 
 /// The rounded box of a cover.
@@ -26,6 +26,12 @@ fn table() -> (Shape, Isometry3<f64>) {
 }
 
 impl SimulatedRobot {
+    /// Force with which hand and wrist press on the table now, N: ground truth.
+    pub fn force_on_table(&self) -> f64 {
+        let parts = self.body.covers.iter().chain(&self.body.wrist);
+        parts.map(|part| normal_force(&self.engine, *part, self.table)).sum()
+    }
+
     /// What the hand and the table press into the pads now: ground truth. Nothing, if the scene's pads feel objects only.
     pub fn own_loads(&self) -> Vec<OwnLoad> {
         let mut loads: Vec<(usize, Option<usize>, f64)> = Vec::new();

@@ -1,0 +1,191 @@
+//! `[limits]`: what the supervisor allows, with defaults for everything.
+
+use hand_model::{ACTUATORS, ARM_JOINTS, Arm};
+use serde::{Deserialize, Serialize};
+
+use crate::safety::limits::{ArmLimits, Limits, ServoLimits, Watchdogs};
+use crate::safety::pressing::PressLimits;
+use crate::safety::set_points::Motion;
+use crate::safety::space::SpaceLimits;
+
+/// Limits, the same for every servo.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct LimitConfig {
+    /// Fastest change of a servo's goal, rad/s.
+    pub speed: f64,
+    /// Greatest goal current, A.
+    pub current: f64,
+    /// Greatest current while holding, A.
+    pub hold_current: f64,
+    /// Hottest servo, degrees Celsius.
+    pub temperature: f64,
+    /// Least and greatest supply, V.
+    pub voltage: [f64; 2],
+    /// Oldest servo measurement to act on, s.
+    pub staleness: f64,
+    /// The servos' own bus watchdog, s, in steps of 0.02.
+    pub servo_watchdog: f64,
+    /// Longest silence of the arm, s.
+    pub arm_watchdog: f64,
+    /// Longest silence of the controller, s, while it moves the robot.
+    pub host_watchdog: f64,
+    /// Longest silence that the controller announces because it has to think, s.
+    pub pause: f64,
+    /// Time in which a release lets the current fade, s.
+    pub release_time: f64,
+    pub arm: ArmLimitConfig,
+    pub space: SpaceConfig,
+}
+
+/// How the arm may move, and how much it may press.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct ArmLimitConfig {
+    /// Fastest change of a set-point's speed, rad/s2.
+    pub acceleration: [f64; ARM_JOINTS],
+    /// Fastest change of its acceleration, rad/s3.
+    pub jerk: [f64; ARM_JOINTS],
+    /// Greatest torque of each joint, N m.
+    pub torque: [f64; ARM_JOINTS],
+    /// Greatest torque of each joint that weight, motion and payload leave unexplained, N m.
+    pub residual: [f64; ARM_JOINTS],
+    /// Heaviest load in the hand, kg.
+    pub payload: f64,
+    /// For so long a torque may be above its limit, s.
+    pub jolt: f64,
+}
+
+/// Where arm and hand may be sent, in the frame of the arm's base, m.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct SpaceConfig {
+    /// Height of the table.
+    pub table: f64,
+    /// How far below the table set-points may put a part.
+    pub tolerance: f64,
+    /// Least and greatest x, y and z of every part from the elbow on.
+    pub low: [f64; 3],
+    pub high: [f64; 3],
+    /// Least distance of parts of the robot from each other.
+    pub clearance: f64,
+}
+
+impl Default for LimitConfig {
+    fn default() -> Self {
+        Self {
+            speed: 6.0,
+            current: 0.6,
+            hold_current: 0.4,
+            temperature: 60.0,
+            voltage: [9.0, 12.6],
+            staleness: 0.05,
+            servo_watchdog: 0.1,
+            arm_watchdog: 0.1,
+            host_watchdog: 0.3,
+            pause: 5.0,
+            release_time: 1.0,
+            arm: ArmLimitConfig::default(),
+            space: SpaceConfig::default(),
+        }
+    }
+}
+
+impl Default for ArmLimitConfig {
+    fn default() -> Self {
+        Self {
+            acceleration: [9.0; ARM_JOINTS],
+            jerk: [2100.0; ARM_JOINTS],
+            torque: [37.0, 37.0, 37.0, 37.0, 8.5, 8.5, 8.5],
+            residual: [20.0, 16.0, 15.0, 12.0, 6.0, 7.0, 6.0],
+            payload: 4.0,
+            jolt: 0.03,
+        }
+    }
+}
+
+impl Default for SpaceConfig {
+    fn default() -> Self {
+        Self { table: 0.0, tolerance: 0.03, low: [-0.6, -1.1, -0.1], high: [1.15, 1.1, 1.5], clearance: 0.0 }
+    }
+}
+
+impl LimitConfig {
+    /// All limits, for servos with this travel (rad) and for this arm.
+    pub fn limits(&self, travel: &[f64; ACTUATORS], arm: &Arm) -> Limits {
+        let own = self;
+        let motion = std::array::from_fn(|joint| Motion {
+            speed: arm.velocity_limits[joint],
+            acceleration: own.arm.acceleration[joint],
+            jerk: own.arm.jerk[joint],
+        });
+        let servos = travel.map(|travel| ServoLimits {
+            angle: (0.0, travel),
+            speed: own.speed,
+            current: own.current,
+            hold_current: own.hold_current,
+            temperature: own.temperature,
+        });
+        Limits {
+            servos,
+            arm: ArmLimits { motion: Some(motion), ..ArmLimits::of(arm) },
+            voltage: (own.voltage[0], own.voltage[1]),
+            staleness: own.staleness,
+            watchdogs: Watchdogs { servo_bus: own.servo_watchdog, arm: own.arm_watchdog, host: own.host_watchdog },
+            release_time: own.release_time,
+            press: Some(PressLimits {
+                torque: own.arm.torque,
+                residual: own.arm.residual,
+                payload: own.arm.payload,
+                jolt: own.arm.jolt,
+            }),
+            space: Some(SpaceLimits {
+                table: own.space.table,
+                tolerance: own.space.tolerance,
+                low: own.space.low,
+                high: own.space.high,
+                clearance: own.space.clearance,
+            }),
+        }
+    }
+
+    /// Every number with the range that it may be in, by its name, with servo cycles at `rate` (Hz).
+    pub(super) fn ranges(&self, rate: f64) -> Vec<(String, f64, f64, f64)> {
+        let own = self;
+        let single = [
+            ("speed", own.speed, 0.1, 10.0),
+            ("current", own.current, 0.01, 0.91),
+            ("hold_current", own.hold_current, 0.0, own.current),
+            ("temperature", own.temperature, 30.0, 70.0),
+            ("voltage[0]", own.voltage[0], 5.5, own.voltage[1]),
+            ("voltage[1]", own.voltage[1], own.voltage[0], 14.0),
+            ("staleness", own.staleness, 2.0 / rate, 1.0),
+            ("servo_watchdog", own.servo_watchdog, 0.04_f64.max(2.0 / rate), 2.54),
+            ("arm_watchdog", own.arm_watchdog, 0.01, 1.0),
+            ("host_watchdog", own.host_watchdog, 0.02, 10.0),
+            ("pause", own.pause, own.host_watchdog, 60.0),
+            ("release_time", own.release_time, 0.1, 10.0),
+            ("arm.payload", own.arm.payload, 0.0, 10.0),
+            ("arm.jolt", own.arm.jolt, 0.0, 1.0),
+            ("space.table", own.space.table, -1.0, 1.0),
+            ("space.tolerance", own.space.tolerance, 0.0, 0.2),
+            ("space.clearance", own.space.clearance, -0.01, 0.2),
+        ];
+        let single = single.into_iter().map(|(name, value, low, high)| (format!("limits.{name}"), value, low, high));
+        let joints = [
+            ("acceleration", own.arm.acceleration, 0.1, 1000.0),
+            ("jerk", own.arm.jerk, 1.0, 1e6),
+            ("torque", own.arm.torque, 0.1, 60.0),
+            ("residual", own.arm.residual, 0.1, 60.0),
+        ];
+        let joints = joints.into_iter().flat_map(|(name, values, low, high)| {
+            values.into_iter().enumerate().map(move |(n, value)| (format!("limits.arm.{name}[{n}]"), value, low, high))
+        });
+        let sides = (0..3).flat_map(|axis| {
+            let (low, high) = (own.space.low[axis], own.space.high[axis]);
+            [("low", low, -5.0, high), ("high", high, low, 5.0)]
+                .map(|(name, value, least, most)| (format!("limits.space.{name}[{axis}]"), value, least, most))
+        });
+        single.chain(joints).chain(sides).collect()
+    }
+}

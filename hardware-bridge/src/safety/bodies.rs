@@ -1,0 +1,313 @@
+//! The outer shape of arm and hand, simple enough to be placed in every cycle.
+//!
+//! Arm links are the tubes of [`Arm::tube_ends`]. Links of the hand are their covers: rounded boxes for heights and extents, which are exact, and
+//! capsules that enclose them for distances. Digits stand as their servos' angles say, as if they touched nothing.
+
+use std::fmt;
+
+use hand_model::digit::Digit;
+use hand_model::hand::CoverShape;
+use hand_model::{ACTUATORS, ARM_JOINTS, Arm, HAND_JOINTS, Hand};
+use nalgebra::{Isometry3, Point3, Vector3};
+
+/// A part of the robot.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Body {
+    /// The arm's base is 0, its links are 1 to 7.
+    Arm(usize),
+    Palm,
+    /// A link of the hand, 0 to 14: three for each digit.
+    Finger(usize),
+}
+
+impl fmt::Display for Body {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Arm(0) => write!(f, "the arm's base"),
+            Self::Arm(link) => write!(f, "arm link {link}"),
+            Self::Palm => write!(f, "the palm"),
+            Self::Finger(link) => {
+                let digit = Digit::ALL.get(link / 3).map_or("digit", |digit| digit.name());
+                write!(f, "{digit} link {}", link % 3 + 1)
+            }
+        }
+    }
+}
+
+/// A segment with a radius, m.
+#[derive(Debug, Clone, Copy)]
+pub struct Capsule {
+    pub ends: [Point3<f64>; 2],
+    pub radius: f64,
+}
+
+impl Capsule {
+    fn placed(&self, pose: &Isometry3<f64>) -> Self {
+        Self { ends: self.ends.map(|end| pose * end), radius: self.radius }
+    }
+
+    /// Distance of two capsules, m; negative where they overlap.
+    pub fn distance(&self, other: &Self) -> f64 {
+        segment_distance(&self.ends, &other.ends) - self.radius - other.radius
+    }
+}
+
+/// Distance of two segments (Ericson, Real-Time Collision Detection, 5.1.9).
+fn segment_distance(one: &[Point3<f64>; 2], other: &[Point3<f64>; 2]) -> f64 {
+    let (u, v, w) = (one[1] - one[0], other[1] - other[0], one[0] - other[0]);
+    let (a, b, c, d, e) = (u.norm_squared(), u.dot(&v), v.norm_squared(), u.dot(&w), v.dot(&w));
+    let share = |up: f64, down: f64| if down > 1e-18 { (up / down).clamp(0.0, 1.0) } else { 0.0 };
+    let s = share(b * e - c * d, a * c - b * b);
+    let t = share(b * s + e, c);
+    // The nearest point of the first segment to that of the second.
+    let s = share(b * t - d, a);
+    (w + u * s - v * t).norm()
+}
+
+/// Capsules that enclose a cover, side by side along its second longest side, in its link's frame.
+fn enclosing(cover: &CoverShape) -> Vec<Capsule> {
+    let mut axes = [0, 1, 2];
+    axes.sort_by(|a, b| cover.half[*b].total_cmp(&cover.half[*a]));
+    let [long, wide, thin] = axes.map(|axis| cover.half[axis]);
+    let count = (wide / thin).round().max(1.0);
+    let radius = (wide / count).hypot(thin);
+    let side = |n: f64| wide * ((2.0 * n + 1.0) / count - 1.0);
+    let ends = |n: f64| {
+        [-1.0, 1.0].map(|sign| {
+            let mut at = Vector3::zeros();
+            at[axes[0]] = sign * (long - 0.5 * radius).max(0.0);
+            at[axes[1]] = side(n);
+            cover.link_from_cover * Point3::from(at)
+        })
+    };
+    (0..count as usize).map(|n| Capsule { ends: ends(n as f64), radius }).collect()
+}
+
+/// Joint angles of the digits by their servos' angles.
+#[derive(Debug, Clone)]
+struct Postures {
+    /// For each cable, rising: servo angle, and its joints' angles, rad.
+    tables: Vec<Vec<(f64, [f64; 3])>>,
+    joints: Vec<Vec<usize>>,
+    opposition: (usize, f64),
+}
+
+impl Postures {
+    /// Tensions in the tables: so many, up to this, N. Digits are closed by half of it.
+    const TENSIONS: (u32, f64) = (48, 60.0);
+
+    fn new(hand: &Hand) -> Self {
+        let transmission = &hand.transmission;
+        let table = |cable: usize| {
+            let own = &hand.cables[cable];
+            let at = |n: u32| {
+                let share = f64::from(n) / f64::from(Self::TENSIONS.0);
+                let tension = Self::TENSIONS.1 * share * share;
+                let angles = transmission.free_angles(cable, tension, std::f64::consts::FRAC_PI_2);
+                let mut q = [0.0; HAND_JOINTS];
+                angles.iter().for_each(|(joint, angle)| q[*joint] = *angle);
+                let wound = transmission.cables[cable].excursion(&q) + tension / own.stiffness;
+                let of = |n: usize| angles.get(n).map_or(0.0, |(_, angle)| *angle);
+                (wound / own.spool_radius, [of(0), of(1), of(2)])
+            };
+            (0..=Self::TENSIONS.0).map(at).collect()
+        };
+        let joints = transmission.cables.iter().map(|cable| cable.joints.iter().map(|(joint, _)| *joint).collect());
+        let opposition = (transmission.opposition_joint, hand.servos[ACTUATORS - 1].gear_ratio_opposition);
+        Self { tables: (0..transmission.cables.len()).map(table).collect(), joints: joints.collect(), opposition }
+    }
+
+    fn of(&self, servos: &[f64; ACTUATORS]) -> [f64; HAND_JOINTS] {
+        let mut q = [0.0; HAND_JOINTS];
+        q[self.opposition.0] = (servos[ACTUATORS - 1] / self.opposition.1).clamp(0.0, std::f64::consts::FRAC_PI_2);
+        for ((table, joints), servo) in self.tables.iter().zip(&self.joints).zip(servos) {
+            let next = table.partition_point(|(angle, _)| angle < servo).clamp(1, table.len() - 1);
+            let ((low, from), (high, to)) = (table[next - 1], table[next]);
+            let share = ((servo - low) / (high - low).max(1e-9)).clamp(0.0, 1.0);
+            for (n, joint) in joints.iter().enumerate().take(3) {
+                q[*joint] = from[n] + (to[n] - from[n]) * share;
+            }
+        }
+        q
+    }
+}
+
+/// Arm and hand.
+#[derive(Debug, Clone)]
+pub struct Bodies {
+    arm: Arm,
+    hand: Hand,
+    /// Base and links, each in its own frame.
+    tubes: [Capsule; ARM_JOINTS + 1],
+    /// Palm, then the 15 links of the hand, each in its own frame.
+    covers: Vec<(CoverShape, Vec<Capsule>)>,
+    last_from_palm: Isometry3<f64>,
+    postures: Postures,
+}
+
+/// Arm and hand in a posture, in the frame of the arm's base.
+#[derive(Debug, Clone)]
+pub struct Placed<'a> {
+    bodies: &'a Bodies,
+    arm: [Isometry3<f64>; ARM_JOINTS + 1],
+    /// Palm, then the 15 links of the hand.
+    hand: Vec<Isometry3<f64>>,
+}
+
+/// The first arm link whose height is watched: those before it stand on the table.
+const LIFTED: usize = 3;
+/// Arm links that carry the hand, from the wrist on: they are not compared with it.
+const WRIST: usize = 5;
+
+impl Bodies {
+    pub fn new(hand: &Hand, arm: &Arm) -> Self {
+        let ends = arm.tube_ends();
+        let tube = |n: usize| Capsule { ends: [Point3::origin(), Point3::from(ends[n])], radius: arm.radii[n] };
+        let covers = std::iter::once(&hand.palm_cover).chain(&hand.covers);
+        Self {
+            tubes: std::array::from_fn(tube),
+            covers: covers.map(|cover| (*cover, enclosing(cover))).collect(),
+            last_from_palm: arm.last_from_tool * hand.palm_from_flange.inverse(),
+            postures: Postures::new(hand),
+            arm: arm.clone(),
+            hand: hand.clone(),
+        }
+    }
+
+    /// With the arm at joint angles `q` and the hand as its servos' angles say, rad.
+    pub fn placed(&self, q: &[f64; ARM_JOINTS], servos: &[f64; ACTUATORS]) -> Placed<'_> {
+        let links = self.arm.tree.forward(q);
+        let palm = links[ARM_JOINTS - 1] * self.last_from_palm;
+        let digits = self.hand.tree.forward(&self.postures.of(servos));
+        let arm = std::array::from_fn(|n| n.checked_sub(1).map_or_else(Isometry3::identity, |link| links[link]));
+        let hand = std::iter::once(palm).chain(digits.iter().map(|link| palm * link)).collect();
+        Placed { bodies: self, arm, hand }
+    }
+}
+
+fn of_hand(n: usize) -> Body {
+    n.checked_sub(1).map_or(Body::Palm, Body::Finger)
+}
+
+impl Placed<'_> {
+    /// Furthest point along a direction of each part that moves freely, m.
+    pub fn reaches(&self, direction: Vector3<f64>) -> impl Iterator<Item = (Body, f64)> {
+        let tubes = (LIFTED..=ARM_JOINTS).map(move |n| {
+            let tube = self.bodies.tubes[n].placed(&self.arm[n]);
+            let [one, other] = tube.ends.map(|end| end.coords.dot(&direction));
+            (Body::Arm(n), one.max(other) + tube.radius)
+        });
+        let covers = self.bodies.covers.iter().zip(&self.hand).enumerate().map(move |(n, ((cover, _), pose))| {
+            let placed = pose * cover.link_from_cover;
+            let local = placed.rotation.inverse() * direction;
+            let core = cover.half.add_scalar(-cover.radius);
+            (of_hand(n), placed.translation.vector.dot(&direction) + local.abs().dot(&core) + cover.radius)
+        });
+        tubes.chain(covers)
+    }
+
+    /// The two nearest parts that could touch, and their distance, m.
+    pub fn nearest(&self) -> (f64, [Body; 2]) {
+        let tubes: Vec<Capsule> =
+            self.bodies.tubes.iter().zip(&self.arm).map(|(tube, pose)| tube.placed(pose)).collect();
+        let mut nearest = (f64::INFINITY, [Body::Palm; 2]);
+        let mut compare = |between: [Body; 2], distance: f64| {
+            if distance < nearest.0 {
+                nearest = (distance, between);
+            }
+        };
+        for (n, first) in tubes.iter().enumerate() {
+            for (m, second) in tubes.iter().enumerate().skip(n + 2) {
+                compare([Body::Arm(n), Body::Arm(m)], first.distance(second));
+            }
+        }
+        for (n, ((_, capsules), pose)) in self.bodies.covers.iter().zip(&self.hand).enumerate() {
+            for capsule in capsules {
+                let capsule = capsule.placed(pose);
+                for (m, tube) in tubes.iter().enumerate().take(WRIST) {
+                    compare([of_hand(n), Body::Arm(m)], capsule.distance(tube));
+                }
+            }
+        }
+        nearest
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn point() -> impl Strategy<Value = Point3<f64>> {
+        prop::array::uniform3(-1.0..1.0_f64).prop_map(|at| Point3::from(Vector3::from(at)))
+    }
+
+    proptest! {
+        /// No two points of the segments are nearer than the distance, and some are hardly farther.
+        #[test]
+        fn segments_are_as_far_apart_as_their_nearest_points(a in point(), b in point(), c in point(), d in point()) {
+            let found = segment_distance(&[a, b], &[c, d]);
+            let steps = || (0..=100).map(|n| f64::from(n) / 100.0);
+            let pairs = steps().flat_map(|s| steps().map(move |t| (s, t)));
+            let least = pairs.map(|(s, t)| ((a + (b - a) * s) - (c + (d - c) * t)).norm()).fold(f64::INFINITY, f64::min);
+            prop_assert!(found <= least + 1e-9 && least - found < 0.03, "{found} {least}");
+        }
+    }
+
+    /// A cover's height is that of its skin, whatever the posture; no skin is outside the capsules by more than the rounding of their ends.
+    #[test]
+    fn covers_are_as_high_as_their_skin() {
+        let (hand, arm) = (Hand::ftac(), Arm::gen3());
+        let bodies = Bodies::new(&hand, &arm);
+        let placed = bodies.placed(&[0.4, 0.5, 2.9, -2.1, 0.3, 0.9, 1.4], &[1.0, 2.0, 0.5, 3.0, 1.5, 0.7]);
+        let down = -Vector3::z();
+        for (body, reach) in placed.reaches(down) {
+            let n = match body {
+                Body::Arm(_) => continue,
+                Body::Palm => 0,
+                Body::Finger(link) => link + 1,
+            };
+            let (cover, capsules) = &bodies.covers[n];
+            let skin = cover.skin(0.0005);
+            let furthest =
+                skin.iter().map(|one| (placed.hand[n] * one.point).coords.dot(&down)).fold(f64::MIN, f64::max);
+            assert!((reach - furthest).abs() < 1e-3, "{body}: {reach} {furthest}");
+            let outside = |at: &Point3<f64>| {
+                let of = |capsule: &Capsule| segment_distance(&[*at, *at], &capsule.ends) - capsule.radius;
+                capsules.iter().map(of).fold(f64::INFINITY, f64::min)
+            };
+            assert!(skin.iter().all(|one| outside(&one.point) < 2e-3), "{body}");
+        }
+    }
+
+    /// Upright and at home nothing touches; the forearm and the link after the next are always 20 mm apart. Folded in at the elbow the hand runs into the
+    /// arm, and that is told by name.
+    #[test]
+    fn folded_in_it_runs_into_itself() {
+        let bodies = Bodies::new(&Hand::ftac(), &Arm::gen3());
+        for q in [[0.0; ARM_JOINTS], Arm::home()] {
+            let (distance, between) = bodies.placed(&q, &[0.0; ACTUATORS]).nearest();
+            assert!(distance > 0.015, "{distance}: {between:?}");
+        }
+        let (distance, [one, other]) = bodies.placed(&[0.0, 0.0, 0.0, 2.5, 0.0, 2.0, 0.0], &[0.0; ACTUATORS]).nearest();
+        assert!(distance < 0.0 && matches!(other, Body::Arm(_)), "{distance}: {one}, {other}");
+    }
+
+    /// Servo angles wind the digits as far as the springs and the cable let them.
+    #[test]
+    fn digits_stand_as_their_servos_say() {
+        let hand = Hand::ftac();
+        let postures = Postures::new(&hand);
+        let tensions = [3.0, 5.0, 8.0, 2.0, 11.0];
+        let free = hand_model::statics::free(&hand, &tensions, 0.6);
+        let servos = std::array::from_fn(|n| match tensions.get(n) {
+            Some(tension) => {
+                let own = &hand.cables[n];
+                (hand.transmission.cables[n].excursion(&free) + tension / own.stiffness) / own.spool_radius
+            }
+            None => 0.6 * hand.servos[n].gear_ratio_opposition,
+        });
+        let found = postures.of(&servos);
+        assert!(found.iter().zip(&free).all(|(a, b)| (a - b).abs() < 0.02), "{found:?}\n{free:?}");
+    }
+}

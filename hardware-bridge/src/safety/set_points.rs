@@ -1,0 +1,227 @@
+//! Limits of the acceleration and jerk of the arm's set-points.
+//!
+//! A stream of set-points within the limits passes unchanged, to the last bit. One that leaves them (a jump, a motion that starts or stops from one
+//! tick to the next) is followed on a profile within them, which overshoots nowhere, until it has caught up. Limits hold against the set-points sent
+//! before, not against the measured arm, and time is counted in control ticks: a tick that comes late changes nothing.
+
+use hand_model::ARM_JOINTS;
+
+/// Length of a control tick, s: one command each.
+pub const TICK: f64 = 1.0 / 120.0;
+/// Halvings in which a profile's next acceleration is found.
+const HALVINGS: usize = 40;
+/// Rounding of sums of many ticks, as a share of a limit.
+const ROUNDING: f64 = 1e-6;
+
+/// What one joint's set-points may do.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Motion {
+    /// rad/s.
+    pub speed: f64,
+    /// rad/s2.
+    pub acceleration: f64,
+    /// rad/s3.
+    pub jerk: f64,
+}
+
+/// One joint's set-point.
+#[derive(Debug, Clone, Copy)]
+struct Joint {
+    /// rad.
+    at: f64,
+    /// rad/s.
+    speed: f64,
+    /// rad/s2.
+    acceleration: f64,
+    /// The last one asked for, rad.
+    wanted: f64,
+    catching_up: bool,
+}
+
+/// The set-points of all joints.
+#[derive(Debug, Clone, Copy)]
+pub struct SetPoints([Joint; ARM_JOINTS]);
+
+impl SetPoints {
+    /// At rest, rad.
+    pub fn at(angles: &[f64; ARM_JOINTS]) -> Self {
+        Self(angles.map(|at| Joint { at, speed: 0.0, acceleration: 0.0, wanted: at, catching_up: false }))
+    }
+
+    /// The same places, at rest.
+    #[must_use]
+    pub fn rested(&self) -> Self {
+        Self::at(&self.0.map(|joint| joint.at))
+    }
+
+    /// rad.
+    pub fn angles(&self) -> [f64; ARM_JOINTS] {
+        self.0.map(|joint| joint.at)
+    }
+
+    /// rad/s.
+    pub fn speeds(&self) -> [f64; ARM_JOINTS] {
+        self.0.map(|joint| joint.speed)
+    }
+
+    /// rad/s2.
+    pub fn accelerations(&self) -> [f64; ARM_JOINTS] {
+        self.0.map(|joint| joint.acceleration)
+    }
+
+    /// Those of the next tick, when `wanted` (rad) is asked for.
+    #[must_use]
+    pub fn follow(&self, wanted: &[f64; ARM_JOINTS], limits: &[Motion; ARM_JOINTS]) -> Self {
+        Self(std::array::from_fn(|n| self.0[n].follow(wanted[n], limits[n])))
+    }
+}
+
+impl Motion {
+    fn allows(&self, speed: f64, acceleration: f64, jerk: f64) -> bool {
+        let within = |value: f64, limit: f64| value.abs() <= limit * (1.0 + ROUNDING);
+        within(speed, self.speed) && within(acceleration, self.acceleration) && within(jerk, self.jerk)
+    }
+
+    /// Way (rad, with its sign) on which a joint with this speed and acceleration comes to rest as fast as it may.
+    fn stopping_way(&self, speed: f64, acceleration: f64) -> f64 {
+        let (time, gained) = (acceleration.abs() / self.jerk, 0.5 * acceleration * acceleration.abs() / self.jerk);
+        let left = speed + gained;
+        if acceleration * speed < 0.0 && left * speed >= 0.0 {
+            // In the middle of braking that began without acceleration at a higher speed.
+            let began = speed - gained;
+            let gone = began * time + acceleration * time * time / 6.0;
+            return self.stopping_way_from_steady(began) - gone;
+        }
+        speed * time + acceleration * time * time / 3.0 + self.stopping_way_from_steady(left)
+    }
+
+    fn stopping_way_from_steady(&self, speed: f64) -> f64 {
+        if speed == 0.0 {
+            return 0.0;
+        }
+        let peak = self.acceleration.min((speed.abs() * self.jerk).sqrt());
+        0.5 * speed * (speed.abs() / peak + peak / self.jerk)
+    }
+}
+
+impl Joint {
+    fn follow(&self, wanted: f64, limits: Motion) -> Self {
+        let speed = (wanted - self.at) / TICK;
+        let acceleration = (speed - self.speed) / TICK;
+        let within = limits.allows(speed, acceleration, (acceleration - self.acceleration) / TICK);
+        // How fast the asked ones move themselves; a jump is no motion.
+        let stream = Some((wanted - self.wanted) / TICK).filter(|speed| speed.abs() <= limits.speed).unwrap_or(0.0);
+        // Having caught up, it has to go on with them, and without acceleration.
+        let next = (stream - speed) / TICK;
+        let goes_on =
+            limits.allows(stream, next, (next - acceleration) / TICK) && limits.allows(stream, 0.0, next / TICK);
+        if within && (!self.catching_up || goes_on) {
+            return Self { at: wanted, speed, acceleration, wanted, catching_up: false };
+        }
+        let acceleration = self.catch_up(wanted, stream, limits);
+        let speed = self.speed + acceleration * TICK;
+        Self { at: self.at + speed * TICK, speed, acceleration, wanted, catching_up: true }
+    }
+
+    /// The greatest acceleration within the limits from which the joint can still come to rest, as seen from set-points that move at `stream`
+    /// (rad/s), no farther than `wanted` (rad).
+    fn catch_up(&self, wanted: f64, stream: f64, limits: Motion) -> f64 {
+        let change = limits.jerk * TICK;
+        let low = (self.acceleration - change).max(-limits.acceleration).min(limits.acceleration);
+        let high = (self.acceleration + change).min(limits.acceleration).max(low);
+        let speed = |acceleration: f64| self.speed + acceleration * TICK;
+        // The speed that is reached while the acceleration goes back to nothing.
+        let top = |acceleration: f64| speed(acceleration) + 0.5 * acceleration * acceleration.abs() / limits.jerk;
+        let beyond = |acceleration: f64| {
+            let left = wanted - (self.at + speed(acceleration) * TICK);
+            limits.stopping_way(speed(acceleration) - stream, acceleration) - left
+        };
+        let highest = halve(low, high, |acceleration| top(acceleration) - limits.speed);
+        let lowest = halve(low, highest, |acceleration| top(acceleration) + limits.speed);
+        halve(lowest, highest, beyond)
+    }
+}
+
+/// The root between `low` and `high` of what rises; the end that is nearer to it where there is none.
+fn halve(mut low: f64, mut high: f64, rises: impl Fn(f64) -> f64) -> f64 {
+    if rises(high) <= 0.0 {
+        return high;
+    }
+    if rises(low) >= 0.0 {
+        return low;
+    }
+    for _ in 0..HALVINGS {
+        let middle = 0.5 * (low + high);
+        if rises(middle) > 0.0 { high = middle } else { low = middle }
+    }
+    low
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    const LIMITS: Motion = Motion { speed: 1.4, acceleration: 9.0, jerk: 300.0 };
+
+    fn rest(at: f64) -> Joint {
+        SetPoints::at(&[at; ARM_JOINTS]).0[0]
+    }
+
+    proptest! {
+        /// A stream within the limits is followed bit for bit.
+        #[test]
+        fn a_stream_passes_unchanged(jerks in prop::collection::vec(-290.0..290.0_f64, 1..60)) {
+            let mut joint = rest(0.3);
+            let (mut at, mut speed, mut acceleration) = (0.3, 0.0_f64, 0.0_f64);
+            for jerk in jerks {
+                acceleration = (acceleration + jerk * TICK).clamp(-8.9, 8.9);
+                if (speed + acceleration * TICK).abs() > 1.35 {
+                    acceleration = 0.0;
+                    speed = joint.speed;
+                }
+                speed += acceleration * TICK;
+                at += speed * TICK;
+                joint = joint.follow(at, Motion { jerk: 3000.0, ..LIMITS });
+                prop_assert_eq!(joint.at, at);
+            }
+        }
+
+        /// A jump, or a motion that starts and stops from one tick to the next, is followed within all limits and reached; never far beyond.
+        #[test]
+        fn a_jump_is_followed_within_all_limits(jumps in prop::collection::vec((-2.0..2.0_f64, 1..200_usize), 1..4)) {
+            let mut joint = rest(0.0);
+            let (mut least, mut most) = (0.0_f64, 0.0_f64);
+            let mut wanted = 0.0;
+            for (jump, ticks) in jumps {
+                wanted = jump;
+                (least, most) = (least.min(jump), most.max(jump));
+                for _ in 0..ticks {
+                    let next = joint.follow(wanted, LIMITS);
+                    prop_assert!(next.speed.abs() <= 1.4 * 1.001 && next.acceleration.abs() <= 9.0 * 1.001);
+                    prop_assert!((next.acceleration - joint.acceleration).abs() <= 300.0 * TICK * 1.001);
+                    prop_assert!((least - 0.25..=most + 0.25).contains(&next.at), "{}", next.at);
+                    joint = next;
+                }
+            }
+            for _ in 0..800 {
+                joint = joint.follow(wanted, LIMITS);
+            }
+            prop_assert!((joint.at - wanted).abs() < 1e-9 && joint.speed == 0.0, "{joint:?}, wanted {wanted}");
+        }
+    }
+
+    /// From rest a jump is reached without going beyond it, in about the time that the limits leave.
+    #[test]
+    fn a_jump_from_rest_is_not_overshot() {
+        let mut joint = rest(0.0);
+        let ticks = (0..1000).position(|_| {
+            joint = joint.follow(1.0, LIMITS);
+            assert!(joint.at <= 1.0 + 1e-4, "{joint:?}");
+            joint.at == 1.0 && joint.speed == 0.0
+        });
+        // 1 rad at 1.4 rad/s, 1.4 / 9 s and 9 / 300 s of ramps.
+        let seconds = ticks.expect("reached") as f64 * TICK;
+        assert!((seconds - (1.0 / 1.4 + 1.4 / 9.0 + 9.0 / 300.0)).abs() < 0.1, "{seconds}");
+    }
+}

@@ -1,0 +1,162 @@
+//! Where arm and hand may be: over the table, inside the workspace, clear of each other.
+
+use std::fmt;
+
+use hand_model::{ACTUATORS, ARM_JOINTS, Arm, Hand};
+use nalgebra::Vector3;
+
+use super::bodies::{Bodies, Body};
+use super::state::Cause;
+
+/// Where arm and hand may be, in the frame of the arm's base, m.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SpaceLimits {
+    /// Height of the table.
+    pub table: f64,
+    /// How far below the table set-points may put a part.
+    pub tolerance: f64,
+    /// Least and greatest coordinates of every part from the elbow on.
+    pub low: [f64; 3],
+    pub high: [f64; 3],
+    /// Least distance of parts of the robot from each other.
+    pub clearance: f64,
+}
+
+/// A side of the workspace.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Side {
+    /// 0 to 2: x, y, z.
+    pub axis: usize,
+    pub upper: bool,
+}
+
+impl fmt::Display for Side {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let axis = ["x", "y", "z"].get(self.axis).unwrap_or(&"?");
+        write!(f, "limits.space.{}, {axis}", if self.upper { "high" } else { "low" })
+    }
+}
+
+/// How near to its bounds the robot has been sent.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Room {
+    /// Lowest point over the table, m.
+    pub table: f64,
+    /// Least distance from the sides of the workspace, m.
+    pub sides: f64,
+    /// Least distance of parts of the robot, m.
+    pub clearance: f64,
+}
+
+impl Default for Room {
+    fn default() -> Self {
+        Self { table: f64::INFINITY, sides: f64::INFINITY, clearance: f64::INFINITY }
+    }
+}
+
+/// Watches where the robot is sent.
+#[derive(Debug, Clone)]
+pub struct SpaceWatch {
+    bodies: Bodies,
+    limits: SpaceLimits,
+    room: Room,
+}
+
+impl SpaceWatch {
+    pub fn new(hand: &Hand, arm: &Arm, limits: SpaceLimits) -> Self {
+        Self { bodies: Bodies::new(hand, arm), limits, room: Room::default() }
+    }
+
+    /// How near to its bounds the robot has been sent so far.
+    pub fn room(&self) -> Room {
+        self.room
+    }
+
+    /// What keeps the arm from being sent to `next` (rad) with a hand whose servos are at `servos` (rad); nothing where it leaves a forbidden place that
+    /// it is in at `now` (rad).
+    pub fn see(
+        &mut self,
+        next: &[f64; ARM_JOINTS],
+        now: &[f64; ARM_JOINTS],
+        servos: &[f64; ACTUATORS],
+    ) -> Option<Cause> {
+        let room = self.look(next, servos);
+        let least = |one: f64, other: f64| one.min(other);
+        self.room = Room {
+            table: least(self.room.table, room.0.table),
+            sides: least(self.room.sides, room.0.sides),
+            clearance: least(self.room.clearance, room.0.clearance),
+        };
+        let (cause, depth) = self.worst(&room)?;
+        let (_, before) = self.worst(&self.look(now, servos)).unwrap_or((cause, 0.0));
+        (depth > before).then_some(cause)
+    }
+
+    fn look(&self, q: &[f64; ARM_JOINTS], servos: &[f64; ACTUATORS]) -> (Room, [Cause; 3]) {
+        let placed = self.bodies.placed(q, servos);
+        let furthest = |direction: Vector3<f64>| {
+            let start = (Body::Palm, f64::NEG_INFINITY);
+            placed.reaches(direction).fold(start, |most, one| if one.1 > most.1 { one } else { most })
+        };
+        let (lowest, depth) = furthest(-Vector3::z());
+        let table = -depth - self.limits.table;
+        let mut sides = (f64::INFINITY, Cause::Workspace(Body::Palm, Side { axis: 0, upper: false }, 0.0));
+        for axis in 0..3 {
+            for upper in [false, true] {
+                let sign = if upper { 1.0 } else { -1.0 };
+                let (body, reach) = furthest(Vector3::ith(axis, sign));
+                let bound = if upper { self.limits.high[axis] } else { -self.limits.low[axis] };
+                if bound - reach < sides.0 {
+                    sides = (bound - reach, Cause::Workspace(body, Side { axis, upper }, reach - bound));
+                }
+            }
+        }
+        let (clearance, [one, other]) = placed.nearest();
+        let causes = [Cause::Table(lowest, -table), sides.1, Cause::SelfCollision(one, other, clearance)];
+        (Room { table, sides: sides.0, clearance }, causes)
+    }
+
+    /// The bound that is overstepped farthest, and by how much, m.
+    fn worst(&self, (room, causes): &(Room, [Cause; 3])) -> Option<(Cause, f64)> {
+        let limits = &self.limits;
+        let depths = [-room.table - limits.tolerance, -room.sides, limits.clearance - room.clearance];
+        let overstepped = causes.iter().copied().zip(depths).filter(|(_, depth)| *depth > 0.0);
+        overstepped.max_by(|(_, a), (_, b)| a.total_cmp(b))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const OPEN: [f64; ACTUATORS] = [0.0; ACTUATORS];
+
+    fn watch(limits: SpaceLimits) -> SpaceWatch {
+        SpaceWatch::new(&Hand::ftac(), &Arm::gen3(), limits)
+    }
+
+    const WIDE: SpaceLimits =
+        SpaceLimits { table: 0.0, tolerance: 0.02, low: [-2.0; 3], high: [2.0; 3], clearance: 0.0 };
+
+    /// Each bound stops by its name, and lets the arm out again.
+    #[test]
+    fn each_bound_is_named_and_can_be_left() {
+        let home = Arm::home();
+        assert_eq!(watch(WIDE).see(&home, &home, &OPEN), None);
+        // Leaning over at the shoulder with the elbow straight.
+        let lying = [0.0, 1.9, 0.0, 0.0, 0.0, 0.0, 0.0];
+        let lower = [0.0, 1.95, 0.0, 0.0, 0.0, 0.0, 0.0];
+        let cause = watch(WIDE).see(&lying, &home, &OPEN);
+        assert!(matches!(cause, Some(Cause::Table(_, below)) if below > 0.02), "{cause:?}");
+        assert_eq!(watch(WIDE).see(&lying, &lower, &OPEN), None, "out of it");
+        assert!(watch(WIDE).see(&lower, &lying, &OPEN).is_some(), "deeper");
+        let folded = [0.0, 0.0, 0.0, 2.5, 0.0, 2.0, 0.0];
+        let cause = watch(WIDE).see(&folded, &home, &OPEN);
+        assert!(matches!(cause, Some(Cause::SelfCollision(_, Body::Arm(_), distance)) if distance < 0.0), "{cause:?}");
+        let narrow = SpaceLimits { high: [0.5, 2.0, 2.0], ..WIDE };
+        let cause = watch(narrow).see(&home, &[0.0; ARM_JOINTS], &OPEN).expect("the hand reaches 0.65 m");
+        assert!(matches!(cause, Cause::Workspace(Body::Finger(_), Side { axis: 0, upper: true }, _)), "{cause:?}");
+        let words = cause.to_string();
+        assert!(words.contains("limits.space.high, x") && words.contains("mm"), "{words}");
+    }
+}

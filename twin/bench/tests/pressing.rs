@@ -1,0 +1,108 @@
+//! What the arm presses under a controller that goes on downwards, with the supervisor's limits and without.
+
+use std::sync::Arc;
+
+use bench::body::emulated::{SharedPlant, settings};
+use hand_model::robot::{Command, Robot as _, ServoGoal};
+use hand_model::{ACTUATORS, ARM_JOINTS, Arm, Hand};
+use hardware_bridge::config::{ArmLimitConfig, LimitConfig, SpaceConfig};
+use hardware_bridge::emulator::direct::DirectRobot;
+use hardware_bridge::safety::state::{Cause, State};
+use nalgebra::{Isometry3, Point3, Vector3, Vector6};
+use sim::tactile::TactileBoard;
+use sim::{SceneSetup, SimulatedRobot};
+
+/// How fast the controller wants the hand to go down, m/s.
+const SPEED: f64 = 0.05;
+/// Ticks from 50 mm over the table on: 1 s to get there, 2 s more.
+const TICKS: usize = 360;
+
+/// The joint angles after the hand has moved by `step` (m) without turning: damped least squares.
+fn moved(arm: &Arm, q: &[f64; ARM_JOINTS], step: Vector3<f64>) -> [f64; ARM_JOINTS] {
+    let poses = arm.tree.forward(q);
+    let jacobian = arm.tree.jacobian(&poses, ARM_JOINTS - 1, &Point3::origin());
+    let mut square = &jacobian * jacobian.transpose();
+    (0..6).for_each(|n| square[(n, n)] += 1e-6);
+    let twist = Vector6::new(step.x, step.y, step.z, 0.0, 0.0, 0.0);
+    let change = square.cholesky().map(|root| jacobian.transpose() * root.solve(&twist)).expect("damped");
+    std::array::from_fn(|joint| q[joint] + change[joint])
+}
+
+/// With the hand flat, its lowest point so high over the table, m.
+fn over_table(arm: &Arm, hand: &Hand, height: f64) -> [f64; ARM_JOINTS] {
+    let lowest = |q: &[f64; ARM_JOINTS]| {
+        let palm = arm.tool_pose(q) * hand.palm_from_flange.inverse();
+        let links = hand.tree.forward(&[0.0; 15]);
+        let poses = std::iter::once(palm).chain(links.iter().map(|link| palm * link));
+        let covers = std::iter::once(&hand.palm_cover).chain(&hand.covers);
+        let down = -Vector3::z();
+        let of = |(pose, cover): (Isometry3<f64>, &hand_model::hand::CoverShape)| {
+            let skin = cover.skin(0.002);
+            skin.iter().map(|one| -(pose * one.point).coords.dot(&down)).fold(f64::INFINITY, f64::min)
+        };
+        poses.zip(covers).map(of).fold(f64::INFINITY, f64::min)
+    };
+    let mut q = Arm::home();
+    for _ in 0..200 {
+        let left = height - lowest(&q);
+        q = moved(arm, &q, Vector3::new(0.0, 0.0, left.clamp(-0.01, 0.01)));
+    }
+    assert!((lowest(&q) - height).abs() < 1e-3, "{}", lowest(&q));
+    q
+}
+
+/// Force on the table (N) at its greatest and at the end, and the state at the end, of a robot whose controller asks for 5 cm/s downwards.
+fn press(limits: LimitConfig) -> (f64, f64, State) {
+    let (hand, arm) = (Arc::new(Hand::ftac()), Arc::new(Arm::gen3()));
+    let mut wanted = over_table(&arm, &hand, 0.05);
+    let scene = SceneSetup::ideal(Isometry3::identity(), wanted);
+    let plant = SharedPlant::new(SimulatedRobot::new(hand.clone(), arm.clone(), &scene, TactileBoard::blank()));
+    let settings = hardware_bridge::emulator::lockstep::LockstepSettings { limits, ..settings(&hand, 1) };
+    let mut robot = DirectRobot::start(Box::new(plant.clone()), settings, &arm).expect("starts");
+    let mut greatest = 0.0_f64;
+    for tick in 0..TICKS {
+        // From rest, as every controller of ours begins.
+        let speed = SPEED * (tick as f64 / 30.0).min(1.0);
+        wanted = moved(&arm, &wanted, Vector3::new(0.0, 0.0, -speed * robot.tick_length()));
+        robot.send(&Command { arm: wanted, servos: [ServoGoal::Current(0.0); ACTUATORS], capture: false });
+        robot.wait_for_tick();
+        greatest = greatest.max(plant.lock().force_on_table());
+    }
+    let last = plant.lock().force_on_table();
+    println!("greatest force on the table {greatest:.1} N, at the end {last:.1} N, {}", robot.state());
+    (greatest, last, robot.state())
+}
+
+/// No limit but those that there were before: speed and range of the joints.
+fn without() -> LimitConfig {
+    let most = 1e6;
+    let arm = ArmLimitConfig {
+        acceleration: [most; ARM_JOINTS],
+        jerk: [most; ARM_JOINTS],
+        torque: [most; ARM_JOINTS],
+        residual: [most; ARM_JOINTS],
+        ..ArmLimitConfig::default()
+    };
+    let space =
+        SpaceConfig { tolerance: most, low: [-most; 3], high: [most; 3], clearance: -most, ..SpaceConfig::default() };
+    LimitConfig { arm, space, ..LimitConfig::default() }
+}
+
+/// An own policy that asks for 5 cm/s downwards: without limits two joints press with all they have for as long as it asks; with them the arm is stopped as soon
+/// as it presses, says which joint, and gives way.
+#[test]
+fn an_arm_that_presses_on_the_table_is_stopped() {
+    let (before, held, state) = press(without());
+    assert!(before > 60.0 && held > 0.9 * before && state == State::Running, "{before} N, {held} N, {state}");
+    let (after, left, state) = press(LimitConfig::default());
+    assert!(matches!(state, State::Hold(Cause::ArmPress(..))), "{state}");
+    assert!(after < 0.6 * before && left < 10.0, "{after} N, {left} N, {before} N without");
+}
+
+/// Where the arm feels nothing, the table itself is the bound.
+#[test]
+fn an_arm_without_torque_sensors_is_stopped_below_the_table() {
+    let arm = ArmLimitConfig { residual: [1e6; ARM_JOINTS], torque: [1e6; ARM_JOINTS], ..ArmLimitConfig::default() };
+    let (_, _, state) = press(LimitConfig { arm, ..LimitConfig::default() });
+    assert!(matches!(state, State::Hold(Cause::Table(..))), "{state}");
+}
