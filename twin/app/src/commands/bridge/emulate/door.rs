@@ -57,7 +57,13 @@ impl Door {
         let (sender, requests) = mpsc::channel();
         let from_socket = sender.clone();
         // Both threads end with the program; nobody waits for them.
-        std::thread::spawn(move || listener.incoming().flatten().for_each(|stream| take(stream, &from_socket)));
+        std::thread::spawn(move || {
+            for stream in listener.incoming().flatten() {
+                let to = from_socket.clone();
+                // A client that drips keeps no other waiting.
+                std::thread::spawn(move || take(stream, &to));
+            }
+        });
         std::thread::spawn(move || {
             let lines = (keys || !io::stdin().is_terminal()).then(|| io::stdin().lines());
             for line in lines.into_iter().flatten().map_while(Result::ok) {
@@ -118,6 +124,22 @@ pub fn tell(path: &Path, line: &str) -> Result<String> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_client_that_says_nothing_does_not_block_others() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let path = folder.path().join("emulator");
+        let door = Door::open(&path, false).expect("open");
+        let _silent = UnixStream::connect(&path).expect("connects");
+        let asked = std::thread::spawn(move || tell(&path, "objects=back"));
+        let request = loop {
+            if let Some(request) = door.requests.try_iter().find(|request| request.from.is_some()) {
+                break request;
+            }
+        };
+        request.answer(Ok("done".to_owned()));
+        assert_eq!(asked.join().expect("no panic").expect("in time"), "done");
+    }
 
     #[test]
     fn a_line_is_told_and_answered() {
