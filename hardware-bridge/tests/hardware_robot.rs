@@ -52,7 +52,9 @@ fn hold_and_release_from_another_terminal() {
     let usual: Vec<_> = robot.stop_sockets().map(Path::to_owned).collect();
     assert!(usual.len() == 2 && places::is_of(&usual[0], &bench.config.file) && usual[1] == socket, "{usual:?}");
     let said = remote::ask(&usual[0], Wish::Hold).expect("obeyed");
-    assert!(said.text.starts_with("hold: the operator stopped it; the arm stands, 6 of 6 servos"), "{said:?}");
+    // How many had answered lately depends on the machine.
+    assert!(said.text.starts_with("hold: the operator stopped it; "), "{said:?}");
+    assert!(said.text.ends_with("of 6 servos answer"), "{said:?}");
     assert!(said.of.contains("bridge.toml, process "), "{said:?}");
     for _ in 0..60 {
         robot.send(&command(ServoGoal::Position { angle: 0.0, current_limit: 0.3 }));
