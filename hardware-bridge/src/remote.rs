@@ -85,7 +85,7 @@ pub struct Answer {
 
 /// Brings a wish to the bridge that listens at `path`; gives back what it says.
 pub fn ask(path: &Path, wish: Wish) -> Result<Answer, RemoteError> {
-    ask_all(&[path.to_owned()], wish).pop().map_or_else(|| Err(Nobody(path).into()), |(_, answer)| answer)
+    ask_all(&[path.to_owned()], wish).pop().map_or_else(|| Err(nobody(path)), |(_, answer)| answer)
 }
 
 /// Brings a wish to several bridges at the same time: one that does not answer keeps no other waiting.
@@ -104,7 +104,7 @@ pub fn ask_all(paths: &[PathBuf], wish: Wish) -> Vec<(PathBuf, Result<Answer, Re
         let late = || Err(ErrorKind::TimedOut.into());
         let result = answer.recv_timeout(left).unwrap_or_else(|_| late());
         let result = result.map_err(|source| match source.kind() {
-            ErrorKind::NotFound | ErrorKind::ConnectionRefused => Nobody(path).into(),
+            ErrorKind::NotFound | ErrorKind::ConnectionRefused => nobody(path),
             _ => RemoteError::Socket { path: path.clone(), source },
         });
         (path.clone(), result.and_then(|text| understood(&text)))
@@ -112,12 +112,8 @@ pub fn ask_all(paths: &[PathBuf], wish: Wish) -> Vec<(PathBuf, Result<Answer, Re
     answers.collect()
 }
 
-struct Nobody<'a>(&'a Path);
-
-impl From<Nobody<'_>> for RemoteError {
-    fn from(Nobody(path): Nobody<'_>) -> Self {
-        Self::Nobody { path: path.to_owned() }
-    }
+fn nobody(path: &Path) -> RemoteError {
+    RemoteError::Nobody { path: path.to_owned() }
 }
 
 /// Asks, and reads to the end of the answer, until `deadline`.
