@@ -177,7 +177,17 @@ impl TrialBody for Hardware {
     fn statistics(&self) -> Option<serde_json::Value> {
         let report = self.robot.report();
         let ms = |seconds: f64| 1e3 * seconds;
+        let mm = |metres: f64| 1e3 * metres;
+        // How near to the supervisor's limits the robot came: what owners set their own by.
+        let pressed = report.margins.pressed.map(|most| {
+            serde_json::json!({"torque_nm": most.torque, "residual_nm": most.residual, "longest_above_ms": ms(most.longest)})
+        });
+        let room = report.margins.room.map(|least| {
+            serde_json::json!({"table_mm": mm(least.table), "sides_mm": mm(least.sides), "clearance_mm": mm(least.clearance)})
+        });
         Some(serde_json::json!({
+            "pressed": pressed,
+            "room": room,
             "cycles": report.cycles,
             "late_cycles": report.late,
             "longest_gap_ms": ms(report.longest_gap),
