@@ -1,9 +1,10 @@
 //! What a user gets wrong: each ends with exit code 2, a message that says where and what, and nothing left behind.
 
 use std::fs;
+use std::os::unix::fs::PermissionsExt as _;
 use std::path::Path;
 
-use e2e::{root, run, stderr};
+use e2e::{ftac, root, run, stderr};
 use tempfile::tempdir;
 
 /// Runs `ftac` on bad input and checks the three promises; `named` are the words its message owes the user.
@@ -166,6 +167,94 @@ fn grasps_of_another_run() {
     fs::write(&file, "no grasps").expect("written");
     refused(&arguments, &["grasps.json", "not a file of grasps"]);
     assert_eq!(fs::read_to_string(&file).expect("still there"), "no grasps");
+}
+
+/// A stranger's scenario names files elsewhere: nothing in them is read, and nothing of them is told.
+#[test]
+fn a_scenario_reads_no_file_outside_its_folder() {
+    let folder = tempdir().expect("a folder");
+    let (secret, theirs) = (folder.path().join("secret.toml"), folder.path().join("theirs"));
+    fs::create_dir(&theirs).expect("made");
+    fs::write(&secret, "root:$6$hunter2:19000:0:99999:7:::\n").expect("written");
+    std::os::unix::fs::symlink(&secret, theirs.join("link.toml")).expect("linked");
+    let (scenario, out) = (theirs.join("scenario.toml"), folder.path().join("out"));
+    let arguments = ["bench", "--combos", "1", "--trials", "1", "--scenario", text(&scenario), "--out", text(&out)];
+    let names = |named: &str| {
+        let objects = format!("version = 1\nname = \"n\"\nextends = \"benchmark\"\nobjects = [\"{named}\"]\n");
+        fs::write(&scenario, objects).expect("written");
+    };
+    for named in ["/etc/shadow", "../secret.toml", "link.toml"] {
+        names(named);
+        refused(&arguments, &["scenario.toml: objects[0]: found ", named, "expected a file below ", "--any-files"]);
+    }
+    // With the user's leave it is read; what it says is told to nobody all the same.
+    names("../secret.toml");
+    let output = run(&[&arguments[..], &["--any-files"]].concat());
+    let message = stderr(&output);
+    assert_eq!(output.status.code(), Some(2), "{message}");
+    assert!(message.contains("secret.toml:1: found no TOML") && !message.contains("hunter2"), "{message}");
+    assert!(!out.exists(), "left a result folder behind");
+}
+
+/// A pipe in the place of a file is refused by name: reading it would never end.
+#[test]
+fn a_pipe_is_no_file() {
+    let folder = tempdir().expect("a folder");
+    let pipe = folder.path().join("pipe.mcap");
+    assert!(std::process::Command::new("mkfifo").arg(&pipe).status().expect("mkfifo runs").success());
+    let pipe = text(&pipe);
+    for arguments in [
+        &["replay", pipe][..],
+        &["export", "mcap", text(folder.path())],
+        &["export", "rrd", pipe],
+        &["bench", "--combos", "1", "--scenario", pipe],
+        &["bench", "--combos", "1", "--uncertainty", pipe],
+        &["trial", "0", "--individual", pipe],
+        &["trial", "0", "--pads", pipe],
+        &["sweep", "plan", pipe],
+        &["grasps", "generate", "--mesh", pipe],
+    ] {
+        refused(arguments, &["pipe.mcap", "found a pipe, expected a regular file"]);
+    }
+}
+
+/// Whatever program is started, a secret of ours is not in its environment.
+#[test]
+fn no_child_is_told_the_arm_s_password() {
+    let folder = tempdir().expect("a folder");
+    let at = |name: &str| folder.path().join(name);
+    for program in ["python", "rerun", "sbatch", "git"] {
+        let file = at(program);
+        fs::write(&file, format!("#!/bin/sh\nenv > {}\nexit 1\n", text(&at(&format!("{program}.told")))))
+            .expect("written");
+        fs::set_permissions(&file, fs::Permissions::from_mode(0o755)).expect("made a program");
+    }
+    fs::write(at("mine.py"), "class Mine: ...\n").expect("written");
+    fs::write(at("trial.mcap"), "").expect("written");
+    fs::write(at("trial.rrd"), "").expect("written");
+    let sweep = "version = 1\nname = \"n\"\ncombos = 1\ntrials = 1\n[axes]\nseed = [1]\n";
+    fs::write(at("sweep.toml"), sweep).expect("written");
+    let policy = format!("{}:Mine", text(&at("mine.py")));
+    let path = format!("{}:{}", text(folder.path()), std::env::var("PATH").unwrap_or_default());
+    for (program, arguments) in [
+        ("python", &["bench", "--combos", "1", "--policy", &policy, "--out", text(&at("bench"))][..]),
+        ("python", &["export", "lerobot", text(folder.path())]),
+        ("rerun", &["view", text(&at("trial.rrd"))]),
+        ("sbatch", &["sweep", "submit", text(&at("sweep.toml")), "--out", text(&at("sweep"))]),
+    ] {
+        let mut command = ftac(arguments);
+        command.env("FTAC_ARM_PASSWORD", "hunter2").env("PATH", &path);
+        command.env("FTAC_POLICY_PYTHON", at("python")).env("RERUN_BIN", at("rerun"));
+        let output = command.output().expect("it runs");
+        let told = at(&format!("{program}.told"));
+        let words =
+            fs::read_to_string(&told).unwrap_or_else(|_| panic!("{program} was not started: {}", stderr(&output)));
+        assert!(
+            words.contains("PATH=") && !words.contains("hunter2") && !words.contains("FTAC_ARM_PASSWORD"),
+            "{words}"
+        );
+        fs::remove_file(told).expect("removed");
+    }
 }
 
 /// With --json an error is one JSON object as well, with the words and the exit code.

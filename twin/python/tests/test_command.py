@@ -3,13 +3,19 @@
 import csv
 import json
 import os
+import signal
 import subprocess
 import sys
 import tempfile
+import time
 import unittest
 from pathlib import Path
 
 POLICY = """
+import os
+import subprocess
+import time
+
 import numpy as np
 
 class Lowers:
@@ -37,7 +43,42 @@ class Begins:
         raise OSError("no weights here")
 
     act = None
+
+class Hangs:
+    def act(self, observation):
+        helper = subprocess.Popen(["sleep", "600"])
+        with open("processes.part", "w") as file:
+            file.write(f"{os.getpid()} {helper.pid}")
+        os.rename("processes.part", "processes")
+        time.sleep(600)
+
+class Takes:
+    def __init__(self, gain, *, deep=False, layers=None):
+        self.taken = gain, deep, layers
+
+    def choose(self, situation):
+        raise RuntimeError(f"made with {self.taken}")
+
+class Tells:
+    def choose(self, situation):
+        raise RuntimeError(f"told {os.environ.get('FTAC_ARM_PASSWORD')} of {len(os.environ)} variables")
 """
+
+
+def ended(process):
+    """Whether a process is over; one that nobody has waited for is."""
+    try:
+        return Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()[0] == "Z"
+    except (FileNotFoundError, ProcessLookupError):
+        return True
+
+
+def wait_until(what, seconds=120.0):
+    until = time.monotonic() + seconds
+    while not what():
+        if time.monotonic() > until:
+            raise AssertionError(f"not within {seconds} s")
+        time.sleep(0.05)
 
 
 class Command(unittest.TestCase):
@@ -61,8 +102,8 @@ class Command(unittest.TestCase):
         with open(self.folder / name / "trials.csv", newline="") as file:
             return list(csv.DictReader(file))
 
-    def bench(self, name, policy, *more):
-        short = ["--combos", "1", "--trials", "2", "--conditions", "own", "--quiet", "--json", "--out", name]
+    def bench(self, name, policy, *more, trials=2):
+        short = ["--combos", "1", "--trials", str(trials), "--conditions", "own", "--quiet", "--json", "--out", name]
         return json.loads(self.run_ftac("bench", "--policy", f"mine.py:{policy}", *short, *more).stdout)
 
     def test_a_class_of_ones_own_plays_as_one_more_condition(self):
@@ -79,9 +120,84 @@ class Command(unittest.TestCase):
         self.assertEqual([row["cause"] for row in rows], ["policy_failed"] * 2)
         self.assertTrue(all("SystemExit: 3" in row["reason"] for row in rows), rows)
 
+    def processes(self):
+        """Of a policy that hangs: its own and its helper's."""
+        return [int(number) for number in (self.folder / "processes").read_text().split()]
+
+    def test_a_policy_that_hangs_fails_its_trial_and_leaves_no_process(self):
+        self.bench("hangs", "Hangs", "--record", "none", "--policy-timeout", "2", trials=1)
+        (row,) = self.trials("hangs")
+        self.assertEqual((row["cause"], row["success"]), ("policy_failed", "false"))
+        self.assertIn("the policy has not answered within 2 s (--policy-timeout)", row["reason"])
+        wait_until(lambda: all(map(ended, self.processes())))
+
+    def hanging(self):
+        """The program, with a policy that hangs."""
+        arguments = ["--combos", "1", "--trials", "1", "--conditions", "own", "--record", "none", "--quiet", "--out", "stopped"]
+        started = subprocess.Popen(
+            [sys.executable, "-m", "ftac", "bench", "--policy", "mine.py:Hangs", *arguments],
+            cwd=self.folder,
+            env={**os.environ, "FTAC_LOG": ""},
+            stderr=subprocess.PIPE,
+            text=True,
+        )
+        self.addCleanup(started.stderr.close)
+        wait_until((self.folder / "processes").exists)
+        return started
+
+    def test_ctrl_c_once_ends_a_run_whose_policy_hangs(self):
+        started = self.hanging()
+        started.send_signal(signal.SIGINT)
+        self.assertEqual(started.wait(timeout=120), 130)
+        self.assertIn("interrupted while the policy thought", started.stderr.read())
+        wait_until(lambda: all(map(ended, self.processes())))
+        self.assertEqual((self.folder / "stopped/journal.jsonl").read_text(), "", "a trial that was interrupted is none")
+
+    def test_a_policy_ends_with_the_program_that_was_killed(self):
+        started = self.hanging()
+        started.kill()
+        started.wait()
+        wait_until(lambda: all(map(ended, self.processes())))
+
+    def test_a_policy_takes_arguments(self):
+        given = ["--policy-arg", "gain=0.5", "--policy-arg", "deep=true", "--policy-arg", "layers=[2, 3]"]
+        self.bench("taken", "Takes", "--record", "none", *given, trials=1)
+        (row,) = self.trials("taken")
+        self.assertIn("made with (0.5, True, [2, 3])", row["reason"])
+        self.assertIn("mine.py:Takes deep=true gain=0.5 layers=[2,3]", (self.folder / "taken/report.html").read_text())
+        run = json.loads((self.folder / "taken/run.json").read_text())
+        self.assertEqual(run["policy"]["arguments"], {"gain": 0.5, "deep": True, "layers": [2, 3]})
+
+    def test_a_policy_is_not_told_the_arm_s_password(self):
+        os.environ["FTAC_ARM_PASSWORD"] = "hunter2"
+        self.addCleanup(os.environ.pop, "FTAC_ARM_PASSWORD")
+        self.bench("tells", "Tells", "--record", "none", trials=1)
+        self.assertIn("told None of ", self.trials("tells")[0]["reason"])
+
+    def test_a_folder_does_not_choose_what_runs(self):
+        # Modules of a stranger's folder.
+        (self.folder / "json.py").write_text("open('owned', 'w')\n")
+        environment = {**os.environ, "FTAC_LOG": ""}
+        asked = [Path(sys.executable).with_name("ftac"), "bench", "--combos", "1", "--policy", "mine.py:Nobody"]
+        done = subprocess.run(asked, cwd=self.folder, env=environment, capture_output=True, text=True)
+        self.assertIn("found no class Nobody", done.stderr)
+        self.assertFalse((self.folder / "owned").exists())
+        (self.folder / "json.py").unlink()
+        # The policy that its results name.
+        self.bench("theirs", "Keeps", "--record", "none", trials=1)
+        refused = self.run_ftac("bench", "--resume", "theirs", code=2)
+        self.assertIn("expected --policy mine.py:Keeps, which the run was begun with", refused.stderr)
+        self.run_ftac("bench", "--resume", "theirs", "--policy", "mine.py:Keeps")
+
     def test_what_cannot_play_is_refused_before_anything_is_written(self):
+        needs = ["--policy", "mine.py:Takes"]
         for arguments, words in [
-            (["--policy", "mine.py:Nobody"], "found no class Nobody, expected one of: Lowers, Keeps, Ends, Begins"),
+            (needs, "--policy-arg: found no gain, expected gain=VALUE, without which Takes cannot be made"),
+            ([*needs, "--policy-arg", "gain=1", "--policy-arg", "wide=1"], "found wide, which Takes does not take, expected one of: gain, deep, layers"),
+            (["--policy", "mine.py:Keeps", "--policy-arg", "a=1"], "found a, which Keeps does not take, expected none: it takes no arguments"),
+            ([*needs, "--policy-arg", "gain"], "--policy-arg: found `gain`, expected KEY=VALUE"),
+            ([*needs, "--policy-timeout", "0"], "0 is not in 1..=86400"),
+            (["--policy", "mine.py:Nobody"], "found no class Nobody, expected one of: Lowers, Keeps, Ends, Begins, Hangs, Takes, Tells"),
             (["--policy", "nowhere.py:Keeps"], "cannot read nowhere.py"),
             (["--policy", "typo.py:Keeps"], "SyntaxError"),
             (["--policy", "needs.py:Keeps"], "No module named 'nobody_has_this'"),

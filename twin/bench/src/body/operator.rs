@@ -56,9 +56,9 @@ impl Interrupt {
     }
 }
 
-/// Whether the operator wants to end and somebody catches that wish.
+/// Whether the operator has wanted to end since somebody last began to catch that wish.
 pub fn is_interrupted() -> bool {
-    FLAGS.get().is_some_and(|flags| !flags.deadly.load(Ordering::SeqCst) && flags.happened.load(Ordering::SeqCst))
+    FLAGS.get().is_some_and(|flags| flags.happened.load(Ordering::SeqCst))
 }
 
 impl Drop for Interrupt {

@@ -8,7 +8,6 @@ use std::sync::Arc;
 use control::motion::tension::against_friction;
 use control::percept::Percept;
 use hand_model::pads::IMAGE_SIZE;
-use hand_model::robot::TactileImage;
 use hand_model::{Digit, Hand};
 use nalgebra::Point3;
 use proving::rehearsal::{PALM, digit_bits, in_hand};
@@ -20,7 +19,7 @@ use sim::robot::Truth;
 use sim::tactile::TactileBoard;
 
 use super::images::{ImageSizeError, reduced};
-use super::scene::{Begun, Scene, SceneError};
+use super::scene::{Begun, FirstImages, Scene, SceneError};
 use crate::body::Body;
 use crate::trial::setup::Setup;
 use crate::trial::{Bench, NoWatcher};
@@ -131,7 +130,7 @@ impl Episode {
         let objects = [&plan.first, &plan.second].into_iter().take(options.task.objects());
         let objects = objects.map(|name| bench.world.object(name)).collect::<Result<_, _>>()?;
         let grip = (begun.tensions, opposition);
-        let scene = Scene::begin(&bench.world.cell, begun, options.images.map(|side| (side, images)))?;
+        let scene = Scene::begin(&bench.world.cell, begun, images)?;
         let mut episode = Self { scene, objects, seen, combination, grip, held_since: None, progress: 0.0 };
         episode.progress = episode.judge().progress;
         Ok(episode)
@@ -203,8 +202,7 @@ fn draw_combination(bench: &Bench, asked: Option<usize>, seed: u64) -> Result<us
 struct Beginning {
     begun: Begun,
     seen: Vec<Percept>,
-    /// One a camera.
-    images: Vec<Arc<TactileImage>>,
+    images: Option<FirstImages>,
     /// rad.
     opposition: f64,
 }
@@ -225,19 +223,22 @@ fn at_rest(
     let objects = [first?, second?];
     let mut scene = world.scene(&objects, world.cell.ready, noise);
     scene.objects.truncate(count);
-    let mut board = TactileBoard::blank();
-    if let Some(side) = side {
-        board = bench.board.with_noise(setup.camera_noise);
-        if let Some(drift) = &setup.drift {
-            board = board.drifting(drift.clone());
-        }
-        board = reduced(board, side).map_err(SceneError::from)?;
-    }
-    let images = board.background_frames();
+    let board = side.map(|side| board_of(bench, &setup, side)).transpose()?;
+    let images = side.zip(board.as_ref()).map(|(side, board)| FirstImages::untouched(side, board.background_frames()));
+    let board = board.unwrap_or_else(TactileBoard::blank);
     let robot = SimulatedRobot::new(world.cell.hand.clone(), world.cell.arm.clone(), &scene, board);
     let seen = world.percepts(&objects, noise).into_iter().take(count).collect();
     let begun = Begun { robot, posture: world.cell.ready, tensions: [0.0; 5], frame_delay: scene.frame_delay };
     Ok(Beginning { begun, seen, images, opposition: 0.0 })
+}
+
+/// The cameras of a trial, whose frames are as large as the pictures.
+fn board_of(bench: &Bench, setup: &Setup, side: usize) -> Result<TactileBoard, SceneError> {
+    let mut board = bench.board.with_noise(setup.camera_noise);
+    if let Some(drift) = &setup.drift {
+        board = board.drifting(drift.clone());
+    }
+    Ok(reduced(board, side)?)
 }
 
 /// The first object in the hand, by the first of the trials from `trial` on whose first grasp holds.
@@ -250,7 +251,9 @@ fn after_first_grasp(
     for attempt in 0..MOST_GRASPS {
         // Far from the numbers of other episodes.
         let trial = trial ^ (attempt << 48) as usize;
-        let start = Setup::noisy(bench, combination, trial)?.0.first_grasp(bench, None, &mut NoWatcher)?;
+        let (setup, _) = Setup::noisy(bench, combination, trial)?;
+        let untouched = side.map(|side| board_of(bench, &setup, side)).transpose()?;
+        let start = setup.first_grasp(bench, None, &mut NoWatcher)?;
         let snapshot = start.run.snapshot;
         let Body::Simulated(mut robot) = snapshot.robot else { continue };
         if !in_hand(&robot.truth(), 0) {
@@ -260,10 +263,12 @@ fn after_first_grasp(
         let hand: &Hand = &bench.world.cell.hand;
         let friction = bench.world.protocol().friction;
         let tensions = against_friction(hand, &friction, executive.servos(), &executive.wanted_tensions());
-        let mut images = bench.board.backgrounds();
+        let mut now = bench.board.backgrounds();
         for frame in executive.newest_images() {
-            images[frame.camera] = frame.image.clone();
+            now[frame.camera] = frame.image.clone();
         }
+        let images =
+            side.zip(untouched).map(|(side, board)| FirstImages { side, untouched: board.background_frames(), now });
         if let Some(side) = side.filter(|side| *side != IMAGE_SIZE) {
             robot.reduce_images(side).map_err(|_| SceneError::from(ImageSizeError(side)))?;
         }

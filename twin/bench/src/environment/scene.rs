@@ -66,6 +66,8 @@ pub struct Scene {
     stepper: Stepper,
     robot: SimulatedRobot,
     images: Option<PadImages>,
+    /// The same of the untouched pads.
+    untouched: Option<PadImages>,
     /// Tick of a step in which images are asked for: the last from which they arrive within the step.
     capture_at: usize,
     observation: Observation,
@@ -80,6 +82,23 @@ pub(super) struct Begun {
     pub(super) tensions: [f64; 5],
     /// From a camera's exposure to its frame, s.
     pub(super) frame_delay: f64,
+}
+
+/// Tactile images to begin with.
+pub(super) struct FirstImages {
+    /// Of a pad's picture, pixels.
+    pub(super) side: usize,
+    /// One a camera, of the untouched pads.
+    pub(super) untouched: Vec<Arc<TactileImage>>,
+    /// One a camera, as the pads are now.
+    pub(super) now: Vec<Arc<TactileImage>>,
+}
+
+impl FirstImages {
+    /// Of pads that nothing touches.
+    pub(super) fn untouched(side: usize, images: Vec<Arc<TactileImage>>) -> Self {
+        Self { side, untouched: images.clone(), now: images }
+    }
 }
 
 impl Scene {
@@ -102,23 +121,24 @@ impl Scene {
         let (hand, arm) = (world.cell.hand.clone(), world.cell.arm.clone());
         let robot = SimulatedRobot::new(hand, arm, &setup, board.unwrap_or_else(TactileBoard::blank));
         let begun = Begun { robot, posture: world.cell.ready, tensions: [0.0; 5], frame_delay };
-        Self::begin(&world.cell, begun, options.images.zip(backgrounds))
+        let images = options.images.zip(backgrounds).map(|(side, images)| FirstImages::untouched(side, images));
+        Self::begin(&world.cell, begun, images)
     }
 
-    /// Goes on with a robot as it is. `images`: side of the tactile images, and an image a camera to begin with.
-    pub(super) fn begin(
-        cell: &Workcell,
-        begun: Begun,
-        images: Option<(usize, Vec<Arc<TactileImage>>)>,
-    ) -> Result<Self, SceneError> {
+    /// Goes on with a robot as it is.
+    pub(super) fn begin(cell: &Workcell, begun: Begun, images: Option<FirstImages>) -> Result<Self, SceneError> {
         let Begun { mut robot, posture, tensions, frame_delay } = begun;
-        let images = images
-            .map(|(side, backgrounds)| {
-                let mut images = PadImages::new(&cell.hand, side)?;
-                images.show_backgrounds(&cell.hand, backgrounds);
-                Ok::<_, ImageSizeError>(images)
+        let (untouched, images) = images
+            .map(|FirstImages { side, untouched, now }| {
+                let shown = |of: Vec<Arc<TactileImage>>| {
+                    let mut images = PadImages::new(&cell.hand, side)?;
+                    images.show_backgrounds(&cell.hand, of);
+                    Ok::<_, ImageSizeError>(images)
+                };
+                Ok::<_, ImageSizeError>((shown(untouched)?, shown(now)?))
             })
-            .transpose()?;
+            .transpose()?
+            .unzip();
         let capture_at = capture_at(frame_delay, robot.tick_length());
         let observation = robot.observe();
         Ok(Self {
@@ -127,6 +147,7 @@ impl Scene {
             cell: cell.clone(),
             robot,
             images,
+            untouched,
             capture_at,
             observation,
         })
@@ -185,6 +206,11 @@ impl Scene {
     /// The newest tactile images, if the scene has any.
     pub fn images(&self) -> Option<&PadImages> {
         self.images.as_ref()
+    }
+
+    /// The images of the pads before anything touched them, if the scene has any: what touch compares with.
+    pub fn untouched(&self) -> Option<&PadImages> {
+        self.untouched.as_ref()
     }
 
     /// The scene as it is: for whoever judges or records, and for no policy.

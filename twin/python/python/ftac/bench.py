@@ -50,6 +50,8 @@ class Situation:
     """``world_from_palm`` as commanded."""
     tactile: dict[str, NDArray[np.uint8]]
     """Images (240, 240, 3) of the last look by camera's name; a camera that has sent none is missing."""
+    untouched: dict[str, NDArray[np.uint8]]
+    """Images (240, 240, 3) of all cameras before anything touched their pads, by name: what `ftac.touch.surface` compares with."""
     objects: tuple[str, str]
     """Names of the first and the second object."""
     seen: Array
@@ -91,7 +93,8 @@ class Chooser(Protocol):
 class Actor(Protocol):
     """A policy that moves the robot itself, from the beginning of a trial: ``reset`` is as in `Chooser`.
 
-    An attribute ``images``, if there is one and it is not None, is the side of the tactile images that it gets, 8 to 240 pixels.
+    An attribute ``images``, if there is one and it is not None, is the side of the tactile images that it gets, 8 to 240 pixels. ``reset`` is told the
+    pictures of the untouched pads then too: ``untouched``, as the observation's ``tactile``.
     """
 
     def act(self, observation: dict[str, Any]) -> NDArray[np.floating[Any]] | None:

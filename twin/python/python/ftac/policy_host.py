@@ -1,4 +1,4 @@
-"""Answers for a policy: ``python -m ftac.policy_host FILE.py:CLASS``, started by ``ftac bench --policy``; or for an object in this process.
+"""Answers for a policy: ``python -m ftac.policy_host FILE.py:CLASS ARGUMENTS``, started by ``ftac bench --policy``; or for an object in this process.
 
 A question is JSON with arrays of bytes, an answer is JSON. Both ways of asking lead to `Host.answer`.
 """
@@ -6,9 +6,13 @@ A question is JSON with arrays of bytes, an answer is JSON. Both ways of asking 
 from __future__ import annotations
 
 import importlib.util
+import inspect
 import json
 import os
+import signal
 import sys
+import threading
+import time
 import traceback
 from pathlib import Path
 from types import ModuleType
@@ -51,7 +55,7 @@ class Host:
         try:
             pictures = [np.frombuffer(data, dtype=np.uint8).reshape(shape) for shape, data in arrays]
             if question["ask"] == "reset":
-                return self._reset(question)
+                return self._reset(question, pictures)
             return self._choose(question, pictures) if question["ask"] == "choose" else self._act(question, pictures)
         except Exception:
             return {"error": traceback.format_exc().strip()}
@@ -60,14 +64,17 @@ class Host:
         """The same with JSON's text."""
         return json.dumps(self.answer(json.loads(question), arrays))
 
-    def _reset(self, question: dict[str, Any]) -> dict[str, Any]:
+    def _reset(self, question: dict[str, Any], pictures: list[NDArray[np.uint8]]) -> dict[str, Any]:
         self._opposition = np.array(question["opposition"])
         # The robot begins with cables that nobody pulls.
         self._command = _actions.command(np.zeros(5), 0.0, self._opposition)
         reset = getattr(self.policy, "reset", None)
         if reset is not None:
             info = question["info"]
-            reset({**info, "objects": tuple(info["objects"]), "yaws": tuple(info["yaws"])})
+            told = {**info, "objects": tuple(info["objects"]), "yaws": tuple(info["yaws"])}
+            if pictures:
+                told["untouched"] = pictures[0]
+            reset(told)
         return {}
 
     def _choose(self, question: dict[str, Any], pictures: list[NDArray[np.uint8]]) -> dict[str, Any]:
@@ -84,6 +91,7 @@ class Host:
             candidates=tuple(pick_up(candidate["grasp"]) for candidate in candidates),
             worth=np.array([candidate["worth"] for candidate in candidates]),
             tactile=dict(zip(question["cameras"], pictures)),
+            untouched=dict(zip(question["untouched"], pictures[len(question["cameras"]) :])),
             **told,
         )
         answer = self.policy.choose(situation)
@@ -113,8 +121,12 @@ class Host:
         }
 
 
-def load(asked: str) -> Any:
-    """An object of the class that ``FILE.py:CLASS`` names."""
+class Refused(Exception):
+    """What the class does not take, in words that need no traceback."""
+
+
+def load(asked: str, arguments: dict[str, Any] | None = None) -> Any:
+    """An object of the class that ``FILE.py:CLASS`` names, made with `arguments`."""
     file, _, name = asked.rpartition(":")
     path = Path(file).resolve()
     spec = importlib.util.spec_from_file_location(path.stem, path)
@@ -125,7 +137,29 @@ def load(asked: str) -> Any:
     sys.path.insert(0, str(path.parent))
     sys.modules[path.stem] = module
     spec.loader.exec_module(module)
-    return _class(module, name, file)()
+    made, arguments = _class(module, name, file), arguments or {}
+    _check(made, arguments)
+    return made(**arguments)
+
+
+def _check(made: type, arguments: dict[str, Any]) -> None:
+    """`Refused` unless the class takes exactly these `arguments`, of those without a default all."""
+    try:
+        parameters = list(inspect.signature(made).parameters.values())
+    except ValueError:
+        # A class of a compiled module says nothing: it refuses by itself.
+        return
+    named = (inspect.Parameter.POSITIONAL_OR_KEYWORD, inspect.Parameter.KEYWORD_ONLY)
+    known = [parameter.name for parameter in parameters if parameter.kind in named]
+    if not any(parameter.kind is inspect.Parameter.VAR_KEYWORD for parameter in parameters):
+        for name in arguments:
+            if name not in known:
+                takes = f"one of: {', '.join(known)}" if known else "none: it takes no arguments"
+                raise Refused(f"--policy-arg: found {name}, which {made.__name__} does not take, expected {takes}")
+    for parameter in parameters:
+        if parameter.kind in named and parameter.default is parameter.empty and parameter.name not in arguments:
+            name = parameter.name
+            raise Refused(f"--policy-arg: found no {name}, expected {name}=VALUE, without which {made.__name__} cannot be made")
 
 
 def _class(module: ModuleType, name: str, file: str) -> Any:
@@ -136,7 +170,7 @@ def _class(module: ModuleType, name: str, file: str) -> Any:
     return found
 
 
-def serve(asked: str, questions: BinaryIO, answers: BinaryIO) -> None:
+def serve(asked: str, questions: BinaryIO, answers: BinaryIO, arguments: dict[str, Any] | None = None) -> None:
     """Answers until the questions end."""
 
     def say(answer: dict[str, Any]) -> None:
@@ -144,7 +178,10 @@ def serve(asked: str, questions: BinaryIO, answers: BinaryIO) -> None:
         answers.flush()
 
     try:
-        host = Host(load(asked))
+        host = Host(load(asked, arguments))
+    except Refused as refused:
+        say({"error": str(refused)})
+        return
     except BaseException:
         say({"error": traceback.format_exc().strip()})
         return
@@ -160,14 +197,24 @@ def serve(asked: str, questions: BinaryIO, answers: BinaryIO) -> None:
             return
 
 
+def _end_with(parent: int) -> None:
+    """Ends this process and what it has started once nobody is left who could ask: the program `parent` was killed."""
+    while os.getppid() == parent:
+        time.sleep(0.5)
+    if os.getpgrp() == os.getpid():
+        os.killpg(os.getpid(), signal.SIGKILL)
+    os._exit(1)
+
+
 def main() -> None:
-    """Serves the policy that the first argument names."""
+    """Serves the policy that the first argument names, made with the arguments that the second one has as a JSON object."""
+    threading.Thread(target=_end_with, args=(os.getppid(),), daemon=True).start()
     questions = os.fdopen(os.dup(0), "rb")
     answers = os.fdopen(os.dup(1), "wb")
     # What the policy prints is for people, and it has no questions to read.
     os.dup2(2, 1)
     os.dup2(os.open(os.devnull, os.O_RDONLY), 0)
-    serve(sys.argv[1], questions, answers)
+    serve(sys.argv[1], questions, answers, json.loads(sys.argv[2]) if len(sys.argv) > 2 else None)
 
 
 if __name__ == "__main__":

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 from numpy.typing import NDArray
 
-from ftac.envs import Observation, Pick, Vector
 from ftac.grasps import PickUp
 from ftac.scene import pose_matrix
+
+if TYPE_CHECKING:
+    from ftac.envs import Observation, Pick, Vector
 
 Array = NDArray[np.float64]
 
