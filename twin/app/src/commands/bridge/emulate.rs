@@ -20,10 +20,10 @@ use bench::faults::plant::Breakable;
 use bench::vision::Address;
 use bench::vision::camera::{Camera, CameraSettings};
 use clap::Args;
+use hand_model::ACTUATORS;
 use hand_model::robot::Robot;
-use hand_model::{ACTUATORS, ARM_JOINTS};
 use hardware_bridge::calibration::{HandCalibration, ServoCalibration};
-use hardware_bridge::config::{ArmConfig, ArmLimitConfig, BridgeConfig, CameraConfig, LimitConfig, ServoConfig};
+use hardware_bridge::config::{ArmConfig, BridgeConfig, CameraConfig, LimitConfig, ServoConfig};
 use hardware_bridge::emulator::servo::EmulatedServo;
 use hardware_bridge::emulator::spring_hand::SpringHand;
 use hardware_bridge::emulator::{EmulatedHand, EmulatorSettings};
@@ -353,10 +353,11 @@ fn limits(patient: bool) -> LimitConfig {
 }
 
 /// A plant that a busy machine holds up lags behind its set-points, and its joints pull as if something pushed them.
-fn press_limits(patient: bool) -> ArmLimitConfig {
+fn press_limits(patient: bool) -> hardware_bridge::config::ArmLimitConfig {
+    use hardware_bridge::config::ArmLimitConfig;
     let usual = ArmLimitConfig::default();
     match patient {
-        true => ArmLimitConfig { torque: [60.0; ARM_JOINTS], residual: [60.0; ARM_JOINTS], ..usual },
+        true => ArmLimitConfig { torque: usual.torque.map(|_| 60.0), residual: usual.residual.map(|_| 60.0), ..usual },
         false => ArmLimitConfig { jolt: 0.3, ..usual },
     }
 }
