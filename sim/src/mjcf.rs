@@ -20,6 +20,7 @@ use scenarios::physics::Physics;
 use crate::body::last_from_palm;
 use crate::drive::OPPOSITION_STIFFNESS;
 use crate::hand_scene::Pull;
+use crate::hull::standing_hull;
 use crate::stand::Prop;
 
 pub use any::{AnyScene, write as write_any};
@@ -29,6 +30,8 @@ const COMPILER: &str = "  <compiler angle=\"radian\" autolimits=\"true\" balance
 /// The hand has no friction of its own: that of a pair is the prop's.
 const DEFAULTS: &str =
     "  <default>\n    <geom condim=\"4\" friction=\"0.00001 0.00001 0.00001\" solref=\"0.004 1\"/>\n  </default>\n";
+/// The least volume of a convex part, m3.
+const LEAST_VOLUME: f64 = 1e-12;
 /// Steps of a cover's rounding in its mesh.
 const ROUNDING: usize = 4;
 
@@ -104,6 +107,11 @@ fn triple(v: &Vector3<f64>) -> String {
 fn placed(pose: &Isometry3<f64>) -> String {
     let q = pose.rotation;
     format!("pos=\"{}\" quat=\"{:.12} {:.12} {:.12} {:.12}\"", triple(&pose.translation.vector), q.w, q.i, q.j, q.k)
+}
+
+/// Whether the hull of points is a body for the second engine, as for ours: MuJoCo refuses a whole scene for a part without vertices or volume.
+fn is_solid(points: &[Point3<f64>]) -> bool {
+    points.len() > 3 && standing_hull(points).is_some_and(|hull| hull.mass_properties(1.0).mass() > LEAST_VOLUME)
 }
 
 fn mesh(out: &mut String, name: &str, points: &[Point3<f64>]) {
@@ -256,7 +264,7 @@ fn prop_body(assets: &mut String, out: &mut String, prop: &Prop, pose: &Isometry
             }
             Shape::Cuboid { half, .. } => format!("type=\"box\" size=\"{}\" {}", triple(half), placed(local)),
             Shape::Mesh(_) => {
-                for (part, points) in shape.convex_parts().iter().enumerate() {
+                for (part, points) in shape.convex_parts().iter().enumerate().filter(|(_, points)| is_solid(points)) {
                     let mesh_name = format!("{name}_{n}_{part}");
                     mesh(assets, &mesh_name, &points.iter().map(|point| local * point).collect::<Vec<_>>());
                     let _ = writeln!(out, "<geom type=\"mesh\" mesh=\"{mesh_name}\" {friction}/>");
@@ -346,6 +354,25 @@ mod tests {
             let core = local.zip_map(&inner, |a, b| a.clamp(-b, b));
             assert!(((local - core).norm() - cover.radius).abs() < 1e-12);
         }
+    }
+
+    /// What a decomposition leaves of a part that is empty, or flat, is not written.
+    #[test]
+    fn a_part_without_vertices_is_not_exported() {
+        let at = |x: f64, y: f64, z: f64| Point3::new(x, y, z);
+        let corners =
+            |side: f64| (0..8).map(move |n| at(f64::from(n & 1), f64::from(n >> 1 & 1), f64::from(n >> 2)) * side);
+        let block: Vec<Point3<f64>> = corners(0.03).collect();
+        let flat = vec![at(0.0, 0.0, 0.0), at(0.01, 0.0, 0.0), at(0.01, 0.01, 0.0), at(0.0, 0.01, 0.0)];
+        let mesh = scenarios::geometry::hull_mesh(&block).expect("a block");
+        let shape = Shape::Mesh(mesh.with_parts(vec![Vec::new(), block, flat, vec![at(0.0, 0.0, 0.0)]]).into());
+        let props = [(Prop::new("thing", shape, 0.1, 0.6), Isometry3::identity())];
+        let hand = Hand::ftac();
+        let text =
+            write(&Scene { hand: &hand, arm: None, props: &props, start: None, gravity: Vector3::zeros(), dt: 0.004 });
+        let parts: Vec<&str> = text.lines().filter(|line| line.contains("<mesh name=\"thing_")).collect();
+        assert!(parts.len() == 1 && text.matches("mesh=\"thing_").count() == 1, "{parts:?}");
+        assert!(!text.contains("vertex=\"\""));
     }
 
     #[test]

@@ -44,7 +44,9 @@ fn cut(mesh: &Mesh, parameters: VHACDParameters) -> Vec<Vec<Point3<f64>>> {
     VHACD::decompose(&parameters, points, triangles, true)
         .compute_exact_convex_hulls(points, triangles)
         .into_iter()
-        .map(|(hull, _): (Vec<Vector>, _)| hull.into_iter().map(from_parry).collect())
+        .map(|(hull, _): (Vec<Vector>, _)| hull.into_iter().map(from_parry).collect::<Vec<_>>())
+        // Some voxels have no piece of the surface in them.
+        .filter(|hull| hull.len() > 3)
         .collect()
 }
 

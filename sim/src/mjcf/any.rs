@@ -9,7 +9,7 @@ use std::fmt::Write as _;
 use hand_model::any_hand::{AnyHand, SolidShape};
 use nalgebra::{Isometry3, Vector3};
 
-use super::{COMPILER, inertial, key, mesh, option, placed, prop_body, range, triple};
+use super::{COMPILER, inertial, is_solid, key, mesh, option, placed, prop_body, range, triple};
 use crate::stand::{AnyBody, Prop, hull};
 
 /// What is written, without gravity.
@@ -122,7 +122,7 @@ fn solids(assets: &mut String, out: &mut String, hand: &AnyHand, link: Option<us
             }
             SolidShape::Hull(points) => {
                 let corners: Vec<_> = hull(points).iter().map(|point| solid.link_from_solid * point).collect();
-                if corners.is_empty() {
+                if !is_solid(&corners) {
                     continue;
                 }
                 mesh(assets, &format!("solid_{n}"), &corners);
