@@ -8,6 +8,7 @@ mod exercise;
 mod faults;
 mod install;
 mod provision;
+mod reboot;
 mod register;
 mod scan;
 mod shared;
@@ -58,6 +59,8 @@ pub enum BridgeCommand {
     Sheet(sheet::SheetArgs),
     /// Stop the robots that run in other terminals: they hold what they hold.
     Stop(stop::StopArgs),
+    /// Restart servos that have shut down (overload, low voltage, overheating) and look at what came back. Grip is lost: asks first.
+    Reboot(reboot::RebootArgs),
     /// Clear the arm's faults once their cause is gone: afterwards it can move again. Asks first.
     ClearFaults(clear_faults::ClearArgs),
 }
@@ -76,6 +79,7 @@ pub fn run(terminal: &Terminal, command: &BridgeCommand) -> Outcome {
         BridgeCommand::Stop(args) => stop::run(terminal, args),
         BridgeCommand::Sheet(args) => sheet::run(terminal, args),
         BridgeCommand::Register(args) => register::run(terminal, args),
+        BridgeCommand::Reboot(args) => reboot::run(terminal, args),
         BridgeCommand::ClearFaults(args) => clear_faults::run(terminal, args),
     }
 }

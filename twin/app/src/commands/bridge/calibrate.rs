@@ -10,8 +10,9 @@ use hand_model::Hand;
 use hardware_bridge::calibration::{HandCalibration, ServoCalibration, Unfinished};
 use hardware_bridge::config::BridgeConfig;
 use hardware_bridge::homing::{HomingSettings, feel, store};
+use hardware_bridge::reboot::error_status;
 use hardware_bridge::servo_bus::ServoBus;
-use hardware_bridge::xc330;
+use hardware_bridge::xc330::{self, hardware_error};
 
 use super::shared::{ConfigArg, actuator_names, shown};
 use crate::terminal::Terminal;
@@ -103,12 +104,19 @@ fn doubts(hand: &Hand, servos: &[ServoCalibration]) -> Vec<String> {
     servos.iter().enumerate().filter_map(doubt).collect()
 }
 
-/// Makes sure that all servos are there and of the right model.
+/// Makes sure that all servos are there, of the right model, and able to move.
 fn identify(bus: &mut ServoBus, config: &BridgeConfig) -> Result<()> {
     for (id, name) in config.servos.ids.iter().zip(actuator_names()) {
         let found = bus.ping(*id).with_context(|| name.clone())?.model;
         if found != xc330::MODEL {
             bail!("{name}: servo {id}: found model {found}, expected {}", xc330::MODEL);
+        }
+        let error = error_status(bus, *id).with_context(|| name.clone())?;
+        if error != 0 {
+            bail!(
+                "{name}: servo {id}: found hardware error {}, expected none: see `ftac bridge reboot`",
+                hardware_error::words(error)
+            );
         }
     }
     Ok(())

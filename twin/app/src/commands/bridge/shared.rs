@@ -34,22 +34,32 @@ pub fn actuator_names() -> Vec<String> {
     Hand::ftac().parameters.actuator.into_iter().map(|actuator| actuator.name).collect()
 }
 
+/// Findings as JSON.
+pub fn rows(findings: &[Finding]) -> Vec<serde_json::Value> {
+    let row = |one: &Finding| serde_json::json!({"what": one.what, "found": one.found, "expected": one.expected, "ok": one.good});
+    findings.iter().map(row).collect()
+}
+
 /// Prints findings; the first that is not good is the shortfall.
 pub fn tell(terminal: &Terminal, findings: &[Finding]) -> Option<String> {
     if terminal.json {
-        let rows: Vec<_> = findings
-            .iter()
-            .map(|one| {
-                serde_json::json!({"what": one.what, "found": one.found, "expected": one.expected, "ok": one.good})
-            })
-            .collect();
-        println!("{}", serde_json::json!({ "rows": rows }));
+        println!("{}", serde_json::json!({ "rows": rows(findings) }));
     } else {
-        for one in findings.iter().filter(|one| !terminal.quiet || !one.good) {
-            let verdict = if one.good { "ok" } else { "DIFFERS" };
-            println!("{:44} {:>26}   {:34} {verdict}", one.what, one.found, one.expected);
-        }
+        print_table(terminal, findings);
     }
+    shortfall(findings)
+}
+
+/// Findings as a table, a line each; those that are good only where not quiet.
+pub fn print_table(terminal: &Terminal, findings: &[Finding]) {
+    for one in findings.iter().filter(|one| !terminal.quiet || !one.good) {
+        let verdict = if one.good { "ok" } else { "DIFFERS" };
+        println!("{:44} {:>26}   {:34} {verdict}", one.what, one.found, one.expected);
+    }
+}
+
+/// The first finding that is not good, and how many more there are.
+pub fn shortfall(findings: &[Finding]) -> Option<String> {
     let bad: Vec<&Finding> = findings.iter().filter(|one| !one.good).collect();
     let first = bad.first()?;
     let more = if bad.len() > 1 { format!(" (and {} more)", bad.len() - 1) } else { String::new() };

@@ -1,0 +1,101 @@
+//! `ftac bridge reboot`: the way out of a servo's shutdown.
+
+use anyhow::{Result, bail};
+use bench::body::operator::agreed;
+use clap::Args;
+use hardware_bridge::calibration::HandCalibration;
+use hardware_bridge::reboot::{check, error_status, reboot};
+use hardware_bridge::remote::{self, Wish};
+use hardware_bridge::servo_bus::ServoBus;
+use hardware_bridge::setup::Finding;
+use hardware_bridge::xc330::hardware_error;
+
+use super::shared::{ConfigArg, actuator_names, print_table, rows, shortfall};
+use crate::terminal::Terminal;
+
+/// Arguments of `bridge reboot`.
+#[derive(Debug, Args)]
+pub struct RebootArgs {
+    #[command(flatten)]
+    config: ConfigArg,
+    /// Which actuator's servo: thumb, index, middle, ring, little or opposition; may be given more than once. Default: every servo that
+    /// reports an error.
+    #[arg(long)]
+    actuator: Vec<String>,
+    /// Do not ask before: what the hand holds falls.
+    #[arg(long)]
+    yes: bool,
+}
+
+/// A servo that is to be restarted.
+struct Patient {
+    n: usize,
+    id: u8,
+    name: String,
+    /// Its hardware error status.
+    error: u8,
+}
+
+pub fn run(terminal: &Terminal, args: &RebootArgs) -> Result<Option<String>> {
+    let config = args.config.read()?;
+    let names = actuator_names();
+    if let Some(unknown) = args.actuator.iter().find(|wanted| !names.contains(wanted)) {
+        bail!("--actuator: found `{unknown}`, expected one of {}", names.join(", "));
+    }
+    if let Ok(state) = remote::ask(&config.stop_socket, Wish::State) {
+        bail!("a robot is running ({state}); expected none: end its trial first");
+    }
+    // Without one the servos can be restarted all the same; what came back is compared with less.
+    let calibration = match config.calibration.exists() {
+        true => Some(HandCalibration::read(&config.calibration)?),
+        false => None,
+    };
+    let mut bus = ServoBus::open(&config.servos.port, config.bus())?;
+    let (mut patients, mut silent) = (Vec::new(), Vec::new());
+    for (n, (id, name)) in config.servos.ids.into_iter().zip(names).enumerate() {
+        let wanted = args.actuator.contains(&name);
+        match error_status(&mut bus, id) {
+            Ok(error) if wanted || args.actuator.is_empty() && error != 0 => {
+                patients.push(Patient { n, id, name, error });
+            }
+            Ok(_) => {}
+            Err(error) if wanted || args.actuator.is_empty() => {
+                silent.push(Finding::new(format!("{name} ({id})"), error, "an answer", false));
+            }
+            Err(_) => {}
+        }
+    }
+    for patient in &patients {
+        eprintln!("{} (id {}) reports: {}", patient.name, patient.id, hardware_error::words(patient.error));
+    }
+    let question = "A restart takes a servo's torque: its springs open that digit, and what it holds falls. It comes back without torque. Is everything supported, or the hand empty?";
+    if !patients.is_empty() && !args.yes && !agreed(question)? {
+        bail!("nothing was restarted: the operator did not say yes");
+    }
+    let mut findings = silent;
+    for Patient { n, id, name, .. } in &patients {
+        let known = calibration.as_ref().map(|calibration| &calibration.servos[*n]);
+        let back = reboot(&mut bus, *id).and_then(|()| check(&mut bus, &config, (*id, name.as_str()), known));
+        match back {
+            Ok(found) => findings.extend(found),
+            // The others are restarted all the same.
+            Err(error) => findings.push(Finding::new(format!("{name} ({id})"), error, "an answer", false)),
+        }
+    }
+    if terminal.json {
+        let restarted: Vec<_> = patients
+            .iter()
+            .map(|patient| {
+                serde_json::json!({
+                    "actuator": patient.name, "id": patient.id, "reported": hardware_error::words(patient.error),
+                })
+            })
+            .collect();
+        println!("{}", serde_json::json!({"restarted": restarted, "rows": rows(&findings)}));
+    } else if patients.is_empty() && findings.is_empty() {
+        println!("no servo reports an error; nothing was restarted");
+    } else {
+        print_table(terminal, &findings);
+    }
+    Ok(shortfall(&findings))
+}
