@@ -105,6 +105,9 @@ pub struct EmulateArgs {
     /// One servo as it leaves the factory instead of six provisioned ones, for `bridge provision`.
     #[arg(long)]
     factory: bool,
+    /// Firmware of the servos: from 52 on their indirect data are at 208, before at 224.
+    #[arg(long, value_name = "N", default_value_t = 46)]
+    firmware: u8,
     /// Long watchdogs and time-outs, in the devices and in bridge.toml, for a busy machine.
     #[arg(long)]
     patient: bool,
@@ -152,6 +155,7 @@ pub fn run(terminal: &Terminal, args: &EmulateArgs) -> Result<Option<String>> {
     if args.factory {
         settings.servos = vec![EmulatedServo::factory(2000)];
     }
+    settings.servos = settings.servos.into_iter().map(|servo| servo.with_firmware(args.firmware)).collect();
     let zeros: Vec<i64> = settings.servos.iter().map(EmulatedServo::zero).collect();
     std::fs::create_dir_all(&args.dir).with_context(|| shown(&args.dir))?;
     let door = Door::open(&args.dir.join(DOOR), args.keys)?;
@@ -171,7 +175,7 @@ pub fn run(terminal: &Terminal, args: &EmulateArgs) -> Result<Option<String>> {
     };
     let config = write_config(args, &hand, arm.as_ref())?;
     if args.calibrated && !args.factory {
-        let calibration = calibration(&zeros, &travel);
+        let calibration = calibration(&zeros, &travel, args.firmware);
         hand.home(&calibration);
         calibration.write(&args.dir.join("calibration.json"))?;
     }
@@ -326,11 +330,11 @@ fn tell_running(terminal: &Terminal, dir: &Path, line: &str) -> Result<Option<St
 }
 
 /// What homing would have found.
-fn calibration(zeros: &[i64], travel: &[f64; ACTUATORS]) -> HandCalibration {
+fn calibration(zeros: &[i64], travel: &[f64; ACTUATORS], firmware: u8) -> HandCalibration {
     let servos = std::array::from_fn(|n| ServoCalibration {
         id: n as u8 + 1,
         model: xc330::MODEL,
-        firmware: 46,
+        firmware,
         homing_offset: zeros.get(n).map_or(0, |zero| -(zero.rem_euclid(4096) as i32)),
         travel: travel[n],
     });
