@@ -7,7 +7,8 @@ mod devices;
 use std::fs;
 use std::io::Write;
 use std::path::{Path, PathBuf};
-use std::process::Stdio;
+use std::process::{Command, Stdio};
+use std::time::{Duration, Instant};
 
 use devices::{Devices, json, text, wait_for_trial};
 use e2e::{ftac, run, stderr};
@@ -157,19 +158,54 @@ fn a_session_is_held_to_every_bit() {
 /// A few faults of the matrix, in all phases.
 #[test]
 fn faults_end_as_they_should() {
-    for fault in ["emergency stop", "host killed", "JPEGs", "camera board"] {
-        let output = run(&["bridge", "faults", "--rounds", "1", "--only", fault, "--json"]);
+    let folder = tempdir().expect("a folder");
+    for (n, fault) in ["emergency stop", "host killed", "JPEGs", "camera board"].into_iter().enumerate() {
+        let out = folder.path().join(n.to_string());
+        let output = run(&["bridge", "faults", "--rounds", "1", "--only", fault, "--out", text(&out), "--json"]);
         let matrix = json(&output.stdout);
         assert_eq!(output.status.code(), Some(0), "{fault}: {} {}", matrix["wrong"], stderr(&output));
         assert_eq!(matrix["injected"], 12, "{fault} in every phase");
         assert_eq!(matrix["rows"][0]["recordings_intact"], 12);
     }
     // No camera sends an image that can be read: the robot goes on, and a mirror says so.
-    let output =
-        run(&["bridge", "faults", "--rounds", "1", "--only", "JPEGs", "--phase", "second", "--mirror", "--json"]);
+    let out = folder.path().join("mirrored");
+    let mirrored = ["bridge", "faults", "--rounds", "1", "--only", "JPEGs", "--phase", "second", "--mirror", "--json"];
+    let output = run(&[&mirrored[..], &["--out", text(&out)]].concat());
     let matrix = json(&output.stdout);
     let named = &matrix["rows"][0]["named"];
     assert_eq!((&named["teller"], &named["rightly"]), (&"mirror".into(), &matrix["injected"]), "{named}");
+}
+
+/// A fault matrix that is interrupted keeps what it found, and goes on to the result of one that was not.
+#[test]
+fn an_interrupted_fault_matrix_goes_on() {
+    let folder = tempdir().expect("a folder");
+    let [whole, cut] = ["whole", "cut"].map(|name| folder.path().join(name));
+    let asked = ["bridge", "faults", "--rounds", "1", "--only", "bridge stop", "--phase", "first", "--json"];
+    let output = run(&[&asked[..], &["--out", text(&whole)]].concat());
+    assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+    let expected = json(&output.stdout);
+    let lines = |folder: &Path| fs::read_to_string(folder.join("faults.jsonl")).unwrap_or_default();
+    assert_eq!(Some(lines(&whole).lines().count() as u64), expected["injected"].as_u64());
+
+    let mut host = ftac(&[&asked[..], &["--jobs", "1", "--out", text(&cut)]].concat());
+    let host = host.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().expect("starts");
+    let give_up = Instant::now() + Duration::from_secs(300);
+    while lines(&cut).is_empty() {
+        assert!(Instant::now() < give_up, "nothing is written");
+        std::thread::sleep(Duration::from_millis(2));
+    }
+    let interrupt = Command::new("kill").args(["-INT", &host.id().to_string()]).status();
+    assert!(interrupt.expect("sent").success());
+    let output = host.wait_with_output().expect("ends");
+    assert_eq!(output.status.code(), Some(130), "{}", stderr(&output));
+    assert!(stderr(&output).contains(&format!("--resume {}", text(&cut))), "{}", stderr(&output));
+    let (kept, all) = (lines(&cut).lines().count(), lines(&whole).lines().count());
+    assert!(kept < all, "it was over already");
+    let resumed = run(&["bridge", "faults", "--json", "--resume", text(&cut)]);
+    assert_eq!(resumed.status.code(), Some(0), "{}", stderr(&resumed));
+    assert_eq!(json(&resumed.stdout), expected);
+    assert!(lines(&cut).lines().count() == all && lines(&cut).lines().take(kept).count() == kept);
 }
 
 /// A host under `--robot hardware` that is killed in mid-trial: servos and arm stop by their own watchdogs, and its recording replays to the last tick.

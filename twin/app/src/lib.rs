@@ -38,6 +38,7 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> u8 {
         Err(error)
             if caused_by::<bench::run::Interrupted>(&error)
                 || caused_by::<bench::own::Interrupted>(&error)
+                || caused_by::<bench::faults::Interrupted>(&error)
                 || caused_by::<sweep::work::Interrupted>(&error)
                 || caused_by::<commands::twin::excite::Interrupted>(&error) =>
         {

@@ -3,7 +3,6 @@
 //! A trial without noise is played in simulation; in each of its phases body and controller are copied, the emulated devices are put around the
 //! copy, the controller goes on through the whole bridge, and a moment later something breaks. All times are the emulated clock's.
 
-use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 
@@ -17,10 +16,12 @@ use nalgebra::Isometry3;
 use proving::rehearsal::{Snapshot, in_grip};
 use proving::world::World;
 use scenarios::record::Condition;
+use serde::{Deserialize, Serialize};
 use session_log::{Event, Reader, Recorder, Session, Writer};
 use sim::robot::Truth;
 
 use self::kind::{Expected, Kind, Teller, tick};
+use self::ledger::Ledger;
 use self::moments::{Watched, moments};
 use self::watch::Watch;
 use crate::body::emulated::{SharedPlant, settings, travel};
@@ -32,6 +33,7 @@ use crate::trial::{Bench, Moment, Watcher as _};
 use crate::workers;
 
 pub mod kind;
+pub mod ledger;
 mod moments;
 pub mod plant;
 mod recorded;
@@ -70,9 +72,10 @@ pub const PHASES: [Phase; 12] = [
 ];
 
 /// What came of one injection.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct Outcome {
     pub kind: Kind,
+    #[serde(with = "ledger::phase")]
     pub phase: Phase,
     pub round: usize,
     /// In the words of the supervisor.
@@ -99,7 +102,7 @@ pub struct Outcome {
 }
 
 /// What a mirror beside an injection came to.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct Mirrored {
     /// From the fault until whoever can tell it ([`Kind::teller`]) names it, ms; `None` where nobody did within [`NAMED_WITHIN`].
     pub told_ms: Option<f64>,
@@ -140,8 +143,23 @@ pub struct Matrix<'a> {
     pub mirror: bool,
 }
 
-/// Injects `kinds` of faults into `phases` of `rounds` trials; the outcomes in the order of the injections.
-pub fn inject_all(plan: &Matrix, progress: &indicatif::ProgressBar) -> Result<Vec<Outcome>> {
+/// Ctrl-C, or SIGTERM: the injections in progress were finished and kept.
+#[derive(Debug, thiserror::Error)]
+#[error("interrupted: {done} of {of} injections are done; go on with `ftac bridge faults --resume {}`", .folder.display())]
+pub struct Interrupted {
+    pub done: usize,
+    pub of: usize,
+    pub folder: PathBuf,
+}
+
+/// Injects `kinds` of faults into `phases` of `rounds` trials, as far as `ledger` does not have them yet, which gets each as it comes; all outcomes
+/// in the order of the injections. Ends early where `interrupted` says so.
+pub fn inject_all(
+    plan: &Matrix,
+    ledger: Ledger,
+    progress: &indicatif::ProgressBar,
+    interrupted: &(dyn Fn() -> bool + Sync),
+) -> Result<Vec<Outcome>> {
     let Matrix { bench, kinds, phases, rounds, jobs: threads, seed, .. } = plan;
     let mut jobs = Vec::new();
     for round in 0..*rounds {
@@ -150,20 +168,27 @@ pub fn inject_all(plan: &Matrix, progress: &indicatif::ProgressBar) -> Result<Ve
             jobs.extend(kinds.iter().map(|kind| (*kind, phase, moment.clone(), round)));
         }
     }
-    progress.set_length(jobs.len() as u64);
-    let outcomes = Mutex::new(BTreeMap::new());
-    let folder = tempfile::tempdir().context("a folder for recordings")?;
-    workers::for_each(*threads, &jobs, |n, (kind, phase, moment, round)| {
-        let file = folder.path().join(format!("{n}.mcap"));
-        let seed = seed.wrapping_add(n as u64);
+    let of = jobs.len();
+    let open: Vec<_> = jobs.into_iter().enumerate().filter(|(n, _)| !ledger.done.contains_key(n)).collect();
+    progress.set_length(of as u64);
+    progress.set_position((of - open.len()) as u64);
+    let (ledger, place) = (Mutex::new(ledger), tempfile::tempdir().context("a folder for recordings")?);
+    workers::for_each(*threads, &open, |_, (n, (kind, phase, moment, round))| {
+        if interrupted() {
+            let ledger = ledger.lock().map_err(|_| anyhow::anyhow!("a worker panicked"))?;
+            bail!(Interrupted { done: ledger.done.len(), of, folder: ledger.folder.clone() });
+        }
+        let file = place.path().join(format!("{n}.mcap"));
+        let seed = seed.wrapping_add(*n as u64);
         let watcher = plan.watcher(*kind, *phase, *round)?;
         let outcome = inject(bench, (*kind, *phase, *round), (moment, watcher), &file, seed)
             .with_context(|| format!("{} in {}, round {round}", kind.name(), phase.name()))?;
-        outcomes.lock().map_err(|_| anyhow::anyhow!("a worker panicked"))?.insert(n, outcome);
+        ledger.lock().map_err(|_| anyhow::anyhow!("a worker panicked"))?.append(*n, outcome)?;
         progress.inc(1);
         Ok(())
     })?;
-    Ok(outcomes.into_inner().unwrap_or_default().into_values().collect())
+    let ledger = ledger.into_inner().map_err(|_| anyhow::anyhow!("a worker panicked"))?;
+    Ok(ledger.done.into_values().collect())
 }
 
 /// One injection: a copy of body and controller at a moment of a trial, with the emulated devices around it.

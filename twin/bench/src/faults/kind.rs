@@ -9,6 +9,7 @@ use hardware_bridge::emulator::lockstep::LockstepRobot;
 use hardware_bridge::safety::state::State;
 use kortex::emulator::Injection;
 use kortex::safety_bank::FOLLOWING_ERROR;
+use serde::{Deserialize, Serialize};
 use session_log::Recorder;
 
 use crate::mirror::divergence::Kind as Divergence;
@@ -17,7 +18,7 @@ use crate::mirror::divergence::Kind as Divergence;
 const SERVO: u8 = 2;
 
 /// What breaks.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 pub enum Kind {
     Noise,
     Dropped,

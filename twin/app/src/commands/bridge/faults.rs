@@ -3,8 +3,10 @@
 use std::path::PathBuf;
 
 use anyhow::{Context as _, bail};
+use bench::body::operator::Interrupt;
 use bench::builtin::make_bench;
 use bench::faults::kind::{ALL, Kind};
+use bench::faults::ledger::{Ledger, Request};
 use bench::faults::{Matrix, PHASES, inject_all};
 use clap::Args;
 use control::executive::Phase;
@@ -13,9 +15,18 @@ use scenarios::Scenario;
 
 use crate::terminal::Terminal;
 
+/// Outcomes of another program are not mixed with this one's.
+const PROGRAM: &str = env!("CARGO_PKG_VERSION");
+
 /// Arguments of `bridge faults`.
 #[derive(Debug, Args)]
 pub struct FaultArgs {
+    /// Folder that gets each outcome as it comes; default: the next free recordings/faults-N.
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+    /// Go on with a matrix that was interrupted, in its folder.
+    #[arg(long, value_name = "DIR", conflicts_with_all = ["rounds", "only", "phase", "mirror", "out", "seed"])]
+    resume: Option<PathBuf>,
     /// Times every fault is injected into every phase, each time in another combination.
     #[arg(long, default_value_t = 3)]
     rounds: usize,
@@ -41,6 +52,51 @@ pub struct FaultArgs {
 
 /// `ftac bridge faults`.
 pub fn run(terminal: &Terminal, args: &FaultArgs) -> anyhow::Result<Option<String>> {
+    let (ledger, request) = match &args.resume {
+        Some(folder) => Ledger::resume(folder)?,
+        None => {
+            let request = request(args, terminal.seed)?;
+            (Ledger::create(&args.out.clone().unwrap_or_else(next_free_folder), &request)?, request)
+        }
+    };
+    if request.program != PROGRAM {
+        bail!(
+            "--resume: {}: program: found {}, expected this one, {PROGRAM}: what two programs find is no one matrix",
+            ledger.folder.display(),
+            request.program
+        );
+    }
+    let quiet = terminal.quiet || terminal.json;
+    let interrupt = Interrupt::catch()?;
+    let bench = make_bench(Scenario::benchmark(), request.rounds.min(60), request.seed, quiet)?;
+    let bar = progress::bar(0, "faults", quiet);
+    if let Some(folder) = &args.record {
+        std::fs::create_dir_all(folder).with_context(|| folder.display().to_string())?;
+    }
+    let jobs = if args.live { 1 } else { args.jobs.unwrap_or_else(bench::workers::available).max(1) };
+    let Request { seed, rounds, kinds, phases, mirror, .. } = request;
+    let (record, live) = (args.record.clone(), args.live);
+    let matrix = Matrix { bench: &bench, kinds, phases, rounds, jobs, seed, record, live, mirror };
+    if !quiet {
+        eprintln!("outcomes go into {} as they come", ledger.folder.display());
+    }
+    let outcomes = inject_all(&matrix, ledger, &bar, &|| interrupt.happened());
+    bar.finish_and_clear();
+    let outcomes = outcomes?;
+    let table = FaultTable::new(&matrix.kinds, &outcomes);
+    if terminal.json {
+        println!("{}", table.to_json());
+    } else {
+        print!("{}", table.to_text());
+        for complaint in table.wrong.iter().take(10) {
+            eprintln!("{complaint}");
+        }
+    }
+    Ok(table.shortfall())
+}
+
+/// What is asked for.
+fn request(args: &FaultArgs, seed: u64) -> anyhow::Result<Request> {
     let kinds: Vec<Kind> =
         ALL.into_iter().filter(|kind| args.only.as_ref().is_none_or(|only| kind.name().contains(only))).collect();
     if kinds.is_empty() || args.rounds == 0 {
@@ -53,26 +109,9 @@ pub fn run(terminal: &Terminal, args: &FaultArgs) -> anyhow::Result<Option<Strin
         let names = PHASES.map(Phase::name);
         bail!("--phase: found no phase to inject into, expected part of one of: {}", names.join(", "));
     }
-    let quiet = terminal.quiet || terminal.json;
-    let bench = make_bench(Scenario::benchmark(), args.rounds.min(60), terminal.seed, quiet)?;
-    let bar = progress::bar(0, "faults", quiet);
-    if let Some(folder) = &args.record {
-        std::fs::create_dir_all(folder).with_context(|| folder.display().to_string())?;
-    }
-    let jobs = if args.live { 1 } else { args.jobs.unwrap_or_else(bench::workers::available).max(1) };
-    let (record, live, mirror) = (args.record.clone(), args.live, args.mirror);
-    let matrix =
-        Matrix { bench: &bench, kinds, phases, rounds: args.rounds, jobs, seed: terminal.seed, record, live, mirror };
-    let outcomes = inject_all(&matrix, &bar)?;
-    bar.finish_and_clear();
-    let table = FaultTable::new(&matrix.kinds, &outcomes);
-    if terminal.json {
-        println!("{}", table.to_json());
-    } else {
-        print!("{}", table.to_text());
-        for complaint in table.wrong.iter().take(10) {
-            eprintln!("{complaint}");
-        }
-    }
-    Ok(table.shortfall())
+    Ok(Request { program: PROGRAM.to_owned(), seed, rounds: args.rounds, kinds, phases, mirror: args.mirror })
+}
+
+fn next_free_folder() -> PathBuf {
+    (1..).map(|n| PathBuf::from(format!("recordings/faults-{n}"))).find(|folder| !folder.exists()).unwrap_or_default()
 }

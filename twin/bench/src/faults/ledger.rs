@@ -1,0 +1,213 @@
+//! The outcomes of a fault matrix on disk: one line per injection, written as it comes, so that a matrix that was interrupted goes on where it was.
+
+use std::collections::BTreeMap;
+use std::fs::{File, OpenOptions, TryLockError};
+use std::io::Write as _;
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context as _, Result, bail};
+use control::executive::Phase;
+use serde::{Deserialize, Serialize};
+
+use super::Outcome;
+use super::kind::Kind;
+
+/// File that says what is injected.
+const REQUEST: &str = "faults.json";
+/// File of the outcomes.
+const LINES: &str = "faults.jsonl";
+
+/// What a matrix was asked for.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Request {
+    /// Version of the program: another one may find something else.
+    pub program: String,
+    pub seed: u64,
+    /// Times every fault is injected into every phase.
+    pub rounds: usize,
+    pub kinds: Vec<Kind>,
+    #[serde(with = "phases")]
+    pub phases: Vec<Phase>,
+    /// Whether a mirror runs beside each.
+    pub mirror: bool,
+}
+
+/// An injection and its number.
+#[derive(Debug, Serialize, Deserialize)]
+struct Line {
+    n: usize,
+    #[serde(flatten)]
+    outcome: Outcome,
+}
+
+/// An open ledger.
+pub struct Ledger {
+    pub folder: PathBuf,
+    file: File,
+    /// The folder, locked: one matrix writes into it at a time.
+    _lock: File,
+    /// Outcomes so far, by the number of the injection.
+    pub done: BTreeMap<usize, Outcome>,
+}
+
+impl Ledger {
+    /// Begins one in `folder`, which is created; refuses a folder that already holds one.
+    pub fn create(folder: &Path, request: &Request) -> Result<Self> {
+        std::fs::create_dir_all(folder).with_context(|| format!("--out: cannot create {}", folder.display()))?;
+        let lock = lock(folder).context("--out")?;
+        if folder.join(REQUEST).exists() {
+            bail!(
+                "--out: {} already holds a fault matrix; go on with --resume {0} or name another folder",
+                folder.display()
+            );
+        }
+        let text = serde_json::to_string_pretty(request)?;
+        // The lines first: a folder that says what it holds can be gone on with.
+        let file = File::create(folder.join(LINES)).with_context(|| format!("--out: {}", folder.display()))?;
+        report::write_whole(&folder.join(REQUEST), text.as_bytes())?;
+        Ok(Self { folder: folder.to_owned(), file, _lock: lock, done: BTreeMap::new() })
+    }
+
+    /// Opens one to go on with it; a last line that was cut off is left out.
+    pub fn resume(folder: &Path) -> Result<(Self, Request)> {
+        let lock = lock(folder).context("--resume")?;
+        let path = folder.join(REQUEST);
+        let text = std::fs::read_to_string(&path).with_context(|| {
+            format!("--resume: {} holds no fault matrix (cannot read {})", folder.display(), path.display())
+        })?;
+        let request: Request = serde_json::from_str(&text).with_context(|| format!("--resume: {}", path.display()))?;
+        let path = folder.join(LINES);
+        let text = std::fs::read_to_string(&path).with_context(|| format!("--resume: {}", path.display()))?;
+        let mut done = BTreeMap::new();
+        for (n, line) in (1..).zip(text.split_inclusive('\n').filter(|line| line.ends_with('\n'))) {
+            let Line { n: number, outcome } =
+                serde_json::from_str(line).with_context(|| format!("--resume: {}: line {n}", path.display()))?;
+            done.insert(number, outcome);
+        }
+        let mut whole = String::new();
+        for (n, outcome) in &done {
+            whole += &line(*n, outcome)?;
+        }
+        report::write_whole(&path, whole.as_bytes())?;
+        let file = OpenOptions::new().append(true).open(&path).with_context(|| path.display().to_string())?;
+        Ok((Self { folder: folder.to_owned(), file, _lock: lock, done }, request))
+    }
+
+    /// Adds an outcome.
+    pub fn append(&mut self, n: usize, outcome: Outcome) -> Result<()> {
+        let line = line(n, &outcome)?;
+        let written = self.file.write_all(line.as_bytes()).and_then(|()| self.file.sync_data());
+        written.with_context(|| self.folder.join(LINES).display().to_string())?;
+        self.done.insert(n, outcome);
+        Ok(())
+    }
+}
+
+fn line(n: usize, outcome: &Outcome) -> Result<String> {
+    Ok(serde_json::to_string(&Line { n, outcome: outcome.clone() })? + "\n")
+}
+
+/// The folder, locked against another program for as long as it is open.
+fn lock(folder: &Path) -> Result<File> {
+    let file = File::open(folder).with_context(|| folder.display().to_string())?;
+    match file.try_lock() {
+        Ok(()) => Ok(file),
+        Err(TryLockError::WouldBlock) => bail!("{}: another fault matrix is writing into it", folder.display()),
+        Err(TryLockError::Error(error)) => Err(error).with_context(|| format!("cannot lock {}", folder.display())),
+    }
+}
+
+/// A phase by its name.
+pub(super) mod phase {
+    use control::executive::Phase;
+    use serde::{Deserialize as _, Deserializer, Serializer, de};
+
+    use crate::faults::PHASES;
+
+    pub fn serialize<S: Serializer>(phase: &Phase, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.serialize_str(phase.name())
+    }
+
+    pub fn deserialize<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Phase, D::Error> {
+        let name = String::deserialize(deserializer)?;
+        named(&name).ok_or_else(|| de::Error::custom(format!("phase: found `{name}`, expected the name of one")))
+    }
+
+    pub fn named(name: &str) -> Option<Phase> {
+        PHASES.into_iter().find(|phase| phase.name() == name)
+    }
+}
+
+/// Phases by their names.
+mod phases {
+    use control::executive::Phase;
+    use serde::{Deserialize as _, Deserializer, Serializer, de};
+
+    use super::phase::named;
+
+    pub fn serialize<S: Serializer>(phases: &[Phase], serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.collect_seq(phases.iter().map(|phase| phase.name()))
+    }
+
+    pub fn deserialize<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Vec<Phase>, D::Error> {
+        let names = Vec::<String>::deserialize(deserializer)?;
+        let phase = |name: String| {
+            named(&name).ok_or_else(|| de::Error::custom(format!("phases: found `{name}`, expected the name of one")))
+        };
+        names.into_iter().map(phase).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn outcome(round: usize) -> Outcome {
+        Outcome {
+            kind: Kind::Overload,
+            phase: Phase::LiftFirst,
+            round,
+            state: "hold".to_owned(),
+            as_expected: true,
+            stopped_ms: Some(0.1 + 0.2),
+            safe_ms: None,
+            speed: 1.0 / 3.0,
+            checked: 7,
+            outside: 0,
+            held: 1,
+            lost: 0,
+            moved: 0.0,
+            intact: true,
+            mirrored: None,
+        }
+    }
+
+    /// Whatever moment the program dies at, what was written whole is there, to the last bit.
+    #[test]
+    fn an_interrupted_matrix_goes_on() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let request = Request {
+            program: "1".to_owned(),
+            seed: 3,
+            rounds: 2,
+            kinds: vec![Kind::Overload],
+            phases: vec![Phase::LiftFirst],
+            mirror: false,
+        };
+        let mut ledger = Ledger::create(folder.path(), &request).expect("new");
+        assert!(Ledger::resume(folder.path()).is_err(), "somebody writes into it");
+        ledger.append(5, outcome(1)).expect("written");
+        ledger.append(2, outcome(0)).expect("written");
+        drop(ledger);
+        let path = folder.path().join(LINES);
+        let mut text = std::fs::read_to_string(&path).expect("there");
+        text += "{\"n\": 7, \"kind\": \"Over";
+        std::fs::write(&path, text).expect("cut off");
+        assert!(Ledger::create(folder.path(), &request).is_err(), "it holds one");
+        let (ledger, found) = Ledger::resume(folder.path()).expect("goes on");
+        assert_eq!(found, request);
+        assert_eq!(ledger.done.keys().copied().collect::<Vec<_>>(), [2, 5]);
+        assert_eq!(format!("{:?}", ledger.done[&5]), format!("{:?}", outcome(1)));
+    }
+}
