@@ -3,10 +3,11 @@
 mod devices;
 
 use std::fs::{self, Permissions};
-use std::io::Write;
+use std::io::{BufRead, BufReader, Read, Write};
 use std::os::unix::fs::PermissionsExt as _;
 use std::path::Path;
 use std::process::{Command, Output, Stdio};
+use std::time::Duration;
 
 use devices::{Devices, json, text, wait_for_trial};
 use e2e::{ftac, run, stderr};
@@ -86,6 +87,112 @@ fn faults_of_the_arm_are_told_apart_and_cleared() {
     replace(&config, &line, "tcp_port = 1");
     let row = arm_row(&config);
     assert!(row["found"].as_str().is_some_and(|found| found.contains("no arm at this port")), "{row}");
+}
+
+/// The arm ends a session that is left alone for 2 s: a question to the operator takes longer, and the arm is still there for the answer.
+#[test]
+fn an_operator_who_thinks_does_not_lose_the_arm() {
+    let folder = tempdir().expect("a folder");
+    let mut devices = Devices::start(folder.path(), &[]);
+    let config = devices.config.clone();
+    devices.happen("arm=fault");
+    arm_until(&config, |row| row["ok"] == false);
+    let mut asked = ftac(&["bridge", "clear-faults", "--config", text(&config), "--json"]);
+    let mut asked = asked.stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().expect("starts");
+    let mut said = BufReader::new(asked.stderr.take().expect("piped"));
+    // The fault is told right before the question.
+    let mut line = String::new();
+    said.read_line(&mut line).expect("told");
+    assert!(line.contains("following error"), "{line}");
+    std::thread::sleep(Duration::from_secs(4));
+    asked.stdin.take().expect("piped").write_all(b"yes\n").expect("answered");
+    let output = asked.wait_with_output().expect("ends");
+    let mut rest = String::new();
+    said.read_to_string(&mut rest).expect("read");
+    assert_eq!(output.status.code(), Some(0), "{rest}");
+    assert_eq!(json(&output.stdout)["now"], "none");
+}
+
+/// A servo that shut down, and a supply that was too low: restarted when told so, and what came back is looked at.
+#[test]
+fn servos_that_shut_down_are_restarted() {
+    let folder = tempdir().expect("a folder");
+    let mut devices = Devices::start(folder.path(), &[]);
+    let config = devices.config.clone();
+    let none = bridge(&["reboot", "--yes"], &config);
+    assert_eq!((none.status.code(), json(&none.stdout)["restarted"].clone()), (Some(0), serde_json::json!([])));
+    let row = |output: &Output, what: &str| {
+        let rows = json(&output.stdout)["rows"].as_array().cloned().expect("rows");
+        rows.into_iter().find(|row| row["what"] == what).unwrap_or_else(|| panic!("{what}: {}", json(&output.stdout)))
+    };
+    devices.happen("overload=3");
+    let error = "middle (3): Hardware Error Status";
+    let mut looks = std::iter::repeat_with(|| bridge(&["doctor"], &config)).take(200);
+    let doctor = looks.find(|output| row(output, error)["ok"] == false).expect("it shuts down");
+    assert_eq!(row(&doctor, error)["found"], "overload");
+
+    // Nobody says yes: it stays as it is.
+    let mut asked = ftac(&["bridge", "reboot", "--config", text(&config)]);
+    let mut asked = asked.stdin(Stdio::piped()).stdout(Stdio::null()).stderr(Stdio::piped()).spawn().expect("starts");
+    asked.stdin.take().expect("piped").write_all(b"no\n").expect("answered");
+    let output = asked.wait_with_output().expect("ends");
+    let said = stderr(&output);
+    assert_eq!(output.status.code(), Some(2), "{said}");
+    assert!(said.contains("middle (id 3) reports: overload") && said.contains("what it holds falls"), "{said}");
+    assert_eq!(row(&bridge(&["doctor"], &config), error)["ok"], false);
+
+    let output = bridge(&["reboot", "--yes"], &config);
+    assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+    let restarted = json(&output.stdout)["restarted"].clone();
+    assert_eq!(restarted, serde_json::json!([{"actuator": "middle", "id": 3, "reported": "overload"}]));
+    assert_eq!(row(&output, "middle (3): torque")["found"], "off");
+    assert_eq!(row(&bridge(&["doctor"], &config), error)["ok"], true);
+
+    // As long as the supply is too low, a restart mends nothing, and that is said.
+    devices.happen("voltage=5.2");
+    let low = || bridge(&["reboot", "--actuator", "thumb", "--yes"], &config);
+    let mut tries = std::iter::repeat_with(low).take(200);
+    let low = tries.find(|output| output.status.code() == Some(1)).expect("too low");
+    assert!(stderr(&low).contains("thumb (1)"), "{}", stderr(&low));
+    devices.happen("voltage=11.1");
+    let mut tries = std::iter::repeat_with(|| bridge(&["reboot", "--yes"], &config)).take(20);
+    assert!(tries.any(|output| output.status.code() == Some(0)), "all are back");
+    assert_eq!(row(&bridge(&["doctor"], &config), error)["ok"], true);
+}
+
+/// What is wrong with the robot is said before anybody is asked to lay out objects.
+#[test]
+fn nobody_lays_out_objects_for_a_robot_that_is_not_in_order() {
+    let folder = tempdir().expect("a folder");
+    let mut devices = Devices::start(folder.path(), &[]);
+    let (config, sessions) = (devices.config.clone(), folder.path().join("sessions"));
+    let trial = ["trial", "0", "--policy", "blind", "--robot", "hardware", "--session", text(&sessions)];
+    let told = |command: &[&str], config: &Path, what: &str| {
+        let output = run(&[command, &["--config", text(config)]].concat());
+        let message = stderr(&output);
+        assert!(matches!(output.status.code(), Some(1 | 2)), "{what}: {message}");
+        assert!(message.contains(what), "{what}: {message}");
+        for question in ["  put ", "Enter begins", "on their marks"] {
+            assert!(!message.contains(question), "{what}: {message}");
+        }
+    };
+    let password = config.with_file_name("arm-password");
+    let right = fs::read(&password).expect("there");
+    fs::write(&password, "wrong\n").expect("written");
+    for command in [&trial[..], &["bridge", "register"]] {
+        told(command, &config, "wrong user or password");
+    }
+    fs::write(&password, right).expect("written");
+    let calibration = config.with_file_name("calibration.json");
+    let kept = fs::read(&calibration).expect("there");
+    fs::remove_file(&calibration).expect("removed");
+    told(&trial, &config, "calibration.json");
+    fs::write(&calibration, kept).expect("written");
+    devices.happen("overload=2");
+    let doctor = || !bridge(&["doctor"], &config).status.success();
+    assert!(std::iter::repeat_with(doctor).take(200).any(|bad| bad), "it shuts down");
+    told(&trial, &config, "overload");
+    told(&["bridge", "calibrate"], &config, "overload");
 }
 
 /// Ctrl-C in mid-trial: the robot holds, the program asks, opens the hand when told so, and ends; the recording is whole.

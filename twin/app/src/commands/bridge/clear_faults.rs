@@ -4,7 +4,7 @@ use std::time::{Duration, Instant};
 
 use anyhow::{Context as _, Result, bail};
 use bench::body::arm_link::connect;
-use bench::body::operator::agreed;
+use bench::body::operator::agreed_while;
 use clap::Args;
 use hand_model::Arm;
 use hardware_bridge::remote::{self, Wish, places};
@@ -42,7 +42,8 @@ pub fn run(terminal: &Terminal, args: &ClearArgs) -> Result<Option<String>> {
     }
     eprintln!("The arm reports {before}.");
     let question = "Once its faults are cleared the arm can move again. Is their cause gone, is nobody within its reach, and a hand on its stop?";
-    if !args.yes && !agreed(question)? {
+    // The arm ends a session that is left alone while its operator thinks.
+    if !args.yes && !agreed_while(question, || Ok(arm.keep_up()?))? {
         bail!("not cleared: the operator did not say yes");
     }
     arm.base.clear_faults().context("the arm keeps its faults")?;

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use anyhow::{Context as _, Result, bail};
 use bench::body::emulated::EmulatedSource;
 use bench::body::hardware::HardwareSource;
-use bench::body::operator::agreed;
+use bench::body::operator::agreed_while;
 use bench::body::{BodySource as _, Places, Stopped, Task, TrialBody, TrialSetup};
 use bench::builtin::{make_bench_of, make_scenes};
 use bench::registration::{Plan, Registrar, RegistrationFile, Step, error, hidden_mount};
@@ -77,12 +77,14 @@ pub fn run(terminal: &Terminal, args: &RegisterArgs) -> Result<Option<String>> {
                     shown(&args.config)
                 );
             }
+            // What is wrong with the robot is found before anybody lays out balls.
+            let mut checked = source.check()?;
             describe(&registrar, &plan);
             let question = "The arm will go to its ready posture, then the fingers come down on each ball. Balls on their marks, hand empty, way clear?";
-            if !args.yes && !agreed(question)? {
+            if !args.yes && !agreed_while(question, || checked.attend())? {
                 bail!("nothing was moved: the operator did not say yes");
             }
-            Box::new(source.connect([("the ball", Isometry3::identity()); 2])?)
+            Box::new(checked.begin([("the ball", Isometry3::identity()); 2])?)
         }
     };
     let said = terminal.quiet || terminal.json;
